@@ -1,0 +1,2 @@
+//! The robot's program.
+#![no_std]

@@ -1,0 +1,2 @@
+//! The image for the ATmega328P.
+fn main() {}

@@ -1,0 +1,2 @@
+//! The `biflag` program.
+fn main() {}

@@ -1,0 +1,1 @@
+//! The bench: what the whole-behaviour tests share.
