@@ -1,2 +1,376 @@
-//! The wire.
-#![no_std]
+//! What the robot's Arduino Nano and the host say to each other.
+//!
+//! # The table of messages
+//!
+//! The host sends [`Request`]s, each with a [`Command`]; the board answers every request with one [`Reply`] and streams
+//! [`Telemetry`] on its own. Bytes on the wire, with framing ([`frame`]):
+//!
+//! | host to board | bytes | board answers | bytes |
+//! | --- | --- | --- | --- |
+//! | [`Command::Hello`] | 6 | [`Reply::Info`] | 25 |
+//! | [`Command::SetSpeeds`] | 10 | [`Reply::Done`] | 7 |
+//! | [`Command::Stop`] | 6 | [`Reply::Done`] | 7 |
+//! | [`Command::Stream`] | 7 | [`Reply::Done`] | 7 |
+//! | [`Command::CalibrateGyro`] | 8 | [`Reply::Done`] at once, the result later | 7 |
+//! | [`Command::ReadCalibration`] | 6 | [`Reply::Calibration`] | 24 |
+//! | [`Command::ReadSettings`] | 6 | [`Reply::Settings`] | 56 |
+//! | [`Command::WriteSettings`] | 55 | [`Reply::Done`] | 7 |
+//! | [`Command::SaveSettings`] | 6 | [`Reply::Done`] | 7 |
+//! | [`Command::Ping`] | 6 | [`Reply::Pong`] | 11 |
+//! | [`Command::ClearFault`] | 6 | [`Reply::Done`] | 7 |
+//! | any, refused | | [`Reply::Refused`] | 8 |
+//! | | | [`Telemetry`], streamed | 64 |
+//!
+//! # Rules
+//!
+//! - The line runs at [`BAUD`], 8N1. Opening the port resets a Nano; its bootloader answers for up to two seconds.
+//! - Every intact frame from the host feeds the motors' deadline ([`Settings::deadline_ms`]). Past it the board stops
+//!   both motors and latches [`Fault::LinkLost`].
+//! - Every request is idempotent. The board answers a request with the sequence number of the one before by repeating
+//!   its answer without acting again, so a host that heard nothing may send the same request again.
+//! - A fault stops the motors, is named in every telemetry frame, and lasts until [`Command::ClearFault`].
+//! - The first bytes of a handshake never change (see [`Message`]), so that two sides of different versions still
+//!   learn each other's version.
+
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+
+pub mod frame;
+pub mod units;
+
+use serde::{Deserialize, Serialize};
+use units::{
+    AccelRange, AxisMap, CentiRpm, Count, Duty, EncoderCounts, GyroRange, Micros, Quaternion, SensorCounts,
+    TemperatureCounts,
+};
+
+/// Version of this protocol. Raised with every change of what is on the wire; the golden file of the tests shows one.
+pub const VERSION: u8 = 1;
+
+/// Speed of the line, bit/s: exact with the Nano's 16 MHz crystal.
+pub const BAUD: u32 = 500_000;
+
+/// Ticks of the board's control loop per second; the highest rate of telemetry.
+pub const TICK_HZ: u8 = 200;
+
+/// A command with the number that its answer will bear.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub struct Request {
+    /// Differs from that of the request before, unless the request is the same.
+    pub seq: u8,
+    /// What is asked for.
+    pub command: Command,
+}
+
+/// What the host can ask for.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub enum Command {
+    /// Who is there? Always the first, always encoded as the byte 0.
+    Hello,
+    /// Turn flagella 1 and 2 at these speeds, each within [`CentiRpm::LIMIT`].
+    SetSpeeds([CentiRpm; 2]),
+    /// Motors off. Always accepted.
+    Stop,
+    /// Telemetry frames per second, a divisor of [`TICK_HZ`]; 0 ends the stream.
+    Stream {
+        /// Frames per second.
+        rate_hz: u8,
+    },
+    /// Average the gyroscope at rest for this long and take the mean as its bias. Motors must be off.
+    CalibrateGyro {
+        /// 100 to 60000.
+        duration_ms: u16,
+    },
+    /// The result of the last calibration.
+    ReadCalibration,
+    /// The settings in force.
+    ReadSettings,
+    /// Put these settings in force, until the next reset. Motors must be off.
+    WriteSettings(Settings),
+    /// Keep the settings in force in EEPROM.
+    SaveSettings,
+    /// What time is it?
+    Ping,
+    /// Forget the latched fault. Refused while its cause lasts.
+    ClearFault,
+}
+
+/// What the board sends.
+///
+/// An answer to [`Command::Hello`] begins, in every version of this protocol, with the bytes 0 (an answer), the number
+/// of the request, 0 (an [`Info`]) and the version.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub enum Message {
+    /// The answer to the request numbered `to`.
+    Reply {
+        /// [`Request::seq`].
+        to: u8,
+        /// The answer.
+        reply: Reply,
+    },
+    /// A frame of the stream.
+    Telemetry(Telemetry),
+}
+
+/// The version in a handshake of any version; `None` where the bytes are none. `payload` is a frame's content before
+/// its CRC.
+pub fn version_of(payload: &[u8]) -> Option<u8> {
+    match payload {
+        [0, _, 0, version, ..] => Some(*version),
+        _ => None,
+    }
+}
+
+/// The board's answers.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub enum Reply {
+    /// To [`Command::Hello`].
+    Info(Info),
+    /// Done, or begun where it takes time.
+    Done,
+    /// Not done.
+    Refused(Refusal),
+    /// To [`Command::ReadSettings`].
+    Settings(Settings),
+    /// To [`Command::ReadCalibration`].
+    Calibration(Calibration),
+    /// To [`Command::Ping`]: the board's clock when it read the request.
+    Pong(Micros),
+}
+
+/// Why a command was not carried out.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Refusal {
+    /// A value is outside of its range.
+    OutOfRange,
+    /// A fault is latched; see the telemetry for which one.
+    Faulted,
+    /// The motors turn.
+    Running,
+    /// A calibration is going on.
+    Calibrating,
+    /// The EEPROM does not hold what was written to it.
+    EepromFailed,
+}
+
+/// Who the board is.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Info {
+    /// [`VERSION`] of the firmware. Always the first field.
+    pub protocol: u8,
+    /// Version of the firmware: major, minor, patch.
+    pub firmware: [u8; 3],
+    /// The first four bytes of the commit that the firmware was built from; zero where it was not known.
+    pub git_hash: [u8; 4],
+    /// Whether the working tree had changes that are not in that commit.
+    pub git_dirty: bool,
+    /// [`Settings::board_id`].
+    pub board_id: u16,
+    /// The sensor's WHO_AM_I register: 0x68 for a genuine MPU6050, 0 where none answered.
+    pub imu_id: u8,
+    /// Range of the gyroscope in force.
+    pub gyro_range: GyroRange,
+    /// Range of the accelerometer in force.
+    pub accel_range: AccelRange,
+    /// Whether the settings came from EEPROM; otherwise they are the defaults.
+    pub settings_stored: bool,
+    /// Why the program started.
+    pub reset_cause: ResetCause,
+    /// Starts of the program since the EEPROM was blank.
+    #[serde(with = "postcard::fixint::le")]
+    pub boot_count: u16,
+}
+
+/// WHO_AM_I of a genuine MPU6050.
+pub const GENUINE_IMU_ID: u8 = 0x68;
+
+/// Why the program started.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+pub enum ResetCause {
+    /// The bootloader took the cause away.
+    #[default]
+    Unknown,
+    /// Power came on.
+    PowerOn,
+    /// The reset pin: the host opened the port, or the button.
+    External,
+    /// The supply sagged below 2.7 V.
+    BrownOut,
+    /// The watchdog's hardware.
+    Watchdog,
+    /// The program hung, its watchdog interrupt stopped the motors and started it again.
+    Hang,
+    /// The program met a state that must not be, stopped the motors and started itself again.
+    Panic,
+}
+
+/// What the board does.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+pub enum State {
+    /// Motors off.
+    #[default]
+    Idle,
+    /// Motors off, averaging the gyroscope.
+    Calibrating,
+    /// Motors under speed control.
+    Running,
+    /// Motors off until the fault is cleared.
+    Faulted,
+}
+
+/// What went wrong. The first fault stays until it is cleared.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+pub enum Fault {
+    /// Nothing.
+    #[default]
+    None,
+    /// No frame came from the host within the motors' deadline.
+    LinkLost,
+    /// The program hung and was started again.
+    Hang,
+    /// The program panicked and was started again.
+    Panic,
+    /// The IMU does not acknowledge.
+    ImuSilent,
+    /// The IMU's bus is stuck, and clocking it free did not help.
+    ImuBusStuck,
+    /// The IMU answers, but with the same data again and again.
+    ImuFrozen,
+    /// Motor 1 is driven hard, and its encoder does not move.
+    Motor1Stalled,
+    /// Motor 2 is driven hard, and its encoder does not move.
+    Motor2Stalled,
+}
+
+/// State of the robot at one tick of the control loop.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Telemetry {
+    /// One more than in the frame before, so that every lost frame is counted.
+    pub seq: Count,
+    /// The board's clock when the tick began to read the sensor.
+    pub time: Micros,
+    /// Attitude of the body in the world: z up, yaw from an arbitrary zero.
+    pub attitude: Quaternion,
+    /// Gyroscope, sensor axes, as read.
+    pub gyro: [SensorCounts; 3],
+    /// Accelerometer, sensor axes, as read.
+    pub accel: [SensorCounts; 3],
+    /// The sensor's temperature.
+    pub temperature: TemperatureCounts,
+    /// Speeds asked for, flagella 1 and 2.
+    pub target: [CentiRpm; 2],
+    /// Speeds measured.
+    pub speed: [CentiRpm; 2],
+    /// Duty of the bridges.
+    pub duty: [Duty; 2],
+    /// Positions of the encoders; [`Settings::counts_per_turn`] make one turn of a flagellum.
+    pub encoder: [EncoderCounts; 2],
+    /// What the board does.
+    pub state: State,
+    /// What went wrong.
+    pub fault: Fault,
+    /// Whether the sensor was read in this very tick; otherwise its values are those of the last good reading.
+    pub imu_fresh: bool,
+    /// Frames of the stream that the board could not send in time.
+    pub unsent: Count,
+    /// Readings of the sensor that failed.
+    pub imu_errors: Count,
+    /// Frames from the host that were damaged.
+    pub bad_frames: Count,
+    /// Ticks that were missed because one before took too long.
+    pub missed_ticks: Count,
+}
+
+/// Result of a calibration of the gyroscope.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
+pub struct Calibration {
+    /// Whether the sensor lay still throughout; if not, the bias in force is as before.
+    pub still: bool,
+    /// Mean reading, counts, sensor axes.
+    pub bias: [f32; 3],
+    /// Standard deviation of the readings, counts, largest axis; saturates at 65535.
+    #[serde(with = "postcard::fixint::le")]
+    pub noise: u16,
+    /// Readings that were averaged.
+    #[serde(with = "postcard::fixint::le")]
+    pub samples: u16,
+}
+
+/// What differs from robot to robot. Kept in EEPROM with a CRC.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub struct Settings {
+    /// A number to tell boards apart; 0 where nobody gave one.
+    #[serde(with = "postcard::fixint::le")]
+    pub board_id: u16,
+    /// Range of the gyroscope.
+    pub gyro_range: GyroRange,
+    /// Range of the accelerometer.
+    pub accel_range: AccelRange,
+    /// The MPU6050's digital low-pass filter: register CONFIG, 0 (260 Hz) to 6 (5 Hz).
+    pub low_pass: u8,
+    /// How the gyroscope sits in the robot.
+    pub gyro_axes: AxisMap,
+    /// How the accelerometer sits in the robot: reads +1 g on the axis that points up.
+    pub accel_axes: AxisMap,
+    /// Mean reading of the gyroscope at rest, counts, sensor axes.
+    pub gyro_bias: [f32; 3],
+    /// Gain of the attitude filter on the direction of gravity, 1/s.
+    pub attitude_kp: f32,
+    /// Gain of the attitude filter's own estimate of the gyroscope's bias, 1/s².
+    pub attitude_ki: f32,
+    /// Proportional gain of the speed control, duty steps per rpm.
+    pub speed_kp: f32,
+    /// Integral gain of the speed control, duty steps per rpm and second.
+    pub speed_ki: f32,
+    /// Encoder counts per turn of a flagellum.
+    pub counts_per_turn: f32,
+    /// Whether a positive duty turns motors 1 and 2 backwards.
+    pub motor_reversed: [bool; 2],
+    /// Whether the encoders of motors 1 and 2 count backwards.
+    pub encoder_reversed: [bool; 2],
+    /// Longest silence of the host while the motors turn, 50 to 5000 ms.
+    #[serde(with = "postcard::fixint::le")]
+    pub deadline_ms: u16,
+}
+
+impl Settings {
+    /// The published robot.
+    ///
+    /// Its encoders give 12 counts per motor turn when both edges of both channels count, behind a gear of 100.37; the
+    /// board counts both edges of one channel. Speed gains: kp as published; ki as published.
+    pub const DEFAULT: Self = Self {
+        board_id: 0,
+        gyro_range: GyroRange::Dps250,
+        accel_range: AccelRange::G2,
+        low_pass: 3,
+        gyro_axes: AxisMap::IDENTITY,
+        accel_axes: AxisMap::IDENTITY,
+        gyro_bias: [0.0; 3],
+        attitude_kp: 1.0,
+        attitude_ki: 0.0,
+        speed_kp: 1.0,
+        speed_ki: 5.0,
+        counts_per_turn: 602.22,
+        motor_reversed: [false; 2],
+        encoder_reversed: [false; 2],
+        deadline_ms: 500,
+    };
+
+    /// Whether every value is one that the board can work with.
+    pub fn is_valid(&self) -> bool {
+        let gain = |gain: f32| (0.0..=1000.0).contains(&gain);
+        self.low_pass <= 6
+            && self.gyro_axes.is_permutation()
+            && self.accel_axes.is_permutation()
+            && self.gyro_bias.iter().all(|bias| (-32768.0..=32767.0).contains(bias))
+            && [self.attitude_kp, self.attitude_ki, self.speed_kp, self.speed_ki].into_iter().all(gain)
+            && (1.0..=100_000.0).contains(&self.counts_per_turn)
+            && (50..=5000).contains(&self.deadline_ms)
+    }
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

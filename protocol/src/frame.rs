@@ -1,0 +1,185 @@
+//! Framing: postcard, then a CRC, then COBS.
+//!
+//! ```text
+//! ┌──────────────── COBS ────────────────┐
+//! │ postcard bytes │ CRC-16/X-25, LE     │ 0x00
+//! └──────────────────────────────────────┘
+//! ```
+//!
+//! A zero byte ends a frame and occurs nowhere else, so a receiver that starts anywhere, or has lost bytes, is back in
+//! step after at most one frame. The CRC (polynomial 0x1021 reflected, start and final XOR 0xFFFF) finds every burst of
+//! up to 16 bits and lets one in 65536 of other damages pass.
+
+use postcard::ser_flavors::{Cobs, Flavor, Slice};
+use serde::{Deserialize, Serialize};
+
+/// The longest frame, delimiter included; the length of every buffer that holds one.
+pub const MAX_FRAME: usize = 80;
+
+/// Why bytes are not a frame.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum FrameError {
+    /// More than [`MAX_FRAME`] bytes without a delimiter.
+    TooLong,
+    /// Not COBS, or too short to hold a CRC.
+    Cobs,
+    /// The CRC does not match: bytes were damaged or lost.
+    Crc,
+    /// An intact frame that is none of our messages. The version of the protocol that its sender speaks, if it is a
+    /// handshake (see [`crate::Message`]).
+    Foreign(Option<u8>),
+}
+
+impl core::fmt::Display for FrameError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::TooLong => f.write_str("no delimiter within the longest frame"),
+            Self::Cobs => f.write_str("not COBS"),
+            Self::Crc => f.write_str("CRC mismatch"),
+            Self::Foreign(None) => f.write_str("not a message of this protocol"),
+            Self::Foreign(Some(version)) => write!(f, "a handshake of protocol version {version}"),
+        }
+    }
+}
+
+impl core::error::Error for FrameError {}
+
+/// Writes `message` as a frame, delimiter included, to the front of `buffer`.
+///
+/// # Errors
+/// [`FrameError::TooLong`] when `buffer` is too short; [`MAX_FRAME`] bytes are enough for every message.
+pub fn encode<'a, T: Serialize>(message: &T, buffer: &'a mut [u8]) -> Result<&'a mut [u8], FrameError> {
+    let cobs = Cobs::try_new(Slice::new(buffer)).map_err(|_| FrameError::TooLong)?;
+    postcard::serialize_with_flavor(message, Checked { inner: cobs, crc: CRC_START }).map_err(|_| FrameError::TooLong)
+}
+
+/// Reads a frame, without its delimiter, in place.
+///
+/// # Errors
+/// [`FrameError`]; the content of `frame` is lost in either case.
+pub fn decode<'a, T: Deserialize<'a>>(frame: &'a mut [u8]) -> Result<T, FrameError> {
+    let length = cobs::decode_in_place(frame).map_err(|_| FrameError::Cobs)?;
+    let body = frame.get(..length).ok_or(FrameError::Cobs)?;
+    let (payload, crc) = body.split_last_chunk::<2>().ok_or(FrameError::Cobs)?;
+    if crc16(payload) != u16::from_le_bytes(*crc) {
+        return Err(FrameError::Crc);
+    }
+    match postcard::take_from_bytes(payload) {
+        Ok((message, [])) => Ok(message),
+        _ => Err(FrameError::Foreign(crate::version_of(payload))),
+    }
+}
+
+/// Collects received bytes into frames.
+#[derive(Debug)]
+pub struct Accumulator {
+    buffer: [u8; MAX_FRAME],
+    length: u8,
+    overflowed: bool,
+}
+
+impl Accumulator {
+    /// An empty one.
+    pub const fn new() -> Self {
+        Self { buffer: [0; MAX_FRAME], length: 0, overflowed: false }
+    }
+
+    /// Takes one byte. At a delimiter, answers the frame that it ends, decoded; an empty frame is no frame, so that
+    /// a sender may begin with a delimiter.
+    pub fn push<'a, T: Deserialize<'a>>(&'a mut self, byte: u8) -> Option<Result<T, FrameError>> {
+        if byte != 0 {
+            match self.buffer.get_mut(usize::from(self.length)) {
+                Some(slot) => {
+                    *slot = byte;
+                    self.length += 1;
+                }
+                None => self.overflowed = true,
+            }
+            return None;
+        }
+        let length = usize::from(core::mem::take(&mut self.length));
+        if core::mem::take(&mut self.overflowed) {
+            return Some(Err(FrameError::TooLong));
+        }
+        (length > 0).then(|| decode(&mut self.buffer[..length]))
+    }
+
+    /// Bytes of an unfinished frame.
+    pub fn pending(&self) -> usize {
+        usize::from(self.length)
+    }
+}
+
+impl Default for Accumulator {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+const CRC_START: u16 = 0xFFFF;
+
+/// CRC-16/X-25 of `bytes`.
+pub fn crc16(bytes: &[u8]) -> u16 {
+    !bytes.iter().fold(CRC_START, |crc, byte| crc16_update(crc, *byte))
+}
+
+/// One byte of CRC-16/X-25 without a table: the table of 512 bytes would take a quarter of the board's SRAM.
+fn crc16_update(crc: u16, byte: u8) -> u16 {
+    let low = byte ^ crc as u8;
+    let low = low ^ (low << 4);
+    ((u16::from(low) << 8) | (crc >> 8)) ^ u16::from(low >> 4) ^ (u16::from(low) << 3)
+}
+
+/// Appends the CRC of what passes through.
+struct Checked<F> {
+    inner: F,
+    crc: u16,
+}
+
+impl<F: Flavor> Flavor for Checked<F> {
+    type Output = F::Output;
+
+    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
+        self.crc = crc16_update(self.crc, byte);
+        self.inner.try_push(byte)
+    }
+
+    fn finalize(mut self) -> postcard::Result<F::Output> {
+        for byte in (!self.crc).to_le_bytes() {
+            self.inner.try_push(byte)?;
+        }
+        self.inner.finalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crc_is_x25() {
+        assert_eq!(crc16(b"123456789"), 0x906E);
+    }
+
+    #[test]
+    fn an_overlong_frame_is_reported_once_and_the_next_one_is_read() {
+        let mut accumulator = Accumulator::new();
+        for _ in 0..200 {
+            assert!(accumulator.push::<crate::Request>(7).is_none());
+        }
+        assert_eq!(accumulator.push::<crate::Request>(0), Some(Err(FrameError::TooLong)));
+        let request = crate::Request { seq: 9, command: crate::Command::Stop };
+        let mut buffer = [0; MAX_FRAME];
+        let frame = encode(&request, &mut buffer).unwrap();
+        let read: Vec<_> = frame.iter().filter_map(|byte| accumulator.push::<crate::Request>(*byte)).collect();
+        assert_eq!(read, [Ok(request)]);
+    }
+
+    #[test]
+    fn trailing_bytes_are_foreign() {
+        let mut buffer = [0; MAX_FRAME];
+        let frame = encode(&(1u8, 2u8, 3u8), &mut buffer).unwrap();
+        let end = frame.len() - 1;
+        assert_eq!(decode::<(u8, u8)>(&mut frame[..end]), Err(FrameError::Foreign(None)));
+    }
+}

@@ -1,0 +1,372 @@
+//! The quantities that cross the wire, each with its unit, range and conversion in one place.
+//!
+//! On the wire every number has a fixed width, little-endian, so that a message always has the same length and the
+//! board's encoding time does not depend on the data.
+
+use core::fmt;
+use serde::{Deserialize, Serialize};
+
+/// Standard gravity, m/s².
+pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;
+
+macro_rules! wire_number {
+    ($(#[$doc:meta])* $name:ident($inner:ty)) => {
+        $(#[$doc])*
+        #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Hash)]
+        pub struct $name(#[serde(with = "postcard::fixint::le")] pub $inner);
+    };
+}
+
+wire_number! {
+    /// Speed of a flagellum in hundredths of a turn per minute, positive counter-clockwise seen from above (about z_B).
+    CentiRpm(i16)
+}
+wire_number! {
+    /// A number in [-1, 1) as a signed fraction of 2^15.
+    Q15(i16)
+}
+wire_number! {
+    /// A reading of the MPU6050 as the sensor gave it; [`GyroRange`] and [`AccelRange`] give it its unit.
+    SensorCounts(i16)
+}
+wire_number! {
+    /// A temperature as the MPU6050 gave it: `counts / 340 + 36.53` °C (register map RM-MPU-6000A, section 4.18).
+    TemperatureCounts(i16)
+}
+wire_number! {
+    /// Duty of a motor's bridge, -255 (full reverse) to 255 (full forward).
+    Duty(i16)
+}
+wire_number! {
+    /// Position of an encoder in counts, not wrapped within 2^31 counts (41 days at 90 rpm).
+    EncoderCounts(i32)
+}
+wire_number! {
+    /// The board's clock in microseconds since its start; wraps after 71.6 minutes.
+    Micros(u32)
+}
+wire_number! {
+    /// A count of events since the board's start; wraps at 65536.
+    Count(u16)
+}
+
+impl CentiRpm {
+    /// The largest speed that the board accepts, either way round.
+    pub const LIMIT: Self = Self(9000);
+
+    /// The nearest value to `rpm`; saturates at ±327.67 rpm.
+    pub fn from_rpm(rpm: f64) -> Self {
+        Self(round_to_i16(rpm * 100.0))
+    }
+
+    /// Turns per minute.
+    pub fn rpm(self) -> f64 {
+        f64::from(self.0) / 100.0
+    }
+
+    /// Radians per second.
+    pub fn rad_per_s(self) -> f64 {
+        self.rpm() * core::f64::consts::TAU / 60.0
+    }
+}
+
+impl Q15 {
+    /// The nearest value to `x`; saturates at -1 and 32767/32768.
+    pub fn from_f64(x: f64) -> Self {
+        Self(round_to_i16(x * 32768.0))
+    }
+
+    /// The fraction that this stands for.
+    pub fn to_f64(self) -> f64 {
+        f64::from(self.0) / 32768.0
+    }
+}
+
+impl TemperatureCounts {
+    /// The nearest value to a temperature in °C.
+    pub fn from_celsius(celsius: f64) -> Self {
+        Self(round_to_i16((celsius - 36.53) * 340.0))
+    }
+
+    /// Degrees Celsius.
+    pub fn celsius(self) -> f64 {
+        f64::from(self.0) / 340.0 + 36.53
+    }
+}
+
+impl Duty {
+    /// Full voltage.
+    pub const FULL: Self = Self(255);
+
+    /// Fraction of the supply voltage, -1 to 1.
+    pub fn fraction(self) -> f64 {
+        f64::from(self.0) / 255.0
+    }
+}
+
+impl Micros {
+    /// Time from `earlier` to this, across one wrap of the clock.
+    pub fn since(self, earlier: Self) -> u32 {
+        self.0.wrapping_sub(earlier.0)
+    }
+}
+
+/// Attitude as a unit quaternion `[w, x, y, z]` (Hamilton, body to world, scalar first), in sixteen bits a part.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Quaternion(pub [Q15; 4]);
+
+impl Quaternion {
+    /// No rotation, to the resolution of [`Q15`].
+    pub const IDENTITY: Self = Self([Q15(i16::MAX), Q15(0), Q15(0), Q15(0)]);
+
+    /// From parts of a unit quaternion.
+    pub fn from_f64(wxyz: [f64; 4]) -> Self {
+        Self(wxyz.map(Q15::from_f64))
+    }
+
+    /// The parts, normalised; the identity where all of them are zero.
+    pub fn to_f64(self) -> [f64; 4] {
+        let parts = self.0.map(Q15::to_f64);
+        let square: f64 = parts.iter().map(|part| part * part).sum();
+        if square == 0.0 {
+            return [1.0, 0.0, 0.0, 0.0];
+        }
+        let scale = 1.0 / sqrt(square);
+        parts.map(|part| part * scale)
+    }
+}
+
+impl Default for Quaternion {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+/// Full scale of the gyroscope (register GYRO_CONFIG).
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+pub enum GyroRange {
+    /// ±250 °/s, 131 counts per °/s.
+    #[default]
+    Dps250,
+    /// ±500 °/s, 65.5 counts per °/s.
+    Dps500,
+    /// ±1000 °/s, 32.8 counts per °/s.
+    Dps1000,
+    /// ±2000 °/s, 16.4 counts per °/s.
+    Dps2000,
+}
+
+impl GyroRange {
+    /// All ranges, in the order of their register codes.
+    pub const ALL: [Self; 4] = [Self::Dps250, Self::Dps500, Self::Dps1000, Self::Dps2000];
+
+    /// Full scale in °/s.
+    pub const fn full_scale_dps(self) -> u16 {
+        250 << self as u8
+    }
+
+    /// Counts per °/s (data sheet PS-MPU-6000A, table 6.1).
+    pub const fn counts_per_dps(self) -> f32 {
+        match self {
+            Self::Dps250 => 131.0,
+            Self::Dps500 => 65.5,
+            Self::Dps1000 => 32.8,
+            Self::Dps2000 => 16.4,
+        }
+    }
+
+    /// A reading in rad/s.
+    pub fn rad_per_s(self, counts: SensorCounts) -> f64 {
+        (f64::from(counts.0) / f64::from(self.counts_per_dps())).to_radians()
+    }
+}
+
+/// Full scale of the accelerometer (register ACCEL_CONFIG).
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+pub enum AccelRange {
+    /// ±2 g, 16384 counts per g.
+    #[default]
+    G2,
+    /// ±4 g, 8192 counts per g.
+    G4,
+    /// ±8 g, 4096 counts per g.
+    G8,
+    /// ±16 g, 2048 counts per g.
+    G16,
+}
+
+impl AccelRange {
+    /// All ranges, in the order of their register codes.
+    pub const ALL: [Self; 4] = [Self::G2, Self::G4, Self::G8, Self::G16];
+
+    /// Full scale in g.
+    pub const fn full_scale_g(self) -> u8 {
+        2 << self as u8
+    }
+
+    /// Counts per g (data sheet PS-MPU-6000A, table 6.2).
+    pub const fn counts_per_g(self) -> u16 {
+        16384 >> self as u8
+    }
+
+    /// A reading in m/s².
+    pub fn mps2(self, counts: SensorCounts) -> f64 {
+        f64::from(counts.0) / f64::from(self.counts_per_g()) * STANDARD_GRAVITY_MPS2
+    }
+}
+
+/// A signed axis of the sensor.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Hash)]
+pub enum Axis {
+    /// +x
+    PlusX,
+    /// -x
+    MinusX,
+    /// +y
+    PlusY,
+    /// -y
+    MinusY,
+    /// +z
+    PlusZ,
+    /// -z
+    MinusZ,
+}
+
+impl Axis {
+    /// All signed axes with the names that they bear in files.
+    pub const NAMES: [(Self, &'static str); 6] = [
+        (Self::PlusX, "+x"),
+        (Self::MinusX, "-x"),
+        (Self::PlusY, "+y"),
+        (Self::MinusY, "-y"),
+        (Self::PlusZ, "+z"),
+        (Self::MinusZ, "-z"),
+    ];
+
+    /// Index of the sensor's axis, 0 to 2.
+    pub const fn index(self) -> usize {
+        self as usize / 2
+    }
+
+    /// Whether the sign is to be turned.
+    pub const fn is_negative(self) -> bool {
+        self as u8 % 2 == 1
+    }
+
+    /// The axis that a file calls `name` (`"x"` is `"+x"`).
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::NAMES
+            .iter()
+            .find(|(_, full)| *full == name || full.strip_prefix('+') == Some(name))
+            .map(|(axis, _)| *axis)
+    }
+}
+
+impl fmt::Display for Axis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(Self::NAMES[*self as usize].1)
+    }
+}
+
+/// How the sensor sits in the robot: entry i says which axis of the sensor reads body axis i.
+///
+/// The two sensors of one chip have a map each, because boards exist whose gyroscope has a flipped axis.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
+pub struct AxisMap(pub [Axis; 3]);
+
+impl AxisMap {
+    /// The sensor's axes are the body's.
+    pub const IDENTITY: Self = Self([Axis::PlusX, Axis::PlusY, Axis::PlusZ]);
+
+    /// Whether each of the sensor's axes is used once.
+    pub fn is_permutation(self) -> bool {
+        let mut seen = 0u8;
+        for axis in self.0 {
+            seen |= 1 << axis.index();
+        }
+        seen == 0b111
+    }
+
+    /// The sensor's vector in body axes.
+    pub fn apply<T: Copy + core::ops::Neg<Output = T>>(self, sensor: [T; 3]) -> [T; 3] {
+        self.0.map(|axis| {
+            let value = sensor[axis.index()];
+            if axis.is_negative() { -value } else { value }
+        })
+    }
+}
+
+impl Default for AxisMap {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+fn round_to_i16(x: f64) -> i16 {
+    // `as` saturates, and `f64::round` is not in `core`.
+    (if x < 0.0 { x - 0.5 } else { x + 0.5 }) as i16
+}
+
+/// Square root by Newton's method: `core` has none, and the host needs it to the last digit.
+fn sqrt(x: f64) -> f64 {
+    let mut root = f64::from_bits((x.to_bits() >> 1) + (1023 << 51));
+    for _ in 0..5 {
+        root = 0.5 * (root + x / root);
+    }
+    root
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speeds_round_to_the_nearest_hundredth_and_saturate() {
+        assert_eq!(CentiRpm::from_rpm(-12.346), CentiRpm(-1235));
+        assert_eq!(CentiRpm::from_rpm(1e9), CentiRpm(i16::MAX));
+        assert!((CentiRpm(6000).rad_per_s() - core::f64::consts::TAU).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_clock_counts_across_its_wrap() {
+        assert_eq!(Micros(100).since(Micros(u32::MAX - 99)), 200);
+    }
+
+    #[test]
+    fn a_quaternion_keeps_its_direction_within_its_resolution() {
+        let q = [0.5, -0.5, 0.1, -0.7];
+        let norm = q.iter().map(|x| x * x).sum::<f64>();
+        let unit = q.map(|x| x / sqrt(norm));
+        for (back, part) in Quaternion::from_f64(unit).to_f64().iter().zip(unit) {
+            assert!((back - part).abs() < 3e-5);
+        }
+        assert_eq!(Quaternion([Q15(0); 4]).to_f64(), [1.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn temperature_follows_the_register_map() {
+        assert!((TemperatureCounts(0).celsius() - 36.53).abs() < 1e-9);
+        assert!((TemperatureCounts::from_celsius(20.0).celsius() - 20.0).abs() < 2e-3);
+    }
+
+    #[test]
+    fn full_scales_double_from_range_to_range() {
+        assert_eq!(GyroRange::ALL.map(GyroRange::full_scale_dps), [250, 500, 1000, 2000]);
+        assert_eq!(AccelRange::ALL.map(AccelRange::full_scale_g), [2, 4, 8, 16]);
+        assert_eq!(AccelRange::ALL.map(AccelRange::counts_per_g), [16384, 8192, 4096, 2048]);
+        assert!((AccelRange::G8.mps2(SensorCounts(4096)) - STANDARD_GRAVITY_MPS2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_axis_map_permutes_and_flips() {
+        let map = AxisMap([Axis::MinusY, Axis::PlusX, Axis::PlusZ]);
+        assert!(map.is_permutation());
+        assert_eq!(map.apply([1, 2, 3]), [-2, 1, 3]);
+        assert!(!AxisMap([Axis::PlusX, Axis::MinusX, Axis::PlusZ]).is_permutation());
+        for (axis, name) in Axis::NAMES {
+            assert_eq!(Axis::from_name(name), Some(axis));
+        }
+        assert_eq!(Axis::from_name("z"), Some(Axis::PlusZ));
+        assert_eq!(Axis::from_name("w"), None);
+    }
+}

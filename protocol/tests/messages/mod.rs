@@ -1,0 +1,165 @@
+//! One sample of every message for the golden file, and strategies that make any of them.
+
+use proptest::prelude::*;
+use protocol::frame::{MAX_FRAME, encode};
+use protocol::units::*;
+use protocol::*;
+
+/// Every message once, by its name in the documentation, as a frame.
+pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
+    let settings = Settings { board_id: 0x1234, gyro_bias: [-595.5, 6.25, 147.0], ..Settings::DEFAULT };
+    let calibration = Calibration { still: true, bias: [-595.5, 6.25, 147.0], noise: 17, samples: 1000 };
+    let info = Info {
+        protocol: VERSION,
+        firmware: [1, 2, 3],
+        git_hash: [0xde, 0xad, 0xbe, 0xef],
+        git_dirty: true,
+        board_id: 0x1234,
+        imu_id: GENUINE_IMU_ID,
+        gyro_range: GyroRange::Dps500,
+        accel_range: AccelRange::G8,
+        settings_stored: true,
+        reset_cause: ResetCause::External,
+        boot_count: 300,
+    };
+    let telemetry = Telemetry {
+        seq: Count(513),
+        time: Micros(0xDEAD_BEEF),
+        attitude: Quaternion::from_f64([0.5, -0.5, 0.5, -0.5]),
+        gyro: [SensorCounts(-1), SensorCounts(i16::MIN), SensorCounts(i16::MAX)],
+        accel: [SensorCounts(1), SensorCounts(-2), SensorCounts(16384)],
+        temperature: TemperatureCounts(-4000),
+        target: [CentiRpm(5000), CentiRpm(-9000)],
+        speed: [CentiRpm(4987), CentiRpm(-8999)],
+        duty: [Duty(100), Duty(-255)],
+        encoder: [EncoderCounts(i32::MIN), EncoderCounts(1_000_000)],
+        state: State::Faulted,
+        fault: Fault::ImuFrozen,
+        imu_fresh: true,
+        unsent: Count(1),
+        imu_errors: Count(2),
+        bad_frames: Count(3),
+        missed_ticks: Count(4),
+    };
+    let commands = [
+        ("Command::Hello", Command::Hello),
+        ("Command::SetSpeeds", Command::SetSpeeds([CentiRpm(5000), CentiRpm(-9000)])),
+        ("Command::Stop", Command::Stop),
+        ("Command::Stream", Command::Stream { rate_hz: TICK_HZ }),
+        ("Command::CalibrateGyro", Command::CalibrateGyro { duration_ms: 5000 }),
+        ("Command::ReadCalibration", Command::ReadCalibration),
+        ("Command::ReadSettings", Command::ReadSettings),
+        ("Command::WriteSettings", Command::WriteSettings(settings)),
+        ("Command::SaveSettings", Command::SaveSettings),
+        ("Command::Ping", Command::Ping),
+        ("Command::ClearFault", Command::ClearFault),
+    ];
+    let replies = [
+        ("Reply::Info", Reply::Info(info)),
+        ("Reply::Done", Reply::Done),
+        ("Reply::Refused", Reply::Refused(Refusal::Faulted)),
+        ("Reply::Settings", Reply::Settings(settings)),
+        ("Reply::Calibration", Reply::Calibration(calibration)),
+        ("Reply::Pong", Reply::Pong(Micros(123_456_789))),
+    ];
+    commands
+        .map(|(name, command)| (name, frame(&Request { seq: 200, command })))
+        .into_iter()
+        .chain(replies.map(|(name, reply)| (name, frame(&Message::Reply { to: 200, reply }))))
+        .chain([("Telemetry", frame(&Message::Telemetry(telemetry)))])
+        .collect()
+}
+
+fn frame<T: serde::Serialize>(message: &T) -> Vec<u8> {
+    encode(message, &mut [0; MAX_FRAME]).unwrap().to_vec()
+}
+
+fn counts() -> impl Strategy<Value = Count> {
+    any::<u16>().prop_map(Count)
+}
+
+fn readings() -> impl Strategy<Value = [SensorCounts; 3]> {
+    any::<[i16; 3]>().prop_map(|xyz| xyz.map(SensorCounts))
+}
+
+fn speeds() -> impl Strategy<Value = [CentiRpm; 2]> {
+    any::<[i16; 2]>().prop_map(|both| both.map(CentiRpm))
+}
+
+fn axes() -> impl Strategy<Value = AxisMap> {
+    proptest::array::uniform3((0usize..6).prop_map(|i| Axis::NAMES[i].0)).prop_map(AxisMap)
+}
+
+fn one_of<T: Clone + std::fmt::Debug + 'static>(values: &'static [T]) -> impl Strategy<Value = T> {
+    proptest::sample::select(values)
+}
+
+prop_compose! {
+    fn any_settings()(
+        board_id in any::<u16>(),
+        gyro_range in one_of(&GyroRange::ALL),
+        accel_range in one_of(&AccelRange::ALL),
+        low_pass in any::<u8>(),
+        (gyro_axes, accel_axes) in (axes(), axes()),
+        gyro_bias in any::<[f32; 3]>(),
+        gains in proptest::array::uniform5(proptest::num::f32::NORMAL),
+        motor_reversed in any::<[bool; 2]>(),
+        encoder_reversed in any::<[bool; 2]>(),
+        deadline_ms in any::<u16>(),
+    ) -> Settings {
+        let [attitude_kp, attitude_ki, speed_kp, speed_ki, counts_per_turn] = gains;
+        Settings {
+            board_id, gyro_range, accel_range, low_pass, gyro_axes, accel_axes, gyro_bias, attitude_kp, attitude_ki,
+            speed_kp, speed_ki, counts_per_turn, motor_reversed, encoder_reversed, deadline_ms,
+        }
+    }
+}
+
+prop_compose! {
+    fn any_telemetry()(
+        (seq, unsent, imu_errors, bad_frames, missed_ticks) in (counts(), counts(), counts(), counts(), counts()),
+        time in any::<u32>().prop_map(Micros),
+        attitude in any::<[i16; 4]>().prop_map(|q| Quaternion(q.map(Q15))),
+        (gyro, accel) in (readings(), readings()),
+        temperature in any::<i16>().prop_map(TemperatureCounts),
+        (target, speed) in (speeds(), speeds()),
+        duty in any::<[i16; 2]>().prop_map(|both| both.map(Duty)),
+        encoder in any::<[i32; 2]>().prop_map(|both| both.map(EncoderCounts)),
+        state in one_of(&[State::Idle, State::Calibrating, State::Running, State::Faulted]),
+        fault in one_of(&[Fault::None, Fault::LinkLost, Fault::Hang, Fault::Panic, Fault::Motor2Stalled]),
+        imu_fresh in any::<bool>(),
+    ) -> Telemetry {
+        Telemetry {
+            seq, time, attitude, gyro, accel, temperature, target, speed, duty, encoder, state, fault, imu_fresh,
+            unsent, imu_errors, bad_frames, missed_ticks,
+        }
+    }
+}
+
+/// Any request.
+pub fn any_request() -> impl Strategy<Value = Request> {
+    let command = prop_oneof![
+        Just(Command::Hello),
+        speeds().prop_map(Command::SetSpeeds),
+        Just(Command::Stop),
+        any::<u8>().prop_map(|rate_hz| Command::Stream { rate_hz }),
+        any::<u16>().prop_map(|duration_ms| Command::CalibrateGyro { duration_ms }),
+        any_settings().prop_map(Command::WriteSettings),
+        Just(Command::Ping),
+    ];
+    (any::<u8>(), command).prop_map(|(seq, command)| Request { seq, command })
+}
+
+/// Any message of the board.
+pub fn any_message() -> impl Strategy<Value = Message> {
+    let reply = prop_oneof![
+        Just(Reply::Done),
+        one_of(&[Refusal::Calibrating, Refusal::EepromFailed]).prop_map(Reply::Refused),
+        any_settings().prop_map(Reply::Settings),
+        any::<u32>().prop_map(|time| Reply::Pong(Micros(time))),
+    ];
+    prop_oneof![
+        (any::<u8>(), reply).prop_map(|(to, reply)| Message::Reply { to, reply }),
+        any_telemetry().prop_map(Message::Telemetry),
+    ]
+}
