@@ -1,1 +1,3 @@
 //! The host side of the rig.
+
+pub mod link;

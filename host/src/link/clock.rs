@@ -1,0 +1,129 @@
+//! The board's clock: unwrapped, and held against the host's.
+
+use protocol::units::Micros;
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// Unwraps the board's clock, which starts again every 71.6 minutes.
+#[derive(Debug, Clone, Default)]
+pub struct BoardClock {
+    last: Option<(Micros, u64)>,
+}
+
+impl BoardClock {
+    /// Microseconds since the board's start, given that readings come in order and less than one wrap apart. A reading
+    /// that is up to a minute older than the one before is taken as such.
+    pub fn unwrap(&mut self, time: Micros) -> u64 {
+        const OLDEST_US: u32 = 60_000_000;
+        let unwrapped = match self.last {
+            None => u64::from(time.0),
+            Some((last, at)) => {
+                let behind = last.since(time);
+                if behind <= OLDEST_US {
+                    return at.saturating_sub(u64::from(behind));
+                }
+                at + u64::from(time.since(last))
+            }
+        };
+        self.last = Some((time, unwrapped));
+        unwrapped
+    }
+}
+
+/// Pairs of board and host times from pings, newest kept.
+#[derive(Debug, Clone, Default)]
+pub struct PingClock {
+    pings: VecDeque<Ping>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Ping {
+    board_us: u64,
+    /// Half way between question and answer, s since the link's start.
+    host_s: f64,
+    round_trip_s: f64,
+}
+
+/// The board's clock as a straight line over the host's: `host_s = offset_s + board_s * rate`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClockFit {
+    /// The host's time at the board's zero, s since the link's start.
+    pub offset_s: f64,
+    /// Host seconds per board second.
+    pub rate: f64,
+    /// Root mean square of what the line leaves over, s.
+    pub residual_s: f64,
+    /// Pings that the line was fitted to.
+    pub pings: usize,
+}
+
+impl PingClock {
+    const KEPT: usize = 4096;
+
+    /// Takes the answer to a ping that was sent and answered at these times since the link's start.
+    pub fn add(&mut self, board_us: u64, sent: Duration, answered: Duration) {
+        if self.pings.len() == Self::KEPT {
+            self.pings.pop_front();
+        }
+        let (sent, answered) = (sent.as_secs_f64(), answered.as_secs_f64());
+        self.pings.push_back(Ping { board_us, host_s: 0.5 * (sent + answered), round_trip_s: answered - sent });
+    }
+
+    /// Least squares over the half of the pings that came back fastest, for a slow answer says little about when the
+    /// board read its clock. `None` before ten pings.
+    pub fn fit(&self) -> Option<ClockFit> {
+        if self.pings.len() < 10 {
+            return None;
+        }
+        let mut pings: Vec<Ping> = self.pings.iter().copied().collect();
+        pings.sort_by(|a, b| a.round_trip_s.total_cmp(&b.round_trip_s));
+        pings.truncate(pings.len().div_ceil(2));
+        let n = pings.len() as f64;
+        let board = |ping: &Ping| ping.board_us as f64 * 1e-6;
+        let mean_board = pings.iter().map(board).sum::<f64>() / n;
+        let mean_host = pings.iter().map(|ping| ping.host_s).sum::<f64>() / n;
+        let square: f64 = pings.iter().map(|ping| (board(ping) - mean_board).powi(2)).sum();
+        if square <= 0.0 {
+            return None;
+        }
+        let product: f64 = pings.iter().map(|ping| (board(ping) - mean_board) * (ping.host_s - mean_host)).sum();
+        let rate = product / square;
+        let offset_s = mean_host - rate * mean_board;
+        let left: f64 = pings.iter().map(|ping| (ping.host_s - offset_s - rate * board(ping)).powi(2)).sum();
+        Some(ClockFit { offset_s, rate, residual_s: (left / n).sqrt(), pings: pings.len() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_clock_goes_on_after_its_wrap_and_takes_late_frames() {
+        let mut clock = BoardClock::default();
+        assert_eq!(clock.unwrap(Micros(u32::MAX - 9)), u64::from(u32::MAX) - 9);
+        assert_eq!(clock.unwrap(Micros(10)), u64::from(u32::MAX) + 11);
+        assert_eq!(clock.unwrap(Micros(u32::MAX - 9)), u64::from(u32::MAX) - 9);
+        assert_eq!(clock.unwrap(Micros(20)), u64::from(u32::MAX) + 21);
+    }
+
+    #[test]
+    fn the_fit_finds_offset_and_rate_through_jitter() {
+        let mut clock = PingClock::default();
+        for i in 0..200u64 {
+            let board_us = 1_000_000 + i * 100_000;
+            let host = 3.0 + board_us as f64 * 1e-6 * 1.00005;
+            let slow = if i % 3 == 0 { 0.02 } else { 0.001 };
+            clock.add(board_us, Duration::from_secs_f64(host - 0.0005), Duration::from_secs_f64(host - 0.0005 + slow));
+        }
+        let fit = clock.fit().unwrap();
+        assert!((fit.rate - 1.00005).abs() < 1e-7, "{fit:?}");
+        assert!((fit.offset_s - 3.0).abs() < 1e-4, "{fit:?}");
+        assert!(fit.residual_s < 1e-6, "{fit:?}");
+    }
+
+    #[test]
+    fn too_few_pings_give_no_fit() {
+        assert_eq!(PingClock::default().fit(), None);
+    }
+}

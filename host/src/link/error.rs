@@ -1,0 +1,136 @@
+//! What can go wrong between the host and the board, each with what to do about it.
+
+use protocol::{Refusal, VERSION};
+use std::time::Duration;
+use thiserror::Error;
+
+/// A failure of the link.
+#[derive(Debug, Error)]
+pub enum LinkError {
+    /// No such port.
+    #[error("there is no port {path}; {}", present(.available))]
+    NotFound {
+        /// The port asked for.
+        path: String,
+        /// Ports that are there.
+        available: Vec<String>,
+    },
+    /// No port was named, and none or several could be meant.
+    #[error("no port was named, and {}; name one with --port", present(.available))]
+    NotNamed {
+        /// Ports that could be meant.
+        available: Vec<String>,
+    },
+    /// Another program uses the port.
+    #[error("{path} is busy: another program has it open{}; close that program and try again", holder_text(.holder))]
+    Busy {
+        /// The port.
+        path: String,
+        /// Its process, if it could be found.
+        holder: Option<String>,
+    },
+    /// The user may not open the port.
+    #[error("not permitted to open {path}: join its group with `sudo usermod -aG {group} $USER`, then log in again")]
+    NotPermitted {
+        /// The port.
+        path: String,
+        /// The group that owns the port.
+        group: String,
+    },
+    /// The port does not work.
+    #[error("{path}: {source}")]
+    Port {
+        /// The port.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The port vanished.
+    #[error("{path} was unplugged or closed; check the cable, then go on with --resume")]
+    Closed {
+        /// The port.
+        path: String,
+    },
+    /// Nothing came from the board.
+    #[error(
+        "the board on {path} does not answer (not a byte in {:.1} s); check its power and cable, \
+         and flash it with `biflag flash --port {path}`",
+        .waited.as_secs_f64()
+    )]
+    Silent {
+        /// The port.
+        path: String,
+        /// How long it was asked.
+        waited: Duration,
+    },
+    /// Something came that is not our protocol.
+    #[error(
+        "the board on {path} runs another program: it sent {bytes} bytes and no frame of ours; \
+         flash it with `biflag flash --port {path}`"
+    )]
+    OtherProgram {
+        /// The port.
+        path: String,
+        /// Bytes received.
+        bytes: usize,
+    },
+    /// The firmware speaks another version of the protocol.
+    #[error(
+        "the firmware on {path} speaks protocol version {theirs}, this biflag version {VERSION}; \
+         flash the right one with `biflag flash --port {path}`"
+    )]
+    OtherVersion {
+        /// The port.
+        path: String,
+        /// The board's version.
+        theirs: u8,
+    },
+    /// The board stopped answering.
+    #[error("the board on {path} did not answer {command} after {attempts} attempts; check the cable and try again")]
+    NoAnswer {
+        /// The port.
+        path: String,
+        /// What was asked.
+        command: String,
+        /// How often.
+        attempts: u32,
+    },
+    /// The board refused.
+    #[error("the board refused {command}: {}", refusal_text(*.refusal))]
+    Refused {
+        /// What was asked.
+        command: String,
+        /// Why not.
+        refusal: Refusal,
+    },
+    /// The board answered with something that is no answer to the question.
+    #[error("the board answered {command} with {answer}; the firmware does not match this biflag: flash it again")]
+    WrongAnswer {
+        /// What was asked.
+        command: String,
+        /// What came.
+        answer: String,
+    },
+}
+
+/// A refusal in words.
+pub fn refusal_text(refusal: Refusal) -> &'static str {
+    match refusal {
+        Refusal::OutOfRange => "a value is outside of its range",
+        Refusal::Faulted => "a fault is latched",
+        Refusal::Running => "the motors turn",
+        Refusal::Calibrating => "a calibration is going on",
+        Refusal::EepromFailed => "its EEPROM does not keep what is written to it",
+    }
+}
+
+fn present(available: &[String]) -> String {
+    match available {
+        [] => "no board is plugged in".into(),
+        ports => format!("these are there: {}", ports.join(", ")),
+    }
+}
+
+fn holder_text(holder: &Option<String>) -> String {
+    holder.as_ref().map(|name| format!(" ({name})")).unwrap_or_default()
+}

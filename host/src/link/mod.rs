@@ -1,0 +1,21 @@
+//! The link to the board: the port, the handshake, requests with retries, the stream, and the board's clock.
+//!
+//! ```text
+//!   board ══ port ══► thread of the link ──► events: raw bytes, telemetry, damage ──► recorder
+//!         ◄════════   keep-alive, retries ◄── requests                            ◄──
+//! ```
+//!
+//! The thread does nothing that can block but reading the port, so a slow disk delays neither the keep-alive that the
+//! motors' deadline waits for nor the reading of a byte.
+
+mod clock;
+mod error;
+mod monitor;
+mod port;
+mod worker;
+
+pub use clock::{BoardClock, ClockFit, PingClock};
+pub use error::{LinkError, refusal_text};
+pub use monitor::{Gap, Monitor};
+pub use port::{choose as choose_port, lock as lock_port, robots as robot_ports};
+pub use worker::{Event, Link, Received};

@@ -1,0 +1,142 @@
+//! Finding and opening the serial port.
+
+use super::LinkError;
+use rustix::fs::{FlockOperation, Mode, OFlags};
+use serialport::{SerialPort, SerialPortType};
+use std::fs;
+use std::io;
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+use std::time::Duration;
+
+/// The longest wait for a byte: also how long a request may lie before it is sent.
+const READ_TIMEOUT: Duration = Duration::from_millis(2);
+
+/// Ports that a robot could be on: serial converters on USB.
+pub fn robots() -> Vec<String> {
+    let usb = |port: &serialport::SerialPortInfo| matches!(port.port_type, SerialPortType::UsbPort(_));
+    let mut names: Vec<String> = serialport::available_ports()
+        .unwrap_or_default()
+        .into_iter()
+        .filter(|port| usb(port) || port.port_name.contains("ttyUSB") || port.port_name.contains("ttyACM"))
+        .map(|port| port.port_name)
+        .collect();
+    names.sort();
+    names.dedup();
+    names
+}
+
+/// The port that was named, or else the only one that could be meant.
+///
+/// # Errors
+/// [`LinkError::NotNamed`] where none was named and there is not exactly one.
+pub fn choose(named: Option<&str>) -> Result<String, LinkError> {
+    if let Some(name) = named {
+        return Ok(name.to_owned());
+    }
+    let mut available = robots();
+    match available.len() {
+        1 => Ok(available.remove(0)),
+        _ => Err(LinkError::NotNamed { available }),
+    }
+}
+
+/// Takes the port for this program until the answer is dropped.
+///
+/// The kernel's own exclusive mode does not bind the superuser, and does not say who is first; an advisory lock does.
+///
+/// # Errors
+/// [`LinkError::NotFound`], [`LinkError::Busy`], [`LinkError::NotPermitted`] or [`LinkError::Port`].
+pub fn lock(path: &str) -> Result<OwnedFd, LinkError> {
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let port = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| classify(path, error.into()))?;
+    match rustix::fs::flock(&port, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => Ok(port),
+        Err(rustix::io::Errno::WOULDBLOCK) => Err(busy(path)),
+        Err(error) => Err(classify(path, error.into())),
+    }
+}
+
+/// Opens the port at the protocol's speed. The lock must be kept as long as the port.
+pub(super) fn open(path: &str) -> Result<(Box<dyn SerialPort>, OwnedFd), LinkError> {
+    let lock = lock(path)?;
+    let port = serialport::new(path, protocol::BAUD)
+        .timeout(READ_TIMEOUT)
+        .open()
+        .map_err(|error| classify(path, io::Error::from(error)))?;
+    Ok((port, lock))
+}
+
+fn classify(path: &str, source: io::Error) -> LinkError {
+    const BUSY: i32 = 16;
+    match source.kind() {
+        io::ErrorKind::NotFound => LinkError::NotFound { path: path.to_owned(), available: robots() },
+        io::ErrorKind::PermissionDenied => LinkError::NotPermitted { path: path.to_owned(), group: group_of(path) },
+        io::ErrorKind::ResourceBusy => busy(path),
+        _ if source.raw_os_error() == Some(BUSY) => busy(path),
+        _ => LinkError::Port { path: path.to_owned(), source },
+    }
+}
+
+fn busy(path: &str) -> LinkError {
+    LinkError::Busy { path: path.to_owned(), holder: holder_of(path) }
+}
+
+/// The group that owns the port: `dialout` on Debian.
+fn group_of(path: &str) -> String {
+    let gid = fs::metadata(path).map(|meta| meta.gid()).ok();
+    let groups = fs::read_to_string("/etc/group").unwrap_or_default();
+    let name = groups.lines().find_map(|line| {
+        let mut fields = line.split(':');
+        let name = fields.next()?;
+        let id = fields.nth(1)?.parse().ok();
+        (id.is_some() && id == gid).then(|| name.to_owned())
+    });
+    name.unwrap_or_else(|| "dialout".to_owned())
+}
+
+/// The process that has the port open, as `name, process 123`, where the system lets us see it.
+fn holder_of(path: &str) -> Option<String> {
+    let port = fs::canonicalize(path).ok()?;
+    let own = std::process::id().to_string();
+    fs::read_dir("/proc").ok()?.flatten().find_map(|process| {
+        let id = process.file_name().into_string().ok()?;
+        if id == own || !id.bytes().all(|byte| byte.is_ascii_digit()) {
+            return None;
+        }
+        let mut files = fs::read_dir(process.path().join("fd")).ok()?.flatten();
+        files.any(|file| fs::read_link(file.path()).is_ok_and(|target| target == port)).then(|| {
+            let name = fs::read_to_string(Path::new("/proc").join(&id).join("comm")).unwrap_or_default();
+            format!("{}, process {id}", name.trim())
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_port_is_named_with_those_that_are_there() {
+        let error = lock("/dev/no-such-port").unwrap_err();
+        assert!(matches!(&error, LinkError::NotFound { path, .. } if path == "/dev/no-such-port"));
+        assert!(error.to_string().contains("/dev/no-such-port"));
+    }
+
+    #[test]
+    fn a_port_in_use_is_busy_and_says_who_has_it() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let path = file.path().to_str().unwrap();
+        let _first = lock(path).unwrap();
+        assert!(matches!(lock(path), Err(LinkError::Busy { .. })));
+    }
+
+    #[test]
+    fn a_forbidden_port_names_the_group_to_join() {
+        let text = LinkError::NotPermitted { path: "/dev/ttyUSB0".into(), group: "dialout".into() }.to_string();
+        assert!(text.contains("usermod -aG dialout"));
+        let file = tempfile::NamedTempFile::new().unwrap();
+        assert!(!group_of(file.path().to_str().unwrap()).is_empty());
+    }
+}

@@ -1,0 +1,366 @@
+//! The thread that owns the port.
+
+use super::LinkError;
+use super::port;
+use protocol::frame::{Accumulator, FrameError, MAX_FRAME, encode};
+use protocol::units::Micros;
+use protocol::{Command, Info, Message, Reply, Request, Telemetry, VERSION};
+use serialport::SerialPort;
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::os::fd::OwnedFd;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime};
+
+/// Something that came over the link.
+#[derive(Debug)]
+pub struct Received {
+    /// When, on the host's wall clock.
+    pub wall: SystemTime,
+    /// When, since the link was opened.
+    pub at: Duration,
+    /// What.
+    pub event: Event,
+}
+
+/// What came.
+#[derive(Debug)]
+pub enum Event {
+    /// Bytes as they came.
+    Raw(Vec<u8>),
+    /// A frame of the stream.
+    Telemetry(Telemetry),
+    /// A frame that could not be read.
+    Damaged(FrameError),
+    /// A request was sent again: which, and the how-manieth time.
+    Retried(Command, u32),
+    /// The board read its clock between these two times since the link was opened.
+    Ping {
+        /// The board's clock.
+        board: Micros,
+        /// When the question was sent.
+        sent: Duration,
+    },
+    /// The port is gone; nothing comes after this.
+    Closed,
+}
+
+/// An open link to a board that speaks our protocol. Closing it stops the motors.
+#[derive(Debug)]
+pub struct Link {
+    path: String,
+    info: Info,
+    questions: Sender<Question>,
+    events: Receiver<Received>,
+    thread: Option<JoinHandle<()>>,
+}
+
+struct Question {
+    command: Command,
+    answer: Sender<Answer>,
+}
+
+/// A reply, or the number of attempts that brought none.
+type Answer = Result<Reply, u32>;
+
+impl Link {
+    /// How long a board may take to answer the first handshake: opening the port resets a Nano, and the older of its
+    /// bootloaders waits for two seconds.
+    pub const HANDSHAKE: Duration = Duration::from_secs(6);
+
+    /// Opens the port and shakes hands.
+    ///
+    /// # Errors
+    /// The port's errors, [`LinkError::Silent`], [`LinkError::OtherProgram`] or [`LinkError::OtherVersion`].
+    pub fn open(path: &str) -> Result<Self, LinkError> {
+        let (port, lock) = port::open(path)?;
+        let (questions, asked) = channel();
+        let (sender, events) = channel();
+        let worker = Worker::new(port, lock, asked, sender);
+        let thread = std::thread::Builder::new()
+            .name("link".into())
+            .spawn(move || worker.run())
+            .map_err(|source| LinkError::Port { path: path.to_owned(), source })?;
+        let mut link = Self { path: path.to_owned(), info: Info::default(), questions, events, thread: Some(thread) };
+        link.info = link.handshake()?;
+        Ok(link)
+    }
+
+    /// The port.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// What the board said of itself in the handshake.
+    pub fn info(&self) -> &Info {
+        &self.info
+    }
+
+    /// Asks the board, and waits for its answer through several attempts.
+    ///
+    /// # Errors
+    /// [`LinkError::NoAnswer`], [`LinkError::Refused`] or [`LinkError::Closed`].
+    pub fn ask(&self, command: Command) -> Result<Reply, LinkError> {
+        let (answer, answered) = channel();
+        let closed = || LinkError::Closed { path: self.path.clone() };
+        self.questions.send(Question { command, answer }).map_err(|_| closed())?;
+        match answered.recv().map_err(|_| closed())? {
+            Ok(Reply::Refused(refusal)) => Err(LinkError::Refused { command: name(&command), refusal }),
+            Ok(reply) => Ok(reply),
+            Err(attempts) => Err(LinkError::NoAnswer { path: self.path.clone(), command: name(&command), attempts }),
+        }
+    }
+
+    /// Asks for something that is answered with [`Reply::Done`].
+    ///
+    /// # Errors
+    /// As [`Link::ask`].
+    pub fn command(&self, command: Command) -> Result<(), LinkError> {
+        match self.ask(command)? {
+            Reply::Done => Ok(()),
+            other => Err(self.wrong_answer(&command, &other)),
+        }
+    }
+
+    /// An answer that does not fit its question.
+    pub fn wrong_answer(&self, command: &Command, answer: &Reply) -> LinkError {
+        LinkError::WrongAnswer { command: name(command), answer: format!("{answer:?}") }
+    }
+
+    /// The next thing that came, if any comes within `patience`.
+    pub fn next(&self, patience: Duration) -> Option<Received> {
+        match self.events.recv_timeout(patience) {
+            Ok(received) => Some(received),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                Some(Received { wall: SystemTime::now(), at: Duration::ZERO, event: Event::Closed })
+            }
+        }
+    }
+
+    fn handshake(&self) -> Result<Info, LinkError> {
+        let begun = Instant::now();
+        let mut bytes = 0;
+        let mut foreign = None;
+        while begun.elapsed() < Self::HANDSHAKE {
+            let answer = self.ask(Command::Hello);
+            while let Ok(received) = self.events.try_recv() {
+                match received.event {
+                    Event::Raw(raw) => bytes += raw.len(),
+                    Event::Damaged(FrameError::Foreign(Some(version))) => foreign = Some(version),
+                    _ => {}
+                }
+            }
+            match (answer, foreign) {
+                (Ok(Reply::Info(info)), _) if info.protocol == VERSION => return Ok(info),
+                (Ok(Reply::Info(Info { protocol: theirs, .. })), _) | (_, Some(theirs)) => {
+                    return Err(LinkError::OtherVersion { path: self.path.clone(), theirs });
+                }
+                (Ok(other), _) => return Err(self.wrong_answer(&Command::Hello, &other)),
+                (Err(LinkError::NoAnswer { .. }), _) => {}
+                (Err(error), _) => return Err(error),
+            }
+        }
+        let path = self.path.clone();
+        Err(match bytes {
+            0 => LinkError::Silent { path, waited: begun.elapsed() },
+            bytes => LinkError::OtherProgram { path, bytes },
+        })
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        // The thread sends a stop when its questions end.
+        let (questions, _) = channel();
+        self.questions = questions;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn name(command: &Command) -> String {
+    match command {
+        Command::Hello => "the handshake".into(),
+        Command::SetSpeeds([w1, w2]) => format!("speeds of {} and {} rpm", w1.rpm(), w2.rpm()),
+        Command::WriteSettings(_) => "new settings".into(),
+        other => format!("{other:?}"),
+    }
+}
+
+/// Waits before the attempts after the first.
+const BACK_OFF: [Duration; 5] = [
+    Duration::from_millis(50),
+    Duration::from_millis(100),
+    Duration::from_millis(200),
+    Duration::from_millis(300),
+    Duration::from_millis(400),
+];
+
+/// Between pings, which feed the motors' deadline (500 ms by default) and hold the two clocks together.
+const PING_EVERY: Duration = Duration::from_millis(50);
+
+struct Worker {
+    port: Box<dyn SerialPort>,
+    _lock: OwnedFd,
+    asked: Receiver<Question>,
+    waiting: VecDeque<Question>,
+    events: Sender<Received>,
+    begun: Instant,
+    accumulator: Accumulator,
+    open: Option<Open>,
+    seq: u8,
+    greeted: bool,
+    next_ping: Instant,
+}
+
+/// The request that waits for its answer.
+struct Open {
+    request: Request,
+    answer: Option<Sender<Answer>>,
+    attempts: u32,
+    first_sent: Duration,
+    again_at: Instant,
+}
+
+/// The port is gone, or nobody listens any more.
+struct Ended;
+
+impl Worker {
+    fn new(port: Box<dyn SerialPort>, lock: OwnedFd, asked: Receiver<Question>, events: Sender<Received>) -> Self {
+        let begun = Instant::now();
+        Self {
+            port,
+            _lock: lock,
+            asked,
+            waiting: VecDeque::new(),
+            events,
+            begun,
+            accumulator: Accumulator::new(),
+            open: None,
+            seq: begun_seq(),
+            greeted: false,
+            next_ping: begun,
+        }
+    }
+
+    fn run(mut self) {
+        while self.turn().is_ok() {}
+        // Whatever ended the link: ask for a stop once more. If it is lost, the board's own deadline does it.
+        let _ = self.send(Command::Stop);
+        self.emit(Event::Closed);
+    }
+
+    fn turn(&mut self) -> Result<(), Ended> {
+        self.read()?;
+        loop {
+            match self.asked.try_recv() {
+                Ok(question) => self.waiting.push_back(question),
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) if self.waiting.is_empty() => return Err(Ended),
+                Err(TryRecvError::Disconnected) => break,
+            }
+        }
+        if self.open.is_some() {
+            return self.insist();
+        }
+        if let Some(question) = self.waiting.pop_front() {
+            return self.post(question.command, Some(question.answer));
+        }
+        if self.greeted && Instant::now() >= self.next_ping {
+            return self.post(Command::Ping, None);
+        }
+        Ok(())
+    }
+
+    fn read(&mut self) -> Result<(), Ended> {
+        let mut buffer = [0; 1024];
+        let read = match self.port.read(&mut buffer) {
+            Ok(0) => return Err(Ended),
+            Ok(read) => read,
+            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => return Ok(()),
+            Err(_) => return Err(Ended),
+        };
+        self.emit(Event::Raw(buffer[..read].to_vec()));
+        for byte in &buffer[..read] {
+            match self.accumulator.push::<Message>(*byte) {
+                None => {}
+                Some(Ok(Message::Telemetry(telemetry))) => self.emit(Event::Telemetry(telemetry)),
+                Some(Ok(Message::Reply { to, reply })) => self.answered(to, reply),
+                Some(Err(error)) => self.emit(Event::Damaged(error)),
+            }
+        }
+        Ok(())
+    }
+
+    fn post(&mut self, command: Command, answer: Option<Sender<Answer>>) -> Result<(), Ended> {
+        let request = self.send(command)?;
+        let now = Instant::now();
+        self.open =
+            Some(Open { request, answer, attempts: 1, first_sent: self.begun.elapsed(), again_at: now + BACK_OFF[0] });
+        Ok(())
+    }
+
+    /// Sends the open request again when its time has come, and gives it up in the end. An idle question is not worth
+    /// insisting on: the next ping is due anyway.
+    fn insist(&mut self) -> Result<(), Ended> {
+        let Some(open) = &mut self.open else { return Ok(()) };
+        if Instant::now() < open.again_at {
+            return Ok(());
+        }
+        let Some(wait) = BACK_OFF.get(open.attempts as usize).filter(|_| open.answer.is_some()) else {
+            let attempts = open.attempts;
+            if let Some(answer) = self.open.take().and_then(|open| open.answer) {
+                let _ = answer.send(Err(attempts));
+            }
+            return Ok(());
+        };
+        open.attempts += 1;
+        open.again_at = Instant::now() + *wait;
+        let (request, attempts) = (open.request, open.attempts);
+        self.write(&request)?;
+        if request.command != Command::Hello {
+            self.emit(Event::Retried(request.command, attempts));
+        }
+        Ok(())
+    }
+
+    fn answered(&mut self, to: u8, reply: Reply) {
+        let Some(open) = self.open.take_if(|open| open.request.seq == to) else { return };
+        self.greeted |= matches!(reply, Reply::Info(_));
+        if let (Reply::Pong(board), 1) = (reply, open.attempts) {
+            self.emit(Event::Ping { board, sent: open.first_sent });
+        }
+        if let Some(answer) = open.answer {
+            let _ = answer.send(Ok(reply));
+        }
+    }
+
+    fn send(&mut self, command: Command) -> Result<Request, Ended> {
+        self.seq = self.seq.wrapping_add(1);
+        let request = Request { seq: self.seq, command };
+        self.write(&request)?;
+        Ok(request)
+    }
+
+    /// A leading delimiter ends whatever the line's noise left in the board's buffer.
+    fn write(&mut self, request: &Request) -> Result<(), Ended> {
+        let mut buffer = [0; MAX_FRAME];
+        let frame = encode(request, &mut buffer).map_err(|_| Ended)?;
+        self.next_ping = Instant::now() + PING_EVERY;
+        let line = [&[0], &*frame].concat();
+        self.port.write_all(&line).map_err(|_| Ended)
+    }
+
+    fn emit(&mut self, event: Event) {
+        // Nobody listening is no failure here: the questions' end will be seen next.
+        let _ = self.events.send(Received { wall: SystemTime::now(), at: self.begun.elapsed(), event });
+    }
+}
+
+/// A first sequence number that differs from that of the program before us, whose last request the board remembers.
+fn begun_seq() -> u8 {
+    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.subsec_micros() as u8)
+}
