@@ -1,3 +1,13 @@
-//! The host side of the rig.
+//! The host side of the rig: what the `biflag` program is made of.
+//!
+//! A trial is a trial: a [`plan`] lists trials, the [`rig`] or the model runs them, and both write the same [`log`] into
+//! the same [`session`] folder. Whatever comes after reads a session without asking where it came from.
 
+pub mod board_settings;
+pub mod commands;
 pub mod link;
+pub mod log;
+pub mod plan;
+pub mod rig;
+pub mod session;
+pub mod stats;

@@ -1,0 +1,184 @@
+//! Settings of the board as a file: the `[board]` table of a plan, and what `biflag settings` reads and writes.
+
+use miette::Diagnostic;
+use protocol::Settings;
+use protocol::units::{AccelRange, Axis, AxisMap, GyroRange};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Settings to put in force; what is left out stays as it is. Units and meaning as in [`Settings`].
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(deny_unknown_fields)]
+pub struct BoardSettings {
+    /// A number to tell boards apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub board_id: Option<u16>,
+    /// 250, 500, 1000 or 2000 °/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gyro_range_dps: Option<u16>,
+    /// 2, 4, 8 or 16 g.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accel_range_g: Option<u8>,
+    /// 0 (260 Hz) to 6 (5 Hz).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub low_pass: Option<u8>,
+    /// The sensor's axis that reads each body axis: `["-x", "+y", "+z"]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gyro_axes: Option<[String; 3]>,
+    /// The same for the accelerometer.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accel_axes: Option<[String; 3]>,
+    /// Mean reading at rest, counts, sensor axes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gyro_bias_counts: Option<[f32; 3]>,
+    /// 1/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attitude_kp: Option<f32>,
+    /// 1/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attitude_ki: Option<f32>,
+    /// Duty steps per rpm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_kp: Option<f32>,
+    /// Duty steps per rpm and second.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_ki: Option<f32>,
+    /// Encoder counts per turn of a flagellum.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub counts_per_turn: Option<f32>,
+    /// Whether a positive duty turns motors 1 and 2 backwards.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motor_reversed: Option<[bool; 2]>,
+    /// Whether the encoders of motors 1 and 2 count backwards.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub encoder_reversed: Option<[bool; 2]>,
+    /// Longest silence of the host while the motors turn, ms.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deadline_ms: Option<u16>,
+}
+
+/// A setting that the board cannot work with.
+#[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
+#[error("{key} = {value} is out of range")]
+#[diagnostic(code(wrong_use), help("{cure}"))]
+pub struct BoardSettingsError {
+    /// The key in the file.
+    pub key: &'static str,
+    /// What it was set to.
+    pub value: String,
+    /// What to write instead.
+    pub cure: &'static str,
+}
+
+impl BoardSettings {
+    /// Every setting of the board.
+    pub fn all(settings: &Settings) -> Self {
+        let names = |axes: AxisMap| axes.0.map(|axis| axis.to_string());
+        Self {
+            board_id: Some(settings.board_id),
+            gyro_range_dps: Some(settings.gyro_range.full_scale_dps()),
+            accel_range_g: Some(settings.accel_range.full_scale_g()),
+            low_pass: Some(settings.low_pass),
+            gyro_axes: Some(names(settings.gyro_axes)),
+            accel_axes: Some(names(settings.accel_axes)),
+            gyro_bias_counts: Some(settings.gyro_bias),
+            attitude_kp: Some(settings.attitude_kp),
+            attitude_ki: Some(settings.attitude_ki),
+            speed_kp: Some(settings.speed_kp),
+            speed_ki: Some(settings.speed_ki),
+            counts_per_turn: Some(settings.counts_per_turn),
+            motor_reversed: Some(settings.motor_reversed),
+            encoder_reversed: Some(settings.encoder_reversed),
+            deadline_ms: Some(settings.deadline_ms),
+        }
+    }
+
+    /// Whether nothing is set.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// `base` with these settings in the place of its own.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range.
+    pub fn apply(&self, base: Settings) -> Result<Settings, BoardSettingsError> {
+        let mut settings = base;
+        let wrong =
+            |key, value: &dyn std::fmt::Display, cure| Err(BoardSettingsError { key, value: value.to_string(), cure });
+        set(&mut settings.board_id, self.board_id);
+        if let Some(dps) = self.gyro_range_dps {
+            match GyroRange::ALL.into_iter().find(|range| range.full_scale_dps() == dps) {
+                Some(range) => settings.gyro_range = range,
+                None => return wrong("gyro_range_dps", &dps, "give 250, 500, 1000 or 2000"),
+            }
+        }
+        if let Some(g) = self.accel_range_g {
+            match AccelRange::ALL.into_iter().find(|range| range.full_scale_g() == g) {
+                Some(range) => settings.accel_range = range,
+                None => return wrong("accel_range_g", &g, "give 2, 4, 8 or 16"),
+            }
+        }
+        set(&mut settings.low_pass, self.low_pass);
+        if settings.low_pass > 6 {
+            return wrong("low_pass", &settings.low_pass, "give 0 (260 Hz) to 6 (5 Hz)");
+        }
+        for (key, names, axes) in [
+            ("gyro_axes", &self.gyro_axes, &mut settings.gyro_axes),
+            ("accel_axes", &self.accel_axes, &mut settings.accel_axes),
+        ] {
+            if let Some(names) = names {
+                match axis_map(names) {
+                    Some(map) => *axes = map,
+                    None => {
+                        return wrong(
+                            key,
+                            &format!("{names:?}"),
+                            "name each axis once with its sign, such as [\"-x\", \"+y\", \"+z\"]",
+                        );
+                    }
+                }
+            }
+        }
+        set(&mut settings.gyro_bias, self.gyro_bias_counts);
+        for bias in settings.gyro_bias {
+            if !(-32768.0..=32767.0).contains(&bias) {
+                return wrong("gyro_bias_counts", &bias, "give counts of the sensor, -32768 to 32767");
+            }
+        }
+        for (key, value, gain) in [
+            ("attitude_kp", self.attitude_kp, &mut settings.attitude_kp),
+            ("attitude_ki", self.attitude_ki, &mut settings.attitude_ki),
+            ("speed_kp", self.speed_kp, &mut settings.speed_kp),
+            ("speed_ki", self.speed_ki, &mut settings.speed_ki),
+        ] {
+            set(gain, value);
+            if !(0.0..=1000.0).contains(gain) {
+                return wrong(key, gain, "give 0 to 1000");
+            }
+        }
+        set(&mut settings.counts_per_turn, self.counts_per_turn);
+        if !(1.0..=100_000.0).contains(&settings.counts_per_turn) {
+            return wrong("counts_per_turn", &settings.counts_per_turn, "give 1 to 100000");
+        }
+        set(&mut settings.motor_reversed, self.motor_reversed);
+        set(&mut settings.encoder_reversed, self.encoder_reversed);
+        set(&mut settings.deadline_ms, self.deadline_ms);
+        if !(50..=5000).contains(&settings.deadline_ms) {
+            return wrong("deadline_ms", &settings.deadline_ms, "give 50 to 5000");
+        }
+        Ok(settings)
+    }
+}
+
+fn set<T: Copy>(setting: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *setting = value;
+    }
+}
+
+fn axis_map(names: &[String; 3]) -> Option<AxisMap> {
+    let [x, y, z] = names;
+    let map = AxisMap([Axis::from_name(x)?, Axis::from_name(y)?, Axis::from_name(z)?]);
+    map.is_permutation().then_some(map)
+}

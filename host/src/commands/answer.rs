@@ -1,0 +1,143 @@
+//! What a command hands back, and how it reaches the user: stdout, stderr and the exit code.
+
+use miette::{Diagnostic, Report};
+use serde::Serialize;
+use std::io::Write;
+use std::process::ExitCode;
+
+/// How a command that did not fail ended.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Outcome {
+    /// Everything was done. Exit code 0.
+    Done,
+    /// Done, with loss or warnings that matter. Exit code 3.
+    WithLoss,
+    /// The user interrupted it, and everything is closed properly. Exit code 130.
+    Interrupted,
+}
+
+/// The diagnostic code of an error that the user made: exit code 2 instead of 1. To be given as
+/// `#[diagnostic(code(wrong_use))]`, or as `code = WRONG_USE` in [`miette::miette!`].
+pub const WRONG_USE: &str = "wrong_use";
+
+/// What a command found or did.
+#[derive(Debug)]
+pub struct Answer {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// What `--json` prints.
+    pub json: serde_json::Value,
+    /// What is printed without `--json`.
+    pub text: String,
+}
+
+impl Answer {
+    /// An answer whose JSON is `body`.
+    ///
+    /// # Errors
+    /// When `body` has no JSON form.
+    pub fn new(outcome: Outcome, body: &impl Serialize, text: impl Into<String>) -> miette::Result<Self> {
+        let json = serde_json::to_value(body).map_err(|error| miette::miette!("the answer is no JSON: {error}"))?;
+        Ok(Self { outcome, json, text: text.into() })
+    }
+}
+
+/// Prints `result` and turns it into the exit code.
+pub(super) fn finish(result: miette::Result<Answer>, json: bool) -> ExitCode {
+    let code = exit_code(&result);
+    let output = match &result {
+        Ok(answer) if json => answer.json.to_string(),
+        Ok(answer) => answer.text.clone(),
+        Err(report) => {
+            eprint!("{}", describe(report.as_ref()));
+            if json { error_json(report).to_string() } else { String::new() }
+        }
+    };
+    if output.is_empty() {
+        return ExitCode::from(code);
+    }
+    match writeln!(std::io::stdout(), "{}", output.trim_end()) {
+        Ok(()) => ExitCode::from(code),
+        // A reader like `head` that has seen enough is no failure.
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::from(code),
+        Err(error) => {
+            eprintln!("error: stdout: {error}");
+            ExitCode::from(1)
+        }
+    }
+}
+
+fn exit_code(result: &miette::Result<Answer>) -> u8 {
+    match result {
+        Ok(answer) => match answer.outcome {
+            Outcome::Done => 0,
+            Outcome::WithLoss => 3,
+            Outcome::Interrupted => 130,
+        },
+        Err(report) if report.code().is_some_and(|code| code.to_string() == WRONG_USE) => 2,
+        Err(_) => 1,
+    }
+}
+
+fn error_json(report: &Report) -> serde_json::Value {
+    serde_json::json!({
+        "error": chain(report.as_ref()).join(": "),
+        "help": report.help().map(|help| help.to_string()),
+    })
+}
+
+/// What was wrong and where, what caused it, and what to do about it.
+fn describe(error: &dyn Diagnostic) -> String {
+    let mut text = format!("error: {}\n", chain(error).join("\n  because: "));
+    if let Some(help) = error.help() {
+        text += &format!("  help: {help}\n");
+    }
+    text
+}
+
+/// The error and its causes; libraries often repeat a cause in the message, which is then left out.
+fn chain(error: &dyn Diagnostic) -> Vec<String> {
+    let mut messages = vec![error.to_string()];
+    let mut source = error.source();
+    while let Some(cause) = source {
+        let message = cause.to_string();
+        if !messages.iter().any(|seen| seen.contains(&message)) {
+            messages.push(message);
+        }
+        source = cause.source();
+    }
+    messages
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, thiserror::Error, Diagnostic)]
+    #[error("plan.toml:3: no such speed")]
+    #[diagnostic(code(wrong_use), help("give a speed"))]
+    struct Wrong {
+        #[source]
+        cause: std::io::Error,
+    }
+
+    #[test]
+    fn exit_codes_follow_the_convention() {
+        let answer = |outcome| Answer::new(outcome, &(), "");
+        assert_eq!(exit_code(&answer(Outcome::Done)), 0);
+        assert_eq!(exit_code(&answer(Outcome::WithLoss)), 3);
+        assert_eq!(exit_code(&answer(Outcome::Interrupted)), 130);
+        assert_eq!(exit_code(&Err(miette::miette!("it broke"))), 1);
+        assert_eq!(exit_code(&Err(miette::miette!(code = WRONG_USE, "not so"))), 2);
+    }
+
+    #[test]
+    fn an_error_says_what_why_and_the_cure() {
+        let report: Report = Wrong { cause: std::io::Error::other("it is gone") }.into();
+        assert_eq!(
+            describe(report.as_ref()),
+            "error: plan.toml:3: no such speed\n  because: it is gone\n  help: give a speed\n"
+        );
+        assert_eq!(exit_code(&Err(report)), 2);
+    }
+}

@@ -1,0 +1,52 @@
+//! The command line: one file a command, each a function from its arguments to an [`Answer`].
+
+mod answer;
+mod export;
+mod info;
+mod recover;
+
+pub use answer::{Answer, Outcome, WRONG_USE};
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Record, keep and read trials of the two-flagella robot.
+#[derive(Parser, Debug)]
+#[command(name = "biflag", version, arg_required_else_help = true)]
+struct Cli {
+    /// Print one JSON object on stdout and nothing else there.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    Info(info::Args),
+    Recover(recover::Args),
+    Export(export::Args),
+}
+
+/// Runs the program as its command line says.
+pub fn run() -> ExitCode {
+    // clap itself exits with 2 on wrong use, and with 0 after --help and --version.
+    let cli = Cli::parse();
+    let result = match cli.command {
+        Command::Info(args) => info::run(&args),
+        Command::Recover(args) => recover::run(&args),
+        Command::Export(args) => export::run(&args),
+    };
+    answer::finish(result, cli.json)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,22 @@
+//! The log of a trial: an MCAP file with protobuf messages that anyone can read in ten years.
+//!
+//! | channel | message | holds |
+//! | --- | --- | --- |
+//! | `/raw` | `biflag.RawBytes` | the bytes as they came, so that a decoder's bug never loses a trial |
+//! | `/telemetry` | `biflag.Telemetry` | the state of the robot at each tick, in counts and in physical units |
+//! | `/attitude` | `foxglove.FrameTransform` | the attitude again, in the form that viewers know |
+//! | `/command` | `biflag.Command` | what was sent, how often, and what was answered |
+//! | `/dropout` | `biflag.Dropout` | telemetry frames that were lost |
+//! | `/event` | `biflag.Event` | phases, states, faults, warnings |
+//!
+//! A message's `publish_time` is the host's clock when it came. Its `log_time` is the trial's clock: the board's time,
+//! counted from the host's clock at the first telemetry frame. What has no time of the board's takes that of the frame
+//! before it, so that a trial recorded faster than real time still reads as one that lasted its full length.
+
+mod error;
+mod meta;
+mod writer;
+
+pub use error::LogError;
+pub use meta::{ClockFit, End, Origin, Summary};
+pub use writer::{CommandRecord, EventKind, Start, Writer};

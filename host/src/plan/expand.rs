@@ -1,0 +1,148 @@
+//! From pairs, a grid, repeats and a seed to the list of trials.
+
+use super::file::{Source, SpeedsTable};
+use super::{MAX_TRIALS, Phases, PlanError, Trial};
+use protocol::units::CentiRpm;
+use std::collections::HashSet;
+use std::ops::Range;
+use toml::Spanned;
+
+/// What the trials are made from.
+pub(super) struct SpeedList<'a> {
+    pub table: &'a SpeedsTable,
+    pub span: Range<usize>,
+    pub repeats: u32,
+    pub seed: Option<u64>,
+    pub phases: Phases,
+}
+
+pub(super) fn expand(list: &SpeedList, source: &Source) -> Result<Vec<Trial>, PlanError> {
+    let pairs = pairs(list, source)?;
+    let mut order: Vec<([CentiRpm; 2], u32)> =
+        (1..=list.repeats).flat_map(|repeat| pairs.iter().map(move |speeds| (*speeds, repeat))).collect();
+    if let Some(seed) = list.seed {
+        shuffle(&mut order, seed);
+    }
+    let digits = order.len().to_string().len().max(3);
+    let trial = |(index, (speeds, repeat)): (usize, ([CentiRpm; 2], u32))| {
+        let [w1, w2] = speeds.map(|speed| speed.rpm());
+        let number = index + 1;
+        let mut name = format!("{number:0digits$}_w1{w1:+}_w2{w2:+}");
+        if list.repeats > 1 {
+            name += &format!("_r{repeat}");
+        }
+        Trial { name, index, repeat, speeds, phases: list.phases }
+    };
+    Ok(order.into_iter().enumerate().map(trial).collect())
+}
+
+/// Every pair of speeds once, in the order of the file.
+fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanError> {
+    let mut pairs = Vec::new();
+    for pair in &list.table.pairs {
+        let [w1, w2] = *pair.get_ref();
+        pairs.push(([speed(w1, pair.span(), source)?, speed(w2, pair.span(), source)?], pair.span()));
+    }
+    if let Some(grid) = &list.table.grid {
+        let (w1, w2) = (Axis::new(&grid.w1, "w1", source)?, Axis::new(&grid.w2, "w2", source)?);
+        let count = w1.count.saturating_mul(w2.count);
+        if count > MAX_TRIALS {
+            return Err(too_many(count, grid.w1.span(), source));
+        }
+        let second: Vec<_> = w2.speeds(source).collect::<Result<_, _>>()?;
+        for first in w1.speeds(source) {
+            let first = first?;
+            pairs.extend(second.iter().map(|second| ([first, *second], grid.w1.span())));
+        }
+    }
+    if pairs.is_empty() {
+        let cure = "give [speeds] pairs = [[50, 10]], or a grid";
+        return Err(source.error(list.span.clone(), "the plan has no trials", cure));
+    }
+    let count = pairs.len().saturating_mul(list.repeats as usize);
+    if count > MAX_TRIALS {
+        return Err(too_many(count, list.span.clone(), source));
+    }
+    let mut seen = HashSet::new();
+    for (pair, span) in &pairs {
+        if !seen.insert(*pair) {
+            let [w1, w2] = pair.map(CentiRpm::rpm);
+            let cure = "leave one out; to run every pair several times, set repeats";
+            return Err(source.error(span.clone(), format!("the speeds {w1}, {w2} are listed twice"), cure));
+        }
+    }
+    Ok(pairs.into_iter().map(|(pair, _)| pair).collect())
+}
+
+fn too_many(count: usize, span: Range<usize>, source: &Source) -> PlanError {
+    let what = format!("the plan has {count} trials, more than {MAX_TRIALS}");
+    source.error(span, what, "take larger steps or fewer repeats, or make several plans")
+}
+
+/// One axis of the grid.
+struct Axis<'a> {
+    table: &'a Spanned<[f64; 3]>,
+    count: usize,
+}
+
+impl<'a> Axis<'a> {
+    fn new(table: &'a Spanned<[f64; 3]>, name: &str, source: &Source) -> Result<Self, PlanError> {
+        let [first, last, step] = *table.get_ref();
+        let wrong = |what: String, cure: &str| Err(source.error(table.span(), what, cure));
+        let form = "give [first, last, step] in rpm, such as [-90, 90, 10]";
+        for end in [first, last] {
+            speed(end, table.span(), source)?;
+        }
+        if !step.is_finite() || step == 0.0 {
+            return wrong(format!("the step of {name} is {step}"), form);
+        }
+        if (last - first) * step < 0.0 {
+            return wrong(format!("steps of {step} do not lead from {first} to {last}"), form);
+        }
+        // A step that does not divide the range ends short of the last speed; one that does must reach it in spite of
+        // rounding.
+        let steps = ((last - first) / step + 1e-6).floor();
+        if steps >= MAX_TRIALS as f64 {
+            return wrong(format!("{name} has {} speeds", steps + 1.0), "take larger steps");
+        }
+        Ok(Self { table, count: steps as usize + 1 })
+    }
+
+    fn speeds(&self, source: &'a Source) -> impl Iterator<Item = Result<CentiRpm, PlanError>> {
+        let [first, _, step] = *self.table.get_ref();
+        (0..self.count).map(move |i| speed(first + step * i as f64, self.table.span(), source))
+    }
+}
+
+/// A speed that the board can be told.
+fn speed(rpm: f64, span: Range<usize>, source: &Source) -> Result<CentiRpm, PlanError> {
+    let limit = CentiRpm::LIMIT.rpm();
+    if !rpm.is_finite() {
+        return Err(source.error(span, format!("{rpm} is no speed"), format!("give -{limit} to {limit} rpm")));
+    }
+    if rpm.abs() > limit + 1e-6 {
+        let what = format!("{rpm} rpm is beyond ±{limit} rpm");
+        return Err(source.error(span, what, "take a speed that the motors reach"));
+    }
+    let speed = CentiRpm::from_rpm(rpm);
+    if (speed.rpm() - rpm).abs() > 1e-6 {
+        return Err(source.error(span, format!("{rpm} rpm is finer than the board can be told"), "round to 0.01 rpm"));
+    }
+    Ok(speed)
+}
+
+/// Fisher and Yates, with SplitMix64. The names of a session's files depend on the order, so it must not change with a
+/// library's version.
+fn shuffle<T>(items: &mut [T], seed: u64) {
+    let mut state = seed;
+    let mut next = || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    };
+    for end in (1..items.len()).rev() {
+        // The bias of the remainder is below 1e-15 for lists this short.
+        items.swap(end, (next() % (end as u64 + 1)) as usize);
+    }
+}

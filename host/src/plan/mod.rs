@@ -1,0 +1,136 @@
+//! A plan: the TOML file that says what trials a session is made of.
+//!
+//! ```
+//! let plan = host::plan::Plan::parse("[speeds]\npairs = [[50, 10]]\ngrid = { w1 = [0, 90, 45], w2 = [0, 0, 1] }", "p.toml")?;
+//! assert_eq!(plan.trials.len(), 4);
+//! assert_eq!(plan.trials[0].name, "001_w1+50_w2+10");
+//! assert_eq!(plan.trials[0].phases.run_s, 120.0);
+//! # Ok::<(), host::plan::PlanError>(())
+//! ```
+
+mod error;
+mod expand;
+mod file;
+
+pub use error::PlanError;
+
+use crate::board_settings::BoardSettings;
+use protocol::units::CentiRpm;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// The most trials that a plan may have.
+pub const MAX_TRIALS: usize = 10_000;
+
+/// A plan, checked and expanded.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Plan {
+    /// `[session] name`; the name of the session's folder unless the user says otherwise.
+    pub name: String,
+    /// Who runs it.
+    pub operator: String,
+    /// Whatever is worth knowing later.
+    pub note: String,
+    /// What robot it is.
+    pub robot: Robot,
+    /// Seed of the trials' order; `None`: as listed.
+    pub seed: Option<u64>,
+    /// The trials in the order in which they are to run.
+    pub trials: Vec<Trial>,
+    /// Settings to write to the board before the first trial.
+    pub board: BoardSettings,
+    /// The file, as it was read.
+    pub text: String,
+}
+
+/// The robot's parameters: those published, or a file.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Robot {
+    /// `published`, or the path in the plan.
+    pub name: String,
+    /// The file's content; empty for `published`.
+    pub text: String,
+}
+
+/// One trial.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Trial {
+    /// Unique in the session and fit for a file's name, such as `001_w1+50_w2+10` or `002_w1+50_w2+10_r2`. The number
+    /// is the place in the order.
+    pub name: String,
+    /// Place in the order, from 0.
+    pub index: usize,
+    /// Which repeat of the same speeds, from 1.
+    pub repeat: u32,
+    /// Speeds of flagella 1 and 2.
+    pub speeds: [CentiRpm; 2],
+    /// How long everything takes.
+    pub phases: Phases,
+}
+
+/// The phases of a trial in their order, seconds.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub struct Phases {
+    /// Calibration of the gyroscope, at rest; 0: the bias in the board's settings is good.
+    pub calibrate_s: f64,
+    /// At rest before the motors turn.
+    pub preroll_s: f64,
+    /// At the trial's speeds.
+    pub run_s: f64,
+    /// Motors off.
+    pub decay_s: f64,
+}
+
+impl Phases {
+    /// The whole trial, seconds.
+    pub fn total_s(&self) -> f64 {
+        self.calibrate_s + self.preroll_s + self.run_s + self.decay_s
+    }
+
+    /// When the motors start, in seconds from the end of the calibration.
+    pub fn run_start_s(&self) -> f64 {
+        self.preroll_s
+    }
+
+    /// When the motors stop, in seconds from the end of the calibration.
+    pub fn run_end_s(&self) -> f64 {
+        self.preroll_s + self.run_s
+    }
+}
+
+impl Default for Phases {
+    fn default() -> Self {
+        Self { calibrate_s: 5.0, preroll_s: 20.0, run_s: 120.0, decay_s: 30.0 }
+    }
+}
+
+impl Plan {
+    /// Reads a plan, and the robot's file that it names.
+    ///
+    /// # Errors
+    /// [`PlanError`]: the file cannot be read, or says what cannot be.
+    pub fn load(path: &Path) -> Result<Self, PlanError> {
+        let read = |path: &Path| {
+            std::fs::read_to_string(path).map_err(|source| PlanError::Read { path: path.to_owned(), source })
+        };
+        let mut plan = Self::parse(&read(path)?, &path.display().to_string())?;
+        if plan.robot.name != file::PUBLISHED {
+            let folder = path.parent().unwrap_or(Path::new(""));
+            plan.robot.text = read(&folder.join(&plan.robot.name))?;
+        }
+        Ok(plan)
+    }
+
+    /// Reads a plan from its text; `source` is what errors call it. The robot's file is not read.
+    ///
+    /// # Errors
+    /// [`PlanError`]: the text says what cannot be.
+    pub fn parse(text: &str, source: &str) -> Result<Self, PlanError> {
+        file::parse(text, source)
+    }
+
+    /// How long all trials take, seconds.
+    pub fn total_s(&self) -> f64 {
+        self.trials.iter().map(|trial| trial.phases.total_s()).sum()
+    }
+}
