@@ -1,1 +1,113 @@
-//! The bench: what the whole-behaviour tests share.
+//! The bench: what the tests of whole behaviours share. They run the real `biflag` against the real firmware on the
+//! emulated board, from outside, as a user would.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+use tempfile::TempDir;
+
+/// A temporary folder to work in.
+pub struct Bench {
+    folder: TempDir,
+}
+
+/// How a run of `biflag` ended.
+#[derive(Debug)]
+pub struct Run {
+    /// The exit code; `None` where a signal ended it.
+    pub code: Option<i32>,
+    /// What it printed on stdout.
+    pub stdout: String,
+    /// What it printed on stderr.
+    pub stderr: String,
+}
+
+impl Bench {
+    /// A new folder.
+    pub fn new() -> Self {
+        Self { folder: TempDir::new().expect("a temporary folder") }
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Writes a file into the folder.
+    pub fn file(&self, name: &str, content: &str) -> PathBuf {
+        let path = self.path().join(name);
+        std::fs::write(&path, content).expect("a file in the temporary folder");
+        path
+    }
+
+    /// A plan of one trial without calibration, pre-roll and decay.
+    pub fn short_plan(&self, run_s: f64, speeds: [f64; 2]) -> PathBuf {
+        let [w1, w2] = speeds;
+        self.file(
+            "plan.toml",
+            &format!(
+                "[session]\nname = \"bench\"\n\
+                 [trial]\ncalibrate = 0\npreroll = 0\nrun = {run_s}\ndecay = 0\n\
+                 [speeds]\npairs = [[{w1}, {w2}]]\n"
+            ),
+        )
+    }
+
+    /// `biflag`, to be started in the folder.
+    pub fn biflag<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(&self, arguments: I) -> Command {
+        let mut command = Command::new(program("biflag"));
+        command.args(arguments).current_dir(self.path()).stdin(Stdio::null());
+        command
+    }
+
+    /// Runs `biflag` in the folder to its end.
+    pub fn run<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(&self, arguments: I) -> Run {
+        let output = self.biflag(arguments).output().expect("biflag runs");
+        Run::new(output.status, output.stdout, output.stderr)
+    }
+}
+
+impl Default for Bench {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Run {
+    fn new(status: ExitStatus, stdout: Vec<u8>, stderr: Vec<u8>) -> Self {
+        let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
+        Self { code: status.code(), stdout: text(stdout), stderr: text(stderr) }
+    }
+
+    /// The JSON object on stdout.
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("no JSON on stdout ({error}): {self:?}"))
+    }
+
+    /// Panics unless the exit code is `code`.
+    #[track_caller]
+    pub fn expect_code(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "stdout: {}\nstderr: {}", self.stdout, self.stderr);
+        self
+    }
+}
+
+/// A file of the reference data.
+pub fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("data").join(name)
+}
+
+/// The firmware's image.
+pub fn firmware() -> PathBuf {
+    built(Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("firmware.elf"))
+}
+
+/// A program of the release build, which is what users run; the emulated board is too slow in a debug build.
+pub fn program(name: &str) -> PathBuf {
+    built(Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("release").join(name))
+}
+
+fn built(path: PathBuf) -> PathBuf {
+    assert!(path.is_file(), "{} is missing: build it first with `make build`", path.display());
+    path
+}

@@ -5,11 +5,13 @@ use serde::Serialize;
 use std::io::Write;
 use std::process::ExitCode;
 
-/// How a command that did not fail ended.
+/// How a command that has an answer ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Outcome {
     /// Everything was done. Exit code 0.
     Done,
+    /// The answer is that something is broken. Exit code 1.
+    Failed,
     /// Done, with loss or warnings that matter. Exit code 3.
     WithLoss,
     /// The user interrupted it, and everything is closed properly. Exit code 130.
@@ -71,6 +73,7 @@ fn exit_code(result: &miette::Result<Answer>) -> u8 {
     match result {
         Ok(answer) => match answer.outcome {
             Outcome::Done => 0,
+            Outcome::Failed => 1,
             Outcome::WithLoss => 3,
             Outcome::Interrupted => 130,
         },

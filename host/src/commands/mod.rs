@@ -1,9 +1,13 @@
 //! The command line: one file a command, each a function from its arguments to an [`Answer`].
 
 mod answer;
+mod doctor;
 mod export;
+mod flash;
 mod info;
+mod record;
 mod recover;
+mod settings;
 
 pub use answer::{Answer, Outcome, WRONG_USE};
 
@@ -23,6 +27,10 @@ struct Cli {
 
 #[derive(Subcommand, Debug)]
 enum Command {
+    Doctor(doctor::Args),
+    Flash(flash::Args),
+    Settings(settings::Args),
+    Record(record::Args),
     Info(info::Args),
     Recover(recover::Args),
     Export(export::Args),
@@ -33,6 +41,10 @@ pub fn run() -> ExitCode {
     // clap itself exits with 2 on wrong use, and with 0 after --help and --version.
     let cli = Cli::parse();
     let result = match cli.command {
+        Command::Doctor(args) => doctor::run(&args),
+        Command::Flash(args) => flash::run(&args),
+        Command::Settings(args) => settings::run(&args),
+        Command::Record(args) => record::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Export(args) => export::run(&args),

@@ -1,14 +1,16 @@
 //! What can go wrong between the host and the board, each with what to do about it.
 
+use miette::Diagnostic;
 use protocol::{Refusal, VERSION};
 use std::time::Duration;
 use thiserror::Error;
 
 /// A failure of the link.
-#[derive(Debug, Error)]
+#[derive(Debug, Error, Diagnostic)]
 pub enum LinkError {
     /// No such port.
-    #[error("there is no port {path}; {}", present(.available))]
+    #[error("there is no port {path}")]
+    #[diagnostic(code(wrong_use), help("{}", present(.available)))]
     NotFound {
         /// The port asked for.
         path: String,
@@ -16,13 +18,15 @@ pub enum LinkError {
         available: Vec<String>,
     },
     /// No port was named, and none or several could be meant.
-    #[error("no port was named, and {}; name one with --port", present(.available))]
+    #[error("no port was named, and there is not exactly one that could be meant")]
+    #[diagnostic(code(wrong_use), help("name one with --port; {}", present(.available)))]
     NotNamed {
         /// Ports that could be meant.
         available: Vec<String>,
     },
     /// Another program uses the port.
-    #[error("{path} is busy: another program has it open{}; close that program and try again", holder_text(.holder))]
+    #[error("{path} is busy: another program has it open{}", holder_text(.holder))]
+    #[diagnostic(help("close that program and try again"))]
     Busy {
         /// The port.
         path: String,
@@ -30,7 +34,8 @@ pub enum LinkError {
         holder: Option<String>,
     },
     /// The user may not open the port.
-    #[error("not permitted to open {path}: join its group with `sudo usermod -aG {group} $USER`, then log in again")]
+    #[error("not permitted to open {path}")]
+    #[diagnostic(help("join the port's group with `sudo usermod -aG {group} $USER`, then log in again"))]
     NotPermitted {
         /// The port.
         path: String,
@@ -46,17 +51,15 @@ pub enum LinkError {
         source: std::io::Error,
     },
     /// The port vanished.
-    #[error("{path} was unplugged or closed; check the cable, then go on with --resume")]
+    #[error("{path} was unplugged or closed")]
+    #[diagnostic(help("check the cable; what came before is kept, and `record --resume` goes on from there"))]
     Closed {
         /// The port.
         path: String,
     },
     /// Nothing came from the board.
-    #[error(
-        "the board on {path} does not answer (not a byte in {:.1} s); check its power and cable, \
-         and flash it with `biflag flash --port {path}`",
-        .waited.as_secs_f64()
-    )]
+    #[error("the board on {path} does not answer: not a byte in {:.1} s", .waited.as_secs_f64())]
+    #[diagnostic(help("check its power and cable, and flash it with `biflag flash --port {path}`"))]
     Silent {
         /// The port.
         path: String,
@@ -64,10 +67,8 @@ pub enum LinkError {
         waited: Duration,
     },
     /// Something came that is not our protocol.
-    #[error(
-        "the board on {path} runs another program: it sent {bytes} bytes and no frame of ours; \
-         flash it with `biflag flash --port {path}`"
-    )]
+    #[error("the board on {path} runs another program: it sent {bytes} bytes and no frame of ours")]
+    #[diagnostic(help("flash it with `biflag flash --port {path}`"))]
     OtherProgram {
         /// The port.
         path: String,
@@ -75,10 +76,8 @@ pub enum LinkError {
         bytes: usize,
     },
     /// The firmware speaks another version of the protocol.
-    #[error(
-        "the firmware on {path} speaks protocol version {theirs}, this biflag version {VERSION}; \
-         flash the right one with `biflag flash --port {path}`"
-    )]
+    #[error("the firmware on {path} speaks protocol version {theirs}, this biflag version {VERSION}")]
+    #[diagnostic(help("flash the right one with `biflag flash --port {path}`"))]
     OtherVersion {
         /// The port.
         path: String,
@@ -86,7 +85,8 @@ pub enum LinkError {
         theirs: u8,
     },
     /// The board stopped answering.
-    #[error("the board on {path} did not answer {command} after {attempts} attempts; check the cable and try again")]
+    #[error("the board on {path} did not answer {command} after {attempts} attempts")]
+    #[diagnostic(help("check the cable and try again"))]
     NoAnswer {
         /// The port.
         path: String,
@@ -104,7 +104,8 @@ pub enum LinkError {
         refusal: Refusal,
     },
     /// The board answered with something that is no answer to the question.
-    #[error("the board answered {command} with {answer}; the firmware does not match this biflag: flash it again")]
+    #[error("the board answered {command} with {answer}")]
+    #[diagnostic(help("the firmware does not match this biflag: flash it again with `biflag flash`"))]
     WrongAnswer {
         /// What was asked.
         command: String,
@@ -126,7 +127,7 @@ pub fn refusal_text(refusal: Refusal) -> &'static str {
 
 fn present(available: &[String]) -> String {
     match available {
-        [] => "no board is plugged in".into(),
+        [] => "no board is plugged in; `biflag doctor` looks closer".into(),
         ports => format!("these are there: {}", ports.join(", ")),
     }
 }

@@ -1,5 +1,6 @@
 //! What of the stream arrived, and what did not.
 
+use crate::stats::LinkStats;
 use protocol::Telemetry;
 use protocol::frame::FrameError;
 use protocol::units::Count;
@@ -14,39 +15,40 @@ pub struct Gap {
 }
 
 /// Counts what comes over the link during one trial.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default)]
 pub struct Monitor {
-    /// Frames of telemetry that arrived.
-    pub received: u64,
-    /// Frames of telemetry that the numbers show to be missing.
-    pub lost: u64,
-    /// Frames that were damaged.
-    pub crc_errors: u64,
-    /// Times that the receiver had to find its step again: runs of damaged frames.
-    pub resyncs: u64,
-    /// Requests that were sent again.
-    pub retries: u64,
+    stats: LinkStats,
     last: Option<Count>,
-    in_step: bool,
+    out_of_step: bool,
 }
 
 impl Monitor {
+    /// The counts so far.
+    pub fn stats(&self) -> LinkStats {
+        self.stats
+    }
+
     /// Takes a frame of the stream; answers what is missing before it.
     pub fn frame(&mut self, telemetry: &Telemetry) -> Option<Gap> {
-        self.received += 1;
-        self.in_step = true;
+        self.stats.samples += 1;
+        self.out_of_step = false;
         let before = self.last.replace(telemetry.seq)?;
         let first = Count(before.0.wrapping_add(1));
         let count = telemetry.seq.0.wrapping_sub(first.0);
-        self.lost += u64::from(count);
+        self.stats.lost += u64::from(count);
         (count > 0).then_some(Gap { first, count })
     }
 
-    /// Takes a frame that could not be read.
-    pub fn damaged(&mut self, _error: FrameError) {
-        self.crc_errors += 1;
-        self.resyncs += u64::from(self.in_step);
-        self.in_step = false;
+    /// Takes a frame that could not be read. A run of them is one resync.
+    pub fn damaged(&mut self, error: FrameError) {
+        self.stats.crc_errors += u64::from(error == FrameError::Crc);
+        self.stats.resyncs += u64::from(!self.out_of_step);
+        self.out_of_step = true;
+    }
+
+    /// Takes a request that needed this many attempts.
+    pub fn asked(&mut self, attempts: u32) {
+        self.stats.retries += u64::from(attempts.saturating_sub(1));
     }
 }
 
@@ -64,7 +66,7 @@ mod tests {
         assert_eq!(monitor.frame(&telemetry(65534)), None);
         assert_eq!(monitor.frame(&telemetry(65535)), None);
         assert_eq!(monitor.frame(&telemetry(3)), Some(Gap { first: Count(0), count: 3 }));
-        assert_eq!((monitor.received, monitor.lost), (3, 3));
+        assert_eq!((monitor.stats().samples, monitor.stats().lost), (3, 3));
     }
 
     #[test]
@@ -75,7 +77,8 @@ mod tests {
         monitor.damaged(FrameError::Cobs);
         monitor.frame(&telemetry(3));
         monitor.damaged(FrameError::Crc);
-        assert_eq!((monitor.crc_errors, monitor.resyncs, monitor.lost), (3, 2, 2));
+        let stats = monitor.stats();
+        assert_eq!((stats.crc_errors, stats.resyncs, stats.lost), (2, 2, 2));
     }
 
     /// Over a million frames, dropped at random, the count is exact.
@@ -92,7 +95,7 @@ mod tests {
                 monitor.frame(&telemetry(i as u16));
             }
         }
-        assert_eq!((monitor.lost, monitor.received), (dropped, 1_000_000 - dropped));
+        assert_eq!((monitor.stats().lost, monitor.stats().samples), (dropped, 1_000_000 - dropped));
         assert!(dropped > 50_000);
     }
 }

@@ -3,7 +3,6 @@
 use super::LinkError;
 use super::port;
 use protocol::frame::{Accumulator, FrameError, MAX_FRAME, encode};
-use protocol::units::Micros;
 use protocol::{Command, Info, Message, Reply, Request, Telemetry, VERSION};
 use serialport::SerialPort;
 use std::collections::VecDeque;
@@ -33,23 +32,32 @@ pub enum Event {
     Telemetry(Telemetry),
     /// A frame that could not be read.
     Damaged(FrameError),
-    /// A request was sent again: which, and the how-manieth time.
-    Retried(Command, u32),
-    /// The board read its clock between these two times since the link was opened.
-    Ping {
-        /// The board's clock.
-        board: Micros,
-        /// When the question was sent.
-        sent: Duration,
-    },
+    /// A request was answered or given up.
+    Exchange(Exchange),
     /// The port is gone; nothing comes after this.
     Closed,
+}
+
+/// A request and what became of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Exchange {
+    /// What was asked.
+    pub request: Request,
+    /// How often.
+    pub attempts: u32,
+    /// What was answered; `None`: nothing in time.
+    pub reply: Option<Reply>,
+    /// When it was sent first, on the host's wall clock.
+    pub sent: SystemTime,
+    /// When it was sent first, since the link was opened.
+    pub sent_at: Duration,
 }
 
 /// An open link to a board that speaks our protocol. Closing it stops the motors.
 #[derive(Debug)]
 pub struct Link {
     path: String,
+    opened: SystemTime,
     info: Info,
     questions: Sender<Question>,
     events: Receiver<Received>,
@@ -77,12 +85,14 @@ impl Link {
         let (port, lock) = port::open(path)?;
         let (questions, asked) = channel();
         let (sender, events) = channel();
+        let opened = SystemTime::now();
         let worker = Worker::new(port, lock, asked, sender);
         let thread = std::thread::Builder::new()
             .name("link".into())
             .spawn(move || worker.run())
             .map_err(|source| LinkError::Port { path: path.to_owned(), source })?;
-        let mut link = Self { path: path.to_owned(), info: Info::default(), questions, events, thread: Some(thread) };
+        let mut link =
+            Self { path: path.to_owned(), opened, info: Info::default(), questions, events, thread: Some(thread) };
         link.info = link.handshake()?;
         Ok(link)
     }
@@ -90,6 +100,11 @@ impl Link {
     /// The port.
     pub fn path(&self) -> &str {
         &self.path
+    }
+
+    /// When it was opened, on the host's wall clock.
+    pub fn opened(&self) -> SystemTime {
+        self.opened
     }
 
     /// What the board said of itself in the handshake.
@@ -221,7 +236,8 @@ struct Open {
     request: Request,
     answer: Option<Sender<Answer>>,
     attempts: u32,
-    first_sent: Duration,
+    sent: SystemTime,
+    sent_at: Duration,
     again_at: Instant,
 }
 
@@ -296,10 +312,9 @@ impl Worker {
     }
 
     fn post(&mut self, command: Command, answer: Option<Sender<Answer>>) -> Result<(), Ended> {
+        let (sent, sent_at) = (SystemTime::now(), self.begun.elapsed());
         let request = self.send(command)?;
-        let now = Instant::now();
-        self.open =
-            Some(Open { request, answer, attempts: 1, first_sent: self.begun.elapsed(), again_at: now + BACK_OFF[0] });
+        self.open = Some(Open { request, answer, attempts: 1, sent, sent_at, again_at: Instant::now() + BACK_OFF[0] });
         Ok(())
     }
 
@@ -311,30 +326,30 @@ impl Worker {
             return Ok(());
         }
         let Some(wait) = BACK_OFF.get(open.attempts as usize).filter(|_| open.answer.is_some()) else {
-            let attempts = open.attempts;
-            if let Some(answer) = self.open.take().and_then(|open| open.answer) {
-                let _ = answer.send(Err(attempts));
+            if let Some(open) = self.open.take() {
+                self.close(open, None);
             }
             return Ok(());
         };
         open.attempts += 1;
         open.again_at = Instant::now() + *wait;
-        let (request, attempts) = (open.request, open.attempts);
-        self.write(&request)?;
-        if request.command != Command::Hello {
-            self.emit(Event::Retried(request.command, attempts));
-        }
-        Ok(())
+        let request = open.request;
+        self.write(&request)
     }
 
     fn answered(&mut self, to: u8, reply: Reply) {
-        let Some(open) = self.open.take_if(|open| open.request.seq == to) else { return };
-        self.greeted |= matches!(reply, Reply::Info(_));
-        if let (Reply::Pong(board), 1) = (reply, open.attempts) {
-            self.emit(Event::Ping { board, sent: open.first_sent });
+        if let Some(open) = self.open.take_if(|open| open.request.seq == to) {
+            self.greeted |= matches!(reply, Reply::Info(_));
+            self.close(open, Some(reply));
         }
-        if let Some(answer) = open.answer {
-            let _ = answer.send(Ok(reply));
+    }
+
+    fn close(&mut self, open: Open, reply: Option<Reply>) {
+        let Open { request, answer, attempts, sent, sent_at, .. } = open;
+        self.emit(Event::Exchange(Exchange { request, attempts, reply, sent, sent_at }));
+        if let Some(answer) = answer {
+            // Nobody waits any more where the asker was interrupted.
+            let _ = answer.send(reply.ok_or(attempts));
         }
     }
 

@@ -1,0 +1,129 @@
+//! `biflag doctor`: is everything there that a trial needs?
+
+use super::{Answer, Outcome};
+use crate::link::{self, Link};
+use crate::rig::{VirtualNano, commit_text, source_folder};
+use miette::Diagnostic;
+use serde::Serialize;
+use std::fmt::Write;
+use std::process::Command;
+
+/// Check toolchain, avrdude, ports, permissions and boards; each problem with its cure.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Example: biflag doctor")]
+pub struct Args {
+    /// Check this port only, instead of every port that a robot could be on.
+    #[arg(long)]
+    port: Option<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct Check {
+    name: String,
+    ok: bool,
+    detail: String,
+    cure: String,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    checks: Vec<Check>,
+}
+
+/// What was found, or what is wrong and its cure.
+type Finding = Result<String, (String, String)>;
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    let tools = [
+        ("biflag", Ok(format!("{}, protocol {}", env!("CARGO_PKG_VERSION"), protocol::VERSION))),
+        ("AVR toolchain", toolchain()),
+        ("avrdude", avrdude()),
+        ("emulated board", emulated_board()),
+    ];
+    let mut checks: Vec<Check> = tools.into_iter().map(|(name, finding)| check(name.into(), finding)).collect();
+    let broken_tool = checks.iter().any(|check| !check.ok);
+    let ports = args.port.clone().map_or_else(link::robot_ports, |port| vec![port]);
+    if ports.is_empty() {
+        let cure = "plug in the board's USB cable; a cable made for charging only does not do";
+        checks.push(check("board".into(), Err(("no board is plugged in".into(), cure.into()))));
+    }
+    checks.extend(ports.iter().map(|port| check(format!("board on {port}"), board(port))));
+
+    let mut text = String::new();
+    for Check { name, ok, detail, cure } in &checks {
+        let mark = if *ok { "ok     " } else { "PROBLEM" };
+        let _ = writeln!(text, "{mark} {name}: {detail}");
+        if !ok {
+            let _ = writeln!(text, "        cure: {cure}");
+        }
+    }
+    let outcome = match checks.iter().all(|check| check.ok) {
+        true => Outcome::Done,
+        false if broken_tool => Outcome::Failed,
+        false => Outcome::WithLoss,
+    };
+    Answer::new(outcome, &Report { checks }, text)
+}
+
+fn check(name: String, finding: Finding) -> Check {
+    match finding {
+        Ok(detail) => Check { name, ok: true, detail, cure: String::new() },
+        Err((detail, cure)) => Check { name, ok: false, detail, cure },
+    }
+}
+
+fn toolchain() -> Finding {
+    let output = Command::new("sh").arg(source_folder().join("build.sh")).arg("--check").output();
+    let problem = |detail| (detail, "run `make setup` in Biflag's repository".to_owned());
+    match output {
+        Ok(output) if output.status.success() => Ok(last_line(&output.stdout)),
+        Ok(output) => Err(problem(last_line(&output.stderr))),
+        Err(error) => Err(problem(error.to_string())),
+    }
+}
+
+fn avrdude() -> Finding {
+    let output = Command::new("avrdude")
+        .arg("-?")
+        .output()
+        .map_err(|_| ("not installed".to_owned(), "sudo apt install avrdude".to_owned()))?;
+    let said = String::from_utf8_lossy(&output.stderr);
+    let version = said.lines().find_map(|line| Some(line.split_once("avrdude version ")?.1.split(',').next()?));
+    Ok(version.map_or_else(|| "installed".to_owned(), |version| format!("version {version}")))
+}
+
+fn emulated_board() -> Finding {
+    let cure = "run `make build` in Biflag's repository; `record --virtual` needs it";
+    VirtualNano::program()
+        .map(|path| path.display().to_string())
+        .map_err(|path| (format!("there is no {}", path.display()), cure.to_owned()))
+}
+
+fn board(port: &str) -> Finding {
+    let link = Link::open(port).map_err(|error| {
+        let cure = error.help().map_or_else(|| "unplug and replug the board".to_owned(), |help| help.to_string());
+        (error.to_string(), cure)
+    })?;
+    let info = link.info();
+    let [major, minor, patch] = info.firmware;
+    let detail = format!(
+        "firmware {major}.{minor}.{patch} ({}), protocol {}, board {}, start {} ({:?})",
+        commit_text(info.git_hash, info.git_dirty),
+        info.protocol,
+        info.board_id,
+        info.boot_count,
+        info.reset_cause,
+    );
+    match info.imu_id {
+        protocol::GENUINE_IMU_ID => Ok(format!("{detail}, MPU6050")),
+        0 => Err((
+            format!("{detail}, and its IMU does not answer"),
+            "check the four wires of the MPU6050: VCC, GND, SCL on A5, SDA on A4".to_owned(),
+        )),
+        id => Ok(format!("{detail}, a clone of the MPU6050 (WHO_AM_I {id:#04x})")),
+    }
+}
+
+fn last_line(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).lines().last().unwrap_or_default().trim().to_owned()
+}

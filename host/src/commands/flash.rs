@@ -1,0 +1,73 @@
+//! `biflag flash`: the firmware onto the board.
+
+use super::{Answer, Outcome};
+use crate::link::{self, Link};
+use crate::rig::{self, Image, commit_text};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use miette::miette;
+use serde::Serialize;
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Build the firmware if need be, write it through the board's bootloader, and see that it runs.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Example: biflag flash --port /dev/ttyUSB0")]
+pub struct Args {
+    /// The board's serial port; may be left out where there is only one.
+    #[arg(long)]
+    port: Option<String>,
+    /// Write this image instead of building one.
+    #[arg(long, value_name = "ELF")]
+    firmware: Option<PathBuf>,
+}
+
+#[derive(Debug, Serialize)]
+struct Flashed {
+    port: String,
+    baud: u32,
+    firmware: String,
+    protocol: u8,
+}
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    let port = link::choose_port(args.port.as_deref())?;
+    // Fails here, and not after a build of minutes, where the port is not there or in use.
+    drop(link::lock_port(&port)?);
+    let progress = spinner();
+    progress.set_message("building the firmware");
+    let image = match &args.firmware {
+        Some(elf) => Image::read(elf)?,
+        None => Image::build()?,
+    };
+    progress.set_message(format!("writing {}", image.commit()));
+    let baud = rig::flash(&port, &image.elf, |baud, _| {
+        progress.set_message(format!("writing {} at {baud} bit/s", image.commit()));
+    })?;
+    progress.set_message("waiting for the program to start");
+    let link = Link::open(&port)?;
+    progress.finish_and_clear();
+    let info = link.info();
+    let running = commit_text(info.git_hash, info.git_dirty);
+    if running != image.commit() {
+        return Err(miette!(
+            help = "unplug and replug the board, then flash again",
+            "the board on {port} was written with {} but runs {running}",
+            image.commit()
+        ));
+    }
+    let text = format!("{port} runs firmware {running}, protocol {}, written at {baud} bit/s", info.protocol);
+    let flashed = Flashed { port, baud, firmware: running, protocol: info.protocol };
+    Answer::new(Outcome::Done, &flashed, text)
+}
+
+fn spinner() -> ProgressBar {
+    let bar = ProgressBar::new_spinner();
+    if std::io::stderr().is_terminal() {
+        bar.enable_steady_tick(Duration::from_millis(100));
+    } else {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
+    bar.set_style(ProgressStyle::default_spinner());
+    bar
+}

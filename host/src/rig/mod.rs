@@ -1,0 +1,15 @@
+//! The rig: the board with its motors and sensor, real or emulated, and the trials that run on it.
+
+mod avrdude;
+mod image;
+mod progress;
+mod recorder;
+mod trial;
+mod virtual_nano;
+
+pub use avrdude::{BOOTLOADER_BAUDS, FlashError, flash};
+pub use image::{Image, ImageError, commit_text, source_folder};
+pub use progress::Progress;
+pub use recorder::RecordError;
+pub use trial::{TrialRun, run};
+pub use virtual_nano::{VirtualError, VirtualNano};

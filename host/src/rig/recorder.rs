@@ -1,0 +1,245 @@
+//! From the link into the log: everything that comes while a trial runs.
+
+use crate::link::{BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
+use crate::log::{ClockFit, CommandRecord, EventKind, LogError, Writer};
+use miette::Diagnostic;
+use protocol::{Calibration, Command, Fault, Reply, Request, ResetCause, State, Telemetry};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant, SystemTime};
+use thiserror::Error;
+
+/// Why a trial did not go through all of its phases.
+#[derive(Debug, Error, Diagnostic)]
+pub enum RecordError {
+    /// The user wants to stop.
+    #[error("interrupted")]
+    Interrupted,
+    /// The board latched a fault and stopped the motors.
+    #[error("the board stopped: {}", fault_text(*.0))]
+    #[diagnostic(help("{}; then go on with --resume", fault_cure(*.0)))]
+    Faulted(Fault),
+    /// The stream ended.
+    #[error("the board stopped sending{}", restart_text(.0))]
+    #[diagnostic(help("check the motors' supply and the cable, then go on with --resume"))]
+    Silent(Option<ResetCause>),
+    /// The link failed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Link(#[from] LinkError),
+    /// The log could not be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Log(#[from] LogError),
+}
+
+/// A fault in words.
+pub fn fault_text(fault: Fault) -> &'static str {
+    match fault {
+        Fault::None => "no fault",
+        Fault::LinkLost => "it heard nothing from the host for longer than the motors' deadline",
+        Fault::Hang => "its program hung and was started again",
+        Fault::Panic => "its program met a state that must not be and started again",
+        Fault::ImuSilent => "the IMU does not answer",
+        Fault::ImuBusStuck => "the IMU's bus is stuck",
+        Fault::ImuFrozen => "the IMU sends the same data again and again",
+        Fault::Motor1Stalled => "motor 1 is driven hard and does not turn",
+        Fault::Motor2Stalled => "motor 2 is driven hard and does not turn",
+    }
+}
+
+fn fault_cure(fault: Fault) -> &'static str {
+    match fault {
+        Fault::None => "nothing is wrong",
+        Fault::LinkLost => "free this computer of other heavy work, or raise the board's deadline_ms",
+        Fault::Hang | Fault::Panic => "please report it with the log",
+        Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen => {
+            "check the MPU6050's wires (SCL on A5, SDA on A4) and its supply"
+        }
+        Fault::Motor1Stalled | Fault::Motor2Stalled => {
+            "check that the flagellum turns freely, the motor's supply, and the encoder's wires"
+        }
+    }
+}
+
+fn restart_text(cause: &Option<ResetCause>) -> String {
+    match cause {
+        Some(ResetCause::BrownOut) => ": it restarted because its supply sagged".into(),
+        Some(cause) => format!(": it restarted ({cause:?})"),
+        None => String::new(),
+    }
+}
+
+/// A frame of the stream with the board's time, unwrapped.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    /// Microseconds since the board's start.
+    pub board_us: u64,
+    /// When it came, on the host's clock.
+    pub host: SystemTime,
+    /// The frame.
+    pub telemetry: Telemetry,
+}
+
+/// No stream for so long, and the trial is lost. The slowest that the emulated board runs still gives many frames.
+const SILENCE: Duration = Duration::from_secs(1);
+
+/// Writes what comes into a log, and follows the trial's time.
+pub(super) struct Recorder<'a> {
+    pub(super) link: &'a Link,
+    pub(super) log: Writer,
+    pub(super) monitor: Monitor,
+    /// Every frame of the trial, for what is said of it right after it.
+    pub(super) frames: Vec<Frame>,
+    interrupted: &'a AtomicBool,
+    /// The frame that ended a phase, which is the first of the next one.
+    ahead: Option<Frame>,
+    clock: BoardClock,
+    pings: PingClock,
+    last_heard: Instant,
+    state: (State, Fault),
+}
+
+impl<'a> Recorder<'a> {
+    pub(super) fn new(link: &'a Link, log: Writer, interrupted: &'a AtomicBool) -> Self {
+        Self {
+            link,
+            log,
+            monitor: Monitor::default(),
+            frames: Vec::new(),
+            interrupted,
+            ahead: None,
+            clock: BoardClock::default(),
+            pings: PingClock::default(),
+            last_heard: Instant::now(),
+            state: (State::Idle, Fault::None),
+        }
+    }
+
+    /// Keeps what comes until a frame that `ends` this phase and belongs to the next one; answers its time, µs.
+    pub(super) fn until(&mut self, mut ends: impl FnMut(&Frame) -> bool) -> Result<u64, RecordError> {
+        loop {
+            let frame = match self.ahead.take() {
+                Some(frame) => frame,
+                None => self.next_frame()?,
+            };
+            if ends(&frame) {
+                self.ahead = Some(frame);
+                return Ok(frame.board_us);
+            }
+            self.keep(frame)?;
+        }
+    }
+
+    /// Sends a command of the trial; it is logged with the next thing that is taken from the link.
+    pub(super) fn command(&mut self, command: Command) -> Result<(), RecordError> {
+        Ok(self.link.command(command)?)
+    }
+
+    /// The result of the last calibration of the gyroscope.
+    pub(super) fn calibration(&mut self) -> Result<Calibration, RecordError> {
+        match self.link.ask(Command::ReadCalibration)? {
+            Reply::Calibration(calibration) => Ok(calibration),
+            other => Err(self.link.wrong_answer(&Command::ReadCalibration, &other).into()),
+        }
+    }
+
+    /// Notes an event at this moment.
+    pub(super) fn event(&mut self, kind: EventKind, text: &str) -> Result<(), RecordError> {
+        Ok(self.log.event(kind, text, SystemTime::now())?)
+    }
+
+    /// Keeps what has come already, without waiting: the answers to the last commands, what came before a failure.
+    pub(super) fn drain(&mut self) -> Result<(), RecordError> {
+        while let Some(received) = self.link.next(Duration::ZERO) {
+            if matches!(received.event, Event::Closed) {
+                break;
+            }
+            self.take(received)?;
+        }
+        Ok(())
+    }
+
+    fn next_frame(&mut self) -> Result<Frame, RecordError> {
+        loop {
+            if self.interrupted.load(Ordering::Relaxed) {
+                return Err(RecordError::Interrupted);
+            }
+            self.log.tick()?;
+            if self.last_heard.elapsed() > SILENCE {
+                return Err(RecordError::Silent(self.restart()));
+            }
+            let Some(received) = self.link.next(Duration::from_millis(20)) else { continue };
+            if let Some(frame) = self.take(received)? {
+                self.last_heard = Instant::now();
+                return Ok(frame);
+            }
+        }
+    }
+
+    /// Keeps a frame of the trial.
+    fn keep(&mut self, frame: Frame) -> Result<(), RecordError> {
+        if let Some(gap) = self.monitor.frame(&frame.telemetry) {
+            self.log.dropout(gap.first.0, u32::from(gap.count), frame.host)?;
+        }
+        self.log.telemetry(&frame.telemetry, frame.board_us, frame.host)?;
+        self.frames.push(frame);
+        let now = (frame.telemetry.state, frame.telemetry.fault);
+        let before = std::mem::replace(&mut self.state, now);
+        if now.0 != before.0 {
+            self.log.event(EventKind::State, &format!("{:?}", now.0), frame.host)?;
+        }
+        if now.1 != before.1 {
+            self.log.event(EventKind::Fault, &format!("{:?}: {}", now.1, fault_text(now.1)), frame.host)?;
+        }
+        match now.1 {
+            Fault::None => Ok(()),
+            fault => Err(RecordError::Faulted(fault)),
+        }
+    }
+
+    /// Keeps anything but a frame of the stream, which it hands back.
+    fn take(&mut self, received: Received) -> Result<Option<Frame>, RecordError> {
+        let Received { wall: host, at, event } = received;
+        match event {
+            Event::Telemetry(telemetry) => {
+                return Ok(Some(Frame { board_us: self.clock.unwrap(telemetry.time), host, telemetry }));
+            }
+            Event::Raw(bytes) => self.log.raw(&bytes, host)?,
+            Event::Damaged(error) => {
+                self.monitor.damaged(error);
+                self.log.event(EventKind::Warning, &format!("a frame was damaged: {error}"), host)?;
+            }
+            Event::Exchange(Exchange { request, attempts, reply, sent, sent_at }) => {
+                if let (Some(Reply::Pong(board)), 1) = (reply, attempts) {
+                    self.pings.add(self.clock.unwrap(board), sent_at, at);
+                } else {
+                    self.monitor.asked(attempts);
+                    let Request { seq, command } = request;
+                    self.log.command(&CommandRecord { seq, command, attempts, reply, sent, ended: host })?;
+                }
+            }
+            Event::Closed => return Err(LinkError::Closed { path: self.link.path().to_owned() }.into()),
+        }
+        Ok(None)
+    }
+
+    /// The board's clock against the host's, where enough pings came back.
+    pub(super) fn clock_fit(&self) -> Option<ClockFit> {
+        let fit = self.pings.fit()?;
+        let opened = self.link.opened().duration_since(SystemTime::UNIX_EPOCH).ok()?;
+        Some(ClockFit {
+            pings: u32::try_from(fit.pings).unwrap_or(u32::MAX),
+            offset_ns: i64::try_from(opened.as_nanos()).ok()? + (fit.offset_s * 1e9) as i64,
+            drift_ppm: (1.0 / fit.rate - 1.0) * 1e6,
+            residual_us: fit.residual_s * 1e6,
+        })
+    }
+
+    /// Why the board started again, if it did.
+    fn restart(&self) -> Option<ResetCause> {
+        match self.link.ask(Command::Hello) {
+            Ok(Reply::Info(info)) if info.boot_count != self.link.info().boot_count => Some(info.reset_cause),
+            _ => None,
+        }
+    }
+}
