@@ -74,11 +74,11 @@ fn check(name: String, finding: Finding) -> Check {
 
 fn toolchain() -> Finding {
     let output = Command::new("sh").arg(source_folder().join("build.sh")).arg("--check").output();
-    let problem = |detail| (detail, "run `make setup` in Biflag's repository".to_owned());
+    let missing = |detail| (detail, "run `make setup` in Biflag's repository".to_owned());
     match output {
         Ok(output) if output.status.success() => Ok(last_line(&output.stdout)),
-        Ok(output) => Err(problem(last_line(&output.stderr))),
-        Err(error) => Err(problem(error.to_string())),
+        Ok(output) => Err(missing(last_line(&output.stderr))),
+        Err(error) => Err(missing(error.to_string())),
     }
 }
 
@@ -88,22 +88,16 @@ fn avrdude() -> Finding {
         .output()
         .map_err(|_| ("not installed".to_owned(), "sudo apt install avrdude".to_owned()))?;
     let said = String::from_utf8_lossy(&output.stderr);
-    let version = said.lines().find_map(|line| Some(line.split_once("avrdude version ")?.1.split(',').next()?));
+    let version = said.lines().find_map(|line| line.split_once("avrdude version ")?.1.split(',').next());
     Ok(version.map_or_else(|| "installed".to_owned(), |version| format!("version {version}")))
 }
 
 fn emulated_board() -> Finding {
-    let cure = "run `make build` in Biflag's repository; `record --virtual` needs it";
-    VirtualNano::program()
-        .map(|path| path.display().to_string())
-        .map_err(|path| (format!("there is no {}", path.display()), cure.to_owned()))
+    VirtualNano::program().map(|path| path.display().to_string()).map_err(problem)
 }
 
 fn board(port: &str) -> Finding {
-    let link = Link::open(port).map_err(|error| {
-        let cure = error.help().map_or_else(|| "unplug and replug the board".to_owned(), |help| help.to_string());
-        (error.to_string(), cure)
-    })?;
+    let link = Link::open(port).map_err(problem)?;
     let info = link.info();
     let [major, minor, patch] = info.firmware;
     let detail = format!(
@@ -122,6 +116,11 @@ fn board(port: &str) -> Finding {
         )),
         id => Ok(format!("{detail}, a clone of the MPU6050 (WHO_AM_I {id:#04x})")),
     }
+}
+
+fn problem(error: impl Diagnostic) -> (String, String) {
+    let cure = error.help().map_or_else(|| "unplug and replug the board".to_owned(), |help| help.to_string());
+    (error.to_string(), cure)
 }
 
 fn last_line(bytes: &[u8]) -> String {

@@ -140,7 +140,7 @@ fn start_virtual(imu: Option<&PathBuf>, speed: &str) -> miette::Result<VirtualNa
     if let Some(imu) = imu {
         arguments.extend(["--imu".into(), imu.clone().into_os_string()]);
     }
-    Ok(VirtualNano::start(arguments)?)
+    Ok(VirtualNano::start(&VirtualNano::program()?, arguments)?)
 }
 
 fn recorded_trial(trial: &Trial, log: PathBuf, summary: &crate::log::Summary) -> RecordedTrial {

@@ -3,7 +3,7 @@
 use miette::Diagnostic;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use thiserror::Error;
 
@@ -40,18 +40,17 @@ pub struct VirtualNano {
 }
 
 impl VirtualNano {
-    /// Starts the board with its program's own arguments (`vnano --help` lists them).
+    /// Starts the board's program with its own arguments (`vnano --help` lists them).
     ///
     /// # Errors
-    /// [`VirtualError::NotBuilt`] or [`VirtualError::NotStarted`] with what the program said.
-    pub fn start<I, S>(arguments: I) -> Result<Self, VirtualError>
+    /// [`VirtualError::NotStarted`] with what the program said.
+    pub fn start<I, S>(program: &Path, arguments: I) -> Result<Self, VirtualError>
     where
         I: IntoIterator<Item = S>,
         S: AsRef<std::ffi::OsStr>,
     {
-        let program = Self::program().map_err(VirtualError::NotBuilt)?;
         let not_started = |reason: String| VirtualError::NotStarted(reason);
-        let mut child = Command::new(&program)
+        let mut child = Command::new(program)
             .args(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -103,14 +102,13 @@ impl VirtualNano {
         }
     }
 
-    /// The program, beside this one or beside the folder of its tests.
+    /// The board's program, beside this one.
     ///
     /// # Errors
-    /// Where it should be, if it is not there.
-    pub fn program() -> Result<PathBuf, PathBuf> {
-        let own = std::env::current_exe().unwrap_or_default();
-        let mut candidates = own.ancestors().skip(1).take(2).map(|folder| folder.join("vnano"));
-        candidates.find(|candidate| candidate.is_file()).ok_or_else(|| own.with_file_name("vnano"))
+    /// [`VirtualError::NotBuilt`].
+    pub fn program() -> Result<PathBuf, VirtualError> {
+        let path = std::env::current_exe().unwrap_or_default().with_file_name("vnano");
+        if path.is_file() { Ok(path) } else { Err(VirtualError::NotBuilt(path)) }
     }
 
     fn hear(&mut self) -> Option<Value> {
