@@ -1,9 +1,10 @@
 //! The bench: what the tests of whole behaviours share. They run the real `biflag` against the real firmware on the
 //! emulated board, from outside, as a user would.
 
+use host::rig::VirtualNano;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{Child, Command, Stdio};
 use tempfile::TempDir;
 
 /// A temporary folder to work in.
@@ -53,17 +54,16 @@ impl Bench {
         )
     }
 
-    /// `biflag`, to be started in the folder.
-    pub fn biflag<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(&self, arguments: I) -> Command {
-        let mut command = Command::new(program("biflag"));
-        command.args(arguments).current_dir(self.path()).stdin(Stdio::null());
-        command
-    }
-
     /// Runs `biflag` in the folder to its end.
     pub fn run<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(&self, arguments: I) -> Run {
-        let output = self.biflag(arguments).output().expect("biflag runs");
-        Run::new(output.status, output.stdout, output.stderr)
+        Run::of(self.start(arguments))
+    }
+
+    /// Starts `biflag` in the folder, to be ended by [`Run::of`].
+    pub fn start<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(&self, arguments: I) -> Child {
+        let mut command = Command::new(program("biflag"));
+        command.args(arguments).current_dir(self.path()).stdin(Stdio::null());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("biflag starts")
     }
 }
 
@@ -74,9 +74,11 @@ impl Default for Bench {
 }
 
 impl Run {
-    fn new(status: ExitStatus, stdout: Vec<u8>, stderr: Vec<u8>) -> Self {
+    /// The end of a run that was started.
+    pub fn of(child: Child) -> Self {
+        let output = child.wait_with_output().expect("biflag ends");
         let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
-        Self { code: status.code(), stdout: text(stdout), stderr: text(stderr) }
+        Self { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
     }
 
     /// The JSON object on stdout.
@@ -90,6 +92,13 @@ impl Run {
         assert_eq!(self.code, Some(code), "stdout: {}\nstderr: {}", self.stdout, self.stderr);
         self
     }
+}
+
+/// Starts the emulated board with the real firmware.
+pub fn nano<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(arguments: I) -> VirtualNano {
+    let mut all = vec!["--firmware".into(), firmware().into_os_string()];
+    all.extend(arguments.into_iter().map(|argument| argument.as_ref().to_owned()));
+    VirtualNano::start(&program("vnano"), all).expect("the emulated board starts")
 }
 
 /// A file of the reference data.
