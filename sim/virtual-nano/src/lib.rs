@@ -1,1 +1,28 @@
-//! The emulated board.
+//! The robot's Arduino Nano, emulated: the ATmega328P on simavr running the real firmware, with a virtual MPU6050, motor
+//! bridge, motors and encoders wired to it as on the robot.
+//!
+//! [`Board`] runs in-process with exact cycles, for tests. The program `vnano` gives it a pseudo-terminal in place of the
+//! serial port, and takes commands on its standard input (see [`control`]).
+//!
+//! What is modelled to the cycle: the chip, its UART, its I2C master, encoder edges. What is a model: the motors (first
+//! order), the sensor's noise (white). What is not there: EEPROM write times, supply voltage, the USB bridge's buffers.
+
+#![warn(unsafe_code)]
+
+pub mod board;
+pub mod bootloader;
+pub mod bridge;
+pub mod control;
+pub mod image;
+pub mod imu;
+pub mod marks;
+#[allow(unsafe_code)]
+pub mod mcu;
+pub mod motor;
+pub mod pace;
+pub mod port;
+pub mod run;
+pub mod serial;
+
+pub use board::{Board, Options};
+pub use image::Image;

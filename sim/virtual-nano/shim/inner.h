@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the files of the shim share.
+#ifndef INNER_H
+#define INNER_H
+
+#include <simavr/sim_avr.h>
+#include <simavr/avr_eeprom.h>
+#include <simavr/avr_extint.h>
+#include <simavr/avr_ioport.h>
+#include <simavr/avr_twi.h>
+#include <simavr/avr_uart.h>
+
+#include "nano.h"
+
+// Addresses in data space (ATmega328P data sheet, register summary).
+enum {
+	REG_DDRB = 0x24, REG_PORTB = 0x25, REG_DDRC = 0x27, REG_PORTC = 0x28, REG_DDRD = 0x2A, REG_PORTD = 0x2B,
+	REG_GPIOR0 = 0x3E, REG_TCCR0A = 0x44, REG_OCR0A = 0x47, REG_MCUSR = 0x54,
+	REG_TCCR2A = 0xB0, REG_OCR2A = 0xB3,
+	REG_TWBR = 0xB8, REG_TWSR = 0xB9, REG_TWDR = 0xBB, REG_TWCR = 0xBC,
+	REG_UCSR0A = 0xC0, REG_UCSR0B = 0xC1, REG_UBRR0L = 0xC4, REG_UBRR0H = 0xC5, REG_UDR0 = 0xC6,
+};
+
+enum twi_step { TWI_IDLE, TWI_STOPPING, TWI_STARTING, TWI_BYTE };
+enum twi_phase { TWI_OFF_BUS, TWI_ADDRESS, TWI_WRITING, TWI_READING };
+
+struct twi {
+	avr_twi_t *module;
+	enum twi_step step;
+	enum twi_phase phase;
+	uint8_t status;      // that the step in hand will end with
+	int start_follows;   // START was asked for together with STOP
+};
+
+struct uart {
+	avr_uart_t *module;
+	int sending, queued; // a byte in the shift register; one waiting in UDR0
+	uint8_t shifted, waiting_out;
+	uint8_t received[2];
+	int received_count;
+	int held;            // a received byte that waits in the shift register, negative for none
+	uint64_t overruns;
+};
+
+// A write callback of simavr's with something of ours after it.
+struct chained {
+	nano_t *nano;
+	avr_io_write_t inner;
+	void *param;
+};
+
+struct nano {
+	avr_io_t module; // first: simavr resets it with its own modules
+	avr_t *avr;
+	struct nano_devices out;
+	uint64_t cycle_base; // simavr counts anew from every reset
+	struct twi twi;
+	struct uart uart;
+	struct chained chains[10];
+	int chain_count;
+	uint8_t driven_mask[3], driven_levels[3]; // ports B, C, D
+	struct nano_outputs outputs;
+	int sda;
+	uint8_t *eeprom;
+	uint32_t eeprom_length;
+	uint16_t lowest_sp;
+};
+
+static inline uint64_t now(const nano_t *nano) { return nano->cycle_base + nano->avr->cycle; }
+
+// Replaces a register's callbacks; null means plain memory.
+static inline void replace_io(nano_t *nano, uint16_t address, avr_io_read_t read, avr_io_write_t write)
+{
+	nano->avr->io[AVR_DATA_TO_IO(address)].r.c = read;
+	nano->avr->io[AVR_DATA_TO_IO(address)].r.param = nano;
+	nano->avr->io[AVR_DATA_TO_IO(address)].w.c = write;
+	nano->avr->io[AVR_DATA_TO_IO(address)].w.param = nano;
+}
+
+void bus_lines_changed(nano_t *nano);
+
+void twi_attach(nano_t *nano);
+void twi_reset(nano_t *nano);
+void uart_attach(nano_t *nano);
+void uart_reset(nano_t *nano);
+
+#endif

@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The chip's life: made, loaded, reset and run; its pins and memories.
+#include <stdlib.h>
+#include <string.h>
+
+#include "inner.h"
+
+enum { FREQUENCY = 16000000, SRAM_START = 0x100, RAMEND = 0x8FF, PAINT = 0xA5 };
+// Instructions run in batches of at most this many cycles; an event or an interrupt ends a batch early.
+enum { BATCH_CYCLES = 2000 };
+enum { SDA_PIN = 0x10, SCL_PIN = 0x20 };
+
+// A sleeping program need not sleep in real time.
+static void no_sleep(avr_t *avr, avr_cycle_count_t cycles) {}
+
+// simavr's messages would mix with the program's own output.
+static void no_log(avr_t *avr, const int level, const char *format, va_list arguments) {}
+
+// Ends a batch at the cycle that `nano_run_until` was asked for.
+static avr_cycle_count_t stop(avr_t *avr, avr_cycle_count_t when, void *param) { return 0; }
+
+static void report_outputs(nano_t *nano)
+{
+	const uint8_t *data = nano->avr->data;
+	struct nano_outputs outputs = {
+		.port_b = data[REG_PORTB], .ddr_b = data[REG_DDRB], .port_d = data[REG_PORTD], .ddr_d = data[REG_DDRD],
+		.tccr0a = data[REG_TCCR0A], .ocr0a = data[REG_OCR0A], .tccr2a = data[REG_TCCR2A], .ocr2a = data[REG_OCR2A],
+	};
+	if (memcmp(&outputs, &nano->outputs, sizeof outputs) == 0)
+		return;
+	nano->outputs = outputs;
+	nano->out.outputs(nano->out.context, now(nano), &outputs);
+}
+
+void bus_lines_changed(nano_t *nano)
+{
+	const uint8_t *data = nano->avr->data;
+	uint8_t low = data[REG_DDRC] & ~data[REG_PORTC];
+	nano->sda = nano->out.bus_lines(nano->out.context, now(nano), !(low & SDA_PIN), !(low & SCL_PIN));
+	nano_set_pins(nano, 'C', SDA_PIN | SCL_PIN, SCL_PIN | (nano->sda ? SDA_PIN : 0));
+}
+
+void nano_bus_changed(nano_t *nano) { bus_lines_changed(nano); }
+
+static void write_then_outputs(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+	struct chained *chained = param;
+	chained->inner(avr, address, value, chained->param);
+	report_outputs(chained->nano);
+}
+
+static void write_then_bus(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+	struct chained *chained = param;
+	chained->inner(avr, address, value, chained->param);
+	bus_lines_changed(chained->nano);
+}
+
+static void plain_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) { avr->data[address] = value; }
+
+static void chain(nano_t *nano, uint16_t address, avr_io_write_t write)
+{
+	avr_io_write_t inner = nano->avr->io[AVR_DATA_TO_IO(address)].w.c;
+	struct chained *chained = &nano->chains[nano->chain_count++];
+	chained->nano = nano;
+	chained->inner = inner ? inner : plain_write;
+	chained->param = nano->avr->io[AVR_DATA_TO_IO(address)].w.param;
+	nano->avr->io[AVR_DATA_TO_IO(address)].w.c = write;
+	nano->avr->io[AVR_DATA_TO_IO(address)].w.param = chained;
+}
+
+static void mark_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+	nano_t *nano = param;
+	avr->data[address] = value;
+	nano->out.mark(nano->out.context, now(nano), value);
+}
+
+static void drive_pins(nano_t *nano, char port)
+{
+	int index = port - 'B';
+	avr_ioport_external_t external = {
+		.name = port, .mask = nano->driven_mask[index], .value = nano->driven_levels[index],
+	};
+	// Otherwise simavr sets inputs with a pull-up to one at every write to the port.
+	avr_ioctl(nano->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port), &external);
+	uint8_t ddr = nano->avr->data[REG_DDRB + 3 * index];
+	uint8_t driven = external.mask & ~ddr;
+	// A reset clears this register, and simavr sets it again only where a level changes.
+	uint8_t *pin = &nano->avr->data[REG_DDRB - 1 + 3 * index];
+	*pin = (*pin & ~driven) | (external.value & driven);
+	avr_irq_t *pins = avr_io_getirq(nano->avr, AVR_IOCTL_IOPORT_GETIRQ(port), 0);
+	for (int bit = 0; bit < 8; bit++)
+		if (driven & 1 << bit)
+			avr_raise_irq(&pins[bit], external.value >> bit & 1);
+}
+
+void nano_set_pins(nano_t *nano, char port, uint8_t mask, uint8_t levels)
+{
+	int index = port - 'B';
+	nano->driven_mask[index] |= mask;
+	nano->driven_levels[index] = (nano->driven_levels[index] & ~mask) | (levels & mask);
+	drive_pins(nano, port);
+}
+
+static avr_cycle_count_t wake(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+	nano_t *nano = param;
+	uint64_t cycle = now(nano);
+	uint64_t next = nano->out.wake(nano->out.context, nano, cycle);
+	return (next > cycle ? next : cycle + 1) - nano->cycle_base;
+}
+
+// Once all of simavr's modules are reset.
+static avr_cycle_count_t after_reset(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+	nano_t *nano = param;
+	// simavr goes on polling a pin that was low while its interrupt was level-triggered, as all are after reset, even
+	// when the program has made it edge-triggered since: interrupts without end.
+	avr_extint_set_strict_lvl_trig(avr, EXTINT_IRQ_OUT_INT0, 0);
+	avr_extint_set_strict_lvl_trig(avr, EXTINT_IRQ_OUT_INT1, 0);
+	for (int index = 0; index < 3; index++)
+		drive_pins(nano, 'B' + index);
+	bus_lines_changed(nano);
+	avr_cycle_timer_register(avr, 1, wake, nano);
+	return 0;
+}
+
+// Called by `avr_reset`, whoever asked for it: this interface, the watchdog or a jump of the bootloader's.
+static void on_reset(avr_io_t *module)
+{
+	nano_t *nano = (nano_t *)module;
+	avr_t *avr = nano->avr;
+	nano->cycle_base += avr->cycle;
+	avr->cycle = 0;
+	avr->run_cycle_limit = BATCH_CYCLES;
+	twi_reset(nano);
+	uart_reset(nano);
+	report_outputs(nano);
+	avr_cycle_timer_register(avr, 1, after_reset, nano);
+}
+
+nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes)
+{
+	avr_global_logger_set(no_log);
+	avr_t *avr = avr_make_mcu_by_name("atmega328p");
+	if (!avr)
+		return 0;
+	avr->flashend = flash_bytes - 1;
+	avr_init(avr);
+	avr->frequency = FREQUENCY;
+	avr->sleep = no_sleep;
+	avr->log = LOG_NONE;
+
+	nano_t *nano = calloc(1, sizeof *nano);
+	nano->avr = avr;
+	nano->out = *devices;
+	nano->sda = 1;
+	nano->lowest_sp = RAMEND;
+	memset(avr->flash, 0xFF, avr->flashend + 1);
+	memset(avr->data + SRAM_START, PAINT, RAMEND + 1 - SRAM_START);
+
+	for (avr_io_t *io = avr->io_port; io; io = io->next) {
+		if (!strcmp(io->kind, "twi"))
+			nano->twi.module = (avr_twi_t *)io;
+		if (!strcmp(io->kind, "uart"))
+			nano->uart.module = (avr_uart_t *)io;
+	}
+	avr_eeprom_desc_t whole = { .ee = 0, .offset = 0, .size = 0 };
+	avr_ioctl(avr, AVR_IOCTL_EEPROM_GET, &whole);
+	nano->eeprom = whole.ee;
+	nano->eeprom_length = avr->e2end + 1;
+
+	twi_attach(nano);
+	uart_attach(nano);
+	static const uint16_t output_registers[] = {
+		REG_PORTB, REG_DDRB, REG_PORTD, REG_DDRD, REG_TCCR0A, REG_OCR0A, REG_TCCR2A, REG_OCR2A,
+	};
+	for (unsigned i = 0; i < sizeof output_registers / sizeof *output_registers; i++)
+		chain(nano, output_registers[i], write_then_outputs);
+	chain(nano, REG_DDRC, write_then_bus);
+	chain(nano, REG_PORTC, write_then_bus);
+	avr_register_io_write(avr, REG_GPIOR0, mark_write, nano);
+	nano->module = (avr_io_t){ .kind = "nano", .reset = on_reset };
+	avr_register_io(avr, &nano->module);
+	return nano;
+}
+
+void nano_free(nano_t *nano)
+{
+	avr_terminate(nano->avr);
+	free(nano->avr);
+	free(nano);
+}
+
+int nano_flash(nano_t *nano, uint32_t address, const uint8_t *bytes, uint32_t length)
+{
+	uint32_t size = nano->avr->flashend + 1;
+	if (address > size || length > size - address)
+		return 0;
+	memcpy(nano->avr->flash + address, bytes, length);
+	return 1;
+}
+
+uint8_t *nano_eeprom(nano_t *nano, uint32_t *length)
+{
+	*length = nano->eeprom_length;
+	return nano->eeprom;
+}
+
+void nano_reset(nano_t *nano, uint32_t start, uint8_t cause)
+{
+	avr_t *avr = nano->avr;
+	avr->reset_pc = start;
+	avr->codeend = avr->flashend;
+	avr_reset(avr);
+	avr->pc = start;
+	avr->data[REG_MCUSR] = cause;
+}
+
+enum nano_state nano_run_until(nano_t *nano, uint64_t cycle)
+{
+	avr_t *avr = nano->avr;
+	if (cycle <= now(nano))
+		return NANO_RUNS;
+	avr_cycle_timer_register(avr, cycle - now(nano), stop, nano);
+	while (now(nano) < cycle) {
+		int state = avr_run(avr);
+		uint16_t sp = avr->data[R_SPL] | avr->data[R_SPH] << 8;
+		if (sp >= SRAM_START && sp < nano->lowest_sp)
+			nano->lowest_sp = sp;
+		if (state == cpu_Done)
+			return NANO_HALTED;
+		if (state == cpu_Crashed)
+			return NANO_CRASHED;
+	}
+	return NANO_RUNS;
+}
+
+uint64_t nano_cycle(const nano_t *nano) { return now(nano); }
+
+uint8_t nano_peek(const nano_t *nano, uint16_t address) { return address <= RAMEND ? nano->avr->data[address] : 0; }
+
+void nano_poke(nano_t *nano, uint16_t address, uint8_t value)
+{
+	if (address <= RAMEND)
+		nano->avr->data[address] = value;
+}
+
+uint16_t nano_deepest_stack(const nano_t *nano, uint16_t bottom)
+{
+	uint16_t address = bottom < SRAM_START ? SRAM_START : bottom;
+	while (address <= RAMEND && nano->avr->data[address] == PAINT)
+		address++;
+	uint16_t touched = RAMEND + 1 - address;
+	uint16_t pointed = RAMEND - nano->lowest_sp;
+	return touched > pointed ? touched : pointed;
+}
+
+uint32_t nano_pc(const nano_t *nano) { return nano->avr->pc; }

@@ -1,0 +1,307 @@
+//! The Nano with everything that is wired to it: the whole that tests and the program `vnano` run.
+//!
+//! ```no_run
+//! use virtual_nano::{Board, Image, Options};
+//!
+//! let image = Image::from_elf("target/firmware.elf".as_ref())?;
+//! let mut board = Board::new(&image, Options::default())?;
+//! board.run_for(16_000_000);
+//! println!("{:?}", board.take_serial());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use crate::bridge::Bridge;
+use crate::image::Image;
+use crate::imu::source::Source;
+use crate::imu::{self, Mpu6050};
+use crate::marks::Marks;
+use crate::mcu::{
+    BusAnswer, Devices, FLASH_BYTES, FREQUENCY_HZ, Mcu, Outputs, Pins, ResetCause, RunState, UnknownChip,
+};
+use crate::motor::{Motor, MotorParameters, STEP_S};
+use crate::serial::Serial;
+
+/// The program polls this bit of GPIOR2 as a test point, and hangs while it is set.
+const HANG: (u16, u8) = (0x4B, 1);
+
+/// What a board is made with.
+pub struct Options {
+    /// What the sensor measures.
+    pub source: Source,
+    /// The sensor's WHO_AM_I.
+    pub imu_id: u8,
+    /// Both motors.
+    pub motors: MotorParameters,
+    /// Seed of everything random on the line.
+    pub seed: u64,
+    /// Keeps every change of the bridge, for [`Board::take_drive_log`].
+    pub log_drive: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            source: Source::still(1),
+            imu_id: imu::GENUINE_ID,
+            motors: MotorParameters::default(),
+            seed: 1,
+            log_drive: false,
+        }
+    }
+}
+
+/// The board.
+pub struct Board {
+    mcu: Mcu<Rig>,
+    start: u32,
+    static_bytes: u16,
+    state: RunState,
+}
+
+impl Board {
+    /// A board with `image` in its flash, which has just got power.
+    pub fn new(image: &Image, options: Options) -> Result<Self, UnknownChip> {
+        Self::with_start(image, 0, options)
+    }
+
+    /// The same behind a bootloader: every reset starts at the image's lowest address, and the rest of flash is blank.
+    pub fn with_bootloader(image: &Image, options: Options) -> Result<Self, UnknownChip> {
+        Self::with_start(image, image.start(), options)
+    }
+
+    fn with_start(image: &Image, start: u32, options: Options) -> Result<Self, UnknownChip> {
+        let motor = Motor::new(options.motors);
+        let rig = Rig {
+            imu: Mpu6050::new(options.imu_id, options.source),
+            bridge: Bridge::default(),
+            drive_log: options.log_drive.then(Vec::new),
+            motors: [motor.clone(), motor],
+            motors_at: 0,
+            serial: Serial::new(options.seed),
+            marks: Marks::default(),
+        };
+        let mut mcu = Mcu::new(rig, image.end().max(FLASH_BYTES))?;
+        for (address, bytes) in &image.segments {
+            // An image's segments were checked against the size of flash.
+            assert!(mcu.write_flash(*address, bytes), "an image that does not fit");
+        }
+        mcu.reset(start, ResetCause::PowerOn);
+        Ok(Self { mcu, start, static_bytes: image.static_bytes, state: RunState::Running })
+    }
+
+    /// Pulls the reset pin.
+    pub fn reset(&mut self) {
+        self.mcu.devices_mut().marks.reset();
+        self.mcu.reset(self.start, ResetCause::Pin);
+        self.state = RunState::Running;
+    }
+
+    /// Runs until `cycle`. A program that halted or crashed stays where it is until a reset, and time goes on.
+    pub fn run_until(&mut self, cycle: u64) -> RunState {
+        if self.state == RunState::Running {
+            self.state = self.mcu.run_until(cycle);
+        }
+        self.state
+    }
+
+    /// Runs for `cycles`.
+    pub fn run_for(&mut self, cycles: u64) -> RunState {
+        self.run_until(self.cycle() + cycles)
+    }
+
+    /// How the last run ended.
+    pub fn state(&self) -> RunState {
+        self.state
+    }
+
+    /// Cycles since power came up.
+    pub fn cycle(&self) -> u64 {
+        self.mcu.cycle()
+    }
+
+    /// The host sends.
+    pub fn send(&mut self, bytes: &[u8]) {
+        self.mcu.devices_mut().serial.send(bytes);
+        self.mcu.serial_wake();
+    }
+
+    /// What the board has sent since the last call.
+    pub fn take_serial(&mut self) -> Vec<u8> {
+        self.mcu.devices_mut().serial.take()
+    }
+
+    /// The line to the host.
+    pub fn serial(&self) -> &Serial {
+        &self.mcu.devices().serial
+    }
+
+    /// The line to the host, to disturb it.
+    pub fn serial_mut(&mut self) -> &mut Serial {
+        &mut self.mcu.devices_mut().serial
+    }
+
+    /// Speed of the board's end of the line, bit/s.
+    pub fn baud(&self) -> f64 {
+        10.0 * FREQUENCY_HZ as f64 / f64::from(self.mcu.serial_byte_cycles())
+    }
+
+    /// Bytes from the host that the program read too late.
+    pub fn serial_overruns(&self) -> u64 {
+        self.mcu.serial_overruns()
+    }
+
+    /// The sensor.
+    pub fn imu(&self) -> &Mpu6050 {
+        &self.mcu.devices().imu
+    }
+
+    /// Changes the sensor, or what it measures.
+    pub fn change_imu<T>(&mut self, change: impl FnOnce(&mut Mpu6050) -> T) -> T {
+        let result = change(&mut self.mcu.devices_mut().imu);
+        // It may have let go of SDA, or pulled it.
+        self.mcu.bus_changed();
+        result
+    }
+
+    /// The bridge, as it is now.
+    pub fn bridge(&self) -> Bridge {
+        self.mcu.devices().bridge
+    }
+
+    /// Changes of the bridge since the last call, with their cycles, if [`Options::log_drive`] asked for them.
+    pub fn take_drive_log(&mut self) -> Vec<(u64, Bridge)> {
+        self.mcu.devices_mut().drive_log.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// Motors 1 and 2.
+    pub fn motors(&self) -> &[Motor; 2] {
+        &self.mcu.devices().motors
+    }
+
+    /// Holds a flagellum (0 or 1) fast, or lets it go.
+    pub fn block_motor(&mut self, motor: usize, blocked: bool) {
+        self.mcu.devices_mut().motors[motor].block(blocked);
+    }
+
+    /// Makes the program hang where it next passes its test point.
+    pub fn hang(&mut self) {
+        let (register, bit) = HANG;
+        let value = self.mcu.peek(register) | bit;
+        self.mcu.poke(register, value);
+    }
+
+    /// The program's marks.
+    pub fn marks(&self) -> &Marks {
+        &self.mcu.devices().marks
+    }
+
+    /// The program's marks, to forget them.
+    pub fn marks_mut(&mut self) -> &mut Marks {
+        &mut self.mcu.devices_mut().marks
+    }
+
+    /// The EEPROM: 1 KB, 0xFF where blank.
+    pub fn eeprom_mut(&mut self) -> &mut [u8] {
+        self.mcu.eeprom_mut()
+    }
+
+    /// Bytes of SRAM that the image's static data take.
+    pub fn static_bytes(&self) -> u16 {
+        self.static_bytes
+    }
+
+    /// Bytes of stack used at most so far.
+    pub fn deepest_stack(&self) -> u16 {
+        self.mcu.deepest_stack(0x100 + self.static_bytes)
+    }
+
+    /// The program counter as a byte address.
+    pub fn pc(&self) -> u32 {
+        self.mcu.pc()
+    }
+
+    /// A byte of the chip's data space.
+    pub fn peek(&self, address: u16) -> u8 {
+        self.mcu.peek(address)
+    }
+}
+
+/// Everything outside of the chip.
+struct Rig {
+    imu: Mpu6050,
+    bridge: Bridge,
+    drive_log: Option<Vec<(u64, Bridge)>>,
+    motors: [Motor; 2],
+    /// The cycle up to which the motors have turned.
+    motors_at: u64,
+    serial: Serial,
+    marks: Marks,
+}
+
+impl Rig {
+    fn turn_motors(&mut self, cycle: u64) {
+        let seconds = (cycle - self.motors_at) as f64 / FREQUENCY_HZ as f64;
+        self.motors_at = cycle;
+        for motor in &mut self.motors {
+            motor.advance(seconds);
+        }
+    }
+}
+
+impl Devices for Rig {
+    fn bus_address(&mut self, cycle: u64, address: u8) -> BusAnswer {
+        self.imu.address(cycle, address)
+    }
+
+    fn bus_write(&mut self, _cycle: u64, byte: u8) -> BusAnswer {
+        self.imu.write(byte)
+    }
+
+    fn bus_read(&mut self, _cycle: u64) -> Option<u8> {
+        self.imu.read()
+    }
+
+    fn bus_stop(&mut self, _cycle: u64) {
+        self.imu.stop();
+    }
+
+    fn bus_lines(&mut self, _cycle: u64, _sda: bool, scl: bool) -> bool {
+        self.imu.lines(scl)
+    }
+
+    fn serial_out(&mut self, _cycle: u64, byte: u8) {
+        self.serial.from_chip(byte);
+    }
+
+    fn serial_in(&mut self, _cycle: u64) -> Option<u8> {
+        self.serial.to_chip()
+    }
+
+    fn outputs(&mut self, cycle: u64, outputs: &Outputs) {
+        let bridge = Bridge::from_outputs(outputs);
+        if bridge == self.bridge {
+            return;
+        }
+        self.turn_motors(cycle);
+        self.bridge = bridge;
+        for (motor, drive) in self.motors.iter_mut().zip(bridge.drive) {
+            motor.set_drive(drive);
+        }
+        if let Some(log) = &mut self.drive_log {
+            log.push((cycle, bridge));
+        }
+    }
+
+    fn mark(&mut self, cycle: u64, value: u8) {
+        self.marks.mark(cycle, value);
+    }
+
+    fn wake(&mut self, cycle: u64, pins: &mut Pins) -> u64 {
+        self.turn_motors(cycle);
+        let [(c1_a, c2_a), (c1_b, c2_b)] = [self.motors[0].encoder_levels(), self.motors[1].encoder_levels()];
+        let levels = u8::from(c1_b) << 2 | u8::from(c1_a) << 3 | u8::from(c2_b) << 4 | u8::from(c2_a) << 5;
+        pins.set('D', 0b0011_1100, levels);
+        let seconds = self.motors.iter().map(Motor::next_event_s).fold(STEP_S, f64::min);
+        cycle + (seconds * FREQUENCY_HZ as f64).ceil() as u64
+    }
+}

@@ -1,0 +1,93 @@
+//! The TB6612FNG motor bridge and its wiring to the Nano.
+//!
+//! | motor | PWM | IN1 | IN2 | encoder C1 | C2 |
+//! | --- | --- | --- | --- | --- | --- |
+//! | 1 (A) | D6 = PD6 (OC0A) | D8 = PB0 | D7 = PD7 | D3 = PD3 | D5 = PD5 |
+//! | 2 (B) | D11 = PB3 (OC2A) | D10 = PB2 | D12 = PB4 | D2 = PD2 | D4 = PD4 |
+//!
+//! STBY is D9 = PB1. An encoder's C1 is on an interrupt pin.
+
+use crate::mcu::Outputs;
+
+/// What the bridge does to a motor (data sheet of the TB6612FNG, table of control functions).
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub enum Drive {
+    /// Outputs open: standby, or both inputs low.
+    #[default]
+    Coast,
+    /// Motor shorted: both inputs high, or the pulse width at zero.
+    Brake,
+    /// This fraction of the supply voltage, -1 to 1; shorted between the pulses. Positive with IN1 high.
+    Voltage(f64),
+}
+
+/// What both motors get, as the pins say.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Bridge {
+    /// High time of the two PWM pins, 0 to 255.
+    pub pwm: [u8; 2],
+    /// Motors 1 and 2.
+    pub drive: [Drive; 2],
+}
+
+impl Bridge {
+    /// Reads the pins.
+    pub fn from_outputs(o: &Outputs) -> Self {
+        let port_b = o.port_b & o.ddr_b;
+        let port_d = o.port_d & o.ddr_d;
+        let pin = |port: u8, bit: u8| port >> bit & 1 == 1;
+        let pwm = [
+            pulse_width(o.tccr0a, o.ocr0a, pin(port_d, 6), pin(o.ddr_d, 6)),
+            pulse_width(o.tccr2a, o.ocr2a, pin(port_b, 3), pin(o.ddr_b, 3)),
+        ];
+        let standby = !pin(port_b, 1);
+        let inputs = [(pin(port_b, 0), pin(port_d, 7)), (pin(port_b, 2), pin(port_b, 4))];
+        let drive = std::array::from_fn(|motor| truth_table(standby, inputs[motor], pwm[motor]));
+        Self { pwm, drive }
+    }
+}
+
+/// High time of a timer's output A out of 255. `com` (the two top bits of TCCRnA) at 2 clears the pin on compare match,
+/// at 3 sets it; else the pin is an ordinary one. The one count that fast PWM adds is not counted: OCR = 0 is off in
+/// the phase-correct mode, and 1/256 in the fast one.
+fn pulse_width(tccra: u8, ocr: u8, port: bool, is_output: bool) -> u8 {
+    match tccra >> 6 {
+        _ if !is_output => 0,
+        2 => ocr,
+        3 => 255 - ocr,
+        _ => 255 * u8::from(port),
+    }
+}
+
+fn truth_table(standby: bool, (in1, in2): (bool, bool), pwm: u8) -> Drive {
+    match (in1, in2) {
+        _ if standby => Drive::Coast,
+        (true, true) => Drive::Brake,
+        (false, false) => Drive::Coast,
+        _ if pwm == 0 => Drive::Brake,
+        (true, false) => Drive::Voltage(f64::from(pwm) / 255.0),
+        (false, true) => Drive::Voltage(-f64::from(pwm) / 255.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_truth_table_is_the_data_sheets() {
+        assert_eq!(truth_table(true, (true, false), 255), Drive::Coast);
+        assert_eq!(truth_table(false, (true, true), 255), Drive::Brake);
+        assert_eq!(truth_table(false, (false, false), 255), Drive::Coast);
+        assert_eq!(truth_table(false, (true, false), 0), Drive::Brake);
+        assert_eq!(truth_table(false, (true, false), 255), Drive::Voltage(1.0));
+        assert_eq!(truth_table(false, (false, true), 51), Drive::Voltage(-0.2));
+    }
+
+    #[test]
+    fn an_input_pin_puts_out_nothing() {
+        let lit = Outputs { tccr0a: 0x81, ocr0a: 200, ddr_d: 1 << 6, ..Outputs::default() };
+        assert_eq!(Bridge::from_outputs(&lit).pwm, [200, 0]);
+        assert_eq!(Bridge::from_outputs(&Outputs { ddr_d: 0, ..lit }).pwm, [0, 0]);
+    }
+}

@@ -1,0 +1,156 @@
+//! Commands to the running program: a line of plain words each, answered by one JSON line.
+//!
+//! | command | does |
+//! | --- | --- |
+//! | `play` | begins the sensor's recording from its start |
+//! | `status` | tells the state of everything |
+//! | `drop N` | loses the next N whole frames to the host |
+//! | `corrupt N` | damages a byte in each of the next N frames |
+//! | `fault nack B [COUNT]` | the sensor does not answer from byte B of a transaction on, COUNT times |
+//! | `fault stuck [CLOCKS]` | the sensor holds SDA low until CLOCKS pulses on SCL, or for ever |
+//! | `fault frozen` | the sensor's data stay the same |
+//! | `fault glitch` | the sensor loses power for a moment |
+//! | `fault clear` | the sensor is well again |
+//! | `block 1\|2\|off` | holds a flagellum fast, lets both go |
+//! | `hang` | the program hangs at its test point |
+//! | `reset` | pulls the reset pin |
+//! | `quit` | ends |
+
+use crate::board::Board;
+use crate::bridge::Drive;
+use crate::imu::fault::{At, Fault};
+use crate::mcu::{FREQUENCY_HZ, RunState};
+use crate::motor::Motor;
+use crate::run::PortCount;
+use serde_json::{Value, json};
+use std::str::FromStr;
+
+/// A command.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Command {
+    /// `play`
+    Play,
+    /// `status`
+    Status,
+    /// `drop N`
+    Drop(u64),
+    /// `corrupt N`
+    Corrupt(u64),
+    /// `fault ...`
+    Fault(Fault),
+    /// `fault clear`
+    ClearFaults,
+    /// `block 1|2`
+    Block(usize),
+    /// `block off`
+    BlockOff,
+    /// `hang`
+    Hang,
+    /// `reset`
+    Reset,
+    /// `quit`
+    Quit,
+}
+
+impl FromStr for Command {
+    type Err = String;
+
+    fn from_str(line: &str) -> Result<Self, String> {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        Ok(match words[..] {
+            ["play"] => Self::Play,
+            ["status"] => Self::Status,
+            ["drop", n] => Self::Drop(number(n)?),
+            ["corrupt", n] => Self::Corrupt(number(n)?),
+            ["fault", "nack", byte] => Self::Fault(Fault::Nack { at: At::byte(number(byte)?), count: 1 }),
+            ["fault", "nack", byte, count] => {
+                Self::Fault(Fault::Nack { at: At::byte(number(byte)?), count: number(count)? })
+            }
+            ["fault", "stuck"] => Self::Fault(Fault::Stuck { at: At::now(), clocks: None }),
+            ["fault", "stuck", clocks] => Self::Fault(Fault::Stuck { at: At::now(), clocks: Some(number(clocks)?) }),
+            ["fault", "frozen"] => Self::Fault(Fault::Frozen),
+            ["fault", "glitch"] => Self::Fault(Fault::Glitch),
+            ["fault", "clear"] => Self::ClearFaults,
+            ["block", "1"] => Self::Block(0),
+            ["block", "2"] => Self::Block(1),
+            ["block", "off"] => Self::BlockOff,
+            ["hang"] => Self::Hang,
+            ["reset"] => Self::Reset,
+            ["quit"] => Self::Quit,
+            _ => return Err(format!("unknown command {line:?}")),
+        })
+    }
+}
+
+fn number<N: FromStr>(word: &str) -> Result<N, String> {
+    word.parse().map_err(|_| format!("{word:?} is not a number that fits here"))
+}
+
+/// The answer to a command that is no question.
+pub fn done(line: &str) -> Value {
+    json!({ "event": "done", "command": line })
+}
+
+/// The answer to a line that could not be followed.
+pub fn error(line: &str, problem: &str) -> Value {
+    json!({ "event": "error", "command": line, "error": problem })
+}
+
+/// The answer to `status`.
+pub fn status(board: &Board, port: &PortCount) -> Value {
+    let bridge = board.bridge();
+    let line = board.serial().count();
+    let bus = board.imu().count();
+    let tick = board.marks().tick();
+    json!({
+        "event": "status",
+        "state": match board.state() {
+            RunState::Running => "running",
+            RunState::Halted => "halted",
+            RunState::Crashed => "crashed",
+        },
+        "cycles": board.cycle(),
+        "seconds": board.cycle() as f64 / FREQUENCY_HZ as f64,
+        "pwm": bridge.pwm,
+        "bridge": bridge.drive.map(|drive| match drive {
+            Drive::Coast => "coast",
+            Drive::Brake => "brake",
+            Drive::Voltage(fraction) if fraction < 0.0 => "backward",
+            Drive::Voltage(_) => "forward",
+        }),
+        "speed_rpm": board.motors().each_ref().map(Motor::speed_rpm),
+        "encoder_counts": board.motors().each_ref().map(Motor::encoder_counts),
+        "imu_transactions": bus.transactions,
+        "imu_bursts": bus.bursts,
+        "imu_faults": bus.faults,
+        "bytes_sent": line.bytes_sent,
+        "frames_sent": line.frames_sent,
+        "frames_dropped": line.frames_dropped,
+        "frames_corrupted": line.frames_corrupted,
+        "bytes_unheard": port.unheard,
+        "bytes_lost": port.lost,
+        "bytes_received": line.bytes_received,
+        "bytes_overrun": board.serial_overruns(),
+        "ticks": tick.count,
+        "mean_tick_cycles": tick.mean(),
+        "worst_tick_cycles": tick.worst,
+        "deepest_stack": board.deepest_stack(),
+        "static_bytes": board.static_bytes(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_are_plain_words() {
+        assert_eq!("  status ".parse(), Ok(Command::Status));
+        assert_eq!("drop 12".parse(), Ok(Command::Drop(12)));
+        let stuck = Fault::Stuck { at: At::now(), clocks: Some(9) };
+        assert_eq!("fault stuck 9".parse(), Ok(Command::Fault(stuck)));
+        for wrong in ["", "drop", "drop x", "drop -1", "block 3", "fault", "fault nack", "fault nack 300", "statuss"] {
+            assert!(wrong.parse::<Command>().is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! Program files: an ELF as the firmware's build leaves it, and Intel HEX as bootloaders come.
+
+use object::elf::{EM_AVR, FileHeader32, PT_LOAD};
+use object::read::elf::{FileHeader, ProgramHeader};
+use object::{Endianness, Object, ObjectSection};
+use std::path::{Path, PathBuf};
+
+use crate::mcu::FLASH_BYTES;
+
+/// What goes into flash, and how much SRAM it takes.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Image {
+    /// Bytes and the flash addresses where they belong.
+    pub segments: Vec<(u32, Vec<u8>)>,
+    /// Bytes of SRAM that static data take.
+    pub static_bytes: u16,
+}
+
+/// Why a file is not a program for the board.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// Not readable.
+    #[error("cannot read {path}: {source}")]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        source: std::io::Error,
+    },
+    /// Damaged, or something else.
+    #[error("{path} is not an ELF file: {reason}")]
+    NotElf {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        reason: object::Error,
+    },
+    /// A program for another machine.
+    #[error("{path} is not for the AVR (ELF machine {machine}); build it with `sh firmware/build.sh`")]
+    NotAvr {
+        /// The file.
+        path: PathBuf,
+        /// The ELF header's machine.
+        machine: u16,
+    },
+    /// Nothing in it, or more than the chip has.
+    #[error("{path} does not fit: it needs flash up to {address:#x}")]
+    DoesNotFit {
+        /// The file.
+        path: PathBuf,
+        /// The first byte past the flash.
+        address: u64,
+    },
+    /// No program.
+    #[error("{path} holds no program")]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A line that is not Intel HEX.
+    #[error("{path}, line {line}: not Intel HEX")]
+    NotHex {
+        /// The file.
+        path: PathBuf,
+        /// Counted from 1.
+        line: usize,
+    },
+}
+
+impl Image {
+    /// Bytes of flash taken.
+    pub fn flash_bytes(&self) -> usize {
+        self.segments.iter().map(|(_, bytes)| bytes.len()).sum()
+    }
+
+    /// The first address after the highest byte.
+    pub fn end(&self) -> u32 {
+        self.segments.iter().map(|(address, bytes)| address + bytes.len() as u32).max().unwrap_or(0)
+    }
+
+    /// Where the lowest byte goes.
+    pub fn start(&self) -> u32 {
+        self.segments.iter().map(|(address, _)| *address).min().unwrap_or(0)
+    }
+
+    /// Reads an ELF file of avr-gcc's linker.
+    pub fn from_elf(path: &Path) -> Result<Self, ImageError> {
+        let bytes = read(path)?;
+        let not_elf = |reason| ImageError::NotElf { path: path.into(), reason };
+        let header = FileHeader32::<Endianness>::parse(&*bytes).map_err(not_elf)?;
+        let endian = header.endian().map_err(not_elf)?;
+        let machine = header.e_machine(endian);
+        if machine != EM_AVR {
+            return Err(ImageError::NotAvr { path: path.into(), machine });
+        }
+        let mut image = Self::default();
+        for segment in header.program_headers(endian, &*bytes).map_err(not_elf)? {
+            // Initial values of variables are loaded from flash too: the physical address tells where. Above flash
+            // avr-gcc numbers the other memories (EEPROM at 0x810000), which are not the program's to set here.
+            let address = segment.p_paddr(endian);
+            let content = segment.data(endian, &*bytes).unwrap_or_default();
+            if segment.p_type(endian) != PT_LOAD || content.is_empty() || address >= 0x80_0000 {
+                continue;
+            }
+            image.push(address, content, FLASH_BYTES, path)?;
+        }
+        let file = object::File::parse(&*bytes).map_err(not_elf)?;
+        let in_sram = |address| (0x80_0100..0x80_0900).contains(&address);
+        let end = file.sections().filter(|section| in_sram(section.address()) && section.size() > 0);
+        let end = end.map(|section| section.address() + section.size()).max().unwrap_or(0x80_0100);
+        image.static_bytes = (end - 0x80_0100).min(0x800) as u16;
+        image.checked(path)
+    }
+
+    /// Reads an Intel HEX file of a chip with `room` bytes of flash.
+    pub fn from_hex(path: &Path, room: u32) -> Result<Self, ImageError> {
+        let bytes = read(path)?;
+        let text = String::from_utf8_lossy(&bytes);
+        let mut image = Self::default();
+        for (index, line) in text.lines().enumerate() {
+            let record = parse_hex(line.trim());
+            match record.ok_or_else(|| ImageError::NotHex { path: path.into(), line: index + 1 })? {
+                Record::Data { address, bytes } => image.push(address.into(), &bytes, room, path)?,
+                Record::End => break,
+                Record::Other => {}
+            }
+        }
+        image.checked(path)
+    }
+
+    fn push(&mut self, address: u32, bytes: &[u8], room: u32, path: &Path) -> Result<(), ImageError> {
+        let end = u64::from(address) + bytes.len() as u64;
+        if end > u64::from(room) {
+            return Err(ImageError::DoesNotFit { path: path.into(), address: end });
+        }
+        self.segments.push((address, bytes.to_vec()));
+        Ok(())
+    }
+
+    fn checked(self, path: &Path) -> Result<Self, ImageError> {
+        if self.segments.is_empty() { Err(ImageError::Empty { path: path.into() }) } else { Ok(self) }
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, ImageError> {
+    std::fs::read(path).map_err(|source| ImageError::Unreadable { path: path.into(), source })
+}
+
+enum Record {
+    Data {
+        address: u16,
+        bytes: Vec<u8>,
+    },
+    End,
+    /// Extended addresses of files for larger chips, start addresses: nothing to load.
+    Other,
+}
+
+/// One line: `:` count, address, kind, bytes, and a sum that makes all of it zero.
+fn parse_hex(line: &str) -> Option<Record> {
+    if line.is_empty() {
+        return Some(Record::Other);
+    }
+    let digits = line.strip_prefix(':')?.as_bytes();
+    let pairs = digits.chunks(2).map(|pair| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok());
+    let bytes: Vec<u8> = pairs.collect::<Option<_>>()?;
+    let [count, high, low, kind, data @ .., _sum] = &bytes[..] else { return None };
+    if data.len() != usize::from(*count) || bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)) != 0 {
+        return None;
+    }
+    match kind {
+        0 => Some(Record::Data { address: u16::from_be_bytes([*high, *low]), bytes: data.to_vec() }),
+        1 => Some(Record::End),
+        _ => Some(Record::Other),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hex_line_is_data_only_with_its_sum() {
+        let Some(Record::Data { address, bytes }) = parse_hex(":0400300002F502F8DB") else { panic!("not data") };
+        assert_eq!((address, &bytes[..]), (0x30, &[0x02, 0xF5, 0x02, 0xF8][..]));
+        assert!(matches!(parse_hex(":00000001FF"), Some(Record::End)));
+        for wrong in [":0400300002F502F8DC", ":0400300002F502F8", "0400300002F502F8DB", ":04003", ":zz"] {
+            assert!(parse_hex(wrong).is_none(), "{wrong}");
+        }
+    }
+}

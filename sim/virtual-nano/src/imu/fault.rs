@@ -1,0 +1,146 @@
+//! What can go wrong with the sensor, and when.
+
+use crate::mcu::BusAnswer;
+
+/// The byte of a transaction that a fault strikes.
+///
+/// Bytes count from 0 with the first address byte; a repeated START does not begin anew. A register read is 0: address
+/// for writing, 1: register, 2: address for reading, 3 and on: data.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct At {
+    /// Number of the transaction, counted from 1 at power-up; `None` for the next one that reaches the byte.
+    pub transaction: Option<u64>,
+    /// Number of the byte.
+    pub byte: u8,
+}
+
+impl At {
+    /// The next transaction, from its first byte.
+    pub fn now() -> Self {
+        Self::byte(0)
+    }
+
+    /// That byte of the next transaction that has so many.
+    pub fn byte(byte: u8) -> Self {
+        Self { transaction: None, byte }
+    }
+}
+
+/// A fault.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Fault {
+    /// From that byte of a transaction on the part does not answer: it acknowledges nothing, and reading gives ones.
+    Nack {
+        /// When.
+        at: At,
+        /// In how many transactions.
+        count: u32,
+    },
+    /// SDA is held low from that byte on.
+    Stuck {
+        /// When.
+        at: At,
+        /// Pulses on SCL that free it, made by hand; `None` for ever.
+        clocks: Option<u8>,
+    },
+    /// The data registers keep their values.
+    Frozen,
+    /// Power fails for a moment: all registers have their reset values, and the part sleeps.
+    Glitch,
+    /// The same in the middle of a transaction.
+    GlitchAt(
+        /// When.
+        At,
+    ),
+}
+
+/// The faults in force.
+#[derive(Debug, Default)]
+pub struct Faults {
+    waiting: Vec<Fault>,
+    /// The rest of this transaction goes unanswered.
+    silent: bool,
+    /// SDA is held; pulses left, `None` for ever.
+    held: Option<Option<u8>>,
+    frozen: bool,
+    glitch: bool,
+    struck: u64,
+}
+
+impl Faults {
+    /// Adds one.
+    pub fn add(&mut self, fault: Fault) {
+        match fault {
+            Fault::Frozen => {
+                self.frozen = true;
+                self.struck += 1;
+            }
+            other => self.waiting.push(other),
+        }
+    }
+
+    /// A START after a STOP.
+    pub fn begin_transaction(&mut self) {
+        self.silent = false;
+    }
+
+    /// How many have struck.
+    pub fn struck(&self) -> u64 {
+        self.struck
+    }
+
+    /// Whether the data registers keep their values.
+    pub fn frozen(&self) -> bool {
+        self.frozen
+    }
+
+    /// Whether SDA is held low.
+    pub fn holds_sda(&self) -> bool {
+        self.held.is_some()
+    }
+
+    /// Whether a glitch has just struck.
+    pub fn take_glitch(&mut self) -> bool {
+        std::mem::take(&mut self.glitch)
+    }
+
+    /// A pulse on SCL.
+    pub fn clock(&mut self) {
+        match &mut self.held {
+            Some(Some(0 | 1)) => self.held = None,
+            Some(Some(left)) => *left -= 1,
+            Some(None) | None => {}
+        }
+    }
+
+    /// The answer to byte `byte` of transaction `transaction`, where a fault gives one.
+    pub fn strike(&mut self, transaction: u64, byte: u8) -> Option<BusAnswer> {
+        let due = |at: &At| at.byte == byte && at.transaction.is_none_or(|number| number == transaction);
+        self.waiting.retain_mut(|fault| match fault {
+            Fault::Nack { at, count } if due(at) => {
+                self.silent = true;
+                self.struck += 1;
+                // Those that follow strike the same byte of any transaction.
+                at.transaction = None;
+                *count = count.saturating_sub(1);
+                *count > 0
+            }
+            Fault::Stuck { at, clocks } if due(at) => {
+                self.held = Some(*clocks);
+                self.struck += 1;
+                false
+            }
+            Fault::GlitchAt(at) if due(at) => {
+                self.glitch = true;
+                self.silent = true;
+                self.struck += 1;
+                false
+            }
+            _ => true,
+        });
+        match self.held {
+            Some(_) => Some(BusAnswer::Held),
+            None => self.silent.then_some(BusAnswer::Nack),
+        }
+    }
+}

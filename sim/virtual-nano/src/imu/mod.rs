@@ -1,0 +1,363 @@
+//! A virtual MPU6050: an I2C device at address 0x68 with the part's registers, fed by a [`Source`], with faults on
+//! request.
+//!
+//! Registers and their reset values: register map RM-MPU-6000A; sample rate: its section 4.4.
+
+pub mod fault;
+pub mod noise;
+pub mod recording;
+pub mod source;
+
+use crate::mcu::{BusAnswer, FREQUENCY_HZ};
+use fault::{Fault, Faults};
+use protocol::units::{AccelRange, GyroRange};
+use source::{Readout, Source};
+
+/// WHO_AM_I of the genuine part.
+pub const GENUINE_ID: u8 = 0x68;
+
+const ADDRESS: u8 = 0x68;
+
+/// Register addresses.
+mod register {
+    pub const SMPLRT_DIV: u8 = 0x19;
+    pub const CONFIG: u8 = 0x1A;
+    pub const GYRO_CONFIG: u8 = 0x1B;
+    pub const ACCEL_CONFIG: u8 = 0x1C;
+    pub const INT_STATUS: u8 = 0x3A;
+    pub const ACCEL_XOUT_H: u8 = 0x3B;
+    pub const GYRO_ZOUT_L: u8 = 0x48;
+    pub const PWR_MGMT_1: u8 = 0x6B;
+    pub const WHO_AM_I: u8 = 0x75;
+}
+
+const DEVICE_RESET: u8 = 0x80;
+const SLEEP: u8 = 0x40;
+
+/// What a transaction is doing.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Phase {
+    /// Not addressed: silent.
+    Unselected,
+    /// The next byte written is a register's address.
+    Pointer,
+    /// The next bytes are written to registers.
+    Writing,
+    /// The next bytes are read from registers.
+    Reading,
+}
+
+/// Counts of what happened on the bus.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct BusCount {
+    /// From START to STOP.
+    pub transactions: u64,
+    /// Reads that began at the first of the data registers.
+    pub bursts: u64,
+    /// Faults that struck.
+    pub faults: u64,
+}
+
+/// The part.
+pub struct Mpu6050 {
+    registers: [u8; 128],
+    id: u8,
+    source: Source,
+    faults: Faults,
+    phase: Phase,
+    pointer: u8,
+    /// The number of the sample in the data registers; `None` before the first.
+    sample: Option<u64>,
+    in_transaction: bool,
+    /// Bytes of this transaction so far, addresses included.
+    byte: u8,
+    scl: bool,
+    count: BusCount,
+}
+
+impl Mpu6050 {
+    /// One that has just got power.
+    pub fn new(id: u8, source: Source) -> Self {
+        let mut part = Self {
+            registers: [0; 128],
+            id,
+            source,
+            faults: Faults::default(),
+            phase: Phase::Unselected,
+            pointer: 0,
+            sample: None,
+            in_transaction: false,
+            byte: 0,
+            scl: true,
+            count: BusCount::default(),
+        };
+        part.power_up();
+        part
+    }
+
+    /// Counts since the start.
+    pub fn count(&self) -> BusCount {
+        self.count
+    }
+
+    /// What the part measures.
+    pub fn source_mut(&mut self) -> &mut Source {
+        &mut self.source
+    }
+
+    /// Answers this to WHO_AM_I from now on.
+    pub fn set_id(&mut self, id: u8) {
+        self.id = id;
+        self.registers[usize::from(register::WHO_AM_I)] = id;
+    }
+
+    /// Adds a fault.
+    pub fn inject(&mut self, fault: Fault) {
+        if fault == Fault::Glitch {
+            self.power_up();
+            self.count.faults += 1;
+        } else {
+            self.faults.add(fault);
+        }
+    }
+
+    /// Ends all faults. What they did to the registers stays.
+    pub fn clear_faults(&mut self) {
+        self.faults = Faults::default();
+    }
+
+    /// Whether the part keeps SDA low.
+    pub fn holds_sda(&self) -> bool {
+        self.faults.holds_sda()
+    }
+
+    /// An address byte after a START.
+    pub fn address(&mut self, cycle: u64, address: u8) -> BusAnswer {
+        if !self.in_transaction {
+            self.in_transaction = true;
+            self.byte = 0;
+            self.count.transactions += 1;
+            self.faults.begin_transaction();
+        }
+        self.phase = Phase::Unselected;
+        if let Some(answer) = self.strike() {
+            return answer;
+        }
+        if address >> 1 != ADDRESS {
+            return BusAnswer::Nack;
+        }
+        self.phase = if address & 1 == 0 { Phase::Pointer } else { Phase::Reading };
+        if self.phase == Phase::Reading {
+            self.count.bursts += u64::from(self.pointer == register::ACCEL_XOUT_H);
+            // The part copies a sample into its registers only while the bus is idle, so that a burst is of one sample.
+            self.take_sample(cycle);
+        }
+        BusAnswer::Ack
+    }
+
+    /// A byte from the master.
+    pub fn write(&mut self, byte: u8) -> BusAnswer {
+        if let Some(answer) = self.strike() {
+            return answer;
+        }
+        match self.phase {
+            Phase::Pointer => {
+                self.pointer = byte & 0x7F;
+                self.phase = Phase::Writing;
+            }
+            Phase::Writing => {
+                self.set_register(self.pointer, byte);
+                self.advance_pointer();
+            }
+            Phase::Unselected | Phase::Reading => return BusAnswer::Nack,
+        }
+        BusAnswer::Ack
+    }
+
+    /// A byte to the master; `None` while SDA is held low. A silent bus reads as ones.
+    pub fn read(&mut self) -> Option<u8> {
+        match self.strike() {
+            Some(BusAnswer::Held) => return None,
+            Some(_) => self.phase = Phase::Unselected,
+            None => {}
+        }
+        if self.phase != Phase::Reading {
+            return Some(0xFF);
+        }
+        let value = self.registers[usize::from(self.pointer)];
+        if self.pointer == register::INT_STATUS {
+            self.registers[usize::from(register::INT_STATUS)] = 0;
+        }
+        self.advance_pointer();
+        Some(value)
+    }
+
+    /// A STOP.
+    pub fn stop(&mut self) {
+        self.in_transaction = false;
+        self.phase = Phase::Unselected;
+    }
+
+    /// The master lets the lines have these levels. Answers whether the part lets SDA be high.
+    pub fn lines(&mut self, scl: bool) -> bool {
+        if scl && !self.scl {
+            self.faults.clock();
+        }
+        self.scl = scl;
+        !self.holds_sda()
+    }
+
+    /// Counts a byte of the transaction, and answers for the part if a fault strikes it.
+    fn strike(&mut self) -> Option<BusAnswer> {
+        let byte = self.byte;
+        self.byte = self.byte.saturating_add(1);
+        let before = self.faults.struck();
+        let answer = self.faults.strike(self.count.transactions, byte);
+        self.count.faults += self.faults.struck() - before;
+        if self.faults.take_glitch() {
+            self.power_up();
+            self.phase = Phase::Unselected;
+            return Some(BusAnswer::Nack);
+        }
+        answer
+    }
+
+    fn power_up(&mut self) {
+        self.registers = [0; 128];
+        self.registers[usize::from(register::PWR_MGMT_1)] = SLEEP;
+        self.registers[usize::from(register::WHO_AM_I)] = self.id;
+        self.sample = None;
+    }
+
+    fn set_register(&mut self, address: u8, value: u8) {
+        match address {
+            register::PWR_MGMT_1 if value & DEVICE_RESET != 0 => self.power_up(),
+            register::INT_STATUS..=register::GYRO_ZOUT_L | register::WHO_AM_I => {}
+            _ => self.registers[usize::from(address)] = value,
+        }
+    }
+
+    fn advance_pointer(&mut self) {
+        self.pointer = (self.pointer + 1) & 0x7F;
+    }
+
+    fn register(&self, address: u8) -> u8 {
+        self.registers[usize::from(address)]
+    }
+
+    /// Samples per second, as the registers ask for.
+    fn sample_rate_hz(&self) -> f64 {
+        // 8 kHz without the low-pass filter, 1 kHz with it.
+        let gyro_rate_hz = if matches!(self.register(register::CONFIG) & 7, 0 | 7) { 8000.0 } else { 1000.0 };
+        gyro_rate_hz / (1.0 + f64::from(self.register(register::SMPLRT_DIV)))
+    }
+
+    /// Puts the newest sample into the data registers.
+    fn take_sample(&mut self, cycle: u64) {
+        if self.register(register::PWR_MGMT_1) & SLEEP != 0 || self.faults.frozen() {
+            return;
+        }
+        let rate_hz = self.sample_rate_hz();
+        let number = (cycle as f64 / FREQUENCY_HZ as f64 * rate_hz) as u64;
+        if self.sample == Some(number) {
+            return;
+        }
+        self.sample = Some(number);
+        let gyro_range = GyroRange::ALL[usize::from(self.register(register::GYRO_CONFIG) >> 3 & 3)];
+        let accel_range = AccelRange::ALL[usize::from(self.register(register::ACCEL_CONFIG) >> 3 & 3)];
+        let low_pass = self.register(register::CONFIG) & 7;
+        let Readout { accel, gyro, temperature } =
+            self.source.read(number as f64 / rate_hz, gyro_range, accel_range, low_pass);
+        let words = accel.into_iter().chain([temperature]).chain(gyro);
+        let first = usize::from(register::ACCEL_XOUT_H);
+        for (slot, byte) in self.registers[first..].iter_mut().zip(words.flat_map(i16::to_be_bytes)) {
+            *slot = byte;
+        }
+        self.registers[usize::from(register::INT_STATUS)] |= 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::imu::fault::At;
+
+    fn write(part: &mut Mpu6050, address: u8, value: u8) {
+        assert_eq!(part.address(0, ADDRESS << 1), BusAnswer::Ack);
+        assert_eq!(part.write(address), BusAnswer::Ack);
+        assert_eq!(part.write(value), BusAnswer::Ack);
+        part.stop();
+    }
+
+    fn read<const N: usize>(part: &mut Mpu6050, cycle: u64, address: u8) -> [u8; N] {
+        part.address(cycle, ADDRESS << 1);
+        part.write(address);
+        part.address(cycle, ADDRESS << 1 | 1);
+        let bytes = std::array::from_fn(|_| part.read().unwrap());
+        part.stop();
+        bytes
+    }
+
+    fn part() -> Mpu6050 {
+        Mpu6050::new(GENUINE_ID, Source::still(1))
+    }
+
+    #[test]
+    fn it_sleeps_until_woken_and_again_after_a_reset() {
+        let mut part = part();
+        assert_eq!(read(&mut part, 0, 0x75), [0x68]);
+        assert_eq!(read(&mut part, 0, 0x6B), [0x40]);
+        assert_eq!(read::<14>(&mut part, 1000, 0x3B), [0; 14]);
+        write(&mut part, 0x6B, 0x01);
+        assert_ne!(read::<14>(&mut part, 2000, 0x3B), [0; 14]);
+        write(&mut part, 0x6B, 0x80);
+        assert_eq!(read(&mut part, 0, 0x6B), [0x40]);
+    }
+
+    #[test]
+    fn a_sample_lasts_as_long_as_the_divider_says() {
+        let mut part = part();
+        write(&mut part, 0x6B, 0x01);
+        write(&mut part, 0x1A, 3);
+        write(&mut part, 0x19, 4);
+        // 200 Hz: 80,000 cycles.
+        let first = read::<14>(&mut part, 80_100, 0x3B);
+        assert_eq!(read::<14>(&mut part, 159_900, 0x3B), first);
+        assert_ne!(read::<14>(&mut part, 160_100, 0x3B), first);
+    }
+
+    #[test]
+    fn gravity_scales_with_the_range() {
+        let mut part = part();
+        write(&mut part, 0x6B, 0x01);
+        let z = |bytes: [u8; 2]| f64::from(i16::from_be_bytes(bytes));
+        let at_2g = z(read(&mut part, 100_000, 0x3F));
+        write(&mut part, 0x1C, 0x10);
+        let at_8g = z(read(&mut part, 200_000, 0x3F));
+        assert!((at_2g / at_8g - 4.0).abs() < 0.3, "{at_2g} {at_8g}");
+    }
+
+    #[test]
+    fn a_nack_strikes_its_byte_only() {
+        let mut part = part();
+        part.inject(Fault::Nack { at: At::byte(1), count: 1 });
+        assert_eq!(part.address(0, 0xD0), BusAnswer::Ack);
+        assert_eq!(part.write(0x3B), BusAnswer::Nack);
+        part.stop();
+        assert_eq!(read(&mut part, 0, 0x75), [0x68]);
+        assert_eq!(part.count().faults, 1);
+    }
+
+    #[test]
+    fn clocks_free_a_stuck_line() {
+        let mut part = part();
+        part.inject(Fault::Stuck { at: At::now(), clocks: Some(3) });
+        assert_eq!(part.address(0, 0xD0), BusAnswer::Held);
+        for pulse in 0..3 {
+            assert!(part.holds_sda(), "freed after {pulse} pulses");
+            part.lines(false);
+            part.lines(true);
+        }
+        assert!(!part.holds_sda());
+    }
+}

@@ -1,0 +1,287 @@
+//! A recording of an MPU6050's raw counts, from a CSV file.
+//!
+//! Lines that begin with `#` say where it came from; among them stand the ranges, as `accel full scale +-8 g` and `gyro
+//! full scale +-250 deg/s`, and, where it is known, what the gyroscope reads at rest, as `gyro at rest 592,7,147`
+//! (counts). Then follow the column names `t_s,ax,ay,az,gx,gy,gz,temp_c` and a line a sample: seconds from the
+//! beginning, counts, degrees Celsius.
+
+use protocol::units::{AccelRange, GyroRange, TemperatureCounts};
+use std::path::{Path, PathBuf};
+
+const COLUMNS: &str = "t_s,ax,ay,az,gx,gy,gz,temp_c";
+
+/// Above this between two samples, readings in between are interpolated: held, they would look like a frozen sensor.
+const GAP_S: f64 = 0.050;
+
+/// How much of the beginning and of the end tells how the sensor lay, s.
+const REST_S: f64 = 0.5;
+
+/// A sample.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Sample {
+    /// Seconds from the beginning of the recording.
+    pub time_s: f64,
+    /// Acceleration, counts.
+    pub accel: [f64; 3],
+    /// Rate of turn, counts.
+    pub gyro: [f64; 3],
+    /// Temperature, counts.
+    pub temperature: f64,
+}
+
+/// A recording with at least two samples, in the order of time.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Recording {
+    /// The accelerometer's range.
+    pub accel_range: AccelRange,
+    /// The gyroscope's.
+    pub gyro_range: GyroRange,
+    samples: Vec<Sample>,
+    gyro_at_rest: [f64; 3],
+}
+
+/// Why a file is not a recording.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// Not readable.
+    #[error("cannot read {path}: {source}")]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        source: std::io::Error,
+    },
+    /// A line that does not fit.
+    #[error("{path}, line {line}: {problem}")]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// Counted from 1.
+        line: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// Too little in it.
+    #[error("{path}: {problem}")]
+    Incomplete {
+        /// The file.
+        path: PathBuf,
+        /// What is missing.
+        problem: &'static str,
+    },
+}
+
+impl Recording {
+    /// Reads a file.
+    pub fn read(path: &Path) -> Result<Self, RecordingError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| RecordingError::Unreadable { path: path.into(), source })?;
+        Self::parse(&text, path)
+    }
+
+    fn parse(text: &str, path: &Path) -> Result<Self, RecordingError> {
+        let incomplete = |problem| RecordingError::Incomplete { path: path.into(), problem };
+        let (mut accel_range, mut gyro_range, mut gyro_at_rest) = (None, None, None);
+        let mut samples: Vec<Sample> = Vec::new();
+        let mut columns_seen = false;
+        for (index, line) in text.lines().map(str::trim).enumerate() {
+            let wrong = |problem: String| RecordingError::Line { path: path.into(), line: index + 1, problem };
+            if let Some(comment) = line.strip_prefix('#') {
+                accel_range = accel_range
+                    .or(range_in(comment, "accel full scale +-", AccelRange::ALL, |range| range.full_scale_g().into()));
+                gyro_range =
+                    gyro_range.or(range_in(comment, "gyro full scale +-", GyroRange::ALL, GyroRange::full_scale_dps));
+                gyro_at_rest = gyro_at_rest.or(rest_in(comment));
+            } else if line.is_empty() {
+            } else if !columns_seen {
+                if line != COLUMNS {
+                    return Err(wrong(format!("expected the columns {COLUMNS}")));
+                }
+                columns_seen = true;
+            } else {
+                let sample = parse_sample(line).map_err(&wrong)?;
+                if samples.last().is_some_and(|last| last.time_s >= sample.time_s) {
+                    return Err(wrong("time does not go forward".into()));
+                }
+                samples.push(sample);
+            }
+        }
+        if samples.len() < 2 {
+            return Err(incomplete("fewer than two samples"));
+        }
+        let gyro_at_rest = gyro_at_rest.unwrap_or_else(|| quietest(&samples));
+        Ok(Self {
+            accel_range: accel_range
+                .ok_or_else(|| incomplete("no comment `accel full scale +-N g` with 2, 4, 8 or 16"))?,
+            gyro_range: gyro_range
+                .ok_or_else(|| incomplete("no comment `gyro full scale +-N deg/s` with 250, 500, 1000 or 2000"))?,
+            samples,
+            gyro_at_rest,
+        })
+    }
+
+    /// Seconds from the first sample to the last.
+    pub fn duration_s(&self) -> f64 {
+        self.last().time_s - self.first().time_s
+    }
+
+    /// What the sensor read `seconds` after the first sample; the last sample beyond the end.
+    pub fn at(&self, seconds: f64) -> Sample {
+        let time_s = self.first().time_s + seconds;
+        let next = self.samples.partition_point(|sample| sample.time_s <= time_s);
+        let before = &self.samples[next.saturating_sub(1)];
+        match self.samples.get(next) {
+            Some(after) if after.time_s - before.time_s > GAP_S => {
+                let part = ((time_s - before.time_s) / (after.time_s - before.time_s)).clamp(0.0, 1.0);
+                let mix = |a: f64, b: f64| a + part * (b - a);
+                let mix3 = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|axis| mix(a[axis], b[axis]));
+                Sample {
+                    time_s,
+                    accel: mix3(before.accel, after.accel),
+                    gyro: mix3(before.gyro, after.gyro),
+                    temperature: mix(before.temperature, after.temperature),
+                }
+            }
+            _ => *before,
+        }
+    }
+
+    /// What the sensor reads while it lies still as it lay at the beginning.
+    pub fn rest_before(&self) -> Sample {
+        let end = self.first().time_s + REST_S;
+        self.at_rest(self.samples.iter().take_while(|sample| sample.time_s <= end))
+    }
+
+    /// The same as it lay at the end.
+    pub fn rest_after(&self) -> Sample {
+        let start = self.last().time_s - REST_S;
+        self.at_rest(self.samples.iter().rev().take_while(|sample| sample.time_s >= start))
+    }
+
+    /// The hands that moved the sensor were not quite still at either end: only gravity is averaged there.
+    fn at_rest<'a>(&self, samples: impl Iterator<Item = &'a Sample>) -> Sample {
+        Sample { gyro: self.gyro_at_rest, ..mean(samples) }
+    }
+
+    fn first(&self) -> &Sample {
+        &self.samples[0]
+    }
+
+    fn last(&self) -> &Sample {
+        &self.samples[self.samples.len() - 1]
+    }
+}
+
+fn parse_sample(line: &str) -> Result<Sample, String> {
+    let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+    let [time, ax, ay, az, gx, gy, gz, temperature] = fields[..] else {
+        return Err(format!("{} columns instead of 8", fields.len()));
+    };
+    let real = |field: &str| match field.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err(format!("{field:?} is not a number")),
+    };
+    let count =
+        |field: &str| field.parse::<i16>().map(f64::from).map_err(|_| format!("{field:?} is not a 16-bit count"));
+    Ok(Sample {
+        time_s: real(time)?,
+        accel: [count(ax)?, count(ay)?, count(az)?],
+        gyro: [count(gx)?, count(gy)?, count(gz)?],
+        temperature: TemperatureCounts::from_celsius(real(temperature)?).0.into(),
+    })
+}
+
+/// The range whose full scale stands after `key`.
+fn range_in<R: Copy, const N: usize>(comment: &str, key: &str, all: [R; N], full_scale: fn(R) -> u16) -> Option<R> {
+    let (_, rest) = comment.split_once(key)?;
+    let digits = rest.split(|c: char| !c.is_ascii_digit()).next()?;
+    let value: u16 = digits.parse().ok()?;
+    all.into_iter().find(|range| full_scale(*range) == value)
+}
+
+/// The three numbers after `gyro at rest`.
+fn rest_in(comment: &str) -> Option<[f64; 3]> {
+    let (_, rest) = comment.split_once("gyro at rest ")?;
+    let numbers: Vec<f64> = rest
+        .split(|c: char| !(c.is_ascii_digit() || matches!(c, '-' | '.')))
+        .filter(|word| !word.is_empty())
+        .map_while(|word| word.trim_end_matches('.').parse().ok())
+        .take(3)
+        .collect();
+    numbers.try_into().ok()
+}
+
+fn mean<'a>(samples: impl Iterator<Item = &'a Sample>) -> Sample {
+    let mut sum = Sample::default();
+    let mut count = 0.0;
+    for sample in samples {
+        count += 1.0;
+        for axis in 0..3 {
+            sum.accel[axis] += sample.accel[axis];
+            sum.gyro[axis] += sample.gyro[axis];
+        }
+        sum.temperature += sample.temperature;
+    }
+    Sample {
+        time_s: 0.0,
+        accel: sum.accel.map(|x| x / count),
+        gyro: sum.gyro.map(|x| x / count),
+        temperature: sum.temperature / count,
+    }
+}
+
+/// The gyroscope's mean over the stretch of [`REST_S`] in which it varies least: the best guess of its bias that a
+/// recording of a movement allows.
+fn quietest(samples: &[Sample]) -> [f64; 3] {
+    let windows = samples.iter().enumerate().step_by(5).map(|(start, first)| {
+        let length = samples[start..].partition_point(|sample| sample.time_s < first.time_s + REST_S);
+        &samples[start..start + length]
+    });
+    let full = windows.filter(|window| window.len() > 10);
+    let spread = |window: &[Sample]| {
+        let mean = mean(window.iter()).gyro;
+        let square = |sample: &Sample| (0..3).map(|axis| (sample.gyro[axis] - mean[axis]).powi(2)).sum::<f64>();
+        window.iter().map(square).sum::<f64>() / window.len() as f64
+    };
+    let best = full.min_by(|a, b| spread(a).total_cmp(&spread(b)));
+    mean(best.unwrap_or(samples).iter()).gyro
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = "# accel full scale +-8 g (4096 LSB/g), gyro full scale +-500 deg/s\n";
+
+    fn parse(body: &str) -> Result<Recording, RecordingError> {
+        Recording::parse(&format!("{HEADER}{COLUMNS}\n{body}"), Path::new("x.csv"))
+    }
+
+    #[test]
+    fn readings_are_held_but_not_across_a_gap() {
+        let recording = parse("0.5,0,0,0,10,0,0,20\n0.51,0,0,0,20,0,0,20\n0.71,0,0,0,40,0,0,20\n").unwrap();
+        assert_eq!((recording.accel_range, recording.gyro_range), (AccelRange::G8, GyroRange::Dps500));
+        assert_eq!(recording.at(0.009).gyro[0], 10.0);
+        assert_eq!(recording.at(0.0101).gyro[0].round(), 20.0);
+        assert!((recording.at(0.11).gyro[0] - 30.0).abs() < 1e-9);
+        assert_eq!(recording.at(9.0).gyro[0], 40.0);
+    }
+
+    #[test]
+    fn a_bad_line_is_named() {
+        let error = |body: &str| parse(body).unwrap_err().to_string();
+        assert_eq!(error("0,1,2\n"), "x.csv, line 3: 3 columns instead of 8");
+        assert_eq!(error("0,1,2,3,4,5,99999,7\n"), "x.csv, line 3: \"99999\" is not a 16-bit count");
+        assert_eq!(error("0,1,2,3,4,5,6,nan\n"), "x.csv, line 3: \"nan\" is not a number");
+        assert_eq!(error("1,1,2,3,4,5,6,7\n1,1,2,3,4,5,6,7\n"), "x.csv, line 4: time does not go forward");
+        assert_eq!(error("1,1,2,3,4,5,6,7\n"), "x.csv: fewer than two samples");
+        let no_header = Recording::parse(&format!("{COLUMNS}\n0,1,2,3,4,5,6,7\n1,1,2,3,4,5,6,7"), Path::new("x.csv"));
+        assert!(no_header.unwrap_err().to_string().contains("accel full scale"));
+    }
+
+    #[test]
+    fn the_bias_may_stand_in_the_header() {
+        assert_eq!(rest_in(" gyro at rest 592, -7,147.5 counts."), Some([592.0, -7.0, 147.5]));
+        assert_eq!(rest_in(" gyro at rest unknown"), None);
+    }
+}

@@ -1,0 +1,194 @@
+//! What the sensor measures: lying still, a recording, or the movement of a body.
+
+use super::noise::Noise;
+use super::recording::{Recording, Sample};
+use protocol::units::{AccelRange, GyroRange, TemperatureCounts};
+
+/// One sample in counts, as the data registers have it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Readout {
+    /// Acceleration.
+    pub accel: [i16; 3],
+    /// Rate of turn.
+    pub gyro: [i16; 3],
+    /// Temperature.
+    pub temperature: i16,
+}
+
+/// How a body moves, in the sensor's axes.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Movement {
+    /// Rate of turn, °/s.
+    pub rate_dps: [f64; 3],
+    /// Acceleration less gravity, g: `[0, 0, 1]` at rest with z up.
+    pub specific_force_g: [f64; 3],
+    /// Temperature, °C.
+    pub temperature_c: f64,
+}
+
+/// A body that the sensor is fixed to: its movement at a time in seconds. Times do not go back.
+pub type Body = Box<dyn FnMut(f64) -> Movement + Send>;
+
+enum Kind {
+    Body(Body),
+    Recording {
+        recording: Recording,
+        /// The board's time at which the playback began; `None` while it waits.
+        started_s: Option<f64>,
+        play: bool,
+    },
+}
+
+/// What the sensor measures, with the sensor's own bias and noise where these are not in a recording.
+pub struct Source {
+    kind: Kind,
+    noise: Noise,
+    gyro_bias_dps: [f64; 3],
+    accel_bias_g: [f64; 3],
+}
+
+/// Gyroscope noise, °/s per root Hz (data sheet PS-MPU-6000A, table 6.1).
+const GYRO_NOISE_DPS: f64 = 0.005;
+/// Accelerometer noise, g per root Hz (table 6.2).
+const ACCEL_NOISE_G: f64 = 400e-6;
+/// Spread of the gyroscope's bias from part to part, °/s. The data sheet allows ±20; usual parts are better.
+const GYRO_BIAS_DPS: f64 = 2.0;
+/// Spread of the accelerometer's bias, g. The data sheet allows ±0.05 and ±0.08 (z).
+const ACCEL_BIAS_G: f64 = 0.015;
+/// Temperature where nothing gives one, °C.
+const ROOM_C: f64 = 25.0;
+
+impl Source {
+    /// Lies still, z up, with the bias that the seed gives.
+    pub fn still(seed: u64) -> Self {
+        let at_rest = Movement { specific_force_g: [0.0, 0.0, 1.0], temperature_c: ROOM_C, ..Movement::default() };
+        Self::body(Box::new(move |_| at_rest), seed)
+    }
+
+    /// Moves with a body.
+    pub fn body(body: Body, seed: u64) -> Self {
+        let mut noise = Noise::new(seed);
+        let mut bias = |spread: f64| std::array::from_fn(|_| spread * noise.normal().clamp(-3.0, 3.0));
+        let (gyro_bias_dps, accel_bias_g) = (bias(GYRO_BIAS_DPS), bias(ACCEL_BIAS_G));
+        Self { kind: Kind::Body(body), noise, gyro_bias_dps, accel_bias_g }
+    }
+
+    /// Lies still as the recording begins, until it is told to [`Self::play`].
+    pub fn recording(recording: Recording, seed: u64) -> Self {
+        Self {
+            kind: Kind::Recording { recording, started_s: None, play: false },
+            noise: Noise::new(seed),
+            gyro_bias_dps: [0.0; 3],
+            accel_bias_g: [0.0; 3],
+        }
+    }
+
+    /// Begins the recording with the next sample. Answers how long it lasts, s; `None` where there is none.
+    pub fn play(&mut self) -> Option<f64> {
+        let Kind::Recording { recording, started_s, play } = &mut self.kind else { return None };
+        *started_s = None;
+        *play = true;
+        Some(recording.duration_s())
+    }
+
+    /// The sample at this time of the board's, for these settings of the part.
+    pub fn read(&mut self, time_s: f64, gyro: GyroRange, accel: AccelRange, low_pass: u8) -> Readout {
+        let bandwidth_hz = BANDWIDTH_HZ[usize::from(low_pass & 7)];
+        let gyro_noise = GYRO_NOISE_DPS * bandwidth_hz.sqrt();
+        let accel_noise = ACCEL_NOISE_G * bandwidth_hz.sqrt();
+        let Self { kind, noise, .. } = self;
+        let per_dps = f64::from(gyro.counts_per_dps());
+        let per_g = f64::from(accel.counts_per_g());
+        match kind {
+            Kind::Body(body) => {
+                let Movement { rate_dps, specific_force_g, temperature_c } = body(time_s);
+                let rate = |axis: usize| rate_dps[axis] + self.gyro_bias_dps[axis];
+                let force = |axis: usize| specific_force_g[axis] + self.accel_bias_g[axis];
+                let gyro = std::array::from_fn(|axis| counts((rate(axis) + gyro_noise * noise.normal()) * per_dps));
+                let accel = std::array::from_fn(|axis| counts((force(axis) + accel_noise * noise.normal()) * per_g));
+                Readout { accel, gyro, temperature: TemperatureCounts::from_celsius(temperature_c).0 }
+            }
+            Kind::Recording { recording, started_s, play } => {
+                if *play && started_s.is_none() {
+                    *started_s = Some(time_s);
+                }
+                // A recording brings its own noise; at rest the sensor has the data sheet's.
+                let at_rest = |sample: Sample, noise: &mut Noise| {
+                    let accel_step = accel_noise * f64::from(recording.accel_range.counts_per_g());
+                    let gyro_step = gyro_noise * f64::from(recording.gyro_range.counts_per_dps());
+                    Sample {
+                        accel: sample.accel.map(|x| x + accel_step * noise.normal()),
+                        gyro: sample.gyro.map(|x| x + gyro_step * noise.normal()),
+                        ..sample
+                    }
+                };
+                let sample = match started_s.map(|start| time_s - start) {
+                    None => at_rest(recording.rest_before(), noise),
+                    Some(elapsed) if elapsed > recording.duration_s() => at_rest(recording.rest_after(), noise),
+                    Some(elapsed) => recording.at(elapsed),
+                };
+                let gyro_scale = per_dps / f64::from(recording.gyro_range.counts_per_dps());
+                let accel_scale = per_g / f64::from(recording.accel_range.counts_per_g());
+                Readout {
+                    accel: sample.accel.map(|x| counts(x * accel_scale)),
+                    gyro: sample.gyro.map(|x| counts(x * gyro_scale)),
+                    temperature: counts(sample.temperature),
+                }
+            }
+        }
+    }
+}
+
+/// Bandwidth of the gyroscope for each value of CONFIG's filter (register map, section 4.3); without filter the part's
+/// own 256 Hz.
+const BANDWIDTH_HZ: [f64; 8] = [256.0, 188.0, 98.0, 42.0, 20.0, 10.0, 5.0, 256.0];
+
+/// Rounds, and saturates as the part does.
+fn counts(x: f64) -> i16 {
+    x.round() as i16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn data(name: &str) -> Recording {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/mpu6050/");
+        Recording::read(&Path::new(folder).join(name)).unwrap()
+    }
+
+    #[test]
+    fn a_recording_passes_unchanged_at_its_own_ranges() {
+        let mut source = Source::recording(data("rotate-z-720.csv"), 1);
+        let read = |source: &mut Source, time| source.read(time, GyroRange::Dps250, AccelRange::G8, 3);
+        let waiting = read(&mut source, 5.0);
+        assert_ne!(waiting, read(&mut source, 5.005), "frozen while it waits");
+        assert!((source.play().unwrap() - 23.985).abs() < 1e-3);
+        let first = read(&mut source, 6.0);
+        assert_eq!((first.accel, first.gyro), ([50, -547, -4086], [964, -1054, -1147]));
+        assert_eq!(read(&mut source, 6.006).gyro, [1404, -1535, -1104]);
+        let after: Vec<i16> = (0..100).map(|i| read(&mut source, 31.0 + 0.005 * f64::from(i)).gyro[0]).collect();
+        assert!(after.iter().any(|x| *x != after[0]), "frozen after its end");
+    }
+
+    #[test]
+    fn other_ranges_scale_and_saturate() {
+        let mut source = Source::recording(data("rotate-z-720.csv"), 1);
+        source.play();
+        let scaled = source.read(0.0, GyroRange::Dps500, AccelRange::G2, 3);
+        assert_eq!((scaled.accel, scaled.gyro), ([200, -2188, -16344], [482, -527, -574]));
+        assert_eq!(counts(1e6), i16::MAX);
+        assert_eq!(counts(-1e6), i16::MIN);
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_noise() {
+        let read = |seed| {
+            let mut source = Source::still(seed);
+            [0.0, 0.01, 0.02].map(|time| source.read(time, GyroRange::Dps250, AccelRange::G2, 3))
+        };
+        assert_eq!(read(4), read(4));
+        assert_ne!(read(4), read(5));
+    }
+}

@@ -1,0 +1,137 @@
+//! `vnano`: the emulated board as a program. Its first line on standard output names the port.
+
+use clap::{Parser, ValueEnum};
+use serde_json::json;
+use std::error::Error;
+use std::io::{BufRead, Write, stdin, stdout};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::mpsc::{Receiver, channel};
+use virtual_nano::bootloader::Bootloader;
+use virtual_nano::imu::recording::Recording;
+use virtual_nano::imu::source::Source;
+use virtual_nano::pace::{Pace, Speed};
+use virtual_nano::port::Port;
+use virtual_nano::run::{PortCount, Runner};
+use virtual_nano::{Board, Image, Options};
+
+/// The robot's Arduino Nano, emulated.
+///
+/// Prints {"event":"ready","port":"/dev/pts/N"}, then answers each line on standard input with a line of JSON. Ends with
+/// `quit` or at the end of standard input.
+///
+/// Example: vnano --firmware target/firmware.elf --imu tests/data/mpu6050/rotate-z-720.csv
+#[derive(Parser)]
+#[command(name = "vnano", version)]
+struct Arguments {
+    /// The program in flash
+    #[arg(long, value_name = "ELF", required_unless_present = "bootloader", conflicts_with = "bootloader")]
+    firmware: Option<PathBuf>,
+    /// A bootloader and no program; opening the port resets the board
+    #[arg(long)]
+    bootloader: Option<BootloaderName>,
+    /// A recording for the sensor to play; without it the sensor lies still
+    #[arg(long, value_name = "FILE.csv")]
+    imu: Option<PathBuf>,
+    /// The board's seconds per second, or `max`
+    #[arg(long, default_value = "1", value_name = "1|FACTOR|max")]
+    speed: Speed,
+    /// Seed of the sensor's noise and of damage on the line
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// What the sensor answers to WHO_AM_I, such as 0x68, or 0x70 for a common clone
+    #[arg(long, default_value = "0x68", value_parser = parse_byte)]
+    who_am_i: u8,
+    /// Keeps the EEPROM in this file, 1024 bytes
+    #[arg(long, value_name = "FILE")]
+    eeprom: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum BootloaderName {
+    /// 115200 bit/s
+    Optiboot,
+    /// 57600 bit/s
+    Old,
+}
+
+fn parse_byte(text: &str) -> Result<u8, String> {
+    let parsed = match text.strip_prefix("0x") {
+        Some(digits) => u8::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    parsed.map_err(|_| "give a byte, such as 0x68".into())
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("vnano: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let source = match &arguments.imu {
+        Some(path) => Source::recording(Recording::read(path)?, arguments.seed),
+        None => Source::still(arguments.seed),
+    };
+    let options = Options { source, imu_id: arguments.who_am_i, seed: arguments.seed, ..Options::default() };
+    let mut board = match (&arguments.firmware, arguments.bootloader) {
+        (_, Some(name)) => {
+            let bootloader = match name {
+                BootloaderName::Optiboot => Bootloader::Optiboot,
+                BootloaderName::Old => Bootloader::Old,
+            };
+            Board::with_bootloader(&bootloader.load()?, options)?
+        }
+        (Some(path), None) => Board::new(&Image::from_elf(path)?, options)?,
+        (None, None) => unreachable!("clap requires one of them"),
+    };
+    if let Some(path) = &arguments.eeprom {
+        load_eeprom(&mut board, path)?;
+    }
+    let mut runner = Runner {
+        pace: Pace::new(arguments.speed, board.cycle()),
+        board,
+        port: Port::new()?,
+        reset_on_open: arguments.bootloader.is_some(),
+        pending: Vec::new(),
+        count: PortCount::default(),
+    };
+    let mut out = stdout().lock();
+    writeln!(out, "{}", json!({ "event": "ready", "port": runner.port.path() }))?;
+    out.flush()?;
+    runner.run(&commands(), &mut out)?;
+    if let Some(path) = &arguments.eeprom {
+        std::fs::write(path, runner.board.eeprom_mut()).map_err(|error| format!("{}: {error}", path.display()))?;
+    }
+    Ok(())
+}
+
+/// A file that does not exist yet is a blank EEPROM.
+fn load_eeprom(board: &mut Board, path: &PathBuf) -> Result<(), String> {
+    let eeprom = board.eeprom_mut();
+    match std::fs::read(path) {
+        Ok(bytes) if bytes.len() == eeprom.len() => eeprom.copy_from_slice(&bytes),
+        Ok(bytes) => return Err(format!("{}: {} bytes instead of {}", path.display(), bytes.len(), eeprom.len())),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+        Err(error) => return Err(format!("{}: {error}", path.display())),
+    }
+    Ok(())
+}
+
+/// Lines of standard input. The channel closes at its end.
+fn commands() -> Receiver<String> {
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || {
+        for line in stdin().lock().lines().map_while(Result::ok).filter(|line| !line.trim().is_empty()) {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}

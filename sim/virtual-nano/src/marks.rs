@@ -1,0 +1,102 @@
+//! How long the program takes, from the marks that it writes to GPIOR0.
+//!
+//! A mark names what begins; the next mark ends it. [`TICK_BEGIN`] and [`TICK_END`] bound the work of one tick, whatever
+//! marks are in between.
+
+/// The tick begins.
+pub const TICK_BEGIN: u8 = 0x10;
+/// The tick is done; the program waits for the next.
+pub const TICK_END: u8 = 0x1F;
+
+/// Lengths in cycles.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Lengths {
+    /// How often.
+    pub count: u64,
+    /// All together.
+    pub total: u64,
+    /// The longest.
+    pub worst: u64,
+}
+
+impl Lengths {
+    /// The mean; 0 where there are none.
+    pub fn mean(&self) -> u64 {
+        self.total.checked_div(self.count).unwrap_or(0)
+    }
+
+    fn add(&mut self, cycles: u64) {
+        self.count += 1;
+        self.total += cycles;
+        self.worst = self.worst.max(cycles);
+    }
+}
+
+/// What the marks have shown so far.
+pub struct Marks {
+    phases: [Lengths; 256],
+    tick: Lengths,
+    last: Option<(u64, u8)>,
+    tick_began: Option<u64>,
+}
+
+impl Default for Marks {
+    fn default() -> Self {
+        Self { phases: [Lengths::default(); 256], tick: Lengths::default(), last: None, tick_began: None }
+    }
+}
+
+impl Marks {
+    /// The program wrote `value`.
+    pub fn mark(&mut self, cycle: u64, value: u8) {
+        if let Some((began, what)) = self.last.replace((cycle, value)) {
+            self.phases[usize::from(what)].add(cycle - began);
+        }
+        match value {
+            TICK_BEGIN => self.tick_began = Some(cycle),
+            TICK_END => {
+                if let Some(began) = self.tick_began.take() {
+                    self.tick.add(cycle - began);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// The program was reset: what was under way does not end.
+    pub fn reset(&mut self) {
+        self.last = None;
+        self.tick_began = None;
+    }
+
+    /// Forgets all lengths.
+    pub fn clear(&mut self) {
+        *self = Self::default();
+    }
+
+    /// From [`TICK_BEGIN`] to [`TICK_END`].
+    pub fn tick(&self) -> Lengths {
+        self.tick
+    }
+
+    /// From the mark `value` to the next one.
+    pub fn phase(&self, value: u8) -> Lengths {
+        self.phases[usize::from(value)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tick_lasts_through_the_marks_within_it() {
+        let mut marks = Marks::default();
+        for (cycle, value) in [(5, TICK_END), (100, TICK_BEGIN), (130, 0x11), (150, TICK_END), (180, TICK_BEGIN)] {
+            marks.mark(cycle, value);
+        }
+        assert_eq!(marks.tick(), Lengths { count: 1, total: 50, worst: 50 });
+        assert_eq!(marks.phase(0x11).mean(), 20);
+        assert_eq!(marks.phase(TICK_END).worst, 95);
+    }
+}

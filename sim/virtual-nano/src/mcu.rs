@@ -1,0 +1,363 @@
+//! The chip: a safe face on the shim over simavr. All of this package's unsafe code is here.
+//!
+//! An [`Mcu`] owns the devices around it. While it runs it calls them through [`Devices`], each call with the cycle at
+//! which it happens; between runs they are within reach by [`Mcu::devices`].
+
+use std::ffi::{c_char, c_int, c_void};
+
+/// Cycles per second.
+pub const FREQUENCY_HZ: u64 = 16_000_000;
+
+/// Bytes of flash.
+pub const FLASH_BYTES: u32 = 32 * 1024;
+
+/// Registers that decide what the chip puts out to the bridge.
+#[repr(C)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Outputs {
+    /// PORTB
+    pub port_b: u8,
+    /// DDRB
+    pub ddr_b: u8,
+    /// PORTD
+    pub port_d: u8,
+    /// DDRD
+    pub ddr_d: u8,
+    /// TCCR0A
+    pub tccr0a: u8,
+    /// OCR0A
+    pub ocr0a: u8,
+    /// TCCR2A
+    pub tccr2a: u8,
+    /// OCR2A
+    pub ocr2a: u8,
+}
+
+/// What a device does with SDA in answer to a byte.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum BusAnswer {
+    /// Pulls it low in the ninth bit.
+    Ack,
+    /// Lets it be high.
+    Nack,
+    /// Keeps it low for good.
+    Held,
+}
+
+/// Everything outside of the chip. `cycle` counts from the board's making and never goes back.
+pub trait Devices {
+    /// A START, or a repeated one, and the address byte.
+    fn bus_address(&mut self, cycle: u64, address: u8) -> BusAnswer;
+    /// A byte from the chip.
+    fn bus_write(&mut self, cycle: u64, byte: u8) -> BusAnswer;
+    /// A byte to the chip; `None` while SDA is held low.
+    fn bus_read(&mut self, cycle: u64) -> Option<u8>;
+    /// A STOP, or the chip's TWI switched off.
+    fn bus_stop(&mut self, cycle: u64);
+    /// The chip lets the lines have these levels. Answers whether the devices let SDA be high.
+    fn bus_lines(&mut self, cycle: u64, sda: bool, scl: bool) -> bool;
+    /// A byte has left the USART.
+    fn serial_out(&mut self, cycle: u64, byte: u8);
+    /// The byte that has just arrived at the USART; `None` while the line is quiet.
+    fn serial_in(&mut self, cycle: u64) -> Option<u8>;
+    /// Something that drives the bridge has changed.
+    fn outputs(&mut self, cycle: u64, outputs: &Outputs);
+    /// The program wrote GPIOR0.
+    fn mark(&mut self, cycle: u64, value: u8);
+    /// Called at the cycle that its last call answered, and once after each reset.
+    fn wake(&mut self, cycle: u64, pins: &mut Pins) -> u64;
+}
+
+/// Why a run ended.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum RunState {
+    /// At the cycle that was asked for.
+    Running,
+    /// The program sleeps with interrupts off: nothing but a reset wakes it.
+    Halted,
+    /// The program ran into an opcode or an address that does not exist.
+    Crashed,
+}
+
+/// What MCUSR says after a reset.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum ResetCause {
+    /// Power came up.
+    PowerOn,
+    /// The reset pin: the button, or the host opening the port.
+    Pin,
+}
+
+/// simavr does not know the ATmega328P: it was built without it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("this simavr has no ATmega328P; install libsimavr-dev 1.6 or later")]
+pub struct UnknownChip;
+
+/// Levels that devices give to the chip's pins.
+pub struct Pins {
+    raw: *mut Raw,
+}
+
+impl Pins {
+    /// Drives the pins of port `port` ('B' to 'D') in `mask`.
+    pub fn set(&mut self, port: char, mask: u8, levels: u8) {
+        debug_assert!(('B'..='D').contains(&port));
+        // SAFETY: the chip lives for as long as the call that lends this handle; the shim allows this one call.
+        unsafe { nano_set_pins(self.raw, port as c_char, mask, levels) }
+    }
+}
+
+/// A chip with the devices around it.
+pub struct Mcu<D: Devices> {
+    raw: *mut Raw,
+    // A raw pointer, because the shim holds it too; freed by `drop`.
+    devices: *mut D,
+}
+
+// SAFETY: a chip shares no state with another, except simavr's logger, which is the same function for all.
+unsafe impl<D: Devices + Send> Send for Mcu<D> {}
+
+impl<D: Devices> Mcu<D> {
+    /// A chip with this much blank flash. Load it and [`reset`](Self::reset) it before running it.
+    pub fn new(devices: D, flash_bytes: u32) -> Result<Self, UnknownChip> {
+        let devices = Box::into_raw(Box::new(devices));
+        let table = Table {
+            context: devices.cast(),
+            bus_address: bus_address::<D>,
+            bus_write: bus_write::<D>,
+            bus_read: bus_read::<D>,
+            bus_stop: bus_stop::<D>,
+            bus_lines: bus_lines::<D>,
+            serial_out: serial_out::<D>,
+            serial_in: serial_in::<D>,
+            outputs: outputs::<D>,
+            mark: mark::<D>,
+            wake: wake::<D>,
+        };
+        // SAFETY: the shim copies the table, and `devices` lives until `drop`.
+        let raw = unsafe { nano_new(&table, flash_bytes) };
+        if raw.is_null() {
+            // SAFETY: made above, and nobody else has it.
+            drop(unsafe { Box::from_raw(devices) });
+            return Err(UnknownChip);
+        }
+        Ok(Self { raw, devices })
+    }
+
+    /// The devices.
+    pub fn devices(&self) -> &D {
+        // SAFETY: alive until `drop`; the shim touches them only during calls that take `&mut self`.
+        unsafe { &*self.devices }
+    }
+
+    /// The devices, to change.
+    pub fn devices_mut(&mut self) -> &mut D {
+        // SAFETY: as above, and `self` is borrowed for as long as the result.
+        unsafe { &mut *self.devices }
+    }
+
+    /// Copies `bytes` into flash. Answers whether they fit.
+    #[must_use]
+    pub fn write_flash(&mut self, address: u32, bytes: &[u8]) -> bool {
+        let Ok(length) = u32::try_from(bytes.len()) else { return false };
+        // SAFETY: the shim checks the bounds of flash.
+        unsafe { nano_flash(self.raw, address, bytes.as_ptr(), length) != 0 }
+    }
+
+    /// The EEPROM.
+    pub fn eeprom_mut(&mut self) -> &mut [u8] {
+        let mut length = 0;
+        // SAFETY: simavr allocates the EEPROM with the chip and frees it with it.
+        unsafe {
+            let bytes = nano_eeprom(self.raw, &mut length);
+            std::slice::from_raw_parts_mut(bytes, length as usize)
+        }
+    }
+
+    /// Resets the chip, which then starts at the byte address `start`. SRAM keeps its content.
+    pub fn reset(&mut self, start: u32, cause: ResetCause) {
+        let mcusr = match cause {
+            ResetCause::PowerOn => 1,
+            ResetCause::Pin => 2,
+        };
+        // SAFETY: `raw` is a chip.
+        unsafe { nano_reset(self.raw, start, mcusr) }
+    }
+
+    /// Runs until `cycle`, or past it by the rest of an instruction.
+    pub fn run_until(&mut self, cycle: u64) -> RunState {
+        // SAFETY: `raw` is a chip, and no reference to the devices is alive.
+        match unsafe { nano_run_until(self.raw, cycle) } {
+            0 => RunState::Running,
+            1 => RunState::Halted,
+            _ => RunState::Crashed,
+        }
+    }
+
+    /// Cycles since the chip was made.
+    pub fn cycle(&self) -> u64 {
+        // SAFETY: `raw` is a chip.
+        unsafe { nano_cycle(self.raw) }
+    }
+
+    /// To be called after a device changed what it does with SDA outside of a run.
+    pub fn bus_changed(&mut self) {
+        // SAFETY: as in `run_until`.
+        unsafe { nano_bus_changed(self.raw) }
+    }
+
+    /// To be called after [`Devices::serial_in`] got something to answer outside of a run.
+    pub fn serial_wake(&mut self) {
+        // SAFETY: `raw` is a chip.
+        unsafe { nano_serial_wake(self.raw) }
+    }
+
+    /// Cycles that a byte lasts on the line.
+    pub fn serial_byte_cycles(&self) -> u32 {
+        // SAFETY: `raw` is a chip.
+        unsafe { nano_serial_byte_cycles(self.raw) }
+    }
+
+    /// Bytes that the program read too late.
+    pub fn serial_overruns(&self) -> u64 {
+        // SAFETY: `raw` is a chip.
+        unsafe { nano_serial_overruns(self.raw) }
+    }
+
+    /// A byte of data space: registers, then SRAM. Reading a register here has no effect on it.
+    pub fn peek(&self, address: u16) -> u8 {
+        // SAFETY: the shim checks the bounds.
+        unsafe { nano_peek(self.raw, address) }
+    }
+
+    /// Changes a byte of data space behind the program's back.
+    pub fn poke(&mut self, address: u16, value: u8) {
+        // SAFETY: the shim checks the bounds.
+        unsafe { nano_poke(self.raw, address, value) }
+    }
+
+    /// Bytes of stack used at most, where static data end before `bottom`.
+    pub fn deepest_stack(&self, bottom: u16) -> u16 {
+        // SAFETY: `raw` is a chip.
+        unsafe { nano_deepest_stack(self.raw, bottom) }
+    }
+
+    /// The program counter as a byte address.
+    pub fn pc(&self) -> u32 {
+        // SAFETY: `raw` is a chip.
+        unsafe { nano_pc(self.raw) }
+    }
+}
+
+impl<D: Devices> Drop for Mcu<D> {
+    fn drop(&mut self) {
+        // SAFETY: both were made in `new` and are freed once; the chip goes first, because it points to the devices.
+        unsafe {
+            nano_free(self.raw);
+            drop(Box::from_raw(self.devices));
+        }
+    }
+}
+
+#[repr(C)]
+struct Raw {
+    _private: [u8; 0],
+}
+
+/// `struct nano_devices` in `nano.h`.
+#[repr(C)]
+struct Table {
+    context: *mut c_void,
+    bus_address: extern "C" fn(*mut c_void, u64, u8) -> u32,
+    bus_write: extern "C" fn(*mut c_void, u64, u8) -> u32,
+    bus_read: extern "C" fn(*mut c_void, u64) -> u32,
+    bus_stop: extern "C" fn(*mut c_void, u64),
+    bus_lines: extern "C" fn(*mut c_void, u64, c_int, c_int) -> c_int,
+    serial_out: extern "C" fn(*mut c_void, u64, u8),
+    serial_in: extern "C" fn(*mut c_void, u64) -> i32,
+    outputs: extern "C" fn(*mut c_void, u64, *const Outputs),
+    mark: extern "C" fn(*mut c_void, u64, u8),
+    wake: extern "C" fn(*mut c_void, *mut Raw, u64) -> u64,
+}
+
+unsafe extern "C" {
+    fn nano_new(devices: *const Table, flash_bytes: u32) -> *mut Raw;
+    fn nano_free(nano: *mut Raw);
+    fn nano_flash(nano: *mut Raw, address: u32, bytes: *const u8, length: u32) -> c_int;
+    fn nano_eeprom(nano: *mut Raw, length: *mut u32) -> *mut u8;
+    fn nano_reset(nano: *mut Raw, start: u32, cause: u8);
+    fn nano_run_until(nano: *mut Raw, cycle: u64) -> c_int;
+    fn nano_cycle(nano: *const Raw) -> u64;
+    fn nano_set_pins(nano: *mut Raw, port: c_char, mask: u8, levels: u8);
+    fn nano_bus_changed(nano: *mut Raw);
+    fn nano_serial_wake(nano: *mut Raw);
+    fn nano_serial_byte_cycles(nano: *const Raw) -> u32;
+    fn nano_serial_overruns(nano: *const Raw) -> u64;
+    fn nano_peek(nano: *const Raw, address: u16) -> u8;
+    fn nano_poke(nano: *mut Raw, address: u16, value: u8);
+    fn nano_deepest_stack(nano: *const Raw, bottom: u16) -> u16;
+    fn nano_pc(nano: *const Raw) -> u32;
+}
+
+/// The devices behind a callback's context.
+///
+/// # Safety
+/// `context` is the `devices` of an [`Mcu`] of the same `D` that is running, so that nothing else refers to them.
+unsafe fn behind<'a, D: Devices>(context: *mut c_void) -> &'a mut D {
+    // SAFETY: the caller's promise.
+    unsafe { &mut *context.cast() }
+}
+
+const ACK: u32 = 0x100;
+const HELD: u32 = 0x200;
+
+fn answer_bits(answer: BusAnswer) -> u32 {
+    match answer {
+        BusAnswer::Ack => ACK,
+        BusAnswer::Nack => 0,
+        BusAnswer::Held => HELD,
+    }
+}
+
+// In each of these the shim passes on the context that `Mcu::new` gave it, which is what `behind` asks for.
+
+extern "C" fn bus_address<D: Devices>(context: *mut c_void, cycle: u64, address: u8) -> u32 {
+    answer_bits(unsafe { behind::<D>(context) }.bus_address(cycle, address))
+}
+
+extern "C" fn bus_write<D: Devices>(context: *mut c_void, cycle: u64, byte: u8) -> u32 {
+    answer_bits(unsafe { behind::<D>(context) }.bus_write(cycle, byte))
+}
+
+extern "C" fn bus_read<D: Devices>(context: *mut c_void, cycle: u64) -> u32 {
+    unsafe { behind::<D>(context) }.bus_read(cycle).map_or(HELD, u32::from)
+}
+
+extern "C" fn bus_stop<D: Devices>(context: *mut c_void, cycle: u64) {
+    unsafe { behind::<D>(context) }.bus_stop(cycle);
+}
+
+extern "C" fn bus_lines<D: Devices>(context: *mut c_void, cycle: u64, sda: c_int, scl: c_int) -> c_int {
+    unsafe { behind::<D>(context) }.bus_lines(cycle, sda != 0, scl != 0).into()
+}
+
+extern "C" fn serial_out<D: Devices>(context: *mut c_void, cycle: u64, byte: u8) {
+    unsafe { behind::<D>(context) }.serial_out(cycle, byte);
+}
+
+extern "C" fn serial_in<D: Devices>(context: *mut c_void, cycle: u64) -> i32 {
+    unsafe { behind::<D>(context) }.serial_in(cycle).map_or(-1, i32::from)
+}
+
+extern "C" fn outputs<D: Devices>(context: *mut c_void, cycle: u64, outputs: *const Outputs) {
+    let outputs = unsafe { *outputs };
+    unsafe { behind::<D>(context) }.outputs(cycle, &outputs);
+}
+
+extern "C" fn mark<D: Devices>(context: *mut c_void, cycle: u64, value: u8) {
+    unsafe { behind::<D>(context) }.mark(cycle, value);
+}
+
+extern "C" fn wake<D: Devices>(context: *mut c_void, raw: *mut Raw, cycle: u64) -> u64 {
+    unsafe { behind::<D>(context) }.wake(cycle, &mut Pins { raw })
+}

@@ -1,0 +1,138 @@
+//! A pseudo-terminal in the place of the Nano's serial port.
+//!
+//! A pseudo-terminal has no DTR line; a host that opens it takes the place of DTR going low. It has no speed either, but
+//! it keeps the one that the host sets, so that a wrong one can be told.
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{Mode, OFlags, fcntl_setfl, open};
+use rustix::io::Errno;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use std::io;
+use std::os::fd::OwnedFd;
+use std::time::Duration;
+
+/// The board's side of the port.
+#[derive(Debug)]
+pub struct Port {
+    master: OwnedFd,
+    path: String,
+    open: bool,
+}
+
+/// What the host did to the port.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum PortEvent {
+    /// Opened it.
+    Opened,
+    /// Closed it.
+    Closed,
+}
+
+impl Port {
+    /// A new port, raw and at the speed of the protocol until the host sets another.
+    pub fn new() -> io::Result<Self> {
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
+        grantpt(&master)?;
+        unlockpt(&master)?;
+        fcntl_setfl(&master, OFlags::NONBLOCK)?;
+        let path = ptsname(&master, Vec::new())?.into_string().map_err(io::Error::other)?;
+        let mut attributes = tcgetattr(&master)?;
+        attributes.make_raw();
+        attributes.set_speed(protocol::BAUD)?;
+        tcsetattr(&master, OptionalActions::Now, &attributes)?;
+        // The kernel tells that nobody has the port open only after somebody had.
+        drop(open(&*path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?);
+        Ok(Self { master, path, open: false })
+    }
+
+    /// What the host opens, such as `/dev/pts/3`.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// Whether the host has it open.
+    pub fn is_open(&self) -> bool {
+        self.open
+    }
+
+    /// Looks whether the host has opened or closed it.
+    pub fn event(&mut self) -> io::Result<Option<PortEvent>> {
+        let open = !self.ready(PollFlags::empty(), Duration::ZERO)?.contains(PollFlags::HUP);
+        let event = match (self.open, open) {
+            (false, true) => Some(PortEvent::Opened),
+            (true, false) => Some(PortEvent::Closed),
+            _ => None,
+        };
+        self.open = open;
+        Ok(event)
+    }
+
+    /// Speed that the host has set, bit/s.
+    pub fn baud(&self) -> io::Result<u32> {
+        Ok(tcgetattr(&self.master)?.output_speed())
+    }
+
+    /// What the host has sent.
+    pub fn read(&self) -> io::Result<Vec<u8>> {
+        let mut bytes = vec![0; 4096];
+        match rustix::io::read(&self.master, &mut bytes) {
+            Ok(length) => {
+                bytes.truncate(length);
+                Ok(bytes)
+            }
+            // EIO: nobody has the port open.
+            Err(Errno::AGAIN | Errno::IO | Errno::INTR) => Ok(Vec::new()),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Sends to the host as many of `bytes` as there is room for, and answers how many that were.
+    pub fn write(&self, bytes: &[u8]) -> io::Result<usize> {
+        match rustix::io::write(&self.master, bytes) {
+            Ok(length) => Ok(length),
+            Err(Errno::AGAIN | Errno::IO | Errno::INTR) => Ok(0),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Waits until the host makes room, for `limit` at most.
+    pub fn wait_for_room(&self, limit: Duration) -> io::Result<()> {
+        self.ready(PollFlags::OUT, limit).map(drop)
+    }
+
+    fn ready(&self, wanted: PollFlags, limit: Duration) -> io::Result<PollFlags> {
+        let mut fds = [PollFd::new(&self.master, wanted)];
+        let limit = Timespec::try_from(limit).map_err(io::Error::other)?;
+        match poll(&mut fds, Some(&limit)) {
+            Ok(_) | Err(Errno::INTR) => Ok(fds[0].revents()),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::OpenOptions;
+    use std::io::{Read, Write};
+
+    #[test]
+    fn bytes_pass_unchanged_and_opening_shows() {
+        let mut port = Port::new().unwrap();
+        assert_eq!(port.event().unwrap(), None);
+        let mut host = OpenOptions::new().read(true).write(true).open(port.path()).unwrap();
+        assert_eq!(port.event().unwrap(), Some(PortEvent::Opened));
+        let every: Vec<u8> = (0..=255).collect();
+        host.write_all(&every).unwrap();
+        assert_eq!(port.read().unwrap(), every);
+        assert_eq!(port.write(&every).unwrap(), 256);
+        let mut back = vec![0; 256];
+        host.read_exact(&mut back).unwrap();
+        assert_eq!(back, every);
+        assert_eq!(port.baud().unwrap(), protocol::BAUD);
+        drop(host);
+        assert_eq!(port.event().unwrap(), Some(PortEvent::Closed));
+        assert!(port.read().unwrap().is_empty());
+    }
+}

@@ -1,0 +1,131 @@
+//! The program's loop: the board runs in slices, and between them bytes pass to and from the port, commands are
+//! followed, and time is kept.
+
+use crate::board::Board;
+use crate::control::{self, Command};
+use crate::pace::Pace;
+use crate::port::{Port, PortEvent};
+use serde_json::Value;
+use std::io::{self, Write};
+use std::sync::mpsc::{Receiver, TryRecvError};
+use std::time::Duration;
+
+/// Cycles between two looks at the port: a millisecond.
+const SLICE: u64 = 16_000;
+
+/// How far the speeds of two ends may differ before bytes are misread: half a bit in ten.
+const BAUD_TOLERANCE: f64 = 0.05;
+
+/// What became of bytes after the line.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct PortCount {
+    /// Sent while nobody had the port open.
+    pub unheard: u64,
+    /// Sent to a host that did not read in time.
+    pub lost: u64,
+}
+
+/// A board at its port.
+pub struct Runner {
+    /// The board.
+    pub board: Board,
+    /// Its port.
+    pub port: Port,
+    /// Its time.
+    pub pace: Pace,
+    /// Opening the port resets the board, as DTR does on a Nano.
+    pub reset_on_open: bool,
+    /// Bytes that the port has not taken yet.
+    pub pending: Vec<u8>,
+    /// What became of the others.
+    pub count: PortCount,
+}
+
+impl Runner {
+    /// Runs until `quit`, or until nobody can send commands any more.
+    pub fn run(&mut self, commands: &Receiver<String>, answers: &mut impl Write) -> io::Result<()> {
+        loop {
+            match commands.try_recv() {
+                Ok(line) => {
+                    let (answer, goes_on) = self.follow(&line);
+                    writeln!(answers, "{answer}")?;
+                    answers.flush()?;
+                    if !goes_on {
+                        return Ok(());
+                    }
+                    continue;
+                }
+                Err(TryRecvError::Disconnected) => return Ok(()),
+                Err(TryRecvError::Empty) => {}
+            }
+            self.exchange()?;
+            if !self.pending.is_empty() {
+                // Time stands still for the board until the host has read.
+                self.port.wait_for_room(Duration::from_millis(5))?;
+                continue;
+            }
+            let next = self.board.cycle() + SLICE;
+            self.board.run_until(next);
+            self.pace.wait_for(self.board.cycle());
+        }
+    }
+
+    /// Follows a command. Answers what to say, and whether to go on.
+    fn follow(&mut self, line: &str) -> (Value, bool) {
+        let command = match line.parse::<Command>() {
+            Ok(command) => command,
+            Err(problem) => return (control::error(line, &problem), true),
+        };
+        let board = &mut self.board;
+        match command {
+            Command::Play => {
+                if board.change_imu(|imu| imu.source_mut().play()).is_none() {
+                    return (control::error(line, "the sensor has no recording; start with --imu FILE.csv"), true);
+                }
+            }
+            Command::Status => return (control::status(board, &self.count), true),
+            Command::Drop(frames) => board.serial_mut().drop_frames(frames),
+            Command::Corrupt(frames) => board.serial_mut().corrupt_frames(frames),
+            Command::Fault(fault) => board.change_imu(|imu| imu.inject(fault)),
+            Command::ClearFaults => board.change_imu(|imu| imu.clear_faults()),
+            Command::Block(motor) => board.block_motor(motor, true),
+            Command::BlockOff => (0..2).for_each(|motor| board.block_motor(motor, false)),
+            Command::Hang => board.hang(),
+            Command::Reset => board.reset(),
+            Command::Quit => return (control::done(line), false),
+        }
+        (control::done(line), true)
+    }
+
+    /// Passes bytes between board and port.
+    fn exchange(&mut self) -> io::Result<()> {
+        let event = self.port.event()?;
+        if event == Some(PortEvent::Opened) && self.reset_on_open {
+            self.board.reset();
+        }
+        let from_board = self.board.take_serial();
+        if !self.port.is_open() {
+            self.count.unheard += (self.pending.len() + from_board.len()) as u64;
+            self.pending.clear();
+            return Ok(());
+        }
+        let ratio = f64::from(self.port.baud()?) / self.board.baud();
+        self.board.serial_mut().set_garbled((ratio - 1.0).abs() > BAUD_TOLERANCE);
+        let from_host = self.port.read()?;
+        if !from_host.is_empty() {
+            self.board.send(&from_host);
+        }
+        self.pending.extend(from_board);
+        while !self.pending.is_empty() {
+            match self.port.write(&self.pending)? {
+                0 => break,
+                taken => drop(self.pending.drain(..taken)),
+            }
+        }
+        if !self.pace.waits_for_host() {
+            self.count.lost += self.pending.len() as u64;
+            self.pending.clear();
+        }
+        Ok(())
+    }
+}

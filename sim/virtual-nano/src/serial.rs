@@ -1,0 +1,204 @@
+//! The line between the chip and the host: bytes in both directions, and what may happen to them on the way.
+//!
+//! Frames end with a zero byte (see `protocol::frame`), so that whole ones can be lost or damaged on request and counted
+//! exactly.
+
+use crate::imu::noise::Noise;
+use std::collections::VecDeque;
+
+/// Counts of what crossed the line.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct LineCount {
+    /// Bytes that went on to the host.
+    pub bytes_sent: u64,
+    /// Whole frames that went on to the host, damaged ones included.
+    pub frames_sent: u64,
+    /// Whole frames lost on request.
+    pub frames_dropped: u64,
+    /// Whole frames damaged on request.
+    pub frames_corrupted: u64,
+    /// Bytes that arrived at the chip.
+    pub bytes_received: u64,
+}
+
+/// The line.
+#[derive(Debug)]
+pub struct Serial {
+    to_chip: VecDeque<u8>,
+    to_host: Vec<u8>,
+    to_drop: u64,
+    to_corrupt: u64,
+    /// What happens to the frame under way.
+    fate: Fate,
+    /// Bytes of the frame under way.
+    length: u64,
+    garbled: bool,
+    noise: Noise,
+    count: LineCount,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Fate {
+    Arrives,
+    Lost,
+    /// Loses its shape at this byte, or earlier if it ends before.
+    Damaged {
+        at: u64,
+    },
+}
+
+impl Serial {
+    /// A quiet line. The seed places damage within frames.
+    pub fn new(seed: u64) -> Self {
+        Self {
+            to_chip: VecDeque::new(),
+            to_host: Vec::new(),
+            to_drop: 0,
+            to_corrupt: 0,
+            fate: Fate::Arrives,
+            length: 0,
+            garbled: false,
+            noise: Noise::new(seed),
+            count: LineCount::default(),
+        }
+    }
+
+    /// The host sends.
+    pub fn send(&mut self, bytes: &[u8]) {
+        self.to_chip.extend(bytes);
+    }
+
+    /// Bytes of the host's that have not reached the chip.
+    pub fn waiting(&self) -> usize {
+        self.to_chip.len()
+    }
+
+    /// What the chip has sent since the last call.
+    pub fn take(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.to_host)
+    }
+
+    /// Loses the next `frames` whole frames on their way to the host.
+    pub fn drop_frames(&mut self, frames: u64) {
+        self.to_drop += frames;
+    }
+
+    /// Damages a byte in each of the next `frames` frames that are not lost.
+    pub fn corrupt_frames(&mut self, frames: u64) {
+        self.to_corrupt += frames;
+    }
+
+    /// Whether the two ends run at different speeds, and so read nonsense.
+    pub fn set_garbled(&mut self, garbled: bool) {
+        self.garbled = garbled;
+    }
+
+    /// Counts since the start.
+    pub fn count(&self) -> LineCount {
+        self.count
+    }
+
+    /// A byte left the chip.
+    pub fn from_chip(&mut self, byte: u8) {
+        if self.garbled {
+            let nonsense = self.noise.next_u64() as u8;
+            self.pass(nonsense);
+            return;
+        }
+        if byte == 0 {
+            self.end_frame();
+            return;
+        }
+        if self.length == 0 {
+            self.begin_frame();
+        }
+        self.length += 1;
+        match self.fate {
+            Fate::Arrives => self.pass(byte),
+            Fate::Lost => {}
+            Fate::Damaged { at } if self.length == at => {
+                let flipped = byte ^ 1 << (self.noise.next_u64() % 8);
+                // A new zero would end the frame early and make two of it.
+                self.pass(if flipped == 0 { byte ^ 0xFF } else { flipped });
+            }
+            Fate::Damaged { .. } => self.pass(byte),
+        }
+    }
+
+    /// The byte that arrives at the chip now.
+    pub fn to_chip(&mut self) -> Option<u8> {
+        let byte = self.to_chip.pop_front()?;
+        self.count.bytes_received += 1;
+        Some(if self.garbled { self.noise.next_u64() as u8 } else { byte })
+    }
+
+    fn begin_frame(&mut self) {
+        self.fate = if self.to_drop > 0 {
+            Fate::Lost
+        } else if self.to_corrupt > 0 {
+            // The shortest frame has five bytes before its delimiter.
+            Fate::Damaged { at: 1 + self.noise.next_u64() % 5 }
+        } else {
+            Fate::Arrives
+        };
+    }
+
+    fn end_frame(&mut self) {
+        let is_frame = std::mem::take(&mut self.length) > 0;
+        match std::mem::replace(&mut self.fate, Fate::Arrives) {
+            Fate::Lost => {
+                self.to_drop -= 1;
+                self.count.frames_dropped += 1;
+                return;
+            }
+            Fate::Damaged { .. } => {
+                self.to_corrupt -= 1;
+                self.count.frames_corrupted += 1;
+            }
+            Fate::Arrives => {}
+        }
+        self.count.frames_sent += u64::from(is_frame);
+        self.pass(0);
+    }
+
+    fn pass(&mut self, byte: u8) {
+        self.count.bytes_sent += 1;
+        self.to_host.push(byte);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pass(serial: &mut Serial, bytes: &[u8]) -> Vec<u8> {
+        for byte in bytes {
+            serial.from_chip(*byte);
+        }
+        serial.take()
+    }
+
+    #[test]
+    fn whole_frames_are_lost_from_the_next_one_on() {
+        let mut serial = Serial::new(1);
+        assert_eq!(pass(&mut serial, &[0, 1, 2]), [0, 1, 2]);
+        serial.drop_frames(1);
+        assert_eq!(pass(&mut serial, &[3, 0, 4, 5, 0, 0, 6, 0]), [3, 0, 0, 6, 0]);
+        let LineCount { frames_sent, frames_dropped, .. } = serial.count();
+        assert_eq!((frames_sent, frames_dropped), (2, 1));
+    }
+
+    #[test]
+    fn a_damaged_frame_differs_and_keeps_its_length() {
+        for seed in 0..500 {
+            let mut serial = Serial::new(seed);
+            serial.corrupt_frames(1);
+            let frame = [1, 2, 3, 128, 255, 9, 0];
+            let damaged = pass(&mut serial, &frame);
+            assert_ne!(damaged, frame);
+            assert_eq!(damaged.iter().position(|byte| *byte == 0), Some(6), "{damaged:?}");
+            assert_eq!(pass(&mut serial, &frame), frame);
+            assert_eq!(serial.count().frames_corrupted, 1);
+        }
+    }
+}
