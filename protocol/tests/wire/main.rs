@@ -1,5 +1,6 @@
 //! What is on the wire: sizes, golden bytes, round trips and the rejection of damage.
 
+mod damage;
 mod messages;
 
 use messages::{any_message, any_request, samples};
@@ -15,7 +16,7 @@ fn frame_of<T: serde::Serialize>(message: &T) -> Vec<u8> {
 /// `BIFLAG_WRITE_GOLDEN=1 cargo test -p protocol`.
 #[test]
 fn golden_bytes_are_unchanged() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden.txt");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/wire/golden.txt");
     let lines: Vec<String> = samples()
         .into_iter()
         .map(|(name, frame)| {
@@ -33,7 +34,7 @@ fn golden_bytes_are_unchanged() {
 /// The table in the crate's documentation names each message with its size; so does this.
 #[test]
 fn documented_sizes_hold() {
-    let documentation = include_str!("../src/lib.rs");
+    let documentation = include_str!("../../src/lib.rs");
     for (name, frame) in samples() {
         let cell = format!("[`{name}`]");
         let row = documentation
