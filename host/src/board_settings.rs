@@ -93,6 +93,12 @@ impl BoardSettings {
         }
     }
 
+    /// The file that says these settings.
+    pub fn to_toml(&self) -> String {
+        // Numbers, flags, text and short lists all have a form in TOML.
+        toml::to_string(self).unwrap_or_default()
+    }
+
     /// Whether nothing is set.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()

@@ -3,6 +3,7 @@
 //! A trial is a trial: a [`plan`] lists trials, the [`rig`] or the model runs them, and both write the same [`log`] into
 //! the same [`session`] folder. Whatever comes after reads a session without asking where it came from.
 
+pub mod attitude;
 pub mod board_settings;
 pub mod commands;
 pub mod link;

@@ -37,4 +37,59 @@ pub enum LogError {
         /// Why.
         source: std::io::Error,
     },
+    /// It could not be read.
+    #[error("{}: cannot be read", path.display())]
+    #[diagnostic(help("check the path, and that the file may be read"))]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A folder, or a device.
+    #[error("{}: is not a file", path.display())]
+    #[diagnostic(help("name a log, a file that ends in .mcap"))]
+    NotAFile {
+        /// What it is not.
+        path: PathBuf,
+    },
+    /// There is nothing in it.
+    #[error("{}: is empty", path.display())]
+    #[diagnostic(help("nothing was recorded; repeat the trial with `biflag record PLAN --resume`"))]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// It ends within its first record.
+    #[error("{}: is cut off before its first record", path.display())]
+    #[diagnostic(help("nothing is left to recover; repeat the trial with `biflag record PLAN --resume`"))]
+    NothingLeft {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Some other kind of file.
+    #[error("{}: is not an MCAP file", path.display())]
+    #[diagnostic(help("logs are the .mcap files in a session's folder"))]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Somebody else's log.
+    #[error("{}: is an MCAP file, but not a log of biflag", path.display())]
+    #[diagnostic(help("read it with the program that wrote it"))]
+    NotOurs {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A log that is newer than this program.
+    #[error("{}: is a log of format {found}, and this program reads up to {}", path.display(), super::FORMAT)]
+    #[diagnostic(help("use biflag {program} or newer"))]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        found: u32,
+        /// The version of the program that wrote it.
+        program: String,
+    },
 }

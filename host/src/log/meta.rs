@@ -1,7 +1,28 @@
-//! The metadata records of a log.
+//! The metadata records of a log: what is known of the trial besides its messages.
+//!
+//! Each record is a flat table of keys and values as text, plain to any reader of MCAP. MCAP guards its chunks with a
+//! CRC, but not these records, so each carries one of its own.
 
+use crate::board_settings::BoardSettings;
+use crate::plan::{Plan, Trial};
 use crate::stats::LinkStats;
+use protocol::{Info, Settings};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// Keys and values of a record.
+pub type Table = BTreeMap<String, String>;
+
+/// Version of the log's layout. Raised when an older program could not make sense of a newer log.
+pub const FORMAT: u32 = 1;
+
+/// A kind of record.
+pub trait Meta: Serialize + DeserializeOwned + Default {
+    /// Its name in the log.
+    const NAME: &'static str;
+}
 
 /// Where a trial was run.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -14,6 +35,126 @@ pub enum Origin {
     VirtualRig,
     /// In the model.
     Model,
+}
+
+/// What wrote the log. The first record.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct Identity {
+    /// [`FORMAT`].
+    pub format: u32,
+    /// Version of the protocol between host and board.
+    pub protocol: u8,
+    /// Version of `biflag`.
+    pub host_version: String,
+    /// The commit that it was built from.
+    pub host_git_hash: String,
+    /// When the log was begun.
+    pub created: String,
+    /// Where the trial was run.
+    pub origin: Origin,
+}
+
+/// The plan that the trial belongs to.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct PlanMeta {
+    /// Name of the session.
+    pub name: String,
+    /// Who ran it.
+    pub operator: String,
+    /// What else was written down.
+    pub note: String,
+    /// How many trials it has.
+    pub trials: usize,
+    /// The whole file.
+    pub text: String,
+}
+
+/// The trial.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct TrialMeta {
+    /// Its name.
+    pub name: String,
+    /// Its place in the order, from 0.
+    pub index: usize,
+    /// Which repeat, from 1.
+    pub repeat: u32,
+    /// Which attempt at it, from 1.
+    pub attempt: u32,
+    /// Speed of flagellum 1.
+    pub w1_rpm: f64,
+    /// Speed of flagellum 2.
+    pub w2_rpm: f64,
+    /// Duration of the calibration.
+    pub calibrate_s: f64,
+    /// Duration of the still phase before the run.
+    pub preroll_s: f64,
+    /// Duration of the run.
+    pub run_s: f64,
+    /// Duration of the still phase after it.
+    pub decay_s: f64,
+}
+
+/// The robot's parameters.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct RobotMeta {
+    /// `published`, or the file's name.
+    pub name: String,
+    /// The file.
+    pub text: String,
+}
+
+/// The board.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct BoardMeta {
+    /// Version of its protocol.
+    pub protocol: u8,
+    /// Version of its firmware.
+    pub firmware: String,
+    /// The commit that the firmware was built from, and `-dirty` where there were changes.
+    pub firmware_git_hash: String,
+    /// Number of the board.
+    pub board_id: u16,
+    /// The sensor's WHO_AM_I.
+    pub imu_id: u8,
+    /// Why the board started.
+    pub reset_cause: String,
+    /// How often it has started.
+    pub boot_count: u16,
+    /// The settings in force, as a file of `biflag settings`.
+    pub settings: String,
+}
+
+/// Result of the gyroscope's calibration.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct CalibrationMeta {
+    /// Whether the sensor lay still; if not, the bias is not in force.
+    pub still: bool,
+    /// Mean reading, counts, sensor axes.
+    pub bias_counts: [f32; 3],
+    /// Standard deviation of the readings, counts, largest axis.
+    pub noise_counts: u16,
+    /// Readings that were averaged.
+    pub samples: u16,
+}
+
+/// The board's clock against the host's: a line through the pings.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct ClockFit {
+    /// Pings that were used.
+    pub pings: u32,
+    /// Host time when the board's clock was zero, ns since 1970.
+    pub offset_ns: i64,
+    /// How much faster the board's clock runs, parts per million.
+    pub drift_ppm: f64,
+    /// Standard deviation of the pings about the line, µs.
+    pub residual_us: f64,
 }
 
 /// How a trial ended.
@@ -31,7 +172,7 @@ pub enum End {
     Failed,
 }
 
-/// What a trial came to; the last record of its log.
+/// What a trial came to. The last record.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
 pub struct Summary {
@@ -52,16 +193,172 @@ pub struct Summary {
     pub roll_deg: Option<f64>,
 }
 
-/// The board's clock against the host's: a line through the pings.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
+/// What a log was recovered from.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
-pub struct ClockFit {
-    /// Pings that were used.
-    pub pings: u32,
-    /// Host time when the board's clock was zero, ns since 1970.
-    pub offset_ns: i64,
-    /// How much faster the board's clock runs, parts per million.
-    pub drift_ppm: f64,
-    /// Standard deviation of the pings about the line, µs.
-    pub residual_us: f64,
+pub struct RecoveryMeta {
+    /// The damaged file's name.
+    pub source: String,
+    /// What was lost, in words.
+    pub lost: String,
+}
+
+macro_rules! names {
+    ($($type:ty: $name:literal),* $(,)?) => {
+        $(impl Meta for $type {
+            const NAME: &'static str = $name;
+        })*
+    };
+}
+
+names! {
+    Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
+    CalibrationMeta: "calibration", ClockFit: "clock", Summary: "summary", RecoveryMeta: "recovery",
+}
+
+impl Identity {
+    pub(super) fn now(origin: Origin, created: jiff::Timestamp) -> Self {
+        Self {
+            format: FORMAT,
+            protocol: protocol::VERSION,
+            host_version: env!("CARGO_PKG_VERSION").to_owned(),
+            host_git_hash: env!("BIFLAG_GIT_HASH").to_owned(),
+            created: created.to_string(),
+            origin,
+        }
+    }
+}
+
+impl From<&Plan> for PlanMeta {
+    fn from(plan: &Plan) -> Self {
+        Self {
+            name: plan.name.clone(),
+            operator: plan.operator.clone(),
+            note: plan.note.clone(),
+            trials: plan.trials.len(),
+            text: plan.text.clone(),
+        }
+    }
+}
+
+impl TrialMeta {
+    pub(super) fn new(trial: &Trial, attempt: u32) -> Self {
+        let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
+        let crate::plan::Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
+        let Trial { name, index, repeat, .. } = trial.clone();
+        Self { name, index, repeat, attempt, w1_rpm, w2_rpm, calibrate_s, preroll_s, run_s, decay_s }
+    }
+}
+
+impl BoardMeta {
+    pub(super) fn new(info: &Info, settings: &Settings) -> Self {
+        let [major, minor, patch] = info.firmware;
+        let hash: String = info.git_hash.iter().map(|byte| format!("{byte:02x}")).collect();
+        Self {
+            protocol: info.protocol,
+            firmware: format!("{major}.{minor}.{patch}"),
+            firmware_git_hash: hash + if info.git_dirty { "-dirty" } else { "" },
+            board_id: info.board_id,
+            imu_id: info.imu_id,
+            reset_cause: format!("{:?}", info.reset_cause),
+            boot_count: info.boot_count,
+            settings: BoardSettings::all(settings).to_toml(),
+        }
+    }
+
+    /// The settings in force.
+    pub fn settings(&self) -> Option<Settings> {
+        let file: BoardSettings = toml::from_str(&self.settings).ok()?;
+        file.apply(Settings::DEFAULT).ok()
+    }
+}
+
+const CRC: &str = "crc32";
+
+/// A record as text, with its CRC.
+pub(super) fn to_table<M: Meta>(meta: &M) -> Table {
+    let mut table: Table = fields(meta)
+        .into_iter()
+        .map(|(key, value)| match value {
+            Value::String(text) => (key, text),
+            other => (key, other.to_string()),
+        })
+        .collect();
+    let crc = crc(M::NAME, &table);
+    table.insert(CRC.to_owned(), crc);
+    table
+}
+
+/// Whether a record is as it was written.
+pub(super) fn is_intact(name: &str, table: &Table) -> bool {
+    table.get(CRC).is_some_and(|saved| *saved == crc(name, table))
+}
+
+/// A record from its text. Keys that are missing take their defaults, others are passed over, so that logs of other
+/// versions still read.
+pub(super) fn from_table<M: Meta>(table: &Table) -> Option<M> {
+    // The default tells which fields are text.
+    let mut object = fields(&M::default());
+    for (key, value) in &mut object {
+        if let Some(text) = table.get(key) {
+            *value = if value.is_string() { Value::String(text.clone()) } else { serde_json::from_str(text).ok()? };
+        }
+    }
+    serde_json::from_value(Value::Object(object)).ok()
+}
+
+fn fields<M: Meta>(meta: &M) -> serde_json::Map<String, Value> {
+    match serde_json::to_value(meta) {
+        Ok(Value::Object(object)) => object,
+        _ => serde_json::Map::new(),
+    }
+}
+
+fn crc(name: &str, table: &Table) -> String {
+    let pairs = table.iter().filter(|(key, _)| *key != CRC).flat_map(|(key, value)| [key.as_str(), value.as_str()]);
+    let mut hasher = crc32fast::Hasher::new();
+    for text in std::iter::once(name).chain(pairs) {
+        hasher.update(&(text.len() as u64).to_le_bytes());
+        hasher.update(text.as_bytes());
+    }
+    format!("{:08x}", hasher.finalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_is_plain_text_and_reads_back() {
+        let summary = Summary {
+            end: End::Aborted,
+            reason: "123".to_owned(),
+            link: LinkStats { samples: 24_000, lost: 3, ..LinkStats::default() },
+            yaw_deg: Some(-180.25),
+            ..Summary::default()
+        };
+        let table = to_table(&summary);
+        assert_eq!(table["end"], "aborted");
+        assert_eq!(table["samples"], "24000");
+        assert_eq!(table["yaw_deg"], "-180.25");
+        assert!(is_intact("summary", &table) && !is_intact("clock", &table));
+        assert_eq!(from_table(&table), Some(summary));
+    }
+
+    #[test]
+    fn a_changed_value_is_noticed_and_a_missing_one_takes_its_default() {
+        let mut table = to_table(&ClockFit { pings: 9, ..ClockFit::default() });
+        table.insert("pings".to_owned(), "8".to_owned());
+        assert!(!is_intact("clock", &table));
+        table.remove("pings");
+        assert_eq!(from_table(&table), Some(ClockFit::default()));
+    }
+
+    #[test]
+    fn the_boards_settings_read_back() {
+        let settings = Settings { gyro_bias: [-595.5, 6.25, 147.0], deadline_ms: 300, ..Settings::DEFAULT };
+        let board: BoardMeta = from_table(&to_table(&BoardMeta::new(&Info::default(), &settings))).unwrap();
+        assert_eq!(board.settings(), Some(settings));
+        assert_eq!(board.firmware_git_hash, "00000000");
+    }
 }

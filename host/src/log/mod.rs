@@ -13,10 +13,28 @@
 //! counted from the host's clock at the first telemetry frame. What has no time of the board's takes that of the frame
 //! before it, so that a trial recorded faster than real time still reads as one that lasted its full length.
 
+mod chunk;
+mod convert;
+mod disk;
 mod error;
 mod meta;
+mod reader;
+mod recover;
+mod scan;
+pub mod schema;
+#[cfg(test)]
+mod tests;
 mod writer;
 
 pub use error::LogError;
-pub use meta::{ClockFit, End, Origin, Summary};
+pub use meta::{
+    BoardMeta, CalibrationMeta, ClockFit, End, FORMAT, Identity, Meta, Origin, PlanMeta, RecoveryMeta, RobotMeta,
+    Summary, Table, TrialMeta,
+};
+pub use reader::{Body, Message, Reader, summary};
+pub use recover::{Recovery, recover};
+pub use scan::{Condition, Loss};
 pub use writer::{CommandRecord, EventKind, Start, Writer};
+
+/// The MCAP profile of our logs.
+pub const PROFILE: &str = "biflag";

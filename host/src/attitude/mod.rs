@@ -1,0 +1,46 @@
+//! Attitude: from quaternions to the angles that are reported.
+//!
+//! Quaternions turn body axes into world axes, Hamilton, scalar first. Euler angles are yaw about z, then pitch about
+//! the new y, then roll about the new x (MATLAB's `quat2eul`).
+
+use nalgebra::{Quaternion, UnitQuaternion};
+
+/// Yaw, pitch and roll.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Euler {
+    /// About the world's z, degrees.
+    pub yaw_deg: f64,
+    /// About the y axis after the yaw, degrees.
+    pub pitch_deg: f64,
+    /// About the x axis after yaw and pitch, degrees.
+    pub roll_deg: f64,
+}
+
+impl Euler {
+    /// The angles of an attitude; the yaw lies within ±180°.
+    pub fn of(attitude: &UnitQuaternion<f64>) -> Self {
+        let (roll, pitch, yaw) = attitude.euler_angles();
+        Self { yaw_deg: yaw.to_degrees(), pitch_deg: pitch.to_degrees(), roll_deg: roll.to_degrees() }
+    }
+}
+
+/// The rotation that `[w, x, y, z]` stands for.
+pub fn rotation([w, x, y, z]: [f64; 4]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+}
+
+/// Follows an angle across its wraps.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Unwrap {
+    last: Option<f64>,
+}
+
+impl Unwrap {
+    /// The angle without wraps, within half a turn of the one before. Degrees.
+    pub fn next(&mut self, wrapped_deg: f64) -> f64 {
+        let turns = self.last.map_or(0.0, |last| ((last - wrapped_deg) / 360.0).round());
+        let angle = wrapped_deg + 360.0 * turns;
+        self.last = Some(angle);
+        angle
+    }
+}

@@ -1,0 +1,121 @@
+//! A file that is brought to the disk in the background, so that a slow disk does not hold up the trial.
+
+use std::fs::File;
+use std::io::{self, Seek, SeekFrom, Write};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+/// A file being written. Each `flush` starts a sync of what was written before it.
+///
+/// After the first error nothing more is written: what is in the file stays a clean beginning of the whole.
+#[derive(Debug)]
+pub(super) struct Disk {
+    file: File,
+    /// Bytes in the file.
+    written: u64,
+    failed: bool,
+    requests: Option<SyncSender<()>>,
+    thread: Option<JoinHandle<()>>,
+    status: Arc<Status>,
+}
+
+/// What others can see of a [`Disk`] that is owned elsewhere.
+#[derive(Debug, Default)]
+pub(super) struct Status {
+    written: std::sync::atomic::AtomicU64,
+    sync_error: Mutex<Option<io::Error>>,
+}
+
+impl Status {
+    /// Bytes in the file.
+    pub fn written(&self) -> u64 {
+        self.written.load(std::sync::atomic::Ordering::Relaxed)
+    }
+
+    /// The error of a sync, once.
+    pub fn take_error(&self) -> Option<io::Error> {
+        self.sync_error.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+}
+
+impl Disk {
+    pub fn new(file: File) -> io::Result<Self> {
+        let status = Arc::new(Status::default());
+        // One request may wait while another is served: it covers everything written until then.
+        let (requests, served) = sync_channel(1);
+        let (handle, thread_status) = (file.try_clone()?, Arc::clone(&status));
+        let thread = std::thread::Builder::new()
+            .name("log sync".to_owned())
+            .spawn(move || sync_on_request(&handle, &served, &thread_status))?;
+        Ok(Self { file, written: 0, failed: false, requests: Some(requests), thread: Some(thread), status })
+    }
+
+    pub fn status(&self) -> Arc<Status> {
+        Arc::clone(&self.status)
+    }
+
+    /// Has everything on the disk on return.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.stop();
+        match self.status.take_error() {
+            Some(error) => Err(error),
+            None => self.file.sync_all(),
+        }
+    }
+
+    fn stop(&mut self) {
+        self.requests = None;
+        if let Some(thread) = self.thread.take() {
+            // The thread does nothing that panics.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn sync_on_request(file: &File, requests: &Receiver<()>, status: &Status) {
+    while requests.recv().is_ok() {
+        if let Err(error) = file.sync_data() {
+            *status.sync_error.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+        }
+    }
+}
+
+impl Write for Disk {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.failed {
+            return Err(io::Error::other("an earlier write failed"));
+        }
+        let result = self.file.write(bytes);
+        match &result {
+            Ok(count) => self.written += *count as u64,
+            Err(error) => self.failed = error.kind() != io::ErrorKind::Interrupted,
+        }
+        self.status.written.store(self.written, std::sync::atomic::Ordering::Relaxed);
+        result
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if let Some(requests) = &self.requests {
+            // Full means that a request waits already.
+            let _ = requests.try_send(());
+        }
+        Ok(())
+    }
+}
+
+/// The MCAP writer asks where it is, and goes nowhere.
+impl Seek for Disk {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        match to {
+            SeekFrom::Current(0) => Ok(self.written),
+            _ => Err(io::ErrorKind::Unsupported.into()),
+        }
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}

@@ -1,0 +1,260 @@
+//! Reading a log: its messages one after the other, a chunk of them in memory at a time.
+
+use super::LogError;
+use super::chunk::Entry;
+use super::meta::{self, FORMAT, Identity, Meta, Summary, Table};
+use super::scan::{Condition, Loss, Piece, Scanner, indexed_table};
+use super::schema::{self, LogMessage, biflag, foxglove};
+use crate::log::PROFILE;
+use mcap::records::MessageHeader;
+use std::collections::{BTreeMap, VecDeque};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// A message of a log.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Message {
+    /// The channel.
+    pub topic: String,
+    /// Its number on its channel.
+    pub sequence: u32,
+    /// The trial's clock, ns since 1970.
+    pub log_time_ns: u64,
+    /// The host's clock when it came, ns since 1970.
+    pub publish_time_ns: u64,
+    /// What it says.
+    pub body: Body,
+}
+
+/// What a message says.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Body {
+    /// `/raw`.
+    Raw(biflag::RawBytes),
+    /// `/telemetry`.
+    Telemetry(Box<biflag::Telemetry>),
+    /// `/attitude`.
+    Attitude(foxglove::FrameTransform),
+    /// `/command`.
+    Command(biflag::Command),
+    /// `/dropout`.
+    Dropout(biflag::Dropout),
+    /// `/event`.
+    Event(biflag::Event),
+    /// A channel that this program does not know.
+    Other(Vec<u8>),
+}
+
+/// What a trial came to, read from the end of its log; `None` where the log does not end as it should, or has none.
+///
+/// # Errors
+/// [`LogError::Read`].
+pub fn summary(path: &Path) -> Result<Option<Summary>, LogError> {
+    let failed = |source| LogError::Read { path: path.to_owned(), source };
+    let file = File::open(path).map_err(failed)?;
+    let table = indexed_table(file, Summary::NAME).map_err(failed)?;
+    Ok(table.as_ref().and_then(meta::from_table))
+}
+
+/// A log being read: an iterator over its messages, in the order in which they were written.
+#[derive(Debug)]
+pub struct Reader {
+    path: PathBuf,
+    scanner: Scanner<File>,
+    /// Name and type by the channel's number.
+    channels: BTreeMap<u16, (String, String)>,
+    schemas: BTreeMap<u16, String>,
+    tables: BTreeMap<String, Table>,
+    queue: VecDeque<Message>,
+    counts: BTreeMap<String, u64>,
+}
+
+impl Reader {
+    /// Opens a log, whatever its condition.
+    ///
+    /// # Errors
+    /// [`LogError`] where it is no log of ours, or of a version that this program does not know.
+    pub fn open(path: &Path) -> Result<Self, LogError> {
+        let mut reader = Self::over(path)?;
+        // The channels and what wrote the log come first.
+        while reader.queue.is_empty() && !reader.tables.contains_key(Identity::NAME) && reader.step()? {}
+        match reader.meta::<Identity>() {
+            Some(identity) if identity.format > FORMAT => {
+                Err(LogError::Version { path: path.to_owned(), found: identity.format, program: identity.host_version })
+            }
+            // It was ours by its header or by its channels: the record is damaged.
+            _ => Ok(reader),
+        }
+    }
+
+    fn over(path: &Path) -> Result<Self, LogError> {
+        let failed = |source| LogError::Read { path: path.to_owned(), source };
+        let file = File::open(path).map_err(failed)?;
+        if !file.metadata().map_err(failed)?.is_file() {
+            return Err(LogError::NotAFile { path: path.to_owned() });
+        }
+        let scanner = identify(file, path)?;
+        let channels =
+            schema::CHANNELS.iter().map(|spec| (spec.id, (spec.topic.to_owned(), spec.schema.to_owned()))).collect();
+        Ok(Self {
+            path: path.to_owned(),
+            scanner,
+            channels,
+            schemas: BTreeMap::new(),
+            tables: BTreeMap::new(),
+            queue: VecDeque::new(),
+            counts: BTreeMap::new(),
+        })
+    }
+
+    /// A metadata record, if it has been come across. The summary is the last.
+    pub fn meta<M: Meta>(&self) -> Option<M> {
+        self.tables.get(M::NAME).and_then(meta::from_table)
+    }
+
+    /// Every metadata record that has been come across.
+    pub fn tables(&self) -> &BTreeMap<String, Table> {
+        &self.tables
+    }
+
+    /// Messages so far by channel.
+    pub fn counts(&self) -> &BTreeMap<String, u64> {
+        &self.counts
+    }
+
+    /// How the log is; known after the last message.
+    pub fn condition(&self) -> Option<Condition> {
+        self.scanner.condition()
+    }
+
+    /// Where the log does not read; all of it is known after the last message.
+    pub fn losses(&self) -> &[Loss] {
+        self.scanner.losses()
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Takes in one more piece; `false`: there is none.
+    fn step(&mut self) -> Result<bool, LogError> {
+        let piece = self.scanner.next().map_err(|source| LogError::Read { path: self.path.clone(), source })?;
+        match piece {
+            None => return Ok(false),
+            Some(Piece::Metadata(name, table)) => {
+                self.tables.insert(name, table);
+            }
+            Some(Piece::Chunk(entries)) => entries.into_iter().for_each(|entry| self.take(entry)),
+        }
+        Ok(true)
+    }
+
+    fn take(&mut self, entry: Entry) {
+        match entry {
+            Entry::Schema(header, _) => {
+                self.schemas.insert(header.id, header.name);
+            }
+            Entry::Channel(channel) => {
+                let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                self.channels.insert(channel.id, (channel.topic, schema));
+            }
+            Entry::Message(header, data) => {
+                let message = self.message(&header, data);
+                *self.counts.entry(message.topic.clone()).or_default() += 1;
+                self.queue.push_back(message);
+            }
+        }
+    }
+
+    fn message(&self, header: &MessageHeader, data: Vec<u8>) -> Message {
+        let (topic, body) = match self.channels.get(&header.channel_id) {
+            Some((topic, schema)) => (topic.clone(), Body::decode(topic, schema, data)),
+            None => (format!("channel {}", header.channel_id), Body::Other(data)),
+        };
+        Message {
+            topic,
+            sequence: header.sequence,
+            log_time_ns: header.log_time,
+            publish_time_ns: header.publish_time,
+            body,
+        }
+    }
+}
+
+impl Iterator for Reader {
+    type Item = Result<Message, LogError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(message) = self.queue.pop_front() {
+                return Some(Ok(message));
+            }
+            match self.step() {
+                Ok(true) => {}
+                Ok(false) => return None,
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+}
+
+impl Body {
+    fn decode(topic: &str, schema: &str, data: Vec<u8>) -> Self {
+        fn read<M: LogMessage>(data: &[u8], body: impl Fn(M) -> Body) -> Option<Body> {
+            M::decode(data).ok().map(body)
+        }
+        let known = match schema::channel(topic).filter(|spec| spec.schema == schema).map(|spec| spec.topic) {
+            Some("/raw") => read(&data, Self::Raw),
+            Some("/telemetry") => read(&data, |telemetry| Self::Telemetry(Box::new(telemetry))),
+            Some("/attitude") => read(&data, Self::Attitude),
+            Some("/command") => read(&data, Self::Command),
+            Some("/dropout") => read(&data, Self::Dropout),
+            Some("/event") => read(&data, Self::Event),
+            _ => None,
+        };
+        known.unwrap_or(Self::Other(data))
+    }
+}
+
+/// Makes sure that a file is a log of ours, however damaged: by its header, or by the first record that reads.
+pub(super) fn identify(file: File, path: &Path) -> Result<Scanner<File>, LogError> {
+    let failed = |source| LogError::Read { path: path.to_owned(), source };
+    let again = file.try_clone().map_err(failed)?;
+    let length = file.metadata().map_err(failed)?.len();
+    if length == 0 {
+        return Err(LogError::Empty { path: path.to_owned() });
+    }
+    let mut scanner = Scanner::new(file).map_err(failed)?;
+    let has_magic = scanner.losses().is_empty();
+    if scanner
+        .header()
+        .map_err(failed)?
+        .is_some_and(|header| header.profile == PROFILE || header.library.split(' ').next() == Some(PROFILE))
+    {
+        return Ok(scanner);
+    }
+    match scanner.next().map_err(failed)? {
+        Some(Piece::Metadata(name, _)) if name == Identity::NAME => {}
+        Some(Piece::Chunk(entries)) if entries.iter().any(is_ours) => {}
+        _ if !has_magic && !mcap::MAGIC.starts_with(&beginning(&again, length).map_err(failed)?) => {
+            return Err(LogError::NotMcap { path: path.to_owned() });
+        }
+        None if length < 64 => return Err(LogError::NothingLeft { path: path.to_owned() }),
+        _ => return Err(LogError::NotOurs { path: path.to_owned() }),
+    }
+    // Both handles share their place in the file, and every read of the scanner says where it reads.
+    Scanner::new(again).map_err(failed)
+}
+
+fn beginning(mut file: &File, length: u64) -> std::io::Result<Vec<u8>> {
+    use std::io::{Read, Seek};
+    file.rewind()?;
+    let mut bytes = vec![0; length.min(mcap::MAGIC.len() as u64) as usize];
+    file.read_exact(&mut bytes)?;
+    Ok(bytes)
+}
+
+fn is_ours(entry: &Entry) -> bool {
+    matches!(entry, Entry::Schema(header, _) if header.name.starts_with("biflag."))
+}

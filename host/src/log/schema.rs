@@ -1,0 +1,80 @@
+//! The types of the log's messages, and the channels that they are written to.
+
+use prost::Message;
+
+#[allow(missing_docs, clippy::doc_markdown)]
+mod generated {
+    include!(concat!(env!("OUT_DIR"), "/schemas.rs"));
+}
+
+pub use generated::{biflag, foxglove};
+
+/// A channel of the log.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct ChannelSpec {
+    /// Its number in the file. Fixed, so that messages can be told apart even where the chunk that introduces the
+    /// channels is damaged.
+    pub id: u16,
+    /// Its name.
+    pub topic: &'static str,
+    /// Name of its messages' type.
+    pub schema: &'static str,
+    /// The type's description: a binary FileDescriptorSet.
+    pub descriptors: &'static [u8],
+}
+
+/// A message that has a channel of its own.
+pub trait LogMessage: Message + Default {
+    /// The channel.
+    const CHANNEL: ChannelSpec;
+}
+
+const BIFLAG: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/biflag.binpb"));
+const FRAME_TRANSFORM: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/FrameTransform.binpb"));
+
+macro_rules! channels {
+    ($($id:literal, $topic:literal, $type:ty, $schema:literal, $descriptors:expr;)*) => {
+        $(impl LogMessage for $type {
+            const CHANNEL: ChannelSpec =
+                ChannelSpec { id: $id, topic: $topic, schema: $schema, descriptors: $descriptors };
+        })*
+
+        /// Every channel that this program knows.
+        pub const CHANNELS: &[ChannelSpec] = &[$(<$type as LogMessage>::CHANNEL),*];
+    };
+}
+
+channels! {
+    1, "/raw", biflag::RawBytes, "biflag.RawBytes", BIFLAG;
+    2, "/telemetry", biflag::Telemetry, "biflag.Telemetry", BIFLAG;
+    3, "/attitude", foxglove::FrameTransform, "foxglove.FrameTransform", FRAME_TRANSFORM;
+    4, "/command", biflag::Command, "biflag.Command", BIFLAG;
+    5, "/dropout", biflag::Dropout, "biflag.Dropout", BIFLAG;
+    6, "/event", biflag::Event, "biflag.Event", BIFLAG;
+}
+
+/// The channel called `topic`, if this program knows it.
+pub fn channel(topic: &str) -> Option<&'static ChannelSpec> {
+    CHANNELS.iter().find(|channel| channel.topic == topic)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_are_unique_and_their_types_are_described() {
+        for (i, channel) in CHANNELS.iter().enumerate() {
+            assert!(CHANNELS[..i].iter().all(|other| other.id != channel.id && other.topic != channel.topic));
+            let set = prost_types::FileDescriptorSet::decode(channel.descriptors).unwrap();
+            let (package, name) = channel.schema.rsplit_once('.').unwrap();
+            assert!(
+                set.file
+                    .iter()
+                    .any(|file| file.package() == package && file.message_type.iter().any(|kind| kind.name() == name)),
+                "{} is not described",
+                channel.schema
+            );
+        }
+    }
+}
