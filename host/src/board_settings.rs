@@ -1,5 +1,6 @@
 //! Settings of the board as a file: the `[board]` table of a plan, and what `biflag settings` reads and writes.
 
+use crate::exactly;
 use miette::Diagnostic;
 use protocol::Settings;
 use protocol::units::{AccelRange, Axis, AxisMap, GyroRange};
@@ -23,13 +24,13 @@ pub struct BoardSettings {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub low_pass: Option<u8>,
     /// The sensor's axis that reads each body axis: `["-x", "+y", "+z"]`.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "exactly::optional", skip_serializing_if = "Option::is_none")]
     pub gyro_axes: Option<[String; 3]>,
     /// The same for the accelerometer.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "exactly::optional", skip_serializing_if = "Option::is_none")]
     pub accel_axes: Option<[String; 3]>,
     /// Mean reading at rest, counts, sensor axes.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "exactly::optional", skip_serializing_if = "Option::is_none")]
     pub gyro_bias_counts: Option<[f32; 3]>,
     /// 1/s.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -47,10 +48,10 @@ pub struct BoardSettings {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub counts_per_turn: Option<f32>,
     /// Whether a positive duty turns motors 1 and 2 backwards.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "exactly::optional", skip_serializing_if = "Option::is_none")]
     pub motor_reversed: Option<[bool; 2]>,
     /// Whether the encoders of motors 1 and 2 count backwards.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "exactly::optional", skip_serializing_if = "Option::is_none")]
     pub encoder_reversed: Option<[bool; 2]>,
     /// Longest silence of the host while the motors turn, ms.
     #[serde(skip_serializing_if = "Option::is_none")]

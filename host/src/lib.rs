@@ -6,6 +6,7 @@
 pub mod attitude;
 pub mod board_settings;
 pub mod commands;
+mod exactly;
 pub mod link;
 pub mod log;
 pub mod plan;

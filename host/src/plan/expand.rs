@@ -2,6 +2,7 @@
 
 use super::file::{Source, SpeedsTable};
 use super::{MAX_TRIALS, Phases, PlanError, Trial};
+use crate::exactly::Exactly;
 use protocol::units::CentiRpm;
 use std::collections::HashSet;
 use std::ops::Range;
@@ -40,7 +41,7 @@ pub(super) fn expand(list: &SpeedList, source: &Source) -> Result<Vec<Trial>, Pl
 fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanError> {
     let mut pairs = Vec::new();
     for pair in &list.table.pairs {
-        let [w1, w2] = *pair.get_ref();
+        let Exactly([w1, w2]) = *pair.get_ref();
         pairs.push(([speed(w1, pair.span(), source)?, speed(w2, pair.span(), source)?], pair.span()));
     }
     if let Some(grid) = &list.table.grid {
@@ -81,13 +82,13 @@ fn too_many(count: usize, span: Range<usize>, source: &Source) -> PlanError {
 
 /// One axis of the grid.
 struct Axis<'a> {
-    table: &'a Spanned<[f64; 3]>,
+    table: &'a Spanned<Exactly<f64, 3>>,
     count: usize,
 }
 
 impl<'a> Axis<'a> {
-    fn new(table: &'a Spanned<[f64; 3]>, name: &str, source: &Source) -> Result<Self, PlanError> {
-        let [first, last, step] = *table.get_ref();
+    fn new(table: &'a Spanned<Exactly<f64, 3>>, name: &str, source: &Source) -> Result<Self, PlanError> {
+        let Exactly([first, last, step]) = *table.get_ref();
         let wrong = |what: String, cure: &str| Err(source.error(table.span(), what, cure));
         let form = "give [first, last, step] in rpm, such as [-90, 90, 10]";
         for end in [first, last] {
@@ -109,7 +110,7 @@ impl<'a> Axis<'a> {
     }
 
     fn speeds(&self, source: &'a Source) -> impl Iterator<Item = Result<CentiRpm, PlanError>> {
-        let [first, _, step] = *self.table.get_ref();
+        let Exactly([first, _, step]) = *self.table.get_ref();
         (0..self.count).map(move |i| speed(first + step * i as f64, self.table.span(), source))
     }
 }

@@ -3,6 +3,7 @@
 use super::expand::{SpeedList, expand};
 use super::{Phases, Plan, PlanError, Robot};
 use crate::board_settings::BoardSettings;
+use crate::exactly::Exactly;
 use serde::Deserialize;
 use std::ops::Range;
 use toml::Spanned;
@@ -71,7 +72,7 @@ impl Default for TrialTable {
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct SpeedsTable {
-    pub pairs: Vec<Spanned<[f64; 2]>>,
+    pub pairs: Vec<Spanned<Exactly<f64, 2>>>,
     pub grid: Option<GridTable>,
 }
 
@@ -79,8 +80,8 @@ pub(super) struct SpeedsTable {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GridTable {
-    pub w1: Spanned<[f64; 3]>,
-    pub w2: Spanned<[f64; 3]>,
+    pub w1: Spanned<Exactly<f64, 3>>,
+    pub w2: Spanned<Exactly<f64, 3>>,
 }
 
 /// A default stands nowhere in the file, and is never wrong.

@@ -1,79 +1,102 @@
-//! A session: a folder with one log for each attempt at each trial of a plan, and the plan.
+//! A session: a folder with the plan and a log for each attempt at each of its trials.
 //!
-//! What was done is read from the logs themselves; the folder keeps no second account of it.
+//! ```text
+//! glycerin/
+//!   session.toml                         the plan, and what began the session
+//!   001_w1+50_w2+10.mcap                 the first attempt at the first trial
+//!   001_w1+50_w2+10.attempt2.mcap        the second
+//!   001_w1+50_w2+10.recovered.mcap       what `biflag recover` made of the first
+//! ```
+//!
+//! How far a trial is stands in its logs; the folder keeps no second account of it. Names come from the plan's numbers
+//! alone, so no text of a plan can lead out of the folder.
 
-use crate::log::{End, LogError};
-use crate::plan::{Plan, PlanError, Trial};
-use miette::Diagnostic;
+mod error;
+mod manifest;
+
+pub use error::SessionError;
+pub use manifest::MANIFEST;
+
+use crate::log::{self, End, Summary};
+use crate::plan::{Plan, Trial};
+use manifest::Manifest;
 use std::path::{Path, PathBuf};
-use thiserror::Error;
 
 /// A session's folder.
-#[derive(Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct Session {
     folder: PathBuf,
     plan: Plan,
 }
 
-/// Why a folder cannot be used as a session.
-#[derive(Error, Diagnostic, Debug)]
-pub enum SessionError {
-    /// It could not be created, read or listed.
-    #[error("{}", path.display())]
-    #[diagnostic(help("check that the path exists and may be read and written"))]
-    Io {
-        /// The folder or file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// Its plan does not read.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Plan(#[from] PlanError),
-    /// A log in it does not read.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Log(#[from] LogError),
-}
-
 /// How far a trial is.
 #[derive(Clone, PartialEq, Debug)]
 pub struct TrialState {
-    /// Its logs, in the order of the attempts, with how each ended; `None`: cut off, or not readable.
-    pub attempts: Vec<(PathBuf, Option<End>)>,
+    /// The trial.
+    pub trial: Trial,
+    /// Its logs, in the order of the attempts.
+    pub attempts: Vec<Attempt>,
+}
+
+/// A log of a trial.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Attempt {
+    /// Which attempt it is, from 1. A recovered log bears the number of the one that it was recovered from.
+    pub number: u32,
+    /// The log.
+    pub path: PathBuf,
+    /// What it came to; `None`: the log does not end as it should.
+    pub summary: Option<Summary>,
 }
 
 impl TrialState {
-    /// The log that holds the whole trial.
-    pub fn complete(&self) -> Option<&Path> {
-        self.attempts.iter().rev().find(|(_, end)| *end == Some(End::Complete)).map(|(path, _)| path.as_path())
+    /// The last attempt that holds the whole trial.
+    pub fn complete(&self) -> Option<&Attempt> {
+        self.attempts
+            .iter()
+            .rev()
+            .find(|attempt| attempt.summary.as_ref().is_some_and(|summary| summary.end == End::Complete))
+    }
+
+    /// The number of the attempt that comes next.
+    pub fn next_number(&self) -> u32 {
+        self.attempts.iter().map(|attempt| attempt.number).max().unwrap_or(0).saturating_add(1)
     }
 }
 
 impl Session {
-    /// Starts a session of `plan` in `folder`, which must not hold one.
+    /// Starts a session of `plan` in `folder`, which must not hold one; the folder is made if need be.
     ///
     /// # Errors
-    /// [`SessionError`].
+    /// [`SessionError::Exists`], [`SessionError::Io`].
     pub fn create(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
-        todo!("{folder:?} {plan:?}")
+        std::fs::create_dir_all(folder).map_err(|source| SessionError::Io { path: folder.to_owned(), source })?;
+        Manifest::new(plan).write(folder)?;
+        Ok(Self { folder: folder.to_owned(), plan: plan.clone() })
     }
 
-    /// Goes on with the session of `plan` in `folder`, or starts it.
+    /// Goes on with the session of `plan` in `folder`, or starts it where there is none.
     ///
     /// # Errors
-    /// [`SessionError`].
+    /// [`SessionError::OtherPlan`] where the folder holds another plan's session.
     pub fn resume(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
-        todo!("{folder:?} {plan:?}")
+        if !folder.join(MANIFEST).exists() {
+            return Self::create(folder, plan);
+        }
+        let session = Self::open(folder)?;
+        match difference(&session.plan, plan) {
+            Some(difference) => Err(SessionError::OtherPlan { folder: folder.to_owned(), difference }),
+            None => Ok(session),
+        }
     }
 
     /// Reads the session in `folder`.
     ///
     /// # Errors
-    /// [`SessionError`].
+    /// [`SessionError::NotASession`], [`SessionError::Manifest`], [`SessionError::Plan`].
     pub fn open(folder: &Path) -> Result<Self, SessionError> {
-        todo!("{folder:?}")
+        let plan = Manifest::read(folder)?.plan(folder)?;
+        Ok(Self { folder: folder.to_owned(), plan })
     }
 
     /// The folder.
@@ -86,24 +109,96 @@ impl Session {
         &self.plan
     }
 
-    /// How far a trial is.
+    /// How far each trial is, in their order.
     ///
     /// # Errors
-    /// [`SessionError`].
+    /// [`SessionError::Io`], [`SessionError::Log`].
+    pub fn states(&self) -> Result<Vec<TrialState>, SessionError> {
+        let names = self.log_names()?;
+        self.plan.trials.iter().map(|trial| self.state_among(trial, &names)).collect()
+    }
+
+    /// How far one trial is.
+    ///
+    /// # Errors
+    /// [`SessionError::Io`], [`SessionError::Log`].
     pub fn state(&self, trial: &Trial) -> Result<TrialState, SessionError> {
-        todo!("{trial:?}")
+        self.state_among(trial, &self.log_names()?)
     }
 
-    /// The number and the log of the next attempt at a trial.
+    /// Number and log of the next attempt at a trial. The log does not exist yet.
     ///
     /// # Errors
-    /// [`SessionError`].
+    /// [`SessionError::Io`], [`SessionError::Log`].
     pub fn next_attempt(&self, trial: &Trial) -> Result<(u32, PathBuf), SessionError> {
-        todo!("{trial:?}")
+        let number = self.state(trial)?.next_number();
+        let suffix = if number == 1 { String::new() } else { format!(".attempt{number}") };
+        Ok((number, self.folder.join(format!("{}{suffix}.mcap", trial.name))))
+    }
+
+    /// The names of all logs, sorted.
+    fn log_names(&self) -> Result<Vec<String>, SessionError> {
+        let failed = |source| SessionError::Io { path: self.folder.clone(), source };
+        let mut names = Vec::new();
+        for entry in std::fs::read_dir(&self.folder).map_err(failed)? {
+            // A name that is no Unicode is none of ours.
+            if let Ok(name) = entry.map_err(failed)?.file_name().into_string()
+                && name.ends_with(".mcap")
+            {
+                names.push(name);
+            }
+        }
+        names.sort_unstable();
+        Ok(names)
+    }
+
+    fn state_among(&self, trial: &Trial, names: &[String]) -> Result<TrialState, SessionError> {
+        let prefix = format!("{}.", trial.name);
+        let first = names.partition_point(|name| *name < prefix);
+        let mut attempts = Vec::new();
+        for name in names[first..].iter().take_while(|name| name.starts_with(&prefix)) {
+            let path = self.folder.join(name);
+            let number = attempt_number(&name[prefix.len()..]);
+            attempts.push(Attempt { number, summary: log::summary(&path)?, path });
+        }
+        attempts.sort_by_key(|attempt| attempt.number);
+        Ok(TrialState { trial: trial.clone(), attempts })
     }
 }
 
-/// The folder that a plan's session takes when the user names none: the plan's name, made fit for a file's name.
-pub fn default_folder(plan: &Plan) -> PathBuf {
-    todo!("{plan:?}")
+/// The attempt that a log is of, from what follows the trial's name and a dot.
+fn attempt_number(suffix: &str) -> u32 {
+    suffix
+        .split('.')
+        .next()
+        .and_then(|part| part.strip_prefix("attempt"))
+        .and_then(|number| number.parse().ok())
+        .unwrap_or(1)
 }
+
+/// What two plans differ in, as far as it makes other trials of them. Names and notes may differ.
+fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
+    let phases = |plan: &Plan| plan.trials.first().map(|trial| trial.phases);
+    if phases(old) != phases(new) {
+        Some("the durations of [trial]")
+    } else if old.trials != new.trials {
+        Some("the speeds, repeats or seed")
+    } else if old.robot != new.robot {
+        Some("the robot")
+    } else if old.board != new.board {
+        Some("the settings of [board]")
+    } else {
+        None
+    }
+}
+
+/// The folder that a plan's session takes when the user names none: the plan's name, made fit for a folder's name.
+pub fn default_folder(plan: &Plan) -> PathBuf {
+    let fit = |c: char| if c.is_alphanumeric() || "-_+.".contains(c) { c } else { '-' };
+    let name: String = plan.name.chars().map(fit).take(60).collect();
+    let name = name.trim_matches(['.', '-']);
+    PathBuf::from(if name.is_empty() { "session" } else { name })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,75 @@
+//! `session.toml`: what makes a folder a session.
+
+use super::SessionError;
+use crate::plan::Plan;
+use serde::{Deserialize, Serialize};
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+
+/// Its name.
+pub const MANIFEST: &str = "session.toml";
+
+/// Version of the folder's layout.
+const FORMAT: u32 = 1;
+
+#[derive(Serialize, Deserialize, Debug)]
+pub(super) struct Manifest {
+    format: u32,
+    created: String,
+    host_version: String,
+    host_git_hash: String,
+    /// The whole file.
+    plan: String,
+    /// The robot's file, where the plan names one.
+    robot: String,
+}
+
+impl Manifest {
+    pub fn new(plan: &Plan) -> Self {
+        Self {
+            format: FORMAT,
+            created: jiff::Timestamp::now().to_string(),
+            host_version: env!("CARGO_PKG_VERSION").to_owned(),
+            host_git_hash: env!("BIFLAG_GIT_HASH").to_owned(),
+            plan: plan.text.clone(),
+            robot: plan.robot.text.clone(),
+        }
+    }
+
+    /// Writes it to a folder that has none.
+    pub fn write(&self, folder: &Path) -> Result<(), SessionError> {
+        let path = folder.join(MANIFEST);
+        let text = toml::to_string(self)
+            .map_err(|error| SessionError::Manifest { path: path.clone(), reason: error.to_string() })?;
+        let written = std::fs::File::create_new(&path).and_then(|mut file| {
+            file.write_all(text.as_bytes())?;
+            file.sync_all()
+        });
+        written.map_err(|source| match source.kind() {
+            ErrorKind::AlreadyExists => SessionError::Exists { folder: folder.to_owned() },
+            _ => SessionError::Io { path, source },
+        })
+    }
+
+    pub fn read(folder: &Path) -> Result<Self, SessionError> {
+        let path = folder.join(MANIFEST);
+        let text = std::fs::read_to_string(&path).map_err(|source| match source.kind() {
+            ErrorKind::NotFound if folder.is_dir() => SessionError::NotASession { folder: folder.to_owned() },
+            _ => SessionError::Io { path: path.clone(), source },
+        })?;
+        let wrong = |reason| SessionError::Manifest { path: path.clone(), reason };
+        let manifest: Self = toml::from_str(&text).map_err(|error| wrong(error.message().to_owned()))?;
+        if manifest.format > FORMAT {
+            return Err(wrong(format!("written by biflag {}, which is newer than this one", manifest.host_version)));
+        }
+        Ok(manifest)
+    }
+
+    /// The plan that began the session.
+    pub fn plan(self, folder: &Path) -> Result<Plan, SessionError> {
+        let source = format!("plan in {}", folder.join(MANIFEST).display());
+        let mut plan = Plan::parse(&self.plan, &source)?;
+        plan.robot.text = self.robot;
+        Ok(plan)
+    }
+}
