@@ -33,7 +33,7 @@ struct Flashed {
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let port = link::choose_port(args.port.as_deref())?;
     // Fails here, and not after a build of minutes, where the port is not there or in use.
-    drop(link::lock_port(&port)?);
+    link::probe_port(&port)?;
     let progress = spinner();
     progress.set_message("building the firmware");
     let image = match &args.firmware {

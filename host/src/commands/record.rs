@@ -65,11 +65,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).into_diagnostic().wrap_err("Ctrl-C")?;
 
     let plan = Plan::load(&args.plan)?;
-    let folder = args.out.clone().unwrap_or_else(|| session::default_folder(&plan));
-    let session = match args.resume {
-        true => Session::resume(&folder, &plan)?,
-        false => Session::create(&folder, &plan)?,
-    };
     let mut nano = match &args.r#virtual {
         Some(imu) => Some(start_virtual(imu.as_ref(), &args.speed)?),
         None => None,
@@ -80,6 +75,12 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     };
     let link = Link::open(&port)?;
     let settings = prepare(&link, &plan)?;
+    // Last, so that a board that does not answer leaves no folder behind.
+    let folder = args.out.clone().unwrap_or_else(|| session::default_folder(&plan));
+    let session = match args.resume {
+        true => Session::resume(&folder, &plan)?,
+        false => Session::create(&folder, &plan)?,
+    };
 
     let mut todo = Vec::new();
     let mut recorded = Recorded { session: folder, trials: Vec::new() };

@@ -17,5 +17,5 @@ mod worker;
 pub use clock::{BoardClock, ClockFit, PingClock};
 pub use error::{LinkError, refusal_text};
 pub use monitor::{Gap, Monitor};
-pub use port::{choose as choose_port, lock as lock_port, robots as robot_ports};
+pub use port::{choose as choose_port, probe as probe_port, robots as robot_ports};
 pub use worker::{Event, Exchange, Link, Received};

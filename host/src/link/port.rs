@@ -5,7 +5,6 @@ use rustix::fs::{FlockOperation, Mode, OFlags};
 use serialport::{SerialPort, SerialPortType};
 use std::fs;
 use std::io;
-use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::Duration;
@@ -42,30 +41,29 @@ pub fn choose(named: Option<&str>) -> Result<String, LinkError> {
     }
 }
 
-/// Takes the port for this program until the answer is dropped.
-///
-/// The kernel's own exclusive mode does not bind the superuser, and does not say who is first; an advisory lock does.
+/// Sees whether the port is there, permitted and free.
 ///
 /// # Errors
 /// [`LinkError::NotFound`], [`LinkError::Busy`], [`LinkError::NotPermitted`] or [`LinkError::Port`].
-pub fn lock(path: &str) -> Result<OwnedFd, LinkError> {
+pub fn probe(path: &str) -> Result<(), LinkError> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let port = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| classify(path, error.into()))?;
+    // The kernel's own exclusive mode does not bind the superuser; programs that take turns lock the port.
     match rustix::fs::flock(&port, FlockOperation::NonBlockingLockExclusive) {
-        Ok(()) => Ok(port),
+        Ok(()) => Ok(()),
         Err(rustix::io::Errno::WOULDBLOCK) => Err(busy(path)),
         Err(error) => Err(classify(path, error.into())),
     }
 }
 
-/// Opens the port at the protocol's speed. The lock must be kept as long as the port.
-pub(super) fn open(path: &str) -> Result<(Box<dyn SerialPort>, OwnedFd), LinkError> {
-    let lock = lock(path)?;
-    let port = serialport::new(path, protocol::BAUD)
+/// Opens the port at the protocol's speed and locks it.
+pub(super) fn open(path: &str) -> Result<Box<dyn SerialPort>, LinkError> {
+    // What `serialport` says of a port in use is that there is none.
+    probe(path)?;
+    serialport::new(path, protocol::BAUD)
         .timeout(READ_TIMEOUT)
         .open()
-        .map_err(|error| classify(path, io::Error::from(error)))?;
-    Ok((port, lock))
+        .map_err(|error| classify(path, io::Error::from(error)))
 }
 
 fn classify(path: &str, source: io::Error) -> LinkError {
@@ -119,17 +117,20 @@ mod tests {
 
     #[test]
     fn a_missing_port_is_named_with_those_that_are_there() {
-        let error = lock("/dev/no-such-port").unwrap_err();
+        let error = probe("/dev/no-such-port").unwrap_err();
         assert!(matches!(&error, LinkError::NotFound { path, .. } if path == "/dev/no-such-port"));
         assert!(error.to_string().contains("/dev/no-such-port"));
     }
 
     #[test]
-    fn a_port_in_use_is_busy_and_says_who_has_it() {
+    fn a_port_in_use_is_busy() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let path = file.path().to_str().unwrap();
-        let _first = lock(path).unwrap();
-        assert!(matches!(lock(path), Err(LinkError::Busy { .. })));
+        let first = std::fs::File::open(path).unwrap();
+        probe(path).unwrap();
+        first.lock().unwrap();
+        let Err(LinkError::Busy { holder, .. }) = probe(path) else { panic!("the port is in use") };
+        assert_eq!(holder, None, "this process is not told about itself");
     }
 
     #[test]

@@ -7,7 +7,6 @@ use protocol::{Command, Info, Message, Reply, Request, Telemetry, VERSION};
 use serialport::SerialPort;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
-use std::os::fd::OwnedFd;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
@@ -82,11 +81,11 @@ impl Link {
     /// # Errors
     /// The port's errors, [`LinkError::Silent`], [`LinkError::OtherProgram`] or [`LinkError::OtherVersion`].
     pub fn open(path: &str) -> Result<Self, LinkError> {
-        let (port, lock) = port::open(path)?;
+        let port = port::open(path)?;
         let (questions, asked) = channel();
         let (sender, events) = channel();
         let opened = SystemTime::now();
-        let worker = Worker::new(port, lock, asked, sender);
+        let worker = Worker::new(port, asked, sender);
         let thread = std::thread::Builder::new()
             .name("link".into())
             .spawn(move || worker.run())
@@ -219,7 +218,6 @@ const PING_EVERY: Duration = Duration::from_millis(50);
 
 struct Worker {
     port: Box<dyn SerialPort>,
-    _lock: OwnedFd,
     asked: Receiver<Question>,
     waiting: VecDeque<Question>,
     events: Sender<Received>,
@@ -245,11 +243,10 @@ struct Open {
 struct Ended;
 
 impl Worker {
-    fn new(port: Box<dyn SerialPort>, lock: OwnedFd, asked: Receiver<Question>, events: Sender<Received>) -> Self {
+    fn new(port: Box<dyn SerialPort>, asked: Receiver<Question>, events: Sender<Received>) -> Self {
         let begun = Instant::now();
         Self {
             port,
-            _lock: lock,
             asked,
             waiting: VecDeque::new(),
             events,
