@@ -1,2 +1,116 @@
-//! The image for the ATmega328P.
-fn main() {}
+//! The image for the ATmega328P: the board, the application, and the loop that joins them.
+
+#![cfg_attr(target_arch = "avr", no_std, no_main)]
+#![cfg_attr(target_arch = "avr", feature(abi_avr_interrupt, asm_experimental_arch))]
+
+#[cfg(target_arch = "avr")]
+mod board;
+
+#[cfg(target_arch = "avr")]
+mod nano {
+    use avr_device::atmega328p::Peripherals;
+    use avr_device::interrupt;
+    use firmware::app::{App, Build, Start, Tick};
+
+    use crate::board::eeprom::Eeprom;
+    use crate::board::twi::Twi;
+    use crate::board::{clock, crash, encoders, outputs, reset_registers, serial, test_point};
+
+    // From avr-libc rather than from compiler_builtins: its arithmetic of f32 is five times faster, its memcpy a twentieth
+    // of the size.
+    #[link(name = "m")]
+    #[link(name = "c")]
+    unsafe extern "C" {}
+
+    /// Where the host finds, in the file or in flash, what this image is: 16 letters, the first four bytes of the commit in
+    /// hexadecimal digits, `+` where there were changes on top and a space where not, and the protocol's version as a byte.
+    #[used]
+    #[unsafe(link_section = ".progmem.data")]
+    static MARKER: [u8; 26] = marker();
+
+    const HASH: &[u8; 8] = match env!("BIFLAG_GIT_HASH").as_bytes().first_chunk() {
+        Some(digits) => digits,
+        None => panic!("the hash of a commit has eight digits"),
+    };
+
+    const BUILD: Build =
+        Build { git_hash: hash_bytes(), git_dirty: matches!(env!("BIFLAG_GIT_DIRTY").as_bytes(), b"1") };
+
+    #[avr_device::entry]
+    fn main() -> ! {
+        // SAFETY: interrupts are off and this is the only place that takes the peripherals. `take` would refuse after a
+        // start by a jump.
+        let peripherals = unsafe { Peripherals::steal() };
+        reset_registers(&peripherals);
+        let start =
+            Start { crash: crash::take_record(&peripherals.CPU), mcusr: crash::take_reset_flags(&peripherals.CPU) };
+
+        // SAFETY: this runs once, and interrupts are off.
+        let serial::Ends { mut inbox, mut outbox } = unsafe { serial::start(&peripherals.USART0) };
+        encoders::start(&peripherals.EXINT, &peripherals.PORTD);
+        let motors = outputs::motors((peripherals.TC0, peripherals.TC2), (peripherals.PORTB, peripherals.PORTD));
+        let bus = Twi::new(peripherals.TWI, peripherals.PORTC);
+        let mut app = App::new(bus, motors, Eeprom::new(peripherals.EEPROM), BUILD, start);
+
+        clock::start(&peripherals.TC1);
+        crash::start_watchdog(&peripherals.WDT);
+        // SAFETY: everything that interrupts use is set up.
+        unsafe { interrupt::enable() };
+
+        loop {
+            app.watch_link(clock::now());
+            let due = clock::take_due();
+            if due > 0 {
+                // Edges first: none of them is younger than the tick.
+                let edges = encoders::edges();
+                let tick = Tick { time: clock::now(), missed: due - 1, edges };
+                app.tick(&tick, &mut outbox, test_point::mark);
+                crash::feed_watchdog();
+                serial::send();
+            } else if let Some(byte) = inbox.dequeue() {
+                app.receive(byte, serial::frame_end(), &mut outbox);
+                serial::send();
+            } else {
+                test_point::hang_if_asked();
+                clock::sleep_unless(|| inbox.ready());
+            }
+        }
+    }
+
+    const fn hash_bytes() -> [u8; 4] {
+        let mut bytes = [0; 4];
+        let mut index = 0;
+        while index < 8 {
+            bytes[index / 2] = bytes[index / 2] << 4 | hex_value(HASH[index]);
+            index += 1;
+        }
+        bytes
+    }
+
+    const fn hex_value(digit: u8) -> u8 {
+        match digit {
+            b'0'..=b'9' => digit - b'0',
+            b'a'..=b'f' => digit - b'a' + 10,
+            _ => panic!("the hash of a commit is hexadecimal"),
+        }
+    }
+
+    const fn marker() -> [u8; 26] {
+        let mut marker = *b"biflag-firmware:........ .";
+        let mut index = 0;
+        while index < HASH.len() {
+            marker[16 + index] = HASH[index];
+            index += 1;
+        }
+        if BUILD.git_dirty {
+            marker[24] = b'+';
+        }
+        marker[25] = protocol::VERSION;
+        marker
+    }
+}
+
+#[cfg(not(target_arch = "avr"))]
+fn main() {
+    eprintln!("This program runs on an Arduino Nano: `sh firmware/build.sh` builds the image for it.");
+}

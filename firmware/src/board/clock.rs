@@ -1,0 +1,96 @@
+//! Timer 1: the clock, in steps of 0.5 µs, and the tick.
+
+use core::cell::Cell;
+
+use avr_device::atmega328p::TC1;
+use avr_device::interrupt::{self, CriticalSection, Mutex};
+use protocol::TICK_HZ;
+use protocol::units::Micros;
+
+use super::CPU_HZ;
+
+/// 16 MHz / 8: two counts per µs.
+const DIV_8: u8 = 0b010;
+const COUNTS_PER_TICK: u16 = (CPU_HZ / 8 / TICK_HZ as u32) as u16;
+
+/// Overflows of the counter: 32.768 ms each.
+static OVERFLOWS: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
+/// Ticks that became due and were not yet taken.
+static DUE: Mutex<Cell<u8>> = Mutex::new(Cell::new(0));
+
+/// Starts clock and tick.
+pub fn start(timer: &TC1) {
+    // SAFETY: any value is valid in these registers.
+    unsafe {
+        timer.tccr1a().write(|write| write.bits(0));
+        timer.tcnt1().write(|write| write.bits(0));
+        timer.ocr1a().write(|write| write.bits(COUNTS_PER_TICK));
+        timer.tifr1().write(|write| write.bits(0xFF));
+    }
+    timer.timsk1().write(|write| write.toie1().set_bit().ocie1a().set_bit());
+    // SAFETY: as above.
+    unsafe { timer.tccr1b().write(|write| write.bits(DIV_8)) };
+}
+
+/// Stops them.
+pub fn disable(timer: &TC1) {
+    timer.timsk1().reset();
+    timer.tccr1b().reset();
+}
+
+/// The time.
+pub fn now() -> Micros {
+    interrupt::free(now_within)
+}
+
+/// The time, with interrupts off.
+pub fn now_within(cs: CriticalSection) -> Micros {
+    // SAFETY: only reads, and both bytes of the counter with interrupts off, because they share a buffer with those of
+    // the compare register.
+    let timer = unsafe { TC1::steal() };
+    let counter = timer.tcnt1().read().bits();
+    let mut overflows = OVERFLOWS.borrow(cs).get();
+    // An overflow whose interrupt has not run yet, unless it came after the counter was read.
+    if timer.tifr1().read().tov1().bit_is_set() && counter < 0x8000 {
+        overflows = overflows.wrapping_add(1);
+    }
+    Micros((overflows << 15) | u32::from(counter >> 1))
+}
+
+/// The ticks that have become due since the last call.
+pub fn take_due() -> u8 {
+    interrupt::free(|cs| DUE.borrow(cs).take())
+}
+
+/// Sleeps until the next interrupt, unless a tick is due or `is_awake` says that there is work.
+pub fn sleep_unless(is_awake: impl FnOnce() -> bool) {
+    interrupt::disable();
+    // SAFETY: this is the place between two pieces of work, called with interrupts on and outside of any critical section.
+    let cs = unsafe { CriticalSection::new() };
+    if DUE.borrow(cs).get() != 0 || is_awake() {
+        // SAFETY: as above.
+        unsafe { interrupt::enable() };
+    } else {
+        // The instruction after SEI runs before any interrupt: one that comes now ends the sleep and is not slept through.
+        // SAFETY: idle mode stops the processor only.
+        unsafe { core::arch::asm!("sei", "sleep") };
+    }
+}
+
+#[avr_device::interrupt(atmega328p)]
+fn TIMER1_OVF() {
+    // SAFETY: interrupts are off in an interrupt.
+    let cs = unsafe { CriticalSection::new() };
+    let overflows = OVERFLOWS.borrow(cs);
+    overflows.set(overflows.get().wrapping_add(1));
+}
+
+#[avr_device::interrupt(atmega328p)]
+fn TIMER1_COMPA() {
+    // SAFETY: interrupts are off in an interrupt, and only here and at the start is the register written.
+    let (cs, timer) = unsafe { (CriticalSection::new(), TC1::steal()) };
+    // SAFETY: any value is valid.
+    timer.ocr1a().modify(|read, write| unsafe { write.bits(read.bits().wrapping_add(COUNTS_PER_TICK)) });
+    let due = DUE.borrow(cs);
+    due.set(due.get().saturating_add(1));
+}

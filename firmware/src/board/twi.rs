@@ -1,0 +1,210 @@
+//! The two-wire interface as a master at 400 kHz (section 22), with an end to all waiting and a way out of a stuck bus.
+//!
+//! A transaction may wait [`PATIENCE`] in all; a burst of 14 bytes needs half of it. A device that was interrupted in the
+//! middle of a byte holds SDA low until it has got its clock pulses: after a bus error, up to nine pulses and a STOP free
+//! it (NXP UM10204, section 3.1.16).
+
+use avr_device::atmega328p::{PORTC, TWI};
+use embedded_hal::i2c::{self, ErrorKind, I2c, NoAcknowledgeSource, Operation};
+
+use super::CPU_HZ;
+
+const BUS_HZ: u32 = 400_000;
+/// SCL runs at the crystal's frequency by 16 and twice this.
+const TWBR: u8 = ((CPU_HZ / BUS_HZ - 16) / 2) as u8;
+
+/// Turns of the waiting loop in one transaction, about 9 cycles each: 0.9 ms.
+const PATIENCE: u16 = 1600;
+
+/// Half a period of the recovery's pulses, 5 µs.
+const HALF_PULSE_CYCLES: u32 = CPU_HZ / 200_000;
+
+const SDA: u8 = 1 << 4;
+const SCL: u8 = 1 << 5;
+
+const TWINT: u8 = 1 << 7;
+const TWEA: u8 = 1 << 6;
+const TWSTA: u8 = 1 << 5;
+const TWSTO: u8 = 1 << 4;
+const TWEN: u8 = 1 << 2;
+
+/// Status codes (tables 22-2 and 22-3).
+mod status {
+    pub const START: u8 = 0x08;
+    pub const REPEATED_START: u8 = 0x10;
+    pub const ADDRESS_WRITE_ACK: u8 = 0x18;
+    pub const ADDRESS_WRITE_NACK: u8 = 0x20;
+    pub const WRITE_ACK: u8 = 0x28;
+    pub const WRITE_NACK: u8 = 0x30;
+    pub const ADDRESS_READ_ACK: u8 = 0x40;
+    pub const ADDRESS_READ_NACK: u8 = 0x48;
+    pub const READ_ACK: u8 = 0x50;
+    pub const READ_NACK: u8 = 0x58;
+}
+
+/// What went wrong on the bus.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Error {
+    /// Nobody answered.
+    NoAcknowledge(NoAcknowledgeSource),
+    /// The lines are not as they should be, or the bus takes too long. It has been clocked free.
+    Bus,
+}
+
+impl i2c::Error for Error {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::NoAcknowledge(source) => ErrorKind::NoAcknowledge(*source),
+            Self::Bus => ErrorKind::Bus,
+        }
+    }
+}
+
+/// The bus.
+pub struct Twi {
+    registers: TWI,
+    lines: PORTC,
+    patience: u16,
+}
+
+impl Twi {
+    /// Takes the bus, and frees it of a transaction that a restart has cut off.
+    pub fn new(registers: TWI, lines: PORTC) -> Self {
+        let mut twi = Self { registers, lines, patience: 0 };
+        twi.recover();
+        twi
+    }
+
+    fn control(&mut self, bits: u8) {
+        // SAFETY: any value is valid.
+        self.registers.twcr().write(|write| unsafe { write.bits(bits | TWEN) });
+    }
+
+    /// Waits while TWCR, masked, has this value.
+    fn wait_while(&mut self, mask: u8, value: u8) -> Result<(), Error> {
+        while self.registers.twcr().read().bits() & mask == value {
+            self.patience = self.patience.checked_sub(1).ok_or(Error::Bus)?;
+        }
+        Ok(())
+    }
+
+    /// One step on the bus; answers the status after it.
+    fn step(&mut self, bits: u8) -> Result<u8, Error> {
+        self.control(TWINT | bits);
+        self.wait_while(TWINT, 0)?;
+        Ok(self.registers.twsr().read().bits() & 0xF8)
+    }
+
+    fn send(&mut self, byte: u8) -> Result<u8, Error> {
+        // SAFETY: any value is valid.
+        self.registers.twdr().write(|write| unsafe { write.bits(byte) });
+        self.step(0)
+    }
+
+    fn start(&mut self, address: u8, read: bool) -> Result<(), Error> {
+        let status = self.step(TWSTA)?;
+        if status != status::START && status != status::REPEATED_START {
+            return Err(Error::Bus);
+        }
+        match self.send(address << 1 | u8::from(read))? {
+            status::ADDRESS_WRITE_ACK | status::ADDRESS_READ_ACK => Ok(()),
+            status::ADDRESS_WRITE_NACK | status::ADDRESS_READ_NACK => {
+                Err(Error::NoAcknowledge(NoAcknowledgeSource::Address))
+            }
+            _ => Err(Error::Bus),
+        }
+    }
+
+    fn stop(&mut self) -> Result<(), Error> {
+        self.control(TWINT | TWSTO);
+        self.wait_while(TWSTO, TWSTO)
+    }
+
+    fn operate(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), Error> {
+        let mut reading = None;
+        for operation in operations {
+            let is_read = matches!(operation, Operation::Read(_));
+            if reading.replace(is_read) != Some(is_read) {
+                self.start(address, is_read)?;
+            }
+            match operation {
+                Operation::Write(bytes) => {
+                    for byte in bytes.iter() {
+                        match self.send(*byte)? {
+                            status::WRITE_ACK => {}
+                            status::WRITE_NACK => return Err(Error::NoAcknowledge(NoAcknowledgeSource::Data)),
+                            _ => return Err(Error::Bus),
+                        }
+                    }
+                }
+                Operation::Read(bytes) => {
+                    // The last byte is not acknowledged: it ends the device's part.
+                    let last = bytes.len().saturating_sub(1);
+                    for (index, byte) in bytes.iter_mut().enumerate() {
+                        let (acknowledge, expected) =
+                            if index < last { (TWEA, status::READ_ACK) } else { (0, status::READ_NACK) };
+                        if self.step(acknowledge)? != expected {
+                            return Err(Error::Bus);
+                        }
+                        *byte = self.registers.twdr().read().bits();
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Clocks the bus free and starts the interface anew.
+    fn recover(&mut self) {
+        // SAFETY: any value is valid in these registers.
+        unsafe {
+            self.registers.twcr().write(|write| write.bits(0));
+            // Lines are pulled low by making them outputs, and let go by making them inputs.
+            self.lines.portc().modify(|read, write| write.bits(read.bits() & !(SDA | SCL)));
+        }
+        self.pull(SCL | SDA, 0);
+        for _ in 0..9 {
+            if self.lines.pinc().read().bits() & SDA != 0 {
+                break;
+            }
+            self.pull(SCL, SCL);
+            self.pull(SCL, 0);
+        }
+        // A START and a STOP by hand: whoever listens begins anew.
+        self.pull(SDA, SDA);
+        self.pull(SDA, 0);
+        // SAFETY: any value is valid in these registers.
+        unsafe {
+            self.registers.twbr().write(|write| write.bits(TWBR));
+            self.registers.twsr().write(|write| write.bits(0));
+            self.registers.twcr().write(|write| write.bits(TWEN));
+        }
+    }
+
+    /// Of the lines in `mask`, pulls those in `low` and lets go of the others; then waits half a period.
+    fn pull(&mut self, mask: u8, low: u8) {
+        // SAFETY: any value is valid; interrupts do not use this port.
+        self.lines.ddrc().modify(|read, write| unsafe { write.bits(read.bits() & !mask | low) });
+        avr_device::asm::delay_cycles(HALF_PULSE_CYCLES);
+    }
+}
+
+impl i2c::ErrorType for Twi {
+    type Error = Error;
+}
+
+impl I2c for Twi {
+    fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), Error> {
+        self.patience = PATIENCE;
+        let outcome = match self.operate(address, operations) {
+            Ok(()) => self.stop(),
+            Err(Error::Bus) => Err(Error::Bus),
+            // The bus is well: free it for the next transaction.
+            Err(error) => self.stop().and(Err(error)),
+        };
+        if outcome == Err(Error::Bus) {
+            self.recover();
+        }
+        outcome
+    }
+}

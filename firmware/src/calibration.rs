@@ -1,0 +1,134 @@
+//! The gyroscope's bias: the mean of its readings while the robot lies still. In counts, sensor axes.
+
+use protocol::Calibration;
+use protocol::units::{GyroRange, SensorCounts};
+
+use crate::attitude::inverse_sqrt;
+
+/// The largest standard deviation of a sensor at rest, °/s. The MPU6050's own noise is 0.05 °/s behind a filter of 92 Hz
+/// (data sheet PS-MPU-6000A, table 6.1); a hand that holds it makes several.
+const STILL_NOISE_DPS: f32 = 0.5;
+
+/// The largest bias of a sensor at rest, °/s: the data sheet's zero-rate output. A larger mean is a steady turn.
+const STILL_BIAS_DPS: f32 = 20.0;
+
+/// A calibration in progress.
+#[derive(Debug)]
+pub struct GyroAverage {
+    ticks_left: u16,
+    samples: u16,
+    axes: [AxisSums; 3],
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct AxisSums {
+    /// The first reading, from which all others are measured: sums of small numbers lose no digits.
+    first: i16,
+    sum: i32,
+    square_sum: f32,
+}
+
+impl GyroAverage {
+    /// Over the readings of the next `ticks`, at most 12,000.
+    pub fn new(ticks: u16) -> Self {
+        Self { ticks_left: ticks, samples: 0, axes: Default::default() }
+    }
+
+    /// Takes one tick's reading, if there was one. Whether the time is over.
+    #[inline(never)]
+    pub fn update(&mut self, gyro: Option<[SensorCounts; 3]>) -> bool {
+        if let Some(gyro) = gyro {
+            for (axis, counts) in self.axes.iter_mut().zip(gyro) {
+                if self.samples == 0 {
+                    axis.first = counts.0;
+                }
+                let offset = i32::from(counts.0) - i32::from(axis.first);
+                axis.sum += offset;
+                axis.square_sum += (offset as f32) * (offset as f32);
+            }
+            self.samples += 1;
+        }
+        self.ticks_left = self.ticks_left.saturating_sub(1);
+        self.ticks_left == 0
+    }
+
+    /// The result so far.
+    #[inline(never)]
+    pub fn result(&self, range: GyroRange) -> Calibration {
+        if self.samples == 0 {
+            return Calibration::default();
+        }
+        let samples = f32::from(self.samples);
+        let counts_per_dps = range.counts_per_dps();
+        let mut variance = 0.0f32;
+        let mut plausible = true;
+        let bias = self.axes.map(|axis| {
+            let mean = axis.sum as f32 / samples;
+            variance = variance.max(axis.square_sum / samples - mean * mean);
+            let bias = f32::from(axis.first) + mean;
+            plausible &= bias.abs() <= STILL_BIAS_DPS * counts_per_dps;
+            bias
+        });
+        let noise = if variance > 0.0 { variance * inverse_sqrt(variance) } else { 0.0 };
+        let still = plausible && noise <= STILL_NOISE_DPS * counts_per_dps;
+        Calibration { still, bias, noise: (noise + 0.5) as u16, samples: self.samples }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(readings: impl IntoIterator<Item = [i16; 3]>, range: GyroRange) -> Calibration {
+        let mut average = GyroAverage::new(12_000);
+        for reading in readings {
+            average.update(Some(reading.map(SensorCounts)));
+        }
+        average.result(range)
+    }
+
+    /// Counts of a repeatable noise with a standard deviation of `deviation`.
+    fn noise(index: u32, deviation: f64) -> f64 {
+        let uniform = f64::from(index.wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24) - 0.5;
+        uniform * deviation * 12f64.sqrt()
+    }
+
+    #[test]
+    fn the_mean_of_a_minute_is_found_to_a_hundredth_of_a_count() {
+        let readings: Vec<_> =
+            (0..12_000).map(|i| [594.0, 6.2, -19_000.0].map(|mean| (mean + noise(i, 16.0)).round() as i16)).collect();
+        let result = run(readings.iter().copied(), GyroRange::Dps250);
+        for axis in 0..3 {
+            let mean = readings.iter().map(|reading| f64::from(reading[axis])).sum::<f64>() / 12_000.0;
+            assert!((f64::from(result.bias[axis]) - mean).abs() < 0.01);
+        }
+        assert_eq!((result.samples, result.noise), (12_000, 16));
+    }
+
+    #[test]
+    fn at_rest_is_still_and_a_hand_is_not() {
+        let still = |deviation, range| run((0..400).map(|i| [100 + noise(i, deviation) as i16, 0, 0]), range).still;
+        assert!(still(16.0, GyroRange::Dps250));
+        assert!(!still(80.0, GyroRange::Dps250));
+        // The same counts are eight times the rate at ±2000 °/s.
+        assert!(!still(16.0, GyroRange::Dps2000));
+        assert!(!run((0..400).map(|_| [0, 2800, 0]), GyroRange::Dps250).still, "21 °/s without noise is a turn");
+    }
+
+    #[test]
+    fn it_lasts_as_long_as_asked_for_whatever_the_sensor_does() {
+        let mut average = GyroAverage::new(200);
+        let ticks = (1..).find(|tick| average.update((tick % 2 == 0).then_some([SensorCounts(5); 3]))).unwrap();
+        assert_eq!(ticks, 200);
+        let result = average.result(GyroRange::Dps250);
+        assert_eq!((result.samples, result.bias, result.noise), (100, [5.0; 3], 0));
+        assert_eq!(GyroAverage::new(100).result(GyroRange::Dps250), Calibration::default());
+    }
+
+    #[test]
+    fn extremes_saturate() {
+        let result = run((0..12_000).map(|i| [if i % 2 == 0 { i16::MAX } else { i16::MIN }, 0, 0]), GyroRange::Dps250);
+        assert!(!result.still && result.noise > 30_000);
+        assert!((result.bias[0] + 0.5).abs() < 0.1);
+    }
+}

@@ -1,0 +1,263 @@
+//! The MPU6050: set-up, one reading a tick, and every way in which it fails.
+//!
+//! Registers are those of InvenSense's register map RM-MPU-6000A-00. A reading is one burst of 14 bytes from
+//! ACCEL_XOUT_H, so that all seven values belong to one sample. Values are counts, sensor axes.
+//!
+//! Nothing here waits: set-up takes one step a tick, and a transaction that fails is tried again in the next tick. What
+//! goes wrong is counted; it becomes a fault when there was no good reading for [`PATIENCE_TICKS`]:
+//!
+//! | seen | then |
+//! | --- | --- |
+//! | a transaction fails | the next tick tries again; [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] in the end |
+//! | all values zero, or the configuration is not ours (looked at once a second) | the sensor lost its supply: set it up again; [`Fault::ImuFrozen`] in the end |
+//! | the same 14 bytes for [`FROZEN_TICKS`] | [`Fault::ImuFrozen`], and set it up again |
+//! | WHO_AM_I is not 0x68 | a clone or a relative: used, and reported in the handshake |
+
+use embedded_hal::i2c::{ErrorKind, I2c};
+use embedded_hal_compat::{Reverse, ReverseCompat};
+use mpu6050::device::{self, ACC_REGX_H, WHOAMI};
+use mpu6050::{Mpu6050, Mpu6050Error};
+use protocol::units::{AccelRange, GyroRange, SensorCounts, TemperatureCounts};
+use protocol::{Fault, Settings};
+
+/// Ticks without a good reading before it is a fault: more than a set-up takes, so that a short loss of the sensor's
+/// supply stops no trial.
+pub const PATIENCE_TICKS: u8 = 20;
+
+/// Repetitions of the same 14 bytes before the sensor counts as frozen. The noise of a living one differs at every
+/// sample; a few repetitions are normal where it samples more slowly than the tick.
+pub const FROZEN_TICKS: u8 = 20;
+
+/// Ticks from the last step of set-up to the first reading: 50 ms, where the data sheet says 30 ms for the gyroscope.
+const SETTLING_TICKS: u8 = 10;
+
+/// Readings between two looks at the configuration.
+const CHECK_INTERVAL: u8 = protocol::TICK_HZ;
+
+/// Divider of the sample rate, and with the next three registers what is checked.
+const SMPLRT_DIV: u8 = 0x19;
+
+/// 200 samples per second from 1 kHz.
+const DIVIDER: u8 = 4;
+
+/// PWR_MGMT_1: awake, everything on, clock from the x gyroscope, which is steadier than the internal oscillator.
+const AWAKE: u8 = 0x01;
+
+/// FS_SEL of GYRO_CONFIG and AFS_SEL of ACCEL_CONFIG.
+const RANGE_MASK: u8 = 0b0001_1000;
+
+/// One sample.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Reading {
+    /// Accelerometer.
+    pub accel: [SensorCounts; 3],
+    /// Temperature.
+    pub temperature: TemperatureCounts,
+    /// Gyroscope.
+    pub gyro: [SensorCounts; 3],
+}
+
+/// What set-up writes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Config {
+    /// Range of the gyroscope.
+    pub gyro_range: GyroRange,
+    /// Range of the accelerometer.
+    pub accel_range: AccelRange,
+    /// [`Settings::low_pass`].
+    pub low_pass: u8,
+}
+
+impl From<&Settings> for Config {
+    fn from(settings: &Settings) -> Self {
+        let Settings { gyro_range, accel_range, low_pass, .. } = *settings;
+        Self { gyro_range, accel_range, low_pass }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Phase {
+    /// The next step of set-up.
+    SetUp(u8),
+    /// Ticks until the first reading.
+    Settling(u8),
+    /// Readings until the next look at the configuration.
+    Sampling(u8),
+}
+
+/// Steps of [`Imu::set_up`].
+const STEPS: u8 = 5;
+
+/// Why there is no reading.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Trouble {
+    Silent,
+    BusStuck,
+    LostConfig,
+    Frozen,
+}
+
+impl<E: embedded_hal::i2c::Error> From<Mpu6050Error<E>> for Trouble {
+    fn from(error: Mpu6050Error<E>) -> Self {
+        match error {
+            Mpu6050Error::I2c(error) if !matches!(error.kind(), ErrorKind::NoAcknowledge(_)) => Self::BusStuck,
+            _ => Self::Silent,
+        }
+    }
+}
+
+/// The sensor on its bus.
+pub struct Imu<I2C> {
+    sensor: Mpu6050<Reverse<I2C>>,
+    config: Config,
+    phase: Phase,
+    id: u8,
+    last: Reading,
+    repeats: u8,
+    silence: u8,
+    fault: Fault,
+    errors: u16,
+}
+
+impl<I2C: I2c> Imu<I2C> {
+    /// Sets the sensor up; where that fails, [`Imu::poll`] goes on trying.
+    pub fn new(bus: I2C, config: Config) -> Self {
+        let mut imu = Self {
+            sensor: Mpu6050::new(bus.reverse()),
+            config,
+            phase: Phase::SetUp(0),
+            id: 0,
+            last: Reading::default(),
+            repeats: 0,
+            silence: 0,
+            fault: Fault::None,
+            errors: 0,
+        };
+        for _ in 0..STEPS {
+            imu.poll();
+        }
+        imu
+    }
+
+    /// Puts another configuration in force.
+    pub fn configure(&mut self, config: Config) {
+        if self.config != config {
+            self.config = config;
+            self.phase = Phase::SetUp(0);
+        }
+    }
+
+    /// One tick's work: a reading, or a step on the way to one.
+    pub fn poll(&mut self) -> Option<Reading> {
+        let outcome = match self.phase {
+            Phase::SetUp(step) => self.set_up(step).map(|next| {
+                self.phase = next;
+                None
+            }),
+            Phase::Settling(ticks) => {
+                self.phase = if ticks > 1 { Phase::Settling(ticks - 1) } else { Phase::Sampling(CHECK_INTERVAL) };
+                Ok(None)
+            }
+            Phase::Sampling(checked) => self.sample(checked).map(Some),
+        };
+        match outcome {
+            Ok(Some(reading)) => {
+                self.silence = 0;
+                self.fault = Fault::None;
+                return Some(reading);
+            }
+            Ok(None) => self.silence = self.silence.saturating_add(1),
+            Err(trouble) => self.note(trouble),
+        }
+        None
+    }
+
+    /// WHO_AM_I; 0 where nothing answered.
+    pub fn id(&self) -> u8 {
+        self.id
+    }
+
+    /// What is wrong at present.
+    pub fn fault(&self) -> Fault {
+        self.fault
+    }
+
+    /// Failures since the start.
+    pub fn errors(&self) -> u16 {
+        self.errors
+    }
+
+    /// One step of set-up. `Mpu6050::init` does the same at one go, but waits 100 ms and refuses clones.
+    #[inline(never)]
+    fn set_up(&mut self, step: u8) -> Result<Phase, Trouble> {
+        match step {
+            0 => self.sensor.write_byte(device::PWR_MGMT_1::ADDR, AWAKE)?,
+            1 => self.id = self.sensor.read_byte(WHOAMI)?,
+            2 => self.sensor.set_accel_range(device::AccelRange::from(self.config.accel_range as u8))?,
+            3 => self.sensor.set_gyro_range(device::GyroRange::from(self.config.gyro_range as u8))?,
+            _ => {
+                self.sensor.write_byte(device::CONFIG::ADDR, self.config.low_pass)?;
+                self.sensor.write_byte(SMPLRT_DIV, DIVIDER)?;
+                return Ok(Phase::Settling(SETTLING_TICKS));
+            }
+        }
+        Ok(Phase::SetUp(step + 1))
+    }
+
+    #[inline(never)]
+    fn sample(&mut self, checked: u8) -> Result<Reading, Trouble> {
+        if checked == 0 {
+            self.check_config()?;
+        }
+        self.phase = Phase::Sampling(if checked == 0 { CHECK_INTERVAL } else { checked - 1 });
+        let mut bytes = [0; 14];
+        self.sensor.read_bytes(ACC_REGX_H, &mut bytes)?;
+        // Accelerometer and gyroscope never read exactly zero on six axes: these are the registers of a sleeping sensor.
+        if bytes == [0; 14] {
+            return Err(Trouble::LostConfig);
+        }
+        let word = |index: usize| i16::from_be_bytes([bytes[2 * index], bytes[2 * index + 1]]);
+        let reading = Reading {
+            accel: [0, 1, 2].map(|axis| SensorCounts(word(axis))),
+            temperature: TemperatureCounts(word(3)),
+            gyro: [4, 5, 6].map(|axis| SensorCounts(word(axis))),
+        };
+        self.repeats = if reading == self.last { self.repeats.saturating_add(1) } else { 0 };
+        self.last = reading;
+        if self.repeats >= FROZEN_TICKS { Err(Trouble::Frozen) } else { Ok(reading) }
+    }
+
+    /// Whether the sensor still has the configuration that set-up gave it.
+    #[inline(never)]
+    fn check_config(&mut self) -> Result<(), Trouble> {
+        let mut config = [0; 4];
+        self.sensor.read_bytes(SMPLRT_DIV, &mut config)?;
+        let Config { gyro_range, accel_range, low_pass } = self.config;
+        let [divider, filter, gyro, accel] = config;
+        let as_set_up = [divider, filter, gyro & RANGE_MASK, accel & RANGE_MASK]
+            == [DIVIDER, low_pass, (gyro_range as u8) << 3, (accel_range as u8) << 3];
+        let awake = self.sensor.read_byte(device::PWR_MGMT_1::ADDR)? == AWAKE;
+        if as_set_up && awake { Ok(()) } else { Err(Trouble::LostConfig) }
+    }
+
+    fn note(&mut self, trouble: Trouble) {
+        self.errors = self.errors.wrapping_add(1);
+        self.silence = self.silence.saturating_add(1);
+        let patience_ended = self.silence >= PATIENCE_TICKS;
+        if patience_ended || trouble == Trouble::Frozen {
+            self.fault = match trouble {
+                Trouble::Silent => Fault::ImuSilent,
+                Trouble::BusStuck => Fault::ImuBusStuck,
+                Trouble::LostConfig | Trouble::Frozen => Fault::ImuFrozen,
+            };
+        }
+        match self.phase {
+            // Not known to be there any more.
+            Phase::SetUp(_) => self.id = 0,
+            // One bad transaction says nothing about the sensor's registers.
+            _ if matches!(trouble, Trouble::Silent | Trouble::BusStuck) && !patience_ended => return,
+            _ => {}
+        }
+        self.phase = Phase::SetUp(0);
+    }
+}

@@ -1,0 +1,171 @@
+//! The board's end of the link: requests in, answers and telemetry out, and the deadline that the host has to meet. The
+//! rules are those of the crate `protocol`.
+
+use heapless::spsc::Producer;
+use protocol::frame::{self, Accumulator, FrameError, MAX_FRAME};
+use protocol::units::{Count, Micros};
+use protocol::{Command, Message, Refusal, Reply, Request, TICK_HZ, Telemetry};
+
+/// Where bytes to send go; the serial port's interrupt takes them from there.
+pub type Outbox<'a> = Producer<'a, u8>;
+
+/// The board's end of the link.
+pub struct Link {
+    accumulator: Accumulator,
+    /// When the last intact frame came.
+    heard: Micros,
+    bad_frames: u16,
+    /// The number of the last request, and the answer it got.
+    last: Option<(u8, Answer)>,
+    /// Ticks from frame to frame of the stream; 0 where there is none.
+    interval: u8,
+    ticks_to_frame: u8,
+    seq: u16,
+    unsent: u16,
+}
+
+/// The answer to a request, as far as a repetition needs it.
+#[derive(Clone, Copy)]
+enum Answer {
+    /// Not yet given, or given by reading something out, which can be done again.
+    Open,
+    Done,
+    Refused(Refusal),
+    Pong(Micros),
+}
+
+impl Link {
+    /// A silent one.
+    pub const fn new() -> Self {
+        Self {
+            accumulator: Accumulator::new(),
+            heard: Micros(0),
+            bad_frames: 0,
+            last: None,
+            interval: 0,
+            ticks_to_frame: 0,
+            seq: 0,
+            unsent: 0,
+        }
+    }
+
+    /// Takes a byte from the host. `arrived` is when the frame ended, if this byte ends one.
+    pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<Request> {
+        match self.accumulator.push(byte)? {
+            Ok(request) => {
+                self.heard = arrived;
+                Some(request)
+            }
+            Err(FrameError::Foreign(_)) => {
+                // Intact, so the host is alive.
+                self.heard = arrived;
+                None
+            }
+            Err(_) => {
+                self.bad_frames = self.bad_frames.wrapping_add(1);
+                None
+            }
+        }
+    }
+
+    /// The answer to repeat, where `request` is the one before once more; `None` where it is to be carried out, which is
+    /// then remembered.
+    pub fn repetition(&mut self, request: &Request) -> Option<Reply> {
+        // A host that starts anew may begin with the number that the one before ended with.
+        if request.command != Command::Hello
+            && let Some((seq, answer)) = self.last
+            && seq == request.seq
+        {
+            return match answer {
+                Answer::Open => None,
+                Answer::Done => Some(Reply::Done),
+                Answer::Refused(refusal) => Some(Reply::Refused(refusal)),
+                Answer::Pong(time) => Some(Reply::Pong(time)),
+            };
+        }
+        self.last = Some((request.seq, Answer::Open));
+        None
+    }
+
+    /// Answers the request numbered `to`. An answer for which there is no room is not sent: the host will ask again.
+    pub fn answer(&mut self, to: u8, reply: Reply, outbox: &mut Outbox) {
+        if let Some((seq, answer)) = &mut self.last
+            && *seq == to
+        {
+            *answer = match reply {
+                Reply::Done => Answer::Done,
+                Reply::Refused(refusal) => Answer::Refused(refusal),
+                Reply::Pong(time) => Answer::Pong(time),
+                Reply::Info(_) | Reply::Settings(_) | Reply::Calibration(_) => Answer::Open,
+            };
+        }
+        send(&Message::Reply { to, reply }, outbox);
+    }
+
+    /// Whether the host has been silent for longer than `deadline_ms`.
+    pub fn is_silent(&self, now: Micros, deadline_ms: u16) -> bool {
+        now.since(self.heard) > u32::from(deadline_ms) * 1000
+    }
+
+    /// Starts a stream of `rate_hz` frames per second, or ends it with 0.
+    ///
+    /// # Errors
+    /// [`Refusal::OutOfRange`] unless the rate divides [`TICK_HZ`].
+    pub fn set_stream(&mut self, rate_hz: u8) -> Result<(), Refusal> {
+        self.interval = match rate_hz {
+            0 => 0,
+            rate if TICK_HZ.is_multiple_of(rate) => TICK_HZ / rate,
+            _ => return Err(Refusal::OutOfRange),
+        };
+        self.ticks_to_frame = 1;
+        Ok(())
+    }
+
+    /// Counts a tick. Whether a frame of the stream is due in it.
+    pub fn is_frame_due(&mut self) -> bool {
+        if self.interval == 0 {
+            return false;
+        }
+        self.ticks_to_frame -= 1;
+        let due = self.ticks_to_frame == 0;
+        if due {
+            self.ticks_to_frame = self.interval;
+        }
+        due
+    }
+
+    /// Sends a frame of the stream; the counts that the link keeps are filled in here.
+    pub fn stream(&mut self, telemetry: Telemetry, outbox: &mut Outbox) {
+        let numbered = Telemetry {
+            seq: Count(self.seq),
+            unsent: Count(self.unsent),
+            bad_frames: Count(self.bad_frames),
+            ..telemetry
+        };
+        self.seq = self.seq.wrapping_add(1);
+        if !send(&Message::Telemetry(numbered), outbox) {
+            self.unsent = self.unsent.wrapping_add(1);
+        }
+    }
+}
+
+impl Default for Link {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Puts a whole frame into the outbox, or nothing of it. Whether there was room.
+#[inline(never)]
+fn send(message: &Message, outbox: &mut Outbox) -> bool {
+    let mut buffer = [0; MAX_FRAME];
+    let Ok(bytes) = frame::encode(message, &mut buffer) else { return false };
+    let room = outbox.capacity() - outbox.len();
+    let fits = bytes.len() <= room;
+    if fits {
+        for byte in bytes {
+            outbox.enqueue(*byte).ok();
+        }
+    }
+    fits
+}

@@ -1,0 +1,224 @@
+//! Two motors on a TB6612 bridge: direction pins, PWM, speed control, stall.
+//!
+//! | IN1 | IN2 | PWM | motor |
+//! | --- | --- | --- | --- |
+//! | high | low | duty | turns forwards |
+//! | low | high | duty | turns backwards |
+//! | low | low | 0 | off, free to turn |
+//!
+//! STBY is low whenever both motors are off, so that the bridge then needs two pins to go wrong before a motor turns.
+
+use embedded_hal::digital::{OutputPin, PinState};
+use embedded_hal::pwm::SetDutyCycle;
+use protocol::units::{CentiRpm, Duty};
+
+use crate::TICK_S;
+
+/// Driven at full duty for this many ticks without an edge, a motor is stalled: one second.
+pub const STALL_TICKS: u8 = protocol::TICK_HZ;
+
+/// One channel of the bridge.
+pub struct Bridge<PIN, PWM> {
+    /// IN1, IN2.
+    inputs: [PIN; 2],
+    pwm: PWM,
+}
+
+impl<PIN: OutputPin, PWM: SetDutyCycle> Bridge<PIN, PWM> {
+    /// From its pins. The PWM's largest duty is [`Duty::FULL`].
+    pub fn new(inputs: [PIN; 2], pwm: PWM) -> Self {
+        Self { inputs, pwm }
+    }
+
+    /// Applies a duty of -255 to 255; 0 is off.
+    fn apply(&mut self, duty: i16) {
+        // The pins of a microcontroller cannot fail.
+        let [in1, in2] = &mut self.inputs;
+        in1.set_state(PinState::from(duty > 0)).ok();
+        in2.set_state(PinState::from(duty < 0)).ok();
+        self.pwm.set_duty_cycle(duty.unsigned_abs()).ok();
+    }
+}
+
+/// Gains of the speed control.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Gains {
+    /// Duty steps per rpm.
+    pub kp: f32,
+    /// Duty steps per rpm and second.
+    pub ki: f32,
+}
+
+/// Speed control of one motor: PI with a target of zero meaning off.
+#[derive(Debug, Default)]
+pub struct SpeedControl {
+    /// The integral's part of the duty, in duty steps.
+    integral: f32,
+    stalled_ticks: u8,
+}
+
+impl SpeedControl {
+    /// The duty for the next tick.
+    #[inline(never)]
+    pub fn duty(&mut self, target: CentiRpm, speed: CentiRpm, gains: Gains) -> Duty {
+        if target.0 == 0 {
+            self.integral = 0.0;
+            return Duty(0);
+        }
+        let error_rpm = (i32::from(target.0) - i32::from(speed.0)) as f32 * 0.01;
+        let proportional = gains.kp * error_rpm;
+        let integral = self.integral + gains.ki * error_rpm * TICK_S;
+        let full = f32::from(Duty::FULL.0);
+        let duty = proportional + integral;
+        // Against wind-up: while the bridge is at its limit, the integral only moves away from it.
+        if duty.abs() <= full || duty * error_rpm < 0.0 {
+            self.integral = integral;
+        }
+        Duty(duty.clamp(-full, full) as i16)
+    }
+
+    /// Counts the ticks at full duty without an edge. Whether the motor is stalled.
+    pub fn is_stalled(&mut self, duty: Duty, moved: bool) -> bool {
+        if moved || duty.0.abs() < Duty::FULL.0 {
+            self.stalled_ticks = 0;
+        } else {
+            self.stalled_ticks = self.stalled_ticks.saturating_add(1);
+        }
+        self.stalled_ticks >= STALL_TICKS
+    }
+}
+
+/// Both motors.
+pub struct Motors<PIN, PWM> {
+    bridges: [Bridge<PIN, PWM>; 2],
+    standby: PIN,
+    duty: [Duty; 2],
+}
+
+impl<PIN: OutputPin, PWM: SetDutyCycle> Motors<PIN, PWM> {
+    /// Both motors, off. `standby` is the bridge's STBY pin.
+    pub fn new(bridges: [Bridge<PIN, PWM>; 2], standby: PIN) -> Self {
+        let mut motors = Self { bridges, standby, duty: [Duty(0); 2] };
+        motors.stop();
+        motors
+    }
+
+    /// Turns both motors off.
+    pub fn stop(&mut self) {
+        self.standby.set_low().ok();
+        for bridge in &mut self.bridges {
+            bridge.apply(0);
+        }
+        self.duty = [Duty(0); 2];
+    }
+
+    /// Drives both motors; `reversed` names those that a positive duty turns backwards.
+    pub fn drive(&mut self, duty: [Duty; 2], reversed: [bool; 2]) {
+        if duty == [Duty(0); 2] {
+            return self.stop();
+        }
+        for ((bridge, duty), reversed) in self.bridges.iter_mut().zip(duty).zip(reversed) {
+            bridge.apply(if reversed { -duty.0 } else { duty.0 });
+        }
+        self.standby.set_high().ok();
+        self.duty = duty;
+    }
+
+    /// The duty in force, positive forwards.
+    pub fn duty(&self) -> [Duty; 2] {
+        self.duty
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use embedded_hal_mock::eh1::digital::{Mock as Pin, State, Transaction as PinSet};
+    use embedded_hal_mock::eh1::pwm::{Mock as Pwm, Transaction as PwmSet};
+
+    const GAINS: Gains = Gains { kp: 1.0, ki: 5.0 };
+
+    /// What the pins of one bridge are expected to see: IN1, IN2 and duty, call by call.
+    fn bridge(calls: &[(State, State, u16)]) -> (Bridge<Pin, Pwm>, [Pin; 2], Pwm) {
+        let in1 = Pin::new(&calls.iter().map(|call| PinSet::set(call.0)).collect::<Vec<_>>());
+        let in2 = Pin::new(&calls.iter().map(|call| PinSet::set(call.1)).collect::<Vec<_>>());
+        let pwm = Pwm::new(&calls.iter().map(|call| PwmSet::set_duty_cycle(call.2)).collect::<Vec<_>>());
+        (Bridge::new([in1.clone(), in2.clone()], pwm.clone()), [in1, in2], pwm)
+    }
+
+    #[test]
+    fn directions_duties_and_standby_reach_the_pins() {
+        use State::{High, Low};
+        let off = (Low, Low, 0);
+        let (first, pins1, pwm1) = bridge(&[off, (High, Low, 200), (Low, High, 255), off]);
+        let (second, pins2, pwm2) = bridge(&[off, (High, Low, 7), off, off]);
+        let standby = Pin::new(&[Low, High, High, Low].map(PinSet::set));
+        let mut motors = Motors::new([first, second], standby.clone());
+        motors.drive([Duty(200), Duty(-7)], [false, true]);
+        assert_eq!(motors.duty(), [Duty(200), Duty(-7)]);
+        motors.drive([Duty(-255), Duty(0)], [false, true]);
+        motors.drive([Duty(0), Duty(0)], [false, true]);
+        assert_eq!(motors.duty(), [Duty(0), Duty(0)]);
+        for mut pin in pins1.into_iter().chain(pins2).chain([standby]) {
+            pin.done();
+        }
+        pwm1.clone().done();
+        pwm2.clone().done();
+    }
+
+    /// A motor that reaches `rpm_per_step * duty` with a time constant of 80 ms.
+    fn simulate(control: &mut SpeedControl, speed: &mut f64, target: CentiRpm, rpm_per_step: f64, ticks: u32) -> i16 {
+        let mut duty = Duty(0);
+        for _ in 0..ticks {
+            duty = control.duty(target, CentiRpm::from_rpm(*speed), GAINS);
+            *speed += (f64::from(duty.0) * rpm_per_step - *speed) * 0.005 / 0.08;
+        }
+        duty.0
+    }
+
+    #[test]
+    fn the_target_is_reached_either_way_round_and_zero_is_off() {
+        for target in [90.0, -35.5, 4.0] {
+            let (mut control, mut speed) = (SpeedControl::default(), 0.0);
+            simulate(&mut control, &mut speed, CentiRpm::from_rpm(target), 0.4, 2000);
+            assert!((speed - target).abs() < 0.5, "{speed} for {target}");
+            assert_eq!(control.duty(CentiRpm(0), CentiRpm::from_rpm(speed), GAINS), Duty(0));
+            assert_eq!(control.integral, 0.0);
+        }
+    }
+
+    #[test]
+    fn a_long_overload_winds_nothing_up() {
+        let (mut control, mut speed) = (SpeedControl::default(), 0.0);
+        // The supply is too weak for the target: the duty stays at its limit.
+        assert_eq!(simulate(&mut control, &mut speed, CentiRpm(9000), 0.2, 4000), 255);
+        // Back at full supply the duty leaves its limit within half a second.
+        assert!(simulate(&mut control, &mut speed, CentiRpm(9000), 0.5, 100) < 255);
+        let (mut control, mut speed) = (SpeedControl::default(), 0.0);
+        assert_eq!(simulate(&mut control, &mut speed, CentiRpm(-9000), 0.2, 4000), -255);
+        assert!(simulate(&mut control, &mut speed, CentiRpm(-9000), 0.5, 100) > -255);
+    }
+
+    #[test]
+    fn gains_at_their_limits_stay_finite() {
+        let mut control = SpeedControl::default();
+        for speed in [i16::MIN, i16::MAX, 0] {
+            let duty = control.duty(CentiRpm(9000), CentiRpm(speed), Gains { kp: 1000.0, ki: 1000.0 });
+            assert!(duty.0.abs() <= 255 && control.integral.is_finite());
+        }
+        assert_eq!(control.duty(CentiRpm(9000), CentiRpm(0), Gains { kp: 0.0, ki: 0.0 }).0, control.integral as i16);
+    }
+
+    #[test]
+    fn a_motor_without_edges_at_full_duty_is_stalled_after_a_second() {
+        let mut control = SpeedControl::default();
+        for _ in 1..STALL_TICKS {
+            assert!(!control.is_stalled(Duty(-255), false));
+        }
+        assert!(control.is_stalled(Duty(-255), false));
+        assert!(!control.is_stalled(Duty(-255), true));
+        for _ in 0..1000 {
+            assert!(!control.is_stalled(Duty(254), false));
+        }
+    }
+}

@@ -1,0 +1,266 @@
+//! What EEPROM keeps: the settings and the count of starts.
+//!
+//! | address | content |
+//! | --- | --- |
+//! | 0 | the frame of the request that would put the settings in force: [`Command::WriteSettings`], numbered [`VERSION`] |
+//! | 128 | eight counts of starts of two bytes, little-endian |
+//!
+//! The frame has a CRC, and a change of layout comes with another version; whatever is not a valid frame of this version
+//! (a blank memory, a save cut off by loss of power) gives the defaults.
+//!
+//! A byte of EEPROM endures 100,000 writes (ATmega328P, section 8.4). Saving writes only the bytes that differ. The count
+//! of starts goes round eight places, and a write that loses power costs no more than a wrong count.
+
+use protocol::frame::{self, MAX_FRAME};
+use protocol::{Command, Request, Settings, VERSION};
+
+const SETTINGS_ADDRESS: u16 = 0;
+const COUNTS_ADDRESS: u16 = 128;
+const COUNTS: u16 = 8;
+
+/// Writes of a save before the memory counts as broken: every byte of a frame twice.
+const MAX_WRITES: u8 = 2 * MAX_FRAME as u8;
+
+/// A byte-wise memory that outlives power.
+pub trait Storage {
+    /// The byte at `address`, after waiting for the end of a write.
+    fn read(&mut self, address: u16) -> u8;
+
+    /// Begins to write a byte, after waiting for the end of the write before; takes less than a tick.
+    fn write(&mut self, address: u16, byte: u8);
+}
+
+/// The settings on their storage.
+pub struct Store<S> {
+    storage: S,
+    /// Writes of the save in progress.
+    writes: Option<u8>,
+}
+
+/// How a save goes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Saving {
+    /// There is none.
+    Idle,
+    /// It goes on.
+    Busy,
+    /// All bytes are as they should be.
+    Done,
+    /// The memory does not hold what is written to it.
+    Failed,
+}
+
+impl<S: Storage> Store<S> {
+    /// On `storage`.
+    pub fn new(storage: S) -> Self {
+        Self { storage, writes: None }
+    }
+
+    /// The settings that were saved; `None` where there are none that hold.
+    #[inline(never)]
+    pub fn load(&mut self) -> Option<Settings> {
+        let mut bytes = [0; MAX_FRAME];
+        for (address, byte) in (SETTINGS_ADDRESS..).zip(&mut bytes) {
+            *byte = self.storage.read(address);
+        }
+        let length = bytes.iter().position(|byte| *byte == 0)?;
+        match frame::decode(bytes.get_mut(..length)?) {
+            Ok(Request { seq: VERSION, command: Command::WriteSettings(settings) }) if settings.is_valid() => {
+                Some(settings)
+            }
+            _ => None,
+        }
+    }
+
+    /// Begins to save.
+    pub fn begin_save(&mut self) {
+        self.writes = Some(0);
+    }
+
+    /// One tick's part of a save: looks for the first byte that is not yet as `settings` want it, and writes that one.
+    /// So a save is complete only when all of it has been read back, and follows settings that change meanwhile.
+    #[inline(never)]
+    pub fn step(&mut self, settings: &Settings) -> Saving {
+        let Some(writes) = self.writes else { return Saving::Idle };
+        let mut buffer = [0; MAX_FRAME];
+        let request = Request { seq: VERSION, command: Command::WriteSettings(*settings) };
+        let wanted = frame::encode(&request, &mut buffer).unwrap_or_default();
+        let difference =
+            (SETTINGS_ADDRESS..).zip(&*wanted).find(|(address, byte)| self.storage.read(*address) != **byte);
+        let outcome = match difference {
+            None => Saving::Done,
+            Some(_) if writes >= MAX_WRITES => Saving::Failed,
+            Some((address, byte)) => {
+                self.storage.write(address, *byte);
+                self.writes = Some(writes + 1);
+                return Saving::Busy;
+            }
+        };
+        self.writes = None;
+        outcome
+    }
+
+    /// Counts one more start and answers their number; stays at 65534.
+    #[inline(never)]
+    pub fn count_start(&mut self) -> u16 {
+        const BLANK: u16 = u16::MAX;
+        let last = (0..COUNTS)
+            .filter_map(|place| {
+                let count = u16::from_le_bytes([0, 1].map(|byte| self.storage.read(address_of(place) + byte)));
+                (count != BLANK && count % COUNTS == place).then_some(count)
+            })
+            .max()
+            .unwrap_or(0);
+        let count = last.saturating_add(1).min(BLANK - 1);
+        for (address, byte) in (address_of(count % COUNTS)..).zip(count.to_le_bytes()) {
+            if self.storage.read(address) != byte {
+                self.storage.write(address, byte);
+            }
+        }
+        count
+    }
+}
+
+fn address_of(place: u16) -> u16 {
+    COUNTS_ADDRESS + 2 * place
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use std::cell::RefCell;
+    use std::rc::Rc;
+
+    /// A memory that counts the writes of each byte; bytes in `stuck` cannot be written.
+    #[derive(Clone)]
+    pub(crate) struct Memory {
+        pub(crate) bytes: Rc<RefCell<[u8; 1024]>>,
+        writes: Rc<RefCell<[u32; 1024]>>,
+        stuck: Option<u16>,
+    }
+
+    impl Memory {
+        pub(crate) fn blank() -> Self {
+            Self { bytes: Rc::new(RefCell::new([0xFF; 1024])), writes: Rc::new(RefCell::new([0; 1024])), stuck: None }
+        }
+    }
+
+    impl Storage for Memory {
+        fn read(&mut self, address: u16) -> u8 {
+            self.bytes.borrow()[usize::from(address)]
+        }
+
+        fn write(&mut self, address: u16, byte: u8) {
+            self.writes.borrow_mut()[usize::from(address)] += 1;
+            if self.stuck != Some(address) {
+                self.bytes.borrow_mut()[usize::from(address)] = byte;
+            }
+        }
+    }
+
+    fn save(memory: &Memory, settings: &Settings) -> (Saving, u32) {
+        let mut store = Store::new(memory.clone());
+        store.begin_save();
+        (1..).map(|tick| (store.step(settings), tick)).find(|(saving, _)| *saving != Saving::Busy).unwrap()
+    }
+
+    fn other() -> Settings {
+        Settings { board_id: 7, gyro_bias: [594.1, 6.2, 147.0], deadline_ms: 400, ..Settings::DEFAULT }
+    }
+
+    #[test]
+    fn a_blank_memory_gives_no_settings() {
+        assert_eq!(Store::new(Memory::blank()).load(), None);
+        let zero = Memory::blank();
+        zero.bytes.borrow_mut().fill(0);
+        assert_eq!(Store::new(zero).load(), None);
+    }
+
+    #[test]
+    fn what_was_saved_is_loaded_one_byte_a_tick_and_no_byte_twice() {
+        let memory = Memory::blank();
+        let (saving, ticks) = save(&memory, &other());
+        assert_eq!(saving, Saving::Done);
+        assert!(ticks <= 60, "{ticks}");
+        assert_eq!(Store::new(memory.clone()).load(), Some(other()));
+        assert!(memory.writes.borrow().iter().all(|writes| *writes <= 1));
+        assert_eq!(save(&memory, &other()), (Saving::Done, 1), "nothing differs, so nothing is written");
+        assert_eq!(Store::new(memory).step(&other()), Saving::Idle);
+    }
+
+    #[test]
+    fn every_damaged_bit_gives_the_defaults() {
+        let memory = Memory::blank();
+        save(&memory, &other());
+        let length = memory.bytes.borrow().iter().position(|byte| *byte == 0).unwrap();
+        for bit in 0..8 * length {
+            memory.bytes.borrow_mut()[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(Store::new(memory.clone()).load(), None, "bit {bit}");
+            memory.bytes.borrow_mut()[bit / 8] ^= 1 << (bit % 8);
+        }
+    }
+
+    #[test]
+    fn a_save_cut_off_anywhere_leaves_settings_that_hold_or_none() {
+        for cut in 0..60 {
+            let memory = Memory::blank();
+            save(&memory, &other());
+            let mut store = Store::new(memory.clone());
+            store.begin_save();
+            for _ in 0..cut {
+                store.step(&Settings::DEFAULT);
+            }
+            let loaded = Store::new(memory).load();
+            assert!([None, Some(other()), Some(Settings::DEFAULT)].contains(&loaded), "{loaded:?}");
+        }
+    }
+
+    #[test]
+    fn another_version_and_values_out_of_range_are_not_loaded() {
+        let unfit = Settings { deadline_ms: 1, ..Settings::DEFAULT };
+        for request in [
+            Request { seq: VERSION + 1, command: Command::WriteSettings(Settings::DEFAULT) },
+            Request { seq: VERSION, command: Command::WriteSettings(unfit) },
+            Request { seq: VERSION, command: Command::Stop },
+        ] {
+            let memory = Memory::blank();
+            let mut buffer = [0; MAX_FRAME];
+            let bytes = frame::encode(&request, &mut buffer).unwrap();
+            memory.bytes.borrow_mut()[..bytes.len()].copy_from_slice(bytes);
+            assert_eq!(Store::new(memory).load(), None);
+        }
+    }
+
+    #[test]
+    fn a_broken_byte_fails_the_save_in_the_end() {
+        let memory = Memory { stuck: Some(11), ..Memory::blank() };
+        let (saving, ticks) = save(&memory, &other());
+        assert_eq!(saving, Saving::Failed);
+        assert!(ticks < 200);
+    }
+
+    #[test]
+    fn starts_are_counted_with_the_wear_spread_and_stop_at_the_top() {
+        let memory = Memory::blank();
+        for start in 1..=2000 {
+            assert_eq!(Store::new(memory.clone()).count_start(), start);
+        }
+        assert!(memory.writes.borrow()[128..144].iter().all(|writes| *writes <= 250));
+        assert!(memory.writes.borrow()[..128].iter().all(|writes| *writes == 0));
+        memory.bytes.borrow_mut()[128..144].fill(0xFF);
+        memory.bytes.borrow_mut()[140..142].copy_from_slice(&0xFFFEu16.to_le_bytes());
+        assert_eq!(Store::new(memory.clone()).count_start(), 0xFFFE);
+        assert_eq!(Store::new(memory).count_start(), 0xFFFE);
+    }
+
+    #[test]
+    fn a_count_torn_by_loss_of_power_is_passed_over() {
+        let memory = Memory::blank();
+        for _ in 0..20 {
+            Store::new(memory.clone()).count_start();
+        }
+        // The write of count 20 (place 4) was cut off.
+        memory.bytes.borrow_mut()[136..138].copy_from_slice(&[0xFF, 0xFF]);
+        assert_eq!(Store::new(memory).count_start(), 20);
+    }
+}
