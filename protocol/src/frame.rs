@@ -9,8 +9,10 @@
 //! A zero byte ends a frame and occurs nowhere else, so a receiver that starts anywhere, or has lost bytes, is back in
 //! step after at most one frame. The CRC (polynomial 0x1021 reflected, start and final XOR 0xFFFF) finds every burst of
 //! up to 16 bits and lets one in 65536 of other damages pass.
+//!
+//! A frame is shorter than 255 bytes, so that COBS is one chain of distances from zero to zero and works in place: on the
+//! board this takes a third of the time of sending each byte through a CRC and a COBS encoder.
 
-use postcard::ser_flavors::{Cobs, Flavor, Slice};
 use serde::{Deserialize, Serialize};
 
 /// The longest frame, delimiter included; the length of every buffer that holds one.
@@ -49,8 +51,53 @@ impl core::error::Error for FrameError {}
 /// # Errors
 /// [`FrameError::TooLong`] when `buffer` is too short; [`MAX_FRAME`] bytes are enough for every message.
 pub fn encode<'a, T: Serialize>(message: &T, buffer: &'a mut [u8]) -> Result<&'a mut [u8], FrameError> {
-    let cobs = Cobs::try_new(Slice::new(buffer)).map_err(|_| FrameError::TooLong)?;
-    postcard::serialize_with_flavor(message, Checked { inner: cobs, crc: CRC_START }).map_err(|_| FrameError::TooLong)
+    let payload = buffer.get_mut(1..).ok_or(FrameError::TooLong)?;
+    let length = postcard::to_slice(message, payload).map_err(|_| FrameError::TooLong)?.len();
+    seal(buffer, length)
+}
+
+/// Makes a frame of the `length` bytes of payload that stand one byte behind the front of `buffer`.
+fn seal(buffer: &mut [u8], length: usize) -> Result<&mut [u8], FrameError> {
+    let frame = buffer.get_mut(..length + OVERHEAD).filter(|frame| frame.len() < 256).ok_or(FrameError::TooLong)?;
+    let [first, payload @ .., low, high, delimiter] = frame else { return Err(FrameError::TooLong) };
+    let mut crc = CRC_START;
+    for byte in payload {
+        crc = crc16_update(crc, *byte);
+    }
+    [*low, *high] = (!crc).to_le_bytes();
+    [*first, *delimiter] = [0, 0];
+    // From the end: each zero becomes its distance to the zero behind it, and the last one stays.
+    let mut distance = 0;
+    for byte in frame.iter_mut().rev() {
+        if *byte == 0 {
+            *byte = distance;
+            distance = 0;
+        }
+        distance += 1;
+    }
+    Ok(frame)
+}
+
+/// Opens a frame, without its delimiter, and answers its payload.
+fn open(frame: &mut [u8]) -> Result<&[u8], FrameError> {
+    // From the front: each distance becomes the zero that it stands for, and the last one points just behind the frame.
+    let mut distance = 1u8;
+    for byte in frame.iter_mut() {
+        distance -= 1;
+        if *byte == 0 {
+            return Err(FrameError::Cobs);
+        }
+        if distance == 0 {
+            distance = core::mem::take(byte);
+        }
+    }
+    match frame {
+        [_, payload @ .., low, high] if distance == 1 => {
+            let crc = u16::from_le_bytes([*low, *high]);
+            if crc16(payload) == crc { Ok(payload) } else { Err(FrameError::Crc) }
+        }
+        _ => Err(FrameError::Cobs),
+    }
 }
 
 /// Reads a frame, without its delimiter, in place.
@@ -58,12 +105,7 @@ pub fn encode<'a, T: Serialize>(message: &T, buffer: &'a mut [u8]) -> Result<&'a
 /// # Errors
 /// [`FrameError`]; the content of `frame` is lost in either case.
 pub fn decode<'a, T: Deserialize<'a>>(frame: &'a mut [u8]) -> Result<T, FrameError> {
-    let length = cobs::decode_in_place(frame).map_err(|_| FrameError::Cobs)?;
-    let body = frame.get(..length).ok_or(FrameError::Cobs)?;
-    let (payload, crc) = body.split_last_chunk::<2>().ok_or(FrameError::Cobs)?;
-    if crc16(payload) != u16::from_le_bytes(*crc) {
-        return Err(FrameError::Crc);
-    }
+    let payload = open(frame)?;
     match postcard::take_from_bytes(payload) {
         Ok((message, [])) => Ok(message),
         _ => Err(FrameError::Foreign(crate::version_of(payload))),
@@ -116,6 +158,9 @@ impl Default for Accumulator {
     }
 }
 
+/// Bytes of a frame besides its payload: the first distance of COBS, the CRC, the delimiter.
+const OVERHEAD: usize = 4;
+
 const CRC_START: u16 = 0xFFFF;
 
 /// CRC-16/X-25 of `bytes`.
@@ -128,28 +173,6 @@ fn crc16_update(crc: u16, byte: u8) -> u16 {
     let low = byte ^ crc as u8;
     let low = low ^ (low << 4);
     ((u16::from(low) << 8) | (crc >> 8)) ^ u16::from(low >> 4) ^ (u16::from(low) << 3)
-}
-
-/// Appends the CRC of what passes through.
-struct Checked<F> {
-    inner: F,
-    crc: u16,
-}
-
-impl<F: Flavor> Flavor for Checked<F> {
-    type Output = F::Output;
-
-    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
-        self.crc = crc16_update(self.crc, byte);
-        self.inner.try_push(byte)
-    }
-
-    fn finalize(mut self) -> postcard::Result<F::Output> {
-        for byte in (!self.crc).to_le_bytes() {
-            self.inner.try_push(byte)?;
-        }
-        self.inner.finalize()
-    }
 }
 
 #[cfg(test)]

@@ -54,14 +54,17 @@ impl Default for Options {
 pub struct Board {
     mcu: Mcu<Rig>,
     start: u32,
-    static_bytes: u16,
+    /// `None` behind a bootloader, which may put any program there.
+    static_bytes: Option<u16>,
     state: RunState,
 }
 
 impl Board {
     /// A board with `image` in its flash, which has just got power.
     pub fn new(image: &Image, options: Options) -> Result<Self, UnknownChip> {
-        Self::with_start(image, 0, options)
+        let mut board = Self::with_start(image, 0, options)?;
+        board.static_bytes = Some(image.static_bytes);
+        Ok(board)
     }
 
     /// The same behind a bootloader: every reset starts at the image's lowest address, and the rest of flash is blank.
@@ -86,7 +89,7 @@ impl Board {
             assert!(mcu.write_flash(*address, bytes), "an image that does not fit");
         }
         mcu.reset(start, ResetCause::PowerOn);
-        Ok(Self { mcu, start, static_bytes: image.static_bytes, state: RunState::Running })
+        Ok(Self { mcu, start, static_bytes: None, state: RunState::Running })
     }
 
     /// Pulls the reset pin.
@@ -205,14 +208,14 @@ impl Board {
         self.mcu.eeprom_mut()
     }
 
-    /// Bytes of SRAM that the image's static data take.
-    pub fn static_bytes(&self) -> u16 {
+    /// Bytes of SRAM that the image's static data take; not known behind a bootloader.
+    pub fn static_bytes(&self) -> Option<u16> {
         self.static_bytes
     }
 
-    /// Bytes of stack used at most so far.
-    pub fn deepest_stack(&self) -> u16 {
-        self.mcu.deepest_stack(0x100 + self.static_bytes)
+    /// Bytes of stack used at most so far; not known behind a bootloader.
+    pub fn deepest_stack(&self) -> Option<u16> {
+        self.static_bytes.map(|bytes| self.mcu.deepest_stack(0x100 + bytes))
     }
 
     /// The program counter as a byte address.
@@ -250,6 +253,8 @@ impl Rig {
 
 impl Devices for Rig {
     fn bus_address(&mut self, cycle: u64, address: u8) -> BusAnswer {
+        self.turn_motors(cycle);
+        self.imu.source_mut().set_flagella(self.motors.each_ref().map(Motor::speed_rpm));
         self.imu.address(cycle, address)
     }
 

@@ -47,14 +47,15 @@ impl Bridge {
     }
 }
 
-/// High time of a timer's output A out of 255. `com` (the two top bits of TCCRnA) at 2 clears the pin on compare match,
-/// at 3 sets it; else the pin is an ordinary one. The one count that fast PWM adds is not counted: OCR = 0 is off in
-/// the phase-correct mode, and 1/256 in the fast one.
+/// High time of a timer's output A out of 255 (data sheet of the ATmega328P, sections 15.7 and 18.7).
 fn pulse_width(tccra: u8, ocr: u8, port: bool, is_output: bool) -> u8 {
-    match tccra >> 6 {
+    let compare_mode = tccra >> 6;
+    // Fast PWM is high for one count more than OCR says: a compare value of zero does not turn it off.
+    let shortest = u8::from(tccra & 0b11 == 0b11);
+    match compare_mode {
         _ if !is_output => 0,
-        2 => ocr,
-        3 => 255 - ocr,
+        2 => ocr.max(shortest),
+        3 => 255 - ocr.max(shortest),
         _ => 255 * u8::from(port),
     }
 }
@@ -89,5 +90,13 @@ mod tests {
         let lit = Outputs { tccr0a: 0x81, ocr0a: 200, ddr_d: 1 << 6, ..Outputs::default() };
         assert_eq!(Bridge::from_outputs(&lit).pwm, [200, 0]);
         assert_eq!(Bridge::from_outputs(&Outputs { ddr_d: 0, ..lit }).pwm, [0, 0]);
+    }
+
+    #[test]
+    fn fast_pwm_is_off_only_when_the_timer_lets_go_of_the_pin() {
+        assert_eq!(pulse_width(0x83, 0, false, true), 1);
+        assert_eq!(pulse_width(0x81, 0, false, true), 0);
+        assert_eq!(pulse_width(0x03, 90, false, true), 0);
+        assert_eq!(pulse_width(0x03, 90, true, true), 255);
     }
 }

@@ -6,7 +6,8 @@
 //! | `status` | tells the state of everything |
 //! | `drop N` | loses the next N whole frames to the host |
 //! | `corrupt N` | damages a byte in each of the next N frames |
-//! | `fault nack B [COUNT]` | the sensor does not answer from byte B of a transaction on, COUNT times |
+//! | `fault nack B [COUNT]` | the sensor does not acknowledge byte B of the next transaction, or of the next COUNT |
+//! | `fault gone` | the sensor answers nothing any more |
 //! | `fault stuck [CLOCKS]` | the sensor holds SDA low until CLOCKS pulses on SCL, or for ever |
 //! | `fault frozen` | the sensor's data stay the same |
 //! | `fault glitch` | the sensor loses power for a moment |
@@ -66,6 +67,7 @@ impl FromStr for Command {
             ["fault", "nack", byte, count] => {
                 Self::Fault(Fault::Nack { at: At::byte(number(byte)?), count: number(count)? })
             }
+            ["fault", "gone"] => Self::Fault(Fault::Gone(At::now())),
             ["fault", "stuck"] => Self::Fault(Fault::Stuck { at: At::now(), clocks: None }),
             ["fault", "stuck", clocks] => Self::Fault(Fault::Stuck { at: At::now(), clocks: Some(number(clocks)?) }),
             ["fault", "frozen"] => Self::Fault(Fault::Frozen),

@@ -1,12 +1,11 @@
 //! How long the program takes, from the marks that it writes to GPIOR0.
 //!
-//! A mark names what begins; the next mark ends it. [`TICK_BEGIN`] and [`TICK_END`] bound the work of one tick, whatever
-//! marks are in between.
+//! A mark tells that a stage of a tick has ended, and so that the next begins.
 
 /// The tick begins.
 pub const TICK_BEGIN: u8 = 0x10;
-/// The tick is done; the program waits for the next.
-pub const TICK_END: u8 = 0x1F;
+/// The tick's last stage has ended.
+pub const TICK_END: u8 = 0x15;
 
 /// Lengths in cycles.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -34,23 +33,23 @@ impl Lengths {
 
 /// What the marks have shown so far.
 pub struct Marks {
-    phases: [Lengths; 256],
+    stages: [Lengths; 256],
     tick: Lengths,
-    last: Option<(u64, u8)>,
+    last: Option<u64>,
     tick_began: Option<u64>,
 }
 
 impl Default for Marks {
     fn default() -> Self {
-        Self { phases: [Lengths::default(); 256], tick: Lengths::default(), last: None, tick_began: None }
+        Self { stages: [Lengths::default(); 256], tick: Lengths::default(), last: None, tick_began: None }
     }
 }
 
 impl Marks {
     /// The program wrote `value`.
     pub fn mark(&mut self, cycle: u64, value: u8) {
-        if let Some((began, what)) = self.last.replace((cycle, value)) {
-            self.phases[usize::from(what)].add(cycle - began);
+        if let Some(began) = self.last.replace(cycle) {
+            self.stages[usize::from(value)].add(cycle - began);
         }
         match value {
             TICK_BEGIN => self.tick_began = Some(cycle),
@@ -79,9 +78,9 @@ impl Marks {
         self.tick
     }
 
-    /// From the mark `value` to the next one.
-    pub fn phase(&self, value: u8) -> Lengths {
-        self.phases[usize::from(value)]
+    /// The stage that the mark `value` ends.
+    pub fn stage(&self, value: u8) -> Lengths {
+        self.stages[usize::from(value)]
     }
 }
 
@@ -96,7 +95,7 @@ mod tests {
             marks.mark(cycle, value);
         }
         assert_eq!(marks.tick(), Lengths { count: 1, total: 50, worst: 50 });
-        assert_eq!(marks.phase(0x11).mean(), 20);
-        assert_eq!(marks.phase(TICK_END).worst, 95);
+        assert_eq!(marks.stage(0x11).mean(), 30);
+        assert_eq!(marks.stage(TICK_BEGIN).worst, 95);
     }
 }

@@ -29,13 +29,19 @@ impl At {
 /// A fault.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Fault {
-    /// From that byte of a transaction on the part does not answer: it acknowledges nothing, and reading gives ones.
+    /// That byte is not acknowledged, and nothing after it in its transaction. Bytes that the part sends have no
+    /// acknowledgement of its own: there this fault does not strike.
     Nack {
         /// When.
         at: At,
         /// In how many transactions.
         count: u32,
     },
+    /// From that byte on the part answers nothing any more, as if its wires were cut: reading gives ones.
+    Gone(
+        /// When.
+        At,
+    ),
     /// SDA is held low from that byte on.
     Stuck {
         /// When.
@@ -60,6 +66,7 @@ pub struct Faults {
     waiting: Vec<Fault>,
     /// The rest of this transaction goes unanswered.
     silent: bool,
+    gone: bool,
     /// SDA is held; pulses left, `None` for ever.
     held: Option<Option<u8>>,
     frozen: bool,
@@ -113,17 +120,22 @@ impl Faults {
         }
     }
 
-    /// The answer to byte `byte` of transaction `transaction`, where a fault gives one.
-    pub fn strike(&mut self, transaction: u64, byte: u8) -> Option<BusAnswer> {
+    /// The answer to byte `byte` of transaction `transaction`, where a fault gives one. `sends`: the part sends it.
+    pub fn strike(&mut self, transaction: u64, byte: u8, sends: bool) -> Option<BusAnswer> {
         let due = |at: &At| at.byte == byte && at.transaction.is_none_or(|number| number == transaction);
         self.waiting.retain_mut(|fault| match fault {
-            Fault::Nack { at, count } if due(at) => {
+            Fault::Nack { at, count } if due(at) && !sends => {
                 self.silent = true;
                 self.struck += 1;
                 // Those that follow strike the same byte of any transaction.
                 at.transaction = None;
                 *count = count.saturating_sub(1);
                 *count > 0
+            }
+            Fault::Gone(at) if due(at) => {
+                self.gone = true;
+                self.struck += 1;
+                false
             }
             Fault::Stuck { at, clocks } if due(at) => {
                 self.held = Some(*clocks);
@@ -140,7 +152,7 @@ impl Faults {
         });
         match self.held {
             Some(_) => Some(BusAnswer::Held),
-            None => self.silent.then_some(BusAnswer::Nack),
+            None => (self.silent || self.gone).then_some(BusAnswer::Nack),
         }
     }
 }

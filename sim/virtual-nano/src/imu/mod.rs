@@ -140,7 +140,7 @@ impl Mpu6050 {
             self.faults.begin_transaction();
         }
         self.phase = Phase::Unselected;
-        if let Some(answer) = self.strike() {
+        if let Some(answer) = self.strike(false) {
             return answer;
         }
         if address >> 1 != ADDRESS {
@@ -157,7 +157,7 @@ impl Mpu6050 {
 
     /// A byte from the master.
     pub fn write(&mut self, byte: u8) -> BusAnswer {
-        if let Some(answer) = self.strike() {
+        if let Some(answer) = self.strike(false) {
             return answer;
         }
         match self.phase {
@@ -176,7 +176,7 @@ impl Mpu6050 {
 
     /// A byte to the master; `None` while SDA is held low. A silent bus reads as ones.
     pub fn read(&mut self) -> Option<u8> {
-        match self.strike() {
+        match self.strike(true) {
             Some(BusAnswer::Held) => return None,
             Some(_) => self.phase = Phase::Unselected,
             None => {}
@@ -208,11 +208,11 @@ impl Mpu6050 {
     }
 
     /// Counts a byte of the transaction, and answers for the part if a fault strikes it.
-    fn strike(&mut self) -> Option<BusAnswer> {
+    fn strike(&mut self, sends: bool) -> Option<BusAnswer> {
         let byte = self.byte;
         self.byte = self.byte.saturating_add(1);
         let before = self.faults.struck();
-        let answer = self.faults.strike(self.count.transactions, byte);
+        let answer = self.faults.strike(self.count.transactions, byte, sends);
         self.count.faults += self.faults.struck() - before;
         if self.faults.take_glitch() {
             self.power_up();

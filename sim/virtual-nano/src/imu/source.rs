@@ -26,8 +26,9 @@ pub struct Movement {
     pub temperature_c: f64,
 }
 
-/// A body that the sensor is fixed to: its movement at a time in seconds. Times do not go back.
-pub type Body = Box<dyn FnMut(f64) -> Movement + Send>;
+/// A body that the sensor is fixed to: its movement at a time in seconds, while flagella 1 and 2 turn at these speeds in
+/// rpm. Times do not go back.
+pub type Body = Box<dyn FnMut(f64, [f64; 2]) -> Movement + Send>;
 
 enum Kind {
     Body(Body),
@@ -42,6 +43,7 @@ enum Kind {
 /// What the sensor measures, with the sensor's own bias and noise where these are not in a recording.
 pub struct Source {
     kind: Kind,
+    flagella_rpm: [f64; 2],
     noise: Noise,
     gyro_bias_dps: [f64; 3],
     accel_bias_g: [f64; 3],
@@ -62,7 +64,7 @@ impl Source {
     /// Lies still, z up, with the bias that the seed gives.
     pub fn still(seed: u64) -> Self {
         let at_rest = Movement { specific_force_g: [0.0, 0.0, 1.0], temperature_c: ROOM_C, ..Movement::default() };
-        Self::body(Box::new(move |_| at_rest), seed)
+        Self::body(Box::new(move |_, _| at_rest), seed)
     }
 
     /// Moves with a body.
@@ -70,13 +72,14 @@ impl Source {
         let mut noise = Noise::new(seed);
         let mut bias = |spread: f64| std::array::from_fn(|_| spread * noise.normal().clamp(-3.0, 3.0));
         let (gyro_bias_dps, accel_bias_g) = (bias(GYRO_BIAS_DPS), bias(ACCEL_BIAS_G));
-        Self { kind: Kind::Body(body), noise, gyro_bias_dps, accel_bias_g }
+        Self { kind: Kind::Body(body), flagella_rpm: [0.0; 2], noise, gyro_bias_dps, accel_bias_g }
     }
 
     /// Lies still as the recording begins, until it is told to [`Self::play`].
     pub fn recording(recording: Recording, seed: u64) -> Self {
         Self {
             kind: Kind::Recording { recording, started_s: None, play: false },
+            flagella_rpm: [0.0; 2],
             noise: Noise::new(seed),
             gyro_bias_dps: [0.0; 3],
             accel_bias_g: [0.0; 3],
@@ -91,6 +94,11 @@ impl Source {
         Some(recording.duration_s())
     }
 
+    /// The flagella turn at these speeds from now on.
+    pub fn set_flagella(&mut self, rpm: [f64; 2]) {
+        self.flagella_rpm = rpm;
+    }
+
     /// The sample at this time of the board's, for these settings of the part.
     pub fn read(&mut self, time_s: f64, gyro: GyroRange, accel: AccelRange, low_pass: u8) -> Readout {
         let bandwidth_hz = BANDWIDTH_HZ[usize::from(low_pass & 7)];
@@ -101,7 +109,7 @@ impl Source {
         let per_g = f64::from(accel.counts_per_g());
         match kind {
             Kind::Body(body) => {
-                let Movement { rate_dps, specific_force_g, temperature_c } = body(time_s);
+                let Movement { rate_dps, specific_force_g, temperature_c } = body(time_s, self.flagella_rpm);
                 let rate = |axis: usize| rate_dps[axis] + self.gyro_bias_dps[axis];
                 let force = |axis: usize| specific_force_g[axis] + self.accel_bias_g[axis];
                 let gyro = std::array::from_fn(|axis| counts((rate(axis) + gyro_noise * noise.normal()) * per_dps));

@@ -1,0 +1,178 @@
+//! The sensor as the real program reads it: recordings arrive unchanged, clones are named, and every fault at every byte
+//! of every transaction is noticed, reported, and got over or latched.
+
+mod common;
+
+use common::{Host, TICK_BUDGET};
+use protocol::units::{AccelRange, SensorCounts};
+use protocol::{Command, Fault, Settings};
+use std::path::Path;
+use virtual_nano::Options;
+use virtual_nano::imu::fault::{At, Fault as ImuFault};
+use virtual_nano::imu::recording::Recording;
+use virtual_nano::imu::source::Source;
+
+#[test]
+fn a_recording_arrives_unchanged() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/mpu6050/rotate-z-720.csv");
+    let recording = Recording::read(&path).unwrap();
+    let source = Source::recording(recording.clone(), 1);
+    let mut host = Host::ready(Options { source, ..Options::default() });
+    host.order(Command::WriteSettings(Settings { accel_range: AccelRange::G8, ..Settings::DEFAULT }));
+    host.run_ms(500);
+    host.board.change_imu(|imu| imu.source_mut().play()).unwrap();
+    host.telemetry.clear();
+    host.run_ms(5000);
+    // The first frame of the recording tells when it began; from there on every tick has its sample of it.
+    let counts = |values: [SensorCounts; 3]| values.map(|value| f64::from(value.0));
+    let begin = host.telemetry.iter().position(|(_, t)| counts(t.gyro) == recording.at(0.0).gyro).unwrap();
+    let since = host.telemetry[begin].1.time;
+    let mut exact = 0;
+    for (_, telemetry) in &host.telemetry[begin..] {
+        let seconds = f64::from(telemetry.time.since(since)) * 1e-6;
+        // A sample may change within the time between the tick's beginning and the burst.
+        let near = [-0.0025, 0.0, 0.0025, 0.005].map(|shift| recording.at(seconds + shift));
+        exact += usize::from(near.iter().any(|sample| {
+            let close = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 40.0);
+            close(counts(telemetry.gyro), sample.gyro) && close(counts(telemetry.accel), sample.accel)
+        }));
+    }
+    let total = host.telemetry.len() - begin;
+    println!("recording: {exact} of {total} frames hold the recording's sample of their time");
+    assert!(total > 950 && exact * 100 >= total * 97, "{exact} of {total}");
+}
+
+#[test]
+fn clones_are_named_and_used() {
+    for imu_id in [0x68, 0x70, 0x71, 0x72, 0x98] {
+        let mut host = Host::ready(Options { imu_id, ..Options::default() });
+        assert_eq!(host.hello().imu_id, imu_id);
+        assert!(host.last().imu_fresh && host.fault() == Fault::None, "{imu_id:#x}: {:?}", host.last());
+    }
+}
+
+/// A fault at a byte, how it is called, and what it must lead to.
+struct Case {
+    name: &'static str,
+    fault: fn(At) -> ImuFault,
+    /// The sensor is well again afterwards.
+    passes: bool,
+}
+
+const CASES: [Case; 6] = [
+    Case { name: "no acknowledgement once", fault: |at| ImuFault::Nack { at, count: 1 }, passes: true },
+    Case { name: "no acknowledgement at all", fault: |at| ImuFault::Nack { at, count: u32::MAX }, passes: false },
+    Case { name: "no answer any more", fault: ImuFault::Gone, passes: false },
+    Case { name: "SDA stuck for 9 clocks", fault: |at| ImuFault::Stuck { at, clocks: Some(9) }, passes: true },
+    Case { name: "SDA stuck for ever", fault: |at| ImuFault::Stuck { at, clocks: None }, passes: false },
+    Case { name: "supply lost for a moment", fault: ImuFault::GlitchAt, passes: true },
+];
+
+fn is_of_imu(fault: Fault) -> bool {
+    matches!(fault, Fault::ImuSilent | Fault::ImuBusStuck)
+}
+
+/// What a fault leads to must be what its case says. `what` names fault and byte.
+fn check(host: &Host, case: &Case, what: &str) {
+    if case.passes {
+        let telemetry = host.telemetry.iter().rev().take(20);
+        assert!(telemetry.clone().all(|(_, telemetry)| telemetry.imu_fresh), "{what}: not got over, {:?}", host.last());
+        assert_eq!(host.fault(), Fault::None, "{what}: a passing fault is latched");
+    } else {
+        assert!(is_of_imu(host.fault()), "{what}: {:?}", host.fault());
+        assert_eq!(host.board.bridge().pwm, [0, 0], "{what}: motors on");
+    }
+}
+
+#[test]
+fn every_fault_at_every_byte_of_set_up_is_got_over_or_latched() {
+    /// Set-up and the first readings.
+    const TRANSACTIONS: u64 = 10;
+    let mut struck = 0;
+    let mut worst = 0;
+    for case in &CASES {
+        for transaction in 1..=TRANSACTIONS {
+            for byte in 0.. {
+                let at = At { transaction: Some(transaction), byte };
+                let mut host = Host::new(Options::default());
+                host.board.change_imu(|imu| imu.inject((case.fault)(at)));
+                host.run_ms(100);
+                if host.board.imu().count().faults == 0 {
+                    break;
+                }
+                host.hello();
+                host.stream();
+                host.run_linked_ms(400);
+                check(&host, case, &format!("{} at byte {byte} of transaction {transaction}", case.name));
+                worst = worst.max(host.board.marks().tick().worst);
+                struck += 1;
+            }
+        }
+    }
+    println!("set-up: {struck} faults, worst tick {worst} cycles of {TICK_BUDGET}");
+    assert!(struck >= 150, "only {struck} faults struck");
+    assert!(worst <= TICK_BUDGET, "a tick of {worst} cycles");
+}
+
+#[test]
+fn every_fault_at_every_byte_of_a_burst_is_counted_and_got_over_or_latched() {
+    /// Two addresses, a register, fourteen data.
+    const BURST: u8 = 17;
+    let mut struck = 0;
+    let mut worst = 0;
+    for case in &CASES {
+        for byte in 0..BURST {
+            let what = format!("{} at byte {byte} of a burst", case.name);
+            let mut host = Host::ready(Options::default());
+            host.set_speeds([40.0, -40.0]);
+            host.run_linked_ms(50);
+            assert_eq!(host.fault(), Fault::None);
+            let errors = host.last().imu_errors;
+            host.board.change_imu(|imu| imu.inject((case.fault)(At::byte(byte))));
+            host.run_linked_ms(400);
+            if host.board.imu().count().faults == 0 {
+                assert!(case.name.starts_with("no acknowledgement") && byte > 2, "{what}: does not strike");
+                continue;
+            }
+            assert_ne!(host.last().imu_errors, errors, "{what}: not counted");
+            check(&host, case, &what);
+            if !case.passes {
+                host.board.change_imu(|imu| imu.clear_faults());
+                host.run_linked_ms(400);
+                host.order(Command::ClearFault);
+                host.run_linked_ms(20);
+                assert!(host.last().imu_fresh && host.fault() == Fault::None, "{what}: does not come back");
+            }
+            worst = worst.max(host.board.marks().tick().worst);
+            struck += 1;
+        }
+    }
+    println!("burst: {struck} faults, worst tick {worst} cycles of {TICK_BUDGET}");
+    assert_eq!(struck, 2 * 3 + 4 * usize::from(BURST));
+    assert!(worst <= TICK_BUDGET, "a tick of {worst} cycles");
+}
+
+#[test]
+fn frozen_data_stop_the_motors() {
+    let mut host = Host::ready(Options::default());
+    host.set_speeds([40.0, -40.0]);
+    host.run_linked_ms(300);
+    host.board.change_imu(|imu| imu.inject(ImuFault::Frozen));
+    host.run_linked_ms(400);
+    assert_eq!((host.fault(), host.board.bridge().pwm), (Fault::ImuFrozen, [0, 0]));
+    host.board.change_imu(|imu| imu.clear_faults());
+    host.run_linked_ms(400);
+    host.order(Command::ClearFault);
+    host.run_linked_ms(50);
+    assert_eq!(host.fault(), Fault::None);
+}
+
+#[test]
+fn another_id_in_mid_run_changes_nothing_until_the_next_start() {
+    let mut host = Host::ready(Options::default());
+    host.board.change_imu(|imu| imu.set_id(0x70));
+    host.run_linked_ms(200);
+    assert_eq!(host.fault(), Fault::None);
+    host.reset();
+    assert_eq!(host.hello().imu_id, 0x70);
+}

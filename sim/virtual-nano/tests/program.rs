@@ -1,0 +1,244 @@
+//! The program `vnano` as other programs use it.
+
+mod common;
+
+use common::firmware_path;
+use protocol::frame::{Accumulator, MAX_FRAME, encode};
+use protocol::{Command as Order, Info, Message, Reply, Request};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use serde_json::Value;
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::time::{Duration, Instant};
+
+struct Vnano {
+    child: Child,
+    stdin: Option<ChildStdin>,
+    stdout: BufReader<ChildStdout>,
+    port: String,
+}
+
+impl Vnano {
+    fn start(arguments: &[&str]) -> Self {
+        let mut child = command(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let (stdin, stdout) = (child.stdin.take(), BufReader::new(child.stdout.take().unwrap()));
+        let mut vnano = Self { child, stdin, stdout, port: String::new() };
+        let ready = vnano.line();
+        assert_eq!(ready["event"], "ready");
+        vnano.port = ready["port"].as_str().unwrap().to_owned();
+        vnano
+    }
+
+    fn line(&mut self) -> Value {
+        let mut line = String::new();
+        self.stdout.read_line(&mut line).unwrap();
+        serde_json::from_str(&line).unwrap_or_else(|error| panic!("{error}: {line:?}"))
+    }
+
+    fn ask(&mut self, line: &str) -> Value {
+        writeln!(self.stdin.as_mut().unwrap(), "{line}").unwrap();
+        self.line()
+    }
+
+    fn open(&self) -> File {
+        let port = OpenOptions::new().read(true).write(true).open(&self.port).unwrap();
+        let mut attributes = tcgetattr(&port).unwrap();
+        attributes.make_raw();
+        // A read that gets nothing within 0.1 s ends.
+        attributes.special_codes[rustix::termios::SpecialCodeIndex::VMIN] = 0;
+        attributes.special_codes[rustix::termios::SpecialCodeIndex::VTIME] = 1;
+        attributes.set_speed(protocol::BAUD).unwrap();
+        tcsetattr(&port, OptionalActions::Now, &attributes).unwrap();
+        port
+    }
+
+    /// Ends standard input, and answers the exit code.
+    fn end(mut self) -> Option<i32> {
+        drop(self.stdin.take());
+        self.child.wait().unwrap().code()
+    }
+}
+
+impl Drop for Vnano {
+    fn drop(&mut self) {
+        self.child.kill().ok();
+        self.child.wait().ok();
+    }
+}
+
+fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_vnano"));
+    command.args(arguments);
+    command
+}
+
+/// Shakes hands within some seconds.
+fn hello(port: &mut File, limit: Duration) -> Option<Info> {
+    let start = Instant::now();
+    let mut accumulator = Accumulator::new();
+    for seq in 0.. {
+        let mut buffer = [0; MAX_FRAME];
+        let frame = encode(&Request { seq, command: Order::Hello }, &mut buffer).unwrap();
+        port.write_all(frame).unwrap();
+        let mut bytes = [0; 256];
+        let length = port.read(&mut bytes).unwrap();
+        for byte in &bytes[..length] {
+            if let Some(Ok(Message::Reply { reply: Reply::Info(info), .. })) = accumulator.push(*byte) {
+                return Some(info);
+            }
+        }
+        if start.elapsed() > limit {
+            break;
+        }
+    }
+    None
+}
+
+#[test]
+fn it_answers_commands_and_ends_with_its_input() {
+    let image = firmware_path();
+    let mut vnano = Vnano::start(&["--firmware", image.to_str().unwrap(), "--speed", "max"]);
+    let mut port = vnano.open();
+    assert_eq!(hello(&mut port, Duration::from_secs(5)).unwrap().protocol, protocol::VERSION);
+    for line in [
+        "drop 2",
+        "corrupt 1",
+        "fault nack 3",
+        "fault nack 0 5",
+        "fault gone",
+        "fault stuck 9",
+        "fault stuck",
+        "fault frozen",
+    ] {
+        assert_eq!(vnano.ask(line)["event"], "done", "{line}");
+    }
+    for line in ["fault glitch", "fault clear", "block 1", "block off", "hang", "reset"] {
+        assert_eq!(vnano.ask(line)["event"], "done", "{line}");
+    }
+    for line in ["play", "jump", "drop many"] {
+        assert_eq!(vnano.ask(line)["event"], "error", "{line}");
+    }
+    let status = vnano.ask("status");
+    assert_eq!(status["event"], "status");
+    assert!(status["cycles"].as_u64().unwrap() > 0 && status["state"] == "running");
+    drop(port);
+    assert_eq!(vnano.end(), Some(0));
+}
+
+#[test]
+fn real_time_is_real_time() {
+    let image = firmware_path();
+    let mut vnano = Vnano::start(&["--firmware", image.to_str().unwrap()]);
+    let (start, before) = (Instant::now(), vnano.ask("status")["seconds"].as_f64().unwrap());
+    std::thread::sleep(Duration::from_millis(1500));
+    let passed = vnano.ask("status")["seconds"].as_f64().unwrap() - before;
+    // One-sided where the machine is busy.
+    assert!(passed <= start.elapsed().as_secs_f64() + 0.05, "{passed} s in {:?}", start.elapsed());
+    assert!(passed > 0.7, "{passed} s in {:?}", start.elapsed());
+    assert_eq!(vnano.ask("quit")["event"], "done");
+    assert_eq!(vnano.end(), Some(0));
+}
+
+#[test]
+fn no_byte_is_lost_to_a_slow_reader_at_full_speed() {
+    let image = firmware_path();
+    let mut vnano = Vnano::start(&["--firmware", image.to_str().unwrap(), "--speed", "max"]);
+    let mut port = vnano.open();
+    hello(&mut port, Duration::from_secs(5)).unwrap();
+    let mut buffer = [0; MAX_FRAME];
+    let stream = Request { seq: 200, command: Order::Stream { rate_hz: protocol::TICK_HZ } };
+    port.write_all(encode(&stream, &mut buffer).unwrap()).unwrap();
+    std::thread::sleep(Duration::from_millis(1500));
+    let mut accumulator = Accumulator::new();
+    let mut last = None;
+    let mut frames = 0;
+    let mut bytes = [0; 4096];
+    while frames < 2000 {
+        let length = port.read(&mut bytes).unwrap();
+        for byte in &bytes[..length] {
+            match accumulator.push(*byte) {
+                Some(Ok(Message::Telemetry(telemetry))) => {
+                    let seq = telemetry.seq.0;
+                    assert!(last.is_none_or(|last: u16| seq == last.wrapping_add(1)), "{last:?} then {seq}");
+                    last = Some(seq);
+                    frames += 1;
+                }
+                Some(Err(error)) => panic!("{error}"),
+                _ => {}
+            }
+        }
+    }
+    let status = vnano.ask("status");
+    assert_eq!((status["bytes_lost"].as_u64(), status["frames_dropped"].as_u64()), (Some(0), Some(0)));
+}
+
+#[test]
+fn bad_input_is_named_and_has_its_exit_code() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, content: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let image = firmware_path();
+    let image = image.to_str().unwrap();
+    let text = file("text.elf", b"not an image");
+    let csv = file("short.csv", b"# accel full scale +-2 g\nt_s,ax,ay,az,gx,gy,gz,temp_c\n0,1,2,3\n");
+    let eeprom = file("eeprom.bin", b"short");
+    let host = env!("CARGO_BIN_EXE_vnano");
+    for (arguments, code, message) in [
+        (vec!["--firmware", "/nowhere.elf"], 1, "cannot read /nowhere.elf"),
+        (vec!["--firmware", &text], 1, "is not an ELF file"),
+        (vec!["--firmware", host], 1, "not"),
+        (vec!["--firmware", image, "--imu", &csv], 1, "short.csv, line 3: 4 columns"),
+        (vec!["--firmware", image, "--imu", "/nowhere.csv"], 1, "cannot read /nowhere.csv"),
+        (vec!["--firmware", image, "--eeprom", &eeprom], 1, "5 bytes instead of 1024"),
+        (vec![], 2, "--firmware"),
+        (vec!["--firmware", image, "--bootloader", "old"], 2, "cannot be used with"),
+        (vec!["--firmware", image, "--speed", "0"], 2, "factor"),
+        (vec!["--firmware", image, "--who-am-i", "0x168"], 2, "byte"),
+    ] {
+        let output = command(&arguments).stdin(Stdio::null()).output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(message), "{arguments:?}: {stderr}");
+        assert!(output.stdout.is_empty());
+    }
+}
+
+#[test]
+fn the_eeprom_is_kept_in_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("eeprom.bin");
+    let image = firmware_path();
+    for start in 1..=3 {
+        let arguments = ["--firmware", image.to_str().unwrap(), "--eeprom", path.to_str().unwrap(), "--speed", "max"];
+        let vnano = Vnano::start(&arguments);
+        let info = hello(&mut vnano.open(), Duration::from_secs(5)).unwrap();
+        assert_eq!(info.boot_count, start);
+        assert_eq!(vnano.end(), Some(0));
+    }
+}
+
+#[test]
+fn avrdude_flashes_the_image_behind_both_bootloaders() {
+    let image = firmware_path();
+    let flash = |name: &str, baud: &str| {
+        let vnano = Vnano::start(&["--bootloader", name]);
+        let output = Command::new("avrdude")
+            .args(["-q", "-c", "arduino", "-p", "m328p", "-D", "-P", &vnano.port, "-b", baud])
+            .args(["-U", &format!("flash:w:{}:e", image.display())])
+            .output()
+            .expect("avrdude; install Debian's package avrdude");
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        let info = hello(&mut vnano.open(), Duration::from_secs(20)).expect("no handshake after flashing");
+        assert_eq!(info.protocol, protocol::VERSION);
+        println!("{name}: flashed at {baud}, {info:?}");
+    };
+    std::thread::scope(|scope| {
+        let old = scope.spawn(|| flash("old", "57600"));
+        flash("optiboot", "115200");
+        old.join().unwrap();
+    });
+}
