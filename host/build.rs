@@ -9,7 +9,9 @@ use std::process::Command;
 const SCHEMAS: [&str; 2] = ["biflag.proto", "foxglove/FrameTransform.proto"];
 
 fn main() -> Result<(), Box<dyn Error>> {
-    println!("cargo::rerun-if-changed=proto");
+    for path in ["build.rs", "proto", "src"] {
+        println!("cargo::rerun-if-changed={path}");
+    }
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     for schema in SCHEMAS {
         let set = protox::compile([schema], ["proto"])?;
@@ -31,14 +33,14 @@ fn git_hash() -> String {
         let output = Command::new("git").args(args).output().ok().filter(|output| output.status.success())?;
         String::from_utf8(output.stdout).ok()
     };
-    for path in ["HEAD", "index"] {
-        if let Some(file) = git(&["rev-parse", "--git-path", path]) {
-            println!("cargo::rerun-if-changed={}", file.trim());
-        }
+    // This file changes with every commit and every change of branch.
+    if let Some(file) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
+        println!("cargo::rerun-if-changed={}", file.trim());
     }
     let Some(hash) = git(&["rev-parse", "--short=8", "HEAD"]) else {
         return "unknown".to_owned();
     };
-    let dirty = git(&["status", "--porcelain", "--untracked-files=no"]).is_none_or(|status| !status.is_empty());
+    let dirty = git(&["--no-optional-locks", "status", "--porcelain", "--untracked-files=no"])
+        .is_none_or(|status| !status.is_empty());
     format!("{}{}", hash.trim(), if dirty { "-dirty" } else { "" })
 }

@@ -189,3 +189,36 @@ fn axis_map(names: &[String; 3]) -> Option<AxisMap> {
     let map = AxisMap([Axis::from_name(x)?, Axis::from_name(y)?, Axis::from_name(z)?]);
     map.is_permutation().then_some(map)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_go_to_a_file_and_back() {
+        let settings = Settings {
+            board_id: 7,
+            gyro_range: GyroRange::Dps500,
+            accel_range: AccelRange::G8,
+            gyro_axes: AxisMap([Axis::MinusX, Axis::PlusY, Axis::PlusZ]),
+            gyro_bias: [-595.5, 6.25, 147.0],
+            speed_ki: 0.1,
+            motor_reversed: [true, false],
+            ..Settings::DEFAULT
+        };
+        let text = BoardSettings::all(&settings).to_toml();
+        assert!(text.contains("gyro_axes = [\"-x\", \"+y\", \"+z\"]") && text.contains("speed_ki = 0.1"), "{text}");
+        let read: BoardSettings = toml::from_str(&text).unwrap();
+        assert_eq!(read.apply(Settings::DEFAULT), Ok(settings));
+    }
+
+    #[test]
+    fn what_is_left_out_stays_and_what_is_out_of_range_is_named() {
+        let base = Settings { deadline_ms: 300, ..Settings::DEFAULT };
+        let some = BoardSettings { low_pass: Some(2), ..BoardSettings::default() };
+        assert_eq!(some.apply(base), Ok(Settings { low_pass: 2, ..base }));
+        assert!(BoardSettings::default().is_empty() && !some.is_empty());
+        let wrong = BoardSettings { gyro_range_dps: Some(300), ..BoardSettings::default() };
+        assert_eq!(wrong.apply(base).unwrap_err().key, "gyro_range_dps");
+    }
+}

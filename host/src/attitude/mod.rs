@@ -3,6 +3,14 @@
 //! Quaternions turn body axes into world axes, Hamilton, scalar first. Euler angles are yaw about z, then pitch about
 //! the new y, then roll about the new x (MATLAB's `quat2eul`).
 
+mod drift;
+mod series;
+mod trial;
+
+pub use drift::Drift;
+pub use series::{Series, Track};
+pub use trial::{Angles, Times, steady_window};
+
 use nalgebra::{Quaternion, UnitQuaternion};
 
 /// Yaw, pitch and roll.

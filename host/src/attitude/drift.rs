@@ -1,0 +1,231 @@
+//! The gyroscope's drift in yaw, seen while the robot is still before and after a run, and how well it is known.
+//!
+//! Gravity says nothing of yaw, so a bias of the gyroscope that the calibration left over, or that came since, turns the
+//! yaw away. While the robot is still the yaw's rate is that bias, plus noise. Model of the measured yaw's error:
+//!
+//! - angle random walk, of standard deviation N √t after a time t. N is estimated from the still phases themselves: from
+//!   the scatter of the mean rates of 2 s blocks about their phase's mean, which takes in whatever slow noise there is up
+//!   to some seconds. It is not taken below the sensor's data sheet.
+//! - a bias that changes slowly. Between the middles of the two still phases it is taken to lie on a straight line, which
+//!   is right for any steady drift, such as warming. For what strays from the line, the bias is allowed to walk at random
+//!   by as much as it was seen to change: the variance of the integral of a random walk that is held at both ends of a
+//!   time T and moves by Δ in between is Δ² T² / 12.
+//!
+//! With one still phase alone the bias is that phase's, and may walk by [`BIAS_WALK`] from then on.
+//!
+//! The uncertainty is that of 95 %, by Student's distribution, because N comes from a few blocks.
+
+use super::series::Track;
+use std::ops::Range;
+
+/// Length of the blocks whose scatter gives the noise, seconds.
+const BLOCK_S: f64 = 2.0;
+
+/// The fewest blocks that count as a still phase.
+const MIN_BLOCKS: usize = 3;
+
+/// Least angle random walk, °/√s: the MPU-6000/6050's noise density of 0.005 °/s/√Hz (data sheet PS-MPU-6000A, section
+/// 6.1), one-sided, over √2.
+const ANGLE_WALK_FLOOR: f64 = 0.005 / std::f64::consts::SQRT_2;
+
+/// Random walk of the bias where nothing was seen of it, °/s/√s. A lying MPU6050 (655 s) shows about a third of this.
+const BIAS_WALK: f64 = 3e-4;
+
+/// Part of the still end of a phase that is left out where the phase began with a motion.
+const MARGIN: f64 = 0.4;
+
+/// How far the bias may move during a trial for a phase to pass as still, °/s.
+const BIAS_CHANGE: f64 = 0.01;
+
+/// The drift, and how well the yaw is known.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Drift {
+    /// The still phases that were used.
+    pub still: Vec<Range<f64>>,
+    /// Middle and rate of each, s and °/s.
+    points: Vec<(f64, f64)>,
+    /// Angle random walk, °/√s.
+    pub angle_walk: f64,
+    freedom: f64,
+}
+
+impl Drift {
+    /// The drift from the still phase before a run, and from whatever part of the phase after it is still. `None` where
+    /// neither says anything.
+    pub fn seen(yaw: &Track, before: Range<f64>, after: Range<f64>) -> Option<Self> {
+        let before = Phase::new(yaw, before);
+        let after = match &before {
+            Some(before) => still_end(yaw, after, before),
+            None => Phase::new(yaw, after),
+        };
+        let phases: Vec<_> = before.into_iter().chain(after).collect();
+        let (angle_walk, freedom) = noise(&phases)?;
+        Some(Self {
+            points: phases.iter().map(|phase| (phase.middle(), phase.rate)).collect(),
+            still: phases.into_iter().map(|phase| phase.range).collect(),
+            angle_walk,
+            freedom,
+        })
+    }
+
+    /// Rate of the drift at a time, °/s.
+    pub fn rate(&self, time_s: f64) -> f64 {
+        match self.points.as_slice() {
+            [(t1, r1), (t2, r2), ..] => r1 + (r2 - r1) * (time_s - t1) / (t2 - t1),
+            [(_, rate)] => *rate,
+            [] => 0.0,
+        }
+    }
+
+    /// Drift from one time to another, degrees.
+    pub fn between(&self, from_s: f64, to_s: f64) -> f64 {
+        // The rate is a straight line.
+        self.rate(0.5 * (from_s + to_s)) * (to_s - from_s)
+    }
+
+    /// 95 % uncertainty of a turn measured from one time to another, degrees.
+    pub fn uncertainty(&self, from_s: f64, to_s: f64) -> f64 {
+        let length = to_s - from_s;
+        let middle = 0.5 * (from_s + to_s);
+        let walk = self.angle_walk.powi(2);
+        let phase_length = |i: usize| self.still.get(i).map_or(f64::INFINITY, |still| still.end - still.start);
+        let variance = match self.points.as_slice() {
+            [(t1, r1), (t2, r2), ..] => {
+                let apart = t2 - t1;
+                let second = (middle - t1) / apart;
+                let known = (1.0 - second).powi(2) / phase_length(0) + second.powi(2) / phase_length(1);
+                walk * (length + length.powi(2) * known) + ((r2 - r1) * apart).powi(2) / 12.0
+            }
+            [(t1, _)] => {
+                let reach = (to_s - t1).abs().max((from_s - t1).abs());
+                walk * (length + length.powi(2) / phase_length(0)) + BIAS_WALK.powi(2) * reach.powi(3) / 3.0
+            }
+            [] => return f64::INFINITY,
+        };
+        student_95(self.freedom) * variance.sqrt()
+    }
+}
+
+/// A time in which the robot is taken to be still.
+struct Phase {
+    range: Range<f64>,
+    /// Mean rate, °/s.
+    rate: f64,
+    /// Mean rates of its blocks.
+    blocks: Vec<f64>,
+}
+
+impl Phase {
+    /// `None` where the phase is too short to say anything.
+    fn new(yaw: &Track, range: Range<f64>) -> Option<Self> {
+        let span = yaw.span();
+        let range = range.start.max(span.start)..range.end.min(span.end);
+        let count = ((range.end - range.start) / BLOCK_S + 1e-6).floor();
+        if count.is_nan() || count < MIN_BLOCKS as f64 {
+            return None;
+        }
+        let block = |i: usize| {
+            let end = range.end - i as f64 * BLOCK_S;
+            yaw.rate(end - BLOCK_S..end)
+        };
+        let blocks = (0..count as usize).map(block).collect::<Option<Vec<_>>>()?;
+        Some(Self { rate: yaw.rate(range.clone())?, blocks, range })
+    }
+
+    fn length(&self) -> f64 {
+        self.range.end - self.range.start
+    }
+
+    fn middle(&self) -> f64 {
+        0.5 * (self.range.start + self.range.end)
+    }
+
+    /// Sum of the squares of the blocks about their mean, and its degrees of freedom.
+    fn scatter(&self) -> (f64, f64) {
+        let count = self.blocks.len() as f64;
+        let mean = self.blocks.iter().sum::<f64>() / count;
+        (self.blocks.iter().map(|rate| (rate - mean).powi(2)).sum(), count - 1.0)
+    }
+}
+
+/// Angle random walk and its degrees of freedom.
+fn noise(phases: &[Phase]) -> Option<(f64, f64)> {
+    let (sum, freedom) =
+        phases.iter().map(Phase::scatter).fold((0.0, 0.0), |(sum, freedom), (s, f)| (sum + s, freedom + f));
+    (freedom > 0.0).then(|| ((sum / freedom * BLOCK_S).sqrt().max(ANGLE_WALK_FLOOR), freedom))
+}
+
+/// The longest end of `range` in which the robot is still: after a run it swings back, and may take its time.
+///
+/// Still means: as quiet as before the run; the first half as fast as the second, which a slow return is not; and no
+/// faster than a bias can have become. Three standard deviations are allowed each time.
+fn still_end(yaw: &Track, range: Range<f64>, before: &Phase) -> Option<Phase> {
+    let (walk, _) = noise(std::slice::from_ref(before))?;
+    let is_still = |phase: &Phase| {
+        let (first, second) = (phase.range.start..phase.middle(), phase.middle()..phase.range.end);
+        let (Some(first), Some(second)) = (yaw.rate(first), yaw.rate(second)) else { return false };
+        let (scatter, freedom) = phase.scatter();
+        let quiet = (scatter / freedom * BLOCK_S).sqrt() < 2.0 * walk;
+        let steady = (second - first).abs() < 3.0 * walk * (4.0 / phase.length()).sqrt();
+        let noise = walk.powi(2) * (1.0 / phase.length() + 1.0 / before.length()) + BIAS_CHANGE.powi(2);
+        quiet && steady && (phase.rate - before.rate).abs() < 3.0 * noise.sqrt()
+    };
+    let end = range.end.min(yaw.span().end);
+    let mut start = range.start;
+    while let Some(phase) = Phase::new(yaw, start..end) {
+        if is_still(&phase) {
+            // Where the robot moved at first, the rest of its motion hides in the noise for a while.
+            let hidden = if start > range.start { MARGIN * (end - start) } else { 0.0 };
+            return Phase::new(yaw, start + hidden..end);
+        }
+        start += BLOCK_S / 2.0;
+    }
+    None
+}
+
+/// Two-sided 95 % quantile of Student's distribution (Abramowitz and Stegun 26.7.5; within 1 % from 4 degrees of freedom
+/// on).
+fn student_95(freedom: f64) -> f64 {
+    let z = 1.959_964_f64;
+    let terms = [
+        (z.powi(3) + z) / 4.0,
+        (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0,
+        (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0,
+    ];
+    let f = freedom.max(1.0);
+    z + terms[0] / f + terms[1] / f.powi(2) + terms[2] / f.powi(3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn students_quantile_is_that_of_the_tables() {
+        for (freedom, expected) in [(4.0, 2.776), (8.0, 2.306), (23.0, 2.069), (1000.0, 1.962)] {
+            assert!((student_95(freedom) / expected - 1.0).abs() < 0.01, "{freedom}");
+        }
+    }
+
+    #[test]
+    fn a_steady_change_of_the_bias_is_taken_out_whole() {
+        let mut yaw = Track::default();
+        for i in 0..=34_000 {
+            let t = f64::from(i) * 0.005;
+            yaw.push(t, 0.02 * t + 0.5 * 1e-4 * t * t);
+        }
+        let drift = Drift::seen(&yaw, 0.0..20.0, 140.0..170.0).unwrap();
+        assert_eq!(drift.still.len(), 2);
+        let measured = yaw.at(140.0).unwrap() - yaw.at(20.0).unwrap();
+        assert!((measured - drift.between(20.0, 140.0)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn too_little_says_nothing() {
+        let mut yaw = Track::default();
+        assert_eq!(Drift::seen(&yaw, 0.0..20.0, 140.0..170.0), None);
+        yaw.push(0.0, 1.0);
+        yaw.push(5.0, 1.0);
+        assert_eq!(Drift::seen(&yaw, 0.0..5.0, 5.0..5.0), None);
+    }
+}

@@ -1,0 +1,96 @@
+//! The attitude over a trial.
+
+use super::{Euler, Unwrap, rotation};
+use nalgebra::{UnitQuaternion, Vector3};
+use std::ops::Range;
+
+/// A quantity over time: `value[i]` at `time_s[i]`, which never goes back.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Track {
+    /// Seconds.
+    pub time_s: Vec<f64>,
+    /// The quantity.
+    pub value: Vec<f64>,
+}
+
+impl Track {
+    /// Adds a value. One whose time goes back is left out.
+    pub fn push(&mut self, time_s: f64, value: f64) {
+        if self.time_s.last().is_none_or(|last| *last <= time_s) {
+            self.time_s.push(time_s);
+            self.value.push(value);
+        }
+    }
+
+    /// From the first to the last time; empty where there is nothing.
+    pub fn span(&self) -> Range<f64> {
+        match (self.time_s.first(), self.time_s.last()) {
+            (Some(first), Some(last)) => *first..*last,
+            _ => 0.0..0.0,
+        }
+    }
+
+    /// The value at a time, on the straight line between its neighbours; beyond the ends, that of the end.
+    pub fn at(&self, time_s: f64) -> Option<f64> {
+        let after = self.time_s.partition_point(|t| *t < time_s);
+        let (Some(last), Some(before)) = (self.value.last(), after.checked_sub(1)) else {
+            return self.value.first().copied();
+        };
+        let Some((t1, v1)) = self.time_s.get(after).zip(self.value.get(after)) else { return Some(*last) };
+        let (t0, v0) = (self.time_s[before], self.value[before]);
+        Some(if *t1 > t0 { v0 + (v1 - v0) * (time_s - t0) / (t1 - t0) } else { *v1 })
+    }
+
+    /// Mean over a range of time; each value counts as long as it lasts, so that lost frames do no harm.
+    pub fn mean(&self, range: Range<f64>) -> Option<f64> {
+        let inside = |time: &&f64| range.start < **time && **time < range.end;
+        let times = std::iter::once(&range.start)
+            .chain(self.time_s.iter().filter(inside))
+            .chain(std::iter::once(&range.end))
+            .copied();
+        let points: Vec<_> = times.map(|time| Some((time, self.at(time)?))).collect::<Option<_>>()?;
+        let area: f64 = points.windows(2).map(|pair| 0.5 * (pair[0].1 + pair[1].1) * (pair[1].0 - pair[0].0)).sum();
+        let length = range.end - range.start;
+        if length > 0.0 { Some(area / length) } else { self.at(range.start) }
+    }
+
+    /// Change a second over a range of time.
+    pub fn rate(&self, range: Range<f64>) -> Option<f64> {
+        let length = range.end - range.start;
+        if length > 0.0 { Some((self.at(range.end)? - self.at(range.start)?) / length) } else { None }
+    }
+}
+
+/// The attitude over a trial, as it comes.
+#[derive(Clone, Debug, Default)]
+pub struct Series {
+    /// Yaw, degrees, unwrapped.
+    pub yaw: Track,
+    /// Pitch, degrees.
+    pub pitch: Track,
+    /// Roll, degrees.
+    pub roll: Track,
+    unwrap: Unwrap,
+    last: Option<UnitQuaternion<f64>>,
+    turned: Vector3<f64>,
+}
+
+impl Series {
+    /// Adds an attitude `[w, x, y, z]`.
+    pub fn push(&mut self, time_s: f64, attitude: [f64; 4]) {
+        let attitude = rotation(attitude);
+        let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&attitude);
+        self.yaw.push(time_s, self.unwrap.next(yaw_deg));
+        self.pitch.push(time_s, pitch_deg);
+        self.roll.push(time_s, roll_deg);
+        if let Some(last) = self.last.replace(attitude) {
+            // From body to body: the axis is in body axes.
+            self.turned += (last.inverse() * attitude).scaled_axis();
+        }
+    }
+
+    /// Angle turned about each body axis so far, degrees: the integral of the body's angular velocity.
+    pub fn turned_deg(&self) -> [f64; 3] {
+        self.turned.map(f64::to_degrees).into()
+    }
+}

@@ -1,0 +1,121 @@
+//! What a log tells of its trial, read from end to end, with nothing but the telemetry's angles kept in memory.
+
+use crate::attitude::{Angles, Series, Times};
+use crate::log::schema::biflag::event::Kind;
+use crate::log::{
+    BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, PlanMeta, Reader,
+    RecoveryMeta, Summary, TrialMeta,
+};
+use crate::stats::LinkStats;
+use protocol::units::CentiRpm;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What a log tells.
+#[derive(Clone, Debug)]
+pub struct Overview {
+    /// What wrote it.
+    pub identity: Option<Identity>,
+    /// The plan.
+    pub plan: Option<PlanMeta>,
+    /// The trial.
+    pub trial: Option<TrialMeta>,
+    /// The board.
+    pub board: Option<BoardMeta>,
+    /// The gyroscope's calibration in this trial.
+    pub calibration: Option<CalibrationMeta>,
+    /// The clocks.
+    pub clock: Option<ClockFit>,
+    /// What it was recovered from.
+    pub recovery: Option<RecoveryMeta>,
+    /// How the trial ended; `None`: the log does not say.
+    pub summary: Option<Summary>,
+    /// How well the link worked: as summed up, or as far as it can be counted.
+    pub link: LinkStats,
+    /// Angles, computed anew.
+    pub angles: Option<Angles>,
+    /// Time of the last telemetry frame on the trial's clock.
+    pub duration_s: f64,
+    /// Messages by channel.
+    pub channels: BTreeMap<String, u64>,
+    /// How the log is.
+    pub condition: Condition,
+    /// Where it does not read.
+    pub losses: Vec<Loss>,
+}
+
+impl Overview {
+    /// Reads a whole log.
+    ///
+    /// # Errors
+    /// [`LogError`].
+    pub fn read(path: &Path) -> Result<Self, LogError> {
+        let mut reader = Reader::open(path)?;
+        let mut collector = Collector::default();
+        for message in reader.by_ref() {
+            collector.take(&message?);
+        }
+        let trial: Option<TrialMeta> = reader.meta();
+        let speeds = trial.as_ref().map_or([CentiRpm(0); 2], |t| [t.w1_rpm, t.w2_rpm].map(CentiRpm::from_rpm));
+        let summary: Option<Summary> = reader.meta();
+        Ok(Self {
+            identity: reader.meta(),
+            plan: reader.meta(),
+            board: reader.meta(),
+            calibration: reader.meta(),
+            clock: reader.meta(),
+            recovery: reader.meta(),
+            link: summary.as_ref().map_or(collector.link, |summary| summary.link),
+            angles: Angles::of(&collector.series, &collector.times(), speeds),
+            duration_s: collector.duration_s,
+            channels: reader.counts().clone(),
+            condition: reader.condition().unwrap_or(Condition::Damaged),
+            losses: reader.losses().to_vec(),
+            trial,
+            summary,
+        })
+    }
+}
+
+/// What is kept of the messages as they pass.
+#[derive(Default)]
+struct Collector {
+    series: Series,
+    link: LinkStats,
+    first_ns: Option<u64>,
+    duration_s: f64,
+    /// Names and beginnings of the phases.
+    phases: Vec<(String, f64)>,
+}
+
+impl Collector {
+    fn take(&mut self, message: &Message) {
+        match &message.body {
+            Body::Telemetry(telemetry) => {
+                self.first_ns.get_or_insert(message.log_time_ns);
+                self.link.samples += 1;
+                self.duration_s = self.duration_s.max(telemetry.time_s);
+                if let Some(q) = &telemetry.attitude {
+                    self.series.push(telemetry.time_s, [q.w, q.x, q.y, q.z]);
+                }
+            }
+            Body::Dropout(dropout) => self.link.lost += u64::from(dropout.count),
+            Body::Command(command) => self.link.retries += u64::from(command.attempts.saturating_sub(1)),
+            Body::Event(event) if event.kind() == Kind::Phase => {
+                let since = message.log_time_ns.saturating_sub(self.first_ns.unwrap_or(message.log_time_ns));
+                self.phases.push((event.text.clone(), since as f64 * 1e-9));
+            }
+            _ => {}
+        }
+    }
+
+    /// A phase lasts until the next begins, the last one until the telemetry ends.
+    fn times(&self) -> Times {
+        let phase = |name: &str| {
+            let Some(at) = self.phases.iter().position(|(phase, _)| phase == name) else { return 0.0..0.0 };
+            let end = self.phases.get(at + 1).map_or(self.duration_s, |(_, next)| *next);
+            self.phases[at].1..end
+        };
+        Times { preroll: phase("preroll"), run: phase("run"), decay: phase("decay") }
+    }
+}

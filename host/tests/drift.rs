@@ -1,0 +1,103 @@
+//! Yaw of a real MPU6050 that lies still for 655 s: what of its drift is left, and whether the stated uncertainty is true.
+
+use host::attitude::{Drift, Track};
+use std::path::Path;
+
+const PREROLL_S: f64 = 20.0;
+const RUN_S: f64 = 120.0;
+const DECAY_S: f64 = 30.0;
+
+/// Counts per °/s of the recording's range.
+const COUNTS_PER_DPS: f64 = 131.0;
+
+/// Yaw from the recorded rates, by the trapezium rule.
+fn recorded_yaw() -> Track {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/mpu6050/still-655s.csv");
+    let text = std::fs::read_to_string(path).unwrap();
+    let rows = text.lines().skip_while(|line| !line.starts_with("t_s")).skip(1).map(|line| {
+        let mut fields = line.split(',').map(|field| field.parse::<f64>().unwrap());
+        (fields.next().unwrap(), fields.nth(5).unwrap() / COUNTS_PER_DPS)
+    });
+    let mut yaw = Track::default();
+    let mut last: Option<(f64, f64, f64)> = None;
+    for (time, rate) in rows {
+        let angle = last.map_or(0.0, |(t, r, angle)| angle + 0.5 * (r + rate) * (time - t));
+        yaw.push(time, angle);
+        last = Some((time, rate, angle));
+    }
+    yaw
+}
+
+struct Figures {
+    rms_deg: f64,
+    largest_deg: f64,
+    coverage: f64,
+    mean_uncertainty_deg: f64,
+    with_end: f64,
+}
+
+/// Every window of the recording, a second apart, with `motion` added after the run. The truth at the run's end is 0.
+fn over_all_windows(yaw: &Track, motion: impl Fn(f64) -> f64) -> Figures {
+    let span = yaw.span();
+    let (mut squares, mut largest, mut covered, mut stated, mut ends, mut windows) = (0.0, 0.0f64, 0, 0.0, 0, 0);
+    let mut start = span.start;
+    while start + PREROLL_S + RUN_S + DECAY_S <= span.end {
+        let (run, stop) = (start + PREROLL_S, start + PREROLL_S + RUN_S);
+        let end = stop + DECAY_S;
+        let mut trial = Track::default();
+        for (time, value) in yaw.time_s.iter().zip(&yaw.value).filter(|(time, _)| (start..=end).contains(*time)) {
+            trial.push(*time, value + if *time > stop { motion(time - stop) } else { 0.0 });
+        }
+        let drift = Drift::seen(&trial, start..run, stop..end).unwrap();
+        let error = yaw.at(stop).unwrap() - yaw.at(run).unwrap() - drift.between(run, stop);
+        let uncertainty = drift.uncertainty(run, stop);
+        squares += error * error;
+        largest = largest.max(error.abs());
+        covered += i32::from(error.abs() <= uncertainty);
+        stated += uncertainty;
+        ends += i32::from(drift.still.len() == 2);
+        windows += 1;
+        start += 1.0;
+    }
+    let count = f64::from(windows);
+    Figures {
+        rms_deg: (squares / count).sqrt(),
+        largest_deg: largest,
+        coverage: f64::from(covered) / count,
+        mean_uncertainty_deg: stated / count,
+        with_end: f64::from(ends) / count,
+    }
+}
+
+fn print(name: &str, figures: &Figures) {
+    let Figures { rms_deg, largest_deg, coverage, mean_uncertainty_deg, with_end } = figures;
+    println!(
+        "{name}: drift {rms_deg:.3} deg RMS, {largest_deg:.2} at most; uncertainty {mean_uncertainty_deg:.2} deg (95 %) \
+         covers {:.1} % of the windows; still after the run in {:.0} %",
+        coverage * 100.0,
+        with_end * 100.0
+    );
+}
+
+#[test]
+fn a_sensor_at_rest_drifts_little_and_no_more_than_stated() {
+    let figures = over_all_windows(&recorded_yaw(), |_| 0.0);
+    print("at rest", &figures);
+    assert!(figures.rms_deg <= 0.4);
+    assert!(figures.coverage >= 0.95);
+    // An uncertainty that covers everything is none.
+    assert!(figures.mean_uncertainty_deg < 3.0 * figures.rms_deg);
+}
+
+#[test]
+fn a_robot_that_swings_back_spoils_neither_the_yaw_nor_its_uncertainty() {
+    let yaw = recorded_yaw();
+    for (name, time_constant_s, turns_deg) in
+        [("swings back in 1 s", 1.0, 180.0), ("in 3 s", 3.0, 60.0), ("in 6 s", 6.0, 60.0), ("in 15 s", 15.0, 60.0)]
+    {
+        let figures = over_all_windows(&yaw, |t| turns_deg * ((-t / time_constant_s).exp() - 1.0));
+        print(name, &figures);
+        assert!(figures.coverage >= 0.95, "{name}");
+        assert!(figures.rms_deg <= 0.5, "{name}");
+    }
+}
