@@ -6,14 +6,16 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
-use protocol::units::{CentiRpm, Count, Duty, Micros};
-use protocol::{Calibration, Command, Fault, Info, Refusal, Reply, ResetCause, Settings, State, Telemetry, VERSION};
+use protocol::units::{CentiRpm, Count, Duty, Micros, Quaternion};
+use protocol::{
+    Calibration, Command, Fault, Info, Refusal, Reply, Request, ResetCause, Settings, State, Telemetry, VERSION,
+};
 
 use crate::attitude::{self, Attitude};
 use crate::calibration::GyroAverage;
 use crate::encoder::{Edges, Encoder, centi_rpm_scale};
 use crate::fault::{Crash, Latch, reset_cause};
-use crate::imu::{Config, Imu, Reading};
+use crate::imu::{Config, Imu};
 use crate::link::{Link, Outbox};
 use crate::motor::{self, Motors, SpeedControl};
 use crate::settings::{Saving, Storage, Store};
@@ -77,41 +79,22 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     store: Store<STORAGE>,
     latch: Latch,
     settings: Settings,
-    scales: Scales,
+    /// Hundredths of rpm for one count per µs. Kept, as is the next one, because a division costs 500 cycles.
+    speed_scale: f32,
+    /// rad/s for one count of the gyroscope.
+    rate_scale: f32,
     build: Build,
     reset_cause: ResetCause,
     boot_count: u16,
     settings_stored: bool,
-    target: [CentiRpm; 2],
-    /// The last good reading.
-    reading: Reading,
-    fresh: bool,
+    /// What the next frame will say, and where the rest of the program looks it up.
+    telemetry: Telemetry,
     /// Ticks since the attitude moved on.
     ticks_behind: u8,
     calibrating: Option<GyroAverage>,
     calibration: Calibration,
     /// The number of the request that a save has to answer.
     save_request: u8,
-    missed_ticks: u16,
-}
-
-/// Factors that follow from the settings, kept because a division costs 500 cycles.
-#[derive(Clone, Copy)]
-struct Scales {
-    /// Hundredths of rpm for one count per µs, by encoder.
-    centi_rpm: [f32; 2],
-    /// rad/s for one count of the gyroscope.
-    rad_per_s: f32,
-}
-
-impl From<&Settings> for Scales {
-    fn from(settings: &Settings) -> Self {
-        let scale = centi_rpm_scale(settings.counts_per_turn);
-        Self {
-            centi_rpm: settings.encoder_reversed.map(|reversed| if reversed { -scale } else { scale }),
-            rad_per_s: core::f32::consts::PI / 180.0 / settings.gyro_range.counts_per_dps(),
-        }
-    }
 }
 
 impl<I2C, PIN, PWM, STORAGE> App<I2C, PIN, PWM, STORAGE>
@@ -128,11 +111,7 @@ where
         let boot_count = store.count_start();
         let stored = store.load();
         let settings = stored.unwrap_or(Settings::DEFAULT);
-        let mut latch = Latch::default();
-        if let Some(crash) = start.crash {
-            latch.set(crash.fault());
-        }
-        Self {
+        let mut app = Self {
             imu: Imu::new(bus, Config::from(&settings)),
             attitude: Attitude::default(),
             encoders: Default::default(),
@@ -140,40 +119,42 @@ where
             motors,
             link: Link::new(),
             store,
-            latch,
-            scales: Scales::from(&settings),
+            latch: Latch::default(),
+            speed_scale: 0.0,
+            rate_scale: 0.0,
             settings,
             build,
             reset_cause: reset_cause(start.crash, start.mcusr),
             boot_count,
             settings_stored: stored.is_some(),
-            target: [CentiRpm(0); 2],
-            reading: Reading::default(),
-            fresh: false,
+            telemetry: Telemetry::default(),
             ticks_behind: 0,
             calibrating: None,
             calibration: Calibration::default(),
             save_request: 0,
-            missed_ticks: 0,
-        }
+        };
+        app.rescale();
+        app.raise(start.crash.map(Crash::fault).unwrap_or_default());
+        app
     }
 
     /// One tick of the control loop.
     #[inline(never)]
     pub fn tick(&mut self, tick: &Tick, outbox: &mut Outbox, mark: impl Fn(Stage)) {
         mark(Stage::Idle);
-        self.count_ticks(tick.missed);
+        self.count_ticks(tick);
         self.read_imu();
         mark(Stage::Imu);
         self.calibrate_gyro();
         self.follow_attitude();
         mark(Stage::Attitude);
-        self.measure_speeds(tick);
+        self.measure_speed(0, tick);
+        self.measure_speed(1, tick);
         self.drive_motors();
         mark(Stage::Motors);
         self.save_settings(outbox);
         mark(Stage::Settings);
-        self.report(tick.time, outbox);
+        self.report(outbox);
         mark(Stage::Telemetry);
     }
 
@@ -183,14 +164,12 @@ where
     pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut Outbox) {
         let Some(request) = self.link.receive(byte, arrived) else { return };
         let reply = match self.link.repetition(&request) {
-            Some(reply) => reply,
-            None => match self.carry_out(request.seq, &request.command, arrived) {
-                Ok(Some(reply)) => reply,
-                Ok(None) => return,
-                Err(refusal) => Reply::Refused(refusal),
-            },
+            Some(reply) => Some(reply),
+            None => self.carry_out(&request, arrived),
         };
-        self.link.answer(request.seq, reply, outbox);
+        if let Some(reply) = reply {
+            self.link.answer(request.seq, reply, outbox);
+        }
     }
 
     /// Stops the motors when the host has been silent for too long.
@@ -202,49 +181,59 @@ where
 
     /// Does what a request asks for. `None` where the answer comes later.
     #[inline(never)]
-    fn carry_out(&mut self, seq: u8, command: &Command, arrived: Micros) -> Result<Option<Reply>, Refusal> {
-        match *command {
-            Command::Hello => return Ok(Some(Reply::Info(self.info()))),
-            Command::SetSpeeds(target) => self.set_speeds(target)?,
-            Command::Stop => self.stop(),
-            Command::Stream { rate_hz } => self.link.set_stream(rate_hz)?,
-            Command::CalibrateGyro { duration_ms } => self.begin_calibration(duration_ms)?,
-            Command::ReadCalibration => {
-                self.refuse_if_calibrating()?;
-                return Ok(Some(Reply::Calibration(self.calibration)));
+    fn carry_out(&mut self, request: &Request, arrived: Micros) -> Option<Reply> {
+        let outcome = match &request.command {
+            Command::Hello => return Some(Reply::Info(self.info())),
+            Command::SetSpeeds(target) => self.set_speeds(*target),
+            Command::Stop => {
+                self.stop();
+                Ok(())
             }
-            Command::ReadSettings => return Ok(Some(Reply::Settings(self.settings))),
-            Command::WriteSettings(settings) => self.set_settings(settings)?,
+            Command::Stream { rate_hz } => self.link.set_stream(*rate_hz),
+            Command::CalibrateGyro { duration_ms } => self.begin_calibration(*duration_ms),
+            Command::ReadCalibration => match self.refuse_if_calibrating() {
+                Ok(()) => return Some(Reply::Calibration(self.calibration)),
+                refused => refused,
+            },
+            Command::ReadSettings => return Some(Reply::Settings(self.settings)),
+            Command::WriteSettings(settings) => self.set_settings(settings),
             Command::SaveSettings => {
-                self.save_request = seq;
+                self.save_request = request.seq;
                 self.store.begin_save();
-                return Ok(None);
+                return None;
             }
-            Command::Ping => return Ok(Some(Reply::Pong(arrived))),
-            Command::ClearFault => self.clear_fault()?,
-        }
-        Ok(Some(Reply::Done))
+            Command::Ping => return Some(Reply::Pong(arrived)),
+            Command::ClearFault => self.clear_fault(),
+        };
+        Some(match outcome {
+            Ok(()) => Reply::Done,
+            Err(refusal) => Reply::Refused(refusal),
+        })
     }
 
-    fn count_ticks(&mut self, missed: u8) {
-        self.missed_ticks = self.missed_ticks.wrapping_add(u16::from(missed));
-        self.ticks_behind = self.ticks_behind.saturating_add(missed).saturating_add(1);
+    fn count_ticks(&mut self, tick: &Tick) {
+        self.telemetry.time = tick.time;
+        self.telemetry.missed_ticks.0 = self.telemetry.missed_ticks.0.wrapping_add(u16::from(tick.missed));
+        self.ticks_behind = self.ticks_behind.saturating_add(tick.missed).saturating_add(1);
     }
 
     #[inline(never)]
     fn read_imu(&mut self) {
         let reading = self.imu.poll();
-        self.fresh = reading.is_some();
+        self.telemetry.imu_fresh = reading.is_some();
         if let Some(reading) = reading {
-            self.reading = reading;
+            self.telemetry.gyro = reading.gyro;
+            self.telemetry.accel = reading.accel;
+            self.telemetry.temperature = reading.temperature;
         }
+        self.telemetry.imu_errors = Count(self.imu.errors());
         self.raise(self.imu.fault());
     }
 
     #[inline(never)]
     fn calibrate_gyro(&mut self) {
         let Some(average) = &mut self.calibrating else { return };
-        if average.update(self.fresh.then_some(self.reading.gyro)) {
+        if average.update(self.telemetry.imu_fresh.then_some(self.telemetry.gyro)) {
             self.calibration = average.result(self.settings.gyro_range);
             self.calibrating = None;
             if self.calibration.still {
@@ -255,25 +244,31 @@ where
 
     #[inline(never)]
     fn follow_attitude(&mut self) {
-        if !self.fresh {
+        if !self.telemetry.imu_fresh {
             return;
         }
-        let Settings { gyro_bias, gyro_axes, accel_axes, attitude_kp: kp, attitude_ki: ki, .. } = self.settings;
-        let mut rates = self.reading.gyro.map(|counts| f32::from(counts.0));
-        for (rate, bias) in rates.iter_mut().zip(gyro_bias) {
-            *rate = (*rate - bias) * self.scales.rad_per_s;
+        let mut rates = self.telemetry.gyro.map(|counts| f32::from(counts.0));
+        for (rate, bias) in rates.iter_mut().zip(&self.settings.gyro_bias) {
+            *rate = (*rate - bias) * self.rate_scale;
         }
-        let acceleration = self.reading.accel.map(|counts| f32::from(counts.0));
+        let rates = self.settings.gyro_axes.apply(rates);
+        let acceleration = self.settings.accel_axes.apply(self.telemetry.accel.map(|counts| f32::from(counts.0)));
         let dt = f32::from(core::mem::take(&mut self.ticks_behind)) * TICK_S;
-        let gains = attitude::Gains { kp, ki };
-        self.attitude.update(gyro_axes.apply(rates), accel_axes.apply(acceleration), dt, gains);
+        let gains = attitude::Gains { kp: self.settings.attitude_kp, ki: self.settings.attitude_ki };
+        self.attitude.update(rates, acceleration, dt, gains);
+        self.telemetry.attitude = self.attitude.quaternion();
     }
 
     #[inline(never)]
-    fn measure_speeds(&mut self, tick: &Tick) {
-        for ((encoder, edges), scale) in self.encoders.iter_mut().zip(tick.edges).zip(self.scales.centi_rpm) {
-            encoder.update(edges, tick.time, scale);
+    fn measure_speed(&mut self, motor: usize, tick: &Tick) {
+        let encoder = &mut self.encoders[motor];
+        let mut edges = tick.edges[motor];
+        if self.settings.encoder_reversed[motor] {
+            edges.count = edges.count.wrapping_neg();
         }
+        encoder.update(edges, tick.time, self.speed_scale);
+        self.telemetry.speed[motor] = encoder.speed();
+        self.telemetry.encoder[motor] = encoder.position();
     }
 
     #[inline(never)]
@@ -281,18 +276,20 @@ where
         if !self.is_running() {
             return;
         }
-        let gains = motor::Gains { kp: self.settings.speed_kp, ki: self.settings.speed_ki };
-        let mut duty = [Duty(0); 2];
-        let mut stalled = Fault::None;
+        let duty = [self.next_duty(0), self.next_duty(1)];
+        self.telemetry.duty = duty;
+        self.motors.drive(duty, self.settings.motor_reversed);
         for (motor, fault) in [Fault::Motor1Stalled, Fault::Motor2Stalled].into_iter().enumerate() {
-            let (control, encoder) = (&mut self.control[motor], &self.encoders[motor]);
-            duty[motor] = control.duty(self.target[motor], encoder.speed(), gains);
-            if control.is_stalled(duty[motor], encoder.moved()) && stalled == Fault::None {
-                stalled = fault;
+            if self.control[motor].is_stalled(duty[motor], self.encoders[motor].moved()) {
+                self.raise(fault);
             }
         }
-        self.motors.drive(duty, self.settings.motor_reversed);
-        self.raise(stalled);
+    }
+
+    #[inline(never)]
+    fn next_duty(&mut self, motor: usize) -> Duty {
+        let gains = motor::Gains { kp: self.settings.speed_kp, ki: self.settings.speed_ki };
+        self.control[motor].duty(self.telemetry.target[motor], self.telemetry.speed[motor], gains)
     }
 
     fn save_settings(&mut self, outbox: &mut Outbox) {
@@ -305,34 +302,12 @@ where
     }
 
     #[inline(never)]
-    fn report(&mut self, time: Micros, outbox: &mut Outbox) {
-        if !self.link.is_frame_due() {
-            return;
+    fn report(&mut self, outbox: &mut Outbox) {
+        if self.link.is_frame_due() {
+            self.telemetry.state = self.state();
+            self.telemetry.fault = self.latch.get();
+            self.link.stream(&mut self.telemetry, outbox);
         }
-        let mut encoder = self.encoders.each_ref().map(Encoder::position);
-        for (position, reversed) in encoder.iter_mut().zip(self.settings.encoder_reversed) {
-            if reversed {
-                position.0 = position.0.wrapping_neg();
-            }
-        }
-        let telemetry = Telemetry {
-            time,
-            attitude: self.attitude.quaternion(),
-            gyro: self.reading.gyro,
-            accel: self.reading.accel,
-            temperature: self.reading.temperature,
-            target: self.target,
-            speed: self.encoders.each_ref().map(Encoder::speed),
-            duty: self.motors.duty(),
-            encoder,
-            state: self.state(),
-            fault: self.latch.get(),
-            imu_fresh: self.fresh,
-            imu_errors: Count(self.imu.errors()),
-            missed_ticks: Count(self.missed_ticks),
-            ..Telemetry::default()
-        };
-        self.link.stream(telemetry, outbox);
     }
 
     fn info(&self) -> Info {
@@ -368,12 +343,11 @@ where
     }
 
     fn is_running(&self) -> bool {
-        self.target != [CentiRpm(0); 2]
+        self.telemetry.target != [CentiRpm(0); 2]
     }
 
     fn set_speeds(&mut self, target: [CentiRpm; 2]) -> Result<(), Refusal> {
-        let limit = CentiRpm::LIMIT.0;
-        if !target.iter().all(|speed| (-limit..=limit).contains(&speed.0)) {
+        if target.iter().any(|speed| speed.0.unsigned_abs() > CentiRpm::LIMIT.0.unsigned_abs()) {
             return Err(Refusal::OutOfRange);
         }
         self.refuse_if_faulted()?;
@@ -381,14 +355,15 @@ where
         if target == [CentiRpm(0); 2] {
             self.stop();
         }
-        self.target = target;
+        self.telemetry.target = target;
         Ok(())
     }
 
     #[inline(never)]
     fn stop(&mut self) {
-        self.target = [CentiRpm(0); 2];
         self.motors.stop();
+        self.telemetry.target = [CentiRpm(0); 2];
+        self.telemetry.duty = [Duty(0); 2];
         self.control = Default::default();
     }
 
@@ -404,18 +379,24 @@ where
     }
 
     #[inline(never)]
-    fn set_settings(&mut self, settings: Settings) -> Result<(), Refusal> {
+    fn set_settings(&mut self, settings: &Settings) -> Result<(), Refusal> {
         if !settings.is_valid() {
             return Err(Refusal::OutOfRange);
         }
         self.refuse_if_running()?;
         self.refuse_if_calibrating()?;
-        self.settings = settings;
-        self.scales = Scales::from(&settings);
-        self.imu.configure(Config::from(&settings));
+        self.settings = *settings;
+        self.rescale();
+        self.imu.configure(Config::from(settings));
         // The body's axes may be others now.
         self.attitude.restart();
+        self.telemetry.attitude = Quaternion::IDENTITY;
         Ok(())
+    }
+
+    fn rescale(&mut self) {
+        self.speed_scale = centi_rpm_scale(self.settings.counts_per_turn);
+        self.rate_scale = core::f32::consts::PI / 180.0 / self.settings.gyro_range.counts_per_dps();
     }
 
     fn clear_fault(&mut self) -> Result<(), Refusal> {
@@ -429,6 +410,7 @@ where
     }
 
     /// Latches a fault and stops the motors.
+    #[inline(never)]
     fn raise(&mut self, fault: Fault) {
         if self.latch.set(fault) {
             self.stop();

@@ -6,9 +6,11 @@
 //! does not matter.
 //!
 //! The quaternion is moved by one step of Euler and normalised: a turn of a half-angle h comes out as atan(h), short by
-//! 0.004 % at 250 °/s and 0.25 % at 2000 °/s. Single precision keeps it within 1e-6 of unit length.
+//! 0.004 % at 250 °/s and 0.25 % at 2000 °/s. It stays within 1e-5 of unit length.
 
 use protocol::units::{Q15, Quaternion};
+
+use crate::round_to_i16;
 
 /// The filter's state.
 #[derive(Debug)]
@@ -39,34 +41,36 @@ impl Attitude {
     /// `acceleration` instead.
     #[inline(never)]
     pub fn update(&mut self, rates: [f32; 3], acceleration: [f32; 3], dt: f32, gains: Gains) {
-        let up = unit(acceleration);
+        let mut up = acceleration;
+        let is_up_known = normalise(&mut up);
         if !self.started {
             // Without a direction (free fall, a dead accelerometer) there is nothing to begin with yet.
-            if let Some(up) = up {
+            if is_up_known {
                 *self = Self { quaternion: levelled(up), started: true, ..Self::default() };
             }
             return;
         }
         let mut rates = rates;
-        if let Some(up) = up {
+        if is_up_known {
             let error = cross(up, self.up());
+            let ki = gains.ki * dt;
             for ((rate, correction), error) in rates.iter_mut().zip(&mut self.correction).zip(error) {
-                *correction += gains.ki * error * dt;
+                *correction += ki * error;
                 *rate += *correction + gains.kp * error;
             }
         }
-        let [x, y, z] = rates.map(|rate| rate * (0.5 * dt));
+        let half = 0.5 * dt;
+        let [x, y, z] = rates.map(|rate| rate * half);
         let [q0, q1, q2, q3] = self.quaternion;
-        let moved = [
+        self.quaternion = [
             q0 - q1 * x - q2 * y - q3 * z,
             q1 + q0 * x + q2 * z - q3 * y,
             q2 + q0 * y - q1 * z + q3 * x,
             q3 + q0 * z + q1 * y - q2 * x,
         ];
-        match unit(moved) {
-            Some(quaternion) => self.quaternion = quaternion,
+        if !normalise(&mut self.quaternion) {
             // Gains and gaps so large that single precision ends: begin again rather than go on with no attitude.
-            None => self.restart(),
+            self.restart();
         }
     }
 
@@ -77,11 +81,7 @@ impl Attitude {
 
     /// The attitude, in the resolution of the wire.
     pub fn quaternion(&self) -> Quaternion {
-        Quaternion(self.quaternion.map(|part| {
-            let scaled = part * 32768.0;
-            // `as` saturates: +1 becomes 32767/32768.
-            Q15((if scaled < 0.0 { scaled - 0.5 } else { scaled + 0.5 }) as i16)
-        }))
+        Quaternion(self.quaternion.map(|part| Q15(round_to_i16(part * 32768.0))))
     }
 
     /// The world's z axis in body axes: the last row of the rotation matrix.
@@ -93,28 +93,41 @@ impl Attitude {
 
 /// The smallest rotation that takes the unit vector `up`, in body axes, to the world's z axis.
 fn levelled([x, y, z]: [f32; 3]) -> [f32; 4] {
+    let mut quaternion = [1.0 + z, y, -x, 0.0];
     // Upside down, every horizontal axis is as good; take x.
-    unit([1.0 + z, y, -x, 0.0]).filter(|_| z > -0.9999).unwrap_or([0.0, 1.0, 0.0, 0.0])
+    if z < -0.9999 || !normalise(&mut quaternion) {
+        quaternion = [0.0, 1.0, 0.0, 0.0];
+    }
+    quaternion
 }
 
 fn cross([ax, ay, az]: [f32; 3], [bx, by, bz]: [f32; 3]) -> [f32; 3] {
     [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }
 
-/// `vector` at unit length; `None` where it has none or is not finite.
-fn unit<const N: usize>(vector: [f32; N]) -> Option<[f32; N]> {
-    let square: f32 = vector.iter().map(|part| part * part).sum();
-    (1e-12..1e24).contains(&square).then(|| {
+/// Brings `vector` to unit length. Whether it has a direction and is finite; if not, it stays.
+#[inline(never)]
+fn normalise(vector: &mut [f32]) -> bool {
+    let mut square = 0.0;
+    for part in &*vector {
+        square += part * part;
+    }
+    let has_direction = square > 1e-12 && square < 1e24;
+    if has_direction {
         let scale = inverse_sqrt(square);
-        vector.map(|part| part * scale)
-    })
+        for part in vector {
+            *part *= scale;
+        }
+    }
+    has_direction
 }
 
-/// 1/√x to single precision for positive normal x: a guess by halving the exponent, then three steps of Newton. It costs
-/// a third of a square root and a division on a processor without floating point, and is the same on every processor.
+/// 1/√x to 5 millionths for positive normal x: a guess by halving the exponent, then two steps of Newton. It costs a third
+/// of a square root and a division on a processor without floating point, and is the same on every processor.
+#[inline(never)]
 pub(crate) fn inverse_sqrt(x: f32) -> f32 {
     let mut root = f32::from_bits(0x5F37_59DF - (x.to_bits() >> 1));
-    for _ in 0..3 {
+    for _ in 0..2 {
         root *= 1.5 - 0.5 * x * root * root;
     }
     root
@@ -141,12 +154,12 @@ mod tests {
     }
 
     #[test]
-    fn inverse_square_roots_are_exact_to_single_precision() {
+    fn inverse_square_roots_are_exact_to_five_millionths() {
         for exponent in -30..60 {
             for mantissa in 0..50 {
                 let x = 1.3f64.powi(exponent) * (1.0 + f64::from(mantissa) / 50.0);
                 let relative = f64::from(inverse_sqrt(x as f32)) * f64::from(x as f32).sqrt() - 1.0;
-                assert!(relative.abs() < 3e-7, "{relative} at {x}");
+                assert!(relative.abs() < 5e-6, "{relative} at {x}");
             }
         }
     }
@@ -156,7 +169,7 @@ mod tests {
         for up in [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8], [0.3, -0.4, -0.87], [0.0, 0.0, -1.0]] {
             let attitude = started(up.map(|part| part * 16384.0));
             for (have, want) in attitude.up().iter().zip(up) {
-                assert!((have - want / norm(&up)).abs() < 1e-5, "{:?} for {up:?}", attitude.up());
+                assert!((have - want / norm(&up)).abs() < 2e-5, "{:?} for {up:?}", attitude.up());
             }
             assert_eq!(attitude.quaternion[3], 0.0);
         }
@@ -168,7 +181,7 @@ mod tests {
         attitude.update([1.0, 2.0, 3.0], [0.0; 3], DT, GAINS);
         assert!(!attitude.started);
         attitude.update([0.0; 3], [0.0, 16384.0, 0.0], DT, GAINS);
-        assert!((attitude.up()[1] - 1.0).abs() < 1e-6);
+        assert!((attitude.up()[1] - 1.0).abs() < 2e-5);
     }
 
     #[test]
@@ -205,7 +218,7 @@ mod tests {
             attitude.update([0.02, -0.01, 0.0], DOWN, DT, Gains { kp: 1.0, ki: 0.3 });
         }
         assert!((attitude.correction[0] + 0.02).abs() < 1e-4 && (attitude.correction[1] - 0.01).abs() < 1e-4);
-        assert!(attitude.up()[2] > 0.99999);
+        assert!(attitude.up()[2] > 0.9999);
     }
 
     #[test]
@@ -213,7 +226,7 @@ mod tests {
         let attitude = started([0.0, 16384.0, 0.0]);
         let [w, x, y, z] = attitude.quaternion().to_f64();
         let half = std::f64::consts::FRAC_1_SQRT_2;
-        assert!((w - half).abs() < 4e-5 && (x - half).abs() < 4e-5 && y == 0.0 && z == 0.0);
+        assert!((w - half).abs() < 5e-5 && (x - half).abs() < 5e-5 && y == 0.0 && z == 0.0);
         assert_eq!(started(DOWN).quaternion(), Quaternion::IDENTITY);
     }
 
@@ -233,22 +246,22 @@ mod tests {
                 let acceleration = if kind == 0 { [0.0; 3] } else { acceleration.map(f32::from) };
                 let dt = if kind == 1 { 1.3 } else { DT };
                 attitude.update(rates, acceleration, dt, Gains { kp, ki });
-                prop_assert!((norm(&attitude.quaternion) - 1.0).abs() < 1e-6);
+                prop_assert!((norm(&attitude.quaternion) - 1.0).abs() < 1e-5);
             }
         }
 
         #[test]
         fn rates_alone_turn_about_their_axis(axis in prop::array::uniform3(-1.0f32..1.0), angle in 0.01f32..3.0) {
             prop_assume!(norm(&axis) > 0.1);
-            let axis = unit(axis).unwrap();
+            let axis = axis.map(|part| part / norm(&axis));
             let mut attitude = Attitude { started: true, ..Attitude::default() };
             for _ in 0..400 {
                 attitude.update(axis.map(|part| part * angle / 2.0), [0.0; 3], DT, NONE);
             }
             let [w, x, y, z] = attitude.quaternion;
-            prop_assert!((w - (angle / 2.0).cos()).abs() < 2e-5);
+            prop_assert!((w - (angle / 2.0).cos()).abs() < 3e-5);
             for (part, axis) in [x, y, z].into_iter().zip(axis) {
-                prop_assert!((part - axis * (angle / 2.0).sin()).abs() < 2e-5);
+                prop_assert!((part - axis * (angle / 2.0).sin()).abs() < 3e-5);
             }
         }
     }

@@ -4,6 +4,7 @@ use protocol::Calibration;
 use protocol::units::{GyroRange, SensorCounts};
 
 use crate::attitude::inverse_sqrt;
+use crate::round_to_i16;
 
 /// The largest standard deviation of a sensor at rest, °/s. The MPU6050's own noise is 0.05 °/s behind a filter of 92 Hz
 /// (data sheet PS-MPU-6000A, table 6.1); a hand that holds it makes several.
@@ -71,7 +72,7 @@ impl GyroAverage {
         });
         let noise = if variance > 0.0 { variance * inverse_sqrt(variance) } else { 0.0 };
         let still = plausible && noise <= STILL_NOISE_DPS * counts_per_dps;
-        Calibration { still, bias, noise: (noise + 0.5) as u16, samples: self.samples }
+        Calibration { still, bias, noise: round_to_i16(noise).unsigned_abs(), samples: self.samples }
     }
 }
 

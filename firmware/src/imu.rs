@@ -227,17 +227,18 @@ impl<I2C: I2c> Imu<I2C> {
         if self.repeats >= FROZEN_TICKS { Err(Trouble::Frozen) } else { Ok(reading) }
     }
 
-    /// Whether the sensor still has the configuration that set-up gave it.
+    /// Whether the sensor still has the configuration that set-up gave it; a loss of power takes all of it.
     #[inline(never)]
     fn check_config(&mut self) -> Result<(), Trouble> {
         let mut config = [0; 4];
         self.sensor.read_bytes(SMPLRT_DIV, &mut config)?;
         let Config { gyro_range, accel_range, low_pass } = self.config;
         let [divider, filter, gyro, accel] = config;
-        let as_set_up = [divider, filter, gyro & RANGE_MASK, accel & RANGE_MASK]
-            == [DIVIDER, low_pass, (gyro_range as u8) << 3, (accel_range as u8) << 3];
-        let awake = self.sensor.read_byte(device::PWR_MGMT_1::ADDR)? == AWAKE;
-        if as_set_up && awake { Ok(()) } else { Err(Trouble::LostConfig) }
+        let as_set_up = divider == DIVIDER
+            && filter == low_pass
+            && gyro & RANGE_MASK == (gyro_range as u8) << 3
+            && accel & RANGE_MASK == (accel_range as u8) << 3;
+        if as_set_up { Ok(()) } else { Err(Trouble::LostConfig) }
     }
 
     fn note(&mut self, trouble: Trouble) {

@@ -6,8 +6,11 @@ use protocol::frame::{self, Accumulator, FrameError, MAX_FRAME};
 use protocol::units::{Count, Micros};
 use protocol::{Command, Message, Refusal, Reply, Request, TICK_HZ, Telemetry};
 
+/// Bytes that wait to be sent: one frame of telemetry and the longest answer. One place of a queue stays empty.
+pub const OUTBOX: usize = 128;
+
 /// Where bytes to send go; the serial port's interrupt takes them from there.
-pub type Outbox<'a> = Producer<'a, u8>;
+pub type Outbox<'a> = Producer<'a, u8, OUTBOX>;
 
 /// The board's end of the link.
 pub struct Link {
@@ -135,15 +138,12 @@ impl Link {
     }
 
     /// Sends a frame of the stream; the counts that the link keeps are filled in here.
-    pub fn stream(&mut self, telemetry: Telemetry, outbox: &mut Outbox) {
-        let numbered = Telemetry {
-            seq: Count(self.seq),
-            unsent: Count(self.unsent),
-            bad_frames: Count(self.bad_frames),
-            ..telemetry
-        };
+    pub fn stream(&mut self, telemetry: &mut Telemetry, outbox: &mut Outbox) {
+        telemetry.seq = Count(self.seq);
+        telemetry.unsent = Count(self.unsent);
+        telemetry.bad_frames = Count(self.bad_frames);
         self.seq = self.seq.wrapping_add(1);
-        if !send(&Message::Telemetry(numbered), outbox) {
+        if !send(&Message::Telemetry(*telemetry), outbox) {
             self.unsent = self.unsent.wrapping_add(1);
         }
     }

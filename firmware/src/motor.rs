@@ -12,7 +12,7 @@ use embedded_hal::digital::{OutputPin, PinState};
 use embedded_hal::pwm::SetDutyCycle;
 use protocol::units::{CentiRpm, Duty};
 
-use crate::TICK_S;
+use crate::{TICK_S, round_to_i16};
 
 /// Driven at full duty for this many ticks without an edge, a motor is stalled: one second.
 pub const STALL_TICKS: u8 = protocol::TICK_HZ;
@@ -68,13 +68,13 @@ impl SpeedControl {
         let error_rpm = (i32::from(target.0) - i32::from(speed.0)) as f32 * 0.01;
         let proportional = gains.kp * error_rpm;
         let integral = self.integral + gains.ki * error_rpm * TICK_S;
-        let full = f32::from(Duty::FULL.0);
         let duty = proportional + integral;
+        let limited = round_to_i16(duty).clamp(-Duty::FULL.0, Duty::FULL.0);
         // Against wind-up: while the bridge is at its limit, the integral only moves away from it.
-        if duty.abs() <= full || duty * error_rpm < 0.0 {
+        if limited.abs() < Duty::FULL.0 || duty * error_rpm < 0.0 {
             self.integral = integral;
         }
-        Duty(duty.clamp(-full, full) as i16)
+        Duty(limited)
     }
 
     /// Counts the ticks at full duty without an edge. Whether the motor is stalled.
@@ -92,13 +92,12 @@ impl SpeedControl {
 pub struct Motors<PIN, PWM> {
     bridges: [Bridge<PIN, PWM>; 2],
     standby: PIN,
-    duty: [Duty; 2],
 }
 
 impl<PIN: OutputPin, PWM: SetDutyCycle> Motors<PIN, PWM> {
     /// Both motors, off. `standby` is the bridge's STBY pin.
     pub fn new(bridges: [Bridge<PIN, PWM>; 2], standby: PIN) -> Self {
-        let mut motors = Self { bridges, standby, duty: [Duty(0); 2] };
+        let mut motors = Self { bridges, standby };
         motors.stop();
         motors
     }
@@ -109,7 +108,6 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Motors<PIN, PWM> {
         for bridge in &mut self.bridges {
             bridge.apply(0);
         }
-        self.duty = [Duty(0); 2];
     }
 
     /// Drives both motors; `reversed` names those that a positive duty turns backwards.
@@ -121,12 +119,6 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Motors<PIN, PWM> {
             bridge.apply(if reversed { -duty.0 } else { duty.0 });
         }
         self.standby.set_high().ok();
-        self.duty = duty;
-    }
-
-    /// The duty in force, positive forwards.
-    pub fn duty(&self) -> [Duty; 2] {
-        self.duty
     }
 }
 
@@ -155,10 +147,8 @@ mod tests {
         let standby = Pin::new(&[Low, High, High, Low].map(PinSet::set));
         let mut motors = Motors::new([first, second], standby.clone());
         motors.drive([Duty(200), Duty(-7)], [false, true]);
-        assert_eq!(motors.duty(), [Duty(200), Duty(-7)]);
         motors.drive([Duty(-255), Duty(0)], [false, true]);
         motors.drive([Duty(0), Duty(0)], [false, true]);
-        assert_eq!(motors.duty(), [Duty(0), Duty(0)]);
         for mut pin in pins1.into_iter().chain(pins2).chain([standby]) {
             pin.done();
         }
@@ -206,7 +196,10 @@ mod tests {
             let duty = control.duty(CentiRpm(9000), CentiRpm(speed), Gains { kp: 1000.0, ki: 1000.0 });
             assert!(duty.0.abs() <= 255 && control.integral.is_finite());
         }
-        assert_eq!(control.duty(CentiRpm(9000), CentiRpm(0), Gains { kp: 0.0, ki: 0.0 }).0, control.integral as i16);
+        assert_eq!(
+            control.duty(CentiRpm(9000), CentiRpm(0), Gains { kp: 0.0, ki: 0.0 }).0,
+            round_to_i16(control.integral)
+        );
     }
 
     #[test]

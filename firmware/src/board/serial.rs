@@ -4,14 +4,13 @@ use core::cell::{Cell, UnsafeCell};
 
 use avr_device::atmega328p::USART0;
 use avr_device::interrupt::{self, CriticalSection, Mutex};
+use firmware::link::OUTBOX;
 use heapless::spsc::{Consumer, Producer, Queue};
 use protocol::BAUD;
 use protocol::units::Micros;
 
 use super::{CPU_HZ, clock};
 
-/// One frame of telemetry and the longest answer. One place of a queue stays empty.
-const OUTBOX: usize = 128;
 /// The longest request and a short one, as they may come in during a tick.
 const INBOX: usize = 64;
 
@@ -27,16 +26,16 @@ unsafe impl<T> Sync for Shared<T> {}
 
 static INBOX_QUEUE: Shared<Queue<u8, INBOX>> = Shared(UnsafeCell::new(Queue::new()));
 static OUTBOX_QUEUE: Shared<Queue<u8, OUTBOX>> = Shared(UnsafeCell::new(Queue::new()));
-static RECEIVED: Shared<Option<Producer<'static, u8>>> = Shared(UnsafeCell::new(None));
-static TO_SEND: Shared<Option<Consumer<'static, u8>>> = Shared(UnsafeCell::new(None));
+static RECEIVED: Shared<Option<Producer<'static, u8, INBOX>>> = Shared(UnsafeCell::new(None));
+static TO_SEND: Shared<Option<Consumer<'static, u8, OUTBOX>>> = Shared(UnsafeCell::new(None));
 static FRAME_END: Mutex<Cell<Micros>> = Mutex::new(Cell::new(Micros(0)));
 
 /// Main's ends of the queues.
 pub struct Ends {
     /// What the host sent.
-    pub inbox: Consumer<'static, u8>,
+    pub inbox: Consumer<'static, u8, INBOX>,
     /// What goes to the host.
-    pub outbox: Producer<'static, u8>,
+    pub outbox: Producer<'static, u8, OUTBOX>,
 }
 
 /// Starts the port.
