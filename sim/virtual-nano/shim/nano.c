@@ -76,6 +76,16 @@ static void mark_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *p
 	nano->out.mark(nano->out.context, now(nano), value);
 }
 
+// A function that makes room on the stack writes SPH, then SPL. What it does not use of that room keeps its paint.
+static void spl_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+	nano_t *nano = param;
+	avr->data[address] = value;
+	uint16_t sp = value | avr->data[R_SPH] << 8;
+	if (sp >= SRAM_START && sp < nano->lowest_sp)
+		nano->lowest_sp = sp;
+}
+
 static void drive_pins(nano_t *nano, char port)
 {
 	int index = port - 'B';
@@ -181,6 +191,7 @@ nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes)
 	chain(nano, REG_DDRC, write_then_bus);
 	chain(nano, REG_PORTC, write_then_bus);
 	avr_register_io_write(avr, REG_GPIOR0, mark_write, nano);
+	avr_register_io_write(avr, R_SPL, spl_write, nano);
 	nano->module = (avr_io_t){ .kind = "nano", .reset = on_reset };
 	avr_register_io(avr, &nano->module);
 	return nano;
@@ -226,9 +237,6 @@ enum nano_state nano_run_until(nano_t *nano, uint64_t cycle)
 	avr_cycle_timer_register(avr, cycle - now(nano), stop, nano);
 	while (now(nano) < cycle) {
 		int state = avr_run(avr);
-		uint16_t sp = avr->data[R_SPL] | avr->data[R_SPH] << 8;
-		if (sp >= SRAM_START && sp < nano->lowest_sp)
-			nano->lowest_sp = sp;
 		if (state == cpu_Done)
 			return NANO_HALTED;
 		if (state == cpu_Crashed)

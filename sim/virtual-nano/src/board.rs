@@ -99,7 +99,8 @@ impl Board {
         self.state = RunState::Running;
     }
 
-    /// Runs until `cycle`. A program that halted or crashed stays where it is until a reset, and time goes on.
+    /// Runs until `cycle`. A program that halted or crashed stays where it is until a reset, and the
+    /// board's time with it.
     pub fn run_until(&mut self, cycle: u64) -> RunState {
         if self.state == RunState::Running {
             self.state = self.mcu.run_until(cycle);

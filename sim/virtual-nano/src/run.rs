@@ -3,6 +3,7 @@
 
 use crate::board::Board;
 use crate::control::{self, Command};
+use crate::mcu::RunState;
 use crate::pace::Pace;
 use crate::port::{Port, PortEvent};
 use serde_json::Value;
@@ -65,7 +66,10 @@ impl Runner {
                 continue;
             }
             let next = self.board.cycle() + SLICE;
-            self.board.run_until(next);
+            if self.board.run_until(next) != RunState::Running {
+                std::thread::sleep(Duration::from_millis(1));
+                continue;
+            }
             self.pace.wait_for(self.board.cycle());
         }
     }
