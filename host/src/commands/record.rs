@@ -2,14 +2,15 @@
 
 use super::{Answer, Outcome};
 use crate::link::{self, Link};
-use crate::log::{End, Origin, Start};
+use crate::log::{End, Origin, Start, Summary};
 use crate::plan::{Plan, Trial};
-use crate::rig::{self, Image, Progress, RecordError, VirtualNano};
+use crate::rig::{self, Bench, Image, Progress, RecordError, VirtualNano};
 use crate::session::{self, Session};
 use crate::stats::LinkStats;
 use miette::{IntoDiagnostic, Report, WrapErr};
 use protocol::{Command, Settings};
 use serde::Serialize;
+use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -56,6 +57,8 @@ struct RecordedTrial {
     yaw_deg: Option<f64>,
     pitch_deg: Option<f64>,
     yaw_uncertainty_deg: Option<f64>,
+    /// Angle turned about each body axis over the whole trial; only right after it.
+    turned_deg: Option<[f64; 3]>,
     complete: bool,
 }
 
@@ -82,46 +85,55 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         false => Session::create(&folder, &plan)?,
     };
 
-    let mut todo = Vec::new();
     let mut recorded = Recorded { session: folder, trials: Vec::new() };
+    let mut todo = Vec::new();
     for trial in &plan.trials {
         match session.state(trial)?.complete() {
-            Some(_) => {}
+            Some(attempt) => {
+                let summary = attempt.summary.clone().unwrap_or_default();
+                recorded.trials.push(RecordedTrial::new(trial, attempt.path.clone(), &summary, None));
+            }
             None => todo.push(trial),
         }
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    let mut text = String::new();
     let mut outcome = Outcome::Done;
+    let mut on_run = || {
+        if let (Some(nano), Some(Some(_))) = (&mut nano, &args.r#virtual)
+            && let Err(error) = nano.control("play")
+        {
+            eprintln!("warning: {error}");
+        }
+    };
     for trial in todo {
         let (attempt, path) = session.next_attempt(trial)?;
-        if let (Some(nano), Some(Some(_))) = (&mut nano, &args.r#virtual) {
-            nano.control("play")?;
-        }
-        let origin = if nano.is_some() { Origin::VirtualRig } else { Origin::Rig };
+        let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
         let board = Some((*link.info(), settings));
         let start = Start { plan: &plan, trial, attempt, origin, board, time: SystemTime::now() };
-        let run = rig::run(&link, &path, &start, &progress, &interrupted)?;
+        let mut bench = Bench { link: &link, progress: &progress, interrupted: &interrupted, on_run: &mut on_run };
+        let run = rig::run(&mut bench, &path, &start)?;
         progress.end_trial(trial.phases.total_s());
-        let line = format!("{}: {}", trial.name, run.summary.link);
-        progress.line(&line);
-        text += &line;
-        text.push('\n');
+        let row = RecordedTrial::new(trial, path, &run.summary, run.angles.map(|angles| angles.turned_deg));
+        progress.line(&row.to_string());
         if !run.summary.link.is_lossless() {
             outcome = Outcome::WithLoss;
         }
-        recorded.trials.push(recorded_trial(trial, path, &run.summary));
+        recorded.trials.push(row);
         match run.error {
             None => {}
             Some(RecordError::Interrupted) => {
                 outcome = Outcome::Interrupted;
                 break;
             }
-            Some(error) => return Err(Report::from(error)),
+            Some(error) => {
+                progress.finish();
+                return Err(Report::from(error));
+            }
         }
     }
     progress.finish();
-    Answer::new(outcome, &recorded, text)
+    recorded.trials.sort_by(|a, b| a.name.cmp(&b.name));
+    Answer::new(outcome, &recorded, format!("session {}", recorded.session.display()))
 }
 
 /// Puts the plan's settings in force, and answers all of those that are.
@@ -144,17 +156,40 @@ fn start_virtual(imu: Option<&PathBuf>, speed: &str) -> miette::Result<VirtualNa
     Ok(VirtualNano::start(&VirtualNano::program()?, arguments)?)
 }
 
-fn recorded_trial(trial: &Trial, log: PathBuf, summary: &crate::log::Summary) -> RecordedTrial {
-    let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
-    RecordedTrial {
-        name: trial.name.clone(),
-        w1_rpm,
-        w2_rpm,
-        log,
-        link: summary.link,
-        yaw_deg: summary.yaw_deg,
-        pitch_deg: summary.pitch_deg,
-        yaw_uncertainty_deg: summary.yaw_uncertainty_deg,
-        complete: summary.end == End::Complete,
+impl RecordedTrial {
+    fn new(trial: &Trial, log: PathBuf, summary: &Summary, turned_deg: Option<[f64; 3]>) -> Self {
+        let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
+        Self {
+            name: trial.name.clone(),
+            w1_rpm,
+            w2_rpm,
+            log,
+            link: summary.link,
+            yaw_deg: summary.yaw_deg,
+            pitch_deg: summary.pitch_deg,
+            yaw_uncertainty_deg: summary.yaw_uncertainty_deg,
+            turned_deg,
+            complete: summary.end == End::Complete,
+        }
+    }
+}
+
+impl fmt::Display for RecordedTrial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.name, self.link)?;
+        if let (Some(yaw), Some(pitch)) = (self.yaw_deg, self.pitch_deg) {
+            write!(f, "; yaw {yaw:.2}")?;
+            if let Some(uncertainty) = self.yaw_uncertainty_deg {
+                write!(f, " ± {uncertainty:.2}")?;
+            }
+            write!(f, "°, pitch {pitch:.2}°")?;
+        }
+        if let Some([x, y, z]) = self.turned_deg {
+            write!(f, "; turned {x:.1}°, {y:.1}°, {z:.1}° about x, y, z")?;
+        }
+        if !self.complete {
+            write!(f, "; not complete")?;
+        }
+        Ok(())
     }
 }

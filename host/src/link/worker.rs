@@ -214,7 +214,7 @@ const BACK_OFF: [Duration; 5] = [
 ];
 
 /// Between pings, which feed the motors' deadline (500 ms by default) and hold the two clocks together.
-const PING_EVERY: Duration = Duration::from_millis(50);
+const PING_EVERY: Duration = Duration::from_millis(20);
 
 struct Worker {
     port: Box<dyn SerialPort>,

@@ -11,5 +11,5 @@ pub use avrdude::{BOOTLOADER_BAUDS, FlashError, flash};
 pub use image::{Image, ImageError, commit_text, source_folder};
 pub use progress::Progress;
 pub use recorder::RecordError;
-pub use trial::{TrialRun, run};
+pub use trial::{Bench, TrialRun, run};
 pub use virtual_nano::{VirtualError, VirtualNano};

@@ -1,5 +1,6 @@
 //! From the link into the log: everything that comes while a trial runs.
 
+use crate::attitude::Series;
 use crate::link::{BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
 use crate::log::{ClockFit, CommandRecord, EventKind, LogError, Writer};
 use miette::Diagnostic;
@@ -74,6 +75,8 @@ fn restart_text(cause: &Option<ResetCause>) -> String {
 pub struct Frame {
     /// Microseconds since the board's start.
     pub board_us: u64,
+    /// Seconds since the trial's first frame.
+    pub time_s: f64,
     /// When it came, on the host's clock.
     pub host: SystemTime,
     /// The frame.
@@ -88,12 +91,14 @@ pub(super) struct Recorder<'a> {
     pub(super) link: &'a Link,
     pub(super) log: Writer,
     pub(super) monitor: Monitor,
-    /// Every frame of the trial, for what is said of it right after it.
-    pub(super) frames: Vec<Frame>,
+    /// The attitude over the trial, for what is said of it right after it.
+    pub(super) attitude: Series,
     interrupted: &'a AtomicBool,
     /// The frame that ended a phase, which is the first of the next one.
     ahead: Option<Frame>,
     clock: BoardClock,
+    /// The board's clock at the trial's first frame, µs.
+    begun_us: u64,
     pings: PingClock,
     last_heard: Instant,
     state: (State, Fault),
@@ -105,18 +110,32 @@ impl<'a> Recorder<'a> {
             link,
             log,
             monitor: Monitor::default(),
-            frames: Vec::new(),
+            attitude: Series::default(),
             interrupted,
             ahead: None,
             clock: BoardClock::default(),
+            begun_us: 0,
             pings: PingClock::default(),
             last_heard: Instant::now(),
             state: (State::Idle, Fault::None),
         }
     }
 
-    /// Keeps what comes until a frame that `ends` this phase and belongs to the next one; answers its time, µs.
-    pub(super) fn until(&mut self, mut ends: impl FnMut(&Frame) -> bool) -> Result<u64, RecordError> {
+    /// Begins the trial with the first frame that bears a fresh reading of the sensor, which takes a moment to start
+    /// after new settings. A sensor that does not start becomes a fault.
+    pub(super) fn begin(&mut self) -> Result<(), RecordError> {
+        loop {
+            let frame = self.next_frame()?;
+            if frame.telemetry.imu_fresh || frame.telemetry.fault != Fault::None {
+                self.begun_us = frame.board_us;
+                self.ahead = Some(Frame { time_s: 0.0, ..frame });
+                return Ok(());
+            }
+        }
+    }
+
+    /// Keeps what comes until a frame that `ends` this phase and belongs to the next one; answers its time, s.
+    pub(super) fn until(&mut self, mut ends: impl FnMut(&Frame) -> bool) -> Result<f64, RecordError> {
         loop {
             let frame = match self.ahead.take() {
                 Some(frame) => frame,
@@ -124,7 +143,7 @@ impl<'a> Recorder<'a> {
             };
             if ends(&frame) {
                 self.ahead = Some(frame);
-                return Ok(frame.board_us);
+                return Ok(frame.time_s);
             }
             self.keep(frame)?;
         }
@@ -182,7 +201,7 @@ impl<'a> Recorder<'a> {
             self.log.dropout(gap.first.0, u32::from(gap.count), frame.host)?;
         }
         self.log.telemetry(&frame.telemetry, frame.board_us, frame.host)?;
-        self.frames.push(frame);
+        self.attitude.push(frame.time_s, frame.telemetry.attitude.to_f64());
         let now = (frame.telemetry.state, frame.telemetry.fault);
         let before = std::mem::replace(&mut self.state, now);
         if now.0 != before.0 {
@@ -202,7 +221,9 @@ impl<'a> Recorder<'a> {
         let Received { wall: host, at, event } = received;
         match event {
             Event::Telemetry(telemetry) => {
-                return Ok(Some(Frame { board_us: self.clock.unwrap(telemetry.time), host, telemetry }));
+                let board_us = self.clock.unwrap(telemetry.time);
+                let time_s = board_us.saturating_sub(self.begun_us) as f64 * 1e-6;
+                return Ok(Some(Frame { board_us, time_s, host, telemetry }));
             }
             Event::Raw(bytes) => self.log.raw(&bytes, host)?,
             Event::Damaged(error) => {

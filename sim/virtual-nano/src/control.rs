@@ -4,8 +4,8 @@
 //! | --- | --- |
 //! | `play` | begins the sensor's recording from its start |
 //! | `status` | tells the state of everything |
-//! | `drop N` | loses the next N whole frames to the host |
-//! | `corrupt N` | damages a byte in each of the next N frames |
+//! | `drop N` | loses the next N frames of the stream |
+//! | `corrupt N` | damages a byte in each of the next N frames of the stream |
 //! | `fault nack B [COUNT]` | the sensor does not acknowledge byte B of the next transaction, or of the next COUNT |
 //! | `fault gone` | the sensor answers nothing any more |
 //! | `fault stuck [CLOCKS]` | the sensor holds SDA low until CLOCKS pulses on SCL, or for ever |

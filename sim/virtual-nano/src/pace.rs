@@ -28,18 +28,27 @@ impl FromStr for Speed {
 /// Behind by more than this, the board does not try to catch up: the machine was suspended or is too slow.
 const SLACK: Duration = Duration::from_millis(500);
 
+/// How far a board that runs faster than real time may get ahead of the last word of its host. The motors' deadline is
+/// 500 ms of the board's time, which at ten times real time is less than a busy machine may keep a host waiting.
+const LEAD: u64 = FREQUENCY_HZ / 4;
+
+/// A host that is silent for so long has gone, and the board does not wait for it.
+const PATIENCE: Duration = Duration::from_secs(1);
+
 /// Holds the board's time to a speed.
 #[derive(Debug)]
 pub struct Pace {
     speed: Speed,
     since: Instant,
     cycle: u64,
+    /// The board's clock and ours at the last byte from the host.
+    heard: Option<(u64, Instant)>,
 }
 
 impl Pace {
     /// From now on, when the board's clock says `cycle`.
     pub fn new(speed: Speed, cycle: u64) -> Self {
-        Self { speed, since: Instant::now(), cycle }
+        Self { speed, since: Instant::now(), cycle, heard: None }
     }
 
     /// Whether the board waits for a slow host rather than lose bytes.
@@ -55,14 +64,45 @@ impl Pace {
         if let Some(early) = due.checked_sub(passed) {
             std::thread::sleep(early);
         } else if passed - due > SLACK {
-            *self = Self::new(self.speed, cycle);
+            (self.since, self.cycle) = (Instant::now(), cycle);
         }
+    }
+
+    /// The host has sent something, when the board's clock says `cycle`.
+    pub fn hear_host(&mut self, cycle: u64) {
+        self.heard = Some((cycle, Instant::now()));
+    }
+
+    /// Whether a board that runs faster than real time is to wait, so that a host that keeps its deadlines by its own
+    /// clock keeps them by the board's.
+    pub fn is_ahead_of_host(&self, cycle: u64) -> bool {
+        let faster = match self.speed {
+            Speed::Factor(factor) => factor > 1.0,
+            Speed::Max => true,
+        };
+        faster && self.heard.is_some_and(|(then, at)| cycle > then + LEAD && at.elapsed() < PATIENCE)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_fast_board_waits_for_a_host_that_spoke_lately() {
+        let ahead = |speed, heard: bool, cycle| {
+            let mut pace = Pace::new(speed, 0);
+            if heard {
+                pace.hear_host(1000);
+            }
+            pace.is_ahead_of_host(cycle)
+        };
+        assert!(ahead(Speed::Max, true, 1001 + LEAD));
+        assert!(ahead(Speed::Factor(2.0), true, 1001 + LEAD));
+        assert!(!ahead(Speed::Max, true, 1000 + LEAD));
+        assert!(!ahead(Speed::Max, false, 1001 + LEAD), "nobody spoke yet");
+        assert!(!ahead(Speed::Factor(1.0), true, 1001 + LEAD), "real time waits for nobody");
+    }
 
     #[test]
     fn a_speed_is_max_or_a_factor() {

@@ -101,6 +101,11 @@ impl Port {
         self.ready(PollFlags::OUT, limit).map(drop)
     }
 
+    /// Waits until the host has sent something, or for `limit`.
+    pub fn wait_for_host(&self, limit: Duration) -> io::Result<()> {
+        self.ready(PollFlags::IN, limit).map(drop)
+    }
+
     fn ready(&self, wanted: PollFlags, limit: Duration) -> io::Result<PollFlags> {
         let mut fds = [PollFd::new(&self.master, wanted)];
         let limit = Timespec::try_from(limit).map_err(io::Error::other)?;

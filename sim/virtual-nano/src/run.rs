@@ -60,6 +60,10 @@ impl Runner {
                 Err(TryRecvError::Empty) => {}
             }
             self.exchange()?;
+            if self.pace.is_ahead_of_host(self.board.cycle()) {
+                self.port.wait_for_host(Duration::from_millis(1))?;
+                continue;
+            }
             if !self.pending.is_empty() {
                 // Time stands still for the board until the host has read.
                 self.port.wait_for_room(Duration::from_millis(5))?;
@@ -117,6 +121,7 @@ impl Runner {
         self.board.serial_mut().set_garbled((ratio - 1.0).abs() > BAUD_TOLERANCE);
         let from_host = self.port.read()?;
         if !from_host.is_empty() {
+            self.pace.hear_host(self.board.cycle());
             self.board.send(&from_host);
         }
         self.pending.extend(from_board);

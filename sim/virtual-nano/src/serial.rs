@@ -78,12 +78,12 @@ impl Serial {
         std::mem::take(&mut self.to_host)
     }
 
-    /// Loses the next `frames` whole frames on their way to the host.
+    /// Loses the next `frames` frames of the stream, whole, on their way to the host. Answers arrive.
     pub fn drop_frames(&mut self, frames: u64) {
         self.to_drop += frames;
     }
 
-    /// Damages a byte in each of the next `frames` frames that are not lost.
+    /// Damages a byte in each of the next `frames` frames of the stream that are not lost.
     pub fn corrupt_frames(&mut self, frames: u64) {
         self.to_corrupt += frames;
     }
@@ -110,7 +110,7 @@ impl Serial {
             return;
         }
         if self.length == 0 {
-            self.begin_frame();
+            self.begin_frame(byte);
         }
         self.length += 1;
         match self.fate {
@@ -132,8 +132,12 @@ impl Serial {
         Some(if self.garbled { self.noise.next_u64() as u8 } else { byte })
     }
 
-    fn begin_frame(&mut self) {
-        self.fate = if self.to_drop > 0 {
+    fn begin_frame(&mut self, first: u8) {
+        // COBS begins with the distance to the first zero, and an answer's payload begins with one.
+        let is_answer = first == 1;
+        self.fate = if is_answer {
+            Fate::Arrives
+        } else if self.to_drop > 0 {
             Fate::Lost
         } else if self.to_corrupt > 0 {
             // The shortest frame has five bytes before its delimiter.
@@ -189,11 +193,20 @@ mod tests {
     }
 
     #[test]
+    fn answers_are_not_lost_with_the_stream() {
+        let mut serial = Serial::new(1);
+        serial.drop_frames(1);
+        let answer = [1, 5, 1, 47, 211, 0];
+        assert_eq!(pass(&mut serial, &answer), answer);
+        assert_eq!(pass(&mut serial, &[7, 1, 9, 0]), []);
+    }
+
+    #[test]
     fn a_damaged_frame_differs_and_keeps_its_length() {
         for seed in 0..500 {
             let mut serial = Serial::new(seed);
             serial.corrupt_frames(1);
-            let frame = [1, 2, 3, 128, 255, 9, 0];
+            let frame = [2, 2, 3, 128, 255, 9, 0];
             let damaged = pass(&mut serial, &frame);
             assert_ne!(damaged, frame);
             assert_eq!(damaged.iter().position(|byte| *byte == 0), Some(6), "{damaged:?}");
