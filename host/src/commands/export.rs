@@ -14,7 +14,7 @@ pub struct Args {
     /// The log.
     log: PathBuf,
     /// The format.
-    #[arg(short, long, value_enum)]
+    #[arg(short, long, value_enum, default_value = "csv")]
     format: Format,
     /// The file to write [default: LOG with the format's ending].
     #[arg(short, long)]

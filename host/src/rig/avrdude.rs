@@ -9,6 +9,9 @@ use thiserror::Error;
 /// Speeds of the Nano's bootloaders, bit/s: optiboot, and the old one that many clones still carry.
 pub const BOOTLOADER_BAUDS: [u32; 2] = [115_200, 57_600];
 
+/// A wrong speed is given up after a quarter of a minute and not after a whole one; avrdude before 7.0 does not know it.
+const FEW_ATTEMPTS: [&str; 2] = ["-x", "attempts=3"];
+
 /// Why the image is not on the board.
 #[derive(Debug, Error, Diagnostic)]
 pub enum FlashError {
@@ -37,21 +40,29 @@ pub enum FlashError {
 /// [`FlashError`].
 pub fn flash(port: &str, elf: &Path, mut progress: impl FnMut(u32, &str)) -> Result<u32, FlashError> {
     let mut said = String::new();
-    for baud in BOOTLOADER_BAUDS {
+    let mut options: &[&str] = &FEW_ATTEMPTS;
+    let mut bauds = BOOTLOADER_BAUDS.into_iter().peekable();
+    while let Some(baud) = bauds.peek().copied() {
         said.clear();
-        if run(port, elf, baud, |text| {
+        if run(port, elf, baud, options, |text| {
             said.push_str(text);
             progress(baud, text);
         })? {
             return Ok(baud);
         }
+        if !options.is_empty() && said.contains("extended parameter") {
+            options = &[];
+        } else {
+            bauds.next();
+        }
     }
     Err(FlashError::NoBootloader { port: port.to_owned(), said: said.trim().to_owned() })
 }
 
-fn run(port: &str, elf: &Path, baud: u32, mut hear: impl FnMut(&str)) -> Result<bool, FlashError> {
+fn run(port: &str, elf: &Path, baud: u32, options: &[&str], mut hear: impl FnMut(&str)) -> Result<bool, FlashError> {
     let mut child = Command::new("avrdude")
         .args(["-c", "arduino", "-p", "m328p", "-D", "-P", port, "-b", &baud.to_string()])
+        .args(options)
         .arg("-U")
         .arg(format!("flash:w:{}:e", elf.display()))
         .stdin(Stdio::null())
