@@ -1,0 +1,69 @@
+//! Eleven minutes of a real sensor at rest through the real firmware: how far the yaw drifts, and whether the host
+//! knows.
+
+use host::attitude::{Drift, Series, Track};
+use host::log::{Body, Reader};
+use std::path::Path;
+use tests::{Bench, data};
+
+const RUN_S: f64 = 650.0;
+
+/// The yaw of the run phase as the board sent it.
+fn yaw(log: &Path) -> Track {
+    let mut series = Series::default();
+    let (mut begun, mut running) = (None, false);
+    for message in Reader::open(log).unwrap() {
+        let message = message.unwrap();
+        match message.body {
+            Body::Event(event) if event.text == "run" => running = true,
+            Body::Attitude(attitude) if running => {
+                let start = *begun.get_or_insert(message.log_time_ns);
+                let q = attitude.rotation.unwrap();
+                series.push((message.log_time_ns - start) as f64 * 1e-9, [q.w, q.x, q.y, q.z]);
+            }
+            _ => {}
+        }
+    }
+    series.yaw
+}
+
+#[test]
+fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
+    let bench = Bench::new();
+    let plan = bench.file(
+        "plan.toml",
+        &format!(
+            "[session]\nname = \"at rest\"\n[trial]\ncalibrate = 5\npreroll = 0\nrun = {RUN_S}\ndecay = 0\n\
+             [speeds]\npairs = [[0, 0]]\n[board]\naccel_range_g = 8\naccel_axes = [\"x\", \"y\", \"-z\"]\n"
+        ),
+    );
+    let imu = format!("--virtual={}", data("mpu6050/still-655s.csv").display());
+    let run = bench.run(["record", plan.to_str().unwrap(), &imu, "--out", "session", "--json"]).expect_code(0);
+    let trial = &run.json()["trials"][0];
+    assert_eq!(trial["lost"], 0);
+    let yaw = yaw(&bench.path().join(trial["log"].as_str().unwrap()));
+    let on_board = (yaw.at(RUN_S - 1.0).unwrap() - yaw.at(0.0).unwrap()) / (RUN_S - 1.0) * 60.0;
+
+    let (mut square, mut plain_square, mut covered, mut windows) = (0.0, 0.0, 0, 0);
+    let mut from = 20.0;
+    while from + 150.0 < RUN_S {
+        let to = from + 120.0;
+        let drift = Drift::seen(&yaw, from - 20.0..from, to..to + 30.0).unwrap();
+        let moved = yaw.at(to).unwrap() - yaw.at(from).unwrap();
+        let error: f64 = moved - drift.between(from, to);
+        let plain = moved - 120.0 * yaw.rate(from - 20.0..from).unwrap();
+        square += error * error;
+        plain_square += plain * plain;
+        covered += u32::from(error.abs() <= drift.uncertainty(from, to));
+        windows += 1;
+        from += 1.0;
+    }
+    let rms = (square / f64::from(windows)).sqrt();
+    let share = f64::from(covered) / f64::from(windows);
+    println!("on-board yaw drift {on_board:.2} deg/min over {RUN_S} s");
+    println!("{windows} windows of 120 s: reported yaw drifts {rms:.2} deg RMS");
+    println!("(with the first still phase alone {:.2})", (plain_square / f64::from(windows)).sqrt());
+    println!("stated uncertainty covers {:.1} %", 100.0 * share);
+    assert!(rms <= 0.4, "{rms} deg RMS");
+    assert!(share >= 0.95, "{share}");
+}
