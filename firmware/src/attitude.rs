@@ -52,13 +52,25 @@ impl Attitude {
         }
         let mut rates = rates;
         if is_up_known {
-            let error = cross(up, self.up());
-            let ki = gains.ki * dt;
-            for ((rate, correction), error) in rates.iter_mut().zip(&mut self.correction).zip(error) {
-                *correction += ki * error;
-                *rate += *correction + gains.kp * error;
-            }
+            self.correct(&mut rates, up, dt, gains);
         }
+        self.turn(rates, dt);
+    }
+
+    /// Adds to the rates what pulls the estimated direction of gravity towards `up`.
+    #[inline(never)]
+    fn correct(&mut self, rates: &mut [f32; 3], up: [f32; 3], dt: f32, gains: Gains) {
+        let error = cross(up, self.up());
+        let ki = gains.ki * dt;
+        for ((rate, correction), error) in rates.iter_mut().zip(&mut self.correction).zip(error) {
+            *correction += ki * error;
+            *rate += *correction + gains.kp * error;
+        }
+    }
+
+    /// Turns by `rates` for `dt`.
+    #[inline(never)]
+    fn turn(&mut self, rates: [f32; 3], dt: f32) {
         let half = 0.5 * dt;
         let [x, y, z] = rates.map(|rate| rate * half);
         let [q0, q1, q2, q3] = self.quaternion;
@@ -85,6 +97,7 @@ impl Attitude {
     }
 
     /// The world's z axis in body axes: the last row of the rotation matrix.
+    #[inline(never)]
     fn up(&self) -> [f32; 3] {
         let [q0, q1, q2, q3] = self.quaternion;
         [2.0 * (q1 * q3 - q0 * q2), 2.0 * (q0 * q1 + q2 * q3), 2.0 * (q0 * q0 + q3 * q3) - 1.0]
@@ -92,6 +105,7 @@ impl Attitude {
 }
 
 /// The smallest rotation that takes the unit vector `up`, in body axes, to the world's z axis.
+#[inline(never)]
 fn levelled([x, y, z]: [f32; 3]) -> [f32; 4] {
     let mut quaternion = [1.0 + z, y, -x, 0.0];
     // Upside down, every horizontal axis is as good; take x.
@@ -101,6 +115,7 @@ fn levelled([x, y, z]: [f32; 3]) -> [f32; 4] {
     quaternion
 }
 
+#[inline(never)]
 fn cross([ax, ay, az]: [f32; 3], [bx, by, bz]: [f32; 3]) -> [f32; 3] {
     [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }

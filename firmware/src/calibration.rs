@@ -65,7 +65,10 @@ impl GyroAverage {
         let mut plausible = true;
         let bias = self.axes.map(|axis| {
             let mean = axis.sum as f32 / samples;
-            variance = variance.max(axis.square_sum / samples - mean * mean);
+            let of_axis = axis.square_sum / samples - mean * mean;
+            if of_axis > variance {
+                variance = of_axis;
+            }
             let bias = f32::from(axis.first) + mean;
             plausible &= bias.abs() <= STILL_BIAS_DPS * counts_per_dps;
             bias

@@ -120,11 +120,11 @@ pub struct Imu<I2C> {
 }
 
 impl<I2C: I2c> Imu<I2C> {
-    /// Sets the sensor up; where that fails, [`Imu::poll`] goes on trying.
-    pub fn new(bus: I2C, config: Config) -> Self {
-        let mut imu = Self {
+    /// On its bus, not yet set up.
+    pub fn new(bus: I2C) -> Self {
+        Self {
             sensor: Mpu6050::new(bus.reverse()),
-            config,
+            config: Config::from(&Settings::DEFAULT),
             phase: Phase::SetUp(0),
             id: 0,
             last: Reading::default(),
@@ -132,18 +132,21 @@ impl<I2C: I2c> Imu<I2C> {
             silence: 0,
             fault: Fault::None,
             errors: 0,
-        };
-        for _ in 0..STEPS {
-            imu.poll();
         }
-        imu
     }
 
-    /// Puts another configuration in force.
+    /// Puts a configuration in force.
     pub fn configure(&mut self, config: Config) {
         if self.config != config {
             self.config = config;
             self.phase = Phase::SetUp(0);
+        }
+    }
+
+    /// Takes all steps of set-up at once; where one fails, [`Imu::poll`] goes on trying.
+    pub fn set_up_now(&mut self) {
+        for _ in 0..STEPS {
+            self.poll();
         }
     }
 

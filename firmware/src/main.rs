@@ -8,11 +8,14 @@ mod board;
 
 #[cfg(target_arch = "avr")]
 mod nano {
+    use core::mem::MaybeUninit;
+
     use avr_device::atmega328p::Peripherals;
     use avr_device::interrupt;
     use firmware::app::{App, Build, Start, Tick};
 
     use crate::board::eeprom::Eeprom;
+    use crate::board::outputs::{Pin, Pwm};
     use crate::board::twi::Twi;
     use crate::board::{clock, crash, encoders, outputs, reset_registers, serial, test_point};
 
@@ -27,6 +30,9 @@ mod nano {
     #[used]
     #[unsafe(link_section = ".progmem.data")]
     static MARKER: [u8; 26] = marker();
+
+    /// Not on the stack: what lies deeper there than 63 bytes takes five instructions more at each access.
+    static mut APP: MaybeUninit<App<Twi, Pin, Pwm, Eeprom>> = MaybeUninit::uninit();
 
     const HASH: &[u8; 8] = match env!("BIFLAG_GIT_HASH").as_bytes().first_chunk() {
         Some(digits) => digits,
@@ -50,7 +56,9 @@ mod nano {
         encoders::start(&peripherals.EXINT, &peripherals.PORTD);
         let motors = outputs::motors((peripherals.TC0, peripherals.TC2), (peripherals.PORTB, peripherals.PORTD));
         let bus = Twi::new(peripherals.TWI, peripherals.PORTC);
-        let mut app = App::new(bus, motors, Eeprom::new(peripherals.EEPROM), BUILD, start);
+        // SAFETY: this runs once, and nothing else uses the place.
+        let app = unsafe { (*(&raw mut APP)).write(App::new(bus, motors, Eeprom::new(peripherals.EEPROM), BUILD)) };
+        app.start(start);
 
         clock::start(&peripherals.TC1);
         crash::start_watchdog(&peripherals.WDT);

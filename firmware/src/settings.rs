@@ -56,19 +56,20 @@ impl<S: Storage> Store<S> {
         Self { storage, writes: None }
     }
 
-    /// The settings that were saved; `None` where there are none that hold.
+    /// Loads what was saved into `settings`; they stay where there is nothing that holds. Whether there was.
     #[inline(never)]
-    pub fn load(&mut self) -> Option<Settings> {
+    pub fn load(&mut self, settings: &mut Settings) -> bool {
         let mut bytes = [0; MAX_FRAME];
         for (address, byte) in (SETTINGS_ADDRESS..).zip(&mut bytes) {
             *byte = self.storage.read(address);
         }
-        let length = bytes.iter().position(|byte| *byte == 0)?;
-        match frame::decode(bytes.get_mut(..length)?) {
-            Ok(Request { seq: VERSION, command: Command::WriteSettings(settings) }) if settings.is_valid() => {
-                Some(settings)
+        let Some(length) = bytes.iter().position(|byte| *byte == 0) else { return false };
+        match frame::decode(&mut bytes[..length]) {
+            Ok(Request { seq: VERSION, command: Command::WriteSettings(saved) }) if saved.is_valid() => {
+                *settings = saved;
+                true
             }
-            _ => None,
+            _ => false,
         }
     }
 
@@ -83,10 +84,8 @@ impl<S: Storage> Store<S> {
     pub fn step(&mut self, settings: &Settings) -> Saving {
         let Some(writes) = self.writes else { return Saving::Idle };
         let mut buffer = [0; MAX_FRAME];
-        let request = Request { seq: VERSION, command: Command::WriteSettings(*settings) };
-        let wanted = frame::encode(&request, &mut buffer).unwrap_or_default();
-        let difference =
-            (SETTINGS_ADDRESS..).zip(&*wanted).find(|(address, byte)| self.storage.read(*address) != **byte);
+        let wanted = encode(settings, &mut buffer);
+        let difference = (SETTINGS_ADDRESS..).zip(wanted).find(|(address, byte)| self.storage.read(*address) != **byte);
         let outcome = match difference {
             None => Saving::Done,
             Some(_) if writes >= MAX_WRITES => Saving::Failed,
@@ -119,6 +118,12 @@ impl<S: Storage> Store<S> {
         }
         count
     }
+}
+
+#[inline(never)]
+fn encode<'a>(settings: &Settings, buffer: &'a mut [u8]) -> &'a [u8] {
+    let request = Request { seq: VERSION, command: Command::WriteSettings(*settings) };
+    frame::encode(&request, buffer).map(|frame| &*frame).unwrap_or_default()
 }
 
 fn address_of(place: u16) -> u16 {
@@ -158,6 +163,14 @@ pub(crate) mod tests {
         }
     }
 
+    fn load(memory: &Memory) -> Option<Settings> {
+        let mut settings = Settings { board_id: 99, ..Settings::DEFAULT };
+        let unchanged = settings;
+        let loaded = Store::new(memory.clone()).load(&mut settings);
+        assert!(loaded || settings == unchanged);
+        loaded.then_some(settings)
+    }
+
     fn save(memory: &Memory, settings: &Settings) -> (Saving, u32) {
         let mut store = Store::new(memory.clone());
         store.begin_save();
@@ -170,10 +183,10 @@ pub(crate) mod tests {
 
     #[test]
     fn a_blank_memory_gives_no_settings() {
-        assert_eq!(Store::new(Memory::blank()).load(), None);
+        assert_eq!(load(&Memory::blank()), None);
         let zero = Memory::blank();
         zero.bytes.borrow_mut().fill(0);
-        assert_eq!(Store::new(zero).load(), None);
+        assert_eq!(load(&zero), None);
     }
 
     #[test]
@@ -182,7 +195,7 @@ pub(crate) mod tests {
         let (saving, ticks) = save(&memory, &other());
         assert_eq!(saving, Saving::Done);
         assert!(ticks <= 60, "{ticks}");
-        assert_eq!(Store::new(memory.clone()).load(), Some(other()));
+        assert_eq!(load(&memory), Some(other()));
         assert!(memory.writes.borrow().iter().all(|writes| *writes <= 1));
         assert_eq!(save(&memory, &other()), (Saving::Done, 1), "nothing differs, so nothing is written");
         assert_eq!(Store::new(memory).step(&other()), Saving::Idle);
@@ -195,7 +208,7 @@ pub(crate) mod tests {
         let length = memory.bytes.borrow().iter().position(|byte| *byte == 0).unwrap();
         for bit in 0..8 * length {
             memory.bytes.borrow_mut()[bit / 8] ^= 1 << (bit % 8);
-            assert_eq!(Store::new(memory.clone()).load(), None, "bit {bit}");
+            assert_eq!(load(&memory), None, "bit {bit}");
             memory.bytes.borrow_mut()[bit / 8] ^= 1 << (bit % 8);
         }
     }
@@ -210,7 +223,7 @@ pub(crate) mod tests {
             for _ in 0..cut {
                 store.step(&Settings::DEFAULT);
             }
-            let loaded = Store::new(memory).load();
+            let loaded = load(&memory);
             assert!([None, Some(other()), Some(Settings::DEFAULT)].contains(&loaded), "{loaded:?}");
         }
     }
@@ -227,7 +240,7 @@ pub(crate) mod tests {
             let mut buffer = [0; MAX_FRAME];
             let bytes = frame::encode(&request, &mut buffer).unwrap();
             memory.bytes.borrow_mut()[..bytes.len()].copy_from_slice(bytes);
-            assert_eq!(Store::new(memory).load(), None);
+            assert_eq!(load(&memory), None);
         }
     }
 
