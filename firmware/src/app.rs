@@ -135,7 +135,12 @@ where
     #[inline(never)]
     pub fn start(&mut self, start: Start) {
         self.boot_count = self.store.count_start();
-        self.settings_stored = self.store.load(&mut self.settings);
+        if let Some(saved) = self.store.load(&mut self.link) {
+            self.settings = saved;
+            self.settings_stored = true;
+        }
+        // Whatever EEPROM held, it was not from the host.
+        self.link = Link::new();
         self.reset_cause = reset_cause(start.crash, start.mcusr);
         self.rescale();
         self.imu.configure(Config::from(&self.settings));
@@ -167,8 +172,8 @@ where
     /// one.
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut Outbox) {
-        if let Some(request) = self.link.receive(byte, arrived) {
-            self.respond(&request, arrived, outbox);
+        if let Some(Ok(request)) = &self.link.receive(byte, arrived) {
+            self.respond(request, arrived, outbox);
         }
     }
 

@@ -50,29 +50,37 @@ impl Attitude {
             }
             return;
         }
-        let mut rates = rates;
+        let mut turn = rates;
+        for half_angle in &mut turn {
+            *half_angle *= 0.5 * dt;
+        }
         if is_up_known {
-            self.correct(&mut rates, up, dt, gains);
+            self.correct(&mut turn, up, dt, gains);
         }
-        self.turn(rates, dt);
+        self.turn(turn);
     }
 
-    /// Adds to the rates what pulls the estimated direction of gravity towards `up`.
+    /// Adds to a turn what pulls the estimated direction of gravity towards `up`.
     #[inline(never)]
-    fn correct(&mut self, rates: &mut [f32; 3], up: [f32; 3], dt: f32, gains: Gains) {
+    fn correct(&mut self, turn: &mut [f32; 3], up: [f32; 3], dt: f32, gains: Gains) {
         let error = cross(up, self.up());
-        let ki = gains.ki * dt;
-        for ((rate, correction), error) in rates.iter_mut().zip(&mut self.correction).zip(error) {
-            *correction += ki * error;
-            *rate += *correction + gains.kp * error;
+        let half = 0.5 * dt;
+        let kp = gains.kp * half;
+        for (half_angle, error) in turn.iter_mut().zip(error) {
+            *half_angle += kp * error;
+        }
+        if gains.ki != 0.0 {
+            let ki = gains.ki * dt;
+            for ((half_angle, correction), error) in turn.iter_mut().zip(&mut self.correction).zip(error) {
+                *correction += ki * error;
+                *half_angle += *correction * half;
+            }
         }
     }
 
-    /// Turns by `rates` for `dt`.
+    /// Turns by twice these angles, in the small.
     #[inline(never)]
-    fn turn(&mut self, rates: [f32; 3], dt: f32) {
-        let half = 0.5 * dt;
-        let [x, y, z] = rates.map(|rate| rate * half);
+    fn turn(&mut self, [x, y, z]: [f32; 3]) {
         let [q0, q1, q2, q3] = self.quaternion;
         self.quaternion = [
             q0 - q1 * x - q2 * y - q3 * z,
@@ -93,7 +101,7 @@ impl Attitude {
 
     /// The attitude, in the resolution of the wire.
     pub fn quaternion(&self) -> Quaternion {
-        Quaternion(self.quaternion.map(|part| Q15(round_to_i16(part * 32768.0))))
+        Quaternion(self.quaternion.map(|part| Q15(round_to_i16(part, 15))))
     }
 
     /// The world's z axis in body axes: the last row of the rotation matrix.
@@ -127,14 +135,18 @@ fn normalise(vector: &mut [f32]) -> bool {
     for part in &*vector {
         square += part * part;
     }
-    let has_direction = square > 1e-12 && square < 1e24;
-    if has_direction {
-        let scale = inverse_sqrt(square);
-        for part in vector {
-            *part *= scale;
-        }
+    let scale = if square > 0.995 && square < 1.005 {
+        // One step of Newton from 1, as a quaternion needs it after each turn.
+        1.5 - 0.5 * square
+    } else if square > 1e-12 && square < 1e24 {
+        inverse_sqrt(square)
+    } else {
+        return false;
+    };
+    for part in vector {
+        *part *= scale;
     }
-    has_direction
+    true
 }
 
 /// 1/√x to 5 millionths for positive normal x: a guess by halving the exponent, then two steps of Newton. It costs a third

@@ -75,7 +75,7 @@ impl GyroAverage {
         });
         let noise = if variance > 0.0 { variance * inverse_sqrt(variance) } else { 0.0 };
         let still = plausible && noise <= STILL_NOISE_DPS * counts_per_dps;
-        Calibration { still, bias, noise: round_to_i16(noise).unsigned_abs(), samples: self.samples }
+        Calibration { still, bias, noise: round_to_i16(noise, 0).unsigned_abs(), samples: self.samples }
     }
 }
 

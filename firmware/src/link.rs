@@ -52,24 +52,17 @@ impl Link {
         }
     }
 
-    /// Takes a byte from the host. `arrived` is when the frame ended, if this byte ends one.
+    /// Takes a byte from the host, and answers the frame that it ends. `arrived` is when that was.
     #[inline(never)]
-    pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<Request> {
-        match self.accumulator.push(byte)? {
-            Ok(request) => {
-                self.heard = arrived;
-                Some(request)
-            }
-            Err(FrameError::Foreign(_)) => {
-                // Intact, so the host is alive.
-                self.heard = arrived;
-                None
-            }
-            Err(_) => {
-                self.bad_frames = self.bad_frames.wrapping_add(1);
-                None
-            }
+    pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<Result<Request, FrameError>> {
+        let received = self.accumulator.push(byte);
+        match &received {
+            // Also an intact frame of another protocol tells that the host is alive.
+            Some(Ok(_) | Err(FrameError::Foreign(_))) => self.heard = arrived,
+            Some(Err(_)) => self.bad_frames = self.bad_frames.wrapping_add(1),
+            None => {}
         }
+        received
     }
 
     /// The answer to repeat, where `request` is the one before once more; `None` where it is to be carried out, which is

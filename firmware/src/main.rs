@@ -13,9 +13,11 @@ mod nano {
     use avr_device::atmega328p::Peripherals;
     use avr_device::interrupt;
     use firmware::app::{App, Build, Start, Tick};
+    use firmware::link::Outbox;
 
     use crate::board::eeprom::Eeprom;
     use crate::board::outputs::{Pin, Pwm};
+    use crate::board::serial::Inbox;
     use crate::board::twi::Twi;
     use crate::board::{clock, crash, encoders, outputs, reset_registers, serial, test_point};
 
@@ -44,19 +46,31 @@ mod nano {
 
     #[avr_device::entry]
     fn main() -> ! {
-        // SAFETY: interrupts are off and this is the only place that takes the peripherals. `take` would refuse after a
-        // start by a jump.
+        // SAFETY: interrupts are off, and this is the only call.
+        let (inbox, outbox) = unsafe { set_up() };
+        // SAFETY: `set_up` has made it, and only this loop uses it.
+        let app = unsafe { (*(&raw mut APP)).assume_init_mut() };
+        run(app, inbox, outbox)
+    }
+
+    /// Makes and starts everything, the interrupts last. Apart from the loop, which so has a short stack.
+    ///
+    /// # Safety
+    /// Only once, and with interrupts off.
+    #[inline(never)]
+    unsafe fn set_up() -> (Inbox, Outbox<'static>) {
+        // SAFETY: this is the only place that takes the peripherals. `take` would refuse after a start by a jump.
         let peripherals = unsafe { Peripherals::steal() };
         reset_registers(&peripherals);
         let start =
             Start { crash: crash::take_record(&peripherals.CPU), mcusr: crash::take_reset_flags(&peripherals.CPU) };
 
         // SAFETY: this runs once, and interrupts are off.
-        let serial::Ends { mut inbox, mut outbox } = unsafe { serial::start(&peripherals.USART0) };
+        let ends = unsafe { serial::start(&peripherals.USART0) };
         encoders::start(&peripherals.EXINT, &peripherals.PORTD);
         let motors = outputs::motors((peripherals.TC0, peripherals.TC2), (peripherals.PORTB, peripherals.PORTD));
         let bus = Twi::new(peripherals.TWI, peripherals.PORTC);
-        // SAFETY: this runs once, and nothing else uses the place.
+        // SAFETY: nothing else uses the place yet.
         let app = unsafe { (*(&raw mut APP)).write(App::new(bus, motors, Eeprom::new(peripherals.EEPROM), BUILD)) };
         app.start(start);
 
@@ -64,7 +78,10 @@ mod nano {
         crash::start_watchdog(&peripherals.WDT);
         // SAFETY: everything that interrupts use is set up.
         unsafe { interrupt::enable() };
+        ends
+    }
 
+    fn run(app: &mut App<Twi, Pin, Pwm, Eeprom>, mut inbox: Inbox, mut outbox: Outbox<'static>) -> ! {
         loop {
             app.watch_link(clock::now());
             let due = clock::take_due();

@@ -12,7 +12,10 @@
 //! of starts goes round eight places, and a write that loses power costs no more than a wrong count.
 
 use protocol::frame::{self, MAX_FRAME};
+use protocol::units::Micros;
 use protocol::{Command, Request, Settings, VERSION};
+
+use crate::link::Link;
 
 const SETTINGS_ADDRESS: u16 = 0;
 const COUNTS_ADDRESS: u16 = 128;
@@ -56,20 +59,17 @@ impl<S: Storage> Store<S> {
         Self { storage, writes: None }
     }
 
-    /// Loads what was saved into `settings`; they stay where there is nothing that holds. Whether there was.
+    /// The settings that were saved; `None` where there are none that hold. They are read by `link`, as if the host had
+    /// sent them.
     #[inline(never)]
-    pub fn load(&mut self, settings: &mut Settings) -> bool {
-        let mut bytes = [0; MAX_FRAME];
-        for (address, byte) in (SETTINGS_ADDRESS..).zip(&mut bytes) {
-            *byte = self.storage.read(address);
-        }
-        let Some(length) = bytes.iter().position(|byte| *byte == 0) else { return false };
-        match frame::decode(&mut bytes[..length]) {
-            Ok(Request { seq: VERSION, command: Command::WriteSettings(saved) }) if saved.is_valid() => {
-                *settings = saved;
-                true
+    pub fn load(&mut self, link: &mut Link) -> Option<Settings> {
+        let bytes = SETTINGS_ADDRESS..SETTINGS_ADDRESS + MAX_FRAME as u16;
+        let frame = bytes.map(|address| self.storage.read(address)).find_map(|byte| link.receive(byte, Micros(0)));
+        match frame {
+            Some(Ok(Request { seq: VERSION, command: Command::WriteSettings(saved) })) if saved.is_valid() => {
+                Some(saved)
             }
-            _ => false,
+            _ => None,
         }
     }
 
@@ -164,11 +164,7 @@ pub(crate) mod tests {
     }
 
     fn load(memory: &Memory) -> Option<Settings> {
-        let mut settings = Settings { board_id: 99, ..Settings::DEFAULT };
-        let unchanged = settings;
-        let loaded = Store::new(memory.clone()).load(&mut settings);
-        assert!(loaded || settings == unchanged);
-        loaded.then_some(settings)
+        Store::new(memory.clone()).load(&mut Link::new())
     }
 
     fn save(memory: &Memory, settings: &Settings) -> (Saving, u32) {
