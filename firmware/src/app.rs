@@ -8,7 +8,8 @@ use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
 use protocol::units::{CentiRpm, Count, Duty, Micros, Quaternion};
 use protocol::{
-    Calibration, Command, Fault, Info, Refusal, Reply, Request, ResetCause, Settings, State, Telemetry, VERSION,
+    Calibration, Command, Fault, Info, Message, Refusal, Reply, Request, ResetCause, Settings, State, Telemetry,
+    VERSION,
 };
 
 use crate::attitude::{self, Attitude};
@@ -104,38 +105,47 @@ where
     PWM: SetDutyCycle,
     STORAGE: Storage,
 {
-    /// Starts with the motors off and the settings that `storage` holds.
-    #[inline(never)]
-    pub fn new(bus: I2C, motors: Motors<PIN, PWM>, storage: STORAGE, build: Build, start: Start) -> Self {
-        let mut store = Store::new(storage);
-        let boot_count = store.count_start();
-        let stored = store.load();
-        let settings = stored.unwrap_or(Settings::DEFAULT);
-        let mut app = Self {
-            imu: Imu::new(bus, Config::from(&settings)),
+    /// With the motors off and the default settings; [`App::start`] is to follow.
+    pub fn new(bus: I2C, motors: Motors<PIN, PWM>, storage: STORAGE, build: Build) -> Self {
+        Self {
+            imu: Imu::new(bus),
             attitude: Attitude::default(),
             encoders: Default::default(),
             control: Default::default(),
             motors,
             link: Link::new(),
-            store,
+            store: Store::new(storage),
             latch: Latch::default(),
             speed_scale: 0.0,
             rate_scale: 0.0,
-            settings,
+            settings: Settings::DEFAULT,
             build,
-            reset_cause: reset_cause(start.crash, start.mcusr),
-            boot_count,
-            settings_stored: stored.is_some(),
+            reset_cause: ResetCause::Unknown,
+            boot_count: 0,
+            settings_stored: false,
             telemetry: Telemetry::default(),
             ticks_behind: 0,
             calibrating: None,
             calibration: Calibration::default(),
             save_request: 0,
-        };
-        app.rescale();
-        app.raise(start.crash.map(Crash::fault).unwrap_or_default());
-        app
+        }
+    }
+
+    /// Counts the start, loads the settings, sets up the sensor.
+    #[inline(never)]
+    pub fn start(&mut self, start: Start) {
+        self.boot_count = self.store.count_start();
+        if let Some(saved) = self.store.load(&mut self.link) {
+            self.settings = saved;
+            self.settings_stored = true;
+        }
+        // Whatever EEPROM held, it was not from the host.
+        self.link = Link::new();
+        self.reset_cause = reset_cause(start.crash, start.mcusr);
+        self.rescale();
+        self.imu.configure(Config::from(&self.settings));
+        self.imu.set_up_now();
+        self.raise(start.crash.map(Crash::fault).unwrap_or_default());
     }
 
     /// One tick of the control loop.
@@ -162,13 +172,8 @@ where
     /// one.
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut Outbox) {
-        let Some(request) = self.link.receive(byte, arrived) else { return };
-        let reply = match self.link.repetition(&request) {
-            Some(reply) => Some(reply),
-            None => self.carry_out(&request, arrived),
-        };
-        if let Some(reply) = reply {
-            self.link.answer(request.seq, reply, outbox);
+        if let Some(Ok(request)) = &self.link.receive(byte, arrived) {
+            self.respond(request, arrived, outbox);
         }
     }
 
@@ -179,36 +184,44 @@ where
         }
     }
 
+    #[inline(never)]
+    fn respond(&mut self, request: &Request, arrived: Micros, outbox: &mut Outbox) {
+        let answer = match self.link.repetition(request) {
+            Some(answer) => Some(answer),
+            None => self.carry_out(request, arrived),
+        };
+        if let Some(answer) = answer {
+            self.link.answer(&answer, outbox);
+        }
+    }
+
     /// Does what a request asks for. `None` where the answer comes later.
     #[inline(never)]
-    fn carry_out(&mut self, request: &Request, arrived: Micros) -> Option<Reply> {
-        let outcome = match &request.command {
-            Command::Hello => return Some(Reply::Info(self.info())),
-            Command::SetSpeeds(target) => self.set_speeds(*target),
+    fn carry_out(&mut self, request: &Request, arrived: Micros) -> Option<Message> {
+        let reply = match &request.command {
+            Command::Hello => Reply::Info(self.info()),
+            Command::SetSpeeds(target) => done(self.set_speeds(*target)),
             Command::Stop => {
                 self.stop();
-                Ok(())
+                Reply::Done
             }
-            Command::Stream { rate_hz } => self.link.set_stream(*rate_hz),
-            Command::CalibrateGyro { duration_ms } => self.begin_calibration(*duration_ms),
+            Command::Stream { rate_hz } => done(self.link.set_stream(*rate_hz)),
+            Command::CalibrateGyro { duration_ms } => done(self.begin_calibration(*duration_ms)),
             Command::ReadCalibration => match self.refuse_if_calibrating() {
-                Ok(()) => return Some(Reply::Calibration(self.calibration)),
-                refused => refused,
+                Ok(()) => Reply::Calibration(self.calibration),
+                Err(refusal) => Reply::Refused(refusal),
             },
-            Command::ReadSettings => return Some(Reply::Settings(self.settings)),
-            Command::WriteSettings(settings) => self.set_settings(settings),
+            Command::ReadSettings => Reply::Settings(self.settings),
+            Command::WriteSettings(settings) => done(self.set_settings(settings)),
             Command::SaveSettings => {
                 self.save_request = request.seq;
                 self.store.begin_save();
                 return None;
             }
-            Command::Ping => return Some(Reply::Pong(arrived)),
-            Command::ClearFault => self.clear_fault(),
+            Command::Ping => Reply::Pong(arrived),
+            Command::ClearFault => done(self.clear_fault()),
         };
-        Some(match outcome {
-            Ok(()) => Reply::Done,
-            Err(refusal) => Reply::Refused(refusal),
-        })
+        Some(Message::Reply { to: request.seq, reply })
     }
 
     fn count_ticks(&mut self, tick: &Tick) {
@@ -292,13 +305,14 @@ where
         self.control[motor].duty(self.telemetry.target[motor], self.telemetry.speed[motor], gains)
     }
 
+    #[inline(never)]
     fn save_settings(&mut self, outbox: &mut Outbox) {
         let reply = match self.store.step(&self.settings) {
             Saving::Idle | Saving::Busy => return,
             Saving::Done => Reply::Done,
             Saving::Failed => Reply::Refused(Refusal::EepromFailed),
         };
-        self.link.answer(self.save_request, reply, outbox);
+        self.link.answer(&Message::Reply { to: self.save_request, reply }, outbox);
     }
 
     #[inline(never)]
@@ -310,6 +324,7 @@ where
         }
     }
 
+    #[inline(never)]
     fn info(&self) -> Info {
         Info {
             protocol: VERSION,
@@ -428,6 +443,13 @@ where
 
     fn refuse_if_calibrating(&self) -> Result<(), Refusal> {
         if self.calibrating.is_some() { Err(Refusal::Calibrating) } else { Ok(()) }
+    }
+}
+
+fn done(outcome: Result<(), Refusal>) -> Reply {
+    match outcome {
+        Ok(()) => Reply::Done,
+        Err(refusal) => Reply::Refused(refusal),
     }
 }
 

@@ -50,17 +50,37 @@ impl Attitude {
             }
             return;
         }
-        let mut rates = rates;
+        let mut turn = rates;
+        for half_angle in &mut turn {
+            *half_angle *= 0.5 * dt;
+        }
         if is_up_known {
-            let error = cross(up, self.up());
+            self.correct(&mut turn, up, dt, gains);
+        }
+        self.turn(turn);
+    }
+
+    /// Adds to a turn what pulls the estimated direction of gravity towards `up`.
+    #[inline(never)]
+    fn correct(&mut self, turn: &mut [f32; 3], up: [f32; 3], dt: f32, gains: Gains) {
+        let error = cross(up, self.up());
+        let half = 0.5 * dt;
+        let kp = gains.kp * half;
+        for (half_angle, error) in turn.iter_mut().zip(error) {
+            *half_angle += kp * error;
+        }
+        if gains.ki != 0.0 {
             let ki = gains.ki * dt;
-            for ((rate, correction), error) in rates.iter_mut().zip(&mut self.correction).zip(error) {
+            for ((half_angle, correction), error) in turn.iter_mut().zip(&mut self.correction).zip(error) {
                 *correction += ki * error;
-                *rate += *correction + gains.kp * error;
+                *half_angle += *correction * half;
             }
         }
-        let half = 0.5 * dt;
-        let [x, y, z] = rates.map(|rate| rate * half);
+    }
+
+    /// Turns by twice these angles, in the small.
+    #[inline(never)]
+    fn turn(&mut self, [x, y, z]: [f32; 3]) {
         let [q0, q1, q2, q3] = self.quaternion;
         self.quaternion = [
             q0 - q1 * x - q2 * y - q3 * z,
@@ -81,10 +101,11 @@ impl Attitude {
 
     /// The attitude, in the resolution of the wire.
     pub fn quaternion(&self) -> Quaternion {
-        Quaternion(self.quaternion.map(|part| Q15(round_to_i16(part * 32768.0))))
+        Quaternion(self.quaternion.map(|part| Q15(round_to_i16(part, 15))))
     }
 
     /// The world's z axis in body axes: the last row of the rotation matrix.
+    #[inline(never)]
     fn up(&self) -> [f32; 3] {
         let [q0, q1, q2, q3] = self.quaternion;
         [2.0 * (q1 * q3 - q0 * q2), 2.0 * (q0 * q1 + q2 * q3), 2.0 * (q0 * q0 + q3 * q3) - 1.0]
@@ -92,6 +113,7 @@ impl Attitude {
 }
 
 /// The smallest rotation that takes the unit vector `up`, in body axes, to the world's z axis.
+#[inline(never)]
 fn levelled([x, y, z]: [f32; 3]) -> [f32; 4] {
     let mut quaternion = [1.0 + z, y, -x, 0.0];
     // Upside down, every horizontal axis is as good; take x.
@@ -101,6 +123,7 @@ fn levelled([x, y, z]: [f32; 3]) -> [f32; 4] {
     quaternion
 }
 
+#[inline(never)]
 fn cross([ax, ay, az]: [f32; 3], [bx, by, bz]: [f32; 3]) -> [f32; 3] {
     [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }
@@ -112,14 +135,18 @@ fn normalise(vector: &mut [f32]) -> bool {
     for part in &*vector {
         square += part * part;
     }
-    let has_direction = square > 1e-12 && square < 1e24;
-    if has_direction {
-        let scale = inverse_sqrt(square);
-        for part in vector {
-            *part *= scale;
-        }
+    let scale = if square > 0.995 && square < 1.005 {
+        // One step of Newton from 1, as a quaternion needs it after each turn.
+        1.5 - 0.5 * square
+    } else if square > 1e-12 && square < 1e24 {
+        inverse_sqrt(square)
+    } else {
+        return false;
+    };
+    for part in vector {
+        *part *= scale;
     }
-    has_direction
+    true
 }
 
 /// 1/√x to 5 millionths for positive normal x: a guess by halving the exponent, then two steps of Newton. It costs a third

@@ -65,14 +65,17 @@ impl GyroAverage {
         let mut plausible = true;
         let bias = self.axes.map(|axis| {
             let mean = axis.sum as f32 / samples;
-            variance = variance.max(axis.square_sum / samples - mean * mean);
+            let of_axis = axis.square_sum / samples - mean * mean;
+            if of_axis > variance {
+                variance = of_axis;
+            }
             let bias = f32::from(axis.first) + mean;
             plausible &= bias.abs() <= STILL_BIAS_DPS * counts_per_dps;
             bias
         });
         let noise = if variance > 0.0 { variance * inverse_sqrt(variance) } else { 0.0 };
         let still = plausible && noise <= STILL_NOISE_DPS * counts_per_dps;
-        Calibration { still, bias, noise: round_to_i16(noise).unsigned_abs(), samples: self.samples }
+        Calibration { still, bias, noise: round_to_i16(noise, 0).unsigned_abs(), samples: self.samples }
     }
 }
 

@@ -61,7 +61,7 @@ impl Encoder {
 
     /// Speed.
     pub fn speed(&self) -> CentiRpm {
-        CentiRpm(round_to_i16(self.speed))
+        CentiRpm(round_to_i16(self.speed, 0))
     }
 
     /// Position as the encoder counts it.

@@ -9,7 +9,7 @@
 //! | seen | then |
 //! | --- | --- |
 //! | a transaction fails | the next tick tries again; [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] in the end |
-//! | all values zero, or the configuration is not ours (looked at once a second) | the sensor lost its supply: set it up again; [`Fault::ImuFrozen`] in the end |
+//! | all values zero, or the divider of the sample rate not ours (looked at once a second) | the sensor lost its supply: set it up again; [`Fault::ImuFrozen`] in the end |
 //! | the same 14 bytes for [`FROZEN_TICKS`] | [`Fault::ImuFrozen`], and set it up again |
 //! | WHO_AM_I is not 0x68 | a clone or a relative: used, and reported in the handshake |
 
@@ -34,7 +34,7 @@ const SETTLING_TICKS: u8 = 10;
 /// Readings between two looks at the configuration.
 const CHECK_INTERVAL: u8 = protocol::TICK_HZ;
 
-/// Divider of the sample rate, and with the next three registers what is checked.
+/// Divider of the sample rate.
 const SMPLRT_DIV: u8 = 0x19;
 
 /// 200 samples per second from 1 kHz.
@@ -42,9 +42,6 @@ const DIVIDER: u8 = 4;
 
 /// PWR_MGMT_1: awake, everything on, clock from the x gyroscope, which is steadier than the internal oscillator.
 const AWAKE: u8 = 0x01;
-
-/// FS_SEL of GYRO_CONFIG and AFS_SEL of ACCEL_CONFIG.
-const RANGE_MASK: u8 = 0b0001_1000;
 
 /// One sample.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -120,11 +117,11 @@ pub struct Imu<I2C> {
 }
 
 impl<I2C: I2c> Imu<I2C> {
-    /// Sets the sensor up; where that fails, [`Imu::poll`] goes on trying.
-    pub fn new(bus: I2C, config: Config) -> Self {
-        let mut imu = Self {
+    /// On its bus, not yet set up.
+    pub fn new(bus: I2C) -> Self {
+        Self {
             sensor: Mpu6050::new(bus.reverse()),
-            config,
+            config: Config::from(&Settings::DEFAULT),
             phase: Phase::SetUp(0),
             id: 0,
             last: Reading::default(),
@@ -132,18 +129,21 @@ impl<I2C: I2c> Imu<I2C> {
             silence: 0,
             fault: Fault::None,
             errors: 0,
-        };
-        for _ in 0..STEPS {
-            imu.poll();
         }
-        imu
     }
 
-    /// Puts another configuration in force.
+    /// Puts a configuration in force.
     pub fn configure(&mut self, config: Config) {
         if self.config != config {
             self.config = config;
             self.phase = Phase::SetUp(0);
+        }
+    }
+
+    /// Takes all steps of set-up at once; where one fails, [`Imu::poll`] goes on trying.
+    pub fn set_up_now(&mut self) {
+        for _ in 0..STEPS {
+            self.poll();
         }
     }
 
@@ -206,8 +206,9 @@ impl<I2C: I2c> Imu<I2C> {
 
     #[inline(never)]
     fn sample(&mut self, checked: u8) -> Result<Reading, Trouble> {
-        if checked == 0 {
-            self.check_config()?;
+        // A loss of supply takes the whole configuration; the divider is the part of it that is never zero.
+        if checked == 0 && self.sensor.read_byte(SMPLRT_DIV)? != DIVIDER {
+            return Err(Trouble::LostConfig);
         }
         self.phase = Phase::Sampling(if checked == 0 { CHECK_INTERVAL } else { checked - 1 });
         let mut bytes = [0; 14];
@@ -225,20 +226,6 @@ impl<I2C: I2c> Imu<I2C> {
         self.repeats = if reading == self.last { self.repeats.saturating_add(1) } else { 0 };
         self.last = reading;
         if self.repeats >= FROZEN_TICKS { Err(Trouble::Frozen) } else { Ok(reading) }
-    }
-
-    /// Whether the sensor still has the configuration that set-up gave it; a loss of power takes all of it.
-    #[inline(never)]
-    fn check_config(&mut self) -> Result<(), Trouble> {
-        let mut config = [0; 4];
-        self.sensor.read_bytes(SMPLRT_DIV, &mut config)?;
-        let Config { gyro_range, accel_range, low_pass } = self.config;
-        let [divider, filter, gyro, accel] = config;
-        let as_set_up = divider == DIVIDER
-            && filter == low_pass
-            && gyro & RANGE_MASK == (gyro_range as u8) << 3
-            && accel & RANGE_MASK == (accel_range as u8) << 3;
-        if as_set_up { Ok(()) } else { Err(Trouble::LostConfig) }
     }
 
     fn note(&mut self, trouble: Trouble) {

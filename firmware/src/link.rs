@@ -52,57 +52,54 @@ impl Link {
         }
     }
 
-    /// Takes a byte from the host. `arrived` is when the frame ended, if this byte ends one.
-    pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<Request> {
-        match self.accumulator.push(byte)? {
-            Ok(request) => {
-                self.heard = arrived;
-                Some(request)
-            }
-            Err(FrameError::Foreign(_)) => {
-                // Intact, so the host is alive.
-                self.heard = arrived;
-                None
-            }
-            Err(_) => {
-                self.bad_frames = self.bad_frames.wrapping_add(1);
-                None
-            }
+    /// Takes a byte from the host, and answers the frame that it ends. `arrived` is when that was.
+    #[inline(never)]
+    pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<Result<Request, FrameError>> {
+        let received = self.accumulator.push(byte);
+        match &received {
+            // Also an intact frame of another protocol tells that the host is alive.
+            Some(Ok(_) | Err(FrameError::Foreign(_))) => self.heard = arrived,
+            Some(Err(_)) => self.bad_frames = self.bad_frames.wrapping_add(1),
+            None => {}
         }
+        received
     }
 
     /// The answer to repeat, where `request` is the one before once more; `None` where it is to be carried out, which is
     /// then remembered.
-    pub fn repetition(&mut self, request: &Request) -> Option<Reply> {
+    pub fn repetition(&mut self, request: &Request) -> Option<Message> {
         // A host that starts anew may begin with the number that the one before ended with.
         if request.command != Command::Hello
             && let Some((seq, answer)) = self.last
             && seq == request.seq
         {
-            return match answer {
-                Answer::Open => None,
-                Answer::Done => Some(Reply::Done),
-                Answer::Refused(refusal) => Some(Reply::Refused(refusal)),
-                Answer::Pong(time) => Some(Reply::Pong(time)),
+            let reply = match answer {
+                Answer::Open => return None,
+                Answer::Done => Reply::Done,
+                Answer::Refused(refusal) => Reply::Refused(refusal),
+                Answer::Pong(time) => Reply::Pong(time),
             };
+            return Some(Message::Reply { to: seq, reply });
         }
         self.last = Some((request.seq, Answer::Open));
         None
     }
 
-    /// Answers the request numbered `to`. An answer for which there is no room is not sent: the host will ask again.
-    pub fn answer(&mut self, to: u8, reply: Reply, outbox: &mut Outbox) {
-        if let Some((seq, answer)) = &mut self.last
-            && *seq == to
+    /// Sends an answer. One for which there is no room is not sent: the host will ask again.
+    #[inline(never)]
+    pub fn answer(&mut self, message: &Message, outbox: &mut Outbox) {
+        if let Message::Reply { to, reply } = message
+            && let Some((seq, answer)) = &mut self.last
+            && seq == to
         {
             *answer = match reply {
                 Reply::Done => Answer::Done,
-                Reply::Refused(refusal) => Answer::Refused(refusal),
-                Reply::Pong(time) => Answer::Pong(time),
+                Reply::Refused(refusal) => Answer::Refused(*refusal),
+                Reply::Pong(time) => Answer::Pong(*time),
                 Reply::Info(_) | Reply::Settings(_) | Reply::Calibration(_) => Answer::Open,
             };
         }
-        send(&Message::Reply { to, reply }, outbox);
+        send(message, outbox);
     }
 
     /// Whether the host has been silent for longer than `deadline_ms`.
@@ -138,6 +135,7 @@ impl Link {
     }
 
     /// Sends a frame of the stream; the counts that the link keeps are filled in here.
+    #[inline(never)]
     pub fn stream(&mut self, telemetry: &mut Telemetry, outbox: &mut Outbox) {
         telemetry.seq = Count(self.seq);
         telemetry.unsent = Count(self.unsent);
@@ -159,13 +157,18 @@ impl Default for Link {
 #[inline(never)]
 fn send(message: &Message, outbox: &mut Outbox) -> bool {
     let mut buffer = [0; MAX_FRAME];
-    let Ok(bytes) = frame::encode(message, &mut buffer) else { return false };
-    let room = outbox.capacity() - outbox.len();
-    let fits = bytes.len() <= room;
+    let frame = encode(message, &mut buffer);
+    let fits = frame.len() <= outbox.capacity() - outbox.len();
     if fits {
-        for byte in bytes {
+        for byte in frame {
             outbox.enqueue(*byte).ok();
         }
     }
     fits
+}
+
+#[inline(never)]
+fn encode<'a>(message: &Message, buffer: &'a mut [u8]) -> &'a [u8] {
+    // Every message fits: the protocol's tests say so.
+    frame::encode(message, buffer).map(|frame| &*frame).unwrap_or_default()
 }

@@ -8,11 +8,16 @@ mod board;
 
 #[cfg(target_arch = "avr")]
 mod nano {
+    use core::mem::MaybeUninit;
+
     use avr_device::atmega328p::Peripherals;
     use avr_device::interrupt;
     use firmware::app::{App, Build, Start, Tick};
+    use firmware::link::Outbox;
 
     use crate::board::eeprom::Eeprom;
+    use crate::board::outputs::{Pin, Pwm};
+    use crate::board::serial::Inbox;
     use crate::board::twi::Twi;
     use crate::board::{clock, crash, encoders, outputs, reset_registers, serial, test_point};
 
@@ -28,6 +33,9 @@ mod nano {
     #[unsafe(link_section = ".progmem.data")]
     static MARKER: [u8; 26] = marker();
 
+    /// Not on the stack: what lies deeper there than 63 bytes takes five instructions more at each access.
+    static mut APP: MaybeUninit<App<Twi, Pin, Pwm, Eeprom>> = MaybeUninit::uninit();
+
     const HASH: &[u8; 8] = match env!("BIFLAG_GIT_HASH").as_bytes().first_chunk() {
         Some(digits) => digits,
         None => panic!("the hash of a commit has eight digits"),
@@ -38,8 +46,20 @@ mod nano {
 
     #[avr_device::entry]
     fn main() -> ! {
-        // SAFETY: interrupts are off and this is the only place that takes the peripherals. `take` would refuse after a
-        // start by a jump.
+        // SAFETY: interrupts are off, and this is the only call.
+        let (inbox, outbox) = unsafe { set_up() };
+        // SAFETY: `set_up` has made it, and only this loop uses it.
+        let app = unsafe { (*(&raw mut APP)).assume_init_mut() };
+        run(app, inbox, outbox)
+    }
+
+    /// Makes and starts everything, the interrupts last. Apart from the loop, which so has a short stack.
+    ///
+    /// # Safety
+    /// Only once, and with interrupts off.
+    #[inline(never)]
+    unsafe fn set_up() -> (Inbox, Outbox<'static>) {
+        // SAFETY: this is the only place that takes the peripherals. `take` would refuse after a start by a jump.
         let peripherals = unsafe { Peripherals::steal() };
         reset_registers(&peripherals);
         let start =
@@ -49,17 +69,22 @@ mod nano {
         core::hint::black_box(&MARKER);
 
         // SAFETY: this runs once, and interrupts are off.
-        let serial::Ends { mut inbox, mut outbox } = unsafe { serial::start(&peripherals.USART0) };
+        let ends = unsafe { serial::start(&peripherals.USART0) };
         encoders::start(&peripherals.EXINT, &peripherals.PORTD);
         let motors = outputs::motors((peripherals.TC0, peripherals.TC2), (peripherals.PORTB, peripherals.PORTD));
         let bus = Twi::new(peripherals.TWI, peripherals.PORTC);
-        let mut app = App::new(bus, motors, Eeprom::new(peripherals.EEPROM), BUILD, start);
+        // SAFETY: nothing else uses the place yet.
+        let app = unsafe { (*(&raw mut APP)).write(App::new(bus, motors, Eeprom::new(peripherals.EEPROM), BUILD)) };
+        app.start(start);
 
         clock::start(&peripherals.TC1);
         crash::start_watchdog(&peripherals.WDT);
         // SAFETY: everything that interrupts use is set up.
         unsafe { interrupt::enable() };
+        ends
+    }
 
+    fn run(app: &mut App<Twi, Pin, Pwm, Eeprom>, mut inbox: Inbox, mut outbox: Outbox<'static>) -> ! {
         loop {
             app.watch_link(clock::now());
             let due = clock::take_due();

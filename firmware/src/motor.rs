@@ -69,7 +69,7 @@ impl SpeedControl {
         let proportional = gains.kp * error_rpm;
         let integral = self.integral + gains.ki * error_rpm * TICK_S;
         let duty = proportional + integral;
-        let limited = round_to_i16(duty).clamp(-Duty::FULL.0, Duty::FULL.0);
+        let limited = round_to_i16(duty, 0).clamp(-Duty::FULL.0, Duty::FULL.0);
         // Against wind-up: while the bridge is at its limit, the integral only moves away from it.
         if limited.abs() < Duty::FULL.0 || duty * error_rpm < 0.0 {
             self.integral = integral;
@@ -198,7 +198,7 @@ mod tests {
         }
         assert_eq!(
             control.duty(CentiRpm(9000), CentiRpm(0), Gains { kp: 0.0, ki: 0.0 }).0,
-            round_to_i16(control.integral)
+            round_to_i16(control.integral, 0)
         );
     }
 

@@ -12,7 +12,10 @@
 //! of starts goes round eight places, and a write that loses power costs no more than a wrong count.
 
 use protocol::frame::{self, MAX_FRAME};
+use protocol::units::Micros;
 use protocol::{Command, Request, Settings, VERSION};
+
+use crate::link::Link;
 
 const SETTINGS_ADDRESS: u16 = 0;
 const COUNTS_ADDRESS: u16 = 128;
@@ -56,17 +59,15 @@ impl<S: Storage> Store<S> {
         Self { storage, writes: None }
     }
 
-    /// The settings that were saved; `None` where there are none that hold.
+    /// The settings that were saved; `None` where there are none that hold. They are read by `link`, as if the host had
+    /// sent them.
     #[inline(never)]
-    pub fn load(&mut self) -> Option<Settings> {
-        let mut bytes = [0; MAX_FRAME];
-        for (address, byte) in (SETTINGS_ADDRESS..).zip(&mut bytes) {
-            *byte = self.storage.read(address);
-        }
-        let length = bytes.iter().position(|byte| *byte == 0)?;
-        match frame::decode(bytes.get_mut(..length)?) {
-            Ok(Request { seq: VERSION, command: Command::WriteSettings(settings) }) if settings.is_valid() => {
-                Some(settings)
+    pub fn load(&mut self, link: &mut Link) -> Option<Settings> {
+        let bytes = SETTINGS_ADDRESS..SETTINGS_ADDRESS + MAX_FRAME as u16;
+        let frame = bytes.map(|address| self.storage.read(address)).find_map(|byte| link.receive(byte, Micros(0)));
+        match frame {
+            Some(Ok(Request { seq: VERSION, command: Command::WriteSettings(saved) })) if saved.is_valid() => {
+                Some(saved)
             }
             _ => None,
         }
@@ -83,10 +84,8 @@ impl<S: Storage> Store<S> {
     pub fn step(&mut self, settings: &Settings) -> Saving {
         let Some(writes) = self.writes else { return Saving::Idle };
         let mut buffer = [0; MAX_FRAME];
-        let request = Request { seq: VERSION, command: Command::WriteSettings(*settings) };
-        let wanted = frame::encode(&request, &mut buffer).unwrap_or_default();
-        let difference =
-            (SETTINGS_ADDRESS..).zip(&*wanted).find(|(address, byte)| self.storage.read(*address) != **byte);
+        let wanted = encode(settings, &mut buffer);
+        let difference = (SETTINGS_ADDRESS..).zip(wanted).find(|(address, byte)| self.storage.read(*address) != **byte);
         let outcome = match difference {
             None => Saving::Done,
             Some(_) if writes >= MAX_WRITES => Saving::Failed,
@@ -119,6 +118,12 @@ impl<S: Storage> Store<S> {
         }
         count
     }
+}
+
+#[inline(never)]
+fn encode<'a>(settings: &Settings, buffer: &'a mut [u8]) -> &'a [u8] {
+    let request = Request { seq: VERSION, command: Command::WriteSettings(*settings) };
+    frame::encode(&request, buffer).map(|frame| &*frame).unwrap_or_default()
 }
 
 fn address_of(place: u16) -> u16 {
@@ -158,6 +163,10 @@ pub(crate) mod tests {
         }
     }
 
+    fn load(memory: &Memory) -> Option<Settings> {
+        Store::new(memory.clone()).load(&mut Link::new())
+    }
+
     fn save(memory: &Memory, settings: &Settings) -> (Saving, u32) {
         let mut store = Store::new(memory.clone());
         store.begin_save();
@@ -170,10 +179,10 @@ pub(crate) mod tests {
 
     #[test]
     fn a_blank_memory_gives_no_settings() {
-        assert_eq!(Store::new(Memory::blank()).load(), None);
+        assert_eq!(load(&Memory::blank()), None);
         let zero = Memory::blank();
         zero.bytes.borrow_mut().fill(0);
-        assert_eq!(Store::new(zero).load(), None);
+        assert_eq!(load(&zero), None);
     }
 
     #[test]
@@ -182,7 +191,7 @@ pub(crate) mod tests {
         let (saving, ticks) = save(&memory, &other());
         assert_eq!(saving, Saving::Done);
         assert!(ticks <= 60, "{ticks}");
-        assert_eq!(Store::new(memory.clone()).load(), Some(other()));
+        assert_eq!(load(&memory), Some(other()));
         assert!(memory.writes.borrow().iter().all(|writes| *writes <= 1));
         assert_eq!(save(&memory, &other()), (Saving::Done, 1), "nothing differs, so nothing is written");
         assert_eq!(Store::new(memory).step(&other()), Saving::Idle);
@@ -195,7 +204,7 @@ pub(crate) mod tests {
         let length = memory.bytes.borrow().iter().position(|byte| *byte == 0).unwrap();
         for bit in 0..8 * length {
             memory.bytes.borrow_mut()[bit / 8] ^= 1 << (bit % 8);
-            assert_eq!(Store::new(memory.clone()).load(), None, "bit {bit}");
+            assert_eq!(load(&memory), None, "bit {bit}");
             memory.bytes.borrow_mut()[bit / 8] ^= 1 << (bit % 8);
         }
     }
@@ -210,7 +219,7 @@ pub(crate) mod tests {
             for _ in 0..cut {
                 store.step(&Settings::DEFAULT);
             }
-            let loaded = Store::new(memory).load();
+            let loaded = load(&memory);
             assert!([None, Some(other()), Some(Settings::DEFAULT)].contains(&loaded), "{loaded:?}");
         }
     }
@@ -227,7 +236,7 @@ pub(crate) mod tests {
             let mut buffer = [0; MAX_FRAME];
             let bytes = frame::encode(&request, &mut buffer).unwrap();
             memory.bytes.borrow_mut()[..bytes.len()].copy_from_slice(bytes);
-            assert_eq!(Store::new(memory).load(), None);
+            assert_eq!(load(&memory), None);
         }
     }
 

@@ -4,7 +4,7 @@ use core::cell::{Cell, UnsafeCell};
 
 use avr_device::atmega328p::USART0;
 use avr_device::interrupt::{self, CriticalSection, Mutex};
-use firmware::link::OUTBOX;
+use firmware::link::{OUTBOX, Outbox};
 use heapless::spsc::{Consumer, Producer, Queue};
 use protocol::BAUD;
 use protocol::units::Micros;
@@ -30,19 +30,14 @@ static RECEIVED: Shared<Option<Producer<'static, u8, INBOX>>> = Shared(UnsafeCel
 static TO_SEND: Shared<Option<Consumer<'static, u8, OUTBOX>>> = Shared(UnsafeCell::new(None));
 static FRAME_END: Mutex<Cell<Micros>> = Mutex::new(Cell::new(Micros(0)));
 
-/// Main's ends of the queues.
-pub struct Ends {
-    /// What the host sent.
-    pub inbox: Consumer<'static, u8, INBOX>,
-    /// What goes to the host.
-    pub outbox: Producer<'static, u8, OUTBOX>,
-}
+/// What the host sent.
+pub type Inbox = Consumer<'static, u8, INBOX>;
 
-/// Starts the port.
+/// Starts the port. Answers main's ends of the queues.
 ///
 /// # Safety
 /// Only once, and with interrupts off.
-pub unsafe fn start(usart: &USART0) -> Ends {
+pub unsafe fn start(usart: &USART0) -> (Inbox, Outbox<'static>) {
     // SAFETY: nothing else holds a reference into these cells yet.
     let (inbox, outbox) = unsafe {
         let (producer, inbox) = (*INBOX_QUEUE.0.get()).split();
@@ -56,7 +51,7 @@ pub unsafe fn start(usart: &USART0) -> Ends {
     usart.ubrr0().write(|write| unsafe { write.bits(DIVIDER) });
     usart.ucsr0c().write(|write| write.ucsz0().chr8());
     usart.ucsr0b().write(|write| write.rxcie0().set_bit().rxen0().set_bit().txen0().set_bit());
-    Ends { inbox, outbox }
+    (inbox, outbox)
 }
 
 /// Stops it.
