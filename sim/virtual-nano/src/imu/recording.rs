@@ -16,6 +16,10 @@ const GAP_S: f64 = 0.050;
 /// How much of the beginning and of the end tells how the sensor lay, s.
 const REST_S: f64 = 0.5;
 
+/// Readings that vary less than this are those of a sensor that lies still: three times the noise that the data sheet
+/// gives for all axes together, at ±250 °/s.
+const STILL_COUNTS: f64 = 60.0;
+
 /// A sample.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Sample {
@@ -109,7 +113,7 @@ impl Recording {
         if samples.len() < 2 {
             return Err(incomplete("fewer than two samples"));
         }
-        let gyro_at_rest = gyro_at_rest.unwrap_or_else(|| quietest(&samples));
+        let gyro_at_rest = gyro_at_rest.unwrap_or_else(|| bias(&samples));
         Ok(Self {
             accel_range: accel_range
                 .ok_or_else(|| incomplete("no comment `accel full scale +-N g` with 2, 4, 8 or 16"))?,
@@ -230,21 +234,28 @@ fn mean<'a>(samples: impl Iterator<Item = &'a Sample>) -> Sample {
     }
 }
 
-/// The gyroscope's mean over the stretch of [`REST_S`] in which it varies least: the best guess of its bias that a
-/// recording of a movement allows.
-fn quietest(samples: &[Sample]) -> [f64; 3] {
-    let windows = samples.iter().enumerate().step_by(5).map(|(start, first)| {
-        let length = samples[start..].partition_point(|sample| sample.time_s < first.time_s + REST_S);
-        &samples[start..start + length]
-    });
-    let full = windows.filter(|window| window.len() > 10);
-    let spread = |window: &[Sample]| {
-        let mean = mean(window.iter()).gyro;
-        let square = |sample: &Sample| (0..3).map(|axis| (sample.gyro[axis] - mean[axis]).powi(2)).sum::<f64>();
-        window.iter().map(square).sum::<f64>() / window.len() as f64
+/// The best guess of the gyroscope's bias that a recording allows: its mean over the beginning, as long as the sensor lies
+/// still there; else over the stretch of [`REST_S`] in which it varies least, if it lies still in that; else nothing.
+fn bias(samples: &[Sample]) -> [f64; 3] {
+    let stretch = |start: usize, length_s: f64| {
+        let end_s = samples[start].time_s + length_s;
+        &samples[start..samples.partition_point(|sample| sample.time_s < end_s)]
     };
-    let best = full.min_by(|a, b| spread(a).total_cmp(&spread(b)));
-    mean(best.unwrap_or(samples).iter()).gyro
+    let still = |window: &&[Sample]| window.len() > 10 && spread(window) < STILL_COUNTS;
+    let beginnings = (1..=20).map(|halves| stretch(0, f64::from(halves) * REST_S));
+    if let Some(beginning) = beginnings.take_while(still).last() {
+        return mean(beginning.iter()).gyro;
+    }
+    let windows = (0..samples.len()).step_by(5).map(|start| stretch(start, REST_S)).filter(still);
+    let best = windows.min_by(|a, b| spread(a).total_cmp(&spread(b)));
+    best.map_or([0.0; 3], |window| mean(window.iter()).gyro)
+}
+
+/// Standard deviation of the gyroscope's readings, counts, all axes together.
+fn spread(window: &[Sample]) -> f64 {
+    let mean = mean(window.iter()).gyro;
+    let square = |sample: &Sample| (0..3).map(|axis| (sample.gyro[axis] - mean[axis]).powi(2)).sum::<f64>();
+    (window.iter().map(square).sum::<f64>() / window.len() as f64).sqrt()
 }
 
 #[cfg(test)]
@@ -277,6 +288,22 @@ mod tests {
         assert_eq!(error("1,1,2,3,4,5,6,7\n"), "x.csv: fewer than two samples");
         let no_header = Recording::parse(&format!("{COLUMNS}\n0,1,2,3,4,5,6,7\n1,1,2,3,4,5,6,7"), Path::new("x.csv"));
         assert!(no_header.unwrap_err().to_string().contains("accel full scale"));
+    }
+
+    #[test]
+    fn the_bias_is_the_mean_of_a_still_beginning() {
+        let sample =
+            |i: usize, rate: f64| Sample { time_s: i as f64 * 0.01, gyro: [rate, 0.0, 0.0], ..Sample::default() };
+        let noise = |i: usize| if i.is_multiple_of(2) { 10.0 } else { -10.0 };
+        let turns = |i: usize| 3000.0 * (i as f64 * 0.01).sin();
+        let still_first: Vec<Sample> =
+            (0..800).map(|i| sample(i, 40.0 + noise(i) + if i < 400 { 0.0 } else { turns(i) })).collect();
+        assert!((bias(&still_first)[0] - 40.0).abs() < 1.0);
+        let still_last: Vec<Sample> =
+            (0..800).map(|i| sample(i, 40.0 + noise(i) + if i > 400 { 0.0 } else { turns(i) })).collect();
+        assert!((bias(&still_last)[0] - 40.0).abs() < 1.0);
+        let never_still: Vec<Sample> = (0..800).map(|i| sample(i, 40.0 + 100.0 * noise(i))).collect();
+        assert_eq!(bias(&never_still), [0.0; 3]);
     }
 
     #[test]
