@@ -1,7 +1,8 @@
 //! What the robot does: [`App::tick`] reads as its table of contents.
 //!
-//! The binary calls [`App::tick`] every 5 ms, [`App::receive`] for every byte from the host, and [`App::watch_link`]
-//! before and after each tick, so that the motors stop less than a tick after the host's deadline.
+//! The binary calls [`App::tick`] every 5 ms and [`App::after_tick`] behind it, [`App::receive`] for every byte from the
+//! host, and [`App::watch_link`] before and after each of them, so that the motors stop less than a tick after the host's
+//! deadline.
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
@@ -63,8 +64,6 @@ pub enum Stage {
     Attitude = 0x12,
     /// Measuring the speeds and setting the bridges.
     Motors = 0x13,
-    /// Going on with a save of the settings.
-    Settings = 0x14,
     /// Sending telemetry: the tick ends.
     Telemetry = 0x15,
 }
@@ -162,10 +161,19 @@ where
         self.measure_speed(1, tick);
         self.drive_motors();
         mark(Stage::Motors);
-        self.save_settings(outbox);
-        mark(Stage::Settings);
         self.report(outbox);
         mark(Stage::Telemetry);
+    }
+
+    /// What has time until after a tick: goes on with a save of the settings.
+    #[inline(never)]
+    pub fn after_tick(&mut self, outbox: &mut Outbox) {
+        let reply = match self.store.step(&self.settings) {
+            Saving::Idle | Saving::Busy => return,
+            Saving::Done => Reply::Done,
+            Saving::Failed => Reply::Refused(Refusal::EepromFailed),
+        };
+        self.link.answer(&Message::Reply { to: self.save_request, reply }, outbox);
     }
 
     /// Takes a byte from the host, and answers the request that it ends. `arrived` is when the frame ended, if it ends
@@ -303,16 +311,6 @@ where
     fn next_duty(&mut self, motor: usize) -> Duty {
         let gains = motor::Gains { kp: self.settings.speed_kp, ki: self.settings.speed_ki };
         self.control[motor].duty(self.telemetry.target[motor], self.telemetry.speed[motor], gains)
-    }
-
-    #[inline(never)]
-    fn save_settings(&mut self, outbox: &mut Outbox) {
-        let reply = match self.store.step(&self.settings) {
-            Saving::Idle | Saving::Busy => return,
-            Saving::Done => Reply::Done,
-            Saving::Failed => Reply::Refused(Refusal::EepromFailed),
-        };
-        self.link.answer(&Message::Reply { to: self.save_request, reply }, outbox);
     }
 
     #[inline(never)]

@@ -1,14 +1,15 @@
 //! The MPU6050: set-up, one reading a tick, and every way in which it fails.
 //!
 //! Registers are those of InvenSense's register map RM-MPU-6000A-00. A reading is one burst of 14 bytes from
-//! ACCEL_XOUT_H, so that all seven values belong to one sample. Values are counts, sensor axes.
+//! ACCEL_XOUT_H, so that all seven values belong to one sample, and of one byte more as a check. Values are counts, sensor
+//! axes.
 //!
 //! Nothing here waits: set-up takes one step a tick, and a transaction that fails is tried again in the next tick. What
 //! goes wrong is counted; it becomes a fault when there was no good reading for [`PATIENCE_TICKS`]:
 //!
 //! | seen | then |
 //! | --- | --- |
-//! | a transaction fails | the next tick tries again; [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] in the end |
+//! | a transaction fails, or the sensor falls silent within one | the next tick tries again; [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] in the end |
 //! | all values zero, or the divider of the sample rate not ours (looked at once a second) | the sensor lost its supply: set it up again; [`Fault::ImuFrozen`] in the end |
 //! | the same 14 bytes for [`FROZEN_TICKS`] | [`Fault::ImuFrozen`], and set it up again |
 //! | WHO_AM_I is not 0x68 | a clone or a relative: used, and reported in the handshake |
@@ -42,6 +43,10 @@ const DIVIDER: u8 = 4;
 
 /// PWR_MGMT_1: awake, everything on, clock from the x gyroscope, which is steadier than the internal oscillator.
 const AWAKE: u8 = 0x01;
+
+/// What the bus reads where nobody drives it. The register behind the sample, EXT_SENS_DATA_00, is zero, and reading it
+/// along tells whether the sensor was there to the end: it acknowledges nothing while it sends.
+const SILENCE: u8 = 0xFF;
 
 /// One sample.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -211,8 +216,12 @@ impl<I2C: I2c> Imu<I2C> {
             return Err(Trouble::LostConfig);
         }
         self.phase = Phase::Sampling(if checked == 0 { CHECK_INTERVAL } else { checked - 1 });
-        let mut bytes = [0; 14];
+        let mut bytes = [0; 15];
         self.sensor.read_bytes(ACC_REGX_H, &mut bytes)?;
+        let [bytes @ .., after] = bytes;
+        if after == SILENCE {
+            return Err(Trouble::Silent);
+        }
         // Accelerometer and gyroscope never read exactly zero on six axes: these are the registers of a sleeping sensor.
         if bytes == [0; 14] {
             return Err(Trouble::LostConfig);

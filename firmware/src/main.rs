@@ -93,6 +93,7 @@ mod nano {
                 let edges = encoders::edges();
                 let tick = Tick { time: clock::now(), missed: due - 1, edges };
                 app.tick(&tick, &mut outbox, test_point::mark);
+                app.after_tick(&mut outbox);
                 crash::feed_watchdog();
                 serial::send();
             } else if let Some(byte) = inbox.dequeue() {

@@ -1,10 +1,10 @@
 //! The two-wire interface as a master at 400 kHz (section 22), with an end to all waiting and a way out of a stuck bus.
 //!
-//! A transaction may wait [`PATIENCE`] in all; a burst of 14 bytes needs half of it. A device that was interrupted in the
+//! A transaction may wait for [`PATIENCE`] in all; a sample of the IMU takes 0.43 ms. A device that was interrupted in the
 //! middle of a byte holds SDA low until it has got its clock pulses: after a bus error, up to nine pulses and a STOP free
 //! it (NXP UM10204, section 3.1.16).
 
-use avr_device::atmega328p::{PORTC, TWI};
+use avr_device::atmega328p::{PORTC, TC0, TWI};
 use embedded_hal::i2c::{self, ErrorKind, I2c, NoAcknowledgeSource, Operation};
 
 use super::CPU_HZ;
@@ -13,8 +13,8 @@ const BUS_HZ: u32 = 400_000;
 /// SCL runs at the crystal's frequency by 16 and twice this.
 const TWBR: u8 = ((CPU_HZ / BUS_HZ - 16) / 2) as u8;
 
-/// Turns of the waiting loop in one transaction, about 9 cycles each: 0.9 ms.
-const PATIENCE: u16 = 1600;
+/// In counts of timer 0, which makes a PWM and so runs always: 0.7 ms.
+const PATIENCE: u8 = (CPU_HZ / 64 * 7 / 10_000) as u8;
 
 /// Half a period of the recovery's pulses, 5 µs.
 const HALF_PULSE_CYCLES: u32 = CPU_HZ / 200_000;
@@ -64,7 +64,7 @@ impl i2c::Error for Error {
 pub struct Twi {
     registers: TWI,
     lines: PORTC,
-    patience: u16,
+    patience: u8,
 }
 
 impl Twi {
@@ -82,8 +82,11 @@ impl Twi {
 
     /// Waits while TWCR, masked, has this value.
     fn wait_while(&mut self, mask: u8, value: u8) -> Result<(), Error> {
+        let mut last = time();
         while self.registers.twcr().read().bits() & mask == value {
-            self.patience = self.patience.checked_sub(1).ok_or(Error::Bus)?;
+            let now = time();
+            self.patience = self.patience.checked_sub(now.wrapping_sub(last)).ok_or(Error::Bus)?;
+            last = now;
         }
         Ok(())
     }
@@ -187,6 +190,12 @@ impl Twi {
         self.lines.ddrc().modify(|read, write| unsafe { write.bits(read.bits() & !mask | low) });
         avr_device::asm::delay_cycles(HALF_PULSE_CYCLES);
     }
+}
+
+/// Counts of 4 µs.
+fn time() -> u8 {
+    // SAFETY: only reads.
+    unsafe { TC0::steal() }.tcnt0().read().bits()
 }
 
 impl i2c::ErrorType for Twi {
