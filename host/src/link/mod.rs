@@ -8,14 +8,16 @@
 //! The thread does nothing that can block but reading the port, so a slow disk delays neither the keep-alive that the
 //! motors' deadline waits for nor the reading of a byte.
 
+mod client;
 mod clock;
 mod error;
 mod monitor;
 mod port;
 mod worker;
 
+pub use client::Link;
 pub use clock::{BoardClock, ClockFit, PingClock};
 pub use error::{LinkError, refusal_text};
 pub use monitor::{Gap, Monitor};
 pub use port::{choose as choose_port, probe as probe_port, robots as robot_ports};
-pub use worker::{Event, Exchange, Link, Received};
+pub use worker::{Event, Exchange, Received};

@@ -1,14 +1,11 @@
-//! The thread that owns the port.
+//! The thread that owns the port: it reads, decodes, answers nothing late, and tells what came.
 
-use super::LinkError;
-use super::port;
 use protocol::frame::{Accumulator, FrameError, MAX_FRAME, encode};
-use protocol::{Command, Info, Message, Reply, Request, Telemetry, VERSION};
+use protocol::{Command, Message, Reply, Request, Telemetry};
 use serialport::SerialPort;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
-use std::thread::JoinHandle;
+use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::time::{Duration, Instant, SystemTime};
 
 /// Something that came over the link.
@@ -52,157 +49,14 @@ pub struct Exchange {
     pub sent_at: Duration,
 }
 
-/// An open link to a board that speaks our protocol. Closing it stops the motors.
-#[derive(Debug)]
-pub struct Link {
-    path: String,
-    opened: SystemTime,
-    info: Info,
-    questions: Sender<Question>,
-    events: Receiver<Received>,
-    thread: Option<JoinHandle<()>>,
-}
-
-struct Question {
-    command: Command,
-    answer: Sender<Answer>,
+/// Something to ask the board.
+pub(super) struct Question {
+    pub(super) command: Command,
+    pub(super) answer: Sender<Answer>,
 }
 
 /// A reply, or the number of attempts that brought none.
-type Answer = Result<Reply, u32>;
-
-impl Link {
-    /// How long a board may take to answer the first handshake: opening the port resets a Nano, and the older of its
-    /// bootloaders waits for two seconds.
-    pub const HANDSHAKE: Duration = Duration::from_secs(6);
-
-    /// Opens the port and shakes hands.
-    ///
-    /// # Errors
-    /// The port's errors, [`LinkError::Silent`], [`LinkError::OtherProgram`] or [`LinkError::OtherVersion`].
-    pub fn open(path: &str) -> Result<Self, LinkError> {
-        let port = port::open(path)?;
-        let (questions, asked) = channel();
-        let (sender, events) = channel();
-        let opened = SystemTime::now();
-        let worker = Worker::new(port, asked, sender);
-        let thread = std::thread::Builder::new()
-            .name("link".into())
-            .spawn(move || worker.run())
-            .map_err(|source| LinkError::Port { path: path.to_owned(), source })?;
-        let mut link =
-            Self { path: path.to_owned(), opened, info: Info::default(), questions, events, thread: Some(thread) };
-        link.info = link.handshake()?;
-        Ok(link)
-    }
-
-    /// The port.
-    pub fn path(&self) -> &str {
-        &self.path
-    }
-
-    /// When it was opened, on the host's wall clock.
-    pub fn opened(&self) -> SystemTime {
-        self.opened
-    }
-
-    /// What the board said of itself in the handshake.
-    pub fn info(&self) -> &Info {
-        &self.info
-    }
-
-    /// Asks the board, and waits for its answer through several attempts.
-    ///
-    /// # Errors
-    /// [`LinkError::NoAnswer`], [`LinkError::Refused`] or [`LinkError::Closed`].
-    pub fn ask(&self, command: Command) -> Result<Reply, LinkError> {
-        let (answer, answered) = channel();
-        let closed = || LinkError::Closed { path: self.path.clone() };
-        self.questions.send(Question { command, answer }).map_err(|_| closed())?;
-        match answered.recv().map_err(|_| closed())? {
-            Ok(Reply::Refused(refusal)) => Err(LinkError::Refused { command: name(&command), refusal }),
-            Ok(reply) => Ok(reply),
-            Err(attempts) => Err(LinkError::NoAnswer { path: self.path.clone(), command: name(&command), attempts }),
-        }
-    }
-
-    /// Asks for something that is answered with [`Reply::Done`].
-    ///
-    /// # Errors
-    /// As [`Link::ask`].
-    pub fn command(&self, command: Command) -> Result<(), LinkError> {
-        match self.ask(command)? {
-            Reply::Done => Ok(()),
-            other => Err(self.wrong_answer(&command, &other)),
-        }
-    }
-
-    /// An answer that does not fit its question.
-    pub fn wrong_answer(&self, command: &Command, answer: &Reply) -> LinkError {
-        LinkError::WrongAnswer { command: name(command), answer: format!("{answer:?}") }
-    }
-
-    /// The next thing that came, if any comes within `patience`.
-    pub fn next(&self, patience: Duration) -> Option<Received> {
-        match self.events.recv_timeout(patience) {
-            Ok(received) => Some(received),
-            Err(RecvTimeoutError::Timeout) => None,
-            Err(RecvTimeoutError::Disconnected) => {
-                Some(Received { wall: SystemTime::now(), at: Duration::ZERO, event: Event::Closed })
-            }
-        }
-    }
-
-    fn handshake(&self) -> Result<Info, LinkError> {
-        let begun = Instant::now();
-        let mut bytes = 0;
-        let mut foreign = None;
-        while begun.elapsed() < Self::HANDSHAKE {
-            let answer = self.ask(Command::Hello);
-            while let Ok(received) = self.events.try_recv() {
-                match received.event {
-                    Event::Raw(raw) => bytes += raw.len(),
-                    Event::Damaged(FrameError::Foreign(Some(version))) => foreign = Some(version),
-                    _ => {}
-                }
-            }
-            match (answer, foreign) {
-                (Ok(Reply::Info(info)), _) if info.protocol == VERSION => return Ok(info),
-                (Ok(Reply::Info(Info { protocol: theirs, .. })), _) | (_, Some(theirs)) => {
-                    return Err(LinkError::OtherVersion { path: self.path.clone(), theirs });
-                }
-                (Ok(other), _) => return Err(self.wrong_answer(&Command::Hello, &other)),
-                (Err(LinkError::NoAnswer { .. }), _) => {}
-                (Err(error), _) => return Err(error),
-            }
-        }
-        let path = self.path.clone();
-        Err(match bytes {
-            0 => LinkError::Silent { path, waited: begun.elapsed() },
-            bytes => LinkError::OtherProgram { path, bytes },
-        })
-    }
-}
-
-impl Drop for Link {
-    fn drop(&mut self) {
-        // The thread sends a stop when its questions end.
-        let (questions, _) = channel();
-        self.questions = questions;
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
-fn name(command: &Command) -> String {
-    match command {
-        Command::Hello => "the handshake".into(),
-        Command::SetSpeeds([w1, w2]) => format!("speeds of {} and {} rpm", w1.rpm(), w2.rpm()),
-        Command::WriteSettings(_) => "new settings".into(),
-        other => format!("{other:?}"),
-    }
-}
+pub(super) type Answer = Result<Reply, u32>;
 
 /// Waits before the attempts after the first.
 const BACK_OFF: [Duration; 5] = [
@@ -216,7 +70,7 @@ const BACK_OFF: [Duration; 5] = [
 /// Between pings, which feed the motors' deadline (500 ms by default) and hold the two clocks together.
 const PING_EVERY: Duration = Duration::from_millis(20);
 
-struct Worker {
+pub(super) struct Worker {
     port: Box<dyn SerialPort>,
     asked: Receiver<Question>,
     waiting: VecDeque<Question>,
@@ -243,7 +97,7 @@ struct Open {
 struct Ended;
 
 impl Worker {
-    fn new(port: Box<dyn SerialPort>, asked: Receiver<Question>, events: Sender<Received>) -> Self {
+    pub(super) fn new(port: Box<dyn SerialPort>, asked: Receiver<Question>, events: Sender<Received>) -> Self {
         let begun = Instant::now();
         Self {
             port,
@@ -259,7 +113,7 @@ impl Worker {
         }
     }
 
-    fn run(mut self) {
+    pub(super) fn run(mut self) {
         while self.turn().is_ok() {}
         // Whatever ended the link: ask for a stop once more. If it is lost, the board's own deadline does it.
         let _ = self.send(Command::Stop);
