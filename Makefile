@@ -28,7 +28,8 @@ build: firmware
 demo: build
 	@rm -rf $(DEMO)
 	$(BIN)/biflag record host/plans/hand-turn-z.toml --virtual=tests/data/mpu6050/rotate-z-720.csv --out $(DEMO)
-	@echo "The log is in $(DEMO); look into it with: $(BIN)/biflag info $(DEMO)"
+	@$(BIN)/biflag info $(DEMO)/*.mcap
+	@echo "The log is in $(DEMO). Open it in Foxglove or PlotJuggler, or: $(BIN)/biflag export $(DEMO)/*.mcap"
 
 test: build
 	$(CARGO) test --workspace --locked

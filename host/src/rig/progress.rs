@@ -1,6 +1,7 @@
 //! Progress of a session on stderr: a bar on a terminal, plain lines elsewhere.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::cell::Cell;
 use std::io::IsTerminal;
 use std::time::Duration;
 
@@ -11,6 +12,7 @@ pub struct Progress {
     plain: bool,
     total_s: f64,
     done_s: f64,
+    within_s: Cell<f64>,
 }
 
 impl Progress {
@@ -25,14 +27,14 @@ impl Progress {
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.enable_steady_tick(Duration::from_millis(250));
         }
-        Self { bar, plain, total_s, done_s: 0.0 }
+        Self { bar, plain, total_s, done_s: 0.0, within_s: Cell::new(0.0) }
     }
 
     /// A trial goes into a phase.
     pub fn phase(&self, trial: &str, phase: &str) {
         let message = format!("{trial}: {phase}");
         if self.plain {
-            let percent = 100.0 * self.done_s / self.total_s.max(f64::MIN_POSITIVE);
+            let percent = 100.0 * (self.done_s + self.within_s.get()) / self.total_s.max(f64::MIN_POSITIVE);
             eprintln!("{percent:3.0} % {message}");
         }
         self.bar.set_message(message);
@@ -40,6 +42,7 @@ impl Progress {
 
     /// So much of the trial that runs is done.
     pub fn within(&self, trial_s: f64) {
+        self.within_s.set(trial_s);
         self.bar.set_position(milliseconds(self.done_s + trial_s));
     }
 
