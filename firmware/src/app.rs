@@ -79,10 +79,11 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     store: Store<STORAGE>,
     latch: Latch,
     settings: Settings,
-    /// Hundredths of rpm for one count per µs. Kept, as is the next one, because a division costs 500 cycles.
+    /// Hundredths of rpm for one count per µs. Kept, as are the next ones, because a division costs 500 cycles.
     speed_scale: f32,
-    /// rad/s for one count of the gyroscope.
-    rate_scale: f32,
+    /// Half of the rad/s for one count of the gyroscope.
+    half_rate_scale: f32,
+    speed_gains: motor::Gains,
     build: Build,
     reset_cause: ResetCause,
     boot_count: u16,
@@ -116,7 +117,8 @@ where
             store: Store::new(storage),
             latch: Latch::default(),
             speed_scale: 0.0,
-            rate_scale: 0.0,
+            half_rate_scale: 0.0,
+            speed_gains: motor::Gains::default(),
             settings: Settings::DEFAULT,
             build,
             reset_cause: ResetCause::Unknown,
@@ -268,15 +270,16 @@ where
         if !self.telemetry.imu_fresh {
             return;
         }
-        let mut rates = self.telemetry.gyro.map(|counts| f32::from(counts.0));
-        for (rate, bias) in rates.iter_mut().zip(&self.settings.gyro_bias) {
-            *rate = (*rate - bias) * self.rate_scale;
-        }
-        let rates = self.settings.gyro_axes.apply(rates);
-        let acceleration = self.settings.accel_axes.apply(self.telemetry.accel.map(|counts| f32::from(counts.0)));
         let dt = f32::from(core::mem::take(&mut self.ticks_behind)) * TICK_S;
+        let scale = self.half_rate_scale * dt;
+        let mut half_turn = self.telemetry.gyro.map(|counts| f32::from(counts.0));
+        for (half_angle, bias) in half_turn.iter_mut().zip(&self.settings.gyro_bias) {
+            *half_angle = (*half_angle - bias) * scale;
+        }
+        let half_turn = self.settings.gyro_axes.apply(half_turn);
+        let acceleration = self.settings.accel_axes.apply(self.telemetry.accel.map(|counts| f32::from(counts.0)));
         let gains = attitude::Gains { kp: self.settings.attitude_kp, ki: self.settings.attitude_ki };
-        self.attitude.update(rates, acceleration, dt, gains);
+        self.attitude.update(half_turn, acceleration, dt, gains);
         self.telemetry.attitude = self.attitude.quaternion();
     }
 
@@ -309,8 +312,7 @@ where
 
     #[inline(never)]
     fn next_duty(&mut self, motor: usize) -> Duty {
-        let gains = motor::Gains { kp: self.settings.speed_kp, ki: self.settings.speed_ki };
-        self.control[motor].duty(self.telemetry.target[motor], self.telemetry.speed[motor], gains)
+        self.control[motor].duty(self.telemetry.target[motor], self.telemetry.speed[motor], self.speed_gains)
     }
 
     #[inline(never)]
@@ -409,7 +411,8 @@ where
 
     fn rescale(&mut self) {
         self.speed_scale = centi_rpm_scale(self.settings.counts_per_turn);
-        self.rate_scale = core::f32::consts::PI / 180.0 / self.settings.gyro_range.counts_per_dps();
+        self.half_rate_scale = core::f32::consts::PI / 360.0 / self.settings.gyro_range.counts_per_dps();
+        self.speed_gains = motor::Gains::new(self.settings.speed_kp, self.settings.speed_ki);
     }
 
     fn clear_fault(&mut self) -> Result<(), Refusal> {

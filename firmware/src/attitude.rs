@@ -2,8 +2,7 @@
 //! special orthogonal group", IEEE Transactions on Automatic Control 53(5), 2008, doi:10.1109/TAC.2008.923738, section V.
 //!
 //! The quaternion `[w, x, y, z]` takes body to world; the world's z axis points up, and its yaw starts at zero. At rest an
-//! accelerometer reads +1 g along the axis that points up. Rates are in rad/s, body axes; the length of the acceleration
-//! does not matter.
+//! accelerometer reads +1 g along the axis that points up; its unit does not matter.
 //!
 //! The quaternion is moved by one step of Euler and normalised: a turn of a half-angle h comes out as atan(h), short by
 //! 0.004 % at 250 °/s and 0.25 % at 2000 °/s. It stays within 1e-5 of unit length.
@@ -37,42 +36,39 @@ impl Default for Attitude {
 }
 
 impl Attitude {
-    /// Moves on by `dt` seconds. The first call, and every call after [`Attitude::restart`], levels the quaternion by
-    /// `acceleration` instead.
+    /// Moves on by `dt` seconds, in which the body turned by twice `half_turn` (rad, body axes). The first call, and every
+    /// call after [`Attitude::restart`], levels the quaternion by `acceleration` instead.
     #[inline(never)]
-    pub fn update(&mut self, rates: [f32; 3], acceleration: [f32; 3], dt: f32, gains: Gains) {
+    pub fn update(&mut self, mut half_turn: [f32; 3], acceleration: [f32; 3], dt: f32, gains: Gains) {
         let mut up = acceleration;
         let is_up_known = normalise(&mut up);
         if !self.started {
             // Without a direction (free fall, a dead accelerometer) there is nothing to begin with yet.
             if is_up_known {
-                *self = Self { quaternion: levelled(up), started: true, ..Self::default() };
+                self.quaternion = levelled(up);
+                self.started = true;
             }
             return;
         }
-        let mut turn = rates;
-        for half_angle in &mut turn {
-            *half_angle *= 0.5 * dt;
-        }
         if is_up_known {
-            self.correct(&mut turn, up, dt, gains);
+            self.correct(&mut half_turn, up, dt, gains);
         }
-        self.turn(turn);
+        self.turn(half_turn);
     }
 
     /// Adds to a turn what pulls the estimated direction of gravity towards `up`.
     #[inline(never)]
-    fn correct(&mut self, turn: &mut [f32; 3], up: [f32; 3], dt: f32, gains: Gains) {
-        let error = cross(up, self.up());
-        let half = 0.5 * dt;
-        let kp = gains.kp * half;
-        for (half_angle, error) in turn.iter_mut().zip(error) {
-            *half_angle += kp * error;
+    fn correct(&mut self, half_turn: &mut [f32; 3], up: [f32; 3], dt: f32, gains: Gains) {
+        let half_error = cross(up, self.half_up());
+        let kp = gains.kp * dt;
+        for (half_angle, half_error) in half_turn.iter_mut().zip(half_error) {
+            *half_angle += kp * half_error;
         }
         if gains.ki != 0.0 {
-            let ki = gains.ki * dt;
-            for ((half_angle, correction), error) in turn.iter_mut().zip(&mut self.correction).zip(error) {
-                *correction += ki * error;
+            let (half, ki) = (0.5 * dt, 2.0 * gains.ki * dt);
+            for ((half_angle, correction), half_error) in half_turn.iter_mut().zip(&mut self.correction).zip(half_error)
+            {
+                *correction += ki * half_error;
                 *half_angle += *correction * half;
             }
         }
@@ -104,11 +100,11 @@ impl Attitude {
         Quaternion(self.quaternion.map(|part| Q15(round_to_i16(part, 15))))
     }
 
-    /// The world's z axis in body axes: the last row of the rotation matrix.
+    /// Half the world's z axis in body axes: the last row of the rotation matrix.
     #[inline(never)]
-    fn up(&self) -> [f32; 3] {
+    fn half_up(&self) -> [f32; 3] {
         let [q0, q1, q2, q3] = self.quaternion;
-        [2.0 * (q1 * q3 - q0 * q2), 2.0 * (q0 * q1 + q2 * q3), 2.0 * (q0 * q0 + q3 * q3) - 1.0]
+        [q1 * q3 - q0 * q2, q0 * q1 + q2 * q3, q0 * q0 + q3 * q3 - 0.5]
     }
 }
 
@@ -176,6 +172,15 @@ mod tests {
         attitude
     }
 
+    fn estimated_up(attitude: &Attitude) -> [f32; 3] {
+        attitude.half_up().map(|part| 2.0 * part)
+    }
+
+    /// Half of what `rates` turn in a tick.
+    fn half(rates: [f32; 3]) -> [f32; 3] {
+        rates.map(|rate| 0.5 * DT * rate)
+    }
+
     fn norm(vector: &[f32]) -> f32 {
         vector.iter().map(|part| part * part).sum::<f32>().sqrt()
     }
@@ -195,8 +200,8 @@ mod tests {
     fn the_first_reading_levels_the_body_without_yaw() {
         for up in [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8], [0.3, -0.4, -0.87], [0.0, 0.0, -1.0]] {
             let attitude = started(up.map(|part| part * 16384.0));
-            for (have, want) in attitude.up().iter().zip(up) {
-                assert!((have - want / norm(&up)).abs() < 2e-5, "{:?} for {up:?}", attitude.up());
+            for (have, want) in estimated_up(&attitude).iter().zip(up) {
+                assert!((have - want / norm(&up)).abs() < 2e-5, "{:?} for {up:?}", estimated_up(&attitude));
             }
             assert_eq!(attitude.quaternion[3], 0.0);
         }
@@ -208,7 +213,7 @@ mod tests {
         attitude.update([1.0, 2.0, 3.0], [0.0; 3], DT, GAINS);
         assert!(!attitude.started);
         attitude.update([0.0; 3], [0.0, 16384.0, 0.0], DT, GAINS);
-        assert!((attitude.up()[1] - 1.0).abs() < 2e-5);
+        assert!((estimated_up(&attitude)[1] - 1.0).abs() < 2e-5);
     }
 
     #[test]
@@ -217,7 +222,7 @@ mod tests {
         let rate = 200.0f32.to_radians();
         let (mut yaw, mut last) = (0.0f64, 0.0f64);
         for _ in 0..720 {
-            attitude.update([0.0, 0.0, rate], DOWN, DT, GAINS);
+            attitude.update(half([0.0, 0.0, rate]), DOWN, DT, GAINS);
             let [q0, .., q3] = attitude.quaternion.map(f64::from);
             let now = 2.0 * q3.atan2(q0);
             let step = now - last;
@@ -234,7 +239,7 @@ mod tests {
             attitude.update([0.0; 3], DOWN, DT, GAINS);
         }
         // After one second at 1/s, 30° have become about 30°/e.
-        let tilt = attitude.up()[2].acos().to_degrees();
+        let tilt = estimated_up(&attitude)[2].acos().to_degrees();
         assert!((tilt - 30.0 / std::f32::consts::E).abs() < 0.5, "{tilt}");
     }
 
@@ -242,10 +247,10 @@ mod tests {
     fn the_integral_finds_a_bias_of_the_horizontal_rates() {
         let mut attitude = started(DOWN);
         for _ in 0..200 * 60 {
-            attitude.update([0.02, -0.01, 0.0], DOWN, DT, Gains { kp: 1.0, ki: 0.3 });
+            attitude.update(half([0.02, -0.01, 0.0]), DOWN, DT, Gains { kp: 1.0, ki: 0.3 });
         }
         assert!((attitude.correction[0] + 0.02).abs() < 1e-4 && (attitude.correction[1] - 0.01).abs() < 1e-4);
-        assert!(attitude.up()[2] > 0.9999);
+        assert!(estimated_up(&attitude)[2] > 0.9999);
     }
 
     #[test]
@@ -272,7 +277,7 @@ mod tests {
             for (rates, acceleration, kind) in steps {
                 let acceleration = if kind == 0 { [0.0; 3] } else { acceleration.map(f32::from) };
                 let dt = if kind == 1 { 1.3 } else { DT };
-                attitude.update(rates, acceleration, dt, Gains { kp, ki });
+                attitude.update(rates.map(|rate| 0.5 * dt * rate), acceleration, dt, Gains { kp, ki });
                 prop_assert!((norm(&attitude.quaternion) - 1.0).abs() < 1e-5);
             }
         }
@@ -283,7 +288,7 @@ mod tests {
             let axis = axis.map(|part| part / norm(&axis));
             let mut attitude = Attitude { started: true, ..Attitude::default() };
             for _ in 0..400 {
-                attitude.update(axis.map(|part| part * angle / 2.0), [0.0; 3], DT, NONE);
+                attitude.update(half(axis.map(|part| part * angle / 2.0)), [0.0; 3], DT, NONE);
             }
             let [w, x, y, z] = attitude.quaternion;
             prop_assert!((w - (angle / 2.0).cos()).abs() < 3e-5);

@@ -29,7 +29,6 @@ mod nano {
 
     /// Where the host finds, in the file or in flash, what this image is: 16 letters, the first four bytes of the commit in
     /// hexadecimal digits, `+` where there were changes on top and a space where not, and the protocol's version as a byte.
-    #[used]
     #[unsafe(link_section = ".progmem.data")]
     static MARKER: [u8; 26] = marker();
 
@@ -62,6 +61,8 @@ mod nano {
         // SAFETY: this is the only place that takes the peripherals. `take` would refuse after a start by a jump.
         let peripherals = unsafe { Peripherals::steal() };
         reset_registers(&peripherals);
+        // Without a use, the linker leaves it out.
+        core::hint::black_box(&raw const MARKER);
         let start =
             Start { crash: crash::take_record(&peripherals.CPU), mcusr: crash::take_reset_flags(&peripherals.CPU) };
 

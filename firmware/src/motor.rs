@@ -40,13 +40,20 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Bridge<PIN, PWM> {
     }
 }
 
-/// Gains of the speed control.
-#[derive(Clone, Copy, PartialEq, Debug)]
+/// Gains of the speed control, in the units that it works in.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Gains {
-    /// Duty steps per rpm.
-    pub kp: f32,
-    /// Duty steps per rpm and second.
-    pub ki: f32,
+    /// Duty steps per hundredth of rpm.
+    kp: f32,
+    /// Duty steps per hundredth of rpm and tick.
+    ki: f32,
+}
+
+impl Gains {
+    /// From duty steps per rpm, and per rpm and second.
+    pub fn new(kp: f32, ki: f32) -> Self {
+        Self { kp: kp * 0.01, ki: ki * (0.01 * TICK_S) }
+    }
 }
 
 /// Speed control of one motor: PI with a target of zero meaning off.
@@ -65,13 +72,12 @@ impl SpeedControl {
             self.integral = 0.0;
             return Duty(0);
         }
-        let error_rpm = (i32::from(target.0) - i32::from(speed.0)) as f32 * 0.01;
-        let proportional = gains.kp * error_rpm;
-        let integral = self.integral + gains.ki * error_rpm * TICK_S;
-        let duty = proportional + integral;
+        let error = (i32::from(target.0) - i32::from(speed.0)) as f32;
+        let integral = self.integral + gains.ki * error;
+        let duty = gains.kp * error + integral;
         let limited = round_to_i16(duty, 0).clamp(-Duty::FULL.0, Duty::FULL.0);
         // Against wind-up: while the bridge is at its limit, the integral only moves away from it.
-        if limited.abs() < Duty::FULL.0 || duty * error_rpm < 0.0 {
+        if limited.abs() < Duty::FULL.0 || (duty < 0.0) != (error < 0.0) {
             self.integral = integral;
         }
         Duty(limited)
@@ -128,7 +134,7 @@ mod tests {
     use embedded_hal_mock::eh1::digital::{Mock as Pin, State, Transaction as PinSet};
     use embedded_hal_mock::eh1::pwm::{Mock as Pwm, Transaction as PwmSet};
 
-    const GAINS: Gains = Gains { kp: 1.0, ki: 5.0 };
+    const GAINS: Gains = Gains { kp: 0.01, ki: 0.05 * TICK_S };
 
     /// What the pins of one bridge are expected to see: IN1, IN2 and duty, call by call.
     fn bridge(calls: &[(State, State, u16)]) -> (Bridge<Pin, Pwm>, [Pin; 2], Pwm) {
@@ -193,11 +199,11 @@ mod tests {
     fn gains_at_their_limits_stay_finite() {
         let mut control = SpeedControl::default();
         for speed in [i16::MIN, i16::MAX, 0] {
-            let duty = control.duty(CentiRpm(9000), CentiRpm(speed), Gains { kp: 1000.0, ki: 1000.0 });
+            let duty = control.duty(CentiRpm(9000), CentiRpm(speed), Gains::new(1000.0, 1000.0));
             assert!(duty.0.abs() <= 255 && control.integral.is_finite());
         }
         assert_eq!(
-            control.duty(CentiRpm(9000), CentiRpm(0), Gains { kp: 0.0, ki: 0.0 }).0,
+            control.duty(CentiRpm(9000), CentiRpm(0), Gains::new(0.0, 0.0)).0,
             round_to_i16(control.integral, 0)
         );
     }

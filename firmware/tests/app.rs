@@ -1,0 +1,478 @@
+//! What the robot does, seen from the host.
+
+mod robot;
+
+use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
+use firmware::app::Start;
+use firmware::fault::Crash;
+use protocol::frame::{MAX_FRAME, encode};
+use protocol::units::{AxisMap, CentiRpm, Count, Duty, EncoderCounts, GyroRange, Micros, SensorCounts};
+use protocol::{Calibration, Command, Fault, Refusal, Reply, ResetCause, Settings, State, VERSION};
+use robot::{Bench, TICK_US, World};
+
+const OFF: [CentiRpm; 2] = [CentiRpm(0); 2];
+const TURN: [CentiRpm; 2] = [CentiRpm(6000), CentiRpm(-3000)];
+const NACK: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
+
+/// A board that streams in every tick.
+fn streaming() -> Bench {
+    let mut bench = Bench::new();
+    assert_eq!(bench.ask(Command::Stream { rate_hz: 200 }), Reply::Done);
+    bench
+}
+
+fn running() -> Bench {
+    let mut bench = streaming();
+    assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
+    bench.speed = [3, -1];
+    bench.ticks(2);
+    assert!(!bench.world.is_off());
+    bench
+}
+
+#[test]
+fn it_starts_with_the_motors_off_and_silent() {
+    let mut bench = Bench::new();
+    bench.ticks(50);
+    assert!(bench.world.is_off());
+    assert!(bench.telemetry.is_empty() && bench.replies.is_empty());
+}
+
+#[test]
+fn the_handshake_tells_who_it_is() {
+    let mut bench = Bench::new();
+    let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
+    assert_eq!((info.protocol, info.git_hash, info.git_dirty), (VERSION, [1, 2, 3, 4], true));
+    assert_eq!(info.firmware.map(|part| part.to_string()).join("."), env!("CARGO_PKG_VERSION"));
+    assert_eq!((info.imu_id, info.boot_count, info.settings_stored), (0x68, 1, false));
+    assert_eq!(info.reset_cause, ResetCause::Unknown);
+}
+
+#[test]
+fn a_clone_and_a_missing_sensor_are_told_in_the_handshake() {
+    for (id, error) in [(0x70, None), (0, Some(NACK))] {
+        let world = World::new();
+        world.change(|state| {
+            state.registers[0x75] = 0x70;
+            state.bus_error = error;
+        });
+        let mut bench = Bench::start(world, Start::default());
+        let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
+        assert_eq!(info.imu_id, id);
+    }
+}
+
+#[test]
+fn streams_have_the_rate_that_was_asked_for() {
+    for rate_hz in [1, 2, 4, 5, 8, 10, 20, 25, 40, 50, 100, 200] {
+        let mut bench = Bench::new();
+        assert_eq!(bench.ask(Command::Stream { rate_hz }), Reply::Done);
+        bench.ticks(400);
+        assert_eq!(bench.telemetry.len(), 2 * usize::from(rate_hz));
+        let gaps = bench.telemetry.windows(2).map(|pair| pair[1].time.since(pair[0].time));
+        assert!(gaps.into_iter().all(|gap| gap == 1_000_000 / u32::from(rate_hz)));
+        assert_eq!(bench.ask(Command::Stream { rate_hz: 0 }), Reply::Done);
+        bench.ticks(400);
+        assert_eq!(bench.telemetry.len(), 2 * usize::from(rate_hz));
+    }
+    for rate_hz in [3, 7, 150, 201, 255] {
+        assert_eq!(Bench::new().ask(Command::Stream { rate_hz }), Reply::Refused(Refusal::OutOfRange));
+    }
+}
+
+#[test]
+fn frames_are_numbered_and_the_unsent_ones_counted() {
+    let mut bench = streaming();
+    bench.ticks(3);
+    for _ in 0..5 {
+        bench.tick_unsent(0);
+    }
+    bench.deliver();
+    bench.ticks(2);
+    let seq: Vec<_> = bench.telemetry.iter().map(|frame| frame.seq.0).collect();
+    // The queue holds one frame; four did not fit.
+    assert_eq!(seq, [0, 1, 2, 3, 8, 9]);
+    assert_eq!(bench.telemetry.last().unwrap().unsent, Count(4));
+}
+
+#[test]
+fn telemetry_tells_what_the_sensor_and_the_encoders_measure() {
+    let mut bench = streaming();
+    bench.world.set_sample([100, -200, 16000], [7, -8, 9]);
+    bench.speed = [3, 0];
+    bench.ticks(20);
+    let frame = bench.look();
+    assert_eq!(frame.time, Micros(bench.now));
+    assert_eq!(frame.accel, [100, -200, 16000].map(SensorCounts));
+    assert_eq!(frame.gyro, [7, -8, 9].map(SensorCounts));
+    assert!(frame.imu_fresh);
+    assert_eq!(frame.encoder, [EncoderCounts(63), EncoderCounts(0)]);
+    assert!((frame.speed[0].rpm() - 3.0 * 200.0 * 60.0 / 602.22).abs() < 0.05, "{:?}", frame.speed);
+    assert_eq!((frame.speed[1], frame.state, frame.fault), (CentiRpm(0), State::Idle, Fault::None));
+}
+
+#[test]
+fn the_attitude_follows_a_turn_and_the_axes_of_the_settings() {
+    let mut bench = streaming();
+    // The sensor hangs upside down and turns at -90°/s about its z axis, that is, +90°/s about the body's.
+    let flipped = AxisMap(["+x", "-y", "-z"].map(|name| protocol::units::Axis::from_name(name).unwrap()));
+    let settings = Settings { gyro_axes: flipped, accel_axes: flipped, ..Settings::DEFAULT };
+    bench.world.set_sample([0, 0, -16384], [0, 0, -11790]);
+    assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
+    let start = bench.look();
+    bench.ticks(199);
+    let [w, x, y, z] = bench.look().attitude.to_f64();
+    let yaw = 2.0 * z.atan2(w).to_degrees();
+    assert_eq!(start.attitude.to_f64()[0].round(), 1.0);
+    assert!((yaw - 90.0).abs() < 0.2 && x.abs() < 1e-3 && y.abs() < 1e-3, "{yaw}");
+}
+
+#[test]
+fn missed_ticks_are_counted_and_made_up_for_in_the_attitude() {
+    let mut bench = streaming();
+    bench.ticks(10);
+    bench.world.set_sample([0, 0, 16384], [0, 0, 11790]);
+    for _ in 0..20 {
+        bench.tick_after(4);
+    }
+    let frame = bench.look();
+    assert_eq!(frame.missed_ticks, Count(80));
+    let [w, .., z] = frame.attitude.to_f64();
+    assert!((2.0 * z.atan2(w).to_degrees() - 45.0).abs() < 1.0);
+}
+
+#[test]
+fn speeds_are_held_and_the_bridges_driven_both_ways() {
+    let mut bench = running();
+    let frame = bench.look();
+    assert_eq!((frame.state, frame.target), (State::Running, TURN));
+    assert!(frame.duty[0] > Duty(0) && frame.duty[1] < Duty(0));
+    let duty = frame.duty.map(|duty| duty.0.unsigned_abs());
+    bench.world.change(|state| {
+        assert_eq!(state.pins, [true, false, false, true, true]);
+        assert_eq!(state.duty, duty);
+    });
+    assert_eq!(bench.ask(Command::SetSpeeds([CentiRpm(100), CentiRpm(0)])), Reply::Done);
+    bench.ticks(2);
+    bench.world.change(|state| assert_eq!((state.pins[2], state.pins[3], state.duty[1]), (false, false, 0)));
+    assert_eq!(bench.look().duty[1], Duty(0));
+    assert_eq!(bench.ask(Command::Stop), Reply::Done);
+    assert!(bench.world.is_off(), "at once, not with the next tick");
+    let frame = bench.look();
+    assert_eq!((frame.state, frame.target, frame.duty), (State::Idle, OFF, [Duty(0); 2]));
+    assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
+    bench.ticks(2);
+    assert_eq!(bench.ask(Command::SetSpeeds(OFF)), Reply::Done);
+    assert!(bench.world.is_off());
+}
+
+#[test]
+fn reversed_motors_and_encoders_turn_the_signs() {
+    let mut bench = streaming();
+    let settings = Settings { motor_reversed: [true, false], encoder_reversed: [false, true], ..Settings::DEFAULT };
+    assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
+    assert_eq!(bench.ask(Command::SetSpeeds([CentiRpm(3000), CentiRpm(3000)])), Reply::Done);
+    bench.speed = [1, -1];
+    bench.ticks(5);
+    let frame = bench.look();
+    assert!(frame.speed[0].0 > 0 && frame.speed[1].0 > 0 && frame.duty[0].0 > 0 && frame.duty[1].0 > 0);
+    assert_eq!(frame.encoder, [EncoderCounts(6), EncoderCounts(6)]);
+    bench.world.change(|state| assert_eq!(state.pins, [false, true, true, false, true]));
+}
+
+#[test]
+fn speeds_outside_of_the_range_are_refused() {
+    let mut bench = streaming();
+    for speed in [9001, -9001, i16::MAX, i16::MIN] {
+        let refused = Reply::Refused(Refusal::OutOfRange);
+        assert_eq!(bench.ask(Command::SetSpeeds([CentiRpm(0), CentiRpm(speed)])), refused);
+    }
+    assert_eq!(bench.look().state, State::Idle);
+    assert_eq!(bench.ask(Command::SetSpeeds([CentiRpm(9000), CentiRpm(-9000)])), Reply::Done);
+}
+
+#[test]
+fn silence_of_the_host_stops_the_motors_at_the_deadline_and_latches() {
+    let mut bench = running();
+    let heard = bench.now;
+    bench.ask(Command::Ping);
+    while !bench.world.is_off() {
+        assert!(bench.now - heard < 510_000);
+        bench.tick();
+    }
+    let silence = bench.now + 2500 - (heard + 100);
+    assert!((500_000..505_000).contains(&silence), "{silence}");
+    let frame = bench.look();
+    assert_eq!((frame.state, frame.fault, frame.target), (State::Faulted, Fault::LinkLost, OFF));
+    assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Refused(Refusal::Faulted));
+    assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
+    assert_eq!(bench.look().state, State::Idle);
+    assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
+}
+
+#[test]
+fn any_intact_frame_feeds_the_deadline_and_a_damaged_one_does_not() {
+    let mut foreign = [0; MAX_FRAME];
+    let foreign = encode(&[200u8; 9], &mut foreign).unwrap().to_vec();
+    let mut damaged = foreign.clone();
+    damaged[4] ^= 1;
+    for (frame, fault, bad_frames) in [(foreign, Fault::None, 0), (damaged, Fault::LinkLost, 12)] {
+        let mut bench = running();
+        for _ in 0..12 {
+            bench.send_bytes(&frame);
+            bench.ticks(20);
+        }
+        let telemetry = bench.look();
+        assert_eq!((telemetry.fault, telemetry.bad_frames), (fault, Count(bad_frames)));
+    }
+}
+
+#[test]
+fn a_silent_host_is_no_fault_while_the_motors_are_off() {
+    let mut bench = streaming();
+    bench.ticks(2000);
+    assert_eq!(bench.look().fault, Fault::None);
+}
+
+#[test]
+fn the_deadline_is_that_of_the_settings() {
+    let mut bench = streaming();
+    bench.ask(Command::WriteSettings(Settings { deadline_ms: 100, ..Settings::DEFAULT }));
+    bench.ask(Command::SetSpeeds(TURN));
+    bench.speed = [3, -1];
+    bench.ticks(19);
+    assert!(!bench.world.is_off());
+    bench.ticks(2);
+    assert!(bench.world.is_off());
+}
+
+#[test]
+fn a_request_repeated_is_answered_again_and_not_carried_out_again() {
+    let mut bench = streaming();
+    assert_eq!(bench.send(7, Command::SetSpeeds(TURN)), [Reply::Done]);
+    bench.ask(Command::Stop);
+    assert_eq!(bench.send(9, Command::SetSpeeds(TURN)), [Reply::Done]);
+    // The board has stopped by itself meanwhile; the repetition must not start it.
+    bench.ticks(200);
+    assert_eq!(bench.look().fault, Fault::LinkLost);
+    assert_eq!(bench.send(9, Command::SetSpeeds(TURN)), [Reply::Done]);
+    assert!(bench.world.is_off());
+    // A refusal and a time are repeated as they were.
+    assert_eq!(bench.send(10, Command::SetSpeeds(TURN)), [Reply::Refused(Refusal::Faulted)]);
+    bench.send(11, Command::ClearFault);
+    let first = bench.send(12, Command::Ping);
+    bench.ticks(3);
+    assert_eq!(bench.send(12, Command::Ping), first);
+    // What only reads is read again.
+    assert_eq!(bench.send(13, Command::ReadSettings), [Reply::Settings(Settings::DEFAULT)]);
+    assert_eq!(bench.send(13, Command::ReadSettings), [Reply::Settings(Settings::DEFAULT)]);
+    // A host that starts anew with the number that the one before ended with.
+    bench.send(14, Command::Stop);
+    assert!(matches!(bench.send(14, Command::Hello)[..], [Reply::Info(_)]));
+}
+
+#[test]
+fn a_pong_tells_when_the_ping_came() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.ask(Command::Ping), Reply::Pong(Micros(bench.now + 100)));
+}
+
+#[test]
+fn noise_before_and_between_frames_is_counted_and_passed_over() {
+    let mut bench = streaming();
+    bench.send_bytes(&[1, 2, 3, 0]);
+    bench.send_bytes(&[0, 0]);
+    bench.send_bytes(&[9; 200]);
+    bench.send_bytes(&[0]);
+    assert!(matches!(bench.ask(Command::Hello), Reply::Info(_)));
+    assert_eq!(bench.look().bad_frames, Count(2));
+}
+
+#[test]
+fn a_calibration_finds_the_bias_and_puts_it_in_force() {
+    let mut bench = streaming();
+    bench.world.set_sample([0, 0, 16384], [120, -35, 7]);
+    assert_eq!(bench.ask(Command::CalibrateGyro { duration_ms: 1000 }), Reply::Done);
+    assert_eq!(bench.look().state, State::Calibrating);
+    for command in [Command::CalibrateGyro { duration_ms: 1000 }, Command::ReadCalibration, Command::SetSpeeds(TURN)] {
+        assert_eq!(bench.ask(command), Reply::Refused(Refusal::Calibrating));
+    }
+    assert_eq!(bench.ask(Command::WriteSettings(Settings::DEFAULT)), Reply::Refused(Refusal::Calibrating));
+    bench.ticks(200);
+    assert_eq!(bench.look().state, State::Idle);
+    let expected = Calibration { still: true, bias: [120.0, -35.0, 7.0], noise: 0, samples: 200 };
+    assert_eq!(bench.ask(Command::ReadCalibration), Reply::Calibration(expected));
+    let Reply::Settings(settings) = bench.ask(Command::ReadSettings) else { panic!() };
+    assert_eq!(settings.gyro_bias, expected.bias);
+    let yaw = bench.look().attitude.0[3];
+    bench.ticks(400);
+    assert_eq!(bench.look().attitude.0[3], yaw, "a bias that is known does not turn the robot");
+}
+
+#[test]
+fn a_calibration_that_was_disturbed_changes_nothing() {
+    let mut bench = streaming();
+    bench.ask(Command::CalibrateGyro { duration_ms: 500 });
+    for tick in 0..100 {
+        bench.world.set_sample([0, 0, 16384], [(tick % 10) * 100, 0, 0]);
+        bench.tick();
+    }
+    let Reply::Calibration(calibration) = bench.ask(Command::ReadCalibration) else { panic!() };
+    assert!(!calibration.still && calibration.noise > 200);
+    assert_eq!(bench.ask(Command::ReadSettings), Reply::Settings(Settings::DEFAULT));
+}
+
+#[test]
+fn calibrations_out_of_place_are_refused() {
+    let mut bench = running();
+    assert_eq!(bench.ask(Command::CalibrateGyro { duration_ms: 1000 }), Reply::Refused(Refusal::Running));
+    for duration_ms in [0, 99, 60_001] {
+        assert_eq!(bench.ask(Command::CalibrateGyro { duration_ms }), Reply::Refused(Refusal::OutOfRange));
+    }
+}
+
+#[test]
+fn settings_are_put_in_force_but_not_while_the_motors_turn() {
+    let mut bench = running();
+    assert_eq!(bench.ask(Command::WriteSettings(Settings::DEFAULT)), Reply::Refused(Refusal::Running));
+    bench.ask(Command::Stop);
+    let unfit = Settings { low_pass: 7, ..Settings::DEFAULT };
+    assert_eq!(bench.ask(Command::WriteSettings(unfit)), Reply::Refused(Refusal::OutOfRange));
+    let settings = Settings { board_id: 4711, gyro_range: GyroRange::Dps1000, low_pass: 5, ..Settings::DEFAULT };
+    assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
+    assert_eq!(bench.ask(Command::ReadSettings), Reply::Settings(settings));
+    bench.ticks(20);
+    bench.world.change(|state| {
+        assert_eq!((state.registers[0x1B], state.registers[0x1A], state.registers[0x19]), (0b1_0000, 5, 4));
+    });
+    let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
+    assert_eq!((info.board_id, info.gyro_range), (4711, GyroRange::Dps1000));
+}
+
+#[test]
+fn saved_settings_survive_a_reset_and_others_do_not() {
+    let mut bench = Bench::new();
+    let settings = Settings { board_id: 5, deadline_ms: 750, ..Settings::DEFAULT };
+    bench.ask(Command::WriteSettings(settings));
+    assert_eq!(bench.send(50, Command::SaveSettings), [], "the answer comes when it is done");
+    assert_eq!(bench.send(50, Command::SaveSettings), []);
+    let before = bench.replies.len();
+    bench.ticks(100);
+    assert_eq!(bench.replies[before..], [(50, Reply::Done)]);
+    assert_eq!(bench.send(50, Command::SaveSettings), [Reply::Done]);
+    bench.ask(Command::WriteSettings(Settings { board_id: 6, ..settings }));
+    let mut bench = Bench::start(bench.world, Start::default());
+    assert_eq!(bench.ask(Command::ReadSettings), Reply::Settings(settings));
+    let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
+    assert_eq!((info.settings_stored, info.boot_count, info.board_id), (true, 2, 5));
+    // Nothing of what was read from EEPROM counts as heard from the host.
+    bench.ask(Command::Stream { rate_hz: 200 });
+    assert_eq!(bench.look().bad_frames, Count(0));
+}
+
+#[test]
+fn other_requests_are_answered_while_a_save_goes_on() {
+    let mut bench = running();
+    assert_eq!(bench.send(50, Command::SaveSettings), []);
+    bench.ticks(10);
+    assert_eq!(bench.send(51, Command::Stop), [Reply::Done]);
+    let before = bench.replies.len();
+    bench.ticks(100);
+    assert_eq!(bench.replies[before..], [(50, Reply::Done)]);
+    assert_eq!(bench.send(51, Command::Stop), [Reply::Done]);
+}
+
+#[test]
+fn a_motor_at_full_duty_without_edges_is_a_stall() {
+    for (motor, fault) in [Fault::Motor1Stalled, Fault::Motor2Stalled].into_iter().enumerate() {
+        let mut bench = running();
+        bench.ask(Command::SetSpeeds([CentiRpm(9000); 2]));
+        bench.speed = [4; 2];
+        bench.speed[motor] = 0;
+        bench.ticks_alive(200);
+        assert_eq!(bench.look().fault, Fault::None);
+        bench.ticks_alive(200);
+        let frame = bench.look();
+        assert_eq!((frame.state, frame.fault), (State::Faulted, fault));
+        assert!(bench.world.is_off());
+        assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
+        assert_eq!(bench.look().state, State::Idle);
+    }
+}
+
+#[test]
+fn a_lost_sensor_stops_the_motors_and_cannot_be_cleared_until_it_is_back() {
+    for (error, fault) in [(NACK, Fault::ImuSilent), (ErrorKind::Bus, Fault::ImuBusStuck)] {
+        let mut bench = running();
+        bench.world.change(|state| state.bus_error = Some(error));
+        bench.ticks(19);
+        let frame = *bench.telemetry.last().unwrap();
+        assert_eq!((frame.fault, frame.imu_fresh, frame.imu_errors), (Fault::None, false, Count(19)));
+        assert!(!bench.world.is_off());
+        bench.ticks(1);
+        assert!(bench.world.is_off());
+        assert_eq!(bench.look().fault, fault);
+        assert_eq!(bench.ask(Command::ClearFault), Reply::Refused(Refusal::Faulted));
+        bench.world.change(|state| state.bus_error = None);
+        bench.ticks(20);
+        assert_eq!(bench.look().fault, fault, "it lasts until it is cleared");
+        assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
+        let frame = bench.look();
+        assert_eq!((frame.state, frame.imu_fresh), (State::Idle, true));
+    }
+}
+
+#[test]
+fn a_frozen_sensor_stops_the_motors() {
+    let mut bench = running();
+    bench.world.change(|state| state.alive = false);
+    bench.ticks(25);
+    assert!(bench.world.is_off());
+    assert_eq!(bench.look().fault, Fault::ImuFrozen);
+    assert_eq!(bench.ask(Command::ClearFault), Reply::Refused(Refusal::Faulted));
+    bench.world.change(|state| state.alive = true);
+    bench.ticks(40);
+    assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
+}
+
+#[test]
+fn a_fault_ends_a_calibration() {
+    let mut bench = streaming();
+    bench.ask(Command::CalibrateGyro { duration_ms: 5000 });
+    bench.world.change(|state| state.bus_error = Some(NACK));
+    bench.ticks(25);
+    assert_eq!(bench.look().state, State::Faulted);
+    assert_eq!(bench.ask(Command::ReadCalibration), Reply::Calibration(Calibration::default()));
+}
+
+#[test]
+fn a_crash_is_latched_and_told_after_the_restart() {
+    for (crash, fault, cause) in
+        [(Crash::Hang, Fault::Hang, ResetCause::Hang), (Crash::Panic, Fault::Panic, ResetCause::Panic)]
+    {
+        let mut bench = Bench::start(World::new(), Start { crash: Some(crash), mcusr: 0 });
+        assert!(bench.world.is_off());
+        let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
+        assert_eq!(info.reset_cause, cause);
+        assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Refused(Refusal::Faulted));
+        bench.ask(Command::Stream { rate_hz: 200 });
+        assert_eq!(bench.look().fault, fault);
+        assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
+        assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
+    }
+}
+
+#[test]
+fn the_clock_may_wrap_while_the_motors_turn() {
+    let mut bench = streaming();
+    bench.now = u32::MAX - 50 * TICK_US;
+    bench.ticks(1);
+    bench.ask(Command::SetSpeeds(TURN));
+    bench.speed = [3, -1];
+    bench.ticks_alive(200);
+    let frame = bench.look();
+    assert_eq!(frame.fault, Fault::None);
+    assert!((frame.speed[0].rpm() - 59.8).abs() < 0.1 && frame.time.0 < 2_000_000);
+    bench.ticks(120);
+    assert_eq!(bench.look().fault, Fault::LinkLost);
+}

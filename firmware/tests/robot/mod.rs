@@ -1,0 +1,304 @@
+//! The whole application on a bench: a sensor that answers, a memory, pins that remember, and a host that talks frames.
+
+use std::cell::RefCell;
+use std::convert::Infallible;
+use std::rc::Rc;
+
+use embedded_hal::digital::{self, OutputPin};
+use embedded_hal::i2c::{self, I2c, Operation};
+use embedded_hal::pwm::{self, SetDutyCycle};
+use firmware::app::{App, Build, Start, Tick};
+use firmware::encoder::Edges;
+use firmware::link::OUTBOX;
+use firmware::motor::{Bridge, Motors};
+use firmware::settings::Storage;
+use heapless::spsc::Queue;
+use protocol::frame::{Accumulator, MAX_FRAME, encode};
+use protocol::units::Micros;
+use protocol::{Command, Message, Reply, Request, Telemetry};
+
+pub const TICK_US: u32 = 5000;
+
+/// What the hardware is and does, shared between the application and the test.
+#[derive(Clone)]
+pub struct World(Rc<RefCell<State>>);
+
+pub struct State {
+    /// Registers of the MPU6050.
+    pub registers: [u8; 128],
+    /// What the next transactions end with.
+    pub bus_error: Option<i2c::ErrorKind>,
+    /// Whether the sensor's values change from reading to reading, as a living one's do.
+    pub alive: bool,
+    pub eeprom: [u8; 1024],
+    /// AIN1, AIN2, BIN1, BIN2, STBY.
+    pub pins: [bool; 5],
+    pub duty: [u16; 2],
+}
+
+impl World {
+    pub fn new() -> Self {
+        let mut registers = [0; 128];
+        registers[0x75] = 0x68;
+        registers[0x6B] = 0x40;
+        let world = Self(Rc::new(RefCell::new(State {
+            registers,
+            bus_error: None,
+            alive: true,
+            eeprom: [0xFF; 1024],
+            pins: [true; 5],
+            duty: [99; 2],
+        })));
+        world.set_sample([0, 0, 16384], [0, 0, 0]);
+        world
+    }
+
+    pub fn change<T>(&self, change: impl FnOnce(&mut State) -> T) -> T {
+        change(&mut self.0.borrow_mut())
+    }
+
+    /// What the sensor measures, in counts.
+    pub fn set_sample(&self, accel: [i16; 3], gyro: [i16; 3]) {
+        let words = [accel[0], accel[1], accel[2], -4000, gyro[0], gyro[1], gyro[2]];
+        self.change(|state| {
+            for (pair, word) in state.registers[0x3B..0x49].chunks_mut(2).zip(words) {
+                pair.copy_from_slice(&word.to_be_bytes());
+            }
+        });
+    }
+
+    /// Whether every output that could turn a motor is off.
+    pub fn is_off(&self) -> bool {
+        self.change(|state| state.duty == [0, 0] && state.pins == [false; 5])
+    }
+}
+
+#[derive(Debug)]
+pub struct BusError(i2c::ErrorKind);
+
+impl i2c::Error for BusError {
+    fn kind(&self) -> i2c::ErrorKind {
+        self.0
+    }
+}
+
+pub struct Bus(World);
+
+impl i2c::ErrorType for Bus {
+    type Error = BusError;
+}
+
+impl I2c for Bus {
+    fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
+        assert_eq!(address, 0x68);
+        self.0.change(|state| {
+            if let Some(kind) = state.bus_error {
+                return Err(BusError(kind));
+            }
+            let mut pointer = 0;
+            for operation in operations {
+                match operation {
+                    Operation::Write(bytes) => {
+                        pointer = usize::from(bytes[0]);
+                        state.registers[pointer..][..bytes.len() - 1].copy_from_slice(&bytes[1..]);
+                    }
+                    Operation::Read(bytes) => {
+                        bytes.copy_from_slice(&state.registers[pointer..][..bytes.len()]);
+                        if state.alive && pointer == 0x3B {
+                            // The lowest bit of the temperature.
+                            state.registers[0x42] ^= 1;
+                        }
+                    }
+                }
+            }
+            Ok(())
+        })
+    }
+}
+
+pub struct Pin(World, usize);
+
+impl digital::ErrorType for Pin {
+    type Error = Infallible;
+}
+
+impl OutputPin for Pin {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        self.0.change(|state| state.pins[self.1] = false);
+        Ok(())
+    }
+
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        self.0.change(|state| state.pins[self.1] = true);
+        Ok(())
+    }
+}
+
+pub struct Pwm(World, usize);
+
+impl pwm::ErrorType for Pwm {
+    type Error = Infallible;
+}
+
+impl SetDutyCycle for Pwm {
+    fn max_duty_cycle(&self) -> u16 {
+        255
+    }
+
+    fn set_duty_cycle(&mut self, duty: u16) -> Result<(), Infallible> {
+        assert!(duty <= 255);
+        self.0.change(|state| state.duty[self.1] = duty);
+        Ok(())
+    }
+}
+
+pub struct Memory(World);
+
+impl Storage for Memory {
+    fn read(&mut self, address: u16) -> u8 {
+        self.0.change(|state| state.eeprom[usize::from(address)])
+    }
+
+    fn write(&mut self, address: u16, byte: u8) {
+        self.0.change(|state| state.eeprom[usize::from(address)] = byte);
+    }
+}
+
+/// The board and its host.
+pub struct Bench {
+    pub world: World,
+    pub app: App<Bus, Pin, Pwm, Memory>,
+    outbox: Queue<u8, OUTBOX>,
+    accumulator: Accumulator,
+    pub now: u32,
+    pub edges: [Edges; 2],
+    /// Counts per tick that the encoders make.
+    pub speed: [i32; 2],
+    pub telemetry: Vec<Telemetry>,
+    pub replies: Vec<(u8, Reply)>,
+    seq: u8,
+}
+
+impl Bench {
+    pub fn new() -> Self {
+        Self::start(World::new(), Start::default())
+    }
+
+    /// Starts the board on what is left in `world`.
+    pub fn start(world: World, start: Start) -> Self {
+        let pins = [0, 1, 2, 3, 4].map(|pin| Pin(world.clone(), pin));
+        let [ain1, ain2, bin1, bin2, standby] = pins;
+        let bridges =
+            [Bridge::new([ain1, ain2], Pwm(world.clone(), 0)), Bridge::new([bin1, bin2], Pwm(world.clone(), 1))];
+        let build = Build { git_hash: [1, 2, 3, 4], git_dirty: true };
+        let motors = Motors::new(bridges, standby);
+        let mut app = App::new(Bus(world.clone()), motors, Memory(world.clone()), build);
+        app.start(start);
+        let mut bench = Self {
+            world,
+            app,
+            outbox: Queue::new(),
+            accumulator: Accumulator::new(),
+            now: 0,
+            edges: Default::default(),
+            speed: [0; 2],
+            telemetry: vec![],
+            replies: vec![],
+            seq: 0,
+        };
+        bench.ticks(15);
+        bench
+    }
+
+    /// One tick; the line takes away all that there is to send.
+    pub fn tick(&mut self) {
+        self.tick_after(0);
+    }
+
+    /// One tick after `missed` that were left out.
+    pub fn tick_after(&mut self, missed: u8) {
+        self.tick_unsent(missed);
+        self.deliver();
+    }
+
+    /// One tick; the line takes nothing away.
+    pub fn tick_unsent(&mut self, missed: u8) {
+        self.now = self.now.wrapping_add(TICK_US * (1 + u32::from(missed)));
+        for (edges, speed) in self.edges.iter_mut().zip(self.speed) {
+            edges.count += speed;
+            if speed != 0 {
+                edges.time = Micros(self.now.wrapping_sub(1));
+            }
+        }
+        let (mut outbox, _) = self.outbox.split();
+        self.app.watch_link(Micros(self.now));
+        let tick = Tick { time: Micros(self.now), missed, edges: self.edges };
+        self.app.tick(&tick, &mut outbox, |_| {});
+        self.app.after_tick(&mut outbox);
+        self.app.watch_link(Micros(self.now.wrapping_add(2500)));
+    }
+
+    pub fn ticks(&mut self, ticks: u32) {
+        for _ in 0..ticks {
+            self.tick();
+        }
+    }
+
+    /// The line takes away all that there is to send.
+    pub fn deliver(&mut self) {
+        let (_, mut line) = self.outbox.split();
+        while let Some(byte) = line.dequeue() {
+            match self.accumulator.push(byte) {
+                Some(Ok(Message::Telemetry(telemetry))) => self.telemetry.push(telemetry),
+                Some(Ok(Message::Reply { to, reply })) => self.replies.push((to, reply)),
+                Some(Err(error)) => panic!("the board sent nonsense: {error}"),
+                None => {}
+            }
+        }
+    }
+
+    /// Sends bytes as they are.
+    pub fn send_bytes(&mut self, bytes: &[u8]) {
+        let (mut outbox, _) = self.outbox.split();
+        for byte in bytes {
+            self.app.receive(*byte, Micros(self.now.wrapping_add(100)), &mut outbox);
+        }
+        self.deliver();
+    }
+
+    /// Sends a request with a number of its own choice, and gives all answers that came at once.
+    pub fn send(&mut self, seq: u8, command: Command) -> Vec<Reply> {
+        let mut buffer = [0; MAX_FRAME];
+        let frame = encode(&Request { seq, command }, &mut buffer).unwrap().to_vec();
+        let before = self.replies.len();
+        self.send_bytes(&frame);
+        self.replies[before..].iter().map(|(to, reply)| (assert_eq!(*to, seq), *reply).1).collect()
+    }
+
+    /// Sends a new request and gives its one answer.
+    pub fn ask(&mut self, command: Command) -> Reply {
+        self.seq = self.seq.wrapping_add(1);
+        let replies = self.send(self.seq, command);
+        assert_eq!(replies.len(), 1, "{command:?}");
+        replies[0]
+    }
+
+    /// The next frame of a running stream.
+    pub fn look(&mut self) -> Telemetry {
+        let before = self.telemetry.len();
+        while self.telemetry.len() == before {
+            self.tick();
+        }
+        self.telemetry[before]
+    }
+
+    /// Ticks with a ping now and then, as a host does that wants the motors to turn.
+    pub fn ticks_alive(&mut self, ticks: u32) {
+        for tick in 0..ticks {
+            if tick % 20 == 0 {
+                self.ask(Command::Ping);
+            }
+            self.tick();
+        }
+    }
+}
