@@ -376,6 +376,7 @@ where
 
     #[inline(never)]
     fn stop(&mut self) {
+        self.calibrating = None;
         self.motors.stop();
         self.telemetry.target = [CentiRpm(0); 2];
         self.telemetry.duty = [Duty(0); 2];
@@ -430,7 +431,6 @@ where
     fn raise(&mut self, fault: Fault) {
         if self.latch.set(fault) {
             self.stop();
-            self.calibrating = None;
         }
     }
 

@@ -66,9 +66,6 @@ mod nano {
         let start =
             Start { crash: crash::take_record(&peripherals.CPU), mcusr: crash::take_reset_flags(&peripherals.CPU) };
 
-        // The linker leaves out what no code names.
-        core::hint::black_box(&MARKER);
-
         // SAFETY: this runs once, and interrupts are off.
         let ends = unsafe { serial::start(&peripherals.USART0) };
         encoders::start(&peripherals.EXINT, &peripherals.PORTD);

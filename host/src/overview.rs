@@ -65,7 +65,7 @@ impl Overview {
             calibration: reader.meta(),
             clock: reader.meta(),
             recovery: reader.meta(),
-            link: summary.as_ref().map_or(collector.link, |summary| summary.link),
+            link: collector.link(summary.as_ref().map(|summary| summary.link)),
             angles: Angles::of(&collector.series, &collector.times(), speeds),
             duration_s: collector.duration_s,
             channels: reader.counts().clone(),
@@ -101,12 +101,22 @@ impl Collector {
             }
             Body::Dropout(dropout) => self.link.lost += u64::from(dropout.count),
             Body::Command(command) => self.link.retries += u64::from(command.attempts.saturating_sub(1)),
+            // The rates mean something else from here on.
+            Body::Event(event) if event.kind() == Kind::Calibration => self.series = Series::default(),
             Body::Event(event) if event.kind() == Kind::Phase => {
                 let since = message.log_time_ns.saturating_sub(self.first_ns.unwrap_or(message.log_time_ns));
                 self.phases.push((event.text.clone(), since as f64 * 1e-9));
             }
             _ => {}
         }
+    }
+
+    /// Counts of the link. What was summed up when the trial ended knows more than the messages, but for samples that the
+    /// log has lost since.
+    fn link(&self, summed_up: Option<LinkStats>) -> LinkStats {
+        let Some(summed_up) = summed_up else { return self.link };
+        let missing = summed_up.samples.saturating_sub(self.link.samples);
+        LinkStats { samples: self.link.samples, lost: summed_up.lost + missing, ..summed_up }
     }
 
     /// A phase lasts until the next begins, the last one until the telemetry ends.

@@ -56,7 +56,8 @@ impl Drift {
         let before = Phase::new(yaw, before);
         let after = match &before {
             Some(before) => still_end(yaw, after, before),
-            None => Phase::new(yaw, after),
+            // Without a phase before, nothing tells the robot that swings back from a gyroscope that drifts.
+            None => None,
         };
         let phases: Vec<_> = before.into_iter().chain(after).collect();
         let (angle_walk, freedom) = noise(&phases)?;

@@ -44,6 +44,21 @@ impl Answer {
     }
 }
 
+impl Answer {
+    /// What was done until `report` ended it: printed as an error, and in the JSON beside the error.
+    ///
+    /// # Errors
+    /// When `body` has no JSON form.
+    pub fn failed(body: &impl Serialize, report: &Report) -> miette::Result<Self> {
+        let mut answer = Self::new(Outcome::Failed, body, "")?;
+        if let (Some(json), serde_json::Value::Object(error)) = (answer.json.as_object_mut(), error_json(report)) {
+            json.extend(error);
+        }
+        let _ = write!(std::io::stderr(), "{}", describe(report.as_ref()));
+        Ok(answer)
+    }
+}
+
 /// Prints `result` and turns it into the exit code.
 pub(super) fn finish(result: miette::Result<Answer>, json: bool) -> ExitCode {
     let code = exit_code(&result);
@@ -51,7 +66,7 @@ pub(super) fn finish(result: miette::Result<Answer>, json: bool) -> ExitCode {
         Ok(answer) if json => answer.json.to_string(),
         Ok(answer) => answer.text.clone(),
         Err(report) => {
-            eprint!("{}", describe(report.as_ref()));
+            let _ = write!(std::io::stderr(), "{}", describe(report.as_ref()));
             if json { error_json(report).to_string() } else { String::new() }
         }
     };
@@ -63,7 +78,7 @@ pub(super) fn finish(result: miette::Result<Answer>, json: bool) -> ExitCode {
         // A reader like `head` that has seen enough is no failure.
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::from(code),
         Err(error) => {
-            eprintln!("error: stdout: {error}");
+            let _ = writeln!(std::io::stderr(), "error: stdout: {error}");
             ExitCode::from(1)
         }
     }

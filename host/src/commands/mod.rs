@@ -38,8 +38,16 @@ enum Command {
 
 /// Runs the program as its command line says.
 pub fn run() -> ExitCode {
-    // clap itself exits with 2 on wrong use, and with 0 after --help and --version.
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
+                println!("{}", serde_json::json!({ "error": error.render().to_string().trim(), "help": null }));
+            }
+            // clap itself exits with 2 on wrong use, and with 0 after --help and --version.
+            error.exit()
+        }
+    };
     let result = match cli.command {
         Command::Doctor(args) => doctor::run(&args),
         Command::Flash(args) => flash::run(&args),

@@ -1,14 +1,14 @@
 //! `biflag record`: runs a plan on the rig.
 
 use super::{Answer, Outcome};
-use crate::link::{self, Link};
+use crate::link::{self, Link, LinkError};
 use crate::log::{End, Origin, Start, Summary};
 use crate::plan::{Plan, Trial};
 use crate::rig::{self, Bench, Image, Progress, RecordError, VirtualNano};
 use crate::session::{self, Session};
 use crate::stats::LinkStats;
 use miette::{IntoDiagnostic, Report, WrapErr};
-use protocol::{Command, Settings};
+use protocol::Command;
 use serde::Serialize;
 use std::fmt;
 use std::path::PathBuf;
@@ -40,7 +40,7 @@ pub struct Args {
     resume: bool,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct Recorded {
     session: PathBuf,
     trials: Vec<RecordedTrial>,
@@ -59,6 +59,8 @@ struct RecordedTrial {
     yaw_uncertainty_deg: Option<f64>,
     /// Angle turned about each body axis over the whole trial; only right after it.
     turned_deg: Option<[f64; 3]>,
+    /// What whoever uses the trial should know; only right after it.
+    warnings: Vec<String>,
     complete: bool,
 }
 
@@ -76,8 +78,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Some(nano) => nano.port().to_owned(),
         None => link::choose_port(args.port.as_deref())?,
     };
-    let link = Link::open(&port)?;
-    let settings = prepare(&link, &plan)?;
+    let link = match Link::open_unless(&port, &interrupted) {
+        Err(LinkError::Interrupted) => return Answer::new(Outcome::Interrupted, &Recorded::default(), "interrupted"),
+        link => link?,
+    };
+    prepare(&link, &plan)?;
     // Last, so that a board that does not answer leaves no folder behind.
     let folder = args.out.clone().unwrap_or_else(|| session::default_folder(&plan));
     let session = match args.resume {
@@ -87,35 +92,44 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 
     let mut recorded = Recorded { session: folder, trials: Vec::new() };
     let mut todo = Vec::new();
-    for trial in &plan.trials {
-        match session.state(trial)?.complete() {
-            Some(attempt) => {
-                let summary = attempt.summary.clone().unwrap_or_default();
-                recorded.trials.push(RecordedTrial::new(trial, attempt.path.clone(), &summary, None));
-            }
-            None => todo.push(trial),
+    let mut outcome = Outcome::Done;
+    for state in session.states()? {
+        let Some(attempt) = state.complete() else {
+            todo.push(state.trial);
+            continue;
+        };
+        let summary = attempt.summary.clone().unwrap_or_default();
+        if !summary.link.is_lossless() {
+            outcome = Outcome::WithLoss;
         }
+        recorded.trials.push(RecordedTrial::new(&state.trial, attempt.path.clone(), &summary));
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    let mut outcome = Outcome::Done;
+    let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
     let mut on_run = || {
-        if let (Some(nano), Some(Some(_))) = (&mut nano, &args.r#virtual)
-            && let Err(error) = nano.control("play")
-        {
-            eprintln!("warning: {error}");
+        if let (Some(nano), Some(Some(_))) = (&mut nano, &args.r#virtual) {
+            // An emulated board that has gone is a port that has gone, which the trial sees for itself.
+            let _ = nano.control("play");
         }
     };
-    for trial in todo {
+    let mut failure = None;
+    for trial in &todo {
+        if interrupted.load(Ordering::Relaxed) {
+            outcome = Outcome::Interrupted;
+            break;
+        }
         let (attempt, path) = session.next_attempt(trial)?;
-        let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
-        let board = Some((*link.info(), settings));
+        // A calibration changes the board's settings, so each log has those that were in force at its beginning.
+        let board = Some((*link.info(), super::settings::read(&link)?));
         let start = Start { plan: &plan, trial, attempt, origin, board, time: SystemTime::now() };
         let mut bench = Bench { link: &link, progress: &progress, interrupted: &interrupted, on_run: &mut on_run };
         let run = rig::run(&mut bench, &path, &start)?;
         progress.end_trial(trial.phases.total_s());
-        let row = RecordedTrial::new(trial, path, &run.summary, run.angles.map(|angles| angles.turned_deg));
+        let mut row = RecordedTrial::new(trial, path, &run.summary);
+        row.turned_deg = run.angles.map(|angles| angles.turned_deg);
+        row.warnings = run.warnings;
         progress.line(&row.to_string());
-        if !run.summary.link.is_lossless() {
+        if !run.summary.link.is_lossless() || !row.warnings.is_empty() {
             outcome = Outcome::WithLoss;
         }
         recorded.trials.push(row);
@@ -126,25 +140,27 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
                 break;
             }
             Some(error) => {
-                progress.finish();
-                return Err(Report::from(error));
+                failure = Some(Report::from(error));
+                break;
             }
         }
     }
     progress.finish();
     recorded.trials.sort_by(|a, b| a.name.cmp(&b.name));
-    Answer::new(outcome, &recorded, format!("session {}", recorded.session.display()))
+    match failure {
+        Some(report) => Answer::failed(&recorded, &report),
+        None => Answer::new(outcome, &recorded, format!("session {}", recorded.session.display())),
+    }
 }
 
-/// Puts the plan's settings in force, and answers all of those that are.
-fn prepare(link: &Link, plan: &Plan) -> miette::Result<Settings> {
+/// Puts the plan's settings in force.
+fn prepare(link: &Link, plan: &Plan) -> miette::Result<()> {
     link.command(Command::Stop)?;
-    let settings = super::settings::read(link)?;
-    if plan.board.is_empty() {
-        return Ok(settings);
+    if !plan.board.is_empty() {
+        let settings = plan.board.apply(super::settings::read(link)?)?;
+        link.command(Command::WriteSettings(settings))?;
     }
-    link.command(Command::WriteSettings(plan.board.apply(settings)?))?;
-    super::settings::read(link)
+    Ok(())
 }
 
 fn start_virtual(imu: Option<&PathBuf>, speed: &str) -> miette::Result<VirtualNano> {
@@ -157,7 +173,7 @@ fn start_virtual(imu: Option<&PathBuf>, speed: &str) -> miette::Result<VirtualNa
 }
 
 impl RecordedTrial {
-    fn new(trial: &Trial, log: PathBuf, summary: &Summary, turned_deg: Option<[f64; 3]>) -> Self {
+    fn new(trial: &Trial, log: PathBuf, summary: &Summary) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
         Self {
             name: trial.name.clone(),
@@ -168,7 +184,8 @@ impl RecordedTrial {
             yaw_deg: summary.yaw_deg,
             pitch_deg: summary.pitch_deg,
             yaw_uncertainty_deg: summary.yaw_uncertainty_deg,
-            turned_deg,
+            turned_deg: None,
+            warnings: Vec::new(),
             complete: summary.end == End::Complete,
         }
     }
@@ -190,6 +207,6 @@ impl fmt::Display for RecordedTrial {
         if !self.complete {
             write!(f, "; not complete")?;
         }
-        Ok(())
+        self.warnings.iter().try_for_each(|warning| write!(f, "\n  warning: {warning}"))
     }
 }

@@ -8,6 +8,7 @@ use crate::log::{Body, Condition, LogError, Message, Reader};
 use miette::Diagnostic;
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -42,6 +43,13 @@ pub enum ExportError {
     #[error("{}: exists already", path.display())]
     #[diagnostic(code(wrong_use), help("name another file with -o, or replace it with --force"))]
     Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// It is the log itself.
+    #[error("{}: is the log itself", path.display())]
+    #[diagnostic(code(wrong_use), help("name another file with -o"))]
+    Itself {
         /// The file.
         path: PathBuf,
     },
@@ -88,7 +96,14 @@ pub fn export(log: &Path, output: &Path, format: Format, replace: bool) -> Resul
             _ => ExportError::Write { path, source },
         }
     };
-    let file = if replace { File::create(output) } else { File::create_new(output) }.map_err(failed)?;
+    if is_same(log, output) {
+        return Err(ExportError::Itself { path: output.to_owned() });
+    }
+    // What is to be replaced stays until all of the new is there.
+    let mut partial = output.as_os_str().to_owned();
+    partial.push(".partial");
+    let target = if replace { Path::new(&partial) } else { output };
+    let file = if replace { File::create(target) } else { File::create_new(target) }.map_err(failed)?;
     let file = BufWriter::new(file);
     let mut sink: Box<dyn Sink> = match format {
         Format::Csv => Box::new(Csv::new(file).map_err(failed)?),
@@ -101,7 +116,16 @@ pub fn export(log: &Path, output: &Path, format: Format, replace: bool) -> Resul
         rows += u64::from(sink.row(&message?).map_err(failed)?);
     }
     sink.finish().map_err(failed)?;
+    if replace {
+        std::fs::rename(target, output).map_err(failed)?;
+    }
     Ok(Exported { rows, condition: reader.condition().unwrap_or(Condition::Damaged) })
+}
+
+/// Whether two paths name one file, through links too.
+fn is_same(one: &Path, other: &Path) -> bool {
+    let id = |path: &Path| std::fs::metadata(path).map(|meta| (meta.dev(), meta.ino()));
+    matches!((id(one), id(other)), (Ok(one), Ok(other)) if one == other)
 }
 
 struct Csv<W: Write>(csv::Writer<W>);

@@ -5,6 +5,8 @@ use super::port;
 use super::worker::{Event, Question, Received, Worker};
 use protocol::frame::FrameError;
 use protocol::{Command, Info, Reply, VERSION};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
@@ -14,6 +16,9 @@ use std::time::{Duration, Instant, SystemTime};
 pub struct Link {
     path: String,
     opened: SystemTime,
+    begun: Instant,
+    /// When this end last showed a sign of life, ms since the link was opened.
+    alive: Arc<AtomicU64>,
     info: Info,
     questions: Sender<Question>,
     events: Receiver<Received>,
@@ -30,18 +35,35 @@ impl Link {
     /// # Errors
     /// The port's errors, [`LinkError::Silent`], [`LinkError::OtherProgram`] or [`LinkError::OtherVersion`].
     pub fn open(path: &str) -> Result<Self, LinkError> {
+        Self::open_unless(path, &AtomicBool::new(false))
+    }
+
+    /// Opens the port and shakes hands, unless the user interrupts it.
+    ///
+    /// # Errors
+    /// As [`Link::open`], and [`LinkError::Interrupted`].
+    pub fn open_unless(path: &str, interrupted: &AtomicBool) -> Result<Self, LinkError> {
         let port = port::open(path)?;
         let (questions, asked) = channel();
         let (sender, events) = channel();
         let opened = SystemTime::now();
-        let worker = Worker::new(port, asked, sender);
+        let alive = Arc::new(AtomicU64::new(0));
+        let worker = Worker::new(port, asked, sender, alive.clone());
         let thread = std::thread::Builder::new()
             .name("link".into())
             .spawn(move || worker.run())
             .map_err(|source| LinkError::Port { path: path.to_owned(), source })?;
-        let mut link =
-            Self { path: path.to_owned(), opened, info: Info::default(), questions, events, thread: Some(thread) };
-        link.info = link.handshake()?;
+        let mut link = Self {
+            path: path.to_owned(),
+            opened,
+            begun: Instant::now(),
+            alive,
+            info: Info::default(),
+            questions,
+            events,
+            thread: Some(thread),
+        };
+        link.info = link.handshake(interrupted)?;
         Ok(link)
     }
 
@@ -65,6 +87,7 @@ impl Link {
     /// # Errors
     /// [`LinkError::NoAnswer`], [`LinkError::Refused`] or [`LinkError::Closed`].
     pub fn ask(&self, command: Command) -> Result<Reply, LinkError> {
+        self.show_life();
         let (answer, answered) = channel();
         let closed = || LinkError::Closed { path: self.path.clone() };
         self.questions.send(Question { command, answer }).map_err(|_| closed())?;
@@ -86,6 +109,11 @@ impl Link {
         }
     }
 
+    fn show_life(&self) {
+        let now = u64::try_from(self.begun.elapsed().as_millis()).unwrap_or(u64::MAX);
+        self.alive.store(now, Ordering::Relaxed);
+    }
+
     /// An answer that does not fit its question.
     pub fn wrong_answer(&self, command: &Command, answer: &Reply) -> LinkError {
         LinkError::WrongAnswer { command: name(command), answer: format!("{answer:?}") }
@@ -93,6 +121,7 @@ impl Link {
 
     /// The next thing that came, if any comes within `patience`.
     pub fn next(&self, patience: Duration) -> Option<Received> {
+        self.show_life();
         match self.events.recv_timeout(patience) {
             Ok(received) => Some(received),
             Err(RecvTimeoutError::Timeout) => None,
@@ -102,15 +131,20 @@ impl Link {
         }
     }
 
-    fn handshake(&self) -> Result<Info, LinkError> {
+    fn handshake(&self, interrupted: &AtomicBool) -> Result<Info, LinkError> {
         let begun = Instant::now();
         let mut bytes = 0;
+        let mut frames = 0;
         let mut foreign = None;
         while begun.elapsed() < Self::HANDSHAKE {
+            if interrupted.load(Ordering::Relaxed) {
+                return Err(LinkError::Interrupted);
+            }
             let answer = self.ask(Command::Hello);
             while let Ok(received) = self.events.try_recv() {
                 match received.event {
                     Event::Raw(raw) => bytes += raw.len(),
+                    Event::Telemetry(_) => frames += 1,
                     Event::Damaged(FrameError::Foreign(Some(version))) => foreign = Some(version),
                     _ => {}
                 }
@@ -128,6 +162,7 @@ impl Link {
         let path = self.path.clone();
         Err(match bytes {
             0 => LinkError::Silent { path, waited: begun.elapsed() },
+            _ if frames > 0 => LinkError::Deaf { path },
             bytes => LinkError::OtherProgram { path, bytes },
         })
     }

@@ -66,6 +66,18 @@ pub enum LinkError {
         /// How long it was asked.
         waited: Duration,
     },
+    /// The user wants to stop.
+    #[error("interrupted")]
+    Interrupted,
+    /// The board sends, but does not answer.
+    #[error("the board on {path} sends telemetry, but does not hear this computer")]
+    #[diagnostic(help(
+        "unplug and replug it; if that does not help, the line from the USB converter to its RX is broken"
+    ))]
+    Deaf {
+        /// The port.
+        path: String,
+    },
     /// Something came that is not our protocol.
     #[error("the board on {path} runs another program: it sent {bytes} bytes and no frame of ours")]
     #[diagnostic(help("flash it with `biflag flash --port {path}`"))]
@@ -97,6 +109,7 @@ pub enum LinkError {
     },
     /// The board refused.
     #[error("the board refused {command}: {}", refusal_text(*.refusal))]
+    #[diagnostic(help("{}", refusal_cure(*.refusal)))]
     Refused {
         /// What was asked.
         command: String,
@@ -122,6 +135,15 @@ pub fn refusal_text(refusal: Refusal) -> &'static str {
         Refusal::Running => "the motors turn",
         Refusal::Calibrating => "a calibration is going on",
         Refusal::EepromFailed => "its EEPROM does not keep what is written to it",
+    }
+}
+
+fn refusal_cure(refusal: Refusal) -> &'static str {
+    match refusal {
+        Refusal::OutOfRange => "correct the value; `biflag settings` prints those in force",
+        Refusal::Faulted => "`biflag doctor` says which fault; see to its cause, then try again",
+        Refusal::Running | Refusal::Calibrating => "wait until it is done, or press the board's reset button",
+        Refusal::EepromFailed => "the board's EEPROM is worn out: use another board, or leave the settings in the plan",
     }
 }
 

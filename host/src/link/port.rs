@@ -69,6 +69,8 @@ pub(super) fn open(path: &str) -> Result<Box<dyn SerialPort>, LinkError> {
 fn classify(path: &str, source: io::Error) -> LinkError {
     const BUSY: i32 = 16;
     match source.kind() {
+        // Another program was quicker: `serialport` says so as if there were no port.
+        io::ErrorKind::NotFound if Path::new(path).exists() => busy(path),
         io::ErrorKind::NotFound => LinkError::NotFound { path: path.to_owned(), available: robots() },
         io::ErrorKind::PermissionDenied => LinkError::NotPermitted { path: path.to_owned(), group: group_of(path) },
         io::ErrorKind::ResourceBusy => busy(path),

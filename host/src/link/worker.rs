@@ -5,6 +5,8 @@ use protocol::{Command, Message, Reply, Request, Telemetry};
 use serialport::SerialPort;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::time::{Duration, Instant, SystemTime};
 
@@ -70,11 +72,16 @@ const BACK_OFF: [Duration; 5] = [
 /// Between pings, which feed the motors' deadline (500 ms by default) and hold the two clocks together.
 const PING_EVERY: Duration = Duration::from_millis(20);
 
+/// A program that neither asks nor listens for so long hangs. Bringing a log to a slow disk may take its time.
+const HANG: Duration = Duration::from_secs(5);
+
 pub(super) struct Worker {
     port: Box<dyn SerialPort>,
     asked: Receiver<Question>,
     waiting: VecDeque<Question>,
     events: Sender<Received>,
+    /// When the program's end last showed a sign of life, ms since the link was opened.
+    alive: Arc<AtomicU64>,
     begun: Instant,
     accumulator: Accumulator,
     open: Option<Open>,
@@ -97,13 +104,19 @@ struct Open {
 struct Ended;
 
 impl Worker {
-    pub(super) fn new(port: Box<dyn SerialPort>, asked: Receiver<Question>, events: Sender<Received>) -> Self {
+    pub(super) fn new(
+        port: Box<dyn SerialPort>,
+        asked: Receiver<Question>,
+        events: Sender<Received>,
+        alive: Arc<AtomicU64>,
+    ) -> Self {
         let begun = Instant::now();
         Self {
             port,
             asked,
             waiting: VecDeque::new(),
             events,
+            alive,
             begun,
             accumulator: Accumulator::new(),
             open: None,
@@ -136,10 +149,16 @@ impl Worker {
         if let Some(question) = self.waiting.pop_front() {
             return self.post(question.command, Some(question.answer));
         }
-        if self.greeted && Instant::now() >= self.next_ping {
+        if self.greeted && Instant::now() >= self.next_ping && self.is_program_alive() {
             return self.post(Command::Ping, None);
         }
         Ok(())
+    }
+
+    /// A program that hangs must not keep the motors turning: without pings the board stops them.
+    fn is_program_alive(&self) -> bool {
+        let alive = Duration::from_millis(self.alive.load(Ordering::Relaxed));
+        self.begun.elapsed() < alive + HANG
     }
 
     fn read(&mut self) -> Result<(), Ended> {

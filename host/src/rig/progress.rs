@@ -2,7 +2,7 @@
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::cell::Cell;
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
 /// Seconds of trials done, of all that there are to do.
@@ -35,7 +35,8 @@ impl Progress {
         let message = format!("{trial}: {phase}");
         if self.plain {
             let percent = 100.0 * (self.done_s + self.within_s.get()) / self.total_s.max(f64::MIN_POSITIVE);
-            eprintln!("{percent:3.0} % {message}");
+            // A standard error that is closed ends no trial.
+            let _ = writeln!(std::io::stderr(), "{percent:3.0} % {message}");
         }
         self.bar.set_message(message);
     }
@@ -54,7 +55,7 @@ impl Progress {
 
     /// Prints a line above the bar.
     pub fn line(&self, text: &str) {
-        self.bar.suspend(|| eprintln!("{text}"));
+        self.bar.suspend(|| drop(writeln!(std::io::stderr(), "{text}")));
     }
 
     /// Takes the bar away.

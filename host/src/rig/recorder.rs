@@ -4,7 +4,9 @@ use crate::attitude::Series;
 use crate::link::{BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
 use crate::log::{ClockFit, CommandRecord, EventKind, LogError, Writer};
 use miette::Diagnostic;
-use protocol::{Calibration, Command, Fault, Reply, Request, ResetCause, State, Telemetry};
+use protocol::units::CentiRpm;
+use protocol::{Calibration, Command, Fault, Reply, Request, ResetCause, State, TICK_HZ, Telemetry};
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 use thiserror::Error;
@@ -21,7 +23,7 @@ pub enum RecordError {
     Faulted(Fault),
     /// The stream ended.
     #[error("the board stopped sending{}", restart_text(.0))]
-    #[diagnostic(help("check the motors' supply and the cable, then go on with --resume"))]
+    #[diagnostic(help("{}; then go on with --resume", silence_cure(*.0)))]
     Silent(Option<ResetCause>),
     /// The link failed.
     #[error(transparent)]
@@ -62,6 +64,14 @@ fn fault_cure(fault: Fault) -> &'static str {
     }
 }
 
+fn silence_cure(cause: Option<ResetCause>) -> &'static str {
+    match cause {
+        Some(ResetCause::Hang) => fault_cure(Fault::Hang),
+        Some(ResetCause::Panic) => fault_cure(Fault::Panic),
+        _ => "check the supply of board and motors, and the cable",
+    }
+}
+
 fn restart_text(cause: &Option<ResetCause>) -> String {
     match cause {
         Some(ResetCause::BrownOut) => ": it restarted because its supply sagged".into(),
@@ -93,6 +103,8 @@ pub(super) struct Recorder<'a> {
     pub(super) monitor: Monitor,
     /// The attitude over the trial, for what is said of it right after it.
     pub(super) attitude: Series,
+    /// Speeds over the last second.
+    speeds: VecDeque<[CentiRpm; 2]>,
     interrupted: &'a AtomicBool,
     /// The frame that ended a phase, which is the first of the next one.
     ahead: Option<Frame>,
@@ -111,6 +123,7 @@ impl<'a> Recorder<'a> {
             log,
             monitor: Monitor::default(),
             attitude: Series::default(),
+            speeds: VecDeque::new(),
             interrupted,
             ahead: None,
             clock: BoardClock::default(),
@@ -121,9 +134,22 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Begins the trial with the first frame that bears a fresh reading of the sensor, which takes a moment to start
-    /// after new settings. A sensor that does not start becomes a fault.
+    /// Starts the stream and begins the trial with its first frame that bears a fresh reading of the sensor, which takes
+    /// a moment to start after new settings. A sensor that does not start becomes a fault.
+    ///
+    /// What the board sent before belongs to no trial: another program may have left it streaming.
     pub(super) fn begin(&mut self) -> Result<(), RecordError> {
+        self.command(Command::Stream { rate_hz: 0 })?;
+        match self.command(Command::ClearFault) {
+            // Its cause lasts; the first frame tells which fault it is.
+            Ok(()) | Err(RecordError::Link(LinkError::Refused { .. })) => {}
+            Err(error) => return Err(error),
+        }
+        while let Some(received) = self.link.next(Duration::ZERO) {
+            self.take(received)?;
+        }
+        self.command(Command::Stream { rate_hz: TICK_HZ })?;
+        self.last_heard = Instant::now();
         loop {
             let frame = self.next_frame()?;
             if frame.telemetry.imu_fresh || frame.telemetry.fault != Fault::None {
@@ -162,20 +188,35 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// Speeds of the flagella over the last second.
+    pub(super) fn last_speeds(&self) -> [CentiRpm; 2] {
+        let count = self.speeds.len().max(1) as i32;
+        let sum = |motor: usize| self.speeds.iter().map(|speeds| i32::from(speeds[motor].0)).sum::<i32>();
+        [0, 1].map(|motor| CentiRpm((sum(motor) / count) as i16))
+    }
+
     /// Notes an event at this moment.
     pub(super) fn event(&mut self, kind: EventKind, text: &str) -> Result<(), RecordError> {
         Ok(self.log.event(kind, text, SystemTime::now())?)
     }
 
-    /// Keeps what has come already, without waiting: the answers to the last commands, what came before a failure.
-    pub(super) fn drain(&mut self) -> Result<(), RecordError> {
+    /// Keeps what has come already, without waiting: the answers to the last commands, and after a failure what the board
+    /// sent meanwhile.
+    pub(super) fn drain(&mut self, frames_too: bool) -> Result<(), RecordError> {
         while let Some(received) = self.link.next(Duration::ZERO) {
             if matches!(received.event, Event::Closed) {
                 break;
             }
-            self.take(received)?;
+            if let Some(frame) = self.take(received)?.filter(|_| frames_too) {
+                self.keep(frame)?;
+            }
         }
         Ok(())
+    }
+
+    /// Forgets the attitude so far: the calibration changed what the rates mean.
+    pub(super) fn restart_attitude(&mut self) {
+        self.attitude = Series::default();
     }
 
     fn next_frame(&mut self) -> Result<Frame, RecordError> {
@@ -184,10 +225,13 @@ impl<'a> Recorder<'a> {
                 return Err(RecordError::Interrupted);
             }
             self.log.tick()?;
-            if self.last_heard.elapsed() > SILENCE {
-                return Err(RecordError::Silent(self.restart()));
-            }
-            let Some(received) = self.link.next(Duration::from_millis(20)) else { continue };
+            let Some(received) = self.link.next(Duration::from_millis(20)) else {
+                // Only an empty queue is silence: this program itself may have been kept from reading it.
+                if self.last_heard.elapsed() > SILENCE {
+                    return Err(RecordError::Silent(self.restart()));
+                }
+                continue;
+            };
             if let Some(frame) = self.take(received)? {
                 self.last_heard = Instant::now();
                 return Ok(frame);
@@ -201,6 +245,10 @@ impl<'a> Recorder<'a> {
             self.log.dropout(gap.first.0, u32::from(gap.count), frame.host)?;
         }
         self.log.telemetry(&frame.telemetry, frame.board_us, frame.host)?;
+        if self.speeds.len() == usize::from(TICK_HZ) {
+            self.speeds.pop_front();
+        }
+        self.speeds.push_back(frame.telemetry.speed);
         self.attitude.push(frame.time_s, frame.telemetry.attitude.to_f64());
         let now = (frame.telemetry.state, frame.telemetry.fault);
         let before = std::mem::replace(&mut self.state, now);

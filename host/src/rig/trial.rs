@@ -7,7 +7,6 @@ use crate::link::Link;
 use crate::log::{End, EventKind, LogError, Start, Summary, Writer};
 use crate::plan::Phases;
 use protocol::{Command, State, TICK_HZ};
-use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
@@ -21,6 +20,8 @@ pub struct TrialRun {
     pub angles: Option<Angles>,
     /// Why it is not complete, where it is not.
     pub error: Option<RecordError>,
+    /// What whoever uses it should know.
+    pub warnings: Vec<String>,
 }
 
 /// What a trial runs on, and who follows it.
@@ -44,14 +45,25 @@ pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, Lo
     let link = bench.link;
     let mut recorder = Recorder::new(link, log, bench.interrupted);
     let mut times = Times::default();
-    let error = phases(&mut recorder, bench, start, &mut times).err();
+    let mut warnings = Vec::new();
+    let mut error = phases(&mut recorder, bench, start, &mut times, &mut warnings).err();
     // The board's own deadline does it where the link is gone.
     let _ = link.command(Command::Stop);
     let _ = link.command(Command::Stream { rate_hz: 0 });
-    let kept = recorder.drain();
-    let error = error.or(kept.err());
-    if let Some(fit) = recorder.clock_fit() {
-        recorder.log.clock(&fit)?;
+    // A log that failed once says no more of why.
+    let writable = !matches!(error, Some(RecordError::Log(_)));
+    if writable {
+        match recorder.drain(error.is_some()) {
+            // The fault says more than that the board fell silent.
+            Err(fault @ RecordError::Faulted(_)) if !matches!(error, Some(RecordError::Faulted(_))) => {
+                error = Some(fault)
+            }
+            Err(failure) if error.is_none() => error = Some(failure),
+            _ => {}
+        }
+        if let Some(fit) = recorder.clock_fit() {
+            recorder.log.clock(&fit)?;
+        }
     }
     let angles = Angles::of(&recorder.attitude, &times, start.trial.speeds);
     let mut summary = Summary {
@@ -68,68 +80,109 @@ pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, Lo
     if let Some(angles) = &angles {
         angles.fill(&mut summary);
     }
-    recorder.log.finish(&summary)?;
-    Ok(TrialRun { summary, angles, error })
+    if writable {
+        recorder.log.finish(&summary)?;
+    }
+    Ok(TrialRun { summary, angles, error, warnings })
 }
+
+/// Half of a tick: frames bear the time at which their tick really began, some microseconds about its grid.
+const HALF_TICK_S: f64 = 0.5 / TICK_HZ as f64;
+
+/// The motors start late when this computer is busy; by more than this, and the run is drawn out and a warning given.
+const LATE_S: f64 = 0.1;
+
+/// A flagellum's speed is off by more than this at the end of the run: something holds it.
+const SPEED_TOLERANCE_RPM: f64 = 3.0;
 
 /// A phase ends with the first frame at or after its boundary, and the boundaries lie on one grid of the board's clock,
 /// so that every trial of a plan is equally long.
-fn phases(recorder: &mut Recorder, bench: &mut Bench, start: &Start, times: &mut Times) -> Result<(), RecordError> {
+fn phases(
+    recorder: &mut Recorder,
+    bench: &mut Bench,
+    start: &Start,
+    times: &mut Times,
+    warnings: &mut Vec<String>,
+) -> Result<(), RecordError> {
     let (progress, name) = (bench.progress, &start.trial.name);
     let Phases { calibrate_s, preroll_s, run_s, decay_s } = start.trial.phases;
-    recorder.command(Command::ClearFault)?;
-    recorder.command(Command::Stream { rate_hz: TICK_HZ })?;
+    let speeds = start.trial.speeds;
     recorder.begin()?;
-    let enter = |recorder: &mut Recorder, phase: &str| {
-        progress.phase(name, phase);
-        recorder.event(EventKind::Phase, phase)
-    };
-    let last = |recorder: &mut Recorder, range: &Range<f64>| {
+    let last = |recorder: &mut Recorder, end_s: f64| {
         recorder.until(|frame| {
             progress.within(frame.time_s);
-            frame.time_s >= range.end
+            frame.time_s >= end_s - HALF_TICK_S
         })
     };
 
     let mut begin = 0.0;
     if calibrate_s > 0.0 {
-        enter(recorder, "calibrate")?;
-        begin = calibrate(recorder, name, progress, calibrate_s)?;
+        progress.phase(name, "calibrate");
+        recorder.event(EventKind::Phase, "calibrate")?;
+        begin = calibrate(recorder, progress, calibrate_s, warnings)?;
     }
     times.preroll = begin..begin + preroll_s;
-    times.run = times.preroll.end..times.preroll.end + run_s;
-    times.decay = times.run.end..times.run.end + decay_s;
     if preroll_s > 0.0 {
-        enter(recorder, "preroll")?;
-        last(recorder, &times.preroll)?;
+        progress.phase(name, "preroll");
+        recorder.event(EventKind::Phase, "preroll")?;
+        last(recorder, times.preroll.end)?;
     }
-    enter(recorder, "run")?;
     (bench.on_run)();
-    recorder.command(Command::SetSpeeds(start.trial.speeds))?;
-    last(recorder, &times.run)?;
+    recorder.event(EventKind::Phase, "run")?;
+    recorder.command(Command::SetSpeeds(speeds))?;
+    // A terminal may keep the writer waiting, the motors not.
+    progress.phase(name, "run");
+    let running = recorder.until(|frame| frame.telemetry.target == speeds)?;
+    let late = running - times.preroll.end;
+    let run_start = if late > LATE_S { running } else { times.preroll.end };
+    times.run = run_start..run_start + run_s;
+    times.decay = times.run.end..times.run.end + decay_s;
+    if late > LATE_S {
+        warn(recorder, warnings, format!("the motors started {late:.2} s late, and ran that much longer"))?;
+    }
+    last(recorder, times.run.end)?;
     recorder.command(Command::Stop)?;
+    for (flagellum, (asked, measured)) in speeds.into_iter().zip(recorder.last_speeds()).enumerate() {
+        if (asked.rpm() - measured.rpm()).abs() > SPEED_TOLERANCE_RPM {
+            let text =
+                format!("flagellum {} turned at {} rpm instead of {}", flagellum + 1, measured.rpm(), asked.rpm());
+            warn(recorder, warnings, text)?;
+        }
+    }
     if decay_s > 0.0 {
-        enter(recorder, "decay")?;
-        last(recorder, &times.decay)?;
+        recorder.event(EventKind::Phase, "decay")?;
+        progress.phase(name, "decay");
+        last(recorder, times.decay.end)?;
     }
     recorder.event(EventKind::Phase, "end")
 }
 
+fn warn(recorder: &mut Recorder, warnings: &mut Vec<String>, text: String) -> Result<(), RecordError> {
+    recorder.event(EventKind::Warning, &text)?;
+    warnings.push(text);
+    Ok(())
+}
+
 /// Has the board calibrate its gyroscope; answers when it was done.
-fn calibrate(recorder: &mut Recorder, name: &str, progress: &Progress, length_s: f64) -> Result<f64, RecordError> {
+fn calibrate(
+    recorder: &mut Recorder,
+    progress: &Progress,
+    length_s: f64,
+    warnings: &mut Vec<String>,
+) -> Result<f64, RecordError> {
     // The board takes some ticks to begin and to reckon; so it stops listening to the sensor a little earlier.
     let duration_ms = (length_s * 1e3 - 50.0).clamp(100.0, 60_000.0) as u16;
     recorder.command(Command::CalibrateGyro { duration_ms })?;
     let end = recorder.until(|frame| {
         progress.within(frame.time_s);
-        frame.time_s >= length_s && frame.telemetry.state != State::Calibrating
+        frame.time_s >= length_s - HALF_TICK_S && frame.telemetry.state != State::Calibrating
     })?;
     let calibration = recorder.calibration()?;
     recorder.log.calibration(&calibration, SystemTime::now())?;
+    recorder.restart_attitude();
     if !calibration.still {
         let text = "the board was moved during the calibration, so the gyroscope keeps the bias that it had";
-        recorder.event(EventKind::Warning, text)?;
-        progress.line(&format!("{name}: {text}"));
+        warn(recorder, warnings, text.to_owned())?;
     }
     Ok(end)
 }

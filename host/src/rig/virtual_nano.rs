@@ -75,7 +75,7 @@ impl VirtualNano {
         if let Some(stderr) = nano.child.stderr.take() {
             std::thread::spawn(move || {
                 BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| {
-                    eprintln!("{line}");
+                    let _ = writeln!(std::io::stderr(), "{line}");
                 })
             });
         }

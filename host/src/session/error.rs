@@ -25,6 +25,15 @@ pub enum SessionError {
         /// The folder.
         folder: PathBuf,
     },
+    /// It holds logs that belong to no session.
+    #[error("{}: holds logs already, such as {log}, but no session", folder.display())]
+    #[diagnostic(code(wrong_use), help("name another folder with --out"))]
+    StrayLog {
+        /// The folder.
+        folder: PathBuf,
+        /// One of them.
+        log: String,
+    },
     /// It holds a session of other trials.
     #[error("{}: holds the session of another plan: {difference} differ", folder.display())]
     #[diagnostic(

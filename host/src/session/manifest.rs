@@ -42,8 +42,9 @@ impl Manifest {
         let text = toml::to_string(self)
             .map_err(|error| SessionError::Manifest { path: path.clone(), reason: error.to_string() })?;
         let written = std::fs::File::create_new(&path).and_then(|mut file| {
-            file.write_all(text.as_bytes())?;
-            file.sync_all()
+            let written = file.write_all(text.as_bytes()).and_then(|()| file.sync_all());
+            // A disk that is full now must not leave a folder that is neither a session nor free for one.
+            written.inspect_err(|_| drop(std::fs::remove_file(&path)))
         });
         written.map_err(|source| match source.kind() {
             ErrorKind::AlreadyExists => SessionError::Exists { folder: folder.to_owned() },

@@ -71,8 +71,15 @@ impl Session {
     /// [`SessionError::Exists`], [`SessionError::Io`].
     pub fn create(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
         std::fs::create_dir_all(folder).map_err(|source| SessionError::Io { path: folder.to_owned(), source })?;
+        let session = Self { folder: folder.to_owned(), plan: plan.clone() };
+        // The name of a log says which trial it is of, so a log of another session would pass for one of this.
+        if !folder.join(MANIFEST).exists()
+            && let Some(log) = session.log_names()?.into_iter().next()
+        {
+            return Err(SessionError::StrayLog { folder: folder.to_owned(), log });
+        }
         Manifest::new(plan).write(folder)?;
-        Ok(Self { folder: folder.to_owned(), plan: plan.clone() })
+        Ok(session)
     }
 
     /// Goes on with the session of `plan` in `folder`, or starts it where there is none.
@@ -141,9 +148,11 @@ impl Session {
         let failed = |source| SessionError::Io { path: self.folder.clone(), source };
         let mut names = Vec::new();
         for entry in std::fs::read_dir(&self.folder).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
             // A name that is no Unicode is none of ours.
-            if let Ok(name) = entry.map_err(failed)?.file_name().into_string()
+            if let Ok(name) = entry.file_name().into_string()
                 && name.ends_with(".mcap")
+                && entry.file_type().is_ok_and(|kind| kind.is_file())
             {
                 names.push(name);
             }
