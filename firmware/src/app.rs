@@ -7,7 +7,7 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
-use protocol::units::{CentiRpm, Count, Duty, Micros, Quaternion};
+use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, Quaternion, SensorCounts};
 use protocol::{
     Calibration, Command, Fault, Info, Message, Refusal, Reply, Request, ResetCause, Settings, State, Telemetry,
     VERSION,
@@ -272,12 +272,12 @@ where
         }
         let dt = f32::from(core::mem::take(&mut self.ticks_behind)) * TICK_S;
         let scale = self.half_rate_scale * dt;
-        let mut half_turn = self.telemetry.gyro.map(|counts| f32::from(counts.0));
+        let mut half_turn = numbers(&self.telemetry.gyro);
         for (half_angle, bias) in half_turn.iter_mut().zip(&self.settings.gyro_bias) {
             *half_angle = (*half_angle - bias) * scale;
         }
-        let half_turn = self.settings.gyro_axes.apply(half_turn);
-        let acceleration = self.settings.accel_axes.apply(self.telemetry.accel.map(|counts| f32::from(counts.0)));
+        let half_turn = in_body_axes(self.settings.gyro_axes, half_turn);
+        let acceleration = in_body_axes(self.settings.accel_axes, numbers(&self.telemetry.accel));
         let gains = attitude::Gains { kp: self.settings.attitude_kp, ki: self.settings.attitude_ki };
         self.attitude.update(half_turn, acceleration, dt, gains);
         self.telemetry.attitude = self.attitude.quaternion();
@@ -300,19 +300,22 @@ where
         if !self.is_running() {
             return;
         }
-        let duty = [self.next_duty(0), self.next_duty(1)];
-        self.telemetry.duty = duty;
-        self.motors.drive(duty, self.settings.motor_reversed);
-        for (motor, fault) in [Fault::Motor1Stalled, Fault::Motor2Stalled].into_iter().enumerate() {
-            if self.control[motor].is_stalled(duty[motor], self.encoders[motor].moved()) {
-                self.raise(fault);
-            }
-        }
+        self.telemetry.duty = [self.next_duty(0), self.next_duty(1)];
+        self.motors.drive(&self.telemetry.duty, &self.settings.motor_reversed);
+        self.watch_motor(0, Fault::Motor1Stalled);
+        self.watch_motor(1, Fault::Motor2Stalled);
     }
 
     #[inline(never)]
     fn next_duty(&mut self, motor: usize) -> Duty {
         self.control[motor].duty(self.telemetry.target[motor], self.telemetry.speed[motor], self.speed_gains)
+    }
+
+    #[inline(never)]
+    fn watch_motor(&mut self, motor: usize, fault: Fault) {
+        if self.control[motor].is_stalled(self.telemetry.duty[motor], self.encoders[motor].moved()) {
+            self.raise(fault);
+        }
     }
 
     #[inline(never)]
@@ -447,6 +450,17 @@ where
     }
 }
 
+#[inline(never)]
+fn numbers(counts: &[SensorCounts; 3]) -> [f32; 3] {
+    counts.map(|counts| f32::from(counts.0))
+}
+
+#[inline(never)]
+fn in_body_axes(axes: AxisMap, sensor: [f32; 3]) -> [f32; 3] {
+    axes.apply(sensor)
+}
+
+#[inline(never)]
 fn done(outcome: Result<(), Refusal>) -> Reply {
     match outcome {
         Ok(()) => Reply::Done,
