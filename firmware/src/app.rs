@@ -167,15 +167,10 @@ where
         mark(Stage::Telemetry);
     }
 
-    /// What has time until after a tick: goes on with a save of the settings.
-    #[inline(never)]
+    /// What has time until after a tick: the end of a calibration, and a save of the settings.
     pub fn after_tick(&mut self, outbox: &mut Outbox) {
-        let reply = match self.store.step(&self.settings) {
-            Saving::Idle | Saving::Busy => return,
-            Saving::Done => Reply::Done,
-            Saving::Failed => Reply::Refused(Refusal::EepromFailed),
-        };
-        self.link.answer(&Message::Reply { to: self.save_request, reply }, outbox);
+        self.finish_calibration();
+        self.save_settings(outbox);
     }
 
     /// Takes a byte from the host, and answers the request that it ends. `arrived` is when the frame ended, if it ends
@@ -255,8 +250,17 @@ where
 
     #[inline(never)]
     fn calibrate_gyro(&mut self) {
-        let Some(average) = &mut self.calibrating else { return };
-        if average.update(self.telemetry.imu_fresh.then_some(self.telemetry.gyro)) {
+        if let Some(average) = &mut self.calibrating {
+            average.update(self.telemetry.imu_fresh.then_some(self.telemetry.gyro));
+        }
+    }
+
+    /// Takes the result of a calibration that is over.
+    #[inline(never)]
+    fn finish_calibration(&mut self) {
+        if let Some(average) = &self.calibrating
+            && average.is_over()
+        {
             self.calibration = average.result(self.settings.gyro_range);
             self.calibrating = None;
             if self.calibration.still {
@@ -316,6 +320,16 @@ where
         if self.control[motor].is_stalled(self.telemetry.duty[motor], self.encoders[motor].moved()) {
             self.raise(fault);
         }
+    }
+
+    #[inline(never)]
+    fn save_settings(&mut self, outbox: &mut Outbox) {
+        let reply = match self.store.step(&self.settings) {
+            Saving::Idle | Saving::Busy => return,
+            Saving::Done => Reply::Done,
+            Saving::Failed => Reply::Refused(Refusal::EepromFailed),
+        };
+        self.link.answer(&Message::Reply { to: self.save_request, reply }, outbox);
     }
 
     #[inline(never)]
