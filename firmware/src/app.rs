@@ -7,7 +7,7 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
-use protocol::units::{CentiRpm, Count, Duty, Micros, Quaternion};
+use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, Quaternion, SensorCounts};
 use protocol::{
     Calibration, Command, Fault, Info, Message, Refusal, Reply, Request, ResetCause, Settings, State, Telemetry,
     VERSION,
@@ -167,15 +167,10 @@ where
         mark(Stage::Telemetry);
     }
 
-    /// What has time until after a tick: goes on with a save of the settings.
-    #[inline(never)]
+    /// What has time until after a tick: the end of a calibration, and a save of the settings.
     pub fn after_tick(&mut self, outbox: &mut Outbox) {
-        let reply = match self.store.step(&self.settings) {
-            Saving::Idle | Saving::Busy => return,
-            Saving::Done => Reply::Done,
-            Saving::Failed => Reply::Refused(Refusal::EepromFailed),
-        };
-        self.link.answer(&Message::Reply { to: self.save_request, reply }, outbox);
+        self.finish_calibration();
+        self.save_settings(outbox);
     }
 
     /// Takes a byte from the host, and answers the request that it ends. `arrived` is when the frame ended, if it ends
@@ -255,8 +250,17 @@ where
 
     #[inline(never)]
     fn calibrate_gyro(&mut self) {
-        let Some(average) = &mut self.calibrating else { return };
-        if average.update(self.telemetry.imu_fresh.then_some(self.telemetry.gyro)) {
+        if let Some(average) = &mut self.calibrating {
+            average.update(self.telemetry.imu_fresh.then_some(self.telemetry.gyro));
+        }
+    }
+
+    /// Takes the result of a calibration that is over.
+    #[inline(never)]
+    fn finish_calibration(&mut self) {
+        if let Some(average) = &self.calibrating
+            && average.is_over()
+        {
             self.calibration = average.result(self.settings.gyro_range);
             self.calibrating = None;
             if self.calibration.still {
@@ -272,12 +276,12 @@ where
         }
         let dt = f32::from(core::mem::take(&mut self.ticks_behind)) * TICK_S;
         let scale = self.half_rate_scale * dt;
-        let mut half_turn = self.telemetry.gyro.map(|counts| f32::from(counts.0));
+        let mut half_turn = numbers(&self.telemetry.gyro);
         for (half_angle, bias) in half_turn.iter_mut().zip(&self.settings.gyro_bias) {
             *half_angle = (*half_angle - bias) * scale;
         }
-        let half_turn = self.settings.gyro_axes.apply(half_turn);
-        let acceleration = self.settings.accel_axes.apply(self.telemetry.accel.map(|counts| f32::from(counts.0)));
+        let half_turn = in_body_axes(self.settings.gyro_axes, half_turn);
+        let acceleration = in_body_axes(self.settings.accel_axes, numbers(&self.telemetry.accel));
         let gains = attitude::Gains { kp: self.settings.attitude_kp, ki: self.settings.attitude_ki };
         self.attitude.update(half_turn, acceleration, dt, gains);
         self.telemetry.attitude = self.attitude.quaternion();
@@ -300,19 +304,32 @@ where
         if !self.is_running() {
             return;
         }
-        let duty = [self.next_duty(0), self.next_duty(1)];
-        self.telemetry.duty = duty;
-        self.motors.drive(duty, self.settings.motor_reversed);
-        for (motor, fault) in [Fault::Motor1Stalled, Fault::Motor2Stalled].into_iter().enumerate() {
-            if self.control[motor].is_stalled(duty[motor], self.encoders[motor].moved()) {
-                self.raise(fault);
-            }
-        }
+        self.telemetry.duty = [self.next_duty(0), self.next_duty(1)];
+        self.motors.drive(&self.telemetry.duty, &self.settings.motor_reversed);
+        self.watch_motor(0, Fault::Motor1Stalled);
+        self.watch_motor(1, Fault::Motor2Stalled);
     }
 
     #[inline(never)]
     fn next_duty(&mut self, motor: usize) -> Duty {
         self.control[motor].duty(self.telemetry.target[motor], self.telemetry.speed[motor], self.speed_gains)
+    }
+
+    #[inline(never)]
+    fn watch_motor(&mut self, motor: usize, fault: Fault) {
+        if self.control[motor].is_stalled(self.telemetry.duty[motor], self.encoders[motor].moved()) {
+            self.raise(fault);
+        }
+    }
+
+    #[inline(never)]
+    fn save_settings(&mut self, outbox: &mut Outbox) {
+        let reply = match self.store.step(&self.settings) {
+            Saving::Idle | Saving::Busy => return,
+            Saving::Done => Reply::Done,
+            Saving::Failed => Reply::Refused(Refusal::EepromFailed),
+        };
+        self.link.answer(&Message::Reply { to: self.save_request, reply }, outbox);
     }
 
     #[inline(never)]
@@ -447,6 +464,17 @@ where
     }
 }
 
+#[inline(never)]
+fn numbers(counts: &[SensorCounts; 3]) -> [f32; 3] {
+    counts.map(|counts| f32::from(counts.0))
+}
+
+#[inline(never)]
+fn in_body_axes(axes: AxisMap, sensor: [f32; 3]) -> [f32; 3] {
+    axes.apply(sensor)
+}
+
+#[inline(never)]
 fn done(outcome: Result<(), Refusal>) -> Reply {
     match outcome {
         Ok(()) => Reply::Done,

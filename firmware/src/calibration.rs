@@ -35,9 +35,9 @@ impl GyroAverage {
         Self { ticks_left: ticks, samples: 0, axes: Default::default() }
     }
 
-    /// Takes one tick's reading, if there was one. Whether the time is over.
+    /// Takes one tick's reading, if there was one.
     #[inline(never)]
-    pub fn update(&mut self, gyro: Option<[SensorCounts; 3]>) -> bool {
+    pub fn update(&mut self, gyro: Option<[SensorCounts; 3]>) {
         if let Some(gyro) = gyro {
             for (axis, counts) in self.axes.iter_mut().zip(gyro) {
                 if self.samples == 0 {
@@ -50,6 +50,10 @@ impl GyroAverage {
             self.samples += 1;
         }
         self.ticks_left = self.ticks_left.saturating_sub(1);
+    }
+
+    /// Whether the time is over.
+    pub fn is_over(&self) -> bool {
         self.ticks_left == 0
     }
 
@@ -122,7 +126,11 @@ mod tests {
     #[test]
     fn it_lasts_as_long_as_asked_for_whatever_the_sensor_does() {
         let mut average = GyroAverage::new(200);
-        let ticks = (1..).find(|tick| average.update((tick % 2 == 0).then_some([SensorCounts(5); 3]))).unwrap();
+        let mut ticks = 0;
+        while !average.is_over() {
+            ticks += 1;
+            average.update((ticks % 2 == 0).then_some([SensorCounts(5); 3]));
+        }
         assert_eq!(ticks, 200);
         let result = average.result(GyroRange::Dps250);
         assert_eq!((result.samples, result.bias, result.noise), (100, [5.0; 3], 0));

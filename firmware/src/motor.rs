@@ -31,6 +31,7 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Bridge<PIN, PWM> {
     }
 
     /// Applies a duty of -255 to 255; 0 is off.
+    #[inline(never)]
     fn apply(&mut self, duty: i16) {
         // The pins of a microcontroller cannot fail.
         let [in1, in2] = &mut self.inputs;
@@ -117,12 +118,12 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Motors<PIN, PWM> {
     }
 
     /// Drives both motors; `reversed` names those that a positive duty turns backwards.
-    pub fn drive(&mut self, duty: [Duty; 2], reversed: [bool; 2]) {
-        if duty == [Duty(0); 2] {
+    pub fn drive(&mut self, duty: &[Duty; 2], reversed: &[bool; 2]) {
+        if *duty == [Duty(0); 2] {
             return self.stop();
         }
         for ((bridge, duty), reversed) in self.bridges.iter_mut().zip(duty).zip(reversed) {
-            bridge.apply(if reversed { -duty.0 } else { duty.0 });
+            bridge.apply(if *reversed { -duty.0 } else { duty.0 });
         }
         self.standby.set_high().ok();
     }
@@ -152,9 +153,9 @@ mod tests {
         let (second, pins2, pwm2) = bridge(&[off, (High, Low, 7), off, off]);
         let standby = Pin::new(&[Low, High, High, Low].map(PinSet::set));
         let mut motors = Motors::new([first, second], standby.clone());
-        motors.drive([Duty(200), Duty(-7)], [false, true]);
-        motors.drive([Duty(-255), Duty(0)], [false, true]);
-        motors.drive([Duty(0), Duty(0)], [false, true]);
+        motors.drive(&[Duty(200), Duty(-7)], &[false, true]);
+        motors.drive(&[Duty(-255), Duty(0)], &[false, true]);
+        motors.drive(&[Duty(0), Duty(0)], &[false, true]);
         for mut pin in pins1.into_iter().chain(pins2).chain([standby]) {
             pin.done();
         }

@@ -20,6 +20,8 @@ use crate::link::Link;
 const SETTINGS_ADDRESS: u16 = 0;
 const COUNTS_ADDRESS: u16 = 128;
 const COUNTS: u16 = 8;
+/// A count that was never written.
+const BLANK: u16 = u16::MAX;
 
 /// Writes of a save before the memory counts as broken: every byte of a frame twice.
 const MAX_WRITES: u8 = 2 * MAX_FRAME as u8;
@@ -102,21 +104,34 @@ impl<S: Storage> Store<S> {
     /// Counts one more start and answers their number; stays at 65534.
     #[inline(never)]
     pub fn count_start(&mut self) -> u16 {
-        const BLANK: u16 = u16::MAX;
-        let last = (0..COUNTS)
-            .filter_map(|place| {
-                let count = u16::from_le_bytes([0, 1].map(|byte| self.storage.read(address_of(place) + byte)));
-                (count != BLANK && count % COUNTS == place).then_some(count)
-            })
-            .max()
-            .unwrap_or(0);
-        let count = last.saturating_add(1).min(BLANK - 1);
-        for (address, byte) in (address_of(count % COUNTS)..).zip(count.to_le_bytes()) {
-            if self.storage.read(address) != byte {
-                self.storage.write(address, byte);
+        let mut count = 0;
+        for place in 0..COUNTS {
+            let found = self.read_count(place);
+            if found != BLANK && found % COUNTS == place && found > count {
+                count = found;
             }
         }
+        if count < BLANK - 1 {
+            count += 1;
+        }
+        let [low, high] = count.to_le_bytes();
+        let address = address_of(count % COUNTS);
+        self.change(address, low);
+        self.change(address + 1, high);
         count
+    }
+
+    #[inline(never)]
+    fn read_count(&mut self, place: u16) -> u16 {
+        let address = address_of(place);
+        u16::from_le_bytes([self.storage.read(address), self.storage.read(address + 1)])
+    }
+
+    #[inline(never)]
+    fn change(&mut self, address: u16, byte: u8) {
+        if self.storage.read(address) != byte {
+            self.storage.write(address, byte);
+        }
     }
 }
 
