@@ -74,16 +74,18 @@ impl Attitude {
         }
     }
 
-    /// Turns by twice these angles, in the small.
+    /// Turns by twice these angles, in the small: multiplies by the quaternion `[1, x, y, z]`.
     #[inline(never)]
-    fn turn(&mut self, [x, y, z]: [f32; 3]) {
-        let [q0, q1, q2, q3] = self.quaternion;
-        self.quaternion = [
-            q0 - q1 * x - q2 * y - q3 * z,
-            q1 + q0 * x + q2 * z - q3 * y,
-            q2 + q0 * y - q1 * z + q3 * x,
-            q3 + q0 * z + q1 * y - q2 * x,
-        ];
+    fn turn(&mut self, half_turn: [f32; 3]) {
+        let [w, x, y, z] = self.quaternion;
+        let mut moved = cross([x, y, z], half_turn);
+        let mut scalar = w;
+        for ((moved, half_angle), part) in moved.iter_mut().zip(half_turn).zip([x, y, z]) {
+            *moved += part + w * half_angle;
+            scalar -= part * half_angle;
+        }
+        let [x, y, z] = moved;
+        self.quaternion = [scalar, x, y, z];
         if !normalise(&mut self.quaternion) {
             // Gains and gaps so large that single precision ends: begin again rather than go on with no attitude.
             self.restart();
