@@ -62,16 +62,9 @@ pub struct Reading {
 impl From<&[u8; 14]> for Reading {
     #[inline(never)]
     fn from(registers: &[u8; 14]) -> Self {
-        let mut words = [0; 7];
-        for (word, pair) in words.iter_mut().zip(registers.chunks_exact(2)) {
-            *word = i16::from_be_bytes([pair[0], pair[1]]);
-        }
-        let [ax, ay, az, temperature, gx, gy, gz] = words;
-        Self {
-            accel: [ax, ay, az].map(SensorCounts),
-            temperature: TemperatureCounts(temperature),
-            gyro: [gx, gy, gz].map(SensorCounts),
-        }
+        let word = |place: usize| i16::from_be_bytes([registers[place], registers[place + 1]]);
+        let triple = |place: usize| [word(place), word(place + 2), word(place + 4)].map(SensorCounts);
+        Self { accel: triple(0), temperature: TemperatureCounts(word(6)), gyro: triple(8) }
     }
 }
 

@@ -39,7 +39,7 @@ pub fn disable(interrupts: &EXINT) {
 
 /// Positions, and the times of the last edges.
 pub fn edges() -> [Edges; 2] {
-    EDGES.each_ref().map(|edges| interrupt::free(|cs| edges.borrow(cs).get()))
+    interrupt::free(|cs| [EDGES[0].borrow(cs).get(), EDGES[1].borrow(cs).get()])
 }
 
 #[inline(never)]
