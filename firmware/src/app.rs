@@ -8,18 +8,17 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
 use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, Quaternion, SensorCounts};
-use protocol::{
-    Calibration, Command, Fault, Info, Refusal, Reply, Request, ResetCause, Settings, State, Telemetry, VERSION,
-};
+use protocol::{Calibration, Command, Fault, Info, Refusal, Request, ResetCause, Settings, State, Telemetry, VERSION};
 
 use crate::attitude::{self, Attitude};
 use crate::calibration::GyroAverage;
 use crate::encoder::{Edges, Encoder, centi_rpm_scale};
 use crate::fault::{Crash, Latch, reset_cause};
 use crate::imu::{Config, Imu};
-use crate::link::{Link, Outbox};
+use crate::link::{Answer, Link, Outbox};
 use crate::motor::{self, Motors, SpeedControl};
 use crate::settings::{Saving, Storage, Store};
+use crate::wire::Writer;
 use crate::{TICK_MS, TICK_S};
 
 /// What the program was built from.
@@ -190,41 +189,56 @@ where
 
     #[inline(never)]
     fn respond(&mut self, request: &Request, arrived: Micros, outbox: &mut Outbox) {
-        let reply = match self.link.repetition(request) {
-            Some(reply) => Some(reply),
+        let answer = match self.link.repetition(request) {
+            Some(answer) => answer,
             None => self.carry_out(request, arrived),
         };
-        if let Some(reply) = reply {
-            self.link.answer(request.seq, &reply, outbox);
-        }
+        self.link.remember(request.seq, answer);
+        self.answer(request.seq, answer, outbox);
     }
 
-    /// Does what a request asks for. `None` where the answer comes later.
+    /// Does what a request asks for.
     #[inline(never)]
-    fn carry_out(&mut self, request: &Request, arrived: Micros) -> Option<Reply> {
-        Some(match &request.command {
-            Command::Hello => Reply::Info(self.info()),
-            Command::SetSpeeds(target) => done(self.set_speeds(*target)),
-            Command::Stop => {
-                self.stop();
-                Reply::Done
-            }
-            Command::Stream { rate_hz } => done(self.link.set_stream(*rate_hz)),
-            Command::CalibrateGyro { duration_ms } => done(self.begin_calibration(*duration_ms)),
+    fn carry_out(&mut self, request: &Request, arrived: Micros) -> Answer {
+        let outcome = match &request.command {
+            Command::Hello => return Answer::Info,
+            Command::Ping => return Answer::Pong(arrived),
+            Command::ReadSettings => return Answer::Settings,
             Command::ReadCalibration => match self.refuse_if_calibrating() {
-                Ok(()) => Reply::Calibration(self.calibration),
-                Err(refusal) => Reply::Refused(refusal),
+                Ok(()) => return Answer::Calibration,
+                refused => refused,
             },
-            Command::ReadSettings => Reply::Settings(self.settings),
-            Command::WriteSettings(settings) => done(self.set_settings(settings)),
             Command::SaveSettings => {
                 self.save_request = request.seq;
                 self.store.begin_save();
-                return None;
+                return Answer::Later;
             }
-            Command::Ping => Reply::Pong(arrived),
-            Command::ClearFault => done(self.clear_fault()),
-        })
+            Command::SetSpeeds(target) => self.set_speeds(*target),
+            Command::Stop => {
+                self.stop();
+                Ok(())
+            }
+            Command::Stream { rate_hz } => self.link.set_stream(*rate_hz),
+            Command::CalibrateGyro { duration_ms } => self.begin_calibration(*duration_ms),
+            Command::WriteSettings(settings) => self.set_settings(settings),
+            Command::ClearFault => self.clear_fault(),
+        };
+        Answer::from(outcome)
+    }
+
+    #[inline(never)]
+    fn answer(&self, to: u8, answer: Answer, outbox: &mut Outbox) {
+        let mut writer = Writer::default();
+        match answer {
+            Answer::Done => writer.done(to),
+            Answer::Refused(refusal) => writer.refused(to, refusal),
+            Answer::Pong(time) => writer.pong(to, time),
+            Answer::Info => writer.info(to, &self.info()),
+            Answer::Settings => writer.settings(to, &self.settings),
+            Answer::Calibration => writer.calibration(to, &self.calibration),
+            Answer::Later => return,
+        }
+        Link::send(writer.finish(), outbox);
     }
 
     fn count_ticks(&mut self, tick: &Tick) {
@@ -322,12 +336,13 @@ where
 
     #[inline(never)]
     fn save_settings(&mut self, outbox: &mut Outbox) {
-        let reply = match self.store.step(&self.settings) {
+        let answer = match self.store.step(&self.settings) {
             Saving::Idle | Saving::Busy => return,
-            Saving::Done => Reply::Done,
-            Saving::Failed => Reply::Refused(Refusal::EepromFailed),
+            Saving::Done => Answer::Done,
+            Saving::Failed => Answer::Refused(Refusal::EepromFailed),
         };
-        self.link.answer(self.save_request, &reply, outbox);
+        self.link.remember_late(self.save_request, answer);
+        self.answer(self.save_request, answer, outbox);
     }
 
     #[inline(never)]
@@ -472,14 +487,6 @@ fn numbers(counts: &[SensorCounts; 3]) -> [f32; 3] {
 #[inline(never)]
 fn in_body_axes(axes: AxisMap, sensor: [f32; 3]) -> [f32; 3] {
     axes.apply(sensor)
-}
-
-#[inline(never)]
-fn done(outcome: Result<(), Refusal>) -> Reply {
-    match outcome {
-        Ok(()) => Reply::Done,
-        Err(refusal) => Reply::Refused(refusal),
-    }
 }
 
 /// A number of at most three digits.

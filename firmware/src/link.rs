@@ -4,7 +4,7 @@
 use heapless::spsc::Producer;
 use protocol::frame::Accumulator;
 use protocol::units::{Count, Micros};
-use protocol::{Command, Refusal, Reply, Request, TICK_HZ, Telemetry};
+use protocol::{Command, Refusal, Request, TICK_HZ, Telemetry};
 
 use crate::wire::{self, Writer};
 
@@ -29,14 +29,33 @@ pub struct Link {
     unsent: u16,
 }
 
-/// The answer to a request, as far as a repetition needs it.
-#[derive(Clone, Copy)]
-enum Answer {
-    /// Not yet given, or given by reading something out, which can be done again.
-    Open,
+/// An answer; what a long one says is looked up when it is sent.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Answer {
+    /// [`protocol::Reply::Done`]
     Done,
+    /// [`protocol::Reply::Refused`]
     Refused(Refusal),
+    /// [`protocol::Reply::Pong`]
     Pong(Micros),
+    /// [`protocol::Reply::Info`]
+    Info,
+    /// [`protocol::Reply::Settings`]
+    Settings,
+    /// [`protocol::Reply::Calibration`]
+    Calibration,
+    /// None yet: it takes time.
+    Later,
+}
+
+impl From<Result<(), Refusal>> for Answer {
+    #[inline(never)]
+    fn from(outcome: Result<(), Refusal>) -> Self {
+        match outcome {
+            Ok(()) => Self::Done,
+            Err(refusal) => Self::Refused(refusal),
+        }
+    }
 }
 
 impl Link {
@@ -70,41 +89,31 @@ impl Link {
         }
     }
 
-    /// The answer to repeat, where `request` is the one before once more; `None` where it is to be carried out, which is
-    /// then remembered.
-    pub fn repetition(&mut self, request: &Request) -> Option<Reply> {
+    /// The answer to repeat, where `request` is the one before once more; `None` where it is to be carried out.
+    pub fn repetition(&self, request: &Request) -> Option<Answer> {
         // A host that starts anew may begin with the number that the one before ended with.
-        if request.command != Command::Hello
-            && let Some((seq, answer)) = self.last
-            && seq == request.seq
-        {
-            return match answer {
-                Answer::Open => None,
-                Answer::Done => Some(Reply::Done),
-                Answer::Refused(refusal) => Some(Reply::Refused(refusal)),
-                Answer::Pong(time) => Some(Reply::Pong(time)),
-            };
-        }
-        self.last = Some((request.seq, Answer::Open));
-        None
+        self.last
+            .filter(|(seq, answer)| {
+                *seq == request.seq && *answer != Answer::Later && request.command != Command::Hello
+            })
+            .map(|(_, answer)| answer)
     }
 
-    /// Answers the request numbered `to`. An answer for which there is no room is not sent: the host will ask again.
-    #[inline(never)]
-    pub fn answer(&mut self, to: u8, reply: &Reply, outbox: &mut Outbox) {
-        if let Some((seq, answer)) = &mut self.last
-            && *seq == to
-        {
-            *answer = match reply {
-                Reply::Done => Answer::Done,
-                Reply::Refused(refusal) => Answer::Refused(*refusal),
-                Reply::Pong(time) => Answer::Pong(*time),
-                Reply::Info(_) | Reply::Settings(_) | Reply::Calibration(_) => Answer::Open,
-            };
+    /// Remembers the answer to the request numbered `seq`.
+    pub fn remember(&mut self, seq: u8, answer: Answer) {
+        self.last = Some((seq, answer));
+    }
+
+    /// Remembers that what took time is done, if no other request has come meanwhile.
+    pub fn remember_late(&mut self, seq: u8, answer: Answer) {
+        if self.last == Some((seq, Answer::Later)) {
+            self.last = Some((seq, answer));
         }
-        let mut writer = Writer::default();
-        writer.reply(to, reply);
-        send(writer.finish(), outbox);
+    }
+
+    /// Sends an answer. One for which there is no room is not sent: the host will ask again.
+    pub fn send(frame: &[u8], outbox: &mut Outbox) {
+        enqueue(frame, outbox);
     }
 
     /// Whether the host has been silent for longer than `deadline_ms`.
@@ -148,7 +157,7 @@ impl Link {
         self.seq = self.seq.wrapping_add(1);
         let mut writer = Writer::default();
         writer.telemetry(telemetry);
-        if !send(writer.finish(), outbox) {
+        if !enqueue(writer.finish(), outbox) {
             self.unsent = self.unsent.wrapping_add(1);
         }
     }
@@ -162,7 +171,7 @@ impl Default for Link {
 
 /// Puts a whole frame into the outbox, or nothing of it. Whether there was room.
 #[inline(never)]
-fn send(frame: &[u8], outbox: &mut Outbox) -> bool {
+fn enqueue(frame: &[u8], outbox: &mut Outbox) -> bool {
     let fits = frame.len() <= outbox.capacity() - outbox.len();
     if fits {
         for byte in frame {

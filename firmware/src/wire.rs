@@ -5,9 +5,11 @@
 //! added to one without the other fails there. The number of a variant is one byte; numbers have a fixed width and are
 //! little-endian, but for two that postcard writes in groups of seven bits, the lowest first.
 
+#[cfg(doc)]
+use protocol::Reply;
 use protocol::frame::{self, MAX_FRAME};
-use protocol::units::{AccelRange, Axis, AxisMap, CentiRpm, GyroRange, SensorCounts};
-use protocol::{Calibration, Command, Info, Reply, Request, Settings, Telemetry};
+use protocol::units::{AccelRange, Axis, AxisMap, CentiRpm, GyroRange, Micros, SensorCounts};
+use protocol::{Calibration, Command, Info, Refusal, Request, Settings, Telemetry};
 
 /// A frame being written.
 pub struct Writer {
@@ -23,34 +25,53 @@ impl Default for Writer {
 }
 
 impl Writer {
-    /// Writes the answer to the request numbered `to`.
+    /// Writes [`Reply::Info`] to the request numbered `to`.
     #[inline(never)]
-    pub fn reply(&mut self, to: u8, reply: &Reply) {
-        self.byte(0);
-        self.byte(to);
-        match reply {
-            Reply::Info(info) => {
-                self.byte(0);
-                self.info(info);
-            }
-            Reply::Done => self.byte(1),
-            Reply::Refused(refusal) => {
-                self.byte(2);
-                self.byte(*refusal as u8);
-            }
-            Reply::Settings(settings) => {
-                self.byte(3);
-                self.settings(settings);
-            }
-            Reply::Calibration(calibration) => {
-                self.byte(4);
-                self.calibration(calibration);
-            }
-            Reply::Pong(time) => {
-                self.byte(5);
-                self.u32(time.0);
-            }
-        }
+    pub fn info(&mut self, to: u8, info: &Info) {
+        self.reply(to, 0);
+        self.byte(info.protocol);
+        self.bytes(&info.firmware);
+        self.bytes(&info.git_hash);
+        self.flag(info.git_dirty);
+        self.varint(info.board_id);
+        self.byte(info.imu_id);
+        self.byte(info.gyro_range as u8);
+        self.byte(info.accel_range as u8);
+        self.flag(info.settings_stored);
+        self.byte(info.reset_cause as u8);
+        self.u16(info.boot_count);
+    }
+
+    /// Writes [`Reply::Done`].
+    pub fn done(&mut self, to: u8) {
+        self.reply(to, 1);
+    }
+
+    /// Writes [`Reply::Refused`].
+    pub fn refused(&mut self, to: u8, refusal: Refusal) {
+        self.reply(to, 2);
+        self.byte(refusal as u8);
+    }
+
+    /// Writes [`Reply::Settings`].
+    pub fn settings(&mut self, to: u8, settings: &Settings) {
+        self.reply(to, 3);
+        self.all_of(settings);
+    }
+
+    /// Writes [`Reply::Calibration`].
+    pub fn calibration(&mut self, to: u8, calibration: &Calibration) {
+        self.reply(to, 4);
+        self.flag(calibration.still);
+        self.floats(&calibration.bias);
+        self.u16(calibration.noise);
+        self.u16(calibration.samples);
+    }
+
+    /// Writes [`Reply::Pong`].
+    pub fn pong(&mut self, to: u8, time: Micros) {
+        self.reply(to, 5);
+        self.u32(time.0);
     }
 
     /// Writes a frame of the stream.
@@ -86,7 +107,7 @@ impl Writer {
     pub fn write_settings(&mut self, seq: u8, settings: &Settings) {
         self.byte(seq);
         self.byte(7);
-        self.settings(settings);
+        self.all_of(settings);
     }
 
     /// The frame of what has been written.
@@ -95,29 +116,13 @@ impl Writer {
         frame::seal(&mut self.buffer, usize::from(self.length)).map(|frame| &*frame).unwrap_or_default()
     }
 
-    fn info(&mut self, info: &Info) {
-        self.byte(info.protocol);
-        self.bytes(&info.firmware);
-        self.bytes(&info.git_hash);
-        self.flag(info.git_dirty);
-        self.varint(info.board_id);
-        self.byte(info.imu_id);
-        self.byte(info.gyro_range as u8);
-        self.byte(info.accel_range as u8);
-        self.flag(info.settings_stored);
-        self.byte(info.reset_cause as u8);
-        self.u16(info.boot_count);
-    }
-
-    fn calibration(&mut self, calibration: &Calibration) {
-        self.flag(calibration.still);
-        self.floats(&calibration.bias);
-        self.u16(calibration.noise);
-        self.u16(calibration.samples);
+    #[inline(never)]
+    fn reply(&mut self, to: u8, variant: u8) {
+        self.bytes(&[0, to, variant]);
     }
 
     #[inline(never)]
-    fn settings(&mut self, settings: &Settings) {
+    fn all_of(&mut self, settings: &Settings) {
         self.u16(settings.board_id);
         self.byte(settings.gyro_range as u8);
         self.byte(settings.accel_range as u8);

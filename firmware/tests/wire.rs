@@ -7,7 +7,7 @@ use firmware::wire::{Writer, read_request};
 use messages::{any_message, any_request, samples};
 use proptest::prelude::*;
 use protocol::frame::{MAX_FRAME, decode, encode};
-use protocol::{Command, Message, Request};
+use protocol::{Command, Message, Reply, Request};
 
 fn derived<T: serde::Serialize>(message: &T) -> Vec<u8> {
     encode(message, &mut [0; MAX_FRAME]).unwrap().to_vec()
@@ -16,7 +16,14 @@ fn derived<T: serde::Serialize>(message: &T) -> Vec<u8> {
 fn written(message: &Message) -> Vec<u8> {
     let mut writer = Writer::default();
     match message {
-        Message::Reply { to, reply } => writer.reply(*to, reply),
+        Message::Reply { to, reply } => match reply {
+            Reply::Info(info) => writer.info(*to, info),
+            Reply::Done => writer.done(*to),
+            Reply::Refused(refusal) => writer.refused(*to, *refusal),
+            Reply::Settings(settings) => writer.settings(*to, settings),
+            Reply::Calibration(calibration) => writer.calibration(*to, calibration),
+            Reply::Pong(time) => writer.pong(*to, *time),
+        },
         Message::Telemetry(telemetry) => writer.telemetry(telemetry),
     }
     writer.finish().to_vec()
