@@ -1,1 +1,7 @@
 //! The robot in glycerin.
+#![forbid(unsafe_code)]
+
+pub mod rod;
+
+/// A vector in three dimensions.
+pub type V3 = nalgebra::Vector3<f64>;
