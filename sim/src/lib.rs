@@ -1,6 +1,7 @@
 //! The robot in glycerin.
 #![forbid(unsafe_code)]
 
+pub mod fluid;
 pub mod rod;
 
 /// A vector in three dimensions.
