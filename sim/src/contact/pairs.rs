@@ -6,6 +6,7 @@
 use super::distance::segment_distance;
 use crate::V3;
 use crate::rod::Rod;
+use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
 /// Two edges that are close, and the force between them.
@@ -207,11 +208,14 @@ impl BroadPhase {
         for (a, b) in [(0, 1), (0, 0), (1, 1)] {
             let exclusion = (a == b).then_some(self.exclusion[a]);
             let (first, second) = (&self.middles[a], &self.middles[b]);
-            let nearest = pulp::Arch::new().dispatch(|| {
-                close_midpoints(first, second, exclusion, reach, |i, j| {
-                    found.push(([a, b], [i, j]))
-                })
-            });
+            let search = Close {
+                first,
+                second,
+                exclusion,
+                reach,
+                found: |i, j| found.push(([a, b], [i, j])),
+            };
+            let nearest = pulp::Arch::new().dispatch(search);
             least = least.min(nearest);
         }
         self.found = found;
@@ -221,18 +225,28 @@ impl BroadPhase {
     /// Least distance of the two rods' centre lines, m, and the edges where it is.
     pub fn least_distance(&mut self, lines: &Lines) -> (f64, [usize; 2]) {
         self.load(lines);
-        let mut candidates: Vec<(f64, [usize; 2])> = Vec::new();
+        let mut candidates: Vec<[usize; 2]> = Vec::new();
         let (first, second) = (&self.middles[0], &self.middles[1]);
-        let nearest =
-            pulp::Arch::new().dispatch(|| close_midpoints(first, second, None, 0.0, |_, _| {}));
-        let reach = nearest + self.longest;
-        pulp::Arch::new().dispatch(|| {
-            close_midpoints(first, second, None, reach * (1.0 + 1e-12), |i, j| {
-                candidates.push((0.0, [i, j]))
-            })
+        let exclusion = None;
+        let search = Close {
+            first,
+            second,
+            exclusion,
+            reach: 0.0,
+            found: |_, _| {},
+        };
+        let nearest = pulp::Arch::new().dispatch(search);
+        let reach = (nearest + self.longest) * (1.0 + 1e-12);
+        let found = |i, j| candidates.push([i, j]);
+        pulp::Arch::new().dispatch(Close {
+            first,
+            second,
+            exclusion,
+            reach,
+            found,
         });
         (candidates.into_iter())
-            .map(|(_, [i, j])| {
+            .map(|[i, j]| {
                 let (a, b) = (&lines[0], &lines[1]);
                 (
                     segment_distance(a[i], a[i + 1], b[j], b[j + 1])
@@ -248,6 +262,30 @@ impl BroadPhase {
 }
 
 /// Calls `found` for midpoints closer than `reach`; returns the least distance (m).
+struct Close<'a, F> {
+    first: &'a [Vec<f64>; 3],
+    second: &'a [Vec<f64>; 3],
+    exclusion: Option<usize>,
+    reach: f64,
+    found: F,
+}
+
+impl<F: FnMut(usize, usize)> WithSimd for Close<'_, F> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        let Close {
+            first,
+            second,
+            exclusion,
+            reach,
+            found,
+        } = self;
+        close_midpoints(first, second, exclusion, reach, found)
+    }
+}
+
 #[inline(always)]
 fn close_midpoints(
     first: &[Vec<f64>; 3],
@@ -263,7 +301,10 @@ fn close_midpoints(
         if x == AWAY {
             break;
         }
-        let start = exclusion.map_or(0, |gap| i + gap);
+        let start = match exclusion {
+            Some(gap) => i + gap,
+            None => 0,
+        };
         for block in (start / LANES * LANES..second[0].len()).step_by(LANES) {
             let (bx, by, bz) = (
                 &second[0][block..block + LANES],
@@ -278,7 +319,14 @@ fn close_midpoints(
             if block < start {
                 squares[..start - block].fill(f64::INFINITY);
             }
-            let smallest = squares.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+            let mut smallest = squares[0];
+            for k in 1..LANES {
+                smallest = if squares[k] < smallest {
+                    squares[k]
+                } else {
+                    smallest
+                };
+            }
             least = least.min(smallest);
             if smallest < limit {
                 for (k, square) in squares.iter().enumerate() {

@@ -167,7 +167,17 @@ impl WithSimd for Kernel<'_> {
             let (px, py, pz) = (x[block], y[block], z[block]);
             let (mut sx, mut sy, mut sz) = (ux[block], uy[block], uz[block]);
             for source in &self.sources.points {
-                let [yx, yy, yz, fx, fy, fz] = source.map(|v| simd.splat_f32s(v));
+                // Spelled out: a closure would be compiled without the vector instructions.
+                let (yx, yy, yz) = (
+                    simd.splat_f32s(source[0]),
+                    simd.splat_f32s(source[1]),
+                    simd.splat_f32s(source[2]),
+                );
+                let (fx, fy, fz) = (
+                    simd.splat_f32s(source[3]),
+                    simd.splat_f32s(source[4]),
+                    simd.splat_f32s(source[5]),
+                );
                 let (dx, dy, dz) = (
                     simd.sub_f32s(px, yx),
                     simd.sub_f32s(py, yy),

@@ -7,6 +7,7 @@
 
 use super::{far::gauss_rule, stokeslet_factor};
 use crate::V3;
+use pulp::{Simd, WithSimd};
 
 const LANES: usize = 8;
 
@@ -82,7 +83,11 @@ impl NearBand {
             }
         }
         let (e2, factor) = (epsilon * epsilon, stokeslet_factor(viscosity));
-        pulp::Arch::new().dispatch(|| self.assemble_diagonals(e2, factor));
+        pulp::Arch::new().dispatch(Assemble {
+            band: self,
+            e2,
+            factor,
+        });
     }
 
     #[inline(always)]
@@ -96,21 +101,24 @@ impl NearBand {
         for offset in 0..2 * self.reach {
             for block in (0..rows).step_by(LANES) {
                 let mut out = [[0.0; LANES]; 12];
-                let load = |axis: usize, at: usize| -> [f64; LANES] {
-                    std::array::from_fn(|k| self.padded[axis][at + k])
-                };
-                let x = [0, 1, 2].map(|axis| load(axis, block + self.reach));
-                let y0 = [0, 1, 2].map(|axis| load(axis, block + offset));
-                let y1 = [0, 1, 2].map(|axis| load(axis, block + offset + 1));
-                let mask: [f64; LANES] = std::array::from_fn(|k| self.mask[block + offset + k]);
+                let at = block + self.reach;
+                let start = block + offset;
+                let [px, py, pz] = &self.padded;
+                let mask = &self.mask[start..start + LANES];
+                // Plain loops and indices: closures would be compiled without the vector instructions.
                 for k in 0..LANES {
-                    let v = [0, 1, 2].map(|a| y0[a][k] - y1[a][k]);
-                    let d = [0, 1, 2].map(|a| x[a][k] - y0[a][k]);
+                    let y = [px[start + k], py[start + k], pz[start + k]];
+                    let v = [
+                        y[0] - px[start + 1 + k],
+                        y[1] - py[start + 1 + k],
+                        y[2] - pz[start + 1 + k],
+                    ];
+                    let d = [px[at + k] - y[0], py[at + k] - y[1], pz[at + k] - y[2]];
                     let moments = difference_moments(d, v, e2, self.rule);
                     let values = components(d, v, e2, moments);
                     let scale = factor * mask[k] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-                    for (slot, value) in out.iter_mut().zip(values) {
-                        slot[k] = scale * value;
+                    for q in 0..12 {
+                        out[q][k] = scale * values[q];
                     }
                 }
                 let (low, high) = self.diagonals.split_at_mut(offset + 1);
@@ -131,7 +139,7 @@ impl NearBand {
                 self.density[axis][self.reach + i] = f[axis];
             }
         }
-        pulp::Arch::new().dispatch(|| self.multiply_padded());
+        pulp::Arch::new().dispatch(Multiply(self));
     }
 
     #[inline(always)]
@@ -141,7 +149,15 @@ impl NearBand {
         for block in (0..rows).step_by(LANES) {
             let mut sums = [[0.0; LANES]; 3];
             for (offset, diagonal) in self.diagonals.iter().enumerate() {
-                let a: [&[f64]; 6] = std::array::from_fn(|q| &diagonal[q][block..block + LANES]);
+                let [xx, xy, xz, yy, yz, zz] = diagonal;
+                let a = [
+                    &xx[block..block + LANES],
+                    &xy[block..block + LANES],
+                    &xz[block..block + LANES],
+                    &yy[block..block + LANES],
+                    &yz[block..block + LANES],
+                    &zz[block..block + LANES],
+                ];
                 let at = block + offset;
                 let (gx, gy, gz) = (
                     &fx[at..at + LANES],
@@ -164,6 +180,34 @@ impl NearBand {
     #[inline(always)]
     pub fn flow(&self, i: usize) -> V3 {
         V3::new(self.flow[0][i], self.flow[1][i], self.flow[2][i])
+    }
+}
+
+/// Compiles the assembly for the machine's vector instructions.
+struct Assemble<'a> {
+    band: &'a mut NearBand,
+    e2: f64,
+    factor: f64,
+}
+
+impl WithSimd for Assemble<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.band.assemble_diagonals(self.e2, self.factor);
+    }
+}
+
+/// Compiles the product for the machine's vector instructions.
+struct Multiply<'a>(&'a mut NearBand);
+
+impl WithSimd for Multiply<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.0.multiply_padded();
     }
 }
 
@@ -202,6 +246,8 @@ fn difference_moments(d: [f64; 3], v: [f64; 3], e2: f64, rule: &[(f64, f64)]) ->
     t
 }
 
+const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+
 /// Components xx, xy, xz, yy, yz, zz of A1 and then of A2.
 #[inline(always)]
 fn components(d: [f64; 3], v: [f64; 3], e2: f64, t: [f64; 6]) -> [f64; 12] {
@@ -209,9 +255,9 @@ fn components(d: [f64; 3], v: [f64; 3], e2: f64, t: [f64; 6]) -> [f64; 12] {
     let direct2 = t11 + e2 * t13;
     let direct1 = t01 + e2 * t03 - direct2;
     let (a1, b1, c1) = (t03 - t13, t13 - t23, t23 - t33);
-    let pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
     let mut out = [0.0; 12];
-    for (q, (a, b)) in pairs.into_iter().enumerate() {
+    for q in 0..6 {
+        let (a, b) = PAIRS[q];
         let (xx, xv, vv) = (d[a] * d[b], d[a] * v[b] + d[b] * v[a], v[a] * v[b]);
         let identity = if a == b { 1.0 } else { 0.0 };
         out[q] = identity * direct1 + a1 * xx + b1 * xv + c1 * vv;

@@ -5,7 +5,21 @@ use pulp::{Arch, Simd, WithSimd};
 /// Inverts a square matrix in place (row by row, `size` rows) by Gauss-Jordan elimination with row
 /// pivoting. `false` when it is singular to rounding; the contents are then useless.
 pub fn invert(matrix: &mut [f64], size: usize) -> bool {
-    Arch::new().dispatch(|| eliminate(matrix, size))
+    Arch::new().dispatch(Invert { matrix, size })
+}
+
+struct Invert<'a> {
+    matrix: &'a mut [f64],
+    size: usize,
+}
+
+impl WithSimd for Invert<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> bool {
+        eliminate(self.matrix, self.size)
+    }
 }
 
 #[inline(always)]
@@ -33,14 +47,16 @@ fn eliminate(matrix: &mut [f64], size: usize) -> bool {
             *entry *= inverse;
         }
         pivot_row.copy_from_slice(row);
-        for (r, row) in matrix.chunks_exact_mut(size).enumerate() {
+        let pivot_row = &pivot_row[..size];
+        for r in 0..size {
             if r == k {
                 continue;
             }
+            let row = &mut matrix[r * size..][..size];
             let factor = row[k];
             row[k] = 0.0;
-            for (entry, pivot) in row.iter_mut().zip(&pivot_row) {
-                *entry -= factor * pivot;
+            for c in 0..size {
+                row[c] -= factor * pivot_row[c];
             }
         }
     }
