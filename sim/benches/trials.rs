@@ -1,3 +1,5 @@
+//! Speed of trials.
+
 fn main() {
     divan::main();
 }

@@ -490,7 +490,7 @@ impl Robot {
             );
         }
         let edges = f.helix(0).contour_length() / f.edge_length_m;
-        if !(edges >= 5.5 && edges < 1000.5) {
+        if !(5.5..1000.5).contains(&edges) {
             return refuse(
                 "flagellum.edge_length_m",
                 f.edge_length_m,

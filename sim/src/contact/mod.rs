@@ -8,6 +8,7 @@
 //!
 //! Distances are between centre lines, gaps are distances less two rod radii; both in m, body frame.
 
+pub mod bundling;
 pub mod complementarity;
 pub mod distance;
 pub mod friction;

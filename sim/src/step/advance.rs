@@ -81,6 +81,10 @@ impl Solver {
             };
             match self.step(state, step, motors(state.time + step)) {
                 Ok(report) => {
+                    if step >= left {
+                        // A sum of steps may miss the end by a rounding error, and leave a sliver.
+                        state.time = until;
+                    }
                     state.steps_at_level += 1;
                     if state.level > 0
                         && state.steps_at_level >= GOOD_STEPS

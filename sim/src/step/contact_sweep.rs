@@ -188,7 +188,10 @@ impl Contacts {
         let diagonal: Vec<f64> = (0..size).map(|r| matrix[r * size + r]).collect();
         let mut force = before.clone();
         complementarity::solve(&matrix, &right, &mut force, 1e-8);
-        if force.iter().any(|l| !(*l < limits.largest_force)) {
+        if force
+            .iter()
+            .any(|l| l.is_nan() || *l >= limits.largest_force)
+        {
             return Outcome {
                 violation: f64::INFINITY,
                 motion: f64::INFINITY,

@@ -117,7 +117,7 @@ impl Solver {
                     self.update_forces(state, plan, self.down(&body.body), k);
                 }
             }
-            if !(residual < 1e3 * reference) {
+            if residual >= 1e3 * reference {
                 return Err(StepFailure::Diverged);
             }
             let mut outcome = contact_sweep::Outcome::default();

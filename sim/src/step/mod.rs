@@ -125,12 +125,16 @@ impl Solver {
     pub fn new(robot: &Robot, closure: Closure) -> Result<Self, ParamError> {
         robot.validate()?;
         let edges = robot.flagellum.edges();
-        let rods = [0, 1].map(|k| {
-            Rod::stress_free(
-                robot.flagellum.helix(k).nodes(edges),
-                robot.flagellum.stiffness(),
-            )
-        });
+        let stiffness = robot.flagellum.stiffness();
+        let helix = |k: usize| robot.flagellum.helix(k).nodes(edges);
+        let rods = [0, 1].map(|k| Rod::stress_free(helix(k), stiffness));
+        Self::with_rods(robot, closure, rods)
+    }
+
+    /// The same with flagella of other shapes than the parameters' helices, in their shaft frames; rods
+    /// of one handedness must be the same.
+    pub fn with_rods(robot: &Robot, closure: Closure, rods: [Rod; 2]) -> Result<Self, ParamError> {
+        robot.validate()?;
         let feet = robot.shaft_feet();
         let resistance = match closure {
             Closure::Lumped => pair_resistance(robot, &rods, &feet).ok_or(ParamError {
