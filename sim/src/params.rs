@@ -244,8 +244,8 @@ pub struct Joint {
 impl Default for Joint {
     fn default() -> Self {
         Self {
-            tether_full_nm_per_rad: 3.7e-4,
-            tether_lumped_nm_per_rad: 3.95e-4,
+            tether_full_nm_per_rad: 3.607e-4,
+            tether_lumped_nm_per_rad: 3.653e-4,
             viscous_nms: 0.0,
             coulomb_nm: 0.0,
         }
