@@ -7,7 +7,7 @@
 //! At 90 rpm the Reynolds number rho_f omega R r/mu is about 0.3, above the 0.1 that the publication
 //! states: Stokes flow is an approximation there.
 
-use crate::fluid::near::LEAST_EPSILON;
+use crate::fluid::{far::Precision, near::LEAST_EPSILON};
 use crate::robot::closure::Closure;
 use crate::rod::{
     Stiffness,
@@ -310,6 +310,8 @@ pub struct Solver {
     pub near_edges: u32,
     /// Gauss points of every other segment, 2 to 4 (2).
     pub gauss_points: u32,
+    /// Precision of the sum over far segments (single). Mean forces do not change to six digits.
+    pub far_field: Precision,
 }
 
 impl Default for Solver {
@@ -323,6 +325,7 @@ impl Default for Solver {
             sweeps: 25,
             near_edges: 2,
             gauss_points: 2,
+            far_field: Precision::Single,
         }
     }
 }

@@ -74,6 +74,9 @@ pub struct Summary {
 }
 
 /// Everything that a trial's future depends on besides its parameters.
+///
+/// A format that keeps every bit of a number keeps the trial bit for bit (for JSON with serde_json the
+/// feature `float_roundtrip`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     state: State,
@@ -81,6 +84,7 @@ pub struct Checkpoint {
     steady: SteadyCollector,
     next: u64,
     gap: f64,
+    last_gap: f64,
     penetration: f64,
     sweeps: u32,
     contact_time: f64,
@@ -145,6 +149,7 @@ impl Trial {
             dense: Dense::default(),
             next: 0,
             gap,
+            last_gap: gap,
             penetration: 0.0,
             sweeps: 0,
             contact_time: 0.0,
@@ -300,6 +305,7 @@ impl Trial {
             contact: report.touching > 0,
         });
         progress.gap = progress.gap.min(gap);
+        progress.last_gap = gap;
         progress.penetration = progress.penetration.max(-gap);
         progress.sweeps += report.sweeps;
         let totals = &mut progress.summary;
@@ -382,8 +388,9 @@ impl Trial {
                 .shapes
                 .then(|| lines.map(|line| line.into_iter().map(plain).collect())),
         };
-        progress.gap = f64::INFINITY;
-        progress.penetration = 0.0;
+        // Several samples may fall into one step: each has at least that step's gap.
+        progress.gap = progress.last_gap;
+        progress.penetration = (-progress.last_gap).max(0.0);
         progress.sweeps = 0;
         Some(sample)
     }

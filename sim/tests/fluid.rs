@@ -6,7 +6,7 @@ use common::{prove, static_solve};
 use nalgebra::{DMatrix, DVector, Matrix3};
 use sim::V3;
 use sim::fluid::{
-    far::{Sources, Targets, gauss_rule},
+    far::{Precision, Sources, Targets, gauss_rule},
     mobility::{mobility, rigid_resistance},
     near::NearBand,
     segment::segment_flow,
@@ -152,7 +152,7 @@ fn fast_product_matches_the_dense_matrix() {
         let mut near = NearBand::new(50, reach, points);
         near.assemble(&nodes, EPSILON, 1.0);
         near.multiply(&density);
-        let (mut sources, mut targets) = (Sources::default(), Targets::new(50));
+        let (mut sources, mut targets) = (Sources::default(), Targets::new(50, Precision::Single));
         sources.push_edges(&nodes, &density, 0..49, gauss_rule(points));
         targets.set(&nodes);
         targets.add_flow(&sources, EPSILON);

@@ -1,5 +1,7 @@
 //! Elastic flagella on a held base against another program (tests/data/peer), on the same mesh.
 
+#![allow(clippy::needless_range_loop)]
+
 mod common;
 use common::{Series, prove, to_body};
 use sim::params::Robot;

@@ -100,20 +100,22 @@ impl BodySolve {
         rest
     }
 
-    /// One correction of the rate for the flagella's `moment` (N m); returns its size in rad/s.
-    pub(super) fn update(&mut self, base: &Base, moment: V3) -> Option<f64> {
+    /// One correction of the rate for the flagella's `moment` (N m); returns its change in rad/s.
+    pub(super) fn update(&mut self, base: &Base, moment: V3) -> Option<V3> {
         let rest = self.imbalance(base, moment);
         let stiffness = base.stiffness(&self.body, self.lag) - self.response;
         let change = stiffness.lu().solve(&rest)?;
         self.set_rate(self.body.rate + change);
-        change.norm().is_finite().then_some(change.norm())
+        change.norm().is_finite().then_some(change)
     }
 
     /// Solves for a given moment; `false` when that fails.
     pub(super) fn solve(&mut self, base: &Base, moment: V3) -> bool {
         for _ in 0..50 {
             match self.update(base, moment) {
-                Some(change) if change <= 1e-10 * (1e-3 + self.body.rate.norm()) => return true,
+                Some(change) if change.norm() <= 1e-10 * (1e-3 + self.body.rate.norm()) => {
+                    return true;
+                }
                 Some(_) => {}
                 None => return false,
             }

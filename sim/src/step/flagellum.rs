@@ -70,7 +70,7 @@ impl Flagellum {
             correction: vec![0.0; 4 * n - 2],
             gradient: vec![0.0; 4 * n],
             near: NearBand::new(n, robot.solver.near_edges as usize, points),
-            targets: Targets::new(n),
+            targets: Targets::new(n, robot.solver.far_field),
             sources: Sources::default(),
             carried: vec![0.0; 4 * n - 2],
             product: vec![0.0; super::dense::Panels::padded(4 * n - 2)],

@@ -66,6 +66,9 @@ impl Solver {
         let gap_wanted = 0.25 * self.robot.contact.tolerance_m;
         let reach = self.robot.flagellum.axial_length_m + self.robot.base.height_m;
         let two_way = self.closure.two_way();
+        // The body and the other rod lag by one sweep: with one sweep a step, errors below the tolerance
+        // would grow from step to step until they reach it.
+        let least_sweeps = if two_way { 1 } else { 0 };
         for flagellum in &mut self.flagella {
             flagellum.assemble_near();
         }
@@ -146,10 +149,11 @@ impl Solver {
                 let change = body
                     .update(&self.base, moment)
                     .ok_or(StepFailure::Diverged)?;
-                turned = change * reach;
+                turned = change.norm() * reach;
             }
             let moved = outcome.motion * plan.kappa[0].max(plan.kappa[1]);
-            let converged = residual < wanted
+            let converged = sweep >= least_sweeps
+                && residual < wanted
                 && moved < 6.0 * wanted
                 && turned < 3.0 * wanted
                 && outcome.violation < gap_wanted;
