@@ -3,12 +3,16 @@
 use super::body_solve::BodySolve;
 use super::contact_sweep::{self, Context, update_lines};
 use super::flagellum::Kinematics;
+use super::preconditioner::Preconditioner;
 use super::{Plan, Solver, StepFailure, StepReport};
 use crate::V3;
 use crate::contact::pairs::{self};
 use crate::robot::body::Body;
 use crate::state::{Shape, State};
+use std::sync::Arc;
 
+/// A twist error of one radian counts as this many times the largest speed of the helix.
+const TWIST_LEVER: f64 = 5.0;
 /// Sweeps after which closest points and normals are held.
 const GEOMETRY_SWEEPS: u32 = 4;
 /// How often held points may be renewed when the true distances disagree.
@@ -37,7 +41,7 @@ impl Solver {
         }
     }
 
-    fn update_forces(&mut self, state: &State, plan: &Plan, down: V3, k: usize) {
+    pub(super) fn update_forces(&mut self, state: &State, plan: &Plan, down: V3, k: usize) {
         let weight = plan.shafts[k].to_shaft(down) * self.robot.net_weight();
         self.flagella[k].update_forces(&self.rods[k], &state.rods[k], weight);
     }
@@ -47,7 +51,7 @@ impl Solver {
         &mut self,
         state: &State,
         plan: &Plan,
-        inverses: [usize; 2],
+        inverses: &[Arc<Preconditioner>; 2],
         body: &mut BodySolve,
     ) -> Result<(StepReport, [Shape; 2]), StepFailure> {
         let settings = self.robot.solver.clone();
@@ -63,6 +67,8 @@ impl Solver {
         let fastest = plan.motors.iter().fold(0.1f64, |a, m| a.max(m.speed.abs()));
         let reference = fastest * helix;
         let wanted = settings.tolerance * reference;
+        // Independent of the step: where the twist is about to snap, a small imbalance may stay.
+        let lever = TWIST_LEVER * reference;
         let gap_wanted = 0.25 * self.robot.contact.tolerance_m;
         let reach = self.robot.flagellum.axial_length_m + self.robot.base.height_m;
         let two_way = self.closure.two_way();
@@ -79,10 +85,7 @@ impl Solver {
             self.update_forces(state, plan, self.down(&body.body), k);
         }
         if two_way {
-            body.set_response(
-                &plan.shafts,
-                [0, 1].map(|k| &self.cache.get(inverses[k]).response),
-            );
+            body.set_response(&plan.shafts, [&inverses[0].response, &inverses[1].response]);
         }
         self.anderson.clear();
         let mut weights: Vec<f64> = Vec::new();
@@ -111,10 +114,10 @@ impl Solver {
                     &self.rods[k],
                     &motion[k],
                     &self.sources,
-                    helix,
+                    lever,
                 );
                 residual = residual.max(size);
-                self.flagella[k].precondition(&self.rods[k], self.cache.get(inverses[k]));
+                self.flagella[k].precondition(&self.rods[k], &inverses[k]);
                 self.flagella[k].apply_correction();
                 if !contact {
                     self.update_forces(state, plan, self.down(&body.body), k);
@@ -130,7 +133,7 @@ impl Solver {
                     rods: &self.rods,
                     shafts: &plan.shafts,
                     motion: &motion,
-                    inverses: [0, 1].map(|k| self.cache.get(inverses[k])),
+                    inverses: [&*inverses[0], &*inverses[1]],
                 };
                 outcome = self.contacts.sweep(
                     &mut self.flagella,
