@@ -3,11 +3,14 @@
 #![allow(clippy::needless_range_loop)]
 
 mod common;
-use common::{Series, prove, to_body};
+use common::{Series, first_nodes, prove, to_body};
+use sim::V3;
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::closure::Closure;
+use sim::robot::{clamp::Motor, closure::Closure};
+use sim::rod::Rod;
 use sim::sample::Sample;
+use sim::step::Solver;
 use sim::trial::{Options, Trial};
 
 /// The reference's robot: its regularisation, and no weight unless wanted.
@@ -163,5 +166,69 @@ fn contact_of_unequal_speeds() {
             (axial / torque - 1.0).abs(),
             0.03,
         );
+    }
+}
+
+#[test]
+fn contact_of_a_soft_close_pair() {
+    // Their own base (a stub and a ramp on the axis), softer and closer flagella. The transient is
+    // unstable in itself, so steps are short and windows end early.
+    let reference = Series::read("der_contact.csv");
+    let mut robot = robot(false);
+    robot.flagellum.young_pa = 1e5;
+    robot.base.motor_distance_m = 0.025;
+    robot.solver.contact_step_rad = 0.1;
+    robot.solver.step_rad = 0.1;
+    let shapes = first_nodes("der_contact_nodes.csv");
+    let stiffness = robot.flagellum.stiffness();
+    let rod = |theirs: usize| {
+        let axis = 0.025 * theirs as f64;
+        let shape = (shapes[theirs].iter())
+            .map(|x| V3::from(to_body([x.x, x.y - axis, x.z])))
+            .collect();
+        Rod::stress_free(shape, stiffness)
+    };
+    let mut solver =
+        Solver::with_rods(&robot, Closure::Held, [rod(1), rod(0)]).expect("parameters");
+    let mut state = solver.at_rest();
+    let speed = 3.0 * std::f64::consts::PI;
+    let motors = |t: f64| {
+        [Motor {
+            angle: speed * t,
+            speed,
+        }; 2]
+    };
+    let (mut touch, mut least, mut sums) = (f64::INFINITY, f64::INFINITY, [[0.0; 2]; 2]);
+    let windows = [(2.0, 6.0), (6.0, 9.0)];
+    while state.time < 9.0 {
+        let before = state.time;
+        let report = solver.advance(&mut state, 9.0, &motors).expect("a step");
+        if report.touching > 0 {
+            touch = touch.min(state.time);
+        }
+        least = least.min(solver.least_distance(&state));
+        for (sum, (from, to)) in sums.iter_mut().zip(windows) {
+            let part = (state.time.min(to) - before.max(from)).max(0.0);
+            for k in 0..2 {
+                sum[k] +=
+                    part / (to - from) * (report.fluid[k].force.z + report.contact[k].force.z);
+            }
+        }
+    }
+    prove("soft close pair: first touch, s", (touch - 6.24).abs(), 0.5);
+    prove(
+        "soft close pair: least distance, m",
+        (least - 6.0038e-3).abs(),
+        2e-5,
+    );
+    for (sum, (from, to)) in sums.iter().zip(windows) {
+        for k in 0..2 {
+            let theirs = -reference.mean(&format!("head_force{}_x_N", k + 1), from, to);
+            let check = format!(
+                "soft close pair {from}-{to} s, rod {}: thrust, relative",
+                k + 1
+            );
+            prove(&check, (sum[1 - k] / theirs - 1.0).abs(), 0.03);
+        }
     }
 }

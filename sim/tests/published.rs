@@ -122,3 +122,39 @@ fn paper_never_settles() {
     assert!(!summary.steady.settled);
     assert!(summary.steady.attitude[0].mean.abs() > std::f64::consts::TAU);
 }
+
+#[test]
+fn valleys_of_the_published_map() {
+    // |pitch| is least where both speeds are equal; |yaw| near opposite speeds, not on them: of a
+    // right-handed pair at (-w, w) one pulls and one pushes, which is not symmetric.
+    let steady = |rpm: [f64; 2]| {
+        let profile = SpeedProfile::constant(rpm, 60.0).expect("a profile");
+        let mut trial = Trial::new(
+            &Robot::default(),
+            Closure::Full,
+            profile,
+            Options::default(),
+        )
+        .expect("parameters");
+        let steady = trial.finish().expect("a run").steady;
+        steady.attitude.map(|l| l.mean.to_degrees())
+    };
+    let pitch = [30.0, 40.0, 50.0].map(|w| steady([w, 40.0])[1]);
+    println!("pitch at (30, 40), (40, 40), (50, 40): {pitch:.2?} deg");
+    prove(
+        "map: |pitch| on w2 = w1 over its neighbours",
+        pitch[1].abs() / pitch[0].abs().min(pitch[2].abs()),
+        0.1,
+    );
+    let speeds = [20.0, 30.0, 40.0, 50.0, 60.0];
+    let yaw = speeds.map(|w| steady([-40.0, w])[0]);
+    println!("yaw at (-40, {speeds:?}): {yaw:.2?} deg");
+    let least = (0..5)
+        .min_by(|&a, &b| yaw[a].abs().total_cmp(&yaw[b].abs()))
+        .map_or(0.0, |i| speeds[i]);
+    prove(
+        "map: valley of |yaw| from w2 = -w1, rpm",
+        (least - 40.0).abs(),
+        10.0,
+    );
+}

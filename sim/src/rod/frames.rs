@@ -7,7 +7,7 @@
 
 use crate::V3;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Transports `u`, perpendicular to the unit vector `from`, along the shortest turn to the unit vector `to`.
 ///
@@ -118,7 +118,12 @@ impl Frames {
             let carried = parallel_transport(self.director[i - 1], before, after);
             let d1 = self.director[i];
             let wrapped = d1.dot(&after.cross(&carried)).atan2(d1.dot(&carried));
-            let turns = ((reference.twist[i] - wrapped) / TAU).round();
+            let off = reference.twist[i] - wrapped;
+            let turns = if off.abs() <= PI {
+                0.0
+            } else {
+                (off / TAU).round()
+            };
             self.reference_twist[i] = wrapped + TAU * turns;
         }
     }

@@ -93,6 +93,22 @@ pub fn static_solve(name: &str) -> (Vec<Vec<V3>>, Vec<V3>, Vec<V3>) {
     (lines, velocity, force)
 }
 
+/// First node positions of both rods in a file of nodes.
+pub fn first_nodes(name: &str) -> [Vec<V3>; 2] {
+    let mut rods = [vec![], vec![]];
+    for row in read(name)
+        .lines()
+        .filter(|l| l.starts_with(|c: char| c.is_ascii_digit()))
+    {
+        let v: Vec<f64> = row
+            .split(',')
+            .map(|c| c.parse().expect("a number"))
+            .collect();
+        rods[v[0] as usize - 1].push(V3::new(v[2], v[3], v[4]));
+    }
+    rods
+}
+
 /// A vector of the reference data in our axes: theirs has +x from clamp to tip and their rod 1 where
 /// our flagellum 2 is, so x_B = y, y_B = -z, z_B = -x.
 pub fn to_body(v: [f64; 3]) -> [f64; 3] {
