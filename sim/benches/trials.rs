@@ -88,7 +88,7 @@ fn growth() {
         let mut robot = Robot::default();
         let length = robot.flagellum.helix(0).contour_length() / edges as f64;
         let radii = length / robot.flagellum.rod_radius_m;
-        robot.flagellum.edge_length_m = length;
+        robot.flagellum.edge_length_m = length.min(robot.flagellum.edge_length_m);
         robot.fluid.regularisation_radii = robot.fluid.regularisation_radii.min(0.99 * radii);
         let rods = [0, 1].map(|k| {
             Rod::stress_free(

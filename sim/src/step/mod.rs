@@ -1,7 +1,7 @@
 //! One implicit step of rods, fluid, contact and body together.
 //!
-//! From top to bottom: time formulas ([`formula`]), prediction, then sweeps over flagellum 1,
-//! flagellum 2 ([`flagellum`]), contact ([`contact_sweep`]) and body ([`body_solve`]) until the
+//! From top to bottom: time formulas (`formula`), prediction, then sweeps over flagellum 1,
+//! flagellum 2 (`flagellum`), contact (`contact_sweep`) and body (`body_solve`) until the
 //! velocity residual, the gap law and the body's rate agree; then the checks that let the step count.
 //! The flow between the rods and the body's rate are inside the iteration: extrapolating either is
 //! unstable at every step.
