@@ -28,10 +28,7 @@ fn run(robot: &Robot, closure: Closure, rpm: [f64; 2]) -> (Summary, f64) {
 fn thrust_error(a: &Summary, b: &Summary) -> f64 {
     let thrust = |s: &Summary, k: usize| s.steady.force[k][2].mean;
     let scale = thrust(b, 0).abs().max(thrust(b, 1).abs());
-    (0..2)
-        .map(|k| (thrust(a, k) - thrust(b, k)).abs())
-        .fold(0.0, f64::max)
-        / scale
+    (0..2).map(|k| (thrust(a, k) - thrust(b, k)).abs()).fold(0.0, f64::max) / scale
 }
 
 fn speed_and_error() {
@@ -57,11 +54,7 @@ fn speed_and_error() {
         }
         let mut fine = robot.clone();
         fine.solver.step_rad = 0.1;
-        fine.solver.contact_step_rad = if summary.contact_share > 0.0 {
-            0.06
-        } else {
-            0.1
-        };
+        fine.solver.contact_step_rad = if summary.contact_share > 0.0 { 0.06 } else { 0.1 };
         fine.solver.tolerance = 1e-3;
         fine.solver.far_field = Precision::Double;
         let error = thrust_error(&summary, &run(&fine, closure, rpm).0);
@@ -78,9 +71,7 @@ fn speed_and_error() {
 }
 
 fn growth() {
-    println!(
-        "\n| edges a flagellum | ms a step at (90, 90) | real-time factor | ms for a frozen inverse |"
-    );
+    println!("\n| edges a flagellum | ms a step at (90, 90) | real-time factor | ms for a frozen inverse |");
     println!("| --- | --- | --- | --- |");
     let mut points = vec![];
     for edges in [25usize, 50, 100, 200, 400] {
@@ -90,21 +81,11 @@ fn growth() {
         let radii = length / robot.flagellum.rod_radius_m;
         robot.flagellum.edge_length_m = length.min(robot.flagellum.edge_length_m);
         robot.fluid.regularisation_radii = robot.fluid.regularisation_radii.min(0.99 * radii);
-        let rods = [0, 1].map(|k| {
-            Rod::stress_free(
-                robot.flagellum.helix(k).nodes(edges),
-                robot.flagellum.stiffness(),
-            )
-        });
+        let rods = [0, 1].map(|k| Rod::stress_free(robot.flagellum.helix(k).nodes(edges), robot.flagellum.stiffness()));
         let mut solver = Solver::with_rods(&robot, Closure::Held, rods).expect("parameters");
         let mut state = solver.at_rest();
         let speed = 3.0 * PI;
-        let motors = |t: f64| {
-            [Motor {
-                angle: speed * t,
-                speed,
-            }; 2]
-        };
+        let motors = |t: f64| [Motor { angle: speed * t, speed }; 2];
         let start = Instant::now();
         while state.time < 0.8 {
             solver.advance(&mut state, 0.8, &motors).expect("a step");
@@ -120,17 +101,10 @@ fn growth() {
         let step = start.elapsed().as_secs_f64() / steps as f64;
         let inverse = (warm - 30.0 * step).max(0.0) / solver.inverses_built() as f64;
         points.push(((edges as f64).ln(), step.ln()));
-        println!(
-            "| {edges} | {:.3} | {:.1} | {:.1} |",
-            step * 1e3,
-            0.0403 / step,
-            inverse * 1e3
-        );
+        println!("| {edges} | {:.3} | {:.1} | {:.1} |", step * 1e3, 0.0403 / step, inverse * 1e3);
     }
     let n = points.len() as f64;
-    let (sx, sy) = points
-        .iter()
-        .fold((0.0, 0.0), |a, p| (a.0 + p.0 / n, a.1 + p.1 / n));
+    let (sx, sy) = points.iter().fold((0.0, 0.0), |a, p| (a.0 + p.0 / n, a.1 + p.1 / n));
     let slope = points.iter().map(|p| (p.0 - sx) * (p.1 - sy)).sum::<f64>()
         / points.iter().map(|p| (p.0 - sx).powi(2)).sum::<f64>();
     println!("cost of a step grows as edges^{slope:.2}");

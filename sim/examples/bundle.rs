@@ -8,12 +8,7 @@ use sim::robot::closure::Closure;
 use sim::trial::{Options, Trial};
 
 fn main() {
-    let number = |i: usize, default: f64| {
-        std::env::args()
-            .nth(i)
-            .and_then(|a| a.parse().ok())
-            .unwrap_or(default)
-    };
+    let number = |i: usize, default: f64| std::env::args().nth(i).and_then(|a| a.parse().ok()).unwrap_or(default);
     let mut robot = Robot::default();
     robot.flagellum.young_pa = number(1, 1e5);
     robot.base.motor_distance_m = number(2, 0.025);
@@ -29,21 +24,8 @@ fn main() {
         (end, [rpm, -w2]),
     ])
     .expect("a profile");
-    let closure = if std::env::var("HELD").is_ok() {
-        Closure::Held
-    } else {
-        Closure::Full
-    };
-    let mut trial = Trial::new(
-        &robot,
-        closure,
-        profile,
-        Options {
-            rate_hz: 1.0,
-            shapes: true,
-        },
-    )
-    .expect("parameters");
+    let closure = if std::env::var("HELD").is_ok() { Closure::Held } else { Closure::Full };
+    let mut trial = Trial::new(&robot, closure, profile, Options { rate_hz: 1.0, shapes: true }).expect("parameters");
     let start = std::time::Instant::now();
     for sample in trial.by_ref() {
         match sample {

@@ -20,19 +20,13 @@ impl<S: Simd> Wide<S> {
     /// The same number everywhere.
     #[inline(always)]
     pub fn all(simd: S, value: f64) -> Self {
-        Self {
-            simd,
-            value: simd.splat_f64s(value),
-        }
+        Self { simd, value: simd.splat_f64s(value) }
     }
 
     /// Neighbours of a slice.
     #[inline(always)]
     pub fn load(simd: S, values: &[f64], at: usize) -> Self {
-        Self {
-            simd,
-            value: S::as_simd_f64s(&values[at..at + S::F64_LANES]).0[0],
-        }
+        Self { simd, value: S::as_simd_f64s(&values[at..at + S::F64_LANES]).0[0] }
     }
 
     /// Writes to neighbours of a slice.
@@ -44,31 +38,20 @@ impl<S: Simd> Wide<S> {
     /// Square roots.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
-        Self {
-            value: self.simd.sqrt_f64s(self.value),
-            ..self
-        }
+        Self { value: self.simd.sqrt_f64s(self.value), ..self }
     }
 
     /// Inverses.
     #[inline(always)]
     pub fn inverse(self) -> Self {
         let one = self.simd.splat_f64s(1.0);
-        Self {
-            value: self.simd.div_f64s(one, self.value),
-            ..self
-        }
+        Self { value: self.simd.div_f64s(one, self.value), ..self }
     }
 
     /// self * factor + term.
     #[inline(always)]
     pub fn times_plus(self, factor: Self, term: Self) -> Self {
-        Self {
-            value: self
-                .simd
-                .mul_add_e_f64s(self.value, factor.value, term.value),
-            ..self
-        }
+        Self { value: self.simd.mul_add_e_f64s(self.value, factor.value, term.value), ..self }
     }
 }
 
@@ -77,10 +60,7 @@ impl<S: Simd> Add for Wide<S> {
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        Self {
-            value: self.simd.add_f64s(self.value, other.value),
-            ..self
-        }
+        Self { value: self.simd.add_f64s(self.value, other.value), ..self }
     }
 }
 
@@ -89,10 +69,7 @@ impl<S: Simd> Sub for Wide<S> {
 
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        Self {
-            value: self.simd.sub_f64s(self.value, other.value),
-            ..self
-        }
+        Self { value: self.simd.sub_f64s(self.value, other.value), ..self }
     }
 }
 
@@ -101,10 +78,7 @@ impl<S: Simd> Mul for Wide<S> {
 
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        Self {
-            value: self.simd.mul_f64s(self.value, other.value),
-            ..self
-        }
+        Self { value: self.simd.mul_f64s(self.value, other.value), ..self }
     }
 }
 
@@ -113,9 +87,6 @@ impl<S: Simd> Neg for Wide<S> {
 
     #[inline(always)]
     fn neg(self) -> Self {
-        Self {
-            value: self.simd.neg_f64s(self.value),
-            ..self
-        }
+        Self { value: self.simd.neg_f64s(self.value), ..self }
     }
 }

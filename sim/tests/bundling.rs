@@ -27,15 +27,9 @@ fn run(robot: &Robot) -> (Vec<Sample>, Summary) {
         (50.0, [90.0, -90.0]),
     ])
     .expect("a profile");
-    let options = Options {
-        rate_hz: 2.0,
-        shapes: false,
-    };
+    let options = Options { rate_hz: 2.0, shapes: false };
     let mut trial = Trial::new(robot, Closure::Full, profile, options).expect("parameters");
-    let samples = trial
-        .by_ref()
-        .collect::<Result<Vec<_>, _>>()
-        .expect("a run");
+    let samples = trial.by_ref().collect::<Result<Vec<_>, _>>().expect("a run");
     (samples, trial.summary())
 }
 
@@ -44,11 +38,7 @@ fn a_soft_pair_bundles_and_unwraps() {
     let robot = soft_robot();
     let (samples, summary) = run(&robot);
     let at = |time: f64| samples.iter().find(|s| s.time_s >= time).expect("a sample");
-    println!(
-        "winding {:.2} turns at 34 s, {:.2} at 50 s",
-        at(34.0).winding_turns,
-        at(50.0).winding_turns
-    );
+    println!("winding {:.2} turns at 34 s, {:.2} at 50 s", at(34.0).winding_turns, at(50.0).winding_turns);
     assert_eq!(summary.bundling, Bundling::Bundled);
     assert_eq!(at(34.0).bundling, Bundling::Bundled);
     assert_ne!(at(50.0).bundling, Bundling::Bundled);
@@ -57,11 +47,7 @@ fn a_soft_pair_bundles_and_unwraps() {
         at(50.0).winding_turns / at(34.0).winding_turns,
         0.6,
     );
-    prove(
-        "bundle: largest penetration over the tolerance",
-        summary.max_penetration_m / robot.contact.tolerance_m,
-        1.0,
-    );
+    prove("bundle: largest penetration over the tolerance", summary.max_penetration_m / robot.contact.tolerance_m, 1.0);
 }
 
 #[test]
@@ -71,17 +57,8 @@ fn a_bundle_with_friction_goes_through() {
     // Twist snaps where strands stick to each other: it needs all of the fluid's drag on the spin.
     robot.fluid.spin_drag = 1.0;
     let (samples, summary) = run(&robot);
-    let winding = |time: f64| {
-        samples
-            .iter()
-            .find(|s| s.time_s >= time)
-            .map_or(f64::NAN, |s| s.winding_turns)
-    };
-    println!(
-        "with friction: winding {:.2} turns at 34 s, {:.2} at 50 s",
-        winding(34.0),
-        winding(50.0)
-    );
+    let winding = |time: f64| samples.iter().find(|s| s.time_s >= time).map_or(f64::NAN, |s| s.winding_turns);
+    println!("with friction: winding {:.2} turns at 34 s, {:.2} at 50 s", winding(34.0), winding(50.0));
     assert_eq!(summary.bundling, Bundling::Bundled);
     assert!(samples.len() > 90);
     prove(
@@ -97,8 +74,7 @@ fn two_way_contact_in_the_hard_quadrant() {
     for rpm in [[-90.0, -80.0], [-50.0, -30.0]] {
         let robot = Robot::default();
         let profile = SpeedProfile::constant(rpm, 20.0).expect("a profile");
-        let mut trial =
-            Trial::new(&robot, Closure::Full, profile, Options::default()).expect("parameters");
+        let mut trial = Trial::new(&robot, Closure::Full, profile, Options::default()).expect("parameters");
         let summary = trial.finish().expect("a run");
         assert!(summary.contact_share > 0.1);
         println!(
@@ -107,10 +83,7 @@ fn two_way_contact_in_the_hard_quadrant() {
             summary.contact_share
         );
         prove(
-            &format!(
-                "full, ({}, {}): largest penetration over the tolerance",
-                rpm[0], rpm[1]
-            ),
+            &format!("full, ({}, {}): largest penetration over the tolerance", rpm[0], rpm[1]),
             summary.max_penetration_m / robot.contact.tolerance_m,
             1.0,
         );

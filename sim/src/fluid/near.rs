@@ -54,9 +54,7 @@ impl NearBand {
             nodes,
             reach,
             rule: gauss_rule(gauss_points),
-            diagonals: (0..=2 * reach)
-                .map(|_| std::array::from_fn(|_| vec![0.0; rows]))
-                .collect(),
+            diagonals: (0..=2 * reach).map(|_| std::array::from_fn(|_| vec![0.0; rows])).collect(),
             padded: zeros(length),
             mask,
             density: zeros(length),
@@ -82,11 +80,7 @@ impl NearBand {
             }
         }
         let (e2, factor) = (epsilon * epsilon, stokeslet_factor(viscosity));
-        pulp::Arch::new().dispatch(Assemble {
-            band: self,
-            e2,
-            factor,
-        });
+        pulp::Arch::new().dispatch(Assemble { band: self, e2, factor });
     }
 
     #[inline(always)]
@@ -163,11 +157,7 @@ impl NearBand {
 #[inline(always)]
 fn load<S: Simd>(simd: S, line: &[Vec<f64>; 3], at: usize) -> [Wide<S>; 3] {
     let [x, y, z] = line;
-    [
-        Wide::load(simd, x, at),
-        Wide::load(simd, y, at),
-        Wide::load(simd, z, at),
-    ]
+    [Wide::load(simd, x, at), Wide::load(simd, y, at), Wide::load(simd, z, at)]
 }
 
 /// Compiles the assembly for the machine's vector instructions.
@@ -249,13 +239,7 @@ const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 
 
 /// Components xx, xy, xz, yy, yz, zz of A1 and then of A2.
 #[inline(always)]
-fn components<S: Simd>(
-    simd: S,
-    d: [Wide<S>; 3],
-    v: [Wide<S>; 3],
-    e2: f64,
-    t: [Wide<S>; 6],
-) -> [Wide<S>; 12] {
+fn components<S: Simd>(simd: S, d: [Wide<S>; 3], v: [Wide<S>; 3], e2: f64, t: [Wide<S>; 6]) -> [Wide<S>; 12] {
     let [t01, t11, t03, t13, t23, t33] = t;
     let e2 = Wide::all(simd, e2);
     let direct2 = t11 + e2 * t13;

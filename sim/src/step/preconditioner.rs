@@ -48,11 +48,7 @@ impl Key {
     /// For rod design `rod`, `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
     pub fn new(rod: usize, kappa: f64, speed: f64) -> Self {
         let rung = (kappa.ln() / RUNG.ln()).round() as i32;
-        Self {
-            rod,
-            rung,
-            spin: (speed / kappa / SPIN).round() as i32,
-        }
+        Self { rod, rung, spin: (speed / kappa / SPIN).round() as i32 }
     }
 
     fn kappa(&self) -> f64 {
@@ -108,12 +104,7 @@ struct Design {
 
 impl Cache {
     /// The inverse for a key, built if need be; `None` when the matrix is singular.
-    pub fn find(
-        &mut self,
-        key: Key,
-        rod: &Rod,
-        fluid: FluidNumbers,
-    ) -> Option<Arc<Preconditioner>> {
+    pub fn find(&mut self, key: Key, rod: &Rod, fluid: FluidNumbers) -> Option<Arc<Preconditioner>> {
         if let Some((_, known)) = self.entries.iter().find(|(k, _)| *k == key) {
             return Some(known.clone());
         }
@@ -155,11 +146,7 @@ impl Design {
                     };
                     let value = weight * hessian.get(row, column);
                     if value != 0.0 {
-                        elastic.column_mut(unknown).axpy(
-                            value,
-                            &mobility.column(3 * node + a),
-                            1.0,
-                        );
+                        elastic.column_mut(unknown).axpy(value, &mobility.column(3 * node + a), 1.0);
                     }
                 }
             }
@@ -212,11 +199,7 @@ impl Design {
             return None;
         }
         let response = self.response(rod, &matrix, kappa);
-        Some(Preconditioner {
-            frames: self.frames.clone(),
-            inverse: Panels::new(&matrix, size),
-            response,
-        })
+        Some(Preconditioner { frames: self.frames.clone(), inverse: Panels::new(&matrix, size), response })
     }
 
     fn response(&self, rod: &Rod, inverse: &[f64], kappa: f64) -> Matrix6<f64> {
@@ -234,13 +217,8 @@ impl Design {
                     rows[3 * i + a] = velocity[a] / kappa;
                 }
             }
-            let correction: Vec<f64> = (0..size)
-                .map(|r| {
-                    -(0..3 * n)
-                        .map(|c| inverse[r * size + c] * rows[c])
-                        .sum::<f64>()
-                })
-                .collect();
+            let correction: Vec<f64> =
+                (0..size).map(|r| -(0..3 * n).map(|c| inverse[r * size + c] * rows[c]).sum::<f64>()).collect();
             for (i, x) in self.nodes.iter().enumerate() {
                 let mut force = V3::zeros();
                 for a in 0..3 {
@@ -250,9 +228,7 @@ impl Design {
                         let row = 4 * i + a;
                         self.hessian
                             .columns(row)
-                            .filter_map(|c| {
-                                unknown_of(c, n).map(|u| self.hessian.get(row, c) * correction[u])
-                            })
+                            .filter_map(|c| unknown_of(c, n).map(|u| self.hessian.get(row, c) * correction[u]))
                             .sum()
                     };
                 }
