@@ -1,0 +1,5 @@
+//! Speed of trials.
+
+fn main() {
+    divan::main();
+}

@@ -1,0 +1,244 @@
+//! The frozen inverse of one rod's own equations, and its response to a moving base.
+//!
+//! Unknowns of a rod of n nodes: free nodes (3 (n - 2)), free edge angles (n - 2), force densities at
+//! the two clamped nodes (6). Rows: velocity of every node (3 n), torque about every free edge
+//! (n - 2). With kappa = a_0/step (1/s) and spin s = omega/kappa the velocity rows, divided by a_0, are
+//! x + s z x x + (1/kappa) M w^-1 K x - (1/kappa) M f; torque rows are scaled by length/GJ.
+//!
+//! It is always built at the stress-free shape (one built under load makes later steps diverge), with
+//! kappa and s rounded to a grid: it depends on nothing but its key, so a restored state goes on bit
+//! for bit as the original would.
+
+use super::dense::{Panels, invert};
+use crate::V3;
+use crate::fluid::mobility::mobility;
+use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames};
+use nalgebra::{DMatrix, Matrix6};
+
+/// Ratio of neighbouring values of kappa.
+const RUNG: f64 = 1.12;
+/// Neighbouring values of the spin are this far apart.
+const SPIN: f64 = 0.05;
+/// Inverses kept; a ramp visits many keys, a steady trial two to ten.
+const KEPT: usize = 24;
+
+/// What an inverse depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Key {
+    rod: usize,
+    rung: i32,
+    spin: i32,
+}
+
+impl Key {
+    /// For rod design `rod`, `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
+    pub fn new(rod: usize, kappa: f64, speed: f64) -> Self {
+        let rung = (kappa.ln() / RUNG.ln()).round() as i32;
+        Self {
+            rod,
+            rung,
+            spin: (speed / kappa / SPIN).round() as i32,
+        }
+    }
+
+    fn kappa(&self) -> f64 {
+        RUNG.powi(self.rung)
+    }
+}
+
+/// A frozen inverse.
+#[derive(Clone, Debug)]
+pub struct Preconditioner {
+    /// The inverse, single precision.
+    pub inverse: Panels,
+    /// Change of the fluid's force and torque on the rod (about the shaft's foot, shaft frame at rest)
+    /// within one step for a velocity and angular velocity of the base there: N s/m and N m s.
+    pub response: Matrix6<f64>,
+}
+
+/// Inverses by key, oldest dropped first.
+#[derive(Clone, Debug, Default)]
+pub struct Cache {
+    entries: Vec<(Key, Preconditioner)>,
+    /// Self mobility and elastic Hessian at rest, one of each rod design.
+    designs: Vec<Option<Design>>,
+    /// Inverses built so far.
+    pub built: usize,
+}
+
+#[derive(Clone, Debug)]
+struct Design {
+    mobility: DMatrix<f64>,
+    /// M w^-1 K of the free degrees of freedom, before the division by kappa.
+    elastic: DMatrix<f64>,
+    hessian: Band,
+}
+
+impl Cache {
+    /// Index of the inverse for a key, built if need be; `None` when the matrix is singular.
+    pub fn find(&mut self, key: Key, rod: &Rod, epsilon: f64, viscosity: f64) -> Option<usize> {
+        if let Some(at) = self.entries.iter().position(|(k, _)| *k == key) {
+            return Some(at);
+        }
+        if self.designs.len() <= key.rod {
+            self.designs.resize(key.rod + 1, None);
+        }
+        let design =
+            self.designs[key.rod].get_or_insert_with(|| Design::new(rod, epsilon, viscosity));
+        let built = design.build(rod, key)?;
+        self.built += 1;
+        if self.entries.len() == KEPT {
+            self.entries.remove(0);
+        }
+        self.entries.push((key, built));
+        Some(self.entries.len() - 1)
+    }
+
+    /// The inverse at an index that [`Cache::find`] gave.
+    pub fn get(&self, at: usize) -> &Preconditioner {
+        &self.entries[at].1
+    }
+}
+
+impl Design {
+    fn new(rod: &Rod, epsilon: f64, viscosity: f64) -> Self {
+        let n = rod.nodes();
+        let angles = vec![0.0; rod.edges()];
+        let mut frames = Frames::new(n);
+        frames.update(&rod.rest_frames, &rod.shape, &angles);
+        let mut hessian = Band::new(4 * n);
+        rod.hessian(&frames, &angles, &mut hessian);
+        let mobility = mobility(&[&rod.shape], epsilon, viscosity);
+        let free = n - CLAMPED;
+        let mut elastic = DMatrix::zeros(3 * n, 4 * free);
+        for node in CLAMPED..n {
+            for a in 0..3 {
+                let row = 4 * node + a;
+                let weight = 1.0 / rod.nodal_length[node];
+                for column in hessian.columns(row) {
+                    let Some(unknown) = unknown_of(column, n) else {
+                        continue;
+                    };
+                    let value = weight * hessian.get(row, column);
+                    if value != 0.0 {
+                        elastic.column_mut(unknown).axpy(
+                            value,
+                            &mobility.column(3 * node + a),
+                            1.0,
+                        );
+                    }
+                }
+            }
+        }
+        Self {
+            mobility,
+            elastic,
+            hessian,
+        }
+    }
+
+    fn build(&self, rod: &Rod, key: Key) -> Option<Preconditioner> {
+        let n = rod.nodes();
+        let free = n - CLAMPED;
+        let size = 4 * n - 2;
+        let kappa = key.kappa();
+        let spin = key.spin as f64 * SPIN;
+        let mut matrix = vec![0.0; size * size];
+        for row in 0..3 * n {
+            let out = &mut matrix[row * size..(row + 1) * size];
+            for (column, entry) in out[..4 * free].iter_mut().enumerate() {
+                *entry = self.elastic[(row, column)] / kappa;
+            }
+            for clamped in 0..3 * CLAMPED {
+                out[4 * free + clamped] = -self.mobility[(row, clamped)] / kappa;
+            }
+        }
+        for node in CLAMPED..n {
+            let (row, column) = (3 * node, 3 * (node - CLAMPED));
+            for a in 0..3 {
+                matrix[(row + a) * size + column + a] += 1.0;
+            }
+            matrix[row * size + column + 1] -= spin;
+            matrix[(row + 1) * size + column] += spin;
+        }
+        let scale = torque_scale(rod);
+        for edge in 1..n - 1 {
+            let (row, slot) = (3 * n + edge - 1, 4 * edge + 3);
+            for column in self.hessian.columns(slot) {
+                if let Some(unknown) = unknown_of(column, n) {
+                    matrix[row * size + unknown] = scale * self.hessian.get(slot, column);
+                }
+            }
+        }
+        if !invert(&mut matrix, size) {
+            return None;
+        }
+        let response = self.response(rod, &matrix, kappa);
+        Some(Preconditioner {
+            inverse: Panels::new(&matrix, size),
+            response,
+        })
+    }
+
+    fn response(&self, rod: &Rod, inverse: &[f64], kappa: f64) -> Matrix6<f64> {
+        let n = rod.nodes();
+        let free = n - CLAMPED;
+        let size = 4 * n - 2;
+        let mut response = Matrix6::zeros();
+        for motion in 0..6 {
+            let mut unit = V3::zeros();
+            unit[motion % 3] = 1.0;
+            let mut rows = vec![0.0; 3 * n];
+            for (i, x) in rod.shape.iter().enumerate() {
+                let velocity = if motion < 3 { unit } else { unit.cross(x) };
+                for a in 0..3 {
+                    rows[3 * i + a] = velocity[a] / kappa;
+                }
+            }
+            let correction: Vec<f64> = (0..size)
+                .map(|r| {
+                    -(0..3 * n)
+                        .map(|c| inverse[r * size + c] * rows[c])
+                        .sum::<f64>()
+                })
+                .collect();
+            for (i, x) in rod.shape.iter().enumerate() {
+                let mut force = V3::zeros();
+                for a in 0..3 {
+                    force[a] = if i < CLAMPED {
+                        -rod.nodal_length[i] * correction[4 * free + 3 * i + a]
+                    } else {
+                        let row = 4 * i + a;
+                        self.hessian
+                            .columns(row)
+                            .filter_map(|c| {
+                                unknown_of(c, n).map(|u| self.hessian.get(row, c) * correction[u])
+                            })
+                            .sum()
+                    };
+                }
+                let torque = x.cross(&force);
+                for a in 0..3 {
+                    response[(a, motion)] += force[a];
+                    response[(3 + a, motion)] += torque[a];
+                }
+            }
+        }
+        response
+    }
+}
+
+/// Column of a free degree of freedom (four slots a node), `None` for clamped or unused ones.
+fn unknown_of(slot: usize, n: usize) -> Option<usize> {
+    let (node, part) = (slot / 4, slot % 4);
+    if part == 3 {
+        (node >= 1 && node + 1 < n).then(|| 3 * (n - CLAMPED) + node - 1)
+    } else {
+        (node >= CLAMPED).then(|| 3 * (node - CLAMPED) + part)
+    }
+}
+
+/// Scale of the torque rows, rad/(N m): a torque residual becomes the twist of an edge that it makes.
+pub fn torque_scale(rod: &Rod) -> f64 {
+    rod.rest_length[0] / rod.stiffness.twist_nm2
+}
