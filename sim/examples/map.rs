@@ -20,10 +20,8 @@ fn main() {
     };
     let threads: usize = arguments.get(1).and_then(|a| a.parse().ok()).unwrap_or(2);
     let every: usize = arguments.get(2).and_then(|a| a.parse().ok()).unwrap_or(1);
-    let points: Vec<[f64; 2]> = (-9..=9)
-        .flat_map(|i| (0..=9).map(move |j| [10.0 * i as f64, 10.0 * j as f64]))
-        .step_by(every)
-        .collect();
+    let points: Vec<[f64; 2]> =
+        (-9..=9).flat_map(|i| (0..=9).map(move |j| [10.0 * i as f64, 10.0 * j as f64])).step_by(every).collect();
     println!(
         "w1_rpm,w2_rpm,yaw_deg,pitch_deg,roll_deg,settled,settle_s,contact_share,first_contact_s,min_gap_mm,largest_contact_mn,bundling,real_time_factor,error"
     );
@@ -34,13 +32,8 @@ fn main() {
         while let Some(rpm) = points.get(next.fetch_add(1, Ordering::Relaxed)) {
             let profile = SpeedProfile::constant(*rpm, 120.0).expect("a profile");
             let began = Instant::now();
-            let mut trial =
-                Trial::new(&robot, closure, profile, Options::default()).expect("parameters");
-            let error = trial
-                .finish()
-                .err()
-                .map(|e| e.to_string())
-                .unwrap_or_default();
+            let mut trial = Trial::new(&robot, closure, profile, Options::default()).expect("parameters");
+            let error = trial.finish().err().map(|e| e.to_string()).unwrap_or_default();
             failed.fetch_add(usize::from(!error.is_empty()), Ordering::Relaxed);
             let s = trial.summary();
             let [yaw, pitch, roll] = s.steady.attitude.map(|l| l.mean.to_degrees());
@@ -66,10 +59,5 @@ fn main() {
     });
     let wall = start.elapsed().as_secs_f64();
     let simulated = 120.0 * points.len() as f64;
-    eprintln!(
-        "{} points in {wall:.1} s: {:.0} x, {} failed",
-        points.len(),
-        simulated / wall,
-        failed.into_inner()
-    );
+    eprintln!("{} points in {wall:.1} s: {:.0} x, {} failed", points.len(), simulated / wall, failed.into_inner());
 }

@@ -10,12 +10,7 @@ use std::f64::consts::PI;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let number = |i: usize, default: f64| {
-        arguments
-            .get(i)
-            .and_then(|a| a.parse().ok())
-            .unwrap_or(default)
-    };
+    let number = |i: usize, default: f64| arguments.get(i).and_then(|a| a.parse().ok()).unwrap_or(default);
     let rpm = [number(0, 90.0), number(1, 90.0)];
     let closure = match arguments.get(2).map(String::as_str) {
         Some("full") => Closure::Full,
@@ -31,20 +26,12 @@ fn main() {
         };
         let v: f64 = value.parse().expect("number");
         match key {
-            "rad" => {
-                (robot.solver.step_rad, robot.solver.contact_step_rad) =
-                    (v, v.min(robot.solver.contact_step_rad))
-            }
+            "rad" => (robot.solver.step_rad, robot.solver.contact_step_rad) = (v, v.min(robot.solver.contact_step_rad)),
             "tol" => robot.solver.tolerance = v,
             "rho" => robot.flagellum.density_kg_m3 = v,
             "eps" => robot.fluid.regularisation_radii = v,
             "edge" => robot.flagellum.edge_length_m = v,
-            "tether" => {
-                (
-                    robot.joint.tether_full_nm_per_rad,
-                    robot.joint.tether_lumped_nm_per_rad,
-                ) = (v, v)
-            }
+            "tether" => (robot.joint.tether_full_nm_per_rad, robot.joint.tether_lumped_nm_per_rad) = (v, v),
             "contact" => robot.contact.enabled = v > 0.0,
             "friction" => robot.contact.friction = v,
             _ => panic!("{key}?"),
@@ -54,12 +41,7 @@ fn main() {
     let mut solver = Solver::new(&robot, closure).expect("parameters");
     let mut state = solver.at_rest();
     let speed = rpm.map(|r| r * PI / 30.0);
-    let motors = |t: f64| {
-        speed.map(|w| Motor {
-            angle: w * t,
-            speed: w,
-        })
-    };
+    let motors = |t: f64| speed.map(|w| Motor { angle: w * t, speed: w });
     let start = std::time::Instant::now();
     let (mut force, mut torque, mut weight) = ([V3::zeros(); 2], [0.0; 2], 0.0);
     let (mut steps, mut sweeps, mut worst, mut touching, mut error, mut largest) =
@@ -135,11 +117,5 @@ fn main() {
             torque[k] * 1e3 / weight
         );
     }
-    println!(
-        "  yaw {:.2} (unwrapped {:.2}) pitch {:.3} roll {:.3} deg",
-        e[0],
-        state.body.yaw.to_degrees(),
-        e[1],
-        e[2]
-    );
+    println!("  yaw {:.2} (unwrapped {:.2}) pitch {:.3} roll {:.3} deg", e[0], state.body.yaw.to_degrees(), e[1], e[2]);
 }

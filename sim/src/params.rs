@@ -172,12 +172,7 @@ pub struct Fluid {
 
 impl Default for Fluid {
     fn default() -> Self {
-        Self {
-            viscosity_pa_s: 1.0,
-            density_kg_m3: 1260.0,
-            glycerol: None,
-            regularisation_radii: 1.03,
-        }
+        Self { viscosity_pa_s: 1.0, density_kg_m3: 1260.0, glycerol: None, regularisation_radii: 1.03 }
     }
 }
 
@@ -215,14 +210,12 @@ impl Glycerol {
 impl Fluid {
     /// Dynamic viscosity in Pa s, from the mixture when there is one.
     pub fn viscosity(&self) -> f64 {
-        self.glycerol
-            .map_or(self.viscosity_pa_s, |g| g.viscosity_pa_s())
+        self.glycerol.map_or(self.viscosity_pa_s, |g| g.viscosity_pa_s())
     }
 
     /// Density in kg/m3, from the mixture when there is one.
     pub fn density(&self) -> f64 {
-        self.glycerol
-            .map_or(self.density_kg_m3, |g| g.density_kg_m3())
+        self.glycerol.map_or(self.density_kg_m3, |g| g.density_kg_m3())
     }
 }
 
@@ -243,12 +236,7 @@ pub struct Joint {
 
 impl Default for Joint {
     fn default() -> Self {
-        Self {
-            tether_full_nm_per_rad: 3.607e-4,
-            tether_lumped_nm_per_rad: 3.653e-4,
-            viscous_nms: 0.0,
-            coulomb_nm: 0.0,
-        }
+        Self { tether_full_nm_per_rad: 3.607e-4, tether_lumped_nm_per_rad: 3.653e-4, viscous_nms: 0.0, coulomb_nm: 0.0 }
     }
 }
 
@@ -279,12 +267,7 @@ pub struct Contact {
 
 impl Default for Contact {
     fn default() -> Self {
-        Self {
-            enabled: true,
-            tolerance_m: 1e-5,
-            friction: 0.0,
-            slip_speed_m_s: 1e-4,
-        }
+        Self { enabled: true, tolerance_m: 1e-5, friction: 0.0, slip_speed_m_s: 1e-4 }
     }
 }
 
@@ -334,19 +317,11 @@ fn within(key: &'static str, value: f64, low: f64, high: f64) -> Result<(), Para
     if value >= low && value <= high {
         return Ok(());
     }
-    Err(ParamError {
-        key,
-        value,
-        reason: format!("must be between {low} and {high}"),
-    })
+    Err(ParamError { key, value, reason: format!("must be between {low} and {high}") })
 }
 
 fn refuse(key: &'static str, value: f64, reason: impl Into<String>) -> Result<(), ParamError> {
-    Err(ParamError {
-        key,
-        value,
-        reason: reason.into(),
-    })
+    Err(ParamError { key, value, reason: reason.into() })
 }
 
 impl Robot {
@@ -378,36 +353,16 @@ impl Robot {
         self.validate_flagellum()?;
         self.validate_fluid()?;
         let (joint, contact, solver) = (&self.joint, &self.contact, &self.solver);
-        within(
-            "joint.tether_full_nm_per_rad",
-            joint.tether_full_nm_per_rad,
-            0.0,
-            1e3,
-        )?;
-        within(
-            "joint.tether_lumped_nm_per_rad",
-            joint.tether_lumped_nm_per_rad,
-            0.0,
-            1e3,
-        )?;
+        within("joint.tether_full_nm_per_rad", joint.tether_full_nm_per_rad, 0.0, 1e3)?;
+        within("joint.tether_lumped_nm_per_rad", joint.tether_lumped_nm_per_rad, 0.0, 1e3)?;
         within("joint.viscous_nms", joint.viscous_nms, 0.0, 1e3)?;
         within("joint.coulomb_nm", joint.coulomb_nm, 0.0, 1e3)?;
         let r = self.flagellum.rod_radius_m;
-        within(
-            "contact.tolerance_m",
-            contact.tolerance_m,
-            1e-5 * r,
-            0.1 * r,
-        )?;
+        within("contact.tolerance_m", contact.tolerance_m, 1e-5 * r, 0.1 * r)?;
         within("contact.friction", contact.friction, 0.0, 10.0)?;
         within("contact.slip_speed_m_s", contact.slip_speed_m_s, 1e-9, 1.0)?;
         within("solver.step_rad", solver.step_rad, 1e-4, 1.1)?;
-        within(
-            "solver.contact_step_rad",
-            solver.contact_step_rad,
-            1e-4,
-            1.1,
-        )?;
+        within("solver.contact_step_rad", solver.contact_step_rad, 1e-4, 1.1)?;
         within("solver.longest_step_s", solver.longest_step_s, 1e-6, 10.0)?;
         within("solver.tolerance", solver.tolerance, 1e-7, 0.1)?;
         within("solver.halvings", solver.halvings as f64, 0.0, 20.0)?;
@@ -425,12 +380,7 @@ impl Robot {
         for moment in base.inertia_kg_m2 {
             within("base.inertia_kg_m2", moment, 1e-12, 1e3)?;
         }
-        within(
-            "base.mass_centre_below_joint_m",
-            base.mass_centre_below_joint_m,
-            -1.0,
-            1.0,
-        )?;
+        within("base.mass_centre_below_joint_m", base.mass_centre_below_joint_m, -1.0, 1.0)?;
         within("base.rotational_drag", base.rotational_drag, 1e-3, 1e3)?;
         within("base.gravity_m_s2", base.gravity_m_s2, 0.0, 1e3)
     }
@@ -475,10 +425,7 @@ impl Robot {
             return refuse(
                 "base.motor_distance_m",
                 self.base.motor_distance_m,
-                format!(
-                    "the flagella touch when they turn: needs more than {:.2e} m",
-                    2.0 * (radius + r)
-                ),
+                format!("the flagella touch when they turn: needs more than {:.2e} m", 2.0 * (radius + r)),
             );
         }
         let turn = (TAU * radius).hypot(f.pitch_m);
@@ -486,10 +433,7 @@ impl Robot {
             return refuse(
                 "flagellum.edge_length_m",
                 f.edge_length_m,
-                format!(
-                    "too long to resolve the helix: at most a twelfth of a turn, {:.2e} m",
-                    turn / 12.0
-                ),
+                format!("too long to resolve the helix: at most a twelfth of a turn, {:.2e} m", turn / 12.0),
             );
         }
         let edges = f.helix(0).contour_length() / f.edge_length_m;
@@ -508,25 +452,10 @@ impl Robot {
         within("fluid.viscosity_pa_s", fluid.viscosity_pa_s, 1e-6, 1e6)?;
         within("fluid.density_kg_m3", fluid.density_kg_m3, 0.0, 3e4)?;
         if let Some(mixture) = fluid.glycerol {
-            within(
-                "fluid.glycerol.mass_fraction",
-                mixture.mass_fraction,
-                0.0,
-                1.0,
-            )?;
-            within(
-                "fluid.glycerol.temperature_c",
-                mixture.temperature_c,
-                0.0,
-                100.0,
-            )?;
+            within("fluid.glycerol.mass_fraction", mixture.mass_fraction, 0.0, 1.0)?;
+            within("fluid.glycerol.temperature_c", mixture.temperature_c, 0.0, 100.0)?;
         }
-        within(
-            "fluid.regularisation_radii",
-            fluid.regularisation_radii,
-            0.1,
-            10.0,
-        )?;
+        within("fluid.regularisation_radii", fluid.regularisation_radii, 0.1, 10.0)?;
         // Edges come out a little longer or shorter than asked for.
         let edge = self.flagellum.helix(0).contour_length() / self.flagellum.edges() as f64;
         let share = self.epsilon() / edge;

@@ -57,13 +57,7 @@ pub struct Phases {
 
 impl Default for Phases {
     fn default() -> Self {
-        Self {
-            calibrate: 0.0,
-            preroll: 0.0,
-            run: 120.0,
-            decay: 0.0,
-            ramp: 0.25,
-        }
+        Self { calibrate: 0.0, preroll: 0.0, run: 120.0, decay: 0.0, ramp: 0.25 }
     }
 }
 
@@ -92,11 +86,7 @@ impl SpeedProfile {
                 return Err(ProfileError::NotFinite { index });
             }
             if let Some(fast) = rpm.iter().find(|r| r.abs() > LARGEST_RPM) {
-                return Err(ProfileError::TooFast {
-                    index,
-                    rpm: *fast,
-                    limit: LARGEST_RPM,
-                });
+                return Err(ProfileError::TooFast { index, rpm: *fast, limit: LARGEST_RPM });
             }
             let speed = rpm.map(|r| r * PI / 30.0);
             let angle = match built.last() {
@@ -107,11 +97,7 @@ impl SpeedProfile {
                 }
                 Some(_) => return Err(ProfileError::Unordered { index }),
             };
-            built.push(Point {
-                time: *time,
-                speed,
-                angle,
-            });
+            built.push(Point { time: *time, speed, angle });
         }
         let (Some(first), Some(last)) = (built.first(), built.last()) else {
             return Err(ProfileError::Empty);
@@ -135,12 +121,7 @@ impl SpeedProfile {
         let end = stop + phases.decay;
         let ramp = phases.ramp.clamp(0.0, 0.5 * phases.run.max(0.0));
         let still = [0.0; 2];
-        let mut points = vec![
-            (0.0, still),
-            (start, still),
-            (start + ramp, rpm),
-            (stop, rpm),
-        ];
+        let mut points = vec![(0.0, still), (start, still), (start + ramp, rpm), (stop, rpm)];
         if phases.decay > 0.0 {
             points.push(((stop + ramp).min(end), still));
             points.push((end, still));
@@ -171,16 +152,11 @@ impl SpeedProfile {
         let after = self.points.partition_point(|p| p.time <= time);
         let Some(before) = self.points.get(after.wrapping_sub(1)) else {
             let first = &self.points[0];
-            return [0, 1].map(|k| Motor {
-                angle: first.speed[k] * (time - first.time),
-                speed: first.speed[k],
-            });
+            return [0, 1].map(|k| Motor { angle: first.speed[k] * (time - first.time), speed: first.speed[k] });
         };
         let passed = time - before.time;
         let slope = match self.points.get(after) {
-            Some(next) => {
-                [0, 1].map(|k| (next.speed[k] - before.speed[k]) / (next.time - before.time))
-            }
+            Some(next) => [0, 1].map(|k| (next.speed[k] - before.speed[k]) / (next.time - before.time)),
             None => [0.0; 2],
         };
         [0, 1].map(|k| Motor {
@@ -231,10 +207,7 @@ mod tests {
     #[test]
     fn impossible_profiles_are_refused() {
         assert_eq!(SpeedProfile::from_points(&[]), Err(ProfileError::Empty));
-        assert_eq!(
-            SpeedProfile::constant([1.0, 2.0], 0.0),
-            Err(ProfileError::Empty)
-        );
+        assert_eq!(SpeedProfile::constant([1.0, 2.0], 0.0), Err(ProfileError::Empty));
         assert!(SpeedProfile::constant([f64::NAN, 0.0], 1.0).is_err());
         assert!(SpeedProfile::constant([1e9, 0.0], 1.0).is_err());
         assert!(SpeedProfile::from_points(&[(1.0, [0.0; 2]), (0.0, [0.0; 2])]).is_err());

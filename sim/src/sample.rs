@@ -128,12 +128,7 @@ impl Dense {
         let Some(scale) = self.records.get(1).map(|r| newest - r.time) else {
             return [1.0, 0.0, 0.0, 0.0];
         };
-        let times: Vec<f64> = self
-            .records
-            .iter()
-            .take(points)
-            .map(|r| (r.time - newest) / scale)
-            .collect();
+        let times: Vec<f64> = self.records.iter().take(points).map(|r| (r.time - newest) / scale).collect();
         value_at(speed.abs() * scale, &times, (time - newest) / scale)
     }
 
@@ -141,15 +136,8 @@ impl Dense {
     pub fn at(&self, time: f64) -> Option<Between> {
         let newest = *self.records.front()?;
         // Contact makes and breaks: no smooth curve goes through its forces.
-        let smooth = if self.records.iter().any(|r| r.contact) {
-            2
-        } else {
-            POINTS
-        };
-        let fastest = newest.motors[0]
-            .speed
-            .abs()
-            .max(newest.motors[1].speed.abs());
+        let smooth = if self.records.iter().any(|r| r.contact) { 2 } else { POINTS };
+        let fastest = newest.motors[0].speed.abs().max(newest.motors[1].speed.abs());
         let body = self.weights(fastest, time, POINTS);
         let linear = self.weights(0.0, time, 2);
         let mut rotation = V3::zeros();
@@ -174,13 +162,7 @@ impl Dense {
             sum
         });
         let euler = [unwrap(yaw, newest.yaw), pitch, roll];
-        Some(Between {
-            attitude,
-            euler,
-            rate,
-            forces,
-            contact: newest.contact,
-        })
+        Some(Between { attitude, euler, rate, forces, contact: newest.contact })
     }
 }
 
@@ -196,12 +178,7 @@ pub fn shapes_at(state: &State, time: f64, motors: &[Motor; 2], feet: &[V3; 2]) 
         let angle = state.motors[k].speed.abs() * scale;
         let weights = value_at(angle, &times, (time - state.time) / scale);
         let shaft = Shaft::new(feet[k], motors[k].angle);
-        let mut nodes: Vec<V3> = state.rods[k]
-            .shape
-            .nodes
-            .iter()
-            .map(|x| x * weights[0])
-            .collect();
+        let mut nodes: Vec<V3> = state.rods[k].shape.nodes.iter().map(|x| x * weights[0]).collect();
         for (past, w) in state.past.iter().zip(&weights[1..times.len()]) {
             for (node, x) in nodes.iter_mut().zip(&past.shapes[k].nodes) {
                 *node += x * *w;

@@ -24,11 +24,7 @@ pub struct Shape {
 impl Shape {
     /// The stress-free shape.
     pub fn at_rest(rod: &Rod) -> Self {
-        Self {
-            nodes: rod.shape.clone(),
-            angles: vec![0.0; rod.edges()],
-            clamp_density: [V3::zeros(); CLAMPED],
-        }
+        Self { nodes: rod.shape.clone(), angles: vec![0.0; rod.edges()], clamp_density: [V3::zeros(); CLAMPED] }
     }
 
     /// Whether every number is finite.
@@ -90,10 +86,7 @@ pub struct State {
 impl State {
     /// Robot upright, flagella free of stress, all at rest, at time 0.
     pub fn at_rest(rods: &[Rod; 2], contact_stiffness: f64) -> Self {
-        let rod = |r: &Rod| RodState {
-            shape: Shape::at_rest(r),
-            frames: r.rest_frames.clone(),
-        };
+        let rod = |r: &Rod| RodState { shape: Shape::at_rest(r), frames: r.rest_frames.clone() };
         Self {
             time: 0.0,
             rods: [rod(&rods[0]), rod(&rods[1])],

@@ -46,11 +46,7 @@ pub struct Steady {
 /// motors as nearly as can be. Speeds in rad/s, `run`: what there is, s.
 pub fn whole_turns(speeds: [f64; 2], run: f64) -> f64 {
     let longest = WINDOW.min(run);
-    let mut periods: Vec<f64> = speeds
-        .iter()
-        .filter(|s| s.abs() > 1e-6)
-        .map(|s| TAU / s.abs())
-        .collect();
+    let mut periods: Vec<f64> = speeds.iter().filter(|s| s.abs() > 1e-6).map(|s| TAU / s.abs()).collect();
     periods.sort_by(f64::total_cmp);
     let Some(&fast) = periods.first().filter(|p| **p <= longest) else {
         return longest;
@@ -64,11 +60,7 @@ pub fn whole_turns(speeds: [f64; 2], run: f64) -> f64 {
     (least..=most)
         .rev()
         .map(|turns| turns as f64 * fast)
-        .min_by(|a, b| {
-            (mismatch(*a) - 1e-6)
-                .max(0.0)
-                .total_cmp(&(mismatch(*b) - 1e-6).max(0.0))
-        })
+        .min_by(|a, b| (mismatch(*a) - 1e-6).max(0.0).total_cmp(&(mismatch(*b) - 1e-6).max(0.0)))
         .unwrap_or(longest)
 }
 
@@ -95,14 +87,7 @@ impl SteadyCollector {
         let window = whole_turns(speeds, end - start);
         // Blocks of about 2 s: short enough to time the settling, whole turns of the window's kind.
         let block = window / (window / 2.0).round().max(1.0);
-        Self {
-            start,
-            window,
-            recent: VecDeque::new(),
-            block,
-            block_end: start + block,
-            blocks: Vec::new(),
-        }
+        Self { start, window, recent: VecDeque::new(), block, block_end: start + block, blocks: Vec::new() }
     }
 
     /// Takes a step within the run: values at its end.
@@ -111,17 +96,12 @@ impl SteadyCollector {
             return;
         }
         self.recent.push_back(Entry { time, values });
-        while self
-            .recent
-            .get(1)
-            .is_some_and(|e| e.time < time - 2.0 * self.window)
-        {
+        while self.recent.get(1).is_some_and(|e| e.time < time - 2.0 * self.window) {
             self.recent.pop_front();
         }
         while time >= self.block_end {
             let levels = self.levels(self.block_end - self.block, self.block_end);
-            self.blocks
-                .push((self.block_end, [levels[0].mean, levels[1].mean]));
+            self.blocks.push((self.block_end, [levels[0].mean, levels[1].mean]));
             self.block_end += self.block;
         }
     }
@@ -149,15 +129,9 @@ impl SteadyCollector {
         }
         std::array::from_fn(|c| {
             if length > 0.0 {
-                Level {
-                    mean: sums[c] / length,
-                    amplitude: 0.5 * (high[c] - low[c]),
-                }
+                Level { mean: sums[c] / length, amplitude: 0.5 * (high[c] - low[c]) }
             } else {
-                Level {
-                    mean: self.recent.back().map_or(0.0, |e| e.values[c]),
-                    amplitude: 0.0,
-                }
+                Level { mean: self.recent.back().map_or(0.0, |e| e.values[c]), amplitude: 0.0 }
             }
         })
     }
@@ -168,13 +142,11 @@ impl SteadyCollector {
         let last = self.levels(end - self.window, end);
         let before = self.levels(end - 2.0 * self.window, end - self.window);
         let enough = end - self.start >= 1.999 * self.window;
-        let near = |a: f64, b: f64, degrees: f64, share: f64| {
-            (a - b).abs() <= degrees.to_radians().max(share * b.abs())
-        };
+        let near =
+            |a: f64, b: f64, degrees: f64, share: f64| (a - b).abs() <= degrees.to_radians().max(share * b.abs());
         let settled = enough && (0..3).all(|c| near(before[c].mean, last[c].mean, 0.5, 0.01));
-        let unsettled = (self.blocks.iter())
-            .rev()
-            .find(|(_, means)| !(0..2).all(|c| near(means[c], last[c].mean, 1.0, 0.05)));
+        let unsettled =
+            (self.blocks.iter()).rev().find(|(_, means)| !(0..2).all(|c| near(means[c], last[c].mean, 1.0, 0.05)));
         let vector = |c: usize| [last[c], last[c + 1], last[c + 2]];
         Steady {
             window_s: self.window,
@@ -195,16 +167,8 @@ mod tests {
     #[test]
     fn windows_hold_whole_turns_of_both_motors() {
         let rad = |rpm: f64| rpm * PI / 30.0;
-        for (rpm, window) in [
-            ([90.0, 90.0], 12.0),
-            ([50.0, 10.0], 12.0),
-            ([0.0, 45.0], 12.0),
-            ([-70.0, 30.0], 12.0),
-        ] {
-            assert!(
-                (whole_turns(rpm.map(rad), 120.0) - window).abs() < 1e-6,
-                "{rpm:?}"
-            );
+        for (rpm, window) in [([90.0, 90.0], 12.0), ([50.0, 10.0], 12.0), ([0.0, 45.0], 12.0), ([-70.0, 30.0], 12.0)] {
+            assert!((whole_turns(rpm.map(rad), 120.0) - window).abs() < 1e-6, "{rpm:?}");
         }
         let odd = whole_turns([rad(37.0), rad(53.0)], 120.0);
         assert!(odd > 7.0 && odd <= 12.0);

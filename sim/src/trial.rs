@@ -39,10 +39,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            rate_hz: 20.0,
-            shapes: false,
-        }
+        Self { rate_hz: 20.0, shapes: false }
     }
 }
 
@@ -118,12 +115,7 @@ const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e5;
 
 impl Trial {
     /// Robot upright and at rest at the start of the profile.
-    pub fn new(
-        robot: &Robot,
-        closure: Closure,
-        profile: SpeedProfile,
-        options: Options,
-    ) -> Result<Self, ParamError> {
+    pub fn new(robot: &Robot, closure: Closure, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
         if !RATES.contains(&options.rate_hz) {
             return Err(ParamError {
                 key: "rate_hz",
@@ -139,11 +131,7 @@ impl Trial {
         let [start, stop] = profile.run();
         let speeds = profile.motors(stop).map(|m| m.speed);
         let speeds_before = profile.motors(0.5 * (start + stop)).map(|m| m.speed);
-        let steady = if speeds.iter().all(|s| *s == 0.0) {
-            speeds_before
-        } else {
-            speeds
-        };
+        let steady = if speeds.iter().all(|s| *s == 0.0) { speeds_before } else { speeds };
         let progress = Checkpoint {
             steady: SteadyCollector::new(start, stop, steady),
             dense: Dense::default(),
@@ -165,13 +153,7 @@ impl Trial {
             },
             state,
         };
-        let mut trial = Self {
-            solver,
-            profile,
-            options,
-            progress,
-            failed: false,
-        };
+        let mut trial = Self { solver, profile, options, progress, failed: false };
         trial.record(&StepReport::default());
         Ok(trial)
     }
@@ -214,11 +196,7 @@ impl Trial {
             min_gap_m: totals.min_gap,
             max_penetration_m: totals.penetration,
             largest_contact_n: totals.largest_contact,
-            contact_share: if run > 0.0 {
-                self.progress.contact_time / run
-            } else {
-                0.0
-            },
+            contact_share: if run > 0.0 { self.progress.contact_time / run } else { 0.0 },
             first_contact_s: totals.first_contact,
             bundling: totals.bundling,
             steps: totals.steps,
@@ -239,29 +217,18 @@ impl Trial {
     fn advance(&mut self) -> Result<(), StepError> {
         let time = self.progress.state.time;
         let [start, stop] = self.profile.run();
-        let until = [
-            Some(start),
-            Some(stop),
-            self.profile.next_jump(time),
-            Some(self.profile.end()),
-        ]
-        .into_iter()
-        .flatten()
-        .filter(|t| *t > time)
-        .fold(f64::INFINITY, f64::min);
+        let until = [Some(start), Some(stop), self.profile.next_jump(time), Some(self.profile.end())]
+            .into_iter()
+            .flatten()
+            .filter(|t| *t > time)
+            .fold(f64::INFINITY, f64::min);
         let profile = &self.profile;
         // A step that ends at a jump ends with the speed before it.
         let before = |t: f64| {
-            if t < until {
-                profile.motors(t)
-            } else {
-                profile.motors(t.next_down())
-            }
+            if t < until { profile.motors(t) } else { profile.motors(t.next_down()) }
         };
-        let report = self
-            .solver
-            .advance(&mut self.progress.state, until, &before)
-            .inspect_err(|_| self.failed = true)?;
+        let report =
+            self.solver.advance(&mut self.progress.state, until, &before).inspect_err(|_| self.failed = true)?;
         self.record(&report);
         let run = time >= start && time < stop;
         let state = &self.progress.state;
@@ -278,11 +245,7 @@ impl Trial {
     fn record(&mut self, report: &StepReport) {
         let weight_counts = self.solver.robot().base.flagella_weight_on_base;
         let forces = [0, 1].map(|k| {
-            let weight = if weight_counts {
-                report.weight[k].force
-            } else {
-                V3::zeros()
-            };
+            let weight = if weight_counts { report.weight[k].force } else { V3::zeros() };
             ForceRecord {
                 smooth: report.fluid[k].force + weight,
                 contact: report.contact[k].force,
@@ -325,19 +288,7 @@ impl Trial {
             let torque = |k: usize| forces[k].smooth_torque + forces[k].contact_torque;
             progress.steady.push(
                 state.time,
-                [
-                    state.body.yaw,
-                    pitch,
-                    roll,
-                    f1.x,
-                    f1.y,
-                    f1.z,
-                    f2.x,
-                    f2.y,
-                    f2.z,
-                    torque(0),
-                    torque(1),
-                ],
+                [state.body.yaw, pitch, roll, f1.x, f1.y, f1.z, f2.x, f2.y, f2.z, torque(0), torque(1)],
             );
         }
     }
@@ -349,15 +300,9 @@ impl Trial {
     fn sample(&mut self, time: f64) -> Option<Sample> {
         let between = self.progress.dense.at(time)?;
         let motors = self.profile.motors(time);
-        let lines = shapes_at(
-            &self.progress.state,
-            time,
-            &motors,
-            &self.solver.robot().shaft_feet(),
-        );
+        let lines = shapes_at(&self.progress.state, time, &motors, &self.solver.robot().shaft_feet());
         let flagellum = &self.solver.robot().flagellum;
-        let turn = (flagellum.edges() as f64 * flagellum.pitch_m / flagellum.axial_length_m).round()
-            as usize;
+        let turn = (flagellum.edges() as f64 * flagellum.pitch_m / flagellum.axial_length_m).round() as usize;
         let winding_turns = winding(&lines, turn);
         let bundling = Bundling::classify(between.contact, winding_turns);
         let progress = &mut self.progress;
@@ -383,10 +328,7 @@ impl Trial {
             bundling,
             winding_turns,
             newton_iterations: progress.sweeps,
-            shapes_m: self
-                .options
-                .shapes
-                .then(|| lines.map(|line| line.into_iter().map(plain).collect())),
+            shapes_m: self.options.shapes.then(|| lines.map(|line| line.into_iter().map(plain).collect())),
         };
         // Several samples may fall into one step: each has at least that step's gap.
         progress.gap = progress.last_gap;

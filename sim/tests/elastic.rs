@@ -34,29 +34,18 @@ impl Statics {
         let n = rod.nodes();
         let free = (7..4 * n - 1).collect();
         let (nodes, reference) = (rod.shape.clone(), rod.rest_frames.clone());
-        Self {
-            nodes,
-            angles: vec![0.0; n - 1],
-            reference,
-            frames: Frames::new(n),
-            free,
-            load: vec![0.0; 4 * n],
-            rod,
-        }
+        Self { nodes, angles: vec![0.0; n - 1], reference, frames: Frames::new(n), free, load: vec![0.0; 4 * n], rod }
     }
 
     fn update(&mut self) {
-        self.frames
-            .update(&self.reference, &self.nodes, &self.angles);
+        self.frames.update(&self.reference, &self.nodes, &self.angles);
     }
 
     /// The Hessian on the free slots.
     fn hessian(&self) -> DMatrix<f64> {
         let mut band = Band::new(4 * self.rod.nodes());
         self.rod.hessian(&self.frames, &self.angles, &mut band);
-        DMatrix::from_fn(self.free.len(), self.free.len(), |a, b| {
-            band.get(self.free[a], self.free[b])
-        })
+        DMatrix::from_fn(self.free.len(), self.free.len(), |a, b| band.get(self.free[a], self.free[b]))
     }
 
     /// Newton's method with limited steps.
@@ -65,10 +54,7 @@ impl Statics {
             self.update();
             let mut gradient = vec![0.0; 4 * self.rod.nodes()];
             self.rod.gradient(&self.frames, &self.angles, &mut gradient);
-            let right = DVector::from_iterator(
-                self.free.len(),
-                self.free.iter().map(|&s| self.load[s] - gradient[s]),
-            );
+            let right = DVector::from_iterator(self.free.len(), self.free.iter().map(|&s| self.load[s] - gradient[s]));
             let step = self.hessian().lu().solve(&right).expect("a regular system");
             let largest = (self.free.iter().zip(step.iter()))
                 .map(|(s, d)| if s % 4 == 3 { 0.01 * d.abs() } else { d.abs() })
@@ -96,9 +82,7 @@ impl Statics {
 }
 
 fn straight(edges: usize, length: f64) -> Rod {
-    let nodes = (0..=edges)
-        .map(|i| V3::new(0.0, 0.0, -length * i as f64 / edges as f64))
-        .collect();
+    let nodes = (0..=edges).map(|i| V3::new(0.0, 0.0, -length * i as f64 / edges as f64)).collect();
     Rod::stress_free(nodes, stiffness())
 }
 
@@ -119,21 +103,9 @@ fn small_deflection_of_a_cantilever() {
         let theory = force * free_length(length, edges).powi(3) / (3.0 * stiffness().bend_nm2);
         errors.push((statics.nodes[edges].x / theory - 1.0).abs());
     }
-    prove(
-        "cantilever, small: tip deflection at 80 edges, relative",
-        errors[2],
-        2e-4,
-    );
-    prove(
-        "cantilever, small: error ratio on halving the edges, less 4",
-        (errors[0] / errors[1] - 4.0).abs(),
-        0.5,
-    );
-    prove(
-        "cantilever, small: error ratio on halving again, less 4",
-        (errors[1] / errors[2] - 4.0).abs(),
-        0.5,
-    );
+    prove("cantilever, small: tip deflection at 80 edges, relative", errors[2], 2e-4);
+    prove("cantilever, small: error ratio on halving the edges, less 4", (errors[0] / errors[1] - 4.0).abs(), 0.5);
+    prove("cantilever, small: error ratio on halving again, less 4", (errors[1] / errors[2] - 4.0).abs(), 0.5);
 }
 
 /// Large deflection of a cantilever under a dead tip load: the elastica, integrated by shooting.
@@ -157,11 +129,7 @@ fn elastica(load: f64) -> [f64; 2] {
     let (mut low, mut high) = (0.0, load);
     for _ in 0..100 {
         let middle = 0.5 * (low + high);
-        if shoot(middle).0 > 0.0 {
-            high = middle
-        } else {
-            low = middle
-        }
+        if shoot(middle).0 > 0.0 { high = middle } else { low = middle }
     }
     let (_, x, y) = shoot(0.5 * (low + high));
     [x, y]
@@ -187,16 +155,8 @@ fn large_deflection_of_a_cantilever() {
         let depth = -tip.z - 0.5 * length / edges as f64;
         errors.push(((tip.x / free - x).hypot(depth / free - y)).abs());
     }
-    prove(
-        "elastica, load 4 EI/l2: tip at 80 edges, over the length",
-        errors[2],
-        2e-4,
-    );
-    prove(
-        "elastica: error ratio on halving the edges, less 4",
-        (errors[0] / errors[1] - 4.0).abs(),
-        1.0,
-    );
+    prove("elastica, load 4 EI/l2: tip at 80 edges, over the length", errors[2], 2e-4);
+    prove("elastica: error ratio on halving the edges, less 4", (errors[0] / errors[1] - 4.0).abs(), 1.0);
 }
 
 /// Smallest eigenvalue of the Hessian on the free slots, with angles and positions made comparable.
@@ -214,11 +174,7 @@ fn stability(statics: &Statics) -> f64 {
 fn threshold(mut low: f64, mut high: f64, mut stable: impl FnMut(f64) -> bool) -> f64 {
     for _ in 0..30 {
         let middle = 0.5 * (low + high);
-        if stable(middle) {
-            low = middle
-        } else {
-            high = middle
-        }
+        if stable(middle) { low = middle } else { high = middle }
     }
     0.5 * (low + high)
 }
@@ -246,11 +202,7 @@ fn euler_buckling_load() {
         errors.push((critical / theory - 1.0).abs());
     }
     prove("Euler buckling load at 40 edges, relative", errors[2], 2e-3);
-    prove(
-        "Euler buckling load: error ratio on halving the edges, less 4",
-        (errors[1] / errors[2] - 4.0).abs(),
-        0.6,
-    );
+    prove("Euler buckling load: error ratio on halving the edges, less 4", (errors[1] / errors[2] - 4.0).abs(), 0.6);
 }
 
 #[test]
@@ -271,9 +223,7 @@ fn twist_instability_of_a_ring() {
         let theory = TAU * 3f64.sqrt() * rod.stiffness.bend_nm2 / rod.stiffness.twist_nm2;
         let stable_at = |twist: f64| {
             let mut statics = Statics::clamped(rod.clone());
-            statics
-                .free
-                .retain(|slot| *slot < 4 * edges && *slot != 4 * edges + 3);
+            statics.free.retain(|slot| *slot < 4 * edges && *slot != 4 * edges + 3);
             let ring: Vec<V3> = (0..=edges + 1)
                 .map(|i| {
                     let a = TAU * i as f64 / edges as f64;
@@ -282,9 +232,7 @@ fn twist_instability_of_a_ring() {
                 .collect();
             statics.reference = ReferenceFrames::transported_along(&ring);
             statics.nodes = ring;
-            statics.angles = (0..=edges)
-                .map(|e| twist * e as f64 / edges as f64)
-                .collect();
+            statics.angles = (0..=edges).map(|e| twist * e as f64 / edges as f64).collect();
             statics.update();
             // The whole ring may turn about its clamped edge at no cost: one eigenvalue is zero to rounding.
             stability(&statics) > -1e-10
@@ -292,11 +240,7 @@ fn twist_instability_of_a_ring() {
         let critical = threshold(0.5 * theory, 1.5 * theory, stable_at);
         errors.push((critical / theory - 1.0).abs());
     }
-    prove(
-        "ring's twist instability (Michell) at 64 edges, relative",
-        errors[1],
-        1e-2,
-    );
+    prove("ring's twist instability (Michell) at 64 edges, relative", errors[1], 1e-2);
     prove(
         "ring's twist instability: error ratio on halving the edges, less 4",
         (errors[0] / errors[1] - 4.0).abs(),
@@ -311,12 +255,7 @@ fn axial_spring_rate_of_a_helix() {
     // Wahl's spring formula is the limit of a small helix angle alpha). Compliance = 2 energy/force^2.
     let mut errors = vec![];
     for edges in [98, 196] {
-        let helix = Helix {
-            radius: 0.00889,
-            pitch: 0.076,
-            axial_length: 0.1962,
-            handedness: Handedness::Right,
-        };
+        let helix = Helix { radius: 0.00889, pitch: 0.076, axial_length: 0.1962, handedness: Handedness::Right };
         let mut rod = Rod::stress_free(helix.nodes(edges), stiffness());
         rod.stiffness.stretch_n *= 1e3;
         let force = 1e-7;
@@ -330,8 +269,7 @@ fn axial_spring_rate_of_a_helix() {
         let free = helix.contour_length() * (1.0 - 0.5 / edges as f64);
         let alpha = helix.pitch.atan2(TAU * helix.radius);
         let (gj, ei) = (rod.stiffness.twist_nm2, rod.stiffness.bend_nm2);
-        let theory =
-            free * helix.radius.powi(2) * (alpha.cos().powi(2) / gj + alpha.sin().powi(2) / ei);
+        let theory = free * helix.radius.powi(2) * (alpha.cos().powi(2) / gj + alpha.sin().powi(2) / ei);
         let mut statics = Statics::clamped(rod);
         for a in 0..3 {
             statics.load[4 * edges + a] += pair[a] + if a == 2 { force } else { 0.0 };
@@ -341,9 +279,5 @@ fn axial_spring_rate_of_a_helix() {
         statics.solve();
         errors.push((2.0 * statics.energy() / (force * force) / theory - 1.0).abs());
     }
-    prove(
-        "helix: axial spring rate (Love) at 196 edges, relative",
-        errors[1],
-        1e-2,
-    );
+    prove("helix: axial spring rate (Love) at 196 edges, relative", errors[1], 1e-2);
 }

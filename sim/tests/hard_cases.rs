@@ -70,10 +70,7 @@ fn run(case: &Case) -> Result<&'static str, TestCaseError> {
     }
     points.push((0.6 + case.duration, case.rpm[0]));
     let profile = SpeedProfile::from_points(&points).expect("a profile");
-    let options = Options {
-        rate_hz: 50.0,
-        shapes: true,
-    };
+    let options = Options { rate_hz: 50.0, shapes: true };
     let trial = match Trial::new(&case.robot, case.closure, profile, options) {
         Ok(trial) => trial,
         Err(error) => {
@@ -88,12 +85,8 @@ fn run(case: &Case) -> Result<&'static str, TestCaseError> {
                 return Ok("stopped with an error");
             }
             Ok(s) => {
-                let numbers = s
-                    .attitude
-                    .iter()
-                    .chain(&s.rate_rad_s)
-                    .chain(s.force_n.iter().flatten())
-                    .chain(&s.axial_torque_nm);
+                let numbers =
+                    s.attitude.iter().chain(&s.rate_rad_s).chain(s.force_n.iter().flatten()).chain(&s.axial_torque_nm);
                 let shapes = s.shapes_m.iter().flatten().flatten().flatten();
                 prop_assert!(numbers.chain(shapes).all(|v| v.is_finite()), "{s:?}");
                 prop_assert!(s.yaw_rad.is_finite() && s.min_gap_m.is_finite());
@@ -107,15 +100,8 @@ fn run(case: &Case) -> Result<&'static str, TestCaseError> {
 
 #[test]
 fn random_robots_run_or_say_why_not() {
-    let cases = std::env::var("SIM_HARD_CASES")
-        .ok()
-        .and_then(|v| v.parse().ok())
-        .unwrap_or(60);
-    let config = Config {
-        cases,
-        failure_persistence: None,
-        ..Config::default()
-    };
+    let cases = std::env::var("SIM_HARD_CASES").ok().and_then(|v| v.parse().ok()).unwrap_or(60);
+    let config = Config { cases, failure_persistence: None, ..Config::default() };
     let counts = std::cell::RefCell::new(std::collections::BTreeMap::<&str, u32>::new());
     let outcome = TestRunner::new(config).run(&case(), |case| {
         *counts.borrow_mut().entry(run(&case)?).or_default() += 1;

@@ -11,8 +11,7 @@ const POINTS: [[f64; 2]; 4] = [[50.0, 10.0], [0.0, 45.0], [90.0, 90.0], [-90.0, 
 
 fn run(closure: Closure, rpm: [f64; 2]) -> Summary {
     let profile = SpeedProfile::constant(rpm, 120.0).expect("a profile");
-    let mut trial =
-        Trial::new(&Robot::default(), closure, profile, Options::default()).expect("parameters");
+    let mut trial = Trial::new(&Robot::default(), closure, profile, Options::default()).expect("parameters");
     trial.finish().expect("a run")
 }
 
@@ -49,76 +48,29 @@ fn outside(value: f64, low: f64, high: f64, share: f64) -> f64 {
 #[test]
 fn lumped_meets_the_published_simulation() {
     let [a, b, c, d] = angles(Closure::Lumped);
-    prove(
-        "lumped (90, 90): |yaw| calibrated to 180 deg, relative",
-        (c[0] / 180.0 - 1.0).abs(),
-        0.01,
-    );
-    prove(
-        "lumped (50, 10): |yaw| 60.76 to 67.95 deg within 20 %",
-        outside(a[0], 60.76, 67.95, 0.2),
-        1.0,
-    );
-    prove(
-        "lumped (50, 10): |pitch| against 3.29 deg",
-        (a[1] / 3.29 - 1.0).abs(),
-        0.2,
-    );
-    prove(
-        "lumped (0, 45): |yaw| against 56.22 deg",
-        (b[0] / 56.22 - 1.0).abs(),
-        0.2,
-    );
-    prove(
-        "lumped (0, 45): |pitch| against 3.45 deg",
-        (b[1] / 3.45 - 1.0).abs(),
-        0.2,
-    );
-    prove(
-        "lumped (-90, 90): |pitch| against 16 deg",
-        (d[1] / 16.0 - 1.0).abs(),
-        0.2,
-    );
+    prove("lumped (90, 90): |yaw| calibrated to 180 deg, relative", (c[0] / 180.0 - 1.0).abs(), 0.01);
+    prove("lumped (50, 10): |yaw| 60.76 to 67.95 deg within 20 %", outside(a[0], 60.76, 67.95, 0.2), 1.0);
+    prove("lumped (50, 10): |pitch| against 3.29 deg", (a[1] / 3.29 - 1.0).abs(), 0.2);
+    prove("lumped (0, 45): |yaw| against 56.22 deg", (b[0] / 56.22 - 1.0).abs(), 0.2);
+    prove("lumped (0, 45): |pitch| against 3.45 deg", (b[1] / 3.45 - 1.0).abs(), 0.2);
+    prove("lumped (-90, 90): |pitch| against 16 deg", (d[1] / 16.0 - 1.0).abs(), 0.2);
 }
 
 #[test]
 fn full_lies_near_the_experiment() {
     let [a, b, c, d] = angles(Closure::Full);
-    prove(
-        "full (90, 90): |yaw| calibrated to 180 deg, relative",
-        (c[0] / 180.0 - 1.0).abs(),
-        0.01,
-    );
-    prove(
-        "full (50, 10): |yaw| against the measured 67.95 deg",
-        (a[0] / 67.95 - 1.0).abs(),
-        0.2,
-    );
-    prove(
-        "full (50, 10): |pitch| 3.29 to 4.96 deg within 20 %",
-        outside(a[1], 3.29, 4.96, 0.2),
-        1.0,
-    );
-    prove(
-        "full (0, 45): |yaw| against 56.22 deg",
-        (b[0] / 56.22 - 1.0).abs(),
-        0.25,
-    );
-    prove(
-        "full (-90, 90): tilt of the axis against 16 deg",
-        (d[3] / 16.0 - 1.0).abs(),
-        0.25,
-    );
+    prove("full (90, 90): |yaw| calibrated to 180 deg, relative", (c[0] / 180.0 - 1.0).abs(), 0.01);
+    prove("full (50, 10): |yaw| against the measured 67.95 deg", (a[0] / 67.95 - 1.0).abs(), 0.2);
+    prove("full (50, 10): |pitch| 3.29 to 4.96 deg within 20 %", outside(a[1], 3.29, 4.96, 0.2), 1.0);
+    prove("full (0, 45): |yaw| against 56.22 deg", (b[0] / 56.22 - 1.0).abs(), 0.25);
+    prove("full (-90, 90): tilt of the axis against 16 deg", (d[3] / 16.0 - 1.0).abs(), 0.25);
 }
 
 #[test]
 fn paper_never_settles() {
     // The printed equations have nothing that stops a constant yaw torque.
     let summary = run(Closure::Paper, [50.0, 10.0]);
-    println!(
-        "paper (50, 10): yaw {:.0} deg and turning after 120 s",
-        summary.steady.attitude[0].mean.to_degrees()
-    );
+    println!("paper (50, 10): yaw {:.0} deg and turning after 120 s", summary.steady.attitude[0].mean.to_degrees());
     assert!(!summary.steady.settled);
     assert!(summary.steady.attitude[0].mean.abs() > std::f64::consts::TAU);
 }

@@ -12,16 +12,9 @@ use sim::rod::{
 };
 
 fn helix_rod(edges: usize) -> Rod {
-    let helix = Helix {
-        radius: 0.00889,
-        pitch: 0.076,
-        axial_length: 0.0044 * edges as f64,
-        handedness: Handedness::Right,
-    };
-    Rod::stress_free(
-        helix.nodes(edges),
-        Stiffness::solid_round(0.003, 1.255e6, 0.5),
-    )
+    let helix =
+        Helix { radius: 0.00889, pitch: 0.076, axial_length: 0.0044 * edges as f64, handedness: Handedness::Right };
+    Rod::stress_free(helix.nodes(edges), Stiffness::solid_round(0.003, 1.255e6, 0.5))
 }
 
 /// Slots of positions are scaled by a length of 1 cm, so that forces and couples compare.
@@ -47,11 +40,7 @@ fn gradient_and_hessian_match_finite_differences() {
     let n = rod.nodes();
     for trial in 0..5u64 {
         let mut seed = 88172645463325252 + 7919 * trial;
-        let nodes: Vec<V3> = rod
-            .shape
-            .iter()
-            .map(|x| x + V3::from_fn(|_, _| 2e-3 * noise(&mut seed)))
-            .collect();
+        let nodes: Vec<V3> = rod.shape.iter().map(|x| x + V3::from_fn(|_, _| 2e-3 * noise(&mut seed))).collect();
         let angles: Vec<f64> = (0..n - 1).map(|_| 0.8 * noise(&mut seed)).collect();
         // Frames accepted at the trial shape: the energy is smooth about it.
         let mut reference = rod.rest_frames.clone();
@@ -98,15 +87,7 @@ fn gradient_and_hessian_match_finite_differences() {
                 largest_h = largest_h.max(hessian.get(p, q).abs() * weight);
             }
         }
-        prove(
-            "elastic forces against finite differences, relative",
-            worst_g / largest_g,
-            1e-6,
-        );
-        prove(
-            "elastic Hessian against finite differences, relative",
-            worst_h / largest_h,
-            1e-6,
-        );
+        prove("elastic forces against finite differences, relative", worst_g / largest_g, 1e-6);
+        prove("elastic Hessian against finite differences, relative", worst_h / largest_h, 1e-6);
     }
 }

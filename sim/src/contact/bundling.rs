@@ -63,11 +63,7 @@ pub fn winding(lines: &Lines, turn: usize) -> f64 {
             d - along * d.dot(&along)
         })
         .collect();
-    across
-        .windows(2)
-        .map(|d| along.dot(&d[0].cross(&d[1])).atan2(d[0].dot(&d[1])))
-        .sum::<f64>()
-        / TAU
+    across.windows(2).map(|d| along.dot(&d[0].cross(&d[1])).atan2(d[0].dot(&d[1]))).sum::<f64>() / TAU
 }
 
 #[cfg(test)]
@@ -81,11 +77,7 @@ mod tests {
                 .map(|i| {
                     // Axes that wind once in 60 edges, each carrying a helix of 10 edges a turn.
                     let (slow, fast) = (TAU * i as f64 / 60.0 + phase, TAU * i as f64 / 10.0);
-                    V3::new(
-                        slow.cos() + 0.3 * fast.cos(),
-                        slow.sin() + 0.3 * fast.sin(),
-                        0.5 * i as f64,
-                    )
+                    V3::new(slow.cos() + 0.3 * fast.cos(), slow.sin() + 0.3 * fast.sin(), 0.5 * i as f64)
                 })
                 .collect()
         };

@@ -18,9 +18,7 @@ pub fn solve(matrix: &[f64], b: &[f64], l: &mut Vec<f64>, tolerance: f64) {
     }
     *l = start;
     let size = b.len();
-    let mean: Vec<f64> = (0..size * size)
-        .map(|q| 0.5 * (matrix[q] + matrix[(q % size) * size + q / size]))
-        .collect();
+    let mean: Vec<f64> = (0..size * size).map(|q| 0.5 * (matrix[q] + matrix[(q % size) * size + q / size])).collect();
     gauss_seidel(&mean, b, l, 300, tolerance);
 }
 
@@ -32,12 +30,7 @@ enum Outcome {
 
 fn row_sum(matrix: &[f64], b: &[f64], l: &[f64], row: usize) -> f64 {
     let size = b.len();
-    b[row]
-        + matrix[row * size..(row + 1) * size]
-            .iter()
-            .zip(l)
-            .map(|(c, l)| c * l)
-            .sum::<f64>()
+    b[row] + matrix[row * size..(row + 1) * size].iter().zip(l).map(|(c, l)| c * l).sum::<f64>()
 }
 
 fn gauss_seidel(matrix: &[f64], b: &[f64], l: &mut [f64], sweeps: usize, tolerance: f64) {
@@ -59,20 +52,10 @@ fn gauss_seidel(matrix: &[f64], b: &[f64], l: &mut [f64], sweeps: usize, toleran
 fn active_set_step(matrix: &[f64], b: &[f64], l: &mut Vec<f64>, tolerance: f64) -> Outcome {
     let size = b.len();
     let active: Vec<usize> = (0..size)
-        .filter(|&row| {
-            l[row] - row_sum(matrix, b, l, row) / matrix[row * size + row].max(1e-9) > 0.0
-        })
+        .filter(|&row| l[row] - row_sum(matrix, b, l, row) / matrix[row * size + row].max(1e-9) > 0.0)
         .collect();
-    let rows: Vec<Vec<f64>> = active
-        .iter()
-        .map(|&r| {
-            active
-                .iter()
-                .map(|&c| matrix[r * size + c])
-                .chain([-b[r]])
-                .collect()
-        })
-        .collect();
+    let rows: Vec<Vec<f64>> =
+        active.iter().map(|&r| active.iter().map(|&c| matrix[r * size + c]).chain([-b[r]]).collect()).collect();
     let Some(values) = solve_dense(rows) else {
         return Outcome::Failed;
     };
@@ -83,11 +66,7 @@ fn active_set_step(matrix: &[f64], b: &[f64], l: &mut Vec<f64>, tolerance: f64) 
     *l = next;
     let consistent = values.iter().all(|&v| v >= 0.0)
         && (0..size).all(|r| active.contains(&r) || row_sum(matrix, b, l, r) > -tolerance);
-    if consistent {
-        Outcome::Solved
-    } else {
-        Outcome::Changed
-    }
+    if consistent { Outcome::Solved } else { Outcome::Changed }
 }
 
 /// Solves rows of an augmented matrix by elimination with pivoting; `None` when singular.

@@ -12,11 +12,7 @@ use crate::V3;
 /// `limit` = mu lambda in N, `slip` in m/s.
 pub fn force(velocity: V3, limit: f64, slip: f64) -> V3 {
     let speed = velocity.norm();
-    if speed <= slip {
-        velocity * (-limit / slip)
-    } else {
-        velocity * (-limit / speed)
-    }
+    if speed <= slip { velocity * (-limit / slip) } else { velocity * (-limit / speed) }
 }
 
 /// The force after `answer` (m/s per N, the velocity's change for a unit force) has acted.
@@ -41,10 +37,7 @@ mod tests {
             let free = V3::new(speed, 0.0, 0.0);
             let (answer, limit, slip) = (0.5, 3e-4, 1e-4);
             let f = implicit_force(free, answer, limit, slip);
-            assert!(
-                (f - force(free + f * answer, limit, slip)).norm() < 1e-12,
-                "{speed}"
-            );
+            assert!((f - force(free + f * answer, limit, slip)).norm() < 1e-12, "{speed}");
         }
     }
 }

@@ -34,15 +34,8 @@ pub type Lines = [Vec<V3>; 2];
 
 impl Pair {
     fn new(lines: &Lines, rods: [usize; 2], edges: [usize; 2]) -> Self {
-        let mut pair = Self {
-            rods,
-            edges,
-            at: [0.5; 2],
-            normal: V3::zeros(),
-            distance: 0.0,
-            force: 0.0,
-            friction: V3::zeros(),
-        };
+        let mut pair =
+            Self { rods, edges, at: [0.5; 2], normal: V3::zeros(), distance: 0.0, force: 0.0, friction: V3::zeros() };
         pair.refresh(lines);
         pair
     }
@@ -57,11 +50,7 @@ impl Pair {
         let ([p0, p1], [q0, q1]) = (self.ends(lines, 0), self.ends(lines, 1));
         let closest = segment_distance(p0, p1, q0, q1);
         let distance = closest.separation.norm();
-        let normal = if distance > 1e-12 {
-            closest.separation / distance
-        } else {
-            self.normal
-        };
+        let normal = if distance > 1e-12 { closest.separation / distance } else { self.normal };
         let flipped = normal.dot(&self.normal) < -0.2;
         self.at = [closest.s, closest.t];
         self.normal = if flipped { -normal } else { normal };
@@ -70,9 +59,7 @@ impl Pair {
 
     /// Distance along the frozen normal between the frozen points.
     pub fn refresh_frozen(&mut self, lines: &Lines) {
-        self.distance = self
-            .normal
-            .dot(&(self.point(lines, 0) - self.point(lines, 1)));
+        self.distance = self.normal.dot(&(self.point(lines, 0) - self.point(lines, 1)));
     }
 
     /// The closest point of a side.
@@ -86,22 +73,13 @@ impl Pair {
         let ([p0, p1], [q0, q1]) = (self.ends(lines, 0), self.ends(lines, 1));
         let closest = segment_distance(p0, p1, q0, q1);
         let distance = closest.separation.norm();
-        if closest.separation.dot(&self.normal) < -0.2 * distance {
-            -distance
-        } else {
-            distance
-        }
+        if closest.separation.dot(&self.normal) < -0.2 * distance { -distance } else { distance }
     }
 
     /// Nodes of the pair with their weights: (rod, node, weight), positive on the first edge.
     pub fn weights(&self) -> [(usize, usize, f64); 4] {
         let ([a, b], [e, f], [s, t]) = (self.rods, self.edges, self.at);
-        [
-            (a, e, 1.0 - s),
-            (a, e + 1, s),
-            (b, f, t - 1.0),
-            (b, f + 1, -t),
-        ]
+        [(a, e, 1.0 - s), (a, e + 1, s), (b, f, t - 1.0), (b, f + 1, -t)]
     }
 
     fn same_edges(&self, other: &Pair) -> bool {
@@ -148,13 +126,7 @@ impl BroadPhase {
             let padded = rods[k].edges().div_ceil(LANES) * LANES;
             std::array::from_fn(|_| vec![AWAY; padded])
         });
-        Self {
-            exclusion,
-            middles,
-            longest: 0.0,
-            searched: None,
-            found: Vec::new(),
-        }
+        Self { exclusion, middles, longest: 0.0, searched: None, found: Vec::new() }
     }
 
     /// Forgets what earlier searches proved.
@@ -208,13 +180,7 @@ impl BroadPhase {
         for (a, b) in [(0, 1), (0, 0), (1, 1)] {
             let exclusion = (a == b).then_some(self.exclusion[a]);
             let (first, second) = (&self.middles[a], &self.middles[b]);
-            let search = Close {
-                first,
-                second,
-                exclusion,
-                reach,
-                found: |i, j| found.push(([a, b], [i, j])),
-            };
+            let search = Close { first, second, exclusion, reach, found: |i, j| found.push(([a, b], [i, j])) };
             let nearest = pulp::Arch::new().dispatch(search);
             least = least.min(nearest);
         }
@@ -228,36 +194,17 @@ impl BroadPhase {
         let mut candidates: Vec<[usize; 2]> = Vec::new();
         let (first, second) = (&self.middles[0], &self.middles[1]);
         let exclusion = None;
-        let search = Close {
-            first,
-            second,
-            exclusion,
-            reach: 0.0,
-            found: |_, _| {},
-        };
+        let search = Close { first, second, exclusion, reach: 0.0, found: |_, _| {} };
         let nearest = pulp::Arch::new().dispatch(search);
         let reach = (nearest + self.longest) * (1.0 + 1e-12);
         let found = |i, j| candidates.push([i, j]);
-        pulp::Arch::new().dispatch(Close {
-            first,
-            second,
-            exclusion,
-            reach,
-            found,
-        });
+        pulp::Arch::new().dispatch(Close { first, second, exclusion, reach, found });
         (candidates.into_iter())
             .map(|[i, j]| {
                 let (a, b) = (&lines[0], &lines[1]);
-                (
-                    segment_distance(a[i], a[i + 1], b[j], b[j + 1])
-                        .separation
-                        .norm(),
-                    [i, j],
-                )
+                (segment_distance(a[i], a[i + 1], b[j], b[j + 1]).separation.norm(), [i, j])
             })
-            .fold((f64::INFINITY, [0, 0]), |best, next| {
-                if next.0 < best.0 { next } else { best }
-            })
+            .fold((f64::INFINITY, [0, 0]), |best, next| if next.0 < best.0 { next } else { best })
     }
 }
 
@@ -275,13 +222,7 @@ impl<F: FnMut(usize, usize)> WithSimd for Close<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f64 {
-        let Close {
-            first,
-            second,
-            exclusion,
-            reach,
-            found,
-        } = self;
+        let Close { first, second, exclusion, reach, found } = self;
         close_midpoints(first, second, exclusion, reach, found)
     }
 }
@@ -306,11 +247,8 @@ fn close_midpoints(
             None => 0,
         };
         for block in (start / LANES * LANES..second[0].len()).step_by(LANES) {
-            let (bx, by, bz) = (
-                &second[0][block..block + LANES],
-                &second[1][block..block + LANES],
-                &second[2][block..block + LANES],
-            );
+            let (bx, by, bz) =
+                (&second[0][block..block + LANES], &second[1][block..block + LANES], &second[2][block..block + LANES]);
             let mut squares = [0.0; LANES];
             for k in 0..LANES {
                 let (dx, dy, dz) = (bx[k] - x, by[k] - y, bz[k] - z);
@@ -321,11 +259,7 @@ fn close_midpoints(
             }
             let mut smallest = squares[0];
             for k in 1..LANES {
-                smallest = if squares[k] < smallest {
-                    squares[k]
-                } else {
-                    smallest
-                };
+                smallest = if squares[k] < smallest { squares[k] } else { smallest };
             }
             least = least.min(smallest);
             if smallest < limit {
@@ -351,9 +285,7 @@ pub fn hand_over(old: &[Pair], mut new: Vec<Pair>, edge: f64, contact_distance: 
         let nearest = (new.iter().enumerate())
             .filter(|(_, p)| p.rods == before.rods)
             .map(|(i, p)| {
-                let slid = (0..2)
-                    .map(|k| (position(p, k) - position(before, k)).abs())
-                    .sum::<f64>();
+                let slid = (0..2).map(|k| (position(p, k) - position(before, k)).abs()).sum::<f64>();
                 (slid + (p.distance - contact_distance).max(0.0) / edge, i)
             })
             .min_by(|a, b| a.0.total_cmp(&b.0));
@@ -384,12 +316,7 @@ pub fn extend(pairs: &mut Vec<Pair>, new: Vec<Pair>, contact_distance: f64, over
 fn keep_side(known: &[Pair], pair: &mut Pair, contact_distance: f64) {
     let nearest = (known.iter())
         .filter(|p| p.rods == pair.rods && p.distance.abs() < 1.5 * contact_distance)
-        .map(|p| {
-            (
-                p.edges[0].abs_diff(pair.edges[0]) + p.edges[1].abs_diff(pair.edges[1]),
-                p,
-            )
-        })
+        .map(|p| (p.edges[0].abs_diff(pair.edges[0]) + p.edges[1].abs_diff(pair.edges[1]), p))
         .filter(|(steps, _)| *steps < 3)
         .min_by_key(|(steps, _)| *steps);
     if let Some((_, p)) = nearest

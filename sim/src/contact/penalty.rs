@@ -34,8 +34,7 @@ mod tests {
         }
         for distance in [1.985, 1.995, 2.0, 2.004, 2.02] {
             let h = 1e-7;
-            let difference =
-                (energy(distance + h, delta).0 - energy(distance - h, delta).0) / (2.0 * h);
+            let difference = (energy(distance + h, delta).0 - energy(distance - h, delta).0) / (2.0 * h);
             assert!((difference - energy(distance, delta).1).abs() < 1e-8);
         }
     }

@@ -11,15 +11,9 @@ const LANES: usize = 16;
 
 /// Gauss-Legendre points on [0, 1] with weights: (point, weight).
 pub fn gauss_rule(points: usize) -> &'static [(f64, f64)] {
-    const TWO: [(f64, f64); 2] = [
-        (0.211_324_865_405_187_13, 0.5),
-        (0.788_675_134_594_812_9, 0.5),
-    ];
-    const THREE: [(f64, f64); 3] = [
-        (0.112_701_665_379_258_3, 5.0 / 18.0),
-        (0.5, 8.0 / 18.0),
-        (0.887_298_334_620_741_7, 5.0 / 18.0),
-    ];
+    const TWO: [(f64, f64); 2] = [(0.211_324_865_405_187_13, 0.5), (0.788_675_134_594_812_9, 0.5)];
+    const THREE: [(f64, f64); 3] =
+        [(0.112_701_665_379_258_3, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
     const FOUR: [(f64, f64); 4] = [
         (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
         (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
@@ -59,18 +53,11 @@ impl Sources {
     /// Adds a point.
     #[inline(always)]
     pub fn push(&mut self, at: V3, force: V3) {
-        self.points
-            .push([at.x, at.y, at.z, force.x, force.y, force.z]);
+        self.points.push([at.x, at.y, at.z, force.x, force.y, force.z]);
     }
 
     /// Adds the Gauss points of the edges `edges` of a line with a linear nodal density (N/m).
-    pub fn push_edges(
-        &mut self,
-        nodes: &[V3],
-        density: &[V3],
-        edges: std::ops::Range<usize>,
-        rule: &[(f64, f64)],
-    ) {
+    pub fn push_edges(&mut self, nodes: &[V3], density: &[V3], edges: std::ops::Range<usize>, rule: &[(f64, f64)]) {
         for e in edges {
             let (x, dx) = (nodes[e], nodes[e + 1] - nodes[e]);
             let (f, df) = (density[e], density[e + 1] - density[e]);
@@ -103,14 +90,8 @@ impl Targets {
     /// Room for `count` points.
     pub fn new(count: usize, precision: Precision) -> Self {
         match precision {
-            Precision::Single => Self {
-                single: Some(single::Points::new(count)),
-                double: None,
-            },
-            Precision::Double => Self {
-                single: None,
-                double: Some(double::Points::new(count)),
-            },
+            Precision::Single => Self { single: Some(single::Points::new(count)), double: None },
+            Precision::Double => Self { single: None, double: Some(double::Points::new(count)) },
         }
     }
 
@@ -164,11 +145,7 @@ macro_rules! kernel {
                 pub(super) fn new(count: usize) -> Self {
                     let padded = count.div_ceil(LANES) * LANES;
                     let zeros = || std::array::from_fn(|_| vec![0.0; padded]);
-                    Self {
-                        at: zeros(),
-                        flow: zeros(),
-                        converted: Vec::new(),
-                    }
+                    Self { at: zeros(), flow: zeros(), converted: Vec::new() }
                 }
 
                 pub(super) fn set(&mut self, points: &[V3]) {
@@ -182,21 +159,13 @@ macro_rules! kernel {
 
                 pub(super) fn add_flow(&mut self, sources: &[[f64; 6]], epsilon: f64) {
                     self.converted.clear();
-                    self.converted
-                        .extend(sources.iter().map(|s| s.map(|v| v as $scalar)));
-                    pulp::Arch::new().dispatch(Sum {
-                        points: self,
-                        e2: (epsilon * epsilon) as $scalar,
-                    });
+                    self.converted.extend(sources.iter().map(|s| s.map(|v| v as $scalar)));
+                    pulp::Arch::new().dispatch(Sum { points: self, e2: (epsilon * epsilon) as $scalar });
                 }
 
                 #[inline(always)]
                 pub(super) fn flow(&self, i: usize) -> V3 {
-                    V3::new(
-                        self.flow[0][i] as f64,
-                        self.flow[1][i] as f64,
-                        self.flow[2][i] as f64,
-                    )
+                    V3::new(self.flow[0][i] as f64, self.flow[1][i] as f64, self.flow[2][i] as f64)
                 }
             }
 

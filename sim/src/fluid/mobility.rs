@@ -21,9 +21,7 @@ pub fn fill_mobility(
     viscosity: f64,
 ) {
     let factor = stokeslet_factor(viscosity);
-    matrix
-        .view_mut(corner, (3 * targets.len(), 3 * sources.len()))
-        .fill(0.0);
+    matrix.view_mut(corner, (3 * targets.len(), 3 * sources.len())).fill(0.0);
     for (i, x) in targets.iter().enumerate() {
         for j in 0..sources.len() - 1 {
             let flows = segment_flow(*x, sources[j], sources[j + 1], epsilon);
@@ -44,14 +42,7 @@ pub fn mobility(lines: &[&[V3]], epsilon: f64, viscosity: f64) -> DMatrix<f64> {
     for targets in lines {
         let mut column = 0;
         for sources in lines {
-            fill_mobility(
-                &mut matrix,
-                (row, column),
-                targets,
-                sources,
-                epsilon,
-                viscosity,
-            );
+            fill_mobility(&mut matrix, (row, column), targets, sources, epsilon, viscosity);
             column += 3 * sources.len();
         }
         row += 3 * targets.len();
@@ -74,12 +65,7 @@ pub fn nodal_lengths(line: &[V3]) -> Vec<f64> {
 /// fluid puts on them are minus this 6 x 6 matrix times (velocity at the pivot, angular velocity).
 ///
 /// `None` when the mobility matrix is singular to rounding.
-pub fn rigid_resistance(
-    lines: &[&[V3]],
-    pivot: V3,
-    epsilon: f64,
-    viscosity: f64,
-) -> Option<Matrix6<f64>> {
+pub fn rigid_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64) -> Option<Matrix6<f64>> {
     let factored = mobility(lines, epsilon, viscosity).lu();
     let nodes: Vec<V3> = lines.iter().flat_map(|line| line.iter().copied()).collect();
     let weights: Vec<f64> = lines.iter().flat_map(|line| nodal_lengths(line)).collect();
@@ -90,18 +76,13 @@ pub fn rigid_resistance(
         let velocity = DVector::from_iterator(
             3 * nodes.len(),
             nodes.iter().flat_map(|x| {
-                let u = if column < 3 {
-                    unit
-                } else {
-                    unit.cross(&(x - pivot))
-                };
+                let u = if column < 3 { unit } else { unit.cross(&(x - pivot)) };
                 [u.x, u.y, u.z]
             }),
         );
         let density = factored.solve(&velocity)?;
         for (i, x) in nodes.iter().enumerate() {
-            let force =
-                V3::new(density[3 * i], density[3 * i + 1], density[3 * i + 2]) * weights[i];
+            let force = V3::new(density[3 * i], density[3 * i + 1], density[3 * i + 2]) * weights[i];
             let torque = (x - pivot).cross(&force);
             for a in 0..3 {
                 resistance[(a, column)] += force[a];
@@ -113,12 +94,6 @@ pub fn rigid_resistance(
 }
 
 /// The rotational part of [`rigid_resistance`], N m s.
-pub fn rotational_resistance(
-    lines: &[&[V3]],
-    pivot: V3,
-    epsilon: f64,
-    viscosity: f64,
-) -> Option<Matrix3<f64>> {
-    rigid_resistance(lines, pivot, epsilon, viscosity)
-        .map(|r| r.fixed_view::<3, 3>(3, 3).into_owned())
+pub fn rotational_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64) -> Option<Matrix3<f64>> {
+    rigid_resistance(lines, pivot, epsilon, viscosity).map(|r| r.fixed_view::<3, 3>(3, 3).into_owned())
 }

@@ -55,9 +55,7 @@ impl NearBand {
             nodes,
             reach,
             rule: gauss_rule(gauss_points),
-            diagonals: (0..=2 * reach)
-                .map(|_| std::array::from_fn(|_| vec![0.0; rows]))
-                .collect(),
+            diagonals: (0..=2 * reach).map(|_| std::array::from_fn(|_| vec![0.0; rows])).collect(),
             padded: zeros(length),
             mask,
             density: zeros(length),
@@ -83,11 +81,7 @@ impl NearBand {
             }
         }
         let (e2, factor) = (epsilon * epsilon, stokeslet_factor(viscosity));
-        pulp::Arch::new().dispatch(Assemble {
-            band: self,
-            e2,
-            factor,
-        });
+        pulp::Arch::new().dispatch(Assemble { band: self, e2, factor });
     }
 
     #[inline(always)]
@@ -108,11 +102,7 @@ impl NearBand {
                 // Plain loops and indices: closures would be compiled without the vector instructions.
                 for k in 0..LANES {
                     let y = [px[start + k], py[start + k], pz[start + k]];
-                    let v = [
-                        y[0] - px[start + 1 + k],
-                        y[1] - py[start + 1 + k],
-                        y[2] - pz[start + 1 + k],
-                    ];
+                    let v = [y[0] - px[start + 1 + k], y[1] - py[start + 1 + k], y[2] - pz[start + 1 + k]];
                     let d = [px[at + k] - y[0], py[at + k] - y[1], pz[at + k] - y[2]];
                     let moments = difference_moments(d, v, e2, self.rule);
                     let values = components(d, v, e2, moments);
@@ -159,11 +149,7 @@ impl NearBand {
                     &zz[block..block + LANES],
                 ];
                 let at = block + offset;
-                let (gx, gy, gz) = (
-                    &fx[at..at + LANES],
-                    &fy[at..at + LANES],
-                    &fz[at..at + LANES],
-                );
+                let (gx, gy, gz) = (&fx[at..at + LANES], &fy[at..at + LANES], &fz[at..at + LANES]);
                 for k in 0..LANES {
                     sums[0][k] += a[0][k] * gx[k] + a[1][k] * gy[k] + a[2][k] * gz[k];
                     sums[1][k] += a[1][k] * gx[k] + a[3][k] * gy[k] + a[4][k] * gz[k];

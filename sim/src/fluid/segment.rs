@@ -38,17 +38,11 @@ impl Moments {
         let t13 = -(1.0 / r1 - 1.0 / r0 + s0 * t03) / l2;
         let t23 = (-1.0 / r1 + t01 - s0 * t13) / l2;
         let t33 = (-1.0 / r1 + 2.0 * t11 - s0 * t23) / l2;
-        Self {
-            inverse: [t01, t11],
-            cubed: [t03, t13, t23, t33],
-        }
+        Self { inverse: [t01, t11], cubed: [t03, t13, t23, t33] }
     }
 
     fn quadrature(r0_squared: f64, s0: f64, l2: f64) -> Self {
-        let mut moments = Self {
-            inverse: [0.0; 2],
-            cubed: [0.0; 4],
-        };
+        let mut moments = Self { inverse: [0.0; 2], cubed: [0.0; 4] };
         for (abscissa, weight) in GAUSS8 {
             for a in [0.5 * (1.0 - abscissa), 0.5 * (1.0 + abscissa)] {
                 let inverse = 1.0 / (r0_squared + a * (2.0 * s0 + a * l2)).sqrt();

@@ -23,11 +23,7 @@ pub struct Body {
 
 impl Default for Body {
     fn default() -> Self {
-        Self {
-            attitude: UnitQuaternion::identity(),
-            rate: V3::zeros(),
-            yaw: 0.0,
-        }
+        Self { attitude: UnitQuaternion::identity(), rate: V3::zeros(), yaw: 0.0 }
     }
 }
 
@@ -54,21 +50,13 @@ pub fn rotation_between(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>) ->
     }
     let vector = q.imag();
     let sine = vector.norm();
-    if sine < 1e-9 {
-        vector * 2.0
-    } else {
-        vector * (2.0 * sine.atan2(q.w) / sine)
-    }
+    if sine < 1e-9 { vector * 2.0 } else { vector * (2.0 * sine.atan2(q.w) / sine) }
 }
 
 /// The attitude reached from `from` by a rotation vector in its axes.
 pub fn rotated(from: &UnitQuaternion<f64>, rotation: V3) -> UnitQuaternion<f64> {
     let angle = rotation.norm();
-    let scale = if angle < 1e-4 {
-        0.5 - angle * angle / 48.0
-    } else {
-        (0.5 * angle).sin() / angle
-    };
+    let scale = if angle < 1e-4 { 0.5 - angle * angle / 48.0 } else { (0.5 * angle).sin() / angle };
     let turn = Quaternion::from_parts((0.5 * angle).cos(), rotation * scale);
     UnitQuaternion::from_quaternion(from.into_inner() * turn)
 }
@@ -196,10 +184,7 @@ mod tests {
     #[test]
     fn the_righting_moment_rights() {
         let base = Base::new(&Robot::default(), Closure::Full, Matrix3::zeros());
-        let body = Body {
-            attitude: UnitQuaternion::from_axis_angle(&V3::y_axis(), 0.2),
-            ..Body::default()
-        };
+        let body = Body { attitude: UnitQuaternion::from_axis_angle(&V3::y_axis(), 0.2), ..Body::default() };
         assert!(base.moment(&body).y < 0.0);
     }
 }

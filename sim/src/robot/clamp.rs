@@ -31,21 +31,13 @@ impl Shaft {
     /// A direction from the shaft frame to the body frame.
     #[inline(always)]
     pub fn to_body(&self, v: V3) -> V3 {
-        V3::new(
-            self.cosine * v.x - self.sine * v.y,
-            self.sine * v.x + self.cosine * v.y,
-            v.z,
-        )
+        V3::new(self.cosine * v.x - self.sine * v.y, self.sine * v.x + self.cosine * v.y, v.z)
     }
 
     /// A direction from the body frame to the shaft frame.
     #[inline(always)]
     pub fn to_shaft(&self, v: V3) -> V3 {
-        V3::new(
-            self.cosine * v.x + self.sine * v.y,
-            self.cosine * v.y - self.sine * v.x,
-            v.z,
-        )
+        V3::new(self.cosine * v.x + self.sine * v.y, self.cosine * v.y - self.sine * v.x, v.z)
     }
 
     /// A point from the shaft frame to the body frame, m.

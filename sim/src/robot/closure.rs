@@ -48,11 +48,7 @@ pub fn flagella_moment(closure: Closure, loads: &[Load; 2], distance: f64) -> V3
     let difference = (loads[0].force - loads[1].force) * (0.5 * distance);
     match closure {
         Closure::Full => loads[0].moment + loads[1].moment,
-        Closure::Lumped => V3::new(
-            0.0,
-            -difference.z,
-            difference.y + loads[0].axial_torque + loads[1].axial_torque,
-        ),
+        Closure::Lumped => V3::new(0.0, -difference.z, difference.y + loads[0].axial_torque + loads[1].axial_torque),
         Closure::Paper => V3::new(0.0, difference.z, difference.y),
         Closure::Held => V3::zeros(),
     }

@@ -14,10 +14,7 @@ pub struct Band {
 impl Band {
     /// A zero matrix of `size` rows.
     pub fn new(size: usize) -> Self {
-        Self {
-            size,
-            values: vec![0.0; size * WIDTH],
-        }
+        Self { size, values: vec![0.0; size * WIDTH] }
     }
 
     /// Sets every entry to zero.
@@ -39,11 +36,7 @@ impl Band {
     /// An entry; zero outside the band.
     #[inline(always)]
     pub fn get(&self, row: usize, column: usize) -> f64 {
-        if row.abs_diff(column) > HALF_WIDTH {
-            0.0
-        } else {
-            self.values[row * WIDTH + HALF_WIDTH + column - row]
-        }
+        if row.abs_diff(column) > HALF_WIDTH { 0.0 } else { self.values[row * WIDTH + HALF_WIDTH + column - row] }
     }
 
     /// The columns inside the band of a row.

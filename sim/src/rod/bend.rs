@@ -28,12 +28,7 @@ fn excess(rod: &Rod, frames: &Frames, i: usize) -> [f64; 2] {
 pub fn add_gradient(rod: &Rod, frames: &Frames, out: &mut [f64]) {
     for i in 1..rod.nodes() - 1 {
         let (te, tf) = (frames.tangent[i - 1], frames.tangent[i]);
-        let (m1e, m1f, m2e, m2f) = (
-            frames.m1[i - 1],
-            frames.m1[i],
-            frames.m2[i - 1],
-            frames.m2[i],
-        );
+        let (m1e, m1f, m2e, m2f) = (frames.m1[i - 1], frames.m1[i], frames.m2[i - 1], frames.m2[i]);
         let (kb, inverse_chi) = (frames.binormal[i], frames.inverse_chi[i]);
         let (s1, s2) = (m1e + m1f, m2e + m2f);
         let (k1, k2) = (0.5 * kb.dot(&s2), -0.5 * kb.dot(&s1));
@@ -73,12 +68,7 @@ pub(super) fn add_local(out: &mut Band, i: usize, local: &[[f64; 11]; 11]) {
 }
 
 /// Spreads derivatives with respect to the edges e (before) and f (after) over the three nodes.
-pub(super) fn spread_edges(
-    local: &mut [[f64; 11]; 11],
-    ee: Matrix3<f64>,
-    ff: Matrix3<f64>,
-    ef: Matrix3<f64>,
-) {
+pub(super) fn spread_edges(local: &mut [[f64; 11]; 11], ee: Matrix3<f64>, ff: Matrix3<f64>, ef: Matrix3<f64>) {
     let fe = ef.transpose();
     for a in 0..3 {
         for b in 0..3 {
@@ -116,12 +106,7 @@ fn spread_gradient(by_e: V3, by_f: V3, by_angles: [f64; 2]) -> [f64; 11] {
 fn node_hessian(rod: &Rod, frames: &Frames, i: usize) -> [[f64; 11]; 11] {
     let (te, tf) = (frames.tangent[i - 1], frames.tangent[i]);
     let (le, lf) = (frames.length[i - 1], frames.length[i]);
-    let (m1e, m1f, m2e, m2f) = (
-        frames.m1[i - 1],
-        frames.m1[i],
-        frames.m2[i - 1],
-        frames.m2[i],
-    );
+    let (m1e, m1f, m2e, m2f) = (frames.m1[i - 1], frames.m1[i], frames.m2[i - 1], frames.m2[i]);
     let (kb, ic) = (frames.binormal[i], frames.inverse_chi[i]);
     let mean = (te + tf) * ic;
     let (d1, d2) = ((m1e + m1f) * ic, (m2e + m2f) * ic);
@@ -131,46 +116,23 @@ fn node_hessian(rod: &Rod, frames: &Frames, i: usize) -> [[f64; 11]; 11] {
     let b2 = modulus * (k2 - rod.natural_curvature[i][1]);
     let (a1, a2, c1, c2) = (tf.cross(&d1), tf.cross(&d2), te.cross(&d1), te.cross(&d2));
 
-    let g1 = spread_gradient(
-        (a2 - mean * k1) / le,
-        -(c2 + mean * k1) / lf,
-        [-0.5 * kb.dot(&m1e), -0.5 * kb.dot(&m1f)],
-    );
-    let g2 = spread_gradient(
-        -(a1 + mean * k2) / le,
-        (c1 - mean * k2) / lf,
-        [-0.5 * kb.dot(&m2e), -0.5 * kb.dot(&m2f)],
-    );
+    let g1 = spread_gradient((a2 - mean * k1) / le, -(c2 + mean * k1) / lf, [-0.5 * kb.dot(&m1e), -0.5 * kb.dot(&m1f)]);
+    let g2 = spread_gradient(-(a1 + mean * k2) / le, (c1 - mean * k2) / lf, [-0.5 * kb.dot(&m2e), -0.5 * kb.dot(&m2f)]);
 
     let identity = Matrix3::identity();
-    let (across_e, across_f) = (
-        identity - te * te.transpose(),
-        identity - tf * tf.transpose(),
-    );
+    let (across_e, across_f) = (identity - te * te.transpose(), identity - tf * tf.transpose());
     let cross_ef = identity + te * tf.transpose();
     let mm = mean * mean.transpose();
     let (le2, lf2, lef) = (le * le, lf * lf, le * lf);
-    let ee = (mm * (2.0 * k1) - symmetric(a2, mean) - across_e * (k1 * ic)
-        + symmetric(kb, m2e) * 0.25)
-        * (b1 / le2)
-        + (mm * (2.0 * k2) + symmetric(a1, mean)
-            - across_e * (k2 * ic)
-            - symmetric(kb, m1e) * 0.25)
-            * (b2 / le2);
-    let ff = (mm * (2.0 * k1) + symmetric(c2, mean) - across_f * (k1 * ic)
-        + symmetric(kb, m2f) * 0.25)
-        * (b1 / lf2)
-        + (mm * (2.0 * k2)
-            - symmetric(c1, mean)
-            - across_f * (k2 * ic)
-            - symmetric(kb, m1f) * 0.25)
-            * (b2 / lf2);
+    let ee = (mm * (2.0 * k1) - symmetric(a2, mean) - across_e * (k1 * ic) + symmetric(kb, m2e) * 0.25) * (b1 / le2)
+        + (mm * (2.0 * k2) + symmetric(a1, mean) - across_e * (k2 * ic) - symmetric(kb, m1e) * 0.25) * (b2 / le2);
+    let ff = (mm * (2.0 * k1) + symmetric(c2, mean) - across_f * (k1 * ic) + symmetric(kb, m2f) * 0.25) * (b1 / lf2)
+        + (mm * (2.0 * k2) - symmetric(c1, mean) - across_f * (k2 * ic) - symmetric(kb, m1f) * 0.25) * (b2 / lf2);
     let ef = (mm * (2.0 * k1) - a2 * mean.transpose() + mean * c2.transpose()
         - d2.cross_matrix()
         - cross_ef * (k1 * ic))
         * (b1 / lef)
-        + (mm * (2.0 * k2) + a1 * mean.transpose() - mean * c1.transpose() + d1.cross_matrix()
-            - cross_ef * (k2 * ic))
+        + (mm * (2.0 * k2) + a1 * mean.transpose() - mean * c1.transpose() + d1.cross_matrix() - cross_ef * (k2 * ic))
             * (b2 / lef);
 
     let mut local = [[0.0; 11]; 11];

@@ -33,26 +33,15 @@ pub struct ReferenceFrames {
 impl ReferenceFrames {
     /// Directors transported in parallel along the rod from the first edge: no reference twist anywhere.
     pub fn transported_along(nodes: &[V3]) -> Self {
-        let tangent: Vec<V3> = nodes
-            .windows(2)
-            .map(|p| (p[1] - p[0]).normalize())
-            .collect();
+        let tangent: Vec<V3> = nodes.windows(2).map(|p| (p[1] - p[0]).normalize()).collect();
         let first = tangent[0];
-        let helper = if first.x.abs() < 0.9 {
-            V3::x()
-        } else {
-            V3::y()
-        };
+        let helper = if first.x.abs() < 0.9 { V3::x() } else { V3::y() };
         let mut director = vec![first.cross(&helper).normalize()];
         for pair in tangent.windows(2) {
             let moved = parallel_transport(director[director.len() - 1], pair[0], pair[1]);
             director.push((moved - pair[1] * moved.dot(&pair[1])).normalize());
         }
-        Self {
-            tangent,
-            director,
-            twist: vec![0.0; nodes.len()],
-        }
+        Self { tangent, director, twist: vec![0.0; nodes.len()] }
     }
 }
 
@@ -136,10 +125,7 @@ impl Frames {
     #[inline(always)]
     pub fn curvature(&self, i: usize) -> [f64; 2] {
         let kb = self.binormal[i];
-        [
-            0.5 * kb.dot(&(self.m2[i - 1] + self.m2[i])),
-            -0.5 * kb.dot(&(self.m1[i - 1] + self.m1[i])),
-        ]
+        [0.5 * kb.dot(&(self.m2[i - 1] + self.m2[i])), -0.5 * kb.dot(&(self.m1[i - 1] + self.m1[i]))]
     }
 
     /// Twist in rad at an inner node: difference of the edge angles plus reference twist.

@@ -50,11 +50,7 @@ impl Helix {
             .map(|i| {
                 let share = i as f64 / edges as f64;
                 let (sine, cosine) = (total * share).sin_cos();
-                V3::new(
-                    self.radius * cosine,
-                    sign * self.radius * sine,
-                    -self.axial_length * share,
-                )
+                V3::new(self.radius * cosine, sign * self.radius * sine, -self.axial_length * share)
             })
             .collect()
     }

@@ -79,21 +79,12 @@ impl Rod {
         let n = shape.len();
         let rest_length: Vec<f64> = shape.windows(2).map(|p| (p[1] - p[0]).norm()).collect();
         let edge = |i: usize| rest_length.get(i).copied().unwrap_or(0.0);
-        let nodal_length = (0..n)
-            .map(|i| 0.5 * (edge(i) + if i > 0 { edge(i - 1) } else { 0.0 }))
-            .collect();
+        let nodal_length = (0..n).map(|i| 0.5 * (edge(i) + if i > 0 { edge(i - 1) } else { 0.0 })).collect();
         let rest_frames = ReferenceFrames::transported_along(&shape);
         let mut frames = Frames::new(n);
         frames.update(&rest_frames, &shape, &vec![0.0; n - 1]);
-        let natural_curvature = (0..n)
-            .map(|i| {
-                if i == 0 || i + 1 == n {
-                    [0.0; 2]
-                } else {
-                    frames.curvature(i)
-                }
-            })
-            .collect();
+        let natural_curvature =
+            (0..n).map(|i| if i == 0 || i + 1 == n { [0.0; 2] } else { frames.curvature(i) }).collect();
         Self {
             natural_twist: frames.reference_twist.clone(),
             shape,
@@ -117,9 +108,7 @@ impl Rod {
 
     /// Elastic energy in J.
     pub fn energy(&self, frames: &Frames, angles: &[f64]) -> f64 {
-        stretch::energy(self, frames)
-            + bend::energy(self, frames)
-            + twist::energy(self, frames, angles)
+        stretch::energy(self, frames) + bend::energy(self, frames) + twist::energy(self, frames, angles)
     }
 
     /// Gradient of the energy, four slots a node, in N and N m. Overwrites `out` (length `4 n`).

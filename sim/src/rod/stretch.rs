@@ -26,11 +26,7 @@ pub fn add_hessian(rod: &Rod, frames: &Frames, out: &mut Band) {
         let (t, length, rest) = (frames.tangent[e], frames.length[e], rod.rest_length[e]);
         for a in 0..3 {
             for b in 0..3 {
-                let identity = if a == b {
-                    1.0 / rest - 1.0 / length
-                } else {
-                    0.0
-                };
+                let identity = if a == b { 1.0 / rest - 1.0 / length } else { 0.0 };
                 let value = rod.stiffness.stretch_n * (identity + t[a] * t[b] / length);
                 let (row, column) = (4 * e + a, 4 * e + b);
                 out.add(row, column, value);

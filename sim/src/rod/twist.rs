@@ -19,8 +19,7 @@ pub fn energy(rod: &Rod, frames: &Frames, angles: &[f64]) -> f64 {
 /// Adds the gradient.
 pub fn add_gradient(rod: &Rod, frames: &Frames, angles: &[f64], out: &mut [f64]) {
     for i in 1..rod.nodes() - 1 {
-        let torque = rod.stiffness.twist_nm2 / rod.nodal_length[i]
-            * (frames.twist(i, angles) - rod.natural_twist[i]);
+        let torque = rod.stiffness.twist_nm2 / rod.nodal_length[i] * (frames.twist(i, angles) - rod.natural_twist[i]);
         let half = frames.binormal[i] * (0.5 * torque);
         let (by_e, by_f) = (half / frames.length[i - 1], half / frames.length[i]);
         add_at(out, i - 1, -by_e);

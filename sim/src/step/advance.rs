@@ -86,10 +86,7 @@ impl Solver {
                         state.time = until;
                     }
                     state.steps_at_level += 1;
-                    if state.level > 0
-                        && state.steps_at_level >= GOOD_STEPS
-                        && report.sweeps < EASY_SWEEPS
-                    {
+                    if state.level > 0 && state.steps_at_level >= GOOD_STEPS && report.sweeps < EASY_SWEEPS {
                         state.level -= 1;
                         state.steps_at_level = 0;
                     }
@@ -97,11 +94,7 @@ impl Solver {
                 }
                 Err(failure) => {
                     if state.level >= self.robot.solver.halvings {
-                        return Err(StepError {
-                            time: state.time,
-                            step,
-                            failure,
-                        });
+                        return Err(StepError { time: state.time, step, failure });
                     }
                     state.level += 1;
                     state.steps_at_level = 0;

@@ -26,12 +26,7 @@ impl Anderson {
         if self.iterates.last().is_some_and(|v| v.len() != after.len()) {
             self.clear();
         }
-        let change = after
-            .iter()
-            .zip(before)
-            .zip(weights)
-            .map(|((a, b), w)| (a - b) * w)
-            .collect();
+        let change = after.iter().zip(before).zip(weights).map(|((a, b), w)| (a - b) * w).collect();
         self.changes.push(change);
         self.iterates.push(after);
         if self.iterates.len() > DEPTH + 1 {
@@ -45,22 +40,10 @@ impl Anderson {
         let newest = self.iterates.len().checked_sub(1).filter(|n| *n > 0)?;
         let last = &self.changes[newest];
         let differences: Vec<Vec<f64>> = (0..newest)
-            .map(|j| {
-                self.changes[j + 1]
-                    .iter()
-                    .zip(&self.changes[j])
-                    .map(|(a, b)| a - b)
-                    .collect()
-            })
+            .map(|j| self.changes[j + 1].iter().zip(&self.changes[j]).map(|(a, b)| a - b).collect())
             .collect();
         let mut rows: Vec<Vec<f64>> = (differences.iter())
-            .map(|a| {
-                differences
-                    .iter()
-                    .map(|b| dot(a, b))
-                    .chain([dot(a, last)])
-                    .collect()
-            })
+            .map(|a| differences.iter().map(|b| dot(a, b)).chain([dot(a, last)]).collect())
             .collect();
         let scale = (0..newest).map(|i| rows[i][i]).fold(0.0, f64::max);
         for (i, row) in rows.iter_mut().enumerate() {
@@ -72,11 +55,7 @@ impl Anderson {
         }
         let mut out = self.iterates[newest].clone();
         for (j, share) in shares.iter().enumerate() {
-            for ((o, a), b) in out
-                .iter_mut()
-                .zip(&self.iterates[j + 1])
-                .zip(&self.iterates[j])
-            {
+            for ((o, a), b) in out.iter_mut().zip(&self.iterates[j + 1]).zip(&self.iterates[j]) {
                 *o -= share * (a - b);
             }
         }
@@ -93,10 +72,5 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
             sums[k] += x[k] * y[k];
         }
     }
-    sums.iter().sum::<f64>()
-        + a[rest..]
-            .iter()
-            .zip(&b[rest..])
-            .map(|(x, y)| x * y)
-            .sum::<f64>()
+    sums.iter().sum::<f64>() + a[rest..].iter().zip(&b[rest..]).map(|(x, y)| x * y).sum::<f64>()
 }

@@ -4,9 +4,7 @@
 //! for an angular velocity w is the inverse right Jacobian of the rotation group times w.
 
 use crate::V3;
-use crate::robot::body::{
-    Base, Body, euler_zyx, rotated, rotation_between, rotation_vector_rate, unwrap,
-};
+use crate::robot::body::{Base, Body, euler_zyx, rotated, rotation_between, rotation_vector_rate, unwrap};
 use crate::robot::clamp::Shaft;
 use crate::state::State;
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector6};
@@ -31,12 +29,7 @@ impl BodySolve {
     pub(super) fn new(state: &State, weights: &[f64], prediction: &[f64], step: f64) -> Self {
         let start = state.body.attitude;
         let mut past = vec![(V3::zeros(), state.body.rate)];
-        past.extend(
-            state
-                .past
-                .iter()
-                .map(|p| (rotation_between(&start, &p.attitude), p.rate)),
-        );
+        past.extend(state.past.iter().map(|p| (rotation_between(&start, &p.attitude), p.rate)));
         let weighted = |weights: &[f64]| {
             (weights.iter().zip(&past))
                 .map(|(w, (r, v))| (r * *w, v * *w))
@@ -66,14 +59,10 @@ impl BodySolve {
             for axis in 0..3 {
                 let mut unit = V3::zeros();
                 unit[axis] = 1.0;
-                let (u, w) = (
-                    shaft.to_shaft(unit.cross(&shaft.foot)),
-                    shaft.to_shaft(unit),
-                );
+                let (u, w) = (shaft.to_shaft(unit.cross(&shaft.foot)), shaft.to_shaft(unit));
                 let answer = response * Vector6::new(u.x, u.y, u.z, w.x, w.y, w.z);
                 let force = shaft.to_body(V3::new(answer[0], answer[1], answer[2]));
-                let torque = shaft.to_body(V3::new(answer[3], answer[4], answer[5]))
-                    + shaft.foot.cross(&force);
+                let torque = shaft.to_body(V3::new(answer[3], answer[4], answer[5])) + shaft.foot.cross(&force);
                 for a in 0..3 {
                     self.response[(a, axis)] += torque[a];
                 }
@@ -85,8 +74,7 @@ impl BodySolve {
     pub(super) fn set_rate(&mut self, rate: V3) {
         self.body.rate = rate;
         for _ in 0..2 {
-            self.rotation =
-                rotation_vector_rate(self.rotation, rate) * self.lag - self.past_rotation;
+            self.rotation = rotation_vector_rate(self.rotation, rate) * self.lag - self.past_rotation;
         }
         self.body.attitude = rotated(&self.start, self.rotation);
         self.body.yaw = unwrap(euler_zyx(&self.body.attitude)[0], self.start_yaw);
@@ -94,8 +82,7 @@ impl BodySolve {
 
     fn imbalance(&mut self, base: &Base, moment: V3) -> V3 {
         let acceleration = self.body.rate / self.lag + self.past_rate;
-        let rest =
-            moment + base.moment(&self.body) - base.inertial_moment(self.body.rate, acceleration);
+        let rest = moment + base.moment(&self.body) - base.inertial_moment(self.body.rate, acceleration);
         self.error = rest.norm();
         rest
     }
@@ -138,9 +125,6 @@ impl BodySolve {
     /// The trial attitude and rate, normalised.
     pub(super) fn finish(&self) -> Body {
         let attitude = UnitQuaternion::from_quaternion(self.body.attitude.into_inner());
-        Body {
-            attitude,
-            ..self.body
-        }
+        Body { attitude, ..self.body }
     }
 }

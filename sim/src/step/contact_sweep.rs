@@ -94,8 +94,7 @@ impl Contacts {
             }
             pair.refresh(lines);
             let stale = column.as_ref().is_some_and(|c| {
-                c.normal.dot(&pair.normal) < 0.98
-                    || (c.at[0] - pair.at[0]).abs() + (c.at[1] - pair.at[1]).abs() > 0.4
+                c.normal.dot(&pair.normal) < 0.98 || (c.at[0] - pair.at[0]).abs() + (c.at[1] - pair.at[1]).abs() > 0.4
             });
             if stale {
                 *column = None;
@@ -149,11 +148,7 @@ impl Contacts {
             if self.columns[q].is_none() {
                 let answers = column(&self.pairs[q], flagella, context);
                 let pair = &self.pairs[q];
-                self.columns[q] = Some(Column {
-                    answers,
-                    normal: pair.normal,
-                    at: pair.at,
-                });
+                self.columns[q] = Some(Column { answers, normal: pair.normal, at: pair.at });
             }
         }
         let size = set.len();
@@ -171,31 +166,22 @@ impl Contacts {
                 for (c, &other) in set.iter().enumerate() {
                     if let Some(column) = &self.columns[other] {
                         let answer = &column.answers[rod][at..at + 3];
-                        matrix[row * size + c] += direction.x * answer[0]
-                            + direction.y * answer[1]
-                            + direction.z * answer[2];
+                        matrix[row * size + c] +=
+                            direction.x * answer[0] + direction.y * answer[1] + direction.z * answer[2];
                     }
                 }
             }
         }
         let before: Vec<f64> = set.iter().map(|&q| self.pairs[q].force).collect();
         for row in 0..size {
-            right[row] -= (0..size)
-                .map(|c| matrix[row * size + c] * before[c])
-                .sum::<f64>();
+            right[row] -= (0..size).map(|c| matrix[row * size + c] * before[c]).sum::<f64>();
             matrix[row * size + row] += 1.0 / self.stiffness;
         }
         let diagonal: Vec<f64> = (0..size).map(|r| matrix[r * size + r]).collect();
         let mut force = before.clone();
         complementarity::solve(&matrix, &right, &mut force, 1e-8);
-        if force
-            .iter()
-            .any(|l| l.is_nan() || *l >= limits.largest_force)
-        {
-            return Outcome {
-                violation: f64::INFINITY,
-                motion: f64::INFINITY,
-            };
+        if force.iter().any(|l| l.is_nan() || *l >= limits.largest_force) {
+            return Outcome { violation: f64::INFINITY, motion: f64::INFINITY };
         }
         let mut motion = 0f64;
         for k in 0..2 {
@@ -225,10 +211,7 @@ impl Contacts {
                 rub(&mut self.pairs[q], flagella, context, diagonal[i], limits);
             }
         }
-        Outcome {
-            violation: self.violation(limits),
-            motion,
-        }
+        Outcome { violation: self.violation(limits), motion }
     }
 }
 
@@ -246,8 +229,8 @@ fn column(pair: &Pair, flagella: &mut [Flagellum; 2], context: &Context) -> [Vec
     let mut density: [Vec<V3>; 2] = [0, 1].map(|k| vec![V3::zeros(); context.rods[k].nodes()]);
     for (rod, node, weight) in pair.weights() {
         if node >= CLAMPED {
-            density[rod][node] += context.shafts[rod].to_shaft(pair.normal)
-                * (weight / context.rods[rod].nodal_length[node]);
+            density[rod][node] +=
+                context.shafts[rod].to_shaft(pair.normal) * (weight / context.rods[rod].nodal_length[node]);
         }
     }
     // Gauss points of the edges that carry the density, in both shaft frames.
@@ -261,10 +244,7 @@ fn column(pair: &Pair, flagella: &mut [Flagellum; 2], context: &Context) -> [Vec
             let length = dx.norm();
             for (point, weight) in flagella[k].rule() {
                 let (at, force) = (x + dx * *point, (f + df * *point) * (weight * length));
-                let body = (
-                    context.shafts[k].point_to_body(at),
-                    context.shafts[k].to_body(force),
-                );
+                let body = (context.shafts[k].point_to_body(at), context.shafts[k].to_body(force));
                 for (shaft, sources) in context.shafts.iter().zip(&mut seen) {
                     sources.push(shaft.point_to_shaft(body.0), shaft.to_shaft(body.1));
                 }
@@ -281,13 +261,7 @@ fn column(pair: &Pair, flagella: &mut [Flagellum; 2], context: &Context) -> [Vec
 }
 
 /// Friction of a pair from its present sliding velocity; `answer`: displacement for a unit force, m/N.
-fn rub(
-    pair: &mut Pair,
-    flagella: &[Flagellum; 2],
-    context: &Context,
-    answer: f64,
-    limits: &Limits,
-) {
+fn rub(pair: &mut Pair, flagella: &[Flagellum; 2], context: &Context, answer: f64, limits: &Limits) {
     if pair.force <= 0.0 {
         pair.friction = V3::zeros();
         return;
@@ -298,12 +272,9 @@ fn rub(
         velocity += context.shafts[rod].to_body(v) * weight;
     }
     velocity -= pair.normal * velocity.dot(&pair.normal);
-    let kappa = context.motion[pair.rods[0]]
-        .kappa
-        .max(context.motion[pair.rods[1]].kappa);
+    let kappa = context.motion[pair.rods[0]].kappa.max(context.motion[pair.rods[1]].kappa);
     let per_newton = answer.max(0.0) * kappa;
     let free = velocity - pair.friction * per_newton;
-    let wanted =
-        friction::implicit_force(free, per_newton, limits.friction * pair.force, limits.slip);
+    let wanted = friction::implicit_force(free, per_newton, limits.friction * pair.force, limits.slip);
     pair.friction = wanted - pair.normal * wanted.dot(&pair.normal);
 }

@@ -28,9 +28,7 @@ fn eliminate(matrix: &mut [f64], size: usize) -> bool {
     let mut pivot_row = vec![0.0; size];
     for k in 0..size {
         let magnitude = |r: usize| matrix[r * size + k].abs();
-        let pivot = (k..size)
-            .max_by(|&a, &b| magnitude(a).total_cmp(&magnitude(b)))
-            .unwrap_or(k);
+        let pivot = (k..size).max_by(|&a, &b| magnitude(a).total_cmp(&magnitude(b))).unwrap_or(k);
         let value = matrix[pivot * size + k];
         if value == 0.0 || !value.is_finite() {
             return false;
@@ -89,8 +87,7 @@ impl Panels {
             for column in 0..size {
                 for lane in 0..PANEL.min(size - panel * PANEL) {
                     let row = panel * PANEL + lane;
-                    values[(panel * size + column) * PANEL + lane] =
-                        matrix[row * size + column] as f32;
+                    values[(panel * size + column) * PANEL + lane] = matrix[row * size + column] as f32;
                 }
             }
         }
@@ -99,11 +96,7 @@ impl Panels {
 
     /// `out` = matrix times `vector`; `out` has room for whole panels, see [`Panels::padded`].
     pub fn multiply(&self, vector: &[f32], out: &mut [f32]) {
-        Arch::new().dispatch(Product {
-            panels: self,
-            vector,
-            out,
-        });
+        Arch::new().dispatch(Product { panels: self, vector, out });
     }
 
     /// Length of a result with its padding.
@@ -126,18 +119,11 @@ impl WithSimd for Product<'_> {
         let size = self.panels.size;
         let vectors = PANEL / S::F32_LANES;
         let out = S::as_mut_simd_f32s(self.out).0;
-        for (panel, out) in self
-            .panels
-            .values
-            .chunks_exact(PANEL * size)
-            .zip(out.chunks_exact_mut(vectors))
-        {
+        for (panel, out) in self.panels.values.chunks_exact(PANEL * size).zip(out.chunks_exact_mut(vectors)) {
             // The narrowest vectors have four lanes: eight sums a panel, twice to hide latency.
             let mut even = [simd.splat_f32s(0.0); PANEL / 4];
             let mut odd = even;
-            let mut columns = panel
-                .chunks_exact(2 * PANEL)
-                .zip(self.vector.chunks_exact(2));
+            let mut columns = panel.chunks_exact(2 * PANEL).zip(self.vector.chunks_exact(2));
             for (pair, x) in columns.by_ref() {
                 let values = S::as_simd_f32s(pair).0;
                 let (x0, x1) = (simd.splat_f32s(x[0]), simd.splat_f32s(x[1]));
@@ -168,12 +154,9 @@ mod tests {
     fn inverse_times_matrix_is_one() {
         for size in [1usize, 7, 50, 99] {
             let entry = |r: usize, c: usize| {
-                ((r * 37 + c * 101) % 53) as f64 / 53.0
-                    + if (r + 3) % size == c { 5.0 } else { 0.0 }
+                ((r * 37 + c * 101) % 53) as f64 / 53.0 + if (r + 3) % size == c { 5.0 } else { 0.0 }
             };
-            let matrix: Vec<f64> = (0..size * size)
-                .map(|q| entry(q / size, q % size))
-                .collect();
+            let matrix: Vec<f64> = (0..size * size).map(|q| entry(q / size, q % size)).collect();
             let mut inverse = matrix.clone();
             assert!(invert(&mut inverse, size));
             let panels = Panels::new(&inverse, size);

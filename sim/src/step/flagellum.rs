@@ -82,24 +82,18 @@ impl Flagellum {
 
     /// Recomputes the near band at the trial shape.
     pub fn assemble_near(&mut self) {
-        self.near
-            .assemble(&self.shape.nodes, self.epsilon, self.viscosity);
+        self.near.assemble(&self.shape.nodes, self.epsilon, self.viscosity);
     }
 
     /// Frames, elastic forces and force densities at the trial shape. `weight`: net weight of the rod
     /// in the shaft frame, N/m.
     pub fn update_forces(&mut self, rod: &Rod, state: &RodState, weight: V3) {
         let shape = &self.shape;
-        self.frames
-            .update(&state.frames, &shape.nodes, &shape.angles);
+        self.frames.update(&state.frames, &shape.nodes, &shape.angles);
         rod.gradient(&self.frames, &shape.angles, &mut self.gradient);
         self.density[..CLAMPED].copy_from_slice(&shape.clamp_density);
         for i in CLAMPED..rod.nodes() {
-            let elastic = V3::new(
-                self.gradient[4 * i],
-                self.gradient[4 * i + 1],
-                self.gradient[4 * i + 2],
-            );
+            let elastic = V3::new(self.gradient[4 * i], self.gradient[4 * i + 1], self.gradient[4 * i + 2]);
             self.density[i] = (self.contact[i] - elastic) / rod.nodal_length[i] + weight;
         }
     }
@@ -114,10 +108,7 @@ impl Flagellum {
             let (x1, f1) = (at(e + 1), force(e + 1));
             let length = self.frames.length[e];
             for (point, weight) in self.rule {
-                sources.push(
-                    x + (x1 - x) * *point,
-                    (f + (f1 - f) * *point) * (weight * length),
-                );
+                sources.push(x + (x1 - x) * *point, (f + (f1 - f) * *point) * (weight * length));
             }
             (x, f) = (x1, f1);
         }
@@ -126,18 +117,11 @@ impl Flagellum {
     /// Residual with the sources of the other rod (in this shaft frame); returns its size in m/s.
     ///
     /// `lever`: length in m that makes a twist error comparable to a displacement.
-    pub fn update_residual(
-        &mut self,
-        rod: &Rod,
-        motion: &Kinematics,
-        other: &Sources,
-        lever: f64,
-    ) -> f64 {
+    pub fn update_residual(&mut self, rod: &Rod, motion: &Kinematics, other: &Sources, lever: f64) -> f64 {
         let n = rod.nodes();
         self.near.multiply(&self.density);
         self.sources.clear();
-        self.sources
-            .push_edges(&self.shape.nodes, &self.density, 0..n - 1, self.rule);
+        self.sources.push_edges(&self.shape.nodes, &self.density, 0..n - 1, self.rule);
         self.targets.set(&self.shape.nodes);
         self.targets.add_flow(&self.sources, self.epsilon);
         self.targets.add_flow(other, self.epsilon);
@@ -146,10 +130,7 @@ impl Flagellum {
         let mut largest = 0f64;
         for i in 0..n {
             let x = self.shape.nodes[i];
-            let velocity = x * motion.kappa
-                + self.history[i]
-                + motion.base_velocity
-                + motion.rotation.cross(&x);
+            let velocity = x * motion.kappa + self.history[i] + motion.base_velocity + motion.rotation.cross(&x);
             let slip = velocity - self.near.flow(i) - self.targets.flow(i) * factor;
             largest = largest.max(slip.norm_squared());
             for a in 0..3 {
@@ -165,11 +146,7 @@ impl Flagellum {
         }
         // max() drops a NaN, a sum does not.
         let sum: f64 = self.residual.iter().sum();
-        if sum.is_finite() {
-            largest.sqrt().max(twist * lever * motion.kappa)
-        } else {
-            f64::INFINITY
-        }
+        if sum.is_finite() { largest.sqrt().max(twist * lever * motion.kappa) } else { f64::INFINITY }
     }
 
     /// Velocity of a node in the body's inertial frame, shaft axes, m/s.
@@ -220,9 +197,7 @@ impl Flagellum {
                 self.carried[3 * e + 3 + a] = sum[a] as f32;
             }
         }
-        preconditioner
-            .inverse
-            .multiply(&self.carried, &mut self.product);
+        preconditioner.inverse.multiply(&self.carried, &mut self.product);
         for (slot, value) in self.correction.iter_mut().zip(&self.product) {
             *slot = sign * *value as f64;
         }
@@ -266,10 +241,7 @@ impl Flagellum {
             nodes[e + 1] = end;
         }
         let angles = 3 * (n - CLAMPED);
-        for (angle, change) in self.shape.angles[1..]
-            .iter_mut()
-            .zip(&correction[angles..angles + n - 2])
-        {
+        for (angle, change) in self.shape.angles[1..].iter_mut().zip(&correction[angles..angles + n - 2]) {
             *angle += change;
         }
         let clamp = 4 * (n - CLAMPED);

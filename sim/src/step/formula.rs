@@ -15,11 +15,7 @@ pub const POINTS: usize = 4;
 fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     let x = angle * tau;
     let x2 = x * x;
-    let sine = if x.abs() < 0.05 {
-        tau * (1.0 - x2 / 6.0 + x2 * x2 / 120.0)
-    } else {
-        x.sin() / angle
-    };
+    let sine = if x.abs() < 0.05 { tau * (1.0 - x2 / 6.0 + x2 * x2 / 120.0) } else { x.sin() / angle };
     let versine = if x.abs() < 0.05 {
         tau * tau * (1.0 - x2 / 12.0 + x2 * x2 / 360.0)
     } else {
@@ -39,15 +35,9 @@ fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
 }
 
 /// Solves the small dense system by elimination with pivoting.
-fn solve(
-    size: usize,
-    mut rows: [[f64; POINTS]; POINTS],
-    mut right: [f64; POINTS],
-) -> [f64; POINTS] {
+fn solve(size: usize, mut rows: [[f64; POINTS]; POINTS], mut right: [f64; POINTS]) -> [f64; POINTS] {
     for i in 0..size {
-        let pivot = (i..size)
-            .max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs()))
-            .unwrap_or(i);
+        let pivot = (i..size).max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs())).unwrap_or(i);
         rows.swap(i, pivot);
         right.swap(i, pivot);
         for r in i + 1..size {
@@ -88,11 +78,7 @@ pub fn derivative(angle: f64, times: &[f64]) -> [f64; POINTS] {
 /// Weights b_j of the value at `at` from the values at `times`, with the same exactness.
 pub fn value_at(angle: f64, times: &[f64], at: f64) -> [f64; POINTS] {
     let shifted: [f64; POINTS] = std::array::from_fn(|j| times.get(j).map_or(0.0, |t| t - at));
-    weights(
-        angle,
-        &shifted[..times.len().min(POINTS)],
-        [1.0, 0.0, 0.0, 0.0],
-    )
+    weights(angle, &shifted[..times.len().min(POINTS)], [1.0, 0.0, 0.0, 0.0])
 }
 
 #[cfg(test)]
@@ -114,10 +100,7 @@ mod tests {
             let (a, b) = (derivative(angle, &times), value_at(angle, &times, 0.6));
             let x = |t: f64| 0.3 - 0.2 * t + (angle * t + 0.5).cos();
             let sum = |w: [f64; 4]| -> f64 { w.iter().zip(times).map(|(w, t)| w * x(t)).sum() };
-            assert!(
-                (sum(a) - (-0.2 - angle * 0.5f64.sin())).abs() < 1e-9,
-                "{angle}"
-            );
+            assert!((sum(a) - (-0.2 - angle * 0.5f64.sin())).abs() < 1e-9, "{angle}");
             assert!((sum(b) - x(0.6)).abs() < 1e-9, "{angle}");
         }
     }

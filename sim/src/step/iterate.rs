@@ -16,11 +16,7 @@ const RENEWALS: u32 = 6;
 
 impl Solver {
     fn motion(&self, plan: &Plan, rate: V3) -> [Kinematics; 2] {
-        let rate = if self.closure.two_way() {
-            rate
-        } else {
-            V3::zeros()
-        };
+        let rate = if self.closure.two_way() { rate } else { V3::zeros() };
         [0, 1].map(|k| Kinematics {
             base_velocity: plan.shafts[k].to_shaft(rate.cross(&self.feet[k])),
             rotation: plan.shafts[k].to_shaft(rate) + V3::z() * plan.motors[k].speed,
@@ -30,11 +26,7 @@ impl Solver {
 
     /// Down in the body frame: on a base that is held for its flagella, along its axis.
     pub(super) fn down(&self, body: &Body) -> V3 {
-        if self.closure.two_way() {
-            body.attitude.inverse_transform_vector(&-V3::z())
-        } else {
-            -V3::z()
-        }
+        if self.closure.two_way() { body.attitude.inverse_transform_vector(&-V3::z()) } else { -V3::z() }
     }
 
     fn update_forces(&mut self, state: &State, plan: &Plan, down: V3, k: usize) {
@@ -51,15 +43,8 @@ impl Solver {
         body: &mut BodySolve,
     ) -> Result<(StepReport, [Shape; 2]), StepFailure> {
         let settings = self.robot.solver.clone();
-        let predicted = [
-            self.flagella[0].shape.clone(),
-            self.flagella[1].shape.clone(),
-        ];
-        let helix = self
-            .robot
-            .flagellum
-            .helix_radius_m
-            .max(self.robot.flagellum.rod_radius_m);
+        let predicted = [self.flagella[0].shape.clone(), self.flagella[1].shape.clone()];
+        let helix = self.robot.flagellum.helix_radius_m.max(self.robot.flagellum.rod_radius_m);
         let fastest = plan.motors.iter().fold(0.1f64, |a, m| a.max(m.speed.abs()));
         let reference = fastest * helix;
         let wanted = settings.tolerance * reference;
@@ -79,10 +64,7 @@ impl Solver {
             self.update_forces(state, plan, self.down(&body.body), k);
         }
         if two_way {
-            body.set_response(
-                &plan.shafts,
-                [0, 1].map(|k| &self.cache.get(inverses[k]).response),
-            );
+            body.set_response(&plan.shafts, [0, 1].map(|k| &self.cache.get(inverses[k]).response));
         }
         self.anderson.clear();
         let mut weights: Vec<f64> = Vec::new();
@@ -102,17 +84,8 @@ impl Solver {
             for k in 0..2 {
                 let other = 1 - k;
                 self.sources.clear();
-                self.flagella[other].push_sources(
-                    &plan.shafts[other],
-                    &plan.shafts[k],
-                    &mut self.sources,
-                );
-                let size = self.flagella[k].update_residual(
-                    &self.rods[k],
-                    &motion[k],
-                    &self.sources,
-                    helix,
-                );
+                self.flagella[other].push_sources(&plan.shafts[other], &plan.shafts[k], &mut self.sources);
+                let size = self.flagella[k].update_residual(&self.rods[k], &motion[k], &self.sources, helix);
                 residual = residual.max(size);
                 self.flagella[k].precondition(&self.rods[k], self.cache.get(inverses[k]));
                 self.flagella[k].apply_correction();
@@ -132,12 +105,7 @@ impl Solver {
                     motion: &motion,
                     inverses: [0, 1].map(|k| self.cache.get(inverses[k])),
                 };
-                outcome = self.contacts.sweep(
-                    &mut self.flagella,
-                    &context,
-                    &mut self.lines,
-                    &self.limits,
-                );
+                outcome = self.contacts.sweep(&mut self.flagella, &context, &mut self.lines, &self.limits);
                 self.contacts.load(&mut self.flagella, &plan.shafts);
                 for k in 0..2 {
                     self.update_forces(state, plan, self.down(&body.body), k);
@@ -146,9 +114,7 @@ impl Solver {
             let mut turned = 0.0;
             if two_way {
                 let moment = self.flagella_moment(plan, &body.body);
-                let change = body
-                    .update(&self.base, moment)
-                    .ok_or(StepFailure::Diverged)?;
+                let change = body.update(&self.base, moment).ok_or(StepFailure::Diverged)?;
                 turned = change.norm() * reach;
             }
             let moved = outcome.motion * plan.kappa[0].max(plan.kappa[1]);
@@ -183,11 +149,7 @@ impl Solver {
             }
             if converged {
                 if self.contact_complete(&mut renewed, plan, state, body) {
-                    let report = StepReport {
-                        sweeps: sweep + 1,
-                        residual,
-                        ..StepReport::default()
-                    };
+                    let report = StepReport { sweeps: sweep + 1, residual, ..StepReport::default() };
                     return Ok((report, predicted));
                 }
                 (best, best_at) = (f64::INFINITY, sweep);
@@ -200,20 +162,14 @@ impl Solver {
                 break;
             }
         }
-        Err(StepFailure::Stalled {
-            residual: last.0,
-            wanted,
-            gap: last.1,
-        })
+        Err(StepFailure::Stalled { residual: last.0, wanted, gap: last.1 })
     }
 
     /// Moment of both flagella on the base about the joint, body axes. Contact between them cancels.
     fn flagella_moment(&self, plan: &Plan, body: &Body) -> V3 {
         let mut moment = V3::zeros();
         for k in 0..2 {
-            moment += self.flagella[k]
-                .fluid_load(&self.rods[k], &plan.shafts[k])
-                .moment;
+            moment += self.flagella[k].fluid_load(&self.rods[k], &plan.shafts[k]).moment;
             if self.robot.base.flagella_weight_on_base {
                 moment += self.weight_load(plan, self.down(body), k).moment;
             }
@@ -227,11 +183,8 @@ impl Solver {
     }
 
     fn begin_contact(&mut self, state: &State) {
-        let found = if self.robot.contact.enabled {
-            self.broad.search(&self.lines, self.watched())
-        } else {
-            Vec::new()
-        };
+        let found =
+            if self.robot.contact.enabled { self.broad.search(&self.lines, self.watched()) } else { Vec::new() };
         let edge = self.rods[0].rest_length[0];
         let pairs = pairs::hand_over(&state.pairs, found, edge, self.limits.distance);
         self.contacts.begin(pairs, state.contact_stiffness);
@@ -245,24 +198,13 @@ impl Solver {
         update_lines(&self.flagella, &self.shafts, &mut self.lines);
         let found = self.broad.search(&self.lines, self.watched());
         let overlap = 0.3 * self.robot.contact.tolerance_m;
-        let added = pairs::extend(
-            &mut self.contacts.pairs,
-            found,
-            self.limits.distance,
-            overlap,
-        );
+        let added = pairs::extend(&mut self.contacts.pairs, found, self.limits.distance, overlap);
         self.contacts.grow();
         added
     }
 
     /// Whether the pairs that were solved are all that matter, and their held geometry is the true one.
-    fn contact_complete(
-        &mut self,
-        renewed: &mut u32,
-        plan: &Plan,
-        state: &State,
-        body: &BodySolve,
-    ) -> bool {
+    fn contact_complete(&mut self, renewed: &mut u32, plan: &Plan, state: &State, body: &BodySolve) -> bool {
         let mut complete = self.extend_contact() == 0;
         if self.contacts.frozen && *renewed < RENEWALS {
             let slack = 0.5 * self.robot.contact.tolerance_m;

@@ -153,10 +153,7 @@ impl Solver {
             friction: robot.contact.friction,
             slip: robot.contact.slip_speed_m_s,
         };
-        let flagella = [
-            Flagellum::new(robot, &rods[0]),
-            Flagellum::new(robot, &rods[1]),
-        ];
+        let flagella = [Flagellum::new(robot, &rods[0]), Flagellum::new(robot, &rods[1])];
         Ok(Self {
             base: Base::new(robot, closure, resistance),
             broad: BroadPhase::new(&rods, radius),
@@ -205,12 +202,7 @@ impl Solver {
     pub fn lines(&self, state: &State) -> Lines {
         [0, 1].map(|k| {
             let shaft = Shaft::new(self.feet[k], state.motors[k].angle);
-            state.rods[k]
-                .shape
-                .nodes
-                .iter()
-                .map(|x| shaft.point_to_body(*x))
-                .collect()
+            state.rods[k].shape.nodes.iter().map(|x| shaft.point_to_body(*x)).collect()
         })
     }
 
@@ -223,12 +215,7 @@ impl Solver {
     /// Net weight of a flagellum in body axes, moment about the joint; `down`: body axes.
     fn weight_load(&self, plan: &Plan, down: V3, k: usize) -> Load {
         let mut load = Load::default();
-        for (x, length) in self.flagella[k]
-            .shape
-            .nodes
-            .iter()
-            .zip(&self.rods[k].nodal_length)
-        {
+        for (x, length) in self.flagella[k].shape.nodes.iter().zip(&self.rods[k].nodal_length) {
             let force = down * (self.robot.net_weight() * length);
             load.force += force;
             load.moment += plan.shafts[k].point_to_body(*x).cross(&force);
@@ -239,12 +226,7 @@ impl Solver {
     /// Advances the state by `step` seconds, with the motors at `motors` in the end.
     ///
     /// On failure the state is as it was.
-    pub fn step(
-        &mut self,
-        state: &mut State,
-        step: f64,
-        motors: [Motor; 2],
-    ) -> Result<StepReport, StepFailure> {
+    pub fn step(&mut self, state: &mut State, step: f64, motors: [Motor; 2]) -> Result<StepReport, StepFailure> {
         let plan = Plan::new(self, state, step, motors);
         self.shafts = plan.shafts;
         let inverses = self.inverses(&plan)?;
@@ -266,10 +248,7 @@ impl Solver {
         // Twice: adding the second may drop the first.
         for _ in 0..2 {
             for k in 0..2 {
-                found[k] = self
-                    .cache
-                    .find(keys[k], &self.rods[k], epsilon, viscosity)
-                    .ok_or(StepFailure::Singular)?;
+                found[k] = self.cache.find(keys[k], &self.rods[k], epsilon, viscosity).ok_or(StepFailure::Singular)?;
             }
         }
         Ok(found)
@@ -306,17 +285,10 @@ impl Solver {
                 .fold(0.0, f64::max)
                 .sqrt()
                 / PREDICTION_FACTOR;
-            let helix = self
-                .robot
-                .flagellum
-                .helix_radius_m
-                .max(self.robot.flagellum.rod_radius_m);
+            let helix = self.robot.flagellum.helix_radius_m.max(self.robot.flagellum.rod_radius_m);
             let allowed = RESOLVED * helix;
             if report.error > allowed {
-                return Err(StepFailure::Unresolved {
-                    error: report.error,
-                    allowed,
-                });
+                return Err(StepFailure::Unresolved { error: report.error, allowed });
             }
         }
         let fluid = [0, 1].map(|k| self.flagella[k].fluid_load(&self.rods[k], &plan.shafts[k]));
@@ -329,8 +301,7 @@ impl Solver {
                 axial_torque: fluid[k].axial_torque + contact[k].axial_torque,
             });
             let moment = flagella_moment(self.closure, &loads, self.robot.base.motor_distance_m);
-            let mut alone =
-                BodySolve::new(state, &plan.body_weights, &plan.body_prediction, plan.step);
+            let mut alone = BodySolve::new(state, &plan.body_weights, &plan.body_prediction, plan.step);
             if !alone.solve(&self.base, moment) {
                 return Err(StepFailure::Diverged);
             }
@@ -363,11 +334,7 @@ impl Solver {
         state.motors = plan.motors;
         state.body = next;
         state.pairs.clone_from(&self.contacts.pairs);
-        state.steps_since_contact = if report.touching > 0 {
-            0
-        } else {
-            state.steps_since_contact.saturating_add(1)
-        };
+        state.steps_since_contact = if report.touching > 0 { 0 } else { state.steps_since_contact.saturating_add(1) };
         // No pair may penetrate by more than the tolerance: half of it is the law's, the rest the iteration's.
         if report.largest_force > 0.5 * self.robot.contact.tolerance_m * state.contact_stiffness {
             state.contact_stiffness *= 4.0;
@@ -400,16 +367,11 @@ fn pair_resistance(robot: &Robot, rods: &[Rod; 2], feet: &[V3; 2]) -> Option<Mat
     for angle in angles {
         let lines = [0, 1].map(|k| -> Vec<V3> {
             let shaft = Shaft::new(feet[k], angle);
-            rods[k]
-                .shape
-                .iter()
-                .map(|x| shaft.point_to_body(*x))
-                .collect()
+            rods[k].shape.iter().map(|x| shaft.point_to_body(*x)).collect()
         });
         let views = [lines[0].as_slice(), lines[1].as_slice()];
         let (epsilon, viscosity) = (robot.epsilon(), robot.fluid.viscosity());
-        mean +=
-            rotational_resistance(&views, V3::zeros(), epsilon, viscosity)? / angles.len() as f64;
+        mean += rotational_resistance(&views, V3::zeros(), epsilon, viscosity)? / angles.len() as f64;
     }
     Some(0.5 * (mean + mean.transpose()))
 }

@@ -41,19 +41,10 @@ impl Plan {
         let mut times = vec![0.0, -1.0];
         times.extend(state.past.iter().map(|p| (p.time - time) / step));
         let points = POINTS.min(times.len());
-        let most = if state.steps_since_contact < AFTER_CONTACT {
-            POINTS - 1
-        } else {
-            POINTS
-        };
+        let most = if state.steps_since_contact < AFTER_CONTACT { POINTS - 1 } else { POINTS };
         let predicted_from = most.min(times.len() - 1);
         let (past, behind) = (&times[..points], &times[1..1 + predicted_from]);
-        let formula = |speed: f64| {
-            (
-                derivative(speed.abs() * step, past),
-                value_at(speed.abs() * step, behind, 0.0),
-            )
-        };
+        let formula = |speed: f64| (derivative(speed.abs() * step, past), value_at(speed.abs() * step, behind, 0.0));
         let rods = motors.map(|m| formula(m.speed));
         // The body follows both motors; the faster one needs the fit.
         let fastest = motors[0].speed.abs().max(motors[1].speed.abs());

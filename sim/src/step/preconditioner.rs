@@ -34,11 +34,7 @@ impl Key {
     /// For rod design `rod`, `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
     pub fn new(rod: usize, kappa: f64, speed: f64) -> Self {
         let rung = (kappa.ln() / RUNG.ln()).round() as i32;
-        Self {
-            rod,
-            rung,
-            spin: (speed / kappa / SPIN).round() as i32,
-        }
+        Self { rod, rung, spin: (speed / kappa / SPIN).round() as i32 }
     }
 
     fn kappa(&self) -> f64 {
@@ -83,8 +79,7 @@ impl Cache {
         if self.designs.len() <= key.rod {
             self.designs.resize(key.rod + 1, None);
         }
-        let design =
-            self.designs[key.rod].get_or_insert_with(|| Design::new(rod, epsilon, viscosity));
+        let design = self.designs[key.rod].get_or_insert_with(|| Design::new(rod, epsilon, viscosity));
         let built = design.build(rod, key)?;
         self.built += 1;
         if self.entries.len() == KEPT {
@@ -121,20 +116,12 @@ impl Design {
                     };
                     let value = weight * hessian.get(row, column);
                     if value != 0.0 {
-                        elastic.column_mut(unknown).axpy(
-                            value,
-                            &mobility.column(3 * node + a),
-                            1.0,
-                        );
+                        elastic.column_mut(unknown).axpy(value, &mobility.column(3 * node + a), 1.0);
                     }
                 }
             }
         }
-        Self {
-            mobility,
-            elastic,
-            hessian,
-        }
+        Self { mobility, elastic, hessian }
     }
 
     fn build(&self, rod: &Rod, key: Key) -> Option<Preconditioner> {
@@ -174,10 +161,7 @@ impl Design {
             return None;
         }
         let response = self.response(rod, &matrix, kappa);
-        Some(Preconditioner {
-            inverse: Panels::new(&matrix, size),
-            response,
-        })
+        Some(Preconditioner { inverse: Panels::new(&matrix, size), response })
     }
 
     fn response(&self, rod: &Rod, inverse: &[f64], kappa: f64) -> Matrix6<f64> {
@@ -195,13 +179,8 @@ impl Design {
                     rows[3 * i + a] = velocity[a] / kappa;
                 }
             }
-            let correction: Vec<f64> = (0..size)
-                .map(|r| {
-                    -(0..3 * n)
-                        .map(|c| inverse[r * size + c] * rows[c])
-                        .sum::<f64>()
-                })
-                .collect();
+            let correction: Vec<f64> =
+                (0..size).map(|r| -(0..3 * n).map(|c| inverse[r * size + c] * rows[c]).sum::<f64>()).collect();
             for (i, x) in rod.shape.iter().enumerate() {
                 let mut force = V3::zeros();
                 for a in 0..3 {
@@ -211,9 +190,7 @@ impl Design {
                         let row = 4 * i + a;
                         self.hessian
                             .columns(row)
-                            .filter_map(|c| {
-                                unknown_of(c, n).map(|u| self.hessian.get(row, c) * correction[u])
-                            })
+                            .filter_map(|c| unknown_of(c, n).map(|u| self.hessian.get(row, c) * correction[u]))
                             .sum()
                     };
                 }

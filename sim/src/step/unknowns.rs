@@ -13,11 +13,7 @@ impl Solver {
         for flagellum in &self.flagella {
             let shape = &flagellum.shape;
             out.extend(shape.nodes[CLAMPED..].iter().flat_map(|x| [x.x, x.y, x.z]));
-            out.extend(
-                shape.nodes[CLAMPED - 1..]
-                    .windows(2)
-                    .map(|p| (p[1] - p[0]).norm()),
-            );
+            out.extend(shape.nodes[CLAMPED - 1..].windows(2).map(|p| (p[1] - p[0]).norm()));
             out.extend(&shape.angles[1..]);
             out.extend(shape.clamp_density.iter().flat_map(|f| [f.x, f.y, f.z]));
         }
@@ -29,12 +25,7 @@ impl Solver {
     /// Weights that make the unknowns comparable, in m a unit.
     pub(super) fn weights(&self, step: f64) -> Vec<f64> {
         let mut out = Vec::new();
-        let twist = 0.3
-            * self
-                .robot
-                .flagellum
-                .helix_radius_m
-                .max(self.robot.flagellum.rod_radius_m);
+        let twist = 0.3 * self.robot.flagellum.helix_radius_m.max(self.robot.flagellum.rod_radius_m);
         let drag = 0.1 * step / self.robot.fluid.viscosity();
         for rod in &self.rods {
             let free = rod.nodes() - CLAMPED;
@@ -53,10 +44,7 @@ impl Solver {
         let mut next = || values.next().unwrap_or(0.0);
         for flagellum in &mut self.flagella {
             let shape = &mut flagellum.shape;
-            let nodes: Vec<V3> = shape.nodes[CLAMPED..]
-                .iter()
-                .map(|_| V3::new(next(), next(), next()))
-                .collect();
+            let nodes: Vec<V3> = shape.nodes[CLAMPED..].iter().map(|_| V3::new(next(), next(), next())).collect();
             let mut end = shape.nodes[CLAMPED - 1];
             let mut before = end;
             for (slot, node) in shape.nodes[CLAMPED..].iter_mut().zip(&nodes) {

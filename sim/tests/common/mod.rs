@@ -9,10 +9,7 @@ use std::collections::HashMap;
 /// Adds a row to the table and holds the measured value to its bound.
 pub fn prove(check: &str, measured: f64, bound: f64) {
     let holds = measured <= bound;
-    println!(
-        "| {check} | {measured:.2e} | {bound:.1e} | {} |",
-        if holds { "holds" } else { "FAILS" }
-    );
+    println!("| {check} | {measured:.2e} | {bound:.1e} | {} |", if holds { "holds" } else { "FAILS" });
     assert!(holds, "{check}: {measured:e} above {bound:e}");
 }
 
@@ -41,14 +38,8 @@ impl Series {
         let text = read(name);
         let mut lines = text.lines().filter(|l| !l.starts_with('#'));
         let header = lines.next().expect("a header");
-        let columns = header
-            .split(',')
-            .enumerate()
-            .map(|(i, c)| (c.to_string(), i))
-            .collect();
-        let rows = lines
-            .map(|l| l.split(',').map(|v| v.parse().expect("a number")).collect())
-            .collect();
+        let columns = header.split(',').enumerate().map(|(i, c)| (c.to_string(), i)).collect();
+        let rows = lines.map(|l| l.split(',').map(|v| v.parse().expect("a number")).collect()).collect();
         Self { columns, rows }
     }
 
@@ -72,21 +63,12 @@ impl Series {
 /// Rows of a static solve: nodes of each rod, velocities, force densities.
 pub fn static_solve(name: &str) -> (Vec<Vec<V3>>, Vec<V3>, Vec<V3>) {
     let (mut lines, mut velocity, mut force) = (Vec::<Vec<V3>>::new(), vec![], vec![]);
-    for row in read(name)
-        .lines()
-        .filter(|l| l.starts_with(|c: char| c.is_ascii_digit()))
-    {
-        let v: Vec<f64> = row
-            .split(',')
-            .map(|c| c.parse().expect("a number"))
-            .collect();
+    for row in read(name).lines().filter(|l| l.starts_with(|c: char| c.is_ascii_digit())) {
+        let v: Vec<f64> = row.split(',').map(|c| c.parse().expect("a number")).collect();
         if lines.len() < v[0] as usize {
             lines.push(vec![]);
         }
-        lines
-            .last_mut()
-            .expect("a rod")
-            .push(V3::new(v[2], v[3], v[4]));
+        lines.last_mut().expect("a rod").push(V3::new(v[2], v[3], v[4]));
         velocity.push(V3::new(v[5], v[6], v[7]));
         force.push(V3::new(v[9], v[10], v[11]));
     }
