@@ -5,6 +5,7 @@
 
 pub mod contact;
 pub mod fluid;
+mod lanes;
 pub mod params;
 pub mod profile;
 pub mod robot;

@@ -283,7 +283,7 @@ pub struct Solver {
     /// Longest step in s (0.1).
     pub longest_step_s: f64,
     /// Velocity residual at which an iteration stops, before its last update, relative to the largest
-    /// speed of the helix (0.01). Mean forces carry about a tenth of it.
+    /// speed of the helix (0.02). Mean forces carry about a tenth of it.
     pub tolerance: f64,
     /// How often a step may be halved before the trial stops with an error (8).
     pub halvings: u32,
@@ -303,7 +303,7 @@ impl Default for Solver {
             step_rad: 0.38,
             contact_step_rad: 0.25,
             longest_step_s: 0.1,
-            tolerance: 0.01,
+            tolerance: 0.02,
             halvings: 8,
             sweeps: 25,
             near_edges: 2,

@@ -249,7 +249,7 @@ fn converges_in_time() {
 #[test]
 fn converges_in_edge_length() {
     // At the regularisation of the default robot.
-    let with = |edges: usize| thrust(|_| {}, Some(edges));
+    let with = |edges: usize| thrust(|r| r.solver.tolerance = 1e-3, Some(edges));
     let values = [24, 49, 98].map(|edges| (edges, with(edges)));
     for (edges, v) in &values {
         println!(

@@ -19,7 +19,7 @@ pub struct StepError {
 }
 
 /// Halvings of the first step: it starts from rest with a formula of first order.
-const FIRST_LEVEL: u32 = 4;
+const FIRST_LEVEL: u32 = 3;
 /// Good steps before the next one may be longer.
 const GOOD_STEPS: u32 = 4;
 /// A step with more sweeps than this does not make the next one longer.

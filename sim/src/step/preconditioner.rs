@@ -16,9 +16,9 @@ use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames};
 use nalgebra::{DMatrix, Matrix6};
 
 /// Ratio of neighbouring values of kappa.
-const RUNG: f64 = 1.12;
+const RUNG: f64 = 1.25;
 /// Neighbouring values of the spin are this far apart.
-const SPIN: f64 = 0.05;
+const SPIN: f64 = 0.1;
 /// Inverses kept; a ramp visits many keys, a steady trial two to ten.
 const KEPT: usize = 24;
 
