@@ -341,6 +341,13 @@ impl Robot {
         2.0 * PI * self.fluid.viscosity() * self.base.rotational_drag * self.base.radius_m.powi(3)
     }
 
+    /// Drag on the spin of a rod about its centre line, N m s a metre and radian: 4 pi mu r^2, that of a
+    /// round rod. It acts on the spin in the shaft frame, which vanishes in the mean: without it the twist
+    /// would have no time of its own, and where it snaps no solution.
+    pub fn spin_drag(&self) -> f64 {
+        4.0 * PI * self.fluid.viscosity() * self.flagellum.rod_radius_m.powi(2)
+    }
+
     /// Weight less buoyancy of the rod in N/m, downwards.
     pub fn net_weight(&self) -> f64 {
         let area = PI * self.flagellum.rod_radius_m.powi(2);

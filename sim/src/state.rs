@@ -79,6 +79,8 @@ pub struct State {
     pub level: u32,
     /// Steps since the level last changed.
     pub steps_at_level: u32,
+    /// Steps that still get inverses of their own.
+    pub own_inverses: u32,
     /// Steps since rods last pressed on each other.
     pub steps_since_contact: u32,
 }
@@ -97,6 +99,7 @@ impl State {
             contact_stiffness,
             level: 0,
             steps_at_level: 0,
+            own_inverses: 0,
             steps_since_contact: u32::MAX,
         }
     }

@@ -24,6 +24,10 @@ const FIRST_LEVEL: u32 = 3;
 const GOOD_STEPS: u32 = 4;
 /// A step with more sweeps than this does not make the next one longer.
 const EASY_SWEEPS: u32 = 9;
+/// Steps that get inverses of their own once one has needed it.
+const OWN_INVERSES: u32 = 12;
+/// Halvings after which steps in contact, too, are tried with inverses of their own.
+const DEEP: u32 = 4;
 /// Steps after contact during which steps stay short.
 const WATCHFUL: u32 = 40;
 
@@ -79,8 +83,10 @@ impl Solver {
             } else {
                 wanted
             };
-            match self.step(state, step, motors(state.time + step)) {
+            let own = state.own_inverses > 0;
+            match self.step(state, step, motors(state.time + step), own) {
                 Ok(report) => {
+                    state.own_inverses = state.own_inverses.saturating_sub(1);
                     if step >= left {
                         // A sum of steps may miss the end by a rounding error, and leave a sliver.
                         state.time = until;
@@ -91,6 +97,11 @@ impl Solver {
                         state.steps_at_level = 0;
                     }
                     return Ok(report);
+                }
+                Err(StepFailure::Stalled { .. } | StepFailure::Diverged)
+                    if !own && (state.pairs.is_empty() || state.level >= DEEP) =>
+                {
+                    state.own_inverses = OWN_INVERSES;
                 }
                 Err(failure) => {
                     if state.level >= self.robot.solver.halvings {

@@ -177,7 +177,6 @@ impl Contacts {
             right[row] -= (0..size).map(|c| matrix[row * size + c] * before[c]).sum::<f64>();
             matrix[row * size + row] += 1.0 / self.stiffness;
         }
-        let diagonal: Vec<f64> = (0..size).map(|r| matrix[r * size + r]).collect();
         let mut force = before.clone();
         complementarity::solve(&matrix, &right, &mut force, 1e-8);
         if force.iter().any(|l| l.is_nan() || *l >= limits.largest_force) {
@@ -207,8 +206,13 @@ impl Contacts {
         update_lines(flagella, context.shafts, lines);
         self.refresh(lines);
         if limits.friction > 0.0 {
-            for (i, &q) in set.iter().enumerate() {
-                rub(&mut self.pairs[q], flagella, context, diagonal[i], limits);
+            for (row, &q) in set.iter().enumerate() {
+                // Neighbouring pairs rub together: the answer to all of them keeps the iteration stable.
+                let answer = (0..size)
+                    .filter(|&c| force[c] > 0.0)
+                    .map(|c| matrix[row * size + c].abs())
+                    .sum();
+                rub(&mut self.pairs[q], flagella, context, answer, limits);
             }
         }
         Outcome { violation: self.violation(limits), motion }

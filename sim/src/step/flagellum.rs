@@ -40,6 +40,12 @@ pub struct Flagellum {
     pub contact: Vec<V3>,
     /// Sum over the past of the time formula's weights times the nodes, over the step: m/s.
     pub history: Vec<V3>,
+    /// The same for the angles of the edges, rad/s.
+    pub angle_history: Vec<f64>,
+    /// First weight of the time formula over the step, 1/s.
+    pub kappa: f64,
+    /// Drag on the spin of an edge, N m s a metre and radian.
+    spin_drag: f64,
     /// Residual over kappa: 3 n rows in m, then n - 2 torque rows in rad.
     residual: Vec<f64>,
     /// Correction of the unknowns, see [`super::preconditioner`].
@@ -66,6 +72,9 @@ impl Flagellum {
             density: vec![V3::zeros(); n],
             contact: vec![V3::zeros(); n],
             history: vec![V3::zeros(); n],
+            angle_history: vec![0.0; n - 1],
+            kappa: 1.0,
+            spin_drag: robot.spin_drag(),
             residual: vec![0.0; 4 * n - 2],
             correction: vec![0.0; 4 * n - 2],
             gradient: vec![0.0; 4 * n],
@@ -116,8 +125,14 @@ impl Flagellum {
 
     /// Residual with the sources of the other rod (in this shaft frame); returns its size in m/s.
     ///
-    /// `lever`: length in m that makes a twist error comparable to a displacement.
-    pub fn update_residual(&mut self, rod: &Rod, motion: &Kinematics, other: &Sources, lever: f64) -> f64 {
+    /// `lever`: velocity in m/s that a twist error of one radian counts for.
+    pub fn update_residual(
+        &mut self,
+        rod: &Rod,
+        motion: &Kinematics,
+        other: &Sources,
+        lever: f64,
+    ) -> f64 {
         let n = rod.nodes();
         self.near.multiply(&self.density);
         self.sources.clear();
@@ -140,13 +155,24 @@ impl Flagellum {
         let scale = torque_scale(rod);
         let mut twist = 0f64;
         for e in 1..n - 1 {
-            let row = scale * self.gradient[4 * e + 3];
+            let row = scale * (self.gradient[4 * e + 3] - self.spin_torque(e));
             self.residual[3 * n + e - 1] = row;
             twist = twist.max(row.abs());
         }
         // max() drops a NaN, a sum does not.
         let sum: f64 = self.residual.iter().sum();
-        if sum.is_finite() { largest.sqrt().max(twist * lever * motion.kappa) } else { f64::INFINITY }
+        if sum.is_finite() {
+            largest.sqrt().max(twist * lever)
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// Torque of the fluid on an edge about its tangent, N m, against its spin in the shaft frame.
+    #[inline(always)]
+    fn spin_torque(&self, e: usize) -> f64 {
+        let rate = self.shape.angles[e] * self.kappa + self.angle_history[e];
+        -self.spin_drag * self.frames.length[e] * rate
     }
 
     /// Velocity of a node in the body's inertial frame, shaft axes, m/s.
@@ -175,21 +201,21 @@ impl Flagellum {
     }
 
     /// The product with the frozen inverse: differences between neighbours are turned edge by edge from
-    /// today's material frames to those of the stress-free shape, and back.
+    /// today's material frames to those at its factorisation, and back.
     fn carry(&mut self, rod: &Rod, preconditioner: &Preconditioner, rows: &[f64], sign: f64) {
         let n = rod.nodes();
         let at = |v: &[f64], i: usize| V3::new(v[3 * i], v[3 * i + 1], v[3 * i + 2]);
         for (slot, value) in self.carried.iter_mut().zip(rows) {
             *slot = *value as f32;
         }
-        let rest = &rod.rest_frames;
+        let built = &preconditioner.frames;
         let mut sum = at(rows, 1);
         let mut last = sum;
         for e in 1..n - 1 {
             let next = at(rows, e + 1);
             let step = next - last;
             last = next;
-            let (t, d1) = (rest.tangent[e], rest.director[e]);
+            let [t, d1] = built[e];
             sum += t * step.dot(&self.frames.tangent[e])
                 + d1 * step.dot(&self.frames.m1[e])
                 + t.cross(&d1) * step.dot(&self.frames.m2[e]);
@@ -207,7 +233,7 @@ impl Flagellum {
             let next = at(&self.correction, e - 1);
             let step = next - last;
             last = next;
-            let (t, d1) = (rest.tangent[e], rest.director[e]);
+            let [t, d1] = built[e];
             sum += self.frames.tangent[e] * step.dot(&t)
                 + self.frames.m1[e] * step.dot(&d1)
                 + self.frames.m2[e] * step.dot(&t.cross(&d1));
@@ -268,6 +294,11 @@ impl Flagellum {
             load.force += force;
             load.axial_torque += x.x * force.y - x.y * force.x;
             load.moment += x.cross(&force);
+        }
+        for e in 1..self.frames.length.len() {
+            let torque = self.frames.tangent[e] * self.spin_torque(e);
+            load.axial_torque += torque.z;
+            load.moment += torque;
         }
         load.force = shaft.to_body(load.force);
         load.moment = shaft.to_body(load.moment) + shaft.foot.cross(&load.force);

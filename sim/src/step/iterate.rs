@@ -3,12 +3,16 @@
 use super::body_solve::BodySolve;
 use super::contact_sweep::{self, Context, update_lines};
 use super::flagellum::Kinematics;
+use super::preconditioner::Preconditioner;
 use super::{Plan, Solver, StepFailure, StepReport};
 use crate::V3;
 use crate::contact::pairs::{self};
 use crate::robot::body::Body;
 use crate::state::{Shape, State};
+use std::sync::Arc;
 
+/// A twist error of one radian counts as this many times the largest speed of the helix.
+const TWIST_LEVER: f64 = 5.0;
 /// Sweeps after which closest points and normals are held.
 const GEOMETRY_SWEEPS: u32 = 4;
 /// How often held points may be renewed when the true distances disagree.
@@ -29,7 +33,7 @@ impl Solver {
         if self.closure.two_way() { body.attitude.inverse_transform_vector(&-V3::z()) } else { -V3::z() }
     }
 
-    fn update_forces(&mut self, state: &State, plan: &Plan, down: V3, k: usize) {
+    pub(super) fn update_forces(&mut self, state: &State, plan: &Plan, down: V3, k: usize) {
         let weight = plan.shafts[k].to_shaft(down) * self.robot.net_weight();
         self.flagella[k].update_forces(&self.rods[k], &state.rods[k], weight);
     }
@@ -39,7 +43,7 @@ impl Solver {
         &mut self,
         state: &State,
         plan: &Plan,
-        inverses: [usize; 2],
+        inverses: &[Arc<Preconditioner>; 2],
         body: &mut BodySolve,
     ) -> Result<(StepReport, [Shape; 2]), StepFailure> {
         let settings = self.robot.solver.clone();
@@ -48,6 +52,8 @@ impl Solver {
         let fastest = plan.motors.iter().fold(0.1f64, |a, m| a.max(m.speed.abs()));
         let reference = fastest * helix;
         let wanted = settings.tolerance * reference;
+        // Independent of the step: where the twist is about to snap, a small imbalance may stay.
+        let lever = TWIST_LEVER * reference;
         let gap_wanted = 0.25 * self.robot.contact.tolerance_m;
         let reach = self.robot.flagellum.axial_length_m + self.robot.base.height_m;
         let two_way = self.closure.two_way();
@@ -64,7 +70,7 @@ impl Solver {
             self.update_forces(state, plan, self.down(&body.body), k);
         }
         if two_way {
-            body.set_response(&plan.shafts, [0, 1].map(|k| &self.cache.get(inverses[k]).response));
+            body.set_response(&plan.shafts, [&inverses[0].response, &inverses[1].response]);
         }
         self.anderson.clear();
         let mut weights: Vec<f64> = Vec::new();
@@ -84,10 +90,19 @@ impl Solver {
             for k in 0..2 {
                 let other = 1 - k;
                 self.sources.clear();
-                self.flagella[other].push_sources(&plan.shafts[other], &plan.shafts[k], &mut self.sources);
-                let size = self.flagella[k].update_residual(&self.rods[k], &motion[k], &self.sources, helix);
+                self.flagella[other].push_sources(
+                    &plan.shafts[other],
+                    &plan.shafts[k],
+                    &mut self.sources,
+                );
+                let size = self.flagella[k].update_residual(
+                    &self.rods[k],
+                    &motion[k],
+                    &self.sources,
+                    lever,
+                );
                 residual = residual.max(size);
-                self.flagella[k].precondition(&self.rods[k], self.cache.get(inverses[k]));
+                self.flagella[k].precondition(&self.rods[k], &inverses[k]);
                 self.flagella[k].apply_correction();
                 if !contact {
                     self.update_forces(state, plan, self.down(&body.body), k);
@@ -103,7 +118,7 @@ impl Solver {
                     rods: &self.rods,
                     shafts: &plan.shafts,
                     motion: &motion,
-                    inverses: [0, 1].map(|k| self.cache.get(inverses[k])),
+                    inverses: [&*inverses[0], &*inverses[1]],
                 };
                 outcome = self.contacts.sweep(&mut self.flagella, &context, &mut self.lines, &self.limits);
                 self.contacts.load(&mut self.flagella, &plan.shafts);

@@ -35,7 +35,8 @@ use flagellum::Flagellum;
 use formula::POINTS;
 use nalgebra::Matrix3;
 use plan::Plan;
-use preconditioner::{Cache, Key};
+use preconditioner::{Cache, FluidNumbers, Key, Preconditioner};
+use std::sync::Arc;
 
 /// Why a step does not count; a shorter one may.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -225,33 +226,67 @@ impl Solver {
 
     /// Advances the state by `step` seconds, with the motors at `motors` in the end.
     ///
-    /// On failure the state is as it was.
-    pub fn step(&mut self, state: &mut State, step: f64, motors: [Motor; 2]) -> Result<StepReport, StepFailure> {
+    /// `own_inverse`: with an inverse built at the predicted shape, dear but good where rods are about to
+    /// buckle. On failure the state is as it was.
+    pub fn step(
+        &mut self,
+        state: &mut State,
+        step: f64,
+        motors: [Motor; 2],
+        own_inverse: bool,
+    ) -> Result<StepReport, StepFailure> {
         let plan = Plan::new(self, state, step, motors);
         self.shafts = plan.shafts;
-        let inverses = self.inverses(&plan)?;
         self.predict(state, &plan);
+        let inverses = if own_inverse {
+            self.own_inverses(state, &plan)
+        } else {
+            self.inverses(&plan)
+        };
+        let inverses = inverses.ok_or(StepFailure::Singular)?;
         let mut body = BodySolve::new(state, &plan.body_weights, &plan.body_prediction, step);
-        let (report, predicted) = self.iterate(state, &plan, inverses, &mut body)?;
+        let (report, predicted) = self.iterate(state, &plan, &inverses, &mut body)?;
         self.accept(state, &plan, body, report, predicted)
     }
 
-    fn inverses(&mut self, plan: &Plan) -> Result<[usize; 2], StepFailure> {
-        let (epsilon, viscosity) = (self.robot.epsilon(), self.robot.fluid.viscosity());
-        let handedness = self.robot.flagellum.handedness;
-        let key = |k: usize| {
-            let design = if handedness[k] == handedness[0] { 0 } else { k };
-            Key::new(design, plan.kappa[k], plan.motors[k].speed)
-        };
-        let keys = [key(0), key(1)];
-        let mut found = [0; 2];
-        // Twice: adding the second may drop the first.
-        for _ in 0..2 {
-            for k in 0..2 {
-                found[k] = self.cache.find(keys[k], &self.rods[k], epsilon, viscosity).ok_or(StepFailure::Singular)?;
-            }
+    fn fluid(&self) -> FluidNumbers {
+        FluidNumbers {
+            epsilon: self.robot.epsilon(),
+            viscosity: self.robot.fluid.viscosity(),
+            spin_drag: self.robot.spin_drag(),
         }
-        Ok(found)
+    }
+
+    /// Frozen inverses of the stress-free shape.
+    fn inverses(&mut self, plan: &Plan) -> Option<[Arc<Preconditioner>; 2]> {
+        let fluid = self.fluid();
+        let handedness = self.robot.flagellum.handedness;
+        let mut find = |k: usize| {
+            let design = if handedness[k] == handedness[0] { 0 } else { k };
+            let key = Key::new(design, plan.kappa[k], plan.motors[k].speed);
+            self.cache.find(key, &self.rods[k], fluid)
+        };
+        Some([find(0)?, find(1)?])
+    }
+
+    /// Inverses at the predicted shapes, for this step alone.
+    fn own_inverses(&mut self, state: &State, plan: &Plan) -> Option<[Arc<Preconditioner>; 2]> {
+        let fluid = self.fluid();
+        let down = self.down(&state.body);
+        let mut build = |k: usize| {
+            self.update_forces(state, plan, down, k);
+            let flagellum = &self.flagella[k];
+            let time = (plan.kappa[k], plan.motors[k].speed);
+            Preconditioner::at_shape(
+                &self.rods[k],
+                &flagellum.shape,
+                &flagellum.frames,
+                time,
+                fluid,
+            )
+            .map(Arc::new)
+        };
+        Some([build(0)?, build(1)?])
     }
 
     /// The checks that let a step count, and the new state.

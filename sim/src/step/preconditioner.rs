@@ -5,15 +5,18 @@
 //! (n - 2). With kappa = a_0/step (1/s) and spin s = omega/kappa the velocity rows, divided by a_0, are
 //! x + s z x x + (1/kappa) M w^-1 K x - (1/kappa) M f; torque rows are scaled by length/GJ.
 //!
-//! It is always built at the stress-free shape (one built under load makes later steps diverge), with
-//! kappa and s rounded to a grid: it depends on nothing but its key, so a restored state goes on bit
-//! for bit as the original would.
+//! It is built at the stress-free shape (one built under load makes later steps diverge), with kappa and
+//! s rounded to a grid: it depends on nothing but its key, so a restored state goes on bit for bit as the
+//! original would. Where a rod is about to buckle or snap that one stalls; then a step may have an
+//! inverse of its own, built at its predicted shape and forgotten after it.
 
 use super::dense::{Panels, invert};
 use crate::V3;
 use crate::fluid::mobility::mobility;
 use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames};
+use crate::state::Shape;
 use nalgebra::{DMatrix, Matrix6};
+use std::sync::Arc;
 
 /// Ratio of neighbouring values of kappa.
 const RUNG: f64 = 1.25;
@@ -21,6 +24,17 @@ const RUNG: f64 = 1.25;
 const SPIN: f64 = 0.1;
 /// Inverses kept; a ramp visits many keys, a steady trial two to ten.
 const KEPT: usize = 24;
+
+/// What the fluid does to one rod.
+#[derive(Clone, Copy, Debug)]
+pub struct FluidNumbers {
+    /// Regularisation, m.
+    pub epsilon: f64,
+    /// Viscosity, Pa s.
+    pub viscosity: f64,
+    /// Drag on the spin of an edge, N m s a metre and radian.
+    pub spin_drag: f64,
+}
 
 /// What an inverse depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +59,8 @@ impl Key {
 /// A frozen inverse.
 #[derive(Clone, Debug)]
 pub struct Preconditioner {
+    /// Tangents and first material directors of the edges at the shape that it was built at.
+    pub frames: Vec<[V3; 2]>,
     /// The inverse, single precision.
     pub inverse: Panels,
     /// Change of the fluid's force and torque on the rod (about the shaft's foot, shaft frame at rest)
@@ -55,55 +71,74 @@ pub struct Preconditioner {
 /// Inverses by key, oldest dropped first.
 #[derive(Clone, Debug, Default)]
 pub struct Cache {
-    entries: Vec<(Key, Preconditioner)>,
+    entries: Vec<(Key, Arc<Preconditioner>)>,
     /// Self mobility and elastic Hessian at rest, one of each rod design.
     designs: Vec<Option<Design>>,
     /// Inverses built so far.
     pub built: usize,
 }
 
+impl Preconditioner {
+    /// At a trial shape, for one step.
+    pub fn at_shape(
+        rod: &Rod,
+        shape: &Shape,
+        frames: &Frames,
+        (kappa, speed): (f64, f64),
+        fluid: FluidNumbers,
+    ) -> Option<Self> {
+        Design::new(rod, shape, frames, fluid).build(rod, kappa, speed / kappa)
+    }
+}
+
 #[derive(Clone, Debug)]
 struct Design {
+    nodes: Vec<V3>,
+    frames: Vec<[V3; 2]>,
     mobility: DMatrix<f64>,
     /// M w^-1 K of the free degrees of freedom, before the division by kappa.
     elastic: DMatrix<f64>,
     hessian: Band,
+    spin_drag: f64,
 }
 
 impl Cache {
-    /// Index of the inverse for a key, built if need be; `None` when the matrix is singular.
-    pub fn find(&mut self, key: Key, rod: &Rod, epsilon: f64, viscosity: f64) -> Option<usize> {
-        if let Some(at) = self.entries.iter().position(|(k, _)| *k == key) {
-            return Some(at);
+    /// The inverse for a key, built if need be; `None` when the matrix is singular.
+    pub fn find(
+        &mut self,
+        key: Key,
+        rod: &Rod,
+        fluid: FluidNumbers,
+    ) -> Option<Arc<Preconditioner>> {
+        if let Some((_, known)) = self.entries.iter().find(|(k, _)| *k == key) {
+            return Some(known.clone());
         }
         if self.designs.len() <= key.rod {
             self.designs.resize(key.rod + 1, None);
         }
-        let design = self.designs[key.rod].get_or_insert_with(|| Design::new(rod, epsilon, viscosity));
-        let built = design.build(rod, key)?;
+        let design = self.designs[key.rod].get_or_insert_with(|| {
+            let shape = Shape::at_rest(rod);
+            let mut frames = Frames::new(rod.nodes());
+            frames.update(&rod.rest_frames, &shape.nodes, &shape.angles);
+            Design::new(rod, &shape, &frames, fluid)
+        });
+        let built = design.build(rod, key.kappa(), key.spin as f64 * SPIN)?;
         self.built += 1;
         if self.entries.len() == KEPT {
             self.entries.remove(0);
         }
-        self.entries.push((key, built));
-        Some(self.entries.len() - 1)
-    }
-
-    /// The inverse at an index that [`Cache::find`] gave.
-    pub fn get(&self, at: usize) -> &Preconditioner {
-        &self.entries[at].1
+        let built = Arc::new(built);
+        self.entries.push((key, built.clone()));
+        Some(built)
     }
 }
 
 impl Design {
-    fn new(rod: &Rod, epsilon: f64, viscosity: f64) -> Self {
+    fn new(rod: &Rod, shape: &Shape, frames: &Frames, fluid: FluidNumbers) -> Self {
         let n = rod.nodes();
-        let angles = vec![0.0; rod.edges()];
-        let mut frames = Frames::new(n);
-        frames.update(&rod.rest_frames, &rod.shape, &angles);
         let mut hessian = Band::new(4 * n);
-        rod.hessian(&frames, &angles, &mut hessian);
-        let mobility = mobility(&[&rod.shape], epsilon, viscosity);
+        rod.hessian(frames, &shape.angles, &mut hessian);
+        let mobility = mobility(&[&shape.nodes], fluid.epsilon, fluid.viscosity);
         let free = n - CLAMPED;
         let mut elastic = DMatrix::zeros(3 * n, 4 * free);
         for node in CLAMPED..n {
@@ -121,15 +156,21 @@ impl Design {
                 }
             }
         }
-        Self { mobility, elastic, hessian }
+        let triads = frames.tangent.iter().zip(&frames.m1);
+        Self {
+            nodes: shape.nodes.clone(),
+            frames: triads.map(|(t, m1)| [*t, *m1]).collect(),
+            mobility,
+            elastic,
+            hessian,
+            spin_drag: fluid.spin_drag,
+        }
     }
 
-    fn build(&self, rod: &Rod, key: Key) -> Option<Preconditioner> {
+    fn build(&self, rod: &Rod, kappa: f64, spin: f64) -> Option<Preconditioner> {
         let n = rod.nodes();
         let free = n - CLAMPED;
         let size = 4 * n - 2;
-        let kappa = key.kappa();
-        let spin = key.spin as f64 * SPIN;
         let mut matrix = vec![0.0; size * size];
         for row in 0..3 * n {
             let out = &mut matrix[row * size..(row + 1) * size];
@@ -156,12 +197,18 @@ impl Design {
                     matrix[row * size + unknown] = scale * self.hessian.get(slot, column);
                 }
             }
+            let drag = self.spin_drag * rod.rest_length[edge] * kappa;
+            matrix[row * size + 3 * free + edge - 1] += scale * drag;
         }
         if !invert(&mut matrix, size) {
             return None;
         }
         let response = self.response(rod, &matrix, kappa);
-        Some(Preconditioner { inverse: Panels::new(&matrix, size), response })
+        Some(Preconditioner {
+            frames: self.frames.clone(),
+            inverse: Panels::new(&matrix, size),
+            response,
+        })
     }
 
     fn response(&self, rod: &Rod, inverse: &[f64], kappa: f64) -> Matrix6<f64> {
@@ -173,15 +220,20 @@ impl Design {
             let mut unit = V3::zeros();
             unit[motion % 3] = 1.0;
             let mut rows = vec![0.0; 3 * n];
-            for (i, x) in rod.shape.iter().enumerate() {
+            for (i, x) in self.nodes.iter().enumerate() {
                 let velocity = if motion < 3 { unit } else { unit.cross(x) };
                 for a in 0..3 {
                     rows[3 * i + a] = velocity[a] / kappa;
                 }
             }
-            let correction: Vec<f64> =
-                (0..size).map(|r| -(0..3 * n).map(|c| inverse[r * size + c] * rows[c]).sum::<f64>()).collect();
-            for (i, x) in rod.shape.iter().enumerate() {
+            let correction: Vec<f64> = (0..size)
+                .map(|r| {
+                    -(0..3 * n)
+                        .map(|c| inverse[r * size + c] * rows[c])
+                        .sum::<f64>()
+                })
+                .collect();
+            for (i, x) in self.nodes.iter().enumerate() {
                 let mut force = V3::zeros();
                 for a in 0..3 {
                     force[a] = if i < CLAMPED {

@@ -17,6 +17,13 @@ impl Solver {
                     (1..plan.points).map(|j| past(j - 1).nodes[i] * plan.weights[k][j]).fold(V3::zeros(), |a, b| a + b)
                         / plan.step;
             }
+            for (e, slot) in flagellum.angle_history.iter_mut().enumerate() {
+                let sum: f64 = (1..plan.points)
+                    .map(|j| past(j - 1).angles[e] * plan.weights[k][j])
+                    .sum();
+                *slot = sum / plan.step;
+            }
+            flagellum.kappa = plan.kappa[k];
             let shape = &mut flagellum.shape;
             shape.clone_from(past(0));
             let b = &plan.prediction[k][..plan.predicted_from];
