@@ -20,8 +20,11 @@ pub(super) struct Manifest {
     host_git_hash: String,
     /// The whole file.
     plan: String,
-    /// The robot's file, where the plan names one.
+    /// The robot's file, where there is one.
     robot: String,
+    /// Its name, where it is not the one in the plan.
+    #[serde(default)]
+    robot_name: Option<String>,
 }
 
 impl Manifest {
@@ -33,6 +36,7 @@ impl Manifest {
             host_git_hash: env!("BIFLAG_GIT_HASH").to_owned(),
             plan: plan.text.clone(),
             robot: plan.robot.text.clone(),
+            robot_name: Some(plan.robot.name.clone()),
         }
     }
 
@@ -71,6 +75,9 @@ impl Manifest {
         let source = format!("plan in {}", folder.join(MANIFEST).display());
         let mut plan = Plan::parse(&self.plan, &source)?;
         plan.robot.text = self.robot;
+        if let Some(name) = self.robot_name {
+            plan.robot.name = name;
+        }
         Ok(plan)
     }
 }
