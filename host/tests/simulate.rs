@@ -156,6 +156,7 @@ fn speeds_alone_make_a_session_of_one_trial() {
     let info = json(&biflag(folder, &["info", answer["trials"][0]["log"].as_str().unwrap(), "--json"]));
     assert_eq!((&info["samples"], &info["origin"], &info["clean"]), (&201.into(), &"model".into(), &true.into()));
     assert!(info["angles"]["pitch_deg"].is_f64());
+    assert_eq!((&info["model"]["closure"], &info["steady"]["settled"]), (&"full".into(), &false.into()));
 }
 
 #[test]
