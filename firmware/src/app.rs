@@ -9,8 +9,7 @@ use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
 use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, Quaternion, SensorCounts};
 use protocol::{
-    Calibration, Command, Fault, Info, Message, Refusal, Reply, Request, ResetCause, Settings, State, Telemetry,
-    VERSION,
+    Calibration, Command, Fault, Info, Refusal, Reply, Request, ResetCause, Settings, State, Telemetry, VERSION,
 };
 
 use crate::attitude::{self, Attitude};
@@ -177,7 +176,7 @@ where
     /// one.
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut Outbox) {
-        if let Some(Ok(request)) = &self.link.receive(byte, arrived) {
+        if let Some(request) = &self.link.receive(byte, arrived) {
             self.respond(request, arrived, outbox);
         }
     }
@@ -191,19 +190,19 @@ where
 
     #[inline(never)]
     fn respond(&mut self, request: &Request, arrived: Micros, outbox: &mut Outbox) {
-        let answer = match self.link.repetition(request) {
-            Some(answer) => Some(answer),
+        let reply = match self.link.repetition(request) {
+            Some(reply) => Some(reply),
             None => self.carry_out(request, arrived),
         };
-        if let Some(answer) = answer {
-            self.link.answer(&answer, outbox);
+        if let Some(reply) = reply {
+            self.link.answer(request.seq, &reply, outbox);
         }
     }
 
     /// Does what a request asks for. `None` where the answer comes later.
     #[inline(never)]
-    fn carry_out(&mut self, request: &Request, arrived: Micros) -> Option<Message> {
-        let reply = match &request.command {
+    fn carry_out(&mut self, request: &Request, arrived: Micros) -> Option<Reply> {
+        Some(match &request.command {
             Command::Hello => Reply::Info(self.info()),
             Command::SetSpeeds(target) => done(self.set_speeds(*target)),
             Command::Stop => {
@@ -225,8 +224,7 @@ where
             }
             Command::Ping => Reply::Pong(arrived),
             Command::ClearFault => done(self.clear_fault()),
-        };
-        Some(Message::Reply { to: request.seq, reply })
+        })
     }
 
     fn count_ticks(&mut self, tick: &Tick) {
@@ -329,7 +327,7 @@ where
             Saving::Done => Reply::Done,
             Saving::Failed => Reply::Refused(Refusal::EepromFailed),
         };
-        self.link.answer(&Message::Reply { to: self.save_request, reply }, outbox);
+        self.link.answer(self.save_request, &reply, outbox);
     }
 
     #[inline(never)]

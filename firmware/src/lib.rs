@@ -13,6 +13,7 @@
 //! | [`encoder`] | the speed of a flagellum from the times of its encoder's edges |
 //! | [`motor`] | the bridges, the speed control, stalls |
 //! | [`link`] | requests in, answers and telemetry out, the deadline |
+//! | [`wire`] | messages as bytes |
 //! | [`settings`] | what EEPROM keeps: settings and the count of starts |
 //! | [`fault`] | the latch, and the record that survives a restart |
 
@@ -28,6 +29,7 @@ pub mod imu;
 pub mod link;
 pub mod motor;
 pub mod settings;
+pub mod wire;
 
 /// The integer nearest to `x * 2^places`, saturated; 0 for what is not a number. In integers and in one place, because a conversion by `as`
 /// takes four comparisons of f32, 400 cycles and 100 bytes each time.

@@ -2,9 +2,11 @@
 //! rules are those of the crate `protocol`.
 
 use heapless::spsc::Producer;
-use protocol::frame::{self, Accumulator, FrameError, MAX_FRAME};
+use protocol::frame::Accumulator;
 use protocol::units::{Count, Micros};
-use protocol::{Command, Message, Refusal, Reply, Request, TICK_HZ, Telemetry};
+use protocol::{Command, Refusal, Reply, Request, TICK_HZ, Telemetry};
+
+use crate::wire::{self, Writer};
 
 /// Bytes that wait to be sent: one frame of telemetry and the longest answer. One place of a queue stays empty.
 pub const OUTBOX: usize = 128;
@@ -52,45 +54,46 @@ impl Link {
         }
     }
 
-    /// Takes a byte from the host, and answers the frame that it ends. `arrived` is when that was.
+    /// Takes a byte from the host, and answers the request that it ends. `arrived` is when that was.
     #[inline(never)]
-    pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<Result<Request, FrameError>> {
-        let received = self.accumulator.push(byte);
-        match &received {
-            // Also an intact frame of another protocol tells that the host is alive.
-            Some(Ok(_) | Err(FrameError::Foreign(_))) => self.heard = arrived,
-            Some(Err(_)) => self.bad_frames = self.bad_frames.wrapping_add(1),
-            None => {}
+    pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<Request> {
+        match self.accumulator.push_for_payload(byte)? {
+            Ok(payload) => {
+                // Also an intact frame of another protocol tells that the host is alive.
+                self.heard = arrived;
+                wire::read_request(payload)
+            }
+            Err(_) => {
+                self.bad_frames = self.bad_frames.wrapping_add(1);
+                None
+            }
         }
-        received
     }
 
     /// The answer to repeat, where `request` is the one before once more; `None` where it is to be carried out, which is
     /// then remembered.
-    pub fn repetition(&mut self, request: &Request) -> Option<Message> {
+    pub fn repetition(&mut self, request: &Request) -> Option<Reply> {
         // A host that starts anew may begin with the number that the one before ended with.
         if request.command != Command::Hello
             && let Some((seq, answer)) = self.last
             && seq == request.seq
         {
-            let reply = match answer {
-                Answer::Open => return None,
-                Answer::Done => Reply::Done,
-                Answer::Refused(refusal) => Reply::Refused(refusal),
-                Answer::Pong(time) => Reply::Pong(time),
+            return match answer {
+                Answer::Open => None,
+                Answer::Done => Some(Reply::Done),
+                Answer::Refused(refusal) => Some(Reply::Refused(refusal)),
+                Answer::Pong(time) => Some(Reply::Pong(time)),
             };
-            return Some(Message::Reply { to: seq, reply });
         }
         self.last = Some((request.seq, Answer::Open));
         None
     }
 
-    /// Sends an answer. One for which there is no room is not sent: the host will ask again.
+    /// Answers the request numbered `to`. An answer for which there is no room is not sent: the host will ask again.
     #[inline(never)]
-    pub fn answer(&mut self, message: &Message, outbox: &mut Outbox) {
-        if let Message::Reply { to, reply } = message
-            && let Some((seq, answer)) = &mut self.last
-            && seq == to
+    pub fn answer(&mut self, to: u8, reply: &Reply, outbox: &mut Outbox) {
+        if let Some((seq, answer)) = &mut self.last
+            && *seq == to
         {
             *answer = match reply {
                 Reply::Done => Answer::Done,
@@ -99,7 +102,9 @@ impl Link {
                 Reply::Info(_) | Reply::Settings(_) | Reply::Calibration(_) => Answer::Open,
             };
         }
-        send(message, outbox);
+        let mut writer = Writer::default();
+        writer.reply(to, reply);
+        send(writer.finish(), outbox);
     }
 
     /// Whether the host has been silent for longer than `deadline_ms`.
@@ -141,7 +146,9 @@ impl Link {
         telemetry.unsent = Count(self.unsent);
         telemetry.bad_frames = Count(self.bad_frames);
         self.seq = self.seq.wrapping_add(1);
-        if !send(&Message::Telemetry(*telemetry), outbox) {
+        let mut writer = Writer::default();
+        writer.telemetry(telemetry);
+        if !send(writer.finish(), outbox) {
             self.unsent = self.unsent.wrapping_add(1);
         }
     }
@@ -155,9 +162,7 @@ impl Default for Link {
 
 /// Puts a whole frame into the outbox, or nothing of it. Whether there was room.
 #[inline(never)]
-fn send(message: &Message, outbox: &mut Outbox) -> bool {
-    let mut buffer = [0; MAX_FRAME];
-    let frame = encode(message, &mut buffer);
+fn send(frame: &[u8], outbox: &mut Outbox) -> bool {
     let fits = frame.len() <= outbox.capacity() - outbox.len();
     if fits {
         for byte in frame {
@@ -165,10 +170,4 @@ fn send(message: &Message, outbox: &mut Outbox) -> bool {
         }
     }
     fits
-}
-
-#[inline(never)]
-fn encode<'a>(message: &Message, buffer: &'a mut [u8]) -> &'a [u8] {
-    // Every message fits: the protocol's tests say so.
-    frame::encode(message, buffer).map(|frame| &*frame).unwrap_or_default()
 }

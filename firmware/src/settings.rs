@@ -11,11 +11,12 @@
 //! A byte of EEPROM endures 100,000 writes (ATmega328P, section 8.4). Saving writes only the bytes that differ. The count
 //! of starts goes round eight places, and a write that loses power costs no more than a wrong count.
 
-use protocol::frame::{self, MAX_FRAME};
+use protocol::frame::MAX_FRAME;
 use protocol::units::Micros;
 use protocol::{Command, Request, Settings, VERSION};
 
 use crate::link::Link;
+use crate::wire::Writer;
 
 const SETTINGS_ADDRESS: u16 = 0;
 const COUNTS_ADDRESS: u16 = 128;
@@ -68,9 +69,7 @@ impl<S: Storage> Store<S> {
         let bytes = SETTINGS_ADDRESS..SETTINGS_ADDRESS + MAX_FRAME as u16;
         let frame = bytes.map(|address| self.storage.read(address)).find_map(|byte| link.receive(byte, Micros(0)));
         match frame {
-            Some(Ok(Request { seq: VERSION, command: Command::WriteSettings(saved) })) if saved.is_valid() => {
-                Some(saved)
-            }
+            Some(Request { seq: VERSION, command: Command::WriteSettings(saved) }) if saved.is_valid() => Some(saved),
             _ => None,
         }
     }
@@ -85,8 +84,9 @@ impl<S: Storage> Store<S> {
     #[inline(never)]
     pub fn step(&mut self, settings: &Settings) -> Saving {
         let Some(writes) = self.writes else { return Saving::Idle };
-        let mut buffer = [0; MAX_FRAME];
-        let wanted = encode(settings, &mut buffer);
+        let mut writer = Writer::default();
+        writer.write_settings(VERSION, settings);
+        let wanted = writer.finish();
         let difference = (SETTINGS_ADDRESS..).zip(wanted).find(|(address, byte)| self.storage.read(*address) != **byte);
         let outcome = match difference {
             None => Saving::Done,
@@ -135,12 +135,6 @@ impl<S: Storage> Store<S> {
     }
 }
 
-#[inline(never)]
-fn encode<'a>(settings: &Settings, buffer: &'a mut [u8]) -> &'a [u8] {
-    let request = Request { seq: VERSION, command: Command::WriteSettings(*settings) };
-    frame::encode(&request, buffer).map(|frame| &*frame).unwrap_or_default()
-}
-
 fn address_of(place: u16) -> u16 {
     COUNTS_ADDRESS + 2 * place
 }
@@ -148,6 +142,7 @@ fn address_of(place: u16) -> u16 {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use protocol::frame;
     use std::cell::RefCell;
     use std::rc::Rc;
 

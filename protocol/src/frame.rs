@@ -57,7 +57,10 @@ pub fn encode<'a, T: Serialize>(message: &T, buffer: &'a mut [u8]) -> Result<&'a
 }
 
 /// Makes a frame of the `length` bytes of payload that stand one byte behind the front of `buffer`.
-fn seal(buffer: &mut [u8], length: usize) -> Result<&mut [u8], FrameError> {
+///
+/// # Errors
+/// [`FrameError::TooLong`] when `buffer` has no room for what is added, or the frame would be longer than 255 bytes.
+pub fn seal(buffer: &mut [u8], length: usize) -> Result<&mut [u8], FrameError> {
     let frame = buffer.get_mut(..length + OVERHEAD).filter(|frame| frame.len() < 256).ok_or(FrameError::TooLong)?;
     let [first, payload @ .., low, high, delimiter] = frame else { return Err(FrameError::TooLong) };
     let mut crc = CRC_START;
@@ -105,7 +108,10 @@ fn open(frame: &mut [u8]) -> Result<&[u8], FrameError> {
 /// # Errors
 /// [`FrameError`]; the content of `frame` is lost in either case.
 pub fn decode<'a, T: Deserialize<'a>>(frame: &'a mut [u8]) -> Result<T, FrameError> {
-    let payload = open(frame)?;
+    open(frame).and_then(read)
+}
+
+fn read<'a, T: Deserialize<'a>>(payload: &'a [u8]) -> Result<T, FrameError> {
     match postcard::take_from_bytes(payload) {
         Ok((message, [])) => Ok(message),
         _ => Err(FrameError::Foreign(crate::version_of(payload))),
@@ -129,6 +135,11 @@ impl Accumulator {
     /// Takes one byte. At a delimiter, answers the frame that it ends, decoded; an empty frame is no frame, so that
     /// a sender may begin with a delimiter.
     pub fn push<'a, T: Deserialize<'a>>(&'a mut self, byte: u8) -> Option<Result<T, FrameError>> {
+        self.push_for_payload(byte).map(|payload| payload.and_then(read))
+    }
+
+    /// The same, and answers the frame's payload as it is.
+    pub fn push_for_payload(&mut self, byte: u8) -> Option<Result<&[u8], FrameError>> {
         if byte != 0 {
             match self.buffer.get_mut(usize::from(self.length)) {
                 Some(slot) => {
@@ -143,7 +154,7 @@ impl Accumulator {
         if core::mem::take(&mut self.overflowed) {
             return Some(Err(FrameError::TooLong));
         }
-        (length > 0).then(|| decode(&mut self.buffer[..length]))
+        (length > 0).then(|| open(&mut self.buffer[..length]))
     }
 
     /// Bytes of an unfinished frame.
