@@ -192,7 +192,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Outcome::Done
     };
     let speed = real_time_factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time"));
-    let text = format!("session {}: {done} trials computed{speed}", folder.display());
+    let rest = if done < count { "; interrupted, go on with --resume" } else { "" };
+    let text = format!("session {}: {done} trials computed{speed}{rest}", folder.display());
     Answer::new(outcome, &Simulated { session: folder, real_time_factor, trials }, text)
 }
 
