@@ -372,8 +372,10 @@ where
         }
     }
 
+    #[inline(never)]
     fn is_running(&self) -> bool {
-        self.telemetry.target != [CentiRpm(0); 2]
+        let [first, second] = self.telemetry.target;
+        first.0 | second.0 != 0
     }
 
     fn set_speeds(&mut self, target: [CentiRpm; 2]) -> Result<(), Refusal> {
@@ -382,10 +384,10 @@ where
         }
         self.refuse_if_faulted()?;
         self.refuse_if_calibrating()?;
-        if target == [CentiRpm(0); 2] {
+        self.telemetry.target = target;
+        if !self.is_running() {
             self.stop();
         }
-        self.telemetry.target = target;
         Ok(())
     }
 

@@ -45,7 +45,7 @@ impl Attitude {
         if !self.started {
             // Without a direction (free fall, a dead accelerometer) there is nothing to begin with yet.
             if is_up_known {
-                self.quaternion = levelled(up);
+                self.level(up);
                 self.started = true;
             }
             return;
@@ -54,6 +54,16 @@ impl Attitude {
             self.correct(&mut half_turn, up, dt, gains);
         }
         self.turn(half_turn);
+    }
+
+    /// Sets the smallest rotation that takes the unit vector `up`, in body axes, to the world's z axis.
+    #[inline(never)]
+    fn level(&mut self, [x, y, z]: [f32; 3]) {
+        self.quaternion = [1.0 + z, y, -x, 0.0];
+        // Upside down, every horizontal axis is as good; take x.
+        if z < -0.9999 || !normalise(&mut self.quaternion) {
+            self.quaternion = [0.0, 1.0, 0.0, 0.0];
+        }
     }
 
     /// Adds to a turn what pulls the estimated direction of gravity towards `up`.
@@ -74,16 +84,18 @@ impl Attitude {
         }
     }
 
-    /// Turns by twice these angles, in the small.
+    /// Turns by twice these angles, in the small: multiplies by the quaternion `[1, x, y, z]`.
     #[inline(never)]
-    fn turn(&mut self, [x, y, z]: [f32; 3]) {
-        let [q0, q1, q2, q3] = self.quaternion;
-        self.quaternion = [
-            q0 - q1 * x - q2 * y - q3 * z,
-            q1 + q0 * x + q2 * z - q3 * y,
-            q2 + q0 * y - q1 * z + q3 * x,
-            q3 + q0 * z + q1 * y - q2 * x,
-        ];
+    fn turn(&mut self, half_turn: [f32; 3]) {
+        let [w, x, y, z] = self.quaternion;
+        let mut moved = cross([x, y, z], half_turn);
+        let mut scalar = w;
+        for ((moved, half_angle), part) in moved.iter_mut().zip(half_turn).zip([x, y, z]) {
+            *moved += part + w * half_angle;
+            scalar -= part * half_angle;
+        }
+        let [x, y, z] = moved;
+        self.quaternion = [scalar, x, y, z];
         if !normalise(&mut self.quaternion) {
             // Gains and gaps so large that single precision ends: begin again rather than go on with no attitude.
             self.restart();
@@ -106,17 +118,6 @@ impl Attitude {
         let [q0, q1, q2, q3] = self.quaternion;
         [q1 * q3 - q0 * q2, q0 * q1 + q2 * q3, q0 * q0 + q3 * q3 - 0.5]
     }
-}
-
-/// The smallest rotation that takes the unit vector `up`, in body axes, to the world's z axis.
-#[inline(never)]
-fn levelled([x, y, z]: [f32; 3]) -> [f32; 4] {
-    let mut quaternion = [1.0 + z, y, -x, 0.0];
-    // Upside down, every horizontal axis is as good; take x.
-    if z < -0.9999 || !normalise(&mut quaternion) {
-        quaternion = [0.0, 1.0, 0.0, 0.0];
-    }
-    quaternion
 }
 
 #[inline(never)]

@@ -45,7 +45,8 @@ impl GyroAverage {
                 }
                 let offset = i32::from(counts.0) - i32::from(axis.first);
                 axis.sum += offset;
-                axis.square_sum += (offset as f32) * (offset as f32);
+                let offset = offset as f32;
+                axis.square_sum += offset * offset;
             }
             self.samples += 1;
         }
@@ -63,23 +64,27 @@ impl GyroAverage {
         if self.samples == 0 {
             return Calibration::default();
         }
-        let samples = f32::from(self.samples);
         let counts_per_dps = range.counts_per_dps();
-        let mut variance = 0.0f32;
-        let mut plausible = true;
-        let bias = self.axes.map(|axis| {
-            let mean = axis.sum as f32 / samples;
-            let of_axis = axis.square_sum / samples - mean * mean;
-            if of_axis > variance {
-                variance = of_axis;
+        let mut result = Calibration { still: true, samples: self.samples, ..Calibration::default() };
+        for (axis, bias) in self.axes.iter().zip(&mut result.bias) {
+            let (mean, deviation) = axis.mean_and_deviation(f32::from(self.samples));
+            *bias = mean;
+            result.noise = result.noise.max(round_to_i16(deviation, 0).unsigned_abs());
+            if mean.abs() > STILL_BIAS_DPS * counts_per_dps || deviation > STILL_NOISE_DPS * counts_per_dps {
+                result.still = false;
             }
-            let bias = f32::from(axis.first) + mean;
-            plausible &= bias.abs() <= STILL_BIAS_DPS * counts_per_dps;
-            bias
-        });
-        let noise = if variance > 0.0 { variance * inverse_sqrt(variance) } else { 0.0 };
-        let still = plausible && noise <= STILL_NOISE_DPS * counts_per_dps;
-        Calibration { still, bias, noise: round_to_i16(noise, 0).unsigned_abs(), samples: self.samples }
+        }
+        result
+    }
+}
+
+impl AxisSums {
+    #[inline(never)]
+    fn mean_and_deviation(&self, samples: f32) -> (f32, f32) {
+        let mean = self.sum as f32 / samples;
+        let variance = self.square_sum / samples - mean * mean;
+        let deviation = if variance > 0.0 { variance * inverse_sqrt(variance) } else { 0.0 };
+        (f32::from(self.first) + mean, deviation)
     }
 }
 

@@ -53,7 +53,13 @@ pub enum Crash {
 impl Crash {
     /// The crash that a record tells of.
     pub fn from_record(record: u8) -> Option<Self> {
-        [Self::Hang, Self::Panic].into_iter().find(|crash| *crash as u8 == record)
+        const HANG: u8 = Crash::Hang as u8;
+        const PANIC: u8 = Crash::Panic as u8;
+        match record {
+            HANG => Some(Self::Hang),
+            PANIC => Some(Self::Panic),
+            _ => None,
+        }
     }
 
     /// The fault to latch after this crash.

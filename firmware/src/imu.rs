@@ -59,6 +59,15 @@ pub struct Reading {
     pub gyro: [SensorCounts; 3],
 }
 
+impl From<&[u8; 14]> for Reading {
+    #[inline(never)]
+    fn from(registers: &[u8; 14]) -> Self {
+        let word = |place: usize| i16::from_be_bytes([registers[place], registers[place + 1]]);
+        let triple = |place: usize| [word(place), word(place + 2), word(place + 4)].map(SensorCounts);
+        Self { accel: triple(0), temperature: TemperatureCounts(word(6)), gyro: triple(8) }
+    }
+}
+
 /// What set-up writes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Config {
@@ -88,7 +97,7 @@ enum Phase {
 }
 
 /// Steps of [`Imu::set_up`].
-const STEPS: u8 = 5;
+const STEPS: u8 = 6;
 
 /// Why there is no reading.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -114,7 +123,8 @@ pub struct Imu<I2C> {
     config: Config,
     phase: Phase,
     id: u8,
-    last: Reading,
+    /// The last sample, as it came.
+    last: [u8; 14],
     repeats: u8,
     silence: u8,
     fault: Fault,
@@ -129,7 +139,7 @@ impl<I2C: I2c> Imu<I2C> {
             config: Config::from(&Settings::DEFAULT),
             phase: Phase::SetUp(0),
             id: 0,
-            last: Reading::default(),
+            last: [0; 14],
             repeats: 0,
             silence: 0,
             fault: Fault::None,
@@ -192,20 +202,22 @@ impl<I2C: I2c> Imu<I2C> {
         self.errors
     }
 
-    /// One step of set-up. `Mpu6050::init` does the same at one go, but waits 100 ms and refuses clones.
+    /// One step of set-up. `Mpu6050::init` does the like at one go, but waits 100 ms and refuses clones.
     #[inline(never)]
     fn set_up(&mut self, step: u8) -> Result<Phase, Trouble> {
-        match step {
-            0 => self.sensor.write_byte(device::PWR_MGMT_1::ADDR, AWAKE)?,
-            1 => self.id = self.sensor.read_byte(WHOAMI)?,
-            2 => self.sensor.set_accel_range(device::AccelRange::from(self.config.accel_range as u8))?,
-            3 => self.sensor.set_gyro_range(device::GyroRange::from(self.config.gyro_range as u8))?,
+        let Config { gyro_range, accel_range, low_pass } = self.config;
+        let (register, value) = match step {
+            0 => (device::PWR_MGMT_1::ADDR, AWAKE),
+            1 => (device::ACCEL_CONFIG::ADDR, (accel_range as u8) << 3),
+            2 => (device::GYRO_CONFIG::ADDR, (gyro_range as u8) << 3),
+            3 => (device::CONFIG::ADDR, low_pass),
+            4 => (SMPLRT_DIV, DIVIDER),
             _ => {
-                self.sensor.write_byte(device::CONFIG::ADDR, self.config.low_pass)?;
-                self.sensor.write_byte(SMPLRT_DIV, DIVIDER)?;
+                self.id = self.sensor.read_byte(WHOAMI)?;
                 return Ok(Phase::Settling(SETTLING_TICKS));
             }
-        }
+        };
+        self.sensor.write_byte(register, value)?;
         Ok(Phase::SetUp(step + 1))
     }
 
@@ -218,23 +230,17 @@ impl<I2C: I2c> Imu<I2C> {
         self.phase = Phase::Sampling(if checked == 0 { CHECK_INTERVAL } else { checked - 1 });
         let mut bytes = [0; 15];
         self.sensor.read_bytes(ACC_REGX_H, &mut bytes)?;
-        let [bytes @ .., after] = bytes;
-        if after == SILENCE {
+        let [sample @ .., after] = &bytes;
+        if *after == SILENCE {
             return Err(Trouble::Silent);
         }
         // Accelerometer and gyroscope never read exactly zero on six axes: these are the registers of a sleeping sensor.
-        if bytes == [0; 14] {
+        if *sample == [0; 14] {
             return Err(Trouble::LostConfig);
         }
-        let word = |index: usize| i16::from_be_bytes([bytes[2 * index], bytes[2 * index + 1]]);
-        let reading = Reading {
-            accel: [0, 1, 2].map(|axis| SensorCounts(word(axis))),
-            temperature: TemperatureCounts(word(3)),
-            gyro: [4, 5, 6].map(|axis| SensorCounts(word(axis))),
-        };
-        self.repeats = if reading == self.last { self.repeats.saturating_add(1) } else { 0 };
-        self.last = reading;
-        if self.repeats >= FROZEN_TICKS { Err(Trouble::Frozen) } else { Ok(reading) }
+        self.repeats = if *sample == self.last { self.repeats.saturating_add(1) } else { 0 };
+        self.last = *sample;
+        if self.repeats >= FROZEN_TICKS { Err(Trouble::Frozen) } else { Ok(Reading::from(sample)) }
     }
 
     fn note(&mut self, trouble: Trouble) {

@@ -119,7 +119,7 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Motors<PIN, PWM> {
 
     /// Drives both motors; `reversed` names those that a positive duty turns backwards.
     pub fn drive(&mut self, duty: &[Duty; 2], reversed: &[bool; 2]) {
-        if *duty == [Duty(0); 2] {
+        if duty[0].0 | duty[1].0 == 0 {
             return self.stop();
         }
         for ((bridge, duty), reversed) in self.bridges.iter_mut().zip(duty).zip(reversed) {

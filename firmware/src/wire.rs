@@ -215,7 +215,7 @@ pub fn read_request(payload: &[u8]) -> Option<Request> {
     let seq = reader.byte();
     let command = match reader.byte() {
         0 => Command::Hello,
-        1 => Command::SetSpeeds([0; 2].map(|_| CentiRpm(reader.u16() as i16))),
+        1 => Command::SetSpeeds([CentiRpm(reader.u16() as i16), CentiRpm(reader.u16() as i16)]),
         2 => Command::Stop,
         3 => Command::Stream { rate_hz: reader.byte() },
         4 => Command::CalibrateGyro { duration_ms: reader.varint() },

@@ -44,6 +44,7 @@ pub fn now() -> Micros {
 }
 
 /// The time, with interrupts off.
+#[inline(never)]
 pub fn now_within(cs: CriticalSection) -> Micros {
     // SAFETY: only reads, and both bytes of the counter with interrupts off, because they share a buffer with those of
     // the compare register.

@@ -39,10 +39,10 @@ pub fn disable(interrupts: &EXINT) {
 
 /// Positions, and the times of the last edges.
 pub fn edges() -> [Edges; 2] {
-    EDGES.each_ref().map(|edges| interrupt::free(|cs| edges.borrow(cs).get()))
+    interrupt::free(|cs| [EDGES[0].borrow(cs).get(), EDGES[1].borrow(cs).get()])
 }
 
-#[inline(always)]
+#[inline(never)]
 fn edge(edges: &Mutex<Cell<Edges>>, (channel_1, channel_2): (u8, u8)) {
     // SAFETY: called in interrupts, where interrupts are off; the port is only read.
     let (cs, port) = unsafe { (CriticalSection::new(), PORTD::steal()) };

@@ -12,10 +12,12 @@ const STBY: Pin = Pin { port: Port::B, mask: 1 << 1 };
 const BIN1: Pin = Pin { port: Port::B, mask: 1 << 2 };
 const BIN2: Pin = Pin { port: Port::B, mask: 1 << 4 };
 const AIN2: Pin = Pin { port: Port::D, mask: 1 << 7 };
-/// OC2A.
-const PWMB: Pin = Pin { port: Port::B, mask: 1 << 3 };
-/// OC0A.
-const PWMA: Pin = Pin { port: Port::D, mask: 1 << 6 };
+const OC2A: u8 = 1 << 3;
+const OC0A: u8 = 1 << 6;
+
+/// All outputs on port B, and on port D.
+const ON_B: u8 = AIN1.mask | STBY.mask | BIN1.mask | BIN2.mask | OC2A;
+const ON_D: u8 = AIN2.mask | OC0A;
 
 /// Fast PWM on timers 0 and 2 (sections 15.9.1 and 18.11.1), top 0xFF, output A off for now.
 const FAST_PWM: u8 = 0b0000_0011;
@@ -29,14 +31,10 @@ const TIMER2_DIV_64: u8 = 0b100;
 pub fn motors(timers: (TC0, TC2), ports: (PORTB, PORTD)) -> Motors<Pin, Pwm> {
     let ((timer0, timer2), (port_b, port_d)) = (timers, ports);
     all_off();
-    let of = |port: Port| {
-        let pins = [AIN1, STBY, BIN1, BIN2, AIN2, PWMB, PWMA].into_iter().filter(move |pin| pin.port == port);
-        pins.fold(0, |mask, pin| mask | pin.mask)
-    };
     // SAFETY: any value is valid in these registers.
     unsafe {
-        port_b.ddrb().modify(|read, write| write.bits(read.bits() | of(Port::B)));
-        port_d.ddrd().modify(|read, write| write.bits(read.bits() | of(Port::D)));
+        port_b.ddrb().modify(|read, write| write.bits(read.bits() | ON_B));
+        port_d.ddrd().modify(|read, write| write.bits(read.bits() | ON_D));
         timer0.tccr0a().write(|write| write.bits(FAST_PWM));
         timer0.tccr0b().write(|write| write.bits(TIMER0_DIV_64));
         timer2.tccr2a().write(|write| write.bits(FAST_PWM));
@@ -49,19 +47,18 @@ pub fn motors(timers: (TC0, TC2), ports: (PORTB, PORTD)) -> Motors<Pin, Pwm> {
 pub fn all_off() {
     // SAFETY: called at start and before a restart, when nothing else writes to these registers, or never will again;
     // any value is valid in them.
-    let (timer0, timer2) = unsafe { (TC0::steal(), TC2::steal()) };
     unsafe {
+        let (timer0, timer2, port_b, port_d) = (TC0::steal(), TC2::steal(), PORTB::steal(), PORTD::steal());
         timer0.ocr0a().write(|write| write.bits(0));
         timer2.ocr2a().write(|write| write.bits(0));
         timer0.tccr0a().write(|write| write.bits(FAST_PWM));
         timer2.tccr2a().write(|write| write.bits(FAST_PWM));
-    }
-    for mut pin in [STBY, PWMA, PWMB, AIN1, AIN2, BIN1, BIN2] {
-        let Ok(()) = pin.set_low();
+        port_b.portb().modify(|read, write| write.bits(read.bits() & !ON_B));
+        port_d.portd().modify(|read, write| write.bits(read.bits() & !ON_D));
     }
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 enum Port {
     B,
     D,
