@@ -235,9 +235,9 @@ where
 
     #[inline(never)]
     fn read_imu(&mut self) {
-        let reading = self.imu.poll();
-        self.telemetry.imu_fresh = reading.is_some();
-        if let Some(reading) = reading {
+        self.telemetry.imu_fresh = self.imu.poll();
+        if self.telemetry.imu_fresh {
+            let reading = self.imu.reading();
             self.telemetry.gyro = reading.gyro;
             self.telemetry.accel = reading.accel;
             self.telemetry.temperature = reading.temperature;

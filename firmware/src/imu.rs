@@ -59,15 +59,6 @@ pub struct Reading {
     pub gyro: [SensorCounts; 3],
 }
 
-impl From<&[u8; 14]> for Reading {
-    #[inline(never)]
-    fn from(registers: &[u8; 14]) -> Self {
-        let word = |place: usize| i16::from_be_bytes([registers[place], registers[place + 1]]);
-        let triple = |place: usize| [word(place), word(place + 2), word(place + 4)].map(SensorCounts);
-        Self { accel: triple(0), temperature: TemperatureCounts(word(6)), gyro: triple(8) }
-    }
-}
-
 /// What set-up writes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Config {
@@ -124,7 +115,7 @@ pub struct Imu<I2C> {
     phase: Phase,
     id: u8,
     /// The last sample, as it came.
-    last: [u8; 14],
+    sample: [u8; 14],
     repeats: u8,
     silence: u8,
     fault: Fault,
@@ -139,7 +130,7 @@ impl<I2C: I2c> Imu<I2C> {
             config: Config::from(&Settings::DEFAULT),
             phase: Phase::SetUp(0),
             id: 0,
-            last: [0; 14],
+            sample: [0; 14],
             repeats: 0,
             silence: 0,
             fault: Fault::None,
@@ -162,29 +153,36 @@ impl<I2C: I2c> Imu<I2C> {
         }
     }
 
-    /// One tick's work: a reading, or a step on the way to one.
-    pub fn poll(&mut self) -> Option<Reading> {
+    /// One tick's work: a sample, or a step on the way to one. Whether there is a new [`Imu::reading`].
+    #[inline(never)]
+    pub fn poll(&mut self) -> bool {
         let outcome = match self.phase {
-            Phase::SetUp(step) => self.set_up(step).map(|next| {
-                self.phase = next;
-                None
-            }),
+            Phase::SetUp(step) => self.set_up(step),
             Phase::Settling(ticks) => {
                 self.phase = if ticks > 1 { Phase::Settling(ticks - 1) } else { Phase::Sampling(CHECK_INTERVAL) };
-                Ok(None)
+                Ok(false)
             }
-            Phase::Sampling(checked) => self.sample(checked).map(Some),
+            Phase::Sampling(checked) => self.sample(checked),
         };
+        self.silence = self.silence.saturating_add(1);
         match outcome {
-            Ok(Some(reading)) => {
+            Ok(true) => {
                 self.silence = 0;
                 self.fault = Fault::None;
-                return Some(reading);
+                return true;
             }
-            Ok(None) => self.silence = self.silence.saturating_add(1),
+            Ok(false) => {}
             Err(trouble) => self.note(trouble),
         }
-        None
+        false
+    }
+
+    /// The last sample.
+    #[inline(never)]
+    pub fn reading(&self) -> Reading {
+        let word = |place: usize| i16::from_be_bytes([self.sample[place], self.sample[place + 1]]);
+        let triple = |place: usize| [word(place), word(place + 2), word(place + 4)].map(SensorCounts);
+        Reading { accel: triple(0), temperature: TemperatureCounts(word(6)), gyro: triple(8) }
     }
 
     /// WHO_AM_I; 0 where nothing answered.
@@ -204,7 +202,7 @@ impl<I2C: I2c> Imu<I2C> {
 
     /// One step of set-up. `Mpu6050::init` does the like at one go, but waits 100 ms and refuses clones.
     #[inline(never)]
-    fn set_up(&mut self, step: u8) -> Result<Phase, Trouble> {
+    fn set_up(&mut self, step: u8) -> Result<bool, Trouble> {
         let Config { gyro_range, accel_range, low_pass } = self.config;
         let (register, value) = match step {
             0 => (device::PWR_MGMT_1::ADDR, AWAKE),
@@ -214,15 +212,17 @@ impl<I2C: I2c> Imu<I2C> {
             4 => (SMPLRT_DIV, DIVIDER),
             _ => {
                 self.id = self.sensor.read_byte(WHOAMI)?;
-                return Ok(Phase::Settling(SETTLING_TICKS));
+                self.phase = Phase::Settling(SETTLING_TICKS);
+                return Ok(false);
             }
         };
         self.sensor.write_byte(register, value)?;
-        Ok(Phase::SetUp(step + 1))
+        self.phase = Phase::SetUp(step + 1);
+        Ok(false)
     }
 
     #[inline(never)]
-    fn sample(&mut self, checked: u8) -> Result<Reading, Trouble> {
+    fn sample(&mut self, checked: u8) -> Result<bool, Trouble> {
         // A loss of supply takes the whole configuration; the divider is the part of it that is never zero.
         if checked == 0 && self.sensor.read_byte(SMPLRT_DIV)? != DIVIDER {
             return Err(Trouble::LostConfig);
@@ -238,14 +238,13 @@ impl<I2C: I2c> Imu<I2C> {
         if *sample == [0; 14] {
             return Err(Trouble::LostConfig);
         }
-        self.repeats = if *sample == self.last { self.repeats.saturating_add(1) } else { 0 };
-        self.last = *sample;
-        if self.repeats >= FROZEN_TICKS { Err(Trouble::Frozen) } else { Ok(Reading::from(sample)) }
+        self.repeats = if *sample == self.sample { self.repeats.saturating_add(1) } else { 0 };
+        self.sample = *sample;
+        if self.repeats >= FROZEN_TICKS { Err(Trouble::Frozen) } else { Ok(true) }
     }
 
     fn note(&mut self, trouble: Trouble) {
         self.errors = self.errors.wrapping_add(1);
-        self.silence = self.silence.saturating_add(1);
         let patience_ended = self.silence >= PATIENCE_TICKS;
         if patience_ended || trouble == Trouble::Frozen {
             self.fault = match trouble {

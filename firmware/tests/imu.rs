@@ -71,17 +71,21 @@ fn configured(transactions: &[Transaction]) -> (Imu<Mock>, Mock) {
     (imu, bus)
 }
 
+fn poll(imu: &mut Imu<Mock>) -> Option<Reading> {
+    imu.poll().then(|| imu.reading())
+}
+
 /// Polls `ticks` times, and counts the readings.
 fn polls(imu: &mut Imu<Mock>, ticks: usize) -> usize {
-    (0..ticks).filter(|_| imu.poll().is_some()).count()
+    (0..ticks).filter(|_| imu.poll()).count()
 }
 
 #[test]
 fn a_genuine_sensor_is_set_up_and_read() {
     let (mut imu, mut bus) = settled(&[sample(1), sample(2)]);
     assert_eq!(imu.id(), 0x68);
-    assert_eq!(imu.poll(), Some(reading(1)));
-    assert_eq!(imu.poll(), Some(reading(2)));
+    assert_eq!(poll(&mut imu), Some(reading(1)));
+    assert_eq!(poll(&mut imu), Some(reading(2)));
     assert_eq!((imu.errors(), imu.fault()), (0, Fault::None));
     bus.done();
 }
@@ -96,7 +100,7 @@ fn signs_and_extremes_are_read_as_they_are() {
         temperature: TemperatureCounts(-4000),
         gyro: [SensorCounts(1), SensorCounts(-2), SensorCounts(0x1234)],
     };
-    assert_eq!(imu.poll(), Some(expected));
+    assert_eq!(poll(&mut imu), Some(expected));
     bus.done();
 }
 
@@ -116,7 +120,7 @@ fn an_absent_sensor_has_no_id_and_becomes_a_fault_after_its_time() {
     let attempts = usize::from(PATIENCE_TICKS) + 5;
     let (mut imu, mut bus) = configured(&vec![write(0x6B, 0x01).with_error(NACK); attempts]);
     for tick in 1..=attempts {
-        assert_eq!(imu.poll(), None);
+        assert_eq!(poll(&mut imu), None);
         let expected = if tick < usize::from(PATIENCE_TICKS) { Fault::None } else { Fault::ImuSilent };
         assert_eq!(imu.fault(), expected, "tick {tick}");
     }
@@ -136,7 +140,7 @@ fn a_failure_in_any_transaction_of_set_up_begins_it_anew() {
             transactions.extend(set_up(0x68));
             transactions.push(sample(1));
             let (mut imu, mut bus) = configured(&transactions);
-            let ticks_to_reading = (1..).find(|_| imu.poll().is_some()).unwrap();
+            let ticks_to_reading = (1..).find(|_| imu.poll()).unwrap();
             assert!(ticks_to_reading <= 2 * STEPS + SETTLING_TICKS + 1, "{ticks_to_reading}");
             assert_eq!((imu.errors(), imu.fault(), imu.id()), (1, Fault::None, 0x68));
             bus.done();
@@ -148,9 +152,9 @@ fn a_failure_in_any_transaction_of_set_up_begins_it_anew() {
 fn a_single_failure_is_counted_and_the_next_tick_reads() {
     for error in [NACK, ErrorKind::Bus, ErrorKind::ArbitrationLoss] {
         let (mut imu, mut bus) = settled(&[sample(1), sample(2).with_error(error), sample(3)]);
-        assert_eq!(imu.poll(), Some(reading(1)));
-        assert_eq!(imu.poll(), None);
-        assert_eq!(imu.poll(), Some(reading(3)));
+        assert_eq!(poll(&mut imu), Some(reading(1)));
+        assert_eq!(poll(&mut imu), None);
+        assert_eq!(poll(&mut imu), Some(reading(3)));
         assert_eq!((imu.errors(), imu.fault()), (1, Fault::None));
         bus.done();
     }
@@ -161,15 +165,15 @@ fn lasting_failures_latch_by_their_kind_and_end_with_a_new_set_up() {
     for (error, fault) in [(NACK, Fault::ImuSilent), (ErrorKind::Bus, Fault::ImuBusStuck)] {
         let failing = vec![sample(0).with_error(error); usize::from(PATIENCE_TICKS)];
         let (mut imu, mut bus) = settled(&[vec![sample(9)], failing, set_up(0x68), vec![sample(1)]].concat());
-        assert_eq!(imu.poll(), Some(reading(9)));
+        assert_eq!(poll(&mut imu), Some(reading(9)));
         assert_eq!(polls(&mut imu, usize::from(PATIENCE_TICKS) - 1), 0);
         assert_eq!(imu.fault(), Fault::None);
-        assert_eq!(imu.poll(), None);
+        assert_eq!(poll(&mut imu), None);
         assert_eq!(imu.fault(), fault);
         // The fault lasts until there is a reading again.
         assert_eq!(polls(&mut imu, STEPS + SETTLING_TICKS), 0);
         assert_eq!(imu.fault(), fault);
-        assert_eq!(imu.poll(), Some(reading(1)));
+        assert_eq!(poll(&mut imu), Some(reading(1)));
         assert_eq!((imu.fault(), imu.errors()), (Fault::None, u16::from(PATIENCE_TICKS)));
         bus.done();
     }
@@ -182,8 +186,8 @@ fn falling_silent_at_any_byte_of_a_reading_is_seen() {
         let mut cut = bytes(7);
         cut[byte..].fill(0xFF);
         let (mut imu, mut bus) = settled(&[read(0x3B, &cut), sample(8)]);
-        assert_eq!(imu.poll(), None, "silent from byte {byte}");
-        assert_eq!(imu.poll(), Some(reading(8)));
+        assert_eq!(poll(&mut imu), None, "silent from byte {byte}");
+        assert_eq!(poll(&mut imu), Some(reading(8)));
         assert_eq!(imu.errors(), 1);
         bus.done();
     }
@@ -195,10 +199,10 @@ fn frozen_data_is_a_fault_after_its_time_and_new_data_end_it() {
     let (mut imu, mut bus) = settled(&[frozen, set_up(0x68), vec![sample(6)]].concat());
     assert_eq!(polls(&mut imu, usize::from(FROZEN_TICKS)), usize::from(FROZEN_TICKS));
     assert_eq!(imu.fault(), Fault::None);
-    assert_eq!(imu.poll(), None);
+    assert_eq!(poll(&mut imu), None);
     assert_eq!(imu.fault(), Fault::ImuFrozen);
     assert_eq!(polls(&mut imu, STEPS + SETTLING_TICKS), 0);
-    assert_eq!(imu.poll(), Some(reading(6)));
+    assert_eq!(poll(&mut imu), Some(reading(6)));
     assert_eq!(imu.fault(), Fault::None);
     bus.done();
 }
@@ -210,7 +214,7 @@ fn frozen_data_stay_a_fault_for_as_long_as_they_last() {
     let (mut imu, mut bus) = settled(&[frozen, again.clone(), again].concat());
     polls(&mut imu, usize::from(FROZEN_TICKS) + 1);
     for _ in 0..2 * (STEPS + SETTLING_TICKS + 1) {
-        assert_eq!((imu.poll(), imu.fault()), (None, Fault::ImuFrozen));
+        assert_eq!((poll(&mut imu), imu.fault()), (None, Fault::ImuFrozen));
     }
     bus.done();
 }
@@ -228,8 +232,8 @@ fn a_sensor_that_samples_at_half_the_rate_is_not_frozen() {
 fn a_short_loss_of_supply_is_repaired_without_a_fault() {
     let asleep = read(0x3B, &[0; 15]);
     let (mut imu, mut bus) = settled(&[vec![sample(1), asleep], set_up(0x68), vec![sample(2)]].concat());
-    assert_eq!(imu.poll(), Some(reading(1)));
-    let ticks_to_reading = (1..).find(|_| imu.poll().is_some()).unwrap();
+    assert_eq!(poll(&mut imu), Some(reading(1)));
+    let ticks_to_reading = (1..).find(|_| imu.poll()).unwrap();
     assert!(ticks_to_reading < usize::from(PATIENCE_TICKS), "{ticks_to_reading}");
     assert_eq!((imu.errors(), imu.fault()), (1, Fault::None));
     bus.done();
@@ -252,7 +256,7 @@ fn a_lost_configuration_is_found_within_a_second_and_put_back() {
     let then = [samples.clone(), checked, samples, lost, set_up(0x68), vec![sample(7)]].concat();
     let (mut imu, mut bus) = settled(&then);
     assert_eq!(polls(&mut imu, 401), 401);
-    assert_eq!(imu.poll(), None);
+    assert_eq!(poll(&mut imu), None);
     assert_eq!(imu.errors(), 1);
     assert_eq!(polls(&mut imu, STEPS + SETTLING_TICKS + 1), 1);
     bus.done();
@@ -265,7 +269,7 @@ fn another_configuration_is_put_in_force_and_the_same_one_is_left_alone() {
         vec![write(0x6B, 0x01), write(0x1C, 0), write(0x1B, 0), write(0x1A, 6), write(0x19, 4), read(0x75, &[0x68])];
     let (mut imu, mut bus) = settled(&[vec![sample(1)], steps, vec![sample(2)]].concat());
     imu.configure(CONFIG);
-    assert_eq!(imu.poll(), Some(reading(1)));
+    assert_eq!(poll(&mut imu), Some(reading(1)));
     imu.configure(narrow);
     assert_eq!(polls(&mut imu, STEPS + SETTLING_TICKS + 1), 1);
     assert_eq!((imu.errors(), imu.fault()), (0, Fault::None));

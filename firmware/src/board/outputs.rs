@@ -77,24 +77,27 @@ impl digital::ErrorType for Pin {
 
 impl OutputPin for Pin {
     fn set_low(&mut self) -> Result<(), Infallible> {
-        self.change(|port, pin| port & !pin);
+        self.set(false);
         Ok(())
     }
 
     fn set_high(&mut self) -> Result<(), Infallible> {
-        self.change(|port, pin| port | pin);
+        self.set(true);
         Ok(())
     }
 }
 
 impl Pin {
-    fn change(&self, change: impl Fn(u8, u8) -> u8) {
+    #[inline(never)]
+    fn set(&self, high: bool) {
+        let mask = self.mask;
+        let change = |port: u8| if high { port | mask } else { port & !mask };
         // SAFETY: no interrupt that returns writes to these ports, so that nothing comes between read and write; any
         // value is valid in them.
         unsafe {
             match self.port {
-                Port::B => PORTB::steal().portb().modify(|read, write| write.bits(change(read.bits(), self.mask))),
-                Port::D => PORTD::steal().portd().modify(|read, write| write.bits(change(read.bits(), self.mask))),
+                Port::B => PORTB::steal().portb().modify(|read, write| write.bits(change(read.bits()))),
+                Port::D => PORTD::steal().portd().modify(|read, write| write.bits(change(read.bits()))),
             };
         }
     }
