@@ -6,7 +6,8 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const SCHEMAS: [&str; 2] = ["biflag.proto", "foxglove/FrameTransform.proto"];
+const SCHEMAS: [&str; 4] =
+    ["biflag.proto", "foxglove/FrameTransform.proto", "foxglove/SceneUpdate.proto", "foxglove/PointCloud.proto"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     for path in ["build.rs", "proto", "src"] {

@@ -3,8 +3,8 @@
 use crate::attitude::{Angles, Series, Times};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::{
-    BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, PlanMeta, Reader,
-    RecoveryMeta, Summary, TrialMeta,
+    BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, ModelMeta, PlanMeta,
+    Reader, RecoveryMeta, SteadyMeta, Summary, TrialMeta,
 };
 use crate::stats::LinkStats;
 use protocol::units::CentiRpm;
@@ -22,6 +22,10 @@ pub struct Overview {
     pub trial: Option<TrialMeta>,
     /// The board.
     pub board: Option<BoardMeta>,
+    /// What the trial was computed with, and what it came to, where it was.
+    pub model: Option<ModelMeta>,
+    /// See [`Overview::model`].
+    pub steady: Option<SteadyMeta>,
     /// The gyroscope's calibration in this trial.
     pub calibration: Option<CalibrationMeta>,
     /// The clocks.
@@ -62,6 +66,8 @@ impl Overview {
             identity: reader.meta(),
             plan: reader.meta(),
             board: reader.meta(),
+            model: reader.meta(),
+            steady: reader.meta(),
             calibration: reader.meta(),
             clock: reader.meta(),
             recovery: reader.meta(),

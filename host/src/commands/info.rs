@@ -40,6 +40,8 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "trial": overview.trial,
         "end": overview.summary.as_ref().map(|summary| summary.end),
         "angles": overview.angles,
+        "model": overview.model,
+        "steady": overview.steady,
     });
     Answer::new(if clean { Outcome::Done } else { Outcome::WithLoss }, &body, describe(path, &overview))
 }
@@ -77,7 +79,10 @@ fn describe(path: &Path, overview: &Overview) -> String {
         let (calibrate, preroll, run, decay) = (t.calibrate_s, t.preroll_s, t.run_s, t.decay_s);
         lines.add("phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s"));
     }
-    if let Some(board) = &overview.board {
+    if let Some(model) = &overview.model {
+        let shapes = if model.shapes { ", with shapes" } else { "" };
+        lines.add("model", format!("closure {}, {} samples a second{shapes}", word(&model.closure), model.rate_hz));
+    } else if let Some(board) = &overview.board {
         let (id, imu) = (board.board_id, board.imu_id);
         let firmware = format!("firmware {} ({})", board.firmware, board.firmware_git_hash);
         lines.add("board", format!("{id}, {firmware}, IMU {imu:#04x}, start {}", board.boot_count));
@@ -92,6 +97,11 @@ fn describe(path: &Path, overview: &Overview) -> String {
     }
     lines.add("duration", format!("{:.3} s", overview.duration_s));
     lines.add("link", overview.link);
+    if let Some(steady) = &overview.steady {
+        let settled = if steady.settled { format!("after {:.0} s", steady.settle_s) } else { "no".to_owned() };
+        lines.add("settled", settled);
+        lines.add("flagella", format!("{}, {:.2} mm apart at least", word(&steady.bundling), steady.min_gap_m * 1e3));
+    }
     if let Some(angles) = &overview.angles {
         lines.add("steady", steady(Some(angles.yaw_deg), angles.yaw_uncertainty_deg, Some(angles.pitch_deg)));
         let [x, y, z] = angles.turned_deg;

@@ -8,6 +8,7 @@ mod info;
 mod record;
 mod recover;
 mod settings;
+mod simulate;
 
 pub use answer::{Answer, Outcome, WRONG_USE};
 
@@ -31,6 +32,7 @@ enum Command {
     Flash(flash::Args),
     Settings(settings::Args),
     Record(record::Args),
+    Simulate(simulate::Args),
     Info(info::Args),
     Recover(recover::Args),
     Export(export::Args),
@@ -53,6 +55,7 @@ pub fn run() -> ExitCode {
         Command::Flash(args) => flash::run(&args),
         Command::Settings(args) => settings::run(&args),
         Command::Record(args) => record::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Export(args) => export::run(&args),

@@ -116,6 +116,7 @@ fn holder_of(path: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use miette::Diagnostic;
 
     #[test]
     fn a_missing_port_is_named_with_those_that_are_there() {
@@ -137,8 +138,8 @@ mod tests {
 
     #[test]
     fn a_forbidden_port_names_the_group_to_join() {
-        let text = LinkError::NotPermitted { path: "/dev/ttyUSB0".into(), group: "dialout".into() }.to_string();
-        assert!(text.contains("usermod -aG dialout"));
+        let error = LinkError::NotPermitted { path: "/dev/ttyUSB0".into(), group: "dialout".into() };
+        assert!(error.help().unwrap().to_string().contains("usermod -aG dialout"));
         let file = tempfile::NamedTempFile::new().unwrap();
         assert!(!group_of(file.path().to_str().unwrap()).is_empty());
     }

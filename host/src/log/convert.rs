@@ -79,15 +79,17 @@ impl Converter {
 /// The attitude as viewers know it.
 pub(super) fn frame_transform(attitude: &biflag::Quaternion, log_ns: u64) -> foxglove::FrameTransform {
     foxglove::FrameTransform {
-        timestamp: Some(prost_types::Timestamp {
-            seconds: (log_ns / 1_000_000_000).cast_signed(),
-            nanos: (log_ns % 1_000_000_000) as i32,
-        }),
+        timestamp: Some(timestamp(log_ns)),
         parent_frame_id: "world".to_owned(),
         child_frame_id: "body".to_owned(),
         translation: Some(foxglove::Vector3::default()),
         rotation: Some(foxglove::Quaternion { x: attitude.x, y: attitude.y, z: attitude.z, w: attitude.w }),
     }
+}
+
+/// A time in ns since 1970 as viewers know it.
+pub(crate) fn timestamp(ns: u64) -> prost_types::Timestamp {
+    prost_types::Timestamp { seconds: (ns / 1_000_000_000).cast_signed(), nanos: (ns % 1_000_000_000) as i32 }
 }
 
 pub(super) fn command(record: &CommandRecord) -> biflag::Command {

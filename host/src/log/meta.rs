@@ -3,6 +3,7 @@
 //! Each record is a flat table of keys and values as text, plain to any reader of MCAP. MCAP guards its chunks with a
 //! CRC, but not these records, so each carries one of its own.
 
+use super::model_meta::{ModelMeta, SteadyMeta};
 use crate::board_settings::BoardSettings;
 use crate::plan::{Plan, Trial};
 use crate::stats::LinkStats;
@@ -11,6 +12,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::time::SystemTime;
 
 /// Keys and values of a record.
 pub type Table = BTreeMap<String, String>;
@@ -49,7 +51,7 @@ pub struct Identity {
     pub host_version: String,
     /// The commit that it was built from.
     pub host_git_hash: String,
-    /// When the log was begun.
+    /// When the log was begun; empty for a modelled trial, whose log is the same whenever it is computed.
     pub created: String,
     /// Where the trial was run.
     pub origin: Origin,
@@ -214,16 +216,21 @@ macro_rules! names {
 names! {
     Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
     CalibrationMeta: "calibration", ClockFit: "clock", Summary: "summary", RecoveryMeta: "recovery",
+    ModelMeta: "model", SteadyMeta: "steady",
 }
 
 impl Identity {
-    pub(super) fn now(origin: Origin, created: jiff::Timestamp) -> Self {
+    pub(super) fn now(origin: Origin, time: SystemTime) -> Self {
+        let created = match origin {
+            Origin::Model => String::new(),
+            Origin::Rig | Origin::VirtualRig => jiff::Timestamp::try_from(time).unwrap_or_default().to_string(),
+        };
         Self {
             format: FORMAT,
             protocol: protocol::VERSION,
             host_version: env!("CARGO_PKG_VERSION").to_owned(),
             host_git_hash: env!("BIFLAG_GIT_HASH").to_owned(),
-            created: created.to_string(),
+            created,
             origin,
         }
     }

@@ -8,16 +8,24 @@
 //! | `/command` | `biflag.Command` | what was sent, how often, and what was answered |
 //! | `/dropout` | `biflag.Dropout` | telemetry frames that were lost |
 //! | `/event` | `biflag.Event` | phases, states, faults, warnings |
+//! | `/truth` | `biflag.Truth` | in a model: what a board only measures, unrounded |
+//! | `/forces` | `biflag.Forces` | in a model: forces and torques of the flagella, gaps, contact |
+//! | `/flagella` | `foxglove.SceneUpdate` | in a model, where asked for: the flagella as lines |
+//! | `/flagella_points` | `foxglove.PointCloud` | the same as points, for viewers that draw no lines |
 //!
 //! A message's `publish_time` is the host's clock when it came. Its `log_time` is the trial's clock: the board's time,
 //! counted from the host's clock at the first telemetry frame. What has no time of the board's takes that of the frame
 //! before it, so that a trial recorded faster than real time still reads as one that lasted its full length.
+//!
+//! A modelled trial has no clock but its own: it begins at the epoch, and both times are the trial's. So its log is a
+//! function of plan, robot and program alone, byte for byte, whoever computed it, when, and beside how many others.
 
 mod chunk;
 mod convert;
 mod disk;
 mod error;
 mod meta;
+mod model_meta;
 mod reader;
 mod recover;
 mod scan;
@@ -26,12 +34,14 @@ pub mod schema;
 mod tests;
 mod writer;
 
+pub(crate) use convert::timestamp;
 pub use error::LogError;
 pub use meta::{
     BoardMeta, CalibrationMeta, ClockFit, End, FORMAT, Identity, Meta, Origin, PlanMeta, RecoveryMeta, RobotMeta,
     Summary, Table, TrialMeta,
 };
-pub use reader::{Body, Message, Reader, summary};
+pub use model_meta::{ModelMeta, SteadyMeta};
+pub use reader::{Body, Message, Reader, last_meta, summary};
 pub use recover::{Recovery, recover};
 pub use scan::{Condition, Loss};
 pub use writer::{CommandRecord, EventKind, Start, Writer};

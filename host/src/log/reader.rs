@@ -41,6 +41,14 @@ pub enum Body {
     Dropout(biflag::Dropout),
     /// `/event`.
     Event(biflag::Event),
+    /// `/truth`.
+    Truth(biflag::Truth),
+    /// `/forces`.
+    Forces(biflag::Forces),
+    /// `/flagella`.
+    Flagella(foxglove::SceneUpdate),
+    /// `/flagella_points`.
+    FlagellaPoints(foxglove::PointCloud),
     /// A channel that this program does not know.
     Other(Vec<u8>),
 }
@@ -50,9 +58,18 @@ pub enum Body {
 /// # Errors
 /// [`LogError::Read`].
 pub fn summary(path: &Path) -> Result<Option<Summary>, LogError> {
+    last_meta(path)
+}
+
+/// A metadata record, found by the index at the end of a log, the last where there are several; `None` where the log
+/// does not end as it should, or has none.
+///
+/// # Errors
+/// [`LogError::Read`].
+pub fn last_meta<M: Meta>(path: &Path) -> Result<Option<M>, LogError> {
     let failed = |source| LogError::Read { path: path.to_owned(), source };
     let file = File::open(path).map_err(failed)?;
-    let table = indexed_table(file, Summary::NAME).map_err(failed)?;
+    let table = indexed_table(file, M::NAME).map_err(failed)?;
     Ok(table.as_ref().and_then(meta::from_table))
 }
 
@@ -211,6 +228,10 @@ impl Body {
             Some("/command") => read(&data, Self::Command),
             Some("/dropout") => read(&data, Self::Dropout),
             Some("/event") => read(&data, Self::Event),
+            Some("/truth") => read(&data, Self::Truth),
+            Some("/forces") => read(&data, Self::Forces),
+            Some("/flagella") => read(&data, Self::Flagella),
+            Some("/flagella_points") => read(&data, Self::FlagellaPoints),
             _ => None,
         };
         known.unwrap_or(Self::Other(data))

@@ -31,6 +31,8 @@ pub trait LogMessage: Message + Default {
 
 const BIFLAG: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/biflag.binpb"));
 const FRAME_TRANSFORM: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/FrameTransform.binpb"));
+const SCENE_UPDATE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/SceneUpdate.binpb"));
+const POINT_CLOUD: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/PointCloud.binpb"));
 
 macro_rules! channels {
     ($($id:literal, $topic:literal, $type:ty, $schema:literal, $descriptors:expr;)*) => {
@@ -51,6 +53,10 @@ channels! {
     4, "/command", biflag::Command, "biflag.Command", BIFLAG;
     5, "/dropout", biflag::Dropout, "biflag.Dropout", BIFLAG;
     6, "/event", biflag::Event, "biflag.Event", BIFLAG;
+    7, "/truth", biflag::Truth, "biflag.Truth", BIFLAG;
+    8, "/forces", biflag::Forces, "biflag.Forces", BIFLAG;
+    9, "/flagella", foxglove::SceneUpdate, "foxglove.SceneUpdate", SCENE_UPDATE;
+    10, "/flagella_points", foxglove::PointCloud, "foxglove.PointCloud", POINT_CLOUD;
 }
 
 /// The channel called `topic`, if this program knows it.

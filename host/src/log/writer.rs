@@ -77,12 +77,14 @@ pub enum EventKind {
 /// A log being written.
 ///
 /// Every 0.4 s what was written is closed as a chunk and brought to the disk, so that a killed program loses at most
-/// half a second; [`Writer::tick`] does so when nothing comes.
+/// half a second; [`Writer::tick`] does so when nothing comes. A modelled trial can be computed again, and its log must
+/// not depend on how long that took: its chunks are closed by their size alone.
 pub struct Writer {
     path: PathBuf,
     mcap: mcap::Writer<BufWriter<Disk>>,
     disk: Arc<disk::Status>,
-    flushed: Instant,
+    /// When chunks were closed last; `None`: time does not close them.
+    flushed: Option<Instant>,
     converter: Converter,
     clock: Clock,
     /// Messages on each channel so far.
@@ -106,8 +108,10 @@ impl Writer {
     pub fn create(path: &Path, start: &Start) -> Result<Self, LogError> {
         let (info, settings) = start.board.unzip();
         let mut writer = Self::on(create_file(path)?, path, settings.unwrap_or_default(), start.time)?;
-        let created = jiff::Timestamp::try_from(start.time).unwrap_or_default();
-        writer.meta(&Identity::now(start.origin, created))?;
+        if start.origin == Origin::Model {
+            writer.flushed = None;
+        }
+        writer.meta(&Identity::now(start.origin, start.time))?;
         writer.meta(&PlanMeta::from(start.plan))?;
         writer.meta(&TrialMeta::new(start.trial, start.attempt))?;
         writer.meta(&RobotMeta { name: start.plan.robot.name.clone(), text: start.plan.robot.text.clone() })?;
@@ -127,7 +131,7 @@ impl Writer {
             path: path.to_owned(),
             mcap,
             disk: status,
-            flushed: Instant::now(),
+            flushed: Some(Instant::now()),
             converter: Converter::new(settings),
             clock: Clock { log_ns: nanos(time), first: None },
             sequences: BTreeMap::new(),
@@ -164,9 +168,14 @@ impl Writer {
     /// # Errors
     /// [`LogError::Write`].
     pub fn model_state(&mut self, state: &biflag::Telemetry, host: SystemTime) -> Result<(), LogError> {
-        let (_, first_ns) = *self.clock.first.get_or_insert((0, self.clock.log_ns));
-        self.clock.log_ns = first_ns.saturating_add((state.time_s * 1e9) as u64);
+        self.at(state.time_s);
         self.state_at(state, host)
+    }
+
+    /// Puts the trial's clock to `time_s` since its start, where no frame of a board does: in a model.
+    pub fn at(&mut self, time_s: f64) {
+        let (_, first_ns) = *self.clock.first.get_or_insert((0, self.clock.log_ns));
+        self.clock.log_ns = first_ns.saturating_add((time_s * 1e9).round() as u64);
     }
 
     fn state_at(&mut self, state: &biflag::Telemetry, host: SystemTime) -> Result<(), LogError> {
@@ -257,11 +266,11 @@ impl Writer {
     /// # Errors
     /// [`LogError::Write`]: now or in the background since the last call.
     pub fn tick(&mut self) -> Result<(), LogError> {
-        if self.flushed.elapsed() < FLUSH_INTERVAL { Ok(()) } else { self.flush() }
+        if self.flushed.is_none_or(|flushed| flushed.elapsed() < FLUSH_INTERVAL) { Ok(()) } else { self.flush() }
     }
 
     pub(super) fn flush(&mut self) -> Result<(), LogError> {
-        self.flushed = Instant::now();
+        self.flushed = self.flushed.map(|_| Instant::now());
         let flushed = self.mcap.flush();
         self.check(flushed)?;
         match self.disk.take_error() {

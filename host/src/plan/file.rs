@@ -9,7 +9,7 @@ use std::ops::Range;
 use toml::Spanned;
 
 /// The robot whose parameters need no file.
-pub(super) const PUBLISHED: &str = "published";
+pub const PUBLISHED: &str = "published";
 
 /// The longest phase: a day.
 const MAX_PHASE_S: f64 = 86_400.0;

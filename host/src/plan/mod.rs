@@ -13,6 +13,7 @@ mod expand;
 mod file;
 
 pub use error::PlanError;
+pub use file::PUBLISHED;
 
 use crate::board_settings::BoardSettings;
 use protocol::units::CentiRpm;
@@ -114,7 +115,7 @@ impl Plan {
             std::fs::read_to_string(path).map_err(|source| PlanError::Read { path: path.to_owned(), source })
         };
         let mut plan = Self::parse(&read(path)?, &path.display().to_string())?;
-        if plan.robot.name != file::PUBLISHED {
+        if plan.robot.name != PUBLISHED {
             let folder = path.parent().unwrap_or(Path::new(""));
             plan.robot.text = read(&folder.join(&plan.robot.name))?;
         }

@@ -20,8 +20,11 @@ pub(super) struct Manifest {
     host_git_hash: String,
     /// The whole file.
     plan: String,
-    /// The robot's file, where the plan names one.
+    /// The robot's file, where there is one.
     robot: String,
+    /// Its name, where it is not the one in the plan.
+    #[serde(default)]
+    robot_name: Option<String>,
 }
 
 impl Manifest {
@@ -33,19 +36,25 @@ impl Manifest {
             host_git_hash: env!("BIFLAG_GIT_HASH").to_owned(),
             plan: plan.text.clone(),
             robot: plan.robot.text.clone(),
+            robot_name: Some(plan.robot.name.clone()),
         }
     }
 
-    /// Writes it to a folder that has none.
+    /// Writes it to a folder that has none. It is there whole or not at all, whoever else begins the same session, and
+    /// however this program ends.
     pub fn write(&self, folder: &Path) -> Result<(), SessionError> {
         let path = folder.join(MANIFEST);
         let text = toml::to_string(self)
             .map_err(|error| SessionError::Manifest { path: path.clone(), reason: error.to_string() })?;
-        let written = std::fs::File::create_new(&path).and_then(|mut file| {
-            let written = file.write_all(text.as_bytes()).and_then(|()| file.sync_all());
-            // A disk that is full now must not leave a folder that is neither a session nor free for one.
-            written.inspect_err(|_| drop(std::fs::remove_file(&path)))
-        });
+        let draft = folder.join(format!("{MANIFEST}.{}", std::process::id()));
+        let written = std::fs::File::create(&draft)
+            .and_then(|mut file| {
+                file.write_all(text.as_bytes())?;
+                file.sync_all()
+            })
+            .and_then(|()| publish(&draft, &path));
+        // What is published no longer needs its draft's name, and the rest nobody needs.
+        let _ = std::fs::remove_file(&draft);
         written.map_err(|source| match source.kind() {
             ErrorKind::AlreadyExists => SessionError::Exists { folder: folder.to_owned() },
             _ => SessionError::Io { path, source },
@@ -71,6 +80,18 @@ impl Manifest {
         let source = format!("plan in {}", folder.join(MANIFEST).display());
         let mut plan = Plan::parse(&self.plan, &source)?;
         plan.robot.text = self.robot;
+        if let Some(name) = self.robot_name {
+            plan.robot.name = name;
+        }
         Ok(plan)
+    }
+}
+
+/// Gives a file its name, which must be free.
+fn publish(draft: &Path, path: &Path) -> std::io::Result<()> {
+    match std::fs::hard_link(draft, path) {
+        // Some file systems have no links.
+        Err(error) if error.kind() != ErrorKind::AlreadyExists && !path.exists() => std::fs::rename(draft, path),
+        other => other,
     }
 }

@@ -1,0 +1,64 @@
+//! The model's side of a session: the trials of a plan in the simulator, written to the same logs as those of the rig.
+//!
+//! A log of a modelled trial appears in its session when it is whole. Until then it bears another name, so that a killed
+//! run leaves nothing that could be taken for a trial, and whoever goes on begins that trial anew. What is in it depends
+//! on plan, robot and program alone: trials share nothing while they run, and no log knows of a clock (see
+//! [`crate::log`]). Processors of different kinds may differ in the last digits.
+
+mod batch;
+mod board;
+mod error;
+mod messages;
+mod shapes;
+mod trial;
+
+pub use batch::{Batch, TrialRun};
+pub use error::ModelError;
+
+use crate::log::ModelMeta;
+use crate::plan::Plan;
+use crate::robot_file;
+use miette::{IntoDiagnostic, WrapErr};
+use protocol::Settings;
+use protocol::units::AxisMap;
+use sim::params::Robot;
+use sim::robot::closure::Closure;
+use sim::trial::Options;
+
+/// What trials are computed with.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// The robot, checked.
+    pub robot: Robot,
+    /// How the flagella act on the base.
+    pub closure: Closure,
+    /// Rate and shapes.
+    pub options: Options,
+    /// Settings of the board that is in the robot.
+    settings: Settings,
+    meta: ModelMeta,
+}
+
+impl Model {
+    /// The model of a plan's robot.
+    ///
+    /// Its board has the settings that the plan writes, but its sensor is ideal: it sits along the body's axes and has no
+    /// bias.
+    ///
+    /// # Errors
+    /// [`robot_file::RobotFileError`], and what the plan's settings get wrong.
+    pub fn of_plan(plan: &Plan, closure: Closure, options: Options) -> miette::Result<Self> {
+        let robot = robot_file::of_plan(plan)?;
+        let parameters = toml::to_string(&robot).into_diagnostic().wrap_err("the robot's parameters")?;
+        let written = plan.board.apply(Settings::DEFAULT)?;
+        let ideal = AxisMap::IDENTITY;
+        let settings = Settings { gyro_axes: ideal, accel_axes: ideal, gyro_bias: [0.0; 3], ..written };
+        let meta = ModelMeta { closure, rate_hz: options.rate_hz, shapes: options.shapes, parameters };
+        Ok(Self { robot, closure, options, settings, meta })
+    }
+
+    /// What stands of it in every log.
+    pub fn meta(&self) -> &ModelMeta {
+        &self.meta
+    }
+}

@@ -1,0 +1,93 @@
+//! The flagella as viewers draw them, in the frame of the body: as lines, and as points.
+
+use crate::log::schema::foxglove::{
+    Color, LinePrimitive, PackedElementField, Point3, PointCloud, Pose, Quaternion, SceneEntity, SceneUpdate, Vector3,
+    line_primitive, packed_element_field::NumericType,
+};
+use crate::log::timestamp;
+
+/// The frame of the attitude in `/attitude`.
+const FRAME: &str = "body";
+
+/// Flagellum 1 warm, flagellum 2 cold.
+const COLOURS: [Color; 2] = [Color { r: 0.9, g: 0.45, b: 0.1, a: 1.0 }, Color { r: 0.15, g: 0.45, b: 0.85, a: 1.0 }];
+
+/// Fields of a point: coordinates in m, and the flagellum's number.
+const FIELDS: [&str; 4] = ["x", "y", "z", "flagellum"];
+
+/// Centre lines of both flagella, m.
+type Lines = [Vec<[f64; 3]>; 2];
+
+fn nanos(time_s: f64) -> u64 {
+    (time_s * 1e9).round() as u64
+}
+
+/// Where the body's frame is.
+fn origin() -> Pose {
+    Pose { position: Some(Vector3::default()), orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }) }
+}
+
+/// `/flagella`: lines as thick as the rods.
+pub(super) fn scene(time_s: f64, lines: &Lines, rod_radius_m: f64) -> SceneUpdate {
+    let line = |(line, colour): (&Vec<[f64; 3]>, Color)| LinePrimitive {
+        r#type: line_primitive::Type::LineStrip.into(),
+        pose: Some(origin()),
+        thickness: 2.0 * rod_radius_m,
+        points: line.iter().map(|&[x, y, z]| Point3 { x, y, z }).collect(),
+        color: Some(colour),
+        ..LinePrimitive::default()
+    };
+    SceneUpdate {
+        entities: vec![SceneEntity {
+            timestamp: Some(timestamp(nanos(time_s))),
+            frame_id: FRAME.to_owned(),
+            id: "flagella".to_owned(),
+            frame_locked: true,
+            lines: lines.iter().zip(COLOURS).map(line).collect(),
+            ..SceneEntity::default()
+        }],
+        ..SceneUpdate::default()
+    }
+}
+
+/// `/flagella_points`: the nodes.
+pub(super) fn points(time_s: f64, lines: &Lines) -> PointCloud {
+    const SIZE: u32 = size_of::<f32>() as u32;
+    let mut data = Vec::with_capacity((lines[0].len() + lines[1].len()) * FIELDS.len() * SIZE as usize);
+    for (number, line) in [1.0, 2.0].into_iter().zip(lines) {
+        for &[x, y, z] in line {
+            data.extend([x, y, z, number].into_iter().flat_map(|value| (value as f32).to_le_bytes()));
+        }
+    }
+    let field = |(i, name): (u32, &&str)| PackedElementField {
+        name: (*name).to_owned(),
+        offset: i * SIZE,
+        r#type: NumericType::Float32.into(),
+    };
+    PointCloud {
+        timestamp: Some(timestamp(nanos(time_s))),
+        frame_id: FRAME.to_owned(),
+        pose: Some(origin()),
+        point_stride: FIELDS.len() as u32 * SIZE,
+        fields: (0..).zip(&FIELDS).map(field).collect(),
+        data,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_the_nodes_of_the_lines() {
+        let lines = [vec![[0.1, 0.2, -0.3]], vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]];
+        let cloud = points(1.5, &lines);
+        assert_eq!((cloud.point_stride, cloud.data.len()), (16, 48));
+        let values: Vec<_> = cloud.data.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        assert_eq!(values[..5], [0.1, 0.2, -0.3, 1.0, 1.0]);
+        let update = scene(1.5, &lines, 0.003);
+        let [line1, line2] = update.entities[0].lines.as_slice() else { panic!("two lines") };
+        assert_eq!((line1.points.len(), line2.points.len(), line1.thickness), (1, 2, 0.006));
+        assert_eq!(update.entities[0].timestamp.as_ref().unwrap().nanos, 500_000_000);
+    }
+}

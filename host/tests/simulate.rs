@@ -1,0 +1,231 @@
+//! `simulate` as a user runs it: what it prints, writes, and exits with.
+
+use host::log::schema::biflag::event::Kind;
+use host::log::{Body, Condition, ModelMeta, Origin, Reader};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Four short trials; a run this short has not settled.
+const PLAN: &str = "[session]\nname = \"short\"\n[trial]\ncalibrate = 0.5\npreroll = 0.5\nrun = 2\ndecay = 0.5\n\
+                    [speeds]\npairs = [[50, 10], [0, 45], [-90, 90], [60, 60]]\n";
+
+fn biflag(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_biflag")).current_dir(folder).args(args).output().unwrap()
+}
+
+fn expect(output: &Output, code: i32) {
+    assert_eq!(output.status.code(), Some(code), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn bench() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("plan.toml"), PLAN).unwrap();
+    folder
+}
+
+/// Every log of a session, byte for byte.
+fn logs(session: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = std::fs::read_dir(session).unwrap().map(|entry| entry.unwrap().path());
+    entries
+        .filter(|path| path.file_name().unwrap() != "session.toml")
+        .map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(&path).unwrap()))
+        .collect()
+}
+
+#[test]
+fn a_plan_becomes_logs_like_those_of_the_rig() {
+    let bench = bench();
+    let output = biflag(bench.path(), &["simulate", "plan.toml", "--json"]);
+    expect(&output, 3);
+    let answer = json(&output);
+    assert_eq!(answer["session"], "short");
+    assert!(answer["real_time_factor"].as_f64().unwrap() > 1.0);
+    let first = &answer["trials"][0];
+    for key in [
+        "name",
+        "w1_rpm",
+        "w2_rpm",
+        "log",
+        "yaw_deg",
+        "pitch_deg",
+        "roll_deg",
+        "settled",
+        "settle_s",
+        "force1_n",
+        "force2_n",
+        "axial_torque_nm",
+        "min_gap_m",
+        "max_penetration_m",
+        "newton_iterations",
+        "wall_s",
+        "simulated_s",
+        "bundling",
+    ] {
+        assert!(!first[key].is_null(), "{key} of {first}");
+    }
+    assert_eq!((&first["name"], &first["settled"]), (&"001_w1+50_w2+10".into(), &false.into()));
+    assert_eq!((&first["simulated_s"], &first["bundling"]), (&3.5.into(), &"apart".into()));
+    assert_eq!(first["force1_n"].as_array().unwrap().len(), 3);
+    assert!(first["force1_n"][2].as_f64().unwrap() > 1e-3, "a right-handed helix pushes up: {first}");
+
+    let mut reader = Reader::open(&bench.path().join(first["log"].as_str().unwrap())).unwrap();
+    let (mut frames, mut truths, mut forces, mut phases) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for message in reader.by_ref() {
+        let message = message.unwrap();
+        match message.body {
+            Body::Telemetry(frame) => frames.push(frame),
+            Body::Truth(truth) => truths.push(truth),
+            Body::Forces(force) => forces.push(force),
+            Body::Event(event) if event.kind() == Kind::Phase => {
+                phases.push((event.text, message.log_time_ns as f64 * 1e-9));
+            }
+            _ => {}
+        }
+    }
+    assert_eq!(reader.condition(), Some(Condition::Clean));
+    assert_eq!(reader.meta::<host::log::Identity>().unwrap().origin, Origin::Model);
+    assert_eq!(reader.meta::<ModelMeta>().unwrap().robot(), Some(sim::params::Robot::default()));
+    let phases: Vec<_> = phases.iter().map(|(name, time)| (name.as_str(), *time)).collect();
+    assert_eq!(phases, [("calibrate", 0.0), ("preroll", 0.5), ("run", 1.0), ("decay", 3.0), ("end", 3.5)]);
+    assert_eq!((frames.len(), truths.len(), forces.len()), (71, 71, 71));
+    for (frame, truth) in frames.iter().zip(&truths) {
+        assert!((frame.time_s - truth.time_s).abs() < 1e-9);
+        assert!((frame.yaw_deg - truth.yaw_deg).abs() < 0.005 && (frame.pitch_deg - truth.pitch_deg).abs() < 0.005);
+        let motor = frame.motor1.as_ref().unwrap();
+        assert!((motor.turns - truth.motor1_turns).abs() < 1e-3 && (motor.speed_rpm - truth.motor1_rpm).abs() < 0.0051);
+        assert_eq!(motor.target_rpm, if (1.0..3.0).contains(&frame.time_s) { 50.0 } else { 0.0 });
+        assert!((frame.acceleration_mps2.as_ref().unwrap().z - 9.8).abs() < 0.2);
+    }
+    assert!(
+        frames.iter().zip(&frames[1..]).all(|(a, b)| b.seq == a.seq + 1 && b.board_time_us == a.board_time_us + 50_000)
+    );
+}
+
+#[test]
+fn neither_jobs_nor_shards_nor_interruptions_change_a_bit() {
+    let bench = bench();
+    let folder = bench.path();
+    let run = |args: &[&str]| {
+        let output = biflag(folder, &[&["simulate", "plan.toml", "--json"], args].concat());
+        expect(&output, 3);
+        json(&output)
+    };
+    let whole = run(&["--jobs", "1", "--out", "one"]);
+    run(&["--jobs", "4", "--out", "four"]);
+    let expected = logs(&folder.join("one"));
+    assert_eq!(expected.len(), 4);
+    assert!(expected == logs(&folder.join("four")));
+
+    let halves = [run(&["--shard", "1/2", "--out", "shards"]), run(&["--shard", "2/2", "--out", "shards"])];
+    assert_eq!(halves.each_ref().map(|half| half["trials"].as_array().unwrap().len()), [2, 2]);
+    assert!(expected == logs(&folder.join("shards")));
+
+    // As a killed run leaves it: one trial whole, one begun.
+    let cut = folder.join("cut");
+    std::fs::create_dir(&cut).unwrap();
+    for name in ["session.toml", "001_w1+50_w2+10.mcap"] {
+        std::fs::copy(folder.join("one").join(name), cut.join(name)).unwrap();
+    }
+    std::fs::write(cut.join("002_w1+0_w2+45.mcap.unfinished"), b"begun").unwrap();
+    let begun = cut.join("001_w1+50_w2+10.mcap").metadata().unwrap().modified().unwrap();
+    let resumed = run(&["--resume", "--out", "cut"]);
+    assert!(expected == logs(&cut));
+    assert_eq!(cut.join("001_w1+50_w2+10.mcap").metadata().unwrap().modified().unwrap(), begun, "it is not repeated");
+    for (resumed, whole) in resumed["trials"].as_array().unwrap().iter().zip(whole["trials"].as_array().unwrap()) {
+        for key in ["name", "yaw_deg", "force1_n", "newton_iterations", "settle_s", "min_gap_m"] {
+            assert_eq!(resumed[key], whole[key], "{key}");
+        }
+    }
+    assert!(resumed["trials"][0]["wall_s"].is_null() && resumed["trials"][1]["wall_s"].is_f64());
+}
+
+#[test]
+fn speeds_alone_make_a_session_of_one_trial() {
+    let bench = bench();
+    let folder = bench.path();
+    let output = biflag(folder, &["simulate", "--speeds=-90,90", "--duration", "1", "--rate", "200", "--json"]);
+    expect(&output, 3);
+    let answer = json(&output);
+    assert_eq!(answer["trials"][0]["log"], "w1-90_w2+90/001_w1-90_w2+90.mcap");
+    let info = json(&biflag(folder, &["info", answer["trials"][0]["log"].as_str().unwrap(), "--json"]));
+    assert_eq!((&info["samples"], &info["origin"], &info["clean"]), (&201.into(), &"model".into(), &true.into()));
+    assert!(info["angles"]["pitch_deg"].is_f64());
+    assert_eq!((&info["model"]["closure"], &info["steady"]["settled"]), (&"full".into(), &false.into()));
+}
+
+#[test]
+fn wrong_use_says_what_is_wrong_and_writes_nothing() {
+    let bench = bench();
+    let folder = bench.path();
+    std::fs::write(folder.join("wrong.toml"), "[base]\nmass_g = 94\n").unwrap();
+    std::fs::write(folder.join("tight.toml"), "[base]\nmotor_distance_m = 0.01\n").unwrap();
+    for (args, message) in [
+        (vec!["plan.toml", "--robot", "missing.toml"], "missing.toml: cannot be read"),
+        (vec!["plan.toml", "--robot", "wrong.toml"], "wrong.toml:2:1: mass_g = 94: unknown field `mass_g`"),
+        (vec!["plan.toml", "--robot", "tight.toml"], "tight.toml: base.motor_distance_m = 0.01: the flagella touch"),
+        (vec!["missing.toml"], "missing.toml: cannot be read"),
+        (vec![], "required"),
+        (vec!["--speeds=50,10"], "--duration"),
+        (vec!["--speeds=50", "--duration", "1"], "give two speeds"),
+        (vec!["--speeds=50,500", "--duration", "1"], "500 rpm is beyond ±90 rpm"),
+        (vec!["--speeds=50,10", "--duration", "0"], "more than 0"),
+        (vec!["plan.toml", "--speeds=50,10", "--duration", "1"], "cannot be used with"),
+        (vec!["plan.toml", "--closure", "held"], "full, lumped, paper"),
+        (vec!["plan.toml", "--shard", "3/2"], "1/8"),
+        (vec!["plan.toml", "--shard", "0/2"], "1/8"),
+        (vec!["plan.toml", "--jobs", "0"], "1..=1024"),
+        (vec!["plan.toml", "--rate", "nan"], "samples a second"),
+    ] {
+        let output = biflag(folder, &[&["simulate"], args.as_slice()].concat());
+        expect(&output, 2);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(stderr.contains(message), "{args:?}: {stderr}");
+    }
+    assert!(!folder.join("short").exists());
+}
+
+#[test]
+fn a_session_keeps_to_its_model() {
+    let bench = bench();
+    let folder = bench.path();
+    std::fs::write(folder.join("soft.toml"), "[flagellum]\nyoung_pa = 8e5\n").unwrap();
+    let run = |args: &[&str], code: i32| {
+        let output =
+            biflag(folder, &[&["simulate", "plan.toml", "--robot", "soft.toml", "--out", "soft"], args].concat());
+        expect(&output, code);
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    run(&["--shard", "1/4"], 3);
+    assert!(run(&[], 2).contains("holds a session already"));
+    assert!(run(&["--shard", "1/4"], 2).contains("holds a session already"));
+    assert!(run(&["--resume", "--closure", "lumped"], 2).contains("computed with the closure full"));
+    assert!(run(&["--resume", "--rate", "50"], 2).contains("computed with 20 samples a second"));
+    let other = biflag(folder, &["simulate", "plan.toml", "--out", "soft", "--resume"]);
+    expect(&other, 2);
+    assert!(String::from_utf8_lossy(&other.stderr).contains("the robot differ"));
+    run(&["--resume"], 3);
+    assert_eq!(logs(&folder.join("soft")).len(), 4);
+    let mut log = Reader::open(&folder.join("soft/001_w1+50_w2+10.mcap")).unwrap();
+    assert!(log.by_ref().all(|message| message.is_ok()));
+    assert_eq!(log.meta::<ModelMeta>().unwrap().robot().unwrap().flagellum.young_pa, 8e5);
+}
+
+#[test]
+fn a_trial_that_the_solver_cannot_end_keeps_its_log_and_spares_the_others() {
+    let bench = bench();
+    let folder = bench.path();
+    std::fs::write(folder.join("hard.toml"), "[solver]\nsweeps = 2\nhalvings = 0\nstep_rad = 1.1\ntolerance = 1e-7\n")
+        .unwrap();
+    let output = biflag(folder, &["simulate", "plan.toml", "--robot", "hard.toml", "--json"]);
+    expect(&output, 1);
+    let error = json(&output)["trials"][0]["error"].as_str().unwrap().to_owned();
+    assert!(error.contains("001_w1+50_w2+10: no step from") && error.contains("solver.halvings"), "{error}");
+    let info = json(&biflag(folder, &["info", "short/001_w1+50_w2+10.mcap", "--json"]));
+    assert_eq!((&info["end"], &info["clean"]), (&"failed".into(), &true.into()));
+}

@@ -1,0 +1,121 @@
+//! Speed of trials on one core, with the error of the mean forces printed beside it.
+//!
+//! `cargo bench -p sim --bench trials`: real-time factor of 60 s, and the mean thrusts over its last 12 s
+//! against a run with steps and tolerance so small that they no longer matter (twenty times as long).
+//! Then the growth of a step's cost with the number of edges. Times are the best of three runs.
+//! `-- speed` and `-- growth` give one of the two.
+
+use sim::fluid::far::Precision;
+use sim::params::Robot;
+use sim::profile::SpeedProfile;
+use sim::robot::clamp::Motor;
+use sim::robot::closure::Closure;
+use sim::rod::Rod;
+use sim::step::Solver;
+use sim::trial::{Options, Summary, Trial};
+use std::f64::consts::PI;
+use std::time::Instant;
+
+fn run(robot: &Robot, closure: Closure, rpm: [f64; 2]) -> (Summary, f64) {
+    let profile = SpeedProfile::constant(rpm, 60.0).expect("a profile");
+    let mut trial = Trial::new(robot, closure, profile, Options::default()).expect("parameters");
+    let start = Instant::now();
+    let summary = trial.finish().expect("a run");
+    (summary, start.elapsed().as_secs_f64())
+}
+
+/// Largest difference of the mean thrusts, over the larger thrust.
+fn thrust_error(a: &Summary, b: &Summary) -> f64 {
+    let thrust = |s: &Summary, k: usize| s.steady.force[k][2].mean;
+    let scale = thrust(b, 0).abs().max(thrust(b, 1).abs());
+    (0..2).map(|k| (thrust(a, k) - thrust(b, k)).abs()).fold(0.0, f64::max) / scale
+}
+
+fn speed_and_error() {
+    println!(
+        "| speeds rpm | closure | real-time factor | must | aim | error of mean thrust | contact | sweeps a step |"
+    );
+    println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
+    let cases = [
+        ([90.0, 90.0], Closure::Paper, "250", "500"),
+        ([50.0, 10.0], Closure::Paper, "500", "1000"),
+        ([50.0, 10.0], Closure::Full, "300", "800"),
+        ([90.0, 90.0], Closure::Full, "", ""),
+        ([-90.0, 90.0], Closure::Full, "", ""),
+        ([90.0, 60.0], Closure::Full, "60", "150"),
+        ([-60.0, -60.0], Closure::Full, "25", "100"),
+        ([-90.0, -80.0], Closure::Full, "25", "100"),
+    ];
+    for (rpm, closure, must, aim) in cases {
+        let robot = Robot::default();
+        let (summary, mut wall) = run(&robot, closure, rpm);
+        for _ in 0..2 {
+            wall = wall.min(run(&robot, closure, rpm).1);
+        }
+        let mut fine = robot.clone();
+        fine.solver.step_rad = 0.1;
+        fine.solver.contact_step_rad = if summary.contact_share > 0.0 { 0.06 } else { 0.1 };
+        fine.solver.tolerance = 1e-3;
+        fine.solver.far_field = Precision::Double;
+        let error = thrust_error(&summary, &run(&fine, closure, rpm).0);
+        println!(
+            "| ({}, {}) | {closure:?} | {:.0} | {must} | {aim} | {:.2} % | {:.2} | {:.2} |",
+            rpm[0],
+            rpm[1],
+            60.0 / wall,
+            100.0 * error,
+            summary.contact_share,
+            summary.newton_iterations as f64 / summary.steps as f64,
+        );
+    }
+}
+
+fn growth() {
+    println!("\n| edges a flagellum | ms a step at (90, 90) | real-time factor | ms for a frozen inverse |");
+    println!("| --- | --- | --- | --- |");
+    let mut points = vec![];
+    for edges in [25usize, 50, 100, 200, 400] {
+        // The regularisation may not exceed the edge length.
+        let mut robot = Robot::default();
+        let length = robot.flagellum.helix(0).contour_length() / edges as f64;
+        let radii = length / robot.flagellum.rod_radius_m;
+        robot.flagellum.edge_length_m = length.min(robot.flagellum.edge_length_m);
+        robot.fluid.regularisation_radii = robot.fluid.regularisation_radii.min(0.99 * radii);
+        let rods = [0, 1].map(|k| Rod::stress_free(robot.flagellum.helix(k).nodes(edges), robot.flagellum.stiffness()));
+        let mut solver = Solver::with_rods(&robot, Closure::Held, rods).expect("parameters");
+        let mut state = solver.at_rest();
+        let speed = 3.0 * PI;
+        let motors = |t: f64| [Motor { angle: speed * t, speed }; 2];
+        let start = Instant::now();
+        while state.time < 0.8 {
+            solver.advance(&mut state, 0.8, &motors).expect("a step");
+        }
+        // Beyond the start no new inverse is needed: what it cost is the rest.
+        let warm = start.elapsed().as_secs_f64();
+        let (start, mut steps) = (Instant::now(), 0);
+        let end = if edges > 150 { 1.6 } else { 4.0 };
+        while state.time < end {
+            solver.advance(&mut state, end, &motors).expect("a step");
+            steps += 1;
+        }
+        let step = start.elapsed().as_secs_f64() / steps as f64;
+        let inverse = (warm - 30.0 * step).max(0.0) / solver.inverses_built() as f64;
+        points.push(((edges as f64).ln(), step.ln()));
+        println!("| {edges} | {:.3} | {:.1} | {:.1} |", step * 1e3, 0.0403 / step, inverse * 1e3);
+    }
+    let n = points.len() as f64;
+    let (sx, sy) = points.iter().fold((0.0, 0.0), |a, p| (a.0 + p.0 / n, a.1 + p.1 / n));
+    let slope = points.iter().map(|p| (p.0 - sx) * (p.1 - sy)).sum::<f64>()
+        / points.iter().map(|p| (p.0 - sx).powi(2)).sum::<f64>();
+    println!("cost of a step grows as edges^{slope:.2}");
+}
+
+fn main() {
+    let only = std::env::args().nth(1).unwrap_or_default();
+    if only != "growth" {
+        speed_and_error();
+    }
+    if only != "speed" {
+        growth();
+    }
+}

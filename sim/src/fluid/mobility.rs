@@ -1,0 +1,99 @@
+//! The dense mobility matrix of regularised Stokeslet segments, and the drag of rigid motions.
+//!
+//! The matrix is not symmetric (a density is linear, a velocity is collocated at nodes), so systems
+//! with it need a factorisation for general matrices; a Cholesky factorisation of it gives nodal
+//! forces that are wrong by tens of per cent.
+
+use super::{segment::segment_flow, stokeslet_factor};
+use crate::V3;
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6};
+
+/// Writes the mobility of the centre line `sources` on the points `targets` into a block of `matrix`.
+///
+/// Row `3 i + a` of the block is component a of the velocity (m/s) at target i, column `3 j + b` the
+/// force density (N/m, on the fluid) at source node j. `corner`: first row and column of the block.
+pub fn fill_mobility(
+    matrix: &mut DMatrix<f64>,
+    corner: (usize, usize),
+    targets: &[V3],
+    sources: &[V3],
+    epsilon: f64,
+    viscosity: f64,
+) {
+    let factor = stokeslet_factor(viscosity);
+    matrix.view_mut(corner, (3 * targets.len(), 3 * sources.len())).fill(0.0);
+    for (i, x) in targets.iter().enumerate() {
+        for j in 0..sources.len() - 1 {
+            let flows = segment_flow(*x, sources[j], sources[j + 1], epsilon);
+            for (side, flow) in flows.iter().enumerate() {
+                let at = (corner.0 + 3 * i, corner.1 + 3 * (j + side));
+                let mut block = matrix.fixed_view_mut::<3, 3>(at.0, at.1);
+                block += flow * factor;
+            }
+        }
+    }
+}
+
+/// The mobility matrix of several centre lines on all their nodes, stacked in order.
+pub fn mobility(lines: &[&[V3]], epsilon: f64, viscosity: f64) -> DMatrix<f64> {
+    let size: usize = lines.iter().map(|line| 3 * line.len()).sum();
+    let mut matrix = DMatrix::zeros(size, size);
+    let mut row = 0;
+    for targets in lines {
+        let mut column = 0;
+        for sources in lines {
+            fill_mobility(&mut matrix, (row, column), targets, sources, epsilon, viscosity);
+            column += 3 * sources.len();
+        }
+        row += 3 * targets.len();
+    }
+    matrix
+}
+
+/// Weights that integrate a nodal density along a line: half the adjacent edge lengths, in m.
+pub fn nodal_lengths(line: &[V3]) -> Vec<f64> {
+    let mut weights = vec![0.0; line.len()];
+    for (i, pair) in line.windows(2).enumerate() {
+        let half = 0.5 * (pair[1] - pair[0]).norm();
+        weights[i] += half;
+        weights[i + 1] += half;
+    }
+    weights
+}
+
+/// Resistance of rigid centre lines that move together: force and torque about `pivot` that the
+/// fluid puts on them are minus this 6 x 6 matrix times (velocity at the pivot, angular velocity).
+///
+/// `None` when the mobility matrix is singular to rounding.
+pub fn rigid_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64) -> Option<Matrix6<f64>> {
+    let factored = mobility(lines, epsilon, viscosity).lu();
+    let nodes: Vec<V3> = lines.iter().flat_map(|line| line.iter().copied()).collect();
+    let weights: Vec<f64> = lines.iter().flat_map(|line| nodal_lengths(line)).collect();
+    let mut resistance = Matrix6::zeros();
+    for column in 0..6 {
+        let mut unit = V3::zeros();
+        unit[column % 3] = 1.0;
+        let velocity = DVector::from_iterator(
+            3 * nodes.len(),
+            nodes.iter().flat_map(|x| {
+                let u = if column < 3 { unit } else { unit.cross(&(x - pivot)) };
+                [u.x, u.y, u.z]
+            }),
+        );
+        let density = factored.solve(&velocity)?;
+        for (i, x) in nodes.iter().enumerate() {
+            let force = V3::new(density[3 * i], density[3 * i + 1], density[3 * i + 2]) * weights[i];
+            let torque = (x - pivot).cross(&force);
+            for a in 0..3 {
+                resistance[(a, column)] += force[a];
+                resistance[(3 + a, column)] += torque[a];
+            }
+        }
+    }
+    Some(resistance)
+}
+
+/// The rotational part of [`rigid_resistance`], N m s.
+pub fn rotational_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64) -> Option<Matrix3<f64>> {
+    rigid_resistance(lines, pivot, epsilon, viscosity).map(|r| r.fixed_view::<3, 3>(3, 3).into_owned())
+}

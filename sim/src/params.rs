@@ -1,0 +1,497 @@
+//! Every parameter of a robot, its fluid and the solver: unit, default, source, effect of a bad value.
+//!
+//! Keys carry their unit where they have one; everything is SI. The defaults are the published robot
+//! (Hao, Zalavadia, Jawed, ICRA 2024, arXiv 2405.02291, "the publication" below). [`Robot::validate`]
+//! names the key and the reason of an impossible value; unknown keys fail when a file is read.
+//!
+//! At 90 rpm the Reynolds number rho_f omega R r/mu is about 0.3, above the 0.1 that the publication
+//! states: Stokes flow is an approximation there.
+
+use crate::fluid::{far::Precision, near::LEAST_EPSILON};
+use crate::robot::closure::Closure;
+use crate::rod::{
+    Stiffness,
+    helix::{Handedness, Helix},
+};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
+
+/// A parameter that cannot be.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{key} = {value}: {reason}")]
+pub struct ParamError {
+    /// Dotted key, as in the file.
+    pub key: &'static str,
+    /// The value that was given.
+    pub value: f64,
+    /// Why it cannot be, and what can.
+    pub reason: String,
+}
+
+/// The robot, its fluid and the solver's settings.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Robot {
+    /// The rigid base on its ball joint.
+    pub base: Base,
+    /// Both flagella.
+    pub flagellum: Flagellum,
+    /// The fluid.
+    pub fluid: Fluid,
+    /// Ball joint and tether.
+    pub joint: Joint,
+    /// Contact between flagella.
+    pub contact: Contact,
+    /// Time steps and tolerances.
+    pub solver: Solver,
+}
+
+/// The base: a cylinder that holds both motors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Base {
+    /// Mass in kg (0.094, publication). Enters the righting moment and nothing else.
+    pub mass_kg: f64,
+    /// Radius in m (0.0135, publication). Cubed in the base's drag.
+    pub radius_m: f64,
+    /// Height from the joint down to the shafts' feet in m (0.0375, publication): the lever of lateral forces.
+    pub height_m: f64,
+    /// Distance of the shafts in m (0.045, publication). Too small and the flagella touch at rest.
+    pub motor_distance_m: f64,
+    /// Principal moments of inertia about x_B, y_B, z_B in kg m2 (1.63e-5, 1.63e-5, 0.91e-5, from a
+    /// commented table of the publication's source). Matters for milliseconds only.
+    pub inertia_kg_m2: [f64; 3],
+    /// Mass centre below the joint in m (0.002, publication): an effective value, m g r_m stands for
+    /// everything that hangs from the joint. Zero leaves nothing that rights the robot.
+    pub mass_centre_below_joint_m: f64,
+    /// Coefficient C_r of the base's rotational drag 2 pi mu C_r r_h^3 (2.3, publication).
+    pub rotational_drag: f64,
+    /// Acceleration of gravity in m/s2 (9.80665).
+    pub gravity_m_s2: f64,
+    /// Whether the flagella's net weight acts on the base too (false: `mass_centre_below_joint_m`
+    /// stands for it already). Their elastic rods carry it in any case.
+    pub flagella_weight_on_base: bool,
+}
+
+impl Default for Base {
+    fn default() -> Self {
+        Self {
+            mass_kg: 0.094,
+            radius_m: 0.0135,
+            height_m: 0.0375,
+            motor_distance_m: 0.045,
+            inertia_kg_m2: [1.63e-5, 1.63e-5, 0.91e-5],
+            mass_centre_below_joint_m: 0.002,
+            rotational_drag: 2.3,
+            gravity_m_s2: 9.80665,
+            flagella_weight_on_base: false,
+        }
+    }
+}
+
+/// A flagellum: a round elastic rod, at rest a helix.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Flagellum {
+    /// Radius of the rod in m (0.003: the publication prints 6 mm as a radius, but its pitch angles
+    /// match 3 mm and come out three times too large with 6 mm). Its fourth power is the stiffness.
+    pub rod_radius_m: f64,
+    /// Radius of the helix in m (0.00889, publication).
+    pub helix_radius_m: f64,
+    /// Pitch in m (0.076, publication).
+    pub pitch_m: f64,
+    /// Length along the axis in m (0.1962, publication).
+    pub axial_length_m: f64,
+    /// Winding of flagellum 1 and 2 (right, publication).
+    pub handedness: [Handedness; 2],
+    /// Young's modulus in Pa (1.255e6, publication). Lower values let the flagella bend, buckle and bundle.
+    pub young_pa: f64,
+    /// Poisson's ratio (0.5, publication).
+    pub poisson: f64,
+    /// Density in kg/m3 (1450, publication). Only the weight less buoyancy matters.
+    pub density_kg_m3: f64,
+    /// Length of an edge in m (0.005, the publication's 5 mm). Forces converge about as its first
+    /// power (2.6 % left at 5 mm); the cost of a step grows as its power -1.7. Above a twelfth of a
+    /// turn the helix is not resolved.
+    pub edge_length_m: f64,
+}
+
+impl Default for Flagellum {
+    fn default() -> Self {
+        Self {
+            rod_radius_m: 0.003,
+            helix_radius_m: 0.00889,
+            pitch_m: 0.076,
+            axial_length_m: 0.1962,
+            handedness: [Handedness::Right; 2],
+            young_pa: 1.255e6,
+            poisson: 0.5,
+            density_kg_m3: 1450.0,
+            edge_length_m: 0.005,
+        }
+    }
+}
+
+impl Flagellum {
+    /// The natural shape of flagellum 0 or 1.
+    pub fn helix(&self, which: usize) -> Helix {
+        Helix {
+            radius: self.helix_radius_m,
+            pitch: self.pitch_m,
+            axial_length: self.axial_length_m,
+            handedness: self.handedness[which],
+        }
+    }
+
+    /// Number of edges: the contour length over the wanted edge length, rounded.
+    pub fn edges(&self) -> usize {
+        (self.helix(0).contour_length() / self.edge_length_m).round() as usize
+    }
+
+    /// EA, EI, GJ.
+    pub fn stiffness(&self) -> Stiffness {
+        Stiffness::solid_round(self.rod_radius_m, self.young_pa, self.poisson)
+    }
+}
+
+/// The fluid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Fluid {
+    /// Dynamic viscosity in Pa s (1.0, publication).
+    pub viscosity_pa_s: f64,
+    /// Density in kg/m3 (1260, publication).
+    pub density_kg_m3: f64,
+    /// Glycerol and water instead of the two values above.
+    pub glycerol: Option<Glycerol>,
+    /// Drag on changes of a rod's spin about its own centre line, over that of a round rod, 4 pi mu r^2 a
+    /// metre (0.02). It acts on the spin in the shaft frame, whose mean vanishes. The published model has
+    /// none; but then twist has no time of its own, and where it snaps (soft flagella driven against their
+    /// winding) no solution. With 1 the mean thrusts of soft flagella change by some per cent.
+    pub spin_drag: f64,
+    /// Regularisation of the Stokeslets in rod radii (1.03; the publication gives none). The far flow
+    /// is that of a round rod of exp(-1/2) times this. Above the edge length the segments lose their
+    /// meaning, far below it the force density becomes rough.
+    pub regularisation_radii: f64,
+}
+
+impl Default for Fluid {
+    fn default() -> Self {
+        Self { viscosity_pa_s: 1.0, density_kg_m3: 1260.0, glycerol: None, spin_drag: 0.02, regularisation_radii: 1.03 }
+    }
+}
+
+/// A mixture of glycerol and water at a temperature (Cheng 2008, Ind. Eng. Chem. Res. 47, 3285).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Glycerol {
+    /// Mass of glycerol over mass of the mixture, 0 to 1.
+    pub mass_fraction: f64,
+    /// Temperature in degrees Celsius, 0 to 100.
+    pub temperature_c: f64,
+}
+
+impl Glycerol {
+    /// Dynamic viscosity in Pa s.
+    pub fn viscosity_pa_s(&self) -> f64 {
+        let (c, t) = (self.mass_fraction, self.temperature_c);
+        let glycerol = 12.1 * ((-1233.0 + t) * t / (9900.0 + 70.0 * t)).exp();
+        let water = 1.790e-3 * ((-1230.0 - t) * t / (36100.0 + 360.0 * t)).exp();
+        let a = 0.705 - 0.0017 * t;
+        let b = (4.9 + 0.036 * t) * a.powf(2.5);
+        let alpha = 1.0 - c + a * b * c * (1.0 - c) / (a * c + b * (1.0 - c));
+        water.powf(alpha) * glycerol.powf(1.0 - alpha)
+    }
+
+    /// Density in kg/m3, without the small contraction on mixing.
+    pub fn density_kg_m3(&self) -> f64 {
+        let t = self.temperature_c;
+        let glycerol = 1277.0 - 0.654 * t;
+        let water = 1000.0 * (1.0 - ((t - 4.0).abs() / 622.0).powf(1.7));
+        self.mass_fraction * glycerol + (1.0 - self.mass_fraction) * water
+    }
+}
+
+impl Fluid {
+    /// Dynamic viscosity in Pa s, from the mixture when there is one.
+    pub fn viscosity(&self) -> f64 {
+        self.glycerol.map_or(self.viscosity_pa_s, |g| g.viscosity_pa_s())
+    }
+
+    /// Density in kg/m3, from the mixture when there is one.
+    pub fn density(&self) -> f64 {
+        self.glycerol.map_or(self.density_kg_m3, |g| g.density_kg_m3())
+    }
+}
+
+/// What the ball joint and the sensor's cable do.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Joint {
+    /// Tether stiffness about the vertical in N m/rad for the `full` closure. Calibrated once, so that
+    /// |yaw| is 180 degrees at (90, 90) rpm after 120 s; nothing else is fitted. Zero: the robot spins on.
+    pub tether_full_nm_per_rad: f64,
+    /// The same for the `lumped` closure.
+    pub tether_lumped_nm_per_rad: f64,
+    /// Viscous friction of the joint in N m s (0).
+    pub viscous_nms: f64,
+    /// Coulomb friction of the joint in N m (0), smoothed below about 0.01 degrees a second.
+    pub coulomb_nm: f64,
+}
+
+impl Default for Joint {
+    fn default() -> Self {
+        Self { tether_full_nm_per_rad: 3.607e-4, tether_lumped_nm_per_rad: 3.653e-4, viscous_nms: 0.0, coulomb_nm: 0.0 }
+    }
+}
+
+impl Joint {
+    /// Tether stiffness of a closure in N m/rad; `paper` has none, as printed.
+    pub fn tether(&self, closure: Closure) -> f64 {
+        match closure {
+            Closure::Full => self.tether_full_nm_per_rad,
+            Closure::Lumped => self.tether_lumped_nm_per_rad,
+            Closure::Paper | Closure::Held => 0.0,
+        }
+    }
+}
+
+/// Contact between the rods, see [`crate::contact`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Contact {
+    /// Whether rods touch at all (true). Without it they pass through each other.
+    pub enabled: bool,
+    /// Largest penetration in m (1e-5): stiffness follows from it. Smaller costs little.
+    pub tolerance_m: f64,
+    /// Coefficient of friction (0: wet silicone in glycerin).
+    pub friction: f64,
+    /// Sliding speed in m/s below which friction sticks (1e-4).
+    pub slip_speed_m_s: f64,
+}
+
+impl Default for Contact {
+    fn default() -> Self {
+        Self { enabled: true, tolerance_m: 1e-5, friction: 0.0, slip_speed_m_s: 1e-4 }
+    }
+}
+
+/// Settings of the implicit steps; see [`crate::step`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Solver {
+    /// Angle of the faster motor a step, in rad (0.38: mean forces within 0.05 %; 0.75 is a fast scan
+    /// within 1 %, above 1.1 steps fail).
+    pub step_rad: f64,
+    /// The same while rods are close (0.25), halved again where both motors pull their flagella in.
+    pub contact_step_rad: f64,
+    /// Longest step in s (0.1).
+    pub longest_step_s: f64,
+    /// Velocity residual at which an iteration stops, before its last update, relative to the largest
+    /// speed of the helix (0.02). Mean forces carry about a tenth of it.
+    pub tolerance: f64,
+    /// How often a step may be halved before the trial stops with an error (8).
+    pub halvings: u32,
+    /// Sweeps a step may take (25).
+    pub sweeps: u32,
+    /// Own segments this many edges away or less are integrated exactly (2).
+    pub near_edges: u32,
+    /// Gauss points of every other segment, 2 to 4 (2).
+    pub gauss_points: u32,
+    /// Precision of the sum over far segments (single). Mean forces do not change to six digits.
+    pub far_field: Precision,
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self {
+            step_rad: 0.38,
+            contact_step_rad: 0.25,
+            longest_step_s: 0.1,
+            tolerance: 0.02,
+            halvings: 8,
+            sweeps: 25,
+            near_edges: 2,
+            gauss_points: 2,
+            far_field: Precision::Single,
+        }
+    }
+}
+
+fn within(key: &'static str, value: f64, low: f64, high: f64) -> Result<(), ParamError> {
+    if value >= low && value <= high {
+        return Ok(());
+    }
+    Err(ParamError { key, value, reason: format!("must be between {low} and {high}") })
+}
+
+fn refuse(key: &'static str, value: f64, reason: impl Into<String>) -> Result<(), ParamError> {
+    Err(ParamError { key, value, reason: reason.into() })
+}
+
+impl Robot {
+    /// Regularisation of the Stokeslets in m.
+    pub fn epsilon(&self) -> f64 {
+        self.fluid.regularisation_radii * self.flagellum.rod_radius_m
+    }
+
+    /// Feet of the shafts in the body frame, m: flagellum 1 at +d/2.
+    pub fn shaft_feet(&self) -> [crate::V3; 2] {
+        let (d, h) = (0.5 * self.base.motor_distance_m, self.base.height_m);
+        [crate::V3::new(d, 0.0, -h), crate::V3::new(-d, 0.0, -h)]
+    }
+
+    /// Drag coefficient of the base in N m s: 2 pi mu C_r r_h^3.
+    pub fn base_drag(&self) -> f64 {
+        2.0 * PI * self.fluid.viscosity() * self.base.rotational_drag * self.base.radius_m.powi(3)
+    }
+
+    /// Drag on the spin of a rod about its centre line, N m s a metre and radian; see [`Fluid::spin_drag`].
+    pub fn spin_drag(&self) -> f64 {
+        let round = 4.0 * PI * self.fluid.viscosity() * self.flagellum.rod_radius_m.powi(2);
+        self.fluid.spin_drag * round
+    }
+
+    /// Weight less buoyancy of the rod in N/m, downwards.
+    pub fn net_weight(&self) -> f64 {
+        let area = PI * self.flagellum.rod_radius_m.powi(2);
+        (self.flagellum.density_kg_m3 - self.fluid.density()) * area * self.base.gravity_m_s2
+    }
+
+    /// Checks every value; the error names the key and says why.
+    pub fn validate(&self) -> Result<(), ParamError> {
+        self.validate_base()?;
+        self.validate_flagellum()?;
+        self.validate_fluid()?;
+        let (joint, contact, solver) = (&self.joint, &self.contact, &self.solver);
+        within("joint.tether_full_nm_per_rad", joint.tether_full_nm_per_rad, 0.0, 1e3)?;
+        within("joint.tether_lumped_nm_per_rad", joint.tether_lumped_nm_per_rad, 0.0, 1e3)?;
+        within("joint.viscous_nms", joint.viscous_nms, 0.0, 1e3)?;
+        within("joint.coulomb_nm", joint.coulomb_nm, 0.0, 1e3)?;
+        let r = self.flagellum.rod_radius_m;
+        within("contact.tolerance_m", contact.tolerance_m, 1e-5 * r, 0.1 * r)?;
+        within("contact.friction", contact.friction, 0.0, 10.0)?;
+        within("contact.slip_speed_m_s", contact.slip_speed_m_s, 1e-9, 1.0)?;
+        within("solver.step_rad", solver.step_rad, 1e-4, 1.1)?;
+        within("solver.contact_step_rad", solver.contact_step_rad, 1e-4, 1.1)?;
+        within("solver.longest_step_s", solver.longest_step_s, 1e-6, 10.0)?;
+        within("solver.tolerance", solver.tolerance, 1e-7, 0.1)?;
+        within("solver.halvings", solver.halvings as f64, 0.0, 20.0)?;
+        within("solver.sweeps", solver.sweeps as f64, 2.0, 1000.0)?;
+        within("solver.near_edges", solver.near_edges as f64, 1.0, 20.0)?;
+        within("solver.gauss_points", solver.gauss_points as f64, 2.0, 4.0)
+    }
+
+    fn validate_base(&self) -> Result<(), ParamError> {
+        let base = &self.base;
+        within("base.mass_kg", base.mass_kg, 0.0, 1e3)?;
+        within("base.radius_m", base.radius_m, 1e-6, 1.0)?;
+        within("base.height_m", base.height_m, 0.0, 10.0)?;
+        within("base.motor_distance_m", base.motor_distance_m, 1e-6, 10.0)?;
+        for moment in base.inertia_kg_m2 {
+            within("base.inertia_kg_m2", moment, 1e-12, 1e3)?;
+        }
+        within("base.mass_centre_below_joint_m", base.mass_centre_below_joint_m, -1.0, 1.0)?;
+        within("base.rotational_drag", base.rotational_drag, 1e-3, 1e3)?;
+        within("base.gravity_m_s2", base.gravity_m_s2, 0.0, 1e3)
+    }
+
+    fn validate_flagellum(&self) -> Result<(), ParamError> {
+        let f = &self.flagellum;
+        within("flagellum.rod_radius_m", f.rod_radius_m, 1e-6, 0.1)?;
+        within("flagellum.helix_radius_m", f.helix_radius_m, 0.0, 1.0)?;
+        within("flagellum.pitch_m", f.pitch_m, 1e-5, 10.0)?;
+        within("flagellum.axial_length_m", f.axial_length_m, 1e-4, 10.0)?;
+        within("flagellum.young_pa", f.young_pa, 1.0, 1e13)?;
+        within("flagellum.poisson", f.poisson, -0.99, 0.5)?;
+        within("flagellum.density_kg_m3", f.density_kg_m3, 0.0, 3e4)?;
+        within("flagellum.edge_length_m", f.edge_length_m, 1e-6, 1.0)?;
+        let (r, radius, advance) = (f.rod_radius_m, f.helix_radius_m, f.pitch_m / TAU);
+        let curvature_radius = (radius * radius + advance * advance) / radius.max(1e-300);
+        if curvature_radius <= r {
+            return refuse(
+                "flagellum.helix_radius_m",
+                radius,
+                format!(
+                    "the helix is curved more tightly ({curvature_radius:.2e} m) than its rod is thick ({r:.2e} m)"
+                ),
+            );
+        }
+        let nearest = (0..=600)
+            .map(|i| PI * (1.0 + i as f64 / 200.0))
+            .map(|s| (2.0 * radius * radius * (1.0 - s.cos()) + (advance * s).powi(2)).sqrt())
+            .fold(f64::INFINITY, f64::min);
+        if nearest <= 2.0 * r && f.axial_length_m > 0.5 * f.pitch_m {
+            return refuse(
+                "flagellum.pitch_m",
+                f.pitch_m,
+                format!(
+                    "the helix touches itself: its turns come within {nearest:.2e} m, the rod is {:.2e} m thick",
+                    2.0 * r
+                ),
+            );
+        }
+        let gap = self.base.motor_distance_m - 2.0 * (radius + r);
+        if gap <= 0.0 {
+            return refuse(
+                "base.motor_distance_m",
+                self.base.motor_distance_m,
+                format!("the flagella touch when they turn: needs more than {:.2e} m", 2.0 * (radius + r)),
+            );
+        }
+        let turn = (TAU * radius).hypot(f.pitch_m);
+        if f.edge_length_m > turn / 12.0 && radius > 0.1 * r {
+            return refuse(
+                "flagellum.edge_length_m",
+                f.edge_length_m,
+                format!("too long to resolve the helix: at most a twelfth of a turn, {:.2e} m", turn / 12.0),
+            );
+        }
+        let edges = f.helix(0).contour_length() / f.edge_length_m;
+        if !(5.5..1000.5).contains(&edges) {
+            return refuse(
+                "flagellum.edge_length_m",
+                f.edge_length_m,
+                format!("gives {edges:.0} edges a flagellum: needs 6 to 1000"),
+            );
+        }
+        Ok(())
+    }
+
+    fn validate_fluid(&self) -> Result<(), ParamError> {
+        let fluid = &self.fluid;
+        within("fluid.viscosity_pa_s", fluid.viscosity_pa_s, 1e-6, 1e6)?;
+        within("fluid.density_kg_m3", fluid.density_kg_m3, 0.0, 3e4)?;
+        if let Some(mixture) = fluid.glycerol {
+            within("fluid.glycerol.mass_fraction", mixture.mass_fraction, 0.0, 1.0)?;
+            within("fluid.glycerol.temperature_c", mixture.temperature_c, 0.0, 100.0)?;
+        }
+        within("fluid.spin_drag", fluid.spin_drag, 0.0, 10.0)?;
+        within("fluid.regularisation_radii", fluid.regularisation_radii, 0.1, 10.0)?;
+        // Edges come out a little longer or shorter than asked for.
+        let edge = self.flagellum.helix(0).contour_length() / self.flagellum.edges() as f64;
+        let share = self.epsilon() / edge;
+        if share > 1.0 {
+            return refuse(
+                "fluid.regularisation_radii",
+                fluid.regularisation_radii,
+                format!(
+                    "{:.2e} m is above the edge length {edge:.2e} m: make edges longer or the regularisation smaller",
+                    self.epsilon()
+                ),
+            );
+        }
+        if share < LEAST_EPSILON {
+            return refuse(
+                "flagellum.edge_length_m",
+                self.flagellum.edge_length_m,
+                format!(
+                    "edges of {edge:.2e} m are more than {:.1} times the regularisation {:.2e} m: the force density would be rough",
+                    1.0 / LEAST_EPSILON,
+                    self.epsilon()
+                ),
+            );
+        }
+        Ok(())
+    }
+}

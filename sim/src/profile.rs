@@ -1,0 +1,215 @@
+//! Speeds of both motors over time: the phases of a trial, ramps, or the record of a rig.
+//!
+//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral.
+
+use crate::robot::clamp::Motor;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// A profile that cannot be.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ProfileError {
+    /// Fewer than two points, or no time between the first and the last.
+    #[error("a profile needs a duration above zero")]
+    Empty,
+    /// A time or speed is not a number.
+    #[error("point {index} is not finite")]
+    NotFinite {
+        /// Index of the point.
+        index: usize,
+    },
+    /// Time goes back.
+    #[error("point {index} lies before the one before it")]
+    Unordered {
+        /// Index of the point.
+        index: usize,
+    },
+    /// A speed that no model of a slow robot covers.
+    #[error("point {index}: {rpm:.0} rpm is beyond {limit:.0} rpm")]
+    TooFast {
+        /// Index of the point.
+        index: usize,
+        /// The speed.
+        rpm: f64,
+        /// The limit.
+        limit: f64,
+    },
+}
+
+/// Largest speed of a profile, rpm.
+pub const LARGEST_RPM: f64 = 10_000.0;
+
+/// Durations of the phases of a trial, s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Phases {
+    /// Still, for the sensor's calibration.
+    pub calibrate: f64,
+    /// Still.
+    pub preroll: f64,
+    /// Motors at their speeds.
+    pub run: f64,
+    /// Motors off.
+    pub decay: f64,
+    /// Time in which motors reach their speed and stop.
+    pub ramp: f64,
+}
+
+impl Default for Phases {
+    fn default() -> Self {
+        Self { calibrate: 0.0, preroll: 0.0, run: 120.0, decay: 0.0, ramp: 0.25 }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Point {
+    time: f64,
+    speed: [f64; 2],
+    angle: [f64; 2],
+}
+
+/// Speeds of both motors over time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpeedProfile {
+    points: Vec<Point>,
+    run: [f64; 2],
+}
+
+impl SpeedProfile {
+    /// From times in s and speeds in rpm, linear in between. The run phase is all of it.
+    ///
+    /// A record should be smoothed first: a step's formula takes the speed at its end for that of the step.
+    pub fn from_points(points: &[(f64, [f64; 2])]) -> Result<Self, ProfileError> {
+        let mut built: Vec<Point> = Vec::with_capacity(points.len());
+        for (index, (time, rpm)) in points.iter().enumerate() {
+            if !time.is_finite() || rpm.iter().any(|r| !r.is_finite()) {
+                return Err(ProfileError::NotFinite { index });
+            }
+            if let Some(fast) = rpm.iter().find(|r| r.abs() > LARGEST_RPM) {
+                return Err(ProfileError::TooFast { index, rpm: *fast, limit: LARGEST_RPM });
+            }
+            let speed = rpm.map(|r| r * PI / 30.0);
+            let angle = match built.last() {
+                None => [0.0; 2],
+                Some(last) if last.time <= *time => {
+                    let half = 0.5 * (time - last.time);
+                    [0, 1].map(|k| last.angle[k] + half * (last.speed[k] + speed[k]))
+                }
+                Some(_) => return Err(ProfileError::Unordered { index }),
+            };
+            built.push(Point { time: *time, speed, angle });
+        }
+        let (Some(first), Some(last)) = (built.first(), built.last()) else {
+            return Err(ProfileError::Empty);
+        };
+        let run = [first.time, last.time];
+        if run[1] <= run[0] {
+            return Err(ProfileError::Empty);
+        }
+        Ok(Self { points: built, run })
+    }
+
+    /// Constant speeds (rpm) at once from time 0, for `duration` s.
+    pub fn constant(rpm: [f64; 2], duration: f64) -> Result<Self, ProfileError> {
+        Self::from_points(&[(0.0, rpm), (duration, rpm)])
+    }
+
+    /// The phases of a trial at the speeds `rpm`.
+    pub fn phases(phases: &Phases, rpm: [f64; 2]) -> Result<Self, ProfileError> {
+        let start = phases.calibrate + phases.preroll;
+        let stop = start + phases.run;
+        let end = stop + phases.decay;
+        let ramp = phases.ramp.clamp(0.0, 0.5 * phases.run.max(0.0));
+        let still = [0.0; 2];
+        let mut points = vec![(0.0, still), (start, still), (start + ramp, rpm), (stop, rpm)];
+        if phases.decay > 0.0 {
+            points.push(((stop + ramp).min(end), still));
+            points.push((end, still));
+        }
+        let mut profile = Self::from_points(&points)?;
+        profile.run = [start, stop];
+        Ok(profile)
+    }
+
+    /// First time, s.
+    pub fn start(&self) -> f64 {
+        self.points[0].time
+    }
+
+    /// Last time, s.
+    pub fn end(&self) -> f64 {
+        self.points[self.points.len() - 1].time
+    }
+
+    /// Start and end of the run phase, s.
+    pub fn run(&self) -> [f64; 2] {
+        self.run
+    }
+
+    /// Angles and speeds of both motors; beyond the ends the speed is that of the end. At a jump the
+    /// speed is that after it.
+    pub fn motors(&self, time: f64) -> [Motor; 2] {
+        let after = self.points.partition_point(|p| p.time <= time);
+        let Some(before) = self.points.get(after.wrapping_sub(1)) else {
+            let first = &self.points[0];
+            return [0, 1].map(|k| Motor { angle: first.speed[k] * (time - first.time), speed: first.speed[k] });
+        };
+        let passed = time - before.time;
+        let slope = match self.points.get(after) {
+            Some(next) => [0, 1].map(|k| (next.speed[k] - before.speed[k]) / (next.time - before.time)),
+            None => [0.0; 2],
+        };
+        [0, 1].map(|k| Motor {
+            angle: before.angle[k] + passed * (before.speed[k] + 0.5 * slope[k] * passed),
+            speed: before.speed[k] + slope[k] * passed,
+        })
+    }
+
+    /// Time of the first jump of a speed after `time`, s.
+    pub fn next_jump(&self, time: f64) -> Option<f64> {
+        (self.points.windows(2))
+            .filter(|p| p[0].time == p[1].time && p[0].speed != p[1].speed)
+            .map(|p| p[1].time)
+            .find(|t| *t > time)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_the_integral_of_the_speeds() {
+        let profile = SpeedProfile::from_points(&[
+            (0.0, [0.0, 30.0]),
+            (2.0, [60.0, 30.0]),
+            (2.0, [10.0, 30.0]),
+            (5.0, [10.0, -30.0]),
+        ])
+        .expect("a profile");
+        let mut angle = [0.0; 2];
+        let step = 1e-4;
+        for i in 0..50_000 {
+            let t = (i as f64 + 0.5) * step;
+            let motors = profile.motors(t);
+            for k in 0..2 {
+                angle[k] += motors[k].speed * step;
+            }
+        }
+        let end = profile.motors(5.0);
+        for k in 0..2 {
+            assert!((end[k].angle - angle[k]).abs() < 1e-6);
+        }
+        assert_eq!(profile.next_jump(0.0), Some(2.0));
+        assert_eq!(profile.next_jump(2.0), None);
+    }
+
+    #[test]
+    fn impossible_profiles_are_refused() {
+        assert_eq!(SpeedProfile::from_points(&[]), Err(ProfileError::Empty));
+        assert_eq!(SpeedProfile::constant([1.0, 2.0], 0.0), Err(ProfileError::Empty));
+        assert!(SpeedProfile::constant([f64::NAN, 0.0], 1.0).is_err());
+        assert!(SpeedProfile::constant([1e9, 0.0], 1.0).is_err());
+        assert!(SpeedProfile::from_points(&[(1.0, [0.0; 2]), (0.0, [0.0; 2])]).is_err());
+    }
+}

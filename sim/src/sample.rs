@@ -1,0 +1,189 @@
+//! What a trial tells at one time, between steps as exactly as at them.
+//!
+//! Steps are longer than samples are wanted: values in between come from the last four steps by the
+//! time formulas' own basis (exact for {1, t, cos wt, sin wt} of the motor that drives them).
+
+use crate::V3;
+use crate::contact::bundling::Bundling;
+use crate::robot::body::{euler_zyx, rotated, rotation_between, unwrap};
+use crate::robot::clamp::{Motor, Shaft};
+use crate::state::State;
+use crate::step::formula::{POINTS, value_at};
+use nalgebra::UnitQuaternion;
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// State of the robot at one time. SI; body axes [x_B, y_B, z_B] unless said otherwise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sample {
+    /// Time in s.
+    pub time_s: f64,
+    /// Attitude, body to world, [w, x, y, z].
+    pub attitude: [f64; 4],
+    /// Angular velocity in rad/s.
+    pub rate_rad_s: [f64; 3],
+    /// Yaw in rad, unwrapped.
+    pub yaw_rad: f64,
+    /// Pitch in rad.
+    pub pitch_rad: f64,
+    /// Roll in rad.
+    pub roll_rad: f64,
+    /// Angles of the motors about +z_B in rad, unwrapped.
+    pub motor_angle_rad: [f64; 2],
+    /// Speeds of the motors in rad/s.
+    pub motor_speed_rad_s: [f64; 2],
+    /// Force of flagellum 1 and 2 on the base in N, contact included; their net weight only if it is
+    /// set to act on the base.
+    pub force_n: [[f64; 3]; 2],
+    /// The part of `force_n` that is contact.
+    pub contact_force_n: [[f64; 3]; 2],
+    /// Reaction torques on the base about the shafts in N m.
+    pub axial_torque_nm: [f64; 2],
+    /// Least distance of the flagella's surfaces since the last sample in m, negative when they overlap.
+    pub min_gap_m: f64,
+    /// Largest overlap since the last sample in m.
+    pub max_penetration_m: f64,
+    /// Apart, touching or bundled.
+    pub bundling: Bundling,
+    /// Turns by which the helix axes wind round each other.
+    pub winding_turns: f64,
+    /// Sweeps of the iteration since the last sample.
+    pub newton_iterations: u32,
+    /// Centre lines of both flagella in the body frame in m, when asked for.
+    pub shapes_m: Option<[Vec<[f64; 3]>; 2]>,
+}
+
+/// Forces of a flagellum on the base.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ForceRecord {
+    /// Fluid, and net weight if it acts on the base, N.
+    pub smooth: V3,
+    /// Contact, N.
+    pub contact: V3,
+    /// Reaction torque about the shaft of the fluid, N m.
+    pub smooth_torque: f64,
+    /// The same of contact, N m.
+    pub contact_torque: f64,
+}
+
+/// What is kept of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// Time in s.
+    pub time: f64,
+    /// Attitude.
+    pub attitude: UnitQuaternion<f64>,
+    /// Unwrapped yaw, rad.
+    pub yaw: f64,
+    /// Angular velocity, rad/s.
+    pub rate: V3,
+    /// Motors.
+    pub motors: [Motor; 2],
+    /// Forces of both flagella.
+    pub forces: [ForceRecord; 2],
+    /// Whether any pair pressed.
+    pub contact: bool,
+}
+
+/// The last steps, newest first, and values between them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Dense {
+    records: VecDeque<Record>,
+}
+
+/// Attitude, rate and forces at a time.
+#[derive(Clone, Copy, Debug)]
+pub struct Between {
+    /// Attitude.
+    pub attitude: UnitQuaternion<f64>,
+    /// Unwrapped yaw, pitch, roll in rad.
+    pub euler: [f64; 3],
+    /// Angular velocity, rad/s.
+    pub rate: V3,
+    /// Forces.
+    pub forces: [ForceRecord; 2],
+    /// Whether any pair pressed at the step's end.
+    pub contact: bool,
+}
+
+impl Dense {
+    /// Takes a step.
+    pub fn push(&mut self, record: Record) {
+        self.records.push_front(record);
+        self.records.truncate(POINTS);
+    }
+
+    /// Forgets earlier steps: the motion has a corner here.
+    pub fn restart(&mut self) {
+        self.records.truncate(1);
+    }
+
+    /// Time of the newest step, s.
+    pub fn newest(&self) -> Option<f64> {
+        self.records.front().map(|r| r.time)
+    }
+
+    fn weights(&self, speed: f64, time: f64, points: usize) -> [f64; POINTS] {
+        let newest = self.records[0].time;
+        let Some(scale) = self.records.get(1).map(|r| newest - r.time) else {
+            return [1.0, 0.0, 0.0, 0.0];
+        };
+        let times: Vec<f64> = self.records.iter().take(points).map(|r| (r.time - newest) / scale).collect();
+        value_at(speed.abs() * scale, &times, (time - newest) / scale)
+    }
+
+    /// Values at a time within the last step; `None` before the first step.
+    pub fn at(&self, time: f64) -> Option<Between> {
+        let newest = *self.records.front()?;
+        // Contact makes and breaks: no smooth curve goes through its forces.
+        let smooth = if self.records.iter().any(|r| r.contact) { 2 } else { POINTS };
+        let fastest = newest.motors[0].speed.abs().max(newest.motors[1].speed.abs());
+        let body = self.weights(fastest, time, POINTS);
+        let linear = self.weights(0.0, time, 2);
+        let mut rotation = V3::zeros();
+        let mut rate = V3::zeros();
+        for (record, w) in self.records.iter().zip(body) {
+            rotation += rotation_between(&newest.attitude, &record.attitude) * w;
+            rate += record.rate * w;
+        }
+        let attitude = rotated(&newest.attitude, rotation);
+        let [yaw, pitch, roll] = euler_zyx(&attitude);
+        let forces = [0, 1].map(|k| {
+            let weights = self.weights(newest.motors[k].speed, time, smooth);
+            let mut sum = ForceRecord::default();
+            for (record, w) in self.records.iter().zip(weights) {
+                sum.smooth += record.forces[k].smooth * w;
+                sum.smooth_torque += record.forces[k].smooth_torque * w;
+            }
+            for (record, w) in self.records.iter().zip(linear) {
+                sum.contact += record.forces[k].contact * w;
+                sum.contact_torque += record.forces[k].contact_torque * w;
+            }
+            sum
+        });
+        let euler = [unwrap(yaw, newest.yaw), pitch, roll];
+        Some(Between { attitude, euler, rate, forces, contact: newest.contact })
+    }
+}
+
+/// Centre lines of both flagella in the body frame (m) at a time within the last step of a state.
+///
+/// `motors`: angles at that time; `feet`: feet of the shafts.
+pub fn shapes_at(state: &State, time: f64, motors: &[Motor; 2], feet: &[V3; 2]) -> [Vec<V3>; 2] {
+    let scale = state.past.first().map_or(1.0, |p| state.time - p.time);
+    let mut times = vec![0.0];
+    times.extend(state.past.iter().map(|p| (p.time - state.time) / scale));
+    times.truncate(POINTS);
+    [0, 1].map(|k| {
+        let angle = state.motors[k].speed.abs() * scale;
+        let weights = value_at(angle, &times, (time - state.time) / scale);
+        let shaft = Shaft::new(feet[k], motors[k].angle);
+        let mut nodes: Vec<V3> = state.rods[k].shape.nodes.iter().map(|x| x * weights[0]).collect();
+        for (past, w) in state.past.iter().zip(&weights[1..times.len()]) {
+            for (node, x) in nodes.iter_mut().zip(&past.shapes[k].nodes) {
+                *node += x * *w;
+            }
+        }
+        nodes.iter().map(|x| shaft.point_to_body(*x)).collect()
+    })
+}

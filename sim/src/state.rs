@@ -1,0 +1,111 @@
+//! Everything that the future of a trial depends on.
+//!
+//! A state can be saved and restored: a run that goes on from it is the same bit for bit, as all else
+//! in the solver is scratch or a function of the parameters.
+
+use crate::V3;
+use crate::contact::pairs::Pair;
+use crate::robot::{body::Body, clamp::Motor};
+use crate::rod::{CLAMPED, Rod, frames::ReferenceFrames};
+use nalgebra::UnitQuaternion;
+use serde::{Deserialize, Serialize};
+
+/// Shape of a rod in its shaft frame and the drag at its clamp.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Shape {
+    /// Nodes in m; the first two are held by the clamp.
+    pub nodes: Vec<V3>,
+    /// Angles of the edges in rad; the first is held.
+    pub angles: Vec<f64>,
+    /// Force density on the fluid at the clamped nodes, N/m.
+    pub clamp_density: [V3; CLAMPED],
+}
+
+impl Shape {
+    /// The stress-free shape.
+    pub fn at_rest(rod: &Rod) -> Self {
+        Self { nodes: rod.shape.clone(), angles: vec![0.0; rod.edges()], clamp_density: [V3::zeros(); CLAMPED] }
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        let finite = |v: &V3| v.iter().all(|c| c.is_finite());
+        self.nodes.iter().all(finite)
+            && self.angles.iter().all(|a| a.is_finite())
+            && self.clamp_density.iter().all(finite)
+    }
+}
+
+/// A rod: its shape and the memory of its frames.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RodState {
+    /// Shape.
+    pub shape: Shape,
+    /// Reference frames at this shape.
+    pub frames: ReferenceFrames,
+}
+
+/// What the time formulas need of an earlier step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Past {
+    /// Time in s.
+    pub time: f64,
+    /// Shapes of both rods.
+    pub shapes: [Shape; 2],
+    /// Attitude.
+    pub attitude: UnitQuaternion<f64>,
+    /// Angular velocity, body axes, rad/s.
+    pub rate: V3,
+}
+
+/// State of the robot and of the time stepping.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Time in s.
+    pub time: f64,
+    /// Both rods.
+    pub rods: [RodState; 2],
+    /// Both motors.
+    pub motors: [Motor; 2],
+    /// The base.
+    pub body: Body,
+    /// Up to three earlier steps, newest first.
+    pub past: Vec<Past>,
+    /// Contact pairs of the last step with their forces.
+    pub pairs: Vec<Pair>,
+    /// Contact stiffness in N/m.
+    pub contact_stiffness: f64,
+    /// How often the present step is halved.
+    pub level: u32,
+    /// Steps since the level last changed.
+    pub steps_at_level: u32,
+    /// Steps that still get inverses of their own.
+    pub own_inverses: u32,
+    /// Steps since rods last pressed on each other.
+    pub steps_since_contact: u32,
+}
+
+impl State {
+    /// Robot upright, flagella free of stress, all at rest, at time 0.
+    pub fn at_rest(rods: &[Rod; 2], contact_stiffness: f64) -> Self {
+        let rod = |r: &Rod| RodState { shape: Shape::at_rest(r), frames: r.rest_frames.clone() };
+        Self {
+            time: 0.0,
+            rods: [rod(&rods[0]), rod(&rods[1])],
+            motors: [Motor::default(); 2],
+            body: Body::default(),
+            past: Vec::new(),
+            pairs: Vec::new(),
+            contact_stiffness,
+            level: 0,
+            steps_at_level: 0,
+            own_inverses: 0,
+            steps_since_contact: u32::MAX,
+        }
+    }
+
+    /// Forgets earlier steps, for instance after a jump of a motor's speed: the next step starts anew.
+    pub fn restart(&mut self) {
+        self.past.clear();
+    }
+}

@@ -1,0 +1,194 @@
+//! What remains when transients are over: means and amplitudes over whole turns, and when it settled.
+//!
+//! The slow mode of a pair of flagella dies in 10 to 18 s, and some small forces need a minute: means
+//! are taken over the end of the run and never extrapolated.
+
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use std::f64::consts::TAU;
+
+/// Length of the window in s that is aimed for.
+pub const WINDOW: f64 = 12.0;
+
+/// Quantities that are followed: yaw, pitch, roll (rad), force of flagellum 1 and 2 on the base (N,
+/// body axes), reaction torques about the shafts (N m).
+pub const CHANNELS: usize = 11;
+
+/// Mean and half the range of a quantity over the window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Level {
+    /// Mean over time.
+    pub mean: f64,
+    /// Half of the largest less the smallest value.
+    pub amplitude: f64,
+}
+
+/// The steady state of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Steady {
+    /// Length of the window, s.
+    pub window_s: f64,
+    /// Yaw (unwrapped), pitch, roll in rad.
+    pub attitude: [Level; 3],
+    /// Force of flagellum 1 and 2 on the base, body axes, N.
+    pub force: [[Level; 3]; 2],
+    /// Reaction torques about the shafts, N m.
+    pub axial_torque: [Level; 2],
+    /// Whether the means of the attitude agree with those of the window before, within the larger of
+    /// half a degree and 1 %; false when the run is too short to tell.
+    pub settled: bool,
+    /// Time from the start of the run after which all whole-turn means of yaw and pitch stay within the
+    /// larger of one degree and 5 % of the final ones, s.
+    pub settle_s: f64,
+}
+
+/// The length nearest to [`WINDOW`], and not above it where possible, that holds whole turns of both
+/// motors as nearly as can be. Speeds in rad/s, `run`: what there is, s.
+pub fn whole_turns(speeds: [f64; 2], run: f64) -> f64 {
+    let longest = WINDOW.min(run);
+    let mut periods: Vec<f64> = speeds.iter().filter(|s| s.abs() > 1e-6).map(|s| TAU / s.abs()).collect();
+    periods.sort_by(f64::total_cmp);
+    let Some(&fast) = periods.first().filter(|p| **p <= longest) else {
+        return longest;
+    };
+    let Some(&slow) = periods.get(1).filter(|p| **p <= longest) else {
+        return fast * (longest / fast + 1e-9).floor();
+    };
+    let mismatch = |length: f64| (length / slow - (length / slow).round()).abs();
+    let most = (longest / fast + 1e-9).floor() as usize;
+    let least = ((0.6 * longest / fast).ceil() as usize).clamp(1, most);
+    (least..=most)
+        .rev()
+        .map(|turns| turns as f64 * fast)
+        .min_by(|a, b| (mismatch(*a) - 1e-6).max(0.0).total_cmp(&(mismatch(*b) - 1e-6).max(0.0)))
+        .unwrap_or(longest)
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Entry {
+    time: f64,
+    values: [f64; CHANNELS],
+}
+
+/// Collects a run step by step; remembers two windows and one mean of the attitude a block.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SteadyCollector {
+    start: f64,
+    window: f64,
+    recent: VecDeque<Entry>,
+    block: f64,
+    block_end: f64,
+    blocks: Vec<(f64, [f64; 2])>,
+}
+
+impl SteadyCollector {
+    /// For a run from `start` to `end` (s) at these final speeds (rad/s).
+    pub fn new(start: f64, end: f64, speeds: [f64; 2]) -> Self {
+        let window = whole_turns(speeds, end - start);
+        // Blocks of about 2 s: short enough to time the settling, whole turns of the window's kind.
+        let block = window / (window / 2.0).round().max(1.0);
+        Self { start, window, recent: VecDeque::new(), block, block_end: start + block, blocks: Vec::new() }
+    }
+
+    /// Takes a step within the run: values at its end.
+    pub fn push(&mut self, time: f64, values: [f64; CHANNELS]) {
+        if time < self.start {
+            return;
+        }
+        self.recent.push_back(Entry { time, values });
+        while self.recent.get(1).is_some_and(|e| e.time < time - 2.0 * self.window) {
+            self.recent.pop_front();
+        }
+        while time >= self.block_end {
+            let levels = self.levels(self.block_end - self.block, self.block_end);
+            self.blocks.push((self.block_end, [levels[0].mean, levels[1].mean]));
+            self.block_end += self.block;
+        }
+    }
+
+    /// Means and amplitudes between two times, by trapezia with linear values at the ends.
+    fn levels(&self, from: f64, to: f64) -> [Level; CHANNELS] {
+        let mut sums = [0.0; CHANNELS];
+        let mut low = [f64::INFINITY; CHANNELS];
+        let mut high = [f64::NEG_INFINITY; CHANNELS];
+        let mut length = 0.0;
+        for (a, b) in self.recent.iter().zip(self.recent.iter().skip(1)) {
+            let (left, right) = (a.time.max(from), b.time.min(to));
+            if right <= left {
+                continue;
+            }
+            length += right - left;
+            let share = |t: f64| (t - a.time) / (b.time - a.time);
+            for c in 0..CHANNELS {
+                let at = |t: f64| a.values[c] + (b.values[c] - a.values[c]) * share(t);
+                let (x, y) = (at(left), at(right));
+                sums[c] += 0.5 * (x + y) * (right - left);
+                low[c] = low[c].min(x).min(y);
+                high[c] = high[c].max(x).max(y);
+            }
+        }
+        std::array::from_fn(|c| {
+            if length > 0.0 {
+                Level { mean: sums[c] / length, amplitude: 0.5 * (high[c] - low[c]) }
+            } else {
+                Level { mean: self.recent.back().map_or(0.0, |e| e.values[c]), amplitude: 0.0 }
+            }
+        })
+    }
+
+    /// The steady state as far as the run has come.
+    pub fn steady(&self) -> Steady {
+        let end = self.recent.back().map_or(self.start, |e| e.time);
+        let last = self.levels(end - self.window, end);
+        let before = self.levels(end - 2.0 * self.window, end - self.window);
+        let enough = end - self.start >= 1.999 * self.window;
+        let near =
+            |a: f64, b: f64, degrees: f64, share: f64| (a - b).abs() <= degrees.to_radians().max(share * b.abs());
+        let settled = enough && (0..3).all(|c| near(before[c].mean, last[c].mean, 0.5, 0.01));
+        let unsettled =
+            (self.blocks.iter()).rev().find(|(_, means)| !(0..2).all(|c| near(means[c], last[c].mean, 1.0, 0.05)));
+        let vector = |c: usize| [last[c], last[c + 1], last[c + 2]];
+        Steady {
+            window_s: self.window,
+            attitude: vector(0),
+            force: [vector(3), vector(6)],
+            axial_torque: [last[9], last[10]],
+            settled,
+            settle_s: unsettled.map_or(0.0, |(time, _)| time - self.start),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn windows_hold_whole_turns_of_both_motors() {
+        let rad = |rpm: f64| rpm * PI / 30.0;
+        for (rpm, window) in [([90.0, 90.0], 12.0), ([50.0, 10.0], 12.0), ([0.0, 45.0], 12.0), ([-70.0, 30.0], 12.0)] {
+            assert!((whole_turns(rpm.map(rad), 120.0) - window).abs() < 1e-6, "{rpm:?}");
+        }
+        let odd = whole_turns([rad(37.0), rad(53.0)], 120.0);
+        assert!(odd > 7.0 && odd <= 12.0);
+        assert_eq!(whole_turns([0.0, 0.0], 5.0), 5.0);
+    }
+
+    #[test]
+    fn a_decaying_turn_settles_when_it_should() {
+        let mut collector = SteadyCollector::new(0.0, 120.0, [3.0 * PI, 3.0 * PI]);
+        for i in 0..=3000 {
+            let t = i as f64 * 0.04;
+            let mut values = [0.0; CHANNELS];
+            values[0] = 1.0 - (-t / 10.0).exp() + 0.1 * (3.0 * PI * t).cos();
+            collector.push(t, values);
+        }
+        let steady = collector.steady();
+        assert!((steady.attitude[0].mean - 1.0).abs() < 1e-3);
+        assert!((steady.attitude[0].amplitude - 0.1).abs() < 2e-3);
+        assert!(steady.settled);
+        // 5 % of the final mean is reached after 3 time constants.
+        assert!((steady.settle_s - 30.0).abs() < 3.0, "{}", steady.settle_s);
+    }
+}

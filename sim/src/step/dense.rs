@@ -1,0 +1,174 @@
+//! Inverse of a dense matrix, and a fast single-precision product with it.
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// Inverts a square matrix in place (row by row, `size` rows) by Gauss-Jordan elimination with row
+/// pivoting. `false` when it is singular to rounding; the contents are then useless.
+pub fn invert(matrix: &mut [f64], size: usize) -> bool {
+    Arch::new().dispatch(Invert { matrix, size })
+}
+
+struct Invert<'a> {
+    matrix: &'a mut [f64],
+    size: usize,
+}
+
+impl WithSimd for Invert<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> bool {
+        eliminate(self.matrix, self.size)
+    }
+}
+
+#[inline(always)]
+fn eliminate(matrix: &mut [f64], size: usize) -> bool {
+    let mut swaps = Vec::with_capacity(size);
+    let mut pivot_row = vec![0.0; size];
+    for k in 0..size {
+        let magnitude = |r: usize| matrix[r * size + k].abs();
+        let pivot = (k..size).max_by(|&a, &b| magnitude(a).total_cmp(&magnitude(b))).unwrap_or(k);
+        let value = matrix[pivot * size + k];
+        if value == 0.0 || !value.is_finite() {
+            return false;
+        }
+        swaps.push(pivot);
+        if pivot != k {
+            let (low, high) = matrix.split_at_mut(pivot * size);
+            low[k * size..(k + 1) * size].swap_with_slice(&mut high[..size]);
+        }
+        let row = &mut matrix[k * size..(k + 1) * size];
+        row[k] = 1.0;
+        let inverse = 1.0 / value;
+        for entry in row.iter_mut() {
+            *entry *= inverse;
+        }
+        pivot_row.copy_from_slice(row);
+        let pivot_row = &pivot_row[..size];
+        for r in 0..size {
+            if r == k {
+                continue;
+            }
+            let row = &mut matrix[r * size..][..size];
+            let factor = row[k];
+            row[k] = 0.0;
+            for c in 0..size {
+                row[c] -= factor * pivot_row[c];
+            }
+        }
+    }
+    for (k, &pivot) in swaps.iter().enumerate().rev() {
+        if pivot != k {
+            for row in matrix.chunks_exact_mut(size) {
+                row.swap(k, pivot);
+            }
+        }
+    }
+    matrix.iter().all(|v| v.is_finite())
+}
+
+/// Rows of a panel: a multiple of every vector width.
+const PANEL: usize = 32;
+
+/// A square matrix in single precision, laid out so that a product reads it once, in order.
+#[derive(Clone, Debug)]
+pub struct Panels {
+    size: usize,
+    values: Vec<f32>,
+}
+
+impl Panels {
+    /// From a square matrix, row by row.
+    pub fn new(matrix: &[f64], size: usize) -> Self {
+        let panels = size.div_ceil(PANEL);
+        let mut values = vec![0.0; panels * PANEL * size];
+        for panel in 0..panels {
+            for column in 0..size {
+                for lane in 0..PANEL.min(size - panel * PANEL) {
+                    let row = panel * PANEL + lane;
+                    values[(panel * size + column) * PANEL + lane] = matrix[row * size + column] as f32;
+                }
+            }
+        }
+        Self { size, values }
+    }
+
+    /// `out` = matrix times `vector`; `out` has room for whole panels, see [`Panels::padded`].
+    pub fn multiply(&self, vector: &[f32], out: &mut [f32]) {
+        Arch::new().dispatch(Product { panels: self, vector, out });
+    }
+
+    /// Length of a result with its padding.
+    pub fn padded(size: usize) -> usize {
+        size.div_ceil(PANEL) * PANEL
+    }
+}
+
+struct Product<'a> {
+    panels: &'a Panels,
+    vector: &'a [f32],
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Product<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let size = self.panels.size;
+        let vectors = PANEL / S::F32_LANES;
+        let out = S::as_mut_simd_f32s(self.out).0;
+        for (panel, out) in self.panels.values.chunks_exact(PANEL * size).zip(out.chunks_exact_mut(vectors)) {
+            // The narrowest vectors have four lanes: eight sums a panel, twice to hide latency.
+            let mut even = [simd.splat_f32s(0.0); PANEL / 4];
+            let mut odd = even;
+            let mut columns = panel.chunks_exact(2 * PANEL).zip(self.vector.chunks_exact(2));
+            for (pair, x) in columns.by_ref() {
+                let values = S::as_simd_f32s(pair).0;
+                let (x0, x1) = (simd.splat_f32s(x[0]), simd.splat_f32s(x[1]));
+                for v in 0..vectors {
+                    even[v] = simd.mul_add_e_f32s(values[v], x0, even[v]);
+                    odd[v] = simd.mul_add_e_f32s(values[vectors + v], x1, odd[v]);
+                }
+            }
+            if size % 2 == 1 {
+                let values = S::as_simd_f32s(&panel[PANEL * (size - 1)..]).0;
+                let x = simd.splat_f32s(self.vector[size - 1]);
+                for v in 0..vectors {
+                    even[v] = simd.mul_add_e_f32s(values[v], x, even[v]);
+                }
+            }
+            for v in 0..vectors {
+                out[v] = simd.add_f32s(even[v], odd[v]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inverse_times_matrix_is_one() {
+        for size in [1usize, 7, 50, 99] {
+            let entry = |r: usize, c: usize| {
+                ((r * 37 + c * 101) % 53) as f64 / 53.0 + if (r + 3) % size == c { 5.0 } else { 0.0 }
+            };
+            let matrix: Vec<f64> = (0..size * size).map(|q| entry(q / size, q % size)).collect();
+            let mut inverse = matrix.clone();
+            assert!(invert(&mut inverse, size));
+            let panels = Panels::new(&inverse, size);
+            for c in 0..size {
+                let column: Vec<f32> = (0..size).map(|r| matrix[r * size + c] as f32).collect();
+                let mut out = vec![0.0; Panels::padded(size)];
+                panels.multiply(&column, &mut out);
+                for (r, v) in out.iter().take(size).enumerate() {
+                    let want = if r == c { 1.0 } else { 0.0 };
+                    assert!((v - want).abs() < 1e-4, "{size} {r} {c} {v}");
+                }
+            }
+        }
+    }
+}

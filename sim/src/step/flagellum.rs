@@ -1,0 +1,318 @@
+//! One flagellum within a step: its trial shape, the forces on it, its residual and its update.
+//!
+//! Shaft frame, SI. There is no inertia, and nothing is inverted: the force density on the fluid at
+//! free nodes is elastic force, net weight and contact over the nodal length, the densities at the two
+//! clamped nodes are unknowns, and the residual is the velocity of every node less the mobility times
+//! the density, with the torque about every free edge.
+
+use super::preconditioner::{Preconditioner, torque_scale};
+use crate::V3;
+use crate::fluid::far::{Sources, Targets, gauss_rule};
+use crate::fluid::near::NearBand;
+use crate::fluid::stokeslet_factor;
+use crate::params::Robot;
+use crate::robot::clamp::Shaft;
+use crate::robot::closure::Load;
+use crate::rod::{CLAMPED, Rod, frames::Frames};
+use crate::state::{RodState, Shape};
+
+/// Motion of a shaft frame and the time formula of its rod.
+#[derive(Clone, Copy, Debug)]
+pub struct Kinematics {
+    /// Velocity of the frame's origin, in the frame, m/s.
+    pub base_velocity: V3,
+    /// Angular velocity of the frame, in the frame, rad/s: motor and body.
+    pub rotation: V3,
+    /// First weight of the time formula over the step, 1/s.
+    pub kappa: f64,
+}
+
+/// Working memory of one flagellum.
+#[derive(Clone, Debug)]
+pub struct Flagellum {
+    /// Trial shape.
+    pub shape: Shape,
+    /// Frames at the trial shape after [`Flagellum::update_forces`].
+    pub frames: Frames,
+    /// Force density on the fluid at all nodes, N/m.
+    pub density: Vec<V3>,
+    /// Contact forces on the nodes, shaft frame, N.
+    pub contact: Vec<V3>,
+    /// Sum over the past of the time formula's weights times the nodes, over the step: m/s.
+    pub history: Vec<V3>,
+    /// The same for the angles of the edges, rad/s.
+    pub angle_history: Vec<f64>,
+    /// First weight of the time formula over the step, 1/s.
+    pub kappa: f64,
+    /// Drag on the spin of an edge, N m s a metre and radian.
+    spin_drag: f64,
+    /// Residual over kappa: 3 n rows in m, then n - 2 torque rows in rad.
+    residual: Vec<f64>,
+    /// Correction of the unknowns, see [`super::preconditioner`].
+    pub correction: Vec<f64>,
+    gradient: Vec<f64>,
+    near: NearBand,
+    targets: Targets,
+    sources: Sources,
+    carried: Vec<f32>,
+    product: Vec<f32>,
+    rule: &'static [(f64, f64)],
+    epsilon: f64,
+    viscosity: f64,
+}
+
+impl Flagellum {
+    /// Working memory for a rod at rest.
+    pub fn new(robot: &Robot, rod: &Rod) -> Self {
+        let n = rod.nodes();
+        let points = robot.solver.gauss_points as usize;
+        Self {
+            shape: Shape::at_rest(rod),
+            frames: Frames::new(n),
+            density: vec![V3::zeros(); n],
+            contact: vec![V3::zeros(); n],
+            history: vec![V3::zeros(); n],
+            angle_history: vec![0.0; n - 1],
+            kappa: 1.0,
+            spin_drag: robot.spin_drag(),
+            residual: vec![0.0; 4 * n - 2],
+            correction: vec![0.0; 4 * n - 2],
+            gradient: vec![0.0; 4 * n],
+            near: NearBand::new(n, robot.solver.near_edges as usize, points),
+            targets: Targets::new(n, robot.solver.far_field),
+            sources: Sources::default(),
+            carried: vec![0.0; 4 * n - 2],
+            product: vec![0.0; super::dense::Panels::padded(4 * n - 2)],
+            rule: gauss_rule(points),
+            epsilon: robot.epsilon(),
+            viscosity: robot.fluid.viscosity(),
+        }
+    }
+
+    /// Recomputes the near band at the trial shape.
+    pub fn assemble_near(&mut self) {
+        self.near.assemble(&self.shape.nodes, self.epsilon, self.viscosity);
+    }
+
+    /// Frames, elastic forces and force densities at the trial shape. `weight`: net weight of the rod
+    /// in the shaft frame, N/m.
+    pub fn update_forces(&mut self, rod: &Rod, state: &RodState, weight: V3) {
+        let shape = &self.shape;
+        self.frames.update(&state.frames, &shape.nodes, &shape.angles);
+        rod.gradient(&self.frames, &shape.angles, &mut self.gradient);
+        self.density[..CLAMPED].copy_from_slice(&shape.clamp_density);
+        for i in CLAMPED..rod.nodes() {
+            let elastic = V3::new(self.gradient[4 * i], self.gradient[4 * i + 1], self.gradient[4 * i + 2]);
+            self.density[i] = (self.contact[i] - elastic) / rod.nodal_length[i] + weight;
+        }
+    }
+
+    /// Adds this rod's far field as seen from another shaft frame.
+    pub fn push_sources(&self, own: &Shaft, other: &Shaft, sources: &mut Sources) {
+        let n = self.shape.nodes.len();
+        let at = |i: usize| other.point_to_shaft(own.point_to_body(self.shape.nodes[i]));
+        let force = |i: usize| other.to_shaft(own.to_body(self.density[i]));
+        let (mut x, mut f) = (at(0), force(0));
+        for e in 0..n - 1 {
+            let (x1, f1) = (at(e + 1), force(e + 1));
+            let length = self.frames.length[e];
+            for (point, weight) in self.rule {
+                sources.push(x + (x1 - x) * *point, (f + (f1 - f) * *point) * (weight * length));
+            }
+            (x, f) = (x1, f1);
+        }
+    }
+
+    /// Residual with the sources of the other rod (in this shaft frame); returns its size in m/s.
+    ///
+    /// `lever`: velocity in m/s that a twist error of one radian counts for.
+    pub fn update_residual(&mut self, rod: &Rod, motion: &Kinematics, other: &Sources, lever: f64) -> f64 {
+        let n = rod.nodes();
+        self.near.multiply(&self.density);
+        self.sources.clear();
+        self.sources.push_edges(&self.shape.nodes, &self.density, 0..n - 1, self.rule);
+        self.targets.set(&self.shape.nodes);
+        self.targets.add_flow(&self.sources, self.epsilon);
+        self.targets.add_flow(other, self.epsilon);
+        let factor = stokeslet_factor(self.viscosity);
+        let inverse = 1.0 / motion.kappa;
+        let mut largest = 0f64;
+        for i in 0..n {
+            let x = self.shape.nodes[i];
+            let velocity = x * motion.kappa + self.history[i] + motion.base_velocity + motion.rotation.cross(&x);
+            let slip = velocity - self.near.flow(i) - self.targets.flow(i) * factor;
+            largest = largest.max(slip.norm_squared());
+            for a in 0..3 {
+                self.residual[3 * i + a] = slip[a] * inverse;
+            }
+        }
+        let scale = torque_scale(rod);
+        let mut twist = 0f64;
+        for e in 1..n - 1 {
+            let row = scale * (self.gradient[4 * e + 3] - self.spin_torque(e));
+            self.residual[3 * n + e - 1] = row;
+            twist = twist.max(row.abs());
+        }
+        // max() drops a NaN, a sum does not.
+        let sum: f64 = self.residual.iter().sum();
+        if sum.is_finite() { largest.sqrt().max(twist * lever) } else { f64::INFINITY }
+    }
+
+    /// Torque of the fluid on an edge about its tangent, N m, against its spin in the shaft frame.
+    #[inline(always)]
+    fn spin_torque(&self, e: usize) -> f64 {
+        let rate = self.shape.angles[e] * self.kappa + self.angle_history[e];
+        -self.spin_drag * self.frames.length[e] * rate
+    }
+
+    /// Velocity of a node in the body's inertial frame, shaft axes, m/s.
+    pub fn velocity(&self, motion: &Kinematics, i: usize) -> V3 {
+        let x = self.shape.nodes[i];
+        x * motion.kappa + self.history[i] + motion.base_velocity + motion.rotation.cross(&x)
+    }
+
+    /// `correction` = minus the frozen inverse times the residual, carried along with the rod.
+    pub fn precondition(&mut self, rod: &Rod, preconditioner: &Preconditioner) {
+        let residual = std::mem::take(&mut self.residual);
+        self.carry(rod, preconditioner, &residual, -1.0);
+        self.residual = residual;
+    }
+
+    /// Answer of the rod within the step to point forces that act on its surroundings: `correction` for
+    /// a flow (m/s, shaft frame) at every node.
+    pub fn respond(&mut self, rod: &Rod, preconditioner: &Preconditioner, flow: &[V3], kappa: f64) {
+        let mut rows = vec![0.0; 4 * rod.nodes() - 2];
+        for (i, u) in flow.iter().enumerate() {
+            for a in 0..3 {
+                rows[3 * i + a] = u[a] / kappa;
+            }
+        }
+        self.carry(rod, preconditioner, &rows, 1.0);
+    }
+
+    /// The product with the frozen inverse: differences between neighbours are turned edge by edge from
+    /// today's material frames to those at its factorisation, and back.
+    fn carry(&mut self, rod: &Rod, preconditioner: &Preconditioner, rows: &[f64], sign: f64) {
+        let n = rod.nodes();
+        let at = |v: &[f64], i: usize| V3::new(v[3 * i], v[3 * i + 1], v[3 * i + 2]);
+        for (slot, value) in self.carried.iter_mut().zip(rows) {
+            *slot = *value as f32;
+        }
+        let built = &preconditioner.frames;
+        let mut sum = at(rows, 1);
+        let mut last = sum;
+        for e in 1..n - 1 {
+            let next = at(rows, e + 1);
+            let step = next - last;
+            last = next;
+            let [t, d1] = built[e];
+            sum += t * step.dot(&self.frames.tangent[e])
+                + d1 * step.dot(&self.frames.m1[e])
+                + t.cross(&d1) * step.dot(&self.frames.m2[e]);
+            for a in 0..3 {
+                self.carried[3 * e + 3 + a] = sum[a] as f32;
+            }
+        }
+        preconditioner.inverse.multiply(&self.carried, &mut self.product);
+        for (slot, value) in self.correction.iter_mut().zip(&self.product) {
+            *slot = sign * *value as f64;
+        }
+        let mut sum = V3::zeros();
+        let mut last = V3::zeros();
+        for e in 1..n - 1 {
+            let next = at(&self.correction, e - 1);
+            let step = next - last;
+            last = next;
+            let [t, d1] = built[e];
+            sum += self.frames.tangent[e] * step.dot(&t)
+                + self.frames.m1[e] * step.dot(&d1)
+                + self.frames.m2[e] * step.dot(&t.cross(&d1));
+            for a in 0..3 {
+                self.correction[3 * (e - 1) + a] = sum[a];
+            }
+        }
+    }
+
+    /// Moves the trial shape by a correction: edge by edge, the part along an edge changes its length,
+    /// the part across turns it. Moving nodes along straight lines would stretch edges to second order,
+    /// and the stretch is the stiff part.
+    pub fn apply(&mut self, correction: &[f64]) {
+        let n = self.shape.nodes.len();
+        let nodes = &mut self.shape.nodes;
+        let mut end = nodes[1];
+        let mut before = nodes[1];
+        let mut last = V3::zeros();
+        for e in 1..n - 1 {
+            let q = 3 * (e - 1);
+            let next = V3::new(correction[q], correction[q + 1], correction[q + 2]);
+            let step = next - last;
+            last = next;
+            let edge = nodes[e + 1] - before;
+            before = nodes[e + 1];
+            let length = edge.norm();
+            let tangent = edge / length;
+            let along = step.dot(&tangent);
+            let turned = edge + step - tangent * along;
+            end += turned * ((length + along) / turned.norm());
+            nodes[e + 1] = end;
+        }
+        let angles = 3 * (n - CLAMPED);
+        for (angle, change) in self.shape.angles[1..].iter_mut().zip(&correction[angles..angles + n - 2]) {
+            *angle += change;
+        }
+        let clamp = 4 * (n - CLAMPED);
+        for (i, density) in self.shape.clamp_density.iter_mut().enumerate() {
+            for a in 0..3 {
+                density[a] += correction[clamp + 3 * i + a];
+            }
+        }
+    }
+
+    /// Moves the trial shape by the correction that was computed last.
+    pub fn apply_correction(&mut self) {
+        let correction = std::mem::take(&mut self.correction);
+        self.apply(&correction);
+        self.correction = correction;
+    }
+
+    /// Load of the fluid on the clamp, body axes, moment about the joint.
+    pub fn fluid_load(&self, rod: &Rod, shaft: &Shaft) -> Load {
+        let mut load = Load::default();
+        for (i, f) in self.density.iter().enumerate() {
+            let force = *f * -rod.nodal_length[i];
+            let x = self.shape.nodes[i];
+            load.force += force;
+            load.axial_torque += x.x * force.y - x.y * force.x;
+            load.moment += x.cross(&force);
+        }
+        for e in 1..self.frames.length.len() {
+            let torque = self.frames.tangent[e] * self.spin_torque(e);
+            load.axial_torque += torque.z;
+            load.moment += torque;
+        }
+        load.force = shaft.to_body(load.force);
+        load.moment = shaft.to_body(load.moment) + shaft.foot.cross(&load.force);
+        load
+    }
+
+    /// Flow at this rod's nodes of a few point sources and of a nodal density on the rod itself, m/s.
+    pub fn flow_of(&mut self, own_density: Option<&[V3]>, sources: &Sources) -> Vec<V3> {
+        let n = self.shape.nodes.len();
+        self.targets.set(&self.shape.nodes);
+        self.targets.add_flow(sources, self.epsilon);
+        let factor = stokeslet_factor(self.viscosity);
+        let mut flow: Vec<V3> = (0..n).map(|i| self.targets.flow(i) * factor).collect();
+        if let Some(density) = own_density {
+            self.near.multiply(density);
+            for (i, u) in flow.iter_mut().enumerate() {
+                *u += self.near.flow(i);
+            }
+        }
+        flow
+    }
+
+    /// The Gauss rule of far segments.
+    pub fn rule(&self) -> &'static [(f64, f64)] {
+        self.rule
+    }
+}

@@ -1,0 +1,358 @@
+//! A trial: a speed profile in, samples out.
+//!
+//! ```
+//! use sim::{params::Robot, profile::{Phases, SpeedProfile}, robot::closure::Closure, trial::{Options, Trial}};
+//!
+//! let profile = SpeedProfile::phases(&Phases { run: 0.5, ..Phases::default() }, [50.0, 10.0])?;
+//! let mut trial = Trial::new(&Robot::default(), Closure::Full, profile, Options::default())?;
+//! for sample in trial.by_ref() {
+//!     let sample = sample?;
+//!     println!("{:.2} s: yaw {:.2} deg", sample.time_s, sample.yaw_rad.to_degrees());
+//! }
+//! println!("{:?}", trial.summary().steady.attitude);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! A trial keeps a window of its past and no more: its memory does not grow with its length, but for
+//! one pair of numbers every two seconds.
+
+use crate::V3;
+use crate::contact::bundling::{Bundling, winding};
+use crate::params::{ParamError, Robot};
+use crate::profile::SpeedProfile;
+use crate::robot::body::euler_zyx;
+use crate::robot::closure::Closure;
+use crate::sample::{Dense, ForceRecord, Record, Sample, shapes_at};
+use crate::state::State;
+use crate::steady::{Steady, SteadyCollector};
+use crate::step::{Solver, StepReport, advance::StepError};
+use serde::{Deserialize, Serialize};
+
+/// What a trial puts out.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Options {
+    /// Samples a second (20; the board's rate is 200).
+    pub rate_hz: f64,
+    /// Whether samples carry the shapes of the flagella.
+    pub shapes: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { rate_hz: 20.0, shapes: false }
+    }
+}
+
+/// What a trial came to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Steady state of the run phase.
+    pub steady: Steady,
+    /// Simulated time, s.
+    pub simulated_s: f64,
+    /// Least distance of the flagella's surfaces, m.
+    pub min_gap_m: f64,
+    /// Largest overlap, m.
+    pub max_penetration_m: f64,
+    /// Largest force in one contact, N.
+    pub largest_contact_n: f64,
+    /// Share of the run phase with contact.
+    pub contact_share: f64,
+    /// Time of the first contact, s.
+    pub first_contact_s: Option<f64>,
+    /// The closest state that the flagella reached.
+    pub bundling: Bundling,
+    /// Steps taken.
+    pub steps: u64,
+    /// Sweeps of all accepted steps.
+    pub newton_iterations: u64,
+    /// Largest estimated error of a step, m.
+    pub step_error_m: f64,
+}
+
+/// Everything that a trial's future depends on besides its parameters.
+///
+/// A format that keeps every bit of a number keeps the trial bit for bit (for JSON with serde_json the
+/// feature `float_roundtrip`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    state: State,
+    dense: Dense,
+    steady: SteadyCollector,
+    next: u64,
+    gap: f64,
+    last_gap: f64,
+    penetration: f64,
+    sweeps: u32,
+    contact_time: f64,
+    summary: Totals,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Totals {
+    min_gap: f64,
+    penetration: f64,
+    largest_contact: f64,
+    first_contact: Option<f64>,
+    bundling: Bundling,
+    steps: u64,
+    sweeps: u64,
+    error: f64,
+}
+
+/// A trial in progress; an iterator over its samples. After an error it is over.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    solver: Solver,
+    profile: SpeedProfile,
+    options: Options,
+    progress: Checkpoint,
+    failed: bool,
+}
+
+/// Bounds of the sampling rate, 1/s.
+const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e5;
+
+impl Trial {
+    /// Robot upright and at rest at the start of the profile.
+    pub fn new(robot: &Robot, closure: Closure, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
+        if !RATES.contains(&options.rate_hz) {
+            return Err(ParamError {
+                key: "rate_hz",
+                value: options.rate_hz,
+                reason: format!("must be between {} and {}", RATES.start(), RATES.end()),
+            });
+        }
+        let mut solver = Solver::new(robot, closure)?;
+        let mut state = solver.at_rest();
+        state.time = profile.start();
+        state.motors = profile.motors(state.time);
+        let gap = solver.least_distance(&state) - 2.0 * robot.flagellum.rod_radius_m;
+        let [start, stop] = profile.run();
+        let speeds = profile.motors(stop).map(|m| m.speed);
+        let speeds_before = profile.motors(0.5 * (start + stop)).map(|m| m.speed);
+        let steady = if speeds.iter().all(|s| *s == 0.0) { speeds_before } else { speeds };
+        let progress = Checkpoint {
+            steady: SteadyCollector::new(start, stop, steady),
+            dense: Dense::default(),
+            next: 0,
+            gap,
+            last_gap: gap,
+            penetration: 0.0,
+            sweeps: 0,
+            contact_time: 0.0,
+            summary: Totals {
+                min_gap: gap,
+                penetration: 0.0,
+                largest_contact: 0.0,
+                first_contact: None,
+                bundling: Bundling::Apart,
+                steps: 0,
+                sweeps: 0,
+                error: 0.0,
+            },
+            state,
+        };
+        let mut trial = Self { solver, profile, options, progress, failed: false };
+        trial.record(&StepReport::default());
+        Ok(trial)
+    }
+
+    /// Goes on from a checkpoint of the same robot, closure, profile and options, bit for bit.
+    pub fn restore(&mut self, checkpoint: Checkpoint) {
+        self.progress = checkpoint;
+        self.failed = false;
+    }
+
+    /// All that is needed to go on later.
+    pub fn checkpoint(&self) -> Checkpoint {
+        self.progress.clone()
+    }
+
+    /// The present state of the solver.
+    pub fn state(&self) -> &State {
+        &self.progress.state
+    }
+
+    /// The solver, for its robot and rods.
+    pub fn solver(&self) -> &Solver {
+        &self.solver
+    }
+
+    /// Share of the profile that is done, 0 to 1.
+    pub fn done(&self) -> f64 {
+        let (start, end) = (self.profile.start(), self.profile.end());
+        ((self.progress.state.time - start) / (end - start)).clamp(0.0, 1.0)
+    }
+
+    /// What the trial has come to so far.
+    pub fn summary(&self) -> Summary {
+        let totals = &self.progress.summary;
+        let [start, stop] = self.profile.run();
+        let run = (self.progress.state.time.min(stop) - start).max(0.0);
+        Summary {
+            steady: self.progress.steady.steady(),
+            simulated_s: self.progress.state.time - self.profile.start(),
+            min_gap_m: totals.min_gap,
+            max_penetration_m: totals.penetration,
+            largest_contact_n: totals.largest_contact,
+            contact_share: if run > 0.0 { self.progress.contact_time / run } else { 0.0 },
+            first_contact_s: totals.first_contact,
+            bundling: totals.bundling,
+            steps: totals.steps,
+            newton_iterations: totals.sweeps,
+            step_error_m: totals.error,
+        }
+    }
+
+    /// Runs to the end without samples.
+    pub fn finish(&mut self) -> Result<Summary, StepError> {
+        while self.progress.state.time < self.profile.end() {
+            self.advance()?;
+        }
+        Ok(self.summary())
+    }
+
+    /// One step of the solver.
+    fn advance(&mut self) -> Result<(), StepError> {
+        let time = self.progress.state.time;
+        let [start, stop] = self.profile.run();
+        let until = [Some(start), Some(stop), self.profile.next_jump(time), Some(self.profile.end())]
+            .into_iter()
+            .flatten()
+            .filter(|t| *t > time)
+            .fold(f64::INFINITY, f64::min);
+        let profile = &self.profile;
+        // A step that ends at a jump ends with the speed before it.
+        let before = |t: f64| {
+            if t < until { profile.motors(t) } else { profile.motors(t.next_down()) }
+        };
+        let report =
+            self.solver.advance(&mut self.progress.state, until, &before).inspect_err(|_| self.failed = true)?;
+        self.record(&report);
+        let run = time >= start && time < stop;
+        let state = &self.progress.state;
+        if run && report.touching > 0 {
+            self.progress.contact_time += state.time - time;
+        }
+        if self.profile.next_jump(time) == Some(state.time) {
+            self.progress.state.restart();
+            self.progress.dense.restart();
+        }
+        Ok(())
+    }
+
+    fn record(&mut self, report: &StepReport) {
+        let weight_counts = self.solver.robot().base.flagella_weight_on_base;
+        let forces = [0, 1].map(|k| {
+            let weight = if weight_counts { report.weight[k].force } else { V3::zeros() };
+            ForceRecord {
+                smooth: report.fluid[k].force + weight,
+                contact: report.contact[k].force,
+                smooth_torque: report.fluid[k].axial_torque,
+                contact_torque: report.contact[k].axial_torque,
+            }
+        });
+        let distance = self.solver.least_distance(&self.progress.state);
+        let gap = distance - 2.0 * self.solver.robot().flagellum.rod_radius_m;
+        let [start, stop] = self.profile.run();
+        let progress = &mut self.progress;
+        let state = &progress.state;
+        progress.dense.push(Record {
+            time: state.time,
+            attitude: state.body.attitude,
+            yaw: state.body.yaw,
+            rate: state.body.rate,
+            motors: state.motors,
+            forces,
+            contact: report.touching > 0,
+        });
+        progress.gap = progress.gap.min(gap);
+        progress.last_gap = gap;
+        progress.penetration = progress.penetration.max(-gap);
+        progress.sweeps += report.sweeps;
+        let totals = &mut progress.summary;
+        totals.min_gap = totals.min_gap.min(gap);
+        totals.penetration = totals.penetration.max(-gap);
+        totals.largest_contact = totals.largest_contact.max(report.largest_force);
+        totals.steps += u64::from(report.sweeps > 0);
+        totals.sweeps += u64::from(report.sweeps);
+        totals.error = totals.error.max(report.error);
+        if report.touching > 0 && totals.first_contact.is_none() {
+            totals.first_contact = Some(state.time);
+        }
+        if state.time >= start && state.time <= stop {
+            let [_, pitch, roll] = euler_zyx(&state.body.attitude);
+            let force = |k: usize| forces[k].smooth + forces[k].contact;
+            let (f1, f2) = (force(0), force(1));
+            let torque = |k: usize| forces[k].smooth_torque + forces[k].contact_torque;
+            progress.steady.push(
+                state.time,
+                [state.body.yaw, pitch, roll, f1.x, f1.y, f1.z, f2.x, f2.y, f2.z, torque(0), torque(1)],
+            );
+        }
+    }
+
+    fn sample_time(&self, index: u64) -> f64 {
+        self.profile.start() + index as f64 / self.options.rate_hz
+    }
+
+    fn sample(&mut self, time: f64) -> Option<Sample> {
+        let between = self.progress.dense.at(time)?;
+        let motors = self.profile.motors(time);
+        let lines = shapes_at(&self.progress.state, time, &motors, &self.solver.robot().shaft_feet());
+        let flagellum = &self.solver.robot().flagellum;
+        let turn = (flagellum.edges() as f64 * flagellum.pitch_m / flagellum.axial_length_m).round() as usize;
+        let winding_turns = winding(&lines, turn);
+        let bundling = Bundling::classify(between.contact, winding_turns);
+        let progress = &mut self.progress;
+        if bundling as u8 > progress.summary.bundling as u8 {
+            progress.summary.bundling = bundling;
+        }
+        let plain = |v: V3| [v.x, v.y, v.z];
+        let q = between.attitude;
+        let sample = Sample {
+            time_s: time,
+            attitude: [q.w, q.i, q.j, q.k],
+            rate_rad_s: plain(between.rate),
+            yaw_rad: between.euler[0],
+            pitch_rad: between.euler[1],
+            roll_rad: between.euler[2],
+            motor_angle_rad: motors.map(|m| m.angle),
+            motor_speed_rad_s: motors.map(|m| m.speed),
+            force_n: between.forces.map(|f| plain(f.smooth + f.contact)),
+            contact_force_n: between.forces.map(|f| plain(f.contact)),
+            axial_torque_nm: between.forces.map(|f| f.smooth_torque + f.contact_torque),
+            min_gap_m: progress.gap,
+            max_penetration_m: progress.penetration,
+            bundling,
+            winding_turns,
+            newton_iterations: progress.sweeps,
+            shapes_m: self.options.shapes.then(|| lines.map(|line| line.into_iter().map(plain).collect())),
+        };
+        // Several samples may fall into one step: each has at least that step's gap.
+        progress.gap = progress.last_gap;
+        progress.penetration = (-progress.last_gap).max(0.0);
+        progress.sweeps = 0;
+        Some(sample)
+    }
+}
+
+impl Iterator for Trial {
+    type Item = Result<Sample, StepError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let time = self.sample_time(self.progress.next);
+        if self.failed || time > self.profile.end() + 1e-9 {
+            return None;
+        }
+        let time = time.min(self.profile.end());
+        while self.progress.state.time < time {
+            if let Err(error) = self.advance() {
+                return Some(Err(error));
+            }
+        }
+        self.progress.next += 1;
+        self.sample(time).map(Ok)
+    }
+}

@@ -1,0 +1,91 @@
+//! Flagella that wrap round each other with contact, and unwrap when one motor reverses.
+
+mod common;
+use common::prove;
+use sim::contact::bundling::Bundling;
+use sim::params::Robot;
+use sim::profile::SpeedProfile;
+use sim::robot::closure::Closure;
+use sim::sample::Sample;
+use sim::trial::{Options, Summary, Trial};
+
+/// Softer, longer and closer flagella than the published ones.
+fn soft_robot() -> Robot {
+    let mut robot = Robot::default();
+    robot.flagellum.young_pa = 1e5;
+    robot.flagellum.axial_length_m = 0.3;
+    robot.base.motor_distance_m = 0.025;
+    robot
+}
+
+fn run(robot: &Robot) -> (Vec<Sample>, Summary) {
+    let profile = SpeedProfile::from_points(&[
+        (0.0, [0.0, 0.0]),
+        (0.5, [90.0, 90.0]),
+        (35.0, [90.0, 90.0]),
+        (36.0, [90.0, -90.0]),
+        (50.0, [90.0, -90.0]),
+    ])
+    .expect("a profile");
+    let options = Options { rate_hz: 2.0, shapes: false };
+    let mut trial = Trial::new(robot, Closure::Full, profile, options).expect("parameters");
+    let samples = trial.by_ref().collect::<Result<Vec<_>, _>>().expect("a run");
+    (samples, trial.summary())
+}
+
+#[test]
+fn a_soft_pair_bundles_and_unwraps() {
+    let robot = soft_robot();
+    let (samples, summary) = run(&robot);
+    let at = |time: f64| samples.iter().find(|s| s.time_s >= time).expect("a sample");
+    println!("winding {:.2} turns at 34 s, {:.2} at 50 s", at(34.0).winding_turns, at(50.0).winding_turns);
+    assert_eq!(summary.bundling, Bundling::Bundled);
+    assert_eq!(at(34.0).bundling, Bundling::Bundled);
+    assert_ne!(at(50.0).bundling, Bundling::Bundled);
+    prove(
+        "bundle: turns left after the reversal, over those before",
+        at(50.0).winding_turns / at(34.0).winding_turns,
+        0.6,
+    );
+    prove("bundle: largest penetration over the tolerance", summary.max_penetration_m / robot.contact.tolerance_m, 1.0);
+}
+
+#[test]
+fn a_bundle_with_friction_goes_through() {
+    let mut robot = soft_robot();
+    robot.contact.friction = 0.3;
+    // Twist snaps where strands stick to each other: it needs all of the fluid's drag on the spin.
+    robot.fluid.spin_drag = 1.0;
+    let (samples, summary) = run(&robot);
+    let winding = |time: f64| samples.iter().find(|s| s.time_s >= time).map_or(f64::NAN, |s| s.winding_turns);
+    println!("with friction: winding {:.2} turns at 34 s, {:.2} at 50 s", winding(34.0), winding(50.0));
+    assert_eq!(summary.bundling, Bundling::Bundled);
+    assert!(samples.len() > 90);
+    prove(
+        "bundle with friction: largest penetration over the tolerance",
+        summary.max_penetration_m / robot.contact.tolerance_m,
+        1.0,
+    );
+}
+
+#[test]
+fn two_way_contact_in_the_hard_quadrant() {
+    // Both flagella pull inwards: they cross and are forced past each other.
+    for rpm in [[-90.0, -80.0], [-50.0, -30.0]] {
+        let robot = Robot::default();
+        let profile = SpeedProfile::constant(rpm, 20.0).expect("a profile");
+        let mut trial = Trial::new(&robot, Closure::Full, profile, Options::default()).expect("parameters");
+        let summary = trial.finish().expect("a run");
+        assert!(summary.contact_share > 0.1);
+        println!(
+            "{rpm:?}: largest force {:.0} mN, contact {:.2} of the time",
+            summary.largest_contact_n * 1e3,
+            summary.contact_share
+        );
+        prove(
+            &format!("full, ({}, {}): largest penetration over the tolerance", rpm[0], rpm[1]),
+            summary.max_penetration_m / robot.contact.tolerance_m,
+            1.0,
+        );
+    }
+}

@@ -1,0 +1,66 @@
+//! The robot's parameters: what is refused, and how it is said.
+
+use sim::params::{Glycerol, Robot};
+use sim::robot::closure::Closure;
+use sim::step::Solver;
+
+#[test]
+fn the_published_robot_is_possible() {
+    let robot = Robot::default();
+    robot.validate().expect("the default");
+    assert_eq!(robot.flagellum.edges(), 49);
+    assert!((robot.base_drag() - 3.55e-5).abs() < 1e-6);
+}
+
+#[test]
+fn impossible_values_name_their_key() {
+    type Change = fn(&mut Robot);
+    let cases: [(&str, Change); 12] = [
+        ("flagellum.rod_radius_m", |r| r.flagellum.rod_radius_m = -1e-3),
+        ("flagellum.pitch_m", |r| r.flagellum.pitch_m = 5e-3),
+        ("flagellum.helix_radius_m", |r| (r.flagellum.helix_radius_m, r.flagellum.pitch_m) = (0.001, 0.004)),
+        ("flagellum.edge_length_m", |r| r.flagellum.edge_length_m = 0.02),
+        ("flagellum.edge_length_m", |r| (r.flagellum.edge_length_m, r.fluid.regularisation_radii) = (1e-4, 0.11)),
+        ("fluid.regularisation_radii", |r| r.fluid.regularisation_radii = 2.0),
+        ("fluid.viscosity_pa_s", |r| r.fluid.viscosity_pa_s = f64::NAN),
+        ("base.motor_distance_m", |r| r.base.motor_distance_m = 0.02),
+        ("base.inertia_kg_m2", |r| r.base.inertia_kg_m2[2] = 0.0),
+        ("contact.tolerance_m", |r| r.contact.tolerance_m = 0.0),
+        ("solver.step_rad", |r| r.solver.step_rad = f64::INFINITY),
+        ("solver.gauss_points", |r| r.solver.gauss_points = 9),
+    ];
+    for (key, change) in cases {
+        let mut robot = Robot::default();
+        change(&mut robot);
+        let error = robot.validate().expect_err(key);
+        assert_eq!(error.key, key, "{error}");
+        assert!(Solver::new(&robot, Closure::Full).is_err());
+        assert!(error.to_string().contains(key) && error.reason.len() > 10, "{error}");
+    }
+}
+
+#[test]
+fn unknown_keys_and_missing_sections() {
+    let robot: Robot = serde_json::from_str(r#"{"fluid": {"viscosity_pa_s": 0.5}}"#).expect("defaults fill the rest");
+    assert_eq!(robot.fluid.viscosity(), 0.5);
+    assert_eq!(robot.flagellum, Robot::default().flagellum);
+    let error = serde_json::from_str::<Robot>(r#"{"fluid": {"viscosity": 0.5}}"#).expect_err("no such key");
+    assert!(error.to_string().contains("viscosity"), "{error}");
+    let again: Robot =
+        serde_json::from_str(&serde_json::to_string(&Robot::default()).expect("text")).expect("the same");
+    assert_eq!(again, Robot::default());
+}
+
+#[test]
+fn glycerol_and_water_follow_the_published_table() {
+    // Segur and Oberstar 1951, mPa s at 20 degrees Celsius.
+    for (fraction, viscosity) in [(0.0, 1.005e-3), (0.5, 6.00e-3), (0.8, 60.1e-3), (0.95, 523e-3), (1.0, 1.41)] {
+        let mixture = Glycerol { mass_fraction: fraction, temperature_c: 20.0 };
+        assert!((mixture.viscosity_pa_s() / viscosity - 1.0).abs() < 0.05, "{fraction}: {}", mixture.viscosity_pa_s());
+    }
+    let pure = Glycerol { mass_fraction: 1.0, temperature_c: 20.0 };
+    assert!((pure.density_kg_m3() - 1261.0).abs() < 5.0);
+    let robot =
+        Robot { fluid: sim::params::Fluid { glycerol: Some(pure), ..Default::default() }, ..Default::default() };
+    assert_eq!(robot.fluid.viscosity(), pure.viscosity_pa_s());
+}

@@ -1,0 +1,96 @@
+//! The published operating points: 120 s, published robot, one constant calibrated (the tether, at (90, 90)).
+
+mod common;
+use common::prove;
+use sim::params::Robot;
+use sim::profile::SpeedProfile;
+use sim::robot::closure::Closure;
+use sim::trial::{Options, Summary, Trial};
+
+const POINTS: [[f64; 2]; 4] = [[50.0, 10.0], [0.0, 45.0], [90.0, 90.0], [-90.0, 90.0]];
+
+fn run(closure: Closure, rpm: [f64; 2]) -> Summary {
+    let profile = SpeedProfile::constant(rpm, 120.0).expect("a profile");
+    let mut trial = Trial::new(&Robot::default(), closure, profile, Options::default()).expect("parameters");
+    trial.finish().expect("a run")
+}
+
+/// |yaw|, |pitch|, |roll| and the tilt of the axis in degrees.
+fn angles(closure: Closure) -> [[f64; 4]; 4] {
+    POINTS.map(|rpm| {
+        let summary = run(closure, rpm);
+        let steady = &summary.steady;
+        let [yaw, pitch, roll] = steady.attitude.map(|l| l.mean);
+        let tilt = (pitch.cos() * roll.cos()).acos();
+        let degrees = [yaw.abs(), pitch.abs(), roll.abs(), tilt].map(f64::to_degrees);
+        println!(
+            "{closure:?} ({}, {}): |yaw| {:.2} |pitch| {:.2} |roll| {:.2} tilt {:.2} deg; swing {:.2} {:.2} {:.2} deg; settled {} after {:.0} s; least gap {:.1} mm",
+            rpm[0], rpm[1], degrees[0], degrees[1], degrees[2], degrees[3],
+            steady.attitude[0].amplitude.to_degrees(), steady.attitude[1].amplitude.to_degrees(), steady.attitude[2].amplitude.to_degrees(),
+            steady.settled, steady.settle_s, summary.min_gap_m * 1e3
+        );
+        degrees
+    })
+}
+
+/// Distance of a value from an interval widened by a share, over that width.
+fn outside(value: f64, low: f64, high: f64, share: f64) -> f64 {
+    let (least, most) = (low * (1.0 - share), high * (1.0 + share));
+    if value < least {
+        1.0 + (least - value) / least
+    } else if value > most {
+        value / most
+    } else {
+        0.99 * (value - 0.5 * (least + most)).abs() / (0.5 * (most - least))
+    }
+}
+
+#[test]
+fn lumped_meets_the_published_simulation() {
+    let [a, b, c, d] = angles(Closure::Lumped);
+    prove("lumped (90, 90): |yaw| calibrated to 180 deg, relative", (c[0] / 180.0 - 1.0).abs(), 0.01);
+    prove("lumped (50, 10): |yaw| 60.76 to 67.95 deg within 20 %", outside(a[0], 60.76, 67.95, 0.2), 1.0);
+    prove("lumped (50, 10): |pitch| against 3.29 deg", (a[1] / 3.29 - 1.0).abs(), 0.2);
+    prove("lumped (0, 45): |yaw| against 56.22 deg", (b[0] / 56.22 - 1.0).abs(), 0.2);
+    prove("lumped (0, 45): |pitch| against 3.45 deg", (b[1] / 3.45 - 1.0).abs(), 0.2);
+    prove("lumped (-90, 90): |pitch| against 16 deg", (d[1] / 16.0 - 1.0).abs(), 0.2);
+}
+
+#[test]
+fn full_lies_near_the_experiment() {
+    let [a, b, c, d] = angles(Closure::Full);
+    prove("full (90, 90): |yaw| calibrated to 180 deg, relative", (c[0] / 180.0 - 1.0).abs(), 0.01);
+    prove("full (50, 10): |yaw| against the measured 67.95 deg", (a[0] / 67.95 - 1.0).abs(), 0.2);
+    prove("full (50, 10): |pitch| 3.29 to 4.96 deg within 20 %", outside(a[1], 3.29, 4.96, 0.2), 1.0);
+    prove("full (0, 45): |yaw| against 56.22 deg", (b[0] / 56.22 - 1.0).abs(), 0.25);
+    prove("full (-90, 90): tilt of the axis against 16 deg", (d[3] / 16.0 - 1.0).abs(), 0.25);
+}
+
+#[test]
+fn paper_never_settles() {
+    // The printed equations have nothing that stops a constant yaw torque.
+    let summary = run(Closure::Paper, [50.0, 10.0]);
+    println!("paper (50, 10): yaw {:.0} deg and turning after 120 s", summary.steady.attitude[0].mean.to_degrees());
+    assert!(!summary.steady.settled);
+    assert!(summary.steady.attitude[0].mean.abs() > std::f64::consts::TAU);
+}
+
+#[test]
+fn valleys_of_the_published_map() {
+    // |pitch| is least where both speeds are equal; |yaw| near opposite speeds, not on them: of a
+    // right-handed pair at (-w, w) one pulls and one pushes, which is not symmetric.
+    let steady = |rpm: [f64; 2]| {
+        let profile = SpeedProfile::constant(rpm, 60.0).expect("a profile");
+        let mut trial = Trial::new(&Robot::default(), Closure::Full, profile, Options::default()).expect("parameters");
+        let steady = trial.finish().expect("a run").steady;
+        steady.attitude.map(|l| l.mean.to_degrees())
+    };
+    let pitch = [30.0, 40.0, 50.0].map(|w| steady([w, 40.0])[1]);
+    println!("pitch at (30, 40), (40, 40), (50, 40): {pitch:.2?} deg");
+    prove("map: |pitch| on w2 = w1 over its neighbours", pitch[1].abs() / pitch[0].abs().min(pitch[2].abs()), 0.1);
+    let speeds = [20.0, 30.0, 40.0, 50.0, 60.0];
+    let yaw = speeds.map(|w| steady([-40.0, w])[0]);
+    println!("yaw at (-40, {speeds:?}): {yaw:.2?} deg");
+    let least = (0..5).min_by(|&a, &b| yaw[a].abs().total_cmp(&yaw[b].abs())).map_or(0.0, |i| speeds[i]);
+    prove("map: valley of |yaw| from w2 = -w1, rpm", (least - 40.0).abs(), 10.0);
+}

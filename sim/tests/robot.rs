@@ -1,0 +1,300 @@
+//! The whole robot: balance of forces, symmetry, restored states, convergence.
+
+#![allow(clippy::needless_range_loop)]
+
+mod common;
+use common::{noise, prove};
+use nalgebra::UnitQuaternion;
+use sim::V3;
+use sim::contact::distance::segment_distance;
+use sim::fluid::{far::Precision, mobility::mobility};
+use sim::params::Robot;
+use sim::profile::{Phases, SpeedProfile};
+use sim::robot::{clamp::Motor, clamp::Shaft, closure::Closure};
+use sim::rod::{Rod, frames::Frames, helix::Handedness};
+use sim::state::State;
+use sim::step::{Solver, StepReport};
+use sim::trial::{Checkpoint, Options, Trial};
+use std::f64::consts::PI;
+
+fn motors(rpm: [f64; 2]) -> impl Fn(f64) -> [Motor; 2] {
+    move |t| rpm.map(|r| Motor { angle: r * PI / 30.0 * t, speed: r * PI / 30.0 })
+}
+
+/// Runs to `end`, calling `each` after every step.
+fn run(
+    solver: &mut Solver,
+    state: &mut State,
+    rpm: [f64; 2],
+    end: f64,
+    mut each: impl FnMut(&Solver, &State, f64, &StepReport),
+) {
+    let motors = motors(rpm);
+    while state.time < end {
+        let before = state.time;
+        let report = solver.advance(state, end, &motors).expect("a step");
+        each(solver, state, state.time - before, &report);
+    }
+}
+
+#[test]
+fn stays_at_rest() {
+    for closure in [Closure::Held, Closure::Full] {
+        let mut robot = Robot::default();
+        robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
+        let mut solver = Solver::new(&robot, closure).expect("parameters");
+        let mut state = solver.at_rest();
+        let mut moved = 0f64;
+        run(&mut solver, &mut state, [0.0; 2], 10.0, |solver, state, _, _| {
+            for k in 0..2 {
+                for (x, rest) in state.rods[k].shape.nodes.iter().zip(&solver.rods()[k].shape) {
+                    moved = moved.max((x - rest).norm());
+                }
+            }
+        });
+        prove(&format!("{closure:?}: motion from rest in 10 s, m"), moved, 1e-12);
+    }
+}
+
+#[test]
+fn forces_on_rods_balance_forces_on_clamps() {
+    // What a clamp feels, from the elastic forces at its own nodes, against the sum of all that acts on
+    // the rod: fluid, contact, weight.
+    let mut robot = Robot::default();
+    robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
+    let mut solver = Solver::new(&robot, Closure::Full).expect("parameters");
+    let mut state = solver.at_rest();
+    let (mut force_error, mut torque_error, mut touching) = (0f64, 0f64, 0);
+    run(&mut solver, &mut state, [90.0, 60.0], 8.0, |solver, state, _, report| {
+        touching += report.touching;
+        for k in 0..2 {
+            let rod = &solver.rods()[k];
+            let shape = &state.rods[k].shape;
+            let mut frames = Frames::new(rod.nodes());
+            frames.update(&state.rods[k].frames, &shape.nodes, &shape.angles);
+            let mut gradient = vec![0.0; 4 * rod.nodes()];
+            rod.gradient(&frames, &shape.angles, &mut gradient);
+            let shaft = Shaft::new(robot.shaft_feet()[k], state.motors[k].angle);
+            let (mut force, mut torque) = (V3::zeros(), -gradient[3] * frames.tangent[0].z);
+            let clamped_weight =
+                shaft.to_shaft(state.body.attitude.inverse_transform_vector(&-V3::z())) * robot.net_weight();
+            for i in 0..2 {
+                let elastic = V3::new(gradient[4 * i], gradient[4 * i + 1], gradient[4 * i + 2]);
+                let f = -elastic + (clamped_weight - shape.clamp_density[i]) * rod.nodal_length[i];
+                force += f;
+                torque += shape.nodes[i].x * f.y - shape.nodes[i].y * f.x;
+            }
+            let total = report.fluid[k].force + report.contact[k].force + report.weight[k].force;
+            force_error = force_error.max((shaft.to_body(force) - total).norm());
+            // The weight has a moment about the shaft too.
+            let mut weight_torque = 0.0;
+            for (x, l) in shape.nodes.iter().zip(&rod.nodal_length) {
+                let f = clamped_weight * *l;
+                weight_torque += x.x * f.y - x.y * f.x;
+            }
+            let sum = report.fluid[k].axial_torque + report.contact[k].axial_torque + weight_torque;
+            torque_error = torque_error.max((torque - sum).abs());
+        }
+    });
+    assert!(touching > 0, "the rods touch in this run");
+    prove("momentum: force on clamps less force on rods, every step, over 5 mN", force_error / 5e-3, 1e-9);
+    prove("momentum: torque about the shafts, every step, over 0.6 mN m", torque_error / 6e-4, 1e-2);
+}
+
+#[test]
+fn body_balance_closes_at_every_step() {
+    let robot = Robot::default();
+    let mut solver = Solver::new(&robot, Closure::Full).expect("parameters");
+    let mut state = solver.at_rest();
+    let mut worst = 0f64;
+    run(&mut solver, &mut state, [50.0, 10.0], 10.0, |_, _, _, report| worst = worst.max(report.moment_error));
+    prove("momentum: moments on the base less its angular momentum's rate, over 0.4 mN m", worst / 4e-4, 2e-2);
+}
+
+#[test]
+fn turning_everything_changes_nothing() {
+    let mut robot = Robot::default();
+    robot.joint.tether_full_nm_per_rad = 0.0;
+    // What is left otherwise is rounding in single precision, times the iteration's tolerance.
+    robot.solver.far_field = Precision::Double;
+    robot.solver.tolerance = 1e-6;
+    let ends = [0.0, 1.2345].map(|yaw| {
+        let mut solver = Solver::new(&robot, Closure::Full).expect("parameters");
+        let mut state = solver.at_rest();
+        state.body.attitude = UnitQuaternion::from_axis_angle(&V3::z_axis(), yaw);
+        state.body.yaw = yaw;
+        run(&mut solver, &mut state, [50.0, -30.0], 3.0, |_, _, _, _| {});
+        (state.body, solver.lines(&state))
+    });
+    let [(a, x), (b, y)] = &ends;
+    let turn = UnitQuaternion::from_axis_angle(&V3::z_axis(), 1.2345);
+    prove("turned world: attitude, rad", (turn * a.attitude).angle_to(&b.attitude), 1e-9);
+    let shape = (0..2).flat_map(|k| x[k].iter().zip(&y[k]).map(|(p, q)| (p - q).norm())).fold(0.0, f64::max);
+    prove("turned world: shapes, m", shape, 1e-9);
+
+    let nodes = Robot::default().flagellum.helix(0).nodes(49);
+    let q = UnitQuaternion::from_euler_angles(0.7, -1.1, 2.0);
+    let moved: Vec<V3> = nodes.iter().map(|p| q * p + V3::new(3.0, -2.0, 1.0)).collect();
+    let (here, there) = (mobility(&[&nodes], 3e-3, 1.0), mobility(&[&moved], 3e-3, 1.0));
+    let rotation = q.to_rotation_matrix();
+    let mut worst = 0f64;
+    for i in 0..50 {
+        for j in 0..50 {
+            let block = |m: &nalgebra::DMatrix<f64>| m.fixed_view::<3, 3>(3 * i, 3 * j).into_owned();
+            worst = worst.max((rotation * block(&here) * rotation.transpose() - block(&there)).amax());
+        }
+    }
+    prove("turned and shifted fluid: mobility, relative", worst / here.amax(), 1e-9);
+}
+
+#[test]
+fn mirrored_robot_mirrors_its_attitude() {
+    let end = |handedness, rpm| {
+        let mut robot = Robot::default();
+        robot.flagellum.handedness = [handedness; 2];
+        let mut solver = Solver::new(&robot, Closure::Full).expect("parameters");
+        let mut state = solver.at_rest();
+        run(&mut solver, &mut state, rpm, 5.0, |_, _, _, _| {});
+        state.body.attitude
+    };
+    let right = end(Handedness::Right, [50.0, 10.0]);
+    let left = end(Handedness::Left, [-50.0, -10.0]);
+    // Mirrored in the plane of x_B and z: components of the turn about x and z change sign.
+    let mirrored = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(left.w, -left.i, left.j, -left.k));
+    println!("turned by {:.1} deg", right.angle().to_degrees());
+    prove("mirror: attitude, rad", mirrored.angle_to(&right), 1e-6);
+}
+
+#[test]
+fn restored_state_goes_on_bit_for_bit() {
+    let profile = || {
+        SpeedProfile::phases(&Phases { run: 8.0, decay: 1.0, ..Phases::default() }, [90.0, 60.0]).expect("a profile")
+    };
+    let start = || Trial::new(&Robot::default(), Closure::Full, profile(), Options::default()).expect("parameters");
+    let mut straight = start();
+    let mut first = start();
+    for _ in 0..140 {
+        straight.next();
+        first.next();
+    }
+    let text = serde_json::to_string(&first.checkpoint()).expect("a checkpoint");
+    let restored: Checkpoint = serde_json::from_str(&text).expect("the checkpoint");
+    let mut second = start();
+    second.restore(restored);
+    let (a, b): (Vec<_>, Vec<_>) = (straight.by_ref().collect(), second.by_ref().collect());
+    assert!(a.len() > 30);
+    assert_eq!(a, b);
+    assert_eq!(straight.checkpoint(), second.checkpoint());
+    assert!(straight.summary().first_contact_s.is_some(), "the run has contact in it");
+}
+
+/// Mean thrust of flagellum 1 (N) over 6 to 12 s at (50, 10), and what changes it.
+fn thrust(change: impl Fn(&mut Robot), edges: Option<usize>) -> [f64; 3] {
+    let mut robot = Robot::default();
+    change(&mut robot);
+    let mut solver = match edges {
+        None => Solver::new(&robot, Closure::Held),
+        Some(edges) => {
+            let rod = |k: usize| Rod::stress_free(robot.flagellum.helix(k).nodes(edges), robot.flagellum.stiffness());
+            Solver::with_rods(&robot, Closure::Held, [rod(0), rod(1)])
+        }
+    }
+    .expect("parameters");
+    let mut state = solver.at_rest();
+    let mut samples: Vec<(f64, [f64; 3])> = vec![];
+    run(&mut solver, &mut state, [50.0, 10.0], 12.0, |_, state, _, report| {
+        let f = &report.fluid;
+        samples.push((state.time, [f[0].force.z, f[0].axial_torque, f[1].force.z]));
+    });
+    let mut sum = [0.0; 3];
+    for pair in samples.windows(2) {
+        let (from, to) = (pair[0].0.max(6.0), pair[1].0);
+        for c in 0..3 {
+            if to > from {
+                // Steps are short against the window: the trapezium of its first, cut step is exact enough.
+                sum[c] += 0.5 * (pair[0].1[c] + pair[1].1[c]) * (to - from) / 6.0;
+            }
+        }
+    }
+    sum
+}
+
+#[test]
+fn converges_in_time() {
+    let steps = [0.76, 0.38, 0.19];
+    let with = |rad: f64| {
+        thrust(
+            |r| {
+                r.solver.step_rad = rad;
+                r.solver.tolerance = 1e-3;
+                r.solver.longest_step_s = 1.0
+            },
+            None,
+        )
+    };
+    let exact = with(0.0475);
+    let errors = steps.map(|rad| {
+        let got = with(rad);
+        [0, 1, 2].map(|c| (got[c] - exact[c]).abs() / exact[0].abs())
+    });
+    for (rad, e) in steps.iter().zip(&errors) {
+        println!("step {rad} rad: thrust 1 {:.1e}, thrust 2 {:.1e} of thrust 1", e[0], e[2]);
+    }
+    let order = ((errors[0][0] / errors[2][0]).ln() / 4f64.ln(), (errors[0][2] / errors[2][2]).ln() / 4f64.ln());
+    println!("observed orders in the step: {:.1} and {:.1}", order.0, order.1);
+    prove("convergence: mean thrust at 0.38 rad a step, relative", errors[1][0], 5e-3);
+    prove("convergence: mean thrust at 0.19 rad a step, relative", errors[2][0], 1e-3);
+}
+
+#[test]
+fn converges_in_edge_length() {
+    // At the regularisation of the default robot.
+    let with = |edges: usize| thrust(|r| r.solver.tolerance = 1e-3, Some(edges));
+    let values = [24, 49, 98].map(|edges| (edges, with(edges)));
+    for (edges, v) in &values {
+        println!(
+            "{edges} edges: thrust {:.4} mN, torque {:.5} mN m, thrust 2 {:.4} mN",
+            v[0] * 1e3,
+            v[1] * 1e3,
+            v[2] * 1e3
+        );
+    }
+    let [a, b, c] = values.map(|v| v.1[0]);
+    println!("observed order in the edge length: {:.1}", ((a - b) / (b - c)).abs().log2());
+    prove("convergence: thrust at 49 edges against 98, relative", (b / c - 1.0).abs(), 0.03);
+    prove("convergence: change on halving the edges over the change before", ((b - c) / (a - b)).abs(), 0.7);
+}
+
+#[test]
+fn segment_distance_matches_another_library() {
+    use parry3d_f64::math::{Pose, Vector};
+    use parry3d_f64::query::details::closest_points_segment_segment_with_locations;
+    use parry3d_f64::shape::Segment;
+    let mut seed = 0x2545f4914f6cdd1d;
+    let mut worst = 0f64;
+    for round in 0..1_000_000 {
+        let scale = if round % 4 == 0 { 1e-3 } else { 1.0 };
+        let mut point = || V3::new(noise(&mut seed), noise(&mut seed), noise(&mut seed));
+        let (p0, q0) = (point(), point());
+        let (mut u, mut v) = (point() * scale, point());
+        match round % 10 {
+            // Parallel, nearly parallel, perpendicular, short.
+            1 => v = u * 0.7,
+            2 => v = u + point() * 1e-7,
+            3 => u = V3::new(u.x, 0.0, 0.0),
+            4 => v *= 1e-3,
+            _ => {}
+        }
+        let own = segment_distance(p0, p0 + u, q0, q0 + v).separation.norm();
+        let there = |a: V3| Vector::new(a.x, a.y, a.z);
+        let (s1, s2) = (Segment::new(there(p0), there(p0 + u)), Segment::new(there(q0), there(q0 + v)));
+        let (l1, l2) = closest_points_segment_segment_with_locations(&Pose::identity(), &s1, &s2);
+        let theirs = (s1.point_at(&l1) - s2.point_at(&l2)).length();
+        // Neither may be farther than the other; nearly parallel segments are ill-posed in theirs.
+        worst = worst.max(own - theirs);
+        if round % 10 != 2 {
+            worst = worst.max((own - theirs).abs());
+        }
+    }
+    prove("segment distance against parry3d, 1e6 pairs, of unit size", worst, 1e-7);
+}

@@ -1,0 +1,88 @@
+//! Modelled sessions that are broken off, by the user or by a power cut, and what of them other programs read.
+
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Child, Command};
+use std::time::{Duration, Instant};
+use tests::{Bench, Run};
+
+/// Twelve trials that take about a second together.
+const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 1\npreroll = 1\nrun = 30\ndecay = 3\n\
+                    [speeds]\ngrid = { w1 = [-60, 60, 40], w2 = [20, 80, 30] }\n";
+
+fn signal(child: &Child, name: &str) {
+    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
+}
+
+/// Every file of a session but its manifest, which says when it began.
+fn files(session: &Path) -> BTreeMap<String, Vec<u8>> {
+    let Ok(entries) = std::fs::read_dir(session) else { return BTreeMap::new() };
+    entries
+        .flatten()
+        .map(|entry| (entry.file_name().to_string_lossy().into_owned(), entry.path()))
+        .filter(|(name, _)| name != "session.toml")
+        .map(|(name, path)| (name, std::fs::read(path).unwrap()))
+        .collect()
+}
+
+fn wait_for_log(session: &Path) {
+    let begun = Instant::now();
+    while !files(session).keys().any(|name| name.ends_with(".mcap")) {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no trial ended");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn simulate(plan: &Path, more: &[&str]) -> Vec<String> {
+    let arguments = ["simulate", plan.to_str().unwrap(), "--json", "--rate", "200", "--shapes"];
+    arguments.iter().chain(more).map(|argument| (*argument).to_owned()).collect()
+}
+
+/// Ctrl-C ends at once with what is whole; `--resume` computes the rest, and nothing twice.
+#[test]
+fn ctrl_c_leaves_whole_trials_and_resume_goes_on() {
+    let bench = Bench::new();
+    let plan = bench.file("plan.toml", PLAN);
+    bench.run(simulate(&plan, &["--out", "whole", "--jobs", "2"])).expect_code(3);
+    let whole = files(&bench.path().join("whole"));
+    assert_eq!(whole.len(), 12);
+
+    let session = bench.path().join("session");
+    let running = bench.start(simulate(&plan, &["--out", "session", "--jobs", "1"]));
+    wait_for_log(&session);
+    signal(&running, "-INT");
+    let run = Run::of(running).expect_code(130);
+    let kept = files(&session);
+    assert!(!kept.is_empty() && kept.len() < 12 && kept.iter().all(|(name, log)| whole.get(name) == Some(log)));
+    assert_eq!(run.json()["trials"].as_array().unwrap().len(), kept.len());
+
+    let run = bench.run(simulate(&plan, &["--out", "session", "--resume"])).expect_code(3);
+    assert!(files(&session) == whole);
+    let computed = |trial: &&Value| !trial["wall_s"].is_null();
+    assert_eq!(run.json()["trials"].as_array().unwrap().iter().filter(computed).count(), 12 - kept.len());
+}
+
+/// Killed again and again, a session of shards comes out as one that was never killed.
+#[test]
+fn a_killed_session_comes_out_the_same() {
+    let bench = Bench::new();
+    let plan = bench.file("plan.toml", PLAN);
+    bench.run(simulate(&plan, &["--out", "whole"])).expect_code(3);
+    let whole = files(&bench.path().join("whole"));
+    let session = bench.path().join("session");
+    for kill in 0..6u64 {
+        let shard = format!("{}/2", kill % 2 + 1);
+        let running = bench.start(simulate(&plan, &["--out", "session", "--resume", "--jobs", "1", "--shard", &shard]));
+        std::thread::sleep(Duration::from_millis(60 + 90 * kill));
+        signal(&running, "-KILL");
+        let _ = Run::of(running);
+        for (name, log) in files(&session) {
+            assert!(name.ends_with(".mcap.unfinished") || whole.get(&name) == Some(&log), "{name}");
+        }
+    }
+    for shard in ["1/2", "2/2"] {
+        bench.run(simulate(&plan, &["--out", "session", "--resume", "--shard", shard])).expect_code(3);
+    }
+    assert!(files(&session) == whole);
+}
