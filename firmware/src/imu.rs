@@ -180,9 +180,16 @@ impl<I2C: I2c> Imu<I2C> {
     /// The last sample.
     #[inline(never)]
     pub fn reading(&self) -> Reading {
-        let word = |place: usize| i16::from_be_bytes([self.sample[place], self.sample[place + 1]]);
-        let triple = |place: usize| [word(place), word(place + 2), word(place + 4)].map(SensorCounts);
-        Reading { accel: triple(0), temperature: TemperatureCounts(word(6)), gyro: triple(8) }
+        Reading { accel: self.triple(0), temperature: TemperatureCounts(self.word(6)), gyro: self.triple(8) }
+    }
+
+    #[inline(never)]
+    fn triple(&self, place: usize) -> [SensorCounts; 3] {
+        [0, 2, 4].map(|offset| SensorCounts(self.word(place + offset)))
+    }
+
+    fn word(&self, place: usize) -> i16 {
+        i16::from_be_bytes([self.sample[place], self.sample[place + 1]])
     }
 
     /// WHO_AM_I; 0 where nothing answered.
@@ -235,7 +242,7 @@ impl<I2C: I2c> Imu<I2C> {
             return Err(Trouble::Silent);
         }
         // Accelerometer and gyroscope never read exactly zero on six axes: these are the registers of a sleeping sensor.
-        if *sample == [0; 14] {
+        if sample.iter().all(|byte| *byte == 0) {
             return Err(Trouble::LostConfig);
         }
         self.repeats = if *sample == self.sample { self.repeats.saturating_add(1) } else { 0 };

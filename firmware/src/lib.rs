@@ -39,8 +39,11 @@ fn round_to_i16(x: f32, places: u8) -> i16 {
     let magnitude = match ((bits >> 23) as u8).saturating_add(places) {
         // Below a half.
         0..=125 => 0,
-        // Shifted so that one bit of the fraction is left, which rounds.
-        exponent @ 126..=141 => ((((bits & 0x7F_FFFF | 0x80_0000) >> (149 - exponent)) + 1) >> 1) as u16,
+        // Sixteen bits of the mantissa, shifted so that the last one is a half, which rounds.
+        exponent @ 126..=141 => {
+            let halves = (bits >> 8 | 0x8000) as u16 >> (141 - exponent);
+            (halves >> 1) + (halves & 1)
+        }
         142..=254 => i16::MAX as u16,
         255 if x.is_nan() => 0,
         255 => i16::MAX as u16,

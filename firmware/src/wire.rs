@@ -242,7 +242,6 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    #[inline(never)]
     fn settings(&mut self) -> Settings {
         Settings {
             board_id: self.u16(),

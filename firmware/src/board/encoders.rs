@@ -42,7 +42,7 @@ pub fn edges() -> [Edges; 2] {
     interrupt::free(|cs| [EDGES[0].borrow(cs).get(), EDGES[1].borrow(cs).get()])
 }
 
-#[inline(never)]
+#[inline(always)]
 fn edge(edges: &Mutex<Cell<Edges>>, (channel_1, channel_2): (u8, u8)) {
     // SAFETY: called in interrupts, where interrupts are off; the port is only read.
     let (cs, port) = unsafe { (CriticalSection::new(), PORTD::steal()) };
