@@ -16,9 +16,9 @@ struct Figure {
 /// Of 30,720 bytes beside the bootloader.
 const FLASH: Figure = Figure { aim: 20_480, held: 20_480 };
 /// Of 2,048 bytes.
-const RAM: Figure = Figure { aim: 1_024, held: 1_220 };
+const RAM: Figure = Figure { aim: 1_024, held: 1_202 };
 /// Of 80,000 cycles.
-const WORST_TICK: Figure = Figure { aim: 48_000, held: 48_700 };
+const WORST_TICK: Figure = Figure { aim: 48_000, held: 48_000 };
 
 #[test]
 fn the_image_fits_with_room_to_spare() {
