@@ -64,6 +64,16 @@ pairs = [[50, 10]]
     assert!(settings.is_valid());
 }
 
+#[test]
+fn a_motor_may_reverse_within_the_run() {
+    let plan = parse("[trial]\nrun = 50\nreverse = { motor = 2, after = 35.5 }\n[speeds]\npairs = [[90, 40]]").unwrap();
+    let trial = &plan.trials[0];
+    let reverse = trial.reverse.unwrap();
+    assert_eq!((reverse.motor, reverse.after_s), (2, 35.5));
+    assert_eq!(reverse.of(trial.speeds).map(|speed| speed.rpm()), [90.0, -40.0]);
+    assert_eq!(parse("[speeds]\npairs = [[90, 40]]").unwrap().trials[0].reverse, None);
+}
+
 /// What is wrong, and where.
 #[test]
 fn every_mistake_is_named_with_its_place() {
@@ -102,6 +112,16 @@ fn every_mistake_is_named_with_its_place() {
         (&format!("{speeds}[trial]\nrun = 0"), "plan.toml:4:7: run = 0 is no trial"),
         (&format!("{speeds}[trial]\ndecay = 1e9"), "plan.toml:4:9: decay = 1000000000 is longer than a day"),
         (&format!("{speeds}[trial]\ncalibrate = 61"), "plan.toml:4:13: calibrate = 61 is not within"),
+        (&format!("{speeds}[trial]\nreverse = {{ motor = 3, after = 1 }}"), "plan.toml:4:11: there is no motor 3"),
+        (&format!("{speeds}[trial]\nreverse = {{ motor = 1 }}"), "plan.toml:4:11: missing field `after`"),
+        (&format!("{speeds}[trial]\nreverse = {{ motor = 1, after = 120 }}"), "plan.toml:4:11: the motor cannot reverse"),
+        (&format!("{speeds}[trial]\nreverse = {{ motor = 1, after = 0 }}"), "plan.toml:4:11: the motor cannot reverse"),
+        (&format!("{speeds}[trial]\nreverse = {{ motor = 1, after = nan }}"), "plan.toml:4:11: the motor cannot reverse"),
+        (&format!("{speeds}[trial]\nreverse = {{ motor = 1, afters = 1 }}"), "plan.toml:4:24: unknown field `afters`"),
+        (
+            "[trial]\nreverse = { motor = 2, after = 60 }\n[speeds]\npairs = [[10, 20], [50, 0]]",
+            "plan.toml:4:20: at 50, 0 motor 2 has nothing to reverse",
+        ),
         (&format!("{speeds}[board]\nlow_pass = 7"), "plan.toml:3:1: [board] low_pass = 7 is out of range"),
         (&format!("{speeds}[board]\nspeed_kp = nan"), "plan.toml:3:1: [board] speed_kp = NaN is out of range"),
         (

@@ -24,6 +24,14 @@ pub enum ProfileError {
         /// Index of the point.
         index: usize,
     },
+    /// A reversal of a motor that there is not, or outside of the run.
+    #[error("motor {motor} cannot reverse {after} s after the start of the run")]
+    Reverse {
+        /// Index of the motor.
+        motor: usize,
+        /// When, s.
+        after: f64,
+    },
     /// A speed that no model of a slow robot covers.
     #[error("point {index}: {rpm:.0} rpm is beyond {limit:.0} rpm")]
     TooFast {
@@ -53,11 +61,23 @@ pub struct Phases {
     pub decay: f64,
     /// Time in which motors reach their speed and stop.
     pub ramp: f64,
+    /// A motor that turns the other way from some moment of the run on.
+    pub reverse: Option<Reverse>,
+}
+
+/// A motor that turns the other way, as fast as before, from some moment of the run on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reverse {
+    /// Index of the motor, 0 or 1.
+    pub motor: usize,
+    /// When, from the start of the run, s.
+    pub after: f64,
 }
 
 impl Default for Phases {
     fn default() -> Self {
-        Self { calibrate: 0.0, preroll: 0.0, run: 120.0, decay: 0.0, ramp: 0.25 }
+        Self { calibrate: 0.0, preroll: 0.0, run: 120.0, decay: 0.0, ramp: 0.25, reverse: None }
     }
 }
 
@@ -119,9 +139,24 @@ impl SpeedProfile {
         let start = phases.calibrate + phases.preroll;
         let stop = start + phases.run;
         let end = stop + phases.decay;
-        let ramp = phases.ramp.clamp(0.0, 0.5 * phases.run.max(0.0));
+        let mut ramp = phases.ramp.clamp(0.0, 0.5 * phases.run.max(0.0));
+        if let Some(Reverse { motor, after }) = phases.reverse {
+            if motor > 1 || !(after > 0.0 && after < phases.run) {
+                return Err(ProfileError::Reverse { motor, after });
+            }
+            ramp = ramp.min(after);
+        }
         let still = [0.0; 2];
-        let mut points = vec![(0.0, still), (start, still), (start + ramp, rpm), (stop, rpm)];
+        let mut points = vec![(0.0, still), (start, still), (start + ramp, rpm)];
+        let mut rpm = rpm;
+        if let Some(Reverse { motor, after }) = phases.reverse {
+            // A motor stops before it turns the other way.
+            let (from, to) = (start + after, (start + after + 2.0 * ramp).min(stop));
+            points.push((from, rpm));
+            rpm[motor] = -rpm[motor];
+            points.push((to, rpm));
+        }
+        points.push((stop, rpm));
         if phases.decay > 0.0 {
             points.push(((stop + ramp).min(end), still));
             points.push((end, still));
@@ -202,6 +237,23 @@ mod tests {
         }
         assert_eq!(profile.next_jump(0.0), Some(2.0));
         assert_eq!(profile.next_jump(2.0), None);
+    }
+
+    #[test]
+    fn a_motor_reverses_within_the_run() {
+        let phases = |after| Phases { run: 10.0, decay: 1.0, reverse: Some(Reverse { motor: 1, after }), ..Phases::default() };
+        let rpm = |profile: &SpeedProfile, t| profile.motors(t).map(|m| (m.speed * 30.0 / PI).round());
+        let profile = SpeedProfile::phases(&phases(4.0), [50.0, -10.0]).expect("a profile");
+        assert_eq!(profile.run(), [0.0, 10.0]);
+        let at = [3.99, 4.25, 4.51, 9.99, 11.0].map(|t| rpm(&profile, t));
+        assert_eq!(at, [[50.0, -10.0], [50.0, 0.0], [50.0, 10.0], [50.0, 10.0], [0.0, 0.0]]);
+        for after in [0.01, 9.99] {
+            let profile = SpeedProfile::phases(&phases(after), [50.0, -10.0]).expect("a profile");
+            assert_eq!(rpm(&profile, 10.0), [50.0, 10.0]);
+        }
+        assert!(SpeedProfile::phases(&phases(10.0), [50.0, 0.0]).is_err());
+        let third = Phases { reverse: Some(Reverse { motor: 2, after: 1.0 }), ..Phases::default() };
+        assert!(SpeedProfile::phases(&third, [50.0, 0.0]).is_err());
     }
 
     #[test]

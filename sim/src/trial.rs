@@ -116,6 +116,11 @@ const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e5;
 impl Trial {
     /// Robot upright and at rest at the start of the profile.
     pub fn new(robot: &Robot, closure: Closure, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
+        Self::with_solver(Solver::new(robot, closure)?, profile, options)
+    }
+
+    /// The same with a solver that was prepared otherwise.
+    pub fn with_solver(mut solver: Solver, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
         if !RATES.contains(&options.rate_hz) {
             return Err(ParamError {
                 key: "rate_hz",
@@ -123,11 +128,10 @@ impl Trial {
                 reason: format!("must be between {} and {}", RATES.start(), RATES.end()),
             });
         }
-        let mut solver = Solver::new(robot, closure)?;
         let mut state = solver.at_rest();
         state.time = profile.start();
         state.motors = profile.motors(state.time);
-        let gap = solver.least_distance(&state) - 2.0 * robot.flagellum.rod_radius_m;
+        let gap = solver.least_distance(&state) - 2.0 * solver.robot().flagellum.rod_radius_m;
         let [start, stop] = profile.run();
         let speeds = profile.motors(stop).map(|m| m.speed);
         let speeds_before = profile.motors(0.5 * (start + stop)).map(|m| m.speed);

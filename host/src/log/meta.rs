@@ -97,6 +97,10 @@ pub struct TrialMeta {
     pub run_s: f64,
     /// Duration of the still phase after it.
     pub decay_s: f64,
+    /// The motor that turned the other way from some moment of the run on, 1 or 2.
+    pub reverse_motor: Option<u8>,
+    /// That moment, from the start of the run.
+    pub reverse_after_s: Option<f64>,
 }
 
 /// The robot's parameters.
@@ -252,8 +256,21 @@ impl TrialMeta {
     pub(super) fn new(trial: &Trial, attempt: u32) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
         let crate::plan::Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
-        let Trial { name, index, repeat, .. } = trial.clone();
-        Self { name, index, repeat, attempt, w1_rpm, w2_rpm, calibrate_s, preroll_s, run_s, decay_s }
+        let Trial { name, index, repeat, reverse, .. } = trial.clone();
+        Self {
+            name,
+            index,
+            repeat,
+            attempt,
+            w1_rpm,
+            w2_rpm,
+            calibrate_s,
+            preroll_s,
+            run_s,
+            decay_s,
+            reverse_motor: reverse.map(|reverse| reverse.motor),
+            reverse_after_s: reverse.map(|reverse| reverse.after_s),
+        }
     }
 }
 

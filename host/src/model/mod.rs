@@ -7,12 +7,14 @@
 
 mod batch;
 mod board;
+mod bundling;
 mod error;
 mod messages;
 mod shapes;
 mod trial;
 
 pub use batch::{Batch, TrialRun};
+pub use bundling::BundlingChange;
 pub use error::ModelError;
 
 use crate::log::ModelMeta;

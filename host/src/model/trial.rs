@@ -1,6 +1,7 @@
 //! One trial in the model: its samples go straight from the solver into the log.
 
 use super::board::{Board, Order};
+use super::bundling::{BundlingChange, BundlingHistory};
 use super::{Model, ModelError, messages, shapes};
 use crate::log::{End, EventKind, LogError, Origin, Start, SteadyMeta, Summary, Writer};
 use crate::plan::{Phases, Plan, Trial};
@@ -19,7 +20,8 @@ pub(super) type Watch<'a> = &'a dyn Fn(f64) -> bool;
 /// How the motors of the model come to their speed: as in [`profile::Phases`].
 fn speeds(trial: &Trial) -> Result<SpeedProfile, ModelError> {
     let Phases { calibrate_s: calibrate, preroll_s: preroll, run_s: run, decay_s: decay } = trial.phases;
-    let phases = profile::Phases { calibrate, preroll, run, decay, ..profile::Phases::default() };
+    let reverse = trial.reverse.map(|r| profile::Reverse { motor: usize::from(r.motor) - 1, after: r.after_s });
+    let phases = profile::Phases { calibrate, preroll, run, decay, reverse, ..profile::Phases::default() };
     SpeedProfile::phases(&phases, trial.speeds.map(CentiRpm::rpm))
         .map_err(|error| ModelError::Profile { trial: trial.name.clone(), error })
 }
@@ -51,8 +53,9 @@ pub(super) fn run(
         log,
         board,
         rod_radius_m: model.robot.flagellum.rod_radius_m,
-        phases: phases(trial),
-        entered: 0,
+        turns: turns(trial),
+        taken: 0,
+        bundling: BundlingHistory::default(),
         index: 0,
     };
     let failure = match recorder.record(&mut solved, trial, watch)? {
@@ -60,7 +63,7 @@ pub(super) fn run(
         Flow::Failed(error) => Some(error),
         Flow::Done => None,
     };
-    let steady = SteadyMeta::from(&solved.summary());
+    let steady = SteadyMeta::new(&solved.summary(), std::mem::take(&mut recorder.bundling.changes));
     let mut summary = Summary::default();
     summary.link.samples = recorder.index;
     if let Some(error) = failure {
@@ -84,18 +87,21 @@ enum Flow {
     Failed(StepError),
 }
 
-struct Phase {
-    name: &'static str,
+/// A moment at which the board is told something else.
+struct Turn {
     start_s: f64,
+    kind: EventKind,
+    /// The phase that begins, or what else happens.
+    text: String,
     order: Order,
 }
 
-/// The phases that a trial has, in their order.
-fn phases(trial: &Trial) -> Vec<Phase> {
+/// The phases that a trial has, in their order, and the reversal in its run.
+fn turns(trial: &Trial) -> Vec<Turn> {
     let Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
     let still = [CentiRpm(0); 2];
     let mut start_s = 0.0;
-    let mut phases = Vec::new();
+    let mut turns = Vec::new();
     for (name, length_s, state, target) in [
         ("calibrate", calibrate_s, State::Calibrating, still),
         ("preroll", preroll_s, State::Idle, still),
@@ -103,20 +109,30 @@ fn phases(trial: &Trial) -> Vec<Phase> {
         ("decay", decay_s, State::Idle, still),
     ] {
         if length_s > 0.0 {
-            phases.push(Phase { name, start_s, order: Order { state, target } });
+            let order = Order { state, target };
+            turns.push(Turn { start_s, kind: EventKind::Phase, text: name.to_owned(), order });
+        }
+        if let Some(reverse) = trial.reverse.filter(|_| state == State::Running) {
+            turns.push(Turn {
+                start_s: start_s + reverse.after_s,
+                kind: EventKind::Note,
+                text: reverse.text(target),
+                order: Order { state, target: reverse.of(target) },
+            });
         }
         start_s += length_s;
     }
-    phases
+    turns
 }
 
 struct Recorder {
     log: Writer,
     board: Board,
     rod_radius_m: f64,
-    phases: Vec<Phase>,
-    /// Phases that have begun.
-    entered: usize,
+    turns: Vec<Turn>,
+    /// Those that have come.
+    taken: usize,
+    bundling: BundlingHistory,
     /// Samples that were kept.
     index: u64,
 }
@@ -145,15 +161,19 @@ impl Recorder {
     }
 
     fn keep(&mut self, sample: &Sample, turning: Vector3<f64>) -> Result<(), LogError> {
-        while let Some(phase) = self.phases.get(self.entered).filter(|phase| phase.start_s <= sample.time_s + 1e-9) {
-            let (name, start_s) = (phase.name, phase.start_s);
-            if self.entered > 0 && self.phases[self.entered - 1].name == "calibrate" {
+        while let Some(turn) = self.turns.get(self.taken).filter(|turn| turn.start_s <= sample.time_s + 1e-9) {
+            let (start_s, kind, text) = (turn.start_s, turn.kind, turn.text.clone());
+            if self.taken > 0 && self.turns[self.taken - 1].text == "calibrate" {
                 self.calibrated(start_s)?;
             }
-            self.event(start_s, EventKind::Phase, name)?;
-            self.entered += 1;
+            self.event(start_s, kind, &text)?;
+            self.taken += 1;
         }
-        let order = self.phases[self.entered.saturating_sub(1)].order;
+        if let Some(BundlingChange { time_s, bundling }) = self.bundling.push(sample.time_s, sample.bundling) {
+            let state = format!("{bundling:?}").to_lowercase();
+            self.event(sample.time_s, EventKind::Note, &format!("flagella {state} since {time_s:.2} s"))?;
+        }
+        let order = self.turns[self.taken.saturating_sub(1)].order;
         let frame = self.board.telemetry(self.index, sample, turning, order);
         let host = instant(sample.time_s);
         self.log.telemetry(&frame, Board::clock_us(sample.time_s), host)?;

@@ -67,6 +67,33 @@ pub struct Trial {
     pub speeds: [CentiRpm; 2],
     /// How long everything takes.
     pub phases: Phases,
+    /// A motor that turns the other way from some moment of the run on.
+    pub reverse: Option<Reverse>,
+}
+
+/// A motor that turns the other way, as fast as before, from some moment of the run on.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub struct Reverse {
+    /// Its number, 1 or 2.
+    pub motor: u8,
+    /// When, in seconds from the start of the run.
+    pub after_s: f64,
+}
+
+impl Reverse {
+    /// The speeds from then on, where `before` are those until then.
+    pub fn of(&self, mut before: [CentiRpm; 2]) -> [CentiRpm; 2] {
+        if let Some(speed) = before.get_mut(usize::from(self.motor.wrapping_sub(1))) {
+            speed.0 = -speed.0;
+        }
+        before
+    }
+
+    /// How a log says it.
+    pub fn text(&self, speeds: [CentiRpm; 2]) -> String {
+        let [w1, w2] = self.of(speeds).map(CentiRpm::rpm);
+        format!("motor {} reverses: from here on {w1:+} and {w2:+} rpm", self.motor)
+    }
 }
 
 /// The phases of a trial in their order, seconds.

@@ -140,6 +140,13 @@ fn phases(
     if late > LATE_S {
         warn(recorder, warnings, format!("the motors started {late:.2} s late, and ran that much longer"))?;
     }
+    let mut speeds = speeds;
+    if let Some(reverse) = start.trial.reverse {
+        last(recorder, times.run.start + reverse.after_s)?;
+        recorder.event(EventKind::Note, &reverse.text(speeds))?;
+        speeds = reverse.of(speeds);
+        recorder.command(Command::SetSpeeds(speeds))?;
+    }
     last(recorder, times.run.end)?;
     recorder.command(Command::Stop)?;
     for (flagellum, (asked, measured)) in speeds.into_iter().zip(recorder.last_speeds()).enumerate() {

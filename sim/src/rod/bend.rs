@@ -13,7 +13,7 @@ pub fn energy(rod: &Rod, frames: &Frames) -> f64 {
     (1..rod.nodes() - 1)
         .map(|i| {
             let [b1, b2] = excess(rod, frames, i);
-            0.5 * rod.stiffness.bend_nm2 / rod.nodal_length[i] * (b1 * b1 + b2 * b2)
+            0.5 * rod.stiffness.bend_nm2 / rod.voronoi_length[i] * (b1 * b1 + b2 * b2)
         })
         .sum()
 }
@@ -32,7 +32,7 @@ pub fn add_gradient(rod: &Rod, frames: &Frames, out: &mut [f64]) {
         let (kb, inverse_chi) = (frames.binormal[i], frames.inverse_chi[i]);
         let (s1, s2) = (m1e + m1f, m2e + m2f);
         let (k1, k2) = (0.5 * kb.dot(&s2), -0.5 * kb.dot(&s1));
-        let modulus = rod.stiffness.bend_nm2 / rod.nodal_length[i];
+        let modulus = rod.stiffness.bend_nm2 / rod.voronoi_length[i];
         let b1 = modulus * (k1 - rod.natural_curvature[i][0]);
         let b2 = modulus * (k2 - rod.natural_curvature[i][1]);
         // b1 grad kappa1 + b2 grad kappa2, summed before the cross products.
@@ -111,7 +111,7 @@ fn node_hessian(rod: &Rod, frames: &Frames, i: usize) -> [[f64; 11]; 11] {
     let mean = (te + tf) * ic;
     let (d1, d2) = ((m1e + m1f) * ic, (m2e + m2f) * ic);
     let [k1, k2] = frames.curvature(i);
-    let modulus = rod.stiffness.bend_nm2 / rod.nodal_length[i];
+    let modulus = rod.stiffness.bend_nm2 / rod.voronoi_length[i];
     let b1 = modulus * (k1 - rod.natural_curvature[i][0]);
     let b2 = modulus * (k2 - rod.natural_curvature[i][1]);
     let (a1, a2, c1, c2) = (tf.cross(&d1), tf.cross(&d2), te.cross(&d1), te.cross(&d2));

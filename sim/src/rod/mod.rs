@@ -59,8 +59,11 @@ pub struct Rod {
     /// Edge lengths at rest in m, one an edge.
     pub rest_length: Vec<f64>,
     /// Half the sum of the lengths of the adjacent edges in m, one a node; end nodes have half an edge.
-    /// It is the Voronoi length of bending and twist, and the weight of a nodal force density.
+    /// The weight of a nodal force density.
     pub nodal_length: Vec<f64>,
+    /// Length of the rod in m whose bending and twist a node carries: from the middle of the edge before
+    /// it to that of the edge after it, but see [`Rod::clamped_at_foot`].
+    pub voronoi_length: Vec<f64>,
     /// Natural curvatures kappa1, kappa2 (dimensionless, integrated over the Voronoi length), one a node.
     pub natural_curvature: Vec<[f64; 2]>,
     /// Natural twist in rad, one a node.
@@ -79,7 +82,8 @@ impl Rod {
         let n = shape.len();
         let rest_length: Vec<f64> = shape.windows(2).map(|p| (p[1] - p[0]).norm()).collect();
         let edge = |i: usize| rest_length.get(i).copied().unwrap_or(0.0);
-        let nodal_length = (0..n).map(|i| 0.5 * (edge(i) + if i > 0 { edge(i - 1) } else { 0.0 })).collect();
+        let nodal_length: Vec<f64> =
+            (0..n).map(|i| 0.5 * (edge(i) + if i > 0 { edge(i - 1) } else { 0.0 })).collect();
         let rest_frames = ReferenceFrames::transported_along(&shape);
         let mut frames = Frames::new(n);
         frames.update(&rest_frames, &shape, &vec![0.0; n - 1]);
@@ -90,10 +94,21 @@ impl Rod {
             shape,
             rest_frames,
             rest_length,
+            voronoi_length: nodal_length.clone(),
             nodal_length,
             natural_curvature,
             stiffness,
         }
+    }
+
+    /// The same rod held at its first node instead of the middle of its first edge.
+    ///
+    /// An edge stands for the rod's direction in its middle, so the clamped edge alone would hold the rod
+    /// half an edge below the shaft's foot and leave out what that half bends and twists: an error of
+    /// first order in the edge length. Here node 1 carries it as well.
+    pub fn clamped_at_foot(mut self) -> Self {
+        self.voronoi_length[1] += 0.5 * self.rest_length[0];
+        self
     }
 
     /// Number of nodes.

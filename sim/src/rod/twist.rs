@@ -11,7 +11,7 @@ pub fn energy(rod: &Rod, frames: &Frames, angles: &[f64]) -> f64 {
     (1..rod.nodes() - 1)
         .map(|i| {
             let excess = frames.twist(i, angles) - rod.natural_twist[i];
-            0.5 * rod.stiffness.twist_nm2 / rod.nodal_length[i] * excess * excess
+            0.5 * rod.stiffness.twist_nm2 / rod.voronoi_length[i] * excess * excess
         })
         .sum()
 }
@@ -19,7 +19,7 @@ pub fn energy(rod: &Rod, frames: &Frames, angles: &[f64]) -> f64 {
 /// Adds the gradient.
 pub fn add_gradient(rod: &Rod, frames: &Frames, angles: &[f64], out: &mut [f64]) {
     for i in 1..rod.nodes() - 1 {
-        let torque = rod.stiffness.twist_nm2 / rod.nodal_length[i] * (frames.twist(i, angles) - rod.natural_twist[i]);
+        let torque = rod.stiffness.twist_nm2 / rod.voronoi_length[i] * (frames.twist(i, angles) - rod.natural_twist[i]);
         let half = frames.binormal[i] * (0.5 * torque);
         let (by_e, by_f) = (half / frames.length[i - 1], half / frames.length[i]);
         add_at(out, i - 1, -by_e);
@@ -37,7 +37,7 @@ pub fn add_hessian(rod: &Rod, frames: &Frames, angles: &[f64], out: &mut Band) {
         let (le, lf) = (frames.length[i - 1], frames.length[i]);
         let (kb, ic) = (frames.binormal[i], frames.inverse_chi[i]);
         let mean = (te + tf) * ic;
-        let modulus = rod.stiffness.twist_nm2 / rod.nodal_length[i];
+        let modulus = rod.stiffness.twist_nm2 / rod.voronoi_length[i];
         let torque = modulus * (frames.twist(i, angles) - rod.natural_twist[i]);
 
         let mut gradient = [0.0; 11];

@@ -128,7 +128,7 @@ impl Solver {
         let edges = robot.flagellum.edges();
         let stiffness = robot.flagellum.stiffness();
         let helix = |k: usize| robot.flagellum.helix(k).nodes(edges);
-        let rods = [0, 1].map(|k| Rod::stress_free(helix(k), stiffness));
+        let rods = [0, 1].map(|k| Rod::stress_free(helix(k), stiffness).clamped_at_foot());
         Self::with_rods(robot, closure, rods)
     }
 
