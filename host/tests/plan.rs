@@ -114,9 +114,15 @@ fn every_mistake_is_named_with_its_place() {
         (&format!("{speeds}[trial]\ncalibrate = 61"), "plan.toml:4:13: calibrate = 61 is not within"),
         (&format!("{speeds}[trial]\nreverse = {{ motor = 3, after = 1 }}"), "plan.toml:4:11: there is no motor 3"),
         (&format!("{speeds}[trial]\nreverse = {{ motor = 1 }}"), "plan.toml:4:11: missing field `after`"),
-        (&format!("{speeds}[trial]\nreverse = {{ motor = 1, after = 120 }}"), "plan.toml:4:11: the motor cannot reverse"),
+        (
+            &format!("{speeds}[trial]\nreverse = {{ motor = 1, after = 120 }}"),
+            "plan.toml:4:11: the motor cannot reverse",
+        ),
         (&format!("{speeds}[trial]\nreverse = {{ motor = 1, after = 0 }}"), "plan.toml:4:11: the motor cannot reverse"),
-        (&format!("{speeds}[trial]\nreverse = {{ motor = 1, after = nan }}"), "plan.toml:4:11: the motor cannot reverse"),
+        (
+            &format!("{speeds}[trial]\nreverse = {{ motor = 1, after = nan }}"),
+            "plan.toml:4:11: the motor cannot reverse",
+        ),
         (&format!("{speeds}[trial]\nreverse = {{ motor = 1, afters = 1 }}"), "plan.toml:4:24: unknown field `afters`"),
         (
             "[trial]\nreverse = { motor = 2, after = 60 }\n[speeds]\npairs = [[10, 20], [50, 0]]",

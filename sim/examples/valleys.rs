@@ -79,17 +79,27 @@ fn main() {
 
     let speeds: Vec<f64> = (1..=9).map(|i| 10.0 * f64::from(i)).collect();
     let yaw = on_all_cores(&speeds, |w| zero(0.5 * w, 1.5 * w, |w2| run([-w, w2]).yaw_deg));
-    let pitch = on_all_cores(&speeds, |w| zero(w - 4.3, w + 4.7, |w2| run([w, w2]).pitch_deg));
-    eprintln!("| w1 rpm | least abs(yaw) at w2 rpm | off w2 = -w1 by | at (w1, -w1): yaw deg | thrusts mN | reaction torques on the base mN m |");
+    // Nearly equal speeds beat for longer than the means are taken over: the floor is where the line between the points
+    // at w - 10 and w + 10 crosses zero.
+    let pitch = on_all_cores(&speeds, |w| {
+        let [a, b] = [w - 10.0, w + 10.0].map(|w2| run([w, w2]).pitch_deg);
+        w - 10.0 + 20.0 * a / (a - b)
+    });
+    eprintln!(
+        "| w1 rpm | least abs(yaw) at w2 rpm | off w2 = -w1 by | at (w1, -w1): yaw deg | thrusts mN | reaction torques on the base mN m |"
+    );
     eprintln!("| --- | --- | --- | --- | --- | --- |");
     for (w, w2) in speeds.iter().zip(&yaw) {
         let at = grid.iter().position(|g| *g == [-w, *w]).expect("a point of the grid");
         let Point { yaw_deg, thrust_mn: [f1, f2], reaction_nm, .. } = points[at];
         eprintln!("| {} | {w2:.2} | {:+.2} | {yaw_deg:.2} | {f1:.2}, {f2:.2} | {:.4} |", -w, w2 - w, reaction_nm * 1e3);
     }
-    eprintln!("\n| w1 rpm | least abs(pitch) at w2 rpm | off w2 = w1 by |\n| --- | --- | --- |");
+    eprintln!(
+        "\n| w1 rpm | least abs(pitch) at w2 rpm | off w2 = w1 by | at (w1, w1): pitch deg |\n| --- | --- | --- | --- |"
+    );
     for (w, w2) in speeds.iter().zip(&pitch) {
-        eprintln!("| {w} | {w2:.2} | {:+.2} |", w2 - w);
+        let at = grid.iter().position(|g| *g == [*w, *w]).expect("a point of the grid");
+        eprintln!("| {w} | {w2:.2} | {:+.2} | {:.3} |", w2 - w, points[at].pitch_deg);
     }
     let panel = |label, line, floor: &[f64], sign: f64, value: fn(&Point) -> f64| Panel {
         label,
@@ -161,7 +171,8 @@ fn draw(panel: &Panel, out: &mut String) {
     let (x, y) = place(0.0, -17.0);
     let _ = writeln!(out, "<text x=\"{x:.0}\" y=\"{y:.0}\" text-anchor=\"middle\">w1, rpm</text>");
     let (x, y) = place(-110.0, 45.0);
-    let _ = writeln!(out, "<text transform=\"translate({x:.0} {y:.0}) rotate(-90)\" text-anchor=\"middle\">w2, rpm</text>");
+    let _ =
+        writeln!(out, "<text transform=\"translate({x:.0} {y:.0}) rotate(-90)\" text-anchor=\"middle\">w2, rpm</text>");
     let [(x1, y1), (x2, y2)] = panel.line.map(|[w1, w2]| place(w1, w2));
     let _ = writeln!(
         out,
@@ -175,14 +186,16 @@ fn draw(panel: &Panel, out: &mut String) {
             format!("{x:.1},{y:.1}")
         })
         .collect();
-    let _ = writeln!(out, "<polyline points=\"{}\" fill=\"none\" stroke=\"#d7301f\" stroke-width=\"2\"/>", floor.join(" "));
+    let _ =
+        writeln!(out, "<polyline points=\"{}\" fill=\"none\" stroke=\"#d7301f\" stroke-width=\"2\"/>", floor.join(" "));
     for point in &floor {
         let (x, y) = point.split_once(',').unwrap_or_default();
         let _ = writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"3\" fill=\"#d7301f\"/>");
     }
     for (i, share) in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().enumerate() {
         let (x, y) = place(102.0, 15.0 + 20.0 * i as f64);
-        let _ = writeln!(out, "<rect x=\"{x:.0}\" y=\"{y:.0}\" width=\"18\" height=\"18\" fill=\"{}\"/>", colour(share));
+        let _ =
+            writeln!(out, "<rect x=\"{x:.0}\" y=\"{y:.0}\" width=\"18\" height=\"18\" fill=\"{}\"/>", colour(share));
         let more = if share == 1.0 { "+" } else { "" };
         let _ = writeln!(out, "<text x=\"{:.0}\" y=\"{:.0}\">{:.0}{more}</text>", x + 23.0, y + 13.0, share * top);
     }

@@ -241,7 +241,8 @@ mod tests {
 
     #[test]
     fn a_motor_reverses_within_the_run() {
-        let phases = |after| Phases { run: 10.0, decay: 1.0, reverse: Some(Reverse { motor: 1, after }), ..Phases::default() };
+        let phases =
+            |after| Phases { run: 10.0, decay: 1.0, reverse: Some(Reverse { motor: 1, after }), ..Phases::default() };
         let rpm = |profile: &SpeedProfile, t| profile.motors(t).map(|m| (m.speed * 30.0 / PI).round());
         let profile = SpeedProfile::phases(&phases(4.0), [50.0, -10.0]).expect("a profile");
         assert_eq!(profile.run(), [0.0, 10.0]);

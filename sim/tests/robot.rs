@@ -239,12 +239,12 @@ fn converges_in_time() {
         let got = with(rad);
         let errors = [0, 1, 2].map(|c| (got[c] - exact[c]).abs() / exact[if c == 1 { 1 } else { 0 }].abs());
         let [thrust, torque, other] = errors;
-        prove(&format!("convergence in time, {rad} rad a step: mean thrust, relative"), thrust.max(other), bound);
-        prove(&format!("convergence in time, {rad} rad a step: mean axial torque, relative"), torque, bound);
+        prove(&format!("step of {rad} rad: mean thrust, relative"), thrust.max(other), bound);
+        prove(&format!("step of {rad} rad: mean axial torque, relative"), torque, bound);
         let size = thrust.max(other);
         if let Some(before) = last.replace(size) {
             let order: f64 = (before / size).log2();
-            prove(&format!("convergence in time, to {rad} rad: 3 less the observed order {order:.1}"), 3.0 - order, 1.5);
+            prove(&format!("step halved to {rad} rad: 3 less the observed order {order:.1}"), 3.0 - order, 1.5);
         }
     }
 }
@@ -253,14 +253,14 @@ fn converges_in_time() {
 fn converges_in_edge_length() {
     // At the regularisation of the default robot, whose helix has 19 edges a turn.
     let values = [49, 98, 196].map(|edges| means(|r| r.solver.tolerance = 1e-3, Some(edges)));
-    let [coarse, middle, fine] = values;
-    for (c, name) in ["thrust", "axial torque"].into_iter().enumerate() {
-        let (first, second) = (coarse[c] - middle[c], middle[c] - fine[c]);
-        let order = (first / second).abs().log2();
-        println!("{name}: {:.4e}, {:.4e}, {:.4e} N or N m with 49, 98, 196 edges", coarse[c], middle[c], fine[c]);
-        prove(&format!("convergence in edge length: {name} at 49 edges against 196, relative"), (coarse[c] / fine[c] - 1.0).abs(), 0.02);
-        prove(&format!("convergence in edge length: {name}: 2 less the observed order {order:.1}"), 2.0 - order, 0.5);
+    for (c, name) in ["mean thrust", "mean axial torque"].into_iter().enumerate() {
+        let [coarse, middle, fine] = values.map(|v| v[c]);
+        prove(&format!("edge length: {name} with 49 edges against 196, relative"), (coarse / fine - 1.0).abs(), 0.02);
+        prove(&format!("edge length: {name} with 98 edges against 196, relative"), (middle / fine - 1.0).abs(), 0.005);
     }
+    let [coarse, middle, fine] = values.map(|v| v[0]);
+    let order = ((coarse - middle) / (middle - fine)).abs().log2();
+    prove(&format!("edge length: mean thrust: 2 less the observed order {order:.1}"), 2.0 - order, 0.5);
 }
 
 #[test]

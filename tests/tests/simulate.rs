@@ -62,9 +62,17 @@ fn memory_does_not_grow_with_the_trial() {
     let bench = Bench::new();
     let peaks = [120, 240, 480].map(|duration| {
         let (duration, out) = (duration.to_string(), format!("out{duration}"));
-        let running = bench.start(
-            ["simulate", "--speeds=50,10", "--rate", "200", "--shapes", "--duration", &duration, "--out", &out],
-        );
+        let running = bench.start([
+            "simulate",
+            "--speeds=50,10",
+            "--rate",
+            "200",
+            "--shapes",
+            "--duration",
+            &duration,
+            "--out",
+            &out,
+        ]);
         let (peak, code) = peak_mb(running);
         assert_eq!(code, Some(0));
         println!("{duration} s at 200 Hz with shapes: peak memory {peak:.1} MB");

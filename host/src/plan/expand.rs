@@ -70,7 +70,11 @@ fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanEr
         if let Some(Reverse { motor, .. }) = list.reverse.filter(|reverse| reverse.of(*pair) == *pair) {
             let [w1, w2] = pair.map(CentiRpm::rpm);
             let cure = "leave these speeds out, or reverse the other motor";
-            return Err(source.error(span.clone(), format!("at {w1}, {w2} motor {motor} has nothing to reverse"), cure));
+            return Err(source.error(
+                span.clone(),
+                format!("at {w1}, {w2} motor {motor} has nothing to reverse"),
+                cure,
+            ));
         }
         if !seen.insert(*pair) {
             let [w1, w2] = pair.map(CentiRpm::rpm);

@@ -82,8 +82,7 @@ impl Rod {
         let n = shape.len();
         let rest_length: Vec<f64> = shape.windows(2).map(|p| (p[1] - p[0]).norm()).collect();
         let edge = |i: usize| rest_length.get(i).copied().unwrap_or(0.0);
-        let nodal_length: Vec<f64> =
-            (0..n).map(|i| 0.5 * (edge(i) + if i > 0 { edge(i - 1) } else { 0.0 })).collect();
+        let nodal_length: Vec<f64> = (0..n).map(|i| 0.5 * (edge(i) + if i > 0 { edge(i - 1) } else { 0.0 })).collect();
         let rest_frames = ReferenceFrames::transported_along(&shape);
         let mut frames = Frames::new(n);
         frames.update(&rest_frames, &shape, &vec![0.0; n - 1]);
