@@ -1,4 +1,39 @@
 //! How the flagella act on the base, and the base on the flagella.
+//!
+//! # The closure `paper`
+//!
+//! The equations as the publication prints them (Hao, Zalavadia, Jawed, ICRA 2024), to the letter. With F1, F2 the
+//! forces of the flagella on the base in body axes, from flagella whose base is held still, d the distance of
+//! the shafts, m g r_m the righting moment, theta the pitch, w the angular velocity in body axes and
+//! C = 2 pi mu C_r r_h^3 the base's drag:
+//!
+//! ```text
+//! J dw/dt + w x J w = M
+//! M_x = -C w_x
+//! M_y = (F1z - F2z) d/2 - m g r_m sin(theta) - C w_y
+//! M_z = (F1y - F2y) d/2 - C w_z
+//! ```
+//!
+//! The righting moment has the sign that rights. What they give at the published points, closure by closure
+//! (`cargo run --release -p sim --example closures`; rates are means of the last minute of 240 s):
+//!
+//! @@TABLE@@
+//!
+//! They cannot settle, for three reasons.
+//!
+//! - Nothing in them resists a yaw *angle*. Lateral forces are sinusoids, but their mean over a turn is not zero, so the
+//!   couple (F1y - F2y) d/2 has a mean as well; the only other term is drag, and w_z goes to that mean over C. The time
+//!   J_z/C is a quarter of a second: after it the base spins at that rate for ever. In the tank something else holds the
+//!   yaw, the sensor's cable for one; `full` and `lumped` have one stiffness for it, and it is the one constant that is
+//!   calibrated.
+//! - Nothing in them rights a *roll*. A base that spins about z_B carries its tilt from pitch into roll and back, where
+//!   no moment answers, so the axis does not settle either.
+//! - C is the base's own drag, 3.6e-5 N m s. The drag of the flagella about the joint, about 0.02 N m s in pitch and
+//!   9e-4 N m s in yaw, is left out, and so are the reaction torques about the helix axes, which are the largest yaw
+//!   moment that there is.
+//!
+//! The two couples also assume the flagella on opposite sides from where they are: with flagellum 1 at +d/2 along x_B the
+//! moment of its thrust about y_B is -F1z d/2. `lumped` has the true sign.
 
 use crate::V3;
 use serde::{Deserialize, Serialize};
