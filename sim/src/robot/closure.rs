@@ -17,7 +17,20 @@
 //! The righting moment has the sign that rights. What they give at the published points, closure by closure
 //! (`cargo run --release -p sim --example closures`; rates are means of the last minute of 240 s):
 //!
-//! @@TABLE@@
+//! | speeds rpm | closure | yaw at 120 s | at 240 s, deg | rate about z_B, deg/s | by drag alone | tilt, deg | settled |
+//! | --- | --- | --- | --- | --- | --- | --- | --- |
+//! | (50, 10) | Full | -62.6 | -62.6 | -0.026 |  | 4.3 to 6.2 | true |
+//! | (50, 10) | Lumped | -63.4 | -63.4 | 0.000 |  | 3.3 to 3.4 | true |
+//! | (50, 10) | Paper | 35731.4 | 75129.4 | 80.219 | 80.219 | 0.9 to 165.7 | false |
+//! | (0, 45) | Full | -49.1 | -49.1 | -0.022 |  | 4.8 to 6.2 | true |
+//! | (0, 45) | Lumped | -48.5 | -48.5 | 0.000 |  | 3.8 to 3.9 | true |
+//! | (0, 45) | Paper | 28287.8 | 62005.9 | 61.717 | 61.717 | 1.9 to 156.8 | false |
+//! | (90, 90) | Full | -180.0 | -180.0 | -0.243 |  | 1.3 to 2.1 | true |
+//! | (90, 90) | Lumped | -180.0 | -180.0 | -0.000 |  | 0.0 to 0.0 | true |
+//! | (90, 90) | Paper | 35551.2 | 72313.6 | 142.999 | 142.999 | 2.0 to 176.1 | false |
+//! | (-90, 90) | Full | 32.8 | 32.8 | 0.146 |  | 16.7 to 21.0 | true |
+//! | (-90, 90) | Lumped | 36.3 | 36.4 | -0.000 |  | 16.7 to 16.7 | true |
+//! | (-90, 90) | Paper | 788.0 | 1610.2 | 6.071 | 6.071 | 26.9 to 47.6 | false |
 //!
 //! They cannot settle, for three reasons.
 //!
