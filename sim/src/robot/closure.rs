@@ -40,10 +40,10 @@
 //!   yaw, the sensor's cable for one; `full` and `lumped` have one stiffness for it, and it is the one constant that is
 //!   calibrated.
 //! - Nothing in them rights a *roll*. A base that spins about z_B carries its tilt from pitch into roll and back, where
-//!   no moment answers, so the axis does not settle either.
-//! - C is the base's own drag, 3.6e-5 N m s. The drag of the flagella about the joint, about 0.02 N m s in pitch and
-//!   9e-4 N m s in yaw, is left out, and so are the reaction torques about the helix axes, which are the largest yaw
-//!   moment that there is.
+//!   no moment answers, so the axis does not settle either: it tumbles, at three of the four points nearly upside down
+//!   and back. (Where it does, the Euler yaw counts turns faster than the base turns about z_B.)
+//! - C is the drag of the base alone. The drag of the flagella about the joint, which is far larger, is left out, and so
+//!   are the reaction torques about the helix axes, the largest part of the yaw moment.
 //!
 //! The two couples also assume the flagella on opposite sides from where they are: with flagellum 1 at +d/2 along x_B the
 //! moment of its thrust about y_B is -F1z d/2. `lumped` has the true sign.
