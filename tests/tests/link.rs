@@ -104,7 +104,7 @@ fn a_motor_reverses_within_the_run() {
     assert_eq!(phases, ["preroll", "run", "decay", "end"], "the run is one phase");
     let told = told.expect("the event");
     assert!((3.49..3.51).contains(&told), "{told} s");
-    let motor2 = |time: f64| frames.iter().find(|frame| frame.time_s >= time).unwrap().motor2.clone().unwrap();
+    let motor2 = |time: f64| frames.iter().find(|frame| frame.time_s >= time).unwrap().motor2.unwrap();
     assert_eq!((motor2(3.4).target_rpm, motor2(6.9).target_rpm), (60.0, -60.0));
     assert!((motor2(3.4).speed_rpm - 60.0).abs() < 3.0 && (motor2(6.9).speed_rpm + 60.0).abs() < 3.0);
     let late = frames.iter().find(|frame| frame.motor2.as_ref().unwrap().target_rpm == -60.0).unwrap().time_s - 3.5;

@@ -60,7 +60,7 @@ fn peak_mb(mut child: Child) -> (f64, Option<i32>) {
 #[test]
 fn memory_does_not_grow_with_the_trial() {
     let bench = Bench::new();
-    let peaks = [120, 240, 480].map(|duration| {
+    let peaks = [120, 480].map(|duration| {
         let (duration, out) = (duration.to_string(), format!("out{duration}"));
         let running = bench.start([
             "simulate",
@@ -79,7 +79,7 @@ fn memory_does_not_grow_with_the_trial() {
         peak
     });
     assert!(peaks[0] > 1.0 && peaks[0] < 40.0, "{peaks:?}");
-    assert!(peaks[2] < peaks[0] + 4.0, "{peaks:?}");
+    assert!(peaks[1] < peaks[0] + 4.0, "{peaks:?}");
 }
 
 /// Soft flagella wrap round each other, and unwrap when a motor reverses; the classification over time says so.
