@@ -50,8 +50,13 @@ struct Compared<'a> {
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let jobs = args.jobs.map_or_else(cores, usize::from);
-    // What is asked for by name differs because the user wants it to.
-    let allow = Allow { anyway: args.anyway || args.robot.is_some() || args.closure.is_some() };
+    let allow = if args.robot.is_some() || args.closure.is_some() {
+        Allow::AsNamed
+    } else if args.anyway {
+        Allow::Anyway
+    } else {
+        Allow::Alike
+    };
     let comparison = match &args.b {
         Some(b) => twin::compare_sessions(&args.a, b, allow, jobs)?,
         None => {

@@ -19,7 +19,7 @@ pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
 /// What a trial goes through: speeds over time, and phases.
 #[derive(Clone, Debug)]
 pub struct Course {
-    /// The speeds, from the trial's start at 0.
+    /// The speeds. The trial starts at 0; what comes before lets the model settle, and is not kept.
     pub profile: SpeedProfile,
     /// The phases in their order.
     pub phases: Vec<Phase>,
@@ -146,9 +146,14 @@ impl Recorder<'_> {
                 Ok(sample) => sample,
                 Err(error) => return Ok(Flow::Failed(error)),
             };
-            if !watch(sample.time_s) {
+            if !watch(sample.time_s.max(0.0)) {
                 return Ok(Flow::Interrupted);
             }
+            // A sum of steps misses the start by a rounding error.
+            if sample.time_s < -1e-6 {
+                continue;
+            }
+            let sample = Sample { time_s: sample.time_s.max(0.0), ..sample };
             let now = (sample.time_s, Vector3::from(sample.rate_rad_s));
             let after = samples.peek().and_then(|next| next.as_ref().ok());
             let after = after.map(|next| (next.time_s, Vector3::from(next.rate_rad_s)));

@@ -130,11 +130,16 @@ pub struct Skipped {
     pub reason: String,
 }
 
-/// What two trials may differ in and be compared all the same.
+/// Whether trials of other robots, closures and speeds are compared.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Allow {
-    /// Other robots, closures and speeds.
-    pub anyway: bool,
+pub enum Allow {
+    /// They are refused.
+    #[default]
+    Alike,
+    /// They are, with a warning.
+    Anyway,
+    /// They are, without one: the user named the other robot or closure.
+    AsNamed,
 }
 
 /// Holds a trial's log against another one, which is a model's or that of another trial.
@@ -145,10 +150,13 @@ pub fn compare_logs(measured: &Path, modelled: &Path, allow: Allow) -> Result<Co
     let (a, b) = (Recording::read(measured)?, Recording::read(modelled)?);
     let mut warnings = Vec::new();
     if let Some(reason) = difference(&a, &b)? {
-        if !allow.anyway {
-            return Err(incomparable(measured, modelled, reason, "compare them all the same with --anyway"));
+        match allow {
+            Allow::Alike => {
+                return Err(incomparable(measured, modelled, reason, "compare them all the same with --anyway"));
+            }
+            Allow::Anyway => warnings.push(reason),
+            Allow::AsNamed => {}
         }
-        warnings.push(reason);
     }
     let curve = |recording: &Recording| {
         Curve::new(recording).ok_or_else(|| TwinError::Unusable {
@@ -235,7 +243,7 @@ fn compare(
     let in_run = times.partition_point(|t| *t < 0.0)..times.partition_point(|t| *t <= common_s);
     let measured_deg = angles(measured, 0.0);
     let mut modelled_deg = angles(modelled, 0.0);
-    let shift_s = if is_replay { 0.0 } else { shift::of(&measured_deg[in_run.clone()], &modelled_deg[in_run.clone()]) };
+    let shift_s = if is_replay { 0.0 } else { shift::of(&measured_deg, &modelled_deg) };
     if shift_s != 0.0 {
         modelled_deg = angles(modelled, shift_s);
     }

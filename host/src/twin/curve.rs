@@ -9,6 +9,9 @@ use std::ops::Range;
 /// The yaw starts from its mean over the end of the still phase.
 const START_S: f64 = 1.0;
 
+/// The zero of the tilt is the mean over so much of the still phase's end: a robot that was let go swings for some time.
+const TILT_ZERO_S: f64 = 10.0;
+
 /// Blocks whose scatter tells how noisy a tilt is, s.
 const BLOCK_S: f64 = 2.0;
 
@@ -66,7 +69,7 @@ impl Curve {
         let still = recording.times.preroll.start.max(first)..run.start;
         let has_still = still.end - still.start >= START_S;
         let (mean_over, tilt) = match (has_still, is_model) {
-            (true, _) => (still.clone(), mean(readings, &still)),
+            (true, _) => (still.clone(), mean(readings, &((run.start - TILT_ZERO_S).max(still.start)..run.start))),
             // A model starts upright.
             (false, true) => (run.start..run.start, Some(UnitQuaternion::identity())),
             (false, false) => {
@@ -126,7 +129,9 @@ impl Curve {
         let drift = self.drift.as_ref()?;
         let still = drift.still.first()?;
         let (scatter, count) = self.tilt_scatter?;
-        Some((drift.angle_walk, still.end - still.start, scatter.map(|deg| deg * deg / count as f64)))
+        // The filter's noise lasts about a second, so that blocks know a little of their neighbours.
+        let independent = 0.5 * (count as f64).min(TILT_ZERO_S / BLOCK_S);
+        Some((drift.angle_walk, still.end - still.start, scatter.map(|deg| deg * deg / independent)))
     }
 
     /// Drift that was taken off the yaw up to a time, degrees.
@@ -140,7 +145,7 @@ impl Curve {
             return Some([0.0; 2]);
         }
         let (scatter, count) = self.tilt_scatter?;
-        let means = BLOCK_S / window_s.max(BLOCK_S) + 1.0 / count as f64;
+        let means = BLOCK_S / window_s.max(BLOCK_S) + 1.0 / (count as f64).min(TILT_ZERO_S / BLOCK_S);
         // Student's two-sided 95 % quantile for the blocks of a short still phase is near 2.5.
         Some(scatter.map(|deg| (2.5 * deg * means.sqrt()).hypot(TILT_FLOOR_DEG)))
     }
@@ -241,6 +246,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
         /// Wherever the robot hung before, however its sensor sits and its gyroscope drifts: what is left is the motion.
         #[test]
         fn the_zero_and_the_drift_are_taken_off(

@@ -94,7 +94,7 @@ fn compare_pairs(
     match failed {
         Some(error) if trials.is_empty() => Err(error),
         // What two sessions differ in goes for all of their trials.
-        Some(error @ TwinError::Incomparable { .. }) if !allow.anyway => Err(error),
+        Some(error @ TwinError::Incomparable { .. }) if allow == Allow::Alike => Err(error),
         _ => Ok(summed_up([measured, modelled], trials, skipped)),
     }
 }

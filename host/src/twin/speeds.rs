@@ -6,6 +6,7 @@
 //! apart in between, so that noise is averaged and the solver meets a smooth speed.
 
 use super::{Recording, TwinError};
+use crate::log::Origin;
 use sim::profile::SpeedProfile;
 
 /// The spline stays this close to the encoder, turns: one degree. A helix that is off by so much pushes the same.
@@ -19,21 +20,53 @@ const SHORTEST_S: f64 = 0.03;
 /// readings it is too little to matter; where they are missing it makes the bridge.
 const STIFFNESS: f64 = 1e-3;
 
-/// The speeds of a recorded trial from its first frame to its last, with its run phase, angles and all.
+/// The model of a rig's robot hangs at rest for so long before the log begins, s. It starts with flagella that do not sag
+/// yet, and what the base does meanwhile dies in 11 s. A model's trial began just so.
+const REST_S: f64 = 40.0;
+
+/// A first speed above this is no noise of an encoder at rest, rpm.
+const MOVING_RPM: f64 = 0.5;
+
+/// The speeds of a recorded trial from its first frame to its last, with its run phase, and before it a rest.
 pub(super) fn profile(recording: &Recording) -> Result<SpeedProfile, TwinError> {
-    profile_from(recording, f64::NEG_INFINITY)
+    let (start, _) = recording.turns[0];
+    let rest = (recording.origin != Origin::Model).then_some(start - REST_S);
+    build(recording, &recording.turns, rest)
 }
 
-/// The same, but of the frames from a time on, s.
-pub(super) fn profile_from(recording: &Recording, from_s: f64) -> Result<SpeedProfile, TwinError> {
+/// The speeds from the start of the run on, after a rest that begins a whole number of steps and a half before it: samples
+/// at these steps lie amid the steps of the run.
+pub(super) fn profile_of_run(recording: &Recording, step_s: f64) -> Result<SpeedProfile, TwinError> {
+    let run = recording.times.run.start;
+    let (start, _) = recording.turns[0];
+    let rest_s = if recording.origin == Origin::Model { run - start } else { REST_S };
+    let rest = run - ((rest_s / step_s - 0.5).floor().max(0.0) + 0.5) * step_s;
+    // A little before, where the motors are still, so that the spline knows it.
+    let first = recording.turns.partition_point(|(time, _)| *time < rest.max(run - 0.5));
+    build(recording, &recording.turns[first.min(recording.turns.len() - 2)..], Some(rest))
+}
+
+fn build(
+    recording: &Recording,
+    readings: &[(f64, [f64; 2])],
+    rest_from_s: Option<f64>,
+) -> Result<SpeedProfile, TwinError> {
     let run = &recording.times.run;
-    let first = recording.turns.partition_point(|(time, _)| *time < from_s).min(recording.turns.len() - 2);
-    let readings = &recording.turns[first..];
     let knots = knots(readings, run.start);
     let speeds = [0, 1].map(|k| Spline::fit(&knots, readings.iter().map(|(time, turns)| (*time, turns[k]))).speeds());
-    let points: Vec<_> =
-        (knots.iter().enumerate()).map(|(i, time)| (*time, [speeds[0][i] * 60.0, speeds[1][i] * 60.0])).collect();
-    SpeedProfile::from_points(&points).and_then(|profile| profile.with_run(run.start, run.end)).map_err(|error| {
+    let mut points: Vec<_> =
+        knots.iter().enumerate().map(|(i, time)| (*time, [speeds[0][i] * 60.0, speeds[1][i] * 60.0])).collect();
+    if let (Some(rest), Some((first, rpm))) = (rest_from_s, points.first_mut()) {
+        let first = *first;
+        if rpm.iter().all(|rpm| rpm.abs() < MOVING_RPM) {
+            *rpm = [0.0; 2];
+            points.insert(0, (rest, [0.0; 2]));
+        } else {
+            points.splice(0..0, [(rest, [0.0; 2]), (first, [0.0; 2])]);
+        }
+    }
+    let start = points.first().map_or(run.start, |(time, _)| run.start.max(*time));
+    SpeedProfile::from_points(&points).and_then(|profile| profile.with_run(start, run.end)).map_err(|error| {
         let help = "check the encoders' counts in the log with `biflag export`";
         TwinError::Unusable { path: recording.path.clone(), reason: error.to_string(), help }
     })
@@ -229,6 +262,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
         /// Whatever a motor does within its means, the spline's angle follows its encoder.
         #[test]
         fn angles_follow_any_smooth_motion(

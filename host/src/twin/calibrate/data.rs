@@ -15,11 +15,12 @@ pub(super) const BLOCK_S: f64 = 0.5;
 /// Samples of the model in a block.
 const SAMPLES: usize = 10;
 
-/// The model starts at rest this long before the run, s.
-const AHEAD_S: f64 = 0.5;
-
 /// Standard deviation that is taken for the error of a block at first, before the residuals tell it, degrees.
 const FIRST_GUESS_DEG: f64 = 0.1;
+
+/// Standard deviation of what a trial's model turns too far by its numbers alone, over what it turns: its mean forces carry
+/// some tenths of a per cent from tolerance and steps.
+const NUMBERS: f64 = 0.005;
 
 /// Yaw, pitch and roll of every block, degrees.
 pub(super) type Blocks = [Vec<f64>; 3];
@@ -71,7 +72,7 @@ impl Data {
             askew_deg: [curve.zero_deg[1], curve.zero_deg[2]],
             warnings: curve.warnings.clone(),
             measured,
-            profile: speeds::profile_from(recording, (run.start - AHEAD_S).max(0.0))?,
+            profile: speeds::profile_of_run(recording, BLOCK_S / SAMPLES as f64)?,
             times: (0..count).map(|i| from + (i as f64 + 0.5) * BLOCK_S).collect(),
             yaw_walk,
             still_s,
@@ -89,7 +90,8 @@ impl Data {
         let options = Options { rate_hz, shapes: false };
         let mut blocks: Blocks = Default::default();
         let mut sums = [0.0; 3];
-        let first = ((self.profile.run()[0] - self.profile.start()) * rate_hz).round() as usize;
+        // Samples lie amid the steps of the run, so that their mean is that of the block.
+        let first = ((self.profile.run()[0] - self.profile.start()) * rate_hz).ceil() as usize;
         let trial = Trial::new(robot, closure, self.profile.clone(), options).ok()?;
         for (i, sample) in trial.enumerate().skip(first).take(self.blocks() * SAMPLES) {
             let sample = sample.ok()?;
@@ -134,8 +136,10 @@ impl Data {
     pub fn whitener(&self, angle: usize, rest: Correlated) -> Option<Whitener> {
         let count = self.blocks();
         let mut covariance = self.sensor_covariance(angle);
+        let turned = &self.measured[angle];
         for i in 0..count {
             for j in 0..count {
+                covariance[(i, j)] += NUMBERS.powi(2) * turned[i] * turned[j];
                 covariance[(i, j)] += rest.variance * rest.step.powi(i.abs_diff(j) as i32);
             }
         }
