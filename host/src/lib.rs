@@ -17,3 +17,4 @@ pub mod rig;
 pub mod robot_file;
 pub mod session;
 pub mod stats;
+pub mod twin;

@@ -24,6 +24,14 @@ pub enum ProfileError {
         /// Index of the point.
         index: usize,
     },
+    /// The run phase is not within the profile, or has no length.
+    #[error("the run from {start} s to {end} s has no length, or is not within the profile")]
+    RunOutside {
+        /// Start of the run, s.
+        start: f64,
+        /// Its end, s.
+        end: f64,
+    },
     /// A speed that no model of a slow robot covers.
     #[error("point {index}: {rpm:.0} rpm is beyond {limit:.0} rpm")]
     TooFast {
@@ -107,6 +115,16 @@ impl SpeedProfile {
             return Err(ProfileError::Empty);
         }
         Ok(Self { points: built, run })
+    }
+
+    /// The same profile with its run phase from `start` to `end` (s), which must lie within it.
+    pub fn with_run(mut self, start: f64, end: f64) -> Result<Self, ProfileError> {
+        if start >= self.start() && end <= self.end() && start < end {
+            self.run = [start, end];
+            Ok(self)
+        } else {
+            Err(ProfileError::RunOutside { start, end })
+        }
     }
 
     /// Constant speeds (rpm) at once from time 0, for `duration` s.
@@ -211,5 +229,10 @@ mod tests {
         assert!(SpeedProfile::constant([f64::NAN, 0.0], 1.0).is_err());
         assert!(SpeedProfile::constant([1e9, 0.0], 1.0).is_err());
         assert!(SpeedProfile::from_points(&[(1.0, [0.0; 2]), (0.0, [0.0; 2])]).is_err());
+        let profile = SpeedProfile::constant([1.0, 2.0], 10.0).expect("a profile");
+        assert_eq!(profile.clone().with_run(2.0, 10.0).map(|p| p.run()), Ok([2.0, 10.0]));
+        for (start, end) in [(-1.0, 5.0), (5.0, 11.0), (5.0, 5.0), (f64::NAN, 5.0)] {
+            assert!(profile.clone().with_run(start, end).is_err());
+        }
     }
 }

@@ -1,0 +1,5 @@
+//! The twin: an experiment held against the model.
+
+mod compare;
+
+pub use compare::{Comparison, Finding, Point, SessionComparison, Skipped};
