@@ -1,7 +1,7 @@
 //! Files that are there whole or not at all.
 
 use std::fs::File;
-use std::io::{BufWriter, ErrorKind, Write};
+use std::io::{BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// Writes a file beside its place and then puts it there, over whatever bore its name. A link of that name is replaced,
@@ -43,6 +43,7 @@ pub fn draft(path: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Write;
 
     #[test]
     fn links_are_replaced_and_not_followed() {

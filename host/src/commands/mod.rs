@@ -7,6 +7,7 @@ mod flash;
 mod info;
 mod record;
 mod recover;
+mod report;
 mod settings;
 mod simulate;
 
@@ -35,6 +36,7 @@ enum Command {
     Simulate(simulate::Args),
     Info(info::Args),
     Recover(recover::Args),
+    Report(report::Args),
     Export(export::Args),
 }
 
@@ -58,6 +60,7 @@ pub fn run() -> ExitCode {
         Command::Simulate(args) => simulate::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Recover(args) => recover::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Export(args) => export::run(&args),
     };
     answer::finish(result, cli.json)

@@ -84,22 +84,33 @@ impl Shapes {
         let frame_bytes = kept.len() * 2 * 3 * 2 * 4 / 3;
         let every = frames.len().div_ceil((text_bytes / frame_bytes).max(2));
         let chosen: Vec<&Frame> = frames.iter().step_by(every).collect();
-        let coordinates = chosen.iter().flat_map(|frame| {
-            let turned = (0..2).map(move |k| (Shaft::new(feet[k], frame.turns[k] * TAU), &frame.lines[k]));
-            let point = |shaft: Shaft, &[x, y, z]: &[f64; 3]| -> [f64; 3] {
-                shaft.point_to_shaft(nalgebra::Vector3::new(x, y, z)).into()
-            };
-            turned.flat_map(|(shaft, line)| kept.iter().flat_map(move |&i| point(shaft, &line[i])).collect::<Vec<_>>())
-        });
+        let mut coordinates = Vec::with_capacity(chosen.len() * kept.len() * 6);
+        for frame in &chosen {
+            for (k, line) in frame.lines.iter().enumerate() {
+                let shaft = Shaft::new(feet[k], frame.turns[k] * TAU);
+                for &i in &kept {
+                    let seen = shaft.point_to_shaft(line[i].into());
+                    coordinates.extend(seen.iter().map(|part| ((part / UNIT_M).round() as i16).to_le_bytes()));
+                }
+            }
+        }
         let times: Vec<f64> = chosen.iter().map(|frame| frame.time_s).collect();
         json!({
             "rigid": rigid,
+            "per_s": if rigid { 0.0 } else { per_s(&times) },
             "nodes": kept.len(),
             "unit_m": UNIT_M,
             "feet_m": feet.map(|foot| [foot.x, foot.y, foot.z]),
             "time": single(&times),
-            "i16": bytes(coordinates.map(|part| ((part / UNIT_M).round() as i16).to_le_bytes())),
+            "i16": bytes(coordinates.into_iter()),
         })
+    }
+}
+
+fn per_s(times: &[f64]) -> f64 {
+    match times {
+        [first, .., last] if last > first => (times.len() - 1) as f64 / (last - first),
+        _ => 0.0,
     }
 }
 
