@@ -8,7 +8,8 @@ pub(super) const GENERATOR: &str = concat!("biflag ", env!("CARGO_PKG_VERSION"))
 
 const STYLE: [&str; 2] = [include_str!("assets/uPlot.min.css"), include_str!("assets/page.css")];
 
-const SCRIPTS: [&str; 6] = [
+const SCRIPTS: [&str; 7] = [
+    include_str!("assets/sharp.js"),
     include_str!("assets/uPlot.iife.min.js"),
     include_str!("assets/data.js"),
     include_str!("assets/chart.js"),

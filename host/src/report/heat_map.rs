@@ -28,7 +28,7 @@ const VIRIDIS: [[u8; 3]; 11] = [
     [253, 231, 37],
 ];
 
-const WIDTH: f64 = 520.0;
+const WIDTH: f64 = 430.0;
 const LEFT: f64 = 44.0;
 const BAR: f64 = 74.0;
 
@@ -48,7 +48,7 @@ pub(super) fn svg(title: &str, cells: &[Cell], scale_deg: f64) -> Markup {
     let (columns, rows) = (axis(cells, 0), axis(cells, 1));
     let scale = if scale_deg > 0.0 { scale_deg } else { 1.0 };
     let across = (WIDTH - LEFT - BAR) / columns.len() as f64;
-    let down = across.clamp(16.0, 30.0);
+    let down = across.clamp(14.0, 40.0);
     let bottom = 8.0 + down * rows.len() as f64;
     let place = |cell: &Cell| {
         let column = columns.iter().position(|speed| *speed == cell.speeds_rpm[0]).unwrap_or(0);

@@ -17,8 +17,8 @@ mod trial_section;
 mod view;
 
 use crate::log::LogError;
-use crate::session::{Session, SessionError};
-use crate::twin::{Comparison, SessionComparison};
+use crate::session::{Session, SessionError, TrialState};
+use crate::twin::{Comparison, SessionComparison, Skipped};
 use crate::whole_file;
 use maud::{Markup, PreEscaped, html};
 use miette::Diagnostic;
@@ -28,7 +28,7 @@ use session_page::{Row, RowState};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
-use view::{Room, View};
+use view::{Room, View, Warning};
 
 /// What the data of all trials may take of a page, bytes. With the scripts and the texts a page stays below 10 MB.
 const DATA_BYTES: usize = 7_500_000;
@@ -105,7 +105,7 @@ pub fn of_session(
     check(&out)?;
     let states = session.states()?;
     let room = Room::of(DATA_BYTES, states.len());
-    let row = |state: &crate::session::TrialState| {
+    let row = |state: &TrialState| {
         let trial = &state.trial;
         let attempt = state.complete().or(state.attempts.last());
         let compared = attempt.and_then(|attempt| {
@@ -116,7 +116,8 @@ pub fn of_session(
             None => RowState::Missing,
             Some(attempt) => match view(&attempt.path, compared, room) {
                 Ok(mut view) => {
-                    view.warnings.extend(skipped.map(|skipped| format!("Not compared: {}.", text::clip(&skipped.reason, 300))));
+                    let why = |skipped: &Skipped| format!("Not compared: {}.", text::clip(&skipped.reason, 300));
+                    view.warnings.extend(skipped.map(|skipped| Warning::new("not compared", why(skipped))));
                     RowState::Shown(Box::new(view))
                 }
                 Err(error) => RowState::Unreadable(error.to_string()),

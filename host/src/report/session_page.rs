@@ -66,7 +66,7 @@ pub(super) fn overview(
         @if !plan.note.is_empty() { p.note { (clip(&plan.note, 4_000)) } }
         (tiles(&views, rows.len(), comparison))
         @if let Some(comparison) = comparison && !comparison.verdict.is_empty() { p.verdict { (clip(&comparison.verdict, 600)) } }
-        (warnings(&notes(rows, comparison, has_charts)))
+        (warnings(notes(rows, comparison, has_charts).iter().map(String::as_str)))
         (maps(rows))
         h2 #trials { "Trials" }
         (table(rows, has_charts))
@@ -158,9 +158,23 @@ fn cell(value: Option<f64>, decimals: usize) -> Markup {
     html! { td data-key=[value.filter(|value| value.is_finite())] { (value.map_or("–".to_owned(), |value| number(value, decimals))) } }
 }
 
+/// Which columns the table has.
+#[derive(Clone, Copy)]
+struct Columns {
+    charts: bool,
+    uncertainty: bool,
+    compared: bool,
+    link: bool,
+}
+
 fn table(rows: &[Row], has_charts: bool) -> Markup {
-    let compared = rows.iter().filter_map(Row::view).any(|view| view.comparison.is_some());
-    let link = rows.iter().filter_map(Row::view).any(|view| !view.is_model());
+    let any = |what: fn(&View) -> bool| rows.iter().filter_map(Row::view).any(what);
+    let columns = Columns {
+        charts: has_charts,
+        uncertainty: any(|view| view.steady.is_some_and(|steady| steady.yaw_uncertainty_deg.is_some())),
+        compared: any(|view| view.comparison.is_some()),
+        link: any(|view| !view.is_model()),
+    };
     let head = |text: &str| html! { th scope="col" { button type="button" { (text) } } };
     html! {
         div.scroll tabindex="0" role="region" aria-label="Table of the trials" {
@@ -168,18 +182,18 @@ fn table(rows: &[Row], has_charts: bool) -> Markup {
                 thead { tr {
                     th scope="col" { button type="button" { "Trial" } }
                     (head("w1, rpm")) (head("w2, rpm"))
-                    (head("ψ, °")) (head("± 95 %")) (head("θ, °")) (head("φ, °"))
-                    @if compared { (head("model ψ")) (head("model θ")) (head("error ψ")) (head("error θ")) (head("RMS ψ")) (head("RMS θ")) }
-                    @if link { (head("lost")) }
+                    (head("ψ, °")) @if columns.uncertainty { (head("± 95 %")) } (head("θ, °")) (head("φ, °"))
+                    @if columns.compared { (head("model ψ")) (head("model θ")) (head("error ψ")) (head("error θ")) (head("RMS ψ")) (head("RMS θ")) }
+                    @if columns.link { (head("lost")) }
                     th.text scope="col" { "To know" }
                 } }
-                tbody { @for (i, row) in rows.iter().enumerate() { (line(row, i, has_charts, compared, link)) } }
+                tbody { @for (i, row) in rows.iter().enumerate() { (line(row, i, columns)) } }
             }
         }
     }
 }
 
-fn line(row: &Row, i: usize, has_charts: bool, compared: bool, link: bool) -> Markup {
+fn line(row: &Row, i: usize, columns: Columns) -> Markup {
     let anchor = anchor(i);
     let view = row.view();
     let steady = view.and_then(|view| view.steady);
@@ -188,20 +202,22 @@ fn line(row: &Row, i: usize, has_charts: bool, compared: bool, link: bool) -> Ma
     html! {
         tr data-trial=(anchor) {
             td data-key=(i) {
-                @if has_charts && view.is_some() { a href={ "#" (anchor) } { (clip(&row.name, 80)) } } @else { (clip(&row.name, 80)) }
+                @if columns.charts && view.is_some() { a href={ "#" (anchor) } { (clip(&row.name, 80)) } } @else { (clip(&row.name, 80)) }
             }
             td data-key=(row.speeds_rpm[0]) { (plain(row.speeds_rpm[0])) }
             td data-key=(row.speeds_rpm[1]) { (plain(row.speeds_rpm[1])) }
-            (cell(angle(0), 2)) (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg), 2)) (cell(angle(1), 2)) (cell(angle(2), 2))
-            @if compared {
+            (cell(angle(0), 2))
+            @if columns.uncertainty { (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg), 2)) }
+            (cell(angle(1), 2)) (cell(angle(2), 2))
+            @if columns.compared {
                 (cell(comparison.map(|c| c.steady_modelled_deg[0]), 2)) (cell(comparison.map(|c| c.steady_modelled_deg[1]), 2))
                 (cell(comparison.map(|c| c.steady_yaw_error_deg), 2)) (cell(comparison.map(|c| c.steady_pitch_error_deg), 2))
                 (cell(comparison.map(|c| c.yaw_rmse_deg), 2)) (cell(comparison.map(|c| c.pitch_rmse_deg), 2))
             }
-            @if link { (cell(view.map(|view| view.overview.link.lost as f64), 0)) }
+            @if columns.link { (cell(view.map(|view| view.overview.link.lost as f64), 0)) }
             td.text {
                 @match &row.state {
-                    RowState::Shown(view) => { (clip(&view.warnings.join(" "), 300)) }
+                    RowState::Shown(view) => { (view.warnings.iter().map(|warning| warning.brief.as_str()).collect::<Vec<_>>().join(", ")) }
                     RowState::Missing => { "not yet" }
                     RowState::Unreadable(why) => { (clip(why, 300)) }
                 }

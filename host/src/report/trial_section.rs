@@ -23,13 +23,18 @@ pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
     html! {
         section.trial id=(id) data-data=[has_data.then(|| data_id(id))] hidden[shared] aria-labelledby={ (id) "-title" } {
             @if shared {
+                nav.tools aria-label="Trials" {
+                    button.previous type="button" { "← Previous" }
+                    button.next type="button" { "Next →" }
+                    a href="#trials" { "All trials ↑" }
+                }
                 h2 id={ (id) "-title" } { (title(view)) }
             } @else {
                 h1 id={ (id) "-title" } { (title(view)) }
             }
-            (about(view))
+            (about(view, shared))
             (tiles(view))
-            (warnings(&view.warnings))
+            (warnings(view.warnings.iter().map(|warning| warning.text.as_str())))
             @if has_data {
                 div.bench {
                     div.stage { (scene(view)) (player(view)) (readout(view)) }
@@ -47,12 +52,12 @@ pub(super) fn title(view: &View) -> String {
     format!("{} at {}", clip(name, 120), speeds(view.speeds_rpm))
 }
 
-fn about(view: &View) -> Markup {
+fn about(view: &View, shared: bool) -> Markup {
     let (plan, identity) = (&view.overview.plan, &view.overview.identity);
     html! {
         p.meta {
             @if let Some(identity) = identity { span { (origin(identity.origin)) } }
-            @if let Some(plan) = plan {
+            @if let Some(plan) = plan && !shared {
                 span { "session " (clip(&plan.name, 200)) }
                 @if !plan.operator.is_empty() { span { (clip(&plan.operator, 200)) } }
             }
@@ -61,7 +66,7 @@ fn about(view: &View) -> Markup {
             }
             span { (number(view.overview.duration_s, 1)) " s" }
         }
-        @if let Some(plan) = plan && !plan.note.is_empty() { p.note { (clip(&plan.note, LONGEST_NOTE)) } }
+        @if let Some(plan) = plan && !shared && !plan.note.is_empty() { p.note { (clip(&plan.note, LONGEST_NOTE)) } }
     }
 }
 
@@ -128,10 +133,12 @@ fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {
     })
 }
 
-pub(super) fn warnings(warnings: &[String]) -> Markup {
+/// Warnings, where there are any.
+pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
+    let mut texts = texts.into_iter().peekable();
     html! {
-        @if !warnings.is_empty() {
-            ul.warnings aria-label="Warnings" { @for warning in warnings { li { (warning) } } }
+        @if texts.peek().is_some() {
+            ul.warnings aria-label="Warnings" { @for text in texts { li { (text) } } }
         }
     }
 }
@@ -146,7 +153,7 @@ fn scene(view: &View) -> Markup {
             div.tools role="group" aria-label="View" {
                 button.nearer type="button" aria-label="Nearer" { "+" }
                 button.farther type="button" aria-label="Farther" { "−" }
-                button.home type="button" { "Front" }
+                button.home type="button" { "From the front" }
             }
             figcaption {
                 @if view.shapes_per_s > 0.0 {
@@ -248,7 +255,7 @@ fn charts(view: &View) -> Markup {
         (chart("roll", "Roll φ", &angle_lines(false)))
         (chart("motors", "Speed of the flagella, rpm", &motors))
         @if !view.is_model() { (chart("link", &link_name, &link)) }
-        p.meta {
+        p.meta.small {
             @if view.every_s > 0.0 {
                 "Drawn through the smallest and the largest value of every " (number(view.every_s, 3)) " s."
             } @else {
@@ -308,7 +315,7 @@ fn kind(kind: Kind) -> &'static str {
 
 fn facts(view: &View, shared: bool) -> Markup {
     html! {
-        details {
+        details.how {
             summary { "How it was made" }
             table.facts { @for (name, value) in how(view) { tr { th { (name) } td { (value) } } } }
         }

@@ -48,7 +48,7 @@ pub(super) struct View {
     pub events: Vec<Event>,
     /// Events beyond those that are listed.
     pub more_events: usize,
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
     /// The length of time that two drawn samples stand for; 0 where all are drawn.
     pub every_s: f64,
     /// How often there is a shape of the flagella; 0: helices that do not bend.
@@ -288,43 +288,61 @@ fn link(seconds: &[LinkSecond]) -> Value {
 }
 
 /// What whoever reads the figures should know first.
-fn warnings(recording: &Recording, comparison: Option<&Comparison>) -> Vec<String> {
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(super) struct Warning {
+    /// In a word or two, for the table.
+    pub brief: String,
+    /// In full.
+    pub text: String,
+}
+
+impl Warning {
+    pub fn new(brief: &str, text: impl Into<String>) -> Self {
+        Self { brief: brief.to_owned(), text: text.into() }
+    }
+}
+
+fn warnings(recording: &Recording, comparison: Option<&Comparison>) -> Vec<Warning> {
     let overview = &recording.overview;
     let mut warnings = Vec::new();
+    let mut warn = |brief: &str, text: String| warnings.push(Warning::new(brief, text));
     match overview.condition {
         Condition::Clean => {}
-        Condition::CutOff => warnings.push("The log is cut off: this is what reads of it.".to_owned()),
-        Condition::Damaged => warnings.push("The log is damaged: this is what reads of it.".to_owned()),
+        Condition::CutOff => warn("cut off", "The log is cut off: this is what reads of it.".to_owned()),
+        Condition::Damaged => warn("damaged", "The log is damaged: this is what reads of it.".to_owned()),
     }
-    match &overview.summary {
-        None => warnings.push("The log does not say how the trial ended.".to_owned()),
-        Some(summary) => {
-            let why = if summary.reason.is_empty() { String::new() } else { format!(": {}", clip(&summary.reason, 300)) };
-            match summary.end {
-                End::Complete => {}
-                End::Aborted => warnings.push(format!("The trial was aborted{why}.")),
-                End::Faulted => warnings.push(format!("The board latched a fault{why}.")),
-                End::Failed => warnings.push(format!("The trial failed{why}.")),
-            }
+    if let Some(summary) = &overview.summary {
+        let why = if summary.reason.is_empty() { String::new() } else { format!(": {}", clip(&summary.reason, 300)) };
+        match summary.end {
+            End::Complete => {}
+            End::Aborted => warn("aborted", format!("The trial was aborted{why}.")),
+            End::Faulted => warn("faulted", format!("The board latched a fault{why}.")),
+            End::Failed => warn("failed", format!("The trial failed{why}.")),
         }
+    } else {
+        warn("no end", "The log does not say how the trial ended.".to_owned());
     }
     if let Some(recovery) = &overview.recovery {
-        warnings.push(format!("Recovered from {}; lost: {}.", clip(&recovery.source, 200), clip(&recovery.lost, 300)));
+        let (source, lost) = (clip(&recovery.source, 200), clip(&recovery.lost, 300));
+        warn("recovered", format!("Recovered from {source}; lost: {lost}."));
     }
-    if overview.link.lost > 0 {
-        warnings.push(format!("{} of {} frames of telemetry were lost.", overview.link.lost,
-            overview.link.lost + overview.link.samples));
+    let link = overview.link;
+    if link.lost > 0 {
+        let all = link.lost + link.samples;
+        warn(&format!("{} lost", link.lost), format!("{} of {all} frames of telemetry were lost.", link.lost));
     }
     if overview.steady.as_ref().is_some_and(|steady| !steady.settled) {
-        warnings.push("The attitude has not settled: its steady values are means of a motion.".to_owned());
+        warn("not settled", "The attitude has not settled: its steady values are means of a motion.".to_owned());
     }
     if overview.calibration.as_ref().is_some_and(|calibration| !calibration.still) {
-        warnings.push("The sensor moved while the gyroscope was calibrated: the bias found is not in force.".to_owned());
+        let text = "The sensor moved while the gyroscope was calibrated: the bias found is not in force.";
+        warn("not calibrated", text.to_owned());
     }
-    let measured = overview.identity.as_ref().is_some_and(|identity| identity.origin != Origin::Model);
-    if measured && overview.angles.is_some_and(|angles| angles.yaw_uncertainty_deg.is_none()) {
-        warnings.push("No still phase tells how well the yaw is known.".to_owned());
+    if !recording.is_model() && overview.angles.is_some_and(|angles| angles.yaw_uncertainty_deg.is_none()) {
+        warn("yaw’s error unknown", "No still phase tells how well the yaw is known.".to_owned());
     }
-    warnings.extend(comparison.iter().flat_map(|comparison| &comparison.warnings).map(|text| clip(text, 500)));
+    for text in comparison.iter().flat_map(|comparison| &comparison.warnings) {
+        warn(&clip(text, 80), clip(text, 500));
+    }
     warnings
 }

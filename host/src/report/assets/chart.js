@@ -1,12 +1,6 @@
 // The charts of a trial: lines over time by uPlot, with the phases shaded, events marked, and a needle at the time shown.
 "use strict";
 
-// Lines stay sharp on paper, for which a browser enlarges the canvas, on screens of few pixels too.
-{
-  const native = Object.getOwnPropertyDescriptor(window, "devicePixelRatio").get;
-  Object.defineProperty(window, "devicePixelRatio", { get: () => Math.max(2, native.call(window)), configurable: true });
-}
-
 /** What each chart draws: a column of the data, its colour, and how the line looks. */
 biflag.CHARTS = {
   yaw: { table: "attitude", unit: "°", height: 220, lines: biflag_angle("yaw"), band: "band" },
@@ -19,8 +13,8 @@ biflag.CHARTS = {
     lines: [
       { name: "speed1", colour: "flagellum1", width: 2 },
       { name: "speed2", colour: "flagellum2", width: 2 },
-      { name: "asked1", colour: "ink", width: 1, dash: [6, 4] },
-      { name: "asked2", colour: "ink", width: 1, dash: [2, 3] },
+      { name: "asked1", colour: "ink", width: 1, dash: [6, 10] },
+      { name: "asked2", colour: "ink", width: 1, dash: [2, 8] },
     ],
   },
   link: {
@@ -84,9 +78,9 @@ biflag.Chart = class {
     const sign = (_, values) => values.map((v) => (v === null ? "" : String(Number(v.toFixed(6))).replace("-", "−") + spec.unit.trim().replace("rpm", "")));
     const options = {
       width: this.width(),
-      height: spec.height,
+      height: this.height(),
       legend: { show: false },
-      padding: [12, 12, 0, 0],
+      padding: [20, 22, 0, 0],
       bands,
       series,
       scales: { x: { time: false }, y: { range: (_, low, high) => this.span(low, high) } },
@@ -136,12 +130,17 @@ biflag.Chart = class {
     return this.spec.table === "link" ? [0, Math.max(1, high * 1.1)] : [low - missing - room, high + missing + room];
   }
 
+  /** Paper is short. */
+  height() {
+    return Math.round(this.spec.height * (document.documentElement.classList.contains("paper") ? 0.8 : 1));
+  }
+
   width() {
     return Math.max(240, Math.floor(this.element.clientWidth));
   }
 
   resize() {
-    this.plot.setSize({ width: this.width(), height: this.spec.height });
+    this.plot.setSize({ width: this.width(), height: this.height() });
     this.point(this.trial.time);
   }
 
@@ -171,10 +170,9 @@ biflag.Chart = class {
         ctx.fillStyle = biflag.colour("run");
         ctx.fillRect(left, bbox.top, right - left, bbox.height);
       }
-      const text = ctx.measureText(name).width;
-      if (right - left > text + 10 * devicePixelRatio) {
+      if (right - left > ctx.measureText(name).width + 4 * devicePixelRatio) {
         ctx.fillStyle = biflag.colour("soft");
-        ctx.fillText(name, left + 4 * devicePixelRatio, bbox.top + 3 * devicePixelRatio);
+        ctx.fillText(name, left, bbox.top - 16 * devicePixelRatio);
       }
     }
     ctx.restore();
@@ -193,10 +191,10 @@ biflag.Chart = class {
       ctx.setLineDash(kind === "fault" ? [] : [3 * devicePixelRatio, 3 * devicePixelRatio]);
       ctx.lineWidth = devicePixelRatio;
       ctx.beginPath();
-      ctx.moveTo(x, bbox.top + 14 * devicePixelRatio);
+      ctx.moveTo(x, bbox.top);
       ctx.lineTo(x, bbox.top + bbox.height);
       ctx.stroke();
-      ctx.fillText(sign, x, bbox.top + 11 * devicePixelRatio);
+      ctx.fillText(sign, x, bbox.top - 3 * devicePixelRatio);
     }
     ctx.restore();
   }

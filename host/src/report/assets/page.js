@@ -15,6 +15,16 @@
     for (const row of document.querySelectorAll("tr[data-trial]")) row.classList.toggle("open", row.dataset.trial === section.id);
   };
 
+  for (const [step, selector] of [[-1, ".previous"], [1, ".next"]]) {
+    sections.forEach((section, i) => {
+      const button = section.querySelector(selector);
+      const other = sections[i + step];
+      if (!button) return;
+      button.disabled = !other;
+      button.addEventListener("click", () => (location.hash = other.id));
+    });
+  }
+
   const follow = () => {
     const section = sections.find((other) => "#" + other.id === location.hash);
     open(section);
@@ -31,6 +41,7 @@
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
   const paper = (on) => {
     document.documentElement.classList.toggle("paper", on);
+    for (const details of document.querySelectorAll("details.how")) details.open = on;
     repaint();
   };
   addEventListener("beforeprint", () => paper(true));

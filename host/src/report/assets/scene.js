@@ -3,7 +3,7 @@
 "use strict";
 
 biflag.Scene = class {
-  static HOME = { azimuth: -1.05, elevation: 0.22, zoom: 1 };
+  static HOME = { azimuth: -1.05, elevation: 0.34, zoom: 1 };
 
   constructor(canvas, trial) {
     this.canvas = canvas;
@@ -93,11 +93,11 @@ biflag.Scene = class {
     ctx.clearRect(0, 0, width, height);
 
     const reach = this.body.height_m + this.body.length_m;
-    const tall = reach * 1.42;
+    const tall = reach * 1.48;
     const scale = (this.view.zoom * Math.min(height / tall, width / (reach * 0.9)));
     const [ca, sa] = [Math.cos(this.view.azimuth), Math.sin(this.view.azimuth)];
     const [ce, se] = [Math.cos(this.view.elevation), Math.sin(this.view.elevation)];
-    const middle = -0.46 * reach;
+    const middle = -0.47 * reach;
     /** To the canvas: x, y, and how far away. A little perspective tells near from far. */
     const project = ([x, y, z]) => {
       const [right, away, up] = [ca * x + sa * y, ca * y - sa * x, z - middle];
@@ -151,7 +151,7 @@ biflag.Scene = class {
 
   /** The ring that the yaw is read on, the vertical through the joint. */
   surroundings(ctx, project, colours, yaw, modelYaw, reach) {
-    const [radius, z] = [0.21 * reach, 0.09 * reach];
+    const [radius, z] = [0.24 * reach, 0.1 * reach];
     const on = (angle, r) => project([r * Math.cos(angle), r * Math.sin(angle), z]);
     const path = (points, colour, width, dash = []) => {
       ctx.beginPath();
@@ -173,7 +173,7 @@ biflag.Scene = class {
       const angle = (i * Math.PI) / 6;
       path([on(angle, radius), on(angle, radius * (i % 3 ? 0.95 : 0.89))], colours.line, 1.2);
       if (i % 3 === 0) {
-        const [x, y] = on(angle, radius * 1.2);
+        const [x, y] = on(angle, radius * 1.24);
         ctx.fillText(["0°", "90°", "180°", "−90°"][i / 3], x, y);
       }
     }
@@ -202,17 +202,22 @@ biflag.Scene = class {
     for (let i = 0; i + 1 < points.length; i++) {
       const [a, b] = [points[i], points[i + 1]];
       const thick = 2 * radius * 0.5 * (a[3] + b[3]);
+      // The end of a piece is not seen, so it has no rim, and laps over its neighbour.
+      const lap = 0.6 / (Math.hypot(b[0] - a[0], b[1] - a[1]) || 1);
+      const [dx, dy] = [lap * (b[0] - a[0]), lap * (b[1] - a[1])];
+      const isEnd = i === 0 || i + 2 === points.length;
       parts.push({ depth: 0.5 * (a[2] + b[2]), paint: () => {
-        ctx.lineCap = "round";
+        ctx.lineCap = isEnd ? "round" : "butt";
         tones.forEach((tone, n) => {
-          const lift = n === 2 ? -0.18 * thick : 0;
+          const lift = n === 2 ? -0.17 * thick : 0;
           ctx.beginPath();
-          ctx.moveTo(a[0] + lift, a[1] + lift);
-          ctx.lineTo(b[0] + lift, b[1] + lift);
+          ctx.moveTo(a[0] - dx + lift, a[1] - dy + lift);
+          ctx.lineTo(b[0] + dx + lift, b[1] + dy + lift);
           ctx.strokeStyle = tone;
-          ctx.lineWidth = thick * [1, 0.78, 0.2][n];
+          ctx.lineWidth = thick * [1, 0.8, 0.22][n];
           ctx.stroke();
         });
+        ctx.lineCap = "butt";
       } });
     }
   }
