@@ -201,7 +201,8 @@ impl Browser {
 
     /// The page on paper (A4), as PDF.
     pub fn print(&mut self, file: &Path) {
-        let paper = json!({ "paperWidth": 8.27, "paperHeight": 11.69, "preferCSSPageSize": true, "printBackground": true });
+        let paper =
+            json!({ "paperWidth": 8.27, "paperHeight": 11.69, "preferCSSPageSize": true, "printBackground": true });
         let pdf = self.call("Page.printToPDF", paper);
         save(&pdf, file);
     }

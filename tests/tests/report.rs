@@ -137,14 +137,18 @@ fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
 }
 
 /// Ends an attribute, an element and a script, and would note that it ran.
-const MARKUP: &str = "\"'><img src=x onerror=\"window.ran=1;alert(1)\"></script><script>window.ran=2</script><b onmouseover=alert(3)>";
+const MARKUP: &str =
+    "\"'><img src=x onerror=\"window.ran=1;alert(1)\"></script><script>window.ran=2</script><b onmouseover=alert(3)>";
 
 #[test]
 fn markup_in_a_log_runs_nothing_and_adds_no_element() {
     let bench = Bench::new();
-    let plan = Plan::parse("[trial]\ncalibrate = 0\npreroll = 0\nrun = 1\ndecay = 0\n[speeds]\npairs = [[50, 10]]\n", "plan").unwrap();
+    let plan =
+        Plan::parse("[trial]\ncalibrate = 0\npreroll = 0\nrun = 1\ndecay = 0\n[speeds]\npairs = [[50, 10]]\n", "plan")
+            .unwrap();
     let time = |seconds: f64| SystemTime::UNIX_EPOCH + Duration::from_secs_f64(seconds);
-    let start = Start { plan: &plan, trial: &plan.trials[0], attempt: 1, origin: Origin::Rig, board: None, time: time(0.0) };
+    let start =
+        Start { plan: &plan, trial: &plan.trials[0], attempt: 1, origin: Origin::Rig, board: None, time: time(0.0) };
     let path = bench.path().join("hostile.mcap");
     let mut log = Writer::create(&path, &start).unwrap();
     let text = || MARKUP.to_owned();
@@ -163,7 +167,11 @@ fn markup_in_a_log_runs_nothing_and_adds_no_element() {
     browser.open(&page);
     assert_eq!(browser.text("h1"), format!("{MARKUP} at (50, 10) rpm"));
     assert_eq!(browser.text(".note"), MARKUP);
-    assert_eq!(browser.evaluate("window.ran === undefined && document.querySelectorAll('img, b[onmouseover], [onerror]').length"), json!(0));
+    assert_eq!(
+        browser
+            .evaluate("window.ran === undefined && document.querySelectorAll('img, b[onmouseover], [onerror]').length"),
+        json!(0)
+    );
     assert_eq!(browser.evaluate("document.documentElement.dataset.ready"), json!("yes"));
     is_quiet(&browser, &page);
 
@@ -196,7 +204,9 @@ fn a_session_shows_its_map_and_opens_its_trials() {
     browser.picture(&picture("session-light.png"));
 
     // A cell of the map leads to its trial.
-    browser.evaluate("location.hash = document.querySelector('.maps a[aria-label^=\"w1 90, w2 60 \"]').getAttribute('href')");
+    browser.evaluate(
+        "location.hash = document.querySelector('.maps a[aria-label^=\"w1 90, w2 60 \"]').getAttribute('href')",
+    );
     browser.evaluate("new Promise((done) => setTimeout(done, 100)).then(() => 0)");
     assert_eq!(browser.text("section.trial:not([hidden]) h2"), "027_w1+90_w2+60 at (90, 60) rpm");
     scrub(&mut browser, 5.0);

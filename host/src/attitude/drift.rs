@@ -29,7 +29,7 @@ const MIN_BLOCKS: usize = 3;
 const ANGLE_WALK_FLOOR: f64 = 0.005 / std::f64::consts::SQRT_2;
 
 /// Random walk of the bias where nothing was seen of it, °/s/√s. A lying MPU6050 (655 s) shows about a third of this.
-const BIAS_WALK: f64 = 3e-4;
+pub(crate) const BIAS_WALK: f64 = 3e-4;
 
 /// Part of the still end of a phase that is left out where the phase began with a motion.
 const MARGIN: f64 = 0.4;
@@ -186,7 +186,7 @@ fn still_end(yaw: &Track, range: Range<f64>, before: &Phase) -> Option<Phase> {
 
 /// Two-sided 95 % quantile of Student's distribution (Abramowitz and Stegun 26.7.5; within 1 % from 4 degrees of freedom
 /// on).
-fn student_95(freedom: f64) -> f64 {
+pub(crate) fn student_95(freedom: f64) -> f64 {
     let z = 1.959_964_f64;
     let terms = [
         (z.powi(3) + z) / 4.0,

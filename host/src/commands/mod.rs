@@ -1,12 +1,15 @@
 //! The command line: one file a command, each a function from its arguments to an [`Answer`].
 
 mod answer;
+mod calibrate;
+mod compare;
 mod doctor;
 mod export;
 mod flash;
 mod info;
 mod record;
 mod recover;
+mod replay;
 mod report;
 mod settings;
 mod simulate;
@@ -34,6 +37,8 @@ enum Command {
     Settings(settings::Args),
     Record(record::Args),
     Simulate(simulate::Args),
+    Compare(compare::Args),
+    Calibrate(calibrate::Args),
     Info(info::Args),
     Recover(recover::Args),
     Report(report::Args),
@@ -58,6 +63,8 @@ pub fn run() -> ExitCode {
         Command::Settings(args) => settings::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Report(args) => report::run(&args),

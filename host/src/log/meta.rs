@@ -205,6 +205,16 @@ pub struct RecoveryMeta {
     pub lost: String,
 }
 
+/// What a replay was made from.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Eq, Debug, Default)]
+#[serde(default)]
+pub struct ReplayMeta {
+    /// The log whose measured speeds drove the model: its file's name.
+    pub source: String,
+    /// SHA-256 of that file, in hexadecimal.
+    pub source_sha256: String,
+}
+
 macro_rules! names {
     ($($type:ty: $name:literal),* $(,)?) => {
         $(impl Meta for $type {
@@ -216,7 +226,7 @@ macro_rules! names {
 names! {
     Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
     CalibrationMeta: "calibration", ClockFit: "clock", Summary: "summary", RecoveryMeta: "recovery",
-    ModelMeta: "model", SteadyMeta: "steady",
+    ModelMeta: "model", SteadyMeta: "steady", ReplayMeta: "replay",
 }
 
 impl Identity {

@@ -84,6 +84,8 @@ pub struct Reader {
     tables: BTreeMap<String, Table>,
     queue: VecDeque<Message>,
     counts: BTreeMap<String, u64>,
+    /// The channels that are wanted; `None`: all.
+    only: Option<&'static [&'static str]>,
 }
 
 impl Reader {
@@ -121,7 +123,16 @@ impl Reader {
             tables: BTreeMap::new(),
             queue: VecDeque::new(),
             counts: BTreeMap::new(),
+            only: None,
         })
+    }
+
+    /// Leaves out, undecoded, the messages of all channels but these.
+    #[must_use]
+    pub fn only(mut self, topics: &'static [&'static str]) -> Self {
+        self.queue.retain(|message| topics.contains(&message.topic.as_str()));
+        self.only = Some(topics);
+        self
     }
 
     /// A metadata record, if it has been come across. The summary is the last.
@@ -134,7 +145,7 @@ impl Reader {
         &self.tables
     }
 
-    /// Messages so far by channel.
+    /// Messages so far by channel, those that were left out too.
     pub fn counts(&self) -> &BTreeMap<String, u64> {
         &self.counts
     }
@@ -177,25 +188,26 @@ impl Reader {
                 self.channels.insert(channel.id, (channel.topic, schema));
             }
             Entry::Message(header, data) => {
-                let message = self.message(&header, data);
-                *self.counts.entry(message.topic.clone()).or_default() += 1;
-                self.queue.push_back(message);
+                let (topic, schema) = match self.channels.get(&header.channel_id) {
+                    Some((topic, schema)) => (topic.clone(), schema.as_str()),
+                    None => (format!("channel {}", header.channel_id), ""),
+                };
+                let wanted = self.only.is_none_or(|only| only.contains(&topic.as_str()));
+                let body = wanted.then(|| Body::decode(&topic, schema, data));
+                *self.counts.entry(topic.clone()).or_default() += 1;
+                self.queue.extend(body.map(|body| message(topic, &header, body)));
             }
         }
     }
+}
 
-    fn message(&self, header: &MessageHeader, data: Vec<u8>) -> Message {
-        let (topic, body) = match self.channels.get(&header.channel_id) {
-            Some((topic, schema)) => (topic.clone(), Body::decode(topic, schema, data)),
-            None => (format!("channel {}", header.channel_id), Body::Other(data)),
-        };
-        Message {
-            topic,
-            sequence: header.sequence,
-            log_time_ns: header.log_time,
-            publish_time_ns: header.publish_time,
-            body,
-        }
+fn message(topic: String, header: &MessageHeader, body: Body) -> Message {
+    Message {
+        topic,
+        sequence: header.sequence,
+        log_time_ns: header.log_time,
+        publish_time_ns: header.publish_time,
+        body,
     }
 }
 

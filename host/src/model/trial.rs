@@ -2,7 +2,7 @@
 
 use super::board::{Board, Order};
 use super::{Model, ModelError, messages, shapes};
-use crate::log::{End, EventKind, LogError, Origin, Start, SteadyMeta, Summary, Writer};
+use crate::log::{End, EventKind, LogError, Origin, ReplayMeta, Start, SteadyMeta, Summary, Writer};
 use crate::plan::{Phases, Plan, Trial};
 use nalgebra::Vector3;
 use protocol::units::CentiRpm;
@@ -14,14 +14,50 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 /// Called with the trial's time as it goes on; `false` ends the trial.
-pub(super) type Watch<'a> = &'a dyn Fn(f64) -> bool;
+pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
 
-/// How the motors of the model come to their speed: as in [`profile::Phases`].
-fn speeds(trial: &Trial) -> Result<SpeedProfile, ModelError> {
-    let Phases { calibrate_s: calibrate, preroll_s: preroll, run_s: run, decay_s: decay } = trial.phases;
-    let phases = profile::Phases { calibrate, preroll, run, decay, ..profile::Phases::default() };
-    SpeedProfile::phases(&phases, trial.speeds.map(CentiRpm::rpm))
-        .map_err(|error| ModelError::Profile { trial: trial.name.clone(), error })
+/// What a trial goes through: speeds over time, and phases.
+#[derive(Clone, Debug)]
+pub struct Course {
+    /// The speeds, from the trial's start at 0.
+    pub profile: SpeedProfile,
+    /// The phases in their order.
+    pub phases: Vec<Phase>,
+    /// When the trial ends, s.
+    pub end_s: f64,
+    /// What it is a replay of, if it is one.
+    pub replay: Option<ReplayMeta>,
+}
+
+/// A phase of a trial.
+#[derive(Clone, Debug)]
+pub struct Phase {
+    /// Its name in the log.
+    pub name: String,
+    /// When it starts, s.
+    pub start_s: f64,
+}
+
+impl Course {
+    /// The course of a trial as its plan has it; the motors come to their speed as in [`profile::Phases`].
+    ///
+    /// # Errors
+    /// [`ModelError::Profile`].
+    pub fn planned(trial: &Trial) -> Result<Self, ModelError> {
+        let Phases { calibrate_s: calibrate, preroll_s: preroll, run_s: run, decay_s: decay } = trial.phases;
+        let phases = profile::Phases { calibrate, preroll, run, decay, ..profile::Phases::default() };
+        let profile = SpeedProfile::phases(&phases, trial.speeds.map(CentiRpm::rpm))
+            .map_err(|error| ModelError::Profile { trial: trial.name.clone(), error })?;
+        let mut start_s = 0.0;
+        let mut phases = Vec::new();
+        for (name, length_s) in [("calibrate", calibrate), ("preroll", preroll), ("run", run), ("decay", decay)] {
+            if length_s > 0.0 {
+                phases.push(Phase { name: name.to_owned(), start_s });
+            }
+            start_s += length_s;
+        }
+        Ok(Self { profile, phases, end_s: trial.phases.total_s(), replay: None })
+    }
 }
 
 /// Computes a trial into a log at `path`, and closes it with what the trial came to. The log of a trial that the solver
@@ -30,11 +66,11 @@ pub(super) fn run(
     model: &Model,
     plan: &Plan,
     trial: &Trial,
-    attempt: u32,
-    path: &Path,
+    course: &Course,
+    (attempt, path): (u32, &Path),
     watch: Watch,
 ) -> Result<SteadyMeta, ModelError> {
-    let profile = speeds(trial)?;
+    let profile = course.profile.clone();
     let mut solved = sim::trial::Trial::new(&model.robot, model.closure, profile, model.options)?;
     let board = Board::new(&model.robot, model.settings);
     let start = Start {
@@ -47,15 +83,19 @@ pub(super) fn run(
     };
     let mut log = Writer::create(path, &start)?;
     log.meta(model.meta())?;
+    if let Some(replay) = &course.replay {
+        log.meta(replay)?;
+    }
     let mut recorder = Recorder {
         log,
         board,
         rod_radius_m: model.robot.flagellum.rod_radius_m,
-        phases: phases(trial),
+        course,
+        speeds: trial.speeds,
         entered: 0,
         index: 0,
     };
-    let failure = match recorder.record(&mut solved, trial, watch)? {
+    let failure = match recorder.record(&mut solved, watch)? {
         Flow::Interrupted => return Err(ModelError::Interrupted),
         Flow::Failed(error) => Some(error),
         Flow::Done => None,
@@ -84,45 +124,21 @@ enum Flow {
     Failed(StepError),
 }
 
-struct Phase {
-    name: &'static str,
-    start_s: f64,
-    order: Order,
-}
-
-/// The phases that a trial has, in their order.
-fn phases(trial: &Trial) -> Vec<Phase> {
-    let Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
-    let still = [CentiRpm(0); 2];
-    let mut start_s = 0.0;
-    let mut phases = Vec::new();
-    for (name, length_s, state, target) in [
-        ("calibrate", calibrate_s, State::Calibrating, still),
-        ("preroll", preroll_s, State::Idle, still),
-        ("run", run_s, State::Running, trial.speeds),
-        ("decay", decay_s, State::Idle, still),
-    ] {
-        if length_s > 0.0 {
-            phases.push(Phase { name, start_s, order: Order { state, target } });
-        }
-        start_s += length_s;
-    }
-    phases
-}
-
-struct Recorder {
+struct Recorder<'a> {
     log: Writer,
     board: Board,
     rod_radius_m: f64,
-    phases: Vec<Phase>,
+    course: &'a Course,
+    /// Of the run.
+    speeds: [CentiRpm; 2],
     /// Phases that have begun.
     entered: usize,
     /// Samples that were kept.
     index: u64,
 }
 
-impl Recorder {
-    fn record(&mut self, solved: &mut sim::trial::Trial, trial: &Trial, watch: Watch) -> Result<Flow, LogError> {
+impl Recorder<'_> {
+    fn record(&mut self, solved: &mut sim::trial::Trial, watch: Watch) -> Result<Flow, LogError> {
         let mut samples = solved.by_ref().peekable();
         let mut before: Option<(f64, Vector3<f64>)> = None;
         while let Some(sample) = samples.next() {
@@ -139,21 +155,26 @@ impl Recorder {
             self.keep(&sample, change(before.unwrap_or(now), after.unwrap_or(now)))?;
             before = Some(now);
         }
-        let end = trial.phases.total_s();
-        self.event(end, EventKind::Phase, "end")?;
+        self.event(self.course.end_s, EventKind::Phase, "end")?;
         Ok(Flow::Done)
     }
 
     fn keep(&mut self, sample: &Sample, turning: Vector3<f64>) -> Result<(), LogError> {
-        while let Some(phase) = self.phases.get(self.entered).filter(|phase| phase.start_s <= sample.time_s + 1e-9) {
-            let (name, start_s) = (phase.name, phase.start_s);
-            if self.entered > 0 && self.phases[self.entered - 1].name == "calibrate" {
-                self.calibrated(start_s)?;
+        let phases = &self.course.phases;
+        while let Some(phase) = phases.get(self.entered).filter(|phase| phase.start_s <= sample.time_s + 1e-9) {
+            if self.entered > 0 && phases[self.entered - 1].name == "calibrate" {
+                self.calibrated(phase.start_s)?;
             }
-            self.event(start_s, EventKind::Phase, name)?;
+            self.event(phase.start_s, EventKind::Phase, &phase.name)?;
             self.entered += 1;
         }
-        let order = self.phases[self.entered.saturating_sub(1)].order;
+        let still = [CentiRpm(0); 2];
+        let (state, target) = match self.entered.checked_sub(1).map(|entered| phases[entered].name.as_str()) {
+            Some("calibrate") => (State::Calibrating, still),
+            Some("run") => (State::Running, self.speeds),
+            _ => (State::Idle, still),
+        };
+        let order = Order { state, target };
         let frame = self.board.telemetry(self.index, sample, turning, order);
         let host = instant(sample.time_s);
         self.log.telemetry(&frame, Board::clock_us(sample.time_s), host)?;

@@ -24,8 +24,9 @@ const SCRIPTS: [&str; 7] = [
 /// own, known by a number that nobody who wrote a log could know, and lets the page reach no network.
 pub(super) fn page(title: &str, kind: &str, body: &Markup, data: &Markup) -> Markup {
     let nonce = nonce();
-    let policy =
-        format!("default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'");
+    let policy = format!(
+        "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+    );
     html! {
         (DOCTYPE)
         html lang="en" {

@@ -75,11 +75,20 @@ pub struct Written {
     pub warnings: usize,
 }
 
-/// The page of a log, beside what it was compared with, at `out`: by default beside the log.
+/// The page of a log or of a session's folder, beside what it was compared with, at `out`: by default beside the log, or
+/// `report.html` in the session's folder.
 ///
 /// # Errors
 /// [`ReportError`].
-pub fn of_log(log: &Path, comparison: Option<&Comparison>, out: Option<&Path>) -> Result<Written, ReportError> {
+pub fn write(path: &Path, comparison: Option<&SessionComparison>, out: Option<&Path>) -> Result<Written, ReportError> {
+    if path.is_dir() {
+        return of_session(&Session::open(path)?, comparison, out);
+    }
+    let compared = comparison.and_then(|comparison| comparison.trials.iter().find(|trial| trial.measured == path));
+    of_log(path, compared, out)
+}
+
+fn of_log(log: &Path, comparison: Option<&Comparison>, out: Option<&Path>) -> Result<Written, ReportError> {
     let out = out.map_or_else(|| log.with_extension("html"), Path::to_owned);
     check(&out)?;
     let view = view(log, comparison.cloned(), Room::of(DATA_BYTES, 1))?;
@@ -89,14 +98,11 @@ pub fn of_log(log: &Path, comparison: Option<&Comparison>, out: Option<&Path>) -
         (footer(&view))
     };
     let page = document::page(&trial_section::title(&view), "one", &body, &data(&view, &id));
-    write(&out, &page, 1, view.warnings.len())
+    put(&out, &page, 1, view.warnings.len())
 }
 
-/// The page of a session, beside what it was compared with, at `out`: by default `report.html` in its folder.
-///
-/// # Errors
-/// [`ReportError`]. A log that does not read is shown as such.
-pub fn of_session(
+/// A log that does not read is shown as such.
+fn of_session(
     session: &Session,
     comparison: Option<&SessionComparison>,
     out: Option<&Path>,
@@ -108,9 +114,8 @@ pub fn of_session(
     let row = |state: &TrialState| {
         let trial = &state.trial;
         let attempt = state.complete().or(state.attempts.last());
-        let compared = attempt.and_then(|attempt| {
-            comparison?.trials.iter().find(|compared| compared.measured == attempt.path).cloned()
-        });
+        let compared = attempt
+            .and_then(|attempt| comparison?.trials.iter().find(|compared| compared.measured == attempt.path).cloned());
         let skipped = comparison.and_then(|comparison| comparison.skipped.iter().find(|one| one.name == trial.name));
         let state = match attempt {
             None => RowState::Missing,
@@ -134,7 +139,7 @@ pub fn of_session(
     };
     let all_data = html! { @for (id, view) in shown() { (data(view, &id)) } };
     let page = document::page(&text::clip(&session.plan().name, 200), "session", &body, &all_data);
-    write(&out, &page, shown().count(), shown().map(|(_, view)| view.warnings.len()).sum())
+    put(&out, &page, shown().count(), shown().map(|(_, view)| view.warnings.len()).sum())
 }
 
 /// Reads what is to be shown of a log, and of the model's log that it was compared with.
@@ -190,7 +195,7 @@ fn check(out: &Path) -> Result<(), ReportError> {
     }
 }
 
-fn write(out: &Path, page: &Markup, trials: usize, warnings: usize) -> Result<Written, ReportError> {
+fn put(out: &Path, page: &Markup, trials: usize, warnings: usize) -> Result<Written, ReportError> {
     let text = &page.0;
     whole_file::replace(out, |file| file.write_all(text.as_bytes()))
         .map_err(|source| ReportError::Write { path: out.to_owned(), source })?;

@@ -173,8 +173,7 @@ impl Collector {
             Body::Truth(truth) => {
                 self.has_truth = true;
                 self.turns = [truth.motor1_turns, truth.motor2_turns];
-                let row =
-                    [truth.yaw_deg, truth.pitch_deg, truth.roll_deg, truth.motor1_turns, truth.motor2_turns];
+                let row = [truth.yaw_deg, truth.pitch_deg, truth.roll_deg, truth.motor1_turns, truth.motor2_turns];
                 self.truth.push(truth.time_s, row);
             }
             Body::Flagella(scene) => self.shapes.push(time_s, self.turns, scene),

@@ -114,7 +114,8 @@ fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
         notes.extend(count("could not be compared; the table says why", skipped.len()));
     }
     if !has_charts {
-        let text = "So many trials are too much for the charts of each on one page: `biflag report LOG` draws those of one.";
+        let text =
+            "So many trials are too much for the charts of each on one page: `biflag report LOG` draws those of one.";
         notes.push(text.to_owned());
     }
     notes

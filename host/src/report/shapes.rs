@@ -49,9 +49,11 @@ impl Shapes {
         if self.frames.last().is_some_and(|last| time_s < last.time_s + self.least_s - 1e-6) {
             return;
         }
-        let mut lines = scene.entities.iter().flat_map(|entity| &entity.lines).map(|line| {
-            line.points.iter().map(|point| [point.x, point.y, point.z]).collect::<Vec<_>>()
-        });
+        let mut lines = scene
+            .entities
+            .iter()
+            .flat_map(|entity| &entity.lines)
+            .map(|line| line.points.iter().map(|point| [point.x, point.y, point.z]).collect::<Vec<_>>());
         let (Some(first), Some(second)) = (lines.next(), lines.next()) else { return };
         if first.len() < 2 || self.frames.first().is_some_and(|frame| frame.lines[0].len() != first.len()) {
             return;
@@ -134,10 +136,16 @@ mod tests {
     fn scene(robot: &Robot, turns: [f64; 2]) -> SceneUpdate {
         let feet = robot.shaft_feet();
         let line = |k: usize| LinePrimitive {
-            points: robot.flagellum.helix(k).nodes(robot.flagellum.edges()).iter().map(|node| {
-                let p = Shaft::new(feet[k], turns[k] * TAU).point_to_body(*node);
-                Point3 { x: p.x, y: p.y, z: p.z }
-            }).collect(),
+            points: robot
+                .flagellum
+                .helix(k)
+                .nodes(robot.flagellum.edges())
+                .iter()
+                .map(|node| {
+                    let p = Shaft::new(feet[k], turns[k] * TAU).point_to_body(*node);
+                    Point3 { x: p.x, y: p.y, z: p.z }
+                })
+                .collect(),
             ..LinePrimitive::default()
         };
         let entity = SceneEntity { lines: vec![line(0), line(1)], ..SceneEntity::default() };

@@ -33,13 +33,22 @@ fn log(path: &Path, plan: &Plan, text: Option<&str>) {
     let mut writer = Writer::create(path, &start).unwrap();
     if let Some(text) = text {
         let text = || text.to_owned();
-        let identity = Identity { format: 1, host_version: text(), host_git_hash: text(), created: text(), ..Identity::default() };
+        let identity =
+            Identity { format: 1, host_version: text(), host_git_hash: text(), created: text(), ..Identity::default() };
         writer.meta(&identity).unwrap();
         writer.meta(&PlanMeta { name: text(), operator: text(), note: text(), trials: 1, text: text() }).unwrap();
         writer.meta(&TrialMeta { name: text(), w1_rpm: 50.0, w2_rpm: 10.0, ..TrialMeta::default() }).unwrap();
         writer.meta(&RobotMeta { name: text(), text: text() }).unwrap();
         writer.meta(&ModelMeta { parameters: text(), ..ModelMeta::default() }).unwrap();
-        writer.meta(&BoardMeta { firmware: text(), firmware_git_hash: text(), reset_cause: text(), settings: text(), ..BoardMeta::default() }).unwrap();
+        writer
+            .meta(&BoardMeta {
+                firmware: text(),
+                firmware_git_hash: text(),
+                reset_cause: text(),
+                settings: text(),
+                ..BoardMeta::default()
+            })
+            .unwrap();
         writer.meta(&CalibrationMeta::default()).unwrap();
         writer.meta(&RecoveryMeta { source: text(), lost: text() }).unwrap();
     }
@@ -173,7 +182,9 @@ fn a_session_lists_what_it_has_and_what_it_has_not() {
     let written = of_session(&session, None, None).unwrap();
     assert_eq!(written.trials, 1);
     let page = std::fs::read_to_string(written.html).unwrap();
-    assert!(page.contains("href=\"#trial-1\"") && page.contains("id=\"trial-1\"") && !page.contains("href=\"#trial-2\""));
+    assert!(
+        page.contains("href=\"#trial-1\"") && page.contains("id=\"trial-1\"") && !page.contains("href=\"#trial-2\"")
+    );
     assert_eq!(page.matches("not yet").count(), 2);
     assert!(page.contains("2 of 3 trials have no log yet."));
 }

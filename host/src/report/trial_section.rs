@@ -124,13 +124,17 @@ fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {
     let angle = steady.angles_deg[i];
     let uncertainty = if i == 0 { steady.yaw_uncertainty_deg } else { None };
     let spread = uncertainty.map(|deg| format!("± {} (95 %)", degrees(deg, 2)));
-    tile(name, &degrees(angle, 2), &html! {
-        @if let Some(spread) = &spread { (spread) }
-        @if let Some(modelled) = steady.modelled_deg {
-            @if spread.is_some() { br; }
-            b { "model " (degrees(modelled[i], 2)) } ", error " (degrees(modelled[i] - angle, 2))
-        } @else if spread.is_none() { "mean at the end of the run" }
-    })
+    tile(
+        name,
+        &degrees(angle, 2),
+        &html! {
+            @if let Some(spread) = &spread { (spread) }
+            @if let Some(modelled) = steady.modelled_deg {
+                @if spread.is_some() { br; }
+                b { "model " (degrees(modelled[i], 2)) } ", error " (degrees(modelled[i] - angle, 2))
+            } @else if spread.is_none() { "mean at the end of the run" }
+        },
+    )
 }
 
 /// Warnings, where there are any.
@@ -145,7 +149,11 @@ pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
 
 fn scene(view: &View) -> Markup {
     let whose = if view.borrowed_shapes { "the model’s log" } else { "the log" };
-    let steady = if view.comparison.is_some() { "The blue pointer is the measured yaw, the orange one the model’s." } else { "The blue pointer is the yaw." };
+    let steady = if view.comparison.is_some() {
+        "The blue pointer is the measured yaw, the orange one the model’s."
+    } else {
+        "The blue pointer is the yaw."
+    };
     html! {
         figure.scene {
             canvas tabindex="0" role="img"
@@ -357,7 +365,8 @@ fn how(view: &View) -> Vec<(&'static str, String)> {
         facts.push(("Clock moved by", format!("{} s", number(comparison.time_shift_s, 3))));
     }
     if let Some(trial) = &overview.trial {
-        facts.push(("Trial", format!("number {}, repeat {}, attempt {}", trial.index + 1, trial.repeat, trial.attempt)));
+        facts
+            .push(("Trial", format!("number {}, repeat {}, attempt {}", trial.index + 1, trial.repeat, trial.attempt)));
         let [calibrate, preroll, run, decay] =
             [trial.calibrate_s, trial.preroll_s, trial.run_s, trial.decay_s].map(plain);
         facts.push(("Phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s")));
@@ -368,13 +377,21 @@ fn how(view: &View) -> Vec<(&'static str, String)> {
     }
     match (&overview.model, &overview.board) {
         (Some(model), _) => {
-            facts.push(("Model", format!("closure {}, {} samples a second", word(&model.closure), plain(model.rate_hz))));
+            facts.push((
+                "Model",
+                format!("closure {}, {} samples a second", word(&model.closure), plain(model.rate_hz)),
+            ));
         }
         (None, Some(board)) => {
             let (version, hash) = (&board.firmware, &board.firmware_git_hash);
             facts.push(("Firmware", format!("{version} ({hash}), protocol {}", board.protocol)));
-            facts.push(("Board", format!("number {}, IMU {:#04x}, start {} by {}", board.board_id, board.imu_id,
-                board.boot_count, board.reset_cause)));
+            facts.push((
+                "Board",
+                format!(
+                    "number {}, IMU {:#04x}, start {} by {}",
+                    board.board_id, board.imu_id, board.boot_count, board.reset_cause
+                ),
+            ));
         }
         (None, None) => {}
     }

@@ -153,8 +153,18 @@ impl View {
         let robot = shown.robot();
         let shapes = shown.shapes.page(&robot, room.shapes);
         self.shapes_per_s = shapes["per_s"].as_f64().unwrap_or(0.0);
-        let names = ["yaw", "pitch", "roll", "band", "model_yaw", "model_pitch", "model_roll", "true_yaw", "true_pitch",
-            "true_roll"];
+        let names = [
+            "yaw",
+            "pitch",
+            "roll",
+            "band",
+            "model_yaw",
+            "model_pitch",
+            "model_roll",
+            "true_yaw",
+            "true_pitch",
+            "true_roll",
+        ];
         json!({
             "end_s": recording.overview.duration_s,
             "phases": phases(recording),
