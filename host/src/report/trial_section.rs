@@ -122,7 +122,7 @@ fn tiles(view: &View) -> Markup {
 
 fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {
     let angle = steady.angles_deg[i];
-    let uncertainty = if i == 0 { steady.yaw_uncertainty_deg } else { None };
+    let uncertainty = if i == 0 { steady.yaw_uncertainty_deg.filter(|deg| *deg > 0.0) } else { None };
     let spread = uncertainty.map(|deg| format!("± {} (95 %)", degrees(deg, 2)));
     tile(
         name,
@@ -187,16 +187,25 @@ fn player(view: &View) -> Markup {
     }
 }
 
+/// What the trial's own angles are called, beside those of the model.
+fn own_name(view: &View) -> &'static str {
+    match (view.is_model(), view.comparison.is_some()) {
+        (false, _) => "measured",
+        (true, false) => "model",
+        (true, true) => "this log",
+    }
+}
+
 fn readout(view: &View) -> Markup {
-    let own = if view.is_model() { "Model" } else { "Measured" };
+    let own = own_name(view);
     let out = |what: &str| html! { td data-out=(what) { "–" } };
     html! {
         table.readout {
             thead { tr {
                 th scope="col" { span data-out="time" {} " " span.meta data-out="phase" {} }
                 th scope="col" { (own) }
-                @if view.comparison.is_some() { th scope="col" { "Model" } }
-                @if view.has_truth { th scope="col" { "Truth" } }
+                @if view.comparison.is_some() { th scope="col" { "model" } }
+                @if view.has_truth { th scope="col" { "truth" } }
             } }
             tbody {
                 @for (name, column) in [("Yaw ψ, °", "yaw"), ("Pitch θ, °", "pitch"), ("Roll φ, °", "roll")] {
@@ -224,7 +233,7 @@ fn readout(view: &View) -> Markup {
 struct Line(&'static str, &'static str);
 
 fn charts(view: &View) -> Markup {
-    let own = if view.is_model() { "model" } else { "measured" };
+    let own = own_name(view);
     let angle_lines = |with_band: bool| {
         let mut lines = vec![Line("c-measured", own)];
         if with_band && view.has_yaw_band {

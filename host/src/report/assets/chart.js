@@ -109,7 +109,7 @@ biflag.Chart = class {
     this.needle = document.createElement("div");
     this.needle.className = "needle";
     this.plot.over.append(this.needle);
-    if (range && range.min !== null) this.zoom([range.min, range.max]);
+    this.zoom(range && range.min !== null ? [range.min, range.max] : null);
     this.point(this.trial.time);
   }
 
