@@ -107,8 +107,11 @@ impl Recording {
             Drift::seen(&track, times.preroll.clone(), times.decay.clone())
         };
         let from = 0.5 * (before.start + before.end);
+        // Before the gyroscope was calibrated its rates, and so the yaw, meant something else.
+        let known = if times.preroll.end > times.preroll.start { times.preroll.start } else { 0.0 };
         for (time, value) in time_s.iter().zip(yaw) {
             let row = match &drift {
+                _ if *time < known => [f64::NAN; 2],
                 Some(drift) => {
                     let uncertainty = drift.uncertainty(from.min(*time), from.max(*time));
                     [value - zero - drift.between(from, *time), uncertainty]
@@ -120,7 +123,7 @@ impl Recording {
         table
     }
 
-    /// True yaw, pitch, roll at a time.
+    /// When both shafts had turned how far: as truly as the log knows.
     pub fn turns_source(&self) -> (&[f64], [&[f64]; 2]) {
         if self.truth.time_s.is_empty() {
             let [.., one, two] = &self.telemetry.columns;
@@ -191,7 +194,7 @@ impl Collector {
     }
 
     fn telemetry(&mut self, telemetry: &Telemetry) {
-        let [one, two] = [&telemetry.motor1, &telemetry.motor2].map(|motor| motor.clone().unwrap_or_default());
+        let [one, two] = [&telemetry.motor1, &telemetry.motor2].map(|motor| motor.unwrap_or_default());
         let Motor { target_rpm, speed_rpm, turns, .. } = one;
         if !self.has_truth {
             self.turns = [turns, two.turns];
