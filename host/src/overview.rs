@@ -4,7 +4,7 @@ use crate::attitude::{Angles, Series, Times};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::{
     BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, ModelMeta, PlanMeta,
-    Reader, RecoveryMeta, SteadyMeta, Summary, TrialMeta,
+    Reader, RecoveryMeta, RobotMeta, SteadyMeta, Summary, TrialMeta,
 };
 use crate::stats::LinkStats;
 use protocol::units::CentiRpm;
@@ -20,6 +20,8 @@ pub struct Overview {
     pub plan: Option<PlanMeta>,
     /// The trial.
     pub trial: Option<TrialMeta>,
+    /// The robot's parameters, as the plan gave them.
+    pub robot: Option<RobotMeta>,
     /// The board.
     pub board: Option<BoardMeta>,
     /// What the trial was computed with, and what it came to, where it was.
@@ -38,6 +40,8 @@ pub struct Overview {
     pub link: LinkStats,
     /// Angles, computed anew.
     pub angles: Option<Angles>,
+    /// When its phases were.
+    pub times: Times,
     /// Time of the last telemetry frame on the trial's clock.
     pub duration_s: f64,
     /// Messages by channel.
@@ -54,17 +58,29 @@ impl Overview {
     /// # Errors
     /// [`LogError`].
     pub fn read(path: &Path) -> Result<Self, LogError> {
+        Self::read_with(path, |_| {})
+    }
+
+    /// Reads a whole log, and shows each of its messages to `see` on the way.
+    ///
+    /// # Errors
+    /// [`LogError`].
+    pub fn read_with(path: &Path, mut see: impl FnMut(&Message)) -> Result<Self, LogError> {
         let mut reader = Reader::open(path)?;
         let mut collector = Collector::default();
         for message in reader.by_ref() {
-            collector.take(&message?);
+            let message = message?;
+            collector.take(&message);
+            see(&message);
         }
+        let times = collector.times();
         let trial: Option<TrialMeta> = reader.meta();
         let speeds = trial.as_ref().map_or([CentiRpm(0); 2], |t| [t.w1_rpm, t.w2_rpm].map(CentiRpm::from_rpm));
         let summary: Option<Summary> = reader.meta();
         Ok(Self {
             identity: reader.meta(),
             plan: reader.meta(),
+            robot: reader.meta(),
             board: reader.meta(),
             model: reader.meta(),
             steady: reader.meta(),
@@ -72,7 +88,8 @@ impl Overview {
             clock: reader.meta(),
             recovery: reader.meta(),
             link: collector.link(summary.as_ref().map(|summary| summary.link)),
-            angles: Angles::of(&collector.series, &collector.times(), speeds),
+            angles: Angles::of(&collector.series, &times, speeds),
+            times,
             duration_s: collector.duration_s,
             channels: reader.counts().clone(),
             condition: reader.condition().unwrap_or(Condition::Damaged),

@@ -3,6 +3,7 @@
 use super::replay::{interruption, robot};
 use super::simulate::{ClosureName, cores};
 use super::{Answer, Outcome, WRONG_USE};
+use crate::report;
 use crate::session::Session;
 use crate::twin::{self, Allow, Comparison, SessionComparison, Source};
 use serde::Serialize;
@@ -84,10 +85,14 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         return Err(miette::miette!(code = WRONG_USE, "nothing could be compared: {}", reasons.join("; ")));
     }
     let is_whole = comparison.skipped.is_empty() && comparison.trials.iter().all(|trial| trial.warnings.is_empty());
-    let outcome = if is_whole { Outcome::Done } else { Outcome::WithLoss };
-    // The page of the comparison, where one is made.
-    let report = None;
-    Answer::new(outcome, &Compared { comparison: &comparison, report }, describe(&comparison))
+    // Figures without a page are better than none.
+    let (report, page) = match report::write(&args.a, Some(&comparison), None) {
+        Ok(written) => (Some(written.html.clone()), format!("report: {}\n", written.html.display())),
+        Err(error) => (None, format!("no report: {error}\n")),
+    };
+    let outcome = if is_whole && report.is_some() { Outcome::Done } else { Outcome::WithLoss };
+    let text = describe(&comparison) + &page;
+    Answer::new(outcome, &Compared { comparison: &comparison, report }, text)
 }
 
 fn describe(comparison: &SessionComparison) -> String {

@@ -10,6 +10,7 @@ mod info;
 mod record;
 mod recover;
 mod replay;
+mod report;
 mod settings;
 mod simulate;
 
@@ -40,6 +41,7 @@ enum Command {
     Calibrate(calibrate::Args),
     Info(info::Args),
     Recover(recover::Args),
+    Report(report::Args),
     Export(export::Args),
 }
 
@@ -65,6 +67,7 @@ pub fn run() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Recover(args) => recover::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Export(args) => export::run(&args),
     };
     answer::finish(result, cli.json)

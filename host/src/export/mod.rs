@@ -5,6 +5,7 @@ mod columns;
 mod parquet;
 
 use crate::log::{Body, Condition, LogError, Message, Reader};
+use crate::whole_file;
 use miette::Diagnostic;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -100,10 +101,9 @@ pub fn export(log: &Path, output: &Path, format: Format, replace: bool) -> Resul
         return Err(ExportError::Itself { path: output.to_owned() });
     }
     // What is to be replaced stays until all of the new is there.
-    let mut partial = output.as_os_str().to_owned();
-    partial.push(".partial");
-    let target = if replace { Path::new(&partial) } else { output };
-    let file = if replace { File::create(target) } else { File::create_new(target) }.map_err(failed)?;
+    let draft = whole_file::draft(output);
+    let target = if replace { &draft } else { output };
+    let file = if replace { whole_file::create(target) } else { File::create_new(target) }.map_err(failed)?;
     let file = BufWriter::new(file);
     let mut sink: Box<dyn Sink> = match format {
         Format::Csv => Box::new(Csv::new(file).map_err(failed)?),
