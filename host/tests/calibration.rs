@@ -19,7 +19,7 @@ use sim::trial::{Options, Trial};
 use std::f64::consts::TAU;
 
 /// The calibration is the time in which the flagella come to sag as those of a robot that has always hung there.
-const PHASES: Phases = Phases { calibrate: 40.0, preroll: 20.0, run: 40.0, decay: 15.0, ramp: 0.25 };
+const PHASES: Phases = Phases { calibrate: 40.0, preroll: 20.0, run: 40.0, decay: 15.0, ramp: 0.25, reverse: None };
 const SPEEDS: [[f64; 2]; 3] = [[50.0, 10.0], [-90.0, 90.0], [0.0, 45.0]];
 
 /// A linear congruential generator (Knuth's MMIX): the same draws on every machine.
