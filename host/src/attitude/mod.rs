@@ -9,7 +9,7 @@ mod trial;
 
 pub use drift::Drift;
 pub use series::{Series, Track};
-pub use trial::{Angles, Times, steady_window};
+pub use trial::{Angles, PhaseTimes, Times, steady_window};
 
 use nalgebra::{Quaternion, UnitQuaternion};
 

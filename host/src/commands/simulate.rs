@@ -1,12 +1,12 @@
 //! `biflag simulate`: runs a plan in the model.
 
 use super::{Answer, Outcome, WRONG_USE};
-use crate::log::{self, ModelMeta, SteadyMeta};
+use crate::log::{self, ModelMeta, Origin, SteadyMeta};
 use crate::model::{Batch, Model, TrialRun};
 use crate::plan::{Plan, Trial};
 use crate::rig::Progress;
 use crate::robot_file;
-use crate::session::{self, Session, SessionError};
+use crate::session::{self, Session, SessionError, Sharing};
 use miette::{IntoDiagnostic, WrapErr};
 use protocol::units::CentiRpm;
 use serde::Serialize;
@@ -26,7 +26,7 @@ use std::time::Instant;
     Exit code 3: a trial has not settled. 1: the solver could not end a trial; the others are there.\n\
     The logs do not depend on --jobs or --shard, nor on what was interrupted and gone on with.")]
 pub struct Args {
-    /// The plan.
+    /// The plan: a TOML file like the one that `biflag record --help` shows.
     #[arg(required_unless_present = "speeds", conflicts_with = "speeds")]
     plan: Option<PathBuf>,
     /// Speeds of flagella 1 and 2 in rpm instead of a plan; `--speeds=-90,90` where the first is negative.
@@ -158,6 +158,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let folder = args.out.clone().unwrap_or_else(|| session::default_folder(&plan));
     let session = open(&folder, &plan, &mine, args)?;
 
+    let _lock = session.lock(if args.shard.is_some() { Sharing::WithShards } else { Sharing::Alone })?;
+    session.expect_same_rig(&session.states()?, Origin::Model, None)?;
     let mut trials = Vec::new();
     let mut todo = Vec::new();
     for trial in mine {

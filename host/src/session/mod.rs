@@ -10,14 +10,20 @@
 //!
 //! How far a trial is stands in its logs; the folder keeps no second account of it. Names come from the plan's numbers
 //! alone, so no text of a plan can lead out of the folder.
+//!
+//! One program at a time writes into a session ([`Session::lock`]), and all of its trials run on the same thing
+//! ([`Session::expect_same_rig`]).
 
 mod error;
+mod lock;
 mod manifest;
+mod rig;
 
 pub use error::SessionError;
+pub use lock::{Lock, Sharing};
 pub use manifest::MANIFEST;
 
-use crate::log::{self, End, Summary};
+use crate::log::{self, End, RecoveryMeta, Summary};
 use crate::plan::{Plan, Trial};
 use manifest::Manifest;
 use std::path::{Path, PathBuf};
@@ -47,15 +53,17 @@ pub struct Attempt {
     pub path: PathBuf,
     /// What it came to; `None`: the log does not end as it should.
     pub summary: Option<Summary>,
+    /// Whether it was recovered from a log of which something is lost.
+    pub has_loss: bool,
 }
 
 impl TrialState {
-    /// The last attempt that holds the whole trial.
+    /// The last attempt that holds the whole trial. One that something was lost of does not, though its log may end as
+    /// it should: what was recovered of it says so.
     pub fn complete(&self) -> Option<&Attempt> {
-        self.attempts
-            .iter()
-            .rev()
-            .find(|attempt| attempt.summary.as_ref().is_some_and(|summary| summary.end == End::Complete))
+        let lost = |number| self.attempts.iter().any(|attempt| attempt.has_loss && attempt.number == number);
+        let ended = |attempt: &&Attempt| attempt.summary.as_ref().is_some_and(|summary| summary.end == End::Complete);
+        self.attempts.iter().rev().filter(ended).find(|attempt| !lost(attempt.number))
     }
 
     /// The number of the attempt that comes next.
@@ -168,7 +176,8 @@ impl Session {
         for name in names[first..].iter().take_while(|name| name.starts_with(&prefix)) {
             let path = self.folder.join(name);
             let number = attempt_number(&name[prefix.len()..]);
-            attempts.push(Attempt { number, summary: log::summary(&path)?, path });
+            let has_loss = log::last_meta::<RecoveryMeta>(&path)?.is_some();
+            attempts.push(Attempt { number, summary: log::summary(&path)?, has_loss, path });
         }
         attempts.sort_by_key(|attempt| attempt.number);
         Ok(TrialState { trial: trial.clone(), attempts })
@@ -194,7 +203,7 @@ fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
         Some("the speeds, repeats or seed")
     } else if old.robot != new.robot {
         Some("the robot")
-    } else if old.board != new.board {
+    } else if old.board.of_the_data() != new.board.of_the_data() {
         Some("the settings of [board]")
     } else {
         None
