@@ -225,8 +225,9 @@ fn info_of_a_session_finds_a_damaged_log() {
     let folder = tempfile::tempdir().unwrap();
     let log = session(folder.path());
     let mut content = std::fs::read(&log).unwrap();
-    let middle = content.len() / 2;
-    content[middle] ^= 0x55;
+    // Into the data of a chunk, behind the name of their compression and a length.
+    let chunk = content.windows(4).enumerate().filter(|(_, four)| four == b"zstd").nth(1).unwrap().0;
+    content[chunk + 4 + 8 + 6] ^= 0x55;
     std::fs::write(&log, content).unwrap();
     let output = biflag(&["info", path(log.parent().unwrap()), "--json"]);
     assert_eq!(code(&output), 3);
@@ -234,7 +235,10 @@ fn info_of_a_session_finds_a_damaged_log() {
     assert_eq!(trial["complete"], false);
     assert!(trial["losses"][0].as_str().unwrap().starts_with("a chunk"), "{trial}");
     let text = String::from_utf8(biflag(&["info", path(log.parent().unwrap())]).stdout).unwrap();
-    assert!(text.contains("0 of 2 trials complete") && text.contains("damaged: a chunk"), "{text}");
+    assert!(
+        text.contains("0 of 2 trials complete") && text.contains("damaged, --resume repeats the trial; lost: a chunk"),
+        "{text}"
+    );
 }
 
 #[test]

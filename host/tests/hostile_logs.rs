@@ -155,7 +155,7 @@ fn a_whole_log_is_whole() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
     fn whatever_happened_to_a_log_its_commands_agree(damages in prop::collection::vec(damage(), 1..5)) {

@@ -102,7 +102,7 @@ fn every_mistake_is_named_with_its_place() {
         (&format!("{speeds}[session]\nrepeats = 99999999999"), "plan.toml:4:11: repeats = 99999999999 alone makes"),
         (
             &format!("[session]\nrepeats = 6000\n{}", "[speeds]\npairs = [[1, 2], [3, 4]]"),
-            "plan.toml:1:1: the plan has 12000",
+            "plan.toml:3:1: the plan has 12000",
         ),
         (&format!("{speeds}[session]\nrepeats = 0"), "plan.toml:4:11: repeats must be 1 or more"),
         (&format!("{speeds}[session]\nrepeats = -2"), "plan.toml:4:11: repeats must be 1 or more"),

@@ -1,11 +1,10 @@
 //! `biflag info`: what a log or a session holds.
 
 use super::{Answer, Outcome};
-use crate::log::{Condition, End, Summary, check};
+use crate::log::{Condition, End, Summary};
 use crate::overview::Overview;
-use crate::session::{Session, TrialState};
+use crate::session::{Attempt, Session, TrialState};
 use crate::stats::LinkStats;
-use rayon::prelude::*;
 use serde_json::json;
 use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
@@ -147,78 +146,58 @@ fn steady(yaw: Option<f64>, uncertainty: Option<f64>, pitch: Option<f64>) -> Str
 
 fn session(folder: &Path) -> miette::Result<Answer> {
     let session = Session::open(folder)?;
-    let trials: Vec<_> = session.states()?.into_par_iter().map(CheckedTrial::new).collect();
-    let complete = trials.iter().filter(|trial| trial.is_complete()).count();
+    let states = session.checked_states()?;
+    let complete = states.iter().filter(|state| state.complete().is_some()).count();
     let mut link = LinkStats::default();
-    let mut text = format!("{}: {complete} of {} trials complete\n", session.plan().name, trials.len());
-    let mut rows = Vec::new();
-    for trial in &trials {
-        let state = &trial.state;
+    let mut text = format!("{}: {complete} of {} trials complete\n", session.plan().name, states.len());
+    let mut trials = Vec::new();
+    for state in &states {
         let attempt = state.complete().or(state.attempts.last());
         let summary = attempt.and_then(|attempt| attempt.summary.as_ref());
         link += summary.map(|summary| summary.link).unwrap_or_default();
         let [w1_rpm, w2_rpm] = state.trial.speeds.map(|speed| speed.rpm());
-        rows.push(json!({
+        trials.push(json!({
             "name": state.trial.name,
             "w1_rpm": w1_rpm,
             "w2_rpm": w2_rpm,
             "log": attempt.map(|attempt| &attempt.path),
             "attempts": state.attempts.len(),
-            "complete": trial.is_complete(),
-            "losses": trial.losses,
+            "complete": state.complete().is_some(),
+            "losses": attempt.map(|attempt| &attempt.losses),
             "summary": summary,
         }));
-        let _ = writeln!(text, "  {:<28} {}", state.trial.name, trial.line());
+        let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(state));
     }
     let _ = writeln!(text, "{link}");
-    let clean = complete == trials.len();
+    let clean = complete == states.len();
     let body = json!({
         "session": folder,
         "samples": link.samples,
         "lost": link.lost,
         "clean": clean,
-        "trials": rows,
+        "trials": trials,
     });
     Answer::new(if clean { Outcome::Done } else { Outcome::WithLoss }, &body, text)
 }
 
-/// A trial, and what of its complete log does not read. Its end alone does not tell.
-struct CheckedTrial {
-    state: TrialState,
-    losses: Vec<String>,
+/// How far a trial of a session is.
+fn line(state: &TrialState) -> String {
+    match state.complete().or(state.attempts.last()) {
+        None => "not yet".to_owned(),
+        Some(Attempt { losses, .. }) if !losses.is_empty() => {
+            format!("damaged, --resume repeats the trial; lost: {}", losses.join("; "))
+        }
+        Some(attempt) => match &attempt.summary {
+            None => "cut off".to_owned(),
+            Some(summary) if summary.end == End::Complete => {
+                let angles = steady(summary.yaw_deg, summary.yaw_uncertainty_deg, summary.pitch_deg);
+                format!("{} samples, {} lost{}{angles}", summary.link.samples, summary.link.lost, comma(&angles))
+            }
+            Some(summary) => ending(summary),
+        },
+    }
 }
 
-impl CheckedTrial {
-    fn new(state: TrialState) -> Self {
-        let losses = match state.complete().map(|attempt| check(&attempt.path)) {
-            None => Vec::new(),
-            Some(Ok(losses)) => losses.iter().map(ToString::to_string).collect(),
-            Some(Err(error)) => vec![error.to_string()],
-        };
-        Self { state, losses }
-    }
-
-    fn is_complete(&self) -> bool {
-        self.state.complete().is_some() && self.losses.is_empty()
-    }
-
-    /// How far it is.
-    fn line(&self) -> String {
-        let state = &self.state;
-        let Some(attempt) = state.complete().or(state.attempts.last()) else { return "not yet".to_owned() };
-        if !self.losses.is_empty() {
-            let lost = self.losses.join("; ");
-            return format!("damaged: {lost}; after `biflag recover` of its log, --resume repeats the trial");
-        }
-        match &attempt.summary {
-            None => "cut off".to_owned(),
-            Some(summary) if summary.end != End::Complete => ending(summary),
-            Some(_) if state.complete().is_none() => "recovered with loss".to_owned(),
-            Some(summary) => {
-                let angles = steady(summary.yaw_deg, summary.yaw_uncertainty_deg, summary.pitch_deg);
-                let comma = if angles.is_empty() { "" } else { ", " };
-                format!("{} samples, {} lost{comma}{angles}", summary.link.samples, summary.link.lost)
-            }
-        }
-    }
+fn comma(text: &str) -> &'static str {
+    if text.is_empty() { "" } else { ", " }
 }

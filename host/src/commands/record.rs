@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 
     let _lock = session.lock(Sharing::Alone)?;
     let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
-    let states = session.states()?;
+    let states = session.checked_states()?;
     let board = BoardMeta::new(link.info(), &super::settings::read(&link)?);
     let note = session.expect_same_rig(&states, origin, Some(&board))?;
 

@@ -26,6 +26,7 @@ pub use manifest::MANIFEST;
 use crate::log::{self, End, RecoveryMeta, Summary};
 use crate::plan::{Plan, Trial};
 use manifest::Manifest;
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 /// A session's folder.
@@ -53,17 +54,32 @@ pub struct Attempt {
     pub path: PathBuf,
     /// What it came to; `None`: the log does not end as it should.
     pub summary: Option<Summary>,
-    /// Whether it was recovered from a log of which something is lost.
-    pub has_loss: bool,
+    /// What is lost of it, in words: of the log that it was recovered from, or where it does not read itself, as far as
+    /// that was looked for.
+    pub losses: Vec<String>,
 }
 
 impl TrialState {
     /// The last attempt that holds the whole trial. One that something was lost of does not, though its log may end as
     /// it should: what was recovered of it says so.
     pub fn complete(&self) -> Option<&Attempt> {
-        let lost = |number| self.attempts.iter().any(|attempt| attempt.has_loss && attempt.number == number);
+        let lost = |number| self.attempts.iter().any(|attempt| attempt.number == number && !attempt.losses.is_empty());
         let ended = |attempt: &&Attempt| attempt.summary.as_ref().is_some_and(|summary| summary.end == End::Complete);
         self.attempts.iter().rev().filter(ended).find(|attempt| !lost(attempt.number))
+    }
+
+    /// Reads the log of a complete trial through, and so on until one is whole or none is left.
+    fn check(&mut self) {
+        while let Some(path) = self.complete().map(|attempt| attempt.path.clone()) {
+            let losses = match log::check(&path) {
+                Ok(losses) if losses.is_empty() => return,
+                Ok(losses) => losses.iter().map(ToString::to_string).collect(),
+                Err(error) => vec![error.to_string()],
+            };
+            for attempt in self.attempts.iter_mut().filter(|attempt| attempt.path == path) {
+                attempt.losses.clone_from(&losses);
+            }
+        }
     }
 
     /// The number of the attempt that comes next.
@@ -133,6 +149,17 @@ impl Session {
         self.plan.trials.iter().map(|trial| self.state_among(trial, &names)).collect()
     }
 
+    /// How far each trial is, with every log that counts read through: damage in the middle does not show at its end.
+    /// Takes some 0.1 s a log.
+    ///
+    /// # Errors
+    /// [`SessionError::Io`], [`SessionError::Log`].
+    pub fn checked_states(&self) -> Result<Vec<TrialState>, SessionError> {
+        let mut states = self.states()?;
+        states.par_iter_mut().for_each(TrialState::check);
+        Ok(states)
+    }
+
     /// How far one trial is.
     ///
     /// # Errors
@@ -176,8 +203,8 @@ impl Session {
         for name in names[first..].iter().take_while(|name| name.starts_with(&prefix)) {
             let path = self.folder.join(name);
             let number = attempt_number(&name[prefix.len()..]);
-            let has_loss = log::last_meta::<RecoveryMeta>(&path)?.is_some();
-            attempts.push(Attempt { number, summary: log::summary(&path)?, has_loss, path });
+            let losses = log::last_meta::<RecoveryMeta>(&path)?.into_iter().map(|recovery| recovery.lost).collect();
+            attempts.push(Attempt { number, summary: log::summary(&path)?, losses, path });
         }
         attempts.sort_by_key(|attempt| attempt.number);
         Ok(TrialState { trial: trial.clone(), attempts })

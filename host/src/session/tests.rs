@@ -91,13 +91,15 @@ fn a_trial_that_something_was_lost_of_is_repeated() {
     let first = &plan.trials[0];
     let log = attempt(&session, first, Some(End::Complete));
     let mut bytes = std::fs::read(&log).unwrap();
-    // The data of the last chunk with a message.
-    let place = bytes.len() - bytes.iter().rev().position(|byte| *byte == mcap::records::op::CHUNK).unwrap();
-    let place = bytes[..place].windows(4).rposition(|four| four == b"zstd").unwrap_or(place) + 20;
+    // The first chunk introduces the channels; the data of the second follow the name of their compression and a length.
+    let place = bytes.windows(4).enumerate().filter(|(_, four)| four == b"zstd").nth(1).unwrap().0 + 4 + 8 + 6;
     bytes[place] ^= 0x55;
     std::fs::write(&log, bytes).unwrap();
     assert!(!log::check(&log).unwrap().is_empty());
     assert_eq!(session.state(first).unwrap().complete().unwrap().path, log, "its end alone does not tell");
+    let checked = &session.checked_states().unwrap()[0];
+    assert_eq!(checked.complete(), None);
+    assert!(checked.attempts[0].losses[0].starts_with("a chunk"), "{checked:?}");
 
     log::recover(&log, &log.with_extension("recovered.mcap")).unwrap();
     let state = session.state(first).unwrap();
