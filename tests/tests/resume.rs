@@ -76,9 +76,13 @@ fn a_trial_interrupted_while_it_calibrates_is_repeated() {
 #[test]
 fn info_says_of_a_trial_what_record_said() {
     let bench = Bench::new();
-    let plan = bench.file("plan.toml", &plan(1.0, 14.0));
-    let nano = nano(["--speed", "max"]);
-    let run = bench.run(record(&plan, nano.port(), &[])).expect_code(0);
+    // Still for long enough to tell the drift.
+    let still = plan(1.0, 14.0).replace("preroll = 1", "preroll = 12").replace("decay = 0", "decay = 12");
+    let plan = bench.file("plan.toml", &still);
+    let nano = nano(["--speed", "4"]);
+    let run = bench.run(record(&plan, nano.port(), &[]));
+    // A computer that is busy starts the motors late, which is a warning and makes no difference here.
+    assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
     for trial in run.json()["trials"].as_array().unwrap() {
         let info = bench.run(["info", trial["log"].as_str().unwrap(), "--json"]).expect_code(0).json();
         for key in ["yaw_deg", "pitch_deg", "yaw_uncertainty_deg"] {
