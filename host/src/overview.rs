@@ -1,6 +1,6 @@
 //! What a log tells of its trial, read from end to end, with nothing but the telemetry's angles kept in memory.
 
-use crate::attitude::{Angles, Series, Times};
+use crate::attitude::{Angles, PhaseTimes, Series};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::{
     BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, ModelMeta, PlanMeta,
@@ -73,7 +73,7 @@ impl Overview {
             collector.take(&message);
             see(&message);
         }
-        let times = collector.times();
+        let times = collector.times.times();
         let trial: Option<TrialMeta> = reader.meta();
         let speeds = trial.as_ref().map_or([CentiRpm(0); 2], |t| [t.w1_rpm, t.w2_rpm].map(CentiRpm::from_rpm));
         let summary: Option<Summary> = reader.meta();
@@ -90,7 +90,7 @@ impl Overview {
             link: collector.link(summary.as_ref().map(|summary| summary.link)),
             angles: Angles::of(&collector.series, &times, speeds),
             times,
-            duration_s: collector.duration_s,
+            duration_s: collector.times.last_s(),
             channels: reader.counts().clone(),
             condition: reader.condition().unwrap_or(Condition::Damaged),
             losses: reader.losses().to_vec(),
@@ -106,9 +106,7 @@ struct Collector {
     series: Series,
     link: LinkStats,
     first_ns: Option<u64>,
-    duration_s: f64,
-    /// Names and beginnings of the phases.
-    phases: Vec<(String, f64)>,
+    times: PhaseTimes,
 }
 
 impl Collector {
@@ -117,7 +115,7 @@ impl Collector {
             Body::Telemetry(telemetry) => {
                 self.first_ns.get_or_insert(message.log_time_ns);
                 self.link.samples += 1;
-                self.duration_s = self.duration_s.max(telemetry.time_s);
+                self.times.go_on(telemetry.time_s);
                 if let Some(q) = &telemetry.attitude {
                     self.series.push(telemetry.time_s, [q.w, q.x, q.y, q.z]);
                 }
@@ -128,7 +126,7 @@ impl Collector {
             Body::Event(event) if event.kind() == Kind::Calibration => self.series = Series::default(),
             Body::Event(event) if event.kind() == Kind::Phase => {
                 let since = message.log_time_ns.saturating_sub(self.first_ns.unwrap_or(message.log_time_ns));
-                self.phases.push((event.text.clone(), since as f64 * 1e-9));
+                self.times.begin(&event.text, since as f64 * 1e-9);
             }
             _ => {}
         }
@@ -140,15 +138,5 @@ impl Collector {
         let Some(summed_up) = summed_up else { return self.link };
         let missing = summed_up.samples.saturating_sub(self.link.samples);
         LinkStats { samples: self.link.samples, lost: summed_up.lost + missing, ..summed_up }
-    }
-
-    /// A phase lasts until the next begins, the last one until the telemetry ends.
-    fn times(&self) -> Times {
-        let phase = |name: &str| {
-            let Some(at) = self.phases.iter().position(|(phase, _)| phase == name) else { return 0.0..0.0 };
-            let end = self.phases.get(at + 1).map_or(self.duration_s, |(_, next)| *next);
-            self.phases[at].1..end
-        };
-        Times { preroll: phase("preroll"), run: phase("run"), decay: phase("decay") }
     }
 }

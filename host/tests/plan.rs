@@ -42,6 +42,12 @@ grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
 const FIRST_OF_SEED_7: [&str; 3] = ["001_w1-60_w2+50", "002_w1+20_w2+90", "003_w1-20_w2+80"];
 
 #[test]
+fn the_plan_that_help_shows_is_one() {
+    let plan = parse(host::plan::EXAMPLE).unwrap();
+    assert_eq!((plan.trials.len(), plan.trials[0].phases), (192, Phases::default()));
+}
+
+#[test]
 fn names_tell_speeds_and_repeats() {
     let plan = parse("[session]\nrepeats = 2\n[speeds]\npairs = [[-12.5, 0], [-0.0, 90]]").unwrap();
     let names: Vec<_> = plan.trials.iter().map(|trial| trial.name.as_str()).collect();
@@ -102,7 +108,12 @@ fn every_mistake_is_named_with_its_place() {
         ("[speeds]\ngrid = { w1 = [0, 90, 0.01], w2 = [0, 90, 1] }", "plan.toml:2:15: the plan has 819091 trials"),
         ("[speeds]\ngrid = { w1 = [0, 90, 1e-300], w2 = [0, 9, 1] }", "plan.toml:2:15: w1 has "),
         ("[speeds]\ngrid = { w1 = [0, 9, 1] }", "plan.toml:2:8: missing field `w2`"),
-        (&format!("{speeds}[session]\nrepeats = 10001"), "plan.toml:1:1: the plan has 10001 trials"),
+        (&format!("{speeds}[session]\nrepeats = 10001"), "plan.toml:4:11: repeats = 10001 alone makes"),
+        (&format!("{speeds}[session]\nrepeats = 99999999999"), "plan.toml:4:11: repeats = 99999999999 alone makes"),
+        (
+            &format!("[session]\nrepeats = 6000\n{}", "[speeds]\npairs = [[1, 2], [3, 4]]"),
+            "plan.toml:3:1: the plan has 12000",
+        ),
         (&format!("{speeds}[session]\nrepeats = 0"), "plan.toml:4:11: repeats must be 1 or more"),
         (&format!("{speeds}[session]\nrepeats = -2"), "plan.toml:4:11: repeats must be 1 or more"),
         (&format!("{speeds}[session]\nseed = -1"), "plan.toml:4:8: a seed cannot be negative"),
@@ -149,7 +160,7 @@ fn a_robots_file_is_read_beside_the_plan() {
     let path = folder.path().join("plan.toml");
     std::fs::write(&path, "[session]\nrobot = \"soft.toml\"\n[speeds]\npairs = [[50, 10]]").unwrap();
     let error = Plan::load(&path).unwrap_err();
-    assert!(matches!(&error, PlanError::Read { path, .. } if path.ends_with("soft.toml")));
+    assert!(matches!(&error, PlanError::ReadRobot { path, .. } if path.ends_with("soft.toml")));
     std::fs::write(folder.path().join("soft.toml"), "mass_kg = 0.1").unwrap();
     assert_eq!(Plan::load(&path).unwrap().robot.text, "mass_kg = 0.1");
 }

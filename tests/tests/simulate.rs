@@ -3,17 +3,12 @@
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::{Child, Command};
 use std::time::{Duration, Instant};
-use tests::{Bench, Run};
+use tests::{Bench, Run, signal};
 
 /// Twelve trials that take about a second together.
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 1\npreroll = 1\nrun = 30\ndecay = 3\n\
                     [speeds]\ngrid = { w1 = [-60, 60, 40], w2 = [20, 80, 30] }\n";
-
-fn signal(child: &Child, name: &str) {
-    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
-}
 
 /// Every file of a session but its manifest, which says when it began.
 fn files(session: &Path) -> BTreeMap<String, Vec<u8>> {

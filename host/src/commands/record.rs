@@ -2,10 +2,10 @@
 
 use super::{Answer, Outcome};
 use crate::link::{self, Link, LinkError};
-use crate::log::{End, Origin, Start, Summary};
-use crate::plan::{Plan, Trial};
-use crate::rig::{self, Bench, Image, Progress, RecordError, VirtualNano};
-use crate::session::{self, Session};
+use crate::log::{BoardMeta, End, Origin, Start, Summary};
+use crate::plan::{EXAMPLE, Plan, Trial};
+use crate::rig::{self, Bench, Image, Progress, RecordError, TrialRun, VirtualNano};
+use crate::session::{self, Session, Sharing};
 use crate::stats::LinkStats;
 use miette::{IntoDiagnostic, Report, WrapErr};
 use protocol::Command;
@@ -18,9 +18,11 @@ use std::time::SystemTime;
 
 /// Run the trials of a plan on the rig and keep a log of each.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example: biflag record plan.toml --port /dev/ttyUSB0 --out glycerin-day-1")]
+#[command(after_help = format!(
+    "Example: biflag record plan.toml --port /dev/ttyUSB0 --out glycerin-day-1\n\nA plan:\n\n{EXAMPLE}"
+))]
 pub struct Args {
-    /// The plan.
+    /// The plan: a TOML file like the one below.
     plan: PathBuf,
     /// The board's serial port; may be left out where there is only one.
     #[arg(long, conflicts_with = "virtual")]
@@ -90,10 +92,16 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         false => Session::create(&folder, &plan)?,
     };
 
+    let _lock = session.lock(Sharing::Alone)?;
+    let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
+    let states = session.checked_states()?;
+    let board = BoardMeta::new(link.info(), &super::settings::read(&link)?);
+    let note = session.expect_same_rig(&states, origin, Some(&board))?;
+
     let mut recorded = Recorded { session: folder, trials: Vec::new() };
     let mut todo = Vec::new();
     let mut outcome = Outcome::Done;
-    for state in session.states()? {
+    for state in states {
         let Some(attempt) = state.complete() else {
             todo.push(state.trial);
             continue;
@@ -105,7 +113,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         recorded.trials.push(RecordedTrial::new(&state.trial, attempt.path.clone(), &summary));
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
+    if let Some(note) = note {
+        progress.line(&format!("note: {note}"));
+    }
     let mut on_run = || {
         if let (Some(nano), Some(Some(_))) = (&mut nano, &args.r#virtual) {
             // An emulated board that has gone is a port that has gone, which the trial sees for itself.
@@ -118,12 +128,14 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             outcome = Outcome::Interrupted;
             break;
         }
-        let (attempt, path) = session.next_attempt(trial)?;
-        // A calibration changes the board's settings, so each log has those that were in force at its beginning.
-        let board = Some((*link.info(), super::settings::read(&link)?));
-        let start = Start { plan: &plan, trial, attempt, origin, board, time: SystemTime::now() };
         let mut bench = Bench { link: &link, progress: &progress, interrupted: &interrupted, on_run: &mut on_run };
-        let run = rig::run(&mut bench, &path, &start)?;
+        let (path, run) = match run_trial(&mut bench, &session, trial, &plan, origin) {
+            Ok(run) => run,
+            Err(report) => {
+                failure = Some(report);
+                break;
+            }
+        };
         progress.end_trial(trial.phases.total_s());
         let mut row = RecordedTrial::new(trial, path, &run.summary);
         row.turned_deg = run.angles.map(|angles| angles.turned_deg);
@@ -151,6 +163,22 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Some(report) => Answer::failed(&recorded, &report),
         None => Answer::new(outcome, &recorded, format!("session {}", recorded.session.display())),
     }
+}
+
+/// Runs a trial into a log of its own.
+fn run_trial(
+    bench: &mut Bench,
+    session: &Session,
+    trial: &Trial,
+    plan: &Plan,
+    origin: Origin,
+) -> miette::Result<(PathBuf, TrialRun)> {
+    let (attempt, path) = session.next_attempt(trial)?;
+    // A calibration changes the board's settings, so each log has those that were in force at its beginning.
+    let board = Some((*bench.link.info(), super::settings::read(bench.link)?));
+    let start = Start { plan, trial, attempt, origin, board, time: SystemTime::now() };
+    let run = rig::run(bench, &path, &start)?;
+    Ok((path, run))
 }
 
 /// Puts the plan's settings in force.

@@ -1,12 +1,12 @@
 //! `biflag simulate`: runs a plan in the model.
 
 use super::{Answer, Outcome, WRONG_USE, replay};
-use crate::log::{self, ModelMeta, SteadyMeta};
+use crate::log::{self, ModelMeta, Origin, SteadyMeta};
 use crate::model::{Batch, Course, Job, Model, ModelError, TrialRun};
 use crate::plan::{Plan, Trial};
 use crate::rig::Progress;
 use crate::robot_file;
-use crate::session::{self, Session, SessionError};
+use crate::session::{self, Session, SessionError, Sharing};
 use miette::{IntoDiagnostic, WrapErr};
 use protocol::units::CentiRpm;
 use serde::Serialize;
@@ -27,7 +27,7 @@ use std::time::Instant;
     Exit code 3: a trial has not settled, or a log that drives the model is not whole. 1: the solver could not end a trial; the others are there.\n\
     The logs do not depend on --jobs or --shard, nor on what was interrupted and gone on with.")]
 pub struct Args {
-    /// The plan.
+    /// The plan: a TOML file like the one that `biflag record --help` shows.
     #[arg(required_unless_present_any = ["speeds", "from"], conflicts_with_all = ["speeds", "from"])]
     plan: Option<PathBuf>,
     /// A recorded log or session: its measured speeds drive the model of its own robot.
@@ -167,6 +167,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let folder = args.out.clone().unwrap_or_else(|| session::default_folder(&plan));
     let session = open(&folder, &plan, &mine, args)?;
 
+    let _lock = session.lock(if args.shard.is_some() { Sharing::WithShards } else { Sharing::Alone })?;
+    session.expect_same_rig(&session.states()?, Origin::Model, None)?;
     let mut trials = Vec::new();
     let mut todo = Vec::new();
     for trial in mine {

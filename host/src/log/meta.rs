@@ -285,7 +285,8 @@ impl TrialMeta {
 }
 
 impl BoardMeta {
-    pub(super) fn new(info: &Info, settings: &Settings) -> Self {
+    /// What a board said of itself, with its settings in force.
+    pub fn new(info: &Info, settings: &Settings) -> Self {
         let [major, minor, patch] = info.firmware;
         let hash: String = info.git_hash.iter().map(|byte| format!("{byte:02x}")).collect();
         Self {

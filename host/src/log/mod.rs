@@ -41,7 +41,7 @@ pub use meta::{
     RobotMeta, Summary, Table, TrialMeta,
 };
 pub use model_meta::{ModelMeta, SteadyMeta};
-pub use reader::{Body, Message, Reader, last_meta, summary};
+pub use reader::{Body, Message, Reader, check, last_meta, summary};
 pub use recover::{Recovery, recover};
 pub use scan::{Condition, Loss};
 pub use writer::{CommandRecord, EventKind, Start, Writer};

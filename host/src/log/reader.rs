@@ -73,6 +73,17 @@ pub fn last_meta<M: Meta>(path: &Path) -> Result<Option<M>, LogError> {
     Ok(table.as_ref().and_then(meta::from_table))
 }
 
+/// Reads a whole log for its condition alone; answers where it does not read.
+///
+/// # Errors
+/// [`LogError`] where it is no log of ours or cannot be read.
+pub fn check(path: &Path) -> Result<Vec<Loss>, LogError> {
+    let failed = |source| LogError::Read { path: path.to_owned(), source };
+    let mut scanner = identify(File::open(path).map_err(failed)?, path)?;
+    while scanner.next().map_err(failed)?.is_some() {}
+    Ok(scanner.losses().to_vec())
+}
+
 /// A log being read: an iterator over its messages, in the order in which they were written.
 #[derive(Debug)]
 pub struct Reader {

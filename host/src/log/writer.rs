@@ -156,11 +156,17 @@ impl Writer {
     /// # Errors
     /// [`LogError::Write`].
     pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, host: SystemTime) -> Result<(), LogError> {
+        let elapsed_us = self.board_time(board_time_us, host);
+        let message = self.converter.telemetry(frame, board_time_us, elapsed_us as f64 * 1e-6);
+        self.state_at(&message, host)
+    }
+
+    /// Puts the trial's clock to the board's; answers the time since the trial's first frame, µs.
+    pub fn board_time(&mut self, board_time_us: u64, host: SystemTime) -> u64 {
         let (first_us, first_ns) = *self.clock.first.get_or_insert((board_time_us, self.clock.log_ns.max(nanos(host))));
         let elapsed_us = board_time_us.saturating_sub(first_us);
         self.clock.log_ns = first_ns.saturating_add(elapsed_us.saturating_mul(1000));
-        let message = self.converter.telemetry(frame, board_time_us, elapsed_us as f64 * 1e-6);
-        self.state_at(&message, host)
+        elapsed_us
     }
 
     /// Keeps a state that no board sent, but a model computed. Its `time_s` is the trial's clock.

@@ -52,9 +52,12 @@ fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanEr
             return Err(too_many(count, grid.w1.span(), source));
         }
         let second: Vec<_> = w2.speeds(source).collect::<Result<_, _>>()?;
+        // What the grid has too is run once.
+        let listed: HashSet<_> = pairs.iter().map(|(pair, _)| *pair).collect();
         for first in w1.speeds(source) {
             let first = first?;
-            pairs.extend(second.iter().map(|second| ([first, *second], grid.w1.span())));
+            let points = second.iter().map(|second| [first, *second]).filter(|point| !listed.contains(point));
+            pairs.extend(points.map(|point| (point, grid.w1.span())));
         }
     }
     if pairs.is_empty() {

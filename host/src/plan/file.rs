@@ -1,7 +1,7 @@
 //! The plan as it is written, and the checks of every value where it stands.
 
 use super::expand::{SpeedList, expand};
-use super::{Phases, Plan, PlanError, Reverse, Robot};
+use super::{MAX_TRIALS, Phases, Plan, PlanError, Reverse, Robot};
 use crate::board_settings::BoardSettings;
 use crate::exactly::Exactly;
 use serde::Deserialize;
@@ -122,7 +122,7 @@ impl Source<'_> {
         let cure = if what.starts_with("unknown field") {
             "correct the key, or leave it out; the tables are [session], [trial], [speeds] and [board]"
         } else {
-            "write it as in the example of `biflag record --help`"
+            "write it as in the plan that `biflag record --help` shows"
         };
         self.error(error.span().unwrap_or(0..0), what, cure)
     }
@@ -143,8 +143,14 @@ pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
     if robot.is_empty() {
         return wrong(session.robot.span(), "no robot is named", "write \"published\", or the path of a file");
     }
-    let Some(repeats) = u32::try_from(*session.repeats.get_ref()).ok().filter(|repeats| *repeats > 0) else {
-        return wrong(session.repeats.span(), "repeats must be 1 or more", "give how often each pair is to run");
+    let repeats = match *session.repeats.get_ref() {
+        ..=0 => {
+            return wrong(session.repeats.span(), "repeats must be 1 or more", "give how often each pair is to run");
+        }
+        repeats => u32::try_from(repeats).ok().filter(|repeats| *repeats as usize <= MAX_TRIALS).ok_or_else(|| {
+            let what = format!("repeats = {repeats} alone makes more than {MAX_TRIALS} trials");
+            source.error(session.repeats.span(), what, "take fewer repeats, or make several plans")
+        })?,
     };
     let seed = match &session.seed {
         None => None,

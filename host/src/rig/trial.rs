@@ -2,7 +2,7 @@
 
 use super::Progress;
 use super::recorder::{RecordError, Recorder};
-use crate::attitude::{Angles, Times};
+use crate::attitude::Angles;
 use crate::link::Link;
 use crate::log::{End, EventKind, LogError, Start, Summary, Writer};
 use crate::plan::Phases;
@@ -44,9 +44,8 @@ pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, Lo
     let log = Writer::create(path, start)?;
     let link = bench.link;
     let mut recorder = Recorder::new(link, log, bench.interrupted);
-    let mut times = Times::default();
     let mut warnings = Vec::new();
-    let mut error = phases(&mut recorder, bench, start, &mut times, &mut warnings).err();
+    let mut error = phases(&mut recorder, bench, start, &mut warnings).err();
     // The board's own deadline does it where the link is gone.
     let _ = link.command(Command::Stop);
     let _ = link.command(Command::Stream { rate_hz: 0 });
@@ -65,7 +64,7 @@ pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, Lo
             recorder.log.clock(&fit)?;
         }
     }
-    let angles = Angles::of(&recorder.attitude, &times, start.trial.speeds);
+    let angles = Angles::of(&recorder.attitude, &recorder.times.times(), start.trial.speeds);
     let mut summary = Summary {
         end: match error {
             None => End::Complete,
@@ -101,12 +100,14 @@ fn phases(
     recorder: &mut Recorder,
     bench: &mut Bench,
     start: &Start,
-    times: &mut Times,
     warnings: &mut Vec<String>,
 ) -> Result<(), RecordError> {
     let (progress, name) = (bench.progress, &start.trial.name);
     let Phases { calibrate_s, preroll_s, run_s, decay_s } = start.trial.phases;
     let speeds = start.trial.speeds;
+    if let Some(cause) = recorder.restart() {
+        return Err(RecordError::Restarted(cause));
+    }
     recorder.begin()?;
     let last = |recorder: &mut Recorder, end_s: f64| {
         recorder.until(|frame| {
@@ -118,36 +119,34 @@ fn phases(
     let mut begin = 0.0;
     if calibrate_s > 0.0 {
         progress.phase(name, "calibrate");
-        recorder.event(EventKind::Phase, "calibrate")?;
+        recorder.phase("calibrate")?;
         begin = calibrate(recorder, progress, calibrate_s, warnings)?;
     }
-    times.preroll = begin..begin + preroll_s;
+    let run_start = begin + preroll_s;
     if preroll_s > 0.0 {
         progress.phase(name, "preroll");
-        recorder.event(EventKind::Phase, "preroll")?;
-        last(recorder, times.preroll.end)?;
+        recorder.phase("preroll")?;
+        last(recorder, run_start)?;
     }
     (bench.on_run)();
-    recorder.event(EventKind::Phase, "run")?;
+    recorder.phase("run")?;
     recorder.command(Command::SetSpeeds(speeds))?;
     // A terminal may keep the writer waiting, the motors not.
     progress.phase(name, "run");
     let running = recorder.until(|frame| frame.telemetry.target == speeds)?;
-    let late = running - times.preroll.end;
-    let run_start = if late > LATE_S { running } else { times.preroll.end };
-    times.run = run_start..run_start + run_s;
-    times.decay = times.run.end..times.run.end + decay_s;
+    let late = running - run_start;
+    let run_end = run_s + if late > LATE_S { running } else { run_start };
     if late > LATE_S {
         warn(recorder, warnings, format!("the motors started {late:.2} s late, and ran that much longer"))?;
     }
     let mut speeds = speeds;
     if let Some(reverse) = start.trial.reverse {
-        last(recorder, times.run.start + reverse.after_s)?;
+        last(recorder, run_end - run_s + reverse.after_s)?;
         recorder.event(EventKind::Note, &reverse.text(speeds))?;
         speeds = reverse.of(speeds);
         recorder.command(Command::SetSpeeds(speeds))?;
     }
-    last(recorder, times.run.end)?;
+    last(recorder, run_end)?;
     recorder.command(Command::Stop)?;
     for (flagellum, (asked, measured)) in speeds.into_iter().zip(recorder.last_speeds()).enumerate() {
         if (asked.rpm() - measured.rpm()).abs() > SPEED_TOLERANCE_RPM {
@@ -157,11 +156,11 @@ fn phases(
         }
     }
     if decay_s > 0.0 {
-        recorder.event(EventKind::Phase, "decay")?;
+        recorder.phase("decay")?;
         progress.phase(name, "decay");
-        last(recorder, times.decay.end)?;
+        last(recorder, run_end + decay_s)?;
     }
-    recorder.event(EventKind::Phase, "end")
+    recorder.phase("end")
 }
 
 fn warn(recorder: &mut Recorder, warnings: &mut Vec<String>, text: String) -> Result<(), RecordError> {
