@@ -6,7 +6,7 @@ use prost::Message;
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::net::TcpListener;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 use tests::{Bench, Run, Seen, Viewer, nano};
@@ -29,6 +29,14 @@ fn url(child: &mut Child) -> String {
 
 fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
+}
+
+/// The log of a modelled trial of so many seconds.
+fn simulated(bench: &Bench, seconds: u32, more: &[&str]) -> PathBuf {
+    let seconds = seconds.to_string();
+    let arguments = ["simulate", "--speeds=50,10", "--duration", &seconds, "--out", "session", "--json"];
+    let run = bench.run(arguments.iter().chain(more));
+    bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap())
 }
 
 /// Messages of a log that viewers are shown: topic, `log_time` in ns, bytes.
@@ -132,13 +140,7 @@ fn a_dead_viewer_holds_nothing_up() {
 #[test]
 fn a_log_is_played_in_its_own_time() {
     let bench = Bench::new();
-    bench
-        .run(["simulate", "--speeds=50,10", "--duration", "6", "--shapes", "--out", "session", "--json"])
-        .code
-        .filter(|code| [0, 3].contains(code))
-        .expect("a simulated trial");
-    let log = std::fs::read_dir(bench.path().join("session")).unwrap().flatten().map(|entry| entry.path());
-    let log = log.filter(|path| path.extension().is_some_and(|ext| ext == "mcap")).next().unwrap();
+    let log = simulated(&bench, 6, &["--shapes"]);
     let mut playing = bench.start(["live", log.to_str().unwrap(), "--speed", "3", "--listen", "127.0.0.1:0", "--json"]);
     let mut viewer = Viewer::connect(&url(&mut playing), SHOWN);
     for spec in CHANNELS.iter().filter(|spec| spec.topic != "/raw") {
@@ -218,9 +220,7 @@ fn a_taken_address_is_an_error_at_once() {
 #[test]
 fn ctrl_c_ends_a_playback() {
     let bench = Bench::new();
-    bench.run(["simulate", "--speeds=50,10", "--duration", "60", "--out", "session"]);
-    let log = std::fs::read_dir(bench.path().join("session")).unwrap().flatten().map(|entry| entry.path());
-    let log = log.filter(|path| path.extension().is_some_and(|ext| ext == "mcap")).next().unwrap();
+    let log = simulated(&bench, 60, &[]);
     for viewers in [0, 1] {
         let mut playing = bench.start(["live", log.to_str().unwrap(), "--listen", "127.0.0.1:0"]);
         let url = url(&mut playing);
