@@ -2,6 +2,9 @@
 //! emulated board, from outside, as a user would.
 
 pub mod browser;
+mod viewer;
+
+pub use viewer::{Seen, Viewer};
 
 use host::rig::VirtualNano;
 use serde_json::Value;

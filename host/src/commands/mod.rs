@@ -7,6 +7,7 @@ mod doctor;
 mod export;
 mod flash;
 mod info;
+mod live;
 mod record;
 mod recover;
 mod replay;
@@ -39,6 +40,7 @@ enum Command {
     Simulate(simulate::Args),
     Compare(compare::Args),
     Calibrate(calibrate::Args),
+    Live(live::Args),
     Info(info::Args),
     Recover(recover::Args),
     Report(report::Args),
@@ -65,6 +67,7 @@ pub fn run() -> ExitCode {
         Command::Simulate(args) => simulate::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
+        Command::Live(args) => live::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Report(args) => report::run(&args),
