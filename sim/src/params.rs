@@ -283,12 +283,14 @@ pub struct Solver {
     /// Angle of the faster motor a step, in rad (0.38: mean forces within 0.05 %; 0.75 is a fast scan
     /// within 1 %, above 1.1 steps fail).
     pub step_rad: f64,
-    /// The same while rods are close (0.25), halved again where both motors pull their flagella in.
+    /// The same while rods are close (0.25); a third of it where both motors pull their flagella in, for
+    /// which [`crate::step`] has the errors.
     pub contact_step_rad: f64,
     /// Longest step in s (0.1).
     pub longest_step_s: f64,
     /// Velocity residual at which an iteration stops, before its last update, relative to the largest
-    /// speed of the helix (0.02). Mean forces carry about a tenth of it.
+    /// speed of the helix (0.02). Mean forces carry about a tenth of it. Four times as much is let pass
+    /// where both motors pull their flagella in and they touch.
     pub tolerance: f64,
     /// How often a step may be halved before the trial stops with an error (8).
     pub halvings: u32,

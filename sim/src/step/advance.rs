@@ -2,6 +2,7 @@
 
 use super::{Solver, StepFailure, StepReport};
 use crate::robot::clamp::Motor;
+use crate::rod::helix::Handedness;
 use crate::state::State;
 
 /// A step that failed at every length allowed.
@@ -31,23 +32,30 @@ const DEEP: u32 = 4;
 /// Steps after contact during which steps stay short.
 const WATCHFUL: u32 = 40;
 
+/// Steps in contact of meshing flagella, over other steps in contact.
+const MESHING_STEP: f64 = 1.0 / 3.0;
+
 impl Solver {
+    /// Whether both flagella press against their clamps' thrust: where they touch then, they cross and mesh
+    /// like gears.
+    pub(super) fn meshing(&self, speeds: [f64; 2]) -> bool {
+        (0..2).all(|k| {
+            let sign = match self.robot.flagellum.handedness[k] {
+                Handedness::Right => 1.0,
+                Handedness::Left => -1.0,
+            };
+            sign * speeds[k] <= 0.0
+        })
+    }
+
     /// Length in s of a full step from this state with these speeds (rad/s).
     fn full_step(&self, state: &State, speeds: [f64; 2]) -> f64 {
         let settings = &self.robot.solver;
         let mut angle = settings.step_rad;
         if state.steps_since_contact < WATCHFUL || !state.pairs.is_empty() {
             angle = angle.min(settings.contact_step_rad);
-            // Both flagella press against their clamps' thrust: they cross and mesh like gears.
-            let inward = (0..2).all(|k| {
-                let sign = match self.robot.flagellum.handedness[k] {
-                    crate::rod::helix::Handedness::Right => 1.0,
-                    crate::rod::helix::Handedness::Left => -1.0,
-                };
-                sign * speeds[k] <= 0.0
-            });
-            if inward {
-                angle = angle.min(0.5 * settings.contact_step_rad);
+            if self.meshing(speeds) {
+                angle = angle.min(MESHING_STEP * settings.contact_step_rad);
             }
         }
         let fastest = speeds[0].abs().max(speeds[1].abs());
