@@ -149,7 +149,7 @@ impl Solver {
         let buckling = rods[0].stiffness.bend_nm2 / robot.flagellum.axial_length_m.powi(2);
         let limits = Limits {
             distance: 2.0 * radius,
-            active_gap: radius / 100.0,
+            active_gap: radius / 30.0,
             largest_force: 2500.0 * buckling,
             friction: robot.contact.friction,
             slip: robot.contact.slip_speed_m_s,
