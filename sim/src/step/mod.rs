@@ -295,7 +295,8 @@ impl Solver {
         if self.robot.contact.enabled {
             let before = self.lines(state);
             let radius = self.robot.flagellum.rod_radius_m;
-            let close = self.broad.search(&self.lines, 4.0 * radius);
+            // Edges that went through each other within one step are still near; the turns of one helix are not.
+            let close = self.broad.search(&self.lines, 3.0 * radius);
             if pairs::passed_through(&before, &self.lines, &close, radius)
                 || pairs::passed_through(&before, &self.lines, &state.pairs, radius)
             {
