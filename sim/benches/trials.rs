@@ -2,9 +2,10 @@
 //!
 //! `cargo bench -p sim --bench trials`: real-time factor of 60 s, and the mean thrusts over its last 12 s
 //! against a run with steps and tolerance so small that they no longer matter (twenty times as long).
-//! Then the growth of a step's cost with the number of edges, what the dense inverse has in it, and what an
-//! iteration without that inverse would have to pay for. Times are the best of three runs.
-//! `-- speed` and `-- growth` give one of the two.
+//! Then error and speed against the step of flagella that mesh, and the growth of a step's cost with the
+//! number of edges, what the dense inverse has in it, and what an iteration without that inverse would have to
+//! pay for. Times of the first table are the best of three runs.
+//! `-- speed`, `-- steps` and `-- growth` give one of the three.
 
 use divan::black_box;
 use nalgebra::{DMatrix, DVector};
@@ -58,8 +59,9 @@ fn speed_and_error() {
         }
         let mut fine = robot.clone();
         fine.solver.step_rad = 0.1;
-        fine.solver.contact_step_rad = if summary.contact_share > 0.0 { 0.06 } else { 0.1 };
-        fine.solver.tolerance = 1e-3;
+        fine.solver.contact_step_rad = if summary.contact_share > 0.0 { 0.08 } else { 0.1 };
+        // Steps of meshing flagella take four times the tolerance.
+        fine.solver.tolerance = 2.5e-4;
         fine.solver.far_field = Precision::Double;
         let error = thrust_error(&summary, &run(&fine, closure, rpm).0);
         println!(
@@ -71,6 +73,34 @@ fn speed_and_error() {
             summary.contact_share,
             summary.newton_iterations as f64 / summary.steps as f64,
         );
+    }
+}
+
+/// Error and speed of meshing flagella against the step in contact.
+fn steps() {
+    println!("\n| speeds rpm | contact_step_rad | real-time factor | error of mean thrust | steps | sweeps a step |");
+    println!("| --- | --- | --- | --- | --- | --- |");
+    for rpm in [[-90.0, -80.0], [-50.0, -30.0]] {
+        let mut fine = Robot::default();
+        fine.solver.step_rad = 0.1;
+        fine.solver.contact_step_rad = 0.08;
+        fine.solver.tolerance = 2.5e-4;
+        fine.solver.far_field = Precision::Double;
+        let reference = run(&fine, Closure::Full, rpm).0;
+        for step_rad in [0.5, 0.25, 0.125] {
+            let mut robot = Robot::default();
+            robot.solver.contact_step_rad = step_rad;
+            let (summary, wall) = run(&robot, Closure::Full, rpm);
+            println!(
+                "| ({}, {}) | {step_rad} | {:.0} | {:.2} % | {} | {:.2} |",
+                rpm[0],
+                rpm[1],
+                60.0 / wall,
+                100.0 * thrust_error(&summary, &reference),
+                summary.steps,
+                summary.newton_iterations as f64 / summary.steps as f64,
+            );
+        }
     }
 }
 
@@ -160,10 +190,14 @@ fn growth() {
 
 fn main() {
     let only = std::env::args().nth(1).unwrap_or_default();
-    if only != "growth" {
+    let wanted = |part: &str| !["speed", "steps", "growth"].contains(&only.as_str()) || only == part;
+    if wanted("speed") {
         speed_and_error();
     }
-    if only != "speed" {
+    if wanted("steps") {
+        steps();
+    }
+    if wanted("growth") {
         growth();
     }
 }

@@ -75,7 +75,7 @@ fn forces_on_rods_balance_forces_on_clamps() {
             let mut gradient = vec![0.0; 4 * rod.nodes()];
             rod.gradient(&frames, &shape.angles, &mut gradient);
             let shaft = Shaft::new(robot.shaft_feet()[k], state.motors[k].angle);
-            let (mut force, mut torque) = (V3::zeros(), -gradient[3] * frames.tangent[0].z);
+            let (mut force, mut torque) = (V3::zeros(), -gradient[3] * frames.tangent.at(0).z);
             let clamped_weight =
                 shaft.to_shaft(state.body.attitude.inverse_transform_vector(&-V3::z())) * robot.net_weight();
             for i in 0..2 {

@@ -11,6 +11,7 @@
 pub mod band;
 pub mod bend;
 pub mod frames;
+mod gradient;
 pub mod helix;
 pub mod stretch;
 pub mod twist;
@@ -18,6 +19,7 @@ pub mod twist;
 use crate::V3;
 use band::Band;
 use frames::{Frames, ReferenceFrames};
+use gradient::AtRest;
 use serde::{Deserialize, Serialize};
 
 /// Number of clamped nodes at the start of a rod; with them the first edge's twist is clamped.
@@ -70,6 +72,7 @@ pub struct Rod {
     pub natural_twist: Vec<f64>,
     /// Stiffness.
     pub stiffness: Stiffness,
+    at_rest: AtRest,
 }
 
 impl Rod {
@@ -86,10 +89,12 @@ impl Rod {
         let rest_frames = ReferenceFrames::transported_along(&shape);
         let mut frames = Frames::new(n);
         frames.update(&rest_frames, &shape, &vec![0.0; n - 1]);
-        let natural_curvature =
+        let natural_curvature: Vec<[f64; 2]> =
             (0..n).map(|i| if i == 0 || i + 1 == n { [0.0; 2] } else { frames.curvature(i) }).collect();
+        let natural_twist = frames.reference_twist[..n].to_vec();
         Self {
-            natural_twist: frames.reference_twist.clone(),
+            at_rest: AtRest::new(&rest_length, &nodal_length, &natural_curvature, &natural_twist),
+            natural_twist,
             shape,
             rest_frames,
             rest_length,
@@ -107,6 +112,8 @@ impl Rod {
     /// first order in the edge length. Here node 1 carries it as well.
     pub fn clamped_at_foot(mut self) -> Self {
         self.voronoi_length[1] += 0.5 * self.rest_length[0];
+        let Self { rest_length, voronoi_length, natural_curvature, natural_twist, .. } = &self;
+        self.at_rest = AtRest::new(rest_length, voronoi_length, natural_curvature, natural_twist);
         self
     }
 
@@ -127,10 +134,7 @@ impl Rod {
 
     /// Gradient of the energy, four slots a node, in N and N m. Overwrites `out` (length `4 n`).
     pub fn gradient(&self, frames: &Frames, angles: &[f64], out: &mut [f64]) {
-        out.fill(0.0);
-        stretch::add_gradient(self, frames, out);
-        bend::add_gradient(self, frames, out);
-        twist::add_gradient(self, frames, angles, out);
+        gradient::gradient(self, frames, angles, out);
     }
 
     /// Hessian of the energy. Overwrites `out` (size `4 n`).
@@ -144,12 +148,4 @@ impl Rod {
         bend::add_hessian(self, frames, out);
         twist::add_hessian(self, frames, angles, out);
     }
-}
-
-/// Adds a vector to the position slots of a node.
-#[inline(always)]
-pub(crate) fn add_at(out: &mut [f64], node: usize, v: V3) {
-    out[4 * node] += v.x;
-    out[4 * node + 1] += v.y;
-    out[4 * node + 2] += v.z;
 }
