@@ -35,6 +35,9 @@ use std::path::PathBuf;
 /// The fit has ended where no parameter moves by more than this share of itself; some hundredths of a standard error.
 const PRECISION: f64 = 1e-4;
 
+/// The first fit, which tells the residuals, need not be so exact.
+const ROUGHLY: f64 = 1e-2;
+
 /// A fit that has not ended after this many times as many evaluations as parameters will not.
 const PATIENCE: usize = 20;
 
@@ -190,11 +193,11 @@ fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)
             "start from another robot with --robot",
         ));
     };
-    let problem = minimise(problem)?;
+    let problem = minimise(problem, ROUGHLY)?;
     let rest = problem::correlations(&problem.errors().unwrap_or_default());
     let whiteners = self::whiteners(&trials, rest)?;
     let problem = Problem::new(given, parameters, &whiteners, &simulated, problem.moved().to_vec());
-    let problem = minimise(problem)?;
+    let problem = minimise(problem, PRECISION)?;
     let errors = problem.errors().unwrap_or_default();
     let covariance = covariance(&problem)?;
 
@@ -261,8 +264,8 @@ fn whiteners(trials: &[Data], rest: [Correlated; 3]) -> Result<Vec<[Whitener; 3]
     trials.par_iter().map(one).collect()
 }
 
-fn minimise(problem: Problem) -> Result<Problem, TwinError> {
-    let method = LevenbergMarquardt::new().with_tol(PRECISION).with_patience(PATIENCE);
+fn minimise(problem: Problem, precision: f64) -> Result<Problem, TwinError> {
+    let method = LevenbergMarquardt::new().with_tol(precision).with_patience(PATIENCE);
     let (problem, report) = method.minimize(problem);
     if report.termination.was_successful() {
         return Ok(problem);
