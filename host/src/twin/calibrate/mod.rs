@@ -9,7 +9,8 @@
 //! are taken for a process of first order for each angle, beside what the sensor does by itself (the random walk of the
 //! yaw, the walk of the gyroscope's bias since it was still, the error of the zeros). The second weighs the residuals by
 //! the inverse of that covariance (generalised least squares; Seber and Wild 2003, Nonlinear Regression, chapter 6), and
-//! gives the standard errors.
+//! gives the standard errors, to which the model's own numbers add theirs. What is wrong with the model itself, the fit
+//! takes for noise that lasts.
 
 mod data;
 mod file;
@@ -43,6 +44,10 @@ const PATIENCE: usize = 20;
 
 /// Solver's tolerance of a fit: differences between models must not drown in what the solver leaves.
 const TOLERANCE: f64 = 1e-3;
+
+/// No parameter is told better than the model's own numbers allow: standard error as a share of the value. Two runs of a
+/// trial whose solver stops at 0.02 and at 0.001 differ by 0.2 % in yaw, and by up to 0.6 % in tilt.
+const NUMBERS: f64 = 0.003;
 
 /// Two parameters with a correlation beyond this are told apart badly.
 const ALIKE: f64 = 0.95;
@@ -206,7 +211,11 @@ fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)
     let independent: f64 = rest.iter().map(|rest| rest.independent(blocks)).sum();
     let freedom = (independent - parameters.len() as f64).max(1.0);
     let taken_up = (independent / freedom).sqrt();
-    let deviations: Vec<f64> = (0..parameters.len()).map(|i| taken_up * covariance[(i, i)].max(0.0).sqrt()).collect();
+    let deviation = |(i, parameter): (usize, &Parameter)| {
+        let numbers = if parameter.is_of_the_robot() { NUMBERS } else { 0.0 };
+        (taken_up * covariance[(i, i)].max(0.0).sqrt()).hypot(numbers)
+    };
+    let deviations: Vec<f64> = parameters.iter().enumerate().map(deviation).collect();
     let quantile = student_95(freedom);
     let estimates: Vec<_> = parameters
         .iter()
