@@ -33,17 +33,14 @@ use sim::params::Robot;
 use sim::robot::closure::Closure;
 use std::path::PathBuf;
 
-/// The fit has ended where no parameter moves by more than this share of itself; some hundredths of a standard error.
-const PRECISION: f64 = 1e-4;
+/// The fit has ended where no parameter moves by more than this share of itself; a part of a standard error.
+const PRECISION: f64 = 1e-3;
 
 /// The first fit, which tells the residuals, need not be so exact.
 const ROUGHLY: f64 = 1e-2;
 
 /// A fit that has not ended after this many times as many evaluations as parameters will not.
 const PATIENCE: usize = 20;
-
-/// Solver's tolerance of a fit: differences between models must not drown in what the solver leaves.
-const TOLERANCE: f64 = 1e-3;
 
 /// No parameter is told better than the model's own numbers allow: standard error as a share of the value. Two runs of a
 /// trial whose solver stops at 0.02 and at 0.001 differ by 0.2 % in yaw, and by up to 0.6 % in tilt.
@@ -180,8 +177,6 @@ fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)
             start.fluid.viscosity_pa_s
         ));
     }
-    let before = start.clone();
-    start.solver.tolerance = start.solver.tolerance.min(TOLERANCE);
 
     let simulations = std::sync::atomic::AtomicUsize::new(0);
     let simulated = |count: usize| {
@@ -237,7 +232,7 @@ fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)
         covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()
     });
     let eigenvalues = correlations.clone().symmetric_eigenvalues();
-    let robot = Robot { solver: before.solver.clone(), ..problem.robot(problem.moved()) };
+    let robot = problem.robot(&start, problem.moved());
     let fitted = |i: usize| Fitted {
         name: trials[i].name.clone(),
         log: trials[i].path.clone(),
