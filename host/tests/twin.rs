@@ -60,7 +60,8 @@ fn as_of_a_rig(model: &Path, rig: &Path, summary: bool, mut change: impl FnMut(&
     for message in messages {
         match message.body {
             Body::Telemetry(mut frame) => {
-                if change(&mut frame) {
+                let is_sent = change(&mut frame);
+                if is_sent {
                     log.model_state(&frame, time).unwrap();
                 }
             }

@@ -9,7 +9,8 @@
 //! are taken for a process of first order for each angle, beside what the sensor does by itself (the random walk of the
 //! yaw, the walk of the gyroscope's bias since it was still, the error of the zeros). The second weighs the residuals by
 //! the inverse of that covariance (generalised least squares; Seber and Wild 2003, Nonlinear Regression, chapter 6), and
-//! gives the standard errors.
+//! gives the standard errors, to which the model's own numbers add theirs. What is wrong with the model itself, the fit
+//! takes for noise that lasts.
 
 mod data;
 mod file;
@@ -32,14 +33,14 @@ use sim::params::Robot;
 use sim::robot::closure::Closure;
 use std::path::PathBuf;
 
-/// The fit has ended where no parameter moves by more than this share of itself; some hundredths of a standard error.
-const PRECISION: f64 = 1e-4;
+/// The fit has ended where no parameter moves by more than this share of itself; a part of a standard error.
+const PRECISION: f64 = 1e-3;
+
+/// The first fit, which tells the residuals, need not be so exact.
+const ROUGHLY: f64 = 1e-2;
 
 /// A fit that has not ended after this many times as many evaluations as parameters will not.
 const PATIENCE: usize = 20;
-
-/// Solver's tolerance of a fit: differences between models must not drown in what the solver leaves.
-const TOLERANCE: f64 = 1e-3;
 
 /// Two parameters with a correlation beyond this are told apart badly.
 const ALIKE: f64 = 0.95;
@@ -172,8 +173,6 @@ fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)
             start.fluid.viscosity_pa_s
         ));
     }
-    let before = start.clone();
-    start.solver.tolerance = start.solver.tolerance.min(TOLERANCE);
 
     let simulations = std::sync::atomic::AtomicUsize::new(0);
     let simulated = |count: usize| {
@@ -190,11 +189,11 @@ fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)
             "start from another robot with --robot",
         ));
     };
-    let problem = minimise(problem)?;
+    let problem = minimise(problem, ROUGHLY)?;
     let rest = problem::correlations(&problem.errors().unwrap_or_default());
     let whiteners = self::whiteners(&trials, rest)?;
     let problem = Problem::new(given, parameters, &whiteners, &simulated, problem.moved().to_vec());
-    let problem = minimise(problem)?;
+    let problem = minimise(problem, PRECISION)?;
     let errors = problem.errors().unwrap_or_default();
     let covariance = covariance(&problem)?;
 
@@ -203,7 +202,10 @@ fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)
     let independent: f64 = rest.iter().map(|rest| rest.independent(blocks)).sum();
     let freedom = (independent - parameters.len() as f64).max(1.0);
     let taken_up = (independent / freedom).sqrt();
-    let deviations: Vec<f64> = (0..parameters.len()).map(|i| taken_up * covariance[(i, i)].max(0.0).sqrt()).collect();
+    let deviation = |(i, parameter): (usize, &Parameter)| {
+        (taken_up * covariance[(i, i)].max(0.0).sqrt()).hypot(parameter.numbers())
+    };
+    let deviations: Vec<f64> = parameters.iter().enumerate().map(deviation).collect();
     let quantile = student_95(freedom);
     let estimates: Vec<_> = parameters
         .iter()
@@ -225,7 +227,7 @@ fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)
         covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()
     });
     let eigenvalues = correlations.clone().symmetric_eigenvalues();
-    let robot = Robot { solver: before.solver.clone(), ..problem.robot(problem.moved()) };
+    let robot = problem.robot(&start, problem.moved());
     let fitted = |i: usize| Fitted {
         name: trials[i].name.clone(),
         log: trials[i].path.clone(),
@@ -261,8 +263,8 @@ fn whiteners(trials: &[Data], rest: [Correlated; 3]) -> Result<Vec<[Whitener; 3]
     trials.par_iter().map(one).collect()
 }
 
-fn minimise(problem: Problem) -> Result<Problem, TwinError> {
-    let method = LevenbergMarquardt::new().with_tol(PRECISION).with_patience(PATIENCE);
+fn minimise(problem: Problem, precision: f64) -> Result<Problem, TwinError> {
+    let method = LevenbergMarquardt::new().with_tol(precision).with_patience(PATIENCE);
     let (problem, report) = method.minimize(problem);
     if report.termination.was_successful() {
         return Ok(problem);

@@ -14,6 +14,10 @@ use sim::robot::closure::Closure;
 /// what the solver leaves.
 const DIFFERENCE: f64 = 0.01;
 
+/// The solver's tolerance for differences, which must not drown in what it leaves. Residuals keep the robot's own: what the
+/// solver leaves has a direction (0.6 % of a tilt at 0.02), and the trial may be one that the same solver made.
+const TOLERANCE: f64 = 1e-3;
+
 /// The parameters do not move further than this from their start: a factor of ten, or half a turn and more.
 const FARTHEST: f64 = 2.3;
 
@@ -43,7 +47,7 @@ impl<'a> Problem<'a> {
         moved: Vec<f64>,
     ) -> Self {
         let mut problem = Self { trials, start, closure, parameters, whiteners, simulated, moved, modelled: None };
-        problem.modelled = problem.model(&problem.moved);
+        problem.modelled = problem.model(problem.start, &problem.moved);
         problem
     }
 
@@ -52,9 +56,9 @@ impl<'a> Problem<'a> {
         &self.moved
     }
 
-    /// The robot with its parameters moved.
-    pub fn robot(&self, moved: &[f64]) -> Robot {
-        let mut robot = self.start.clone();
+    /// A robot with its parameters moved.
+    pub fn robot(&self, start: &Robot, moved: &[f64]) -> Robot {
+        let mut robot = start.clone();
         for (parameter, moved) in self.parameters.iter().zip(moved) {
             parameter.put(&mut robot, self.closure, *moved);
         }
@@ -75,11 +79,11 @@ impl<'a> Problem<'a> {
         )
     }
 
-    fn model(&self, moved: &[f64]) -> Option<Vec<Blocks>> {
+    fn model(&self, start: &Robot, moved: &[f64]) -> Option<Vec<Blocks>> {
         if moved.iter().any(|moved| moved.abs() > FARTHEST || !moved.is_finite()) {
             return None;
         }
-        let robot = self.robot(moved);
+        let robot = self.robot(start, moved);
         let one = |trial: &Data| {
             let blocks = trial.modelled(&robot, self.closure);
             (self.simulated)(1);
@@ -134,7 +138,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 
     fn set_params(&mut self, moved: &DVector<f64>) {
         self.moved = moved.as_slice().to_vec();
-        self.modelled = self.model(&self.moved);
+        self.modelled = self.model(self.start, &self.moved);
     }
 
     fn params(&self) -> DVector<f64> {
@@ -150,12 +154,15 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     }
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {
-        let modelled = self.modelled.as_ref()?;
-        let now = self.mounted(modelled, &self.moved);
+        let mut tight = self.start.clone();
+        tight.solver.tolerance = tight.solver.tolerance.min(TOLERANCE);
+        let modelled = self.model(&tight, &self.moved)?;
+        let now = self.mounted(&modelled, &self.moved);
         let changed = |i: usize, sign: f64| {
             let mut moved = self.moved.clone();
             moved[i] += sign * DIFFERENCE;
-            let modelled = if self.parameters[i].is_of_the_robot() { self.model(&moved)? } else { modelled.clone() };
+            let modelled =
+                if self.parameters[i].is_of_the_robot() { self.model(&tight, &moved)? } else { modelled.clone() };
             Some(self.mounted(&modelled, &moved))
         };
         let columns: Option<Vec<_>> = (0..self.parameters.len())
