@@ -1,6 +1,6 @@
 //! What a log tells of its trial, read from end to end, with nothing but the telemetry's angles kept in memory.
 
-use crate::attitude::{Angles, PhaseTimes, Series};
+use crate::attitude::{Angles, PhaseTimes, Series, Times};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::{
     BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, ModelMeta, PlanMeta,

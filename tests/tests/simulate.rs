@@ -3,6 +3,7 @@
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::process::Child;
 use std::time::{Duration, Instant};
 use tests::{Bench, Run, signal};
 

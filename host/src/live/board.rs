@@ -91,7 +91,11 @@ impl<'a> Stream<'a> {
     }
 
     fn frame(&mut self, frame: &Telemetry, host: SystemTime) {
-        let board_us = self.clock.unwrap(frame.time);
+        let board_us = self.clock.unwrap(frame.time).unwrap_or_else(|| {
+            // The board has restarted: its clock begins anew, the viewers' goes on with the host's.
+            (self.clock, self.first) = (BoardClock::default(), None);
+            self.clock.unwrap(frame.time).unwrap_or_default()
+        });
         let host_ns = host.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos() as u64;
         let (first_us, first_ns) = *self.first.get_or_insert((board_us, host_ns));
         let elapsed_us = board_us.saturating_sub(first_us);
