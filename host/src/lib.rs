@@ -9,6 +9,7 @@ pub mod commands;
 mod exactly;
 pub mod export;
 pub mod link;
+pub mod live;
 pub mod log;
 pub mod model;
 pub mod overview;

@@ -1,6 +1,10 @@
 //! The bench: what the tests of whole behaviours share. They run the real `biflag` against the real firmware on the
 //! emulated board, from outside, as a user would.
 
+mod viewer;
+
+pub use viewer::{Seen, Viewer};
+
 use host::rig::VirtualNano;
 use serde_json::Value;
 use std::path::{Path, PathBuf};

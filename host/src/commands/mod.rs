@@ -5,6 +5,7 @@ mod doctor;
 mod export;
 mod flash;
 mod info;
+mod live;
 mod record;
 mod recover;
 mod settings;
@@ -33,6 +34,7 @@ enum Command {
     Settings(settings::Args),
     Record(record::Args),
     Simulate(simulate::Args),
+    Live(live::Args),
     Info(info::Args),
     Recover(recover::Args),
     Export(export::Args),
@@ -56,6 +58,7 @@ pub fn run() -> ExitCode {
         Command::Settings(args) => settings::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Live(args) => live::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Export(args) => export::run(&args),

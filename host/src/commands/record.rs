@@ -2,6 +2,7 @@
 
 use super::{Answer, Outcome};
 use crate::link::{self, Link, LinkError};
+use crate::live::{self, Live};
 use crate::log::{End, Origin, Start, Summary};
 use crate::plan::{Plan, Trial};
 use crate::rig::{self, Bench, Image, Progress, RecordError, VirtualNano};
@@ -11,6 +12,7 @@ use miette::{IntoDiagnostic, Report, WrapErr};
 use protocol::Command;
 use serde::Serialize;
 use std::fmt;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -32,6 +34,9 @@ pub struct Args {
     /// How much faster than real time the emulated board runs: a factor, or `max`.
     #[arg(long, default_value = "max", requires = "virtual")]
     speed: String,
+    /// Show what is recorded to Foxglove meanwhile, at this address.
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = live::ADDRESS)]
+    live: Option<SocketAddr>,
     /// The session's folder; by default named after the plan.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -70,6 +75,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).into_diagnostic().wrap_err("Ctrl-C")?;
 
     let plan = Plan::load(&args.plan)?;
+    // First, so that an address that is taken is known before anything moves.
+    let live = args.live.map(Live::listen).transpose()?;
     let mut nano = match &args.r#virtual {
         Some(imu) => Some(start_virtual(imu.as_ref(), &args.speed)?),
         None => None,
@@ -106,6 +113,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
     let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
+    if let Some(live) = &live {
+        progress.line(&live.invitation());
+    }
     let mut on_run = || {
         if let (Some(nano), Some(Some(_))) = (&mut nano, &args.r#virtual) {
             // An emulated board that has gone is a port that has gone, which the trial sees for itself.
@@ -122,7 +132,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         // A calibration changes the board's settings, so each log has those that were in force at its beginning.
         let board = Some((*link.info(), super::settings::read(&link)?));
         let start = Start { plan: &plan, trial, attempt, origin, board, time: SystemTime::now() };
-        let mut bench = Bench { link: &link, progress: &progress, interrupted: &interrupted, on_run: &mut on_run };
+        let live = live.as_ref();
+        let mut bench =
+            Bench { link: &link, progress: &progress, interrupted: &interrupted, live, on_run: &mut on_run };
         let run = rig::run(&mut bench, &path, &start)?;
         progress.end_trial(trial.phases.total_s());
         let mut row = RecordedTrial::new(trial, path, &run.summary);

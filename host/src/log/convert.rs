@@ -10,7 +10,7 @@ use protocol::{Calibration, Fault, Request, Settings, State, Telemetry};
 
 /// Gives telemetry its units.
 #[derive(Debug)]
-pub(super) struct Converter {
+pub(crate) struct Converter {
     settings: Settings,
     yaw: Unwrap,
 }
@@ -77,7 +77,7 @@ impl Converter {
 }
 
 /// The attitude as viewers know it.
-pub(super) fn frame_transform(attitude: &biflag::Quaternion, log_ns: u64) -> foxglove::FrameTransform {
+pub(crate) fn frame_transform(attitude: &biflag::Quaternion, log_ns: u64) -> foxglove::FrameTransform {
     foxglove::FrameTransform {
         timestamp: Some(timestamp(log_ns)),
         parent_frame_id: "world".to_owned(),
@@ -106,9 +106,10 @@ pub(super) fn command(record: &CommandRecord) -> biflag::Command {
     }
 }
 
-pub(super) fn event_kind(kind: EventKind) -> biflag::event::Kind {
+/// An event as the log holds it.
+pub(crate) fn event(kind: EventKind, text: &str) -> biflag::Event {
     use biflag::event::Kind;
-    match kind {
+    let kind = match kind {
         EventKind::Phase => Kind::Phase,
         EventKind::State => Kind::State,
         EventKind::Fault => Kind::Fault,
@@ -117,7 +118,8 @@ pub(super) fn event_kind(kind: EventKind) -> biflag::event::Kind {
         EventKind::Clock => Kind::Clock,
         EventKind::Warning => Kind::Warning,
         EventKind::Note => Kind::Note,
-    }
+    };
+    biflag::Event { kind: kind.into(), text: text.to_owned() }
 }
 
 fn state(state: State) -> biflag::State {

@@ -34,7 +34,7 @@ pub mod schema;
 mod tests;
 mod writer;
 
-pub(crate) use convert::timestamp;
+pub(crate) use convert::{Converter, event, frame_transform, timestamp};
 pub use error::LogError;
 pub use meta::{
     BoardMeta, CalibrationMeta, ClockFit, End, FORMAT, Identity, Meta, Origin, PlanMeta, RecoveryMeta, RobotMeta,
@@ -44,7 +44,7 @@ pub use model_meta::{ModelMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, last_meta, summary};
 pub use recover::{Recovery, recover};
 pub use scan::{Condition, Loss};
-pub use writer::{CommandRecord, EventKind, Start, Writer};
+pub use writer::{CommandRecord, EventKind, Start, Tap, Writer};
 
 /// The MCAP profile of our logs.
 pub const PROFILE: &str = "biflag";

@@ -7,6 +7,7 @@ use super::scan::{Condition, Loss, Piece, Scanner, indexed_table};
 use super::schema::{self, LogMessage, biflag, foxglove};
 use crate::log::PROFILE;
 use mcap::records::MessageHeader;
+use prost::Message as _;
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -217,6 +218,23 @@ impl Iterator for Reader {
 }
 
 impl Body {
+    /// The message as its bytes, the other way round than [`Reader`] made it from them.
+    pub fn encode(&self) -> Vec<u8> {
+        match self {
+            Self::Raw(message) => message.encode_to_vec(),
+            Self::Telemetry(message) => message.encode_to_vec(),
+            Self::Attitude(message) => message.encode_to_vec(),
+            Self::Command(message) => message.encode_to_vec(),
+            Self::Dropout(message) => message.encode_to_vec(),
+            Self::Event(message) => message.encode_to_vec(),
+            Self::Truth(message) => message.encode_to_vec(),
+            Self::Forces(message) => message.encode_to_vec(),
+            Self::Flagella(message) => message.encode_to_vec(),
+            Self::FlagellaPoints(message) => message.encode_to_vec(),
+            Self::Other(bytes) => bytes.clone(),
+        }
+    }
+
     fn decode(topic: &str, schema: &str, data: Vec<u8>) -> Self {
         fn read<M: LogMessage>(data: &[u8], body: impl Fn(M) -> Body) -> Option<Body> {
             M::decode(data).ok().map(body)

@@ -89,7 +89,12 @@ pub struct Writer {
     clock: Clock,
     /// Messages on each channel so far.
     sequences: BTreeMap<u16, u32>,
+    tap: Option<Tap>,
 }
+
+/// Shown every message as it is written: its channel, its `log_time` in ns, and its bytes. The writer waits for it, so
+/// it must not wait for anything itself.
+pub type Tap = Box<dyn Fn(&ChannelSpec, u64, &[u8]) + Send>;
 
 /// The trial's clock.
 #[derive(Debug)]
@@ -135,12 +140,18 @@ impl Writer {
             converter: Converter::new(settings),
             clock: Clock { log_ns: nanos(time), first: None },
             sequences: BTreeMap::new(),
+            tap: None,
         };
         for channel in schema::CHANNELS {
             let added = add_channel(&mut writer.mcap, channel);
             writer.check(added)?;
         }
         Ok(writer)
+    }
+
+    /// Shows every message from here on to `tap` as well.
+    pub fn tap(&mut self, tap: Tap) {
+        self.tap = Some(tap);
     }
 
     /// Keeps bytes from the board as they came.
@@ -207,7 +218,7 @@ impl Writer {
     /// # Errors
     /// [`LogError::Write`].
     pub fn event(&mut self, kind: EventKind, text: &str, host: SystemTime) -> Result<(), LogError> {
-        self.message(&biflag::Event { kind: convert::event_kind(kind).into(), text: text.to_owned() }, host)
+        self.message(&convert::event(kind, text), host)
     }
 
     /// Keeps the result of the gyroscope's calibration. From here on its bias is taken off the angular rates.
@@ -246,8 +257,12 @@ impl Writer {
             publish_time: nanos(host),
         };
         *sequence = sequence.wrapping_add(1);
-        let written = self.mcap.write_to_known_channel(&header, &message.encode_to_vec());
+        let bytes = message.encode_to_vec();
+        let written = self.mcap.write_to_known_channel(&header, &bytes);
         self.check(written)?;
+        if let Some(tap) = &self.tap {
+            tap(&M::CHANNEL, header.log_time, &bytes);
+        }
         self.tick()
     }
 

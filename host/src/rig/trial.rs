@@ -4,6 +4,7 @@ use super::Progress;
 use super::recorder::{RecordError, Recorder};
 use crate::attitude::{Angles, Times};
 use crate::link::Link;
+use crate::live::Live;
 use crate::log::{End, EventKind, LogError, Start, Summary, Writer};
 use crate::plan::Phases;
 use protocol::{Command, State, TICK_HZ};
@@ -32,6 +33,8 @@ pub struct Bench<'a> {
     pub progress: &'a Progress,
     /// Set when the user wants to stop.
     pub interrupted: &'a AtomicBool,
+    /// Who may watch.
+    pub live: Option<&'a Live>,
     /// Called at the moment when the motors are to start.
     pub on_run: &'a mut dyn FnMut(),
 }
@@ -41,7 +44,10 @@ pub struct Bench<'a> {
 /// # Errors
 /// [`LogError`] where the log cannot be begun or ended.
 pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, LogError> {
-    let log = Writer::create(path, start)?;
+    let mut log = Writer::create(path, start)?;
+    if let Some(live) = bench.live {
+        log.tap(live.tap());
+    }
     let link = bench.link;
     let mut recorder = Recorder::new(link, log, bench.interrupted);
     let mut times = Times::default();
