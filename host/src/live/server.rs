@@ -33,6 +33,8 @@ pub struct Live(Arc<Server>);
 struct Server {
     address: SocketAddr,
     handle: Option<WebSocketServerHandle>,
+    /// Holds the channels together with the server, which only borrows it.
+    _context: Arc<Context>,
     channels: BTreeMap<u16, Arc<RawChannel>>,
     listener: Arc<Listener>,
     begun: Instant,
@@ -94,7 +96,8 @@ impl Live {
             .map_err(failed)?;
         let address = SocketAddr::new(address.ip(), handle.port());
         let (begun, told_ms) = (Instant::now(), AtomicU64::new(0));
-        Ok(Self(Arc::new(Server { address, handle: Some(handle), channels, listener, begun, told_ms })))
+        let handle = Some(handle);
+        Ok(Self(Arc::new(Server { address, handle, _context: context, channels, listener, begun, told_ms })))
     }
 
     /// Where viewers connect to, such as `ws://127.0.0.1:8765`.
