@@ -3,7 +3,7 @@
 //! Each record is a flat table of keys and values as text, plain to any reader of MCAP. MCAP guards its chunks with a
 //! CRC, but not these records, so each carries one of its own.
 
-use super::model_meta::{ModelMeta, SteadyMeta};
+use super::model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 use crate::board_settings::BoardSettings;
 use crate::plan::{Plan, Trial};
 use crate::stats::LinkStats;
@@ -216,7 +216,7 @@ macro_rules! names {
 names! {
     Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
     CalibrationMeta: "calibration", ClockFit: "clock", Summary: "summary", RecoveryMeta: "recovery",
-    ModelMeta: "model", SteadyMeta: "steady",
+    ModelMeta: "model", SensorMeta: "sensor", SteadyMeta: "steady",
 }
 
 impl Identity {

@@ -40,7 +40,7 @@ pub use meta::{
     BoardMeta, CalibrationMeta, ClockFit, End, FORMAT, Identity, Meta, Origin, PlanMeta, RecoveryMeta, RobotMeta,
     Summary, Table, TrialMeta,
 };
-pub use model_meta::{ModelMeta, SteadyMeta};
+pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, last_meta, summary};
 pub use recover::{Recovery, recover};
 pub use scan::{Condition, Loss};

@@ -251,6 +251,19 @@ impl Writer {
         self.tick()
     }
 
+    /// Keeps a message at a time of the trial, s since its first frame, which is there already. What comes next keeps its
+    /// own time.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn message_at<M: LogMessage>(&mut self, time_s: f64, message: &M, host: SystemTime) -> Result<(), LogError> {
+        let now_ns = self.clock.log_ns;
+        self.at(time_s);
+        let written = self.message(message, host);
+        self.clock.log_ns = now_ns;
+        written
+    }
+
     /// Keeps a metadata record.
     ///
     /// # Errors

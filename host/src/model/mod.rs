@@ -8,8 +8,8 @@
 mod batch;
 mod board;
 mod error;
-mod messages;
-mod shapes;
+pub(crate) mod messages;
+pub(crate) mod shapes;
 mod trial;
 
 pub use batch::{Batch, TrialRun};

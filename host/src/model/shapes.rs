@@ -28,7 +28,7 @@ fn origin() -> Pose {
 }
 
 /// `/flagella`: lines as thick as the rods.
-pub(super) fn scene(time_s: f64, lines: &Lines, rod_radius_m: f64) -> SceneUpdate {
+pub(crate) fn scene(time_s: f64, lines: &Lines, rod_radius_m: f64) -> SceneUpdate {
     let line = |(line, colour): (&Vec<[f64; 3]>, Color)| LinePrimitive {
         r#type: line_primitive::Type::LineStrip.into(),
         pose: Some(origin()),
@@ -51,7 +51,7 @@ pub(super) fn scene(time_s: f64, lines: &Lines, rod_radius_m: f64) -> SceneUpdat
 }
 
 /// `/flagella_points`: the nodes.
-pub(super) fn points(time_s: f64, lines: &Lines) -> PointCloud {
+pub(crate) fn points(time_s: f64, lines: &Lines) -> PointCloud {
     const SIZE: u32 = size_of::<f32>() as u32;
     let mut data = Vec::with_capacity((lines[0].len() + lines[1].len()) * FIELDS.len() * SIZE as usize);
     for (number, line) in [1.0, 2.0].into_iter().zip(lines) {

@@ -1,5 +1,7 @@
 //! From the link into the log: everything that comes while a trial runs.
 
+use super::simulated::Truth;
+use super::virtual_nano::VirtualError;
 use crate::attitude::Series;
 use crate::link::{BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
 use crate::log::{ClockFit, CommandRecord, EventKind, LogError, Writer};
@@ -33,6 +35,10 @@ pub enum RecordError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Log(#[from] LogError),
+    /// The emulated board, or the simulated robot behind it, failed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Virtual(#[from] VirtualError),
 }
 
 /// A fault in words.
@@ -106,18 +112,22 @@ pub(super) struct Recorder<'a> {
     /// Speeds over the last second.
     speeds: VecDeque<[CentiRpm; 2]>,
     interrupted: &'a AtomicBool,
+    /// Of a simulated robot.
+    truth: Option<Truth<'a>>,
     /// The frame that ended a phase, which is the first of the next one.
     ahead: Option<Frame>,
     clock: BoardClock,
     /// The board's clock at the trial's first frame, µs.
     begun_us: u64,
+    /// The board's clock at the last frame that was kept, µs; `None` before the first.
+    reached_us: Option<u64>,
     pings: PingClock,
     last_heard: Instant,
     state: (State, Fault),
 }
 
 impl<'a> Recorder<'a> {
-    pub(super) fn new(link: &'a Link, log: Writer, interrupted: &'a AtomicBool) -> Self {
+    pub(super) fn new(link: &'a Link, log: Writer, interrupted: &'a AtomicBool, truth: Option<Truth<'a>>) -> Self {
         Self {
             link,
             log,
@@ -125,9 +135,11 @@ impl<'a> Recorder<'a> {
             attitude: Series::default(),
             speeds: VecDeque::new(),
             interrupted,
+            truth,
             ahead: None,
             clock: BoardClock::default(),
             begun_us: 0,
+            reached_us: None,
             pings: PingClock::default(),
             last_heard: Instant::now(),
             state: (State::Idle, Fault::None),
@@ -214,6 +226,22 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
+    /// Keeps the truth up to the last frame that was kept, where a simulated robot tells it.
+    fn keep_truth(&mut self) -> Result<(), RecordError> {
+        match (&mut self.truth, self.reached_us) {
+            (Some(truth), Some(until_us)) => truth.keep(&mut self.log, &self.clock, (self.begun_us, until_us)),
+            _ => Ok(()),
+        }
+    }
+
+    /// The same at the trial's end, with all that there is.
+    pub(super) fn end_truth(&mut self) -> Result<(), RecordError> {
+        if let Some(truth) = &mut self.truth {
+            truth.ask()?;
+        }
+        self.keep_truth()
+    }
+
     /// Forgets the attitude so far: the calibration changed what the rates mean.
     pub(super) fn restart_attitude(&mut self) {
         self.attitude = Series::default();
@@ -225,6 +253,7 @@ impl<'a> Recorder<'a> {
                 return Err(RecordError::Interrupted);
             }
             self.log.tick()?;
+            self.keep_truth()?;
             let Some(received) = self.link.next(Duration::from_millis(20)) else {
                 // Only an empty queue is silence: this program itself may have been kept from reading it.
                 if self.last_heard.elapsed() > SILENCE {
@@ -245,6 +274,7 @@ impl<'a> Recorder<'a> {
             self.log.dropout(gap.first.0, u32::from(gap.count), frame.host)?;
         }
         self.log.telemetry(&frame.telemetry, frame.board_us, frame.host)?;
+        self.reached_us = Some(frame.board_us);
         if self.speeds.len() == usize::from(TICK_HZ) {
             self.speeds.pop_front();
         }

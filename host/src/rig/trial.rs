@@ -2,6 +2,7 @@
 
 use super::Progress;
 use super::recorder::{RecordError, Recorder};
+use super::simulated::{SimulatedRobot, Truth};
 use crate::attitude::{Angles, Times};
 use crate::link::Link;
 use crate::log::{End, EventKind, LogError, Start, Summary, Writer};
@@ -34,6 +35,8 @@ pub struct Bench<'a> {
     pub interrupted: &'a AtomicBool,
     /// Called at the moment when the motors are to start.
     pub on_run: &'a mut dyn FnMut(),
+    /// The robot, where it is simulated.
+    pub robot: Option<&'a SimulatedRobot>,
 }
 
 /// Runs a trial and writes its log to `path`. Whatever happens, the motors are stopped and the log is closed.
@@ -41,9 +44,13 @@ pub struct Bench<'a> {
 /// # Errors
 /// [`LogError`] where the log cannot be begun or ended.
 pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, LogError> {
-    let log = Writer::create(path, start)?;
+    let mut log = Writer::create(path, start)?;
+    if let Some(robot) = bench.robot {
+        log.meta(&robot.model)?;
+        log.meta(&robot.sensor)?;
+    }
     let link = bench.link;
-    let mut recorder = Recorder::new(link, log, bench.interrupted);
+    let mut recorder = Recorder::new(link, log, bench.interrupted, bench.robot.map(Truth::new));
     let mut times = Times::default();
     let mut warnings = Vec::new();
     let mut error = phases(&mut recorder, bench, start, &mut times, &mut warnings).err();
@@ -60,6 +67,9 @@ pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, Lo
             }
             Err(failure) if error.is_none() => error = Some(failure),
             _ => {}
+        }
+        if let Err(failure) = recorder.end_truth() {
+            error.get_or_insert(failure);
         }
         if let Some(fit) = recorder.clock_fit() {
             recorder.log.clock(&fit)?;
