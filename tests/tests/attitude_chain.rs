@@ -2,7 +2,7 @@
 //! fluid and flagella, base, sensor with its imperfections, firmware, link, log.
 
 use host::attitude::{Track, steady_window};
-use host::log::{Body, ModelMeta, Origin, Reader, SensorMeta, Summary};
+use host::log::{Body, End, ModelMeta, Origin, Reader, SensorMeta, Summary};
 use protocol::units::CentiRpm;
 use serde_json::Value;
 use std::path::Path;
@@ -115,6 +115,25 @@ fn the_logged_attitude_is_the_true_one() {
         assert!(reader.counts().get(topic).is_some_and(|count| *count > 300), "{topic}: {:?}", reader.counts());
     }
     assert!(reader.meta::<Summary>().is_some());
+}
+
+/// A simulator that cannot go on ends the trial with its reason, and the log has what was true until then.
+#[test]
+fn a_robot_that_cannot_be_computed_ends_the_trial_with_the_reason() {
+    let bench = Bench::new();
+    bench.file("hard.toml", "[solver]\nhalvings = 0\nsweeps = 2\ntolerance = 1e-7\n");
+    let plan = bench.file(
+        "plan.toml",
+        "[session]\nrobot = \"hard.toml\"\n\
+         [trial]\ncalibrate = 0\npreroll = 2\nrun = 20\ndecay = 0\n[speeds]\npairs = [[90, -90]]\n",
+    );
+    let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--out", "session", "--json"]).expect_code(1);
+    assert!(run.stderr.contains("simulated robot could not go on: no step from"), "{run:?}");
+    let log = bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap());
+    let reader = Reader::open(&log).unwrap();
+    let summary = reader.meta::<Summary>().unwrap();
+    assert!(summary.end == End::Failed && summary.reason.contains("no step from"), "{summary:?}");
+    assert!(reader.counts()["/telemetry"] > 300 && reader.counts()["/truth"] > 80, "{:?}", reader.counts());
 }
 
 /// The four published points, each with 25 sensors:

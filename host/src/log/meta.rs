@@ -143,6 +143,10 @@ pub struct CalibrationMeta {
     pub noise_counts: u16,
     /// Readings that were averaged.
     pub samples: u16,
+    /// The accelerometer's direction of up meanwhile, body axes; zero where nothing was read.
+    pub up: [f64; 3],
+    /// Whether the attitude is corrected by it: the robot hung upright.
+    pub levelled: bool,
 }
 
 /// The board's clock against the host's: a line through the pings.

@@ -1,6 +1,6 @@
 //! Writing a log while the trial runs.
 
-use super::convert::{self, Converter};
+use super::convert::{self, Converter, Level};
 use super::disk::{self, Disk};
 use super::meta::{
     self, BoardMeta, CalibrationMeta, ClockFit, Identity, Meta, Origin, PlanMeta, RobotMeta, Summary, TrialMeta,
@@ -151,16 +151,19 @@ impl Writer {
         self.message(&biflag::RawBytes { data: bytes.to_vec() }, host)
     }
 
-    /// Keeps a telemetry frame, as `/telemetry` and `/attitude`. `board_time_us` is the board's clock, unwrapped.
+    /// Keeps a telemetry frame, as `/telemetry` and `/attitude`. `board_time_us` is the board's clock, unwrapped. Answers
+    /// the attitude as it is kept, `[w, x, y, z]`: a calibration may have levelled it.
     ///
     /// # Errors
     /// [`LogError::Write`].
-    pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, host: SystemTime) -> Result<(), LogError> {
+    pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, host: SystemTime) -> Result<[f64; 4], LogError> {
         let (first_us, first_ns) = *self.clock.first.get_or_insert((board_time_us, self.clock.log_ns.max(nanos(host))));
         let elapsed_us = board_time_us.saturating_sub(first_us);
         self.clock.log_ns = first_ns.saturating_add(elapsed_us.saturating_mul(1000));
         let message = self.converter.telemetry(frame, board_time_us, elapsed_us as f64 * 1e-6);
-        self.state_at(&message, host)
+        self.state_at(&message, host)?;
+        let biflag::Quaternion { w, x, y, z } = message.attitude.unwrap_or_default();
+        Ok([w, x, y, z])
     }
 
     /// Keeps a state that no board sent, but a model computed. Its `time_s` is the trial's clock.
@@ -210,18 +213,22 @@ impl Writer {
         self.message(&biflag::Event { kind: convert::event_kind(kind).into(), text: text.to_owned() }, host)
     }
 
-    /// Keeps the result of the gyroscope's calibration. From here on its bias is taken off the angular rates.
+    /// Keeps the result of the calibration. From here on the gyroscope's bias is taken off the angular rates, and the tilt
+    /// of the robot that hung at rest off the attitude.
     ///
     /// # Errors
     /// [`LogError::Write`].
     pub fn calibration(&mut self, calibration: &Calibration, host: SystemTime) -> Result<(), LogError> {
-        self.converter.calibrate(calibration);
+        let Level { up, tilt_deg, used: levelled } = self.converter.calibrate(calibration);
         let Calibration { still, bias: bias_counts, noise: noise_counts, samples } = *calibration;
         let [x, y, z] = bias_counts;
         let moved = if still { "" } else { "; the sensor moved, so the bias before stays" };
-        let text = format!("bias {x:.2} {y:.2} {z:.2} counts, noise {noise_counts}, {samples} readings{moved}");
+        let level = if levelled { "levelled by" } else { "not levelled, off by" };
+        let text = format!(
+            "bias {x:.2} {y:.2} {z:.2} counts, noise {noise_counts}, {samples} readings{moved}; {level} {tilt_deg:.2}°"
+        );
         self.event(EventKind::Calibration, &text, host)?;
-        self.meta(&CalibrationMeta { still, bias_counts, noise_counts, samples })
+        self.meta(&CalibrationMeta { still, bias_counts, noise_counts, samples, up, levelled })
     }
 
     /// Keeps how the clocks compare.

@@ -76,7 +76,13 @@ impl VirtualNano {
             .map_err(|error| not_started(format!("{}: {error}", program.display())))?;
         let control = child.stdin.take();
         let stdout = child.stdout.take().ok_or_else(|| not_started("it has no output".into()))?;
-        let mut nano = Self { child, control, answers: BufReader::new(stdout), port: String::new(), sensor: SensorMeta::default() };
+        let mut nano = Self {
+            child,
+            control,
+            answers: BufReader::new(stdout),
+            port: String::new(),
+            sensor: SensorMeta::default(),
+        };
         let ready = nano.hear().unwrap_or_default();
         match ready["port"].as_str() {
             Some(port) => {

@@ -177,7 +177,13 @@ mod tests {
     use crate::bridge::Drive;
     use crate::motor::{MotorParameters, STEP_S};
 
-    fn run(robot: &mut Robot, motors: &mut [Motor; 2], from_s: f64, length_s: f64, mut see: impl FnMut(&Robot, &[Motor; 2], f64)) {
+    fn run(
+        robot: &mut Robot,
+        motors: &mut [Motor; 2],
+        from_s: f64,
+        length_s: f64,
+        mut see: impl FnMut(&Robot, &[Motor; 2], f64),
+    ) {
         for i in 1..=(length_s / STEP_S).round() as u64 {
             for motor in motors.iter_mut() {
                 motor.advance(STEP_S);
@@ -213,7 +219,9 @@ mod tests {
                 after = after.max(error(robot, motors, time_s));
             }
         });
-        println!("flagella against encoders: {worst:.3} deg at most, {steady:.5} at a steady speed, {after:.5} at rest");
+        println!(
+            "flagella against encoders: {worst:.3} deg at most, {steady:.5} at a steady speed, {after:.5} at rest"
+        );
         assert!(worst < 8.0 && steady < 0.1 && after < 0.01, "{worst} {steady} {after}");
         assert_eq!(robot.failure(), None);
         assert_eq!(robot.trial.motors(4.0).map(|motor| motor.speed), [0.0; 2], "comes to rest");

@@ -123,11 +123,9 @@ impl Source {
             Readout { accel, gyro, temperature: TemperatureCounts::from_celsius(temperature_c).0 }
         };
         match kind {
-            Kind::Still => measure(Movement {
-                specific_force_g: [0.0, 0.0, 1.0],
-                temperature_c: ROOM_C,
-                ..Movement::default()
-            }),
+            Kind::Still => {
+                measure(Movement { specific_force_g: [0.0, 0.0, 1.0], temperature_c: ROOM_C, ..Movement::default() })
+            }
             Kind::Robot(robot) => measure(robot.movement(time_s - DELAY_S[usize::from(low_pass & 7)])),
             Kind::Recording { recording, started_s, play } => {
                 if *play && started_s.is_none() {
