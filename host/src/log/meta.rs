@@ -143,10 +143,18 @@ pub struct CalibrationMeta {
     pub noise_counts: u16,
     /// Readings that were averaged.
     pub samples: u16,
-    /// The accelerometer's direction of up meanwhile, body axes; zero where nothing was read.
+}
+
+/// What the accelerometer said of the vertical while the robot hung at rest before the run.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct LevelMeta {
+    /// The direction of up, body axes.
     pub up: [f64; 3],
-    /// Whether the attitude is corrected by it: the robot hung upright.
-    pub levelled: bool,
+    /// How far it is off the robot's axis.
+    pub tilt_deg: f64,
+    /// Whether the attitude is corrected by it from there on.
+    pub used: bool,
 }
 
 /// The board's clock against the host's: a line through the pings.
@@ -219,7 +227,7 @@ macro_rules! names {
 
 names! {
     Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
-    CalibrationMeta: "calibration", ClockFit: "clock", Summary: "summary", RecoveryMeta: "recovery",
+    CalibrationMeta: "calibration", LevelMeta: "level", ClockFit: "clock", Summary: "summary", RecoveryMeta: "recovery",
     ModelMeta: "model", SensorMeta: "sensor", SteadyMeta: "steady",
 }
 

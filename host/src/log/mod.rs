@@ -37,8 +37,8 @@ mod writer;
 pub(crate) use convert::timestamp;
 pub use error::LogError;
 pub use meta::{
-    BoardMeta, CalibrationMeta, ClockFit, End, FORMAT, Identity, Meta, Origin, PlanMeta, RecoveryMeta, RobotMeta,
-    Summary, Table, TrialMeta,
+    BoardMeta, CalibrationMeta, ClockFit, End, FORMAT, Identity, LevelMeta, Meta, Origin, PlanMeta, RecoveryMeta,
+    RobotMeta, Summary, Table, TrialMeta,
 };
 pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, last_meta, summary};

@@ -1,6 +1,6 @@
 //! Writing a log while the trial runs.
 
-use super::convert::{self, Converter, Level};
+use super::convert::{self, Converter};
 use super::disk::{self, Disk};
 use super::meta::{
     self, BoardMeta, CalibrationMeta, ClockFit, Identity, Meta, Origin, PlanMeta, RobotMeta, Summary, TrialMeta,
@@ -152,7 +152,7 @@ impl Writer {
     }
 
     /// Keeps a telemetry frame, as `/telemetry` and `/attitude`. `board_time_us` is the board's clock, unwrapped. Answers
-    /// the attitude as it is kept, `[w, x, y, z]`: a calibration may have levelled it.
+    /// the attitude as it is kept, `[w, x, y, z]`, levelled where [`Writer::level`] was.
     ///
     /// # Errors
     /// [`LogError::Write`].
@@ -213,22 +213,32 @@ impl Writer {
         self.message(&biflag::Event { kind: convert::event_kind(kind).into(), text: text.to_owned() }, host)
     }
 
-    /// Keeps the result of the calibration. From here on the gyroscope's bias is taken off the angular rates, and the tilt
-    /// of the robot that hung at rest off the attitude.
+    /// Keeps the result of the gyroscope's calibration. From here on its bias is taken off the angular rates.
     ///
     /// # Errors
     /// [`LogError::Write`].
     pub fn calibration(&mut self, calibration: &Calibration, host: SystemTime) -> Result<(), LogError> {
-        let Level { up, tilt_deg, used: levelled } = self.converter.calibrate(calibration);
+        self.converter.calibrate(calibration);
         let Calibration { still, bias: bias_counts, noise: noise_counts, samples } = *calibration;
         let [x, y, z] = bias_counts;
         let moved = if still { "" } else { "; the sensor moved, so the bias before stays" };
-        let level = if levelled { "levelled by" } else { "not levelled, off by" };
-        let text = format!(
-            "bias {x:.2} {y:.2} {z:.2} counts, noise {noise_counts}, {samples} readings{moved}; {level} {tilt_deg:.2}°"
-        );
+        let text = format!("bias {x:.2} {y:.2} {z:.2} counts, noise {noise_counts}, {samples} readings{moved}");
         self.event(EventKind::Calibration, &text, host)?;
-        self.meta(&CalibrationMeta { still, bias_counts, noise_counts, samples, up, levelled })
+        self.meta(&CalibrationMeta { still, bias_counts, noise_counts, samples })
+    }
+
+    /// The robot has hung at rest until now. From here on the tilt that the accelerometer saw of it is taken off the
+    /// attitude, where that is small enough to be its bias. Answers how far it was, degrees; `None` where nothing is taken
+    /// off.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn level(&mut self, host: SystemTime) -> Result<Option<f64>, LogError> {
+        let Some(level) = self.converter.level() else { return Ok(None) };
+        let done = if level.used { "levelled by" } else { "not levelled: hangs askew by" };
+        self.event(EventKind::Calibration, &format!("{done} {:.2}°", level.tilt_deg), host)?;
+        self.meta(&level)?;
+        Ok(level.used.then_some(level.tilt_deg))
     }
 
     /// Keeps how the clocks compare.

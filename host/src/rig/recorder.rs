@@ -207,6 +207,12 @@ impl<'a> Recorder<'a> {
         [0, 1].map(|motor| CentiRpm((sum(motor) / count) as i16))
     }
 
+    /// The robot has hung at rest until now, so that its attitude can be levelled.
+    pub(super) fn level(&mut self) -> Result<(), RecordError> {
+        self.attitude.levelled_deg = self.log.level(SystemTime::now())?.unwrap_or(0.0);
+        Ok(())
+    }
+
     /// Notes an event at this moment.
     pub(super) fn event(&mut self, kind: EventKind, text: &str) -> Result<(), RecordError> {
         Ok(self.log.event(kind, text, SystemTime::now())?)

@@ -137,6 +137,7 @@ fn phases(
         recorder.event(EventKind::Phase, "preroll")?;
         last(recorder, times.preroll.end)?;
     }
+    recorder.level()?;
     (bench.on_run)();
     recorder.event(EventKind::Phase, "run")?;
     recorder.command(Command::SetSpeeds(speeds))?;

@@ -25,6 +25,10 @@ pub const WINDOW_S: f64 = 1.0 / WINDOWS_HZ;
 /// The sensor may ask for what happened so long before the present window, s: as long as its slowest filter takes.
 const REACH_S: f64 = 0.1;
 
+/// The robot has hung at rest for so long when the board gets power, s: the flagella sag under their weight at first, and the
+/// slowest motion of the robot dies away with a time constant of 10 s.
+const REST_S: f64 = 150.0;
+
 /// Samples with the flagella's shapes are one in so many.
 const SHAPES_EVERY: u64 = 5;
 
@@ -73,11 +77,12 @@ impl Robot {
     /// Hanging at rest, with motors that do not turn yet.
     ///
     /// # Errors
-    /// A parameter that cannot be.
-    pub fn new(parameters: &Parameters, room_c: f64) -> Result<Self, sim::params::ParamError> {
+    /// A parameter that cannot be, or a robot that the simulator cannot bring to rest.
+    pub fn new(parameters: &Parameters, room_c: f64) -> Result<Self, String> {
         let options = Options { rate_hz: WINDOWS_HZ, shapes: true };
-        Ok(Self {
-            trial: Trial::open(parameters, Closure::Full, options, WINDOW_S + REACH_S)?,
+        let mut robot = Self {
+            trial: Trial::open(parameters, Closure::Full, options, WINDOW_S + REACH_S)
+                .map_err(|error| error.to_string())?,
             windows: 0,
             before: [0.0; 2],
             warmth: Warmth { room_c, above_c: 0.0 },
@@ -86,7 +91,10 @@ impl Robot {
             gravity_m_s2: parameters.base.gravity_m_s2,
             samples: VecDeque::new(),
             failure: None,
-        })
+        };
+        robot.go_to(0.0, [0.0; 2])?;
+        robot.samples.clear();
+        Ok(robot)
     }
 
     /// The board's motors are so at this time in s. Where a window ends, the robot goes on by another.
@@ -110,7 +118,8 @@ impl Robot {
 
     /// How the sensor moves.
     pub fn movement(&self, time_s: f64) -> Movement {
-        let (now, before) = (self.trial.at(time_s), self.trial.at(time_s - TURNING_S));
+        let at = |time_s: f64| self.trial.at(REST_S + time_s);
+        let (now, before) = (at(time_s), at(time_s - TURNING_S));
         let temperature_c = self.warmth.room_c + self.warmth.above_c;
         let Some((now, before)) = now.zip(before) else {
             return Movement { specific_force_g: [0.0, 0.0, 1.0], temperature_c, ..Movement::default() };
@@ -131,7 +140,7 @@ impl Robot {
 
     fn go_on(&mut self, time_s: f64, motors: &[Motor; 2]) -> Result<(), String> {
         let begin_s = self.end_s();
-        let modelled = self.trial.motors(begin_s);
+        let modelled = self.motors(begin_s);
         let speeds = [0, 1].map(|k| {
             let speed = motors[k].speed_rad_s();
             let angle = motors[k].angle_rad() - speed * (time_s - begin_s);
@@ -139,20 +148,32 @@ impl Robot {
             foresee(clamp::Motor { angle, speed }, before, modelled[k])
         });
         self.windows += 1;
-        self.trial.extend(self.end_s(), speeds).map_err(|error| error.to_string())?;
-        for sample in self.trial.by_ref() {
-            let mut sample = sample.map_err(|error| error.to_string())?;
-            if self.samples.len() == WAITING {
-                self.samples.pop_front();
-            }
-            if self.windows % SHAPES_EVERY != 0 {
-                sample.shapes_m = None;
-            }
-            self.samples.push_back(sample);
-        }
+        self.go_to(self.end_s(), speeds)?;
         let share = speeds.iter().map(|speed| speed.abs()).sum::<f64>() / (2.0 * 90.0 * std::f64::consts::PI / 30.0);
         self.warmth.above_c += (MOTORS_WARM_C * share - self.warmth.above_c) * (WINDOW_S / WARMING_S);
         Ok(())
+    }
+
+    /// Lets the simulator go on to a time, with speeds of the flagella that change evenly to these (rad/s).
+    fn go_to(&mut self, time_s: f64, speeds: [f64; 2]) -> Result<(), String> {
+        self.trial.extend(REST_S + time_s, speeds).map_err(|error| error.to_string())?;
+        for sample in self.trial.by_ref() {
+            let mut sample = sample.map_err(|error| error.to_string())?;
+            sample.time_s -= REST_S;
+            if self.windows % SHAPES_EVERY != 0 {
+                sample.shapes_m = None;
+            }
+            if self.samples.len() == WAITING {
+                self.samples.pop_front();
+            }
+            self.samples.push_back(sample);
+        }
+        Ok(())
+    }
+
+    /// The simulator's motors.
+    fn motors(&self, time_s: f64) -> [clamp::Motor; 2] {
+        self.trial.motors(REST_S + time_s)
     }
 }
 
@@ -199,7 +220,7 @@ mod tests {
         let mut robot = Robot::new(&Parameters::default(), 20.0).unwrap();
         let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
         let error = |robot: &Robot, motors: &[Motor; 2], time_s: f64| {
-            let modelled = robot.trial.motors(time_s);
+            let modelled = robot.motors(time_s);
             (0..2).map(|k| (modelled[k].angle - motors[k].angle_rad()).abs().to_degrees()).fold(0.0, f64::max)
         };
         let (mut worst, mut steady): (f64, f64) = (0.0, 0.0);
@@ -224,7 +245,7 @@ mod tests {
         );
         assert!(worst < 8.0 && steady < 0.1 && after < 0.01, "{worst} {steady} {after}");
         assert_eq!(robot.failure(), None);
-        assert_eq!(robot.trial.motors(4.0).map(|motor| motor.speed), [0.0; 2], "comes to rest");
+        assert_eq!(robot.motors(4.0).map(|motor| motor.speed), [0.0; 2], "comes to rest");
     }
 
     #[test]
@@ -232,15 +253,16 @@ mod tests {
         let mut robot = Robot::new(&Parameters::default(), 20.0).unwrap();
         let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
         let at_rest = robot.movement(0.0);
-        assert_eq!((at_rest.rate_dps, at_rest.specific_force_g), ([0.0; 3], [0.0, 0.0, 1.0]));
+        assert!(at_rest.rate_dps.iter().all(|rate| rate.abs() < 1e-3), "{at_rest:?}");
+        assert!((Vector3::from(at_rest.specific_force_g) - Vector3::z()).norm() < 1e-3, "{at_rest:?}");
         motors[0].set_drive(Drive::Voltage(0.7));
         let (mut yaw, mut last, mut felt) = (0.0, 0.0, true);
         run(&mut robot, &mut motors, 0.0, 3.0, |robot, _, time_s| {
             let movement = robot.movement(time_s);
             // The rate's integral about the vertical is the yaw, and the force is gravity to within the turning.
-            let up = robot.trial.at(time_s).unwrap().attitude.inverse_transform_vector(&Vector3::z());
+            let up = robot.trial.at(REST_S + time_s).unwrap().attitude.inverse_transform_vector(&Vector3::z());
             yaw += Vector3::from(movement.rate_dps).dot(&up) * STEP_S;
-            last = robot.trial.at(time_s).unwrap().euler[0].to_degrees();
+            last = robot.trial.at(REST_S + time_s).unwrap().euler[0].to_degrees();
             felt &= (Vector3::from(movement.specific_force_g) - up).norm() < 0.1;
         });
         assert!(last.abs() > 5.0 && (yaw - last).abs() < 0.02 * last.abs(), "{yaw} {last}");
