@@ -93,14 +93,23 @@ fn errors(bench: &Bench, trial: &Value) -> Errors {
     }
 }
 
+/// A session on the emulated board with the simulated robot.
+fn record(bench: &Bench, plan: &str, seed: u64) -> Value {
+    let seed = seed.to_string();
+    let run = bench.run(["record", plan, "--virtual", "--seed", &seed, "--out", "session", "--json"]);
+    // On a busy machine the motors may start late, of which it warns.
+    assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
+    run.json()
+}
+
 /// One short trial with the largest tilt.
 #[test]
 fn the_logged_attitude_is_the_true_one() {
     let bench = Bench::new();
     let plan = bench
         .file("plan.toml", "[trial]\ncalibrate = 3\npreroll = 8\nrun = 24\ndecay = 8\n[speeds]\npairs = [[-90, 90]]\n");
-    let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--out", "session", "--json"]).expect_code(0);
-    let trial = &run.json()["trials"][0];
+    let run = record(&bench, plan.to_str().unwrap(), 1);
+    let trial = &run["trials"][0];
     let errors = errors(&bench, trial);
     println!("{errors:?}");
     assert!(errors.pitch_rms_deg < 0.5 && errors.roll_rms_deg < 0.5, "{errors:?}");
@@ -121,7 +130,7 @@ fn the_logged_attitude_is_the_true_one() {
 #[test]
 fn a_robot_that_cannot_be_computed_ends_the_trial_with_the_reason() {
     let bench = Bench::new();
-    bench.file("hard.toml", "[solver]\nhalvings = 0\nsweeps = 2\ntolerance = 1e-7\n");
+    bench.file("hard.toml", "[flagellum]\nyoung_pa = 2e4\n[solver]\nhalvings = 0\n");
     let plan = bench.file(
         "plan.toml",
         "[session]\nrobot = \"hard.toml\"\n\
@@ -152,9 +161,7 @@ fn a_hundred_trials_are_as_true_as_they_say() {
             }
             let bench = Bench::new();
             let plan = bench.file("plan.toml", "[speeds]\npairs = [[50, 10], [0, 45], [90, 90], [-90, 90]]\n");
-            let (plan, seed) = (plan.to_str().unwrap(), seed.to_string());
-            let run = bench.run(["record", plan, "--virtual", "--seed", &seed, "--out", "session", "--json"]);
-            for trial in run.expect_code(0).json()["trials"].as_array().unwrap() {
+            for trial in record(&bench, plan.to_str().unwrap(), seed)["trials"].as_array().unwrap() {
                 let (name, errors) = (trial["name"].as_str().unwrap().to_owned(), errors(&bench, trial));
                 println!("seed {seed}, {name}: {errors:.3?}");
                 all.lock().unwrap().push((name, errors));

@@ -14,6 +14,7 @@ use sim::params::Robot as Parameters;
 use sim::robot::clamp;
 use sim::robot::closure::Closure;
 use sim::sample::Sample;
+use sim::step::advance::StepError;
 use sim::trial::{Options, Trial};
 use std::collections::VecDeque;
 
@@ -158,7 +159,8 @@ impl Robot {
     fn go_to(&mut self, time_s: f64, speeds: [f64; 2]) -> Result<(), String> {
         self.trial.extend(REST_S + time_s, speeds).map_err(|error| error.to_string())?;
         for sample in self.trial.by_ref() {
-            let mut sample = sample.map_err(|error| error.to_string())?;
+            let by_board = |error: StepError| StepError { time: error.time - REST_S, ..error }.to_string();
+            let mut sample = sample.map_err(by_board)?;
             sample.time_s -= REST_S;
             if self.windows % SHAPES_EVERY != 0 {
                 sample.shapes_m = None;
@@ -277,12 +279,16 @@ mod tests {
     fn what_the_simulator_cannot_do_is_said() {
         let mut parameters = Parameters::default();
         parameters.solver.halvings = 0;
-        parameters.solver.sweeps = 2;
+        let mut soft = parameters.clone();
+        soft.flagellum.young_pa = 2e4;
         parameters.solver.tolerance = 1e-7;
-        let mut robot = Robot::new(&parameters, 20.0).unwrap();
+        parameters.solver.sweeps = 2;
+        assert!(Robot::new(&parameters, 20.0).is_err_and(|error| error.contains("no step from -150.0")));
+        let mut robot = Robot::new(&soft, 20.0).unwrap();
         let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
-        motors.iter_mut().for_each(|motor| motor.set_drive(Drive::Voltage(1.0)));
-        run(&mut robot, &mut motors, 0.0, 1.0, |_, _, _| {});
+        motors[0].set_drive(Drive::Voltage(0.7));
+        motors[1].set_drive(Drive::Voltage(-0.7));
+        run(&mut robot, &mut motors, 0.0, 8.0, |_, _, _| {});
         assert!(robot.failure().is_some_and(|failure| failure.contains("no step from")), "{:?}", robot.failure());
     }
 }
