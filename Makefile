@@ -32,6 +32,7 @@ demo: build
 	@echo "The log is in $(DEMO). Open it in Foxglove or PlotJuggler, or: $(BIN)/biflag export $(DEMO)/*.mcap"
 
 test: build
+	@sh firmware/setup.sh test
 	$(CARGO) test --workspace --locked
 
 lint: setup

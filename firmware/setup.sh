@@ -1,9 +1,12 @@
 #!/bin/sh
-# Installs what Biflag's build and tests need from the system, and says so first. Does nothing where all is there.
+# Installs what Biflag's build needs from the system, and with `test` what its tests need besides, and says so first. Does
+# nothing where all is there.
 set -eu
 cd "$(dirname "$0")"
 
 packages="gcc g++ pkg-config gcc-avr avr-libc binutils-avr avrdude libsimavr-dev libelf-dev arduino-core-avr python3-venv"
+# The tests open the pages that `biflag report` writes in a real browser, and print them.
+[ "${1:-}" != test ] || packages="$packages chromium poppler-utils fonts-dejavu-core"
 
 if ! command -v rustup >/dev/null && ! command -v cargo >/dev/null; then
     echo "Biflag needs Rust: install it from https://rustup.rs, then run this again." >&2

@@ -1,15 +1,18 @@
-//! What the robot does: [`App::tick`] reads as its table of contents.
+//! What the robot does: [`App::tick`] reads as its table of contents. What it does when asked is in `requests`.
 //!
 //! The binary calls [`App::tick`] every 5 ms and [`App::after_tick`] behind it, [`App::receive`] for every byte from the
 //! host, and [`App::watch_link`] before and after each of them, so that the motors stop less than a tick after the host's
 //! deadline.
 
+mod requests;
+
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
-use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, Quaternion, SensorCounts};
-use protocol::{Calibration, Command, Fault, Info, Refusal, Request, ResetCause, Settings, State, Telemetry, VERSION};
+use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, SensorCounts};
+use protocol::{Calibration, Fault, Refusal, ResetCause, Settings, State, Telemetry};
 
+use crate::TICK_S;
 use crate::attitude::{self, Attitude};
 use crate::calibration::GyroAverage;
 use crate::encoder::{Edges, Encoder, centi_rpm_scale};
@@ -18,15 +21,13 @@ use crate::imu::{Config, Imu};
 use crate::link::{Answer, Link, Outbox};
 use crate::motor::{self, Motors, SpeedControl};
 use crate::settings::{Saving, Storage, Store};
-use crate::wire::Writer;
-use crate::{TICK_MS, TICK_S};
 
 /// What the program was built from.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Build {
-    /// [`Info::git_hash`].
+    /// [`protocol::Info::git_hash`].
     pub git_hash: [u8; 4],
-    /// [`Info::git_dirty`].
+    /// [`protocol::Info::git_dirty`].
     pub git_dirty: bool,
 }
 
@@ -187,60 +188,6 @@ where
         }
     }
 
-    #[inline(never)]
-    fn respond(&mut self, request: &Request, arrived: Micros, outbox: &mut Outbox) {
-        let answer = match self.link.repetition(request) {
-            Some(answer) => answer,
-            None => self.carry_out(request, arrived),
-        };
-        self.link.remember(request.seq, answer);
-        self.answer(request.seq, answer, outbox);
-    }
-
-    /// Does what a request asks for.
-    #[inline(never)]
-    fn carry_out(&mut self, request: &Request, arrived: Micros) -> Answer {
-        let outcome = match &request.command {
-            Command::Hello => return Answer::Info,
-            Command::Ping => return Answer::Pong(arrived),
-            Command::ReadSettings => return Answer::Settings,
-            Command::ReadCalibration => match self.refuse_if_calibrating() {
-                Ok(()) => return Answer::Calibration,
-                refused => refused,
-            },
-            Command::SaveSettings => {
-                self.save_request = request.seq;
-                self.store.begin_save();
-                return Answer::Later;
-            }
-            Command::SetSpeeds(target) => self.set_speeds(*target),
-            Command::Stop => {
-                self.stop();
-                Ok(())
-            }
-            Command::Stream { rate_hz } => self.link.set_stream(*rate_hz),
-            Command::CalibrateGyro { duration_ms } => self.begin_calibration(*duration_ms),
-            Command::WriteSettings(settings) => self.set_settings(settings),
-            Command::ClearFault => self.clear_fault(),
-        };
-        Answer::from(outcome)
-    }
-
-    #[inline(never)]
-    fn answer(&self, to: u8, answer: Answer, outbox: &mut Outbox) {
-        let mut writer = Writer::default();
-        match answer {
-            Answer::Done => writer.done(to),
-            Answer::Refused(refusal) => writer.refused(to, refusal),
-            Answer::Pong(time) => writer.pong(to, time),
-            Answer::Info => writer.info(to, &self.info()),
-            Answer::Settings => writer.settings(to, &self.settings),
-            Answer::Calibration => writer.calibration(to, &self.calibration),
-            Answer::Later => return,
-        }
-        Link::send(writer.finish(), outbox);
-    }
-
     fn count_ticks(&mut self, tick: &Tick) {
         self.telemetry.time = tick.time;
         self.telemetry.missed_ticks.0 = self.telemetry.missed_ticks.0.wrapping_add(u16::from(tick.missed));
@@ -354,27 +301,6 @@ where
         }
     }
 
-    #[inline(never)]
-    fn info(&self) -> Info {
-        Info {
-            protocol: VERSION,
-            firmware: [
-                const { decimal(env!("CARGO_PKG_VERSION_MAJOR")) },
-                const { decimal(env!("CARGO_PKG_VERSION_MINOR")) },
-                const { decimal(env!("CARGO_PKG_VERSION_PATCH")) },
-            ],
-            git_hash: self.build.git_hash,
-            git_dirty: self.build.git_dirty,
-            board_id: self.settings.board_id,
-            imu_id: self.imu.id(),
-            gyro_range: self.settings.gyro_range,
-            accel_range: self.settings.accel_range,
-            settings_stored: self.settings_stored,
-            reset_cause: self.reset_cause,
-            boot_count: self.boot_count,
-        }
-    }
-
     fn state(&self) -> State {
         if self.latch.is_set() {
             State::Faulted
@@ -393,19 +319,6 @@ where
         first.0 | second.0 != 0
     }
 
-    fn set_speeds(&mut self, target: [CentiRpm; 2]) -> Result<(), Refusal> {
-        if target.iter().any(|speed| speed.0.unsigned_abs() > CentiRpm::LIMIT.0.unsigned_abs()) {
-            return Err(Refusal::OutOfRange);
-        }
-        self.refuse_if_faulted()?;
-        self.refuse_if_calibrating()?;
-        self.telemetry.target = target;
-        if !self.is_running() {
-            self.stop();
-        }
-        Ok(())
-    }
-
     #[inline(never)]
     fn stop(&mut self) {
         self.calibrating = None;
@@ -415,47 +328,10 @@ where
         self.control = Default::default();
     }
 
-    fn begin_calibration(&mut self, duration_ms: u16) -> Result<(), Refusal> {
-        if !(100..=60_000).contains(&duration_ms) {
-            return Err(Refusal::OutOfRange);
-        }
-        self.refuse_if_faulted()?;
-        self.refuse_if_running()?;
-        self.refuse_if_calibrating()?;
-        self.calibrating = Some(GyroAverage::new(duration_ms / TICK_MS));
-        Ok(())
-    }
-
-    #[inline(never)]
-    fn set_settings(&mut self, settings: &Settings) -> Result<(), Refusal> {
-        if !settings.is_valid() {
-            return Err(Refusal::OutOfRange);
-        }
-        self.refuse_if_running()?;
-        self.refuse_if_calibrating()?;
-        self.settings = *settings;
-        self.rescale();
-        self.imu.configure(Config::from(settings));
-        // The body's axes may be others now.
-        self.attitude.restart();
-        self.telemetry.attitude = Quaternion::IDENTITY;
-        Ok(())
-    }
-
     fn rescale(&mut self) {
         self.speed_scale = centi_rpm_scale(self.settings.counts_per_turn);
         self.half_rate_scale = core::f32::consts::PI / 360.0 / self.settings.gyro_range.counts_per_dps();
         self.speed_gains = motor::Gains::new(self.settings.speed_kp, self.settings.speed_ki);
-    }
-
-    fn clear_fault(&mut self) -> Result<(), Refusal> {
-        // Of the causes, only the sensor's can last: the motors are off, the host is heard, the program runs.
-        let of_imu = matches!(self.latch.get(), Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen);
-        if of_imu && self.imu.fault() != Fault::None {
-            return Err(Refusal::Faulted);
-        }
-        self.latch.clear();
-        Ok(())
     }
 
     /// Latches a fault and stops the motors.
@@ -464,18 +340,6 @@ where
         if self.latch.set(fault) {
             self.stop();
         }
-    }
-
-    fn refuse_if_faulted(&self) -> Result<(), Refusal> {
-        if self.latch.is_set() { Err(Refusal::Faulted) } else { Ok(()) }
-    }
-
-    fn refuse_if_running(&self) -> Result<(), Refusal> {
-        if self.is_running() { Err(Refusal::Running) } else { Ok(()) }
-    }
-
-    fn refuse_if_calibrating(&self) -> Result<(), Refusal> {
-        if self.calibrating.is_some() { Err(Refusal::Calibrating) } else { Ok(()) }
     }
 }
 
@@ -487,16 +351,4 @@ fn numbers(counts: &[SensorCounts; 3]) -> [f32; 3] {
 #[inline(never)]
 fn in_body_axes(axes: AxisMap, sensor: [f32; 3]) -> [f32; 3] {
     axes.apply(sensor)
-}
-
-/// A number of at most three digits.
-const fn decimal(digits: &str) -> u8 {
-    let digits = digits.as_bytes();
-    let mut value = 0;
-    let mut index = 0;
-    while index < digits.len() {
-        value = value * 10 + (digits[index] - b'0');
-        index += 1;
-    }
-    value
 }

@@ -100,6 +100,11 @@ impl BoardSettings {
         toml::to_string(self).unwrap_or_default()
     }
 
+    /// Those that touch what is measured: not how long the board waits for the host.
+    pub fn of_the_data(&self) -> Self {
+        Self { deadline_ms: None, ..self.clone() }
+    }
+
     /// Whether nothing is set.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()

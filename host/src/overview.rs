@@ -1,10 +1,10 @@
 //! What a log tells of its trial, read from end to end, with nothing but the telemetry's angles kept in memory.
 
-use crate::attitude::{Angles, Series, Times};
+use crate::attitude::{Angles, PhaseTimes, Series, Times};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::{
-    BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, ModelMeta, PlanMeta,
-    Reader, RecoveryMeta, SteadyMeta, Summary, TrialMeta,
+    BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LevelMeta, LogError, Loss, Message, ModelMeta,
+    PlanMeta, Reader, RecoveryMeta, RobotMeta, SteadyMeta, Summary, TrialMeta,
 };
 use crate::stats::LinkStats;
 use protocol::units::CentiRpm;
@@ -20,6 +20,8 @@ pub struct Overview {
     pub plan: Option<PlanMeta>,
     /// The trial.
     pub trial: Option<TrialMeta>,
+    /// The robot's parameters, as the plan gave them.
+    pub robot: Option<RobotMeta>,
     /// The board.
     pub board: Option<BoardMeta>,
     /// What the trial was computed with, and what it came to, where it was.
@@ -38,6 +40,8 @@ pub struct Overview {
     pub link: LinkStats,
     /// Angles, computed anew.
     pub angles: Option<Angles>,
+    /// When its phases were.
+    pub times: Times,
     /// Time of the last telemetry frame on the trial's clock.
     pub duration_s: f64,
     /// Messages by channel.
@@ -54,17 +58,31 @@ impl Overview {
     /// # Errors
     /// [`LogError`].
     pub fn read(path: &Path) -> Result<Self, LogError> {
+        Self::read_with(path, |_| {})
+    }
+
+    /// Reads a whole log, and shows each of its messages to `see` on the way.
+    ///
+    /// # Errors
+    /// [`LogError`].
+    pub fn read_with(path: &Path, mut see: impl FnMut(&Message)) -> Result<Self, LogError> {
         let mut reader = Reader::open(path)?;
         let mut collector = Collector::default();
         for message in reader.by_ref() {
-            collector.take(&message?);
+            let message = message?;
+            collector.take(&message);
+            see(&message);
         }
+        let times = collector.times.times();
+        let level: Option<LevelMeta> = reader.meta();
+        collector.series.levelled_deg = level.filter(|level| level.used).map_or(0.0, |level| level.tilt_deg);
         let trial: Option<TrialMeta> = reader.meta();
         let speeds = trial.as_ref().map_or([CentiRpm(0); 2], |t| [t.w1_rpm, t.w2_rpm].map(CentiRpm::from_rpm));
         let summary: Option<Summary> = reader.meta();
         Ok(Self {
             identity: reader.meta(),
             plan: reader.meta(),
+            robot: reader.meta(),
             board: reader.meta(),
             model: reader.meta(),
             steady: reader.meta(),
@@ -72,8 +90,9 @@ impl Overview {
             clock: reader.meta(),
             recovery: reader.meta(),
             link: collector.link(summary.as_ref().map(|summary| summary.link)),
-            angles: Angles::of(&collector.series, &collector.times(), speeds),
-            duration_s: collector.duration_s,
+            angles: Angles::of(&collector.series, &times, speeds),
+            times,
+            duration_s: collector.times.last_s(),
             channels: reader.counts().clone(),
             condition: reader.condition().unwrap_or(Condition::Damaged),
             losses: reader.losses().to_vec(),
@@ -89,9 +108,7 @@ struct Collector {
     series: Series,
     link: LinkStats,
     first_ns: Option<u64>,
-    duration_s: f64,
-    /// Names and beginnings of the phases.
-    phases: Vec<(String, f64)>,
+    times: PhaseTimes,
 }
 
 impl Collector {
@@ -100,7 +117,7 @@ impl Collector {
             Body::Telemetry(telemetry) => {
                 self.first_ns.get_or_insert(message.log_time_ns);
                 self.link.samples += 1;
-                self.duration_s = self.duration_s.max(telemetry.time_s);
+                self.times.go_on(telemetry.time_s);
                 if let Some(q) = &telemetry.attitude {
                     self.series.push(telemetry.time_s, [q.w, q.x, q.y, q.z]);
                 }
@@ -111,7 +128,7 @@ impl Collector {
             Body::Event(event) if event.kind() == Kind::Calibration => self.series = Series::default(),
             Body::Event(event) if event.kind() == Kind::Phase => {
                 let since = message.log_time_ns.saturating_sub(self.first_ns.unwrap_or(message.log_time_ns));
-                self.phases.push((event.text.clone(), since as f64 * 1e-9));
+                self.times.begin(&event.text, since as f64 * 1e-9);
             }
             _ => {}
         }
@@ -123,15 +140,5 @@ impl Collector {
         let Some(summed_up) = summed_up else { return self.link };
         let missing = summed_up.samples.saturating_sub(self.link.samples);
         LinkStats { samples: self.link.samples, lost: summed_up.lost + missing, ..summed_up }
-    }
-
-    /// A phase lasts until the next begins, the last one until the telemetry ends.
-    fn times(&self) -> Times {
-        let phase = |name: &str| {
-            let Some(at) = self.phases.iter().position(|(phase, _)| phase == name) else { return 0.0..0.0 };
-            let end = self.phases.get(at + 1).map_or(self.duration_s, |(_, next)| *next);
-            self.phases[at].1..end
-        };
-        Times { preroll: phase("preroll"), run: phase("run"), decay: phase("decay") }
     }
 }

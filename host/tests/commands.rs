@@ -193,6 +193,54 @@ fn exports_are_what_they_were() {
     assert_eq!(code(&biflag(&["export", path(&log), "-f", "tum", "-o", path(&tum), "--force"])), 0);
 }
 
+/// An export never takes the log's place, by whatever name, and a part never passes for the whole.
+#[test]
+fn an_export_spares_the_log_and_leaves_no_part_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = session(folder.path());
+    let content = std::fs::read(&log).unwrap();
+    let [symbolic, hard] = ["symbolic.csv", "hard.csv"].map(|name| folder.path().join(name));
+    std::os::unix::fs::symlink(&log, &symbolic).unwrap();
+    std::fs::hard_link(&log, &hard).unwrap();
+    for output in [&log, &symbolic, &hard] {
+        let output = biflag(&["export", path(&log), "-o", path(output), "--force"]);
+        assert_eq!(code(&output), 2);
+        assert!(stderr(&output).contains("is the log itself"), "{}", stderr(&output));
+        assert!(std::fs::read(&log).unwrap() == content);
+    }
+    let csv = folder.path().join("a.csv");
+    // No file may grow beyond eight blocks, as if the disk were full.
+    let limited = "trap '' XFSZ; ulimit -f 8; exec \"$@\"";
+    let mut shell = Command::new("sh");
+    shell.args(["-c", limited, "sh", env!("CARGO_BIN_EXE_biflag"), "export", path(&log), "-o", path(&csv)]);
+    let output = shell.output().unwrap();
+    assert_eq!(code(&output), 1);
+    assert!(stderr(&output).contains("a.csv: cannot be written"), "{}", stderr(&output));
+    assert!(!csv.exists());
+}
+
+/// Damage in the middle of a log does not show at its end; `info` of a session reads every log through.
+#[test]
+fn info_of_a_session_finds_a_damaged_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = session(folder.path());
+    let mut content = std::fs::read(&log).unwrap();
+    // Into the data of a chunk, behind the name of their compression and a length.
+    let chunk = content.windows(4).enumerate().filter(|(_, four)| four == b"zstd").nth(1).unwrap().0;
+    content[chunk + 4 + 8 + 6] ^= 0x55;
+    std::fs::write(&log, content).unwrap();
+    let output = biflag(&["info", path(log.parent().unwrap()), "--json"]);
+    assert_eq!(code(&output), 3);
+    let trial = &json(&output)["trials"][0];
+    assert_eq!(trial["complete"], false);
+    assert!(trial["losses"][0].as_str().unwrap().starts_with("a chunk"), "{trial}");
+    let text = String::from_utf8(biflag(&["info", path(log.parent().unwrap())]).stdout).unwrap();
+    assert!(
+        text.contains("0 of 2 trials complete") && text.contains("damaged, --resume repeats the trial; lost: a chunk"),
+        "{text}"
+    );
+}
+
 #[test]
 #[cfg(feature = "parquet")]
 fn a_parquet_file_holds_the_same_table() {

@@ -42,6 +42,12 @@ grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
 const FIRST_OF_SEED_7: [&str; 3] = ["001_w1-60_w2+50", "002_w1+20_w2+90", "003_w1-20_w2+80"];
 
 #[test]
+fn the_plan_that_help_shows_is_one() {
+    let plan = parse(host::plan::EXAMPLE).unwrap();
+    assert_eq!((plan.trials.len(), plan.trials[0].phases), (192, Phases::default()));
+}
+
+#[test]
 fn names_tell_speeds_and_repeats() {
     let plan = parse("[session]\nrepeats = 2\n[speeds]\npairs = [[-12.5, 0], [-0.0, 90]]").unwrap();
     let names: Vec<_> = plan.trials.iter().map(|trial| trial.name.as_str()).collect();
@@ -62,6 +68,16 @@ pairs = [[50, 10]]
     assert_eq!(settings.gyro_axes.0.map(|axis| axis.to_string()), ["-x", "+y", "+z"]);
     assert_eq!((settings.gyro_bias, settings.deadline_ms), ([-595.5, 6.0, 147.0], 300));
     assert!(settings.is_valid());
+}
+
+#[test]
+fn a_motor_may_reverse_within_the_run() {
+    let plan = parse("[trial]\nrun = 50\nreverse = { motor = 2, after = 35.5 }\n[speeds]\npairs = [[90, 40]]").unwrap();
+    let trial = &plan.trials[0];
+    let reverse = trial.reverse.unwrap();
+    assert_eq!((reverse.motor, reverse.after_s), (2, 35.5));
+    assert_eq!(reverse.of(trial.speeds).map(|speed| speed.rpm()), [90.0, -40.0]);
+    assert_eq!(parse("[speeds]\npairs = [[90, 40]]").unwrap().trials[0].reverse, None);
 }
 
 /// What is wrong, and where.
@@ -92,7 +108,12 @@ fn every_mistake_is_named_with_its_place() {
         ("[speeds]\ngrid = { w1 = [0, 90, 0.01], w2 = [0, 90, 1] }", "plan.toml:2:15: the plan has 819091 trials"),
         ("[speeds]\ngrid = { w1 = [0, 90, 1e-300], w2 = [0, 9, 1] }", "plan.toml:2:15: w1 has "),
         ("[speeds]\ngrid = { w1 = [0, 9, 1] }", "plan.toml:2:8: missing field `w2`"),
-        (&format!("{speeds}[session]\nrepeats = 10001"), "plan.toml:1:1: the plan has 10001 trials"),
+        (&format!("{speeds}[session]\nrepeats = 10001"), "plan.toml:4:11: repeats = 10001 alone makes"),
+        (&format!("{speeds}[session]\nrepeats = 99999999999"), "plan.toml:4:11: repeats = 99999999999 alone makes"),
+        (
+            &format!("[session]\nrepeats = 6000\n{}", "[speeds]\npairs = [[1, 2], [3, 4]]"),
+            "plan.toml:3:1: the plan has 12000",
+        ),
         (&format!("{speeds}[session]\nrepeats = 0"), "plan.toml:4:11: repeats must be 1 or more"),
         (&format!("{speeds}[session]\nrepeats = -2"), "plan.toml:4:11: repeats must be 1 or more"),
         (&format!("{speeds}[session]\nseed = -1"), "plan.toml:4:8: a seed cannot be negative"),
@@ -102,6 +123,22 @@ fn every_mistake_is_named_with_its_place() {
         (&format!("{speeds}[trial]\nrun = 0"), "plan.toml:4:7: run = 0 is no trial"),
         (&format!("{speeds}[trial]\ndecay = 1e9"), "plan.toml:4:9: decay = 1000000000 is longer than a day"),
         (&format!("{speeds}[trial]\ncalibrate = 61"), "plan.toml:4:13: calibrate = 61 is not within"),
+        (&format!("{speeds}[trial]\nreverse = {{ motor = 3, after = 1 }}"), "plan.toml:4:11: there is no motor 3"),
+        (&format!("{speeds}[trial]\nreverse = {{ motor = 1 }}"), "plan.toml:4:11: missing field `after`"),
+        (
+            &format!("{speeds}[trial]\nreverse = {{ motor = 1, after = 120 }}"),
+            "plan.toml:4:11: the motor cannot reverse",
+        ),
+        (&format!("{speeds}[trial]\nreverse = {{ motor = 1, after = 0 }}"), "plan.toml:4:11: the motor cannot reverse"),
+        (
+            &format!("{speeds}[trial]\nreverse = {{ motor = 1, after = nan }}"),
+            "plan.toml:4:11: the motor cannot reverse",
+        ),
+        (&format!("{speeds}[trial]\nreverse = {{ motor = 1, afters = 1 }}"), "plan.toml:4:24: unknown field `afters`"),
+        (
+            "[trial]\nreverse = { motor = 2, after = 60 }\n[speeds]\npairs = [[10, 20], [50, 0]]",
+            "plan.toml:4:20: at 50, 0 motor 2 has nothing to reverse",
+        ),
         (&format!("{speeds}[board]\nlow_pass = 7"), "plan.toml:3:1: [board] low_pass = 7 is out of range"),
         (&format!("{speeds}[board]\nspeed_kp = nan"), "plan.toml:3:1: [board] speed_kp = NaN is out of range"),
         (
@@ -123,7 +160,7 @@ fn a_robots_file_is_read_beside_the_plan() {
     let path = folder.path().join("plan.toml");
     std::fs::write(&path, "[session]\nrobot = \"soft.toml\"\n[speeds]\npairs = [[50, 10]]").unwrap();
     let error = Plan::load(&path).unwrap_err();
-    assert!(matches!(&error, PlanError::Read { path, .. } if path.ends_with("soft.toml")));
+    assert!(matches!(&error, PlanError::ReadRobot { path, .. } if path.ends_with("soft.toml")));
     std::fs::write(folder.path().join("soft.toml"), "mass_kg = 0.1").unwrap();
     assert_eq!(Plan::load(&path).unwrap().robot.text, "mass_kg = 0.1");
 }

@@ -159,6 +159,42 @@ fn speeds_alone_make_a_session_of_one_trial() {
     assert_eq!((&info["model"]["closure"], &info["steady"]["settled"]), (&"full".into(), &false.into()));
 }
 
+/// The run is one phase; within it the board is told other speeds, and the log says when and which.
+#[test]
+fn a_motor_reverses_within_the_run() {
+    let bench = bench();
+    let plan = "[session]\nname = \"turn\"\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 6\ndecay = 1\n\
+                reverse = { motor = 2, after = 2 }\n[speeds]\npairs = [[50, 30]]\n";
+    std::fs::write(bench.path().join("turn.toml"), plan).unwrap();
+    expect(&biflag(bench.path(), &["simulate", "turn.toml", "--json"]), 3);
+    let mut reader = Reader::open(&bench.path().join("turn/001_w1+50_w2+30.mcap")).unwrap();
+    let (mut events, mut turns) = (Vec::new(), 0.0);
+    for message in reader.by_ref() {
+        let message = message.unwrap();
+        match message.body {
+            Body::Event(event) => events.push((event.text, message.log_time_ns as f64 * 1e-9)),
+            Body::Telemetry(frame) => {
+                let target = frame.motor2.as_ref().unwrap().target_rpm;
+                let expected = match frame.time_s {
+                    t if !(1.0 - 1e-9..7.0 - 1e-9).contains(&t) => 0.0,
+                    t if t < 3.0 - 1e-9 => 30.0,
+                    _ => -30.0,
+                };
+                assert_eq!(target, expected, "{} s", frame.time_s);
+                turns = frame.motor2.unwrap().turns;
+            }
+            _ => {}
+        }
+    }
+    let events: Vec<_> = events.iter().map(|(text, time)| (text.as_str(), *time)).collect();
+    let reversed = "motor 2 reverses: from here on +50 and -30 rpm";
+    assert_eq!(events, [("preroll", 0.0), ("run", 1.0), (reversed, 3.0), ("decay", 7.0), ("end", 8.0)]);
+    // A turn forwards and two back, less what ramps of 0.25 s take.
+    assert!((turns - (1.0 - 2.0)).abs() < 0.15, "{turns}");
+    let trial = reader.meta::<host::log::TrialMeta>().unwrap();
+    assert_eq!((trial.reverse_motor, trial.reverse_after_s), (Some(2), Some(2.0)));
+}
+
 #[test]
 fn wrong_use_says_what_is_wrong_and_writes_nothing() {
     let bench = bench();

@@ -2,10 +2,15 @@
 //!
 //! `cargo bench -p sim --bench trials`: real-time factor of 60 s, and the mean thrusts over its last 12 s
 //! against a run with steps and tolerance so small that they no longer matter (twenty times as long).
-//! Then the growth of a step's cost with the number of edges. Times are the best of three runs.
-//! `-- speed` and `-- growth` give one of the two.
+//! Then error and speed against the step of flagella that mesh, and the growth of a step's cost with the
+//! number of edges, what the dense inverse has in it, and what an iteration without that inverse would have to
+//! pay for. Times of the first table are the best of three runs.
+//! `-- speed`, `-- steps` and `-- growth` give one of the three.
 
-use sim::fluid::far::Precision;
+use divan::black_box;
+use nalgebra::{DMatrix, DVector};
+use sim::V3;
+use sim::fluid::far::{Precision, Sources, Targets, gauss_rule};
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
 use sim::robot::clamp::Motor;
@@ -54,8 +59,9 @@ fn speed_and_error() {
         }
         let mut fine = robot.clone();
         fine.solver.step_rad = 0.1;
-        fine.solver.contact_step_rad = if summary.contact_share > 0.0 { 0.06 } else { 0.1 };
-        fine.solver.tolerance = 1e-3;
+        fine.solver.contact_step_rad = if summary.contact_share > 0.0 { 0.08 } else { 0.1 };
+        // Steps of meshing flagella take four times the tolerance.
+        fine.solver.tolerance = 2.5e-4;
         fine.solver.far_field = Precision::Double;
         let error = thrust_error(&summary, &run(&fine, closure, rpm).0);
         println!(
@@ -70,9 +76,70 @@ fn speed_and_error() {
     }
 }
 
+/// Error and speed of meshing flagella against the step in contact.
+fn steps() {
+    println!("\n| speeds rpm | contact_step_rad | real-time factor | error of mean thrust | steps | sweeps a step |");
+    println!("| --- | --- | --- | --- | --- | --- |");
+    for rpm in [[-90.0, -80.0], [-50.0, -30.0]] {
+        let mut fine = Robot::default();
+        fine.solver.step_rad = 0.1;
+        fine.solver.contact_step_rad = 0.08;
+        fine.solver.tolerance = 2.5e-4;
+        fine.solver.far_field = Precision::Double;
+        let reference = run(&fine, Closure::Full, rpm).0;
+        for step_rad in [0.5, 0.25, 0.125] {
+            let mut robot = Robot::default();
+            robot.solver.contact_step_rad = step_rad;
+            let (summary, wall) = run(&robot, Closure::Full, rpm);
+            println!(
+                "| ({}, {}) | {step_rad} | {:.0} | {:.2} % | {} | {:.2} |",
+                rpm[0],
+                rpm[1],
+                60.0 / wall,
+                100.0 * thrust_error(&summary, &reference),
+                summary.steps,
+                summary.newton_iterations as f64 / summary.steps as f64,
+            );
+        }
+    }
+}
+
+/// Seconds of a call, the best of some runs of several calls.
+fn seconds(mut call: impl FnMut()) -> f64 {
+    let calls = 20;
+    let one = |call: &mut dyn FnMut()| {
+        let start = Instant::now();
+        (0..calls).for_each(|_| call());
+        start.elapsed().as_secs_f64() / f64::from(calls)
+    };
+    (0..5).map(|_| one(&mut call)).fold(f64::INFINITY, f64::min)
+}
+
+/// Seconds for a dense product in single precision as large as one rod's inverse.
+fn dense_product(edges: usize) -> f64 {
+    let size = 4 * (edges + 1) - 2;
+    let matrix = DMatrix::<f32>::repeat(size, size, 0.5);
+    let (vector, mut product) = (DVector::<f32>::repeat(size, 0.25), DVector::<f32>::zeros(size));
+    seconds(|| product.gemv(1.0, black_box(&matrix), black_box(&vector), 0.0))
+}
+
+/// Seconds for the far flow of one rod on itself: the least that an iteration of GMRES costs.
+fn own_flow(robot: &Robot, edges: usize) -> f64 {
+    let nodes = robot.flagellum.helix(0).nodes(edges);
+    let density = vec![V3::new(0.1, 0.2, 0.3); nodes.len()];
+    let (mut sources, mut targets) = (Sources::default(), Targets::new(nodes.len(), Precision::Single));
+    sources.push_edges(&nodes, &density, 0..edges, gauss_rule(2));
+    seconds(|| {
+        targets.set(black_box(&nodes));
+        targets.add_flow(&sources, robot.epsilon());
+    })
+}
+
 fn growth() {
-    println!("\n| edges a flagellum | ms a step at (90, 90) | real-time factor | ms for a frozen inverse |");
-    println!("| --- | --- | --- | --- |");
+    println!(
+        "\n| edges a flagellum | ms a step at (90, 90) | real-time factor | inverses | ms for one | share of a 120 s trial | products with it, share of a step | one product over one flow |"
+    );
+    println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
     let mut points = vec![];
     for edges in [25usize, 50, 100, 200, 400] {
         // The regularisation may not exceed the edge length.
@@ -92,16 +159,27 @@ fn growth() {
         }
         // Beyond the start no new inverse is needed: what it cost is the rest.
         let warm = start.elapsed().as_secs_f64();
-        let (start, mut steps) = (Instant::now(), 0);
+        let (start, mut steps, mut sweeps) = (Instant::now(), 0, 0);
         let end = if edges > 150 { 1.6 } else { 4.0 };
         while state.time < end {
-            solver.advance(&mut state, end, &motors).expect("a step");
+            sweeps += solver.advance(&mut state, end, &motors).expect("a step").sweeps;
             steps += 1;
         }
         let step = start.elapsed().as_secs_f64() / steps as f64;
-        let inverse = (warm - 30.0 * step).max(0.0) / solver.inverses_built() as f64;
+        let built = solver.inverses_built();
+        let inverse = (warm - 30.0 * step).max(0.0) / built as f64;
+        let inverses = inverse * built as f64;
+        let (product, flow) = (dense_product(edges), own_flow(&robot, edges));
         points.push(((edges as f64).ln(), step.ln()));
-        println!("| {edges} | {:.3} | {:.1} | {:.1} |", step * 1e3, 0.0403 / step, inverse * 1e3);
+        println!(
+            "| {edges} | {:.3} | {:.1} | {built} | {:.1} | {:.0} % | {:.0} % | {:.1} |",
+            step * 1e3,
+            0.0403 / step,
+            inverse * 1e3,
+            100.0 * inverses / (inverses + 120.0 / 0.0403 * step),
+            100.0 * 2.0 * f64::from(sweeps) / f64::from(steps) * product / step,
+            product / flow,
+        );
     }
     let n = points.len() as f64;
     let (sx, sy) = points.iter().fold((0.0, 0.0), |a, p| (a.0 + p.0 / n, a.1 + p.1 / n));
@@ -112,10 +190,14 @@ fn growth() {
 
 fn main() {
     let only = std::env::args().nth(1).unwrap_or_default();
-    if only != "growth" {
+    let wanted = |part: &str| !["speed", "steps", "growth"].contains(&only.as_str()) || only == part;
+    if wanted("speed") {
         speed_and_error();
     }
-    if only != "speed" {
+    if wanted("steps") {
+        steps();
+    }
+    if wanted("growth") {
         growth();
     }
 }

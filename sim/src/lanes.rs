@@ -3,7 +3,9 @@
 //! A thin cover over [`pulp`], which picks the machine's vector instructions at run time: formulas keep
 //! their shape, and every operation is one instruction.
 
+use crate::V3;
 use pulp::Simd;
+use std::f64::consts::TAU;
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// Arrays are padded to a multiple of this, which every vector width divides.
@@ -53,7 +55,92 @@ impl<S: Simd> Wide<S> {
     pub fn times_plus(self, factor: Self, term: Self) -> Self {
         Self { value: self.simd.mul_add_e_f64s(self.value, factor.value, term.value), ..self }
     }
+
+    /// self * factor.
+    #[inline(always)]
+    pub fn scaled(self, factor: f64) -> Self {
+        self * Self::all(self.simd, factor)
+    }
+
+    /// 1 + self.
+    #[inline(always)]
+    pub fn plus_one(self) -> Self {
+        self + Self::all(self.simd, 1.0)
+    }
+
+    /// Sum of the terms c_k self^k, lowest first.
+    #[inline(always)]
+    fn polynomial(self, terms: &[f64]) -> Self {
+        let mut sum = Self::all(self.simd, 0.0);
+        for term in terms.iter().rev() {
+            sum = sum.times_plus(self, Self::all(self.simd, *term));
+        }
+        sum
+    }
+
+    /// Nearest whole number, below 2^51.
+    #[inline(always)]
+    pub fn round(self) -> Self {
+        let shift = Self::all(self.simd, 6_755_399_441_055_744.0);
+        (self + shift) - shift
+    }
+
+    /// Sine and cosine, good to rounding for angles up to some thousand turns.
+    #[inline(always)]
+    pub fn sin_cos(self) -> (Self, Self) {
+        // A quarter of the angle, less whole turns, has a short series; its double is taken twice.
+        let turns = self.scaled(1.0 / TAU).round();
+        let quarter = (self - turns.scaled(TAU_HIGH) - turns.scaled(TAU - TAU_HIGH)).scaled(0.25);
+        let square = quarter * quarter;
+        let (mut sine, mut cosine) = (quarter * square.polynomial(&SINE), square.polynomial(&COSINE));
+        for _ in 0..2 {
+            let twice = sine + sine;
+            (sine, cosine) = (twice * cosine, (-(twice * sine)).plus_one());
+        }
+        (sine, cosine)
+    }
+
+    /// Angle of a unit vector with these components, in -pi..pi; near half a turn it loses digits, 1e-14 over
+    /// the cosine of half of it.
+    #[inline(always)]
+    pub fn angle_of(sine: Self, cosine: Self) -> Self {
+        // Tangents of the half angle and three more halvings leave an argument below 0.2.
+        let tiny = Self::all(sine.simd, 1e-300);
+        let across = cosine.plus_one();
+        let chord = sine.times_plus(sine, across * across).sqrt();
+        let mut tangent = sine * (across + chord + tiny).inverse();
+        for _ in 0..2 {
+            tangent = tangent * (tangent * tangent).plus_one().sqrt().plus_one().inverse();
+        }
+        (tangent * (tangent * tangent).polynomial(&ARC_TANGENT)).scaled(16.0)
+    }
 }
+
+/// The leading bits of a turn: products with small whole numbers are exact.
+const TAU_HIGH: f64 = 6.283_185_243_606_567;
+const SINE: [f64; 8] = [
+    1.0,
+    -1.0 / 6.0,
+    1.0 / 120.0,
+    -1.0 / 5_040.0,
+    1.0 / 362_880.0,
+    -1.0 / 39_916_800.0,
+    1.0 / 6_227_020_800.0,
+    -1.0 / 1_307_674_368_000.0,
+];
+const COSINE: [f64; 9] = [
+    1.0,
+    -1.0 / 2.0,
+    1.0 / 24.0,
+    -1.0 / 720.0,
+    1.0 / 40_320.0,
+    -1.0 / 3_628_800.0,
+    1.0 / 479_001_600.0,
+    -1.0 / 87_178_291_200.0,
+    1.0 / 20_922_789_888_000.0,
+];
+const ARC_TANGENT: [f64; 10] =
+    [1.0, -1.0 / 3.0, 1.0 / 5.0, -1.0 / 7.0, 1.0 / 9.0, -1.0 / 11.0, 1.0 / 13.0, -1.0 / 15.0, 1.0 / 17.0, -1.0 / 19.0];
 
 impl<S: Simd> Add for Wide<S> {
     type Output = Self;
@@ -88,5 +175,160 @@ impl<S: Simd> Neg for Wide<S> {
     #[inline(always)]
     fn neg(self) -> Self {
         Self { value: self.simd.neg_f64s(self.value), ..self }
+    }
+}
+
+/// Registers of x, y and z.
+#[derive(Clone, Copy)]
+pub struct Wide3<S: Simd>(pub [Wide<S>; 3]);
+
+impl<S: Simd> Wide3<S> {
+    /// Scalar product.
+    #[inline(always)]
+    pub fn dot(self, other: Self) -> Wide<S> {
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        a.times_plus(x, b.times_plus(y, c * z))
+    }
+
+    /// Vector product.
+    #[inline(always)]
+    pub fn cross(self, other: Self) -> Self {
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        Self([b * z - c * y, c * x - a * z, a * y - b * x])
+    }
+
+    /// self * factor + term.
+    #[inline(always)]
+    pub fn times_plus(self, factor: Wide<S>, term: Self) -> Self {
+        let ([a, b, c], [x, y, z]) = (self.0, term.0);
+        Self([a.times_plus(factor, x), b.times_plus(factor, y), c.times_plus(factor, z)])
+    }
+}
+
+impl<S: Simd> Add for Wide3<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        Self([a + x, b + y, c + z])
+    }
+}
+
+impl<S: Simd> Sub for Wide3<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        Self([a - x, b - y, c - z])
+    }
+}
+
+impl<S: Simd> Mul<Wide<S>> for Wide3<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn mul(self, factor: Wide<S>) -> Self {
+        let [a, b, c] = self.0;
+        Self([a * factor, b * factor, c * factor])
+    }
+}
+
+/// Vectors along a rod, coordinate by coordinate, with room for whole registers from any place on.
+#[derive(Clone, Debug, Default)]
+pub struct Line([Vec<f64>; 3]);
+
+/// Length of an array that registers are read from and written to at every place below `count`.
+pub fn padded(count: usize) -> usize {
+    count.div_ceil(PADDING) * PADDING + PADDING
+}
+
+impl Line {
+    /// Zero vectors.
+    pub fn new(count: usize) -> Self {
+        Self(std::array::from_fn(|_| vec![0.0; padded(count)]))
+    }
+
+    /// A vector.
+    #[inline(always)]
+    pub fn at(&self, i: usize) -> V3 {
+        V3::new(self.0[0][i], self.0[1][i], self.0[2][i])
+    }
+
+    /// Sets a vector.
+    #[inline(always)]
+    pub fn set(&mut self, i: usize, value: V3) {
+        for axis in 0..3 {
+            self.0[axis][i] = value[axis];
+        }
+    }
+
+    /// Sets the first vectors.
+    #[inline(always)]
+    pub fn copy_from(&mut self, values: &[V3]) {
+        for (i, value) in values.iter().enumerate() {
+            self.set(i, *value);
+        }
+    }
+
+    /// Copies the first vectors out.
+    #[inline(always)]
+    pub fn copy_to(&self, values: &mut [V3]) {
+        for (i, value) in values.iter_mut().enumerate() {
+            *value = self.at(i);
+        }
+    }
+
+    /// Neighbours.
+    #[inline(always)]
+    pub fn load<S: Simd>(&self, simd: S, at: usize) -> Wide3<S> {
+        let [x, y, z] = &self.0;
+        Wide3([Wide::load(simd, x, at), Wide::load(simd, y, at), Wide::load(simd, z, at)])
+    }
+
+    /// Writes to neighbours.
+    #[inline(always)]
+    pub fn store<S: Simd>(&mut self, value: Wide3<S>, at: usize) {
+        for (axis, wide) in value.0.into_iter().enumerate() {
+            wide.store(&mut self.0[axis], at);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pulp::{Arch, WithSimd};
+
+    struct Angles<'a>(&'a [f64], &'a mut [[f64; 3]]);
+
+    impl WithSimd for Angles<'_> {
+        type Output = ();
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) {
+            for (angle, out) in self.0.iter().zip(self.1) {
+                let (sine, cosine) = Wide::all(simd, *angle).sin_cos();
+                let back = Wide::angle_of(sine, cosine);
+                let mut lanes = [0.0; PADDING];
+                for (slot, wide) in out.iter_mut().zip([sine, cosine, back]) {
+                    wide.store(&mut lanes, 0);
+                    *slot = lanes[0];
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn angles_go_both_ways() {
+        let angles: Vec<f64> = (-3000..=3000).map(|i| 0.0137 * i as f64).collect();
+        let mut out = vec![[0.0; 3]; angles.len()];
+        Arch::new().dispatch(Angles(&angles, &mut out));
+        for (angle, [sine, cosine, back]) in angles.iter().zip(out) {
+            assert!((sine - angle.sin()).abs() < 4e-15 && (cosine - angle.cos()).abs() < 4e-15, "{angle}");
+            let want = angle.sin().atan2(angle.cos());
+            assert!((back - want).abs() < 1e-14 / (0.5 * want).cos(), "{angle} {back}");
+        }
     }
 }

@@ -15,6 +15,9 @@
 //! The centre line's regularisation makes the fluid see a rod of exp(-1/2) times its length, that is 0.62
 //! rod radii with the default.
 //!
+//! `sim/docs/proof.md` lists what each part is held against, `sim/docs/valleys.md` where the valleys of the
+//! published map lie and why, `sim/docs/cost.md` what an edge more costs.
+//!
 //! No files, no printing, no threads: trials are independent and may run side by side.
 #![forbid(unsafe_code)]
 // Formulas run over the same index of several short arrays; iterators would hide which.

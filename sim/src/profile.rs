@@ -25,6 +25,22 @@ pub enum ProfileError {
         /// Index of the point.
         index: usize,
     },
+    /// A reversal of a motor that there is not, or outside of the run.
+    #[error("motor {motor} cannot reverse {after} s after the start of the run")]
+    Reverse {
+        /// Index of the motor.
+        motor: usize,
+        /// When, s.
+        after: f64,
+    },
+    /// The run phase is not within the profile, or has no length.
+    #[error("the run from {start} s to {end} s has no length, or is not within the profile")]
+    RunOutside {
+        /// Start of the run, s.
+        start: f64,
+        /// Its end, s.
+        end: f64,
+    },
     /// A speed that no model of a slow robot covers.
     #[error("point {index}: {rpm:.0} rpm is beyond {limit:.0} rpm")]
     TooFast {
@@ -57,11 +73,23 @@ pub struct Phases {
     pub decay: f64,
     /// Time in which motors reach their speed and stop.
     pub ramp: f64,
+    /// A motor that turns the other way from some moment of the run on.
+    pub reverse: Option<Reverse>,
+}
+
+/// A motor that turns the other way, as fast as before, from some moment of the run on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reverse {
+    /// Index of the motor, 0 or 1.
+    pub motor: usize,
+    /// When, from the start of the run, s.
+    pub after: f64,
 }
 
 impl Default for Phases {
     fn default() -> Self {
-        Self { calibrate: 0.0, preroll: 0.0, run: 120.0, decay: 0.0, ramp: 0.25 }
+        Self { calibrate: 0.0, preroll: 0.0, run: 120.0, decay: 0.0, ramp: 0.25, reverse: None }
     }
 }
 
@@ -113,6 +141,16 @@ impl SpeedProfile {
         Ok(Self { points: built, run })
     }
 
+    /// The same profile with its run phase from `start` to `end` (s), which must lie within it.
+    pub fn with_run(mut self, start: f64, end: f64) -> Result<Self, ProfileError> {
+        if start >= self.start() && end <= self.end() && start < end {
+            self.run = [start, end];
+            Ok(self)
+        } else {
+            Err(ProfileError::RunOutside { start, end })
+        }
+    }
+
     /// Constant speeds (rpm) at once from time 0, for `duration` s.
     pub fn constant(rpm: [f64; 2], duration: f64) -> Result<Self, ProfileError> {
         Self::from_points(&[(0.0, rpm), (duration, rpm)])
@@ -123,9 +161,24 @@ impl SpeedProfile {
         let start = phases.calibrate + phases.preroll;
         let stop = start + phases.run;
         let end = stop + phases.decay;
-        let ramp = phases.ramp.clamp(0.0, 0.5 * phases.run.max(0.0));
+        let mut ramp = phases.ramp.clamp(0.0, 0.5 * phases.run.max(0.0));
+        if let Some(Reverse { motor, after }) = phases.reverse {
+            if motor > 1 || !(after > 0.0 && after < phases.run) {
+                return Err(ProfileError::Reverse { motor, after });
+            }
+            ramp = ramp.min(after);
+        }
         let still = [0.0; 2];
-        let mut points = vec![(0.0, still), (start, still), (start + ramp, rpm), (stop, rpm)];
+        let mut points = vec![(0.0, still), (start, still), (start + ramp, rpm)];
+        let mut rpm = rpm;
+        if let Some(Reverse { motor, after }) = phases.reverse {
+            // A motor stops before it turns the other way.
+            let (from, to) = (start + after, (start + after + 2.0 * ramp).min(stop));
+            points.push((from, rpm));
+            rpm[motor] = -rpm[motor];
+            points.push((to, rpm));
+        }
+        points.push((stop, rpm));
         if phases.decay > 0.0 {
             points.push(((stop + ramp).min(end), still));
             points.push((end, still));
@@ -255,11 +308,34 @@ mod tests {
     }
 
     #[test]
+    fn a_motor_reverses_within_the_run() {
+        let phases =
+            |after| Phases { run: 10.0, decay: 1.0, reverse: Some(Reverse { motor: 1, after }), ..Phases::default() };
+        let rpm = |profile: &SpeedProfile, t| profile.motors(t).map(|m| (m.speed * 30.0 / PI).round());
+        let profile = SpeedProfile::phases(&phases(4.0), [50.0, -10.0]).expect("a profile");
+        assert_eq!(profile.run(), [0.0, 10.0]);
+        let at = [3.99, 4.25, 4.51, 9.99, 11.0].map(|t| rpm(&profile, t));
+        assert_eq!(at, [[50.0, -10.0], [50.0, 0.0], [50.0, 10.0], [50.0, 10.0], [0.0, 0.0]]);
+        for after in [0.01, 9.99] {
+            let profile = SpeedProfile::phases(&phases(after), [50.0, -10.0]).expect("a profile");
+            assert_eq!(rpm(&profile, 10.0), [50.0, 10.0]);
+        }
+        assert!(SpeedProfile::phases(&phases(10.0), [50.0, 0.0]).is_err());
+        let third = Phases { reverse: Some(Reverse { motor: 2, after: 1.0 }), ..Phases::default() };
+        assert!(SpeedProfile::phases(&third, [50.0, 0.0]).is_err());
+    }
+
+    #[test]
     fn impossible_profiles_are_refused() {
         assert_eq!(SpeedProfile::from_points(&[]), Err(ProfileError::Empty));
         assert_eq!(SpeedProfile::constant([1.0, 2.0], 0.0), Err(ProfileError::Empty));
         assert!(SpeedProfile::constant([f64::NAN, 0.0], 1.0).is_err());
         assert!(SpeedProfile::constant([1e9, 0.0], 1.0).is_err());
         assert!(SpeedProfile::from_points(&[(1.0, [0.0; 2]), (0.0, [0.0; 2])]).is_err());
+        let profile = SpeedProfile::constant([1.0, 2.0], 10.0).expect("a profile");
+        assert_eq!(profile.clone().with_run(2.0, 10.0).map(|p| p.run()), Ok([2.0, 10.0]));
+        for (start, end) in [(-1.0, 5.0), (5.0, 11.0), (5.0, 5.0), (f64::NAN, 5.0)] {
+            assert!(profile.clone().with_run(start, end).is_err());
+        }
     }
 }

@@ -136,22 +136,21 @@ const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e5;
 impl Trial {
     /// Robot upright and at rest at the start of the profile.
     pub fn new(robot: &Robot, closure: Closure, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
-        Self::begin(robot, closure, profile, options, Dense::default())
+        Self::with_solver(Solver::new(robot, closure)?, profile, options)
+    }
+
+    /// The same with a solver that was prepared otherwise.
+    pub fn with_solver(solver: Solver, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
+        Self::begin(solver, profile, options, Dense::default())
     }
 
     /// Robot upright and at rest at time 0, to be told by [`Trial::extend`] how its motors go on. `reach`: how far behind
     /// the last step [`Trial::at`] answers, s.
     pub fn open(robot: &Robot, closure: Closure, options: Options, reach: f64) -> Result<Self, ParamError> {
-        Self::begin(robot, closure, SpeedProfile::open(0.0), options, Dense::reaching(reach))
+        Self::begin(Solver::new(robot, closure)?, SpeedProfile::open(0.0), options, Dense::reaching(reach))
     }
 
-    fn begin(
-        robot: &Robot,
-        closure: Closure,
-        profile: SpeedProfile,
-        options: Options,
-        dense: Dense,
-    ) -> Result<Self, ParamError> {
+    fn begin(mut solver: Solver, profile: SpeedProfile, options: Options, dense: Dense) -> Result<Self, ParamError> {
         if !RATES.contains(&options.rate_hz) {
             return Err(ParamError {
                 key: "rate_hz",
@@ -159,11 +158,10 @@ impl Trial {
                 reason: format!("must be between {} and {}", RATES.start(), RATES.end()),
             });
         }
-        let mut solver = Solver::new(robot, closure)?;
         let mut state = solver.at_rest();
         state.time = profile.start();
         state.motors = profile.motors(state.time);
-        let gap = solver.least_distance(&state) - 2.0 * robot.flagellum.rod_radius_m;
+        let gap = solver.least_distance(&state) - 2.0 * solver.robot().flagellum.rod_radius_m;
         let [start, stop] = profile.run();
         let speeds = profile.motors(stop).map(|m| m.speed);
         let speeds_before = profile.motors(0.5 * (start + stop)).map(|m| m.speed);

@@ -1,6 +1,6 @@
 //! Random robots and speeds: a result or a clear error, never a NaN, a panic or an endless loop.
 //!
-//! `SIM_HARD_CASES` sets their number (60; ten thousand are for a release build over night).
+//! `SIM_HARD_CASES` sets their number (60; ten thousand take some minutes).
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};

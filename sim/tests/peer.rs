@@ -27,7 +27,11 @@ fn robot(weight: bool) -> Robot {
 fn run(robot: &Robot, rpm: [f64; 2], duration: f64) -> (Vec<Sample>, Trial) {
     let profile = SpeedProfile::constant([rpm[1], rpm[0]], duration).expect("a profile");
     let options = Options { rate_hz: 20.0, shapes: false };
-    let mut trial = Trial::new(robot, Closure::Held, profile, options).expect("parameters");
+    let flagellum = &robot.flagellum;
+    // The reference's clamp is that of two nodes and no more.
+    let rod = |k: usize| Rod::stress_free(flagellum.helix(k).nodes(flagellum.edges()), flagellum.stiffness());
+    let solver = Solver::with_rods(robot, Closure::Held, [rod(0), rod(1)]).expect("parameters");
+    let mut trial = Trial::with_solver(solver, profile, options).expect("options");
     let samples = trial.by_ref().collect::<Result<Vec<_>, _>>().expect("a run");
     (samples, trial)
 }

@@ -68,11 +68,27 @@ fn full_lies_near_the_experiment() {
 
 #[test]
 fn paper_never_settles() {
-    // The printed equations have nothing that stops a constant yaw torque.
-    let summary = run(Closure::Paper, [50.0, 10.0]);
-    println!("paper (50, 10): yaw {:.0} deg and turning after 120 s", summary.steady.attitude[0].mean.to_degrees());
-    assert!(!summary.steady.settled);
-    assert!(summary.steady.attitude[0].mean.abs() > std::f64::consts::TAU);
+    // The printed equations have nothing that stops a constant yaw moment but the base's drag: the rate
+    // about z_B becomes that moment over the drag.
+    let robot = Robot::default();
+    let profile = SpeedProfile::constant([50.0, 10.0], 60.0).expect("a profile");
+    let options = Options { rate_hz: 200.0, shapes: false };
+    let mut trial = Trial::new(&robot, Closure::Paper, profile, options).expect("parameters");
+    let samples = trial.by_ref().collect::<Result<Vec<_>, _>>().expect("a run");
+    let steady = trial.summary().steady;
+    println!("paper (50, 10): yaw {:.0} deg and turning after 60 s", steady.attitude[0].mean.to_degrees());
+    assert!(!steady.settled);
+    assert!(steady.attitude[0].mean.abs() > std::f64::consts::TAU);
+    let last: Vec<_> = samples.iter().filter(|s| s.time_s > 48.0).collect();
+    let mean = |sum: f64| sum / last.len() as f64;
+    let rate = mean(last.iter().map(|s| s.rate_rad_s[2]).sum());
+    let couple =
+        mean(last.iter().map(|s| (s.force_n[0][1] - s.force_n[1][1]) * 0.5 * robot.base.motor_distance_m).sum());
+    prove(
+        "paper: rate about z_B against the mean couple over the drag, relative",
+        (rate * robot.base_drag() / couple - 1.0).abs(),
+        0.02,
+    );
 }
 
 #[test]

@@ -1,10 +1,16 @@
 //! The bench: what the tests of whole behaviours share. They run the real `biflag` against the real firmware on the
 //! emulated board, from outside, as a user would.
 
+pub mod browser;
+mod viewer;
+
+pub use viewer::{Seen, Viewer};
+
 use host::rig::VirtualNano;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// A temporary folder to work in.
@@ -91,6 +97,29 @@ impl Run {
     pub fn expect_code(self, code: i32) -> Self {
         assert_eq!(self.code, Some(code), "stdout: {}\nstderr: {}", self.stdout, self.stderr);
         self
+    }
+}
+
+/// Sends a signal, such as `-INT`, to a run.
+pub fn signal(child: &Child, name: &str) {
+    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().expect("kill starts").success());
+}
+
+/// The logs in a session's folder, sorted.
+pub fn logs(session: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(session) else { return Vec::new() };
+    let mut logs: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    logs.retain(|path| path.extension().is_some_and(|extension| extension == "mcap"));
+    logs.sort();
+    logs
+}
+
+/// Waits until a session has so many logs.
+pub fn wait_for_logs(session: &Path, count: usize) {
+    let begun = Instant::now();
+    while logs(session).len() < count {
+        assert!(begun.elapsed() < Duration::from_secs(20), "no trial began");
+        std::thread::sleep(Duration::from_millis(10));
     }
 }
 

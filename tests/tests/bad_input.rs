@@ -1,6 +1,6 @@
 //! Bad input gets one clear error, the right exit code, and nothing is lost.
 
-use tests::{Bench, Run, data};
+use tests::{Bench, Run, data, nano};
 
 const SPEEDS: &str = "[speeds]\npairs = [[50, 10]]\n";
 
@@ -44,8 +44,20 @@ fn a_bad_plan_says_what_and_where() {
 fn a_plan_that_is_not_there_is_named() {
     let bench = Bench::new();
     let run = bench.run(["record", "no-such-plan.toml", "--port", "/dev/null"]);
-    assert!(matches!(run.code, Some(1 | 2)), "{run:?}");
-    assert!(run.stderr.contains("no-such-plan.toml"), "{run:?}");
+    expect_error(&run, 2, &["no-such-plan.toml: the plan cannot be read", "help: check the path"]);
+    let plan = bench.file("plan.toml", &format!("[session]\nrobot = \"no-such-robot.toml\"\n{SPEEDS}"));
+    let run = bench.run(["record", plan.to_str().unwrap(), "--port", "/dev/null"]);
+    expect_error(&run, 2, &["no-such-robot.toml: the robot's file cannot be read", "help: correct `robot`"]);
+}
+
+#[test]
+fn other_files_that_are_not_there_are_wrong_use_too() {
+    let bench = Bench::new();
+    let nano = nano(["--speed", "1"]);
+    let run = bench.run(["settings", "--port", nano.port(), "--write", "no-such.toml"]);
+    expect_error(&run, 2, &["no-such.toml: cannot be read", "help: `biflag settings` prints such a file"]);
+    let run = bench.run(["flash", "--port", nano.port(), "--firmware", "no-such.elf"]);
+    expect_error(&run, 2, &["no-such.elf", "help: check the path"]);
 }
 
 #[test]
@@ -63,7 +75,7 @@ fn a_device_that_is_no_serial_port_is_refused() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", SPEEDS);
     let run = bench.run(["record", plan.to_str().unwrap(), "--port", "/dev/null"]);
-    expect_error(&run, 1, &["/dev/null"]);
+    expect_error(&run, 2, &["/dev/null is not a serial port", "help: "]);
 }
 
 #[test]

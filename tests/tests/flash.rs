@@ -1,7 +1,7 @@
 //! The real avrdude writes the real image into the emulated board through Arduino's own bootloaders.
 
 use host::rig::{Image, VirtualNano};
-use tests::{Bench, firmware, program};
+use tests::{Bench, firmware, nano, program};
 
 fn flash_through(bootloader: &str, baud: u64) {
     let bench = Bench::new();
@@ -24,4 +24,23 @@ fn through_optiboot() {
 #[test]
 fn through_the_old_bootloader() {
     flash_through("old", 57_600);
+}
+
+/// While one biflag has lent the port to avrdude, another keeps its hands off it: opening it would reset the board.
+#[test]
+fn a_port_that_is_being_flashed_is_busy() {
+    let bench = Bench::new();
+    let nano = nano(["--speed", "1"]);
+    let plan = bench.short_plan(1.0, [0.0, 0.0]);
+    let claim = host::link::Claim::take(nano.port()).unwrap();
+    let image = firmware();
+    for command in [
+        ["flash", "--port", nano.port(), "--firmware", image.to_str().unwrap()],
+        ["record", plan.to_str().unwrap(), "--port", nano.port(), "--json"],
+    ] {
+        let run = bench.run(command).expect_code(1);
+        assert!(run.stderr.contains("is busy: another program has it open"), "{run:?}");
+    }
+    drop(claim);
+    bench.run(["record", plan.to_str().unwrap(), "--port", nano.port()]).expect_code(0);
 }

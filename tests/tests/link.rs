@@ -1,5 +1,6 @@
 //! The stream over the pseudo-terminal: complete, and exact in its account of what is not.
 
+use host::log::{Body, Reader, TrialMeta};
 use host::rig::VirtualNano;
 use serde_json::Value;
 use std::time::Duration;
@@ -73,4 +74,42 @@ fn real_time_is_as_whole() {
     let run = bench.run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--json"]).expect_code(0);
     let trial = &run.json()["trials"][0];
     assert_eq!((&trial["samples"], &trial["lost"]), (&2000.into(), &0.into()), "{trial}");
+}
+
+/// A motor that reverses within the run is told so by the board's clock, and its flagellum follows.
+#[test]
+fn a_motor_reverses_within_the_run() {
+    let bench = Bench::new();
+    let plan = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 6\ndecay = 1\n\
+                reverse = { motor = 2, after = 2.5 }\n[speeds]\npairs = [[50, 60]]\n";
+    let plan = bench.file("plan.toml", plan);
+    let nano = nano(["--speed", "4"]);
+    let arguments = ["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--json"];
+    let trial = bench.run(arguments).expect_code(0).json()["trials"][0].clone();
+    assert_eq!((&trial["samples"], &trial["complete"]), (&1600.into(), &true.into()), "{trial}");
+    let mut log = Reader::open(&bench.path().join(trial["log"].as_str().unwrap())).unwrap();
+    let (mut told, mut frames, mut phases) = (None, Vec::new(), Vec::new());
+    for message in log.by_ref() {
+        match message.unwrap().body {
+            Body::Telemetry(frame) => frames.push(frame),
+            Body::Event(event) if event.text == "motor 2 reverses: from here on +50 and -60 rpm" => {
+                told = frames.last().map(|frame| frame.time_s);
+            }
+            Body::Event(event) if ["preroll", "run", "decay", "end"].contains(&event.text.as_str()) => {
+                phases.push(event.text);
+            }
+            _ => {}
+        }
+    }
+    assert_eq!(phases, ["preroll", "run", "decay", "end"], "the run is one phase");
+    let told = told.expect("the event");
+    assert!((3.49..3.51).contains(&told), "{told} s");
+    let motor2 = |time: f64| frames.iter().find(|frame| frame.time_s >= time).unwrap().motor2.unwrap();
+    assert_eq!((motor2(3.4).target_rpm, motor2(6.9).target_rpm), (60.0, -60.0));
+    assert!((motor2(3.4).speed_rpm - 60.0).abs() < 3.0 && (motor2(6.9).speed_rpm + 60.0).abs() < 3.0);
+    let late = frames.iter().find(|frame| frame.motor2.as_ref().unwrap().target_rpm == -60.0).unwrap().time_s - 3.5;
+    println!("reversed {:.0} ms of the board's time after it was due", late * 1e3);
+    assert!((0.0..0.2).contains(&late), "{late} s");
+    let meta = log.meta::<TrialMeta>().unwrap();
+    assert_eq!((meta.reverse_motor, meta.reverse_after_s), (Some(2), Some(2.5)));
 }

@@ -1,5 +1,8 @@
-//! Another program reads the log: the Python packages `mcap` and `mcap-protobuf-support` from PyPI.
+//! Other programs read the log: the Python packages `mcap` and `mcap-protobuf-support`, and Rerun, all from PyPI.
 
+use host::log::schema::foxglove;
+use host::log::{Body, Reader};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tests::{Bench, nano};
@@ -21,17 +24,46 @@ with open(sys.argv[1], "rb") as file:
 print(json.dumps({"counts": counts, "metadata": metadata, "first_w": yaw[0]}))
 "#;
 
-/// A virtual environment with the two packages, kept between runs.
-fn python() -> PathBuf {
-    let venv = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python");
+/// What Rerun makes of a log: for each of its own archetypes, and of what it reads by the schema alone.
+const RERUN: &str = r#"
+import json, sys
+from rerun.chunk import RrdReader
+
+columns = {}
+for chunk in RrdReader(sys.argv[1]).stream():
+    batch = chunk.to_record_batch()
+    for field in batch.schema:
+        if field.name in ("McapMessage:data",):
+            raise SystemExit(f"{chunk.entity_path} came out as bytes")
+        if ":" in field.name and not field.name.startswith("Mcap"):
+            rows = columns.setdefault(str(chunk.entity_path), {}).setdefault(field.name, [])
+            rows.extend(zip(batch.column("message_log_time").cast("int64").to_pylist(), batch.column(field.name).to_pylist())
+                        if "message_log_time" in batch.schema.names else [])
+print(json.dumps({
+    "attitude": {name: columns["/attitude"]["Transform3D:" + name] for name in ("parent_frame", "child_frame", "quaternion")},
+    "points": {
+        "frame": columns["/flagella_points"]["CoordinateFrame:frame"],
+        "positions": columns["/flagella_points"]["Points3D:positions"],
+        "colors": columns["/flagella_points"]["Points3D:colors"],
+    },
+    "lines": columns["/flagella"]["foxglove.SceneUpdate:message"],
+    "yaw": [[time, rows[0]["yaw_deg"]] for time, rows in columns["/telemetry"]["biflag.Telemetry:message"]],
+}))
+"#;
+
+/// A virtual environment with these packages, kept between runs.
+fn python(name: &str, packages: &[&str]) -> PathBuf {
+    let venv = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let python = venv.join("bin/python");
     let ready = venv.join("ready");
-    if !ready.is_file() {
-        let run = |command: &mut Command| assert!(command.status().unwrap().success(), "{command:?}");
-        run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&venv));
-        run(Command::new(&python).args(["-m", "pip", "install", "-q", "mcap==1.6.0", "mcap-protobuf-support==0.6.0"]));
-        std::fs::write(ready, "").unwrap();
+    let wanted = packages.join("\n");
+    if std::fs::read_to_string(&ready).is_ok_and(|installed| installed == wanted) {
+        return python;
     }
+    let run = |command: &mut Command| assert!(command.status().unwrap().success(), "{command:?}");
+    run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&venv));
+    run(Command::new(&python).args(["-m", "pip", "install", "-q"]).args(packages));
+    std::fs::write(ready, wanted).unwrap();
     python
 }
 
@@ -44,7 +76,11 @@ fn python_lists_the_channels_and_decodes_every_message() {
         .run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--json"])
         .expect_code(0);
     let log = run.json()["trials"][0]["log"].as_str().unwrap().to_owned();
-    let output = Command::new(python()).args(["-c", DECODE, &log]).current_dir(bench.path()).output().unwrap();
+    let output = Command::new(python("python", &["mcap==1.6.0", "mcap-protobuf-support==0.6.0"]))
+        .args(["-c", DECODE, &log])
+        .current_dir(bench.path())
+        .output()
+        .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let decoded: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     println!("{decoded}");
@@ -54,4 +90,84 @@ fn python_lists_the_channels_and_decodes_every_message() {
         assert!(decoded["counts"][channel].as_u64().unwrap() > 0, "{channel}");
     }
     assert!(decoded["metadata"].as_array().unwrap().len() >= 4);
+}
+
+/// Rerun's converter makes a transform of the attitude and coloured points of the flagella, with our values, and reads
+/// every other channel by its schema.
+#[test]
+fn rerun_reads_attitude_and_flagella() {
+    let bench = Bench::new();
+    let simulate = ["simulate", "--speeds=50,10", "--duration", "2", "--shapes", "--out", "session", "--json"];
+    let run = bench.run(simulate);
+    let log = bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap());
+    let python = python("rerun", &["rerun-sdk==0.41.0"]);
+    let run = |command: &mut Command| {
+        // Rerun writes its settings where its user is at home.
+        let home = ["HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME"].map(|name| (name, bench.path()));
+        let output = command.envs(home).current_dir(bench.path()).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        output.stdout
+    };
+    run(Command::new(python.with_file_name("rerun")).args(["mcap", "convert", "-o", "log.rrd"]).arg(&log));
+    let rerun: Value = serde_json::from_slice(&run(Command::new(python).args(["-c", RERUN, "log.rrd"]))).unwrap();
+
+    let (mut attitudes, mut clouds, mut scenes, mut yaws) = (0, 0, 0, 0);
+    for message in Reader::open(&log).unwrap().map(Result::unwrap) {
+        let row = |columns: &Value, i: usize| {
+            assert_eq!(columns[i][0], message.log_time_ns, "the time of message {i}");
+            columns[i][1].clone()
+        };
+        match message.body {
+            Body::Attitude(transform) => {
+                let theirs = &rerun["attitude"];
+                assert_eq!(row(&theirs["parent_frame"], attitudes), serde_json::json!(["world"]));
+                assert_eq!(row(&theirs["child_frame"], attitudes), serde_json::json!(["body"]));
+                let foxglove::Quaternion { x, y, z, w } = transform.rotation.unwrap();
+                assert_near(&row(&theirs["quaternion"], attitudes)[0], &[x, y, z, w]);
+                attitudes += 1;
+            }
+            Body::FlagellaPoints(cloud) => {
+                let theirs = &rerun["points"];
+                assert_eq!(row(&theirs["frame"], clouds), serde_json::json!(["body"]));
+                let positions = row(&theirs["positions"], clouds);
+                let points: Vec<&[u8]> = cloud.data.chunks(cloud.point_stride as usize).collect();
+                assert_eq!(positions.as_array().unwrap().len(), points.len());
+                for (position, point) in positions.as_array().unwrap().iter().zip(&points) {
+                    let part = |i: usize| f64::from(f32::from_le_bytes(point[4 * i..4 * i + 4].try_into().unwrap()));
+                    assert_near(position, &[part(0), part(1), part(2)]);
+                }
+                let colours = row(&theirs["colors"], clouds);
+                let colour = |point: &[u8]| Value::from(u32::from_be_bytes(point[16..20].try_into().unwrap()));
+                assert!(
+                    colours.as_array().unwrap().iter().zip(&points).all(|(theirs, point)| *theirs == colour(point))
+                );
+                clouds += 1;
+            }
+            Body::Flagella(scene) => {
+                let theirs = &row(&rerun["lines"], scenes)[0]["entities"][0];
+                let entity = &scene.entities[0];
+                assert_eq!((&theirs["id"], &theirs["frame_id"]), (&"flagella".into(), &"body".into()));
+                let last = entity.lines[1].points.last().unwrap();
+                let their_points = theirs["lines"][1]["points"].as_array().unwrap();
+                let theirs = their_points.last().unwrap();
+                assert_eq!((theirs["x"].as_f64(), theirs["z"].as_f64()), (Some(last.x), Some(last.z)));
+                scenes += 1;
+            }
+            Body::Telemetry(telemetry) => {
+                assert_eq!(row(&rerun["yaw"], yaws).as_f64(), Some(telemetry.yaw_deg));
+                yaws += 1;
+            }
+            _ => {}
+        }
+    }
+    println!("{attitudes} transforms, {clouds} clouds, {scenes} scenes and {yaws} states are the same in Rerun");
+    assert_eq!((attitudes, clouds, scenes, yaws), (41, 41, 41, 41));
+}
+
+/// Rerun keeps coordinates in single precision.
+#[track_caller]
+fn assert_near(theirs: &Value, ours: &[f64]) {
+    let theirs: Vec<f64> = theirs.as_array().unwrap().iter().map(|part| part.as_f64().unwrap()).collect();
+    let near = theirs.len() == ours.len() && theirs.iter().zip(ours).all(|(a, b)| (a - b).abs() <= 1e-6);
+    assert!(near, "{theirs:?} is not {ours:?}");
 }

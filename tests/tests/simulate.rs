@@ -3,17 +3,13 @@
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::{Child, Command};
+use std::process::Child;
 use std::time::{Duration, Instant};
-use tests::{Bench, Run};
+use tests::{Bench, Run, signal};
 
 /// Twelve trials that take about a second together.
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 1\npreroll = 1\nrun = 30\ndecay = 3\n\
                     [speeds]\ngrid = { w1 = [-60, 60, 40], w2 = [20, 80, 30] }\n";
-
-fn signal(child: &Child, name: &str) {
-    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
-}
 
 /// Every file of a session but its manifest, which says when it began.
 fn files(session: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -37,6 +33,67 @@ fn wait_for_log(session: &Path) {
 fn simulate(plan: &Path, more: &[&str]) -> Vec<String> {
     let arguments = ["simulate", plan.to_str().unwrap(), "--json", "--rate", "200", "--shapes"];
     arguments.iter().chain(more).map(|argument| (*argument).to_owned()).collect()
+}
+
+/// Peak of the memory that a child has in use, MB, and its exit code.
+fn peak_mb(mut child: Child) -> (f64, Option<i32>) {
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak_kb = 0.0f64;
+    loop {
+        // The kernel keeps the peak itself; what is used in the last few milliseconds alone goes unseen.
+        let text = std::fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kb = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok());
+        peak_kb = peak_kb.max(kb.unwrap_or(0.0));
+        if let Some(status) = child.try_wait().unwrap() {
+            return (peak_kb / 1024.0, status.code());
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// At the board's rate and with shapes, a trial four times as long needs no more memory than a chunk of its log.
+#[test]
+fn memory_does_not_grow_with_the_trial() {
+    let bench = Bench::new();
+    let peaks = [120, 480].map(|duration| {
+        let (duration, out) = (duration.to_string(), format!("out{duration}"));
+        let running = bench.start([
+            "simulate",
+            "--speeds=50,10",
+            "--rate",
+            "200",
+            "--shapes",
+            "--duration",
+            &duration,
+            "--out",
+            &out,
+        ]);
+        let (peak, code) = peak_mb(running);
+        assert_eq!(code, Some(0));
+        println!("{duration} s at 200 Hz with shapes: peak memory {peak:.1} MB");
+        peak
+    });
+    assert!(peaks[0] > 1.0 && peaks[0] < 40.0, "{peaks:?}");
+    assert!(peaks[1] < peaks[0] + 4.0, "{peaks:?}");
+}
+
+/// Soft flagella wrap round each other, and unwrap when a motor reverses; the classification over time says so.
+#[test]
+fn the_shipped_bundle_wraps_and_unwraps() {
+    let bench = Bench::new();
+    let plan = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("host").join("plans/bundling.toml");
+    let run = bench.run(["simulate", plan.to_str().unwrap(), "--json"]);
+    assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
+    let trial = &run.json()["trials"][0];
+    println!("{}; largest penetration {} m", trial["bundling_changes"], trial["max_penetration_m"]);
+    let changes: Vec<(f64, &str)> = (trial["bundling_changes"].as_array().unwrap().iter())
+        .map(|change| (change["time_s"].as_f64().unwrap(), change["bundling"].as_str().unwrap()))
+        .collect();
+    let at = |time: f64| changes.iter().rev().find(|change| change.0 <= time).unwrap().1;
+    assert_eq!((at(0.0), at(35.0)), ("apart", "bundled"), "{changes:?}");
+    assert_ne!(at(50.0), "bundled", "{changes:?}");
+    assert!(trial["max_penetration_m"].as_f64().unwrap() <= 1e-5, "{trial}");
 }
 
 /// Ctrl-C ends at once with what is whole; `--resume` computes the rest, and nothing twice.

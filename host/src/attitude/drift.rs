@@ -21,7 +21,7 @@ use super::series::Track;
 use std::ops::Range;
 
 /// Random walk of the bias where nothing was seen of it, °/s/√s. A lying MPU6050 (655 s) shows about a third of this.
-const BIAS_WALK: f64 = 3e-4;
+pub(crate) const BIAS_WALK: f64 = 3e-4;
 
 /// The drift, and how well the yaw is known.
 #[derive(Clone, PartialEq, Debug)]
@@ -97,7 +97,7 @@ impl Drift {
 
 /// Two-sided 95 % quantile of Student's distribution (Abramowitz and Stegun 26.7.5; within 1 % from 4 degrees of freedom
 /// on).
-fn student_95(freedom: f64) -> f64 {
+pub(crate) fn student_95(freedom: f64) -> f64 {
     let z = 1.959_964_f64;
     let terms = [
         (z.powi(3) + z) / 4.0,

@@ -9,8 +9,9 @@ mod series;
 mod trial;
 
 pub use drift::Drift;
+pub(crate) use drift::{BIAS_WALK, student_95};
 pub use series::{Series, Track};
-pub use trial::{Angles, Times, steady_window};
+pub use trial::{Angles, PhaseTimes, Times, steady_window};
 
 use nalgebra::{Quaternion, UnitQuaternion};
 

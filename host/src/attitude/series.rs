@@ -54,6 +54,21 @@ impl Track {
         if length > 0.0 { Some(area / length) } else { self.at(range.start) }
     }
 
+    /// Means over ranges of time that follow each other, as [`Track::mean`], in one pass.
+    pub fn means(&self, ranges: impl Iterator<Item = Range<f64>>) -> Vec<f64> {
+        let mut first = 0;
+        let mean = |range: Range<f64>| {
+            while self.time_s.get(first + 1).is_some_and(|time| *time <= range.start) {
+                first += 1;
+            }
+            let last = first + self.time_s[first..].partition_point(|time| *time < range.end) + 1;
+            let part = first..last.min(self.time_s.len());
+            let near = Self { time_s: self.time_s[part.clone()].to_vec(), value: self.value[part].to_vec() };
+            near.mean(range).unwrap_or_default()
+        };
+        if self.time_s.is_empty() { Vec::new() } else { ranges.map(mean).collect() }
+    }
+
     /// Change a second over a range of time.
     pub fn rate(&self, range: Range<f64>) -> Option<f64> {
         let length = range.end - range.start;
@@ -94,5 +109,23 @@ impl Series {
     /// Angle turned about each body axis so far, degrees: the integral of the body's angular velocity.
     pub fn turned_deg(&self) -> [f64; 3] {
         self.turned.map(f64::to_degrees).into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_of_many_ranges_are_those_of_each() {
+        let mut track = Track::default();
+        for i in 0..1000 {
+            let time = f64::from(i) * 0.013;
+            track.push(time, (time * 1.7).sin() + time);
+        }
+        let ranges: Vec<_> = (-2..30).map(|i| f64::from(i) * 0.5..f64::from(i) * 0.5 + 0.5).collect();
+        for (range, mean) in ranges.iter().zip(track.means(ranges.iter().cloned())) {
+            assert!((track.mean(range.clone()).unwrap() - mean).abs() < 1e-12, "{range:?}");
+        }
     }
 }

@@ -24,6 +24,43 @@ pub struct Times {
     pub decay: Range<f64>,
 }
 
+/// The phases of a trial as they come, one after the other, on the clock of its [`Series`]; so that a trial that is
+/// being recorded and its log are cut alike.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct PhaseTimes {
+    /// Names and beginnings.
+    begun: Vec<(String, f64)>,
+    /// The last moment of the trial so far.
+    last_s: f64,
+}
+
+impl PhaseTimes {
+    /// A phase begins.
+    pub fn begin(&mut self, name: &str, time_s: f64) {
+        self.begun.push((name.to_owned(), time_s));
+    }
+
+    /// The trial has come so far.
+    pub fn go_on(&mut self, time_s: f64) {
+        self.last_s = self.last_s.max(time_s);
+    }
+
+    /// How far the trial has come.
+    pub fn last_s(&self) -> f64 {
+        self.last_s
+    }
+
+    /// When the phases were: a phase lasts until the next begins, the last one as long as the trial.
+    pub fn times(&self) -> Times {
+        let phase = |name: &str| {
+            let Some(at) = self.begun.iter().position(|(phase, _)| phase == name) else { return 0.0..0.0 };
+            let end = self.begun.get(at + 1).map_or(self.last_s, |(_, next)| *next);
+            self.begun[at].1..end
+        };
+        Times { preroll: phase("preroll"), run: phase("run"), decay: phase("decay") }
+    }
+}
+
 /// The angles of a trial.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
 pub struct Angles {

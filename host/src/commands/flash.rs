@@ -1,7 +1,7 @@
 //! `biflag flash`: the firmware onto the board.
 
 use super::{Answer, Outcome};
-use crate::link::{self, Link};
+use crate::link::{self, Claim, Link};
 use crate::rig::{self, Image, commit_text};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use miette::miette;
@@ -34,6 +34,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let port = link::choose_port(args.port.as_deref())?;
     // Fails here, and not after a build of minutes, where the port is not there or in use.
     link::probe_port(&port)?;
+    let claim = Claim::take(&port)?;
     let progress = spinner();
     progress.set_message("building the firmware");
     let image = match &args.firmware {
@@ -45,6 +46,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         progress.set_message(format!("writing {} at {baud} bit/s", image.commit()));
     })?;
     progress.set_message("waiting for the program to start");
+    drop(claim);
     let link = Link::open(&port)?;
     progress.finish_and_clear();
     let info = link.info();

@@ -3,7 +3,7 @@
 use super::{Answer, Outcome};
 use crate::log::{Condition, End, Summary};
 use crate::overview::Overview;
-use crate::session::{Session, TrialState};
+use crate::session::{Attempt, Session, TrialState};
 use crate::stats::LinkStats;
 use serde_json::json;
 use std::fmt::{Display, Write};
@@ -146,7 +146,7 @@ fn steady(yaw: Option<f64>, uncertainty: Option<f64>, pitch: Option<f64>) -> Str
 
 fn session(folder: &Path) -> miette::Result<Answer> {
     let session = Session::open(folder)?;
-    let states = session.states()?;
+    let states = session.checked_states()?;
     let complete = states.iter().filter(|state| state.complete().is_some()).count();
     let mut link = LinkStats::default();
     let mut text = format!("{}: {complete} of {} trials complete\n", session.plan().name, states.len());
@@ -163,6 +163,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
             "log": attempt.map(|attempt| &attempt.path),
             "attempts": state.attempts.len(),
             "complete": state.complete().is_some(),
+            "losses": attempt.map(|attempt| &attempt.losses),
             "summary": summary,
         }));
         let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(state));
@@ -183,6 +184,9 @@ fn session(folder: &Path) -> miette::Result<Answer> {
 fn line(state: &TrialState) -> String {
     match state.complete().or(state.attempts.last()) {
         None => "not yet".to_owned(),
+        Some(Attempt { losses, .. }) if !losses.is_empty() => {
+            format!("damaged, --resume repeats the trial; lost: {}", losses.join("; "))
+        }
         Some(attempt) => match &attempt.summary {
             None => "cut off".to_owned(),
             Some(summary) if summary.end == End::Complete => {

@@ -1,12 +1,17 @@
 //! The command line: one file a command, each a function from its arguments to an [`Answer`].
 
 mod answer;
+mod calibrate;
+mod compare;
 mod doctor;
 mod export;
 mod flash;
 mod info;
+mod live;
 mod record;
 mod recover;
+mod replay;
+mod report;
 mod settings;
 mod simulate;
 
@@ -33,8 +38,12 @@ enum Command {
     Settings(settings::Args),
     Record(record::Args),
     Simulate(simulate::Args),
+    Compare(compare::Args),
+    Calibrate(calibrate::Args),
+    Live(live::Args),
     Info(info::Args),
     Recover(recover::Args),
+    Report(report::Args),
     Export(export::Args),
 }
 
@@ -56,8 +65,12 @@ pub fn run() -> ExitCode {
         Command::Settings(args) => settings::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
+        Command::Live(args) => live::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Recover(args) => recover::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Export(args) => export::run(&args),
     };
     answer::finish(result, cli.json)

@@ -2,16 +2,18 @@
 
 use super::{Answer, Outcome};
 use crate::link::{self, Link, LinkError};
-use crate::log::{End, Origin, Start, Summary};
-use crate::plan::{PUBLISHED, Plan, Trial};
-use crate::rig::{self, Bench, Image, Progress, RecordError, SimulatedRobot, VirtualNano};
+use crate::live::{self, Live};
+use crate::log::{BoardMeta, End, Origin, Start, Summary};
+use crate::plan::{EXAMPLE, PUBLISHED, Plan, Trial};
+use crate::rig::{self, Bench, Image, Progress, RecordError, SimulatedRobot, TrialRun, VirtualNano};
 use crate::robot_file;
-use crate::session::{self, Session};
+use crate::session::{self, Session, Sharing};
 use crate::stats::LinkStats;
 use miette::{IntoDiagnostic, Report, WrapErr};
 use protocol::Command;
 use serde::Serialize;
 use std::fmt;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,9 +21,11 @@ use std::time::SystemTime;
 
 /// Run the trials of a plan on the rig and keep a log of each.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example: biflag record plan.toml --port /dev/ttyUSB0 --out glycerin-day-1")]
+#[command(after_help = format!(
+    "Example: biflag record plan.toml --port /dev/ttyUSB0 --out glycerin-day-1\n\nA plan:\n\n{EXAMPLE}"
+))]
 pub struct Args {
-    /// The plan.
+    /// The plan: a TOML file like the one below.
     plan: PathBuf,
     /// The board's serial port; may be left out where there is only one.
     #[arg(long, conflicts_with = "virtual")]
@@ -37,6 +41,9 @@ pub struct Args {
     /// What the imperfections of the emulated sensor are drawn by; by default the plan's seed, or 1.
     #[arg(long, requires = "virtual")]
     seed: Option<u64>,
+    /// Show what is recorded to Foxglove meanwhile, at this address.
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = live::ADDRESS)]
+    live: Option<SocketAddr>,
     /// The session's folder; by default named after the plan.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -75,6 +82,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).into_diagnostic().wrap_err("Ctrl-C")?;
 
     let plan = Plan::load(&args.plan)?;
+    // First, so that an address that is taken is known before anything moves.
+    let live = args.live.map(Live::listen).transpose()?;
     let nano = match &args.r#virtual {
         Some(imu) => Some(start_virtual(args, imu.as_ref(), &plan)?),
         None => None,
@@ -99,10 +108,16 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         false => Session::create(&folder, &plan)?,
     };
 
+    let _lock = session.lock(Sharing::Alone)?;
+    let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
+    let states = session.checked_states()?;
+    let board = BoardMeta::new(link.info(), &super::settings::read(&link)?);
+    let note = session.expect_same_rig(&states, origin, Some(&board))?;
+
     let mut recorded = Recorded { session: folder, trials: Vec::new() };
     let mut todo = Vec::new();
     let mut outcome = Outcome::Done;
-    for state in session.states()? {
+    for state in states {
         let Some(attempt) = state.complete() else {
             todo.push(state.trial);
             continue;
@@ -114,7 +129,12 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         recorded.trials.push(RecordedTrial::new(&state.trial, attempt.path.clone(), &summary));
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
+    if let Some(note) = note {
+        progress.line(&format!("note: {note}"));
+    }
+    if let Some(live) = &live {
+        progress.line(&live.invitation());
+    }
     let mut on_run = || {
         if let Some(nano) = &mut player {
             // An emulated board that has gone is a port that has gone, which the trial sees for itself.
@@ -127,18 +147,21 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             outcome = Outcome::Interrupted;
             break;
         }
-        let (attempt, path) = session.next_attempt(trial)?;
-        // A calibration changes the board's settings, so each log has those that were in force at its beginning.
-        let board = Some((*link.info(), super::settings::read(&link)?));
-        let start = Start { plan: &plan, trial, attempt, origin, board, time: SystemTime::now() };
         let mut bench = Bench {
             link: &link,
             progress: &progress,
             interrupted: &interrupted,
+            live: live.as_ref(),
             on_run: &mut on_run,
             robot: robot.as_ref(),
         };
-        let run = rig::run(&mut bench, &path, &start)?;
+        let (path, run) = match run_trial(&mut bench, &session, trial, &plan, origin) {
+            Ok(run) => run,
+            Err(report) => {
+                failure = Some(report);
+                break;
+            }
+        };
         progress.end_trial(trial.phases.total_s());
         let mut row = RecordedTrial::new(trial, path, &run.summary);
         row.turned_deg = run.angles.map(|angles| angles.turned_deg);
@@ -166,6 +189,22 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Some(report) => Answer::failed(&recorded, &report),
         None => Answer::new(outcome, &recorded, format!("session {}", recorded.session.display())),
     }
+}
+
+/// Runs a trial into a log of its own.
+fn run_trial(
+    bench: &mut Bench,
+    session: &Session,
+    trial: &Trial,
+    plan: &Plan,
+    origin: Origin,
+) -> miette::Result<(PathBuf, TrialRun)> {
+    let (attempt, path) = session.next_attempt(trial)?;
+    // A calibration changes the board's settings, so each log has those that were in force at its beginning.
+    let board = Some((*bench.link.info(), super::settings::read(bench.link)?));
+    let start = Start { plan, trial, attempt, origin, board, time: SystemTime::now() };
+    let run = rig::run(bench, &path, &start)?;
+    Ok((path, run))
 }
 
 /// Puts the plan's settings in force.

@@ -1,7 +1,7 @@
 //! `biflag recover`: a clean log of one that was cut off or damaged.
 
 use super::{Answer, Outcome};
-use crate::log::{Condition, Reader, recover};
+use crate::log::{Condition, check, recover};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    if args.output.is_none() && is_clean(args)? {
+    if args.output.is_none() && check(&args.log)?.is_empty() {
         let body = json!({ "log": args.log, "recovered": null, "clean": true, "losses": [] });
         return Answer::new(Outcome::Done, &body, format!("{}: clean, nothing to recover", args.log.display()));
     }
@@ -45,12 +45,4 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let _ = writeln!(text, "  lost: {} messages whose channel is not known any more", recovery.strays);
     }
     Answer::new(if clean { Outcome::Done } else { Outcome::WithLoss }, &body, text)
-}
-
-fn is_clean(args: &Args) -> miette::Result<bool> {
-    let mut reader = Reader::open(&args.log)?;
-    for message in reader.by_ref() {
-        message?;
-    }
-    Ok(reader.condition() == Some(Condition::Clean))
 }

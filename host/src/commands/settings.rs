@@ -35,10 +35,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 }
 
 fn read_file(path: &Path) -> miette::Result<BoardSettings> {
-    let text = std::fs::read_to_string(path).into_diagnostic().wrap_err_with(|| path.display().to_string())?;
-    toml::from_str(&text).map_err(|error| {
-        miette!(code = WRONG_USE, help = "`biflag settings` prints such a file", "{}: {error}", path.display())
-    })
+    let wrong = |what: String| {
+        miette!(code = WRONG_USE, help = "`biflag settings` prints such a file", "{}: {what}", path.display())
+    };
+    let text = std::fs::read_to_string(path).map_err(|error| wrong(format!("cannot be read: {error}")))?;
+    toml::from_str(&text).map_err(|error| wrong(error.to_string()))
 }
 
 /// The settings in force.

@@ -1,12 +1,12 @@
 //! `biflag simulate`: runs a plan in the model.
 
-use super::{Answer, Outcome, WRONG_USE};
-use crate::log::{self, ModelMeta, SteadyMeta};
-use crate::model::{Batch, Model, TrialRun};
+use super::{Answer, Outcome, WRONG_USE, replay};
+use crate::log::{self, ModelMeta, Origin, SteadyMeta};
+use crate::model::{Batch, Course, Job, Model, ModelError, TrialRun};
 use crate::plan::{Plan, Trial};
 use crate::rig::Progress;
 use crate::robot_file;
-use crate::session::{self, Session, SessionError};
+use crate::session::{self, Session, SessionError, Sharing};
 use miette::{IntoDiagnostic, WrapErr};
 use protocol::units::CentiRpm;
 use serde::Serialize;
@@ -22,13 +22,17 @@ use std::time::Instant;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag simulate host/plans/published-points.toml --out points\n  \
-    biflag simulate --speeds=-90,90 --duration 120 --closure lumped\n\
-    Exit code 3: a trial has not settled. 1: the solver could not end a trial; the others are there.\n\
+    biflag simulate --speeds=-90,90 --duration 120 --closure lumped\n  \
+    biflag simulate --from glycerin --robot fitted.toml --out fitted\n\
+    Exit code 3: a trial has not settled, or a log that drives the model is not whole. 1: the solver could not end a trial; the others are there.\n\
     The logs do not depend on --jobs or --shard, nor on what was interrupted and gone on with.")]
 pub struct Args {
-    /// The plan.
-    #[arg(required_unless_present = "speeds", conflicts_with = "speeds")]
+    /// The plan: a TOML file like the one that `biflag record --help` shows.
+    #[arg(required_unless_present_any = ["speeds", "from"], conflicts_with_all = ["speeds", "from"])]
     plan: Option<PathBuf>,
+    /// A recorded log or session: its measured speeds drive the model of its own robot.
+    #[arg(long, value_name = "LOG|SESSION", conflicts_with_all = ["speeds", "shard"])]
+    pub(super) from: Option<PathBuf>,
     /// Speeds of flagella 1 and 2 in rpm instead of a plan; `--speeds=-90,90` where the first is negative.
     #[arg(long, value_name = "W1,W2", value_parser = speeds, allow_hyphen_values = true, requires = "duration")]
     speeds: Option<Speeds>,
@@ -37,29 +41,31 @@ pub struct Args {
     duration: Option<f64>,
     /// How the flagella act on the base: all forces, both ways; the published couples with reaction torques; or the
     /// equations as printed, whose yaw never settles.
-    #[arg(long, value_enum, default_value = "full")]
-    closure: ClosureName,
-    /// The robot's file, instead of the plan's.
+    ///
+    /// By default `full`, and with `--from` that of the log's own model where it has one.
+    #[arg(long, value_enum)]
+    pub(super) closure: Option<ClosureName>,
+    /// The robot's file, instead of the plan's or the log's.
     #[arg(long, value_name = "FILE")]
-    robot: Option<PathBuf>,
+    pub(super) robot: Option<PathBuf>,
     /// Trials at a time; by default one on every core.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
+    pub(super) jobs: Option<u16>,
     /// Compute every N-th trial from the I-th on. Shards may share a folder, or have one each.
     #[arg(long, value_name = "I/N", value_parser = shard)]
     shard: Option<Shard>,
     /// Samples a second; the board's rate is 200.
     #[arg(long, value_name = "HZ", default_value = "20", value_parser = rate)]
-    rate: f64,
+    pub(super) rate: f64,
     /// Keep the shapes of the flagella.
     #[arg(long)]
-    shapes: bool,
-    /// The session's folder; by default named after the plan or the speeds.
+    pub(super) shapes: bool,
+    /// The session's folder; by default named after the plan, the speeds, or the session that is replayed.
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
     /// Go on with a session, leaving out the trials that are complete.
     #[arg(long)]
-    resume: bool,
+    pub(super) resume: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -90,7 +96,7 @@ fn rate(text: &str) -> Result<f64, String> {
 }
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
-enum ClosureName {
+pub(super) enum ClosureName {
     Full,
     Lumped,
     Paper,
@@ -121,28 +127,31 @@ fn shard(text: &str) -> Result<Shard, String> {
 }
 
 #[derive(Debug, Serialize)]
-struct Simulated {
-    session: PathBuf,
+pub(super) struct Simulated {
+    pub session: PathBuf,
     /// Simulated over wall seconds of the whole command; `null` where all was complete already.
-    real_time_factor: Option<f64>,
-    trials: Vec<SimulatedTrial>,
+    pub real_time_factor: Option<f64>,
+    pub trials: Vec<SimulatedTrial>,
 }
 
 #[derive(Debug, Serialize)]
-struct SimulatedTrial {
-    name: String,
-    w1_rpm: f64,
-    w2_rpm: f64,
-    log: PathBuf,
+pub(super) struct SimulatedTrial {
+    pub name: String,
+    pub w1_rpm: f64,
+    pub w2_rpm: f64,
+    pub log: PathBuf,
     #[serde(flatten)]
-    steady: Option<SteadyMeta>,
+    pub steady: Option<SteadyMeta>,
     /// `null` where the trial was computed by an earlier run.
-    wall_s: Option<f64>,
+    pub wall_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    error: Option<String>,
+    pub error: Option<String>,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
+    if let Some(from) = &args.from {
+        return replay::run(args, from);
+    }
     let begun = Instant::now();
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = interrupted.clone();
@@ -150,7 +159,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 
     let plan = plan(args)?;
     let options = Options { rate_hz: args.rate, shapes: args.shapes };
-    let model = Model::of_plan(&plan, args.closure.into(), options)?;
+    let model = Model::of_plan(&plan, args.closure.map_or(Closure::Full, Closure::from), options)?;
     let mine: Vec<&Trial> = match args.shard {
         Some(Shard { first, of }) => plan.trials.iter().skip(first).step_by(of).collect(),
         None => plan.trials.iter().collect(),
@@ -158,6 +167,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let folder = args.out.clone().unwrap_or_else(|| session::default_folder(&plan));
     let session = open(&folder, &plan, &mine, args)?;
 
+    let _lock = session.lock(if args.shard.is_some() { Sharing::WithShards } else { Sharing::Alone })?;
+    session.expect_same_rig(&session.states()?, Origin::Model, None)?;
     let mut trials = Vec::new();
     let mut todo = Vec::new();
     for trial in mine {
@@ -171,8 +182,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let count = todo.len();
     progress.phase(&format!("{count} trials"), &format!("{jobs} at a time"));
     let progress = Mutex::new(progress);
-    let batch = Batch { model: &model, session: &session, progress: &progress, interrupted: &interrupted, jobs };
-    let runs = batch.run(&todo, |run| SimulatedTrial::from(run).to_string());
+    let work = |trial| Ok(Job { trial, course: Course::planned(trial)?, model: &model, plan: session.plan() });
+    let work: Vec<_> = todo.into_iter().map(work).collect::<Result<_, ModelError>>()?;
+    let batch = Batch { session: &session, progress: &progress, interrupted: &interrupted, jobs };
+    let runs = batch.run(&work, |run| SimulatedTrial::from(run).to_string());
     progress.into_inner().unwrap_or_else(PoisonError::into_inner).finish();
     let runs = runs?;
 
@@ -267,12 +280,13 @@ fn difference(then: &ModelMeta, now: &ModelMeta) -> String {
     }
 }
 
-fn cores() -> usize {
+/// Trials at a time unless the user says otherwise.
+pub(super) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 impl SimulatedTrial {
-    fn new(trial: &Trial, log: &Path) -> Self {
+    pub(super) fn new(trial: &Trial, log: &Path) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
         Self { name: trial.name.clone(), w1_rpm, w2_rpm, log: log.to_owned(), steady: None, wall_s: None, error: None }
     }

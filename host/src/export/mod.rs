@@ -5,6 +5,7 @@ mod columns;
 mod parquet;
 
 use crate::log::{Body, Condition, LogError, Message, Reader};
+use crate::whole_file;
 use miette::Diagnostic;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -100,26 +101,42 @@ pub fn export(log: &Path, output: &Path, format: Format, replace: bool) -> Resul
         return Err(ExportError::Itself { path: output.to_owned() });
     }
     // What is to be replaced stays until all of the new is there.
-    let mut partial = output.as_os_str().to_owned();
-    partial.push(".partial");
-    let target = if replace { Path::new(&partial) } else { output };
-    let file = if replace { File::create(target) } else { File::create_new(target) }.map_err(failed)?;
+    let draft = whole_file::draft(output);
+    let target = if replace { &draft } else { output };
+    let file = if replace { whole_file::create(target) } else { File::create_new(target) }.map_err(failed)?;
+    let written = write(&mut reader, file, format, failed).and_then(|rows| {
+        if replace {
+            std::fs::rename(target, output).map_err(failed)?;
+        }
+        Ok(rows)
+    });
+    if written.is_err() {
+        // A part would pass for the whole. The error that is on its way says more than one of the removal could.
+        let _ = std::fs::remove_file(target);
+    }
+    Ok(Exported { rows: written?, condition: reader.condition().unwrap_or(Condition::Damaged) })
+}
+
+/// Writes every row; answers how many.
+fn write(
+    reader: &mut Reader,
+    file: File,
+    format: Format,
+    failed: impl Fn(std::io::Error) -> ExportError,
+) -> Result<u64, ExportError> {
     let file = BufWriter::new(file);
     let mut sink: Box<dyn Sink> = match format {
-        Format::Csv => Box::new(Csv::new(file).map_err(failed)?),
+        Format::Csv => Box::new(Csv::new(file).map_err(&failed)?),
         Format::Tum => Box::new(Tum(file)),
         #[cfg(feature = "parquet")]
-        Format::Parquet => Box::new(parquet::Table::new(file).map_err(failed)?),
+        Format::Parquet => Box::new(parquet::Table::new(file).map_err(&failed)?),
     };
     let mut rows = 0;
     for message in reader.by_ref() {
-        rows += u64::from(sink.row(&message?).map_err(failed)?);
+        rows += u64::from(sink.row(&message?).map_err(&failed)?);
     }
     sink.finish().map_err(failed)?;
-    if replace {
-        std::fs::rename(target, output).map_err(failed)?;
-    }
-    Ok(Exported { rows, condition: reader.condition().unwrap_or(Condition::Damaged) })
+    Ok(rows)
 }
 
 /// Whether two paths name one file, through links too.

@@ -1,8 +1,8 @@
 //! The program's end of the link: open it, ask, and hear what comes.
 
-use super::LinkError;
 use super::port;
 use super::worker::{Event, Question, Received, Worker};
+use super::{Claim, LinkError};
 use protocol::frame::FrameError;
 use protocol::{Command, Info, Reply, VERSION};
 use std::sync::Arc;
@@ -23,6 +23,7 @@ pub struct Link {
     questions: Sender<Question>,
     events: Receiver<Received>,
     thread: Option<JoinHandle<()>>,
+    _claim: Claim,
 }
 
 impl Link {
@@ -43,6 +44,7 @@ impl Link {
     /// # Errors
     /// As [`Link::open`], and [`LinkError::Interrupted`].
     pub fn open_unless(path: &str, interrupted: &AtomicBool) -> Result<Self, LinkError> {
+        let claim = Claim::take(path)?;
         let port = port::open(path)?;
         let (questions, asked) = channel();
         let (sender, events) = channel();
@@ -62,6 +64,7 @@ impl Link {
             questions,
             events,
             thread: Some(thread),
+            _claim: claim,
         };
         link.info = link.handshake(interrupted)?;
         Ok(link)
@@ -156,6 +159,7 @@ impl Link {
                 }
                 (Ok(other), _) => return Err(self.wrong_answer(&Command::Hello, &other)),
                 (Err(LinkError::NoAnswer { .. }), _) => {}
+                (Err(LinkError::Closed { path }), _) => return Err(LinkError::Vanished { path }),
                 (Err(error), _) => return Err(error),
             }
         }

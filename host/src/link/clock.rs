@@ -11,22 +11,30 @@ pub struct BoardClock {
 }
 
 impl BoardClock {
-    /// Microseconds since the board's start, given that readings come in order and less than one wrap apart. A reading
-    /// that is up to a minute older than the one before is taken as such.
-    pub fn unwrap(&mut self, time: Micros) -> u64 {
-        const OLDEST_US: u32 = 60_000_000;
+    /// An answer may overtake the frame of the tick in which it was given.
+    const LATE_US: u32 = 1_000_000;
+    /// The longest from one reading to the next. The emulated board runs at most some ten times as fast as real time,
+    /// and who hears nothing for a second gives up.
+    const AHEAD_US: u32 = 30_000_000;
+
+    /// Microseconds since the board's start, given that readings come in order, some a little late. `None`: the clock
+    /// went back or leapt ahead, so the board has restarted; so it is from then on.
+    pub fn unwrap(&mut self, time: Micros) -> Option<u64> {
         let unwrapped = match self.last {
             None => u64::from(time.0),
             Some((last, at)) => {
-                let behind = last.since(time);
-                if behind <= OLDEST_US {
-                    return at.saturating_sub(u64::from(behind));
+                let (ahead, behind) = (time.since(last), last.since(time));
+                if behind <= Self::LATE_US {
+                    return Some(at.saturating_sub(u64::from(behind)));
                 }
-                at + u64::from(time.since(last))
+                if ahead > Self::AHEAD_US {
+                    return None;
+                }
+                at + u64::from(ahead)
             }
         };
         self.last = Some((time, unwrapped));
-        unwrapped
+        Some(unwrapped)
     }
 }
 
@@ -101,10 +109,22 @@ mod tests {
     #[test]
     fn the_clock_goes_on_after_its_wrap_and_takes_late_frames() {
         let mut clock = BoardClock::default();
-        assert_eq!(clock.unwrap(Micros(u32::MAX - 9)), u64::from(u32::MAX) - 9);
-        assert_eq!(clock.unwrap(Micros(10)), u64::from(u32::MAX) + 11);
-        assert_eq!(clock.unwrap(Micros(u32::MAX - 9)), u64::from(u32::MAX) - 9);
-        assert_eq!(clock.unwrap(Micros(20)), u64::from(u32::MAX) + 21);
+        assert_eq!(clock.unwrap(Micros(u32::MAX - 9)), Some(u64::from(u32::MAX) - 9));
+        assert_eq!(clock.unwrap(Micros(10)), Some(u64::from(u32::MAX) + 11));
+        assert_eq!(clock.unwrap(Micros(u32::MAX - 9)), Some(u64::from(u32::MAX) - 9));
+        assert_eq!(clock.unwrap(Micros(20)), Some(u64::from(u32::MAX) + 21));
+    }
+
+    #[test]
+    fn a_board_that_starts_again_is_no_wrap_whenever_it_does() {
+        // Within a minute of its start, in the middle, and where zero is nearer ahead than behind.
+        for seconds in [5, 59, 100, 1800, 3000, 4260] {
+            let mut clock = BoardClock::default();
+            let before = Micros(seconds * 1_000_000);
+            assert_eq!(clock.unwrap(before), Some(u64::from(before.0)));
+            assert_eq!(clock.unwrap(Micros(300_000)), None, "after {seconds} s");
+            assert_eq!(clock.unwrap(Micros(320_000)), None, "after {seconds} s");
+        }
     }
 
     #[test]

@@ -17,6 +17,15 @@ pub enum LinkError {
         /// Ports that are there.
         available: Vec<String>,
     },
+    /// Something else than a port.
+    #[error("{path} is not a serial port")]
+    #[diagnostic(code(wrong_use), help("{}", present(.available)))]
+    NotSerial {
+        /// What was named.
+        path: String,
+        /// Ports that are there.
+        available: Vec<String>,
+    },
     /// No port was named, and none or several could be meant.
     #[error("no port was named, and there is not exactly one that could be meant")]
     #[diagnostic(code(wrong_use), help("name one with --port; {}", present(.available)))]
@@ -44,6 +53,7 @@ pub enum LinkError {
     },
     /// The port does not work.
     #[error("{path}: {source}")]
+    #[diagnostic(help("unplug and replug the board and try again; `biflag doctor` looks closer"))]
     Port {
         /// The port.
         path: String,
@@ -54,6 +64,15 @@ pub enum LinkError {
     #[error("{path} was unplugged or closed")]
     #[diagnostic(help("check the cable; what came before is kept, and `record --resume` goes on from there"))]
     Closed {
+        /// The port.
+        path: String,
+    },
+    /// The port vanished before the board had said who it is.
+    #[error("{path} was unplugged or closed before the board had answered")]
+    #[diagnostic(help(
+        "check the cable and try again; a board that keeps vanishing draws more than the USB port gives"
+    ))]
+    Vanished {
         /// The port.
         path: String,
     },

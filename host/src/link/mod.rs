@@ -8,6 +8,7 @@
 //! The thread does nothing that can block but reading the port, so a slow disk delays neither the keep-alive that the
 //! motors' deadline waits for nor the reading of a byte.
 
+mod claim;
 mod client;
 mod clock;
 mod error;
@@ -15,6 +16,7 @@ mod monitor;
 mod port;
 mod worker;
 
+pub use claim::Claim;
 pub use client::Link;
 pub use clock::{BoardClock, ClockFit, PingClock};
 pub use error::{LinkError, refusal_text};

@@ -2,9 +2,10 @@
 
 use super::LinkError;
 use rustix::fs::{FlockOperation, Mode, OFlags};
-use serialport::{SerialPort, SerialPortType};
+use serialport::{ClearBuffer, SerialPort, SerialPortType};
 use std::fs;
-use std::io;
+use std::io::{self, IsTerminal};
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::Duration;
@@ -41,16 +42,25 @@ pub fn choose(named: Option<&str>) -> Result<String, LinkError> {
     }
 }
 
-/// Sees whether the port is there, permitted and free.
+/// Sees whether the port is there, permitted, free, and a port at all.
 ///
 /// # Errors
-/// [`LinkError::NotFound`], [`LinkError::Busy`], [`LinkError::NotPermitted`] or [`LinkError::Port`].
+/// [`LinkError::NotFound`], [`LinkError::Busy`], [`LinkError::NotPermitted`], [`LinkError::NotSerial`] or
+/// [`LinkError::Port`].
 pub fn probe(path: &str) -> Result<(), LinkError> {
+    if lock(path)?.is_terminal() {
+        Ok(())
+    } else {
+        Err(LinkError::NotSerial { path: path.to_owned(), available: robots() })
+    }
+}
+
+/// The kernel's own exclusive mode does not bind the superuser; programs that take turns lock the port.
+fn lock(path: &str) -> Result<OwnedFd, LinkError> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let port = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| classify(path, error.into()))?;
-    // The kernel's own exclusive mode does not bind the superuser; programs that take turns lock the port.
     match rustix::fs::flock(&port, FlockOperation::NonBlockingLockExclusive) {
-        Ok(()) => Ok(()),
+        Ok(()) => Ok(port),
         Err(rustix::io::Errno::WOULDBLOCK) => Err(busy(path)),
         Err(error) => Err(classify(path, error.into())),
     }
@@ -60,26 +70,30 @@ pub fn probe(path: &str) -> Result<(), LinkError> {
 pub(super) fn open(path: &str) -> Result<Box<dyn SerialPort>, LinkError> {
     // What `serialport` says of a port in use is that there is none.
     probe(path)?;
-    serialport::new(path, protocol::BAUD)
+    let port = serialport::new(path, protocol::BAUD)
         .timeout(READ_TIMEOUT)
         .open()
-        .map_err(|error| classify(path, io::Error::from(error)))
+        .map_err(|error| classify(path, io::Error::from(error)))?;
+    // An answer to the program before us must not pass for one to our first question.
+    port.clear(ClearBuffer::Input).map_err(|error| classify(path, io::Error::from(error)))?;
+    Ok(port)
 }
 
-fn classify(path: &str, source: io::Error) -> LinkError {
+pub(super) fn classify(path: &str, source: io::Error) -> LinkError {
     const BUSY: i32 = 16;
     match source.kind() {
         // Another program was quicker: `serialport` says so as if there were no port.
         io::ErrorKind::NotFound if Path::new(path).exists() => busy(path),
         io::ErrorKind::NotFound => LinkError::NotFound { path: path.to_owned(), available: robots() },
         io::ErrorKind::PermissionDenied => LinkError::NotPermitted { path: path.to_owned(), group: group_of(path) },
+        io::ErrorKind::IsADirectory => LinkError::NotSerial { path: path.to_owned(), available: robots() },
         io::ErrorKind::ResourceBusy => busy(path),
         _ if source.raw_os_error() == Some(BUSY) => busy(path),
         _ => LinkError::Port { path: path.to_owned(), source },
     }
 }
 
-fn busy(path: &str) -> LinkError {
+pub(super) fn busy(path: &str) -> LinkError {
     LinkError::Busy { path: path.to_owned(), holder: holder_of(path) }
 }
 
@@ -126,13 +140,20 @@ mod tests {
     }
 
     #[test]
+    fn what_is_no_serial_port_is_said_to_be_none() {
+        for path in ["/dev/null", "/dev"] {
+            assert!(matches!(probe(path), Err(LinkError::NotSerial { .. })), "{path}");
+        }
+    }
+
+    #[test]
     fn a_port_in_use_is_busy() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let path = file.path().to_str().unwrap();
         let first = std::fs::File::open(path).unwrap();
-        probe(path).unwrap();
+        lock(path).unwrap();
         first.lock().unwrap();
-        let Err(LinkError::Busy { holder, .. }) = probe(path) else { panic!("the port is in use") };
+        let Err(LinkError::Busy { holder, .. }) = lock(path) else { panic!("the port is in use") };
         assert_eq!(holder, None, "this process is not told about itself");
     }
 

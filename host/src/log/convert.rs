@@ -17,7 +17,7 @@ use std::collections::VecDeque;
 /// the accelerometer says of the vertical then is known to be wrong, and stays as wrong in body axes. The attitude is
 /// corrected about a horizontal axis, as the board's filter is misled about one: yaw comes from the gyroscope alone.
 #[derive(Debug)]
-pub(super) struct Converter {
+pub(crate) struct Converter {
     settings: Settings,
     yaw: Unwrap,
     /// Specific force since the motors last turned, m/s², body axes; the last [`REST_FRAMES`].
@@ -127,7 +127,7 @@ impl Converter {
 }
 
 /// The attitude as viewers know it.
-pub(super) fn frame_transform(attitude: &biflag::Quaternion, log_ns: u64) -> foxglove::FrameTransform {
+pub(crate) fn frame_transform(attitude: &biflag::Quaternion, log_ns: u64) -> foxglove::FrameTransform {
     foxglove::FrameTransform {
         timestamp: Some(timestamp(log_ns)),
         parent_frame_id: "world".to_owned(),
@@ -156,9 +156,10 @@ pub(super) fn command(record: &CommandRecord) -> biflag::Command {
     }
 }
 
-pub(super) fn event_kind(kind: EventKind) -> biflag::event::Kind {
+/// An event as the log holds it.
+pub(crate) fn event(kind: EventKind, text: &str) -> biflag::Event {
     use biflag::event::Kind;
-    match kind {
+    let kind = match kind {
         EventKind::Phase => Kind::Phase,
         EventKind::State => Kind::State,
         EventKind::Fault => Kind::Fault,
@@ -167,7 +168,8 @@ pub(super) fn event_kind(kind: EventKind) -> biflag::event::Kind {
         EventKind::Clock => Kind::Clock,
         EventKind::Warning => Kind::Warning,
         EventKind::Note => Kind::Note,
-    }
+    };
+    biflag::Event { kind: kind.into(), text: text.to_owned() }
 }
 
 fn state(state: State) -> biflag::State {

@@ -97,6 +97,10 @@ pub struct TrialMeta {
     pub run_s: f64,
     /// Duration of the still phase after it.
     pub decay_s: f64,
+    /// The motor that turned the other way from some moment of the run on, 1 or 2.
+    pub reverse_motor: Option<u8>,
+    /// That moment, from the start of the run.
+    pub reverse_after_s: Option<f64>,
 }
 
 /// The robot's parameters.
@@ -217,6 +221,16 @@ pub struct RecoveryMeta {
     pub lost: String,
 }
 
+/// What a replay was made from.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Eq, Debug, Default)]
+#[serde(default)]
+pub struct ReplayMeta {
+    /// The log whose measured speeds drove the model: its file's name.
+    pub source: String,
+    /// SHA-256 of that file, in hexadecimal.
+    pub source_sha256: String,
+}
+
 macro_rules! names {
     ($($type:ty: $name:literal),* $(,)?) => {
         $(impl Meta for $type {
@@ -228,7 +242,7 @@ macro_rules! names {
 names! {
     Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
     CalibrationMeta: "calibration", LevelMeta: "level", ClockFit: "clock", Summary: "summary", RecoveryMeta: "recovery",
-    ModelMeta: "model", SensorMeta: "sensor", SteadyMeta: "steady",
+    ModelMeta: "model", SensorMeta: "sensor", SteadyMeta: "steady", ReplayMeta: "replay",
 }
 
 impl Identity {
@@ -264,13 +278,27 @@ impl TrialMeta {
     pub(super) fn new(trial: &Trial, attempt: u32) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
         let crate::plan::Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
-        let Trial { name, index, repeat, .. } = trial.clone();
-        Self { name, index, repeat, attempt, w1_rpm, w2_rpm, calibrate_s, preroll_s, run_s, decay_s }
+        let Trial { name, index, repeat, reverse, .. } = trial.clone();
+        Self {
+            name,
+            index,
+            repeat,
+            attempt,
+            w1_rpm,
+            w2_rpm,
+            calibrate_s,
+            preroll_s,
+            run_s,
+            decay_s,
+            reverse_motor: reverse.map(|reverse| reverse.motor),
+            reverse_after_s: reverse.map(|reverse| reverse.after_s),
+        }
     }
 }
 
 impl BoardMeta {
-    pub(super) fn new(info: &Info, settings: &Settings) -> Self {
+    /// What a board said of itself, with its settings in force.
+    pub fn new(info: &Info, settings: &Settings) -> Self {
         let [major, minor, patch] = info.firmware;
         let hash: String = info.git_hash.iter().map(|byte| format!("{byte:02x}")).collect();
         Self {

@@ -34,17 +34,17 @@ pub mod schema;
 mod tests;
 mod writer;
 
-pub(crate) use convert::timestamp;
+pub(crate) use convert::{Converter, event, frame_transform, timestamp};
 pub use error::LogError;
 pub use meta::{
     BoardMeta, CalibrationMeta, ClockFit, End, FORMAT, Identity, LevelMeta, Meta, Origin, PlanMeta, RecoveryMeta,
-    RobotMeta, Summary, Table, TrialMeta,
+    ReplayMeta, RobotMeta, Summary, Table, TrialMeta,
 };
 pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
-pub use reader::{Body, Message, Reader, last_meta, summary};
+pub use reader::{Body, Message, Reader, check, last_meta, summary};
 pub use recover::{Recovery, recover};
 pub use scan::{Condition, Loss};
-pub use writer::{CommandRecord, EventKind, Start, Writer};
+pub use writer::{CommandRecord, EventKind, Start, Tap, Writer};
 
 /// The MCAP profile of our logs.
 pub const PROFILE: &str = "biflag";

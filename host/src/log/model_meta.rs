@@ -1,5 +1,6 @@
 //! The metadata of a trial with a model in it: what it was computed with, and what it came to.
 
+use crate::model::BundlingChange;
 use serde::{Deserialize, Serialize};
 use sim::contact::bundling::Bundling;
 use sim::params::Robot;
@@ -74,6 +75,8 @@ pub struct SteadyMeta {
     pub max_penetration_m: f64,
     /// The closest state that the flagella reached.
     pub bundling: Bundling,
+    /// What state they were in from when on, in the order of time.
+    pub bundling_changes: Vec<BundlingChange>,
     /// Share of the run with contact.
     pub contact_share: f64,
     /// Sweeps of the solver's iteration.
@@ -82,8 +85,9 @@ pub struct SteadyMeta {
     pub simulated_s: f64,
 }
 
-impl From<&Summary> for SteadyMeta {
-    fn from(summary: &Summary) -> Self {
+impl SteadyMeta {
+    /// From what the solver came to, and the states of the flagella over the trial.
+    pub fn new(summary: &Summary, bundling_changes: Vec<BundlingChange>) -> Self {
         let steady = &summary.steady;
         let [yaw_deg, pitch_deg, roll_deg] = steady.attitude.map(|level| level.mean.to_degrees());
         let [force1_n, force2_n] = steady.force.map(|force| force.map(|level| level.mean));
@@ -100,6 +104,7 @@ impl From<&Summary> for SteadyMeta {
             min_gap_m: summary.min_gap_m,
             max_penetration_m: summary.max_penetration_m,
             bundling: summary.bundling,
+            bundling_changes,
             contact_share: summary.contact_share,
             newton_iterations: summary.newton_iterations,
             simulated_s: summary.simulated_s,

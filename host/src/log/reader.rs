@@ -7,6 +7,7 @@ use super::scan::{Condition, Loss, Piece, Scanner, indexed_table};
 use super::schema::{self, LogMessage, biflag, foxglove};
 use crate::log::PROFILE;
 use mcap::records::MessageHeader;
+use prost::Message as _;
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -73,6 +74,17 @@ pub fn last_meta<M: Meta>(path: &Path) -> Result<Option<M>, LogError> {
     Ok(table.as_ref().and_then(meta::from_table))
 }
 
+/// Reads a whole log for its condition alone; answers where it does not read.
+///
+/// # Errors
+/// [`LogError`] where it is no log of ours or cannot be read.
+pub fn check(path: &Path) -> Result<Vec<Loss>, LogError> {
+    let failed = |source| LogError::Read { path: path.to_owned(), source };
+    let mut scanner = identify(File::open(path).map_err(failed)?, path)?;
+    while scanner.next().map_err(failed)?.is_some() {}
+    Ok(scanner.losses().to_vec())
+}
+
 /// A log being read: an iterator over its messages, in the order in which they were written.
 #[derive(Debug)]
 pub struct Reader {
@@ -84,6 +96,8 @@ pub struct Reader {
     tables: BTreeMap<String, Table>,
     queue: VecDeque<Message>,
     counts: BTreeMap<String, u64>,
+    /// The channels that are wanted; `None`: all.
+    only: Option<&'static [&'static str]>,
 }
 
 impl Reader {
@@ -121,7 +135,16 @@ impl Reader {
             tables: BTreeMap::new(),
             queue: VecDeque::new(),
             counts: BTreeMap::new(),
+            only: None,
         })
+    }
+
+    /// Leaves out, undecoded, the messages of all channels but these.
+    #[must_use]
+    pub fn only(mut self, topics: &'static [&'static str]) -> Self {
+        self.queue.retain(|message| topics.contains(&message.topic.as_str()));
+        self.only = Some(topics);
+        self
     }
 
     /// A metadata record, if it has been come across. The summary is the last.
@@ -134,7 +157,7 @@ impl Reader {
         &self.tables
     }
 
-    /// Messages so far by channel.
+    /// Messages so far by channel, those that were left out too.
     pub fn counts(&self) -> &BTreeMap<String, u64> {
         &self.counts
     }
@@ -177,25 +200,26 @@ impl Reader {
                 self.channels.insert(channel.id, (channel.topic, schema));
             }
             Entry::Message(header, data) => {
-                let message = self.message(&header, data);
-                *self.counts.entry(message.topic.clone()).or_default() += 1;
-                self.queue.push_back(message);
+                let (topic, schema) = match self.channels.get(&header.channel_id) {
+                    Some((topic, schema)) => (topic.clone(), schema.as_str()),
+                    None => (format!("channel {}", header.channel_id), ""),
+                };
+                let wanted = self.only.is_none_or(|only| only.contains(&topic.as_str()));
+                let body = wanted.then(|| Body::decode(&topic, schema, data));
+                *self.counts.entry(topic.clone()).or_default() += 1;
+                self.queue.extend(body.map(|body| message(topic, &header, body)));
             }
         }
     }
+}
 
-    fn message(&self, header: &MessageHeader, data: Vec<u8>) -> Message {
-        let (topic, body) = match self.channels.get(&header.channel_id) {
-            Some((topic, schema)) => (topic.clone(), Body::decode(topic, schema, data)),
-            None => (format!("channel {}", header.channel_id), Body::Other(data)),
-        };
-        Message {
-            topic,
-            sequence: header.sequence,
-            log_time_ns: header.log_time,
-            publish_time_ns: header.publish_time,
-            body,
-        }
+fn message(topic: String, header: &MessageHeader, body: Body) -> Message {
+    Message {
+        topic,
+        sequence: header.sequence,
+        log_time_ns: header.log_time,
+        publish_time_ns: header.publish_time,
+        body,
     }
 }
 
@@ -217,6 +241,23 @@ impl Iterator for Reader {
 }
 
 impl Body {
+    /// The message as its bytes, the other way round than [`Reader`] made it from them.
+    pub fn encode(&self) -> Vec<u8> {
+        match self {
+            Self::Raw(message) => message.encode_to_vec(),
+            Self::Telemetry(message) => message.encode_to_vec(),
+            Self::Attitude(message) => message.encode_to_vec(),
+            Self::Command(message) => message.encode_to_vec(),
+            Self::Dropout(message) => message.encode_to_vec(),
+            Self::Event(message) => message.encode_to_vec(),
+            Self::Truth(message) => message.encode_to_vec(),
+            Self::Forces(message) => message.encode_to_vec(),
+            Self::Flagella(message) => message.encode_to_vec(),
+            Self::FlagellaPoints(message) => message.encode_to_vec(),
+            Self::Other(bytes) => bytes.clone(),
+        }
+    }
+
     fn decode(topic: &str, schema: &str, data: Vec<u8>) -> Self {
         fn read<M: LogMessage>(data: &[u8], body: impl Fn(M) -> Body) -> Option<Body> {
             M::decode(data).ok().map(body)

@@ -83,4 +83,18 @@ mod tests {
             );
         }
     }
+
+    /// Readers such as PlotJuggler build a type from the log alone, file by file.
+    #[test]
+    fn descriptions_stand_for_themselves() {
+        for channel in CHANNELS {
+            let set = prost_types::FileDescriptorSet::decode(channel.descriptors).unwrap();
+            for (i, file) in set.file.iter().enumerate() {
+                for needed in &file.dependency {
+                    let before = set.file[..i].iter().any(|earlier| earlier.name() == needed);
+                    assert!(before, "{}: {} needs {needed}, which does not come before it", channel.topic, file.name());
+                }
+            }
+        }
+    }
 }

@@ -89,7 +89,12 @@ pub struct Writer {
     clock: Clock,
     /// Messages on each channel so far.
     sequences: BTreeMap<u16, u32>,
+    tap: Option<Tap>,
 }
+
+/// Shown every message as it is written: its channel, its `log_time` in ns, and its bytes. The writer waits for it, so
+/// it must not wait for anything itself.
+pub type Tap = Box<dyn Fn(&ChannelSpec, u64, &[u8]) + Send>;
 
 /// The trial's clock.
 #[derive(Debug)]
@@ -135,12 +140,18 @@ impl Writer {
             converter: Converter::new(settings),
             clock: Clock { log_ns: nanos(time), first: None },
             sequences: BTreeMap::new(),
+            tap: None,
         };
         for channel in schema::CHANNELS {
             let added = add_channel(&mut writer.mcap, channel);
             writer.check(added)?;
         }
         Ok(writer)
+    }
+
+    /// Shows every message from here on to `tap` as well.
+    pub fn tap(&mut self, tap: Tap) {
+        self.tap = Some(tap);
     }
 
     /// Keeps bytes from the board as they came.
@@ -157,13 +168,19 @@ impl Writer {
     /// # Errors
     /// [`LogError::Write`].
     pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, host: SystemTime) -> Result<[f64; 4], LogError> {
-        let (first_us, first_ns) = *self.clock.first.get_or_insert((board_time_us, self.clock.log_ns.max(nanos(host))));
-        let elapsed_us = board_time_us.saturating_sub(first_us);
-        self.clock.log_ns = first_ns.saturating_add(elapsed_us.saturating_mul(1000));
+        let elapsed_us = self.board_time(board_time_us, host);
         let message = self.converter.telemetry(frame, board_time_us, elapsed_us as f64 * 1e-6);
         self.state_at(&message, host)?;
         let biflag::Quaternion { w, x, y, z } = message.attitude.unwrap_or_default();
         Ok([w, x, y, z])
+    }
+
+    /// Puts the trial's clock to the board's; answers the time since the trial's first frame, µs.
+    pub fn board_time(&mut self, board_time_us: u64, host: SystemTime) -> u64 {
+        let (first_us, first_ns) = *self.clock.first.get_or_insert((board_time_us, self.clock.log_ns.max(nanos(host))));
+        let elapsed_us = board_time_us.saturating_sub(first_us);
+        self.clock.log_ns = first_ns.saturating_add(elapsed_us.saturating_mul(1000));
+        elapsed_us
     }
 
     /// Keeps a state that no board sent, but a model computed. Its `time_s` is the trial's clock.
@@ -210,7 +227,7 @@ impl Writer {
     /// # Errors
     /// [`LogError::Write`].
     pub fn event(&mut self, kind: EventKind, text: &str, host: SystemTime) -> Result<(), LogError> {
-        self.message(&biflag::Event { kind: convert::event_kind(kind).into(), text: text.to_owned() }, host)
+        self.message(&convert::event(kind, text), host)
     }
 
     /// Keeps the result of the gyroscope's calibration. From here on its bias is taken off the angular rates.
@@ -236,7 +253,7 @@ impl Writer {
     pub fn level(&mut self, host: SystemTime) -> Result<Option<f64>, LogError> {
         let Some(level) = self.converter.level() else { return Ok(None) };
         let done = if level.used { "levelled by" } else { "not levelled: hangs askew by" };
-        self.event(EventKind::Calibration, &format!("{done} {:.2}°", level.tilt_deg), host)?;
+        self.event(EventKind::Note, &format!("{done} {:.2}°", level.tilt_deg), host)?;
         self.meta(&level)?;
         Ok(level.used.then_some(level.tilt_deg))
     }
@@ -263,8 +280,12 @@ impl Writer {
             publish_time: nanos(host),
         };
         *sequence = sequence.wrapping_add(1);
-        let written = self.mcap.write_to_known_channel(&header, &message.encode_to_vec());
+        let bytes = message.encode_to_vec();
+        let written = self.mcap.write_to_known_channel(&header, &bytes);
         self.check(written)?;
+        if let Some(tap) = &self.tap {
+            tap(&M::CHANNEL, header.log_time, &bytes);
+        }
         self.tick()
     }
 

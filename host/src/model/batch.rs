@@ -1,8 +1,8 @@
 //! Many trials at once, each on a thread of its own, taken in the order of the plan.
 
-use super::{Model, ModelError, trial};
+use super::{Course, Model, ModelError, trial};
 use crate::log::SteadyMeta;
-use crate::plan::Trial;
+use crate::plan::{Plan, Trial};
 use crate::rig::Progress;
 use crate::session::Session;
 use rayon::prelude::*;
@@ -11,10 +11,20 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-/// The trials of a session that are to be computed.
-pub struct Batch<'a> {
+/// A trial that is to be computed.
+pub struct Job<'a> {
+    /// The trial.
+    pub trial: &'a Trial,
+    /// What it goes through.
+    pub course: Course,
     /// With what.
     pub model: &'a Model,
+    /// The plan that its log names: the session's, but for the robot.
+    pub plan: &'a Plan,
+}
+
+/// How the trials of a session are computed.
+pub struct Batch<'a> {
     /// Where their logs go.
     pub session: &'a Session,
     /// Told how much is simulated, of all trials together.
@@ -39,18 +49,15 @@ pub struct TrialRun {
 }
 
 impl Batch<'_> {
-    /// Computes the trials; a line is printed as each of them ends: `line` says which. One that the solver cannot end does not keep the others
-    /// from being computed. Those that an interruption ended, or kept from beginning, are left out. In the plan's order.
+    /// Computes trials; a line is printed as each of them ends: `line` says which. One that the solver cannot end does
+    /// not keep the others from being computed. Those that an interruption ended, or kept from beginning, are left out.
+    /// In the plan's order.
     ///
     /// # Errors
     /// Where a log cannot be written, or a trial cannot be begun.
-    pub fn run(
-        &self,
-        trials: &[&Trial],
-        line: impl Fn(&TrialRun) -> String + Sync,
-    ) -> Result<Vec<TrialRun>, ModelError> {
+    pub fn run(&self, jobs: &[Job], line: impl Fn(&TrialRun) -> String + Sync) -> Result<Vec<TrialRun>, ModelError> {
         let simulated_ms = AtomicU64::new(0);
-        let one = |trial: &&Trial| match self.trial(trial, &simulated_ms) {
+        let one = |job: &Job| match self.trial(job, &simulated_ms) {
             Ok(run) => {
                 self.progress().line(&line(&run));
                 Some(Ok(run))
@@ -60,7 +67,7 @@ impl Batch<'_> {
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.jobs).build().map_err(ModelError::Threads)?;
         // A bridge hands out one trial after the other, so that what is done is a beginning of the plan.
-        let runs: Result<Vec<_>, _> = pool.install(|| trials.iter().par_bridge().filter_map(one).collect());
+        let runs: Result<Vec<_>, _> = pool.install(|| jobs.iter().par_bridge().filter_map(one).collect());
         let mut runs = runs?;
         runs.sort_by_key(|run| run.trial.index);
         Ok(runs)
@@ -71,7 +78,8 @@ impl Batch<'_> {
         self.progress.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn trial(&self, trial: &Trial, simulated_ms: &AtomicU64) -> Result<TrialRun, ModelError> {
+    fn trial(&self, job: &Job, simulated_ms: &AtomicU64) -> Result<TrialRun, ModelError> {
+        let trial = job.trial;
         let begun = Instant::now();
         let (attempt, log) = self.session.next_attempt(trial)?;
         let unfinished = log.with_extension("mcap.unfinished");
@@ -84,7 +92,7 @@ impl Batch<'_> {
             self.progress().within(all_ms as f64 * 1e-3);
             !self.interrupted.load(Ordering::Relaxed)
         };
-        let result = trial::run(self.model, self.session.plan(), trial, attempt, &unfinished, &watch);
+        let result = trial::run(job.model, job.plan, trial, &job.course, (attempt, &unfinished), &watch);
         match result {
             Ok(_) | Err(ModelError::Step { .. }) => {
                 put_in_place(&unfinished, &log)?;

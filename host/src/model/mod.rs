@@ -7,18 +7,20 @@
 
 mod batch;
 mod board;
+mod bundling;
 mod error;
 pub(crate) mod messages;
 pub(crate) mod shapes;
 mod trial;
 
-pub use batch::{Batch, TrialRun};
+pub use batch::{Batch, Job, TrialRun};
+pub use bundling::BundlingChange;
 pub use error::ModelError;
+pub use trial::{Course, Turn, Watch};
 
 use crate::log::ModelMeta;
 use crate::plan::Plan;
 use crate::robot_file;
-use miette::{IntoDiagnostic, WrapErr};
 use protocol::Settings;
 use protocol::units::AxisMap;
 use sim::params::Robot;
@@ -49,12 +51,17 @@ impl Model {
     /// [`robot_file::RobotFileError`], and what the plan's settings get wrong.
     pub fn of_plan(plan: &Plan, closure: Closure, options: Options) -> miette::Result<Self> {
         let robot = robot_file::of_plan(plan)?;
-        let parameters = toml::to_string(&robot).into_diagnostic().wrap_err("the robot's parameters")?;
-        let written = plan.board.apply(Settings::DEFAULT)?;
+        Ok(Self::new(robot, plan.board.apply(Settings::DEFAULT)?, closure, options))
+    }
+
+    /// The model of a robot, checked, whose board has these settings but for the sensor's place and bias.
+    pub fn new(robot: Robot, board: Settings, closure: Closure, options: Options) -> Self {
+        // Numbers, flags, names and short lists all have a form in TOML.
+        let parameters = toml::to_string(&robot).unwrap_or_default();
         let ideal = AxisMap::IDENTITY;
-        let settings = Settings { gyro_axes: ideal, accel_axes: ideal, gyro_bias: [0.0; 3], ..written };
+        let settings = Settings { gyro_axes: ideal, accel_axes: ideal, gyro_bias: [0.0; 3], ..board };
         let meta = ModelMeta { closure, rate_hz: options.rate_hz, shapes: options.shapes, parameters };
-        Ok(Self { robot, closure, options, settings, meta })
+        Self { robot, closure, options, settings, meta }
     }
 
     /// What stands of it in every log.

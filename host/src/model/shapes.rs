@@ -12,8 +12,17 @@ const FRAME: &str = "body";
 /// Flagellum 1 warm, flagellum 2 cold.
 const COLOURS: [Color; 2] = [Color { r: 0.9, g: 0.45, b: 0.1, a: 1.0 }, Color { r: 0.15, g: 0.45, b: 0.85, a: 1.0 }];
 
-/// Fields of a point: coordinates in m, and the flagellum's number.
-const FIELDS: [&str; 4] = ["x", "y", "z", "flagellum"];
+/// Fields of a point, each with its length in bytes: coordinates in m, the flagellum's number, and its colour.
+const FIELDS: [(&str, u32, NumericType); 8] = [
+    ("x", 4, NumericType::Float32),
+    ("y", 4, NumericType::Float32),
+    ("z", 4, NumericType::Float32),
+    ("flagellum", 4, NumericType::Float32),
+    ("red", 1, NumericType::Uint8),
+    ("green", 1, NumericType::Uint8),
+    ("blue", 1, NumericType::Uint8),
+    ("alpha", 1, NumericType::Uint8),
+];
 
 /// Centre lines of both flagella, m.
 type Lines = [Vec<[f64; 3]>; 2];
@@ -52,24 +61,26 @@ pub(crate) fn scene(time_s: f64, lines: &Lines, rod_radius_m: f64) -> SceneUpdat
 
 /// `/flagella_points`: the nodes.
 pub(crate) fn points(time_s: f64, lines: &Lines) -> PointCloud {
-    const SIZE: u32 = size_of::<f32>() as u32;
-    let mut data = Vec::with_capacity((lines[0].len() + lines[1].len()) * FIELDS.len() * SIZE as usize);
-    for (number, line) in [1.0, 2.0].into_iter().zip(lines) {
+    let mut data = Vec::new();
+    for ((number, line), colour) in [1.0, 2.0].into_iter().zip(lines).zip(COLOURS) {
+        let colour = [colour.r, colour.g, colour.b, colour.a].map(|part| (part * 255.0).round() as u8);
         for &[x, y, z] in line {
             data.extend([x, y, z, number].into_iter().flat_map(|value| (value as f32).to_le_bytes()));
+            data.extend(colour);
         }
     }
-    let field = |(i, name): (u32, &&str)| PackedElementField {
-        name: (*name).to_owned(),
-        offset: i * SIZE,
-        r#type: NumericType::Float32.into(),
-    };
+    let mut point_stride = 0;
+    let fields = FIELDS.map(|(name, length, kind)| {
+        let offset = point_stride;
+        point_stride += length;
+        PackedElementField { name: name.to_owned(), offset, r#type: kind.into() }
+    });
     PointCloud {
         timestamp: Some(timestamp(nanos(time_s))),
         frame_id: FRAME.to_owned(),
         pose: Some(origin()),
-        point_stride: FIELDS.len() as u32 * SIZE,
-        fields: (0..).zip(&FIELDS).map(field).collect(),
+        point_stride,
+        fields: fields.into(),
         data,
     }
 }
@@ -82,9 +93,12 @@ mod tests {
     fn points_are_the_nodes_of_the_lines() {
         let lines = [vec![[0.1, 0.2, -0.3]], vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]];
         let cloud = points(1.5, &lines);
-        assert_eq!((cloud.point_stride, cloud.data.len()), (16, 48));
-        let values: Vec<_> = cloud.data.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
-        assert_eq!(values[..5], [0.1, 0.2, -0.3, 1.0, 1.0]);
+        assert_eq!((cloud.point_stride, cloud.data.len()), (20, 60));
+        let values: Vec<_> = cloud.data[..16].as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        assert_eq!(values, [0.1, 0.2, -0.3, 1.0]);
+        assert_eq!((&cloud.data[16..20], &cloud.data[56..]), (&[230, 115, 26, 255][..], &[38, 115, 217, 255][..]));
+        let offsets: Vec<_> = cloud.fields.iter().map(|field| field.offset).collect();
+        assert_eq!(offsets, [0, 4, 8, 12, 16, 17, 18, 19]);
         let update = scene(1.5, &lines, 0.003);
         let [line1, line2] = update.entities[0].lines.as_slice() else { panic!("two lines") };
         assert_eq!((line1.points.len(), line2.points.len(), line1.thickness), (1, 2, 0.006));

@@ -1,9 +1,10 @@
 //! One trial in the model: its samples go straight from the solver into the log.
 
 use super::board::{Board, Order};
+use super::bundling::{BundlingChange, BundlingHistory};
 use super::{Model, ModelError, messages, shapes};
-use crate::log::{End, EventKind, LogError, Origin, Start, SteadyMeta, Summary, Writer};
-use crate::plan::{Phases, Plan, Trial};
+use crate::log::{End, EventKind, LogError, Origin, ReplayMeta, Start, SteadyMeta, Summary, Writer};
+use crate::plan::{Phases, Plan, Reverse, Trial};
 use nalgebra::Vector3;
 use protocol::units::CentiRpm;
 use protocol::{Calibration, State, TICK_HZ};
@@ -14,14 +15,83 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 /// Called with the trial's time as it goes on; `false` ends the trial.
-pub(super) type Watch<'a> = &'a dyn Fn(f64) -> bool;
+pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
 
-/// How the motors of the model come to their speed: as in [`profile::Phases`].
-fn speeds(trial: &Trial) -> Result<SpeedProfile, ModelError> {
-    let Phases { calibrate_s: calibrate, preroll_s: preroll, run_s: run, decay_s: decay } = trial.phases;
-    let phases = profile::Phases { calibrate, preroll, run, decay, ..profile::Phases::default() };
-    SpeedProfile::phases(&phases, trial.speeds.map(CentiRpm::rpm))
-        .map_err(|error| ModelError::Profile { trial: trial.name.clone(), error })
+/// What a trial goes through: speeds over time, and phases.
+#[derive(Clone, Debug)]
+pub struct Course {
+    /// The speeds. The trial starts at 0; what comes before lets the model settle, and is not kept.
+    pub profile: SpeedProfile,
+    /// The phases in their order, and what else the board is told.
+    pub turns: Vec<Turn>,
+    /// When the trial ends, s.
+    pub end_s: f64,
+    /// What it is a replay of, if it is one.
+    pub replay: Option<ReplayMeta>,
+}
+
+/// A moment at which the board is told something else.
+#[derive(Clone, Debug)]
+pub struct Turn {
+    start_s: f64,
+    kind: EventKind,
+    /// The phase that begins, or what else happens.
+    text: String,
+    order: Order,
+}
+
+impl Turn {
+    /// The start of a phase; `speeds` are those of the run.
+    pub fn phase(name: &str, start_s: f64, speeds: [CentiRpm; 2]) -> Self {
+        let still = [CentiRpm(0); 2];
+        let (state, target) = match name {
+            "calibrate" => (State::Calibrating, still),
+            "run" => (State::Running, speeds),
+            _ => (State::Idle, still),
+        };
+        Self { start_s, kind: EventKind::Phase, text: name.to_owned(), order: Order { state, target } }
+    }
+
+    /// A motor turns the other way, in a run that starts at `run_start_s` with `speeds`.
+    pub fn reversal(reverse: Reverse, run_start_s: f64, speeds: [CentiRpm; 2]) -> Self {
+        Self {
+            start_s: run_start_s + reverse.after_s,
+            kind: EventKind::Note,
+            text: reverse.text(speeds),
+            order: Order { state: State::Running, target: reverse.of(speeds) },
+        }
+    }
+
+    /// When, s.
+    pub fn start_s(&self) -> f64 {
+        self.start_s
+    }
+}
+
+impl Course {
+    /// The course of a trial as its plan has it; the motors come to their speed as in [`profile::Phases`].
+    ///
+    /// # Errors
+    /// [`ModelError::Profile`].
+    pub fn planned(trial: &Trial) -> Result<Self, ModelError> {
+        let Phases { calibrate_s: calibrate, preroll_s: preroll, run_s: run, decay_s: decay } = trial.phases;
+        let reverse = trial.reverse.map(|r| profile::Reverse { motor: usize::from(r.motor) - 1, after: r.after_s });
+        let phases = profile::Phases { calibrate, preroll, run, decay, reverse, ..profile::Phases::default() };
+        let profile = SpeedProfile::phases(&phases, trial.speeds.map(CentiRpm::rpm))
+            .map_err(|error| ModelError::Profile { trial: trial.name.clone(), error })?;
+        let mut start_s = 0.0;
+        let mut turns = Vec::new();
+        for (name, length_s) in [("calibrate", calibrate), ("preroll", preroll), ("run", run), ("decay", decay)] {
+            if length_s > 0.0 {
+                turns.push(Turn::phase(name, start_s, trial.speeds));
+            }
+            if let Some(reverse) = trial.reverse.filter(|_| name == "run") {
+                turns.push(Turn::reversal(reverse, start_s, trial.speeds));
+            }
+            start_s += length_s;
+        }
+        Ok(Self { profile, turns, end_s: trial.phases.total_s(), replay: None })
+    }
 }
 
 /// Computes a trial into a log at `path`, and closes it with what the trial came to. The log of a trial that the solver
@@ -30,11 +100,11 @@ pub(super) fn run(
     model: &Model,
     plan: &Plan,
     trial: &Trial,
-    attempt: u32,
-    path: &Path,
+    course: &Course,
+    (attempt, path): (u32, &Path),
     watch: Watch,
 ) -> Result<SteadyMeta, ModelError> {
-    let profile = speeds(trial)?;
+    let profile = course.profile.clone();
     let mut solved = sim::trial::Trial::new(&model.robot, model.closure, profile, model.options)?;
     let board = Board::new(&model.robot, model.settings);
     let start = Start {
@@ -47,20 +117,24 @@ pub(super) fn run(
     };
     let mut log = Writer::create(path, &start)?;
     log.meta(model.meta())?;
+    if let Some(replay) = &course.replay {
+        log.meta(replay)?;
+    }
     let mut recorder = Recorder {
         log,
         board,
         rod_radius_m: model.robot.flagellum.rod_radius_m,
-        phases: phases(trial),
-        entered: 0,
+        course,
+        taken: 0,
+        bundling: BundlingHistory::default(),
         index: 0,
     };
-    let failure = match recorder.record(&mut solved, trial, watch)? {
+    let failure = match recorder.record(&mut solved, watch)? {
         Flow::Interrupted => return Err(ModelError::Interrupted),
         Flow::Failed(error) => Some(error),
         Flow::Done => None,
     };
-    let steady = SteadyMeta::from(&solved.summary());
+    let steady = SteadyMeta::new(&solved.summary(), std::mem::take(&mut recorder.bundling.changes));
     let mut summary = Summary::default();
     summary.link.samples = recorder.index;
     if let Some(error) = failure {
@@ -84,45 +158,20 @@ enum Flow {
     Failed(StepError),
 }
 
-struct Phase {
-    name: &'static str,
-    start_s: f64,
-    order: Order,
-}
-
-/// The phases that a trial has, in their order.
-fn phases(trial: &Trial) -> Vec<Phase> {
-    let Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
-    let still = [CentiRpm(0); 2];
-    let mut start_s = 0.0;
-    let mut phases = Vec::new();
-    for (name, length_s, state, target) in [
-        ("calibrate", calibrate_s, State::Calibrating, still),
-        ("preroll", preroll_s, State::Idle, still),
-        ("run", run_s, State::Running, trial.speeds),
-        ("decay", decay_s, State::Idle, still),
-    ] {
-        if length_s > 0.0 {
-            phases.push(Phase { name, start_s, order: Order { state, target } });
-        }
-        start_s += length_s;
-    }
-    phases
-}
-
-struct Recorder {
+struct Recorder<'a> {
     log: Writer,
     board: Board,
     rod_radius_m: f64,
-    phases: Vec<Phase>,
-    /// Phases that have begun.
-    entered: usize,
+    course: &'a Course,
+    /// Turns that have come.
+    taken: usize,
+    bundling: BundlingHistory,
     /// Samples that were kept.
     index: u64,
 }
 
-impl Recorder {
-    fn record(&mut self, solved: &mut sim::trial::Trial, trial: &Trial, watch: Watch) -> Result<Flow, LogError> {
+impl Recorder<'_> {
+    fn record(&mut self, solved: &mut sim::trial::Trial, watch: Watch) -> Result<Flow, LogError> {
         let mut samples = solved.by_ref().peekable();
         let mut before: Option<(f64, Vector3<f64>)> = None;
         while let Some(sample) = samples.next() {
@@ -130,30 +179,39 @@ impl Recorder {
                 Ok(sample) => sample,
                 Err(error) => return Ok(Flow::Failed(error)),
             };
-            if !watch(sample.time_s) {
+            if !watch(sample.time_s.max(0.0)) {
                 return Ok(Flow::Interrupted);
             }
+            // A sum of steps misses the start by a rounding error.
+            if sample.time_s < -1e-6 {
+                continue;
+            }
+            let sample = Sample { time_s: sample.time_s.max(0.0), ..sample };
             let now = (sample.time_s, Vector3::from(sample.rate_rad_s));
             let after = samples.peek().and_then(|next| next.as_ref().ok());
             let after = after.map(|next| (next.time_s, Vector3::from(next.rate_rad_s)));
             self.keep(&sample, change(before.unwrap_or(now), after.unwrap_or(now)))?;
             before = Some(now);
         }
-        let end = trial.phases.total_s();
-        self.event(end, EventKind::Phase, "end")?;
+        self.event(self.course.end_s, EventKind::Phase, "end")?;
         Ok(Flow::Done)
     }
 
     fn keep(&mut self, sample: &Sample, turning: Vector3<f64>) -> Result<(), LogError> {
-        while let Some(phase) = self.phases.get(self.entered).filter(|phase| phase.start_s <= sample.time_s + 1e-9) {
-            let (name, start_s) = (phase.name, phase.start_s);
-            if self.entered > 0 && self.phases[self.entered - 1].name == "calibrate" {
-                self.calibrated(start_s)?;
+        let turns = &self.course.turns;
+        while let Some(turn) = turns.get(self.taken).filter(|turn| turn.start_s <= sample.time_s + 1e-9) {
+            if self.taken > 0 && turns[self.taken - 1].text == "calibrate" {
+                self.calibrated(turn.start_s)?;
             }
-            self.event(start_s, EventKind::Phase, name)?;
-            self.entered += 1;
+            self.event(turn.start_s, turn.kind, &turn.text)?;
+            self.taken += 1;
         }
-        let order = self.phases[self.entered.saturating_sub(1)].order;
+        if let Some(BundlingChange { time_s, bundling }) = self.bundling.push(sample.time_s, sample.bundling) {
+            let state = format!("{bundling:?}").to_lowercase();
+            self.event(sample.time_s, EventKind::Note, &format!("flagella {state} since {time_s:.2} s"))?;
+        }
+        let still = Order { state: State::Idle, target: [CentiRpm(0); 2] };
+        let order = self.taken.checked_sub(1).map_or(still, |taken| turns[taken].order);
         let frame = self.board.telemetry(self.index, sample, turning, order);
         let host = instant(sample.time_s);
         self.log.telemetry(&frame, Board::clock_us(sample.time_s), host)?;

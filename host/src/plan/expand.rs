@@ -1,7 +1,7 @@
 //! From pairs, a grid, repeats and a seed to the list of trials.
 
 use super::file::{Source, SpeedsTable};
-use super::{MAX_TRIALS, Phases, PlanError, Trial};
+use super::{MAX_TRIALS, Phases, PlanError, Reverse, Trial};
 use crate::exactly::Exactly;
 use protocol::units::CentiRpm;
 use std::collections::HashSet;
@@ -15,6 +15,7 @@ pub(super) struct SpeedList<'a> {
     pub repeats: u32,
     pub seed: Option<u64>,
     pub phases: Phases,
+    pub reverse: Option<Reverse>,
 }
 
 pub(super) fn expand(list: &SpeedList, source: &Source) -> Result<Vec<Trial>, PlanError> {
@@ -32,7 +33,7 @@ pub(super) fn expand(list: &SpeedList, source: &Source) -> Result<Vec<Trial>, Pl
         if list.repeats > 1 {
             name += &format!("_r{repeat}");
         }
-        Trial { name, index, repeat, speeds, phases: list.phases }
+        Trial { name, index, repeat, speeds, phases: list.phases, reverse: list.reverse }
     };
     Ok(order.into_iter().enumerate().map(trial).collect())
 }
@@ -51,9 +52,12 @@ fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanEr
             return Err(too_many(count, grid.w1.span(), source));
         }
         let second: Vec<_> = w2.speeds(source).collect::<Result<_, _>>()?;
+        // What the grid has too is run once.
+        let listed: HashSet<_> = pairs.iter().map(|(pair, _)| *pair).collect();
         for first in w1.speeds(source) {
             let first = first?;
-            pairs.extend(second.iter().map(|second| ([first, *second], grid.w1.span())));
+            let points = second.iter().map(|second| [first, *second]).filter(|point| !listed.contains(point));
+            pairs.extend(points.map(|point| (point, grid.w1.span())));
         }
     }
     if pairs.is_empty() {
@@ -66,6 +70,15 @@ fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanEr
     }
     let mut seen = HashSet::new();
     for (pair, span) in &pairs {
+        if let Some(Reverse { motor, .. }) = list.reverse.filter(|reverse| reverse.of(*pair) == *pair) {
+            let [w1, w2] = pair.map(CentiRpm::rpm);
+            let cure = "leave these speeds out, or reverse the other motor";
+            return Err(source.error(
+                span.clone(),
+                format!("at {w1}, {w2} motor {motor} has nothing to reverse"),
+                cure,
+            ));
+        }
         if !seen.insert(*pair) {
             let [w1, w2] = pair.map(CentiRpm::rpm);
             let cure = "leave one out; to run every pair several times, set repeats";

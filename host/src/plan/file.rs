@@ -1,7 +1,7 @@
 //! The plan as it is written, and the checks of every value where it stands.
 
 use super::expand::{SpeedList, expand};
-use super::{Phases, Plan, PlanError, Robot};
+use super::{MAX_TRIALS, Phases, Plan, PlanError, Reverse, Robot};
 use crate::board_settings::BoardSettings;
 use crate::exactly::Exactly;
 use serde::Deserialize;
@@ -58,13 +58,22 @@ struct TrialTable {
     preroll: Spanned<f64>,
     run: Spanned<f64>,
     decay: Spanned<f64>,
+    reverse: Option<Spanned<ReverseTable>>,
+}
+
+/// Which motor turns the other way, and how many seconds after the start of the run.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ReverseTable {
+    motor: i64,
+    after: f64,
 }
 
 impl Default for TrialTable {
     fn default() -> Self {
         let Phases { calibrate_s, preroll_s, run_s, decay_s } = Phases::default();
         let [calibrate, preroll, run, decay] = [calibrate_s, preroll_s, run_s, decay_s].map(nowhere);
-        Self { calibrate, preroll, run, decay }
+        Self { calibrate, preroll, run, decay, reverse: None }
     }
 }
 
@@ -113,7 +122,7 @@ impl Source<'_> {
         let cure = if what.starts_with("unknown field") {
             "correct the key, or leave it out; the tables are [session], [trial], [speeds] and [board]"
         } else {
-            "write it as in the example of `biflag record --help`"
+            "write it as in the plan that `biflag record --help` shows"
         };
         self.error(error.span().unwrap_or(0..0), what, cure)
     }
@@ -123,6 +132,7 @@ pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
     let source = Source { text, name };
     let file: PlanFile = toml::from_str(text).map_err(|error| source.toml_error(&error))?;
     let phases = phases(&file.trial, &source)?;
+    let reverse = reverse(&file.trial, &source)?;
     let session = file.session;
     let wrong = |span: Range<usize>, what: &str, cure: &str| Err(source.error(span, what, cure));
 
@@ -133,8 +143,14 @@ pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
     if robot.is_empty() {
         return wrong(session.robot.span(), "no robot is named", "write \"published\", or the path of a file");
     }
-    let Some(repeats) = u32::try_from(*session.repeats.get_ref()).ok().filter(|repeats| *repeats > 0) else {
-        return wrong(session.repeats.span(), "repeats must be 1 or more", "give how often each pair is to run");
+    let repeats = match *session.repeats.get_ref() {
+        ..=0 => {
+            return wrong(session.repeats.span(), "repeats must be 1 or more", "give how often each pair is to run");
+        }
+        repeats => u32::try_from(repeats).ok().filter(|repeats| *repeats as usize <= MAX_TRIALS).ok_or_else(|| {
+            let what = format!("repeats = {repeats} alone makes more than {MAX_TRIALS} trials");
+            source.error(session.repeats.span(), what, "take fewer repeats, or make several plans")
+        })?,
     };
     let seed = match &session.seed {
         None => None,
@@ -148,7 +164,7 @@ pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
         .apply(protocol::Settings::DEFAULT)
         .map_err(|error| source.error(file.board.span(), format!("[board] {error}"), error.cure))?;
 
-    let list = SpeedList { table: file.speeds.get_ref(), span: file.speeds.span(), repeats, seed, phases };
+    let list = SpeedList { table: file.speeds.get_ref(), span: file.speeds.span(), repeats, seed, phases, reverse };
     Ok(Plan {
         name: session.name.get_ref().trim().to_owned(),
         operator: session.operator,
@@ -192,4 +208,18 @@ fn phases(table: &TrialTable, source: &Source) -> Result<Phases, PlanError> {
         return Err(source.error(table.run.span(), "run = 0 is no trial", cure));
     }
     Ok(phases)
+}
+
+fn reverse(table: &TrialTable, source: &Source) -> Result<Option<Reverse>, PlanError> {
+    let Some(spanned) = &table.reverse else { return Ok(None) };
+    let ReverseTable { motor, after } = *spanned.get_ref();
+    let run = *table.run.get_ref();
+    let Some(motor) = u8::try_from(motor).ok().filter(|motor| (1..=2).contains(motor)) else {
+        return Err(source.error(spanned.span(), format!("there is no motor {motor}"), "reverse motor 1 or 2"));
+    };
+    if !(after > 0.0 && after < run) {
+        let what = format!("the motor cannot reverse {after} s after the start of a run of {run} s");
+        return Err(source.error(spanned.span(), what, "give a time within the run"));
+    }
+    Ok(Some(Reverse { motor, after_s: after }))
 }

@@ -20,6 +20,26 @@ use protocol::units::CentiRpm;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
+/// A plan that shows every table.
+pub const EXAMPLE: &str = r#"[session]
+name = "glycerin"
+seed = 7                 # shuffles the order of the trials
+repeats = 1
+
+[trial]                  # seconds
+calibrate = 5            # gyroscope at rest; 0 keeps the bias in the board's settings
+preroll = 20
+run = 120
+decay = 30
+
+[speeds]                 # rpm, -90 to 90; pairs and a grid may both be given
+pairs = [[50, 15], [0, 45]]
+grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
+
+[board]                  # optional: settings to put in force before the first trial
+deadline_ms = 500
+"#;
+
 /// The most trials that a plan may have.
 pub const MAX_TRIALS: usize = 10_000;
 
@@ -67,6 +87,33 @@ pub struct Trial {
     pub speeds: [CentiRpm; 2],
     /// How long everything takes.
     pub phases: Phases,
+    /// A motor that turns the other way from some moment of the run on.
+    pub reverse: Option<Reverse>,
+}
+
+/// A motor that turns the other way, as fast as before, from some moment of the run on.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub struct Reverse {
+    /// Its number, 1 or 2.
+    pub motor: u8,
+    /// When, in seconds from the start of the run.
+    pub after_s: f64,
+}
+
+impl Reverse {
+    /// The speeds from then on, where `before` are those until then.
+    pub fn of(&self, mut before: [CentiRpm; 2]) -> [CentiRpm; 2] {
+        if let Some(speed) = before.get_mut(usize::from(self.motor.wrapping_sub(1))) {
+            speed.0 = -speed.0;
+        }
+        before
+    }
+
+    /// How a log says it.
+    pub fn text(&self, speeds: [CentiRpm; 2]) -> String {
+        let [w1, w2] = self.of(speeds).map(CentiRpm::rpm);
+        format!("motor {} reverses: from here on {w1:+} and {w2:+} rpm", self.motor)
+    }
 }
 
 /// The phases of a trial in their order, seconds.
@@ -111,13 +158,11 @@ impl Plan {
     /// # Errors
     /// [`PlanError`]: the file cannot be read, or says what cannot be.
     pub fn load(path: &Path) -> Result<Self, PlanError> {
-        let read = |path: &Path| {
-            std::fs::read_to_string(path).map_err(|source| PlanError::Read { path: path.to_owned(), source })
-        };
-        let mut plan = Self::parse(&read(path)?, &path.display().to_string())?;
+        let text = std::fs::read_to_string(path).map_err(|source| PlanError::Read { path: path.to_owned(), source })?;
+        let mut plan = Self::parse(&text, &path.display().to_string())?;
         if plan.robot.name != PUBLISHED {
-            let folder = path.parent().unwrap_or(Path::new(""));
-            plan.robot.text = read(&folder.join(&plan.robot.name))?;
+            let path = path.parent().unwrap_or(Path::new("")).join(&plan.robot.name);
+            plan.robot.text = std::fs::read_to_string(&path).map_err(|source| PlanError::ReadRobot { path, source })?;
         }
         Ok(plan)
     }

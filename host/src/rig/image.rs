@@ -26,7 +26,8 @@ pub struct Image {
 #[derive(Debug, Error, Diagnostic)]
 pub enum ImageError {
     /// Cannot be read.
-    #[error("cannot read the firmware image {path}: {source}")]
+    #[error("cannot read the firmware image {path}")]
+    #[diagnostic(code(wrong_use), help("check the path, or leave out --firmware to build the image"))]
     Unreadable {
         /// The image.
         path: PathBuf,

@@ -11,7 +11,7 @@ mod virtual_nano;
 pub use avrdude::{BOOTLOADER_BAUDS, FlashError, flash};
 pub use image::{Image, ImageError, commit_text, source_folder};
 pub use progress::Progress;
-pub use recorder::RecordError;
+pub use recorder::{RecordError, fault_text};
 pub use simulated::SimulatedRobot;
 pub use trial::{Bench, TrialRun, run};
 pub use virtual_nano::{VirtualError, VirtualNano};

@@ -2,7 +2,7 @@
 
 use super::simulated::Truth;
 use super::virtual_nano::VirtualError;
-use crate::attitude::Series;
+use crate::attitude::{PhaseTimes, Series};
 use crate::link::{BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
 use crate::log::{ClockFit, CommandRecord, EventKind, LogError, Writer};
 use miette::Diagnostic;
@@ -23,6 +23,14 @@ pub enum RecordError {
     #[error("the board stopped: {}", fault_text(*.0))]
     #[diagnostic(help("{}; then go on with --resume", fault_cure(*.0)))]
     Faulted(Fault),
+    /// The board's clock is not the one that the trial began with.
+    #[error("the board's clock leapt in the middle of the trial{}", restart_text(.0))]
+    #[diagnostic(help("{}; then go on with --resume", leap_cure(*.0)))]
+    Leapt(Option<ResetCause>),
+    /// The board is not as the session prepared it.
+    #[error("the board lost its settings before the trial{}", restart_text(&Some(*.0)))]
+    #[diagnostic(help("{}; then go on with --resume", silence_cure(Some(*.0))))]
+    Restarted(ResetCause),
     /// The stream ended.
     #[error("the board stopped sending{}", restart_text(.0))]
     #[diagnostic(help("{}; then go on with --resume", silence_cure(*.0)))]
@@ -78,6 +86,13 @@ fn silence_cure(cause: Option<ResetCause>) -> &'static str {
     }
 }
 
+fn leap_cure(cause: Option<ResetCause>) -> &'static str {
+    match cause {
+        Some(_) => silence_cure(cause),
+        None => "keep this computer from sleeping while it records",
+    }
+}
+
 fn restart_text(cause: &Option<ResetCause>) -> String {
     match cause {
         Some(ResetCause::BrownOut) => ": it restarted because its supply sagged".into(),
@@ -109,6 +124,8 @@ pub(super) struct Recorder<'a> {
     pub(super) monitor: Monitor,
     /// The attitude over the trial, for what is said of it right after it.
     pub(super) attitude: Series,
+    /// When its phases were.
+    pub(super) times: PhaseTimes,
     /// Speeds over the last second.
     speeds: VecDeque<[CentiRpm; 2]>,
     interrupted: &'a AtomicBool,
@@ -133,6 +150,7 @@ impl<'a> Recorder<'a> {
             log,
             monitor: Monitor::default(),
             attitude: Series::default(),
+            times: PhaseTimes::default(),
             speeds: VecDeque::new(),
             interrupted,
             truth,
@@ -160,6 +178,9 @@ impl<'a> Recorder<'a> {
         while let Some(received) = self.link.next(Duration::ZERO) {
             self.take(received)?;
         }
+        // Some of it may be of another start of the board, by another clock.
+        self.clock = BoardClock::default();
+        self.pings = PingClock::default();
         self.command(Command::Stream { rate_hz: TICK_HZ })?;
         self.last_heard = Instant::now();
         loop {
@@ -218,6 +239,15 @@ impl<'a> Recorder<'a> {
         Ok(self.log.event(kind, text, SystemTime::now())?)
     }
 
+    /// Begins a phase with the frame that ended the one before.
+    pub(super) fn phase(&mut self, name: &str) -> Result<(), RecordError> {
+        if let Some(frame) = &self.ahead {
+            self.log.board_time(frame.board_us, frame.host);
+            self.times.begin(name, frame.time_s);
+        }
+        self.event(EventKind::Phase, name)
+    }
+
     /// Keeps what has come already, without waiting: the answers to the last commands, and after a failure what the board
     /// sent meanwhile.
     pub(super) fn drain(&mut self, frames_too: bool) -> Result<(), RecordError> {
@@ -225,7 +255,9 @@ impl<'a> Recorder<'a> {
             if matches!(received.event, Event::Closed) {
                 break;
             }
-            if let Some(frame) = self.take(received)?.filter(|_| frames_too) {
+            if let Some((telemetry, host)) = self.take(received)?.filter(|_| frames_too)
+                && let Some(frame) = self.frame(telemetry, host)
+            {
                 self.keep(frame)?;
             }
         }
@@ -235,7 +267,7 @@ impl<'a> Recorder<'a> {
     /// Keeps the truth up to the last frame that was kept, where a simulated robot tells it.
     fn keep_truth(&mut self) -> Result<(), RecordError> {
         match (&mut self.truth, self.reached_us) {
-            (Some(truth), Some(until_us)) => truth.keep(&mut self.log, &self.clock, (self.begun_us, until_us)),
+            (Some(truth), Some(until_us)) => truth.keep(&mut self.log, (self.begun_us, until_us)),
             _ => Ok(()),
         }
     }
@@ -267,11 +299,18 @@ impl<'a> Recorder<'a> {
                 }
                 continue;
             };
-            if let Some(frame) = self.take(received)? {
+            if let Some((telemetry, host)) = self.take(received)? {
                 self.last_heard = Instant::now();
-                return Ok(frame);
+                return self.frame(telemetry, host).ok_or_else(|| RecordError::Leapt(self.restart()));
             }
         }
+    }
+
+    /// A frame with its time; `None` where the board's clock leapt.
+    fn frame(&mut self, telemetry: Telemetry, host: SystemTime) -> Option<Frame> {
+        let board_us = self.clock.unwrap(telemetry.time)?;
+        let time_s = board_us.saturating_sub(self.begun_us) as f64 * 1e-6;
+        Some(Frame { board_us, time_s, host, telemetry })
     }
 
     /// Keeps a frame of the trial.
@@ -285,6 +324,7 @@ impl<'a> Recorder<'a> {
             self.speeds.pop_front();
         }
         self.speeds.push_back(frame.telemetry.speed);
+        self.times.go_on(frame.time_s);
         self.attitude.push(frame.time_s, attitude);
         let now = (frame.telemetry.state, frame.telemetry.fault);
         let before = std::mem::replace(&mut self.state, now);
@@ -300,15 +340,11 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Keeps anything but a frame of the stream, which it hands back.
-    fn take(&mut self, received: Received) -> Result<Option<Frame>, RecordError> {
+    /// Keeps anything but a frame of the stream, which it hands back with the time at which it came.
+    fn take(&mut self, received: Received) -> Result<Option<(Telemetry, SystemTime)>, RecordError> {
         let Received { wall: host, at, event } = received;
         match event {
-            Event::Telemetry(telemetry) => {
-                let board_us = self.clock.unwrap(telemetry.time);
-                let time_s = board_us.saturating_sub(self.begun_us) as f64 * 1e-6;
-                return Ok(Some(Frame { board_us, time_s, host, telemetry }));
-            }
+            Event::Telemetry(telemetry) => return Ok(Some((telemetry, host))),
             Event::Raw(bytes) => self.log.raw(&bytes, host)?,
             Event::Damaged(error) => {
                 self.monitor.damaged(error);
@@ -316,7 +352,10 @@ impl<'a> Recorder<'a> {
             }
             Event::Exchange(Exchange { request, attempts, reply, sent, sent_at }) => {
                 if let (Some(Reply::Pong(board)), 1) = (reply, attempts) {
-                    self.pings.add(self.clock.unwrap(board), sent_at, at);
+                    // A board that has restarted counts anew, which tells nothing of the clock that the trial is on.
+                    if let Some(board_us) = self.clock.unwrap(board) {
+                        self.pings.add(board_us, sent_at, at);
+                    }
                 } else {
                     self.monitor.asked(attempts);
                     let Request { seq, command } = request;
@@ -340,8 +379,8 @@ impl<'a> Recorder<'a> {
         })
     }
 
-    /// Why the board started again, if it did.
-    fn restart(&self) -> Option<ResetCause> {
+    /// Why the board started again since the link was opened, if it did.
+    pub(super) fn restart(&self) -> Option<ResetCause> {
         match self.link.ask(Command::Hello) {
             Ok(Reply::Info(info)) if info.boot_count != self.link.info().boot_count => Some(info.reset_cause),
             _ => None,

@@ -3,13 +3,11 @@
 
 use super::recorder::RecordError;
 use super::virtual_nano::{TruthSample, VirtualError, VirtualNano};
-use crate::link::BoardClock;
 use crate::log::{ModelMeta, SensorMeta, Writer};
 use crate::model::{messages, shapes};
 use crate::plan::Plan;
 use crate::robot_file;
 use miette::{IntoDiagnostic, WrapErr};
-use protocol::units::Micros;
 use sim::robot::closure::Closure;
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -61,26 +59,22 @@ impl<'a> Truth<'a> {
 
     /// Keeps what came up to `until_us` of the board's clock in the log of a trial that began at `begun_us`. Asks for more
     /// where that is due.
-    pub(super) fn keep(
-        &mut self,
-        log: &mut Writer,
-        clock: &BoardClock,
-        (begun_us, until_us): (u64, u64),
-    ) -> Result<(), RecordError> {
+    pub(super) fn keep(&mut self, log: &mut Writer, (begun_us, until_us): (u64, u64)) -> Result<(), RecordError> {
         if self.asked.elapsed() >= INTERVAL {
             self.ask()?;
         }
         let host = SystemTime::now();
-        while let Some(next) = self.ahead.front() {
-            let time_us = clock.clone().unwrap(Micros(next.board_us.unwrap_or_default()));
-            if time_us > until_us {
+        while let Some(TruthSample { board_us, mut sample }) = self.ahead.pop_front() {
+            // What came before the board told its time is of no trial.
+            let Some(board_us) = board_us else { continue };
+            // The board's clock is that of its frames, modulo 2^32.
+            let later_us = i64::from(board_us.wrapping_sub(until_us as u32).cast_signed());
+            if later_us > 0 {
+                self.ahead.push_front(TruthSample { board_us: Some(board_us), sample });
                 return Ok(());
             }
-            let Some(TruthSample { board_us, mut sample }) = self.ahead.pop_front() else { return Ok(()) };
-            if board_us.is_none() || time_us < begun_us {
-                continue;
-            }
-            sample.time_s = (time_us - begun_us) as f64 * 1e-6;
+            let Some(time_us) = until_us.saturating_add_signed(later_us).checked_sub(begun_us) else { continue };
+            sample.time_s = time_us as f64 * 1e-6;
             log.message_at(sample.time_s, &messages::truth(&sample), host)?;
             log.message_at(sample.time_s, &messages::forces(&sample), host)?;
             if let Some(lines) = &sample.shapes_m {

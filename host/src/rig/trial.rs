@@ -3,8 +3,9 @@
 use super::Progress;
 use super::recorder::{RecordError, Recorder};
 use super::simulated::{SimulatedRobot, Truth};
-use crate::attitude::{Angles, Times};
+use crate::attitude::Angles;
 use crate::link::Link;
+use crate::live::Live;
 use crate::log::{End, EventKind, LogError, Start, Summary, Writer};
 use crate::plan::Phases;
 use protocol::{Command, State, TICK_HZ};
@@ -33,6 +34,8 @@ pub struct Bench<'a> {
     pub progress: &'a Progress,
     /// Set when the user wants to stop.
     pub interrupted: &'a AtomicBool,
+    /// Who may watch.
+    pub live: Option<&'a Live>,
     /// Called at the moment when the motors are to start.
     pub on_run: &'a mut dyn FnMut(),
     /// The robot, where it is simulated.
@@ -45,15 +48,17 @@ pub struct Bench<'a> {
 /// [`LogError`] where the log cannot be begun or ended.
 pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, LogError> {
     let mut log = Writer::create(path, start)?;
+    if let Some(live) = bench.live {
+        log.tap(live.tap());
+    }
     if let Some(robot) = bench.robot {
         log.meta(&robot.model)?;
         log.meta(&robot.sensor)?;
     }
     let link = bench.link;
     let mut recorder = Recorder::new(link, log, bench.interrupted, bench.robot.map(Truth::new));
-    let mut times = Times::default();
     let mut warnings = Vec::new();
-    let mut error = phases(&mut recorder, bench, start, &mut times, &mut warnings).err();
+    let mut error = phases(&mut recorder, bench, start, &mut warnings).err();
     // The board's own deadline does it where the link is gone.
     let _ = link.command(Command::Stop);
     let _ = link.command(Command::Stream { rate_hz: 0 });
@@ -75,7 +80,7 @@ pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, Lo
             recorder.log.clock(&fit)?;
         }
     }
-    let angles = Angles::of(&recorder.attitude, &times, start.trial.speeds);
+    let angles = Angles::of(&recorder.attitude, &recorder.times.times(), start.trial.speeds);
     let mut summary = Summary {
         end: match error {
             None => End::Complete,
@@ -111,12 +116,14 @@ fn phases(
     recorder: &mut Recorder,
     bench: &mut Bench,
     start: &Start,
-    times: &mut Times,
     warnings: &mut Vec<String>,
 ) -> Result<(), RecordError> {
     let (progress, name) = (bench.progress, &start.trial.name);
     let Phases { calibrate_s, preroll_s, run_s, decay_s } = start.trial.phases;
     let speeds = start.trial.speeds;
+    if let Some(cause) = recorder.restart() {
+        return Err(RecordError::Restarted(cause));
+    }
     recorder.begin()?;
     let last = |recorder: &mut Recorder, end_s: f64| {
         recorder.until(|frame| {
@@ -128,30 +135,35 @@ fn phases(
     let mut begin = 0.0;
     if calibrate_s > 0.0 {
         progress.phase(name, "calibrate");
-        recorder.event(EventKind::Phase, "calibrate")?;
+        recorder.phase("calibrate")?;
         begin = calibrate(recorder, progress, calibrate_s, warnings)?;
     }
-    times.preroll = begin..begin + preroll_s;
+    let run_start = begin + preroll_s;
     if preroll_s > 0.0 {
         progress.phase(name, "preroll");
-        recorder.event(EventKind::Phase, "preroll")?;
-        last(recorder, times.preroll.end)?;
+        recorder.phase("preroll")?;
+        last(recorder, run_start)?;
     }
     recorder.level()?;
     (bench.on_run)();
-    recorder.event(EventKind::Phase, "run")?;
+    recorder.phase("run")?;
     recorder.command(Command::SetSpeeds(speeds))?;
     // A terminal may keep the writer waiting, the motors not.
     progress.phase(name, "run");
     let running = recorder.until(|frame| frame.telemetry.target == speeds)?;
-    let late = running - times.preroll.end;
-    let run_start = if late > LATE_S { running } else { times.preroll.end };
-    times.run = run_start..run_start + run_s;
-    times.decay = times.run.end..times.run.end + decay_s;
+    let late = running - run_start;
+    let run_end = run_s + if late > LATE_S { running } else { run_start };
     if late > LATE_S {
         warn(recorder, warnings, format!("the motors started {late:.2} s late, and ran that much longer"))?;
     }
-    last(recorder, times.run.end)?;
+    let mut speeds = speeds;
+    if let Some(reverse) = start.trial.reverse {
+        last(recorder, run_end - run_s + reverse.after_s)?;
+        recorder.event(EventKind::Note, &reverse.text(speeds))?;
+        speeds = reverse.of(speeds);
+        recorder.command(Command::SetSpeeds(speeds))?;
+    }
+    last(recorder, run_end)?;
     recorder.command(Command::Stop)?;
     for (flagellum, (asked, measured)) in speeds.into_iter().zip(recorder.last_speeds()).enumerate() {
         if (asked.rpm() - measured.rpm()).abs() > SPEED_TOLERANCE_RPM {
@@ -161,11 +173,11 @@ fn phases(
         }
     }
     if decay_s > 0.0 {
-        recorder.event(EventKind::Phase, "decay")?;
+        recorder.phase("decay")?;
         progress.phase(name, "decay");
-        last(recorder, times.decay.end)?;
+        last(recorder, run_end + decay_s)?;
     }
-    recorder.event(EventKind::Phase, "end")
+    recorder.phase("end")
 }
 
 fn warn(recorder: &mut Recorder, warnings: &mut Vec<String>, text: String) -> Result<(), RecordError> {

@@ -46,6 +46,29 @@ pub enum SessionError {
         /// In what the plans differ.
         difference: &'static str,
     },
+    /// Another program writes into it.
+    #[error("{}: another biflag writes into this session", folder.display())]
+    #[diagnostic(help("wait until it has ended, or name another folder with --out"))]
+    InUse {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// Its trials ran on something else.
+    #[error("{}: its trials ran {was}, such as {}; the next ones would run {is}", folder.display(), log.display())]
+    #[diagnostic(
+        code(wrong_use),
+        help("go on as the session began, or name another folder with --out: trials of one session are comparable")
+    )]
+    OtherRig {
+        /// The folder.
+        folder: PathBuf,
+        /// The last of its complete logs.
+        log: PathBuf,
+        /// Where or with what they ran.
+        was: String,
+        /// Where or with what the next ones would.
+        is: String,
+    },
     /// It is no session.
     #[error("{}: is not a session's folder: it has no session.toml", folder.display())]
     #[diagnostic(code(wrong_use), help("name the folder that `biflag record` or `biflag simulate` wrote"))]

@@ -2,6 +2,7 @@
 
 use super::SessionError;
 use crate::plan::Plan;
+use crate::whole_file;
 use serde::{Deserialize, Serialize};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
@@ -46,8 +47,8 @@ impl Manifest {
         let path = folder.join(MANIFEST);
         let text = toml::to_string(self)
             .map_err(|error| SessionError::Manifest { path: path.clone(), reason: error.to_string() })?;
-        let draft = folder.join(format!("{MANIFEST}.{}", std::process::id()));
-        let written = std::fs::File::create(&draft)
+        let draft = whole_file::draft(&path);
+        let written = whole_file::create(&draft)
             .and_then(|mut file| {
                 file.write_all(text.as_bytes())?;
                 file.sync_all()

@@ -1,7 +1,8 @@
 //! Sessions that are begun, broken off, gone on with, and abused.
 
 use super::*;
-use crate::log::{Origin, Start, Writer};
+use crate::log::{BoardMeta, ClockFit, EventKind, Origin, Start, Writer};
+use protocol::{Info, Settings};
 use std::time::SystemTime;
 
 fn plan(text: &str) -> Plan {
@@ -13,16 +14,25 @@ fn two_trials() -> Plan {
 }
 
 fn attempt(session: &Session, trial: &Trial, end: Option<End>) -> PathBuf {
+    attempt_on(session, trial, end, Origin::Rig, Settings::DEFAULT)
+}
+
+fn attempt_on(session: &Session, trial: &Trial, end: Option<End>, origin: Origin, settings: Settings) -> PathBuf {
     let (number, path) = session.next_attempt(trial).unwrap();
     let start = Start {
         plan: session.plan(),
         trial,
         attempt: number,
-        origin: Origin::Rig,
-        board: None,
+        origin,
+        board: Some((info(&settings), settings)),
         time: SystemTime::UNIX_EPOCH,
     };
-    let writer = Writer::create(&path, &start).unwrap();
+    let mut writer = Writer::create(&path, &start).unwrap();
+    for text in ["one", "two", "three"] {
+        writer.event(EventKind::Note, text, SystemTime::UNIX_EPOCH).unwrap();
+        // A metadata record closes the chunk before it.
+        writer.clock(&ClockFit::default()).unwrap();
+    }
     match end {
         Some(end) => writer.finish(&Summary { end, ..Summary::default() }).unwrap(),
         None => {
@@ -68,6 +78,88 @@ fn what_is_complete_is_not_repeated_and_what_is_not_keeps_its_log() {
     assert_eq!(names(&session, first), [(1, "001_w1+50_w2+10.mcap".to_owned(), Some(End::Complete))]);
 }
 
+fn info(settings: &Settings) -> Info {
+    Info { board_id: settings.board_id, ..Info::default() }
+}
+
+/// What is lost in the middle of a log does not show at its end; what was recovered of it says so.
+#[test]
+fn a_trial_that_something_was_lost_of_is_repeated() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = two_trials();
+    let session = Session::create(folder.path(), &plan).unwrap();
+    let first = &plan.trials[0];
+    let log = attempt(&session, first, Some(End::Complete));
+    let mut bytes = std::fs::read(&log).unwrap();
+    // The first chunk introduces the channels; the data of the second follow the name of their compression and a length.
+    let place = bytes.windows(4).enumerate().filter(|(_, four)| four == b"zstd").nth(1).unwrap().0 + 4 + 8 + 6;
+    bytes[place] ^= 0x55;
+    std::fs::write(&log, bytes).unwrap();
+    assert!(!log::check(&log).unwrap().is_empty());
+    assert_eq!(session.state(first).unwrap().complete().unwrap().path, log, "its end alone does not tell");
+    let checked = &session.checked_states().unwrap()[0];
+    assert_eq!(checked.complete(), None);
+    assert!(checked.attempts[0].losses[0].starts_with("a chunk"), "{checked:?}");
+
+    log::recover(&log, &log.with_extension("recovered.mcap")).unwrap();
+    let state = session.state(first).unwrap();
+    assert_eq!((state.complete(), state.next_number()), (None, 2));
+    let again = attempt(&session, first, Some(End::Complete));
+    assert_eq!(session.state(first).unwrap().complete().unwrap().path, again);
+    assert!(log.exists());
+}
+
+#[test]
+fn one_program_writes_into_a_session_or_shards_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let session = Session::create(folder.path(), &two_trials()).unwrap();
+    let in_use = |sharing| matches!(session.lock(sharing), Err(SessionError::InUse { .. }));
+    let alone = session.lock(Sharing::Alone).unwrap();
+    assert!(in_use(Sharing::Alone) && in_use(Sharing::WithShards));
+    drop(alone);
+    let shards = [(); 2].map(|()| session.lock(Sharing::WithShards).unwrap());
+    assert!(in_use(Sharing::Alone));
+    drop(shards);
+    assert!(!in_use(Sharing::Alone));
+}
+
+#[test]
+fn a_session_goes_on_where_it_began() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = two_trials();
+    let session = Session::create(folder.path(), &plan).unwrap();
+    let settings = Settings { board_id: 3, ..Settings::DEFAULT };
+    let go_on = |origin, settings: Settings, info: Info| {
+        session.expect_same_rig(&session.states().unwrap(), origin, Some(&BoardMeta::new(&info, &settings)))
+    };
+    let refused = |origin, settings: Settings| match go_on(origin, settings, info(&settings)) {
+        Err(error @ SessionError::OtherRig { .. }) => error.to_string(),
+        other => panic!("{other:?}"),
+    };
+    attempt_on(&session, &plan.trials[0], Some(End::Aborted), Origin::VirtualRig, Settings::DEFAULT);
+    assert_eq!(go_on(Origin::Rig, settings, info(&settings)).unwrap(), None, "what is not complete binds nobody");
+    attempt_on(&session, &plan.trials[0], Some(End::Complete), Origin::Rig, settings);
+
+    let recalibrated = Settings { gyro_bias: [1.0, 2.0, 3.0], deadline_ms: 900, ..settings };
+    assert_eq!(go_on(Origin::Rig, recalibrated, info(&settings)).unwrap(), None);
+    let newer = Info { firmware: [9, 8, 7], ..info(&settings) };
+    assert!(go_on(Origin::Rig, settings, newer).unwrap().unwrap().contains("9.8.7"));
+    assert!(refused(Origin::VirtualRig, settings).contains("ran on the rig"));
+    assert!(refused(Origin::Model, settings).contains("run in the model"));
+    assert!(refused(Origin::Rig, Settings { board_id: 4, ..settings }).contains("run on board 4"));
+    assert!(refused(Origin::Rig, Settings { speed_kp: 2.0, ..settings }).contains("speed_kp = 1.0"));
+}
+
+#[test]
+fn a_folder_with_stray_logs_is_no_place_for_a_session() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("001_w1+50_w2+10.mcap"), "of another session").unwrap();
+    for begun in [Session::create(folder.path(), &two_trials()), Session::resume(folder.path(), &two_trials())] {
+        assert!(matches!(begun, Err(SessionError::StrayLog { log, .. }) if log == "001_w1+50_w2+10.mcap"));
+    }
+    assert!(!folder.path().join(MANIFEST).exists());
+}
+
 #[test]
 fn a_folder_holds_one_plans_session() {
     let folder = tempfile::tempdir().unwrap();
@@ -77,10 +169,12 @@ fn a_folder_holds_one_plans_session() {
 
     let renamed = plan("# the same\n[session]\nname = \"b\"\n[speeds]\npairs = [[50, 10], [0, 45]]\n");
     Session::resume(folder.path(), &renamed).unwrap();
+    let patient = plan("[board]\ndeadline_ms = 900\n[speeds]\npairs = [[50, 10], [0, 45]]\n");
+    Session::resume(folder.path(), &patient).unwrap();
     for (text, expected) in [
         ("[speeds]\npairs = [[50, 10]]", "the speeds, repeats or seed"),
         ("[trial]\nrun = 60\n[speeds]\npairs = [[50, 10], [0, 45]]", "the durations of [trial]"),
-        ("[board]\ndeadline_ms = 300\n[speeds]\npairs = [[50, 10], [0, 45]]", "the settings of [board]"),
+        ("[board]\nspeed_kp = 2\n[speeds]\npairs = [[50, 10], [0, 45]]", "the settings of [board]"),
         ("[session]\nrobot = \"soft.toml\"\n[speeds]\npairs = [[50, 10], [0, 45]]", "the robot"),
     ] {
         match Session::resume(folder.path(), &plan(text)) {

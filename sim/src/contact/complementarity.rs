@@ -1,25 +1,39 @@
 //! The linear complementarity problem 0 <= l, b + C l >= 0, l (b + C l) = 0.
 //!
-//! C is small (one row a contact) and nearly symmetric: projected Gauss-Seidel finds the active set, a
-//! primal-dual active set method (Hintermueller, Ito, Kunisch 2002) solves it exactly, and where that
+//! C is small (one row a contact) and nearly symmetric: a primal-dual active set method (Hintermueller,
+//! Ito, Kunisch 2002) solves it exactly, if need be from where projected Gauss-Seidel has got to, and where that
 //! cycles, projected Gauss-Seidel on the symmetrised matrix always gives a usable answer. A wrong
 //! multiplier left on a separated pair would spoil everything that follows.
 
 /// Solves the problem; `matrix` row by row, `l` the start. The diagonal must be positive.
 pub fn solve(matrix: &[f64], b: &[f64], l: &mut Vec<f64>, tolerance: f64) {
+    let start = l.clone();
+    // Mostly the pairs that pressed before press again.
+    if active_set(matrix, b, l, tolerance, 4) {
+        return;
+    }
+    *l = start;
     gauss_seidel(matrix, b, l, 40, tolerance);
     let start = l.clone();
-    for _ in 0..10 {
-        match active_set_step(matrix, b, l, tolerance) {
-            Outcome::Solved => return,
-            Outcome::Changed => {}
-            Outcome::Failed => break,
-        }
+    if active_set(matrix, b, l, tolerance, 10) {
+        return;
     }
     *l = start;
     let size = b.len();
     let mean: Vec<f64> = (0..size * size).map(|q| 0.5 * (matrix[q] + matrix[(q % size) * size + q / size])).collect();
     gauss_seidel(&mean, b, l, 300, tolerance);
+}
+
+/// Whether so many steps find the solution.
+fn active_set(matrix: &[f64], b: &[f64], l: &mut Vec<f64>, tolerance: f64, steps: usize) -> bool {
+    for _ in 0..steps {
+        match active_set_step(matrix, b, l, tolerance) {
+            Outcome::Solved => return true,
+            Outcome::Changed => {}
+            Outcome::Failed => return false,
+        }
+    }
+    false
 }
 
 enum Outcome {

@@ -94,11 +94,13 @@ pub struct BroadPhase {
     exclusion: [usize; 2],
     middles: [[Vec<f64>; 3]; 2],
     longest: f64,
-    /// Lines at the last full search, and what it proved: own and mutual pairs are at least this far apart.
-    searched: Option<(Lines, f64)>,
-    found: Vec<([usize; 2], [usize; 2])>,
+    /// For each pair of rods the lines at its last search, and how far apart they were.
+    searched: [Option<(Lines, f64)>; 3],
+    found: Vec<[usize; 2]>,
 }
 
+/// The rods with each other and with themselves.
+const ROD_PAIRS: [[usize; 2]; 3] = [[0, 1], [0, 0], [1, 1]];
 const LANES: usize = 8;
 /// Padding of the midpoint arrays lies this far away, m.
 const AWAY: f64 = 1e6;
@@ -126,12 +128,12 @@ impl BroadPhase {
             let padded = rods[k].edges().div_ceil(LANES) * LANES;
             std::array::from_fn(|_| vec![AWAY; padded])
         });
-        Self { exclusion, middles, longest: 0.0, searched: None, found: Vec::new() }
+        Self { exclusion, middles, longest: 0.0, searched: [None, None, None], found: Vec::new() }
     }
 
     /// Forgets what earlier searches proved.
     pub fn reset(&mut self) {
-        self.searched = None;
+        self.searched = [None, None, None];
     }
 
     fn load(&mut self, lines: &Lines) {
@@ -150,40 +152,46 @@ impl BroadPhase {
 
     /// Pairs of edges whose distance is below `limit` (m), new and without forces.
     pub fn search(&mut self, lines: &Lines, limit: f64) -> Vec<Pair> {
-        if let Some((before, apart)) = &self.searched {
-            let moved = lines
-                .iter()
-                .flatten()
-                .zip(before.iter().flatten())
-                .map(|(a, b)| (a - b).norm_squared())
-                .fold(0.0, f64::max)
-                .sqrt();
-            if apart - 2.0 * moved > limit {
-                return Vec::new();
+        let mut pairs = Vec::new();
+        let mut loaded = false;
+        for (which, rods) in ROD_PAIRS.into_iter().enumerate() {
+            if let Some((before, apart)) = &self.searched[which] {
+                let moved = |k: usize| {
+                    let squares = lines[k].iter().zip(&before[k]).map(|(a, b)| (a - b).norm_squared());
+                    squares.fold(0.0, f64::max).sqrt()
+                };
+                if apart - moved(rods[0]) - moved(rods[1]) > limit {
+                    continue;
+                }
             }
+            if !loaded {
+                self.load(lines);
+                loaded = true;
+            }
+            let apart = self.collect(rods, limit + self.longest) - self.longest;
+            match &mut self.searched[which] {
+                Some((before, known)) => {
+                    for (old, new) in before.iter_mut().zip(lines) {
+                        old.clone_from(new);
+                    }
+                    *known = apart;
+                }
+                none => *none = Some((lines.clone(), apart)),
+            }
+            let near = (self.found.iter()).map(|edges| Pair::new(lines, rods, *edges));
+            pairs.extend(near.filter(|pair| pair.distance < limit));
         }
-        self.load(lines);
-        let reach = limit + self.longest;
-        let apart = self.collect(reach) - self.longest;
-        self.searched = Some((lines.clone(), apart));
-        (self.found.iter())
-            .map(|(rods, edges)| Pair::new(lines, *rods, *edges))
-            .filter(|pair| pair.distance < limit)
-            .collect()
+        pairs
     }
 
-    /// Collects pairs of midpoints closer than `reach`; returns the least distance of midpoints.
-    fn collect(&mut self, reach: f64) -> f64 {
+    /// Collects pairs of midpoints of two rods closer than `reach`; returns the least distance of midpoints.
+    fn collect(&mut self, [a, b]: [usize; 2], reach: f64) -> f64 {
         let mut found = std::mem::take(&mut self.found);
         found.clear();
-        let mut least = f64::INFINITY;
-        for (a, b) in [(0, 1), (0, 0), (1, 1)] {
-            let exclusion = (a == b).then_some(self.exclusion[a]);
-            let (first, second) = (&self.middles[a], &self.middles[b]);
-            let search = Close { first, second, exclusion, reach, found: |i, j| found.push(([a, b], [i, j])) };
-            let nearest = pulp::Arch::new().dispatch(search);
-            least = least.min(nearest);
-        }
+        let exclusion = (a == b).then_some(self.exclusion[a]);
+        let (first, second) = (&self.middles[a], &self.middles[b]);
+        let search = Close { first, second, exclusion, reach, found: |i, j| found.push([i, j]) };
+        let least = pulp::Arch::new().dispatch(search);
         self.found = found;
         least
     }

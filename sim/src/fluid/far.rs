@@ -128,7 +128,7 @@ impl Targets {
 
 /// The sum in one precision: scalar type, its vectors and their operations.
 macro_rules! kernel {
-    ($name:ident, $scalar:ident, $view:ident, $view_mut:ident, $splat:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $fma:ident) => {
+    ($name:ident, $scalar:ident, $view:ident, $view_mut:ident, $lanes:ident, $splat:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $fma:ident) => {
         mod $name {
             use super::LANES;
             use crate::V3;
@@ -136,6 +136,7 @@ macro_rules! kernel {
 
             #[derive(Clone, Debug)]
             pub(super) struct Points {
+                count: usize,
                 at: [Vec<$scalar>; 3],
                 flow: [Vec<$scalar>; 3],
                 converted: Vec<[$scalar; 6]>,
@@ -145,7 +146,7 @@ macro_rules! kernel {
                 pub(super) fn new(count: usize) -> Self {
                     let padded = count.div_ceil(LANES) * LANES;
                     let zeros = || std::array::from_fn(|_| vec![0.0; padded]);
-                    Self { at: zeros(), flow: zeros(), converted: Vec::new() }
+                    Self { count, at: zeros(), flow: zeros(), converted: Vec::new() }
                 }
 
                 pub(super) fn set(&mut self, points: &[V3]) {
@@ -184,7 +185,7 @@ macro_rules! kernel {
                     let [ux, uy, uz] = &mut self.points.flow;
                     let (ux, uy, uz) = (S::$view_mut(ux).0, S::$view_mut(uy).0, S::$view_mut(uz).0);
                     let (e2, one) = (simd.$splat(self.e2), simd.$splat(1.0));
-                    for block in 0..x.len() {
+                    for block in 0..self.points.count.div_ceil(S::$lanes) {
                         let (px, py, pz) = (x[block], y[block], z[block]);
                         let (mut sx, mut sy, mut sz) = (ux[block], uy[block], uz[block]);
                         for source in &self.points.converted {
@@ -220,6 +221,7 @@ kernel!(
     f32,
     as_simd_f32s,
     as_mut_simd_f32s,
+    F32_LANES,
     splat_f32s,
     sub_f32s,
     mul_f32s,
@@ -232,6 +234,7 @@ kernel!(
     f64,
     as_simd_f64s,
     as_mut_simd_f64s,
+    F64_LANES,
     splat_f64s,
     sub_f64s,
     mul_f64s,

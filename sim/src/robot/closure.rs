@@ -1,4 +1,52 @@
 //! How the flagella act on the base, and the base on the flagella.
+//!
+//! # The closure `paper`
+//!
+//! The equations as the publication prints them (Hao, Zalavadia, Jawed, ICRA 2024), to the letter. With F1, F2 the
+//! forces of the flagella on the base in body axes, from flagella whose base is held still, d the distance of
+//! the shafts, m g r_m the righting moment, theta the pitch, w the angular velocity in body axes and
+//! C = 2 pi mu C_r r_h^3 the base's drag:
+//!
+//! ```text
+//! J dw/dt + w x J w = M
+//! M_x = -C w_x
+//! M_y = (F1z - F2z) d/2 - m g r_m sin(theta) - C w_y
+//! M_z = (F1y - F2y) d/2 - C w_z
+//! ```
+//!
+//! The righting moment has the sign that rights. What they give at the published points, closure by closure
+//! (`cargo run --release -p sim --example closures`; rates are means of the last minute of 240 s):
+//!
+//! | speeds rpm | closure | yaw at 120 s | at 240 s, deg | rate about z_B, deg/s | by drag alone | tilt, deg | settled |
+//! | --- | --- | --- | --- | --- | --- | --- | --- |
+//! | (50, 10) | Full | -62.6 | -62.6 | -0.026 |  | 4.3 to 6.2 | true |
+//! | (50, 10) | Lumped | -63.4 | -63.4 | 0.000 |  | 3.3 to 3.4 | true |
+//! | (50, 10) | Paper | 35731.4 | 75129.4 | 80.219 | 80.219 | 0.9 to 165.7 | false |
+//! | (0, 45) | Full | -49.1 | -49.1 | -0.022 |  | 4.8 to 6.2 | true |
+//! | (0, 45) | Lumped | -48.5 | -48.5 | 0.000 |  | 3.8 to 3.9 | true |
+//! | (0, 45) | Paper | 28287.8 | 62005.9 | 61.717 | 61.717 | 1.9 to 156.8 | false |
+//! | (90, 90) | Full | -180.0 | -180.0 | -0.243 |  | 1.3 to 2.1 | true |
+//! | (90, 90) | Lumped | -180.0 | -180.0 | -0.000 |  | 0.0 to 0.0 | true |
+//! | (90, 90) | Paper | 35551.2 | 72313.6 | 142.999 | 142.999 | 2.0 to 176.1 | false |
+//! | (-90, 90) | Full | 32.8 | 32.8 | 0.146 |  | 16.7 to 21.0 | true |
+//! | (-90, 90) | Lumped | 36.3 | 36.4 | -0.000 |  | 16.7 to 16.7 | true |
+//! | (-90, 90) | Paper | 788.0 | 1610.2 | 6.071 | 6.071 | 26.9 to 47.6 | false |
+//!
+//! They cannot settle, for three reasons.
+//!
+//! - Nothing in them resists a yaw *angle*. Lateral forces are sinusoids, but their mean over a turn is not zero, so the
+//!   couple (F1y - F2y) d/2 has a mean as well; the only other term is drag, and w_z goes to that mean over C. The time
+//!   J_z/C is a quarter of a second: after it the base spins at that rate for ever. In the tank something else holds the
+//!   yaw, the sensor's cable for one; `full` and `lumped` have one stiffness for it, and it is the one constant that is
+//!   calibrated.
+//! - Nothing in them rights a *roll*. A base that spins about z_B carries its tilt from pitch into roll and back, where
+//!   no moment answers, so the axis does not settle either: it tumbles, at three of the four points nearly upside down
+//!   and back. (Where it does, the Euler yaw counts turns faster than the base turns about z_B.)
+//! - C is the drag of the base alone. The drag of the flagella about the joint, which is far larger, is left out, and so
+//!   are the reaction torques about the helix axes, the largest part of the yaw moment.
+//!
+//! The two couples also assume the flagella on opposite sides from where they are: with flagellum 1 at +d/2 along x_B the
+//! moment of its thrust about y_B is -F1z d/2. `lumped` has the true sign.
 
 use crate::V3;
 use serde::{Deserialize, Serialize};

@@ -4,16 +4,19 @@
 //! second derivatives are those of Bergou et al. 2010 (appendix) with the symmetric treatment of the
 //! directors' parallel transport.
 
-use super::{Rod, add_at, band::Band, frames::Frames};
+use super::gradient::ByNode;
+use super::{Rod, band::Band, frames::Frames};
 use crate::V3;
+use crate::lanes::{Line, Wide};
 use nalgebra::Matrix3;
+use pulp::Simd;
 
 /// Energy in J.
 pub fn energy(rod: &Rod, frames: &Frames) -> f64 {
     (1..rod.nodes() - 1)
         .map(|i| {
             let [b1, b2] = excess(rod, frames, i);
-            0.5 * rod.stiffness.bend_nm2 / rod.nodal_length[i] * (b1 * b1 + b2 * b2)
+            0.5 * rod.stiffness.bend_nm2 / rod.voronoi_length[i] * (b1 * b1 + b2 * b2)
         })
         .sum()
 }
@@ -24,29 +27,33 @@ fn excess(rod: &Rod, frames: &Frames, i: usize) -> [f64; 2] {
     [k1 - n1, k2 - n2]
 }
 
-/// Adds the gradient.
-pub fn add_gradient(rod: &Rod, frames: &Frames, out: &mut [f64]) {
-    for i in 1..rod.nodes() - 1 {
-        let (te, tf) = (frames.tangent[i - 1], frames.tangent[i]);
-        let (m1e, m1f, m2e, m2f) = (frames.m1[i - 1], frames.m1[i], frames.m2[i - 1], frames.m2[i]);
-        let (kb, inverse_chi) = (frames.binormal[i], frames.inverse_chi[i]);
-        let (s1, s2) = (m1e + m1f, m2e + m2f);
-        let (k1, k2) = (0.5 * kb.dot(&s2), -0.5 * kb.dot(&s1));
-        let modulus = rod.stiffness.bend_nm2 / rod.nodal_length[i];
-        let b1 = modulus * (k1 - rod.natural_curvature[i][0]);
-        let b2 = modulus * (k2 - rod.natural_curvature[i][1]);
-        // b1 grad kappa1 + b2 grad kappa2, summed before the cross products.
-        let mean = (te + tf) * inverse_chi;
-        let couple = (s2 * b1 - s1 * b2) * inverse_chi;
-        let along = mean * (b1 * k1 + b2 * k2);
-        let by_e = (tf.cross(&couple) - along) / frames.length[i - 1];
-        let by_f = (te.cross(&couple) + along) / -frames.length[i];
-        add_at(out, i - 1, -by_e);
-        add_at(out, i, by_e - by_f);
-        add_at(out, i + 1, by_f);
-        out[4 * (i - 1) + 3] -= 0.5 * (b1 * kb.dot(&m1e) + b2 * kb.dot(&m2e));
-        out[4 * i + 3] -= 0.5 * (b1 * kb.dot(&m1f) + b2 * kb.dot(&m2f));
-    }
+/// Adds the derivatives of neighbouring nodes from `i` on with the natural curvatures `natural` and the
+/// moduli EI/l_i `modulus`.
+#[inline(always)]
+pub(super) fn add_gradient<S: Simd>(
+    simd: S,
+    frames: &Frames,
+    i: usize,
+    natural: [Wide<S>; 2],
+    modulus: Wide<S>,
+    out: &mut ByNode<S>,
+) {
+    let line = |line: &Line, at: usize| line.load(simd, at);
+    let (te, tf) = (line(&frames.tangent, i - 1), line(&frames.tangent, i));
+    let (m1e, m1f) = (line(&frames.m1, i - 1), line(&frames.m1, i));
+    let (m2e, m2f) = (line(&frames.m2, i - 1), line(&frames.m2, i));
+    let (kb, inverse_chi) = (line(&frames.binormal, i), Wide::load(simd, &frames.inverse_chi, i));
+    let (s1, s2) = (m1e + m1f, m2e + m2f);
+    let (k1, k2) = (kb.dot(s2).scaled(0.5), kb.dot(s1).scaled(-0.5));
+    let (b1, b2) = (modulus * (k1 - natural[0]), modulus * (k2 - natural[1]));
+    // b1 grad kappa1 + b2 grad kappa2, summed before the cross products.
+    let mean = (te + tf) * inverse_chi;
+    let couple = (s2 * b1 - s1 * b2) * inverse_chi;
+    let along = mean * (b1 * k1 + b2 * k2);
+    out.edges[0] = out.edges[0] + (tf.cross(couple) - along);
+    out.edges[1] = out.edges[1] - (te.cross(couple) + along);
+    out.angles[0] = out.angles[0] - kb.dot(m1e * b1 + m2e * b2).scaled(0.5);
+    out.angles[1] = out.angles[1] - kb.dot(m1f * b1 + m2f * b2).scaled(0.5);
 }
 
 /// Adds the Hessian.
@@ -104,14 +111,14 @@ fn spread_gradient(by_e: V3, by_f: V3, by_angles: [f64; 2]) -> [f64; 11] {
 }
 
 fn node_hessian(rod: &Rod, frames: &Frames, i: usize) -> [[f64; 11]; 11] {
-    let (te, tf) = (frames.tangent[i - 1], frames.tangent[i]);
+    let (te, tf) = (frames.tangent.at(i - 1), frames.tangent.at(i));
     let (le, lf) = (frames.length[i - 1], frames.length[i]);
-    let (m1e, m1f, m2e, m2f) = (frames.m1[i - 1], frames.m1[i], frames.m2[i - 1], frames.m2[i]);
-    let (kb, ic) = (frames.binormal[i], frames.inverse_chi[i]);
+    let (m1e, m1f, m2e, m2f) = (frames.m1.at(i - 1), frames.m1.at(i), frames.m2.at(i - 1), frames.m2.at(i));
+    let (kb, ic) = (frames.binormal.at(i), frames.inverse_chi[i]);
     let mean = (te + tf) * ic;
     let (d1, d2) = ((m1e + m1f) * ic, (m2e + m2f) * ic);
     let [k1, k2] = frames.curvature(i);
-    let modulus = rod.stiffness.bend_nm2 / rod.nodal_length[i];
+    let modulus = rod.stiffness.bend_nm2 / rod.voronoi_length[i];
     let b1 = modulus * (k1 - rod.natural_curvature[i][0]);
     let b2 = modulus * (k2 - rod.natural_curvature[i][1]);
     let (a1, a2, c1, c2) = (tf.cross(&d1), tf.cross(&d2), te.cross(&d1), te.cross(&d2));

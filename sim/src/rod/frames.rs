@@ -6,8 +6,10 @@
 //! the directors turn between its two edges beyond parallel transport (Jawed et al. 2018, ch. 4-6).
 
 use crate::V3;
+use crate::lanes::{Line, Wide, Wide3, padded};
+use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// Transports `u`, perpendicular to the unit vector `from`, along the shortest turn to the unit vector `to`.
 ///
@@ -49,75 +51,104 @@ impl ReferenceFrames {
 #[derive(Clone, Debug)]
 pub struct Frames {
     /// Unit tangents, one an edge.
-    pub tangent: Vec<V3>,
-    /// Edge lengths in m.
+    pub tangent: Line,
+    /// Edge lengths in m, padded.
     pub length: Vec<f64>,
     /// Reference directors d1, one an edge.
-    pub director: Vec<V3>,
+    pub director: Line,
     /// First material directors m1, one an edge.
-    pub m1: Vec<V3>,
+    pub m1: Line,
     /// Second material directors m2, one an edge.
-    pub m2: Vec<V3>,
+    pub m2: Line,
     /// Curvature binormals kb = 2 e x f / (|e| |f| + e.f), one a node (zero at the ends).
-    pub binormal: Vec<V3>,
-    /// 1/(1 + t_{i-1}.t_i), one a node (1/2 at the ends).
+    pub binormal: Line,
+    /// 1/(1 + t_{i-1}.t_i), one a node, padded.
     pub inverse_chi: Vec<f64>,
-    /// Reference twist in rad, one a node (zero at the ends).
+    /// Reference twist in rad, one a node (zero at the ends), padded.
     pub reference_twist: Vec<f64>,
+    edges: usize,
+    shape: Line,
+    angles: Vec<f64>,
+    before: [Line; 2],
+    twist_before: Vec<f64>,
 }
 
 impl Frames {
     /// Scratch for a rod of `n` nodes.
     pub fn new(n: usize) -> Self {
-        let edges = || vec![V3::zeros(); n - 1];
+        let line = || Line::new(n);
+        let values = || vec![0.0; padded(n)];
         Self {
-            tangent: edges(),
-            length: vec![0.0; n - 1],
-            director: edges(),
-            m1: edges(),
-            m2: edges(),
-            binormal: vec![V3::zeros(); n],
-            inverse_chi: vec![0.5; n],
-            reference_twist: vec![0.0; n],
+            tangent: line(),
+            length: values(),
+            director: line(),
+            m1: line(),
+            m2: line(),
+            binormal: line(),
+            inverse_chi: values(),
+            reference_twist: values(),
+            edges: n - 1,
+            shape: line(),
+            angles: values(),
+            before: [line(), line()],
+            twist_before: values(),
         }
     }
 
     /// Computes everything at the shape `nodes` (length n) with the edge angles `angles` (length n - 1).
     pub fn update(&mut self, reference: &ReferenceFrames, nodes: &[V3], angles: &[f64]) {
-        let edges = self.tangent.len();
-        for e in 0..edges {
-            let edge = nodes[e + 1] - nodes[e];
-            let length = edge.norm();
-            let tangent = edge / length;
-            let moved = parallel_transport(reference.director[e], reference.tangent[e], tangent);
-            let d1 = (moved - tangent * moved.dot(&tangent)).normalize();
-            let d2 = tangent.cross(&d1);
-            let (sine, cosine) = angles[e].sin_cos();
-            self.length[e] = length;
-            self.tangent[e] = tangent;
-            self.director[e] = d1;
-            self.m1[e] = d1 * cosine + d2 * sine;
-            self.m2[e] = d2 * cosine - d1 * sine;
+        self.shape.copy_from(nodes);
+        self.angles[..angles.len()].copy_from_slice(angles);
+        self.before[0].copy_from(&reference.tangent);
+        self.before[1].copy_from(&reference.director);
+        self.twist_before[..nodes.len()].copy_from_slice(&reference.twist);
+        pulp::Arch::new().dispatch(Update(self));
+        self.binormal.set(self.edges, V3::zeros());
+        self.reference_twist[self.edges] = 0.0;
+    }
+
+    #[inline(always)]
+    fn update_edges<S: Simd>(&mut self, simd: S) {
+        for e in (0..self.edges).step_by(S::F64_LANES) {
+            let edge = self.shape.load(simd, e + 1) - self.shape.load(simd, e);
+            let length = edge.dot(edge).sqrt();
+            let tangent = edge * length.inverse();
+            let [before, director] = [&self.before[0], &self.before[1]].map(|line| line.load(simd, e));
+            let moved = transport(director, before, tangent, before.dot(tangent).plus_one().inverse());
+            let across = moved - tangent * moved.dot(tangent);
+            let d1 = across * across.dot(across).sqrt().inverse();
+            let d2 = tangent.cross(d1);
+            let (sine, cosine) = Wide::load(simd, &self.angles, e).sin_cos();
+            length.store(&mut self.length, e);
+            self.tangent.store(tangent, e);
+            self.director.store(d1, e);
+            self.m1.store(d1 * cosine + d2 * sine, e);
+            self.m2.store(d2 * cosine - d1 * sine, e);
         }
-        for i in 1..edges {
-            let (before, after) = (self.tangent[i - 1], self.tangent[i]);
-            let inverse_chi = 1.0 / (1.0 + before.dot(&after));
-            self.inverse_chi[i] = inverse_chi;
-            self.binormal[i] = before.cross(&after) * (2.0 * inverse_chi);
-            let carried = parallel_transport(self.director[i - 1], before, after);
-            let d1 = self.director[i];
-            let wrapped = d1.dot(&after.cross(&carried)).atan2(d1.dot(&carried));
-            let off = reference.twist[i] - wrapped;
-            let turns = if off.abs() <= PI { 0.0 } else { (off / TAU).round() };
-            self.reference_twist[i] = wrapped + TAU * turns;
+    }
+
+    #[inline(always)]
+    fn update_nodes<S: Simd>(&mut self, simd: S) {
+        for i in (1..self.edges).step_by(S::F64_LANES) {
+            let (before, after) = (self.tangent.load(simd, i - 1), self.tangent.load(simd, i));
+            let inverse_chi = before.dot(after).plus_one().inverse();
+            inverse_chi.store(&mut self.inverse_chi, i);
+            self.binormal.store(before.cross(after) * inverse_chi.scaled(2.0), i);
+            let carried = transport(self.director.load(simd, i - 1), before, after, inverse_chi);
+            let d1 = self.director.load(simd, i);
+            let wrapped = Wide::angle_of(d1.dot(after.cross(carried)), d1.dot(carried));
+            let off = Wide::load(simd, &self.twist_before, i) - wrapped;
+            let turns = off.scaled(1.0 / TAU).round();
+            (wrapped + turns.scaled(TAU)).store(&mut self.reference_twist, i);
         }
     }
 
     /// Makes this shape the memory of later steps.
     pub fn accept(&self, reference: &mut ReferenceFrames) {
-        reference.tangent.copy_from_slice(&self.tangent);
-        reference.director.copy_from_slice(&self.director);
-        reference.twist.copy_from_slice(&self.reference_twist);
+        self.tangent.copy_to(&mut reference.tangent);
+        self.director.copy_to(&mut reference.director);
+        let nodes = reference.twist.len();
+        reference.twist.copy_from_slice(&self.reference_twist[..nodes]);
     }
 
     /// Curvatures kappa1, kappa2 at an inner node (dimensionless).
@@ -125,13 +156,33 @@ impl Frames {
     /// kappa1 = (m2_{i-1} + m2_i).kb/2, kappa2 = -(m1_{i-1} + m1_i).kb/2.
     #[inline(always)]
     pub fn curvature(&self, i: usize) -> [f64; 2] {
-        let kb = self.binormal[i];
-        [0.5 * kb.dot(&(self.m2[i - 1] + self.m2[i])), -0.5 * kb.dot(&(self.m1[i - 1] + self.m1[i]))]
+        let kb = self.binormal.at(i);
+        [0.5 * kb.dot(&(self.m2.at(i - 1) + self.m2.at(i))), -0.5 * kb.dot(&(self.m1.at(i - 1) + self.m1.at(i)))]
     }
 
     /// Twist in rad at an inner node: difference of the edge angles plus reference twist.
     #[inline(always)]
     pub fn twist(&self, i: usize, angles: &[f64]) -> f64 {
         angles[i] - angles[i - 1] + self.reference_twist[i]
+    }
+}
+
+/// [`parallel_transport`] with 1/(1 + from.to) known.
+#[inline(always)]
+fn transport<S: Simd>(u: Wide3<S>, from: Wide3<S>, to: Wide3<S>, inverse_chi: Wide<S>) -> Wide3<S> {
+    let axis = from.cross(to);
+    axis.times_plus(axis.dot(u) * inverse_chi, u.times_plus(from.dot(to), axis.cross(u)))
+}
+
+/// Compiles the frames for the machine's vector instructions.
+struct Update<'a>(&'a mut Frames);
+
+impl WithSimd for Update<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.0.update_edges(simd);
+        self.0.update_nodes(simd);
     }
 }

@@ -11,6 +11,7 @@
 pub mod band;
 pub mod bend;
 pub mod frames;
+mod gradient;
 pub mod helix;
 pub mod stretch;
 pub mod twist;
@@ -18,6 +19,7 @@ pub mod twist;
 use crate::V3;
 use band::Band;
 use frames::{Frames, ReferenceFrames};
+use gradient::AtRest;
 use serde::{Deserialize, Serialize};
 
 /// Number of clamped nodes at the start of a rod; with them the first edge's twist is clamped.
@@ -59,14 +61,18 @@ pub struct Rod {
     /// Edge lengths at rest in m, one an edge.
     pub rest_length: Vec<f64>,
     /// Half the sum of the lengths of the adjacent edges in m, one a node; end nodes have half an edge.
-    /// It is the Voronoi length of bending and twist, and the weight of a nodal force density.
+    /// The weight of a nodal force density.
     pub nodal_length: Vec<f64>,
+    /// Length of the rod in m whose bending and twist a node carries: from the middle of the edge before
+    /// it to that of the edge after it, but see [`Rod::clamped_at_foot`].
+    pub voronoi_length: Vec<f64>,
     /// Natural curvatures kappa1, kappa2 (dimensionless, integrated over the Voronoi length), one a node.
     pub natural_curvature: Vec<[f64; 2]>,
     /// Natural twist in rad, one a node.
     pub natural_twist: Vec<f64>,
     /// Stiffness.
     pub stiffness: Stiffness,
+    at_rest: AtRest,
 }
 
 impl Rod {
@@ -79,21 +85,36 @@ impl Rod {
         let n = shape.len();
         let rest_length: Vec<f64> = shape.windows(2).map(|p| (p[1] - p[0]).norm()).collect();
         let edge = |i: usize| rest_length.get(i).copied().unwrap_or(0.0);
-        let nodal_length = (0..n).map(|i| 0.5 * (edge(i) + if i > 0 { edge(i - 1) } else { 0.0 })).collect();
+        let nodal_length: Vec<f64> = (0..n).map(|i| 0.5 * (edge(i) + if i > 0 { edge(i - 1) } else { 0.0 })).collect();
         let rest_frames = ReferenceFrames::transported_along(&shape);
         let mut frames = Frames::new(n);
         frames.update(&rest_frames, &shape, &vec![0.0; n - 1]);
-        let natural_curvature =
+        let natural_curvature: Vec<[f64; 2]> =
             (0..n).map(|i| if i == 0 || i + 1 == n { [0.0; 2] } else { frames.curvature(i) }).collect();
+        let natural_twist = frames.reference_twist[..n].to_vec();
         Self {
-            natural_twist: frames.reference_twist.clone(),
+            at_rest: AtRest::new(&rest_length, &nodal_length, &natural_curvature, &natural_twist),
+            natural_twist,
             shape,
             rest_frames,
             rest_length,
+            voronoi_length: nodal_length.clone(),
             nodal_length,
             natural_curvature,
             stiffness,
         }
+    }
+
+    /// The same rod held at its first node instead of the middle of its first edge.
+    ///
+    /// An edge stands for the rod's direction in its middle, so the clamped edge alone would hold the rod
+    /// half an edge below the shaft's foot and leave out what that half bends and twists: an error of
+    /// first order in the edge length. Here node 1 carries it as well.
+    pub fn clamped_at_foot(mut self) -> Self {
+        self.voronoi_length[1] += 0.5 * self.rest_length[0];
+        let Self { rest_length, voronoi_length, natural_curvature, natural_twist, .. } = &self;
+        self.at_rest = AtRest::new(rest_length, voronoi_length, natural_curvature, natural_twist);
+        self
     }
 
     /// Number of nodes.
@@ -113,10 +134,7 @@ impl Rod {
 
     /// Gradient of the energy, four slots a node, in N and N m. Overwrites `out` (length `4 n`).
     pub fn gradient(&self, frames: &Frames, angles: &[f64], out: &mut [f64]) {
-        out.fill(0.0);
-        stretch::add_gradient(self, frames, out);
-        bend::add_gradient(self, frames, out);
-        twist::add_gradient(self, frames, angles, out);
+        gradient::gradient(self, frames, angles, out);
     }
 
     /// Hessian of the energy. Overwrites `out` (size `4 n`).
@@ -130,12 +148,4 @@ impl Rod {
         bend::add_hessian(self, frames, out);
         twist::add_hessian(self, frames, angles, out);
     }
-}
-
-/// Adds a vector to the position slots of a node.
-#[inline(always)]
-pub(crate) fn add_at(out: &mut [f64], node: usize, v: V3) {
-    out[4 * node] += v.x;
-    out[4 * node + 1] += v.y;
-    out[4 * node + 2] += v.z;
 }

@@ -1,6 +1,8 @@
 //! Stretch energy 1/2 EA (|e|/|e0| - 1)^2 |e0| of every edge (Bergou et al. 2010).
 
-use super::{Rod, add_at, band::Band, frames::Frames};
+use super::{Rod, Stiffness, band::Band, frames::Frames};
+use crate::lanes::Wide;
+use pulp::Simd;
 
 /// Energy in J.
 pub fn energy(rod: &Rod, frames: &Frames) -> f64 {
@@ -10,20 +12,16 @@ pub fn energy(rod: &Rod, frames: &Frames) -> f64 {
         .sum()
 }
 
-/// Adds the gradient.
-pub fn add_gradient(rod: &Rod, frames: &Frames, out: &mut [f64]) {
-    for e in 0..rod.edges() {
-        let tension = rod.stiffness.stretch_n * (frames.length[e] / rod.rest_length[e] - 1.0);
-        let pull = frames.tangent[e] * tension;
-        add_at(out, e, -pull);
-        add_at(out, e + 1, pull);
-    }
+/// Tension at neighbouring edges for their `stretch` |e|/|e0|, N.
+#[inline(always)]
+pub(super) fn tension<S: Simd>(stiffness: &Stiffness, stretch: Wide<S>, one: Wide<S>) -> Wide<S> {
+    (stretch - one).scaled(stiffness.stretch_n)
 }
 
 /// Adds the Hessian.
 pub fn add_hessian(rod: &Rod, frames: &Frames, out: &mut Band) {
     for e in 0..rod.edges() {
-        let (t, length, rest) = (frames.tangent[e], frames.length[e], rod.rest_length[e]);
+        let (t, length, rest) = (frames.tangent.at(e), frames.length[e], rod.rest_length[e]);
         for a in 0..3 {
             for b in 0..3 {
                 let identity = if a == b { 1.0 / rest - 1.0 / length } else { 0.0 };

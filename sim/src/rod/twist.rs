@@ -4,40 +4,45 @@
 //! kb/(2 |e|) (Bergou et al. 2008, section 6; second derivatives Bergou et al. 2010).
 
 use super::bend::{add_local, spread_edges, symmetric};
-use super::{Rod, add_at, band::Band, frames::Frames};
+use super::gradient::ByNode;
+use super::{Rod, band::Band, frames::Frames};
+use crate::lanes::Wide;
+use pulp::Simd;
 
 /// Energy in J.
 pub fn energy(rod: &Rod, frames: &Frames, angles: &[f64]) -> f64 {
     (1..rod.nodes() - 1)
         .map(|i| {
             let excess = frames.twist(i, angles) - rod.natural_twist[i];
-            0.5 * rod.stiffness.twist_nm2 / rod.nodal_length[i] * excess * excess
+            0.5 * rod.stiffness.twist_nm2 / rod.voronoi_length[i] * excess * excess
         })
         .sum()
 }
 
-/// Adds the gradient.
-pub fn add_gradient(rod: &Rod, frames: &Frames, angles: &[f64], out: &mut [f64]) {
-    for i in 1..rod.nodes() - 1 {
-        let torque = rod.stiffness.twist_nm2 / rod.nodal_length[i] * (frames.twist(i, angles) - rod.natural_twist[i]);
-        let half = frames.binormal[i] * (0.5 * torque);
-        let (by_e, by_f) = (half / frames.length[i - 1], half / frames.length[i]);
-        add_at(out, i - 1, -by_e);
-        add_at(out, i, by_e - by_f);
-        add_at(out, i + 1, by_f);
-        out[4 * (i - 1) + 3] -= torque;
-        out[4 * i + 3] += torque;
-    }
+/// Adds the derivatives of neighbouring nodes from `i` on; `twist` and `natural` in rad, `modulus` GJ/l_i.
+#[inline(always)]
+pub(super) fn add_gradient<S: Simd>(
+    simd: S,
+    frames: &Frames,
+    i: usize,
+    [twist, natural]: [Wide<S>; 2],
+    modulus: Wide<S>,
+    out: &mut ByNode<S>,
+) {
+    let torque = modulus * (twist - natural);
+    let half = frames.binormal.load(simd, i) * torque.scaled(0.5);
+    out.edges = out.edges.map(|by_edge| by_edge + half);
+    out.angles = [out.angles[0] - torque, out.angles[1] + torque];
 }
 
 /// Adds the Hessian.
 pub fn add_hessian(rod: &Rod, frames: &Frames, angles: &[f64], out: &mut Band) {
     for i in 1..rod.nodes() - 1 {
-        let (te, tf) = (frames.tangent[i - 1], frames.tangent[i]);
+        let (te, tf) = (frames.tangent.at(i - 1), frames.tangent.at(i));
         let (le, lf) = (frames.length[i - 1], frames.length[i]);
-        let (kb, ic) = (frames.binormal[i], frames.inverse_chi[i]);
+        let (kb, ic) = (frames.binormal.at(i), frames.inverse_chi[i]);
         let mean = (te + tf) * ic;
-        let modulus = rod.stiffness.twist_nm2 / rod.nodal_length[i];
+        let modulus = rod.stiffness.twist_nm2 / rod.voronoi_length[i];
         let torque = modulus * (frames.twist(i, angles) - rod.natural_twist[i]);
 
         let mut gradient = [0.0; 11];

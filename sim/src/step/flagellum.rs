@@ -206,9 +206,9 @@ impl Flagellum {
             let step = next - last;
             last = next;
             let [t, d1] = built[e];
-            sum += t * step.dot(&self.frames.tangent[e])
-                + d1 * step.dot(&self.frames.m1[e])
-                + t.cross(&d1) * step.dot(&self.frames.m2[e]);
+            sum += t * step.dot(&self.frames.tangent.at(e))
+                + d1 * step.dot(&self.frames.m1.at(e))
+                + t.cross(&d1) * step.dot(&self.frames.m2.at(e));
             for a in 0..3 {
                 self.carried[3 * e + 3 + a] = sum[a] as f32;
             }
@@ -224,9 +224,9 @@ impl Flagellum {
             let step = next - last;
             last = next;
             let [t, d1] = built[e];
-            sum += self.frames.tangent[e] * step.dot(&t)
-                + self.frames.m1[e] * step.dot(&d1)
-                + self.frames.m2[e] * step.dot(&t.cross(&d1));
+            sum += self.frames.tangent.at(e) * step.dot(&t)
+                + self.frames.m1.at(e) * step.dot(&d1)
+                + self.frames.m2.at(e) * step.dot(&t.cross(&d1));
             for a in 0..3 {
                 self.correction[3 * (e - 1) + a] = sum[a];
             }
@@ -285,8 +285,8 @@ impl Flagellum {
             load.axial_torque += x.x * force.y - x.y * force.x;
             load.moment += x.cross(&force);
         }
-        for e in 1..self.frames.length.len() {
-            let torque = self.frames.tangent[e] * self.spin_torque(e);
+        for e in 1..rod.edges() {
+            let torque = self.frames.tangent.at(e) * self.spin_torque(e);
             load.axial_torque += torque.z;
             load.moment += torque;
         }

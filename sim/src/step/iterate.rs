@@ -15,6 +15,8 @@ use std::sync::Arc;
 const TWIST_LEVER: f64 = 5.0;
 /// Sweeps after which closest points and normals are held.
 const GEOMETRY_SWEEPS: u32 = 4;
+/// Tolerance of steps of meshing flagella, over that of other steps.
+const MESHING_TOLERANCE: f64 = 4.0;
 /// How often held points may be renewed when the true distances disagree.
 const RENEWALS: u32 = 6;
 
@@ -51,7 +53,9 @@ impl Solver {
         let helix = self.robot.flagellum.helix_radius_m.max(self.robot.flagellum.rod_radius_m);
         let fastest = plan.motors.iter().fold(0.1f64, |a, m| a.max(m.speed.abs()));
         let reference = fastest * helix;
-        let wanted = settings.tolerance * reference;
+        // Where sweeps converge slowly, more steps of fewer sweeps lower the error at the same cost.
+        let meshing = !state.pairs.is_empty() && self.meshing(plan.motors.map(|m| m.speed));
+        let wanted = settings.tolerance * reference * if meshing { MESHING_TOLERANCE } else { 1.0 };
         // Independent of the step: where the twist is about to snap, a small imbalance may stay.
         let lever = TWIST_LEVER * reference;
         let gap_wanted = 0.25 * self.robot.contact.tolerance_m;
@@ -113,6 +117,29 @@ impl Solver {
                 };
                 outcome = self.contacts.sweep(&mut self.flagella, &context, &mut self.lines, &self.limits);
                 self.contacts.load(&mut self.flagella, &plan.shafts);
+            }
+            let moved = outcome.motion * plan.kappa[0].max(plan.kappa[1]);
+            let settled =
+                sweep >= least_sweeps && residual < wanted && moved < 6.0 * wanted && outcome.violation < gap_wanted;
+            let mut combined = false;
+            if let Some(before) = before.filter(|_| !settled) {
+                let after = self.pack(body);
+                if weights.len() != after.len() {
+                    weights = self.weights(plan.step);
+                }
+                self.anderson.record(&before, after, &weights);
+                if sweep >= 1
+                    && residual > 0.3 * previous
+                    && let Some(iterate) = self.anderson.combine()
+                {
+                    combined = true;
+                    self.unpack(&iterate, body);
+                    update_lines(&self.flagella, &plan.shafts, &mut self.lines);
+                    self.contacts.refresh(&self.lines);
+                    self.contacts.load(&mut self.flagella, &plan.shafts);
+                }
+            }
+            if contact || combined {
                 for k in 0..2 {
                     self.update_forces(state, plan, self.down(&body.body), k);
                 }
@@ -123,31 +150,7 @@ impl Solver {
                 let change = body.update(&self.base, moment).ok_or(StepFailure::Diverged)?;
                 turned = change.norm() * reach;
             }
-            let moved = outcome.motion * plan.kappa[0].max(plan.kappa[1]);
-            let converged = sweep >= least_sweeps
-                && residual < wanted
-                && moved < 6.0 * wanted
-                && turned < 3.0 * wanted
-                && outcome.violation < gap_wanted;
-            if let Some(before) = before.filter(|_| !converged) {
-                let after = self.pack(body);
-                if weights.len() != after.len() {
-                    weights = self.weights(plan.step);
-                }
-                self.anderson.record(&before, after, &weights);
-                if sweep >= 1
-                    && residual > 0.3 * previous
-                    && let Some(combined) = self.anderson.combine()
-                {
-                    self.unpack(&combined, body);
-                    update_lines(&self.flagella, &plan.shafts, &mut self.lines);
-                    self.contacts.refresh(&self.lines);
-                    self.contacts.load(&mut self.flagella, &plan.shafts);
-                    for k in 0..2 {
-                        self.update_forces(state, plan, self.down(&body.body), k);
-                    }
-                }
-            }
+            let converged = settled && turned < 3.0 * wanted;
             previous = residual;
             last = (residual, outcome.violation);
             if !outcome.motion.is_finite() {

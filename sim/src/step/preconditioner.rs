@@ -151,10 +151,9 @@ impl Design {
                 }
             }
         }
-        let triads = frames.tangent.iter().zip(&frames.m1);
         Self {
             nodes: shape.nodes.clone(),
-            frames: triads.map(|(t, m1)| [*t, *m1]).collect(),
+            frames: (0..n - 1).map(|e| [frames.tangent.at(e), frames.m1.at(e)]).collect(),
             mobility,
             elastic,
             hessian,

@@ -77,10 +77,15 @@ static void mark_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *p
 }
 
 // A function that makes room on the stack writes SPH, then SPL. What it does not use of that room keeps its paint.
+// Calls, pushes and pops come here too, before their SPH is written: where they cross a page the pair is not the stack
+// pointer. What they reach loses its paint, so only an OUT counts.
 static void spl_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
 {
 	nano_t *nano = param;
 	avr->data[address] = value;
+	uint16_t opcode = avr->flash[avr->pc] | avr->flash[avr->pc + 1] << 8;
+	if ((opcode & 0xF800) != 0xB800)
+		return;
 	uint16_t sp = value | avr->data[R_SPH] << 8;
 	if (sp >= SRAM_START && sp < nano->lowest_sp)
 		nano->lowest_sp = sp;

@@ -1,0 +1,138 @@
+//! `biflag calibrate`: a robot's parameters from its trials.
+
+use super::simulate::{ClosureName, cores};
+use super::{Answer, Outcome, WRONG_USE};
+use crate::rig::Progress;
+use crate::robot_file;
+use crate::twin::calibrate::{self, Calibration, Parameter, Request};
+use crate::twin::{Recording, Source};
+use miette::{IntoDiagnostic, WrapErr};
+use serde::Serialize;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Fit parameters of the robot to recorded trials, with their uncertainties, and write its file.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:\n  \
+    biflag calibrate glycerin -o fitted.toml\n  \
+    biflag calibrate glycerin/*.mcap --fit tether,viscosity -o fitted.toml\n  \
+    biflag compare glycerin --robot fitted.toml\n\
+    The trials should begin with a still phase, and differ in their speeds.\n\
+    Exit code 3: a log is not whole, or the trials cannot tell all parameters.")]
+pub struct Args {
+    /// Logs or sessions' folders.
+    #[arg(required = true)]
+    logs: Vec<PathBuf>,
+    /// The robot's file to write; it must not exist.
+    #[arg(short, long, value_name = "FILE")]
+    out: PathBuf,
+    /// What to fit: tether, righting, drag, viscosity, young, mount-yaw. By default all but young.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    fit: Vec<Parameter>,
+    /// The robot to start from, instead of that of the first log.
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// The closure; by default that of the first log's model, and `full` where it has none.
+    #[arg(long, value_enum)]
+    closure: Option<ClosureName>,
+    /// Simulations at a time; by default one on every core.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+}
+
+#[derive(Serialize)]
+struct Calibrated<'a> {
+    #[serde(flatten)]
+    calibration: &'a Calibration,
+    robot: &'a Path,
+}
+
+/// Rounds of a usual fit, for the estimate of the time left.
+const USUAL_ROUNDS: usize = 8;
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    // An hour of fitting must not end in a file that is there already.
+    if args.out.exists() {
+        let help = "name another file with -o, or move this one away";
+        return Err(miette::miette!(code = WRONG_USE, help = help, "{}: exists already", args.out.display()));
+    }
+    let mut parameters = if args.fit.is_empty() { Parameter::USUAL.to_vec() } else { args.fit.clone() };
+    let mut seen = Vec::new();
+    parameters.retain(|parameter| {
+        !seen.contains(parameter) && {
+            seen.push(*parameter);
+            true
+        }
+    });
+    let robot = match &args.robot {
+        Some(path) => Some(robot_file::parse(&super::replay::robot(path)?.text, &path.display().to_string())?),
+        None => None,
+    };
+    let mut recordings = Vec::new();
+    for path in &args.logs {
+        if path.is_dir() {
+            for (_, log) in Source::open(path)?.logs {
+                recordings.push(Recording::read(&log)?);
+            }
+        } else {
+            recordings.push(Recording::read(path)?);
+        }
+    }
+    let jobs = args.jobs.map_or_else(cores, usize::from);
+    let request = Request { robot, closure: args.closure.map(Into::into), parameters, jobs };
+
+    let simulations = USUAL_ROUNDS * (request.parameters.len() + 1) * recordings.len();
+    let progress = Progress::new(simulations as f64);
+    progress.phase(&format!("{} trials", recordings.len()), &format!("{} parameters", request.parameters.len()));
+    let progress = std::sync::Mutex::new(progress);
+    let done = AtomicUsize::new(0);
+    let simulated = || {
+        let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+        let progress = progress.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        // How many it takes is not known before.
+        progress.within(count.min(simulations - 1) as f64);
+    };
+    let fitted = calibrate::calibrate(&recordings, &request, &simulated);
+    progress.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).finish();
+    let calibration = fitted?;
+
+    write(&args.out, &calibrate::to_toml(&calibration))
+        .into_diagnostic()
+        .wrap_err_with(|| format!("{}: cannot be written", args.out.display()))?;
+    let is_good = calibration.warnings.is_empty() && calibration.cannot_tell.is_empty();
+    let outcome = if is_good { Outcome::Done } else { Outcome::WithLoss };
+    let text = describe(&calibration, &args.out);
+    Answer::new(outcome, &Calibrated { calibration: &calibration, robot: &args.out }, text)
+}
+
+fn write(path: &Path, text: &str) -> std::io::Result<()> {
+    let mut file = File::create_new(path)?;
+    file.write_all(text.as_bytes())?;
+    file.sync_all()
+}
+
+fn describe(calibration: &Calibration, out: &Path) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    for p in &calibration.parameters {
+        let [low, high] = p.interval_95;
+        let _ = writeln!(
+            text,
+            "{:<10} {:>11.4e} ± {:.1e} {:<8} (95 %: {low:.4e} to {high:.4e}; it was {:.4e})",
+            p.name, p.value, p.std_error, p.unit, p.start
+        );
+    }
+    let mount = &calibration.mounting;
+    let _ = writeln!(text, "sensor at rest: pitch {:.2}, roll {:.2} deg", mount.pitch_deg, mount.roll_deg);
+    let (before, after) = (calibration.rmse_before_deg, calibration.rmse_after_deg);
+    let _ =
+        writeln!(text, "RMSE {before:.3} deg before, {after:.3} deg after, over {} trials", calibration.trials.len());
+    let _ = writeln!(text, "condition number of the correlations {:.0}", calibration.condition_number);
+    for line in calibration.cannot_tell.iter().chain(&calibration.warnings) {
+        let _ = writeln!(text, "warning: {line}");
+    }
+    text + &format!("robot {}", out.display())
+}

@@ -1,0 +1,109 @@
+//! `biflag simulate --from`: recorded trials in the model. What `compare` needs of it
+//! too is here.
+
+use super::simulate::{Args, Simulated, SimulatedTrial, cores};
+use super::{Answer, Outcome};
+use crate::plan;
+use crate::robot_file::RobotFileError;
+use crate::session::Session;
+use crate::twin::{self, Replayed, Replays, Skipped, Source};
+use miette::{IntoDiagnostic, WrapErr};
+use serde::Serialize;
+use sim::trial::Options;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+#[derive(Serialize)]
+struct ReplayedSession {
+    #[serde(flatten)]
+    simulated: Simulated,
+    skipped: Vec<Skipped>,
+    warnings: Vec<Warnings>,
+}
+
+/// What is wrong with the log of a trial.
+#[derive(Serialize)]
+struct Warnings {
+    name: String,
+    warnings: Vec<String>,
+}
+
+/// Set when the user presses Ctrl-C.
+pub(super) fn interruption() -> miette::Result<Arc<AtomicBool>> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let flag = interrupted.clone();
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).into_diagnostic().wrap_err("Ctrl-C")?;
+    Ok(interrupted)
+}
+
+/// A robot's file as a plan holds it.
+pub(super) fn robot(path: &Path) -> Result<plan::Robot, RobotFileError> {
+    let text =
+        std::fs::read_to_string(path).map_err(|source| RobotFileError::Read { path: path.to_owned(), source })?;
+    let name = path.display().to_string();
+    crate::robot_file::parse(&text, &name)?;
+    Ok(plan::Robot { name, text })
+}
+
+/// Lines for what could not be replayed or is not whole.
+fn complaints(replays: &Replays) -> String {
+    let warnings = replays
+        .trials
+        .iter()
+        .flat_map(|trial| trial.warnings.iter().map(|text| format!("\nwarning: {}: {text}", trial.trial.name)));
+    let skipped = replays.skipped.iter().map(|trial| format!("\nskipped: {}: {}", trial.name, trial.reason));
+    warnings.chain(skipped).collect()
+}
+
+pub(super) fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
+    let begun = Instant::now();
+    let interrupted = interruption()?;
+    let source = Source::open(from)?;
+    let settings = twin::Settings {
+        closure: args.closure.map(Into::into),
+        robot: args.robot.as_deref().map(robot).transpose()?,
+        options: Options { rate_hz: args.rate, shapes: args.shapes },
+        any_rate: false,
+        jobs: args.jobs.map_or_else(cores, usize::from),
+    };
+    let folder = args.out.clone().unwrap_or_else(|| source.replay_folder());
+    let session =
+        if args.resume { Session::resume(&folder, &source.plan)? } else { Session::create(&folder, &source.plan)? };
+    let replays =
+        twin::replay(&source, &session, &settings, &interrupted, &|run| SimulatedTrial::from(run).to_string())?;
+
+    let wall_s = begun.elapsed().as_secs_f64();
+    let computed = replays.trials.iter().filter(|trial| trial.wall_s.is_some());
+    let simulated_s: f64 = computed.clone().filter_map(|trial| Some(trial.result.as_ref().ok()?.simulated_s)).sum();
+    let real_time_factor = (simulated_s > 0.0).then(|| simulated_s / wall_s);
+    let settled = |trial: &Replayed| trial.result.as_ref().is_ok_and(|steady| steady.settled);
+    let outcome = if replays.trials.iter().any(|trial| trial.result.is_err()) {
+        Outcome::Failed
+    } else if replays.interrupted {
+        Outcome::Interrupted
+    } else if !replays.skipped.is_empty()
+        || replays.trials.iter().any(|trial| !trial.warnings.is_empty() || !settled(trial))
+    {
+        Outcome::WithLoss
+    } else {
+        Outcome::Done
+    };
+    let rest = if replays.interrupted { "; interrupted, go on with --resume" } else { "" };
+    let count = computed.count();
+    let speed = real_time_factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time"));
+    let mut text = format!("session {}: {count} trials replayed{speed}{rest}", folder.display());
+    text += &complaints(&replays);
+    let trials = replays.trials.iter().map(|trial| SimulatedTrial {
+        steady: trial.result.as_ref().ok().cloned(),
+        wall_s: trial.wall_s,
+        error: trial.result.as_ref().err().cloned(),
+        ..SimulatedTrial::new(&trial.trial, &trial.log)
+    });
+    let simulated = Simulated { session: folder, real_time_factor, trials: trials.collect() };
+    let warned = replays.trials.iter().filter(|trial| !trial.warnings.is_empty());
+    let warnings =
+        warned.map(|trial| Warnings { name: trial.trial.name.clone(), warnings: trial.warnings.clone() }).collect();
+    Answer::new(outcome, &ReplayedSession { simulated, skipped: replays.skipped, warnings }, text)
+}

@@ -1,0 +1,124 @@
+//! The board's stream, shown and not recorded.
+
+use super::Live;
+use crate::link::{BoardClock, Event, Link, LinkError, Monitor};
+use crate::log::schema::biflag;
+use crate::log::{Converter, EventKind, event, frame_transform};
+use crate::rig::fault_text;
+use crate::stats::LinkStats;
+use miette::Diagnostic;
+use protocol::{Command, Fault, Settings, State, TICK_HZ, Telemetry};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use thiserror::Error;
+
+/// No frame for so long, and the stream has ended.
+const SILENCE: Duration = Duration::from_secs(1);
+
+/// Why the board is watched no longer.
+#[derive(Debug, Error, Diagnostic)]
+pub enum WatchError {
+    /// The link failed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Link(#[from] LinkError),
+    /// The stream ended.
+    #[error("the board on {port} stopped sending")]
+    #[diagnostic(help("check its supply and cable, then start again"))]
+    Silent {
+        /// The board's port.
+        port: String,
+    },
+}
+
+/// Starts the board's stream and shows it until the user interrupts it. No speeds are sent and no fault is cleared: the
+/// motors stay as they are, which is still, for a board stops them when nobody leads it.
+///
+/// # Errors
+/// [`WatchError`].
+pub fn watch(link: &Link, settings: Settings, live: &Live, interrupted: &AtomicBool) -> Result<LinkStats, WatchError> {
+    let mut stream = Stream::new(settings, live);
+    link.command(Command::Stream { rate_hz: TICK_HZ })?;
+    let mut heard = Instant::now();
+    while !interrupted.load(Ordering::Relaxed) {
+        let Some(received) = link.next(Duration::from_millis(20)) else {
+            if heard.elapsed() > SILENCE {
+                return Err(WatchError::Silent { port: link.path().to_owned() });
+            }
+            continue;
+        };
+        match received.event {
+            Event::Telemetry(telemetry) => {
+                heard = Instant::now();
+                stream.frame(&telemetry, received.wall);
+            }
+            Event::Damaged(error) => {
+                stream.monitor.damaged(error);
+                stream.event(EventKind::Warning, &format!("a frame was damaged: {error}"));
+            }
+            Event::Closed => return Err(LinkError::Closed { path: link.path().to_owned() }.into()),
+            Event::Raw(_) | Event::Exchange(_) => {}
+        }
+    }
+    link.command(Command::Stream { rate_hz: 0 })?;
+    Ok(stream.monitor.stats())
+}
+
+/// From frames to what viewers see.
+struct Stream<'a> {
+    live: &'a Live,
+    converter: Converter,
+    clock: BoardClock,
+    /// The board's clock, µs, and the host's, ns, at the first frame.
+    first: Option<(u64, u64)>,
+    /// Time of the last frame: the board's, from the host's at the first on, ns.
+    now_ns: u64,
+    monitor: Monitor,
+    state: Option<(State, Fault)>,
+}
+
+impl<'a> Stream<'a> {
+    fn new(settings: Settings, live: &'a Live) -> Self {
+        Self {
+            live,
+            converter: Converter::new(settings),
+            clock: BoardClock::default(),
+            first: None,
+            now_ns: 0,
+            monitor: Monitor::default(),
+            state: None,
+        }
+    }
+
+    fn frame(&mut self, frame: &Telemetry, host: SystemTime) {
+        let board_us = self.clock.unwrap(frame.time).unwrap_or_else(|| {
+            // The board has restarted: its clock begins anew, the viewers' goes on with the host's.
+            (self.clock, self.first) = (BoardClock::default(), None);
+            self.clock.unwrap(frame.time).unwrap_or_default()
+        });
+        let host_ns = host.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos() as u64;
+        let (first_us, first_ns) = *self.first.get_or_insert((board_us, host_ns));
+        let elapsed_us = board_us.saturating_sub(first_us);
+        self.now_ns = first_ns + elapsed_us * 1000;
+        if let Some(gap) = self.monitor.frame(frame) {
+            let dropout = biflag::Dropout { first_seq: gap.first.0.into(), count: gap.count.into() };
+            self.live.message(self.now_ns, &dropout);
+        }
+        let telemetry = self.converter.telemetry(frame, board_us, elapsed_us as f64 * 1e-6);
+        self.live.message(self.now_ns, &telemetry);
+        if let Some(attitude) = &telemetry.attitude {
+            self.live.message(self.now_ns, &frame_transform(attitude, self.now_ns));
+        }
+        let before = self.state.replace((frame.state, frame.fault));
+        if before.is_none_or(|(state, _)| state != frame.state) {
+            self.event(EventKind::State, &format!("{:?}", frame.state));
+        }
+        if before.map_or(Fault::None, |(_, fault)| fault) != frame.fault {
+            self.event(EventKind::Fault, &format!("{:?}: {}", frame.fault, fault_text(frame.fault)));
+        }
+    }
+
+    fn event(&self, kind: EventKind, text: &str) {
+        self.live.message(self.now_ns, &event(kind, text));
+    }
+}

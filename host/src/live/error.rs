@@ -1,0 +1,32 @@
+//! Why viewers cannot be served.
+
+use miette::Diagnostic;
+use std::net::SocketAddr;
+use thiserror::Error;
+
+/// Why viewers cannot be served.
+#[derive(Debug, Error, Diagnostic)]
+pub enum LiveError {
+    /// Another program listens there.
+    #[error("viewers cannot be served at {address}: another program listens there")]
+    #[diagnostic(help(
+        "end it, or name another address: --listen for `biflag live`, --live for `biflag record`, such as \
+         --live=127.0.0.1:8766"
+    ))]
+    Busy {
+        /// The address.
+        address: SocketAddr,
+    },
+    /// The system does not let us listen there.
+    #[error("viewers cannot be served at {address}: {reason}")]
+    #[diagnostic(
+        code(wrong_use),
+        help("name an address of this computer with a port above 1023, such as 127.0.0.1:8765")
+    )]
+    Address {
+        /// The address.
+        address: SocketAddr,
+        /// What the system said.
+        reason: String,
+    },
+}

@@ -1,0 +1,63 @@
+// The page: which trial is open, light and dark, paper, and the order of the table.
+"use strict";
+
+{
+  const trials = new Map();
+  const sections = [...document.querySelectorAll("section.trial[data-data]")];
+  const isSession = document.body.classList.contains("session");
+
+  const open = (section) => {
+    if (!section) return;
+    for (const other of sections) other.hidden = isSession && other !== section;
+    for (const [other, trial] of trials) if (other !== section && trial.playing) trial.toggle();
+    if (trials.has(section)) trials.get(section).resize();
+    else trials.set(section, new biflag.Trial(section));
+    for (const row of document.querySelectorAll("tr[data-trial]")) row.classList.toggle("open", row.dataset.trial === section.id);
+  };
+
+  for (const [step, selector] of [[-1, ".previous"], [1, ".next"]]) {
+    sections.forEach((section, i) => {
+      const button = section.querySelector(selector);
+      const other = sections[i + step];
+      if (!button) return;
+      button.disabled = !other;
+      button.addEventListener("click", () => (location.hash = other.id));
+    });
+  }
+
+  const follow = () => {
+    const section = sections.find((other) => "#" + other.id === location.hash);
+    open(section);
+    section?.scrollIntoView();
+  };
+  if (isSession) {
+    addEventListener("hashchange", follow);
+    follow();
+  } else {
+    open(sections[0]);
+  }
+
+  const repaint = () => trials.forEach((trial) => trial.repaint());
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
+  const paper = (on) => {
+    document.documentElement.classList.toggle("paper", on);
+    for (const details of document.querySelectorAll("details.how")) details.open = on;
+    repaint();
+  };
+  addEventListener("beforeprint", () => paper(true));
+  addEventListener("afterprint", () => paper(false));
+
+  for (const button of document.querySelectorAll("th button")) {
+    button.addEventListener("click", () => {
+      const cell = button.closest("th");
+      const rows = cell.closest("table").tBodies[0];
+      const sign = cell.getAttribute("aria-sort") === "ascending" ? -1 : 1;
+      const key = (row) => row.cells[cell.cellIndex].dataset.key ?? "";
+      const compare = (a, b) => (a === "" || b === "" ? (a === "") - (b === "") : sign * (Number(a) - Number(b)));
+      for (const other of cell.parentElement.cells) other.removeAttribute("aria-sort");
+      cell.setAttribute("aria-sort", sign > 0 ? "ascending" : "descending");
+      rows.append(...[...rows.rows].sort((a, b) => compare(key(a), key(b))));
+    });
+  }
+  document.documentElement.dataset.ready = "yes";
+}

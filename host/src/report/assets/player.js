@@ -1,0 +1,134 @@
+// A trial on the page: its data, the time shown, and everything that follows the time.
+"use strict";
+
+biflag.Trial = class {
+  constructor(section) {
+    this.section = section;
+    this.id = section.id;
+    this.data = JSON.parse(document.getElementById(section.dataset.data).textContent);
+    this.tables = {
+      attitude: biflag.table(this.data.attitude),
+      motors: biflag.table(this.data.motors),
+      turns: biflag.table({ time: this.data.turns.time, one: this.data.turns.one, two: this.data.turns.two }),
+    };
+    if (this.data.link) {
+      const { width_s: width, ...bars } = this.data.link;
+      this.tables.link = { time: bars.received.map((_, i) => i * width), ...bars };
+    }
+    this.end = this.data.end_s;
+    const run = this.data.phases.find(([name]) => name === "run");
+    // The steady values are at the end of the run.
+    this.time = run ? run[2] : this.end;
+    this.fresh = true;
+    this.find();
+    this.scene = new biflag.Scene(section.querySelector(".scene canvas"), this);
+    this.charts = [...section.querySelectorAll("[data-chart]")].map((place) => new biflag.Chart(place, place.dataset.chart, this));
+    new ResizeObserver(() => this.resize()).observe(section.querySelector(".charts"));
+    this.show();
+  }
+
+  find() {
+    const one = (selector) => this.section.querySelector(selector);
+    [this.button, this.slider, this.rate] = [one(".play"), one(".scrub"), one(".rate")];
+    this.outputs = [...this.section.querySelectorAll("[data-out]")];
+    this.slider.max = this.end;
+    this.button.addEventListener("click", () => this.toggle());
+    this.slider.addEventListener("input", () => this.seek(Number(this.slider.value)));
+    for (const [selector, act] of Object.entries({
+      ".nearer": () => this.scene.zoom(1.2),
+      ".farther": () => this.scene.zoom(1 / 1.2),
+      ".home": () => this.scene.home(),
+      ".zoom-in": () => this.zoomBy(0.5),
+      ".zoom-out": () => this.zoomBy(2),
+      ".zoom-all": () => this.zoom(null),
+    })) one(selector).addEventListener("click", act);
+    for (const link of this.section.querySelectorAll("[data-seek]")) link.addEventListener("click", () => this.seek(Number(link.dataset.seek)));
+  }
+
+  value(table, column, time) {
+    return biflag.at(this.tables[table].time, this.tables[table][column], time);
+  }
+
+  toggle() {
+    this.playing = !this.playing;
+    if (this.playing) {
+      if (this.fresh || this.time >= this.end) this.time = 0;
+      this.fresh = false;
+      this.last = null;
+      requestAnimationFrame((now) => this.step(now));
+    }
+    this.button.classList.toggle("playing", this.playing);
+    this.button.setAttribute("aria-label", this.playing ? "Pause" : "Play");
+  }
+
+  step(now) {
+    if (!this.playing) return;
+    if (this.last !== null) this.time = Math.min(this.time + ((now - this.last) / 1000) * Number(this.rate.value), this.end);
+    this.last = now;
+    this.show();
+    if (this.time >= this.end) this.toggle();
+    else requestAnimationFrame((next) => this.step(next));
+  }
+
+  seek(time) {
+    this.fresh = false;
+    this.time = Math.min(Math.max(time, 0), this.end);
+    this.show();
+  }
+
+  /** Everything that follows the time. */
+  show() {
+    this.slider.value = this.time;
+    this.scene.draw(this.time);
+    for (const chart of this.charts) chart.point(this.time);
+    this.read(this.time);
+  }
+
+  /** The figures at a time: the one shown, or the one under the pointer. */
+  read(time) {
+    for (const output of this.outputs) {
+      const [table, column, decimals] = output.dataset.out.split(" ");
+      if (table === "time") output.textContent = time.toFixed(2) + " s";
+      else if (table === "phase") output.textContent = this.data.phases.findLast(([, from]) => from <= time + 1e-6)?.[0] ?? "–";
+      else output.textContent = biflag.format(this.value(table, column, time), Number(decimals));
+    }
+    const [yaw, pitch, roll] = ["yaw", "pitch", "roll"].map((name) => biflag.format(this.value("attitude", name, time), 1));
+    this.slider.setAttribute("aria-valuetext", `${time.toFixed(1)} seconds: yaw ${yaw}, pitch ${pitch}, roll ${roll} degrees`);
+  }
+
+  hover(time) {
+    if (!this.playing && this.charts) this.read(time ?? this.time);
+  }
+
+  redraw() {
+    this.scene.draw(this.time);
+  }
+
+  /** The stretch of time that the charts show; `null`: all of it. */
+  zoom(range) {
+    this.range = range && range[1] - range[0] > 0.02 ? [Math.max(0, range[0]), Math.min(this.end, range[1])] : null;
+    for (const chart of this.charts) {
+      chart.zoom(this.range);
+      chart.plot.setSelect({ left: 0, width: 0 }, false);
+    }
+    queueMicrotask(() => this.charts.forEach((chart) => chart.point(this.time)));
+  }
+
+  zoomBy(factor) {
+    const [from, to] = this.range ?? [0, this.end];
+    const half = ((to - from) / 2) * factor;
+    const middle = Math.min(Math.max(this.time, half), Math.max(this.end - half, half));
+    this.zoom(2 * half >= this.end ? null : [middle - half, middle + half]);
+  }
+
+  resize() {
+    for (const chart of this.charts) chart.resize();
+    this.scene.draw(this.time);
+  }
+
+  /** In the colours that now hold. */
+  repaint() {
+    for (const chart of this.charts) chart.build();
+    this.scene.draw(this.time);
+  }
+};

@@ -1,0 +1,69 @@
+//! The frame of a page: its head, its style and its scripts. Whatever stands in it is in the file; nothing is fetched.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use std::hash::{BuildHasher, Hasher, RandomState};
+
+/// What the head of every page says, by which a page is known.
+pub(super) const GENERATOR: &str = concat!("biflag ", env!("CARGO_PKG_VERSION"));
+
+const STYLE: [&str; 2] = [include_str!("assets/uPlot.min.css"), include_str!("assets/page.css")];
+
+const SCRIPTS: [&str; 7] = [
+    include_str!("assets/sharp.js"),
+    include_str!("assets/uPlot.iife.min.js"),
+    include_str!("assets/data.js"),
+    include_str!("assets/chart.js"),
+    include_str!("assets/scene.js"),
+    include_str!("assets/player.js"),
+    include_str!("assets/page.js"),
+];
+
+/// A page. `kind`: the class of its body. `data`: elements that the scripts read.
+///
+/// maud escapes every text. Should one slip through all the same, the policy in the head runs no script but the page's
+/// own, known by a number that nobody who wrote a log could know, and lets the page reach no network.
+pub(super) fn page(title: &str, kind: &str, body: &Markup, data: &Markup) -> Markup {
+    let nonce = nonce();
+    let policy = format!(
+        "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+    );
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="generator" content=(GENERATOR);
+                meta http-equiv="Content-Security-Policy" content=(policy);
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                @for style in STYLE { style { (PreEscaped(style)) } }
+            }
+            body class=(kind) {
+                (body)
+                (data)
+                @for script in SCRIPTS { script nonce=(nonce) { (PreEscaped(script)) } }
+            }
+        }
+    }
+}
+
+/// A number that cannot be guessed: the keys of a hasher come from the system's randomness.
+fn nonce() -> String {
+    let part = || RandomState::new().build_hasher().finish();
+    format!("{:016x}{:016x}", part(), part())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_of_the_page_ends_its_own_script_or_style_or_names_a_server() {
+        for script in SCRIPTS {
+            assert!(!script.contains("</script") && !script.contains("<!--"));
+            assert!(!script.contains("fetch(") && !script.contains("XMLHttpRequest") && !script.contains("import("));
+        }
+        assert!(STYLE.iter().all(|style| !style.contains("</style") && !style.contains("url(")));
+        assert_ne!(nonce(), nonce());
+    }
+}

@@ -1,0 +1,230 @@
+//! What a page shows of a log, read from end to end once.
+
+use super::shapes::Shapes;
+use super::table::Table;
+use crate::attitude::{Drift, Track};
+use crate::log::schema::biflag::event::Kind;
+use crate::log::schema::biflag::{Motor, Telemetry};
+use crate::log::{Body, LogError, Message, Origin};
+use crate::overview::Overview;
+use crate::robot_file;
+use sim::params::Robot;
+use std::path::{Path, PathBuf};
+
+/// Yaw, pitch, roll; asked and measured speed of motor 1, then of motor 2; turns of both.
+pub(super) const TELEMETRY: usize = 9;
+
+/// The yaw starts from its mean over the end of the phase before the run.
+const START_S: f64 = 1.0;
+
+/// The most events that are kept.
+const MAX_EVENTS: usize = 2_000;
+
+/// A trial, from its log.
+#[derive(Clone, Debug)]
+pub(super) struct Recording {
+    pub path: PathBuf,
+    pub overview: Overview,
+    /// See [`TELEMETRY`].
+    pub telemetry: Table<TELEMETRY>,
+    /// True yaw, pitch, roll and turns of both shafts, where the log has them.
+    pub truth: Table<5>,
+    pub events: Vec<Event>,
+    /// Events that there were beyond those that are kept.
+    pub more_events: usize,
+    pub link: Vec<LinkSecond>,
+    pub shapes: Shapes,
+}
+
+/// Something that happened.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Event {
+    /// The trial's clock.
+    pub time_s: f64,
+    pub kind: Kind,
+    pub text: String,
+}
+
+/// The link within a second of the trial's clock.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub(super) struct LinkSecond {
+    /// Telemetry frames that came.
+    pub received: u32,
+    /// And did not.
+    pub lost: u32,
+    /// Requests that were sent again.
+    pub retries: u32,
+    /// What the board counted: frames it could not send, failed readings of the sensor, damaged frames, missed ticks.
+    pub board: u32,
+}
+
+impl Recording {
+    /// Reads a log; `shapes`: at most so many shapes of the flagella are kept.
+    pub fn read(path: &Path, shapes: usize) -> Result<Self, LogError> {
+        let mut collector = Collector::new(shapes);
+        let overview = Overview::read_with(path, |message| collector.take(message))?;
+        Ok(Self {
+            path: path.to_owned(),
+            overview,
+            telemetry: collector.telemetry,
+            truth: collector.truth,
+            events: collector.events,
+            more_events: collector.more_events,
+            link: collector.link,
+            shapes: collector.shapes,
+        })
+    }
+
+    /// Whether it is the model's.
+    pub fn is_model(&self) -> bool {
+        self.overview.identity.as_ref().is_some_and(|identity| identity.origin == Origin::Model)
+    }
+
+    /// The robot that the log speaks of; the published one where it does not say, or does not read.
+    pub fn robot(&self) -> Robot {
+        let model = self.overview.model.as_ref().and_then(|model| model.robot());
+        let given = || {
+            let meta = self.overview.robot.as_ref()?;
+            robot_file::parse(&meta.text, &meta.name).ok()
+        };
+        model.or_else(given).unwrap_or_default()
+    }
+
+    /// The yaw from where it was before the run, less the gyroscope's drift, and its 95 % uncertainty (NaN: not known).
+    /// The drift shows while the robot is still before and after the run.
+    pub fn yaw(&self) -> Table<2> {
+        let Table { time_s, columns: [yaw, ..] } = &self.telemetry;
+        let times = &self.overview.times;
+        let track = Track { time_s: time_s.clone(), value: yaw.clone() };
+        let mut table = Table::default();
+        let start = times.run.start;
+        let before = (start - START_S).max(times.preroll.start).max(track.span().start)..start;
+        let has_run = times.run.end > times.run.start;
+        let zero = if has_run { track.mean(before.clone()).unwrap_or(0.0) } else { 0.0 };
+        let drift = if self.is_model() || !has_run {
+            None
+        } else {
+            Drift::seen(&track, times.preroll.clone(), times.decay.clone())
+        };
+        let from = 0.5 * (before.start + before.end);
+        // Before the gyroscope was calibrated its rates, and so the yaw, meant something else.
+        let known = if times.preroll.end > times.preroll.start { times.preroll.start } else { 0.0 };
+        for (time, value) in time_s.iter().zip(yaw) {
+            let row = match &drift {
+                _ if *time < known => [f64::NAN; 2],
+                Some(drift) => {
+                    let uncertainty = drift.uncertainty(from.min(*time), from.max(*time));
+                    [value - zero - drift.between(from, *time), uncertainty]
+                }
+                None => [value - zero, f64::NAN],
+            };
+            table.push(*time, row);
+        }
+        table
+    }
+
+    /// When both shafts had turned how far: as truly as the log knows.
+    pub fn turns_source(&self) -> (&[f64], [&[f64]; 2]) {
+        if self.truth.time_s.is_empty() {
+            let [.., one, two] = &self.telemetry.columns;
+            (&self.telemetry.time_s, [one, two])
+        } else {
+            let [.., one, two] = &self.truth.columns;
+            (&self.truth.time_s, [one, two])
+        }
+    }
+}
+
+/// What is kept of the messages as they pass.
+struct Collector {
+    telemetry: Table<TELEMETRY>,
+    truth: Table<5>,
+    events: Vec<Event>,
+    more_events: usize,
+    link: Vec<LinkSecond>,
+    shapes: Shapes,
+    first_ns: Option<u64>,
+    /// The board's counters in the frame before.
+    counters: Option<[u32; 4]>,
+    turns: [f64; 2],
+    has_truth: bool,
+}
+
+impl Collector {
+    fn new(shapes: usize) -> Self {
+        Self {
+            telemetry: Table::default(),
+            truth: Table::default(),
+            events: Vec::new(),
+            more_events: 0,
+            link: Vec::new(),
+            shapes: Shapes::new(shapes),
+            first_ns: None,
+            counters: None,
+            turns: [0.0; 2],
+            has_truth: false,
+        }
+    }
+
+    fn take(&mut self, message: &Message) {
+        let time_s = self.time(message.log_time_ns);
+        match &message.body {
+            Body::Telemetry(telemetry) => {
+                self.first_ns.get_or_insert(message.log_time_ns);
+                self.telemetry(telemetry);
+            }
+            Body::Truth(truth) => {
+                self.has_truth = true;
+                self.turns = [truth.motor1_turns, truth.motor2_turns];
+                let row = [truth.yaw_deg, truth.pitch_deg, truth.roll_deg, truth.motor1_turns, truth.motor2_turns];
+                self.truth.push(truth.time_s, row);
+            }
+            Body::Flagella(scene) => self.shapes.push(time_s, self.turns, scene),
+            Body::Dropout(dropout) => self.second(time_s).lost += dropout.count,
+            Body::Command(command) => self.second(time_s).retries += command.attempts.saturating_sub(1),
+            Body::Event(event) => {
+                if self.events.len() < MAX_EVENTS {
+                    self.events.push(Event { time_s, kind: event.kind(), text: event.text.clone() });
+                } else {
+                    self.more_events += 1;
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn telemetry(&mut self, telemetry: &Telemetry) {
+        let [one, two] = [&telemetry.motor1, &telemetry.motor2].map(|motor| motor.unwrap_or_default());
+        let Motor { target_rpm, speed_rpm, turns, .. } = one;
+        if !self.has_truth {
+            self.turns = [turns, two.turns];
+        }
+        let angles = [telemetry.yaw_deg, telemetry.pitch_deg, telemetry.roll_deg];
+        let [yaw, pitch, roll] = angles.map(|angle| if telemetry.attitude.is_some() { angle } else { f64::NAN });
+        let row = [yaw, pitch, roll, target_rpm, speed_rpm, two.target_rpm, two.speed_rpm, turns, two.turns];
+        self.telemetry.push(telemetry.time_s, row);
+
+        let now = [telemetry.unsent, telemetry.imu_errors, telemetry.bad_frames, telemetry.missed_ticks];
+        let grown = |(now, then): (u32, u32)| now.wrapping_sub(then) & 0xFFFF;
+        let counted: u32 = now.into_iter().zip(self.counters.unwrap_or(now)).map(grown).sum();
+        self.counters = Some(now);
+        let second = self.second(telemetry.time_s);
+        second.received += 1;
+        second.board += counted;
+    }
+
+    /// Times are counted from the first frame of telemetry.
+    fn time(&self, log_ns: u64) -> f64 {
+        log_ns.saturating_sub(self.first_ns.unwrap_or(log_ns)) as f64 * 1e-9
+    }
+
+    fn second(&mut self, time_s: f64) -> &mut LinkSecond {
+        /// A trial that claims to be longer than a week is damaged.
+        const MOST: f64 = 7.0 * 86_400.0;
+        let index = time_s.clamp(0.0, MOST) as usize;
+        if self.link.len() <= index {
+            self.link.resize(index + 1, LinkSecond::default());
+        }
+        &mut self.link[index]
+    }
+}

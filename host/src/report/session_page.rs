@@ -1,0 +1,228 @@
+//! The page of a session: what it came to as a whole, its maps, a table of its trials, and each trial.
+
+use super::heat_map::{self, Cell};
+use super::text::{clip, number, plain};
+use super::trial_section::{files, tile, warnings};
+use super::view::View;
+use crate::plan::Plan;
+use crate::stats::LinkStats;
+use crate::twin::SessionComparison;
+use maud::{Markup, html};
+use std::path::Path;
+
+/// A trial of a session.
+#[derive(Clone, Debug)]
+pub(super) struct Row {
+    /// Its name in the plan.
+    pub name: String,
+    pub speeds_rpm: [f64; 2],
+    /// What came of it.
+    pub state: RowState,
+}
+
+/// What came of a trial.
+#[derive(Clone, Debug)]
+pub(super) enum RowState {
+    /// It is on the page.
+    Shown(Box<View>),
+    /// It has no log yet.
+    Missing,
+    /// Its log does not read, and why.
+    Unreadable(String),
+}
+
+impl Row {
+    pub fn view(&self) -> Option<&View> {
+        match &self.state {
+            RowState::Shown(view) => Some(view),
+            _ => None,
+        }
+    }
+}
+
+/// Anchor of the `i`-th trial.
+pub(super) fn anchor(i: usize) -> String {
+    format!("trial-{}", i + 1)
+}
+
+/// All above the trials.
+pub(super) fn overview(
+    folder: &Path,
+    plan: &Plan,
+    rows: &[Row],
+    comparison: Option<&SessionComparison>,
+    has_charts: bool,
+) -> Markup {
+    let views: Vec<&View> = rows.iter().filter_map(Row::view).collect();
+    let first = views.first();
+    html! {
+        h1 { (clip(&plan.name, 200)) }
+        p.meta {
+            span { "session of " (rows.len()) " trials" }
+            @if !plan.operator.is_empty() { span { (clip(&plan.operator, 200)) } }
+            span { "robot " (clip(&plan.robot.name, 200)) }
+            span { (folder.display()) }
+        }
+        @if !plan.note.is_empty() { p.note { (clip(&plan.note, 4_000)) } }
+        (tiles(&views, rows.len(), comparison))
+        @if let Some(comparison) = comparison && !comparison.verdict.is_empty() { p.verdict { (clip(&comparison.verdict, 600)) } }
+        (warnings(notes(rows, comparison, has_charts).iter().map(String::as_str)))
+        (maps(rows))
+        h2 #trials { "Trials" }
+        (table(rows, has_charts))
+        @if let Some(view) = first { (files(view)) }
+    }
+}
+
+fn tiles(views: &[&View], trials: usize, comparison: Option<&SessionComparison>) -> Markup {
+    let mut link = LinkStats::default();
+    views.iter().for_each(|view| link += view.overview.link);
+    let complete = views.iter().filter(|view| view.is_complete()).count();
+    let error = |value: Option<f64>| number(value.unwrap_or(f64::NAN), 2) + "°";
+    html! {
+        dl.tiles {
+            (tile("Trials complete", &complete.to_string(), &html! { "of " (trials) }))
+            @if let Some(comparison) = comparison {
+                (tile("RMS error, yaw", &error(comparison.yaw_rmse_deg), &html! { "over the runs of " (comparison.trials.len()) " trials" }))
+                (tile("RMS error, pitch", &error(comparison.pitch_rmse_deg), &html! { "roll " (error(comparison.roll_rmse_deg)) }))
+                @if let Some(steady) = comparison.steady_rms_error_deg {
+                    (tile("Steady error, yaw", &error(Some(steady[0])), &html! { "pitch " (error(Some(steady[1]))) ", RMS over the trials" }))
+                }
+            }
+            @if !views.iter().all(|view| view.is_model()) {
+                (tile("Frames lost", &link.lost.to_string(), &html! { "of " (link.samples + link.lost) "; " (link.retries) " retries" }))
+            } @else {
+                (tile("Samples", &link.samples.to_string(), &html! { "computed by the model" }))
+            }
+        }
+    }
+}
+
+/// What is to be known before the table is read.
+fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool) -> Vec<String> {
+    let mut notes = Vec::new();
+    let count = |what: &str, n: usize| (n > 0).then(|| format!("{n} of {} trials {what}.", rows.len()));
+    let missing = rows.iter().filter(|row| matches!(row.state, RowState::Missing)).count();
+    let unreadable = rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count();
+    let broken = rows.iter().filter_map(Row::view).filter(|view| !view.is_complete()).count();
+    let moving = rows.iter().filter_map(Row::view).filter(|view| !view.is_settled()).count();
+    notes.extend(count("have no log yet", missing));
+    notes.extend(count("have a log that does not read", unreadable));
+    notes.extend(count("are not complete", broken));
+    notes.extend(count("have not settled: their steady values are means of a motion", moving));
+    if let Some(skipped) = comparison.map(|comparison| &comparison.skipped).filter(|skipped| !skipped.is_empty()) {
+        notes.extend(count("could not be compared; the table says why", skipped.len()));
+    }
+    if !has_charts {
+        let text =
+            "So many trials are too much for the charts of each on one page: `biflag report LOG` draws those of one.";
+        notes.push(text.to_owned());
+    }
+    notes
+}
+
+fn maps(rows: &[Row]) -> Markup {
+    let cells = |angle: usize, modelled: bool| -> Vec<Cell> {
+        let cell = |(i, row): (usize, &Row)| {
+            let view = row.view()?;
+            let steady = view.steady?;
+            let value_deg = if modelled { steady.modelled_deg?[angle] } else { steady.angles_deg[angle] }.abs();
+            let anchor = (!view.data.is_null()).then(|| anchor(i));
+            Some(Cell { speeds_rpm: row.speeds_rpm, value_deg, anchor })
+        };
+        rows.iter().enumerate().filter_map(cell).collect()
+    };
+    if !heat_map::is_grid(&cells(0, false)) {
+        return html! {};
+    }
+    let whose = if rows.iter().filter_map(Row::view).all(View::is_model) { "model" } else { "measured" };
+    html! {
+        h2 { "Attitude over both speeds" }
+        div.maps {
+            @for (angle, name) in [(0, "Steady yaw |ψ|"), (1, "Steady pitch |θ|")] {
+                @let (own, model) = (cells(angle, false), cells(angle, true));
+                // Both maps of an angle share their colours.
+                @let scale = heat_map::largest(&own).max(heat_map::largest(&model));
+                @for (cells, whose) in [(&own, whose), (&model, "model")] {
+                    @if !cells.is_empty() {
+                        @let title = format!("{name}, {whose}");
+                        figure { h3 { (title) } (heat_map::svg(&title, cells, scale)) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A figure in the table: its text, and what it is sorted by.
+fn cell(value: Option<f64>, decimals: usize) -> Markup {
+    html! { td data-key=[value.filter(|value| value.is_finite())] { (value.map_or("–".to_owned(), |value| number(value, decimals))) } }
+}
+
+/// Which columns the table has.
+#[derive(Clone, Copy)]
+struct Columns {
+    charts: bool,
+    uncertainty: bool,
+    compared: bool,
+    link: bool,
+}
+
+fn table(rows: &[Row], has_charts: bool) -> Markup {
+    let any = |what: fn(&View) -> bool| rows.iter().filter_map(Row::view).any(what);
+    let columns = Columns {
+        charts: has_charts,
+        uncertainty: any(|view| view.steady.is_some_and(|steady| steady.yaw_uncertainty_deg.is_some())),
+        compared: any(|view| view.comparison.is_some()),
+        link: any(|view| !view.is_model()),
+    };
+    let head = |text: &str| html! { th scope="col" { button type="button" { (text) } } };
+    html! {
+        div.scroll tabindex="0" role="region" aria-label="Table of the trials" {
+            table.trials {
+                thead { tr {
+                    th scope="col" { button type="button" { "Trial" } }
+                    (head("w1, rpm")) (head("w2, rpm"))
+                    (head("ψ, °")) @if columns.uncertainty { (head("± 95 %")) } (head("θ, °")) (head("φ, °"))
+                    @if columns.compared { (head("model ψ")) (head("model θ")) (head("error ψ")) (head("error θ")) (head("RMS ψ")) (head("RMS θ")) }
+                    @if columns.link { (head("lost")) }
+                    th.text scope="col" { "To know" }
+                } }
+                tbody { @for (i, row) in rows.iter().enumerate() { (line(row, i, columns)) } }
+            }
+        }
+    }
+}
+
+fn line(row: &Row, i: usize, columns: Columns) -> Markup {
+    let anchor = anchor(i);
+    let view = row.view();
+    let steady = view.and_then(|view| view.steady);
+    let angle = |k: usize| steady.map(|steady| steady.angles_deg[k]);
+    let comparison = view.and_then(|view| view.comparison.as_ref());
+    html! {
+        tr data-trial=(anchor) {
+            td data-key=(i) {
+                @if columns.charts && view.is_some() { a href={ "#" (anchor) } { (clip(&row.name, 80)) } } @else { (clip(&row.name, 80)) }
+            }
+            td data-key=(row.speeds_rpm[0]) { (plain(row.speeds_rpm[0])) }
+            td data-key=(row.speeds_rpm[1]) { (plain(row.speeds_rpm[1])) }
+            (cell(angle(0), 2))
+            @if columns.uncertainty { (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg), 2)) }
+            (cell(angle(1), 2)) (cell(angle(2), 2))
+            @if columns.compared {
+                (cell(comparison.map(|c| c.steady_modelled_deg[0]), 2)) (cell(comparison.map(|c| c.steady_modelled_deg[1]), 2))
+                (cell(comparison.map(|c| c.steady_yaw_error_deg), 2)) (cell(comparison.map(|c| c.steady_pitch_error_deg), 2))
+                (cell(comparison.map(|c| c.yaw_rmse_deg), 2)) (cell(comparison.map(|c| c.pitch_rmse_deg), 2))
+            }
+            @if columns.link { (cell(view.map(|view| view.overview.link.lost as f64), 0)) }
+            td.text {
+                @match &row.state {
+                    RowState::Shown(view) => { (view.warnings.iter().map(|warning| warning.brief.as_str()).collect::<Vec<_>>().join(", ")) }
+                    RowState::Missing => { "not yet" }
+                    RowState::Unreadable(why) => { (clip(why, 300)) }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! Pages of logs and sessions, good and hostile.
+
+use super::*;
+use crate::log::{
+    BoardMeta, CalibrationMeta, End, EventKind, Identity, ModelMeta, Origin, PlanMeta, RecoveryMeta, RobotMeta, Start,
+    Summary, TrialMeta, Writer,
+};
+use crate::plan::Plan;
+use protocol::units::{CentiRpm, Count, Quaternion};
+use protocol::{Settings, State, Telemetry};
+use std::time::{Duration, SystemTime};
+
+/// Ends an attribute, an element and a script, and begins others; the last two end a line in older scripts.
+const MARKUP: &str = "\"'><img src=x onerror=alert(1)></script><script>alert(2)</script>&lt;\u{2028}\u{2029}";
+
+const PLAN: &str = "[session]\nname = \"glycerin\"\n[trial]\ncalibrate = 0\npreroll = 0\nrun = 2\ndecay = 0\n\
+                    [speeds]\npairs = [[50, 10], [0, 45], [-90, 90]]\n";
+
+fn host(seconds: f64) -> SystemTime {
+    SystemTime::UNIX_EPOCH + Duration::from_secs_f64(1_700_000_000.0 + seconds)
+}
+
+/// A log of two seconds; `text` stands wherever a log holds text.
+fn log(path: &Path, plan: &Plan, text: Option<&str>) {
+    let start = Start {
+        plan,
+        trial: &plan.trials[0],
+        attempt: 1,
+        origin: Origin::Rig,
+        board: Some((protocol::Info::default(), Settings::DEFAULT)),
+        time: host(0.0),
+    };
+    let mut writer = Writer::create(path, &start).unwrap();
+    if let Some(text) = text {
+        let text = || text.to_owned();
+        let identity =
+            Identity { format: 1, host_version: text(), host_git_hash: text(), created: text(), ..Identity::default() };
+        writer.meta(&identity).unwrap();
+        writer.meta(&PlanMeta { name: text(), operator: text(), note: text(), trials: 1, text: text() }).unwrap();
+        writer.meta(&TrialMeta { name: text(), w1_rpm: 50.0, w2_rpm: 10.0, ..TrialMeta::default() }).unwrap();
+        writer.meta(&RobotMeta { name: text(), text: text() }).unwrap();
+        writer.meta(&ModelMeta { parameters: text(), ..ModelMeta::default() }).unwrap();
+        writer
+            .meta(&BoardMeta {
+                firmware: text(),
+                firmware_git_hash: text(),
+                reset_cause: text(),
+                settings: text(),
+                ..BoardMeta::default()
+            })
+            .unwrap();
+        writer.meta(&CalibrationMeta::default()).unwrap();
+        writer.meta(&RecoveryMeta { source: text(), lost: text() }).unwrap();
+    }
+    writer.event(EventKind::Phase, text.unwrap_or("run"), host(0.0)).unwrap();
+    for i in 0..400_u16 {
+        let half = (f64::from(i) * 0.05).to_radians() / 2.0;
+        let frame = Telemetry {
+            seq: Count(i),
+            attitude: Quaternion::from_f64([half.cos(), 0.0, 0.0, half.sin()]),
+            target: [CentiRpm(5000), CentiRpm(1000)],
+            speed: [CentiRpm(5000), CentiRpm(1000)],
+            state: State::Running,
+            ..Telemetry::default()
+        };
+        let time_us = u64::from(i) * 5_000;
+        writer.telemetry(&frame, time_us, host(f64::from(i) * 0.005)).unwrap();
+        for kind in [EventKind::Fault, EventKind::Warning, EventKind::Note].into_iter().filter(|_| i == 100) {
+            writer.event(kind, text.unwrap_or("something"), host(0.5)).unwrap();
+        }
+    }
+    writer.event(EventKind::Phase, "end", host(2.0)).unwrap();
+    let reason = text.unwrap_or_default().to_owned();
+    let end = if text.is_some() { End::Failed } else { End::Complete };
+    writer.finish(&Summary { end, reason, ..Summary::default() }).unwrap();
+}
+
+fn plan() -> Plan {
+    Plan::parse(PLAN, "plan.toml").unwrap()
+}
+
+#[test]
+fn a_page_is_whole_small_and_written_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("001.mcap");
+    log(&path, &plan(), None);
+    let written = of_log(&path, None, None).unwrap();
+    assert_eq!(written.html, folder.path().join("001.html"));
+    let page = std::fs::read_to_string(&written.html).unwrap();
+    assert_eq!(written.bytes, page.len() as u64);
+    assert!(page.len() < 400_000, "{}", page.len());
+    assert!(page.contains("001_w1+50_w2+10 at (50, 10) rpm") && page.contains("Every sample is drawn."));
+    // No address but those in comments of the library and names of formats.
+    for address in page.match_indices("://").map(|(at, _)| &page[at.saturating_sub(8)..(at + 40).min(page.len())]) {
+        assert!(address.contains("github.com/leeoniya/uPlot"), "{address}");
+    }
+    of_log(&path, None, None).unwrap();
+}
+
+#[test]
+fn what_is_no_page_of_ours_is_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, page) = (folder.path().join("a.mcap"), folder.path().join("a.html"));
+    log(&path, &plan(), None);
+    assert!(matches!(of_log(&path, None, Some(&path)), Err(ReportError::NotOurs { .. })));
+    std::fs::write(&page, "<html>mine</html>").unwrap();
+    assert!(matches!(of_log(&path, None, None), Err(ReportError::NotOurs { .. })));
+    std::fs::remove_file(&page).unwrap();
+    std::os::unix::fs::symlink(folder.path().join("elsewhere"), &page).unwrap();
+    assert!(matches!(of_log(&path, None, None), Err(ReportError::NotOurs { .. })));
+    assert!(!folder.path().join("elsewhere").exists());
+    let nowhere = folder.path().join("no/such/folder.html");
+    assert!(matches!(of_log(&path, None, Some(&nowhere)), Err(ReportError::Write { .. })));
+}
+
+/// How many elements of a kind a page has.
+fn count(page: &str, element: &str) -> usize {
+    page.matches(&format!("<{element}")).count()
+}
+
+#[test]
+fn markup_in_every_text_is_text() {
+    let folder = tempfile::tempdir().unwrap();
+    let [good, bad] = ["good", "bad"].map(|name| folder.path().join(name).with_extension("mcap"));
+    log(&good, &plan(), None);
+    log(&bad, &plan(), Some(MARKUP));
+    let [good, bad] = [good, bad].map(|log| {
+        let written = of_log(&log, None, None).unwrap();
+        std::fs::read_to_string(written.html).unwrap()
+    });
+    assert_eq!(count(&bad, "script"), count(&good, "script"));
+    assert_eq!(count(&bad, "/script"), count(&good, "/script"));
+    assert_eq!((count(&bad, "img"), count(&bad, "canvas")), (0, 1));
+    assert!(bad.matches("&lt;img src=x onerror=alert(1)&gt;").count() >= 15);
+    // In the data the text stands as JSON.
+    assert!(bad.contains(r"\u003cimg src=x onerror=alert(1)\u003e"));
+}
+
+#[test]
+fn a_hostile_session_leads_nothing_out_of_its_folder() {
+    let outside = tempfile::tempdir().unwrap();
+    let folder = outside.path().join("session");
+    let hostile = "[session]\nname = \"../../escape\"\nnote = \"<script>alert(1)</script>\"\noperator = \"<b>\"\nrobot = \"/etc/passwd\"\n\
+                   [speeds]\npairs = [[50, 10], [0, 45], [1, 2]]\n";
+    let plan = Plan::parse(hostile, "plan.toml").unwrap();
+    let session = Session::create(&folder, &plan).unwrap();
+    log(&folder.join("001_w1+50_w2+10.mcap"), &plan, Some("../../../escape"));
+    std::fs::write(folder.join("002_w1+0_w2+45.mcap"), "no log").unwrap();
+    // A log that is a link to somewhere else is no log of the session.
+    std::fs::write(outside.path().join("secret.mcap"), "the secret outside").unwrap();
+    std::os::unix::fs::symlink(outside.path().join("secret.mcap"), folder.join("003_w1+1_w2+2.mcap")).unwrap();
+    let text = std::fs::read_to_string(folder.join("session.toml")).unwrap();
+    std::fs::write(folder.join("session.toml"), text.replace("/etc/passwd", "../../etc/passwd")).unwrap();
+
+    let before = names(outside.path());
+    let written = of_session(&Session::open(&folder).unwrap(), None, None);
+    // A log that no summary can be read from makes no session unreadable.
+    let written = written.unwrap();
+    assert_eq!(names(outside.path()), before);
+    assert_eq!(written.html, folder.join("report.html"));
+    assert_eq!(names(&folder).len(), 5);
+    assert!(session.folder().join("report.html").is_file());
+    let page = std::fs::read_to_string(written.html).unwrap();
+    assert!(page.contains("../../escape") && !page.contains("<script>alert") && !page.contains("<b>../"));
+    assert!(!page.contains("root:x:0") && !page.contains("the secret outside"));
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<_> = entries.collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_session_lists_what_it_has_and_what_it_has_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path().join("session");
+    let plan = plan();
+    let session = Session::create(&folder, &plan).unwrap();
+    log(&folder.join("001_w1+50_w2+10.mcap"), &plan, None);
+    let written = of_session(&session, None, None).unwrap();
+    assert_eq!(written.trials, 1);
+    let page = std::fs::read_to_string(written.html).unwrap();
+    assert!(
+        page.contains("href=\"#trial-1\"") && page.contains("id=\"trial-1\"") && !page.contains("href=\"#trial-2\"")
+    );
+    assert_eq!(page.matches("not yet").count(), 2);
+    assert!(page.contains("2 of 3 trials have no log yet."));
+}

@@ -1,0 +1,76 @@
+//! Numbers and texts as the page writes them.
+
+/// Degrees with so many decimals and a real minus sign.
+pub(super) fn degrees(value: f64, decimals: usize) -> String {
+    format!("{}°", number(value, decimals))
+}
+
+/// A number with so many decimals and a real minus sign; a dash where there is none.
+pub(super) fn number(value: f64, decimals: usize) -> String {
+    if !value.is_finite() {
+        return "–".to_owned();
+    }
+    let text = format!("{:.decimals$}", value.abs());
+    // What rounds to zero has no sign.
+    let is_zero = text.bytes().all(|byte| matches!(byte, b'0' | b'.'));
+    if value < 0.0 && !is_zero { format!("−{text}") } else { text }
+}
+
+/// A pair of speeds.
+pub(super) fn speeds([w1, w2]: [f64; 2]) -> String {
+    format!("({}, {}) rpm", plain(w1), plain(w2))
+}
+
+/// A number with as many decimals as it has, up to four.
+pub(super) fn plain(value: f64) -> String {
+    let value = (value * 1e4).round() / 1e4;
+    if value < 0.0 { format!("−{}", -value) } else { format!("{value}") }
+}
+
+/// At most so many characters, with an ellipsis where there were more. A log that came from elsewhere may hold any text.
+pub(super) fn clip(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
+/// JSON to stand in a `<script>` element: no character of it can end the element or begin another.
+pub(super) fn json_for_script(value: &serde_json::Value) -> String {
+    let mut text = String::new();
+    for c in value.to_string().chars() {
+        match c {
+            '<' | '>' | '&' | '\'' | '\u{2028}' | '\u{2029}' => text += &format!("\\u{:04x}", u32::from(c)),
+            _ => text.push(c),
+        }
+    }
+    text
+}
+
+/// The name of a value in JSON, in words.
+pub(super) fn word(value: &impl serde::Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|name| Some(name.as_str()?.replace('_', " "))).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_their_signs() {
+        assert_eq!(degrees(-12.345, 2), "−12.35°");
+        assert_eq!(number(-0.001, 2), "0.00");
+        assert_eq!(number(f64::NAN, 2), "–");
+        assert_eq!(speeds([-90.0, 12.5]), "(−90, 12.5) rpm");
+        assert_eq!(clip("αβγδ", 3), "αβγ…");
+        assert_eq!(clip("αβγ", 3), "αβγ");
+    }
+
+    #[test]
+    fn json_in_a_script_stays_json_and_ends_no_script() {
+        let value = serde_json::json!({ "</script><!--": ["<script>", "a & b", "\u{2028}\u{2029}'\"\\"] });
+        let text = json_for_script(&value);
+        assert!(!text.contains(['<', '>', '&', '\'', '\u{2028}', '\u{2029}']));
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap(), value);
+    }
+}

@@ -1,0 +1,65 @@
+//! A session's trials are comparable: all of them ran on the same thing, with the same settings.
+
+use super::{Session, SessionError, TrialState};
+use crate::log::{self, BoardMeta, Identity, Origin};
+
+/// Settings that do not touch what is measured.
+const HARMLESS: [&str; 2] = ["gyro_bias_counts", "deadline_ms"];
+
+impl Session {
+    /// Sees that the trials that are complete ran where the next ones are to run: the last of them, which was held
+    /// against the one before it in its time. Answers what whoever goes on should know.
+    ///
+    /// # Errors
+    /// [`SessionError::OtherRig`], [`SessionError::Log`].
+    pub fn expect_same_rig(
+        &self,
+        states: &[TrialState],
+        origin: Origin,
+        board: Option<&BoardMeta>,
+    ) -> Result<Option<String>, SessionError> {
+        let Some(last) = states.iter().filter_map(TrialState::complete).next_back() else { return Ok(None) };
+        let other = |was: String, is: String| {
+            let (folder, log) = (self.folder().to_owned(), last.path.clone());
+            Err(SessionError::OtherRig { folder, log, was, is })
+        };
+        if let Some(identity) = log::last_meta::<Identity>(&last.path)?
+            && identity.origin != origin
+        {
+            return other(place(identity.origin).to_owned(), place(origin).to_owned());
+        }
+        let (Some(before), Some(now)) = (log::last_meta::<BoardMeta>(&last.path)?, board) else { return Ok(None) };
+        if before.board_id != now.board_id {
+            return other(format!("on board {}", before.board_id), format!("on board {}", now.board_id));
+        }
+        if let Some((was, is)) = other_setting(&before.settings, &now.settings) {
+            return other(format!("with {was}"), format!("with {is}"));
+        }
+        let firmware = |board: &BoardMeta| format!("{} ({})", board.firmware, board.firmware_git_hash);
+        Ok((firmware(&before) != firmware(now)).then(|| {
+            format!(
+                "the trials so far ran with firmware {}, the next ones run with {}",
+                firmware(&before),
+                firmware(now)
+            )
+        }))
+    }
+}
+
+fn place(origin: Origin) -> &'static str {
+    match origin {
+        Origin::Rig => "on the rig",
+        Origin::VirtualRig => "on the emulated board",
+        Origin::Model => "in the model",
+    }
+}
+
+/// The first setting that makes other data, as `key = value` before and now.
+fn other_setting(before: &str, now: &str) -> Option<(String, String)> {
+    let [before, now] = [before, now].map(|text| text.parse::<toml::Table>().unwrap_or_default());
+    before.iter().filter(|(key, _)| !HARMLESS.contains(&key.as_str())).find_map(|(key, was)| {
+        // What another version of the firmware does not know cannot differ.
+        let is = now.get(key).filter(|is| *is != was)?;
+        Some((format!("{key} = {was}"), format!("{key} = {is}")))
+    })
+}

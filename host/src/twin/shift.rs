@@ -1,0 +1,84 @@
+//! What is left of a shift in time between two attitudes that both begin with their motors.
+//!
+//! Two rigs reach their speed differently, and their sensors lag differently. The shift is where the correlation of the
+//! two attitudes is closest, from the still phase before the run on: a transient by itself looks the same whenever it
+//! began. A correlation does not mind a wrong scale or zero, so a model that turns too far is not taken for one that comes
+//! too late.
+
+use super::compare::RATE_HZ;
+
+/// The largest shift that is looked for, s. What is more is no lag.
+const LARGEST_S: f64 = 0.5;
+
+/// Steps of the search, s.
+const STEP_S: f64 = 0.01;
+
+/// A shift is believed where it explains at least this share of what correlation leaves unexplained without it. A model
+/// with wrong time constants is explained by none.
+const EXPLAINED: f64 = 0.75;
+
+/// A smaller difference than this needs no explanation, degrees RMS.
+const NOTHING_DEG: f64 = 0.05;
+
+/// By how much the second attitude is to be moved forward to lie on the first, s; 0 where nothing calls for it. Both are
+/// of the same times, [`RATE_HZ`].
+pub(super) fn of(measured: &[[f64; 3]], modelled: &[[f64; 3]]) -> f64 {
+    let margin = (LARGEST_S * RATE_HZ).ceil() as usize + 1;
+    if measured.len() < 4 * margin {
+        return 0.0;
+    }
+    let inside = margin..measured.len() - margin;
+    // What is left of each angle's variance when a straight line from the other explains it, degrees².
+    let unexplained = |shift: f64| {
+        let offset = -shift * RATE_HZ;
+        let (whole, share) = (offset.floor(), offset - offset.floor());
+        let left = |k: usize| {
+            let (mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+            for i in inside.clone() {
+                let at = (i as f64 + whole) as usize;
+                let (a, b) = (modelled[at][k] * (1.0 - share) + modelled[at + 1][k] * share, measured[i][k]);
+                (x, y, xx, xy, yy) = (x + a, y + b, xx + a * a, xy + a * b, yy + b * b);
+            }
+            let n = inside.len() as f64;
+            let (xx, xy, yy) = (xx / n - x * x / n / n, xy / n - x * y / n / n, yy / n - y * y / n / n);
+            if xy > 0.0 { (yy - xy * xy / xx).max(0.0) } else { yy }
+        };
+        left(0) + left(1) + left(2)
+    };
+    let steps = (LARGEST_S / STEP_S).round() as i32;
+    let left: Vec<_> = (-steps..=steps).map(|i| (f64::from(i) * STEP_S, unexplained(f64::from(i) * STEP_S))).collect();
+    let now = unexplained(0.0);
+    let Some((shift, least)) = left.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)) else { return 0.0 };
+    let is_inside = shift.abs() < LARGEST_S - 0.5 * STEP_S;
+    if is_inside && now > NOTHING_DEG.powi(2) && least < (1.0 - EXPLAINED) * now { shift } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A yaw that settles and wobbles.
+    fn attitude(shift: f64, gain: f64) -> Vec<[f64; 3]> {
+        let at = |t: f64| {
+            let yaw = 65.0 * (1.0 - (-(t.max(0.0)) / 2.6).exp());
+            [gain * yaw, gain * 4.0 * (1.0 - (-(t.max(0.0)) / 11.0).exp()), 0.2 * (5.2 * t.max(0.0)).sin()]
+        };
+        (-100..1100).map(|i| at(f64::from(i) / RATE_HZ - shift)).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+        #[test]
+        fn a_shift_is_found(shift in -0.4..0.4f64) {
+            let found = of(&attitude(shift, 1.0), &attitude(0.0, 1.0));
+            prop_assert!((found - shift).abs() < 0.011 || (shift.abs() < 0.03 && found == 0.0), "{found}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_model_is_not_taken_for_a_shift() {
+        assert_eq!(of(&attitude(0.0, 1.2), &attitude(0.0, 1.0)), 0.0);
+        assert_eq!(of(&attitude(0.0, 1.0)[..40], &attitude(0.3, 1.0)[..40]), 0.0);
+    }
+}

@@ -1,0 +1,284 @@
+//! From encoder readings to speeds that a model can follow.
+//!
+//! An encoder counts: its angle is exact to a count, and never drifts, but the speed between two counts is noise. So the
+//! angle is what is fitted, by a quadratic spline, whose derivative is a speed that is linear between the spline's knots:
+//! just what a [`SpeedProfile`] is. Knots lie where they are needed, close in time where the motors start and stop and far
+//! apart in between, so that noise is averaged and the solver meets a smooth speed.
+
+use super::{Recording, TwinError};
+use crate::log::Origin;
+use sim::profile::SpeedProfile;
+
+/// The spline stays this close to the encoder, turns: one degree. A helix that is off by so much pushes the same.
+const TOLERANCE: f64 = 1.0 / 360.0;
+
+/// Distance of the knots at first, and the least, s.
+const LONGEST_S: f64 = 2.0;
+const SHORTEST_S: f64 = 0.03;
+
+/// Weight of the changes of speed from knot to knot, as turns in a knot's distance, beside the readings. Where there are
+/// readings it is too little to matter; where they are missing it makes the bridge.
+const STIFFNESS: f64 = 1e-3;
+
+/// The model of a rig's robot hangs at rest for so long before the log begins, s. It starts with flagella that do not sag
+/// yet, and what the base does meanwhile dies in 11 s. A model's trial began just so.
+const REST_S: f64 = 40.0;
+
+/// A first speed above this is no noise of an encoder at rest, rpm.
+const MOVING_RPM: f64 = 0.5;
+
+/// The speeds of a recorded trial from its first frame to its last, with its run phase, and before it a rest.
+pub(super) fn profile(recording: &Recording) -> Result<SpeedProfile, TwinError> {
+    let (start, _) = recording.turns[0];
+    let rest = (recording.origin != Origin::Model).then_some(start - REST_S);
+    build(recording, &recording.turns, rest)
+}
+
+/// The speeds from the start of the run on, after a rest that begins a whole number of steps and a half before it: samples
+/// at these steps lie amid the steps of the run.
+pub(super) fn profile_of_run(recording: &Recording, step_s: f64) -> Result<SpeedProfile, TwinError> {
+    let run = recording.times.run.start;
+    let (start, _) = recording.turns[0];
+    let rest_s = if recording.origin == Origin::Model { run - start } else { REST_S };
+    let rest = run - ((rest_s / step_s - 0.5).floor().max(0.0) + 0.5) * step_s;
+    // A little before, where the motors are still, so that the spline knows it.
+    let first = recording.turns.partition_point(|(time, _)| *time < rest.max(run - 0.5));
+    build(recording, &recording.turns[first.min(recording.turns.len() - 2)..], Some(rest))
+}
+
+fn build(
+    recording: &Recording,
+    readings: &[(f64, [f64; 2])],
+    rest_from_s: Option<f64>,
+) -> Result<SpeedProfile, TwinError> {
+    let run = &recording.times.run;
+    let knots = knots(readings, run.start);
+    let speeds = [0, 1].map(|k| Spline::fit(&knots, readings.iter().map(|(time, turns)| (*time, turns[k]))).speeds());
+    let mut points: Vec<_> =
+        knots.iter().enumerate().map(|(i, time)| (*time, [speeds[0][i] * 60.0, speeds[1][i] * 60.0])).collect();
+    if let (Some(rest), Some((first, rpm))) = (rest_from_s, points.first_mut()) {
+        let first = *first;
+        if rpm.iter().all(|rpm| rpm.abs() < MOVING_RPM) {
+            *rpm = [0.0; 2];
+            points.insert(0, (rest, [0.0; 2]));
+        } else {
+            points.splice(0..0, [(rest, [0.0; 2]), (first, [0.0; 2])]);
+        }
+    }
+    let start = points.first().map_or(run.start, |(time, _)| run.start.max(*time));
+    SpeedProfile::from_points(&points).and_then(|profile| profile.with_run(start, run.end)).map_err(|error| {
+        let help = "check the encoders' counts in the log with `biflag export`";
+        TwinError::Unusable { path: recording.path.clone(), reason: error.to_string(), help }
+    })
+}
+
+/// Knots that bring both splines within the tolerance, one of them where the run starts.
+fn knots(turns: &[(f64, [f64; 2])], run_start: f64) -> Vec<f64> {
+    let (Some((start, _)), Some((end, _))) = (turns.first(), turns.last()) else { return Vec::new() };
+    let mut knots = if run_start > *start { even(*start, run_start) } else { vec![*start] };
+    knots.pop();
+    knots.extend(even(run_start.max(*start), *end));
+    loop {
+        let mut worst = vec![0.0f64; knots.len().saturating_sub(1)];
+        for k in 0..2 {
+            let spline = Spline::fit(&knots, turns.iter().map(|(time, turns)| (*time, turns[k])));
+            for (time, turns) in turns {
+                let (interval, angle) = spline.at(*time);
+                worst[interval] = worst[interval].max((angle - turns[k]).abs());
+            }
+        }
+        let split = |i: usize| worst[i] > TOLERANCE && knots[i + 1] - knots[i] >= 2.0 * SHORTEST_S;
+        let mut finer = Vec::with_capacity(knots.len());
+        for i in 0..worst.len() {
+            finer.push(knots[i]);
+            if split(i) {
+                finer.push(0.5 * (knots[i] + knots[i + 1]));
+            }
+        }
+        finer.extend(knots.last());
+        if finer.len() == knots.len() {
+            return knots;
+        }
+        knots = finer;
+    }
+}
+
+/// Times from `start` to `end` at most the longest distance apart.
+fn even(start: f64, end: f64) -> Vec<f64> {
+    if end <= start {
+        return vec![start];
+    }
+    let count = ((end - start) / LONGEST_S).ceil().max(1.0);
+    (0..=count as usize).map(|i| start + (end - start) * i as f64 / count).collect()
+}
+
+/// A quadratic spline with simple knots inside and triple ones at its ends.
+struct Spline<'a> {
+    knots: &'a [f64],
+    coefficients: Vec<f64>,
+}
+
+impl<'a> Spline<'a> {
+    /// Least squares through (time, angle), with the changes of speed held small.
+    fn fit(knots: &'a [f64], readings: impl Iterator<Item = (f64, f64)>) -> Self {
+        let mut spline = Self { knots, coefficients: Vec::new() };
+        let count = knots.len() + 1;
+        // Rows of the lower half of a matrix that is five wide.
+        let mut normal = vec![[0.0; 3]; count];
+        let mut right = vec![0.0; count];
+        let mut add = |first: usize, row: [f64; 3], value: f64| {
+            for i in 0..3 {
+                for j in 0..=i {
+                    normal[first + i][2 - (i - j)] += row[i] * row[j];
+                }
+                right[first + i] += row[i] * value;
+            }
+        };
+        for (time, angle) in readings {
+            let (interval, basis) = spline.basis(time);
+            add(interval, basis, angle);
+        }
+        for i in 0..count.saturating_sub(2) {
+            let (before, after) = (spline.span(i), spline.span(i + 1));
+            let length = 0.5 * (before + after);
+            let weight = STIFFNESS * length;
+            let (a, b) = (2.0 * weight / before, 2.0 * weight / after);
+            add(i, [a, -a - b, b], 0.0);
+        }
+        spline.coefficients = solve(normal, right);
+        spline
+    }
+
+    /// Knot with the end knots tripled: 0 is the first, -1 and -2 too.
+    fn knot(&self, index: isize) -> f64 {
+        self.knots[index.clamp(0, self.knots.len() as isize - 1) as usize]
+    }
+
+    /// Support of the derivative between coefficient `i` and the next, s.
+    fn span(&self, i: usize) -> f64 {
+        let i = i as isize;
+        self.knot(i + 1) - self.knot(i - 1)
+    }
+
+    /// Interval of a time, and the three basis functions that are not zero in it (de Boor's recursion).
+    fn basis(&self, time: f64) -> (usize, [f64; 3]) {
+        let interval = self.knots.partition_point(|knot| *knot <= time).clamp(1, self.knots.len() - 1) - 1;
+        let i = interval as isize;
+        let (before, left, right, after) = (self.knot(i - 1), self.knot(i), self.knot(i + 1), self.knot(i + 2));
+        let (falling, rising) = ((right - time) / (right - left), (time - left) / (right - left));
+        let first = falling * (right - time) / (right - before);
+        let last = rising * (time - left) / (after - left);
+        (interval, [first, 1.0 - first - last, last])
+    }
+
+    fn at(&self, time: f64) -> (usize, f64) {
+        let (interval, basis) = self.basis(time);
+        (interval, (0..3).map(|k| basis[k] * self.coefficients[interval + k]).sum())
+    }
+
+    /// Derivative at each knot, turns a second.
+    fn speeds(&self) -> Vec<f64> {
+        let change = |i: usize| self.coefficients[i + 1] - self.coefficients[i];
+        (0..self.knots.len()).map(|i| 2.0 * change(i) / self.span(i)).collect()
+    }
+}
+
+/// Solves a positive definite system that is five wide by Cholesky's factors. `rows[i]` holds the entries of row i from
+/// two before the diagonal to the diagonal.
+fn solve(mut rows: Vec<[f64; 3]>, mut right: Vec<f64>) -> Vec<f64> {
+    let count = rows.len();
+    for i in 0..count {
+        for j in i.saturating_sub(2)..=i {
+            let common = (i.saturating_sub(2)).max(j.saturating_sub(2))..j;
+            let sum: f64 = common.map(|k| rows[i][2 + k - i] * rows[j][2 + k - j]).sum();
+            let rest = rows[i][2 + j - i] - sum;
+            rows[i][2 + j - i] = if i == j { rest.max(f64::MIN_POSITIVE).sqrt() } else { rest / rows[j][2] };
+        }
+        let sum: f64 = (i.saturating_sub(2)..i).map(|k| rows[i][2 + k - i] * right[k]).sum();
+        right[i] = (right[i] - sum) / rows[i][2];
+    }
+    for i in (0..count).rev() {
+        let sum: f64 = (i + 1..count.min(i + 3)).map(|k| rows[k][2 + i - k] * right[k]).sum();
+        right[i] = (right[i] - sum) / rows[i][2];
+    }
+    right
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Readings at 200 Hz of an encoder with 1204.44 counts a turn.
+    fn encoder(angle: impl Fn(f64) -> f64, end_s: f64) -> Vec<(f64, [f64; 2])> {
+        let count = |turns: f64| (turns * 1204.44).round() / 1204.44;
+        (0..=(end_s * 200.0) as u32)
+            .map(|i| f64::from(i) * 0.005)
+            .map(|time| (time, [count(angle(time)), 0.0]))
+            .collect()
+    }
+
+    fn fitted(readings: &[(f64, [f64; 2])], run_start: f64) -> (Vec<f64>, Vec<f64>) {
+        let knots = knots(readings, run_start);
+        let speeds = Spline::fit(&knots, readings.iter().map(|(t, turns)| (*t, turns[0]))).speeds();
+        (knots, speeds)
+    }
+
+    #[test]
+    fn a_motor_that_starts_turns_and_stops_is_followed_with_few_knots() {
+        // 50 rpm, reached with a time constant of 0.1 s, and lost as fast.
+        let speed = 50.0 / 60.0;
+        let angle = |t: f64| {
+            let ran = (t.min(122.0) - 2.0).max(0.0);
+            let fall = (t - 122.0).max(0.0);
+            speed * (ran - 0.1 * (1.0 - (-ran / 0.1).exp()) + 0.1 * (1.0 - (-fall / 0.1).exp()))
+        };
+        let readings = encoder(angle, 125.0);
+        let (knots, speeds) = fitted(&readings, 2.0);
+        assert!(knots.len() < 150, "{} knots", knots.len());
+        let at = |time: f64| {
+            let after = knots.partition_point(|k| *k <= time).clamp(1, knots.len() - 1);
+            let share = (time - knots[after - 1]) / (knots[after] - knots[after - 1]);
+            speeds[after - 1] + share * (speeds[after] - speeds[after - 1])
+        };
+        for time in [10.0, 60.0, 115.0] {
+            assert!((at(time) - speed).abs() < 0.002 * speed, "{} at {time}", at(time));
+        }
+        assert!(at(0.5).abs() < 0.002 && at(124.5).abs() < 0.002);
+        assert!((at(2.1) - speed * (1.0 - (-1f64).exp())).abs() < 0.05 * speed, "{}", at(2.1));
+        let spline = Spline::fit(&knots, readings.iter().map(|(t, turns)| (*t, turns[0])));
+        let worst = readings.iter().map(|(t, turns)| (spline.at(*t).1 - turns[0]).abs()).fold(0.0, f64::max);
+        assert!(worst < 1.5 * TOLERANCE, "{worst} turns");
+    }
+
+    #[test]
+    fn a_gap_is_bridged_at_its_mean_speed() {
+        let mut readings = encoder(|t| 0.5 * t, 30.0);
+        readings.retain(|(time, _)| !(10.0..13.0).contains(time));
+        let (knots, speeds) = fitted(&readings, 0.0);
+        for (time, speed) in knots.iter().zip(&speeds) {
+            assert!((speed - 0.5).abs() < 0.005, "{speed} at {time}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
+        /// Whatever a motor does within its means, the spline's angle follows its encoder.
+        #[test]
+        fn angles_follow_any_smooth_motion(
+            speed in -1.5..1.5f64,
+            swing in 0.0..0.3f64,
+            period in 0.5..20.0f64,
+            phase in 0.0..6.0f64,
+        ) {
+            let angle = |t: f64| speed * t + swing * (std::f64::consts::TAU * t / period + phase).sin();
+            let readings = encoder(angle, 20.0);
+            let (knots, _) = fitted(&readings, 3.0);
+            let spline = Spline::fit(&knots, readings.iter().map(|(t, turns)| (*t, turns[0])));
+            for (time, turns) in &readings {
+                prop_assert!((spline.at(*time).1 - turns[0]).abs() < 2.0 * TOLERANCE);
+            }
+        }
+    }
+}

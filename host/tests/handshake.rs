@@ -1,0 +1,149 @@
+//! Boards that are none, are another's, or vanish: whatever stands behind the port, one error says what it is.
+
+use host::link::{Link, LinkError};
+use protocol::frame::{Accumulator, MAX_FRAME, encode};
+use protocol::{Info, Message, Refusal, Reply, Request, Telemetry, VERSION};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use std::fs::File;
+use std::io::{Read, Write};
+use std::time::{Duration, Instant};
+
+/// Opens a link to a port behind which `board` does as it likes, with the board's end of it, which it closes.
+fn open(board: impl FnOnce(&mut File) + Send + 'static) -> Result<Link, LinkError> {
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+    grantpt(&master).unwrap();
+    unlockpt(&master).unwrap();
+    let path = ptsname(&master, Vec::new()).unwrap().into_string().unwrap();
+    let mut attributes = tcgetattr(&master).unwrap();
+    attributes.make_raw();
+    tcsetattr(&master, OptionalActions::Now, &attributes).unwrap();
+    // Without this the board would read an error until the port is opened.
+    let held = File::options().read(true).write(true).open(&path).unwrap();
+    let mut master = File::from(master);
+    // Never joined: nobody wakes a board that waits for room in a port that the host has closed.
+    std::thread::spawn(move || board(&mut master));
+    std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(200));
+        drop(held);
+    });
+    Link::open(&path)
+}
+
+/// Answers each request with what `answer` makes of it, until the port is closed.
+fn answer_all(port: &mut File, mut answer: impl FnMut(Request) -> Vec<u8>) {
+    let mut accumulator = Accumulator::new();
+    let mut bytes = [0; 256];
+    while let Ok(count @ 1..) = port.read(&mut bytes) {
+        for byte in &bytes[..count] {
+            if let Some(Ok(request)) = accumulator.push::<Request>(*byte)
+                && port.write_all(&answer(request)).is_err()
+            {
+                return;
+            }
+        }
+    }
+}
+
+fn frame(message: &Message) -> Vec<u8> {
+    let mut buffer = [0; MAX_FRAME];
+    encode(message, &mut buffer).unwrap().to_vec()
+}
+
+fn reply(request: Request, reply: Reply) -> Vec<u8> {
+    frame(&Message::Reply { to: request.seq, reply })
+}
+
+fn error(board: impl FnOnce(&mut File) + Send + 'static) -> LinkError {
+    open(board).map(|link| *link.info()).expect_err("a link to no board of ours")
+}
+
+/// Bytes that differ and do not end.
+fn noise() -> impl Iterator<Item = u8> {
+    let mut state = 1u32;
+    std::iter::repeat_with(move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    })
+}
+
+#[test]
+fn a_board_of_ours_is_greeted_through_another_programs_leftovers() {
+    let link = open(|port| {
+        port.write_all(&noise().take(500).collect::<Vec<_>>()).unwrap();
+        let info = Info { protocol: VERSION, board_id: 7, ..Info::default() };
+        answer_all(port, |request| reply(request, Reply::Info(info)));
+    });
+    assert_eq!(link.unwrap().info().board_id, 7);
+}
+
+#[test]
+fn a_board_of_another_version_is_named_at_once() {
+    let begun = Instant::now();
+    let error = error(|port| {
+        answer_all(port, |request| reply(request, Reply::Info(Info { protocol: 99, ..Info::default() })));
+    });
+    assert!(matches!(error, LinkError::OtherVersion { theirs: 99, .. }), "{error}");
+    assert!(begun.elapsed() < Duration::from_secs(2));
+}
+
+#[test]
+fn an_answer_that_is_none_is_said_to_be_none() {
+    let done = error(|port| answer_all(port, |request| reply(request, Reply::Done)));
+    assert!(matches!(done, LinkError::WrongAnswer { .. }), "{done}");
+    let refused = error(|port| answer_all(port, |request| reply(request, Reply::Refused(Refusal::Faulted))));
+    assert!(matches!(refused, LinkError::Refused { .. }), "{refused}");
+}
+
+#[test]
+fn a_port_that_vanishes_in_the_handshake_is_said_to_have_vanished() {
+    let begun = Instant::now();
+    for after in [0, 1, 40] {
+        let error = error(move |port| {
+            let mut first = [0; 64];
+            let _ = port.read(&mut first);
+            let _ = port.write_all(&noise().take(after).collect::<Vec<_>>());
+        });
+        assert!(matches!(error, LinkError::Vanished { .. }), "{error}");
+    }
+    assert!(begun.elapsed() < Duration::from_secs(4));
+}
+
+/// Each of these takes as long as a board may take to start, so all go at once.
+#[test]
+fn boards_that_never_answer_are_told_apart() {
+    let silent = std::thread::spawn(|| error(|port| answer_all(port, |_| Vec::new())));
+    let babbler = std::thread::spawn(|| {
+        error(|port| {
+            let mut noise = noise();
+            while port.write_all(&noise.by_ref().take(64).collect::<Vec<_>>()).is_ok() {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        })
+    });
+    let zeros = std::thread::spawn(|| {
+        error(|port| {
+            while port.write_all(&[0; 64]).is_ok() {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        })
+    });
+    let deaf = std::thread::spawn(|| {
+        error(|port| {
+            while port.write_all(&frame(&Message::Telemetry(Telemetry::default()))).is_ok() {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        })
+    });
+    let strangers_number = std::thread::spawn(|| {
+        error(|port| {
+            let info = Reply::Info(Info { protocol: VERSION, ..Info::default() });
+            answer_all(port, |request| frame(&Message::Reply { to: request.seq.wrapping_add(1), reply: info }));
+        })
+    });
+    assert!(matches!(silent.join().unwrap(), LinkError::Silent { .. }));
+    assert!(matches!(babbler.join().unwrap(), LinkError::OtherProgram { .. }));
+    assert!(matches!(zeros.join().unwrap(), LinkError::OtherProgram { .. }));
+    assert!(matches!(deaf.join().unwrap(), LinkError::Deaf { .. }));
+    assert!(matches!(strangers_number.join().unwrap(), LinkError::OtherProgram { .. }));
+}

@@ -1,0 +1,167 @@
+//! Logs that went through anything: cut, overwritten, torn apart, glued together. Whatever is left of them reads, what
+//! is said of them holds, and what is recovered is clean.
+
+use host::export::{Format, export};
+use host::log::{
+    Body, Condition, End, EventKind, LogError, Origin, Reader, Start, Summary, Writer, check, last_meta, recover,
+    summary,
+};
+use host::overview::Overview;
+use host::plan::Plan;
+use host::stats::LinkStats;
+use proptest::prelude::*;
+use protocol::units::{Count, Micros};
+use protocol::{Info, Settings, Telemetry};
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+use std::time::{Duration, SystemTime};
+
+/// What happens to a log. Places and lengths are parts of the whole.
+#[derive(Clone, Debug)]
+enum Damage {
+    Cut(f64),
+    Flip(f64, u8),
+    Fill(f64, f64, u8),
+    Remove(f64, f64),
+    Repeat(f64, f64),
+    Insert(f64, Vec<u8>),
+    /// The rest of another log, from a place in it.
+    Continue(f64, f64),
+}
+
+fn damage() -> impl Strategy<Value = Damage> {
+    let short = || 0.0..0.1f64;
+    prop_oneof![
+        (0.0..1.0).prop_map(Damage::Cut),
+        (0.0..1.0, 1u8..).prop_map(|(at, bits)| Damage::Flip(at, bits)),
+        (0.0..1.0, short(), any::<u8>()).prop_map(|(at, length, byte)| Damage::Fill(at, length, byte)),
+        (0.0..1.0, short()).prop_map(|(at, length)| Damage::Remove(at, length)),
+        (0.0..1.0, short()).prop_map(|(at, length)| Damage::Repeat(at, length)),
+        (0.0..1.0, prop::collection::vec(any::<u8>(), 1..200)).prop_map(|(at, bytes)| Damage::Insert(at, bytes)),
+        (0.0..1.0, 0.0..1.0).prop_map(|(at, from)| Damage::Continue(at, from)),
+    ]
+}
+
+impl Damage {
+    fn apply(&self, log: &mut Vec<u8>) {
+        let length = log.len();
+        let place = |part: f64| (part * length as f64) as usize;
+        let range = |at: f64, part: f64| place(at)..(place(at) + place(part)).min(length);
+        match self {
+            Self::Cut(at) => log.truncate(place(*at)),
+            Self::Flip(at, bits) => {
+                if let Some(byte) = log.get_mut(place(*at)) {
+                    *byte ^= bits;
+                }
+            }
+            Self::Fill(at, part, byte) => log[range(*at, *part)].fill(*byte),
+            Self::Remove(at, part) => drop(log.drain(range(*at, *part))),
+            Self::Repeat(at, part) => {
+                let piece = log[range(*at, *part)].to_vec();
+                log.splice(place(*at)..place(*at), piece);
+            }
+            Self::Insert(at, bytes) => drop(log.splice(place(*at)..place(*at), bytes.iter().copied())),
+            Self::Continue(at, from) => {
+                log.truncate(place(*at));
+                log.extend(&LOG[(*from * LOG.len() as f64) as usize..]);
+            }
+        }
+    }
+}
+
+const FRAMES: u16 = 120;
+
+/// A log of many chunks.
+static LOG: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let plan = Plan::parse("[speeds]\npairs = [[50, 10]]\n", "plan.toml").unwrap();
+    let host = |i: u16| SystemTime::UNIX_EPOCH + Duration::from_millis(1_700_000_000_000 + u64::from(i));
+    let start = Start {
+        plan: &plan,
+        trial: &plan.trials[0],
+        attempt: 1,
+        origin: Origin::Rig,
+        board: Some((Info::default(), Settings::DEFAULT)),
+        time: host(0),
+    };
+    let mut writer = Writer::create(&path, &start).unwrap();
+    writer.event(EventKind::Phase, "run", host(0)).unwrap();
+    for i in 0..FRAMES {
+        let frame = Telemetry { seq: Count(i), time: Micros(u32::from(i) * 5000), ..Telemetry::default() };
+        writer.raw(&i.to_le_bytes(), host(i)).unwrap();
+        writer.telemetry(&frame, u64::from(i) * 5000, host(i)).unwrap();
+        if i % 10 == 9 {
+            // A metadata record closes the chunk before it.
+            writer.clock(&host::log::ClockFit { pings: i.into(), ..Default::default() }).unwrap();
+        }
+    }
+    let link = LinkStats { samples: FRAMES.into(), ..LinkStats::default() };
+    writer.finish(&Summary { end: End::Complete, link, ..Summary::default() }).unwrap();
+    std::fs::read(path).unwrap()
+});
+
+/// Messages of a log by what they are, and the numbers of its frames.
+fn read(path: &Path) -> Result<(u64, Vec<u32>, Condition), LogError> {
+    let mut reader = Reader::open(path)?;
+    let (mut messages, mut frames) = (0, Vec::new());
+    for message in reader.by_ref() {
+        messages += 1;
+        if let Body::Telemetry(frame) = message?.body {
+            frames.push(frame.seq);
+        }
+    }
+    Ok((messages, frames, reader.condition().expect("all is read")))
+}
+
+/// Everything that a user can do with a log; what one command says must fit with what the others say.
+fn abuse(folder: &Path, content: &[u8]) {
+    let [path, clean, again, csv] = ["a.mcap", "b.mcap", "c.mcap", "a.csv"].map(|name| folder.join(name));
+    let afresh = |paths: &[&PathBuf]| paths.iter().for_each(|path| drop(std::fs::remove_file(path)));
+    afresh(&[&clean, &again, &csv]);
+    std::fs::write(&path, content).unwrap();
+    let ended = summary(&path).unwrap();
+    last_meta::<host::log::RecoveryMeta>(&path).unwrap();
+    let Ok((messages, frames, condition)) = read(&path) else {
+        assert!(check(&path).is_err() && Overview::read(&path).is_err());
+        assert!(recover(&path, &clean).is_err() && !clean.exists(), "nothing is made of what is no log");
+        assert!(export(&path, &csv, Format::Csv, false).is_err() && !csv.exists());
+        return;
+    };
+    let losses = check(&path).unwrap();
+    assert_eq!(losses.is_empty(), condition == Condition::Clean);
+    assert!(condition != Condition::Clean || ended.is_some());
+    let overview = Overview::read(&path).unwrap();
+    assert_eq!((overview.condition, &overview.losses), (condition, &losses));
+    assert!(frames.iter().all(|seq| *seq < u32::from(FRAMES)), "a frame that never was");
+
+    let exported = export(&path, &csv, Format::Csv, false).unwrap();
+    assert_eq!((exported.rows, exported.condition), (frames.len() as u64, condition));
+    let recovery = recover(&path, &clean).unwrap();
+    assert_eq!((recovery.messages + recovery.strays, recovery.condition), (messages, condition));
+    let (kept, kept_frames, kept_condition) = read(&clean).unwrap();
+    assert_eq!((kept, kept_condition), (recovery.messages, Condition::Clean));
+    assert_eq!(kept_frames, frames);
+    assert_eq!(last_meta::<host::log::RecoveryMeta>(&clean).unwrap().is_some(), condition != Condition::Clean);
+    let twice = recover(&clean, &again).unwrap();
+    assert_eq!((twice.messages, twice.condition), (kept, Condition::Clean));
+}
+
+#[test]
+fn a_whole_log_is_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    abuse(folder.path(), &LOG);
+    assert_eq!(read(&folder.path().join("a.mcap")).unwrap().1, (0..u32::from(FRAMES)).collect::<Vec<_>>());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn whatever_happened_to_a_log_its_commands_agree(damages in prop::collection::vec(damage(), 1..5)) {
+        let folder = tempfile::tempdir().unwrap();
+        let mut log = LOG.clone();
+        damages.iter().for_each(|damage| damage.apply(&mut log));
+        abuse(folder.path(), &log);
+    }
+}

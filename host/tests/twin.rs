@@ -1,0 +1,329 @@
+//! `simulate --from`, `compare` and `calibrate` as a user runs them, on logs that a model wrote and on such logs made to
+//! look as a rig's: recorded by an emulated robot, with the noise of a sensor, with gaps, faults and cuts.
+
+use host::log::schema::biflag::{Fault, Quaternion, Telemetry, event::Kind};
+use host::log::{Body, EventKind, Origin, Reader, ReplayMeta, Start, Summary, Writer};
+use host::plan::Plan;
+use nalgebra::UnitQuaternion;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::time::{Duration, SystemTime};
+
+/// A robot of the model needs 40 s until its flagella sag as those of one that has always hung there.
+const PLAN: &str = "[session]\nname = \"short\"\n[trial]\ncalibrate = 40\npreroll = 12\nrun = 24\ndecay = 4\n\
+                    [speeds]\npairs = [[50, 10], [-90, 90]]\n";
+
+fn biflag(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_biflag")).current_dir(folder).args(args).output().unwrap()
+}
+
+#[track_caller]
+fn expect(output: &Output, code: i32) -> String {
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{}\n{stderr}", String::from_utf8_lossy(&output.stdout));
+    stderr
+}
+
+#[track_caller]
+fn json(output: &Output, code: i32) -> Value {
+    expect(output, code);
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// A session `short` of the model at the board's rate.
+fn bench(plan: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("plan.toml"), plan).unwrap();
+    let code = biflag(folder.path(), &["simulate", "plan.toml", "--rate", "200"]).status.code();
+    assert!(matches!(code, Some(0 | 3)), "{code:?}");
+    folder
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// Makes a rig's log of a model's: what `change` makes of each frame, or nothing where it is lost.
+fn as_of_a_rig(model: &Path, rig: &Path, summary: bool, mut change: impl FnMut(&mut Telemetry) -> bool) {
+    let mut reader = Reader::open(model).unwrap();
+    let messages: Vec<_> = reader.by_ref().map(Result::unwrap).collect();
+    let meta: host::log::PlanMeta = reader.meta().unwrap();
+    let trial: host::log::TrialMeta = reader.meta().unwrap();
+    let plan = Plan::parse(&meta.text, "plan").unwrap();
+    let trial = plan.trials.iter().find(|planned| planned.name == trial.name).unwrap();
+    let time = SystemTime::UNIX_EPOCH + Duration::from_secs(1_700_000_000);
+    let board = Some((protocol::Info::default(), protocol::Settings::DEFAULT));
+    let start = Start { plan: &plan, trial, attempt: 1, origin: Origin::Rig, board, time };
+    let mut log = Writer::create(rig, &start).unwrap();
+    for message in messages {
+        match message.body {
+            Body::Telemetry(mut frame) => {
+                let is_sent = change(&mut frame);
+                if is_sent {
+                    log.model_state(&frame, time).unwrap();
+                }
+            }
+            Body::Event(event) if event.kind() == Kind::Phase => {
+                log.at(message.log_time_ns as f64 * 1e-9);
+                log.event(EventKind::Phase, &event.text, time).unwrap();
+            }
+            _ => {}
+        }
+    }
+    if summary {
+        log.finish(&Summary { end: host::log::End::Complete, ..Summary::default() }).unwrap();
+    }
+}
+
+/// Noise of a sensor that is askew, was turned away when the log began, and drifts: the same from run to run.
+struct Sensor {
+    state: u64,
+    yaw_deg: f64,
+    tilt_deg: [f64; 2],
+}
+
+impl Sensor {
+    fn new(seed: u64) -> Self {
+        Self { state: seed.wrapping_mul(2).wrapping_add(1), yaw_deg: 77.0, tilt_deg: [0.0; 2] }
+    }
+
+    /// Of variance 1.
+    fn normal(&mut self) -> f64 {
+        let mut uniform = || {
+            self.state = self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+    }
+
+    /// Spoils a frame, 5 ms after the one before: 0.03 °/s of bias, 0.005 °/√s of random walk, tilts with 0.05° of noise
+    /// that lasts a second, 1.5° and -0.8° askew.
+    fn spoil(&mut self, frame: &mut Telemetry) {
+        let step: f64 = 0.005;
+        self.yaw_deg += 0.03 * step + 0.005 * step.sqrt() * self.normal();
+        for k in 0..2 {
+            self.tilt_deg[k] += -self.tilt_deg[k] * step + 0.05 * (2.0 * step).sqrt() * self.normal();
+        }
+        let q = frame.attitude.as_ref().unwrap();
+        let truth = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q.w, q.x, q.y, q.z));
+        let away = UnitQuaternion::from_euler_angles(0.0, 0.0, self.yaw_deg.to_radians());
+        let [pitch, roll] = self.tilt_deg;
+        let askew = UnitQuaternion::from_euler_angles((roll - 0.8).to_radians(), (pitch + 1.5).to_radians(), 0.0);
+        let seen = (away * truth * askew).into_inner();
+        frame.attitude = Some(Quaternion { w: seen.w, x: seen.i, y: seen.j, z: seen.k });
+    }
+}
+
+/// A session `rig` of the trials of `short`, seen by such a sensor.
+fn rig(folder: &Path) -> Vec<PathBuf> {
+    let plan = Plan::parse(PLAN, "plan").unwrap();
+    let session = host::session::Session::create(&folder.join("rig"), &plan).unwrap();
+    let trials = plan.trials.iter().zip(1..);
+    trials
+        .map(|(trial, seed)| {
+            let name = format!("{}.mcap", trial.name);
+            let path = session.folder().join(&name);
+            let mut sensor = Sensor::new(seed);
+            as_of_a_rig(&folder.join("short").join(&name), &path, true, |frame| {
+                sensor.spoil(frame);
+                true
+            });
+            path
+        })
+        .collect()
+}
+
+#[test]
+fn a_replay_of_a_modelled_session_is_the_session_again() {
+    let bench = bench(PLAN);
+    let folder = bench.path();
+    let compared = json(&biflag(folder, &["compare", "short", "--json"]), 0);
+    assert_eq!(compared["modelled"], "short-replay");
+    assert!(compared["report"].is_null());
+    for trial in compared["trials"].as_array().unwrap() {
+        for key in ["yaw_rmse_deg", "pitch_rmse_deg", "roll_rmse_deg"] {
+            assert!(number(&trial[key]) < 0.2, "{key} of {trial}");
+        }
+        for key in ["steady_yaw_error_deg", "steady_pitch_error_deg"] {
+            assert!(number(&trial[key]).abs() < 0.05, "{key} of {trial}");
+        }
+        assert_eq!((&trial["yaw_uncertainty_deg"], &trial["time_shift_s"]), (&0.0.into(), &0.0.into()));
+    }
+    let replay = folder.join("short-replay/001_w1+50_w2+10.mcap");
+    let meta: ReplayMeta = host::log::last_meta(&replay).unwrap().unwrap();
+    assert_eq!((meta.source.as_str(), meta.source_sha256.len()), ("001_w1+50_w2+10.mcap", 64));
+    // The phases are those of the log that was replayed.
+    let phases = |path: &Path| -> BTreeMap<String, u64> {
+        let messages = Reader::open(path).unwrap().map(Result::unwrap);
+        messages
+            .filter_map(|message| match message.body {
+                Body::Event(event) if event.kind() == Kind::Phase => {
+                    Some((event.text, message.log_time_ns / 1_000_000))
+                }
+                _ => None,
+            })
+            .collect()
+    };
+    assert_eq!(phases(&replay), phases(&folder.join("short/001_w1+50_w2+10.mcap")));
+
+    // What is there is not made again, unless its robot is another one; and what is wrong with that is seen.
+    let made = replay.metadata().unwrap().modified().unwrap();
+    json(&biflag(folder, &["compare", "short/001_w1+50_w2+10.mcap", "--json"]), 0);
+    assert_eq!(std::fs::read_dir(folder.join("short-replay")).unwrap().count(), 3);
+    assert_eq!(replay.metadata().unwrap().modified().unwrap(), made);
+    std::fs::write(folder.join("thick.toml"), "[fluid]\nviscosity_pa_s = 1.2\n").unwrap();
+    let compared = json(&biflag(folder, &["compare", "short", "--robot", "thick.toml", "--json"]), 0);
+    for trial in compared["trials"].as_array().unwrap() {
+        assert!(!trial["findings"].as_array().unwrap().is_empty(), "{trial}");
+        assert!(trial["verdict"].as_str().unwrap().contains("yaw differs by"), "{trial}");
+    }
+    assert!(folder.join("short-replay/001_w1+50_w2+10.attempt2.mcap").exists());
+}
+
+#[test]
+fn a_rigs_trial_is_held_against_its_model_from_its_own_zero_and_less_its_drift() {
+    let bench = bench(PLAN);
+    let folder = bench.path();
+    rig(folder);
+    let compared = json(&biflag(folder, &["compare", "rig", "--json"]), 0);
+    for trial in compared["trials"].as_array().unwrap() {
+        let yaw = number(&trial["yaw_uncertainty_deg"]);
+        assert!(yaw > 0.02 && yaw < 2.0, "{trial}");
+        assert!(number(&trial["steady_yaw_error_deg"]).abs() < yaw, "{trial}");
+        assert!(number(&trial["steady_pitch_error_deg"]).abs() < 0.1, "{trial}");
+        assert!(number(&trial["pitch_rmse_deg"]) < 0.2, "{trial}");
+        assert_eq!(trial["findings"], serde_json::json!([]), "{trial}");
+        assert!((number(&trial["measured_zero_deg"][1]) - 1.5).abs() < 0.1, "{trial}");
+    }
+    std::fs::write(folder.join("thick.toml"), "[fluid]\nviscosity_pa_s = 1.2\n").unwrap();
+    let compared = json(&biflag(folder, &["compare", "rig", "--robot", "thick.toml", "--json"]), 0);
+    let verdict = compared["trials"][0]["verdict"].as_str().unwrap();
+    assert!(verdict.contains("what noise allows") && verdict.starts_with("yaw differs by"), "{verdict}");
+
+    // Against the session that it was made from, and against one that it has nothing to do with.
+    let direct = json(&biflag(folder, &["compare", "rig", "short", "--json"]), 0);
+    assert!(number(&direct["trials"][1]["pitch_rmse_deg"]) < 0.2);
+    for (args, reason) in [
+        (
+            vec!["simulate", "plan.toml", "--robot", "thick.toml", "--out", "thick"],
+            "other robots: fluid.viscosity_pa_s",
+        ),
+        (vec!["simulate", "plan.toml", "--closure", "lumped", "--out", "lumped"], "other closures: full and lumped"),
+    ] {
+        let code = biflag(folder, &args).status.code();
+        assert!(matches!(code, Some(0 | 3)), "{code:?}");
+        let out = args[args.len() - 1];
+        assert!(expect(&biflag(folder, &["compare", "short", out]), 2).contains(reason));
+        let anyway = json(&biflag(folder, &["compare", "short", out, "--anyway", "--json"]), 3);
+        assert!(!anyway["trials"][0]["findings"].as_array().unwrap().is_empty());
+    }
+    expect(&biflag(folder, &["simulate", "--speeds=20,20", "--duration", "2", "--out", "other"]), 3);
+    assert!(expect(&biflag(folder, &["compare", "rig", "other"]), 2).contains("no common trials"));
+    let logs = ["short/001_w1+50_w2+10.mcap", "short/002_w1-90_w2+90.mcap"];
+    assert!(expect(&biflag(folder, &["compare", logs[0], logs[1]]), 2).contains("no common trial"));
+    assert!(expect(&biflag(folder, &["compare", "rig", "nowhere"]), 1).contains("nowhere"));
+}
+
+#[test]
+fn what_is_wrong_with_a_log_is_used_around_or_refused() {
+    let bench = bench("[trial]\ncalibrate = 40\npreroll = 6\nrun = 20\ndecay = 2\n[speeds]\npairs = [[50, 10]]\n");
+    let folder = bench.path();
+    let model = folder.join("session/001_w1+50_w2+10.mcap");
+    let compare = |name: &str, code: i32| json(&biflag(folder, &["compare", name, "--json"]), code);
+    let warned = |compared: &Value, text: &str| {
+        let warnings = compared["trials"][0]["warnings"].to_string();
+        assert!(warnings.contains(text), "{warnings}");
+    };
+
+    as_of_a_rig(&model, &folder.join("gap.mcap"), true, |frame| !(52.0..53.5).contains(&frame.time_s));
+    let compared = compare("gap.mcap", 3);
+    warned(&compared, "telemetry is missing in 1 places, 1.5 s together");
+    assert!(number(&compared["trials"][0]["pitch_rmse_deg"]) < 0.2, "{compared}");
+    assert!(folder.join("gap-replay/001_w1+50_w2+10.mcap").exists());
+
+    let fault = |frame: &mut Telemetry| {
+        frame.fault = if frame.time_s >= 60.0 { Fault::Motor1Stalled.into() } else { Fault::None.into() };
+        frame.time_s < 60.5
+    };
+    as_of_a_rig(&model, &folder.join("fault.mcap"), false, fault);
+    let compared = compare("fault.mcap", 3);
+    warned(&compared, "the board stopped at 60.0 s (motor1 stalled)");
+
+    let bytes = std::fs::read(&model).unwrap();
+    std::fs::write(folder.join("cut.mcap"), &bytes[..bytes.len() * 4 / 5]).unwrap();
+    warned(&compare("cut.mcap", 3), "cut off");
+    std::fs::write(folder.join("short.mcap"), &bytes[..bytes.len() / 20]).unwrap();
+    assert!(expect(&biflag(folder, &["compare", "short.mcap"]), 1).contains("motors"));
+
+    as_of_a_rig(&model, &folder.join("still.mcap"), true, |frame| {
+        for motor in [&mut frame.motor1, &mut frame.motor2] {
+            motor.as_mut().unwrap().turns = 0.0;
+        }
+        true
+    });
+    let refused = compare("still.mcap", 1);
+    assert!(refused["error"].as_str().unwrap().contains("encoder of motor 1 stands still"), "{refused}");
+
+    as_of_a_rig(&model, &folder.join("blind.mcap"), true, |frame| {
+        (frame.motor1, frame.motor2) = (None, None);
+        true
+    });
+    assert!(expect(&biflag(folder, &["simulate", "--from", "blind.mcap"]), 1).contains("holds no speeds"));
+    std::fs::write(folder.join("text.mcap"), "no log").unwrap();
+    assert!(expect(&biflag(folder, &["compare", "text.mcap"]), 1).contains("not an MCAP file"));
+}
+
+#[test]
+fn a_replay_goes_on_and_keeps_to_its_session() {
+    let bench = bench(PLAN);
+    let folder = bench.path();
+    let from =
+        |args: &[&str], code| json(&biflag(folder, &[&["simulate", "--from", "short", "--json"], args].concat()), code);
+    let replayed = from(&[], 3);
+    assert_eq!(replayed["session"], "short-replay");
+    assert_eq!(replayed["trials"].as_array().unwrap().len(), 2);
+    assert!(from(&[], 2)["error"].as_str().unwrap().contains("holds a session already"));
+    std::fs::remove_file(folder.join("short-replay/002_w1-90_w2+90.mcap")).unwrap();
+    let resumed = from(&["--resume"], 3);
+    let wall: Vec<_> = resumed["trials"].as_array().unwrap().iter().map(|trial| trial["wall_s"].is_null()).collect();
+    assert_eq!(wall, [true, false]);
+    assert_eq!(resumed["trials"][1]["yaw_deg"], replayed["trials"][1]["yaw_deg"]);
+    for (args, message) in [
+        (vec!["--from", "short", "plan.toml"], "cannot be used with"),
+        (vec!["--from", "short", "--speeds=1,2", "--duration", "1"], "cannot be used with"),
+        (vec!["--from", "short", "--robot", "missing.toml", "--out", "x"], "missing.toml: cannot be read"),
+        (vec!["--from", "missing"], "missing"),
+    ] {
+        let output = biflag(folder, &[&["simulate"], args.as_slice()].concat());
+        assert!(matches!(output.status.code(), Some(1 | 2)));
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(stderr.contains(message), "{args:?}: {stderr}");
+    }
+}
+
+#[test]
+fn a_hidden_robot_is_found_from_its_trials() {
+    let bench = bench(PLAN);
+    let folder = bench.path();
+    rig(folder);
+    std::fs::write(folder.join("start.toml"), "[joint]\ntether_full_nm_per_rad = 3.1e-4\n").unwrap();
+    let args =
+        ["calibrate", "rig", "--fit", "tether,mount-yaw", "--robot", "start.toml", "-o", "fitted.toml", "--json"];
+    let fitted = json(&biflag(folder, &args), 0);
+    let [tether, mount] = [0, 1].map(|i| &fitted["parameters"][i]);
+    let within = |p: &Value, truth: f64| number(&p["interval_95"][0]) <= truth && truth <= number(&p["interval_95"][1]);
+    assert_eq!((&tether["name"], &mount["name"]), (&"tether".into(), &"mount-yaw".into()));
+    assert!(within(tether, 3.607e-4) && within(mount, 0.0), "{fitted}");
+    assert!(number(&tether["std_error"]) < 0.02 * number(&tether["value"]), "{fitted}");
+    assert!(number(&fitted["rmse_after_deg"]) < 0.2 * number(&fitted["rmse_before_deg"]), "{fitted}");
+    assert!((number(&fitted["mounting"]["pitch_deg"]) - 1.5).abs() < 0.1, "{fitted}");
+    let file = std::fs::read_to_string(folder.join("fitted.toml")).unwrap();
+    assert!(file.contains("# 001_w1+50_w2+10.mcap") && file.contains("sha256") && file.contains("standard error"));
+    // The file is a robot's file, and a calibration does not write over it.
+    let output = biflag(folder, &["simulate", "--speeds=1,1", "--duration", "1", "--robot", "fitted.toml"]);
+    expect(&output, 3);
+    assert!(expect(&biflag(folder, &args), 2).contains("exists already"));
+    assert!(expect(&biflag(folder, &["calibrate", "rig", "--fit", "colour", "-o", "x.toml"]), 2).contains("viscosity"));
+}

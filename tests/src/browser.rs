@@ -1,0 +1,222 @@
+//! A browser without a window: Debian's Chromium, spoken to by its DevTools protocol.
+//!
+//! The protocol is JSON over a pipe (`--remote-debugging-pipe`), each message ended by a zero byte: so little that a library for
+//! it, which comes with a WebSocket and a TLS stack, would be the larger part.
+
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// How long an answer may take on a machine that does much else.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A browser with one page.
+pub struct Browser {
+    child: Child,
+    to: ChildStdin,
+    from: Receiver<Value>,
+    next: u64,
+    session: Option<String>,
+    /// What went wrong in the page: errors and warnings on its console, exceptions, dialogs, whatever its policy refused.
+    pub problems: Vec<String>,
+    /// Every address that the page asked for.
+    pub requests: Vec<String>,
+    _profile: TempDir,
+}
+
+impl Browser {
+    /// Starts it, with a profile of its own.
+    pub fn start() -> Self {
+        let profile = TempDir::new().expect("a temporary folder");
+        // The protocol takes descriptors 3 and 4.
+        let mut child = Command::new("sh")
+            .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh", "chromium", "--headless"])
+            .args(["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"])
+            .args(["--disable-background-networking", "--disable-component-update", "--remote-debugging-pipe"])
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("a shell");
+        let (sender, from) = channel();
+        let mut answers = BufReader::new(child.stdout.take().expect("a pipe"));
+        std::thread::spawn(move || {
+            let mut message = Vec::new();
+            while answers.read_until(0, &mut message).is_ok_and(|count| count > 0) {
+                message.pop();
+                let Ok(value) = serde_json::from_slice(&message) else { break };
+                if sender.send(value).is_err() {
+                    break;
+                }
+                message.clear();
+            }
+        });
+        let to = child.stdin.take().expect("a pipe");
+        let (problems, requests) = (Vec::new(), Vec::new());
+        let mut browser = Self { child, to, from, next: 0, session: None, problems, requests, _profile: profile };
+        let target = browser.call("Target.createTarget", json!({ "url": "about:blank" }));
+        let attached =
+            browser.call("Target.attachToTarget", json!({ "targetId": target["targetId"], "flatten": true }));
+        browser.session = attached["sessionId"].as_str().map(str::to_owned);
+        for domain in ["Page", "Runtime", "Log", "Network"] {
+            browser.call(&format!("{domain}.enable"), json!({}));
+        }
+        browser
+    }
+
+    /// Asks something of the browser and waits for the answer.
+    pub fn call(&mut self, method: &str, params: Value) -> Value {
+        self.next += 1;
+        let mut request = json!({ "id": self.next, "method": method, "params": params });
+        if let Some(session) = &self.session {
+            request["sessionId"] = json!(session);
+        }
+        let sent = self.to.write_all(format!("{request}\0").as_bytes());
+        sent.expect("Chromium takes a message; `sh firmware/setup.sh test` installs it");
+        loop {
+            let message = self.receive(method);
+            if message["id"] == self.next {
+                assert!(message["error"].is_null(), "{method}: {}", message["error"]);
+                return message["result"].clone();
+            }
+        }
+    }
+
+    /// The next message, noted if it tells of something that happened.
+    fn receive(&mut self, what: &str) -> Value {
+        let message = self.from.recv_timeout(PATIENCE);
+        let message = message.unwrap_or_else(|error| {
+            panic!("Chromium is silent ({what}: {error}); `sh firmware/setup.sh test` installs it")
+        });
+        let params = &message["params"];
+        match message["method"].as_str().unwrap_or_default() {
+            "Runtime.exceptionThrown" => self.problems.push(params["exceptionDetails"].to_string()),
+            "Runtime.consoleAPICalled" => self.problems.push(params["args"].to_string()),
+            "Log.entryAdded" => self.problems.push(params["entry"].to_string()),
+            "Page.javascriptDialogOpening" => self.problems.push(format!("a dialog: {params}")),
+            "Network.requestWillBeSent" => {
+                self.requests.push(params["request"]["url"].as_str().unwrap_or_default().to_owned());
+            }
+            _ => {}
+        }
+        message
+    }
+
+    /// Opens a file from disk. Returns when everything in it was read, run and drawn, and how long that took.
+    pub fn open(&mut self, file: &Path) -> Duration {
+        let begun = Instant::now();
+        self.call("Page.navigate", json!({ "url": format!("file://{}", file.display()) }));
+        while self.receive("load")["method"] != "Page.loadEventFired" {}
+        // The next frame but one is drawn after everything that the page's scripts began with.
+        self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))).then(() => 0)");
+        begun.elapsed()
+    }
+
+    /// The value of an expression in the page.
+    pub fn evaluate(&mut self, expression: &str) -> Value {
+        let params = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
+        let answer = self.call("Runtime.evaluate", params);
+        assert!(answer["exceptionDetails"].is_null(), "{expression}: {answer}");
+        answer["result"]["value"].clone()
+    }
+
+    /// The text of the first element that a selector finds.
+    pub fn text(&mut self, selector: &str) -> String {
+        let value = self.evaluate(&format!("document.querySelector({}).textContent", json!(selector)));
+        value.as_str().unwrap_or_default().to_owned()
+    }
+
+    /// A number on the page, as it is written for people; `None` for a dash.
+    pub fn number(&mut self, selector: &str) -> Option<f64> {
+        let text = self.text(selector).replace('−', "-");
+        text.trim_end_matches(['°', 's', ' ']).parse().ok()
+    }
+
+    /// The middle of an element in the window, scrolled to if need be.
+    pub fn middle(&mut self, selector: &str) -> [f64; 2] {
+        let place = self.evaluate(&format!(
+            "(() => {{ const e = document.querySelector({}); e.scrollIntoView({{ block: 'center' }}); \
+             const r = e.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; }})()",
+            json!(selector)
+        ));
+        [0, 1].map(|i| place[i].as_f64().expect("an element with a place"))
+    }
+
+    /// Clicks an element.
+    pub fn click(&mut self, selector: &str) {
+        let place = self.middle(selector);
+        self.drag(place, place);
+    }
+
+    /// Presses the mouse at a point, moves to another, and lets go.
+    pub fn drag(&mut self, from: [f64; 2], to: [f64; 2]) {
+        for (kind, [x, y], buttons) in
+            [("mouseMoved", from, 0), ("mousePressed", from, 1), ("mouseMoved", to, 1), ("mouseReleased", to, 0)]
+        {
+            let button = if kind == "mouseMoved" && buttons == 0 { "none" } else { "left" };
+            let event = json!({ "type": kind, "x": x, "y": y, "button": button, "buttons": buttons, "clickCount": 1 });
+            self.call("Input.dispatchMouseEvent", event);
+        }
+    }
+
+    /// Presses a key: what it is called, and the number that Windows gave it.
+    pub fn key(&mut self, key: &str, code: u32) {
+        let text = if key.len() == 1 { key } else { "" };
+        for kind in ["keyDown", "keyUp"] {
+            let mut event = json!({ "type": kind, "key": key, "windowsVirtualKeyCode": code });
+            if kind == "keyDown" && !text.is_empty() {
+                event["text"] = json!(text);
+            }
+            self.call("Input.dispatchKeyEvent", event);
+        }
+    }
+
+    /// The size of the window; a phone has a touch screen.
+    pub fn window(&mut self, width: u32, height: u32, phone: bool) {
+        let scale = if phone { 3 } else { 1 };
+        let size = json!({ "width": width, "height": height, "deviceScaleFactor": scale, "mobile": phone });
+        self.call("Emulation.setDeviceMetricsOverride", size);
+        self.call("Emulation.setTouchEmulationEnabled", json!({ "enabled": phone }));
+    }
+
+    /// Whether the user likes it dark.
+    pub fn dark(&mut self, dark: bool) {
+        let value = if dark { "dark" } else { "light" };
+        let features = json!([{ "name": "prefers-color-scheme", "value": value }]);
+        self.call("Emulation.setEmulatedMedia", json!({ "features": features }));
+    }
+
+    /// A picture of the whole page.
+    pub fn picture(&mut self, file: &Path) {
+        self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))).then(() => 0)");
+        let picture = self.call("Page.captureScreenshot", json!({ "captureBeyondViewport": true }));
+        save(&picture, file);
+    }
+
+    /// The page on paper (A4), as PDF.
+    pub fn print(&mut self, file: &Path) {
+        let paper =
+            json!({ "paperWidth": 8.27, "paperHeight": 11.69, "preferCSSPageSize": true, "printBackground": true });
+        let pdf = self.call("Page.printToPDF", paper);
+        save(&pdf, file);
+    }
+}
+
+fn save(answer: &Value, file: &Path) {
+    let data = BASE64_STANDARD.decode(answer["data"].as_str().unwrap_or_default()).expect("base64");
+    std::fs::create_dir_all(file.parent().expect("a folder")).expect("the pictures' folder");
+    std::fs::write(file, data).expect("a picture");
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,234 @@
+//! What viewers see, and that whoever watches, reads slowly or is dead costs a recording nothing.
+
+use host::live::Live;
+use host::log::schema::{CHANNELS, LogMessage, biflag, foxglove};
+use prost::Message;
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command};
+use std::time::{Duration, Instant};
+use tests::{Bench, Run, Seen, Viewer, nano};
+
+/// Every channel but `/raw`.
+const SHOWN: usize = CHANNELS.len() - 1;
+
+/// The address that a program names on its standard error, which is read to its end in the background.
+fn url(child: &mut Child) -> String {
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
+    let mut said = Vec::new();
+    let url = lines.by_ref().find_map(|line| {
+        let url = line.strip_prefix("live at ").and_then(|rest| rest.split(": ").next()).map(str::to_owned);
+        said.push(line);
+        url
+    });
+    std::thread::spawn(move || lines.for_each(drop));
+    url.unwrap_or_else(|| panic!("no address: {said:?}"))
+}
+
+fn signal(child: &Child, name: &str) {
+    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
+}
+
+/// The log of a modelled trial of so many seconds.
+fn simulated(bench: &Bench, seconds: u32, more: &[&str]) -> PathBuf {
+    let seconds = seconds.to_string();
+    let arguments = ["simulate", "--speeds=50,10", "--duration", &seconds, "--out", "session", "--json"];
+    let run = bench.run(arguments.iter().chain(more));
+    bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap())
+}
+
+/// Messages of a log that viewers are shown: topic, `log_time` in ns, bytes.
+fn shown(log: &Path) -> Vec<(String, u64, Vec<u8>)> {
+    let messages = host::log::Reader::open(log).unwrap().map(Result::unwrap);
+    let shown = messages.filter(|message| message.topic != "/raw");
+    shown.map(|message| (message.topic.clone(), message.log_time_ns, message.body.encode())).collect()
+}
+
+fn counts(messages: &[(String, u64, Vec<u8>)]) -> BTreeMap<&str, usize> {
+    let mut counts = BTreeMap::new();
+    messages.iter().for_each(|(topic, ..)| *counts.entry(topic.as_str()).or_default() += 1);
+    counts
+}
+
+/// One viewer reads and sees all, the others never read, and the log is as whole as without them.
+#[test]
+fn a_recording_does_not_feel_its_viewers() {
+    let bench = Bench::new();
+    let plan = bench.file(
+        "plan.toml",
+        "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 4\nrun = 30\ndecay = 2\n\
+         [speeds]\npairs = [[50, 10]]\n",
+    );
+    let nano = nano(["--speed", "4"]);
+    let plan = plan.to_str().unwrap();
+    let mut recording =
+        bench.start(["record", plan, "--port", nano.port(), "--out", "session", "--live=127.0.0.1:0", "--json"]);
+    let url = url(&mut recording);
+    let reader = Viewer::connect(&url, SHOWN);
+    let dead: Vec<Viewer> = (0..3).map(|_| Viewer::connect(&url, SHOWN)).collect();
+    let seen = std::thread::spawn(move || reader.read_all());
+    let run = Run::of(recording).expect_code(0);
+    let seen = seen.join().unwrap();
+    drop(dead);
+    let trial = &run.json()["trials"][0];
+    assert_eq!((&trial["samples"], &trial["lost"]), (&7200.into(), &0.into()), "{trial}");
+    assert_eq!((&trial["resyncs"], &trial["complete"]), (&0.into(), &true.into()), "{trial}");
+
+    let log = shown(&bench.path().join(trial["log"].as_str().unwrap()));
+    assert_eq!(counts(&log)["/telemetry"], 7200);
+    assert_eq!(counts(&log)["/attitude"], 7200);
+    println!("the log: {:?}\nthe viewer: {:?}", counts(&log), counts(&seen));
+    let missed = log.iter().position(|message| *message == seen[0]).unwrap();
+    assert!(log[missed..].starts_with(&seen), "the viewer saw what was recorded, from where it came on");
+    let phases =
+        seen.iter().filter(|(topic, ..)| topic == "/event").map(|(.., bytes)| biflag::Event::decode(&bytes[..]));
+    let phases: Vec<String> = phases.map(|event| event.unwrap().text).collect();
+    assert!(phases.contains(&"run".to_owned()) && phases.contains(&"decay".to_owned()), "{phases:?}");
+}
+
+/// Far more than all of the system's buffers hold is shown to a viewer that never reads. Showing does not wait for it,
+/// what waits for it is bounded, and another viewer still gets what is new.
+#[test]
+fn a_dead_viewer_holds_nothing_up() {
+    let live = Live::listen("127.0.0.1:0".parse().unwrap()).unwrap();
+    let dead = Viewer::connect(&live.url(), SHOWN);
+    let wait = |live: &Live| {
+        while !live.is_watched() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    };
+    wait(&live);
+    let message = biflag::RawBytes { data: vec![7; 16_000] }.encode_to_vec();
+    let mut worst = Duration::ZERO;
+    let begun = Instant::now();
+    for i in 0..20_000 {
+        let shown = Instant::now();
+        live.show(&biflag::Telemetry::CHANNEL, i, &message);
+        worst = worst.max(shown.elapsed());
+    }
+    println!("320 MB shown to nobody in {:?}, a message in {worst:?} at most", begun.elapsed());
+    let resident = std::fs::read_to_string("/proc/self/status").unwrap();
+    let resident_kb: u64 = resident
+        .lines()
+        .find_map(|line| line.strip_prefix("VmRSS:")?.trim().strip_suffix(" kB")?.parse().ok())
+        .unwrap();
+    assert!(resident_kb < 200_000, "{resident_kb} kB");
+
+    let mut reader = Viewer::connect(&live.url(), SHOWN);
+    let event = biflag::Event { kind: 0, text: "here".into() };
+    let begun = Instant::now();
+    std::thread::scope(|scope| {
+        let seen = scope.spawn(move || {
+            loop {
+                if let Seen::Message(topic, _, bytes) = reader.read() {
+                    return (topic, bytes);
+                }
+            }
+        });
+        while !seen.is_finished() && begun.elapsed() < Duration::from_secs(10) {
+            live.message(30_000, &event);
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        assert_eq!(seen.join().unwrap(), ("/event".to_owned(), event.encode_to_vec()));
+    });
+    drop(dead);
+}
+
+/// A log with shapes arrives whole, in its own time, with schemas that stand for themselves.
+#[test]
+fn a_log_is_played_in_its_own_time() {
+    let bench = Bench::new();
+    let log = simulated(&bench, 6, &["--shapes"]);
+    let mut playing = bench.start(["live", log.to_str().unwrap(), "--speed", "3", "--listen", "127.0.0.1:0", "--json"]);
+    let mut viewer = Viewer::connect(&url(&mut playing), SHOWN);
+    for spec in CHANNELS.iter().filter(|spec| spec.topic != "/raw") {
+        let channel = &viewer.channels[spec.topic];
+        assert_eq!((&channel["encoding"], &channel["schemaName"]), (&"protobuf".into(), &spec.schema.into()));
+    }
+    let begun = Instant::now();
+    let (mut seen, mut times) = (Vec::new(), Vec::new());
+    loop {
+        match viewer.read() {
+            Seen::Message(topic, time, bytes) => seen.push((topic, time, bytes)),
+            Seen::Time(ns) => times.push(ns),
+            Seen::End => break,
+        }
+    }
+    let took = begun.elapsed();
+    let run = Run::of(playing).expect_code(0);
+    assert_eq!(run.json()["played"]["messages"], seen.len());
+    assert_eq!(seen, shown(&log));
+    assert!(times.len() > 30 && times.is_sorted() && *times.last().unwrap() <= 6_000_000_000, "{times:?}");
+    assert!((2.0..4.0).contains(&took.as_secs_f64()), "6 s at three times their speed took {took:?}");
+    let counts = counts(&seen);
+    for topic in ["/telemetry", "/attitude", "/truth", "/forces", "/flagella", "/flagella_points"] {
+        assert_eq!(counts[topic], 121, "{topic}");
+    }
+    let scene = seen.iter().find(|(topic, ..)| topic == "/flagella").unwrap();
+    assert_eq!(foxglove::SceneUpdate::decode(&scene.2[..]).unwrap().entities[0].lines.len(), 2);
+}
+
+/// The board is listened to: it streams, its motors stay still, nothing is recorded, and Ctrl-C ends it.
+#[test]
+fn a_board_is_shown_and_left_alone() {
+    let bench = Bench::new();
+    let mut nano = nano(["--speed", "1"]);
+    let port = nano.port().to_owned();
+    let mut watching = bench.start(["live", "--port", &port, "--listen", "127.0.0.1:0", "--json"]);
+    let mut viewer = Viewer::connect(&url(&mut watching), SHOWN);
+    let mut frames: Vec<biflag::Telemetry> = Vec::new();
+    let mut attitudes = 0;
+    while frames.len() < 200 {
+        match viewer.read() {
+            Seen::Message(topic, _, bytes) if topic == "/telemetry" => {
+                frames.push(Message::decode(&bytes[..]).unwrap())
+            }
+            Seen::Message(topic, ..) if topic == "/attitude" => attitudes += 1,
+            Seen::End => panic!("the stream ended"),
+            _ => {}
+        }
+    }
+    assert!(attitudes >= 199);
+    assert_eq!(nano.control("status").unwrap()["pwm"], serde_json::json!([0, 0]));
+    let one_by_one = |pair: &[biflag::Telemetry]| pair[1].seq == (pair[0].seq + 1) % 65_536;
+    assert!(frames.windows(2).all(one_by_one) && frames.iter().all(|frame| frame.motor1.unwrap().duty == 0));
+    signal(&watching, "-INT");
+    let run = Run::of(watching).expect_code(130);
+    assert_eq!(run.json()["link"]["lost"], 0);
+    assert_eq!(std::fs::read_dir(bench.path()).unwrap().count(), 0, "nothing is recorded");
+}
+
+/// An address that is taken is an error before the board moves or a folder is made.
+#[test]
+fn a_taken_address_is_an_error_at_once() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(5.0, [50.0, 10.0]);
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let live = format!("--live={address}");
+    let run = bench.run(["record", plan.to_str().unwrap(), "--port", "/dev/null", "--out", "s", &live]).expect_code(1);
+    assert!(run.stderr.contains(&address) && run.stderr.contains("--live="), "{run:?}");
+    assert!(!bench.path().join("s").exists());
+    let run = bench.run(["live", "--port", "/dev/null", "--listen", &address]).expect_code(1);
+    assert!(run.stderr.contains("--listen"), "{run:?}");
+    bench.run(["live", "--port", "/dev/null", "--listen", "192.0.2.1:8765"]).expect_code(2);
+}
+
+/// Ctrl-C ends a log that waits for its viewer, and one that plays.
+#[test]
+fn ctrl_c_ends_a_playback() {
+    let bench = Bench::new();
+    let log = simulated(&bench, 60, &[]);
+    for viewers in [0, 1] {
+        let mut playing = bench.start(["live", log.to_str().unwrap(), "--listen", "127.0.0.1:0"]);
+        let url = url(&mut playing);
+        let mut viewers: Vec<Viewer> = (0..viewers).map(|_| Viewer::connect(&url, SHOWN)).collect();
+        viewers.iter_mut().for_each(|viewer| drop(viewer.read()));
+        signal(&playing, "-INT");
+        let interrupted = Instant::now();
+        Run::of(playing).expect_code(130);
+        assert!(interrupted.elapsed() < Duration::from_secs(2));
+    }
+}

@@ -1,0 +1,272 @@
+//! The pages of `biflag report` in a real browser: opened from disk, played, scrubbed, read, made small, and printed. The
+//! pictures that it takes are in `target/report-pictures`.
+
+use host::log::{Body, EventKind, Origin, PlanMeta, Reader, Start, Summary, TrialMeta, Writer};
+use host::plan::Plan;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant, SystemTime};
+use tests::browser::Browser;
+use tests::{Bench, Run};
+
+fn picture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("report-pictures").join(name)
+}
+
+/// The page that `biflag report` writes of something.
+fn report(bench: &Bench, subject: &str, code: i32) -> PathBuf {
+    let answer = bench.run(["report", subject, "--json"]).expect_code(code).json();
+    bench.path().join(answer["html"].as_str().unwrap())
+}
+
+/// Sets the time as one who drags the slider does.
+fn scrub(browser: &mut Browser, time_s: f64) {
+    browser.evaluate(&format!(
+        "(() => {{ const s = document.querySelector('section:not([hidden]) .scrub'); s.value = {time_s}; \
+         s.dispatchEvent(new Event('input', {{ bubbles: true }})); }})()"
+    ));
+}
+
+/// Every pixel of the view of the robot, as one text.
+fn view(browser: &mut Browser) -> String {
+    let pixels = browser.evaluate("document.querySelector('section:not([hidden]) .scene canvas').toDataURL()");
+    pixels.as_str().unwrap().to_owned()
+}
+
+fn is_quiet(browser: &Browser, page: &Path) {
+    assert!(browser.problems.is_empty(), "{:#?}", browser.problems);
+    let address = format!("file://{}", page.display());
+    // A link within the page adds its anchor.
+    let foreign = browser.requests.iter().filter(|request| request.split('#').next() != Some(&address));
+    assert_eq!(foreign.count(), 0, "{:?}", browser.requests);
+}
+
+#[test]
+fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
+    let bench = Bench::new();
+    bench.run(["simulate", "--speeds=50,10", "--duration", "30", "--shapes", "--rate", "50", "--out", "s"]);
+    let log = bench.path().join("s/001_w1+50_w2+10.mcap");
+    let page = report(&bench, "s/001_w1+50_w2+10.mcap", 3);
+    assert!(page.metadata().unwrap().len() < 10_000_000);
+
+    let mut browser = Browser::start();
+    browser.window(1280, 900, false);
+    let took = browser.open(&page);
+    println!("a trial of {} kB: opened in {} ms", page.metadata().unwrap().len() / 1000, took.as_millis());
+    assert_eq!(browser.text("h1"), "001_w1+50_w2+10 at (50, 10) rpm");
+    is_quiet(&browser, &page);
+    browser.picture(&picture("trial-light.png"));
+
+    // What stands beside the view at a time is what the log has then.
+    let mut samples = Vec::new();
+    for message in Reader::open(&log).unwrap() {
+        if let Body::Telemetry(telemetry) = message.unwrap().body {
+            samples.push(telemetry);
+        }
+    }
+    assert!(samples.len() > 1000);
+    let zero = samples[0].yaw_deg;
+    for sample in samples.iter().step_by(97) {
+        scrub(&mut browser, sample.time_s);
+        assert!((browser.number("[data-out^=time]").unwrap() - sample.time_s).abs() < 0.006);
+        // The slider has steps of 0.01 s.
+        for (name, value) in [("yaw", sample.yaw_deg - zero), ("pitch", sample.pitch_deg), ("roll", sample.roll_deg)] {
+            let shown = browser.number(&format!("[data-out='attitude {name} 2']")).unwrap();
+            assert!((shown - value).abs() < 0.02, "{name} at {} s: {shown}, not {value}", sample.time_s);
+        }
+        let motor = sample.motor1.as_ref().unwrap();
+        assert!((browser.number("[data-out='motors speed1 1']").unwrap() - motor.speed_rpm).abs() < 0.06);
+    }
+    let steady: host::log::SteadyMeta = host::log::last_meta(&log).unwrap().unwrap();
+    assert!((browser.number(".tile .big").unwrap() - steady.yaw_deg).abs() < 0.006);
+
+    // Played by the button: time goes on, the flagella turn; and stops by a key.
+    scrub(&mut browser, 5.0);
+    let before = view(&mut browser);
+    browser.click(".play");
+    std::thread::sleep(Duration::from_millis(600));
+    let later = browser.number("[data-out^=time]").unwrap();
+    assert!(later > 5.1, "{later}");
+    assert!(view(&mut browser) != before);
+    browser.evaluate("document.querySelector('.scene canvas').focus()");
+    browser.key(" ", 32);
+    let stopped = browser.number("[data-out^=time]").unwrap();
+    std::thread::sleep(Duration::from_millis(200));
+    assert_eq!(browser.number("[data-out^=time]").unwrap(), stopped);
+
+    // Turned by keys and by the mouse, and put back.
+    let front = view(&mut browser);
+    browser.key("ArrowLeft", 37);
+    let turned = view(&mut browser);
+    assert!(turned != front);
+    let [x, y] = browser.middle(".scene canvas");
+    browser.drag([x, y], [x + 80.0, y - 40.0]);
+    assert!(view(&mut browser) != turned);
+    browser.key("Home", 36);
+    assert!(view(&mut browser) == front);
+
+    // The slider by keys.
+    browser.evaluate("document.querySelector('.scrub').focus()");
+    browser.key("End", 35);
+    assert!((browser.number("[data-out^=time]").unwrap() - 30.0).abs() < 0.02);
+
+    // A chart shows less time when dragged across.
+    let [x, y] = browser.middle("[data-chart=pitch] .u-over");
+    browser.drag([x - 60.0, y], [x + 60.0, y]);
+    browser.picture(&picture("trial-zoomed.png"));
+    browser.click(".zoom-all");
+
+    browser.dark(true);
+    browser.picture(&picture("trial-dark.png"));
+    browser.dark(false);
+
+    browser.window(360, 740, true);
+    browser.open(&page);
+    assert!(browser.evaluate("document.documentElement.scrollWidth") == json!(360), "nothing is wider than a phone");
+    browser.picture(&picture("trial-phone.png"));
+
+    browser.window(1280, 900, false);
+    browser.open(&page);
+    let pdf = picture("trial.pdf");
+    browser.print(&pdf);
+    let text = Command::new("pdftotext").args(["-layout"]).arg(&pdf).arg("-").output().unwrap();
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    assert!(text.contains("001_w1+50_w2+10 at (50, 10) rpm") && text.contains("Steady yaw"), "{text}");
+    is_quiet(&browser, &page);
+}
+
+/// Ends an attribute, an element and a script, and would note that it ran.
+const MARKUP: &str =
+    "\"'><img src=x onerror=\"window.ran=1;alert(1)\"></script><script>window.ran=2</script><b onmouseover=alert(3)>";
+
+#[test]
+fn markup_in_a_log_runs_nothing_and_adds_no_element() {
+    let bench = Bench::new();
+    let plan =
+        Plan::parse("[trial]\ncalibrate = 0\npreroll = 0\nrun = 1\ndecay = 0\n[speeds]\npairs = [[50, 10]]\n", "plan")
+            .unwrap();
+    let time = |seconds: f64| SystemTime::UNIX_EPOCH + Duration::from_secs_f64(seconds);
+    let start =
+        Start { plan: &plan, trial: &plan.trials[0], attempt: 1, origin: Origin::Rig, board: None, time: time(0.0) };
+    let path = bench.path().join("hostile.mcap");
+    let mut log = Writer::create(&path, &start).unwrap();
+    let text = || MARKUP.to_owned();
+    log.meta(&PlanMeta { name: text(), operator: text(), note: text(), trials: 1, text: text() }).unwrap();
+    log.meta(&TrialMeta { name: text(), w1_rpm: 50.0, w2_rpm: 10.0, run_s: 1.0, ..TrialMeta::default() }).unwrap();
+    log.event(EventKind::Phase, MARKUP, time(0.0)).unwrap();
+    for i in 0..200_u16 {
+        let frame = protocol::Telemetry { seq: protocol::units::Count(i), ..protocol::Telemetry::default() };
+        log.telemetry(&frame, u64::from(i) * 5_000, time(f64::from(i) * 0.005)).unwrap();
+    }
+    log.event(EventKind::Warning, MARKUP, time(0.5)).unwrap();
+    log.finish(&Summary { reason: text(), ..Summary::default() }).unwrap();
+
+    let page = report(&bench, "hostile.mcap", 3);
+    let mut browser = Browser::start();
+    browser.open(&page);
+    assert_eq!(browser.text("h1"), format!("{MARKUP} at (50, 10) rpm"));
+    assert_eq!(browser.text(".note"), MARKUP);
+    assert_eq!(
+        browser
+            .evaluate("window.ran === undefined && document.querySelectorAll('img, b[onmouseover], [onerror]').length"),
+        json!(0)
+    );
+    assert_eq!(browser.evaluate("document.documentElement.dataset.ready"), json!("yes"));
+    is_quiet(&browser, &page);
+
+    // Had an element slipped through, its script would not run: the policy forbids it.
+    browser.evaluate("document.body.insertAdjacentHTML('beforeend', '<img src=data:, onerror=\"window.ran=3\">')");
+    browser.evaluate("new Promise((done) => setTimeout(done, 200)).then(() => 0)");
+    assert_eq!(browser.evaluate("window.ran ?? null"), json!(null));
+    assert!(!browser.problems.is_empty(), "the refusal stands on the console");
+}
+
+#[test]
+fn a_session_shows_its_map_and_opens_its_trials() {
+    let bench = Bench::new();
+    bench.file(
+        "plan.toml",
+        "[session]\nname = \"a small map\"\noperator = \"the bench\"\nnote = \"short runs, for the picture\"\n\
+         [trial]\ncalibrate = 0\npreroll = 1\nrun = 8\ndecay = 1\n\
+         [speeds]\ngrid = { w1 = [-90, 90, 30], w2 = [0, 90, 30] }\n",
+    );
+    bench.run(["simulate", "plan.toml", "--shapes", "--out", "s"]);
+    let page = report(&bench, "s", 3);
+    let mut browser = Browser::start();
+    browser.window(1280, 900, false);
+    let took = browser.open(&page);
+    println!("a session of {} kB: opened in {} ms", page.metadata().unwrap().len() / 1000, took.as_millis());
+    assert_eq!(browser.text("h1"), "a small map");
+    assert_eq!(browser.evaluate("document.querySelectorAll('table.trials tbody tr').length"), json!(28));
+    assert_eq!(browser.evaluate("document.querySelectorAll('.maps svg').length"), json!(2));
+    assert_eq!(browser.evaluate("document.querySelectorAll('.maps svg a').length"), json!(56));
+    browser.picture(&picture("session-light.png"));
+
+    // A cell of the map leads to its trial.
+    browser.evaluate(
+        "location.hash = document.querySelector('.maps a[aria-label^=\"w1 90, w2 60 \"]').getAttribute('href')",
+    );
+    browser.evaluate("new Promise((done) => setTimeout(done, 100)).then(() => 0)");
+    assert_eq!(browser.text("section.trial:not([hidden]) h2"), "027_w1+90_w2+60 at (90, 60) rpm");
+    scrub(&mut browser, 5.0);
+    assert!((browser.number("section:not([hidden]) [data-out='motors speed1 1']").unwrap() - 90.0).abs() < 0.1);
+    browser.picture(&picture("session-open.png"));
+
+    // Sorted by the yaw.
+    browser.click("th:nth-child(4) button");
+    let order = browser.evaluate("[...document.querySelectorAll('tbody tr td:nth-child(4)')].map((c) => Number(c.dataset.key)).every((v, i, all) => i === 0 || all[i - 1] <= v)");
+    assert_eq!(order, json!(true));
+
+    browser.dark(true);
+    browser.picture(&picture("session-dark.png"));
+    browser.dark(false);
+    browser.window(360, 740, true);
+    browser.open(&page);
+    assert!(browser.evaluate("document.documentElement.scrollWidth") == json!(360), "nothing is wider than a phone");
+    browser.picture(&picture("session-phone.png"));
+    browser.window(1280, 900, false);
+    browser.print(&picture("session.pdf"));
+    is_quiet(&browser, &page);
+}
+
+/// Seconds that a run of `biflag` takes, and the most memory that it has, MB.
+fn measured(bench: &Bench, arguments: &[&str]) -> (Run, f64, f64) {
+    let begun = Instant::now();
+    let mut child = bench.start(arguments);
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak_kb = 0.0_f64;
+    while child.try_wait().unwrap().is_none() {
+        let text = std::fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        peak_kb = peak_kb.max(line.and_then(|line| line.split_whitespace().next()?.parse().ok()).unwrap_or(0.0));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    (Run::of(child), begun.elapsed().as_secs_f64(), peak_kb * 1e-3)
+}
+
+/// 75 trials of 120 s at the board's rate, with shapes. `cargo test -p tests --test report -- --ignored --nocapture`
+#[test]
+#[ignore = "takes some minutes to simulate"]
+fn a_long_session_is_reported_in_a_minute_and_a_gigabyte() {
+    let bench = Bench::new();
+    bench.file(
+        "plan.toml",
+        "[session]\nname = \"long\"\n[trial]\ncalibrate = 0\npreroll = 0\nrun = 120\ndecay = 0\n\
+         [speeds]\ngrid = { w1 = [-70, 70, 10], w2 = [10, 50, 10] }\n",
+    );
+    bench.run(["simulate", "plan.toml", "--shapes", "--out", "s"]);
+    let (run, wall_s, peak_mb) = measured(&bench, &["report", "s", "--json"]);
+    let answer = run.json();
+    let page = bench.path().join(answer["html"].as_str().unwrap());
+    let megabytes = page.metadata().unwrap().len() as f64 * 1e-6;
+    println!("75 trials of 120 s: {wall_s:.1} s, {peak_mb:.0} MB of memory, a page of {megabytes:.2} MB");
+    assert_eq!(answer["trials"], 75);
+    assert!(wall_s < 60.0 && peak_mb < 1000.0 && megabytes < 10.0);
+    let mut browser = Browser::start();
+    let mut times: Vec<_> = (0..5).map(|_| browser.open(&page)).collect();
+    times.sort_unstable();
+    println!("opened in {} ms, the middle of five", times[2].as_millis());
+    assert!(times[2] < Duration::from_secs(2));
+    is_quiet(&browser, &page);
+}

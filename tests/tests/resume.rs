@@ -1,0 +1,160 @@
+//! Going on with a session: what it may and what it may not be gone on with.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+use tests::{Bench, Run, logs, nano, program, signal, wait_for_logs};
+
+fn plan(calibrate: f64, run: f64) -> String {
+    format!(
+        "[session]\nname = \"bench\"\n[trial]\ncalibrate = {calibrate}\npreroll = 1\nrun = {run}\ndecay = 0\n\
+         [speeds]\npairs = [[50, 10], [-30, 30]]\n"
+    )
+}
+
+fn record<'a>(plan: &'a Path, port: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["record", plan.to_str().unwrap(), "--port", port, "--out", "session", "--json"], more].concat()
+}
+
+#[track_caller]
+fn expect_complete(run: &Run, trials: usize) {
+    let json = run.json();
+    let trials_run = json["trials"].as_array().unwrap();
+    assert_eq!(trials_run.len(), trials, "{json}");
+    assert!(trials_run.iter().all(|trial| trial["complete"] == true && trial["lost"] == 0), "{json}");
+}
+
+/// A killed recording leaves the board streaming, and nobody else may write into its session while it lives.
+#[test]
+fn a_session_has_one_writer_and_goes_on_at_once_after_it_was_killed() {
+    let bench = Bench::new();
+    let plan = bench.file("plan.toml", &plan(0.0, 4.0));
+    let [mut first, second] = [nano(["--speed", "2"]), nano(["--speed", "4"])];
+    let port = first.port().to_owned();
+    let recording = bench.start(record(&plan, &port, &[]));
+    wait_for_logs(&bench.path().join("session"), 1);
+
+    let run = bench.run(record(&plan, second.port(), &["--resume"])).expect_code(1);
+    assert!(run.stderr.contains("another biflag writes into this session"), "{run:?}");
+    let run = bench.run(["simulate", plan.to_str().unwrap(), "--out", "session", "--resume"]).expect_code(1);
+    assert!(run.stderr.contains("another biflag writes into this session"), "{run:?}");
+    assert_eq!(logs(&bench.path().join("session")).len(), 1);
+
+    signal(&recording, "-KILL");
+    let _ = Run::of(recording);
+    let sent = first.control("status").unwrap()["frames_sent"].as_u64().unwrap();
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(first.control("status").unwrap()["frames_sent"].as_u64().unwrap() > sent, "the board streams on");
+    let run = bench.run(record(&plan, &port, &["--resume"])).expect_code(0);
+    expect_complete(&run, 2);
+    assert_eq!(logs(&bench.path().join("session")).len(), 3, "the cut-off log is kept");
+}
+
+#[test]
+fn a_trial_interrupted_while_it_calibrates_is_repeated() {
+    let bench = Bench::new();
+    let plan = bench.file("plan.toml", &plan(5.0, 2.0));
+    let mut nano = nano(["--speed", "4"]);
+    let port = nano.port().to_owned();
+    let recording = bench.start(record(&plan, &port, &[]));
+    wait_for_logs(&bench.path().join("session"), 1);
+    std::thread::sleep(Duration::from_millis(600));
+    signal(&recording, "-INT");
+    let run = Run::of(recording).expect_code(130);
+    assert_eq!(run.json()["trials"][0]["complete"], false, "{run:?}");
+    assert_eq!(nano.control("status").unwrap()["pwm"], serde_json::json!([0, 0]));
+
+    let run = bench.run(record(&plan, &port, &["--resume"])).expect_code(0);
+    expect_complete(&run, 2);
+    let logs = logs(&bench.path().join("session"));
+    let info = |log: &Path| bench.run(["info", log.to_str().unwrap(), "--json"]).expect_code(0).json();
+    assert_eq!((logs.len(), &info(&logs[0])["end"]), (3, &"complete".into()), "attempt 2 sorts first: {logs:?}");
+    assert_eq!(info(&logs[1])["end"], "aborted");
+}
+
+/// What record and info say of a trial is cut from it at the same moments.
+#[test]
+fn info_says_of_a_trial_what_record_said() {
+    let bench = Bench::new();
+    // Still for long enough to tell the drift.
+    let still = plan(1.0, 14.0).replace("preroll = 1", "preroll = 12").replace("decay = 0", "decay = 12");
+    let plan = bench.file("plan.toml", &still);
+    let nano = nano(["--speed", "4"]);
+    let run = bench.run(record(&plan, nano.port(), &[]));
+    // A computer that is busy starts the motors late, which is a warning and makes no difference here.
+    assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
+    for trial in run.json()["trials"].as_array().unwrap() {
+        let info = bench.run(["info", trial["log"].as_str().unwrap(), "--json"]).expect_code(0).json();
+        for key in ["yaw_deg", "pitch_deg", "yaw_uncertainty_deg"] {
+            let [said, says] = [trial, &info["angles"]].map(|angles| angles[key].as_f64().unwrap());
+            assert!((said - says).abs() < 1e-6, "{key}: {said} and {says}");
+        }
+    }
+}
+
+#[test]
+fn a_board_that_restarts_is_named_and_its_clock_not_fitted_across() {
+    let bench = Bench::new();
+    let plan = bench.file("plan.toml", &plan(0.0, 6.0));
+    let mut nano = nano(["--speed", "1"]);
+    let port = nano.port().to_owned();
+    let recording = bench.start(record(&plan, &port, &[]));
+    wait_for_logs(&bench.path().join("session"), 1);
+    std::thread::sleep(Duration::from_millis(2500));
+    nano.control("reset").unwrap();
+    let run = Run::of(recording).expect_code(1);
+    assert!(run.stderr.contains("the board stopped sending: it restarted"), "{run:?}");
+    let log = logs(&bench.path().join("session")).remove(0);
+    let mut reader = host::log::Reader::open(&log).unwrap();
+    assert!(reader.by_ref().all(|message| message.is_ok()));
+    let clock: host::log::ClockFit = reader.meta().unwrap();
+    println!("{clock:?}");
+    assert!(clock.drift_ppm.abs() < 20_000.0 && clock.residual_us < 20_000.0, "{clock:?}");
+    let run = bench.run(record(&plan, &port, &["--resume"])).expect_code(0);
+    expect_complete(&run, 2);
+}
+
+#[test]
+fn trials_of_one_session_run_on_one_thing() {
+    let bench = Bench::new();
+    let plan = bench.file("plan.toml", &plan(0.0, 1.0).replace("preroll = 1", "preroll = 0"));
+    let first = nano(["--speed", "max"]);
+    bench.run(["simulate", plan.to_str().unwrap(), "--out", "session"]).expect_code(3);
+    let run = bench.run(record(&plan, first.port(), &["--resume"])).expect_code(2);
+    assert!(run.stderr.contains("its trials ran in the model") && run.stderr.contains("on the rig"), "{run:?}");
+    std::fs::remove_dir_all(bench.path().join("session")).unwrap();
+
+    bench.run(record(&plan, first.port(), &[])).expect_code(3);
+    let run = bench.run(["simulate", plan.to_str().unwrap(), "--out", "session", "--resume"]).expect_code(2);
+    assert!(run.stderr.contains("its trials ran on the rig"), "{run:?}");
+    let settings = bench.file("board.toml", "board_id = 7\n");
+    bench.run(["settings", "--port", first.port(), "--write", settings.to_str().unwrap()]).expect_code(0);
+    let run = bench.run(record(&plan, first.port(), &["--resume"])).expect_code(2);
+    assert!(run.stderr.contains("on board 0") && run.stderr.contains("on board 7"), "{run:?}");
+    let settings = bench.file("board.toml", "board_id = 0\ncounts_per_turn = 600\n");
+    bench.run(["settings", "--port", first.port(), "--write", settings.to_str().unwrap()]).expect_code(0);
+    let run = bench.run(record(&plan, first.port(), &["--resume"])).expect_code(2);
+    assert!(run.stderr.contains("counts_per_turn = 600"), "{run:?}");
+}
+
+/// The disk is full while a trial runs: what was written stays, and the motors stop.
+#[test]
+fn a_full_disk_ends_the_trial_and_keeps_its_beginning() {
+    let bench = Bench::new();
+    let plan = bench.file("plan.toml", &plan(0.0, 60.0));
+    let mut nano = nano(["--speed", "5"]);
+    let port = nano.port().to_owned();
+    // A limit on the size of files stands for the disk; the shell's blocks are of 512 bytes.
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "trap '' XFSZ; ulimit -f 200; exec \"$@\"", "sh"]).arg(program("biflag"));
+    shell.args(record(&plan, &port, &[])).current_dir(bench.path());
+    let run = Run::of(shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap());
+    let run = run.expect_code(1);
+    assert!(run.stderr.contains("cannot be written") && run.stderr.contains("make room"), "{run:?}");
+    assert_eq!(nano.control("status").unwrap()["pwm"], serde_json::json!([0, 0]));
+    let log = logs(&bench.path().join("session")).remove(0);
+    let info = bench.run(["info", log.to_str().unwrap(), "--json"]).expect_code(3).json();
+    assert!(info["samples"].as_u64().unwrap() > 200, "{info}");
+    let run = bench.run(["recover", log.to_str().unwrap(), "--json"]).expect_code(3);
+    assert!(run.json()["messages"].as_u64().unwrap() > 200, "{run:?}");
+}
