@@ -1,6 +1,7 @@
 //! Speeds of both motors over time: the phases of a trial, ramps, or the record of a rig.
 //!
-//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral.
+//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral. A profile may also
+//! be written while it is run ([`SpeedProfile::open`]), where somebody else turns the motors.
 
 use crate::robot::clamp::Motor;
 use serde::{Deserialize, Serialize};
@@ -54,6 +55,9 @@ pub enum ProfileError {
 
 /// Largest speed of a profile, rpm.
 pub const LARGEST_RPM: f64 = 10_000.0;
+
+/// Points that an extended profile remembers.
+const REMEMBERED: usize = 8;
 
 /// Durations of the phases of a trial, s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -184,7 +188,34 @@ impl SpeedProfile {
         Ok(profile)
     }
 
-    /// First time, s.
+    /// Both motors at rest at `time` (s), and nothing known of them after it: to be extended as time goes on. It has no
+    /// run phase.
+    pub fn open(time: f64) -> Self {
+        Self { points: vec![Point { time, speed: [0.0; 2], angle: [0.0; 2] }], run: [time; 2] }
+    }
+
+    /// Goes on to `time` (s), with speeds that change evenly from the last ones to these (rad/s). What came before the
+    /// last points is forgotten.
+    pub fn extend(&mut self, time: f64, speed: [f64; 2]) -> Result<(), ProfileError> {
+        let index = self.points.len();
+        let last = self.points[index - 1];
+        if !time.is_finite() || speed.iter().any(|s| !s.is_finite()) {
+            return Err(ProfileError::NotFinite { index });
+        }
+        if time <= last.time {
+            return Err(ProfileError::Unordered { index });
+        }
+        if let Some(fast) = speed.iter().map(|s| s * 30.0 / PI).find(|rpm| rpm.abs() > LARGEST_RPM) {
+            return Err(ProfileError::TooFast { index, rpm: fast, limit: LARGEST_RPM });
+        }
+        let half = 0.5 * (time - last.time);
+        let angle = [0, 1].map(|k| last.angle[k] + half * (last.speed[k] + speed[k]));
+        self.points.push(Point { time, speed, angle });
+        self.points.drain(..self.points.len().saturating_sub(REMEMBERED));
+        Ok(())
+    }
+
+    /// First time, s; of a profile that was extended, the first that it remembers.
     pub fn start(&self) -> f64 {
         self.points[0].time
     }
@@ -255,6 +286,25 @@ mod tests {
         }
         assert_eq!(profile.next_jump(0.0), Some(2.0));
         assert_eq!(profile.next_jump(2.0), None);
+    }
+
+    #[test]
+    fn a_profile_grows_without_a_jump_and_forgets_its_beginning() {
+        let mut profile = SpeedProfile::open(1.0);
+        let mut whole = vec![(1.0, [0.0; 2])];
+        for i in 1..40 {
+            let (time, rpm) = (1.0 + 0.02 * f64::from(i), [f64::from(i), -10.0]);
+            profile.extend(time, rpm.map(|rpm| rpm * PI / 30.0)).expect("a later time");
+            whole.push((time, rpm));
+        }
+        let whole = SpeedProfile::from_points(&whole).expect("a profile");
+        for time in [profile.end(), profile.end() - 0.013, profile.start()] {
+            for (a, b) in profile.motors(time).into_iter().zip(whole.motors(time)) {
+                assert!((a.angle - b.angle).abs() < 1e-12 && (a.speed - b.speed).abs() < 1e-12);
+            }
+        }
+        assert!(profile.end() - profile.start() < 0.2 && profile.next_jump(profile.start()).is_none());
+        assert!(profile.extend(profile.end(), [0.0; 2]).is_err() && profile.extend(9.0, [f64::NAN; 2]).is_err());
     }
 
     #[test]
