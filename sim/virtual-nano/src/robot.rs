@@ -162,7 +162,7 @@ impl Robot {
             let by_board = |error: StepError| StepError { time: error.time - REST_S, ..error }.to_string();
             let mut sample = sample.map_err(by_board)?;
             sample.time_s -= REST_S;
-            if self.windows % SHAPES_EVERY != 0 {
+            if !self.windows.is_multiple_of(SHAPES_EVERY) {
                 sample.shapes_m = None;
             }
             if self.samples.len() == WAITING {
