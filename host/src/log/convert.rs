@@ -5,7 +5,7 @@ use super::schema::biflag::{self, Counts, Motor, QuaternionQ15, Vector};
 use super::schema::foxglove;
 use super::writer::{CommandRecord, EventKind};
 use crate::attitude::{Euler, Unwrap, rotation};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use protocol::frame::{MAX_FRAME, encode};
 use protocol::units::{SensorCounts, TemperatureCounts};
 use protocol::{Calibration, Fault, Request, Settings, State, TICK_HZ, Telemetry};
@@ -22,8 +22,7 @@ pub(crate) struct Converter {
     yaw: Unwrap,
     /// Specific force since the motors last turned, m/s², body axes; the last [`REST_FRAMES`].
     rest: VecDeque<Vector3<f64>>,
-    /// From the accelerometer's direction of up, body axes, to the true one.
-    level: Option<UnitQuaternion<f64>>,
+    level: Option<LevelMeta>,
 }
 
 /// Frames that tell how the robot hangs: five seconds at the board's full rate.
@@ -55,18 +54,9 @@ impl Converter {
         }
         let up = self.rest.iter().sum::<Vector3<f64>>().try_normalize(0.0)?;
         let tilt_deg = up.xy().norm().atan2(up.z).to_degrees();
-        let used = tilt_deg <= LARGEST_TILT_DEG;
-        if used {
-            self.level = UnitQuaternion::rotation_between(&up, &Vector3::z());
-        }
-        Some(LevelMeta { up: up.into(), tilt_deg, used })
-    }
-
-    /// The attitude, body to world, less what the accelerometer's bias makes of it.
-    fn levelled(&self, attitude: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
-        let Some(level) = self.level else { return attitude };
-        let up = attitude * (level * (attitude.inverse() * Vector3::z()));
-        UnitQuaternion::rotation_between(&up, &Vector3::z()).map_or(attitude, |correction| correction * attitude)
+        let level = LevelMeta { up: up.into(), tilt_deg, used: tilt_deg <= LARGEST_TILT_DEG };
+        self.level = Some(level.clone());
+        Some(level)
     }
 
     pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, time_s: f64) -> biflag::Telemetry {
@@ -80,7 +70,8 @@ impl Converter {
             self.rest.truncate(REST_FRAMES - 1);
             self.rest.push_front(Vector3::from(force));
         }
-        let attitude = self.levelled(rotation(frame.attitude.to_f64()));
+        let attitude = rotation(frame.attitude.to_f64());
+        let attitude = self.level.as_ref().map_or(attitude, |level| level.levelled(attitude));
         let parts = [attitude.w, attitude.i, attitude.j, attitude.k];
         let euler = Euler::of(&attitude);
         let [motor1, motor2] = [0, 1].map(|i| self.motor(frame, i));

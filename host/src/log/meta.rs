@@ -7,6 +7,7 @@ use super::model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 use crate::board_settings::BoardSettings;
 use crate::plan::{Plan, Trial};
 use crate::stats::LinkStats;
+use nalgebra::{UnitQuaternion, Vector3};
 use protocol::{Info, Settings};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -159,6 +160,17 @@ pub struct LevelMeta {
     pub tilt_deg: f64,
     /// Whether the attitude is corrected by it from there on.
     pub used: bool,
+}
+
+impl LevelMeta {
+    /// An attitude, body to world, less what the accelerometer's bias makes of it.
+    pub fn levelled(&self, attitude: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        let Some(level) = UnitQuaternion::rotation_between(&self.up.into(), &Vector3::z()).filter(|_| self.used) else {
+            return attitude;
+        };
+        let up = attitude * (level * (attitude.inverse() * Vector3::z()));
+        UnitQuaternion::rotation_between(&up, &Vector3::z()).map_or(attitude, |correction| correction * attitude)
+    }
 }
 
 /// The board's clock against the host's: a line through the pings.
