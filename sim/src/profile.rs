@@ -151,6 +151,15 @@ impl SpeedProfile {
         }
     }
 
+    /// The same speeds, with the motors at other angles (rad) at the first time: a rig's flagella begin a trial as the one
+    /// before left them, and where both turn equally fast their phase decides the steady state.
+    pub fn from_angles(mut self, start: [f64; 2]) -> Self {
+        for point in &mut self.points {
+            point.angle = [0, 1].map(|k| point.angle[k] + start[k]);
+        }
+        self
+    }
+
     /// Constant speeds (rpm) at once from time 0, for `duration` s.
     pub fn constant(rpm: [f64; 2], duration: f64) -> Result<Self, ProfileError> {
         Self::from_points(&[(0.0, rpm), (duration, rpm)])
@@ -236,7 +245,10 @@ impl SpeedProfile {
         let after = self.points.partition_point(|p| p.time <= time);
         let Some(before) = self.points.get(after.wrapping_sub(1)) else {
             let first = &self.points[0];
-            return [0, 1].map(|k| Motor { angle: first.speed[k] * (time - first.time), speed: first.speed[k] });
+            return [0, 1].map(|k| Motor {
+                angle: first.angle[k] + first.speed[k] * (time - first.time),
+                speed: first.speed[k],
+            });
         };
         let passed = time - before.time;
         let slope = match self.points.get(after) {
@@ -323,6 +335,18 @@ mod tests {
         assert!(SpeedProfile::phases(&phases(10.0), [50.0, 0.0]).is_err());
         let third = Phases { reverse: Some(Reverse { motor: 2, after: 1.0 }), ..Phases::default() };
         assert!(SpeedProfile::phases(&third, [50.0, 0.0]).is_err());
+    }
+
+    #[test]
+    fn other_angles_leave_the_speeds() {
+        let profile = SpeedProfile::constant([60.0, -30.0], 4.0).expect("a profile");
+        let turned = profile.clone().from_angles([1.0, -2.0]);
+        for time in [-1.0, 0.0, 2.5, 5.0] {
+            for (k, start) in [1.0, -2.0].into_iter().enumerate() {
+                let (a, b) = (profile.motors(time)[k], turned.motors(time)[k]);
+                assert!((b.angle - a.angle - start).abs() < 1e-12 && a.speed == b.speed);
+            }
+        }
     }
 
     #[test]
