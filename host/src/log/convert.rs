@@ -202,6 +202,7 @@ fn counts(counts: [SensorCounts; 3]) -> Counts {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::UnitQuaternion;
     use protocol::units::Quaternion;
 
     const DT: f64 = 0.005;
