@@ -267,7 +267,9 @@ mod tests {
         for accel in [[16384, 0, 300], [0, 0, -16384]] {
             let mut converter = Converter::new(Settings::DEFAULT);
             let frame = Telemetry { accel: accel.map(SensorCounts), imu_fresh: true, ..Telemetry::default() };
-            (0..REST_FRAMES).for_each(|_| drop(converter.telemetry(&frame, 0, 0.0)));
+            for _ in 0..REST_FRAMES {
+                converter.telemetry(&frame, 0, 0.0);
+            }
             assert!(converter.level().is_some_and(|level| !level.used && level.tilt_deg > 80.0));
             assert_eq!(converter.telemetry(&frame, 0, 0.0).attitude, Some(quaternion([1.0, 0.0, 0.0, 0.0])));
         }
