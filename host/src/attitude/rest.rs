@@ -25,8 +25,11 @@ const ANGLE_WALK_FLOOR: f64 = 0.005 / std::f64::consts::SQRT_2;
 /// Part of a phase that is left out where the phase began with a motion: what is left of faster ones hides in the noise.
 const MARGIN: f64 = 0.25;
 
-/// How far the bias may move during a trial, °/s.
-const BIAS_CHANGE: f64 = 0.02;
+/// How far the bias may move during a trial, °/s: a third of what the data sheet allows for a degree of warming.
+const BIAS_CHANGE: f64 = 0.1;
+
+/// Standard deviation of what it usually moves by, °/s: a tenth of the same.
+const BIAS_SPREAD: f64 = 0.03;
 
 /// Fastest return that blocks can tell, s; the slowest is a part of the time that it is seen.
 const FASTEST_S: f64 = 1.5;
@@ -66,6 +69,13 @@ impl Phase {
         }
         let within = fit.time_constant_s > FASTEST_S && fit.time_constant_s < SLOWEST * (range.end - range.start);
         within.then_some(Self { rate: fit.rate, unknown: fit.unknown, scatter: fit.scatter, range })
+    }
+
+    /// The rate weighed against what the bias has usually become since `before`: a fit to little time says little.
+    fn weighed(self, before: &Phase, walk: f64) -> Self {
+        let usual = BIAS_SPREAD.powi(2);
+        let weight = usual / (usual + walk.powi(2) * self.unknown);
+        Self { rate: before.rate + weight * (self.rate - before.rate), unknown: weight * self.unknown, ..self }
     }
 
     pub fn middle(&self) -> f64 {
@@ -151,7 +161,7 @@ pub(super) fn after_run(yaw: &Track, range: Range<f64>, before: &Phase) -> Optio
     while end - start > MIN_SWING_BLOCKS as f64 * BLOCK_S {
         if Phase::swing(yaw, start..end).is_some_and(|phase| is_rest(&phase)) {
             let hidden = if start > range.start { MARGIN * (end - start) } else { 0.0 };
-            return Phase::swing(yaw, start + hidden..end).filter(is_rest);
+            return Phase::swing(yaw, start + hidden..end).filter(is_rest).map(|phase| phase.weighed(before, walk));
         }
         start += BLOCK_S / 2.0;
     }
