@@ -7,7 +7,7 @@ DEMO := target/demo
 .PHONY: help setup build firmware demo test lint doc bench clean
 
 help:
-	@echo "make demo      record a trial on the emulated board, from nothing to a log"
+	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
 	@echo "make test      all tests"
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
 	@echo "make lint      format and lint checks"
@@ -25,11 +25,18 @@ build: firmware
 	$(CARGO) build --release --bin biflag
 	$(CARGO) build --release -p virtual-nano
 
+# Exit code 3 says that something is worth a warning, which a demo goes on after.
 demo: build
 	@rm -rf $(DEMO)
-	$(BIN)/biflag record host/plans/hand-turn-z.toml --virtual=tests/data/mpu6050/rotate-z-720.csv --out $(DEMO)
-	@$(BIN)/biflag info $(DEMO)/*.mcap
-	@echo "The log is in $(DEMO). Open it in Foxglove or PlotJuggler, or: $(BIN)/biflag export $(DEMO)/*.mcap"
+	@echo "A recording of a real sensor, turned by hand through 720 degrees about z, through the real firmware:"
+	$(BIN)/biflag record host/plans/hand-turn-z.toml --virtual=tests/data/mpu6050/rotate-z-720.csv --out $(DEMO)/hand-turn
+	@echo "Two trials on the emulated board with the simulated robot behind it:"
+	$(BIN)/biflag record host/plans/demo.toml --virtual --out $(DEMO)/robot
+	@echo "The robot's parameters from these trials:"
+	$(BIN)/biflag calibrate $(DEMO)/robot -o $(DEMO)/fitted.toml --fit tether,righting || [ $$? = 3 ]
+	@echo "The trials against the model with these parameters:"
+	$(BIN)/biflag compare $(DEMO)/robot --robot $(DEMO)/fitted.toml || [ $$? = 3 ]
+	@echo "Open $(DEMO)/robot/report.html in a browser, and the logs in Foxglove or PlotJuggler."
 
 test: build
 	@sh firmware/setup.sh test

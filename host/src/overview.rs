@@ -3,8 +3,8 @@
 use crate::attitude::{Angles, PhaseTimes, Series, Times};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::{
-    BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, ModelMeta, PlanMeta,
-    Reader, RecoveryMeta, RobotMeta, SteadyMeta, Summary, TrialMeta,
+    BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LevelMeta, LogError, Loss, Message, ModelMeta,
+    PlanMeta, Reader, RecoveryMeta, RobotMeta, SteadyMeta, Summary, TrialMeta,
 };
 use crate::stats::LinkStats;
 use protocol::units::CentiRpm;
@@ -74,6 +74,8 @@ impl Overview {
             see(&message);
         }
         let times = collector.times.times();
+        let level: Option<LevelMeta> = reader.meta();
+        collector.series.levelled_deg = level.filter(|level| level.used).map_or(0.0, |level| level.tilt_deg);
         let trial: Option<TrialMeta> = reader.meta();
         let speeds = trial.as_ref().map_or([CentiRpm(0); 2], |t| [t.w1_rpm, t.w2_rpm].map(CentiRpm::from_rpm));
         let summary: Option<Summary> = reader.meta();

@@ -1,6 +1,7 @@
 //! Speeds of both motors over time: the phases of a trial, ramps, or the record of a rig.
 //!
-//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral.
+//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral. A profile may also
+//! be written while it is run ([`SpeedProfile::open`]), where somebody else turns the motors.
 
 use crate::robot::clamp::Motor;
 use serde::{Deserialize, Serialize};
@@ -54,6 +55,9 @@ pub enum ProfileError {
 
 /// Largest speed of a profile, rpm.
 pub const LARGEST_RPM: f64 = 10_000.0;
+
+/// Points that an extended profile remembers.
+const REMEMBERED: usize = 8;
 
 /// Durations of the phases of a trial, s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -147,6 +151,15 @@ impl SpeedProfile {
         }
     }
 
+    /// The same speeds, with the motors at other angles (rad) at the first time: a rig's flagella begin a trial as the one
+    /// before left them, and where both turn equally fast their phase decides the steady state.
+    pub fn from_angles(mut self, start: [f64; 2]) -> Self {
+        for point in &mut self.points {
+            point.angle = [0, 1].map(|k| point.angle[k] + start[k]);
+        }
+        self
+    }
+
     /// Constant speeds (rpm) at once from time 0, for `duration` s.
     pub fn constant(rpm: [f64; 2], duration: f64) -> Result<Self, ProfileError> {
         Self::from_points(&[(0.0, rpm), (duration, rpm)])
@@ -184,7 +197,34 @@ impl SpeedProfile {
         Ok(profile)
     }
 
-    /// First time, s.
+    /// Both motors at rest at `time` (s), and nothing known of them after it: to be extended as time goes on. It has no
+    /// run phase.
+    pub fn open(time: f64) -> Self {
+        Self { points: vec![Point { time, speed: [0.0; 2], angle: [0.0; 2] }], run: [time; 2] }
+    }
+
+    /// Goes on to `time` (s), with speeds that change evenly from the last ones to these (rad/s). What came before the
+    /// last points is forgotten.
+    pub fn extend(&mut self, time: f64, speed: [f64; 2]) -> Result<(), ProfileError> {
+        let index = self.points.len();
+        let last = self.points[index - 1];
+        if !time.is_finite() || speed.iter().any(|s| !s.is_finite()) {
+            return Err(ProfileError::NotFinite { index });
+        }
+        if time <= last.time {
+            return Err(ProfileError::Unordered { index });
+        }
+        if let Some(fast) = speed.iter().map(|s| s * 30.0 / PI).find(|rpm| rpm.abs() > LARGEST_RPM) {
+            return Err(ProfileError::TooFast { index, rpm: fast, limit: LARGEST_RPM });
+        }
+        let half = 0.5 * (time - last.time);
+        let angle = [0, 1].map(|k| last.angle[k] + half * (last.speed[k] + speed[k]));
+        self.points.push(Point { time, speed, angle });
+        self.points.drain(..self.points.len().saturating_sub(REMEMBERED));
+        Ok(())
+    }
+
+    /// First time, s; of a profile that was extended, the first that it remembers.
     pub fn start(&self) -> f64 {
         self.points[0].time
     }
@@ -205,7 +245,10 @@ impl SpeedProfile {
         let after = self.points.partition_point(|p| p.time <= time);
         let Some(before) = self.points.get(after.wrapping_sub(1)) else {
             let first = &self.points[0];
-            return [0, 1].map(|k| Motor { angle: first.speed[k] * (time - first.time), speed: first.speed[k] });
+            return [0, 1].map(|k| Motor {
+                angle: first.angle[k] + first.speed[k] * (time - first.time),
+                speed: first.speed[k],
+            });
         };
         let passed = time - before.time;
         let slope = match self.points.get(after) {
@@ -258,6 +301,25 @@ mod tests {
     }
 
     #[test]
+    fn a_profile_grows_without_a_jump_and_forgets_its_beginning() {
+        let mut profile = SpeedProfile::open(1.0);
+        let mut whole = vec![(1.0, [0.0; 2])];
+        for i in 1..40 {
+            let (time, rpm) = (1.0 + 0.02 * f64::from(i), [f64::from(i), -10.0]);
+            profile.extend(time, rpm.map(|rpm| rpm * PI / 30.0)).expect("a later time");
+            whole.push((time, rpm));
+        }
+        let whole = SpeedProfile::from_points(&whole).expect("a profile");
+        for time in [profile.end(), profile.end() - 0.013, profile.start()] {
+            for (a, b) in profile.motors(time).into_iter().zip(whole.motors(time)) {
+                assert!((a.angle - b.angle).abs() < 1e-12 && (a.speed - b.speed).abs() < 1e-12);
+            }
+        }
+        assert!(profile.end() - profile.start() < 0.2 && profile.next_jump(profile.start()).is_none());
+        assert!(profile.extend(profile.end(), [0.0; 2]).is_err() && profile.extend(9.0, [f64::NAN; 2]).is_err());
+    }
+
+    #[test]
     fn a_motor_reverses_within_the_run() {
         let phases =
             |after| Phases { run: 10.0, decay: 1.0, reverse: Some(Reverse { motor: 1, after }), ..Phases::default() };
@@ -273,6 +335,18 @@ mod tests {
         assert!(SpeedProfile::phases(&phases(10.0), [50.0, 0.0]).is_err());
         let third = Phases { reverse: Some(Reverse { motor: 2, after: 1.0 }), ..Phases::default() };
         assert!(SpeedProfile::phases(&third, [50.0, 0.0]).is_err());
+    }
+
+    #[test]
+    fn other_angles_leave_the_speeds() {
+        let profile = SpeedProfile::constant([60.0, -30.0], 4.0).expect("a profile");
+        let turned = profile.clone().from_angles([1.0, -2.0]);
+        for time in [-1.0, 0.0, 2.5, 5.0] {
+            for (k, start) in [1.0, -2.0].into_iter().enumerate() {
+                let (a, b) = (profile.motors(time)[k], turned.motors(time)[k]);
+                assert!((b.angle - a.angle - start).abs() < 1e-12 && a.speed == b.speed);
+            }
+        }
     }
 
     #[test]

@@ -89,6 +89,9 @@ pub struct Record {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Dense {
     records: VecDeque<Record>,
+    /// Steps are kept for so long behind the newest, s; the last four in any case.
+    #[serde(default)]
+    reach: f64,
 }
 
 /// Attitude, rate and forces at a time.
@@ -107,10 +110,18 @@ pub struct Between {
 }
 
 impl Dense {
+    /// Gives values up to `reach` seconds before the newest step.
+    pub fn reaching(reach: f64) -> Self {
+        Self { reach, ..Self::default() }
+    }
+
     /// Takes a step.
     pub fn push(&mut self, record: Record) {
+        let oldest = record.time - self.reach;
         self.records.push_front(record);
-        self.records.truncate(POINTS);
+        // The values at the oldest time take the four steps about it.
+        let within = self.records.partition_point(|r| r.time > oldest);
+        self.records.truncate(within.max(1) + POINTS - 1);
     }
 
     /// Forgets earlier steps: the motion has a corner here.
@@ -123,39 +134,33 @@ impl Dense {
         self.records.front().map(|r| r.time)
     }
 
-    fn weights(&self, speed: f64, time: f64, points: usize) -> [f64; POINTS] {
-        let newest = self.records[0].time;
-        let Some(scale) = self.records.get(1).map(|r| newest - r.time) else {
-            return [1.0, 0.0, 0.0, 0.0];
-        };
-        let times: Vec<f64> = self.records.iter().take(points).map(|r| (r.time - newest) / scale).collect();
-        value_at(speed.abs() * scale, &times, (time - newest) / scale)
-    }
-
-    /// Values at a time within the last step; `None` before the first step.
+    /// Values at a time within the last step, or within reach behind it; `None` before the first step.
     pub fn at(&self, time: f64) -> Option<Between> {
-        let newest = *self.records.front()?;
+        // From the end of the step that holds the time.
+        let end = self.records.partition_point(|r| r.time >= time).saturating_sub(1);
+        let steps: Vec<&Record> = self.records.range(end..).take(POINTS).collect();
+        let newest = **steps.first()?;
         // Contact makes and breaks: no smooth curve goes through its forces.
-        let smooth = if self.records.iter().any(|r| r.contact) { 2 } else { POINTS };
+        let smooth = if steps.iter().any(|r| r.contact) { 2 } else { POINTS };
         let fastest = newest.motors[0].speed.abs().max(newest.motors[1].speed.abs());
-        let body = self.weights(fastest, time, POINTS);
-        let linear = self.weights(0.0, time, 2);
+        let body = weights(&steps, fastest, time, POINTS);
+        let linear = weights(&steps, 0.0, time, 2);
         let mut rotation = V3::zeros();
         let mut rate = V3::zeros();
-        for (record, w) in self.records.iter().zip(body) {
+        for (record, w) in steps.iter().zip(body) {
             rotation += rotation_between(&newest.attitude, &record.attitude) * w;
             rate += record.rate * w;
         }
         let attitude = rotated(&newest.attitude, rotation);
         let [yaw, pitch, roll] = euler_zyx(&attitude);
         let forces = [0, 1].map(|k| {
-            let weights = self.weights(newest.motors[k].speed, time, smooth);
+            let weights = weights(&steps, newest.motors[k].speed, time, smooth);
             let mut sum = ForceRecord::default();
-            for (record, w) in self.records.iter().zip(weights) {
+            for (record, w) in steps.iter().zip(weights) {
                 sum.smooth += record.forces[k].smooth * w;
                 sum.smooth_torque += record.forces[k].smooth_torque * w;
             }
-            for (record, w) in self.records.iter().zip(linear) {
+            for (record, w) in steps.iter().zip(linear) {
                 sum.contact += record.forces[k].contact * w;
                 sum.contact_torque += record.forces[k].contact_torque * w;
             }
@@ -164,6 +169,16 @@ impl Dense {
         let euler = [unwrap(yaw, newest.yaw), pitch, roll];
         Some(Between { attitude, euler, rate, forces, contact: newest.contact })
     }
+}
+
+/// Weights of the values at `time` from steps, newest first.
+fn weights(steps: &[&Record], speed: f64, time: f64, points: usize) -> [f64; POINTS] {
+    let newest = steps[0].time;
+    let Some(scale) = steps.get(1).map(|r| newest - r.time) else {
+        return [1.0, 0.0, 0.0, 0.0];
+    };
+    let times: Vec<f64> = steps.iter().take(points).map(|r| (r.time - newest) / scale).collect();
+    value_at(speed.abs() * scale, &times, (time - newest) / scale)
 }
 
 /// Centre lines of both flagella in the body frame (m) at a time within the last step of a state.

@@ -99,7 +99,8 @@ impl SteadyCollector {
         while self.recent.get(1).is_some_and(|e| e.time < time - 2.0 * self.window) {
             self.recent.pop_front();
         }
-        while time >= self.block_end {
+        // A run without a length has no blocks.
+        while self.block > 0.0 && time >= self.block_end {
             let levels = self.levels(self.block_end - self.block, self.block_end);
             self.blocks.push((self.block_end, [levels[0].mean, levels[1].mean]));
             self.block_end += self.block;
@@ -173,6 +174,13 @@ mod tests {
         let odd = whole_turns([rad(37.0), rad(53.0)], 120.0);
         assert!(odd > 7.0 && odd <= 12.0);
         assert_eq!(whole_turns([0.0, 0.0], 5.0), 5.0);
+    }
+
+    #[test]
+    fn a_run_without_a_length_ends() {
+        let mut collector = SteadyCollector::new(3.0, 3.0, [0.0; 2]);
+        collector.push(3.0, [0.5; CHANNELS]);
+        assert_eq!(collector.steady().attitude[0], Level { mean: 0.5, amplitude: 0.0 });
     }
 
     #[test]

@@ -15,14 +15,32 @@
 //!
 //! A trial keeps a window of its past and no more: its memory does not grow with its length, but for
 //! one pair of numbers every two seconds.
+//!
+//! Where the motors belong to somebody else, for instance to an emulated board, their speeds are not known ahead. Then a
+//! trial is open: it is told how they go on, runs that far, and is asked for what it does in between.
+//!
+//! ```
+//! use sim::{params::Robot, robot::closure::Closure, trial::{Options, Trial}};
+//!
+//! let mut trial = Trial::open(&Robot::default(), Closure::Full, Options::default(), 0.1)?;
+//! for window in 1..=10 {
+//!     trial.extend(0.02 * f64::from(window), [0.5, 0.1])?;
+//!     for sample in trial.by_ref() {
+//!         println!("{:?}", sample?.attitude);
+//!     }
+//!     println!("{:?}", trial.at(0.02 * f64::from(window) - 0.005).map(|between| between.rate));
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::V3;
 use crate::contact::bundling::{Bundling, winding};
 use crate::params::{ParamError, Robot};
-use crate::profile::SpeedProfile;
+use crate::profile::{ProfileError, SpeedProfile};
 use crate::robot::body::euler_zyx;
+use crate::robot::clamp::Motor;
 use crate::robot::closure::Closure;
-use crate::sample::{Dense, ForceRecord, Record, Sample, shapes_at};
+use crate::sample::{Between, Dense, ForceRecord, Record, Sample, shapes_at};
 use crate::state::State;
 use crate::steady::{Steady, SteadyCollector};
 use crate::step::{Solver, StepReport, advance::StepError};
@@ -106,6 +124,8 @@ pub struct Trial {
     solver: Solver,
     profile: SpeedProfile,
     options: Options,
+    /// Time of the first sample, s.
+    start: f64,
     progress: Checkpoint,
     failed: bool,
 }
@@ -120,7 +140,17 @@ impl Trial {
     }
 
     /// The same with a solver that was prepared otherwise.
-    pub fn with_solver(mut solver: Solver, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
+    pub fn with_solver(solver: Solver, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
+        Self::begin(solver, profile, options, Dense::default())
+    }
+
+    /// Robot upright and at rest at time 0, to be told by [`Trial::extend`] how its motors go on. `reach`: how far behind
+    /// the last step [`Trial::at`] answers, s.
+    pub fn open(robot: &Robot, closure: Closure, options: Options, reach: f64) -> Result<Self, ParamError> {
+        Self::begin(Solver::new(robot, closure)?, SpeedProfile::open(0.0), options, Dense::reaching(reach))
+    }
+
+    fn begin(mut solver: Solver, profile: SpeedProfile, options: Options, dense: Dense) -> Result<Self, ParamError> {
         if !RATES.contains(&options.rate_hz) {
             return Err(ParamError {
                 key: "rate_hz",
@@ -138,7 +168,7 @@ impl Trial {
         let steady = if speeds.iter().all(|s| *s == 0.0) { speeds_before } else { speeds };
         let progress = Checkpoint {
             steady: SteadyCollector::new(start, stop, steady),
-            dense: Dense::default(),
+            dense,
             next: 0,
             gap,
             last_gap: gap,
@@ -157,7 +187,7 @@ impl Trial {
             },
             state,
         };
-        let mut trial = Self { solver, profile, options, progress, failed: false };
+        let mut trial = Self { solver, start: profile.start(), profile, options, progress, failed: false };
         trial.record(&StepReport::default());
         Ok(trial)
     }
@@ -166,6 +196,22 @@ impl Trial {
     pub fn restore(&mut self, checkpoint: Checkpoint) {
         self.progress = checkpoint;
         self.failed = false;
+    }
+
+    /// Lets an open trial go on to `time` (s), with speeds of the motors that change evenly to these (rad/s). Its samples
+    /// up to there are to be taken next.
+    pub fn extend(&mut self, time: f64, speeds: [f64; 2]) -> Result<(), ProfileError> {
+        self.profile.extend(time, speeds)
+    }
+
+    /// Angles and speeds of the motors at a time.
+    pub fn motors(&self, time: f64) -> [Motor; 2] {
+        self.profile.motors(time)
+    }
+
+    /// Attitude, rate and forces at a time that the solver has just passed.
+    pub fn at(&self, time: f64) -> Option<Between> {
+        self.progress.dense.at(time)
     }
 
     /// All that is needed to go on later.
@@ -185,7 +231,7 @@ impl Trial {
 
     /// Share of the profile that is done, 0 to 1.
     pub fn done(&self) -> f64 {
-        let (start, end) = (self.profile.start(), self.profile.end());
+        let (start, end) = (self.start, self.profile.end());
         ((self.progress.state.time - start) / (end - start)).clamp(0.0, 1.0)
     }
 
@@ -196,7 +242,7 @@ impl Trial {
         let run = (self.progress.state.time.min(stop) - start).max(0.0);
         Summary {
             steady: self.progress.steady.steady(),
-            simulated_s: self.progress.state.time - self.profile.start(),
+            simulated_s: self.progress.state.time - self.start,
             min_gap_m: totals.min_gap,
             max_penetration_m: totals.penetration,
             largest_contact_n: totals.largest_contact,
@@ -298,7 +344,7 @@ impl Trial {
     }
 
     fn sample_time(&self, index: u64) -> f64 {
-        self.profile.start() + index as f64 / self.options.rate_hz
+        self.start + index as f64 / self.options.rate_hz
     }
 
     fn sample(&mut self, time: f64) -> Option<Sample> {

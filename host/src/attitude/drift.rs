@@ -4,8 +4,9 @@
 //! yaw away. While the robot is still the yaw's rate is that bias, plus noise. Model of the measured yaw's error:
 //!
 //! - angle random walk, of standard deviation N √t after a time t. N is estimated from the still phases themselves: from
-//!   the scatter of the mean rates of 2 s blocks about their phase's mean, which takes in whatever slow noise there is up
-//!   to some seconds. It is not taken below the sensor's data sheet.
+//!   the scatter of the mean rates of 2 s blocks, which takes in whatever slow noise there is up to some seconds. It is not
+//!   taken below the sensor's data sheet. After a run the robot swings back, and its swing is told from the bias (see
+//!   [`super::rest`]).
 //! - a bias that changes slowly. Between the middles of the two still phases it is taken to lie on a straight line, which
 //!   is right for any steady drift, such as warming. For what strays from the line, the bias is allowed to walk at random
 //!   by as much as it was seen to change: the variance of the integral of a random walk that is held at both ends of a
@@ -15,27 +16,12 @@
 //!
 //! The uncertainty is that of 95 %, by Student's distribution, because N comes from a few blocks.
 
+use super::rest::{Phase, after_run, noise};
 use super::series::Track;
 use std::ops::Range;
 
-/// Length of the blocks whose scatter gives the noise, seconds.
-const BLOCK_S: f64 = 2.0;
-
-/// The fewest blocks that count as a still phase.
-const MIN_BLOCKS: usize = 3;
-
-/// Least angle random walk, °/√s: the MPU-6000/6050's noise density of 0.005 °/s/√Hz (data sheet PS-MPU-6000A, section
-/// 6.1), one-sided, over √2.
-const ANGLE_WALK_FLOOR: f64 = 0.005 / std::f64::consts::SQRT_2;
-
 /// Random walk of the bias where nothing was seen of it, °/s/√s. A lying MPU6050 (655 s) shows about a third of this.
 pub(crate) const BIAS_WALK: f64 = 3e-4;
-
-/// Part of the still end of a phase that is left out where the phase began with a motion.
-const MARGIN: f64 = 0.4;
-
-/// How far the bias may move during a trial for a phase to pass as still, °/s.
-const BIAS_CHANGE: f64 = 0.01;
 
 /// The drift, and how well the yaw is known.
 #[derive(Clone, PartialEq, Debug)]
@@ -44,6 +30,8 @@ pub struct Drift {
     pub still: Vec<Range<f64>>,
     /// Middle and rate of each, s and °/s.
     points: Vec<(f64, f64)>,
+    /// Variance of each rate over that of the angle random walk, 1/s.
+    unknown: Vec<f64>,
     /// Angle random walk, °/√s.
     pub angle_walk: f64,
     freedom: f64,
@@ -53,9 +41,9 @@ impl Drift {
     /// The drift from the still phase before a run, and from whatever part of the phase after it is still. `None` where
     /// neither says anything.
     pub fn seen(yaw: &Track, before: Range<f64>, after: Range<f64>) -> Option<Self> {
-        let before = Phase::new(yaw, before);
+        let before = Phase::still(yaw, before);
         let after = match &before {
-            Some(before) => still_end(yaw, after, before),
+            Some(before) => after_run(yaw, after, before),
             // Without a phase before, nothing tells the robot that swings back from a gyroscope that drifts.
             None => None,
         };
@@ -63,6 +51,7 @@ impl Drift {
         let (angle_walk, freedom) = noise(&phases)?;
         Some(Self {
             points: phases.iter().map(|phase| (phase.middle(), phase.rate)).collect(),
+            unknown: phases.iter().map(|phase| phase.unknown).collect(),
             still: phases.into_iter().map(|phase| phase.range).collect(),
             angle_walk,
             freedom,
@@ -89,99 +78,21 @@ impl Drift {
         let length = to_s - from_s;
         let middle = 0.5 * (from_s + to_s);
         let walk = self.angle_walk.powi(2);
-        let phase_length = |i: usize| self.still.get(i).map_or(f64::INFINITY, |still| still.end - still.start);
         let variance = match self.points.as_slice() {
             [(t1, r1), (t2, r2), ..] => {
                 let apart = t2 - t1;
                 let second = (middle - t1) / apart;
-                let known = (1.0 - second).powi(2) / phase_length(0) + second.powi(2) / phase_length(1);
-                walk * (length + length.powi(2) * known) + ((r2 - r1) * apart).powi(2) / 12.0
+                let unknown = (1.0 - second).powi(2) * self.unknown[0] + second.powi(2) * self.unknown[1];
+                walk * (length + length.powi(2) * unknown) + ((r2 - r1) * apart).powi(2) / 12.0
             }
             [(t1, _)] => {
                 let reach = (to_s - t1).abs().max((from_s - t1).abs());
-                walk * (length + length.powi(2) / phase_length(0)) + BIAS_WALK.powi(2) * reach.powi(3) / 3.0
+                walk * (length + length.powi(2) * self.unknown[0]) + BIAS_WALK.powi(2) * reach.powi(3) / 3.0
             }
             [] => return f64::INFINITY,
         };
         student_95(self.freedom) * variance.sqrt()
     }
-}
-
-/// A time in which the robot is taken to be still.
-struct Phase {
-    range: Range<f64>,
-    /// Mean rate, °/s.
-    rate: f64,
-    /// Mean rates of its blocks.
-    blocks: Vec<f64>,
-}
-
-impl Phase {
-    /// `None` where the phase is too short to say anything.
-    fn new(yaw: &Track, range: Range<f64>) -> Option<Self> {
-        let span = yaw.span();
-        let range = range.start.max(span.start)..range.end.min(span.end);
-        let count = ((range.end - range.start) / BLOCK_S + 1e-6).floor();
-        if count.is_nan() || count < MIN_BLOCKS as f64 {
-            return None;
-        }
-        let block = |i: usize| {
-            let end = range.end - i as f64 * BLOCK_S;
-            yaw.rate(end - BLOCK_S..end)
-        };
-        let blocks = (0..count as usize).map(block).collect::<Option<Vec<_>>>()?;
-        Some(Self { rate: yaw.rate(range.clone())?, blocks, range })
-    }
-
-    fn length(&self) -> f64 {
-        self.range.end - self.range.start
-    }
-
-    fn middle(&self) -> f64 {
-        0.5 * (self.range.start + self.range.end)
-    }
-
-    /// Sum of the squares of the blocks about their mean, and its degrees of freedom.
-    fn scatter(&self) -> (f64, f64) {
-        let count = self.blocks.len() as f64;
-        let mean = self.blocks.iter().sum::<f64>() / count;
-        (self.blocks.iter().map(|rate| (rate - mean).powi(2)).sum(), count - 1.0)
-    }
-}
-
-/// Angle random walk and its degrees of freedom.
-fn noise(phases: &[Phase]) -> Option<(f64, f64)> {
-    let (sum, freedom) =
-        phases.iter().map(Phase::scatter).fold((0.0, 0.0), |(sum, freedom), (s, f)| (sum + s, freedom + f));
-    (freedom > 0.0).then(|| ((sum / freedom * BLOCK_S).sqrt().max(ANGLE_WALK_FLOOR), freedom))
-}
-
-/// The longest end of `range` in which the robot is still: after a run it swings back, and may take its time.
-///
-/// Still means: as quiet as before the run; the first half as fast as the second, which a slow return is not; and no
-/// faster than a bias can have become. Three standard deviations are allowed each time.
-fn still_end(yaw: &Track, range: Range<f64>, before: &Phase) -> Option<Phase> {
-    let (walk, _) = noise(std::slice::from_ref(before))?;
-    let is_still = |phase: &Phase| {
-        let (first, second) = (phase.range.start..phase.middle(), phase.middle()..phase.range.end);
-        let (Some(first), Some(second)) = (yaw.rate(first), yaw.rate(second)) else { return false };
-        let (scatter, freedom) = phase.scatter();
-        let quiet = (scatter / freedom * BLOCK_S).sqrt() < 2.0 * walk;
-        let steady = (second - first).abs() < 3.0 * walk * (4.0 / phase.length()).sqrt();
-        let noise = walk.powi(2) * (1.0 / phase.length() + 1.0 / before.length()) + BIAS_CHANGE.powi(2);
-        quiet && steady && (phase.rate - before.rate).abs() < 3.0 * noise.sqrt()
-    };
-    let end = range.end.min(yaw.span().end);
-    let mut start = range.start;
-    while let Some(phase) = Phase::new(yaw, start..end) {
-        if is_still(&phase) {
-            // Where the robot moved at first, the rest of its motion hides in the noise for a while.
-            let hidden = if start > range.start { MARGIN * (end - start) } else { 0.0 };
-            return Phase::new(yaw, start + hidden..end);
-        }
-        start += BLOCK_S / 2.0;
-    }
-    None
 }
 
 /// Two-sided 95 % quantile of Student's distribution (Abramowitz and Stegun 26.7.5; within 1 % from 4 degrees of freedom

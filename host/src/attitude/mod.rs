@@ -4,6 +4,7 @@
 //! the new y, then roll about the new x (MATLAB's `quat2eul`).
 
 mod drift;
+mod rest;
 mod series;
 mod trial;
 

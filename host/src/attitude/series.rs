@@ -85,6 +85,8 @@ pub struct Series {
     pub pitch: Track,
     /// Roll, degrees.
     pub roll: Track,
+    /// The tilt that was taken off the attitude of the robot at rest, degrees.
+    pub levelled_deg: f64,
     unwrap: Unwrap,
     last: Option<UnitQuaternion<f64>>,
     turned: Vector3<f64>,

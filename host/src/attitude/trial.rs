@@ -66,7 +66,8 @@ impl PhaseTimes {
 pub struct Angles {
     /// Steady yaw from where the robot was before the run, corrected for drift.
     pub yaw_deg: f64,
-    /// 95 % uncertainty of the yaw from drift and noise of the gyroscope; `None` where no still phase tells it.
+    /// 95 % uncertainty of the yaw from drift and noise of the gyroscope, and from the levelling; `None` where no still phase
+    /// tells it.
     pub yaw_uncertainty_deg: Option<f64>,
     /// Steady pitch.
     pub pitch_deg: f64,
@@ -98,11 +99,13 @@ impl Angles {
         let drift = Drift::seen(&series.yaw, times.preroll.clone(), times.decay.clone());
         let drift_deg = drift.as_ref().map_or(0.0, |drift| drift.between(from, to));
         let after = drift.iter().flat_map(|drift| &drift.still).find(|still| still.start >= run.end);
+        let (pitch_deg, roll_deg) = (series.pitch.mean(window.clone())?, series.roll.mean(window.clone())?);
+        let levelling = levelling_deg(series.levelled_deg, pitch_deg, roll_deg);
         Some(Self {
             yaw_deg: yaw - drift_deg,
-            yaw_uncertainty_deg: drift.as_ref().map(|drift| drift.uncertainty(from, to)),
-            pitch_deg: series.pitch.mean(window.clone())?,
-            roll_deg: series.roll.mean(window.clone())?,
+            yaw_uncertainty_deg: drift.as_ref().map(|drift| drift.uncertainty(from, to).hypot(levelling)),
+            pitch_deg,
+            roll_deg,
             drift_deg,
             still_after_s: after.map_or(0.0, |still| still.end - still.start),
             steady_s: window.end - window.start,
@@ -117,6 +120,15 @@ impl Angles {
         summary.pitch_deg = Some(self.pitch_deg);
         summary.roll_deg = Some(self.roll_deg);
     }
+}
+
+/// What the levelling may have done to the yaw, degrees.
+///
+/// A tilt at rest is taken for the accelerometer's bias. As much of it as is the sensor's mounting turns the gyroscope too,
+/// and then the yaw of a robot that leans is off by up to the tilt times the sine of the lean.
+fn levelling_deg(levelled_deg: f64, pitch_deg: f64, roll_deg: f64) -> f64 {
+    let upright = pitch_deg.to_radians().cos() * roll_deg.to_radians().cos();
+    levelled_deg * (1.0 - upright * upright).max(0.0).sqrt()
 }
 
 /// The end of the run that is averaged: 12 s, or the most of it in which both flagella make whole turns, where there is

@@ -4,8 +4,9 @@ use super::{Answer, Outcome};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
 use crate::log::{BoardMeta, End, Origin, Start, Summary};
-use crate::plan::{EXAMPLE, Plan, Trial};
-use crate::rig::{self, Bench, Image, Progress, RecordError, TrialRun, VirtualNano};
+use crate::plan::{EXAMPLE, PUBLISHED, Plan, Trial};
+use crate::rig::{self, Bench, Image, Progress, RecordError, SimulatedRobot, TrialRun, VirtualNano};
+use crate::robot_file;
 use crate::session::{self, Session, Sharing};
 use crate::stats::LinkStats;
 use miette::{IntoDiagnostic, Report, WrapErr};
@@ -13,7 +14,7 @@ use protocol::Command;
 use serde::Serialize;
 use std::fmt;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
@@ -29,13 +30,17 @@ pub struct Args {
     /// The board's serial port; may be left out where there is only one.
     #[arg(long, conflicts_with = "virtual")]
     port: Option<String>,
-    /// Record on the emulated board instead; with a file, its sensor replays these counts of a real one.
+    /// Record on the emulated board instead, which turns the simulated robot of the plan; with a file, its sensor replays
+    /// these counts of a real one.
     #[arg(long = "virtual", value_name = "IMU.csv", num_args = 0..=1, require_equals = true)]
     #[expect(clippy::option_option, reason = "the flag may come without its file")]
     r#virtual: Option<Option<PathBuf>>,
     /// How much faster than real time the emulated board runs: a factor, or `max`.
     #[arg(long, default_value = "max", requires = "virtual")]
     speed: String,
+    /// What the imperfections of the emulated sensor are drawn by; by default the plan's seed, or 1.
+    #[arg(long, requires = "virtual")]
+    seed: Option<u64>,
     /// Show what is recorded to Foxglove meanwhile, at this address.
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = live::ADDRESS)]
     live: Option<SocketAddr>,
@@ -79,13 +84,17 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let plan = Plan::load(&args.plan)?;
     // First, so that an address that is taken is known before anything moves.
     let live = args.live.map(Live::listen).transpose()?;
-    let mut nano = match &args.r#virtual {
-        Some(imu) => Some(start_virtual(imu.as_ref(), &args.speed)?),
+    let nano = match &args.r#virtual {
+        Some(imu) => Some(start_virtual(args, imu.as_ref(), &plan)?),
         None => None,
     };
     let port = match &nano {
         Some(nano) => nano.port().to_owned(),
         None => link::choose_port(args.port.as_deref())?,
+    };
+    let (mut player, robot) = match (nano, &args.r#virtual) {
+        (Some(nano), Some(None)) => (None, Some(SimulatedRobot::new(nano, &plan, seed(args, &plan))?)),
+        (nano, _) => (nano, None),
     };
     let link = match Link::open_unless(&port, &interrupted) {
         Err(LinkError::Interrupted) => return Answer::new(Outcome::Interrupted, &Recorded::default(), "interrupted"),
@@ -127,7 +136,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         progress.line(&live.invitation());
     }
     let mut on_run = || {
-        if let (Some(nano), Some(Some(_))) = (&mut nano, &args.r#virtual) {
+        if let Some(nano) = &mut player {
             // An emulated board that has gone is a port that has gone, which the trial sees for itself.
             let _ = nano.control("play");
         }
@@ -138,9 +147,14 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             outcome = Outcome::Interrupted;
             break;
         }
-        let live = live.as_ref();
-        let mut bench =
-            Bench { link: &link, progress: &progress, interrupted: &interrupted, live, on_run: &mut on_run };
+        let mut bench = Bench {
+            link: &link,
+            progress: &progress,
+            interrupted: &interrupted,
+            live: live.as_ref(),
+            on_run: &mut on_run,
+            robot: robot.as_ref(),
+        };
         let (path, run) = match run_trial(&mut bench, &session, trial, &plan, origin) {
             Ok(run) => run,
             Err(report) => {
@@ -203,11 +217,27 @@ fn prepare(link: &Link, plan: &Plan) -> miette::Result<()> {
     Ok(())
 }
 
-fn start_virtual(imu: Option<&PathBuf>, speed: &str) -> miette::Result<VirtualNano> {
+fn seed(args: &Args, plan: &Plan) -> u64 {
+    args.seed.or(plan.seed).unwrap_or(1)
+}
+
+/// The emulated board, with a recording for its sensor or the plan's robot.
+fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Result<VirtualNano> {
     let image = Image::build()?;
-    let mut arguments = vec!["--firmware".into(), image.elf.into_os_string(), "--speed".into(), speed.into()];
-    if let Some(imu) = imu {
-        arguments.extend(["--imu".into(), imu.clone().into_os_string()]);
+    let mut arguments = vec!["--firmware".into(), image.elf.into_os_string()];
+    arguments.extend(["--speed".into(), args.speed.clone().into()]);
+    arguments.extend(["--seed".into(), seed(args, plan).to_string().into()]);
+    match imu {
+        Some(imu) => arguments.extend(["--imu".into(), imu.clone().into_os_string()]),
+        None => {
+            // The board's program reads the robot for itself; what is wrong with it is better said here.
+            robot_file::of_plan(plan)?;
+            let robot = match plan.robot.name.as_str() {
+                PUBLISHED => PathBuf::from(PUBLISHED),
+                name => args.plan.parent().unwrap_or(Path::new("")).join(name),
+            };
+            arguments.extend(["--robot".into(), robot.into_os_string()]);
+        }
     }
     Ok(VirtualNano::start(&VirtualNano::program()?, arguments)?)
 }

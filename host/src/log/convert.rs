@@ -1,23 +1,42 @@
 //! From what the board says to what the log holds.
 
+use super::meta::LevelMeta;
 use super::schema::biflag::{self, Counts, Motor, QuaternionQ15, Vector};
 use super::schema::foxglove;
 use super::writer::{CommandRecord, EventKind};
 use crate::attitude::{Euler, Unwrap, rotation};
+use nalgebra::Vector3;
 use protocol::frame::{MAX_FRAME, encode};
 use protocol::units::{SensorCounts, TemperatureCounts};
-use protocol::{Calibration, Fault, Request, Settings, State, Telemetry};
+use protocol::{Calibration, Fault, Request, Settings, State, TICK_HZ, Telemetry};
+use std::collections::VecDeque;
 
-/// Gives telemetry its units.
+/// Gives telemetry its units, and takes from the attitude the tilt that the accelerometer's bias makes.
+///
+/// An accelerometer that is off by 20 mg tilts the attitude by a degree. The robot hangs upright while it is still, so what
+/// the accelerometer says of the vertical then is known to be wrong, and stays as wrong in body axes. The attitude is
+/// corrected about a horizontal axis, as the board's filter is misled about one: yaw comes from the gyroscope alone.
 #[derive(Debug)]
 pub(crate) struct Converter {
     settings: Settings,
     yaw: Unwrap,
+    /// Specific force since the motors last turned, m/s², body axes; the last [`REST_FRAMES`].
+    rest: VecDeque<Vector3<f64>>,
+    level: Option<LevelMeta>,
 }
+
+/// Frames that tell how the robot hangs: five seconds at the board's full rate.
+const REST_FRAMES: usize = 5 * TICK_HZ as usize;
+
+/// Fewer tell nothing.
+const LEAST_FRAMES: usize = REST_FRAMES / 5;
+
+/// A larger tilt is no bias: the sensor is mounted otherwise than the settings say, or the robot does not hang upright.
+const LARGEST_TILT_DEG: f64 = 10.0;
 
 impl Converter {
     pub fn new(settings: Settings) -> Self {
-        Self { settings, yaw: Unwrap::default() }
+        Self { settings, yaw: Unwrap::default(), rest: VecDeque::new(), level: None }
     }
 
     /// The bias of a calibration comes into force where the sensor lay still.
@@ -27,12 +46,34 @@ impl Converter {
         }
     }
 
+    /// The robot has hung at rest until now: what the accelerometer said of the vertical comes into force. `None` where it
+    /// said too little.
+    pub fn level(&mut self) -> Option<LevelMeta> {
+        if self.rest.len() < LEAST_FRAMES {
+            return None;
+        }
+        let up = self.rest.iter().sum::<Vector3<f64>>().try_normalize(0.0)?;
+        let tilt_deg = up.xy().norm().atan2(up.z).to_degrees();
+        let level = LevelMeta { up: up.into(), tilt_deg, used: tilt_deg <= LARGEST_TILT_DEG };
+        self.level = Some(level.clone());
+        Some(level)
+    }
+
     pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, time_s: f64) -> biflag::Telemetry {
         let Settings { gyro_axes, accel_axes, gyro_range, accel_range, gyro_bias, .. } = self.settings;
         let per_dps = f64::from(gyro_range.counts_per_dps());
         let rates = [0, 1, 2].map(|i| (f64::from(frame.gyro[i].0) - f64::from(gyro_bias[i])) / per_dps);
-        let parts = frame.attitude.to_f64();
-        let euler = Euler::of(&rotation(parts));
+        let force = accel_axes.apply(frame.accel.map(|counts| accel_range.mps2(counts)));
+        if frame.state == State::Running {
+            self.rest.clear();
+        } else if frame.imu_fresh {
+            self.rest.truncate(REST_FRAMES - 1);
+            self.rest.push_front(Vector3::from(force));
+        }
+        let attitude = rotation(frame.attitude.to_f64());
+        let attitude = self.level.as_ref().map_or(attitude, |level| level.levelled(attitude));
+        let parts = [attitude.w, attitude.i, attitude.j, attitude.k];
+        let euler = Euler::of(&attitude);
         let [motor1, motor2] = [0, 1].map(|i| self.motor(frame, i));
         let [w, x, y, z] = frame.attitude.0.map(|part| i32::from(part.0));
         biflag::Telemetry {
@@ -45,7 +86,7 @@ impl Converter {
             pitch_deg: euler.pitch_deg,
             roll_deg: euler.roll_deg,
             angular_velocity_dps: Some(vector(gyro_axes.apply(rates))),
-            acceleration_mps2: Some(vector(accel_axes.apply(frame.accel.map(|counts| accel_range.mps2(counts))))),
+            acceleration_mps2: Some(vector(force)),
             gyro_counts: Some(counts(frame.gyro)),
             accel_counts: Some(counts(frame.accel)),
             temperature_c: frame.temperature.celsius(),
@@ -156,4 +197,78 @@ fn vector([x, y, z]: [f64; 3]) -> Vector {
 fn counts(counts: [SensorCounts; 3]) -> Counts {
     let [x, y, z] = counts.map(|axis| i32::from(axis.0));
     Counts { x, y, z }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::units::Quaternion;
+
+    const DT: f64 = 0.005;
+
+    /// What a board says whose filter integrates the turn, and follows an accelerometer that is off.
+    struct Board {
+        truth: UnitQuaternion<f64>,
+        filter: UnitQuaternion<f64>,
+        bias: Vector3<f64>,
+    }
+
+    impl Board {
+        fn turn(&mut self, turn: Vector3<f64>, state: State) -> Telemetry {
+            let turn = UnitQuaternion::from_scaled_axis(turn);
+            (self.truth, self.filter) = (self.truth * turn, self.filter * turn);
+            let force = self.truth.inverse() * Vector3::z() + self.bias;
+            let correction = force.normalize().cross(&(self.filter.inverse() * Vector3::z())) * DT;
+            self.filter *= UnitQuaternion::from_scaled_axis(correction);
+            let per_g = f64::from(Settings::DEFAULT.accel_range.counts_per_g());
+            let q = self.filter;
+            Telemetry {
+                attitude: Quaternion::from_f64([q.w, q.i, q.j, q.k]),
+                accel: [force.x, force.y, force.z].map(|part| SensorCounts((part * per_g).round() as i16)),
+                imu_fresh: true,
+                state,
+                ..Telemetry::default()
+            }
+        }
+    }
+
+    #[test]
+    fn the_accelerometers_bias_leaves_the_attitude_of_a_robot_that_hung_at_rest() {
+        let still = UnitQuaternion::identity();
+        let mut board = Board { truth: still, filter: still, bias: Vector3::new(0.03, -0.02, 0.01) };
+        let mut converter = Converter::new(Settings::DEFAULT);
+        assert_eq!(converter.level(), None, "nothing was read yet");
+        let mut last = biflag::Telemetry::default();
+        for _ in 0..2000 {
+            last = converter.telemetry(&board.turn(Vector3::zeros(), State::Idle), 0, 0.0);
+        }
+        assert!((last.pitch_deg + 1.70).abs() < 0.02, "{last:?}");
+        let level = converter.level().unwrap();
+        assert!(level.used && (level.tilt_deg - 2.04).abs() < 0.02, "{level:?}");
+        last = converter.telemetry(&board.turn(Vector3::zeros(), State::Idle), 0, 0.0);
+        assert!(last.pitch_deg.abs() < 0.01 && last.roll_deg.abs() < 0.01, "{last:?}");
+        // It pitches by 16° and turns by 120° about the vertical, and stays so until the filter has settled.
+        for i in 0..6000 {
+            let rate = |from, to| if (from..to).contains(&i) { 1.0 / f64::from(to - from) } else { 0.0 };
+            let vertical = board.truth.inverse() * Vector3::z() * (120_f64.to_radians() * rate(1000, 3000));
+            let turn = Vector3::y() * (16_f64.to_radians() * rate(0, 1000)) + vertical;
+            last = converter.telemetry(&board.turn(turn, State::Running), 0, 0.0);
+        }
+        let euler = Euler::of(&board.truth);
+        assert!((euler.pitch_deg - 16.0).abs() < 1e-6 && (euler.yaw_deg - 120.0).abs() < 1e-6);
+        assert!((last.pitch_deg - 16.0).abs() < 0.2 && last.roll_deg.abs() < 0.2, "{last:?}");
+        assert!((last.yaw_deg - 120.0).abs() < 0.1, "{last:?}");
+        assert_eq!(converter.level(), None, "the motors turn");
+    }
+
+    #[test]
+    fn a_sensor_on_its_side_levels_nothing() {
+        for accel in [[16384, 0, 300], [0, 0, -16384]] {
+            let mut converter = Converter::new(Settings::DEFAULT);
+            let frame = Telemetry { accel: accel.map(SensorCounts), imu_fresh: true, ..Telemetry::default() };
+            (0..REST_FRAMES).for_each(|_| drop(converter.telemetry(&frame, 0, 0.0)));
+            assert!(converter.level().is_some_and(|level| !level.used && level.tilt_deg > 80.0));
+            assert_eq!(converter.telemetry(&frame, 0, 0.0).attitude, Some(quaternion([1.0, 0.0, 0.0, 0.0])));
+        }
+    }
 }

@@ -3,10 +3,11 @@
 //! Each record is a flat table of keys and values as text, plain to any reader of MCAP. MCAP guards its chunks with a
 //! CRC, but not these records, so each carries one of its own.
 
-use super::model_meta::{ModelMeta, SteadyMeta};
+use super::model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 use crate::board_settings::BoardSettings;
 use crate::plan::{Plan, Trial};
 use crate::stats::LinkStats;
+use nalgebra::{UnitQuaternion, Vector3};
 use protocol::{Info, Settings};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -149,6 +150,29 @@ pub struct CalibrationMeta {
     pub samples: u16,
 }
 
+/// What the accelerometer said of the vertical while the robot hung at rest before the run.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct LevelMeta {
+    /// The direction of up, body axes.
+    pub up: [f64; 3],
+    /// How far it is off the robot's axis.
+    pub tilt_deg: f64,
+    /// Whether the attitude is corrected by it from there on.
+    pub used: bool,
+}
+
+impl LevelMeta {
+    /// An attitude, body to world, less what the accelerometer's bias makes of it.
+    pub fn levelled(&self, attitude: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        let Some(level) = UnitQuaternion::rotation_between(&self.up.into(), &Vector3::z()).filter(|_| self.used) else {
+            return attitude;
+        };
+        let up = attitude * (level * (attitude.inverse() * Vector3::z()));
+        UnitQuaternion::rotation_between(&up, &Vector3::z()).map_or(attitude, |correction| correction * attitude)
+    }
+}
+
 /// The board's clock against the host's: a line through the pings.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
 #[serde(default)]
@@ -229,8 +253,8 @@ macro_rules! names {
 
 names! {
     Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
-    CalibrationMeta: "calibration", ClockFit: "clock", Summary: "summary", RecoveryMeta: "recovery",
-    ModelMeta: "model", SteadyMeta: "steady", ReplayMeta: "replay",
+    CalibrationMeta: "calibration", LevelMeta: "level", ClockFit: "clock", Summary: "summary", RecoveryMeta: "recovery",
+    ModelMeta: "model", SensorMeta: "sensor", SteadyMeta: "steady", ReplayMeta: "replay",
 }
 
 impl Identity {

@@ -37,10 +37,10 @@ mod writer;
 pub(crate) use convert::{Converter, event, frame_transform, timestamp};
 pub use error::LogError;
 pub use meta::{
-    BoardMeta, CalibrationMeta, ClockFit, End, FORMAT, Identity, Meta, Origin, PlanMeta, RecoveryMeta, ReplayMeta,
-    RobotMeta, Summary, Table, TrialMeta,
+    BoardMeta, CalibrationMeta, ClockFit, End, FORMAT, Identity, LevelMeta, Meta, Origin, PlanMeta, RecoveryMeta,
+    ReplayMeta, RobotMeta, Summary, Table, TrialMeta,
 };
-pub use model_meta::{ModelMeta, SteadyMeta};
+pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, check, last_meta, summary};
 pub use recover::{Recovery, recover};
 pub use scan::{Condition, Loss};

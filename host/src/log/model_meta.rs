@@ -1,4 +1,4 @@
-//! The metadata of a modelled trial: what it was computed with, and what it came to.
+//! The metadata of a trial with a model in it: what it was computed with, and what it came to.
 
 use crate::model::BundlingChange;
 use serde::{Deserialize, Serialize};
@@ -26,6 +26,25 @@ impl ModelMeta {
     pub fn robot(&self) -> Option<Robot> {
         toml::from_str(&self.parameters).ok()
     }
+}
+
+/// What sets the emulated board's sensor apart from an ideal one that sits on the simulated robot. Its scale factors and
+/// axes are exact.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct SensorMeta {
+    /// What it was drawn by.
+    pub seed: u64,
+    /// Bias of the gyroscope at 25 °C.
+    pub gyro_bias_dps: [f64; 3],
+    /// Its change with temperature.
+    pub gyro_drift_dps_per_c: [f64; 3],
+    /// Bias of the accelerometer at 25 °C.
+    pub accel_bias_g: [f64; 3],
+    /// Its change with temperature.
+    pub accel_drift_g_per_c: [f64; 3],
+    /// How much warmer than the base it becomes.
+    pub warming_c: f64,
 }
 
 /// What a modelled trial came to, from the unrounded numbers. Means are over the end of the run.

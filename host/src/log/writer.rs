@@ -162,14 +162,17 @@ impl Writer {
         self.message(&biflag::RawBytes { data: bytes.to_vec() }, host)
     }
 
-    /// Keeps a telemetry frame, as `/telemetry` and `/attitude`. `board_time_us` is the board's clock, unwrapped.
+    /// Keeps a telemetry frame, as `/telemetry` and `/attitude`. `board_time_us` is the board's clock, unwrapped. Answers
+    /// the attitude as it is kept, `[w, x, y, z]`, levelled where [`Writer::level`] was.
     ///
     /// # Errors
     /// [`LogError::Write`].
-    pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, host: SystemTime) -> Result<(), LogError> {
+    pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, host: SystemTime) -> Result<[f64; 4], LogError> {
         let elapsed_us = self.board_time(board_time_us, host);
         let message = self.converter.telemetry(frame, board_time_us, elapsed_us as f64 * 1e-6);
-        self.state_at(&message, host)
+        self.state_at(&message, host)?;
+        let biflag::Quaternion { w, x, y, z } = message.attitude.unwrap_or_default();
+        Ok([w, x, y, z])
     }
 
     /// Puts the trial's clock to the board's; answers the time since the trial's first frame, µs.
@@ -241,6 +244,20 @@ impl Writer {
         self.meta(&CalibrationMeta { still, bias_counts, noise_counts, samples })
     }
 
+    /// The robot has hung at rest until now. From here on the tilt that the accelerometer saw of it is taken off the
+    /// attitude, where that is small enough to be its bias. Answers how far it was, degrees; `None` where nothing is taken
+    /// off.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn level(&mut self, host: SystemTime) -> Result<Option<f64>, LogError> {
+        let Some(level) = self.converter.level() else { return Ok(None) };
+        let done = if level.used { "levelled by" } else { "not levelled: hangs askew by" };
+        self.event(EventKind::Note, &format!("{done} {:.2}°", level.tilt_deg), host)?;
+        self.meta(&level)?;
+        Ok(level.used.then_some(level.tilt_deg))
+    }
+
     /// Keeps how the clocks compare.
     ///
     /// # Errors
@@ -270,6 +287,19 @@ impl Writer {
             tap(&M::CHANNEL, header.log_time, &bytes);
         }
         self.tick()
+    }
+
+    /// Keeps a message at a time of the trial, s since its first frame, which is there already. What comes next keeps its
+    /// own time.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn message_at<M: LogMessage>(&mut self, time_s: f64, message: &M, host: SystemTime) -> Result<(), LogError> {
+        let now_ns = self.clock.log_ns;
+        self.at(time_s);
+        let written = self.message(message, host);
+        self.clock.log_ns = now_ns;
+        written
     }
 
     /// Keeps a metadata record.

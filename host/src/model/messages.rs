@@ -6,7 +6,7 @@ use sim::sample::Sample;
 use std::f64::consts::{PI, TAU};
 
 /// `/truth`.
-pub(super) fn truth(sample: &Sample) -> Truth {
+pub(crate) fn truth(sample: &Sample) -> Truth {
     let [w, x, y, z] = sample.attitude;
     let [motor1_turns, motor2_turns] = sample.motor_angle_rad.map(|angle| angle / TAU);
     let [motor1_rpm, motor2_rpm] = sample.motor_speed_rad_s.map(|speed| speed * 30.0 / PI);
@@ -25,7 +25,7 @@ pub(super) fn truth(sample: &Sample) -> Truth {
 }
 
 /// `/forces`.
-pub(super) fn forces(sample: &Sample) -> Forces {
+pub(crate) fn forces(sample: &Sample) -> Forces {
     let [force1_n, force2_n] = sample.force_n.map(|force| Some(vector(force)));
     let [contact1_n, contact2_n] = sample.contact_force_n.map(|force| Some(vector(force)));
     let [axial_torque1_nm, axial_torque2_nm] = sample.axial_torque_nm;

@@ -9,8 +9,8 @@ mod batch;
 mod board;
 mod bundling;
 mod error;
-mod messages;
-mod shapes;
+pub(crate) mod messages;
+pub(crate) mod shapes;
 mod trial;
 
 pub use batch::{Batch, Job, TrialRun};

@@ -37,7 +37,7 @@ fn origin() -> Pose {
 }
 
 /// `/flagella`: lines as thick as the rods.
-pub(super) fn scene(time_s: f64, lines: &Lines, rod_radius_m: f64) -> SceneUpdate {
+pub(crate) fn scene(time_s: f64, lines: &Lines, rod_radius_m: f64) -> SceneUpdate {
     let line = |(line, colour): (&Vec<[f64; 3]>, Color)| LinePrimitive {
         r#type: line_primitive::Type::LineStrip.into(),
         pose: Some(origin()),
@@ -60,7 +60,7 @@ pub(super) fn scene(time_s: f64, lines: &Lines, rod_radius_m: f64) -> SceneUpdat
 }
 
 /// `/flagella_points`: the nodes.
-pub(super) fn points(time_s: f64, lines: &Lines) -> PointCloud {
+pub(crate) fn points(time_s: f64, lines: &Lines) -> PointCloud {
     let mut data = Vec::new();
     for ((number, line), colour) in [1.0, 2.0].into_iter().zip(lines).zip(COLOURS) {
         let colour = [colour.r, colour.g, colour.b, colour.a].map(|part| (part * 255.0).round() as u8);

@@ -4,6 +4,7 @@ mod avrdude;
 mod image;
 mod progress;
 mod recorder;
+mod simulated;
 mod trial;
 mod virtual_nano;
 
@@ -11,5 +12,6 @@ pub use avrdude::{BOOTLOADER_BAUDS, FlashError, flash};
 pub use image::{Image, ImageError, commit_text, source_folder};
 pub use progress::Progress;
 pub use recorder::{RecordError, fault_text};
+pub use simulated::SimulatedRobot;
 pub use trial::{Bench, TrialRun, run};
 pub use virtual_nano::{VirtualError, VirtualNano};

@@ -1,5 +1,7 @@
 //! From the link into the log: everything that comes while a trial runs.
 
+use super::simulated::Truth;
+use super::virtual_nano::VirtualError;
 use crate::attitude::{PhaseTimes, Series};
 use crate::link::{BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
 use crate::log::{ClockFit, CommandRecord, EventKind, LogError, Writer};
@@ -41,6 +43,10 @@ pub enum RecordError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Log(#[from] LogError),
+    /// The emulated board, or the simulated robot behind it, failed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Virtual(#[from] VirtualError),
 }
 
 /// A fault in words.
@@ -123,18 +129,22 @@ pub(super) struct Recorder<'a> {
     /// Speeds over the last second.
     speeds: VecDeque<[CentiRpm; 2]>,
     interrupted: &'a AtomicBool,
+    /// Of a simulated robot.
+    truth: Option<Truth<'a>>,
     /// The frame that ended a phase, which is the first of the next one.
     ahead: Option<Frame>,
     clock: BoardClock,
     /// The board's clock at the trial's first frame, µs.
     begun_us: u64,
+    /// The board's clock at the last frame that was kept, µs; `None` before the first.
+    reached_us: Option<u64>,
     pings: PingClock,
     last_heard: Instant,
     state: (State, Fault),
 }
 
 impl<'a> Recorder<'a> {
-    pub(super) fn new(link: &'a Link, log: Writer, interrupted: &'a AtomicBool) -> Self {
+    pub(super) fn new(link: &'a Link, log: Writer, interrupted: &'a AtomicBool, truth: Option<Truth<'a>>) -> Self {
         Self {
             link,
             log,
@@ -143,9 +153,11 @@ impl<'a> Recorder<'a> {
             times: PhaseTimes::default(),
             speeds: VecDeque::new(),
             interrupted,
+            truth,
             ahead: None,
             clock: BoardClock::default(),
             begun_us: 0,
+            reached_us: None,
             pings: PingClock::default(),
             last_heard: Instant::now(),
             state: (State::Idle, Fault::None),
@@ -216,6 +228,12 @@ impl<'a> Recorder<'a> {
         [0, 1].map(|motor| CentiRpm((sum(motor) / count) as i16))
     }
 
+    /// The robot has hung at rest until now, so that its attitude can be levelled.
+    pub(super) fn level(&mut self) -> Result<(), RecordError> {
+        self.attitude.levelled_deg = self.log.level(SystemTime::now())?.unwrap_or(0.0);
+        Ok(())
+    }
+
     /// Notes an event at this moment.
     pub(super) fn event(&mut self, kind: EventKind, text: &str) -> Result<(), RecordError> {
         Ok(self.log.event(kind, text, SystemTime::now())?)
@@ -246,6 +264,22 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
+    /// Keeps the truth up to the last frame that was kept, where a simulated robot tells it.
+    fn keep_truth(&mut self) -> Result<(), RecordError> {
+        match (&mut self.truth, self.reached_us) {
+            (Some(truth), Some(until_us)) => truth.keep(&mut self.log, (self.begun_us, until_us)),
+            _ => Ok(()),
+        }
+    }
+
+    /// The same at the trial's end, with all that there is.
+    pub(super) fn end_truth(&mut self) -> Result<(), RecordError> {
+        if let Some(truth) = &mut self.truth {
+            truth.ask()?;
+        }
+        self.keep_truth()
+    }
+
     /// Forgets the attitude so far: the calibration changed what the rates mean.
     pub(super) fn restart_attitude(&mut self) {
         self.attitude = Series::default();
@@ -257,6 +291,7 @@ impl<'a> Recorder<'a> {
                 return Err(RecordError::Interrupted);
             }
             self.log.tick()?;
+            self.keep_truth()?;
             let Some(received) = self.link.next(Duration::from_millis(20)) else {
                 // Only an empty queue is silence: this program itself may have been kept from reading it.
                 if self.last_heard.elapsed() > SILENCE {
@@ -283,13 +318,14 @@ impl<'a> Recorder<'a> {
         if let Some(gap) = self.monitor.frame(&frame.telemetry) {
             self.log.dropout(gap.first.0, u32::from(gap.count), frame.host)?;
         }
-        self.log.telemetry(&frame.telemetry, frame.board_us, frame.host)?;
+        let attitude = self.log.telemetry(&frame.telemetry, frame.board_us, frame.host)?;
+        self.reached_us = Some(frame.board_us);
         if self.speeds.len() == usize::from(TICK_HZ) {
             self.speeds.pop_front();
         }
         self.speeds.push_back(frame.telemetry.speed);
         self.times.go_on(frame.time_s);
-        self.attitude.push(frame.time_s, frame.telemetry.attitude.to_f64());
+        self.attitude.push(frame.time_s, attitude);
         let now = (frame.telemetry.state, frame.telemetry.fault);
         let before = std::mem::replace(&mut self.state, now);
         if now.0 != before.0 {

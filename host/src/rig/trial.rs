@@ -2,6 +2,7 @@
 
 use super::Progress;
 use super::recorder::{RecordError, Recorder};
+use super::simulated::{SimulatedRobot, Truth};
 use crate::attitude::Angles;
 use crate::link::Link;
 use crate::live::Live;
@@ -37,6 +38,8 @@ pub struct Bench<'a> {
     pub live: Option<&'a Live>,
     /// Called at the moment when the motors are to start.
     pub on_run: &'a mut dyn FnMut(),
+    /// The robot, where it is simulated.
+    pub robot: Option<&'a SimulatedRobot>,
 }
 
 /// Runs a trial and writes its log to `path`. Whatever happens, the motors are stopped and the log is closed.
@@ -48,8 +51,12 @@ pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, Lo
     if let Some(live) = bench.live {
         log.tap(live.tap());
     }
+    if let Some(robot) = bench.robot {
+        log.meta(&robot.model)?;
+        log.meta(&robot.sensor)?;
+    }
     let link = bench.link;
-    let mut recorder = Recorder::new(link, log, bench.interrupted);
+    let mut recorder = Recorder::new(link, log, bench.interrupted, bench.robot.map(Truth::new));
     let mut warnings = Vec::new();
     let mut error = phases(&mut recorder, bench, start, &mut warnings).err();
     // The board's own deadline does it where the link is gone.
@@ -65,6 +72,9 @@ pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, Lo
             }
             Err(failure) if error.is_none() => error = Some(failure),
             _ => {}
+        }
+        if let Err(failure) = recorder.end_truth() {
+            error.get_or_insert(failure);
         }
         if let Some(fit) = recorder.clock_fit() {
             recorder.log.clock(&fit)?;
@@ -134,6 +144,7 @@ fn phases(
         recorder.phase("preroll")?;
         last(recorder, run_start)?;
     }
+    recorder.level()?;
     (bench.on_run)();
     recorder.phase("run")?;
     recorder.command(Command::SetSpeeds(speeds))?;

@@ -1,7 +1,10 @@
 //! The emulated board: a program of its own (`vnano`), started and led over its standard input and output.
 
+use crate::log::SensorMeta;
 use miette::Diagnostic;
+use serde::Deserialize;
 use serde_json::Value;
+use sim::sample::Sample;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -28,6 +31,19 @@ pub enum VirtualError {
         /// Why not.
         reason: String,
     },
+    /// The simulated robot behind it failed.
+    #[error("{0}")]
+    #[diagnostic(help("the log ends there; change the robot's file as said, and begin another session with it"))]
+    Robot(String),
+}
+
+/// The state of the simulated robot at a time.
+#[derive(Clone, Deserialize, PartialEq, Debug)]
+pub struct TruthSample {
+    /// The board's clock, µs modulo 2^32; `None` before the board has told its time.
+    pub board_us: Option<u32>,
+    /// The state; its own time is since the board got power.
+    pub sample: Sample,
 }
 
 /// A running emulated board; dropping it ends its program.
@@ -37,6 +53,7 @@ pub struct VirtualNano {
     control: Option<ChildStdin>,
     answers: BufReader<ChildStdout>,
     port: String,
+    sensor: SensorMeta,
 }
 
 impl VirtualNano {
@@ -59,9 +76,19 @@ impl VirtualNano {
             .map_err(|error| not_started(format!("{}: {error}", program.display())))?;
         let control = child.stdin.take();
         let stdout = child.stdout.take().ok_or_else(|| not_started("it has no output".into()))?;
-        let mut nano = Self { child, control, answers: BufReader::new(stdout), port: String::new() };
-        match nano.hear().as_ref().and_then(|ready| ready["port"].as_str()) {
-            Some(port) => nano.port = port.to_owned(),
+        let mut nano = Self {
+            child,
+            control,
+            answers: BufReader::new(stdout),
+            port: String::new(),
+            sensor: SensorMeta::default(),
+        };
+        let ready = nano.hear().unwrap_or_default();
+        match ready["port"].as_str() {
+            Some(port) => {
+                nano.port = port.to_owned();
+                nano.sensor = serde_json::from_value(ready["sensor"].clone()).unwrap_or_default();
+            }
             None => {
                 let _ = nano.child.kill();
                 let mut said = String::new();
@@ -85,6 +112,24 @@ impl VirtualNano {
     /// The pseudo-terminal that stands for the board's serial port.
     pub fn port(&self) -> &str {
         &self.port
+    }
+
+    /// What sets its sensor apart from an ideal one.
+    pub fn sensor(&self) -> &SensorMeta {
+        &self.sensor
+    }
+
+    /// What the simulated robot behind the board did since it was last asked.
+    ///
+    /// # Errors
+    /// [`VirtualError::Robot`] where the simulator could not go on; otherwise as [`VirtualNano::control`].
+    pub fn truth(&mut self) -> Result<Vec<TruthSample>, VirtualError> {
+        let mut answer = self.control("truth").map_err(|error| match error {
+            VirtualError::Refused { reason, .. } => VirtualError::Robot(reason),
+            other => other,
+        })?;
+        serde_json::from_value(answer["samples"].take())
+            .map_err(|error| VirtualError::Robot(format!("the simulated robot's state cannot be read: {error}")))
     }
 
     /// Sends one control command, and answers what the program says to it.

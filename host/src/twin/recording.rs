@@ -1,11 +1,11 @@
 //! A trial's log as the twin needs it: attitude, encoders, phases, and what is wrong with it.
 
 use super::TwinError;
-use crate::attitude::Times;
+use crate::attitude::{Times, rotation};
 use crate::log::schema::biflag::{self, event::Kind};
 use crate::log::{
-    BoardMeta, Body, Condition, End, Identity, Message, ModelMeta, Origin, PlanMeta, Reader, ReplayMeta, RobotMeta,
-    Summary, TrialMeta,
+    BoardMeta, Body, Condition, End, Identity, LevelMeta, Message, ModelMeta, Origin, PlanMeta, Reader, ReplayMeta,
+    RobotMeta, Summary, TrialMeta,
 };
 use crate::plan::PUBLISHED;
 use crate::robot_file;
@@ -92,6 +92,13 @@ impl Recording {
             _ => {
                 let lost: Vec<_> = reader.losses().iter().map(ToString::to_string).collect();
                 warnings.push(format!("the log is damaged ({}); what reads is used", lost.join("; ")));
+            }
+        }
+        // A log is levelled from its run on; what came before is levelled alike, so that both have one zero.
+        if let Some(level) = reader.meta::<LevelMeta>() {
+            for (_, attitude) in &mut collector.attitude[..collector.before_run] {
+                let levelled = level.levelled(rotation(*attitude));
+                *attitude = [levelled.w, levelled.i, levelled.j, levelled.k];
             }
         }
         let end_s = collector.turns.last().map_or(0.0, |(time, _)| *time);
@@ -237,6 +244,8 @@ struct Collector {
     frames: u64,
     first_ns: Option<u64>,
     attitude: Vec<(f64, [f64; 4])>,
+    /// How many of them came before the run.
+    before_run: usize,
     turns: Vec<(f64, [f64; 2])>,
     phases: Vec<(String, f64)>,
     /// When the motors got their speeds.
@@ -255,6 +264,9 @@ impl Collector {
             // The rates mean something else from here on.
             Body::Event(event) if event.kind() == Kind::Calibration => self.attitude.clear(),
             Body::Event(event) if event.kind() == Kind::Phase => {
+                if event.text == "run" {
+                    self.before_run = self.attitude.len();
+                }
                 let since = message.log_time_ns.saturating_sub(self.first_ns.unwrap_or(message.log_time_ns));
                 self.phases.push((event.text.clone(), since as f64 * 1e-9));
             }

@@ -8,6 +8,7 @@
 use super::{Recording, TwinError};
 use crate::log::Origin;
 use sim::profile::SpeedProfile;
+use std::f64::consts::TAU;
 
 /// The spline stays this close to the encoder, turns: one degree. A helix that is off by so much pushes the same.
 const TOLERANCE: f64 = 1.0 / 360.0;
@@ -66,7 +67,9 @@ fn build(
         }
     }
     let start = points.first().map_or(run.start, |(time, _)| run.start.max(*time));
-    SpeedProfile::from_points(&points).and_then(|profile| profile.with_run(start, run.end)).map_err(|error| {
+    let angles = readings[0].1.map(|turns| turns * TAU);
+    let profile = SpeedProfile::from_points(&points).and_then(|profile| profile.with_run(start, run.end));
+    profile.map(|profile| profile.from_angles(angles)).map_err(|error| {
         let help = "check the encoders' counts in the log with `biflag export`";
         TwinError::Unusable { path: recording.path.clone(), reason: error.to_string(), help }
     })

@@ -11,14 +11,16 @@
 //! ```
 
 use crate::bridge::Bridge;
+use crate::clock::ProgramClock;
 use crate::image::Image;
 use crate::imu::source::Source;
 use crate::imu::{self, Mpu6050};
-use crate::marks::Marks;
+use crate::marks::{Marks, TICK_BEGIN};
 use crate::mcu::{
     BusAnswer, Devices, FLASH_BYTES, FREQUENCY_HZ, Mcu, Outputs, Pins, ResetCause, RunState, UnknownChip,
 };
 use crate::motor::{Motor, MotorParameters, STEP_S};
+use crate::robot::Robot;
 use crate::serial::Serial;
 
 /// The program polls this bit of GPIOR2 as a test point, and hangs while it is set.
@@ -82,6 +84,7 @@ impl Board {
             motors_at: 0,
             serial: Serial::new(options.seed),
             marks: Marks::default(),
+            clock: ProgramClock::default(),
         };
         let mut mcu = Mcu::new(rig, image.end().max(FLASH_BYTES))?;
         for (address, bytes) in &image.segments {
@@ -94,7 +97,9 @@ impl Board {
 
     /// Pulls the reset pin.
     pub fn reset(&mut self) {
-        self.mcu.devices_mut().marks.reset();
+        let rig = self.mcu.devices_mut();
+        rig.marks.reset();
+        rig.clock = ProgramClock::default();
         self.mcu.reset(self.start, ResetCause::Pin);
         self.state = RunState::Running;
     }
@@ -194,6 +199,21 @@ impl Board {
         self.mcu.poke(register, value);
     }
 
+    /// The robot that the board is built into, if there is one.
+    pub fn robot(&self) -> Option<&Robot> {
+        self.imu().source().on_robot()
+    }
+
+    /// The robot, to take what it says.
+    pub fn robot_mut(&mut self) -> Option<&mut Robot> {
+        self.mcu.devices_mut().imu.source_mut().robot_mut()
+    }
+
+    /// The program's own clock.
+    pub fn clock(&self) -> &ProgramClock {
+        &self.mcu.devices().clock
+    }
+
     /// The program's marks.
     pub fn marks(&self) -> &Marks {
         &self.mcu.devices().marks
@@ -240,6 +260,7 @@ struct Rig {
     motors_at: u64,
     serial: Serial,
     marks: Marks,
+    clock: ProgramClock,
 }
 
 impl Rig {
@@ -249,13 +270,15 @@ impl Rig {
         for motor in &mut self.motors {
             motor.advance(seconds);
         }
+        if let Some(robot) = self.imu.source_mut().robot_mut() {
+            robot.follow(cycle as f64 / FREQUENCY_HZ as f64, &self.motors);
+        }
     }
 }
 
 impl Devices for Rig {
     fn bus_address(&mut self, cycle: u64, address: u8) -> BusAnswer {
         self.turn_motors(cycle);
-        self.imu.source_mut().set_flagella(self.motors.each_ref().map(Motor::speed_rpm));
         self.imu.address(cycle, address)
     }
 
@@ -276,6 +299,7 @@ impl Devices for Rig {
     }
 
     fn serial_out(&mut self, _cycle: u64, byte: u8) {
+        self.clock.hear(byte);
         self.serial.from_chip(byte);
     }
 
@@ -299,6 +323,9 @@ impl Devices for Rig {
     }
 
     fn mark(&mut self, cycle: u64, value: u8) {
+        if value == TICK_BEGIN {
+            self.clock.tick(cycle);
+        }
         self.marks.mark(cycle, value);
     }
 

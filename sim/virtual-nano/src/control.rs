@@ -3,6 +3,7 @@
 //! | command | does |
 //! | --- | --- |
 //! | `play` | begins the sensor's recording from its start |
+//! | `truth` | gives the robot's state since it was last asked for, fifty times a second of the board's |
 //! | `status` | tells the state of everything |
 //! | `drop N` | loses the next N frames of the stream |
 //! | `corrupt N` | damages a byte in each of the next N frames of the stream |
@@ -31,6 +32,8 @@ use std::str::FromStr;
 pub enum Command {
     /// `play`
     Play,
+    /// `truth`
+    Truth,
     /// `status`
     Status,
     /// `drop N`
@@ -60,6 +63,7 @@ impl FromStr for Command {
         let words: Vec<&str> = line.split_whitespace().collect();
         Ok(match words[..] {
             ["play"] => Self::Play,
+            ["truth"] => Self::Truth,
             ["status"] => Self::Status,
             ["drop", n] => Self::Drop(number(n)?),
             ["corrupt", n] => Self::Corrupt(number(n)?),
@@ -96,6 +100,36 @@ pub fn done(line: &str) -> Value {
 /// The answer to a line that could not be followed.
 pub fn error(line: &str, problem: &str) -> Value {
     json!({ "event": "error", "command": line, "error": problem })
+}
+
+/// The answer to `truth`: the simulator's samples, each with the program's clock in µs (`null` before it has told its
+/// time). An error where there is no robot, or where the simulator could not go on.
+pub fn truth(line: &str, board: &mut Board) -> Value {
+    let Some(robot) = board.robot_mut() else {
+        return error(line, "there is no robot; start with --robot FILE.toml or --robot published");
+    };
+    let samples = robot.take_samples();
+    if let (true, Some(problem)) = (samples.is_empty(), robot.failure()) {
+        return error(line, &format!("the simulated robot could not go on: {problem}"));
+    }
+    let clock = board.clock();
+    let samples: Vec<Value> = samples
+        .iter()
+        .map(|sample| json!({ "board_us": clock.at(sample.time_s).map(|time| time.0), "sample": sample }))
+        .collect();
+    json!({ "event": "truth", "samples": samples })
+}
+
+/// What sets the board's sensor apart from an ideal one.
+pub fn sensor(board: &Board) -> Value {
+    let part = board.imu().source().part();
+    json!({
+        "gyro_bias_dps": part.gyro_bias_dps,
+        "gyro_drift_dps_per_c": part.gyro_drift_dps_per_c,
+        "accel_bias_g": part.accel_bias_g,
+        "accel_drift_g_per_c": part.accel_drift_g_per_c,
+        "warming_c": part.warming_c,
+    })
 }
 
 /// The answer to `status`.

@@ -5,13 +5,14 @@
 //! serial port, and takes commands on its standard input (see [`control`]).
 //!
 //! What is modelled to the cycle: the chip, its UART, its I2C master, encoder edges. What is a model: the motors (first
-//! order), the sensor's noise (white). What is not there: EEPROM write times, supply voltage, the USB bridge's buffers.
+//! order), the sensor's noise (white), and the robot, which is the simulator's ([`robot`]). What is not there: EEPROM write times, supply voltage, the USB bridge's buffers.
 
 #![warn(unsafe_code)]
 
 pub mod board;
 pub mod bootloader;
 pub mod bridge;
+pub mod clock;
 pub mod control;
 pub mod image;
 pub mod imu;
@@ -21,6 +22,7 @@ pub mod mcu;
 pub mod motor;
 pub mod pace;
 pub mod port;
+pub mod robot;
 pub mod run;
 pub mod serial;
 

@@ -2,22 +2,26 @@
 
 use clap::{Parser, ValueEnum};
 use serde_json::json;
+use sim::params::Robot as Parameters;
 use std::error::Error;
 use std::io::{BufRead, Write, stdin, stdout};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::mpsc::{Receiver, channel};
 use virtual_nano::bootloader::Bootloader;
+use virtual_nano::control;
+use virtual_nano::imu::part::ROOM_C;
 use virtual_nano::imu::recording::Recording;
 use virtual_nano::imu::source::Source;
 use virtual_nano::pace::{Pace, Speed};
 use virtual_nano::port::Port;
+use virtual_nano::robot::Robot;
 use virtual_nano::run::{PortCount, Runner};
 use virtual_nano::{Board, Image, Options};
 
 /// The robot's Arduino Nano, emulated.
 ///
-/// Prints {"event":"ready","port":"/dev/pts/N"}, then answers each line on standard input with a line of JSON. Ends with
+/// Prints {"event":"ready","port":"/dev/pts/N","sensor":{...}}, then answers each line on standard input with a line of JSON. Ends with
 /// `quit` or at the end of standard input.
 ///
 /// Example: vnano --firmware target/firmware.elf --imu tests/data/mpu6050/rotate-z-720.csv
@@ -30,13 +34,16 @@ struct Arguments {
     /// A bootloader and no program; opening the port resets the board
     #[arg(long)]
     bootloader: Option<BootloaderName>,
-    /// A recording for the sensor to play; without it the sensor lies still
+    /// A recording for the sensor to play; without it and a robot the sensor lies still
     #[arg(long, value_name = "FILE.csv")]
     imu: Option<PathBuf>,
+    /// The simulated robot behind the board: a robot's file, or `published`
+    #[arg(long, value_name = "FILE.toml|published", conflicts_with = "imu")]
+    robot: Option<PathBuf>,
     /// The board's seconds per second, or `max`
     #[arg(long, default_value = "1", value_name = "1|FACTOR|max")]
     speed: Speed,
-    /// Seed of the sensor's noise and of damage on the line
+    /// Seed of the sensor's noise, bias and drift, and of damage on the line
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// What the sensor answers to WHO_AM_I, such as 0x68, or 0x70 for a common clone
@@ -74,9 +81,10 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
-    let source = match &arguments.imu {
-        Some(path) => Source::recording(Recording::read(path)?, arguments.seed),
-        None => Source::still(arguments.seed),
+    let source = match (&arguments.imu, &arguments.robot) {
+        (Some(path), _) => Source::recording(Recording::read(path)?, arguments.seed),
+        (None, Some(robot)) => Source::robot(read_robot(robot)?, arguments.seed),
+        (None, None) => Source::still(arguments.seed),
     };
     let options = Options { source, imu_id: arguments.who_am_i, seed: arguments.seed, ..Options::default() };
     let mut board = match (&arguments.firmware, arguments.bootloader) {
@@ -102,13 +110,26 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         count: PortCount::default(),
     };
     let mut out = stdout().lock();
-    writeln!(out, "{}", json!({ "event": "ready", "port": runner.port.path() }))?;
+    let sensor = control::sensor(&runner.board);
+    writeln!(out, "{}", json!({ "event": "ready", "port": runner.port.path(), "sensor": sensor }))?;
     out.flush()?;
     runner.run(&commands(), &mut out)?;
     if let Some(path) = &arguments.eeprom {
         std::fs::write(path, runner.board.eeprom_mut()).map_err(|error| format!("{}: {error}", path.display()))?;
     }
     Ok(())
+}
+
+/// The robot of a file, whose fluid is as warm as the file says.
+fn read_robot(path: &Path) -> Result<Robot, String> {
+    let parameters = if path == Path::new("published") {
+        Parameters::default()
+    } else {
+        let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+        toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?
+    };
+    let room_c = parameters.fluid.glycerol.map_or(ROOM_C, |mixture| mixture.temperature_c);
+    Robot::new(&parameters, room_c).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// A file that does not exist yet is a blank EEPROM.

@@ -6,6 +6,7 @@
 //! interpolated between steps of at most [`STEP_S`].
 
 use crate::bridge::Drive;
+use std::f64::consts::{PI, TAU};
 
 /// Encoder counts per turn of the flagellum: 12 edges of both channels per motor turn, gear of 100.37 (the published
 /// robot).
@@ -13,6 +14,9 @@ pub const COUNTS_PER_TURN: f64 = 12.0 * 100.37;
 
 /// Longest step of the model, s. The speed is taken as constant within it: 1/160 of the time constant.
 pub const STEP_S: f64 = 0.5e-3;
+
+/// Half a count away from an edge, so that nothing but motion makes one.
+const START_COUNTS: f64 = 0.5;
 
 /// An edge is placed to the cycle, and always past its multiple of a count.
 const ONE_CYCLE_S: f64 = 1.0 / crate::mcu::FREQUENCY_HZ as f64;
@@ -50,8 +54,7 @@ pub struct Motor {
 impl Motor {
     /// One at rest.
     pub fn new(parameters: MotorParameters) -> Self {
-        // Half a count away from an edge, so that nothing but motion makes one.
-        Self { parameters, drive: Drive::Coast, blocked: false, speed_rpm: 0.0, counts: 0.5 }
+        Self { parameters, drive: Drive::Coast, blocked: false, speed_rpm: 0.0, counts: START_COUNTS }
     }
 
     /// What the bridge does from now on.
@@ -70,6 +73,16 @@ impl Motor {
     /// Speed of the flagellum.
     pub fn speed_rpm(&self) -> f64 {
         self.speed_rpm
+    }
+
+    /// The same in rad/s.
+    pub fn speed_rad_s(&self) -> f64 {
+        self.speed_rpm * PI / 30.0
+    }
+
+    /// Angle of the flagellum since the start, rad.
+    pub fn angle_rad(&self) -> f64 {
+        (self.counts - START_COUNTS) / COUNTS_PER_TURN * TAU
     }
 
     /// Whole encoder counts (edges of both channels) since the start.

@@ -59,6 +59,11 @@ impl Runner {
                 Err(TryRecvError::Disconnected) => return Ok(()),
                 Err(TryRecvError::Empty) => {}
             }
+            if self.board.robot().is_some_and(|robot| robot.failure().is_some()) {
+                // What the sensor reads from here on is wrong: nobody is to hear of it, or to take it for a measurement.
+                std::thread::sleep(Duration::from_millis(1));
+                continue;
+            }
             self.exchange()?;
             if self.pace.is_ahead_of_host(self.board.cycle()) {
                 self.port.wait_for_host(Duration::from_millis(1))?;
@@ -91,6 +96,7 @@ impl Runner {
                     return (control::error(line, "the sensor has no recording; start with --imu FILE.csv"), true);
                 }
             }
+            Command::Truth => return (control::truth(line, board), true),
             Command::Status => return (control::status(board, &self.count), true),
             Command::Drop(frames) => board.serial_mut().drop_frames(frames),
             Command::Corrupt(frames) => board.serial_mut().corrupt_frames(frames),

@@ -5,6 +5,7 @@
 
 pub mod fault;
 pub mod noise;
+pub mod part;
 pub mod recording;
 pub mod source;
 
@@ -101,6 +102,11 @@ impl Mpu6050 {
     }
 
     /// What the part measures.
+    pub fn source(&self) -> &Source {
+        &self.source
+    }
+
+    /// What the part measures, to change it.
     pub fn source_mut(&mut self) -> &mut Source {
         &mut self.source
     }

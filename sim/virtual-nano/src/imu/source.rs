@@ -1,7 +1,9 @@
-//! What the sensor measures: lying still, a recording, or the movement of a body.
+//! What the sensor measures: lying still, a recording, or the movement of the simulated robot.
 
 use super::noise::Noise;
+use super::part::{Part, ROOM_C};
 use super::recording::{Recording, Sample};
+use crate::robot::Robot;
 use protocol::units::{AccelRange, GyroRange, TemperatureCounts};
 
 /// One sample in counts, as the data registers have it.
@@ -26,12 +28,9 @@ pub struct Movement {
     pub temperature_c: f64,
 }
 
-/// A body that the sensor is fixed to: its movement at a time in seconds, while flagella 1 and 2 turn at these speeds in
-/// rpm. Times do not go back.
-pub type Body = Box<dyn FnMut(f64, [f64; 2]) -> Movement + Send>;
-
 enum Kind {
-    Body(Body),
+    Still,
+    Robot(Box<Robot>),
     Recording {
         recording: Recording,
         /// The board's time at which the playback began; `None` while it waits.
@@ -43,46 +42,37 @@ enum Kind {
 /// What the sensor measures, with the sensor's own bias and noise where these are not in a recording.
 pub struct Source {
     kind: Kind,
-    flagella_rpm: [f64; 2],
     noise: Noise,
-    gyro_bias_dps: [f64; 3],
-    accel_bias_g: [f64; 3],
+    part: Part,
 }
 
 /// Gyroscope noise, °/s per root Hz (data sheet PS-MPU-6000A, table 6.1).
 const GYRO_NOISE_DPS: f64 = 0.005;
 /// Accelerometer noise, g per root Hz (table 6.2).
 const ACCEL_NOISE_G: f64 = 400e-6;
-/// Spread of the gyroscope's bias from part to part, °/s. The data sheet allows ±20; usual parts are better.
-const GYRO_BIAS_DPS: f64 = 2.0;
-/// Spread of the accelerometer's bias, g. The data sheet allows ±0.05 and ±0.08 (z).
-const ACCEL_BIAS_G: f64 = 0.015;
-/// Temperature where nothing gives one, °C.
-const ROOM_C: f64 = 25.0;
 
 impl Source {
     /// Lies still, z up, with the bias that the seed gives.
     pub fn still(seed: u64) -> Self {
-        let at_rest = Movement { specific_force_g: [0.0, 0.0, 1.0], temperature_c: ROOM_C, ..Movement::default() };
-        Self::body(Box::new(move |_, _| at_rest), seed)
+        let mut noise = Noise::new(seed);
+        let mut part = Part::drawn(&mut noise);
+        part.warming_c = 0.0;
+        Self { kind: Kind::Still, noise, part }
     }
 
-    /// Moves with a body.
-    pub fn body(body: Body, seed: u64) -> Self {
+    /// Sits on a robot, with the imperfections that the seed gives. The sensor's axes are the robot's.
+    pub fn robot(robot: Robot, seed: u64) -> Self {
         let mut noise = Noise::new(seed);
-        let mut bias = |spread: f64| std::array::from_fn(|_| spread * noise.normal().clamp(-3.0, 3.0));
-        let (gyro_bias_dps, accel_bias_g) = (bias(GYRO_BIAS_DPS), bias(ACCEL_BIAS_G));
-        Self { kind: Kind::Body(body), flagella_rpm: [0.0; 2], noise, gyro_bias_dps, accel_bias_g }
+        let part = Part::drawn(&mut noise);
+        Self { kind: Kind::Robot(Box::new(robot)), noise, part }
     }
 
     /// Lies still as the recording begins, until it is told to [`Self::play`].
     pub fn recording(recording: Recording, seed: u64) -> Self {
         Self {
             kind: Kind::Recording { recording, started_s: None, play: false },
-            flagella_rpm: [0.0; 2],
             noise: Noise::new(seed),
-            gyro_bias_dps: [0.0; 3],
-            accel_bias_g: [0.0; 3],
+            part: Part::ideal(),
         }
     }
 
@@ -94,9 +84,25 @@ impl Source {
         Some(recording.duration_s())
     }
 
-    /// The flagella turn at these speeds from now on.
-    pub fn set_flagella(&mut self, rpm: [f64; 2]) {
-        self.flagella_rpm = rpm;
+    /// The robot that the sensor sits on, if it does.
+    pub fn robot_mut(&mut self) -> Option<&mut Robot> {
+        match &mut self.kind {
+            Kind::Robot(robot) => Some(robot),
+            _ => None,
+        }
+    }
+
+    /// The robot that the sensor sits on, if it does.
+    pub fn on_robot(&self) -> Option<&Robot> {
+        match &self.kind {
+            Kind::Robot(robot) => Some(robot),
+            _ => None,
+        }
+    }
+
+    /// What sets the sensor apart from an ideal one.
+    pub fn part(&self) -> &Part {
+        &self.part
     }
 
     /// The sample at this time of the board's, for these settings of the part.
@@ -104,18 +110,23 @@ impl Source {
         let bandwidth_hz = BANDWIDTH_HZ[usize::from(low_pass & 7)];
         let gyro_noise = GYRO_NOISE_DPS * bandwidth_hz.sqrt();
         let accel_noise = ACCEL_NOISE_G * bandwidth_hz.sqrt();
-        let Self { kind, noise, .. } = self;
+        let Self { kind, noise, part } = self;
         let per_dps = f64::from(gyro.counts_per_dps());
         let per_g = f64::from(accel.counts_per_g());
+        let mut measure = |movement: Movement| {
+            let temperature_c = part.temperature_c(time_s, movement.temperature_c);
+            let (gyro_bias, accel_bias) = part.bias(time_s, temperature_c, noise);
+            let rate = |i: usize| movement.rate_dps[i] + gyro_bias[i] + gyro_noise * noise.normal();
+            let gyro = [0, 1, 2].map(rate).map(|dps| counts(dps * per_dps));
+            let force = |i: usize| movement.specific_force_g[i] + accel_bias[i] + accel_noise * noise.normal();
+            let accel = [0, 1, 2].map(force).map(|g| counts(g * per_g));
+            Readout { accel, gyro, temperature: TemperatureCounts::from_celsius(temperature_c).0 }
+        };
         match kind {
-            Kind::Body(body) => {
-                let Movement { rate_dps, specific_force_g, temperature_c } = body(time_s, self.flagella_rpm);
-                let rate = |axis: usize| rate_dps[axis] + self.gyro_bias_dps[axis];
-                let force = |axis: usize| specific_force_g[axis] + self.accel_bias_g[axis];
-                let gyro = std::array::from_fn(|axis| counts((rate(axis) + gyro_noise * noise.normal()) * per_dps));
-                let accel = std::array::from_fn(|axis| counts((force(axis) + accel_noise * noise.normal()) * per_g));
-                Readout { accel, gyro, temperature: TemperatureCounts::from_celsius(temperature_c).0 }
+            Kind::Still => {
+                measure(Movement { specific_force_g: [0.0, 0.0, 1.0], temperature_c: ROOM_C, ..Movement::default() })
             }
+            Kind::Robot(robot) => measure(robot.movement(time_s - DELAY_S[usize::from(low_pass & 7)])),
             Kind::Recording { recording, started_s, play } => {
                 if *play && started_s.is_none() {
                     *started_s = Some(time_s);
@@ -150,6 +161,9 @@ impl Source {
 /// Bandwidth of the gyroscope for each value of CONFIG's filter (register map, section 4.3); without filter the part's
 /// own 256 Hz.
 const BANDWIDTH_HZ: [f64; 8] = [256.0, 188.0, 98.0, 42.0, 20.0, 10.0, 5.0, 256.0];
+
+/// Delay of the gyroscope for the same values; the accelerometer's is within 0.3 ms of it.
+const DELAY_S: [f64; 8] = [0.98e-3, 1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3, 0.98e-3];
 
 /// Rounds, and saturates as the part does.
 fn counts(x: f64) -> i16 {

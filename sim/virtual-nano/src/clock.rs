@@ -1,0 +1,83 @@
+//! The program's own clock, seen from outside: what its frames say of the time, held against the cycle at which it was so.
+//!
+//! A frame bears the time at which its tick began, and the program marks that moment (see [`crate::marks`]).
+
+use crate::mcu::FREQUENCY_HZ;
+use protocol::Message;
+use protocol::frame::Accumulator;
+use protocol::units::Micros;
+
+/// Cycles in a microsecond.
+const CYCLES_PER_US: u64 = FREQUENCY_HZ / 1_000_000;
+
+/// The clock.
+#[derive(Default)]
+pub struct ProgramClock {
+    frame: Accumulator,
+    /// The cycle at which the last tick began.
+    tick: Option<u64>,
+    /// The same when the frame under way began.
+    sent_in: Option<u64>,
+    within_frame: bool,
+    /// Our microseconds less the program's, modulo 2^32.
+    ahead: Option<u32>,
+}
+
+impl ProgramClock {
+    /// A tick began.
+    pub fn tick(&mut self, cycle: u64) {
+        self.tick = Some(cycle);
+    }
+
+    /// A byte left the chip.
+    pub fn hear(&mut self, byte: u8) {
+        if !self.within_frame {
+            self.sent_in = self.tick;
+        }
+        self.within_frame = byte != 0;
+        if let (Some(Ok(Message::Telemetry(telemetry))), Some(cycle)) = (self.frame.push(byte), self.sent_in) {
+            let ahead = ((cycle / CYCLES_PER_US) as u32).wrapping_sub(telemetry.time.0);
+            // A frame that had to wait went out in a later tick than its own, and seems older than it is.
+            let is_less = self.ahead.is_none_or(|known| (ahead.wrapping_sub(known) as i32) < 0);
+            if is_less {
+                self.ahead = Some(ahead);
+            }
+        }
+    }
+
+    /// The program's clock when ours is at `time_s`; `None` until it has told its time.
+    pub fn at(&self, time_s: f64) -> Option<Micros> {
+        let ours = (time_s * 1e6).round() as u64 as u32;
+        self.ahead.map(|ahead| Micros(ours.wrapping_sub(ahead)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::Telemetry;
+    use protocol::frame::{MAX_FRAME, encode};
+
+    fn send(clock: &mut ProgramClock, time: u32) {
+        let telemetry = Telemetry { time: Micros(time), ..Telemetry::default() };
+        let mut buffer = [0; MAX_FRAME];
+        for byte in encode(&Message::Telemetry(telemetry), &mut buffer).unwrap() {
+            clock.hear(*byte);
+        }
+    }
+
+    #[test]
+    fn a_frame_tells_the_time_of_its_own_tick_across_the_wrap() {
+        let mut clock = ProgramClock::default();
+        assert_eq!(clock.at(1.0), None);
+        // The program started 16 s after power, 10 ms before its clock wraps.
+        let start = u32::MAX - 9_999;
+        clock.tick(16 * 16_000_000);
+        clock.tick(16 * 16_000_000 + 80_000);
+        send(&mut clock, start);
+        assert_eq!(clock.at(16.005), Some(Micros(start)), "as far as is known");
+        send(&mut clock, start.wrapping_add(5000));
+        assert_eq!(clock.at(16.005), Some(Micros(start.wrapping_add(5000))));
+        assert_eq!(clock.at(16.025), Some(Micros(15_000)));
+    }
+}

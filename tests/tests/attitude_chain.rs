@@ -1,0 +1,195 @@
+//! The whole chain from the motors' duty to the logged attitude, held against the truth of the simulated robot: motors,
+//! fluid and flagella, base, sensor with its imperfections, firmware, link, log.
+
+use host::attitude::{Track, steady_window};
+use host::log::{Body, End, ModelMeta, Origin, Reader, SensorMeta, Summary};
+use protocol::units::CentiRpm;
+use serde_json::Value;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use tests::Bench;
+
+/// A trial's attitude and its truth, by the trial's clock.
+#[derive(Default)]
+struct Recorded {
+    yaw: Track,
+    tilt: [Track; 2],
+    true_yaw: Track,
+    true_tilt: [Track; 2],
+    /// Beginning and end of the run, s.
+    run: [f64; 2],
+}
+
+/// What the log says, less what is true.
+#[derive(Debug)]
+struct Errors {
+    pitch_rms_deg: f64,
+    roll_rms_deg: f64,
+    yaw_deg: f64,
+    /// As stated, 95 %.
+    yaw_uncertainty_deg: f64,
+}
+
+impl Recorded {
+    fn read(log: &Path) -> Self {
+        let mut recorded = Self::default();
+        let mut start_ns = None;
+        for message in Reader::open(log).unwrap() {
+            let message = message.unwrap();
+            match message.body {
+                Body::Telemetry(t) => {
+                    start_ns.get_or_insert(message.log_time_ns);
+                    recorded.yaw.push(t.time_s, t.yaw_deg);
+                    recorded.tilt[0].push(t.time_s, t.pitch_deg);
+                    recorded.tilt[1].push(t.time_s, t.roll_deg);
+                }
+                Body::Truth(t) => {
+                    recorded.true_yaw.push(t.time_s, t.yaw_deg);
+                    recorded.true_tilt[0].push(t.time_s, t.pitch_deg);
+                    recorded.true_tilt[1].push(t.time_s, t.roll_deg);
+                    let clock_s = message.log_time_ns.abs_diff(start_ns.unwrap()) as f64 * 1e-9;
+                    assert!((clock_s - t.time_s).abs() < 1e-6, "the truth's time is the trial's");
+                }
+                Body::Event(event) => {
+                    let time_s = recorded.yaw.span().end;
+                    match event.text.as_str() {
+                        "run" => recorded.run[0] = time_s,
+                        "decay" | "end" if recorded.run[1] == 0.0 => recorded.run[1] = time_s,
+                        _ => {}
+                    }
+                }
+                _ => {}
+            }
+        }
+        recorded
+    }
+
+    fn rms(&self, i: usize) -> f64 {
+        let truth = &self.true_tilt[i];
+        let run = |time: f64| (self.run[0]..self.run[1]).contains(&time);
+        let errors = truth.time_s.iter().zip(&truth.value).filter(|(time, _)| run(**time));
+        let squares: Vec<f64> = errors.map(|(time, truth)| (self.tilt[i].at(*time).unwrap() - truth).powi(2)).collect();
+        assert!(squares.len() as f64 > 49.0 * (self.run[1] - self.run[0]), "truth is missing");
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    }
+}
+
+/// A trial of `record --json` held against the truth in its log.
+fn errors(bench: &Bench, trial: &Value) -> Errors {
+    let log = bench.path().join(trial["log"].as_str().unwrap());
+    let recorded = Recorded::read(&log);
+    let number = |key: &str| trial[key].as_f64().unwrap_or(f64::NAN);
+    let speeds = ["w1_rpm", "w2_rpm"].map(|key| CentiRpm::from_rpm(number(key)));
+    // As the reported yaw is: from the last second before the run to the steady window.
+    let window = steady_window(recorded.run[0]..recorded.run[1], speeds);
+    let start = recorded.run[0] - 1.0..recorded.run[0];
+    let turned = recorded.true_yaw.mean(window).unwrap() - recorded.true_yaw.mean(start).unwrap();
+    Errors {
+        pitch_rms_deg: recorded.rms(0),
+        roll_rms_deg: recorded.rms(1),
+        yaw_deg: number("yaw_deg") - turned,
+        yaw_uncertainty_deg: number("yaw_uncertainty_deg"),
+    }
+}
+
+/// A session on the emulated board with the simulated robot.
+fn record(bench: &Bench, plan: &str, seed: u64) -> Value {
+    let seed = seed.to_string();
+    let run = bench.run(["record", plan, "--virtual", "--seed", &seed, "--out", "session", "--json"]);
+    // On a busy machine the motors may start late, of which it warns.
+    assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
+    run.json()
+}
+
+/// One short trial with the largest tilt.
+#[test]
+fn the_logged_attitude_is_the_true_one() {
+    let bench = Bench::new();
+    let plan = bench
+        .file("plan.toml", "[trial]\ncalibrate = 3\npreroll = 8\nrun = 24\ndecay = 8\n[speeds]\npairs = [[-90, 90]]\n");
+    let run = record(&bench, plan.to_str().unwrap(), 1);
+    let trial = &run["trials"][0];
+    let errors = errors(&bench, trial);
+    println!("{errors:?}");
+    assert!(errors.pitch_rms_deg < 0.5 && errors.roll_rms_deg < 0.5, "{errors:?}");
+    assert!(errors.yaw_deg.abs() < errors.yaw_uncertainty_deg.max(0.5), "{errors:?}");
+
+    let reader = Reader::open(&bench.path().join(trial["log"].as_str().unwrap())).unwrap();
+    assert_eq!(reader.meta::<host::log::Identity>().unwrap().origin, Origin::VirtualRig);
+    let sensor = reader.meta::<SensorMeta>().unwrap();
+    assert!(sensor.seed == 1 && sensor.gyro_bias_dps.iter().all(|bias| *bias != 0.0), "{sensor:?}");
+    assert_eq!(reader.meta::<ModelMeta>().unwrap().robot(), Some(Default::default()));
+    for topic in ["/truth", "/forces", "/flagella", "/flagella_points"] {
+        assert!(reader.counts().get(topic).is_some_and(|count| *count > 300), "{topic}: {:?}", reader.counts());
+    }
+    assert!(reader.meta::<Summary>().is_some());
+}
+
+/// A simulator that cannot go on ends the trial with its reason, and the log has what was true until then.
+#[test]
+fn a_robot_that_cannot_be_computed_ends_the_trial_with_the_reason() {
+    let bench = Bench::new();
+    bench.file("hard.toml", "[flagellum]\nyoung_pa = 2e4\n[solver]\nhalvings = 0\n");
+    let plan = bench.file(
+        "plan.toml",
+        "[session]\nrobot = \"hard.toml\"\n\
+         [trial]\ncalibrate = 0\npreroll = 2\nrun = 20\ndecay = 0\n[speeds]\npairs = [[90, -90]]\n",
+    );
+    let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--out", "session", "--json"]).expect_code(1);
+    assert!(run.stderr.contains("simulated robot could not go on: no step from"), "{run:?}");
+    let log = bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap());
+    let reader = Reader::open(&log).unwrap();
+    let summary = reader.meta::<Summary>().unwrap();
+    assert!(summary.end == End::Failed && summary.reason.contains("no step from"), "{summary:?}");
+    assert!(reader.counts()["/telemetry"] > 300 && reader.counts()["/truth"] > 80, "{:?}", reader.counts());
+}
+
+/// The four published points, each with 25 sensors:
+/// `cargo test --release -p tests --test attitude_chain -- --ignored --nocapture`, three quarters of an hour on two cores.
+#[test]
+#[ignore = "takes three quarters of an hour"]
+fn a_hundred_trials_are_as_true_as_they_say() {
+    const SEEDS: u64 = 25;
+    let next = AtomicU64::new(1);
+    let all: Mutex<Vec<(String, Errors)>> = Mutex::default();
+    let work = || {
+        loop {
+            let seed = next.fetch_add(1, Ordering::Relaxed);
+            if seed > SEEDS {
+                return;
+            }
+            let bench = Bench::new();
+            let plan = bench.file("plan.toml", "[speeds]\npairs = [[50, 10], [0, 45], [90, 90], [-90, 90]]\n");
+            for trial in record(&bench, plan.to_str().unwrap(), seed)["trials"].as_array().unwrap() {
+                let (name, errors) = (trial["name"].as_str().unwrap().to_owned(), errors(&bench, trial));
+                println!("seed {seed}, {name}: {errors:.3?}");
+                all.lock().unwrap().push((name, errors));
+            }
+        }
+    };
+    std::thread::scope(|scope| (0..2).for_each(|_| drop(scope.spawn(work))));
+    let mut all = all.into_inner().unwrap();
+    all.sort_by(|a, b| a.0.cmp(&b.0));
+    for point in all.chunk_by(|a, b| a.0 == b.0) {
+        let worst = |of: fn(&Errors) -> f64| point.iter().map(|(_, errors)| of(errors)).fold(0.0, f64::max);
+        let rms = |of: fn(&Errors) -> f64| {
+            (point.iter().map(|(_, errors)| of(errors).powi(2)).sum::<f64>() / point.len() as f64).sqrt()
+        };
+        println!(
+            "{} x {}: pitch {:.3} deg RMS (worst trial {:.3}), roll {:.3} ({:.3}), yaw {:.3} RMS, stated {:.3}",
+            point.len(),
+            point[0].0,
+            rms(|e| e.pitch_rms_deg),
+            worst(|e| e.pitch_rms_deg),
+            rms(|e| e.roll_rms_deg),
+            worst(|e| e.roll_rms_deg),
+            rms(|e| e.yaw_deg),
+            rms(|e| e.yaw_uncertainty_deg),
+        );
+    }
+    let covered = all.iter().filter(|(_, e)| e.yaw_deg.abs() <= e.yaw_uncertainty_deg).count();
+    println!("yaw within its stated uncertainty in {covered} of {}", all.len());
+    assert!(all.iter().all(|(_, e)| e.pitch_rms_deg < 0.5 && e.roll_rms_deg < 0.5));
+    assert!(all.len() == 100 && covered >= 95, "{covered} of {}", all.len());
+}
