@@ -1,6 +1,7 @@
 //! What viewers see, and that whoever watches, reads slowly or is dead costs a recording nothing.
 
 use host::live::Live;
+use host::log::Body;
 use host::log::schema::{CHANNELS, LogMessage, biflag, foxglove};
 use prost::Message;
 use std::collections::BTreeMap;
@@ -230,5 +231,32 @@ fn ctrl_c_ends_a_playback() {
         let interrupted = Instant::now();
         Run::of(playing).expect_code(130);
         assert!(interrupted.elapsed() < Duration::from_secs(2));
+    }
+}
+
+/// Viewers look up the attitude at the time that a shape says it is of: both are on the clock of the log, in a model and
+/// on an emulated board that turns the simulated robot.
+#[test]
+fn what_is_drawn_bears_the_time_of_its_message() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(2.0, [50.0, 10.0]);
+    let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--out", "recorded", "--json"]);
+    let recorded = bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap());
+    for log in [recorded, simulated(&bench, 2, &["--shapes"])] {
+        let (mut attitudes, mut shapes) = (0, 0);
+        for message in host::log::Reader::open(&log).unwrap().map(Result::unwrap) {
+            let stamp = match &message.body {
+                Body::Attitude(transform) => transform.timestamp,
+                Body::Flagella(scene) => scene.entities[0].timestamp,
+                Body::FlagellaPoints(cloud) => cloud.timestamp,
+                _ => continue,
+            };
+            let stamp = stamp.unwrap();
+            let stamp_ns = stamp.seconds as u64 * 1_000_000_000 + stamp.nanos as u64;
+            assert_eq!(stamp_ns, message.log_time_ns, "{} of {}", message.topic, log.display());
+            let counted = if message.topic == "/attitude" { &mut attitudes } else { &mut shapes };
+            *counted += 1;
+        }
+        assert!(attitudes > 40 && shapes > 40, "{attitudes} attitudes and {shapes} shapes in {}", log.display());
     }
 }

@@ -194,8 +194,15 @@ impl Writer {
 
     /// Puts the trial's clock to `time_s` since its start, where no frame of a board does: in a model.
     pub fn at(&mut self, time_s: f64) {
-        let (_, first_ns) = *self.clock.first.get_or_insert((0, self.clock.log_ns));
-        self.clock.log_ns = first_ns.saturating_add((time_s * 1e9).round() as u64);
+        self.clock.first.get_or_insert((0, self.clock.log_ns));
+        self.clock.log_ns = self.time_ns(time_s);
+    }
+
+    /// `log_time` of what happens `time_s` after the trial's first frame: what a message says whose type has a time of its
+    /// own, ns since 1970.
+    pub fn time_ns(&self, time_s: f64) -> u64 {
+        let first_ns = self.clock.first.map_or(self.clock.log_ns, |(_, first_ns)| first_ns);
+        first_ns.saturating_add((time_s * 1e9).round() as u64)
     }
 
     fn state_at(&mut self, state: &biflag::Telemetry, host: SystemTime) -> Result<(), LogError> {

@@ -27,17 +27,13 @@ const FIELDS: [(&str, u32, NumericType); 8] = [
 /// Centre lines of both flagella, m.
 type Lines = [Vec<[f64; 3]>; 2];
 
-fn nanos(time_s: f64) -> u64 {
-    (time_s * 1e9).round() as u64
-}
-
 /// Where the body's frame is.
 fn origin() -> Pose {
     Pose { position: Some(Vector3::default()), orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }) }
 }
 
 /// `/flagella`: lines as thick as the rods.
-pub(crate) fn scene(time_s: f64, lines: &Lines, rod_radius_m: f64) -> SceneUpdate {
+pub(crate) fn scene(log_time_ns: u64, lines: &Lines, rod_radius_m: f64) -> SceneUpdate {
     let line = |(line, colour): (&Vec<[f64; 3]>, Color)| LinePrimitive {
         r#type: line_primitive::Type::LineStrip.into(),
         pose: Some(origin()),
@@ -48,7 +44,7 @@ pub(crate) fn scene(time_s: f64, lines: &Lines, rod_radius_m: f64) -> SceneUpdat
     };
     SceneUpdate {
         entities: vec![SceneEntity {
-            timestamp: Some(timestamp(nanos(time_s))),
+            timestamp: Some(timestamp(log_time_ns)),
             frame_id: FRAME.to_owned(),
             id: "flagella".to_owned(),
             frame_locked: true,
@@ -60,7 +56,7 @@ pub(crate) fn scene(time_s: f64, lines: &Lines, rod_radius_m: f64) -> SceneUpdat
 }
 
 /// `/flagella_points`: the nodes.
-pub(crate) fn points(time_s: f64, lines: &Lines) -> PointCloud {
+pub(crate) fn points(log_time_ns: u64, lines: &Lines) -> PointCloud {
     let mut data = Vec::new();
     for ((number, line), colour) in [1.0, 2.0].into_iter().zip(lines).zip(COLOURS) {
         let colour = [colour.r, colour.g, colour.b, colour.a].map(|part| (part * 255.0).round() as u8);
@@ -76,7 +72,7 @@ pub(crate) fn points(time_s: f64, lines: &Lines) -> PointCloud {
         PackedElementField { name: name.to_owned(), offset, r#type: kind.into() }
     });
     PointCloud {
-        timestamp: Some(timestamp(nanos(time_s))),
+        timestamp: Some(timestamp(log_time_ns)),
         frame_id: FRAME.to_owned(),
         pose: Some(origin()),
         point_stride,
@@ -92,14 +88,14 @@ mod tests {
     #[test]
     fn points_are_the_nodes_of_the_lines() {
         let lines = [vec![[0.1, 0.2, -0.3]], vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]];
-        let cloud = points(1.5, &lines);
+        let cloud = points(1_500_000_000, &lines);
         assert_eq!((cloud.point_stride, cloud.data.len()), (20, 60));
         let values: Vec<_> = cloud.data[..16].as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
         assert_eq!(values, [0.1, 0.2, -0.3, 1.0]);
         assert_eq!((&cloud.data[16..20], &cloud.data[56..]), (&[230, 115, 26, 255][..], &[38, 115, 217, 255][..]));
         let offsets: Vec<_> = cloud.fields.iter().map(|field| field.offset).collect();
         assert_eq!(offsets, [0, 4, 8, 12, 16, 17, 18, 19]);
-        let update = scene(1.5, &lines, 0.003);
+        let update = scene(1_500_000_000, &lines, 0.003);
         let [line1, line2] = update.entities[0].lines.as_slice() else { panic!("two lines") };
         assert_eq!((line1.points.len(), line2.points.len(), line1.thickness), (1, 2, 0.006));
         assert_eq!(update.entities[0].timestamp.as_ref().unwrap().nanos, 500_000_000);

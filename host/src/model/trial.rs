@@ -218,8 +218,9 @@ impl Recorder<'_> {
         self.log.message(&messages::truth(sample), host)?;
         self.log.message(&messages::forces(sample), host)?;
         if let Some(lines) = &sample.shapes_m {
-            self.log.message(&shapes::scene(sample.time_s, lines, self.rod_radius_m), host)?;
-            self.log.message(&shapes::points(sample.time_s, lines), host)?;
+            let log_time_ns = self.log.time_ns(sample.time_s);
+            self.log.message(&shapes::scene(log_time_ns, lines, self.rod_radius_m), host)?;
+            self.log.message(&shapes::points(log_time_ns, lines), host)?;
         }
         self.index += 1;
         Ok(())

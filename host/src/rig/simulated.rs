@@ -78,8 +78,10 @@ impl<'a> Truth<'a> {
             log.message_at(sample.time_s, &messages::truth(&sample), host)?;
             log.message_at(sample.time_s, &messages::forces(&sample), host)?;
             if let Some(lines) = &sample.shapes_m {
-                log.message_at(sample.time_s, &shapes::scene(sample.time_s, lines, self.robot.rod_radius_m), host)?;
-                log.message_at(sample.time_s, &shapes::points(sample.time_s, lines), host)?;
+                // On the same clock as the attitude, or viewers do not find where the body was.
+                let log_time_ns = log.time_ns(sample.time_s);
+                log.message_at(sample.time_s, &shapes::scene(log_time_ns, lines, self.robot.rod_radius_m), host)?;
+                log.message_at(sample.time_s, &shapes::points(log_time_ns, lines), host)?;
             }
         }
         Ok(())
