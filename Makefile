@@ -4,7 +4,7 @@ CARGO := cargo
 BIN := target/release
 DEMO := target/demo
 
-.PHONY: help setup build firmware demo test lint doc bench clean
+.PHONY: help setup build firmware demo test lint doc clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
@@ -40,7 +40,7 @@ demo: build
 
 test: build
 	@sh firmware/setup.sh test
-	$(CARGO) test --workspace --locked
+	$(CARGO) test --workspace --locked --no-fail-fast
 
 lint: setup
 	$(CARGO) fmt --all --check

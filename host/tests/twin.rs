@@ -141,7 +141,8 @@ fn a_replay_of_a_modelled_session_is_the_session_again() {
     let folder = bench.path();
     let compared = json(&biflag(folder, &["compare", "short", "--json"]), 0);
     assert_eq!(compared["modelled"], "short-replay");
-    assert!(compared["report"].is_null());
+    assert_eq!(compared["report"], "short/report.html");
+    assert!(folder.join("short/report.html").exists());
     for trial in compared["trials"].as_array().unwrap() {
         for key in ["yaw_rmse_deg", "pitch_rmse_deg", "roll_rmse_deg"] {
             assert!(number(&trial[key]) < 0.2, "{key} of {trial}");

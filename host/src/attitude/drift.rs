@@ -129,7 +129,8 @@ mod tests {
         let drift = Drift::seen(&yaw, 0.0..20.0, 140.0..170.0).unwrap();
         assert_eq!(drift.still.len(), 2);
         let measured = yaw.at(140.0).unwrap() - yaw.at(20.0).unwrap();
-        assert!((measured - drift.between(20.0, 140.0)).abs() < 1e-9);
+        // But for what the second phase is weighed down by: its noise is never taken for none.
+        assert!((measured - drift.between(20.0, 140.0)).abs() < 1e-3);
     }
 
     #[test]

@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
     In Foxglove: Open connection, Foxglove WebSocket, ws://127.0.0.1:8765. A log begins to play when a viewer has come.\n\
     A board is only listened to: no speeds are sent, and no fault is cleared. While a trial is recorded, the recording \
     itself shows it: `biflag record PLAN --live`.\n\
-    Exit code 3: the log is cut off or damaged, or frames of the stream were lost.")]
+    Exit code 3: the log is cut off or damaged.")]
 pub struct Args {
     /// The log.
     #[arg(required_unless_present = "port", conflicts_with = "port")]

@@ -160,7 +160,7 @@ pub fn refusal_text(refusal: Refusal) -> &'static str {
 fn refusal_cure(refusal: Refusal) -> &'static str {
     match refusal {
         Refusal::OutOfRange => "correct the value; `biflag settings` prints those in force",
-        Refusal::Faulted => "`biflag doctor` says which fault; see to its cause, then try again",
+        Refusal::Faulted => "the log's events and `biflag info` say which fault; see to its cause, then record again",
         Refusal::Running | Refusal::Calibrating => "wait until it is done, or press the board's reset button",
         Refusal::EepromFailed => "the board's EEPROM is worn out: use another board, or leave the settings in the plan",
     }

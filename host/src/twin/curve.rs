@@ -9,7 +9,8 @@ use std::ops::Range;
 /// The yaw starts from its mean over the end of the still phase.
 const START_S: f64 = 1.0;
 
-/// The zero of the tilt is the mean over so much of the still phase's end: a robot that was let go swings for some time.
+/// The zero of the tilt is the mean over so much of the still phase's end, and its noise the scatter there: a robot that was
+/// let go swings for some time, and the filter finds its level anew after the gyroscope was calibrated.
 const TILT_ZERO_S: f64 = 10.0;
 
 /// Blocks whose scatter tells how noisy a tilt is, s.
@@ -21,7 +22,7 @@ const BLOCK_S: f64 = 2.0;
 /// and are not quite square (2 % across axes, MPU-6000A data sheet, section 6.2), which is 0.1 degrees for a tilt of 5.
 const TILT_FLOOR_DEG: f64 = 0.1;
 
-/// A still phase in which the tilt strays further is not still, degrees.
+/// A still phase at whose end the tilt strays further is not still, degrees.
 const STILL_DEG: f64 = 0.5;
 
 /// The attitude from its zero; times are those of the log.
@@ -68,8 +69,9 @@ impl Curve {
         let is_model = recording.origin == Origin::Model;
         let still = recording.times.preroll.start.max(first)..run.start;
         let has_still = still.end - still.start >= START_S;
+        let settled = (run.start - TILT_ZERO_S).max(still.start)..run.start;
         let (mean_over, tilt) = match (has_still, is_model) {
-            (true, _) => (still.clone(), mean(readings, &((run.start - TILT_ZERO_S).max(still.start)..run.start))),
+            (true, _) => (still.clone(), mean(readings, &settled)),
             // A model starts upright.
             (false, true) => (run.start..run.start, Some(UnitQuaternion::identity())),
             (false, false) => {
@@ -96,8 +98,8 @@ impl Curve {
             value: series.yaw.time_s.iter().zip(&series.yaw.value).map(|(t, yaw)| level(t, yaw)).collect(),
             time_s: series.yaw.time_s,
         };
-        let tilt_scatter = has_still.then(|| scatter([&series.pitch, &series.roll], &still)).flatten();
-        if let Some(strayed) = has_still.then(|| strayed([&series.pitch, &series.roll], &still)).flatten()
+        let tilt_scatter = has_still.then(|| scatter([&series.pitch, &series.roll], &settled)).flatten();
+        if let Some(strayed) = has_still.then(|| strayed([&series.pitch, &series.roll], &settled)).flatten()
             && strayed > STILL_DEG
         {
             warnings.push(format!("the robot was not still before the run: its tilt strayed by {strayed:.1} degrees"));

@@ -63,7 +63,8 @@ impl Solver {
         })
     }
 
-    /// Length in s of a full step from this state with these speeds (rad/s).
+    /// Length in s of a full step from this state with these speeds (rad/s). Where the flagella turn in opposite senses, steps
+    /// that are measured by the faster motor alone leave a degree of tilt wrong.
     fn full_step(&self, state: &State, speeds: [f64; 2]) -> f64 {
         let settings = &self.robot.solver;
         let mut angle = settings.step_rad;
@@ -73,7 +74,8 @@ impl Solver {
                 angle = angle.min(MESHING_STEP * settings.contact_step_rad);
             }
         }
-        let fastest = speeds[0].abs().max(speeds[1].abs());
+        // What one flagellum does to the other, and both to the body, beats with the difference of their speeds.
+        let fastest = speeds[0].abs().max(speeds[1].abs()).max((speeds[0] - speeds[1]).abs());
         settings.longest_step_s.min(angle / fastest.max(1e-9))
     }
 

@@ -1,0 +1,120 @@
+//! Experiment against model, whole: trials recorded from the simulated robot through the real firmware, replayed, compared
+//! and fitted as a user does.
+
+use serde_json::Value;
+use std::path::Path;
+use tests::Bench;
+use tests::browser::Browser;
+
+/// What `biflag` answers, where warnings are allowed: on a busy machine the motors may start late, of which it warns.
+fn answer(bench: &Bench, arguments: &[&str]) -> Value {
+    let run = bench.run(arguments);
+    assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
+    run.json()
+}
+
+fn number(value: &Value, key: &str) -> f64 {
+    value[key].as_f64().unwrap_or_else(|| panic!("{key} in {value}"))
+}
+
+/// The figures of a comparison's first trial: steady errors and those over the run.
+fn errors(compared: &Value) -> [f64; 4] {
+    let trial = &compared["trials"][0];
+    ["steady_yaw_error_deg", "steady_pitch_error_deg", "yaw_rmse_deg", "pitch_rmse_deg"].map(|key| number(trial, key))
+}
+
+#[test]
+fn a_recorded_trial_is_met_by_its_replay_and_not_by_another_fluid() {
+    let bench = Bench::new();
+    bench.file(
+        "plan.toml",
+        "[trial]\ncalibrate = 5\npreroll = 12\nrun = 40\ndecay = 12\n[speeds]\npairs = [[-90, 90]]\n",
+    );
+    answer(&bench, &["record", "plan.toml", "--virtual", "--seed", "7", "--out", "tank", "--json"]);
+
+    let right = answer(&bench, &["compare", "tank", "--json"]);
+    println!("the robot itself: steady yaw and pitch, RMS of yaw and pitch: {:.3?}", errors(&right));
+    let [yaw, pitch, yaw_rmse, pitch_rmse] = errors(&right);
+    assert!(yaw.abs() < 0.5 && pitch.abs() < 0.5, "{right}");
+    assert!(yaw_rmse < 1.0 && pitch_rmse < 1.0, "{right}");
+
+    bench.file("thick.toml", "[fluid]\nviscosity_pa_s = 1.2\n");
+    let wrong = answer(&bench, &["compare", "tank", "--robot", "thick.toml", "--json"]);
+    println!("in a fluid 20 % thicker: {:.3?}", errors(&wrong));
+    let [yaw, pitch, yaw_rmse, _] = errors(&wrong);
+    assert!(yaw.abs() > 3.0 && yaw_rmse > 3.0, "{wrong}");
+
+    // The page of the latter says so in the same figures.
+    let page = bench.path().join(wrong["report"].as_str().expect("a page"));
+    let mut browser = Browser::start();
+    browser.window(1280, 900, false);
+    browser.open(&page);
+    assert!(browser.problems.is_empty(), "{:#?}", browser.problems);
+    let pictures = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("report-pictures");
+    browser.picture(&pictures.join("comparison-session.png"));
+    browser.evaluate("location.hash = document.querySelector('table.trials tbody a').getAttribute('href')");
+    browser.evaluate("new Promise((done) => setTimeout(done, 100)).then(() => 0)");
+    let shown = browser.evaluate("[...document.querySelectorAll('section:not([hidden]) .tile')].map(t => t.innerText)");
+    let shown: Vec<_> = shown.as_array().unwrap().iter().map(|text| text.as_str().unwrap().to_owned()).collect();
+    println!("{shown:#?}");
+    for (tile, error) in shown.iter().zip([yaw, pitch]) {
+        let said = format!("error {}{:.2}°", if error < 0.0 { "−" } else { "" }, error.abs());
+        assert!(tile.contains(&said), "{said} in {tile}");
+    }
+    browser.picture(&pictures.join("comparison-trial.png"));
+}
+
+/// Four robots, each parameter up to 20 % from the published one, found from three recorded trials each:
+/// `cargo test --release -p tests --test twin -- --ignored --nocapture`, a quarter of an hour on two cores.
+#[test]
+#[ignore = "takes a quarter of an hour"]
+fn four_hidden_robots_are_found_from_their_recordings() {
+    // A linear congruential generator (Knuth's MMIX).
+    let mut state = 2024u64;
+    let mut off = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        0.8 + 0.4 * (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let published = sim::params::Robot::default();
+    let mut missed = Vec::new();
+    for seed in 1..=4 {
+        let mut robot = published.clone();
+        robot.joint.tether_full_nm_per_rad *= off();
+        robot.base.mass_centre_below_joint_m *= off();
+        robot.base.rotational_drag *= off();
+        robot.fluid.viscosity_pa_s *= off();
+        let hidden = [
+            ("tether", robot.joint.tether_full_nm_per_rad),
+            ("righting", robot.base.mass_centre_below_joint_m),
+            ("drag", robot.base.rotational_drag),
+            ("viscosity", robot.fluid.viscosity_pa_s),
+        ];
+        let bench = Bench::new();
+        bench.file("hidden.toml", &toml::to_string(&robot).unwrap());
+        bench.file("published.toml", &toml::to_string(&published).unwrap());
+        bench.file(
+            "plan.toml",
+            "[session]\nrobot = \"hidden.toml\"\n[trial]\ncalibrate = 5\npreroll = 20\nrun = 60\ndecay = 30\n\
+             [speeds]\npairs = [[50, 10], [-90, 90], [0, 45]]\n",
+        );
+        let draw = seed.to_string();
+        answer(&bench, &["record", "plan.toml", "--virtual", "--seed", &draw, "--out", "tank", "--json"]);
+        let fit = ["calibrate", "tank", "--robot", "published.toml", "-o", "fitted.toml", "--json"];
+        let fitted = answer(&bench, &fit);
+        let (before, after) = (number(&fitted, "rmse_before_deg"), number(&fitted, "rmse_after_deg"));
+        println!("robot {seed}: {before:.3} deg before the fit, {after:.3} after");
+        for (name, truth) in hidden {
+            let parameters = fitted["parameters"].as_array().unwrap();
+            let found = parameters.iter().find(|parameter| parameter["name"] == name).unwrap();
+            let [low, high] = [0, 1].map(|i| found["interval_95"][i].as_f64().unwrap());
+            let (value, error) = (number(found, "value"), number(found, "std_error"));
+            let is_held = (low..=high).contains(&truth);
+            println!("  {name}: {value:.4e} ± {error:.1e}, true {truth:.4e}{}", if is_held { "" } else { " OUTSIDE" });
+            if !is_held {
+                missed.push(format!("robot {seed}: {name}"));
+            }
+        }
+        assert!(after < 0.2 * before, "{fitted}");
+    }
+    assert!(missed.is_empty(), "outside their intervals: {missed:?}");
+}
