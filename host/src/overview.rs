@@ -3,8 +3,8 @@
 use crate::attitude::{Angles, PhaseTimes, Series, Times};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::{
-    BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LevelMeta, LogError, Loss, Message, ModelMeta,
-    PlanMeta, Reader, RecoveryMeta, RobotMeta, SteadyMeta, Summary, TrialMeta,
+    BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, ModelMeta, PlanMeta,
+    Reader, RecoveryMeta, RobotMeta, SteadyMeta, Summary, TrialMeta,
 };
 use crate::stats::LinkStats;
 use protocol::units::CentiRpm;
@@ -40,6 +40,10 @@ pub struct Overview {
     pub link: LinkStats,
     /// Angles, computed anew.
     pub angles: Option<Angles>,
+    /// The tilt of the sensor at rest that was taken off the attitude from the run on, degrees.
+    pub levelled_deg: f64,
+    /// By how much that turned the yaw, degrees.
+    pub level_step_deg: f64,
     /// When its phases were.
     pub times: Times,
     /// Time of the last telemetry frame on the trial's clock.
@@ -68,14 +72,19 @@ impl Overview {
     pub fn read_with(path: &Path, mut see: impl FnMut(&Message)) -> Result<Self, LogError> {
         let mut reader = Reader::open(path)?;
         let mut collector = Collector::default();
-        for message in reader.by_ref() {
+        while let Some(message) = reader.next() {
             let message = message?;
+            if let Body::Event(event) = &message.body
+                && event.kind() == Kind::Phase
+                && event.text == "run"
+                && let Some(level) = reader.meta()
+            {
+                collector.level_step_deg = collector.series.level(&level);
+            }
             collector.take(&message);
             see(&message);
         }
         let times = collector.times.times();
-        let level: Option<LevelMeta> = reader.meta();
-        collector.series.levelled_deg = level.filter(|level| level.used).map_or(0.0, |level| level.tilt_deg);
         let trial: Option<TrialMeta> = reader.meta();
         let speeds = trial.as_ref().map_or([CentiRpm(0); 2], |t| [t.w1_rpm, t.w2_rpm].map(CentiRpm::from_rpm));
         let summary: Option<Summary> = reader.meta();
@@ -91,6 +100,8 @@ impl Overview {
             recovery: reader.meta(),
             link: collector.link(summary.as_ref().map(|summary| summary.link)),
             angles: Angles::of(&collector.series, &times, speeds),
+            levelled_deg: collector.series.levelled_deg,
+            level_step_deg: collector.level_step_deg,
             times,
             duration_s: collector.times.last_s(),
             channels: reader.counts().clone(),
@@ -107,7 +118,8 @@ impl Overview {
 struct Collector {
     series: Series,
     link: LinkStats,
-    first_ns: Option<u64>,
+    level_step_deg: f64,
+    zero_ns: Option<u64>,
     times: PhaseTimes,
 }
 
@@ -115,7 +127,7 @@ impl Collector {
     fn take(&mut self, message: &Message) {
         match &message.body {
             Body::Telemetry(telemetry) => {
-                self.first_ns.get_or_insert(message.log_time_ns);
+                self.zero_ns.get_or_insert(message.zero_ns(telemetry.time_s));
                 self.link.samples += 1;
                 self.times.go_on(telemetry.time_s);
                 if let Some(q) = &telemetry.attitude {
@@ -127,7 +139,7 @@ impl Collector {
             // The rates mean something else from here on.
             Body::Event(event) if event.kind() == Kind::Calibration => self.series = Series::default(),
             Body::Event(event) if event.kind() == Kind::Phase => {
-                let since = message.log_time_ns.saturating_sub(self.first_ns.unwrap_or(message.log_time_ns));
+                let since = message.log_time_ns.saturating_sub(self.zero_ns.unwrap_or(message.log_time_ns));
                 self.times.begin(&event.text, since as f64 * 1e-9);
             }
             _ => {}

@@ -12,7 +12,7 @@ use host::log::{Origin, TrialMeta};
 use host::twin::Recording;
 use host::twin::calibrate::{Calibration, Estimate, Parameter, Request, calibrate};
 use nalgebra::UnitQuaternion;
-use sim::params::Robot;
+use sim::params::{Glycerol, Robot};
 use sim::profile::{Phases, SpeedProfile};
 use sim::robot::closure::Closure;
 use sim::trial::{Options, Trial};
@@ -87,6 +87,7 @@ impl Hidden {
             model: None,
             robot_meta: None,
             replay: None,
+            level: None,
             attitude: Vec::new(),
             turns: Vec::new(),
             phases: Vec::new(),
@@ -189,6 +190,24 @@ fn hidden_robots_are_found() {
     );
     println!("{:.4} deg before, {:.4} deg after", calibration.rmse_before_deg, calibration.rmse_after_deg);
     assert!(calibration.rmse_after_deg < 0.1 * calibration.rmse_before_deg);
+}
+
+#[test]
+fn the_viscosity_of_a_mixture_starts_from_the_temperature_in_the_log() {
+    let (seen, at) = (20.0, |temperature_c| Glycerol { mass_fraction: 0.99, temperature_c });
+    let mut robot = Robot::default();
+    robot.fluid.glycerol = Some(at(5.0));
+    let mut draw = Draw(3);
+    let trial =
+        Hidden { robot: Robot::default(), mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] }.trial(SPEEDS[0], &mut draw);
+    assert_eq!(trial.temperature_c, seen);
+    let request = Request { robot: Some(robot), closure: None, parameters: vec![Parameter::Viscosity], jobs: 1 };
+    let calibration = calibrate(&[trial], &request, &|| {}).unwrap();
+    let [viscosity] = calibration.parameters.as_slice() else { panic!("{calibration:?}") };
+    assert_eq!(viscosity.start, at(seen).viscosity_pa_s());
+    assert!(calibration.warnings.iter().any(|text| text.contains("99.0 % glycerol at the sensor's 20.0 °C")));
+    assert!(calibration.robot.fluid.glycerol.is_none(), "the fitted value stands for itself");
+    assert!((viscosity.value - 1.0).abs() < 0.05, "{viscosity:?}");
 }
 
 #[test]

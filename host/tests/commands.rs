@@ -93,7 +93,8 @@ fn info_tells_what_a_log_holds() {
     assert_eq!(info["clean"], true);
     // The mean over the last 12 s of the run, from the mean over the last second before it.
     assert!((info["angles"]["yaw_deg"].as_f64().unwrap() - 18.0).abs() < 0.02);
-    assert_eq!(info["angles"]["still_after_s"], 10.0);
+    // Ten seconds are too few to tell a robot that swings back to rest from a gyroscope that drifts.
+    assert_eq!(info["angles"]["still_after_s"], 0.0);
     assert!((info["angles"]["turned_deg"][2].as_f64().unwrap() - 24.0).abs() < 0.02);
 
     let text = String::from_utf8(biflag(&["info", path(&log)]).stdout).unwrap();

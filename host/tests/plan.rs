@@ -48,6 +48,14 @@ fn the_plan_that_help_shows_is_one() {
 }
 
 #[test]
+fn a_pair_that_the_grid_has_too_is_run_once() {
+    let plan = parse("[speeds]\npairs = [[50, 10]]\ngrid = { w1 = [50, 60, 10], w2 = [0, 10, 10] }").unwrap();
+    let mut speeds: Vec<_> = plan.trials.iter().map(|trial| trial.speeds.map(|speed| speed.0)).collect();
+    speeds.sort();
+    assert_eq!(speeds, [[5000, 0], [5000, 1000], [6000, 0], [6000, 1000]]);
+}
+
+#[test]
 fn names_tell_speeds_and_repeats() {
     let plan = parse("[session]\nrepeats = 2\n[speeds]\npairs = [[-12.5, 0], [-0.0, 90]]").unwrap();
     let names: Vec<_> = plan.trials.iter().map(|trial| trial.name.as_str()).collect();

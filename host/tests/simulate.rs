@@ -205,7 +205,7 @@ fn wrong_use_says_what_is_wrong_and_writes_nothing() {
         (vec!["plan.toml", "--robot", "missing.toml"], "missing.toml: cannot be read"),
         (vec!["plan.toml", "--robot", "wrong.toml"], "wrong.toml:2:1: mass_g = 94: unknown field `mass_g`"),
         (vec!["plan.toml", "--robot", "tight.toml"], "tight.toml: base.motor_distance_m = 0.01: the flagella touch"),
-        (vec!["missing.toml"], "missing.toml: cannot be read"),
+        (vec!["missing.toml"], "missing.toml: the plan cannot be read"),
         (vec![], "required"),
         (vec!["--speeds=50,10"], "--duration"),
         (vec!["--speeds=50", "--duration", "1"], "give two speeds"),

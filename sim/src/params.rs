@@ -309,7 +309,7 @@ pub struct Solver {
 impl Default for Solver {
     fn default() -> Self {
         Self {
-            step_rad: 0.38,
+            step_rad: 0.3,
             contact_step_rad: 0.25,
             longest_step_s: 0.1,
             tolerance: 0.02,

@@ -58,6 +58,10 @@ fn other_files_that_are_not_there_are_wrong_use_too() {
     expect_error(&run, 2, &["no-such.toml: cannot be read", "help: `biflag settings` prints such a file"]);
     let run = bench.run(["flash", "--port", nano.port(), "--firmware", "no-such.elf"]);
     expect_error(&run, 2, &["no-such.elf", "help: check the path"]);
+    for command in ["info", "recover", "export", "report", "compare", "live"] {
+        let run = bench.run([command, "no-such.mcap"]);
+        expect_error(&run, 2, &["no-such.mcap: there is no such log", "help: check the path"]);
+    }
 }
 
 #[test]
@@ -94,14 +98,31 @@ fn logs_that_are_none_are_refused_with_a_reason() {
     let empty = bench.file("empty.mcap", "");
     let text = bench.file("text.mcap", "this is not a log, whatever it is called\n");
     let csv = data("mpu6050/rotate-z-720.csv");
-    for (command, path) in
-        [("info", &empty), ("info", &text), ("recover", &empty), ("recover", &csv), ("export", &text)]
-    {
+    // A log of another program: whole, and nothing of ours in it.
+    let foreign = bench.path().join("foreign.mcap");
+    let mut writer = mcap::Writer::new(std::fs::File::create(&foreign).unwrap()).unwrap();
+    let channel = writer.add_channel(0, "/chatter", "json", &Default::default()).unwrap();
+    let header = mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 0, publish_time: 0 };
+    writer.write_to_known_channel(&header, b"{}").unwrap();
+    writer.finish().unwrap();
+    let cases = [
+        ("info", &empty),
+        ("info", &text),
+        ("info", &foreign),
+        ("recover", &empty),
+        ("recover", &csv),
+        ("recover", &foreign),
+        ("export", &text),
+        ("report", &foreign),
+        ("compare", &foreign),
+        ("live", &foreign),
+    ];
+    for (command, path) in cases {
         let run = bench.run([command, path.to_str().unwrap()]);
-        expect_error(&run, 1, &[path.file_name().unwrap().to_str().unwrap()]);
+        expect_error(&run, 1, &[path.file_name().unwrap().to_str().unwrap(), "help: "]);
     }
     let left = walk(bench.path());
-    assert_eq!(left.len(), 2, "nothing was made of them: {left:?}");
+    assert_eq!(left.len(), 3, "nothing was made of them: {left:?}");
 }
 
 #[test]

@@ -146,7 +146,7 @@ fn a_full_disk_ends_the_trial_and_keeps_its_beginning() {
     let port = nano.port().to_owned();
     // A limit on the size of files stands for the disk; the shell's blocks are of 512 bytes.
     let mut shell = Command::new("sh");
-    shell.args(["-c", "trap '' XFSZ; ulimit -f 200; exec \"$@\"", "sh"]).arg(program("biflag"));
+    shell.args(["-c", "trap '' XFSZ; ulimit -f 400; exec \"$@\"", "sh"]).arg(program("biflag"));
     shell.args(record(&plan, &port, &[])).current_dir(bench.path());
     let run = Run::of(shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap());
     let run = run.expect_code(1);

@@ -11,6 +11,7 @@ mod trial;
 pub use drift::Drift;
 pub(crate) use drift::{BIAS_WALK, student_95};
 pub use series::{Series, Track};
+pub(crate) use trial::levelling_deg;
 pub use trial::{Angles, PhaseTimes, Times, steady_window};
 
 use nalgebra::{Quaternion, UnitQuaternion};

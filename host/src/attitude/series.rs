@@ -1,6 +1,7 @@
 //! The attitude over a trial.
 
 use super::{Euler, Unwrap, rotation};
+use crate::log::LevelMeta;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::ops::Range;
 
@@ -106,6 +107,19 @@ impl Series {
         }
     }
 
+    /// The attitudes that follow are levelled. The yaw before turns with them, and the step is no motion. Answers by how much
+    /// the yaw turned, degrees.
+    pub fn level(&mut self, level: &LevelMeta) -> f64 {
+        let Some(last) = self.last.filter(|_| level.used) else { return 0.0 };
+        let levelled = level.levelled(last);
+        let step = Euler::of(&levelled).yaw_deg - Euler::of(&last).yaw_deg;
+        let step = step - 360.0 * (step / 360.0).round();
+        self.yaw.value.iter_mut().for_each(|yaw| *yaw += step);
+        self.last = Some(levelled);
+        self.levelled_deg = level.tilt_deg;
+        step
+    }
+
     /// Angle turned about each body axis so far, degrees: the integral of the body's angular velocity.
     pub fn turned_deg(&self) -> [f64; 3] {
         self.turned.map(f64::to_degrees).into()
@@ -115,6 +129,26 @@ impl Series {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn levelling_is_no_motion() {
+        let mut series = Series::default();
+        let askew = UnitQuaternion::from_euler_angles(0.05, -0.06, 3.1);
+        let up = (askew.inverse() * Vector3::z()).into();
+        let level = LevelMeta { up, tilt_deg: 4.5, used: true };
+        for i in 0..10 {
+            let attitude = if i < 5 { askew } else { level.levelled(askew) };
+            if i == 5 {
+                let step = series.level(&level);
+                assert!(step.abs() > 0.05, "{step}");
+            }
+            let q = attitude.into_inner();
+            series.push(f64::from(i), [q.w, q.i, q.j, q.k]);
+        }
+        assert!(series.yaw.value.iter().all(|yaw| (yaw - series.yaw.value[9]).abs() < 1e-9), "{:?}", series.yaw);
+        assert!(series.turned_deg().iter().all(|turned| turned.abs() < 1e-9), "{:?}", series.turned_deg());
+        assert_eq!(series.levelled_deg, 4.5);
+    }
 
     #[test]
     fn means_of_many_ranges_are_those_of_each() {

@@ -126,7 +126,7 @@ impl Angles {
 ///
 /// A tilt at rest is taken for the accelerometer's bias. As much of it as is the sensor's mounting turns the gyroscope too,
 /// and then the yaw of a robot that leans is off by up to the tilt times the sine of the lean.
-fn levelling_deg(levelled_deg: f64, pitch_deg: f64, roll_deg: f64) -> f64 {
+pub(crate) fn levelling_deg(levelled_deg: f64, pitch_deg: f64, roll_deg: f64) -> f64 {
     let upright = pitch_deg.to_radians().cos() * roll_deg.to_radians().cos();
     levelled_deg * (1.0 - upright * upright).max(0.0).sqrt()
 }

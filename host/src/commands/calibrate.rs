@@ -6,6 +6,7 @@ use crate::rig::Progress;
 use crate::robot_file;
 use crate::twin::calibrate::{self, Calibration, Parameter, Request};
 use crate::twin::{Recording, Source};
+use crate::whole_file;
 use miette::{IntoDiagnostic, WrapErr};
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -54,10 +55,20 @@ struct Calibrated<'a> {
 const USUAL_ROUNDS: usize = 8;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    // An hour of fitting must not end in a file that is there already.
+    // An hour of fitting must not end in a file that cannot be written.
     if args.out.exists() {
         let help = "name another file with -o, or move this one away";
         return Err(miette::miette!(code = WRONG_USE, help = help, "{}: exists already", args.out.display()));
+    }
+    let draft = whole_file::draft(&args.out);
+    if let Err(error) = whole_file::create(&draft).and_then(|_| std::fs::remove_file(&draft)) {
+        let help = "name a file in a folder that is there and may be written to";
+        return Err(miette::miette!(
+            code = WRONG_USE,
+            help = help,
+            "{}: cannot be written: {error}",
+            args.out.display()
+        ));
     }
     let mut parameters = if args.fit.is_empty() { Parameter::USUAL.to_vec() } else { args.fit.clone() };
     let mut seen = Vec::new();

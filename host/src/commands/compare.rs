@@ -4,7 +4,7 @@ use super::replay::{interruption, robot};
 use super::simulate::{ClosureName, cores};
 use super::{Answer, Outcome, WRONG_USE};
 use crate::report;
-use crate::session::Session;
+use crate::session::{Session, Sharing};
 use crate::twin::{self, Allow, Comparison, SessionComparison, Source};
 use serde::Serialize;
 use sim::trial::Options;
@@ -72,6 +72,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             };
             let folder = source.replay_folder();
             let session = Session::resume(&folder, &source.plan)?;
+            let _lock = session.lock(Sharing::Alone)?;
             let replays = twin::replay(&source, &session, &settings, &interrupted, &|run| run.trial.name.clone())?;
             if replays.interrupted {
                 let text = format!("interrupted; the replays that ended are in {}", folder.display());

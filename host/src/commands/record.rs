@@ -135,12 +135,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if let Some(live) = &live {
         progress.line(&live.invitation());
     }
-    let mut on_run = || {
-        if let Some(nano) = &mut player {
-            // An emulated board that has gone is a port that has gone, which the trial sees for itself.
-            let _ = nano.control("play");
-        }
-    };
     let mut failure = None;
     for trial in &todo {
         if interrupted.load(Ordering::Relaxed) {
@@ -152,7 +146,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             progress: &progress,
             interrupted: &interrupted,
             live: live.as_ref(),
-            on_run: &mut on_run,
+            player: player.as_mut(),
             robot: robot.as_ref(),
         };
         let (path, run) = match run_trial(&mut bench, &session, trial, &plan, origin) {

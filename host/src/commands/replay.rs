@@ -5,7 +5,7 @@ use super::simulate::{Args, Simulated, SimulatedTrial, cores};
 use super::{Answer, Outcome};
 use crate::plan;
 use crate::robot_file::RobotFileError;
-use crate::session::Session;
+use crate::session::{Session, Sharing};
 use crate::twin::{self, Replayed, Replays, Skipped, Source};
 use miette::{IntoDiagnostic, WrapErr};
 use serde::Serialize;
@@ -71,6 +71,7 @@ pub(super) fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     let folder = args.out.clone().unwrap_or_else(|| source.replay_folder());
     let session =
         if args.resume { Session::resume(&folder, &source.plan)? } else { Session::create(&folder, &source.plan)? };
+    let _lock = session.lock(Sharing::Alone)?;
     let replays =
         twin::replay(&source, &session, &settings, &interrupted, &|run| SimulatedTrial::from(run).to_string())?;
 

@@ -1,7 +1,7 @@
 //! `biflag simulate`: runs a plan in the model.
 
 use super::{Answer, Outcome, WRONG_USE, replay};
-use crate::log::{self, ModelMeta, Origin, SteadyMeta};
+use crate::log::{self, Identity, ModelMeta, Origin, SteadyMeta};
 use crate::model::{Batch, Course, Job, Model, ModelError, TrialRun};
 use crate::plan::{Plan, Trial};
 use crate::rig::Progress;
@@ -254,6 +254,10 @@ fn open(folder: &Path, plan: &Plan, mine: &[&Trial], args: &Args) -> miette::Res
 /// A trial that an earlier run of the same model computed.
 fn computed_before(trial: &Trial, log: &Path, model: &Model) -> miette::Result<SimulatedTrial> {
     let help = "name another folder with --out, or go on as the session began";
+    if !log::last_meta::<Identity>(log)?.is_some_and(|identity| identity.is_of_this_program()) {
+        let what = "by another version of biflag";
+        return Err(miette::miette!(code = WRONG_USE, help = help, "{}: computed {what}", log.display()));
+    }
     match log::last_meta::<ModelMeta>(log)? {
         Some(meta) if meta == *model.meta() => {}
         Some(meta) => {

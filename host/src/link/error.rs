@@ -160,7 +160,9 @@ pub fn refusal_text(refusal: Refusal) -> &'static str {
 fn refusal_cure(refusal: Refusal) -> &'static str {
     match refusal {
         Refusal::OutOfRange => "correct the value; `biflag settings` prints those in force",
-        Refusal::Faulted => "the log's events and `biflag info` say which fault; see to its cause, then record again",
+        Refusal::Faulted => {
+            "the report of its last trial names the fault (`biflag report LOG`); see to its cause, then record again"
+        }
         Refusal::Running | Refusal::Calibrating => "wait until it is done, or press the board's reset button",
         Refusal::EepromFailed => "the board's EEPROM is worn out: use another board, or leave the settings in the plan",
     }

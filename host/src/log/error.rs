@@ -1,7 +1,7 @@
 //! What can go wrong with a log.
 
 use miette::Diagnostic;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// Why a log could not be written or read.
@@ -37,9 +37,16 @@ pub enum LogError {
         /// Why.
         source: std::io::Error,
     },
+    /// It is not there.
+    #[error("{}: there is no such log", path.display())]
+    #[diagnostic(code(wrong_use), help("check the path"))]
+    Missing {
+        /// The path.
+        path: PathBuf,
+    },
     /// It could not be read.
     #[error("{}: cannot be read", path.display())]
-    #[diagnostic(help("check the path, and that the file may be read"))]
+    #[diagnostic(help("check that the file may be read"))]
     Read {
         /// The file.
         path: PathBuf,
@@ -92,4 +99,14 @@ pub enum LogError {
         /// The version of the program that wrote it.
         program: String,
     },
+}
+
+impl LogError {
+    /// Why a log at this path could not be read.
+    pub(super) fn reading(path: &Path, source: std::io::Error) -> Self {
+        match source.kind() {
+            std::io::ErrorKind::NotFound => Self::Missing { path: path.to_owned() },
+            _ => Self::Read { path: path.to_owned(), source },
+        }
+    }
 }

@@ -272,6 +272,11 @@ impl Identity {
             origin,
         }
     }
+
+    /// Whether this very program wrote the log, and would compute the same again.
+    pub fn is_of_this_program(&self) -> bool {
+        self.host_version == env!("CARGO_PKG_VERSION") && self.host_git_hash == env!("BIFLAG_GIT_HASH")
+    }
 }
 
 impl From<&Plan> for PlanMeta {

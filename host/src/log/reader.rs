@@ -27,6 +27,13 @@ pub struct Message {
     pub body: Body,
 }
 
+impl Message {
+    /// When the trial's clock was zero, ns since 1970, if it was at `time_s` with this message.
+    pub(crate) fn zero_ns(&self, time_s: f64) -> u64 {
+        self.log_time_ns.saturating_sub((time_s * 1e9).round() as u64)
+    }
+}
+
 /// What a message says.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Body {
@@ -57,7 +64,7 @@ pub enum Body {
 /// What a trial came to, read from the end of its log; `None` where the log does not end as it should, or has none.
 ///
 /// # Errors
-/// [`LogError::Read`].
+/// [`LogError::Read`], [`LogError::Missing`].
 pub fn summary(path: &Path) -> Result<Option<Summary>, LogError> {
     last_meta(path)
 }
@@ -66,9 +73,9 @@ pub fn summary(path: &Path) -> Result<Option<Summary>, LogError> {
 /// does not end as it should, or has none.
 ///
 /// # Errors
-/// [`LogError::Read`].
+/// [`LogError::Read`], [`LogError::Missing`].
 pub fn last_meta<M: Meta>(path: &Path) -> Result<Option<M>, LogError> {
-    let failed = |source| LogError::Read { path: path.to_owned(), source };
+    let failed = |source| LogError::reading(path, source);
     let file = File::open(path).map_err(failed)?;
     let table = indexed_table(file, M::NAME).map_err(failed)?;
     Ok(table.as_ref().and_then(meta::from_table))
@@ -79,7 +86,7 @@ pub fn last_meta<M: Meta>(path: &Path) -> Result<Option<M>, LogError> {
 /// # Errors
 /// [`LogError`] where it is no log of ours or cannot be read.
 pub fn check(path: &Path) -> Result<Vec<Loss>, LogError> {
-    let failed = |source| LogError::Read { path: path.to_owned(), source };
+    let failed = |source| LogError::reading(path, source);
     let mut scanner = identify(File::open(path).map_err(failed)?, path)?;
     while scanner.next().map_err(failed)?.is_some() {}
     Ok(scanner.losses().to_vec())
@@ -119,7 +126,7 @@ impl Reader {
     }
 
     fn over(path: &Path) -> Result<Self, LogError> {
-        let failed = |source| LogError::Read { path: path.to_owned(), source };
+        let failed = |source| LogError::reading(path, source);
         let file = File::open(path).map_err(failed)?;
         if !file.metadata().map_err(failed)?.is_file() {
             return Err(LogError::NotAFile { path: path.to_owned() });
@@ -179,7 +186,7 @@ impl Reader {
 
     /// Takes in one more piece; `false`: there is none.
     fn step(&mut self) -> Result<bool, LogError> {
-        let piece = self.scanner.next().map_err(|source| LogError::Read { path: self.path.clone(), source })?;
+        let piece = self.scanner.next().map_err(|source| LogError::reading(&self.path, source))?;
         match piece {
             None => return Ok(false),
             Some(Piece::Metadata(name, table)) => {
@@ -281,7 +288,7 @@ impl Body {
 
 /// Makes sure that a file is a log of ours, however damaged: by its header, or by the first record that reads.
 pub(super) fn identify(file: File, path: &Path) -> Result<Scanner<File>, LogError> {
-    let failed = |source| LogError::Read { path: path.to_owned(), source };
+    let failed = |source| LogError::reading(path, source);
     let again = file.try_clone().map_err(failed)?;
     let length = file.metadata().map_err(failed)?.len();
     if length == 0 {

@@ -31,7 +31,7 @@ pub struct Recovery {
 /// # Errors
 /// [`LogError`] where `from` is no log of ours or `to` cannot be written; an unfinished `to` is removed.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovery, LogError> {
-    let failed = |source| LogError::Read { path: from.to_owned(), source };
+    let failed = |source| LogError::reading(from, source);
     let scanner = identify(File::open(from).map_err(failed)?, from)?;
     let file = create_file(to)?;
     let result = copy(scanner, from, to, file);
@@ -45,7 +45,7 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovery, LogError> {
 fn copy(mut scanner: Scanner<File>, from: &Path, to: &Path, file: File) -> Result<Recovery, LogError> {
     let writing = |error| LogError::Create { path: to.to_owned(), source: io_error(error) };
     let mut copy = Copy::new(BufWriter::new(file)).map_err(writing)?;
-    while let Some(piece) = scanner.next().map_err(|source| LogError::Read { path: from.to_owned(), source })? {
+    while let Some(piece) = scanner.next().map_err(|source| LogError::reading(from, source))? {
         copy.piece(piece).map_err(writing)?;
     }
     let condition = scanner.condition().unwrap_or(Condition::Damaged);

@@ -332,7 +332,7 @@ fn what_is_no_log_of_ours_is_named_for_what_it_is() {
     drop(writer);
     assert!(matches!(error(foreign.get_ref()), LogError::NotOurs { .. }));
     assert!(matches!(Reader::open(folder.path()), Err(LogError::NotAFile { .. })));
-    assert!(matches!(Reader::open(&folder.path().join("none")), Err(LogError::Read { .. })));
+    assert!(matches!(Reader::open(&folder.path().join("none")), Err(LogError::Missing { .. })));
 
     let mut newer = Cursor::new(Vec::new());
     let mut writer = mcap::WriteOptions::new().profile(PROFILE).create(&mut newer).unwrap();

@@ -3,7 +3,8 @@
 use super::convert::{self, Converter};
 use super::disk::{self, Disk};
 use super::meta::{
-    self, BoardMeta, CalibrationMeta, ClockFit, Identity, Meta, Origin, PlanMeta, RobotMeta, Summary, TrialMeta,
+    self, BoardMeta, CalibrationMeta, ClockFit, Identity, LevelMeta, Meta, Origin, PlanMeta, RobotMeta, Summary,
+    TrialMeta,
 };
 use super::schema::{self, ChannelSpec, LogMessage, biflag};
 use super::{LogError, PROFILE};
@@ -252,17 +253,16 @@ impl Writer {
     }
 
     /// The robot has hung at rest until now. From here on the tilt that the accelerometer saw of it is taken off the
-    /// attitude, where that is small enough to be its bias. Answers how far it was, degrees; `None` where nothing is taken
-    /// off.
+    /// attitude, where that is small enough to be its bias. `None` where nothing is taken off.
     ///
     /// # Errors
     /// [`LogError::Write`].
-    pub fn level(&mut self, host: SystemTime) -> Result<Option<f64>, LogError> {
+    pub fn level(&mut self, host: SystemTime) -> Result<Option<LevelMeta>, LogError> {
         let Some(level) = self.converter.level() else { return Ok(None) };
         let done = if level.used { "levelled by" } else { "not levelled: hangs askew by" };
         self.event(EventKind::Note, &format!("{done} {:.2}°", level.tilt_deg), host)?;
         self.meta(&level)?;
-        Ok(level.used.then_some(level.tilt_deg))
+        Ok(level.used.then_some(level))
     }
 
     /// Keeps how the clocks compare.

@@ -2,7 +2,7 @@
 
 use super::shapes::Shapes;
 use super::table::Table;
-use crate::attitude::{Drift, Track};
+use crate::attitude::{Drift, Track, levelling_deg};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::schema::biflag::{Motor, Telemetry};
 use crate::log::{Body, LogError, Message, Origin};
@@ -93,8 +93,12 @@ impl Recording {
     /// The yaw from where it was before the run, less the gyroscope's drift, and its 95 % uncertainty (NaN: not known).
     /// The drift shows while the robot is still before and after the run.
     pub fn yaw(&self) -> Table<2> {
-        let Table { time_s, columns: [yaw, ..] } = &self.telemetry;
+        let Table { time_s, columns: [raw, pitch, roll, ..] } = &self.telemetry;
         let times = &self.overview.times;
+        // The attitude is levelled from the run on.
+        let level =
+            |(time, yaw): (&f64, &f64)| if *time < times.run.start { yaw + self.overview.level_step_deg } else { *yaw };
+        let yaw: Vec<f64> = time_s.iter().zip(raw).map(level).collect();
         let track = Track { time_s: time_s.clone(), value: yaw.clone() };
         let mut table = Table::default();
         let start = times.run.start;
@@ -109,11 +113,13 @@ impl Recording {
         let from = 0.5 * (before.start + before.end);
         // Before the gyroscope was calibrated its rates, and so the yaw, meant something else.
         let known = if times.preroll.end > times.preroll.start { times.preroll.start } else { 0.0 };
-        for (time, value) in time_s.iter().zip(yaw) {
+        for (i, (time, value)) in time_s.iter().zip(&yaw).enumerate() {
             let row = match &drift {
                 _ if *time < known => [f64::NAN; 2],
                 Some(drift) => {
-                    let uncertainty = drift.uncertainty(from.min(*time), from.max(*time));
+                    let lean = if *time < times.run.start { [0.0; 2] } else { [pitch[i], roll[i]] };
+                    let levelling = levelling_deg(self.overview.levelled_deg, lean[0], lean[1]);
+                    let uncertainty = drift.uncertainty(from.min(*time), from.max(*time)).hypot(levelling);
                     [value - zero - drift.between(from, *time), uncertainty]
                 }
                 None => [value - zero, f64::NAN],
@@ -143,7 +149,7 @@ struct Collector {
     more_events: usize,
     link: Vec<LinkSecond>,
     shapes: Shapes,
-    first_ns: Option<u64>,
+    zero_ns: Option<u64>,
     /// The board's counters in the frame before.
     counters: Option<[u32; 4]>,
     turns: [f64; 2],
@@ -159,7 +165,7 @@ impl Collector {
             more_events: 0,
             link: Vec::new(),
             shapes: Shapes::new(shapes),
-            first_ns: None,
+            zero_ns: None,
             counters: None,
             turns: [0.0; 2],
             has_truth: false,
@@ -170,7 +176,7 @@ impl Collector {
         let time_s = self.time(message.log_time_ns);
         match &message.body {
             Body::Telemetry(telemetry) => {
-                self.first_ns.get_or_insert(message.log_time_ns);
+                self.zero_ns.get_or_insert(message.zero_ns(telemetry.time_s));
                 self.telemetry(telemetry);
             }
             Body::Truth(truth) => {
@@ -213,9 +219,9 @@ impl Collector {
         second.board += counted;
     }
 
-    /// Times are counted from the first frame of telemetry.
+    /// A log's time by the trial's clock.
     fn time(&self, log_ns: u64) -> f64 {
-        log_ns.saturating_sub(self.first_ns.unwrap_or(log_ns)) as f64 * 1e-9
+        log_ns.saturating_sub(self.zero_ns.unwrap_or(log_ns)) as f64 * 1e-9
     }
 
     fn second(&mut self, time_s: f64) -> &mut LinkSecond {

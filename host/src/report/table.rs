@@ -55,6 +55,18 @@ impl<const N: usize> Table<N> {
         broken
     }
 
+    /// At most about `most` rows, evenly chosen, the last among them: for what grows steadily.
+    pub fn sampled(&self, most: usize) -> Self {
+        let rows = self.time_s.len();
+        let step = rows.div_ceil(most.max(2)).max(1);
+        let mut table = Self::default();
+        (0..rows).step_by(step).for_each(|i| table.push(self.time_s[i], self.row(i)));
+        if step > 1 && !(rows - 1).is_multiple_of(step) {
+            table.push(self.time_s[rows - 1], self.row(rows - 1));
+        }
+        table
+    }
+
     /// At most `most` rows. Where there are more, each stretch of time keeps the smallest and the largest value of each
     /// quantity, in the order in which they came: peaks stay, and nothing moves by more than [`Thinned::every_s`].
     pub fn thinned(&self, most: usize) -> Thinned<N> {
@@ -171,6 +183,17 @@ mod tests {
                 prop_assert!((there - here).abs() <= step * 0.501);
             }
         }
+    }
+
+    #[test]
+    fn what_turns_steadily_is_shown_where_it_was() {
+        let whole = table(&(0..1001).map(|i| f64::from(i) * 0.3).collect::<Vec<_>>());
+        let few = whole.sampled(100);
+        assert!(few.time_s.len() <= 101 && few.time_s.first() == Some(&0.0) && few.time_s.last() == Some(&10.0));
+        let on_line = |(time, value): (&f64, &f64)| (value - time * 30.0).abs() < 1e-9;
+        assert!(few.time_s.iter().zip(&few.columns[0]).all(on_line));
+        assert_eq!(table(&[1.0, 2.0]).sampled(5).columns[0], [1.0, 2.0]);
+        assert!(Table::<1>::default().sampled(5).time_s.is_empty());
     }
 
     #[test]

@@ -147,9 +147,12 @@ impl View {
         let shown = if self.borrowed_shapes { other.unwrap_or(recording) } else { recording };
         let (turns_time, [one, two]) = shown.turns_source();
         let turns = Table { time_s: turns_time.to_vec(), columns: [one.to_vec(), two.to_vec()] };
-        let Thinned { table: turns, .. } = turns.thinned(most.min(4_000));
+        let turns = turns.sampled(most.min(4_000));
         // The clock of another log is moved so that both runs begin together.
-        let shift = recording.overview.times.run.start - shown.overview.times.run.start;
+        let shift = match &self.comparison {
+            Some(Comparison { run_start_s: [measured, modelled], .. }) if self.borrowed_shapes => measured - modelled,
+            _ => 0.0,
+        };
         let robot = shown.robot();
         let shapes = shown.shapes.page(&robot, room.shapes);
         self.shapes_per_s = shapes["per_s"].as_f64().unwrap_or(0.0);
@@ -198,7 +201,7 @@ fn page_table<const N: usize>(table: &Table<N>, names: &[&str; N]) -> Value {
 
 /// The measured angles as the comparison has them, the model's, and the truth.
 fn compared(comparison: &Comparison, recording: &Recording) -> Table<10> {
-    let start = recording.overview.times.run.start;
+    let start = comparison.run_start_s[0];
     let truth = truth(recording);
     let mut table = Table::default();
     for point in &comparison.series {

@@ -230,7 +230,9 @@ impl<'a> Recorder<'a> {
 
     /// The robot has hung at rest until now, so that its attitude can be levelled.
     pub(super) fn level(&mut self) -> Result<(), RecordError> {
-        self.attitude.levelled_deg = self.log.level(SystemTime::now())?.unwrap_or(0.0);
+        if let Some(level) = self.log.level(SystemTime::now())? {
+            self.attitude.level(&level);
+        }
         Ok(())
     }
 

@@ -1,8 +1,8 @@
 //! One trial on the rig: calibrate, rest, run, decay, by the board's own clock.
 
-use super::Progress;
 use super::recorder::{RecordError, Recorder};
 use super::simulated::{SimulatedRobot, Truth};
+use super::{Progress, VirtualNano};
 use crate::attitude::Angles;
 use crate::link::Link;
 use crate::live::Live;
@@ -36,8 +36,8 @@ pub struct Bench<'a> {
     pub interrupted: &'a AtomicBool,
     /// Who may watch.
     pub live: Option<&'a Live>,
-    /// Called at the moment when the motors are to start.
-    pub on_run: &'a mut dyn FnMut(),
+    /// The emulated board, where its sensor plays a recording in the run.
+    pub player: Option<&'a mut VirtualNano>,
     /// The robot, where it is simulated.
     pub robot: Option<&'a SimulatedRobot>,
 }
@@ -124,6 +124,9 @@ fn phases(
     if let Some(cause) = recorder.restart() {
         return Err(RecordError::Restarted(cause));
     }
+    if let Some(nano) = &mut bench.player {
+        let _ = nano.control("rewind");
+    }
     recorder.begin()?;
     let last = |recorder: &mut Recorder, end_s: f64| {
         recorder.until(|frame| {
@@ -145,7 +148,10 @@ fn phases(
         last(recorder, run_start)?;
     }
     recorder.level()?;
-    (bench.on_run)();
+    if let Some(nano) = &mut bench.player {
+        // An emulated board that has gone is a port that has gone, which the trial sees for itself.
+        let _ = nano.control("play");
+    }
     recorder.phase("run")?;
     recorder.command(Command::SetSpeeds(speeds))?;
     // A terminal may keep the writer waiting, the motors not.

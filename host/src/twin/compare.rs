@@ -63,6 +63,8 @@ pub struct Comparison {
     /// By how much the model's clock was moved forward to lie on the measured one, beyond the start of the motors; 0 where
     /// nothing called for it.
     pub time_shift_s: f64,
+    /// When the runs began, each by the clock of its log.
+    pub run_start_s: [f64; 2],
     /// What of it noise does not explain.
     pub findings: Vec<Finding>,
     /// The findings in a sentence.
@@ -182,6 +184,9 @@ fn difference(a: &Recording, b: &Recording) -> Result<Option<String>, TwinError>
         let speeds = |r: &Recording| r.speeds().map(|speed| speed.rpm().to_string()).join(", ");
         return Ok(Some(format!("they have no common trial: the speeds are {} and {} rpm", speeds(a), speeds(b))));
     }
+    if a.reverse() != b.reverse() {
+        return Ok(Some("they have no common trial: a motor reverses in one of them, or at another time".to_owned()));
+    }
     if let (Some(one), Some(other)) = (&a.model, &b.model)
         && one.closure != other.closure
     {
@@ -241,6 +246,13 @@ fn compare(
         times.iter().map(|t| tracks.map(|track| track.at(t - shift + curve.run.start).unwrap_or_default())).collect()
     };
     let in_run = times.partition_point(|t| *t < 0.0)..times.partition_point(|t| *t <= common_s);
+    let speeds = a.speeds();
+    let window = steady_window(0.0..common_s, speeds);
+    let in_window = times.partition_point(|t| *t < window.start)..in_run.end;
+    if in_run.is_empty() || in_window.is_empty() {
+        let help = "name logs whose runs overlap";
+        return Err(incomparable(&a.path, &b.path, "they have no time in common".to_owned(), help));
+    }
     let measured_deg = angles(measured, 0.0);
     let mut modelled_deg = angles(modelled, 0.0);
     let shift_s = if is_replay { 0.0 } else { shift::of(&measured_deg, &modelled_deg) };
@@ -248,9 +260,6 @@ fn compare(
         modelled_deg = angles(modelled, shift_s);
     }
 
-    let speeds = a.speeds();
-    let window = steady_window(0.0..common_s, speeds);
-    let in_window = times.partition_point(|t| *t < window.start)..in_run.end;
     let mean = |of: &[[f64; 3]]| {
         let sum = of[in_window.clone()].iter().fold([0.0; 3], |sum, deg| [0, 1, 2].map(|k| sum[k] + deg[k]));
         sum.map(|sum| sum / in_window.len() as f64)
@@ -311,6 +320,7 @@ fn compare(
         measured_zero_deg: measured.zero_deg,
         modelled_zero_deg: modelled.zero_deg,
         time_shift_s: shift_s,
+        run_start_s: [measured.run.start, modelled.run.start],
         verdict: verdict(&findings, allowed),
         findings,
         warnings,

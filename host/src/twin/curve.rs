@@ -1,7 +1,7 @@
 //! The attitude of a trial from its zero: yaw, pitch and roll since the still phase before the run.
 
 use super::Recording;
-use crate::attitude::{Drift, Euler, Series, Track, rotation};
+use crate::attitude::{Drift, Euler, Series, Track, levelling_deg, rotation};
 use crate::log::Origin;
 use nalgebra::{Quaternion, UnitQuaternion};
 use std::ops::Range;
@@ -38,6 +38,8 @@ pub(super) struct Curve {
     pub from_s: f64,
     /// Of the yaw; `None`: nothing tells it.
     pub drift: Option<Drift>,
+    /// The tilt that was levelled away, degrees.
+    levelled_deg: f64,
     /// Whether it is a model's, which has no noise.
     is_model: bool,
     /// Standard deviation of the means of blocks of the still phase, pitch and roll, and how many there were.
@@ -104,9 +106,15 @@ impl Curve {
         {
             warnings.push(format!("the robot was not still before the run: its tilt strayed by {strayed:.1} degrees"));
         }
-        let zero_deg = [yaw_zero, zero.pitch_deg, zero.roll_deg];
+        // Up in the body's axes is the last row of the attitude.
+        let levelled = recording.level.as_ref().map_or([0.0; 2], |level| {
+            let [x, y, z] = level.up;
+            [-x.clamp(-1.0, 1.0).asin().to_degrees(), y.atan2(z).to_degrees()]
+        });
+        let zero_deg = [yaw_zero, zero.pitch_deg + levelled[0], zero.roll_deg + levelled[1]];
+        let levelled_deg = recording.level.as_ref().map_or(0.0, |level| level.tilt_deg);
         let angles = [yaw, series.pitch, series.roll];
-        Some(Self { angles, zero_deg, run, from_s, drift, is_model, tilt_scatter, warnings })
+        Some(Self { angles, zero_deg, run, from_s, drift, levelled_deg, is_model, tilt_scatter, warnings })
     }
 
     /// When there are angles.
@@ -119,7 +127,14 @@ impl Curve {
         if self.is_model {
             return Some(0.0);
         }
-        self.drift.as_ref().map(|drift| drift.uncertainty(self.from_s, time_s.max(self.from_s)))
+        let drift = self.drift.as_ref()?.uncertainty(self.from_s, time_s.max(self.from_s));
+        Some(drift.hypot(self.levelling(time_s)))
+    }
+
+    /// What the levelling may have done to the yaw at a time, degrees; 95 %.
+    pub fn levelling(&self, time_s: f64) -> f64 {
+        let [_, pitch, roll] = self.angles.each_ref().map(|track| track.at(time_s).unwrap_or_default());
+        levelling_deg(self.levelled_deg, pitch, roll)
     }
 
     /// Angle random walk of the yaw (°/√s), length of the still phase that told its bias (s), variances of the zeros of
@@ -236,6 +251,7 @@ mod tests {
             board: None,
             model: None,
             replay: None,
+            level: None,
             attitude: (0..=1000).map(|i| f64::from(i) * 0.05).map(|time| (time, attitude(time))).collect(),
             turns: Vec::new(),
             phases: Vec::new(),

@@ -41,6 +41,8 @@ pub struct Recording {
     pub robot_meta: Option<RobotMeta>,
     /// What it is a replay of.
     pub replay: Option<ReplayMeta>,
+    /// How the sensor hung before the run, where that was taken off the attitude.
+    pub level: Option<LevelMeta>,
     /// Time and attitude `[w, x, y, z]`, from the gyroscope's calibration on; readings that failed are left out.
     pub attitude: Vec<(f64, [f64; 4])>,
     /// Time and turns of both flagella by their encoders.
@@ -95,7 +97,8 @@ impl Recording {
             }
         }
         // A log is levelled from its run on; what came before is levelled alike, so that both have one zero.
-        if let Some(level) = reader.meta::<LevelMeta>() {
+        let level = reader.meta::<LevelMeta>().filter(|level| level.used);
+        if let Some(level) = &level {
             for (_, attitude) in &mut collector.attitude[..collector.before_run] {
                 let levelled = level.levelled(rotation(*attitude));
                 *attitude = [levelled.w, levelled.i, levelled.j, levelled.k];
@@ -115,6 +118,7 @@ impl Recording {
             temperature_c: collector.temperature_sum / collector.frames as f64,
             warnings,
             trial,
+            level,
             attitude: std::mem::take(&mut collector.attitude),
             turns: std::mem::take(&mut collector.turns),
             phases: std::mem::take(&mut collector.phases),
@@ -128,6 +132,11 @@ impl Recording {
     /// Speeds that were asked for.
     pub fn speeds(&self) -> [CentiRpm; 2] {
         [self.trial.w1_rpm, self.trial.w2_rpm].map(CentiRpm::from_rpm)
+    }
+
+    /// The motor that reversed, and when, s from the start of the run.
+    pub fn reverse(&self) -> Option<(u8, f64)> {
+        self.trial.reverse_motor.zip(self.trial.reverse_after_s)
     }
 
     /// The robot: of a model, what it was computed with; of a rig, what its plan says.
@@ -219,9 +228,14 @@ impl Recording {
         };
         let (first, last) = (at(run.start), at(run.end));
         for (k, speed) in self.speeds().into_iter().enumerate() {
-            let asked = speed.rpm() / 60.0 * (run.end - run.start);
+            let backwards_s = match self.reverse() {
+                Some((motor, after_s)) if usize::from(motor) == k + 1 => (run.end - run.start - after_s).max(0.0),
+                _ => 0.0,
+            };
+            let asked = speed.rpm() / 60.0 * (run.end - run.start - 2.0 * backwards_s);
             let turned = last[k] - first[k];
-            if asked.abs() > 0.5 && turned == 0.0 {
+            let moved = self.turns.iter().any(|(_, turns)| turns[k] != first[k]);
+            if asked.abs() > 0.5 && !moved {
                 let reason =
                     format!("the encoder of motor {} stands still while {} rpm were asked for", k + 1, speed.rpm());
                 let help = "check the motor and its encoder, then repeat the trial";
@@ -242,7 +256,7 @@ impl Recording {
 #[derive(Default)]
 struct Collector {
     frames: u64,
-    first_ns: Option<u64>,
+    zero_ns: Option<u64>,
     attitude: Vec<(f64, [f64; 4])>,
     /// How many of them came before the run.
     before_run: usize,
@@ -258,16 +272,19 @@ impl Collector {
     fn take(&mut self, message: &Message) {
         match &message.body {
             Body::Telemetry(frame) => {
-                self.first_ns.get_or_insert(message.log_time_ns);
+                self.zero_ns.get_or_insert(message.zero_ns(frame.time_s));
                 self.telemetry(frame);
             }
             // The rates mean something else from here on.
-            Body::Event(event) if event.kind() == Kind::Calibration => self.attitude.clear(),
+            Body::Event(event) if event.kind() == Kind::Calibration => {
+                self.attitude.clear();
+                self.before_run = 0;
+            }
             Body::Event(event) if event.kind() == Kind::Phase => {
                 if event.text == "run" {
                     self.before_run = self.attitude.len();
                 }
-                let since = message.log_time_ns.saturating_sub(self.first_ns.unwrap_or(message.log_time_ns));
+                let since = message.log_time_ns.saturating_sub(self.zero_ns.unwrap_or(message.log_time_ns));
                 self.phases.push((event.text.clone(), since as f64 * 1e-9));
             }
             _ => {}

@@ -4,7 +4,7 @@
 //! same log with the same model is not made again.
 
 use super::{Recording, Skipped, TwinError, hash, speeds};
-use crate::log::{self, ModelMeta, ReplayMeta, SteadyMeta};
+use crate::log::{self, Identity, ModelMeta, ReplayMeta, SteadyMeta};
 use crate::model::{Batch, Course, Job, Model, ModelError, TrialRun, Turn};
 use crate::plan::{self, Plan, Trial};
 use crate::rig::Progress;
@@ -267,8 +267,10 @@ fn made_before(
             let same_output = settings.any_rate || (then.rate_hz == now.rate_hz && then.shapes == now.shapes);
             same_output && then.closure == now.closure && then.parameters == now.parameters
         });
+        let same_program = log::last_meta::<Identity>(&attempt.path)?.is_some_and(|then| then.is_of_this_program());
         if same_source
             && same_model
+            && same_program
             && let Some(steady) = log::last_meta::<SteadyMeta>(&attempt.path)?
         {
             return Ok(Some((attempt.path.clone(), steady)));

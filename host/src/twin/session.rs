@@ -43,13 +43,15 @@ pub fn compare_sessions(a: &Path, b: &Path, allow: Allow, jobs: usize) -> Result
     let mut skipped = measured.skipped.clone();
     let mut pairs = Vec::new();
     for (trial, log) in &measured.logs {
-        let at_speeds = modelled.logs.iter().filter(|(other, _)| other.speeds == trial.speeds);
+        let at_speeds =
+            modelled.logs.iter().filter(|(other, _)| other.speeds == trial.speeds && other.reverse == trial.reverse);
         // A model needs no repeats: one stands for all.
         let other = at_speeds.clone().find(|(other, _)| other.repeat == trial.repeat).or(at_speeds.clone().next());
         match other {
             Some((_, other)) => pairs.push(Pair { name: trial.name.clone(), logs: [log.clone(), other.clone()] }),
             None => {
-                let reason = format!("{} has no trial at its speeds", b.display());
+                let reason =
+                    format!("{} has no such trial: none at its speeds, or none that reverses alike", b.display());
                 skipped.push(Skipped { name: trial.name.clone(), reason });
             }
         }

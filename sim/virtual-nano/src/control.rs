@@ -3,6 +3,7 @@
 //! | command | does |
 //! | --- | --- |
 //! | `play` | begins the sensor's recording from its start |
+//! | `rewind` | lets the sensor rest as its recording begins, until the next `play` |
 //! | `truth` | gives the robot's state since it was last asked for, fifty times a second of the board's |
 //! | `status` | tells the state of everything |
 //! | `drop N` | loses the next N frames of the stream |
@@ -32,6 +33,8 @@ use std::str::FromStr;
 pub enum Command {
     /// `play`
     Play,
+    /// `rewind`
+    Rewind,
     /// `truth`
     Truth,
     /// `status`
@@ -63,6 +66,7 @@ impl FromStr for Command {
         let words: Vec<&str> = line.split_whitespace().collect();
         Ok(match words[..] {
             ["play"] => Self::Play,
+            ["rewind"] => Self::Rewind,
             ["truth"] => Self::Truth,
             ["status"] => Self::Status,
             ["drop", n] => Self::Drop(number(n)?),

@@ -96,6 +96,7 @@ impl Runner {
                     return (control::error(line, "the sensor has no recording; start with --imu FILE.csv"), true);
                 }
             }
+            Command::Rewind => board.change_imu(|imu| imu.source_mut().rewind()),
             Command::Truth => return (control::truth(line, board), true),
             Command::Status => return (control::status(board, &self.count), true),
             Command::Drop(frames) => board.serial_mut().drop_frames(frames),

@@ -41,6 +41,8 @@ pub(super) struct Data {
     /// Angle random walk of the yaw, °/√s; length of the still phase that told the gyroscope's bias, s.
     yaw_walk: f64,
     still_s: f64,
+    /// Standard deviation of what the levelling may have done to the yaw, block by block, one with all others, degrees.
+    levelling: Vec<f64>,
     /// Variance of the zeros of pitch and roll.
     zero_variance: [f64; 2],
 }
@@ -74,6 +76,8 @@ impl Data {
             measured,
             profile: speeds::profile_of_run(recording, BLOCK_S / SAMPLES as f64)?,
             times: (0..count).map(|i| from + (i as f64 + 0.5) * BLOCK_S).collect(),
+            // 95 % are two standard deviations.
+            levelling: (0..count).map(|i| 0.5 * curve.levelling(run.start + (i as f64 + 0.5) * BLOCK_S)).collect(),
             yaw_walk,
             still_s,
             zero_variance,
@@ -115,7 +119,7 @@ impl Data {
     /// Covariance of the blocks of yaw, pitch or roll that the sensor's noise alone makes, degrees².
     ///
     /// Yaw: the gyroscope's angle random walk, of which the still phase told the bias too, which has walked since (see
-    /// [`crate::attitude::Drift`]). Tilt: the zero, which is common to all blocks.
+    /// [`crate::attitude::Drift`]), and what levelling may do to it. Tilt: the zero, which is common to all blocks.
     fn sensor_covariance(&self, angle: usize) -> DMatrix<f64> {
         let count = self.blocks();
         let walk = self.yaw_walk.powi(2);
@@ -128,7 +132,7 @@ impl Data {
             }
             let (a, b) = (self.times[i].min(self.times[j]), self.times[i].max(self.times[j]));
             let bias = bias_walk * since(a).powi(2) * (3.0 * since(b) - since(a)) / 6.0;
-            walk * (a + a * b / self.still_s) + bias
+            walk * (a + a * b / self.still_s) + bias + self.levelling[i] * self.levelling[j]
         })
     }
 

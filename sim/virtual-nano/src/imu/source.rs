@@ -84,6 +84,13 @@ impl Source {
         Some(recording.duration_s())
     }
 
+    /// Lies still as the recording begins, until it is told to [`Self::play`].
+    pub fn rewind(&mut self) {
+        if let Kind::Recording { started_s, play, .. } = &mut self.kind {
+            (*started_s, *play) = (None, false);
+        }
+    }
+
     /// The robot that the sensor sits on, if it does.
     pub fn robot_mut(&mut self) -> Option<&mut Robot> {
         match &mut self.kind {
@@ -192,6 +199,9 @@ mod tests {
         assert_eq!(read(&mut source, 6.006).gyro, [1404, -1535, -1104]);
         let after: Vec<i16> = (0..100).map(|i| read(&mut source, 31.0 + 0.005 * f64::from(i)).gyro[0]).collect();
         assert!(after.iter().any(|x| *x != after[0]), "frozen after its end");
+        source.rewind();
+        let again = read(&mut source, 33.0).accel;
+        assert!((0..3).all(|i| (again[i] - waiting.accel[i]).abs() < 100), "{again:?}, not {waiting:?}");
     }
 
     #[test]
