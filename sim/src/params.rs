@@ -282,8 +282,8 @@ impl Default for Contact {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Solver {
-    /// Angle of the faster motor a step, or between the two where that is more, in rad (0.38: mean forces
-    /// within 0.05 %; 0.75 is a fast scan within 1 %, above 1.1 steps fail).
+    /// Angle of the faster motor a step, or between the two where that is more, in rad (0.3: steady
+    /// angles within 0.1 degrees; 0.75 is a fast scan with mean forces within 1 %, above 1.1 steps fail).
     pub step_rad: f64,
     /// The same while rods are close (0.25); a third of it where both motors pull their flagella in, for
     /// which [`crate::step`] has the errors.

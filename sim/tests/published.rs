@@ -80,7 +80,7 @@ fn steps_are_short_enough_for_steady_angles() {
         let (usual, fine) = (angles(&Robot::default()), angles(&fine));
         for (name, (usual, fine)) in ["yaw", "pitch", "roll"].into_iter().zip(usual.into_iter().zip(fine)) {
             let check = format!("full ({}, {}): {name} against short steps, degrees", rpm[0], rpm[1]);
-            prove(&check, (usual - fine).abs(), 0.15);
+            prove(&check, (usual - fine).abs(), 0.1);
         }
     }
 }

@@ -64,7 +64,7 @@ impl Solver {
     }
 
     /// Length in s of a full step from this state with these speeds (rad/s). Where the flagella turn in opposite senses, steps
-    /// that are measured by the faster motor alone leave a degree of tilt wrong.
+    /// that are measured by the faster motor alone leave the tilt wrong by up to a degree.
     fn full_step(&self, state: &State, speeds: [f64; 2]) -> f64 {
         let settings = &self.robot.solver;
         let mut angle = settings.step_rad;
