@@ -28,7 +28,7 @@ fn a_recorded_trial_is_met_by_its_replay_and_not_by_another_fluid() {
     let bench = Bench::new();
     bench.file(
         "plan.toml",
-        "[trial]\ncalibrate = 5\npreroll = 12\nrun = 40\ndecay = 12\n[speeds]\npairs = [[-90, 90]]\n",
+        "[trial]\ncalibrate = 5\npreroll = 20\nrun = 40\ndecay = 30\n[speeds]\npairs = [[-90, 90]]\n",
     );
     answer(&bench, &["record", "plan.toml", "--virtual", "--seed", "7", "--out", "tank", "--json"]);
 
