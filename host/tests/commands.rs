@@ -265,6 +265,6 @@ fn wrong_use_exits_with_two_and_help_with_zero() {
     assert_eq!(code(&biflag(&["export", "a.mcap", "--format", "xls"])), 2);
     assert_eq!(code(&biflag(&["info", "--help"])), 0);
     let output = biflag(&["info", "no-such.mcap", "--json"]);
-    assert_eq!(code(&output), 1);
-    assert!(json(&output)["error"].as_str().unwrap().starts_with("no-such.mcap: cannot be read"));
+    assert_eq!(code(&output), 2);
+    assert!(json(&output)["error"].as_str().unwrap().starts_with("no-such.mcap: there is no such log"));
 }

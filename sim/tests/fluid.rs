@@ -153,9 +153,9 @@ fn straight_rod_drag_matches_slender_body_theory() {
     prove("straight rod: drag across against slender-body theory", (drag[(0, 0)] / across - 1.0).abs(), 0.03);
 }
 
-/// Thrust and torque per unit speed of a helix that turns about z and does not move, by Lighthill's
-/// slender-body theory (1976): u = (I - t t').f/(4 pi mu) + Stokeslets of f farther than a sqrt(e)/2.
-fn lighthill(helix: &Helix, radius: f64, edges: usize) -> (f64, f64) {
+/// Force along z and torque about it on a helix that moves so at each of its points, by Lighthill's slender-body theory
+/// (1976): u = (I - t t').f/(4 pi mu) + Stokeslets of f farther than a sqrt(e)/2.
+fn lighthill(helix: &Helix, radius: f64, edges: usize, motion: impl Fn(&V3) -> V3) -> (f64, f64) {
     let nodes = helix.nodes(edges);
     let middle: Vec<V3> = nodes.windows(2).map(|p| (p[0] + p[1]) * 0.5).collect();
     let tangent: Vec<V3> = nodes.windows(2).map(|p| (p[1] - p[0]).normalize()).collect();
@@ -181,7 +181,7 @@ fn lighthill(helix: &Helix, radius: f64, edges: usize) -> (f64, f64) {
     let velocity = DVector::from_iterator(
         3 * edges,
         middle.iter().flat_map(|x| {
-            let u = V3::z().cross(x);
+            let u = motion(x);
             [u.x, u.y, u.z]
         }),
     );
@@ -200,11 +200,14 @@ fn helix_thrust_torque_and_drag_match_slender_body_theory() {
     let epsilon = 0.002;
     let nodes = shape.nodes(196);
     let resistance = rigid_resistance(&[&nodes], V3::zeros(), epsilon, 1.0).expect("regular");
-    let (thrust, torque) = (-resistance[(2, 5)], -resistance[(5, 5)]);
-    let (thrust_theory, torque_theory) = lighthill(&shape, equivalent_radius(epsilon), 400);
+    let (thrust, torque, drag) = (-resistance[(2, 5)], -resistance[(5, 5)], -resistance[(2, 2)]);
+    let radius = equivalent_radius(epsilon);
+    let (thrust_theory, torque_theory) = lighthill(&shape, radius, 400, |x| V3::z().cross(x));
+    let (drag_theory, _) = lighthill(&shape, radius, 400, |_| V3::z());
     assert!(thrust > 0.0, "a right-handed helix turned counter-clockwise from above pushes up");
     prove("helix thrust against slender-body theory", (thrust / thrust_theory - 1.0).abs(), 0.03);
     prove("helix torque against slender-body theory", (torque / torque_theory - 1.0).abs(), 0.03);
+    prove("helix drag along its axis against slender-body theory", (drag / drag_theory - 1.0).abs(), 0.03);
     // Resistive force theory (Gray and Hancock 1955) leaves out the flow between turns: a bound only.
     let angle = (TAU * shape.radius).atan2(shape.pitch);
     let log = (2.0 * shape.pitch / equivalent_radius(epsilon)).ln();

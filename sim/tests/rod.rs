@@ -36,9 +36,18 @@ fn helix_at_rest_has_no_force() {
 
 #[test]
 fn gradient_and_hessian_match_finite_differences() {
-    let rod = helix_rod(11);
-    let n = rod.nodes();
-    for trial in 0..5u64 {
+    let whole = helix_rod(11);
+    let n = whole.nodes();
+    let Stiffness { stretch_n, bend_nm2, twist_nm2 } = whole.stiffness;
+    let alone = Stiffness { stretch_n: 0.0, bend_nm2: 0.0, twist_nm2: 0.0 };
+    let energies = [
+        ("stretch", Stiffness { stretch_n, ..alone }),
+        ("bend", Stiffness { bend_nm2, ..alone }),
+        ("twist", Stiffness { twist_nm2, ..alone }),
+        ("elastic", whole.stiffness),
+    ];
+    for (trial, (name, stiffness)) in (0u64..).zip(energies.into_iter().cycle().take(12)) {
+        let rod = Rod::stress_free(whole.shape.clone(), stiffness);
         let mut seed = 88172645463325252 + 7919 * trial;
         let nodes: Vec<V3> = rod.shape.iter().map(|x| x + V3::from_fn(|_, _| 2e-3 * noise(&mut seed))).collect();
         let angles: Vec<f64> = (0..n - 1).map(|_| 0.8 * noise(&mut seed)).collect();
@@ -87,7 +96,7 @@ fn gradient_and_hessian_match_finite_differences() {
                 largest_h = largest_h.max(hessian.get(p, q).abs() * weight);
             }
         }
-        prove("elastic forces against finite differences, relative", worst_g / largest_g, 1e-6);
-        prove("elastic Hessian against finite differences, relative", worst_h / largest_h, 1e-6);
+        prove(&format!("{name} forces against finite differences, relative"), worst_g / largest_g, 1e-6);
+        prove(&format!("{name} Hessian against finite differences, relative"), worst_h / largest_h, 1e-6);
     }
 }
