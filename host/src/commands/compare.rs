@@ -41,6 +41,9 @@ pub struct Args {
 /// The replays' rate. The slowest wobble worth seeing takes half a second.
 const REPLAY_HZ: f64 = 20.0;
 
+/// Replays of no more trials than this have the flagella's shapes, for the page's view of the robot: it has no room for more.
+const SHAPES_UP_TO: usize = 8;
+
 #[derive(Serialize)]
 struct Compared<'a> {
     #[serde(flatten)]
@@ -66,7 +69,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             let settings = twin::Settings {
                 closure: args.closure.map(Into::into),
                 robot: args.robot.as_deref().map(robot).transpose()?,
-                options: Options { rate_hz: REPLAY_HZ, shapes: false },
+                options: Options { rate_hz: REPLAY_HZ, shapes: source.logs.len() <= SHAPES_UP_TO },
                 any_rate: true,
                 jobs,
             };

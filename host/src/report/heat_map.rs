@@ -38,6 +38,21 @@ pub(super) fn is_grid(cells: &[Cell]) -> bool {
     columns > 1 && rows > 1 && 2 * cells.len() > columns * rows && cells.len() > 5
 }
 
+/// Repeats of a pair of speeds as one cell: their mean, and the anchor of the first.
+pub(super) fn without_repeats(trials: impl Iterator<Item = Cell>) -> Vec<Cell> {
+    let mut cells: Vec<(Cell, f64)> = Vec::new();
+    for trial in trials {
+        match cells.iter_mut().find(|(cell, _)| cell.speeds_rpm == trial.speeds_rpm) {
+            Some((cell, count)) => {
+                *count += 1.0;
+                cell.value_deg += (trial.value_deg - cell.value_deg) / *count;
+            }
+            None => cells.push((trial, 1.0)),
+        }
+    }
+    cells.into_iter().map(|(cell, _)| cell).collect()
+}
+
 /// The largest value, to share a scale among maps.
 pub(super) fn largest(cells: &[Cell]) -> f64 {
     cells.iter().map(|cell| cell.value_deg).filter(|value| value.is_finite()).fold(0.0, f64::max)
@@ -144,6 +159,15 @@ mod tests {
         assert!(!is_grid(&cells(12, 1)) && !is_grid(&cells(2, 2)));
         let diagonal: Vec<_> = cells(8, 8).into_iter().filter(|c| c.speeds_rpm[0] * 1.5 == c.speeds_rpm[1]).collect();
         assert_eq!((diagonal.len(), is_grid(&diagonal)), (8, false));
+    }
+
+    #[test]
+    fn repeats_share_a_cell() {
+        let cell =
+            |w1: f64, value_deg: f64| Cell { speeds_rpm: [w1, 0.0], value_deg, anchor: Some(format!("{value_deg}")) };
+        let cells = without_repeats([cell(1.0, 2.0), cell(2.0, 9.0), cell(1.0, 4.0), cell(1.0, 6.0)].into_iter());
+        let values: Vec<_> = cells.iter().map(|cell| (cell.value_deg, cell.anchor.as_deref())).collect();
+        assert_eq!(values, [(4.0, Some("2")), (9.0, Some("9"))]);
     }
 
     #[test]

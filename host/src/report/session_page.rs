@@ -130,7 +130,7 @@ fn maps(rows: &[Row]) -> Markup {
             let anchor = (!view.data.is_null()).then(|| anchor(i));
             Some(Cell { speeds_rpm: row.speeds_rpm, value_deg, anchor })
         };
-        rows.iter().enumerate().filter_map(cell).collect()
+        heat_map::without_repeats(rows.iter().enumerate().filter_map(cell))
     };
     if !heat_map::is_grid(&cells(0, false)) {
         return html! {};
