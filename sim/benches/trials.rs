@@ -155,30 +155,33 @@ fn growth() {
         let mut state = solver.at_rest();
         let speed = 3.0 * PI;
         let motors = |t: f64| [Motor { angle: speed * t, speed }; 2];
-        let start = Instant::now();
+        // A step that is cut short by an end would need an inverse of its own.
+        const FAR: f64 = 1e3;
+        let (start, mut first) = (Instant::now(), 0);
         while state.time < 0.8 {
-            solver.advance(&mut state, 0.8, &motors).expect("a step");
+            solver.advance(&mut state, FAR, &motors).expect("a step");
+            first += 1;
         }
         // Beyond the start no new inverse is needed: what it cost is the rest.
-        let warm = start.elapsed().as_secs_f64();
-        let (start, mut steps, mut sweeps) = (Instant::now(), 0, 0);
-        let end = if edges > 150 { 1.6 } else { 4.0 };
-        while state.time < end {
-            sweeps += solver.advance(&mut state, end, &motors).expect("a step").sweeps;
-            steps += 1;
+        let (warm, built, begun_s) = (start.elapsed().as_secs_f64(), solver.inverses_built(), state.time);
+        let (start, mut sweeps) = (Instant::now(), 0);
+        let steps = if edges > 150 { 25 } else { 100 };
+        for _ in 0..steps {
+            sweeps += solver.advance(&mut state, FAR, &motors).expect("a step").sweeps;
         }
-        let step = start.elapsed().as_secs_f64() / steps as f64;
-        let built = solver.inverses_built();
-        let inverse = (warm - 30.0 * step).max(0.0) / built as f64;
+        assert_eq!(solver.inverses_built(), built, "the steps that are timed need no inverse");
+        let step = start.elapsed().as_secs_f64() / f64::from(steps);
+        let length_s = (state.time - begun_s) / f64::from(steps);
+        let inverse = (warm - f64::from(first) * step).max(0.0) / built as f64;
         let inverses = inverse * built as f64;
         let (product, flow) = (dense_product(edges), own_flow(&robot, edges));
         points.push(((edges as f64).ln(), step.ln()));
         println!(
             "| {edges} | {:.3} | {:.1} | {built} | {:.1} | {:.0} % | {:.0} % | {:.1} |",
             step * 1e3,
-            0.0403 / step,
+            length_s / step,
             inverse * 1e3,
-            100.0 * inverses / (inverses + 120.0 / 0.0403 * step),
+            100.0 * inverses / (inverses + 120.0 / length_s * step),
             100.0 * 2.0 * f64::from(sweeps) / f64::from(steps) * product / step,
             product / flow,
         );
