@@ -4,11 +4,12 @@ CARGO := cargo
 BIN := target/release
 DEMO := target/demo
 
-.PHONY: help setup build firmware demo test lint doc clean
+.PHONY: help setup build firmware demo test proof lint doc clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
 	@echo "make test      all tests"
+	@echo "make proof     the measurements that take too long for the tests: hidden robots, hard cases, speed; two hours"
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
 	@echo "make lint      format and lint checks"
 	@echo "make doc       the documentation for those who carry on the work"
@@ -41,6 +42,13 @@ demo: build
 test: build
 	@sh firmware/setup.sh test
 	$(CARGO) test --workspace --locked --no-fail-fast
+
+proof: build
+	@sh firmware/setup.sh test
+	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test hard_cases -- --nocapture
+	$(CARGO) test --release --locked -p host --test calibration -- --ignored --nocapture
+	$(CARGO) test --release --locked -p tests --test attitude_chain --test twin --test report -- --ignored --nocapture
+	$(CARGO) bench --locked -p sim --bench trials
 
 lint: setup
 	$(CARGO) fmt --all --check

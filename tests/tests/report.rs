@@ -245,7 +245,7 @@ fn measured(bench: &Bench, arguments: &[&str]) -> (Run, f64, f64) {
     (Run::of(child), begun.elapsed().as_secs_f64(), peak_kb * 1e-3)
 }
 
-/// 75 trials of 120 s at the board's rate, with shapes. `cargo test -p tests --test report -- --ignored --nocapture`
+/// 75 trials of 120 s at 20 Hz, with shapes: reported, and replayed, compared and reported. `cargo test -p tests --test report -- --ignored --nocapture`
 #[test]
 #[ignore = "takes some minutes to simulate"]
 fn a_long_session_is_reported_in_a_minute_and_a_gigabyte() {
@@ -263,6 +263,10 @@ fn a_long_session_is_reported_in_a_minute_and_a_gigabyte() {
     println!("75 trials of 120 s: {wall_s:.1} s, {peak_mb:.0} MB of memory, a page of {megabytes:.2} MB");
     assert_eq!(answer["trials"], 75);
     assert!(wall_s < 60.0 && peak_mb < 1000.0 && megabytes < 10.0);
+    let (run, wall_s, peak_mb) = measured(&bench, &["compare", "s", "--json"]);
+    println!("replayed, compared and reported: {wall_s:.1} s, {peak_mb:.0} MB of memory");
+    assert_eq!(run.json()["trials"].as_array().unwrap().len(), 75);
+    assert!(wall_s < 60.0 && peak_mb < 1000.0 && page.metadata().unwrap().len() < 10_000_000);
     let mut browser = Browser::start();
     let mut times: Vec<_> = (0..5).map(|_| browser.open(&page)).collect();
     times.sort_unstable();

@@ -135,7 +135,7 @@ mod tests {
         let mut series = Series::default();
         let askew = UnitQuaternion::from_euler_angles(0.05, -0.06, 3.1);
         let up = (askew.inverse() * Vector3::z()).into();
-        let level = LevelMeta { up, tilt_deg: 4.5, used: true };
+        let level = LevelMeta { up, tilt_deg: 4.5, used: true, ..LevelMeta::default() };
         for i in 0..10 {
             let attitude = if i < 5 { askew } else { level.levelled(askew) };
             if i == 5 {

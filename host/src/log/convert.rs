@@ -7,7 +7,7 @@ use super::writer::{CommandRecord, EventKind};
 use crate::attitude::{Euler, Unwrap, rotation};
 use nalgebra::Vector3;
 use protocol::frame::{MAX_FRAME, encode};
-use protocol::units::{SensorCounts, TemperatureCounts};
+use protocol::units::{STANDARD_GRAVITY_MPS2, SensorCounts, TemperatureCounts};
 use protocol::{Calibration, Fault, Request, Settings, State, TICK_HZ, Telemetry};
 use std::collections::VecDeque;
 
@@ -52,9 +52,11 @@ impl Converter {
         if self.rest.len() < LEAST_FRAMES {
             return None;
         }
-        let up = self.rest.iter().sum::<Vector3<f64>>().try_normalize(0.0)?;
+        let force = self.rest.iter().sum::<Vector3<f64>>() / self.rest.len() as f64;
+        let up = force.try_normalize(0.0)?;
         let tilt_deg = up.xy().norm().atan2(up.z).to_degrees();
-        let level = LevelMeta { up: up.into(), tilt_deg, used: tilt_deg <= LARGEST_TILT_DEG };
+        let force_g = force.norm() / STANDARD_GRAVITY_MPS2;
+        let level = LevelMeta { up: up.into(), force_g, tilt_deg, used: tilt_deg <= LARGEST_TILT_DEG };
         self.level = Some(level.clone());
         Some(level)
     }
@@ -257,7 +259,7 @@ mod tests {
         }
         let euler = Euler::of(&board.truth);
         assert!((euler.pitch_deg - 16.0).abs() < 1e-6 && (euler.yaw_deg - 120.0).abs() < 1e-6);
-        assert!((last.pitch_deg - 16.0).abs() < 0.2 && last.roll_deg.abs() < 0.2, "{last:?}");
+        assert!((last.pitch_deg - 16.0).abs() < 0.01 && last.roll_deg.abs() < 0.01, "{last:?}");
         assert!((last.yaw_deg - 120.0).abs() < 0.1, "{last:?}");
         assert_eq!(converter.level(), None, "the motors turn");
     }

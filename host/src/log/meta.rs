@@ -1,31 +1,17 @@
 //! The metadata records of a log: what is known of the trial besides its messages.
-//!
-//! Each record is a flat table of keys and values as text, plain to any reader of MCAP. MCAP guards its chunks with a
-//! CRC, but not these records, so each carries one of its own.
 
 use super::model_meta::{ModelMeta, SensorMeta, SteadyMeta};
+use super::table::Meta;
 use crate::board_settings::BoardSettings;
 use crate::plan::{Plan, Trial};
 use crate::stats::LinkStats;
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::{Info, Settings};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
-use std::collections::BTreeMap;
 use std::time::SystemTime;
-
-/// Keys and values of a record.
-pub type Table = BTreeMap<String, String>;
 
 /// Version of the log's layout. Raised when an older program could not make sense of a newer log.
 pub const FORMAT: u32 = 1;
-
-/// A kind of record.
-pub trait Meta: Serialize + DeserializeOwned + Default {
-    /// Its name in the log.
-    const NAME: &'static str;
-}
 
 /// Where a trial was run.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -151,24 +137,47 @@ pub struct CalibrationMeta {
 }
 
 /// What the accelerometer said of the vertical while the robot hung at rest before the run.
-#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
 #[serde(default)]
 pub struct LevelMeta {
     /// The direction of up, body axes.
     pub up: [f64; 3],
+    /// How much it read there, over standard gravity.
+    pub force_g: f64,
     /// How far it is off the robot's axis.
     pub tilt_deg: f64,
     /// Whether the attitude is corrected by it from there on.
     pub used: bool,
 }
 
+impl Default for LevelMeta {
+    fn default() -> Self {
+        Self { up: [0.0, 0.0, 1.0], force_g: 1.0, tilt_deg: 0.0, used: false }
+    }
+}
+
 impl LevelMeta {
+    /// Biases and scale of an MPU6050 make no more of gravity than this (data sheet PS-MPU-6000A, section 6.2: 80 mg and 3 %).
+    const LARGEST_ERROR_G: f64 = 0.11;
+
+    /// What the accelerometer reads too much, g, body axes.
+    fn bias_g(&self) -> Vector3<f64> {
+        let is_gravity = (self.force_g - 1.0).abs() < Self::LARGEST_ERROR_G;
+        Vector3::from(self.up) * if is_gravity { self.force_g } else { 1.0 } - Vector3::z()
+    }
+
     /// An attitude, body to world, less what the accelerometer's bias makes of it.
+    ///
+    /// The attitude's up is the direction of true up and the bias together. How far it is from the bias's point to the sphere
+    /// of true directions follows from its length, 1 g.
     pub fn levelled(&self, attitude: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
-        let Some(level) = UnitQuaternion::rotation_between(&self.up.into(), &Vector3::z()).filter(|_| self.used) else {
+        if !self.used {
             return attitude;
-        };
-        let up = attitude * (level * (attitude.inverse() * Vector3::z()));
+        }
+        let (seen, bias) = (attitude.inverse() * Vector3::z(), self.bias_g());
+        let along = seen.dot(&bias);
+        let length = along + (along * along - bias.norm_squared() + 1.0).max(0.0).sqrt();
+        let up = attitude * (seen * length - bias);
         UnitQuaternion::rotation_between(&up, &Vector3::z()).map_or(attitude, |correction| correction * attitude)
     }
 }
@@ -337,60 +346,10 @@ impl BoardMeta {
     }
 }
 
-const CRC: &str = "crc32";
-
-/// A record as text, with its CRC.
-pub(super) fn to_table<M: Meta>(meta: &M) -> Table {
-    let mut table: Table = fields(meta)
-        .into_iter()
-        .map(|(key, value)| match value {
-            Value::String(text) => (key, text),
-            other => (key, other.to_string()),
-        })
-        .collect();
-    let crc = crc(M::NAME, &table);
-    table.insert(CRC.to_owned(), crc);
-    table
-}
-
-/// Whether a record is as it was written.
-pub(super) fn is_intact(name: &str, table: &Table) -> bool {
-    table.get(CRC).is_some_and(|saved| *saved == crc(name, table))
-}
-
-/// A record from its text. Keys that are missing take their defaults, others are passed over, so that logs of other
-/// versions still read.
-pub(super) fn from_table<M: Meta>(table: &Table) -> Option<M> {
-    // The default tells which fields are text.
-    let mut object = fields(&M::default());
-    for (key, value) in &mut object {
-        if let Some(text) = table.get(key) {
-            *value = if value.is_string() { Value::String(text.clone()) } else { serde_json::from_str(text).ok()? };
-        }
-    }
-    serde_json::from_value(Value::Object(object)).ok()
-}
-
-fn fields<M: Meta>(meta: &M) -> serde_json::Map<String, Value> {
-    match serde_json::to_value(meta) {
-        Ok(Value::Object(object)) => object,
-        _ => serde_json::Map::new(),
-    }
-}
-
-fn crc(name: &str, table: &Table) -> String {
-    let pairs = table.iter().filter(|(key, _)| *key != CRC).flat_map(|(key, value)| [key.as_str(), value.as_str()]);
-    let mut hasher = crc32fast::Hasher::new();
-    for text in std::iter::once(name).chain(pairs) {
-        hasher.update(&(text.len() as u64).to_le_bytes());
-        hasher.update(text.as_bytes());
-    }
-    format!("{:08x}", hasher.finalize())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::log::table::{from_table, is_intact, to_table};
 
     #[test]
     fn a_record_is_plain_text_and_reads_back() {

@@ -30,6 +30,7 @@ mod reader;
 mod recover;
 mod scan;
 pub mod schema;
+mod table;
 #[cfg(test)]
 mod tests;
 mod writer;
@@ -37,13 +38,14 @@ mod writer;
 pub(crate) use convert::{Converter, event, frame_transform, timestamp};
 pub use error::LogError;
 pub use meta::{
-    BoardMeta, CalibrationMeta, ClockFit, End, FORMAT, Identity, LevelMeta, Meta, Origin, PlanMeta, RecoveryMeta,
-    ReplayMeta, RobotMeta, Summary, Table, TrialMeta,
+    BoardMeta, CalibrationMeta, ClockFit, End, FORMAT, Identity, LevelMeta, Origin, PlanMeta, RecoveryMeta, ReplayMeta,
+    RobotMeta, Summary, TrialMeta,
 };
 pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, check, last_meta, summary};
 pub use recover::{Recovery, recover};
 pub use scan::{Condition, Loss};
+pub use table::{Meta, Table};
 pub use writer::{CommandRecord, EventKind, Start, Tap, Writer};
 
 /// The MCAP profile of our logs.

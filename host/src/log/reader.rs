@@ -2,9 +2,10 @@
 
 use super::LogError;
 use super::chunk::Entry;
-use super::meta::{self, FORMAT, Identity, Meta, Summary, Table};
+use super::meta::{FORMAT, Identity, Summary};
 use super::scan::{Condition, Loss, Piece, Scanner, indexed_table};
 use super::schema::{self, LogMessage, biflag, foxglove};
+use super::table::{self, Meta, Table};
 use crate::log::PROFILE;
 use mcap::records::MessageHeader;
 use prost::Message as _;
@@ -78,7 +79,7 @@ pub fn last_meta<M: Meta>(path: &Path) -> Result<Option<M>, LogError> {
     let failed = |source| LogError::reading(path, source);
     let file = File::open(path).map_err(failed)?;
     let table = indexed_table(file, M::NAME).map_err(failed)?;
-    Ok(table.as_ref().and_then(meta::from_table))
+    Ok(table.as_ref().and_then(table::from_table))
 }
 
 /// Reads a whole log for its condition alone; answers where it does not read.
@@ -156,7 +157,7 @@ impl Reader {
 
     /// A metadata record, if it has been come across. The summary is the last.
     pub fn meta<M: Meta>(&self) -> Option<M> {
-        self.tables.get(M::NAME).and_then(meta::from_table)
+        self.tables.get(M::NAME).and_then(table::from_table)
     }
 
     /// Every metadata record that has been come across.

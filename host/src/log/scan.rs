@@ -5,7 +5,7 @@
 //! record in between may be what is wrong.
 
 use super::chunk::{Entry, MAX_RECORD, unpack, unpack_beginning};
-use super::meta::{Table, is_intact};
+use super::table::{Table, is_intact};
 use mcap::MAGIC;
 use mcap::records::{Header, Metadata, Record, op};
 use std::io::{self, Read, Seek, SeekFrom};

@@ -337,7 +337,7 @@ fn what_is_no_log_of_ours_is_named_for_what_it_is() {
     let mut newer = Cursor::new(Vec::new());
     let mut writer = mcap::WriteOptions::new().profile(PROFILE).create(&mut newer).unwrap();
     let identity = Identity { format: FORMAT + 1, host_version: "9.0.0".to_owned(), ..Identity::default() };
-    let metadata = meta::to_table(&identity);
+    let metadata = table::to_table(&identity);
     writer.write_metadata(&mcap::records::Metadata { name: Identity::NAME.to_owned(), metadata }).unwrap();
     writer.finish().unwrap();
     drop(writer);

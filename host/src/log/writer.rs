@@ -3,10 +3,10 @@
 use super::convert::{self, Converter};
 use super::disk::{self, Disk};
 use super::meta::{
-    self, BoardMeta, CalibrationMeta, ClockFit, Identity, LevelMeta, Meta, Origin, PlanMeta, RobotMeta, Summary,
-    TrialMeta,
+    BoardMeta, CalibrationMeta, ClockFit, Identity, LevelMeta, Origin, PlanMeta, RobotMeta, Summary, TrialMeta,
 };
 use super::schema::{self, ChannelSpec, LogMessage, biflag};
+use super::table::{Meta, to_table};
 use super::{LogError, PROFILE};
 use crate::plan::{Plan, Trial};
 use protocol::{Calibration, Command, Info, Reply, Settings, Telemetry};
@@ -314,7 +314,7 @@ impl Writer {
     /// # Errors
     /// [`LogError::Write`].
     pub fn meta<M: Meta>(&mut self, meta: &M) -> Result<(), LogError> {
-        let record = mcap::records::Metadata { name: M::NAME.to_owned(), metadata: meta::to_table(meta) };
+        let record = mcap::records::Metadata { name: M::NAME.to_owned(), metadata: to_table(meta) };
         let written = self.mcap.write_metadata(&record);
         self.check(written)
     }

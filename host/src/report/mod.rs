@@ -7,6 +7,7 @@
 //! Whatever text a log or a plan holds is escaped; see [`document::page`] for what holds beyond that.
 
 mod document;
+mod facts;
 mod heat_map;
 mod recording;
 mod session_page;

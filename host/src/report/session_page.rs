@@ -1,8 +1,9 @@
 //! The page of a session: what it came to as a whole, its maps, a table of its trials, and each trial.
 
+use super::facts::files;
 use super::heat_map::{self, Cell};
 use super::text::{clip, number, plain};
-use super::trial_section::{files, tile, warnings};
+use super::trial_section::{tile, warnings};
 use super::view::View;
 use crate::plan::Plan;
 use crate::stats::LinkStats;

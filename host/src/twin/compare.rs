@@ -3,12 +3,12 @@
 //! Both sides are put on one clock, zero where the motors start, and to one zero, the attitude of the still phase before
 //! the run. Errors are modelled less measured.
 
+use super::alike::difference;
 use super::curve::Curve;
 use super::{Recording, TwinError, hash, shift};
 use crate::attitude::steady_window;
 use protocol::units::CentiRpm;
 use serde::Serialize;
-use sim::params::Robot;
 use sim::steady::{CHANNELS, SteadyCollector};
 use std::path::{Path, PathBuf};
 
@@ -176,41 +176,6 @@ pub fn compare_logs(measured: &Path, modelled: &Path, allow: Allow) -> Result<Co
 
 fn incomparable(measured: &Path, modelled: &Path, reason: String, help: &'static str) -> TwinError {
     TwinError::Incomparable { measured: measured.to_owned(), modelled: modelled.to_owned(), reason, help }
-}
-
-/// Why two trials should not be compared, if there is a reason.
-fn difference(a: &Recording, b: &Recording) -> Result<Option<String>, TwinError> {
-    if a.speeds() != b.speeds() {
-        let speeds = |r: &Recording| r.speeds().map(|speed| speed.rpm().to_string()).join(", ");
-        return Ok(Some(format!("they have no common trial: the speeds are {} and {} rpm", speeds(a), speeds(b))));
-    }
-    if a.reverse() != b.reverse() {
-        return Ok(Some("they have no common trial: a motor reverses in one of them, or at another time".to_owned()));
-    }
-    if let (Some(one), Some(other)) = (&a.model, &b.model)
-        && one.closure != other.closure
-    {
-        return Ok(Some(format!("they have other closures: {:?} and {:?}", one.closure, other.closure).to_lowercase()));
-    }
-    Ok(robot_difference(&a.robot()?, &b.robot()?).map(|text| format!("they have other robots: {text}")))
-}
-
-/// The first parameter in which two robots differ. How their model is solved is not the robot's.
-fn robot_difference(a: &Robot, b: &Robot) -> Option<String> {
-    fn first(a: &toml::Value, b: &toml::Value, key: &str) -> Option<String> {
-        if let (toml::Value::Table(one), toml::Value::Table(other)) = (a, b) {
-            let keys = one.keys().chain(other.keys().filter(|key| !one.contains_key(*key)));
-            let path = |name: &String| if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
-            let none = toml::Value::String("not set".to_owned());
-            return keys
-                .filter_map(|name| first(one.get(name).unwrap_or(&none), other.get(name).unwrap_or(&none), &path(name)))
-                .next();
-        }
-        (a != b).then(|| format!("{key} is {a} and {b}"))
-    }
-    let value =
-        |robot: &Robot| toml::Value::try_from(Robot { solver: sim::params::Solver::default(), ..robot.clone() }).ok();
-    first(&value(a)?, &value(b)?, "")
 }
 
 /// Compares two curves; `is_replay`: the second lies on the clock of the first.
@@ -390,20 +355,6 @@ fn verdict(findings: &[Finding], allowed: [Option<f64>; 3]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn robots_are_told_apart_by_the_first_parameter_that_differs() {
-        let published = Robot::default();
-        assert_eq!(robot_difference(&published, &published), None);
-        let mut other = published.clone();
-        other.solver.sweeps += 1;
-        assert_eq!(robot_difference(&published, &other), None, "the robot is the same");
-        other.fluid.viscosity_pa_s = 1.2;
-        assert_eq!(robot_difference(&published, &other).unwrap(), "fluid.viscosity_pa_s is 1.0 and 1.2");
-        let mut mixed = published.clone();
-        mixed.fluid.glycerol = Some(sim::params::Glycerol { mass_fraction: 0.9, temperature_c: 20.0 });
-        assert!(robot_difference(&published, &mixed).unwrap().starts_with("fluid.glycerol is "));
-    }
 
     #[test]
     fn the_verdict_says_what_noise_does_not_explain_and_what_is_not_known() {

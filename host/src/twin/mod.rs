@@ -4,6 +4,7 @@
 //! both are [compared](compare_logs): on one clock, from one zero, with the drift of the yaw taken off and what is left of
 //! it stated. What the model gets wrong may be the robot's parameters, which are [calibrated](calibrate::calibrate()).
 
+mod alike;
 pub mod calibrate;
 mod compare;
 mod curve;
