@@ -5,7 +5,7 @@ use super::schema::biflag::{self, Counts, Motor, QuaternionQ15, Vector};
 use super::schema::foxglove;
 use super::writer::{CommandRecord, EventKind};
 use crate::attitude::{Euler, Unwrap, rotation};
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use protocol::frame::{MAX_FRAME, encode};
 use protocol::units::{STANDARD_GRAVITY_MPS2, SensorCounts, TemperatureCounts};
 use protocol::{Calibration, Fault, Request, Settings, State, TICK_HZ, Telemetry};
@@ -16,13 +16,38 @@ use std::collections::VecDeque;
 /// An accelerometer that is off by 20 mg tilts the attitude by a degree. The robot hangs upright while it is still, so what
 /// the accelerometer says of the vertical then is known to be wrong, and stays as wrong in body axes. The attitude is
 /// corrected about a horizontal axis, as the board's filter is misled about one: yaw comes from the gyroscope alone.
+///
+/// The filter follows the accelerometer with a time constant of 1/kp, and the gyroscope meanwhile: while the robot turns, the
+/// filter still leans to where the bias pointed in the world a second ago. So the bias goes through the same low-pass.
 #[derive(Debug)]
 pub(crate) struct Converter {
     settings: Settings,
     yaw: Unwrap,
     /// Specific force since the motors last turned, m/s², body axes; the last [`REST_FRAMES`].
     rest: VecDeque<Vector3<f64>>,
-    level: Option<LevelMeta>,
+    level: Option<Level>,
+}
+
+/// A level in force.
+#[derive(Debug)]
+struct Level {
+    /// Bias of the accelerometer, g, body axes.
+    bias: Vector3<f64>,
+    /// Where it has pointed as the filter knows it, world axes, and when that was; `None` before the first frame.
+    followed: Option<(f64, Vector3<f64>)>,
+}
+
+impl Level {
+    /// An attitude of this time, levelled. `gain`: of the board's filter, 1/s.
+    fn levelled(&mut self, attitude: UnitQuaternion<f64>, time_s: f64, gain: f64) -> UnitQuaternion<f64> {
+        let now = attitude * self.bias;
+        let bias = match self.followed {
+            Some((before_s, bias)) => bias + (now - bias) * (1.0 - (-gain * (time_s - before_s).max(0.0)).exp()),
+            None => now,
+        };
+        self.followed = Some((time_s, bias));
+        LevelMeta::without(attitude, attitude.inverse() * bias)
+    }
 }
 
 /// Frames that tell how the robot hangs: five seconds at the board's full rate.
@@ -57,12 +82,12 @@ impl Converter {
         let tilt_deg = up.xy().norm().atan2(up.z).to_degrees();
         let force_g = force.norm() / STANDARD_GRAVITY_MPS2;
         let level = LevelMeta { up: up.into(), force_g, tilt_deg, used: tilt_deg <= LARGEST_TILT_DEG };
-        self.level = Some(level.clone());
+        self.level = level.used.then(|| Level { bias: level.bias_g(), followed: None });
         Some(level)
     }
 
     pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, time_s: f64) -> biflag::Telemetry {
-        let Settings { gyro_axes, accel_axes, gyro_range, accel_range, gyro_bias, .. } = self.settings;
+        let Settings { gyro_axes, accel_axes, gyro_range, accel_range, gyro_bias, attitude_kp, .. } = self.settings;
         let per_dps = f64::from(gyro_range.counts_per_dps());
         let rates = [0, 1, 2].map(|i| (f64::from(frame.gyro[i].0) - f64::from(gyro_bias[i])) / per_dps);
         let force = accel_axes.apply(frame.accel.map(|counts| accel_range.mps2(counts)));
@@ -73,7 +98,10 @@ impl Converter {
             self.rest.push_front(Vector3::from(force));
         }
         let attitude = rotation(frame.attitude.to_f64());
-        let attitude = self.level.as_ref().map_or(attitude, |level| level.levelled(attitude));
+        let attitude = match &mut self.level {
+            Some(level) => level.levelled(attitude, time_s, attitude_kp.into()),
+            None => attitude,
+        };
         let parts = [attitude.w, attitude.i, attitude.j, attitude.k];
         let euler = Euler::of(&attitude);
         let [motor1, motor2] = [0, 1].map(|i| self.motor(frame, i));
@@ -204,7 +232,6 @@ fn counts(counts: [SensorCounts; 3]) -> Counts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::UnitQuaternion;
     use protocol::units::Quaternion;
 
     const DT: f64 = 0.005;
@@ -242,21 +269,30 @@ mod tests {
         let mut converter = Converter::new(Settings::DEFAULT);
         assert_eq!(converter.level(), None, "nothing was read yet");
         let mut last = biflag::Telemetry::default();
+        let mut time_s = 0.0;
+        let mut tell = |converter: &mut Converter, frame: &Telemetry| {
+            time_s += DT;
+            converter.telemetry(frame, 0, time_s)
+        };
         for _ in 0..2000 {
-            last = converter.telemetry(&board.turn(Vector3::zeros(), State::Idle), 0, 0.0);
+            last = tell(&mut converter, &board.turn(Vector3::zeros(), State::Idle));
         }
         assert!((last.pitch_deg + 1.70).abs() < 0.02, "{last:?}");
         let level = converter.level().unwrap();
         assert!(level.used && (level.tilt_deg - 2.04).abs() < 0.02, "{level:?}");
-        last = converter.telemetry(&board.turn(Vector3::zeros(), State::Idle), 0, 0.0);
+        last = tell(&mut converter, &board.turn(Vector3::zeros(), State::Idle));
         assert!(last.pitch_deg.abs() < 0.01 && last.roll_deg.abs() < 0.01, "{last:?}");
+        let mut worst = 0f64;
         // It pitches by 16° and turns by 120° about the vertical, and stays so until the filter has settled.
         for i in 0..6000 {
             let rate = |from, to| if (from..to).contains(&i) { 1.0 / f64::from(to - from) } else { 0.0 };
             let vertical = board.truth.inverse() * Vector3::z() * (120_f64.to_radians() * rate(1000, 3000));
             let turn = Vector3::y() * (16_f64.to_radians() * rate(0, 1000)) + vertical;
-            last = converter.telemetry(&board.turn(turn, State::Running), 0, 0.0);
+            last = tell(&mut converter, &board.turn(turn, State::Running));
+            let truth = Euler::of(&board.truth);
+            worst = worst.max((last.pitch_deg - truth.pitch_deg).abs()).max((last.roll_deg - truth.roll_deg).abs());
         }
+        assert!(worst < 0.05, "on the way, too: {worst}");
         let euler = Euler::of(&board.truth);
         assert!((euler.pitch_deg - 16.0).abs() < 1e-6 && (euler.yaw_deg - 120.0).abs() < 1e-6);
         assert!((last.pitch_deg - 16.0).abs() < 0.01 && last.roll_deg.abs() < 0.01, "{last:?}");

@@ -161,20 +161,22 @@ impl LevelMeta {
     const LARGEST_ERROR_G: f64 = 0.11;
 
     /// What the accelerometer reads too much, g, body axes.
-    fn bias_g(&self) -> Vector3<f64> {
+    pub(super) fn bias_g(&self) -> Vector3<f64> {
         let is_gravity = (self.force_g - 1.0).abs() < Self::LARGEST_ERROR_G;
         Vector3::from(self.up) * if is_gravity { self.force_g } else { 1.0 } - Vector3::z()
     }
 
-    /// An attitude, body to world, less what the accelerometer's bias makes of it.
+    /// An attitude of rest, body to world, less what the accelerometer's bias makes of it.
+    pub fn levelled(&self, attitude: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        if self.used { Self::without(attitude, self.bias_g()) } else { attitude }
+    }
+
+    /// An attitude, body to world, without what a bias of the accelerometer (g, body axes) makes of it.
     ///
     /// The attitude's up is the direction of true up and the bias together. How far it is from the bias's point to the sphere
     /// of true directions follows from its length, 1 g.
-    pub fn levelled(&self, attitude: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
-        if !self.used {
-            return attitude;
-        }
-        let (seen, bias) = (attitude.inverse() * Vector3::z(), self.bias_g());
+    pub(super) fn without(attitude: UnitQuaternion<f64>, bias: Vector3<f64>) -> UnitQuaternion<f64> {
+        let seen = attitude.inverse() * Vector3::z();
         let along = seen.dot(&bias);
         let length = along + (along * along - bias.norm_squared() + 1.0).max(0.0).sqrt();
         let up = attitude * (seen * length - bias);
