@@ -148,7 +148,9 @@ impl Curve {
         let (scatter, count) = self.tilt_scatter?;
         // The filter's noise lasts about a second, so that blocks know a little of their neighbours.
         let independent = 0.5 * (count as f64).min(TILT_ZERO_S / BLOCK_S);
-        Some((drift.angle_walk, still.end - still.start, scatter.map(|deg| deg * deg / independent)))
+        // The floor is of 95 %; a robot that still swings back a little is within it.
+        let zero = |deg: f64| deg * deg / independent + (0.5 * TILT_FLOOR_DEG).powi(2);
+        Some((drift.angle_walk, still.end - still.start, scatter.map(zero)))
     }
 
     /// Drift that was taken off the yaw up to a time, degrees.

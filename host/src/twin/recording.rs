@@ -19,6 +19,9 @@ const GAP_S: f64 = 0.21;
 /// The shortest run that is worth a model's while, s.
 const SHORTEST_RUN_S: f64 = 1.0;
 
+/// Delay of the gyroscope for each setting of the sensor's low-pass, s (MPU-6000 register map, section 4.3).
+const FILTER_DELAY_S: [f64; 7] = [0.98e-3, 1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3];
+
 /// The channels that are read.
 const CHANNELS: &[&str] = &["/telemetry", "/event"];
 
@@ -103,6 +106,12 @@ impl Recording {
                 let levelled = level.levelled(rotation(*attitude));
                 *attitude = [levelled.w, levelled.i, levelled.j, levelled.k];
             }
+        }
+        // The sensor's filter tells of a motion some milliseconds after it; encoders are read at once.
+        let settings = reader.meta::<BoardMeta>().and_then(|board| board.settings());
+        if let (Some(settings), false) = (settings, origin == Origin::Model) {
+            let delay_s = FILTER_DELAY_S[usize::from(settings.low_pass).min(FILTER_DELAY_S.len() - 1)];
+            collector.attitude.iter_mut().for_each(|(time, _)| *time -= delay_s);
         }
         let end_s = collector.turns.last().map_or(0.0, |(time, _)| *time);
         let mut recording = Self {

@@ -2,7 +2,7 @@
 
 use super::super::curve::Curve;
 use super::super::{Recording, TwinError, hash, speeds};
-use nalgebra::{DMatrix, Dyn, linalg::Cholesky};
+use nalgebra::{DMatrix, DVector, Dyn, linalg::Cholesky};
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
 use sim::robot::closure::Closure;
@@ -15,8 +15,11 @@ pub(super) const BLOCK_S: f64 = 0.5;
 /// Samples of the model in a block.
 const SAMPLES: usize = 10;
 
-/// Standard deviation that is taken for the error of a block at first, before the residuals tell it, degrees.
-const FIRST_GUESS_DEG: f64 = 0.1;
+/// Standard deviation that is taken for the error of a block in the weights of the fit, degrees.
+const GUESS_DEG: f64 = 0.1;
+
+/// Standard deviation of what the clocks of attitude and motors are apart, s: about what the sensor's filter leaves of its delay.
+const TIMING_S: f64 = 0.002;
 
 /// Standard deviation of what a trial's model turns too far by its numbers alone, over what it turns: its mean forces carry
 /// some tenths of a per cent from tolerance and steps.
@@ -136,14 +139,18 @@ impl Data {
         })
     }
 
-    /// Cholesky's factor of the covariance of the blocks, given what the residuals tell of the rest of it.
+    /// The covariance of the blocks, given what is known of the errors besides the sensor's, the model's numbers and the
+    /// clocks'.
     pub fn whitener(&self, angle: usize, rest: Correlated) -> Option<Whitener> {
         let count = self.blocks();
         let mut covariance = self.sensor_covariance(angle);
         let turned = &self.measured[angle];
+        let rate = |i: usize| (turned[(i + 1).min(count - 1)] - turned[i.saturating_sub(1)]) / (2.0 * BLOCK_S);
+        let rates: Vec<f64> = (0..count).map(rate).collect();
         for i in 0..count {
             for j in 0..count {
                 covariance[(i, j)] += NUMBERS.powi(2) * turned[i] * turned[j];
+                covariance[(i, j)] += TIMING_S.powi(2) * rates[i] * rates[j];
                 covariance[(i, j)] += rest.variance * rest.step.powi(i.abs_diff(j) as i32);
             }
         }
@@ -163,7 +170,7 @@ pub(super) struct Correlated {
 impl Correlated {
     /// What is taken before anything is known.
     pub fn guess() -> Self {
-        Self { variance: FIRST_GUESS_DEG.powi(2), step: 0.0 }
+        Self { variance: GUESS_DEG.powi(2), step: 0.0 }
     }
 
     /// From residuals of trials.
@@ -184,12 +191,28 @@ impl Correlated {
     }
 }
 
-/// Makes correlated errors independent, of variance 1.
+/// Covariance of errors, factored.
 pub(super) struct Whitener(Cholesky<f64, Dyn>);
 
 impl Whitener {
+    /// How many errors it is of.
+    pub fn count(&self) -> usize {
+        self.0.l_dirty().nrows()
+    }
+
+    /// The transposed inverse of the factor, times these.
+    pub fn whiten_transposed(&self, values: &mut DVector<f64>) {
+        self.0.l_dirty().tr_solve_lower_triangular_mut(values);
+    }
+
+    /// The transposed factor, times these: the square of the result is their variance.
+    pub fn spread(&self, values: &DVector<f64>) -> DVector<f64> {
+        self.0.l().tr_mul(values)
+    }
+
+    /// Makes correlated errors independent, of variance 1.
     pub fn whiten(&self, values: &[f64]) -> Vec<f64> {
-        let mut column = nalgebra::DVector::from_column_slice(values);
+        let mut column = DVector::from_column_slice(values);
         // The factor of a positive definite matrix has no zero on its diagonal.
         self.0.l_dirty().solve_lower_triangular_mut(&mut column);
         column.as_slice().to_vec()

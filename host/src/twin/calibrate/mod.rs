@@ -5,12 +5,14 @@
 //! logarithms over their start.
 //!
 //! Residuals that follow each other are alike, and standard errors that took them for independent would be too small
-//! several times over. So the fit is made twice. The first tells by its residuals how large and how alike they are: they
-//! are taken for a process of first order for each angle, beside what the sensor does by itself (the random walk of the
-//! yaw, the walk of the gyroscope's bias since it was still, the error of the zeros). The second weighs the residuals by
-//! the inverse of that covariance (generalised least squares; Seber and Wild 2003, Nonlinear Regression, chapter 6), and
-//! gives the standard errors, to which the model's own numbers add theirs. What is wrong with the model itself, the fit
-//! takes for noise that lasts.
+//! several times over. The fit weighs blocks by what the sensor does by itself (the random walk of the yaw, the walk of
+//! the gyroscope's bias since it was still, the levelling, the error of the zeros), what the model's numbers and the clocks
+//! leave, and a guess at the rest, as if that were independent. Weights that took the rest for as alike as it is would be
+//! sharper, but trust the first moments of a motion more than model and clocks deserve: a delay of 5 ms then moved the
+//! tether by 3 %. How large and how alike the residuals are, taken for a process of first order for each angle, goes into
+//! the standard errors, which hold for whatever weights the fit had (White 1980, Econometrica 48, 817; Seber and Wild 2003,
+//! Nonlinear Regression, chapter 6). To them the model's own numbers add theirs. What is wrong with the model itself, the
+//! fit takes for noise that lasts.
 
 mod data;
 mod file;
@@ -35,9 +37,6 @@ use std::path::PathBuf;
 
 /// The fit has ended where no parameter moves by more than this share of itself; a part of a standard error.
 const PRECISION: f64 = 1e-3;
-
-/// The first fit, which tells the residuals, need not be so exact.
-const ROUGHLY: f64 = 1e-2;
 
 /// A fit that has not ended after this many times as many evaluations as parameters will not.
 const PATIENCE: usize = 20;
@@ -189,13 +188,10 @@ fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)
             "start from another robot with --robot",
         ));
     };
-    let problem = minimise(problem, ROUGHLY)?;
-    let rest = problem::correlations(&problem.errors().unwrap_or_default());
-    let whiteners = self::whiteners(&trials, rest)?;
-    let problem = Problem::new(given, parameters, &whiteners, &simulated, problem.moved().to_vec());
-    let problem = minimise(problem, PRECISION)?;
+    let problem = minimise(problem)?;
     let errors = problem.errors().unwrap_or_default();
-    let covariance = covariance(&problem)?;
+    let rest = problem::correlations(&errors);
+    let covariance = covariance(&problem, &self::whiteners(&trials, rest)?)?;
 
     // What the parameters took up of the residuals is not seen in them any more.
     let blocks: usize = trials.iter().map(Data::blocks).sum();
@@ -263,8 +259,8 @@ fn whiteners(trials: &[Data], rest: [Correlated; 3]) -> Result<Vec<[Whitener; 3]
     trials.par_iter().map(one).collect()
 }
 
-fn minimise(problem: Problem, precision: f64) -> Result<Problem, TwinError> {
-    let method = LevenbergMarquardt::new().with_tol(precision).with_patience(PATIENCE);
+fn minimise(problem: Problem) -> Result<Problem, TwinError> {
+    let method = LevenbergMarquardt::new().with_tol(PRECISION).with_patience(PATIENCE);
     let (problem, report) = method.minimize(problem);
     if report.termination.was_successful() {
         return Ok(problem);
@@ -273,8 +269,8 @@ fn minimise(problem: Problem, precision: f64) -> Result<Problem, TwinError> {
     Err(failed(&reason, "fit fewer parameters with --fit, or to trials at other speeds"))
 }
 
-/// Covariance of what the fit moved: the inverse of the squared Jacobian of the whitened residuals.
-fn covariance(problem: &Problem) -> Result<DMatrix<f64>, TwinError> {
+/// Covariance of what the fit moved, where errors have the covariance `noise`, whatever the weights of the fit were.
+fn covariance(problem: &Problem, noise: &[[Whitener; 3]]) -> Result<DMatrix<f64>, TwinError> {
     let blind = || failed("the trials do not tell all parameters", "fit fewer parameters with --fit");
     let jacobian = problem.jacobian().ok_or_else(blind)?;
     let jacobian = DMatrix::from_column_slice(jacobian.nrows(), jacobian.ncols(), jacobian.as_slice());
@@ -283,8 +279,21 @@ fn covariance(problem: &Problem) -> Result<DMatrix<f64>, TwinError> {
         return Err(blind());
     }
     let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| jacobian[(i, j)] / scale[j]);
-    let inverse = (scaled.transpose() * scaled).cholesky().ok_or_else(blind)?.inverse();
-    Ok(DMatrix::from_fn(scale.len(), scale.len(), |i, j| inverse[(i, j)] / (scale[i] * scale[j])))
+    let inverse = (scaled.transpose() * &scaled).cholesky().ok_or_else(blind)?.inverse();
+    // How far each error moves each parameter, spread by what errors there are.
+    let mut spread = scaled;
+    let mut first = 0;
+    for (weights, noise) in problem.whiteners.iter().flatten().zip(noise.iter().flatten()) {
+        let count = weights.count();
+        for j in 0..spread.ncols() {
+            let mut part = spread.view((first, j), (count, 1)).column(0).into_owned();
+            weights.whiten_transposed(&mut part);
+            spread.view_mut((first, j), (count, 1)).copy_from(&noise.spread(&part));
+        }
+        first += count;
+    }
+    let covariance = &inverse * (spread.transpose() * spread) * &inverse;
+    Ok(DMatrix::from_fn(scale.len(), scale.len(), |i, j| covariance[(i, j)] / (scale[i] * scale[j])))
 }
 
 fn cannot_tell(estimates: &[Estimate], correlations: &DMatrix<f64>, parameters: &[Parameter]) -> Vec<String> {
