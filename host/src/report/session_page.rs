@@ -59,7 +59,7 @@ pub(super) fn overview(
     html! {
         h1 { (clip(&plan.name, 200)) }
         p.meta {
-            span { "session of " (rows.len()) " trials" }
+            span { "session of " (rows.len()) @if rows.len() == 1 { " trial" } @else { " trials" } }
             @if !plan.operator.is_empty() { span { (clip(&plan.operator, 200)) } }
             span { "robot " (clip(&plan.robot.name, 200)) }
             span { (folder.display()) }
