@@ -137,7 +137,7 @@ fn the_logged_attitude_is_the_true_one() {
 #[test]
 fn a_robot_that_cannot_be_computed_ends_the_trial_with_the_reason() {
     let bench = Bench::new();
-    bench.file("hard.toml", "[flagellum]\nyoung_pa = 2e4\n[solver]\nhalvings = 0\n");
+    bench.file("hard.toml", "[flagellum]\nyoung_pa = 2e4\n[solver]\nhalvings = 0\nsweeps = 12\ntolerance = 1e-4\n");
     let plan = bench.file(
         "plan.toml",
         "[session]\nrobot = \"hard.toml\"\n\
