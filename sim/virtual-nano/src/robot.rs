@@ -281,6 +281,8 @@ mod tests {
         parameters.solver.halvings = 0;
         let mut soft = parameters.clone();
         soft.flagellum.young_pa = 2e4;
+        soft.solver.tolerance = 1e-4;
+        soft.solver.sweeps = 12;
         parameters.solver.tolerance = 1e-7;
         parameters.solver.sweeps = 2;
         assert!(Robot::new(&parameters, 20.0).is_err_and(|error| error.contains("no step from -150.0")));
