@@ -4,7 +4,7 @@
 //! 51 kB, where a page may hold a hundred trials. (The script that the `plotly` crate carries is 4.7 MB, half of what a page may
 //! weigh.) The view of the robot is drawn on a plain canvas, which needs no WebGL and prints.
 //!
-//! Whatever text a log or a plan holds is escaped; see [`document::page`] for what holds beyond that.
+//! Whatever text a log or a plan holds is escaped; see `document::page` for what holds beyond that.
 
 mod document;
 mod facts;
