@@ -27,6 +27,7 @@ fn main() {
         let v: f64 = value.parse().expect("number");
         match key {
             "rad" => (robot.solver.step_rad, robot.solver.contact_step_rad) = (v, v.min(robot.solver.contact_step_rad)),
+            "contact_rad" => robot.solver.contact_step_rad = v,
             "tol" => robot.solver.tolerance = v,
             "rho" => robot.flagellum.density_kg_m3 = v,
             "eps" => robot.fluid.regularisation_radii = v,

@@ -1,50 +1,67 @@
 //! The linear complementarity problem 0 <= l, b + C l >= 0, l (b + C l) = 0.
 //!
-//! C is small (one row a contact) and nearly symmetric: a primal-dual active set method (Hintermueller,
-//! Ito, Kunisch 2002) solves it exactly, if need be from where projected Gauss-Seidel has got to, and where that
-//! cycles, projected Gauss-Seidel on the symmetrised matrix always gives a usable answer. A wrong
-//! multiplier left on a separated pair would spoil everything that follows.
+//! C is small (one row a contact) and nearly symmetric: block principal pivoting (Judice and Pires 1994)
+//! solves it exactly in a few steps, in finitely many where every principal minor of C is positive. Where
+//! the columns are so rough that this is not so, projected Gauss-Seidel on the symmetrised matrix gives a
+//! usable answer. A wrong multiplier left on a separated pair would spoil everything that follows.
+
+/// Pivots without progress before they are done one by one.
+const PATIENCE: u32 = 3;
+/// Sweeps of projected Gauss-Seidel.
+const SWEEPS: usize = 300;
 
 /// Solves the problem; `matrix` row by row, `l` the start. The diagonal must be positive.
-pub fn solve(matrix: &[f64], b: &[f64], l: &mut Vec<f64>, tolerance: f64) {
-    let start = l.clone();
-    // Mostly the pairs that pressed before press again.
-    if active_set(matrix, b, l, tolerance, 4) {
+pub fn solve(matrix: &[f64], b: &[f64], l: &mut [f64], tolerance: f64) {
+    if principal_pivoting(matrix, b, l, tolerance) {
         return;
     }
-    *l = start;
-    gauss_seidel(matrix, b, l, 40, tolerance);
-    let start = l.clone();
-    if active_set(matrix, b, l, tolerance, 10) {
-        return;
-    }
-    *l = start;
     let size = b.len();
     let mean: Vec<f64> = (0..size * size).map(|q| 0.5 * (matrix[q] + matrix[(q % size) * size + q / size])).collect();
-    gauss_seidel(&mean, b, l, 300, tolerance);
-}
-
-/// Whether so many steps find the solution.
-fn active_set(matrix: &[f64], b: &[f64], l: &mut Vec<f64>, tolerance: f64, steps: usize) -> bool {
-    for _ in 0..steps {
-        match active_set_step(matrix, b, l, tolerance) {
-            Outcome::Solved => return true,
-            Outcome::Changed => {}
-            Outcome::Failed => return false,
-        }
-    }
-    false
-}
-
-enum Outcome {
-    Solved,
-    Changed,
-    Failed,
+    gauss_seidel(&mean, b, l, SWEEPS, tolerance);
 }
 
 fn row_sum(matrix: &[f64], b: &[f64], l: &[f64], row: usize) -> f64 {
     let size = b.len();
     b[row] + matrix[row * size..(row + 1) * size].iter().zip(l).map(|(c, l)| c * l).sum::<f64>()
+}
+
+/// Whether the solution was found; else `l` is as it was.
+fn principal_pivoting(matrix: &[f64], b: &[f64], l: &mut [f64], tolerance: f64) -> bool {
+    let size = b.len();
+    let mut active: Vec<bool> =
+        (0..size).map(|r| l[r] - row_sum(matrix, b, l, r) / matrix[r * size + r].max(1e-9) > 0.0).collect();
+    let (mut fewest, mut patience) = (size + 1, PATIENCE);
+    let mut next = vec![0.0; size];
+    for _ in 0..10 + 4 * size {
+        let set: Vec<usize> = (0..size).filter(|&r| active[r]).collect();
+        let rows = set.iter().map(|&r| set.iter().map(|&c| matrix[r * size + c]).chain([-b[r]]).collect()).collect();
+        let Some(values) = solve_dense(rows) else {
+            return false;
+        };
+        next.fill(0.0);
+        for (&r, value) in set.iter().zip(values) {
+            next[r] = value;
+        }
+        let wrong = |r: &usize| if active[*r] { next[*r] < 0.0 } else { row_sum(matrix, b, &next, *r) <= -tolerance };
+        let wrong: Vec<usize> = (0..size).filter(wrong).collect();
+        let Some(last) = wrong.last() else {
+            l.copy_from_slice(&next);
+            return true;
+        };
+        if wrong.len() < fewest {
+            (fewest, patience) = (wrong.len(), PATIENCE);
+        } else if patience > 0 {
+            patience -= 1;
+        } else {
+            // One by one no set comes back (Murty 1974).
+            active[*last] = !active[*last];
+            continue;
+        }
+        for r in wrong {
+            active[r] = !active[r];
+        }
+    }
+    false
 }
 
 fn gauss_seidel(matrix: &[f64], b: &[f64], l: &mut [f64], sweeps: usize, tolerance: f64) {
@@ -61,26 +78,6 @@ fn gauss_seidel(matrix: &[f64], b: &[f64], l: &mut [f64], sweeps: usize, toleran
             break;
         }
     }
-}
-
-fn active_set_step(matrix: &[f64], b: &[f64], l: &mut Vec<f64>, tolerance: f64) -> Outcome {
-    let size = b.len();
-    let active: Vec<usize> = (0..size)
-        .filter(|&row| l[row] - row_sum(matrix, b, l, row) / matrix[row * size + row].max(1e-9) > 0.0)
-        .collect();
-    let rows: Vec<Vec<f64>> =
-        active.iter().map(|&r| active.iter().map(|&c| matrix[r * size + c]).chain([-b[r]]).collect()).collect();
-    let Some(values) = solve_dense(rows) else {
-        return Outcome::Failed;
-    };
-    let mut next = vec![0.0; size];
-    for (&row, value) in active.iter().zip(&values) {
-        next[row] = value.max(0.0);
-    }
-    *l = next;
-    let consistent = values.iter().all(|&v| v >= 0.0)
-        && (0..size).all(|r| active.contains(&r) || row_sum(matrix, b, l, r) > -tolerance);
-    if consistent { Outcome::Solved } else { Outcome::Changed }
 }
 
 /// Solves rows of an augmented matrix by elimination with pivoting; `None` when singular.

@@ -144,13 +144,7 @@ impl Contacts {
         if !set.iter().any(|&q| touching(&self.pairs[q])) {
             return Outcome::default();
         }
-        for &q in &set {
-            if self.columns[q].is_none() {
-                let answers = column(&self.pairs[q], flagella, context);
-                let pair = &self.pairs[q];
-                self.columns[q] = Some(Column { answers, normal: pair.normal, at: pair.at });
-            }
-        }
+        self.fill_columns(&set, flagella, context);
         let size = set.len();
         let mut matrix = vec![0.0; size * size];
         let mut right = vec![0.0; size];
@@ -214,6 +208,23 @@ impl Contacts {
         }
         Outcome { violation: self.violation(limits), motion }
     }
+
+    /// Columns of the pairs in `set` that have none.
+    fn fill_columns(&mut self, set: &[usize], flagella: &mut [Flagellum; 2], context: &Context) {
+        let missing: Vec<usize> = set.iter().copied().filter(|&q| self.columns[q].is_none()).collect();
+        let mut flows = [Vec::new(), Vec::new()];
+        for &q in &missing {
+            for (flows, flow) in flows.iter_mut().zip(flow_of_pair(&self.pairs[q], flagella, context)) {
+                flows.push(flow);
+            }
+        }
+        let [first, second] =
+            [0, 1].map(|k| flagella[k].respond(context.inverses[k], &flows[k], context.motion[k].kappa));
+        for ((q, a), b) in missing.into_iter().zip(first).zip(second) {
+            let pair = &self.pairs[q];
+            self.columns[q] = Some(Column { answers: [a, b], normal: pair.normal, at: pair.at });
+        }
+    }
 }
 
 /// Nodes of both rods in the body frame.
@@ -225,8 +236,8 @@ pub fn update_lines(flagella: &[Flagellum; 2], shafts: &[Shaft; 2], lines: &mut 
     }
 }
 
-/// Answers of both rods to a unit normal force in a pair.
-fn column(pair: &Pair, flagella: &mut [Flagellum; 2], context: &Context) -> [Vec<f64>; 2] {
+/// Flow (m/s, shaft frames) at the nodes of both rods for a unit normal force in a pair.
+fn flow_of_pair(pair: &Pair, flagella: &mut [Flagellum; 2], context: &Context) -> [Vec<V3>; 2] {
     let mut density: [Vec<V3>; 2] = [0, 1].map(|k| vec![V3::zeros(); context.rods[k].nodes()]);
     for (rod, node, weight) in pair.weights() {
         if node >= CLAMPED {
@@ -254,10 +265,7 @@ fn column(pair: &Pair, flagella: &mut [Flagellum; 2], context: &Context) -> [Vec
     }
     [0, 1].map(|k| {
         let own = pair.rods.contains(&k).then_some(density[k].as_slice());
-        let flow = flagella[k].flow_of(own, &seen[k]);
-        let kappa = context.motion[k].kappa;
-        flagella[k].respond(&context.rods[k], context.inverses[k], &flow, kappa);
-        flagella[k].correction.clone()
+        flagella[k].flow_of(own, &seen[k])
     })
 }
 

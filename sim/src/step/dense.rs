@@ -94,9 +94,19 @@ impl Panels {
         Self { size, values }
     }
 
-    /// `out` = matrix times `vector`; `out` has room for whole panels, see [`Panels::padded`].
-    pub fn multiply(&self, vector: &[f32], out: &mut [f32]) {
-        Arch::new().dispatch(Product { panels: self, vector, out });
+    /// `out` = matrix times each of `vectors`, which stand one after the other, as the results do, each with
+    /// its padding: see [`Panels::padded`].
+    pub fn multiply(&self, vectors: &[f32], out: &mut [f32]) {
+        let (size, padded) = (self.size, Self::padded(self.size));
+        let arch = Arch::new();
+        // Three at a time: the matrix is too large for the nearest cache, and more sums than registers.
+        for (vectors, out) in vectors.chunks(3 * size).zip(out.chunks_mut(3 * padded)) {
+            match vectors.len() / size {
+                3 => arch.dispatch(Product::<3> { panels: self, vectors, out }),
+                2 => arch.dispatch(Product::<2> { panels: self, vectors, out }),
+                _ => arch.dispatch(Product::<1> { panels: self, vectors, out }),
+            }
+        }
     }
 
     /// Length of a result with its padding.
@@ -105,42 +115,50 @@ impl Panels {
     }
 }
 
-struct Product<'a> {
+/// A product with `K` vectors, each with more than one sum a row where registers allow: it hides latency.
+struct Product<'a, const K: usize> {
     panels: &'a Panels,
-    vector: &'a [f32],
+    vectors: &'a [f32],
     out: &'a mut [f32],
 }
 
-impl WithSimd for Product<'_> {
+impl<const K: usize> WithSimd for Product<'_, K> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let size = self.panels.size;
-        let vectors = PANEL / S::F32_LANES;
+        let registers = PANEL / S::F32_LANES;
+        let padded = Panels::padded(size) / S::F32_LANES;
         let out = S::as_mut_simd_f32s(self.out).0;
-        for (panel, out) in self.panels.values.chunks_exact(PANEL * size).zip(out.chunks_exact_mut(vectors)) {
-            // The narrowest vectors have four lanes: eight sums a panel, twice to hide latency.
-            let mut even = [simd.splat_f32s(0.0); PANEL / 4];
-            let mut odd = even;
-            let mut columns = panel.chunks_exact(2 * PANEL).zip(self.vector.chunks_exact(2));
-            for (pair, x) in columns.by_ref() {
-                let values = S::as_simd_f32s(pair).0;
-                let (x0, x1) = (simd.splat_f32s(x[0]), simd.splat_f32s(x[1]));
-                for v in 0..vectors {
-                    even[v] = simd.mul_add_e_f32s(values[v], x0, even[v]);
-                    odd[v] = simd.mul_add_e_f32s(values[vectors + v], x1, odd[v]);
+        let second = if K == 1 { 1 } else { 0 };
+        for (p, panel) in self.panels.values.chunks_exact(PANEL * size).enumerate() {
+            // The narrowest vectors have four lanes.
+            let mut sums = [[[simd.splat_f32s(0.0); PANEL / 4]; K]; 2];
+            let mut pairs = S::as_simd_f32s(panel).0.chunks_exact(2 * registers);
+            for (c, pair) in pairs.by_ref().enumerate() {
+                for k in 0..K {
+                    let x = &self.vectors[k * size + 2 * c..][..2];
+                    let (x0, x1) = (simd.splat_f32s(x[0]), simd.splat_f32s(x[1]));
+                    for v in 0..registers {
+                        sums[0][k][v] = simd.mul_add_e_f32s(pair[v], x0, sums[0][k][v]);
+                        sums[second][k][v] = simd.mul_add_e_f32s(pair[registers + v], x1, sums[second][k][v]);
+                    }
                 }
             }
-            if size % 2 == 1 {
-                let values = S::as_simd_f32s(&panel[PANEL * (size - 1)..]).0;
-                let x = simd.splat_f32s(self.vector[size - 1]);
-                for v in 0..vectors {
-                    even[v] = simd.mul_add_e_f32s(values[v], x, even[v]);
+            let last = pairs.remainder();
+            if !last.is_empty() {
+                for k in 0..K {
+                    let x = simd.splat_f32s(self.vectors[k * size + size - 1]);
+                    for v in 0..registers {
+                        sums[0][k][v] = simd.mul_add_e_f32s(last[v], x, sums[0][k][v]);
+                    }
                 }
             }
-            for v in 0..vectors {
-                out[v] = simd.add_f32s(even[v], odd[v]);
+            for k in 0..K {
+                for v in 0..registers {
+                    out[k * padded + p * registers + v] = simd.add_f32s(sums[0][k][v], sums[1][k][v]);
+                }
             }
         }
     }
@@ -160,13 +178,17 @@ mod tests {
             let mut inverse = matrix.clone();
             assert!(invert(&mut inverse, size));
             let panels = Panels::new(&inverse, size);
+            // Column by column and all at once.
+            let columns: Vec<f32> = (0..size * size).map(|q| matrix[(q % size) * size + q / size] as f32).collect();
+            let padded = Panels::padded(size);
+            let mut all = vec![0.0; size * padded];
+            panels.multiply(&columns, &mut all);
             for c in 0..size {
-                let column: Vec<f32> = (0..size).map(|r| matrix[r * size + c] as f32).collect();
-                let mut out = vec![0.0; Panels::padded(size)];
-                panels.multiply(&column, &mut out);
-                for (r, v) in out.iter().take(size).enumerate() {
+                let mut out = vec![0.0; padded];
+                panels.multiply(&columns[c * size..(c + 1) * size], &mut out);
+                for (r, (v, w)) in out.iter().zip(&all[c * padded..]).take(size).enumerate() {
                     let want = if r == c { 1.0 } else { 0.0 };
-                    assert!((v - want).abs() < 1e-4, "{size} {r} {c} {v}");
+                    assert!((v - want).abs() < 1e-4 && (w - want).abs() < 1e-4, "{size} {r} {c} {v} {w}");
                 }
             }
         }

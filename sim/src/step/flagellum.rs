@@ -5,6 +5,7 @@
 //! clamped nodes are unknowns, and the residual is the velocity of every node less the mobility times
 //! the density, with the torque about every free edge.
 
+use super::dense::Panels;
 use super::preconditioner::{Preconditioner, torque_scale};
 use crate::V3;
 use crate::fluid::far::{Sources, Targets, gauss_rule};
@@ -82,7 +83,7 @@ impl Flagellum {
             targets: Targets::new(n, robot.solver.far_field),
             sources: Sources::default(),
             carried: vec![0.0; 4 * n - 2],
-            product: vec![0.0; super::dense::Panels::padded(4 * n - 2)],
+            product: vec![0.0; Panels::padded(4 * n - 2)],
             rule: gauss_rule(points),
             epsilon: robot.epsilon(),
             viscosity: robot.fluid.viscosity(),
@@ -172,65 +173,34 @@ impl Flagellum {
     }
 
     /// `correction` = minus the frozen inverse times the residual, carried along with the rod.
-    pub fn precondition(&mut self, rod: &Rod, preconditioner: &Preconditioner) {
-        let residual = std::mem::take(&mut self.residual);
-        self.carry(rod, preconditioner, &residual, -1.0);
-        self.residual = residual;
-    }
-
-    /// Answer of the rod within the step to point forces that act on its surroundings: `correction` for
-    /// a flow (m/s, shaft frame) at every node.
-    pub fn respond(&mut self, rod: &Rod, preconditioner: &Preconditioner, flow: &[V3], kappa: f64) {
-        let mut rows = vec![0.0; 4 * rod.nodes() - 2];
-        for (i, u) in flow.iter().enumerate() {
-            for a in 0..3 {
-                rows[3 * i + a] = u[a] / kappa;
-            }
-        }
-        self.carry(rod, preconditioner, &rows, 1.0);
-    }
-
-    /// The product with the frozen inverse: differences between neighbours are turned edge by edge from
-    /// today's material frames to those at its factorisation, and back.
-    fn carry(&mut self, rod: &Rod, preconditioner: &Preconditioner, rows: &[f64], sign: f64) {
-        let n = rod.nodes();
-        let at = |v: &[f64], i: usize| V3::new(v[3 * i], v[3 * i + 1], v[3 * i + 2]);
-        for (slot, value) in self.carried.iter_mut().zip(rows) {
-            *slot = *value as f32;
-        }
-        let built = &preconditioner.frames;
-        let mut sum = at(rows, 1);
-        let mut last = sum;
-        for e in 1..n - 1 {
-            let next = at(rows, e + 1);
-            let step = next - last;
-            last = next;
-            let [t, d1] = built[e];
-            sum += t * step.dot(&self.frames.tangent.at(e))
-                + d1 * step.dot(&self.frames.m1.at(e))
-                + t.cross(&d1) * step.dot(&self.frames.m2.at(e));
-            for a in 0..3 {
-                self.carried[3 * e + 3 + a] = sum[a] as f32;
-            }
+    pub fn precondition(&mut self, preconditioner: &Preconditioner) {
+        let n = self.shape.nodes.len();
+        let residual = |i: usize| V3::new(self.residual[3 * i], self.residual[3 * i + 1], self.residual[3 * i + 2]);
+        carry_there(&preconditioner.frames, &self.frames, residual, &mut self.carried[..3 * n]);
+        for (slot, row) in self.carried[3 * n..].iter_mut().zip(&self.residual[3 * n..]) {
+            *slot = *row as f32;
         }
         preconditioner.inverse.multiply(&self.carried, &mut self.product);
-        for (slot, value) in self.correction.iter_mut().zip(&self.product) {
-            *slot = sign * *value as f64;
+        carry_back(&preconditioner.frames, &self.frames, -1.0, &self.product, &mut self.correction);
+    }
+
+    /// Answers of the rod within the step to point forces that act on its surroundings: corrections for
+    /// flows (m/s, shaft frame) at every node.
+    pub fn respond(&self, preconditioner: &Preconditioner, flows: &[Vec<V3>], kappa: f64) -> Vec<Vec<f64>> {
+        let (n, size) = (self.shape.nodes.len(), self.correction.len());
+        let padded = Panels::padded(size);
+        let mut rows = vec![0.0; size * flows.len()];
+        let mut products = vec![0.0; padded * flows.len()];
+        for (flow, rows) in flows.iter().zip(rows.chunks_exact_mut(size)) {
+            carry_there(&preconditioner.frames, &self.frames, |i| flow[i] / kappa, &mut rows[..3 * n]);
         }
-        let mut sum = V3::zeros();
-        let mut last = V3::zeros();
-        for e in 1..n - 1 {
-            let next = at(&self.correction, e - 1);
-            let step = next - last;
-            last = next;
-            let [t, d1] = built[e];
-            sum += self.frames.tangent.at(e) * step.dot(&t)
-                + self.frames.m1.at(e) * step.dot(&d1)
-                + self.frames.m2.at(e) * step.dot(&t.cross(&d1));
-            for a in 0..3 {
-                self.correction[3 * (e - 1) + a] = sum[a];
-            }
-        }
+        preconditioner.inverse.multiply(&rows, &mut products);
+        let answer = |product: &[f32]| {
+            let mut correction = vec![0.0; size];
+            carry_back(&preconditioner.frames, &self.frames, 1.0, product, &mut correction);
+            correction
+        };
+        products.chunks_exact(padded).map(answer).collect()
     }
 
     /// Moves the trial shape by a correction: edge by edge, the part along an edge changes its length,
@@ -314,5 +284,48 @@ impl Flagellum {
     /// The Gauss rule of far segments.
     pub fn rule(&self) -> &'static [(f64, f64)] {
         self.rule
+    }
+}
+
+/// Node by node, differences between neighbours turned edge by edge from today's material frames to those at
+/// the factorisation of a frozen inverse.
+#[inline(always)]
+fn carry_there(built: &[[V3; 3]], today: &Frames, at: impl Fn(usize) -> V3, out: &mut [f32]) {
+    let mut put = |i: usize, value: V3| {
+        for a in 0..3 {
+            out[3 * i + a] = value[a] as f32;
+        }
+    };
+    let mut last = at(1);
+    let mut sum = last;
+    put(0, at(0));
+    put(1, last);
+    for (e, [t, d1, d2]) in built.iter().enumerate().skip(1) {
+        let next = at(e + 1);
+        let step = next - last;
+        last = next;
+        sum += t * step.dot(&today.tangent.at(e))
+            + d1 * step.dot(&today.m1.at(e))
+            + d2 * step.dot(&today.m2.at(e));
+        put(e + 1, sum);
+    }
+}
+
+/// The way back of the free nodes; the other unknowns are only converted.
+#[inline(always)]
+fn carry_back(built: &[[V3; 3]], today: &Frames, sign: f64, product: &[f32], out: &mut [f64]) {
+    for (slot, value) in out.iter_mut().zip(product) {
+        *slot = sign * f64::from(*value);
+    }
+    let (mut sum, mut last) = (V3::zeros(), V3::zeros());
+    for (e, [t, d1, d2]) in built.iter().enumerate().skip(1) {
+        let q = 3 * (e - 1);
+        let next = V3::new(out[q], out[q + 1], out[q + 2]);
+        let step = next - last;
+        last = next;
+        sum += today.tangent.at(e) * step.dot(t) + today.m1.at(e) * step.dot(d1) + today.m2.at(e) * step.dot(d2);
+        for a in 0..3 {
+            out[q + a] = sum[a];
+        }
     }
 }

@@ -97,7 +97,7 @@ impl Solver {
                 self.flagella[other].push_sources(&plan.shafts[other], &plan.shafts[k], &mut self.sources);
                 let size = self.flagella[k].update_residual(&self.rods[k], &motion[k], &self.sources, lever);
                 residual = residual.max(size);
-                self.flagella[k].precondition(&self.rods[k], &inverses[k]);
+                self.flagella[k].precondition(&inverses[k]);
                 self.flagella[k].apply_correction();
                 if !contact {
                     self.update_forces(state, plan, self.down(&body.body), k);

@@ -59,8 +59,8 @@ impl Key {
 /// A frozen inverse.
 #[derive(Clone, Debug)]
 pub struct Preconditioner {
-    /// Tangents and first material directors of the edges at the shape that it was built at.
-    pub frames: Vec<[V3; 2]>,
+    /// Tangents and material directors of the edges at the shape that it was built at.
+    pub frames: Vec<[V3; 3]>,
     /// The inverse, single precision.
     pub inverse: Panels,
     /// Change of the fluid's force and torque on the rod (about the shaft's foot, shaft frame at rest)
@@ -94,7 +94,7 @@ impl Preconditioner {
 #[derive(Clone, Debug)]
 struct Design {
     nodes: Vec<V3>,
-    frames: Vec<[V3; 2]>,
+    frames: Vec<[V3; 3]>,
     mobility: DMatrix<f64>,
     /// M w^-1 K of the free degrees of freedom, before the division by kappa.
     elastic: DMatrix<f64>,
@@ -153,7 +153,7 @@ impl Design {
         }
         Self {
             nodes: shape.nodes.clone(),
-            frames: (0..n - 1).map(|e| [frames.tangent.at(e), frames.m1.at(e)]).collect(),
+            frames: (0..n - 1).map(|e| [frames.tangent.at(e), frames.m1.at(e), frames.m2.at(e)]).collect(),
             mobility,
             elastic,
             hessian,
