@@ -94,9 +94,18 @@ pub struct BroadPhase {
     exclusion: [usize; 2],
     middles: [[Vec<f64>; 3]; 2],
     longest: f64,
-    /// For each pair of rods the lines at its last search, and how far apart they were.
-    searched: [Option<(Lines, f64)>; 3],
-    found: Vec<[usize; 2]>,
+    /// How much farther than asked a search looks, m.
+    skin: f64,
+    searched: [Option<Searched>; 3],
+}
+
+/// What a search of a pair of rods left: as long as the rods have not moved far, no other edges are close.
+#[derive(Clone, Debug)]
+struct Searched {
+    lines: Lines,
+    /// All other edges were farther apart than this, m.
+    apart: f64,
+    candidates: Vec<[usize; 2]>,
 }
 
 /// The rods with each other and with themselves.
@@ -128,7 +137,7 @@ impl BroadPhase {
             let padded = rods[k].edges().div_ceil(LANES) * LANES;
             std::array::from_fn(|_| vec![AWAY; padded])
         });
-        Self { exclusion, middles, longest: 0.0, searched: [None, None, None], found: Vec::new() }
+        Self { exclusion, middles, longest: 0.0, skin: radius, searched: [None, None, None] }
     }
 
     /// Forgets what earlier searches proved.
@@ -152,48 +161,44 @@ impl BroadPhase {
 
     /// Pairs of edges whose distance is below `limit` (m), new and without forces.
     pub fn search(&mut self, lines: &Lines, limit: f64) -> Vec<Pair> {
+        for (searched, rods) in self.searched.iter_mut().zip(ROD_PAIRS) {
+            if searched.as_ref().is_some_and(|s| !s.holds(lines, rods, limit)) {
+                *searched = None;
+            }
+        }
+        if self.searched.iter().all(|s| s.as_ref().is_some_and(|s| s.candidates.is_empty())) {
+            return Vec::new();
+        }
+        self.load(lines);
         let mut pairs = Vec::new();
-        let mut loaded = false;
+        let reach = (limit + self.longest).powi(2);
         for (which, rods) in ROD_PAIRS.into_iter().enumerate() {
-            if let Some((before, apart)) = &self.searched[which] {
-                let moved = |k: usize| {
-                    let squares = lines[k].iter().zip(&before[k]).map(|(a, b)| (a - b).norm_squared());
-                    squares.fold(0.0, f64::max).sqrt()
-                };
-                if apart - moved(rods[0]) - moved(rods[1]) > limit {
-                    continue;
+            let searched = self.searched[which].take().unwrap_or_else(|| self.collect(lines, rods, limit + self.skin));
+            for &edges in &searched.candidates {
+                let [a, b] = [0, 1].map(|k| self.middle(rods[k], edges[k]));
+                if (a - b).norm_squared() < reach {
+                    pairs.extend(Some(Pair::new(lines, rods, edges)).filter(|pair| pair.distance < limit));
                 }
             }
-            if !loaded {
-                self.load(lines);
-                loaded = true;
-            }
-            let apart = self.collect(rods, limit + self.longest) - self.longest;
-            match &mut self.searched[which] {
-                Some((before, known)) => {
-                    for (old, new) in before.iter_mut().zip(lines) {
-                        old.clone_from(new);
-                    }
-                    *known = apart;
-                }
-                none => *none = Some((lines.clone(), apart)),
-            }
-            let near = (self.found.iter()).map(|edges| Pair::new(lines, rods, *edges));
-            pairs.extend(near.filter(|pair| pair.distance < limit));
+            self.searched[which] = Some(searched);
         }
         pairs
     }
 
-    /// Collects pairs of midpoints of two rods closer than `reach`; returns the least distance of midpoints.
-    fn collect(&mut self, [a, b]: [usize; 2], reach: f64) -> f64 {
-        let mut found = std::mem::take(&mut self.found);
-        found.clear();
+    fn middle(&self, rod: usize, edge: usize) -> V3 {
+        let [x, y, z] = &self.middles[rod];
+        V3::new(x[edge], y[edge], z[edge])
+    }
+
+    /// Searches two rods for edges closer than `reach`.
+    fn collect(&self, lines: &Lines, [a, b]: [usize; 2], reach: f64) -> Searched {
+        let mut candidates = Vec::new();
         let exclusion = (a == b).then_some(self.exclusion[a]);
         let (first, second) = (&self.middles[a], &self.middles[b]);
-        let search = Close { first, second, exclusion, reach, found: |i, j| found.push([i, j]) };
-        let least = pulp::Arch::new().dispatch(search);
-        self.found = found;
-        least
+        let found = |i, j| candidates.push([i, j]);
+        let search = Close { first, second, exclusion, reach: reach + self.longest, found };
+        let apart = (pulp::Arch::new().dispatch(search) - self.longest).max(reach);
+        Searched { lines: lines.clone(), apart, candidates }
     }
 
     /// Least distance of the two rods' centre lines, m, and the edges where it is.
@@ -213,6 +218,17 @@ impl BroadPhase {
                 (segment_distance(a[i], a[i + 1], b[j], b[j + 1]).separation.norm(), [i, j])
             })
             .fold((f64::INFINITY, [0, 0]), |best, next| if next.0 < best.0 { next } else { best })
+    }
+}
+
+impl Searched {
+    /// Whether no edges but the candidates can be closer than `limit` (m) now.
+    fn holds(&self, lines: &Lines, rods: [usize; 2], limit: f64) -> bool {
+        let moved = |k: usize| {
+            let squares = lines[k].iter().zip(&self.lines[k]).map(|(a, b)| (a - b).norm_squared());
+            squares.fold(0.0, f64::max).sqrt()
+        };
+        self.apart - moved(rods[0]) - moved(rods[1]) > limit
     }
 }
 
