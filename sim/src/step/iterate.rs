@@ -84,7 +84,7 @@ impl Solver {
         let mut last = (f64::INFINITY, 0.0);
         for sweep in 0..settings.sweeps {
             self.contacts.frozen = sweep >= GEOMETRY_SWEEPS;
-            if sweep > 0 && sweep < GEOMETRY_SWEEPS {
+            if sweep == 1 {
                 self.extend_contact();
             }
             let contact = !self.contacts.pairs.is_empty();
