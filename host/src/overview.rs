@@ -1,6 +1,6 @@
 //! What a log tells of its trial, read from end to end, with nothing but the telemetry's angles kept in memory.
 
-use crate::attitude::{Angles, PhaseTimes, Series, Times};
+use crate::attitude::{Angles, Drift, PhaseTimes, Reading, Series, Times};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::{
     BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, ModelMeta, PlanMeta,
@@ -40,10 +40,10 @@ pub struct Overview {
     pub link: LinkStats,
     /// Angles, computed anew.
     pub angles: Option<Angles>,
-    /// The tilt of the sensor at rest that was taken off the attitude from the run on, degrees.
-    pub levelled_deg: f64,
-    /// By how much that turned the yaw, degrees.
-    pub level_step_deg: f64,
+    /// The attitude, from the gyroscope's calibration on.
+    pub series: Series,
+    /// The gyroscope's drift; `None` where nothing tells it.
+    pub drift: Option<Drift>,
     /// When its phases were.
     pub times: Times,
     /// Time of the last telemetry frame on the trial's clock.
@@ -79,7 +79,7 @@ impl Overview {
                 && event.text == "run"
                 && let Some(level) = reader.meta()
             {
-                collector.level_step_deg = collector.series.level(&level);
+                collector.series.level(&level);
             }
             collector.take(&message);
             see(&message);
@@ -100,8 +100,8 @@ impl Overview {
             recovery: reader.meta(),
             link: collector.link(summary.as_ref().map(|summary| summary.link)),
             angles: Angles::of(&collector.series, &times, speeds),
-            levelled_deg: collector.series.levelled_deg,
-            level_step_deg: collector.level_step_deg,
+            drift: Drift::seen(&collector.series, times.preroll.clone(), times.decay.clone()),
+            series: collector.series,
             times,
             duration_s: collector.times.last_s(),
             channels: reader.counts().clone(),
@@ -118,7 +118,6 @@ impl Overview {
 struct Collector {
     series: Series,
     link: LinkStats,
-    level_step_deg: f64,
     zero_ns: Option<u64>,
     times: PhaseTimes,
 }
@@ -130,8 +129,8 @@ impl Collector {
                 self.zero_ns.get_or_insert(message.zero_ns(telemetry.time_s));
                 self.link.samples += 1;
                 self.times.go_on(telemetry.time_s);
-                if let Some(q) = &telemetry.attitude {
-                    self.series.push(telemetry.time_s, [q.w, q.x, q.y, q.z]);
+                if let Some(reading) = Reading::of(telemetry) {
+                    self.series.push(telemetry.time_s, &reading);
                 }
             }
             Body::Dropout(dropout) => self.link.lost += u64::from(dropout.count),

@@ -7,7 +7,7 @@
 //! cargo test --release -p host --test calibration -- --ignored --nocapture
 //! ```
 
-use host::attitude::Times;
+use host::attitude::{Reading, Times};
 use host::log::{Origin, TrialMeta};
 use host::twin::Recording;
 use host::twin::calibrate::{Calibration, Estimate, Parameter, Request, calibrate};
@@ -115,7 +115,8 @@ impl Hidden {
                 * mount
                 * UnitQuaternion::from_euler_angles(roll, pitch, 0.0);
             let q15 = |part: f64| (part * 32768.0).round() / 32768.0;
-            recording.attitude.push((time_s, [seen.w, seen.i, seen.j, seen.k].map(q15)));
+            let attitude = [seen.w, seen.i, seen.j, seen.k].map(q15);
+            recording.attitude.push((time_s, Reading { attitude, ..Reading::default() }));
             let turns = sample.motor_angle_rad.map(|angle| (angle / TAU * 1204.44).round() / 1204.44);
             recording.turns.push((time_s, turns));
         }

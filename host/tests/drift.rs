@@ -1,6 +1,6 @@
 //! Yaw of a real MPU6050 that lies still for 655 s: what of its drift is left, and whether the stated uncertainty is true.
 
-use host::attitude::{Drift, Track};
+use host::attitude::{Drift, Reading, Series, Track};
 use std::path::Path;
 
 const PREROLL_S: f64 = 20.0;
@@ -10,22 +10,30 @@ const DECAY_S: f64 = 30.0;
 /// Counts per °/s of the recording's range.
 const COUNTS_PER_DPS: f64 = 131.0;
 
-/// Yaw from the recorded rates, by the trapezium rule.
-fn recorded_yaw() -> Track {
+/// Yaw from the recorded rates, by the trapezium rule, and the sensor's temperature.
+struct Recorded {
+    yaw: Track,
+    temperature_c: Vec<f64>,
+}
+
+fn recorded() -> Recorded {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/mpu6050/still-655s.csv");
     let text = std::fs::read_to_string(path).unwrap();
     let rows = text.lines().skip_while(|line| !line.starts_with("t_s")).skip(1).map(|line| {
         let mut fields = line.split(',').map(|field| field.parse::<f64>().unwrap());
-        (fields.next().unwrap(), fields.nth(5).unwrap() / COUNTS_PER_DPS)
+        let mut next = |skipped: usize| fields.nth(skipped).unwrap();
+        (next(0), next(5) / COUNTS_PER_DPS, next(0))
     });
-    let mut yaw = Track::default();
+    let mut recorded = Recorded { yaw: Track::default(), temperature_c: Vec::new() };
     let mut last: Option<(f64, f64, f64)> = None;
-    for (time, rate) in rows {
+    for (time, rate, temperature_c) in rows {
         let angle = last.map_or(0.0, |(t, r, angle)| angle + 0.5 * (r + rate) * (time - t));
-        yaw.push(time, angle);
+        recorded.yaw.push(time, angle);
+        recorded.temperature_c.push(temperature_c);
         last = Some((time, rate, angle));
     }
-    yaw
+    assert_eq!(recorded.yaw.value.len(), recorded.temperature_c.len());
+    recorded
 }
 
 struct Figures {
@@ -37,16 +45,19 @@ struct Figures {
 }
 
 /// Every window of the recording, a second apart, with `motion` added after the run. The truth at the run's end is 0.
-fn over_all_windows(yaw: &Track, motion: impl Fn(f64) -> f64) -> Figures {
+fn over_all_windows(Recorded { yaw, temperature_c }: &Recorded, motion: impl Fn(f64) -> f64) -> Figures {
     let span = yaw.span();
     let (mut squares, mut largest, mut covered, mut stated, mut ends, mut windows) = (0.0, 0.0f64, 0, 0.0, 0, 0);
     let mut start = span.start;
     while start + PREROLL_S + RUN_S + DECAY_S <= span.end {
         let (run, stop) = (start + PREROLL_S, start + PREROLL_S + RUN_S);
         let end = stop + DECAY_S;
-        let mut trial = Track::default();
-        for (time, value) in yaw.time_s.iter().zip(&yaw.value).filter(|(time, _)| (start..=end).contains(*time)) {
-            trial.push(*time, value + if *time > stop { motion(time - stop) } else { 0.0 });
+        let mut trial = Series::default();
+        for (i, time) in yaw.time_s.iter().enumerate().filter(|(_, time)| (start..=end).contains(*time)) {
+            let yaw_deg = yaw.value[i] + if *time > stop { motion(time - stop) } else { 0.0 };
+            let half = 0.5 * yaw_deg.to_radians();
+            let attitude = [half.cos(), 0.0, 0.0, half.sin()];
+            trial.push(*time, &Reading { attitude, temperature_c: temperature_c[i], ..Reading::default() });
         }
         let drift = Drift::seen(&trial, start..run, stop..end).unwrap();
         let error = yaw.at(stop).unwrap() - yaw.at(run).unwrap() - drift.between(run, stop);
@@ -81,7 +92,7 @@ fn print(name: &str, figures: &Figures) {
 
 #[test]
 fn a_sensor_at_rest_drifts_little_and_no_more_than_stated() {
-    let figures = over_all_windows(&recorded_yaw(), |_| 0.0);
+    let figures = over_all_windows(&recorded(), |_| 0.0);
     print("at rest", &figures);
     assert!(figures.rms_deg <= 0.4);
     assert!(figures.coverage >= 0.95);
@@ -91,11 +102,11 @@ fn a_sensor_at_rest_drifts_little_and_no_more_than_stated() {
 
 #[test]
 fn a_robot_that_swings_back_spoils_neither_the_yaw_nor_its_uncertainty() {
-    let yaw = recorded_yaw();
+    let recorded = recorded();
     for (name, time_constant_s, turns_deg) in
         [("swings back in 1 s", 1.0, 180.0), ("in 3 s", 3.0, 60.0), ("in 6 s", 6.0, 60.0), ("in 15 s", 15.0, 60.0)]
     {
-        let figures = over_all_windows(&yaw, |t| turns_deg * ((-t / time_constant_s).exp() - 1.0));
+        let figures = over_all_windows(&recorded, |t| turns_deg * ((-t / time_constant_s).exp() - 1.0));
         print(name, &figures);
         assert!(figures.coverage >= 0.95, "{name}");
         assert!(figures.rms_deg <= 0.5, "{name}");

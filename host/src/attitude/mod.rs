@@ -14,7 +14,35 @@ pub use series::{Series, Track};
 pub(crate) use trial::levelling_deg;
 pub use trial::{Angles, PhaseTimes, Times, steady_window};
 
+use crate::log::schema::biflag::Telemetry;
 use nalgebra::{Quaternion, UnitQuaternion};
+
+/// What the sensor said at a moment.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Reading {
+    /// The attitude that was made of it, `[w, x, y, z]`.
+    pub attitude: [f64; 4],
+    /// Rate about the body's y, less the calibrated bias, °/s.
+    pub rate_y_dps: f64,
+    /// The sensor's own temperature, °C.
+    pub temperature_c: f64,
+}
+
+impl Reading {
+    /// Of a frame; `None` where it has no attitude.
+    pub fn of(frame: &Telemetry) -> Option<Self> {
+        let q = frame.attitude.as_ref()?;
+        let rate_y_dps = frame.angular_velocity_dps.as_ref().map_or(0.0, |rate| rate.y);
+        Some(Self { attitude: [q.w, q.x, q.y, q.z], rate_y_dps, temperature_c: frame.temperature_c })
+    }
+}
+
+impl Default for Reading {
+    /// Upright, at rest.
+    fn default() -> Self {
+        Self { attitude: [1.0, 0.0, 0.0, 0.0], rate_y_dps: 0.0, temperature_c: 0.0 }
+    }
+}
 
 /// Yaw, pitch and roll.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]

@@ -1,6 +1,6 @@
 //! The attitude over a trial.
 
-use super::{Euler, Unwrap, rotation};
+use super::{Euler, Reading, Unwrap, rotation};
 use crate::log::LevelMeta;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::ops::Range;
@@ -75,6 +75,18 @@ impl Track {
         let length = range.end - range.start;
         if length > 0.0 { Some((self.at(range.end)? - self.at(range.start)?) / length) } else { None }
     }
+
+    /// Change a second over a range of time, by least squares; each value counts alike.
+    pub fn slope(&self, range: Range<f64>) -> Option<f64> {
+        let part = self.time_s.partition_point(|t| *t < range.start)..self.time_s.partition_point(|t| *t <= range.end);
+        let points = || self.time_s[part.clone()].iter().zip(&self.value[part.clone()]);
+        let count = part.len() as f64;
+        let (t, v) = points().fold((0.0, 0.0), |(t, v), (time, value)| (t + time / count, v + value / count));
+        let (across, along) = points().fold((0.0, 0.0), |(across, along), (time, value)| {
+            (across + (time - t) * (value - v), along + (time - t).powi(2))
+        });
+        (along > 0.0).then(|| across / along)
+    }
 }
 
 /// The attitude over a trial, as it comes.
@@ -86,21 +98,31 @@ pub struct Series {
     pub pitch: Track,
     /// Roll, degrees.
     pub roll: Track,
+    /// Temperature of the sensor, °C.
+    pub temperature: Track,
+    /// Integral of the rate about the body's y less the pitch, degrees: of a robot that hangs upright it grows with the bias.
+    pub slip: Track,
     /// The tilt that was taken off the attitude of the robot at rest, degrees.
     pub levelled_deg: f64,
+    turned_y_deg: f64,
     unwrap: Unwrap,
     last: Option<UnitQuaternion<f64>>,
     turned: Vector3<f64>,
 }
 
 impl Series {
-    /// Adds an attitude `[w, x, y, z]`.
-    pub fn push(&mut self, time_s: f64, attitude: [f64; 4]) {
-        let attitude = rotation(attitude);
+    /// Adds what the sensor said at a time.
+    pub fn push(&mut self, time_s: f64, reading: &Reading) {
+        let attitude = rotation(reading.attitude);
+        if let Some(before) = self.yaw.time_s.last() {
+            self.turned_y_deg += reading.rate_y_dps * (time_s - before).max(0.0);
+        }
         let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&attitude);
         self.yaw.push(time_s, self.unwrap.next(yaw_deg));
         self.pitch.push(time_s, pitch_deg);
         self.roll.push(time_s, roll_deg);
+        self.temperature.push(time_s, reading.temperature_c);
+        self.slip.push(time_s, self.turned_y_deg - pitch_deg);
         if let Some(last) = self.last.replace(attitude) {
             // From body to body: the axis is in body axes.
             self.turned += (last.inverse() * attitude).scaled_axis();
@@ -143,7 +165,7 @@ mod tests {
                 assert!(step.abs() > 0.05, "{step}");
             }
             let q = attitude.into_inner();
-            series.push(f64::from(i), [q.w, q.i, q.j, q.k]);
+            series.push(f64::from(i), &Reading { attitude: [q.w, q.i, q.j, q.k], ..Reading::default() });
         }
         assert!(series.yaw.value.iter().all(|yaw| (yaw - series.yaw.value[9]).abs() < 1e-9), "{:?}", series.yaw);
         assert!(series.turned_deg().iter().all(|turned| turned.abs() < 1e-9), "{:?}", series.turned_deg());

@@ -96,7 +96,7 @@ impl Angles {
         let middle = |range: &Range<f64>| 0.5 * (range.start + range.end);
         let (from, to) = (middle(&start), middle(&window));
         let yaw = series.yaw.mean(window.clone())? - series.yaw.mean(start)?;
-        let drift = Drift::seen(&series.yaw, times.preroll.clone(), times.decay.clone());
+        let drift = Drift::seen(series, times.preroll.clone(), times.decay.clone());
         let drift_deg = drift.as_ref().map_or(0.0, |drift| drift.between(from, to));
         let after = drift.iter().flat_map(|drift| &drift.still).find(|still| still.start >= run.end);
         let (pitch_deg, roll_deg) = (series.pitch.mean(window.clone())?, series.roll.mean(window.clone())?);
@@ -152,6 +152,7 @@ fn gcd(a: u16, b: u16) -> u16 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Reading;
     use super::*;
 
     fn length(w1: f64, w2: f64, run_s: f64) -> f64 {
@@ -178,7 +179,8 @@ mod tests {
         let mut series = Series::default();
         for i in 0..=7200 {
             let half = (f64::from(i) * 0.1).to_radians() / 2.0;
-            series.push(f64::from(i) * 0.005, [half.cos(), 0.0, 0.0, half.sin()]);
+            let attitude = [half.cos(), 0.0, 0.0, half.sin()];
+            series.push(f64::from(i) * 0.005, &Reading { attitude, ..Reading::default() });
         }
         assert!((series.yaw.at(36.0).unwrap() - 720.0).abs() < 1e-9);
         let turned = series.turned_deg();

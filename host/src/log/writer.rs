@@ -8,6 +8,7 @@ use super::meta::{
 use super::schema::{self, ChannelSpec, LogMessage, biflag};
 use super::table::{Meta, to_table};
 use super::{LogError, PROFILE};
+use crate::attitude::Reading;
 use crate::plan::{Plan, Trial};
 use protocol::{Calibration, Command, Info, Reply, Settings, Telemetry};
 use std::collections::BTreeMap;
@@ -164,16 +165,15 @@ impl Writer {
     }
 
     /// Keeps a telemetry frame, as `/telemetry` and `/attitude`. `board_time_us` is the board's clock, unwrapped. Answers
-    /// the attitude as it is kept, `[w, x, y, z]`, levelled where [`Writer::level`] was.
+    /// what is kept of the sensor, the attitude levelled where [`Writer::level`] was.
     ///
     /// # Errors
     /// [`LogError::Write`].
-    pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, host: SystemTime) -> Result<[f64; 4], LogError> {
+    pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, host: SystemTime) -> Result<Reading, LogError> {
         let elapsed_us = self.board_time(board_time_us, host);
         let message = self.converter.telemetry(frame, board_time_us, elapsed_us as f64 * 1e-6);
         self.state_at(&message, host)?;
-        let biflag::Quaternion { w, x, y, z } = message.attitude.unwrap_or_default();
-        Ok([w, x, y, z])
+        Ok(Reading::of(&message).unwrap_or_default())
     }
 
     /// Puts the trial's clock to the board's; answers the time since the trial's first frame, µs.

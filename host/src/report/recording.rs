@@ -2,7 +2,7 @@
 
 use super::shapes::Shapes;
 use super::table::Table;
-use crate::attitude::{Drift, Track, levelling_deg};
+use crate::attitude::levelling_deg;
 use crate::log::schema::biflag::event::Kind;
 use crate::log::schema::biflag::{Motor, Telemetry};
 use crate::log::{Body, LogError, Message, Origin};
@@ -11,8 +11,8 @@ use crate::robot_file;
 use sim::params::Robot;
 use std::path::{Path, PathBuf};
 
-/// Yaw, pitch, roll; asked and measured speed of motor 1, then of motor 2; turns of both.
-pub(super) const TELEMETRY: usize = 9;
+/// Asked and measured speed of motor 1, then of motor 2; turns of both.
+pub(super) const MOTORS: usize = 6;
 
 /// The yaw starts from its mean over the end of the phase before the run.
 const START_S: f64 = 1.0;
@@ -25,8 +25,8 @@ const MAX_EVENTS: usize = 2_000;
 pub(super) struct Recording {
     pub path: PathBuf,
     pub overview: Overview,
-    /// See [`TELEMETRY`].
-    pub telemetry: Table<TELEMETRY>,
+    /// See [`MOTORS`].
+    pub motors: Table<MOTORS>,
     /// True yaw, pitch, roll and turns of both shafts, where the log has them.
     pub truth: Table<5>,
     pub events: Vec<Event>,
@@ -66,7 +66,7 @@ impl Recording {
         Ok(Self {
             path: path.to_owned(),
             overview,
-            telemetry: collector.telemetry,
+            motors: collector.motors,
             truth: collector.truth,
             events: collector.events,
             more_events: collector.more_events,
@@ -93,32 +93,20 @@ impl Recording {
     /// The yaw from where it was before the run, less the gyroscope's drift, and its 95 % uncertainty (NaN: not known).
     /// The drift shows while the robot is still before and after the run.
     pub fn yaw(&self) -> Table<2> {
-        let Table { time_s, columns: [raw, pitch, roll, ..] } = &self.telemetry;
-        let times = &self.overview.times;
-        // The attitude is levelled from the run on.
-        let level =
-            |(time, yaw): (&f64, &f64)| if *time < times.run.start { yaw + self.overview.level_step_deg } else { *yaw };
-        let yaw: Vec<f64> = time_s.iter().zip(raw).map(level).collect();
-        let track = Track { time_s: time_s.clone(), value: yaw.clone() };
+        let Overview { series, drift, times, .. } = &self.overview;
+        let drift = drift.as_ref().filter(|_| !self.is_model());
         let mut table = Table::default();
         let start = times.run.start;
-        let before = (start - START_S).max(times.preroll.start).max(track.span().start)..start;
+        let before = (start - START_S).max(times.preroll.start).max(series.yaw.span().start)..start;
         let has_run = times.run.end > times.run.start;
-        let zero = if has_run { track.mean(before.clone()).unwrap_or(0.0) } else { 0.0 };
-        let drift = if self.is_model() || !has_run {
-            None
-        } else {
-            Drift::seen(&track, times.preroll.clone(), times.decay.clone())
-        };
+        let zero = if has_run { series.yaw.mean(before.clone()).unwrap_or(0.0) } else { 0.0 };
         let from = 0.5 * (before.start + before.end);
-        // Before the gyroscope was calibrated its rates, and so the yaw, meant something else.
-        let known = if times.preroll.end > times.preroll.start { times.preroll.start } else { 0.0 };
-        for (i, (time, value)) in time_s.iter().zip(&yaw).enumerate() {
-            let row = match &drift {
-                _ if *time < known => [f64::NAN; 2],
+        for (i, (time, value)) in series.yaw.time_s.iter().zip(&series.yaw.value).enumerate() {
+            let row = match drift.filter(|_| has_run) {
+                // Only of the run is it known that the levelling's tilt was that of the robot at rest.
                 Some(drift) => {
-                    let lean = if *time < times.run.start { [0.0; 2] } else { [pitch[i], roll[i]] };
-                    let levelling = levelling_deg(self.overview.levelled_deg, lean[0], lean[1]);
+                    let lean = if *time < start { [0.0; 2] } else { [&series.pitch, &series.roll].map(|t| t.value[i]) };
+                    let levelling = levelling_deg(series.levelled_deg, lean[0], lean[1]);
                     let uncertainty = drift.uncertainty(from.min(*time), from.max(*time)).hypot(levelling);
                     [value - zero - drift.between(from, *time), uncertainty]
                 }
@@ -132,8 +120,8 @@ impl Recording {
     /// When both shafts had turned how far: as truly as the log knows.
     pub fn turns_source(&self) -> (&[f64], [&[f64]; 2]) {
         if self.truth.time_s.is_empty() {
-            let [.., one, two] = &self.telemetry.columns;
-            (&self.telemetry.time_s, [one, two])
+            let [.., one, two] = &self.motors.columns;
+            (&self.motors.time_s, [one, two])
         } else {
             let [.., one, two] = &self.truth.columns;
             (&self.truth.time_s, [one, two])
@@ -143,7 +131,7 @@ impl Recording {
 
 /// What is kept of the messages as they pass.
 struct Collector {
-    telemetry: Table<TELEMETRY>,
+    motors: Table<MOTORS>,
     truth: Table<5>,
     events: Vec<Event>,
     more_events: usize,
@@ -159,7 +147,7 @@ struct Collector {
 impl Collector {
     fn new(shapes: usize) -> Self {
         Self {
-            telemetry: Table::default(),
+            motors: Table::default(),
             truth: Table::default(),
             events: Vec::new(),
             more_events: 0,
@@ -205,10 +193,8 @@ impl Collector {
         if !self.has_truth {
             self.turns = [turns, two.turns];
         }
-        let angles = [telemetry.yaw_deg, telemetry.pitch_deg, telemetry.roll_deg];
-        let [yaw, pitch, roll] = angles.map(|angle| if telemetry.attitude.is_some() { angle } else { f64::NAN });
-        let row = [yaw, pitch, roll, target_rpm, speed_rpm, two.target_rpm, two.speed_rpm, turns, two.turns];
-        self.telemetry.push(telemetry.time_s, row);
+        let row = [target_rpm, speed_rpm, two.target_rpm, two.speed_rpm, turns, two.turns];
+        self.motors.push(telemetry.time_s, row);
 
         let now = [telemetry.unsent, telemetry.imu_errors, telemetry.bad_frames, telemetry.missed_ticks];
         let grown = |(now, then): (u32, u32)| now.wrapping_sub(then) & 0xFFFF;

@@ -140,8 +140,8 @@ impl View {
         let Thinned { table: attitude, every_s } = attitude.broken_at_gaps().thinned(most);
         self.every_s = every_s;
         self.has_yaw_band = attitude.columns[3].iter().any(|value| value.is_finite());
-        let [_, _, _, asked1, speed1, asked2, speed2, ..] = recording.telemetry.columns.clone();
-        let motors = Table { time_s: recording.telemetry.time_s.clone(), columns: [asked1, speed1, asked2, speed2] };
+        let [asked1, speed1, asked2, speed2, ..] = recording.motors.columns.clone();
+        let motors = Table { time_s: recording.motors.time_s.clone(), columns: [asked1, speed1, asked2, speed2] };
         let Thinned { table: motors, .. } = motors.broken_at_gaps().thinned(most);
 
         let shown = if self.borrowed_shapes { other.unwrap_or(recording) } else { recording };
@@ -219,7 +219,7 @@ fn compared(comparison: &Comparison, recording: &Recording) -> Table<10> {
 /// The angles of a log by itself.
 fn alone(recording: &Recording) -> Table<10> {
     let Table { time_s, columns: [yaw, band] } = recording.yaw();
-    let [_, pitch, roll, ..] = &recording.telemetry.columns;
+    let [pitch, roll] = [&recording.overview.series.pitch.value, &recording.overview.series.roll.value];
     let truth = truth(recording);
     let mut table = Table::default();
     for (i, time) in time_s.iter().enumerate() {

@@ -320,14 +320,14 @@ impl<'a> Recorder<'a> {
         if let Some(gap) = self.monitor.frame(&frame.telemetry) {
             self.log.dropout(gap.first.0, u32::from(gap.count), frame.host)?;
         }
-        let attitude = self.log.telemetry(&frame.telemetry, frame.board_us, frame.host)?;
+        let reading = self.log.telemetry(&frame.telemetry, frame.board_us, frame.host)?;
         self.reached_us = Some(frame.board_us);
         if self.speeds.len() == usize::from(TICK_HZ) {
             self.speeds.pop_front();
         }
         self.speeds.push_back(frame.telemetry.speed);
         self.times.go_on(frame.time_s);
-        self.attitude.push(frame.time_s, attitude);
+        self.attitude.push(frame.time_s, &reading);
         let now = (frame.telemetry.state, frame.telemetry.fault);
         let before = std::mem::replace(&mut self.state, now);
         if now.0 != before.0 {

@@ -1,7 +1,7 @@
 //! The attitude of a trial from its zero: yaw, pitch and roll since the still phase before the run.
 
 use super::Recording;
-use crate::attitude::{Drift, Euler, Series, Track, levelling_deg, rotation};
+use crate::attitude::{Drift, Euler, Reading, Series, Track, levelling_deg, rotation};
 use crate::log::Origin;
 use nalgebra::{Quaternion, UnitQuaternion};
 use std::ops::Range;
@@ -87,10 +87,11 @@ impl Curve {
         // The sensor sits askew in the body: measured = true * askew. The yaw's zero is not the sensor's.
         let askew = UnitQuaternion::from_euler_angles(zero.roll_deg.to_radians(), zero.pitch_deg.to_radians(), 0.0);
         let mut series = Series::default();
-        for (time, attitude) in readings {
-            series.push(*time, (rotation(*attitude) * askew.inverse()).into_inner().wxyz());
+        for (time, reading) in readings {
+            let attitude = (rotation(reading.attitude) * askew.inverse()).into_inner().wxyz();
+            series.push(*time, &Reading { attitude, ..*reading });
         }
-        let drift = if is_model { None } else { Drift::seen(&series.yaw, still.clone(), after) };
+        let drift = if is_model { None } else { Drift::seen(&series, still.clone(), after) };
         let start = (run.start - START_S).max(mean_over.start)..run.start;
         let from_s = 0.5 * (start.start + start.end);
         let yaw_zero = if is_model && !has_still { 0.0 } else { series.yaw.mean(start)? };
@@ -182,8 +183,8 @@ impl Parts for Quaternion<f64> {
 }
 
 /// Mean attitude over a range of time. Attitudes within a few degrees of each other.
-fn mean(readings: &[(f64, [f64; 4])], range: &Range<f64>) -> Option<UnitQuaternion<f64>> {
-    let mut inside = readings.iter().filter(|(time, _)| range.contains(time)).map(|(_, q)| rotation(*q));
+fn mean(readings: &[(f64, Reading)], range: &Range<f64>) -> Option<UnitQuaternion<f64>> {
+    let mut inside = readings.iter().filter(|(time, _)| range.contains(time)).map(|(_, r)| rotation(r.attitude));
     let first = inside.next()?;
     let sum =
         inside.fold(
@@ -230,20 +231,24 @@ mod tests {
     use crate::log::TrialMeta;
     use proptest::prelude::*;
 
-    /// A rig that is still for 20 s and then turns to an attitude.
+    const STEP_S: f64 = 0.05;
+
+    /// A rig that is still for 20 s and then turns to an attitude; `drift`: bias about its z, °/s.
     fn turned(askew: [f64; 3], from_yaw: f64, yaw: f64, tilt: [f64; 2], drift: f64) -> Recording {
-        let attitude = |time: f64| {
-            let share = ((time - 20.0) / 5.0).clamp(0.0, 1.0);
+        let share = |time: f64| ((time - 20.0) / 5.0).clamp(0.0, 1.0);
+        let mut drifted = 0.0;
+        let mut attitude = |time: f64| {
+            let share = share(time);
             let rad = |deg: f64| (share * deg).to_radians();
-            let turn =
-                UnitQuaternion::from_euler_angles(0.0, 0.0, (from_yaw + share * yaw + drift * time).to_radians())
-                    * UnitQuaternion::from_euler_angles(rad(tilt[1]), rad(tilt[0]), 0.0)
-                    * UnitQuaternion::from_euler_angles(
-                        askew[0].to_radians(),
-                        askew[1].to_radians(),
-                        askew[2].to_radians(),
-                    );
-            turn.into_inner().wxyz()
+            drifted += drift * STEP_S * rad(tilt[1]).cos() / rad(tilt[0]).cos();
+            let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, (from_yaw + share * yaw + drifted).to_radians())
+                * UnitQuaternion::from_euler_angles(rad(tilt[1]), rad(tilt[0]), 0.0)
+                * UnitQuaternion::from_euler_angles(
+                    askew[0].to_radians(),
+                    askew[1].to_radians(),
+                    askew[2].to_radians(),
+                );
+            Reading { attitude: turn.into_inner().wxyz(), ..Reading::default() }
         };
         Recording {
             path: "rig.mcap".into(),
@@ -254,7 +259,7 @@ mod tests {
             model: None,
             replay: None,
             level: None,
-            attitude: (0..=1000).map(|i| f64::from(i) * 0.05).map(|time| (time, attitude(time))).collect(),
+            attitude: (0..=1000).map(|i| f64::from(i) * STEP_S).map(|time| (time, attitude(time))).collect(),
             turns: Vec::new(),
             phases: Vec::new(),
             times: Times { preroll: 0.0..20.0, run: 20.0..50.0, decay: 50.0..50.0 },
@@ -283,7 +288,9 @@ mod tests {
             prop_assert!((end[0] - yaw).abs() < 1e-3, "{end:?}");
             prop_assert!((end[1] - tilt[0]).abs() < 1e-3 && (end[2] - tilt[1]).abs() < 1e-3, "{end:?}");
             prop_assert!((curve.zero_deg[2] - askew[0]).abs() < 1e-3 && (curve.zero_deg[1] - askew[1]).abs() < 1e-3);
-            prop_assert!((curve.yaw_drift(45.0) - drift * (45.0 - 19.5)).abs() < 1e-3);
+            let leant = tilt[1].to_radians().cos() / tilt[0].to_radians().cos();
+            let drifted = curve.yaw_drift(45.0) - curve.yaw_drift(25.0);
+            prop_assert!((drifted - drift * 20.0 * leant).abs() < 1e-3, "{drifted}");
             prop_assert!(curve.yaw_uncertainty(45.0).unwrap() < 1.0);
             prop_assert!(curve.warnings.is_empty());
         }

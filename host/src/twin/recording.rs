@@ -1,7 +1,7 @@
 //! A trial's log as the twin needs it: attitude, encoders, phases, and what is wrong with it.
 
 use super::TwinError;
-use crate::attitude::{Times, rotation};
+use crate::attitude::{Reading, Times, rotation};
 use crate::log::schema::biflag::{self, event::Kind};
 use crate::log::{
     BoardMeta, Body, Condition, End, Identity, LevelMeta, Message, ModelMeta, Origin, PlanMeta, Reader, ReplayMeta,
@@ -46,8 +46,8 @@ pub struct Recording {
     pub replay: Option<ReplayMeta>,
     /// How the sensor hung before the run, where that was taken off the attitude.
     pub level: Option<LevelMeta>,
-    /// Time and attitude `[w, x, y, z]`, from the gyroscope's calibration on; readings that failed are left out.
-    pub attitude: Vec<(f64, [f64; 4])>,
+    /// Time and what the sensor said, from the gyroscope's calibration on; readings that failed are left out.
+    pub attitude: Vec<(f64, Reading)>,
     /// Time and turns of both flagella by their encoders.
     pub turns: Vec<(f64, [f64; 2])>,
     /// Names and beginnings of the phases.
@@ -102,9 +102,9 @@ impl Recording {
         // A log is levelled from its run on; what came before is levelled alike, so that both have one zero.
         let level = reader.meta::<LevelMeta>().filter(|level| level.used);
         if let Some(level) = &level {
-            for (_, attitude) in &mut collector.attitude[..collector.before_run] {
-                let levelled = level.levelled(rotation(*attitude));
-                *attitude = [levelled.w, levelled.i, levelled.j, levelled.k];
+            for (_, reading) in &mut collector.attitude[..collector.before_run] {
+                let levelled = level.levelled(rotation(reading.attitude));
+                reading.attitude = [levelled.w, levelled.i, levelled.j, levelled.k];
             }
         }
         // The sensor's filter tells of a motion some milliseconds after it; encoders are read at once.
@@ -266,7 +266,7 @@ impl Recording {
 struct Collector {
     frames: u64,
     zero_ns: Option<u64>,
-    attitude: Vec<(f64, [f64; 4])>,
+    attitude: Vec<(f64, Reading)>,
     /// How many of them came before the run.
     before_run: usize,
     turns: Vec<(f64, [f64; 2])>,
@@ -308,8 +308,8 @@ impl Collector {
         }
         self.frames += 1;
         self.temperature_sum += frame.temperature_c;
-        if let Some(q) = frame.attitude.as_ref().filter(|_| frame.imu_fresh) {
-            self.attitude.push((time, [q.w, q.x, q.y, q.z]));
+        if let Some(reading) = Reading::of(frame).filter(|_| frame.imu_fresh) {
+            self.attitude.push((time, reading));
         }
         if let (Some(motor1), Some(motor2)) = (&frame.motor1, &frame.motor2) {
             self.turns.push((time, [motor1.turns, motor2.turns]));

@@ -304,9 +304,7 @@ fn carry_there(built: &[[V3; 3]], today: &Frames, at: impl Fn(usize) -> V3, out:
         let next = at(e + 1);
         let step = next - last;
         last = next;
-        sum += t * step.dot(&today.tangent.at(e))
-            + d1 * step.dot(&today.m1.at(e))
-            + d2 * step.dot(&today.m2.at(e));
+        sum += t * step.dot(&today.tangent.at(e)) + d1 * step.dot(&today.m1.at(e)) + d2 * step.dot(&today.m2.at(e));
         put(e + 1, sum);
     }
 }
