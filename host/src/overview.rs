@@ -4,7 +4,7 @@ use crate::attitude::{Angles, Drift, PhaseTimes, Reading, Series, Times};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::{
     BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, ModelMeta, PlanMeta,
-    Reader, RecoveryMeta, RobotMeta, SteadyMeta, Summary, TrialMeta,
+    Reader, RecoveryMeta, RobotMeta, SteadyMeta, Summary, TrialClock, TrialMeta,
 };
 use crate::stats::LinkStats;
 use protocol::units::CentiRpm;
@@ -118,15 +118,15 @@ impl Overview {
 struct Collector {
     series: Series,
     link: LinkStats,
-    zero_ns: Option<u64>,
+    clock: TrialClock,
     times: PhaseTimes,
 }
 
 impl Collector {
     fn take(&mut self, message: &Message) {
+        self.clock.see(message);
         match &message.body {
             Body::Telemetry(telemetry) => {
-                self.zero_ns.get_or_insert(message.zero_ns(telemetry.time_s));
                 self.link.samples += 1;
                 self.times.go_on(telemetry.time_s);
                 if let Some(reading) = Reading::of(telemetry) {
@@ -138,8 +138,7 @@ impl Collector {
             // The rates mean something else from here on.
             Body::Event(event) if event.kind() == Kind::Calibration => self.series = Series::default(),
             Body::Event(event) if event.kind() == Kind::Phase => {
-                let since = message.log_time_ns.saturating_sub(self.zero_ns.unwrap_or(message.log_time_ns));
-                self.times.begin(&event.text, since as f64 * 1e-9);
+                self.times.begin(&event.text, self.clock.time_s(message));
             }
             _ => {}
         }

@@ -50,6 +50,19 @@ wire_number! {
     Count(u16)
 }
 
+/// The gyroscope's low-pass filter for each value of [`crate::Settings::low_pass`] (register map RM-MPU-6000A, section
+/// 4.3): bandwidth in Hz and delay in seconds. Without it (0) the part has its own 256 Hz; the accelerometer's delay is
+/// within 0.3 ms of the gyroscope's.
+pub const LOW_PASS: [(f64, f64); 7] = [
+    (256.0, 0.98e-3),
+    (188.0, 1.9e-3),
+    (98.0, 2.8e-3),
+    (42.0, 4.8e-3),
+    (20.0, 8.3e-3),
+    (10.0, 13.4e-3),
+    (5.0, 18.6e-3),
+];
+
 impl CentiRpm {
     /// The largest speed that the board accepts, either way round.
     pub const LIMIT: Self = Self(9000);

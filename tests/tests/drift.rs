@@ -1,30 +1,29 @@
 //! Eleven minutes of a real sensor at rest through the real firmware: how far the yaw drifts, and whether the host
 //! knows.
 
-use host::attitude::{Drift, Series, Track};
+use host::attitude::{Drift, Reading, Series};
 use host::log::{Body, Reader};
 use std::path::Path;
 use tests::{Bench, data};
 
 const RUN_S: f64 = 650.0;
 
-/// The yaw of the run phase as the board sent it.
-fn yaw(log: &Path) -> Track {
+/// The attitude of the run phase as the board sent it.
+fn attitude(log: &Path) -> Series {
     let mut series = Series::default();
     let (mut begun, mut running) = (None, false);
     for message in Reader::open(log).unwrap() {
         let message = message.unwrap();
         match message.body {
             Body::Event(event) if event.text == "run" => running = true,
-            Body::Attitude(attitude) if running => {
-                let start = *begun.get_or_insert(message.log_time_ns);
-                let q = attitude.rotation.unwrap();
-                series.push((message.log_time_ns - start) as f64 * 1e-9, [q.w, q.x, q.y, q.z]);
+            Body::Telemetry(telemetry) if running => {
+                let start = *begun.get_or_insert(telemetry.time_s);
+                series.push(telemetry.time_s - start, &Reading::of(&telemetry).unwrap());
             }
             _ => {}
         }
     }
-    series.yaw
+    series
 }
 
 #[test]
@@ -41,14 +40,15 @@ fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
     let run = bench.run(["record", plan.to_str().unwrap(), &imu, "--out", "session", "--json"]).expect_code(0);
     let trial = &run.json()["trials"][0];
     assert_eq!(trial["lost"], 0);
-    let yaw = yaw(&bench.path().join(trial["log"].as_str().unwrap()));
+    let series = attitude(&bench.path().join(trial["log"].as_str().unwrap()));
+    let yaw = &series.yaw;
     let on_board = (yaw.at(RUN_S - 1.0).unwrap() - yaw.at(0.0).unwrap()) / (RUN_S - 1.0) * 60.0;
 
     let (mut square, mut plain_square, mut covered, mut windows) = (0.0, 0.0, 0, 0);
     let mut from = 20.0;
     while from + 150.0 < RUN_S {
         let to = from + 120.0;
-        let drift = Drift::seen(&yaw, from - 20.0..from, to..to + 30.0).unwrap();
+        let drift = Drift::seen(&series, from - 20.0..from, to..to + 30.0).unwrap();
         let moved = yaw.at(to).unwrap() - yaw.at(from).unwrap();
         let error: f64 = moved - drift.between(from, to);
         let plain = moved - 120.0 * yaw.rate(from - 20.0..from).unwrap();

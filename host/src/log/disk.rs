@@ -1,10 +1,27 @@
 //! A file that is brought to the disk in the background, so that a slow disk does not hold up the trial.
 
+use super::LogError;
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
+use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
+
+/// Creates a file that does not exist yet, and has its name on the disk on return.
+pub(super) fn create_file(path: &Path) -> Result<File, LogError> {
+    let file = File::options().read(true).write(true).create_new(true).open(path).map_err(|source| {
+        let path = path.to_owned();
+        match source.kind() {
+            io::ErrorKind::AlreadyExists => LogError::Exists { path },
+            _ => LogError::Create { path, source },
+        }
+    })?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    // Not every file system can sync a folder; the file's own content is synced in any case.
+    let _ = File::open(folder).and_then(|folder| folder.sync_all());
+    Ok(file)
+}
 
 /// A file being written. Each `flush` starts a sync of what was written before it.
 ///

@@ -42,6 +42,7 @@ pub use meta::{
     RobotMeta, Summary, TrialMeta,
 };
 pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
+pub(crate) use reader::TrialClock;
 pub use reader::{Body, Message, Reader, check, last_meta, summary};
 pub use recover::{Recovery, recover};
 pub use scan::{Condition, Loss};

@@ -28,10 +28,25 @@ pub struct Message {
     pub body: Body,
 }
 
-impl Message {
-    /// When the trial's clock was zero, ns since 1970, if it was at `time_s` with this message.
-    pub(crate) fn zero_ns(&self, time_s: f64) -> u64 {
-        self.log_time_ns.saturating_sub((time_s * 1e9).round() as u64)
+/// The trial's clock as a log has it: its first telemetry frame says when it was zero.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct TrialClock {
+    /// ns since 1970.
+    zero_ns: Option<u64>,
+}
+
+impl TrialClock {
+    /// A message passes.
+    pub fn see(&mut self, message: &Message) {
+        if let Body::Telemetry(telemetry) = &message.body {
+            let since_ns = (telemetry.time_s * 1e9).round() as u64;
+            self.zero_ns.get_or_insert(message.log_time_ns.saturating_sub(since_ns));
+        }
+    }
+
+    /// When a message came, s; 0 before the first telemetry frame.
+    pub fn time_s(&self, message: &Message) -> f64 {
+        message.log_time_ns.saturating_sub(self.zero_ns.unwrap_or(message.log_time_ns)) as f64 * 1e-9
     }
 }
 

@@ -2,12 +2,13 @@
 
 use super::LogError;
 use super::chunk::Entry;
+use super::disk::create_file;
 use super::meta::RecoveryMeta;
 use super::reader::identify;
 use super::scan::{Condition, Loss, Piece, Scanner};
 use super::schema;
 use super::table::{Meta, to_table};
-use super::writer::{add_channel, create_file, io_error, options};
+use super::writer::{add_channel, io_error, options};
 use mcap::records::{MessageHeader, Metadata};
 use std::collections::BTreeMap;
 use std::fs::File;

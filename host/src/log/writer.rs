@@ -1,7 +1,7 @@
 //! Writing a log while the trial runs.
 
 use super::convert::{self, Converter};
-use super::disk::{self, Disk};
+use super::disk::{self, Disk, create_file};
 use super::meta::{
     BoardMeta, CalibrationMeta, ClockFit, Identity, LevelMeta, Origin, PlanMeta, RobotMeta, Summary, TrialMeta,
 };
@@ -363,21 +363,6 @@ impl std::fmt::Debug for Writer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Writer").field("path", &self.path).field("clock", &self.clock).finish_non_exhaustive()
     }
-}
-
-/// Creates a file that does not exist yet, and has its name on the disk on return.
-pub(super) fn create_file(path: &Path) -> Result<File, LogError> {
-    let file = File::options().read(true).write(true).create_new(true).open(path).map_err(|source| {
-        let path = path.to_owned();
-        match source.kind() {
-            std::io::ErrorKind::AlreadyExists => LogError::Exists { path },
-            _ => LogError::Create { path, source },
-        }
-    })?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // Not every file system can sync a folder; the file's own content is synced in any case.
-    let _ = File::open(folder).and_then(|folder| folder.sync_all());
-    Ok(file)
 }
 
 /// How logs are written. Chunks are put together in memory and written whole, so that a killed writer leaves none that

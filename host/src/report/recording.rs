@@ -5,7 +5,7 @@ use super::table::Table;
 use crate::attitude::levelling_deg;
 use crate::log::schema::biflag::event::Kind;
 use crate::log::schema::biflag::{Motor, Telemetry};
-use crate::log::{Body, LogError, Message, Origin};
+use crate::log::{Body, LogError, Message, Origin, TrialClock};
 use crate::overview::Overview;
 use crate::robot_file;
 use sim::params::Robot;
@@ -137,7 +137,7 @@ struct Collector {
     more_events: usize,
     link: Vec<LinkSecond>,
     shapes: Shapes,
-    zero_ns: Option<u64>,
+    clock: TrialClock,
     /// The board's counters in the frame before.
     counters: Option<[u32; 4]>,
     turns: [f64; 2],
@@ -153,7 +153,7 @@ impl Collector {
             more_events: 0,
             link: Vec::new(),
             shapes: Shapes::new(shapes),
-            zero_ns: None,
+            clock: TrialClock::default(),
             counters: None,
             turns: [0.0; 2],
             has_truth: false,
@@ -161,12 +161,10 @@ impl Collector {
     }
 
     fn take(&mut self, message: &Message) {
-        let time_s = self.time(message.log_time_ns);
+        self.clock.see(message);
+        let time_s = self.clock.time_s(message);
         match &message.body {
-            Body::Telemetry(telemetry) => {
-                self.zero_ns.get_or_insert(message.zero_ns(telemetry.time_s));
-                self.telemetry(telemetry);
-            }
+            Body::Telemetry(telemetry) => self.telemetry(telemetry),
             Body::Truth(truth) => {
                 self.has_truth = true;
                 self.turns = [truth.motor1_turns, truth.motor2_turns];
@@ -203,11 +201,6 @@ impl Collector {
         let second = self.second(telemetry.time_s);
         second.received += 1;
         second.board += counted;
-    }
-
-    /// A log's time by the trial's clock.
-    fn time(&self, log_ns: u64) -> f64 {
-        log_ns.saturating_sub(self.zero_ns.unwrap_or(log_ns)) as f64 * 1e-9
     }
 
     fn second(&mut self, time_s: f64) -> &mut LinkSecond {

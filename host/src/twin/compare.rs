@@ -196,9 +196,10 @@ fn compare(
     let common_s = run_s[0].min(run_s[1]);
     let start = from(measured).max(from(modelled));
     let end = to(measured).min(to(modelled));
+    let apart =
+        || incomparable(&a.path, &b.path, "they have no time in common".to_owned(), "name logs whose runs overlap");
     if common_s < SHORTEST_S || end - start < SHORTEST_S || start >= common_s {
-        let help = "name logs whose runs overlap";
-        return Err(incomparable(&a.path, &b.path, "they have no time in common".to_owned(), help));
+        return Err(apart());
     }
     if (run_s[0] - run_s[1]).abs() > 0.5 {
         let [one, other] = run_s;
@@ -215,8 +216,7 @@ fn compare(
     let window = steady_window(0.0..common_s, speeds);
     let in_window = times.partition_point(|t| *t < window.start)..in_run.end;
     if in_run.is_empty() || in_window.is_empty() {
-        let help = "name logs whose runs overlap";
-        return Err(incomparable(&a.path, &b.path, "they have no time in common".to_owned(), help));
+        return Err(apart());
     }
     let measured_deg = angles(measured, 0.0);
     let mut modelled_deg = angles(modelled, 0.0);

@@ -5,11 +5,11 @@ use crate::attitude::{Reading, Times, rotation};
 use crate::log::schema::biflag::{self, event::Kind};
 use crate::log::{
     BoardMeta, Body, Condition, End, Identity, LevelMeta, Message, ModelMeta, Origin, PlanMeta, Reader, ReplayMeta,
-    RobotMeta, Summary, TrialMeta,
+    RobotMeta, Summary, TrialClock, TrialMeta,
 };
 use crate::plan::PUBLISHED;
 use crate::robot_file;
-use protocol::units::CentiRpm;
+use protocol::units::{CentiRpm, LOW_PASS};
 use sim::params::Robot;
 use std::path::{Path, PathBuf};
 
@@ -18,9 +18,6 @@ const GAP_S: f64 = 0.21;
 
 /// The shortest run that is worth a model's while, s.
 const SHORTEST_RUN_S: f64 = 1.0;
-
-/// Delay of the gyroscope for each setting of the sensor's low-pass, s (MPU-6000 register map, section 4.3).
-const FILTER_DELAY_S: [f64; 7] = [0.98e-3, 1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3];
 
 /// The channels that are read.
 const CHANNELS: &[&str] = &["/telemetry", "/event"];
@@ -110,7 +107,7 @@ impl Recording {
         // The sensor's filter tells of a motion some milliseconds after it; encoders are read at once.
         let settings = reader.meta::<BoardMeta>().and_then(|board| board.settings());
         if let (Some(settings), false) = (settings, origin == Origin::Model) {
-            let delay_s = FILTER_DELAY_S[usize::from(settings.low_pass).min(FILTER_DELAY_S.len() - 1)];
+            let (_, delay_s) = LOW_PASS[usize::from(settings.low_pass).min(LOW_PASS.len() - 1)];
             collector.attitude.iter_mut().for_each(|(time, _)| *time -= delay_s);
         }
         let end_s = collector.turns.last().map_or(0.0, |(time, _)| *time);
@@ -265,7 +262,7 @@ impl Recording {
 #[derive(Default)]
 struct Collector {
     frames: u64,
-    zero_ns: Option<u64>,
+    clock: TrialClock,
     attitude: Vec<(f64, Reading)>,
     /// How many of them came before the run.
     before_run: usize,
@@ -279,11 +276,9 @@ struct Collector {
 
 impl Collector {
     fn take(&mut self, message: &Message) {
+        self.clock.see(message);
         match &message.body {
-            Body::Telemetry(frame) => {
-                self.zero_ns.get_or_insert(message.zero_ns(frame.time_s));
-                self.telemetry(frame);
-            }
+            Body::Telemetry(frame) => self.telemetry(frame),
             // The rates mean something else from here on.
             Body::Event(event) if event.kind() == Kind::Calibration => {
                 self.attitude.clear();
@@ -293,8 +288,7 @@ impl Collector {
                 if event.text == "run" {
                     self.before_run = self.attitude.len();
                 }
-                let since = message.log_time_ns.saturating_sub(self.zero_ns.unwrap_or(message.log_time_ns));
-                self.phases.push((event.text.clone(), since as f64 * 1e-9));
+                self.phases.push((event.text.clone(), self.clock.time_s(message)));
             }
             _ => {}
         }

@@ -4,7 +4,7 @@ use super::noise::Noise;
 use super::part::{Part, ROOM_C};
 use super::recording::{Recording, Sample};
 use crate::robot::Robot;
-use protocol::units::{AccelRange, GyroRange, TemperatureCounts};
+use protocol::units::{AccelRange, GyroRange, LOW_PASS, TemperatureCounts};
 
 /// One sample in counts, as the data registers have it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -114,7 +114,8 @@ impl Source {
 
     /// The sample at this time of the board's, for these settings of the part.
     pub fn read(&mut self, time_s: f64, gyro: GyroRange, accel: AccelRange, low_pass: u8) -> Readout {
-        let bandwidth_hz = BANDWIDTH_HZ[usize::from(low_pass & 7)];
+        // The last value is reserved; the part then filters as little as it can.
+        let (bandwidth_hz, delay_s) = LOW_PASS.get(usize::from(low_pass)).unwrap_or(&LOW_PASS[0]);
         let gyro_noise = GYRO_NOISE_DPS * bandwidth_hz.sqrt();
         let accel_noise = ACCEL_NOISE_G * bandwidth_hz.sqrt();
         let Self { kind, noise, part } = self;
@@ -133,7 +134,7 @@ impl Source {
             Kind::Still => {
                 measure(Movement { specific_force_g: [0.0, 0.0, 1.0], temperature_c: ROOM_C, ..Movement::default() })
             }
-            Kind::Robot(robot) => measure(robot.movement(time_s - DELAY_S[usize::from(low_pass & 7)])),
+            Kind::Robot(robot) => measure(robot.movement(time_s - delay_s)),
             Kind::Recording { recording, started_s, play } => {
                 if *play && started_s.is_none() {
                     *started_s = Some(time_s);
@@ -164,13 +165,6 @@ impl Source {
         }
     }
 }
-
-/// Bandwidth of the gyroscope for each value of CONFIG's filter (register map, section 4.3); without filter the part's
-/// own 256 Hz.
-const BANDWIDTH_HZ: [f64; 8] = [256.0, 188.0, 98.0, 42.0, 20.0, 10.0, 5.0, 256.0];
-
-/// Delay of the gyroscope for the same values; the accelerometer's is within 0.3 ms of it.
-const DELAY_S: [f64; 8] = [0.98e-3, 1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3, 0.98e-3];
 
 /// Rounds, and saturates as the part does.
 fn counts(x: f64) -> i16 {
