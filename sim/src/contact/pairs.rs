@@ -228,7 +228,9 @@ impl Searched {
             let squares = lines[k].iter().zip(&self.lines[k]).map(|(a, b)| (a - b).norm_squared());
             squares.fold(0.0, f64::max).sqrt()
         };
-        self.apart - moved(rods[0]) - moved(rods[1]) > limit
+        let first = moved(rods[0]);
+        let second = if rods[1] == rods[0] { first } else { moved(rods[1]) };
+        self.apart - first - second > limit
     }
 }
 

@@ -1,19 +1,20 @@
 //! Choice of the step's length: by the motors' speeds, by contact, and by halving what fails.
 //!
 //! Flagella that mesh (both motors pull them in) snap past each other once a beat, and means converge slowly
-//! with the step. Error of the mean thrust over 48 to 60 s against a run with steps a third as long and an
+//! with the step. Error of the mean thrust over 48 to 60 s against a run with steps a twelfth as long and an
 //! eightieth of the tolerance, as `cargo bench -p sim --bench trials -- steps` prints it:
 //!
 //! | speeds rpm | `contact_step_rad` | error | steps | sweeps a step |
 //! | --- | --- | --- | --- | --- |
-//! | (-90, -80) | 0.5 | 5.14 % | 4829 | 7.66 |
-//! | (-90, -80) | 0.25 | 1.05 % | 7374 | 5.49 |
-//! | (-90, -80) | 0.125 | 0.35 % | 13043 | 3.91 |
-//! | (-50, -30) | 0.5 | 3.67 % | 1932 | 5.71 |
-//! | (-50, -30) | 0.25 | 2.25 % | 2922 | 4.44 |
-//! | (-50, -30) | 0.125 | 5.01 % | 4839 | 3.43 |
+//! | (-90, -80) | 0.5 | 4.41 % | 4740 | 7.81 |
+//! | (-90, -80) | 0.25 | 0.48 % | 7246 | 5.60 |
+//! | (-90, -80) | 0.125 | 0.13 % | 13035 | 3.96 |
+//! | (-50, -30) | 0.5 | 1.51 % | 1966 | 5.59 |
+//! | (-50, -30) | 0.25 | 1.72 % | 2965 | 4.40 |
+//! | (-50, -30) | 0.125 | 0.97 % | 5083 | 3.40 |
 //!
-//! At (-50, -30) the means of so short a window scatter by some per cent at any step.
+//! At (-50, -30) the means of so short a window scatter by a per cent at any step. Shorter steps during the snaps
+//! alone, chosen by how far the prediction was off, need as many sweeps for the same error.
 
 use super::{Solver, StepFailure, StepReport};
 use crate::robot::clamp::Motor;

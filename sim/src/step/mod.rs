@@ -13,19 +13,18 @@
 //!
 //! | part | free | light | hard |
 //! | --- | --- | --- | --- |
-//! | residuals, `Flagellum::update_residual` | 38 % | 31 % | 25 % |
-//! | of these and the contact columns: flow of far segments, `Targets::add_flow` | 31 % | 24 % | 21 % |
-//! | frames and elastic forces, `Flagellum::update_forces` | 16 % | 12 % | 9 % |
-//! | products with the frozen inverse, `Flagellum::carry` | 12 % | 16 % | 20 % |
-//! | contact: columns, complementarity, `Contacts::sweep` | 0 % | 8 % | 27 % |
-//! | search for close edges, `BroadPhase::search` | 7 % | 13 % | 9 % |
-//! | moving the shapes, `Flagellum::apply` | 3 % | 4 % | 3 % |
-//! | frozen inverses, `Design::build` | 2 % | 2 % | 2 % |
+//! | residuals, `Flagellum::update_residual` | 39 % | 31 % | 30 % |
+//! | of these and of the answers: flow of far segments, `Targets::add_flow` | 31 % | 25 % | 25 % |
+//! | frames and elastic forces, `Flagellum::update_forces` | 14 % | 11 % | 9 % |
+//! | products with the frozen inverse, `Flagellum::precondition` | 9 % | 14 % | 12 % |
+//! | answers to contact forces, `Flagellum::respond` | 0 % | 5 % | 8 % |
+//! | search for close edges, `BroadPhase::search` | 11 % | 7 % | 5 % |
+//! | moving the shapes, `Flagellum::apply` | 2 % | 3 % | 4 % |
+//! | frozen inverses, `Design::build` | 2 % | 3 % | 1 % |
 //!
 //! Printed, for one column, by
 //! `perf record --call-graph dwarf,4096 -F 997 -e cpu-clock target/release/examples/point 90 90 full 300 0` and
-//! `perf report --children --no-inline -g none`. Nested parts count in each: the columns of contact contain
-//! products and far flow.
+//! `perf report --children --no-inline -g none`; the rest is spread over the sweep itself.
 
 mod accept;
 pub mod advance;
