@@ -3,13 +3,51 @@
 use super::meta::LevelMeta;
 use super::schema::biflag::{self, Counts, Motor, QuaternionQ15, Vector};
 use super::schema::foxglove;
-use super::writer::{CommandRecord, EventKind};
 use crate::attitude::{Euler, Unwrap, rotation};
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::frame::{MAX_FRAME, encode};
 use protocol::units::{STANDARD_GRAVITY_MPS2, SensorCounts, TemperatureCounts};
-use protocol::{Calibration, Fault, Request, Settings, State, TICK_HZ, Telemetry};
+use protocol::{Calibration, Command, Fault, Reply, Request, Settings, State, TICK_HZ, Telemetry};
 use std::collections::VecDeque;
+use std::time::SystemTime;
+
+/// A command as it went.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct CommandRecord {
+    /// Its sequence number.
+    pub seq: u8,
+    /// The command.
+    pub command: Command,
+    /// How often it was sent.
+    pub attempts: u32,
+    /// What was answered; `None`: nothing in time.
+    pub reply: Option<Reply>,
+    /// When it was sent first.
+    pub sent: SystemTime,
+    /// When it was answered or given up.
+    pub ended: SystemTime,
+}
+
+/// What an event is about.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum EventKind {
+    /// A phase begins; the text is its name: `calibrate`, `preroll`, `run`, `decay`, `end`.
+    Phase,
+    /// The board's state changed.
+    State,
+    /// A fault was latched or cleared.
+    Fault,
+    /// A request was sent again.
+    Retry,
+    /// The gyroscope was calibrated.
+    Calibration,
+    /// The clocks were compared.
+    Clock,
+    /// Something that whoever reads the log should know.
+    Warning,
+    /// Anything else.
+    Note,
+}
 
 /// Gives telemetry its units, and takes from the attitude the tilt that the accelerometer's bias makes.
 ///

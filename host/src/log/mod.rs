@@ -35,6 +35,7 @@ mod table;
 mod tests;
 mod writer;
 
+pub use convert::{CommandRecord, EventKind};
 pub(crate) use convert::{Converter, event, frame_transform, timestamp};
 pub use error::LogError;
 pub use meta::{
@@ -47,7 +48,7 @@ pub use reader::{Body, Message, Reader, check, last_meta, summary};
 pub use recover::{Recovery, recover};
 pub use scan::{Condition, Loss};
 pub use table::{Meta, Table};
-pub use writer::{CommandRecord, EventKind, Start, Tap, Writer};
+pub use writer::{Start, Tap, Writer};
 
 /// The MCAP profile of our logs.
 pub const PROFILE: &str = "biflag";

@@ -1,6 +1,6 @@
 //! Writing a log while the trial runs.
 
-use super::convert::{self, Converter};
+use super::convert::{self, CommandRecord, Converter, EventKind};
 use super::disk::{self, Disk, create_file};
 use super::meta::{
     BoardMeta, CalibrationMeta, ClockFit, Identity, LevelMeta, Origin, PlanMeta, RobotMeta, Summary, TrialMeta,
@@ -10,7 +10,7 @@ use super::table::{Meta, to_table};
 use super::{LogError, PROFILE};
 use crate::attitude::Reading;
 use crate::plan::{Plan, Trial};
-use protocol::{Calibration, Command, Info, Reply, Settings, Telemetry};
+use protocol::{Calibration, Info, Settings, Telemetry};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
@@ -36,44 +36,6 @@ pub struct Start<'a> {
     pub board: Option<(Info, Settings)>,
     /// The host's clock.
     pub time: SystemTime,
-}
-
-/// A command as it went.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct CommandRecord {
-    /// Its sequence number.
-    pub seq: u8,
-    /// The command.
-    pub command: Command,
-    /// How often it was sent.
-    pub attempts: u32,
-    /// What was answered; `None`: nothing in time.
-    pub reply: Option<Reply>,
-    /// When it was sent first.
-    pub sent: SystemTime,
-    /// When it was answered or given up.
-    pub ended: SystemTime,
-}
-
-/// What an event is about.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum EventKind {
-    /// A phase begins; the text is its name: `calibrate`, `preroll`, `run`, `decay`, `end`.
-    Phase,
-    /// The board's state changed.
-    State,
-    /// A fault was latched or cleared.
-    Fault,
-    /// A request was sent again.
-    Retry,
-    /// The gyroscope was calibrated.
-    Calibration,
-    /// The clocks were compared.
-    Clock,
-    /// Something that whoever reads the log should know.
-    Warning,
-    /// Anything else.
-    Note,
 }
 
 /// A log being written.

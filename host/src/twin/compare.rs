@@ -5,15 +5,13 @@
 
 use super::alike::difference;
 use super::curve::Curve;
+use super::shift::RATE_HZ;
 use super::{Recording, TwinError, hash, shift};
 use crate::attitude::steady_window;
 use protocol::units::CentiRpm;
 use serde::Serialize;
 use sim::steady::{CHANNELS, SteadyCollector};
 use std::path::{Path, PathBuf};
-
-/// Points a second of a comparison.
-pub(super) const RATE_HZ: f64 = 20.0;
 
 /// Runs that overlap by less say nothing about each other, s.
 const SHORTEST_S: f64 = 1.0;

@@ -5,7 +5,8 @@
 //! began. A correlation does not mind a wrong scale or zero, so a model that turns too far is not taken for one that comes
 //! too late.
 
-use super::compare::RATE_HZ;
+/// Points a second of a comparison.
+pub(super) const RATE_HZ: f64 = 20.0;
 
 /// The largest shift that is looked for, s. What is more is no lag.
 const LARGEST_S: f64 = 0.5;
