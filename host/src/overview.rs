@@ -1,6 +1,6 @@
-//! What a log tells of its trial, read from end to end, with nothing but the telemetry's angles kept in memory.
+//! What a log tells of its trial, read from end to end.
 
-use crate::attitude::{Angles, Drift, PhaseTimes, Reading, Series, Times};
+use crate::attitude::{Angles, PhaseTimes, Reading, Series, Times};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::{
     BoardMeta, Body, CalibrationMeta, ClockFit, Condition, Identity, LogError, Loss, Message, ModelMeta, PlanMeta,
@@ -40,10 +40,6 @@ pub struct Overview {
     pub link: LinkStats,
     /// Angles, computed anew.
     pub angles: Option<Angles>,
-    /// The attitude, from the gyroscope's calibration on.
-    pub series: Series,
-    /// The gyroscope's drift; `None` where nothing tells it.
-    pub drift: Option<Drift>,
     /// When its phases were.
     pub times: Times,
     /// Time of the last telemetry frame on the trial's clock.
@@ -62,14 +58,15 @@ impl Overview {
     /// # Errors
     /// [`LogError`].
     pub fn read(path: &Path) -> Result<Self, LogError> {
-        Self::read_with(path, |_| {})
+        Self::read_with(path, |_| {}).map(|(overview, _)| overview)
     }
 
-    /// Reads a whole log, and shows each of its messages to `see` on the way.
+    /// Reads a whole log, and shows each of its messages to `see` on the way. Answers the attitude beside it, from the
+    /// gyroscope's calibration on.
     ///
     /// # Errors
     /// [`LogError`].
-    pub fn read_with(path: &Path, mut see: impl FnMut(&Message)) -> Result<Self, LogError> {
+    pub fn read_with(path: &Path, mut see: impl FnMut(&Message)) -> Result<(Self, Series), LogError> {
         let mut reader = Reader::open(path)?;
         let mut collector = Collector::default();
         while let Some(message) = reader.next() {
@@ -84,15 +81,18 @@ impl Overview {
             collector.take(&message);
             see(&message);
         }
+        let board: Option<BoardMeta> = reader.meta();
+        let settings = board.as_ref().and_then(BoardMeta::settings);
+        collector.series.learns_bias = settings.is_some_and(|settings| settings.attitude_ki != 0.0);
         let times = collector.times.times();
         let trial: Option<TrialMeta> = reader.meta();
         let speeds = trial.as_ref().map_or([CentiRpm(0); 2], |t| [t.w1_rpm, t.w2_rpm].map(CentiRpm::from_rpm));
         let summary: Option<Summary> = reader.meta();
-        Ok(Self {
+        let overview = Self {
             identity: reader.meta(),
             plan: reader.meta(),
             robot: reader.meta(),
-            board: reader.meta(),
+            board,
             model: reader.meta(),
             steady: reader.meta(),
             calibration: reader.meta(),
@@ -100,8 +100,6 @@ impl Overview {
             recovery: reader.meta(),
             link: collector.link(summary.as_ref().map(|summary| summary.link)),
             angles: Angles::of(&collector.series, &times, speeds),
-            drift: Drift::seen(&collector.series, times.preroll.clone(), times.decay.clone()),
-            series: collector.series,
             times,
             duration_s: collector.times.last_s(),
             channels: reader.counts().clone(),
@@ -109,7 +107,8 @@ impl Overview {
             losses: reader.losses().to_vec(),
             trial,
             summary,
-        })
+        };
+        Ok((overview, collector.series))
     }
 }
 
@@ -136,7 +135,7 @@ impl Collector {
             Body::Dropout(dropout) => self.link.lost += u64::from(dropout.count),
             Body::Command(command) => self.link.retries += u64::from(command.attempts.saturating_sub(1)),
             // The rates mean something else from here on.
-            Body::Event(event) if event.kind() == Kind::Calibration => self.series = Series::default(),
+            Body::Event(event) if event.kind() == Kind::Calibration => self.series.restart(),
             Body::Event(event) if event.kind() == Kind::Phase => {
                 self.times.begin(&event.text, self.clock.time_s(message));
             }

@@ -22,8 +22,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 pub struct Reading {
     /// The attitude that was made of it, `[w, x, y, z]`.
     pub attitude: [f64; 4],
-    /// Rate about the body's y, less the calibrated bias, °/s.
-    pub rate_y_dps: f64,
+    /// Rates about the body's x and y, less the calibrated bias, °/s.
+    pub lateral_dps: Option<[f64; 2]>,
     /// The sensor's own temperature, °C.
     pub temperature_c: f64,
 }
@@ -32,15 +32,15 @@ impl Reading {
     /// Of a frame; `None` where it has no attitude.
     pub fn of(frame: &Telemetry) -> Option<Self> {
         let q = frame.attitude.as_ref()?;
-        let rate_y_dps = frame.angular_velocity_dps.as_ref().map_or(0.0, |rate| rate.y);
-        Some(Self { attitude: [q.w, q.x, q.y, q.z], rate_y_dps, temperature_c: frame.temperature_c })
+        let lateral_dps = frame.angular_velocity_dps.as_ref().map(|rate| [rate.x, rate.y]);
+        Some(Self { attitude: [q.w, q.x, q.y, q.z], lateral_dps, temperature_c: frame.temperature_c })
     }
 }
 
 impl Default for Reading {
-    /// Upright, at rest.
+    /// Upright.
     fn default() -> Self {
-        Self { attitude: [1.0, 0.0, 0.0, 0.0], rate_y_dps: 0.0, temperature_c: 0.0 }
+        Self { attitude: [1.0, 0.0, 0.0, 0.0], lateral_dps: None, temperature_c: 0.0 }
     }
 }
 

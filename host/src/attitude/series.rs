@@ -89,6 +89,9 @@ impl Track {
     }
 }
 
+/// A time that is shorter does not tell the bias about x and y, s.
+const LEAST_LATERAL_S: f64 = 4.0;
+
 /// The attitude over a trial, as it comes.
 #[derive(Clone, Debug, Default)]
 pub struct Series {
@@ -100,11 +103,14 @@ pub struct Series {
     pub roll: Track,
     /// Temperature of the sensor, °C.
     pub temperature: Track,
-    /// Integral of the rate about the body's y less the pitch, degrees: of a robot that hangs upright it grows with the bias.
-    pub slip: Track,
+    /// Whether the board's filter learns the gyroscope's bias itself.
+    pub learns_bias: bool,
+    /// Integrals of the rates about the body's x and y less roll and pitch, degrees: of a robot that hangs upright they grow
+    /// with the bias. Empty where the frames have no rates.
+    slip: [Track; 2],
     /// The tilt that was taken off the attitude of the robot at rest, degrees.
     pub levelled_deg: f64,
-    turned_y_deg: f64,
+    turned_lateral_deg: [f64; 2],
     unwrap: Unwrap,
     last: Option<UnitQuaternion<f64>>,
     turned: Vector3<f64>,
@@ -114,32 +120,57 @@ impl Series {
     /// Adds what the sensor said at a time.
     pub fn push(&mut self, time_s: f64, reading: &Reading) {
         let attitude = rotation(reading.attitude);
-        if let Some(before) = self.yaw.time_s.last() {
-            self.turned_y_deg += reading.rate_y_dps * (time_s - before).max(0.0);
-        }
+        let passed_s = self.yaw.time_s.last().map_or(0.0, |before| (time_s - before).max(0.0));
         let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&attitude);
         self.yaw.push(time_s, self.unwrap.next(yaw_deg));
         self.pitch.push(time_s, pitch_deg);
         self.roll.push(time_s, roll_deg);
         self.temperature.push(time_s, reading.temperature_c);
-        self.slip.push(time_s, self.turned_y_deg - pitch_deg);
+        if let Some(rates) = reading.lateral_dps {
+            for (i, angle) in [roll_deg, pitch_deg].into_iter().enumerate() {
+                self.turned_lateral_deg[i] += rates[i] * passed_s;
+                self.slip[i].push(time_s, self.turned_lateral_deg[i] - angle);
+            }
+        }
         if let Some(last) = self.last.replace(attitude) {
             // From body to body: the axis is in body axes.
             self.turned += (last.inverse() * attitude).scaled_axis();
         }
     }
 
-    /// The attitudes that follow are levelled. The yaw before turns with them, and the step is no motion. Answers by how much
-    /// the yaw turned, degrees.
-    pub fn level(&mut self, level: &LevelMeta) -> f64 {
-        let Some(last) = self.last.filter(|_| level.used) else { return 0.0 };
-        let levelled = level.levelled(last);
-        let step = Euler::of(&levelled).yaw_deg - Euler::of(&last).yaw_deg;
-        let step = step - 360.0 * (step / 360.0).round();
-        self.yaw.value.iter_mut().for_each(|yaw| *yaw += step);
-        self.last = Some(levelled);
+    /// Forgets the attitude so far.
+    pub fn restart(&mut self) {
+        *self = Self { learns_bias: self.learns_bias, ..Self::default() };
+    }
+
+    /// The attitudes that follow are levelled. Those before are levelled alike, so that the step is no motion.
+    pub fn level(&mut self, level: &LevelMeta) {
+        if !level.used {
+            return;
+        }
+        for i in 0..self.yaw.value.len() {
+            let [roll, pitch, yaw] = [&mut self.roll, &mut self.pitch, &mut self.yaw].map(|track| &mut track.value[i]);
+            let [x, y, z] = [*roll, *pitch, *yaw].map(f64::to_radians);
+            let levelled = Euler::of(&level.levelled(UnitQuaternion::from_euler_angles(x, y, z)));
+            (*roll, *pitch) = (levelled.roll_deg, levelled.pitch_deg);
+            *yaw = levelled.yaw_deg + 360.0 * ((*yaw - levelled.yaw_deg) / 360.0).round();
+        }
+        if let Some(yaw) = self.yaw.value.last() {
+            self.unwrap = Unwrap::default();
+            self.unwrap.next(*yaw);
+        }
+        self.last = self.last.map(|last| level.levelled(last));
         self.levelled_deg = level.tilt_deg;
-        step
+    }
+
+    /// Bias about the body's x and y while it hung upright, °/s; `None` where the time is too short, or the log does not
+    /// tell it.
+    pub(super) fn lateral_bias(&self, range: Range<f64>) -> Option<[f64; 2]> {
+        if self.learns_bias || range.end - range.start < LEAST_LATERAL_S {
+            return None;
+        }
+        let [x, y] = self.slip.each_ref().map(|slip| slip.slope(range.clone()));
+        Some([x?, y?])
     }
 
     /// Angle turned about each body axis so far, degrees: the integral of the body's angular velocity.
@@ -161,13 +192,16 @@ mod tests {
         for i in 0..10 {
             let attitude = if i < 5 { askew } else { level.levelled(askew) };
             if i == 5 {
-                let step = series.level(&level);
-                assert!(step.abs() > 0.05, "{step}");
+                series.level(&level);
             }
             let q = attitude.into_inner();
             series.push(f64::from(i), &Reading { attitude: [q.w, q.i, q.j, q.k], ..Reading::default() });
         }
-        assert!(series.yaw.value.iter().all(|yaw| (yaw - series.yaw.value[9]).abs() < 1e-9), "{:?}", series.yaw);
+        let step = series.yaw.value[9] - Euler::of(&askew).yaw_deg;
+        assert!(step.abs() > 0.05, "{step}");
+        for (angle, expected) in [(&series.yaw, series.yaw.value[9]), (&series.pitch, 0.0), (&series.roll, 0.0)] {
+            assert!(angle.value.iter().all(|deg| (deg - expected).abs() < 1e-9), "{angle:?}");
+        }
         assert!(series.turned_deg().iter().all(|turned| turned.abs() < 1e-9), "{:?}", series.turned_deg());
         assert_eq!(series.levelled_deg, 4.5);
     }

@@ -2,7 +2,7 @@
 
 use super::shapes::Shapes;
 use super::table::Table;
-use crate::attitude::levelling_deg;
+use crate::attitude::{Drift, Series, levelling_deg};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::schema::biflag::{Motor, Telemetry};
 use crate::log::{Body, LogError, Message, Origin, TrialClock};
@@ -25,6 +25,8 @@ const MAX_EVENTS: usize = 2_000;
 pub(super) struct Recording {
     pub path: PathBuf,
     pub overview: Overview,
+    /// The attitude.
+    pub series: Series,
     /// See [`MOTORS`].
     pub motors: Table<MOTORS>,
     /// True yaw, pitch, roll and turns of both shafts, where the log has them.
@@ -62,10 +64,11 @@ impl Recording {
     /// Reads a log; `shapes`: at most so many shapes of the flagella are kept.
     pub fn read(path: &Path, shapes: usize) -> Result<Self, LogError> {
         let mut collector = Collector::new(shapes);
-        let overview = Overview::read_with(path, |message| collector.take(message))?;
+        let (overview, series) = Overview::read_with(path, |message| collector.take(message))?;
         Ok(Self {
             path: path.to_owned(),
             overview,
+            series,
             motors: collector.motors,
             truth: collector.truth,
             events: collector.events,
@@ -93,20 +96,22 @@ impl Recording {
     /// The yaw from where it was before the run, less the gyroscope's drift, and its 95 % uncertainty (NaN: not known).
     /// The drift shows while the robot is still before and after the run.
     pub fn yaw(&self) -> Table<2> {
-        let Overview { series, drift, times, .. } = &self.overview;
-        let drift = drift.as_ref().filter(|_| !self.is_model());
+        let (series, times) = (&self.series, &self.overview.times);
         let mut table = Table::default();
         let start = times.run.start;
         let before = (start - START_S).max(times.preroll.start).max(series.yaw.span().start)..start;
         let has_run = times.run.end > times.run.start;
         let zero = if has_run { series.yaw.mean(before.clone()).unwrap_or(0.0) } else { 0.0 };
         let from = 0.5 * (before.start + before.end);
+        let drift = if self.is_model() || !has_run {
+            None
+        } else {
+            Drift::seen(series, times.preroll.clone(), times.decay.clone())
+        };
         for (i, (time, value)) in series.yaw.time_s.iter().zip(&series.yaw.value).enumerate() {
-            let row = match drift.filter(|_| has_run) {
-                // Only of the run is it known that the levelling's tilt was that of the robot at rest.
+            let row = match &drift {
                 Some(drift) => {
-                    let lean = if *time < start { [0.0; 2] } else { [&series.pitch, &series.roll].map(|t| t.value[i]) };
-                    let levelling = levelling_deg(series.levelled_deg, lean[0], lean[1]);
+                    let levelling = levelling_deg(series.levelled_deg, series.pitch.value[i], series.roll.value[i]);
                     let uncertainty = drift.uncertainty(from.min(*time), from.max(*time)).hypot(levelling);
                     [value - zero - drift.between(from, *time), uncertainty]
                 }

@@ -219,7 +219,7 @@ fn compared(comparison: &Comparison, recording: &Recording) -> Table<10> {
 /// The angles of a log by itself.
 fn alone(recording: &Recording) -> Table<10> {
     let Table { time_s, columns: [yaw, band] } = recording.yaw();
-    let [pitch, roll] = [&recording.overview.series.pitch.value, &recording.overview.series.roll.value];
+    let [pitch, roll] = [&recording.series.pitch.value, &recording.series.roll.value];
     let truth = truth(recording);
     let mut table = Table::default();
     for (i, time) in time_s.iter().enumerate() {

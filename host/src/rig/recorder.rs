@@ -284,7 +284,7 @@ impl<'a> Recorder<'a> {
 
     /// Forgets the attitude so far: the calibration changed what the rates mean.
     pub(super) fn restart_attitude(&mut self) {
-        self.attitude = Series::default();
+        self.attitude.restart();
     }
 
     fn next_frame(&mut self) -> Result<Frame, RecordError> {

@@ -86,7 +86,9 @@ impl Curve {
         let zero = Euler::of(&tilt.unwrap_or_default());
         // The sensor sits askew in the body: measured = true * askew. The yaw's zero is not the sensor's.
         let askew = UnitQuaternion::from_euler_angles(zero.roll_deg.to_radians(), zero.pitch_deg.to_radians(), 0.0);
+        let settings = recording.board.as_ref().and_then(|board| board.settings());
         let mut series = Series::default();
+        series.learns_bias = settings.is_some_and(|settings| settings.attitude_ki != 0.0);
         for (time, reading) in readings {
             let attitude = (rotation(reading.attitude) * askew.inverse()).into_inner().wxyz();
             series.push(*time, &Reading { attitude, ..*reading });
@@ -240,7 +242,7 @@ mod tests {
         let mut attitude = |time: f64| {
             let share = share(time);
             let rad = |deg: f64| (share * deg).to_radians();
-            drifted += drift * STEP_S * rad(tilt[1]).cos() / rad(tilt[0]).cos();
+            drifted += drift * STEP_S * rad(tilt[1]).cos() * rad(tilt[0]).cos();
             let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, (from_yaw + share * yaw + drifted).to_radians())
                 * UnitQuaternion::from_euler_angles(rad(tilt[1]), rad(tilt[0]), 0.0)
                 * UnitQuaternion::from_euler_angles(
@@ -288,7 +290,7 @@ mod tests {
             prop_assert!((end[0] - yaw).abs() < 1e-3, "{end:?}");
             prop_assert!((end[1] - tilt[0]).abs() < 1e-3 && (end[2] - tilt[1]).abs() < 1e-3, "{end:?}");
             prop_assert!((curve.zero_deg[2] - askew[0]).abs() < 1e-3 && (curve.zero_deg[1] - askew[1]).abs() < 1e-3);
-            let leant = tilt[1].to_radians().cos() / tilt[0].to_radians().cos();
+            let leant = tilt[1].to_radians().cos() * tilt[0].to_radians().cos();
             let drifted = curve.yaw_drift(45.0) - curve.yaw_drift(25.0);
             prop_assert!((drifted - drift * 20.0 * leant).abs() < 1e-3, "{drifted}");
             prop_assert!(curve.yaw_uncertainty(45.0).unwrap() < 1.0);

@@ -129,4 +129,26 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn pivots_that_cycle_end() {
+        // From this start whole blocks of pivots come back to where they were (the matrix of Murty 1974).
+        let matrix = [1.0, 2.0, 0.0, 0.0, 1.0, 2.0, 2.0, 0.0, 1.0];
+        let mut l = vec![1.0, 0.0, 0.0];
+        assert!(principal_pivoting(&matrix, &[-1.0; 3], &mut l, 1e-12));
+        assert!(l.iter().all(|l| (l - 1.0 / 3.0).abs() < 1e-12), "{l:?}");
+    }
+
+    proptest! {
+        #[test]
+        fn a_matrix_that_contacts_cannot_give_ends_in_usable_numbers(entries in prop::collection::vec(-1.0f64..1.0, 16), b in prop::collection::vec(-1.0f64..1.0, 4)) {
+            let mut matrix = entries;
+            for r in 0..4 {
+                matrix[r * 4 + r] = 0.05;
+            }
+            let mut l = vec![0.5; 4];
+            solve(&matrix, &b, &mut l, 1e-9);
+            prop_assert!(l.iter().all(|l| *l >= 0.0 && !l.is_nan()), "{l:?}");
+        }
+    }
 }

@@ -140,11 +140,6 @@ impl BroadPhase {
         Self { exclusion, middles, longest: 0.0, skin: radius, searched: [None, None, None] }
     }
 
-    /// Forgets what earlier searches proved.
-    pub fn reset(&mut self) {
-        self.searched = [None, None, None];
-    }
-
     fn load(&mut self, lines: &Lines) {
         self.longest = 0.0;
         for (line, middles) in lines.iter().zip(&mut self.middles) {
@@ -230,7 +225,8 @@ impl Searched {
         };
         let first = moved(rods[0]);
         let second = if rods[1] == rods[0] { first } else { moved(rods[1]) };
-        self.apart - first - second > limit
+        // A search among numbers that are none found none.
+        self.apart.is_finite() && self.apart - first - second > limit
     }
 }
 

@@ -13,7 +13,7 @@
 //! | (-50, -30) | 0.25 | 1.72 % | 2965 | 4.40 |
 //! | (-50, -30) | 0.125 | 0.97 % | 5083 | 3.40 |
 //!
-//! At (-50, -30) the means of so short a window scatter by a per cent at any step. Shorter steps during the snaps
+//! At (-50, -30) the means of so short a window scatter by 1 to 2 % at any step. Shorter steps during the snaps
 //! alone, chosen by how far the prediction was off, need as many sweeps for the same error.
 
 use super::{Solver, StepFailure, StepReport};

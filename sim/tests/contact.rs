@@ -1,0 +1,34 @@
+//! The search for close edges.
+
+use proptest::prelude::*;
+use sim::V3;
+use sim::contact::pairs::{BroadPhase, Lines};
+use sim::params::Robot;
+use sim::rod::Rod;
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Rods that move by fractions of what a search looks beyond, or jump: what is found does not depend on earlier searches.
+    #[test]
+    fn a_search_that_remembers_finds_what_a_fresh_one_finds(
+        apart in 0.004..0.05f64,
+        moves in prop::collection::vec((prop::array::uniform3(-1.0..1.0f64), 0.0..0.004f64, 0.0..0.3f64, any::<bool>()), 1..12),
+    ) {
+        let robot = Robot::default();
+        let rod = Rod::stress_free(robot.flagellum.helix(0).nodes(49), robot.flagellum.stiffness());
+        let rods = [rod.clone(), rod];
+        let radius = robot.flagellum.rod_radius_m;
+        let new = || BroadPhase::new(&rods, radius);
+        let mut lines: Lines = [rods[0].shape.clone(), rods[1].shape.iter().map(|x| x + V3::x() * apart).collect()];
+        let mut remembers = new();
+        for (direction, far, bend, wide) in moves {
+            let push = V3::from(direction) * far;
+            for (k, x) in lines[1].iter_mut().enumerate() {
+                *x += push * (1.0 + bend * (k as f64 * 0.3).sin());
+            }
+            let limit = if wide { 3.0 * radius } else { 2.5 * radius };
+            prop_assert_eq!(remembers.search(&lines, limit), new().search(&lines, limit));
+        }
+    }
+}
