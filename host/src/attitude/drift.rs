@@ -125,39 +125,23 @@ impl Drift {
         let span = series.yaw.span();
         let count = ((span.end - span.start) / STEP_S).ceil() as usize;
         let times: Vec<f64> = (0..=count).map(|i| (span.start + i as f64 * STEP_S).min(span.end)).collect();
-        let around = |time: &f64| (time - STEP_S).max(span.start)..(time + STEP_S).min(span.end);
-        let temperatures = series.temperature.means(times.iter().map(around));
-        let share: Box<dyn Fn(f64, f64) -> f64> = match self.seen.as_slice() {
-            [first, second] => {
-                let (first, second) = (*first, *second);
-                let within = |time: &&(&f64, &f64)| (first.middle_s..second.middle_s).contains(time.0);
-                let between = times.iter().zip(&temperatures);
-                let (low, high) = between
-                    .filter(|pair| within(&pair))
-                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, t)| (low.min(*t), high.max(*t)));
-                let warming = second.temperature_c - first.temperature_c;
-                self.warms = warming.abs() > LEAST_WARMING_C.max(0.5 * (high - low));
-                if self.warms {
-                    Box::new(move |_, temperature| (temperature - first.temperature_c) / warming)
-                } else {
-                    Box::new(move |time, _| (time - first.middle_s) / (second.middle_s - first.middle_s))
-                }
-            }
-            _ => Box::new(|_, _| 0.0),
-        };
+        // Means, because the robot wobbles with its flagella.
+        let [temperatures, pitches, rolls] = [&series.temperature, &series.pitch, &series.roll].map(|track| {
+            let around = |time: &f64| (time - STEP_S).max(span.start)..(time + STEP_S).min(span.end);
+            track.means(times.iter().map(around))
+        });
+        let shares = self.shares(&times, &temperatures);
         let mut sums = [0.0; 5];
         let mut last: Option<(f64, [f64; 5])> = None;
-        for (time, temperature) in times.into_iter().zip(temperatures) {
-            let share = share(time, temperature);
+        for ((time, share), (pitch, roll)) in times.into_iter().zip(shares).zip(pitches.into_iter().zip(rolls)) {
             let bias = |axis: usize| match self.seen.as_slice() {
                 [first, second] => first.rates[axis] + share * (second.rates[axis] - first.rates[axis]),
                 [first] => first.rates[axis],
                 _ => 0.0,
             };
-            let lean = |track: &Track| track.at(time).unwrap_or_default().to_radians().sin_cos();
-            let ((pitches, level), (rolls, upright)) = (lean(&series.pitch), lean(&series.roll));
+            let ((pitch, level), (roll, upright)) = (pitch.to_radians().sin_cos(), roll.to_radians().sin_cos());
             // Up in the body's axes.
-            let [x, y, z] = [-pitches, level * rolls, level * upright];
+            let [x, y, z] = [-pitch, level * roll, level * upright];
             let rates = [x * bias(0) + y * bias(1) + z * bias(2), share, x, y, z];
             if let Some((before, old)) = last {
                 for i in 0..5 {
@@ -169,6 +153,22 @@ impl Drift {
             for (track, sum) in [&mut self.drifted, &mut self.come, x, y, z].into_iter().zip(sums) {
                 track.push(time, sum);
             }
+        }
+    }
+
+    /// How far the bias has come at each time from the first still phase's to the second's: with the temperature where that
+    /// went on from one to the other, else with time.
+    fn shares(&mut self, times: &[f64], temperatures: &[f64]) -> Vec<f64> {
+        let [first, second] = self.seen.as_slice() else { return vec![0.0; times.len()] };
+        let between = times.iter().zip(temperatures).filter(|(t, _)| (first.middle_s..second.middle_s).contains(t));
+        let extremes = (f64::INFINITY, f64::NEG_INFINITY);
+        let (low, high) = between.fold(extremes, |(low, high), (_, t)| (low.min(*t), high.max(*t)));
+        let warming = second.temperature_c - first.temperature_c;
+        self.warms = warming.abs() > LEAST_WARMING_C.max(0.5 * (high - low));
+        if self.warms {
+            temperatures.iter().map(|t| (t - first.temperature_c) / warming).collect()
+        } else {
+            times.iter().map(|t| (t - first.middle_s) / (second.middle_s - first.middle_s)).collect()
         }
     }
 
