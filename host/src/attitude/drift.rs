@@ -17,11 +17,12 @@
 //!   ends of a time T is W² T³ / 12. Beside the temperature W is [`BIAS_WALK`] and a part of what the bias was seen to
 //!   change by; without it, all of that.
 //!
-//! With one still phase alone the bias is that phase's, and may walk by [`BIAS_WALK`] from then on.
+//! With one still phase alone the bias is that phase's, and may walk by [`BIAS_WALK`] from then on, and change by what is
+//! usual for as much as the sensor has warmed since.
 //!
 //! The uncertainty is that of 95 %, by Student's distribution, because N comes from a few blocks.
 
-use super::rest::{Phase, after_run, noise};
+use super::rest::{BIAS_SPREAD, Phase, after_run, noise};
 use super::series::{Series, Track};
 use std::ops::Range;
 
@@ -73,6 +74,8 @@ pub struct Drift {
     drifted: Track,
     /// Integral of how far the bias had come from the first still phase's to the second's, s.
     come: Track,
+    /// Integral of how much warmer the sensor was than in the first still phase, °C s.
+    warmed: Track,
     /// Integrals of the parts that the biases about x, y and z have in the yaw, s.
     parts: [Track; 3],
 }
@@ -114,6 +117,7 @@ impl Drift {
             warms: false,
             drifted: Track::default(),
             come: Track::default(),
+            warmed: Track::default(),
             parts: Default::default(),
         };
         drift.follow(series);
@@ -131,9 +135,12 @@ impl Drift {
             track.means(times.iter().map(around))
         });
         let shares = self.shares(&times, &temperatures);
-        let mut sums = [0.0; 5];
-        let mut last: Option<(f64, [f64; 5])> = None;
-        for ((time, share), (pitch, roll)) in times.into_iter().zip(shares).zip(pitches.into_iter().zip(rolls)) {
+        let first_c = self.seen.first().map_or(0.0, |first| first.temperature_c);
+        let mut sums = [0.0; 6];
+        let mut last: Option<(f64, [f64; 6])> = None;
+        let leans = pitches.into_iter().zip(rolls);
+        for (((time, share), (pitch, roll)), temperature) in times.into_iter().zip(shares).zip(leans).zip(temperatures)
+        {
             let bias = |axis: usize| match self.seen.as_slice() {
                 [first, second] => first.rates[axis] + share * (second.rates[axis] - first.rates[axis]),
                 [first] => first.rates[axis],
@@ -142,15 +149,16 @@ impl Drift {
             let ((pitch, level), (roll, upright)) = (pitch.to_radians().sin_cos(), roll.to_radians().sin_cos());
             // Up in the body's axes.
             let [x, y, z] = [-pitch, level * roll, level * upright];
-            let rates = [x * bias(0) + y * bias(1) + z * bias(2), share, x, y, z];
+            let rates = [x * bias(0) + y * bias(1) + z * bias(2), share, temperature - first_c, x, y, z];
             if let Some((before, old)) = last {
-                for i in 0..5 {
+                for i in 0..6 {
                     sums[i] += 0.5 * (old[i] + rates[i]) * (time - before);
                 }
             }
             last = Some((time, rates));
             let [x, y, z] = &mut self.parts;
-            for (track, sum) in [&mut self.drifted, &mut self.come, x, y, z].into_iter().zip(sums) {
+            let tracks = [&mut self.drifted, &mut self.come, &mut self.warmed, x, y, z];
+            for (track, sum) in tracks.into_iter().zip(sums) {
                 track.push(time, sum);
             }
         }
@@ -200,7 +208,8 @@ impl Drift {
             }
             [first] => {
                 let reach = (to_s - first.middle_s).abs().max((from_s - first.middle_s).abs());
-                walk * length + seen(first.unknown) + BIAS_WALK.powi(2) * reach.powi(3) / 3.0
+                let warming = BIAS_SPREAD * change(&self.warmed, from_s, to_s);
+                walk * length + seen(first.unknown) + BIAS_WALK.powi(2) * reach.powi(3) / 3.0 + warming.powi(2)
             }
             _ => return f64::INFINITY,
         };
@@ -316,6 +325,19 @@ mod tests {
         // Along straight lines in time a degree would be left.
         assert!(left.abs() < 0.05, "{left}");
         assert!(drift.uncertainty(19.9, 139.0) < 1.0, "{}", drift.uncertainty(19.9, 139.0));
+    }
+
+    #[test]
+    fn one_still_phase_alone_knows_less_of_a_sensor_that_warms() {
+        let bias = |_| [0.0, 0.0, 0.02];
+        let unknown = |warming: f64| {
+            let series = trial(bias, |_| [0.0; 2], |t| 25.0 + warming * t / 170.0);
+            let drift = Drift::seen(&series, 0.0..20.0, 170.0..170.0).unwrap();
+            assert_eq!(drift.still.len(), 1);
+            drift.uncertainty(19.9, 139.0)
+        };
+        // 0.03 °/s a degree, of which there are 0.33 on the way, for 119 s.
+        assert!(unknown(0.0) < 1.0 && unknown(0.8) > 2.0, "{} {}", unknown(0.0), unknown(0.8));
     }
 
     #[test]

@@ -28,8 +28,8 @@ const MARGIN: f64 = 0.25;
 /// How far the bias may move during a trial, °/s: a third of what the data sheet allows for a degree of warming.
 const BIAS_CHANGE: f64 = 0.1;
 
-/// Standard deviation of what it usually moves by, °/s: a tenth of the same.
-const BIAS_SPREAD: f64 = 0.03;
+/// Standard deviation of what it usually moves by for a degree of warming, °/s: a tenth of the same.
+pub(super) const BIAS_SPREAD: f64 = 0.03;
 
 /// Fastest return that blocks can tell, s; the slowest is a part of the time that it is seen.
 const FASTEST_S: f64 = 1.5;
