@@ -185,6 +185,12 @@ impl Drift {
         change(&self.drifted, from_s, to_s)
     }
 
+    /// Standard deviation of what the sensor's warming since the first still phase usually does to a turn measured from one
+    /// time to another, degrees: one with that of all other times.
+    pub fn warming(&self, from_s: f64, to_s: f64) -> f64 {
+        BIAS_SPREAD * change(&self.warmed, from_s, to_s)
+    }
+
     /// 95 % uncertainty of a turn measured from one time to another, degrees.
     pub fn uncertainty(&self, from_s: f64, to_s: f64) -> f64 {
         let length = to_s - from_s;
@@ -208,8 +214,8 @@ impl Drift {
             }
             [first] => {
                 let reach = (to_s - first.middle_s).abs().max((from_s - first.middle_s).abs());
-                let warming = BIAS_SPREAD * change(&self.warmed, from_s, to_s);
-                walk * length + seen(first.unknown) + BIAS_WALK.powi(2) * reach.powi(3) / 3.0 + warming.powi(2)
+                let warming = self.warming(from_s, to_s).powi(2);
+                walk * length + seen(first.unknown) + BIAS_WALK.powi(2) * reach.powi(3) / 3.0 + warming
             }
             _ => return f64::INFINITY,
         };

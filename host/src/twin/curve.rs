@@ -140,6 +140,11 @@ impl Curve {
         levelling_deg(self.levelled_deg, pitch, roll)
     }
 
+    /// Standard deviation of what the sensor's warming since the still phase may have done to the yaw at a time, degrees.
+    pub fn warming(&self, time_s: f64) -> f64 {
+        self.drift.as_ref().map_or(0.0, |drift| drift.warming(self.from_s, time_s))
+    }
+
     /// Angle random walk of the yaw (°/√s), length of the still phase that told its bias (s), variances of the zeros of
     /// pitch and roll (degrees²); `None` where no still phase tells them. A model is taken for a quiet sensor.
     pub fn noise(&self) -> Option<(f64, f64, [f64; 2])> {

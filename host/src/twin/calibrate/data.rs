@@ -46,6 +46,8 @@ pub(super) struct Data {
     still_s: f64,
     /// Standard deviation of what the levelling may have done to the yaw, block by block, one with all others, degrees.
     levelling: Vec<f64>,
+    /// The same of the sensor's warming.
+    warming: Vec<f64>,
     /// Variance of the zeros of pitch and roll.
     zero_variance: [f64; 2],
 }
@@ -63,6 +65,7 @@ impl Data {
         let end = curve.span().end.min(recording.end_s);
         let count = ((end - run.start) / BLOCK_S).floor() as usize;
         let block = |i: usize| run.start + i as f64 * BLOCK_S..run.start + (i + 1) as f64 * BLOCK_S;
+        let middle = |i: usize| run.start + (i as f64 + 0.5) * BLOCK_S;
         let measured = curve.angles.each_ref().map(|track| track.means((0..count).map(block)));
         let (yaw_walk, still_s, zero_variance) = curve
             .noise()
@@ -80,7 +83,8 @@ impl Data {
             profile: speeds::profile_of_run(recording, BLOCK_S / SAMPLES as f64)?,
             times: (0..count).map(|i| from + (i as f64 + 0.5) * BLOCK_S).collect(),
             // 95 % are two standard deviations.
-            levelling: (0..count).map(|i| 0.5 * curve.levelling(run.start + (i as f64 + 0.5) * BLOCK_S)).collect(),
+            levelling: (0..count).map(|i| 0.5 * curve.levelling(middle(i))).collect(),
+            warming: (0..count).map(|i| curve.warming(middle(i))).collect(),
             yaw_walk,
             still_s,
             zero_variance,
@@ -121,8 +125,9 @@ impl Data {
 
     /// Covariance of the blocks of yaw, pitch or roll that the sensor's noise alone makes, degrees².
     ///
-    /// Yaw: the gyroscope's angle random walk, of which the still phase told the bias too, which has walked since (see
-    /// [`crate::attitude::Drift`]), and what levelling may do to it. Tilt: the zero, which is common to all blocks.
+    /// Yaw: the gyroscope's angle random walk, of which the still phase told the bias too, which has walked since and followed
+    /// the temperature (see [`crate::attitude::Drift`]), and what levelling may do to it. Tilt: the zero, which is common to
+    /// all blocks.
     fn sensor_covariance(&self, angle: usize) -> DMatrix<f64> {
         let count = self.blocks();
         let walk = self.yaw_walk.powi(2);
@@ -135,7 +140,8 @@ impl Data {
             }
             let (a, b) = (self.times[i].min(self.times[j]), self.times[i].max(self.times[j]));
             let bias = bias_walk * since(a).powi(2) * (3.0 * since(b) - since(a)) / 6.0;
-            walk * (a + a * b / self.still_s) + bias + self.levelling[i] * self.levelling[j]
+            let common = self.levelling[i] * self.levelling[j] + self.warming[i] * self.warming[j];
+            walk * (a + a * b / self.still_s) + bias + common
         })
     }
 
