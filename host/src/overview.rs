@@ -82,8 +82,9 @@ impl Overview {
             see(&message);
         }
         let board: Option<BoardMeta> = reader.meta();
-        let settings = board.as_ref().and_then(BoardMeta::settings);
-        collector.series.learns_bias = settings.is_some_and(|settings| settings.attitude_ki != 0.0);
+        if let Some(settings) = board.as_ref().and_then(BoardMeta::settings) {
+            collector.series.filtered_with(&settings);
+        }
         let times = collector.times.times();
         let trial: Option<TrialMeta> = reader.meta();
         let speeds = trial.as_ref().map_or([CentiRpm(0); 2], |t| [t.w1_rpm, t.w2_rpm].map(CentiRpm::from_rpm));

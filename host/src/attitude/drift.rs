@@ -5,7 +5,7 @@
 //! tells: the board's filter holds roll and pitch against them, and the gyroscope's rate less the attitude's own is the bias.
 //! What the filter leaves is the part about the vertical: a robot that leans turns all three into yaw,
 //! yaw' = -x sin pitch + cos pitch (y sin roll + z cos roll). A filter that learns the bias itself
-//! ([`Series::learns_bias`]) leaves x and y nothing. Model of the measured yaw's error:
+//! ([`Series::filtered_with`]) leaves x and y nothing. Model of the measured yaw's error:
 //!
 //! - angle random walk, of standard deviation N √t after a time t. N is estimated from the still phases themselves: from
 //!   the scatter of the mean rates of 2 s blocks, which takes in whatever slow noise there is up to some seconds. It is not
@@ -24,6 +24,7 @@
 
 use super::rest::{BIAS_SPREAD, Phase, after_run, noise};
 use super::series::{Series, Track};
+use crate::log::LONGEST_TRIAL_S;
 use std::ops::Range;
 
 /// Random walk of the bias where nothing was seen of it, °/s/√s. A lying MPU6050 (655 s) shows about a third of this.
@@ -43,9 +44,6 @@ const TILT_NOISE: f64 = 4.0;
 
 /// After a calibration the filter finds its level anew, with a time constant of a second, s.
 const SETTLED_S: f64 = 10.0;
-
-/// A log that claims to be longer is damaged, s.
-const LONGEST_S: f64 = 7.0 * 86_400.0;
 
 /// The bias at rest.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -85,7 +83,7 @@ impl Drift {
     /// neither says anything.
     pub fn seen(series: &Series, before: Range<f64>, after: Range<f64>) -> Option<Self> {
         let span = series.yaw.span();
-        if span.end - span.start > LONGEST_S {
+        if span.end - span.start > LONGEST_TRIAL_S {
             return None;
         }
         let calibrated_s = before.start;
@@ -126,6 +124,8 @@ impl Drift {
 
     /// Integrates the drift over a trial.
     fn follow(&mut self, series: &Series) {
+        // One phase alone is both.
+        let (Some(&first), Some(&second)) = (self.seen.first(), self.seen.last()) else { return };
         let span = series.yaw.span();
         let count = ((span.end - span.start) / STEP_S).ceil() as usize;
         let times: Vec<f64> = (0..=count).map(|i| (span.start + i as f64 * STEP_S).min(span.end)).collect();
@@ -135,21 +135,16 @@ impl Drift {
             track.means(times.iter().map(around))
         });
         let shares = self.shares(&times, &temperatures);
-        let first_c = self.seen.first().map_or(0.0, |first| first.temperature_c);
         let mut sums = [0.0; 6];
         let mut last: Option<(f64, [f64; 6])> = None;
         let leans = pitches.into_iter().zip(rolls);
         for (((time, share), (pitch, roll)), temperature) in times.into_iter().zip(shares).zip(leans).zip(temperatures)
         {
-            let bias = |axis: usize| match self.seen.as_slice() {
-                [first, second] => first.rates[axis] + share * (second.rates[axis] - first.rates[axis]),
-                [first] => first.rates[axis],
-                _ => 0.0,
-            };
+            let bias = |axis: usize| first.rates[axis] + share * (second.rates[axis] - first.rates[axis]);
             let ((pitch, level), (roll, upright)) = (pitch.to_radians().sin_cos(), roll.to_radians().sin_cos());
             // Up in the body's axes.
             let [x, y, z] = [-pitch, level * roll, level * upright];
-            let rates = [x * bias(0) + y * bias(1) + z * bias(2), share, temperature - first_c, x, y, z];
+            let rates = [x * bias(0) + y * bias(1) + z * bias(2), share, temperature - first.temperature_c, x, y, z];
             if let Some((before, old)) = last {
                 for i in 0..6 {
                     sums[i] += 0.5 * (old[i] + rates[i]) * (time - before);
@@ -195,20 +190,20 @@ impl Drift {
     pub fn uncertainty(&self, from_s: f64, to_s: f64) -> f64 {
         let length = to_s - from_s;
         let walk = self.angle_walk.powi(2);
-        // What the variance of each axis' rate makes in the yaw's.
-        let parts = self.parts.each_ref().map(|part| change(part, from_s, to_s).powi(2));
-        let seen = |unknown: f64| walk * unknown * (TILT_NOISE * (parts[0] + parts[1]) + parts[2]);
+        let mean = |track: &Track| if length > 0.0 { change(track, from_s, to_s) / length } else { 0.0 };
+        // What the variance of each axis' rate makes in that of the yaw's.
+        let parts = self.parts.each_ref().map(|part| mean(part).powi(2));
+        let seen = |unknown: f64| walk * length.powi(2) * unknown * (TILT_NOISE * (parts[0] + parts[1]) + parts[2]);
         let variance = match self.seen.as_slice() {
             [first, last] => {
                 let apart = last.middle_s - first.middle_s;
-                let second = if length > 0.0 { change(&self.come, from_s, to_s) / length } else { 0.0 };
+                let second = mean(&self.come);
                 let unknown = (1.0 - second).powi(2) * first.unknown + second.powi(2) * last.unknown;
                 let strays = |axis: usize| {
                     let changed = (last.rates[axis] - first.rates[axis]).powi(2);
                     let walked =
                         if self.warms { UNLIKE.powi(2) * changed + BIAS_WALK.powi(2) * apart } else { changed };
-                    let share = if length > 0.0 { parts[axis] / length.powi(2) } else { 0.0 };
-                    share * walked * apart.powi(2) / 12.0
+                    parts[axis] * walked * apart.powi(2) / 12.0
                 };
                 walk * length + seen(unknown) + strays(0) + strays(1) + strays(2)
             }

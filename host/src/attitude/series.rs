@@ -3,6 +3,7 @@
 use super::{Euler, Reading, Unwrap, rotation};
 use crate::log::LevelMeta;
 use nalgebra::{UnitQuaternion, Vector3};
+use protocol::Settings;
 use std::ops::Range;
 
 /// A quantity over time: `value[i]` at `time_s[i]`, which never goes back.
@@ -103,8 +104,7 @@ pub struct Series {
     pub roll: Track,
     /// Temperature of the sensor, °C.
     pub temperature: Track,
-    /// Whether the board's filter learns the gyroscope's bias itself.
-    pub learns_bias: bool,
+    learns_bias: bool,
     /// Integrals of the rates about the body's x and y less roll and pitch, degrees: of a robot that hangs upright they grow
     /// with the bias. Empty where the frames have no rates.
     slip: [Track; 2],
@@ -138,6 +138,11 @@ impl Series {
         }
     }
 
+    /// What the board's filter does: with a gain for it, it learns the gyroscope's bias itself.
+    pub fn filtered_with(&mut self, settings: &Settings) {
+        self.learns_bias = settings.attitude_ki != 0.0;
+    }
+
     /// Forgets the attitude so far.
     pub fn restart(&mut self) {
         *self = Self { learns_bias: self.learns_bias, ..Self::default() };
@@ -154,10 +159,6 @@ impl Series {
             let levelled = Euler::of(&level.levelled(UnitQuaternion::from_euler_angles(x, y, z)));
             (*roll, *pitch) = (levelled.roll_deg, levelled.pitch_deg);
             *yaw = levelled.yaw_deg + 360.0 * ((*yaw - levelled.yaw_deg) / 360.0).round();
-        }
-        if let Some(yaw) = self.yaw.value.last() {
-            self.unwrap = Unwrap::default();
-            self.unwrap.next(*yaw);
         }
         self.last = self.last.map(|last| level.levelled(last));
         self.levelled_deg = level.tilt_deg;

@@ -52,3 +52,6 @@ pub use writer::{Start, Tap, Writer};
 
 /// The MCAP profile of our logs.
 pub const PROFILE: &str = "biflag";
+
+/// A trial that claims to be longer is damaged, s: a week.
+pub(crate) const LONGEST_TRIAL_S: f64 = 7.0 * 86_400.0;

@@ -5,7 +5,7 @@ use super::table::Table;
 use crate::attitude::{Drift, Series, levelling_deg};
 use crate::log::schema::biflag::event::Kind;
 use crate::log::schema::biflag::{Motor, Telemetry};
-use crate::log::{Body, LogError, Message, Origin, TrialClock};
+use crate::log::{Body, LONGEST_TRIAL_S, LogError, Message, Origin, TrialClock};
 use crate::overview::Overview;
 use crate::robot_file;
 use sim::params::Robot;
@@ -209,9 +209,7 @@ impl Collector {
     }
 
     fn second(&mut self, time_s: f64) -> &mut LinkSecond {
-        /// A trial that claims to be longer than a week is damaged.
-        const MOST: f64 = 7.0 * 86_400.0;
-        let index = time_s.clamp(0.0, MOST) as usize;
+        let index = time_s.clamp(0.0, LONGEST_TRIAL_S) as usize;
         if self.link.len() <= index {
             self.link.resize(index + 1, LinkSecond::default());
         }

@@ -57,7 +57,9 @@ pub fn run(bench: &mut Bench, path: &Path, start: &Start) -> Result<TrialRun, Lo
     }
     let link = bench.link;
     let mut recorder = Recorder::new(link, log, bench.interrupted, bench.robot.map(Truth::new));
-    recorder.attitude.learns_bias = start.board.is_some_and(|(_, settings)| settings.attitude_ki != 0.0);
+    if let Some((_, settings)) = &start.board {
+        recorder.attitude.filtered_with(settings);
+    }
     let mut warnings = Vec::new();
     let mut error = phases(&mut recorder, bench, start, &mut warnings).err();
     // The board's own deadline does it where the link is gone.

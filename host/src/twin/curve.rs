@@ -86,9 +86,10 @@ impl Curve {
         let zero = Euler::of(&tilt.unwrap_or_default());
         // The sensor sits askew in the body: measured = true * askew. The yaw's zero is not the sensor's.
         let askew = UnitQuaternion::from_euler_angles(zero.roll_deg.to_radians(), zero.pitch_deg.to_radians(), 0.0);
-        let settings = recording.board.as_ref().and_then(|board| board.settings());
         let mut series = Series::default();
-        series.learns_bias = settings.is_some_and(|settings| settings.attitude_ki != 0.0);
+        if let Some(settings) = recording.board.as_ref().and_then(|board| board.settings()) {
+            series.filtered_with(&settings);
+        }
         for (time, reading) in readings {
             let attitude = (rotation(reading.attitude) * askew.inverse()).into_inner().wxyz();
             series.push(*time, &Reading { attitude, ..*reading });

@@ -172,7 +172,10 @@ impl BroadPhase {
             for &edges in &searched.candidates {
                 let [a, b] = [0, 1].map(|k| self.middle(rods[k], edges[k]));
                 if (a - b).norm_squared() < reach {
-                    pairs.extend(Some(Pair::new(lines, rods, edges)).filter(|pair| pair.distance < limit));
+                    let pair = Pair::new(lines, rods, edges);
+                    if pair.distance < limit {
+                        pairs.push(pair);
+                    }
                 }
             }
             self.searched[which] = Some(searched);

@@ -99,7 +99,7 @@ impl Panels {
     pub fn multiply(&self, vectors: &[f32], out: &mut [f32]) {
         let (size, padded) = (self.size, Self::padded(self.size));
         let arch = Arch::new();
-        // Three at a time: the matrix is too large for the nearest cache, and more sums than registers.
+        // The matrix is too large for the nearest cache; sums of more than three vectors are too many for the registers.
         for (vectors, out) in vectors.chunks(3 * size).zip(out.chunks_mut(3 * padded)) {
             match vectors.len() / size {
                 3 => arch.dispatch(Product::<3> { panels: self, vectors, out }),

@@ -127,7 +127,7 @@ impl Flagellum {
     /// Residual with the sources of the other rod (in this shaft frame); returns its size in m/s.
     ///
     /// `lever`: velocity in m/s that a twist error of one radian counts for.
-    #[inline(never)]
+    #[inline(never)] // so that a profile shows it
     pub fn update_residual(&mut self, rod: &Rod, motion: &Kinematics, other: &Sources, lever: f64) -> f64 {
         let n = rod.nodes();
         self.near.multiply(&self.density);
@@ -174,7 +174,7 @@ impl Flagellum {
     }
 
     /// `correction` = minus the frozen inverse times the residual, carried along with the rod.
-    #[inline(never)]
+    #[inline(never)] // so that a profile shows it
     pub fn precondition(&mut self, preconditioner: &Preconditioner) {
         let n = self.shape.nodes.len();
         let residual = |i: usize| V3::new(self.residual[3 * i], self.residual[3 * i + 1], self.residual[3 * i + 2]);
@@ -188,7 +188,7 @@ impl Flagellum {
 
     /// Answers of the rod within the step to point forces that act on its surroundings: corrections for
     /// flows (m/s, shaft frame) at every node.
-    #[inline(never)]
+    #[inline(never)] // so that a profile shows it
     pub fn respond(&self, preconditioner: &Preconditioner, flows: &[Vec<V3>], kappa: f64) -> Vec<Vec<f64>> {
         let (n, size) = (self.shape.nodes.len(), self.correction.len());
         let padded = Panels::padded(size);
