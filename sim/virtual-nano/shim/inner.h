@@ -77,6 +77,9 @@ static inline void replace_io(nano_t *nano, uint16_t address, avr_io_read_t read
 	nano->avr->io[AVR_DATA_TO_IO(address)].w.param = nano;
 }
 
+// Applies the levels of driven pins of a port once more.
+void drive_pins(nano_t *nano, char port);
+// Tells the devices the levels of SDA and SCL, and takes theirs.
 void bus_lines_changed(nano_t *nano);
 
 void twi_attach(nano_t *nano);
