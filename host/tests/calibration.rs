@@ -12,9 +12,9 @@ use host::log::{Origin, TrialMeta};
 use host::twin::Recording;
 use host::twin::calibrate::{Calibration, Estimate, Parameter, Request, calibrate};
 use nalgebra::UnitQuaternion;
+use sim::body::closure::Closure;
 use sim::params::{Glycerol, Robot};
 use sim::profile::{Phases, SpeedProfile};
-use sim::robot::closure::Closure;
 use sim::trial::{Options, Trial};
 use std::f64::consts::TAU;
 

@@ -11,13 +11,13 @@
 use divan::black_box;
 use nalgebra::{DMatrix, DVector};
 use sim::V3;
+use sim::body::closure::Closure;
+use sim::body::shaft::MotorState;
 use sim::fluid::far::{Precision, Sources, Targets, gauss_rule};
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::clamp::Motor;
-use sim::robot::closure::Closure;
 use sim::rod::Rod;
-use sim::step::Solver;
+use sim::step::{Solver, StepControl};
 use sim::trial::{Options, Summary, Trial};
 use std::f64::consts::PI;
 use std::time::Instant;
@@ -153,14 +153,14 @@ fn growth() {
         robot.fluid.regularisation_radii = robot.fluid.regularisation_radii.min(0.99 * radii);
         let rods = [0, 1].map(|k| Rod::stress_free(robot.flagellum.helix(k).nodes(edges), robot.flagellum.stiffness()));
         let mut solver = Solver::with_rods(&robot, Closure::Held, rods).expect("parameters");
-        let mut state = solver.at_rest();
+        let (mut state, mut control) = (solver.at_rest(), StepControl::default());
         let speed = 3.0 * PI;
-        let motors = |t: f64| [Motor { angle: speed * t, speed }; 2];
+        let motors = |t: f64| [MotorState { angle: speed * t, speed }; 2];
         // A step that is cut short by an end would need an inverse of its own.
         const FAR: f64 = 1e3;
         let (start, mut first) = (Instant::now(), 0);
         while state.time < 0.8 {
-            solver.advance(&mut state, FAR, &motors).expect("a step");
+            control.advance(&mut solver, &mut state, FAR, &motors).expect("a step");
             first += 1;
         }
         // Beyond the start no new inverse is needed: what it cost is the rest.
@@ -168,7 +168,7 @@ fn growth() {
         let (start, mut sweeps) = (Instant::now(), 0);
         let steps = if edges > 150 { 25 } else { 100 };
         for _ in 0..steps {
-            sweeps += solver.advance(&mut state, FAR, &motors).expect("a step").sweeps;
+            sweeps += control.advance(&mut solver, &mut state, FAR, &motors).expect("a step").sweeps;
         }
         assert_eq!(solver.inverses_built(), built, "the steps that are timed need no inverse");
         let step = start.elapsed().as_secs_f64() / f64::from(steps);

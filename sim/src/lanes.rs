@@ -1,4 +1,4 @@
-//! Vectors of numbers with operators, for formulas that run over many nodes.
+//! Registers of several numbers with operators, for formulas that run over many nodes.
 //!
 //! A thin cover over [`pulp`], which picks the machine's vector instructions at run time: formulas keep
 //! their shape, and every operation is one instruction.
@@ -235,16 +235,16 @@ impl<S: Simd> Mul<Wide<S>> for Wide3<S> {
     }
 }
 
-/// Vectors along a rod, coordinate by coordinate, with room for whole registers from any place on.
+/// Vectors along a rod, stored coordinate by coordinate, padded so that whole registers can be read from any index.
 #[derive(Clone, Debug, Default)]
-pub struct Line([Vec<f64>; 3]);
+pub struct Vectors([Vec<f64>; 3]);
 
 /// Length of an array that registers are read from and written to at every place below `count`.
 pub fn padded(count: usize) -> usize {
     count.div_ceil(PADDING) * PADDING + PADDING
 }
 
-impl Line {
+impl Vectors {
     /// Zero vectors.
     pub fn new(count: usize) -> Self {
         Self(std::array::from_fn(|_| vec![0.0; padded(count)]))

@@ -2,7 +2,7 @@
 //!
 //! A rigid base hangs on a ball joint in glycerin and turns two soft helices with its motors. The model
 //! says what its attitude does: elastic rods ([`rod`]), Stokes flow about them ([`fluid`]), contact
-//! between them ([`contact`]), the base ([`robot`]), and implicit steps that solve all of it together
+//! between them ([`contact`]), the base ([`body`]), and implicit steps that solve all of it together
 //! ([`step`]). [`trial`] is the way in: a robot ([`params`]) and a profile of speeds ([`profile`]) give
 //! samples ([`sample`]) and a steady state ([`steady`]).
 //!
@@ -23,12 +23,12 @@
 // Formulas run over the same index of several short arrays; iterators would hide which.
 #![allow(clippy::needless_range_loop)]
 
+pub mod body;
 pub mod contact;
 pub mod fluid;
 mod lanes;
 pub mod params;
 pub mod profile;
-pub mod robot;
 pub mod rod;
 pub mod sample;
 pub mod state;

@@ -9,8 +9,8 @@
 
 mod validate;
 
+use crate::body::closure::Closure;
 use crate::fluid::far::Precision;
-use crate::robot::closure::Closure;
 use crate::rod::{
     Stiffness,
     helix::{Handedness, Helix},
@@ -45,7 +45,7 @@ pub struct Robot {
     /// Contact between flagella.
     pub contact: Contact,
     /// Time steps and tolerances.
-    pub solver: Solver,
+    pub solver: SolverSettings,
 }
 
 /// The base: a cylinder that holds both motors.
@@ -281,7 +281,7 @@ impl Default for Contact {
 /// Settings of the implicit steps; see [`crate::step`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Solver {
+pub struct SolverSettings {
     /// Angle of the faster motor a step, or between the two where that is more, in rad (0.3: steady
     /// angles within 0.1 degrees; 0.75 is a fast scan with mean forces within 1 %, above 1.1 steps fail).
     pub step_rad: f64,
@@ -306,7 +306,7 @@ pub struct Solver {
     pub far_field: Precision,
 }
 
-impl Default for Solver {
+impl Default for SolverSettings {
     fn default() -> Self {
         Self {
             step_rad: 0.3,

@@ -3,7 +3,7 @@
 //! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral. A profile may also
 //! be written while it is run ([`SpeedProfile::open`]), where somebody else turns the motors.
 
-use crate::robot::clamp::Motor;
+use crate::body::shaft::MotorState;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -241,11 +241,11 @@ impl SpeedProfile {
 
     /// Angles and speeds of both motors; beyond the ends the speed is that of the end. At a jump the
     /// speed is that after it.
-    pub fn motors(&self, time: f64) -> [Motor; 2] {
+    pub fn motors(&self, time: f64) -> [MotorState; 2] {
         let after = self.points.partition_point(|p| p.time <= time);
         let Some(before) = self.points.get(after.wrapping_sub(1)) else {
             let first = &self.points[0];
-            return [0, 1].map(|k| Motor {
+            return [0, 1].map(|k| MotorState {
                 angle: first.angle[k] + first.speed[k] * (time - first.time),
                 speed: first.speed[k],
             });
@@ -255,7 +255,7 @@ impl SpeedProfile {
             Some(next) => [0, 1].map(|k| (next.speed[k] - before.speed[k]) / (next.time - before.time)),
             None => [0.0; 2],
         };
-        [0, 1].map(|k| Motor {
+        [0, 1].map(|k| MotorState {
             angle: before.angle[k] + passed * (before.speed[k] + 0.5 * slope[k] * passed),
             speed: before.speed[k] + slope[k] * passed,
         })

@@ -4,9 +4,9 @@
 //! time formulas' own basis (exact for {1, t, cos wt, sin wt} of the motor that drives them).
 
 use crate::V3;
+use crate::body::attitude::{euler_zyx, rotated, rotation_between, unwrap};
+use crate::body::shaft::{MotorState, Shaft};
 use crate::contact::bundling::Bundling;
-use crate::robot::body::{euler_zyx, rotated, rotation_between, unwrap};
-use crate::robot::clamp::{Motor, Shaft};
 use crate::state::State;
 use crate::step::formula::{POINTS, value_at};
 use nalgebra::UnitQuaternion;
@@ -68,7 +68,7 @@ pub struct ForceRecord {
 
 /// What is kept of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Record {
+pub struct StepRecord {
     /// Time in s.
     pub time: f64,
     /// Attitude.
@@ -78,7 +78,7 @@ pub struct Record {
     /// Angular velocity, rad/s.
     pub rate: V3,
     /// Motors.
-    pub motors: [Motor; 2],
+    pub motors: [MotorState; 2],
     /// Forces of both flagella.
     pub forces: [ForceRecord; 2],
     /// Whether any pair pressed.
@@ -87,8 +87,8 @@ pub struct Record {
 
 /// The last steps, newest first, and values between them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Dense {
-    records: VecDeque<Record>,
+pub struct DenseOutput {
+    records: VecDeque<StepRecord>,
     /// Steps are kept for so long behind the newest, s; the last four in any case.
     #[serde(default)]
     reach: f64,
@@ -96,7 +96,7 @@ pub struct Dense {
 
 /// Attitude, rate and forces at a time.
 #[derive(Clone, Copy, Debug)]
-pub struct Between {
+pub struct Interpolated {
     /// Attitude.
     pub attitude: UnitQuaternion<f64>,
     /// Unwrapped yaw, pitch, roll in rad.
@@ -109,14 +109,14 @@ pub struct Between {
     pub contact: bool,
 }
 
-impl Dense {
+impl DenseOutput {
     /// Gives values up to `reach` seconds before the newest step.
     pub fn reaching(reach: f64) -> Self {
         Self { reach, ..Self::default() }
     }
 
     /// Takes a step.
-    pub fn push(&mut self, record: Record) {
+    pub fn push(&mut self, record: StepRecord) {
         let oldest = record.time - self.reach;
         self.records.push_front(record);
         // The values at the oldest time take the four steps about it.
@@ -135,10 +135,10 @@ impl Dense {
     }
 
     /// Values at a time within the last step, or within reach behind it; `None` before the first step.
-    pub fn at(&self, time: f64) -> Option<Between> {
+    pub fn at(&self, time: f64) -> Option<Interpolated> {
         // From the end of the step that holds the time.
         let end = self.records.partition_point(|r| r.time >= time).saturating_sub(1);
-        let steps: Vec<&Record> = self.records.range(end..).take(POINTS).collect();
+        let steps: Vec<&StepRecord> = self.records.range(end..).take(POINTS).collect();
         let newest = **steps.first()?;
         // Contact makes and breaks: no smooth curve goes through its forces.
         let smooth = if steps.iter().any(|r| r.contact) { 2 } else { POINTS };
@@ -167,12 +167,12 @@ impl Dense {
             sum
         });
         let euler = [unwrap(yaw, newest.yaw), pitch, roll];
-        Some(Between { attitude, euler, rate, forces, contact: newest.contact })
+        Some(Interpolated { attitude, euler, rate, forces, contact: newest.contact })
     }
 }
 
 /// Weights of the values at `time` from steps, newest first.
-fn weights(steps: &[&Record], speed: f64, time: f64, points: usize) -> [f64; POINTS] {
+fn weights(steps: &[&StepRecord], speed: f64, time: f64, points: usize) -> [f64; POINTS] {
     let newest = steps[0].time;
     let Some(scale) = steps.get(1).map(|r| newest - r.time) else {
         return [1.0, 0.0, 0.0, 0.0];
@@ -184,7 +184,7 @@ fn weights(steps: &[&Record], speed: f64, time: f64, points: usize) -> [f64; POI
 /// Centre lines of both flagella in the body frame (m) at a time within the last step of a state.
 ///
 /// `motors`: angles at that time; `feet`: feet of the shafts.
-pub fn shapes_at(state: &State, time: f64, motors: &[Motor; 2], feet: &[V3; 2]) -> [Vec<V3>; 2] {
+pub fn shapes_at(state: &State, time: f64, motors: &[MotorState; 2], feet: &[V3; 2]) -> [Vec<V3>; 2] {
     let scale = state.past.first().map_or(1.0, |p| state.time - p.time);
     let mut times = vec![0.0];
     times.extend(state.past.iter().map(|p| (p.time - state.time) / scale));

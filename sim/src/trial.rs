@@ -1,7 +1,7 @@
 //! A trial: a speed profile in, samples out.
 //!
 //! ```
-//! use sim::{params::Robot, profile::{Phases, SpeedProfile}, robot::closure::Closure, trial::{Options, Trial}};
+//! use sim::{params::Robot, profile::{Phases, SpeedProfile}, body::closure::Closure, trial::{Options, Trial}};
 //!
 //! let profile = SpeedProfile::phases(&Phases { run: 0.5, ..Phases::default() }, [50.0, 10.0])?;
 //! let mut trial = Trial::new(&Robot::default(), Closure::Full, profile, Options::default())?;
@@ -20,7 +20,7 @@
 //! trial is open: it is told how they go on, runs that far, and is asked for what it does in between.
 //!
 //! ```
-//! use sim::{params::Robot, robot::closure::Closure, trial::{Options, Trial}};
+//! use sim::{params::Robot, body::closure::Closure, trial::{Options, Trial}};
 //!
 //! let mut trial = Trial::open(&Robot::default(), Closure::Full, Options::default(), 0.1)?;
 //! for window in 1..=10 {
@@ -34,16 +34,16 @@
 //! ```
 
 use crate::V3;
+use crate::body::attitude::euler_zyx;
+use crate::body::closure::Closure;
+use crate::body::shaft::MotorState;
 use crate::contact::bundling::{Bundling, winding};
 use crate::params::{ParamError, Robot};
 use crate::profile::{ProfileError, SpeedProfile};
-use crate::robot::body::euler_zyx;
-use crate::robot::clamp::Motor;
-use crate::robot::closure::Closure;
-use crate::sample::{Between, Dense, ForceRecord, Record, Sample, shapes_at};
+use crate::sample::{DenseOutput, ForceRecord, Interpolated, Sample, StepRecord, shapes_at};
 use crate::state::State;
 use crate::steady::{Steady, SteadyCollector};
-use crate::step::{Solver, StepReport, advance::StepError};
+use crate::step::{Solver, StepControl, StepError, StepReport};
 use serde::{Deserialize, Serialize};
 
 /// What a trial puts out.
@@ -95,7 +95,8 @@ pub struct Summary {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     state: State,
-    dense: Dense,
+    control: StepControl,
+    dense: DenseOutput,
     steady: SteadyCollector,
     next: u64,
     gap: f64,
@@ -141,16 +142,21 @@ impl Trial {
 
     /// The same with a solver that was prepared otherwise.
     pub fn with_solver(solver: Solver, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
-        Self::begin(solver, profile, options, Dense::default())
+        Self::begin(solver, profile, options, DenseOutput::default())
     }
 
     /// Robot upright and at rest at time 0, to be told by [`Trial::extend`] how its motors go on. `reach`: how far behind
     /// the last step [`Trial::at`] answers, s.
     pub fn open(robot: &Robot, closure: Closure, options: Options, reach: f64) -> Result<Self, ParamError> {
-        Self::begin(Solver::new(robot, closure)?, SpeedProfile::open(0.0), options, Dense::reaching(reach))
+        Self::begin(Solver::new(robot, closure)?, SpeedProfile::open(0.0), options, DenseOutput::reaching(reach))
     }
 
-    fn begin(mut solver: Solver, profile: SpeedProfile, options: Options, dense: Dense) -> Result<Self, ParamError> {
+    fn begin(
+        mut solver: Solver,
+        profile: SpeedProfile,
+        options: Options,
+        dense: DenseOutput,
+    ) -> Result<Self, ParamError> {
         if !RATES.contains(&options.rate_hz) {
             return Err(ParamError {
                 key: "rate_hz",
@@ -161,7 +167,7 @@ impl Trial {
         let mut state = solver.at_rest();
         state.time = profile.start();
         state.motors = profile.motors(state.time);
-        let gap = solver.least_distance(&state) - 2.0 * solver.robot().flagellum.rod_radius_m;
+        let gap = solver.least_distance(&state) - 2.0 * solver.model().robot.flagellum.rod_radius_m;
         let [start, stop] = profile.run();
         let speeds = profile.motors(stop).map(|m| m.speed);
         let speeds_before = profile.motors(0.5 * (start + stop)).map(|m| m.speed);
@@ -186,6 +192,7 @@ impl Trial {
                 error: 0.0,
             },
             state,
+            control: StepControl::default(),
         };
         let mut trial = Self { solver, start: profile.start(), profile, options, progress, failed: false };
         trial.record(&StepReport::default());
@@ -205,12 +212,12 @@ impl Trial {
     }
 
     /// Angles and speeds of the motors at a time.
-    pub fn motors(&self, time: f64) -> [Motor; 2] {
+    pub fn motors(&self, time: f64) -> [MotorState; 2] {
         self.profile.motors(time)
     }
 
     /// Attitude, rate and forces at a time that the solver has just passed.
-    pub fn at(&self, time: f64) -> Option<Between> {
+    pub fn at(&self, time: f64) -> Option<Interpolated> {
         self.progress.dense.at(time)
     }
 
@@ -277,8 +284,8 @@ impl Trial {
         let before = |t: f64| {
             if t < until { profile.motors(t) } else { profile.motors(t.next_down()) }
         };
-        let report =
-            self.solver.advance(&mut self.progress.state, until, &before).inspect_err(|_| self.failed = true)?;
+        let Checkpoint { state, control, .. } = &mut self.progress;
+        let report = control.advance(&mut self.solver, state, until, &before).inspect_err(|_| self.failed = true)?;
         self.record(&report);
         let run = time >= start && time < stop;
         let state = &self.progress.state;
@@ -293,7 +300,7 @@ impl Trial {
     }
 
     fn record(&mut self, report: &StepReport) {
-        let weight_counts = self.solver.robot().base.flagella_weight_on_base;
+        let weight_counts = self.solver.model().robot.base.flagella_weight_on_base;
         let forces = [0, 1].map(|k| {
             let weight = if weight_counts { report.weight[k].force } else { V3::zeros() };
             ForceRecord {
@@ -304,11 +311,11 @@ impl Trial {
             }
         });
         let distance = self.solver.least_distance(&self.progress.state);
-        let gap = distance - 2.0 * self.solver.robot().flagellum.rod_radius_m;
+        let gap = distance - 2.0 * self.solver.model().robot.flagellum.rod_radius_m;
         let [start, stop] = self.profile.run();
         let progress = &mut self.progress;
         let state = &progress.state;
-        progress.dense.push(Record {
+        progress.dense.push(StepRecord {
             time: state.time,
             attitude: state.body.attitude,
             yaw: state.body.yaw,
@@ -350,8 +357,8 @@ impl Trial {
     fn sample(&mut self, time: f64) -> Option<Sample> {
         let between = self.progress.dense.at(time)?;
         let motors = self.profile.motors(time);
-        let lines = shapes_at(&self.progress.state, time, &motors, &self.solver.robot().shaft_feet());
-        let flagellum = &self.solver.robot().flagellum;
+        let lines = shapes_at(&self.progress.state, time, &motors, &self.solver.model().robot.shaft_feet());
+        let flagellum = &self.solver.model().robot.flagellum;
         let turn = (flagellum.edges() as f64 * flagellum.pitch_m / flagellum.axial_length_m).round() as usize;
         let winding_turns = winding(&lines, turn);
         let bundling = Bundling::classify(between.contact, winding_turns);

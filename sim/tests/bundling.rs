@@ -2,10 +2,10 @@
 
 mod common;
 use common::prove;
+use sim::body::closure::Closure;
 use sim::contact::bundling::{BUNDLED_TURNS, Bundling};
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::closure::Closure;
 use sim::sample::Sample;
 use sim::trial::{Options, Summary, Trial};
 

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use sim::V3;
-use sim::contact::pairs::{BroadPhase, Lines};
+use sim::contact::{broad_phase::BroadPhase, pairs::Lines};
 use sim::params::Robot;
 use sim::rod::Rod;
 

@@ -4,9 +4,9 @@
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
+use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::closure::Closure;
 use sim::rod::helix::Handedness;
 use sim::trial::{Options, Trial};
 

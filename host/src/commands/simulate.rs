@@ -10,7 +10,7 @@ use crate::session::{self, Session, SessionError, Sharing};
 use miette::{IntoDiagnostic, WrapErr};
 use protocol::units::CentiRpm;
 use serde::Serialize;
-use sim::robot::closure::Closure;
+use sim::body::closure::Closure;
 use sim::trial::Options;
 use std::fmt;
 use std::path::{Path, PathBuf};

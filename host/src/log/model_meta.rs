@@ -1,10 +1,10 @@
 //! The metadata of a trial with a model in it: what it was computed with, and what it came to.
 
-use crate::model::BundlingChange;
 use serde::{Deserialize, Serialize};
+use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
+use sim::contact::history::BundlingChange;
 use sim::params::Robot;
-use sim::robot::closure::Closure;
 use sim::trial::Summary;
 
 /// What a trial was computed with.

@@ -6,6 +6,7 @@
 use nalgebra::Vector3;
 use protocol::units::{CentiRpm, Count, EncoderCounts, Micros, Quaternion, SensorCounts, TemperatureCounts};
 use protocol::{Info, Settings, State, Telemetry};
+use sim::body::imu::specific_force;
 use sim::params::Robot;
 use sim::sample::Sample;
 use std::f64::consts::{PI, TAU};
@@ -60,11 +61,10 @@ impl Board {
     /// The frame for a sample. `turning`: the angular acceleration, rad/s², body axes.
     pub fn telemetry(&self, index: u64, sample: &Sample, turning: Vector3<f64>, order: Order) -> Telemetry {
         let rate = Vector3::from(sample.rate_rad_s);
-        let acceleration = turning.cross(&self.place) + rate.cross(&rate.cross(&self.place));
         let up = crate::attitude::rotation(sample.attitude).inverse() * Vector3::z();
         let per_dps = f64::from(self.settings.gyro_range.counts_per_dps());
         let per_mps2 = 1.0 / self.settings.accel_range.mps2(SensorCounts(1));
-        let force: [f64; 3] = (acceleration + up * self.gravity).into();
+        let force: [f64; 3] = specific_force(self.place, rate, turning, -up * self.gravity).into();
         let per_turn = f64::from(self.settings.counts_per_turn);
         Telemetry {
             seq: Count(index as u16),
@@ -92,8 +92,8 @@ fn counts(reading: f64) -> SensorCounts {
 mod tests {
     use super::*;
     use protocol::units::{AccelRange, GyroRange};
+    use sim::body::closure::Closure;
     use sim::profile::SpeedProfile;
-    use sim::robot::closure::Closure;
     use sim::trial::{Options, Trial};
 
     fn sample() -> Sample {

@@ -5,7 +5,7 @@ use crate::session::SessionError;
 use miette::Diagnostic;
 use sim::params::ParamError;
 use sim::profile::ProfileError;
-use sim::step::advance::StepError;
+use sim::step::StepError;
 use std::path::PathBuf;
 use thiserror::Error;
 

@@ -7,14 +7,12 @@
 
 mod batch;
 mod board;
-mod bundling;
 mod error;
 pub(crate) mod messages;
 pub(crate) mod shapes;
 mod trial;
 
 pub use batch::{Batch, Job, TrialRun};
-pub use bundling::BundlingChange;
 pub use error::ModelError;
 pub use trial::{Course, Turn, Watch};
 
@@ -23,8 +21,8 @@ use crate::plan::Plan;
 use crate::robot_file;
 use protocol::Settings;
 use protocol::units::AxisMap;
+use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::robot::closure::Closure;
 use sim::trial::Options;
 
 /// What trials are computed with.

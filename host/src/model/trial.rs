@@ -1,16 +1,16 @@
 //! One trial in the model: its samples go straight from the solver into the log.
 
 use super::board::{Board, Order};
-use super::bundling::{BundlingChange, BundlingHistory};
 use super::{Model, ModelError, messages, shapes};
 use crate::log::{End, EventKind, LogError, Origin, ReplayMeta, Start, SteadyMeta, Summary, Writer};
 use crate::plan::{Phases, Plan, Reverse, Trial};
 use nalgebra::Vector3;
 use protocol::units::CentiRpm;
 use protocol::{Calibration, State, TICK_HZ};
+use sim::contact::history::{BundlingChange, BundlingHistory};
 use sim::profile::{self, SpeedProfile};
 use sim::sample::Sample;
-use sim::step::advance::StepError;
+use sim::step::StepError;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 

@@ -6,8 +6,8 @@
 use super::table::{bytes, single};
 use crate::log::schema::foxglove::SceneUpdate;
 use serde_json::{Value, json};
+use sim::body::shaft::Shaft;
 use sim::params::Robot;
-use sim::robot::clamp::Shaft;
 use std::f64::consts::TAU;
 
 /// At most this many shapes a second: ten a turn at 90 rpm.

@@ -8,7 +8,7 @@ use crate::model::{messages, shapes};
 use crate::plan::Plan;
 use crate::robot_file;
 use miette::{IntoDiagnostic, WrapErr};
-use sim::robot::closure::Closure;
+use sim::body::closure::Closure;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant, SystemTime};

@@ -33,8 +33,9 @@ fn robot_difference(a: &Robot, b: &Robot) -> Option<String> {
         }
         (a != b).then(|| format!("{key} is {a} and {b}"))
     }
-    let value =
-        |robot: &Robot| toml::Value::try_from(Robot { solver: sim::params::Solver::default(), ..robot.clone() }).ok();
+    let value = |robot: &Robot| {
+        toml::Value::try_from(Robot { solver: sim::params::SolverSettings::default(), ..robot.clone() }).ok()
+    };
     first(&value(a)?, &value(b)?, "")
 }
 

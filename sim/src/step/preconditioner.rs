@@ -13,21 +13,22 @@
 use super::dense::{Panels, invert};
 use crate::V3;
 use crate::fluid::mobility::mobility;
+use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames};
 use crate::state::Shape;
 use nalgebra::{DMatrix, Matrix6};
 use std::sync::Arc;
 
-/// Ratio of neighbouring values of kappa.
-const RUNG: f64 = 1.25;
-/// Neighbouring values of the spin are this far apart.
-const SPIN: f64 = 0.1;
-/// Inverses kept; a ramp visits many keys, a steady trial two to ten.
-const KEPT: usize = 24;
+/// Ratio of neighbouring grid values of kappa.
+const KAPPA_GRID: f64 = 1.25;
+/// Distance of neighbouring grid values of the spin, rad.
+const SPIN_GRID: f64 = 0.1;
+/// Inverses in the cache; a ramp visits many keys, a steady trial two to ten.
+const CACHE_SIZE: usize = 24;
 
-/// What the fluid does to one rod.
+/// Parameters of the fluid about one rod.
 #[derive(Clone, Copy, Debug)]
-pub struct FluidNumbers {
+pub struct FluidParams {
     /// Regularisation, m.
     pub epsilon: f64,
     /// Viscosity, Pa s.
@@ -36,23 +37,33 @@ pub struct FluidNumbers {
     pub spin_drag: f64,
 }
 
+impl FluidParams {
+    /// Those of a robot.
+    pub fn new(robot: &Robot) -> Self {
+        Self { epsilon: robot.epsilon(), viscosity: robot.fluid.viscosity(), spin_drag: robot.spin_drag() }
+    }
+}
+
 /// What an inverse depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key {
     rod: usize,
-    rung: i32,
+    /// Index on the logarithmic grid of kappa.
+    kappa: i32,
+    /// Index on the grid of the spin.
     spin: i32,
 }
 
 impl Key {
     /// For rod design `rod`, `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
     pub fn new(rod: usize, kappa: f64, speed: f64) -> Self {
-        let rung = (kappa.ln() / RUNG.ln()).round() as i32;
-        Self { rod, rung, spin: (speed / kappa / SPIN).round() as i32 }
+        let index = (kappa.ln() / KAPPA_GRID.ln()).round() as i32;
+        Self { rod, kappa: index, spin: (speed / kappa / SPIN_GRID).round() as i32 }
     }
 
+    /// Returns the grid value of kappa, 1/s.
     fn kappa(&self) -> f64 {
-        RUNG.powi(self.rung)
+        KAPPA_GRID.powi(self.kappa)
     }
 }
 
@@ -85,7 +96,7 @@ impl Preconditioner {
         shape: &Shape,
         frames: &Frames,
         (kappa, speed): (f64, f64),
-        fluid: FluidNumbers,
+        fluid: FluidParams,
     ) -> Option<Self> {
         Design::new(rod, shape, frames, fluid).build(rod, kappa, speed / kappa)
     }
@@ -104,7 +115,7 @@ struct Design {
 
 impl Cache {
     /// The inverse for a key, built if need be; `None` when the matrix is singular.
-    pub fn find(&mut self, key: Key, rod: &Rod, fluid: FluidNumbers) -> Option<Arc<Preconditioner>> {
+    pub fn find(&mut self, key: Key, rod: &Rod, fluid: FluidParams) -> Option<Arc<Preconditioner>> {
         if let Some((_, known)) = self.entries.iter().find(|(k, _)| *k == key) {
             return Some(known.clone());
         }
@@ -117,9 +128,9 @@ impl Cache {
             frames.update(&rod.rest_frames, &shape.nodes, &shape.angles);
             Design::new(rod, &shape, &frames, fluid)
         });
-        let built = design.build(rod, key.kappa(), key.spin as f64 * SPIN)?;
+        let built = design.build(rod, key.kappa(), key.spin as f64 * SPIN_GRID)?;
         self.built += 1;
-        if self.entries.len() == KEPT {
+        if self.entries.len() == CACHE_SIZE {
             self.entries.remove(0);
         }
         let built = Arc::new(built);
@@ -129,7 +140,7 @@ impl Cache {
 }
 
 impl Design {
-    fn new(rod: &Rod, shape: &Shape, frames: &Frames, fluid: FluidNumbers) -> Self {
+    fn new(rod: &Rod, shape: &Shape, frames: &Frames, fluid: FluidParams) -> Self {
         let n = rod.nodes();
         let mut hessian = Band::new(4 * n);
         rod.hessian(frames, &shape.angles, &mut hessian);

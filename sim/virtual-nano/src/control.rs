@@ -24,7 +24,7 @@ use crate::bridge::Drive;
 use crate::imu::fault::{At, Fault};
 use crate::mcu::{FREQUENCY_HZ, RunState};
 use crate::motor::Motor;
-use crate::run::PortCount;
+use crate::port::PortCount;
 use serde_json::{Value, json};
 use std::str::FromStr;
 
@@ -109,11 +109,11 @@ pub fn error(line: &str, problem: &str) -> Value {
 /// The answer to `truth`: the simulator's samples, each with the program's clock in µs (`null` before it has told its
 /// time). An error where there is no robot, or where the simulator could not go on.
 pub fn truth(line: &str, board: &mut Board) -> Value {
-    let Some(robot) = board.robot_mut() else {
+    let Some(plant) = board.plant_mut() else {
         return error(line, "there is no robot; start with --robot FILE.toml or --robot published");
     };
-    let samples = robot.take_samples();
-    if let (true, Some(problem)) = (samples.is_empty(), robot.failure()) {
+    let samples = plant.take_samples();
+    if let (true, Some(problem)) = (samples.is_empty(), plant.failure()) {
         return error(line, &format!("the simulated robot could not go on: {problem}"));
     }
     let clock = board.clock();

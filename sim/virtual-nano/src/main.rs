@@ -2,7 +2,7 @@
 
 use clap::{Parser, ValueEnum};
 use serde_json::json;
-use sim::params::Robot as Parameters;
+use sim::params::Robot;
 use std::error::Error;
 use std::io::{BufRead, Write, stdin, stdout};
 use std::path::{Path, PathBuf};
@@ -14,10 +14,10 @@ use virtual_nano::imu::part::ROOM_C;
 use virtual_nano::imu::recording::Recording;
 use virtual_nano::imu::source::Source;
 use virtual_nano::pace::{Pace, Speed};
-use virtual_nano::port::Port;
-use virtual_nano::robot::Robot;
-use virtual_nano::run::{PortCount, Runner};
-use virtual_nano::{Board, Image, Options};
+use virtual_nano::plant::Plant;
+use virtual_nano::port::{Port, PortCount};
+use virtual_nano::run::Runner;
+use virtual_nano::{Board, BoardOptions, Image};
 
 /// The robot's Arduino Nano, emulated.
 ///
@@ -83,10 +83,10 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let source = match (&arguments.imu, &arguments.robot) {
         (Some(path), _) => Source::recording(Recording::read(path)?, arguments.seed),
-        (None, Some(robot)) => Source::robot(read_robot(robot)?, arguments.seed),
+        (None, Some(robot)) => Source::plant(read_robot(robot)?, arguments.seed),
         (None, None) => Source::still(arguments.seed),
     };
-    let options = Options { source, imu_id: arguments.who_am_i, seed: arguments.seed, ..Options::default() };
+    let options = BoardOptions { source, imu_id: arguments.who_am_i, seed: arguments.seed, ..BoardOptions::default() };
     let mut board = match (&arguments.firmware, arguments.bootloader) {
         (_, Some(name)) => {
             let bootloader = match name {
@@ -121,15 +121,15 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 }
 
 /// The robot of a file, whose fluid is as warm as the file says.
-fn read_robot(path: &Path) -> Result<Robot, String> {
-    let parameters = if path == Path::new("published") {
-        Parameters::default()
+fn read_robot(path: &Path) -> Result<Plant, String> {
+    let robot: Robot = if path == Path::new("published") {
+        Robot::default()
     } else {
         let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
         toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?
     };
-    let room_c = parameters.fluid.glycerol.map_or(ROOM_C, |mixture| mixture.temperature_c);
-    Robot::new(&parameters, room_c).map_err(|error| format!("{}: {error}", path.display()))
+    let room_c = robot.fluid.glycerol.map_or(ROOM_C, |mixture| mixture.temperature_c);
+    Plant::new(&robot, room_c).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// A file that does not exist yet is a blank EEPROM.

@@ -29,6 +29,15 @@ pub enum PortEvent {
     Closed,
 }
 
+/// Bytes from the board that no host got.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct PortCount {
+    /// Sent while nobody had the port open.
+    pub unheard: u64,
+    /// Sent to a host that did not read in time.
+    pub lost: u64,
+}
+
 impl Port {
     /// A new port, raw and at the speed of the protocol until the host sets another.
     pub fn new() -> io::Result<Self> {
@@ -87,7 +96,7 @@ impl Port {
         }
     }
 
-    /// Sends to the host as many of `bytes` as there is room for, and answers how many that were.
+    /// Sends to the host as many of `bytes` as there is room for, and returns how many that were.
     pub fn write(&self, bytes: &[u8]) -> io::Result<usize> {
         match rustix::io::write(&self.master, bytes) {
             Ok(length) => Ok(length),

@@ -3,9 +3,9 @@
 use super::super::curve::Curve;
 use super::super::{Recording, TwinError, hash, speeds};
 use nalgebra::{DMatrix, DVector, Dyn, linalg::Cholesky};
+use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::closure::Closure;
 use sim::trial::{Options, Trial};
 use std::path::PathBuf;
 

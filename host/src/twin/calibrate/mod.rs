@@ -31,8 +31,8 @@ use nalgebra::DMatrix;
 use problem::Problem;
 use rayon::prelude::*;
 use serde::Serialize;
+use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::robot::closure::Closure;
 use std::path::PathBuf;
 
 /// The fit has ended where no parameter moves by more than this share of itself; a part of a standard error.

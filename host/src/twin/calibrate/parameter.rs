@@ -1,7 +1,7 @@
 //! What can be fitted.
 
+use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::robot::closure::Closure;
 use std::str::FromStr;
 
 /// A parameter of the robot, or of how its sensor sits in it.

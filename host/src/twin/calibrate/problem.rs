@@ -7,8 +7,8 @@ use nalgebra::{Rotation3, Vector3};
 use nalgebra_of_lm::storage::Owned;
 use nalgebra_of_lm::{DMatrix, DVector, Dyn};
 use rayon::prelude::*;
+use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::robot::closure::Closure;
 
 /// By how much a parameter moves for a difference: a logarithm, or radians. Small enough to be straight, and large beside
 /// what the solver leaves.

@@ -3,7 +3,7 @@
 use super::noise::Noise;
 use super::part::{Part, ROOM_C};
 use super::recording::{Recording, Sample};
-use crate::robot::Robot;
+use crate::plant::Plant;
 use protocol::units::{AccelRange, GyroRange, LOW_PASS, TemperatureCounts};
 
 /// One sample in counts, as the data registers have it.
@@ -30,7 +30,7 @@ pub struct Movement {
 
 enum Kind {
     Still,
-    Robot(Box<Robot>),
+    Plant(Box<Plant>),
     Recording {
         recording: Recording,
         /// The board's time at which the playback began; `None` while it waits.
@@ -60,11 +60,11 @@ impl Source {
         Self { kind: Kind::Still, noise, part }
     }
 
-    /// Sits on a robot, with the imperfections that the seed gives. The sensor's axes are the robot's.
-    pub fn robot(robot: Robot, seed: u64) -> Self {
+    /// Sits on a simulated robot, with the imperfections that the seed gives. The sensor's axes are the robot's.
+    pub fn plant(plant: Plant, seed: u64) -> Self {
         let mut noise = Noise::new(seed);
         let part = Part::drawn(&mut noise);
-        Self { kind: Kind::Robot(Box::new(robot)), noise, part }
+        Self { kind: Kind::Plant(Box::new(plant)), noise, part }
     }
 
     /// Lies still as the recording begins, until it is told to [`Self::play`].
@@ -91,18 +91,18 @@ impl Source {
         }
     }
 
-    /// The robot that the sensor sits on, if it does.
-    pub fn robot_mut(&mut self) -> Option<&mut Robot> {
+    /// Returns the simulated robot that the sensor sits on, if it does.
+    pub fn plant_mut(&mut self) -> Option<&mut Plant> {
         match &mut self.kind {
-            Kind::Robot(robot) => Some(robot),
+            Kind::Plant(plant) => Some(plant),
             _ => None,
         }
     }
 
-    /// The robot that the sensor sits on, if it does.
-    pub fn on_robot(&self) -> Option<&Robot> {
+    /// Returns the simulated robot that the sensor sits on, if it does.
+    pub fn plant_ref(&self) -> Option<&Plant> {
         match &self.kind {
-            Kind::Robot(robot) => Some(robot),
+            Kind::Plant(plant) => Some(plant),
             _ => None,
         }
     }
@@ -134,7 +134,7 @@ impl Source {
             Kind::Still => {
                 measure(Movement { specific_force_g: [0.0, 0.0, 1.0], temperature_c: ROOM_C, ..Movement::default() })
             }
-            Kind::Robot(robot) => measure(robot.movement(time_s - delay_s)),
+            Kind::Plant(plant) => measure(plant.movement(time_s - delay_s)),
             Kind::Recording { recording, started_s, play } => {
                 if *play && started_s.is_none() {
                     *started_s = Some(time_s);

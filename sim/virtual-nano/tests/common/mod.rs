@@ -7,7 +7,7 @@ use protocol::units::CentiRpm;
 use protocol::{Command, Fault, Info, Message, Reply, Request, Telemetry};
 use std::path::{Path, PathBuf};
 use virtual_nano::mcu::{FREQUENCY_HZ, RunState};
-use virtual_nano::{Board, Image, Options};
+use virtual_nano::{Board, BoardOptions, Image};
 
 /// Cycles of a control tick.
 pub const TICK: u64 = FREQUENCY_HZ / protocol::TICK_HZ as u64;
@@ -43,7 +43,7 @@ pub struct Host {
 
 impl Host {
     /// A board that has just got power.
-    pub fn new(options: Options) -> Self {
+    pub fn new(options: BoardOptions) -> Self {
         Self::with(Board::new(&firmware(), options).unwrap())
     }
 
@@ -54,7 +54,7 @@ impl Host {
     }
 
     /// A board that has started, streams at the full rate and reads its sensor.
-    pub fn ready(options: Options) -> Self {
+    pub fn ready(options: BoardOptions) -> Self {
         let mut host = Self::new(options);
         host.hello();
         host.stream();

@@ -1,34 +1,34 @@
-//! How close the flagella are as a trial goes on: apart, touching, bundled, and when that changed.
+//! When the flagella changed between apart, touching and bundled.
 //!
-//! Flagella that touch once a turn are touching all the time, so a closer state counts at once, and a looser one when it
-//! has lasted for a second.
+//! Flagella that touch once a revolution are touching all the time. So there is a hysteresis: a closer state counts at
+//! once, a looser one when it has lasted for [`RELEASE_DELAY_S`].
 
+use super::bundling::Bundling;
 use serde::{Deserialize, Serialize};
-use sim::contact::bundling::Bundling;
 
-/// How long a looser state must last.
-const LASTS_S: f64 = 1.0;
+/// How long a looser state must last before it counts, s: more than a revolution at all but the slowest speeds.
+pub const RELEASE_DELAY_S: f64 = 1.0;
 
-/// From some time on the flagella were in a state.
+/// A state of the flagella and when it began.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
 pub struct BundlingChange {
-    /// The trial's clock.
+    /// Time of the trial, s.
     pub time_s: f64,
     /// The state.
     pub bundling: Bundling,
 }
 
-/// The states so far.
-#[derive(Default)]
-pub(super) struct BundlingHistory {
-    /// In their order, the first one from the trial's start.
+/// The states of a trial so far.
+#[derive(Clone, Debug, Default)]
+pub struct BundlingHistory {
+    /// The states in order of time, the first one from the trial's start.
     pub changes: Vec<BundlingChange>,
-    /// The closest state since the flagella left the last of them, and since when.
+    /// The closest state since the flagella left the last of `changes`, and when they left it.
     looser: Option<BundlingChange>,
 }
 
 impl BundlingHistory {
-    /// Takes a sample; answers the state that the flagella went into, if they left another.
+    /// Adds a sample. Returns the change that it completes, if any; the first state is none.
     pub fn push(&mut self, time_s: f64, bundling: Bundling) -> Option<BundlingChange> {
         let sample = BundlingChange { time_s, bundling };
         let closeness = |change: &BundlingChange| change.bundling as u8;
@@ -42,7 +42,7 @@ impl BundlingHistory {
                 if closeness(&sample) > closeness(looser) {
                     looser.bundling = bundling;
                 }
-                if time_s - looser.time_s < LASTS_S {
+                if time_s - looser.time_s < RELEASE_DELAY_S {
                     return None;
                 }
                 *looser

@@ -4,9 +4,9 @@
 //! the closure `paper` the rate at which the base's drag alone balances the mean couple, (F1y - F2y) d/2 over 2 pi mu C_r
 //! r_h^3, with the range of the tilt of the axis.
 
+use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::closure::Closure;
 use sim::sample::Sample;
 use sim::trial::{Options, Trial};
 

@@ -3,9 +3,9 @@
 //! `cargo run --release -p sim --example valleys > sim/docs/valleys.svg`: the map of 190 points as colours and the floors
 //! of both valleys, found by search between the grid's points; the same as a table on stderr.
 
+use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::closure::Closure;
 use sim::trial::{Options, Trial};
 use std::fmt::Write;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -3,9 +3,9 @@
 //! `cargo run --release -p sim --example map -- full 2 > map.csv` (closure, threads): one line a point
 //! on stdout, totals on stderr.
 
+use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::closure::Closure;
 use sim::trial::{Options, Trial};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;

@@ -1,11 +1,11 @@
-//! The clamps: where a shaft frame is in the body frame.
+//! The shafts: how far each motor has turned, and where its shaft frame is in the body frame.
 
 use crate::V3;
 use serde::{Deserialize, Serialize};
 
-/// A motor's angle and speed about +z_B.
+/// Angle and speed of a motor's shaft about +z_B.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Motor {
+pub struct MotorState {
     /// Angle of the shaft in rad, unwrapped.
     pub angle: f64,
     /// Speed in rad/s, positive counter-clockwise seen from above.
@@ -28,25 +28,25 @@ impl Shaft {
         Self { foot, sine, cosine }
     }
 
-    /// A direction from the shaft frame to the body frame.
+    /// Converts a direction from the shaft frame to the body frame.
     #[inline(always)]
     pub fn to_body(&self, v: V3) -> V3 {
         V3::new(self.cosine * v.x - self.sine * v.y, self.sine * v.x + self.cosine * v.y, v.z)
     }
 
-    /// A direction from the body frame to the shaft frame.
+    /// Converts a direction from the body frame to the shaft frame.
     #[inline(always)]
     pub fn to_shaft(&self, v: V3) -> V3 {
         V3::new(self.cosine * v.x + self.sine * v.y, self.cosine * v.y - self.sine * v.x, v.z)
     }
 
-    /// A point from the shaft frame to the body frame, m.
+    /// Converts a point from the shaft frame to the body frame, m.
     #[inline(always)]
     pub fn point_to_body(&self, x: V3) -> V3 {
         self.foot + self.to_body(x)
     }
 
-    /// A point from the body frame to the shaft frame, m.
+    /// Converts a point from the body frame to the shaft frame, m.
     #[inline(always)]
     pub fn point_to_shaft(&self, x: V3) -> V3 {
         self.to_shaft(x - self.foot)
