@@ -11,7 +11,7 @@ use std::fmt::Write;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// What a trial of 120 s comes to.
+/// Result of a trial of 120 s.
 #[derive(Clone, Copy, Default)]
 struct Point {
     yaw_deg: f64,
@@ -126,9 +126,22 @@ struct Panel {
 /// Side of a cell of 10 rpm in the drawing.
 const CELL: f64 = 24.0;
 
+/// Largest speed of motor 2 within a panel, rpm: the upper edge of its last cells.
+const TOP_RPM: f64 = 95.0;
+
+/// Returns the part of a floor (w1, w2) that lies within the panel, up to the edge where it leaves it.
+fn within_panel(floor: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut inside: Vec<(f64, f64)> = floor.iter().copied().take_while(|(_, w2)| *w2 <= TOP_RPM).collect();
+    if let Some(pair) = floor.windows(2).find(|pair| pair[0].1 <= TOP_RPM && pair[1].1 > TOP_RPM) {
+        let [(x0, y0), (x1, y1)] = [pair[0], pair[1]];
+        inside.push((x0 + (x1 - x0) * (TOP_RPM - y0) / (y1 - y0), TOP_RPM));
+    }
+    inside
+}
+
 /// Place of a pair of speeds in a panel.
 fn place(w1: f64, w2: f64) -> (f64, f64) {
-    (50.0 + (w1 + 95.0) * CELL / 10.0, 34.0 + (95.0 - w2) * CELL / 10.0)
+    (50.0 + (w1 + 95.0) * CELL / 10.0, 34.0 + (TOP_RPM - w2) * CELL / 10.0)
 }
 
 fn svg(panels: &[Panel]) -> String {
@@ -178,19 +191,16 @@ fn draw(panel: &Panel, out: &mut String) {
         out,
         "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"#222\" stroke-dasharray=\"5 4\"/>"
     );
-    let floor: Vec<String> = panel
-        .floor
-        .iter()
-        .map(|(w1, w2)| {
-            let (x, y) = place(*w1, *w2);
-            format!("{x:.1},{y:.1}")
-        })
-        .collect();
+    let text = |(w1, w2): &(f64, f64)| {
+        let (x, y) = place(*w1, *w2);
+        format!("{x:.1},{y:.1}")
+    };
+    let floor: Vec<String> = within_panel(&panel.floor).iter().map(text).collect();
     let _ =
         writeln!(out, "<polyline points=\"{}\" fill=\"none\" stroke=\"#d7301f\" stroke-width=\"2\"/>", floor.join(" "));
-    for point in &floor {
-        let (x, y) = point.split_once(',').unwrap_or_default();
-        let _ = writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"3\" fill=\"#d7301f\"/>");
+    for (w1, w2) in panel.floor.iter().filter(|(_, w2)| *w2 <= TOP_RPM) {
+        let (x, y) = place(*w1, *w2);
+        let _ = writeln!(out, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"#d7301f\"/>");
     }
     for (i, share) in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().enumerate() {
         let (x, y) = place(102.0, 15.0 + 20.0 * i as f64);
