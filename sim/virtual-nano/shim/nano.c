@@ -103,7 +103,7 @@ static avr_cycle_count_t after_reset(avr_t *avr, avr_cycle_count_t when, void *p
 	return 0;
 }
 
-// Called by `avr_reset`, whoever asked for it: this interface, the watchdog or a jump of the bootloader's.
+// Called by `avr_reset`, whatever caused it: this interface, the watchdog or a jump of the bootloader's.
 static void on_reset(avr_io_t *module)
 {
 	nano_t *nano = (nano_t *)module;

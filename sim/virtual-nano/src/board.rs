@@ -26,9 +26,9 @@ use crate::serial::Serial;
 /// The program polls this bit of GPIOR2 as a test point, and hangs while it is set.
 const HANG: (u16, u8) = (0x4B, 1);
 
-/// What a board is made with.
+/// Options of a board.
 pub struct BoardOptions {
-    /// What the sensor measures.
+    /// Input of the sensor.
     pub source: Source,
     /// The sensor's WHO_AM_I.
     pub imu_id: u8,
@@ -134,7 +134,7 @@ impl Board {
         self.mcu.serial_wake();
     }
 
-    /// What the board has sent since the last call.
+    /// Takes the bytes that the board has sent since the last call.
     pub fn take_serial(&mut self) -> Vec<u8> {
         self.mcu.devices_mut().serial.take()
     }
@@ -164,7 +164,7 @@ impl Board {
         &self.mcu.devices().imu
     }
 
-    /// Changes the sensor, or what it measures.
+    /// Changes the sensor or its input.
     pub fn change_imu<T>(&mut self, change: impl FnOnce(&mut Mpu6050) -> T) -> T {
         let result = change(&mut self.mcu.devices_mut().imu);
         // It may have let go of SDA, or pulled it.
@@ -187,7 +187,7 @@ impl Board {
         &self.mcu.devices().motors
     }
 
-    /// Holds a flagellum (0 or 1) fast, or lets it go.
+    /// Blocks a flagellum (0 or 1), or releases it.
     pub fn block_motor(&mut self, motor: usize, blocked: bool) {
         self.mcu.devices_mut().motors[motor].block(blocked);
     }
@@ -219,7 +219,7 @@ impl Board {
         &self.mcu.devices().marks
     }
 
-    /// The program's marks, to forget them.
+    /// The program's marks, to reset them.
     pub fn marks_mut(&mut self) -> &mut Marks {
         &mut self.mcu.devices_mut().marks
     }

@@ -21,7 +21,7 @@ use virtual_nano::{Board, BoardOptions, Image};
 
 /// The robot's Arduino Nano, emulated.
 ///
-/// Prints {"event":"ready","port":"/dev/pts/N","sensor":{...}}, then answers each line on standard input with a line of JSON. Ends with
+/// Prints {"event":"ready","port":"/dev/pts/N","sensor":{...}}, then replies to each line on standard input with a line of JSON. Ends with
 /// `quit` or at the end of standard input.
 ///
 /// Example: vnano --firmware target/firmware.elf --imu tests/data/mpu6050/rotate-z-720.csv
@@ -46,7 +46,7 @@ struct Arguments {
     /// Seed of the sensor's noise, bias and drift, and of damage on the line
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// What the sensor answers to WHO_AM_I, such as 0x68, or 0x70 for a common clone
+    /// WHO_AM_I of the sensor: 0x68, or 0x70 for a common clone
     #[arg(long, default_value = "0x68", value_parser = parse_byte)]
     who_am_i: u8,
     /// Keeps the EEPROM in this file, 1024 bytes

@@ -32,7 +32,7 @@ const SLACK: Duration = Duration::from_millis(500);
 /// 500 ms of the board's time, which at ten times real time is less than a busy machine may keep a host waiting.
 const LEAD: u64 = FREQUENCY_HZ / 4;
 
-/// A host that is silent for so long has gone, and the board does not wait for it.
+/// A host that is silent for this long has gone, and the board does not wait for it.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Holds the board's time to a speed.

@@ -7,7 +7,6 @@
 //! the simulator's flagella where the encoders are: on the model of the motors, which have a time constant of 80 ms, within
 //! 2 degrees while they start and stop and within 0.001 at a steady speed.
 
-use crate::imu::source::Movement;
 use crate::motor::Motor;
 use nalgebra::Vector3;
 use sim::body::closure::Closure;
@@ -64,7 +63,7 @@ const MOTOR_RISE_C: f64 = 2.0;
 const WARMING_S: f64 = 300.0;
 
 impl BaseTemperature {
-    /// Goes on by a window with the motors at these speeds, rad/s.
+    /// Advances by a window with the motors at these speeds, rad/s.
     fn advance(&mut self, speeds: [f64; 2]) {
         let share = speeds.iter().map(|speed| speed.abs()).sum::<f64>() / (2.0 * WARM_SPEED);
         self.rise_c += (MOTOR_RISE_C * share - self.rise_c) * (WINDOW_S / WARMING_S);
@@ -73,6 +72,17 @@ impl BaseTemperature {
     fn celsius(&self) -> f64 {
         self.room_c + self.rise_c
     }
+}
+
+/// How the sensor moves, in its own axes.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Movement {
+    /// Rate of turn, °/s.
+    pub rate_dps: [f64; 3],
+    /// Acceleration less gravity, g: `[0, 0, 1]` at rest with z up.
+    pub specific_force_g: [f64; 3],
+    /// Temperature, °C.
+    pub temperature_c: f64,
 }
 
 /// The simulated robot behind a board.
@@ -91,7 +101,7 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// Hanging at rest, with motors that do not turn yet.
+    /// A robot that hangs at rest, with motors at rest.
     ///
     /// # Errors
     /// A parameter that is impossible, or a robot that the simulator cannot bring to rest.
@@ -113,7 +123,7 @@ impl Plant {
         Ok(plant)
     }
 
-    /// Takes the board's motors as they are at a time (s). Where a window has ended, the simulator goes on by another.
+    /// Reads the board's motors at a time (s). Where a window has ended, the simulator advances by another.
     pub fn follow(&mut self, time_s: f64, motors: &[Motor; 2]) {
         while self.failure.is_none() && time_s >= self.end_s() {
             if let Err(problem) = self.advance_window(time_s, motors) {
@@ -122,7 +132,7 @@ impl Plant {
         }
     }
 
-    /// Returns why the simulator could not go on, if it could not. From then on the plant's movement means nothing.
+    /// Returns why the simulator failed, if it did. From then on the plant's movement is meaningless.
     pub fn failure(&self) -> Option<&str> {
         self.failure.as_deref()
     }
@@ -168,7 +178,7 @@ impl Plant {
         Ok(())
     }
 
-    /// Lets the simulator go on to a time, with speeds of the flagella that change evenly to these (rad/s).
+    /// Advances the simulator to a time (s), with speeds of the flagella that change linearly to these (rad/s).
     fn advance_to(&mut self, time_s: f64, speeds: [f64; 2]) -> Result<(), String> {
         self.trial.extend(REST_S + time_s, speeds).map_err(|error| error.to_string())?;
         for sample in self.trial.by_ref() {
@@ -186,7 +196,7 @@ impl Plant {
         Ok(())
     }
 
-    /// The simulator's motors.
+    /// Returns the simulator's motors at a time (s).
     fn motors(&self, time_s: f64) -> [MotorState; 2] {
         self.trial.motors(REST_S + time_s)
     }

@@ -29,12 +29,12 @@ pub struct Runner {
     pub reset_on_open: bool,
     /// Bytes that the port has not taken yet.
     pub pending: Vec<u8>,
-    /// Bytes that nobody got.
+    /// Bytes that no host got.
     pub count: PortCount,
 }
 
 impl Runner {
-    /// Runs until `quit`, or until nobody can send commands any more.
+    /// Runs until `quit` or the end of the commands.
     pub fn run(&mut self, commands: &Receiver<String>, answers: &mut impl Write) -> io::Result<()> {
         loop {
             match commands.try_recv() {

@@ -1,4 +1,4 @@
-//! What the program costs: flash, memory, time. Printed as a table.
+//! The program's cost in flash, memory and time, printed as a table.
 
 mod common;
 

@@ -23,7 +23,7 @@ fn a_recording_arrives_unchanged() {
     host.board.change_imu(|imu| imu.source_mut().play()).unwrap();
     host.telemetry.clear();
     host.run_ms(5000);
-    // The first frame of the recording tells when it began; from there on every tick has its sample of it.
+    // The first frame of the recording shows when it began; from there on every tick has its sample of it.
     let counts = |values: [SensorCounts; 3]| values.map(|value| f64::from(value.0));
     let begin = host.telemetry.iter().position(|(_, t)| counts(t.gyro) == recording.at(0.0).gyro).unwrap();
     let since = host.telemetry[begin].1.time;

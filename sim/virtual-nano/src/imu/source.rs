@@ -3,7 +3,7 @@
 use super::noise::Noise;
 use super::part::{Part, ROOM_C};
 use super::recording::{Recording, Sample};
-use crate::plant::Plant;
+use crate::plant::{Movement, Plant};
 use protocol::units::{AccelRange, GyroRange, LOW_PASS, TemperatureCounts};
 
 /// One sample in counts, as the data registers have it.
@@ -17,17 +17,6 @@ pub struct Readout {
     pub temperature: i16,
 }
 
-/// How a body moves, in the sensor's axes.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct Movement {
-    /// Rate of turn, °/s.
-    pub rate_dps: [f64; 3],
-    /// Acceleration less gravity, g: `[0, 0, 1]` at rest with z up.
-    pub specific_force_g: [f64; 3],
-    /// Temperature, °C.
-    pub temperature_c: f64,
-}
-
 enum Kind {
     Still,
     Plant(Box<Plant>),
@@ -39,7 +28,7 @@ enum Kind {
     },
 }
 
-/// What the sensor measures, with the sensor's own bias and noise where these are not in a recording.
+/// The input of the sensor, with the sensor's own bias and noise where these are not in a recording.
 pub struct Source {
     kind: Kind,
     noise: Noise,
@@ -67,7 +56,7 @@ impl Source {
         Self { kind: Kind::Plant(Box::new(plant)), noise, part }
     }
 
-    /// Lies still as the recording begins, until it is told to [`Self::play`].
+    /// Holds the sensor at the start of the recording until [`Self::play`].
     pub fn recording(recording: Recording, seed: u64) -> Self {
         Self {
             kind: Kind::Recording { recording, started_s: None, play: false },
@@ -76,7 +65,7 @@ impl Source {
         }
     }
 
-    /// Begins the recording with the next sample. Answers how long it lasts, s; `None` where there is none.
+    /// Starts the recording with the next sample. Returns its duration in s, `None` where there is none.
     pub fn play(&mut self) -> Option<f64> {
         let Kind::Recording { recording, started_s, play } = &mut self.kind else { return None };
         *started_s = None;
@@ -84,7 +73,7 @@ impl Source {
         Some(recording.duration_s())
     }
 
-    /// Lies still as the recording begins, until it is told to [`Self::play`].
+    /// Holds the sensor at the start of the recording until [`Self::play`].
     pub fn rewind(&mut self) {
         if let Kind::Recording { started_s, play, .. } = &mut self.kind {
             (*started_s, *play) = (None, false);
