@@ -1,8 +1,8 @@
-//! What the three closures of the base's equation of motion give at the published points.
+//! The three closures of the base's equation of motion at the published points: the table of [`sim::body::closure`].
 //!
-//! `cargo run --release -p sim --example closures`: yaw at two times; the mean rate about z_B over the last minute; and for
-//! the closure `paper` the rate at which the base's drag alone balances the mean couple, (F1y - F2y) d/2 over 2 pi mu C_r
-//! r_h^3, with the range of the tilt of the axis.
+//! `cargo run --release -p sim --example closures`: yaw at two times; the mean rate about z_B over the last minute; for the
+//! closure `paper` the rate at which the base's drag alone balances the mean couple, (F1y - F2y) d/2 over 2 pi mu C_r
+//! r_h^3; and the range of the axis's tilt.
 
 use sim::body::closure::Closure;
 use sim::params::Robot;

@@ -85,10 +85,10 @@ impl<S: Simd> Wide<S> {
         (self + shift) - shift
     }
 
-    /// Sine and cosine, good to rounding for angles up to some thousand turns.
+    /// Sine and cosine, good to rounding for angles up to some thousand revolutions.
     #[inline(always)]
     pub fn sin_cos(self) -> (Self, Self) {
-        // A quarter of the angle, less whole turns, has a short series; its double is taken twice.
+        // A quarter of the angle, less whole revolutions, has a short series; its double is taken twice.
         let turns = self.scaled(1.0 / TAU).round();
         let quarter = (self - turns.scaled(TAU_HIGH) - turns.scaled(TAU - TAU_HIGH)).scaled(0.25);
         let square = quarter * quarter;
@@ -100,7 +100,7 @@ impl<S: Simd> Wide<S> {
         (sine, cosine)
     }
 
-    /// Angle of a unit vector with these components, in -pi..pi; near half a turn it loses digits, 1e-14 over
+    /// Angle of a unit vector with these components, in -pi..pi; near half a revolution it loses digits, 1e-14 over
     /// the cosine of half of it.
     #[inline(always)]
     pub fn angle_of(sine: Self, cosine: Self) -> Self {
@@ -116,7 +116,7 @@ impl<S: Simd> Wide<S> {
     }
 }
 
-/// The leading bits of a turn: products with small whole numbers are exact.
+/// The leading bits of a revolution: products with small whole numbers are exact.
 const TAU_HIGH: f64 = 6.283_185_243_606_567;
 const SINE: [f64; 8] = [
     1.0,

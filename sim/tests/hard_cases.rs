@@ -1,4 +1,4 @@
-//! Random robots and speeds: a result or a clear error, never a NaN, a panic or an endless loop.
+//! Random robots and speeds give a result or a clear error, never a NaN, a panic or an endless loop.
 //!
 //! `SIM_HARD_CASES` sets their number (60; ten thousand take some minutes).
 

@@ -1,4 +1,4 @@
-//! The robot's parameters: what is refused, and how it is said.
+//! The robot's parameters: limits and their messages.
 
 use sim::body::closure::Closure;
 use sim::params::{Glycerol, Robot};

@@ -59,8 +59,8 @@ fn stays_at_rest() {
 
 #[test]
 fn forces_on_rods_balance_forces_on_clamps() {
-    // What a clamp feels, from the elastic forces at its own nodes, against the sum of all that acts on
-    // the rod: fluid, contact, weight.
+    // The load of a clamp, from the elastic forces at its own nodes, against the sum of all loads of the rod: fluid,
+    // contact, weight.
     let mut robot = Robot::default();
     robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
     let mut solver = Solver::new(&robot, Closure::Full).expect("parameters");
@@ -116,7 +116,7 @@ fn body_balance_closes_at_every_step() {
 fn turning_everything_changes_nothing() {
     let mut robot = Robot::default();
     robot.joint.tether_full_nm_per_rad = 0.0;
-    // What is left otherwise is rounding in single precision, times the iteration's tolerance.
+    // Otherwise the error is the rounding in single precision times the iteration's tolerance.
     robot.solver.far_field = Precision::Double;
     robot.solver.tolerance = 1e-7;
     let ends = [0.0, 1.2345].map(|yaw| {

@@ -34,14 +34,14 @@
 //!
 //! They cannot settle, for three reasons.
 //!
-//! - Nothing in them resists a yaw *angle*. Lateral forces are sinusoids, but their mean over a turn is not zero, so the
+//! - Nothing in them resists a yaw *angle*. Lateral forces are sinusoids, but their mean over a revolution is not zero, so the
 //!   couple (F1y - F2y) d/2 has a mean as well; the only other term is drag, and w_z goes to that mean over C. The time
 //!   J_z/C is a quarter of a second: after it the base spins at that rate for ever. In the tank something else holds the
 //!   yaw, the sensor's cable for one; `full` and `lumped` have one stiffness for it, and it is the one constant that is
 //!   calibrated.
 //! - Nothing in them rights a *roll*. A base that spins about z_B carries its tilt from pitch into roll and back, where
 //!   no moment answers, so the axis does not settle either: it tumbles, at three of the four points nearly upside down
-//!   and back. (Where it does, the Euler yaw counts turns faster than the base turns about z_B.)
+//!   and back. (Where it does, the Euler yaw increases faster than the base rotates about z_B.)
 //! - C is the drag of the base alone. The drag of the flagella about the joint, which is far larger, is left out, and so
 //!   are the reaction torques about the helix axes, the largest part of the yaw moment.
 //!
@@ -72,7 +72,7 @@ pub enum Closure {
 }
 
 impl Closure {
-    /// Whether the clamps of the elastic rods move with the body.
+    /// Returns whether the clamps of the elastic rods move with the body.
     pub fn two_way(self) -> bool {
         self == Closure::Full
     }
@@ -89,9 +89,9 @@ pub struct Load {
     pub axial_torque: f64,
 }
 
-/// The moment that the flagella put on the base, body axes, N m.
+/// Returns the moment of the flagella on the base, body axes, N m.
 ///
-/// `distance`: that of the shafts in m.
+/// `distance`: that of the shafts, m.
 pub fn flagella_moment(closure: Closure, loads: &[Load; 2], distance: f64) -> V3 {
     let difference = (loads[0].force - loads[1].force) * (0.5 * distance);
     match closure {

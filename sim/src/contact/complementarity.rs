@@ -2,15 +2,16 @@
 //!
 //! C is small (one row a contact) and nearly symmetric: block principal pivoting (Judice and Pires 1994)
 //! solves it exactly in a few steps, in finitely many where every principal minor of C is positive. Where
-//! the columns are so rough that this is not so, projected Gauss-Seidel on the symmetrised matrix gives a
-//! usable answer. A wrong multiplier left on a separated pair would spoil everything that follows.
+//! the columns are too rough for that, projected Gauss-Seidel on the symmetrised matrix gives a usable
+//! solution: a wrong multiplier left on a separated pair would spoil all later sweeps.
 
 /// Pivots without progress before they are done one by one.
 const PATIENCE: u32 = 3;
 /// Sweeps of projected Gauss-Seidel.
 const SWEEPS: usize = 300;
 
-/// Solves the problem; `matrix` row by row, `l` the start. The diagonal must be positive.
+/// Solves the problem for `l`, which holds a start. `matrix`: row by row, with a positive diagonal; `tolerance`: error of
+/// b + C l.
 pub fn solve(matrix: &[f64], b: &[f64], l: &mut [f64], tolerance: f64) {
     if principal_pivoting(matrix, b, l, tolerance) {
         return;
@@ -25,7 +26,7 @@ fn row_sum(matrix: &[f64], b: &[f64], l: &[f64], row: usize) -> f64 {
     b[row] + matrix[row * size..(row + 1) * size].iter().zip(l).map(|(c, l)| c * l).sum::<f64>()
 }
 
-/// Whether the solution was found; else `l` is as it was.
+/// Returns whether the solution was found; if not, `l` is as it was.
 fn principal_pivoting(matrix: &[f64], b: &[f64], l: &mut [f64], tolerance: f64) -> bool {
     let size = b.len();
     let mut active: Vec<bool> =
@@ -80,7 +81,7 @@ fn gauss_seidel(matrix: &[f64], b: &[f64], l: &mut [f64], sweeps: usize, toleran
     }
 }
 
-/// Solves rows of an augmented matrix by elimination with pivoting; `None` when singular.
+/// Returns the solution of an augmented matrix by elimination with pivoting, `None` when it is singular.
 pub(crate) fn solve_dense(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     let size = rows.len();
     for i in 0..size {

@@ -13,7 +13,7 @@ pub struct Closest {
     pub separation: V3,
 }
 
-/// Closest points of p0-p1 and q0-q1. Parallel segments: one of the closest pairs.
+/// Returns the closest points of the segments p0-p1 and q0-q1 (m); of parallel segments one of the closest pairs.
 pub fn segment_distance(p0: V3, p1: V3, q0: V3, q1: V3) -> Closest {
     let (u, v, w) = (p1 - p0, q1 - q0, p0 - q0);
     let (a, b, c, d, e) = (u.dot(&u), u.dot(&v), v.dot(&v), u.dot(&w), v.dot(&w));

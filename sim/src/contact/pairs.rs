@@ -1,4 +1,4 @@
-//! Pairs of close edges, and what a step takes over from the pairs of the step before.
+//! Pairs of close edges, and the warm start of a step from the pairs of the step before.
 //!
 //! Body frame, m. [`super::broad_phase`] finds the pairs.
 
@@ -15,8 +15,8 @@ pub struct Pair {
     pub edges: [usize; 2],
     /// Where on the edges the closest points are, 0 to 1.
     pub at: [f64; 2],
-    /// Unit normal from the second to the first, body frame. It keeps its side, so a predictor that
-    /// went through is pushed back.
+    /// Unit normal from the second to the first, body frame. It keeps its side, so a prediction that
+    /// passed through is pushed back.
     pub normal: V3,
     /// Distance of the centre lines along the normal, m; negative when the edges have passed each other.
     pub distance: f64,
@@ -34,7 +34,7 @@ pub type Lines = [Vec<V3>; 2];
 const FLIPPED: f64 = -0.2;
 /// Contact slides by less than this many edges in a step; a force is not handed over farther.
 const SLIDE_EDGES: f64 = 3.0;
-/// Pairs within this many contact distances tell which side the rods are on.
+/// Only pairs within this many contact distances show on which side the rods are.
 const SIDE_DISTANCES: f64 = 1.5;
 /// Pairs fewer edges apart than this, on both rods together, have the same side.
 const SIDE_EDGES: usize = 3;
@@ -138,7 +138,7 @@ pub fn extend(pairs: &mut Vec<Pair>, new: Vec<Pair>, contact_distance: f64, over
     overlapping
 }
 
-/// Turns the normal of a pair to the side of its nearest known neighbour, so that edges that passed each other are pushed
+/// Flips the normal of a pair to the side of its nearest known neighbour, so that edges that passed each other are pushed
 /// back.
 fn align_normal(known: &[Pair], pair: &mut Pair, contact_distance: f64) {
     let nearest = (known.iter())

@@ -34,7 +34,7 @@ pub fn fill_mobility(
     }
 }
 
-/// The mobility matrix of several centre lines on all their nodes, stacked in order.
+/// Returns the mobility matrix of several centre lines (m) on all their nodes, stacked in order: m/s per N/m.
 pub fn mobility(lines: &[&[V3]], epsilon: f64, viscosity: f64) -> DMatrix<f64> {
     let size: usize = lines.iter().map(|line| 3 * line.len()).sum();
     let mut matrix = DMatrix::zeros(size, size);
@@ -50,7 +50,7 @@ pub fn mobility(lines: &[&[V3]], epsilon: f64, viscosity: f64) -> DMatrix<f64> {
     matrix
 }
 
-/// Weights that integrate a nodal density along a line: half the adjacent edge lengths, in m.
+/// Returns the weights that integrate a nodal density along a line: half the adjacent edge lengths, in m.
 pub fn nodal_lengths(line: &[V3]) -> Vec<f64> {
     let mut weights = vec![0.0; line.len()];
     for (i, pair) in line.windows(2).enumerate() {
@@ -61,8 +61,8 @@ pub fn nodal_lengths(line: &[V3]) -> Vec<f64> {
     weights
 }
 
-/// Resistance of rigid centre lines that move together: force and torque about `pivot` that the
-/// fluid puts on them are minus this 6 x 6 matrix times (velocity at the pivot, angular velocity).
+/// Returns the resistance of rigid centre lines that move together: force and torque of the fluid on
+/// them about `pivot` are minus this 6 x 6 matrix times (velocity at the pivot, angular velocity).
 ///
 /// `None` when the mobility matrix is singular to rounding.
 pub fn rigid_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64) -> Option<Matrix6<f64>> {
@@ -93,7 +93,7 @@ pub fn rigid_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64
     Some(resistance)
 }
 
-/// The rotational part of [`rigid_resistance`], N m s.
+/// Returns the rotational part of [`rigid_resistance`], N m s.
 pub fn rotational_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64) -> Option<Matrix3<f64>> {
     rigid_resistance(lines, pivot, epsilon, viscosity).map(|r| r.fixed_view::<3, 3>(3, 3).into_owned())
 }

@@ -1,4 +1,4 @@
-//! What a robot cannot be, and why.
+//! Limits of the parameters, and why they are limits.
 
 use super::{ParamError, Robot};
 use crate::fluid::near::LEAST_EPSILON;

@@ -3,7 +3,7 @@
 //! Each edge carries a reference frame (tangent t, directors d1 and d2 = t x d1), transported in
 //! parallel from the last accepted step's tangent to today's, and the material frame (m1, m2), the
 //! reference frame turned about t by the edge's angle. The reference twist at a node measures how
-//! the directors turn between its two edges beyond parallel transport (Jawed et al. 2018, ch. 4-6).
+//! the directors rotate between its two edges beyond parallel transport (Jawed et al. 2018, ch. 4-6).
 
 use crate::V3;
 use crate::lanes::{Vectors, Wide, Wide3, padded};
@@ -11,7 +11,7 @@ use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Transports `u`, perpendicular to the unit vector `from`, along the shortest turn to the unit vector `to`.
+/// Transports `u`, perpendicular to the unit vector `from`, along the shortest rotation to the unit vector `to`.
 ///
 /// Undefined (not finite) when `to` is opposite to `from`.
 #[inline(always)]
@@ -21,7 +21,7 @@ pub fn parallel_transport(u: V3, from: V3, to: V3) -> V3 {
     u * cosine + axis.cross(&u) + axis * (axis.dot(&u) / (1.0 + cosine))
 }
 
-/// Reference frames at the last accepted step, the memory that time-parallel transport starts from.
+/// Reference frames at the last accepted step, from which time-parallel transport starts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceFrames {
     /// Unit tangents, one an edge.
@@ -143,7 +143,7 @@ impl Frames {
         }
     }
 
-    /// Makes this shape the memory of later steps.
+    /// Makes the frames at this shape the reference of later steps.
     pub fn accept(&self, reference: &mut ReferenceFrames) {
         self.tangent.copy_to(&mut reference.tangent);
         self.director.copy_to(&mut reference.director);

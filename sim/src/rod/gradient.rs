@@ -7,7 +7,7 @@ use super::{Rod, bend, frames::Frames, stencil::ByNode, stretch, twist};
 use crate::lanes::{Wide, Wide3, padded};
 use pulp::{Simd, WithSimd};
 
-/// What the gradient needs of a rod at rest, padded.
+/// Numbers of a rod at rest that the gradient uses, padded.
 #[derive(Clone, Debug)]
 pub(super) struct AtRest {
     inverse_length: Vec<f64>,

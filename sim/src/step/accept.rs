@@ -1,4 +1,4 @@
-//! What lets a solved step count: finite numbers, no passage, a resolved motion. Then its loads and the new state.
+//! Acceptance of a solved step: finite numbers, no passage, a resolved motion; then its loads and the new state.
 
 use super::body::BodySolve;
 use super::formula::POINTS;

@@ -156,7 +156,7 @@ impl Contacts {
         Ok(ContactChange { gap_error: self.gap_error(limits.distance), motion: displacement })
     }
 
-    /// Takes over shapes and forces that something else has changed.
+    /// Updates the pairs after a change of shapes and forces from outside.
     pub fn update(&mut self, flagella: &mut [Flagellum; 2], shafts: &[Shaft; 2]) {
         self.update_lines(flagella, shafts);
         self.refresh();

@@ -137,7 +137,7 @@ impl Convergence {
         Verdict::Continue
     }
 
-    /// Forgets what was reached until this sweep: the problem has changed.
+    /// Starts anew after this sweep: the problem has changed.
     pub fn restart(&mut self, sweep: u32) {
         self.best = (f64::INFINITY, sweep);
     }

@@ -1,7 +1,7 @@
 //! Time formulas that are exact for {1, t, cos wt, sin wt} on any grid.
 //!
-//! In the frame that turns with a motor the shape of a flagellum is not steady: its sideways
-//! deflection is steady in the laboratory and so turns at the motor's speed. A backward formula that
+//! In the frame that rotates with a motor the shape of a flagellum is not steady: its sideways
+//! deflection is steady in the laboratory and so rotates at the motor's speed. A backward formula that
 //! is exact for that motion (trigonometric fitting, Gautschi 1961) takes steps ten times longer than
 //! one that is exact for polynomials. As w goes to 0 the basis becomes {1, t, t^2, t^3}, and on an
 //! even grid the formula BDF3.
@@ -34,7 +34,7 @@ fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     }
 }
 
-/// Solves the small dense system by elimination with pivoting.
+/// Returns the solution of a small dense system, by elimination with pivoting.
 fn solve(size: usize, mut rows: [[f64; POINTS]; POINTS], mut right: [f64; POINTS]) -> [f64; POINTS] {
     for i in 0..size {
         let pivot = (i..size).max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs())).unwrap_or(i);
@@ -67,7 +67,7 @@ fn weights(angle: f64, times: &[f64], right: [f64; POINTS]) -> [f64; POINTS] {
     solve(size, rows, right)
 }
 
-/// Weights a_j of a backward formula: step times the derivative at time 0 is about the sum of a_j x(times_j).
+/// Returns the weights a_j of a backward formula: step times the derivative at time 0 is about the sum of a_j x(times_j).
 ///
 /// `times`: 0 first, then the past in units of the step (-1, -2, ...), at most four, all different;
 /// `angle`: w times the step, rad.
@@ -75,7 +75,7 @@ pub fn derivative(angle: f64, times: &[f64]) -> [f64; POINTS] {
     weights(angle, times, [0.0, 1.0, 0.0, 0.0])
 }
 
-/// Weights b_j of the value at `at` from the values at `times`, with the same exactness.
+/// Returns the weights b_j of the value at `at` from the values at `times`, with the same exactness.
 pub fn value_at(angle: f64, times: &[f64], at: f64) -> [f64; POINTS] {
     let shifted: [f64; POINTS] = std::array::from_fn(|j| times.get(j).map_or(0.0, |t| t - at));
     weights(angle, &shifted[..times.len().min(POINTS)], [1.0, 0.0, 0.0, 0.0])

@@ -63,8 +63,8 @@ impl Model {
         if self.two_way() { body.attitude.inverse_transform_vector(&-V3::z()) } else { -V3::z() }
     }
 
-    /// Returns whether both flagella pull away from their clamps at these speeds (rad/s). Where they touch then, they
-    /// cross and mesh like gears.
+    /// Returns whether both flagella pull at their clamps at these speeds (rad/s). Where they touch then, they cross and
+    /// mesh like gears.
     pub fn meshing(&self, speeds: [f64; 2]) -> bool {
         (0..2).all(|k| {
             let sign = match self.robot.flagellum.handedness[k] {

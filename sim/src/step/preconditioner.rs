@@ -6,9 +6,8 @@
 //! x + s z x x + (1/kappa) M w^-1 K x - (1/kappa) M f; torque rows are scaled by length/GJ.
 //!
 //! It is built at the stress-free shape (one built under load makes later steps diverge), with kappa and
-//! s rounded to a grid: it depends on nothing but its key, so a restored state goes on bit for bit as the
-//! original would. Where a rod is about to buckle or snap that one stalls; then a step may have an
-//! inverse of its own, built at its predicted shape and forgotten after it.
+//! s rounded to a grid. So it depends on its key only, and a restored state goes on bit for bit. Where a rod is about to buckle or snap, the iteration with it stalls; then a step
+//! gets an inverse of its own, built at its predicted shape and dropped after it.
 
 use super::dense::{Panels, invert};
 use crate::V3;
@@ -44,7 +43,7 @@ impl FluidParams {
     }
 }
 
-/// What an inverse depends on.
+/// Key of a frozen inverse: the rod and the grid values that it depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key {
     rod: usize,
@@ -70,7 +69,7 @@ impl Key {
 /// A frozen inverse.
 #[derive(Clone, Debug)]
 pub struct Preconditioner {
-    /// Tangents and material directors of the edges at the shape that it was built at.
+    /// Tangents and material directors of the edges at the shape where it was built.
     pub frames: Vec<[V3; 3]>,
     /// The inverse, single precision.
     pub inverse: Panels,
@@ -90,7 +89,7 @@ pub struct Cache {
 }
 
 impl Preconditioner {
-    /// At a trial shape, for one step.
+    /// Returns the inverse at a trial shape, for one step. Motion: kappa in 1/s and the motor's speed in rad/s.
     pub fn at_shape(
         rod: &Rod,
         shape: &Shape,
@@ -114,7 +113,7 @@ struct Design {
 }
 
 impl Cache {
-    /// The inverse for a key, built if need be; `None` when the matrix is singular.
+    /// Returns the inverse for a key, built if it is not in the cache; `None` when the matrix is singular.
     pub fn find(&mut self, key: Key, rod: &Rod, fluid: FluidParams) -> Option<Arc<Preconditioner>> {
         if let Some((_, known)) = self.entries.iter().find(|(k, _)| *k == key) {
             return Some(known.clone());

@@ -1,8 +1,8 @@
-//! What a step did, or why it does not count.
+//! The report of a step, or why it failed.
 
 use crate::body::closure::Load;
 
-/// Why a step does not count; a shorter one may.
+/// Why a step failed; a shorter one may succeed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum StepFailure {
     /// The iteration stopped getting better.
@@ -36,7 +36,7 @@ pub enum StepFailure {
     Singular,
 }
 
-/// What a step did.
+/// Report of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// Sweeps taken.

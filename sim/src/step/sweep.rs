@@ -155,7 +155,7 @@ impl Sweeps {
         unknowns::pack(&self.flagella, body, &self.contacts.pairs)
     }
 
-    /// Remembers a sweep and, where the iteration is slow, replaces its result by a combination of the last ones. Returns
+    /// Records a sweep and, where the iteration is slow, replaces its result by a combination of the last ones. Returns
     /// whether it did.
     fn accelerate(&mut self, problem: &StepProblem, before: &[f64], body: &mut BodySolve, slow: bool) -> bool {
         let (model, step) = (problem.model, problem.step);
