@@ -27,6 +27,7 @@ pub mod body;
 pub mod contact;
 pub mod fluid;
 mod lanes;
+mod linear;
 pub mod params;
 pub mod profile;
 pub mod rod;

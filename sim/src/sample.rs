@@ -129,11 +129,6 @@ impl DenseOutput {
         self.records.truncate(1);
     }
 
-    /// Returns the time of the newest step, s.
-    pub fn newest(&self) -> Option<f64> {
-        self.records.front().map(|r| r.time)
-    }
-
     /// Returns the values at a time (s) within the last step or within reach behind it, `None` before the first step.
     pub fn at(&self, time: f64) -> Option<Interpolated> {
         // From the end of the step that holds the time.

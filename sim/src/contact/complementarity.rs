@@ -5,6 +5,8 @@
 //! the columns are too rough for that, projected Gauss-Seidel on the symmetrised matrix gives a usable
 //! solution: a wrong multiplier left on a separated pair would spoil all later sweeps.
 
+use crate::linear::solve as solve_equations;
+
 /// Pivots without progress before they are done one by one.
 const PATIENCE: u32 = 3;
 /// Sweeps of projected Gauss-Seidel.
@@ -35,8 +37,8 @@ fn principal_pivoting(matrix: &[f64], b: &[f64], l: &mut [f64], tolerance: f64) 
     let mut next = vec![0.0; size];
     for _ in 0..10 + 4 * size {
         let set: Vec<usize> = (0..size).filter(|&r| active[r]).collect();
-        let rows = set.iter().map(|&r| set.iter().map(|&c| matrix[r * size + c]).chain([-b[r]]).collect()).collect();
-        let Some(values) = solve_dense(rows) else {
+        let row = |&r: &usize| -> Vec<f64> { set.iter().map(|&c| matrix[r * size + c]).chain([-b[r]]).collect() };
+        let Some(values) = solve_equations(set.iter().map(row).collect()) else {
             return false;
         };
         next.fill(0.0);
@@ -79,31 +81,6 @@ fn gauss_seidel(matrix: &[f64], b: &[f64], l: &mut [f64], sweeps: usize, toleran
             break;
         }
     }
-}
-
-/// Returns the solution of an augmented matrix by elimination with pivoting, `None` when it is singular.
-pub(crate) fn solve_dense(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
-    let size = rows.len();
-    for i in 0..size {
-        let pivot = (i..size).max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs()))?;
-        rows.swap(i, pivot);
-        let (done, rest) = rows.split_at_mut(i + 1);
-        let lead = &done[i];
-        for row in rest {
-            let factor = row[i] / lead[i];
-            if factor != 0.0 {
-                for c in i..=size {
-                    row[c] -= factor * lead[c];
-                }
-            }
-        }
-    }
-    let mut out = vec![0.0; size];
-    for i in (0..size).rev() {
-        let known: f64 = (i + 1..size).map(|c| rows[i][c] * out[c]).sum();
-        out[i] = (rows[i][size] - known) / rows[i][i];
-    }
-    out.iter().all(|v| v.is_finite()).then_some(out)
 }
 
 #[cfg(test)]

@@ -67,7 +67,7 @@ impl Pair {
     }
 
     /// Updates the distance with the normal and the closest points held.
-    pub fn refresh_frozen(&mut self, lines: &Lines) {
+    pub fn refresh_held(&mut self, lines: &Lines) {
         self.distance = self.normal.dot(&(self.point(lines, 0) - self.point(lines, 1)));
     }
 

@@ -67,16 +67,6 @@ impl Sources {
             }
         }
     }
-
-    /// Returns the number of points.
-    pub fn len(&self) -> usize {
-        self.points.len()
-    }
-
-    /// Returns whether there is no point.
-    pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
-    }
 }
 
 /// Points where the flow is wanted, and the flow there.

@@ -22,11 +22,6 @@ impl Band {
         self.values.fill(0.0);
     }
 
-    /// Returns the number of rows.
-    pub fn size(&self) -> usize {
-        self.size
-    }
-
     /// Adds to an entry inside the band.
     #[inline(always)]
     pub fn add(&mut self, row: usize, column: usize, value: f64) {

@@ -2,6 +2,8 @@
 //!
 //! The last few iterates are combined so that the weighted change of a sweep becomes smallest.
 
+use crate::linear::solve;
+
 /// Differences of iterates that are combined.
 const DEPTH: usize = 5;
 /// A combination with larger coefficients amplifies noise.
@@ -54,7 +56,7 @@ impl Anderson {
         for (i, row) in rows.iter_mut().enumerate() {
             row[i] += REGULARISATION * scale + TINY;
         }
-        let shares = crate::contact::complementarity::solve_dense(rows)?;
+        let shares = solve(rows)?;
         if shares.iter().any(|s| s.abs() > LARGEST) {
             return None;
         }

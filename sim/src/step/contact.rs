@@ -223,7 +223,7 @@ impl Contacts {
     fn refresh(&mut self) {
         for (pair, column) in self.pairs.iter_mut().zip(&mut self.columns) {
             if self.held {
-                pair.refresh_frozen(&self.lines);
+                pair.refresh_held(&self.lines);
                 continue;
             }
             pair.refresh(&self.lines);

@@ -1,20 +1,4 @@
-//! Choice of the step's length: by the motors' speeds, by contact, and by halving what fails.
-//!
-//! Flagella that mesh (both motors pull them in) snap past each other once a beat, and means converge slowly
-//! with the step. Error of the mean thrust over 48 to 60 s against a run with steps a twelfth as long and an
-//! eightieth of the tolerance, as `cargo bench -p sim --bench trials -- steps` prints it:
-//!
-//! | speeds rpm | `contact_step_rad` | error | steps | sweeps a step |
-//! | --- | --- | --- | --- | --- |
-//! | (-90, -80) | 0.5 | 4.41 % | 4740 | 7.81 |
-//! | (-90, -80) | 0.25 | 0.48 % | 7246 | 5.60 |
-//! | (-90, -80) | 0.125 | 0.13 % | 13035 | 3.96 |
-//! | (-50, -30) | 0.5 | 1.51 % | 1966 | 5.59 |
-//! | (-50, -30) | 0.25 | 1.72 % | 2965 | 4.40 |
-//! | (-50, -30) | 0.125 | 0.97 % | 5083 | 3.40 |
-//!
-//! At (-50, -30) the means of so short a window scatter by 1 to 2 % at any step. Shorter steps during the snaps
-//! alone, chosen by how far the prediction was off, need as many sweeps for the same error.
+//! Choice of a step's length: by the motors' speeds, by contact, and by halving a step that fails.
 
 use super::formula::POINTS;
 use super::report::{StepFailure, StepReport};
@@ -60,7 +44,23 @@ const LEAST_SPEED: f64 = 1e-9;
 /// A rest of the time that is longer than the step by no more than this factor is taken in one step: no sliver remains.
 const STRETCH: f64 = 1.01;
 
-/// Chooses the length of each step, from what became of the last ones.
+/// Chooses the length of each step by the outcome of the last ones.
+///
+/// Flagella that mesh (both pull at their clamps) snap past each other once a beat, and means converge slowly
+/// with the step. Error of the mean thrust over 48 to 60 s against a run with steps a twelfth as long and an
+/// eightieth of the tolerance, printed by `cargo bench -p sim --bench trials -- steps`:
+///
+/// | speeds rpm | `contact_step_rad` | error | steps | sweeps a step |
+/// | --- | --- | --- | --- | --- |
+/// | (-90, -80) | 0.5 | 4.41 % | 4740 | 7.81 |
+/// | (-90, -80) | 0.25 | 0.48 % | 7246 | 5.60 |
+/// | (-90, -80) | 0.125 | 0.13 % | 13035 | 3.96 |
+/// | (-50, -30) | 0.5 | 1.51 % | 1966 | 5.59 |
+/// | (-50, -30) | 0.25 | 1.72 % | 2965 | 4.40 |
+/// | (-50, -30) | 0.125 | 0.97 % | 5083 | 3.40 |
+///
+/// At (-50, -30) the means of so short a window scatter by 1 to 2 % at any step. Shorter steps during the snaps
+/// alone, chosen by how far the prediction was off, need as many sweeps for the same error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepControl {
     /// How often the present step is halved.

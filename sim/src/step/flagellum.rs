@@ -6,7 +6,7 @@
 //! the density, with the torque about every free edge.
 
 use super::corotated::{from_reference, to_reference};
-use super::dense::Panels;
+use super::panels::Panels;
 use super::preconditioner::{Preconditioner, torque_scale};
 use crate::V3;
 use crate::body::closure::Load;

@@ -6,6 +6,8 @@
 //! one that is exact for polynomials. As w goes to 0 the basis becomes {1, t, t^2, t^3}, and on an
 //! even grid the formula BDF3.
 
+use crate::linear::eliminate;
+
 /// Points a formula can use.
 pub const POINTS: usize = 4;
 
@@ -34,37 +36,21 @@ fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     }
 }
 
-/// Returns the solution of a small dense system, by elimination with pivoting.
-fn solve(size: usize, mut rows: [[f64; POINTS]; POINTS], mut right: [f64; POINTS]) -> [f64; POINTS] {
-    for i in 0..size {
-        let pivot = (i..size).max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs())).unwrap_or(i);
-        rows.swap(i, pivot);
-        right.swap(i, pivot);
-        for r in i + 1..size {
-            let factor = rows[r][i] / rows[i][i];
-            for c in i..size {
-                rows[r][c] -= factor * rows[i][c];
-            }
-            right[r] -= factor * right[i];
-        }
-    }
-    let mut out = [0.0; POINTS];
-    for i in (0..size).rev() {
-        let known: f64 = (i + 1..size).map(|c| rows[i][c] * out[c]).sum();
-        out[i] = (right[i] - known) / rows[i][i];
-    }
-    out
-}
-
+/// Returns the weights with which the values of each basis function at `times` give its entry of `right`.
 fn weights(angle: f64, times: &[f64], right: [f64; POINTS]) -> [f64; POINTS] {
     let size = times.len().min(POINTS);
-    let mut rows = [[0.0; POINTS]; POINTS];
+    let mut rows = [[0.0; POINTS + 1]; POINTS];
     for (j, &tau) in times.iter().take(size).enumerate() {
         for (row, value) in rows.iter_mut().zip(basis(size, angle, tau)) {
             row[j] = value;
         }
     }
-    solve(size, rows, right)
+    for (row, value) in rows.iter_mut().zip(right) {
+        row[size] = value;
+    }
+    let mut out = [0.0; POINTS];
+    eliminate(&mut rows[..size], &mut out[..size]);
+    out
 }
 
 /// Returns the weights a_j of a backward formula: step times the derivative at time 0 is about the sum of a_j x(times_j).

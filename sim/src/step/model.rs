@@ -6,7 +6,7 @@ use crate::body::Body;
 use crate::body::closure::{Closure, Load};
 use crate::body::joint::RigidBase;
 use crate::body::shaft::Shaft;
-use crate::fluid::mobility::rotational_resistance;
+use crate::fluid::mobility::rigid_resistance;
 use crate::params::{ParamError, Robot};
 use crate::rod::{Rod, helix::Handedness};
 use nalgebra::Matrix3;
@@ -99,7 +99,8 @@ fn pair_resistance(robot: &Robot, rods: &[Rod; 2], feet: &[V3; 2]) -> Option<Mat
         });
         let views = [lines[0].as_slice(), lines[1].as_slice()];
         let (epsilon, viscosity) = (robot.epsilon(), robot.fluid.viscosity());
-        mean += rotational_resistance(&views, V3::zeros(), epsilon, viscosity)? / angles.len() as f64;
+        let resistance = rigid_resistance(&views, V3::zeros(), epsilon, viscosity)?;
+        mean += resistance.fixed_view::<3, 3>(3, 3).into_owned() / angles.len() as f64;
     }
     Some(0.5 * (mean + mean.transpose()))
 }

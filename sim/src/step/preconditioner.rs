@@ -9,9 +9,10 @@
 //! s rounded to a grid. So it depends on its key only, and a restored state goes on bit for bit. Where a rod is about to buckle or snap, the iteration with it stalls; then a step
 //! gets an inverse of its own, built at its predicted shape and dropped after it.
 
-use super::dense::{Panels, invert};
+use super::panels::Panels;
 use crate::V3;
 use crate::fluid::mobility::mobility;
+use crate::linear::invert;
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames};
 use crate::state::Shape;

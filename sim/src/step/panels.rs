@@ -1,72 +1,6 @@
-//! Inverse of a dense matrix, and a fast single-precision product with it.
+//! A fast single-precision product of a dense matrix with one or several vectors.
 
 use pulp::{Arch, Simd, WithSimd};
-
-/// Inverts a square matrix in place (row by row, `size` rows) by Gauss-Jordan elimination with row
-/// pivoting. `false` when it is singular to rounding; the contents are then useless.
-pub fn invert(matrix: &mut [f64], size: usize) -> bool {
-    Arch::new().dispatch(Invert { matrix, size })
-}
-
-struct Invert<'a> {
-    matrix: &'a mut [f64],
-    size: usize,
-}
-
-impl WithSimd for Invert<'_> {
-    type Output = bool;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> bool {
-        eliminate(self.matrix, self.size)
-    }
-}
-
-#[inline(always)]
-fn eliminate(matrix: &mut [f64], size: usize) -> bool {
-    let mut swaps = Vec::with_capacity(size);
-    let mut pivot_row = vec![0.0; size];
-    for k in 0..size {
-        let magnitude = |r: usize| matrix[r * size + k].abs();
-        let pivot = (k..size).max_by(|&a, &b| magnitude(a).total_cmp(&magnitude(b))).unwrap_or(k);
-        let value = matrix[pivot * size + k];
-        if value == 0.0 || !value.is_finite() {
-            return false;
-        }
-        swaps.push(pivot);
-        if pivot != k {
-            let (low, high) = matrix.split_at_mut(pivot * size);
-            low[k * size..(k + 1) * size].swap_with_slice(&mut high[..size]);
-        }
-        let row = &mut matrix[k * size..(k + 1) * size];
-        row[k] = 1.0;
-        let inverse = 1.0 / value;
-        for entry in row.iter_mut() {
-            *entry *= inverse;
-        }
-        pivot_row.copy_from_slice(row);
-        let pivot_row = &pivot_row[..size];
-        for r in 0..size {
-            if r == k {
-                continue;
-            }
-            let row = &mut matrix[r * size..][..size];
-            let factor = row[k];
-            row[k] = 0.0;
-            for c in 0..size {
-                row[c] -= factor * pivot_row[c];
-            }
-        }
-    }
-    for (k, &pivot) in swaps.iter().enumerate().rev() {
-        if pivot != k {
-            for row in matrix.chunks_exact_mut(size) {
-                row.swap(k, pivot);
-            }
-        }
-    }
-    matrix.iter().all(|v| v.is_finite())
-}
 
 /// Rows of a panel: a multiple of every vector width.
 const PANEL: usize = 32;
@@ -167,6 +101,7 @@ impl<const K: usize> WithSimd for Product<'_, K> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::linear::invert;
 
     #[test]
     fn inverse_times_matrix_is_one() {
