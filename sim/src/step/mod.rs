@@ -18,19 +18,20 @@
 //!
 //! # Where the time goes
 //!
-//! Shares of the time of (90, 90) rpm without contact, (90, 60) with light contact and (-90, -80), where the
-//! flagella mesh; closure `full`, published robot, AVX2.
+//! Shares of the processor's time for (90, 90) rpm without contact, (90, 60) with light contact and (-90, -80), where the
+//! flagella mesh; closure `full`, published robot, AVX-512.
 //!
 //! | part | free | light | hard |
 //! | --- | --- | --- | --- |
-//! | residuals, `Flagellum::update_residual` | 39 % | 31 % | 30 % |
-//! | of these and of the compliance: flow of far segments, `Targets::add_flow` | 31 % | 25 % | 25 % |
-//! | frames and elastic forces, `Flagellum::update_forces` | 14 % | 11 % | 9 % |
-//! | products with the frozen inverse, `Flagellum::precondition` | 9 % | 14 % | 12 % |
-//! | compliance to contact forces, `Flagellum::compliance_columns` | 0 % | 5 % | 8 % |
-//! | search for close edges, `BroadPhase::search` | 11 % | 7 % | 5 % |
-//! | moving the shapes, `Flagellum::apply` | 2 % | 3 % | 4 % |
-//! | frozen inverses, `Design::build` | 2 % | 3 % | 1 % |
+//! | residuals, `Flagellum::update_residual` | 31 % | 31 % | 31 % |
+//! | of these and of the compliance: flow of far segments, `Targets::add_flow` | 24 % | 25 % | 25 % |
+//! | frames and elastic forces, `StepProblem::update_forces` | 8 % | 8 % | 8 % |
+//! | products with the frozen inverse, `Flagellum::precondition` | 12 % | 12 % | 10 % |
+//! | compliance to contact forces, `Flagellum::compliance_columns` | 0 % | 3 % | 7 % |
+//! | search for close edges, `BroadPhase::search` | 10 % | 12 % | 6 % |
+//! | least gap of every step, `BroadPhase::least_distance` | 10 % | 6 % | 3 % |
+//! | moving the shapes, `Flagellum::apply` | 4 % | 4 % | 5 % |
+//! | frozen inverses, `Design::build` | 2 % | 1 % | 0 % |
 //!
 //! Printed, for one column, by
 //! `perf record --call-graph dwarf,4096 -F 997 -e cpu-clock target/release/examples/point 90 90 full 300` and
