@@ -135,6 +135,9 @@ fn overlap(gap: f64) -> f64 {
     (-gap).max(0.0)
 }
 
+/// A sample this much behind the end, s, is the last one: times of samples are rounded.
+const END_ROUNDING: f64 = 1e-9;
+
 /// Bounds of the sampling rate, 1/s.
 const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e5;
 
@@ -408,7 +411,7 @@ impl Iterator for Trial {
 
     fn next(&mut self) -> Option<Self::Item> {
         let time = self.sample_time(self.progress.next);
-        if self.failed || time > self.profile.end() + 1e-9 {
+        if self.failed || time > self.profile.end() + END_ROUNDING {
             return None;
         }
         let time = time.min(self.profile.end());

@@ -137,6 +137,7 @@ impl BroadPhase {
         let exclusion = None;
         let search = Close { first, second, exclusion, reach: 0.0, found: |_, _| {} };
         let nearest = pulp::Arch::new().dispatch(search);
+        // Somewhat more, so that rounding does not lose the nearest pair.
         let reach = (nearest + self.longest) * (1.0 + 1e-12);
         let found = |i, j| candidates.push([i, j]);
         pulp::Arch::new().dispatch(Close { first, second, exclusion, reach, found });

@@ -9,6 +9,8 @@ use crate::linear::solve as solve_equations;
 
 /// Pivots without progress before they are done one by one.
 const PATIENCE: u32 = 3;
+/// Least diagonal entry that a row is divided by: rough columns may make one negative.
+const LEAST_DIAGONAL: f64 = 1e-9;
 /// Sweeps of projected Gauss-Seidel.
 const SWEEPS: usize = 300;
 
@@ -32,7 +34,7 @@ fn row_sum(matrix: &[f64], b: &[f64], l: &[f64], row: usize) -> f64 {
 fn principal_pivoting(matrix: &[f64], b: &[f64], l: &mut [f64], tolerance: f64) -> bool {
     let size = b.len();
     let mut active: Vec<bool> =
-        (0..size).map(|r| l[r] - row_sum(matrix, b, l, r) / matrix[r * size + r].max(1e-9) > 0.0).collect();
+        (0..size).map(|r| l[r] - row_sum(matrix, b, l, r) / matrix[r * size + r].max(LEAST_DIAGONAL) > 0.0).collect();
     let (mut fewest, mut patience) = (size + 1, PATIENCE);
     let mut next = vec![0.0; size];
     for _ in 0..10 + 4 * size {
@@ -72,7 +74,7 @@ fn gauss_seidel(matrix: &[f64], b: &[f64], l: &mut [f64], sweeps: usize, toleran
     for _ in 0..sweeps {
         let mut change = 0f64;
         for row in 0..size {
-            let diagonal = matrix[row * size + row].max(1e-9);
+            let diagonal = matrix[row * size + row].max(LEAST_DIAGONAL);
             let value = (l[row] - row_sum(matrix, b, l, row) / diagonal).max(0.0);
             change = change.max((value - l[row]).abs() * diagonal);
             l[row] = value;

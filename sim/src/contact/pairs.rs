@@ -29,6 +29,8 @@ pub struct Pair {
 /// Nodes of both rods in the body frame.
 pub type Lines = [Vec<V3>; 2];
 
+/// Centre lines nearer than this, m, have no direction between them.
+const COINCIDENT: f64 = 1e-12;
 /// A normal that deviates from the one before by more than about 100 degrees (the cosine) has changed its side. One near
 /// 90 degrees is a contact that slides over the end of an edge.
 const FLIPPED: f64 = -0.2;
@@ -59,7 +61,7 @@ impl Pair {
         let ([p0, p1], [q0, q1]) = (self.ends(lines, 0), self.ends(lines, 1));
         let closest = segment_distance(p0, p1, q0, q1);
         let distance = closest.separation.norm();
-        let normal = if distance > 1e-12 { closest.separation / distance } else { self.normal };
+        let normal = if distance > COINCIDENT { closest.separation / distance } else { self.normal };
         let flipped = normal.dot(&self.normal) < FLIPPED;
         self.at = [closest.s, closest.t];
         self.normal = if flipped { -normal } else { normal };

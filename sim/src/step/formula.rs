@@ -11,19 +11,22 @@ use crate::linear::eliminate;
 /// Points a formula can use.
 pub const POINTS: usize = 4;
 
-/// Values of the basis at time `tau`, scaled so that it stays regular as the angle goes to 0.
+/// Below these angles (rad) the sine with the versine, and the cubic, come from their series: the closed forms cancel.
+const SERIES: [f64; 2] = [0.05, 0.1];
+
+/// Returns the values of the basis at time `tau`, scaled so that it stays regular as the angle goes to 0.
 ///
 /// Two points: {1, t}; three: {1, sin, 1 - cos}; four: {1, t, 1 - cos, wt - sin}, each over its leading power.
 fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     let x = angle * tau;
     let x2 = x * x;
-    let sine = if x.abs() < 0.05 { tau * (1.0 - x2 / 6.0 + x2 * x2 / 120.0) } else { x.sin() / angle };
-    let versine = if x.abs() < 0.05 {
+    let sine = if x.abs() < SERIES[0] { tau * (1.0 - x2 / 6.0 + x2 * x2 / 120.0) } else { x.sin() / angle };
+    let versine = if x.abs() < SERIES[0] {
         tau * tau * (1.0 - x2 / 12.0 + x2 * x2 / 360.0)
     } else {
         2.0 * (1.0 - x.cos()) / (angle * angle)
     };
-    let cubic = if x.abs() < 0.1 {
+    let cubic = if x.abs() < SERIES[1] {
         tau.powi(3) * (1.0 - x2 / 20.0 + x2 * x2 / 840.0 - x2.powi(3) / 60480.0)
     } else {
         6.0 * (x - x.sin()) / angle.powi(3)
