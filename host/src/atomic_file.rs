@@ -1,14 +1,14 @@
-//! Files that are there whole or not at all.
+//! Atomic file replacement: a reader sees the old file or the new one, and nothing between.
 
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
 
-/// Writes a file beside its place and then puts it there, over whatever bore its name. A link of that name is replaced,
-/// never followed, so that a folder that came from elsewhere leads no writing out of itself.
+/// Writes a draft beside `path` and renames it to `path`. A link at `path` is replaced, never followed, so a folder from
+/// elsewhere cannot direct writes out of itself.
 ///
 /// # Errors
-/// Where it cannot be written; what was there before then still is.
+/// The file cannot be written; a file that was there before is unchanged.
 pub fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) -> std::io::Result<()> {
     let draft = draft(path);
     let written = create(&draft).and_then(|file| {
@@ -23,10 +23,10 @@ pub fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> std::io:
     placed
 }
 
-/// A new file at `path`. What a killed program left there goes; a link goes too, and not what it points to.
+/// Creates a file at `path` in place of what a killed program left there. A link is removed, not its target.
 ///
 /// # Errors
-/// Where it cannot be created.
+/// The file cannot be created.
 pub fn create(path: &Path) -> std::io::Result<File> {
     match std::fs::remove_file(path) {
         Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
@@ -35,7 +35,7 @@ pub fn create(path: &Path) -> std::io::Result<File> {
     File::create_new(path)
 }
 
-/// Where a file is written until it is whole. Two programs that write the same file have one each.
+/// Returns the path of the draft of a file. It differs between programs that write the same file.
 pub fn draft(path: &Path) -> PathBuf {
     path.with_added_extension(format!("{}.partial", std::process::id()))
 }
@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fails_leaves_everything_as_it_was() {
+    fn a_failed_write_changes_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let page = folder.path().join("page");
         std::fs::write(&page, "old").unwrap();

@@ -3,10 +3,9 @@
 //! A trial is a trial: a [`plan`] lists trials, the [`rig`] or the model runs them, and both write the same [`log`] into
 //! the same [`session`] folder. Whatever comes after reads a session without asking where it came from.
 
+pub mod atomic_file;
 pub mod attitude;
-pub mod board_settings;
 pub mod commands;
-mod exactly;
 pub mod export;
 pub mod link;
 pub mod live;
@@ -16,8 +15,6 @@ pub mod overview;
 pub mod plan;
 pub mod report;
 pub mod rig;
-pub mod robot_file;
 pub mod session;
 pub mod stats;
 pub mod twin;
-pub mod whole_file;

@@ -1,7 +1,7 @@
 //! The plans and robots that are shipped.
 
 use host::plan::Plan;
-use host::robot_file;
+use host::plan::robot;
 use sim::params::Robot;
 use std::path::{Path, PathBuf};
 
@@ -27,12 +27,12 @@ fn missing(all: &toml::Table, some: &toml::Table) -> Vec<String> {
 #[test]
 fn the_published_robots_file_says_every_default() {
     let text = std::fs::read_to_string(shipped("robot-published.toml")).unwrap();
-    assert_eq!(robot_file::parse(&text, "robot-published.toml").unwrap(), Robot::default());
+    assert_eq!(robot::parse(&text, "robot-published.toml").unwrap(), Robot::default());
     let all = toml::Table::try_from(Robot::default()).unwrap();
     let missing = missing(&all, &toml::from_str(&text).unwrap());
     assert!(missing.is_empty(), "{missing:?}");
     let mixture = text.replace("# glycerol = ", "glycerol = ");
-    assert!(robot_file::parse(&mixture, "robot-published.toml").unwrap().fluid.glycerol.is_some());
+    assert!(robot::parse(&mixture, "robot-published.toml").unwrap().fluid.glycerol.is_some());
 }
 
 #[test]
@@ -41,7 +41,7 @@ fn every_plan_that_is_shipped_loads_with_its_robot() {
     for entry in std::fs::read_dir(shipped("")).unwrap() {
         let path = entry.unwrap().path();
         if !path.file_name().unwrap().to_string_lossy().starts_with("robot-") {
-            robot_file::of_plan(&Plan::load(&path).unwrap()).unwrap();
+            Plan::load(&path).unwrap();
             plans += 1;
         }
     }

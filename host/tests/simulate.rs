@@ -202,9 +202,12 @@ fn wrong_use_says_what_is_wrong_and_writes_nothing() {
     std::fs::write(folder.join("wrong.toml"), "[base]\nmass_g = 94\n").unwrap();
     std::fs::write(folder.join("tight.toml"), "[base]\nmotor_distance_m = 0.01\n").unwrap();
     for (args, message) in [
-        (vec!["plan.toml", "--robot", "missing.toml"], "missing.toml: cannot be read"),
-        (vec!["plan.toml", "--robot", "wrong.toml"], "wrong.toml:2:1: mass_g = 94: unknown field `mass_g`"),
-        (vec!["plan.toml", "--robot", "tight.toml"], "tight.toml: base.motor_distance_m = 0.01: the flagella touch"),
+        (vec!["plan.toml", "--robot", "missing.toml"], "missing.toml: the robot file cannot be read"),
+        (vec!["plan.toml", "--robot", "wrong.toml"], "wrong.toml:2:1: unknown key `mass_g`"),
+        (
+            vec!["plan.toml", "--robot", "tight.toml"],
+            "tight.toml:2:20: base.motor_distance_m = 0.01: the flagella touch",
+        ),
         (vec!["missing.toml"], "missing.toml: the plan cannot be read"),
         (vec![], "required"),
         (vec!["--speeds=50,10"], "--duration"),

@@ -313,7 +313,10 @@ fn a_replay_goes_on_and_keeps_to_its_session() {
     for (args, message) in [
         (vec!["--from", "short", "plan.toml"], "cannot be used with"),
         (vec!["--from", "short", "--speeds=1,2", "--duration", "1"], "cannot be used with"),
-        (vec!["--from", "short", "--robot", "missing.toml", "--out", "x"], "missing.toml: cannot be read"),
+        (
+            vec!["--from", "short", "--robot", "missing.toml", "--out", "x"],
+            "missing.toml: the robot file cannot be read",
+        ),
         (vec!["--from", "missing"], "missing"),
     ] {
         let output = biflag(folder, &[&["simulate"], args.as_slice()].concat());

@@ -2,11 +2,11 @@
 
 use super::simulate::{ClosureName, cores};
 use super::{Answer, Outcome, WRONG_USE};
+use crate::atomic_file;
+use crate::plan::robot;
 use crate::rig::Progress;
-use crate::robot_file;
 use crate::twin::calibrate::{self, Calibration, Parameter, Request};
 use crate::twin::{Recording, Source};
-use crate::whole_file;
 use miette::{IntoDiagnostic, WrapErr};
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -60,8 +60,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let help = "name another file with -o, or move this one away";
         return Err(miette::miette!(code = WRONG_USE, help = help, "{}: exists already", args.out.display()));
     }
-    let draft = whole_file::draft(&args.out);
-    if let Err(error) = whole_file::create(&draft).and_then(|_| std::fs::remove_file(&draft)) {
+    let draft = atomic_file::draft(&args.out);
+    if let Err(error) = atomic_file::create(&draft).and_then(|_| std::fs::remove_file(&draft)) {
         let help = "name a file in a folder that is there and may be written to";
         return Err(miette::miette!(
             code = WRONG_USE,
@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
     });
     let robot = match &args.robot {
-        Some(path) => Some(robot_file::parse(&super::replay::robot(path)?.text, &path.display().to_string())?),
+        Some(path) => Some(robot::load(path)?.robot()?),
         None => None,
     };
     let mut recordings = Vec::new();

@@ -1,8 +1,9 @@
 //! `biflag compare`: experiment held against model.
 
-use super::replay::{interruption, robot};
+use super::replay::interruption;
 use super::simulate::{ClosureName, cores};
 use super::{Answer, Outcome, WRONG_USE};
+use crate::plan::robot;
 use crate::report;
 use crate::session::{Session, Sharing};
 use crate::twin::{self, Allow, Comparison, SessionComparison, Source};
@@ -68,7 +69,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             let source = Source::open(&args.a)?;
             let settings = twin::Settings {
                 closure: args.closure.map(Into::into),
-                robot: args.robot.as_deref().map(robot).transpose()?,
+                robot: args.robot.as_deref().map(robot::load).transpose()?,
                 options: Options { rate_hz: REPLAY_HZ, shapes: source.logs.len() <= SHAPES_UP_TO },
                 any_rate: true,
                 jobs,

@@ -6,7 +6,6 @@ use crate::live::{self, Live};
 use crate::log::{BoardMeta, End, Origin, Start, Summary};
 use crate::plan::{EXAMPLE, PUBLISHED, Plan, Trial};
 use crate::rig::{self, Bench, Image, Progress, RecordError, SimulatedRobot, TrialRun, VirtualNano};
-use crate::robot_file;
 use crate::session::{self, Session, Sharing};
 use crate::stats::LinkStats;
 use miette::{IntoDiagnostic, Report, WrapErr};
@@ -224,8 +223,6 @@ fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Res
     match imu {
         Some(imu) => arguments.extend(["--imu".into(), imu.clone().into_os_string()]),
         None => {
-            // The board's program reads the robot for itself; what is wrong with it is better said here.
-            robot_file::of_plan(plan)?;
             let robot = match plan.robot.name.as_str() {
                 PUBLISHED => PathBuf::from(PUBLISHED),
                 name => args.plan.parent().unwrap_or(Path::new("")).join(name),

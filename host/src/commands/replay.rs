@@ -3,8 +3,7 @@
 
 use super::simulate::{Args, Simulated, SimulatedTrial, cores};
 use super::{Answer, Outcome};
-use crate::plan;
-use crate::robot_file::RobotFileError;
+use crate::plan::robot;
 use crate::session::{Session, Sharing};
 use crate::twin::{self, Replayed, Replays, Skipped, Source};
 use miette::{IntoDiagnostic, WrapErr};
@@ -38,15 +37,6 @@ pub(super) fn interruption() -> miette::Result<Arc<AtomicBool>> {
     Ok(interrupted)
 }
 
-/// A robot's file as a plan holds it.
-pub(super) fn robot(path: &Path) -> Result<plan::Robot, RobotFileError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| RobotFileError::Read { path: path.to_owned(), source })?;
-    let name = path.display().to_string();
-    crate::robot_file::parse(&text, &name)?;
-    Ok(plan::Robot { name, text })
-}
-
 /// Lines for what could not be replayed or is not whole.
 fn complaints(replays: &Replays) -> String {
     let warnings = replays
@@ -63,7 +53,7 @@ pub(super) fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     let source = Source::open(from)?;
     let settings = twin::Settings {
         closure: args.closure.map(Into::into),
-        robot: args.robot.as_deref().map(robot).transpose()?,
+        robot: args.robot.as_deref().map(robot::load).transpose()?,
         options: Options { rate_hz: args.rate, shapes: args.shapes },
         any_rate: false,
         jobs: args.jobs.map_or_else(cores, usize::from),

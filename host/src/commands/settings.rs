@@ -1,11 +1,11 @@
 //! `biflag settings`: what the board keeps in its EEPROM, as a file.
 
-use super::{Answer, Outcome, WRONG_USE};
-use crate::board_settings::BoardSettings;
+use super::{Answer, Outcome};
 use crate::link::{self, Link};
-use miette::{IntoDiagnostic, WrapErr, miette};
+use crate::plan::board::{self, BoardSettings};
+use miette::{IntoDiagnostic, WrapErr};
 use protocol::{Command, Reply, Settings};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Print the board's settings as TOML, or write such a file into its EEPROM.
 #[derive(clap::Args, Debug)]
@@ -20,7 +20,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let file = args.write.as_deref().map(read_file).transpose()?;
+    let file = args.write.as_deref().map(board::load).transpose()?;
     let link = Link::open(&link::choose_port(args.port.as_deref())?)?;
     let mut settings = read(&link)?;
     if let Some(file) = file {
@@ -32,14 +32,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let file = BoardSettings::all(&settings);
     let text = toml::to_string(&file).into_diagnostic().wrap_err("settings of the board")?;
     Answer::new(Outcome::Done, &file, text)
-}
-
-fn read_file(path: &Path) -> miette::Result<BoardSettings> {
-    let wrong = |what: String| {
-        miette!(code = WRONG_USE, help = "`biflag settings` prints such a file", "{}: {what}", path.display())
-    };
-    let text = std::fs::read_to_string(path).map_err(|error| wrong(format!("cannot be read: {error}")))?;
-    toml::from_str(&text).map_err(|error| wrong(error.to_string()))
 }
 
 /// The settings in force.

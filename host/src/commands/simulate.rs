@@ -3,9 +3,8 @@
 use super::{Answer, Outcome, WRONG_USE, replay};
 use crate::log::{self, Identity, ModelMeta, Origin, SteadyMeta};
 use crate::model::{Batch, Course, Job, Model, ModelError, TrialRun};
-use crate::plan::{Plan, Trial};
+use crate::plan::{self, Plan, Trial};
 use crate::rig::Progress;
-use crate::robot_file;
 use crate::session::{self, Session, SessionError, Sharing};
 use miette::{IntoDiagnostic, WrapErr};
 use protocol::units::CentiRpm;
@@ -225,7 +224,7 @@ fn plan(args: &Args) -> miette::Result<Plan> {
         _ => return Err(miette::miette!(code = WRONG_USE, "neither a plan nor speeds are given")),
     };
     if let Some(path) = &args.robot {
-        robot_file::put_into(&mut plan, path)?;
+        plan.robot = plan::robot::load(path)?;
     }
     Ok(plan)
 }

@@ -4,8 +4,8 @@ mod columns;
 #[cfg(feature = "parquet")]
 mod parquet;
 
+use crate::atomic_file;
 use crate::log::{Body, Condition, LogError, Message, Reader};
-use crate::whole_file;
 use miette::Diagnostic;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -101,9 +101,9 @@ pub fn export(log: &Path, output: &Path, format: Format, replace: bool) -> Resul
         return Err(ExportError::Itself { path: output.to_owned() });
     }
     // What is to be replaced stays until all of the new is there.
-    let draft = whole_file::draft(output);
+    let draft = atomic_file::draft(output);
     let target = if replace { &draft } else { output };
-    let file = if replace { whole_file::create(target) } else { File::create_new(target) }.map_err(failed)?;
+    let file = if replace { atomic_file::create(target) } else { File::create_new(target) }.map_err(failed)?;
     let written = write(&mut reader, file, format, failed).and_then(|rows| {
         if replace {
             std::fs::rename(target, output).map_err(failed)?;

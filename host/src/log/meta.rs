@@ -2,8 +2,7 @@
 
 use super::model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 use super::table::Meta;
-use crate::board_settings::BoardSettings;
-use crate::plan::{Plan, Trial};
+use crate::plan::{BoardSettings, Plan, Trial};
 use crate::stats::LinkStats;
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::{Info, Settings};

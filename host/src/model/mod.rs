@@ -20,7 +20,6 @@ pub use trial::{Course, Turn, Watch};
 
 use crate::log::ModelMeta;
 use crate::plan::Plan;
-use crate::robot_file;
 use protocol::Settings;
 use protocol::units::AxisMap;
 use sim::params::Robot;
@@ -48,9 +47,9 @@ impl Model {
     /// bias.
     ///
     /// # Errors
-    /// [`robot_file::RobotFileError`], and what the plan's settings get wrong.
+    /// [`crate::plan::PlanError`], and [`crate::plan::board::BoardSettingsError`].
     pub fn of_plan(plan: &Plan, closure: Closure, options: Options) -> miette::Result<Self> {
-        let robot = robot_file::of_plan(plan)?;
+        let robot = plan.robot.robot()?;
         Ok(Self::new(robot, plan.board.apply(Settings::DEFAULT)?, closure, options))
     }
 

@@ -1,13 +1,15 @@
-//! Settings of the board as a file: the `[board]` table of a plan, and what `biflag settings` reads and writes.
+//! The board's settings in a file: the `[board]` table of a plan, and the file that `biflag settings` reads and writes.
 
-use crate::exactly;
+use super::PlanError;
+use super::source::{FileKind, Source, number, optional_array};
 use miette::Diagnostic;
 use protocol::Settings;
 use protocol::units::{AccelRange, Axis, AxisMap, GyroRange};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 use thiserror::Error;
 
-/// Settings to put in force; what is left out stays as it is. Units and meaning as in [`Settings`].
+/// Settings to put in force; a setting that is left out keeps its value. Units and meaning as in [`Settings`].
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(deny_unknown_fields)]
 pub struct BoardSettings {
@@ -24,13 +26,13 @@ pub struct BoardSettings {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub low_pass: Option<u8>,
     /// The sensor's axis that reads each body axis: `["-x", "+y", "+z"]`.
-    #[serde(default, deserialize_with = "exactly::optional", skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
     pub gyro_axes: Option<[String; 3]>,
     /// The same for the accelerometer.
-    #[serde(default, deserialize_with = "exactly::optional", skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
     pub accel_axes: Option<[String; 3]>,
     /// Mean reading at rest, counts, sensor axes.
-    #[serde(default, deserialize_with = "exactly::optional", skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
     pub gyro_bias_counts: Option<[f32; 3]>,
     /// 1/s.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -44,35 +46,66 @@ pub struct BoardSettings {
     /// Duty steps per rpm and second.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_ki: Option<f32>,
-    /// Encoder counts per turn of a flagellum.
+    /// Encoder counts per revolution of a flagellum.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub counts_per_turn: Option<f32>,
     /// Whether a positive duty turns motors 1 and 2 backwards.
-    #[serde(default, deserialize_with = "exactly::optional", skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
     pub motor_reversed: Option<[bool; 2]>,
     /// Whether the encoders of motors 1 and 2 count backwards.
-    #[serde(default, deserialize_with = "exactly::optional", skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
     pub encoder_reversed: Option<[bool; 2]>,
     /// Longest silence of the host while the motors turn, ms.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub deadline_ms: Option<u16>,
 }
 
-/// A setting that the board cannot work with.
+/// A setting that is out of its range.
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
-#[error("{key} = {value} is out of range")]
-#[diagnostic(code(wrong_use), help("{cure}"))]
+#[error("{key} cannot be {value}")]
+#[diagnostic(code(wrong_use), help("{}", help(key).unwrap_or_default()))]
 pub struct BoardSettingsError {
     /// The key in the file.
     pub key: &'static str,
-    /// What it was set to.
+    /// Its value.
     pub value: String,
-    /// What to write instead.
-    pub cure: &'static str,
+}
+
+const KIND: FileKind = FileKind { noun: "settings file", example: "`biflag settings` prints one", tables: &[], help };
+
+/// The range and the meaning of a setting.
+pub(super) fn help(key: &str) -> Option<&'static str> {
+    Some(match key {
+        "board_id" => "give a whole number from 0 to 65535",
+        "gyro_range_dps" => "give 250, 500, 1000 or 2000 (°/s)",
+        "accel_range_g" => "give 2, 4, 8 or 16 (g)",
+        "low_pass" => "give a whole number from 0 (260 Hz) to 6 (5 Hz)",
+        "gyro_axes" | "accel_axes" => {
+            "name each axis of the sensor once with its sign, such as [\"-x\", \"+y\", \"+z\"]"
+        }
+        "gyro_bias_counts" => "give three readings in counts, each from -32768 to 32767, such as [594.6, 5.6, 147.0]",
+        "attitude_kp" | "attitude_ki" | "speed_kp" | "speed_ki" => "give a number from 0 to 1000",
+        "counts_per_turn" => "give a number from 1 to 100000",
+        "motor_reversed" | "encoder_reversed" => "give true or false for motors 1 and 2, such as [false, true]",
+        "deadline_ms" => "give a whole number of milliseconds from 50 to 5000",
+        _ => return None,
+    })
+}
+
+/// Reads and checks a file of settings.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn load(path: &Path) -> Result<BoardSettings, PlanError> {
+    let text = KIND.read(path)?;
+    let source = Source { kind: &KIND, text: &text, name: &path.display().to_string() };
+    let settings: BoardSettings = source.read()?;
+    settings.check(&source, &[])?;
+    Ok(settings)
 }
 
 impl BoardSettings {
-    /// Every setting of the board.
+    /// Returns every setting of the board.
     pub fn all(settings: &Settings) -> Self {
         let names = |axes: AxisMap| axes.0.map(|axis| axis.to_string());
         Self {
@@ -94,46 +127,45 @@ impl BoardSettings {
         }
     }
 
-    /// The file that says these settings.
+    /// Returns the file with these settings.
     pub fn to_toml(&self) -> String {
         // Numbers, flags, text and short lists all have a form in TOML.
         toml::to_string(self).unwrap_or_default()
     }
 
-    /// Those that touch what is measured: not how long the board waits for the host.
+    /// Returns the settings that affect the measurement: all but the deadline.
     pub fn of_the_data(&self) -> Self {
         Self { deadline_ms: None, ..self.clone() }
     }
 
-    /// Whether nothing is set.
+    /// Returns whether nothing is set.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 
-    /// `base` with these settings in the place of its own.
+    /// Returns `base` with these settings in place of its own.
     ///
     /// # Errors
     /// The first setting that is out of its range.
     pub fn apply(&self, base: Settings) -> Result<Settings, BoardSettingsError> {
         let mut settings = base;
-        let wrong =
-            |key, value: &dyn std::fmt::Display, cure| Err(BoardSettingsError { key, value: value.to_string(), cure });
+        let wrong = |key, value: String| Err(BoardSettingsError { key, value });
         set(&mut settings.board_id, self.board_id);
         if let Some(dps) = self.gyro_range_dps {
             match GyroRange::ALL.into_iter().find(|range| range.full_scale_dps() == dps) {
                 Some(range) => settings.gyro_range = range,
-                None => return wrong("gyro_range_dps", &dps, "give 250, 500, 1000 or 2000"),
+                None => return wrong("gyro_range_dps", dps.to_string()),
             }
         }
         if let Some(g) = self.accel_range_g {
             match AccelRange::ALL.into_iter().find(|range| range.full_scale_g() == g) {
                 Some(range) => settings.accel_range = range,
-                None => return wrong("accel_range_g", &g, "give 2, 4, 8 or 16"),
+                None => return wrong("accel_range_g", g.to_string()),
             }
         }
         set(&mut settings.low_pass, self.low_pass);
         if settings.low_pass > 6 {
-            return wrong("low_pass", &settings.low_pass, "give 0 (260 Hz) to 6 (5 Hz)");
+            return wrong("low_pass", settings.low_pass.to_string());
         }
         for (key, names, axes) in [
             ("gyro_axes", &self.gyro_axes, &mut settings.gyro_axes),
@@ -142,21 +174,13 @@ impl BoardSettings {
             if let Some(names) = names {
                 match axis_map(names) {
                     Some(map) => *axes = map,
-                    None => {
-                        return wrong(
-                            key,
-                            &format!("{names:?}"),
-                            "name each axis once with its sign, such as [\"-x\", \"+y\", \"+z\"]",
-                        );
-                    }
+                    None => return wrong(key, format!("{names:?}")),
                 }
             }
         }
         set(&mut settings.gyro_bias, self.gyro_bias_counts);
-        for bias in settings.gyro_bias {
-            if !(-32768.0..=32767.0).contains(&bias) {
-                return wrong("gyro_bias_counts", &bias, "give counts of the sensor, -32768 to 32767");
-            }
+        if settings.gyro_bias.iter().any(|bias| !(-32768.0..=32767.0).contains(bias)) {
+            return wrong("gyro_bias_counts", format!("[{}]", settings.gyro_bias.map(number).join(", ")));
         }
         for (key, value, gain) in [
             ("attitude_kp", self.attitude_kp, &mut settings.attitude_kp),
@@ -166,20 +190,28 @@ impl BoardSettings {
         ] {
             set(gain, value);
             if !(0.0..=1000.0).contains(gain) {
-                return wrong(key, gain, "give 0 to 1000");
+                return wrong(key, number(*gain));
             }
         }
         set(&mut settings.counts_per_turn, self.counts_per_turn);
         if !(1.0..=100_000.0).contains(&settings.counts_per_turn) {
-            return wrong("counts_per_turn", &settings.counts_per_turn, "give 1 to 100000");
+            return wrong("counts_per_turn", number(settings.counts_per_turn));
         }
         set(&mut settings.motor_reversed, self.motor_reversed);
         set(&mut settings.encoder_reversed, self.encoder_reversed);
         set(&mut settings.deadline_ms, self.deadline_ms);
         if !(50..=5000).contains(&settings.deadline_ms) {
-            return wrong("deadline_ms", &settings.deadline_ms, "give 50 to 5000");
+            return wrong("deadline_ms", settings.deadline_ms.to_string());
         }
         Ok(settings)
+    }
+
+    /// Checks every value; `table` is where the settings stand in the file.
+    pub(super) fn check(&self, source: &Source, table: &[&str]) -> Result<(), PlanError> {
+        self.apply(Settings::DEFAULT).map(|_| ()).map_err(|error| {
+            let cure = help(error.key).unwrap_or_default();
+            source.error_at(table.iter().copied().chain([error.key]), error.to_string(), cure)
+        })
     }
 }
 

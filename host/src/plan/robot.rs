@@ -1,94 +1,71 @@
-//! The robot's file: every parameter of the model that differs from the published robot.
+//! The robot file: every parameter of the model that differs from the published robot.
 //!
 //! Keys, units, defaults and sources stand beside the fields of [`sim::params::Robot`], and in
-//! `host/plans/robot-published.toml`. What is left out takes its default.
+//! `host/plans/robot-published.toml`. A key that is left out has its default.
 
-use crate::plan::{PUBLISHED, Plan};
-use miette::Diagnostic;
-use sim::params::{ParamError, Robot};
-use std::path::{Path, PathBuf};
-use thiserror::Error;
+use super::PlanError;
+use super::source::{FileKind, Source, number};
+use sim::params::Robot;
+use std::path::Path;
 
-/// Why a robot's file was not accepted. All of it is wrong use.
-#[derive(Error, Diagnostic, Debug)]
-pub enum RobotFileError {
-    /// It cannot be read.
-    #[error("{}: cannot be read", path.display())]
-    #[diagnostic(code(wrong_use), help("check the path of the robot's file"))]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// It is no TOML, or has a key or a type of value that no robot has.
-    #[error("{place}: {line}: {what}")]
-    #[diagnostic(code(wrong_use), help("correct the key or its value; host/plans/robot-published.toml has them all"))]
-    Invalid {
-        /// File, line and column.
-        place: String,
-        /// The line.
-        line: String,
-        /// What is wrong with it.
-        what: String,
-    },
-    /// A value that cannot be.
-    #[error("{file}: {error}")]
-    #[diagnostic(code(wrong_use), help("correct {} in {file}, or leave it out for the published value", error.key))]
-    Parameter {
-        /// The file.
-        file: String,
-        /// Key, value and reason.
-        error: ParamError,
-    },
+/// The robot whose parameters need no file.
+pub const PUBLISHED: &str = "published";
+
+/// A robot file, as plans, sessions and logs keep it.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct RobotFile {
+    /// `published`, or the path that the user gave.
+    pub name: String,
+    /// The file's content; empty for `published`.
+    pub text: String,
 }
 
-/// The robot of a plan.
-///
-/// # Errors
-/// [`RobotFileError`].
-pub fn of_plan(plan: &Plan) -> Result<Robot, RobotFileError> {
-    if plan.robot.name == PUBLISHED { Ok(Robot::default()) } else { parse(&plan.robot.text, &plan.robot.name) }
+impl RobotFile {
+    /// Returns the robot that the file describes.
+    ///
+    /// # Errors
+    /// [`PlanError::Invalid`].
+    pub fn robot(&self) -> Result<Robot, PlanError> {
+        parse(&self.text, &self.name)
+    }
 }
 
-/// Has a plan run with the robot in a file in the place of its own.
+const KIND: FileKind = FileKind {
+    noun: "robot file",
+    example: "host/plans/robot-published.toml has every key",
+    tables: &["base", "flagellum", "fluid", "joint", "contact", "solver", "glycerol"],
+    help: |_| None,
+};
+
+/// Reads and checks a robot file.
 ///
 /// # Errors
-/// [`RobotFileError::Read`].
-pub fn put_into(plan: &mut Plan, path: &Path) -> Result<(), RobotFileError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| RobotFileError::Read { path: path.to_owned(), source })?;
-    plan.robot = crate::plan::Robot { name: path.display().to_string(), text };
-    Ok(())
+/// [`PlanError`].
+pub fn load(path: &Path) -> Result<RobotFile, PlanError> {
+    let file = RobotFile { text: KIND.read(path)?, name: path.display().to_string() };
+    file.robot()?;
+    Ok(file)
 }
 
-/// A robot from the text of its file, checked; `file` is what errors call it.
+/// Returns the robot that the text of a robot file describes; errors call the file `name`.
 ///
 /// # Errors
-/// [`RobotFileError::Invalid`], [`RobotFileError::Parameter`].
-pub fn parse(text: &str, file: &str) -> Result<Robot, RobotFileError> {
-    let robot: Robot = toml::from_str(text).map_err(|error| {
-        let at = text.floor_char_boundary(error.span().map_or(0, |span| span.start));
-        let line_start = text[..at].rfind('\n').map_or(0, |end| end + 1);
-        let number = text[..line_start].matches('\n').count() + 1;
-        let column = text[line_start..at].chars().count() + 1;
-        RobotFileError::Invalid {
-            place: format!("{file}:{number}:{column}"),
-            line: text[line_start..].lines().next().unwrap_or("").trim().to_owned(),
-            what: error.message().trim().replace('\n', "; "),
-        }
+/// [`PlanError::Invalid`].
+pub fn parse(text: &str, name: &str) -> Result<Robot, PlanError> {
+    let source = Source { kind: &KIND, text, name };
+    let robot: Robot = source.read()?;
+    robot.validate().map_err(|error| {
+        let what = format!("{} = {}: {}", error.key, number(error.value), error.reason);
+        let cure =
+            format!("correct {} or what it depends on; keys that are left out have their published values", error.key);
+        source.error_at(error.key.split('.'), what, cure)
     })?;
-    robot.validate().map_err(|error| RobotFileError::Parameter { file: file.to_owned(), error })?;
     Ok(robot)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn error(text: &str) -> String {
-        parse(text, "my.toml").unwrap_err().to_string()
-    }
 
     #[test]
     fn what_is_left_out_is_the_published_robot() {
@@ -100,23 +77,64 @@ mod tests {
     }
 
     #[test]
-    fn every_wrong_file_names_the_place_and_the_reason() {
-        for (text, parts) in [
-            ("[base]\nmass_g = 94\n", ["my.toml:2:1: mass_g = 94", "unknown field `mass_g`"]),
-            ("[base]\nmass_kg = \"94\"\n", ["my.toml:2:11: mass_kg = \"94\"", "expected f64"]),
-            ("[base\n", ["my.toml:1:6: [base", "unclosed"]),
-            ("[tail]\n", ["my.toml:1:2: [tail]", "unknown field `tail`"]),
-            ("[base]\ninertia_kg_m2 = [1e-5, 1e-5]\n", ["my.toml:2:", "length 2"]),
-            ("[flagellum]\nhandedness = [\"up\", \"right\"]\n", ["my.toml:2:", "unknown variant `up`"]),
-            ("[flagellum]\nrod_radius_m = -0.003\n", ["flagellum.rod_radius_m = -0.003", "must be between"]),
-            ("[flagellum]\npitch_m = 0.005\n", ["flagellum.pitch_m = 0.005", "touches itself"]),
-            ("[flagellum]\nedge_length_m = 0.02\n", ["flagellum.edge_length_m = 0.02", "resolve the helix"]),
-            ("[fluid]\nregularisation_radii = 2\n", ["fluid.regularisation_radii = 2", "above the edge length"]),
-            ("[base]\nmotor_distance_m = 0.01\n", ["base.motor_distance_m = 0.01", "touch when they turn"]),
-            ("[fluid]\nviscosity_pa_s = nan\n", ["fluid.viscosity_pa_s = NaN", "must be between"]),
+    fn every_mistake_is_named_with_its_line_and_its_cure() {
+        let toml = "a robot file is a TOML file; host/plans/robot-published.toml has every key";
+        let tables = "write one of `base`, `flagellum`, `fluid`, `joint`, `contact`, `solver`, or leave it out";
+        for (text, message, cure) in [
+            ("[base]\nmass_kg = \"94\"\n", "my.toml:2:11: mass_kg cannot be \"94\"", "give a number"),
+            (
+                "[base]\nmass_kg = 94 g\n",
+                "my.toml:2:11: mass_kg = 94 g: give the number without a unit",
+                "write mass_kg = 94",
+            ),
+            ("[base\n", "my.toml:1:6: unclosed table, expected `]`", toml),
+            ("base:\n  mass_kg: 1\n", "my.toml: this is not a robot file", toml),
+            ("[tail]\n", "my.toml:1:2: unknown key `tail`", tables),
+            ("base = [0.1]\n", "my.toml:1:8: base cannot be [0.1]", "write it as a table: [base]"),
+            (
+                "[base]\ninertia_kg_m2 = [1e-5, 1e-5]\n",
+                "my.toml:2:17: inertia_kg_m2 cannot be [1e-5, 1e-5]",
+                "give a list of 3",
+            ),
+            (
+                "[flagellum]\nhandedness = [\"up\", \"right\"]\n",
+                "my.toml:2:15: handedness cannot hold \"up\"",
+                "give `right` or `left`",
+            ),
         ] {
-            let error = error(text);
-            assert!(error.starts_with("my.toml") && parts.iter().all(|part| error.contains(part)), "{error}");
+            let PlanError::Invalid { place, what, cure: found } = parse(text, "my.toml").unwrap_err() else { panic!() };
+            assert_eq!((format!("{place}: {what}").as_str(), found.as_str()), (message, cure));
+        }
+    }
+
+    #[test]
+    fn every_impossible_robot_is_named_with_its_line_and_the_reason() {
+        for (text, message) in [
+            ("[base]\nmass_kg = 0\n", "my.toml:2:11: base.mass_kg = 0: must be between 0.000001 and 1000"),
+            ("[base]\nmass_kg = 1e300\n", "my.toml:2:11: base.mass_kg = 1e300: must be between 0.000001 and 1000"),
+            ("[flagellum]\nrod_radius_m = -0.003\n", "my.toml:2:16: flagellum.rod_radius_m = -0.003: must be between"),
+            ("[flagellum]\npitch_m = 0.005\n", "my.toml:2:11: flagellum.pitch_m = 0.005: the helix touches itself"),
+            (
+                "[flagellum]\nedge_length_m = 0.02\n",
+                "my.toml:2:17: flagellum.edge_length_m = 0.02: too long to resolve the helix",
+            ),
+            (
+                "[fluid]\nregularisation_radii = 2\n",
+                "my.toml:2:24: fluid.regularisation_radii = 2: 6.00e-3 m is above the edge length",
+            ),
+            (
+                "[base]\nmotor_distance_m = 0.01\n",
+                "my.toml:2:20: base.motor_distance_m = 0.01: the flagella touch when they turn",
+            ),
+            ("[fluid]\nviscosity_pa_s = nan\n", "my.toml:2:18: fluid.viscosity_pa_s = NaN: must be between"),
+            // The file does not set the motors' distance, which is too small for rods so thick.
+            (
+                "[flagellum]\nrod_radius_m = 0.015\n",
+                "my.toml: base.motor_distance_m = 0.045: the flagella touch when they turn",
+            ),
+        ] {
+            let error = parse(text, "my.toml").unwrap_err().to_string();
+            assert!(error.starts_with(message), "{error}\nexpected {message}");
         }
     }
 }

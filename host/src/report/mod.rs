@@ -17,10 +17,10 @@ mod text;
 mod trial_section;
 mod view;
 
+use crate::atomic_file;
 use crate::log::LogError;
 use crate::session::{Session, SessionError, TrialState};
 use crate::twin::{Comparison, SessionComparison, Skipped};
-use crate::whole_file;
 use maud::{Markup, PreEscaped, html};
 use miette::Diagnostic;
 use rayon::prelude::*;
@@ -198,7 +198,7 @@ fn check(out: &Path) -> Result<(), ReportError> {
 
 fn put(out: &Path, page: &Markup, trials: usize, warnings: usize) -> Result<Written, ReportError> {
     let text = &page.0;
-    whole_file::replace(out, |file| file.write_all(text.as_bytes()))
+    atomic_file::replace(out, |file| file.write_all(text.as_bytes()))
         .map_err(|source| ReportError::Write { path: out.to_owned(), source })?;
     Ok(Written { html: out.to_owned(), bytes: text.len() as u64, trials, warnings })
 }

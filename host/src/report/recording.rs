@@ -7,7 +7,7 @@ use crate::log::schema::biflag::event::Kind;
 use crate::log::schema::biflag::{Motor, Telemetry};
 use crate::log::{Body, LONGEST_TRIAL_S, LogError, Message, Origin, TrialClock};
 use crate::overview::Overview;
-use crate::robot_file;
+use crate::plan::robot;
 use sim::params::Robot;
 use std::path::{Path, PathBuf};
 
@@ -88,7 +88,7 @@ impl Recording {
         let model = self.overview.model.as_ref().and_then(|model| model.robot());
         let given = || {
             let meta = self.overview.robot.as_ref()?;
-            robot_file::parse(&meta.text, &meta.name).ok()
+            robot::parse(&meta.text, &meta.name).ok()
         };
         model.or_else(given).unwrap_or_default()
     }

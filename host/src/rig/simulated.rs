@@ -6,7 +6,6 @@ use super::virtual_nano::{TruthSample, VirtualError, VirtualNano};
 use crate::log::{ModelMeta, SensorMeta, Writer};
 use crate::model::{messages, shapes};
 use crate::plan::Plan;
-use crate::robot_file;
 use miette::{IntoDiagnostic, WrapErr};
 use sim::robot::closure::Closure;
 use std::cell::RefCell;
@@ -34,9 +33,9 @@ impl SimulatedRobot {
     /// The robot of a plan, which `nano` was started with.
     ///
     /// # Errors
-    /// [`robot_file::RobotFileError`].
+    /// [`crate::plan::PlanError`].
     pub fn new(nano: VirtualNano, plan: &Plan, seed: u64) -> miette::Result<Self> {
-        let robot = robot_file::of_plan(plan)?;
+        let robot = plan.robot.robot()?;
         let parameters = toml::to_string(&robot).into_diagnostic().wrap_err("the robot's parameters")?;
         let sensor = SensorMeta { seed, ..nano.sensor().clone() };
         let model = ModelMeta { closure: Closure::Full, rate_hz: RATE_HZ, shapes: true, parameters };

@@ -1,8 +1,8 @@
 //! `session.toml`: what makes a folder a session.
 
 use super::SessionError;
+use crate::atomic_file;
 use crate::plan::Plan;
-use crate::whole_file;
 use serde::{Deserialize, Serialize};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
@@ -47,8 +47,8 @@ impl Manifest {
         let path = folder.join(MANIFEST);
         let text = toml::to_string(self)
             .map_err(|error| SessionError::Manifest { path: path.clone(), reason: error.to_string() })?;
-        let draft = whole_file::draft(&path);
-        let written = whole_file::create(&draft)
+        let draft = atomic_file::draft(&path);
+        let written = atomic_file::create(&draft)
             .and_then(|mut file| {
                 file.write_all(text.as_bytes())?;
                 file.sync_all()

@@ -3,7 +3,6 @@
 use crate::log::LogError;
 use crate::model::ModelError;
 use crate::plan::PlanError;
-use crate::robot_file::RobotFileError;
 use crate::session::SessionError;
 use miette::Diagnostic;
 use std::path::PathBuf;
@@ -43,7 +42,7 @@ pub enum TwinError {
         /// The log.
         path: PathBuf,
         /// Why.
-        source: Box<RobotFileError>,
+        source: Box<PlanError>,
     },
     /// A fit that came to nothing.
     #[error("the fit did not end: {reason}")]

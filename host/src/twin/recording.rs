@@ -7,8 +7,7 @@ use crate::log::{
     BoardMeta, Body, Condition, End, Identity, LevelMeta, Message, ModelMeta, Origin, PlanMeta, Reader, ReplayMeta,
     RobotMeta, Summary, TrialClock, TrialMeta,
 };
-use crate::plan::PUBLISHED;
-use crate::robot_file;
+use crate::plan::robot;
 use protocol::units::{CentiRpm, LOW_PASS};
 use sim::params::Robot;
 use std::path::{Path, PathBuf};
@@ -151,13 +150,13 @@ impl Recording {
     /// [`TwinError::Robot`].
     pub fn robot(&self) -> Result<Robot, TwinError> {
         let parse = |text: &str, name: &str| {
-            robot_file::parse(text, name)
+            robot::parse(text, name)
                 .map_err(|source| TwinError::Robot { path: self.path.clone(), source: Box::new(source) })
         };
         match (&self.model, &self.robot_meta) {
             (Some(model), _) => parse(&model.parameters, "its parameters"),
-            (None, Some(robot)) if robot.name != PUBLISHED => parse(&robot.text, &robot.name),
-            _ => Ok(Robot::default()),
+            (None, Some(robot)) => parse(&robot.text, &robot.name),
+            (None, None) => Ok(Robot::default()),
         }
     }
 

@@ -8,7 +8,6 @@ use crate::log::{self, Identity, ModelMeta, ReplayMeta, SteadyMeta};
 use crate::model::{Batch, Course, Job, Model, ModelError, TrialRun, Turn};
 use crate::plan::{self, Plan, Trial};
 use crate::rig::Progress;
-use crate::robot_file;
 use crate::session::{MANIFEST, Session};
 use rayon::prelude::*;
 use sim::params::Robot;
@@ -62,7 +61,7 @@ impl Source {
         let meta = recording.plan.as_ref().ok_or_else(|| unusable("the record of its plan does not read"))?;
         let mut plan = Plan::parse(&meta.text, &format!("plan in {}", path.display()))?;
         if let Some(robot) = &recording.robot_meta {
-            plan.robot = plan::Robot { name: robot.name.clone(), text: robot.text.clone() };
+            plan.robot = plan::RobotFile { name: robot.name.clone(), text: robot.text.clone() };
         }
         let trial = plan.trials.iter().find(|trial| trial.name == recording.trial.name).cloned();
         let trial = trial.ok_or_else(|| unusable("its trial is not in its plan"))?;
@@ -89,7 +88,7 @@ pub struct Settings {
     /// The closure; `None`: that of the log's own model, and `full` where it has none.
     pub closure: Option<Closure>,
     /// A robot's file in the place of the logs' own parameters.
-    pub robot: Option<plan::Robot>,
+    pub robot: Option<plan::RobotFile>,
     /// Rate and shapes.
     pub options: Options,
     /// Whether a replay with another rate or without shapes is good enough.
@@ -149,7 +148,7 @@ pub fn replay(
 ) -> Result<Replays, TwinError> {
     let robot = match &settings.robot {
         Some(file) => Some(
-            robot_file::parse(&file.text, &file.name)
+            file.robot()
                 .map_err(|error| TwinError::Robot { path: PathBuf::from(&file.name), source: Box::new(error) })?,
         ),
         None => None,
