@@ -3,7 +3,7 @@
 use super::{Answer, Outcome, WRONG_USE, replay};
 use crate::log::{self, Identity, ModelMeta, Origin, SteadyMeta};
 use crate::model::{Batch, Course, Job, Model, ModelError, TrialRun};
-use crate::plan::{self, Plan, Trial};
+use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S, Plan, Trial};
 use crate::rig::Progress;
 use crate::session::{self, Session, SessionError, Sharing};
 use miette::{IntoDiagnostic, WrapErr};
@@ -27,10 +27,10 @@ use std::time::Instant;
     The logs do not depend on --jobs or --shard, nor on what was interrupted and gone on with.")]
 pub struct Args {
     /// The plan: a TOML file like the one that `biflag record --help` shows.
-    #[arg(required_unless_present_any = ["speeds", "from"], conflicts_with_all = ["speeds", "from"])]
+    #[arg(required_unless_present_any = ["speeds", "duration", "from"], conflicts_with_all = ["speeds", "duration", "from"])]
     plan: Option<PathBuf>,
     /// A recorded log or session: its measured speeds drive the model of its own robot.
-    #[arg(long, value_name = "LOG|SESSION", conflicts_with_all = ["speeds", "shard"])]
+    #[arg(long, value_name = "LOG|SESSION", conflicts_with_all = ["speeds", "duration", "shard"])]
     pub(super) from: Option<PathBuf>,
     /// Speeds of flagella 1 and 2 in rpm instead of a plan; `--speeds=-90,90` where the first is negative.
     #[arg(long, value_name = "W1,W2", value_parser = speeds, allow_hyphen_values = true, requires = "duration")]
@@ -86,7 +86,11 @@ fn speeds(text: &str) -> Result<Speeds, String> {
 
 fn duration(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "give seconds")?;
-    if seconds > 0.0 && seconds <= 86_400.0 { Ok(seconds) } else { Err("give more than 0 and at most 86400 s".into()) }
+    if (MIN_RUN_S..=MAX_PHASE_S).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err(format!("give {MIN_RUN_S} to {MAX_PHASE_S} s"))
+    }
 }
 
 fn rate(text: &str) -> Result<f64, String> {

@@ -8,11 +8,11 @@ use serde::Deserialize;
 use std::ops::Range;
 use toml::Spanned;
 
-/// The longest phase: a day.
-const MAX_PHASE_S: f64 = 86_400.0;
+/// The longest phase of a trial, seconds: a day.
+pub const MAX_PHASE_S: f64 = 86_400.0;
 
-/// The shortest run: one tick of the board.
-const MIN_RUN_S: f64 = 1.0 / protocol::TICK_HZ as f64;
+/// The shortest run, seconds: one tick of the board.
+pub const MIN_RUN_S: f64 = 1.0 / protocol::TICK_HZ as f64;
 
 pub(super) const KIND: FileKind = FileKind {
     noun: "plan",
