@@ -1,4 +1,4 @@
-//! `biflag flash`: the firmware onto the board.
+//! `biflag flash`: writes the firmware to the board.
 
 use super::{Answer, Outcome};
 use crate::link::{self, Claim, Link};
@@ -10,11 +10,11 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Build the firmware if need be, write it through the board's bootloader, and see that it runs.
+/// Build the firmware if needed, write it through the board's bootloader, and check that it runs.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example: biflag flash --port /dev/ttyUSB0")]
 pub struct Args {
-    /// The board's serial port; may be left out where there is only one.
+    /// The board's serial port; not needed if only one board is plugged in.
     #[arg(long)]
     port: Option<String>,
     /// Write this image instead of building one.
@@ -32,7 +32,7 @@ struct Flashed {
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let port = link::choose_port(args.port.as_deref())?;
-    // Fails here, and not after a build of minutes, where the port is not there or in use.
+    // A wrong or busy port fails here and not after a build of minutes.
     link::probe_port(&port)?;
     let claim = Claim::take(&port)?;
     let progress = spinner();

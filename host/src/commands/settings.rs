@@ -1,4 +1,4 @@
-//! `biflag settings`: what the board keeps in its EEPROM, as a file.
+//! `biflag settings`: reads and writes the settings in the board's EEPROM.
 
 use super::{Answer, Outcome};
 use crate::link::{self, Link};
@@ -11,10 +11,10 @@ use std::path::PathBuf;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example: biflag settings > board.toml; biflag settings --write board.toml")]
 pub struct Args {
-    /// The board's serial port; may be left out where there is only one.
+    /// The board's serial port; not needed if only one board is plugged in.
     #[arg(long)]
     port: Option<String>,
-    /// Write the settings in this file; those that it leaves out stay as they are.
+    /// Write the settings in this file; settings that it leaves out are unchanged.
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
 }
@@ -34,7 +34,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     Answer::new(Outcome::Done, &file, text)
 }
 
-/// The settings in force.
+/// Reads the settings in force.
 pub(crate) fn read(link: &Link) -> miette::Result<Settings> {
     match link.ask(Command::ReadSettings)? {
         Reply::Settings(settings) => Ok(settings),
