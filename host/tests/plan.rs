@@ -1,4 +1,4 @@
-//! Plans: what they expand to, and what is wrong with the wrong ones.
+//! Plans: the trials that they expand to, and the messages for mistakes.
 
 use host::plan::{Phases, Plan, PlanError, Trial, board};
 use miette::Diagnostic;
@@ -10,7 +10,7 @@ fn parse(text: &str) -> Result<Plan, PlanError> {
 }
 
 #[test]
-fn the_plan_of_the_manual_expands() {
+fn the_plan_in_the_manual_expands() {
     let plan = parse(
         r#"
 [session]
@@ -34,7 +34,7 @@ grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
     assert_eq!(plan.trials.len(), 192);
     assert_eq!(plan.trials[0].phases, Phases::default());
     assert_eq!(plan.total_s(), 192.0 * 175.0);
-    // The order that seed 7 gives must stay what it is, or sessions could not be gone on with.
+    // The order of seed 7 must never change, or sessions could not be resumed.
     let names: Vec<_> = plan.trials.iter().take(3).map(|trial| trial.name.as_str()).collect();
     assert_eq!(names, FIRST_OF_SEED_7);
 }
@@ -42,13 +42,13 @@ grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
 const FIRST_OF_SEED_7: [&str; 3] = ["001_w1-60_w2+50", "002_w1+20_w2+90", "003_w1-20_w2+80"];
 
 #[test]
-fn the_plan_that_help_shows_is_one() {
+fn the_example_plan_is_valid() {
     let plan = parse(host::plan::EXAMPLE).unwrap();
     assert_eq!((plan.trials.len(), plan.trials[0].phases), (192, Phases::default()));
 }
 
 #[test]
-fn a_pair_that_the_grid_has_too_is_run_once() {
+fn a_pair_that_is_also_in_the_grid_runs_once() {
     let plan = parse("[speeds]\npairs = [[50, 10]]\ngrid = { w1 = [50, 60, 10], w2 = [0, 10, 10] }").unwrap();
     let mut speeds: Vec<_> = plan.trials.iter().map(|trial| trial.speeds.map(|speed| speed.0)).collect();
     speeds.sort();
@@ -56,7 +56,7 @@ fn a_pair_that_the_grid_has_too_is_run_once() {
 }
 
 #[test]
-fn names_tell_speeds_and_repeats() {
+fn names_contain_speeds_and_repeats() {
     let plan = parse("[session]\nrepeats = 2\n[speeds]\npairs = [[-12.5, 0], [-0.0, 90]]").unwrap();
     let names: Vec<_> = plan.trials.iter().map(|trial| trial.name.as_str()).collect();
     assert_eq!(names, ["001_w1-12.5_w2+0_r1", "002_w1+0_w2+90_r1", "003_w1-12.5_w2+0_r2", "004_w1+0_w2+90_r2"]);
@@ -329,7 +329,7 @@ fn a_settings_file_is_checked_like_a_plan() {
 }
 
 #[test]
-fn a_robots_file_is_read_beside_the_plan() {
+fn a_robot_file_is_relative_to_the_plan() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("plan.toml");
     std::fs::write(&path, "[session]\nrobot = \"soft.toml\"\n[speeds]\npairs = [[50, 10]]").unwrap();

@@ -1,4 +1,4 @@
-//! The plans and robots that are shipped.
+//! The shipped plans and robot files.
 
 use host::plan::Plan;
 use host::plan::robot;
@@ -9,7 +9,7 @@ fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("plans").join(name)
 }
 
-/// Every key of `all` that `some` does not have.
+/// Returns the keys of `all` that `some` lacks.
 fn missing(all: &toml::Table, some: &toml::Table) -> Vec<String> {
     let mut keys = Vec::new();
     for (key, value) in all {
@@ -25,7 +25,7 @@ fn missing(all: &toml::Table, some: &toml::Table) -> Vec<String> {
 }
 
 #[test]
-fn the_published_robots_file_says_every_default() {
+fn the_published_robot_file_has_every_default() {
     let text = std::fs::read_to_string(shipped("robot-published.toml")).unwrap();
     assert_eq!(robot::parse(&text, "robot-published.toml").unwrap(), Robot::default());
     let all = toml::Table::try_from(Robot::default()).unwrap();
@@ -36,7 +36,7 @@ fn the_published_robots_file_says_every_default() {
 }
 
 #[test]
-fn every_plan_that_is_shipped_loads_with_its_robot() {
+fn every_shipped_plan_loads_with_its_robot() {
     let mut plans = 0;
     for entry in std::fs::read_dir(shipped("")).unwrap() {
         let path = entry.unwrap().path();

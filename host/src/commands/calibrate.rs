@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
     });
     let robot = match &args.robot {
-        Some(path) => Some(robot::load(path)?.robot()?),
+        Some(path) => Some(robot::load(path)?.parse()?),
         None => None,
     };
     let mut recordings = Vec::new();

@@ -49,7 +49,7 @@ impl Model {
     /// # Errors
     /// [`crate::plan::PlanError`], and [`crate::plan::board::BoardSettingsError`].
     pub fn of_plan(plan: &Plan, closure: Closure, options: Options) -> miette::Result<Self> {
-        let robot = plan.robot.robot()?;
+        let robot = plan.robot.parse()?;
         Ok(Self::new(robot, plan.board.apply(Settings::DEFAULT)?, closure, options))
     }
 

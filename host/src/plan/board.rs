@@ -25,7 +25,7 @@ pub struct BoardSettings {
     /// 0 (260 Hz) to 6 (5 Hz).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub low_pass: Option<u8>,
-    /// The sensor's axis that reads each body axis: `["-x", "+y", "+z"]`.
+    /// The sensor's axis that reads each body axis, such as `["-x", "+y", "+z"]`.
     #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
     pub gyro_axes: Option<[String; 3]>,
     /// The same for the accelerometer.
@@ -60,7 +60,7 @@ pub struct BoardSettings {
     pub deadline_ms: Option<u16>,
 }
 
-/// A setting that is out of its range.
+/// A setting with a value that it cannot have.
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
 #[error("{key} cannot be {value}")]
 #[diagnostic(code(wrong_use), help("{}", help(key).unwrap_or_default()))]
@@ -73,7 +73,7 @@ pub struct BoardSettingsError {
 
 const KIND: FileKind = FileKind { noun: "settings file", example: "`biflag settings` prints one", tables: &[], help };
 
-/// The range and the meaning of a setting.
+/// Returns the range and the meaning of a setting.
 pub(super) fn help(key: &str) -> Option<&'static str> {
     Some(match key {
         "board_id" => "give a whole number from 0 to 65535",
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_out_stays_and_what_is_out_of_range_is_named() {
+    fn missing_settings_are_unchanged_and_wrong_ones_are_named() {
         let base = Settings { deadline_ms: 300, ..Settings::DEFAULT };
         let some = BoardSettings { low_pass: Some(2), ..BoardSettings::default() };
         assert_eq!(some.apply(base), Ok(Settings { low_pass: 2, ..base }));

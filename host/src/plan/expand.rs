@@ -1,4 +1,4 @@
-//! From pairs, a grid, repeats and a seed to the list of trials.
+//! Expands pairs, a grid, repeats and a seed into the list of trials.
 
 use super::source::{Exactly, Source, number};
 use super::{MAX_TRIALS, Phases, PlanError, Reverse, Trial};
@@ -110,7 +110,7 @@ fn too_many(count: usize, span: Range<usize>, source: &Source) -> PlanError {
     source.error(span, what, "take larger steps or fewer repeats, or split the plan")
 }
 
-/// What an axis of the grid takes.
+/// The form of an axis of the grid.
 pub(super) const GRID_AXIS: &str = "give [first, last, step] in rpm, such as [-90, 90, 10]";
 
 /// One axis of the grid.

@@ -1,4 +1,4 @@
-//! The plan as it is written, and the checks of every value where it stands.
+//! The plan's file: its tables, and the check of every value.
 
 use super::board::{self, BoardSettings};
 use super::expand::{GRID_AXIS, SpeedList, SpeedsTable, expand};
@@ -21,7 +21,7 @@ pub(super) const KIND: FileKind = FileKind {
     help,
 };
 
-/// The range and the meaning of a key.
+/// Returns the range and the meaning of a key.
 fn help(key: &str) -> Option<&'static str> {
     Some(match key {
         "name" | "operator" | "note" => "give text in quotes",
@@ -91,7 +91,7 @@ struct TrialTable {
     reverse: Option<Spanned<ReverseTable>>,
 }
 
-/// Which motor turns the other way, and how many seconds after the start of the run.
+/// The motor that reverses, and the time in seconds after the start of the run.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ReverseTable {

@@ -25,7 +25,7 @@ impl RobotFile {
     ///
     /// # Errors
     /// [`PlanError::Invalid`].
-    pub fn robot(&self) -> Result<Robot, PlanError> {
+    pub fn parse(&self) -> Result<Robot, PlanError> {
         parse(&self.text, &self.name)
     }
 }
@@ -43,7 +43,7 @@ const KIND: FileKind = FileKind {
 /// [`PlanError`].
 pub fn load(path: &Path) -> Result<RobotFile, PlanError> {
     let file = RobotFile { text: KIND.read(path)?, name: path.display().to_string() };
-    file.robot()?;
+    file.parse()?;
     Ok(file)
 }
 
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_left_out_is_the_published_robot() {
+    fn missing_keys_have_their_published_values() {
         assert_eq!(parse("", "my.toml").unwrap(), Robot::default());
         let robot =
             parse("[flagellum]\nyoung_pa = 1_000_000\nhandedness = [\"left\", \"right\"]\n", "my.toml").unwrap();

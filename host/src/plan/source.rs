@@ -1,4 +1,4 @@
-//! A TOML file as its user wrote it: reads it into types, and puts every mistake at its line in plain words.
+//! A TOML file with its name: reads it into types, and describes every mistake in plain words with its line.
 
 use super::PlanError;
 use serde::Deserialize;
@@ -9,11 +9,11 @@ use std::ops::Range;
 use std::path::Path;
 use toml::de::{DeTable, DeValue};
 
-/// A kind of file, and what its keys take.
+/// A kind of file, and the meaning of its keys.
 pub(super) struct FileKind {
-    /// What the file is called in messages.
+    /// The word for the file in messages.
     pub noun: &'static str,
-    /// Where the user finds an example.
+    /// A hint at an example.
     pub example: &'static str,
     /// Keys that are tables. serde itself would take a list of their values too.
     pub tables: &'static [&'static str],
@@ -25,7 +25,7 @@ pub(super) struct FileKind {
 pub(super) struct Source<'a> {
     pub kind: &'static FileKind,
     pub text: &'a str,
-    /// How errors call the file.
+    /// The name of the file in messages.
     pub name: &'a str,
 }
 
@@ -47,7 +47,7 @@ impl FileKind {
         }
     }
 
-    /// Whether a line opens a table or sets a key of this kind of file.
+    /// Returns whether a line opens a table or sets a key of this kind of file.
     fn has(&self, line: &str) -> bool {
         let line = line.trim_start();
         let (is_header, line) = line.strip_prefix('[').map_or((false, line), |rest| (true, rest));
@@ -81,7 +81,7 @@ impl Source<'_> {
         })
     }
 
-    /// An error at `span`.
+    /// Returns an error at `span`.
     pub fn error(&self, span: Range<usize>, what: impl Into<String>, cure: impl Into<String>) -> PlanError {
         let before = &self.text[..self.text.floor_char_boundary(span.start)];
         let line = before.matches('\n').count() + 1;
@@ -89,12 +89,12 @@ impl Source<'_> {
         PlanError::Invalid { place: format!("{}:{line}:{column}", self.name), what: what.into(), cure: cure.into() }
     }
 
-    /// An error at the value of `key`, which it cannot have.
+    /// Returns the error for a value that `key` cannot have.
     pub fn out_of_range(&self, span: Range<usize>, key: &str, value: impl Display) -> PlanError {
         self.error(span, format!("{key} cannot be {value}"), (self.kind.help)(key).unwrap_or_default())
     }
 
-    /// An error at the value of the key at `path`, or of the file where it does not set that key.
+    /// Returns an error at the value of the key at `path`, or at no line if the file does not set the key.
     pub fn error_at<'k>(
         &self,
         path: impl IntoIterator<Item = &'k str>,
@@ -108,7 +108,7 @@ impl Source<'_> {
         }
     }
 
-    /// The parser's error in plain words.
+    /// Returns the error for text that is not TOML.
     fn wrong_syntax(&self, error: &toml::de::Error) -> PlanError {
         if !self.text.lines().any(|line| self.kind.has(line)) {
             return self.kind.is_not(self.name);
@@ -143,7 +143,7 @@ impl Source<'_> {
         self.error(span, what, cure)
     }
 
-    /// The key and the value, as written, of the line at `offset`.
+    /// Returns the key and the value, as written, of the line at `offset`.
     fn setting(&self, offset: usize) -> Option<(&str, &str)> {
         let at = self.text.floor_char_boundary(offset);
         let start = self.text[..at].rfind('\n').map_or(0, |end| end + 1);
@@ -152,7 +152,7 @@ impl Source<'_> {
         Some((key.trim(), value.trim()))
     }
 
-    /// serde's error in plain words.
+    /// Returns the error for TOML that does not fit the types.
     fn wrong_value(&self, table: &DeTable, error: &toml::de::Error) -> PlanError {
         let message = error.message().trim();
         let span = error.span().unwrap_or(0..0);
@@ -179,14 +179,14 @@ impl Source<'_> {
     }
 }
 
-/// The first line of a text, or as much of it as a message has room for.
+/// Returns the first line of a text, shortened to fit a message.
 fn shorten(text: &str) -> String {
     let line = text.lines().next().unwrap_or_default();
     let end = line.char_indices().nth(40).map_or(line.len(), |(end, _)| end);
     if end < text.trim_end().len() { format!("{}...", &line[..end]) } else { line.to_owned() }
 }
 
-/// What to write where serde expects this.
+/// Returns what to write where serde expects this type.
 fn type_help(expected: &str) -> String {
     match expected {
         "f64" | "f32" => "give a number".to_owned(),
@@ -201,7 +201,7 @@ fn type_help(expected: &str) -> String {
     }
 }
 
-/// The key whose value contains `offset`, with the place of the value.
+/// Returns the key whose value contains `offset`, and the place of the value.
 fn key_at<'t>(table: &'t DeTable, offset: usize) -> Option<(&'t str, Range<usize>)> {
     table.iter().find_map(|(key, value)| {
         let inner = value.get_ref().as_table().and_then(|inner| key_at(inner, offset));
@@ -209,7 +209,7 @@ fn key_at<'t>(table: &'t DeTable, offset: usize) -> Option<(&'t str, Range<usize
     })
 }
 
-/// The place of the value at `path`.
+/// Returns the place of the value at `path`.
 fn span_of<'k>(table: &DeTable, path: impl IntoIterator<Item = &'k str>) -> Option<Range<usize>> {
     let mut path = path.into_iter();
     let name = path.next()?;
@@ -220,14 +220,14 @@ fn span_of<'k>(table: &DeTable, path: impl IntoIterator<Item = &'k str>) -> Opti
     }
 }
 
-/// `60,5` with a point.
+/// Returns `60,5` with a decimal point.
 fn decimal_point(value: &str) -> Option<String> {
     let (whole, rest) = value.split_once(',')?;
     let are_digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     (are_digits(whole.trim_start_matches(['+', '-'])) && are_digits(rest)).then(|| format!("{whole}.{rest}"))
 }
 
-/// The number of `60 s`.
+/// Returns the number in `60 s`.
 fn without_unit(value: &str) -> Option<&str> {
     let end = value.rfind(|c: char| c.is_ascii_digit())? + 1;
     let (number, unit) = value.split_at(end);
@@ -236,7 +236,7 @@ fn without_unit(value: &str) -> Option<&str> {
     .then_some(number)
 }
 
-/// A number as a message shows it: very large and very small ones in scientific notation.
+/// Formats a number for a message: very large and very small ones in scientific notation.
 pub(super) fn number<T: Into<f64> + Copy + Display + LowerExp>(value: T) -> String {
     let size = value.into().abs();
     if size.is_finite() && size != 0.0 && !(1e-4..1e7).contains(&size) {
@@ -246,7 +246,7 @@ pub(super) fn number<T: Into<f64> + Copy + Display + LowerExp>(value: T) -> Stri
     }
 }
 
-/// A list of `N` values; serde itself ignores what an array has too much.
+/// A list of `N` values; serde itself ignores surplus values of an array.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Exactly<T, const N: usize>(pub [T; N]);
 

@@ -35,7 +35,7 @@ impl SimulatedRobot {
     /// # Errors
     /// [`crate::plan::PlanError`].
     pub fn new(nano: VirtualNano, plan: &Plan, seed: u64) -> miette::Result<Self> {
-        let robot = plan.robot.robot()?;
+        let robot = plan.robot.parse()?;
         let parameters = toml::to_string(&robot).into_diagnostic().wrap_err("the robot's parameters")?;
         let sensor = SensorMeta { seed, ..nano.sensor().clone() };
         let model = ModelMeta { closure: Closure::Full, rate_hz: RATE_HZ, shapes: true, parameters };

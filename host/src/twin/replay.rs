@@ -148,7 +148,7 @@ pub fn replay(
 ) -> Result<Replays, TwinError> {
     let robot = match &settings.robot {
         Some(file) => Some(
-            file.robot()
+            file.parse()
                 .map_err(|error| TwinError::Robot { path: PathBuf::from(&file.name), source: Box::new(error) })?,
         ),
         None => None,
