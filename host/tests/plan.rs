@@ -106,7 +106,7 @@ const TICK: &str = "give at least 0.005 s; for a trial at rest, give the speeds 
 const CALIBRATE: &str = "give seconds as a plain number: 0.1 to 60, or 0 to keep the bias that the board has";
 const REVERSE: &str =
     "give the motor and the seconds after the start of the run, such as reverse = { motor = 2, after = 35 }";
-const TOML: &str = "a plan is a TOML file; `biflag record --help` shows one";
+const TOML: &str = "a plan is a TOML file in UTF-8; `biflag record --help` shows one";
 
 #[test]
 fn every_mistake_in_the_trial_is_named_with_its_line_and_its_cure() {
@@ -289,6 +289,7 @@ fn a_file_of_another_format_is_not_a_plan() {
         ("plan.csv", b"w1,w2\n50,10\n"),
         ("plan.yaml", b"speeds:\n  pairs:\n    - [50, 10]\n"),
         ("firmware.elf", b"\x7fELF\x01\x01\x01\0\0\0\0\0\0\0\0\0\x02\0\x53\0\xff\xfe"),
+        ("utf-16.toml", b"\xff\xfe[\0s\0p\0e\0e\0d\0s\0]\0\n\0"),
         ("notes.txt", b"Take the pairs 50, 10 and 0, 45.\n"),
     ] {
         let path = folder.path().join(name);
@@ -311,7 +312,7 @@ fn a_settings_file_is_checked_like_a_plan() {
         board::load(&path)
     };
     let low_pass = "give a whole number from 0 (260 Hz) to 6 (5 Hz)";
-    let toml = "a settings file is a TOML file; `biflag settings` prints one";
+    let toml = "a settings file is a TOML file in UTF-8; `biflag settings` prints one";
     for (text, message, help) in [
         ("board_id = 1\nlow_pass = 7\n", ":2:12: low_pass cannot be 7", low_pass),
         ("low_pass = 300\n", ":1:12: low_pass cannot be 300", low_pass),

@@ -72,13 +72,8 @@ struct Speeds([CentiRpm; 2]);
 
 fn speeds(text: &str) -> Result<Speeds, String> {
     let one = |text: &str| {
-        let rpm: f64 = text.trim().parse().map_err(|_| format!("{text:?} is no speed"))?;
-        let limit = CentiRpm::LIMIT.rpm();
-        if !(-limit..=limit).contains(&rpm) {
-            return Err(format!("{rpm} rpm is beyond ±{limit} rpm"));
-        }
-        let speed = CentiRpm::from_rpm(rpm);
-        if (speed.rpm() - rpm).abs() > 1e-6 { Err(format!("{rpm} rpm is finer than 0.01 rpm")) } else { Ok(speed) }
+        let rpm: f64 = text.trim().parse().map_err(|_| format!("{text:?} is not a speed"))?;
+        plan::board_speed(rpm).map_err(|(what, cure)| format!("{what}; {cure}"))
     };
     let (w1, w2) = text.split_once(',').ok_or("give two speeds in rpm, such as 50,10")?;
     Ok(Speeds([one(w1)?, one(w2)?]))

@@ -149,20 +149,27 @@ impl<'a> Axis<'a> {
     }
 }
 
-/// Returns the speed as the board takes it.
 fn speed(rpm: f64, span: Range<usize>, source: &Source) -> Result<CentiRpm, PlanError> {
+    board_speed(rpm).map_err(|(what, cure)| source.error(span, what, cure))
+}
+
+/// Returns a speed as the board takes it, or what is wrong with it and how to correct it.
+///
+/// # Errors
+/// The speed is beyond [`CentiRpm::LIMIT`], finer than its resolution, or not a number.
+pub fn board_speed(rpm: f64) -> Result<CentiRpm, (String, String)> {
     let limit = CentiRpm::LIMIT.rpm();
+    let range = format!("give -{limit} to {limit} rpm");
     if !rpm.is_finite() {
-        return Err(source.error(span, format!("a speed cannot be {rpm}"), format!("give -{limit} to {limit} rpm")));
+        return Err((format!("a speed cannot be {rpm}"), range));
     }
     if rpm.abs() > limit + 1e-6 {
-        let what = format!("{} rpm is beyond ±{limit} rpm", number(rpm));
-        return Err(source.error(span, what, format!("give -{limit} to {limit} rpm")));
+        return Err((format!("{} rpm is beyond ±{limit} rpm", number(rpm)), range));
     }
     let speed = CentiRpm::from_rpm(rpm);
     if (speed.rpm() - rpm).abs() > 1e-6 {
         let what = format!("{} rpm is finer than the board's resolution", number(rpm));
-        return Err(source.error(span, what, "round it to 0.01 rpm"));
+        return Err((what, "round it to 0.01 rpm".to_owned()));
     }
     Ok(speed)
 }

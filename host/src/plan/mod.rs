@@ -17,6 +17,7 @@ mod source;
 
 pub use board::BoardSettings;
 pub use error::PlanError;
+pub use expand::board_speed;
 pub use file::{MAX_PHASE_S, MIN_RUN_S};
 pub use robot::{PUBLISHED, RobotFile};
 

@@ -39,12 +39,11 @@ impl FileKind {
     }
 
     fn is_not(&self, name: &str) -> PlanError {
-        let Self { noun, example, .. } = self;
-        PlanError::Invalid {
-            place: name.to_owned(),
-            what: format!("this is not a {noun}"),
-            cure: format!("a {noun} is a TOML file; {example}"),
-        }
+        PlanError::Invalid { place: name.to_owned(), what: format!("this is not a {}", self.noun), cure: self.format() }
+    }
+
+    fn format(&self) -> String {
+        format!("a {} is a TOML file in UTF-8; {}", self.noun, self.example)
     }
 
     /// Returns whether a line opens a table or sets a key of this kind of file.
@@ -138,7 +137,7 @@ impl Source<'_> {
         let what = error.message().trim().replace('\n', "; ");
         let cure = match what.as_str() {
             "duplicate key" => "leave one of them out".to_owned(),
-            _ => format!("a {} is a TOML file; {}", self.kind.noun, self.kind.example),
+            _ => self.kind.format(),
         };
         self.error(span, what, cure)
     }
