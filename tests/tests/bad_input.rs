@@ -70,6 +70,10 @@ fn a_port_that_is_not_there_is_named_and_nothing_is_left_behind() {
     let plan = bench.file("plan.toml", SPEEDS);
     let run = bench.run(["record", plan.to_str().unwrap(), "--port", "/dev/no-such-port", "--out", "session"]);
     expect_error(&run, 2, &["/dev/no-such-port"]);
+    for command in ["doctor", "settings", "flash", "live"] {
+        let run = bench.run([command, "--port", "/dev/no-such-port"]);
+        expect_error(&run, 2, &["there is no port /dev/no-such-port", "help: "]);
+    }
     let logs = walk(&bench.path().join("session"));
     assert!(logs.iter().all(|name| !name.ends_with(".mcap")), "{logs:?}");
 }
