@@ -1,7 +1,7 @@
-//! The shapes of the flagella for the page's view: a picture every so often, as seen from the shafts.
+//! The shapes of the flagella for the page's view of the robot.
 //!
-//! A flagellum in the frame that turns with its shaft hardly changes, however fast it turns. So the page keeps few shapes,
-//! draws straight lines between them in that frame, and turns them by the shaft's angle.
+//! In the frame that turns with its shaft, a flagellum changes slowly at any speed. So the page stores few shapes in that
+//! frame, interpolates linearly between them, and turns them by the angle of the shaft.
 
 use super::table::{bytes, single};
 use crate::log::schema::foxglove::SceneUpdate;
@@ -10,13 +10,13 @@ use sim::params::Robot;
 use sim::robot::clamp::Shaft;
 use std::f64::consts::TAU;
 
-/// At most this many shapes a second: ten a turn at 90 rpm.
+/// At most this many shapes per second: ten per turn at 90 rpm.
 const PER_S: f64 = 15.0;
 
-/// Coordinates are kept to this, m.
+/// Resolution of the coordinates, m.
 const UNIT_M: f64 = 1e-5;
 
-/// Shapes below this many bytes a trial are drawn through every other node.
+/// With less room than this per trial, bytes, every second node is left out.
 const TIGHT: usize = 150_000;
 
 /// Both centre lines at a time, body axes, m.
@@ -27,26 +27,26 @@ struct Frame {
     lines: [Vec<[f64; 3]>; 2],
 }
 
-/// Shapes as they come, thinned again and again so that there are never more than `most`.
+/// Collects shapes; halves their rate whenever there are more than `most`.
 #[derive(Clone, Debug)]
 pub(super) struct Shapes {
     most: usize,
-    least_s: f64,
+    interval_s: f64,
     frames: Vec<Frame>,
 }
 
 impl Shapes {
     pub fn new(most: usize) -> Self {
-        Self { most: most.max(2), least_s: 1.0 / PER_S, frames: Vec::new() }
+        Self { most: most.max(2), interval_s: 1.0 / PER_S, frames: Vec::new() }
     }
 
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty()
     }
 
-    /// Takes in a message of `/flagella`; `turns`: the angles of both shafts then.
+    /// Adds a message of `/flagella`. `turns` are the angles of both shafts at that time.
     pub fn push(&mut self, time_s: f64, turns: [f64; 2], scene: &SceneUpdate) {
-        if self.frames.last().is_some_and(|last| time_s < last.time_s + self.least_s - 1e-6) {
+        if self.frames.last().is_some_and(|last| time_s < last.time_s + self.interval_s - 1e-6) {
             return;
         }
         let mut lines = scene
@@ -63,13 +63,13 @@ impl Shapes {
         }
         self.frames.push(Frame { time_s, turns, lines: [first, second] });
         if self.frames.len() > self.most {
-            self.least_s *= 2.0;
+            self.interval_s *= 2.0;
             let mut keep = std::iter::repeat([true, false]).flatten();
             self.frames.retain(|_| keep.next() == Some(true));
         }
     }
 
-    /// For the page's script, within about so many bytes of text. Without shapes, the helices as they are at rest.
+    /// Returns the data of the page's script in about `text_bytes` of text; without shapes, the helices at rest.
     pub fn page(&self, robot: &Robot, text_bytes: usize) -> Value {
         let feet = robot.shaft_feet();
         let rest;
@@ -81,7 +81,7 @@ impl Shapes {
         };
         let nodes = frames[0].lines[0].len();
         let stride = if text_bytes < TIGHT && !rigid { 2 } else { 1 };
-        // The last node counts, whatever the stride.
+        // The tip is always drawn.
         let kept: Vec<usize> = (0..nodes).filter(|i| i % stride == 0 || i + 1 == nodes).collect();
         let frame_bytes = kept.len() * 2 * 3 * 2 * 4 / 3;
         let every = frames.len().div_ceil((text_bytes / frame_bytes).max(2));
@@ -99,7 +99,7 @@ impl Shapes {
         let times: Vec<f64> = chosen.iter().map(|frame| frame.time_s).collect();
         json!({
             "rigid": rigid,
-            "per_s": if rigid { 0.0 } else { per_s(&times) },
+            "per_s": if rigid { 0.0 } else { rate_hz(&times) },
             "nodes": kept.len(),
             "unit_m": UNIT_M,
             "feet_m": feet.map(|foot| [foot.x, foot.y, foot.z]),
@@ -109,14 +109,14 @@ impl Shapes {
     }
 }
 
-fn per_s(times: &[f64]) -> f64 {
+fn rate_hz(times: &[f64]) -> f64 {
     match times {
         [first, .., last] if last > first => (times.len() - 1) as f64 / (last - first),
         _ => 0.0,
     }
 }
 
-/// Both helices at rest, shafts at their zero, body axes.
+/// Both helices at rest with the shafts at zero, body axes.
 fn at_rest(robot: &Robot) -> [Vec<[f64; 3]>; 2] {
     let feet = robot.shaft_feet();
     [0, 1].map(|k| {
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rigid_helix_seen_from_its_shaft_never_changes() {
+    fn a_rigid_helix_never_changes_in_the_frame_of_its_shaft() {
         let robot = Robot::default();
         let rest = coordinates(&Shapes::new(10).page(&robot, 1_000_000));
         let mut shapes = Shapes::new(100);
@@ -178,16 +178,16 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pair_of_lines_is_passed_over() {
+    fn anything_but_a_pair_of_lines_is_ignored() {
         let robot = Robot::default();
         let mut shapes = Shapes::new(100);
         shapes.push(0.0, [0.0; 2], &SceneUpdate::default());
-        let mut lame = scene(&robot, [0.0; 2]);
-        lame.entities[0].lines[1].points.pop();
-        shapes.push(0.1, [0.0; 2], &lame);
-        lame = scene(&robot, [0.0; 2]);
-        lame.entities[0].lines[0].points[3].x = f64::NAN;
-        shapes.push(0.2, [0.0; 2], &lame);
+        let mut broken = scene(&robot, [0.0; 2]);
+        broken.entities[0].lines[1].points.pop();
+        shapes.push(0.1, [0.0; 2], &broken);
+        broken = scene(&robot, [0.0; 2]);
+        broken.entities[0].lines[0].points[3].x = f64::NAN;
+        shapes.push(0.2, [0.0; 2], &broken);
         assert!(shapes.is_empty());
         assert_eq!(shapes.page(&robot, 1000)["rigid"], true);
     }

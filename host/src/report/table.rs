@@ -1,18 +1,49 @@
-//! Quantities over time, and as many points of them as a page has room for.
+//! Quantities over time, and as much of them as a page has room for.
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
-/// How many times the usual distance of two samples makes a gap, and how long it is at least.
-const GAP: f64 = 8.0;
+/// Two samples further apart than this many usual intervals, and than [`GAP_S`], have a gap between them.
+const GAP_INTERVALS: f64 = 8.0;
 const GAP_S: f64 = 0.25;
 
-/// `N` quantities at the same times, which never go back. NaN stands where there is none.
+/// The least number of samples in a stretch, on average: the range of fewer says little.
+const STRETCH_SAMPLES: usize = 4;
+
+/// `N` quantities at the same times, which never decrease. NaN marks a missing value.
 #[derive(Clone, Debug)]
 pub(super) struct Table<const N: usize> {
     pub time_s: Vec<f64>,
     pub columns: [Vec<f64>; N],
+}
+
+/// A quantity on the page: its name in the page's data, and whether a chart shows its range.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Column {
+    pub name: &'static str,
+    pub has_range: bool,
+}
+
+/// A table cut down to the size of its room on the page.
+#[derive(Clone, Debug)]
+pub(super) struct Fitted<const N: usize> {
+    /// All samples, or evenly chosen ones: each row was measured as it stands.
+    pub samples: Table<N>,
+    /// What the charts draw where the samples are not all there.
+    pub ranges: Option<Ranges<N>>,
+}
+
+/// Smallest, largest and mean value of each quantity in stretches of equal length; NaN in a stretch without samples.
+#[derive(Clone, Debug)]
+pub(super) struct Ranges<const N: usize> {
+    /// Start of the first stretch.
+    pub from_s: f64,
+    /// Length of each.
+    pub width_s: f64,
+    pub low: [Vec<f64>; N],
+    pub high: [Vec<f64>; N],
+    pub mean: [Vec<f64>; N],
 }
 
 impl<const N: usize> Default for Table<N> {
@@ -22,7 +53,7 @@ impl<const N: usize> Default for Table<N> {
 }
 
 impl<const N: usize> Table<N> {
-    /// Adds a row. One whose time goes back is left out.
+    /// Adds a row. A row whose time decreases is dropped.
     pub fn push(&mut self, time_s: f64, row: [f64; N]) {
         if time_s.is_finite() && self.time_s.last().is_none_or(|last| *last <= time_s) {
             self.time_s.push(time_s);
@@ -34,18 +65,13 @@ impl<const N: usize> Table<N> {
         std::array::from_fn(|k| self.columns[k][i])
     }
 
-    /// The same with a row of NaN in each gap, so that no line is drawn across it.
+    /// Returns the table with a row of NaN in each gap, so that no line is drawn across it.
     pub fn broken_at_gaps(&self) -> Self {
-        let mut steps: Vec<f64> = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        if steps.is_empty() {
-            return self.clone();
-        }
-        let middle = steps.len() / 2;
-        let usual = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let Some(usual) = self.interval_s() else { return self.clone() };
         let mut broken = Self::default();
         for (i, time) in self.time_s.iter().enumerate() {
             if let Some(last) = broken.time_s.last()
-                && time - last > GAP_S.max(GAP * usual)
+                && time - last > GAP_S.max(GAP_INTERVALS * usual)
             {
                 let between = 0.5 * (last + time);
                 broken.push(between, [f64::NAN; N]);
@@ -55,64 +81,105 @@ impl<const N: usize> Table<N> {
         broken
     }
 
-    /// At most about `most` rows, evenly chosen, the last among them: for what grows steadily.
+    /// The median time between two rows.
+    pub fn interval_s(&self) -> Option<f64> {
+        let mut steps: Vec<f64> = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let middle = steps.len() / 2;
+        (!steps.is_empty()).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+    }
+
+    /// Returns at most about `most` rows, evenly chosen, with the last row and the start of every gap among them.
     pub fn sampled(&self, most: usize) -> Self {
         let rows = self.time_s.len();
         let step = rows.div_ceil(most.max(2)).max(1);
         let mut table = Self::default();
-        (0..rows).step_by(step).for_each(|i| table.push(self.time_s[i], self.row(i)));
-        if step > 1 && !(rows - 1).is_multiple_of(step) {
-            table.push(self.time_s[rows - 1], self.row(rows - 1));
+        let is_gap = |i: usize| self.row(i).iter().all(|value| value.is_nan());
+        for i in 0..rows {
+            let begins_gap = || is_gap(i) && !(i > 0 && is_gap(i - 1));
+            if i % step == 0 || i + 1 == rows || begins_gap() {
+                table.push(self.time_s[i], self.row(i));
+            }
         }
         table
     }
 
-    /// At most `most` rows. Where there are more, each stretch of time keeps the smallest and the largest value of each
-    /// quantity, in the order in which they came: peaks stay, and nothing moves by more than [`Thinned::every_s`].
-    pub fn thinned(&self, most: usize) -> Thinned<N> {
-        let rows = self.time_s.len();
-        if rows <= most.max(2) {
-            return Thinned { table: self.clone(), every_s: 0.0 };
-        }
-        let stretches = (most / 2).max(1);
-        let mut table = Self::default();
-        let mut every_s = 0.0_f64;
-        for stretch in 0..stretches {
-            let range = stretch * rows / stretches..(stretch + 1) * rows / stretches;
-            let times = [self.time_s[range.start], self.time_s[range.start + range.len() / 2]];
-            every_s = every_s.max(self.time_s[range.end - 1] - times[0]);
-            let extremes = self.columns.each_ref().map(|column| extremes(&column[range.clone()]));
-            for (i, time) in times.into_iter().enumerate() {
-                table.push(time, extremes.map(|pair| pair[i]));
+    /// Returns the ranges in `count` stretches of equal length; there must be a row.
+    pub fn ranges(&self, count: usize) -> Ranges<N> {
+        let (from_s, to_s) = (self.time_s[0], self.time_s[self.time_s.len() - 1]);
+        let width_s = (to_s - from_s) / count as f64;
+        let empty = || std::array::from_fn(|_| vec![f64::NAN; count]);
+        let mut ranges = Ranges { from_s, width_s, low: empty(), high: empty(), mean: empty() };
+        let stretch = |time: f64| (((time - from_s) / width_s) as usize).min(count - 1);
+        for k in 0..N {
+            let mut seen = vec![0.0; count];
+            for (time, value) in self.time_s.iter().zip(&self.columns[k]).filter(|(_, value)| value.is_finite()) {
+                let i = stretch(*time);
+                seen[i] += 1.0;
+                // The least and the greatest of NaN and a number are the number.
+                ranges.low[k][i] = ranges.low[k][i].min(*value);
+                ranges.high[k][i] = ranges.high[k][i].max(*value);
+                let mean = &mut ranges.mean[k][i];
+                *mean = if mean.is_nan() { *value } else { *mean + (value - *mean) / seen[i] };
             }
         }
-        Thinned { table, every_s }
+        ranges
+    }
+
+    /// Returns what fits into about `bytes` of text: the whole table, or evenly chosen samples and ranges in equal parts.
+    pub fn fitted(&self, columns: &[Column; N], bytes: usize) -> Fitted<N> {
+        let present = || (0..N).filter(|k| self.has(*k)).map(|k| columns[k].has_range);
+        let row_bytes = text_len(4 + 2 * present().count());
+        let rows = self.time_s.len();
+        if rows * row_bytes <= bytes {
+            return Fitted { samples: self.clone(), ranges: None };
+        }
+        let stretch_bytes = text_len(present().map(|has_range| if has_range { 6 } else { 2 }).sum::<usize>().max(1));
+        let stretches = (bytes / 2 / stretch_bytes).clamp(1, (rows / STRETCH_SAMPLES).max(1));
+        Fitted { samples: self.sampled(bytes / 2 / row_bytes), ranges: Some(self.ranges(stretches)) }
+    }
+
+    /// Whether a column has a value.
+    fn has(&self, k: usize) -> bool {
+        self.columns[k].iter().any(|value| value.is_finite())
     }
 }
 
-/// A table with fewer rows.
-#[derive(Clone, Debug)]
-pub(super) struct Thinned<const N: usize> {
-    pub table: Table<N>,
-    /// The length of time that two rows stand for; 0 where every sample is there.
-    pub every_s: f64,
+impl<const N: usize> Fitted<N> {
+    /// Returns the table for the page's script; columns without a value are left out.
+    pub fn page(&self, columns: &[Column; N]) -> Value {
+        let mut page = Map::new();
+        page.insert("time".to_owned(), single(&self.samples.time_s));
+        let mut stretches = Map::new();
+        for (k, column) in columns.iter().enumerate().filter(|(k, _)| self.samples.has(*k)) {
+            page.insert(column.name.to_owned(), quantised(&self.samples.columns[k]));
+            let Some(ranges) = &self.ranges else { continue };
+            let mean = quantised(&ranges.mean[k]);
+            let quantity = if column.has_range {
+                json!({ "mean": mean, "low": quantised(&ranges.low[k]), "high": quantised(&ranges.high[k]) })
+            } else {
+                json!({ "mean": mean })
+            };
+            stretches.insert(column.name.to_owned(), quantity);
+        }
+        if let Some(Ranges { from_s, width_s, mean, .. }) = &self.ranges {
+            let count = mean.first().map_or(0, Vec::len);
+            page.insert(
+                "ranges".to_owned(),
+                json!({ "from_s": from_s, "width_s": width_s, "count": count, "columns": stretches }),
+            );
+        }
+        page.into()
+    }
+
+    /// Length of a stretch; `None` where all samples are there.
+    pub fn range_s(&self) -> Option<f64> {
+        self.ranges.as_ref().map(|ranges| ranges.width_s)
+    }
 }
 
-/// The smallest and the largest of some values, the earlier one first; NaN where there is a gap among them.
-fn extremes(values: &[f64]) -> [f64; 2] {
-    let (mut least, mut most) = (0, 0);
-    for (i, value) in values.iter().enumerate() {
-        if value.is_nan() {
-            return [f64::NAN; 2];
-        }
-        if *value < values[least] {
-            least = i;
-        }
-        if *value > values[most] {
-            most = i;
-        }
-    }
-    if least <= most { [values[least], values[most]] } else { [values[most], values[least]] }
+/// Length of so many bytes as text.
+fn text_len(bytes: usize) -> usize {
+    (bytes * 4).div_ceil(3)
 }
 
 /// Values for the page in 16 bits each: `from + step` times the number, 65535 for none.
@@ -141,13 +208,15 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    const ONE: [Column; 1] = [Column { name: "one", has_range: true }];
+
     fn table(values: &[f64]) -> Table<1> {
         let mut table = Table::default();
         (0..).zip(values).for_each(|(i, value)| table.push(f64::from(i) * 0.01, [*value]));
         table
     }
 
-    /// What the page's script makes of [`quantised`].
+    /// Decodes [`quantised`] as the page's script does.
     fn read(value: &Value) -> Vec<f64> {
         let data = BASE64_STANDARD.decode(value["u16"].as_str().unwrap()).unwrap();
         let (from, step) = (value["from"].as_f64().unwrap(), value["step"].as_f64().unwrap());
@@ -160,19 +229,43 @@ mod tests {
 
     proptest! {
         #[test]
-        fn peaks_stay_where_they_are(values in prop::collection::vec(-1e3..1e3, 1..500), most in 2usize..100) {
-            let whole = table(&values);
-            let Thinned { table: thin, every_s } = whole.thinned(most);
-            prop_assert!(thin.time_s.len() <= most.max(2) && thin.time_s.is_sorted());
-            let extreme = |column: &[f64]| {
-                let sorted = |a: &f64, b: &f64| a.total_cmp(b);
-                (column.iter().copied().min_by(sorted), column.iter().copied().max_by(sorted))
-            };
-            prop_assert_eq!(extreme(&thin.columns[0]), extreme(&values));
-            for (time, value) in thin.time_s.iter().zip(&thin.columns[0]) {
-                let near = |t: &f64| (t - time).abs() <= every_s + 1e-9;
-                prop_assert!(whole.time_s.iter().zip(&values).any(|(t, v)| near(t) && v == value));
+        fn ranges_hold_every_sample_and_no_more(values in prop::collection::vec(-1e3..1e3, 8..500), count in 1usize..50) {
+            let ranges = table(&values).ranges(count);
+            prop_assert_eq!(ranges.mean[0].len(), count);
+            for i in 0..count {
+                let low = ranges.from_s + i as f64 * ranges.width_s;
+                let last = i + 1 == count;
+                let inside = |time: f64| time >= low - 1e-9 && (last || time < low + ranges.width_s + 1e-9);
+                let near = |k: &usize| inside(*k as f64 * 0.01);
+                let own: Vec<f64> = (0..values.len()).filter(near).map(|k| values[k]).collect();
+                let [least, most, mean] = [&ranges.low, &ranges.high, &ranges.mean].map(|column| column[0][i]);
+                if own.is_empty() {
+                    prop_assert!(least.is_nan() && most.is_nan() && mean.is_nan());
+                } else if least.is_finite() {
+                    prop_assert!(own.contains(&least) && own.contains(&most) && least <= mean + 1e-9 && mean <= most + 1e-9);
+                }
             }
+            let extreme = |values: &[f64]| values.iter().fold([f64::NAN; 2], |[a, b], v| [a.min(*v), b.max(*v)]);
+            prop_assert_eq!([extreme(&ranges.low[0])[0], extreme(&ranges.high[0])[1]], extreme(&values));
+        }
+
+        #[test]
+        fn a_fitted_table_keeps_its_room_and_real_rows(rows in 2usize..3000, bytes in 400usize..20_000) {
+            let mut whole = Table::default();
+            for i in 0..rows {
+                let angle = i as f64 * 0.7;
+                whole.push(i as f64 * 0.05, [angle.sin(), angle.cos()]);
+            }
+            let columns = [Column { name: "sin", has_range: true }, Column { name: "cos", has_range: false }];
+            let fitted = whole.fitted(&columns, bytes);
+            // A row is a point of the circle; a minimum beside a maximum would not be.
+            for i in 0..fitted.samples.time_s.len() {
+                let [sin, cos] = fitted.samples.row(i);
+                prop_assert!((sin.hypot(cos) - 1.0).abs() < 1e-12);
+            }
+            prop_assert_eq!(fitted.ranges.is_none(), fitted.samples.time_s.len() == rows);
+            // Beside the numbers: names, and the origin and the step of seven columns.
+            prop_assert!(fitted.page(&columns).to_string().len() < bytes + 100 + 7 * 90);
         }
 
         #[test]
@@ -186,7 +279,22 @@ mod tests {
     }
 
     #[test]
-    fn what_turns_steadily_is_shown_where_it_was() {
+    fn a_fast_wobble_is_a_band_about_its_mean() {
+        let values: Vec<f64> = (0..10_000).map(|i| 5.0 + (f64::from(i) * 0.31).sin()).collect();
+        let fitted = table(&values).fitted(&ONE, 4_000);
+        let ranges = fitted.ranges.as_ref().unwrap();
+        for i in 0..ranges.mean[0].len() {
+            let [low, high, mean] = [&ranges.low, &ranges.high, &ranges.mean].map(|column| column[0][i]);
+            // A stretch has 40 samples, about two periods.
+            assert!(low < 4.02 && high > 5.98 && (mean - 5.0).abs() < 0.1, "{low} {mean} {high}");
+        }
+        let page = fitted.page(&ONE);
+        assert_eq!(page["ranges"]["count"], ranges.mean[0].len());
+        assert_eq!(read(&page["ranges"]["columns"]["one"]["mean"]).len(), ranges.mean[0].len());
+    }
+
+    #[test]
+    fn samples_are_evenly_chosen_rows_and_the_last() {
         let whole = table(&(0..1001).map(|i| f64::from(i) * 0.3).collect::<Vec<_>>());
         let few = whole.sampled(100);
         assert!(few.time_s.len() <= 101 && few.time_s.first() == Some(&0.0) && few.time_s.last() == Some(&10.0));
@@ -208,5 +316,9 @@ mod tests {
         assert!(values[3].is_nan() && values[4] == 4.0 && values[0] == 1.0);
         assert!(read(&quantised(&[f64::NAN, f64::INFINITY])).iter().all(|value| value.is_nan()));
         assert!(Table::<1>::default().broken_at_gaps().time_s.is_empty());
+        // Few samples keep the gap, and a stretch within it has no range.
+        assert!(broken.sampled(2).columns[0].iter().any(|value| value.is_nan()));
+        let ranges = broken.ranges(5);
+        assert!(ranges.mean[0][2].is_nan() && ranges.low[0][0] == 1.0 && ranges.high[0][0] == 3.0);
     }
 }

@@ -1,4 +1,4 @@
-//! Pages of logs and sessions, good and hostile.
+//! Pages of logs and sessions, valid and hostile.
 
 use super::*;
 use crate::log::{
@@ -10,7 +10,7 @@ use protocol::units::{CentiRpm, Count, Quaternion};
 use protocol::{Settings, State, Telemetry};
 use std::time::{Duration, SystemTime};
 
-/// Ends an attribute, an element and a script, and begins others; the last two end a line in older scripts.
+/// Ends an attribute, an element and a script, and begins others; the last two characters end a line in older scripts.
 const MARKUP: &str = "\"'><img src=x onerror=alert(1)></script><script>alert(2)</script>&lt;\u{2028}\u{2029}";
 
 const PLAN: &str = "[session]\nname = \"glycerin\"\n[trial]\ncalibrate = 0\npreroll = 0\nrun = 2\ndecay = 0\n\
@@ -20,7 +20,7 @@ fn host(seconds: f64) -> SystemTime {
     SystemTime::UNIX_EPOCH + Duration::from_secs_f64(1_700_000_000.0 + seconds)
 }
 
-/// A log of two seconds; `text` stands wherever a log holds text.
+/// A log of two seconds, with `text` in all of its texts.
 fn log(path: &Path, plan: &Plan, text: Option<&str>) {
     let start = Start {
         plan,
@@ -80,7 +80,7 @@ fn plan() -> Plan {
 }
 
 #[test]
-fn a_page_is_whole_small_and_written_again() {
+fn a_page_is_self_contained_small_and_written_again() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("001.mcap");
     log(&path, &plan(), None);
@@ -89,8 +89,8 @@ fn a_page_is_whole_small_and_written_again() {
     let page = std::fs::read_to_string(&written.html).unwrap();
     assert_eq!(written.bytes, page.len() as u64);
     assert!(page.len() < 400_000, "{}", page.len());
-    assert!(page.contains("001_w1+50_w2+10 at (50, 10) rpm") && page.contains("Every sample is drawn."));
-    // No address but those in comments of the library and names of formats.
+    assert!(page.contains("001_w1+50_w2+10 at (50, 10) rpm") && page.contains("The charts show every sample."));
+    // No address but those in comments of the library.
     for address in page.match_indices("://").map(|(at, _)| &page[at.saturating_sub(8)..(at + 40).min(page.len())]) {
         assert!(address.contains("github.com/leeoniya/uPlot"), "{address}");
     }
@@ -98,7 +98,7 @@ fn a_page_is_whole_small_and_written_again() {
 }
 
 #[test]
-fn what_is_no_page_of_ours_is_not_replaced() {
+fn other_files_are_not_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let (path, page) = (folder.path().join("a.mcap"), folder.path().join("a.html"));
     log(&path, &plan(), None);
@@ -113,13 +113,13 @@ fn what_is_no_page_of_ours_is_not_replaced() {
     assert!(matches!(of_log(&path, None, Some(&nowhere)), Err(ReportError::Write { .. })));
 }
 
-/// How many elements of a kind a page has.
+/// Returns how many elements of a kind a page has.
 fn count(page: &str, element: &str) -> usize {
     page.matches(&format!("<{element}")).count()
 }
 
 #[test]
-fn markup_in_every_text_is_text() {
+fn markup_in_any_text_is_escaped() {
     let folder = tempfile::tempdir().unwrap();
     let [good, bad] = ["good", "bad"].map(|name| folder.path().join(name).with_extension("mcap"));
     log(&good, &plan(), None);
@@ -137,7 +137,7 @@ fn markup_in_every_text_is_text() {
 }
 
 #[test]
-fn a_hostile_session_leads_nothing_out_of_its_folder() {
+fn a_hostile_session_reads_and_writes_nothing_outside_its_folder() {
     let outside = tempfile::tempdir().unwrap();
     let folder = outside.path().join("session");
     let hostile = "[session]\nname = \"../../escape\"\nnote = \"<script>alert(1)</script>\"\noperator = \"<b>\"\nrobot = \"/etc/passwd\"\n\
@@ -146,7 +146,7 @@ fn a_hostile_session_leads_nothing_out_of_its_folder() {
     let session = Session::create(&folder, &plan).unwrap();
     log(&folder.join("001_w1+50_w2+10.mcap"), &plan, Some("../../../escape"));
     std::fs::write(folder.join("002_w1+0_w2+45.mcap"), "no log").unwrap();
-    // A log that is a link to somewhere else is no log of the session.
+    // A link to a file elsewhere is no log of the session.
     std::fs::write(outside.path().join("secret.mcap"), "the secret outside").unwrap();
     std::os::unix::fs::symlink(outside.path().join("secret.mcap"), folder.join("003_w1+1_w2+2.mcap")).unwrap();
     let text = std::fs::read_to_string(folder.join("session.toml")).unwrap();
@@ -154,7 +154,7 @@ fn a_hostile_session_leads_nothing_out_of_its_folder() {
 
     let before = names(outside.path());
     let written = of_session(&Session::open(&folder).unwrap(), None, None);
-    // A log that no summary can be read from makes no session unreadable.
+    // One unreadable log does not keep the page from being written.
     let written = written.unwrap();
     assert_eq!(names(outside.path()), before);
     assert_eq!(written.html, folder.join("report.html"));
@@ -173,7 +173,7 @@ fn names(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn a_session_lists_what_it_has_and_what_it_has_not() {
+fn a_session_lists_its_trials_and_those_without_a_log() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path().join("session");
     let plan = plan();
@@ -185,6 +185,6 @@ fn a_session_lists_what_it_has_and_what_it_has_not() {
     assert!(
         page.contains("href=\"#trial-1\"") && page.contains("id=\"trial-1\"") && !page.contains("href=\"#trial-2\"")
     );
-    assert_eq!(page.matches("not yet").count(), 2);
-    assert!(page.contains("2 of 3 trials have no log yet."));
+    assert_eq!(page.matches("no log yet").count(), 2);
+    assert!(page.contains("No log yet: 2 of 3 trials."));
 }
