@@ -4,7 +4,7 @@
 //! the mean of every stretch, which the charts draw.
 
 use super::recording::{Event, LinkSecond, Recording};
-use super::table::{Column, Table, single};
+use super::table::{Column, Table, single, times};
 use super::text::clip;
 use super::view::{ByteBudget, MAX_EVENTS};
 use crate::attitude::Track;
@@ -74,14 +74,14 @@ impl Curves {
             Some(comparison) => compared(comparison, recording),
             None => alone(recording),
         };
-        let attitude = attitude.broken_at_gaps().fitted(&ATTITUDE, budget.series / 100 * 55);
+        let attitude = attitude.broken_at_gaps().fitted(&ATTITUDE, budget.series() / 100 * 70);
         let [target1, speed1, target2, speed2, ..] = recording.motors.columns.clone();
         let motors = Table { time_s: recording.motors.time_s.clone(), columns: [target1, speed1, target2, speed2] };
-        let motors = motors.broken_at_gaps().fitted(&MOTORS, budget.series / 100 * 30);
+        let motors = motors.broken_at_gaps().fitted(&MOTORS, budget.series() / 100 * 20);
 
         let (turns_time, [one, two]) = shapes_of.turns_source();
         let turns = Table { time_s: turns_time.to_vec(), columns: [one.to_vec(), two.to_vec()] };
-        let turns = turns.sampled((budget.series / 100 * 15 / TURNS_ROW_BYTES).min(MAX_TURNS));
+        let turns = turns.sampled((budget.series() / 100 * 10 / TURNS_ROW_BYTES).min(MAX_TURNS));
         // The clock of another log is shifted so that both runs begin together.
         let shift_s = match comparison {
             Some(comparison) if shapes_of.path != recording.path => {
@@ -91,25 +91,16 @@ impl Curves {
             _ => 0.0,
         };
         let robot = shapes_of.robot();
-        let shapes = shapes_of.shapes.page(&robot, budget.shapes);
-        let curves = Self {
-            sample_s: attitude.samples.interval_s().unwrap_or(0.0),
-            attitude_range_s: attitude.range_s(),
-            motors_range_s: motors.range_s(),
-            shapes_per_s: shapes["per_s"].as_f64().unwrap_or(0.0),
-            has_uncertainty: attitude.samples.columns[UNCERTAINTY].iter().any(|value| value.is_finite()),
-        };
-        let data = json!({
+        let mut data = json!({
             "end_s": recording.overview.duration_s,
             "phases": phases(recording),
             "marks": recording.events.iter().filter_map(mark).take(MAX_EVENTS).collect::<Vec<_>>(),
             "attitude": attitude.page(&ATTITUDE),
             "motors": motors.page(&MOTORS),
             "link": if recording.is_model() { Value::Null } else { link(&recording.link) },
-            "shapes": shapes,
             "turns": {
                 "shift_s": shift_s,
-                "time": single(&turns.time_s),
+                "time": times(&turns.time_s),
                 "one": single(&turns.columns[0]),
                 "two": single(&turns.columns[1]),
             },
@@ -120,6 +111,16 @@ impl Curves {
                 "length_m": robot.flagellum.axial_length_m,
             },
         });
+        let rest = budget.0.saturating_sub(data.to_string().len()).max(budget.0 - budget.series());
+        let shapes = shapes_of.shapes.page(&robot, rest);
+        let curves = Self {
+            sample_s: attitude.samples.interval_s().unwrap_or(0.0),
+            attitude_range_s: attitude.range_s(),
+            motors_range_s: motors.range_s(),
+            shapes_per_s: shapes["per_s"].as_f64().unwrap_or(0.0),
+            has_uncertainty: attitude.samples.columns[UNCERTAINTY].iter().any(|value| value.is_finite()),
+        };
+        data["shapes"] = shapes;
         (data, curves)
     }
 }
@@ -197,9 +198,15 @@ fn link(seconds: &[LinkSecond]) -> Value {
     let bars = |of: fn(&LinkSecond) -> u32| -> Vec<u64> {
         seconds.chunks(width).map(|bar| bar.iter().map(|second| u64::from(of(second))).sum()).collect()
     };
+    // The last bar is cut off by the end of the log, which looks like a loss.
+    let mut received: Vec<Option<u64>> = bars(|second| second.received).into_iter().map(Some).collect();
+    if received.len() > 1 {
+        received.pop();
+        received.push(None);
+    }
     json!({
         "width_s": width,
-        "received": bars(|second| second.received),
+        "received": received,
         "lost": bars(|second| second.lost),
         "retries": bars(|second| second.retries),
         "board": bars(|second| second.board),

@@ -159,9 +159,7 @@ fn view(log: &Path, comparison: Option<Comparison>, budget: ByteBudget) -> Resul
     let model_robot = comparison.as_ref().and_then(|comparison| model_robot(&comparison.modelled));
     let other = match &comparison {
         // The comparison has the angles; only shapes can be missing.
-        Some(comparison) if recording.shapes.is_empty() => {
-            Recording::read(&comparison.modelled, budget.frames()).ok()
-        }
+        Some(comparison) if recording.shapes.is_empty() => Recording::read(&comparison.modelled, budget.frames()).ok(),
         _ => None,
     };
     Ok(View::new(recording, other.as_ref(), comparison, model_robot, budget))

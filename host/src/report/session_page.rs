@@ -120,7 +120,8 @@ fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
         note("Not compared", comparison.skipped.len(), " The reasons are in the table.");
     }
     if !has_charts {
-        let text = "The session has too many trials for charts on one page. `biflag report LOG` draws those of one trial.";
+        let text =
+            "The session has too many trials for charts on one page. `biflag report LOG` draws those of one trial.";
         notes.push(text.to_owned());
     }
     notes

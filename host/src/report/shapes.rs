@@ -84,8 +84,9 @@ impl Shapes {
         // The tip is always drawn.
         let kept: Vec<usize> = (0..nodes).filter(|i| i % stride == 0 || i + 1 == nodes).collect();
         let frame_bytes = kept.len() * 2 * 3 * 2 * 4 / 3;
-        let every = frames.len().div_ceil((text_bytes / frame_bytes).max(2));
-        let chosen: Vec<&Frame> = frames.iter().step_by(every).collect();
+        let count = frames.len().min((text_bytes / frame_bytes).max(2));
+        let last = frames.len() - 1;
+        let chosen: Vec<&Frame> = (0..count).map(|i| &frames[i * last / (count - 1).max(1)]).collect();
         let mut coordinates = Vec::with_capacity(chosen.len() * kept.len() * 6);
         for frame in &chosen {
             for (k, line) in frame.lines.iter().enumerate() {

@@ -11,6 +11,12 @@ const GAP_S: f64 = 0.25;
 /// The least number of samples in a stretch, on average: the range of fewer says little.
 const STRETCH_SAMPLES: usize = 4;
 
+/// The most stretches: about a second each in a trial of two minutes. The mean of much less than a turn is no mean.
+const MAX_STRETCHES: usize = 120;
+
+/// Times that differ by less than this from an even spacing are stored as one.
+const EVEN_S: f64 = 5e-4;
+
 /// `N` quantities at the same times, which never decrease. NaN marks a missing value.
 #[derive(Clone, Debug)]
 pub(super) struct Table<const N: usize> {
@@ -125,17 +131,23 @@ impl<const N: usize> Table<N> {
         ranges
     }
 
-    /// Returns what fits into about `bytes` of text: the whole table, or evenly chosen samples and ranges in equal parts.
+    /// Returns what fits into about `bytes` of text: the whole table, or ranges, in at most half of the room, and evenly
+    /// chosen samples.
     pub fn fitted(&self, columns: &[Column; N], bytes: usize) -> Fitted<N> {
+        // Text has four characters for three bytes.
+        let bytes = bytes / 4 * 3;
         let present = || (0..N).filter(|k| self.has(*k)).map(|k| columns[k].has_range);
-        let row_bytes = text_len(4 + 2 * present().count());
+        let row_bytes = 2 * present().count();
         let rows = self.time_s.len();
-        if rows * row_bytes <= bytes {
+        let time_bytes = if even(&self.time_s).is_some() { 0 } else { 4 };
+        if rows * (time_bytes + row_bytes) <= bytes {
             return Fitted { samples: self.clone(), ranges: None };
         }
-        let stretch_bytes = text_len(present().map(|has_range| if has_range { 6 } else { 2 }).sum::<usize>().max(1));
-        let stretches = (bytes / 2 / stretch_bytes).clamp(1, (rows / STRETCH_SAMPLES).max(1));
-        Fitted { samples: self.sampled(bytes / 2 / row_bytes), ranges: Some(self.ranges(stretches)) }
+        let stretch_bytes = present().map(|has_range| if has_range { 6 } else { 2 }).sum::<usize>().max(1);
+        let most = MAX_STRETCHES.min(rows / STRETCH_SAMPLES).max(1);
+        let stretches = (bytes / 2 / stretch_bytes).clamp(1, most);
+        let rest = bytes - (stretches * stretch_bytes).min(bytes / 2);
+        Fitted { samples: self.sampled(rest / (4 + row_bytes)), ranges: Some(self.ranges(stretches)) }
     }
 
     /// Whether a column has a value.
@@ -148,7 +160,7 @@ impl<const N: usize> Fitted<N> {
     /// Returns the table for the page's script; columns without a value are left out.
     pub fn page(&self, columns: &[Column; N]) -> Value {
         let mut page = Map::new();
-        page.insert("time".to_owned(), single(&self.samples.time_s));
+        page.insert("time".to_owned(), times(&self.samples.time_s));
         let mut stretches = Map::new();
         for (k, column) in columns.iter().enumerate().filter(|(k, _)| self.samples.has(*k)) {
             page.insert(column.name.to_owned(), quantised(&self.samples.columns[k]));
@@ -177,11 +189,6 @@ impl<const N: usize> Fitted<N> {
     }
 }
 
-/// Length of so many bytes as text.
-fn text_len(bytes: usize) -> usize {
-    (bytes * 4).div_ceil(3)
-}
-
 /// Values for the page in 16 bits each: `from + step` times the number, 65535 for none.
 pub(super) fn quantised(values: &[f64]) -> Value {
     const LEVELS: f64 = 65_534.0;
@@ -191,6 +198,22 @@ pub(super) fn quantised(values: &[f64]) -> Value {
     let step = if most > least { (most - least) / LEVELS } else { 1.0 };
     let number = |value: &f64| if value.is_finite() { ((value - from) / step).round() as u16 } else { u16::MAX };
     json!({ "from": from, "step": step, "u16": bytes(values.iter().map(|value| number(value).to_le_bytes())) })
+}
+
+/// Times for the page: the first and their interval if they are even, else in 32 bits each.
+pub(super) fn times(values: &[f64]) -> Value {
+    match even(values) {
+        Some(step) => json!({ "from": values[0], "step": step, "count": values.len() }),
+        None => single(values),
+    }
+}
+
+/// Returns the interval of evenly spaced times.
+fn even(times: &[f64]) -> Option<f64> {
+    let [first, .., last] = times else { return None };
+    let step = (last - first) / (times.len() - 1) as f64;
+    let is_even = times.iter().enumerate().all(|(i, time)| (time - (first + i as f64 * step)).abs() < EVEN_S);
+    is_even.then_some(step)
 }
 
 /// Values for the page in 32 bits each.
@@ -279,13 +302,26 @@ mod tests {
     }
 
     #[test]
+    fn even_times_need_no_room() {
+        let every = |step: f64| (0..1000).map(|i| 0.3 + f64::from(i) * step).collect::<Vec<_>>();
+        let mut values = every(0.05);
+        assert_eq!(times(&values)["count"], 1000);
+        assert!((times(&values)["step"].as_f64().unwrap() - 0.05).abs() < 1e-12);
+        values[500] += 0.01;
+        assert!(times(&values)["f32"].is_string() && times(&[1.0])["f32"].is_string() && times(&[])["f32"] == "");
+        // 1000 rows of two bytes are 2667 bytes of text; with times of four bytes they would be 8000.
+        let whole = table(&(0..1000).map(f64::from).collect::<Vec<_>>());
+        assert!(whole.fitted(&ONE, 2_700).ranges.is_none() && whole.fitted(&ONE, 2_600).ranges.is_some());
+    }
+
+    #[test]
     fn a_fast_wobble_is_a_band_about_its_mean() {
         let values: Vec<f64> = (0..10_000).map(|i| 5.0 + (f64::from(i) * 0.31).sin()).collect();
         let fitted = table(&values).fitted(&ONE, 4_000);
         let ranges = fitted.ranges.as_ref().unwrap();
         for i in 0..ranges.mean[0].len() {
             let [low, high, mean] = [&ranges.low, &ranges.high, &ranges.mean].map(|column| column[0][i]);
-            // A stretch has 40 samples, about two periods.
+            // A stretch has 83 samples, about four periods.
             assert!(low < 4.02 && high > 5.98 && (mean - 5.0).abs() < 0.1, "{low} {mean} {high}");
         }
         let page = fitted.page(&ONE);

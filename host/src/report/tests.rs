@@ -188,3 +188,98 @@ fn a_session_lists_its_trials_and_those_without_a_log() {
     assert_eq!(page.matches("no log yet").count(), 2);
     assert!(page.contains("No log yet: 2 of 3 trials."));
 }
+
+/// The data of the `i`-th trial on a page.
+fn data(page: &str, i: usize) -> serde_json::Value {
+    let element = page.split(&format!("id=\"trial-{i}-data\">")).nth(1).unwrap();
+    serde_json::from_str(element.split("</script>").next().unwrap()).unwrap()
+}
+
+/// Numbers of the page in 16 or 32 bits.
+fn numbers(packed: &serde_json::Value) -> Vec<f64> {
+    use base64::Engine;
+    let decode = |text: &serde_json::Value| base64::prelude::BASE64_STANDARD.decode(text.as_str().unwrap()).unwrap();
+    if packed["f32"].is_string() {
+        return decode(&packed["f32"]).as_chunks().0.iter().map(|four| f32::from_le_bytes(*four).into()).collect();
+    }
+    let (from, step) = (packed["from"].as_f64().unwrap(), packed["step"].as_f64().unwrap());
+    decode(&packed["u16"]).as_chunks().0.iter().map(|two| from + step * f64::from(u16::from_le_bytes(*two))).collect()
+}
+
+#[test]
+fn a_trial_among_many_is_played_from_real_samples_and_drawn_with_its_range() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path().join("session");
+    let plan = Plan::parse(
+        "[trial]\ncalibrate = 0\npreroll = 0\nrun = 40\ndecay = 0\n[speeds]\ngrid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }\n",
+        "plan.toml",
+    )
+    .unwrap();
+    let session = Session::create(&folder, &plan).unwrap();
+    let trial = &plan.trials[0];
+    let start = Start { plan: &plan, trial, attempt: 1, origin: Origin::Rig, board: None, time: host(0.0) };
+    let mut writer = Writer::create(&folder.join(format!("{}.mcap", trial.name)), &start).unwrap();
+    writer.event(EventKind::Phase, "run", host(0.0)).unwrap();
+    // Pitch and roll go round a circle once in 0.65 s, so that a smallest pitch never comes with a smallest roll.
+    for i in 0..8_000_u16 {
+        let seconds = f64::from(i) * 0.005;
+        let angle = seconds / 0.65 * std::f64::consts::TAU;
+        let [pitch, roll] = [angle.sin(), angle.cos()].map(|part| (10.0 * part).to_radians() / 2.0);
+        let (sp, cp, sr, cr) = (pitch.sin(), pitch.cos(), roll.sin(), roll.cos());
+        let frame = Telemetry {
+            seq: Count(i),
+            attitude: Quaternion::from_f64([cp * cr, cp * sr, sp * cr, -sp * sr]),
+            state: State::Running,
+            ..Telemetry::default()
+        };
+        writer.telemetry(&frame, u64::from(i) * 5_000, host(seconds)).unwrap();
+    }
+    writer.event(EventKind::Phase, "end", host(40.0)).unwrap();
+    writer.finish(&Summary { end: End::Complete, ..Summary::default() }).unwrap();
+
+    let page = std::fs::read_to_string(of_session(&session, None, None).unwrap().html).unwrap();
+    let data = data(&page, 1);
+    let attitude = &data["attitude"];
+    let [pitch, roll] = ["pitch", "roll"].map(|name| numbers(&attitude[name]));
+    assert!((200..8_000).contains(&pitch.len()), "{}", pitch.len());
+    for (pitch, roll) in pitch.iter().zip(&roll) {
+        assert!((pitch.hypot(*roll) - 10.0).abs() < 0.02, "({pitch}, {roll}) is not on the circle");
+    }
+    // The charts have the whole range of every stretch about its mean.
+    let ranges = &attitude["ranges"];
+    let width_s = ranges["width_s"].as_f64().unwrap();
+    assert!(width_s > 0.2 && width_s < 2.0);
+    let part = |part: &str| numbers(&ranges["columns"]["pitch"][part]);
+    let (low, mean, high) = (part("low"), part("mean"), part("high"));
+    assert_eq!(low.len() as u64, ranges["count"].as_u64().unwrap());
+    assert!((0..low.len()).all(|i| low[i] <= mean[i] && mean[i] <= high[i]));
+    let extreme = |values: &[f64]| values.iter().copied().fold(0.0_f64, |most, value| most.max(value.abs()));
+    assert!((extreme(&low) - 10.0).abs() < 0.02 && (extreme(&high) - 10.0).abs() < 0.02);
+    assert!(page.contains(&format!("range of {width_s:.2} s (line: mean)")));
+}
+
+#[test]
+fn sessions_of_scattered_speeds_have_maps() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, pairs, marks) in [
+        ("subset", "[[-90, 0], [90, 90], [-50, 20], [0, 10], [40, 40], [10, 70], [60, 30]]", "<rect"),
+        ("scattered", "[[-90, 0], [90, 90], [-51.3, 20.2], [0, 11.7], [40, 43], [10.1, 70], [60, 30]]", "<circle"),
+        ("few", "[[-90, 0], [90, 90]]", ""),
+    ] {
+        let text = format!("[trial]\ncalibrate = 0\npreroll = 0\nrun = 2\ndecay = 0\n[speeds]\npairs = {pairs}\n");
+        let plan = Plan::parse(&text, "plan.toml").unwrap();
+        let folder = folder.path().join(name);
+        let session = Session::create(&folder, &plan).unwrap();
+        for trial in &plan.trials {
+            log(&folder.join(format!("{}.mcap", trial.name)), &plan, None);
+        }
+        let page = std::fs::read_to_string(of_session(&session, None, None).unwrap().html).unwrap();
+        let maps: Vec<&str> = page.split("<svg").skip(1).map(|map| map.split("</svg>").next().unwrap()).collect();
+        assert_eq!(maps.len(), if marks.is_empty() { 0 } else { 2 }, "{name}");
+        for map in maps {
+            let linked = map.split("<a href=\"#trial-").skip(1).filter(|link| link.contains(marks)).count();
+            assert_eq!(linked, plan.trials.len(), "{name}");
+            assert!(map.contains("speed of flagellum 1 (w1), rpm") && map.contains("|, °</text>"));
+        }
+    }
+}

@@ -106,7 +106,7 @@ fn tiles(view: &View) -> Markup {
             }
             @if let Some(model) = &view.overview.steady {
                 (tile("Settling time", &if model.settled { format!("{} s", number(model.settle_s, 0)) } else { "not settled".to_owned() },
-                    &html! { "least distance of the flagella " (number(model.min_gap_m * 1e3, 1)) " mm, " (word(&model.bundling)) }))
+                    &html! { "flagella " (word(&model.bundling)) ", least distance " (number(model.min_gap_m * 1e3, 1)) " mm" }))
             }
             @if !is_model {
                 (tile("Frames lost", &link.lost.to_string(), &html! {
@@ -270,8 +270,8 @@ fn charts(view: &View) -> Markup {
         @if !view.is_model() { (chart("link", &format!("Link, count per {per}"), &link)) }
         p.meta.small {
             @if view.curves.attitude_range_s.is_some() || view.curves.motors_range_s.is_some() {
-                "The charts show the range and the mean of every stretch of time. The values beside the robot are single samples, "
-                (number(view.curves.sample_s, 2)) " s apart, with straight lines between them."
+                "A shaded band is the range of the values in the time that the legend states, and its line their mean. The values \
+                 beside the robot are samples " (number(view.curves.sample_s, 2)) " s apart, linearly interpolated."
             } @else {
                 "The charts show every sample."
             }

@@ -79,28 +79,29 @@ pub(super) struct View {
     pub data: Value,
 }
 
-/// The room of a trial on a page, bytes of text.
+/// The room for the data of a trial on a page, bytes of text.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) struct ByteBudget {
-    pub series: usize,
-    pub shapes: usize,
-}
+pub(super) struct ByteBudget(pub usize);
 
 impl ByteBudget {
     /// An equal share of `bytes` for each of so many trials. A page of one trial opens faster below the limit.
     pub fn of(bytes: usize, trials: usize) -> Self {
-        let each = (bytes / trials.max(1)).min(3_500_000);
-        Self { series: each / 3 * 2, shapes: each / 3 }
+        Self((bytes / trials.max(1)).min(3_500_000))
     }
 
     /// Whether there is room for charts at all.
     pub fn is_enough(self) -> bool {
-        self.series >= 6_000
+        self.0 >= 8_000
+    }
+
+    /// The room for curves; what they leave, and at least as much as this leaves, is for the shapes.
+    pub fn series(self) -> usize {
+        self.0 / 4 * 3
     }
 
     /// How many shapes are worth reading.
     pub fn frames(self) -> usize {
-        self.shapes / 200
+        self.0 / 400
     }
 }
 

@@ -27,8 +27,12 @@ pub(super) fn warnings(recording: &Recording, comparison: Option<&Comparison>) -
     let mut warn = |brief: &str, text: String| warnings.push(Warning::new(brief, text));
     match overview.condition {
         Condition::Clean => {}
-        Condition::CutOff => warn("cut off", "The log is cut off. The page shows the part that can be read.".to_owned()),
-        Condition::Damaged => warn("damaged", "The log is damaged. The page shows the parts that can be read.".to_owned()),
+        Condition::CutOff => {
+            warn("cut off", "The log is cut off. The page shows the part that can be read.".to_owned())
+        }
+        Condition::Damaged => {
+            warn("damaged", "The log is damaged. The page shows the parts that can be read.".to_owned())
+        }
     }
     if let Some(summary) = &overview.summary {
         let why = if summary.reason.is_empty() { String::new() } else { format!(": {}", clip(&summary.reason, 300)) };

@@ -227,10 +227,13 @@ biflag.Chart = class {
       ctx.strokeStyle = ctx.fillStyle = biflag.colour(colour);
       ctx.setLineDash(kind === "fault" ? [] : [3 * devicePixelRatio, 3 * devicePixelRatio]);
       ctx.lineWidth = devicePixelRatio;
-      ctx.beginPath();
-      ctx.moveTo(x, bbox.top);
-      ctx.lineTo(x, bbox.top + bbox.height);
-      ctx.stroke();
+      // A model's log has a note for each change of the bundling: too many lines hide the curves.
+      if (kind !== "note") {
+        ctx.beginPath();
+        ctx.moveTo(x, bbox.top);
+        ctx.lineTo(x, bbox.top + bbox.height);
+        ctx.stroke();
+      }
       ctx.fillText(sign, x, bbox.top - 3 * devicePixelRatio);
     }
     ctx.restore();

@@ -5,8 +5,9 @@ const biflag = {};
 
 biflag.bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
 
-/** Numbers in 16 or 32 bits; `null` for a missing value. */
+/** Numbers in 16 or 32 bits, or evenly spaced ones; `null` for a missing value. */
 biflag.numbers = (packed) => {
+  if (packed.count !== undefined) return Array.from({ length: packed.count }, (_, i) => packed.from + i * packed.step);
   if (packed.f32 !== undefined) return Array.from(new Float32Array(biflag.bytes(packed.f32)));
   const { from, step } = packed;
   return Array.from(new Uint16Array(biflag.bytes(packed.u16)), (n) => (n === 65535 ? null : from + step * n));

@@ -17,8 +17,8 @@ biflag.Trial = class {
     }
     this.end = this.data.end_s;
     const run = this.data.phases.find(([name]) => name === "run");
-    // The steady values are at the end of the run.
-    this.time = run ? run[2] : this.end;
+    // The attitude is steady at the end of the run, before the next phase.
+    this.time = run ? Math.max(run[1], run[2] - 0.01) : this.end;
     this.fresh = true;
     this.find();
     this.scene = new biflag.Scene(section.querySelector(".scene canvas"), this);

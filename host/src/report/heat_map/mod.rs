@@ -105,7 +105,10 @@ impl Map<'_> {
         let shown = self.points.len();
         match Axis::of_both(self.points) {
             [Axis::Grid(across), Axis::Grid(down)] if shown < across.count * down.count => {
-                format!("{shown} of the {} pairs of speeds of the grid; empty cells have no value. {span}", across.count * down.count)
+                format!(
+                    "{shown} of the {} pairs of speeds of the grid; empty cells have no value. {span}",
+                    across.count * down.count
+                )
             }
             [Axis::Grid(_), Axis::Grid(_)] => format!("{shown} pairs of speeds. {span}"),
             _ => format!("{shown} pairs of speeds, each a dot. {span}"),
@@ -216,7 +219,7 @@ fn mark(point: &Point, scale_deg: f64, plot: &Plot) -> Markup {
 
 fn colour_scale(scale_deg: f64, symbol: &str, bottom: f64) -> Markup {
     let (left, height) = (WIDTH - SCALE + 18.0, bottom - TOP);
-    let decimals = if scale_deg < 10.0 { 1 } else { 0 };
+    let decimals = if scale_deg < 1.0 { 2 } else { 1 };
     html! {
         text x=(short(left)) y="12" { (symbol) ", °" }
         @for i in 0..50 {
@@ -276,8 +279,7 @@ mod tests {
     fn repeats_share_a_point() {
         let point =
             |w1: f64, value_deg: f64| Point { speeds_rpm: [w1, 0.0], value_deg, anchor: Some(format!("{value_deg}")) };
-        let points =
-            without_repeats([point(1.0, 2.0), point(2.0, 9.0), point(1.0, 4.0), point(1.0, 6.0)].into_iter());
+        let points = without_repeats([point(1.0, 2.0), point(2.0, 9.0), point(1.0, 4.0), point(1.0, 6.0)].into_iter());
         let values: Vec<_> = points.iter().map(|point| (point.value_deg, point.anchor.as_deref())).collect();
         assert_eq!(values, [(4.0, Some("2")), (9.0, Some("9"))]);
     }
@@ -295,9 +297,13 @@ mod tests {
     #[test]
     fn part_of_a_grid_keeps_its_cells_in_place_and_leaves_the_others_empty() {
         let whole = points(19, 10);
-        let part: Vec<_> = whole.iter().enumerate().filter(|(i, _)| i % 5 < 2 || *i == 189).map(|(_, p)| p.clone()).collect();
+        let part: Vec<_> =
+            whole.iter().enumerate().filter(|(i, _)| i % 5 < 2 || *i == 189).map(|(_, p)| p.clone()).collect();
         let ((whole, _), (part_map, caption)) = (map(&whole), map(&part));
-        assert!(caption.starts_with("77 of the 190 pairs of speeds of the grid; empty cells have no value."), "{caption}");
+        assert!(
+            caption.starts_with("77 of the 190 pairs of speeds of the grid; empty cells have no value."),
+            "{caption}"
+        );
         assert_eq!(part_map.matches("<title>").count(), 77);
         let outline = |map: &str| map.split("<path").nth(1).unwrap().split('>').next().unwrap().to_owned();
         assert_eq!(outline(&part_map), outline(&whole));
@@ -320,7 +326,11 @@ mod tests {
         assert_eq!(caption, "9 pairs of speeds, each a dot. |ψ| from 0.00° to 8.00°.");
         let place = |name: &str| -> Vec<f64> {
             let marks = map.split("<circle").skip(1);
-            marks.map(|mark| mark.split(&format!("{name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()).collect()
+            marks
+                .map(|mark| {
+                    mark.split(&format!("{name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+                })
+                .collect()
         };
         let (x, y) = (place("cx"), place("cy"));
         assert!(x.is_sorted() && y.is_sorted(), "w2 falls as w1 rises");
@@ -328,6 +338,8 @@ mod tests {
         let share = |values: &[f64], i: usize| (values[i] - values[0]) / (values[8] - values[0]);
         let speeds: Vec<f64> = points.iter().map(|point| point.speeds_rpm[0]).collect();
         assert!((0..9).all(|i| (share(&x, i) - share(&speeds, i)).abs() < 0.002));
-        assert!(x.iter().all(|x| (LEFT..WIDTH - SCALE).contains(x)) && y.iter().all(|y| (TOP..TOP + 250.0).contains(y)));
+        assert!(
+            x.iter().all(|x| (LEFT..WIDTH - SCALE).contains(x)) && y.iter().all(|y| (TOP..TOP + 250.0).contains(y))
+        );
     }
 }
