@@ -1,8 +1,9 @@
-//! The pages of `biflag report` in a real browser: opened from disk, played, scrubbed, read, made small, and printed. The
-//! pictures that it takes are in `target/report-pictures`.
+//! The pages of `biflag report` in a real browser: opened from disk, played, read, on a phone, and printed. The pictures are
+//! in `target/report-pictures`.
 
-use host::log::{Body, EventKind, Origin, PlanMeta, Reader, Start, Summary, TrialMeta, Writer};
+use host::log::{Body, EventKind, Message, Origin, PlanMeta, Reader, Start, Summary, TrialMeta, Writer};
 use host::plan::Plan;
+use host::session::Session;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -14,13 +15,13 @@ fn picture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("report-pictures").join(name)
 }
 
-/// The page that `biflag report` writes of something.
+/// Writes the page of a log or a session and returns its path.
 fn report(bench: &Bench, subject: &str, code: i32) -> PathBuf {
     let answer = bench.run(["report", subject, "--json"]).expect_code(code).json();
     bench.path().join(answer["html"].as_str().unwrap())
 }
 
-/// Sets the time as one who drags the slider does.
+/// Sets the time by the slider.
 fn scrub(browser: &mut Browser, time_s: f64) {
     browser.evaluate(&format!(
         "(() => {{ const s = document.querySelector('section:not([hidden]) .scrub'); s.value = {time_s}; \
@@ -28,10 +29,18 @@ fn scrub(browser: &mut Browser, time_s: f64) {
     ));
 }
 
-/// Every pixel of the view of the robot, as one text.
+/// Returns the pixels of the view of the robot as text.
 fn view(browser: &mut Browser) -> String {
     let pixels = browser.evaluate("document.querySelector('section:not([hidden]) .scene canvas').toDataURL()");
     pixels.as_str().unwrap().to_owned()
+}
+
+/// Prints the page and returns the text of the PDF.
+fn printed(browser: &mut Browser, name: &str) -> String {
+    let pdf = picture(name);
+    browser.print(&pdf);
+    let text = Command::new("pdftotext").arg("-layout").arg(&pdf).arg("-").output().unwrap();
+    String::from_utf8_lossy(&text.stdout).into_owned()
 }
 
 fn is_quiet(browser: &Browser, page: &Path) {
@@ -43,7 +52,7 @@ fn is_quiet(browser: &Browser, page: &Path) {
 }
 
 #[test]
-fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
+fn a_trial_is_played_and_its_values_are_those_of_the_log() {
     let bench = Bench::new();
     bench.run(["simulate", "--speeds=50,10", "--duration", "30", "--shapes", "--rate", "50", "--out", "s"]);
     let log = bench.path().join("s/001_w1+50_w2+10.mcap");
@@ -58,7 +67,7 @@ fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
     is_quiet(&browser, &page);
     browser.picture(&picture("trial-light.png"));
 
-    // What stands beside the view at a time is what the log has then.
+    // The values beside the robot are those of the log.
     let mut samples = Vec::new();
     for message in Reader::open(&log).unwrap() {
         if let Body::Telemetry(telemetry) = message.unwrap().body {
@@ -111,7 +120,10 @@ fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
     browser.key("End", 35);
     assert!((browser.number("[data-out^=time]").unwrap() - 30.0).abs() < 0.02);
 
-    // A chart shows less time when dragged across.
+    // The values under the pointer, and zooming by dragging across a chart.
+    browser.hover("[data-chart=pitch] .u-over");
+    let tooltip = browser.text("[data-chart=pitch] .tooltip");
+    assert!(tooltip.contains(" smodel ") && !tooltip.contains('–'), "{tooltip}");
     let [x, y] = browser.middle("[data-chart=pitch] .u-over");
     browser.drag([x - 60.0, y], [x + 60.0, y]);
     browser.picture(&picture("trial-zoomed.png"));
@@ -128,15 +140,12 @@ fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
 
     browser.window(1280, 900, false);
     browser.open(&page);
-    let pdf = picture("trial.pdf");
-    browser.print(&pdf);
-    let text = Command::new("pdftotext").args(["-layout"]).arg(&pdf).arg("-").output().unwrap();
-    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    let text = printed(&mut browser, "trial.pdf");
     assert!(text.contains("001_w1+50_w2+10 at (50, 10) rpm") && text.contains("Steady yaw"), "{text}");
     is_quiet(&browser, &page);
 }
 
-/// Ends an attribute, an element and a script, and would note that it ran.
+/// Ends an attribute, an element and a script, and would leave a trace if it ran.
 const MARKUP: &str =
     "\"'><img src=x onerror=\"window.ran=1;alert(1)\"></script><script>window.ran=2</script><b onmouseover=alert(3)>";
 
@@ -175,11 +184,11 @@ fn markup_in_a_log_runs_nothing_and_adds_no_element() {
     assert_eq!(browser.evaluate("document.documentElement.dataset.ready"), json!("yes"));
     is_quiet(&browser, &page);
 
-    // Had an element slipped through, its script would not run: the policy forbids it.
+    // If an element slipped through, the policy would block its script.
     browser.evaluate("document.body.insertAdjacentHTML('beforeend', '<img src=data:, onerror=\"window.ran=3\">')");
     browser.evaluate("new Promise((done) => setTimeout(done, 200)).then(() => 0)");
     assert_eq!(browser.evaluate("window.ran ?? null"), json!(null));
-    assert!(!browser.problems.is_empty(), "the refusal stands on the console");
+    assert!(!browser.problems.is_empty(), "the refusal is on the console");
 }
 
 #[test]
@@ -226,11 +235,109 @@ fn a_session_shows_its_map_and_opens_its_trials() {
     assert!(browser.evaluate("document.documentElement.scrollWidth") == json!(360), "nothing is wider than a phone");
     browser.picture(&picture("session-phone.png"));
     browser.window(1280, 900, false);
-    browser.print(&picture("session.pdf"));
+    browser.open(&page);
+    let text = printed(&mut browser, "session.pdf");
+    assert!(
+        text.contains("028_w1+90_w2+90") && !text.contains("Settling time"),
+        "28 trials are a table on paper: {text}"
+    );
     is_quiet(&browser, &page);
 }
 
-/// Seconds that a run of `biflag` takes, and the most memory that it has, MB.
+#[test]
+fn a_trial_among_many_is_drawn_with_its_range() {
+    let bench = Bench::new();
+    bench.run(["simulate", "--speeds=-90,90", "--duration", "60", "--shapes", "--out", "one"]);
+    // As the first trial of the published map, it has a small part of the page.
+    let map = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/plans/published-map.toml"));
+    let plan = Plan::parse(&map.unwrap().replace("[session]", "[session]\nrepeats = 4"), "map.toml").unwrap();
+    let session = Session::create(&bench.path().join("map"), &plan).unwrap();
+    let trial = plan.trials.iter().position(|trial| trial.name.contains("w1-90_w2+90")).unwrap();
+    let log = session.folder().join(format!("{}.mcap", plan.trials[trial].name));
+    std::fs::copy(bench.path().join("one/001_w1-90_w2+90.mcap"), &log).unwrap();
+    let page = report(&bench, "map", 0);
+
+    let mut browser = Browser::start();
+    browser.window(1400, 900, false);
+    browser.open(&page);
+    browser.evaluate(&format!("location.hash = 'trial-{}'", trial + 1));
+    browser.evaluate("new Promise((done) => setTimeout(done, 100)).then(() => 0)");
+    assert!(browser.text("section:not([hidden]) .charts").contains("range of 0.5"));
+    browser.hover("section:not([hidden]) [data-chart=roll] .u-over");
+    let tooltip = browser.text("section:not([hidden]) [data-chart=roll] .tooltip");
+    assert!(tooltip.contains(" s, mean (range)model ") && tooltip.contains(" to "), "{tooltip}");
+    browser.picture(&picture("ranges.png"));
+
+    // The playback shows samples of the log, not extremes of the ranges.
+    let times = browser.evaluate(&format!(
+        "biflag.numbers(JSON.parse(document.getElementById('trial-{}-data').textContent).attitude.time)",
+        trial + 1
+    ));
+    let times: Vec<f64> = times.as_array().unwrap().iter().map(|time| time.as_f64().unwrap()).collect();
+    let telemetry = |message: Result<Message, _>| match message.unwrap().body {
+        Body::Telemetry(telemetry) => Some(telemetry),
+        _ => None,
+    };
+    let samples: Vec<_> = Reader::open(&log).unwrap().filter_map(telemetry).collect();
+    assert!(times.len() < samples.len());
+    for time in times.iter().step_by(times.len() / 20) {
+        scrub(&mut browser, *time);
+        let sample = samples.iter().find(|sample| (sample.time_s - time).abs() < 1e-3).expect("a sample of the log");
+        for (name, value) in [("pitch", sample.pitch_deg), ("roll", sample.roll_deg)] {
+            let shown = browser.number(&format!("section:not([hidden]) [data-out='attitude {name} 2']")).unwrap();
+            assert!((shown - value).abs() < 0.02, "{name} at {time} s: {shown}, not {value}");
+        }
+    }
+    is_quiet(&browser, &page);
+}
+
+#[test]
+fn a_comparison_is_printed_whole_and_names_the_robot_of_its_model() {
+    let bench = Bench::new();
+    bench.file(
+        "plan.toml",
+        "[trial]\ncalibrate = 0\npreroll = 1\nrun = 8\ndecay = 1\n[speeds]\npairs = [[50, 10], [-90, 90]]\n",
+    );
+    bench.file("fitted.toml", "# Fitted to the trials of a Tuesday.\n[fluid]\nviscosity_pa_s = 1.2345\n");
+    bench.run(["simulate", "plan.toml", "--shapes", "--out", "s"]);
+    let answer = bench.run(["compare", "s", "--robot", "fitted.toml", "--json"]).json();
+    let page = bench.path().join(answer["report"].as_str().unwrap());
+
+    let mut browser = Browser::start();
+    browser.window(1400, 900, false);
+    browser.open(&page);
+    let fits = "document.querySelector('.scroll').scrollWidth <= document.querySelector('.scroll').clientWidth";
+    assert_eq!(browser.evaluate(fits), json!(true), "the table fits the window");
+    browser.picture(&picture("comparison.png"));
+    let text = printed(&mut browser, "comparison.pdf");
+    for (words, count) in [
+        ("001_w1+50_w2+10 at (50, 10) rpm", 1),
+        ("002_w1-90_w2+90 at (−90, 90) rpm", 1),
+        ("Roll φ, °", 4),
+        ("Speed of the flagella, rpm", 2),
+        ("Events (", 2),
+        ("Provenance", 2),
+        ("Time shift", 2),
+        ("fitted.toml, closure full", 4),
+        ("# Fitted to the trials of a Tuesday.", 1),
+        ("viscosity_pa_s = 1.2345", 2),
+        ("pairs = [[50, 10], [-90, 90]]", 1),
+        ("Notes", 1),
+    ] {
+        assert_eq!(text.matches(words).count(), count, "{words}: {text}");
+    }
+    // Four charts and the robot of each trial are pictures.
+    let images = Command::new("pdfimages").arg("-list").arg(picture("comparison.pdf")).output().unwrap();
+    let images = String::from_utf8_lossy(&images.stdout).lines().filter(|line| line.contains(" image ")).count();
+    assert!(images >= 10, "{images} pictures");
+    // Chromium shrinks a page with anything wider than the paper.
+    browser.call("Emulation.setEmulatedMedia", json!({ "media": "print" }));
+    browser.window(688, 900, false);
+    assert_eq!(browser.evaluate("document.documentElement.scrollWidth"), json!(688), "the page fits the paper");
+    is_quiet(&browser, &page);
+}
+
+/// Runs `biflag`; returns how long it took, s, and its peak memory, MB.
 fn measured(bench: &Bench, arguments: &[&str]) -> (Run, f64, f64) {
     let begun = Instant::now();
     let mut child = bench.start(arguments);
