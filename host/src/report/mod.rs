@@ -115,7 +115,7 @@ fn of_session(
     let out = out.map_or_else(|| session.folder().join("report.html"), Path::to_owned);
     check(&out)?;
     let states = session.states()?;
-    let budget = ByteBudget::of(DATA_BYTES, states.len());
+    let budget = ByteBudget::of(DATA_BYTES, states.iter().filter(|state| !state.attempts.is_empty()).count());
     let row = |state: &TrialState| {
         let trial = &state.trial;
         let attempt = state.complete().or(state.attempts.last());

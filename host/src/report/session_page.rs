@@ -93,7 +93,7 @@ fn tiles(views: &[&View], trials: usize, comparison: Option<&SessionComparison>)
                 }
             }
             @if !views.iter().all(|view| view.is_model()) {
-                (tile("Frames lost", &link.lost.to_string(), &html! { "of " (link.samples + link.lost) "; " (count(link.retries, "retry", "retries")) }))
+                (tile("Frames lost", &link.lost.to_string(), &html! { "of " (link.samples + link.lost) " frames; " (count(link.retries, "retry", "retries")) }))
             } @else {
                 (tile("Samples", &link.samples.to_string(), &html! { "computed by the model" }))
             }
@@ -184,7 +184,7 @@ fn table(rows: &[Row], has_charts: bool) -> Markup {
     let any = |what: fn(&View) -> bool| rows.iter().filter_map(Row::view).any(what);
     let columns = Columns {
         charts: has_charts,
-        uncertainty: any(|view| view.steady.is_some_and(|steady| steady.yaw_uncertainty_deg.is_some())),
+        uncertainty: any(|view| view.steady.is_some_and(|steady| steady.yaw_uncertainty_deg > Some(0.0))),
         compared: any(|view| view.comparison.is_some()),
         link: any(|view| !view.is_model()),
     };
@@ -220,7 +220,7 @@ fn line(row: &Row, i: usize, columns: Columns) -> Markup {
             td data-key=(row.speeds_rpm[0]) { (plain(row.speeds_rpm[0])) }
             td data-key=(row.speeds_rpm[1]) { (plain(row.speeds_rpm[1])) }
             (cell(angle(0), 2))
-            @if columns.uncertainty { (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg), 2)) }
+            @if columns.uncertainty { (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg).filter(|deg| *deg > 0.0), 2)) }
             (cell(angle(1), 2)) (cell(angle(2), 2))
             @if columns.compared {
                 (cell(comparison.map(|c| c.steady_modelled_deg[0]), 2)) (cell(comparison.map(|c| c.steady_modelled_deg[1]), 2))

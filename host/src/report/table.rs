@@ -34,7 +34,7 @@ pub(super) struct Column {
 /// A table cut down to the size of its room on the page.
 #[derive(Clone, Debug)]
 pub(super) struct Fitted<const N: usize> {
-    /// All samples, or evenly chosen ones: each row was measured as it stands.
+    /// All samples, or evenly chosen ones: each row is a real one.
     pub samples: Table<N>,
     /// What the charts draw where the samples are not all there.
     pub ranges: Option<Ranges<N>>,

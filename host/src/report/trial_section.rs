@@ -110,7 +110,7 @@ fn tiles(view: &View) -> Markup {
             }
             @if !is_model {
                 (tile("Frames lost", &link.lost.to_string(), &html! {
-                    "of " (link.samples + link.lost) "; " (count(link.crc_errors, "CRC error", "CRC errors")) ", " (count(link.retries, "retry", "retries"))
+                    "of " (link.samples + link.lost) " frames; " (count(link.crc_errors, "CRC error", "CRC errors")) ", " (count(link.retries, "retry", "retries"))
                 }))
             }
         }
@@ -150,7 +150,8 @@ pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
 fn scene(view: &View) -> Markup {
     let whose = if view.borrowed_shapes { "the model’s log" } else { "the log" };
     let pointers = if view.comparison.is_some() {
-        format!("The solid pointer is the yaw, {}; the dashed one is the yaw of the model.", view.own_name())
+        let own = if view.is_model() { "yaw of this log" } else { "measured yaw" };
+        format!("The solid pointer is the {own}; the dashed one is the yaw of the model.")
     } else {
         "The pointer is the yaw.".to_owned()
     };
