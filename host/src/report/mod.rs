@@ -34,7 +34,7 @@ use view::{ByteBudget, ModelRobot, View};
 use warnings::Warning;
 
 /// Room for the data of all trials, bytes. With the scripts and the texts, a page stays below 10 MB.
-const DATA_BYTES: usize = 7_500_000;
+const DATA_BYTES: usize = 7_000_000;
 
 /// The most trials of a session that are printed in full; of more, only the one that is open.
 const MAX_PRINTED: usize = 20;

@@ -7,6 +7,7 @@
 use super::curves::Curves;
 use super::recording::{Event, Recording};
 use super::warnings::{Warning, warnings};
+use crate::log::schema::biflag::event::Kind;
 use crate::log::{End, ModelMeta, Origin, ReplayMeta, RobotMeta};
 use crate::overview::Overview;
 use crate::twin::Comparison;
@@ -99,6 +100,11 @@ impl ByteBudget {
         self.0 / 4 * 3
     }
 
+    /// How many events to list.
+    fn events(self) -> usize {
+        (self.0 / 1_000).min(MAX_EVENTS)
+    }
+
     /// How many shapes are worth reading.
     pub fn frames(self) -> usize {
         self.0 / 400
@@ -137,9 +143,9 @@ impl View {
             (view.data, view.curves) = Curves::fit(&recording, shapes_of, comparison, budget);
             view.data["own"] = view.own_name().into();
         }
-        view.more_events = recording.more_events + recording.events.len().saturating_sub(MAX_EVENTS);
-        view.events = recording.events;
-        view.events.truncate(MAX_EVENTS);
+        let most = budget.events();
+        view.more_events = recording.more_events + recording.events.len().saturating_sub(most);
+        view.events = most_important(recording.events, most);
         view
     }
 
@@ -168,6 +174,17 @@ impl View {
     }
 }
 
+/// Returns at most `most` events in the order of time: first of all phases, faults and warnings.
+fn most_important(events: Vec<Event>, most: usize) -> Vec<Event> {
+    let is_important = |event: &Event| matches!(event.kind, Kind::Phase | Kind::Fault | Kind::Warning);
+    let (mut kept, others): (Vec<Event>, Vec<Event>) = events.into_iter().partition(is_important);
+    kept.truncate(most);
+    let room = most - kept.len();
+    kept.extend(others.into_iter().take(room));
+    kept.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    kept
+}
+
 fn steady(overview: &Overview, comparison: Option<&Comparison>) -> Option<Steady> {
     if let Some(comparison) = comparison {
         return Some(Steady {
@@ -185,4 +202,25 @@ fn steady(overview: &Overview, comparison: Option<&Comparison>) -> Option<Steady
         yaw_uncertainty_deg: angles.yaw_uncertainty_deg,
         modelled_deg: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_notes_hide_no_fault() {
+        let event = |i: u32, kind| Event { time_s: i.into(), kind, text: String::new() };
+        let notes = (0..100).map(|i| event(i, Kind::Note));
+        let events: Vec<Event> = notes.chain([event(100, Kind::Fault), event(101, Kind::Phase)]).collect();
+        let kept = most_important(events, 10);
+        let times: Vec<f64> = kept.iter().map(|event| event.time_s).collect();
+        assert_eq!(times, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 100.0, 101.0]);
+    }
+
+    #[test]
+    fn a_page_of_many_trials_lists_fewer_events() {
+        assert_eq!(ByteBudget::of(7_000_000, 1).events(), MAX_EVENTS);
+        assert_eq!(ByteBudget::of(7_000_000, 190).events(), 36);
+    }
 }

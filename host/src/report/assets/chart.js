@@ -234,7 +234,7 @@ biflag.Chart = class {
         ctx.lineTo(x, bbox.top + bbox.height);
         ctx.stroke();
       }
-      ctx.fillText(sign, x, bbox.top - 3 * devicePixelRatio);
+      ctx.fillText(sign, x, bbox.top + devicePixelRatio);
     }
     ctx.restore();
   }
