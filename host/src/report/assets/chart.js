@@ -141,8 +141,9 @@ biflag.Chart = class {
     const { left, idx } = u.cursor;
     const inside = left >= 0 && idx !== null && idx !== undefined;
     this.trial.hover(inside ? u.posToVal(left, "x") : null);
-    this.tooltip.hidden = !inside;
-    if (!inside) return;
+    // The pointer is in one chart, the cursor in all of them.
+    this.tooltip.hidden = !inside || !u.over.matches(":hover");
+    if (this.tooltip.hidden) return;
     const { table, spec } = this;
     const text = (column) => biflag.format(table[column]?.[idx], spec.decimals);
     const values = this.lines.map((line) => {
