@@ -165,7 +165,8 @@ impl<'a> Recorder<'a> {
     }
 
     /// Starts the stream and begins the trial with its first frame that bears a fresh reading of the sensor, which takes
-    /// a moment to start after new settings. A sensor that does not start becomes a fault.
+    /// a moment to start after new settings. A sensor that does not start becomes a fault. A simulated robot's trial
+    /// begins where its shape is sampled, so that its samples are at the same times whenever the stream started.
     ///
     /// What the board sent before belongs to no trial: another program may have left it streaming.
     pub(super) fn begin(&mut self) -> Result<(), RecordError> {
@@ -185,7 +186,8 @@ impl<'a> Recorder<'a> {
         self.last_heard = Instant::now();
         loop {
             let frame = self.next_frame()?;
-            if frame.telemetry.imu_fresh || frame.telemetry.fault != Fault::None {
+            let fresh = frame.telemetry.imu_fresh && self.is_sampled(&frame)?;
+            if fresh || frame.telemetry.fault != Fault::None {
                 self.begun_us = frame.board_us;
                 self.ahead = Some(Frame { time_s: 0.0, ..frame });
                 return Ok(());
@@ -266,6 +268,11 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
+    /// Returns whether a simulated robot gives its shape in this frame's tick; true where there is none.
+    fn is_sampled(&mut self, frame: &Frame) -> Result<bool, RecordError> {
+        self.truth.as_mut().map_or(Ok(true), |truth| Ok(truth.has_shape_in(frame.board_us)?))
+    }
+
     /// Keeps the truth up to the last frame that was kept, where a simulated robot tells it.
     fn keep_truth(&mut self) -> Result<(), RecordError> {
         match (&mut self.truth, self.reached_us) {
@@ -274,8 +281,12 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// The same at the trial's end, with all that there is.
+    /// The same at the trial's end: all that came before the frame that ended it, so that the number of samples does not
+    /// depend on where they lie between the frames.
     pub(super) fn end_truth(&mut self) -> Result<(), RecordError> {
+        if let Some(end) = &self.ahead {
+            self.reached_us = self.reached_us.max(end.board_us.checked_sub(1));
+        }
         if let Some(truth) = &mut self.truth {
             truth.ask()?;
         }

@@ -8,6 +8,7 @@ use crate::model::{messages, shapes};
 use crate::plan::Plan;
 use crate::robot_file;
 use miette::{IntoDiagnostic, WrapErr};
+use protocol::TICK_HZ;
 use sim::robot::closure::Closure;
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -18,6 +19,9 @@ const RATE_HZ: f64 = 50.0;
 
 /// How often the robot is asked: a killed recording loses that and what the log loses anyway.
 const INTERVAL: Duration = Duration::from_millis(50);
+
+/// The board's tick.
+const TICK_US: u32 = 1_000_000 / TICK_HZ as u32;
 
 /// An emulated board with a simulated robot behind it.
 #[derive(Debug)]
@@ -55,6 +59,20 @@ pub(super) struct Truth<'a> {
 impl<'a> Truth<'a> {
     pub(super) fn new(robot: &'a SimulatedRobot) -> Self {
         Self { robot, asked: Instant::now(), ahead: VecDeque::new() }
+    }
+
+    /// Returns whether the robot's shape is sampled in the tick that begins at `tick_us` of the board's clock.
+    ///
+    /// The board samples its robot from power-on, each tenth of a second with the shape. A trial that began at any frame
+    /// would have its samples at other times, and sometimes one less, each time it is recorded.
+    pub(super) fn has_shape_in(&mut self, tick_us: u64) -> Result<bool, VirtualError> {
+        let since_tick = |sample_us: u32| sample_us.wrapping_sub(tick_us as u32);
+        let newest = self.ahead.back().and_then(|sample| sample.board_us);
+        if newest.is_none_or(|newest| since_tick(newest).cast_signed() < 0) {
+            self.ask()?;
+        }
+        let shapes = self.ahead.iter().filter(|sample| sample.sample.shapes_m.is_some());
+        Ok(shapes.filter_map(|sample| sample.board_us).any(|sample_us| since_tick(sample_us) < TICK_US))
     }
 
     /// Keeps what came up to `until_us` of the board's clock in the log of a trial that began at `begun_us`. Asks for more
