@@ -1,6 +1,7 @@
 //! The thread that owns the port: it reads, decodes, answers nothing late, and tells what came.
 
 use protocol::frame::{Accumulator, FrameError, MAX_FRAME, encode};
+use protocol::units::Micros;
 use protocol::{Command, Message, Reply, Request, Telemetry};
 use serialport::SerialPort;
 use std::collections::VecDeque;
@@ -69,7 +70,8 @@ const BACK_OFF: [Duration; 5] = [
     Duration::from_millis(400),
 ];
 
-/// Between pings, which feed the motors' deadline (500 ms by default) and hold the two clocks together.
+/// Between pings, which feed the motors' deadline (500 ms by default) and hold the two clocks together. By the host's
+/// clock or by the board's, whichever is earlier: an emulated board may run faster than real time.
 const PING_EVERY: Duration = Duration::from_millis(20);
 
 /// A program that neither asks nor listens for so long hangs. Bringing a log to a slow disk may take its time.
@@ -88,6 +90,9 @@ pub(super) struct Worker {
     seq: u8,
     greeted: bool,
     next_ping: Instant,
+    /// The board's clock in the last frame of its stream, and in the last one before something was sent.
+    board_time: Option<Micros>,
+    board_time_at_send: Option<Micros>,
 }
 
 /// The request that waits for its answer.
@@ -123,6 +128,8 @@ impl Worker {
             seq: begun_seq(),
             greeted: false,
             next_ping: begun,
+            board_time: None,
+            board_time_at_send: None,
         }
     }
 
@@ -149,10 +156,16 @@ impl Worker {
         if let Some(question) = self.waiting.pop_front() {
             return self.post(question.command, Some(question.answer));
         }
-        if self.greeted && Instant::now() >= self.next_ping && self.is_program_alive() {
+        if self.greeted && self.is_ping_due() && self.is_program_alive() {
             return self.post(Command::Ping, None);
         }
         Ok(())
+    }
+
+    fn is_ping_due(&self) -> bool {
+        let times = self.board_time.zip(self.board_time_at_send);
+        times.is_some_and(|(now, at_send)| u128::from(now.since(at_send)) >= PING_EVERY.as_micros())
+            || Instant::now() >= self.next_ping
     }
 
     /// A program that hangs must not keep the motors turning: without pings the board stops them.
@@ -173,7 +186,10 @@ impl Worker {
         for byte in &buffer[..read] {
             match self.accumulator.push::<Message>(*byte) {
                 None => {}
-                Some(Ok(Message::Telemetry(telemetry))) => self.emit(Event::Telemetry(telemetry)),
+                Some(Ok(Message::Telemetry(telemetry))) => {
+                    self.board_time = Some(telemetry.time);
+                    self.emit(Event::Telemetry(telemetry));
+                }
                 Some(Ok(Message::Reply { to, reply })) => self.answered(to, reply),
                 Some(Err(error)) => self.emit(Event::Damaged(error)),
             }
@@ -235,6 +251,7 @@ impl Worker {
         let mut buffer = [0; MAX_FRAME];
         let frame = encode(request, &mut buffer).map_err(|_| Ended)?;
         self.next_ping = Instant::now() + PING_EVERY;
+        self.board_time_at_send = self.board_time;
         let line = [&[0], &*frame].concat();
         self.port.write_all(&line).map_err(|_| Ended)
     }

@@ -28,9 +28,10 @@ impl FromStr for Speed {
 /// Behind by more than this, the board does not try to catch up: the machine was suspended or is too slow.
 const SLACK: Duration = Duration::from_millis(500);
 
-/// How far a board that runs faster than real time may get ahead of the last word of its host. The motors' deadline is
-/// 500 ms of the board's time, which at ten times real time is less than a busy machine may keep a host waiting.
-const LEAD: u64 = FREQUENCY_HZ / 4;
+/// How far a board that runs faster than real time may get ahead of the last word of its host, which comes every 20 ms of
+/// the board's time. A busy machine may keep a host waiting for 50 ms, which at ten times real time is the motors'
+/// deadline, and five times as late as a run may begin without a warning.
+const LEAD: u64 = FREQUENCY_HZ / 25;
 
 /// A host that is silent for so long has gone, and the board does not wait for it.
 const PATIENCE: Duration = Duration::from_secs(1);
