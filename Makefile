@@ -22,9 +22,9 @@ setup:
 firmware: setup
 	@sh firmware/build.sh
 
+# One command for both programs, and one profile for programs and tests: each crate is compiled once.
 build: firmware
-	$(CARGO) build --release --bin biflag
-	$(CARGO) build --release -p virtual-nano
+	$(CARGO) build --release --locked -p host -p virtual-nano --bins
 
 # Exit code 3 says that something is worth a warning, which a demo goes on after.
 demo: build
@@ -41,7 +41,7 @@ demo: build
 
 test: build
 	@sh firmware/setup.sh test
-	$(CARGO) test --workspace --locked --no-fail-fast
+	$(CARGO) test --release --workspace --locked --no-fail-fast
 
 proof: build
 	@sh firmware/setup.sh test
@@ -52,10 +52,10 @@ proof: build
 
 lint: setup
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+	$(CARGO) clippy --release --workspace --all-targets --locked -- -D warnings
 
 doc: setup
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps --locked
 
 clean:
 	$(CARGO) clean
