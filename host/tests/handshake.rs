@@ -138,7 +138,8 @@ fn boards_that_never_answer_are_told_apart() {
     let strangers_number = std::thread::spawn(|| {
         error(|port| {
             let info = Reply::Info(Info { protocol: VERSION, ..Info::default() });
-            answer_all(port, |request| frame(&Message::Reply { to: request.seq.wrapping_add(1), reply: info }));
+            // Far from the number of the next request, which a slow answer would fit.
+            answer_all(port, |request| frame(&Message::Reply { to: request.seq.wrapping_add(100), reply: info }));
         })
     });
     assert!(matches!(silent.join().unwrap(), LinkError::Silent { .. }));
