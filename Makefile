@@ -45,8 +45,8 @@ test: build
 
 proof: build
 	@sh firmware/setup.sh test
-	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test hard_cases -- --nocapture
-	$(CARGO) test --release --locked -p host --test calibration -- --ignored --nocapture
+	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test all hard_cases -- --nocapture
+	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
 	$(CARGO) test --release --locked -p tests --test attitude_chain --test twin --test report -- --ignored --nocapture
 	$(CARGO) bench --locked -p sim --bench trials
 

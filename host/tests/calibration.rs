@@ -4,7 +4,7 @@
 //! A few fits run with the other tests. A hundred of them:
 //!
 //! ```text
-//! cargo test --release -p host --test calibration -- --ignored --nocapture
+//! cargo test --release -p host --test all calibration -- --ignored --nocapture
 //! ```
 
 use host::attitude::{Reading, Times};

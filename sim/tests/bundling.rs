@@ -1,7 +1,6 @@
 //! Flagella that wrap round each other with contact, and unwrap when one motor reverses.
 
-mod common;
-use common::prove;
+use crate::common::prove;
 use sim::contact::bundling::{BUNDLED_TURNS, Bundling};
 use sim::params::Robot;
 use sim::profile::SpeedProfile;

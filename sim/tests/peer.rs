@@ -2,8 +2,7 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-use common::{Series, first_nodes, prove, to_body};
+use crate::common::{Series, first_nodes, prove, to_body};
 use sim::V3;
 use sim::params::Robot;
 use sim::profile::SpeedProfile;

@@ -1,7 +1,6 @@
 //! The published operating points: 120 s, published robot, one constant calibrated (the tether, at (90, 90)).
 
-mod common;
-use common::prove;
+use crate::common::prove;
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
 use sim::robot::closure::Closure;

@@ -2,8 +2,7 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-use common::{noise, prove};
+use crate::common::{noise, prove};
 use nalgebra::UnitQuaternion;
 use sim::V3;
 use sim::contact::distance::segment_distance;
