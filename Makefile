@@ -9,11 +9,11 @@ DEMO := target/demo
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
 	@echo "make test      all tests"
-	@echo "make proof     the measurements that take too long for the tests: hidden robots, hard cases, speed; two hours"
+	@echo "make proof     measurements that take too long for the tests: hidden robots, hard cases, speed; two hours"
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
 	@echo "make lint      format and lint checks"
-	@echo "make doc       the documentation for those who carry on the work"
-	@echo "make setup     what the others need from the system, installed where possible"
+	@echo "make doc       the documentation for contributors"
+	@echo "make setup     install the system packages that the others need"
 	@echo "make clean     remove what was built"
 
 setup:
@@ -22,40 +22,40 @@ setup:
 firmware: setup
 	@sh firmware/build.sh
 
+# One command for both programs, and one profile for programs and tests: each crate is compiled once.
 build: firmware
-	$(CARGO) build --release --bin biflag
-	$(CARGO) build --release -p virtual-nano
+	$(CARGO) build --release --locked -p host -p virtual-nano --bins
 
-# Exit code 3 says that something is worth a warning, which a demo goes on after.
+# Exit code 3: done with warnings, which do not end the demo.
 demo: build
 	@rm -rf $(DEMO)
-	@echo "A recording of a real sensor, turned by hand through 720 degrees about z, through the real firmware:"
+	@echo "A real sensor, turned by hand through 720 degrees about z and recorded; its counts replayed through the real firmware:"
 	$(BIN)/biflag record host/plans/hand-turn-z.toml --virtual=tests/data/mpu6050/rotate-z-720.csv --out $(DEMO)/hand-turn
 	@echo "Two trials on the emulated board with the simulated robot behind it:"
 	$(BIN)/biflag record host/plans/demo.toml --virtual --out $(DEMO)/robot
-	@echo "The robot's parameters from these trials:"
+	@echo "The robot's parameters, fitted to these trials:"
 	$(BIN)/biflag calibrate $(DEMO)/robot -o $(DEMO)/fitted.toml --fit tether,righting || [ $$? = 3 ]
-	@echo "The trials against the model with these parameters:"
+	@echo "The trials compared with the model with these parameters:"
 	$(BIN)/biflag compare $(DEMO)/robot --robot $(DEMO)/fitted.toml || [ $$? = 3 ]
-	@echo "Open $(DEMO)/robot/report.html in a browser, and the logs in Foxglove or PlotJuggler."
+	@echo "Open $(DEMO)/robot/compare.html in a browser, and the logs in Foxglove or PlotJuggler."
 
 test: build
 	@sh firmware/setup.sh test
-	$(CARGO) test --workspace --locked --no-fail-fast
+	$(CARGO) test --release --workspace --locked --no-fail-fast
 
 proof: build
 	@sh firmware/setup.sh test
-	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test hard_cases -- --nocapture
-	$(CARGO) test --release --locked -p host --test calibration -- --ignored --nocapture
+	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test all hard_cases -- --nocapture
+	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
 	$(CARGO) test --release --locked -p tests --test attitude_chain --test twin --test report -- --ignored --nocapture
 	$(CARGO) bench --locked -p sim --bench trials
 
 lint: setup
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+	$(CARGO) clippy --release --workspace --all-targets --locked -- -D warnings
 
 doc: setup
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps --locked
 
 clean:
 	$(CARGO) clean

@@ -1,10 +1,10 @@
-//! Tells the image which commit it is built from: `BIFLAG_GIT_HASH`, eight hexadecimal digits, zeros where it is not
-//! known, and `BIFLAG_GIT_DIRTY`, `1` where what the image is made of differs from that commit.
+//! Gives the image the commit that it is built from: `BIFLAG_GIT_HASH`, eight hexadecimal digits, zeros if it is not
+//! known, and `BIFLAG_GIT_DIRTY`, `1` if the sources of the image differ from that commit.
 
 use std::path::Path;
 use std::process::Command;
 
-/// What the image is made of, seen from the root of the repository.
+/// The sources of the image, relative to the root of the repository.
 const INPUTS: [&str; 4] = ["firmware", "protocol", "Cargo.toml", "Cargo.lock"];
 
 fn main() {
@@ -23,9 +23,9 @@ fn main() {
     println!("cargo::rustc-env=BIFLAG_GIT_DIRTY={}", u8::from(changes.is_some_and(|changes| !changes.is_empty())));
 }
 
-/// What `git` answers at the root of the repository, without its last newline.
+/// Returns the output of `git` at the root of the repository, without its last newline.
 fn git(arguments: &[&str]) -> Option<String> {
-    // Without this, `status` rewrites the index behind the back of whoever else works in the tree.
+    // Without this, `status` rewrites the index, which others may be using.
     let output = Command::new("git").arg("--no-optional-locks").args(arguments).current_dir("..").output().ok()?;
     let text = String::from_utf8(output.stdout).ok()?;
     output.status.success().then(|| text.trim_end().to_owned())

@@ -1,17 +1,17 @@
 #!/bin/sh
 # Builds the Nano's image and prints its path as the last line on stdout; everything else goes to stderr.
 #
-#   firmware/build.sh           build; answers <root>/target/firmware.elf
-#   firmware/build.sh --check   only name the toolchain that would build it
+#   firmware/build.sh           build; prints <root>/target/firmware.elf
+#   firmware/build.sh --check   print the toolchain only
 #
-# The image needs a compiler for AVR that brings the sources of its own `core`: rustup's nightly with rust-src, or
+# The image needs a compiler for AVR with the sources of its own `core`: rustup's nightly with rust-src, or
 # Debian's rustc-web with rust-web-src. The rest of the workspace needs neither.
 set -eu
 
 install='install an AVR toolchain: `rustup toolchain install nightly --component rust-src` (or Debian'\''s `apt install rustc-web cargo-web rust-web-src`), and `apt install gcc-avr avr-libc binutils-avr`'
 
-# A cargo that runs this script (a test, a build) leaves its own settings in the environment, and a user may have set
-# flags for the host; both would reach the build for the AVR. What says where the registry is, stays.
+# A cargo that runs this script (a test, a build) leaves its settings in the environment, and a user may have set flags for
+# the host. Neither may reach the build for the AVR; only the location of the registry is kept.
 for name in $(env | sed -n 's/^\(\(CARGO\|RUST\)[A-Za-z0-9_]*\)=.*/\1/p'); do
     case $name in
         CARGO_HOME | RUSTUP_HOME | CARGO_NET_* | CARGO_HTTP_* | CARGO_REGISTR* | CARGO_SOURCE_*) ;;
@@ -20,21 +20,21 @@ for name in $(env | sed -n 's/^\(\(CARGO\|RUST\)[A-Za-z0-9_]*\)=.*/\1/p'); do
 done
 unset LD_LIBRARY_PATH
 
-# Whether the compiler $1 can build for AVR: it has the backend, and the sources of its own core.
+# True if the compiler $1 can build for AVR: it has the backend and the sources of its own core.
 can_build() {
     sysroot=$("$@" --print sysroot 2>/dev/null) &&
         [ -f "$sysroot/lib/rustlib/src/rust/library/core/src/lib.rs" ] &&
         "$@" --print target-list 2>/dev/null | grep -qx avr-none
 }
 
-# A nightly may be absent; then rustup must not go and download one.
+# rustup must not download a nightly that is absent.
 export RUSTUP_AUTO_INSTALL=0
 if command -v rustup >/dev/null 2>&1 && can_build rustup run nightly rustc; then
     cargo='rustup run nightly cargo'
     found="rustup nightly with rust-src: $(rustup run nightly rustc --version)"
 elif [ -x /usr/bin/cargo ] && can_build /usr/bin/rustc; then
     cargo=/usr/bin/cargo
-    # Without this, the first rustc in the path would be taken, which may be rustup's.
+    # Otherwise cargo would take the first rustc in the path, which may be rustup's.
     export RUSTC=/usr/bin/rustc
     # Lets a stable cargo read `build-std`.
     export RUSTC_BOOTSTRAP=1
@@ -58,7 +58,7 @@ root=$(cd .. && pwd)
 echo "Building the firmware with $found" >&2
 $cargo build --locked --profile avr --bin firmware --target-dir "$root/target" >&2
 
-# Tests build in parallel and load the image while others build: replace it in one step, and only when it is another.
+# Tests build in parallel and load the image meanwhile: replace it atomically, and only if it has changed.
 built=$root/target/avr-none/avr/firmware.elf
 image=$root/target/firmware.elf
 if ! cmp -s "$built" "$image"; then

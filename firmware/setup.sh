@@ -1,6 +1,6 @@
 #!/bin/sh
-# Installs what Biflag's build needs from the system, and with `test` what its tests need besides, and says so first. Does
-# nothing where all is there.
+# Installs the system packages for Biflag's build, and with `test` also those for its tests, and prints them first. Does
+# nothing if all are installed.
 set -eu
 cd "$(dirname "$0")"
 
@@ -16,7 +16,7 @@ if ! cargo --version >/dev/null 2>&1; then
     echo "Installing Rust's stable toolchain with rustup."
     rustup toolchain install stable --profile minimal --component rustfmt --component clippy
 fi
-# The firmware's build takes rustup's nightly with the sources of `core` where it is there, else Debian's compiler.
+# The firmware is built with rustup's nightly and the sources of `core` if present, else with Debian's compiler.
 sh build.sh --check >/dev/null 2>&1 || packages="$packages rustc-web cargo-web rust-web-src"
 
 missing=""

@@ -1,8 +1,7 @@
-//! What the robot does: [`App::tick`] reads as its table of contents. What it does when asked is in `requests`.
+//! The application: [`App::tick`] is one tick of the control loop, `requests` carries out the host's requests.
 //!
-//! The binary calls [`App::tick`] every 5 ms and [`App::after_tick`] behind it, [`App::receive`] for every byte from the
-//! host, and [`App::watch_link`] before and after each of them, so that the motors stop less than a tick after the host's
-//! deadline.
+//! The binary calls [`App::tick`] every 5 ms and [`App::after_tick`] after it, [`App::receive`] for every byte from the
+//! host, and [`App::watch_link`] before each of them, so that the motors stop less than a tick after the host's deadline.
 
 mod requests;
 
@@ -22,7 +21,7 @@ use crate::link::{Answer, Link, Outbox};
 use crate::motor::{self, Motors, SpeedControl};
 use crate::settings::{Saving, Storage, Store};
 
-/// What the program was built from.
+/// The commit that the program was built from.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Build {
     /// [`protocol::Info::git_hash`].
@@ -31,7 +30,7 @@ pub struct Build {
     pub git_dirty: bool,
 }
 
-/// What the start-up code found.
+/// Findings of the start-up code.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Start {
     /// The record of a crash.
@@ -40,18 +39,18 @@ pub struct Start {
     pub mcusr: u8,
 }
 
-/// What the board knows when a tick begins.
+/// Inputs of a tick.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tick {
     /// Now.
     pub time: Micros,
-    /// Ticks left out since the one before.
+    /// Ticks missed since the one before.
     pub missed: u8,
     /// Encoders 1 and 2.
     pub edges: [Edges; 2],
 }
 
-/// The stages of a tick, told to whoever measures them as each ends.
+/// The stages of a tick, marked as each ends so that an emulator can measure them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[repr(u8)]
 pub enum Stage {
@@ -59,7 +58,7 @@ pub enum Stage {
     Idle = 0x10,
     /// Reading the sensor.
     Imu = 0x11,
-    /// Following the attitude, or averaging the gyroscope.
+    /// Updating the attitude, or averaging the gyroscope.
     Attitude = 0x12,
     /// Measuring the speeds and setting the bridges.
     Motors = 0x13,
@@ -67,7 +66,7 @@ pub enum Stage {
     Telemetry = 0x15,
 }
 
-/// The robot.
+/// The application: the program without the board's registers.
 pub struct App<I2C, PIN, PWM, STORAGE> {
     imu: Imu<I2C>,
     attitude: Attitude,
@@ -78,22 +77,22 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     store: Store<STORAGE>,
     latch: Latch,
     settings: Settings,
-    /// Hundredths of rpm for one count per µs. Kept, as are the next ones, because a division costs 500 cycles.
+    /// Hundredths of rpm per count per µs. Stored, like the next two, because a division costs 500 cycles.
     speed_scale: f32,
-    /// Half of the rad/s for one count of the gyroscope.
+    /// Half the rad/s per count of the gyroscope.
     half_rate_scale: f32,
     speed_gains: motor::Gains,
     build: Build,
     reset_cause: ResetCause,
     boot_count: u16,
     settings_stored: bool,
-    /// What the next frame will say, and where the rest of the program looks it up.
+    /// The next frame of telemetry; also the app's record of target, speed and duty.
     telemetry: Telemetry,
-    /// Ticks since the attitude moved on.
+    /// Ticks since the last update of the attitude.
     ticks_behind: u8,
     calibrating: Option<GyroAverage>,
     calibration: Calibration,
-    /// The number of the request that a save has to answer.
+    /// The number of the request that a save answers.
     save_request: u8,
 }
 
@@ -104,7 +103,7 @@ where
     PWM: SetDutyCycle,
     STORAGE: Storage,
 {
-    /// With the motors off and the default settings; [`App::start`] is to follow.
+    /// Returns the application with the motors off and the default settings; call [`App::start`] next.
     pub fn new(bus: I2C, motors: Motors<PIN, PWM>, storage: STORAGE, build: Build) -> Self {
         Self {
             imu: Imu::new(bus),
@@ -139,7 +138,7 @@ where
             self.settings = saved;
             self.settings_stored = true;
         }
-        // Whatever EEPROM held, it was not from the host.
+        // What the link read from EEPROM did not come from the host.
         self.link = Link::new();
         self.reset_cause = reset_cause(start.crash, start.mcusr);
         self.rescale();
@@ -166,14 +165,14 @@ where
         mark(Stage::Telemetry);
     }
 
-    /// What has time until after a tick: the end of a calibration, and a save of the settings.
+    /// Does what can wait until after a tick: ends a calibration, saves the settings.
     pub fn after_tick(&mut self, outbox: &mut Outbox) {
         self.finish_calibration();
         self.save_settings(outbox);
     }
 
-    /// Takes a byte from the host, and answers the request that it ends. `arrived` is when the frame ended, if it ends
-    /// one.
+    /// Takes a byte from the host and answers the request that it ends. `arrived` is the time at which the last frame
+    /// ended.
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut Outbox) {
         if let Some(request) = &self.link.receive(byte, arrived) {
@@ -214,7 +213,7 @@ where
         }
     }
 
-    /// Takes the result of a calibration that is over.
+    /// Takes the result of a finished calibration.
     #[inline(never)]
     fn finish_calibration(&mut self) {
         if let Some(average) = &self.calibrating

@@ -4,8 +4,8 @@
 //! The quaternion `[w, x, y, z]` takes body to world; the world's z axis points up, and its yaw starts at zero. At rest an
 //! accelerometer reads +1 g along the axis that points up; its unit does not matter.
 //!
-//! The quaternion is moved by one step of Euler and normalised: a turn of a half-angle h comes out as atan(h), short by
-//! 0.004 % at 250 °/s and 0.25 % at 2000 °/s. It stays within 1e-5 of unit length.
+//! The quaternion takes one Euler step per update and is normalised: a rotation by a half-angle h comes out as atan(h),
+//! too small by 0.004 % at 250 °/s and 0.25 % at 2000 °/s. It stays within 1e-5 of unit length.
 
 use protocol::units::{Q15, Quaternion};
 
@@ -15,7 +15,7 @@ use crate::round_to_i16;
 #[derive(Debug)]
 pub struct Attitude {
     quaternion: [f32; 4],
-    /// What the filter adds to the rates on its own account, rad/s.
+    /// Integral term: the estimate of the gyroscope's bias, negated, rad/s.
     correction: [f32; 3],
     started: bool,
 }
@@ -23,9 +23,9 @@ pub struct Attitude {
 /// Gains of the filter.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Gains {
-    /// On the direction of gravity, 1/s.
+    /// Proportional gain on the direction of gravity, 1/s.
     pub kp: f32,
-    /// On its integral, 1/s².
+    /// Integral gain, 1/s².
     pub ki: f32,
 }
 
@@ -36,14 +36,14 @@ impl Default for Attitude {
 }
 
 impl Attitude {
-    /// Moves on by `dt` seconds, in which the body turned by twice `half_turn` (rad, body axes). The first call, and every
-    /// call after [`Attitude::restart`], levels the quaternion by `acceleration` instead.
+    /// Advances by `dt` seconds, in which the body rotated by twice `half_turn` (rad, body axes). The first call, and the
+    /// first after [`Attitude::restart`], levels the quaternion by `acceleration` instead.
     #[inline(never)]
     pub fn update(&mut self, mut half_turn: [f32; 3], acceleration: [f32; 3], dt: f32, gains: Gains) {
         let mut up = acceleration;
         let is_up_known = normalise(&mut up);
         if !self.started {
-            // Without a direction (free fall, a dead accelerometer) there is nothing to begin with yet.
+            // Without a direction (free fall, a dead accelerometer) the filter waits.
             if is_up_known {
                 self.level(up);
                 self.started = true;
@@ -56,17 +56,17 @@ impl Attitude {
         self.turn(half_turn);
     }
 
-    /// Sets the smallest rotation that takes the unit vector `up`, in body axes, to the world's z axis.
+    /// Sets the quaternion to the smallest rotation that takes the unit vector `up`, in body axes, to the world's z axis.
     #[inline(never)]
     fn level(&mut self, [x, y, z]: [f32; 3]) {
         self.quaternion = [1.0 + z, y, -x, 0.0];
-        // Upside down, every horizontal axis is as good; take x.
+        // Upside down, every horizontal axis will do; take x.
         if z < -0.9999 || !normalise(&mut self.quaternion) {
             self.quaternion = [0.0, 1.0, 0.0, 0.0];
         }
     }
 
-    /// Adds to a turn what pulls the estimated direction of gravity towards `up`.
+    /// Adds to a rotation the correction that moves the estimated direction of gravity towards `up`.
     #[inline(never)]
     fn correct(&mut self, half_turn: &mut [f32; 3], up: [f32; 3], dt: f32, gains: Gains) {
         let half_error = cross(up, self.half_up());
@@ -84,7 +84,7 @@ impl Attitude {
         }
     }
 
-    /// Turns by twice these angles, in the small: multiplies by the quaternion `[1, x, y, z]`.
+    /// Rotates by twice these small angles: multiplies by the quaternion `[1, x, y, z]`.
     #[inline(never)]
     fn turn(&mut self, half_turn: [f32; 3]) {
         let [w, x, y, z] = self.quaternion;
@@ -97,22 +97,22 @@ impl Attitude {
         let [x, y, z] = moved;
         self.quaternion = [scalar, x, y, z];
         if !normalise(&mut self.quaternion) {
-            // Gains and gaps so large that single precision ends: begin again rather than go on with no attitude.
+            // Extreme gains and gaps overflow single precision: start again rather than continue without an attitude.
             self.restart();
         }
     }
 
-    /// Forgets everything.
+    /// Resets the filter.
     pub fn restart(&mut self) {
         *self = Self::default();
     }
 
-    /// The attitude, in the resolution of the wire.
+    /// Returns the attitude at the resolution of the wire.
     pub fn quaternion(&self) -> Quaternion {
         Quaternion(self.quaternion.map(|part| Q15(round_to_i16(part, 15))))
     }
 
-    /// Half the world's z axis in body axes: the last row of the rotation matrix.
+    /// Returns half the world's z axis in body axes: the last row of the rotation matrix, halved.
     #[inline(never)]
     fn half_up(&self) -> [f32; 3] {
         let [q0, q1, q2, q3] = self.quaternion;
@@ -125,7 +125,7 @@ fn cross([ax, ay, az]: [f32; 3], [bx, by, bz]: [f32; 3]) -> [f32; 3] {
     [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }
 
-/// Brings `vector` to unit length. Whether it has a direction and is finite; if not, it stays.
+/// Normalises `vector`. Returns whether it has a direction and is finite; if not, it is unchanged.
 #[inline(never)]
 fn normalise(vector: &mut [f32]) -> bool {
     let mut square = 0.0;
@@ -133,7 +133,7 @@ fn normalise(vector: &mut [f32]) -> bool {
         square += part * part;
     }
     let scale = if square > 0.995 && square < 1.005 {
-        // One step of Newton from 1, as a quaternion needs it after each turn.
+        // One Newton step from 1, enough for a quaternion after each rotation.
         1.5 - 0.5 * square
     } else if square > 1e-12 && square < 1e24 {
         inverse_sqrt(square)
@@ -146,8 +146,8 @@ fn normalise(vector: &mut [f32]) -> bool {
     true
 }
 
-/// 1/√x to 5 millionths for positive normal x: a guess by halving the exponent, then two steps of Newton. It costs a third
-/// of a square root and a division on a processor without floating point, and is the same on every processor.
+/// Returns 1/√x to 5 millionths for positive normal x: a guess by halving the exponent, then two Newton steps. On a
+/// processor without floating point it costs a third of a square root and a division, and it is the same on every one.
 #[inline(never)]
 pub(crate) fn inverse_sqrt(x: f32) -> f32 {
     let mut root = f32::from_bits(0x5F37_59DF - (x.to_bits() >> 1));
@@ -177,7 +177,7 @@ mod tests {
         attitude.half_up().map(|part| 2.0 * part)
     }
 
-    /// Half of what `rates` turn in a tick.
+    /// Returns half the rotation of a tick at these rates.
     fn half(rates: [f32; 3]) -> [f32; 3] {
         rates.map(|rate| 0.5 * DT * rate)
     }
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn an_attitude_goes_over_the_wire_to_its_resolution() {
+    fn an_attitude_survives_the_wire_to_its_resolution() {
         let attitude = started([0.0, 16384.0, 0.0]);
         let [w, x, y, z] = attitude.quaternion().to_f64();
         let half = std::f64::consts::FRAC_1_SQRT_2;

@@ -1,4 +1,4 @@
-//! The gyroscope's bias: the mean of its readings while the robot lies still. In counts, sensor axes.
+//! The gyroscope's bias: the mean of its readings while the robot is at rest. In counts, sensor axes.
 
 use protocol::Calibration;
 use protocol::units::{GyroRange, SensorCounts};
@@ -7,10 +7,10 @@ use crate::attitude::inverse_sqrt;
 use crate::round_to_i16;
 
 /// The largest standard deviation of a sensor at rest, °/s. The MPU6050's own noise is 0.05 °/s behind a filter of 92 Hz
-/// (data sheet PS-MPU-6000A, table 6.1); a hand that holds it makes several.
+/// (data sheet PS-MPU-6000A, table 6.1); in a hand it reads several °/s.
 const STILL_NOISE_DPS: f32 = 0.5;
 
-/// The largest bias of a sensor at rest, °/s: the data sheet's zero-rate output. A larger mean is a steady turn.
+/// The largest bias of a sensor at rest, °/s: the data sheet's zero-rate output. A larger mean is a steady rotation.
 const STILL_BIAS_DPS: f32 = 20.0;
 
 /// A calibration in progress.
@@ -23,19 +23,19 @@ pub struct GyroAverage {
 
 #[derive(Clone, Copy, Debug, Default)]
 struct AxisSums {
-    /// The first reading, from which all others are measured: sums of small numbers lose no digits.
+    /// The first reading, subtracted from all others: sums of small numbers lose no digits.
     first: i16,
     sum: i32,
     square_sum: f32,
 }
 
 impl GyroAverage {
-    /// Over the readings of the next `ticks`, at most 12,000.
+    /// Returns an average over the next `ticks`, at most 12,000.
     pub fn new(ticks: u16) -> Self {
         Self { ticks_left: ticks, samples: 0, axes: Default::default() }
     }
 
-    /// Takes one tick's reading, if there was one.
+    /// Advances one tick, with its reading if there was one.
     #[inline(never)]
     pub fn update(&mut self, gyro: Option<[SensorCounts; 3]>) {
         if let Some(gyro) = gyro {
@@ -53,12 +53,12 @@ impl GyroAverage {
         self.ticks_left = self.ticks_left.saturating_sub(1);
     }
 
-    /// Whether the time is over.
+    /// Returns whether the calibration is over.
     pub fn is_over(&self) -> bool {
         self.ticks_left == 0
     }
 
-    /// The result so far.
+    /// Returns the result so far.
     #[inline(never)]
     pub fn result(&self, range: GyroRange) -> Calibration {
         if self.samples == 0 {
@@ -100,7 +100,7 @@ mod tests {
         average.result(range)
     }
 
-    /// Counts of a repeatable noise with a standard deviation of `deviation`.
+    /// Returns repeatable noise with this standard deviation, counts.
     fn noise(index: u32, deviation: f64) -> f64 {
         let uniform = f64::from(index.wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24) - 0.5;
         uniform * deviation * 12f64.sqrt()
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn it_lasts_as_long_as_asked_for_whatever_the_sensor_does() {
+    fn it_ends_on_time_whatever_the_sensor_does() {
         let mut average = GyroAverage::new(200);
         let mut ticks = 0;
         while !average.is_over() {

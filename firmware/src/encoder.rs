@@ -1,9 +1,8 @@
 //! The speed of a flagellum from the times of its encoder's edges.
 //!
-//! With 602 counts a turn, one count in a tick of 5 ms is already 20 rpm: counting edges per tick would measure speed in
-//! steps of 20 rpm. The time between edges measures it to a thousandth. Between edges the speed cannot be more than one
-//! count in the time since the last one, so that it falls towards zero when edges stop, and is zero after
-//! [`STANDSTILL_US`].
+//! With 602 counts per revolution, one count in a tick of 5 ms is 20 rpm: counting edges per tick would resolve 20 rpm.
+//! The time between edges resolves a thousandth. While no edge comes, the speed is at most one count in the time since
+//! the last one, so that it falls towards zero when edges stop, and is zero after [`STANDSTILL_US`].
 //!
 //! Units: positions in counts, times in µs, speeds in hundredths of rpm.
 
@@ -11,10 +10,10 @@ use protocol::units::{CentiRpm, EncoderCounts, Micros};
 
 use crate::round_to_i16;
 
-/// Without an edge for this long, a flagellum stands still: 0.1 rpm with the published encoders.
+/// Time without an edge after which the speed is zero, µs: below 0.1 rpm with the published encoders.
 pub const STANDSTILL_US: u32 = 1_000_000;
 
-/// What the edges' interrupt knows of an encoder.
+/// The edges of an encoder, as its interrupt counts them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Edges {
     /// Position.
@@ -23,10 +22,10 @@ pub struct Edges {
     pub time: Micros,
 }
 
-/// One encoder, seen once a tick.
+/// One encoder, updated once per tick.
 #[derive(Debug, Default)]
 pub struct Encoder {
-    /// The edge up to which speed has been measured.
+    /// The last edge of the last measurement of the speed.
     last: Edges,
     /// In hundredths of rpm.
     speed: f32,
@@ -34,13 +33,13 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// Takes the edges up to `now`. `scale` is [`centi_rpm_scale`] of the encoder.
+    /// Updates the speed with the edges up to `now`. `scale` is [`centi_rpm_scale`] of the encoder.
     #[inline(never)]
     pub fn update(&mut self, edges: Edges, now: Micros, scale: f32) {
         let counts = edges.count.wrapping_sub(self.last.count);
         self.moved = counts != 0;
         if self.moved {
-            // Two edges cannot come in the same microsecond; if noise makes it so, the speed must still be finite.
+            // Only noise makes two edges in the same microsecond; the speed must still be finite.
             let elapsed = edges.time.since(self.last.time).max(1);
             self.speed = counts as f32 * scale / elapsed as f32;
             self.last = edges;
@@ -49,7 +48,7 @@ impl Encoder {
         let silence = now.since(self.last.time);
         if silence >= STANDSTILL_US {
             self.speed = 0.0;
-            // Keep the last edge from growing so old that the clock's wrap makes it young again.
+            // Limit the age of the last edge, or it would look recent after the clock's wrap.
             self.last.time = Micros(now.0.wrapping_sub(STANDSTILL_US));
         } else if self.speed != 0.0 {
             let limit = scale / silence.max(1) as f32;
@@ -59,23 +58,23 @@ impl Encoder {
         }
     }
 
-    /// Speed.
+    /// Returns the speed.
     pub fn speed(&self) -> CentiRpm {
         CentiRpm(round_to_i16(self.speed, 0))
     }
 
-    /// Position as the encoder counts it.
+    /// Returns the position.
     pub fn position(&self) -> EncoderCounts {
         EncoderCounts(self.last.count)
     }
 
-    /// Whether there was an edge in the last tick.
+    /// Returns whether there was an edge in the last tick.
     pub fn moved(&self) -> bool {
         self.moved
     }
 }
 
-/// Hundredths of rpm for one count per µs.
+/// Returns the hundredths of rpm per count per µs.
 pub fn centi_rpm_scale(counts_per_turn: f32) -> f32 {
     const CENTI_RPM_FOR_ONE_TURN_PER_US: f32 = 100.0 * 60.0 * 1e6;
     CENTI_RPM_FOR_ONE_TURN_PER_US / counts_per_turn
@@ -87,7 +86,7 @@ mod tests {
 
     const TICK_US: u32 = 5000;
 
-    /// An encoder that turns at a speed given over time, seen every tick; calls `check` with time, speed and measure.
+    /// Turns an encoder at a speed given over time; calls `check` every tick with time, speed and measured speed.
     fn turn(ticks: u32, rpm_at: impl Fn(f64) -> f64, mut check: impl FnMut(f64, f64, f64)) {
         let scale = centi_rpm_scale(602.22);
         let mut encoder = Encoder::default();
@@ -154,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_edge_after_a_whole_turn_of_the_clock_is_no_jump() {
+    fn the_first_edge_after_a_wrap_of_the_clock_is_no_jump() {
         let scale = centi_rpm_scale(602.22);
         let mut encoder = Encoder::default();
         encoder.update(Edges { count: 1, time: Micros(1000) }, Micros(5000), scale);
@@ -170,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_to_and_fro_is_no_motion_and_noise_saturates() {
+    fn an_edge_back_and_forth_is_no_motion_and_noise_saturates() {
         let scale = centi_rpm_scale(602.22);
         let mut encoder = Encoder::default();
         encoder.update(Edges { count: 0, time: Micros(4000) }, Micros(5000), scale);

@@ -1,13 +1,13 @@
-//! Faults: the latch that holds the first one, and the record that carries the news of a crash across a restart.
+//! Faults: the latch that holds the first one, and the crash record that survives a restart.
 //!
-//! The program restarts itself after a hang or a panic. What it was is left as one byte where a restart by jump leaves it
-//! alone and every reset of the hardware clears it:
+//! The program restarts itself after a hang or a panic, by a jump. The record is one byte that a jump leaves unchanged and
+//! every hardware reset clears:
 //!
-//! | byte | the program |
+//! | byte | cause of the start |
 //! | --- | --- |
-//! | 0 | was started by a reset |
-//! | 0xB1 | hung |
-//! | 0xB2 | panicked |
+//! | 0 | a reset |
+//! | 0xB1 | a hang |
+//! | 0xB2 | a panic |
 
 use protocol::{Fault, ResetCause};
 
@@ -16,7 +16,7 @@ use protocol::{Fault, ResetCause};
 pub struct Latch(Fault);
 
 impl Latch {
-    /// Latches `fault`, unless one is latched already. Whether this one is new.
+    /// Latches `fault`, unless one is latched already; returns whether it did.
     pub fn set(&mut self, fault: Fault) -> bool {
         let new = self.0 == Fault::None && fault != Fault::None;
         if new {
@@ -25,17 +25,17 @@ impl Latch {
         new
     }
 
-    /// Forgets the latched fault.
+    /// Clears the latched fault.
     pub fn clear(&mut self) {
         self.0 = Fault::None;
     }
 
-    /// The latched fault.
+    /// Returns the latched fault.
     pub fn get(&self) -> Fault {
         self.0
     }
 
-    /// Whether one is latched.
+    /// Returns whether a fault is latched.
     pub fn is_set(&self) -> bool {
         self.0 != Fault::None
     }
@@ -51,7 +51,7 @@ pub enum Crash {
 }
 
 impl Crash {
-    /// The crash that a record tells of.
+    /// Returns the crash in a record.
     pub fn from_record(record: u8) -> Option<Self> {
         const HANG: u8 = Crash::Hang as u8;
         const PANIC: u8 = Crash::Panic as u8;
@@ -62,7 +62,7 @@ impl Crash {
         }
     }
 
-    /// The fault to latch after this crash.
+    /// Returns the fault to latch after this crash.
     pub fn fault(self) -> Fault {
         match self {
             Self::Hang => Fault::Hang,
@@ -71,8 +71,8 @@ impl Crash {
     }
 }
 
-/// The cause of a start, from the record of a crash and the reset flags that the hardware left (MCUSR of the
-/// ATmega328P, section 11.9.1). A bootloader usually clears these.
+/// Returns the cause of a start, from the crash record and the hardware's reset flags (MCUSR of the ATmega328P, section
+/// 11.9.1), which a bootloader usually clears.
 pub fn reset_cause(crash: Option<Crash>, mcusr: u8) -> ResetCause {
     const POWER_ON: u8 = 1 << 0;
     const EXTERNAL: u8 = 1 << 1;
@@ -81,7 +81,7 @@ pub fn reset_cause(crash: Option<Crash>, mcusr: u8) -> ResetCause {
     match crash {
         Some(Crash::Hang) => ResetCause::Hang,
         Some(Crash::Panic) => ResetCause::Panic,
-        // Power-on usually flags brown-out and the reset pin with it.
+        // Power-on usually sets the flags of brown-out and the reset pin too.
         None if mcusr & POWER_ON != 0 => ResetCause::PowerOn,
         None if mcusr & BROWN_OUT != 0 => ResetCause::BrownOut,
         None if mcusr & WATCHDOG != 0 => ResetCause::Watchdog,
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cause_of_a_start_is_told() {
+    fn the_cause_of_a_start_is_found() {
         assert_eq!(reset_cause(None, 0), ResetCause::Unknown);
         assert_eq!(reset_cause(Some(Crash::Hang), 0), ResetCause::Hang);
         assert_eq!(reset_cause(Some(Crash::Panic), 0), ResetCause::Panic);

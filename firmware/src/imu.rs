@@ -1,18 +1,18 @@
-//! The MPU6050: set-up, one reading a tick, and every way in which it fails.
+//! The MPU6050: set-up, one reading per tick, and its failures.
 //!
 //! Registers are those of InvenSense's register map RM-MPU-6000A-00. A reading is one burst of 14 bytes from
 //! ACCEL_XOUT_H, so that all seven values belong to one sample, and of one byte more as a check. Values are counts, sensor
 //! axes.
 //!
-//! Nothing here waits: set-up takes one step a tick, and a transaction that fails is tried again in the next tick. What
-//! goes wrong is counted; it becomes a fault when there was no good reading for [`PATIENCE_TICKS`]:
+//! Nothing here waits: set-up takes one step per tick, and a failed transaction is repeated in the next tick. Failures are
+//! counted; they become a fault after [`FAULT_AFTER_TICKS`] without a good reading:
 //!
-//! | seen | then |
+//! | failure | reaction |
 //! | --- | --- |
-//! | a transaction fails, or the sensor falls silent within one | the next tick tries again; [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] in the end |
-//! | all values zero, or the divider of the sample rate not ours (looked at once a second) | the sensor lost its supply: set it up again; [`Fault::ImuFrozen`] in the end |
+//! | a transaction fails, or the sensor falls silent within one | repeat in the next tick; then [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] |
+//! | all values zero, or another divider of the sample rate (checked once a second) | the sensor lost its supply: set it up again; then [`Fault::ImuFrozen`] |
 //! | the same 14 bytes for [`FROZEN_TICKS`] | [`Fault::ImuFrozen`], and set it up again |
-//! | WHO_AM_I is not 0x68 | a clone or a relative: used, and reported in the handshake |
+//! | WHO_AM_I is not 0x68 | a clone: used, and reported in the handshake |
 
 use embedded_hal::i2c::{ErrorKind, I2c};
 use embedded_hal_compat::{Reverse, ReverseCompat};
@@ -21,18 +21,18 @@ use mpu6050::{Mpu6050, Mpu6050Error};
 use protocol::units::{AccelRange, GyroRange, SensorCounts, TemperatureCounts};
 use protocol::{Fault, Settings};
 
-/// Ticks without a good reading before it is a fault: more than a set-up takes, so that a short loss of the sensor's
-/// supply stops no trial.
-pub const PATIENCE_TICKS: u8 = 20;
+/// Ticks without a good reading until it is a fault: more than a set-up takes, so that a short loss of the sensor's
+/// supply does not end a trial.
+pub const FAULT_AFTER_TICKS: u8 = 20;
 
-/// Repetitions of the same 14 bytes before the sensor counts as frozen. The noise of a living one differs at every
-/// sample; a few repetitions are normal where it samples more slowly than the tick.
+/// Repetitions of the same 14 bytes until the sensor counts as frozen. A working sensor's noise changes every sample; a
+/// few repetitions are normal if it samples more slowly than the tick.
 pub const FROZEN_TICKS: u8 = 20;
 
 /// Ticks from the last step of set-up to the first reading: 50 ms, where the data sheet says 30 ms for the gyroscope.
 const SETTLING_TICKS: u8 = 10;
 
-/// Readings between two looks at the configuration.
+/// Readings between two checks of the configuration.
 const CHECK_INTERVAL: u8 = protocol::TICK_HZ;
 
 /// Divider of the sample rate.
@@ -44,8 +44,8 @@ const DIVIDER: u8 = 4;
 /// PWR_MGMT_1: awake, everything on, clock from the x gyroscope, which is steadier than the internal oscillator.
 const AWAKE: u8 = 0x01;
 
-/// What the bus reads where nobody drives it. The register behind the sample, EXT_SENS_DATA_00, is zero, and reading it
-/// along tells whether the sensor was there to the end: it acknowledges nothing while it sends.
+/// What the bus reads while no device drives it. The register after the sample, EXT_SENS_DATA_00, is zero, and reading it
+/// too shows whether the sensor sent to the end: it acknowledges nothing while it sends.
 const SILENCE: u8 = 0xFF;
 
 /// One sample.
@@ -59,7 +59,7 @@ pub struct Reading {
     pub gyro: [SensorCounts; 3],
 }
 
-/// What set-up writes.
+/// The sensor's configuration.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Config {
     /// Range of the gyroscope.
@@ -83,23 +83,23 @@ enum Phase {
     SetUp(u8),
     /// Ticks until the first reading.
     Settling(u8),
-    /// Readings until the next look at the configuration.
+    /// Readings until the next check of the configuration.
     Sampling(u8),
 }
 
 /// Steps of [`Imu::set_up`].
 const STEPS: u8 = 6;
 
-/// Why there is no reading.
+/// Why a reading failed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Trouble {
+enum ReadError {
     Silent,
     BusStuck,
     LostConfig,
     Frozen,
 }
 
-impl<E: embedded_hal::i2c::Error> From<Mpu6050Error<E>> for Trouble {
+impl<E: embedded_hal::i2c::Error> From<Mpu6050Error<E>> for ReadError {
     fn from(error: Mpu6050Error<E>) -> Self {
         match error {
             Mpu6050Error::I2c(error) if !matches!(error.kind(), ErrorKind::NoAcknowledge(_)) => Self::BusStuck,
@@ -114,7 +114,7 @@ pub struct Imu<I2C> {
     config: Config,
     phase: Phase,
     id: u8,
-    /// The last sample, as it came.
+    /// The last sample, raw.
     sample: [u8; 14],
     repeats: u8,
     silence: u8,
@@ -123,7 +123,7 @@ pub struct Imu<I2C> {
 }
 
 impl<I2C: I2c> Imu<I2C> {
-    /// On its bus, not yet set up.
+    /// Returns a sensor that is not yet set up.
     pub fn new(bus: I2C) -> Self {
         Self {
             sensor: Mpu6050::new(bus.reverse()),
@@ -138,7 +138,7 @@ impl<I2C: I2c> Imu<I2C> {
         }
     }
 
-    /// Puts a configuration in force.
+    /// Sets the configuration; the sensor is set up again if it differs.
     pub fn configure(&mut self, config: Config) {
         if self.config != config {
             self.config = config;
@@ -146,14 +146,14 @@ impl<I2C: I2c> Imu<I2C> {
         }
     }
 
-    /// Takes all steps of set-up at once; where one fails, [`Imu::poll`] goes on trying.
+    /// Takes all steps of set-up at once; if one fails, [`Imu::poll`] continues.
     pub fn set_up_now(&mut self) {
         for _ in 0..STEPS {
             self.poll();
         }
     }
 
-    /// One tick's work: a sample, or a step on the way to one. Whether there is a new [`Imu::reading`].
+    /// Does one tick's work: reads a sample, or takes a step of set-up. Returns whether there is a new [`Imu::reading`].
     #[inline(never)]
     pub fn poll(&mut self) -> bool {
         let outcome = match self.phase {
@@ -172,12 +172,12 @@ impl<I2C: I2c> Imu<I2C> {
                 return true;
             }
             Ok(false) => {}
-            Err(trouble) => self.note(trouble),
+            Err(error) => self.handle_error(error),
         }
         false
     }
 
-    /// The last sample.
+    /// Returns the last sample.
     #[inline(never)]
     pub fn reading(&self) -> Reading {
         Reading { accel: self.triple(0), temperature: TemperatureCounts(self.word(6)), gyro: self.triple(8) }
@@ -192,24 +192,24 @@ impl<I2C: I2c> Imu<I2C> {
         i16::from_be_bytes([self.sample[place], self.sample[place + 1]])
     }
 
-    /// WHO_AM_I; 0 where nothing answered.
+    /// Returns WHO_AM_I; 0 if no sensor answered.
     pub fn id(&self) -> u8 {
         self.id
     }
 
-    /// What is wrong at present.
+    /// Returns the present fault.
     pub fn fault(&self) -> Fault {
         self.fault
     }
 
-    /// Failures since the start.
+    /// Returns the number of failures since the start.
     pub fn errors(&self) -> u16 {
         self.errors
     }
 
-    /// One step of set-up. `Mpu6050::init` does the like at one go, but waits 100 ms and refuses clones.
+    /// Takes one step of set-up. `Mpu6050::init` does the same in one call, but waits 100 ms and refuses clones.
     #[inline(never)]
-    fn set_up(&mut self, step: u8) -> Result<bool, Trouble> {
+    fn set_up(&mut self, step: u8) -> Result<bool, ReadError> {
         let Config { gyro_range, accel_range, low_pass } = self.config;
         let (register, value) = match step {
             0 => (device::PWR_MGMT_1::ADDR, AWAKE),
@@ -229,42 +229,42 @@ impl<I2C: I2c> Imu<I2C> {
     }
 
     #[inline(never)]
-    fn sample(&mut self, checked: u8) -> Result<bool, Trouble> {
-        // A loss of supply takes the whole configuration; the divider is the part of it that is never zero.
+    fn sample(&mut self, checked: u8) -> Result<bool, ReadError> {
+        // A loss of supply clears the whole configuration; the divider is the part of it that is never zero.
         if checked == 0 && self.sensor.read_byte(SMPLRT_DIV)? != DIVIDER {
-            return Err(Trouble::LostConfig);
+            return Err(ReadError::LostConfig);
         }
         self.phase = Phase::Sampling(if checked == 0 { CHECK_INTERVAL } else { checked - 1 });
         let mut bytes = [0; 15];
         self.sensor.read_bytes(ACC_REGX_H, &mut bytes)?;
         let [sample @ .., after] = &bytes;
         if *after == SILENCE {
-            return Err(Trouble::Silent);
+            return Err(ReadError::Silent);
         }
         // Accelerometer and gyroscope never read exactly zero on six axes: these are the registers of a sleeping sensor.
         if sample.iter().all(|byte| *byte == 0) {
-            return Err(Trouble::LostConfig);
+            return Err(ReadError::LostConfig);
         }
         self.repeats = if *sample == self.sample { self.repeats.saturating_add(1) } else { 0 };
         self.sample = *sample;
-        if self.repeats >= FROZEN_TICKS { Err(Trouble::Frozen) } else { Ok(true) }
+        if self.repeats >= FROZEN_TICKS { Err(ReadError::Frozen) } else { Ok(true) }
     }
 
-    fn note(&mut self, trouble: Trouble) {
+    fn handle_error(&mut self, error: ReadError) {
         self.errors = self.errors.wrapping_add(1);
-        let patience_ended = self.silence >= PATIENCE_TICKS;
-        if patience_ended || trouble == Trouble::Frozen {
-            self.fault = match trouble {
-                Trouble::Silent => Fault::ImuSilent,
-                Trouble::BusStuck => Fault::ImuBusStuck,
-                Trouble::LostConfig | Trouble::Frozen => Fault::ImuFrozen,
+        let is_overdue = self.silence >= FAULT_AFTER_TICKS;
+        if is_overdue || error == ReadError::Frozen {
+            self.fault = match error {
+                ReadError::Silent => Fault::ImuSilent,
+                ReadError::BusStuck => Fault::ImuBusStuck,
+                ReadError::LostConfig | ReadError::Frozen => Fault::ImuFrozen,
             };
         }
         match self.phase {
-            // Not known to be there any more.
+            // The sensor may be gone.
             Phase::SetUp(_) => self.id = 0,
-            // One bad transaction says nothing about the sensor's registers.
-            _ if matches!(trouble, Trouble::Silent | Trouble::BusStuck) && !patience_ended => return,
+            // One failed transaction does not mean that the sensor's registers changed.
+            _ if matches!(error, ReadError::Silent | ReadError::BusStuck) && !is_overdue => return,
             _ => {}
         }
         self.phase = Phase::SetUp(0);

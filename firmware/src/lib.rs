@@ -1,21 +1,21 @@
-//! The program of the robot's Arduino Nano: 200 times a second it reads the IMU, follows the attitude, holds the speed
-//! of both motors and reports to the host.
+//! The firmware of the robot's Arduino Nano: 200 times a second it reads the IMU, updates the attitude, controls the speed
+//! of both motors and sends telemetry to the host.
 //!
-//! Everything that decides is in this library, generic over the traits of embedded-hal 1.0 and tested on the host. The
-//! binary adds the registers (`board/`) and the loop that calls [`app::App`].
+//! All logic is in this library, generic over the traits of embedded-hal 1.0 and tested on the host. The binary adds the
+//! registers (`board/`) and the loop that calls [`app::App`].
 //!
-//! | module | what it is |
+//! | module | content |
 //! | --- | --- |
-//! | [`app`] | what one tick does, from top to bottom |
-//! | [`imu`] | the MPU6050: set-up, one reading a tick, every way in which it fails |
+//! | [`app`] | the steps of a tick, and the host's requests |
+//! | [`imu`] | the MPU6050: set-up, one reading per tick, failures |
 //! | [`calibration`] | the gyroscope's bias, averaged at rest |
 //! | [`attitude`] | the filter that turns rates and gravity into a quaternion |
 //! | [`encoder`] | the speed of a flagellum from the times of its encoder's edges |
-//! | [`motor`] | the bridges, the speed control, stalls |
+//! | [`motor`] | the bridges, speed control, stalls |
 //! | [`link`] | requests in, answers and telemetry out, the deadline |
 //! | [`wire`] | messages as bytes |
-//! | [`settings`] | what EEPROM keeps: settings and the count of starts |
-//! | [`fault`] | the latch, and the record that survives a restart |
+//! | [`settings`] | the EEPROM: settings and the number of starts |
+//! | [`fault`] | the fault latch, and the crash record that survives a restart |
 
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
@@ -31,15 +31,15 @@ pub mod motor;
 pub mod settings;
 pub mod wire;
 
-/// The integer nearest to `x * 2^places`, saturated; 0 for what is not a number. In integers and in one place, because a conversion by `as`
-/// takes four comparisons of f32, 400 cycles and 100 bytes each time.
+/// Returns the integer nearest to `x * 2^places`, saturated; 0 for NaN. In integers and in one place, because each
+/// conversion by `as` takes four comparisons of f32, 400 cycles and 100 bytes.
 #[inline(never)]
 fn round_to_i16(x: f32, places: u8) -> i16 {
     let bits = x.to_bits();
     let magnitude = match ((bits >> 23) as u8).saturating_add(places) {
         // Below a half.
         0..=125 => 0,
-        // Sixteen bits of the mantissa, shifted so that the last one is a half, which rounds.
+        // Sixteen bits of the mantissa, shifted so that the last one is a half, for rounding.
         exponent @ 126..=141 => {
             let halves = (bits >> 8 | 0x8000) as u16 >> (141 - exponent);
             (halves >> 1) + (halves & 1)

@@ -1,5 +1,5 @@
-//! The board's end of the link: requests in, answers and telemetry out, and the deadline that the host has to meet. The
-//! rules are those of the crate `protocol`.
+//! The board's end of the link: requests in, answers and telemetry out, and the host's deadline. The crate `protocol` has
+//! the rules.
 
 use heapless::spsc::Producer;
 use protocol::frame::Accumulator;
@@ -8,10 +8,10 @@ use protocol::{Command, Refusal, Request, TICK_HZ, Telemetry};
 
 use crate::wire::{self, Writer};
 
-/// Bytes that wait to be sent: one frame of telemetry and the longest answer. One place of a queue stays empty.
+/// Size of the outbox: one frame of telemetry and the longest answer. One place of a queue stays empty.
 pub const OUTBOX: usize = 128;
 
-/// Where bytes to send go; the serial port's interrupt takes them from there.
+/// Bytes to send; the serial port's interrupt takes them.
 pub type Outbox<'a> = Producer<'a, u8, OUTBOX>;
 
 /// The board's end of the link.
@@ -20,16 +20,16 @@ pub struct Link {
     /// When the last intact frame came.
     heard: Micros,
     bad_frames: u16,
-    /// The number of the last request, and the answer it got.
+    /// The number of the last request, and its answer.
     last: Option<(u8, Answer)>,
-    /// Ticks from frame to frame of the stream; 0 where there is none.
+    /// Ticks from frame to frame of the stream; 0 without a stream.
     interval: u8,
     ticks_to_frame: u8,
     seq: u16,
     unsent: u16,
 }
 
-/// An answer; what a long one says is looked up when it is sent.
+/// An answer; the content of a long one is read when it is sent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Answer {
     /// [`protocol::Reply::Done`]
@@ -44,7 +44,7 @@ pub enum Answer {
     Settings,
     /// [`protocol::Reply::Calibration`]
     Calibration,
-    /// None yet: it takes time.
+    /// The answer follows later.
     Later,
 }
 
@@ -59,7 +59,7 @@ impl From<Result<(), Refusal>> for Answer {
 }
 
 impl Link {
-    /// A silent one.
+    /// Returns a link without a stream.
     pub const fn new() -> Self {
         Self {
             accumulator: Accumulator::new(),
@@ -73,12 +73,12 @@ impl Link {
         }
     }
 
-    /// Takes a byte from the host, and answers the request that it ends. `arrived` is when that was.
+    /// Takes a byte from the host; returns the request that it ends. `arrived` is the time of the byte.
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<Request> {
         match self.accumulator.push_for_payload(byte)? {
             Ok(payload) => {
-                // Also an intact frame of another protocol tells that the host is alive.
+                // An intact frame of another protocol also shows that the host is alive.
                 self.heard = arrived;
                 wire::read_request(payload)
             }
@@ -89,9 +89,9 @@ impl Link {
         }
     }
 
-    /// The answer to repeat, where `request` is the one before once more; `None` where it is to be carried out.
+    /// Returns the answer to repeat if `request` repeats the one before.
     pub fn repetition(&self, request: &Request) -> Option<Answer> {
-        // A host that starts anew may begin with the number that the one before ended with.
+        // A new host may begin with the number with which the one before ended.
         self.last
             .filter(|(seq, answer)| {
                 *seq == request.seq && *answer != Answer::Later && request.command != Command::Hello
@@ -104,19 +104,19 @@ impl Link {
         self.last = Some((seq, answer));
     }
 
-    /// Remembers that what took time is done, if no other request has come meanwhile.
+    /// Remembers a late answer, if no other request has come since.
     pub fn remember_late(&mut self, seq: u8, answer: Answer) {
         if self.last == Some((seq, Answer::Later)) {
             self.last = Some((seq, answer));
         }
     }
 
-    /// Sends an answer. One for which there is no room is not sent: the host will ask again.
+    /// Sends an answer. Without room it is dropped: the host repeats the request.
     pub fn send(frame: &[u8], outbox: &mut Outbox) {
         enqueue(frame, outbox);
     }
 
-    /// Whether the host has been silent for longer than `deadline_ms`.
+    /// Returns whether the host has been silent for longer than `deadline_ms`.
     pub fn is_silent(&self, now: Micros, deadline_ms: u16) -> bool {
         now.since(self.heard) > u32::from(deadline_ms) * 1000
     }
@@ -135,7 +135,7 @@ impl Link {
         Ok(())
     }
 
-    /// Counts a tick. Whether a frame of the stream is due in it.
+    /// Advances one tick; returns whether a frame is due.
     pub fn is_frame_due(&mut self) -> bool {
         if self.interval == 0 {
             return false;
@@ -148,7 +148,7 @@ impl Link {
         due
     }
 
-    /// Sends a frame of the stream; the counts that the link keeps are filled in here.
+    /// Sends a frame of the stream, with the link's counts filled in.
     #[inline(never)]
     pub fn stream(&mut self, telemetry: &mut Telemetry, outbox: &mut Outbox) {
         telemetry.seq = Count(self.seq);
@@ -169,7 +169,7 @@ impl Default for Link {
     }
 }
 
-/// Puts a whole frame into the outbox, or nothing of it. Whether there was room.
+/// Puts a frame into the outbox if all of it fits; returns whether it did.
 #[inline(never)]
 fn enqueue(frame: &[u8], outbox: &mut Outbox) -> bool {
     let fits = frame.len() <= outbox.capacity() - outbox.len();

@@ -21,18 +21,17 @@ mod nano {
     use crate::board::twi::Twi;
     use crate::board::{clock, crash, encoders, outputs, reset_registers, serial, test_point};
 
-    // From avr-libc rather than from compiler_builtins: its arithmetic of f32 is five times faster, its memcpy a twentieth
-    // of the size.
+    // avr-libc instead of compiler_builtins: its f32 arithmetic is five times as fast, its memcpy a twentieth of the size.
     #[link(name = "m")]
     #[link(name = "c")]
     unsafe extern "C" {}
 
-    /// Where the host finds, in the file or in flash, what this image is: 16 letters, the first four bytes of the commit in
-    /// hexadecimal digits, `+` where there were changes on top and a space where not, and the protocol's version as a byte.
+    /// Identifies this image to the host, in the file or in flash: 16 letters, the first four bytes of the commit in
+    /// hexadecimal, `+` with or a space without uncommitted changes, and the protocol's version as a byte.
     #[unsafe(link_section = ".progmem.data")]
     static MARKER: [u8; 26] = marker();
 
-    /// Not on the stack: what lies deeper there than 63 bytes takes five instructions more at each access.
+    /// Not on the stack, where each access beyond 63 bytes takes five more instructions.
     static mut APP: MaybeUninit<App<Twi, Pin, Pwm, Eeprom>> = MaybeUninit::uninit();
 
     const HASH: &[u8; 8] = match env!("BIFLAG_GIT_HASH").as_bytes().first_chunk() {
@@ -52,7 +51,7 @@ mod nano {
         run(app, inbox, outbox)
     }
 
-    /// Makes and starts everything, the interrupts last. Apart from the loop, which so has a short stack.
+    /// Sets up everything, the interrupts last. A function of its own, so that the loop has a short stack.
     ///
     /// # Safety
     /// Only once, and with interrupts off.
@@ -61,7 +60,7 @@ mod nano {
         // SAFETY: this is the only place that takes the peripherals. `take` would refuse after a start by a jump.
         let peripherals = unsafe { Peripherals::steal() };
         reset_registers(&peripherals);
-        // Without a use, the linker leaves it out.
+        // Without a use, the linker drops it.
         core::hint::black_box(&raw const MARKER);
         let start =
             Start { crash: crash::take_record(&peripherals.CPU), mcusr: crash::take_reset_flags(&peripherals.CPU) };
@@ -87,7 +86,7 @@ mod nano {
             app.watch_link(clock::now());
             let due = clock::take_due();
             if due > 0 {
-                // Edges first: none of them is younger than the tick.
+                // Edges first, so that none of them is later than the tick.
                 let edges = encoders::edges();
                 let tick = Tick { time: clock::now(), missed: due - 1, edges };
                 app.tick(&tick, &mut outbox, test_point::mark);

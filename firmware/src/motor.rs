@@ -6,7 +6,7 @@
 //! | low | high | duty | turns backwards |
 //! | low | low | 0 | off, free to turn |
 //!
-//! STBY is low whenever both motors are off, so that the bridge then needs two pins to go wrong before a motor turns.
+//! STBY is low whenever both motors are off, so that a motor then turns only if two pins fail.
 
 use embedded_hal::digital::{OutputPin, PinState};
 use embedded_hal::pwm::SetDutyCycle;
@@ -14,7 +14,7 @@ use protocol::units::{CentiRpm, Duty};
 
 use crate::{TICK_S, round_to_i16};
 
-/// Driven at full duty for this many ticks without an edge, a motor is stalled: one second.
+/// Ticks at full duty without an edge after which a motor is stalled: one second.
 pub const STALL_TICKS: u8 = protocol::TICK_HZ;
 
 /// One channel of the bridge.
@@ -25,7 +25,7 @@ pub struct Bridge<PIN, PWM> {
 }
 
 impl<PIN: OutputPin, PWM: SetDutyCycle> Bridge<PIN, PWM> {
-    /// From its pins. The PWM's largest duty is [`Duty::FULL`].
+    /// Returns the channel on its pins. The PWM's largest duty is [`Duty::FULL`].
     pub fn new(inputs: [PIN; 2], pwm: PWM) -> Self {
         Self { inputs, pwm }
     }
@@ -41,7 +41,7 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Bridge<PIN, PWM> {
     }
 }
 
-/// Gains of the speed control, in the units that it works in.
+/// Gains of the speed control, in its internal units.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Gains {
     /// Duty steps per hundredth of rpm.
@@ -51,22 +51,22 @@ pub struct Gains {
 }
 
 impl Gains {
-    /// From duty steps per rpm, and per rpm and second.
+    /// Converts from duty steps per rpm, and per rpm and second.
     pub fn new(kp: f32, ki: f32) -> Self {
         Self { kp: kp * 0.01, ki: ki * (0.01 * TICK_S) }
     }
 }
 
-/// Speed control of one motor: PI with a target of zero meaning off.
+/// Speed control of one motor: PI; a target of zero turns the motor off.
 #[derive(Debug, Default)]
 pub struct SpeedControl {
-    /// The integral's part of the duty, in duty steps.
+    /// Integral term, duty steps.
     integral: f32,
     stalled_ticks: u8,
 }
 
 impl SpeedControl {
-    /// The duty for the next tick.
+    /// Returns the duty for the next tick.
     #[inline(never)]
     pub fn duty(&mut self, target: CentiRpm, speed: CentiRpm, gains: Gains) -> Duty {
         if target.0 == 0 {
@@ -77,14 +77,14 @@ impl SpeedControl {
         let integral = self.integral + gains.ki * error;
         let duty = gains.kp * error + integral;
         let limited = round_to_i16(duty, 0).clamp(-Duty::FULL.0, Duty::FULL.0);
-        // Against wind-up: while the bridge is at its limit, the integral only moves away from it.
+        // Anti-windup: at the limit of the duty, the integral only moves away from it.
         if limited.abs() < Duty::FULL.0 || (duty < 0.0) != (error < 0.0) {
             self.integral = integral;
         }
         Duty(limited)
     }
 
-    /// Counts the ticks at full duty without an edge. Whether the motor is stalled.
+    /// Advances one tick; returns whether the motor is stalled.
     pub fn is_stalled(&mut self, duty: Duty, moved: bool) -> bool {
         if moved || duty.0.abs() < Duty::FULL.0 {
             self.stalled_ticks = 0;
@@ -102,7 +102,7 @@ pub struct Motors<PIN, PWM> {
 }
 
 impl<PIN: OutputPin, PWM: SetDutyCycle> Motors<PIN, PWM> {
-    /// Both motors, off. `standby` is the bridge's STBY pin.
+    /// Returns both motors, off. `standby` is the bridge's STBY pin.
     pub fn new(bridges: [Bridge<PIN, PWM>; 2], standby: PIN) -> Self {
         let mut motors = Self { bridges, standby };
         motors.stop();
@@ -117,7 +117,7 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Motors<PIN, PWM> {
         }
     }
 
-    /// Drives both motors; `reversed` names those that a positive duty turns backwards.
+    /// Drives both motors; `reversed` tells which of them a positive duty turns backwards.
     pub fn drive(&mut self, duty: &[Duty; 2], reversed: &[bool; 2]) {
         if duty[0].0 | duty[1].0 == 0 {
             return self.stop();
@@ -137,7 +137,7 @@ mod tests {
 
     const GAINS: Gains = Gains { kp: 0.01, ki: 0.05 * TICK_S };
 
-    /// What the pins of one bridge are expected to see: IN1, IN2 and duty, call by call.
+    /// Returns a bridge that expects these calls: IN1, IN2 and duty.
     fn bridge(calls: &[(State, State, u16)]) -> (Bridge<Pin, Pwm>, [Pin; 2], Pwm) {
         let in1 = Pin::new(&calls.iter().map(|call| PinSet::set(call.0)).collect::<Vec<_>>());
         let in2 = Pin::new(&calls.iter().map(|call| PinSet::set(call.1)).collect::<Vec<_>>());
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn the_target_is_reached_either_way_round_and_zero_is_off() {
+    fn the_target_is_reached_in_both_directions_and_zero_is_off() {
         for target in [90.0, -35.5, 4.0] {
             let (mut control, mut speed) = (SpeedControl::default(), 0.0);
             simulate(&mut control, &mut speed, CentiRpm::from_rpm(target), 0.4, 2000);
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_overload_winds_nothing_up() {
+    fn a_long_overload_does_not_wind_up_the_integral() {
         let (mut control, mut speed) = (SpeedControl::default(), 0.0);
         // The supply is too weak for the target: the duty stays at its limit.
         assert_eq!(simulate(&mut control, &mut speed, CentiRpm(9000), 0.2, 4000), 255);

@@ -1,15 +1,15 @@
-//! What EEPROM keeps: the settings and the count of starts.
+//! The content of the EEPROM: the settings and the number of starts.
 //!
 //! | address | content |
 //! | --- | --- |
-//! | 0 | the frame of the request that would put the settings in force: [`Command::WriteSettings`], numbered [`VERSION`] |
-//! | 128 | eight counts of starts of two bytes, little-endian |
+//! | 0 | the settings, as the frame of a request [`Command::WriteSettings`] with the number [`VERSION`] |
+//! | 128 | eight counters of starts of two bytes, little-endian |
 //!
-//! The frame has a CRC, and a change of layout comes with another version; whatever is not a valid frame of this version
-//! (a blank memory, a save cut off by loss of power) gives the defaults.
+//! The frame has a CRC, and a change of layout comes with another version. Without a valid frame of this version (a blank
+//! memory, a save cut off by loss of power) the defaults apply.
 //!
 //! A byte of EEPROM endures 100,000 writes (ATmega328P, section 8.4). Saving writes only the bytes that differ. The count
-//! of starts goes round eight places, and a write that loses power costs no more than a wrong count.
+//! of starts rotates over eight places; a write cut off by loss of power at worst makes it wrong.
 
 use protocol::frame::MAX_FRAME;
 use protocol::units::Micros;
@@ -21,49 +21,48 @@ use crate::wire::Writer;
 const SETTINGS_ADDRESS: u16 = 0;
 const COUNTS_ADDRESS: u16 = 128;
 const COUNTS: u16 = 8;
-/// A count that was never written.
+/// A counter that was never written.
 const BLANK: u16 = u16::MAX;
 
-/// Writes of a save before the memory counts as broken: every byte of a frame twice.
+/// Writes of a save after which the memory counts as broken: every byte of a frame twice.
 const MAX_WRITES: u8 = 2 * MAX_FRAME as u8;
 
-/// A byte-wise memory that outlives power.
+/// A non-volatile memory of bytes.
 pub trait Storage {
-    /// The byte at `address`, after waiting for the end of a write.
+    /// Reads the byte at `address`, after waiting for the end of a write.
     fn read(&mut self, address: u16) -> u8;
 
-    /// Begins to write a byte, after waiting for the end of the write before; takes less than a tick.
+    /// Begins to write a byte, after waiting for the end of the write before. A write takes less than a tick.
     fn write(&mut self, address: u16, byte: u8);
 }
 
-/// The settings on their storage.
+/// The settings and the count of starts in a storage.
 pub struct Store<S> {
     storage: S,
     /// Writes of the save in progress.
     writes: Option<u8>,
 }
 
-/// How a save goes.
+/// The state of a save.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Saving {
-    /// There is none.
+    /// No save is in progress.
     Idle,
-    /// It goes on.
+    /// The save continues.
     Busy,
-    /// All bytes are as they should be.
+    /// All bytes have been written and read back.
     Done,
-    /// The memory does not hold what is written to it.
+    /// The memory does not keep its content.
     Failed,
 }
 
 impl<S: Storage> Store<S> {
-    /// On `storage`.
+    /// Returns a store on `storage`.
     pub fn new(storage: S) -> Self {
         Self { storage, writes: None }
     }
 
-    /// The settings that were saved; `None` where there are none that hold. They are read by `link`, as if the host had
-    /// sent them.
+    /// Returns the saved settings, or `None` if there are no valid ones. `link` reads them as if the host had sent them.
     #[inline(never)]
     pub fn load(&mut self, link: &mut Link) -> Option<Settings> {
         let bytes = SETTINGS_ADDRESS..SETTINGS_ADDRESS + MAX_FRAME as u16;
@@ -74,13 +73,13 @@ impl<S: Storage> Store<S> {
         }
     }
 
-    /// Begins to save.
+    /// Begins a save.
     pub fn begin_save(&mut self) {
         self.writes = Some(0);
     }
 
-    /// One tick's part of a save: looks for the first byte that is not yet as `settings` want it, and writes that one.
-    /// So a save is complete only when all of it has been read back, and follows settings that change meanwhile.
+    /// Advances a save by one tick: finds the first byte that differs from `settings`, and writes it. So a save is complete
+    /// only when all of it has been read back, and follows settings that change meanwhile.
     #[inline(never)]
     pub fn step(&mut self, settings: &Settings) -> Saving {
         let Some(writes) = self.writes else { return Saving::Idle };
@@ -101,7 +100,7 @@ impl<S: Storage> Store<S> {
         outcome
     }
 
-    /// Counts one more start and answers their number; stays at 65534.
+    /// Counts a start and returns the number of starts; stays at 65534.
     #[inline(never)]
     pub fn count_start(&mut self) -> u16 {
         let mut count = 0;
@@ -146,7 +145,7 @@ pub(crate) mod tests {
     use std::cell::RefCell;
     use std::rc::Rc;
 
-    /// A memory that counts the writes of each byte; bytes in `stuck` cannot be written.
+    /// A memory that counts the writes of each byte; the byte at `stuck` cannot be written.
     #[derive(Clone)]
     pub(crate) struct Memory {
         pub(crate) bytes: Rc<RefCell<[u8; 1024]>>,
@@ -196,7 +195,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_was_saved_is_loaded_one_byte_a_tick_and_no_byte_twice() {
+    fn a_save_writes_one_byte_per_tick_and_none_twice() {
         let memory = Memory::blank();
         let (saving, ticks) = save(&memory, &other());
         assert_eq!(saving, Saving::Done);
@@ -220,7 +219,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_save_cut_off_anywhere_leaves_settings_that_hold_or_none() {
+    fn a_save_cut_off_anywhere_leaves_valid_settings_or_none() {
         for cut in 0..60 {
             let memory = Memory::blank();
             save(&memory, &other());
@@ -251,7 +250,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_broken_byte_fails_the_save_in_the_end() {
+    fn a_broken_byte_fails_the_save() {
         let memory = Memory { stuck: Some(11), ..Memory::blank() };
         let (saving, ticks) = save(&memory, &other());
         assert_eq!(saving, Saving::Failed);
@@ -273,7 +272,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_count_torn_by_loss_of_power_is_passed_over() {
+    fn a_counter_cut_off_by_loss_of_power_is_ignored() {
         let memory = Memory::blank();
         for _ in 0..20 {
             Store::new(memory.clone()).count_start();

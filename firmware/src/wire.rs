@@ -1,9 +1,9 @@
-//! Messages as bytes, written out by hand: the same bytes as the ones that serde derives for postcard, in a quarter of the
-//! flash and half of the time. The derived code of the requests and answers takes 8 KB here, a quarter of the chip.
+//! Messages as bytes, encoded by hand: the same bytes as with serde's derived code for postcard, in a quarter of the flash
+//! and half the time. The derived code of the requests and answers takes 8 KB here, a quarter of the chip.
 //!
-//! The crate `protocol` stays the definition: the tests hold both codes against each other for every message, and what is
-//! added to one without the other fails there. The number of a variant is one byte; numbers have a fixed width and are
-//! little-endian, but for two that postcard writes in groups of seven bits, the lowest first.
+//! The crate `protocol` is the definition: the tests compare both codes for every message, and fail if one changes without
+//! the other. The number of a variant is one byte; numbers have a fixed width and are little-endian, except for two that
+//! postcard writes in groups of seven bits, the lowest first.
 
 #[cfg(doc)]
 use protocol::Reply;
@@ -102,7 +102,7 @@ impl Writer {
         }
     }
 
-    /// Writes the request that puts `settings` in force.
+    /// Writes the request [`Command::WriteSettings`].
     #[inline(never)]
     pub fn write_settings(&mut self, seq: u8, settings: &Settings) {
         self.byte(seq);
@@ -110,9 +110,9 @@ impl Writer {
         self.all_of(settings);
     }
 
-    /// The frame of what has been written.
+    /// Returns the frame.
     pub fn finish(&mut self) -> &[u8] {
-        // Every message fits: the tests say so.
+        // Every message fits, as the tests show.
         frame::seal(&mut self.buffer, usize::from(self.length)).map(|frame| &*frame).unwrap_or_default()
     }
 
@@ -213,7 +213,7 @@ impl Writer {
     }
 }
 
-/// Reads the request in a frame's payload; `None` where it holds none.
+/// Returns the request in a frame's payload, or `None` if there is none.
 #[inline(never)]
 pub fn read_request(payload: &[u8]) -> Option<Request> {
     let mut reader = Reader { payload, is_wrong: false };
@@ -235,7 +235,7 @@ pub fn read_request(payload: &[u8]) -> Option<Request> {
     (!reader.is_wrong && reader.payload.is_empty()).then_some(Request { seq, command })
 }
 
-/// A payload being read. What is wrong with it is asked for at the end, not at each step.
+/// A payload being read. Errors are collected and checked once, at the end.
 struct Reader<'a> {
     payload: &'a [u8],
     is_wrong: bool,
@@ -315,7 +315,7 @@ impl Reader<'_> {
             let byte = self.byte();
             number |= u16::from(byte & 0x7F) << shift;
             if byte < 0x80 {
-                // The last group has two bits, and none but the first may be empty.
+                // The last group has two bits, and only the first may be empty.
                 self.is_wrong |= (shift == 14 && byte > 0b11) || (shift > 0 && byte == 0);
                 return number;
             }

@@ -1,4 +1,4 @@
-//! What the robot does, seen from the host.
+//! The application, seen from the host.
 
 mod robot;
 
@@ -14,7 +14,7 @@ const OFF: [CentiRpm; 2] = [CentiRpm(0); 2];
 const TURN: [CentiRpm; 2] = [CentiRpm(6000), CentiRpm(-3000)];
 const NACK: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
 
-/// A board that streams in every tick.
+/// Returns a board that streams in every tick.
 fn streaming() -> Bench {
     let mut bench = Bench::new();
     assert_eq!(bench.ask(Command::Stream { rate_hz: 200 }), Reply::Done);
@@ -39,7 +39,7 @@ fn it_starts_with_the_motors_off_and_silent() {
 }
 
 #[test]
-fn the_handshake_tells_who_it_is() {
+fn the_handshake_identifies_the_board() {
     let mut bench = Bench::new();
     let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
     assert_eq!((info.protocol, info.git_hash, info.git_dirty), (VERSION, [1, 2, 3, 4], true));
@@ -49,7 +49,7 @@ fn the_handshake_tells_who_it_is() {
 }
 
 #[test]
-fn a_clone_and_a_missing_sensor_are_told_in_the_handshake() {
+fn a_clone_and_a_missing_sensor_are_reported_in_the_handshake() {
     for (id, error) in [(0x70, None), (0, Some(NACK))] {
         let world = World::new();
         world.change(|state| {
@@ -63,7 +63,7 @@ fn a_clone_and_a_missing_sensor_are_told_in_the_handshake() {
 }
 
 #[test]
-fn streams_have_the_rate_that_was_asked_for() {
+fn streams_have_the_requested_rate() {
     for rate_hz in [1, 2, 4, 5, 8, 10, 20, 25, 40, 50, 100, 200] {
         let mut bench = Bench::new();
         assert_eq!(bench.ask(Command::Stream { rate_hz }), Reply::Done);
@@ -96,7 +96,7 @@ fn frames_are_numbered_and_the_unsent_ones_counted() {
 }
 
 #[test]
-fn telemetry_tells_what_the_sensor_and_the_encoders_measure() {
+fn telemetry_holds_the_readings_of_the_sensor_and_the_encoders() {
     let mut bench = streaming();
     bench.world.set_sample([100, -200, 16000], [7, -8, 9]);
     bench.speed = [3, 0];
@@ -142,7 +142,7 @@ fn missed_ticks_are_counted_and_made_up_for_in_the_attitude() {
 }
 
 #[test]
-fn speeds_are_held_and_the_bridges_driven_both_ways() {
+fn speeds_are_controlled_in_both_directions() {
     let mut bench = running();
     let frame = bench.look();
     assert_eq!((frame.state, frame.target), (State::Running, TURN));
@@ -167,7 +167,7 @@ fn speeds_are_held_and_the_bridges_driven_both_ways() {
 }
 
 #[test]
-fn reversed_motors_and_encoders_turn_the_signs() {
+fn reversed_motors_and_encoders_change_the_signs() {
     let mut bench = streaming();
     let settings = Settings { motor_reversed: [true, false], encoder_reversed: [false, true], ..Settings::DEFAULT };
     assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
@@ -247,26 +247,26 @@ fn the_deadline_is_that_of_the_settings() {
 }
 
 #[test]
-fn a_request_repeated_is_answered_again_and_not_carried_out_again() {
+fn a_repeated_request_is_answered_again_and_not_carried_out_again() {
     let mut bench = streaming();
     assert_eq!(bench.send(7, Command::SetSpeeds(TURN)), [Reply::Done]);
     bench.ask(Command::Stop);
     assert_eq!(bench.send(9, Command::SetSpeeds(TURN)), [Reply::Done]);
-    // The board has stopped by itself meanwhile; the repetition must not start it.
+    // The board has stopped meanwhile; the repetition must not start it.
     bench.ticks(200);
     assert_eq!(bench.look().fault, Fault::LinkLost);
     assert_eq!(bench.send(9, Command::SetSpeeds(TURN)), [Reply::Done]);
     assert!(bench.world.is_off());
-    // A refusal and a time are repeated as they were.
+    // Refusals and times are repeated unchanged.
     assert_eq!(bench.send(10, Command::SetSpeeds(TURN)), [Reply::Refused(Refusal::Faulted)]);
     bench.send(11, Command::ClearFault);
     let first = bench.send(12, Command::Ping);
     bench.ticks(3);
     assert_eq!(bench.send(12, Command::Ping), first);
-    // What only reads is read again.
+    // Settings are read again.
     assert_eq!(bench.send(13, Command::ReadSettings), [Reply::Settings(Settings::DEFAULT)]);
     assert_eq!(bench.send(13, Command::ReadSettings), [Reply::Settings(Settings::DEFAULT)]);
-    // A host that starts anew with the number that the one before ended with.
+    // A new host starts with the number with which the one before ended.
     bench.send(14, Command::Stop);
     assert!(matches!(bench.send(14, Command::Hello)[..], [Reply::Info(_)]));
 }
@@ -278,7 +278,7 @@ fn a_pong_tells_when_the_ping_came() {
 }
 
 #[test]
-fn noise_before_and_between_frames_is_counted_and_passed_over() {
+fn noise_before_and_between_frames_is_counted_and_ignored() {
     let mut bench = streaming();
     bench.send_bytes(&[1, 2, 3, 0]);
     bench.send_bytes(&[0, 0]);
@@ -289,7 +289,7 @@ fn noise_before_and_between_frames_is_counted_and_passed_over() {
 }
 
 #[test]
-fn a_calibration_finds_the_bias_and_puts_it_in_force() {
+fn a_calibration_finds_the_bias_and_applies_it() {
     let mut bench = streaming();
     bench.world.set_sample([0, 0, 16384], [120, -35, 7]);
     assert_eq!(bench.ask(Command::CalibrateGyro { duration_ms: 1000 }), Reply::Done);
@@ -310,7 +310,7 @@ fn a_calibration_finds_the_bias_and_puts_it_in_force() {
 }
 
 #[test]
-fn a_calibration_that_was_disturbed_changes_nothing() {
+fn a_disturbed_calibration_changes_nothing() {
     let mut bench = streaming();
     bench.ask(Command::CalibrateGyro { duration_ms: 500 });
     for tick in 0..100 {
@@ -323,7 +323,7 @@ fn a_calibration_that_was_disturbed_changes_nothing() {
 }
 
 #[test]
-fn calibrations_out_of_place_are_refused() {
+fn calibrations_at_the_wrong_time_are_refused() {
     let mut bench = running();
     assert_eq!(bench.ask(Command::CalibrateGyro { duration_ms: 1000 }), Reply::Refused(Refusal::Running));
     for duration_ms in [0, 99, 60_001] {
@@ -332,7 +332,7 @@ fn calibrations_out_of_place_are_refused() {
 }
 
 #[test]
-fn settings_are_put_in_force_but_not_while_the_motors_turn() {
+fn settings_are_applied_but_not_while_the_motors_turn() {
     let mut bench = running();
     assert_eq!(bench.ask(Command::WriteSettings(Settings::DEFAULT)), Reply::Refused(Refusal::Running));
     bench.ask(Command::Stop);
@@ -365,13 +365,13 @@ fn saved_settings_survive_a_reset_and_others_do_not() {
     assert_eq!(bench.ask(Command::ReadSettings), Reply::Settings(settings));
     let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
     assert_eq!((info.settings_stored, info.boot_count, info.board_id), (true, 2, 5));
-    // Nothing of what was read from EEPROM counts as heard from the host.
+    // Reading the EEPROM does not count as hearing the host.
     bench.ask(Command::Stream { rate_hz: 200 });
     assert_eq!(bench.look().bad_frames, Count(0));
 }
 
 #[test]
-fn other_requests_are_answered_while_a_save_goes_on() {
+fn other_requests_are_answered_during_a_save() {
     let mut bench = running();
     assert_eq!(bench.send(50, Command::SaveSettings), []);
     bench.ticks(10);
@@ -446,7 +446,7 @@ fn a_fault_ends_a_calibration() {
 }
 
 #[test]
-fn a_crash_is_latched_and_told_after_the_restart() {
+fn a_crash_is_latched_and_reported_after_the_restart() {
     for (crash, fault, cause) in
         [(Crash::Hang, Fault::Hang, ResetCause::Hang), (Crash::Panic, Fault::Panic, ResetCause::Panic)]
     {

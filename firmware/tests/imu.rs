@@ -1,8 +1,8 @@
-//! The MPU6050 on a bus of which every transaction is asserted: set-up, readings, and every way to fail.
+//! The MPU6050 on a bus that asserts every transaction: set-up, readings, failures.
 
 use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
 use embedded_hal_mock::eh1::i2c::{Mock, Transaction};
-use firmware::imu::{Config, FROZEN_TICKS, Imu, PATIENCE_TICKS, Reading};
+use firmware::imu::{Config, FAULT_AFTER_TICKS, FROZEN_TICKS, Imu, Reading};
 use protocol::units::{AccelRange, GyroRange, SensorCounts, TemperatureCounts};
 use protocol::{Fault, Settings};
 
@@ -10,7 +10,7 @@ const ADDRESS: u8 = 0x68;
 const NACK: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
 const CONFIG: Config = Config { gyro_range: GyroRange::Dps500, accel_range: AccelRange::G8, low_pass: 3 };
 
-/// Steps of set-up, one a tick.
+/// Steps of set-up, one per tick.
 const STEPS: usize = 6;
 
 /// Ticks from the end of set-up to the first reading.
@@ -24,7 +24,7 @@ fn read(register: u8, values: &[u8]) -> Transaction {
     Transaction::write_read(ADDRESS, vec![register], values.to_vec())
 }
 
-/// The transactions of the steps of set-up, one a tick.
+/// Returns the transactions of set-up, one per tick.
 fn set_up(id: u8) -> Vec<Transaction> {
     vec![
         write(0x6B, 0x01),
@@ -36,7 +36,7 @@ fn set_up(id: u8) -> Vec<Transaction> {
     ]
 }
 
-/// A sample of which the number shows in every value, and the register behind it.
+/// Returns a sample whose values depend on the number, and the register after it.
 fn bytes(number: u8) -> Vec<u8> {
     let mut bytes: Vec<u8> = (0..7).flat_map(|word| [number, word]).collect();
     bytes.push(0);
@@ -56,7 +56,7 @@ fn reading(number: u8) -> Reading {
     }
 }
 
-/// A sensor that has been set up and has settled, and the bus that expects `then` after that.
+/// Returns a sensor that is set up and settled, and a bus that expects `then` next.
 fn settled(then: &[Transaction]) -> (Imu<Mock>, Mock) {
     let (mut imu, bus) = configured(&[set_up(0x68), then.to_vec()].concat());
     imu.set_up_now();
@@ -75,7 +75,7 @@ fn poll(imu: &mut Imu<Mock>) -> Option<Reading> {
     imu.poll().then(|| imu.reading())
 }
 
-/// Polls `ticks` times, and counts the readings.
+/// Polls `ticks` times and returns the number of readings.
 fn polls(imu: &mut Imu<Mock>, ticks: usize) -> usize {
     (0..ticks).filter(|_| imu.poll()).count()
 }
@@ -91,7 +91,7 @@ fn a_genuine_sensor_is_set_up_and_read() {
 }
 
 #[test]
-fn signs_and_extremes_are_read_as_they_are() {
+fn signs_and_extremes_are_read_correctly() {
     let mut bytes = vec![0x80, 0x00, 0x7F, 0xFF, 0xFF, 0xFF, 0xF0, 0x60, 0x00, 0x01, 0xFF, 0xFE, 0x12, 0x34];
     bytes.push(0);
     let (mut imu, mut bus) = settled(&[read(0x3B, &bytes)]);
@@ -116,21 +116,21 @@ fn a_clone_is_used_and_reported() {
 }
 
 #[test]
-fn an_absent_sensor_has_no_id_and_becomes_a_fault_after_its_time() {
-    let attempts = usize::from(PATIENCE_TICKS) + 5;
+fn an_absent_sensor_has_no_id_and_becomes_a_fault() {
+    let attempts = usize::from(FAULT_AFTER_TICKS) + 5;
     let (mut imu, mut bus) = configured(&vec![write(0x6B, 0x01).with_error(NACK); attempts]);
     for tick in 1..=attempts {
         assert_eq!(poll(&mut imu), None);
-        let expected = if tick < usize::from(PATIENCE_TICKS) { Fault::None } else { Fault::ImuSilent };
+        let expected = if tick < usize::from(FAULT_AFTER_TICKS) { Fault::None } else { Fault::ImuSilent };
         assert_eq!(imu.fault(), expected, "tick {tick}");
     }
     assert_eq!((imu.id(), imu.errors()), (0, attempts as u16));
     bus.done();
 }
 
-/// A transaction fails at whatever byte: the driver sees an error of the whole of it.
+/// Whichever byte fails, the driver sees an error of the transaction.
 #[test]
-fn a_failure_in_any_transaction_of_set_up_begins_it_anew() {
+fn a_failure_in_any_transaction_of_set_up_restarts_it() {
     for error in [NACK, ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data), ErrorKind::Bus, ErrorKind::Other] {
         for failing in 0..set_up(0x68).len() {
             let mut transactions = set_up(0x68);
@@ -161,27 +161,27 @@ fn a_single_failure_is_counted_and_the_next_tick_reads() {
 }
 
 #[test]
-fn lasting_failures_latch_by_their_kind_and_end_with_a_new_set_up() {
+fn lasting_failures_have_their_fault_and_end_with_a_new_set_up() {
     for (error, fault) in [(NACK, Fault::ImuSilent), (ErrorKind::Bus, Fault::ImuBusStuck)] {
-        let failing = vec![sample(0).with_error(error); usize::from(PATIENCE_TICKS)];
+        let failing = vec![sample(0).with_error(error); usize::from(FAULT_AFTER_TICKS)];
         let (mut imu, mut bus) = settled(&[vec![sample(9)], failing, set_up(0x68), vec![sample(1)]].concat());
         assert_eq!(poll(&mut imu), Some(reading(9)));
-        assert_eq!(polls(&mut imu, usize::from(PATIENCE_TICKS) - 1), 0);
+        assert_eq!(polls(&mut imu, usize::from(FAULT_AFTER_TICKS) - 1), 0);
         assert_eq!(imu.fault(), Fault::None);
         assert_eq!(poll(&mut imu), None);
         assert_eq!(imu.fault(), fault);
-        // The fault lasts until there is a reading again.
+        // The fault lasts until the next reading.
         assert_eq!(polls(&mut imu, STEPS + SETTLING_TICKS), 0);
         assert_eq!(imu.fault(), fault);
         assert_eq!(poll(&mut imu), Some(reading(1)));
-        assert_eq!((imu.fault(), imu.errors()), (Fault::None, u16::from(PATIENCE_TICKS)));
+        assert_eq!((imu.fault(), imu.errors()), (Fault::None, u16::from(FAULT_AFTER_TICKS)));
         bus.done();
     }
 }
 
-/// A sensor that lets go of the bus while it sends cannot be seen by its acknowledgements: the rest reads as ones.
+/// A sensor that releases the bus while it sends is not seen by a missing acknowledgement: the rest reads as ones.
 #[test]
-fn falling_silent_at_any_byte_of_a_reading_is_seen() {
+fn a_sensor_that_falls_silent_within_a_reading_is_seen() {
     for byte in 0..15 {
         let mut cut = bytes(7);
         cut[byte..].fill(0xFF);
@@ -194,7 +194,7 @@ fn falling_silent_at_any_byte_of_a_reading_is_seen() {
 }
 
 #[test]
-fn frozen_data_is_a_fault_after_its_time_and_new_data_end_it() {
+fn frozen_data_become_a_fault_and_new_data_end_it() {
     let frozen = vec![sample(5); usize::from(FROZEN_TICKS) + 1];
     let (mut imu, mut bus) = settled(&[frozen, set_up(0x68), vec![sample(6)]].concat());
     assert_eq!(polls(&mut imu, usize::from(FROZEN_TICKS)), usize::from(FROZEN_TICKS));
@@ -208,7 +208,7 @@ fn frozen_data_is_a_fault_after_its_time_and_new_data_end_it() {
 }
 
 #[test]
-fn frozen_data_stay_a_fault_for_as_long_as_they_last() {
+fn frozen_data_stay_a_fault_while_they_last() {
     let frozen = vec![sample(5); usize::from(FROZEN_TICKS) + 1];
     let again = [set_up(0x68), vec![sample(5)]].concat();
     let (mut imu, mut bus) = settled(&[frozen, again.clone(), again].concat());
@@ -234,7 +234,7 @@ fn a_short_loss_of_supply_is_repaired_without_a_fault() {
     let (mut imu, mut bus) = settled(&[vec![sample(1), asleep], set_up(0x68), vec![sample(2)]].concat());
     assert_eq!(poll(&mut imu), Some(reading(1)));
     let ticks_to_reading = (1..).find(|_| imu.poll()).unwrap();
-    assert!(ticks_to_reading < usize::from(PATIENCE_TICKS), "{ticks_to_reading}");
+    assert!(ticks_to_reading < usize::from(FAULT_AFTER_TICKS), "{ticks_to_reading}");
     assert_eq!((imu.errors(), imu.fault()), (1, Fault::None));
     bus.done();
 }
@@ -249,7 +249,7 @@ fn a_sensor_that_stays_asleep_becomes_a_fault() {
 }
 
 #[test]
-fn a_lost_configuration_is_found_within_a_second_and_put_back() {
+fn a_lost_configuration_is_found_within_a_second_and_restored() {
     let samples: Vec<_> = (0..200).map(|number| sample(1 + number as u8 % 100)).collect();
     let checked = vec![read(0x19, &[4]), sample(201)];
     let lost = vec![read(0x19, &[0])];
@@ -263,7 +263,7 @@ fn a_lost_configuration_is_found_within_a_second_and_put_back() {
 }
 
 #[test]
-fn another_configuration_is_put_in_force_and_the_same_one_is_left_alone() {
+fn another_configuration_is_applied_and_the_same_one_is_not() {
     let narrow = Config { gyro_range: GyroRange::Dps250, accel_range: AccelRange::G2, low_pass: 6 };
     let steps =
         vec![write(0x6B, 0x01), write(0x1C, 0), write(0x1B, 0), write(0x1A, 6), write(0x19, 4), read(0x75, &[0x68])];

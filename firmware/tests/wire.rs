@@ -1,4 +1,4 @@
-//! The board's own code for messages against the derived one of the crate `protocol`.
+//! The board's own encoding of messages against the derived one of the crate `protocol`.
 
 #[path = "../../protocol/tests/wire/messages.rs"]
 mod messages;
@@ -71,8 +71,8 @@ proptest! {
         }
     }
 
-    /// What the board reads, the derived code reads likewise, and what it refuses is refused or was written by no sender:
-    /// postcard also takes a variant's number in more bytes than it needs.
+    /// The board and the derived code read the same requests. The board refuses some that the derived code accepts, but no
+    /// sender writes those: postcard also reads a variant's number with more bytes than it needs.
     #[test]
     fn damaged_requests_are_refused_as_derived(request in any_request(), at in 0usize..60, byte: u8, cut in 0usize..60) {
         let mut payload = postcard::to_vec(&request);

@@ -1,23 +1,21 @@
-//! The host side of the rig: what the `biflag` program is made of.
+//! The host side of the rig: the library behind the `biflag` program.
 //!
-//! A trial is a trial: a [`plan`] lists trials, the [`rig`] or the model runs them, and both write the same [`log`] into
-//! the same [`session`] folder. Whatever comes after reads a session without asking where it came from.
+//! A [`plan`] lists trials. [`run`] runs them on the rig or in the simulator and writes their logs ([`biflag_log`])
+//! into a [`session`] folder. All further commands read logs through [`trial`].
 
+pub mod atomic_file;
 pub mod attitude;
-pub mod board_settings;
 pub mod commands;
-mod exactly;
+mod draw;
 pub mod export;
 pub mod link;
 pub mod live;
-pub mod log;
-pub mod model;
-pub mod overview;
 pub mod plan;
+pub mod program;
+pub mod progress;
 pub mod report;
-pub mod rig;
-pub mod robot_file;
+pub mod run;
 pub mod session;
-pub mod stats;
+pub mod text;
+pub mod trial;
 pub mod twin;
-pub mod whole_file;

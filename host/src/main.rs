@@ -1,4 +1,4 @@
-//! The `biflag` program. What it does is in the library, so that tests can do it too.
+//! The `biflag` program. Its code is in the library, so that tests can use it.
 
 use std::process::ExitCode;
 

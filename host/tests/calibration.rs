@@ -1,24 +1,24 @@
-//! Whether a calibration finds hidden robots, and whether its intervals are true: on the model alone, with the noise of a
-//! sensor.
+//! Checks that calibrations recover hidden parameters within the stated intervals, on the model alone with the noise of
+//! a sensor.
 //!
-//! A few fits run with the other tests. A hundred of them:
+//! A few fits run with the other tests. To run a hundred:
 //!
 //! ```text
-//! cargo test --release -p host --test calibration -- --ignored --nocapture
+//! cargo test --release -p host --test all calibration -- --ignored --nocapture
 //! ```
 
-use host::attitude::{Reading, Times};
-use host::log::{Origin, TrialMeta};
-use host::twin::Recording;
-use host::twin::calibrate::{Calibration, Estimate, Parameter, Request, calibrate};
+use biflag_log::schema::biflag::{self, event::Kind};
+use biflag_log::{FORMAT, TrialMeta};
+use host::trial::{Collector, Data, Records, Want};
+use host::twin::calibrate::{Calibration, Estimate, FitTrial, Parameter, Request, calibrate};
 use nalgebra::UnitQuaternion;
+use sim::body::closure::Closure;
 use sim::params::{Glycerol, Robot};
 use sim::profile::{Phases, SpeedProfile};
-use sim::robot::closure::Closure;
 use sim::trial::{Options, Trial};
 use std::f64::consts::TAU;
 
-/// The calibration is the time in which the flagella come to sag as those of a robot that has always hung there.
+/// During the calibration phase the flagella sag to their equilibrium.
 const PHASES: Phases = Phases { calibrate: 40.0, preroll: 20.0, run: 40.0, decay: 15.0, ramp: 0.25, reverse: None };
 const SPEEDS: [[f64; 2]; 3] = [[50.0, 10.0], [-90.0, 90.0], [0.0, 45.0]];
 
@@ -31,13 +31,13 @@ impl Draw {
         low + (high - low) * (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Of mean 0 and variance 1: a sum of twelve.
+    /// Returns a normal deviate of mean 0 and variance 1: a sum of twelve uniform ones.
     fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.within(-0.5, 0.5)).sum()
     }
 }
 
-/// What a fit is to find.
+/// The parameters that a fit must recover.
 struct Hidden {
     robot: Robot,
     mount_yaw_deg: f64,
@@ -45,7 +45,7 @@ struct Hidden {
 }
 
 impl Hidden {
-    /// Each parameter up to 20 % off.
+    /// Draws each parameter up to 20 % from the published one.
     fn draw(draw: &mut Draw) -> Self {
         let mut robot = Robot::default();
         robot.joint.tether_full_nm_per_rad *= draw.within(0.8, 1.2);
@@ -67,9 +67,10 @@ impl Hidden {
         }
     }
 
-    /// A trial of it as a board at 100 Hz would tell it. The gyroscope's bias after calibration, its walk and the random
-    /// walk of the angle are those of an MPU6050; tilts have noise that lasts about a second, as the filter's has.
-    fn trial(&self, speeds: [f64; 2], draw: &mut Draw) -> Recording {
+    /// Simulates a trial as measured by a board at 100 Hz. The gyroscope's bias after calibration, its walk and the
+    /// random walk of the angle are those of an MPU6050; the noise of the tilts has a correlation time of a second,
+    /// like the filter's.
+    fn trial(&self, speeds: [f64; 2], draw: &mut Draw) -> Data {
         let profile = SpeedProfile::phases(&PHASES, speeds).unwrap();
         let rate_hz = 100.0;
         let step: f64 = 1.0 / rate_hz;
@@ -78,24 +79,10 @@ impl Hidden {
         let mount = UnitQuaternion::from_euler_angles(0.0, 0.0, deg(self.mount_yaw_deg));
         let (mut yaw, mut bias, mut tilt) = (draw.within(-180.0, 180.0), draw.within(-0.05, 0.05), [0.0; 2]);
         let noise = draw.within(0.03, 0.1);
-        let mut recording = Recording {
-            path: format!("{speeds:?}").into(),
-            trial: TrialMeta { w1_rpm: speeds[0], w2_rpm: speeds[1], ..TrialMeta::default() },
-            origin: Origin::Rig,
-            plan: None,
-            board: None,
-            model: None,
-            robot_meta: None,
-            replay: None,
-            level: None,
-            attitude: Vec::new(),
-            turns: Vec::new(),
-            phases: Vec::new(),
-            times: Times { preroll: 0.0..20.0, run: 20.0..60.0, decay: 60.0..75.0 },
-            end_s: 75.0,
-            temperature_c: 20.0,
-            warnings: Vec::new(),
-        };
+        let mut collector = Collector::new(Want::default(), FORMAT);
+        for (time_s, phase) in [(0.0, "preroll"), (20.0, "run"), (60.0, "decay"), (75.0, "end")] {
+            collector.event(time_s, Kind::Phase, phase);
+        }
         for sample in Trial::new(&self.robot, Closure::Full, profile, options).unwrap() {
             let sample = sample.unwrap();
             let time_s = sample.time_s - PHASES.calibrate;
@@ -116,11 +103,23 @@ impl Hidden {
                 * UnitQuaternion::from_euler_angles(roll, pitch, 0.0);
             let q15 = |part: f64| (part * 32768.0).round() / 32768.0;
             let attitude = [seen.w, seen.i, seen.j, seen.k].map(q15);
-            recording.attitude.push((time_s, Reading { attitude, ..Reading::default() }));
-            let turns = sample.motor_angle_rad.map(|angle| (angle / TAU * 1204.44).round() / 1204.44);
-            recording.turns.push((time_s, turns));
+            let [w, x, y, z] = attitude;
+            let [motor1, motor2] = sample.motor_angle_rad.map(|angle| {
+                Some(biflag::Motor { turns: (angle / TAU * 1204.44).round() / 1204.44, ..biflag::Motor::default() })
+            });
+            collector.telemetry(&biflag::Telemetry {
+                time_s,
+                attitude: Some(biflag::Quaternion { w, x, y, z }),
+                temperature_c: 20.0,
+                imu_fresh: true,
+                motor1,
+                motor2,
+                ..biflag::Telemetry::default()
+            });
         }
-        recording
+        let trial = TrialMeta { w1_rpm: speeds[0], w2_rpm: speeds[1], ..TrialMeta::default() };
+        let records = Records { trial: Some(trial), ..Records::default() };
+        collector.finish(format!("{speeds:?}").as_ref(), records)
     }
 }
 
@@ -130,10 +129,11 @@ fn fit(seed: u64, speeds: &[[f64; 2]]) -> (Hidden, Calibration) {
     let hidden = Hidden::draw(&mut draw);
     let trials: Vec<_> = speeds.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
     let request = Request { robot: None, closure: None, parameters: Parameter::USUAL.to_vec(), jobs: 2 };
-    (hidden, calibrate(&trials, &request, &|| {}).unwrap())
+    let trials = trials.iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
+    (hidden, calibrate(trials, &request, &|| {}).unwrap())
 }
 
-/// How many intervals of each parameter hold the truth, and how many of all at once.
+/// Number of intervals that contain the truth, for each parameter and for all at once.
 #[derive(Default)]
 struct Coverage {
     fits: usize,
@@ -172,7 +172,7 @@ impl Coverage {
 }
 
 #[test]
-fn hidden_robots_are_found() {
+fn calibration_recovers_hidden_robots() {
     let (hidden, calibration) = fit(1, &SPEEDS[..2]);
     for estimate in &calibration.parameters {
         println!(
@@ -182,7 +182,7 @@ fn hidden_robots_are_found() {
             hidden.value(estimate),
             estimate.std_error
         );
-        // The intervals' share is told by a hundred fits; one that lies far off tells that the fit is wrong.
+        // The coverage needs a hundred fits to measure, but an estimate far from the truth shows that the fit is wrong.
         assert!((estimate.value - hidden.value(estimate)).abs() < 4.0 * estimate.std_error, "{estimate:?}");
     }
     println!(
@@ -194,7 +194,7 @@ fn hidden_robots_are_found() {
 }
 
 #[test]
-fn the_viscosity_of_a_mixture_starts_from_the_temperature_in_the_log() {
+fn viscosity_of_a_mixture_starts_from_the_logged_temperature() {
     let (seen, at) = (20.0, |temperature_c| Glycerol { mass_fraction: 0.99, temperature_c });
     let mut robot = Robot::default();
     robot.fluid.glycerol = Some(at(5.0));
@@ -203,17 +203,17 @@ fn the_viscosity_of_a_mixture_starts_from_the_temperature_in_the_log() {
         Hidden { robot: Robot::default(), mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] }.trial(SPEEDS[0], &mut draw);
     assert_eq!(trial.temperature_c, seen);
     let request = Request { robot: Some(robot), closure: None, parameters: vec![Parameter::Viscosity], jobs: 1 };
-    let calibration = calibrate(&[trial], &request, &|| {}).unwrap();
+    let calibration = calibrate(vec![FitTrial::new(&trial).unwrap()], &request, &|| {}).unwrap();
     let [viscosity] = calibration.parameters.as_slice() else { panic!("{calibration:?}") };
     assert_eq!(viscosity.start, at(seen).viscosity_pa_s());
     assert!(calibration.warnings.iter().any(|text| text.contains("99.0 % glycerol at the sensor's 20.0 °C")));
-    assert!(calibration.robot.fluid.glycerol.is_none(), "the fitted value stands for itself");
+    assert!(calibration.robot.fluid.glycerol.is_none(), "the fitted value replaces the mixture");
     assert!((viscosity.value - 1.0).abs() < 0.05, "{viscosity:?}");
 }
 
 #[test]
-#[ignore = "a hundred fits take half an hour on two cores; see the head of this file"]
-fn intervals_hold_the_truth_in_a_hundred_fits() {
+#[ignore = "a hundred fits take half an hour on two cores"]
+fn intervals_contain_the_truth_in_a_hundred_fits() {
     let mut coverage = Coverage::default();
     for seed in 1..=100 {
         let (hidden, calibration) = fit(seed, &SPEEDS);

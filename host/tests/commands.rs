@@ -1,9 +1,9 @@
-//! `info`, `recover` and `export` as a user runs them: what they print, write, and exit with.
+//! End-to-end tests of `info`, `recover` and `export`: output, files and exit codes.
 
-use host::log::{End, EventKind, Origin, Start, Summary, Writer};
-use host::plan::Plan;
+use biflag_log::{End, EventKind, LinkStats, Origin, Summary};
+use host::plan::{Plan, board};
+use host::run::{self, Recorder};
 use host::session::Session;
-use host::stats::LinkStats;
 use protocol::units::{CentiRpm, Count, Duty, EncoderCounts, Quaternion, SensorCounts, TemperatureCounts};
 use protocol::{Info, Settings, State, Telemetry};
 use serde_json::Value;
@@ -31,7 +31,8 @@ fn path(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// A session of two short trials, the first of which was run: at 100 Hz, yaw turning by 1 °/s while the motors run.
+/// Creates a session of two short trials, the first of which is complete: at 100 Hz, yaw turning by 1 °/s during the
+/// run.
 fn session(folder: &Path) -> PathBuf {
     let text = "[session]\nname = \"short\"\noperator = \"Ada\"\n[trial]\ncalibrate = 0\npreroll = 10\nrun = 24\ndecay = 10\n\
                 [speeds]\npairs = [[50, 10], [0, 45]]\n";
@@ -41,15 +42,10 @@ fn session(folder: &Path) -> PathBuf {
     let (attempt, log) = session.next_attempt(trial).unwrap();
     let host =
         |seconds: f64| SystemTime::UNIX_EPOCH + Duration::from_secs(1_700_000_000) + Duration::from_secs_f64(seconds);
-    let start = Start {
-        plan: &plan,
-        trial,
-        attempt,
-        origin: Origin::VirtualRig,
-        board: Some((Info { firmware: [0, 1, 0], imu_id: 0x68, ..Info::default() }, Settings::DEFAULT)),
-        time: host(0.0),
-    };
-    let mut writer = Writer::create(&log, &start).unwrap();
+    let info = Info { firmware: [0, 1, 0], imu_id: 0x68, ..Info::default() };
+    let board = board::to_log(&info, &Settings::DEFAULT);
+    let start = run::start(&plan, trial, attempt, Origin::VirtualRig, Some(board), host(0.0));
+    let mut writer = Recorder::create(&log, &start, Settings::DEFAULT, host(0.0)).unwrap();
     for i in 0..=4400u32 {
         let time = f64::from(i) * 0.01;
         for (at, phase) in [(0, "preroll"), (1000, "run"), (3400, "decay"), (4400, "end")] {
@@ -72,16 +68,16 @@ fn session(folder: &Path) -> PathBuf {
             imu_fresh: true,
             ..Telemetry::default()
         };
-        writer.telemetry(&frame, 7_000_000 + u64::from(i) * 10_000, host(time)).unwrap();
+        writer.frame(&frame, 7_000_000 + u64::from(i) * 10_000, host(time)).unwrap();
     }
     writer.dropout(77, 3, host(44.0)).unwrap();
     let link = LinkStats { samples: 4401, lost: 3, retries: 1, ..LinkStats::default() };
-    writer.finish(&Summary { end: End::Complete, link, ..Summary::default() }).unwrap();
+    writer.finish(&mut Summary { end: End::Complete, link, ..Summary::default() }).unwrap();
     log
 }
 
 #[test]
-fn info_tells_what_a_log_holds() {
+fn info_shows_the_content_of_a_log() {
     let folder = tempfile::tempdir().unwrap();
     let log = session(folder.path());
     let output = biflag(&["info", path(&log), "--json"]);
@@ -91,9 +87,9 @@ fn info_tells_what_a_log_holds() {
     assert_eq!((info["samples"].as_u64(), info["lost"].as_u64()), (Some(4401), Some(3)));
     assert!((info["duration_s"].as_f64().unwrap() - 44.0).abs() < 1e-9);
     assert_eq!(info["clean"], true);
-    // The mean over the last 12 s of the run, from the mean over the last second before it.
+    // The mean over the last 12 s of the run, relative to the mean over the last second before it.
     assert!((info["angles"]["yaw_deg"].as_f64().unwrap() - 18.0).abs() < 0.02);
-    // Ten seconds are too few to tell a robot that swings back to rest from a gyroscope that drifts.
+    // Ten seconds are too short to separate the return to rest from the drift of the gyroscope.
     assert_eq!(info["angles"]["still_after_s"], 0.0);
     assert!((info["angles"]["turned_deg"][2].as_f64().unwrap() - 24.0).abs() < 0.02);
 
@@ -112,7 +108,7 @@ fn info_tells_what_a_log_holds() {
 }
 
 #[test]
-fn info_tells_how_far_a_session_is() {
+fn info_shows_the_state_of_a_session() {
     let folder = tempfile::tempdir().unwrap();
     let log = session(folder.path());
     let output = biflag(&["--json", "info", path(log.parent().unwrap())]);
@@ -124,11 +120,11 @@ fn info_tells_how_far_a_session_is() {
     assert_eq!(info["samples"], 4401);
     let output = biflag(&["info", path(folder.path())]);
     assert_eq!(code(&output), 2);
-    assert!(stderr(&output).contains("not a session's folder"));
+    assert!(stderr(&output).contains("not a session folder"));
 }
 
 #[test]
-fn a_cut_off_log_is_recovered() {
+fn cut_off_log_is_recovered() {
     let folder = tempfile::tempdir().unwrap();
     let log = session(folder.path());
     let whole = std::fs::read(&log).unwrap();
@@ -144,49 +140,59 @@ fn a_cut_off_log_is_recovered() {
     assert_eq!(code(&biflag(&["info", path(&recovered)])), 0);
 
     let output = biflag(&["recover", path(&log)]);
-    assert_eq!(code(&output), 1);
-    assert!(stderr(&output).contains("exists already"));
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("already exists"));
     let output = biflag(&["recover", path(&recovered), "--json"]);
     assert_eq!((code(&output), &json(&output)["recovered"]), (0, &Value::Null));
-    std::fs::write(&log, b"nothing of the kind").unwrap();
+    std::fs::write(&log, b"not a log").unwrap();
     let output = biflag(&["recover", path(&log), "--json"]);
-    assert_eq!(code(&output), 1);
+    assert_eq!(code(&output), 2);
     assert!(json(&output)["error"].as_str().unwrap().contains("not an MCAP file"));
     assert!(stderr(&output).contains("help:"));
 }
 
-const CSV_HEAD: &str = "\
-time_s,log_time_ns,board_time_us,seq,yaw_deg,pitch_deg,roll_deg,q_w,q_x,q_y,q_z,\
-rate_x_dps,rate_y_dps,rate_z_dps,accel_x_mps2,accel_y_mps2,accel_z_mps2,\
-gyro_x_counts,gyro_y_counts,gyro_z_counts,accel_x_counts,accel_y_counts,accel_z_counts,temperature_c,\
-target1_rpm,speed1_rpm,duty1_of_255,encoder1_counts,turns1,target2_rpm,speed2_rpm,duty2_of_255,encoder2_counts,turns2,\
-state,fault,imu_fresh,unsent,imu_errors,bad_frames,missed_ticks
-0,1700000000000000000,7000000,0,0,0,0,1,0,0,0,0.099236641,0,-1,0,0,9.80665,13,0,-131,0,0,16384,25.000588235,\
-50,49.9,120,60222,100.000004865,10,10.01,-30,-60222,-100.000004865,RUNNING,NONE,1,0,0,0,0
-0.01,1700000000010000000,7010000,1,0,0,0,1,0,0,0,0.099236641,0,-1,0,0,9.80665,13,0,-131,0,0,16384,25.000588235,\
-50,49.9,120,60222,100.000004865,10,10.01,-30,-60222,-100.000004865,RUNNING,NONE,1,0,0,0,0
-";
+/// Returns the cells of a column of a CSV file with header lines that begin with `#`.
+fn column(csv: &str, name: &str) -> Vec<String> {
+    let mut lines = csv.lines().filter(|line| !line.starts_with('#'));
+    let at = lines.next().unwrap().split(',').position(|column| column == name).unwrap_or_else(|| panic!("no {name}"));
+    lines.map(|line| line.split(',').nth(at).unwrap().to_owned()).collect()
+}
 
-const TUM_END: &str = "\
-1700000043.990000000 0 0 0 0.000000000 0.000000000 0.207915693 0.978146750
-1700000044.000000000 0 0 0 0.000000000 0.000000000 0.207915693 0.978146750
-";
+fn numbers(csv: &str, name: &str) -> Vec<f64> {
+    column(csv, name).iter().map(|cell| cell.parse().unwrap_or(f64::NAN)).collect()
+}
 
 #[test]
-fn exports_are_what_they_were() {
+fn export_has_the_angles_of_the_other_commands() {
     let folder = tempfile::tempdir().unwrap();
     let log = session(folder.path());
     let output = biflag(&["export", path(&log), "--format", "csv", "--json"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert_eq!(json(&output)["rows"], 4401);
     let csv = std::fs::read_to_string(log.with_extension("csv")).unwrap();
-    assert_eq!(&csv[..CSV_HEAD.len().min(csv.len())], CSV_HEAD);
-    assert_eq!(csv.lines().count(), 4402);
+    assert!(csv.starts_with("# biflag 0.1.0: trial 001_w1+50_w2+10 at 50 and 10 rpm\n"), "{}", &csv[..200]);
+    for line in ["# offset removed: yaw ", "# steady, from 11.990 to 23.990 s: yaw ", "# yaw_uncertainty_deg: 95 %"] {
+        assert!(csv.contains(line), "{line} is not in\n{}", &csv[..2000]);
+    }
+    let (times, yaw, board) = (numbers(&csv, "time_s"), numbers(&csv, "yaw_deg"), numbers(&csv, "board_yaw_deg"));
+    // Relative to the start of the run, minus the delay of the sensor's filter.
+    assert!((times[0] + 10.0).abs() < 0.01 && (times[4400] - 34.0).abs() < 0.01, "{} {}", times[0], times[4400]);
+    let phases = column(&csv, "phase");
+    assert_eq!([&phases[0], &phases[1500], &phases[4000]], ["preroll", "run", "decay"]);
+    assert!((board[4400] - 24.0).abs() < 0.01 && yaw[500].abs() < 0.01, "{} {}", board[4400], yaw[500]);
+    assert_eq!((numbers(&csv, "speed1_rpm")[2000], numbers(&csv, "target2_rpm")[2000]), (49.9, 10.0));
+    // The mean of the exported angles over the steady time is the steady yaw.
+    let steady: Vec<f64> = (0..yaw.len()).filter(|i| (11.99..=23.99).contains(&times[*i])).map(|i| yaw[i]).collect();
+    let info = json(&biflag(&["info", path(&log), "--json"]));
+    let mean = steady.iter().sum::<f64>() / steady.len() as f64;
+    assert!((mean - info["angles"]["yaw_deg"].as_f64().unwrap()).abs() < 0.01, "{mean}");
 
     let tum = folder.path().join("a.tum");
     assert_eq!(code(&biflag(&["export", path(&log), "-f", "tum", "-o", path(&tum)])), 0);
     let text = std::fs::read_to_string(&tum).unwrap();
-    assert!(text.ends_with(TUM_END), "{}", &text[text.len() - TUM_END.len()..]);
+    let last: Vec<f64> = text.lines().last().unwrap().split(' ').map(|cell| cell.parse().unwrap()).collect();
+    // A yaw of 24 degrees.
+    assert!((last[0] - 44.0).abs() < 0.01 && (last[6] - 0.2079).abs() < 1e-3 && (last[7] - 0.9781).abs() < 1e-3);
 
     let output = biflag(&["export", path(&log), "-f", "tum", "-o", path(&tum)]);
     assert_eq!(code(&output), 2);
@@ -194,9 +200,29 @@ fn exports_are_what_they_were() {
     assert_eq!(code(&biflag(&["export", path(&log), "-f", "tum", "-o", path(&tum), "--force"])), 0);
 }
 
-/// An export never takes the log's place, by whatever name, and a part never passes for the whole.
 #[test]
-fn an_export_spares_the_log_and_leaves_no_part_behind() {
+fn session_is_exported_as_a_table_and_a_file_per_trial() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = session(folder.path());
+    let session = log.parent().unwrap();
+    let output = biflag(&["export", path(session), "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let export = folder.path().join("short-export");
+    assert_eq!(json(&output)["files"].as_array().unwrap().len(), 2);
+    let trials = std::fs::read_to_string(export.join("trials.csv")).unwrap();
+    assert_eq!(column(&trials, "trial"), ["001_w1+50_w2+10"]);
+    assert_eq!((column(&trials, "lost"), column(&trials, "complete")), (vec!["3".to_owned()], vec!["1".to_owned()]));
+    let info = json(&biflag(&["info", path(&log), "--json"]));
+    let yaw = info["angles"]["yaw_deg"].as_f64().unwrap();
+    assert!((numbers(&trials, "yaw_deg")[0] - yaw).abs() < 1e-8, "{trials}");
+    assert!(export.join(&column(&trials, "file")[0]).is_file());
+    assert_eq!(code(&biflag(&["export", path(session)])), 2, "it already exists");
+    assert_eq!(code(&biflag(&["export", path(session), "-f", "tum", "-o", "x"])), 2);
+}
+
+/// An export never overwrites the log, under any name, and never leaves a partial file.
+#[test]
+fn export_keeps_the_log_and_leaves_no_partial_file() {
     let folder = tempfile::tempdir().unwrap();
     let log = session(folder.path());
     let content = std::fs::read(&log).unwrap();
@@ -210,7 +236,7 @@ fn an_export_spares_the_log_and_leaves_no_part_behind() {
         assert!(std::fs::read(&log).unwrap() == content);
     }
     let csv = folder.path().join("a.csv");
-    // No file may grow beyond eight blocks, as if the disk were full.
+    // A limit of eight blocks on the size of files simulates a full disk.
     let limited = "trap '' XFSZ; ulimit -f 8; exec \"$@\"";
     let mut shell = Command::new("sh");
     shell.args(["-c", limited, "sh", env!("CARGO_BIN_EXE_biflag"), "export", path(&log), "-o", path(&csv)]);
@@ -220,13 +246,13 @@ fn an_export_spares_the_log_and_leaves_no_part_behind() {
     assert!(!csv.exists());
 }
 
-/// Damage in the middle of a log does not show at its end; `info` of a session reads every log through.
+/// Damage in the middle of a log does not show at its end, so `info` of a session reads every log in full.
 #[test]
 fn info_of_a_session_finds_a_damaged_log() {
     let folder = tempfile::tempdir().unwrap();
     let log = session(folder.path());
     let mut content = std::fs::read(&log).unwrap();
-    // Into the data of a chunk, behind the name of their compression and a length.
+    // The data of a chunk follow the name of its compression and a length.
     let chunk = content.windows(4).enumerate().filter(|(_, four)| four == b"zstd").nth(1).unwrap().0;
     content[chunk + 4 + 8 + 6] ^= 0x55;
     std::fs::write(&log, content).unwrap();
@@ -243,19 +269,32 @@ fn info_of_a_session_finds_a_damaged_log() {
 }
 
 #[test]
-#[cfg(feature = "parquet")]
-fn a_parquet_file_holds_the_same_table() {
+fn parquet_file_contains_the_same_table() {
     use parquet::file::reader::{FileReader, SerializedFileReader};
-    use parquet::record::RowAccessor;
     let folder = tempfile::tempdir().unwrap();
     let log = session(folder.path());
-    assert_eq!(code(&biflag(&["export", path(&log), "-f", "parquet"])), 0);
+    for format in ["csv", "parquet"] {
+        assert_eq!(code(&biflag(&["export", path(&log), "-f", format])), 0);
+    }
     let file = std::fs::File::open(log.with_extension("parquet")).unwrap();
     let reader = SerializedFileReader::new(file).unwrap();
-    assert_eq!(reader.metadata().file_metadata().num_rows(), 4401);
-    let row = reader.get_row_iter(None).unwrap().nth(1).unwrap().unwrap();
-    assert_eq!((row.get_double(0).unwrap(), row.get_long(1).unwrap()), (0.01, 1_700_000_000_010_000_000));
-    assert_eq!(row.get_string(34).unwrap(), "RUNNING");
+    let about = reader.metadata().file_metadata().key_value_metadata().unwrap();
+    assert!(about.iter().any(|pair| pair.key == "about" && pair.value.as_ref().unwrap().contains("offset removed")));
+    let csv = std::fs::read_to_string(log.with_extension("csv")).unwrap();
+    let (yaw, phases) = (numbers(&csv, "yaw_deg"), column(&csv, "phase"));
+    let mut rows = 0;
+    for (i, row) in reader.get_row_iter(None).unwrap().enumerate() {
+        for (name, field) in row.unwrap().get_column_iter() {
+            match (name.as_str(), field) {
+                ("yaw_deg", parquet::record::Field::Double(value)) => assert!((value - yaw[i]).abs() < 1e-9),
+                ("phase", parquet::record::Field::Str(phase)) => assert_eq!(*phase, phases[i]),
+                ("yaw_deg" | "phase", other) => panic!("{other:?}"),
+                _ => {}
+            }
+        }
+        rows += 1;
+    }
+    assert_eq!(rows, 4401);
 }
 
 #[test]
@@ -266,5 +305,5 @@ fn wrong_use_exits_with_two_and_help_with_zero() {
     assert_eq!(code(&biflag(&["info", "--help"])), 0);
     let output = biflag(&["info", "no-such.mcap", "--json"]);
     assert_eq!(code(&output), 2);
-    assert!(json(&output)["error"].as_str().unwrap().starts_with("no-such.mcap: there is no such log"));
+    assert!(json(&output)["error"].as_str().unwrap().starts_with("no-such.mcap: no such log"));
 }

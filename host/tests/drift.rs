@@ -1,18 +1,18 @@
-//! Yaw of a real MPU6050 that lies still for 655 s: what of its drift is left, and whether the stated uncertainty is true.
+//! Residual drift of the yaw of a real MPU6050 at rest for 655 s, and coverage of the stated uncertainty.
 
-use host::attitude::{Drift, Reading, Series, Track};
+use host::attitude::{Columns, Drift, Reading, Series};
 use std::path::Path;
 
 const PREROLL_S: f64 = 20.0;
 const RUN_S: f64 = 120.0;
 const DECAY_S: f64 = 30.0;
 
-/// Counts per °/s of the recording's range.
+/// Counts per °/s in the range of the recording.
 const COUNTS_PER_DPS: f64 = 131.0;
 
-/// Yaw from the recorded rates, by the trapezium rule, and the sensor's temperature.
+/// Yaw, integrated from the recorded rates by the trapezium rule, and the sensor's temperature.
 struct Recorded {
-    yaw: Track,
+    yaw: Columns<1>,
     temperature_c: Vec<f64>,
 }
 
@@ -24,15 +24,15 @@ fn recorded() -> Recorded {
         let mut next = |skipped: usize| fields.nth(skipped).unwrap();
         (next(0), next(5) / COUNTS_PER_DPS, next(0))
     });
-    let mut recorded = Recorded { yaw: Track::default(), temperature_c: Vec::new() };
+    let mut recorded = Recorded { yaw: Columns::default(), temperature_c: Vec::new() };
     let mut last: Option<(f64, f64, f64)> = None;
     for (time, rate, temperature_c) in rows {
         let angle = last.map_or(0.0, |(t, r, angle)| angle + 0.5 * (r + rate) * (time - t));
-        recorded.yaw.push(time, angle);
+        recorded.yaw.push(time, [angle]);
         recorded.temperature_c.push(temperature_c);
         last = Some((time, rate, angle));
     }
-    assert_eq!(recorded.yaw.value.len(), recorded.temperature_c.len());
+    assert_eq!(recorded.yaw.len(), recorded.temperature_c.len());
     recorded
 }
 
@@ -44,8 +44,9 @@ struct Figures {
     with_end: f64,
 }
 
-/// Every window of the recording, a second apart, with `motion` added after the run. The truth at the run's end is 0.
+/// Evaluates all windows of the recording, a second apart, with `motion` added after the run. The true yaw is 0.
 fn over_all_windows(Recorded { yaw, temperature_c }: &Recorded, motion: impl Fn(f64) -> f64) -> Figures {
+    let yaw = yaw.track(0);
     let span = yaw.span();
     let (mut squares, mut largest, mut covered, mut stated, mut ends, mut windows) = (0.0, 0.0f64, 0, 0.0, 0, 0);
     let mut start = span.start;
@@ -59,7 +60,7 @@ fn over_all_windows(Recorded { yaw, temperature_c }: &Recorded, motion: impl Fn(
             let attitude = [half.cos(), 0.0, 0.0, half.sin()];
             trial.push(*time, &Reading { attitude, temperature_c: temperature_c[i], ..Reading::default() });
         }
-        let drift = Drift::seen(&trial, start..run, stop..end).unwrap();
+        let drift = Drift::estimate(&trial, start..run, stop..end).unwrap();
         let error = yaw.at(stop).unwrap() - yaw.at(run).unwrap() - drift.between(run, stop);
         let uncertainty = drift.uncertainty(run, stop);
         squares += error * error;
@@ -91,17 +92,17 @@ fn print(name: &str, figures: &Figures) {
 }
 
 #[test]
-fn a_sensor_at_rest_drifts_little_and_no_more_than_stated() {
+fn drift_of_a_sensor_at_rest_is_within_the_stated_uncertainty() {
     let figures = over_all_windows(&recorded(), |_| 0.0);
     print("at rest", &figures);
     assert!(figures.rms_deg <= 0.4);
     assert!(figures.coverage >= 0.95);
-    // An uncertainty that covers everything is none.
+    // The uncertainty must not be much too large either.
     assert!(figures.mean_uncertainty_deg < 3.0 * figures.rms_deg);
 }
 
 #[test]
-fn a_robot_that_swings_back_spoils_neither_the_yaw_nor_its_uncertainty() {
+fn return_to_rest_does_not_disturb_yaw_and_uncertainty() {
     let recorded = recorded();
     for (name, time_constant_s, turns_deg) in
         [("swings back in 1 s", 1.0, 180.0), ("in 3 s", 3.0, 60.0), ("in 6 s", 6.0, 60.0), ("in 15 s", 15.0, 60.0)]

@@ -1,4 +1,4 @@
-//! Boards that are none, are another's, or vanish: whatever stands behind the port, one error says what it is.
+//! The handshake with silent, noisy, outdated and disconnected boards, each of which gives a specific error.
 
 use host::link::{Link, LinkError};
 use protocol::frame::{Accumulator, MAX_FRAME, encode};
@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
-/// Opens a link to a port behind which `board` does as it likes, with the board's end of it, which it closes.
+/// Opens a link to a pseudo-terminal whose other end is driven by `board`, and closed when it returns.
 fn open(board: impl FnOnce(&mut File) + Send + 'static) -> Result<Link, LinkError> {
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     grantpt(&master).unwrap();
@@ -18,10 +18,10 @@ fn open(board: impl FnOnce(&mut File) + Send + 'static) -> Result<Link, LinkErro
     let mut attributes = tcgetattr(&master).unwrap();
     attributes.make_raw();
     tcsetattr(&master, OptionalActions::Now, &attributes).unwrap();
-    // Without this the board would read an error until the port is opened.
+    // The board's end can only be read once the port is open.
     let held = File::options().read(true).write(true).open(&path).unwrap();
     let mut master = File::from(master);
-    // Never joined: nobody wakes a board that waits for room in a port that the host has closed.
+    // The thread is never joined: a board that blocks on a port closed by the host never wakes up.
     std::thread::spawn(move || board(&mut master));
     std::thread::spawn(move || {
         std::thread::sleep(Duration::from_millis(200));
@@ -30,7 +30,7 @@ fn open(board: impl FnOnce(&mut File) + Send + 'static) -> Result<Link, LinkErro
     Link::open(&path)
 }
 
-/// Answers each request with what `answer` makes of it, until the port is closed.
+/// Replies to each request with the bytes returned by `answer`, until the port is closed.
 fn answer_all(port: &mut File, mut answer: impl FnMut(Request) -> Vec<u8>) {
     let mut accumulator = Accumulator::new();
     let mut bytes = [0; 256];
@@ -55,10 +55,10 @@ fn reply(request: Request, reply: Reply) -> Vec<u8> {
 }
 
 fn error(board: impl FnOnce(&mut File) + Send + 'static) -> LinkError {
-    open(board).map(|link| *link.info()).expect_err("a link to no board of ours")
+    open(board).map(|link| *link.info()).expect_err("the handshake fails")
 }
 
-/// Bytes that differ and do not end.
+/// Returns endless pseudo-random bytes.
 fn noise() -> impl Iterator<Item = u8> {
     let mut state = 1u32;
     std::iter::repeat_with(move || {
@@ -68,7 +68,7 @@ fn noise() -> impl Iterator<Item = u8> {
 }
 
 #[test]
-fn a_board_of_ours_is_greeted_through_another_programs_leftovers() {
+fn handshake_succeeds_after_noise() {
     let link = open(|port| {
         port.write_all(&noise().take(500).collect::<Vec<_>>()).unwrap();
         let info = Info { protocol: VERSION, board_id: 7, ..Info::default() };
@@ -78,7 +78,7 @@ fn a_board_of_ours_is_greeted_through_another_programs_leftovers() {
 }
 
 #[test]
-fn a_board_of_another_version_is_named_at_once() {
+fn other_protocol_version_is_reported_at_once() {
     let begun = Instant::now();
     let error = error(|port| {
         answer_all(port, |request| reply(request, Reply::Info(Info { protocol: 99, ..Info::default() })));
@@ -88,7 +88,7 @@ fn a_board_of_another_version_is_named_at_once() {
 }
 
 #[test]
-fn an_answer_that_is_none_is_said_to_be_none() {
+fn wrong_reply_is_reported() {
     let done = error(|port| answer_all(port, |request| reply(request, Reply::Done)));
     assert!(matches!(done, LinkError::WrongAnswer { .. }), "{done}");
     let refused = error(|port| answer_all(port, |request| reply(request, Reply::Refused(Refusal::Faulted))));
@@ -96,7 +96,7 @@ fn an_answer_that_is_none_is_said_to_be_none() {
 }
 
 #[test]
-fn a_port_that_vanishes_in_the_handshake_is_said_to_have_vanished() {
+fn port_that_disappears_during_the_handshake_is_reported() {
     let begun = Instant::now();
     for after in [0, 1, 40] {
         let error = error(move |port| {
@@ -109,11 +109,11 @@ fn a_port_that_vanishes_in_the_handshake_is_said_to_have_vanished() {
     assert!(begun.elapsed() < Duration::from_secs(4));
 }
 
-/// Each of these takes as long as a board may take to start, so all go at once.
+/// Each of these takes the full time limit of the handshake, so they run in parallel.
 #[test]
-fn boards_that_never_answer_are_told_apart() {
+fn boards_without_reply_give_specific_errors() {
     let silent = std::thread::spawn(|| error(|port| answer_all(port, |_| Vec::new())));
-    let babbler = std::thread::spawn(|| {
+    let noise_source = std::thread::spawn(|| {
         error(|port| {
             let mut noise = noise();
             while port.write_all(&noise.by_ref().take(64).collect::<Vec<_>>()).is_ok() {
@@ -128,22 +128,23 @@ fn boards_that_never_answer_are_told_apart() {
             }
         })
     });
-    let deaf = std::thread::spawn(|| {
+    let one_way = std::thread::spawn(|| {
         error(|port| {
             while port.write_all(&frame(&Message::Telemetry(Telemetry::default()))).is_ok() {
                 std::thread::sleep(Duration::from_millis(5));
             }
         })
     });
-    let strangers_number = std::thread::spawn(|| {
+    let wrong_number = std::thread::spawn(|| {
         error(|port| {
             let info = Reply::Info(Info { protocol: VERSION, ..Info::default() });
-            answer_all(port, |request| frame(&Message::Reply { to: request.seq.wrapping_add(1), reply: info }));
+            // Far from the number of the next request, which a slow answer would fit.
+            answer_all(port, |request| frame(&Message::Reply { to: request.seq.wrapping_add(100), reply: info }));
         })
     });
     assert!(matches!(silent.join().unwrap(), LinkError::Silent { .. }));
-    assert!(matches!(babbler.join().unwrap(), LinkError::OtherProgram { .. }));
+    assert!(matches!(noise_source.join().unwrap(), LinkError::OtherProgram { .. }));
     assert!(matches!(zeros.join().unwrap(), LinkError::OtherProgram { .. }));
-    assert!(matches!(deaf.join().unwrap(), LinkError::Deaf { .. }));
-    assert!(matches!(strangers_number.join().unwrap(), LinkError::OtherProgram { .. }));
+    assert!(matches!(one_way.join().unwrap(), LinkError::RequestsIgnored { .. }));
+    assert!(matches!(wrong_number.join().unwrap(), LinkError::OtherProgram { .. }));
 }

@@ -1,14 +1,13 @@
-//! Logs that went through anything: cut, overwritten, torn apart, glued together. Whatever is left of them reads, what
-//! is said of them holds, and what is recovered is clean.
+//! Property tests of damaged logs: cut, overwritten, spliced, concatenated. The rest can be read, all commands agree on
+//! the damage, and the recovered log is intact.
 
-use host::export::{Format, export};
-use host::log::{
-    Body, Condition, End, EventKind, LogError, Origin, Reader, Start, Summary, Writer, check, last_meta, recover,
-    summary,
+use biflag_log::{
+    Body, Condition, End, EventKind, LinkStats, LogError, Origin, Reader, Summary, check, last_meta, recover, summary,
 };
-use host::overview::Overview;
-use host::plan::Plan;
-use host::stats::LinkStats;
+use host::export::{Format, export_log};
+use host::plan::{Plan, board};
+use host::run::{self, Recorder};
+use host::trial::{Data, Want, Zeroed};
 use proptest::prelude::*;
 use protocol::units::{Count, Micros};
 use protocol::{Info, Settings, Telemetry};
@@ -16,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use std::time::{Duration, SystemTime};
 
-/// What happens to a log. Places and lengths are parts of the whole.
+/// Damage to a log. Places and lengths are fractions of the log's length.
 #[derive(Clone, Debug)]
 enum Damage {
     Cut(f64),
@@ -25,7 +24,7 @@ enum Damage {
     Remove(f64, f64),
     Repeat(f64, f64),
     Insert(f64, Vec<u8>),
-    /// The rest of another log, from a place in it.
+    /// Appends another log, starting at a place in it.
     Continue(f64, f64),
 }
 
@@ -71,37 +70,31 @@ impl Damage {
 
 const FRAMES: u16 = 120;
 
-/// A log of many chunks.
+/// Returns a log with many chunks.
 static LOG: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     let plan = Plan::parse("[speeds]\npairs = [[50, 10]]\n", "plan.toml").unwrap();
     let host = |i: u16| SystemTime::UNIX_EPOCH + Duration::from_millis(1_700_000_000_000 + u64::from(i));
-    let start = Start {
-        plan: &plan,
-        trial: &plan.trials[0],
-        attempt: 1,
-        origin: Origin::Rig,
-        board: Some((Info::default(), Settings::DEFAULT)),
-        time: host(0),
-    };
-    let mut writer = Writer::create(&path, &start).unwrap();
+    let board = board::to_log(&Info::default(), &Settings::DEFAULT);
+    let start = run::start(&plan, &plan.trials[0], 1, Origin::Rig, Some(board), host(0));
+    let mut writer = Recorder::create(&path, &start, Settings::DEFAULT, host(0)).unwrap();
     writer.event(EventKind::Phase, "run", host(0)).unwrap();
     for i in 0..FRAMES {
         let frame = Telemetry { seq: Count(i), time: Micros(u32::from(i) * 5000), ..Telemetry::default() };
-        writer.raw(&i.to_le_bytes(), host(i)).unwrap();
-        writer.telemetry(&frame, u64::from(i) * 5000, host(i)).unwrap();
+        writer.log.raw(&i.to_le_bytes(), host(i)).unwrap();
+        writer.frame(&frame, u64::from(i) * 5000, host(i)).unwrap();
         if i % 10 == 9 {
             // A metadata record closes the chunk before it.
-            writer.clock(&host::log::ClockFit { pings: i.into(), ..Default::default() }).unwrap();
+            writer.log.meta(&biflag_log::ClockMeta { pings: i.into(), ..Default::default() }).unwrap();
         }
     }
     let link = LinkStats { samples: FRAMES.into(), ..LinkStats::default() };
-    writer.finish(&Summary { end: End::Complete, link, ..Summary::default() }).unwrap();
+    writer.finish(&mut Summary { end: End::Complete, link, ..Summary::default() }).unwrap();
     std::fs::read(path).unwrap()
 });
 
-/// Messages of a log by what they are, and the numbers of its frames.
+/// Returns the number of messages in a log, the sequence numbers of its frames, and its condition.
 fn read(path: &Path) -> Result<(u64, Vec<u32>, Condition), LogError> {
     let mut reader = Reader::open(path)?;
     let (mut messages, mut frames) = (0, Vec::new());
@@ -111,44 +104,45 @@ fn read(path: &Path) -> Result<(u64, Vec<u32>, Condition), LogError> {
             frames.push(frame.seq);
         }
     }
-    Ok((messages, frames, reader.condition().expect("all is read")))
+    Ok((messages, frames, reader.condition().expect("the log was read to its end")))
 }
 
-/// Everything that a user can do with a log; what one command says must fit with what the others say.
+/// Applies all operations to a log; their results must be consistent.
 fn abuse(folder: &Path, content: &[u8]) {
     let [path, clean, again, csv] = ["a.mcap", "b.mcap", "c.mcap", "a.csv"].map(|name| folder.join(name));
     let afresh = |paths: &[&PathBuf]| paths.iter().for_each(|path| drop(std::fs::remove_file(path)));
     afresh(&[&clean, &again, &csv]);
     std::fs::write(&path, content).unwrap();
     let ended = summary(&path).unwrap();
-    last_meta::<host::log::RecoveryMeta>(&path).unwrap();
+    last_meta::<biflag_log::RecoveryMeta>(&path).unwrap();
     let Ok((messages, frames, condition)) = read(&path) else {
-        assert!(check(&path).is_err() && Overview::read(&path).is_err());
-        assert!(recover(&path, &clean).is_err() && !clean.exists(), "nothing is made of what is no log");
-        assert!(export(&path, &csv, Format::Csv, false).is_err() && !csv.exists());
+        assert!(check(&path).is_err() && Data::read(&path, Want::default()).is_err());
+        assert!(recover(&path, &clean).is_err() && !clean.exists(), "no file is created from a file that is not a log");
+        assert!(export_log(&path, &csv, Format::Csv, false).is_err() && !csv.exists());
         return;
     };
     let losses = check(&path).unwrap();
     assert_eq!(losses.is_empty(), condition == Condition::Clean);
     assert!(condition != Condition::Clean || ended.is_some());
-    let overview = Overview::read(&path).unwrap();
-    assert_eq!((overview.condition, &overview.losses), (condition, &losses));
-    assert!(frames.iter().all(|seq| *seq < u32::from(FRAMES)), "a frame that never was");
+    let data = Data::read(&path, Want { forces: true, shapes: 10, hash: true }).unwrap();
+    assert_eq!((data.condition, &data.losses, data.link.samples), (condition, &losses, frames.len() as u64));
+    Zeroed::new(&data);
+    assert!(frames.iter().all(|seq| *seq < u32::from(FRAMES)), "a frame that was never written");
 
-    let exported = export(&path, &csv, Format::Csv, false).unwrap();
-    assert_eq!((exported.rows, exported.condition), (frames.len() as u64, condition));
+    let exported = export_log(&path, &csv, Format::Csv, false).unwrap();
+    assert_eq!((exported.rows <= frames.len(), exported.damaged.is_empty()), (true, condition == Condition::Clean));
     let recovery = recover(&path, &clean).unwrap();
     assert_eq!((recovery.messages + recovery.strays, recovery.condition), (messages, condition));
     let (kept, kept_frames, kept_condition) = read(&clean).unwrap();
     assert_eq!((kept, kept_condition), (recovery.messages, Condition::Clean));
     assert_eq!(kept_frames, frames);
-    assert_eq!(last_meta::<host::log::RecoveryMeta>(&clean).unwrap().is_some(), condition != Condition::Clean);
+    assert_eq!(last_meta::<biflag_log::RecoveryMeta>(&clean).unwrap().is_some(), condition != Condition::Clean);
     let twice = recover(&clean, &again).unwrap();
     assert_eq!((twice.messages, twice.condition), (kept, Condition::Clean));
 }
 
 #[test]
-fn a_whole_log_is_whole() {
+fn intact_log_has_no_losses() {
     let folder = tempfile::tempdir().unwrap();
     abuse(folder.path(), &LOG);
     assert_eq!(read(&folder.path().join("a.mcap")).unwrap().1, (0..u32::from(FRAMES)).collect::<Vec<_>>());
@@ -158,7 +152,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn whatever_happened_to_a_log_its_commands_agree(damages in prop::collection::vec(damage(), 1..5)) {
+    fn commands_agree_on_damaged_logs(damages in prop::collection::vec(damage(), 1..5)) {
         let folder = tempfile::tempdir().unwrap();
         let mut log = LOG.clone();
         damages.iter().for_each(|damage| damage.apply(&mut log));

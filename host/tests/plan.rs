@@ -1,6 +1,6 @@
-//! Plans: what they expand to, and what is wrong with the wrong ones.
+//! Plans: their expansion, and the errors of invalid ones.
 
-use host::plan::{Phases, Plan, PlanError, Trial};
+use host::plan::{Phases, Plan, PlanError, Trial, board};
 use miette::Diagnostic;
 use proptest::prelude::*;
 use std::collections::HashSet;
@@ -10,7 +10,7 @@ fn parse(text: &str) -> Result<Plan, PlanError> {
 }
 
 #[test]
-fn the_plan_of_the_manual_expands() {
+fn plan_of_the_manual_expands() {
     let plan = parse(
         r#"
 [session]
@@ -34,7 +34,7 @@ grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
     assert_eq!(plan.trials.len(), 192);
     assert_eq!(plan.trials[0].phases, Phases::default());
     assert_eq!(plan.total_s(), 192.0 * 175.0);
-    // The order that seed 7 gives must stay what it is, or sessions could not be gone on with.
+    // The order for seed 7 must never change, or sessions could not be resumed.
     let names: Vec<_> = plan.trials.iter().take(3).map(|trial| trial.name.as_str()).collect();
     assert_eq!(names, FIRST_OF_SEED_7);
 }
@@ -42,13 +42,13 @@ grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
 const FIRST_OF_SEED_7: [&str; 3] = ["001_w1-60_w2+50", "002_w1+20_w2+90", "003_w1-20_w2+80"];
 
 #[test]
-fn the_plan_that_help_shows_is_one() {
+fn plan_in_the_help_is_valid() {
     let plan = parse(host::plan::EXAMPLE).unwrap();
     assert_eq!((plan.trials.len(), plan.trials[0].phases), (192, Phases::default()));
 }
 
 #[test]
-fn a_pair_that_the_grid_has_too_is_run_once() {
+fn pair_that_is_also_in_the_grid_runs_once() {
     let plan = parse("[speeds]\npairs = [[50, 10]]\ngrid = { w1 = [50, 60, 10], w2 = [0, 10, 10] }").unwrap();
     let mut speeds: Vec<_> = plan.trials.iter().map(|trial| trial.speeds.map(|speed| speed.0)).collect();
     speeds.sort();
@@ -56,14 +56,14 @@ fn a_pair_that_the_grid_has_too_is_run_once() {
 }
 
 #[test]
-fn names_tell_speeds_and_repeats() {
+fn trial_names_contain_speeds_and_repeats() {
     let plan = parse("[session]\nrepeats = 2\n[speeds]\npairs = [[-12.5, 0], [-0.0, 90]]").unwrap();
     let names: Vec<_> = plan.trials.iter().map(|trial| trial.name.as_str()).collect();
     assert_eq!(names, ["001_w1-12.5_w2+0_r1", "002_w1+0_w2+90_r1", "003_w1-12.5_w2+0_r2", "004_w1+0_w2+90_r2"]);
 }
 
 #[test]
-fn the_boards_settings_are_read() {
+fn board_settings_are_read() {
     let text = r#"
 [board]
 gyro_axes = ["-x", "+y", "z"]
@@ -79,7 +79,7 @@ pairs = [[50, 10]]
 }
 
 #[test]
-fn a_motor_may_reverse_within_the_run() {
+fn reversal_is_read() {
     let plan = parse("[trial]\nrun = 50\nreverse = { motor = 2, after = 35.5 }\n[speeds]\npairs = [[90, 40]]").unwrap();
     let trial = &plan.trials[0];
     let reverse = trial.reverse.unwrap();
@@ -88,89 +88,256 @@ fn a_motor_may_reverse_within_the_run() {
     assert_eq!(parse("[speeds]\npairs = [[90, 40]]").unwrap().trials[0].reverse, None);
 }
 
-/// What is wrong, and where.
+/// Asserts the message and the help of an error.
+#[track_caller]
+fn expect(error: PlanError, message: &str, help: &str) {
+    let found = (error.to_string(), error.help().unwrap().to_string());
+    assert_eq!(found, (message.to_owned(), help.to_owned()));
+    assert_eq!(error.code().unwrap().to_string(), "wrong_use");
+}
+
+const SECONDS: &str = "give seconds as a plain number, such as run = 60";
+const PAIRS: &str = "give a list of pairs in rpm, such as pairs = [[50, 10]]";
+const AXIS: &str = "give [first, last, step] in rpm, such as [-90, 90, 10]";
+const REPEATS: &str = "give a whole number from 1 to 10000: how often each pair of speeds runs";
+const SEED: &str = "give a whole number from 0 to 9223372036854775807";
+const RANGE: &str = "give -90 to 90 rpm";
+const TICK: &str = "give at least 0.005 s; for a trial at rest, give the speeds [0, 0]";
+const CALIBRATE: &str = "give seconds as a plain number: 0.1 to 60, or 0 to keep the bias that the board has";
+const REVERSE: &str =
+    "give the motor and the seconds after the start of the run, such as reverse = { motor = 2, after = 35 }";
+const TOML: &str = "a plan is a TOML file in UTF-8; `biflag record --help` shows one";
+
 #[test]
-fn every_mistake_is_named_with_its_place() {
-    let speeds = "[speeds]\npairs = [[50, 10]]\n";
-    for (text, expected) in [
-        ("", "plan.toml:1:1: the plan has no trials"),
-        ("[speeds]\npairs = []", "plan.toml:1:1: the plan has no trials"),
-        ("[speeds]\npairs = [[50, 10]]\nspeed = 3", "plan.toml:3:1: unknown field `speed`"),
-        ("[spedes]\n", "plan.toml:1:2: unknown field `spedes`"),
-        ("[trial]\nruns = 3", "plan.toml:2:1: unknown field `runs`"),
-        ("[speeds]\npairs = [[50, 10]", "plan.toml:2:18: "),
-        ("[speeds]\npairs = [[50, 91]]", "plan.toml:2:10: 91 rpm is beyond ±90 rpm"),
-        ("[speeds]\npairs = [[1, 2], [-90.01, 0]]", "plan.toml:2:18: -90.01 rpm is beyond ±90 rpm"),
-        ("[speeds]\npairs = [[nan, 0]]", "plan.toml:2:10: NaN is no speed"),
-        ("[speeds]\npairs = [[inf, 0]]", "plan.toml:2:10: inf is no speed"),
-        ("[speeds]\npairs = [[0.001, 0]]", "plan.toml:2:10: 0.001 rpm is finer than"),
-        ("[speeds]\npairs = [[1, 2], [1, 2]]", "plan.toml:2:18: the speeds 1, 2 are listed twice"),
-        ("[speeds]\npairs = [[0, 2], [-0.0, 2]]", "plan.toml:2:18: the speeds 0, 2 are listed twice"),
-        ("[speeds]\npairs = [[10, 20, 30]]", "plan.toml:2:9: a list of 3 where 2 are expected"),
-        (&format!("{speeds}[board]\nmotor_reversed = [true]"), "plan.toml:4:18: a list of 1 where 2 are expected"),
-        ("[speeds]\npairs = [[\"fast\", 20]]", "plan.toml:2:11: invalid type"),
-        ("[speeds]\ngrid = { w1 = [0, 9, 0], w2 = [0, 9, 1] }", "plan.toml:2:15: the step of w1 is 0"),
-        ("[speeds]\ngrid = { w1 = [0, 9, nan], w2 = [0, 9, 1] }", "plan.toml:2:15: the step of w1 is NaN"),
-        ("[speeds]\ngrid = { w1 = [0, 9, 1], w2 = [9, 0, 1] }", "plan.toml:2:31: steps of 1 do not lead from 9 to 0"),
-        ("[speeds]\ngrid = { w1 = [0, 99, 1], w2 = [0, 9, 1] }", "plan.toml:2:15: 99 rpm is beyond"),
-        ("[speeds]\ngrid = { w1 = [0, 90, 0.01], w2 = [0, 90, 1] }", "plan.toml:2:15: the plan has 819091 trials"),
-        ("[speeds]\ngrid = { w1 = [0, 90, 1e-300], w2 = [0, 9, 1] }", "plan.toml:2:15: w1 has "),
-        ("[speeds]\ngrid = { w1 = [0, 9, 1] }", "plan.toml:2:8: missing field `w2`"),
-        (&format!("{speeds}[session]\nrepeats = 10001"), "plan.toml:4:11: repeats = 10001 alone makes"),
-        (&format!("{speeds}[session]\nrepeats = 99999999999"), "plan.toml:4:11: repeats = 99999999999 alone makes"),
+fn errors_in_the_trial_table_have_line_and_help() {
+    for (line, message, help) in [
+        ("run = \"60\"", "4:7: run cannot be \"60\"", SECONDS),
+        ("run = [60]", "4:7: run cannot be [60]", SECONDS),
+        ("run = 2024-01-01", "4:7: run cannot be 2024-01-01", SECONDS),
+        ("run = { s = 60 }", "4:7: run cannot be { s = 60 }", SECONDS),
+        ("run = true", "4:7: run cannot be true", SECONDS),
+        ("run = 60 s", "4:7: run = 60 s: give the number without a unit", SECONDS),
+        ("run = 60s # seconds", "4:7: run = 60s: give the number without a unit", SECONDS),
+        ("run = sixty", "4:7: run = sixty: text needs quotes", SECONDS),
+        ("run =", "4:6: run =: this is not a value", SECONDS),
+        ("run = 60,5", "4:9: run = 60,5: TOML has no decimal comma", "write run = 60.5"),
+        ("run = -60,5", "4:10: run = -60,5: TOML has no decimal comma", "write run = -60.5"),
+        ("run = 1e308", "4:7: run = 1e308 is longer than a day", SECONDS),
+        ("run = inf", "4:7: run = inf is not a duration", SECONDS),
+        ("run = nan", "4:7: run = NaN is not a duration", SECONDS),
+        ("run = 0", "4:7: run = 0 is shorter than a tick of the board", TICK),
+        ("run = 1e-9", "4:7: run = 1e-9 is shorter than a tick of the board", TICK),
+        ("run = 0.004", "4:7: run = 0.004 is shorter than a tick of the board", TICK),
+        ("decay = -1e-300", "4:9: decay = -1e-300 is negative", "give seconds as a plain number, such as decay = 30"),
+        ("decay = 1e9", "4:9: decay = 1e9 is longer than a day", "give seconds as a plain number, such as decay = 30"),
+        ("preroll = -1", "4:11: preroll = -1 is negative", "give seconds as a plain number, such as preroll = 20"),
+        ("calibrate = 61", "4:13: calibrate cannot be 61", CALIBRATE),
+        ("calibrate = 1e-300", "4:13: calibrate cannot be 1e-300", CALIBRATE),
         (
-            &format!("[session]\nrepeats = 6000\n{}", "[speeds]\npairs = [[1, 2], [3, 4]]"),
-            "plan.toml:3:1: the plan has 12000",
+            "runs = 3",
+            "4:1: unknown key `runs`",
+            "write one of `calibrate`, `preroll`, `run`, `decay`, `reverse`, `hand_turn`, or leave it out",
         ),
-        (&format!("{speeds}[session]\nrepeats = 0"), "plan.toml:4:11: repeats must be 1 or more"),
-        (&format!("{speeds}[session]\nrepeats = -2"), "plan.toml:4:11: repeats must be 1 or more"),
-        (&format!("{speeds}[session]\nseed = -1"), "plan.toml:4:8: a seed cannot be negative"),
-        (&format!("{speeds}[session]\nname = \" \""), "plan.toml:4:8: the session has an empty name"),
-        (&format!("{speeds}[trial]\npreroll = -1"), "plan.toml:4:11: preroll = -1 is negative"),
-        (&format!("{speeds}[trial]\nrun = inf"), "plan.toml:4:7: run = inf is no duration"),
-        (&format!("{speeds}[trial]\nrun = 0"), "plan.toml:4:7: run = 0 is no trial"),
-        (&format!("{speeds}[trial]\ndecay = 1e9"), "plan.toml:4:9: decay = 1000000000 is longer than a day"),
-        (&format!("{speeds}[trial]\ncalibrate = 61"), "plan.toml:4:13: calibrate = 61 is not within"),
-        (&format!("{speeds}[trial]\nreverse = {{ motor = 3, after = 1 }}"), "plan.toml:4:11: there is no motor 3"),
-        (&format!("{speeds}[trial]\nreverse = {{ motor = 1 }}"), "plan.toml:4:11: missing field `after`"),
+        ("run = 60\nrun = 70", "5:1: duplicate key", "leave one of them out"),
+        ("reverse = [2, 35]", "4:11: reverse cannot be [2, 35]", REVERSE),
+        ("reverse = { motor = 3, after = 1 }", "4:11: motor cannot be 3", "give 1 or 2"),
+        ("reverse = { motor = 1.5, after = 1 }", "4:21: motor cannot be 1.5", "give 1 or 2"),
         (
-            &format!("{speeds}[trial]\nreverse = {{ motor = 1, after = 120 }}"),
-            "plan.toml:4:11: the motor cannot reverse",
+            "reverse = { motor = 1 }",
+            "4:11: the key `after` is missing",
+            "give seconds after the start of the run as a plain number",
         ),
-        (&format!("{speeds}[trial]\nreverse = {{ motor = 1, after = 0 }}"), "plan.toml:4:11: the motor cannot reverse"),
         (
-            &format!("{speeds}[trial]\nreverse = {{ motor = 1, after = nan }}"),
-            "plan.toml:4:11: the motor cannot reverse",
+            "reverse = { motor = 1, after = 120 }",
+            "4:11: after = 120 is not within the run of 120 s",
+            "give seconds between 0 and 120",
         ),
-        (&format!("{speeds}[trial]\nreverse = {{ motor = 1, afters = 1 }}"), "plan.toml:4:24: unknown field `afters`"),
         (
-            "[trial]\nreverse = { motor = 2, after = 60 }\n[speeds]\npairs = [[10, 20], [50, 0]]",
-            "plan.toml:4:20: at 50, 0 motor 2 has nothing to reverse",
+            "reverse = { motor = 1, after = 0 }",
+            "4:11: after = 0 is not within the run of 120 s",
+            "give seconds between 0 and 120",
         ),
-        (&format!("{speeds}[board]\nlow_pass = 7"), "plan.toml:3:1: [board] low_pass = 7 is out of range"),
-        (&format!("{speeds}[board]\nspeed_kp = nan"), "plan.toml:3:1: [board] speed_kp = NaN is out of range"),
         (
-            &format!("{speeds}[board]\ngyro_axes = [\"x\", \"x\", \"z\"]"),
-            "plan.toml:3:1: [board] gyro_axes = [\"x\", \"x\", \"z\"] is out of range",
+            "reverse = { motor = 1, after = nan }",
+            "4:11: after = NaN is not within the run of 120 s",
+            "give seconds between 0 and 120",
         ),
-        (&format!("{speeds}[board]\nlowpass = 3"), "plan.toml:4:1: unknown field `lowpass`"),
+        (
+            "reverse = { motor = 1, afters = 1 }",
+            "4:24: unknown key `afters`",
+            "write `motor` or `after`, or leave it out",
+        ),
     ] {
-        let error = parse(text).expect_err(text);
-        assert!(error.to_string().starts_with(expected), "{text}\n{error}\nexpected {expected}");
-        assert_eq!(error.code().unwrap().to_string(), "wrong_use");
-        assert!(!error.help().unwrap().to_string().is_empty());
+        let text = format!("[speeds]\npairs = [[50, 10]]\n[trial]\n{line}\n");
+        expect(parse(&text).expect_err(line), &format!("plan.toml:{message}"), help);
     }
 }
 
 #[test]
-fn a_robots_file_is_read_beside_the_plan() {
+fn errors_in_the_speeds_table_have_line_and_help() {
+    const TRIALS: &str = "take larger steps or fewer repeats, or split the plan";
+    let pair = "leave one out; to run every pair several times, set repeats";
+    for (line, message, help) in [
+        ("pairs = []", "1:1: the plan has no trials", "give speeds, such as [speeds] pairs = [[50, 10]]"),
+        ("pairs = [50, 10]", "2:10: pairs cannot hold 50", PAIRS),
+        ("pairs = 50", "2:9: pairs cannot be 50", PAIRS),
+        ("pairs = [[10, 20, 30]]", "2:9: pairs cannot be [[10, 20, 30]]", PAIRS),
+        ("pairs = [[1, 2], [\"fast\", 20]]", "2:19: pairs cannot hold \"fast\"", PAIRS),
+        ("pairs = [[50, 10]", "2:18: unclosed array, expected `]`", TOML),
+        ("pairs = [50 10]", "2:10: pairs = [50 10]: this is not a value", PAIRS),
+        ("pairs = [[50, 91]]", "2:10: 91 rpm is beyond ±90 rpm", RANGE),
+        ("pairs = [[1, 2], [-90.01, 0]]", "2:18: -90.01 rpm is beyond ±90 rpm", RANGE),
+        ("pairs = [[1e300, 0]]", "2:10: 1e300 rpm is beyond ±90 rpm", RANGE),
+        ("pairs = [[nan, 0]]", "2:10: a speed cannot be NaN", RANGE),
+        ("pairs = [[inf, 0]]", "2:10: a speed cannot be inf", RANGE),
+        ("pairs = [[0.001, 0]]", "2:10: 0.001 rpm is finer than the board's resolution", "round it to 0.01 rpm"),
+        ("pairs = [[1, 2], [1, 2]]", "2:18: the speeds 1, 2 are listed twice", pair),
+        ("pairs = [[0, 2], [-0.0, 2]]", "2:18: the speeds 0, 2 are listed twice", pair),
+        ("pairs = [[50, 10]]\nspeed = 3", "3:1: unknown key `speed`", "write `pairs` or `grid`, or leave it out"),
+        ("grid = { w1 = [0, 10, 20, 30], w2 = [0, 9, 1] }", "2:15: w1 cannot be [0, 10, 20, 30]", AXIS),
+        ("grid = { w1 = [0, 9, 0], w2 = [0, 9, 1] }", "2:15: the step of w1 cannot be 0", AXIS),
+        ("grid = { w1 = [0, 9, nan], w2 = [0, 9, 1] }", "2:15: the step of w1 cannot be NaN", AXIS),
+        ("grid = { w1 = [0, 9, 1], w2 = [9, 0, 1] }", "2:31: w2 does not get from 9 to 0 in steps of 1", AXIS),
+        ("grid = { w1 = [0, 99, 1], w2 = [0, 9, 1] }", "2:15: 99 rpm is beyond ±90 rpm", RANGE),
+        (
+            "grid = { w1 = [0, 90, 1e-300], w2 = [0, 9, 1] }",
+            "2:15: the step 1e-300 gives w1 more than 10000 speeds",
+            AXIS,
+        ),
+        ("grid = { w1 = [0, 90, 0.01], w2 = [0, 90, 1] }", "2:15: the plan has 819091 trials, more than 10000", TRIALS),
+        ("grid = { w1 = [0, 9, 1] }", "2:8: the key `w2` is missing", AXIS),
+        (
+            "grid = [[0, 9, 1], [0, 9, 1]]",
+            "2:8: grid cannot be [[0, 9, 1], [0, 9, 1]]",
+            "give both axes, such as grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }",
+        ),
+        (
+            "pairs = [[1, 2], [3, 4]]\n[session]\nrepeats = 6000",
+            "1:1: the plan has 12000 trials, more than 10000",
+            TRIALS,
+        ),
+        (
+            "pairs = [[10, 20], [50, 0]]\n[trial]\nreverse = { motor = 2, after = 60 }",
+            "2:20: motor 2 does not turn at 50, 0 rpm, so it cannot reverse",
+            "leave these speeds out, or reverse the other motor",
+        ),
+    ] {
+        let text = format!("[speeds]\n{line}\n");
+        expect(parse(&text).expect_err(line), &format!("plan.toml:{message}"), help);
+    }
+}
+
+#[test]
+fn errors_in_the_session_and_board_tables_have_line_and_help() {
+    let gain = "give a number from 0 to 1000";
+    let low_pass = "give a whole number from 0 (260 Hz) to 6 (5 Hz)";
+    let deadline = "give a whole number of milliseconds from 50 to 5000";
+    let axes = "name each axis of the sensor once with its sign, such as [\"-x\", \"+y\", \"+z\"]";
+    for (lines, message, help) in [
+        ("[session]\nrepeats = 2.5", "4:11: repeats cannot be 2.5", REPEATS),
+        ("[session]\nrepeats = \"2\"", "4:11: repeats cannot be \"2\"", REPEATS),
+        ("[session]\nrepeats = 0", "4:11: repeats cannot be 0", REPEATS),
+        ("[session]\nrepeats = -2", "4:11: repeats cannot be -2", REPEATS),
+        ("[session]\nrepeats = 10001", "4:11: repeats cannot be 10001", REPEATS),
+        ("[session]\nseed = -1", "4:8: seed cannot be -1", SEED),
+        ("[session]\nseed = 18446744073709551616", "4:8: seed cannot be 18446744073709551616", SEED),
+        ("[session]\nname = 5", "4:8: name cannot be 5", "give text in quotes"),
+        ("[session]\nname = my session", "4:8: name = my session: text needs quotes", "give text in quotes"),
+        ("[session]\nname = \" \"", "4:8: the name of the session is empty", "give it a name, or leave the key out"),
+        (
+            "[session]\nrobot = \"\"",
+            "4:9: the name of the robot is empty",
+            "give \"published\", or the path of a robot file",
+        ),
+        ("[board]\nlow_pass = 7", "4:12: low_pass cannot be 7", low_pass),
+        ("[board]\nlow_pass = 300", "4:12: low_pass cannot be 300", low_pass),
+        ("[board]\ndeadline_ms = 5", "4:15: deadline_ms cannot be 5", deadline),
+        ("[board]\ndeadline_ms = 500 ms", "4:15: deadline_ms = 500 ms: give the number without a unit", deadline),
+        ("[board]\nspeed_kp = nan", "4:12: speed_kp cannot be NaN", gain),
+        ("[board]\nspeed_kp = 1e30", "4:12: speed_kp cannot be 1e30", gain),
+        ("[board]\nboard_id = 70000", "4:12: board_id cannot be 70000", "give a whole number from 0 to 65535"),
+        ("[board]\ngyro_axes = [\"x\"]", "4:13: gyro_axes cannot be [\"x\"]", axes),
+        ("[board]\ngyro_axes = [\"x\", \"x\", \"z\"]", "4:13: gyro_axes cannot be [\"x\", \"x\", \"z\"]", axes),
+        (
+            "[board]\nmotor_reversed = [true]",
+            "4:18: motor_reversed cannot be [true]",
+            "give true or false for motors 1 and 2, such as [false, true]",
+        ),
+        ("[[trial]]\nrun = 5", "3:1: trial cannot be [[trial]]", "write it as a table: [trial]"),
+        (
+            "[trials]",
+            "3:2: unknown key `trials`",
+            "write one of `session`, `trial`, `speeds`, `board`, or leave it out",
+        ),
+    ] {
+        let text = format!("[speeds]\npairs = [[50, 10]]\n{lines}\n");
+        expect(parse(&text).expect_err(lines), &format!("plan.toml:{message}"), help);
+    }
+    let dotted = parse("board.low_pass = 7\n[speeds]\npairs = [[50, 10]]").unwrap_err();
+    expect(dotted, "plan.toml:1:18: low_pass cannot be 7", low_pass);
+    let unknown = parse("[speeds]\npairs = [[50, 10]]\n[board]\nlowpass = 3").unwrap_err();
+    assert_eq!(unknown.to_string(), "plan.toml:4:1: unknown key `lowpass`");
+    assert!(unknown.help().unwrap().to_string().contains("`low_pass`"));
+}
+
+#[test]
+fn file_of_another_format_is_not_a_plan() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, content) in [
+        ("plan.json", &b"{ \"speeds\": { \"pairs\": [[50, 10]] } }\n"[..]),
+        ("list.json", b"[[50, 10]]\n"),
+        ("plan.csv", b"w1,w2\n50,10\n"),
+        ("plan.yaml", b"speeds:\n  pairs:\n    - [50, 10]\n"),
+        ("firmware.elf", b"\x7fELF\x01\x01\x01\0\0\0\0\0\0\0\0\0\x02\0\x53\0\xff\xfe"),
+        ("utf-16.toml", b"\xff\xfe[\0s\0p\0e\0e\0d\0s\0]\0\n\0"),
+        ("notes.txt", b"Take the pairs 50, 10 and 0, 45.\n"),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        expect(Plan::load(&path).unwrap_err(), &format!("{}: this is not a plan", path.display()), TOML);
+    }
+    expect(
+        parse("").unwrap_err(),
+        "plan.toml:1:1: the plan has no trials",
+        "give speeds, such as [speeds] pairs = [[50, 10]]",
+    );
+}
+
+#[test]
+fn settings_file_is_checked_like_a_plan() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("board.toml");
+    let load = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        board::load(&path)
+    };
+    let low_pass = "give a whole number from 0 (260 Hz) to 6 (5 Hz)";
+    let toml = "a settings file is a TOML file in UTF-8; `biflag settings` prints one";
+    for (text, message, help) in [
+        ("board_id = 1\nlow_pass = 7\n", ":2:12: low_pass cannot be 7", low_pass),
+        ("low_pass = 300\n", ":1:12: low_pass cannot be 300", low_pass),
+        ("low_pass = \"3\"\n", ":1:12: low_pass cannot be \"3\"", low_pass),
+        ("speed_kp = 1,5\n", ":1:13: speed_kp = 1,5: TOML has no decimal comma", "write speed_kp = 1.5"),
+        ("board_id = 1\nboard_id = 2\n", ":2:1: duplicate key", "leave one of them out"),
+        ("{ \"low_pass\": 3 }\n", ": this is not a settings file", toml),
+    ] {
+        expect(load(text).unwrap_err(), &format!("{}{message}", path.display()), help);
+    }
+    assert_eq!(load("low_pass = 2\n").unwrap().low_pass, Some(2));
+    std::fs::remove_file(&path).unwrap();
+    let missing = board::load(&path).unwrap_err();
+    assert_eq!(missing.to_string(), format!("{}: the settings file cannot be read", path.display()));
+}
+
+#[test]
+fn robot_file_is_relative_to_the_plan() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("plan.toml");
     std::fs::write(&path, "[session]\nrobot = \"soft.toml\"\n[speeds]\npairs = [[50, 10]]").unwrap();
     let error = Plan::load(&path).unwrap_err();
-    assert!(matches!(&error, PlanError::ReadRobot { path, .. } if path.ends_with("soft.toml")));
-    std::fs::write(folder.path().join("soft.toml"), "mass_kg = 0.1").unwrap();
-    assert_eq!(Plan::load(&path).unwrap().robot.text, "mass_kg = 0.1");
+    assert!(matches!(&error, PlanError::Read { path, noun: "robot file", .. } if path.ends_with("soft.toml")));
+    std::fs::write(folder.path().join("soft.toml"), "[base]\nmass_kg = 0.1").unwrap();
+    assert_eq!(Plan::load(&path).unwrap().robot.text, "[base]\nmass_kg = 0.1");
 }
 
 fn key(trial: &Trial) -> ([i16; 2], u32) {
@@ -179,7 +346,7 @@ fn key(trial: &Trial) -> ([i16; 2], u32) {
 
 proptest! {
     #[test]
-    fn a_plan_lists_every_pair_as_often_as_asked_in_any_order(
+    fn plan_repeats_every_pair_in_any_order(
         speeds in prop::collection::hash_set((-9000i16..=9000, -9000i16..=9000), 1..40),
         repeats in 1u32..4,
         seed in prop::option::of(0u32..),
@@ -200,7 +367,7 @@ proptest! {
     }
 
     #[test]
-    fn a_grid_holds_every_step_from_first_to_last(first in -90i32..=90, count in 1i32..30, step in 1i32..60) {
+    fn grid_contains_every_step_from_first_to_last(first in -90i32..=90, count in 1i32..30, step in 1i32..60) {
         let step = f64::from(step) * 0.1;
         let last = f64::from(first) + step * f64::from(count - 1);
         prop_assume!(last <= 90.0);
@@ -212,7 +379,7 @@ proptest! {
     }
 
     #[test]
-    fn no_text_makes_the_parser_panic(text in "(\\[(session|trial|speeds|board)\\]\n|pairs|grid|w1|w2|seed|run| = |\\[|\\]|\\{|\\}|[-0-9.enaif,\"ä\n]){0,40}") {
+    fn parser_never_panics(text in "(\\[(session|trial|speeds|board)\\]\n|pairs|grid|w1|w2|seed|run| = |\\[|\\]|\\{|\\}|[-0-9.enaif,\"ä\n]){0,40}") {
         let _ = parse(&text);
     }
 }

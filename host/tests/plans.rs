@@ -1,7 +1,7 @@
-//! The plans and robots that are shipped.
+//! The plans and robots in the repository.
 
 use host::plan::Plan;
-use host::robot_file;
+use host::plan::robot;
 use sim::params::Robot;
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("plans").join(name)
 }
 
-/// Every key of `all` that `some` does not have.
+/// Returns every key of `all` that is not in `some`.
 fn missing(all: &toml::Table, some: &toml::Table) -> Vec<String> {
     let mut keys = Vec::new();
     for (key, value) in all {
@@ -25,23 +25,23 @@ fn missing(all: &toml::Table, some: &toml::Table) -> Vec<String> {
 }
 
 #[test]
-fn the_published_robots_file_says_every_default() {
+fn published_robot_file_contains_every_default() {
     let text = std::fs::read_to_string(shipped("robot-published.toml")).unwrap();
-    assert_eq!(robot_file::parse(&text, "robot-published.toml").unwrap(), Robot::default());
+    assert_eq!(robot::parse(&text, "robot-published.toml").unwrap(), Robot::default());
     let all = toml::Table::try_from(Robot::default()).unwrap();
     let missing = missing(&all, &toml::from_str(&text).unwrap());
     assert!(missing.is_empty(), "{missing:?}");
     let mixture = text.replace("# glycerol = ", "glycerol = ");
-    assert!(robot_file::parse(&mixture, "robot-published.toml").unwrap().fluid.glycerol.is_some());
+    assert!(robot::parse(&mixture, "robot-published.toml").unwrap().fluid.glycerol.is_some());
 }
 
 #[test]
-fn every_plan_that_is_shipped_loads_with_its_robot() {
+fn shipped_plans_load_with_their_robots() {
     let mut plans = 0;
     for entry in std::fs::read_dir(shipped("")).unwrap() {
         let path = entry.unwrap().path();
         if !path.file_name().unwrap().to_string_lossy().starts_with("robot-") {
-            robot_file::of_plan(&Plan::load(&path).unwrap()).unwrap();
+            Plan::load(&path).unwrap();
             plans += 1;
         }
     }
@@ -49,7 +49,7 @@ fn every_plan_that_is_shipped_loads_with_its_robot() {
 }
 
 #[test]
-fn the_published_map_has_190_points() {
+fn published_map_has_190_points() {
     let plan = Plan::load(&shipped("published-map.toml")).unwrap();
     assert_eq!((plan.trials.len(), plan.total_s()), (190, 22_800.0));
     assert_eq!(Plan::load(&shipped("published-points.toml")).unwrap().trials.len(), 4);

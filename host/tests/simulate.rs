@@ -1,13 +1,13 @@
-//! `simulate` as a user runs it: what it prints, writes, and exits with.
+//! End-to-end tests of `simulate`: output, files and exit codes.
 
-use host::log::schema::biflag::event::Kind;
-use host::log::{Body, Condition, ModelMeta, Origin, Reader};
+use biflag_log::schema::biflag::event::Kind;
+use biflag_log::{Body, Condition, ModelMeta, Origin, Reader};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Four short trials; a run this short has not settled.
+/// Four short trials, whose runs are too short to settle.
 const PLAN: &str = "[session]\nname = \"short\"\n[trial]\ncalibrate = 0.5\npreroll = 0.5\nrun = 2\ndecay = 0.5\n\
                     [speeds]\npairs = [[50, 10], [0, 45], [-90, 90], [60, 60]]\n";
 
@@ -29,7 +29,7 @@ fn bench() -> tempfile::TempDir {
     folder
 }
 
-/// Every log of a session, byte for byte.
+/// Returns the bytes of every log of a session.
 fn logs(session: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = std::fs::read_dir(session).unwrap().map(|entry| entry.unwrap().path());
     entries
@@ -39,7 +39,7 @@ fn logs(session: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
-fn a_plan_becomes_logs_like_those_of_the_rig() {
+fn plan_gives_logs_like_those_of_the_rig() {
     let bench = bench();
     let output = biflag(bench.path(), &["simulate", "plan.toml", "--json"]);
     expect(&output, 3);
@@ -89,7 +89,7 @@ fn a_plan_becomes_logs_like_those_of_the_rig() {
         }
     }
     assert_eq!(reader.condition(), Some(Condition::Clean));
-    assert_eq!(reader.meta::<host::log::Identity>().unwrap().origin, Origin::Model);
+    assert_eq!(reader.meta::<biflag_log::Identity>().unwrap().origin, Origin::Model);
     assert_eq!(reader.meta::<ModelMeta>().unwrap().robot(), Some(sim::params::Robot::default()));
     let phases: Vec<_> = phases.iter().map(|(name, time)| (name.as_str(), *time)).collect();
     assert_eq!(phases, [("calibrate", 0.0), ("preroll", 0.5), ("run", 1.0), ("decay", 3.0), ("end", 3.5)]);
@@ -108,7 +108,7 @@ fn a_plan_becomes_logs_like_those_of_the_rig() {
 }
 
 #[test]
-fn neither_jobs_nor_shards_nor_interruptions_change_a_bit() {
+fn logs_do_not_depend_on_jobs_shards_or_interruptions() {
     let bench = bench();
     let folder = bench.path();
     let run = |args: &[&str]| {
@@ -126,7 +126,7 @@ fn neither_jobs_nor_shards_nor_interruptions_change_a_bit() {
     assert_eq!(halves.each_ref().map(|half| half["trials"].as_array().unwrap().len()), [2, 2]);
     assert!(expected == logs(&folder.join("shards")));
 
-    // As a killed run leaves it: one trial whole, one begun.
+    // The state after a killed run: one complete trial, and one that was started.
     let cut = folder.join("cut");
     std::fs::create_dir(&cut).unwrap();
     for name in ["session.toml", "001_w1+50_w2+10.mcap"] {
@@ -146,7 +146,7 @@ fn neither_jobs_nor_shards_nor_interruptions_change_a_bit() {
 }
 
 #[test]
-fn speeds_alone_make_a_session_of_one_trial() {
+fn speeds_give_a_session_of_one_trial() {
     let bench = bench();
     let folder = bench.path();
     let output = biflag(folder, &["simulate", "--speeds=-90,90", "--duration", "1", "--rate", "200", "--json"]);
@@ -159,9 +159,9 @@ fn speeds_alone_make_a_session_of_one_trial() {
     assert_eq!((&info["model"]["closure"], &info["steady"]["settled"]), (&"full".into(), &false.into()));
 }
 
-/// The run is one phase; within it the board is told other speeds, and the log says when and which.
+/// The run is a single phase; the log states when the speeds change and their new values.
 #[test]
-fn a_motor_reverses_within_the_run() {
+fn motor_reverses_during_the_run() {
     let bench = bench();
     let plan = "[session]\nname = \"turn\"\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 6\ndecay = 1\n\
                 reverse = { motor = 2, after = 2 }\n[speeds]\npairs = [[50, 30]]\n";
@@ -189,34 +189,40 @@ fn a_motor_reverses_within_the_run() {
     let events: Vec<_> = events.iter().map(|(text, time)| (text.as_str(), *time)).collect();
     let reversed = "motor 2 reverses: from here on +50 and -30 rpm";
     assert_eq!(events, [("preroll", 0.0), ("run", 1.0), (reversed, 3.0), ("decay", 7.0), ("end", 8.0)]);
-    // A turn forwards and two back, less what ramps of 0.25 s take.
+    // A turn forwards and two back, minus the loss in ramps of 0.25 s.
     assert!((turns - (1.0 - 2.0)).abs() < 0.15, "{turns}");
-    let trial = reader.meta::<host::log::TrialMeta>().unwrap();
+    let trial = reader.meta::<biflag_log::TrialMeta>().unwrap();
     assert_eq!((trial.reverse_motor, trial.reverse_after_s), (Some(2), Some(2.0)));
 }
 
 #[test]
-fn wrong_use_says_what_is_wrong_and_writes_nothing() {
+fn wrong_use_is_reported_and_writes_nothing() {
     let bench = bench();
     let folder = bench.path();
     std::fs::write(folder.join("wrong.toml"), "[base]\nmass_g = 94\n").unwrap();
     std::fs::write(folder.join("tight.toml"), "[base]\nmotor_distance_m = 0.01\n").unwrap();
     for (args, message) in [
-        (vec!["plan.toml", "--robot", "missing.toml"], "missing.toml: cannot be read"),
-        (vec!["plan.toml", "--robot", "wrong.toml"], "wrong.toml:2:1: mass_g = 94: unknown field `mass_g`"),
-        (vec!["plan.toml", "--robot", "tight.toml"], "tight.toml: base.motor_distance_m = 0.01: the flagella touch"),
+        (vec!["plan.toml", "--robot", "missing.toml"], "missing.toml: the robot file cannot be read"),
+        (vec!["plan.toml", "--robot", "wrong.toml"], "wrong.toml:2:1: unknown key `mass_g`"),
+        (
+            vec!["plan.toml", "--robot", "tight.toml"],
+            "tight.toml:2:20: base.motor_distance_m = 0.01: the flagella touch",
+        ),
         (vec!["missing.toml"], "missing.toml: the plan cannot be read"),
         (vec![], "required"),
         (vec!["--speeds=50,10"], "--duration"),
         (vec!["--speeds=50", "--duration", "1"], "give two speeds"),
         (vec!["--speeds=50,500", "--duration", "1"], "500 rpm is beyond ±90 rpm"),
-        (vec!["--speeds=50,10", "--duration", "0"], "more than 0"),
+        (vec!["--speeds=50,10", "--duration", "0"], "give 0.005 to 86400 s"),
+        (vec!["--duration", "1"], "arguments were not provided:\n  --speeds <W1,W2>\n\nUsage"),
+        (vec!["plan.toml", "--duration", "1"], "cannot be used with"),
+        (vec!["--from", "short", "--duration", "1"], "cannot be used with"),
         (vec!["plan.toml", "--speeds=50,10", "--duration", "1"], "cannot be used with"),
         (vec!["plan.toml", "--closure", "held"], "full, lumped, paper"),
         (vec!["plan.toml", "--shard", "3/2"], "1/8"),
         (vec!["plan.toml", "--shard", "0/2"], "1/8"),
         (vec!["plan.toml", "--jobs", "0"], "1..=1024"),
-        (vec!["plan.toml", "--rate", "nan"], "samples a second"),
+        (vec!["plan.toml", "--rate", "nan"], "samples per second"),
     ] {
         let output = biflag(folder, &[&["simulate"], args.as_slice()].concat());
         expect(&output, 2);
@@ -227,7 +233,7 @@ fn wrong_use_says_what_is_wrong_and_writes_nothing() {
 }
 
 #[test]
-fn a_session_keeps_to_its_model() {
+fn session_is_resumed_only_with_its_model() {
     let bench = bench();
     let folder = bench.path();
     std::fs::write(folder.join("soft.toml"), "[flagellum]\nyoung_pa = 8e5\n").unwrap();
@@ -238,10 +244,10 @@ fn a_session_keeps_to_its_model() {
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
     run(&["--shard", "1/4"], 3);
-    assert!(run(&[], 2).contains("holds a session already"));
-    assert!(run(&["--shard", "1/4"], 2).contains("holds a session already"));
+    assert!(run(&[], 2).contains("already contains a session"));
+    assert!(run(&["--shard", "1/4"], 2).contains("already contains a session"));
     assert!(run(&["--resume", "--closure", "lumped"], 2).contains("computed with the closure full"));
-    assert!(run(&["--resume", "--rate", "50"], 2).contains("computed with 20 samples a second"));
+    assert!(run(&["--resume", "--rate", "50"], 2).contains("computed with 20 samples per second"));
     let other = biflag(folder, &["simulate", "plan.toml", "--out", "soft", "--resume"]);
     expect(&other, 2);
     assert!(String::from_utf8_lossy(&other.stderr).contains("the robot differ"));
@@ -253,7 +259,7 @@ fn a_session_keeps_to_its_model() {
 }
 
 #[test]
-fn a_trial_that_the_solver_cannot_end_keeps_its_log_and_spares_the_others() {
+fn solver_failure_keeps_the_log_and_the_other_trials() {
     let bench = bench();
     let folder = bench.path();
     std::fs::write(folder.join("hard.toml"), "[solver]\nsweeps = 2\nhalvings = 0\nstep_rad = 1.1\ntolerance = 1e-7\n")

@@ -1,9 +1,10 @@
-//! `simulate --from`, `compare` and `calibrate` as a user runs them, on logs that a model wrote and on such logs made to
-//! look as a rig's: recorded by an emulated robot, with the noise of a sensor, with gaps, faults and cuts.
+//! End-to-end tests of `simulate --from`, `compare` and `calibrate`, on logs of the model and on logs of a rig that are
+//! made from them by adding the noise of a sensor, gaps, faults and cuts.
 
-use host::log::schema::biflag::{Fault, Quaternion, Telemetry, event::Kind};
-use host::log::{Body, EventKind, Identity, Origin, Reader, ReplayMeta, Start, Summary, Writer};
-use host::plan::Plan;
+use biflag_log::schema::biflag::{Fault, Quaternion, Telemetry, event::Kind};
+use biflag_log::{Body, EventKind, FORMAT, Identity, Origin, Reader, ReplayMeta, Summary, Writer};
+use host::plan::{Plan, board};
+use host::run;
 use nalgebra::UnitQuaternion;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -11,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::{Duration, SystemTime};
 
-/// A robot of the model needs 40 s until its flagella sag as those of one that has always hung there.
+/// The flagella of a modelled robot need 40 s to sag to their equilibrium.
 const PLAN: &str = "[session]\nname = \"short\"\n[trial]\ncalibrate = 40\npreroll = 12\nrun = 24\ndecay = 4\n\
                     [speeds]\npairs = [[50, 10], [-90, 90]]\n";
 
@@ -32,7 +33,7 @@ fn json(output: &Output, code: i32) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// A session `short` of the model at the board's rate.
+/// Creates a modelled session `short` at the board's rate.
 fn bench(plan: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("plan.toml"), plan).unwrap();
@@ -42,15 +43,15 @@ fn bench(plan: &str) -> tempfile::TempDir {
 }
 
 fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
-/// Makes a rig's log of a model's: what `change` makes of each frame, or nothing where it is lost.
+/// Converts a model's log to a rig's. `change` modifies each frame; it returns false if the frame is lost.
 fn as_of_a_rig(model: &Path, rig: &Path, summary: bool, change: impl FnMut(&mut Telemetry) -> bool) {
     as_of_a_rig_that_spoke(protocol::VERSION, model, rig, summary, change);
 }
 
-/// The same, recorded in the days of a version of the protocol.
+/// Like [`as_of_a_rig`], with a version of the protocol.
 fn as_of_a_rig_that_spoke(
     version: u8,
     model: &Path,
@@ -60,23 +61,25 @@ fn as_of_a_rig_that_spoke(
 ) {
     let mut reader = Reader::open(model).unwrap();
     let messages: Vec<_> = reader.by_ref().map(Result::unwrap).collect();
-    let meta: host::log::PlanMeta = reader.meta().unwrap();
-    let trial: host::log::TrialMeta = reader.meta().unwrap();
+    let meta: biflag_log::PlanMeta = reader.meta().unwrap();
+    let trial: biflag_log::TrialMeta = reader.meta().unwrap();
     let plan = Plan::parse(&meta.text, "plan").unwrap();
     let trial = plan.trials.iter().find(|planned| planned.name == trial.name).unwrap();
     let time = SystemTime::UNIX_EPOCH + Duration::from_secs(1_700_000_000);
-    let board = Some((protocol::Info::default(), protocol::Settings::DEFAULT));
-    let start = Start { plan: &plan, trial, attempt: 1, origin: Origin::Rig, board, time };
-    let mut log = Writer::create(rig, &start).unwrap();
-    // What is said last counts.
+    let board = board::to_log(&protocol::Info::default(), &protocol::Settings::DEFAULT);
+    let start = run::start(&plan, trial, 1, Origin::Rig, Some(board), time);
+    let mut log = Writer::create(rig, &start, time).unwrap();
+    // The last record counts.
     let created = "2023-11-14T22:13:20Z".to_owned();
-    log.meta(&Identity { format: 1, protocol: version, origin: Origin::Rig, created, ..Identity::default() }).unwrap();
+    log.meta(&Identity { format: FORMAT, protocol: version, origin: Origin::Rig, created, ..Identity::default() })
+        .unwrap();
     for message in messages {
         match message.body {
             Body::Telemetry(mut frame) => {
                 let is_sent = change(&mut frame);
                 if is_sent {
-                    log.model_state(&frame, time).unwrap();
+                    log.at(frame.time_s);
+                    log.message(&*frame, time).unwrap();
                 }
             }
             Body::Event(event) if event.kind() == Kind::Phase => {
@@ -87,11 +90,11 @@ fn as_of_a_rig_that_spoke(
         }
     }
     if summary {
-        log.finish(&Summary { end: host::log::End::Complete, ..Summary::default() }).unwrap();
+        log.finish(&Summary { end: biflag_log::End::Complete, ..Summary::default() }).unwrap();
     }
 }
 
-/// Noise of a sensor that is askew, was turned away when the log began, and drifts: the same from run to run.
+/// Deterministic noise of a sensor that is mounted askew, starts at a yaw other than zero, and drifts.
 struct Sensor {
     state: u64,
     yaw_deg: f64,
@@ -103,7 +106,7 @@ impl Sensor {
         Self { state: seed.wrapping_mul(2).wrapping_add(1), yaw_deg: 77.0, tilt_deg: [0.0; 2] }
     }
 
-    /// Of variance 1.
+    /// Returns a normal deviate of variance 1.
     fn normal(&mut self) -> f64 {
         let mut uniform = || {
             self.state = self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -112,8 +115,8 @@ impl Sensor {
         (0..12).map(|_| uniform()).sum::<f64>() - 6.0
     }
 
-    /// Spoils a frame, 5 ms after the one before: 0.03 °/s of bias, 0.005 °/√s of random walk, tilts with 0.05° of noise
-    /// that lasts a second, 1.5° and -0.8° askew.
+    /// Adds errors to a frame, 5 ms after the previous one: 0.03 °/s of bias, 0.005 °/√s of random walk, tilts with
+    /// 0.05° of noise with a correlation time of a second, 1.5° and -0.8° askew.
     fn spoil(&mut self, frame: &mut Telemetry) {
         let step: f64 = 0.005;
         self.yaw_deg += 0.03 * step + 0.005 * step.sqrt() * self.normal();
@@ -130,7 +133,7 @@ impl Sensor {
     }
 }
 
-/// A session `rig` of the trials of `short`, seen by such a sensor.
+/// Creates a session `rig` with the trials of `short`, measured by such a sensor.
 fn rig(folder: &Path) -> Vec<PathBuf> {
     let plan = Plan::parse(PLAN, "plan").unwrap();
     let session = host::session::Session::create(&folder.join("rig"), &plan).unwrap();
@@ -150,13 +153,13 @@ fn rig(folder: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn a_replay_of_a_modelled_session_is_the_session_again() {
+fn replay_of_a_modelled_session_reproduces_it() {
     let bench = bench(PLAN);
     let folder = bench.path();
     let compared = json(&biflag(folder, &["compare", "short", "--json"]), 0);
     assert_eq!(compared["modelled"], "short-replay");
-    assert_eq!(compared["report"], "short/report.html");
-    assert!(folder.join("short/report.html").exists());
+    assert_eq!(compared["report"], "short/compare.html");
+    assert!(folder.join("short/compare.html").exists() && !folder.join("short/report.html").exists());
     for trial in compared["trials"].as_array().unwrap() {
         for key in ["yaw_rmse_deg", "pitch_rmse_deg", "roll_rmse_deg"] {
             assert!(number(&trial[key]) < 0.2, "{key} of {trial}");
@@ -167,9 +170,9 @@ fn a_replay_of_a_modelled_session_is_the_session_again() {
         assert_eq!((&trial["yaw_uncertainty_deg"], &trial["time_shift_s"]), (&0.0.into(), &0.0.into()));
     }
     let replay = folder.join("short-replay/001_w1+50_w2+10.mcap");
-    let meta: ReplayMeta = host::log::last_meta(&replay).unwrap().unwrap();
+    let meta: ReplayMeta = biflag_log::last_meta(&replay).unwrap().unwrap();
     assert_eq!((meta.source.as_str(), meta.source_sha256.len()), ("001_w1+50_w2+10.mcap", 64));
-    // The phases are those of the log that was replayed.
+    // The phases are those of the replayed log.
     let phases = |path: &Path| -> BTreeMap<String, u64> {
         let messages = Reader::open(path).unwrap().map(Result::unwrap);
         messages
@@ -183,7 +186,7 @@ fn a_replay_of_a_modelled_session_is_the_session_again() {
     };
     assert_eq!(phases(&replay), phases(&folder.join("short/001_w1+50_w2+10.mcap")));
 
-    // What is there is not made again, unless its robot is another one; and what is wrong with that is seen.
+    // An existing replay is used again, unless the robot differs; the comparison then finds the error.
     let made = replay.metadata().unwrap().modified().unwrap();
     json(&biflag(folder, &["compare", "short/001_w1+50_w2+10.mcap", "--json"]), 0);
     assert_eq!(std::fs::read_dir(folder.join("short-replay")).unwrap().count(), 3);
@@ -198,7 +201,7 @@ fn a_replay_of_a_modelled_session_is_the_session_again() {
 }
 
 #[test]
-fn a_rigs_trial_is_held_against_its_model_from_its_own_zero_and_less_its_drift() {
+fn comparison_removes_zero_and_drift_of_a_rigs_trial() {
     let bench = bench(PLAN);
     let folder = bench.path();
     rig(folder);
@@ -215,17 +218,20 @@ fn a_rigs_trial_is_held_against_its_model_from_its_own_zero_and_less_its_drift()
     std::fs::write(folder.join("thick.toml"), "[fluid]\nviscosity_pa_s = 1.2\n").unwrap();
     let compared = json(&biflag(folder, &["compare", "rig", "--robot", "thick.toml", "--json"]), 0);
     let verdict = compared["trials"][0]["verdict"].as_str().unwrap();
-    assert!(verdict.contains("what noise allows") && verdict.starts_with("yaw differs by"), "{verdict}");
+    assert!(verdict.contains("times the noise") && verdict.starts_with("yaw differs by"), "{verdict}");
 
-    // Against the session that it was made from, and against one that it has nothing to do with.
+    // Compared with the session that it was made from, and with an unrelated one.
     let direct = json(&biflag(folder, &["compare", "rig", "short", "--json"]), 0);
     assert!(number(&direct["trials"][1]["pitch_rmse_deg"]) < 0.2);
     for (args, reason) in [
         (
             vec!["simulate", "plan.toml", "--robot", "thick.toml", "--out", "thick"],
-            "other robots: fluid.viscosity_pa_s",
+            "the robots differ: fluid.viscosity_pa_s",
         ),
-        (vec!["simulate", "plan.toml", "--closure", "lumped", "--out", "lumped"], "other closures: full and lumped"),
+        (
+            vec!["simulate", "plan.toml", "--closure", "lumped", "--out", "lumped"],
+            "the closures differ: full and lumped",
+        ),
     ] {
         let code = biflag(folder, &args).status.code();
         assert!(matches!(code, Some(0 | 3)), "{code:?}");
@@ -237,12 +243,12 @@ fn a_rigs_trial_is_held_against_its_model_from_its_own_zero_and_less_its_drift()
     expect(&biflag(folder, &["simulate", "--speeds=20,20", "--duration", "2", "--out", "other"]), 3);
     assert!(expect(&biflag(folder, &["compare", "rig", "other"]), 2).contains("no common trials"));
     let logs = ["short/001_w1+50_w2+10.mcap", "short/002_w1-90_w2+90.mcap"];
-    assert!(expect(&biflag(folder, &["compare", logs[0], logs[1]]), 2).contains("no common trial"));
+    assert!(expect(&biflag(folder, &["compare", logs[0], logs[1]]), 2).contains("the speeds differ"));
     assert!(expect(&biflag(folder, &["compare", "rig", "nowhere"]), 2).contains("nowhere"));
 }
 
 #[test]
-fn what_is_wrong_with_a_log_is_used_around_or_refused() {
+fn imperfect_logs_give_warnings_or_errors() {
     let bench = bench("[trial]\ncalibrate = 40\npreroll = 6\nrun = 20\ndecay = 2\n[speeds]\npairs = [[50, 10]]\n");
     let folder = bench.path();
     let model = folder.join("session/001_w1+50_w2+10.mcap");
@@ -254,7 +260,7 @@ fn what_is_wrong_with_a_log_is_used_around_or_refused() {
 
     as_of_a_rig(&model, &folder.join("gap.mcap"), true, |frame| !(52.0..53.5).contains(&frame.time_s));
     let compared = compare("gap.mcap", 3);
-    warned(&compared, "telemetry is missing in 1 places, 1.5 s together");
+    warned(&compared, "telemetry is missing in 1 place, 1.5 s in total");
     assert!(number(&compared["trials"][0]["pitch_rmse_deg"]) < 0.2, "{compared}");
     assert!(folder.join("gap-replay/001_w1+50_w2+10.mcap").exists());
 
@@ -268,7 +274,7 @@ fn what_is_wrong_with_a_log_is_used_around_or_refused() {
 
     as_of_a_rig_that_spoke(9, &model, &folder.join("old.mcap"), true, |_| true);
     let compared = compare("old.mcap", 3);
-    warned(&compared, "it was recorded with protocol 9 and this program speaks");
+    warned(&compared, "it was recorded with protocol 9, but this program uses");
     assert!(number(&compared["trials"][0]["pitch_rmse_deg"]) < 0.2, "{compared}");
 
     let bytes = std::fs::read(&model).unwrap();
@@ -284,19 +290,19 @@ fn what_is_wrong_with_a_log_is_used_around_or_refused() {
         true
     });
     let refused = compare("still.mcap", 1);
-    assert!(refused["error"].as_str().unwrap().contains("encoder of motor 1 stands still"), "{refused}");
+    assert!(refused["error"].as_str().unwrap().contains("encoder of motor 1 did not move"), "{refused}");
 
     as_of_a_rig(&model, &folder.join("blind.mcap"), true, |frame| {
         (frame.motor1, frame.motor2) = (None, None);
         true
     });
-    assert!(expect(&biflag(folder, &["simulate", "--from", "blind.mcap"]), 1).contains("holds no speeds"));
+    assert!(expect(&biflag(folder, &["simulate", "--from", "blind.mcap"]), 1).contains("contains no motor speeds"));
     std::fs::write(folder.join("text.mcap"), "no log").unwrap();
-    assert!(expect(&biflag(folder, &["compare", "text.mcap"]), 1).contains("not an MCAP file"));
+    assert!(expect(&biflag(folder, &["compare", "text.mcap"]), 2).contains("not an MCAP file"));
 }
 
 #[test]
-fn a_replay_goes_on_and_keeps_to_its_session() {
+fn replay_is_resumed_only_with_its_settings() {
     let bench = bench(PLAN);
     let folder = bench.path();
     let from =
@@ -304,7 +310,7 @@ fn a_replay_goes_on_and_keeps_to_its_session() {
     let replayed = from(&[], 3);
     assert_eq!(replayed["session"], "short-replay");
     assert_eq!(replayed["trials"].as_array().unwrap().len(), 2);
-    assert!(from(&[], 2)["error"].as_str().unwrap().contains("holds a session already"));
+    assert!(from(&[], 2)["error"].as_str().unwrap().contains("already contains a session"));
     std::fs::remove_file(folder.join("short-replay/002_w1-90_w2+90.mcap")).unwrap();
     let resumed = from(&["--resume"], 3);
     let wall: Vec<_> = resumed["trials"].as_array().unwrap().iter().map(|trial| trial["wall_s"].is_null()).collect();
@@ -313,7 +319,10 @@ fn a_replay_goes_on_and_keeps_to_its_session() {
     for (args, message) in [
         (vec!["--from", "short", "plan.toml"], "cannot be used with"),
         (vec!["--from", "short", "--speeds=1,2", "--duration", "1"], "cannot be used with"),
-        (vec!["--from", "short", "--robot", "missing.toml", "--out", "x"], "missing.toml: cannot be read"),
+        (
+            vec!["--from", "short", "--robot", "missing.toml", "--out", "x"],
+            "missing.toml: the robot file cannot be read",
+        ),
         (vec!["--from", "missing"], "missing"),
     ] {
         let output = biflag(folder, &[&["simulate"], args.as_slice()].concat());
@@ -324,7 +333,7 @@ fn a_replay_goes_on_and_keeps_to_its_session() {
 }
 
 #[test]
-fn a_hidden_robot_is_found_from_its_trials() {
+fn calibration_recovers_hidden_parameters() {
     let bench = bench(PLAN);
     let folder = bench.path();
     rig(folder);
@@ -344,9 +353,9 @@ fn a_hidden_robot_is_found_from_its_trials() {
     assert!((number(&fitted["mounting"]["pitch_deg"]) - 1.5).abs() < 0.1, "{fitted}");
     let file = std::fs::read_to_string(folder.join("fitted.toml")).unwrap();
     assert!(file.contains("# 001_w1+50_w2+10.mcap") && file.contains("sha256") && file.contains("standard error"));
-    // The file is a robot's file, and a calibration does not write over it.
+    // The file is a valid robot file, and it is not overwritten.
     let output = biflag(folder, &["simulate", "--speeds=1,1", "--duration", "1", "--robot", "fitted.toml"]);
     expect(&output, 3);
-    assert!(expect(&biflag(folder, &args), 2).contains("exists already"));
+    assert!(expect(&biflag(folder, &args), 2).contains("already exists"));
     assert!(expect(&biflag(folder, &["calibrate", "rig", "--fit", "colour", "-o", "x.toml"]), 2).contains("viscosity"));
 }

@@ -6,19 +6,19 @@
 //! └──────────────────────────────────────┘
 //! ```
 //!
-//! A zero byte ends a frame and occurs nowhere else, so a receiver that starts anywhere, or has lost bytes, is back in
-//! step after at most one frame. The CRC (polynomial 0x1021 reflected, start and final XOR 0xFFFF) finds every burst of
-//! up to 16 bits and lets one in 65536 of other damages pass.
+//! A zero byte ends a frame and occurs nowhere else, so a receiver that starts anywhere, or has lost bytes, is in step
+//! again after at most one frame. The CRC (polynomial 0x1021 reflected, start and final XOR 0xFFFF) detects every burst of
+//! up to 16 bits and misses one in 65536 of other errors.
 //!
 //! A frame is shorter than 255 bytes, so that COBS is one chain of distances from zero to zero and works in place: on the
-//! board this takes a third of the time of sending each byte through a CRC and a COBS encoder.
+//! board this takes a third of the time of a CRC and a COBS encoder that take byte after byte.
 
 use serde::{Deserialize, Serialize};
 
 /// The longest frame, delimiter included; the length of every buffer that holds one.
 pub const MAX_FRAME: usize = 80;
 
-/// Why bytes are not a frame.
+/// Why bytes are not a valid frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum FrameError {
     /// More than [`MAX_FRAME`] bytes without a delimiter.
@@ -27,9 +27,9 @@ pub enum FrameError {
     Cobs,
     /// The CRC does not match: bytes were damaged or lost.
     Crc,
-    /// An intact frame that is none of our messages. The version of the protocol that its sender speaks, if it is a
-    /// handshake (see [`crate::Message`]).
-    Foreign(Option<u8>),
+    /// An intact frame with a message that this version does not know. If it is a handshake (see [`crate::Message`]), it
+    /// holds the sender's version of the protocol.
+    UnknownMessage(Option<u8>),
 }
 
 impl core::fmt::Display for FrameError {
@@ -38,28 +38,28 @@ impl core::fmt::Display for FrameError {
             Self::TooLong => f.write_str("no delimiter within the longest frame"),
             Self::Cobs => f.write_str("not COBS"),
             Self::Crc => f.write_str("CRC mismatch"),
-            Self::Foreign(None) => f.write_str("not a message of this protocol"),
-            Self::Foreign(Some(version)) => write!(f, "a handshake of protocol version {version}"),
+            Self::UnknownMessage(None) => f.write_str("not a message of this protocol"),
+            Self::UnknownMessage(Some(version)) => write!(f, "a handshake of protocol version {version}"),
         }
     }
 }
 
 impl core::error::Error for FrameError {}
 
-/// Writes `message` as a frame, delimiter included, to the front of `buffer`.
+/// Writes `message` as a frame, delimiter included, to the start of `buffer`; returns the frame.
 ///
 /// # Errors
-/// [`FrameError::TooLong`] when `buffer` is too short; [`MAX_FRAME`] bytes are enough for every message.
+/// [`FrameError::TooLong`] if `buffer` is too short; [`MAX_FRAME`] bytes are enough for every message.
 pub fn encode<'a, T: Serialize>(message: &T, buffer: &'a mut [u8]) -> Result<&'a mut [u8], FrameError> {
     let payload = buffer.get_mut(1..).ok_or(FrameError::TooLong)?;
     let length = postcard::to_slice(message, payload).map_err(|_| FrameError::TooLong)?.len();
     seal(buffer, length)
 }
 
-/// Makes a frame of the `length` bytes of payload that stand one byte behind the front of `buffer`.
+/// Frames the `length` bytes of payload that start at `buffer[1]`; returns the frame.
 ///
 /// # Errors
-/// [`FrameError::TooLong`] when `buffer` has no room for what is added, or the frame would be longer than 255 bytes.
+/// [`FrameError::TooLong`] if `buffer` has no room for the frame, or the frame is longer than 255 bytes.
 pub fn seal(buffer: &mut [u8], length: usize) -> Result<&mut [u8], FrameError> {
     let frame = buffer.get_mut(..length + OVERHEAD).filter(|frame| frame.len() < 256).ok_or(FrameError::TooLong)?;
     let [first, payload @ .., low, high, delimiter] = frame else { return Err(FrameError::TooLong) };
@@ -69,7 +69,7 @@ pub fn seal(buffer: &mut [u8], length: usize) -> Result<&mut [u8], FrameError> {
     }
     [*low, *high] = (!crc).to_le_bytes();
     [*first, *delimiter] = [0, 0];
-    // From the end: each zero becomes its distance to the zero behind it, and the last one stays.
+    // From the end: each zero becomes its distance to the zero after it, and the last one stays.
     let mut distance = 0;
     for byte in frame.iter_mut().rev() {
         if *byte == 0 {
@@ -81,9 +81,9 @@ pub fn seal(buffer: &mut [u8], length: usize) -> Result<&mut [u8], FrameError> {
     Ok(frame)
 }
 
-/// Opens a frame, without its delimiter, and answers its payload.
+/// Decodes a frame, without its delimiter, in place and checks its CRC; returns the payload.
 fn open(frame: &mut [u8]) -> Result<&[u8], FrameError> {
-    // From the front: each distance becomes the zero that it stands for, and the last one points just behind the frame.
+    // From the start: each distance becomes the zero that it stands for, and the last one points just past the frame.
     let mut distance = 1u8;
     for byte in frame.iter_mut() {
         distance -= 1;
@@ -103,10 +103,10 @@ fn open(frame: &mut [u8]) -> Result<&[u8], FrameError> {
     }
 }
 
-/// Reads a frame, without its delimiter, in place.
+/// Reads the message in a frame, without its delimiter. The content of `frame` is lost.
 ///
 /// # Errors
-/// [`FrameError`]; the content of `frame` is lost in either case.
+/// [`FrameError`].
 pub fn decode<'a, T: Deserialize<'a>>(frame: &'a mut [u8]) -> Result<T, FrameError> {
     open(frame).and_then(read)
 }
@@ -114,7 +114,7 @@ pub fn decode<'a, T: Deserialize<'a>>(frame: &'a mut [u8]) -> Result<T, FrameErr
 fn read<'a, T: Deserialize<'a>>(payload: &'a [u8]) -> Result<T, FrameError> {
     match postcard::take_from_bytes(payload) {
         Ok((message, [])) => Ok(message),
-        _ => Err(FrameError::Foreign(crate::version_of(payload))),
+        _ => Err(FrameError::UnknownMessage(crate::version_of(payload))),
     }
 }
 
@@ -127,18 +127,18 @@ pub struct Accumulator {
 }
 
 impl Accumulator {
-    /// An empty one.
+    /// Returns an empty accumulator.
     pub const fn new() -> Self {
         Self { buffer: [0; MAX_FRAME], length: 0, overflowed: false }
     }
 
-    /// Takes one byte. At a delimiter, answers the frame that it ends, decoded; an empty frame is no frame, so that
-    /// a sender may begin with a delimiter.
+    /// Takes one byte. A delimiter ends a frame, and its message is returned. Empty frames are ignored, so that a sender
+    /// may begin with a delimiter.
     pub fn push<'a, T: Deserialize<'a>>(&'a mut self, byte: u8) -> Option<Result<T, FrameError>> {
         self.push_for_payload(byte).map(|payload| payload.and_then(read))
     }
 
-    /// The same, and answers the frame's payload as it is.
+    /// Takes one byte like [`Accumulator::push`], but returns the frame's payload undecoded.
     pub fn push_for_payload(&mut self, byte: u8) -> Option<Result<&[u8], FrameError>> {
         if byte != 0 {
             match self.buffer.get_mut(usize::from(self.length)) {
@@ -157,7 +157,7 @@ impl Accumulator {
         (length > 0).then(|| open(&mut self.buffer[..length]))
     }
 
-    /// Bytes of an unfinished frame.
+    /// Returns the number of bytes of the unfinished frame.
     pub fn pending(&self) -> usize {
         usize::from(self.length)
     }
@@ -174,12 +174,12 @@ const OVERHEAD: usize = 4;
 
 const CRC_START: u16 = 0xFFFF;
 
-/// CRC-16/X-25 of `bytes`.
+/// Returns the CRC-16/X-25 of `bytes`.
 pub fn crc16(bytes: &[u8]) -> u16 {
     !bytes.iter().fold(CRC_START, |crc, byte| crc16_update(crc, *byte))
 }
 
-/// One byte of CRC-16/X-25 without a table: the table of 512 bytes would take a quarter of the board's SRAM.
+/// Adds one byte to a CRC-16/X-25. A table of 512 bytes would take a quarter of the board's SRAM.
 fn crc16_update(crc: u16, byte: u8) -> u16 {
     let low = byte ^ crc as u8;
     let low = low ^ (low << 4);
@@ -210,10 +210,10 @@ mod tests {
     }
 
     #[test]
-    fn trailing_bytes_are_foreign() {
+    fn trailing_bytes_make_a_message_unknown() {
         let mut buffer = [0; MAX_FRAME];
         let frame = encode(&(1u8, 2u8, 3u8), &mut buffer).unwrap();
         let end = frame.len() - 1;
-        assert_eq!(decode::<(u8, u8)>(&mut frame[..end]), Err(FrameError::Foreign(None)));
+        assert_eq!(decode::<(u8, u8)>(&mut frame[..end]), Err(FrameError::UnknownMessage(None)));
     }
 }

@@ -1,6 +1,6 @@
-//! What the robot's Arduino Nano and the host say to each other.
+//! The protocol between the robot's Arduino Nano and the host.
 //!
-//! # The table of messages
+//! # Messages
 //!
 //! The host sends [`Request`]s, each with a [`Command`]; the board answers every request with one [`Reply`] and streams
 //! [`Telemetry`] on its own. Bytes on the wire, with framing ([`frame`]):
@@ -26,11 +26,11 @@
 //! - The line runs at [`BAUD`], 8N1. Opening the port resets a Nano; its bootloader answers for up to two seconds.
 //! - Every intact frame from the host feeds the motors' deadline ([`Settings::deadline_ms`]). Past it the board stops
 //!   both motors and latches [`Fault::LinkLost`].
-//! - Every request is idempotent. The board answers a request with the sequence number of the one before by repeating
-//!   its answer without acting again, so a host that heard nothing may send the same request again.
-//! - A fault stops the motors, is named in every telemetry frame, and lasts until [`Command::ClearFault`].
-//! - The first bytes of a handshake never change (see [`Message`]), so that two sides of different versions still
-//!   learn each other's version.
+//! - Every request is idempotent. A request with the sequence number of the one before gets the same answer again, without
+//!   a second effect, so a host that received no answer may repeat the request.
+//! - A fault stops the motors, is in every telemetry frame, and lasts until [`Command::ClearFault`].
+//! - The first bytes of a handshake never change (see [`Message`]), so that the two sides learn each other's version even
+//!   if it differs.
 
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
@@ -44,7 +44,7 @@ use units::{
     TemperatureCounts,
 };
 
-/// Version of this protocol. Raised with every change of what is on the wire; the golden file of the tests shows one.
+/// Version of this protocol. It rises with every change of the bytes on the wire, which the tests' golden file reveals.
 pub const VERSION: u8 = 1;
 
 /// Speed of the line, bit/s: exact with the Nano's 16 MHz crystal.
@@ -53,49 +53,49 @@ pub const BAUD: u32 = 500_000;
 /// Ticks of the board's control loop per second; the highest rate of telemetry.
 pub const TICK_HZ: u8 = 200;
 
-/// A command with the number that its answer will bear.
+/// A command with a number, which its answer repeats.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
 pub struct Request {
-    /// Differs from that of the request before, unless the request is the same.
+    /// Differs from the number of the request before, unless this repeats it.
     pub seq: u8,
-    /// What is asked for.
+    /// The command.
     pub command: Command,
 }
 
-/// What the host can ask for.
+/// The requests of the host.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
 pub enum Command {
-    /// Who is there? Always the first, always encoded as the byte 0.
+    /// Handshake: asks for [`Info`]. Always the first variant, encoded as the byte 0.
     Hello,
     /// Turn flagella 1 and 2 at these speeds, each within [`CentiRpm::LIMIT`].
     SetSpeeds([CentiRpm; 2]),
     /// Motors off. Always accepted.
     Stop,
-    /// Telemetry frames per second, a divisor of [`TICK_HZ`]; 0 ends the stream.
+    /// Stream telemetry at a rate that divides [`TICK_HZ`]; 0 ends the stream.
     Stream {
         /// Frames per second.
         rate_hz: u8,
     },
-    /// Average the gyroscope at rest for this long and take the mean as its bias. Motors must be off.
+    /// Average the gyroscope at rest and use the mean as its bias. Motors must be off.
     CalibrateGyro {
         /// 100 to 60000.
         duration_ms: u16,
     },
-    /// The result of the last calibration.
+    /// Read the result of the last calibration.
     ReadCalibration,
-    /// The settings in force.
+    /// Read the settings in force.
     ReadSettings,
-    /// Put these settings in force, until the next reset. Motors must be off.
+    /// Use these settings until the next reset. Motors must be off.
     WriteSettings(Settings),
-    /// Keep the settings in force in EEPROM.
+    /// Save the settings in force to EEPROM.
     SaveSettings,
-    /// What time is it?
+    /// Read the board's clock.
     Ping,
-    /// Forget the latched fault. Refused while its cause lasts.
+    /// Clear the latched fault. Refused while its cause lasts.
     ClearFault,
 }
 
-/// What the board sends.
+/// The messages of the board.
 ///
 /// An answer to [`Command::Hello`] begins, in every version of this protocol, with the bytes 0 (an answer), the number
 /// of the request, 0 (an [`Info`]) and the version.
@@ -112,8 +112,8 @@ pub enum Message {
     Telemetry(Telemetry),
 }
 
-/// The version in a handshake of any version; `None` where the bytes are none. `payload` is a frame's content before
-/// its CRC.
+/// Returns the version in a handshake of any version, or `None` if `payload` is not one. The payload is a frame's content
+/// before its CRC.
 pub fn version_of(payload: &[u8]) -> Option<u8> {
     match payload {
         [0, _, 0, version, ..] => Some(*version),
@@ -126,7 +126,7 @@ pub fn version_of(payload: &[u8]) -> Option<u8> {
 pub enum Reply {
     /// To [`Command::Hello`].
     Info(Info),
-    /// Done, or begun where it takes time.
+    /// Done; begun, where it takes time.
     Done,
     /// Not done.
     Refused(Refusal),
@@ -145,38 +145,38 @@ pub enum Refusal {
     OutOfRange,
     /// A fault is latched; see the telemetry for which one.
     Faulted,
-    /// The motors turn.
+    /// The motors are turning.
     Running,
-    /// A calibration is going on.
+    /// A calibration is running.
     Calibrating,
     /// The EEPROM does not hold what was written to it.
     EepromFailed,
 }
 
-/// Who the board is.
+/// Identity of the board.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Info {
     /// [`VERSION`] of the firmware. Always the first field.
     pub protocol: u8,
     /// Version of the firmware: major, minor, patch.
     pub firmware: [u8; 3],
-    /// The first four bytes of the commit that the firmware was built from; zero where it was not known.
+    /// The first four bytes of the commit that the firmware was built from; zero if it was not known.
     pub git_hash: [u8; 4],
-    /// Whether the working tree had changes that are not in that commit.
+    /// Whether the working tree had uncommitted changes.
     pub git_dirty: bool,
     /// [`Settings::board_id`].
     pub board_id: u16,
-    /// The sensor's WHO_AM_I register: 0x68 for a genuine MPU6050, 0 where none answered.
+    /// The sensor's WHO_AM_I register: 0x68 for a genuine MPU6050, 0 if no sensor answered.
     pub imu_id: u8,
-    /// Range of the gyroscope in force.
+    /// Range of the gyroscope.
     pub gyro_range: GyroRange,
-    /// Range of the accelerometer in force.
+    /// Range of the accelerometer.
     pub accel_range: AccelRange,
-    /// Whether the settings came from EEPROM; otherwise they are the defaults.
+    /// Whether the settings are from EEPROM; otherwise they are the defaults.
     pub settings_stored: bool,
     /// Why the program started.
     pub reset_cause: ResetCause,
-    /// Starts of the program since the EEPROM was blank.
+    /// Number of starts of the program since the EEPROM was blank.
     #[serde(with = "postcard::fixint::le")]
     pub boot_count: u16,
 }
@@ -187,24 +187,24 @@ pub const GENUINE_IMU_ID: u8 = 0x68;
 /// Why the program started.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 pub enum ResetCause {
-    /// The bootloader took the cause away.
+    /// Not known: the bootloader cleared the flags.
     #[default]
     Unknown,
     /// Power came on.
     PowerOn,
     /// The reset pin: the host opened the port, or the button.
     External,
-    /// The supply sagged below 2.7 V.
+    /// The supply fell below 2.7 V.
     BrownOut,
     /// The watchdog's hardware.
     Watchdog,
-    /// The program hung, its watchdog interrupt stopped the motors and started it again.
+    /// The program hung; its watchdog interrupt stopped the motors and restarted it.
     Hang,
-    /// The program met a state that must not be, stopped the motors and started itself again.
+    /// The program panicked, stopped the motors and restarted itself.
     Panic,
 }
 
-/// What the board does.
+/// The board's state.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 pub enum State {
     /// Motors off.
@@ -218,88 +218,88 @@ pub enum State {
     Faulted,
 }
 
-/// What went wrong. The first fault stays until it is cleared.
+/// A fault. The first one stays until it is cleared.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 pub enum Fault {
-    /// Nothing.
+    /// No fault.
     #[default]
     None,
     /// No frame came from the host within the motors' deadline.
     LinkLost,
-    /// The program hung and was started again.
+    /// The program hung and was restarted.
     Hang,
-    /// The program panicked and was started again.
+    /// The program panicked and was restarted.
     Panic,
     /// The IMU does not acknowledge.
     ImuSilent,
-    /// The IMU's bus is stuck, and clocking it free did not help.
+    /// The IMU's bus is stuck, and clock pulses did not free it.
     ImuBusStuck,
-    /// The IMU answers, but with the same data again and again.
+    /// The IMU repeats the same data.
     ImuFrozen,
-    /// Motor 1 is driven hard, and its encoder does not move.
+    /// Motor 1 has full duty, and its encoder does not move.
     Motor1Stalled,
-    /// Motor 2 is driven hard, and its encoder does not move.
+    /// Motor 2 has full duty, and its encoder does not move.
     Motor2Stalled,
 }
 
 /// State of the robot at one tick of the control loop.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Telemetry {
-    /// One more than in the frame before, so that every lost frame is counted.
+    /// One more than in the frame before, so that lost frames can be counted.
     pub seq: Count,
     /// The board's clock when the tick began to read the sensor.
     pub time: Micros,
     /// Attitude of the body in the world: z up, yaw from an arbitrary zero.
     pub attitude: Quaternion,
-    /// Gyroscope, sensor axes, as read.
+    /// Gyroscope, raw, sensor axes.
     pub gyro: [SensorCounts; 3],
-    /// Accelerometer, sensor axes, as read.
+    /// Accelerometer, raw, sensor axes.
     pub accel: [SensorCounts; 3],
     /// The sensor's temperature.
     pub temperature: TemperatureCounts,
-    /// Speeds asked for, flagella 1 and 2.
+    /// Target speeds of flagella 1 and 2.
     pub target: [CentiRpm; 2],
-    /// Speeds measured.
+    /// Measured speeds.
     pub speed: [CentiRpm; 2],
-    /// Duty of the bridges.
+    /// Duties of the bridges.
     pub duty: [Duty; 2],
-    /// Positions of the encoders; [`Settings::counts_per_turn`] make one turn of a flagellum.
+    /// Positions of the encoders; [`Settings::counts_per_turn`] counts are one revolution of a flagellum.
     pub encoder: [EncoderCounts; 2],
-    /// What the board does.
+    /// The board's state.
     pub state: State,
-    /// What went wrong.
+    /// The latched fault.
     pub fault: Fault,
-    /// Whether the sensor was read in this very tick; otherwise its values are those of the last good reading.
+    /// Whether the sensor was read in this tick; otherwise its values are of the last good reading.
     pub imu_fresh: bool,
     /// Frames of the stream that the board could not send in time.
     pub unsent: Count,
     /// Readings of the sensor that failed.
     pub imu_errors: Count,
-    /// Frames from the host that were damaged.
+    /// Damaged frames from the host.
     pub bad_frames: Count,
-    /// Ticks that were missed because one before took too long.
+    /// Ticks that were missed because an earlier one took too long.
     pub missed_ticks: Count,
 }
 
 /// Result of a calibration of the gyroscope.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
 pub struct Calibration {
-    /// Whether the sensor lay still throughout; if not, the bias in force is as before.
+    /// Whether the sensor was still throughout; if not, the bias in force is unchanged.
     pub still: bool,
     /// Mean reading, counts, sensor axes.
     pub bias: [f32; 3],
     /// Standard deviation of the readings, counts, largest axis; saturates at 65535.
     #[serde(with = "postcard::fixint::le")]
     pub noise: u16,
-    /// Readings that were averaged.
+    /// Number of averaged readings.
     #[serde(with = "postcard::fixint::le")]
     pub samples: u16,
 }
 
-/// What differs from robot to robot. Kept in EEPROM with a CRC.
+/// Settings of one robot, kept in EEPROM with a CRC.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
 pub struct Settings {
-    /// A number to tell boards apart; 0 where nobody gave one.
+    /// A number that identifies the board; 0 if none was set.
     #[serde(with = "postcard::fixint::le")]
     pub board_id: u16,
     /// Range of the gyroscope.
@@ -308,9 +308,9 @@ pub struct Settings {
     pub accel_range: AccelRange,
     /// The MPU6050's digital low-pass filter: register CONFIG, 0 (260 Hz) to 6 (5 Hz).
     pub low_pass: u8,
-    /// How the gyroscope sits in the robot.
+    /// Orientation of the gyroscope in the robot.
     pub gyro_axes: AxisMap,
-    /// How the accelerometer sits in the robot: reads +1 g on the axis that points up.
+    /// Orientation of the accelerometer in the robot; it reads +1 g on the axis that points up.
     pub accel_axes: AxisMap,
     /// Mean reading of the gyroscope at rest, counts, sensor axes.
     pub gyro_bias: [f32; 3],
@@ -322,7 +322,7 @@ pub struct Settings {
     pub speed_kp: f32,
     /// Integral gain of the speed control, duty steps per rpm and second.
     pub speed_ki: f32,
-    /// Encoder counts per turn of a flagellum.
+    /// Encoder counts per revolution of a flagellum.
     pub counts_per_turn: f32,
     /// Whether a positive duty turns motors 1 and 2 backwards.
     pub motor_reversed: [bool; 2],
@@ -334,10 +334,10 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The published robot.
+    /// The published robot, with the published speed gains.
     ///
-    /// Its encoders give 12 counts per motor turn when both edges of both channels count, behind a gear of 100.37; the
-    /// board counts both edges of one channel. Speed gains: kp as published; ki as published.
+    /// Its encoders give 12 counts per motor revolution when both edges of both channels count, before a gear of 100.37;
+    /// the board counts both edges of one channel.
     pub const DEFAULT: Self = Self {
         board_id: 0,
         gyro_range: GyroRange::Dps250,
@@ -356,7 +356,7 @@ impl Settings {
         deadline_ms: 500,
     };
 
-    /// Whether every value is one that the board can work with.
+    /// Returns whether every value is in its range.
     pub fn is_valid(&self) -> bool {
         let gain = |gain: f32| (0.0..=1000.0).contains(&gain);
         self.low_pass <= 6

@@ -1,4 +1,4 @@
-//! The quantities that cross the wire, each with its unit, range and conversion in one place.
+//! The quantities on the wire, each with its unit, range and conversions.
 //!
 //! On the wire every number has a fixed width, little-endian, so that a message always has the same length and the
 //! board's encoding time does not depend on the data.
@@ -18,7 +18,7 @@ macro_rules! wire_number {
 }
 
 wire_number! {
-    /// Speed of a flagellum in hundredths of a turn per minute, positive counter-clockwise seen from above (about z_B).
+    /// Speed of a flagellum in hundredths of rpm, positive counter-clockwise seen from above (about z_B).
     CentiRpm(i16)
 }
 wire_number! {
@@ -26,11 +26,11 @@ wire_number! {
     Q15(i16)
 }
 wire_number! {
-    /// A reading of the MPU6050 as the sensor gave it; [`GyroRange`] and [`AccelRange`] give it its unit.
+    /// A raw reading of the MPU6050; [`GyroRange`] and [`AccelRange`] give it its unit.
     SensorCounts(i16)
 }
 wire_number! {
-    /// A temperature as the MPU6050 gave it: `counts / 340 + 36.53` °C (register map RM-MPU-6000A, section 4.18).
+    /// A raw temperature of the MPU6050: `counts / 340 + 36.53` °C (register map RM-MPU-6000A, section 4.18).
     TemperatureCounts(i16)
 }
 wire_number! {
@@ -51,8 +51,8 @@ wire_number! {
 }
 
 /// The gyroscope's low-pass filter for each value of [`crate::Settings::low_pass`] (register map RM-MPU-6000A, section
-/// 4.3): bandwidth in Hz and delay in seconds. Without it (0) the part has its own 256 Hz; the accelerometer's delay is
-/// within 0.3 ms of the gyroscope's.
+/// 4.3): bandwidth in Hz and delay in seconds. With the filter off (0) the sensor's own 256 Hz remain; the accelerometer's
+/// delay is within 0.3 ms of the gyroscope's.
 pub const LOW_PASS: [(f64, f64); 7] = [
     (256.0, 0.98e-3),
     (188.0, 1.9e-3),
@@ -64,44 +64,44 @@ pub const LOW_PASS: [(f64, f64); 7] = [
 ];
 
 impl CentiRpm {
-    /// The largest speed that the board accepts, either way round.
+    /// The largest speed that the board accepts, in either direction.
     pub const LIMIT: Self = Self(9000);
 
-    /// The nearest value to `rpm`; saturates at ±327.67 rpm.
+    /// Returns the nearest value to `rpm`; saturates at ±327.67 rpm.
     pub fn from_rpm(rpm: f64) -> Self {
         Self(round_to_i16(rpm * 100.0))
     }
 
-    /// Turns per minute.
+    /// Returns the speed in rpm.
     pub fn rpm(self) -> f64 {
         f64::from(self.0) / 100.0
     }
 
-    /// Radians per second.
+    /// Returns the speed in rad/s.
     pub fn rad_per_s(self) -> f64 {
         self.rpm() * core::f64::consts::TAU / 60.0
     }
 }
 
 impl Q15 {
-    /// The nearest value to `x`; saturates at -1 and 32767/32768.
+    /// Returns the nearest value to `x`; saturates at -1 and 32767/32768.
     pub fn from_f64(x: f64) -> Self {
         Self(round_to_i16(x * 32768.0))
     }
 
-    /// The fraction that this stands for.
+    /// Returns the number.
     pub fn to_f64(self) -> f64 {
         f64::from(self.0) / 32768.0
     }
 }
 
 impl TemperatureCounts {
-    /// The nearest value to a temperature in °C.
+    /// Returns the nearest value to a temperature in °C.
     pub fn from_celsius(celsius: f64) -> Self {
         Self(round_to_i16((celsius - 36.53) * 340.0))
     }
 
-    /// Degrees Celsius.
+    /// Returns the temperature in °C.
     pub fn celsius(self) -> f64 {
         f64::from(self.0) / 340.0 + 36.53
     }
@@ -111,20 +111,20 @@ impl Duty {
     /// Full voltage.
     pub const FULL: Self = Self(255);
 
-    /// Fraction of the supply voltage, -1 to 1.
+    /// Returns the fraction of the supply voltage, -1 to 1.
     pub fn fraction(self) -> f64 {
         f64::from(self.0) / 255.0
     }
 }
 
 impl Micros {
-    /// Time from `earlier` to this, across one wrap of the clock.
+    /// Returns the microseconds from `earlier` to this, across one wrap of the clock.
     pub fn since(self, earlier: Self) -> u32 {
         self.0.wrapping_sub(earlier.0)
     }
 }
 
-/// Attitude as a unit quaternion `[w, x, y, z]` (Hamilton, body to world, scalar first), in sixteen bits a part.
+/// Attitude as a unit quaternion `[w, x, y, z]` (Hamilton, body to world, scalar first), with 16 bits per component.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Quaternion(pub [Q15; 4]);
 
@@ -132,12 +132,12 @@ impl Quaternion {
     /// No rotation, to the resolution of [`Q15`].
     pub const IDENTITY: Self = Self([Q15(i16::MAX), Q15(0), Q15(0), Q15(0)]);
 
-    /// From parts of a unit quaternion.
+    /// Returns the nearest value to a unit quaternion.
     pub fn from_f64(wxyz: [f64; 4]) -> Self {
         Self(wxyz.map(Q15::from_f64))
     }
 
-    /// The parts, normalised; the identity where all of them are zero.
+    /// Returns the normalised components; the identity if all of them are zero.
     pub fn to_f64(self) -> [f64; 4] {
         let parts = self.0.map(Q15::to_f64);
         let square: f64 = parts.iter().map(|part| part * part).sum();
@@ -173,12 +173,12 @@ impl GyroRange {
     /// All ranges, in the order of their register codes.
     pub const ALL: [Self; 4] = [Self::Dps250, Self::Dps500, Self::Dps1000, Self::Dps2000];
 
-    /// Full scale in °/s.
+    /// Returns the full scale in °/s.
     pub const fn full_scale_dps(self) -> u16 {
         250 << self as u8
     }
 
-    /// Counts per °/s (data sheet PS-MPU-6000A, table 6.1).
+    /// Returns the counts per °/s (data sheet PS-MPU-6000A, table 6.1).
     pub const fn counts_per_dps(self) -> f32 {
         match self {
             Self::Dps250 => 131.0,
@@ -188,7 +188,7 @@ impl GyroRange {
         }
     }
 
-    /// A reading in rad/s.
+    /// Returns a reading in rad/s.
     pub fn rad_per_s(self, counts: SensorCounts) -> f64 {
         (f64::from(counts.0) / f64::from(self.counts_per_dps())).to_radians()
     }
@@ -212,17 +212,17 @@ impl AccelRange {
     /// All ranges, in the order of their register codes.
     pub const ALL: [Self; 4] = [Self::G2, Self::G4, Self::G8, Self::G16];
 
-    /// Full scale in g.
+    /// Returns the full scale in g.
     pub const fn full_scale_g(self) -> u8 {
         2 << self as u8
     }
 
-    /// Counts per g (data sheet PS-MPU-6000A, table 6.2).
+    /// Returns the counts per g (data sheet PS-MPU-6000A, table 6.2).
     pub const fn counts_per_g(self) -> u16 {
         16384 >> self as u8
     }
 
-    /// A reading in m/s².
+    /// Returns a reading in m/s².
     pub fn mps2(self, counts: SensorCounts) -> f64 {
         f64::from(counts.0) / f64::from(self.counts_per_g()) * STANDARD_GRAVITY_MPS2
     }
@@ -246,7 +246,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// All signed axes with the names that they bear in files.
+    /// All signed axes with their names in files.
     pub const NAMES: [(Self, &'static str); 6] = [
         (Self::PlusX, "+x"),
         (Self::MinusX, "-x"),
@@ -256,17 +256,17 @@ impl Axis {
         (Self::MinusZ, "-z"),
     ];
 
-    /// Index of the sensor's axis, 0 to 2.
+    /// Returns the index of the axis, 0 to 2.
     pub const fn index(self) -> usize {
         self as usize / 2
     }
 
-    /// Whether the sign is to be turned.
+    /// Returns whether the axis is negative.
     pub const fn is_negative(self) -> bool {
         self as u8 % 2 == 1
     }
 
-    /// The axis that a file calls `name` (`"x"` is `"+x"`).
+    /// Returns the axis with this name (`"x"` is `"+x"`).
     pub fn from_name(name: &str) -> Option<Self> {
         Self::NAMES
             .iter()
@@ -281,9 +281,9 @@ impl fmt::Display for Axis {
     }
 }
 
-/// How the sensor sits in the robot: entry i says which axis of the sensor reads body axis i.
+/// Orientation of a sensor in the robot: entry i is the axis of the sensor that reads body axis i.
 ///
-/// The two sensors of one chip have a map each, because boards exist whose gyroscope has a flipped axis.
+/// The two sensors of one chip have a map each, because some boards have a gyroscope with a flipped axis.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 pub struct AxisMap(pub [Axis; 3]);
 
@@ -291,7 +291,7 @@ impl AxisMap {
     /// The sensor's axes are the body's.
     pub const IDENTITY: Self = Self([Axis::PlusX, Axis::PlusY, Axis::PlusZ]);
 
-    /// Whether each of the sensor's axes is used once.
+    /// Returns whether each axis of the sensor is used once.
     pub fn is_permutation(self) -> bool {
         let mut seen = 0u8;
         for axis in self.0 {
@@ -300,7 +300,7 @@ impl AxisMap {
         seen == 0b111
     }
 
-    /// The sensor's vector in body axes.
+    /// Returns a vector of the sensor in body axes.
     pub fn apply<T: Copy + core::ops::Neg<Output = T>>(self, sensor: [T; 3]) -> [T; 3] {
         self.0.map(|axis| {
             let value = sensor[axis.index()];

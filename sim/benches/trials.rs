@@ -1,23 +1,22 @@
 //! Speed of trials on one core, with the error of the mean forces printed beside it.
 //!
 //! `cargo bench -p sim --bench trials`: real-time factor of 60 s, and the mean thrusts over its last 12 s
-//! against a run with steps and tolerance so small that they no longer matter (up to twenty times as long).
-//! Then error and speed against the step of flagella that mesh, and the growth of a step's cost with the
-//! number of edges, what the dense inverse has in it, and what an iteration without that inverse would have to
-//! pay for. Times of the first table are the best of as many runs as fit into six seconds:
-//! whatever else the machine does only makes a run slower.
-//! `-- speed`, `-- steps` and `-- growth` give one of the three.
+//! against a run with steps and tolerance small enough not to matter (up to twenty times as long).
+//! Then error and speed over the step of flagella that mesh, and the growth of a step's cost with the
+//! number of edges, with the share of the dense inverse and the least cost of an iteration without it.
+//! Times of the first table are the best of as many runs as fit into six seconds, as other load only
+//! makes a run slower. `-- speed`, `-- steps` and `-- growth` select one of the three.
 
 use divan::black_box;
 use nalgebra::{DMatrix, DVector};
 use sim::V3;
+use sim::body::closure::Closure;
+use sim::body::shaft::MotorState;
 use sim::fluid::far::{Precision, Sources, Targets, gauss_rule};
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::clamp::Motor;
-use sim::robot::closure::Closure;
 use sim::rod::Rod;
-use sim::step::Solver;
+use sim::step::{Solver, StepControl};
 use sim::trial::{Options, Summary, Trial};
 use std::f64::consts::PI;
 use std::time::Instant;
@@ -43,28 +42,26 @@ fn fine() -> Robot {
     robot.solver.step_rad = 0.1;
     // Where flagella mesh, means still move by half a per cent between 0.08 and 0.02.
     robot.solver.contact_step_rad = 0.02;
-    // Steps of meshing flagella take four times the tolerance.
+    // Steps of meshing flagella have four times the tolerance.
     robot.solver.tolerance = 2.5e-4;
     robot.solver.far_field = Precision::Double;
     robot
 }
 
 fn speed_and_error() {
-    println!(
-        "| speeds rpm | closure | real-time factor | must | aim | error of mean thrust | contact | sweeps a step |"
-    );
-    println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
+    println!("| speeds rpm | closure | real-time factor | error of mean thrust | contact | sweeps a step |");
+    println!("| --- | --- | --- | --- | --- | --- |");
     let cases = [
-        ([90.0, 90.0], Closure::Paper, "250", "500"),
-        ([50.0, 10.0], Closure::Paper, "500", "1000"),
-        ([50.0, 10.0], Closure::Full, "300", "800"),
-        ([90.0, 90.0], Closure::Full, "", ""),
-        ([-90.0, 90.0], Closure::Full, "", ""),
-        ([90.0, 60.0], Closure::Full, "60", "150"),
-        ([-60.0, -60.0], Closure::Full, "25", "100"),
-        ([-90.0, -80.0], Closure::Full, "25", "100"),
+        ([90.0, 90.0], Closure::Paper),
+        ([50.0, 10.0], Closure::Paper),
+        ([50.0, 10.0], Closure::Full),
+        ([90.0, 90.0], Closure::Full),
+        ([-90.0, 90.0], Closure::Full),
+        ([90.0, 60.0], Closure::Full),
+        ([-60.0, -60.0], Closure::Full),
+        ([-90.0, -80.0], Closure::Full),
     ];
-    for (rpm, closure, must, aim) in cases {
+    for (rpm, closure) in cases {
         let robot = Robot::default();
         let (summary, mut wall) = run(&robot, closure, rpm);
         let begun = Instant::now();
@@ -73,7 +70,7 @@ fn speed_and_error() {
         }
         let error = thrust_error(&summary, &run(&fine(), closure, rpm).0);
         println!(
-            "| ({}, {}) | {closure:?} | {:.0} | {must} | {aim} | {:.2} % | {:.2} | {:.2} |",
+            "| ({}, {}) | {closure:?} | {:.0} | {:.2} % | {:.2} | {:.2} |",
             rpm[0],
             rpm[1],
             60.0 / wall,
@@ -153,22 +150,22 @@ fn growth() {
         robot.fluid.regularisation_radii = robot.fluid.regularisation_radii.min(0.99 * radii);
         let rods = [0, 1].map(|k| Rod::stress_free(robot.flagellum.helix(k).nodes(edges), robot.flagellum.stiffness()));
         let mut solver = Solver::with_rods(&robot, Closure::Held, rods).expect("parameters");
-        let mut state = solver.at_rest();
+        let (mut state, mut control) = (solver.at_rest(), StepControl::default());
         let speed = 3.0 * PI;
-        let motors = |t: f64| [Motor { angle: speed * t, speed }; 2];
+        let motors = |t: f64| [MotorState { angle: speed * t, speed }; 2];
         // A step that is cut short by an end would need an inverse of its own.
         const FAR: f64 = 1e3;
         let (start, mut first) = (Instant::now(), 0);
         while state.time < 0.8 {
-            solver.advance(&mut state, FAR, &motors).expect("a step");
+            control.advance(&mut solver, &mut state, FAR, &motors).expect("a step");
             first += 1;
         }
-        // Beyond the start no new inverse is needed: what it cost is the rest.
+        // After the start no new inverse is needed: its cost is the rest of the start's time.
         let (warm, built, begun_s) = (start.elapsed().as_secs_f64(), solver.inverses_built(), state.time);
         let (start, mut sweeps) = (Instant::now(), 0);
         let steps = if edges > 150 { 25 } else { 100 };
         for _ in 0..steps {
-            sweeps += solver.advance(&mut state, FAR, &motors).expect("a step").sweeps;
+            sweeps += control.advance(&mut solver, &mut state, FAR, &motors).expect("a step").sweeps;
         }
         assert_eq!(solver.inverses_built(), built, "the steps that are timed need no inverse");
         let step = start.elapsed().as_secs_f64() / f64::from(steps);

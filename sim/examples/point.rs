@@ -1,122 +1,61 @@
-//! One operating point: mean loads of the flagella and attitude, with the speed of the simulation.
+//! One operating point: the steady attitude of the robot at two motor speeds, and what it cost to compute.
 //!
-//! `cargo run --release -p sim --example point -- 90 90 held 60 48 [key=value ...]`
+//! `cargo run --release -p sim --example point -- 50 10 full 120`: speeds in rpm, closure, duration in s.
 
-use sim::V3;
+use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::robot::{body::euler_zyx, clamp::Motor, closure::Closure};
-use sim::step::Solver;
-use std::f64::consts::PI;
+use sim::profile::SpeedProfile;
+use sim::trial::{Options, Trial};
+use std::error::Error;
+use std::time::Instant;
 
-fn main() {
+fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let number = |i: usize, default: f64| arguments.get(i).and_then(|a| a.parse().ok()).unwrap_or(default);
-    let rpm = [number(0, 90.0), number(1, 90.0)];
-    let closure = match arguments.get(2).map(String::as_str) {
-        Some("full") => Closure::Full,
-        Some("lumped") => Closure::Lumped,
-        Some("paper") => Closure::Paper,
-        _ => Closure::Held,
+    let number = |i: usize, default: f64| arguments.get(i).map_or(Ok(default), |a| a.parse());
+    let rpm = [number(0, 50.0)?, number(1, 10.0)?];
+    let closure = match arguments.get(2).map_or("full", String::as_str) {
+        "full" => Closure::Full,
+        "lumped" => Closure::Lumped,
+        "paper" => Closure::Paper,
+        "held" => Closure::Held,
+        other => return Err(format!("{other}: no such closure").into()),
     };
-    let (end, from) = (number(3, 60.0), number(4, 48.0));
-    let mut robot = Robot::default();
-    for pair in arguments.iter().skip(5) {
-        let Some((key, value)) = pair.split_once('=') else {
-            continue;
-        };
-        let v: f64 = value.parse().expect("number");
-        match key {
-            "rad" => (robot.solver.step_rad, robot.solver.contact_step_rad) = (v, v.min(robot.solver.contact_step_rad)),
-            "contact_rad" => robot.solver.contact_step_rad = v,
-            "tol" => robot.solver.tolerance = v,
-            "rho" => robot.flagellum.density_kg_m3 = v,
-            "eps" => robot.fluid.regularisation_radii = v,
-            "edge" => robot.flagellum.edge_length_m = v,
-            "tether" => (robot.joint.tether_full_nm_per_rad, robot.joint.tether_lumped_nm_per_rad) = (v, v),
-            "contact" => robot.contact.enabled = v > 0.0,
-            "friction" => robot.contact.friction = v,
-            _ => panic!("{key}?"),
-        }
+
+    // A robot, a profile of speeds, and what to put out make a trial.
+    let robot = Robot::default();
+    let profile = SpeedProfile::constant(rpm, number(3, 120.0)?)?;
+    let mut trial = Trial::new(&robot, closure, profile, Options { rate_hz: 0.1, shapes: false })?;
+
+    // It is an iterator over samples.
+    let start = Instant::now();
+    for sample in trial.by_ref() {
+        let s = sample?;
+        let [yaw, pitch, roll] = [s.yaw_rad, s.pitch_rad, s.roll_rad].map(f64::to_degrees);
+        println!("{:6.1} s: yaw {yaw:8.2}, pitch {pitch:6.2}, roll {roll:6.2} deg; {:?}", s.time_s, s.bundling);
     }
-    let trace = std::env::var("TRACE").is_ok();
-    let mut solver = Solver::new(&robot, closure).expect("parameters");
-    let mut state = solver.at_rest();
-    let speed = rpm.map(|r| r * PI / 30.0);
-    let motors = |t: f64| speed.map(|w| Motor { angle: w * t, speed: w });
-    let start = std::time::Instant::now();
-    let (mut force, mut torque, mut weight) = ([V3::zeros(); 2], [0.0; 2], 0.0);
-    let (mut steps, mut sweeps, mut worst, mut touching, mut error, mut largest) =
-        (0, 0, f64::INFINITY, 0.0, 0f64, 0f64);
-    let mut moment_error = 0f64;
-    while state.time < end - 1e-9 {
-        let before = state.time;
-        let report = match solver.advance(&mut state, end, &motors) {
-            Ok(report) => report,
-            Err(e) => {
-                println!("{e}");
-                break;
-            }
-        };
-        let step = state.time - before;
-        steps += 1;
-        sweeps += report.sweeps;
-        error = error.max(report.error);
-        largest = largest.max(report.largest_force);
-        moment_error = moment_error.max(report.moment_error);
-        if report.touching > 0 {
-            touching += step;
-        }
-        if trace {
-            let e = euler_zyx(&state.body.attitude).map(f64::to_degrees);
-            println!(
-                "{:.3} step {step:.4} sweeps {} res {:.1e} err {:.1e} touch {} euler {:.2?} F {:.3?} {:.3?}",
-                state.time,
-                report.sweeps,
-                report.residual,
-                report.error,
-                report.touching,
-                e,
-                (report.fluid[0].force * 1e3).as_slice(),
-                (report.fluid[1].force * 1e3).as_slice()
-            );
-        }
-        if std::env::var("DIST").is_ok() {
-            worst = f64::min(worst, solver.least_distance(&state));
-        }
-        if state.time > from {
-            weight += step;
-            for k in 0..2 {
-                force[k] += (report.fluid[k].force + report.contact[k].force) * step;
-                torque[k] += (report.fluid[k].axial_torque + report.contact[k].axial_torque) * step;
-            }
-        }
-    }
-    let wall = start.elapsed().as_secs_f64();
-    let e = euler_zyx(&state.body.attitude).map(f64::to_degrees);
+    let wall_s = start.elapsed().as_secs_f64();
+
+    // Its summary has the means over whole revolutions at the end of the run.
+    let summary = trial.summary();
+    let steady = &summary.steady;
+    let [yaw, pitch, roll] = steady.attitude.map(|level| level.mean.to_degrees());
     println!(
-        "({}, {}) {closure:?}: {:.1} s in {wall:.3} s: {:.0} x; {steps} steps, {:.2} sweeps each, {} inverses; contact {:.3}, least distance {:.4} mm, largest pair {:.2} mN; step error {:.1e} m; moment error {:.1e}",
-        rpm[0],
-        rpm[1],
-        state.time,
-        state.time / wall,
-        sweeps as f64 / steps as f64,
-        solver.inverses_built(),
-        touching / state.time,
-        worst * 1e3,
-        largest * 1e3,
-        error,
-        moment_error
+        "mean of the last {:.1} s: yaw {yaw:.2}, pitch {pitch:.3}, roll {roll:.3} deg; settled: {}",
+        steady.window_s, steady.settled
     );
-    for k in 0..2 {
-        let f = force[k] * (1e3 / weight);
-        println!(
-            "  {}: force {:.5} {:.5} {:.5} mN, axial torque {:.6} mN m",
-            k + 1,
-            f.x,
-            f.y,
-            f.z,
-            torque[k] * 1e3 / weight
-        );
+    for (k, (force, torque)) in steady.force.iter().zip(&steady.axial_torque).enumerate() {
+        let [x, y, z] = force.map(|level| level.mean * 1e3);
+        println!("flagellum {}: force {x:.4}, {y:.4}, {z:.4} mN, torque {:.5} mN m", k + 1, torque.mean * 1e3);
     }
-    println!("  yaw {:.2} (unwrapped {:.2}) pitch {:.3} roll {:.3} deg", e[0], state.body.yaw.to_degrees(), e[1], e[2]);
+    println!(
+        "{:.0} times real time: {} steps, {:.2} sweeps a step, {} inverses; contact {:.0} % of the run, gap {:.3} mm at least, {:.1} mN at most",
+        summary.simulated_s / wall_s,
+        summary.steps,
+        summary.newton_iterations as f64 / summary.steps as f64,
+        trial.solver().inverses_built(),
+        100.0 * summary.contact_share,
+        summary.min_gap_m * 1e3,
+        summary.largest_contact_n * 1e3
+    );
+    Ok(())
 }

@@ -1,4 +1,4 @@
-//! Vectors of numbers with operators, for formulas that run over many nodes.
+//! Registers of several numbers with operators, for formulas that run over many nodes.
 //!
 //! A thin cover over [`pulp`], which picks the machine's vector instructions at run time: formulas keep
 //! their shape, and every operation is one instruction.
@@ -85,10 +85,10 @@ impl<S: Simd> Wide<S> {
         (self + shift) - shift
     }
 
-    /// Sine and cosine, good to rounding for angles up to some thousand turns.
+    /// Sine and cosine, good to rounding for angles up to some thousand revolutions.
     #[inline(always)]
     pub fn sin_cos(self) -> (Self, Self) {
-        // A quarter of the angle, less whole turns, has a short series; its double is taken twice.
+        // A quarter of the angle, less whole revolutions, has a short series; its double is taken twice.
         let turns = self.scaled(1.0 / TAU).round();
         let quarter = (self - turns.scaled(TAU_HIGH) - turns.scaled(TAU - TAU_HIGH)).scaled(0.25);
         let square = quarter * quarter;
@@ -100,7 +100,7 @@ impl<S: Simd> Wide<S> {
         (sine, cosine)
     }
 
-    /// Angle of a unit vector with these components, in -pi..pi; near half a turn it loses digits, 1e-14 over
+    /// Angle of a unit vector with these components, in -pi..pi; near half a revolution it loses digits, 1e-14 over
     /// the cosine of half of it.
     #[inline(always)]
     pub fn angle_of(sine: Self, cosine: Self) -> Self {
@@ -116,7 +116,7 @@ impl<S: Simd> Wide<S> {
     }
 }
 
-/// The leading bits of a turn: products with small whole numbers are exact.
+/// The leading bits of a revolution: products with small whole numbers are exact.
 const TAU_HIGH: f64 = 6.283_185_243_606_567;
 const SINE: [f64; 8] = [
     1.0,
@@ -235,16 +235,16 @@ impl<S: Simd> Mul<Wide<S>> for Wide3<S> {
     }
 }
 
-/// Vectors along a rod, coordinate by coordinate, with room for whole registers from any place on.
+/// Vectors along a rod, stored coordinate by coordinate, padded so that whole registers can be read from any index.
 #[derive(Clone, Debug, Default)]
-pub struct Line([Vec<f64>; 3]);
+pub struct Vectors([Vec<f64>; 3]);
 
 /// Length of an array that registers are read from and written to at every place below `count`.
 pub fn padded(count: usize) -> usize {
     count.div_ceil(PADDING) * PADDING + PADDING
 }
 
-impl Line {
+impl Vectors {
     /// Zero vectors.
     pub fn new(count: usize) -> Self {
         Self(std::array::from_fn(|_| vec![0.0; padded(count)]))

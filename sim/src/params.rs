@@ -9,8 +9,8 @@
 
 mod validate;
 
+use crate::body::closure::Closure;
 use crate::fluid::far::Precision;
-use crate::robot::closure::Closure;
 use crate::rod::{
     Stiffness,
     helix::{Handedness, Helix},
@@ -18,15 +18,15 @@ use crate::rod::{
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// A parameter that cannot be.
+/// An impossible parameter.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{key} = {value}: {reason}")]
 pub struct ParamError {
     /// Dotted key, as in the file.
     pub key: &'static str,
-    /// The value that was given.
+    /// Its value.
     pub value: f64,
-    /// Why it cannot be, and what can.
+    /// Why it is impossible, and what is possible.
     pub reason: String,
 }
 
@@ -45,7 +45,7 @@ pub struct Robot {
     /// Contact between flagella.
     pub contact: Contact,
     /// Time steps and tolerances.
-    pub solver: Solver,
+    pub solver: SolverSettings,
 }
 
 /// The base: a cylinder that holds both motors.
@@ -114,7 +114,7 @@ pub struct Flagellum {
     pub density_kg_m3: f64,
     /// Length of an edge in m (0.005, the publication's 5 mm). Mean forces at 5 mm are within 1.5 % of
     /// those at 1.25 mm, and converge about as its square; the cost of a step grows about as its power
-    /// -1.4. Above a twelfth of a turn the helix is not resolved.
+    /// -1.4. Above a twelfth of a coil the helix is not resolved.
     pub edge_length_m: f64,
 }
 
@@ -135,7 +135,7 @@ impl Default for Flagellum {
 }
 
 impl Flagellum {
-    /// The natural shape of flagellum 0 or 1.
+    /// Returns the natural shape of flagellum 0 or 1.
     pub fn helix(&self, which: usize) -> Helix {
         Helix {
             radius: self.helix_radius_m,
@@ -145,12 +145,12 @@ impl Flagellum {
         }
     }
 
-    /// Number of edges: the contour length over the wanted edge length, rounded.
+    /// Returns the number of edges: the contour length over the wanted edge length, rounded.
     pub fn edges(&self) -> usize {
         (self.helix(0).contour_length() / self.edge_length_m).round() as usize
     }
 
-    /// EA, EI, GJ.
+    /// Returns EA, EI and GJ.
     pub fn stiffness(&self) -> Stiffness {
         Stiffness::solid_round(self.rod_radius_m, self.young_pa, self.poisson)
     }
@@ -194,7 +194,7 @@ pub struct Glycerol {
 }
 
 impl Glycerol {
-    /// Dynamic viscosity in Pa s.
+    /// Returns the dynamic viscosity in Pa s.
     pub fn viscosity_pa_s(&self) -> f64 {
         let (c, t) = (self.mass_fraction, self.temperature_c);
         let glycerol = 12.1 * ((-1233.0 + t) * t / (9900.0 + 70.0 * t)).exp();
@@ -205,7 +205,7 @@ impl Glycerol {
         water.powf(alpha) * glycerol.powf(1.0 - alpha)
     }
 
-    /// Density in kg/m3, without the small contraction on mixing.
+    /// Returns the density in kg/m3, without the small contraction on mixing.
     pub fn density_kg_m3(&self) -> f64 {
         let t = self.temperature_c;
         let glycerol = 1277.0 - 0.654 * t;
@@ -215,18 +215,18 @@ impl Glycerol {
 }
 
 impl Fluid {
-    /// Dynamic viscosity in Pa s, from the mixture when there is one.
+    /// Returns the dynamic viscosity in Pa s, that of the mixture when there is one.
     pub fn viscosity(&self) -> f64 {
         self.glycerol.map_or(self.viscosity_pa_s, |g| g.viscosity_pa_s())
     }
 
-    /// Density in kg/m3, from the mixture when there is one.
+    /// Returns the density in kg/m3, that of the mixture when there is one.
     pub fn density(&self) -> f64 {
         self.glycerol.map_or(self.density_kg_m3, |g| g.density_kg_m3())
     }
 }
 
-/// What the ball joint and the sensor's cable do.
+/// The ball joint and the sensor's cable.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Joint {
@@ -248,7 +248,7 @@ impl Default for Joint {
 }
 
 impl Joint {
-    /// Tether stiffness of a closure in N m/rad; `paper` has none, as printed.
+    /// Returns the tether stiffness of a closure in N m/rad; `paper` has none, as printed.
     pub fn tether(&self, closure: Closure) -> f64 {
         match closure {
             Closure::Full => self.tether_full_nm_per_rad,
@@ -262,7 +262,7 @@ impl Joint {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Contact {
-    /// Whether rods touch at all (true). Without it they pass through each other.
+    /// Whether rods touch (true). If not, they pass through each other.
     pub enabled: bool,
     /// Largest penetration in m (1e-5): stiffness follows from it. Smaller costs little.
     pub tolerance_m: f64,
@@ -278,35 +278,35 @@ impl Default for Contact {
     }
 }
 
-/// Settings of the implicit steps; see [`crate::step`].
+/// Settings of the implicit steps, see [`crate::step`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Solver {
-    /// Angle of the faster motor a step, or between the two where that is more, in rad (0.3: steady
-    /// angles within 0.1 degrees; 0.75 is a fast scan with mean forces within 1 %, above 1.1 steps fail).
+pub struct SolverSettings {
+    /// Angle that the faster motor turns in a step, or that the motors turn against each other where that is more, in rad
+    /// (0.3: steady angles within 0.1 degrees; 0.75 is a fast scan with mean forces within 1 %, above 1.1 steps fail).
     pub step_rad: f64,
-    /// The same while rods are close (0.25); a third of it where both motors pull their flagella in, for
-    /// which [`crate::step`] has the errors.
+    /// The same while rods are close (0.25), and a third of it where both flagella pull at their clamps and mesh;
+    /// [`crate::step::StepControl`] has the errors.
     pub contact_step_rad: f64,
     /// Longest step in s (0.1).
     pub longest_step_s: f64,
     /// Velocity residual at which an iteration stops, before its last update, relative to the largest
-    /// speed of the helix (0.02). Mean forces carry about a tenth of it. Four times as much is let pass
-    /// where both motors pull their flagella in and they touch.
+    /// speed of the helix (0.02). Mean forces have about a tenth of it as their error. It is four times as much
+    /// for meshing flagella.
     pub tolerance: f64,
-    /// How often a step may be halved before the trial stops with an error (8).
+    /// Largest number of times that a step is halved before the trial stops with an error (8).
     pub halvings: u32,
-    /// Sweeps a step may take (25).
+    /// Largest number of sweeps of a step (25).
     pub sweeps: u32,
-    /// Own segments this many edges away or less are integrated exactly (2).
+    /// Segments of the same rod up to this many edges away are integrated exactly (2).
     pub near_edges: u32,
-    /// Gauss points of every other segment, 2 to 4 (2).
+    /// Gauss points of all other segments, 2 to 4 (2).
     pub gauss_points: u32,
     /// Precision of the sum over far segments (single). Mean forces do not change to six digits.
     pub far_field: Precision,
 }
 
-impl Default for Solver {
+impl Default for SolverSettings {
     fn default() -> Self {
         Self {
             step_rad: 0.3,
@@ -323,29 +323,29 @@ impl Default for Solver {
 }
 
 impl Robot {
-    /// Regularisation of the Stokeslets in m.
+    /// Returns the regularisation of the Stokeslets in m.
     pub fn epsilon(&self) -> f64 {
         self.fluid.regularisation_radii * self.flagellum.rod_radius_m
     }
 
-    /// Feet of the shafts in the body frame, m: flagellum 1 at +d/2.
+    /// Returns the feet of the shafts in the body frame, m: flagellum 1 at +d/2.
     pub fn shaft_feet(&self) -> [crate::V3; 2] {
         let (d, h) = (0.5 * self.base.motor_distance_m, self.base.height_m);
         [crate::V3::new(d, 0.0, -h), crate::V3::new(-d, 0.0, -h)]
     }
 
-    /// Drag coefficient of the base in N m s: 2 pi mu C_r r_h^3.
+    /// Returns the drag coefficient of the base in N m s: 2 pi mu C_r r_h^3.
     pub fn base_drag(&self) -> f64 {
         2.0 * PI * self.fluid.viscosity() * self.base.rotational_drag * self.base.radius_m.powi(3)
     }
 
-    /// Drag on the spin of a rod about its centre line, N m s a metre and radian; see [`Fluid::spin_drag`].
+    /// Returns the drag on the spin of a rod about its centre line, N m s per metre and radian; see [`Fluid::spin_drag`].
     pub fn spin_drag(&self) -> f64 {
         let round = 4.0 * PI * self.fluid.viscosity() * self.flagellum.rod_radius_m.powi(2);
         self.fluid.spin_drag * round
     }
 
-    /// Weight less buoyancy of the rod in N/m, downwards.
+    /// Returns the weight less buoyancy of the rod in N/m, downwards.
     pub fn net_weight(&self) -> f64 {
         let area = PI * self.flagellum.rod_radius_m.powi(2);
         (self.flagellum.density_kg_m3 - self.fluid.density()) * area * self.base.gravity_m_s2

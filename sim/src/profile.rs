@@ -1,13 +1,13 @@
 //! Speeds of both motors over time: the phases of a trial, ramps, or the record of a rig.
 //!
-//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral. A profile may also
-//! be written while it is run ([`SpeedProfile::open`]), where somebody else turns the motors.
+//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral. Where the motors
+//! are not the simulator's own, a profile is extended while it is run ([`SpeedProfile::open`]).
 
-use crate::robot::clamp::Motor;
+use crate::body::shaft::MotorState;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// A profile that cannot be.
+/// Why points are no profile.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProfileError {
     /// Fewer than two points, or no time between the first and the last.
@@ -19,13 +19,13 @@ pub enum ProfileError {
         /// Index of the point.
         index: usize,
     },
-    /// Time goes back.
+    /// Its time is before that of the point before it.
     #[error("point {index} lies before the one before it")]
     Unordered {
         /// Index of the point.
         index: usize,
     },
-    /// A reversal of a motor that there is not, or outside of the run.
+    /// A reversal of a motor that does not exist, or outside of the run.
     #[error("motor {motor} cannot reverse {after} s after the start of the run")]
     Reverse {
         /// Index of the motor.
@@ -33,7 +33,7 @@ pub enum ProfileError {
         /// When, s.
         after: f64,
     },
-    /// The run phase is not within the profile, or has no length.
+    /// The run phase is not within the profile, or its duration is not positive.
     #[error("the run from {start} s to {end} s has no length, or is not within the profile")]
     RunOutside {
         /// Start of the run, s.
@@ -41,14 +41,14 @@ pub enum ProfileError {
         /// Its end, s.
         end: f64,
     },
-    /// A speed that no model of a slow robot covers.
+    /// A speed far beyond slow motion in a viscous fluid.
     #[error("point {index}: {rpm:.0} rpm is beyond {limit:.0} rpm")]
     TooFast {
         /// Index of the point.
         index: usize,
-        /// The speed.
+        /// The speed, rpm.
         rpm: f64,
-        /// The limit.
+        /// The limit, rpm.
         limit: f64,
     },
 }
@@ -56,28 +56,28 @@ pub enum ProfileError {
 /// Largest speed of a profile, rpm.
 pub const LARGEST_RPM: f64 = 10_000.0;
 
-/// Points that an extended profile remembers.
+/// Points that an extended profile keeps.
 const REMEMBERED: usize = 8;
 
 /// Durations of the phases of a trial, s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Phases {
-    /// Still, for the sensor's calibration.
+    /// At rest, for the sensor's calibration.
     pub calibrate: f64,
-    /// Still.
+    /// At rest.
     pub preroll: f64,
     /// Motors at their speeds.
     pub run: f64,
     /// Motors off.
     pub decay: f64,
-    /// Time in which motors reach their speed and stop.
+    /// Duration of the motors' ramps at the start and the end of the run.
     pub ramp: f64,
-    /// A motor that turns the other way from some moment of the run on.
+    /// A motor that reverses within the run.
     pub reverse: Option<Reverse>,
 }
 
-/// A motor that turns the other way, as fast as before, from some moment of the run on.
+/// A motor that reverses at some time of the run, to the same speed in the other direction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reverse {
@@ -105,12 +105,17 @@ struct Point {
 pub struct SpeedProfile {
     points: Vec<Point>,
     run: [f64; 2],
+    /// Speeds that the motors were meant to have in the run, rad/s.
+    target: Option<[f64; 2]>,
 }
 
 impl SpeedProfile {
-    /// From times in s and speeds in rpm, linear in between. The run phase is all of it.
+    /// From times in s and speeds in rpm, linear in between. The run phase is the whole profile.
     ///
-    /// A record should be smoothed first: a step's formula takes the speed at its end for that of the step.
+    /// Measured speeds should be smoothed first: a step's formula takes the speed at its end for that of the step.
+    ///
+    /// # Errors
+    /// Points that are no profile: see [`ProfileError`].
     pub fn from_points(points: &[(f64, [f64; 2])]) -> Result<Self, ProfileError> {
         let mut built: Vec<Point> = Vec::with_capacity(points.len());
         for (index, (time, rpm)) in points.iter().enumerate() {
@@ -138,10 +143,13 @@ impl SpeedProfile {
         if run[1] <= run[0] {
             return Err(ProfileError::Empty);
         }
-        Ok(Self { points: built, run })
+        Ok(Self { points: built, run, target: None })
     }
 
-    /// The same profile with its run phase from `start` to `end` (s), which must lie within it.
+    /// Returns the same profile with its run phase from `start` to `end`, s.
+    ///
+    /// # Errors
+    /// A run phase that is not within the profile.
     pub fn with_run(mut self, start: f64, end: f64) -> Result<Self, ProfileError> {
         if start >= self.start() && end <= self.end() && start < end {
             self.run = [start, end];
@@ -151,8 +159,27 @@ impl SpeedProfile {
         }
     }
 
-    /// The same speeds, with the motors at other angles (rad) at the first time: a rig's flagella begin a trial as the one
-    /// before left them, and where both turn equally fast their phase decides the steady state.
+    /// Returns the same speeds with the target speeds of the run (rpm), which decide the length of the steady window instead
+    /// of the speeds at its end. Measured speeds scatter about their target, and with them whether a revolution more fits
+    /// into the window.
+    pub fn with_target(mut self, rpm: [f64; 2]) -> Self {
+        self.target = Some(rpm.map(|rpm| rpm * PI / 30.0));
+        self
+    }
+
+    /// Returns the target speeds of the run in rad/s, or without one the speeds at its end; if these are zero, the speeds in
+    /// its middle.
+    pub fn target(&self) -> [f64; 2] {
+        let [start, stop] = self.run;
+        let at = |time: f64| self.motors(time).map(|motor| motor.speed);
+        self.target.unwrap_or_else(|| {
+            let last = at(stop);
+            if last == [0.0; 2] { at(0.5 * (start + stop)) } else { last }
+        })
+    }
+
+    /// Returns the same speeds with the motors at other angles (rad) at the first time. Flagella of a rig start a trial
+    /// where the last one left them, and at equal speeds their phase decides the steady state.
     pub fn from_angles(mut self, start: [f64; 2]) -> Self {
         for point in &mut self.points {
             point.angle = [0, 1].map(|k| point.angle[k] + start[k]);
@@ -160,12 +187,18 @@ impl SpeedProfile {
         self
     }
 
-    /// Constant speeds (rpm) at once from time 0, for `duration` s.
+    /// Returns constant speeds (rpm) from time 0 on, for `duration` s.
+    ///
+    /// # Errors
+    /// A duration that is not positive, or an impossible speed.
     pub fn constant(rpm: [f64; 2], duration: f64) -> Result<Self, ProfileError> {
         Self::from_points(&[(0.0, rpm), (duration, rpm)])
     }
 
-    /// The phases of a trial at the speeds `rpm`.
+    /// Returns the phases of a trial at the speeds `rpm`.
+    ///
+    /// # Errors
+    /// Durations or a reversal that make no profile.
     pub fn phases(phases: &Phases, rpm: [f64; 2]) -> Result<Self, ProfileError> {
         let start = phases.calibrate + phases.preroll;
         let stop = start + phases.run;
@@ -181,7 +214,7 @@ impl SpeedProfile {
         let mut points = vec![(0.0, still), (start, still), (start + ramp, rpm)];
         let mut rpm = rpm;
         if let Some(Reverse { motor, after }) = phases.reverse {
-            // A motor stops before it turns the other way.
+            // A motor stops before it reverses.
             let (from, to) = (start + after, (start + after + 2.0 * ramp).min(stop));
             points.push((from, rpm));
             rpm[motor] = -rpm[motor];
@@ -197,14 +230,17 @@ impl SpeedProfile {
         Ok(profile)
     }
 
-    /// Both motors at rest at `time` (s), and nothing known of them after it: to be extended as time goes on. It has no
-    /// run phase.
+    /// Returns a profile of motors at rest that ends at its start, `time` (s); [`SpeedProfile::extend`] adds to it. It has
+    /// no run phase.
     pub fn open(time: f64) -> Self {
-        Self { points: vec![Point { time, speed: [0.0; 2], angle: [0.0; 2] }], run: [time; 2] }
+        Self { points: vec![Point { time, speed: [0.0; 2], angle: [0.0; 2] }], run: [time; 2], target: None }
     }
 
-    /// Goes on to `time` (s), with speeds that change evenly from the last ones to these (rad/s). What came before the
-    /// last points is forgotten.
+    /// Extends the profile to `time` (s), with speeds that change linearly from the last ones to these (rad/s). Only the
+    /// last points are kept.
+    ///
+    /// # Errors
+    /// A time that is not after the last one, or an impossible speed.
     pub fn extend(&mut self, time: f64, speed: [f64; 2]) -> Result<(), ProfileError> {
         let index = self.points.len();
         let last = self.points[index - 1];
@@ -224,28 +260,28 @@ impl SpeedProfile {
         Ok(())
     }
 
-    /// First time, s; of a profile that was extended, the first that it remembers.
+    /// Returns the first time, s; of an extended profile the first that it keeps.
     pub fn start(&self) -> f64 {
         self.points[0].time
     }
 
-    /// Last time, s.
+    /// Returns the last time, s.
     pub fn end(&self) -> f64 {
         self.points[self.points.len() - 1].time
     }
 
-    /// Start and end of the run phase, s.
+    /// Returns start and end of the run phase, s.
     pub fn run(&self) -> [f64; 2] {
         self.run
     }
 
-    /// Angles and speeds of both motors; beyond the ends the speed is that of the end. At a jump the
-    /// speed is that after it.
-    pub fn motors(&self, time: f64) -> [Motor; 2] {
+    /// Returns angles and speeds of both motors at a time (s). Beyond the ends the speed is that of the end; at a jump it
+    /// is that after it.
+    pub fn motors(&self, time: f64) -> [MotorState; 2] {
         let after = self.points.partition_point(|p| p.time <= time);
         let Some(before) = self.points.get(after.wrapping_sub(1)) else {
             let first = &self.points[0];
-            return [0, 1].map(|k| Motor {
+            return [0, 1].map(|k| MotorState {
                 angle: first.angle[k] + first.speed[k] * (time - first.time),
                 speed: first.speed[k],
             });
@@ -255,13 +291,13 @@ impl SpeedProfile {
             Some(next) => [0, 1].map(|k| (next.speed[k] - before.speed[k]) / (next.time - before.time)),
             None => [0.0; 2],
         };
-        [0, 1].map(|k| Motor {
+        [0, 1].map(|k| MotorState {
             angle: before.angle[k] + passed * (before.speed[k] + 0.5 * slope[k] * passed),
             speed: before.speed[k] + slope[k] * passed,
         })
     }
 
-    /// Time of the first jump of a speed after `time`, s.
+    /// Returns the time of the first jump of a speed after `time`, s.
     pub fn next_jump(&self, time: f64) -> Option<f64> {
         (self.points.windows(2))
             .filter(|p| p[0].time == p[1].time && p[0].speed != p[1].speed)

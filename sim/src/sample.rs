@@ -1,12 +1,12 @@
-//! What a trial tells at one time, between steps as exactly as at them.
+//! Samples of a trial, and dense output: values between steps as exact as at them.
 //!
-//! Steps are longer than samples are wanted: values in between come from the last four steps by the
-//! time formulas' own basis (exact for {1, t, cos wt, sin wt} of the motor that drives them).
+//! Steps are longer than the intervals of samples. Values in between are interpolated from the last four steps in the time
+//! formulas' own basis, exact for {1, t, cos wt, sin wt} with the speed w of the motor that drives them.
 
 use crate::V3;
+use crate::body::attitude::{euler_zyx, rotated, rotation_between, unwrap};
+use crate::body::shaft::{MotorState, Shaft};
 use crate::contact::bundling::Bundling;
-use crate::robot::body::{euler_zyx, rotated, rotation_between, unwrap};
-use crate::robot::clamp::{Motor, Shaft};
 use crate::state::State;
 use crate::step::formula::{POINTS, value_at};
 use nalgebra::UnitQuaternion;
@@ -45,7 +45,7 @@ pub struct Sample {
     pub max_penetration_m: f64,
     /// Apart, touching or bundled.
     pub bundling: Bundling,
-    /// Turns by which the helix axes wind round each other.
+    /// Number of times that the helix axes wind round each other, right-handed positive.
     pub winding_turns: f64,
     /// Sweeps of the iteration since the last sample.
     pub newton_iterations: u32,
@@ -66,9 +66,9 @@ pub struct ForceRecord {
     pub contact_torque: f64,
 }
 
-/// What is kept of a step.
+/// One step as the dense output keeps it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Record {
+pub struct StepRecord {
     /// Time in s.
     pub time: f64,
     /// Attitude.
@@ -78,7 +78,7 @@ pub struct Record {
     /// Angular velocity, rad/s.
     pub rate: V3,
     /// Motors.
-    pub motors: [Motor; 2],
+    pub motors: [MotorState; 2],
     /// Forces of both flagella.
     pub forces: [ForceRecord; 2],
     /// Whether any pair pressed.
@@ -87,17 +87,17 @@ pub struct Record {
 
 /// The last steps, newest first, and values between them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Dense {
-    records: VecDeque<Record>,
-    /// Steps are kept for so long behind the newest, s; the last four in any case.
+pub struct DenseOutput {
+    records: VecDeque<StepRecord>,
+    /// How far behind the newest step values are wanted, s; the last four steps are kept in any case.
     #[serde(default)]
     reach: f64,
 }
 
-/// Attitude, rate and forces at a time.
+/// Attitude, rate and forces at one time, interpolated.
 #[derive(Clone, Copy, Debug)]
-pub struct Between {
-    /// Attitude.
+pub struct Interpolated {
+    /// Attitude, body to world.
     pub attitude: UnitQuaternion<f64>,
     /// Unwrapped yaw, pitch, roll in rad.
     pub euler: [f64; 3],
@@ -109,36 +109,31 @@ pub struct Between {
     pub contact: bool,
 }
 
-impl Dense {
-    /// Gives values up to `reach` seconds before the newest step.
+impl DenseOutput {
+    /// For values up to `reach` seconds before the newest step.
     pub fn reaching(reach: f64) -> Self {
         Self { reach, ..Self::default() }
     }
 
-    /// Takes a step.
-    pub fn push(&mut self, record: Record) {
+    /// Adds a step.
+    pub fn push(&mut self, record: StepRecord) {
         let oldest = record.time - self.reach;
         self.records.push_front(record);
-        // The values at the oldest time take the four steps about it.
+        // Values at the oldest time are interpolated from the four steps about it.
         let within = self.records.partition_point(|r| r.time > oldest);
         self.records.truncate(within.max(1) + POINTS - 1);
     }
 
-    /// Forgets earlier steps: the motion has a corner here.
+    /// Removes earlier steps: the motion has a corner here.
     pub fn restart(&mut self) {
         self.records.truncate(1);
     }
 
-    /// Time of the newest step, s.
-    pub fn newest(&self) -> Option<f64> {
-        self.records.front().map(|r| r.time)
-    }
-
-    /// Values at a time within the last step, or within reach behind it; `None` before the first step.
-    pub fn at(&self, time: f64) -> Option<Between> {
+    /// Returns the values at a time (s) within the last step or within reach behind it, `None` before the first step.
+    pub fn at(&self, time: f64) -> Option<Interpolated> {
         // From the end of the step that holds the time.
         let end = self.records.partition_point(|r| r.time >= time).saturating_sub(1);
-        let steps: Vec<&Record> = self.records.range(end..).take(POINTS).collect();
+        let steps: Vec<&StepRecord> = self.records.range(end..).take(POINTS).collect();
         let newest = **steps.first()?;
         // Contact makes and breaks: no smooth curve goes through its forces.
         let smooth = if steps.iter().any(|r| r.contact) { 2 } else { POINTS };
@@ -167,12 +162,12 @@ impl Dense {
             sum
         });
         let euler = [unwrap(yaw, newest.yaw), pitch, roll];
-        Some(Between { attitude, euler, rate, forces, contact: newest.contact })
+        Some(Interpolated { attitude, euler, rate, forces, contact: newest.contact })
     }
 }
 
-/// Weights of the values at `time` from steps, newest first.
-fn weights(steps: &[&Record], speed: f64, time: f64, points: usize) -> [f64; POINTS] {
+/// Returns the weights of steps, newest first, for the value at `time` (s). `speed`: of the motor, rad/s.
+fn weights(steps: &[&StepRecord], speed: f64, time: f64, points: usize) -> [f64; POINTS] {
     let newest = steps[0].time;
     let Some(scale) = steps.get(1).map(|r| newest - r.time) else {
         return [1.0, 0.0, 0.0, 0.0];
@@ -181,10 +176,10 @@ fn weights(steps: &[&Record], speed: f64, time: f64, points: usize) -> [f64; POI
     value_at(speed.abs() * scale, &times, (time - newest) / scale)
 }
 
-/// Centre lines of both flagella in the body frame (m) at a time within the last step of a state.
+/// Returns the centre lines of both flagella in the body frame (m) at a time (s) within the last step of a state.
 ///
-/// `motors`: angles at that time; `feet`: feet of the shafts.
-pub fn shapes_at(state: &State, time: f64, motors: &[Motor; 2], feet: &[V3; 2]) -> [Vec<V3>; 2] {
+/// `motors`: angles at that time; `feet`: feet of the shafts, body frame, m.
+pub fn shapes_at(state: &State, time: f64, motors: &[MotorState; 2], feet: &[V3; 2]) -> [Vec<V3>; 2] {
     let scale = state.past.first().map_or(1.0, |p| state.time - p.time);
     let mut times = vec![0.0];
     times.extend(state.past.iter().map(|p| (p.time - state.time) / scale));

@@ -1,11 +1,11 @@
-//! Everything that the future of a trial depends on.
+//! The state of a robot: rods, motors, base and contact, and the past that the time formulas take.
 //!
-//! A state can be saved and restored: a run that goes on from it is the same bit for bit, as all else
-//! in the solver is scratch or a function of the parameters.
+//! A state can be saved and restored. Together with its [`StepControl`](crate::step::StepControl) a run that goes on from
+//! it is the same bit for bit, as all else in the solver is scratch or a function of the parameters.
 
 use crate::V3;
+use crate::body::{Body, shaft::MotorState};
 use crate::contact::pairs::Pair;
-use crate::robot::{body::Body, clamp::Motor};
 use crate::rod::{CLAMPED, Rod, frames::ReferenceFrames};
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
@@ -27,7 +27,7 @@ impl Shape {
         Self { nodes: rod.shape.clone(), angles: vec![0.0; rod.edges()], clamp_density: [V3::zeros(); CLAMPED] }
     }
 
-    /// Whether every number is finite.
+    /// Returns whether every number is finite.
     pub fn is_finite(&self) -> bool {
         let finite = |v: &V3| v.iter().all(|c| c.is_finite());
         self.nodes.iter().all(finite)
@@ -36,7 +36,7 @@ impl Shape {
     }
 }
 
-/// A rod: its shape and the memory of its frames.
+/// Shape and frames of a rod.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RodState {
     /// Shape.
@@ -45,7 +45,7 @@ pub struct RodState {
     pub frames: ReferenceFrames,
 }
 
-/// What the time formulas need of an earlier step.
+/// An earlier step, as the time formulas take it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Past {
     /// Time in s.
@@ -58,7 +58,7 @@ pub struct Past {
     pub rate: V3,
 }
 
-/// State of the robot and of the time stepping.
+/// State of a robot at one time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Time in s.
@@ -66,45 +66,33 @@ pub struct State {
     /// Both rods.
     pub rods: [RodState; 2],
     /// Both motors.
-    pub motors: [Motor; 2],
+    pub motors: [MotorState; 2],
     /// The base.
     pub body: Body,
     /// Up to three earlier steps, newest first.
     pub past: Vec<Past>,
     /// Contact pairs of the last step with their forces.
     pub pairs: Vec<Pair>,
-    /// Contact stiffness in N/m.
+    /// Contact stiffness in N/m; it grows with the largest force so far.
     pub contact_stiffness: f64,
-    /// How often the present step is halved.
-    pub level: u32,
-    /// Steps since the level last changed.
-    pub steps_at_level: u32,
-    /// Steps that still get inverses of their own.
-    pub own_inverses: u32,
-    /// Steps since rods last pressed on each other.
-    pub steps_since_contact: u32,
 }
 
 impl State {
-    /// Robot upright, flagella free of stress, all at rest, at time 0.
+    /// Robot upright, flagella free of stress, all at rest, at time 0. `contact_stiffness` in N/m.
     pub fn at_rest(rods: &[Rod; 2], contact_stiffness: f64) -> Self {
         let rod = |r: &Rod| RodState { shape: Shape::at_rest(r), frames: r.rest_frames.clone() };
         Self {
             time: 0.0,
             rods: [rod(&rods[0]), rod(&rods[1])],
-            motors: [Motor::default(); 2],
+            motors: [MotorState::default(); 2],
             body: Body::default(),
             past: Vec::new(),
             pairs: Vec::new(),
             contact_stiffness,
-            level: 0,
-            steps_at_level: 0,
-            own_inverses: 0,
-            steps_since_contact: u32::MAX,
         }
     }
 
-    /// Forgets earlier steps, for instance after a jump of a motor's speed: the next step starts anew.
+    /// Clears the past, for instance after a jump of a motor's speed: the next step starts anew.
     pub fn restart(&mut self) {
         self.past.clear();
     }

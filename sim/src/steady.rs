@@ -1,16 +1,33 @@
-//! What remains when transients are over: means and amplitudes over whole turns, and when it settled.
+//! The steady state of a run: means and amplitudes over whole revolutions at its end, and when the attitude settled.
 //!
-//! The slow mode of a pair of flagella dies in 10 to 18 s, and some small forces need a minute: means
-//! are taken over the end of the run and never extrapolated.
+//! It is the same for measured and for modelled trials, so that they can be compared. The rule:
+//!
+//! 1. The window is the end of the run. Its length is at most [`WINDOW`], and such that it holds whole revolutions of both
+//!    motors as nearly as possible ([`whole_turns`]): the attitude swings with both, and a part of a revolution would bias
+//!    its mean.
+//! 2. A level is the mean over time in the window, by trapezia between the values, and half the range.
+//! 3. The run is settled when yaw, pitch and roll of the window agree with those of the window before.
+//! 4. The settling time is the end of the last block of about 2 s whose mean yaw or pitch is not yet near the final one.
+//!
+//! The slow mode of a pair of flagella decays in 10 to 18 s, and some small forces need a minute. Nothing is extrapolated.
 
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
-/// Length of the window in s that is aimed for.
+/// Longest window, s.
 pub const WINDOW: f64 = 12.0;
 
-/// Quantities that are followed: yaw, pitch, roll (rad), force of flagellum 1 and 2 on the base (N,
+/// Length of the blocks that time the settling, s, about.
+const BLOCK: f64 = 2.0;
+
+/// Shortest window over the longest: below it more whole revolutions are not worth fewer values.
+const SHORTEST: f64 = 0.6;
+
+/// Part of a revolution of the slower motor that does not count as one too many or too few.
+const WHOLE: f64 = 1e-6;
+
+/// Number of quantities: yaw, pitch, roll (rad), force of flagellum 1 and 2 on the base (N,
 /// body axes), reaction torques about the shafts (N m).
 pub const CHANNELS: usize = 11;
 
@@ -19,7 +36,7 @@ pub const CHANNELS: usize = 11;
 pub struct Level {
     /// Mean over time.
     pub mean: f64,
-    /// Half of the largest less the smallest value.
+    /// Half the range: (largest - smallest)/2.
     pub amplitude: f64,
 }
 
@@ -34,19 +51,22 @@ pub struct Steady {
     pub force: [[Level; 3]; 2],
     /// Reaction torques about the shafts, N m.
     pub axial_torque: [Level; 2],
-    /// Whether the means of the attitude agree with those of the window before, within the larger of
-    /// half a degree and 1 %; false when the run is too short to tell.
+    /// Whether the means of yaw, pitch and roll agree with those of the window before, within the larger of half a degree
+    /// and 1 %; false for a run shorter than two windows.
     pub settled: bool,
-    /// Time from the start of the run after which all whole-turn means of yaw and pitch stay within the
-    /// larger of one degree and 5 % of the final ones, s.
+    /// Time from the start of the run after which the means of all blocks have yaw and pitch within the larger of one
+    /// degree and 5 % of the final ones, s.
     pub settle_s: f64,
 }
 
-/// The length nearest to [`WINDOW`], and not above it where possible, that holds whole turns of both
-/// motors as nearly as can be. Speeds in rad/s, `run`: what there is, s.
-pub fn whole_turns(speeds: [f64; 2], run: f64) -> f64 {
-    let longest = WINDOW.min(run);
-    let mut periods: Vec<f64> = speeds.iter().filter(|s| s.abs() > 1e-6).map(|s| TAU / s.abs()).collect();
+/// Returns the length of the steady window, s, for motors at these speeds in a run of `run_s`.
+///
+/// It is a whole number of revolutions of the faster motor, between 60 % and all of [`WINDOW`] or of a shorter run, at
+/// which the slower motor is nearest to a whole number of its own; of several equally good lengths the longest. A motor
+/// that makes no revolution in that time does not count. Without any that counts it is [`WINDOW`] or the run.
+pub fn whole_turns(speeds_rad_s: [f64; 2], run_s: f64) -> f64 {
+    let longest = WINDOW.min(run_s);
+    let mut periods: Vec<f64> = speeds_rad_s.iter().filter(|s| s.abs() > 1e-6).map(|s| TAU / s.abs()).collect();
     periods.sort_by(f64::total_cmp);
     let Some(&fast) = periods.first().filter(|p| **p <= longest) else {
         return longest;
@@ -56,11 +76,11 @@ pub fn whole_turns(speeds: [f64; 2], run: f64) -> f64 {
     };
     let mismatch = |length: f64| (length / slow - (length / slow).round()).abs();
     let most = (longest / fast + 1e-9).floor() as usize;
-    let least = ((0.6 * longest / fast).ceil() as usize).clamp(1, most);
+    let least = ((SHORTEST * longest / fast).ceil() as usize).clamp(1, most);
     (least..=most)
         .rev()
         .map(|turns| turns as f64 * fast)
-        .min_by(|a, b| (mismatch(*a) - 1e-6).max(0.0).total_cmp(&(mismatch(*b) - 1e-6).max(0.0)))
+        .min_by(|a, b| (mismatch(*a) - WHOLE).max(0.0).total_cmp(&(mismatch(*b) - WHOLE).max(0.0)))
         .unwrap_or(longest)
 }
 
@@ -70,7 +90,8 @@ struct Entry {
     values: [f64; CHANNELS],
 }
 
-/// Collects a run step by step; remembers two windows and one mean of the attitude a block.
+/// Computes the steady state of a run value by value. It keeps two windows of values, and one mean of yaw and pitch for
+/// each block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SteadyCollector {
     start: f64,
@@ -82,15 +103,15 @@ pub struct SteadyCollector {
 }
 
 impl SteadyCollector {
-    /// For a run from `start` to `end` (s) at these final speeds (rad/s).
-    pub fn new(start: f64, end: f64, speeds: [f64; 2]) -> Self {
-        let window = whole_turns(speeds, end - start);
-        // Blocks of about 2 s: short enough to time the settling, whole turns of the window's kind.
-        let block = window / (window / 2.0).round().max(1.0);
+    /// For a run from `start` to `end` (s) whose motors have these speeds (rad/s) at its end.
+    pub fn new(start: f64, end: f64, speeds_rad_s: [f64; 2]) -> Self {
+        let window = whole_turns(speeds_rad_s, end - start);
+        // Whole blocks make a window.
+        let block = window / (window / BLOCK).round().max(1.0);
         Self { start, window, recent: VecDeque::new(), block, block_end: start + block, blocks: Vec::new() }
     }
 
-    /// Takes a step within the run: values at its end.
+    /// Adds values at a time of the run (s). Times do not go back; those before the start are left out.
     pub fn push(&mut self, time: f64, values: [f64; CHANNELS]) {
         if time < self.start {
             return;
@@ -99,7 +120,7 @@ impl SteadyCollector {
         while self.recent.get(1).is_some_and(|e| e.time < time - 2.0 * self.window) {
             self.recent.pop_front();
         }
-        // A run without a length has no blocks.
+        // A run without a duration has no blocks.
         while self.block > 0.0 && time >= self.block_end {
             let levels = self.levels(self.block_end - self.block, self.block_end);
             self.blocks.push((self.block_end, [levels[0].mean, levels[1].mean]));
@@ -107,7 +128,7 @@ impl SteadyCollector {
         }
     }
 
-    /// Means and amplitudes between two times, by trapezia with linear values at the ends.
+    /// Returns means and amplitudes between two times (s), by trapezia with values interpolated at the ends.
     fn levels(&self, from: f64, to: f64) -> [Level; CHANNELS] {
         let mut sums = [0.0; CHANNELS];
         let mut low = [f64::INFINITY; CHANNELS];
@@ -137,11 +158,12 @@ impl SteadyCollector {
         })
     }
 
-    /// The steady state as far as the run has come.
+    /// Returns the steady state of the run so far.
     pub fn steady(&self) -> Steady {
         let end = self.recent.back().map_or(self.start, |e| e.time);
         let last = self.levels(end - self.window, end);
         let before = self.levels(end - 2.0 * self.window, end - self.window);
+        // Two windows, but for the rounding of their length.
         let enough = end - self.start >= 1.999 * self.window;
         let near =
             |a: f64, b: f64, degrees: f64, share: f64| (a - b).abs() <= degrees.to_radians().max(share * b.abs());
@@ -166,7 +188,7 @@ mod tests {
     use std::f64::consts::PI;
 
     #[test]
-    fn windows_hold_whole_turns_of_both_motors() {
+    fn windows_hold_whole_revolutions_of_both_motors() {
         let rad = |rpm: f64| rpm * PI / 30.0;
         for (rpm, window) in [([90.0, 90.0], 12.0), ([50.0, 10.0], 12.0), ([0.0, 45.0], 12.0), ([-70.0, 30.0], 12.0)] {
             assert!((whole_turns(rpm.map(rad), 120.0) - window).abs() < 1e-6, "{rpm:?}");
@@ -177,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_without_a_length_ends() {
+    fn a_run_without_a_duration_ends() {
         let mut collector = SteadyCollector::new(3.0, 3.0, [0.0; 2]);
         collector.push(3.0, [0.5; CHANNELS]);
         assert_eq!(collector.steady().attitude[0], Level { mean: 0.5, amplitude: 0.0 });

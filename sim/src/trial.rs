@@ -1,7 +1,7 @@
 //! A trial: a speed profile in, samples out.
 //!
 //! ```
-//! use sim::{params::Robot, profile::{Phases, SpeedProfile}, robot::closure::Closure, trial::{Options, Trial}};
+//! use sim::{params::Robot, profile::{Phases, SpeedProfile}, body::closure::Closure, trial::{Options, Trial}};
 //!
 //! let profile = SpeedProfile::phases(&Phases { run: 0.5, ..Phases::default() }, [50.0, 10.0])?;
 //! let mut trial = Trial::new(&Robot::default(), Closure::Full, profile, Options::default())?;
@@ -13,14 +13,15 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A trial keeps a window of its past and no more: its memory does not grow with its length, but for
-//! one pair of numbers every two seconds.
+//! A trial keeps a window of its past only: its memory does not grow with its length, but for one pair of numbers every
+//! two seconds.
 //!
-//! Where the motors belong to somebody else, for instance to an emulated board, their speeds are not known ahead. Then a
-//! trial is open: it is told how they go on, runs that far, and is asked for what it does in between.
+//! Where the motors are not the simulator's own, for instance those of an emulated board, their speeds are not known in
+//! advance. Then a trial is open: it is extended by the speeds of a short window, runs to its end, and gives values at any
+//! time in between.
 //!
 //! ```
-//! use sim::{params::Robot, robot::closure::Closure, trial::{Options, Trial}};
+//! use sim::{params::Robot, body::closure::Closure, trial::{Options, Trial}};
 //!
 //! let mut trial = Trial::open(&Robot::default(), Closure::Full, Options::default(), 0.1)?;
 //! for window in 1..=10 {
@@ -34,19 +35,19 @@
 //! ```
 
 use crate::V3;
+use crate::body::attitude::euler_zyx;
+use crate::body::closure::Closure;
+use crate::body::shaft::MotorState;
 use crate::contact::bundling::{Bundling, winding};
 use crate::params::{ParamError, Robot};
 use crate::profile::{ProfileError, SpeedProfile};
-use crate::robot::body::euler_zyx;
-use crate::robot::clamp::Motor;
-use crate::robot::closure::Closure;
-use crate::sample::{Between, Dense, ForceRecord, Record, Sample, shapes_at};
+use crate::sample::{DenseOutput, ForceRecord, Interpolated, Sample, StepRecord, shapes_at};
 use crate::state::State;
 use crate::steady::{Steady, SteadyCollector};
-use crate::step::{Solver, StepReport, advance::StepError};
+use crate::step::{Solver, StepControl, StepError, StepReport};
 use serde::{Deserialize, Serialize};
 
-/// What a trial puts out.
+/// Output of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Options {
     /// Samples a second (20; the board's rate is 200).
@@ -61,7 +62,7 @@ impl Default for Options {
     }
 }
 
-/// What a trial came to.
+/// Results of a trial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// Steady state of the run phase.
@@ -88,19 +89,19 @@ pub struct Summary {
     pub step_error_m: f64,
 }
 
-/// Everything that a trial's future depends on besides its parameters.
+/// Everything that the rest of a trial depends on besides its parameters.
 ///
-/// A format that keeps every bit of a number keeps the trial bit for bit (for JSON with serde_json the
-/// feature `float_roundtrip`).
+/// A trial that is restored from it goes on bit for bit, if its format keeps every bit of a number (JSON of serde_json
+/// with the feature `float_roundtrip` does).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     state: State,
-    dense: Dense,
+    control: StepControl,
+    dense: DenseOutput,
     steady: SteadyCollector,
     next: u64,
     gap: f64,
     last_gap: f64,
-    penetration: f64,
     sweeps: u32,
     contact_time: f64,
     summary: Totals,
@@ -109,7 +110,6 @@ pub struct Checkpoint {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Totals {
     min_gap: f64,
-    penetration: f64,
     largest_contact: f64,
     first_contact: Option<f64>,
     bundling: Bundling,
@@ -130,27 +130,43 @@ pub struct Trial {
     failed: bool,
 }
 
+/// Returns the overlap of surfaces with this gap, m.
+fn overlap(gap: f64) -> f64 {
+    (-gap).max(0.0)
+}
+
+/// A sample this much behind the end, s, is the last one: times of samples are rounded.
+const END_ROUNDING: f64 = 1e-9;
+
 /// Bounds of the sampling rate, 1/s.
 const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e5;
 
 impl Trial {
     /// Robot upright and at rest at the start of the profile.
+    ///
+    /// # Errors
+    /// An impossible parameter or rate.
     pub fn new(robot: &Robot, closure: Closure, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
         Self::with_solver(Solver::new(robot, closure)?, profile, options)
     }
 
-    /// The same with a solver that was prepared otherwise.
+    /// The same with a given solver.
     pub fn with_solver(solver: Solver, profile: SpeedProfile, options: Options) -> Result<Self, ParamError> {
-        Self::begin(solver, profile, options, Dense::default())
+        Self::begin(solver, profile, options, DenseOutput::default())
     }
 
-    /// Robot upright and at rest at time 0, to be told by [`Trial::extend`] how its motors go on. `reach`: how far behind
-    /// the last step [`Trial::at`] answers, s.
+    /// An open trial: robot upright and at rest at time 0, with motors that [`Trial::extend`] sets. `reach`: how far behind
+    /// the last step [`Trial::at`] has values, s.
     pub fn open(robot: &Robot, closure: Closure, options: Options, reach: f64) -> Result<Self, ParamError> {
-        Self::begin(Solver::new(robot, closure)?, SpeedProfile::open(0.0), options, Dense::reaching(reach))
+        Self::begin(Solver::new(robot, closure)?, SpeedProfile::open(0.0), options, DenseOutput::reaching(reach))
     }
 
-    fn begin(mut solver: Solver, profile: SpeedProfile, options: Options, dense: Dense) -> Result<Self, ParamError> {
+    fn begin(
+        mut solver: Solver,
+        profile: SpeedProfile,
+        options: Options,
+        dense: DenseOutput,
+    ) -> Result<Self, ParamError> {
         if !RATES.contains(&options.rate_hz) {
             return Err(ParamError {
                 key: "rate_hz",
@@ -161,23 +177,18 @@ impl Trial {
         let mut state = solver.at_rest();
         state.time = profile.start();
         state.motors = profile.motors(state.time);
-        let gap = solver.least_distance(&state) - 2.0 * solver.robot().flagellum.rod_radius_m;
+        let gap = solver.least_distance(&state) - 2.0 * solver.model().robot.flagellum.rod_radius_m;
         let [start, stop] = profile.run();
-        let speeds = profile.motors(stop).map(|m| m.speed);
-        let speeds_before = profile.motors(0.5 * (start + stop)).map(|m| m.speed);
-        let steady = if speeds.iter().all(|s| *s == 0.0) { speeds_before } else { speeds };
         let progress = Checkpoint {
-            steady: SteadyCollector::new(start, stop, steady),
+            steady: SteadyCollector::new(start, stop, profile.target()),
             dense,
             next: 0,
             gap,
             last_gap: gap,
-            penetration: 0.0,
             sweeps: 0,
             contact_time: 0.0,
             summary: Totals {
                 min_gap: gap,
-                penetration: 0.0,
                 largest_contact: 0.0,
                 first_contact: None,
                 bundling: Bundling::Apart,
@@ -186,56 +197,60 @@ impl Trial {
                 error: 0.0,
             },
             state,
+            control: StepControl::default(),
         };
         let mut trial = Self { solver, start: profile.start(), profile, options, progress, failed: false };
         trial.record(&StepReport::default());
         Ok(trial)
     }
 
-    /// Goes on from a checkpoint of the same robot, closure, profile and options, bit for bit.
+    /// Restores a checkpoint of the same robot, closure, profile and options; the trial goes on bit for bit.
     pub fn restore(&mut self, checkpoint: Checkpoint) {
         self.progress = checkpoint;
         self.failed = false;
     }
 
-    /// Lets an open trial go on to `time` (s), with speeds of the motors that change evenly to these (rad/s). Its samples
-    /// up to there are to be taken next.
+    /// Extends an open trial to `time` (s), with speeds of the motors that change linearly to these (rad/s). The iterator
+    /// then gives the samples up to there.
+    ///
+    /// # Errors
+    /// A time that is not after the last one, or an impossible speed.
     pub fn extend(&mut self, time: f64, speeds: [f64; 2]) -> Result<(), ProfileError> {
         self.profile.extend(time, speeds)
     }
 
-    /// Angles and speeds of the motors at a time.
-    pub fn motors(&self, time: f64) -> [Motor; 2] {
+    /// Returns angles and speeds of the motors at a time (s).
+    pub fn motors(&self, time: f64) -> [MotorState; 2] {
         self.profile.motors(time)
     }
 
-    /// Attitude, rate and forces at a time that the solver has just passed.
-    pub fn at(&self, time: f64) -> Option<Between> {
+    /// Returns attitude, rate and forces at a time (s) that the solver has just passed.
+    pub fn at(&self, time: f64) -> Option<Interpolated> {
         self.progress.dense.at(time)
     }
 
-    /// All that is needed to go on later.
+    /// Returns all that is needed to go on later.
     pub fn checkpoint(&self) -> Checkpoint {
         self.progress.clone()
     }
 
-    /// The present state of the solver.
+    /// Returns the state at the end of the last step.
     pub fn state(&self) -> &State {
         &self.progress.state
     }
 
-    /// The solver, for its robot and rods.
+    /// Returns the solver, for its robot and rods.
     pub fn solver(&self) -> &Solver {
         &self.solver
     }
 
-    /// Share of the profile that is done, 0 to 1.
+    /// Returns the share of the profile that is done, 0 to 1.
     pub fn done(&self) -> f64 {
         let (start, end) = (self.start, self.profile.end());
         ((self.progress.state.time - start) / (end - start)).clamp(0.0, 1.0)
     }
 
-    /// What the trial has come to so far.
+    /// Returns the results so far.
     pub fn summary(&self) -> Summary {
         let totals = &self.progress.summary;
         let [start, stop] = self.profile.run();
@@ -244,7 +259,7 @@ impl Trial {
             steady: self.progress.steady.steady(),
             simulated_s: self.progress.state.time - self.start,
             min_gap_m: totals.min_gap,
-            max_penetration_m: totals.penetration,
+            max_penetration_m: overlap(totals.min_gap),
             largest_contact_n: totals.largest_contact,
             contact_share: if run > 0.0 { self.progress.contact_time / run } else { 0.0 },
             first_contact_s: totals.first_contact,
@@ -255,7 +270,10 @@ impl Trial {
         }
     }
 
-    /// Runs to the end without samples.
+    /// Runs to the end without samples and returns the results.
+    ///
+    /// # Errors
+    /// A step that fails however short it is.
     pub fn finish(&mut self) -> Result<Summary, StepError> {
         while self.progress.state.time < self.profile.end() {
             self.advance()?;
@@ -263,7 +281,7 @@ impl Trial {
         Ok(self.summary())
     }
 
-    /// One step of the solver.
+    /// Takes one step of the solver.
     fn advance(&mut self) -> Result<(), StepError> {
         let time = self.progress.state.time;
         let [start, stop] = self.profile.run();
@@ -273,12 +291,12 @@ impl Trial {
             .filter(|t| *t > time)
             .fold(f64::INFINITY, f64::min);
         let profile = &self.profile;
-        // A step that ends at a jump ends with the speed before it.
+        // A step that ends at a jump has the speed before it.
         let before = |t: f64| {
             if t < until { profile.motors(t) } else { profile.motors(t.next_down()) }
         };
-        let report =
-            self.solver.advance(&mut self.progress.state, until, &before).inspect_err(|_| self.failed = true)?;
+        let Checkpoint { state, control, .. } = &mut self.progress;
+        let report = control.advance(&mut self.solver, state, until, &before).inspect_err(|_| self.failed = true)?;
         self.record(&report);
         let run = time >= start && time < stop;
         let state = &self.progress.state;
@@ -293,7 +311,7 @@ impl Trial {
     }
 
     fn record(&mut self, report: &StepReport) {
-        let weight_counts = self.solver.robot().base.flagella_weight_on_base;
+        let weight_counts = self.solver.model().robot.base.flagella_weight_on_base;
         let forces = [0, 1].map(|k| {
             let weight = if weight_counts { report.weight[k].force } else { V3::zeros() };
             ForceRecord {
@@ -304,11 +322,11 @@ impl Trial {
             }
         });
         let distance = self.solver.least_distance(&self.progress.state);
-        let gap = distance - 2.0 * self.solver.robot().flagellum.rod_radius_m;
+        let gap = distance - 2.0 * self.solver.model().robot.flagellum.rod_radius_m;
         let [start, stop] = self.profile.run();
         let progress = &mut self.progress;
         let state = &progress.state;
-        progress.dense.push(Record {
+        progress.dense.push(StepRecord {
             time: state.time,
             attitude: state.body.attitude,
             yaw: state.body.yaw,
@@ -319,11 +337,9 @@ impl Trial {
         });
         progress.gap = progress.gap.min(gap);
         progress.last_gap = gap;
-        progress.penetration = progress.penetration.max(-gap);
         progress.sweeps += report.sweeps;
         let totals = &mut progress.summary;
         totals.min_gap = totals.min_gap.min(gap);
-        totals.penetration = totals.penetration.max(-gap);
         totals.largest_contact = totals.largest_contact.max(report.largest_force);
         totals.steps += u64::from(report.sweeps > 0);
         totals.sweeps += u64::from(report.sweeps);
@@ -350,10 +366,10 @@ impl Trial {
     fn sample(&mut self, time: f64) -> Option<Sample> {
         let between = self.progress.dense.at(time)?;
         let motors = self.profile.motors(time);
-        let lines = shapes_at(&self.progress.state, time, &motors, &self.solver.robot().shaft_feet());
-        let flagellum = &self.solver.robot().flagellum;
-        let turn = (flagellum.edges() as f64 * flagellum.pitch_m / flagellum.axial_length_m).round() as usize;
-        let winding_turns = winding(&lines, turn);
+        let lines = shapes_at(&self.progress.state, time, &motors, &self.solver.model().robot.shaft_feet());
+        let flagellum = &self.solver.model().robot.flagellum;
+        let coil = (flagellum.edges() as f64 * flagellum.pitch_m / flagellum.axial_length_m).round() as usize;
+        let winding_turns = winding(&lines, coil);
         let bundling = Bundling::classify(between.contact, winding_turns);
         let progress = &mut self.progress;
         if bundling as u8 > progress.summary.bundling as u8 {
@@ -374,7 +390,7 @@ impl Trial {
             contact_force_n: between.forces.map(|f| plain(f.contact)),
             axial_torque_nm: between.forces.map(|f| f.smooth_torque + f.contact_torque),
             min_gap_m: progress.gap,
-            max_penetration_m: progress.penetration,
+            max_penetration_m: overlap(progress.gap),
             bundling,
             winding_turns,
             newton_iterations: progress.sweeps,
@@ -382,7 +398,6 @@ impl Trial {
         };
         // Several samples may fall into one step: each has at least that step's gap.
         progress.gap = progress.last_gap;
-        progress.penetration = (-progress.last_gap).max(0.0);
         progress.sweeps = 0;
         Some(sample)
     }
@@ -393,7 +408,7 @@ impl Iterator for Trial {
 
     fn next(&mut self) -> Option<Self::Item> {
         let time = self.sample_time(self.progress.next);
-        if self.failed || time > self.profile.end() + 1e-9 {
+        if self.failed || time > self.profile.end() + END_ROUNDING {
             return None;
         }
         let time = time.min(self.profile.end());

@@ -1,11 +1,10 @@
 //! Flagella that wrap round each other with contact, and unwrap when one motor reverses.
 
-mod common;
-use common::prove;
+use crate::common::prove;
+use sim::body::closure::Closure;
 use sim::contact::bundling::{BUNDLED_TURNS, Bundling};
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::closure::Closure;
 use sim::sample::Sample;
 use sim::trial::{Options, Summary, Trial};
 

@@ -2,14 +2,14 @@
 
 use proptest::prelude::*;
 use sim::V3;
-use sim::contact::pairs::{BroadPhase, Lines};
+use sim::contact::{broad_phase::BroadPhase, pairs::Lines};
 use sim::params::Robot;
 use sim::rod::Rod;
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Rods that move by fractions of what a search looks beyond, or jump: what is found does not depend on earlier searches.
+    /// Rods that move by fractions of the skin, or jump: the pairs found do not depend on earlier searches.
     #[test]
     fn a_search_that_remembers_finds_what_a_fresh_one_finds(
         apart in 0.004..0.05f64,

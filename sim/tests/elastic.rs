@@ -1,7 +1,6 @@
 //! Statics of rods against analytic theory, with the error falling as the square of the edge length.
 
-mod common;
-use common::prove;
+use crate::common::prove;
 use nalgebra::{DMatrix, DVector};
 use sim::V3;
 use sim::rod::helix::{Handedness, Helix};

@@ -1,8 +1,7 @@
 //! The fluid: segments against quadrature, the fast product against the dense matrix, forces against
 //! another program's solves and against theory.
 
-mod common;
-use common::{prove, static_solve};
+use crate::common::{prove, static_solve};
 use nalgebra::{DMatrix, DVector, Matrix3};
 use sim::V3;
 use sim::fluid::{

@@ -1,12 +1,12 @@
-//! Random robots and speeds: a result or a clear error, never a NaN, a panic or an endless loop.
+//! Random robots and speeds give a result or a clear error, never a NaN, a panic or an endless loop.
 //!
 //! `SIM_HARD_CASES` sets their number (60; ten thousand take some minutes).
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
+use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::closure::Closure;
 use sim::rod::helix::Handedness;
 use sim::trial::{Options, Trial};
 

@@ -1,7 +1,7 @@
-//! The robot's parameters: what is refused, and how it is said.
+//! The robot's parameters: limits and their messages.
 
+use sim::body::closure::Closure;
 use sim::params::{Glycerol, Robot};
-use sim::robot::closure::Closure;
 use sim::step::Solver;
 
 #[test]

@@ -2,15 +2,14 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-use common::{Series, first_nodes, prove, to_body};
+use crate::common::{Series, first_nodes, prove, to_body};
 use sim::V3;
+use sim::body::{closure::Closure, shaft::MotorState};
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::{clamp::Motor, closure::Closure};
 use sim::rod::Rod;
 use sim::sample::Sample;
-use sim::step::Solver;
+use sim::step::{Solver, StepControl};
 use sim::trial::{Options, Trial};
 
 /// The reference's robot: its regularisation, and no weight unless wanted.
@@ -131,14 +130,14 @@ fn contact_of_a_soft_close_pair() {
         Rod::stress_free(shape, stiffness)
     };
     let mut solver = Solver::with_rods(&robot, Closure::Held, [rod(1), rod(0)]).expect("parameters");
-    let mut state = solver.at_rest();
+    let (mut state, mut control) = (solver.at_rest(), StepControl::default());
     let speed = 3.0 * std::f64::consts::PI;
-    let motors = |t: f64| [Motor { angle: speed * t, speed }; 2];
+    let motors = |t: f64| [MotorState { angle: speed * t, speed }; 2];
     let (mut touch, mut least, mut sums) = (f64::INFINITY, f64::INFINITY, [[0.0; 2]; 2]);
     let windows = [(2.0, 6.0), (6.0, 9.0)];
     while state.time < 9.0 {
         let before = state.time;
-        let report = solver.advance(&mut state, 9.0, &motors).expect("a step");
+        let report = control.advance(&mut solver, &mut state, 9.0, &motors).expect("a step");
         if report.touching > 0 {
             touch = touch.min(state.time);
         }

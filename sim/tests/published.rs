@@ -1,10 +1,9 @@
 //! The published operating points: 120 s, published robot, one constant calibrated (the tether, at (90, 90)).
 
-mod common;
-use common::prove;
+use crate::common::prove;
+use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
-use sim::robot::closure::Closure;
 use sim::trial::{Options, Summary, Trial};
 
 const POINTS: [[f64; 2]; 4] = [[50.0, 10.0], [0.0, 45.0], [90.0, 90.0], [-90.0, 90.0]];

@@ -2,23 +2,22 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-use common::{noise, prove};
+use crate::common::{noise, prove};
 use nalgebra::UnitQuaternion;
 use sim::V3;
+use sim::body::{closure::Closure, shaft::MotorState, shaft::Shaft};
 use sim::contact::distance::segment_distance;
 use sim::fluid::{far::Precision, mobility::mobility};
 use sim::params::Robot;
 use sim::profile::{Phases, SpeedProfile};
-use sim::robot::{clamp::Motor, clamp::Shaft, closure::Closure};
 use sim::rod::{Rod, frames::Frames, helix::Handedness};
 use sim::state::State;
-use sim::step::{Solver, StepReport};
+use sim::step::{Solver, StepControl, StepReport};
 use sim::trial::{Checkpoint, Options, Trial};
 use std::f64::consts::PI;
 
-fn motors(rpm: [f64; 2]) -> impl Fn(f64) -> [Motor; 2] {
-    move |t| rpm.map(|r| Motor { angle: r * PI / 30.0 * t, speed: r * PI / 30.0 })
+fn motors(rpm: [f64; 2]) -> impl Fn(f64) -> [MotorState; 2] {
+    move |t| rpm.map(|r| MotorState { angle: r * PI / 30.0 * t, speed: r * PI / 30.0 })
 }
 
 /// Runs to `end`, calling `each` after every step.
@@ -30,9 +29,10 @@ fn run(
     mut each: impl FnMut(&Solver, &State, f64, &StepReport),
 ) {
     let motors = motors(rpm);
+    let mut control = StepControl::default();
     while state.time < end {
         let before = state.time;
-        let report = solver.advance(state, end, &motors).expect("a step");
+        let report = control.advance(solver, state, end, &motors).expect("a step");
         each(solver, state, state.time - before, &report);
     }
 }
@@ -47,7 +47,7 @@ fn stays_at_rest() {
         let mut moved = 0f64;
         run(&mut solver, &mut state, [0.0; 2], 10.0, |solver, state, _, _| {
             for k in 0..2 {
-                for (x, rest) in state.rods[k].shape.nodes.iter().zip(&solver.rods()[k].shape) {
+                for (x, rest) in state.rods[k].shape.nodes.iter().zip(&solver.model().rods[k].shape) {
                     moved = moved.max((x - rest).norm());
                 }
             }
@@ -58,8 +58,8 @@ fn stays_at_rest() {
 
 #[test]
 fn forces_on_rods_balance_forces_on_clamps() {
-    // What a clamp feels, from the elastic forces at its own nodes, against the sum of all that acts on
-    // the rod: fluid, contact, weight.
+    // The load of a clamp, from the elastic forces at its own nodes, against the sum of all loads of the rod: fluid,
+    // contact, weight.
     let mut robot = Robot::default();
     robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
     let mut solver = Solver::new(&robot, Closure::Full).expect("parameters");
@@ -68,7 +68,7 @@ fn forces_on_rods_balance_forces_on_clamps() {
     run(&mut solver, &mut state, [90.0, 60.0], 8.0, |solver, state, _, report| {
         touching += report.touching;
         for k in 0..2 {
-            let rod = &solver.rods()[k];
+            let rod = &solver.model().rods[k];
             let shape = &state.rods[k].shape;
             let mut frames = Frames::new(rod.nodes());
             frames.update(&state.rods[k].frames, &shape.nodes, &shape.angles);
@@ -115,7 +115,7 @@ fn body_balance_closes_at_every_step() {
 fn turning_everything_changes_nothing() {
     let mut robot = Robot::default();
     robot.joint.tether_full_nm_per_rad = 0.0;
-    // What is left otherwise is rounding in single precision, times the iteration's tolerance.
+    // Otherwise the error is the rounding in single precision times the iteration's tolerance.
     robot.solver.far_field = Precision::Double;
     robot.solver.tolerance = 1e-7;
     let ends = [0.0, 1.2345].map(|yaw| {

@@ -1,8 +1,7 @@
 //! The rod's energies against finite differences and at rest.
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-use common::{noise, prove};
+use crate::common::{noise, prove};
 use sim::V3;
 use sim::rod::{
     Rod, Stiffness,

@@ -3,7 +3,7 @@
 fn main() {
     println!("cargo:rerun-if-changed=shim");
     cc::Build::new()
-        .files(["shim/nano.c", "shim/twi.c", "shim/uart.c"])
+        .files(["shim/nano.c", "shim/pins.c", "shim/twi.c", "shim/uart.c"])
         .opt_level(2)
         .flag("-Wno-unused-parameter")
         .warnings_into_errors(false)

@@ -1,7 +1,7 @@
-//! A browser without a window: Debian's Chromium, spoken to by its DevTools protocol.
+//! A headless browser: Debian's Chromium, controlled through its DevTools protocol.
 //!
-//! The protocol is JSON over a pipe (`--remote-debugging-pipe`), each message ended by a zero byte: so little that a library for
-//! it, which comes with a WebSocket and a TLS stack, would be the larger part.
+//! The protocol is JSON over a pipe (`--remote-debugging-pipe`), with a zero byte after each message. This needs less
+//! code than a library with a WebSocket and a TLS stack.
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -13,8 +13,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// How long an answer may take on a machine that does much else.
-const PATIENCE: Duration = Duration::from_secs(120);
+/// Longest wait for a reply, on a busy machine.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// A browser with one page.
 pub struct Browser {
@@ -23,18 +23,18 @@ pub struct Browser {
     from: Receiver<Value>,
     next: u64,
     session: Option<String>,
-    /// What went wrong in the page: errors and warnings on its console, exceptions, dialogs, whatever its policy refused.
+    /// Everything on the page's console, exceptions, dialogs, and violations of the content security policy.
     pub problems: Vec<String>,
-    /// Every address that the page asked for.
+    /// Every address that the page requested.
     pub requests: Vec<String>,
     _profile: TempDir,
 }
 
 impl Browser {
-    /// Starts it, with a profile of its own.
+    /// Starts the browser with a new profile.
     pub fn start() -> Self {
         let profile = TempDir::new().expect("a temporary folder");
-        // The protocol takes descriptors 3 and 4.
+        // The protocol uses descriptors 3 and 4.
         let mut child = Command::new("sh")
             .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh", "chromium", "--headless"])
             .args(["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"])
@@ -70,7 +70,7 @@ impl Browser {
         browser
     }
 
-    /// Asks something of the browser and waits for the answer.
+    /// Calls a method of the protocol and returns its result.
     pub fn call(&mut self, method: &str, params: Value) -> Value {
         self.next += 1;
         let mut request = json!({ "id": self.next, "method": method, "params": params });
@@ -88,11 +88,11 @@ impl Browser {
         }
     }
 
-    /// The next message, noted if it tells of something that happened.
+    /// Returns the next message; problems and requests are noted.
     fn receive(&mut self, what: &str) -> Value {
-        let message = self.from.recv_timeout(PATIENCE);
+        let message = self.from.recv_timeout(REPLY_TIMEOUT);
         let message = message.unwrap_or_else(|error| {
-            panic!("Chromium is silent ({what}: {error}); `sh firmware/setup.sh test` installs it")
+            panic!("Chromium does not reply ({what}: {error}); `sh firmware/setup.sh test` installs it")
         });
         let params = &message["params"];
         match message["method"].as_str().unwrap_or_default() {
@@ -108,17 +108,17 @@ impl Browser {
         message
     }
 
-    /// Opens a file from disk. Returns when everything in it was read, run and drawn, and how long that took.
+    /// Opens a file from disk; returns how long it took to load, run and draw.
     pub fn open(&mut self, file: &Path) -> Duration {
         let begun = Instant::now();
         self.call("Page.navigate", json!({ "url": format!("file://{}", file.display()) }));
         while self.receive("load")["method"] != "Page.loadEventFired" {}
-        // The next frame but one is drawn after everything that the page's scripts began with.
+        // The second frame is drawn after the scripts have started.
         self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))).then(() => 0)");
         begun.elapsed()
     }
 
-    /// The value of an expression in the page.
+    /// Evaluates an expression in the page.
     pub fn evaluate(&mut self, expression: &str) -> Value {
         let params = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
         let answer = self.call("Runtime.evaluate", params);
@@ -126,19 +126,19 @@ impl Browser {
         answer["result"]["value"].clone()
     }
 
-    /// The text of the first element that a selector finds.
+    /// Returns the text of the first element that matches a selector.
     pub fn text(&mut self, selector: &str) -> String {
         let value = self.evaluate(&format!("document.querySelector({}).textContent", json!(selector)));
         value.as_str().unwrap_or_default().to_owned()
     }
 
-    /// A number on the page, as it is written for people; `None` for a dash.
+    /// Returns a number on the page; `None` for a dash.
     pub fn number(&mut self, selector: &str) -> Option<f64> {
         let text = self.text(selector).replace('−', "-");
         text.trim_end_matches(['°', 's', ' ']).parse().ok()
     }
 
-    /// The middle of an element in the window, scrolled to if need be.
+    /// Scrolls to an element and returns its middle in the window.
     pub fn middle(&mut self, selector: &str) -> [f64; 2] {
         let place = self.evaluate(&format!(
             "(() => {{ const e = document.querySelector({}); e.scrollIntoView({{ block: 'center' }}); \
@@ -154,7 +154,13 @@ impl Browser {
         self.drag(place, place);
     }
 
-    /// Presses the mouse at a point, moves to another, and lets go.
+    /// Moves the mouse onto the middle of an element.
+    pub fn hover(&mut self, selector: &str) {
+        let [x, y] = self.middle(selector);
+        self.call("Input.dispatchMouseEvent", json!({ "type": "mouseMoved", "x": x, "y": y }));
+    }
+
+    /// Presses the mouse button at a point, moves to another, and releases it.
     pub fn drag(&mut self, from: [f64; 2], to: [f64; 2]) {
         for (kind, [x, y], buttons) in
             [("mouseMoved", from, 0), ("mousePressed", from, 1), ("mouseMoved", to, 1), ("mouseReleased", to, 0)]
@@ -165,7 +171,7 @@ impl Browser {
         }
     }
 
-    /// Presses a key: what it is called, and the number that Windows gave it.
+    /// Presses a key, given by its name and its Windows virtual key code.
     pub fn key(&mut self, key: &str, code: u32) {
         let text = if key.len() == 1 { key } else { "" };
         for kind in ["keyDown", "keyUp"] {
@@ -177,7 +183,7 @@ impl Browser {
         }
     }
 
-    /// The size of the window; a phone has a touch screen.
+    /// Sets the size of the window; a phone has a touch screen.
     pub fn window(&mut self, width: u32, height: u32, phone: bool) {
         let scale = if phone { 3 } else { 1 };
         let size = json!({ "width": width, "height": height, "deviceScaleFactor": scale, "mobile": phone });
@@ -185,21 +191,21 @@ impl Browser {
         self.call("Emulation.setTouchEmulationEnabled", json!({ "enabled": phone }));
     }
 
-    /// Whether the user likes it dark.
+    /// Sets the preferred colour scheme.
     pub fn dark(&mut self, dark: bool) {
         let value = if dark { "dark" } else { "light" };
         let features = json!([{ "name": "prefers-color-scheme", "value": value }]);
         self.call("Emulation.setEmulatedMedia", json!({ "features": features }));
     }
 
-    /// A picture of the whole page.
+    /// Saves a picture of the whole page.
     pub fn picture(&mut self, file: &Path) {
         self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))).then(() => 0)");
         let picture = self.call("Page.captureScreenshot", json!({ "captureBeyondViewport": true }));
         save(&picture, file);
     }
 
-    /// The page on paper (A4), as PDF.
+    /// Prints the page on A4 into a PDF file.
     pub fn print(&mut self, file: &Path) {
         let paper =
             json!({ "paperWidth": 8.27, "paperHeight": 11.69, "preferCSSPageSize": true, "printBackground": true });

@@ -1,12 +1,12 @@
-//! The bench: what the tests of whole behaviours share. They run the real `biflag` against the real firmware on the
-//! emulated board, from outside, as a user would.
+//! Utilities of the end-to-end tests, which run the `biflag` program against the real firmware on the emulated board,
+//! as a user would.
 
 pub mod browser;
 mod viewer;
 
 pub use viewer::{Seen, Viewer};
 
-use host::rig::VirtualNano;
+use host::run::rig::VirtualNano;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -18,24 +18,24 @@ pub struct Bench {
     folder: TempDir,
 }
 
-/// How a run of `biflag` ended.
+/// The result of a run of `biflag`.
 #[derive(Debug)]
 pub struct Run {
-    /// The exit code; `None` where a signal ended it.
+    /// The exit code; `None` if it was ended by a signal.
     pub code: Option<i32>,
-    /// What it printed on stdout.
+    /// Output on stdout.
     pub stdout: String,
-    /// What it printed on stderr.
+    /// Output on stderr.
     pub stderr: String,
 }
 
 impl Bench {
-    /// A new folder.
+    /// Creates a temporary folder.
     pub fn new() -> Self {
         Self { folder: TempDir::new().expect("a temporary folder") }
     }
 
-    /// The folder.
+    /// Returns the folder.
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
@@ -47,7 +47,7 @@ impl Bench {
         path
     }
 
-    /// A plan of one trial without calibration, pre-roll and decay.
+    /// Writes a plan of one trial without calibration, pre-roll and decay.
     pub fn short_plan(&self, run_s: f64, speeds: [f64; 2]) -> PathBuf {
         let [w1, w2] = speeds;
         self.file(
@@ -65,7 +65,7 @@ impl Bench {
         Run::of(self.start(arguments))
     }
 
-    /// Starts `biflag` in the folder, to be ended by [`Run::of`].
+    /// Starts `biflag` in the folder; [`Run::of`] waits for its end.
     pub fn start<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(&self, arguments: I) -> Child {
         let mut command = Command::new(program("biflag"));
         command.args(arguments).current_dir(self.path()).stdin(Stdio::null());
@@ -80,16 +80,16 @@ impl Default for Bench {
 }
 
 impl Run {
-    /// The end of a run that was started.
+    /// Waits for the end of a run.
     pub fn of(child: Child) -> Self {
         let output = child.wait_with_output().expect("biflag ends");
         let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
         Self { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
     }
 
-    /// The JSON object on stdout.
+    /// Returns the JSON object on stdout.
     pub fn json(&self) -> Value {
-        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("no JSON on stdout ({error}): {self:?}"))
+        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("stdout is not JSON ({error}): {self:?}"))
     }
 
     /// Panics unless the exit code is `code`.
@@ -105,7 +105,7 @@ pub fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().expect("kill starts").success());
 }
 
-/// The logs in a session's folder, sorted.
+/// Returns the logs in a session folder, sorted.
 pub fn logs(session: &Path) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(session) else { return Vec::new() };
     let mut logs: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
@@ -114,11 +114,11 @@ pub fn logs(session: &Path) -> Vec<PathBuf> {
     logs
 }
 
-/// Waits until a session has so many logs.
+/// Waits until a session has `count` logs.
 pub fn wait_for_logs(session: &Path, count: usize) {
     let begun = Instant::now();
     while logs(session).len() < count {
-        assert!(begun.elapsed() < Duration::from_secs(20), "no trial began");
+        assert!(begun.elapsed() < Duration::from_secs(20), "no trial started");
         std::thread::sleep(Duration::from_millis(10));
     }
 }
@@ -130,17 +130,17 @@ pub fn nano<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(arguments: I) 
     VirtualNano::start(&program("vnano"), all).expect("the emulated board starts")
 }
 
-/// A file of the reference data.
+/// Returns the path of a file of the reference data.
 pub fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("data").join(name)
 }
 
-/// The firmware's image.
+/// Returns the path of the firmware image.
 pub fn firmware() -> PathBuf {
     built(Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("firmware.elf"))
 }
 
-/// A program of the release build, which is what users run; the emulated board is too slow in a debug build.
+/// Returns the path of a program of the release build. In a debug build the emulated board is too slow.
 pub fn program(name: &str) -> PathBuf {
     built(Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("release").join(name))
 }

@@ -1,4 +1,4 @@
-//! A viewer such as Foxglove is one: it connects to a WebSocket of Foxglove's protocol, asks for channels, and reads.
+//! A viewer like Foxglove: it connects over Foxglove's WebSocket protocol, subscribes to channels, and reads messages.
 
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -6,15 +6,15 @@ use std::net::TcpStream;
 use std::time::Duration;
 use tungstenite::{ClientRequestBuilder, Message, WebSocket};
 
-/// A viewer that has asked for every channel.
+/// A viewer that has subscribed to every channel.
 pub struct Viewer {
     socket: WebSocket<TcpStream>,
-    /// What the server advertised, by topic.
+    /// The advertised channels, by topic.
     pub channels: BTreeMap<String, Value>,
     topics: BTreeMap<u32, String>,
 }
 
-/// Something that a viewer is sent.
+/// A message from the server.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Seen {
     /// A message of a channel: topic, `log_time` in ns, bytes.
@@ -26,12 +26,12 @@ pub enum Seen {
 }
 
 impl Viewer {
-    /// Connects to `url`, waits for `channels` channels, and asks for all of them.
+    /// Connects to `url`, waits for `channels` channels, and subscribes to all of them.
     pub fn connect(url: &str, channels: usize) -> Self {
-        let stream = TcpStream::connect(url.strip_prefix("ws://").expect("a WebSocket")).expect("the server is there");
+        let stream = TcpStream::connect(url.strip_prefix("ws://").expect("a WebSocket")).expect("a server");
         stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a time limit");
         let request = ClientRequestBuilder::new(url.parse().expect("a URL")).with_sub_protocol("foxglove.sdk.v1");
-        let (socket, _) = tungstenite::client(request, stream).expect("the server speaks our protocol");
+        let (socket, _) = tungstenite::client(request, stream).expect("the server uses the protocol");
         let mut viewer = Self { socket, channels: BTreeMap::new(), topics: BTreeMap::new() };
         while viewer.channels.len() < channels {
             let Message::Text(text) = viewer.socket.read().expect("an advertisement") else { continue };
@@ -48,14 +48,14 @@ impl Viewer {
         viewer
     }
 
-    /// The next thing that comes.
+    /// Returns the next message.
     pub fn read(&mut self) -> Seen {
         loop {
             let data = match self.socket.read() {
                 Ok(Message::Binary(data)) => data,
                 Ok(Message::Close(_)) | Err(tungstenite::Error::ConnectionClosed) => return Seen::End,
                 Ok(_) => continue,
-                // A server that ends at once resets the connection.
+                // A server that exits resets the connection.
                 Err(tungstenite::Error::Io(error)) if error.kind() == std::io::ErrorKind::ConnectionReset => {
                     return Seen::End;
                 }
@@ -73,7 +73,7 @@ impl Viewer {
         }
     }
 
-    /// Every message until the server ends: topic, `log_time` in ns, bytes.
+    /// Returns all messages until the server ends: topic, `log_time` in ns, bytes.
     pub fn read_all(mut self) -> Vec<(String, u64, Vec<u8>)> {
         let mut messages = Vec::new();
         loop {

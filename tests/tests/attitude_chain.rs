@@ -1,117 +1,83 @@
-//! The whole chain from the motors' duty to the logged attitude, held against the truth of the simulated robot: motors,
-//! fluid and flagella, base, sensor with its imperfections, firmware, link, log.
+//! Compares the logged attitude with the ground truth of the simulated robot, through the complete chain: motors, fluid
+//! and flagella, base, sensor with its errors, firmware, link, log.
 
-use host::attitude::{Track, steady_window};
-use host::log::{Body, End, ModelMeta, Origin, Reader, SensorMeta, Summary};
-use protocol::units::CentiRpm;
+use biflag_log::{Body, End, ModelMeta, Origin, Reader, SensorMeta, Summary};
+use host::trial::{Data, Want, Zeroed};
 use serde_json::Value;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tests::Bench;
 
-/// A trial's attitude and its truth, by the trial's clock.
-#[derive(Default)]
-struct Recorded {
-    yaw: Track,
-    tilt: [Track; 2],
-    true_yaw: Track,
-    true_tilt: [Track; 2],
-    /// Beginning and end of the run, s.
-    run: [f64; 2],
-}
-
-/// What the log says, less what is true.
+/// Errors of the log: logged minus true values.
 #[derive(Debug)]
 struct Errors {
     pitch_rms_deg: f64,
     roll_rms_deg: f64,
     yaw_deg: f64,
-    /// As stated, 95 %.
+    /// The stated 95 % uncertainty.
     yaw_uncertainty_deg: f64,
 }
 
-impl Recorded {
-    fn read(log: &Path) -> Self {
-        let mut recorded = Self::default();
-        let mut start_ns = None;
-        for message in Reader::open(log).unwrap() {
-            let message = message.unwrap();
-            match message.body {
-                Body::Telemetry(t) => {
-                    start_ns.get_or_insert(message.log_time_ns);
-                    recorded.yaw.push(t.time_s, t.yaw_deg);
-                    recorded.tilt[0].push(t.time_s, t.pitch_deg);
-                    recorded.tilt[1].push(t.time_s, t.roll_deg);
-                }
-                Body::Truth(t) => {
-                    recorded.true_yaw.push(t.time_s, t.yaw_deg);
-                    recorded.true_tilt[0].push(t.time_s, t.pitch_deg);
-                    recorded.true_tilt[1].push(t.time_s, t.roll_deg);
-                    let clock_s = message.log_time_ns.abs_diff(start_ns.unwrap()) as f64 * 1e-9;
-                    assert!((clock_s - t.time_s).abs() < 1e-6, "the truth's time is the trial's");
-                }
-                Body::Event(event) => {
-                    let time_s = recorded.yaw.span().end;
-                    match event.text.as_str() {
-                        "run" => recorded.run[0] = time_s,
-                        "decay" | "end" if recorded.run[1] == 0.0 => recorded.run[1] = time_s,
-                        _ => {}
-                    }
-                }
-                _ => {}
-            }
-        }
-        recorded
-    }
-
-    fn rms(&self, i: usize) -> f64 {
-        let truth = &self.true_tilt[i];
-        let run = |time: f64| (self.run[0]..self.run[1]).contains(&time);
-        let errors = truth.time_s.iter().zip(&truth.value).filter(|(time, _)| run(**time));
-        let squares: Vec<f64> = errors.map(|(time, truth)| (self.tilt[i].at(*time).unwrap() - truth).powi(2)).collect();
-        assert!(squares.len() as f64 > 49.0 * (self.run[1] - self.run[0]), "truth is missing");
-        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
-    }
+/// Returns the root mean square error of pitch (0) or roll (1) over the run.
+fn rms(data: &Data, zeroed: &Zeroed, tilt: usize) -> f64 {
+    let run = &data.times.run;
+    let truth = data.truth.track(1 + tilt);
+    let inside = truth.time_s.iter().zip(truth.value).filter(|(time, _)| run.contains(time));
+    let squares: Vec<f64> = inside.map(|(time, truth)| (zeroed.at(*time)[1 + tilt] - truth).powi(2)).collect();
+    assert!(squares.len() as f64 > 49.0 * (run.end - run.start), "ground truth is missing");
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// A trial of `record --json` held against the truth in its log.
+/// Compares a trial of `record --json` with the ground truth in its log.
 fn errors(bench: &Bench, trial: &Value) -> Errors {
     let log = bench.path().join(trial["log"].as_str().unwrap());
-    let recorded = Recorded::read(&log);
+    let mut start_ns = None;
+    for message in Reader::open(&log).unwrap() {
+        let message = message.unwrap();
+        match message.body {
+            Body::Telemetry(_) => drop(start_ns.get_or_insert(message.log_time_ns)),
+            Body::Truth(t) => {
+                let clock_s = message.log_time_ns.abs_diff(start_ns.unwrap()) as f64 * 1e-9;
+                assert!((clock_s - t.time_s).abs() < 1e-6, "the truth's time is the trial's");
+            }
+            _ => {}
+        }
+    }
+    let data = Data::read(&log, Want::default()).unwrap();
+    let zeroed = Zeroed::new(&data);
     let number = |key: &str| trial[key].as_f64().unwrap_or(f64::NAN);
-    let speeds = ["w1_rpm", "w2_rpm"].map(|key| CentiRpm::from_rpm(number(key)));
-    // As the reported yaw is: from the last second before the run to the steady window.
-    let window = steady_window(recorded.run[0]..recorded.run[1], speeds);
-    let start = recorded.run[0] - 1.0..recorded.run[0];
-    let turned = recorded.true_yaw.mean(window).unwrap() - recorded.true_yaw.mean(start).unwrap();
+    // Like the reported yaw: from the last second before the run to the steady window.
+    let (yaw, run_s) = (data.truth.track(0), data.times.run.start);
+    let window = zeroed.steady.as_ref().unwrap().window.clone();
+    let turned = yaw.mean(window).unwrap() - yaw.mean(run_s - 1.0..run_s).unwrap();
     Errors {
-        pitch_rms_deg: recorded.rms(0),
-        roll_rms_deg: recorded.rms(1),
+        pitch_rms_deg: rms(&data, &zeroed, 0),
+        roll_rms_deg: rms(&data, &zeroed, 1),
         yaw_deg: number("yaw_deg") - turned,
         yaw_uncertainty_deg: number("yaw_uncertainty_deg"),
     }
 }
 
-/// A log whose records are known.
+/// Opens a log and reads its metadata.
 fn read(log: &Path) -> Reader {
     let mut reader = Reader::open(log).unwrap();
     reader.by_ref().for_each(|message| drop(message.unwrap()));
     reader
 }
 
-/// A session on the emulated board with the simulated robot.
+/// Records a session on the emulated board with the simulated robot.
 fn record(bench: &Bench, plan: &str, seed: u64) -> Value {
     let seed = seed.to_string();
     let run = bench.run(["record", plan, "--virtual", "--seed", &seed, "--out", "session", "--json"]);
-    // On a busy machine the motors may start late, of which it warns.
+    // On a busy machine the motors may start late, with a warning.
     assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
     run.json()
 }
 
-/// One short trial with the largest tilt.
+/// A short trial with the largest tilt.
 #[test]
-fn the_logged_attitude_is_the_true_one() {
+fn logged_attitude_agrees_with_the_truth() {
     let bench = Bench::new();
     let plan = bench
         .file("plan.toml", "[trial]\ncalibrate = 3\npreroll = 8\nrun = 24\ndecay = 8\n[speeds]\npairs = [[-90, 90]]\n");
@@ -123,7 +89,7 @@ fn the_logged_attitude_is_the_true_one() {
     assert!(errors.yaw_deg.abs() < errors.yaw_uncertainty_deg.max(0.5), "{errors:?}");
 
     let reader = read(&bench.path().join(trial["log"].as_str().unwrap()));
-    assert_eq!(reader.meta::<host::log::Identity>().unwrap().origin, Origin::VirtualRig);
+    assert_eq!(reader.meta::<biflag_log::Identity>().unwrap().origin, Origin::VirtualRig);
     let sensor = reader.meta::<SensorMeta>().unwrap();
     assert!(sensor.seed == 1 && sensor.gyro_bias_dps.iter().all(|bias| *bias != 0.0), "{sensor:?}");
     assert_eq!(reader.meta::<ModelMeta>().unwrap().robot(), Some(Default::default()));
@@ -133,9 +99,9 @@ fn the_logged_attitude_is_the_true_one() {
     assert!(reader.meta::<Summary>().is_some());
 }
 
-/// A simulator that cannot go on ends the trial with its reason, and the log has what was true until then.
+/// A failure of the simulator ends the trial with its reason, and the log contains the ground truth until then.
 #[test]
-fn a_robot_that_cannot_be_computed_ends_the_trial_with_the_reason() {
+fn simulator_failure_ends_the_trial_with_its_reason() {
     let bench = Bench::new();
     bench.file("hard.toml", "[flagellum]\nyoung_pa = 2e4\n[solver]\nhalvings = 0\nsweeps = 12\ntolerance = 1e-4\n");
     let plan = bench.file(
@@ -152,11 +118,11 @@ fn a_robot_that_cannot_be_computed_ends_the_trial_with_the_reason() {
     assert!(reader.counts()["/telemetry"] > 300 && reader.counts()["/truth"] > 80, "{:?}", reader.counts());
 }
 
-/// The four published points, each with 25 sensors:
-/// `cargo test --release -p tests --test attitude_chain -- --ignored --nocapture`, three quarters of an hour on two cores.
+/// The four published points, each with 25 sensors: `cargo test --release -p tests --test attitude_chain -- --ignored
+/// --nocapture`, three quarters of an hour on two cores.
 #[test]
 #[ignore = "takes three quarters of an hour"]
-fn a_hundred_trials_are_as_true_as_they_say() {
+fn yaw_of_a_hundred_trials_is_within_the_stated_uncertainty() {
     const SEEDS: u64 = 25;
     let next = AtomicU64::new(1);
     let all: Mutex<Vec<(String, Errors)>> = Mutex::default();

@@ -1,4 +1,4 @@
-//! Bad input gets one clear error, the right exit code, and nothing is lost.
+//! Bad input gives one clear error and the right exit code, and nothing is lost.
 
 use tests::{Bench, Run, data, nano};
 
@@ -10,7 +10,7 @@ fn record(plan: &str) -> Run {
     bench.run(["record", plan.to_str().unwrap(), "--port", "/dev/no-such-port", "--json"])
 }
 
-/// One error on stderr that says all of `words`.
+/// Asserts the exit code, and one error on stderr that contains all of `words`.
 #[track_caller]
 fn expect_error(run: &Run, code: i32, words: &[&str]) {
     assert_eq!(run.code, Some(code), "{run:?}");
@@ -21,7 +21,7 @@ fn expect_error(run: &Run, code: i32, words: &[&str]) {
 }
 
 #[test]
-fn a_bad_plan_says_what_and_where() {
+fn invalid_plan_is_reported_with_its_place() {
     let cases: [(&str, String, &[&str]); 10] = [
         ("unknown key", format!("{SPEEDS}colour = \"red\"\n"), &["plan.toml", "colour"]),
         ("unknown table", format!("{SPEEDS}[motor]\nx = 1\n"), &["motor"]),
@@ -41,41 +41,45 @@ fn a_bad_plan_says_what_and_where() {
 }
 
 #[test]
-fn a_plan_that_is_not_there_is_named() {
+fn missing_plan_is_reported() {
     let bench = Bench::new();
     let run = bench.run(["record", "no-such-plan.toml", "--port", "/dev/null"]);
     expect_error(&run, 2, &["no-such-plan.toml: the plan cannot be read", "help: check the path"]);
     let plan = bench.file("plan.toml", &format!("[session]\nrobot = \"no-such-robot.toml\"\n{SPEEDS}"));
     let run = bench.run(["record", plan.to_str().unwrap(), "--port", "/dev/null"]);
-    expect_error(&run, 2, &["no-such-robot.toml: the robot's file cannot be read", "help: correct `robot`"]);
+    expect_error(&run, 2, &["no-such-robot.toml: the robot file cannot be read", "help: check the path"]);
 }
 
 #[test]
-fn other_files_that_are_not_there_are_wrong_use_too() {
+fn other_missing_files_are_wrong_use() {
     let bench = Bench::new();
     let nano = nano(["--speed", "1"]);
     let run = bench.run(["settings", "--port", nano.port(), "--write", "no-such.toml"]);
-    expect_error(&run, 2, &["no-such.toml: cannot be read", "help: `biflag settings` prints such a file"]);
+    expect_error(&run, 2, &["no-such.toml: the settings file cannot be read", "help: check the path"]);
     let run = bench.run(["flash", "--port", nano.port(), "--firmware", "no-such.elf"]);
     expect_error(&run, 2, &["no-such.elf", "help: check the path"]);
     for command in ["info", "recover", "export", "report", "compare", "live"] {
         let run = bench.run([command, "no-such.mcap"]);
-        expect_error(&run, 2, &["no-such.mcap: there is no such log", "help: check the path"]);
+        expect_error(&run, 2, &["no-such.mcap: no such log", "help: check the path"]);
     }
 }
 
 #[test]
-fn a_port_that_is_not_there_is_named_and_nothing_is_left_behind() {
+fn missing_port_is_reported_and_leaves_no_log() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", SPEEDS);
     let run = bench.run(["record", plan.to_str().unwrap(), "--port", "/dev/no-such-port", "--out", "session"]);
     expect_error(&run, 2, &["/dev/no-such-port"]);
+    for command in ["doctor", "settings", "flash", "live"] {
+        let run = bench.run([command, "--port", "/dev/no-such-port"]);
+        expect_error(&run, 2, &["there is no port /dev/no-such-port", "help: "]);
+    }
     let logs = walk(&bench.path().join("session"));
     assert!(logs.iter().all(|name| !name.ends_with(".mcap")), "{logs:?}");
 }
 
 #[test]
-fn a_device_that_is_no_serial_port_is_refused() {
+fn device_that_is_not_a_serial_port_is_rejected() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", SPEEDS);
     let run = bench.run(["record", plan.to_str().unwrap(), "--port", "/dev/null"]);
@@ -83,7 +87,7 @@ fn a_device_that_is_no_serial_port_is_refused() {
 }
 
 #[test]
-fn an_imu_recording_that_is_none_is_refused_with_its_line() {
+fn invalid_imu_recording_is_rejected_with_its_line() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", SPEEDS);
     let csv = bench.file("imu.csv", "t_s,ax,ay,az,gx,gy,gz,temp_c\n0.0,1,2,three,4,5,6,20\n");
@@ -93,12 +97,12 @@ fn an_imu_recording_that_is_none_is_refused_with_its_line() {
 }
 
 #[test]
-fn logs_that_are_none_are_refused_with_a_reason() {
+fn files_that_are_not_logs_are_rejected() {
     let bench = Bench::new();
     let empty = bench.file("empty.mcap", "");
-    let text = bench.file("text.mcap", "this is not a log, whatever it is called\n");
+    let text = bench.file("text.mcap", "this is not a log, despite its name\n");
     let csv = data("mpu6050/rotate-z-720.csv");
-    // A log of another program: whole, and nothing of ours in it.
+    // An intact log of another program.
     let foreign = bench.path().join("foreign.mcap");
     let mut writer = mcap::Writer::new(std::fs::File::create(&foreign).unwrap()).unwrap();
     let channel = writer.add_channel(0, "/chatter", "json", &Default::default()).unwrap();
@@ -106,23 +110,24 @@ fn logs_that_are_none_are_refused_with_a_reason() {
     writer.write_to_known_channel(&header, b"{}").unwrap();
     writer.finish().unwrap();
     let cases = [
-        ("info", &empty),
-        ("info", &text),
-        ("info", &foreign),
-        ("recover", &empty),
-        ("recover", &csv),
-        ("recover", &foreign),
-        ("export", &text),
-        ("report", &foreign),
-        ("compare", &foreign),
-        ("live", &foreign),
+        // An empty log is a recording that failed, not a wrong name.
+        ("info", &empty, 1),
+        ("info", &text, 2),
+        ("info", &foreign, 2),
+        ("recover", &empty, 1),
+        ("recover", &csv, 2),
+        ("recover", &foreign, 2),
+        ("export", &text, 2),
+        ("report", &foreign, 2),
+        ("compare", &foreign, 2),
+        ("live", &foreign, 2),
     ];
-    for (command, path) in cases {
+    for (command, path, code) in cases {
         let run = bench.run([command, path.to_str().unwrap()]);
-        expect_error(&run, 1, &[path.file_name().unwrap().to_str().unwrap(), "help: "]);
+        expect_error(&run, code, &[path.file_name().unwrap().to_str().unwrap(), "help: "]);
     }
     let left = walk(bench.path());
-    assert_eq!(left.len(), 3, "nothing was made of them: {left:?}");
+    assert_eq!(left.len(), 3, "no file was created: {left:?}");
 }
 
 #[test]

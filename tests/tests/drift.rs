@@ -1,27 +1,20 @@
-//! Eleven minutes of a real sensor at rest through the real firmware: how far the yaw drifts, and whether the host
-//! knows.
+//! Drift of the yaw over eleven minutes of data from a real sensor at rest, through the real firmware, and coverage of
+//! the stated uncertainty.
 
-use host::attitude::{Drift, Reading, Series};
-use host::log::{Body, Reader};
+use host::attitude::{Drift, Series};
+use host::trial::{Data, Want};
 use std::path::Path;
 use tests::{Bench, data};
 
 const RUN_S: f64 = 650.0;
 
-/// The attitude of the run phase as the board sent it.
+/// Returns the attitude during the run as sent by the board.
 fn attitude(log: &Path) -> Series {
+    let data = Data::read(log, Want::default()).unwrap();
+    let start = data.times.run.start;
     let mut series = Series::default();
-    let (mut begun, mut running) = (None, false);
-    for message in Reader::open(log).unwrap() {
-        let message = message.unwrap();
-        match message.body {
-            Body::Event(event) if event.text == "run" => running = true,
-            Body::Telemetry(telemetry) if running => {
-                let start = *begun.get_or_insert(telemetry.time_s);
-                series.push(telemetry.time_s - start, &Reading::of(&telemetry).unwrap());
-            }
-            _ => {}
-        }
+    for (time_s, reading) in data.readings.iter().filter(|(time_s, _)| *time_s >= start) {
+        series.push(time_s - start, reading);
     }
     series
 }
@@ -41,14 +34,14 @@ fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
     let trial = &run.json()["trials"][0];
     assert_eq!(trial["lost"], 0);
     let series = attitude(&bench.path().join(trial["log"].as_str().unwrap()));
-    let yaw = &series.yaw;
+    let yaw = series.yaw();
     let on_board = (yaw.at(RUN_S - 1.0).unwrap() - yaw.at(0.0).unwrap()) / (RUN_S - 1.0) * 60.0;
 
     let (mut square, mut plain_square, mut covered, mut windows) = (0.0, 0.0, 0, 0);
     let mut from = 20.0;
     while from + 150.0 < RUN_S {
         let to = from + 120.0;
-        let drift = Drift::seen(&series, from - 20.0..from, to..to + 30.0).unwrap();
+        let drift = Drift::estimate(&series, from - 20.0..from, to..to + 30.0).unwrap();
         let moved = yaw.at(to).unwrap() - yaw.at(from).unwrap();
         let error: f64 = moved - drift.between(from, to);
         let plain = moved - 120.0 * yaw.rate(from - 20.0..from).unwrap();

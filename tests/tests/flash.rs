@@ -1,6 +1,6 @@
-//! The real avrdude writes the real image into the emulated board through Arduino's own bootloaders.
+//! Writes the firmware image to the emulated board with avrdude, through Arduino's bootloaders.
 
-use host::rig::{Image, VirtualNano};
+use host::run::rig::{Image, VirtualNano};
 use tests::{Bench, firmware, nano, program};
 
 fn flash_through(bootloader: &str, baud: u64) {
@@ -17,18 +17,18 @@ fn flash_through(bootloader: &str, baud: u64) {
 }
 
 #[test]
-fn through_optiboot() {
+fn flash_with_optiboot() {
     flash_through("optiboot", 115_200);
 }
 
 #[test]
-fn through_the_old_bootloader() {
+fn flash_with_the_old_bootloader() {
     flash_through("old", 57_600);
 }
 
-/// While one biflag has lent the port to avrdude, another keeps its hands off it: opening it would reset the board.
+/// While avrdude uses the port, another biflag must not open it, because that would reset the board.
 #[test]
-fn a_port_that_is_being_flashed_is_busy() {
+fn port_is_busy_during_flashing() {
     let bench = Bench::new();
     let nano = nano(["--speed", "1"]);
     let plan = bench.short_plan(1.0, [0.0, 0.0]);

@@ -1,12 +1,14 @@
-//! Recorded counts of a real MPU6050, turned twice by hand, through the real firmware.
+//! Recorded counts of a real MPU6050 that was turned twice by hand, through the real firmware.
 
 use tests::{Bench, data};
 
-/// The turned angle about one axis as the log has it, degrees.
+/// Returns the logged turned angle about an axis (0 to 2 for x to z), degrees.
 fn turned_deg(recording: &str, axis: usize, run_s: f64) -> f64 {
     let bench = Bench::new();
     let demo = std::fs::read_to_string(plan("hand-turn-z.toml")).unwrap();
-    let plan = bench.file("plan.toml", &demo.replace("run = 24", &format!("run = {run_s}")));
+    let axis_key = ["axis = \"x\"", "axis = \"y\"", "axis = \"z\""][axis];
+    let plan =
+        bench.file("plan.toml", &demo.replace("run = 24", &format!("run = {run_s}")).replace("axis = \"z\"", axis_key));
     let imu = format!("--virtual={}", data(recording).display());
     let run = bench.run(["record", plan.to_str().unwrap(), &imu, "--out", "session", "--json"]).expect_code(0);
     let trial = &run.json()["trials"][0];

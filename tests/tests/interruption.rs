@@ -1,4 +1,4 @@
-//! Trials that end before their time: by the user, by a pulled cable, by a power cut.
+//! Trials that are interrupted by the user, a pulled cable, or a power cut.
 
 use serde_json::Value;
 use std::path::Path;
@@ -12,9 +12,9 @@ fn info(bench: &Bench, log: &Path) -> Value {
     bench.run(["info", log.to_str().unwrap(), "--json"]).json()
 }
 
-/// Ctrl-C stops the motors and closes the log; `--resume` repeats that trial, and not the one before.
+/// Ctrl-C stops the motors and closes the log; `--resume` repeats that trial, but not the previous one.
 #[test]
-fn ctrl_c_stops_the_motors_and_resume_goes_on() {
+fn ctrl_c_stops_the_motors_and_resume_continues() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
     let plan = plan.to_str().unwrap();
@@ -35,7 +35,7 @@ fn ctrl_c_stops_the_motors_and_resume_goes_on() {
     }
 
     let run = bench.run(["record", plan, "--port", &port, "--out", "session"]);
-    assert!(run.expect_code(2).stderr.contains("holds a session already"));
+    assert!(run.expect_code(2).stderr.contains("already contains a session"));
     let run = bench.run(["record", plan, "--port", &port, "--out", "session", "--resume", "--json"]).expect_code(0);
     let trials = run.json()["trials"].clone();
     let complete = trials.as_array().unwrap().iter().all(|trial| trial["complete"] == true);
@@ -46,13 +46,13 @@ fn ctrl_c_stops_the_motors_and_resume_goes_on() {
     let run = bench.run(["record", other.to_str().unwrap(), "--port", &port, "--out", "session", "--resume"]);
     assert!(run.expect_code(2).stderr.contains("the session of another plan: the speeds"));
     let run = bench.run(["record", other.to_str().unwrap(), "--port", &port, "--out", "session"]);
-    assert!(run.expect_code(2).stderr.contains("holds a session already"));
+    assert!(run.expect_code(2).stderr.contains("already contains a session"));
     assert_eq!(logs(&session).len(), 3);
 }
 
-/// A pulled cable is an error within a second, and the log is whole.
+/// A pulled cable is an error within a second, and the log is intact.
 #[test]
-fn a_pulled_cable_ends_the_trial_within_a_second() {
+fn pulled_cable_ends_the_trial_within_a_second() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
     let nano = nano(["--speed", "1"]);
@@ -71,9 +71,9 @@ fn a_pulled_cable_ends_the_trial_within_a_second() {
     assert!(info["samples"].as_u64().unwrap() > 200, "{info}");
 }
 
-/// Killed at any time, a recording has lost no more than its last half second.
+/// A recording that is killed at any time loses at most the last half second.
 #[test]
-fn a_killed_recording_is_recovered_but_for_half_a_second() {
+fn killed_recording_loses_at_most_half_a_second() {
     let kills = 50;
     let mut worst = Duration::ZERO;
     let bench = Bench::new();
@@ -92,7 +92,7 @@ fn a_killed_recording_is_recovered_but_for_half_a_second() {
         let log = logs(&bench.path().join(&session)).remove(0);
         let run = bench.run(["recover", log.to_str().unwrap(), "-o", "recovered.mcap", "--json"]).expect_code(3);
         let recovered = bench.path().join("recovered.mcap");
-        let messages = host::log::Reader::open(&recovered).unwrap().map(|message| message.unwrap().publish_time_ns);
+        let messages = biflag_log::Reader::open(&recovered).unwrap().map(|message| message.unwrap().publish_time_ns);
         let lost = killed.saturating_sub(Duration::from_nanos(messages.max().unwrap()));
         worst = worst.max(lost);
         assert!(lost <= Duration::from_millis(500), "kill {i}: {lost:?} are lost: {run:?}");

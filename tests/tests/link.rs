@@ -1,14 +1,14 @@
-//! The stream over the pseudo-terminal: complete, and exact in its account of what is not.
+//! Telemetry over the pseudo-terminal is complete, and losses are counted exactly.
 
-use host::log::{Body, Reader, TrialMeta};
-use host::rig::VirtualNano;
+use biflag_log::{Body, Reader, TrialMeta};
+use host::run::rig::VirtualNano;
 use serde_json::Value;
 use std::time::Duration;
 use tests::{Bench, Run, nano};
 
 /// 120 s at 200 Hz: 24,000 samples, none lost, none damaged.
 #[test]
-fn two_minutes_come_through_whole() {
+fn two_minutes_have_no_losses() {
     let bench = Bench::new();
     let plan = bench.short_plan(120.0, [50.0, 10.0]);
     let mut nano = nano(["--speed", "max"]);
@@ -24,7 +24,7 @@ fn two_minutes_come_through_whole() {
     assert_eq!(trial["complete"], true);
 }
 
-/// Records 20 s (4000 frames) at four times real time, and calls `spoil` in the middle; answers the trial.
+/// Records 20 s (4000 frames) at four times real time, and calls `spoil` in the middle; returns the trial.
 fn spoilt(spoil: impl FnOnce(&mut VirtualNano)) -> Value {
     let bench = Bench::new();
     let plan = bench.short_plan(20.0, [0.0, 0.0]);
@@ -38,9 +38,9 @@ fn spoilt(spoil: impl FnOnce(&mut VirtualNano)) -> Value {
     trial
 }
 
-/// Frames dropped on purpose are counted exactly, and the command says that there was loss.
+/// Dropped frames are counted exactly, and the exit code reports the loss.
 #[test]
-fn frames_dropped_on_purpose_are_counted() {
+fn dropped_frames_are_counted() {
     let mut dropped = 0;
     let trial = spoilt(|nano| {
         for frames in [1, 7, 30] {
@@ -54,9 +54,9 @@ fn frames_dropped_on_purpose_are_counted() {
     assert_eq!(trial["crc_errors"], 0);
 }
 
-/// A damaged frame is a lost sample and a resync, and no more than that.
+/// A damaged frame counts as one lost sample and one resync.
 #[test]
-fn a_damaged_byte_costs_one_frame() {
+fn damaged_byte_loses_one_frame() {
     let trial = spoilt(|nano| {
         nano.control("corrupt 1").unwrap();
     });
@@ -65,9 +65,9 @@ fn a_damaged_byte_costs_one_frame() {
     assert_eq!(trial["samples"], 3999);
 }
 
-/// The stream that a board at its own pace sends is as complete.
+/// Telemetry in real time is complete too.
 #[test]
-fn real_time_is_as_whole() {
+fn real_time_has_no_losses() {
     let bench = Bench::new();
     let plan = bench.short_plan(10.0, [-90.0, 90.0]);
     let nano = nano(["--speed", "1"]);
@@ -76,9 +76,9 @@ fn real_time_is_as_whole() {
     assert_eq!((&trial["samples"], &trial["lost"]), (&2000.into(), &0.into()), "{trial}");
 }
 
-/// A motor that reverses within the run is told so by the board's clock, and its flagellum follows.
+/// A motor reverses at the planned time of the board's clock, and its flagellum follows.
 #[test]
-fn a_motor_reverses_within_the_run() {
+fn motor_reverses_during_the_run() {
     let bench = Bench::new();
     let plan = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 6\ndecay = 1\n\
                 reverse = { motor = 2, after = 2.5 }\n[speeds]\npairs = [[50, 60]]\n";

@@ -1,8 +1,8 @@
-//! What viewers see, and that whoever watches, reads slowly or is dead costs a recording nothing.
+//! Serving trials to viewers, and that slow or dead viewers do not affect a recording.
 
+use biflag_log::Body;
+use biflag_log::schema::{CHANNELS, LogMessage, biflag, foxglove};
 use host::live::Live;
-use host::log::Body;
-use host::log::schema::{CHANNELS, LogMessage, biflag, foxglove};
 use prost::Message;
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -15,7 +15,7 @@ use tests::{Bench, Run, Seen, Viewer, nano};
 /// Every channel but `/raw`.
 const SHOWN: usize = CHANNELS.len() - 1;
 
-/// The address that a program names on its standard error, which is read to its end in the background.
+/// Returns the address that a program prints on its standard error, which is read to its end in the background.
 fn url(child: &mut Child) -> String {
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
     let mut said = Vec::new();
@@ -32,7 +32,7 @@ fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
-/// The log of a modelled trial of so many seconds.
+/// Returns the log of a modelled trial with a run of `seconds`.
 fn simulated(bench: &Bench, seconds: u32, more: &[&str]) -> PathBuf {
     let seconds = seconds.to_string();
     let arguments = ["simulate", "--speeds=50,10", "--duration", &seconds, "--out", "session", "--json"];
@@ -40,9 +40,9 @@ fn simulated(bench: &Bench, seconds: u32, more: &[&str]) -> PathBuf {
     bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap())
 }
 
-/// Messages of a log that viewers are shown: topic, `log_time` in ns, bytes.
+/// Returns the messages of a log that are sent to viewers: topic, `log_time` in ns, bytes.
 fn shown(log: &Path) -> Vec<(String, u64, Vec<u8>)> {
-    let messages = host::log::Reader::open(log).unwrap().map(Result::unwrap);
+    let messages = biflag_log::Reader::open(log).unwrap().map(Result::unwrap);
     let shown = messages.filter(|message| message.topic != "/raw");
     shown.map(|message| (message.topic.clone(), message.log_time_ns, message.body.encode())).collect()
 }
@@ -53,9 +53,9 @@ fn counts(messages: &[(String, u64, Vec<u8>)]) -> BTreeMap<&str, usize> {
     counts
 }
 
-/// One viewer reads and sees all, the others never read, and the log is as whole as without them.
+/// One viewer reads and gets all messages, the others never read, and the log is complete.
 #[test]
-fn a_recording_does_not_feel_its_viewers() {
+fn viewers_do_not_affect_a_recording() {
     let bench = Bench::new();
     let plan = bench.file(
         "plan.toml",
@@ -82,17 +82,17 @@ fn a_recording_does_not_feel_its_viewers() {
     assert_eq!(counts(&log)["/attitude"], 7200);
     println!("the log: {:?}\nthe viewer: {:?}", counts(&log), counts(&seen));
     let missed = log.iter().position(|message| *message == seen[0]).unwrap();
-    assert!(log[missed..].starts_with(&seen), "the viewer saw what was recorded, from where it came on");
+    assert!(log[missed..].starts_with(&seen), "the viewer got all messages recorded since it connected");
     let phases =
         seen.iter().filter(|(topic, ..)| topic == "/event").map(|(.., bytes)| biflag::Event::decode(&bytes[..]));
     let phases: Vec<String> = phases.map(|event| event.unwrap().text).collect();
     assert!(phases.contains(&"run".to_owned()) && phases.contains(&"decay".to_owned()), "{phases:?}");
 }
 
-/// Far more than all of the system's buffers hold is shown to a viewer that never reads. Showing does not wait for it,
-/// what waits for it is bounded, and another viewer still gets what is new.
+/// A viewer that never reads is sent far more than the system's buffers hold. Sending does not block, the queue is
+/// bounded, and another viewer still gets new messages.
 #[test]
-fn a_dead_viewer_holds_nothing_up() {
+fn dead_viewer_blocks_nothing() {
     let live = Live::listen("127.0.0.1:0".parse().unwrap()).unwrap();
     let dead = Viewer::connect(&live.url(), SHOWN);
     let wait = |live: &Live| {
@@ -109,7 +109,7 @@ fn a_dead_viewer_holds_nothing_up() {
         live.show(&biflag::Telemetry::CHANNEL, i, &message);
         worst = worst.max(shown.elapsed());
     }
-    println!("320 MB shown to nobody in {:?}, a message in {worst:?} at most", begun.elapsed());
+    println!("320 MB sent without readers in {:?}, a message in {worst:?} at most", begun.elapsed());
     let resident = std::fs::read_to_string("/proc/self/status").unwrap();
     let resident_kb: u64 = resident
         .lines()
@@ -137,9 +137,9 @@ fn a_dead_viewer_holds_nothing_up() {
     drop(dead);
 }
 
-/// A log with shapes arrives whole, in its own time, with schemas that stand for themselves.
+/// A log with shapes arrives completely, at the requested speed, with self-contained schemas.
 #[test]
-fn a_log_is_played_in_its_own_time() {
+fn log_is_played_at_the_requested_speed() {
     let bench = Bench::new();
     let log = simulated(&bench, 6, &["--shapes"]);
     let mut playing = bench.start(["live", log.to_str().unwrap(), "--speed", "3", "--listen", "127.0.0.1:0", "--json"]);
@@ -171,9 +171,9 @@ fn a_log_is_played_in_its_own_time() {
     assert_eq!(foxglove::SceneUpdate::decode(&scene.2[..]).unwrap().entities[0].lines.len(), 2);
 }
 
-/// The board is listened to: it streams, its motors stay still, nothing is recorded, and Ctrl-C ends it.
+/// A watched board streams, its motors stay still, nothing is recorded, and Ctrl-C ends it.
 #[test]
-fn a_board_is_shown_and_left_alone() {
+fn watching_a_board_does_not_change_it() {
     let bench = Bench::new();
     let mut nano = nano(["--speed", "1"]);
     let port = nano.port().to_owned();
@@ -201,9 +201,9 @@ fn a_board_is_shown_and_left_alone() {
     assert_eq!(std::fs::read_dir(bench.path()).unwrap().count(), 0, "nothing is recorded");
 }
 
-/// An address that is taken is an error before the board moves or a folder is made.
+/// A busy address is an error before the board is used or a folder is created.
 #[test]
-fn a_taken_address_is_an_error_at_once() {
+fn busy_address_is_an_error_at_once() {
     let bench = Bench::new();
     let plan = bench.short_plan(5.0, [50.0, 10.0]);
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -217,7 +217,7 @@ fn a_taken_address_is_an_error_at_once() {
     bench.run(["live", "--port", "/dev/null", "--listen", "192.0.2.1:8765"]).expect_code(2);
 }
 
-/// Ctrl-C ends a log that waits for its viewer, and one that plays.
+/// Ctrl-C ends the playback while it waits for a viewer, and while it plays.
 #[test]
 fn ctrl_c_ends_a_playback() {
     let bench = Bench::new();
@@ -234,17 +234,17 @@ fn ctrl_c_ends_a_playback() {
     }
 }
 
-/// Viewers look up the attitude at the time that a shape says it is of: both are on the clock of the log, in a model and
-/// on an emulated board that turns the simulated robot.
+/// Viewers look up the attitude at the time stamp of a shape, so both must use the clock of the log, for a model and
+/// for an emulated board with the simulated robot.
 #[test]
-fn what_is_drawn_bears_the_time_of_its_message() {
+fn drawn_messages_have_their_log_time() {
     let bench = Bench::new();
     let plan = bench.short_plan(2.0, [50.0, 10.0]);
     let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--out", "recorded", "--json"]);
     let recorded = bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap());
     for log in [recorded, simulated(&bench, 2, &["--shapes"])] {
         let (mut attitudes, mut shapes) = (0, 0);
-        for message in host::log::Reader::open(&log).unwrap().map(Result::unwrap) {
+        for message in biflag_log::Reader::open(&log).unwrap().map(Result::unwrap) {
             let stamp = match &message.body {
                 Body::Attitude(transform) => transform.timestamp,
                 Body::Flagella(scene) => scene.entities[0].timestamp,

@@ -1,7 +1,7 @@
-//! Other programs read the log: the Python packages `mcap` and `mcap-protobuf-support`, and Rerun, all from PyPI.
+//! Reads logs with other programs from PyPI: the Python packages `mcap` and `mcap-protobuf-support`, and Rerun.
 
-use host::log::schema::foxglove;
-use host::log::{Body, Reader};
+use biflag_log::schema::foxglove;
+use biflag_log::{Body, Reader};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -24,7 +24,7 @@ with open(sys.argv[1], "rb") as file:
 print(json.dumps({"counts": counts, "metadata": metadata, "first_w": yaw[0]}))
 "#;
 
-/// What Rerun makes of a log: for each of its own archetypes, and of what it reads by the schema alone.
+/// Script that prints Rerun's conversion of a log: its archetypes, and channels that it reads by their schema.
 const RERUN: &str = r#"
 import json, sys
 from rerun.chunk import RrdReader
@@ -51,7 +51,7 @@ print(json.dumps({
 }))
 "#;
 
-/// A virtual environment with these packages, kept between runs.
+/// Returns the Python of a virtual environment with these packages, which is kept between runs.
 fn python(name: &str, packages: &[&str]) -> PathBuf {
     let venv = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let python = venv.join("bin/python");
@@ -92,8 +92,8 @@ fn python_lists_the_channels_and_decodes_every_message() {
     assert!(decoded["metadata"].as_array().unwrap().len() >= 4);
 }
 
-/// Rerun's converter makes a transform of the attitude and coloured points of the flagella, with our values, and reads
-/// every other channel by its schema.
+/// Rerun converts the attitude to transforms and the flagella to coloured points with the same values, and reads every
+/// other channel by its schema.
 #[test]
 fn rerun_reads_attitude_and_flagella() {
     let bench = Bench::new();
@@ -102,7 +102,7 @@ fn rerun_reads_attitude_and_flagella() {
     let log = bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap());
     let python = python("rerun", &["rerun-sdk==0.41.0"]);
     let run = |command: &mut Command| {
-        // Rerun writes its settings where its user is at home.
+        // Rerun writes its settings to the user's home folder.
         let home = ["HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME"].map(|name| (name, bench.path()));
         let output = command.envs(home).current_dir(bench.path()).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -164,7 +164,7 @@ fn rerun_reads_attitude_and_flagella() {
     assert_eq!((attitudes, clouds, scenes, yaws), (41, 41, 41, 41));
 }
 
-/// Rerun keeps coordinates in single precision.
+/// Compares with single precision, which Rerun uses for coordinates.
 #[track_caller]
 fn assert_near(theirs: &Value, ours: &[f64]) {
     let theirs: Vec<f64> = theirs.as_array().unwrap().iter().map(|part| part.as_f64().unwrap()).collect();

@@ -1,8 +1,10 @@
-//! The pages of `biflag report` in a real browser: opened from disk, played, scrubbed, read, made small, and printed. The
-//! pictures that it takes are in `target/report-pictures`.
+//! Tests the pages of `biflag report` in a browser: opened from disk, played, read, on a phone, and printed.
+//! Screenshots are in `target/report-pictures`.
 
-use host::log::{Body, EventKind, Origin, PlanMeta, Reader, Start, Summary, TrialMeta, Writer};
+use biflag_log::{Body, EventKind, Message, Origin, PlanMeta, Reader, Summary, TrialMeta};
 use host::plan::Plan;
+use host::run;
+use host::session::Session;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -14,13 +16,13 @@ fn picture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("report-pictures").join(name)
 }
 
-/// The page that `biflag report` writes of something.
+/// Writes the page of a log or a session and returns its path.
 fn report(bench: &Bench, subject: &str, code: i32) -> PathBuf {
     let answer = bench.run(["report", subject, "--json"]).expect_code(code).json();
     bench.path().join(answer["html"].as_str().unwrap())
 }
 
-/// Sets the time as one who drags the slider does.
+/// Sets the time by the slider.
 fn scrub(browser: &mut Browser, time_s: f64) {
     browser.evaluate(&format!(
         "(() => {{ const s = document.querySelector('section:not([hidden]) .scrub'); s.value = {time_s}; \
@@ -28,10 +30,18 @@ fn scrub(browser: &mut Browser, time_s: f64) {
     ));
 }
 
-/// Every pixel of the view of the robot, as one text.
+/// Returns the pixels of the view of the robot as text.
 fn view(browser: &mut Browser) -> String {
     let pixels = browser.evaluate("document.querySelector('section:not([hidden]) .scene canvas').toDataURL()");
     pixels.as_str().unwrap().to_owned()
+}
+
+/// Prints the page and returns the text of the PDF.
+fn printed(browser: &mut Browser, name: &str) -> String {
+    let pdf = picture(name);
+    browser.print(&pdf);
+    let text = Command::new("pdftotext").arg("-layout").arg(&pdf).arg("-").output().unwrap();
+    String::from_utf8_lossy(&text.stdout).into_owned()
 }
 
 fn is_quiet(browser: &Browser, page: &Path) {
@@ -43,7 +53,7 @@ fn is_quiet(browser: &Browser, page: &Path) {
 }
 
 #[test]
-fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
+fn trial_page_shows_the_values_of_the_log() {
     let bench = Bench::new();
     bench.run(["simulate", "--speeds=50,10", "--duration", "30", "--shapes", "--rate", "50", "--out", "s"]);
     let log = bench.path().join("s/001_w1+50_w2+10.mcap");
@@ -58,7 +68,7 @@ fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
     is_quiet(&browser, &page);
     browser.picture(&picture("trial-light.png"));
 
-    // What stands beside the view at a time is what the log has then.
+    // The values beside the robot are those of the log.
     let mut samples = Vec::new();
     for message in Reader::open(&log).unwrap() {
         if let Body::Telemetry(telemetry) = message.unwrap().body {
@@ -66,7 +76,7 @@ fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
         }
     }
     assert!(samples.len() > 1000);
-    let zero = samples[0].yaw_deg;
+    let zero = 0.0;
     for sample in samples.iter().step_by(97) {
         scrub(&mut browser, sample.time_s);
         assert!((browser.number("[data-out^=time]").unwrap() - sample.time_s).abs() < 0.006);
@@ -78,10 +88,10 @@ fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
         let motor = sample.motor1.as_ref().unwrap();
         assert!((browser.number("[data-out='motors speed1 1']").unwrap() - motor.speed_rpm).abs() < 0.06);
     }
-    let steady: host::log::SteadyMeta = host::log::last_meta(&log).unwrap().unwrap();
+    let steady: biflag_log::SteadyMeta = biflag_log::last_meta(&log).unwrap().unwrap();
     assert!((browser.number(".tile .big").unwrap() - steady.yaw_deg).abs() < 0.006);
 
-    // Played by the button: time goes on, the flagella turn; and stops by a key.
+    // The button starts the playback: the time advances and the flagella turn. A key stops it.
     scrub(&mut browser, 5.0);
     let before = view(&mut browser);
     browser.click(".play");
@@ -95,7 +105,7 @@ fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
     std::thread::sleep(Duration::from_millis(200));
     assert_eq!(browser.number("[data-out^=time]").unwrap(), stopped);
 
-    // Turned by keys and by the mouse, and put back.
+    // The view is rotated with keys and the mouse, and reset.
     let front = view(&mut browser);
     browser.key("ArrowLeft", 37);
     let turned = view(&mut browser);
@@ -106,12 +116,15 @@ fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
     browser.key("Home", 36);
     assert!(view(&mut browser) == front);
 
-    // The slider by keys.
+    // The slider is moved with keys.
     browser.evaluate("document.querySelector('.scrub').focus()");
     browser.key("End", 35);
     assert!((browser.number("[data-out^=time]").unwrap() - 30.0).abs() < 0.02);
 
-    // A chart shows less time when dragged across.
+    // The values under the pointer, and zooming by dragging across a chart.
+    browser.hover("[data-chart=pitch] .u-over");
+    let tooltip = browser.text("[data-chart=pitch] .tooltip");
+    assert!(tooltip.contains(" smodel ") && !tooltip.contains('–'), "{tooltip}");
     let [x, y] = browser.middle("[data-chart=pitch] .u-over");
     browser.drag([x - 60.0, y], [x + 60.0, y]);
     browser.picture(&picture("trial-zoomed.png"));
@@ -123,44 +136,40 @@ fn a_trial_is_played_scrubbed_and_read_and_its_figures_are_those_of_the_log() {
 
     browser.window(360, 740, true);
     browser.open(&page);
-    assert!(browser.evaluate("document.documentElement.scrollWidth") == json!(360), "nothing is wider than a phone");
+    assert!(browser.evaluate("document.documentElement.scrollWidth") == json!(360), "the page fits a phone");
     browser.picture(&picture("trial-phone.png"));
 
     browser.window(1280, 900, false);
     browser.open(&page);
-    let pdf = picture("trial.pdf");
-    browser.print(&pdf);
-    let text = Command::new("pdftotext").args(["-layout"]).arg(&pdf).arg("-").output().unwrap();
-    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    let text = printed(&mut browser, "trial.pdf");
     assert!(text.contains("001_w1+50_w2+10 at (50, 10) rpm") && text.contains("Steady yaw"), "{text}");
     is_quiet(&browser, &page);
 }
 
-/// Ends an attribute, an element and a script, and would note that it ran.
+/// Markup that ends an attribute, an element and a script, and sets a variable if it runs.
 const MARKUP: &str =
     "\"'><img src=x onerror=\"window.ran=1;alert(1)\"></script><script>window.ran=2</script><b onmouseover=alert(3)>";
 
 #[test]
-fn markup_in_a_log_runs_nothing_and_adds_no_element() {
+fn markup_in_a_log_is_escaped() {
     let bench = Bench::new();
     let plan =
         Plan::parse("[trial]\ncalibrate = 0\npreroll = 0\nrun = 1\ndecay = 0\n[speeds]\npairs = [[50, 10]]\n", "plan")
             .unwrap();
     let time = |seconds: f64| SystemTime::UNIX_EPOCH + Duration::from_secs_f64(seconds);
-    let start =
-        Start { plan: &plan, trial: &plan.trials[0], attempt: 1, origin: Origin::Rig, board: None, time: time(0.0) };
+    let start = run::start(&plan, &plan.trials[0], 1, Origin::Rig, None, time(0.0));
     let path = bench.path().join("hostile.mcap");
-    let mut log = Writer::create(&path, &start).unwrap();
+    let mut log = run::Recorder::create(&path, &start, protocol::Settings::DEFAULT, time(0.0)).unwrap();
     let text = || MARKUP.to_owned();
-    log.meta(&PlanMeta { name: text(), operator: text(), note: text(), trials: 1, text: text() }).unwrap();
-    log.meta(&TrialMeta { name: text(), w1_rpm: 50.0, w2_rpm: 10.0, run_s: 1.0, ..TrialMeta::default() }).unwrap();
+    log.log.meta(&PlanMeta { name: text(), operator: text(), note: text(), trials: 1, text: text() }).unwrap();
+    log.log.meta(&TrialMeta { name: text(), w1_rpm: 50.0, w2_rpm: 10.0, run_s: 1.0, ..TrialMeta::default() }).unwrap();
     log.event(EventKind::Phase, MARKUP, time(0.0)).unwrap();
     for i in 0..200_u16 {
         let frame = protocol::Telemetry { seq: protocol::units::Count(i), ..protocol::Telemetry::default() };
-        log.telemetry(&frame, u64::from(i) * 5_000, time(f64::from(i) * 0.005)).unwrap();
+        log.frame(&frame, u64::from(i) * 5_000, time(f64::from(i) * 0.005)).unwrap();
     }
     log.event(EventKind::Warning, MARKUP, time(0.5)).unwrap();
-    log.finish(&Summary { reason: text(), ..Summary::default() }).unwrap();
+    log.finish(&mut Summary { reason: text(), ..Summary::default() }).unwrap();
 
     let page = report(&bench, "hostile.mcap", 3);
     let mut browser = Browser::start();
@@ -175,15 +184,15 @@ fn markup_in_a_log_runs_nothing_and_adds_no_element() {
     assert_eq!(browser.evaluate("document.documentElement.dataset.ready"), json!("yes"));
     is_quiet(&browser, &page);
 
-    // Had an element slipped through, its script would not run: the policy forbids it.
+    // If an element slipped through, the policy would block its script.
     browser.evaluate("document.body.insertAdjacentHTML('beforeend', '<img src=data:, onerror=\"window.ran=3\">')");
     browser.evaluate("new Promise((done) => setTimeout(done, 200)).then(() => 0)");
     assert_eq!(browser.evaluate("window.ran ?? null"), json!(null));
-    assert!(!browser.problems.is_empty(), "the refusal stands on the console");
+    assert!(!browser.problems.is_empty(), "the violation is on the console");
 }
 
 #[test]
-fn a_session_shows_its_map_and_opens_its_trials() {
+fn session_page_shows_its_map_and_opens_its_trials() {
     let bench = Bench::new();
     bench.file(
         "plan.toml",
@@ -203,7 +212,7 @@ fn a_session_shows_its_map_and_opens_its_trials() {
     assert_eq!(browser.evaluate("document.querySelectorAll('.maps svg a').length"), json!(56));
     browser.picture(&picture("session-light.png"));
 
-    // A cell of the map leads to its trial.
+    // A cell of the map is a link to its trial.
     browser.evaluate(
         "location.hash = document.querySelector('.maps a[aria-label^=\"w1 90, w2 60 \"]').getAttribute('href')",
     );
@@ -223,14 +232,114 @@ fn a_session_shows_its_map_and_opens_its_trials() {
     browser.dark(false);
     browser.window(360, 740, true);
     browser.open(&page);
-    assert!(browser.evaluate("document.documentElement.scrollWidth") == json!(360), "nothing is wider than a phone");
+    assert!(browser.evaluate("document.documentElement.scrollWidth") == json!(360), "the page fits a phone");
     browser.picture(&picture("session-phone.png"));
     browser.window(1280, 900, false);
-    browser.print(&picture("session.pdf"));
+    browser.open(&page);
+    let text = printed(&mut browser, "session.pdf");
+    assert!(
+        text.contains("028_w1+90_w2+90") && !text.contains("Settling time"),
+        "28 trials are printed as a table: {text}"
+    );
     is_quiet(&browser, &page);
 }
 
-/// Seconds that a run of `biflag` takes, and the most memory that it has, MB.
+#[test]
+fn trial_of_a_large_session_is_drawn_with_ranges() {
+    let bench = Bench::new();
+    bench.run(["simulate", "--speeds=-90,90", "--duration", "60", "--rate", "100", "--out", "one"]);
+    let log = bench.path().join("one/001_w1-90_w2+90.mcap");
+    // Like a trial of the published map, it has a small share of the page.
+    let map = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("host").join("plans/published-map.toml");
+    let plan = Plan::parse(&std::fs::read_to_string(map).unwrap(), "map.toml").unwrap();
+    let session = Session::create(&bench.path().join("map"), &plan).unwrap();
+    for trial in &plan.trials {
+        std::fs::hard_link(&log, session.folder().join(format!("{}.mcap", trial.name))).unwrap();
+    }
+    let trial = plan.trials.iter().position(|trial| trial.name.contains("w1-90_w2+90")).unwrap();
+    let page = report(&bench, "map", 0);
+    assert!(page.metadata().unwrap().len() < 10_000_000);
+
+    let mut browser = Browser::start();
+    browser.window(1400, 900, false);
+    browser.open(&page);
+    browser.evaluate(&format!("location.hash = 'trial-{}'", trial + 1));
+    browser.evaluate("new Promise((done) => setTimeout(done, 100)).then(() => 0)");
+    assert!(browser.text("section:not([hidden]) .charts").contains("range of 0.5"));
+    browser.hover("section:not([hidden]) [data-chart=roll] .u-over");
+    let tooltip = browser.text("section:not([hidden]) [data-chart=roll] .tooltip");
+    assert!(tooltip.contains(" s, mean (range)model ") && tooltip.contains(" to "), "{tooltip}");
+    browser.picture(&picture("ranges.png"));
+
+    // The playback shows samples of the log, not extremes of the ranges.
+    let times = browser.evaluate(&format!(
+        "biflag.numbers(JSON.parse(document.getElementById('trial-{}-data').textContent).attitude.time)",
+        trial + 1
+    ));
+    let times: Vec<f64> = times.as_array().unwrap().iter().map(|time| time.as_f64().unwrap()).collect();
+    let telemetry = |message: Result<Message, _>| match message.unwrap().body {
+        Body::Telemetry(telemetry) => Some(telemetry),
+        _ => None,
+    };
+    let samples: Vec<_> = Reader::open(&log).unwrap().filter_map(telemetry).collect();
+    assert!(times.len() < samples.len());
+    for time in times.iter().step_by(times.len() / 20) {
+        scrub(&mut browser, *time);
+        let sample = samples.iter().find(|sample| (sample.time_s - time).abs() < 1e-3).expect("a sample of the log");
+        for (name, value) in [("pitch", sample.pitch_deg), ("roll", sample.roll_deg)] {
+            let shown = browser.number(&format!("section:not([hidden]) [data-out='attitude {name} 2']")).unwrap();
+            assert!((shown - value).abs() < 0.02, "{name} at {time} s: {shown}, not {value}");
+        }
+    }
+    is_quiet(&browser, &page);
+}
+
+#[test]
+fn comparison_is_printed_with_the_robot_of_its_model() {
+    let bench = Bench::new();
+    bench.file(
+        "plan.toml",
+        "[trial]\ncalibrate = 0\npreroll = 1\nrun = 8\ndecay = 1\n[speeds]\npairs = [[50, 10], [-90, 90]]\n",
+    );
+    bench.file("fitted.toml", "# Fitted to the trials of a Tuesday.\n[fluid]\nviscosity_pa_s = 1.2345\n");
+    bench.run(["simulate", "plan.toml", "--shapes", "--out", "s"]);
+    let answer = bench.run(["compare", "s", "--robot", "fitted.toml", "--json"]).json();
+    let page = bench.path().join(answer["report"].as_str().unwrap());
+
+    let mut browser = Browser::start();
+    browser.window(1400, 900, false);
+    browser.open(&page);
+    let fits = "document.querySelector('.scroll').scrollWidth <= document.querySelector('.scroll').clientWidth";
+    assert_eq!(browser.evaluate(fits), json!(true), "the table fits the window");
+    browser.picture(&picture("comparison.png"));
+    let text = printed(&mut browser, "comparison.pdf");
+    for (words, count) in [
+        ("001_w1+50_w2+10 at (50, 10) rpm", 1),
+        ("002_w1-90_w2+90 at (−90, 90) rpm", 1),
+        ("Roll φ, °", 4),
+        ("Speed of the flagella, rpm", 2),
+        ("Events (", 2),
+        ("Provenance", 2),
+        ("Time shift", 2),
+        ("fitted.toml, closure full", 4),
+        ("# Fitted to the trials of a Tuesday.", 1),
+        ("viscosity_pa_s = 1.2345", 2),
+        ("pairs = [[50, 10], [-90, 90]]", 1),
+        ("Notes", 1),
+        // The drawn texts: the scale of the yaw at both robots, and the phase in eight charts and elsewhere.
+        ("180°", 2),
+        ("preroll", 8 + 5),
+    ] {
+        assert_eq!(text.matches(words).count(), count, "{words}: {text}");
+    }
+    // Chromium shrinks a page that is wider than the paper.
+    browser.call("Emulation.setEmulatedMedia", json!({ "media": "print" }));
+    browser.window(688, 900, false);
+    assert_eq!(browser.evaluate("document.documentElement.scrollWidth"), json!(688), "the page fits the paper");
+    is_quiet(&browser, &page);
+}
+
+/// Runs `biflag`; returns how long it took, s, and its peak memory, MB.
 fn measured(bench: &Bench, arguments: &[&str]) -> (Run, f64, f64) {
     let begun = Instant::now();
     let mut child = bench.start(arguments);
@@ -245,10 +354,11 @@ fn measured(bench: &Bench, arguments: &[&str]) -> (Run, f64, f64) {
     (Run::of(child), begun.elapsed().as_secs_f64(), peak_kb * 1e-3)
 }
 
-/// 75 trials of 120 s at 20 Hz, with shapes: reported, and replayed, compared and reported. `cargo test -p tests --test report -- --ignored --nocapture`
+/// Reports 75 trials of 120 s at 20 Hz with shapes, then replays, compares and reports them.
+/// `cargo test -p tests --test report -- --ignored --nocapture`
 #[test]
-#[ignore = "takes some minutes to simulate"]
-fn a_long_session_is_reported_in_a_minute_and_a_gigabyte() {
+#[ignore = "the simulation takes some minutes"]
+fn long_session_is_reported_in_a_minute_and_a_gigabyte() {
     let bench = Bench::new();
     bench.file(
         "plan.toml",

@@ -1,4 +1,4 @@
-//! Going on with a session: what it may and what it may not be gone on with.
+//! Resuming sessions.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -24,9 +24,9 @@ fn expect_complete(run: &Run, trials: usize) {
     assert!(trials_run.iter().all(|trial| trial["complete"] == true && trial["lost"] == 0), "{json}");
 }
 
-/// A killed recording leaves the board streaming, and nobody else may write into its session while it lives.
+/// A running recording locks its session; a killed one leaves the board streaming and can be resumed at once.
 #[test]
-fn a_session_has_one_writer_and_goes_on_at_once_after_it_was_killed() {
+fn session_has_one_writer_and_resumes_after_a_kill() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", &plan(0.0, 4.0));
     let [mut first, second] = [nano(["--speed", "2"]), nano(["--speed", "4"])];
@@ -35,23 +35,23 @@ fn a_session_has_one_writer_and_goes_on_at_once_after_it_was_killed() {
     wait_for_logs(&bench.path().join("session"), 1);
 
     let run = bench.run(record(&plan, second.port(), &["--resume"])).expect_code(1);
-    assert!(run.stderr.contains("another biflag writes into this session"), "{run:?}");
+    assert!(run.stderr.contains("another biflag is writing into this session"), "{run:?}");
     let run = bench.run(["simulate", plan.to_str().unwrap(), "--out", "session", "--resume"]).expect_code(1);
-    assert!(run.stderr.contains("another biflag writes into this session"), "{run:?}");
+    assert!(run.stderr.contains("another biflag is writing into this session"), "{run:?}");
     assert_eq!(logs(&bench.path().join("session")).len(), 1);
 
     signal(&recording, "-KILL");
     let _ = Run::of(recording);
     let sent = first.control("status").unwrap()["frames_sent"].as_u64().unwrap();
     std::thread::sleep(Duration::from_millis(300));
-    assert!(first.control("status").unwrap()["frames_sent"].as_u64().unwrap() > sent, "the board streams on");
+    assert!(first.control("status").unwrap()["frames_sent"].as_u64().unwrap() > sent, "the board is still streaming");
     let run = bench.run(record(&plan, &port, &["--resume"])).expect_code(0);
     expect_complete(&run, 2);
     assert_eq!(logs(&bench.path().join("session")).len(), 3, "the cut-off log is kept");
 }
 
 #[test]
-fn a_trial_interrupted_while_it_calibrates_is_repeated() {
+fn trial_interrupted_during_calibration_is_repeated() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", &plan(5.0, 2.0));
     let mut nano = nano(["--speed", "4"]);
@@ -72,16 +72,16 @@ fn a_trial_interrupted_while_it_calibrates_is_repeated() {
     assert_eq!(info(&logs[1])["end"], "aborted");
 }
 
-/// What record and info say of a trial is cut from it at the same moments.
+/// `record` and `info` use the same times of a trial.
 #[test]
-fn info_says_of_a_trial_what_record_said() {
+fn info_agrees_with_record() {
     let bench = Bench::new();
-    // Still for long enough to tell the drift.
+    // The still phases are long enough to estimate the drift.
     let still = plan(1.0, 14.0).replace("preroll = 1", "preroll = 12").replace("decay = 0", "decay = 12");
     let plan = bench.file("plan.toml", &still);
     let nano = nano(["--speed", "4"]);
     let run = bench.run(record(&plan, nano.port(), &[]));
-    // A computer that is busy starts the motors late, which is a warning and makes no difference here.
+    // On a busy computer the motors start late, with a warning, which does not matter here.
     assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
     for trial in run.json()["trials"].as_array().unwrap() {
         let info = bench.run(["info", trial["log"].as_str().unwrap(), "--json"]).expect_code(0).json();
@@ -93,7 +93,7 @@ fn info_says_of_a_trial_what_record_said() {
 }
 
 #[test]
-fn a_board_that_restarts_is_named_and_its_clock_not_fitted_across() {
+fn restart_of_the_board_is_reported_and_ends_the_clock_fit() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", &plan(0.0, 6.0));
     let mut nano = nano(["--speed", "1"]);
@@ -105,9 +105,9 @@ fn a_board_that_restarts_is_named_and_its_clock_not_fitted_across() {
     let run = Run::of(recording).expect_code(1);
     assert!(run.stderr.contains("the board stopped sending: it restarted"), "{run:?}");
     let log = logs(&bench.path().join("session")).remove(0);
-    let mut reader = host::log::Reader::open(&log).unwrap();
+    let mut reader = biflag_log::Reader::open(&log).unwrap();
     assert!(reader.by_ref().all(|message| message.is_ok()));
-    let clock: host::log::ClockFit = reader.meta().unwrap();
+    let clock: biflag_log::ClockMeta = reader.meta().unwrap();
     println!("{clock:?}");
     assert!(clock.drift_ppm.abs() < 20_000.0 && clock.residual_us < 20_000.0, "{clock:?}");
     let run = bench.run(record(&plan, &port, &["--resume"])).expect_code(0);
@@ -115,7 +115,7 @@ fn a_board_that_restarts_is_named_and_its_clock_not_fitted_across() {
 }
 
 #[test]
-fn trials_of_one_session_run_on_one_thing() {
+fn session_is_resumed_only_on_the_same_rig() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", &plan(0.0, 1.0).replace("preroll = 1", "preroll = 0"));
     let first = nano(["--speed", "max"]);
@@ -137,14 +137,14 @@ fn trials_of_one_session_run_on_one_thing() {
     assert!(run.stderr.contains("counts_per_turn = 600"), "{run:?}");
 }
 
-/// The disk is full while a trial runs: what was written stays, and the motors stop.
+/// A full disk during a trial stops the motors and keeps the written part of the log.
 #[test]
-fn a_full_disk_ends_the_trial_and_keeps_its_beginning() {
+fn full_disk_ends_the_trial_and_keeps_its_beginning() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", &plan(0.0, 60.0));
     let mut nano = nano(["--speed", "5"]);
     let port = nano.port().to_owned();
-    // A limit on the size of files stands for the disk; the shell's blocks are of 512 bytes.
+    // A limit on the size of files simulates a full disk; the shell's blocks have 512 bytes.
     let mut shell = Command::new("sh");
     shell.args(["-c", "trap '' XFSZ; ulimit -f 400; exec \"$@\"", "sh"]).arg(program("biflag"));
     shell.args(record(&plan, &port, &[])).current_dir(bench.path());

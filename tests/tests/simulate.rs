@@ -1,4 +1,4 @@
-//! Modelled sessions that are broken off, by the user or by a power cut, and what of them other programs read.
+//! Modelled sessions: memory, bundling, and interruption by the user or a power cut.
 
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use tests::{Bench, Run, signal};
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 1\npreroll = 1\nrun = 30\ndecay = 3\n\
                     [speeds]\ngrid = { w1 = [-60, 60, 40], w2 = [20, 80, 30] }\n";
 
-/// Every file of a session but its manifest, which says when it began.
+/// Returns every file of a session except its manifest, which contains the start time.
 fn files(session: &Path) -> BTreeMap<String, Vec<u8>> {
     let Ok(entries) = std::fs::read_dir(session) else { return BTreeMap::new() };
     entries
@@ -25,7 +25,7 @@ fn files(session: &Path) -> BTreeMap<String, Vec<u8>> {
 fn wait_for_log(session: &Path) {
     let begun = Instant::now();
     while !files(session).keys().any(|name| name.ends_with(".mcap")) {
-        assert!(begun.elapsed() < Duration::from_secs(60), "no trial ended");
+        assert!(begun.elapsed() < Duration::from_secs(60), "no trial completed");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
@@ -35,12 +35,12 @@ fn simulate(plan: &Path, more: &[&str]) -> Vec<String> {
     arguments.iter().chain(more).map(|argument| (*argument).to_owned()).collect()
 }
 
-/// Peak of the memory that a child has in use, MB, and its exit code.
+/// Returns the peak memory of a child, MB, and its exit code.
 fn peak_mb(mut child: Child) -> (f64, Option<i32>) {
     let status = format!("/proc/{}/status", child.id());
     let mut peak_kb = 0.0f64;
     loop {
-        // The kernel keeps the peak itself; what is used in the last few milliseconds alone goes unseen.
+        // The kernel records the peak; only a peak in the last few milliseconds is missed.
         let text = std::fs::read_to_string(&status).unwrap_or_default();
         let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
         let kb = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok());
@@ -52,7 +52,7 @@ fn peak_mb(mut child: Child) -> (f64, Option<i32>) {
     }
 }
 
-/// At the board's rate and with shapes, a trial four times as long needs no more memory than a chunk of its log.
+/// At the board's rate and with shapes, a trial four times as long needs at most one more chunk of memory.
 #[test]
 fn memory_does_not_grow_with_the_trial() {
     let bench = Bench::new();
@@ -78,9 +78,9 @@ fn memory_does_not_grow_with_the_trial() {
     assert!(peaks[1] < peaks[0] + 4.0, "{peaks:?}");
 }
 
-/// Soft flagella wrap round each other, and unwrap when a motor reverses; the classification over time says so.
+/// Soft flagella wrap around each other, and unwrap when a motor reverses; the bundling states show both.
 #[test]
-fn the_shipped_bundle_wraps_and_unwraps() {
+fn shipped_bundling_plan_wraps_and_unwraps() {
     let bench = Bench::new();
     let plan = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("host").join("plans/bundling.toml");
     let run = bench.run(["simulate", plan.to_str().unwrap(), "--json"]);
@@ -96,9 +96,9 @@ fn the_shipped_bundle_wraps_and_unwraps() {
     assert!(trial["max_penetration_m"].as_f64().unwrap() <= 1e-5, "{trial}");
 }
 
-/// Ctrl-C ends at once with what is whole; `--resume` computes the rest, and nothing twice.
+/// Ctrl-C ends at once and leaves only complete trials; `--resume` computes the rest without repeating any.
 #[test]
-fn ctrl_c_leaves_whole_trials_and_resume_goes_on() {
+fn ctrl_c_leaves_complete_trials_and_resume_continues() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
     bench.run(simulate(&plan, &["--out", "whole", "--jobs", "2"])).expect_code(3);
@@ -120,9 +120,9 @@ fn ctrl_c_leaves_whole_trials_and_resume_goes_on() {
     assert_eq!(run.json()["trials"].as_array().unwrap().iter().filter(computed).count(), 12 - kept.len());
 }
 
-/// Killed again and again, a session of shards comes out as one that was never killed.
+/// The logs of a session of shards that is killed repeatedly equal those of an uninterrupted one.
 #[test]
-fn a_killed_session_comes_out_the_same() {
+fn killed_session_gives_the_same_logs() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
     bench.run(simulate(&plan, &["--out", "whole"])).expect_code(3);

@@ -1,14 +1,13 @@
-//! Experiment against model, whole: trials recorded from the simulated robot through the real firmware, replayed, compared
-//! and fitted as a user does.
+//! End-to-end tests of replay, comparison and calibration, with trials recorded from the simulated robot through the
+//! real firmware.
 
-use host::attitude::Track;
-use host::log::{Body, Reader};
+use host::trial::{Data, Want};
 use serde_json::Value;
 use std::path::Path;
 use tests::Bench;
 use tests::browser::Browser;
 
-/// What `biflag` answers, where warnings are allowed: on a busy machine the motors may start late, of which it warns.
+/// Returns the JSON of `biflag`. Warnings are allowed, because the motors may start late on a busy machine.
 fn answer(bench: &Bench, arguments: &[&str]) -> Value {
     let run = bench.run(arguments);
     assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
@@ -19,35 +18,22 @@ fn number(value: &Value, key: &str) -> f64 {
     value[key].as_f64().unwrap_or_else(|| panic!("{key} in {value}"))
 }
 
-/// The figures of a comparison's first trial: steady errors and those over the run.
+/// Returns the errors of a comparison's first trial: steady, and over the run.
 fn errors(compared: &Value) -> [f64; 4] {
     let trial = &compared["trials"][0];
     ["steady_yaw_error_deg", "steady_pitch_error_deg", "yaw_rmse_deg", "pitch_rmse_deg"].map(|key| number(trial, key))
 }
 
-/// What yaw, pitch and roll truly were at the end of the run, from the rest before it.
+/// Returns the true yaw, pitch and roll at the end of the run, relative to the rest before it.
 fn steady_truth(log: &Path) -> [f64; 3] {
-    let (mut tracks, mut run, mut now) =
-        ([const { Track { time_s: Vec::new(), value: Vec::new() } }; 3], [0.0; 2], 0.0);
-    for message in Reader::open(log).unwrap() {
-        match message.unwrap().body {
-            Body::Truth(truth) => {
-                now = truth.time_s;
-                for (track, value) in tracks.iter_mut().zip([truth.yaw_deg, truth.pitch_deg, truth.roll_deg]) {
-                    track.push(truth.time_s, value);
-                }
-            }
-            Body::Event(event) if event.text == "run" => run[0] = now,
-            Body::Event(event) if event.text == "decay" => run[1] = now,
-            _ => {}
-        }
-    }
-    let [start, end] = run;
-    tracks.map(|track| track.mean(end - 12.0..end).unwrap() - track.mean(start - 1.0..start).unwrap())
+    let data = Data::read(log, Want::default()).unwrap();
+    let (start, end) = (data.times.run.start, data.times.run.end);
+    let mean = |k: usize, range| data.truth.track(k).mean(range).unwrap();
+    [0, 1, 2].map(|k| mean(k, end - 12.0..end) - mean(k, start - 1.0..start))
 }
 
 #[test]
-fn a_recorded_trial_is_met_by_its_replay_and_not_by_another_fluid() {
+fn replay_agrees_with_the_recording_only_in_the_same_fluid() {
     let bench = Bench::new();
     bench.file(
         "plan.toml",
@@ -58,7 +44,7 @@ fn a_recorded_trial_is_met_by_its_replay_and_not_by_another_fluid() {
     let right = answer(&bench, &["compare", "tank", "--json"]);
     println!("the robot itself: steady yaw and pitch, RMS of yaw and pitch: {:.3?}", errors(&right));
     let [yaw, pitch, yaw_rmse, pitch_rmse] = errors(&right);
-    // The gyroscope is to blame for as much of the yaw as is said to be unknown, and for no more.
+    // The error of the measured yaw is within its stated uncertainty.
     let unknown = number(&right["trials"][0], "yaw_uncertainty_deg");
     assert!(yaw.abs() < unknown.max(0.5) && pitch.abs() < 0.5, "{right}");
     assert!(yaw_rmse < 1.0 && pitch_rmse < 1.0, "{right}");
@@ -68,7 +54,7 @@ fn a_recorded_trial_is_met_by_its_replay_and_not_by_another_fluid() {
         ["yaw", "pitch", "roll"].into_iter().zip(steady_truth(&log).into_iter().zip(modelled))
     {
         let error = modelled.as_f64().unwrap() - truth;
-        println!("replay less truth, steady {angle}: {error:+.3} deg");
+        println!("replay minus truth, steady {angle}: {error:+.3} deg");
         assert!(error.abs() < 0.5, "{angle}: {error}");
     }
 
@@ -78,7 +64,7 @@ fn a_recorded_trial_is_met_by_its_replay_and_not_by_another_fluid() {
     let [yaw, pitch, yaw_rmse, _] = errors(&wrong);
     assert!(yaw.abs() > 3.0 && yaw_rmse > 3.0, "{wrong}");
 
-    // The page of the latter says so in the same figures.
+    // The page of the latter shows the same numbers.
     let page = bench.path().join(wrong["report"].as_str().expect("a page"));
     let mut browser = Browser::start();
     browser.window(1280, 900, false);
@@ -98,11 +84,11 @@ fn a_recorded_trial_is_met_by_its_replay_and_not_by_another_fluid() {
     browser.picture(&pictures.join("comparison-trial.png"));
 }
 
-/// Four robots, each parameter up to 20 % from the published one, found from three recorded trials each:
+/// Recovers the parameters of four robots, each up to 20 % from the published one, from three recorded trials each:
 /// `cargo test --release -p tests --test twin -- --ignored --nocapture`, a quarter of an hour on two cores.
 #[test]
 #[ignore = "takes a quarter of an hour"]
-fn four_hidden_robots_are_found_from_their_recordings() {
+fn calibration_recovers_four_robots_from_recordings() {
     // A linear congruential generator (Knuth's MMIX).
     let mut state = 2024u64;
     let mut off = || {

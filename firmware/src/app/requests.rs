@@ -1,4 +1,4 @@
-//! What the board does when the host asks for something, and what it answers.
+//! The host's requests: carrying them out and answering them.
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
@@ -31,7 +31,7 @@ where
         self.answer(request.seq, answer, outbox);
     }
 
-    /// Does what a request asks for.
+    /// Carries out a request and returns its answer.
     #[inline(never)]
     fn carry_out(&mut self, request: &Request, arrived: Micros) -> Answer {
         let outcome = match &request.command {
@@ -109,14 +109,14 @@ where
         self.settings = *settings;
         self.rescale();
         self.imu.configure(Config::from(settings));
-        // The body's axes may be others now.
+        // The new settings may map the axes differently.
         self.attitude.restart();
         self.telemetry.attitude = Quaternion::IDENTITY;
         Ok(())
     }
 
     fn clear_fault(&mut self) -> Result<(), Refusal> {
-        // Of the causes, only the sensor's can last: the motors are off, the host is heard, the program runs.
+        // Only a cause in the sensor can last: the motors are off, the host is heard, the program runs.
         let of_imu = matches!(self.latch.get(), Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen);
         if of_imu && self.imu.fault() != Fault::None {
             return Err(Refusal::Faulted);
@@ -159,7 +159,7 @@ where
     }
 }
 
-/// A number of at most three digits.
+/// Parses a decimal number.
 const fn decimal(digits: &str) -> u8 {
     let digits = digits.as_bytes();
     let mut value = 0;

@@ -15,10 +15,10 @@ const COUNTS_PER_TICK: u16 = (CPU_HZ / 8 / TICK_HZ as u32) as u16;
 
 /// Overflows of the counter: 32.768 ms each.
 static OVERFLOWS: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
-/// Ticks that became due and were not yet taken.
+/// Ticks that are due and not yet taken.
 static DUE: Mutex<Cell<u8>> = Mutex::new(Cell::new(0));
 
-/// Starts clock and tick.
+/// Starts the clock and the tick.
 pub fn start(timer: &TC1) {
     // SAFETY: any value is valid in these registers.
     unsafe {
@@ -32,18 +32,18 @@ pub fn start(timer: &TC1) {
     unsafe { timer.tccr1b().write(|write| write.bits(DIV_8)) };
 }
 
-/// Stops them.
+/// Stops the clock and the tick.
 pub fn disable(timer: &TC1) {
     timer.timsk1().reset();
     timer.tccr1b().reset();
 }
 
-/// The time.
+/// Returns the time.
 pub fn now() -> Micros {
     interrupt::free(now_within)
 }
 
-/// The time, with interrupts off.
+/// Returns the time. Interrupts are off.
 #[inline(never)]
 pub fn now_within(cs: CriticalSection) -> Micros {
     // SAFETY: only reads, and both bytes of the counter with interrupts off, because they share a buffer with those of
@@ -58,12 +58,12 @@ pub fn now_within(cs: CriticalSection) -> Micros {
     Micros((overflows << 15) | u32::from(counter >> 1))
 }
 
-/// The ticks that have become due since the last call.
+/// Returns the number of ticks that have become due since the last call.
 pub fn take_due() -> u8 {
     interrupt::free(|cs| DUE.borrow(cs).take())
 }
 
-/// Sleeps until the next interrupt, unless a tick is due or `is_awake` says that there is work.
+/// Sleeps until the next interrupt, unless a tick is due or `is_awake` returns true.
 pub fn sleep_unless(is_awake: impl FnOnce() -> bool) {
     interrupt::disable();
     // SAFETY: this is the place between two pieces of work, called with interrupts on and outside of any critical section.
@@ -72,7 +72,7 @@ pub fn sleep_unless(is_awake: impl FnOnce() -> bool) {
         // SAFETY: as above.
         unsafe { interrupt::enable() };
     } else {
-        // The instruction after SEI runs before any interrupt: one that comes now ends the sleep and is not slept through.
+        // The instruction after SEI runs before any interrupt, so an interrupt that comes now ends the sleep.
         // SAFETY: idle mode stops the processor only.
         unsafe { core::arch::asm!("sei", "sleep") };
     }

@@ -1,7 +1,6 @@
-//! What happens when the program hangs or panics: motors off, a record where it survives, and a start from the
-//! beginning.
+//! The reaction to a hang or a panic: motors off, a record that survives, and a restart.
 //!
-//! The watchdog interrupts and never resets: after a reset by the watchdog, the bootloaders of many Nanos hang for ever.
+//! The watchdog interrupts and never resets: after a reset by the watchdog, the bootloaders of many Nanos hang.
 //! It cannot interrupt while interrupts are off, so no code with interrupts off may wait for anything.
 
 use core::panic::PanicInfo;
@@ -14,20 +13,20 @@ use super::outputs;
 
 /// Interrupt only, after 4096 cycles of its 128 kHz: 32 ms, six ticks (table 10-2).
 const WATCHDOG: u8 = 1 << 6 | 0b001;
-/// Lets the next write within four cycles change the watchdog.
+/// Allows the next write within four cycles to change the watchdog.
 const CHANGE: u8 = 1 << 4 | 1 << 3;
 /// The flag of an interrupt that has not been served; writing a one clears it.
 const PENDING: u8 = 1 << 7;
 
-/// The crash that led to this start, if one did. Forgets it. The record is in GPIOR1, which no start-up code touches and
-/// every reset clears.
+/// Returns the crash that led to this start, if any, and clears the record. It is in GPIOR1, which no start-up code
+/// touches and every reset clears.
 pub fn take_record(cpu: &CPU) -> Option<Crash> {
     let crash = Crash::from_record(cpu.gpior1().read().bits());
     cpu.gpior1().reset();
     crash
 }
 
-/// The hardware's reset flags. Clears them.
+/// Returns and clears the hardware's reset flags.
 pub fn take_reset_flags(cpu: &CPU) -> u8 {
     let flags = cpu.mcusr().read().bits();
     cpu.mcusr().reset();
@@ -39,7 +38,7 @@ pub fn start_watchdog(watchdog: &WDT) {
     change(watchdog, WATCHDOG | PENDING);
 }
 
-/// Stops it.
+/// Stops the watchdog.
 pub fn stop_watchdog(watchdog: &WDT) {
     change(watchdog, PENDING);
 }

@@ -1,27 +1,27 @@
-//! The EEPROM (section 8.4): reads at once, writes 3.4 ms long.
+//! The EEPROM (section 8.4): a read is immediate, a write takes 3.4 ms.
 
 use avr_device::atmega328p::EEPROM;
 use avr_device::interrupt;
 use firmware::settings::Storage;
 
-/// Turns of the waiting loop, about 6 cycles each: well over the 3.4 ms of a write.
-const PATIENCE: u16 = 20_000;
+/// Iterations of the waiting loop, about 6 cycles each: well over the 3.4 ms of a write.
+const MAX_POLLS: u16 = 20_000;
 
 /// The EEPROM.
 pub struct Eeprom(EEPROM);
 
 impl Eeprom {
-    /// Takes it.
+    /// Takes the EEPROM's registers.
     pub fn new(registers: EEPROM) -> Self {
         Self(registers)
     }
 
     fn select(&mut self, address: u16) {
-        let mut patience = PATIENCE;
-        while self.0.eecr().read().eepe().bit_is_set() && patience > 0 {
-            patience -= 1;
+        let mut polls_left = MAX_POLLS;
+        while self.0.eecr().read().eepe().bit_is_set() && polls_left > 0 {
+            polls_left -= 1;
         }
-        // SAFETY: a write is not going on; addresses beyond the end wrap.
+        // SAFETY: no write is in progress; addresses beyond the end wrap.
         self.0.eear().write(|write| unsafe { write.bits(address) });
     }
 }

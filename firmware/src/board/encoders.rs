@@ -1,4 +1,4 @@
-//! The encoders: both edges of channel 1 interrupt, channel 2 tells the direction.
+//! The encoders: both edges of channel 1 interrupt, channel 2 gives the direction.
 
 use core::cell::Cell;
 
@@ -19,11 +19,11 @@ const ENCODER_2: (u8, u8) = (1 << 2, 1 << 4);
 
 static EDGES: [Mutex<Cell<Edges>>; 2] = [const { Mutex::new(Cell::new(Edges { count: 0, time: Micros(0) })) }; 2];
 
-/// Starts to count.
+/// Starts counting.
 pub fn start(interrupts: &EXINT, port: &PORTD) {
     // SAFETY: any value is valid in these registers.
     unsafe {
-        // With pull-ups, an encoder that came loose is still, and found as a stall.
+        // With pull-ups, a disconnected encoder reads as still, which is found as a stall.
         let channels = ENCODER_1.0 | ENCODER_1.1 | ENCODER_2.0 | ENCODER_2.1;
         port.portd().modify(|read, write| write.bits(read.bits() | channels));
         interrupts.eicra().write(|write| write.bits(ANY_EDGE));
@@ -37,7 +37,7 @@ pub fn disable(interrupts: &EXINT) {
     interrupts.eimsk().reset();
 }
 
-/// Positions, and the times of the last edges.
+/// Returns the positions and the times of the last edges.
 pub fn edges() -> [Edges; 2] {
     interrupt::free(|cs| [EDGES[0].borrow(cs).get(), EDGES[1].borrow(cs).get()])
 }

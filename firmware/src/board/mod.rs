@@ -1,4 +1,4 @@
-//! The Arduino Nano (ATmega328P, 16 MHz) with the robot's wiring: the only place with registers, and without decisions.
+//! The Arduino Nano (ATmega328P, 16 MHz) with the robot's wiring: all registers, and no logic.
 //!
 //! | Nano | chip | to |
 //! | --- | --- | --- |
@@ -10,8 +10,8 @@
 //! | A4, A5 | SDA, SCL | MPU6050 |
 //! | USB | USART0 | host |
 //!
-//! Timer 0 and timer 2 make the PWM, timer 1 is the clock and the tick. Section numbers in this folder are those of the
-//! data sheet DS40002061B.
+//! Timers 0 and 2 make the PWM, timer 1 is the clock and the tick. Section numbers in this folder are those of the data
+//! sheet DS40002061B.
 
 pub mod clock;
 pub mod crash;
@@ -27,8 +27,8 @@ use avr_device::atmega328p::Peripherals;
 /// Frequency of the crystal.
 pub const CPU_HZ: u32 = 16_000_000;
 
-/// Puts every register that this program uses into its state after reset. The program may have been started by a jump
-/// ([`crash`]), with interrupts off and all else as it was.
+/// Resets every register that this program uses. The program may have been started by a jump ([`crash`]), with interrupts
+/// off and all other registers unchanged.
 pub fn reset_registers(peripherals: &Peripherals) {
     outputs::all_off();
     crash::stop_watchdog(&peripherals.WDT);

@@ -27,7 +27,7 @@ const OUTPUT_A: u8 = 0b1000_0000;
 const TIMER0_DIV_64: u8 = 0b011;
 const TIMER2_DIV_64: u8 = 0b100;
 
-/// The motors on their pins, off.
+/// Returns the motors on their pins, off.
 pub fn motors(timers: (TC0, TC2), ports: (PORTB, PORTD)) -> Motors<Pin, Pwm> {
     let ((timer0, timer2), (port_b, port_d)) = (timers, ports);
     all_off();
@@ -43,10 +43,10 @@ pub fn motors(timers: (TC0, TC2), ports: (PORTB, PORTD)) -> Motors<Pin, Pwm> {
     Motors::new([Bridge::new([AIN1, AIN2], Pwm::Timer0), Bridge::new([BIN1, BIN2], Pwm::Timer2)], STBY)
 }
 
-/// Turns the bridge off, whatever the program was doing: every output low.
+/// Turns the bridge off in any state of the program: every output low.
 pub fn all_off() {
-    // SAFETY: called at start and before a restart, when nothing else writes to these registers, or never will again;
-    // any value is valid in them.
+    // SAFETY: called at start and before a restart, when nothing else writes to these registers; any value is valid in
+    // them.
     unsafe {
         let (timer0, timer2, port_b, port_d) = (TC0::steal(), TC2::steal(), PORTB::steal(), PORTD::steal());
         timer0.ocr0a().write(|write| write.bits(0));
@@ -92,8 +92,8 @@ impl Pin {
     fn set(&self, high: bool) {
         let mask = self.mask;
         let change = |port: u8| if high { port | mask } else { port & !mask };
-        // SAFETY: no interrupt that returns writes to these ports, so that nothing comes between read and write; any
-        // value is valid in them.
+        // SAFETY: no interrupt that returns writes to these ports, so nothing comes between read and write; any value is
+        // valid in them.
         unsafe {
             match self.port {
                 Port::B => PORTB::steal().portb().modify(|read, write| write.bits(change(read.bits()))),
@@ -122,7 +122,7 @@ impl SetDutyCycle for Pwm {
 
     fn set_duty_cycle(&mut self, duty: u16) -> Result<(), Infallible> {
         let duty = u8::try_from(duty).unwrap_or(u8::MAX);
-        // A compare value of 0 still gives a pulse of one count in 256: for none, the timer lets go of the pin.
+        // A compare value of 0 still gives a pulse of one count in 256, so the timer is disconnected from the pin.
         let mode = if duty == 0 { FAST_PWM } else { FAST_PWM | OUTPUT_A };
         // SAFETY: these registers have no other user; any value is valid in them.
         unsafe {

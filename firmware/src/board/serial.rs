@@ -1,4 +1,4 @@
-//! The serial port, with a queue of bytes either way that its interrupts fill and empty.
+//! The serial port: its interrupts fill a queue of received bytes and empty a queue of bytes to send.
 
 use core::cell::{Cell, UnsafeCell};
 
@@ -11,14 +11,14 @@ use protocol::units::Micros;
 
 use super::{CPU_HZ, clock};
 
-/// The longest request and a short one, as they may come in during a tick.
+/// Size of the inbox: the longest request and a short one, which may come during a tick.
 const INBOX: usize = 64;
 
-/// With U2X the line runs at the crystal's frequency by 8 and by this, plus one.
+/// With U2X the rate is the crystal's frequency / 8 / (DIVIDER + 1).
 const DIVIDER: u16 = (CPU_HZ / 8 / BAUD) as u16 - 1;
 const _: () = assert!(CPU_HZ == 8 * BAUD * (DIVIDER as u32 + 1), "the rate is not exact");
 
-/// A place that main and one interrupt share by the rules of the queue in it: one end each.
+/// A cell that main and one interrupt share by the rules of its queue: one end each.
 struct Shared<T>(UnsafeCell<T>);
 
 // SAFETY: the cells are filled by `start`, before interrupts are on; afterwards each is used by one interrupt alone.
@@ -30,10 +30,10 @@ static RECEIVED: Shared<Option<Producer<'static, u8, INBOX>>> = Shared(UnsafeCel
 static TO_SEND: Shared<Option<Consumer<'static, u8, OUTBOX>>> = Shared(UnsafeCell::new(None));
 static FRAME_END: Mutex<Cell<Micros>> = Mutex::new(Cell::new(Micros(0)));
 
-/// What the host sent.
+/// Bytes from the host.
 pub type Inbox = Consumer<'static, u8, INBOX>;
 
-/// Starts the port. Answers main's ends of the queues.
+/// Starts the port; returns main's ends of the queues.
 ///
 /// # Safety
 /// Only once, and with interrupts off.
@@ -54,20 +54,20 @@ pub unsafe fn start(usart: &USART0) -> (Inbox, Outbox<'static>) {
     (inbox, outbox)
 }
 
-/// Stops it.
+/// Stops the port.
 pub fn disable(usart: &USART0) {
     usart.ucsr0b().reset();
 }
 
 /// Sends what is in the outbox.
 pub fn send() {
-    // The interrupt turns itself off when the queue is empty; should that come between read and write, it finds the queue
-    // empty once more.
+    // The interrupt turns itself off when the queue is empty; if that happens between read and write, it finds the queue
+    // empty again.
     // SAFETY: see above.
     unsafe { USART0::steal() }.ucsr0b().modify(|_, write| write.udrie0().set_bit());
 }
 
-/// When the last frame from the host ended.
+/// Returns the time at which the last frame from the host ended.
 pub fn frame_end() -> Micros {
     interrupt::free(|cs| FRAME_END.borrow(cs).get())
 }
@@ -81,7 +81,7 @@ fn USART_RX() {
         FRAME_END.borrow(cs).set(clock::now_within(cs));
     }
     if let Some(queue) = received {
-        // A byte too many is lost, and its frame's CRC tells.
+        // A byte without room is lost, which its frame's CRC reveals.
         queue.enqueue(byte).ok();
     }
 }

@@ -1,13 +1,13 @@
-//! Two test points for an emulator or a debugger, at a cost of one instruction each where they are.
+//! Two test points for an emulator or a debugger, each at the cost of one instruction.
 //!
-//! - The program writes to GPIOR0 what it has done: the codes of [`firmware::app::Stage`].
-//! - Bit 0 of GPIOR2 asks for a hang: the main loop clears it and spins for ever, until the watchdog ends that. Nothing on
-//!   the board writes there.
+//! - The program writes each finished stage to GPIOR0, as the code of [`firmware::app::Stage`].
+//! - Bit 0 of GPIOR2 requests a hang: the main loop clears it and spins until the watchdog ends it. Nothing on the board
+//!   writes to it.
 
 use avr_device::atmega328p::CPU;
 use firmware::app::Stage;
 
-/// Tells what ends.
+/// Marks the end of a stage.
 #[inline(always)]
 pub fn mark(stage: Stage) {
     // SAFETY: this register has no other user, and no effect.

@@ -1,8 +1,8 @@
-//! The two-wire interface as a master at 400 kHz (section 22), with an end to all waiting and a way out of a stuck bus.
+//! The two-wire interface as a master at 400 kHz (section 22), with a timeout and recovery from a stuck bus.
 //!
-//! A transaction may wait for [`PATIENCE`] in all; a sample of the IMU takes 0.43 ms. A device that was interrupted in the
-//! middle of a byte holds SDA low until it has got its clock pulses: after a bus error, up to nine pulses and a STOP free
-//! it (NXP UM10204, section 3.1.16).
+//! A transaction may take [`TIMEOUT`]; a sample of the IMU takes 0.43 ms. A device that was interrupted in the middle of a
+//! byte holds SDA low until it gets its clock pulses: after a bus error, up to nine pulses and a STOP free it (NXP UM10204,
+//! section 3.1.16).
 
 use avr_device::atmega328p::{PORTC, TC0, TWI};
 use embedded_hal::i2c::{self, ErrorKind, I2c, NoAcknowledgeSource, Operation};
@@ -10,11 +10,11 @@ use embedded_hal::i2c::{self, ErrorKind, I2c, NoAcknowledgeSource, Operation};
 use super::CPU_HZ;
 
 const BUS_HZ: u32 = 400_000;
-/// SCL runs at the crystal's frequency by 16 and twice this.
+/// SCL runs at the crystal's frequency / (16 + 2 TWBR).
 const TWBR: u8 = ((CPU_HZ / BUS_HZ - 16) / 2) as u8;
 
-/// In counts of timer 0, which makes a PWM and so runs always: 0.7 ms.
-const PATIENCE: u8 = (CPU_HZ / 64 * 7 / 10_000) as u8;
+/// Longest transaction, in counts of timer 0, which always runs for the PWM: 0.7 ms.
+const TIMEOUT: u8 = (CPU_HZ / 64 * 7 / 10_000) as u8;
 
 /// Half a period of the recovery's pulses, 5 µs.
 const HALF_PULSE_CYCLES: u32 = CPU_HZ / 200_000;
@@ -45,9 +45,9 @@ mod status {
 /// What went wrong on the bus.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Error {
-    /// Nobody answered.
+    /// No device answered.
     NoAcknowledge(NoAcknowledgeSource),
-    /// The lines are not as they should be, or the bus takes too long. It has been clocked free.
+    /// The bus is in a wrong state or timed out. It has been recovered.
     Bus,
 }
 
@@ -64,13 +64,13 @@ impl i2c::Error for Error {
 pub struct Twi {
     registers: TWI,
     lines: PORTC,
-    patience: u8,
+    time_left: u8,
 }
 
 impl Twi {
-    /// Takes the bus, and frees it of a transaction that a restart has cut off.
+    /// Takes the bus and recovers it from a transaction that a restart has cut off.
     pub fn new(registers: TWI, lines: PORTC) -> Self {
-        let mut twi = Self { registers, lines, patience: 0 };
+        let mut twi = Self { registers, lines, time_left: 0 };
         twi.recover();
         twi
     }
@@ -85,13 +85,13 @@ impl Twi {
         let mut last = time();
         while self.registers.twcr().read().bits() & mask == value {
             let now = time();
-            self.patience = self.patience.checked_sub(now.wrapping_sub(last)).ok_or(Error::Bus)?;
+            self.time_left = self.time_left.checked_sub(now.wrapping_sub(last)).ok_or(Error::Bus)?;
             last = now;
         }
         Ok(())
     }
 
-    /// One step on the bus; answers the status after it.
+    /// Takes one step on the bus; returns the status after it.
     fn step(&mut self, bits: u8) -> Result<u8, Error> {
         self.control(TWINT | bits);
         self.wait_while(TWINT, 0)?;
@@ -141,7 +141,7 @@ impl Twi {
                     }
                 }
                 Operation::Read(bytes) => {
-                    // The last byte is not acknowledged: it ends the device's part.
+                    // The last byte is not acknowledged, which ends the transfer.
                     let last = bytes.len().saturating_sub(1);
                     for (index, byte) in bytes.iter_mut().enumerate() {
                         let (acknowledge, expected) =
@@ -157,12 +157,12 @@ impl Twi {
         Ok(())
     }
 
-    /// Clocks the bus free and starts the interface anew.
+    /// Clocks the bus free and restarts the interface.
     fn recover(&mut self) {
         // SAFETY: any value is valid in these registers.
         unsafe {
             self.registers.twcr().write(|write| write.bits(0));
-            // Lines are pulled low by making them outputs, and let go by making them inputs.
+            // An output pulls its line low, an input releases it.
             self.lines.portc().modify(|read, write| write.bits(read.bits() & !(SDA | SCL)));
         }
         self.pull(SCL | SDA, 0);
@@ -173,7 +173,7 @@ impl Twi {
             self.pull(SCL, SCL);
             self.pull(SCL, 0);
         }
-        // A START and a STOP by hand: whoever listens begins anew.
+        // A START and a STOP by hand reset every device.
         self.pull(SDA, SDA);
         self.pull(SDA, 0);
         // SAFETY: any value is valid in these registers.
@@ -184,7 +184,7 @@ impl Twi {
         }
     }
 
-    /// Of the lines in `mask`, pulls those in `low` and lets go of the others; then waits half a period.
+    /// Of the lines in `mask`, pulls those in `low` and releases the others; then waits half a period.
     fn pull(&mut self, mask: u8, low: u8) {
         // SAFETY: any value is valid; interrupts do not use this port.
         self.lines.ddrc().modify(|read, write| unsafe { write.bits(read.bits() & !mask | low) });
@@ -192,7 +192,7 @@ impl Twi {
     }
 }
 
-/// Counts of 4 µs.
+/// Returns the time in counts of 4 µs.
 fn time() -> u8 {
     // SAFETY: only reads.
     unsafe { TC0::steal() }.tcnt0().read().bits()
@@ -204,11 +204,11 @@ impl i2c::ErrorType for Twi {
 
 impl I2c for Twi {
     fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), Error> {
-        self.patience = PATIENCE;
+        self.time_left = TIMEOUT;
         let outcome = match self.operate(address, operations) {
             Ok(()) => self.stop(),
             Err(Error::Bus) => Err(Error::Bus),
-            // The bus is well: free it for the next transaction.
+            // The bus works: free it for the next transaction.
             Err(error) => self.stop().and(Err(error)),
         };
         if outcome == Err(Error::Bus) {

@@ -1,4 +1,4 @@
-//! The whole application on a bench: a sensor that answers, a memory, pins that remember, and a host that talks frames.
+//! The whole application on a bench: a sensor, a memory, pins that record, and a host that sends frames.
 
 use std::cell::RefCell;
 use std::convert::Infallible;
@@ -19,16 +19,16 @@ use protocol::{Command, Message, Reply, Request, Telemetry};
 
 pub const TICK_US: u32 = 5000;
 
-/// What the hardware is and does, shared between the application and the test.
+/// The state of the hardware, shared between the application and the test.
 #[derive(Clone)]
 pub struct World(Rc<RefCell<State>>);
 
 pub struct State {
     /// Registers of the MPU6050.
     pub registers: [u8; 128],
-    /// What the next transactions end with.
+    /// Outcome of the next transactions.
     pub bus_error: Option<i2c::ErrorKind>,
-    /// Whether the sensor's values change from reading to reading, as a living one's do.
+    /// Whether the sensor's values change with each reading, as a working sensor's do.
     pub alive: bool,
     pub eeprom: [u8; 1024],
     /// AIN1, AIN2, BIN1, BIN2, STBY.
@@ -57,7 +57,7 @@ impl World {
         change(&mut self.0.borrow_mut())
     }
 
-    /// What the sensor measures, in counts.
+    /// Sets the sensor's readings, counts.
     pub fn set_sample(&self, accel: [i16; 3], gyro: [i16; 3]) {
         let words = [accel[0], accel[1], accel[2], -4000, gyro[0], gyro[1], gyro[2]];
         self.change(|state| {
@@ -67,7 +67,7 @@ impl World {
         });
     }
 
-    /// Whether every output that could turn a motor is off.
+    /// Returns whether every output that can turn a motor is off.
     pub fn is_off(&self) -> bool {
         self.change(|state| state.duty == [0, 0] && state.pins == [false; 5])
     }
@@ -172,7 +172,7 @@ pub struct Bench {
     accumulator: Accumulator,
     pub now: u32,
     pub edges: [Edges; 2],
-    /// Counts per tick that the encoders make.
+    /// Counts of the encoders per tick.
     pub speed: [i32; 2],
     pub telemetry: Vec<Telemetry>,
     pub replies: Vec<(u8, Reply)>,
@@ -184,7 +184,7 @@ impl Bench {
         Self::start(World::new(), Start::default())
     }
 
-    /// Starts the board on what is left in `world`.
+    /// Starts the board in the state of `world`.
     pub fn start(world: World, start: Start) -> Self {
         let pins = [0, 1, 2, 3, 4].map(|pin| Pin(world.clone(), pin));
         let [ain1, ain2, bin1, bin2, standby] = pins;
@@ -210,18 +210,18 @@ impl Bench {
         bench
     }
 
-    /// One tick; the line takes away all that there is to send.
+    /// Runs one tick; the line takes all bytes to send.
     pub fn tick(&mut self) {
         self.tick_after(0);
     }
 
-    /// One tick after `missed` that were left out.
+    /// Runs one tick after `missed` missed ones.
     pub fn tick_after(&mut self, missed: u8) {
         self.tick_unsent(missed);
         self.deliver();
     }
 
-    /// One tick; the line takes nothing away.
+    /// Runs one tick; the line takes no bytes.
     pub fn tick_unsent(&mut self, missed: u8) {
         self.now = self.now.wrapping_add(TICK_US * (1 + u32::from(missed)));
         for (edges, speed) in self.edges.iter_mut().zip(self.speed) {
@@ -244,7 +244,7 @@ impl Bench {
         }
     }
 
-    /// The line takes away all that there is to send.
+    /// Takes all bytes to send.
     pub fn deliver(&mut self) {
         let (_, mut line) = self.outbox.split();
         while let Some(byte) = line.dequeue() {
@@ -257,7 +257,7 @@ impl Bench {
         }
     }
 
-    /// Sends bytes as they are.
+    /// Sends raw bytes.
     pub fn send_bytes(&mut self, bytes: &[u8]) {
         let (mut outbox, _) = self.outbox.split();
         for byte in bytes {
@@ -266,7 +266,7 @@ impl Bench {
         self.deliver();
     }
 
-    /// Sends a request with a number of its own choice, and gives all answers that came at once.
+    /// Sends a request with this number and returns all immediate answers.
     pub fn send(&mut self, seq: u8, command: Command) -> Vec<Reply> {
         let mut buffer = [0; MAX_FRAME];
         let frame = encode(&Request { seq, command }, &mut buffer).unwrap().to_vec();
@@ -275,7 +275,7 @@ impl Bench {
         self.replies[before..].iter().map(|(to, reply)| (assert_eq!(*to, seq), *reply).1).collect()
     }
 
-    /// Sends a new request and gives its one answer.
+    /// Sends a new request and returns its answer.
     pub fn ask(&mut self, command: Command) -> Reply {
         self.seq = self.seq.wrapping_add(1);
         let replies = self.send(self.seq, command);
@@ -283,7 +283,7 @@ impl Bench {
         replies[0]
     }
 
-    /// The next frame of a running stream.
+    /// Returns the next frame of the stream.
     pub fn look(&mut self) -> Telemetry {
         let before = self.telemetry.len();
         while self.telemetry.len() == before {
@@ -292,7 +292,7 @@ impl Bench {
         self.telemetry[before]
     }
 
-    /// Ticks with a ping now and then, as a host does that wants the motors to turn.
+    /// Runs ticks with regular pings, as a host does while the motors turn.
     pub fn ticks_alive(&mut self, ticks: u32) {
         for tick in 0..ticks {
             if tick % 20 == 0 {

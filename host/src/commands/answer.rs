@@ -1,54 +1,55 @@
-//! What a command hands back, and how it reaches the user: stdout, stderr and the exit code.
+//! The result of a command, and its output: stdout, stderr and the exit code.
 
 use miette::{Diagnostic, Report};
 use serde::Serialize;
 use std::io::Write;
 use std::process::ExitCode;
 
-/// How a command that has an answer ended.
+/// How a command without an error ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Outcome {
     /// Everything was done. Exit code 0.
     Done,
-    /// The answer is that something is broken. Exit code 1.
+    /// Done, and something failed or was found broken. Exit code 1.
     Failed,
-    /// Done, with loss or warnings that matter. Exit code 3.
+    /// Done, with losses or important warnings. Exit code 3.
     WithLoss,
-    /// The user interrupted it, and everything is closed properly. Exit code 130.
+    /// The user interrupted it, and all files are closed. Exit code 130.
     Interrupted,
 }
 
-/// The diagnostic code of an error that the user made: exit code 2 instead of 1. To be given as
+/// The diagnostic code of wrong use, with exit code 2 instead of 1. To be given as
 /// `#[diagnostic(code(wrong_use))]`, or as `code = WRONG_USE` in [`miette::miette!`].
 pub const WRONG_USE: &str = "wrong_use";
 
-/// What a command found or did.
+/// The result of a command.
 #[derive(Debug)]
 pub struct Answer {
     /// How it ended.
     pub outcome: Outcome,
-    /// What `--json` prints.
+    /// Output with `--json`.
     pub json: serde_json::Value,
-    /// What is printed without `--json`.
+    /// Output without `--json`.
     pub text: String,
 }
 
 impl Answer {
-    /// An answer whose JSON is `body`.
+    /// Creates an answer whose JSON is `body`.
     ///
     /// # Errors
-    /// When `body` has no JSON form.
+    /// If `body` cannot be represented in JSON.
     pub fn new(outcome: Outcome, body: &impl Serialize, text: impl Into<String>) -> miette::Result<Self> {
-        let json = serde_json::to_value(body).map_err(|error| miette::miette!("the answer is no JSON: {error}"))?;
+        let json = serde_json::to_value(body)
+            .map_err(|error| miette::miette!("the answer cannot be written as JSON: {error}"))?;
         Ok(Self { outcome, json, text: text.into() })
     }
 }
 
 impl Answer {
-    /// What was done until `report` ended it: printed as an error, and in the JSON beside the error.
+    /// Creates an answer with the part that was done before the error `report`, which is printed and added to the JSON.
     ///
     /// # Errors
-    /// When `body` has no JSON form.
+    /// If `body` cannot be represented in JSON.
     pub fn failed(body: &impl Serialize, report: &Report) -> miette::Result<Self> {
         let mut answer = Self::new(Outcome::Failed, body, "")?;
         if let (Some(json), serde_json::Value::Object(error)) = (answer.json.as_object_mut(), error_json(report)) {
@@ -59,7 +60,7 @@ impl Answer {
     }
 }
 
-/// Prints `result` and turns it into the exit code.
+/// Prints `result` and returns the exit code.
 pub(super) fn finish(result: miette::Result<Answer>, json: bool) -> ExitCode {
     let code = exit_code(&result);
     let output = match &result {
@@ -75,7 +76,7 @@ pub(super) fn finish(result: miette::Result<Answer>, json: bool) -> ExitCode {
     }
     match writeln!(std::io::stdout(), "{}", output.trim_end()) {
         Ok(()) => ExitCode::from(code),
-        // A reader like `head` that has seen enough is no failure.
+        // A reader such as `head` may close the pipe early.
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::from(code),
         Err(error) => {
             let _ = writeln!(std::io::stderr(), "error: stdout: {error}");
@@ -104,7 +105,7 @@ fn error_json(report: &Report) -> serde_json::Value {
     })
 }
 
-/// What was wrong and where, what caused it, and what to do about it.
+/// Describes an error, its causes, and its fix.
 fn describe(error: &dyn Diagnostic) -> String {
     let mut text = format!("error: {}\n", chain(error).join("\n  because: "));
     if let Some(help) = error.help() {
@@ -113,7 +114,7 @@ fn describe(error: &dyn Diagnostic) -> String {
     text
 }
 
-/// The error and its causes; libraries often repeat a cause in the message, which is then left out.
+/// Returns the error and its causes. Libraries often repeat a cause in the message; it is then left out.
 fn chain(error: &dyn Diagnostic) -> Vec<String> {
     let mut messages = vec![error.to_string()];
     let mut source = error.source();
@@ -150,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_says_what_why_and_the_cure() {
+    fn error_text_has_cause_and_help() {
         let report: Report = Wrong { cause: std::io::Error::other("it is gone") }.into();
         assert_eq!(
             describe(report.as_ref()),

@@ -1,13 +1,16 @@
-//! `biflag calibrate`: a robot's parameters from its trials.
+//! `biflag calibrate`: fits a robot's parameters to its trials.
 
-use super::simulate::{ClosureName, cores};
+use super::options::{ClosureName, cores};
 use super::{Answer, Outcome, WRONG_USE};
-use crate::rig::Progress;
-use crate::robot_file;
-use crate::twin::calibrate::{self, Calibration, Parameter, Request};
-use crate::twin::{Recording, Source};
-use crate::whole_file;
+use crate::atomic_file;
+use crate::plan::robot;
+use crate::progress::{Progress, lock};
+use crate::text;
+use crate::trial::{Data, Want};
+use crate::twin::Source;
+use crate::twin::calibrate::{self, Calibration, FitTrial, Parameter, Request};
 use miette::{IntoDiagnostic, WrapErr};
+use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::fs::File;
@@ -15,31 +18,30 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Fit parameters of the robot to recorded trials, with their uncertainties, and write its file.
+/// Fit parameters of the robot to recorded trials, with their uncertainties, and write a robot file.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag calibrate glycerin -o fitted.toml\n  \
     biflag calibrate glycerin/*.mcap --fit tether,viscosity -o fitted.toml\n  \
     biflag compare glycerin --robot fitted.toml\n\
-    The trials should begin with a still phase, and differ in their speeds.\n\
-    Exit code 3: a log is not whole, or the trials cannot tell all parameters.")]
+    The trials should begin with a still phase and have different speeds.")]
 pub struct Args {
-    /// Logs or sessions' folders.
+    /// Logs or session folders.
     #[arg(required = true)]
     logs: Vec<PathBuf>,
-    /// The robot's file to write; it must not exist.
+    /// The robot file to write, which must not exist.
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
-    /// What to fit: tether, righting, drag, viscosity, young, mount-yaw. By default all but young.
+    /// The parameters to fit: tether, righting, drag, viscosity, young, mount-yaw; by default all except young.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fit: Vec<Parameter>,
-    /// The robot to start from, instead of that of the first log.
+    /// The robot file to start from; by default the robot of the first log.
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// The closure; by default that of the first log's model, and `full` where it has none.
+    /// The closure; by default that of the first log's model, or `full`.
     #[arg(long, value_enum)]
     closure: Option<ClosureName>,
-    /// Simulations at a time; by default one on every core.
+    /// Number of parallel simulations; by default the number of cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
 }
@@ -51,18 +53,18 @@ struct Calibrated<'a> {
     robot: &'a Path,
 }
 
-/// Rounds of a usual fit, for the estimate of the time left.
+/// Number of rounds of a typical fit, to estimate the remaining time.
 const USUAL_ROUNDS: usize = 8;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    // An hour of fitting must not end in a file that cannot be written.
+    // Check first that the file can be written, because a fit may take an hour.
     if args.out.exists() {
         let help = "name another file with -o, or move this one away";
-        return Err(miette::miette!(code = WRONG_USE, help = help, "{}: exists already", args.out.display()));
+        return Err(miette::miette!(code = WRONG_USE, help = help, "{}: already exists", args.out.display()));
     }
-    let draft = whole_file::draft(&args.out);
-    if let Err(error) = whole_file::create(&draft).and_then(|_| std::fs::remove_file(&draft)) {
-        let help = "name a file in a folder that is there and may be written to";
+    let draft = atomic_file::draft(&args.out);
+    if let Err(error) = atomic_file::create(&draft).and_then(|_| std::fs::remove_file(&draft)) {
+        let help = "name a file in a folder that exists and is writable";
         return Err(miette::miette!(
             code = WRONG_USE,
             help = help,
@@ -79,35 +81,36 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
     });
     let robot = match &args.robot {
-        Some(path) => Some(robot_file::parse(&super::replay::robot(path)?.text, &path.display().to_string())?),
+        Some(path) => Some(robot::load(path)?.parse()?),
         None => None,
     };
-    let mut recordings = Vec::new();
+    let mut logs = Vec::new();
     for path in &args.logs {
         if path.is_dir() {
-            for (_, log) in Source::open(path)?.logs {
-                recordings.push(Recording::read(&log)?);
-            }
+            logs.extend(Source::open(path)?.logs.into_iter().map(|(_, log)| log));
         } else {
-            recordings.push(Recording::read(path)?);
+            logs.push(path.clone());
         }
     }
     let jobs = args.jobs.map_or_else(cores, usize::from);
     let request = Request { robot, closure: args.closure.map(Into::into), parameters, jobs };
 
-    let simulations = USUAL_ROUNDS * (request.parameters.len() + 1) * recordings.len();
+    let simulations = USUAL_ROUNDS * (request.parameters.len() + 1) * logs.len();
     let progress = Progress::new(simulations as f64);
-    progress.phase(&format!("{} trials", recordings.len()), &format!("{} parameters", request.parameters.len()));
+    progress.phase(&text::count(logs.len(), "trial"), &text::count(request.parameters.len(), "parameter"));
     let progress = std::sync::Mutex::new(progress);
     let done = AtomicUsize::new(0);
     let simulated = || {
         let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-        let progress = progress.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        // How many it takes is not known before.
-        progress.within(count.min(simulations - 1) as f64);
+        // The number of simulations is unknown in advance.
+        lock(&progress).within(count.min(simulations - 1) as f64);
     };
-    let fitted = calibrate::calibrate(&recordings, &request, &simulated);
-    progress.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).finish();
+    let read = |log: &PathBuf| -> miette::Result<FitTrial> {
+        Ok(FitTrial::new(&Data::read(log, Want { hash: true, ..Want::default() })?)?)
+    };
+    let trials: Vec<_> = logs.par_iter().map(read).collect::<miette::Result<_>>()?;
+    let fitted = calibrate::calibrate(trials, &request, &simulated);
+    lock(&progress).finish();
     let calibration = fitted?;
 
     write(&args.out, &calibrate::to_toml(&calibration))
@@ -132,15 +135,18 @@ fn describe(calibration: &Calibration, out: &Path) -> String {
         let [low, high] = p.interval_95;
         let _ = writeln!(
             text,
-            "{:<10} {:>11.4e} ± {:.1e} {:<8} (95 %: {low:.4e} to {high:.4e}; it was {:.4e})",
+            "{:<10} {:>11.4e} ± {:.1e} {:<8} (95 %: {low:.4e} to {high:.4e}; start {:.4e})",
             p.name, p.value, p.std_error, p.unit, p.start
         );
     }
     let mount = &calibration.mounting;
     let _ = writeln!(text, "sensor at rest: pitch {:.2}, roll {:.2} deg", mount.pitch_deg, mount.roll_deg);
     let (before, after) = (calibration.rmse_before_deg, calibration.rmse_after_deg);
-    let _ =
-        writeln!(text, "RMSE {before:.3} deg before, {after:.3} deg after, over {} trials", calibration.trials.len());
+    let _ = writeln!(
+        text,
+        "RMSE {before:.3} deg before, {after:.3} deg after, over {}",
+        text::count(calibration.trials.len(), "trial")
+    );
     let _ = writeln!(text, "condition number of the correlations {:.0}", calibration.condition_number);
     for line in calibration.cannot_tell.iter().chain(&calibration.warnings) {
         let _ = writeln!(text, "warning: {line}");

@@ -1,102 +1,142 @@
-//! `biflag compare`: experiment held against model.
+//! `biflag compare`: compares experiment and model.
 
-use super::replay::{interruption, robot};
-use super::simulate::{ClosureName, cores};
+use super::options::{ClosureName, cores};
 use super::{Answer, Outcome, WRONG_USE};
-use crate::report;
+use crate::plan::robot;
+use crate::progress::interruption;
+use crate::report::{self, ByteBudget, Kind, View};
 use crate::session::{Session, Sharing};
-use crate::twin::{self, Allow, Comparison, SessionComparison, Source};
+use crate::text::{count, decimal, signed};
+use crate::trial::{Data, Want};
+use crate::twin::{self, Comparison, OnMismatch, Pairs, Replayed, SessionComparison, Source, TwinError};
 use serde::Serialize;
 use sim::trial::Options;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Hold a log or a session against its own replay in the model, or against another one.
+/// Compare a log or a session with its replay in the model, or with another log or session.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag compare glycerin\n  \
     biflag compare glycerin --robot fitted.toml\n  \
     biflag compare glycerin glycerin-model\n\
-    Replays that are missing or out of date are made in the folder of `biflag simulate --from`.\n\
-    Exit code 3: a log is not whole, or a trial could not be compared.")]
+    Missing and outdated replays are simulated first, into the folder SESSION-replay.\n\
+    The page is compare.html in the session folder, or LOG.compare.html beside the log.")]
 pub struct Args {
-    /// What was measured: a log, or a session's folder.
+    /// The measurement: a log, or a session folder.
     a: PathBuf,
-    /// What to hold it against; by default its own replay.
+    /// The log or session to compare it with; by default its replay.
     b: Option<PathBuf>,
-    /// Compare in spite of other robots, closures or speeds.
+    /// Compare despite different robots, closures or speeds.
     #[arg(long)]
     anyway: bool,
-    /// Replay with the robot in this file instead of the log's own.
+    /// Replay with this robot file instead of the robot in the log.
     #[arg(long, value_name = "FILE", conflicts_with = "b")]
     robot: Option<PathBuf>,
-    /// Replay with this closure; by default that of the log's own model, and `full` where it has none.
+    /// Replay with this closure; by default that of the log's model, or `full`.
     #[arg(long, value_enum, conflicts_with = "b")]
     closure: Option<ClosureName>,
-    /// Trials at a time; by default one on every core.
+    /// Number of parallel trials; by default the number of cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
 }
 
-/// The replays' rate. The slowest wobble worth seeing takes half a second.
+/// Sampling rate of the replays. The fastest wobble takes half a second.
 const REPLAY_HZ: f64 = 20.0;
 
-/// Replays of no more trials than this have the flagella's shapes, for the page's view of the robot: it has no room for more.
+/// Largest number of trials whose replays contain the shapes of the flagella, because the size of the page is limited.
 const SHAPES_UP_TO: usize = 8;
 
 #[derive(Serialize)]
-struct Compared<'a> {
+struct Body<'a> {
     #[serde(flatten)]
     comparison: &'a SessionComparison,
-    /// The page that shows it.
+    /// The page with the comparison.
     report: Option<PathBuf>,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let jobs = args.jobs.map_or_else(cores, usize::from);
-    let allow = if args.robot.is_some() || args.closure.is_some() {
-        Allow::AsNamed
+    let on_mismatch = if args.robot.is_some() || args.closure.is_some() {
+        OnMismatch::Accept
     } else if args.anyway {
-        Allow::Anyway
+        OnMismatch::Warn
     } else {
-        Allow::Alike
+        OnMismatch::Reject
     };
-    let comparison = match &args.b {
-        Some(b) => twin::compare_sessions(&args.a, b, allow, jobs)?,
-        None => {
-            let interrupted = interruption()?;
-            let source = Source::open(&args.a)?;
-            let settings = twin::Settings {
-                closure: args.closure.map(Into::into),
-                robot: args.robot.as_deref().map(robot).transpose()?,
-                options: Options { rate_hz: REPLAY_HZ, shapes: source.logs.len() <= SHAPES_UP_TO },
-                any_rate: true,
-                jobs,
-            };
-            let folder = source.replay_folder();
-            let session = Session::resume(&folder, &source.plan)?;
-            let _lock = session.lock(Sharing::Alone)?;
-            let replays = twin::replay(&source, &session, &settings, &interrupted, &|run| run.trial.name.clone())?;
-            if replays.interrupted {
-                let text = format!("interrupted; the replays that ended are in {}", folder.display());
+    let budget = report::budget(&args.a)?;
+    let (comparison, views) = match &args.b {
+        Some(b) => {
+            let view = |a: &Data, b: &Data, compared: &_| View::new(a, Some((compared, b)), budget);
+            twin::compare_pairs(&Pairs::of(&args.a, b)?, report::want(budget), on_mismatch, jobs, &view)?
+        }
+        None => match replays(args, jobs, on_mismatch, budget)? {
+            Compared::Done(comparison, views) => (comparison, views),
+            Compared::Interrupted(folder) => {
+                let text = format!("interrupted; the complete replays are in {}", folder.display());
                 return Answer::new(Outcome::Interrupted, &serde_json::json!({ "trials": [], "report": null }), text);
             }
-            twin::compare_replays(&source, &folder, &replays, allow, jobs)?
-        }
+        },
     };
     if comparison.trials.is_empty() {
         let reasons: Vec<_> = comparison.skipped.iter().map(|trial| trial.reason.as_str()).collect();
         return Err(miette::miette!(code = WRONG_USE, "nothing could be compared: {}", reasons.join("; ")));
     }
     let is_whole = comparison.skipped.is_empty() && comparison.trials.iter().all(|trial| trial.warnings.is_empty());
-    // Figures without a page are better than none.
-    let (report, page) = match report::write(&args.a, Some(&comparison), None) {
+    // The results are printed even if the page cannot be written.
+    let (report, page) = match report::write(&args.a, Kind::Comparison, Some(&comparison), views, None) {
         Ok(written) => (Some(written.html.clone()), format!("report: {}\n", written.html.display())),
         Err(error) => (None, format!("no report: {error}\n")),
     };
     let outcome = if is_whole && report.is_some() { Outcome::Done } else { Outcome::WithLoss };
     let text = describe(&comparison) + &page;
-    Answer::new(outcome, &Compared { comparison: &comparison, report }, text)
+    Answer::new(outcome, &Body { comparison: &comparison, report }, text)
+}
+
+/// The comparison of recordings with their replays.
+enum Compared {
+    Done(SessionComparison, Vec<View>),
+    /// Interrupted, with the folder of the replays.
+    Interrupted(PathBuf),
+}
+
+fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget) -> miette::Result<Compared> {
+    let interrupted = interruption()?;
+    let source = Source::open(&args.a)?;
+    let settings = twin::Settings {
+        closure: args.closure.map(Into::into),
+        robot: args.robot.as_deref().map(robot::load).transpose()?,
+        options: Options { rate_hz: REPLAY_HZ, shapes: source.logs.len() <= SHAPES_UP_TO },
+        any_rate: true,
+        jobs,
+    };
+    let folder = source.replay_folder();
+    let session = Session::resume(&folder, &source.plan)?;
+    let _lock = session.lock(Sharing::Alone)?;
+    let want = report::want(budget);
+    let compare = |replayed: &Replayed, a: Data| -> Result<_, TwinError> {
+        // The page shows the shapes of the replay if the recording has none.
+        let shapes = if a.shapes.is_empty() { want.shapes } else { 0 };
+        let b = Data::read(&replayed.log, Want { shapes, ..want })?;
+        let compared = twin::compare(&a, &b, on_mismatch)?;
+        let view = View::new(&a, Some((&compared, &b)), budget);
+        Ok((compared.comparison, view))
+    };
+    let line = |run: &crate::run::model::ModelRun| run.trial.name.clone();
+    let mut replays = twin::replay(&source, &session, &settings, want, &interrupted, &line, &compare)?;
+    if replays.interrupted {
+        return Ok(Compared::Interrupted(folder));
+    }
+    let mut results = Vec::new();
+    for (replayed, compared) in replays.trials {
+        let name = replayed.trial.name;
+        match replayed.result {
+            Ok(_) => results.push((name, compared)),
+            Err(reason) => replays.skipped.push(twin::Skipped { name, reason: format!("the solver failed: {reason}") }),
+        }
+    }
+    let (comparison, views) = twin::sum_up([&source.path, &folder], results, replays.skipped, on_mismatch)?;
+    Ok(Compared::Done(comparison, views))
 }
 
 fn describe(comparison: &SessionComparison) -> String {
@@ -111,7 +151,9 @@ fn describe(comparison: &SessionComparison) -> String {
     if comparison.trials.len() > 1 {
         let rmse = [comparison.yaw_rmse_deg, comparison.pitch_rmse_deg, comparison.roll_rmse_deg];
         let [yaw, pitch, roll] = rmse.map(Option::unwrap_or_default);
-        let _ = writeln!(text, "all: RMSE yaw {yaw:.2}, pitch {pitch:.2}, roll {roll:.2} deg; {}", comparison.verdict);
+        let [yaw, pitch, roll] = [yaw, pitch, roll].map(|deg| decimal(deg, 2));
+        let trials = count(comparison.trials.len(), "trial");
+        let _ = writeln!(text, "{trials}: RMSE yaw {yaw}°, pitch {pitch}°, roll {roll}°; {}", comparison.verdict);
     }
     for trial in &comparison.skipped {
         let _ = writeln!(text, "skipped: {}: {}", trial.name, trial.reason);
@@ -120,22 +162,30 @@ fn describe(comparison: &SessionComparison) -> String {
 }
 
 fn line(trial: &Comparison) -> String {
-    let Comparison { name, yaw_rmse_deg, pitch_rmse_deg, roll_rmse_deg, verdict, .. } = trial;
-    let [yaw, pitch, roll] = [trial.steady_yaw_error_deg, trial.steady_pitch_error_deg, trial.steady_roll_error_deg];
-    let known = match trial.yaw_uncertainty_deg {
-        Some(deg) => format!(" (known to {deg:.2})"),
-        None => String::new(),
-    };
-    let settle = match trial.settle_ratio {
-        Some(ratio) => format!(", settles in {ratio:.2} of the time"),
-        None => String::new(),
-    };
+    let rmse = [trial.yaw_rmse_deg, trial.pitch_rmse_deg, trial.roll_rmse_deg].map(|deg| decimal(deg, 2));
+    let error = [trial.steady_yaw_error_deg, trial.steady_pitch_error_deg, trial.steady_roll_error_deg];
+    let error = error.map(|deg| signed(deg, 2));
+    let measured = trial.steady_measured_deg.map(|deg| decimal(deg, 2));
+    let uncertainty = trial.yaw_uncertainty_deg.filter(|deg| *deg > 0.0);
+    let uncertainty = uncertainty.map_or_else(String::new, |deg| format!(" ± {deg:.2}°"));
+    let settle = trial.settle_ratio.map_or_else(String::new, |ratio| format!(", settling time ratio {ratio:.2}"));
     let shift = match trial.time_shift_s {
         0.0 => String::new(),
-        shift => format!(", shifted by {shift:+.2} s"),
+        shift => format!(", time shift {shift:+.2} s"),
     };
     format!(
-        "{name}: RMSE yaw {yaw_rmse_deg:.2}, pitch {pitch_rmse_deg:.2}, roll {roll_rmse_deg:.2} deg; steady errors yaw \
-         {yaw:+.2}{known}, pitch {pitch:+.2}, roll {roll:+.2} deg{settle}{shift}\n  {verdict}"
+        "{}: steady yaw {}°, pitch {}°, roll {}°; error yaw {}°{uncertainty}, pitch {}°, roll {}°; \
+         RMSE yaw {}°, pitch {}°, roll {}°{settle}{shift}\n  {}.",
+        trial.name,
+        measured[0],
+        measured[1],
+        measured[2],
+        error[0],
+        error[1],
+        error[2],
+        rmse[0],
+        rmse[1],
+        rmse[2],
+        trial.verdict
     )
 }

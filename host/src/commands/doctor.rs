@@ -1,18 +1,18 @@
-//! `biflag doctor`: is everything there that a trial needs?
+//! `biflag doctor`: checks the tools, ports and boards that a trial needs.
 
 use super::{Answer, Outcome};
-use crate::link::{self, Link};
-use crate::rig::{VirtualNano, commit_text, source_folder};
+use crate::link::{self, Link, LinkError};
+use crate::run::rig::{VirtualNano, commit_text, source_folder};
 use miette::Diagnostic;
 use serde::Serialize;
 use std::fmt::Write;
 use std::process::Command;
 
-/// Check toolchain, avrdude, ports, permissions and boards; each problem with its cure.
+/// Check toolchain, avrdude, ports, permissions and boards, with fixes.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example: biflag doctor")]
 pub struct Args {
-    /// Check this port only, instead of every port that a robot could be on.
+    /// Check only this port instead of all ports.
     #[arg(long)]
     port: Option<String>,
 }
@@ -30,10 +30,16 @@ struct Report {
     checks: Vec<Check>,
 }
 
-/// What was found, or what is wrong and its cure.
+/// What was found, or the problem and its fix.
 type Finding = Result<String, (String, String)>;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
+    // A wrong port name is wrong use, not a finding.
+    if let Some(port) = &args.port
+        && let Err(error @ (LinkError::NotFound { .. } | LinkError::NotSerial { .. })) = link::probe_port(port)
+    {
+        return Err(error.into());
+    }
     let tools = [
         ("biflag", Ok(format!("{}, protocol {}", env!("CARGO_PKG_VERSION"), protocol::VERSION))),
         ("AVR toolchain", toolchain()),
@@ -44,7 +50,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let broken_tool = checks.iter().any(|check| !check.ok);
     let ports = args.port.clone().map_or_else(link::robot_ports, |port| vec![port]);
     if ports.is_empty() {
-        let cure = "plug in the board's USB cable; a cable made for charging only does not do";
+        let cure = "plug in the board's USB cable; charge-only cables do not work";
         checks.push(check("board".into(), Err(("no board is plugged in".into(), cure.into()))));
     }
     checks.extend(ports.iter().map(|port| check(format!("board on {port}"), board(port))));
@@ -54,7 +60,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let mark = if *ok { "ok     " } else { "PROBLEM" };
         let _ = writeln!(text, "{mark} {name}: {detail}");
         if !ok {
-            let _ = writeln!(text, "        cure: {cure}");
+            let _ = writeln!(text, "        fix: {cure}");
         }
     }
     let outcome = match checks.iter().all(|check| check.ok) {
@@ -74,7 +80,7 @@ fn check(name: String, finding: Finding) -> Check {
 
 fn toolchain() -> Finding {
     let output = Command::new("sh").arg(source_folder().join("build.sh")).arg("--check").output();
-    let missing = |detail| (detail, "run `make setup` in Biflag's repository".to_owned());
+    let missing = |detail| (detail, "run `make setup` in the repository".to_owned());
     match output {
         Ok(output) if output.status.success() => Ok(last_line(&output.stdout)),
         Ok(output) => Err(missing(last_line(&output.stderr))),
@@ -111,7 +117,7 @@ fn board(port: &str) -> Finding {
     match info.imu_id {
         protocol::GENUINE_IMU_ID => Ok(format!("{detail}, MPU6050")),
         0 => Err((
-            format!("{detail}, and its IMU does not answer"),
+            format!("{detail}, but its IMU does not respond"),
             "check the four wires of the MPU6050: VCC, GND, SCL on A5, SDA on A4".to_owned(),
         )),
         id => Ok(format!("{detail}, a clone of the MPU6050 (WHO_AM_I {id:#04x})")),

@@ -1,41 +1,64 @@
-//! `biflag export`: a log in another format.
+//! `biflag export`: exports trials to other formats.
 
 use super::{Answer, Outcome};
-use crate::export::{Format, export};
-use crate::log::Condition;
+use crate::export::{Format, export_log, export_session};
+use crate::text::count;
 use serde_json::json;
+use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Write a log's telemetry in another format.
+/// Export a trial, or all trials of a session, as a table or a trajectory.
+///
+/// A table has one row per frame, with the same angles as in the other commands: relative to the zero before the run,
+/// with the drift of the gyroscope removed. A session becomes a folder with one file per trial and a table of the
+/// trials.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example: biflag export glycerin/001_w1+50_w2+10.mcap --format csv\n\
-    Exit code 3: the log is cut off or damaged; what reads of it is exported.")]
+#[command(after_help = "Examples:\n  \
+    biflag export glycerin/001_w1+50_w2+10.mcap\n  \
+    biflag export glycerin --format parquet -o tables\n\
+    In Python: pandas.read_csv(\"glycerin/001_w1+50_w2+10.csv\", comment=\"#\")")]
 pub struct Args {
-    /// The log.
-    log: PathBuf,
+    /// A log, or a session folder.
+    #[arg(value_name = "LOG|SESSION")]
+    path: PathBuf,
     /// The format.
     #[arg(short, long, value_enum, default_value = "csv")]
     format: Format,
-    /// The file to write [default: LOG with the format's ending].
+    /// The file to write, or for a session the folder [default: LOG with the format's extension, or SESSION-export].
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Replace the file if it exists.
+    /// Replace existing files.
     #[arg(long)]
     force: bool,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let output = args.output.clone().unwrap_or_else(|| args.log.with_extension(args.format.extension()));
-    let exported = export(&args.log, &output, args.format, args.force)?;
-    let clean = exported.condition == Condition::Clean;
+    let is_session = args.path.is_dir();
+    let output = args.output.clone().unwrap_or_else(|| {
+        if is_session {
+            let folder = args.path.canonicalize().unwrap_or_else(|_| args.path.clone());
+            let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            folder.with_file_name(format!("{name}-export"))
+        } else {
+            args.path.with_extension(args.format.extension())
+        }
+    });
+    let export = if is_session { export_session } else { export_log };
+    let exported = export(&args.path, &output, args.format, args.force)?;
+    let clean = exported.damaged.is_empty();
     let body = json!({
-        "log": args.log,
+        "log": args.path,
         "format": args.format.extension(),
         "output": output,
+        "files": exported.files,
         "rows": exported.rows,
         "clean": clean,
     });
-    let note = if clean { "" } else { "; the log is cut off or damaged, and this is what reads of it" };
-    let text = format!("{}: {} rows{note}", output.display(), exported.rows);
+    let files = if is_session { format!("{}, ", count(exported.files.len(), "file")) } else { String::new() };
+    let mut text = format!("{}: {files}{}\n", output.display(), count(exported.rows, "row"));
+    for log in &exported.damaged {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "warning: {log}: cut off or damaged; only what can be read was exported");
+    }
     Answer::new(if clean { Outcome::Done } else { Outcome::WithLoss }, &body, text)
 }

@@ -1,8 +1,8 @@
-//! `biflag flash`: the firmware onto the board.
+//! `biflag flash`: writes the firmware to the board.
 
 use super::{Answer, Outcome};
 use crate::link::{self, Claim, Link};
-use crate::rig::{self, Image, commit_text};
+use crate::run::rig::{self, Image, commit_text};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use miette::miette;
 use serde::Serialize;
@@ -10,14 +10,14 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Build the firmware if need be, write it through the board's bootloader, and see that it runs.
+/// Build the firmware if needed, write it through the board's bootloader, and check that it runs.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example: biflag flash --port /dev/ttyUSB0")]
 pub struct Args {
-    /// The board's serial port; may be left out where there is only one.
+    /// The board's serial port; not needed if only one board is plugged in.
     #[arg(long)]
     port: Option<String>,
-    /// Write this image instead of building one.
+    /// Write this image instead of building it.
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
 }
@@ -32,7 +32,7 @@ struct Flashed {
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let port = link::choose_port(args.port.as_deref())?;
-    // Fails here, and not after a build of minutes, where the port is not there or in use.
+    // A wrong or busy port fails here, not after a build of minutes.
     link::probe_port(&port)?;
     let claim = Claim::take(&port)?;
     let progress = spinner();
@@ -45,7 +45,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let baud = rig::flash(&port, &image.elf, |baud, _| {
         progress.set_message(format!("writing {} at {baud} bit/s", image.commit()));
     })?;
-    progress.set_message("waiting for the program to start");
+    progress.set_message("waiting for the firmware to start");
     drop(claim);
     let link = Link::open(&port)?;
     progress.finish_and_clear();

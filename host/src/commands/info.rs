@@ -1,20 +1,21 @@
-//! `biflag info`: what a log or a session holds.
+//! `biflag info`: shows the content of a log or a session.
 
 use super::{Answer, Outcome};
-use crate::log::{Condition, End, Summary};
-use crate::overview::Overview;
 use crate::session::{Attempt, Session, TrialState};
-use crate::stats::LinkStats;
+use crate::text::{count, decimal, word};
+use crate::trial::{Angles, Data, Want, Zeroed};
+use biflag_log::{Condition, End, LinkStats, Summary};
+use rayon::prelude::*;
 use serde_json::json;
 use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
 
-/// What a log, or a session's folder, holds.
+/// Show the content of a log or a session: trials, steady angles, link, condition.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example: biflag info glycerin/001_w1+50_w2+10.mcap\n\
-    Exit code 3: a log is cut off or damaged, or a session has trials that are not complete.")]
+#[command(after_help = "Examples:\n  biflag info glycerin/001_w1+50_w2+10.mcap\n  \
+    biflag info glycerin")]
 pub struct Args {
-    /// A log, or a session's folder.
+    /// A log, or a session folder.
     path: PathBuf,
 }
 
@@ -23,30 +24,33 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 }
 
 fn log(path: &Path) -> miette::Result<Answer> {
-    let overview = Overview::read(path)?;
-    let clean = overview.condition == Condition::Clean;
+    let data = Data::read(path, Want::default())?;
+    let angles = Zeroed::new(&data).angles();
+    let clean = data.condition == Condition::Clean;
+    let records = &data.records;
     let body = json!({
-        "channels": overview.channels,
-        "duration_s": overview.duration_s,
-        "samples": overview.link.samples,
-        "lost": overview.link.lost,
+        "channels": data.channels,
+        "duration_s": data.duration_s,
+        "samples": data.link.samples,
+        "lost": data.link.lost,
         "clean": clean,
-        "crc_errors": overview.link.crc_errors,
-        "resyncs": overview.link.resyncs,
-        "retries": overview.link.retries,
-        "losses": overview.losses.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        "origin": overview.identity.as_ref().map(|identity| identity.origin),
-        "created": overview.identity.as_ref().map(|identity| &identity.created),
-        "trial": overview.trial,
-        "end": overview.summary.as_ref().map(|summary| summary.end),
-        "angles": overview.angles,
-        "model": overview.model,
-        "steady": overview.steady,
+        "crc_errors": data.link.crc_errors,
+        "resyncs": data.link.resyncs,
+        "retries": data.link.retries,
+        "losses": data.losses.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "origin": records.identity.as_ref().map(|identity| identity.origin),
+        "created": records.identity.as_ref().map(|identity| &identity.created),
+        "trial": records.trial,
+        "end": records.summary.as_ref().map(|summary| summary.end),
+        "angles": angles,
+        "model": records.model,
+        "steady": records.steady,
     });
-    Answer::new(if clean { Outcome::Done } else { Outcome::WithLoss }, &body, describe(path, &overview))
+    let outcome = if clean { Outcome::Done } else { Outcome::WithLoss };
+    Answer::new(outcome, &body, describe(path, &data, angles.as_ref()))
 }
 
-/// Lines of a name and what it stands for; lines that stand for nothing are left out.
+/// Lines with a name and a value. Lines without a value are left out.
 #[derive(Default)]
 struct Lines(String);
 
@@ -60,34 +64,35 @@ impl Lines {
     }
 }
 
-fn describe(path: &Path, overview: &Overview) -> String {
+fn describe(path: &Path, data: &Data, angles: Option<&Angles>) -> String {
+    let records = &data.records;
     let mut lines = Lines::default();
     lines.add("log", path.display());
-    if let Some(identity) = &overview.identity {
+    if let Some(identity) = &records.identity {
         lines.add("created", &identity.created);
         let program = format!("biflag {} ({})", identity.host_version, identity.host_git_hash);
         lines.add("by", format!("{program}, protocol {}, {}", identity.protocol, word(&identity.origin)));
     }
-    if let Some(plan) = &overview.plan {
-        lines.add("session", format!("{}, {} trials", plan.name, plan.trials));
+    if let Some(plan) = &records.plan {
+        lines.add("session", format!("{}, {}", plan.name, count(plan.trials, "trial")));
         lines.add("operator", &plan.operator);
         lines.add("note", &plan.note);
     }
-    if let Some(t) = &overview.trial {
+    if let Some(t) = &records.trial {
         let speeds = format!("{} and {} rpm", t.w1_rpm, t.w2_rpm);
         lines.add("trial", format!("{}, {speeds}, repeat {}, attempt {}", t.name, t.repeat, t.attempt));
         let (calibrate, preroll, run, decay) = (t.calibrate_s, t.preroll_s, t.run_s, t.decay_s);
         lines.add("phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s"));
     }
-    if let Some(model) = &overview.model {
+    if let Some(model) = &records.model {
         let shapes = if model.shapes { ", with shapes" } else { "" };
-        lines.add("model", format!("closure {}, {} samples a second{shapes}", word(&model.closure), model.rate_hz));
-    } else if let Some(board) = &overview.board {
+        lines.add("model", format!("closure {}, {} samples per second{shapes}", word(&model.closure), model.rate_hz));
+    } else if let Some(board) = &records.board {
         let (id, imu) = (board.board_id, board.imu_id);
         let firmware = format!("firmware {} ({})", board.firmware, board.firmware_git_hash);
         lines.add("board", format!("{id}, {firmware}, IMU {imu:#04x}, start {}", board.boot_count));
     }
-    if let Some(clock) = &overview.clock {
+    if let Some(clock) = &records.clock {
         // The emulated board may run several times as fast as real time.
         let rate = match clock.drift_ppm {
             drift if drift.abs() < 1e4 => format!("{drift:.1} ppm"),
@@ -95,33 +100,33 @@ fn describe(path: &Path, overview: &Overview) -> String {
         };
         lines.add("clock", format!("{rate}, residual {:.0} µs, {} pings", clock.residual_us, clock.pings));
     }
-    lines.add("duration", format!("{:.3} s", overview.duration_s));
-    lines.add("link", overview.link);
-    if let Some(steady) = &overview.steady {
+    lines.add("duration", format!("{:.3} s", data.duration_s));
+    lines.add("link", data.link);
+    if let Some(steady) = &records.steady {
         let settled = if steady.settled { format!("after {:.0} s", steady.settle_s) } else { "no".to_owned() };
         lines.add("settled", settled);
-        lines.add("flagella", format!("{}, {:.2} mm apart at least", word(&steady.bundling), steady.min_gap_m * 1e3));
+        lines.add("flagella", format!("{}, smallest gap {:.2} mm", word(&steady.bundling), steady.min_gap_m * 1e3));
     }
-    if let Some(angles) = &overview.angles {
-        lines.add("steady", steady(Some(angles.yaw_deg), angles.yaw_uncertainty_deg, Some(angles.pitch_deg)));
-        let [x, y, z] = angles.turned_deg;
-        lines.add("turned", format!("{x:.1}, {y:.1}, {z:.1} deg about x, y, z"));
+    if let Some(angles) = angles {
+        lines.add("steady", steady(angles));
+        let [x, y, z] = angles.turned_deg.map(|deg| decimal(deg, 1));
+        lines.add("turned", format!("{x}°, {y}°, {z}° about x, y, z"));
     }
-    let counts: Vec<_> = overview.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
+    let counts: Vec<_> = data.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
     lines.add("channels", counts.join(", "));
-    lines.add("ended", overview.summary.as_ref().map_or_else(|| "without a summary".to_owned(), ending));
-    if let Some(recovery) = &overview.recovery {
+    lines.add("ended", records.summary.as_ref().map_or_else(|| "without a summary".to_owned(), ending));
+    if let Some(recovery) = &records.recovery {
         lines.add("recovered", format!("from {}; lost: {}", recovery.source, recovery.lost));
     }
     lines.add(
         "condition",
-        match overview.condition {
+        match data.condition {
             Condition::Clean => "clean",
-            Condition::CutOff => "cut off; `biflag recover` makes a clean log of it",
-            Condition::Damaged => "damaged; `biflag recover` makes a clean log of what reads",
+            Condition::CutOff => "cut off; `biflag recover` writes an intact log from it",
+            Condition::Damaged => "damaged; `biflag recover` writes an intact log from the part that can be read",
         },
     );
-    for loss in &overview.losses {
+    for loss in &data.losses {
         lines.add("  lost", loss);
     }
     lines.0
@@ -132,27 +137,23 @@ fn ending(summary: &Summary) -> String {
     word(&summary.end) + &reason
 }
 
-/// The name of a value in JSON, in words.
-fn word(value: &impl serde::Serialize) -> String {
-    serde_json::to_value(value).ok().and_then(|name| Some(name.as_str()?.replace('_', " "))).unwrap_or_default()
-}
-
-/// Steady angles in a line.
-fn steady(yaw: Option<f64>, uncertainty: Option<f64>, pitch: Option<f64>) -> String {
-    let (Some(yaw), Some(pitch)) = (yaw, pitch) else { return String::new() };
-    let uncertainty = uncertainty.map_or_else(|| "unknown".to_owned(), |deg| format!("±{deg:.2}"));
-    format!("yaw {yaw:.2} deg ({uncertainty}, 95 %), pitch {pitch:.2} deg")
+/// Formats the steady angles as one line.
+fn steady(angles: &Angles) -> String {
+    let uncertainty = angles.yaw_uncertainty_deg.map_or_else(String::new, |deg| format!(" ± {deg:.2}°"));
+    let [yaw, pitch, roll] = [angles.yaw_deg, angles.pitch_deg, angles.roll_deg].map(|deg| decimal(deg, 2));
+    format!("yaw {yaw}°{uncertainty}, pitch {pitch}°, roll {roll}°")
 }
 
 fn session(folder: &Path) -> miette::Result<Answer> {
     let session = Session::open(folder)?;
-    let states = session.checked_states()?;
-    let complete = states.iter().filter(|state| state.complete().is_some()).count();
+    let rows: Vec<_> = session.states()?.into_par_iter().map(Row::read).collect();
+    let complete = rows.iter().filter(|row| row.state.complete().is_some()).count();
     let mut link = LinkStats::default();
-    let mut text = format!("{}: {complete} of {} trials complete\n", session.plan().name, states.len());
+    let trials = count(rows.len(), "trial");
+    let mut text = format!("{}: {complete} of {trials} complete\n", session.plan().name);
     let mut trials = Vec::new();
-    for state in &states {
-        let attempt = state.complete().or(state.attempts.last());
+    for row in &rows {
+        let (state, attempt) = (&row.state, row.attempt());
         let summary = attempt.and_then(|attempt| attempt.summary.as_ref());
         link += summary.map(|summary| summary.link).unwrap_or_default();
         let [w1_rpm, w2_rpm] = state.trial.speeds.map(|speed| speed.rpm());
@@ -165,11 +166,12 @@ fn session(folder: &Path) -> miette::Result<Answer> {
             "complete": state.complete().is_some(),
             "losses": attempt.map(|attempt| &attempt.losses),
             "summary": summary,
+            "angles": row.angles,
         }));
-        let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(state));
+        let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(row));
     }
     let _ = writeln!(text, "{link}");
-    let clean = complete == states.len();
+    let clean = complete == rows.len();
     let body = json!({
         "session": folder,
         "samples": link.samples,
@@ -180,24 +182,47 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     Answer::new(if clean { Outcome::Done } else { Outcome::WithLoss }, &body, text)
 }
 
-/// How far a trial of a session is.
-fn line(state: &TrialState) -> String {
-    match state.complete().or(state.attempts.last()) {
-        None => "not yet".to_owned(),
+/// A trial of a session after reading its complete log.
+struct Row {
+    state: TrialState,
+    angles: Option<Angles>,
+}
+
+impl Row {
+    /// Reads the log of the last complete attempt, then of earlier ones until one is intact.
+    fn read(mut state: TrialState) -> Self {
+        while let Some(path) = state.complete().map(|attempt| attempt.path.clone()) {
+            let losses = match Data::read(&path, Want::default()) {
+                Ok(data) if data.losses.is_empty() => {
+                    return Self { state, angles: Zeroed::new(&data).angles() };
+                }
+                Ok(data) => data.losses.iter().map(ToString::to_string).collect(),
+                Err(error) => vec![error.to_string()],
+            };
+            state.damaged(&path, &losses);
+        }
+        Self { state, angles: None }
+    }
+
+    fn attempt(&self) -> Option<&Attempt> {
+        self.state.complete().or(self.state.attempts.last())
+    }
+}
+
+/// Formats the state of a trial of a session.
+fn line(row: &Row) -> String {
+    match row.attempt() {
+        None => "not run yet".to_owned(),
         Some(Attempt { losses, .. }) if !losses.is_empty() => {
             format!("damaged, --resume repeats the trial; lost: {}", losses.join("; "))
         }
         Some(attempt) => match &attempt.summary {
             None => "cut off".to_owned(),
             Some(summary) if summary.end == End::Complete => {
-                let angles = steady(summary.yaw_deg, summary.yaw_uncertainty_deg, summary.pitch_deg);
-                format!("{} samples, {} lost{}{angles}", summary.link.samples, summary.link.lost, comma(&angles))
+                let angles = row.angles.as_ref().map_or_else(String::new, |angles| format!(", {}", steady(angles)));
+                format!("{}, {} lost{angles}", count(summary.link.samples as usize, "sample"), summary.link.lost)
             }
             Some(summary) => ending(summary),
         },
     }
-}
-
-fn comma(text: &str) -> &'static str {
-    if text.is_empty() { "" } else { ", " }
 }

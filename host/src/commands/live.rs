@@ -1,38 +1,35 @@
-//! `biflag live`: shows a log, or a board's stream, to Foxglove.
+//! `biflag live`: serves a log or the stream of a board to Foxglove.
 
 use super::{Answer, Outcome};
 use crate::link::{Link, LinkError};
 use crate::live::{self, Live};
-use crate::log::Condition;
-use crate::overview::Overview;
-use crate::rig::Progress;
-use miette::{IntoDiagnostic, WrapErr};
+use crate::progress::{Progress, interruption};
+use crate::trial::{Data, Want};
+use biflag_log::Condition;
 use serde_json::json;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-/// Show a log in its own time, or a board's stream without recording it, to Foxglove.
+/// Serve a log, or the stream of a board without recording it, to Foxglove.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag live glycerin/001_w1+50_w2+10.mcap --speed 2\n  \
     biflag live --port /dev/ttyUSB0\n\
-    In Foxglove: Open connection, Foxglove WebSocket, ws://127.0.0.1:8765. A log begins to play when a viewer has come.\n\
-    A board is only listened to: no speeds are sent, and no fault is cleared. While a trial is recorded, the recording \
-    itself shows it: `biflag record PLAN --live`.\n\
-    Exit code 3: the log is cut off or damaged.")]
+    In Foxglove: Open connection, Foxglove WebSocket, ws://127.0.0.1:8765. A log starts to play when a viewer connects.\n\
+    With a board, nothing is recorded, no speeds are sent, and no fault is cleared. To watch a trial while it is recorded, use \
+    `biflag record PLAN --live`.")]
 pub struct Args {
     /// The log.
     #[arg(required_unless_present = "port", conflicts_with = "port")]
     log: Option<PathBuf>,
-    /// The board's serial port.
+    /// The serial port of the board.
     #[arg(long)]
     port: Option<String>,
-    /// How much faster than it was recorded the log is played.
+    /// Playing speed relative to real time.
     #[arg(long, value_name = "F", default_value = "1", value_parser = speed, requires = "log")]
     speed: f64,
-    /// Where viewers connect to. Whoever can reach the address can watch.
+    /// The address that viewers connect to. Anyone who can reach it can watch.
     #[arg(long, value_name = "ADDR:PORT", default_value = live::ADDRESS)]
     listen: SocketAddr,
 }
@@ -43,20 +40,18 @@ fn speed(text: &str) -> Result<f64, String> {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = interrupted.clone();
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).into_diagnostic().wrap_err("Ctrl-C")?;
+    let interrupted = interruption()?;
     match (&args.log, &args.port) {
         (Some(log), _) => play(log, args, &interrupted),
         (None, Some(port)) => watch(port, args, &interrupted),
-        (None, None) => unreachable!("the command line asks for one of them"),
+        (None, None) => unreachable!("clap requires one of them"),
     }
 }
 
 fn play(log: &Path, args: &Args, interrupted: &AtomicBool) -> miette::Result<Answer> {
-    let overview = Overview::read(log)?;
+    let data = Data::read(log, Want::default())?;
     let live = Live::listen(args.listen)?;
-    let progress = Progress::new(overview.duration_s);
+    let progress = Progress::new(data.duration_s);
     progress.line(&live.invitation());
     progress.phase(&log.display().to_string(), "waiting for a viewer");
     let played = match live::wait_for_viewer(&live, interrupted) {
@@ -66,12 +61,12 @@ fn play(log: &Path, args: &Args, interrupted: &AtomicBool) -> miette::Result<Ans
     progress.finish();
     let outcome = if !played.complete {
         Outcome::Interrupted
-    } else if overview.condition != Condition::Clean {
+    } else if data.condition != Condition::Clean {
         Outcome::WithLoss
     } else {
         Outcome::Done
     };
-    let text = format!("{:.1} s of {} shown, {} messages", played.played_s, log.display(), played.messages);
+    let text = format!("{:.1} s of {} played, {} messages", played.played_s, log.display(), played.messages);
     Answer::new(outcome, &json!({ "url": live.url(), "log": log, "played": played }), text)
 }
 
@@ -83,7 +78,7 @@ fn watch(port: &str, args: &Args, interrupted: &AtomicBool) -> miette::Result<An
     };
     let settings = super::settings::read(&link)?;
     let progress = Progress::new(0.0);
-    progress.line(&format!("listening to the board on {port}: nothing is recorded, and the motors are left alone"));
+    progress.line(&format!("listening to the board on {port}: nothing is recorded, and no speeds are sent"));
     progress.line(&live.invitation());
     let stats = live::watch(&link, settings, &live, interrupted)?;
     progress.finish();

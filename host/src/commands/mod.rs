@@ -1,4 +1,4 @@
-//! The command line: one file a command, each a function from its arguments to an [`Answer`].
+//! The command line. Each command has a file with a function from its arguments to an [`Answer`].
 
 mod answer;
 mod calibrate;
@@ -8,9 +8,9 @@ mod export;
 mod flash;
 mod info;
 mod live;
+mod options;
 mod record;
 mod recover;
-mod replay;
 mod report;
 mod settings;
 mod simulate;
@@ -20,34 +20,46 @@ pub use answer::{Answer, Outcome, WRONG_USE};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-/// Record, keep and read trials of the two-flagella robot.
+/// Record trials of the two-flagella robot, simulate them, and compare both.
 #[derive(Parser, Debug)]
-#[command(name = "biflag", version, arg_required_else_help = true)]
+#[command(name = "biflag", version, arg_required_else_help = true, after_help = AFTER_HELP)]
 struct Cli {
-    /// Print one JSON object on stdout and nothing else there.
+    /// Print one JSON object on stdout, and nothing else.
     #[arg(long, global = true)]
     json: bool,
     #[command(subcommand)]
     command: Command,
 }
 
+const AFTER_HELP: &str = "Example: record a plan on the emulated board and compare it with the model
+  biflag record host/plans/demo.toml --virtual --out demo
+  biflag compare demo
+
+Exit codes:
+    0  done
+    1  failed
+    2  wrong use: an argument, a plan or another named file is wrong
+    3  done, with losses or important warnings: lost frames, a damaged log, a trial that did not settle
+  130  interrupted by the user; the motors are stopped and all files closed";
+
+/// The commands, in the order of a typical workflow.
 #[derive(Subcommand, Debug)]
 enum Command {
     Doctor(doctor::Args),
     Flash(flash::Args),
     Settings(settings::Args),
     Record(record::Args),
+    Live(live::Args),
+    Info(info::Args),
     Simulate(simulate::Args),
     Compare(compare::Args),
     Calibrate(calibrate::Args),
-    Live(live::Args),
-    Info(info::Args),
-    Recover(recover::Args),
     Report(report::Args),
     Export(export::Args),
+    Recover(recover::Args),
 }
 
-/// Runs the program as its command line says.
+/// Runs the program with its command line.
 pub fn run() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,

@@ -1,25 +1,27 @@
-//! `biflag record`: runs a plan on the rig.
+//! `biflag record`: records the trials of a plan on the rig.
 
 use super::{Answer, Outcome};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
-use crate::log::{BoardMeta, End, Origin, Start, Summary};
+use crate::plan::board;
 use crate::plan::{EXAMPLE, PUBLISHED, Plan, Trial};
-use crate::rig::{self, Bench, Image, Progress, RecordError, SimulatedRobot, TrialRun, VirtualNano};
-use crate::robot_file;
+use crate::progress::{Progress, interruption};
+use crate::run;
+use crate::run::rig::{self, Image, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano};
 use crate::session::{self, Session, Sharing};
-use crate::stats::LinkStats;
-use miette::{IntoDiagnostic, Report, WrapErr};
+use crate::text::decimal;
+use crate::trial::{Data, Want, Zeroed};
+use biflag_log::{End, LinkStats, Origin, Summary};
+use miette::Report;
 use protocol::Command;
 use serde::Serialize;
 use std::fmt;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::SystemTime;
 
-/// Run the trials of a plan on the rig and keep a log of each.
+/// Run the trials of a plan on the rig and write a log of each.
 #[derive(clap::Args, Debug)]
 #[command(after_help = format!(
     "Example: biflag record plan.toml --port /dev/ttyUSB0 --out glycerin-day-1\n\nA plan:\n\n{EXAMPLE}"
@@ -27,27 +29,27 @@ use std::time::SystemTime;
 pub struct Args {
     /// The plan: a TOML file like the one below.
     plan: PathBuf,
-    /// The board's serial port; may be left out where there is only one.
+    /// The serial port of the board; not needed if only one board is plugged in.
     #[arg(long, conflicts_with = "virtual")]
     port: Option<String>,
-    /// Record on the emulated board instead, which turns the simulated robot of the plan; with a file, its sensor replays
-    /// these counts of a real one.
+    /// Record on the emulated board with the simulated robot of the plan; with a file, its sensor replays the counts
+    /// recorded from a real sensor.
     #[arg(long = "virtual", value_name = "IMU.csv", num_args = 0..=1, require_equals = true)]
     #[expect(clippy::option_option, reason = "the flag may come without its file")]
     r#virtual: Option<Option<PathBuf>>,
-    /// How much faster than real time the emulated board runs: a factor, or `max`.
+    /// Speed of the emulated board relative to real time: a factor, or `max`.
     #[arg(long, default_value = "max", requires = "virtual")]
     speed: String,
-    /// What the imperfections of the emulated sensor are drawn by; by default the plan's seed, or 1.
+    /// Seed of the errors of the emulated sensor; by default the plan's seed, or 1.
     #[arg(long, requires = "virtual")]
     seed: Option<u64>,
-    /// Show what is recorded to Foxglove meanwhile, at this address.
+    /// Serve the recording to Foxglove at this address.
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = live::ADDRESS)]
     live: Option<SocketAddr>,
-    /// The session's folder; by default named after the plan.
+    /// The session folder; by default named after the plan.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Go on with a session, leaving out the trials that are complete.
+    /// Continue a session, skipping the trials that are complete.
     #[arg(long)]
     resume: bool,
 }
@@ -68,21 +70,22 @@ struct RecordedTrial {
     link: LinkStats,
     yaw_deg: Option<f64>,
     pitch_deg: Option<f64>,
+    roll_deg: Option<f64>,
     yaw_uncertainty_deg: Option<f64>,
-    /// Angle turned about each body axis over the whole trial; only right after it.
+    /// Angle turned about each body axis over the whole trial; only for trials of this run.
     turned_deg: Option<[f64; 3]>,
-    /// What whoever uses the trial should know; only right after it.
+    /// The turn by hand in the plan, compared with the measured one; only for trials of this run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hand_turn: Option<String>,
+    /// Warnings for the user; only for trials of this run.
     warnings: Vec<String>,
     complete: bool,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = interrupted.clone();
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).into_diagnostic().wrap_err("Ctrl-C")?;
-
+    let interrupted = interruption()?;
     let plan = Plan::load(&args.plan)?;
-    // First, so that an address that is taken is known before anything moves.
+    // This comes first, so that a busy address is reported before the board is used.
     let live = args.live.map(Live::listen).transpose()?;
     let nano = match &args.r#virtual {
         Some(imu) => Some(start_virtual(args, imu.as_ref(), &plan)?),
@@ -101,7 +104,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         link => link?,
     };
     prepare(&link, &plan)?;
-    // Last, so that a board that does not answer leaves no folder behind.
+    // This comes last, so that no folder is created if the board does not respond.
     let folder = args.out.clone().unwrap_or_else(|| session::default_folder(&plan));
     let session = match args.resume {
         true => Session::resume(&folder, &plan)?,
@@ -111,7 +114,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let _lock = session.lock(Sharing::Alone)?;
     let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
     let states = session.checked_states()?;
-    let board = BoardMeta::new(link.info(), &super::settings::read(&link)?);
+    let board = board::to_log(link.info(), &super::settings::read(&link)?);
     let note = session.expect_same_rig(&states, origin, Some(&board))?;
 
     let mut recorded = Recorded { session: folder, trials: Vec::new() };
@@ -122,7 +125,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             todo.push(state.trial);
             continue;
         };
-        let summary = attempt.summary.clone().unwrap_or_default();
+        let mut summary = attempt.summary.clone().unwrap_or_default();
+        if let Some(angles) = Zeroed::new(&Data::read(&attempt.path, Want::default())?).angles() {
+            angles.fill(&mut summary);
+        }
         if !summary.link.is_lossless() {
             outcome = Outcome::WithLoss;
         }
@@ -141,15 +147,15 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             outcome = Outcome::Interrupted;
             break;
         }
-        let mut bench = Bench {
+        let mut context = RunContext {
             link: &link,
             progress: &progress,
             interrupted: &interrupted,
-            live: live.as_ref(),
+            tap: live.as_ref().map(Live::tap),
             player: player.as_mut(),
             robot: robot.as_ref(),
         };
-        let (path, run) = match run_trial(&mut bench, &session, trial, &plan, origin) {
+        let (path, run) = match run_trial(&mut context, &session, trial, &plan, origin) {
             Ok(run) => run,
             Err(report) => {
                 failure = Some(report);
@@ -160,6 +166,13 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let mut row = RecordedTrial::new(trial, path, &run.summary);
         row.turned_deg = run.angles.map(|angles| angles.turned_deg);
         row.warnings = run.warnings;
+        if let (Some(turn), Some(turned_deg)) = (plan.hand_turn, row.turned_deg) {
+            let (verdict, agrees) = turn.verdict(turned_deg);
+            row.hand_turn = Some(verdict);
+            if !agrees {
+                row.warnings.push("the sensor did not measure the turn made by hand".to_owned());
+            }
+        }
         progress.line(&row.to_string());
         if !run.summary.link.is_lossless() || !row.warnings.is_empty() {
             outcome = Outcome::WithLoss;
@@ -185,23 +198,24 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     }
 }
 
-/// Runs a trial into a log of its own.
+/// Runs a trial and writes its log.
 fn run_trial(
-    bench: &mut Bench,
+    context: &mut RunContext,
     session: &Session,
     trial: &Trial,
     plan: &Plan,
     origin: Origin,
-) -> miette::Result<(PathBuf, TrialRun)> {
+) -> miette::Result<(PathBuf, RigRun)> {
     let (attempt, path) = session.next_attempt(trial)?;
-    // A calibration changes the board's settings, so each log has those that were in force at its beginning.
-    let board = Some((*bench.link.info(), super::settings::read(bench.link)?));
-    let start = Start { plan, trial, attempt, origin, board, time: SystemTime::now() };
-    let run = rig::run(bench, &path, &start)?;
+    // A calibration changes the board's settings, so each log contains those at its start.
+    let settings = super::settings::read(context.link)?;
+    let board = board::to_log(context.link.info(), &settings);
+    let start = run::start(plan, trial, attempt, origin, Some(board), SystemTime::now());
+    let run = rig::run(context, &path, &start, trial, settings)?;
     Ok((path, run))
 }
 
-/// Puts the plan's settings in force.
+/// Sends the plan's settings to the board.
 fn prepare(link: &Link, plan: &Plan) -> miette::Result<()> {
     link.command(Command::Stop)?;
     if !plan.board.is_empty() {
@@ -215,7 +229,7 @@ fn seed(args: &Args, plan: &Plan) -> u64 {
     args.seed.or(plan.seed).unwrap_or(1)
 }
 
-/// The emulated board, with a recording for its sensor or the plan's robot.
+/// Starts the emulated board, with a recording for its sensor or with the plan's robot.
 fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Result<VirtualNano> {
     let image = Image::build()?;
     let mut arguments = vec!["--firmware".into(), image.elf.into_os_string()];
@@ -224,8 +238,6 @@ fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Res
     match imu {
         Some(imu) => arguments.extend(["--imu".into(), imu.clone().into_os_string()]),
         None => {
-            // The board's program reads the robot for itself; what is wrong with it is better said here.
-            robot_file::of_plan(plan)?;
             let robot = match plan.robot.name.as_str() {
                 PUBLISHED => PathBuf::from(PUBLISHED),
                 name => args.plan.parent().unwrap_or(Path::new("")).join(name),
@@ -247,8 +259,10 @@ impl RecordedTrial {
             link: summary.link,
             yaw_deg: summary.yaw_deg,
             pitch_deg: summary.pitch_deg,
+            roll_deg: summary.roll_deg,
             yaw_uncertainty_deg: summary.yaw_uncertainty_deg,
             turned_deg: None,
+            hand_turn: None,
             warnings: Vec::new(),
             complete: summary.end == End::Complete,
         }
@@ -258,15 +272,17 @@ impl RecordedTrial {
 impl fmt::Display for RecordedTrial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.name, self.link)?;
-        if let (Some(yaw), Some(pitch)) = (self.yaw_deg, self.pitch_deg) {
-            write!(f, "; yaw {yaw:.2}")?;
+        let turned = || self.turned_deg.filter(|_| self.w1_rpm == 0.0 && self.w2_rpm == 0.0);
+        if let Some(verdict) = &self.hand_turn {
+            write!(f, "; {verdict}")?;
+        } else if let Some([x, y, z]) = turned().map(|turned| turned.map(|deg| decimal(deg, 1))) {
+            write!(f, "; turned {x}°, {y}°, {z}° about x, y, z")?;
+        } else if let (Some(yaw), Some(pitch), Some(roll)) = (self.yaw_deg, self.pitch_deg, self.roll_deg) {
+            write!(f, "; yaw {}°", decimal(yaw, 2))?;
             if let Some(uncertainty) = self.yaw_uncertainty_deg {
-                write!(f, " ± {uncertainty:.2}")?;
+                write!(f, " ± {uncertainty:.2}°")?;
             }
-            write!(f, "°, pitch {pitch:.2}°")?;
-        }
-        if let Some([x, y, z]) = self.turned_deg {
-            write!(f, "; turned {x:.1}°, {y:.1}°, {z:.1}° about x, y, z")?;
+            write!(f, ", pitch {}°, roll {}°", decimal(pitch, 2), decimal(roll, 2))?;
         }
         if !self.complete {
             write!(f, "; not complete")?;

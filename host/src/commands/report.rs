@@ -1,41 +1,52 @@
-//! `biflag report`: a trial or a session as one page of HTML.
+//! `biflag report`: writes an HTML page about a trial or a session.
 
-use super::simulate::cores;
+use super::options::cores;
 use super::{Answer, Outcome};
-use crate::report;
-use crate::twin::{self, Allow};
+use crate::report::{self, Kind, View};
+use crate::text;
+use crate::twin::{self, OnMismatch, Pairs};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Write one page of HTML about a log or a session: charts, the robot in space, figures, parameters.
+/// Write an HTML page about a log or a session: charts, a 3-D view of the robot, results, parameters.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag report glycerin/001_w1+50_w2+10.mcap\n  \
     biflag report glycerin --against glycerin-model --out glycerin.html\n\
-    `biflag compare` writes the same page of a trial beside its replay in the model.\n\
-    The page is whole in one file and needs no network. A page that is there already is replaced; another file is not.\n\
-    Exit code 3: the page bears warnings.")]
+    The page is a single self-contained file. An existing page is replaced, any other file is not.\n\
+    `biflag compare` writes a page that compares a trial with its replay in the model.")]
 pub struct Args {
-    /// A log, or a session's folder.
+    /// A log, or a session folder.
     #[arg(value_name = "LOG|SESSION")]
     path: PathBuf,
-    /// What to show beside it: the log or session of a model, or of other trials at the same speeds.
+    /// A log or session to show for comparison: a model, or other trials at the same speeds.
     #[arg(long, value_name = "LOG|SESSION")]
     against: Option<PathBuf>,
-    /// The page; by default beside the log, or report.html in the session's folder.
+    /// The page; by default LOG.html or SESSION/report.html, with --against LOG.compare.html or SESSION/compare.html.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let against = |other: &PathBuf| twin::compare_sessions(&args.path, other, Allow::default(), cores());
-    let comparison = args.against.as_ref().map(against).transpose()?;
-    let written = report::write(&args.path, comparison.as_ref(), args.out.as_deref())?;
+    let written = match &args.against {
+        None => report::write(&args.path, Kind::Report, None, Vec::new(), args.out.as_deref())?,
+        Some(other) => {
+            let budget = report::budget(&args.path)?;
+            let pairs = Pairs::of(&args.path, other)?;
+            let (comparison, views) = twin::compare_pairs(
+                &pairs,
+                report::want(budget),
+                OnMismatch::default(),
+                cores(),
+                &|a, b, compared| View::new(a, Some((compared, b)), budget),
+            )?;
+            report::write(&args.path, Kind::Comparison, Some(&comparison), views, args.out.as_deref())?
+        }
+    };
     let outcome = if written.warnings > 0 { Outcome::WithLoss } else { Outcome::Done };
     let warnings = match written.warnings {
         0 => String::new(),
-        1 => ", with a warning".to_owned(),
-        count => format!(", with {count} warnings"),
+        number => format!(", with {}", text::count(number, "warning")),
     };
     let text = format!("{}: {:.1} MB{warnings}", written.html.display(), written.bytes as f64 * 1e-6);
     let body =

@@ -1,26 +1,26 @@
-//! `biflag settings`: what the board keeps in its EEPROM, as a file.
+//! `biflag settings`: reads and writes the settings in the board's EEPROM.
 
-use super::{Answer, Outcome, WRONG_USE};
-use crate::board_settings::BoardSettings;
+use super::{Answer, Outcome};
 use crate::link::{self, Link};
-use miette::{IntoDiagnostic, WrapErr, miette};
+use crate::plan::board::{self, BoardSettings};
+use miette::{IntoDiagnostic, WrapErr};
 use protocol::{Command, Reply, Settings};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// Print the board's settings as TOML, or write such a file into its EEPROM.
+/// Print the board's settings as TOML, or write a settings file to its EEPROM.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example: biflag settings > board.toml; biflag settings --write board.toml")]
 pub struct Args {
-    /// The board's serial port; may be left out where there is only one.
+    /// The board's serial port; not needed if only one board is plugged in.
     #[arg(long)]
     port: Option<String>,
-    /// Write the settings in this file; those that it leaves out stay as they are.
+    /// Write the settings in this file; settings that are not in the file are unchanged.
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let file = args.write.as_deref().map(read_file).transpose()?;
+    let file = args.write.as_deref().map(board::load).transpose()?;
     let link = Link::open(&link::choose_port(args.port.as_deref())?)?;
     let mut settings = read(&link)?;
     if let Some(file) = file {
@@ -34,15 +34,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     Answer::new(Outcome::Done, &file, text)
 }
 
-fn read_file(path: &Path) -> miette::Result<BoardSettings> {
-    let wrong = |what: String| {
-        miette!(code = WRONG_USE, help = "`biflag settings` prints such a file", "{}: {what}", path.display())
-    };
-    let text = std::fs::read_to_string(path).map_err(|error| wrong(format!("cannot be read: {error}")))?;
-    toml::from_str(&text).map_err(|error| wrong(error.to_string()))
-}
-
-/// The settings in force.
+/// Reads the current settings.
 pub(crate) fn read(link: &Link) -> miette::Result<Settings> {
     match link.ask(Command::ReadSettings)? {
         Reply::Settings(settings) => Ok(settings),

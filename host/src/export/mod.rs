@@ -1,184 +1,199 @@
-//! A log in other formats.
+//! Exports trials and sessions to other formats, with the same values as in all commands and pages.
 
-mod columns;
-#[cfg(feature = "parquet")]
+mod csv;
 mod parquet;
+mod table;
 
-use crate::log::{Body, Condition, LogError, Message, Reader};
-use crate::whole_file;
+use crate::atomic_file;
+use crate::session::{Session, SessionError};
+use crate::trial::{Data, Want, Zeroed};
+use biflag_log::{Condition, LogError};
 use miette::Diagnostic;
+use nalgebra::UnitQuaternion;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use table::Summary;
 use thiserror::Error;
 
-/// A format that a log can be exported to.
+/// An export format.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Format {
-    /// A table of the telemetry, one row a frame, units in the names of the columns.
+    /// A CSV table with one row per frame. Header lines that begin with `#` state units and corrections.
     Csv,
-    /// The attitude as a trajectory: time, position (zero), quaternion x y z w, as the TUM tools read it.
-    Tum,
-    /// The same table as CSV, as Apache Parquet.
-    #[cfg(feature = "parquet")]
+    /// The same table as Apache Parquet.
     Parquet,
+    /// The attitude as a trajectory in the TUM format: time, position (zero), quaternion x y z w.
+    Tum,
 }
 
 impl Format {
-    /// What its files' names end in.
+    /// Returns the file extension.
     pub fn extension(self) -> &'static str {
         match self {
             Self::Csv => "csv",
-            Self::Tum => "tum",
-            #[cfg(feature = "parquet")]
             Self::Parquet => "parquet",
+            Self::Tum => "tum",
         }
     }
 }
 
-/// Why an export did not succeed.
+/// Why an export failed.
 #[derive(Error, Diagnostic, Debug)]
 pub enum ExportError {
-    /// The file is there already.
-    #[error("{}: exists already", path.display())]
-    #[diagnostic(code(wrong_use), help("name another file with -o, or replace it with --force"))]
+    /// The file or folder already exists.
+    #[error("{}: already exists", path.display())]
+    #[diagnostic(code(wrong_use), help("name another one with -o, or replace it with --force"))]
     Exists {
-        /// The file.
+        /// The file or folder.
         path: PathBuf,
     },
-    /// It is the log itself.
+    /// The output file is the log itself.
     #[error("{}: is the log itself", path.display())]
     #[diagnostic(code(wrong_use), help("name another file with -o"))]
     Itself {
         /// The file.
         path: PathBuf,
     },
-    /// It could not be written.
+    /// A session cannot be exported to a format of single trials.
+    #[error("a session cannot be exported as a trajectory")]
+    #[diagnostic(code(wrong_use), help("export it as csv or parquet, or name a log"))]
+    NotOfSessions,
+    /// The file could not be written.
     #[error("{}: cannot be written", path.display())]
-    #[diagnostic(help("check that the folder exists and has room"))]
+    #[diagnostic(help("check that the folder exists and is writable, and that the disk has space"))]
     Write {
         /// The file.
         path: PathBuf,
         /// Why.
         source: std::io::Error,
     },
-    /// The log does not read.
+    /// The log cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Log(#[from] LogError),
+    /// The session cannot be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Session(#[from] SessionError),
 }
 
-/// What came of an export.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+/// Result of an export.
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct Exported {
-    /// Rows that were written.
-    pub rows: u64,
-    /// How the log is.
-    pub condition: Condition,
+    /// The files written.
+    pub files: Vec<PathBuf>,
+    /// Number of rows of all trials.
+    pub rows: usize,
+    /// Logs that are cut off or damaged, with their losses.
+    pub damaged: Vec<String>,
 }
 
-/// Something that takes the telemetry a frame at a time.
-trait Sink {
-    fn row(&mut self, message: &Message) -> std::io::Result<bool>;
-    fn finish(self: Box<Self>) -> std::io::Result<()>;
-}
+const FORCES: Want = Want { forces: true, shapes: 0, hash: false };
 
-/// Writes the log at `log` to `output`, which must not exist unless it is to be replaced.
+/// Exports a log to a file.
 ///
 /// # Errors
-/// [`ExportError`].
-pub fn export(log: &Path, output: &Path, format: Format, replace: bool) -> Result<Exported, ExportError> {
-    let mut reader = Reader::open(log)?;
-    let failed = |source: std::io::Error| {
-        let path = output.to_owned();
-        match source.kind() {
-            std::io::ErrorKind::AlreadyExists => ExportError::Exists { path },
-            _ => ExportError::Write { path, source },
-        }
-    };
+/// [`ExportError`]; an existing file is kept unless `replace` is set, and an unfinished one is removed.
+pub fn export_log(log: &Path, output: &Path, format: Format, replace: bool) -> Result<Exported, ExportError> {
     if is_same(log, output) {
         return Err(ExportError::Itself { path: output.to_owned() });
     }
-    // What is to be replaced stays until all of the new is there.
-    let draft = whole_file::draft(output);
-    let target = if replace { &draft } else { output };
-    let file = if replace { whole_file::create(target) } else { File::create_new(target) }.map_err(failed)?;
-    let written = write(&mut reader, file, format, failed).and_then(|rows| {
-        if replace {
-            std::fs::rename(target, output).map_err(failed)?;
+    let data = Data::read(log, FORCES)?;
+    let rows = write_trial(&data, output, format, replace)?;
+    let damaged = if data.condition == Condition::Clean { Vec::new() } else { vec![log.display().to_string()] };
+    Ok(Exported { files: vec![output.to_owned()], rows, damaged })
+}
+
+/// Exports a session to a folder: one file per trial with a log, and a table of the trials, `trials.csv` or
+/// `trials.parquet`.
+///
+/// # Errors
+/// [`ExportError`]; existing files are kept unless `replace` is set.
+pub fn export_session(session: &Path, output: &Path, format: Format, replace: bool) -> Result<Exported, ExportError> {
+    if format == Format::Tum {
+        return Err(ExportError::NotOfSessions);
+    }
+    let session = Session::open(session)?;
+    let failed = |source| ExportError::Write { path: output.to_owned(), source };
+    std::fs::create_dir_all(output).map_err(failed)?;
+    let table = output.join(format!("trials.{}", format.extension()));
+    if !replace && table.exists() {
+        return Err(ExportError::Exists { path: table });
+    }
+    let mut exported = Exported::default();
+    let mut trials = Vec::new();
+    for state in session.states()? {
+        let Some(attempt) = state.complete().or(state.attempts.last()) else { continue };
+        let data = match Data::read(&attempt.path, FORCES) {
+            Ok(data) => data,
+            Err(error) => {
+                exported.damaged.push(error.to_string());
+                continue;
+            }
+        };
+        if data.condition != Condition::Clean {
+            exported.damaged.push(attempt.path.display().to_string());
         }
-        Ok(rows)
-    });
-    if written.is_err() {
-        // A part would pass for the whole. The error that is on its way says more than one of the removal could.
-        let _ = std::fs::remove_file(target);
+        let name = format!("{}.{}", state.trial.name, format.extension());
+        let file = output.join(&name);
+        exported.rows += write_trial(&data, &file, format, replace)?;
+        exported.files.push(file);
+        trials.push(Summary::new(&data, name));
     }
-    Ok(Exported { rows: written?, condition: reader.condition().unwrap_or(Condition::Damaged) })
+    write_table(&table::session(&session.plan().name, &trials), &table, format, replace)?;
+    exported.files.push(table);
+    Ok(exported)
 }
 
-/// Writes every row; answers how many.
+/// Writes a trial and returns the number of rows.
+fn write_trial(data: &Data, output: &Path, format: Format, replace: bool) -> Result<usize, ExportError> {
+    if format == Format::Tum {
+        let mut rows = 0;
+        write(output, replace, |file| {
+            rows = tum(data, file)?;
+            Ok(())
+        })?;
+        return Ok(rows);
+    }
+    let table = table::trial(data);
+    write_table(&table, output, format, replace)?;
+    Ok(table.rows())
+}
+
+fn write_table(table: &table::Table, output: &Path, format: Format, replace: bool) -> Result<(), ExportError> {
+    write(output, replace, |file| match format {
+        Format::Parquet => parquet::write(table, file),
+        Format::Csv | Format::Tum => csv::write(table, file),
+    })
+}
+
+/// Writes a file through a draft beside it, so that no partial file is left.
 fn write(
-    reader: &mut Reader,
-    file: File,
-    format: Format,
-    failed: impl Fn(std::io::Error) -> ExportError,
-) -> Result<u64, ExportError> {
-    let file = BufWriter::new(file);
-    let mut sink: Box<dyn Sink> = match format {
-        Format::Csv => Box::new(Csv::new(file).map_err(&failed)?),
-        Format::Tum => Box::new(Tum(file)),
-        #[cfg(feature = "parquet")]
-        Format::Parquet => Box::new(parquet::Table::new(file).map_err(&failed)?),
-    };
-    let mut rows = 0;
-    for message in reader.by_ref() {
-        rows += u64::from(sink.row(&message?).map_err(&failed)?);
+    output: &Path,
+    replace: bool,
+    content: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<(), ExportError> {
+    if !replace && output.symlink_metadata().is_ok() {
+        return Err(ExportError::Exists { path: output.to_owned() });
     }
-    sink.finish().map_err(failed)?;
-    Ok(rows)
+    atomic_file::replace(output, content).map_err(|source| ExportError::Write { path: output.to_owned(), source })
 }
 
-/// Whether two paths name one file, through links too.
+/// Writes the corrected attitude over the trial's clock; returns the number of rows.
+fn tum(data: &Data, target: &mut impl Write) -> std::io::Result<usize> {
+    let angles = Zeroed::new(data).angles_deg;
+    for (i, time_s) in angles.time_s.iter().enumerate() {
+        let [yaw, pitch, roll] = angles.row(i).map(f64::to_radians);
+        let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        writeln!(target, "{time_s:.6} 0 0 0 {:.9} {:.9} {:.9} {:.9}", q.i, q.j, q.k, q.w)?;
+    }
+    Ok(angles.len())
+}
+
+/// Returns whether two paths name the same file, also through links.
 fn is_same(one: &Path, other: &Path) -> bool {
     let id = |path: &Path| std::fs::metadata(path).map(|meta| (meta.dev(), meta.ino()));
     matches!((id(one), id(other)), (Ok(one), Ok(other)) if one == other)
-}
-
-struct Csv<W: Write>(csv::Writer<W>);
-
-impl<W: Write> Csv<W> {
-    fn new(target: W) -> std::io::Result<Self> {
-        let mut writer = csv::Writer::from_writer(target);
-        writer.write_record(columns::COLUMNS.iter().map(|column| column.name))?;
-        Ok(Self(writer))
-    }
-}
-
-impl<W: Write> Sink for Csv<W> {
-    fn row(&mut self, message: &Message) -> std::io::Result<bool> {
-        let Body::Telemetry(telemetry) = &message.body else { return Ok(false) };
-        self.0.write_record(columns::COLUMNS.iter().map(|column| (column.cell)(message, telemetry).to_string()))?;
-        Ok(true)
-    }
-
-    fn finish(mut self: Box<Self>) -> std::io::Result<()> {
-        self.0.flush()
-    }
-}
-
-struct Tum<W: Write>(W);
-
-impl<W: Write> Sink for Tum<W> {
-    fn row(&mut self, message: &Message) -> std::io::Result<bool> {
-        let Body::Telemetry(telemetry) = &message.body else { return Ok(false) };
-        let Some(q) = &telemetry.attitude else { return Ok(false) };
-        let (seconds, nanos) = (message.log_time_ns / 1_000_000_000, message.log_time_ns % 1_000_000_000);
-        writeln!(self.0, "{seconds}.{nanos:09} 0 0 0 {:.9} {:.9} {:.9} {:.9}", q.x, q.y, q.z, q.w)?;
-        Ok(true)
-    }
-
-    fn finish(mut self: Box<Self>) -> std::io::Result<()> {
-        self.0.flush()
-    }
 }

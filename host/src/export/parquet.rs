@@ -1,118 +1,61 @@
-//! The table of the telemetry as Apache Parquet.
+//! Writes tables as Apache Parquet, with the header in the file's metadata under the key `about`.
 
-use super::Sink;
-use super::columns::{COLUMNS, Cell};
-use crate::log::schema::biflag::Telemetry;
-use crate::log::{Body, Message};
+use super::table::{Table, Values};
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical, ZstdLevel};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 use std::io::{self, Write};
 use std::sync::Arc;
 
-/// Rows that are kept in memory before they are written.
-const GROUP: usize = 24_000;
-
-pub(super) struct Table<W: Write + Send> {
-    writer: SerializedFileWriter<W>,
-    /// The cells of the present group, by column.
-    columns: Vec<Vec<Cell>>,
+pub(super) fn write(table: &Table, target: impl Write + Send) -> io::Result<()> {
+    try_write(table, target).map_err(io::Error::other)
 }
 
-impl<W: Write + Send> Table<W> {
-    pub fn new(target: W) -> io::Result<Self> {
-        let fields = COLUMNS
-            .iter()
-            .map(|column| {
-                // What kind of value a column has, any row tells.
-                let nothing = Message {
-                    topic: String::new(),
-                    sequence: 0,
-                    log_time_ns: 0,
-                    publish_time_ns: 0,
-                    body: Body::Other(Vec::new()),
-                };
-                let (physical, logical) = match (column.cell)(&nothing, &Telemetry::default()) {
-                    Cell::Real(_) => (Physical::DOUBLE, None),
-                    Cell::Int(_) => (Physical::INT64, None),
-                    Cell::Text(_) => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
-                };
-                Type::primitive_type_builder(column.name, physical)
-                    .with_repetition(Repetition::REQUIRED)
-                    .with_logical_type(logical)
-                    .build()
-                    .map(Arc::new)
-            })
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(io_error)?;
-        let schema = Type::group_type_builder("telemetry").with_fields(fields).build().map_err(io_error)?;
-        let properties = WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::default())).build();
-        let writer = SerializedFileWriter::new(target, Arc::new(schema), Arc::new(properties)).map_err(io_error)?;
-        Ok(Self { writer, columns: vec![Vec::new(); COLUMNS.len()] })
-    }
-
-    fn write_group(&mut self) -> Result<(), ParquetError> {
-        let mut group = self.writer.next_row_group()?;
-        for cells in &mut self.columns {
-            let Some(mut column) = group.next_column()? else { break };
-            let cells = std::mem::take(cells);
-            match cells.first() {
-                Some(Cell::Real(_)) => {
-                    let values: Vec<f64> = cells.iter().filter_map(Cell::real).collect();
-                    column.typed::<DoubleType>().write_batch(&values, None, None)?;
-                }
-                Some(Cell::Int(_)) => {
-                    let values: Vec<i64> = cells.iter().filter_map(Cell::int).collect();
-                    column.typed::<Int64Type>().write_batch(&values, None, None)?;
-                }
-                _ => {
-                    let values: Vec<ByteArray> = cells.iter().filter_map(Cell::text).map(ByteArray::from).collect();
-                    column.typed::<ByteArrayType>().write_batch(&values, None, None)?;
-                }
+fn try_write(table: &Table, target: impl Write + Send) -> Result<(), ParquetError> {
+    let fields = table.columns.iter().map(|column| {
+        let (physical, logical, repetition) = match &column.values {
+            Values::Real(_) => (Physical::DOUBLE, None, Repetition::OPTIONAL),
+            Values::Int(_) => (Physical::INT64, None, Repetition::REQUIRED),
+            Values::Text(_) => (Physical::BYTE_ARRAY, Some(LogicalType::String), Repetition::REQUIRED),
+        };
+        Type::primitive_type_builder(column.name, physical)
+            .with_repetition(repetition)
+            .with_logical_type(logical)
+            .build()
+            .map(Arc::new)
+    });
+    let schema = Type::group_type_builder("trial").with_fields(fields.collect::<Result<_, _>>()?).build()?;
+    let abouts = table.columns.iter().filter(|column| !column.about.is_empty());
+    let abouts = abouts.map(|column| format!("{}: {}", column.name, column.about));
+    let about: Vec<_> = table.header.iter().cloned().chain(abouts).collect();
+    let properties = WriterProperties::builder()
+        .set_compression(Compression::ZSTD(ZstdLevel::default()))
+        .set_key_value_metadata(Some(vec![KeyValue::new("about".to_owned(), about.join("\n"))]))
+        .build();
+    let mut writer = SerializedFileWriter::new(target, Arc::new(schema), Arc::new(properties))?;
+    let mut group = writer.next_row_group()?;
+    for column in &table.columns {
+        let Some(mut target) = group.next_column()? else { break };
+        match &column.values {
+            Values::Real(values) => {
+                let levels: Vec<i16> = values.iter().map(|value| i16::from(!value.is_nan())).collect();
+                let values: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+                target.typed::<DoubleType>().write_batch(&values, Some(&levels), None)?;
             }
-            column.close()?;
+            Values::Int(values) => {
+                target.typed::<Int64Type>().write_batch(values, None, None)?;
+            }
+            Values::Text(values) => {
+                let values: Vec<ByteArray> = values.iter().map(|text| ByteArray::from(text.as_str())).collect();
+                target.typed::<ByteArrayType>().write_batch(&values, None, None)?;
+            }
         }
-        group.close().map(drop)
+        target.close()?;
     }
-}
-
-impl<W: Write + Send> Sink for Table<W> {
-    fn row(&mut self, message: &Message) -> io::Result<bool> {
-        let Body::Telemetry(telemetry) = &message.body else { return Ok(false) };
-        for (cells, column) in self.columns.iter_mut().zip(COLUMNS) {
-            cells.push((column.cell)(message, telemetry));
-        }
-        if self.columns.first().is_some_and(|cells| cells.len() >= GROUP) {
-            self.write_group().map_err(io_error)?;
-        }
-        Ok(true)
-    }
-
-    fn finish(mut self: Box<Self>) -> io::Result<()> {
-        if self.columns.first().is_some_and(|cells| !cells.is_empty()) {
-            self.write_group().map_err(io_error)?;
-        }
-        self.writer.close().map(drop).map_err(io_error)
-    }
-}
-
-impl Cell {
-    fn real(&self) -> Option<f64> {
-        if let Self::Real(value) = self { Some(*value) } else { None }
-    }
-
-    fn int(&self) -> Option<i64> {
-        if let Self::Int(value) = self { Some(*value) } else { None }
-    }
-
-    fn text(&self) -> Option<&'static str> {
-        if let Self::Text(text) = self { Some(text) } else { None }
-    }
-}
-
-fn io_error(error: ParquetError) -> io::Error {
-    io::Error::other(error)
+    group.close()?;
+    writer.close().map(drop)
 }

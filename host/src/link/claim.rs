@@ -1,7 +1,8 @@
-//! One biflag at a time has a board, also while it has lent the port to avrdude: who opens the port of a Nano resets it.
+//! Exclusive use of a board: opening the port of a Nano resets it, so only one biflag may have it, also while avrdude
+//! uses the port on its behalf.
 //!
-//! The claim is a name among the abstract sockets, which needs no file, and which the kernel gives back however the
-//! program ends. Holding the port itself open instead would keep avrdude's opening of it from resetting the board.
+//! The claim is the name of an abstract socket. It needs no file, and the kernel releases it however the program ends.
+//! An open port would not do: avrdude could then not reset the board by opening it.
 
 use super::LinkError;
 use super::port::{busy, classify};
@@ -9,7 +10,7 @@ use std::os::linux::net::SocketAddrExt;
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 
-/// The right to a port, until it is dropped.
+/// Exclusive use of a port until it is dropped.
 #[derive(Debug)]
 pub struct Claim {
     _name: UnixDatagram,
@@ -19,10 +20,10 @@ impl Claim {
     /// Claims the port.
     ///
     /// # Errors
-    /// [`LinkError::Busy`] where another biflag has it, [`LinkError::NotFound`], [`LinkError::Port`].
+    /// [`LinkError::Busy`] if another biflag has it, [`LinkError::NotFound`], [`LinkError::Port`].
     pub fn take(path: &str) -> Result<Self, LinkError> {
         let failed = |error| classify(path, error);
-        // One device has many names, by links too.
+        // A device can have several names, and links to them.
         let device = std::fs::metadata(path).map_err(failed)?;
         let name = format!("biflag-port-{:x}-{:x}-{:x}", device.rdev(), device.dev(), device.ino());
         let address = SocketAddr::from_abstract_name(name).map_err(failed)?;
@@ -39,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_port_is_claimed_once_by_whatever_name_and_given_back() {
+    fn a_port_is_claimed_once_under_all_its_names() {
         let folder = tempfile::tempdir().unwrap();
         let [port, link] = ["ttyUSB0", "by-id"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
         std::fs::write(&port, "").unwrap();

@@ -1,7 +1,7 @@
-//! The program's end of the link: open it, ask, and hear what comes.
+//! The link as the program uses it: open it, send requests, receive events.
 
 use super::port;
-use super::worker::{Event, Question, Received, Worker};
+use super::worker::{Event, PendingRequest, Received, Worker};
 use super::{Claim, LinkError};
 use protocol::frame::FrameError;
 use protocol::{Command, Info, Reply, VERSION};
@@ -11,27 +11,26 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
-/// An open link to a board that speaks our protocol. Closing it stops the motors.
+/// An open link to a board that speaks this protocol. Closing it stops the motors.
 #[derive(Debug)]
 pub struct Link {
     path: String,
     opened: SystemTime,
     begun: Instant,
-    /// When this end last showed a sign of life, ms since the link was opened.
+    /// Time of the last heartbeat, ms since the link was opened.
     alive: Arc<AtomicU64>,
     info: Info,
-    questions: Sender<Question>,
+    requests: Sender<PendingRequest>,
     events: Receiver<Received>,
     thread: Option<JoinHandle<()>>,
     _claim: Claim,
 }
 
 impl Link {
-    /// How long a board may take to answer the first handshake: opening the port resets a Nano, and the older of its
-    /// bootloaders waits for two seconds.
+    /// Time limit of the handshake. Opening the port resets a Nano, and the older of its bootloaders waits two seconds.
     pub const HANDSHAKE: Duration = Duration::from_secs(6);
 
-    /// Opens the port and shakes hands.
+    /// Opens the port and performs the handshake.
     ///
     /// # Errors
     /// The port's errors, [`LinkError::Silent`], [`LinkError::OtherProgram`] or [`LinkError::OtherVersion`].
@@ -39,18 +38,18 @@ impl Link {
         Self::open_unless(path, &AtomicBool::new(false))
     }
 
-    /// Opens the port and shakes hands, unless the user interrupts it.
+    /// Opens the port and performs the handshake; `interrupted` aborts it.
     ///
     /// # Errors
     /// As [`Link::open`], and [`LinkError::Interrupted`].
     pub fn open_unless(path: &str, interrupted: &AtomicBool) -> Result<Self, LinkError> {
         let claim = Claim::take(path)?;
         let port = port::open(path)?;
-        let (questions, asked) = channel();
+        let (requests, pending) = channel();
         let (sender, events) = channel();
         let opened = SystemTime::now();
         let alive = Arc::new(AtomicU64::new(0));
-        let worker = Worker::new(port, asked, sender, alive.clone());
+        let worker = Worker::new(port, pending, sender, alive.clone());
         let thread = std::thread::Builder::new()
             .name("link".into())
             .spawn(move || worker.run())
@@ -61,7 +60,7 @@ impl Link {
             begun: Instant::now(),
             alive,
             info: Info::default(),
-            questions,
+            requests,
             events,
             thread: Some(thread),
             _claim: claim,
@@ -70,30 +69,30 @@ impl Link {
         Ok(link)
     }
 
-    /// The port.
+    /// Returns the port.
     pub fn path(&self) -> &str {
         &self.path
     }
 
-    /// When it was opened, on the host's wall clock.
+    /// Returns when it was opened, on the host's wall clock.
     pub fn opened(&self) -> SystemTime {
         self.opened
     }
 
-    /// What the board said of itself in the handshake.
+    /// Returns the board's answer to the handshake.
     pub fn info(&self) -> &Info {
         &self.info
     }
 
-    /// Asks the board, and waits for its answer through several attempts.
+    /// Sends a request, several times if need be, and returns the answer.
     ///
     /// # Errors
     /// [`LinkError::NoAnswer`], [`LinkError::Refused`] or [`LinkError::Closed`].
     pub fn ask(&self, command: Command) -> Result<Reply, LinkError> {
-        self.show_life();
+        self.heartbeat();
         let (answer, answered) = channel();
         let closed = || LinkError::Closed { path: self.path.clone() };
-        self.questions.send(Question { command, answer }).map_err(|_| closed())?;
+        self.requests.send(PendingRequest { command, answer }).map_err(|_| closed())?;
         match answered.recv().map_err(|_| closed())? {
             Ok(Reply::Refused(refusal)) => Err(LinkError::Refused { command: name(&command), refusal }),
             Ok(reply) => Ok(reply),
@@ -101,7 +100,7 @@ impl Link {
         }
     }
 
-    /// Asks for something that is answered with [`Reply::Done`].
+    /// Sends a request that is answered with [`Reply::Done`].
     ///
     /// # Errors
     /// As [`Link::ask`].
@@ -112,20 +111,20 @@ impl Link {
         }
     }
 
-    fn show_life(&self) {
+    fn heartbeat(&self) {
         let now = u64::try_from(self.begun.elapsed().as_millis()).unwrap_or(u64::MAX);
         self.alive.store(now, Ordering::Relaxed);
     }
 
-    /// An answer that does not fit its question.
+    /// Returns the error for an answer that does not fit the request.
     pub fn wrong_answer(&self, command: &Command, answer: &Reply) -> LinkError {
         LinkError::WrongAnswer { command: name(command), answer: format!("{answer:?}") }
     }
 
-    /// The next thing that came, if any comes within `patience`.
-    pub fn next(&self, patience: Duration) -> Option<Received> {
-        self.show_life();
-        match self.events.recv_timeout(patience) {
+    /// Returns the next event, or `None` if none comes within `timeout`.
+    pub fn next(&self, timeout: Duration) -> Option<Received> {
+        self.heartbeat();
+        match self.events.recv_timeout(timeout) {
             Ok(received) => Some(received),
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => {
@@ -138,7 +137,7 @@ impl Link {
         let begun = Instant::now();
         let mut bytes = 0;
         let mut frames = 0;
-        let mut foreign = None;
+        let mut other_version = None;
         while begun.elapsed() < Self::HANDSHAKE {
             if interrupted.load(Ordering::Relaxed) {
                 return Err(LinkError::Interrupted);
@@ -148,11 +147,11 @@ impl Link {
                 match received.event {
                     Event::Raw(raw) => bytes += raw.len(),
                     Event::Telemetry(_) => frames += 1,
-                    Event::Damaged(FrameError::Foreign(Some(version))) => foreign = Some(version),
+                    Event::Damaged(FrameError::UnknownMessage(Some(version))) => other_version = Some(version),
                     _ => {}
                 }
             }
-            match (answer, foreign) {
+            match (answer, other_version) {
                 (Ok(Reply::Info(info)), _) if info.protocol == VERSION => return Ok(info),
                 (Ok(Reply::Info(Info { protocol: theirs, .. })), _) | (_, Some(theirs)) => {
                     return Err(LinkError::OtherVersion { path: self.path.clone(), theirs });
@@ -166,7 +165,7 @@ impl Link {
         let path = self.path.clone();
         Err(match bytes {
             0 => LinkError::Silent { path, waited: begun.elapsed() },
-            _ if frames > 0 => LinkError::Deaf { path },
+            _ if frames > 0 => LinkError::RequestsIgnored { path },
             bytes => LinkError::OtherProgram { path, bytes },
         })
     }
@@ -174,9 +173,9 @@ impl Link {
 
 impl Drop for Link {
     fn drop(&mut self) {
-        // The thread sends a stop when its questions end.
-        let (questions, _) = channel();
-        self.questions = questions;
+        // The thread stops the motors when the channel of requests closes.
+        let (requests, _) = channel();
+        self.requests = requests;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }

@@ -1,24 +1,24 @@
-//! The board's clock: unwrapped, and held against the host's.
+//! The board's clock: unwrapped, and compared with the host's.
 
 use protocol::units::Micros;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Unwraps the board's clock, which starts again every 71.6 minutes.
+/// Unwraps the board's clock, which wraps every 71.6 minutes.
 #[derive(Debug, Clone, Default)]
 pub struct BoardClock {
     last: Option<(Micros, u64)>,
 }
 
 impl BoardClock {
-    /// An answer may overtake the frame of the tick in which it was given.
+    /// How late a reading may come, µs: an answer can overtake the frame of its tick.
     const LATE_US: u32 = 1_000_000;
-    /// The longest from one reading to the next. The emulated board runs at most some ten times as fast as real time,
-    /// and who hears nothing for a second gives up.
+    /// The longest time between two readings, µs. The host gives up after a second without data, in which the emulated
+    /// board passes some ten seconds at most.
     const AHEAD_US: u32 = 30_000_000;
 
-    /// Microseconds since the board's start, given that readings come in order, some a little late. `None`: the clock
-    /// went back or leapt ahead, so the board has restarted; so it is from then on.
+    /// Returns the microseconds since the board's start. Readings come in order, some a little late. Returns `None` once
+    /// the clock has jumped back or ahead: the board has restarted.
     pub fn unwrap(&mut self, time: Micros) -> Option<u64> {
         let unwrapped = match self.last {
             None => u64::from(time.0),
@@ -38,7 +38,7 @@ impl BoardClock {
     }
 }
 
-/// Pairs of board and host times from pings, newest kept.
+/// Board and host times of the latest pings.
 #[derive(Debug, Clone, Default)]
 pub struct PingClock {
     pings: VecDeque<Ping>,
@@ -47,28 +47,28 @@ pub struct PingClock {
 #[derive(Debug, Clone, Copy)]
 struct Ping {
     board_us: u64,
-    /// Half way between question and answer, s since the link's start.
+    /// Midway between request and answer, s since the link was opened.
     host_s: f64,
     round_trip_s: f64,
 }
 
-/// The board's clock as a straight line over the host's: `host_s = offset_s + board_s * rate`.
+/// Linear fit of the host's clock to the board's: `host_s = offset_s + board_s * rate`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ClockFit {
-    /// The host's time at the board's zero, s since the link's start.
+pub struct ClockMap {
+    /// Host time at board time 0, s since the link was opened.
     pub offset_s: f64,
     /// Host seconds per board second.
     pub rate: f64,
-    /// Root mean square of what the line leaves over, s.
+    /// Root mean square of the residuals, s.
     pub residual_s: f64,
-    /// Pings that the line was fitted to.
+    /// Number of pings in the fit.
     pub pings: usize,
 }
 
 impl PingClock {
     const KEPT: usize = 4096;
 
-    /// Takes the answer to a ping that was sent and answered at these times since the link's start.
+    /// Adds a ping that was sent and answered at these times since the link was opened.
     pub fn add(&mut self, board_us: u64, sent: Duration, answered: Duration) {
         if self.pings.len() == Self::KEPT {
             self.pings.pop_front();
@@ -77,9 +77,9 @@ impl PingClock {
         self.pings.push_back(Ping { board_us, host_s: 0.5 * (sent + answered), round_trip_s: answered - sent });
     }
 
-    /// Least squares over the half of the pings that came back fastest, for a slow answer says little about when the
-    /// board read its clock. `None` before ten pings.
-    pub fn fit(&self) -> Option<ClockFit> {
+    /// Returns the least-squares fit over the faster half of the pings: a slow answer tells little about when the board
+    /// read its clock. `None` with fewer than ten pings.
+    pub fn fit(&self) -> Option<ClockMap> {
         if self.pings.len() < 10 {
             return None;
         }
@@ -98,7 +98,7 @@ impl PingClock {
         let rate = product / square;
         let offset_s = mean_host - rate * mean_board;
         let left: f64 = pings.iter().map(|ping| (ping.host_s - offset_s - rate * board(ping)).powi(2)).sum();
-        Some(ClockFit { offset_s, rate, residual_s: (left / n).sqrt(), pings: pings.len() })
+        Some(ClockMap { offset_s, rate, residual_s: (left / n).sqrt(), pings: pings.len() })
     }
 }
 

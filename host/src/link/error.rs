@@ -1,4 +1,4 @@
-//! What can go wrong between the host and the board, each with what to do about it.
+//! Errors of the link between host and board, each with what to do about it.
 
 use miette::Diagnostic;
 use protocol::{Refusal, VERSION};
@@ -12,25 +12,29 @@ pub enum LinkError {
     #[error("there is no port {path}")]
     #[diagnostic(code(wrong_use), help("{}", present(.available)))]
     NotFound {
-        /// The port asked for.
+        /// The port.
         path: String,
-        /// Ports that are there.
+        /// The ports that exist.
         available: Vec<String>,
     },
-    /// Something else than a port.
+    /// Not a serial port.
     #[error("{path} is not a serial port")]
     #[diagnostic(code(wrong_use), help("{}", present(.available)))]
     NotSerial {
-        /// What was named.
+        /// The path.
         path: String,
-        /// Ports that are there.
+        /// The ports that exist.
         available: Vec<String>,
     },
-    /// No port was named, and none or several could be meant.
-    #[error("no port was named, and there is not exactly one that could be meant")]
-    #[diagnostic(code(wrong_use), help("name one with --port; {}", present(.available)))]
-    NotNamed {
-        /// Ports that could be meant.
+    /// No port was named, and no board is plugged in.
+    #[error("No board found. Plug it in or pass --port.")]
+    #[diagnostic(code(wrong_use), help("`biflag doctor` checks the cable, the port and the permissions"))]
+    NoBoard,
+    /// No port was named, and several boards are plugged in.
+    #[error("Several boards found: {}. Pass one with --port.", .available.join(", "))]
+    #[diagnostic(code(wrong_use), help("`biflag doctor` says which board is on which port"))]
+    SeveralBoards {
+        /// Their ports.
         available: Vec<String>,
     },
     /// Another program uses the port.
@@ -39,7 +43,7 @@ pub enum LinkError {
     Busy {
         /// The port.
         path: String,
-        /// Its process, if it could be found.
+        /// The process that has it open, if known.
         holder: Option<String>,
     },
     /// The user may not open the port.
@@ -51,54 +55,54 @@ pub enum LinkError {
         /// The group that owns the port.
         group: String,
     },
-    /// The port does not work.
+    /// The port failed.
     #[error("{path}: {source}")]
-    #[diagnostic(help("unplug and replug the board and try again; `biflag doctor` looks closer"))]
+    #[diagnostic(help("unplug and replug the board and try again; `biflag doctor` tells more"))]
     Port {
         /// The port.
         path: String,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The port vanished.
+    /// The port disappeared.
     #[error("{path} was unplugged or closed")]
-    #[diagnostic(help("check the cable; what came before is kept, and `record --resume` goes on from there"))]
+    #[diagnostic(help("check the cable; the log so far is kept, and `biflag record --resume` continues the session"))]
     Closed {
         /// The port.
         path: String,
     },
-    /// The port vanished before the board had said who it is.
-    #[error("{path} was unplugged or closed before the board had answered")]
+    /// The port disappeared during the handshake.
+    #[error("{path} was unplugged or closed before the board answered")]
     #[diagnostic(help(
-        "check the cable and try again; a board that keeps vanishing draws more than the USB port gives"
+        "check the cable and try again; a board that keeps disconnecting may draw more current than the USB port supplies"
     ))]
     Vanished {
         /// The port.
         path: String,
     },
     /// Nothing came from the board.
-    #[error("the board on {path} does not answer: not a byte in {:.1} s", .waited.as_secs_f64())]
+    #[error("the board on {path} does not answer: no byte in {:.1} s", .waited.as_secs_f64())]
     #[diagnostic(help("check its power and cable, and flash it with `biflag flash --port {path}`"))]
     Silent {
         /// The port.
         path: String,
-        /// How long it was asked.
+        /// How long the host waited.
         waited: Duration,
     },
-    /// The user wants to stop.
+    /// The user pressed Ctrl-C.
     #[error("interrupted")]
     Interrupted,
     /// The board sends, but does not answer.
-    #[error("the board on {path} sends telemetry, but does not hear this computer")]
+    #[error("the board on {path} sends telemetry but answers no request")]
     #[diagnostic(help(
         "unplug and replug it; if that does not help, the line from the USB converter to its RX is broken"
     ))]
-    Deaf {
+    RequestsIgnored {
         /// The port.
         path: String,
     },
-    /// Something came that is not our protocol.
-    #[error("the board on {path} runs another program: it sent {bytes} bytes and no frame of ours")]
+    /// The bytes that came are not of this protocol.
+    #[error("the board on {path} runs another program: it sent {bytes} bytes and no valid frame")]
     #[diagnostic(help("flash it with `biflag flash --port {path}`"))]
     OtherProgram {
         /// The port.
@@ -108,7 +112,7 @@ pub enum LinkError {
     },
     /// The firmware speaks another version of the protocol.
     #[error("the firmware on {path} speaks protocol version {theirs}, this biflag version {VERSION}")]
-    #[diagnostic(help("flash the right one with `biflag flash --port {path}`"))]
+    #[diagnostic(help("flash the matching firmware with `biflag flash --port {path}`"))]
     OtherVersion {
         /// The port.
         path: String,
@@ -121,39 +125,39 @@ pub enum LinkError {
     NoAnswer {
         /// The port.
         path: String,
-        /// What was asked.
+        /// The request.
         command: String,
-        /// How often.
+        /// How many times it was sent.
         attempts: u32,
     },
     /// The board refused.
     #[error("the board refused {command}: {}", refusal_text(*.refusal))]
     #[diagnostic(help("{}", refusal_cure(*.refusal)))]
     Refused {
-        /// What was asked.
+        /// The request.
         command: String,
-        /// Why not.
+        /// The reason.
         refusal: Refusal,
     },
-    /// The board answered with something that is no answer to the question.
+    /// The answer does not fit the request.
     #[error("the board answered {command} with {answer}")]
     #[diagnostic(help("the firmware does not match this biflag: flash it again with `biflag flash`"))]
     WrongAnswer {
-        /// What was asked.
+        /// The request.
         command: String,
-        /// What came.
+        /// The answer.
         answer: String,
     },
 }
 
-/// A refusal in words.
+/// Returns the text of a refusal.
 pub fn refusal_text(refusal: Refusal) -> &'static str {
     match refusal {
         Refusal::OutOfRange => "a value is outside of its range",
         Refusal::Faulted => "a fault is latched",
-        Refusal::Running => "the motors turn",
-        Refusal::Calibrating => "a calibration is going on",
-        Refusal::EepromFailed => "its EEPROM does not keep what is written to it",
+        Refusal::Running => "the motors are turning",
+        Refusal::Calibrating => "a calibration is running",
+        Refusal::EepromFailed => "its EEPROM does not keep its content",
     }
 }
 
@@ -161,17 +165,17 @@ fn refusal_cure(refusal: Refusal) -> &'static str {
     match refusal {
         Refusal::OutOfRange => "correct the value; `biflag settings` prints those in force",
         Refusal::Faulted => {
-            "the report of its last trial names the fault (`biflag report LOG`); see to its cause, then record again"
+            "the report of its last trial names the fault (`biflag report LOG`); remove the cause, then record again"
         }
         Refusal::Running | Refusal::Calibrating => "wait until it is done, or press the board's reset button",
-        Refusal::EepromFailed => "the board's EEPROM is worn out: use another board, or leave the settings in the plan",
+        Refusal::EepromFailed => "the EEPROM is worn out: use another board, or give the settings in the plan",
     }
 }
 
 fn present(available: &[String]) -> String {
     match available {
-        [] => "no board is plugged in; `biflag doctor` looks closer".into(),
-        ports => format!("these are there: {}", ports.join(", ")),
+        [] => "no board is plugged in; `biflag doctor` tells more".into(),
+        ports => format!("available: {}", ports.join(", ")),
     }
 }
 

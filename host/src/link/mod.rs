@@ -5,8 +5,8 @@
 //!         ◄════════   keep-alive, retries ◄── requests                            ◄──
 //! ```
 //!
-//! The thread does nothing that can block but reading the port, so a slow disk delays neither the keep-alive that the
-//! motors' deadline waits for nor the reading of a byte.
+//! The thread blocks on nothing but the port, so a slow disk delays neither the pings that feed the motors' deadline nor
+//! the reading of a byte.
 
 mod claim;
 mod client;
@@ -18,7 +18,7 @@ mod worker;
 
 pub use claim::Claim;
 pub use client::Link;
-pub use clock::{BoardClock, ClockFit, PingClock};
+pub use clock::{BoardClock, ClockMap, PingClock};
 pub use error::{LinkError, refusal_text};
 pub use monitor::{Gap, Monitor};
 pub use port::{choose as choose_port, probe as probe_port, robots as robot_ports};

@@ -1,6 +1,6 @@
-//! What of the stream arrived, and what did not.
+//! Counts of what arrived over the link and what was lost.
 
-use crate::stats::LinkStats;
+use biflag_log::LinkStats;
 use protocol::Telemetry;
 use protocol::frame::FrameError;
 use protocol::units::Count;
@@ -14,7 +14,7 @@ pub struct Gap {
     pub count: u16,
 }
 
-/// Counts what comes over the link during one trial.
+/// Counts of the link during one trial.
 #[derive(Debug, Clone, Default)]
 pub struct Monitor {
     stats: LinkStats,
@@ -23,12 +23,12 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// The counts so far.
+    /// Returns the counts so far.
     pub fn stats(&self) -> LinkStats {
         self.stats
     }
 
-    /// Takes a frame of the stream; answers what is missing before it.
+    /// Counts a frame of the stream; returns the gap before it.
     pub fn frame(&mut self, telemetry: &Telemetry) -> Option<Gap> {
         self.stats.samples += 1;
         self.out_of_step = false;
@@ -39,14 +39,14 @@ impl Monitor {
         (count > 0).then_some(Gap { first, count })
     }
 
-    /// Takes a frame that could not be read. A run of them is one resync.
+    /// Counts a frame that could not be read. Consecutive ones are one resync.
     pub fn damaged(&mut self, error: FrameError) {
         self.stats.crc_errors += u64::from(error == FrameError::Crc);
         self.stats.resyncs += u64::from(!self.out_of_step);
         self.out_of_step = true;
     }
 
-    /// Takes a request that needed this many attempts.
+    /// Counts a request that was sent this many times.
     pub fn asked(&mut self, attempts: u32) {
         self.stats.retries += u64::from(attempts.saturating_sub(1));
     }

@@ -10,10 +10,10 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::Duration;
 
-/// The longest wait for a byte: also how long a request may lie before it is sent.
+/// The longest wait for a byte, and so the longest delay of a request.
 const READ_TIMEOUT: Duration = Duration::from_millis(2);
 
-/// Ports that a robot could be on: serial converters on USB.
+/// Returns the ports that a robot can be on: serial converters on USB.
 pub fn robots() -> Vec<String> {
     let usb = |port: &serialport::SerialPortInfo| matches!(port.port_type, SerialPortType::UsbPort(_));
     let mut names: Vec<String> = serialport::available_ports()
@@ -27,22 +27,26 @@ pub fn robots() -> Vec<String> {
     names
 }
 
-/// The port that was named, or else the only one that could be meant.
+/// Returns the port that the user named, or the only one with a board.
 ///
 /// # Errors
-/// [`LinkError::NotNamed`] where none was named and there is not exactly one.
+/// [`LinkError::NoBoard`] or [`LinkError::SeveralBoards`].
 pub fn choose(named: Option<&str>) -> Result<String, LinkError> {
     if let Some(name) = named {
         return Ok(name.to_owned());
     }
-    let mut available = robots();
+    the_only(robots())
+}
+
+fn the_only(mut available: Vec<String>) -> Result<String, LinkError> {
     match available.len() {
+        0 => Err(LinkError::NoBoard),
         1 => Ok(available.remove(0)),
-        _ => Err(LinkError::NotNamed { available }),
+        _ => Err(LinkError::SeveralBoards { available }),
     }
 }
 
-/// Sees whether the port is there, permitted, free, and a port at all.
+/// Checks that the path is a serial port, which is free and permitted.
 ///
 /// # Errors
 /// [`LinkError::NotFound`], [`LinkError::Busy`], [`LinkError::NotPermitted`], [`LinkError::NotSerial`] or
@@ -55,7 +59,7 @@ pub fn probe(path: &str) -> Result<(), LinkError> {
     }
 }
 
-/// The kernel's own exclusive mode does not bind the superuser; programs that take turns lock the port.
+/// Opens and locks the port. The kernel's own exclusive mode does not hold for the superuser, so programs also lock it.
 fn lock(path: &str) -> Result<OwnedFd, LinkError> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let port = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| classify(path, error.into()))?;
@@ -68,13 +72,13 @@ fn lock(path: &str) -> Result<OwnedFd, LinkError> {
 
 /// Opens the port at the protocol's speed and locks it.
 pub(super) fn open(path: &str) -> Result<Box<dyn SerialPort>, LinkError> {
-    // What `serialport` says of a port in use is that there is none.
+    // `serialport` reports a port in use as missing.
     probe(path)?;
     let port = serialport::new(path, protocol::BAUD)
         .timeout(READ_TIMEOUT)
         .open()
         .map_err(|error| classify(path, io::Error::from(error)))?;
-    // An answer to the program before us must not pass for one to our first question.
+    // An answer to the program before must not be taken for the answer to the first request.
     port.clear(ClearBuffer::Input).map_err(|error| classify(path, io::Error::from(error)))?;
     Ok(port)
 }
@@ -82,7 +86,7 @@ pub(super) fn open(path: &str) -> Result<Box<dyn SerialPort>, LinkError> {
 pub(super) fn classify(path: &str, source: io::Error) -> LinkError {
     const BUSY: i32 = 16;
     match source.kind() {
-        // Another program was quicker: `serialport` says so as if there were no port.
+        // Another program was quicker, which `serialport` reports as a missing port.
         io::ErrorKind::NotFound if Path::new(path).exists() => busy(path),
         io::ErrorKind::NotFound => LinkError::NotFound { path: path.to_owned(), available: robots() },
         io::ErrorKind::PermissionDenied => LinkError::NotPermitted { path: path.to_owned(), group: group_of(path) },
@@ -97,7 +101,7 @@ pub(super) fn busy(path: &str) -> LinkError {
     LinkError::Busy { path: path.to_owned(), holder: holder_of(path) }
 }
 
-/// The group that owns the port: `dialout` on Debian.
+/// Returns the group that owns the port: `dialout` on Debian.
 fn group_of(path: &str) -> String {
     let gid = fs::metadata(path).map(|meta| meta.gid()).ok();
     let groups = fs::read_to_string("/etc/group").unwrap_or_default();
@@ -110,7 +114,7 @@ fn group_of(path: &str) -> String {
     name.unwrap_or_else(|| "dialout".to_owned())
 }
 
-/// The process that has the port open, as `name, process 123`, where the system lets us see it.
+/// Returns the process that has the port open, as `name, process 123`, if the system shows it.
 fn holder_of(path: &str) -> Option<String> {
     let port = fs::canonicalize(path).ok()?;
     let own = std::process::id().to_string();
@@ -133,14 +137,24 @@ mod tests {
     use miette::Diagnostic;
 
     #[test]
-    fn a_missing_port_is_named_with_those_that_are_there() {
+    fn without_a_name_there_must_be_one_board() {
+        assert_eq!(the_only(vec!["/dev/ttyUSB0".into()]).unwrap(), "/dev/ttyUSB0");
+        let none = the_only(Vec::new()).unwrap_err();
+        assert_eq!(none.to_string(), "No board found. Plug it in or pass --port.");
+        let several = the_only(vec!["/dev/ttyUSB0".into(), "/dev/ttyUSB1".into()]).unwrap_err();
+        assert_eq!(several.to_string(), "Several boards found: /dev/ttyUSB0, /dev/ttyUSB1. Pass one with --port.");
+        assert!([none, several].iter().all(|error| error.code().unwrap().to_string() == "wrong_use"));
+    }
+
+    #[test]
+    fn a_missing_port_is_named() {
         let error = probe("/dev/no-such-port").unwrap_err();
         assert!(matches!(&error, LinkError::NotFound { path, .. } if path == "/dev/no-such-port"));
         assert!(error.to_string().contains("/dev/no-such-port"));
     }
 
     #[test]
-    fn what_is_no_serial_port_is_said_to_be_none() {
+    fn a_path_that_is_not_a_serial_port_is_refused() {
         for path in ["/dev/null", "/dev"] {
             assert!(matches!(probe(path), Err(LinkError::NotSerial { .. })), "{path}");
         }
@@ -154,7 +168,7 @@ mod tests {
         lock(path).unwrap();
         first.lock().unwrap();
         let Err(LinkError::Busy { holder, .. }) = lock(path) else { panic!("the port is in use") };
-        assert_eq!(holder, None, "this process is not told about itself");
+        assert_eq!(holder, None, "this process does not count");
     }
 
     #[test]

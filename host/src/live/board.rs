@@ -1,21 +1,23 @@
-//! The board's stream, shown and not recorded.
+//! Serves the telemetry of a board without recording it.
 
 use super::Live;
+use crate::attitude::rotation;
+use crate::draw;
 use crate::link::{BoardClock, Event, Link, LinkError, Monitor};
-use crate::log::schema::biflag;
-use crate::log::{Converter, EventKind, event, frame_transform};
-use crate::rig::fault_text;
-use crate::stats::LinkStats;
+use crate::run::rig::fault_text;
+use biflag_log::LinkStats;
+use biflag_log::schema::biflag;
+use biflag_log::{Converter, EventKind, event};
 use miette::Diagnostic;
 use protocol::{Command, Fault, Settings, State, TICK_HZ, Telemetry};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use thiserror::Error;
 
-/// No frame for so long, and the stream has ended.
+/// Time without a frame after which the stream has ended.
 const SILENCE: Duration = Duration::from_secs(1);
 
-/// Why the board is watched no longer.
+/// Why watching the board ended.
 #[derive(Debug, Error, Diagnostic)]
 pub enum WatchError {
     /// The link failed.
@@ -24,15 +26,15 @@ pub enum WatchError {
     Link(#[from] LinkError),
     /// The stream ended.
     #[error("the board on {port} stopped sending")]
-    #[diagnostic(help("check its supply and cable, then start again"))]
+    #[diagnostic(help("check its power supply and cable, then start again"))]
     Silent {
         /// The board's port.
         port: String,
     },
 }
 
-/// Starts the board's stream and shows it until the user interrupts it. No speeds are sent and no fault is cleared: the
-/// motors stay as they are, which is still, for a board stops them when nobody leads it.
+/// Starts the board's telemetry and serves it until the user interrupts the program. No speeds are sent and no fault is
+/// cleared. The motors are at rest: a board stops them if no host is connected.
 ///
 /// # Errors
 /// [`WatchError`].
@@ -64,14 +66,14 @@ pub fn watch(link: &Link, settings: Settings, live: &Live, interrupted: &AtomicB
     Ok(stream.monitor.stats())
 }
 
-/// From frames to what viewers see.
+/// Converts frames to messages for viewers.
 struct Stream<'a> {
     live: &'a Live,
     converter: Converter,
     clock: BoardClock,
-    /// The board's clock, µs, and the host's, ns, at the first frame.
+    /// The board's clock, µs, and the host's clock, ns, at the first frame.
     first: Option<(u64, u64)>,
-    /// Time of the last frame: the board's, from the host's at the first on, ns.
+    /// Time of the last frame, ns: the board's time, counted from the host's clock at the first frame.
     now_ns: u64,
     monitor: Monitor,
     state: Option<(State, Fault)>,
@@ -92,7 +94,7 @@ impl<'a> Stream<'a> {
 
     fn frame(&mut self, frame: &Telemetry, host: SystemTime) {
         let board_us = self.clock.unwrap(frame.time).unwrap_or_else(|| {
-            // The board has restarted: its clock begins anew, the viewers' goes on with the host's.
+            // After a restart of the board, the time for viewers continues from the host's clock.
             (self.clock, self.first) = (BoardClock::default(), None);
             self.clock.unwrap(frame.time).unwrap_or_default()
         });
@@ -106,8 +108,9 @@ impl<'a> Stream<'a> {
         }
         let telemetry = self.converter.telemetry(frame, board_us, elapsed_us as f64 * 1e-6);
         self.live.message(self.now_ns, &telemetry);
-        if let Some(attitude) = &telemetry.attitude {
-            self.live.message(self.now_ns, &frame_transform(attitude, self.now_ns));
+        if let Some(q) = &telemetry.attitude {
+            let attitude = rotation([q.w, q.x, q.y, q.z]);
+            self.live.message(self.now_ns, &draw::attitude(&attitude, self.now_ns));
         }
         let before = self.state.replace((frame.state, frame.fault));
         if before.is_none_or(|(state, _)| state != frame.state) {

@@ -1,4 +1,4 @@
-//! Why viewers cannot be served.
+//! Errors of the server for viewers.
 
 use miette::Diagnostic;
 use std::net::SocketAddr;
@@ -7,8 +7,8 @@ use thiserror::Error;
 /// Why viewers cannot be served.
 #[derive(Debug, Error, Diagnostic)]
 pub enum LiveError {
-    /// Another program listens there.
-    #[error("viewers cannot be served at {address}: another program listens there")]
+    /// Another program is listening at the address.
+    #[error("viewers cannot be served at {address}: another program is listening there")]
     #[diagnostic(help(
         "end it, or name another address: --listen for `biflag live`, --live for `biflag record`, such as \
          --live=127.0.0.1:8766"
@@ -17,7 +17,7 @@ pub enum LiveError {
         /// The address.
         address: SocketAddr,
     },
-    /// The system does not let us listen there.
+    /// The system does not allow listening at the address.
     #[error("viewers cannot be served at {address}: {reason}")]
     #[diagnostic(
         code(wrong_use),
@@ -26,7 +26,7 @@ pub enum LiveError {
     Address {
         /// The address.
         address: SocketAddr,
-        /// What the system said.
+        /// The error of the system.
         reason: String,
     },
 }

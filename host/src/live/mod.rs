@@ -1,8 +1,8 @@
-//! Trials for whoever watches: the messages of a log, as they are, over Foxglove's WebSocket protocol.
+//! Serves trials to viewers: the messages of a log, unchanged, over Foxglove's WebSocket protocol.
 //!
-//! What is shown comes from a trial that is being recorded ([`Live::tap`]), from a log ([`play`]), or from a board that is
-//! only listened to ([`watch`]). Viewers may be slow, dead or many: each has a queue of its own, and what does not fit
-//! into it is lost to that viewer alone.
+//! The messages come from a trial that is being recorded ([`Live::tap`]), from a log ([`play`]), or from a board
+//! without recording ([`watch`]). Each viewer has its own queue, so that a slow or dead viewer loses messages but does
+//! not affect the trial or other viewers.
 
 mod board;
 mod error;

@@ -1,32 +1,32 @@
-//! A log, shown in its own time.
+//! Plays a log at its original or another speed.
 
 use super::Live;
-use crate::log::schema::{self, biflag::event::Kind};
-use crate::log::{Body, LogError, Reader};
-use crate::rig::Progress;
+use crate::progress::Progress;
+use biflag_log::schema::{self, biflag::event::Kind};
+use biflag_log::{Body, LogError, Reader};
 use serde::Serialize;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// The longest wait before it is seen whether the user wants to stop.
+/// Longest wait between checks for an interruption.
 const NAP: Duration = Duration::from_millis(50);
 
-/// Viewers ask for one channel after the other.
+/// Wait for a viewer to subscribe to all of its channels, one after the other.
 const SETTLING: Duration = Duration::from_millis(300);
 
-/// What was shown of a log.
+/// Result of playing a log.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Played {
-    /// The log's own time, s.
+    /// Time of the log that was played, s.
     pub played_s: f64,
-    /// Messages shown.
+    /// Messages sent.
     pub messages: u64,
-    /// Whether the log was shown to its end.
+    /// Whether the log was played to its end.
     pub complete: bool,
 }
 
-/// Waits until a viewer has chosen what to see; `false`: the user interrupted it.
+/// Waits until a viewer has subscribed; returns `false` if the user interrupted the program.
 pub fn wait_for_viewer(live: &Live, interrupted: &AtomicBool) -> bool {
     while !live.is_watched() {
         if interrupted.load(Ordering::Relaxed) {
@@ -38,7 +38,7 @@ pub fn wait_for_viewer(live: &Live, interrupted: &AtomicBool) -> bool {
     true
 }
 
-/// Shows a log, `speed` times as fast as it was written, to whoever watches.
+/// Plays a log at `speed` times the speed of its recording.
 ///
 /// # Errors
 /// [`LogError`].

@@ -1,8 +1,8 @@
-//! The server that viewers connect to.
+//! The server for viewers.
 
 use super::LiveError;
-use crate::log::Tap;
-use crate::log::schema::{self, ChannelSpec, LogMessage, biflag};
+use biflag_log::Tap;
+use biflag_log::schema::{self, ChannelSpec, LogMessage, biflag};
 use foxglove::websocket::{Capability, ChannelView, Client, ServerListener};
 use foxglove::{
     ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChannel, Schema, WebSocketServer, WebSocketServerHandle,
@@ -14,35 +14,35 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Where viewers look first, and from this computer alone.
+/// The default address of viewers, reachable from this computer only.
 pub const ADDRESS: &str = "127.0.0.1:8765";
 
-/// Messages that wait for a viewer before its oldest are dropped: ten seconds of a trial in real time.
+/// Length of a viewer's queue: ten seconds of a trial in real time. When it is full, the oldest messages are dropped.
 const QUEUE: usize = 4096;
 
-/// Between two tellings of the trial's time. A viewer that does not read lasts for [`QUEUE`] of them, then it is hung up.
+/// Interval of the time broadcasts. A viewer that does not read is disconnected after [`QUEUE`] of them.
 const CLOCK_EVERY: Duration = Duration::from_millis(20);
 
-/// What no viewer has a use for.
+/// The channel that is not served, because viewers cannot use it.
 const HIDDEN: &str = "/raw";
 
-/// A server of live messages. Clones are the same server; it ends with the last of them.
+/// A server of live messages. Clones share the server, which ends with the last of them.
 #[derive(Clone)]
 pub struct Live(Arc<Server>);
 
 struct Server {
     address: SocketAddr,
     handle: Option<WebSocketServerHandle>,
-    /// Holds the channels together with the server, which only borrows it.
+    /// Keeps the context of the channels alive, which the server only borrows.
     _context: Arc<Context>,
     channels: BTreeMap<u16, Arc<RawChannel>>,
     listener: Arc<Listener>,
     begun: Instant,
-    /// When viewers were told the trial's time last, ms since the server began; 0: never.
-    told_ms: AtomicU64,
+    /// Time of the last time broadcast, ms since the server started; 0 before the first.
+    broadcast_ms: AtomicU64,
 }
 
-/// Notes whether anybody watches.
+/// Notes whether a viewer has subscribed to a channel.
 #[derive(Default)]
 struct Listener {
     subscribed: AtomicBool,
@@ -55,7 +55,7 @@ impl ServerListener for Listener {
 }
 
 impl Live {
-    /// Listens for viewers at `address`; its port may be 0 for any that is free.
+    /// Starts a server at `address`. Port 0 selects any free port.
     ///
     /// # Errors
     /// [`LiveError::Busy`], [`LiveError::Address`].
@@ -88,65 +88,65 @@ impl Live {
             .name("biflag")
             .context(&context)
             .bind(host, address.port())
-            // The trial's time is not the viewer's: a log is old, and an emulated board may run ahead of the clock.
+            // The trial's time differs from the viewer's: a log is older, and an emulated board may run faster than
+            // real time.
             .capabilities([Capability::Time])
             .message_backlog_size(QUEUE)
             .listener(listener.clone())
             .start_blocking()
             .map_err(failed)?;
         let address = SocketAddr::new(address.ip(), handle.port());
-        let (begun, told_ms) = (Instant::now(), AtomicU64::new(0));
+        let (begun, broadcast_ms) = (Instant::now(), AtomicU64::new(0));
         let handle = Some(handle);
-        Ok(Self(Arc::new(Server { address, handle, _context: context, channels, listener, begun, told_ms })))
+        Ok(Self(Arc::new(Server { address, handle, _context: context, channels, listener, begun, broadcast_ms })))
     }
 
-    /// Where viewers connect to, such as `ws://127.0.0.1:8765`.
+    /// Returns the address for viewers, such as `ws://127.0.0.1:8765`.
     pub fn url(&self) -> String {
         format!("ws://{}", self.0.address)
     }
 
-    /// How to watch, for people.
+    /// Returns instructions for the user.
     pub fn invitation(&self) -> String {
         let url = self.url();
         format!(
-            "live at {url}: in Foxglove, open a connection to it, or follow foxglove://open?ds=foxglove-websocket&ds.url={url}"
+            "live at {url}: in Foxglove, open a connection to it, or open foxglove://open?ds=foxglove-websocket&ds.url={url}"
         )
     }
 
-    /// Whether any viewer has asked for any channel yet.
+    /// Returns whether a viewer has subscribed to a channel.
     pub fn is_watched(&self) -> bool {
         self.0.listener.subscribed.load(Ordering::Relaxed)
     }
 
-    /// Shows a message to all who watch its channel. Never waits: what a viewer's queue has no room for pushes out what
-    /// is oldest there.
+    /// Sends a message to all subscribers of its channel without blocking: a full queue drops its oldest message.
     pub fn show(&self, channel: &ChannelSpec, log_time_ns: u64, bytes: &[u8]) {
         let Some(sink) = self.0.channels.get(&channel.id) else { return };
-        // Other channels may say afterwards how something was, and viewers start anew when time goes back.
+        // Messages of other channels may have earlier times, and viewers start again when the time goes back.
         if channel.id == biflag::Telemetry::CHANNEL.id {
-            self.tell_time(log_time_ns);
+            self.broadcast_time(log_time_ns);
         }
         sink.log_with_meta(bytes, PartialMetadata::with_log_time(log_time_ns));
     }
 
-    /// Shows a message that is not in bytes yet.
+    /// Encodes and sends a message.
     pub fn message<M: LogMessage>(&self, log_time_ns: u64, message: &M) {
         self.show(&M::CHANNEL, log_time_ns, &message.encode_to_vec());
     }
 
-    /// Shows what a log is written.
+    /// Returns a tap that sends every message of a log.
     pub fn tap(&self) -> Tap {
         let live = self.clone();
         Box::new(move |channel, log_time_ns, bytes| live.show(channel, log_time_ns, bytes))
     }
 
-    fn tell_time(&self, log_time_ns: u64) {
+    fn broadcast_time(&self, log_time_ns: u64) {
         let now = u64::try_from(self.0.begun.elapsed().as_millis()).unwrap_or(u64::MAX).max(1);
-        let told = self.0.told_ms.load(Ordering::Relaxed);
-        if (told == 0 || now - told >= CLOCK_EVERY.as_millis() as u64)
+        let last = self.0.broadcast_ms.load(Ordering::Relaxed);
+        if (last == 0 || now - last >= CLOCK_EVERY.as_millis() as u64)
             && let Some(handle) = &self.0.handle
         {
-            self.0.told_ms.store(now, Ordering::Relaxed);
+            self.0.broadcast_ms.store(now, Ordering::Relaxed);
             handle.broadcast_time(log_time_ns);
         }
     }
@@ -158,11 +158,11 @@ impl std::fmt::Debug for Live {
     }
 }
 
-/// Viewers have a moment to take what waits for them. They are not waited for: a dead one would never end.
+/// Viewers get a short time to receive their queues. The end does not wait for them, because some may never read.
 impl Drop for Server {
     fn drop(&mut self) {
         const LAST_MESSAGES: Duration = Duration::from_millis(300);
-        const FAREWELL: Duration = Duration::from_millis(50);
+        const CLOSE_GRACE: Duration = Duration::from_millis(50);
         let Some(handle) = self.handle.take() else { return };
         let watched = handle.client_count() > 0;
         if watched {
@@ -170,7 +170,7 @@ impl Drop for Server {
         }
         let ending = handle.stop();
         if watched {
-            std::thread::sleep(FAREWELL);
+            std::thread::sleep(CLOSE_GRACE);
         }
         drop(ending);
     }
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_that_is_taken_is_named_with_the_way_out() {
+    fn busy_address_is_reported_with_a_fix() {
         use miette::Diagnostic;
         let first = std::net::TcpListener::bind(somewhere()).unwrap();
         let address = first.local_addr().unwrap();
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn the_port_is_free_again_after_the_last_clone() {
+    fn port_is_released_with_the_last_clone() {
         let live = Live::listen(somewhere()).unwrap();
         let address: SocketAddr = live.url().strip_prefix("ws://").unwrap().parse().unwrap();
         let tap = live.tap();
@@ -207,7 +207,7 @@ mod tests {
         assert!(Live::listen(address).is_err());
         tap(&biflag::Event::CHANNEL, 0, &[]);
         drop(tap);
-        // The viewers are not waited for, so the port may take a moment.
+        // The end does not wait for the viewers, so it may take a moment until the port is free.
         let free = |_| {
             Live::listen(address).is_ok() || {
                 std::thread::sleep(Duration::from_millis(20));

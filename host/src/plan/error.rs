@@ -1,30 +1,20 @@
-//! What can be wrong with a plan. All of it is wrong use; every message names the place.
+//! What can be wrong with a plan, a robot file, or a file of board settings. All of it is wrong use.
 
 use miette::Diagnostic;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Why a plan was not accepted.
+/// Why a file was not accepted.
 #[derive(Error, Diagnostic, Debug)]
 pub enum PlanError {
     /// The file cannot be read.
-    #[error("{}: the plan cannot be read", path.display())]
-    #[diagnostic(
-        code(wrong_use),
-        help("check the path, and that it is text in UTF-8; `biflag record --help` shows a plan")
-    )]
+    #[error("{}: the {noun} cannot be read", path.display())]
+    #[diagnostic(code(wrong_use), help("check the path; a plan names its robot file relative to the plan's folder"))]
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The robot's file that it names cannot be read.
-    #[error("{}: the robot's file cannot be read", path.display())]
-    #[diagnostic(code(wrong_use), help("correct `robot` in the plan; the path counts from the plan's folder"))]
-    ReadRobot {
-        /// The file.
-        path: PathBuf,
+        /// What it was read as, such as `plan`.
+        noun: &'static str,
         /// Why.
         source: std::io::Error,
     },
@@ -32,11 +22,11 @@ pub enum PlanError {
     #[error("{place}: {what}")]
     #[diagnostic(code(wrong_use), help("{cure}"))]
     Invalid {
-        /// File, line and column.
+        /// File, line and column; the file alone where no line is to blame.
         place: String,
         /// What is wrong.
         what: String,
-        /// What to do about it.
+        /// How to correct it.
         cure: String,
     },
 }

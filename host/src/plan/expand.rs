@@ -1,14 +1,30 @@
-//! From pairs, a grid, repeats and a seed to the list of trials.
+//! Expands pairs, a grid, repeats and a seed into the list of trials.
 
-use super::file::{Source, SpeedsTable};
+use super::source::{Exactly, Source, number};
 use super::{MAX_TRIALS, Phases, PlanError, Reverse, Trial};
-use crate::exactly::Exactly;
 use protocol::units::CentiRpm;
+use serde::Deserialize;
 use std::collections::HashSet;
 use std::ops::Range;
 use toml::Spanned;
 
-/// What the trials are made from.
+/// `[speeds]`.
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct SpeedsTable {
+    pairs: Vec<Spanned<Exactly<f64, 2>>>,
+    grid: Option<GridTable>,
+}
+
+/// Each axis as first, last, step.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GridTable {
+    w1: Spanned<Exactly<f64, 3>>,
+    w2: Spanned<Exactly<f64, 3>>,
+}
+
+/// The input of [`expand`].
 pub(super) struct SpeedList<'a> {
     pub table: &'a SpeedsTable,
     pub span: Range<usize>,
@@ -18,6 +34,7 @@ pub(super) struct SpeedList<'a> {
     pub reverse: Option<Reverse>,
 }
 
+/// Returns the trials in the order in which they run.
 pub(super) fn expand(list: &SpeedList, source: &Source) -> Result<Vec<Trial>, PlanError> {
     let pairs = pairs(list, source)?;
     let mut order: Vec<([CentiRpm; 2], u32)> =
@@ -38,7 +55,7 @@ pub(super) fn expand(list: &SpeedList, source: &Source) -> Result<Vec<Trial>, Pl
     Ok(order.into_iter().enumerate().map(trial).collect())
 }
 
-/// Every pair of speeds once, in the order of the file.
+/// Returns every pair of speeds once, in the order of the file.
 fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanError> {
     let mut pairs = Vec::new();
     for pair in &list.table.pairs {
@@ -52,7 +69,7 @@ fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanEr
             return Err(too_many(count, grid.w1.span(), source));
         }
         let second: Vec<_> = w2.speeds(source).collect::<Result<_, _>>()?;
-        // What the grid has too is run once.
+        // A listed pair that is a point of the grid too runs once.
         let listed: HashSet<_> = pairs.iter().map(|(pair, _)| *pair).collect();
         for first in w1.speeds(source) {
             let first = first?;
@@ -61,7 +78,7 @@ fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanEr
         }
     }
     if pairs.is_empty() {
-        let cure = "give [speeds] pairs = [[50, 10]], or a grid";
+        let cure = "give speeds, such as [speeds] pairs = [[50, 10]]";
         return Err(source.error(list.span.clone(), "the plan has no trials", cure));
     }
     let count = pairs.len().saturating_mul(list.repeats as usize);
@@ -75,7 +92,7 @@ fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanEr
             let cure = "leave these speeds out, or reverse the other motor";
             return Err(source.error(
                 span.clone(),
-                format!("at {w1}, {w2} motor {motor} has nothing to reverse"),
+                format!("motor {motor} does not turn at {w1}, {w2} rpm, so it cannot reverse"),
                 cure,
             ));
         }
@@ -90,8 +107,11 @@ fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanEr
 
 fn too_many(count: usize, span: Range<usize>, source: &Source) -> PlanError {
     let what = format!("the plan has {count} trials, more than {MAX_TRIALS}");
-    source.error(span, what, "take larger steps or fewer repeats, or make several plans")
+    source.error(span, what, "take larger steps or fewer repeats, or split the plan")
 }
+
+/// The form of an axis of the grid.
+pub(super) const GRID_AXIS: &str = "give [first, last, step] in rpm, such as [-90, 90, 10]";
 
 /// One axis of the grid.
 struct Axis<'a> {
@@ -102,22 +122,23 @@ struct Axis<'a> {
 impl<'a> Axis<'a> {
     fn new(table: &'a Spanned<Exactly<f64, 3>>, name: &str, source: &Source) -> Result<Self, PlanError> {
         let Exactly([first, last, step]) = *table.get_ref();
-        let wrong = |what: String, cure: &str| Err(source.error(table.span(), what, cure));
-        let form = "give [first, last, step] in rpm, such as [-90, 90, 10]";
+        let wrong = |what: String| Err(source.error(table.span(), what, GRID_AXIS));
         for end in [first, last] {
             speed(end, table.span(), source)?;
         }
         if !step.is_finite() || step == 0.0 {
-            return wrong(format!("the step of {name} is {step}"), form);
+            return wrong(format!("the step of {name} cannot be {step}"));
         }
         if (last - first) * step < 0.0 {
-            return wrong(format!("steps of {step} do not lead from {first} to {last}"), form);
+            let step = number(step);
+            return wrong(format!("{name} does not get from {first} to {last} in steps of {step}"));
         }
-        // A step that does not divide the range ends short of the last speed; one that does must reach it in spite of
+        // A step that does not divide the range stops short of the last speed; one that does must reach it despite
         // rounding.
         let steps = ((last - first) / step + 1e-6).floor();
         if steps >= MAX_TRIALS as f64 {
-            return wrong(format!("{name} has {} speeds", steps + 1.0), "take larger steps");
+            let step = number(step);
+            return wrong(format!("the step {step} gives {name} more than {MAX_TRIALS} speeds"));
         }
         Ok(Self { table, count: steps as usize + 1 })
     }
@@ -128,25 +149,33 @@ impl<'a> Axis<'a> {
     }
 }
 
-/// A speed that the board can be told.
 fn speed(rpm: f64, span: Range<usize>, source: &Source) -> Result<CentiRpm, PlanError> {
+    board_speed(rpm).map_err(|(what, cure)| source.error(span, what, cure))
+}
+
+/// Returns a speed as the board takes it, or what is wrong with it and how to correct it.
+///
+/// # Errors
+/// The speed is beyond [`CentiRpm::LIMIT`], finer than its resolution, or not a number.
+pub fn board_speed(rpm: f64) -> Result<CentiRpm, (String, String)> {
     let limit = CentiRpm::LIMIT.rpm();
+    let range = format!("give -{limit} to {limit} rpm");
     if !rpm.is_finite() {
-        return Err(source.error(span, format!("{rpm} is no speed"), format!("give -{limit} to {limit} rpm")));
+        return Err((format!("a speed cannot be {rpm}"), range));
     }
     if rpm.abs() > limit + 1e-6 {
-        let what = format!("{rpm} rpm is beyond ±{limit} rpm");
-        return Err(source.error(span, what, "take a speed that the motors reach"));
+        return Err((format!("{} rpm is beyond ±{limit} rpm", number(rpm)), range));
     }
     let speed = CentiRpm::from_rpm(rpm);
     if (speed.rpm() - rpm).abs() > 1e-6 {
-        return Err(source.error(span, format!("{rpm} rpm is finer than the board can be told"), "round to 0.01 rpm"));
+        let what = format!("{} rpm is finer than the board's resolution", number(rpm));
+        return Err((what, "round it to 0.01 rpm".to_owned()));
     }
     Ok(speed)
 }
 
-/// Fisher and Yates, with SplitMix64. The names of a session's files depend on the order, so it must not change with a
-/// library's version.
+/// Fisher-Yates shuffle with SplitMix64. The names of a session's files depend on the order, so it must not change with
+/// the version of a library.
 fn shuffle<T>(items: &mut [T], seed: u64) {
     let mut state = seed;
     let mut next = || {

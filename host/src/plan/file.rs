@@ -1,18 +1,51 @@
-//! The plan as it is written, and the checks of every value where it stands.
+//! The plan's file: its tables, and the check of every value.
 
-use super::expand::{SpeedList, expand};
-use super::{MAX_TRIALS, Phases, Plan, PlanError, Reverse, Robot};
-use crate::board_settings::BoardSettings;
-use crate::exactly::Exactly;
+use super::board::{self, BoardSettings};
+use super::expand::{GRID_AXIS, SpeedList, SpeedsTable, expand};
+use super::source::{FileKind, Source, number};
+use super::{HandTurn, MAX_TRIALS, PUBLISHED, Phases, Plan, PlanError, Reverse, RobotFile};
 use serde::Deserialize;
 use std::ops::Range;
 use toml::Spanned;
 
-/// The robot whose parameters need no file.
-pub const PUBLISHED: &str = "published";
+/// The longest phase of a trial, seconds: a day.
+pub const MAX_PHASE_S: f64 = 86_400.0;
 
-/// The longest phase: a day.
-const MAX_PHASE_S: f64 = 86_400.0;
+/// The shortest run, seconds: one tick of the board.
+pub const MIN_RUN_S: f64 = 1.0 / protocol::TICK_HZ as f64;
+
+pub(super) const KIND: FileKind = FileKind {
+    noun: "plan",
+    example: "`biflag record --help` shows one",
+    tables: &["session", "trial", "speeds", "board", "reverse", "hand_turn", "grid"],
+    help,
+};
+
+/// Returns the range and the meaning of a key.
+fn help(key: &str) -> Option<&'static str> {
+    Some(match key {
+        "name" | "operator" | "note" => "give text in quotes",
+        "robot" => "give \"published\", or the path of a robot file in quotes",
+        "seed" => "give a whole number from 0 to 9223372036854775807",
+        "repeats" => "give a whole number from 1 to 10000: how often each pair of speeds runs",
+        "calibrate" => "give seconds as a plain number: 0.1 to 60, or 0 to keep the bias that the board has",
+        "preroll" => "give seconds as a plain number, such as preroll = 20",
+        "run" => "give seconds as a plain number, such as run = 60",
+        "decay" => "give seconds as a plain number, such as decay = 30",
+        "reverse" => {
+            "give the motor and the seconds after the start of the run, such as reverse = { motor = 2, after = 35 }"
+        }
+        "hand_turn" => "give the axis and the angle, such as hand_turn = { axis = \"z\", degrees = 720 }",
+        "axis" => "give \"x\", \"y\" or \"z\"",
+        "degrees" => "give the angle in degrees as a plain number, not 0",
+        "motor" => "give 1 or 2",
+        "after" => "give seconds after the start of the run as a plain number",
+        "pairs" => "give a list of pairs in rpm, such as pairs = [[50, 10]]",
+        "grid" => "give both axes, such as grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }",
+        "w1" | "w2" => GRID_AXIS,
+        _ => return board::help(key),
+    })
+}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -21,10 +54,10 @@ struct PlanFile {
     session: SessionTable,
     #[serde(default)]
     trial: TrialTable,
-    #[serde(default = "nowhere_default")]
+    #[serde(default = "no_span_default")]
     speeds: Spanned<SpeedsTable>,
-    #[serde(default = "nowhere_default")]
-    board: Spanned<BoardSettings>,
+    #[serde(default)]
+    board: BoardSettings,
 }
 
 #[derive(Deserialize)]
@@ -41,12 +74,12 @@ struct SessionTable {
 impl Default for SessionTable {
     fn default() -> Self {
         Self {
-            name: nowhere("session".to_owned()),
+            name: no_span("session".to_owned()),
             operator: String::new(),
             note: String::new(),
-            robot: nowhere(PUBLISHED.to_owned()),
+            robot: no_span(PUBLISHED.to_owned()),
             seed: None,
-            repeats: nowhere(1),
+            repeats: no_span(1),
         }
     }
 }
@@ -59,9 +92,10 @@ struct TrialTable {
     run: Spanned<f64>,
     decay: Spanned<f64>,
     reverse: Option<Spanned<ReverseTable>>,
+    hand_turn: Option<Spanned<HandTurn>>,
 }
 
-/// Which motor turns the other way, and how many seconds after the start of the run.
+/// The motor that reverses, and the time in seconds after the start of the run.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ReverseTable {
@@ -72,107 +106,61 @@ struct ReverseTable {
 impl Default for TrialTable {
     fn default() -> Self {
         let Phases { calibrate_s, preroll_s, run_s, decay_s } = Phases::default();
-        let [calibrate, preroll, run, decay] = [calibrate_s, preroll_s, run_s, decay_s].map(nowhere);
-        Self { calibrate, preroll, run, decay, reverse: None }
+        let [calibrate, preroll, run, decay] = [calibrate_s, preroll_s, run_s, decay_s].map(no_span);
+        Self { calibrate, preroll, run, decay, reverse: None, hand_turn: None }
     }
 }
 
-/// `[speeds]`.
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct SpeedsTable {
-    pub pairs: Vec<Spanned<Exactly<f64, 2>>>,
-    pub grid: Option<GridTable>,
-}
-
-/// Each axis as first, last, step.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct GridTable {
-    pub w1: Spanned<Exactly<f64, 3>>,
-    pub w2: Spanned<Exactly<f64, 3>>,
-}
-
-/// A default stands nowhere in the file, and is never wrong.
-fn nowhere<T>(value: T) -> Spanned<T> {
+/// A default: a value without a source location. It is never wrong.
+fn no_span<T>(value: T) -> Spanned<T> {
     Spanned::new(0..0, value)
 }
 
-fn nowhere_default<T: Default>() -> Spanned<T> {
-    nowhere(T::default())
-}
-
-/// Turns offsets into places that an editor can go to.
-pub(super) struct Source<'a> {
-    pub text: &'a str,
-    pub name: &'a str,
-}
-
-impl Source<'_> {
-    /// An error at `span`.
-    pub fn error(&self, span: Range<usize>, what: impl Into<String>, cure: impl Into<String>) -> PlanError {
-        let before = &self.text[..self.text.floor_char_boundary(span.start)];
-        let line = before.matches('\n').count() + 1;
-        let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
-        PlanError::Invalid { place: format!("{}:{line}:{column}", self.name), what: what.into(), cure: cure.into() }
-    }
-
-    fn toml_error(&self, error: &toml::de::Error) -> PlanError {
-        let what = error.message().trim().replace('\n', "; ");
-        let cure = if what.starts_with("unknown field") {
-            "correct the key, or leave it out; the tables are [session], [trial], [speeds] and [board]"
-        } else {
-            "write it as in the plan that `biflag record --help` shows"
-        };
-        self.error(error.span().unwrap_or(0..0), what, cure)
-    }
+fn no_span_default<T: Default>() -> Spanned<T> {
+    no_span(T::default())
 }
 
 pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
-    let source = Source { text, name };
-    let file: PlanFile = toml::from_str(text).map_err(|error| source.toml_error(&error))?;
+    let source = Source { kind: &KIND, text, name };
+    let file: PlanFile = source.read()?;
     let phases = phases(&file.trial, &source)?;
     let reverse = reverse(&file.trial, &source)?;
+    let hand_turn = hand_turn(&file.trial, &source)?;
     let session = file.session;
     let wrong = |span: Range<usize>, what: &str, cure: &str| Err(source.error(span, what, cure));
 
     if session.name.get_ref().trim().is_empty() {
-        return wrong(session.name.span(), "the session has an empty name", "give it a name, or leave the key out");
+        return wrong(session.name.span(), "the name of the session is empty", "give it a name, or leave the key out");
     }
     let robot = session.robot.get_ref();
     if robot.is_empty() {
-        return wrong(session.robot.span(), "no robot is named", "write \"published\", or the path of a file");
+        let cure = "give \"published\", or the path of a robot file";
+        return wrong(session.robot.span(), "the name of the robot is empty", cure);
     }
-    let repeats = match *session.repeats.get_ref() {
-        ..=0 => {
-            return wrong(session.repeats.span(), "repeats must be 1 or more", "give how often each pair is to run");
-        }
-        repeats => u32::try_from(repeats).ok().filter(|repeats| *repeats as usize <= MAX_TRIALS).ok_or_else(|| {
-            let what = format!("repeats = {repeats} alone makes more than {MAX_TRIALS} trials");
-            source.error(session.repeats.span(), what, "take fewer repeats, or make several plans")
-        })?,
+    let repeats = *session.repeats.get_ref();
+    let repeats = u32::try_from(repeats).ok().filter(|repeats| (1..=MAX_TRIALS).contains(&(*repeats as usize)));
+    let Some(repeats) = repeats else {
+        return Err(source.out_of_range(session.repeats.span(), "repeats", session.repeats.get_ref()));
     };
     let seed = match &session.seed {
         None => None,
         Some(seed) => match u64::try_from(*seed.get_ref()) {
             Ok(value) => Some(value),
-            Err(_) => return wrong(seed.span(), "a seed cannot be negative", "give a whole number from 0 up"),
+            Err(_) => return Err(source.out_of_range(seed.span(), "seed", seed.get_ref())),
         },
     };
-    file.board
-        .get_ref()
-        .apply(protocol::Settings::DEFAULT)
-        .map_err(|error| source.error(file.board.span(), format!("[board] {error}"), error.cure))?;
+    file.board.check(&source, &["board"])?;
 
     let list = SpeedList { table: file.speeds.get_ref(), span: file.speeds.span(), repeats, seed, phases, reverse };
     Ok(Plan {
         name: session.name.get_ref().trim().to_owned(),
         operator: session.operator,
         note: session.note,
-        robot: Robot { name: robot.clone(), text: String::new() },
+        robot: RobotFile { name: robot.clone(), text: String::new() },
         seed,
         trials: expand(&list, &source)?,
-        board: file.board.into_inner(),
+        board: file.board,
+        hand_turn,
         text: text.to_owned(),
     })
 }
@@ -180,17 +168,14 @@ pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
 fn phases(table: &TrialTable, source: &Source) -> Result<Phases, PlanError> {
     let check = |value: &Spanned<f64>, name: &str| {
         let seconds = *value.get_ref();
-        let cure = "give seconds";
-        if !seconds.is_finite() {
-            return Err(source.error(value.span(), format!("{name} = {seconds} is no duration"), cure));
-        }
-        if seconds < 0.0 {
-            return Err(source.error(value.span(), format!("{name} = {seconds} is negative"), cure));
-        }
-        if seconds > MAX_PHASE_S {
-            return Err(source.error(value.span(), format!("{name} = {seconds} is longer than a day"), cure));
-        }
-        Ok(seconds)
+        let wrong = match seconds {
+            s if !s.is_finite() => "is not a duration",
+            s if s < 0.0 => "is negative",
+            s if s > MAX_PHASE_S => "is longer than a day",
+            seconds => return Ok(seconds),
+        };
+        let cure = help(name).unwrap_or_default();
+        Err(source.error(value.span(), format!("{name} = {} {wrong}", number(seconds)), cure))
     };
     let phases = Phases {
         calibrate_s: check(&table.calibrate, "calibrate")?,
@@ -199,15 +184,23 @@ fn phases(table: &TrialTable, source: &Source) -> Result<Phases, PlanError> {
         decay_s: check(&table.decay, "decay")?,
     };
     if phases.calibrate_s != 0.0 && !(0.1..=60.0).contains(&phases.calibrate_s) {
-        let what = format!("calibrate = {} is not within what the board can average", phases.calibrate_s);
-        let cure = "give 0.1 to 60 seconds, or 0 to keep the bias that the board has";
-        return Err(source.error(table.calibrate.span(), what, cure));
+        return Err(source.out_of_range(table.calibrate.span(), "calibrate", number(phases.calibrate_s)));
     }
-    if phases.run_s == 0.0 {
-        let cure = "give the seconds that the motors are to turn; a trial at rest has the speeds [0, 0]";
-        return Err(source.error(table.run.span(), "run = 0 is no trial", cure));
+    if phases.run_s < MIN_RUN_S {
+        let what = format!("run = {} is shorter than a tick of the board", number(phases.run_s));
+        let cure = format!("give at least {MIN_RUN_S} s; for a trial at rest, give the speeds [0, 0]");
+        return Err(source.error(table.run.span(), what, cure));
     }
     Ok(phases)
+}
+
+fn hand_turn(table: &TrialTable, source: &Source) -> Result<Option<HandTurn>, PlanError> {
+    let Some(spanned) = &table.hand_turn else { return Ok(None) };
+    let turn = *spanned.get_ref();
+    if !turn.degrees.is_finite() || turn.degrees == 0.0 {
+        return Err(source.out_of_range(spanned.span(), "degrees", number(turn.degrees)));
+    }
+    Ok(Some(turn))
 }
 
 fn reverse(table: &TrialTable, source: &Source) -> Result<Option<Reverse>, PlanError> {
@@ -215,11 +208,11 @@ fn reverse(table: &TrialTable, source: &Source) -> Result<Option<Reverse>, PlanE
     let ReverseTable { motor, after } = *spanned.get_ref();
     let run = *table.run.get_ref();
     let Some(motor) = u8::try_from(motor).ok().filter(|motor| (1..=2).contains(motor)) else {
-        return Err(source.error(spanned.span(), format!("there is no motor {motor}"), "reverse motor 1 or 2"));
+        return Err(source.out_of_range(spanned.span(), "motor", motor));
     };
     if !(after > 0.0 && after < run) {
-        let what = format!("the motor cannot reverse {after} s after the start of a run of {run} s");
-        return Err(source.error(spanned.span(), what, "give a time within the run"));
+        let what = format!("after = {} is not within the run of {} s", number(after), number(run));
+        return Err(source.error(spanned.span(), what, format!("give seconds between 0 and {}", number(run))));
     }
     Ok(Some(Reverse { motor, after_s: after }))
 }

@@ -1,4 +1,4 @@
-//! A plan: the TOML file that says what trials a session is made of.
+//! A plan: the TOML file that lists the trials of a session.
 //!
 //! ```
 //! let plan = host::plan::Plan::parse("[speeds]\npairs = [[50, 10]]\ngrid = { w1 = [0, 90, 45], w2 = [0, 0, 1] }", "p.toml")?;
@@ -8,19 +8,28 @@
 //! # Ok::<(), host::plan::PlanError>(())
 //! ```
 
+pub mod board;
 mod error;
 mod expand;
 mod file;
+mod hand_turn;
+pub mod robot;
+mod schedule;
+mod source;
 
+pub use board::BoardSettings;
 pub use error::PlanError;
-pub use file::PUBLISHED;
+pub use expand::board_speed;
+pub use file::{MAX_PHASE_S, MIN_RUN_S};
+pub use hand_turn::{Axis, HandTurn};
+pub use robot::{PUBLISHED, RobotFile};
+pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint};
 
-use crate::board_settings::BoardSettings;
 use protocol::units::CentiRpm;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// A plan that shows every table.
+/// An example of a plan with every table.
 pub const EXAMPLE: &str = r#"[session]
 name = "glycerin"
 seed = 7                 # shuffles the order of the trials
@@ -36,7 +45,7 @@ decay = 30
 pairs = [[50, 15], [0, 45]]
 grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
 
-[board]                  # optional: settings to put in force before the first trial
+[board]                  # optional: settings that the board gets before the first trial
 deadline_ms = 500
 "#;
 
@@ -50,58 +59,51 @@ pub struct Plan {
     pub name: String,
     /// Who runs it.
     pub operator: String,
-    /// Whatever is worth knowing later.
+    /// Anything worth knowing later.
     pub note: String,
-    /// What robot it is.
-    pub robot: Robot,
-    /// Seed of the trials' order; `None`: as listed.
+    /// The robot file, or the published robot.
+    pub robot: RobotFile,
+    /// Seed that shuffles the trials; `None` keeps the order of the file.
     pub seed: Option<u64>,
-    /// The trials in the order in which they are to run.
+    /// The trials in the order in which they run.
     pub trials: Vec<Trial>,
     /// Settings to write to the board before the first trial.
     pub board: BoardSettings,
-    /// The file, as it was read.
-    pub text: String,
-}
-
-/// The robot's parameters: those published, or a file.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Robot {
-    /// `published`, or the path in the plan.
-    pub name: String,
-    /// The file's content; empty for `published`.
+    /// The turn that the user makes by hand during the run.
+    pub hand_turn: Option<HandTurn>,
+    /// The content of the file.
     pub text: String,
 }
 
 /// One trial.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Trial {
-    /// Unique in the session and fit for a file's name, such as `001_w1+50_w2+10` or `002_w1+50_w2+10_r2`. The number
-    /// is the place in the order.
+    /// Unique in the session and a valid file name, such as `001_w1+50_w2+10` or `002_w1+50_w2+10_r2`. The number is
+    /// the position in the order.
     pub name: String,
-    /// Place in the order, from 0.
+    /// Position in the order, from 0.
     pub index: usize,
     /// Which repeat of the same speeds, from 1.
     pub repeat: u32,
     /// Speeds of flagella 1 and 2.
     pub speeds: [CentiRpm; 2],
-    /// How long everything takes.
+    /// The duration of each phase.
     pub phases: Phases,
-    /// A motor that turns the other way from some moment of the run on.
+    /// A motor that reverses during the run.
     pub reverse: Option<Reverse>,
 }
 
-/// A motor that turns the other way, as fast as before, from some moment of the run on.
+/// A motor that reverses during the run, at the same speed.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
 pub struct Reverse {
-    /// Its number, 1 or 2.
+    /// Number of the motor, 1 or 2.
     pub motor: u8,
-    /// When, in seconds from the start of the run.
+    /// Time of the reversal, seconds from the start of the run.
     pub after_s: f64,
 }
 
 impl Reverse {
-    /// The speeds from then on, where `before` are those until then.
+    /// Returns the speeds after the reversal, given those before it.
     pub fn of(&self, mut before: [CentiRpm; 2]) -> [CentiRpm; 2] {
         if let Some(speed) = before.get_mut(usize::from(self.motor.wrapping_sub(1))) {
             speed.0 = -speed.0;
@@ -109,17 +111,17 @@ impl Reverse {
         before
     }
 
-    /// How a log says it.
+    /// Returns the text of the event in a log.
     pub fn text(&self, speeds: [CentiRpm; 2]) -> String {
         let [w1, w2] = self.of(speeds).map(CentiRpm::rpm);
         format!("motor {} reverses: from here on {w1:+} and {w2:+} rpm", self.motor)
     }
 }
 
-/// The phases of a trial in their order, seconds.
+/// Durations of the phases of a trial, in their order, seconds.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
 pub struct Phases {
-    /// Calibration of the gyroscope, at rest; 0: the bias in the board's settings is good.
+    /// Calibration of the gyroscope, at rest; 0 keeps the bias in the board's settings.
     pub calibrate_s: f64,
     /// At rest before the motors turn.
     pub preroll_s: f64,
@@ -130,17 +132,17 @@ pub struct Phases {
 }
 
 impl Phases {
-    /// The whole trial, seconds.
+    /// Returns the duration of the trial, seconds.
     pub fn total_s(&self) -> f64 {
         self.calibrate_s + self.preroll_s + self.run_s + self.decay_s
     }
 
-    /// When the motors start, in seconds from the end of the calibration.
+    /// Returns the time at which the motors start, seconds from the end of the calibration.
     pub fn run_start_s(&self) -> f64 {
         self.preroll_s
     }
 
-    /// When the motors stop, in seconds from the end of the calibration.
+    /// Returns the time at which the motors stop, seconds from the end of the calibration.
     pub fn run_end_s(&self) -> f64 {
         self.preroll_s + self.run_s
     }
@@ -153,29 +155,29 @@ impl Default for Phases {
 }
 
 impl Plan {
-    /// Reads a plan, and the robot's file that it names.
+    /// Reads and checks a plan and the robot file that it names.
     ///
     /// # Errors
-    /// [`PlanError`]: the file cannot be read, or says what cannot be.
+    /// [`PlanError`].
     pub fn load(path: &Path) -> Result<Self, PlanError> {
-        let text = std::fs::read_to_string(path).map_err(|source| PlanError::Read { path: path.to_owned(), source })?;
+        let text = file::KIND.read(path)?;
         let mut plan = Self::parse(&text, &path.display().to_string())?;
         if plan.robot.name != PUBLISHED {
             let path = path.parent().unwrap_or(Path::new("")).join(&plan.robot.name);
-            plan.robot.text = std::fs::read_to_string(&path).map_err(|source| PlanError::ReadRobot { path, source })?;
+            plan.robot.text = robot::load(&path)?.text;
         }
         Ok(plan)
     }
 
-    /// Reads a plan from its text; `source` is what errors call it. The robot's file is not read.
+    /// Reads a plan from its text; errors call the file `name`. The robot file is not read.
     ///
     /// # Errors
-    /// [`PlanError`]: the text says what cannot be.
-    pub fn parse(text: &str, source: &str) -> Result<Self, PlanError> {
-        file::parse(text, source)
+    /// [`PlanError::Invalid`].
+    pub fn parse(text: &str, name: &str) -> Result<Self, PlanError> {
+        file::parse(text, name)
     }
 
-    /// How long all trials take, seconds.
+    /// Returns the duration of all trials, seconds.
     pub fn total_s(&self) -> f64 {
         self.trials.iter().map(|trial| trial.phases.total_s()).sum()
     }

@@ -1,9 +1,9 @@
-//! The frame of a page: its head, its style and its scripts. Whatever stands in it is in the file; nothing is fetched.
+//! The HTML document of a page: its head, styles and scripts. All of it is in the file; nothing is fetched.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::hash::{BuildHasher, Hasher, RandomState};
 
-/// What the head of every page says, by which a page is known.
+/// The generator named in the head of every page, by which a page is recognised.
 pub(super) const GENERATOR: &str = concat!("biflag ", env!("CARGO_PKG_VERSION"));
 
 const STYLE: [&str; 2] = [include_str!("assets/uPlot.min.css"), include_str!("assets/page.css")];
@@ -18,10 +18,10 @@ const SCRIPTS: [&str; 7] = [
     include_str!("assets/page.js"),
 ];
 
-/// A page. `kind`: the class of its body. `data`: elements that the scripts read.
+/// Returns a page. `kind` is the class of its body, `data` the elements that the scripts read.
 ///
-/// maud escapes every text. Should one slip through all the same, the policy in the head runs no script but the page's
-/// own, known by a number that nobody who wrote a log could know, and lets the page reach no network.
+/// maud escapes every text. As a second defence, the policy in the head only runs scripts with a nonce that the author of
+/// a log cannot know, and blocks all network access.
 pub(super) fn page(title: &str, kind: &str, body: &Markup, data: &Markup) -> Markup {
     let nonce = nonce();
     let policy = format!(
@@ -47,7 +47,7 @@ pub(super) fn page(title: &str, kind: &str, body: &Markup, data: &Markup) -> Mar
     }
 }
 
-/// A number that cannot be guessed: the keys of a hasher come from the system's randomness.
+/// A number that cannot be guessed: the keys of a hasher come from the system's random numbers.
 fn nonce() -> String {
     let part = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", part(), part())

@@ -1,73 +1,83 @@
-//! How a trial was made: plan, board, model, versions, and the files that it was made from.
+//! The provenance of a trial: plan, board, model, versions, and the files behind it.
 
 use super::text::{clip, degrees, number, plain, word};
 use super::view::View;
-use crate::log::Identity;
+use biflag_log::Identity;
 use maud::{Markup, html};
 
-/// The longest file that is shown.
+/// The longest file that is shown, in characters.
 const LONGEST_FILE: usize = 20_000;
 
 pub(super) fn facts(view: &View, shared: bool) -> Markup {
     html! {
-        details.how {
-            summary { "How it was made" }
-            table.facts { @for (name, value) in how(view) { tr { th { (name) } td { (value) } } } }
+        details {
+            summary { "Provenance" }
+            table.facts { @for (name, value) in provenance(view) { tr { th { (name) } td { (value) } } } }
         }
         @if !shared { (files(view)) }
     }
 }
 
-/// The files that the trial was made from: of a session they are the same for all trials.
+/// The files behind a trial. All trials of a session share them.
 pub(super) fn files(view: &View) -> Markup {
-    let overview = &view.overview;
+    let records = &view.records;
     let mut files = Vec::new();
-    if let Some(model) = &overview.model {
-        files.push(("Parameters of the model", &model.parameters));
+    if let Some(model) = &view.model_robot {
+        let closure = word(&model.closure);
+        files.push((format!("Model: parameters of the robot {}, closure {closure}", model.name), &model.parameters));
+        files.push((format!("Model: robot file {}", model.name), &model.file));
     }
-    if let Some(robot) = overview.robot.as_ref().filter(|robot| !robot.text.is_empty()) {
-        files.push(("The robot’s file", &robot.text));
+    if let Some(model) = &records.model {
+        let whose = if view.is_model() { "this log’s model" } else { "the emulated robot" };
+        files.push((format!("Parameters of {whose}"), &model.parameters));
     }
-    if let Some(board) = overview.board.as_ref().filter(|board| !board.settings.is_empty()) {
-        files.push(("Settings of the board", &board.settings));
+    if let Some(robot) = &records.robot {
+        files.push((format!("Robot file {} of the plan", robot.name), &robot.text));
     }
-    if let Some(plan) = &overview.plan {
-        files.push(("The plan", &plan.text));
+    if let Some(board) = &records.board {
+        files.push(("Board settings".to_owned(), &board.settings));
+    }
+    if let Some(plan) = &records.plan {
+        files.push(("Plan".to_owned(), &plan.text));
     }
     html! {
         @for (name, text) in files {
-            @if !text.is_empty() { details { summary { (name) } pre { (clip(text, LONGEST_FILE)) } } }
+            @if !text.is_empty() { details { summary { (clip(&name, 200)) } pre { (clip(text, LONGEST_FILE)) } } }
         }
     }
 }
 
-fn how(view: &View) -> Vec<(&'static str, String)> {
-    let overview = &view.overview;
+fn provenance(view: &View) -> Vec<(&'static str, String)> {
+    let records = &view.records;
     let mut facts = vec![("Log", view.log.display().to_string())];
     if let Some(comparison) = &view.comparison {
         facts.push(("Compared with", comparison.modelled.display().to_string()));
-        facts.push(("Zero taken off, measured", angles(comparison.measured_zero_deg)));
-        facts.push(("Zero taken off, model", angles(comparison.modelled_zero_deg)));
-        facts.push(("Drift taken off the yaw", degrees(comparison.yaw_drift_deg, 3)));
-        facts.push(("Clock moved by", format!("{} s", number(comparison.time_shift_s, 3))));
+        if let Some(model) = &view.model_robot {
+            facts.push(("Robot of the model", format!("{}, closure {}", model.name, word(&model.closure))));
+            if let Some(source) = &model.replay_of {
+                facts.push(("Model driven by", format!("the measured speeds in {source}")));
+            }
+        }
+        facts.push(("Offset removed, measured", angles(comparison.measured_zero_deg)));
+        facts.push(("Offset removed, model", angles(comparison.modelled_zero_deg)));
+        facts.push(("Yaw drift removed", degrees(comparison.yaw_drift_deg, 3)));
+        facts.push(("Time shift", format!("{} s", number(comparison.time_shift_s, 3))));
     }
-    if let Some(trial) = &overview.trial {
+    if let Some(trial) = &records.trial {
         facts
             .push(("Trial", format!("number {}, repeat {}, attempt {}", trial.index + 1, trial.repeat, trial.attempt)));
         let [calibrate, preroll, run, decay] =
             [trial.calibrate_s, trial.preroll_s, trial.run_s, trial.decay_s].map(plain);
         facts.push(("Phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s")));
     }
-    if let Some(identity) = &overview.identity {
+    if let Some(identity) = &records.identity {
         let Identity { host_version, host_git_hash, protocol, .. } = identity;
         facts.push(("Recorded by", format!("biflag {host_version} ({host_git_hash}), protocol {protocol}")));
     }
-    match (&overview.model, &overview.board) {
+    match (&records.model, &records.board) {
         (Some(model), _) => {
-            facts.push((
-                "Model",
-                format!("closure {}, {} samples a second", word(&model.closure), plain(model.rate_hz)),
-            ));
+            let rate = plain(model.rate_hz);
+            facts.push(("Model", format!("closure {}, {rate} samples per second", word(&model.closure))));
         }
         (None, Some(board)) => {
             let (version, hash) = (&board.firmware, &board.firmware_git_hash);
@@ -75,29 +85,29 @@ fn how(view: &View) -> Vec<(&'static str, String)> {
             facts.push((
                 "Board",
                 format!(
-                    "number {}, IMU {:#04x}, start {} by {}",
+                    "number {}, IMU {:#04x}, start {}, last reset by {}",
                     board.board_id, board.imu_id, board.boot_count, board.reset_cause
                 ),
             ));
         }
         (None, None) => {}
     }
-    if let Some(robot) = &overview.robot {
+    if let Some(robot) = &records.robot {
         facts.push(("Robot", robot.name.clone()));
     }
-    if let (Some(calibration), false) = (&overview.calibration, view.is_model()) {
+    if let (Some(calibration), false) = (&records.calibration, view.is_model()) {
         let [x, y, z] = calibration.bias_counts.map(|counts| number(counts.into(), 1));
-        facts.push(("Gyroscope’s bias", format!("{x}, {y}, {z} counts, from {} readings", calibration.samples)));
+        facts.push(("Gyroscope bias", format!("{x}, {y}, {z} counts, from {} readings", calibration.samples)));
     }
-    if let (Some(clock), false) = (&overview.clock, view.is_model()) {
+    if let (Some(clock), false) = (&records.clock, view.is_model()) {
         let (residual, pings) = (number(clock.residual_us, 0), clock.pings);
-        facts.push(("Clock", format!("{} ppm, residual {residual} µs, {pings} pings", number(clock.drift_ppm, 1))));
+        facts.push(("Clock fit", format!("{} ppm, residual {residual} µs, {pings} pings", number(clock.drift_ppm, 1))));
     }
     if !view.is_model() {
-        facts.push(("Link", overview.link.to_string()));
+        facts.push(("Link", view.link.to_string()));
     }
-    let counts: Vec<_> = overview.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
-    facts.push(("Channels", counts.join(", ")));
+    let counts: Vec<_> = view.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
+    facts.push(("Messages", counts.join(", ")));
     facts.into_iter().map(|(name, value)| (name, clip(&value, 600))).collect()
 }
 

@@ -1,44 +1,49 @@
-//! One page of HTML about a trial or a session: whole in one file, to be opened from disk, sent, and printed.
+//! The report of a trial or a session: a single self-contained HTML file to open from disk, send and print.
 //!
-//! The charts are drawn by [uPlot](https://github.com/leeoniya/uPlot) 1.6.32 (MIT), which stands in `assets` as published:
-//! 51 kB, where a page may hold a hundred trials. (The script that the `plotly` crate carries is 4.7 MB, half of what a page may
-//! weigh.) The view of the robot is drawn on a plain canvas, which needs no WebGL and prints.
+//! The charts are drawn by [uPlot](https://github.com/leeoniya/uPlot) 1.6.32 (MIT), which is in `assets` as published:
+//! 51 kB of a page of at most 10 MB. The view of the robot is drawn on a plain canvas, which needs no WebGL and prints.
 //!
-//! Whatever text a log or a plan holds is escaped; see `document::page` for what holds beyond that.
+//! All text from a log or a plan is escaped; `document::page` describes the second defence.
 
+mod budget;
+mod curves;
 mod document;
 mod facts;
 mod heat_map;
-mod recording;
 mod session_page;
 mod shapes;
 mod table;
 mod text;
 mod trial_section;
 mod view;
+mod warnings;
 
-use crate::log::LogError;
+pub use budget::ByteBudget;
+pub use view::View;
+
+use crate::atomic_file;
+use crate::program::GIT_HASH;
 use crate::session::{Session, SessionError, TrialState};
-use crate::twin::{Comparison, SessionComparison, Skipped};
-use crate::whole_file;
+use crate::trial::{Data, Want};
+use crate::twin::{SessionComparison, Skipped};
+use biflag_log::LogError;
 use maud::{Markup, PreEscaped, html};
 use miette::Diagnostic;
 use rayon::prelude::*;
-use recording::Recording;
 use session_page::{Row, RowState};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
-use view::{Room, View, Warning};
+use warnings::Warning;
 
-/// What the data of all trials may take of a page, bytes. With the scripts and the texts a page stays below 10 MB.
-const DATA_BYTES: usize = 7_500_000;
+/// The most trials of a session that are printed in full; of more, only the one that is open.
+const MAX_PRINTED: usize = 20;
 
-/// Why there is no page.
+/// Why a page was not written.
 #[derive(Error, Diagnostic, Debug)]
 pub enum ReportError {
-    /// Something else bears the page's name.
-    #[error("{}: exists already, and is no report of biflag", path.display())]
+    /// The name is taken by a file that is no report.
+    #[error("{}: already exists and is not a report of biflag", path.display())]
     #[diagnostic(code(wrong_use), help("name another file with --out"))]
     NotOurs {
         /// The file.
@@ -46,24 +51,24 @@ pub enum ReportError {
     },
     /// It could not be written.
     #[error("{}: cannot be written", path.display())]
-    #[diagnostic(help("check that the folder exists, may be written, and has room"))]
+    #[diagnostic(help("check that the folder exists and is writable, and that the disk has space"))]
     Write {
         /// The file.
         path: PathBuf,
         /// Why.
         source: std::io::Error,
     },
-    /// The log does not read.
+    /// The log cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Log(#[from] LogError),
-    /// The session does not read.
+    /// The session cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Session(#[from] SessionError),
 }
 
-/// A page that was written.
+/// A written page.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Written {
     /// The file.
@@ -72,86 +77,129 @@ pub struct Written {
     pub bytes: u64,
     /// How many trials it shows.
     pub trials: usize,
-    /// Warnings that stand on it.
+    /// How many warnings it shows.
     pub warnings: usize,
 }
 
-/// The page of a log or of a session's folder, beside what it was compared with, at `out`: by default beside the log, or
-/// `report.html` in the session's folder.
+/// Which page is written. The two have different names, so that neither replaces the other.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Kind {
+    /// A log or a session by itself: `LOG.html`, or `report.html` in the session's folder.
+    Report,
+    /// Beside a model or another session: `LOG.compare.html`, or `compare.html` in the session's folder.
+    Comparison,
+}
+
+impl Kind {
+    /// The page's default place.
+    fn place(self, path: &Path) -> PathBuf {
+        match (self, path.is_dir()) {
+            (Self::Report, true) => path.join("report.html"),
+            (Self::Comparison, true) => path.join("compare.html"),
+            (Self::Report, false) => path.with_extension("html"),
+            (Self::Comparison, false) => path.with_extension("compare.html"),
+        }
+    }
+}
+
+/// What of a log is read for a page within this budget.
+pub fn want(budget: ByteBudget) -> Want {
+    Want { shapes: budget.frames(), ..Want::default() }
+}
+
+/// The budget of each trial on the page of a log or session.
+///
+/// # Errors
+/// [`SessionError`].
+pub fn budget(path: &Path) -> Result<ByteBudget, SessionError> {
+    let trials = if path.is_dir() { with_logs(&Session::open(path)?.states()?) } else { 1 };
+    Ok(ByteBudget::of_trials(trials))
+}
+
+fn with_logs(states: &[TrialState]) -> usize {
+    states.iter().filter(|state| !state.attempts.is_empty()).count()
+}
+
+/// Writes the page of a log or of a session's folder. `comparison` and the `views` of the trials are those that a comparison
+/// has already made; other trials are read from their logs.
 ///
 /// # Errors
 /// [`ReportError`].
-pub fn write(path: &Path, comparison: Option<&SessionComparison>, out: Option<&Path>) -> Result<Written, ReportError> {
-    if path.is_dir() {
-        return of_session(&Session::open(path)?, comparison, out);
-    }
-    let compared = comparison.and_then(|comparison| comparison.trials.iter().find(|trial| trial.measured == path));
-    of_log(path, compared, out)
+pub fn write(
+    path: &Path,
+    kind: Kind,
+    comparison: Option<&SessionComparison>,
+    views: Vec<View>,
+    out: Option<&Path>,
+) -> Result<Written, ReportError> {
+    let out = out.map_or_else(|| kind.place(path), Path::to_owned);
+    check(&out)?;
+    if path.is_dir() { of_session(&Session::open(path)?, comparison, views, &out) } else { of_log(path, views, &out) }
 }
 
-fn of_log(log: &Path, comparison: Option<&Comparison>, out: Option<&Path>) -> Result<Written, ReportError> {
-    let out = out.map_or_else(|| log.with_extension("html"), Path::to_owned);
-    check(&out)?;
-    let view = view(log, comparison.cloned(), Room::of(DATA_BYTES, 1))?;
+fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, ReportError> {
+    let view = match views.into_iter().next() {
+        Some(view) => view,
+        None => view(log, ByteBudget::of_trials(1))?,
+    };
     let id = session_page::anchor(0);
     let body = html! {
         main { (trial_section::section(&view, &id, false)) }
         (footer(&view))
     };
     let page = document::page(&trial_section::title(&view), "one", &body, &data(&view, &id));
-    put(&out, &page, 1, view.warnings.len())
+    put(out, &page, 1, view.warnings.len())
 }
 
-/// A log that does not read is shown as such.
 fn of_session(
     session: &Session,
     comparison: Option<&SessionComparison>,
-    out: Option<&Path>,
+    views: Vec<View>,
+    out: &Path,
 ) -> Result<Written, ReportError> {
-    let out = out.map_or_else(|| session.folder().join("report.html"), Path::to_owned);
-    check(&out)?;
     let states = session.states()?;
-    let room = Room::of(DATA_BYTES, states.len());
+    let budget = ByteBudget::of_trials(with_logs(&states));
     let row = |state: &TrialState| {
         let trial = &state.trial;
-        let attempt = state.complete().or(state.attempts.last());
-        let compared = attempt
-            .and_then(|attempt| comparison?.trials.iter().find(|compared| compared.measured == attempt.path).cloned());
         let skipped = comparison.and_then(|comparison| comparison.skipped.iter().find(|one| one.name == trial.name));
-        let state = match attempt {
+        let view = state.complete().or(state.attempts.last()).map(|attempt| {
+            match views.iter().find(|view| view.log == attempt.path) {
+                Some(view) => Ok(view.clone()),
+                None => view(&attempt.path, budget),
+            }
+        });
+        let state = match view {
             None => RowState::Missing,
-            Some(attempt) => match view(&attempt.path, compared, room) {
-                Ok(mut view) => {
-                    let why = |skipped: &Skipped| format!("Not compared: {}.", text::clip(&skipped.reason, 300));
-                    view.warnings.extend(skipped.map(|skipped| Warning::new("not compared", why(skipped))));
-                    RowState::Shown(Box::new(view))
-                }
-                Err(error) => RowState::Unreadable(error.to_string()),
-            },
+            Some(Ok(mut view)) => {
+                let why = |skipped: &Skipped| format!("Not compared: {}.", text::clip(&skipped.reason, 300));
+                view.warnings.extend(skipped.map(|skipped| Warning::new("not compared", why(skipped))));
+                RowState::Shown(Box::new(view))
+            }
+            Some(Err(error)) => RowState::Unreadable(error.to_string()),
         };
         Row { name: trial.name.clone(), speeds_rpm: trial.speeds.map(|speed| speed.rpm()), state }
     };
     let rows: Vec<Row> = states.par_iter().map(row).collect();
     let shown = || rows.iter().enumerate().filter_map(|(i, row)| Some((session_page::anchor(i), row.view()?)));
     let body = html! {
-        header { (session_page::overview(session.folder(), session.plan(), &rows, comparison, room.is_enough())) }
-        main { @if room.is_enough() { @for (id, view) in shown() { (trial_section::section(view, &id, true)) } } }
+        header {
+            (session_page::overview(session.folder(), session.plan(), &rows, comparison, budget.is_enough()))
+            @if shown().count() > MAX_PRINTED {
+                p.meta.paper-only { "The trial that is open on the screen is printed below, if there is one." }
+            }
+        }
+        main { @if budget.is_enough() { @for (id, view) in shown() { (trial_section::section(view, &id, true)) } } }
         @if let Some((_, view)) = shown().next() { (footer(view)) }
     };
     let all_data = html! { @for (id, view) in shown() { (data(view, &id)) } };
-    let page = document::page(&text::clip(&session.plan().name, 200), "session", &body, &all_data);
-    put(&out, &page, shown().count(), shown().map(|(_, view)| view.warnings.len()).sum())
+    let kind = if shown().count() <= MAX_PRINTED { "session print-all" } else { "session" };
+    let page = document::page(&text::clip(&session.plan().name, 200), kind, &body, &all_data);
+    put(out, &page, shown().count(), shown().map(|(_, view)| view.warnings.len()).sum())
 }
 
-/// Reads what is to be shown of a log, and of the model's log that it was compared with.
-fn view(log: &Path, comparison: Option<Comparison>, room: Room) -> Result<View, LogError> {
-    let recording = Recording::read(log, room.frames())?;
-    let other = match &comparison {
-        // The comparison has the angles; only shapes can be missing.
-        Some(comparison) if recording.shapes.is_empty() => Recording::read(&comparison.modelled, room.frames()).ok(),
-        _ => None,
-    };
-    Ok(View::new(recording, other.as_ref(), comparison, room))
+/// Reads a log for the page.
+fn view(log: &Path, budget: ByteBudget) -> Result<View, LogError> {
+    Ok(View::new(&Data::read(log, want(budget))?, None, budget))
 }
 
 fn data(view: &View, id: &str) -> Markup {
@@ -164,23 +212,26 @@ fn data(view: &View, id: &str) -> Markup {
 
 fn footer(view: &View) -> Markup {
     let zero = if view.comparison.is_some() {
-        "Both attitudes start from that of the still phase before the run; errors are model less measured."
+        "Both attitudes are relative to the still phase before the run. Errors are model minus measured."
+    } else if view.is_model() {
+        "The robot of the model starts upright with a yaw of zero."
     } else {
-        "Yaw is counted from the end of the phase before the run, less the drift of the gyroscope where still phases show it."
+        "The yaw is relative to the end of the phase before the run. The drift of the gyroscope is removed if still phases show it."
     };
     html! {
         footer {
             p {
-                "Angles turn body axes into world axes: yaw ψ about the vertical, then pitch θ, then roll φ, counter-clockwise seen from \
-                 above where positive. Steady values are means over the last 12 s of the run or as much of it as whole turns allow. "
+                "The attitude is the rotation Rz(ψ) Ry(θ) Rx(φ) from body to world axes, with yaw ψ, pitch θ and roll φ. A positive yaw is \
+                 counter-clockwise seen from above. Steady values are means over whole turns of the flagella at the end of the run, \
+                 about 12 s. "
                 (zero)
             }
-            p { "Written by " (document::GENERATOR) " (" (env!("BIFLAG_GIT_HASH")) "). Charts by uPlot 1.6.32, © 2022 Leon Sorokin, MIT licence." }
+            p { "Written by " (document::GENERATOR) " (" (GIT_HASH) "). Charts by uPlot 1.6.32, © 2022 Leon Sorokin, MIT licence." }
         }
     }
 }
 
-/// Whether a page may be written there: where nothing is, or an older page.
+/// Checks that a page may be written there: nothing is there, or an older page.
 fn check(out: &Path) -> Result<(), ReportError> {
     let refused = || ReportError::NotOurs { path: out.to_owned() };
     match std::fs::symlink_metadata(out) {
@@ -198,7 +249,7 @@ fn check(out: &Path) -> Result<(), ReportError> {
 
 fn put(out: &Path, page: &Markup, trials: usize, warnings: usize) -> Result<Written, ReportError> {
     let text = &page.0;
-    whole_file::replace(out, |file| file.write_all(text.as_bytes()))
+    atomic_file::replace(out, |file| file.write_all(text.as_bytes()))
         .map_err(|source| ReportError::Write { path: out.to_owned(), source })?;
     Ok(Written { html: out.to_owned(), bytes: text.len() as u64, trials, warnings })
 }

@@ -1,13 +1,13 @@
-//! The page of a session: what it came to as a whole, its maps, a table of its trials, and each trial.
+//! The page of a session: its results as a whole, its maps, and the table of its trials.
 
 use super::facts::files;
-use super::heat_map::{self, Cell};
-use super::text::{clip, number, plain};
+use super::heat_map::{self, Map, Point};
+use super::text::{clip, count, number, plain, word};
 use super::trial_section::{tile, warnings};
 use super::view::View;
 use crate::plan::Plan;
-use crate::stats::LinkStats;
 use crate::twin::SessionComparison;
+use biflag_log::LinkStats;
 use maud::{Markup, html};
 use std::path::Path;
 
@@ -17,18 +17,17 @@ pub(super) struct Row {
     /// Its name in the plan.
     pub name: String,
     pub speeds_rpm: [f64; 2],
-    /// What came of it.
     pub state: RowState,
 }
 
-/// What came of a trial.
+/// What there is to show of a trial.
 #[derive(Clone, Debug)]
 pub(super) enum RowState {
     /// It is on the page.
     Shown(Box<View>),
     /// It has no log yet.
     Missing,
-    /// Its log does not read, and why.
+    /// Its log cannot be read, and why.
     Unreadable(String),
 }
 
@@ -41,12 +40,12 @@ impl Row {
     }
 }
 
-/// Anchor of the `i`-th trial.
+/// Returns the anchor of the `i`-th trial.
 pub(super) fn anchor(i: usize) -> String {
     format!("trial-{}", i + 1)
 }
 
-/// All above the trials.
+/// Everything above the trials.
 pub(super) fn overview(
     folder: &Path,
     plan: &Plan,
@@ -59,9 +58,12 @@ pub(super) fn overview(
     html! {
         h1 { (clip(&plan.name, 200)) }
         p.meta {
-            span { "session of " (rows.len()) @if rows.len() == 1 { " trial" } @else { " trials" } }
+            span { "session of " (count(rows.len(), "trial", "trials")) }
             @if !plan.operator.is_empty() { span { (clip(&plan.operator, 200)) } }
             span { "robot " (clip(&plan.robot.name, 200)) }
+            @if let Some(model) = first.and_then(|view| view.model_robot.as_ref()) {
+                span { "compared with the model of robot " (clip(&model.name, 200)) ", closure " (word(&model.closure)) }
+            }
             span { (folder.display()) }
         }
         @if !plan.note.is_empty() { p.note { (clip(&plan.note, 4_000)) } }
@@ -77,21 +79,21 @@ pub(super) fn overview(
 
 fn tiles(views: &[&View], trials: usize, comparison: Option<&SessionComparison>) -> Markup {
     let mut link = LinkStats::default();
-    views.iter().for_each(|view| link += view.overview.link);
+    views.iter().for_each(|view| link += view.link);
     let complete = views.iter().filter(|view| view.is_complete()).count();
     let error = |value: Option<f64>| number(value.unwrap_or(f64::NAN), 2) + "°";
     html! {
         dl.tiles {
             (tile("Trials complete", &complete.to_string(), &html! { "of " (trials) }))
             @if let Some(comparison) = comparison {
-                (tile("RMS error, yaw", &error(comparison.yaw_rmse_deg), &html! { "over the runs of " (comparison.trials.len()) " trials" }))
+                (tile("RMS error, yaw", &error(comparison.yaw_rmse_deg), &html! { "over the runs of " (count(comparison.trials.len(), "trial", "trials")) }))
                 (tile("RMS error, pitch", &error(comparison.pitch_rmse_deg), &html! { "roll " (error(comparison.roll_rmse_deg)) }))
                 @if let Some(steady) = comparison.steady_rms_error_deg {
                     (tile("Steady error, yaw", &error(Some(steady[0])), &html! { "pitch " (error(Some(steady[1]))) ", RMS over the trials" }))
                 }
             }
             @if !views.iter().all(|view| view.is_model()) {
-                (tile("Frames lost", &link.lost.to_string(), &html! { "of " (link.samples + link.lost) "; " (link.retries) " retries" }))
+                (tile("Frames lost", &link.lost.to_string(), &html! { "of " (link.samples + link.lost) " frames; " (count(link.retries, "retry", "retries")) }))
             } @else {
                 (tile("Samples", &link.samples.to_string(), &html! { "computed by the model" }))
             }
@@ -99,55 +101,64 @@ fn tiles(views: &[&View], trials: usize, comparison: Option<&SessionComparison>)
     }
 }
 
-/// What is to be known before the table is read.
+/// Warnings about the session as a whole.
 fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool) -> Vec<String> {
     let mut notes = Vec::new();
-    let count = |what: &str, n: usize| (n > 0).then(|| format!("{n} of {} trials {what}.", rows.len()));
-    let missing = rows.iter().filter(|row| matches!(row.state, RowState::Missing)).count();
-    let unreadable = rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count();
-    let broken = rows.iter().filter_map(Row::view).filter(|view| !view.is_complete()).count();
-    let moving = rows.iter().filter_map(Row::view).filter(|view| !view.is_settled()).count();
-    notes.extend(count("have no log yet", missing));
-    notes.extend(count("have a log that does not read", unreadable));
-    notes.extend(count("are not complete", broken));
-    notes.extend(count("have not settled: their steady values are means of a motion", moving));
-    if let Some(skipped) = comparison.map(|comparison| &comparison.skipped).filter(|skipped| !skipped.is_empty()) {
-        notes.extend(count("could not be compared; the table says why", skipped.len()));
+    let all = count(rows.len(), "trial", "trials");
+    let mut note = |what: &str, n: usize, more: &str| {
+        if n > 0 {
+            notes.push(format!("{what}: {n} of {all}.{more}"));
+        }
+    };
+    let views = || rows.iter().filter_map(Row::view);
+    note("No log yet", rows.iter().filter(|row| matches!(row.state, RowState::Missing)).count(), "");
+    note("Unreadable log", rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count(), "");
+    note("Not complete", views().filter(|view| !view.is_complete()).count(), "");
+    let more = " Their angles are averages, not steady values.";
+    note("Not settled", views().filter(|view| !view.is_settled()).count(), more);
+    if let Some(comparison) = comparison {
+        note("Not compared", comparison.skipped.len(), " The reasons are in the table.");
     }
     if !has_charts {
         let text =
-            "So many trials are too much for the charts of each on one page: `biflag report LOG` draws those of one.";
+            "The session has too many trials for charts on one page. `biflag report LOG` draws those of one trial.";
         notes.push(text.to_owned());
     }
     notes
 }
 
 fn maps(rows: &[Row]) -> Markup {
-    let cells = |angle: usize, modelled: bool| -> Vec<Cell> {
-        let cell = |(i, row): (usize, &Row)| {
+    let points = |angle: usize, modelled: bool| -> Vec<Point> {
+        let point = |(i, row): (usize, &Row)| {
             let view = row.view()?;
             let steady = view.steady?;
             let value_deg = if modelled { steady.modelled_deg?[angle] } else { steady.angles_deg[angle] }.abs();
             let anchor = (!view.data.is_null()).then(|| anchor(i));
-            Some(Cell { speeds_rpm: row.speeds_rpm, value_deg, anchor })
+            Some(Point { speeds_rpm: row.speeds_rpm, value_deg, anchor })
         };
-        heat_map::without_repeats(rows.iter().enumerate().filter_map(cell))
+        heat_map::without_repeats(rows.iter().enumerate().filter_map(point))
     };
-    if !heat_map::is_grid(&cells(0, false)) {
+    if !heat_map::is_map(&points(0, false)) {
         return html! {};
     }
-    let whose = if rows.iter().filter_map(Row::view).all(View::is_model) { "model" } else { "measured" };
+    let views = || rows.iter().filter_map(Row::view);
+    let own = match (views().all(View::is_model), views().any(|view| view.comparison.is_some())) {
+        (false, _) => "measured",
+        (true, false) => "model",
+        (true, true) => "this session",
+    };
     html! {
-        h2 { "Attitude over both speeds" }
+        h2 { "Steady attitude over both speeds" }
         div.maps {
-            @for (angle, name) in [(0, "Steady yaw |ψ|"), (1, "Steady pitch |θ|")] {
-                @let (own, model) = (cells(angle, false), cells(angle, true));
-                // Both maps of an angle share their colours.
-                @let scale = heat_map::largest(&own).max(heat_map::largest(&model));
-                @for (cells, whose) in [(&own, whose), (&model, "model")] {
-                    @if !cells.is_empty() {
-                        @let title = format!("{name}, {whose}");
-                        figure { h3 { (title) } (heat_map::svg(&title, cells, scale)) }
+            @for (angle, name, symbol) in [(0, "Steady yaw", "|ψ|"), (1, "Steady pitch", "|θ|")] {
+                @let [own_points, model_points] = [points(angle, false), points(angle, true)];
+                // The maps of an angle share their colour scale.
+                @let scale_deg = heat_map::largest(&own_points).max(heat_map::largest(&model_points));
+                @for (points, whose) in [(&own_points, own), (&model_points, "model")] {
+                    @if !points.is_empty() {
+                        @let title = format!("{name} {symbol}, {whose}");
+                        @let map = Map { title: &title, symbol, points, scale_deg };
+                        figure { h3 { (title) } (map.svg()) figcaption { (map.caption()) } }
                     }
                 }
             }
@@ -155,7 +166,7 @@ fn maps(rows: &[Row]) -> Markup {
     }
 }
 
-/// A figure in the table: its text, and what it is sorted by.
+/// A number in the table, with the key that it is sorted by.
 fn cell(value: Option<f64>, decimals: usize) -> Markup {
     html! { td data-key=[value.filter(|value| value.is_finite())] { (value.map_or("–".to_owned(), |value| number(value, decimals))) } }
 }
@@ -173,7 +184,7 @@ fn table(rows: &[Row], has_charts: bool) -> Markup {
     let any = |what: fn(&View) -> bool| rows.iter().filter_map(Row::view).any(what);
     let columns = Columns {
         charts: has_charts,
-        uncertainty: any(|view| view.steady.is_some_and(|steady| steady.yaw_uncertainty_deg.is_some())),
+        uncertainty: any(|view| view.steady.is_some_and(|steady| steady.yaw_uncertainty_deg > Some(0.0))),
         compared: any(|view| view.comparison.is_some()),
         link: any(|view| !view.is_model()),
     };
@@ -187,7 +198,7 @@ fn table(rows: &[Row], has_charts: bool) -> Markup {
                     (head("ψ, °")) @if columns.uncertainty { (head("± 95 %")) } (head("θ, °")) (head("φ, °"))
                     @if columns.compared { (head("model ψ")) (head("model θ")) (head("error ψ")) (head("error θ")) (head("RMS ψ")) (head("RMS θ")) }
                     @if columns.link { (head("lost")) }
-                    th.text scope="col" { "To know" }
+                    th.text scope="col" { "Notes" }
                 } }
                 tbody { @for (i, row) in rows.iter().enumerate() { (line(row, i, columns)) } }
             }
@@ -209,18 +220,18 @@ fn line(row: &Row, i: usize, columns: Columns) -> Markup {
             td data-key=(row.speeds_rpm[0]) { (plain(row.speeds_rpm[0])) }
             td data-key=(row.speeds_rpm[1]) { (plain(row.speeds_rpm[1])) }
             (cell(angle(0), 2))
-            @if columns.uncertainty { (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg), 2)) }
+            @if columns.uncertainty { (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg).filter(|deg| *deg > 0.0), 2)) }
             (cell(angle(1), 2)) (cell(angle(2), 2))
             @if columns.compared {
                 (cell(comparison.map(|c| c.steady_modelled_deg[0]), 2)) (cell(comparison.map(|c| c.steady_modelled_deg[1]), 2))
                 (cell(comparison.map(|c| c.steady_yaw_error_deg), 2)) (cell(comparison.map(|c| c.steady_pitch_error_deg), 2))
                 (cell(comparison.map(|c| c.yaw_rmse_deg), 2)) (cell(comparison.map(|c| c.pitch_rmse_deg), 2))
             }
-            @if columns.link { (cell(view.map(|view| view.overview.link.lost as f64), 0)) }
+            @if columns.link { (cell(view.map(|view| view.link.lost as f64), 0)) }
             td.text {
                 @match &row.state {
                     RowState::Shown(view) => { (view.warnings.iter().map(|warning| warning.brief.as_str()).collect::<Vec<_>>().join(", ")) }
-                    RowState::Missing => { "not yet" }
+                    RowState::Missing => { "no log yet" }
                     RowState::Unreadable(why) => { (clip(why, 300)) }
                 }
             }

@@ -1,11 +1,11 @@
-//! Numbers and texts as the page writes them.
+//! Numbers and texts as the page shows them.
 
-/// Degrees with so many decimals and a real minus sign.
+/// Degrees with so many decimals and a proper minus sign.
 pub(super) fn degrees(value: f64, decimals: usize) -> String {
     format!("{}°", number(value, decimals))
 }
 
-/// A number with so many decimals and a real minus sign; a dash where there is none.
+/// A number with so many decimals and a proper minus sign; a dash for a missing value.
 pub(super) fn number(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return "–".to_owned();
@@ -24,10 +24,16 @@ pub(super) fn speeds([w1, w2]: [f64; 2]) -> String {
 /// A number with as many decimals as it has, up to four.
 pub(super) fn plain(value: f64) -> String {
     let value = (value * 1e4).round() / 1e4;
-    if value < 0.0 { format!("−{}", -value) } else { format!("{value}") }
+    if value < 0.0 { format!("−{}", -value) } else { format!("{}", value.abs()) }
 }
 
-/// At most so many characters, with an ellipsis where there were more. A log that came from elsewhere may hold any text.
+/// A count and the noun it counts, in the singular or the plural.
+pub(super) fn count(n: impl TryInto<u64>, one: &str, more: &str) -> String {
+    let n = n.try_into().unwrap_or(u64::MAX);
+    format!("{n} {}", if n == 1 { one } else { more })
+}
+
+/// At most so many characters, with an ellipsis where there were more. A log from elsewhere may hold any text.
 pub(super) fn clip(text: &str, most: usize) -> String {
     match text.char_indices().nth(most) {
         Some((end, _)) => format!("{}…", &text[..end]),
@@ -35,7 +41,7 @@ pub(super) fn clip(text: &str, most: usize) -> String {
     }
 }
 
-/// JSON to stand in a `<script>` element: no character of it can end the element or begin another.
+/// JSON for a `<script>` element, without any character that could end the element or begin another.
 pub(super) fn json_for_script(value: &serde_json::Value) -> String {
     let mut text = String::new();
     for c in value.to_string().chars() {
@@ -47,7 +53,7 @@ pub(super) fn json_for_script(value: &serde_json::Value) -> String {
     text
 }
 
-/// The name of a value in JSON, in words.
+/// A value's name in JSON, with spaces.
 pub(super) fn word(value: &impl serde::Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|name| Some(name.as_str()?.replace('_', " "))).unwrap_or_default()
 }
@@ -61,6 +67,8 @@ mod tests {
         assert_eq!(degrees(-12.345, 2), "−12.35°");
         assert_eq!(number(-0.001, 2), "0.00");
         assert_eq!(number(f64::NAN, 2), "–");
+        assert_eq!([plain(-0.00001), plain(-0.5), plain(12.345678)], ["0", "−0.5", "12.3457"]);
+        assert_eq!([count(1, "trial", "trials"), count(0, "retry", "retries")], ["1 trial", "0 retries"]);
         assert_eq!(speeds([-90.0, 12.5]), "(−90, 12.5) rpm");
         assert_eq!(clip("αβγδ", 3), "αβγ…");
         assert_eq!(clip("αβγ", 3), "αβγ");

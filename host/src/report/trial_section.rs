@@ -1,23 +1,23 @@
-//! A trial on the page: its figures, the robot in space, its charts, and all that is known of how it was made.
+//! A trial on the page: its results, the view of the robot, its charts, its events and its provenance.
 
 use super::facts::facts;
-use super::recording::Event;
-use super::text::{clip, degrees, number, speeds, word};
+use super::text::{clip, count, degrees, number, speeds, word};
 use super::view::{Steady, View};
-use crate::log::schema::biflag::event::Kind;
-use crate::log::{Identity, Origin};
+use crate::trial::Event;
+use biflag_log::schema::biflag::event::Kind;
+use biflag_log::{Identity, Origin};
 use maud::{Markup, html};
 
 /// The longest note that is shown.
 const LONGEST_NOTE: usize = 4_000;
 
-/// Where the data of a trial is.
+/// Returns the id of the element with the data of a trial.
 pub(super) fn data_id(id: &str) -> String {
     format!("{id}-data")
 }
 
-/// The trial as a section of the page, `id` its anchor. With `shared` what all trials of a session have in common is
-/// left out.
+/// Returns the section of a trial with the anchor `id`. With `shared`, what all trials of a session have in common is left
+/// out.
 pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
     let has_data = !view.data.is_null();
     html! {
@@ -48,12 +48,12 @@ pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
 }
 
 pub(super) fn title(view: &View) -> String {
-    let name = if view.name.is_empty() { "A trial" } else { &view.name };
+    let name = if view.name.is_empty() { "Trial" } else { &view.name };
     format!("{} at {}", clip(name, 120), speeds(view.speeds_rpm))
 }
 
 fn about(view: &View, shared: bool) -> Markup {
-    let (plan, identity) = (&view.overview.plan, &view.overview.identity);
+    let (plan, identity) = (&view.records.plan, &view.records.identity);
     html! {
         p.meta {
             @if let Some(identity) = identity { span { (origin(identity.origin)) } }
@@ -64,7 +64,7 @@ fn about(view: &View, shared: bool) -> Markup {
             @if let Some(Identity { created, .. }) = identity && !created.is_empty() {
                 span { (clip(created.split('.').next().unwrap_or(created), 40).replace('T', " ")) }
             }
-            span { (number(view.overview.duration_s, 1)) " s" }
+            span { (number(view.duration_s, 1)) " s" }
         }
         @if let Some(plan) = plan && !shared && !plan.note.is_empty() { p.note { (clip(&plan.note, LONGEST_NOTE)) } }
     }
@@ -78,7 +78,7 @@ fn origin(origin: Origin) -> &'static str {
     }
 }
 
-/// A figure with its name and what is to be said about it.
+/// A result with its name and a remark.
 pub(super) fn tile(name: &str, big: &str, small: &Markup) -> Markup {
     html! {
         div.tile {
@@ -90,7 +90,7 @@ pub(super) fn tile(name: &str, big: &str, small: &Markup) -> Markup {
 }
 
 fn tiles(view: &View) -> Markup {
-    let link = view.overview.link;
+    let link = view.link;
     let is_model = view.is_model();
     html! {
         dl.tiles {
@@ -104,13 +104,13 @@ fn tiles(view: &View) -> Markup {
                     "yaw; pitch " (degrees(comparison.pitch_rmse_deg, 2)) ", roll " (degrees(comparison.roll_rmse_deg, 2))
                 }))
             }
-            @if let Some(model) = &view.overview.steady {
-                (tile("Settled", &if model.settled { format!("{} s", number(model.settle_s, 0)) } else { "no".to_owned() },
-                    &html! { "closest " (number(model.min_gap_m * 1e3, 1)) " mm, " (word(&model.bundling)) }))
+            @if let Some(model) = &view.records.steady {
+                (tile("Settling time", &if model.settled { format!("{} s", number(model.settle_s, 0)) } else { "not settled".to_owned() },
+                    &html! { "flagella " (word(&model.bundling)) ", least distance " (number(model.min_gap_m * 1e3, 1)) " mm" }))
             }
             @if !is_model {
                 (tile("Frames lost", &link.lost.to_string(), &html! {
-                    "of " (link.samples + link.lost) "; " (link.crc_errors) " CRC errors, " (link.retries) " retries"
+                    "of " (link.samples + link.lost) " frames; " (count(link.crc_errors, "CRC error", "CRC errors")) ", " (count(link.retries, "retry", "retries"))
                 }))
             }
         }
@@ -137,7 +137,7 @@ fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {
     )
 }
 
-/// Warnings, where there are any.
+/// A list of warnings, if there are any.
 pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
     let mut texts = texts.into_iter().peekable();
     html! {
@@ -149,27 +149,28 @@ pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
 
 fn scene(view: &View) -> Markup {
     let whose = if view.borrowed_shapes { "the model’s log" } else { "the log" };
-    let steady = if view.comparison.is_some() {
-        "The blue pointer is the measured yaw, the orange one the model’s."
+    let pointers = if view.comparison.is_some() {
+        let own = if view.is_model() { "yaw of this log" } else { "measured yaw" };
+        format!("The solid pointer is the {own}; the dashed one is the yaw of the model.")
     } else {
-        "The blue pointer is the yaw."
+        "The pointer is the yaw.".to_owned()
     };
     html! {
         figure.scene {
             canvas tabindex="0" role="img"
-                aria-label="The robot in space: base, motors and both flagella at the time shown. Arrow keys turn the view, plus and minus bring it nearer, Home puts it back, space plays." {}
+                aria-label="The robot: base, motors and both flagella at the selected time. Arrow keys rotate the view, plus and minus zoom, Home resets it, space plays." {}
             div.tools role="group" aria-label="View" {
-                button.nearer type="button" aria-label="Nearer" { "+" }
-                button.farther type="button" aria-label="Farther" { "−" }
-                button.home type="button" { "From the front" }
+                button.view-in type="button" aria-label="Zoom in" { "+" }
+                button.view-out type="button" aria-label="Zoom out" { "−" }
+                button.home type="button" { "Reset view" }
             }
             figcaption {
-                @if view.shapes_per_s > 0.0 {
-                    "Flagella as in " (whose) ", " (number(view.shapes_per_s, 1)) " shapes a second, between them turned with their shafts. "
+                @if view.curves.shapes_per_s > 0.0 {
+                    "Shapes of the flagella from " (whose) ", " (number(view.curves.shapes_per_s, 1)) " per second, interpolated in the frame of the shaft. "
                 } @else {
-                    "No shapes are in the log: the flagella are drawn as rigid helices that turn with their shafts. "
+                    "The log has no shapes: the flagella are drawn as rigid helices that turn with their shafts. "
                 }
-                (steady) " Drag to turn; arrow keys, + and − do the same."
+                (pointers) span.screen { " Drag to rotate, or use the arrow keys, + and −." }
             }
         }
     }
@@ -179,25 +180,16 @@ fn player(view: &View) -> Markup {
     html! {
         div.player {
             button.play type="button" aria-label="Play" {}
-            input.scrub type="range" min="0" max=(view.overview.duration_s) step="0.01" value="0" aria-label="Time";
-            select.rate aria-label="Speed of playing" {
+            input.scrub type="range" min="0" max=(view.duration_s) step="0.01" value="0" aria-label="Time";
+            select.rate aria-label="Playback speed" {
                 @for rate in ["0.25", "1", "2", "5", "10"] { option value=(rate) selected[rate == "1"] { (rate) "×" } }
             }
         }
     }
 }
 
-/// What the trial's own angles are called, beside those of the model.
-fn own_name(view: &View) -> &'static str {
-    match (view.is_model(), view.comparison.is_some()) {
-        (false, _) => "measured",
-        (true, false) => "model",
-        (true, true) => "this log",
-    }
-}
-
 fn readout(view: &View) -> Markup {
-    let own = own_name(view);
+    let own = view.own_name();
     let out = |what: &str| html! { td data-out=(what) { "–" } };
     html! {
         table.readout {
@@ -229,66 +221,72 @@ fn readout(view: &View) -> Markup {
     }
 }
 
-/// A line of a chart: how it looks, and what it is.
-struct Line(&'static str, &'static str);
+/// An entry of a legend: the classes of its key, and its text.
+struct Entry(&'static str, String);
 
 fn charts(view: &View) -> Markup {
-    let own = own_name(view);
-    let angle_lines = |with_band: bool| {
-        let mut lines = vec![Line("c-measured", own)];
-        if with_band && view.has_yaw_band {
-            lines.push(Line("block c-band", "95 % uncertainty"));
-        }
+    let entry = |look, text: &str| Entry(look, text.to_owned());
+    let range = |width_s: Option<f64>| {
+        width_s.map(|width_s| Entry("block c-range", format!("range of {} s (line: mean)", number(width_s, 2))))
+    };
+    let angle_entries = |with_uncertainty: bool| {
+        let mut entries = vec![entry("c-measured", view.own_name())];
         if view.comparison.is_some() {
-            lines.push(Line("dash c-model", "model"));
+            entries.push(entry("dash c-model", "model"));
         }
         if view.has_truth {
-            lines.push(Line("dots c-truth", "truth"));
+            entries.push(entry("dots c-truth", "truth"));
         }
-        lines
+        entries.extend(range(view.curves.attitude_range_s));
+        if with_uncertainty && view.curves.has_uncertainty {
+            entries.push(entry("edges c-measured", "95 % uncertainty"));
+        }
+        entries
     };
-    let motors = vec![
-        Line("c-flagellum1", "flagellum 1"),
-        Line("c-flagellum2", "flagellum 2"),
-        Line("dash c-ink", "asked of 1"),
-        Line("dots c-ink", "asked of 2"),
+    let motors = [
+        entry("c-flagellum1", "flagellum 1"),
+        entry("c-flagellum2", "flagellum 2"),
+        entry("dash c-ink", "target 1"),
+        entry("dots c-ink", "target 2"),
     ];
-    let link = vec![
-        Line("c-measured", "samples a second"),
-        Line("block c-bad", "lost"),
-        Line("block c-model", "retries"),
-        Line("block c-flagellum1", "counted by the board"),
-    ];
+    let motors: Vec<Entry> = motors.into_iter().chain(range(view.curves.motors_range_s)).collect();
     let seconds = view.data["link"]["width_s"].as_u64().unwrap_or(1);
-    let link_name = if seconds > 1 { format!("Link, per {seconds} s") } else { "Link, per second".to_owned() };
+    let per = if seconds > 1 { format!("{seconds} s") } else { "second".to_owned() };
+    let link = [
+        entry("c-measured", "samples received"),
+        entry("block c-bad", "lost"),
+        entry("block c-model", "retries"),
+        entry("block c-flagellum1", "board errors"),
+    ];
     html! {
         div.tools role="group" aria-label="Time axis" {
-            button.zoom-in type="button" aria-label="Show less time" { "+" }
-            button.zoom-out type="button" aria-label="Show more time" { "−" }
+            button.zoom-in type="button" aria-label="Zoom in" { "+" }
+            button.zoom-out type="button" aria-label="Zoom out" { "−" }
             button.zoom-all type="button" { "Whole trial" }
         }
-        (chart("yaw", "Yaw ψ from the start of the run", &angle_lines(true)))
-        (chart("pitch", "Pitch θ", &angle_lines(false)))
-        (chart("roll", "Roll φ", &angle_lines(false)))
+        (chart("yaw", "Yaw ψ from the start of the run, °", &angle_entries(true)))
+        (chart("pitch", "Pitch θ, °", &angle_entries(false)))
+        (chart("roll", "Roll φ, °", &angle_entries(false)))
         (chart("motors", "Speed of the flagella, rpm", &motors))
-        @if !view.is_model() { (chart("link", &link_name, &link)) }
+        @if !view.is_model() { (chart("link", &format!("Link, count per {per}"), &link)) }
         p.meta.small {
-            @if view.every_s > 0.0 {
-                "Drawn through the smallest and the largest value of every " (number(view.every_s, 3)) " s."
+            @if view.curves.attitude_range_s.is_some() || view.curves.motors_range_s.is_some() {
+                "A shaded band is the range of the values in the time that the legend states, and its line their mean. The values \
+                 beside the robot are samples " (number(view.curves.sample_s, 2)) " s apart, linearly interpolated."
             } @else {
-                "Every sample is drawn."
+                "The charts show every sample."
             }
-            " Drag across a chart to see less time, double-click for all of it, click to go there."
+            span.screen { " Drag across a chart to zoom in, double-click to see the whole trial, click to select a time." }
         }
     }
 }
 
-fn chart(name: &str, title: &str, lines: &[Line]) -> Markup {
+fn chart(name: &str, title: &str, entries: &[Entry]) -> Markup {
     html! {
-        figure role="group" aria-label={ (title) ": the figures stand beside the view at the time that is set there" } {
+        figure role="group" aria-label={ (title) ". The values at the selected time are in the table beside the robot." } {
             figcaption {
                 h3 { (title) }
-                div.legend { @for Line(look, text) in lines { span { i class={ "key " (look) } {} span { (text) } } " " } }
+                div.legend { @for Entry(look, text) in entries { span { i class={ "key " (look) } {} span { (text) } } " " } }
             }
             div data-chart=(name) aria-hidden="true" {}
         }

@@ -1,7 +1,7 @@
-//! What can be wrong with a session's folder.
+//! Errors of session folders.
 
-use crate::log::LogError;
 use crate::plan::PlanError;
+use biflag_log::LogError;
 use miette::Diagnostic;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -9,87 +9,84 @@ use thiserror::Error;
 /// Why a folder cannot be used as a session.
 #[derive(Error, Diagnostic, Debug)]
 pub enum SessionError {
-    /// It could not be created, read or listed.
+    /// The folder could not be created, read or listed.
     #[error("{}: cannot be used", path.display())]
-    #[diagnostic(help("check that the folder exists and may be read and written"))]
+    #[diagnostic(help("check that the folder exists, and that it is readable and writable"))]
     Io {
         /// The folder or file.
         path: PathBuf,
         /// Why.
         source: std::io::Error,
     },
-    /// It holds a session already.
-    #[error("{}: holds a session already", folder.display())]
-    #[diagnostic(code(wrong_use), help("go on with it by --resume, or name another folder with --out"))]
+    /// The folder already contains a session.
+    #[error("{}: already contains a session", folder.display())]
+    #[diagnostic(code(wrong_use), help("continue it with --resume, or name another folder with --out"))]
     Exists {
         /// The folder.
         folder: PathBuf,
     },
-    /// It holds logs that belong to no session.
-    #[error("{}: holds logs already, such as {log}, but no session", folder.display())]
+    /// The folder contains logs but no session.
+    #[error("{}: already contains logs, such as {log}, but no session", folder.display())]
     #[diagnostic(code(wrong_use), help("name another folder with --out"))]
     StrayLog {
         /// The folder.
         folder: PathBuf,
-        /// One of them.
+        /// One of the logs.
         log: String,
     },
-    /// It holds a session of other trials.
-    #[error("{}: holds the session of another plan: {difference} differ", folder.display())]
-    #[diagnostic(
-        code(wrong_use),
-        help("name another folder with --out, or go on with the plan that began the session")
-    )]
+    /// The folder contains the session of another plan.
+    #[error("{}: contains the session of another plan: {difference} differ", folder.display())]
+    #[diagnostic(code(wrong_use), help("name another folder with --out, or continue with the plan of the session"))]
     OtherPlan {
         /// The folder.
         folder: PathBuf,
-        /// In what the plans differ.
+        /// The part in which the plans differ.
         difference: &'static str,
     },
-    /// Another program writes into it.
-    #[error("{}: another biflag writes into this session", folder.display())]
-    #[diagnostic(help("wait until it has ended, or name another folder with --out"))]
+    /// Another program is writing into the session.
+    #[error("{}: another biflag is writing into this session", folder.display())]
+    #[diagnostic(help("wait until it ends, or name another folder with --out"))]
     InUse {
         /// The folder.
         folder: PathBuf,
     },
-    /// Its trials ran on something else.
+    /// The session's trials ran in another place or with other settings.
     #[error("{}: its trials ran {was}, such as {}; the next ones would run {is}", folder.display(), log.display())]
     #[diagnostic(
         code(wrong_use),
-        help("go on as the session began, or name another folder with --out: trials of one session are comparable")
+        help("continue as the session began, or name another folder with --out: its trials must stay comparable")
     )]
     OtherRig {
         /// The folder.
         folder: PathBuf,
-        /// The last of its complete logs.
+        /// The last complete log.
         log: PathBuf,
-        /// Where or with what they ran.
+        /// Where or with which settings they ran.
         was: String,
-        /// Where or with what the next ones would.
+        /// Where or with which settings the next ones would run.
         is: String,
     },
-    /// It is no session.
-    #[error("{}: is not a session's folder: it has no session.toml", folder.display())]
-    #[diagnostic(code(wrong_use), help("name the folder that `biflag record` or `biflag simulate` wrote"))]
+    /// The folder is not a session folder.
+    #[error("{}: is not a session folder: it has no session.toml", folder.display())]
+    #[diagnostic(code(wrong_use), help("name a folder written by `biflag record` or `biflag simulate`"))]
     NotASession {
         /// The folder.
         folder: PathBuf,
     },
-    /// Its manifest does not read.
+    /// The manifest cannot be read.
     #[error("{}: {reason}", path.display())]
-    #[diagnostic(help("the logs beside it are good without it; begin a new session in another folder"))]
+    #[diagnostic(help("the logs can still be read; start a new session in another folder"))]
     Manifest {
         /// The manifest.
         path: PathBuf,
-        /// What is wrong with it.
+        /// What is wrong with the manifest.
         reason: String,
     },
-    /// Its plan does not read.
+    /// The session's plan cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Plan(#[from] PlanError),
-    /// A log in it does not read.
+    /// A log in the session cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Log(#[from] LogError),

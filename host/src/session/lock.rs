@@ -1,31 +1,31 @@
-//! One program at a time writes into a session: two boards, or a board and the model, would mix their trials.
+//! Locks a session, so that only one program at a time writes into it.
 
 use super::{MANIFEST, Session, SessionError};
 use std::fs::{File, TryLockError};
 
-/// Who else may write into the session meanwhile.
+/// Which other programs may write into the session at the same time.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Sharing {
-    /// Nobody.
+    /// None.
     Alone,
-    /// Other shards of the same plan, which have trials of their own.
+    /// Other shards of the same plan, which compute other trials.
     WithShards,
 }
 
-/// The right to write into a session, until it is dropped or the program ends, however it ends.
+/// The lock of a session. It is released when it is dropped, or when the program ends in any way.
 #[derive(Debug)]
 pub struct Lock {
     _manifest: File,
 }
 
 impl Session {
-    /// Takes the right to write into the session.
+    /// Locks the session for writing.
     ///
     /// # Errors
-    /// [`SessionError::InUse`] where another program has it.
+    /// [`SessionError::InUse`] if another program holds the lock.
     pub fn lock(&self, sharing: Sharing) -> Result<Lock, SessionError> {
         let path = self.folder().join(MANIFEST);
-        // Over a network, only a file that is open for writing can be locked alone.
+        // On network file systems an exclusive lock requires a file that is open for writing.
         let manifest = File::options()
             .read(true)
             .write(true)
@@ -37,7 +37,7 @@ impl Session {
         };
         match locked {
             Err(TryLockError::WouldBlock) => Err(SessionError::InUse { folder: self.folder().to_owned() }),
-            // Not every file system can lock; there the names of the logs, which are exclusive, are all there is.
+            // Not every file system supports locks. Without them, logs are still protected: they are never overwritten.
             Ok(()) | Err(TryLockError::Error(_)) => Ok(Lock { _manifest: manifest }),
         }
     }

@@ -1,13 +1,13 @@
-//! `session.toml`: what makes a folder a session.
+//! `session.toml`, the manifest of a session folder.
 
 use super::SessionError;
+use crate::atomic_file;
 use crate::plan::Plan;
-use crate::whole_file;
 use serde::{Deserialize, Serialize};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
-/// Its name.
+/// Name of the manifest.
 pub const MANIFEST: &str = "session.toml";
 
 /// Version of the folder's layout.
@@ -19,11 +19,11 @@ pub(super) struct Manifest {
     created: String,
     host_version: String,
     host_git_hash: String,
-    /// The whole file.
+    /// Text of the plan's file.
     plan: String,
-    /// The robot's file, where there is one.
+    /// Text of the robot's file; empty if there is none.
     robot: String,
-    /// Its name, where it is not the one in the plan.
+    /// Name of the robot's file, if it is not the one in the plan.
     #[serde(default)]
     robot_name: Option<String>,
 }
@@ -41,20 +41,20 @@ impl Manifest {
         }
     }
 
-    /// Writes it to a folder that has none. It is there whole or not at all, whoever else begins the same session, and
-    /// however this program ends.
+    /// Writes the manifest to a folder that has none. The write is atomic, also if another program starts the same
+    /// session, or if this program is killed.
     pub fn write(&self, folder: &Path) -> Result<(), SessionError> {
         let path = folder.join(MANIFEST);
         let text = toml::to_string(self)
             .map_err(|error| SessionError::Manifest { path: path.clone(), reason: error.to_string() })?;
-        let draft = whole_file::draft(&path);
-        let written = whole_file::create(&draft)
+        let draft = atomic_file::draft(&path);
+        let written = atomic_file::create(&draft)
             .and_then(|mut file| {
                 file.write_all(text.as_bytes())?;
                 file.sync_all()
             })
             .and_then(|()| publish(&draft, &path));
-        // What is published no longer needs its draft's name, and the rest nobody needs.
+        // The draft is no longer needed, whether or not it was published.
         let _ = std::fs::remove_file(&draft);
         written.map_err(|source| match source.kind() {
             ErrorKind::AlreadyExists => SessionError::Exists { folder: folder.to_owned() },
@@ -76,7 +76,7 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// The plan that began the session.
+    /// Returns the plan of the session.
     pub fn plan(self, folder: &Path) -> Result<Plan, SessionError> {
         let source = format!("plan in {}", folder.join(MANIFEST).display());
         let mut plan = Plan::parse(&self.plan, &source)?;
@@ -88,10 +88,10 @@ impl Manifest {
     }
 }
 
-/// Gives a file its name, which must be free.
+/// Gives a file its final name, which must not exist.
 fn publish(draft: &Path, path: &Path) -> std::io::Result<()> {
     match std::fs::hard_link(draft, path) {
-        // Some file systems have no links.
+        // Some file systems do not support links.
         Err(error) if error.kind() != ErrorKind::AlreadyExists && !path.exists() => std::fs::rename(draft, path),
         other => other,
     }

@@ -2,17 +2,17 @@
 //!
 //! ```text
 //! glycerin/
-//!   session.toml                         the plan, and what began the session
+//!   session.toml                         the plan, and the program that started the session
 //!   001_w1+50_w2+10.mcap                 the first attempt at the first trial
 //!   001_w1+50_w2+10.attempt2.mcap        the second
-//!   001_w1+50_w2+10.recovered.mcap       what `biflag recover` made of the first
+//!   001_w1+50_w2+10.recovered.mcap       the first attempt, recovered by `biflag recover`
 //! ```
 //!
-//! How far a trial is stands in its logs; the folder keeps no second account of it. Names come from the plan's numbers
-//! alone, so no text of a plan can lead out of the folder.
+//! The state of a trial is determined from its logs alone. File names are made from the plan's numbers, so that no text
+//! in a plan can lead to a path outside the folder.
 //!
-//! One program at a time writes into a session ([`Session::lock`]), and all of its trials run on the same thing
-//! ([`Session::expect_same_rig`]).
+//! One program at a time writes into a session ([`Session::lock`]), and all of its trials run in the same place with
+//! the same settings ([`Session::expect_same_rig`]).
 
 mod error;
 mod lock;
@@ -23,80 +23,85 @@ pub use error::SessionError;
 pub use lock::{Lock, Sharing};
 pub use manifest::MANIFEST;
 
-use crate::log::{self, End, RecoveryMeta, Summary};
 use crate::plan::{Plan, Trial};
+use biflag_log::{End, RecoveryMeta, Summary};
 use manifest::Manifest;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// A session's folder.
+/// A session folder.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Session {
     folder: PathBuf,
     plan: Plan,
 }
 
-/// How far a trial is.
+/// The state of a trial.
 #[derive(Clone, PartialEq, Debug)]
 pub struct TrialState {
     /// The trial.
     pub trial: Trial,
-    /// Its logs, in the order of the attempts.
+    /// Its logs, in order of the attempts.
     pub attempts: Vec<Attempt>,
 }
 
 /// A log of a trial.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Attempt {
-    /// Which attempt it is, from 1. A recovered log bears the number of the one that it was recovered from.
+    /// Number of the attempt, from 1. A recovered log has the number of the log that it was recovered from.
     pub number: u32,
     /// The log.
     pub path: PathBuf,
-    /// What it came to; `None`: the log does not end as it should.
+    /// Its summary; `None` if the log is incomplete.
     pub summary: Option<Summary>,
-    /// What is lost of it, in words: of the log that it was recovered from, or where it does not read itself, as far as
-    /// that was looked for.
+    /// Descriptions of the parts that were lost: before the log was recovered, or found by checking the log.
     pub losses: Vec<String>,
 }
 
 impl TrialState {
-    /// The last attempt that holds the whole trial. One that something was lost of does not, though its log may end as
-    /// it should: what was recovered of it says so.
+    /// Returns the last complete attempt. An attempt with losses is not complete, even if its log has a summary; the
+    /// losses are known from its recovered log or from a check.
     pub fn complete(&self) -> Option<&Attempt> {
         let lost = |number| self.attempts.iter().any(|attempt| attempt.number == number && !attempt.losses.is_empty());
         let ended = |attempt: &&Attempt| attempt.summary.as_ref().is_some_and(|summary| summary.end == End::Complete);
         self.attempts.iter().rev().filter(ended).find(|attempt| !lost(attempt.number))
     }
 
-    /// Reads the log of a complete trial through, and so on until one is whole or none is left.
+    /// Checks the log of the last complete attempt, then of earlier ones until one is intact.
     fn check(&mut self) {
         while let Some(path) = self.complete().map(|attempt| attempt.path.clone()) {
-            let losses = match log::check(&path) {
+            let losses: Vec<_> = match biflag_log::check(&path) {
                 Ok(losses) if losses.is_empty() => return,
                 Ok(losses) => losses.iter().map(ToString::to_string).collect(),
                 Err(error) => vec![error.to_string()],
             };
-            for attempt in self.attempts.iter_mut().filter(|attempt| attempt.path == path) {
-                attempt.losses.clone_from(&losses);
-            }
+            self.damaged(&path, &losses);
         }
     }
 
-    /// The number of the attempt that comes next.
+    /// Records the losses of a log.
+    pub fn damaged(&mut self, path: &Path, losses: &[String]) {
+        for attempt in self.attempts.iter_mut().filter(|attempt| attempt.path == path) {
+            attempt.losses = losses.to_vec();
+        }
+    }
+
+    /// Returns the number of the next attempt.
     pub fn next_number(&self) -> u32 {
         self.attempts.iter().map(|attempt| attempt.number).max().unwrap_or(0).saturating_add(1)
     }
 }
 
 impl Session {
-    /// Starts a session of `plan` in `folder`, which must not hold one; the folder is made if need be.
+    /// Starts a session of `plan` in `folder`, which must not contain one. The folder is created if it does not exist.
     ///
     /// # Errors
     /// [`SessionError::Exists`], [`SessionError::Io`].
     pub fn create(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
         std::fs::create_dir_all(folder).map_err(|source| SessionError::Io { path: folder.to_owned(), source })?;
         let session = Self { folder: folder.to_owned(), plan: plan.clone() };
-        // The name of a log says which trial it is of, so a log of another session would pass for one of this.
+        // A log is assigned to a trial by its name, so a log of another session could be mistaken for one of this
+        // session.
         if !folder.join(MANIFEST).exists()
             && let Some(log) = session.log_names()?.into_iter().next()
         {
@@ -106,10 +111,10 @@ impl Session {
         Ok(session)
     }
 
-    /// Goes on with the session of `plan` in `folder`, or starts it where there is none.
+    /// Continues the session of `plan` in `folder`, or starts it if there is none.
     ///
     /// # Errors
-    /// [`SessionError::OtherPlan`] where the folder holds another plan's session.
+    /// [`SessionError::OtherPlan`] if the folder contains the session of another plan.
     pub fn resume(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
         if !folder.join(MANIFEST).exists() {
             return Self::create(folder, plan);
@@ -130,17 +135,17 @@ impl Session {
         Ok(Self { folder: folder.to_owned(), plan })
     }
 
-    /// The folder.
+    /// Returns the folder.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// The plan.
+    /// Returns the plan.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// How far each trial is, in their order.
+    /// Returns the state of each trial, in the plan's order.
     ///
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
@@ -149,8 +154,8 @@ impl Session {
         self.plan.trials.iter().map(|trial| self.state_among(trial, &names)).collect()
     }
 
-    /// How far each trial is, with every log that counts read through: damage in the middle does not show at its end.
-    /// Takes some 0.1 s a log.
+    /// Returns the state of each trial after checking the logs of complete trials in full, because damage in the middle
+    /// does not show at the end. This takes about 0.1 s per log.
     ///
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
@@ -160,7 +165,7 @@ impl Session {
         Ok(states)
     }
 
-    /// How far one trial is.
+    /// Returns the state of one trial.
     ///
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
@@ -168,7 +173,7 @@ impl Session {
         self.state_among(trial, &self.log_names()?)
     }
 
-    /// Number and log of the next attempt at a trial. The log does not exist yet.
+    /// Returns the number and the path of the next attempt at a trial. The log does not exist yet.
     ///
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
@@ -178,13 +183,13 @@ impl Session {
         Ok((number, self.folder.join(format!("{}{suffix}.mcap", trial.name))))
     }
 
-    /// The names of all logs, sorted.
+    /// Returns the names of all logs, sorted.
     fn log_names(&self) -> Result<Vec<String>, SessionError> {
         let failed = |source| SessionError::Io { path: self.folder.clone(), source };
         let mut names = Vec::new();
         for entry in std::fs::read_dir(&self.folder).map_err(failed)? {
             let entry = entry.map_err(failed)?;
-            // A name that is no Unicode is none of ours.
+            // Logs of biflag have ASCII names.
             if let Ok(name) = entry.file_name().into_string()
                 && name.ends_with(".mcap")
                 && entry.file_type().is_ok_and(|kind| kind.is_file())
@@ -203,15 +208,16 @@ impl Session {
         for name in names[first..].iter().take_while(|name| name.starts_with(&prefix)) {
             let path = self.folder.join(name);
             let number = attempt_number(&name[prefix.len()..]);
-            let losses = log::last_meta::<RecoveryMeta>(&path)?.into_iter().map(|recovery| recovery.lost).collect();
-            attempts.push(Attempt { number, summary: log::summary(&path)?, losses, path });
+            let losses =
+                biflag_log::last_meta::<RecoveryMeta>(&path)?.into_iter().map(|recovery| recovery.lost).collect();
+            attempts.push(Attempt { number, summary: biflag_log::summary(&path)?, losses, path });
         }
         attempts.sort_by_key(|attempt| attempt.number);
         Ok(TrialState { trial: trial.clone(), attempts })
     }
 }
 
-/// The attempt that a log is of, from what follows the trial's name and a dot.
+/// Returns the number of the attempt from the part of the file name after the trial's name and a dot.
 fn attempt_number(suffix: &str) -> u32 {
     suffix
         .split('.')
@@ -221,7 +227,7 @@ fn attempt_number(suffix: &str) -> u32 {
         .unwrap_or(1)
 }
 
-/// What two plans differ in, as far as it makes other trials of them. Names and notes may differ.
+/// Returns the first part of two plans that makes their trials differ. Names and notes may differ.
 fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
     let phases = |plan: &Plan| plan.trials.first().map(|trial| trial.phases);
     if phases(old) != phases(new) {
@@ -237,7 +243,8 @@ fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
     }
 }
 
-/// The folder that a plan's session takes when the user names none: the plan's name, made fit for a folder's name.
+/// Returns the default folder of a plan's session: the plan's name, with characters replaced that do not suit a
+/// folder's name.
 pub fn default_folder(plan: &Plan) -> PathBuf {
     let fit = |c: char| if c.is_alphanumeric() || "-_+.".contains(c) { c } else { '-' };
     let name: String = plan.name.chars().map(fit).take(60).collect();

@@ -1,14 +1,14 @@
-//! A session's trials are comparable: all of them ran on the same thing, with the same settings.
+//! Checks that all trials of a session run in the same place with the same settings.
 
 use super::{Session, SessionError, TrialState};
-use crate::log::{self, BoardMeta, Identity, Origin};
+use biflag_log::{BoardMeta, Identity, Origin};
 
-/// Settings that do not touch what is measured.
-const HARMLESS: [&str; 2] = ["gyro_bias_counts", "deadline_ms"];
+/// Settings that do not affect the measurement.
+const NOT_COMPARED: [&str; 2] = ["gyro_bias_counts", "deadline_ms"];
 
 impl Session {
-    /// Sees that the trials that are complete ran where the next ones are to run: the last of them, which was held
-    /// against the one before it in its time. Answers what whoever goes on should know.
+    /// Checks that the next trials run in the same place and with the same settings as the last complete one. Returns a
+    /// note for the user.
     ///
     /// # Errors
     /// [`SessionError::OtherRig`], [`SessionError::Log`].
@@ -23,12 +23,14 @@ impl Session {
             let (folder, log) = (self.folder().to_owned(), last.path.clone());
             Err(SessionError::OtherRig { folder, log, was, is })
         };
-        if let Some(identity) = log::last_meta::<Identity>(&last.path)?
+        if let Some(identity) = biflag_log::last_meta::<Identity>(&last.path)?
             && identity.origin != origin
         {
             return other(place(identity.origin).to_owned(), place(origin).to_owned());
         }
-        let (Some(before), Some(now)) = (log::last_meta::<BoardMeta>(&last.path)?, board) else { return Ok(None) };
+        let (Some(before), Some(now)) = (biflag_log::last_meta::<BoardMeta>(&last.path)?, board) else {
+            return Ok(None);
+        };
         if before.board_id != now.board_id {
             return other(format!("on board {}", before.board_id), format!("on board {}", now.board_id));
         }
@@ -38,7 +40,7 @@ impl Session {
         let firmware = |board: &BoardMeta| format!("{} ({})", board.firmware, board.firmware_git_hash);
         Ok((firmware(&before) != firmware(now)).then(|| {
             format!(
-                "the trials so far ran with firmware {}, the next ones run with {}",
+                "the trials so far ran with firmware {}, the next ones will run with {}",
                 firmware(&before),
                 firmware(now)
             )
@@ -54,11 +56,11 @@ fn place(origin: Origin) -> &'static str {
     }
 }
 
-/// The first setting that makes other data, as `key = value` before and now.
+/// Returns the first setting that differs, as `key = value` before and now.
 fn other_setting(before: &str, now: &str) -> Option<(String, String)> {
     let [before, now] = [before, now].map(|text| text.parse::<toml::Table>().unwrap_or_default());
-    before.iter().filter(|(key, _)| !HARMLESS.contains(&key.as_str())).find_map(|(key, was)| {
-        // What another version of the firmware does not know cannot differ.
+    before.iter().filter(|(key, _)| !NOT_COMPARED.contains(&key.as_str())).find_map(|(key, was)| {
+        // A setting that one version of the firmware does not have is not compared.
         let is = now.get(key).filter(|is| *is != was)?;
         Some((format!("{key} = {was}"), format!("{key} = {is}")))
     })

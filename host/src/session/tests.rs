@@ -1,7 +1,9 @@
-//! Sessions that are begun, broken off, gone on with, and abused.
+//! Sessions that are started, interrupted, resumed, and misused.
 
 use super::*;
-use crate::log::{BoardMeta, ClockFit, EventKind, Origin, Start, Writer};
+use crate::plan::board;
+use crate::run;
+use biflag_log::{ClockMeta, EventKind, Origin, Writer};
 use protocol::{Info, Settings};
 use std::time::SystemTime;
 
@@ -19,19 +21,13 @@ fn attempt(session: &Session, trial: &Trial, end: Option<End>) -> PathBuf {
 
 fn attempt_on(session: &Session, trial: &Trial, end: Option<End>, origin: Origin, settings: Settings) -> PathBuf {
     let (number, path) = session.next_attempt(trial).unwrap();
-    let start = Start {
-        plan: session.plan(),
-        trial,
-        attempt: number,
-        origin,
-        board: Some((info(&settings), settings)),
-        time: SystemTime::UNIX_EPOCH,
-    };
-    let mut writer = Writer::create(&path, &start).unwrap();
+    let (board, time) = (board::to_log(&info(&settings), &settings), SystemTime::UNIX_EPOCH);
+    let start = run::start(session.plan(), trial, number, origin, Some(board), time);
+    let mut writer = Writer::create(&path, &start, time).unwrap();
     for text in ["one", "two", "three"] {
         writer.event(EventKind::Note, text, SystemTime::UNIX_EPOCH).unwrap();
         // A metadata record closes the chunk before it.
-        writer.clock(&ClockFit::default()).unwrap();
+        writer.meta(&ClockMeta::default()).unwrap();
     }
     match end {
         Some(end) => writer.finish(&Summary { end, ..Summary::default() }).unwrap(),
@@ -45,7 +41,7 @@ fn attempt_on(session: &Session, trial: &Trial, end: Option<End>, origin: Origin
 }
 
 #[test]
-fn what_is_complete_is_not_repeated_and_what_is_not_keeps_its_log() {
+fn incomplete_trials_are_repeated_and_their_logs_kept() {
     let folder = tempfile::tempdir().unwrap();
     let plan = two_trials();
     let [first, second] = [&plan.trials[0], &plan.trials[1]];
@@ -65,7 +61,7 @@ fn what_is_complete_is_not_repeated_and_what_is_not_keeps_its_log() {
     assert_eq!(states[1].next_number(), 3);
     attempt(&session, second, Some(End::Complete));
     let recovered = cut.with_extension("recovered.mcap");
-    log::recover(&cut, &recovered).unwrap();
+    biflag_log::recover(&cut, &recovered).unwrap();
     assert_eq!(
         names(&session, second),
         [
@@ -82,26 +78,26 @@ fn info(settings: &Settings) -> Info {
     Info { board_id: settings.board_id, ..Info::default() }
 }
 
-/// What is lost in the middle of a log does not show at its end; what was recovered of it says so.
+/// Damage in the middle of a log does not show at its end, but is recorded in the recovered log.
 #[test]
-fn a_trial_that_something_was_lost_of_is_repeated() {
+fn trial_with_a_damaged_log_is_repeated() {
     let folder = tempfile::tempdir().unwrap();
     let plan = two_trials();
     let session = Session::create(folder.path(), &plan).unwrap();
     let first = &plan.trials[0];
     let log = attempt(&session, first, Some(End::Complete));
     let mut bytes = std::fs::read(&log).unwrap();
-    // The first chunk introduces the channels; the data of the second follow the name of their compression and a length.
+    // The first chunk declares the channels; the data of the second follow the name of its compression and a length.
     let place = bytes.windows(4).enumerate().filter(|(_, four)| four == b"zstd").nth(1).unwrap().0 + 4 + 8 + 6;
     bytes[place] ^= 0x55;
     std::fs::write(&log, bytes).unwrap();
-    assert!(!log::check(&log).unwrap().is_empty());
-    assert_eq!(session.state(first).unwrap().complete().unwrap().path, log, "its end alone does not tell");
+    assert!(!biflag_log::check(&log).unwrap().is_empty());
+    assert_eq!(session.state(first).unwrap().complete().unwrap().path, log, "the damage does not show at the end");
     let checked = &session.checked_states().unwrap()[0];
     assert_eq!(checked.complete(), None);
     assert!(checked.attempts[0].losses[0].starts_with("a chunk"), "{checked:?}");
 
-    log::recover(&log, &log.with_extension("recovered.mcap")).unwrap();
+    biflag_log::recover(&log, &log.with_extension("recovered.mcap")).unwrap();
     let state = session.state(first).unwrap();
     assert_eq!((state.complete(), state.next_number()), (None, 2));
     let again = attempt(&session, first, Some(End::Complete));
@@ -110,7 +106,7 @@ fn a_trial_that_something_was_lost_of_is_repeated() {
 }
 
 #[test]
-fn one_program_writes_into_a_session_or_shards_do() {
+fn session_is_locked_for_one_program_or_for_shards() {
     let folder = tempfile::tempdir().unwrap();
     let session = Session::create(folder.path(), &two_trials()).unwrap();
     let in_use = |sharing| matches!(session.lock(sharing), Err(SessionError::InUse { .. }));
@@ -124,20 +120,20 @@ fn one_program_writes_into_a_session_or_shards_do() {
 }
 
 #[test]
-fn a_session_goes_on_where_it_began() {
+fn session_continues_only_on_the_same_rig_and_settings() {
     let folder = tempfile::tempdir().unwrap();
     let plan = two_trials();
     let session = Session::create(folder.path(), &plan).unwrap();
     let settings = Settings { board_id: 3, ..Settings::DEFAULT };
     let go_on = |origin, settings: Settings, info: Info| {
-        session.expect_same_rig(&session.states().unwrap(), origin, Some(&BoardMeta::new(&info, &settings)))
+        session.expect_same_rig(&session.states().unwrap(), origin, Some(&board::to_log(&info, &settings)))
     };
     let refused = |origin, settings: Settings| match go_on(origin, settings, info(&settings)) {
         Err(error @ SessionError::OtherRig { .. }) => error.to_string(),
         other => panic!("{other:?}"),
     };
     attempt_on(&session, &plan.trials[0], Some(End::Aborted), Origin::VirtualRig, Settings::DEFAULT);
-    assert_eq!(go_on(Origin::Rig, settings, info(&settings)).unwrap(), None, "what is not complete binds nobody");
+    assert_eq!(go_on(Origin::Rig, settings, info(&settings)).unwrap(), None, "incomplete trials are not compared");
     attempt_on(&session, &plan.trials[0], Some(End::Complete), Origin::Rig, settings);
 
     let recalibrated = Settings { gyro_bias: [1.0, 2.0, 3.0], deadline_ms: 900, ..settings };
@@ -151,7 +147,7 @@ fn a_session_goes_on_where_it_began() {
 }
 
 #[test]
-fn a_folder_with_stray_logs_is_no_place_for_a_session() {
+fn folder_with_stray_logs_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("001_w1+50_w2+10.mcap"), "of another session").unwrap();
     for begun in [Session::create(folder.path(), &two_trials()), Session::resume(folder.path(), &two_trials())] {
@@ -161,7 +157,7 @@ fn a_folder_with_stray_logs_is_no_place_for_a_session() {
 }
 
 #[test]
-fn a_folder_holds_one_plans_session() {
+fn folder_contains_the_session_of_one_plan() {
     let folder = tempfile::tempdir().unwrap();
     let begun = Session::resume(folder.path(), &two_trials()).unwrap();
     assert_eq!(Session::open(folder.path()).unwrap(), begun);
@@ -185,7 +181,7 @@ fn a_folder_holds_one_plans_session() {
 }
 
 #[test]
-fn what_is_no_session_is_said_to_be_none() {
+fn invalid_session_folders_are_rejected() {
     let folder = tempfile::tempdir().unwrap();
     assert!(matches!(Session::open(folder.path()), Err(SessionError::NotASession { .. })));
     assert!(matches!(Session::open(&folder.path().join("none")), Err(SessionError::Io { .. })));
@@ -197,7 +193,7 @@ fn what_is_no_session_is_said_to_be_none() {
 }
 
 #[test]
-fn no_name_leads_out_of_the_folder() {
+fn default_folder_name_is_safe() {
     for (name, expected) in [
         ("../../etc/passwd", "etc-passwd"),
         ("/", "session"),

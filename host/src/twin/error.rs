@@ -1,75 +1,75 @@
-//! What can go wrong when experiment and model are held against each other.
+//! Errors of replay, comparison and calibration.
 
-use crate::log::LogError;
-use crate::model::ModelError;
 use crate::plan::PlanError;
-use crate::robot_file::RobotFileError;
+use crate::run::model::ModelError;
 use crate::session::SessionError;
+use crate::trial::{Data, Unusable};
+use biflag_log::LogError;
 use miette::Diagnostic;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Why there is no replay, no comparison or no calibration.
+/// Why a replay, a comparison or a calibration failed.
 #[derive(Error, Diagnostic, Debug)]
 pub enum TwinError {
-    /// A log holds no trial that a model could go through.
+    /// A log does not contain a usable trial.
     #[error("{}: {reason}", path.display())]
     #[diagnostic(help("{help}"))]
     Unusable {
         /// The log.
         path: PathBuf,
-        /// What is missing.
+        /// Why.
         reason: String,
-        /// What to do about it.
+        /// How to fix it.
         help: &'static str,
     },
-    /// Two trials that say nothing about each other.
+    /// Two trials cannot be compared.
     #[error("{} and {}: {reason}", measured.display(), modelled.display())]
     #[diagnostic(code(wrong_use), help("{help}"))]
     Incomparable {
-        /// One of them.
+        /// The measured log.
         measured: PathBuf,
-        /// The other.
+        /// The log that it is compared with.
         modelled: PathBuf,
-        /// What keeps them apart.
+        /// Why.
         reason: String,
-        /// What to do about it.
+        /// How to fix it.
         help: &'static str,
     },
-    /// A robot's parameters in a log do not read.
-    #[error("{}: the robot's parameters in it do not read", path.display())]
+    /// The robot's parameters in a log are invalid.
+    #[error("{}: its robot parameters are invalid", path.display())]
     #[diagnostic(help("name the robot's file with --robot"))]
     Robot {
         /// The log.
         path: PathBuf,
         /// Why.
-        source: Box<RobotFileError>,
+        source: Box<PlanError>,
     },
-    /// A fit that came to nothing.
-    #[error("the fit did not end: {reason}")]
+    /// The fit did not converge.
+    #[error("the fit failed: {reason}")]
     #[diagnostic(help("{help}"))]
     Fit {
         /// Why.
         reason: String,
-        /// What to do about it.
+        /// How to fix it.
         help: &'static str,
     },
     /// A file could not be read or written.
     #[error("{}: {what}", path.display())]
-    #[diagnostic(help("check the path, and that it may be read and written"))]
+    #[diagnostic(help("check that the path exists, and that it is readable and writable"))]
     File {
         /// The file.
         path: PathBuf,
-        /// What failed.
+        /// The operation that failed.
         what: &'static str,
         /// Why.
         source: std::io::Error,
     },
-    /// A log does not read.
+    /// A log cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Log(#[from] LogError),
-    /// The plan in a log does not read.
+    /// The plan in a log cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Plan(#[from] PlanError),
@@ -81,4 +81,16 @@ pub enum TwinError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Model(#[from] ModelError),
+}
+
+impl TwinError {
+    /// Returns the error for a trial that cannot be used.
+    pub(super) fn unusable(data: &Data, Unusable { reason, help }: Unusable) -> Self {
+        Self::Unusable { path: data.path.clone(), reason, help }
+    }
+
+    /// Returns the error for a trial with invalid robot parameters.
+    pub(super) fn robot(data: &Data, source: PlanError) -> Self {
+        Self::Robot { path: data.path.clone(), source: Box::new(source) }
+    }
 }

@@ -1,23 +1,22 @@
-//! The twin: an experiment held against the model.
+//! Compares experiment and model: replay, comparison, calibration.
 //!
-//! A recorded trial is [replayed](replay()): its measured speeds drive the model, from its own robot's parameters. Then
-//! both are [compared](compare_logs): on one clock, from one zero, with the drift of the yaw taken off and what is left of
-//! it stated. What the model gets wrong may be the robot's parameters, which are [calibrated](calibrate::calibrate()).
+//! A recorded trial is [replayed](replay()): its measured speeds drive a model with the parameters of its robot. Then
+//! both are [compared](compare()) on a common clock and from a common zero, with the drift of the yaw removed and the
+//! uncertainty of the measurement. If the robot's parameters are wrong, they can be
+//! [calibrated](calibrate::calibrate()).
 
-mod alike;
 pub mod calibrate;
 mod compare;
-mod curve;
+mod compatibility;
 mod error;
-mod hash;
-mod recording;
 mod replay;
 mod session;
 mod shift;
+mod source;
 mod speeds;
 
-pub use compare::{Allow, Comparison, Finding, Point, SessionComparison, Skipped, compare_logs};
+pub use compare::{Compared, Comparison, Finding, OnMismatch, Point, SessionComparison, Skipped, compare};
 pub use error::TwinError;
-pub use recording::Recording;
-pub use replay::{Replayed, Replays, Settings, Source, replay};
-pub use session::{compare_replays, compare_sessions};
+pub use replay::{Replayed, Replays, Settings, replay};
+pub use session::{Pairs, compare_pairs, sum_up};
+pub use source::Source;

@@ -1,35 +1,35 @@
-//! What is left of a shift in time between two attitudes that both begin with their motors.
+//! Estimates the remaining time shift between two attitudes that are aligned at the start of their motors.
 //!
-//! Two rigs reach their speed differently, and their sensors lag differently. The shift is where the correlation of the
-//! two attitudes is closest, from the still phase before the run on: a transient by itself looks the same whenever it
-//! began. A correlation does not mind a wrong scale or zero, so a model that turns too far is not taken for one that comes
-//! too late.
+//! Motors reach their speed differently, and sensors have different delays. The shift maximises the correlation of the
+//! two attitudes, including the still phase before the run, because the start of a transient cannot be located from the
+//! transient alone. A correlation does not depend on scale and zero, so a model that turns too far is not mistaken for
+//! one that is late.
 
-/// Points a second of a comparison.
+/// Points per second of a comparison.
 pub(super) const RATE_HZ: f64 = 20.0;
 
-/// The largest shift that is looked for, s. What is more is no lag.
+/// Largest shift that is considered, s.
 const LARGEST_S: f64 = 0.5;
 
 /// Steps of the search, s.
 const STEP_S: f64 = 0.01;
 
-/// A shift is believed where it explains at least this share of what correlation leaves unexplained without it. A model
-/// with wrong time constants is explained by none.
+/// A shift is accepted if it explains at least this share of the variance that is unexplained without it. A shift
+/// cannot explain wrong time constants.
 const EXPLAINED: f64 = 0.75;
 
-/// A smaller difference than this needs no explanation, degrees RMS.
-const NOTHING_DEG: f64 = 0.05;
+/// Largest difference that is negligible, degrees RMS.
+const NEGLIGIBLE_DEG: f64 = 0.05;
 
-/// By how much the second attitude is to be moved forward to lie on the first, s; 0 where nothing calls for it. Both are
-/// of the same times, [`RATE_HZ`].
+/// Returns the time by which the second attitude must be shifted to match the first, s; 0 if no shift is accepted. Both
+/// are sampled at the same times, at [`RATE_HZ`].
 pub(super) fn of(measured: &[[f64; 3]], modelled: &[[f64; 3]]) -> f64 {
     let margin = (LARGEST_S * RATE_HZ).ceil() as usize + 1;
     if measured.len() < 4 * margin {
         return 0.0;
     }
     let inside = margin..measured.len() - margin;
-    // What is left of each angle's variance when a straight line from the other explains it, degrees².
+    // Variance of each angle that a linear function of the other does not explain, degrees².
     let unexplained = |shift: f64| {
         let offset = -shift * RATE_HZ;
         let (whole, share) = (offset.floor(), offset - offset.floor());
@@ -51,7 +51,7 @@ pub(super) fn of(measured: &[[f64; 3]], modelled: &[[f64; 3]]) -> f64 {
     let now = unexplained(0.0);
     let Some((shift, least)) = left.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)) else { return 0.0 };
     let is_inside = shift.abs() < LARGEST_S - 0.5 * STEP_S;
-    if is_inside && now > NOTHING_DEG.powi(2) && least < (1.0 - EXPLAINED) * now { shift } else { 0.0 }
+    if is_inside && now > NEGLIGIBLE_DEG.powi(2) && least < (1.0 - EXPLAINED) * now { shift } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -59,7 +59,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A yaw that settles and wobbles.
+    /// Returns an attitude whose yaw settles and wobbles.
     fn attitude(shift: f64, gain: f64) -> Vec<[f64; 3]> {
         let at = |t: f64| {
             let yaw = 65.0 * (1.0 - (-(t.max(0.0)) / 2.6).exp());
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_model_is_not_taken_for_a_shift() {
+    fn wrong_time_constant_is_not_mistaken_for_a_shift() {
         assert_eq!(of(&attitude(0.0, 1.2), &attitude(0.0, 1.0)), 0.0);
         assert_eq!(of(&attitude(0.0, 1.0)[..40], &attitude(0.3, 1.0)[..40]), 0.0);
     }

@@ -1,58 +1,64 @@
-//! From encoder readings to speeds that a model can follow.
+//! Converts encoder readings to smooth speeds for the model.
 //!
-//! An encoder counts: its angle is exact to a count, and never drifts, but the speed between two counts is noise. So the
-//! angle is what is fitted, by a quadratic spline, whose derivative is a speed that is linear between the spline's knots:
-//! just what a [`SpeedProfile`] is. Knots lie where they are needed, close in time where the motors start and stop and far
-//! apart in between, so that noise is averaged and the solver meets a smooth speed.
+//! The angle of an encoder is exact to a count and does not drift, but the speed between two counts is noisy. Therefore
+//! a quadratic spline is fitted to the angle; its derivative is linear between the spline's knots, as a
+//! [`SpeedProfile`] is. Knots are close in time where the motors start and stop and far apart in between, so that noise
+//! is averaged and the solver gets a smooth speed.
 
-use super::{Recording, TwinError};
-use crate::log::Origin;
+use super::TwinError;
+use crate::trial::Data;
 use sim::profile::SpeedProfile;
 use std::f64::consts::TAU;
 
-/// The spline stays this close to the encoder, turns: one degree. A helix that is off by so much pushes the same.
+/// Largest difference between spline and encoder, turns: one degree, which does not change the forces of a helix
+/// noticeably.
 const TOLERANCE: f64 = 1.0 / 360.0;
 
-/// Distance of the knots at first, and the least, s.
+/// Initial and smallest distance of the knots, s.
 const LONGEST_S: f64 = 2.0;
 const SHORTEST_S: f64 = 0.03;
 
-/// Weight of the changes of speed from knot to knot, as turns in a knot's distance, beside the readings. Where there are
-/// readings it is too little to matter; where they are missing it makes the bridge.
+/// Weight of the changes of speed between knots, as turns in a knot's distance, relative to the readings. It is too
+/// small to affect the fit if there are readings, and determines the spline in gaps.
 const STIFFNESS: f64 = 1e-3;
 
-/// The model of a rig's robot hangs at rest for so long before the log begins, s. It starts with flagella that do not sag
-/// yet, and what the base does meanwhile dies in 11 s. A model's trial began just so.
+/// Time at rest of the model before the start of a rig's log, s. The model starts with straight flagella, and the
+/// motion of the base as they sag decays in 11 s. Modelled trials begin in the same way.
 const REST_S: f64 = 40.0;
 
-/// A first speed above this is no noise of an encoder at rest, rpm.
+/// Largest first speed that is noise of an encoder at rest, rpm.
 const MOVING_RPM: f64 = 0.5;
 
-/// The speeds of a recorded trial from its first frame to its last, with its run phase, and before it a rest.
-pub(super) fn profile(recording: &Recording) -> Result<SpeedProfile, TwinError> {
-    let (start, _) = recording.turns[0];
-    let rest = (recording.origin != Origin::Model).then_some(start - REST_S);
-    build(recording, &recording.turns, rest)
+/// Time and turns of both flagella.
+type Turns = (f64, [f64; 2]);
+
+/// Returns the speeds of a trial from its first frame to its last, with its run phase, after a rest.
+pub(super) fn profile(data: &Data) -> Result<SpeedProfile, TwinError> {
+    let turns = encoders(data);
+    let rest = (!data.is_model()).then_some(turns[0].0 - REST_S);
+    build(data, &turns, rest)
 }
 
-/// The speeds from the start of the run on, after a rest that begins a whole number of steps and a half before it: samples
-/// at these steps lie amid the steps of the run.
-pub(super) fn profile_of_run(recording: &Recording, step_s: f64) -> Result<SpeedProfile, TwinError> {
-    let run = recording.times.run.start;
-    let (start, _) = recording.turns[0];
-    let rest_s = if recording.origin == Origin::Model { run - start } else { REST_S };
+/// Returns the speeds from the start of the run on, after a rest that begins n + 1/2 steps before it, so that the
+/// samples fall in the middle of the steps of the run.
+pub(super) fn profile_of_run(data: &Data, step_s: f64) -> Result<SpeedProfile, TwinError> {
+    let turns = encoders(data);
+    let run = data.times.run.start;
+    let rest_s = if data.is_model() { run - turns[0].0 } else { REST_S };
     let rest = run - ((rest_s / step_s - 0.5).floor().max(0.0) + 0.5) * step_s;
-    // A little before, where the motors are still, so that the spline knows it.
-    let first = recording.turns.partition_point(|(time, _)| *time < rest.max(run - 0.5));
-    build(recording, &recording.turns[first.min(recording.turns.len() - 2)..], Some(rest))
+    // The readings shortly before the run make the spline start at rest.
+    let first = turns.partition_point(|(time, _)| *time < rest.max(run - 0.5));
+    build(data, &turns[first.min(turns.len() - 2)..], Some(rest))
 }
 
-fn build(
-    recording: &Recording,
-    readings: &[(f64, [f64; 2])],
-    rest_from_s: Option<f64>,
-) -> Result<SpeedProfile, TwinError> {
-    let run = &recording.times.run;
+/// Returns the encoders' angles.
+fn encoders(data: &Data) -> Vec<Turns> {
+    let [.., one, two] = &data.motors.values;
+    data.motors.time_s.iter().zip(one.iter().zip(two)).map(|(time, (one, two))| (*time, [*one, *two])).collect()
+}
+
+fn build(data: &Data, readings: &[Turns], rest_from_s: Option<f64>) -> Result<SpeedProfile, TwinError> {
+    let run = &data.times.run;
     let knots = knots(readings, run.start);
     let speeds = [0, 1].map(|k| Spline::fit(&knots, readings.iter().map(|(time, turns)| (*time, turns[k]))).speeds());
     let mut points: Vec<_> =
@@ -69,14 +75,15 @@ fn build(
     let start = points.first().map_or(run.start, |(time, _)| run.start.max(*time));
     let angles = readings[0].1.map(|turns| turns * TAU);
     let profile = SpeedProfile::from_points(&points).and_then(|profile| profile.with_run(start, run.end));
-    profile.map(|profile| profile.from_angles(angles)).map_err(|error| {
+    let target = data.speeds().map(|speed| speed.rpm());
+    profile.map(|profile| profile.from_angles(angles).with_target(target)).map_err(|error| {
         let help = "check the encoders' counts in the log with `biflag export`";
-        TwinError::Unusable { path: recording.path.clone(), reason: error.to_string(), help }
+        TwinError::Unusable { path: data.path.clone(), reason: error.to_string(), help }
     })
 }
 
-/// Knots that bring both splines within the tolerance, one of them where the run starts.
-fn knots(turns: &[(f64, [f64; 2])], run_start: f64) -> Vec<f64> {
+/// Returns knots with which both splines are within the tolerance. One knot is at the start of the run.
+fn knots(turns: &[Turns], run_start: f64) -> Vec<f64> {
     let (Some((start, _)), Some((end, _))) = (turns.first(), turns.last()) else { return Vec::new() };
     let mut knots = if run_start > *start { even(*start, run_start) } else { vec![*start] };
     knots.pop();
@@ -106,7 +113,7 @@ fn knots(turns: &[(f64, [f64; 2])], run_start: f64) -> Vec<f64> {
     }
 }
 
-/// Times from `start` to `end` at most the longest distance apart.
+/// Returns evenly spaced times from `start` to `end`, at most the initial distance apart.
 fn even(start: f64, end: f64) -> Vec<f64> {
     if end <= start {
         return vec![start];
@@ -122,11 +129,11 @@ struct Spline<'a> {
 }
 
 impl<'a> Spline<'a> {
-    /// Least squares through (time, angle), with the changes of speed held small.
+    /// Fits (time, angle) by least squares, with a penalty on changes of speed.
     fn fit(knots: &'a [f64], readings: impl Iterator<Item = (f64, f64)>) -> Self {
         let mut spline = Self { knots, coefficients: Vec::new() };
         let count = knots.len() + 1;
-        // Rows of the lower half of a matrix that is five wide.
+        // Rows of the lower half of a matrix with a bandwidth of five.
         let mut normal = vec![[0.0; 3]; count];
         let mut right = vec![0.0; count];
         let mut add = |first: usize, row: [f64; 3], value: f64| {
@@ -152,18 +159,18 @@ impl<'a> Spline<'a> {
         spline
     }
 
-    /// Knot with the end knots tripled: 0 is the first, -1 and -2 too.
+    /// Returns a knot. The end knots are tripled: 0, -1 and -2 are all the first.
     fn knot(&self, index: isize) -> f64 {
         self.knots[index.clamp(0, self.knots.len() as isize - 1) as usize]
     }
 
-    /// Support of the derivative between coefficient `i` and the next, s.
+    /// Returns the support of the derivative between coefficient `i` and the next, s.
     fn span(&self, i: usize) -> f64 {
         let i = i as isize;
         self.knot(i + 1) - self.knot(i - 1)
     }
 
-    /// Interval of a time, and the three basis functions that are not zero in it (de Boor's recursion).
+    /// Returns the interval of a time, and the three basis functions that are not zero in it (de Boor's recursion).
     fn basis(&self, time: f64) -> (usize, [f64; 3]) {
         let interval = self.knots.partition_point(|knot| *knot <= time).clamp(1, self.knots.len() - 1) - 1;
         let i = interval as isize;
@@ -179,15 +186,15 @@ impl<'a> Spline<'a> {
         (interval, (0..3).map(|k| basis[k] * self.coefficients[interval + k]).sum())
     }
 
-    /// Derivative at each knot, turns a second.
+    /// Returns the derivative at each knot, turns per second.
     fn speeds(&self) -> Vec<f64> {
         let change = |i: usize| self.coefficients[i + 1] - self.coefficients[i];
         (0..self.knots.len()).map(|i| 2.0 * change(i) / self.span(i)).collect()
     }
 }
 
-/// Solves a positive definite system that is five wide by Cholesky's factors. `rows[i]` holds the entries of row i from
-/// two before the diagonal to the diagonal.
+/// Solves a positive definite system with a bandwidth of five by Cholesky factorisation. `rows[i]` holds the entries of
+/// row i from two before the diagonal to the diagonal.
 fn solve(mut rows: Vec<[f64; 3]>, mut right: Vec<f64>) -> Vec<f64> {
     let count = rows.len();
     for i in 0..count {
@@ -212,8 +219,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Readings at 200 Hz of an encoder with 1204.44 counts a turn.
-    fn encoder(angle: impl Fn(f64) -> f64, end_s: f64) -> Vec<(f64, [f64; 2])> {
+    /// Returns readings at 200 Hz of an encoder with 1204.44 counts per turn.
+    fn encoder(angle: impl Fn(f64) -> f64, end_s: f64) -> Vec<Turns> {
         let count = |turns: f64| (turns * 1204.44).round() / 1204.44;
         (0..=(end_s * 200.0) as u32)
             .map(|i| f64::from(i) * 0.005)
@@ -221,15 +228,15 @@ mod tests {
             .collect()
     }
 
-    fn fitted(readings: &[(f64, [f64; 2])], run_start: f64) -> (Vec<f64>, Vec<f64>) {
+    fn fitted(readings: &[Turns], run_start: f64) -> (Vec<f64>, Vec<f64>) {
         let knots = knots(readings, run_start);
         let speeds = Spline::fit(&knots, readings.iter().map(|(t, turns)| (*t, turns[0]))).speeds();
         (knots, speeds)
     }
 
     #[test]
-    fn a_motor_that_starts_turns_and_stops_is_followed_with_few_knots() {
-        // 50 rpm, reached with a time constant of 0.1 s, and lost as fast.
+    fn start_run_and_stop_of_a_motor_need_few_knots() {
+        // 50 rpm, reached and lost with a time constant of 0.1 s.
         let speed = 50.0 / 60.0;
         let angle = |t: f64| {
             let ran = (t.min(122.0) - 2.0).max(0.0);
@@ -267,7 +274,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(32))]
 
-        /// Whatever a motor does within its means, the spline's angle follows its encoder.
+        /// The spline's angle follows the encoder for any possible motion of a motor.
         #[test]
         fn angles_follow_any_smooth_motion(
             speed in -1.5..1.5f64,

@@ -1,4 +1,4 @@
-//! What is on the wire: sizes, golden bytes, round trips and the rejection of damage.
+//! The bytes on the wire: sizes, golden file, round trips, rejection of damage.
 
 mod damage;
 mod messages;
@@ -52,7 +52,7 @@ fn a_handshake_of_another_version_is_told_from_noise() {
     let info = Info { protocol: VERSION + 1, ..Info::default() };
     let mut frame = frame_of(&(0u8, 77u8, 0u8, info, [1u8, 2, 3]));
     let end = frame.len() - 1;
-    assert_eq!(decode::<Message>(&mut frame[..end]), Err(FrameError::Foreign(Some(VERSION + 1))));
+    assert_eq!(decode::<Message>(&mut frame[..end]), Err(FrameError::UnknownMessage(Some(VERSION + 1))));
 }
 
 #[test]
@@ -110,7 +110,7 @@ proptest! {
 }
 
 #[test]
-fn the_handshake_is_fixed_for_ever() {
+fn the_handshake_never_changes() {
     let mut buffer = [0; MAX_FRAME];
     let hello = postcard::to_slice(&Request { seq: 5, command: Command::Hello }, &mut buffer).unwrap();
     assert_eq!(hello, [5, 0]);

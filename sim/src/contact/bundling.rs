@@ -18,11 +18,11 @@ pub enum Bundling {
     Bundled,
 }
 
-/// Turns of the axes beyond which flagella in contact count as bundled: two that merely cross make half a turn.
+/// Winding of the axes beyond which flagella in contact count as bundled. Axes that merely cross wind half a time.
 pub const BUNDLED_TURNS: f64 = 0.75;
 
 impl Bundling {
-    /// From the presence of contact and the winding of the axes in turns.
+    /// Returns the state for the presence of contact and the winding of the axes, see [`winding`].
     pub fn classify(contact: bool, winding: f64) -> Self {
         match (contact, winding.abs() >= BUNDLED_TURNS) {
             (false, _) => Self::Apart,
@@ -32,7 +32,7 @@ impl Bundling {
     }
 }
 
-/// Axis of a helix: means of its nodes over one turn, `edges` edges long.
+/// Returns the axis of a helix: means of its nodes over one coil of `edges` edges.
 fn axis(line: &[V3], edges: usize) -> Vec<V3> {
     line.windows(edges + 1)
         .map(|w| {
@@ -42,15 +42,16 @@ fn axis(line: &[V3], edges: usize) -> Vec<V3> {
         .collect()
 }
 
-/// Signed number of turns by which the helix axes of the two lines wind round each other, right-handed
-/// positive. `turn`: edges of one helix turn; lines that are shorter than two thirds of three turns give
-/// what their ends show, and lines shorter than a turn 0.
-pub fn winding(lines: &Lines, turn: usize) -> f64 {
+/// Returns how many times the helix axes of the two lines wind round each other, right-handed positive.
+///
+/// `coil`: edges of one coil of the helix. An axis is a mean over one coil, so it is shorter than its line by one; lines
+/// shorter than a coil give 0.
+pub fn winding(lines: &Lines, coil: usize) -> f64 {
     let shortest = lines[0].len().min(lines[1].len());
-    if turn == 0 || shortest < turn + 2 {
+    if coil == 0 || shortest < coil + 2 {
         return 0.0;
     }
-    let (a, b) = (axis(&lines[0], turn), axis(&lines[1], turn));
+    let (a, b) = (axis(&lines[0], coil), axis(&lines[1], coil));
     let mean = (a[a.len() - 1] - a[0]) + (b[b.len() - 1] - b[0]);
     let length = mean.norm();
     if length.is_nan() || length <= 0.0 {
@@ -75,7 +76,7 @@ mod tests {
         let line = |phase: f64| -> Vec<V3> {
             (0..=90)
                 .map(|i| {
-                    // Axes that wind once in 60 edges, each carrying a helix of 10 edges a turn.
+                    // Axes that wind once in 60 edges, each of a helix of 10 edges a coil.
                     let (slow, fast) = (TAU * i as f64 / 60.0 + phase, TAU * i as f64 / 10.0);
                     V3::new(slow.cos() + 0.3 * fast.cos(), slow.sin() + 0.3 * fast.sin(), 0.5 * i as f64)
                 })

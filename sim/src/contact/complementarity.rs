@@ -2,15 +2,20 @@
 //!
 //! C is small (one row a contact) and nearly symmetric: block principal pivoting (Judice and Pires 1994)
 //! solves it exactly in a few steps, in finitely many where every principal minor of C is positive. Where
-//! the columns are so rough that this is not so, projected Gauss-Seidel on the symmetrised matrix gives a
-//! usable answer. A wrong multiplier left on a separated pair would spoil everything that follows.
+//! the columns are too rough for that, projected Gauss-Seidel on the symmetrised matrix gives a usable
+//! solution: a wrong multiplier left on a separated pair would spoil all later sweeps.
+
+use crate::linear::solve as solve_equations;
 
 /// Pivots without progress before they are done one by one.
 const PATIENCE: u32 = 3;
+/// Least diagonal entry that a row is divided by: rough columns may make one negative.
+const LEAST_DIAGONAL: f64 = 1e-9;
 /// Sweeps of projected Gauss-Seidel.
 const SWEEPS: usize = 300;
 
-/// Solves the problem; `matrix` row by row, `l` the start. The diagonal must be positive.
+/// Solves the problem for `l`, which holds a start. `matrix`: row by row, with a positive diagonal; `tolerance`: error of
+/// b + C l.
 pub fn solve(matrix: &[f64], b: &[f64], l: &mut [f64], tolerance: f64) {
     if principal_pivoting(matrix, b, l, tolerance) {
         return;
@@ -25,17 +30,17 @@ fn row_sum(matrix: &[f64], b: &[f64], l: &[f64], row: usize) -> f64 {
     b[row] + matrix[row * size..(row + 1) * size].iter().zip(l).map(|(c, l)| c * l).sum::<f64>()
 }
 
-/// Whether the solution was found; else `l` is as it was.
+/// Returns whether the solution was found; if not, `l` is as it was.
 fn principal_pivoting(matrix: &[f64], b: &[f64], l: &mut [f64], tolerance: f64) -> bool {
     let size = b.len();
     let mut active: Vec<bool> =
-        (0..size).map(|r| l[r] - row_sum(matrix, b, l, r) / matrix[r * size + r].max(1e-9) > 0.0).collect();
+        (0..size).map(|r| l[r] - row_sum(matrix, b, l, r) / matrix[r * size + r].max(LEAST_DIAGONAL) > 0.0).collect();
     let (mut fewest, mut patience) = (size + 1, PATIENCE);
     let mut next = vec![0.0; size];
     for _ in 0..10 + 4 * size {
         let set: Vec<usize> = (0..size).filter(|&r| active[r]).collect();
-        let rows = set.iter().map(|&r| set.iter().map(|&c| matrix[r * size + c]).chain([-b[r]]).collect()).collect();
-        let Some(values) = solve_dense(rows) else {
+        let row = |&r: &usize| -> Vec<f64> { set.iter().map(|&c| matrix[r * size + c]).chain([-b[r]]).collect() };
+        let Some(values) = solve_equations(set.iter().map(row).collect()) else {
             return false;
         };
         next.fill(0.0);
@@ -69,7 +74,7 @@ fn gauss_seidel(matrix: &[f64], b: &[f64], l: &mut [f64], sweeps: usize, toleran
     for _ in 0..sweeps {
         let mut change = 0f64;
         for row in 0..size {
-            let diagonal = matrix[row * size + row].max(1e-9);
+            let diagonal = matrix[row * size + row].max(LEAST_DIAGONAL);
             let value = (l[row] - row_sum(matrix, b, l, row) / diagonal).max(0.0);
             change = change.max((value - l[row]).abs() * diagonal);
             l[row] = value;
@@ -78,31 +83,6 @@ fn gauss_seidel(matrix: &[f64], b: &[f64], l: &mut [f64], sweeps: usize, toleran
             break;
         }
     }
-}
-
-/// Solves rows of an augmented matrix by elimination with pivoting; `None` when singular.
-pub(crate) fn solve_dense(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
-    let size = rows.len();
-    for i in 0..size {
-        let pivot = (i..size).max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs()))?;
-        rows.swap(i, pivot);
-        let (done, rest) = rows.split_at_mut(i + 1);
-        let lead = &done[i];
-        for row in rest {
-            let factor = row[i] / lead[i];
-            if factor != 0.0 {
-                for c in i..=size {
-                    row[c] -= factor * lead[c];
-                }
-            }
-        }
-    }
-    let mut out = vec![0.0; size];
-    for i in (0..size).rev() {
-        let known: f64 = (i + 1..size).map(|c| rows[i][c] * out[c]).sum();
-        out[i] = (rows[i][size] - known) / rows[i][i];
-    }
-    out.iter().all(|v| v.is_finite()).then_some(out)
 }
 
 #[cfg(test)]

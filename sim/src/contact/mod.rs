@@ -1,16 +1,17 @@
 //! Contact of rods with each other and with themselves.
 //!
-//! The definition is the implicit contact model (Choi, Tong, Jawed, Joo 2021; Tong et al. 2023): an
-//! energy of the distance of two edges, see [`penalty`]. A rod moves many contact tolerances in one
-//! step, so the solver takes the model's limit, its quadratic branch, with the force as an unknown:
-//! 0 <= lambda, gap + lambda/k >= 0, lambda (gap + lambda/k) = 0 for every pair of edges
-//! ([`complementarity`]). The stiffness k then costs nothing.
+//! The implicit contact model (Choi, Tong, Jawed, Joo 2021; Tong et al. 2023) has an energy of the distance D of two
+//! edges: with lengths in rod radii r, delta the contact tolerance and K = 15 r/delta, E = [ln(1 + exp(K (2 - D)))/K]^2,
+//! quadratic below 2 - delta/r and zero above 2 + delta/r. A rod moves many tolerances in one step, so the solver takes
+//! the model's limit, its quadratic branch, with the force as an unknown: 0 <= lambda, gap + lambda/k >= 0,
+//! lambda (gap + lambda/k) = 0 for every pair of edges ([`complementarity`]). The stiffness k then costs nothing.
 //!
 //! Distances are between centre lines, gaps are distances less two rod radii; both in m, body frame.
 
+pub mod broad_phase;
 pub mod bundling;
 pub mod complementarity;
 pub mod distance;
 pub mod friction;
+pub mod history;
 pub mod pairs;
-pub mod penalty;

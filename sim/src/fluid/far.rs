@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// Targets are padded to a multiple of this, so that every vector width divides them.
 const LANES: usize = 16;
 
-/// Gauss-Legendre points on [0, 1] with weights: (point, weight).
+/// Returns the Gauss-Legendre rule of 2, 3 or 4 points on [0, 1]: (point, weight).
 pub fn gauss_rule(points: usize) -> &'static [(f64, f64)] {
     const TWO: [(f64, f64); 2] = [(0.211_324_865_405_187_13, 0.5), (0.788_675_134_594_812_9, 0.5)];
     const THREE: [(f64, f64); 3] =
@@ -27,14 +27,14 @@ pub fn gauss_rule(points: usize) -> &'static [(f64, f64)] {
     }
 }
 
-/// Number of bits that the sum is done in.
+/// Precision of the sum over far segments.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
-    /// 32: good to about 1e-6 of the flow.
+    /// 32 bits: good to about 1e-6 of the flow.
     #[default]
     Single,
-    /// 64: for results that must not depend on rounding; twice the cost.
+    /// 64 bits: for results that must not depend on rounding, at twice the cost.
     Double,
 }
 
@@ -45,7 +45,7 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// Forgets all points.
+    /// Removes all points.
     pub fn clear(&mut self) {
         self.points.clear();
     }
@@ -67,61 +67,49 @@ impl Sources {
             }
         }
     }
-
-    /// Number of points.
-    pub fn len(&self) -> usize {
-        self.points.len()
-    }
-
-    /// Whether there is no point.
-    pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
-    }
 }
 
 /// Points where the flow is wanted, and the flow there.
 #[derive(Clone, Debug)]
-pub struct Targets {
-    single: Option<single::Points>,
-    double: Option<double::Points>,
+pub struct Targets(Points);
+
+#[derive(Clone, Debug)]
+enum Points {
+    Single(single::Points),
+    Double(double::Points),
 }
 
 impl Targets {
     /// Room for `count` points.
     pub fn new(count: usize, precision: Precision) -> Self {
-        match precision {
-            Precision::Single => Self { single: Some(single::Points::new(count)), double: None },
-            Precision::Double => Self { single: None, double: Some(double::Points::new(count)) },
-        }
+        Self(match precision {
+            Precision::Single => Points::Single(single::Points::new(count)),
+            Precision::Double => Points::Double(double::Points::new(count)),
+        })
     }
 
-    /// Moves the points and clears the flow.
+    /// Moves the points (m) and clears the flow.
     pub fn set(&mut self, points: &[V3]) {
-        if let Some(targets) = &mut self.single {
-            targets.set(points);
-        }
-        if let Some(targets) = &mut self.double {
-            targets.set(points);
+        match &mut self.0 {
+            Points::Single(targets) => targets.set(points),
+            Points::Double(targets) => targets.set(points),
         }
     }
 
-    /// Adds the flow of point forces, without the factor 1/(8 pi mu).
+    /// Adds the flow of point forces, without the factor 1/(8 pi mu): N/m.
     pub fn add_flow(&mut self, sources: &Sources, epsilon: f64) {
-        if let Some(targets) = &mut self.single {
-            targets.add_flow(&sources.points, epsilon);
-        }
-        if let Some(targets) = &mut self.double {
-            targets.add_flow(&sources.points, epsilon);
+        match &mut self.0 {
+            Points::Single(targets) => targets.add_flow(&sources.points, epsilon),
+            Points::Double(targets) => targets.add_flow(&sources.points, epsilon),
         }
     }
 
-    /// Flow at a point.
+    /// Returns the flow at a point.
     #[inline(always)]
     pub fn flow(&self, i: usize) -> V3 {
-        match (&self.single, &self.double) {
-            (Some(targets), _) => targets.flow(i),
-            (_, Some(targets)) => targets.flow(i),
-            _ => V3::zeros(),
+        match &self.0 {
+            Points::Single(targets) => targets.flow(i),
+            Points::Double(targets) => targets.flow(i),
         }
     }
 }

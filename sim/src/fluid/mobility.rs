@@ -6,52 +6,34 @@
 
 use super::{segment::segment_flow, stokeslet_factor};
 use crate::V3;
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6};
+use nalgebra::{DMatrix, DVector, Matrix6};
 
-/// Writes the mobility of the centre line `sources` on the points `targets` into a block of `matrix`.
+/// Returns the mobility matrix of several centre lines (m) on all their nodes, stacked in order.
 ///
-/// Row `3 i + a` of the block is component a of the velocity (m/s) at target i, column `3 j + b` the
-/// force density (N/m, on the fluid) at source node j. `corner`: first row and column of the block.
-pub fn fill_mobility(
-    matrix: &mut DMatrix<f64>,
-    corner: (usize, usize),
-    targets: &[V3],
-    sources: &[V3],
-    epsilon: f64,
-    viscosity: f64,
-) {
-    let factor = stokeslet_factor(viscosity);
-    matrix.view_mut(corner, (3 * targets.len(), 3 * sources.len())).fill(0.0);
-    for (i, x) in targets.iter().enumerate() {
-        for j in 0..sources.len() - 1 {
-            let flows = segment_flow(*x, sources[j], sources[j + 1], epsilon);
-            for (side, flow) in flows.iter().enumerate() {
-                let at = (corner.0 + 3 * i, corner.1 + 3 * (j + side));
-                let mut block = matrix.fixed_view_mut::<3, 3>(at.0, at.1);
-                block += flow * factor;
-            }
-        }
-    }
-}
-
-/// The mobility matrix of several centre lines on all their nodes, stacked in order.
+/// Row `3 i + a` is component a of the velocity (m/s) at node i, column `3 j + b` component b of the force density (N/m, on
+/// the fluid) at node j.
 pub fn mobility(lines: &[&[V3]], epsilon: f64, viscosity: f64) -> DMatrix<f64> {
+    let factor = stokeslet_factor(viscosity);
     let size: usize = lines.iter().map(|line| 3 * line.len()).sum();
     let mut matrix = DMatrix::zeros(size, size);
-    let mut row = 0;
-    for targets in lines {
+    for (i, x) in lines.iter().flat_map(|line| line.iter()).enumerate() {
         let mut column = 0;
         for sources in lines {
-            fill_mobility(&mut matrix, (row, column), targets, sources, epsilon, viscosity);
-            column += 3 * sources.len();
+            for edge in sources.windows(2) {
+                for (side, flow) in segment_flow(*x, edge[0], edge[1], epsilon).iter().enumerate() {
+                    let mut block = matrix.fixed_view_mut::<3, 3>(3 * i, column + 3 * side);
+                    block += flow * factor;
+                }
+                column += 3;
+            }
+            column += 3;
         }
-        row += 3 * targets.len();
     }
     matrix
 }
 
-/// Weights that integrate a nodal density along a line: half the adjacent edge lengths, in m.
-pub fn nodal_lengths(line: &[V3]) -> Vec<f64> {
+/// Returns the weights that integrate a nodal density along a line: half the adjacent edge lengths, in m.
+fn nodal_lengths(line: &[V3]) -> Vec<f64> {
     let mut weights = vec![0.0; line.len()];
     for (i, pair) in line.windows(2).enumerate() {
         let half = 0.5 * (pair[1] - pair[0]).norm();
@@ -61,8 +43,8 @@ pub fn nodal_lengths(line: &[V3]) -> Vec<f64> {
     weights
 }
 
-/// Resistance of rigid centre lines that move together: force and torque about `pivot` that the
-/// fluid puts on them are minus this 6 x 6 matrix times (velocity at the pivot, angular velocity).
+/// Returns the resistance of rigid centre lines that move together: force and torque of the fluid on
+/// them about `pivot` are minus this 6 x 6 matrix times (velocity at the pivot, angular velocity).
 ///
 /// `None` when the mobility matrix is singular to rounding.
 pub fn rigid_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64) -> Option<Matrix6<f64>> {
@@ -91,9 +73,4 @@ pub fn rigid_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64
         }
     }
     Some(resistance)
-}
-
-/// The rotational part of [`rigid_resistance`], N m s.
-pub fn rotational_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64) -> Option<Matrix3<f64>> {
-    rigid_resistance(lines, pivot, epsilon, viscosity).map(|r| r.fixed_view::<3, 3>(3, 3).into_owned())
 }

@@ -15,7 +15,7 @@ pub mod segment;
 
 use std::f64::consts::PI;
 
-/// 1/(8 pi mu) in 1/(Pa s), the factor of every Stokeslet.
+/// Returns 1/(8 pi mu) in 1/(Pa s), the factor of every Stokeslet.
 pub fn stokeslet_factor(viscosity: f64) -> f64 {
     1.0 / (8.0 * PI * viscosity)
 }

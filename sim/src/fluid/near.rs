@@ -1,4 +1,4 @@
-//! The part of a rod's own mobility that Gauss points cannot give: near segments, exactly.
+//! The near part of a rod's own mobility, where Gauss points are too coarse: exact segments.
 //!
 //! For every node and the segments within a few edges of it: the exact segment less its Gauss rule,
 //! so that the sum with the point Stokeslets of *all* segments is exact near and Gauss far. Stored by
@@ -65,7 +65,7 @@ impl NearBand {
     /// Recomputes the band at a shape (length `nodes`), 1/(8 pi mu) included.
     pub fn assemble(&mut self, shape: &[V3], epsilon: f64, viscosity: f64) {
         let (n, reach) = (self.nodes, self.reach);
-        // Beyond the ends the line goes on straight: the numbers stay tame, the mask drops them.
+        // Beyond the ends the line is straight: its numbers stay finite, and the mask drops them.
         let (before, after) = (shape[0] - shape[1], shape[n - 1] - shape[n - 2]);
         for q in 0..self.padded[0].len() {
             let node = if q < reach {
@@ -114,7 +114,7 @@ impl NearBand {
         }
     }
 
-    /// Velocity at each node from the band alone; [`NearBand::flow`] reads it.
+    /// Computes the velocity at each node from the band alone; [`NearBand::flow`] returns it. `density`: N/m.
     pub fn multiply(&mut self, density: &[V3]) {
         for (i, f) in density.iter().enumerate() {
             for axis in 0..3 {
@@ -147,7 +147,7 @@ impl NearBand {
         }
     }
 
-    /// Velocity of a node after [`NearBand::multiply`], m/s.
+    /// Returns the velocity of a node after [`NearBand::multiply`], m/s.
     #[inline(always)]
     pub fn flow(&self, i: usize) -> V3 {
         V3::new(self.flow[0][i], self.flow[1][i], self.flow[2][i])

@@ -61,7 +61,7 @@ impl Moments {
     }
 }
 
-/// The matrices L A1 and L A2 in m/m: 8 pi mu u(x) = (L A1) f0 + (L A2) f1.
+/// Returns the matrices L A1 and L A2, dimensionless: 8 pi mu u(x) = (L A1) f0 + (L A2) f1.
 ///
 /// `y0`, `y1`: ends of the segment, `epsilon`: regularisation, in m. Accurate to about 1e-12 on, near
 /// and far from the segment for `epsilon` above a hundredth of the segment's length.

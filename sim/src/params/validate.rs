@@ -1,4 +1,4 @@
-//! What a robot cannot be, and why.
+//! Limits of the parameters, and why they are limits.
 
 use super::{ParamError, Robot};
 use crate::fluid::near::LEAST_EPSILON;
@@ -42,7 +42,7 @@ impl Robot {
 
     fn validate_base(&self) -> Result<(), ParamError> {
         let base = &self.base;
-        within("base.mass_kg", base.mass_kg, 0.0, 1e3)?;
+        within("base.mass_kg", base.mass_kg, 1e-6, 1e3)?;
         within("base.radius_m", base.radius_m, 1e-6, 1.0)?;
         within("base.height_m", base.height_m, 0.0, 10.0)?;
         within("base.motor_distance_m", base.motor_distance_m, 1e-6, 10.0)?;

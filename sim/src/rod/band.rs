@@ -22,24 +22,19 @@ impl Band {
         self.values.fill(0.0);
     }
 
-    /// Number of rows.
-    pub fn size(&self) -> usize {
-        self.size
-    }
-
     /// Adds to an entry inside the band.
     #[inline(always)]
     pub fn add(&mut self, row: usize, column: usize, value: f64) {
         self.values[row * WIDTH + HALF_WIDTH + column - row] += value;
     }
 
-    /// An entry; zero outside the band.
+    /// Returns an entry; zero outside the band.
     #[inline(always)]
     pub fn get(&self, row: usize, column: usize) -> f64 {
         if row.abs_diff(column) > HALF_WIDTH { 0.0 } else { self.values[row * WIDTH + HALF_WIDTH + column - row] }
     }
 
-    /// The columns inside the band of a row.
+    /// Returns the columns inside the band of a row.
     pub fn columns(&self, row: usize) -> std::ops::Range<usize> {
         row.saturating_sub(HALF_WIDTH)..(row + HALF_WIDTH + 1).min(self.size)
     }

@@ -4,10 +4,10 @@
 //! second derivatives are those of Bergou et al. 2010 (appendix) with the symmetric treatment of the
 //! directors' parallel transport.
 
-use super::gradient::ByNode;
+use super::stencil::{ByNode, add_local, spread_edges, symmetric};
 use super::{Rod, band::Band, frames::Frames};
 use crate::V3;
-use crate::lanes::{Line, Wide};
+use crate::lanes::{Vectors, Wide};
 use nalgebra::Matrix3;
 use pulp::Simd;
 
@@ -38,11 +38,11 @@ pub(super) fn add_gradient<S: Simd>(
     modulus: Wide<S>,
     out: &mut ByNode<S>,
 ) {
-    let line = |line: &Line, at: usize| line.load(simd, at);
-    let (te, tf) = (line(&frames.tangent, i - 1), line(&frames.tangent, i));
-    let (m1e, m1f) = (line(&frames.m1, i - 1), line(&frames.m1, i));
-    let (m2e, m2f) = (line(&frames.m2, i - 1), line(&frames.m2, i));
-    let (kb, inverse_chi) = (line(&frames.binormal, i), Wide::load(simd, &frames.inverse_chi, i));
+    let load = |vectors: &Vectors, at: usize| vectors.load(simd, at);
+    let (te, tf) = (load(&frames.tangent, i - 1), load(&frames.tangent, i));
+    let (m1e, m1f) = (load(&frames.m1, i - 1), load(&frames.m1, i));
+    let (m2e, m2f) = (load(&frames.m2, i - 1), load(&frames.m2, i));
+    let (kb, inverse_chi) = (load(&frames.binormal, i), Wide::load(simd, &frames.inverse_chi, i));
     let (s1, s2) = (m1e + m1f, m2e + m2f);
     let (k1, k2) = (kb.dot(s2).scaled(0.5), kb.dot(s1).scaled(-0.5));
     let (b1, b2) = (modulus * (k1 - natural[0]), modulus * (k2 - natural[1]));
@@ -62,40 +62,6 @@ pub fn add_hessian(rod: &Rod, frames: &Frames, out: &mut Band) {
         let local = node_hessian(rod, frames, i);
         add_local(out, i, &local);
     }
-}
-
-/// Adds an 11 x 11 block of node `i` (slots of x_{i-1}, theta_{i-1}, x_i, theta_i, x_{i+1}).
-pub(super) fn add_local(out: &mut Band, i: usize, local: &[[f64; 11]; 11]) {
-    let origin = 4 * (i - 1);
-    for (a, row) in local.iter().enumerate() {
-        for (b, value) in row.iter().enumerate() {
-            out.add(origin + a, origin + b, *value);
-        }
-    }
-}
-
-/// Spreads derivatives with respect to the edges e (before) and f (after) over the three nodes.
-pub(super) fn spread_edges(local: &mut [[f64; 11]; 11], ee: Matrix3<f64>, ff: Matrix3<f64>, ef: Matrix3<f64>) {
-    let fe = ef.transpose();
-    for a in 0..3 {
-        for b in 0..3 {
-            let at = (a, b);
-            local[a][b] += ee[at];
-            local[a][4 + b] += ef[at] - ee[at];
-            local[a][8 + b] -= ef[at];
-            local[4 + a][b] += fe[at] - ee[at];
-            local[4 + a][4 + b] += ee[at] - ef[at] - fe[at] + ff[at];
-            local[4 + a][8 + b] += ef[at] - ff[at];
-            local[8 + a][b] -= fe[at];
-            local[8 + a][4 + b] += fe[at] - ff[at];
-            local[8 + a][8 + b] += ff[at];
-        }
-    }
-}
-
-/// a b' + b a'
-pub(super) fn symmetric(a: V3, b: V3) -> Matrix3<f64> {
-    a * b.transpose() + b * a.transpose()
 }
 
 fn spread_gradient(by_e: V3, by_f: V3, by_angles: [f64; 2]) -> [f64; 11] {

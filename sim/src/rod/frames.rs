@@ -3,15 +3,15 @@
 //! Each edge carries a reference frame (tangent t, directors d1 and d2 = t x d1), transported in
 //! parallel from the last accepted step's tangent to today's, and the material frame (m1, m2), the
 //! reference frame turned about t by the edge's angle. The reference twist at a node measures how
-//! the directors turn between its two edges beyond parallel transport (Jawed et al. 2018, ch. 4-6).
+//! the directors rotate between its two edges beyond parallel transport (Jawed et al. 2018, ch. 4-6).
 
 use crate::V3;
-use crate::lanes::{Line, Wide, Wide3, padded};
+use crate::lanes::{Vectors, Wide, Wide3, padded};
 use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Transports `u`, perpendicular to the unit vector `from`, along the shortest turn to the unit vector `to`.
+/// Transports `u`, perpendicular to the unit vector `from`, along the shortest rotation to the unit vector `to`.
 ///
 /// Undefined (not finite) when `to` is opposite to `from`.
 #[inline(always)]
@@ -21,7 +21,7 @@ pub fn parallel_transport(u: V3, from: V3, to: V3) -> V3 {
     u * cosine + axis.cross(&u) + axis * (axis.dot(&u) / (1.0 + cosine))
 }
 
-/// Reference frames at the last accepted step, the memory that time-parallel transport starts from.
+/// Reference frames at the last accepted step, from which time-parallel transport starts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceFrames {
     /// Unit tangents, one an edge.
@@ -51,46 +51,46 @@ impl ReferenceFrames {
 #[derive(Clone, Debug)]
 pub struct Frames {
     /// Unit tangents, one an edge.
-    pub tangent: Line,
+    pub tangent: Vectors,
     /// Edge lengths in m, padded.
     pub length: Vec<f64>,
     /// Reference directors d1, one an edge.
-    pub director: Line,
+    pub director: Vectors,
     /// First material directors m1, one an edge.
-    pub m1: Line,
+    pub m1: Vectors,
     /// Second material directors m2, one an edge.
-    pub m2: Line,
+    pub m2: Vectors,
     /// Curvature binormals kb = 2 e x f / (|e| |f| + e.f), one a node (zero at the ends).
-    pub binormal: Line,
+    pub binormal: Vectors,
     /// 1/(1 + t_{i-1}.t_i), one a node, padded.
     pub inverse_chi: Vec<f64>,
     /// Reference twist in rad, one a node (zero at the ends), padded.
     pub reference_twist: Vec<f64>,
     edges: usize,
-    shape: Line,
+    shape: Vectors,
     angles: Vec<f64>,
-    before: [Line; 2],
+    before: [Vectors; 2],
     twist_before: Vec<f64>,
 }
 
 impl Frames {
     /// Scratch for a rod of `n` nodes.
     pub fn new(n: usize) -> Self {
-        let line = || Line::new(n);
+        let vectors = || Vectors::new(n);
         let values = || vec![0.0; padded(n)];
         Self {
-            tangent: line(),
+            tangent: vectors(),
             length: values(),
-            director: line(),
-            m1: line(),
-            m2: line(),
-            binormal: line(),
+            director: vectors(),
+            m1: vectors(),
+            m2: vectors(),
+            binormal: vectors(),
             inverse_chi: values(),
             reference_twist: values(),
             edges: n - 1,
-            shape: line(),
+            shape: vectors(),
             angles: values(),
-            before: [line(), line()],
+            before: [vectors(), vectors()],
             twist_before: values(),
         }
     }
@@ -113,7 +113,7 @@ impl Frames {
             let edge = self.shape.load(simd, e + 1) - self.shape.load(simd, e);
             let length = edge.dot(edge).sqrt();
             let tangent = edge * length.inverse();
-            let [before, director] = [&self.before[0], &self.before[1]].map(|line| line.load(simd, e));
+            let [before, director] = [&self.before[0], &self.before[1]].map(|vectors| vectors.load(simd, e));
             let moved = transport(director, before, tangent, before.dot(tangent).plus_one().inverse());
             let across = moved - tangent * moved.dot(tangent);
             let d1 = across * across.dot(across).sqrt().inverse();
@@ -143,7 +143,7 @@ impl Frames {
         }
     }
 
-    /// Makes this shape the memory of later steps.
+    /// Makes the frames at this shape the reference of later steps.
     pub fn accept(&self, reference: &mut ReferenceFrames) {
         self.tangent.copy_to(&mut reference.tangent);
         self.director.copy_to(&mut reference.director);

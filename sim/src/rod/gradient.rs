@@ -3,20 +3,11 @@
 //! Bending and twist give derivatives with respect to the two edges and the two angles at a node; edge by
 //! edge they are summed with the tension, and a node feels the difference of its two edges.
 
-use super::{Rod, bend, frames::Frames, stretch, twist};
+use super::{Rod, bend, frames::Frames, stencil::ByNode, stretch, twist};
 use crate::lanes::{Wide, Wide3, padded};
 use pulp::{Simd, WithSimd};
 
-/// Derivatives of the energy at neighbouring nodes.
-pub(super) struct ByNode<S: Simd> {
-    /// With respect to the unit tangents of the edges before and after a node, N m; over the edge's
-    /// length with respect to the edge.
-    pub edges: [Wide3<S>; 2],
-    /// With respect to the angles of these edges, N m.
-    pub angles: [Wide<S>; 2],
-}
-
-/// What the gradient needs of a rod at rest, padded.
+/// Numbers of a rod at rest that the gradient uses, padded.
 #[derive(Clone, Debug)]
 pub(super) struct AtRest {
     inverse_length: Vec<f64>,

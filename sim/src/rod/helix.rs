@@ -24,7 +24,7 @@ pub enum Handedness {
 pub struct Helix {
     /// Radius of the centre line about the helix axis.
     pub radius: f64,
-    /// Advance of a turn along the axis.
+    /// Advance of a coil along the axis.
     pub pitch: f64,
     /// Length along the axis.
     pub axial_length: f64,
@@ -33,13 +33,13 @@ pub struct Helix {
 }
 
 impl Helix {
-    /// Length of the centre line.
+    /// Returns the length of the centre line, m.
     pub fn contour_length(&self) -> f64 {
         let turn = (TAU * self.radius).hypot(self.pitch);
         turn * self.axial_length / self.pitch
     }
 
-    /// `edges + 1` nodes on the centre line.
+    /// Returns `edges + 1` nodes on the centre line, m.
     pub fn nodes(&self, edges: usize) -> Vec<V3> {
         let total = TAU * self.axial_length / self.pitch;
         let sign = match self.handedness {

@@ -13,6 +13,7 @@ pub mod bend;
 pub mod frames;
 mod gradient;
 pub mod helix;
+mod stencil;
 pub mod stretch;
 pub mod twist;
 
@@ -51,7 +52,7 @@ impl Stiffness {
     }
 }
 
-/// What never changes about a rod: its stress-free shape and its stiffness.
+/// A rod: its stress-free shape and its stiffness.
 #[derive(Clone, Debug)]
 pub struct Rod {
     /// Stress-free nodes in m.
@@ -76,8 +77,8 @@ pub struct Rod {
 }
 
 impl Rod {
-    /// A rod that is free of stress in the given shape, with natural curvature and twist taken from
-    /// it: there every elastic force vanishes to rounding.
+    /// Returns a rod that is free of stress in the given shape (m): its natural curvature and twist are those of the
+    /// shape, where every elastic force vanishes to rounding.
     ///
     /// Needs three nodes or more, no two neighbours in the same place and no edge that folds back
     /// onto its neighbour; [`crate::params`] makes sure of it for a robot.
@@ -105,7 +106,7 @@ impl Rod {
         }
     }
 
-    /// The same rod held at its first node instead of the middle of its first edge.
+    /// Returns the same rod held at its first node instead of the middle of its first edge.
     ///
     /// An edge stands for the rod's direction in its middle, so the clamped edge alone would hold the rod
     /// half an edge below the shaft's foot and leave out what that half bends and twists: an error of
@@ -117,27 +118,27 @@ impl Rod {
         self
     }
 
-    /// Number of nodes.
+    /// Returns the number of nodes.
     pub fn nodes(&self) -> usize {
         self.shape.len()
     }
 
-    /// Number of edges.
+    /// Returns the number of edges.
     pub fn edges(&self) -> usize {
         self.rest_length.len()
     }
 
-    /// Elastic energy in J.
+    /// Returns the elastic energy in J.
     pub fn energy(&self, frames: &Frames, angles: &[f64]) -> f64 {
         stretch::energy(self, frames) + bend::energy(self, frames) + twist::energy(self, frames, angles)
     }
 
-    /// Gradient of the energy, four slots a node, in N and N m. Overwrites `out` (length `4 n`).
+    /// Computes the gradient of the energy, four slots a node, in N and N m, into `out` (length `4 n`).
     pub fn gradient(&self, frames: &Frames, angles: &[f64], out: &mut [f64]) {
         gradient::gradient(self, frames, angles, out);
     }
 
-    /// Hessian of the energy. Overwrites `out` (size `4 n`).
+    /// Computes the Hessian of the energy into `out` (size `4 n`).
     ///
     /// It is the symmetric part of the derivative of [`Rod::gradient`]: the antisymmetric rest is
     /// the holonomy of the time-parallel frames, of second order in the motion since the frames were

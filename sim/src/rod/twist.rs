@@ -3,8 +3,7 @@
 //! tau_i = theta_i - theta_{i-1} + reference twist; the reference twist varies with the edges as
 //! kb/(2 |e|) (Bergou et al. 2008, section 6; second derivatives Bergou et al. 2010).
 
-use super::bend::{add_local, spread_edges, symmetric};
-use super::gradient::ByNode;
+use super::stencil::{ByNode, add_local, spread_edges, symmetric};
 use super::{Rod, band::Band, frames::Frames};
 use crate::lanes::Wide;
 use pulp::Simd;

@@ -2,12 +2,19 @@
 //!
 //! The last few iterates are combined so that the weighted change of a sweep becomes smallest.
 
-/// Iterates remembered.
-const DEPTH: usize = 5;
-/// A combination with larger coefficients is noise.
-const LARGEST: f64 = 30.0;
+use crate::linear::solve;
 
-/// Memory of the iteration.
+/// Differences of iterates that are combined.
+const DEPTH: usize = 5;
+/// A combination with larger coefficients amplifies noise.
+const LARGEST: f64 = 30.0;
+/// Tikhonov regularisation of the least-squares problem, over its largest diagonal entry: nearly parallel changes must not
+/// make it singular.
+const REGULARISATION: f64 = 1e-8;
+/// The least regularisation, for changes that are all zero.
+const TINY: f64 = 1e-300;
+
+/// The last iterates.
 #[derive(Clone, Debug, Default)]
 pub struct Anderson {
     iterates: Vec<Vec<f64>>,
@@ -15,13 +22,13 @@ pub struct Anderson {
 }
 
 impl Anderson {
-    /// Forgets everything.
+    /// Removes all iterates.
     pub fn clear(&mut self) {
         self.iterates.clear();
         self.changes.clear();
     }
 
-    /// Takes the iterate `before` a sweep and `after` it; entries with weight 0 do not count in the change.
+    /// Adds the iterate `before` a sweep and `after` it; entries with weight 0 do not count in the change.
     pub fn record(&mut self, before: &[f64], after: Vec<f64>, weights: &[f64]) {
         if self.iterates.last().is_some_and(|v| v.len() != after.len()) {
             self.clear();
@@ -35,7 +42,7 @@ impl Anderson {
         }
     }
 
-    /// The combined iterate; `None` with too few iterates or when the combination is useless.
+    /// Returns the combined iterate, `None` with too few iterates or when the combination is useless.
     pub fn combine(&self) -> Option<Vec<f64>> {
         let newest = self.iterates.len().checked_sub(1).filter(|n| *n > 0)?;
         let last = &self.changes[newest];
@@ -47,9 +54,9 @@ impl Anderson {
             .collect();
         let scale = (0..newest).map(|i| rows[i][i]).fold(0.0, f64::max);
         for (i, row) in rows.iter_mut().enumerate() {
-            row[i] += 1e-8 * scale + 1e-300;
+            row[i] += REGULARISATION * scale + TINY;
         }
-        let shares = crate::contact::complementarity::solve_dense(rows)?;
+        let shares = solve(rows)?;
         if shares.iter().any(|s| s.abs() > LARGEST) {
             return None;
         }

@@ -5,15 +5,16 @@
 //! clamped nodes are unknowns, and the residual is the velocity of every node less the mobility times
 //! the density, with the torque about every free edge.
 
-use super::dense::Panels;
+use super::corotated::{from_reference, to_reference};
+use super::panels::Panels;
 use super::preconditioner::{Preconditioner, torque_scale};
 use crate::V3;
+use crate::body::closure::Load;
+use crate::body::shaft::Shaft;
 use crate::fluid::far::{Sources, Targets, gauss_rule};
 use crate::fluid::near::NearBand;
 use crate::fluid::stokeslet_factor;
 use crate::params::Robot;
-use crate::robot::clamp::Shaft;
-use crate::robot::closure::Load;
 use crate::rod::{CLAMPED, Rod, frames::Frames};
 use crate::state::{RodState, Shape};
 
@@ -55,7 +56,8 @@ pub struct Flagellum {
     near: NearBand,
     targets: Targets,
     sources: Sources,
-    carried: Vec<f32>,
+    /// The residual in the frames of the frozen inverse.
+    reference: Vec<f32>,
     product: Vec<f32>,
     rule: &'static [(f64, f64)],
     epsilon: f64,
@@ -82,7 +84,7 @@ impl Flagellum {
             near: NearBand::new(n, robot.solver.near_edges as usize, points),
             targets: Targets::new(n, robot.solver.far_field),
             sources: Sources::default(),
-            carried: vec![0.0; 4 * n - 2],
+            reference: vec![0.0; 4 * n - 2],
             product: vec![0.0; Panels::padded(4 * n - 2)],
             rule: gauss_rule(points),
             epsilon: robot.epsilon(),
@@ -95,11 +97,16 @@ impl Flagellum {
         self.near.assemble(&self.shape.nodes, self.epsilon, self.viscosity);
     }
 
-    /// Frames, elastic forces and force densities at the trial shape. `weight`: net weight of the rod
+    /// Updates the frames at the trial shape.
+    pub fn update_frames(&mut self, state: &RodState) {
+        self.frames.update(&state.frames, &self.shape.nodes, &self.shape.angles);
+    }
+
+    /// Updates frames, elastic forces and force densities at the trial shape. `weight`: net weight of the rod
     /// in the shaft frame, N/m.
     pub fn update_forces(&mut self, rod: &Rod, state: &RodState, weight: V3) {
+        self.update_frames(state);
         let shape = &self.shape;
-        self.frames.update(&state.frames, &shape.nodes, &shape.angles);
         rod.gradient(&self.frames, &shape.angles, &mut self.gradient);
         self.density[..CLAMPED].copy_from_slice(&shape.clamp_density);
         for i in CLAMPED..rod.nodes() {
@@ -124,9 +131,10 @@ impl Flagellum {
         }
     }
 
-    /// Residual with the sources of the other rod (in this shaft frame); returns its size in m/s.
+    /// Updates the residual and returns its size in m/s.
     ///
-    /// `lever`: velocity in m/s that a twist error of one radian counts for.
+    /// `other`: far field of the other rod, in this shaft frame; `lever`: velocity in m/s that a twist error of one
+    /// radian counts for.
     #[inline(never)] // so that a profile shows it
     pub fn update_residual(&mut self, rod: &Rod, motion: &Kinematics, other: &Sources, lever: f64) -> f64 {
         let n = rod.nodes();
@@ -140,9 +148,7 @@ impl Flagellum {
         let inverse = 1.0 / motion.kappa;
         let mut largest = 0f64;
         for i in 0..n {
-            let x = self.shape.nodes[i];
-            let velocity = x * motion.kappa + self.history[i] + motion.base_velocity + motion.rotation.cross(&x);
-            let slip = velocity - self.near.flow(i) - self.targets.flow(i) * factor;
+            let slip = self.velocity(motion, i) - self.near.flow(i) - self.targets.flow(i) * factor;
             largest = largest.max(slip.norm_squared());
             for a in 0..3 {
                 self.residual[3 * i + a] = slip[a] * inverse;
@@ -160,54 +166,55 @@ impl Flagellum {
         if sum.is_finite() { largest.sqrt().max(twist * lever) } else { f64::INFINITY }
     }
 
-    /// Torque of the fluid on an edge about its tangent, N m, against its spin in the shaft frame.
+    /// Returns the torque of the fluid on an edge about its tangent, N m, against its spin in the shaft frame.
     #[inline(always)]
     fn spin_torque(&self, e: usize) -> f64 {
         let rate = self.shape.angles[e] * self.kappa + self.angle_history[e];
         -self.spin_drag * self.frames.length[e] * rate
     }
 
-    /// Velocity of a node in the body's inertial frame, shaft axes, m/s.
+    /// Returns the velocity of a node against the fluid at rest, shaft axes, m/s.
+    #[inline(always)]
     pub fn velocity(&self, motion: &Kinematics, i: usize) -> V3 {
         let x = self.shape.nodes[i];
         x * motion.kappa + self.history[i] + motion.base_velocity + motion.rotation.cross(&x)
     }
 
-    /// `correction` = minus the frozen inverse times the residual, carried along with the rod.
+    /// Sets `correction` to minus the frozen inverse times the residual, in corotated coordinates.
     #[inline(never)] // so that a profile shows it
     pub fn precondition(&mut self, preconditioner: &Preconditioner) {
         let n = self.shape.nodes.len();
         let residual = |i: usize| V3::new(self.residual[3 * i], self.residual[3 * i + 1], self.residual[3 * i + 2]);
-        carry_there(&preconditioner.frames, &self.frames, residual, &mut self.carried[..3 * n]);
-        for (slot, row) in self.carried[3 * n..].iter_mut().zip(&self.residual[3 * n..]) {
+        to_reference(&preconditioner.frames, &self.frames, residual, &mut self.reference[..3 * n]);
+        for (slot, row) in self.reference[3 * n..].iter_mut().zip(&self.residual[3 * n..]) {
             *slot = *row as f32;
         }
-        preconditioner.inverse.multiply(&self.carried, &mut self.product);
-        carry_back(&preconditioner.frames, &self.frames, -1.0, &self.product, &mut self.correction);
+        preconditioner.inverse.multiply(&self.reference, &mut self.product);
+        from_reference(&preconditioner.frames, &self.frames, -1.0, &self.product, &mut self.correction);
     }
 
-    /// Answers of the rod within the step to point forces that act on its surroundings: corrections for
-    /// flows (m/s, shaft frame) at every node.
+    /// Returns the corrections of the rod's unknowns within the step for flows (m/s, shaft frame) at its nodes: columns of
+    /// its compliance, where the flows are those of unit forces.
     #[inline(never)] // so that a profile shows it
-    pub fn respond(&self, preconditioner: &Preconditioner, flows: &[Vec<V3>], kappa: f64) -> Vec<Vec<f64>> {
+    pub fn compliance_columns(&self, preconditioner: &Preconditioner, flows: &[Vec<V3>], kappa: f64) -> Vec<Vec<f64>> {
         let (n, size) = (self.shape.nodes.len(), self.correction.len());
         let padded = Panels::padded(size);
         let mut rows = vec![0.0; size * flows.len()];
         let mut products = vec![0.0; padded * flows.len()];
         for (flow, rows) in flows.iter().zip(rows.chunks_exact_mut(size)) {
-            carry_there(&preconditioner.frames, &self.frames, |i| flow[i] / kappa, &mut rows[..3 * n]);
+            to_reference(&preconditioner.frames, &self.frames, |i| flow[i] / kappa, &mut rows[..3 * n]);
         }
         preconditioner.inverse.multiply(&rows, &mut products);
-        let answer = |product: &[f32]| {
+        let column = |product: &[f32]| {
             let mut correction = vec![0.0; size];
-            carry_back(&preconditioner.frames, &self.frames, 1.0, product, &mut correction);
+            from_reference(&preconditioner.frames, &self.frames, 1.0, product, &mut correction);
             correction
         };
-        products.chunks_exact(padded).map(answer).collect()
+        products.chunks_exact(padded).map(column).collect()
     }
 
     /// Moves the trial shape by a correction: edge by edge, the part along an edge changes its length,
-    /// the part across turns it. Moving nodes along straight lines would stretch edges to second order,
+    /// the part across rotates it. Moving nodes along straight lines would stretch edges to second order,
     /// and the stretch is the stiff part.
     pub fn apply(&mut self, correction: &[f64]) {
         let n = self.shape.nodes.len();
@@ -225,8 +232,8 @@ impl Flagellum {
             let length = edge.norm();
             let tangent = edge / length;
             let along = step.dot(&tangent);
-            let turned = edge + step - tangent * along;
-            end += turned * ((length + along) / turned.norm());
+            let rotated = edge + step - tangent * along;
+            end += rotated * ((length + along) / rotated.norm());
             nodes[e + 1] = end;
         }
         let angles = 3 * (n - CLAMPED);
@@ -248,7 +255,7 @@ impl Flagellum {
         self.correction = correction;
     }
 
-    /// Load of the fluid on the clamp, body axes, moment about the joint.
+    /// Returns the load of the fluid on the clamp, body axes, moment about the joint.
     pub fn fluid_load(&self, rod: &Rod, shaft: &Shaft) -> Load {
         let mut load = Load::default();
         for (i, f) in self.density.iter().enumerate() {
@@ -268,7 +275,8 @@ impl Flagellum {
         load
     }
 
-    /// Flow at this rod's nodes of a few point sources and of a nodal density on the rod itself, m/s.
+    /// Returns the flow (m/s) at this rod's nodes of point sources and, near them, of a nodal density (N/m) on the rod
+    /// itself.
     pub fn flow_of(&mut self, own_density: Option<&[V3]>, sources: &Sources) -> Vec<V3> {
         let n = self.shape.nodes.len();
         self.targets.set(&self.shape.nodes);
@@ -284,49 +292,8 @@ impl Flagellum {
         flow
     }
 
-    /// The Gauss rule of far segments.
+    /// Returns the Gauss rule of far segments.
     pub fn rule(&self) -> &'static [(f64, f64)] {
         self.rule
-    }
-}
-
-/// Node by node, differences between neighbours turned edge by edge from today's material frames to those at
-/// the factorisation of a frozen inverse.
-#[inline(always)]
-fn carry_there(built: &[[V3; 3]], today: &Frames, at: impl Fn(usize) -> V3, out: &mut [f32]) {
-    let mut put = |i: usize, value: V3| {
-        for a in 0..3 {
-            out[3 * i + a] = value[a] as f32;
-        }
-    };
-    let mut last = at(1);
-    let mut sum = last;
-    put(0, at(0));
-    put(1, last);
-    for (e, [t, d1, d2]) in built.iter().enumerate().skip(1) {
-        let next = at(e + 1);
-        let step = next - last;
-        last = next;
-        sum += t * step.dot(&today.tangent.at(e)) + d1 * step.dot(&today.m1.at(e)) + d2 * step.dot(&today.m2.at(e));
-        put(e + 1, sum);
-    }
-}
-
-/// The way back of the free nodes; the other unknowns are only converted.
-#[inline(always)]
-fn carry_back(built: &[[V3; 3]], today: &Frames, sign: f64, product: &[f32], out: &mut [f64]) {
-    for (slot, value) in out.iter_mut().zip(product) {
-        *slot = sign * f64::from(*value);
-    }
-    let (mut sum, mut last) = (V3::zeros(), V3::zeros());
-    for (e, [t, d1, d2]) in built.iter().enumerate().skip(1) {
-        let q = 3 * (e - 1);
-        let next = V3::new(out[q], out[q + 1], out[q + 2]);
-        let step = next - last;
-        last = next;
-        sum += today.tangent.at(e) * step.dot(t) + today.m1.at(e) * step.dot(d1) + today.m2.at(e) * step.dot(d2);
-        for a in 0..3 {
-            out[q + a] = sum[a];
-        }
     }
 }

@@ -1,27 +1,32 @@
 //! Time formulas that are exact for {1, t, cos wt, sin wt} on any grid.
 //!
-//! In the frame that turns with a motor the shape of a flagellum is not steady: its sideways
-//! deflection is steady in the laboratory and so turns at the motor's speed. A backward formula that
+//! In the frame that rotates with a motor the shape of a flagellum is not steady: its sideways
+//! deflection is steady in the laboratory and so rotates at the motor's speed. A backward formula that
 //! is exact for that motion (trigonometric fitting, Gautschi 1961) takes steps ten times longer than
 //! one that is exact for polynomials. As w goes to 0 the basis becomes {1, t, t^2, t^3}, and on an
 //! even grid the formula BDF3.
 
+use crate::linear::eliminate;
+
 /// Points a formula can use.
 pub const POINTS: usize = 4;
 
-/// Values of the basis at time `tau`, scaled so that it stays regular as the angle goes to 0.
+/// Below these angles (rad) the sine with the versine, and the cubic, come from their series: the closed forms cancel.
+const SERIES: [f64; 2] = [0.05, 0.1];
+
+/// Returns the values of the basis at time `tau`, scaled so that it stays regular as the angle goes to 0.
 ///
 /// Two points: {1, t}; three: {1, sin, 1 - cos}; four: {1, t, 1 - cos, wt - sin}, each over its leading power.
 fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     let x = angle * tau;
     let x2 = x * x;
-    let sine = if x.abs() < 0.05 { tau * (1.0 - x2 / 6.0 + x2 * x2 / 120.0) } else { x.sin() / angle };
-    let versine = if x.abs() < 0.05 {
+    let sine = if x.abs() < SERIES[0] { tau * (1.0 - x2 / 6.0 + x2 * x2 / 120.0) } else { x.sin() / angle };
+    let versine = if x.abs() < SERIES[0] {
         tau * tau * (1.0 - x2 / 12.0 + x2 * x2 / 360.0)
     } else {
         2.0 * (1.0 - x.cos()) / (angle * angle)
     };
-    let cubic = if x.abs() < 0.1 {
+    let cubic = if x.abs() < SERIES[1] {
         tau.powi(3) * (1.0 - x2 / 20.0 + x2 * x2 / 840.0 - x2.powi(3) / 60480.0)
     } else {
         6.0 * (x - x.sin()) / angle.powi(3)
@@ -34,40 +39,24 @@ fn basis(points: usize, angle: f64, tau: f64) -> [f64; POINTS] {
     }
 }
 
-/// Solves the small dense system by elimination with pivoting.
-fn solve(size: usize, mut rows: [[f64; POINTS]; POINTS], mut right: [f64; POINTS]) -> [f64; POINTS] {
-    for i in 0..size {
-        let pivot = (i..size).max_by(|&a, &b| rows[a][i].abs().total_cmp(&rows[b][i].abs())).unwrap_or(i);
-        rows.swap(i, pivot);
-        right.swap(i, pivot);
-        for r in i + 1..size {
-            let factor = rows[r][i] / rows[i][i];
-            for c in i..size {
-                rows[r][c] -= factor * rows[i][c];
-            }
-            right[r] -= factor * right[i];
-        }
-    }
-    let mut out = [0.0; POINTS];
-    for i in (0..size).rev() {
-        let known: f64 = (i + 1..size).map(|c| rows[i][c] * out[c]).sum();
-        out[i] = (right[i] - known) / rows[i][i];
-    }
-    out
-}
-
+/// Returns the weights with which the values of each basis function at `times` give its entry of `right`.
 fn weights(angle: f64, times: &[f64], right: [f64; POINTS]) -> [f64; POINTS] {
     let size = times.len().min(POINTS);
-    let mut rows = [[0.0; POINTS]; POINTS];
+    let mut rows = [[0.0; POINTS + 1]; POINTS];
     for (j, &tau) in times.iter().take(size).enumerate() {
         for (row, value) in rows.iter_mut().zip(basis(size, angle, tau)) {
             row[j] = value;
         }
     }
-    solve(size, rows, right)
+    for (row, value) in rows.iter_mut().zip(right) {
+        row[size] = value;
+    }
+    let mut out = [0.0; POINTS];
+    eliminate(&mut rows[..size], &mut out[..size]);
+    out
 }
 
-/// Weights a_j of a backward formula: step times the derivative at time 0 is about the sum of a_j x(times_j).
+/// Returns the weights a_j of a backward formula: step times the derivative at time 0 is about the sum of a_j x(times_j).
 ///
 /// `times`: 0 first, then the past in units of the step (-1, -2, ...), at most four, all different;
 /// `angle`: w times the step, rad.
@@ -75,7 +64,7 @@ pub fn derivative(angle: f64, times: &[f64]) -> [f64; POINTS] {
     weights(angle, times, [0.0, 1.0, 0.0, 0.0])
 }
 
-/// Weights b_j of the value at `at` from the values at `times`, with the same exactness.
+/// Returns the weights b_j of the value at `at` from the values at `times`, with the same exactness.
 pub fn value_at(angle: f64, times: &[f64], at: f64) -> [f64; POINTS] {
     let shifted: [f64; POINTS] = std::array::from_fn(|j| times.get(j).map_or(0.0, |t| t - at));
     weights(angle, &shifted[..times.len().min(POINTS)], [1.0, 0.0, 0.0, 0.0])

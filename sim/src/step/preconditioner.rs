@@ -6,28 +6,29 @@
 //! x + s z x x + (1/kappa) M w^-1 K x - (1/kappa) M f; torque rows are scaled by length/GJ.
 //!
 //! It is built at the stress-free shape (one built under load makes later steps diverge), with kappa and
-//! s rounded to a grid: it depends on nothing but its key, so a restored state goes on bit for bit as the
-//! original would. Where a rod is about to buckle or snap that one stalls; then a step may have an
-//! inverse of its own, built at its predicted shape and forgotten after it.
+//! s rounded to a grid. So it depends on its key only, and a restored state goes on bit for bit. Where a rod is about to buckle or snap, the iteration with it stalls; then a step
+//! gets an inverse of its own, built at its predicted shape and dropped after it.
 
-use super::dense::{Panels, invert};
+use super::panels::Panels;
 use crate::V3;
 use crate::fluid::mobility::mobility;
+use crate::linear::invert;
+use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames};
 use crate::state::Shape;
 use nalgebra::{DMatrix, Matrix6};
 use std::sync::Arc;
 
-/// Ratio of neighbouring values of kappa.
-const RUNG: f64 = 1.25;
-/// Neighbouring values of the spin are this far apart.
-const SPIN: f64 = 0.1;
-/// Inverses kept; a ramp visits many keys, a steady trial two to ten.
-const KEPT: usize = 24;
+/// Ratio of neighbouring grid values of kappa.
+const KAPPA_GRID: f64 = 1.25;
+/// Distance of neighbouring grid values of the spin, rad.
+const SPIN_GRID: f64 = 0.1;
+/// Inverses in the cache; a ramp visits many keys, a steady trial two to ten.
+const CACHE_SIZE: usize = 24;
 
-/// What the fluid does to one rod.
+/// Parameters of the fluid about one rod.
 #[derive(Clone, Copy, Debug)]
-pub struct FluidNumbers {
+pub struct FluidParams {
     /// Regularisation, m.
     pub epsilon: f64,
     /// Viscosity, Pa s.
@@ -36,30 +37,40 @@ pub struct FluidNumbers {
     pub spin_drag: f64,
 }
 
-/// What an inverse depends on.
+impl FluidParams {
+    /// Those of a robot.
+    pub fn new(robot: &Robot) -> Self {
+        Self { epsilon: robot.epsilon(), viscosity: robot.fluid.viscosity(), spin_drag: robot.spin_drag() }
+    }
+}
+
+/// Key of a frozen inverse: the rod and the grid values that it depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key {
     rod: usize,
-    rung: i32,
+    /// Index on the logarithmic grid of kappa.
+    kappa: i32,
+    /// Index on the grid of the spin.
     spin: i32,
 }
 
 impl Key {
     /// For rod design `rod`, `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
     pub fn new(rod: usize, kappa: f64, speed: f64) -> Self {
-        let rung = (kappa.ln() / RUNG.ln()).round() as i32;
-        Self { rod, rung, spin: (speed / kappa / SPIN).round() as i32 }
+        let index = (kappa.ln() / KAPPA_GRID.ln()).round() as i32;
+        Self { rod, kappa: index, spin: (speed / kappa / SPIN_GRID).round() as i32 }
     }
 
+    /// Returns the grid value of kappa, 1/s.
     fn kappa(&self) -> f64 {
-        RUNG.powi(self.rung)
+        KAPPA_GRID.powi(self.kappa)
     }
 }
 
 /// A frozen inverse.
 #[derive(Clone, Debug)]
 pub struct Preconditioner {
-    /// Tangents and material directors of the edges at the shape that it was built at.
+    /// Tangents and material directors of the edges at the shape where it was built.
     pub frames: Vec<[V3; 3]>,
     /// The inverse, single precision.
     pub inverse: Panels,
@@ -79,13 +90,13 @@ pub struct Cache {
 }
 
 impl Preconditioner {
-    /// At a trial shape, for one step.
+    /// Returns the inverse at a trial shape, for one step. Motion: kappa in 1/s and the motor's speed in rad/s.
     pub fn at_shape(
         rod: &Rod,
         shape: &Shape,
         frames: &Frames,
         (kappa, speed): (f64, f64),
-        fluid: FluidNumbers,
+        fluid: FluidParams,
     ) -> Option<Self> {
         Design::new(rod, shape, frames, fluid).build(rod, kappa, speed / kappa)
     }
@@ -103,8 +114,8 @@ struct Design {
 }
 
 impl Cache {
-    /// The inverse for a key, built if need be; `None` when the matrix is singular.
-    pub fn find(&mut self, key: Key, rod: &Rod, fluid: FluidNumbers) -> Option<Arc<Preconditioner>> {
+    /// Returns the inverse for a key, built if it is not in the cache; `None` when the matrix is singular.
+    pub fn find(&mut self, key: Key, rod: &Rod, fluid: FluidParams) -> Option<Arc<Preconditioner>> {
         if let Some((_, known)) = self.entries.iter().find(|(k, _)| *k == key) {
             return Some(known.clone());
         }
@@ -117,9 +128,9 @@ impl Cache {
             frames.update(&rod.rest_frames, &shape.nodes, &shape.angles);
             Design::new(rod, &shape, &frames, fluid)
         });
-        let built = design.build(rod, key.kappa(), key.spin as f64 * SPIN)?;
+        let built = design.build(rod, key.kappa(), key.spin as f64 * SPIN_GRID)?;
         self.built += 1;
-        if self.entries.len() == KEPT {
+        if self.entries.len() == CACHE_SIZE {
             self.entries.remove(0);
         }
         let built = Arc::new(built);
@@ -129,7 +140,7 @@ impl Cache {
 }
 
 impl Design {
-    fn new(rod: &Rod, shape: &Shape, frames: &Frames, fluid: FluidNumbers) -> Self {
+    fn new(rod: &Rod, shape: &Shape, frames: &Frames, fluid: FluidParams) -> Self {
         let n = rod.nodes();
         let mut hessian = Band::new(4 * n);
         rod.hessian(frames, &shape.angles, &mut hessian);

@@ -1,4 +1,4 @@
-//! Helpers of the proofs: rows of their table, and the reference data of another program.
+//! Helpers of the tests: rows of their table, and the reference data of another program.
 //!
 //! `cargo test -p sim -- --nocapture | grep '^|'` prints the table.
 #![allow(dead_code)]
@@ -6,7 +6,7 @@
 use sim::V3;
 use std::collections::HashMap;
 
-/// Adds a row to the table and holds the measured value to its bound.
+/// Adds a row to the table and asserts that the measured value is within its bound.
 pub fn prove(check: &str, measured: f64, bound: f64) {
     let holds = measured <= bound;
     println!("| {check} | {measured:.2e} | {bound:.1e} | {} |", if holds { "holds" } else { "FAILS" });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What the files of the shim share.
+// Declarations that the files of the shim share.
 #ifndef INNER_H
 #define INNER_H
 
@@ -77,6 +77,9 @@ static inline void replace_io(nano_t *nano, uint16_t address, avr_io_read_t read
 	nano->avr->io[AVR_DATA_TO_IO(address)].w.param = nano;
 }
 
+// Applies the levels of driven pins of a port once more.
+void drive_pins(nano_t *nano, char port);
+// Passes the levels of SDA and SCL to the devices, and theirs to the chip.
 void bus_lines_changed(nano_t *nano);
 
 void twi_attach(nano_t *nano);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The chip's life: made, loaded, reset and run; its pins and memories.
+// The chip's life: made, loaded, reset and run; its outputs and memories.
 #include <stdlib.h>
 #include <string.h>
 
@@ -8,7 +8,6 @@
 enum { FREQUENCY = 16000000, SRAM_START = 0x100, RAMEND = 0x8FF, PAINT = 0xA5 };
 // Instructions run in batches of at most this many cycles; an event or an interrupt ends a batch early.
 enum { BATCH_CYCLES = 2000 };
-enum { SDA_PIN = 0x10, SCL_PIN = 0x20 };
 
 // A sleeping program need not sleep in real time.
 static void no_sleep(avr_t *avr, avr_cycle_count_t cycles) {}
@@ -31,16 +30,6 @@ static void report_outputs(nano_t *nano)
 	nano->outputs = outputs;
 	nano->out.outputs(nano->out.context, now(nano), &outputs);
 }
-
-void bus_lines_changed(nano_t *nano)
-{
-	const uint8_t *data = nano->avr->data;
-	uint8_t low = data[REG_DDRC] & ~data[REG_PORTC];
-	nano->sda = nano->out.bus_lines(nano->out.context, now(nano), !(low & SDA_PIN), !(low & SCL_PIN));
-	nano_set_pins(nano, 'C', SDA_PIN | SCL_PIN, SCL_PIN | (nano->sda ? SDA_PIN : 0));
-}
-
-void nano_bus_changed(nano_t *nano) { bus_lines_changed(nano); }
 
 static void write_then_outputs(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
 {
@@ -91,33 +80,6 @@ static void spl_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *pa
 		nano->lowest_sp = sp;
 }
 
-static void drive_pins(nano_t *nano, char port)
-{
-	int index = port - 'B';
-	avr_ioport_external_t external = {
-		.name = port, .mask = nano->driven_mask[index], .value = nano->driven_levels[index],
-	};
-	// Otherwise simavr sets inputs with a pull-up to one at every write to the port.
-	avr_ioctl(nano->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port), &external);
-	uint8_t ddr = nano->avr->data[REG_DDRB + 3 * index];
-	uint8_t driven = external.mask & ~ddr;
-	// A reset clears this register, and simavr sets it again only where a level changes.
-	uint8_t *pin = &nano->avr->data[REG_DDRB - 1 + 3 * index];
-	*pin = (*pin & ~driven) | (external.value & driven);
-	avr_irq_t *pins = avr_io_getirq(nano->avr, AVR_IOCTL_IOPORT_GETIRQ(port), 0);
-	for (int bit = 0; bit < 8; bit++)
-		if (driven & 1 << bit)
-			avr_raise_irq(&pins[bit], external.value >> bit & 1);
-}
-
-void nano_set_pins(nano_t *nano, char port, uint8_t mask, uint8_t levels)
-{
-	int index = port - 'B';
-	nano->driven_mask[index] |= mask;
-	nano->driven_levels[index] = (nano->driven_levels[index] & ~mask) | (levels & mask);
-	drive_pins(nano, port);
-}
-
 static avr_cycle_count_t wake(avr_t *avr, avr_cycle_count_t when, void *param)
 {
 	nano_t *nano = param;
@@ -141,7 +103,7 @@ static avr_cycle_count_t after_reset(avr_t *avr, avr_cycle_count_t when, void *p
 	return 0;
 }
 
-// Called by `avr_reset`, whoever asked for it: this interface, the watchdog or a jump of the bootloader's.
+// Called by `avr_reset`, whatever caused it: this interface, the watchdog or a jump of the bootloader's.
 static void on_reset(avr_io_t *module)
 {
 	nano_t *nano = (nano_t *)module;

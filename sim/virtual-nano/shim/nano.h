@@ -10,28 +10,28 @@
 
 typedef struct nano nano_t;
 
-// Registers that decide what the chip's pins put out to the motors' bridge.
+// Registers that determine the chip's outputs to the motors' bridge.
 struct nano_outputs {
 	uint8_t port_b, ddr_b, port_d, ddr_d;
 	uint8_t tccr0a, ocr0a, tccr2a, ocr2a;
 };
 
-// A device's answer on the bus.
+// A device's reply on the bus.
 enum {
 	NANO_BUS_ACK = 0x100,  // the device pulls SDA low in the acknowledge bit
 	NANO_BUS_HELD = 0x200, // the device keeps SDA low for good
 };
 
-// What is outside of the chip. Every call bears the cycle at which it happens. None of them may call back into this
+// The devices outside of the chip. Every call has the cycle at which it happens. None of them may call back into this
 // interface except `nano_set_pins`.
 struct nano_devices {
 	void *context;
-	// Bus: a START with an address byte, a byte written, a byte read (answer in the low 8 bits), a STOP.
+	// Bus: a START with an address byte, a byte written, a byte read (returned in the low 8 bits), a STOP.
 	uint32_t (*bus_address)(void *context, uint64_t cycle, uint8_t address);
 	uint32_t (*bus_write)(void *context, uint64_t cycle, uint8_t byte);
 	uint32_t (*bus_read)(void *context, uint64_t cycle);
 	void (*bus_stop)(void *context, uint64_t cycle);
-	// The board lets SDA and SCL have these levels; answers whether the devices let SDA be high.
+	// The board releases or pulls SDA and SCL; returns whether the devices release SDA.
 	int (*bus_lines)(void *context, uint64_t cycle, int sda, int scl);
 	// A byte has left the USART; the byte that has just arrived, negative for none.
 	void (*serial_out)(void *context, uint64_t cycle, uint8_t byte);
@@ -39,7 +39,7 @@ struct nano_devices {
 	void (*outputs)(void *context, uint64_t cycle, const struct nano_outputs *outputs);
 	// The program wrote GPIOR0.
 	void (*mark)(void *context, uint64_t cycle, uint8_t value);
-	// Called at the cycle that its last call answered.
+	// Called at the cycle that its last call returned.
 	uint64_t (*wake)(void *context, nano_t *nano, uint64_t cycle);
 };
 

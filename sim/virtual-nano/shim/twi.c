@@ -68,7 +68,7 @@ static void note_sda(nano_t *nano, uint32_t answer)
 		bus_lines_changed(nano);
 }
 
-// Sends a byte; the device's answer tells how it ends.
+// Sends a byte; the device's reply decides how it ends.
 static void transmit(nano_t *nano, uint8_t byte, uint32_t answer, uint8_t acked, uint8_t nacked)
 {
 	note_sda(nano, answer);

@@ -1,10 +1,10 @@
 //! The Nano with everything that is wired to it: the whole that tests and the program `vnano` run.
 //!
 //! ```no_run
-//! use virtual_nano::{Board, Image, Options};
+//! use virtual_nano::{Board, BoardOptions, Image};
 //!
 //! let image = Image::from_elf("target/firmware.elf".as_ref())?;
-//! let mut board = Board::new(&image, Options::default())?;
+//! let mut board = Board::new(&image, BoardOptions::default())?;
 //! board.run_for(16_000_000);
 //! println!("{:?}", board.take_serial());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -20,15 +20,15 @@ use crate::mcu::{
     BusAnswer, Devices, FLASH_BYTES, FREQUENCY_HZ, Mcu, Outputs, Pins, ResetCause, RunState, UnknownChip,
 };
 use crate::motor::{Motor, MotorParameters, STEP_S};
-use crate::robot::Robot;
+use crate::plant::Plant;
 use crate::serial::Serial;
 
 /// The program polls this bit of GPIOR2 as a test point, and hangs while it is set.
 const HANG: (u16, u8) = (0x4B, 1);
 
-/// What a board is made with.
-pub struct Options {
-    /// What the sensor measures.
+/// Options of a board.
+pub struct BoardOptions {
+    /// Input of the sensor.
     pub source: Source,
     /// The sensor's WHO_AM_I.
     pub imu_id: u8,
@@ -40,7 +40,7 @@ pub struct Options {
     pub log_drive: bool,
 }
 
-impl Default for Options {
+impl Default for BoardOptions {
     fn default() -> Self {
         Self {
             source: Source::still(1),
@@ -63,18 +63,18 @@ pub struct Board {
 
 impl Board {
     /// A board with `image` in its flash, which has just got power.
-    pub fn new(image: &Image, options: Options) -> Result<Self, UnknownChip> {
+    pub fn new(image: &Image, options: BoardOptions) -> Result<Self, UnknownChip> {
         let mut board = Self::with_start(image, 0, options)?;
         board.static_bytes = Some(image.static_bytes);
         Ok(board)
     }
 
     /// The same behind a bootloader: every reset starts at the image's lowest address, and the rest of flash is blank.
-    pub fn with_bootloader(image: &Image, options: Options) -> Result<Self, UnknownChip> {
+    pub fn with_bootloader(image: &Image, options: BoardOptions) -> Result<Self, UnknownChip> {
         Self::with_start(image, image.start(), options)
     }
 
-    fn with_start(image: &Image, start: u32, options: Options) -> Result<Self, UnknownChip> {
+    fn with_start(image: &Image, start: u32, options: BoardOptions) -> Result<Self, UnknownChip> {
         let motor = Motor::new(options.motors);
         let rig = Rig {
             imu: Mpu6050::new(options.imu_id, options.source),
@@ -134,7 +134,7 @@ impl Board {
         self.mcu.serial_wake();
     }
 
-    /// What the board has sent since the last call.
+    /// Takes the bytes that the board has sent since the last call.
     pub fn take_serial(&mut self) -> Vec<u8> {
         self.mcu.devices_mut().serial.take()
     }
@@ -164,7 +164,7 @@ impl Board {
         &self.mcu.devices().imu
     }
 
-    /// Changes the sensor, or what it measures.
+    /// Changes the sensor or its input.
     pub fn change_imu<T>(&mut self, change: impl FnOnce(&mut Mpu6050) -> T) -> T {
         let result = change(&mut self.mcu.devices_mut().imu);
         // It may have let go of SDA, or pulled it.
@@ -177,7 +177,7 @@ impl Board {
         self.mcu.devices().bridge
     }
 
-    /// Changes of the bridge since the last call, with their cycles, if [`Options::log_drive`] asked for them.
+    /// Changes of the bridge since the last call, with their cycles, if [`BoardOptions::log_drive`] asked for them.
     pub fn take_drive_log(&mut self) -> Vec<(u64, Bridge)> {
         self.mcu.devices_mut().drive_log.as_mut().map(std::mem::take).unwrap_or_default()
     }
@@ -187,7 +187,7 @@ impl Board {
         &self.mcu.devices().motors
     }
 
-    /// Holds a flagellum (0 or 1) fast, or lets it go.
+    /// Blocks a flagellum (0 or 1), or releases it.
     pub fn block_motor(&mut self, motor: usize, blocked: bool) {
         self.mcu.devices_mut().motors[motor].block(blocked);
     }
@@ -199,14 +199,14 @@ impl Board {
         self.mcu.poke(register, value);
     }
 
-    /// The robot that the board is built into, if there is one.
-    pub fn robot(&self) -> Option<&Robot> {
-        self.imu().source().on_robot()
+    /// The simulated robot that the board is built into, if there is one.
+    pub fn plant(&self) -> Option<&Plant> {
+        self.imu().source().plant_ref()
     }
 
-    /// The robot, to take what it says.
-    pub fn robot_mut(&mut self) -> Option<&mut Robot> {
-        self.mcu.devices_mut().imu.source_mut().robot_mut()
+    /// The simulated robot, to take its samples.
+    pub fn plant_mut(&mut self) -> Option<&mut Plant> {
+        self.mcu.devices_mut().imu.source_mut().plant_mut()
     }
 
     /// The program's own clock.
@@ -219,7 +219,7 @@ impl Board {
         &self.mcu.devices().marks
     }
 
-    /// The program's marks, to forget them.
+    /// The program's marks, to reset them.
     pub fn marks_mut(&mut self) -> &mut Marks {
         &mut self.mcu.devices_mut().marks
     }
@@ -270,8 +270,8 @@ impl Rig {
         for motor in &mut self.motors {
             motor.advance(seconds);
         }
-        if let Some(robot) = self.imu.source_mut().robot_mut() {
-            robot.follow(cycle as f64 / FREQUENCY_HZ as f64, &self.motors);
+        if let Some(plant) = self.imu.source_mut().plant_mut() {
+            plant.follow(cycle as f64 / FREQUENCY_HZ as f64, &self.motors);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The program's own clock, seen from outside: what its frames say of the time, held against the cycle at which it was so.
 //!
-//! A frame bears the time at which its tick began, and the program marks that moment (see [`crate::marks`]).
+//! A frame has the time at which its tick began, and the program marks that moment (see [`crate::marks`]).
 
 use crate::mcu::FREQUENCY_HZ;
 use protocol::Message;
@@ -45,7 +45,7 @@ impl ProgramClock {
         }
     }
 
-    /// The program's clock when ours is at `time_s`; `None` until it has told its time.
+    /// Returns the program's clock when ours is at `time_s`, `None` before its first frame.
     pub fn at(&self, time_s: f64) -> Option<Micros> {
         let ours = (time_s * 1e6).round() as u64 as u32;
         self.ahead.map(|ahead| Micros(ours.wrapping_sub(ahead)))

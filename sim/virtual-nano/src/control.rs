@@ -1,20 +1,20 @@
-//! Commands to the running program: a line of plain words each, answered by one JSON line.
+//! Commands to the running program, one line of plain words each; the reply is one line of JSON.
 //!
 //! | command | does |
 //! | --- | --- |
-//! | `play` | begins the sensor's recording from its start |
-//! | `rewind` | lets the sensor rest as its recording begins, until the next `play` |
-//! | `truth` | gives the robot's state since it was last asked for, fifty times a second of the board's |
-//! | `status` | tells the state of everything |
-//! | `drop N` | loses the next N frames of the stream |
-//! | `corrupt N` | damages a byte in each of the next N frames of the stream |
+//! | `play` | plays the sensor's recording from its start |
+//! | `rewind` | holds the sensor at the start of its recording until the next `play` |
+//! | `truth` | returns the robot's states since the last `truth`, fifty for each second of the board's time |
+//! | `status` | returns the state of chip, bridge, motors, bus and line |
+//! | `drop N` | drops the next N frames of the stream |
+//! | `corrupt N` | corrupts a byte in each of the next N frames of the stream |
 //! | `fault nack B [COUNT]` | the sensor does not acknowledge byte B of the next transaction, or of the next COUNT |
-//! | `fault gone` | the sensor answers nothing any more |
+//! | `fault gone` | the sensor no longer responds |
 //! | `fault stuck [CLOCKS]` | the sensor holds SDA low until CLOCKS pulses on SCL, or for ever |
 //! | `fault frozen` | the sensor's data stay the same |
 //! | `fault glitch` | the sensor loses power for a moment |
-//! | `fault clear` | the sensor is well again |
-//! | `block 1\|2\|off` | holds a flagellum fast, lets both go |
+//! | `fault clear` | ends all faults of the sensor |
+//! | `block 1\|2\|off` | blocks a flagellum, or releases both |
 //! | `hang` | the program hangs at its test point |
 //! | `reset` | pulls the reset pin |
 //! | `quit` | ends |
@@ -24,7 +24,7 @@ use crate::bridge::Drive;
 use crate::imu::fault::{At, Fault};
 use crate::mcu::{FREQUENCY_HZ, RunState};
 use crate::motor::Motor;
-use crate::run::PortCount;
+use crate::port::PortCount;
 use serde_json::{Value, json};
 use std::str::FromStr;
 
@@ -96,24 +96,24 @@ fn number<N: FromStr>(word: &str) -> Result<N, String> {
     word.parse().map_err(|_| format!("{word:?} is not a number that fits here"))
 }
 
-/// The answer to a command that is no question.
+/// Returns the reply to a command that asks for nothing.
 pub fn done(line: &str) -> Value {
     json!({ "event": "done", "command": line })
 }
 
-/// The answer to a line that could not be followed.
+/// Returns the reply to a line that is no command or failed.
 pub fn error(line: &str, problem: &str) -> Value {
     json!({ "event": "error", "command": line, "error": problem })
 }
 
-/// The answer to `truth`: the simulator's samples, each with the program's clock in µs (`null` before it has told its
-/// time). An error where there is no robot, or where the simulator could not go on.
+/// Returns the reply to `truth`: the simulator's samples, each with the program's clock in µs (`null` before its first
+/// frame). It is an error where there is no robot, or where the simulator could not go on.
 pub fn truth(line: &str, board: &mut Board) -> Value {
-    let Some(robot) = board.robot_mut() else {
+    let Some(plant) = board.plant_mut() else {
         return error(line, "there is no robot; start with --robot FILE.toml or --robot published");
     };
-    let samples = robot.take_samples();
-    if let (true, Some(problem)) = (samples.is_empty(), robot.failure()) {
+    let samples = plant.take_samples();
+    if let (true, Some(problem)) = (samples.is_empty(), plant.failure()) {
         return error(line, &format!("the simulated robot could not go on: {problem}"));
     }
     let clock = board.clock();
@@ -124,7 +124,7 @@ pub fn truth(line: &str, board: &mut Board) -> Value {
     json!({ "event": "truth", "samples": samples })
 }
 
-/// What sets the board's sensor apart from an ideal one.
+/// Returns the bias and drift of the board's sensor.
 pub fn sensor(board: &Board) -> Value {
     let part = board.imu().source().part();
     json!({
@@ -136,7 +136,7 @@ pub fn sensor(board: &Board) -> Value {
     })
 }
 
-/// The answer to `status`.
+/// Returns the reply to `status`.
 pub fn status(board: &Board, port: &PortCount) -> Value {
     let bridge = board.bridge();
     let line = board.serial().count();

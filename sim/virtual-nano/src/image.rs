@@ -95,7 +95,7 @@ impl Image {
         }
         let mut image = Self::default();
         for segment in header.program_headers(endian, &*bytes).map_err(not_elf)? {
-            // Initial values of variables are loaded from flash too: the physical address tells where. Above flash
+            // Initial values of variables are loaded from flash too: the physical address says where. Above flash
             // avr-gcc numbers the other memories (EEPROM at 0x810000), which are not the program's to set here.
             let address = segment.p_paddr(endian);
             let content = segment.data(endian, &*bytes).unwrap_or_default();

@@ -4,8 +4,9 @@
 //! [`Board`] runs in-process with exact cycles, for tests. The program `vnano` gives it a pseudo-terminal in place of the
 //! serial port, and takes commands on its standard input (see [`control`]).
 //!
-//! What is modelled to the cycle: the chip, its UART, its I2C master, encoder edges. What is a model: the motors (first
-//! order), the sensor's noise (white), and the robot, which is the simulator's ([`robot`]). What is not there: EEPROM write times, supply voltage, the USB bridge's buffers.
+//! Modelled to the cycle: the chip, its UART, its I2C master, encoder edges. Modelled physically: the motors (first
+//! order), the sensor's noise (white), and the robot, which is the simulator's ([`plant`]). Not modelled: EEPROM write
+//! times, supply voltage, the USB bridge's buffers.
 
 #![warn(unsafe_code)]
 
@@ -21,10 +22,10 @@ pub mod marks;
 pub mod mcu;
 pub mod motor;
 pub mod pace;
+pub mod plant;
 pub mod port;
-pub mod robot;
 pub mod run;
 pub mod serial;
 
-pub use board::{Board, Options};
+pub use board::{Board, BoardOptions};
 pub use image::Image;

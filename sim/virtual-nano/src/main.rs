@@ -2,7 +2,7 @@
 
 use clap::{Parser, ValueEnum};
 use serde_json::json;
-use sim::params::Robot as Parameters;
+use sim::params::Robot;
 use std::error::Error;
 use std::io::{BufRead, Write, stdin, stdout};
 use std::path::{Path, PathBuf};
@@ -14,14 +14,14 @@ use virtual_nano::imu::part::ROOM_C;
 use virtual_nano::imu::recording::Recording;
 use virtual_nano::imu::source::Source;
 use virtual_nano::pace::{Pace, Speed};
-use virtual_nano::port::Port;
-use virtual_nano::robot::Robot;
-use virtual_nano::run::{PortCount, Runner};
-use virtual_nano::{Board, Image, Options};
+use virtual_nano::plant::Plant;
+use virtual_nano::port::{Port, PortCount};
+use virtual_nano::run::Runner;
+use virtual_nano::{Board, BoardOptions, Image};
 
 /// The robot's Arduino Nano, emulated.
 ///
-/// Prints {"event":"ready","port":"/dev/pts/N","sensor":{...}}, then answers each line on standard input with a line of JSON. Ends with
+/// Prints {"event":"ready","port":"/dev/pts/N","sensor":{...}}, then replies to each line on standard input with a line of JSON. Ends with
 /// `quit` or at the end of standard input.
 ///
 /// Example: vnano --firmware target/firmware.elf --imu tests/data/mpu6050/rotate-z-720.csv
@@ -46,7 +46,7 @@ struct Arguments {
     /// Seed of the sensor's noise, bias and drift, and of damage on the line
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// What the sensor answers to WHO_AM_I, such as 0x68, or 0x70 for a common clone
+    /// WHO_AM_I of the sensor: 0x68, or 0x70 for a common clone
     #[arg(long, default_value = "0x68", value_parser = parse_byte)]
     who_am_i: u8,
     /// Keeps the EEPROM in this file, 1024 bytes
@@ -83,10 +83,10 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let source = match (&arguments.imu, &arguments.robot) {
         (Some(path), _) => Source::recording(Recording::read(path)?, arguments.seed),
-        (None, Some(robot)) => Source::robot(read_robot(robot)?, arguments.seed),
+        (None, Some(robot)) => Source::plant(read_robot(robot)?, arguments.seed),
         (None, None) => Source::still(arguments.seed),
     };
-    let options = Options { source, imu_id: arguments.who_am_i, seed: arguments.seed, ..Options::default() };
+    let options = BoardOptions { source, imu_id: arguments.who_am_i, seed: arguments.seed, ..BoardOptions::default() };
     let mut board = match (&arguments.firmware, arguments.bootloader) {
         (_, Some(name)) => {
             let bootloader = match name {
@@ -121,15 +121,15 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 }
 
 /// The robot of a file, whose fluid is as warm as the file says.
-fn read_robot(path: &Path) -> Result<Robot, String> {
-    let parameters = if path == Path::new("published") {
-        Parameters::default()
+fn read_robot(path: &Path) -> Result<Plant, String> {
+    let robot: Robot = if path == Path::new("published") {
+        Robot::default()
     } else {
         let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
         toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?
     };
-    let room_c = parameters.fluid.glycerol.map_or(ROOM_C, |mixture| mixture.temperature_c);
-    Robot::new(&parameters, room_c).map_err(|error| format!("{}: {error}", path.display()))
+    let room_c = robot.fluid.glycerol.map_or(ROOM_C, |mixture| mixture.temperature_c);
+    Plant::new(&robot, room_c).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// A file that does not exist yet is a blank EEPROM.

@@ -1,6 +1,6 @@
 //! How long the program takes, from the marks that it writes to GPIOR0.
 //!
-//! A mark tells that a stage of a tick has ended, and so that the next begins.
+//! A mark ends a stage of a tick and begins the next.
 
 /// The tick begins.
 pub const TICK_BEGIN: u8 = 0x10;
@@ -31,7 +31,7 @@ impl Lengths {
     }
 }
 
-/// What the marks have shown so far.
+/// Durations of the stages so far.
 pub struct Marks {
     stages: [Lengths; 256],
     tick: Lengths,
@@ -62,13 +62,13 @@ impl Marks {
         }
     }
 
-    /// The program was reset: what was under way does not end.
+    /// The program was reset: the present stage does not end.
     pub fn reset(&mut self) {
         self.last = None;
         self.tick_began = None;
     }
 
-    /// Forgets all lengths.
+    /// Removes all durations.
     pub fn clear(&mut self) {
         *self = Self::default();
     }

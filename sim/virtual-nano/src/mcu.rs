@@ -11,7 +11,7 @@ pub const FREQUENCY_HZ: u64 = 16_000_000;
 /// Bytes of flash.
 pub const FLASH_BYTES: u32 = 32 * 1024;
 
-/// Registers that decide what the chip puts out to the bridge.
+/// Registers that determine the chip's outputs to the bridge.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Outputs {
@@ -33,7 +33,7 @@ pub struct Outputs {
     pub ocr2a: u8,
 }
 
-/// What a device does with SDA in answer to a byte.
+/// What a device does with SDA after a byte.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum BusAnswer {
     /// Pulls it low in the ninth bit.
@@ -54,7 +54,7 @@ pub trait Devices {
     fn bus_read(&mut self, cycle: u64) -> Option<u8>;
     /// A STOP, or the chip's TWI switched off.
     fn bus_stop(&mut self, cycle: u64);
-    /// The chip lets the lines have these levels. Answers whether the devices let SDA be high.
+    /// The chip releases or pulls the lines. Returns whether the devices release SDA.
     fn bus_lines(&mut self, cycle: u64, sda: bool, scl: bool) -> bool;
     /// A byte has left the USART.
     fn serial_out(&mut self, cycle: u64, byte: u8);
@@ -64,7 +64,7 @@ pub trait Devices {
     fn outputs(&mut self, cycle: u64, outputs: &Outputs);
     /// The program wrote GPIOR0.
     fn mark(&mut self, cycle: u64, value: u8);
-    /// Called at the cycle that its last call answered, and once after each reset.
+    /// Called at the cycle that its last call returned, and once after each reset.
     fn wake(&mut self, cycle: u64, pins: &mut Pins) -> u64;
 }
 
@@ -156,7 +156,7 @@ impl<D: Devices> Mcu<D> {
         unsafe { &mut *self.devices }
     }
 
-    /// Copies `bytes` into flash. Answers whether they fit.
+    /// Copies `bytes` into flash. Returns whether they fit.
     #[must_use]
     pub fn write_flash(&mut self, address: u32, bytes: &[u8]) -> bool {
         let Ok(length) = u32::try_from(bytes.len()) else { return false };
@@ -206,7 +206,7 @@ impl<D: Devices> Mcu<D> {
         unsafe { nano_bus_changed(self.raw) }
     }
 
-    /// To be called after [`Devices::serial_in`] got something to answer outside of a run.
+    /// To be called after [`Devices::serial_in`] got bytes outside of a run.
     pub fn serial_wake(&mut self) {
         // SAFETY: `raw` is a chip.
         unsafe { nano_serial_wake(self.raw) }

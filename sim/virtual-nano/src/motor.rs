@@ -21,7 +21,7 @@ const START_COUNTS: f64 = 0.5;
 /// An edge is placed to the cycle, and always past its multiple of a count.
 const ONE_CYCLE_S: f64 = 1.0 / crate::mcu::FREQUENCY_HZ as f64;
 
-/// What sort of motor.
+/// Parameters of a motor.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct MotorParameters {
     /// Speed at full voltage, rpm. Assumed: the published robot runs at 90 rpm with a margin for control.
@@ -40,7 +40,7 @@ impl Default for MotorParameters {
     }
 }
 
-/// A motor that turns.
+/// A motor.
 #[derive(Clone, Debug)]
 pub struct Motor {
     parameters: MotorParameters,
@@ -52,17 +52,17 @@ pub struct Motor {
 }
 
 impl Motor {
-    /// One at rest.
+    /// A motor at rest.
     pub fn new(parameters: MotorParameters) -> Self {
         Self { parameters, drive: Drive::Coast, blocked: false, speed_rpm: 0.0, counts: START_COUNTS }
     }
 
-    /// What the bridge does from now on.
+    /// Sets the bridge's drive.
     pub fn set_drive(&mut self, drive: Drive) {
         self.drive = drive;
     }
 
-    /// Holds the flagellum fast, or lets it go.
+    /// Blocks the flagellum, or releases it.
     pub fn block(&mut self, blocked: bool) {
         self.blocked = blocked;
         if blocked {
@@ -96,7 +96,7 @@ impl Motor {
         (matches!(quarter, 1 | 2), matches!(quarter, 2 | 3))
     }
 
-    /// Moves on by `seconds`, at most a little more than [`STEP_S`].
+    /// Advances by `seconds`, at most a little more than [`STEP_S`].
     pub fn advance(&mut self, seconds: f64) {
         if self.blocked {
             return;

@@ -28,12 +28,15 @@ impl FromStr for Speed {
 /// Behind by more than this, the board does not try to catch up: the machine was suspended or is too slow.
 const SLACK: Duration = Duration::from_millis(500);
 
-/// How far a board that runs faster than real time may get ahead of the last word of its host. The motors' deadline is
-/// 500 ms of the board's time, which at ten times real time is less than a busy machine may keep a host waiting.
-const LEAD: u64 = FREQUENCY_HZ / 4;
+/// How far a board that runs faster than real time may get ahead of the last byte from its host, which pings every 20 ms
+/// of the board's time. A busy machine may delay the host by 50 ms; at ten times real time that is the motors' deadline,
+/// and five times the delay after which the start of a run counts as late.
+const LEAD: u64 = FREQUENCY_HZ / 25;
 
-/// A host that is silent for so long has gone, and the board does not wait for it.
-const PATIENCE: Duration = Duration::from_secs(1);
+/// The board does not wait for a host that is silent for this long: it has gone, or it waits for the board. It must be
+/// shorter than the host's last wait for an answer, 400 ms, because saving the settings takes the board longer than
+/// [`LEAD`].
+const PATIENCE: Duration = Duration::from_millis(200);
 
 /// Holds the board's time to a speed.
 #[derive(Debug)]

@@ -1,7 +1,7 @@
 //! A pseudo-terminal in the place of the Nano's serial port.
 //!
 //! A pseudo-terminal has no DTR line; a host that opens it takes the place of DTR going low. It has no speed either, but
-//! it keeps the one that the host sets, so that a wrong one can be told.
+//! it keeps the one that the host sets, so that a wrong one is noticed.
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags, fcntl_setfl, open};
@@ -20,13 +20,22 @@ pub struct Port {
     open: bool,
 }
 
-/// What the host did to the port.
+/// A change of the port by the host.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum PortEvent {
     /// Opened it.
     Opened,
     /// Closed it.
     Closed,
+}
+
+/// Bytes from the board that no host got.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct PortCount {
+    /// Sent while nobody had the port open.
+    pub unheard: u64,
+    /// Sent to a host that did not read in time.
+    pub lost: u64,
 }
 
 impl Port {
@@ -41,12 +50,12 @@ impl Port {
         attributes.make_raw();
         attributes.set_speed(protocol::BAUD)?;
         tcsetattr(&master, OptionalActions::Now, &attributes)?;
-        // The kernel tells that nobody has the port open only after somebody had.
+        // The kernel reports a closed port only after it was open once.
         drop(open(&*path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?);
         Ok(Self { master, path, open: false })
     }
 
-    /// What the host opens, such as `/dev/pts/3`.
+    /// Returns the path that the host opens, such as `/dev/pts/3`.
     pub fn path(&self) -> &str {
         &self.path
     }
@@ -73,7 +82,7 @@ impl Port {
         Ok(tcgetattr(&self.master)?.output_speed())
     }
 
-    /// What the host has sent.
+    /// Reads the bytes that the host has sent.
     pub fn read(&self) -> io::Result<Vec<u8>> {
         let mut bytes = vec![0; 4096];
         match rustix::io::read(&self.master, &mut bytes) {
@@ -81,13 +90,13 @@ impl Port {
                 bytes.truncate(length);
                 Ok(bytes)
             }
-            // EIO: nobody has the port open.
+            // EIO: the port is not open.
             Err(Errno::AGAIN | Errno::IO | Errno::INTR) => Ok(Vec::new()),
             Err(error) => Err(error.into()),
         }
     }
 
-    /// Sends to the host as many of `bytes` as there is room for, and answers how many that were.
+    /// Sends to the host as many of `bytes` as there is room for, and returns how many that were.
     pub fn write(&self, bytes: &[u8]) -> io::Result<usize> {
         match rustix::io::write(&self.master, bytes) {
             Ok(length) => Ok(length),

@@ -5,7 +5,7 @@ use crate::board::Board;
 use crate::control::{self, Command};
 use crate::mcu::RunState;
 use crate::pace::Pace;
-use crate::port::{Port, PortEvent};
+use crate::port::{Port, PortCount, PortEvent};
 use serde_json::Value;
 use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -16,15 +16,6 @@ const SLICE: u64 = 16_000;
 
 /// How far the speeds of two ends may differ before bytes are misread: half a bit in ten.
 const BAUD_TOLERANCE: f64 = 0.05;
-
-/// What became of bytes after the line.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct PortCount {
-    /// Sent while nobody had the port open.
-    pub unheard: u64,
-    /// Sent to a host that did not read in time.
-    pub lost: u64,
-}
 
 /// A board at its port.
 pub struct Runner {
@@ -38,12 +29,12 @@ pub struct Runner {
     pub reset_on_open: bool,
     /// Bytes that the port has not taken yet.
     pub pending: Vec<u8>,
-    /// What became of the others.
+    /// Bytes that no host got.
     pub count: PortCount,
 }
 
 impl Runner {
-    /// Runs until `quit`, or until nobody can send commands any more.
+    /// Runs until `quit` or the end of the commands.
     pub fn run(&mut self, commands: &Receiver<String>, answers: &mut impl Write) -> io::Result<()> {
         loop {
             match commands.try_recv() {
@@ -59,8 +50,8 @@ impl Runner {
                 Err(TryRecvError::Disconnected) => return Ok(()),
                 Err(TryRecvError::Empty) => {}
             }
-            if self.board.robot().is_some_and(|robot| robot.failure().is_some()) {
-                // What the sensor reads from here on is wrong: nobody is to hear of it, or to take it for a measurement.
+            if self.board.plant().is_some_and(|plant| plant.failure().is_some()) {
+                // What the sensor reads from here on is wrong: the board stops, so that nobody takes it for a measurement.
                 std::thread::sleep(Duration::from_millis(1));
                 continue;
             }
@@ -83,7 +74,7 @@ impl Runner {
         }
     }
 
-    /// Follows a command. Answers what to say, and whether to go on.
+    /// Follows a command. Returns the answer, and whether to go on.
     fn follow(&mut self, line: &str) -> (Value, bool) {
         let command = match line.parse::<Command>() {
             Ok(command) => command,

@@ -73,12 +73,12 @@ impl Serial {
         self.to_chip.len()
     }
 
-    /// What the chip has sent since the last call.
+    /// Takes the bytes that the chip has sent since the last call.
     pub fn take(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.to_host)
     }
 
-    /// Loses the next `frames` frames of the stream, whole, on their way to the host. Answers arrive.
+    /// Drops the next `frames` whole frames of the stream on their way to the host. Replies arrive.
     pub fn drop_frames(&mut self, frames: u64) {
         self.to_drop += frames;
     }
@@ -133,7 +133,7 @@ impl Serial {
     }
 
     fn begin_frame(&mut self, first: u8) {
-        // COBS begins with the distance to the first zero, and an answer's payload begins with one.
+        // COBS begins with the distance to the first zero, and a reply's payload begins with one.
         let is_answer = first == 1;
         self.fate = if is_answer {
             Fate::Arrives

@@ -4,7 +4,7 @@ mod common;
 
 use common::Host;
 use protocol::{Command, Reply, ResetCause, Settings};
-use virtual_nano::Options;
+use virtual_nano::BoardOptions;
 
 fn settings(host: &mut Host) -> Settings {
     match host.ask(Command::ReadSettings) {
@@ -14,7 +14,7 @@ fn settings(host: &mut Host) -> Settings {
 }
 
 fn saved() -> (Host, Settings) {
-    let mut host = Host::ready(Options::default());
+    let mut host = Host::ready(BoardOptions::default());
     let other = Settings { board_id: 7, deadline_ms: 333, speed_kp: 1.25, ..Settings::DEFAULT };
     host.order(Command::WriteSettings(other));
     host.order(Command::SaveSettings);
@@ -23,7 +23,7 @@ fn saved() -> (Host, Settings) {
 
 #[test]
 fn saved_settings_survive_a_reset_and_unsaved_ones_do_not() {
-    let mut host = Host::ready(Options::default());
+    let mut host = Host::ready(BoardOptions::default());
     let info = host.hello();
     assert_eq!((info.settings_stored, info.reset_cause, info.boot_count), (false, ResetCause::PowerOn, 1));
     host.order(Command::WriteSettings(Settings { board_id: 9, ..Settings::DEFAULT }));

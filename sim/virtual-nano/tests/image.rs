@@ -1,10 +1,10 @@
-//! What the program costs: flash, memory, time. Printed as a table.
+//! The program's cost in flash, memory and time, printed as a table.
 
 mod common;
 
 use common::{Host, TICK, firmware};
 use protocol::{Command, Settings};
-use virtual_nano::Options;
+use virtual_nano::BoardOptions;
 
 /// Of 30,720 bytes beside the bootloader.
 const FLASH: u64 = 20_480;
@@ -16,7 +16,7 @@ const WORST_TICK: u64 = 48_000;
 #[test]
 fn the_image_fits_with_room_to_spare() {
     let image = firmware();
-    let mut host = Host::ready(Options::default());
+    let mut host = Host::ready(BoardOptions::default());
     // Everything at once: both motors, full telemetry, a calibration before, settings saved meanwhile, a dense host.
     host.order(Command::CalibrateGyro { duration_ms: 500 });
     host.run_linked_ms(700);

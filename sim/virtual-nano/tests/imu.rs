@@ -7,7 +7,7 @@ use common::{Host, TICK_BUDGET};
 use protocol::units::{AccelRange, SensorCounts};
 use protocol::{Command, Fault, Settings};
 use std::path::Path;
-use virtual_nano::Options;
+use virtual_nano::BoardOptions;
 use virtual_nano::imu::fault::{At, Fault as ImuFault};
 use virtual_nano::imu::recording::Recording;
 use virtual_nano::imu::source::Source;
@@ -17,13 +17,13 @@ fn a_recording_arrives_unchanged() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/mpu6050/rotate-z-720.csv");
     let recording = Recording::read(&path).unwrap();
     let source = Source::recording(recording.clone(), 1);
-    let mut host = Host::ready(Options { source, ..Options::default() });
+    let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
     host.order(Command::WriteSettings(Settings { accel_range: AccelRange::G8, ..Settings::DEFAULT }));
     host.run_ms(500);
     host.board.change_imu(|imu| imu.source_mut().play()).unwrap();
     host.telemetry.clear();
     host.run_ms(5000);
-    // The first frame of the recording tells when it began; from there on every tick has its sample of it.
+    // The first frame of the recording shows when it began; from there on every tick has its sample of it.
     let counts = |values: [SensorCounts; 3]| values.map(|value| f64::from(value.0));
     let begin = host.telemetry.iter().position(|(_, t)| counts(t.gyro) == recording.at(0.0).gyro).unwrap();
     let since = host.telemetry[begin].1.time;
@@ -45,7 +45,7 @@ fn a_recording_arrives_unchanged() {
 #[test]
 fn clones_are_named_and_used() {
     for imu_id in [0x68, 0x70, 0x71, 0x72, 0x98] {
-        let mut host = Host::ready(Options { imu_id, ..Options::default() });
+        let mut host = Host::ready(BoardOptions { imu_id, ..BoardOptions::default() });
         assert_eq!(host.hello().imu_id, imu_id);
         assert!(host.last().imu_fresh && host.fault() == Fault::None, "{imu_id:#x}: {:?}", host.last());
     }
@@ -94,7 +94,7 @@ fn every_fault_at_every_byte_of_set_up_is_got_over_or_latched() {
         for transaction in 1..=TRANSACTIONS {
             for byte in 0.. {
                 let at = At { transaction: Some(transaction), byte };
-                let mut host = Host::new(Options::default());
+                let mut host = Host::new(BoardOptions::default());
                 host.board.change_imu(|imu| imu.inject((case.fault)(at)));
                 host.run_ms(100);
                 if host.board.imu().count().faults == 0 {
@@ -123,7 +123,7 @@ fn every_fault_at_every_byte_of_a_burst_is_counted_and_got_over_or_latched() {
     for case in &CASES {
         for byte in 0..BURST {
             let what = format!("{} at byte {byte} of a burst", case.name);
-            let mut host = Host::ready(Options::default());
+            let mut host = Host::ready(BoardOptions::default());
             host.set_speeds([40.0, -40.0]);
             host.run_linked_ms(50);
             assert_eq!(host.fault(), Fault::None);
@@ -154,7 +154,7 @@ fn every_fault_at_every_byte_of_a_burst_is_counted_and_got_over_or_latched() {
 
 #[test]
 fn frozen_data_stop_the_motors() {
-    let mut host = Host::ready(Options::default());
+    let mut host = Host::ready(BoardOptions::default());
     host.set_speeds([40.0, -40.0]);
     host.run_linked_ms(300);
     host.board.change_imu(|imu| imu.inject(ImuFault::Frozen));
@@ -169,7 +169,7 @@ fn frozen_data_stop_the_motors() {
 
 #[test]
 fn another_id_in_mid_run_changes_nothing_until_the_next_start() {
-    let mut host = Host::ready(Options::default());
+    let mut host = Host::ready(BoardOptions::default());
     host.board.change_imu(|imu| imu.set_id(0x70));
     host.run_linked_ms(200);
     assert_eq!(host.fault(), Fault::None);

@@ -4,14 +4,14 @@ mod common;
 
 use common::{Host, MS, TICK};
 use protocol::{Command, Fault, Reply, ResetCause, Settings, State};
-use virtual_nano::Options;
+use virtual_nano::BoardOptions;
 use virtual_nano::imu::noise::Noise;
 
 #[test]
 fn a_silent_host_stops_both_motors_within_the_deadline_and_a_tick() {
     const PHASES: usize = 200;
     let mut random = Noise::new(41);
-    let mut host = Host::ready(Options::default());
+    let mut host = Host::ready(BoardOptions::default());
     let mut worst = (0, 0);
     for phase in 0..PHASES {
         // A few with the default deadline, most with a short one: the same code counts them.
@@ -37,7 +37,7 @@ fn a_silent_host_stops_both_motors_within_the_deadline_and_a_tick() {
 
 #[test]
 fn a_refused_order_keeps_the_motors_off_while_the_fault_lasts() {
-    let mut host = Host::ready(Options::default());
+    let mut host = Host::ready(BoardOptions::default());
     host.set_speeds([60.0, 60.0]);
     host.run_ms(700);
     assert_eq!(host.fault(), Fault::LinkLost);
@@ -54,7 +54,7 @@ fn a_hang_stops_both_motors_within_a_watchdog_period_and_the_board_comes_back() 
     let mut random = Noise::new(17);
     let mut worst = 0;
     for _ in 0..20 {
-        let mut host = Host::ready(Options::default());
+        let mut host = Host::ready(BoardOptions::default());
         host.set_speeds([60.0, -40.0]);
         host.run_linked_ms(100);
         host.run_until(host.board.cycle() + random.next_u64() % (10 * TICK));

@@ -4,7 +4,7 @@ mod common;
 
 use common::Host;
 use protocol::{Command, Fault};
-use virtual_nano::Options;
+use virtual_nano::BoardOptions;
 
 #[test]
 fn speeds_settle_at_their_targets_either_way_round() {
@@ -12,7 +12,7 @@ fn speeds_settle_at_their_targets_either_way_round() {
     const TOLERANCE_RPM: f64 = 1.5;
     println!("target rpm: settling time s, then largest error in the last second, rpm (true speed, and measured)");
     for rpm in [10.0, 20.0, 45.0, 70.0, 90.0, -10.0, -30.0, -60.0, -90.0] {
-        let mut host = Host::ready(Options::default());
+        let mut host = Host::ready(BoardOptions::default());
         host.set_speeds([rpm, -rpm]);
         let mut settled_s = 0.0;
         let (mut ripple, mut measured): (f64, f64) = (0.0, 0.0);
@@ -48,7 +48,7 @@ fn speeds_settle_at_their_targets_either_way_round() {
 #[test]
 fn a_blocked_motor_is_a_fault_of_that_motor() {
     for (motor, fault) in [(0, Fault::Motor1Stalled), (1, Fault::Motor2Stalled)] {
-        let mut host = Host::ready(Options::default());
+        let mut host = Host::ready(BoardOptions::default());
         host.set_speeds([50.0, 50.0]);
         host.run_linked_ms(1500);
         assert_eq!(host.fault(), Fault::None);

@@ -53,7 +53,7 @@ impl Vnano {
         port
     }
 
-    /// Ends standard input, and answers the exit code.
+    /// Ends standard input. Returns the exit code.
     fn end(mut self) -> Option<i32> {
         drop(self.stdin.take());
         self.child.wait().unwrap().code()

@@ -1,31 +1,34 @@
-// The charts of a trial: lines over time by uPlot, with the phases shaded, events marked, and a needle at the time shown.
+// The charts of a trial: lines and ranges over time by uPlot, with the phases shaded, the events marked, and a needle at the
+// selected time.
 "use strict";
 
-/** What each chart draws: a column of the data, its colour, and how the line looks. */
+/** What each chart draws: columns of a table, their names, colours and styles. */
 biflag.CHARTS = {
-  yaw: { table: "attitude", unit: "°", height: 220, lines: biflag_angle("yaw"), band: "band" },
-  pitch: { table: "attitude", unit: "°", height: 160, lines: biflag_angle("pitch") },
-  roll: { table: "attitude", unit: "°", height: 160, lines: biflag_angle("roll") },
+  yaw: { table: "attitude", unit: "°", decimals: 2, height: 220, lines: biflag_angle("yaw"), uncertainty: "uncertainty" },
+  pitch: { table: "attitude", unit: "°", decimals: 2, height: 160, lines: biflag_angle("pitch") },
+  roll: { table: "attitude", unit: "°", decimals: 2, height: 160, lines: biflag_angle("roll") },
   motors: {
     table: "motors",
     unit: " rpm",
+    decimals: 1,
     height: 170,
     lines: [
-      { name: "speed1", colour: "flagellum1", width: 2 },
-      { name: "speed2", colour: "flagellum2", width: 2 },
-      { name: "asked1", colour: "ink", width: 1, dash: [6, 10] },
-      { name: "asked2", colour: "ink", width: 1, dash: [2, 8] },
+      { name: "speed1", label: "flagellum 1", colour: "flagellum1", width: 2 },
+      { name: "speed2", label: "flagellum 2", colour: "flagellum2", width: 2 },
+      { name: "target1", label: "target 1", colour: "ink", width: 1, dash: [6, 10] },
+      { name: "target2", label: "target 2", colour: "ink", width: 1, dash: [2, 8] },
     ],
   },
   link: {
     table: "link",
     unit: "",
+    decimals: 0,
     height: 150,
     lines: [
-      { name: "received", colour: "measured", width: 1.5, stepped: true },
-      { name: "lost", colour: "bad", bars: true },
-      { name: "retries", colour: "model", bars: true },
-      { name: "board", colour: "flagellum1", bars: true },
+      { name: "received", label: "received", colour: "measured", width: 1.5, stepped: true },
+      { name: "lost", label: "lost", colour: "bad", bars: true },
+      { name: "retries", label: "retries", colour: "model", bars: true },
+      { name: "board", label: "board errors", colour: "flagellum1", bars: true },
     ],
   },
 };
@@ -33,8 +36,8 @@ biflag.CHARTS = {
 function biflag_angle(name) {
   return [
     { name, colour: "measured", width: 2 },
-    { name: "model_" + name, colour: "model", width: 2, dash: [8, 4] },
-    { name: "true_" + name, colour: "truth", width: 1.5, dash: [2, 3] },
+    { name: "model_" + name, label: "model", colour: "model", width: 2, dash: [8, 4] },
+    { name: "true_" + name, label: "truth", colour: "truth", width: 1.5, dash: [2, 3] },
   ];
 }
 
@@ -46,14 +49,16 @@ biflag.Chart = class {
     this.element = element;
     this.trial = trial;
     this.spec = biflag.CHARTS[name];
-    this.table = trial.tables[this.spec.table];
+    const table = trial.tables[this.spec.table];
+    /** The samples, or the stretches if there are too many samples. */
+    this.table = table.ranges ?? table;
     this.lines = this.spec.lines.filter((line) => this.table[line.name]);
-    // Bars that count nothing only hide the others.
+    // Bars of zero height only hide the other lines.
     this.lines = this.lines.filter((line) => !line.bars || this.table[line.name].some((n) => n > 0));
     this.build();
   }
 
-  /** Draws it anew, in the colours and the width that now hold. */
+  /** Draws the chart anew, in the present colours and width. */
   build() {
     const range = this.plot ? { ...this.plot.scales.x } : null;
     this.plot?.destroy();
@@ -62,12 +67,19 @@ biflag.Chart = class {
     const data = [table.time, ...this.lines.map((line) => table[line.name])];
     const series = [{}, ...this.lines.map((line) => this.series(line))];
     const bands = [];
-    if (spec.band && table[spec.band]) {
-      const middle = table[this.lines[0].name];
-      const edge = (sign) => middle.map((v, i) => (v === null || table[spec.band][i] === null ? null : v + sign * table[spec.band][i]));
-      data.push(edge(1), edge(-1));
-      series.push({ width: 0, points: { show: false } }, { width: 0, points: { show: false } });
-      bands.push({ series: [data.length - 2, data.length - 1], fill: biflag.colour("band") });
+    const edge = { points: { show: false } };
+    for (const line of this.lines) {
+      if (!table[line.name + "_low"]) continue;
+      data.push(table[line.name + "_high"], table[line.name + "_low"]);
+      series.push({ ...edge, width: 0 }, { ...edge, width: 0 });
+      bands.push({ series: [data.length - 2, data.length - 1], fill: biflag.colour(line.colour) + "48" });
+    }
+    if (table[spec.uncertainty]) {
+      const [middle, uncertainty] = [table[this.lines[0].name], table[spec.uncertainty]];
+      const limit = (sign) => middle.map((v, i) => (v === null || uncertainty[i] === null ? null : v + sign * uncertainty[i]));
+      data.push(limit(1), limit(-1));
+      const thin = { ...edge, stroke: biflag.colour("measured"), width: 1, dash: [3, 3] };
+      series.push({ ...thin }, { ...thin });
     }
     const axis = {
       stroke: biflag.colour("soft"),
@@ -98,7 +110,7 @@ biflag.Chart = class {
       hooks: {
         drawClear: [(u) => this.phases(u)],
         draw: [(u) => this.marks(u)],
-        setCursor: [(u) => this.trial.hover(u.cursor.left >= 0 ? u.posToVal(u.cursor.left, "x") : null)],
+        setCursor: [(u) => this.hover(u)],
         setSelect: [(u) => u.select.width > 0 && this.trial.zoom([u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")])],
       },
     };
@@ -108,7 +120,10 @@ biflag.Chart = class {
     });
     this.needle = document.createElement("div");
     this.needle.className = "needle";
-    this.plot.over.append(this.needle);
+    this.tooltip = document.createElement("div");
+    this.tooltip.className = "tooltip";
+    this.tooltip.hidden = true;
+    this.plot.over.append(this.needle, this.tooltip);
     this.zoom(range && range.min !== null ? [range.min, range.max] : null);
     this.point(this.trial.time);
   }
@@ -121,7 +136,30 @@ biflag.Chart = class {
     return { ...shared, width: line.width, dash: line.dash };
   }
 
-  /** Limits of the axis: some room about the values, and never less than a degree, so that noise looks like noise. */
+  /** The values under the pointer, or the mean and the range of the stretch under it, at the top of the chart. */
+  hover(u) {
+    const { left, idx } = u.cursor;
+    const inside = left >= 0 && idx !== null && idx !== undefined;
+    this.trial.hover(inside ? u.posToVal(left, "x") : null);
+    // The pointer is in one chart, the cursor in all of them.
+    this.tooltip.hidden = !inside || !u.over.matches(":hover");
+    if (this.tooltip.hidden) return;
+    const { table, spec } = this;
+    const text = (column) => biflag.format(table[column]?.[idx], spec.decimals);
+    const values = this.lines.map((line) => {
+      const range = table[line.name + "_low"] ? ` (${text(line.name + "_low")} to ${text(line.name + "_high")})` : "";
+      return `${line.label ?? this.trial.data.own} ${text(line.name)}${range}`;
+    });
+    const time = table.time[idx];
+    const half = (table.width ?? 0) / 2;
+    const stretch = half ? `${(time - half).toFixed(2)} to ${(time + half).toFixed(2)} s, mean (range)` : `${time.toFixed(2)} s`;
+    this.tooltip.replaceChildren(...[stretch, ...values].map((line) => Object.assign(document.createElement("div"), { textContent: line })));
+    const right = left > this.plot.over.clientWidth / 2;
+    this.tooltip.style.left = right ? "" : `${left + 10}px`;
+    this.tooltip.style.right = right ? `${this.plot.over.clientWidth - left + 10}px` : "";
+  }
+
+  /** Limits of the axis: some room about the values, and at least a degree, so that noise looks like noise. */
   span(low, high) {
     if (low === null || high === null) return [0, 1];
     const least = this.spec.unit === "°" ? 1 : 2;
@@ -130,7 +168,7 @@ biflag.Chart = class {
     return this.spec.table === "link" ? [0, Math.max(1, high * 1.1)] : [low - missing - room, high + missing + room];
   }
 
-  /** Paper is short. */
+  /** Charts are lower on paper. */
   height() {
     return Math.round(this.spec.height * (document.documentElement.classList.contains("paper") ? 0.8 : 1));
   }
@@ -190,11 +228,14 @@ biflag.Chart = class {
       ctx.strokeStyle = ctx.fillStyle = biflag.colour(colour);
       ctx.setLineDash(kind === "fault" ? [] : [3 * devicePixelRatio, 3 * devicePixelRatio]);
       ctx.lineWidth = devicePixelRatio;
-      ctx.beginPath();
-      ctx.moveTo(x, bbox.top);
-      ctx.lineTo(x, bbox.top + bbox.height);
-      ctx.stroke();
-      ctx.fillText(sign, x, bbox.top - 3 * devicePixelRatio);
+      // A model's log has a note for each change of the bundling: too many lines hide the curves.
+      if (kind !== "note") {
+        ctx.beginPath();
+        ctx.moveTo(x, bbox.top);
+        ctx.lineTo(x, bbox.top + bbox.height);
+        ctx.stroke();
+      }
+      ctx.fillText(sign, x, bbox.top + devicePixelRatio);
     }
     ctx.restore();
   }

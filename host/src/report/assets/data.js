@@ -1,21 +1,36 @@
-// The data of a trial: from text in the page to numbers, and a quantity at a time.
+// The data of a trial: decodes it, and finds the value of a quantity at a time.
 "use strict";
 
 const biflag = {};
 
 biflag.bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
 
-/** Numbers in 16 or 32 bits; `null` where there is none. */
+/** Numbers in 16 or 32 bits, or evenly spaced ones; `null` for a missing value. */
 biflag.numbers = (packed) => {
+  if (packed.count !== undefined) return Array.from({ length: packed.count }, (_, i) => packed.from + i * packed.step);
   if (packed.f32 !== undefined) return Array.from(new Float32Array(biflag.bytes(packed.f32)));
   const { from, step } = packed;
   return Array.from(new Uint16Array(biflag.bytes(packed.u16)), (n) => (n === 65535 ? null : from + step * n));
 };
 
-/** A table of the page: `time` and named columns. */
+/** A table of the page: `time` and named columns; with `ranges`, the stretches that its charts show. */
 biflag.table = (packed) => {
+  const { ranges, ...columns } = packed;
   const table = {};
-  for (const [name, column] of Object.entries(packed)) table[name] = biflag.numbers(column);
+  for (const [name, column] of Object.entries(columns)) table[name] = biflag.numbers(column);
+  if (ranges) table.ranges = biflag.ranges(ranges);
+  return table;
+};
+
+/** The mean of each quantity in each stretch under the quantity's name, its range as `_low` and `_high`. */
+biflag.ranges = ({ from_s: from, width_s: width, count, columns }) => {
+  const table = { time: Array.from({ length: count }, (_, i) => from + (i + 0.5) * width), width };
+  for (const [name, { mean, low, high }] of Object.entries(columns)) {
+    table[name] = biflag.numbers(mean);
+    if (!low) continue;
+    table[name + "_low"] = biflag.numbers(low);
+    table[name + "_high"] = biflag.numbers(high);
+  }
   return table;
 };
 
@@ -42,7 +57,7 @@ biflag.at = (time, column, t) => {
   return a + ((b - a) * (t - time[i])) / (time[i + 1] - time[i] || 1);
 };
 
-/** A number with a real minus sign; a dash where there is none. */
+/** A number with a proper minus sign; a dash for a missing value. */
 biflag.format = (value, decimals) => {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   const text = Math.abs(value).toFixed(decimals);

@@ -1,4 +1,4 @@
-// The page: which trial is open, light and dark, paper, and the order of the table.
+// The page: the open trial, the colour scheme, printing, and the order of the table.
 "use strict";
 
 {
@@ -39,9 +39,24 @@
 
   const repaint = () => trials.forEach((trial) => trial.repaint());
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
+  const printsAll = document.body.classList.contains("print-all");
+  /** What to restore after printing: hidden sections and closed details. */
+  let restore = [];
   const paper = (on) => {
     document.documentElement.classList.toggle("paper", on);
-    for (const details of document.querySelectorAll("details.how")) details.open = on;
+    restore.forEach((undo) => undo());
+    restore = [];
+    if (on) {
+      for (const details of document.querySelectorAll("details:not([open])")) {
+        details.open = true;
+        restore.push(() => (details.open = false));
+      }
+      for (const section of printsAll ? sections.filter((section) => section.hidden) : []) {
+        section.hidden = false;
+        restore.push(() => (section.hidden = true));
+        if (!trials.has(section)) trials.set(section, new biflag.Trial(section));
+      }
+    }
     repaint();
   };
   addEventListener("beforeprint", () => paper(true));

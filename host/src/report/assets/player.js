@@ -1,4 +1,4 @@
-// A trial on the page: its data, the time shown, and everything that follows the time.
+// A trial on the page: its data, the selected time, and everything that follows the time.
 "use strict";
 
 biflag.Trial = class {
@@ -17,8 +17,8 @@ biflag.Trial = class {
     }
     this.end = this.data.end_s;
     const run = this.data.phases.find(([name]) => name === "run");
-    // The steady values are at the end of the run.
-    this.time = run ? run[2] : this.end;
+    // The attitude is steady at the end of the run, before the next phase.
+    this.time = run ? Math.max(run[1], run[2] - 0.01) : this.end;
     this.fresh = true;
     this.find();
     this.scene = new biflag.Scene(section.querySelector(".scene canvas"), this);
@@ -35,8 +35,8 @@ biflag.Trial = class {
     this.button.addEventListener("click", () => this.toggle());
     this.slider.addEventListener("input", () => this.seek(Number(this.slider.value)));
     for (const [selector, act] of Object.entries({
-      ".nearer": () => this.scene.zoom(1.2),
-      ".farther": () => this.scene.zoom(1 / 1.2),
+      ".view-in": () => this.scene.zoom(1.2),
+      ".view-out": () => this.scene.zoom(1 / 1.2),
       ".home": () => this.scene.home(),
       ".zoom-in": () => this.zoomBy(0.5),
       ".zoom-out": () => this.zoomBy(2),
@@ -84,7 +84,7 @@ biflag.Trial = class {
     this.read(this.time);
   }
 
-  /** The figures at a time: the one shown, or the one under the pointer. */
+  /** The values at a time: the selected one, or the one under the pointer. */
   read(time) {
     for (const output of this.outputs) {
       const [table, column, decimals] = output.dataset.out.split(" ");
@@ -104,7 +104,7 @@ biflag.Trial = class {
     this.scene.draw(this.time);
   }
 
-  /** The stretch of time that the charts show; `null`: all of it. */
+  /** The range of time that the charts show; `null`: the whole trial. */
   zoom(range) {
     this.range = range && range[1] - range[0] > 0.02 ? [Math.max(0, range[0]), Math.min(this.end, range[1])] : null;
     for (const chart of this.charts) {
@@ -126,7 +126,7 @@ biflag.Trial = class {
     this.scene.draw(this.time);
   }
 
-  /** In the colours that now hold. */
+  /** Draws everything in the present colours. */
   repaint() {
     for (const chart of this.charts) chart.build();
     this.scene.draw(this.time);

@@ -1,5 +1,5 @@
-// The robot in space: base, motors and both flagella on a plain canvas, far things first. Metres; z is up; the robot hangs
-// from the joint at the origin.
+// The view of the robot: base, motors and both flagella on a plain canvas, drawn from back to front. Lengths are in metres,
+// z is up, and the robot hangs from the joint at the origin.
 "use strict";
 
 biflag.Scene = class {
@@ -98,7 +98,7 @@ biflag.Scene = class {
     const [ca, sa] = [Math.cos(this.view.azimuth), Math.sin(this.view.azimuth)];
     const [ce, se] = [Math.cos(this.view.elevation), Math.sin(this.view.elevation)];
     const middle = -0.47 * reach;
-    /** To the canvas: x, y, and how far away. A little perspective tells near from far. */
+    /** Projects onto the canvas with slight perspective: x, y, depth, and scale at that depth. */
     const project = ([x, y, z]) => {
       const [right, away, up] = [ca * x + sa * y, ca * y - sa * x, z - middle];
       const depth = away * ce - up * se;
@@ -120,7 +120,7 @@ biflag.Scene = class {
 
     for (const face of this.solids) {
       const corners = face.corners.map((corner) => project(turn(corner)));
-      // Seen from behind, a face is hidden by its solid.
+      // A face that looks away is hidden by its solid.
       const area = corners.reduce((sum, [x, y], i) => {
         const [u, v] = corners[(i + 1) % corners.length];
         return sum + x * v - u * y;
@@ -149,7 +149,7 @@ biflag.Scene = class {
     for (const part of parts) part.paint();
   }
 
-  /** The ring that the yaw is read on, the vertical through the joint. */
+  /** The scale of the yaw with its pointers, and the vertical through the joint. */
   surroundings(ctx, project, colours, yaw, modelYaw, reach) {
     const [radius, z] = [0.24 * reach, 0.1 * reach];
     const on = (angle, r) => project([r * Math.cos(angle), r * Math.sin(angle), z]);
@@ -195,14 +195,14 @@ biflag.Scene = class {
     ctx.stroke();
   }
 
-  /** A round rod along a line: a dark rim, the colour, and a light on top, a piece at a time. */
+  /** A round rod along a line, piece by piece: a dark rim, the colour, and a highlight. */
   tube(parts, ctx, project, line, colour, radius) {
     const points = line.map(project);
     const tones = [biflag.shade(colour, 0.55), colour, biflag.shade(colour, 1.35)];
     for (let i = 0; i + 1 < points.length; i++) {
       const [a, b] = [points[i], points[i + 1]];
       const thick = 2 * radius * 0.5 * (a[3] + b[3]);
-      // The end of a piece is not seen, so it has no rim, and laps over its neighbour.
+      // Pieces overlap, so that no rim shows between them.
       const lap = 0.6 / (Math.hypot(b[0] - a[0], b[1] - a[1]) || 1);
       const [dx, dy] = [lap * (b[0] - a[0]), lap * (b[1] - a[1])];
       const isEnd = i === 0 || i + 2 === points.length;
@@ -249,7 +249,7 @@ biflag.Scene = class {
     });
     for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => canvas.classList.remove("held"));
     canvas.addEventListener("wheel", (event) => {
-      // Without a key the wheel scrolls the page.
+      // Without a modifier key, the wheel scrolls the page.
       if (!event.ctrlKey && !event.metaKey) return;
       event.preventDefault();
       this.zoom(Math.exp(-event.deltaY * 0.002));
@@ -285,7 +285,7 @@ biflag.rotation = ([yaw, pitch, roll]) => {
   ];
 };
 
-/** More points on a smooth line through the given ones (Catmull and Rom). */
+/** Adds points on a Catmull-Rom spline through the given ones. */
 biflag.smooth = (points, pieces) => {
   const smooth = [];
   for (let i = 0; i + 1 < points.length; i++) {
@@ -300,7 +300,7 @@ biflag.smooth = (points, pieces) => {
   return smooth;
 };
 
-/** How bright a face is: lit from above and the side. */
+/** Brightness of a face that is lit from above and the side. */
 biflag.light = (corners, turn) => {
   const [a, b, c] = corners.map(turn);
   const [u, v] = [b.map((x, i) => x - a[i]), c.map((x, i) => x - a[i])];

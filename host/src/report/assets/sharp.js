@@ -1,4 +1,4 @@
-// Before the charts' library reads it: canvases of at least two pixels to one, because a browser that prints enlarges them.
+// Runs before the library of the charts: canvases have at least two pixels per CSS pixel, because printing enlarges them.
 "use strict";
 {
   const native = Object.getOwnPropertyDescriptor(window, "devicePixelRatio").get;

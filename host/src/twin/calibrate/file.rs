@@ -1,9 +1,9 @@
-//! The robot's file that a calibration leaves behind.
+//! Writes the robot file of a calibration.
 
 use super::{Calibration, Estimate};
 use std::fmt::Write;
 
-/// The file of a fitted robot: every parameter, and where the fitted ones come from.
+/// Returns the file of a fitted robot: all parameters, and comments with the origin of the fitted ones.
 pub fn to_toml(calibration: &Calibration) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.

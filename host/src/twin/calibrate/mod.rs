@@ -1,18 +1,18 @@
-//! A robot's parameters from its trials: least squares between model and experiment.
+//! Estimates a robot's parameters from its trials by least squares between model and experiment.
 //!
-//! Yaw, pitch and roll of every trial are averaged over blocks of half a second, from the start of the run to the end of
-//! the decay, and the model is made to meet them by Levenberg's and Marquardt's method. Parameters are fitted as
-//! logarithms over their start.
+//! Yaw, pitch and roll of every trial are averaged over blocks of half a second, from the start of the run to the end
+//! of the decay, and the model is fitted to them by the Levenberg-Marquardt method. Parameters are fitted as logarithms
+//! relative to their start.
 //!
-//! Residuals that follow each other are alike, and standard errors that took them for independent would be too small
-//! several times over. The fit weighs blocks by what the sensor does by itself (the random walk of the yaw, the walk of
-//! the gyroscope's bias since it was still, the levelling, the error of the zeros), what the model's numbers and the clocks
-//! leave, and a guess at the rest, as if that were independent. Weights that took the rest for as alike as it is would be
-//! sharper, but trust the first moments of a motion more than model and clocks deserve: a delay of 5 ms then moved the
-//! tether by 3 %. How large and how alike the residuals are, taken for a process of first order for each angle, goes into
-//! the standard errors, which hold for whatever weights the fit had (White 1980, Econometrica 48, 817; Seber and Wild 2003,
-//! Nonlinear Regression, chapter 6). To them the model's own numbers add theirs. What is wrong with the model itself, the
-//! fit takes for noise that lasts.
+//! Successive residuals are correlated, and standard errors that ignored this would be several times too small. The fit
+//! weights blocks by the errors of the sensor (the random walk of the yaw, the walk of the gyroscope's bias since the
+//! still phase, the levelling, the zeros), of the solver and of the clocks, and by an assumed remaining error, as if it
+//! were independent. Weights with the true correlation of the remaining error would be more efficient, but would rely
+//! on the first moments of a motion more than the accuracy of model and clocks allows: a delay of 5 ms then changed the
+//! tether by 3 %. The size and correlation of the residuals, as a first-order autoregressive process for each angle,
+//! enter the standard errors, which hold for any weights of the fit (White 1980, Econometrica 48, 817; Seber and Wild
+//! 2003, Nonlinear Regression, chapter 6). The solver's error is added to them. Errors of the model itself count as
+//! correlated noise.
 
 mod data;
 mod file;
@@ -22,144 +22,147 @@ mod problem;
 pub use file::to_toml;
 pub use parameter::Parameter;
 
+use super::TwinError;
 use super::replay::pool;
-use super::{Recording, TwinError};
 use crate::attitude::student_95;
-use data::{Correlated, Data, Whitener};
+pub use data::FitTrial;
+use data::{Correlated, Whitener};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::DMatrix;
 use problem::Problem;
 use rayon::prelude::*;
 use serde::Serialize;
+use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::robot::closure::Closure;
 use std::path::PathBuf;
 
-/// The fit has ended where no parameter moves by more than this share of itself; a part of a standard error.
+/// Relative change of the parameters below which the fit has converged: a fraction of a standard error.
 const PRECISION: f64 = 1e-3;
 
-/// A fit that has not ended after this many times as many evaluations as parameters will not.
-const PATIENCE: usize = 20;
+/// Maximum number of evaluations per parameter.
+const MAX_EVALS_PER_PARAM: usize = 20;
 
-/// Two parameters with a correlation beyond this are told apart badly.
-const ALIKE: f64 = 0.95;
+/// Largest correlation of two parameters that are separable.
+const MAX_CORRELATION: f64 = 0.95;
 
-/// A standard error beyond this share of the value tells little.
-const VAGUE: f64 = 0.2;
+/// Largest relative standard error of a parameter that counts as determined.
+const MAX_REL_ERROR: f64 = 0.2;
 
-/// What to fit to what.
+/// The settings of a fit.
 #[derive(Debug)]
 pub struct Request {
-    /// The robot to start from; `None`: that of the first trial.
+    /// The robot to start from; `None` for that of the first trial.
     pub robot: Option<Robot>,
-    /// The closure; `None`: that of the first trial's model, and `full` where it has none.
+    /// The closure; `None` for that of the first trial's model, or `full` if it has no model.
     pub closure: Option<Closure>,
     /// The parameters.
     pub parameters: Vec<Parameter>,
-    /// Simulations at a time.
+    /// Number of simulations in parallel.
     pub jobs: usize,
 }
 
-/// A parameter, fitted.
+/// A fitted parameter.
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Estimate {
     /// Its name.
     pub name: &'static str,
-    /// Its key in the robot's file.
+    /// Key in the robot's file.
     pub key: Option<&'static str>,
-    /// Its unit.
+    /// Unit.
     pub unit: &'static str,
     /// The value that the fit started from.
     pub start: f64,
     /// The fitted value.
     pub value: f64,
-    /// Its standard error.
+    /// Standard error.
     pub std_error: f64,
-    /// The 95 % interval: from, to.
+    /// 95 % confidence interval: lower and upper bound.
     pub interval_95: [f64; 2],
 }
 
-/// A trial that was fitted to.
+/// A trial used by the fit.
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Fitted {
     /// Its name.
     pub name: String,
-    /// Its log.
+    /// Path of its log.
     pub log: PathBuf,
     /// SHA-256 of the log.
     pub sha256: String,
-    /// Root of the mean square of the errors of yaw, pitch and roll with the start's parameters.
+    /// Root mean square errors of yaw, pitch and roll with the initial parameters.
     pub rmse_before_deg: [f64; 3],
-    /// The same with the fitted ones.
+    /// The same with the fitted parameters.
     pub rmse_after_deg: [f64; 3],
 }
 
-/// How the sensor sits in the body, from the still phases.
+/// Mounting of the sensor in the body, from the still phases.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
 pub struct Mounting {
     /// Mean pitch at rest.
     pub pitch_deg: f64,
     /// Mean roll at rest.
     pub roll_deg: f64,
-    /// Standard errors of both, from the scatter between trials; `None` for a single one.
+    /// Standard errors of both, from the scatter between trials; `None` for a single trial.
     pub std_error_deg: Option<[f64; 2]>,
 }
 
-/// What a fit came to.
+/// Result of a fit.
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Calibration {
     /// The parameters.
     pub parameters: Vec<Estimate>,
     /// Correlations of their errors, in the same order.
     pub correlations: Vec<Vec<f64>>,
-    /// Largest over least eigenvalue of the correlations: how nearly some mixture of parameters is not told at all.
+    /// Condition number of the correlations; it is large if a combination of parameters is nearly undetermined.
     pub condition_number: f64,
-    /// What the data cannot tell, in sentences.
+    /// Descriptions of the parameters that the data cannot separate or determine.
     pub cannot_tell: Vec<String>,
-    /// Root of the mean square of all errors with the start's parameters.
+    /// Root mean square of all errors with the initial parameters.
     pub rmse_before_deg: f64,
-    /// The same with the fitted ones.
+    /// The same with the fitted parameters.
     pub rmse_after_deg: f64,
-    /// How the sensor sits in the body.
+    /// Mounting of the sensor in the body.
     pub mounting: Mounting,
     /// The trials.
     pub trials: Vec<Fitted>,
-    /// The closure that it goes for.
+    /// The closure of the fit.
     pub closure: Closure,
-    /// How often the trials were simulated, all together.
+    /// Total number of simulated trials.
     pub simulations: usize,
-    /// What whoever uses it should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
     /// The fitted robot.
     #[serde(skip)]
     pub robot: Robot,
 }
 
-/// Fits parameters of a robot to recorded trials. `progress` is told of each simulation of a trial that ends.
+/// Fits parameters of a robot to trials. `progress` is called after each simulation of a trial.
 ///
 /// # Errors
-/// [`TwinError::Unusable`] where a trial says too little, [`TwinError::Fit`] where the fit does not end.
+/// [`TwinError::Robot`] if the robot of the first trial is invalid, [`TwinError::Fit`] if the fit does not converge.
 pub fn calibrate(
-    recordings: &[Recording],
+    trials: Vec<FitTrial>,
     request: &Request,
     progress: &(dyn Fn() + Sync),
 ) -> Result<Calibration, TwinError> {
-    let pool = pool(request.jobs)?;
-    pool.install(|| fit(recordings, request, progress))
+    pool(request.jobs)?.install(|| fit(trials, request, progress))
 }
 
-fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)) -> Result<Calibration, TwinError> {
-    let trials: Vec<_> = recordings.par_iter().map(Data::new).collect::<Result<_, _>>()?;
-    let Some(recording) = recordings.first() else {
+fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync)) -> Result<Calibration, TwinError> {
+    let Some(first) = trials.first_mut() else {
         return Err(failed("there are no trials", "name the logs of one or more trials"));
     };
+    let first_robot = std::mem::replace(&mut first.robot, Ok(Robot::default()));
+    let first_robot =
+        first_robot.map_err(|source| TwinError::Robot { path: first.path.clone(), source: Box::new(source) });
+    let first_closure = first.closure;
     let mut warnings: Vec<String> =
         trials.iter().flat_map(|trial| trial.warnings.iter().map(|text| format!("{}: {text}", trial.name))).collect();
     let mut start = match &request.robot {
         Some(robot) => robot.clone(),
-        None => recording.robot()?,
+        None => first_robot?,
     };
-    let closure = request.closure.or(recording.model.as_ref().map(|model| model.closure)).unwrap_or(Closure::Full);
+    let closure = request.closure.or(first_closure).unwrap_or(Closure::Full);
     if let Some(mixture) = start.fluid.glycerol.as_mut() {
         mixture.temperature_c = trials.iter().map(|trial| trial.temperature_c).sum::<f64>() / trials.len() as f64;
         let (share, celsius) = (mixture.mass_fraction, mixture.temperature_c);
@@ -167,7 +170,7 @@ fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)
         start.fluid.density_kg_m3 = start.fluid.density();
         start.fluid.glycerol = None;
         warnings.push(format!(
-            "the viscosity starts from that of {:.1} % glycerol at the sensor's {celsius:.1} °C: {:.3} Pa s",
+            "the initial viscosity is that of {:.1} % glycerol at the sensor's {celsius:.1} °C: {:.3} Pa s",
             100.0 * share,
             start.fluid.viscosity_pa_s
         ));
@@ -183,23 +186,20 @@ fn fit(recordings: &[Recording], request: &Request, progress: &(dyn Fn() + Sync)
     let whiteners = whiteners(&trials, [Correlated::guess(); 3])?;
     let problem = Problem::new(given, parameters, &whiteners, &simulated, vec![0.0; parameters.len()]);
     let Some(errors_before) = problem.errors() else {
-        return Err(failed(
-            "the model of the start's parameters does not end",
-            "start from another robot with --robot",
-        ));
+        return Err(failed("the solver fails with the initial parameters", "start from another robot with --robot"));
     };
     let problem = minimise(problem)?;
     let errors = problem.errors().unwrap_or_default();
     let rest = problem::correlations(&errors);
     let covariance = covariance(&problem, &self::whiteners(&trials, rest)?)?;
 
-    // What the parameters took up of the residuals is not seen in them any more.
-    let blocks: usize = trials.iter().map(Data::blocks).sum();
+    // The fitted parameters absorb a part of the residuals.
+    let blocks: usize = trials.iter().map(FitTrial::blocks).sum();
     let independent: f64 = rest.iter().map(|rest| rest.independent(blocks)).sum();
     let freedom = (independent - parameters.len() as f64).max(1.0);
-    let taken_up = (independent / freedom).sqrt();
+    let dof_correction = (independent / freedom).sqrt();
     let deviation = |(i, parameter): (usize, &Parameter)| {
-        (taken_up * covariance[(i, i)].max(0.0).sqrt()).hypot(parameter.numbers())
+        (dof_correction * covariance[(i, i)].max(0.0).sqrt()).hypot(parameter.solver_error())
     };
     let deviations: Vec<f64> = parameters.iter().enumerate().map(deviation).collect();
     let quantile = student_95(freedom);
@@ -251,27 +251,27 @@ fn failed(reason: &str, help: &'static str) -> TwinError {
     TwinError::Fit { reason: reason.to_owned(), help }
 }
 
-fn whiteners(trials: &[Data], rest: [Correlated; 3]) -> Result<Vec<[Whitener; 3]>, TwinError> {
-    let one = |trial: &Data| match [0, 1, 2].map(|k| trial.whitener(k, rest[k])) {
+fn whiteners(trials: &[FitTrial], rest: [Correlated; 3]) -> Result<Vec<[Whitener; 3]>, TwinError> {
+    let one = |trial: &FitTrial| match [0, 1, 2].map(|k| trial.whitener(k, rest[k])) {
         [Some(yaw), Some(pitch), Some(roll)] => Ok([yaw, pitch, roll]),
-        _ => Err(failed("the noise of a trial makes no sense", "leave out trials whose logs are damaged")),
+        _ => Err(failed("the noise of a trial has no valid covariance", "leave out trials whose logs are damaged")),
     };
     trials.par_iter().map(one).collect()
 }
 
 fn minimise(problem: Problem) -> Result<Problem, TwinError> {
-    let method = LevenbergMarquardt::new().with_tol(PRECISION).with_patience(PATIENCE);
+    let method = LevenbergMarquardt::new().with_tol(PRECISION).with_patience(MAX_EVALS_PER_PARAM);
     let (problem, report) = method.minimize(problem);
     if report.termination.was_successful() {
         return Ok(problem);
     }
     let reason = format!("{:?} after {} evaluations", report.termination, report.number_of_evaluations);
-    Err(failed(&reason, "fit fewer parameters with --fit, or to trials at other speeds"))
+    Err(failed(&reason, "fit fewer parameters with --fit, or use trials at other speeds"))
 }
 
-/// Covariance of what the fit moved, where errors have the covariance `noise`, whatever the weights of the fit were.
+/// Returns the covariance of the fitted parameters for errors with the covariance `noise`, for any weights of the fit.
 fn covariance(problem: &Problem, noise: &[[Whitener; 3]]) -> Result<DMatrix<f64>, TwinError> {
-    let blind = || failed("the trials do not tell all parameters", "fit fewer parameters with --fit");
+    let blind = || failed("the trials do not determine all parameters", "fit fewer parameters with --fit");
     let jacobian = problem.jacobian().ok_or_else(blind)?;
     let jacobian = DMatrix::from_column_slice(jacobian.nrows(), jacobian.ncols(), jacobian.as_slice());
     let scale: Vec<f64> = jacobian.column_iter().map(|column| column.norm()).collect();
@@ -280,7 +280,7 @@ fn covariance(problem: &Problem, noise: &[[Whitener; 3]]) -> Result<DMatrix<f64>
     }
     let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| jacobian[(i, j)] / scale[j]);
     let inverse = (scaled.transpose() * &scaled).cholesky().ok_or_else(blind)?.inverse();
-    // How far each error moves each parameter, spread by what errors there are.
+    // Effect of each error on each parameter, scaled by the covariance of the errors.
     let mut spread = scaled;
     let mut first = 0;
     for (weights, noise) in problem.whiteners.iter().flatten().zip(noise.iter().flatten()) {
@@ -301,19 +301,19 @@ fn cannot_tell(estimates: &[Estimate], correlations: &DMatrix<f64>, parameters: 
     for i in 0..estimates.len() {
         for j in 0..i {
             let correlation = correlations[(i, j)];
-            if correlation.abs() > ALIKE {
+            if correlation.abs() > MAX_CORRELATION {
                 let (one, other) = (estimates[j].name, estimates[i].name);
                 let mixture = if correlation > 0.0 { "ratio" } else { "product" };
                 said.push(format!(
-                    "{one} and {other} are hardly told apart (correlation {correlation:+.3}): the data tell their {mixture}"
+                    "{one} and {other} are hardly separable (correlation {correlation:+.3}): the trials determine their {mixture}"
                 ));
             }
         }
     }
     for (estimate, parameter) in estimates.iter().zip(parameters) {
         let share = estimate.std_error / estimate.value.abs();
-        if parameter.is_of_the_robot() && share > VAGUE {
-            said.push(format!("{} is told to {:.0} % only (standard error)", estimate.name, 100.0 * share));
+        if parameter.is_of_the_robot() && share > MAX_REL_ERROR {
+            said.push(format!("{} is known to only {:.0} % (standard error)", estimate.name, 100.0 * share));
         }
     }
     said
@@ -326,7 +326,7 @@ fn rms<'a>(blocks: impl Iterator<Item = &'a Vec<f64>>) -> f64 {
     (sum / count.max(1) as f64).sqrt()
 }
 
-fn mounting(trials: &[Data]) -> Mounting {
+fn mounting(trials: &[FitTrial]) -> Mounting {
     let count = trials.len() as f64;
     let mean = [0, 1].map(|k| trials.iter().map(|trial| trial.askew_deg[k]).sum::<f64>() / count);
     let error = [0, 1].map(|k| {

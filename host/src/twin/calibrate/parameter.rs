@@ -1,15 +1,15 @@
-//! What can be fitted.
+//! Parameters that can be fitted.
 
+use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::robot::closure::Closure;
 use std::str::FromStr;
 
-/// A parameter of the robot, or of how its sensor sits in it.
+/// A parameter of the robot, or of the mounting of its sensor.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Parameter {
-    /// Stiffness of the tether, of the closure that is fitted.
+    /// Stiffness of the tether in the fitted closure.
     Tether,
-    /// The righting moment, by the mass centre's depth below the joint.
+    /// The righting moment, given by the depth of the centre of mass below the joint.
     Righting,
     /// Coefficient of the base's rotational drag.
     Drag,
@@ -17,19 +17,19 @@ pub enum Parameter {
     Viscosity,
     /// Young's modulus of the flagella.
     Young,
-    /// By how much the sensor is turned in the body about the vertical.
+    /// Angle by which the sensor is rotated in the body about the vertical.
     MountYaw,
 }
 
 impl Parameter {
-    /// Every parameter.
+    /// All parameters.
     pub const ALL: [Self; 6] = [Self::Tether, Self::Righting, Self::Drag, Self::Viscosity, Self::Young, Self::MountYaw];
 
-    /// Those that are fitted unless the user says otherwise. The flagella's stiffness is left out: it is measured better
-    /// on a rod than on a robot, and the viscosity can hardly be told from it.
+    /// The parameters that are fitted by default. The flagella's stiffness is not: it is measured better on a rod, and
+    /// is nearly indistinguishable from the viscosity.
     pub const USUAL: [Self; 5] = [Self::Tether, Self::Righting, Self::Drag, Self::Viscosity, Self::MountYaw];
 
-    /// Its name on the command line.
+    /// Returns the name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Tether => "tether",
@@ -41,7 +41,7 @@ impl Parameter {
         }
     }
 
-    /// Its key in the robot's file; the sensor's place is in none.
+    /// Returns the key in the robot's file; `None` for the mounting of the sensor.
     pub fn key(self, closure: Closure) -> Option<&'static str> {
         Some(match self {
             Self::Tether if closure == Closure::Lumped => "joint.tether_lumped_nm_per_rad",
@@ -54,7 +54,7 @@ impl Parameter {
         })
     }
 
-    /// Its unit.
+    /// Returns the unit.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Tether => "N m/rad",
@@ -66,7 +66,7 @@ impl Parameter {
         }
     }
 
-    /// Its place in a robot; `None`: it is the sensor's.
+    /// Returns the parameter in a robot; `None` for the mounting of the sensor.
     fn place(self, robot: &mut Robot, closure: Closure) -> Option<&mut f64> {
         Some(match self {
             Self::Tether if closure == Closure::Lumped => &mut robot.joint.tether_lumped_nm_per_rad,
@@ -79,16 +79,17 @@ impl Parameter {
         })
     }
 
-    /// Whether it is the robot's, so that the model must be computed anew where it changes.
+    /// Returns whether it is a parameter of the robot, so that a change requires a new simulation.
     pub(super) fn is_of_the_robot(self) -> bool {
         self != Self::MountYaw
     }
 
-    /// How well the model's own numbers allow it to be told at best: standard error of what the fit moves.
+    /// Returns the smallest standard error, due to discretisation, in the units of the fit.
     ///
-    /// Two runs of a trial whose solver stops at 0.02 and at 0.001 differ by 0.2 % in yaw, and by up to 0.6 % in tilt. The
-    /// base's drag is 4 % of what resists the yaw (3.6e-5 of 9e-4 N m s), so that 0.2 % of the whole is 5 % of it.
-    pub(super) fn numbers(self) -> f64 {
+    /// Two runs of a trial with solver tolerances of 0.02 and 0.001 differ by 0.2 % in yaw, and by up to 0.6 % in tilt.
+    /// The base's drag is 4 % of the total resistance to yaw (3.6e-5 of 9e-4 N m s), so that 0.2 % of the total is 5 %
+    /// of the drag.
+    pub(super) fn solver_error(self) -> f64 {
         match self {
             Self::Drag => 0.05,
             Self::MountYaw => 0.0,
@@ -96,8 +97,8 @@ impl Parameter {
         }
     }
 
-    /// What the fit moves, at `start`: the logarithm of a positive parameter over its start, so that it stays positive;
-    /// radians of an angle.
+    /// Returns the value after the fit moved it from `start`. The fit moves the logarithm of the ratio of a positive
+    /// parameter to its start, so that it stays positive, and an angle in radians.
     pub(super) fn value(self, start: &Robot, closure: Closure, moved: f64) -> f64 {
         let mut robot = start.clone();
         match self.place(&mut robot, closure) {
@@ -106,12 +107,12 @@ impl Parameter {
         }
     }
 
-    /// Standard error of the value from that of what the fit moves.
+    /// Returns the standard error of the value, given that of the moved quantity.
     pub(super) fn error(self, value: f64, moved_error: f64) -> f64 {
         if self.is_of_the_robot() { value * moved_error } else { moved_error.to_degrees() }
     }
 
-    /// Moves a robot's parameter.
+    /// Sets the parameter of a robot.
     pub(super) fn put(self, robot: &mut Robot, closure: Closure, moved: f64) {
         if let Some(place) = self.place(robot, closure) {
             *place *= moved.exp();
@@ -133,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_key_is_one_of_a_robots_file_and_moves_it() {
+    fn keys_name_fields_of_the_robot_file() {
         for parameter in Parameter::ALL {
             assert_eq!(parameter.name().parse(), Ok(parameter));
             let mut robot = Robot::default();

@@ -1,46 +1,47 @@
-//! The least squares problem: residuals of all trials, and how they change with each parameter.
+//! The least squares problem: residuals of all trials, and their derivatives with respect to each parameter.
 
-use super::data::{Blocks, Correlated, Data, Whitener};
+use super::data::{Blocks, Correlated, FitTrial, Whitener};
 use super::parameter::Parameter;
 use levenberg_marquardt::LeastSquaresProblem;
 use nalgebra::{Rotation3, Vector3};
 use nalgebra_of_lm::storage::Owned;
 use nalgebra_of_lm::{DMatrix, DVector, Dyn};
 use rayon::prelude::*;
+use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::robot::closure::Closure;
 
-/// By how much a parameter moves for a difference: a logarithm, or radians. Small enough to be straight, and large beside
-/// what the solver leaves.
-const DIFFERENCE: f64 = 0.01;
+/// Step of the finite differences, a logarithm or radians: small enough for the model to be linear, and large compared
+/// with the solver's error.
+const FD_STEP: f64 = 0.01;
 
-/// The solver's tolerance for differences, which must not drown in what it leaves. Residuals keep the robot's own: what the
-/// solver leaves has a direction (0.6 % of a tilt at 0.02), and the trial may be one that the same solver made.
+/// The solver's tolerance for finite differences, which must exceed its error. Residuals use the tolerance of the
+/// robot: the solver's error is systematic (0.6 % of a tilt at 0.02), and the trial may have been computed by the same
+/// solver.
 const TOLERANCE: f64 = 1e-3;
 
-/// The parameters do not move further than this from their start: a factor of ten, or half a turn and more.
-const FARTHEST: f64 = 2.3;
+/// Largest change of a parameter from its start: a factor of ten, or more than half a turn.
+const MAX_LOG_CHANGE: f64 = 2.3;
 
-/// A residual that no fit likes.
-const FAR_OFF: f64 = 1e4;
+/// Residual if the solver fails, large enough to make the fit turn back.
+const FAILED_RESIDUAL: f64 = 1e4;
 
-/// Trials, a robot, and what of it moves.
+/// The trials, the robot, and its free parameters.
 pub(super) struct Problem<'a> {
-    pub trials: &'a [Data],
+    pub trials: &'a [FitTrial],
     pub start: &'a Robot,
     pub closure: Closure,
     pub parameters: &'a [Parameter],
     pub whiteners: &'a [[Whitener; 3]],
-    /// Told of the simulations that were done.
+    /// Called after each simulation of a trial.
     pub simulated: &'a (dyn Fn(usize) + Sync),
     moved: Vec<f64>,
-    /// What the model makes of the trials; `None`: the solver could not end one.
+    /// The model's blocks of the trials; `None` if the solver failed.
     modelled: Option<Vec<Blocks>>,
 }
 
 impl<'a> Problem<'a> {
     pub fn new(
-        (trials, start, closure): (&'a [Data], &'a Robot, Closure),
+        (trials, start, closure): (&'a [FitTrial], &'a Robot, Closure),
         parameters: &'a [Parameter],
         whiteners: &'a [[Whitener; 3]],
         simulated: &'a (dyn Fn(usize) + Sync),
@@ -51,12 +52,12 @@ impl<'a> Problem<'a> {
         problem
     }
 
-    /// How far each parameter has moved.
+    /// Returns the change of each parameter.
     pub fn moved(&self) -> &[f64] {
         &self.moved
     }
 
-    /// A robot with its parameters moved.
+    /// Returns a robot with changed parameters.
     pub fn robot(&self, start: &Robot, moved: &[f64]) -> Robot {
         let mut robot = start.clone();
         for (parameter, moved) in self.parameters.iter().zip(moved) {
@@ -65,7 +66,7 @@ impl<'a> Problem<'a> {
         robot
     }
 
-    /// Modelled less measured of each trial, degrees.
+    /// Returns the errors of each trial, modelled minus measured, degrees.
     pub fn errors(&self) -> Option<Vec<Blocks>> {
         let modelled = self.mounted(self.modelled.as_ref()?, &self.moved);
         Some(
@@ -80,11 +81,11 @@ impl<'a> Problem<'a> {
     }
 
     fn model(&self, start: &Robot, moved: &[f64]) -> Option<Vec<Blocks>> {
-        if moved.iter().any(|moved| moved.abs() > FARTHEST || !moved.is_finite()) {
+        if moved.iter().any(|moved| moved.abs() > MAX_LOG_CHANGE || !moved.is_finite()) {
             return None;
         }
         let robot = self.robot(start, moved);
-        let one = |trial: &Data| {
+        let one = |trial: &FitTrial| {
             let blocks = trial.modelled(&robot, self.closure);
             (self.simulated)(1);
             blocks
@@ -92,7 +93,7 @@ impl<'a> Problem<'a> {
         self.trials.par_iter().map(one).collect()
     }
 
-    /// What a sensor that is turned about the vertical in the body sees.
+    /// Returns the attitude measured by a sensor that is rotated about the vertical in the body.
     fn mounted(&self, modelled: &[Blocks], moved: &[f64]) -> Vec<Blocks> {
         let yaw =
             self.parameters.iter().position(|parameter| *parameter == Parameter::MountYaw).map_or(0.0, |i| moved[i]);
@@ -111,12 +112,12 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Blocks of a sensor that is turned by `yaw` (rad) in the body: the attitude times a turn about z, less that turn.
+/// Returns the blocks of a sensor that is rotated by `yaw` (rad) about z in the body.
 fn turned(blocks: &Blocks, yaw: f64) -> Blocks {
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
     let mut result: Blocks = Default::default();
     for ((psi, theta), phi) in blocks[0].iter().zip(&blocks[1]).zip(&blocks[2]) {
-        // Tilt alone: the yaw commutes with the rest, and keeps its turns.
+        // Only the tilt changes: a rotation about z commutes with the yaw, which keeps its full turns.
         let tilt = Rotation3::from_euler_angles(phi.to_radians(), theta.to_radians(), 0.0);
         let (roll, pitch, rest) = (tilt * turn).euler_angles();
         result[0].push(psi + (rest - yaw).to_degrees());
@@ -126,7 +127,7 @@ fn turned(blocks: &Blocks, yaw: f64) -> Blocks {
     result
 }
 
-/// What is left unexplained, angle by angle, over all trials.
+/// Returns variance and correlation of the errors of each angle, over all trials.
 pub(super) fn correlations(errors: &[Blocks]) -> [Correlated; 3] {
     [0, 1, 2].map(|k| Correlated::of(errors.iter().map(move |blocks| &blocks[k])))
 }
@@ -148,8 +149,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     fn residuals(&self) -> Option<DVector<f64>> {
         match self.errors() {
             Some(errors) => Some(self.whitened(&errors)),
-            // Here the model ends; the fit turns back.
-            None => Some(DVector::repeat(self.trials.iter().map(|trial| 3 * trial.blocks()).sum(), FAR_OFF)),
+            None => Some(DVector::repeat(self.trials.iter().map(|trial| 3 * trial.blocks()).sum(), FAILED_RESIDUAL)),
         }
     }
 
@@ -160,7 +160,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
         let now = self.mounted(&modelled, &self.moved);
         let changed = |i: usize, sign: f64| {
             let mut moved = self.moved.clone();
-            moved[i] += sign * DIFFERENCE;
+            moved[i] += sign * FD_STEP;
             let modelled =
                 if self.parameters[i].is_of_the_robot() { self.model(&tight, &moved)? } else { modelled.clone() };
             Some(self.mounted(&modelled, &moved))
@@ -168,13 +168,13 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
         let columns: Option<Vec<_>> = (0..self.parameters.len())
             .into_par_iter()
             .map(|i| {
-                // Near where the model ends one side may be missing.
+                // Near the limit of the model, one side may fail.
                 let (there, sign) = match changed(i, 1.0) {
                     Some(there) => (there, 1.0),
                     None => (changed(i, -1.0)?, -1.0),
                 };
                 let slope = |there: &Vec<f64>, here: &Vec<f64>| {
-                    there.iter().zip(here).map(|(there, here)| sign * (there - here) / DIFFERENCE).collect()
+                    there.iter().zip(here).map(|(there, here)| sign * (there - here) / FD_STEP).collect()
                 };
                 let slopes: Vec<Blocks> =
                     there.iter().zip(&now).map(|(there, here)| [0, 1, 2].map(|k| slope(&there[k], &here[k]))).collect();
@@ -190,7 +190,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sensor_that_is_turned_sees_the_tilt_from_elsewhere() {
+    fn rotated_sensor_exchanges_pitch_and_roll() {
         let blocks = [vec![725.0], vec![4.0], vec![0.0]];
         let quarter = turned(&blocks, std::f64::consts::FRAC_PI_2);
         assert!((quarter[0][0] - 725.0).abs() < 1e-9 && quarter[1][0].abs() < 1e-9, "{quarter:?}");

@@ -37,7 +37,7 @@ pub enum Fault {
         /// In how many transactions.
         count: u32,
     },
-    /// From that byte on the part answers nothing any more, as if its wires were cut: reading gives ones.
+    /// From that byte on the part no longer responds, as if its wires were cut: reading gives ones.
     Gone(
         /// When.
         At,
@@ -64,7 +64,7 @@ pub enum Fault {
 #[derive(Debug, Default)]
 pub struct Faults {
     waiting: Vec<Fault>,
-    /// The rest of this transaction goes unanswered.
+    /// The part does not respond to the rest of this transaction.
     silent: bool,
     gone: bool,
     /// SDA is held; pulses left, `None` for ever.
@@ -120,7 +120,7 @@ impl Faults {
         }
     }
 
-    /// The answer to byte `byte` of transaction `transaction`, where a fault gives one. `sends`: the part sends it.
+    /// Returns the reply to byte `byte` of transaction `transaction`, where a fault gives one. `sends`: the part sends it.
     pub fn strike(&mut self, transaction: u64, byte: u8, sends: bool) -> Option<BusAnswer> {
         let due = |at: &At| at.byte == byte && at.transaction.is_none_or(|number| number == transaction);
         self.waiting.retain_mut(|fault| match fault {

@@ -35,7 +35,7 @@ mod register {
 const DEVICE_RESET: u8 = 0x80;
 const SLEEP: u8 = 0x40;
 
-/// What a transaction is doing.
+/// State of a transaction.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Phase {
     /// Not addressed: silent.
@@ -101,17 +101,17 @@ impl Mpu6050 {
         self.count
     }
 
-    /// What the part measures.
+    /// Returns the sensor's input.
     pub fn source(&self) -> &Source {
         &self.source
     }
 
-    /// What the part measures, to change it.
+    /// Returns the sensor's input, to change it.
     pub fn source_mut(&mut self) -> &mut Source {
         &mut self.source
     }
 
-    /// Answers this to WHO_AM_I from now on.
+    /// Sets the value of WHO_AM_I.
     pub fn set_id(&mut self, id: u8) {
         self.id = id;
         self.registers[usize::from(register::WHO_AM_I)] = id;
@@ -204,7 +204,7 @@ impl Mpu6050 {
         self.phase = Phase::Unselected;
     }
 
-    /// The master lets the lines have these levels. Answers whether the part lets SDA be high.
+    /// The master releases or pulls the lines. Returns whether the part releases SDA.
     pub fn lines(&mut self, scl: bool) -> bool {
         if scl && !self.scl {
             self.faults.clock();
@@ -213,7 +213,7 @@ impl Mpu6050 {
         !self.holds_sda()
     }
 
-    /// Counts a byte of the transaction, and answers for the part if a fault strikes it.
+    /// Counts a byte of the transaction. Returns the reply of a faulty part, if a fault strikes this byte.
     fn strike(&mut self, sends: bool) -> Option<BusAnswer> {
         let byte = self.byte;
         self.byte = self.byte.saturating_add(1);

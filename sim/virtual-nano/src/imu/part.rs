@@ -3,10 +3,10 @@
 //! | | drawn with a standard deviation of | why |
 //! | --- | --- | --- |
 //! | gyroscope, bias | 2 °/s | the data sheet allows ±20; usual parts are better |
-//! | its change with temperature | 0.03 °/s a degree | a tenth of what the data sheet's ±20 °/s over -40 to 85 °C comes to |
+//! | its change with temperature | 0.03 °/s a degree | a tenth of what the data sheet's ±20 °/s over -40 to 85 °C amounts to |
 //! | its random walk | 1e-4 °/s/√s | a lying MPU6050 (`tests/data/mpu6050/still-655s.csv`) |
 //! | accelerometer, bias | 15 mg | the data sheet allows ±50 (z: ±80); the part of that recording has some 40 |
-//! | its change with temperature | 0.4 mg a degree | half of what the data sheet's ±35 mg over 0 to 70 °C comes to |
+//! | its change with temperature | 0.4 mg a degree | half of what the data sheet's ±35 mg over 0 to 70 °C amounts to |
 //! | its own warming | 1.5 °C, and never down | assumed, with a time constant of 150 s from power on |
 //!
 //! Draws beyond three deviations are cut. Scale factors and axes are exact: the part of a lab that has put it on a turntable.
@@ -77,7 +77,7 @@ impl Part {
         base_c + self.warming_c * (1.0 - (-time_s / WARMING_S).exp())
     }
 
-    /// What it adds to the rates, °/s, and to the forces, g, at a time and temperature. Times do not go back.
+    /// Returns its bias of the rates, °/s, and of the forces, g, at a time and temperature. Times do not go back.
     pub fn bias(&mut self, time_s: f64, temperature_c: f64, noise: &mut Noise) -> ([f64; 3], [f64; 3]) {
         let passed = (time_s - self.walked_until_s).max(0.0);
         self.walked_until_s = time_s;

@@ -13,7 +13,7 @@ const COLUMNS: &str = "t_s,ax,ay,az,gx,gy,gz,temp_c";
 /// Above this between two samples, readings in between are interpolated: held, they would look like a frozen sensor.
 const GAP_S: f64 = 0.050;
 
-/// How much of the beginning and of the end tells how the sensor lay, s.
+/// Time at the start and at the end that shows how the sensor lay, s.
 const REST_S: f64 = 0.5;
 
 /// Readings that vary less than this are those of a sensor that lies still: three times the noise that the data sheet
@@ -62,7 +62,7 @@ pub enum RecordingError {
         path: PathBuf,
         /// Counted from 1.
         line: usize,
-        /// What is wrong with it.
+        /// Why it is wrong.
         problem: String,
     },
     /// Too little in it.
@@ -70,7 +70,7 @@ pub enum RecordingError {
     Incomplete {
         /// The file.
         path: PathBuf,
-        /// What is missing.
+        /// The missing column or header.
         problem: &'static str,
     },
 }
@@ -129,7 +129,7 @@ impl Recording {
         self.last().time_s - self.first().time_s
     }
 
-    /// What the sensor read `seconds` after the first sample; the last sample beyond the end.
+    /// Returns the sample `seconds` after the first one; beyond the end the last one.
     pub fn at(&self, seconds: f64) -> Sample {
         let time_s = self.first().time_s + seconds;
         let next = self.samples.partition_point(|sample| sample.time_s <= time_s);
@@ -150,7 +150,7 @@ impl Recording {
         }
     }
 
-    /// What the sensor reads while it lies still as it lay at the beginning.
+    /// Returns the sample of a sensor that lies still as at the start.
     pub fn rest_before(&self) -> Sample {
         let end = self.first().time_s + REST_S;
         self.at_rest(self.samples.iter().take_while(|sample| sample.time_s <= end))

@@ -3,7 +3,7 @@
 use super::noise::Noise;
 use super::part::{Part, ROOM_C};
 use super::recording::{Recording, Sample};
-use crate::robot::Robot;
+use crate::plant::{Movement, Plant};
 use protocol::units::{AccelRange, GyroRange, LOW_PASS, TemperatureCounts};
 
 /// One sample in counts, as the data registers have it.
@@ -17,20 +17,9 @@ pub struct Readout {
     pub temperature: i16,
 }
 
-/// How a body moves, in the sensor's axes.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct Movement {
-    /// Rate of turn, °/s.
-    pub rate_dps: [f64; 3],
-    /// Acceleration less gravity, g: `[0, 0, 1]` at rest with z up.
-    pub specific_force_g: [f64; 3],
-    /// Temperature, °C.
-    pub temperature_c: f64,
-}
-
 enum Kind {
     Still,
-    Robot(Box<Robot>),
+    Plant(Box<Plant>),
     Recording {
         recording: Recording,
         /// The board's time at which the playback began; `None` while it waits.
@@ -39,7 +28,7 @@ enum Kind {
     },
 }
 
-/// What the sensor measures, with the sensor's own bias and noise where these are not in a recording.
+/// The input of the sensor, with the sensor's own bias and noise where these are not in a recording.
 pub struct Source {
     kind: Kind,
     noise: Noise,
@@ -60,14 +49,14 @@ impl Source {
         Self { kind: Kind::Still, noise, part }
     }
 
-    /// Sits on a robot, with the imperfections that the seed gives. The sensor's axes are the robot's.
-    pub fn robot(robot: Robot, seed: u64) -> Self {
+    /// Sits on a simulated robot, with the imperfections that the seed gives. The sensor's axes are the robot's.
+    pub fn plant(plant: Plant, seed: u64) -> Self {
         let mut noise = Noise::new(seed);
         let part = Part::drawn(&mut noise);
-        Self { kind: Kind::Robot(Box::new(robot)), noise, part }
+        Self { kind: Kind::Plant(Box::new(plant)), noise, part }
     }
 
-    /// Lies still as the recording begins, until it is told to [`Self::play`].
+    /// Holds the sensor at the start of the recording until [`Self::play`].
     pub fn recording(recording: Recording, seed: u64) -> Self {
         Self {
             kind: Kind::Recording { recording, started_s: None, play: false },
@@ -76,7 +65,7 @@ impl Source {
         }
     }
 
-    /// Begins the recording with the next sample. Answers how long it lasts, s; `None` where there is none.
+    /// Starts the recording with the next sample. Returns its duration in s, `None` where there is none.
     pub fn play(&mut self) -> Option<f64> {
         let Kind::Recording { recording, started_s, play } = &mut self.kind else { return None };
         *started_s = None;
@@ -84,25 +73,25 @@ impl Source {
         Some(recording.duration_s())
     }
 
-    /// Lies still as the recording begins, until it is told to [`Self::play`].
+    /// Holds the sensor at the start of the recording until [`Self::play`].
     pub fn rewind(&mut self) {
         if let Kind::Recording { started_s, play, .. } = &mut self.kind {
             (*started_s, *play) = (None, false);
         }
     }
 
-    /// The robot that the sensor sits on, if it does.
-    pub fn robot_mut(&mut self) -> Option<&mut Robot> {
+    /// Returns the simulated robot that the sensor sits on, if it does.
+    pub fn plant_mut(&mut self) -> Option<&mut Plant> {
         match &mut self.kind {
-            Kind::Robot(robot) => Some(robot),
+            Kind::Plant(plant) => Some(plant),
             _ => None,
         }
     }
 
-    /// The robot that the sensor sits on, if it does.
-    pub fn on_robot(&self) -> Option<&Robot> {
+    /// Returns the simulated robot that the sensor sits on, if it does.
+    pub fn plant_ref(&self) -> Option<&Plant> {
         match &self.kind {
-            Kind::Robot(robot) => Some(robot),
+            Kind::Plant(plant) => Some(plant),
             _ => None,
         }
     }
@@ -134,7 +123,7 @@ impl Source {
             Kind::Still => {
                 measure(Movement { specific_force_g: [0.0, 0.0, 1.0], temperature_c: ROOM_C, ..Movement::default() })
             }
-            Kind::Robot(robot) => measure(robot.movement(time_s - delay_s)),
+            Kind::Plant(plant) => measure(plant.movement(time_s - delay_s)),
             Kind::Recording { recording, started_s, play } => {
                 if *play && started_s.is_none() {
                     *started_s = Some(time_s);

@@ -7,7 +7,7 @@ use protocol::units::CentiRpm;
 use protocol::{Command, Fault, Info, Message, Reply, Request, Telemetry};
 use std::path::{Path, PathBuf};
 use virtual_nano::mcu::{FREQUENCY_HZ, RunState};
-use virtual_nano::{Board, Image, Options};
+use virtual_nano::{Board, BoardOptions, Image};
 
 /// Cycles of a control tick.
 pub const TICK: u64 = FREQUENCY_HZ / protocol::TICK_HZ as u64;
@@ -30,7 +30,7 @@ pub fn firmware() -> Image {
     Image::from_elf(&firmware_path()).unwrap()
 }
 
-/// A board and what it has said.
+/// A board and the frames that it has sent.
 pub struct Host {
     /// The board.
     pub board: Board,
@@ -43,7 +43,7 @@ pub struct Host {
 
 impl Host {
     /// A board that has just got power.
-    pub fn new(options: Options) -> Self {
+    pub fn new(options: BoardOptions) -> Self {
         Self::with(Board::new(&firmware(), options).unwrap())
     }
 
@@ -54,7 +54,7 @@ impl Host {
     }
 
     /// A board that has started, streams at the full rate and reads its sensor.
-    pub fn ready(options: Options) -> Self {
+    pub fn ready(options: BoardOptions) -> Self {
         let mut host = Self::new(options);
         host.hello();
         host.stream();
@@ -104,7 +104,7 @@ impl Host {
         }
     }
 
-    /// Sends a request without waiting for its answer; answers its number.
+    /// Sends a request without waiting for its reply. Returns its number.
     pub fn send(&mut self, command: Command) -> u8 {
         self.seq = self.seq.wrapping_add(1);
         let mut buffer = [0; MAX_FRAME];
@@ -113,12 +113,12 @@ impl Host {
         self.seq
     }
 
-    /// Sends a request and runs until its answer.
+    /// Sends a request and runs until its reply.
     pub fn ask(&mut self, command: Command) -> Reply {
         self.try_ask(command, 1000).unwrap_or_else(|| panic!("no answer to {command:?}"))
     }
 
-    /// The same; `None` without an answer within so many milliseconds.
+    /// The same; `None` without a reply within this many milliseconds.
     pub fn try_ask(&mut self, command: Command, limit_ms: u32) -> Option<Reply> {
         let seq = self.send(command);
         for _ in 0..limit_ms {
@@ -163,7 +163,7 @@ impl Host {
         self.last().fault
     }
 
-    /// Runs, cycle by cycle, until the chip has got the last byte that was sent to it; answers when.
+    /// Runs, cycle by cycle, until the chip has got the last byte that was sent to it. Returns when.
     pub fn run_until_heard(&mut self) -> u64 {
         while self.board.serial().waiting() > 0 {
             let next = self.board.cycle() + 16;
@@ -173,7 +173,7 @@ impl Host {
         self.board.cycle()
     }
 
-    /// Runs, cycle by cycle, until both PWM pins are low, and answers when.
+    /// Runs, cycle by cycle, until both PWM pins are low. Returns when.
     pub fn run_until_off(&mut self, limit: u64) -> u64 {
         let end = self.board.cycle() + limit;
         while self.board.bridge().pwm != [0, 0] {

@@ -1,0 +1,183 @@
+//! Converts the board's messages to those of the log.
+
+use super::schema::biflag::{self, Counts, Motor, QuaternionQ15, Vector};
+use nalgebra::{Quaternion, UnitQuaternion};
+use protocol::frame::{MAX_FRAME, encode};
+use protocol::units::{SensorCounts, TemperatureCounts};
+use protocol::{Calibration, Command, Fault, Reply, Request, Settings, State, Telemetry};
+use std::time::SystemTime;
+
+/// A command that was sent, and its reply.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct CommandRecord {
+    /// Sequence number.
+    pub seq: u8,
+    /// The command.
+    pub command: Command,
+    /// Number of times it was sent.
+    pub attempts: u32,
+    /// The reply; `None` if none came in time.
+    pub reply: Option<Reply>,
+    /// Time of the first transmission.
+    pub sent: SystemTime,
+    /// Time of the reply, or of giving up.
+    pub ended: SystemTime,
+}
+
+/// The kind of an event.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum EventKind {
+    /// A phase begins; the text is its name: `calibrate`, `preroll`, `run`, `decay`, `end`.
+    Phase,
+    /// The board's state changed.
+    State,
+    /// A fault was latched or cleared.
+    Fault,
+    /// A request was sent again.
+    Retry,
+    /// The gyroscope was calibrated.
+    Calibration,
+    /// The clocks were compared.
+    Clock,
+    /// A warning for the user.
+    Warning,
+    /// Anything else.
+    Note,
+}
+
+/// Converts the board's telemetry from counts to physical units.
+#[derive(Clone, Copy, Debug)]
+pub struct Converter {
+    settings: Settings,
+    /// The last yaw, from which the next one is unwrapped.
+    yaw_deg: f64,
+}
+
+impl Converter {
+    /// Creates a converter for a board with these settings.
+    pub fn new(settings: Settings) -> Self {
+        Self { settings, yaw_deg: 0.0 }
+    }
+
+    /// Takes over the bias of a calibration. The board uses it only if the sensor lay still.
+    pub fn calibrate(&mut self, calibration: &Calibration) {
+        if calibration.still {
+            self.settings.gyro_bias = calibration.bias;
+        }
+    }
+
+    /// Converts a frame to the log's message. `time_s` is the trial's clock.
+    pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, time_s: f64) -> biflag::Telemetry {
+        let Settings { gyro_axes, accel_axes, gyro_range, accel_range, gyro_bias, .. } = self.settings;
+        let per_dps = f64::from(gyro_range.counts_per_dps());
+        let rates = [0, 1, 2].map(|i| (f64::from(frame.gyro[i].0) - f64::from(gyro_bias[i])) / per_dps);
+        let force = accel_axes.apply(frame.accel.map(|counts| accel_range.mps2(counts)));
+        let [w, x, y, z] = frame.attitude.to_f64();
+        let attitude = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        let (roll, pitch, yaw) = attitude.euler_angles();
+        let yaw_deg = yaw.to_degrees();
+        self.yaw_deg = yaw_deg + 360.0 * ((self.yaw_deg - yaw_deg) / 360.0).round();
+        let [motor1, motor2] = [0, 1].map(|i| self.motor(frame, i));
+        let [w, x, y, z] = frame.attitude.0.map(|part| i32::from(part.0));
+        biflag::Telemetry {
+            seq: frame.seq.0.into(),
+            board_time_us,
+            time_s,
+            attitude: Some(biflag::Quaternion { w: attitude.w, x: attitude.i, y: attitude.j, z: attitude.k }),
+            attitude_q15: Some(QuaternionQ15 { w, x, y, z }),
+            yaw_deg: self.yaw_deg,
+            pitch_deg: pitch.to_degrees(),
+            roll_deg: roll.to_degrees(),
+            angular_velocity_dps: Some(vector(gyro_axes.apply(rates))),
+            acceleration_mps2: Some(vector(force)),
+            gyro_counts: Some(counts(frame.gyro)),
+            accel_counts: Some(counts(frame.accel)),
+            temperature_c: frame.temperature.celsius(),
+            temperature_counts: {
+                let TemperatureCounts(counts) = frame.temperature;
+                counts.into()
+            },
+            motor1: Some(motor1),
+            motor2: Some(motor2),
+            state: state(frame.state).into(),
+            fault: fault(frame.fault).into(),
+            imu_fresh: frame.imu_fresh,
+            unsent: frame.unsent.0.into(),
+            imu_errors: frame.imu_errors.0.into(),
+            bad_frames: frame.bad_frames.0.into(),
+            missed_ticks: frame.missed_ticks.0.into(),
+        }
+    }
+
+    fn motor(&self, frame: &Telemetry, i: usize) -> Motor {
+        Motor {
+            target_rpm: frame.target[i].rpm(),
+            speed_rpm: frame.speed[i].rpm(),
+            duty: frame.duty[i].0.into(),
+            encoder_counts: frame.encoder[i].0,
+            turns: f64::from(frame.encoder[i].0) / f64::from(self.settings.counts_per_turn),
+        }
+    }
+}
+
+pub(super) fn command(record: &CommandRecord) -> biflag::Command {
+    let request = Request { seq: record.seq, command: record.command };
+    // Every message fits into the longest frame.
+    let frame = encode(&request, &mut [0; MAX_FRAME]).map(|frame| frame.to_vec()).unwrap_or_default();
+    biflag::Command {
+        seq: record.seq.into(),
+        command: format!("{:?}", record.command),
+        frame,
+        attempts: record.attempts,
+        reply: record.reply.map(|reply| format!("{reply:?}")).unwrap_or_default(),
+        round_trip_s: record.ended.duration_since(record.sent).unwrap_or_default().as_secs_f64(),
+    }
+}
+
+/// Converts an event to the log's message.
+pub fn event(kind: EventKind, text: &str) -> biflag::Event {
+    use biflag::event::Kind;
+    let kind = match kind {
+        EventKind::Phase => Kind::Phase,
+        EventKind::State => Kind::State,
+        EventKind::Fault => Kind::Fault,
+        EventKind::Retry => Kind::Retry,
+        EventKind::Calibration => Kind::Calibration,
+        EventKind::Clock => Kind::Clock,
+        EventKind::Warning => Kind::Warning,
+        EventKind::Note => Kind::Note,
+    };
+    biflag::Event { kind: kind.into(), text: text.to_owned() }
+}
+
+fn state(state: State) -> biflag::State {
+    match state {
+        State::Idle => biflag::State::Idle,
+        State::Calibrating => biflag::State::Calibrating,
+        State::Running => biflag::State::Running,
+        State::Faulted => biflag::State::Faulted,
+    }
+}
+
+fn fault(fault: Fault) -> biflag::Fault {
+    match fault {
+        Fault::None => biflag::Fault::None,
+        Fault::LinkLost => biflag::Fault::LinkLost,
+        Fault::Hang => biflag::Fault::Hang,
+        Fault::Panic => biflag::Fault::Panic,
+        Fault::ImuSilent => biflag::Fault::ImuSilent,
+        Fault::ImuBusStuck => biflag::Fault::ImuBusStuck,
+        Fault::ImuFrozen => biflag::Fault::ImuFrozen,
+        Fault::Motor1Stalled => biflag::Fault::Motor1Stalled,
+        Fault::Motor2Stalled => biflag::Fault::Motor2Stalled,
+    }
+}
+
+fn vector([x, y, z]: [f64; 3]) -> Vector {
+    Vector { x, y, z }
+}
+
+fn counts(counts: [SensorCounts; 3]) -> Counts {
+    let [x, y, z] = counts.map(|axis| i32::from(axis.0));
+    Counts { x, y, z }
+}

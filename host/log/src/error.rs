@@ -1,0 +1,112 @@
+//! Errors of reading and writing logs.
+
+use miette::Diagnostic;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Why a log could not be written or read.
+#[derive(Error, Diagnostic, Debug)]
+pub enum LogError {
+    /// The file already exists; logs are never overwritten.
+    #[error("{}: already exists", path.display())]
+    #[diagnostic(code(wrong_use), help("a log is never overwritten: give another name, or move the file away"))]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file could not be created.
+    #[error("{}: cannot be created", path.display())]
+    #[diagnostic(help("check that the folder exists and is writable"))]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// Writing failed. The bytes written so far stay in the file, as after a crash.
+    #[error("{}: cannot be written; {kept} bytes were kept", path.display())]
+    #[diagnostic(help(
+        "make room or reconnect the disk; `biflag recover` makes an intact log from the bytes that were kept, and \
+         `--resume` repeats the trial"
+    ))]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Number of bytes in the file.
+        kept: u64,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file does not exist.
+    #[error("{}: no such log", path.display())]
+    #[diagnostic(code(wrong_use), help("check the path"))]
+    Missing {
+        /// The path.
+        path: PathBuf,
+    },
+    /// The file could not be read.
+    #[error("{}: cannot be read", path.display())]
+    #[diagnostic(help("check the permissions of the file and the disk"))]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The path names a folder or a device.
+    #[error("{}: is not a file", path.display())]
+    #[diagnostic(code(wrong_use), help("name a log, a file that ends in .mcap"))]
+    NotAFile {
+        /// The path.
+        path: PathBuf,
+    },
+    /// The file is empty.
+    #[error("{}: is empty", path.display())]
+    #[diagnostic(help("nothing was recorded; repeat the trial with `biflag record PLAN --resume`"))]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file ends within its first record.
+    #[error("{}: is cut off before its first record", path.display())]
+    #[diagnostic(help("nothing is left to recover; repeat the trial with `biflag record PLAN --resume`"))]
+    NothingLeft {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is of another kind.
+    #[error("{}: is not an MCAP file", path.display())]
+    #[diagnostic(code(wrong_use), help("name a log: one of the .mcap files in a session folder"))]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is an MCAP file of another program.
+    #[error("{}: is an MCAP file, but not a biflag log", path.display())]
+    #[diagnostic(code(wrong_use), help("read it with the program that wrote it"))]
+    NotOurs {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The log is newer than this program.
+    #[error("{}: has log format {found}, but this program reads formats up to {}", path.display(), super::FORMAT)]
+    #[diagnostic(help("use biflag {program} or newer"))]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Format of the log.
+        found: u32,
+        /// Version of the program that wrote it.
+        program: String,
+    },
+}
+
+impl LogError {
+    /// Converts an error of opening or reading a log.
+    pub(super) fn reading(path: &Path, source: std::io::Error) -> Self {
+        match source.kind() {
+            std::io::ErrorKind::NotFound => Self::Missing { path: path.to_owned() },
+            _ => Self::Read { path: path.to_owned(), source },
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! The log of a trial: an MCAP file with protobuf messages, which standard tools can read.
+//!
+//! | channel | message | holds |
+//! | --- | --- | --- |
+//! | `/raw` | `biflag.RawBytes` | the bytes as received, so that a bug in the decoder never loses a trial |
+//! | `/telemetry` | `biflag.Telemetry` | the measured state of the robot at each tick, in counts and physical units |
+//! | `/attitude` | `foxglove.FrameTransform` | the attitude for viewers, levelled by the rest before the run |
+//! | `/command` | `biflag.Command` | each request, its number of attempts, and its reply |
+//! | `/dropout` | `biflag.Dropout` | telemetry frames that were lost |
+//! | `/event` | `biflag.Event` | phases, states, faults, warnings |
+//! | `/truth` | `biflag.Truth` | models only: attitude and shafts, unrounded |
+//! | `/forces` | `biflag.Forces` | models only: forces and torques of the flagella, gaps, contact |
+//! | `/nodes` | `biflag.Nodes` | models only, if requested: the centre lines of the flagella |
+//! | `/flagella` | `foxglove.SceneUpdate` | the centre lines as lines for viewers |
+//! | `/flagella_points` | `foxglove.PointCloud` | the centre lines as points, for viewers that cannot draw lines |
+//!
+//! The log holds measured or computed values; estimates (zero, drift, uncertainty) are made when it is read. Logs of
+//! format 1 can still be read: see [`FORMAT`].
+//!
+//! The `publish_time` of a message is the host's clock when it was received. Its `log_time` is the trial's clock: the
+//! board's time, counted from the host's clock at the first telemetry frame. A message without a time of the board
+//! takes that of the frame before it, so that a trial recorded faster than real time still has its full length.
+//!
+//! A modelled trial begins at the epoch, and both times are the trial's. So its log depends on plan, robot and program
+//! alone, byte for byte: not on the date, the computer, or the number of trials that run in parallel.
+
+mod chunk;
+mod convert;
+mod disk;
+mod error;
+mod meta;
+mod model_meta;
+mod reader;
+mod recover;
+pub mod sample;
+mod scan;
+pub mod schema;
+mod source;
+mod stats;
+mod table;
+#[cfg(test)]
+mod tests;
+mod writer;
+
+pub use convert::{CommandRecord, Converter, EventKind, event};
+pub use error::LogError;
+pub use meta::{
+    BoardMeta, CalibrationMeta, ClockMeta, End, FORMAT, Identity, LevelMeta, Origin, PlanMeta, RecoveryMeta,
+    ReplayMeta, RobotMeta, Summary, TrialMeta,
+};
+pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
+pub use reader::{Body, Message, Reader, TrialClock, check, last_meta, summary};
+pub use recover::{Recovery, recover};
+pub use scan::{Condition, Loss};
+pub use stats::LinkStats;
+pub use table::{Meta, Table};
+pub use writer::{Start, Tap, Writer};
+
+/// The MCAP profile of biflag logs.
+pub const PROFILE: &str = "biflag";
+
+/// Longest trial, s (one week). A log with later times is damaged.
+pub const LONGEST_TRIAL_S: f64 = 7.0 * 86_400.0;

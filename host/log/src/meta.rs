@@ -1,0 +1,271 @@
+//! The metadata records of a log: the trial, its plan, the robot, the board, and the result.
+
+use super::model_meta::{ModelMeta, SensorMeta, SteadyMeta};
+use super::stats::LinkStats;
+use super::table::Meta;
+use serde::{Deserialize, Serialize};
+
+/// Version of the log's layout. It is raised when older programs cannot read newer logs correctly.
+///
+/// 1: the attitude in `/telemetry` is levelled from the start of the run, and the flagella are in `/flagella` only.
+/// 2: `/telemetry` holds the attitude as the board sent it, and `/nodes` holds the flagella.
+pub const FORMAT: u32 = 2;
+
+/// Where a trial was run.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// On the rig.
+    #[default]
+    Rig,
+    /// On the emulated board.
+    VirtualRig,
+    /// In the simulator.
+    Model,
+}
+
+/// The program that wrote the log: the first record.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct Identity {
+    /// [`FORMAT`].
+    pub format: u32,
+    /// Version of the protocol between host and board.
+    pub protocol: u8,
+    /// Version of `biflag`.
+    pub host_version: String,
+    /// Commit that `biflag` was built from.
+    pub host_git_hash: String,
+    /// When the log was started; empty for a modelled trial, whose log does not depend on the date.
+    pub created: String,
+    /// Where the trial was run.
+    pub origin: Origin,
+}
+
+/// The plan that the trial belongs to.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct PlanMeta {
+    /// Name of the session.
+    pub name: String,
+    /// Operator.
+    pub operator: String,
+    /// Note.
+    pub note: String,
+    /// Number of trials.
+    pub trials: usize,
+    /// Text of the plan's file.
+    pub text: String,
+}
+
+/// The trial.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct TrialMeta {
+    /// Name of the trial.
+    pub name: String,
+    /// Position in the plan, from 0.
+    pub index: usize,
+    /// Repeat, from 1.
+    pub repeat: u32,
+    /// Attempt, from 1.
+    pub attempt: u32,
+    /// Speed of flagellum 1.
+    pub w1_rpm: f64,
+    /// Speed of flagellum 2.
+    pub w2_rpm: f64,
+    /// Duration of the calibration.
+    pub calibrate_s: f64,
+    /// Duration of the still phase before the run.
+    pub preroll_s: f64,
+    /// Duration of the run.
+    pub run_s: f64,
+    /// Duration of the still phase after it.
+    pub decay_s: f64,
+    /// The motor that reverses during the run, 1 or 2.
+    pub reverse_motor: Option<u8>,
+    /// Time of the reversal, from the start of the run.
+    pub reverse_after_s: Option<f64>,
+}
+
+/// The robot's parameters.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct RobotMeta {
+    /// `published`, or the name of the robot's file.
+    pub name: String,
+    /// Text of the robot's file.
+    pub text: String,
+}
+
+/// The board.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct BoardMeta {
+    /// Version of the board's protocol.
+    pub protocol: u8,
+    /// Version of the firmware.
+    pub firmware: String,
+    /// Commit that the firmware was built from, with `-dirty` if the working tree had changes.
+    pub firmware_git_hash: String,
+    /// Identifier of the board.
+    pub board_id: u16,
+    /// The sensor's WHO_AM_I.
+    pub imu_id: u8,
+    /// Cause of the board's last reset.
+    pub reset_cause: String,
+    /// Number of times the board has started.
+    pub boot_count: u16,
+    /// The settings in use, in the format of `biflag settings`.
+    pub settings: String,
+}
+
+/// Result of the gyroscope's calibration.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct CalibrationMeta {
+    /// Whether the sensor lay still; if not, the board keeps its previous bias.
+    pub still: bool,
+    /// Mean reading, counts, sensor axes.
+    pub bias_counts: [f32; 3],
+    /// Standard deviation of the readings, counts, largest axis.
+    pub noise_counts: u16,
+    /// Number of readings averaged.
+    pub samples: u16,
+}
+
+/// The vertical measured by the accelerometer while the robot hung at rest before the run.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
+#[serde(default)]
+pub struct LevelMeta {
+    /// Direction of up, a unit vector in body axes.
+    pub up: [f64; 3],
+    /// Magnitude of the mean specific force, in units of standard gravity.
+    pub force_g: f64,
+    /// Angle between that direction and the robot's axis.
+    pub tilt_deg: f64,
+    /// Whether the tilt is small enough to be the sensor's bias, which is then removed from the attitude.
+    pub used: bool,
+}
+
+impl Default for LevelMeta {
+    fn default() -> Self {
+        Self { up: [0.0, 0.0, 1.0], force_g: 1.0, tilt_deg: 0.0, used: false }
+    }
+}
+
+/// The board's clock relative to the host's: a line fitted to the pings.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct ClockMeta {
+    /// Number of pings used.
+    pub pings: u32,
+    /// Host time when the board's clock was zero, ns since 1970.
+    pub offset_ns: i64,
+    /// Rate error of the board's clock, parts per million; positive if it runs fast.
+    pub drift_ppm: f64,
+    /// Standard deviation of the pings about the line, µs.
+    pub residual_us: f64,
+}
+
+/// How a trial ended.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[serde(rename_all = "snake_case")]
+pub enum End {
+    /// All phases were completed.
+    Complete,
+    /// The user interrupted it.
+    Aborted,
+    /// The board latched a fault.
+    Faulted,
+    /// The host failed, for example because the port disappeared or the disk was full.
+    #[default]
+    Failed,
+}
+
+/// How a trial ended, and its result: the last record.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct Summary {
+    /// How the trial ended.
+    pub end: End,
+    /// The reason, if it is not complete.
+    pub reason: String,
+    /// Link statistics.
+    #[serde(flatten)]
+    pub link: LinkStats,
+    /// Steady yaw, unwrapped, corrected for the gyroscope's drift.
+    pub yaw_deg: Option<f64>,
+    /// Its 95 % uncertainty.
+    pub yaw_uncertainty_deg: Option<f64>,
+    /// Steady pitch.
+    pub pitch_deg: Option<f64>,
+    /// Steady roll.
+    pub roll_deg: Option<f64>,
+}
+
+/// The damaged log that a log was recovered from.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct RecoveryMeta {
+    /// Name of the damaged file.
+    pub source: String,
+    /// The losses, in words.
+    pub lost: String,
+}
+
+/// The recording that a replay was made from.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Eq, Debug, Default)]
+#[serde(default)]
+pub struct ReplayMeta {
+    /// File name of the log whose measured speeds drove the model.
+    pub source: String,
+    /// SHA-256 of that file, in hexadecimal.
+    pub source_sha256: String,
+}
+
+macro_rules! names {
+    ($($type:ty: $name:literal),* $(,)?) => {
+        $(impl Meta for $type {
+            const NAME: &'static str = $name;
+        })*
+    };
+}
+
+names! {
+    Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
+    CalibrationMeta: "calibration", LevelMeta: "level", ClockMeta: "clock", Summary: "summary", RecoveryMeta: "recovery",
+    ModelMeta: "model", SensorMeta: "sensor", SteadyMeta: "steady", ReplayMeta: "replay",
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::{from_table, is_intact, to_table};
+
+    #[test]
+    fn metadata_record_round_trips_as_text() {
+        let summary = Summary {
+            end: End::Aborted,
+            reason: "123".to_owned(),
+            link: LinkStats { samples: 24_000, lost: 3, ..LinkStats::default() },
+            yaw_deg: Some(-180.25),
+            ..Summary::default()
+        };
+        let table = to_table(&summary);
+        assert_eq!(table["end"], "aborted");
+        assert_eq!(table["samples"], "24000");
+        assert_eq!(table["yaw_deg"], "-180.25");
+        assert!(is_intact("summary", &table) && !is_intact("clock", &table));
+        assert_eq!(from_table(&table), Some(summary));
+    }
+
+    #[test]
+    fn changed_value_fails_the_crc_and_missing_value_takes_its_default() {
+        let mut table = to_table(&ClockMeta { pings: 9, ..ClockMeta::default() });
+        table.insert("pings".to_owned(), "8".to_owned());
+        assert!(!is_intact("clock", &table));
+        table.remove("pings");
+        assert_eq!(from_table(&table), Some(ClockMeta::default()));
+    }
+}

@@ -1,0 +1,113 @@
+//! Metadata of a modelled or simulated trial: parameters, sensor errors, and steady state.
+
+use serde::{Deserialize, Serialize};
+use sim::body::closure::Closure;
+use sim::contact::bundling::Bundling;
+use sim::contact::history::BundlingChange;
+use sim::params::Robot;
+use sim::trial::Summary;
+
+/// The model that computed a trial.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct ModelMeta {
+    /// The closure: how the flagella act on the base.
+    pub closure: Closure,
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Whether the shapes of the flagella are in the log.
+    pub shapes: bool,
+    /// All parameters in use, in the format of a robot's file.
+    pub parameters: String,
+}
+
+impl ModelMeta {
+    /// Returns the parameters in use; `None` if they cannot be parsed.
+    pub fn robot(&self) -> Option<Robot> {
+        toml::from_str(&self.parameters).ok()
+    }
+}
+
+/// Errors of the emulated board's sensor. Its scale factors and axes are exact.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct SensorMeta {
+    /// Seed of the random errors.
+    pub seed: u64,
+    /// Bias of the gyroscope at 25 °C.
+    pub gyro_bias_dps: [f64; 3],
+    /// Temperature coefficient of the gyroscope's bias.
+    pub gyro_drift_dps_per_c: [f64; 3],
+    /// Bias of the accelerometer at 25 °C.
+    pub accel_bias_g: [f64; 3],
+    /// Temperature coefficient of the accelerometer's bias.
+    pub accel_drift_g_per_c: [f64; 3],
+    /// Final temperature of the sensor above that of the base.
+    pub warming_c: f64,
+}
+
+/// Steady state of a modelled trial, from the solver's unrounded values. Means are taken over the end of the run
+/// ([`sim::steady`]).
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct SteadyMeta {
+    /// Mean yaw, unwrapped.
+    pub yaw_deg: f64,
+    /// Mean pitch.
+    pub pitch_deg: f64,
+    /// Mean roll.
+    pub roll_deg: f64,
+    /// Length of the averaging window.
+    pub window_s: f64,
+    /// Whether the mean attitude agrees with that of the previous window.
+    pub settled: bool,
+    /// Time from the start of the run after which yaw and pitch stay near their means.
+    pub settle_s: f64,
+    /// Mean force of flagellum 1 on the base, body axes, including contact.
+    pub force1_n: [f64; 3],
+    /// The same for flagellum 2.
+    pub force2_n: [f64; 3],
+    /// Mean reaction torques on the base about the shafts.
+    pub axial_torque_nm: [f64; 2],
+    /// Smallest distance between the flagella's surfaces during the trial; negative if they overlap.
+    pub min_gap_m: f64,
+    /// Largest overlap.
+    pub max_penetration_m: f64,
+    /// The closest bundling state that the flagella reached.
+    pub bundling: Bundling,
+    /// Changes of the bundling state, in order of time.
+    pub bundling_changes: Vec<BundlingChange>,
+    /// Fraction of the run with contact.
+    pub contact_share: f64,
+    /// Total number of solver iterations.
+    pub newton_iterations: u64,
+    /// Simulated time.
+    pub simulated_s: f64,
+}
+
+impl SteadyMeta {
+    /// Converts the solver's summary.
+    pub fn new(summary: &Summary, bundling_changes: Vec<BundlingChange>) -> Self {
+        let steady = &summary.steady;
+        let [yaw_deg, pitch_deg, roll_deg] = steady.attitude.map(|level| level.mean.to_degrees());
+        let [force1_n, force2_n] = steady.force.map(|force| force.map(|level| level.mean));
+        Self {
+            yaw_deg,
+            pitch_deg,
+            roll_deg,
+            window_s: steady.window_s,
+            settled: steady.settled,
+            settle_s: steady.settle_s,
+            force1_n,
+            force2_n,
+            axial_torque_nm: steady.axial_torque.map(|level| level.mean),
+            min_gap_m: summary.min_gap_m,
+            max_penetration_m: summary.max_penetration_m,
+            bundling: summary.bundling,
+            bundling_changes,
+            contact_share: summary.contact_share,
+            newton_iterations: summary.newton_iterations,
+            simulated_s: summary.simulated_s,
+        }
+    }
+}

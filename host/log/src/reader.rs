@@ -1,0 +1,374 @@
+//! Reads a log message by message, holding one chunk in memory at a time.
+
+use super::LogError;
+use super::PROFILE;
+use super::chunk::Entry;
+use super::meta::{FORMAT, Identity, Summary};
+use super::scan::{Condition, Loss, Piece, Scanner, indexed_table};
+use super::schema::{self, LogMessage, biflag, foxglove};
+use super::source::Source;
+use super::table::{self, Meta, Table};
+use mcap::records::MessageHeader;
+use prost::Message as _;
+use std::collections::{BTreeMap, VecDeque};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// A message of a log.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Message {
+    /// The channel.
+    pub topic: String,
+    /// Sequence number on its channel.
+    pub sequence: u32,
+    /// The trial's clock, ns since 1970.
+    pub log_time_ns: u64,
+    /// The host's clock when it was received, ns since 1970.
+    pub publish_time_ns: u64,
+    /// The content.
+    pub body: Body,
+}
+
+/// The trial's clock, whose zero is found from the first telemetry frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TrialClock {
+    /// `log_time` at which the trial's clock was zero.
+    zero_ns: Option<u64>,
+}
+
+impl TrialClock {
+    /// Observes a message; to be called with each one, in order.
+    pub fn see(&mut self, message: &Message) {
+        if let Body::Telemetry(telemetry) = &message.body {
+            let since_ns = (telemetry.time_s * 1e9).round() as u64;
+            self.zero_ns.get_or_insert(message.log_time_ns.saturating_sub(since_ns));
+        }
+    }
+
+    /// Returns the time of a message, s; 0 before the first telemetry frame.
+    pub fn time_s(&self, message: &Message) -> f64 {
+        message.log_time_ns.saturating_sub(self.zero_ns.unwrap_or(message.log_time_ns)) as f64 * 1e-9
+    }
+}
+
+/// The content of a message.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Body {
+    /// `/raw`.
+    Raw(biflag::RawBytes),
+    /// `/telemetry`.
+    Telemetry(Box<biflag::Telemetry>),
+    /// `/attitude`.
+    Attitude(foxglove::FrameTransform),
+    /// `/command`.
+    Command(biflag::Command),
+    /// `/dropout`.
+    Dropout(biflag::Dropout),
+    /// `/event`.
+    Event(biflag::Event),
+    /// `/truth`.
+    Truth(biflag::Truth),
+    /// `/forces`.
+    Forces(biflag::Forces),
+    /// `/nodes`.
+    Nodes(biflag::Nodes),
+    /// `/flagella`.
+    Flagella(foxglove::SceneUpdate),
+    /// `/flagella_points`.
+    FlagellaPoints(foxglove::PointCloud),
+    /// A channel that this program does not know.
+    Other(Vec<u8>),
+}
+
+/// Returns the summary at the end of a log; `None` if the log is incomplete or has no summary.
+///
+/// # Errors
+/// [`LogError::Read`], [`LogError::Missing`].
+pub fn summary(path: &Path) -> Result<Option<Summary>, LogError> {
+    last_meta(path)
+}
+
+/// Returns the last metadata record of a type, by the index at the end of the log; `None` if the log is incomplete or
+/// has no such record.
+///
+/// # Errors
+/// [`LogError::Read`], [`LogError::Missing`].
+pub fn last_meta<M: Meta>(path: &Path) -> Result<Option<M>, LogError> {
+    let failed = |source| LogError::reading(path, source);
+    let file = File::open(path).map_err(failed)?;
+    let table = indexed_table(file, M::NAME).map_err(failed)?;
+    Ok(table.as_ref().and_then(table::from_table))
+}
+
+/// Reads a complete log to check its condition; returns the places that cannot be read.
+///
+/// # Errors
+/// [`LogError`] if it is not a biflag log or cannot be read.
+pub fn check(path: &Path) -> Result<Vec<Loss>, LogError> {
+    let failed = |source| LogError::reading(path, source);
+    let mut scanner = identify(File::open(path).map_err(failed)?, path)?;
+    while scanner.next().map_err(failed)?.is_some() {}
+    Ok(scanner.losses().to_vec())
+}
+
+/// A log being read: an iterator over its messages, in the order in which they were written.
+#[derive(Debug)]
+pub struct Reader {
+    path: PathBuf,
+    scanner: Scanner<Source>,
+    /// Topic and message type by channel number.
+    channels: BTreeMap<u16, (String, String)>,
+    schemas: BTreeMap<u16, String>,
+    tables: BTreeMap<String, Table>,
+    queue: VecDeque<Message>,
+    counts: BTreeMap<String, u64>,
+    /// The channels to read; `None` for all.
+    only: Option<Vec<&'static str>>,
+}
+
+impl Reader {
+    /// Opens a log, even if it is damaged.
+    ///
+    /// # Errors
+    /// [`LogError`] if it is not a biflag log, or is of a newer format.
+    pub fn open(path: &Path) -> Result<Self, LogError> {
+        let mut reader = Self::over(path)?;
+        // The channels and the identity of the program come first.
+        while reader.queue.is_empty() && !reader.tables.contains_key(Identity::NAME) && reader.step()? {}
+        match reader.meta::<Identity>() {
+            Some(identity) if identity.format > FORMAT => {
+                Err(LogError::Version { path: path.to_owned(), found: identity.format, program: identity.host_version })
+            }
+            // The header or the channels are those of a biflag log, so the record is damaged.
+            _ => Ok(reader),
+        }
+    }
+
+    fn over(path: &Path) -> Result<Self, LogError> {
+        let failed = |source| LogError::reading(path, source);
+        let file = File::open(path).map_err(failed)?;
+        if !file.metadata().map_err(failed)?.is_file() {
+            return Err(LogError::NotAFile { path: path.to_owned() });
+        }
+        let scanner = identify(file, path)?;
+        let channels =
+            schema::CHANNELS.iter().map(|spec| (spec.id, (spec.topic.to_owned(), spec.schema.to_owned()))).collect();
+        Ok(Self {
+            path: path.to_owned(),
+            scanner,
+            channels,
+            schemas: BTreeMap::new(),
+            tables: BTreeMap::new(),
+            queue: VecDeque::new(),
+            counts: BTreeMap::new(),
+            only: None,
+        })
+    }
+
+    /// Restricts the messages to these channels. The others are not decoded.
+    #[must_use]
+    pub fn only(mut self, topics: Vec<&'static str>) -> Self {
+        self.queue.retain(|message| topics.contains(&message.topic.as_str()));
+        self.only = Some(topics);
+        self
+    }
+
+    /// Reads until a metadata record has been found; `None` if there is none in the rest of the log.
+    ///
+    /// # Errors
+    /// [`LogError::Read`].
+    pub fn read_until<M: Meta>(&mut self) -> Result<Option<M>, LogError> {
+        while !self.tables.contains_key(M::NAME) && self.step()? {}
+        Ok(self.meta())
+    }
+
+    /// Returns a metadata record, if it has been read so far. The summary is the last.
+    pub fn meta<M: Meta>(&self) -> Option<M> {
+        self.tables.get(M::NAME).and_then(table::from_table)
+    }
+
+    /// Returns every metadata record read so far.
+    pub fn tables(&self) -> &BTreeMap<String, Table> {
+        &self.tables
+    }
+
+    /// Returns the number of messages read so far by channel, including channels that are not decoded.
+    pub fn counts(&self) -> &BTreeMap<String, u64> {
+        &self.counts
+    }
+
+    /// Computes the SHA-256 of the file while reading it.
+    #[must_use]
+    pub fn hashing(mut self) -> Self {
+        self.scanner.source_mut().hash();
+        self
+    }
+
+    /// Returns the SHA-256 of the file in hexadecimal, as printed by `sha256sum`.
+    ///
+    /// # Errors
+    /// [`LogError::Read`] if the rest of the file cannot be read.
+    pub fn sha256(&mut self) -> Result<String, LogError> {
+        self.scanner.source_mut().sha256().map_err(|source| LogError::reading(&self.path, source))
+    }
+
+    /// Returns the condition of the log, which is known after the last message.
+    pub fn condition(&self) -> Option<Condition> {
+        self.scanner.condition()
+    }
+
+    /// Returns the places that could not be read so far. The list is complete after the last message.
+    pub fn losses(&self) -> &[Loss] {
+        self.scanner.losses()
+    }
+
+    /// Returns the path of the file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Reads one more piece; returns `false` at the end of the log.
+    fn step(&mut self) -> Result<bool, LogError> {
+        let piece = self.scanner.next().map_err(|source| LogError::reading(&self.path, source))?;
+        match piece {
+            None => return Ok(false),
+            Some(Piece::Metadata(name, table)) => {
+                self.tables.insert(name, table);
+            }
+            Some(Piece::Chunk(entries)) => entries.into_iter().for_each(|entry| self.take(entry)),
+        }
+        Ok(true)
+    }
+
+    fn take(&mut self, entry: Entry) {
+        match entry {
+            Entry::Schema(header, _) => {
+                self.schemas.insert(header.id, header.name);
+            }
+            Entry::Channel(channel) => {
+                let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                self.channels.insert(channel.id, (channel.topic, schema));
+            }
+            Entry::Message(header, data) => {
+                let (topic, schema) = match self.channels.get(&header.channel_id) {
+                    Some((topic, schema)) => (topic.clone(), schema.as_str()),
+                    None => (format!("channel {}", header.channel_id), ""),
+                };
+                let wanted = self.only.as_ref().is_none_or(|only| only.contains(&topic.as_str()));
+                let body = wanted.then(|| Body::decode(&topic, schema, data));
+                *self.counts.entry(topic.clone()).or_default() += 1;
+                self.queue.extend(body.map(|body| message(topic, &header, body)));
+            }
+        }
+    }
+}
+
+fn message(topic: String, header: &MessageHeader, body: Body) -> Message {
+    Message {
+        topic,
+        sequence: header.sequence,
+        log_time_ns: header.log_time,
+        publish_time_ns: header.publish_time,
+        body,
+    }
+}
+
+impl Iterator for Reader {
+    type Item = Result<Message, LogError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(message) = self.queue.pop_front() {
+                return Some(Ok(message));
+            }
+            match self.step() {
+                Ok(true) => {}
+                Ok(false) => return None,
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+}
+
+impl Body {
+    /// Encodes the message; the inverse of the decoding in [`Reader`].
+    pub fn encode(&self) -> Vec<u8> {
+        match self {
+            Self::Raw(message) => message.encode_to_vec(),
+            Self::Telemetry(message) => message.encode_to_vec(),
+            Self::Attitude(message) => message.encode_to_vec(),
+            Self::Command(message) => message.encode_to_vec(),
+            Self::Dropout(message) => message.encode_to_vec(),
+            Self::Event(message) => message.encode_to_vec(),
+            Self::Truth(message) => message.encode_to_vec(),
+            Self::Forces(message) => message.encode_to_vec(),
+            Self::Nodes(message) => message.encode_to_vec(),
+            Self::Flagella(message) => message.encode_to_vec(),
+            Self::FlagellaPoints(message) => message.encode_to_vec(),
+            Self::Other(bytes) => bytes.clone(),
+        }
+    }
+
+    fn decode(topic: &str, schema: &str, data: Vec<u8>) -> Self {
+        fn read<M: LogMessage>(data: &[u8], body: impl Fn(M) -> Body) -> Option<Body> {
+            M::decode(data).ok().map(body)
+        }
+        let known = match schema::channel(topic).filter(|spec| spec.schema == schema).map(|spec| spec.topic) {
+            Some("/raw") => read(&data, Self::Raw),
+            Some("/telemetry") => read(&data, |telemetry| Self::Telemetry(Box::new(telemetry))),
+            Some("/attitude") => read(&data, Self::Attitude),
+            Some("/command") => read(&data, Self::Command),
+            Some("/dropout") => read(&data, Self::Dropout),
+            Some("/event") => read(&data, Self::Event),
+            Some("/truth") => read(&data, Self::Truth),
+            Some("/forces") => read(&data, Self::Forces),
+            Some("/nodes") => read(&data, Self::Nodes),
+            Some("/flagella") => read(&data, Self::Flagella),
+            Some("/flagella_points") => read(&data, Self::FlagellaPoints),
+            _ => None,
+        };
+        known.unwrap_or(Self::Other(data))
+    }
+}
+
+/// Checks that a file is a biflag log, even if damaged, by its header or by the first record that can be read.
+pub(super) fn identify(file: File, path: &Path) -> Result<Scanner<Source>, LogError> {
+    let failed = |source| LogError::reading(path, source);
+    let again = file.try_clone().map_err(failed)?;
+    let length = file.metadata().map_err(failed)?.len();
+    if length == 0 {
+        return Err(LogError::Empty { path: path.to_owned() });
+    }
+    let mut scanner = Scanner::new(Source::new(file)).map_err(failed)?;
+    let has_magic = scanner.losses().is_empty();
+    if scanner
+        .header()
+        .map_err(failed)?
+        .is_some_and(|header| header.profile == PROFILE || header.library.split(' ').next() == Some(PROFILE))
+    {
+        return Ok(scanner);
+    }
+    match scanner.next().map_err(failed)? {
+        Some(Piece::Metadata(name, _)) if name == Identity::NAME => {}
+        Some(Piece::Chunk(entries)) if entries.iter().any(is_ours) => {}
+        _ if !has_magic && !mcap::MAGIC.starts_with(&beginning(&again, length).map_err(failed)?) => {
+            return Err(LogError::NotMcap { path: path.to_owned() });
+        }
+        None if length < 64 => return Err(LogError::NothingLeft { path: path.to_owned() }),
+        _ => return Err(LogError::NotOurs { path: path.to_owned() }),
+    }
+    // Both handles share their position in the file, but the scanner seeks before every read.
+    Scanner::new(Source::new(again)).map_err(failed)
+}
+
+fn beginning(mut file: &File, length: u64) -> std::io::Result<Vec<u8>> {
+    use std::io::{Read, Seek};
+    file.rewind()?;
+    let mut bytes = vec![0; length.min(mcap::MAGIC.len() as u64) as usize];
+    file.read_exact(&mut bytes)?;
+    Ok(bytes)
+}
+
+fn is_ours(entry: &Entry) -> bool {
+    matches!(entry, Entry::Schema(header, _) if header.name.starts_with("biflag."))
+}

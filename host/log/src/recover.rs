@@ -1,0 +1,126 @@
+//! Recovers an intact log from a damaged one.
+
+use super::LogError;
+use super::chunk::Entry;
+use super::disk::create_file;
+use super::meta::RecoveryMeta;
+use super::reader::identify;
+use super::scan::{Condition, Loss, Piece, Scanner};
+use super::schema;
+use super::source::Source;
+use super::table::{Meta, to_table};
+use super::writer::{add_channel, io_error, options};
+use mcap::records::{MessageHeader, Metadata};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Seek, Write};
+use std::path::Path;
+
+/// Result of a recovery.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Recovery {
+    /// Condition of the damaged log.
+    pub condition: Condition,
+    /// Places that could not be read.
+    pub losses: Vec<Loss>,
+    /// Number of messages that were kept.
+    pub messages: u64,
+    /// Number of messages dropped because their channel is unknown.
+    pub strays: u64,
+}
+
+/// Writes the part of the log at `from` that can be read to a new log at `to`, which must not exist.
+///
+/// # Errors
+/// [`LogError`] if `from` is not a biflag log or `to` cannot be written; an unfinished `to` is removed.
+pub fn recover(from: &Path, to: &Path) -> Result<Recovery, LogError> {
+    let failed = |source| LogError::reading(from, source);
+    let scanner = identify(File::open(from).map_err(failed)?, from)?;
+    let file = create_file(to)?;
+    let result = copy(scanner, from, to, file);
+    if result.is_err() {
+        // The first error matters more than a failure to remove the file.
+        let _ = std::fs::remove_file(to);
+    }
+    result
+}
+
+fn copy(mut scanner: Scanner<Source>, from: &Path, to: &Path, file: File) -> Result<Recovery, LogError> {
+    let writing = |error| LogError::Create { path: to.to_owned(), source: io_error(error) };
+    let mut copy = Copy::new(BufWriter::new(file)).map_err(writing)?;
+    while let Some(piece) = scanner.next().map_err(|source| LogError::reading(from, source))? {
+        copy.piece(piece).map_err(writing)?;
+    }
+    let condition = scanner.condition().unwrap_or(Condition::Damaged);
+    let losses = scanner.losses().to_vec();
+    if condition != Condition::Clean {
+        let lost = losses.iter().map(Loss::to_string).collect::<Vec<_>>().join("; ");
+        let source = from.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        copy.table(RecoveryMeta::NAME, to_table(&RecoveryMeta { source, lost })).map_err(writing)?;
+    }
+    let Copy { mut writer, messages, strays, .. } = copy;
+    writer.finish().map_err(writing)?;
+    let file = writer.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error);
+    file.and_then(|file| file.sync_all()).map_err(|error| writing(error.into()))?;
+    Ok(Recovery { condition, losses, messages, strays })
+}
+
+/// The new log while it is written.
+struct Copy<W: Write + Seek> {
+    writer: mcap::Writer<W>,
+    /// Schemas of the old log by their number in it.
+    schemas: BTreeMap<u16, (String, String, Vec<u8>)>,
+    /// Channels of the new log by their number in the old one.
+    channels: BTreeMap<u16, u16>,
+    messages: u64,
+    strays: u64,
+}
+
+impl<W: Write + Seek> Copy<W> {
+    fn new(target: W) -> mcap::McapResult<Self> {
+        let mut writer = options().create(target)?;
+        let mut channels = BTreeMap::new();
+        // Channels of biflag have fixed numbers, so they are known even if the chunk that declares them is lost.
+        for channel in schema::CHANNELS {
+            add_channel(&mut writer, channel)?;
+            channels.insert(channel.id, channel.id);
+        }
+        Ok(Self { writer, schemas: BTreeMap::new(), channels, messages: 0, strays: 0 })
+    }
+
+    fn piece(&mut self, piece: Piece) -> mcap::McapResult<()> {
+        match piece {
+            Piece::Metadata(name, table) => self.table(&name, table),
+            Piece::Chunk(entries) => entries.into_iter().try_for_each(|entry| self.entry(entry)),
+        }
+    }
+
+    fn table(&mut self, name: &str, metadata: BTreeMap<String, String>) -> mcap::McapResult<()> {
+        self.writer.write_metadata(&Metadata { name: name.to_owned(), metadata })
+    }
+
+    fn entry(&mut self, entry: Entry) -> mcap::McapResult<()> {
+        match entry {
+            Entry::Schema(header, data) => {
+                self.schemas.insert(header.id, (header.name, header.encoding, data));
+            }
+            Entry::Channel(channel) => {
+                let schema = match self.schemas.get(&channel.schema_id) {
+                    Some((name, encoding, data)) => self.writer.add_schema(name, encoding, data)?,
+                    None => 0,
+                };
+                let encoding = &channel.message_encoding;
+                let id = self.writer.add_channel(schema, &channel.topic, encoding, &channel.metadata)?;
+                self.channels.insert(channel.id, id);
+            }
+            Entry::Message(header, data) => match self.channels.get(&header.channel_id) {
+                Some(&channel_id) => {
+                    self.writer.write_to_known_channel(&MessageHeader { channel_id, ..header }, &data)?;
+                    self.messages += 1;
+                }
+                None => self.strays += 1,
+            },
+        }
+        Ok(())
+    }
+}

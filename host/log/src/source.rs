@@ -1,0 +1,97 @@
+//! The file of a log, optionally hashed while it is read.
+
+use sha2::{Digest, Sha256};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Result, Seek, SeekFrom};
+
+/// A file that is read mostly from its beginning to its end.
+#[derive(Debug)]
+pub(super) struct Source {
+    file: File,
+    /// Position of the next read.
+    at: u64,
+    digest: Option<Digested>,
+}
+
+/// The hash of the bytes before `end`.
+#[derive(Debug, Default)]
+struct Digested {
+    hasher: Sha256,
+    end: u64,
+}
+
+impl Source {
+    pub fn new(file: File) -> Self {
+        Self { file, at: 0, digest: None }
+    }
+
+    /// Hashes bytes as they are read from now on. Bytes before this position are read again at the end.
+    pub fn hash(&mut self) {
+        self.digest.get_or_insert_default();
+    }
+
+    /// Returns the SHA-256 of the complete file in hexadecimal.
+    pub fn sha256(&mut self) -> Result<String> {
+        let Digested { mut hasher, end } = self.digest.take().unwrap_or_default();
+        self.file.seek(SeekFrom::Start(end))?;
+        let mut rest = BufReader::with_capacity(1 << 16, &self.file);
+        loop {
+            let bytes = rest.fill_buf()?;
+            if bytes.is_empty() {
+                break;
+            }
+            hasher.update(bytes);
+            let count = bytes.len();
+            rest.consume(count);
+        }
+        self.file.seek(SeekFrom::Start(self.at))?;
+        Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    }
+}
+
+impl Read for Source {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        let count = self.file.read(buffer)?;
+        if let Some(Digested { hasher, end }) = &mut self.digest
+            && (self.at..=self.at + count as u64).contains(end)
+        {
+            hasher.update(&buffer[(*end - self.at) as usize..count]);
+            *end = self.at + count as u64;
+        }
+        self.at += count as u64;
+        Ok(count)
+    }
+}
+
+impl Seek for Source {
+    fn seek(&mut self, to: SeekFrom) -> Result<u64> {
+        self.at = self.file.seek(to)?;
+        Ok(self.at)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sha256_does_not_depend_on_how_the_file_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("abc");
+        std::fs::write(&path, "abc").unwrap();
+        // FIPS 180-2, appendix B.1.
+        let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        for read in 0..=3 {
+            let mut source = Source::new(File::open(&path).unwrap());
+            source.hash();
+            source.seek(SeekFrom::Start(1)).unwrap();
+            source.read_exact(&mut vec![0; read.min(2)]).unwrap();
+            source.seek(SeekFrom::Start(0)).unwrap();
+            source.read_exact(&mut vec![0; read]).unwrap();
+            assert_eq!(source.sha256().unwrap(), expected, "{read}");
+            let mut rest = String::new();
+            source.read_to_string(&mut rest).unwrap();
+            assert_eq!(rest, "abc"[read..]);
+        }
+    }
+}

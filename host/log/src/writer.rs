@@ -1,0 +1,306 @@
+//! Writes a log while the trial runs.
+
+use super::convert::{self, CommandRecord, EventKind};
+use super::disk::{self, Disk, create_file};
+use super::meta::{BoardMeta, CalibrationMeta, Identity, Origin, PlanMeta, RobotMeta, Summary, TrialMeta};
+use super::schema::{self, ChannelSpec, LogMessage, biflag};
+use super::table::{Meta, to_table};
+use super::{LogError, PROFILE};
+use protocol::Calibration;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
+
+/// Interval at which chunks are closed: half a second, minus the possible delay of a tick.
+const FLUSH_INTERVAL: Duration = Duration::from_millis(400);
+
+/// The first records of a log: everything that is known before the trial starts.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Start {
+    /// The program that writes the log, and where the trial runs.
+    pub identity: Identity,
+    /// The plan that the trial belongs to.
+    pub plan: PlanMeta,
+    /// The trial.
+    pub trial: TrialMeta,
+    /// The robot's file.
+    pub robot: RobotMeta,
+    /// The board, with its settings.
+    pub board: Option<BoardMeta>,
+}
+
+/// A log being written.
+///
+/// Every 0.4 s the current chunk is closed and synced, so that a killed program loses at most half a second;
+/// [`Writer::tick`] does this when no message arrives. A modelled trial can be computed again, and its log must not
+/// depend on the computing time: its chunks are closed by size alone.
+pub struct Writer {
+    path: PathBuf,
+    mcap: mcap::Writer<BufWriter<Disk>>,
+    disk: Arc<disk::Status>,
+    /// When a chunk was last closed; `None` if chunks are closed by size alone.
+    flushed: Option<Instant>,
+    clock: Clock,
+    /// Messages on each channel so far.
+    sequences: BTreeMap<u16, u32>,
+    tap: Option<Tap>,
+}
+
+/// Called with every message as it is written: its channel, its `log_time` in ns, and its bytes. It runs on the
+/// writer's thread, so it must not block.
+pub type Tap = Box<dyn Fn(&ChannelSpec, u64, &[u8]) + Send>;
+
+/// The trial's clock.
+#[derive(Debug)]
+struct Clock {
+    /// `log_time` of the next message that has no time of the board.
+    log_ns: u64,
+    /// The board's clock and the `log_time` of the first telemetry frame.
+    first: Option<(u64, u64)>,
+}
+
+impl Writer {
+    /// Starts a log at `path`, which must not exist. `time` is the host's clock.
+    ///
+    /// # Errors
+    /// [`LogError::Exists`], [`LogError::Create`], [`LogError::Write`].
+    pub fn create(path: &Path, start: &Start, time: SystemTime) -> Result<Self, LogError> {
+        let mut writer = Self::on(create_file(path)?, path, time)?;
+        if start.identity.origin == Origin::Model {
+            writer.flushed = None;
+        }
+        writer.meta(&start.identity)?;
+        writer.meta(&start.plan)?;
+        writer.meta(&start.trial)?;
+        writer.meta(&start.robot)?;
+        if let Some(board) = &start.board {
+            writer.meta(board)?;
+        }
+        writer.flush()?;
+        Ok(writer)
+    }
+
+    pub(super) fn on(file: File, path: &Path, time: SystemTime) -> Result<Self, LogError> {
+        let failed = |source| LogError::Create { path: path.to_owned(), source };
+        let disk = Disk::new(file).map_err(failed)?;
+        let status = disk.status();
+        let mcap = options().create(BufWriter::new(disk)).map_err(|error| failed(io_error(error)))?;
+        let mut writer = Self {
+            path: path.to_owned(),
+            mcap,
+            disk: status,
+            flushed: Some(Instant::now()),
+            clock: Clock { log_ns: nanos(time), first: None },
+            sequences: BTreeMap::new(),
+            tap: None,
+        };
+        for channel in schema::CHANNELS {
+            let added = add_channel(&mut writer.mcap, channel);
+            writer.check(added)?;
+        }
+        Ok(writer)
+    }
+
+    /// Passes every message from here on to `tap` as well.
+    pub fn tap(&mut self, tap: Tap) {
+        self.tap = Some(tap);
+    }
+
+    /// Writes bytes from the board as received.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn raw(&mut self, bytes: &[u8], host: SystemTime) -> Result<(), LogError> {
+        self.message(&biflag::RawBytes { data: bytes.to_vec() }, host)
+    }
+
+    /// Sets the trial's clock from the board's. Returns the time since the trial's first frame, µs.
+    pub fn board_time(&mut self, board_time_us: u64, host: SystemTime) -> u64 {
+        let (first_us, first_ns) = *self.clock.first.get_or_insert((board_time_us, self.clock.log_ns.max(nanos(host))));
+        let elapsed_us = board_time_us.saturating_sub(first_us);
+        self.clock.log_ns = first_ns.saturating_add(elapsed_us.saturating_mul(1000));
+        elapsed_us
+    }
+
+    /// Sets the trial's clock to `time_s` since its start. For models, which have no frames of a board.
+    pub fn at(&mut self, time_s: f64) {
+        self.clock.first.get_or_insert((0, self.clock.log_ns));
+        self.clock.log_ns = self.time_ns(time_s);
+    }
+
+    /// Returns the trial's current time, s since its first frame.
+    pub fn time_s(&self) -> f64 {
+        self.clock.first.map_or(0.0, |(_, first_ns)| self.clock.log_ns.saturating_sub(first_ns) as f64 * 1e-9)
+    }
+
+    /// Returns the `log_time` that corresponds to `time_s` after the trial's first frame, ns since 1970. For messages
+    /// whose type contains an absolute time.
+    pub fn time_ns(&self, time_s: f64) -> u64 {
+        let first_ns = self.clock.first.map_or(self.clock.log_ns, |(_, first_ns)| first_ns);
+        first_ns.saturating_add((time_s * 1e9).round() as u64)
+    }
+
+    /// Writes a command and its reply.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn command(&mut self, record: &CommandRecord) -> Result<(), LogError> {
+        self.message(&convert::command(record), record.ended)
+    }
+
+    /// Writes that `count` telemetry frames were lost, starting with the sequence number `first_seq`.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn dropout(&mut self, first_seq: u16, count: u32, host: SystemTime) -> Result<(), LogError> {
+        self.message(&biflag::Dropout { first_seq: first_seq.into(), count }, host)
+    }
+
+    /// Writes an event.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn event(&mut self, kind: EventKind, text: &str, host: SystemTime) -> Result<(), LogError> {
+        self.message(&convert::event(kind, text), host)
+    }
+
+    /// Writes the result of the gyroscope's calibration.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn calibration(&mut self, calibration: &Calibration, host: SystemTime) -> Result<(), LogError> {
+        let Calibration { still, bias: bias_counts, noise: noise_counts, samples } = *calibration;
+        let [x, y, z] = bias_counts;
+        let moved = if still { "" } else { "; the sensor moved, so the previous bias is kept" };
+        let text = format!("bias {x:.2} {y:.2} {z:.2} counts, noise {noise_counts}, {samples} readings{moved}");
+        self.event(EventKind::Calibration, &text, host)?;
+        self.meta(&CalibrationMeta { still, bias_counts, noise_counts, samples })
+    }
+
+    /// Writes a message at the trial's current time.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn message<M: LogMessage>(&mut self, message: &M, host: SystemTime) -> Result<(), LogError> {
+        let channel_id = M::CHANNEL.id;
+        let sequence = self.sequences.entry(channel_id).or_default();
+        let header = mcap::records::MessageHeader {
+            channel_id,
+            sequence: *sequence,
+            log_time: self.clock.log_ns,
+            publish_time: nanos(host),
+        };
+        *sequence = sequence.wrapping_add(1);
+        let bytes = message.encode_to_vec();
+        let written = self.mcap.write_to_known_channel(&header, &bytes);
+        self.check(written)?;
+        if let Some(tap) = &self.tap {
+            tap(&M::CHANNEL, header.log_time, &bytes);
+        }
+        self.tick()
+    }
+
+    /// Writes a message at `time_s` since the trial's first frame, which must have been written. The trial's clock is
+    /// unchanged.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn message_at<M: LogMessage>(&mut self, time_s: f64, message: &M, host: SystemTime) -> Result<(), LogError> {
+        let now_ns = self.clock.log_ns;
+        self.at(time_s);
+        let written = self.message(message, host);
+        self.clock.log_ns = now_ns;
+        written
+    }
+
+    /// Writes a metadata record.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn meta<M: Meta>(&mut self, meta: &M) -> Result<(), LogError> {
+        let record = mcap::records::Metadata { name: M::NAME.to_owned(), metadata: to_table(meta) };
+        let written = self.mcap.write_metadata(&record);
+        self.check(written)
+    }
+
+    /// Closes and syncs a chunk if it is due. To be called at least every 0.1 s if nothing else is written.
+    ///
+    /// # Errors
+    /// [`LogError::Write`], also for a background sync that failed since the last call.
+    pub fn tick(&mut self) -> Result<(), LogError> {
+        if self.flushed.is_none_or(|flushed| flushed.elapsed() < FLUSH_INTERVAL) { Ok(()) } else { self.flush() }
+    }
+
+    pub(super) fn flush(&mut self) -> Result<(), LogError> {
+        self.flushed = self.flushed.map(|_| Instant::now());
+        let flushed = self.mcap.flush();
+        self.check(flushed)?;
+        match self.disk.take_error() {
+            Some(error) => Err(self.error(error)),
+            None => Ok(()),
+        }
+    }
+
+    /// Ends the log with its summary and syncs it.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn finish(mut self, summary: &Summary) -> Result<(), LogError> {
+        self.meta(summary)?;
+        let finished = self.mcap.finish().map(drop);
+        self.check(finished)?;
+        let Self { path, mcap, disk, .. } = self;
+        let synced = mcap.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error).and_then(Disk::finish);
+        synced.map_err(|source| LogError::Write { path, kept: disk.written(), source })
+    }
+
+    fn check<T>(&self, result: mcap::McapResult<T>) -> Result<(), LogError> {
+        result.map(drop).map_err(|error| self.error(io_error(error)))
+    }
+
+    fn error(&self, source: std::io::Error) -> LogError {
+        LogError::Write { path: self.path.clone(), kept: self.disk.written(), source }
+    }
+}
+
+impl std::fmt::Debug for Writer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Writer").field("path", &self.path).field("clock", &self.clock).finish_non_exhaustive()
+    }
+}
+
+/// Returns the options of the MCAP writer. Chunks are assembled in memory and written at once, so that a killed writer
+/// leaves no partial chunk; they are compressed without threads, because they are small.
+pub(super) fn options() -> mcap::WriteOptions {
+    mcap::WriteOptions::new()
+        .profile(PROFILE)
+        .library(format!("biflag {}", env!("CARGO_PKG_VERSION")))
+        .compression(Some(mcap::Compression::Zstd))
+        .compression_threads(0)
+        .disable_seeking(true)
+}
+
+/// Declares a channel with its fixed number.
+pub(super) fn add_channel<W: Write + Seek>(
+    writer: &mut mcap::Writer<W>,
+    channel: &ChannelSpec,
+) -> mcap::McapResult<()> {
+    let schema = writer.add_schema(channel.schema, "protobuf", channel.descriptors)?;
+    writer.add_channel_with_id(channel.id, schema, channel.topic, "protobuf", &BTreeMap::new())?;
+    Ok(())
+}
+
+pub(super) fn io_error(error: mcap::McapError) -> std::io::Error {
+    match error {
+        mcap::McapError::Io(error) => error,
+        other => std::io::Error::other(other),
+    }
+}
+
+fn nanos(time: SystemTime) -> u64 {
+    let since = time.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,209 @@
+//! Levelling: measures the tilt of the attitude due to the accelerometer's bias at rest, and removes it.
+//!
+//! A bias of 20 mg of the accelerometer tilts the attitude by a degree. The robot hangs upright at rest, so the
+//! difference between the accelerometer's vertical and the robot's axis is the bias, which is constant in body axes.
+//! The attitude is corrected about a horizontal axis, because the accelerometer affects only the tilt: yaw comes from
+//! the gyroscope alone.
+//!
+//! The filter follows the accelerometer with a time constant of 1/kp, and the gyroscope without delay: while the robot
+//! turns, the filter's tilt is that of the bias in the world about a second ago. Therefore the bias passes through the
+//! same low-pass.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use std::collections::VecDeque;
+
+/// Largest tilt due to a bias. Beyond it, the mounting differs from the settings, or the robot does not hang upright.
+const LARGEST_TILT_DEG: f64 = 10.0;
+
+/// Largest error of gravity due to bias and scale error of an MPU6050 (data sheet PS-MPU-6000A, section 6.2: 80 mg
+/// and 3 %).
+const LARGEST_ERROR_G: f64 = 0.11;
+
+/// The vertical measured by the accelerometer of a robot at rest.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Level {
+    /// Direction of up, a unit vector in body axes.
+    pub up: Vector3<f64>,
+    /// Magnitude of the mean specific force, in units of standard gravity.
+    pub force_g: f64,
+}
+
+impl Level {
+    /// Returns the angle between the accelerometer's vertical and the robot's axis, degrees.
+    pub fn tilt_deg(&self) -> f64 {
+        self.up.xy().norm().atan2(self.up.z).to_degrees()
+    }
+
+    /// Returns whether the tilt is small enough to be a bias.
+    pub fn is_bias(&self) -> bool {
+        self.tilt_deg() <= LARGEST_TILT_DEG
+    }
+
+    /// Returns pitch and roll that the bias adds to the attitude at rest, degrees.
+    pub fn angles_deg(&self) -> [f64; 2] {
+        let [x, y, z] = self.up.into();
+        [-x.clamp(-1.0, 1.0).asin().to_degrees(), y.atan2(z).to_degrees()]
+    }
+
+    /// Returns the bias of the accelerometer, g, body axes.
+    fn bias_g(&self) -> Vector3<f64> {
+        let is_gravity = (self.force_g - 1.0).abs() < LARGEST_ERROR_G;
+        self.up * if is_gravity { self.force_g } else { 1.0 } - Vector3::z()
+    }
+
+    /// Removes the bias from an attitude at rest, body to world.
+    pub fn levelled(&self, attitude: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        without(attitude, self.bias_g())
+    }
+}
+
+/// Removes the tilt due to a bias of the accelerometer (g, body axes) from an attitude, body to world.
+///
+/// The measured up is the direction of the sum of true up, of length 1 g, and the bias; true up follows from
+/// intersecting that direction, shifted by the bias, with the unit sphere.
+fn without(attitude: UnitQuaternion<f64>, bias: Vector3<f64>) -> UnitQuaternion<f64> {
+    let seen = attitude.inverse() * Vector3::z();
+    let along = seen.dot(&bias);
+    let length = along + (along * along - bias.norm_squared() + 1.0).max(0.0).sqrt();
+    let up = attitude * (seen * length - bias);
+    UnitQuaternion::rotation_between(&up, &Vector3::z()).map_or(attitude, |correction| correction * attitude)
+}
+
+/// Levels the attitudes of a moving robot in order of time.
+#[derive(Clone, Debug)]
+pub struct Leveller {
+    bias: Vector3<f64>,
+    /// Proportional gain of the board's filter, 1/s.
+    gain: f64,
+    /// Time, s, and the bias after the filter's low-pass, world axes; `None` before the first attitude.
+    filtered_bias: Option<(f64, Vector3<f64>)>,
+}
+
+impl Leveller {
+    /// Creates a leveller. `gain` is the proportional gain of the board's attitude filter, 1/s.
+    pub fn new(level: &Level, gain: f64) -> Self {
+        Self { bias: level.bias_g(), gain, filtered_bias: None }
+    }
+
+    /// Removes the bias from the attitude at a time, body to world.
+    pub fn levelled(&mut self, attitude: UnitQuaternion<f64>, time_s: f64) -> UnitQuaternion<f64> {
+        let now = attitude * self.bias;
+        let bias = match self.filtered_bias {
+            Some((before_s, bias)) => bias + (now - bias) * (1.0 - (-self.gain * (time_s - before_s).max(0.0)).exp()),
+            None => now,
+        };
+        self.filtered_bias = Some((time_s, bias));
+        without(attitude, attitude.inverse() * bias)
+    }
+}
+
+/// The specific force of the last seconds at rest.
+#[derive(Clone, Debug)]
+pub struct RestForce {
+    /// Specific forces, m/s², body axes, the latest first.
+    forces: VecDeque<Vector3<f64>>,
+    most: usize,
+}
+
+/// Averaging time of the force, s.
+const REST_S: usize = 5;
+
+impl RestForce {
+    /// Creates an empty average for readings at `rate_hz`.
+    pub fn new(rate_hz: u8) -> Self {
+        Self { forces: VecDeque::new(), most: REST_S * usize::from(rate_hz) }
+    }
+
+    /// Adds a specific force, m/s², body axes.
+    pub fn push(&mut self, force: [f64; 3]) {
+        self.forces.truncate(self.most - 1);
+        self.forces.push_front(Vector3::from(force));
+    }
+
+    /// Discards all readings, because the robot moved.
+    pub fn clear(&mut self) {
+        self.forces.clear();
+    }
+
+    /// Returns the vertical; `None` if the time at rest was shorter than a second.
+    pub fn level(&self, standard_gravity_mps2: f64) -> Option<Level> {
+        if self.forces.len() < self.most / REST_S {
+            return None;
+        }
+        let force = self.forces.iter().sum::<Vector3<f64>>() / self.forces.len() as f64;
+        Some(Level { up: force.try_normalize(0.0)?, force_g: force.norm() / standard_gravity_mps2 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Euler;
+    use super::*;
+
+    const DT: f64 = 0.005;
+
+    /// A board whose filter integrates the rotation and follows an accelerometer with a bias.
+    struct Board {
+        truth: UnitQuaternion<f64>,
+        filter: UnitQuaternion<f64>,
+        bias: Vector3<f64>,
+    }
+
+    impl Board {
+        /// Rotates by a rotation vector in body axes; returns the filter's attitude and the specific force in g.
+        fn turn(&mut self, turn: Vector3<f64>) -> (UnitQuaternion<f64>, [f64; 3]) {
+            let turn = UnitQuaternion::from_scaled_axis(turn);
+            (self.truth, self.filter) = (self.truth * turn, self.filter * turn);
+            let force = self.truth.inverse() * Vector3::z() + self.bias;
+            let correction = force.normalize().cross(&(self.filter.inverse() * Vector3::z())) * DT;
+            self.filter *= UnitQuaternion::from_scaled_axis(correction);
+            (self.filter, force.into())
+        }
+    }
+
+    #[test]
+    fn bias_is_removed_at_rest_and_in_motion() {
+        let still = UnitQuaternion::identity();
+        let mut board = Board { truth: still, filter: still, bias: Vector3::new(0.03, -0.02, 0.01) };
+        let mut rest = RestForce::new(200);
+        assert_eq!(rest.level(1.0), None, "no readings yet");
+        let mut attitude = still;
+        for _ in 0..2000 {
+            let (filtered, force) = board.turn(Vector3::zeros());
+            rest.push(force);
+            attitude = filtered;
+        }
+        assert!((Euler::of(&attitude).pitch_deg + 1.70).abs() < 0.02, "{attitude:?}");
+        let level = rest.level(1.0).unwrap();
+        assert!(level.is_bias() && (level.tilt_deg() - 2.04).abs() < 0.02, "{level:?}");
+        let upright = Euler::of(&level.levelled(attitude));
+        assert!(upright.pitch_deg.abs() < 0.01 && upright.roll_deg.abs() < 0.01, "{upright:?}");
+
+        let mut leveller = Leveller::new(&level, 1.0);
+        let (mut worst, mut last) = (0f64, upright);
+        // It pitches by 16°, turns by 120° about the vertical, and rests until the filter has settled.
+        for i in 0..6000 {
+            let rate = |from, to| if (from..to).contains(&i) { 1.0 / f64::from(to - from) } else { 0.0 };
+            let vertical = board.truth.inverse() * Vector3::z() * (120_f64.to_radians() * rate(1000, 3000));
+            let (filtered, _) = board.turn(Vector3::y() * (16_f64.to_radians() * rate(0, 1000)) + vertical);
+            last = Euler::of(&leveller.levelled(filtered, f64::from(i) * DT));
+            let truth = Euler::of(&board.truth);
+            worst = worst.max((last.pitch_deg - truth.pitch_deg).abs()).max((last.roll_deg - truth.roll_deg).abs());
+        }
+        assert!(worst < 0.05, "in motion: {worst}");
+        assert!((last.pitch_deg - 16.0).abs() < 0.01 && last.roll_deg.abs() < 0.01, "{last:?}");
+        assert!((last.yaw_deg - 120.0).abs() < 0.1, "{last:?}");
+        rest.clear();
+        assert_eq!(rest.level(1.0), None, "the robot moved");
+    }
+
+    #[test]
+    fn large_tilt_is_not_a_bias() {
+        for force in [[1.0, 0.0, 0.02], [0.0, 0.0, -1.0]] {
+            let mut rest = RestForce::new(200);
+            (0..1000).for_each(|_| rest.push(force));
+            let level = rest.level(1.0).unwrap();
+            assert!(!level.is_bias() && level.tilt_deg() > 80.0, "{level:?}");
+        }
+    }
+}

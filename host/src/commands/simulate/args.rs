@@ -1,0 +1,98 @@
+//! The arguments of `biflag simulate`.
+
+use super::super::options::ClosureName;
+use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
+use protocol::units::CentiRpm;
+use std::path::PathBuf;
+
+/// Simulate the trials of a plan, one pair of speeds, or a recorded trial, and write a log of each.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:\n  \
+    biflag simulate host/plans/published-points.toml --out points\n  \
+    biflag simulate --speeds=-90,90 --duration 120 --closure lumped\n  \
+    biflag simulate --from glycerin --robot fitted.toml --out fitted\n\
+    The logs do not depend on --jobs, --shard or interruptions.")]
+pub struct Args {
+    /// The plan: a TOML file (see `biflag record --help` for an example).
+    #[arg(
+        required_unless_present_any = ["speeds", "duration", "from"],
+        conflicts_with_all = ["speeds", "duration", "from"]
+    )]
+    pub plan: Option<PathBuf>,
+    /// Replay a recorded log or session: its measured speeds drive the model of its robot.
+    #[arg(long, value_name = "LOG|SESSION", conflicts_with_all = ["speeds", "duration", "shard"])]
+    pub from: Option<PathBuf>,
+    /// Speeds of flagella 1 and 2 in rpm instead of a plan; write `--speeds=-90,90` if the first is negative.
+    #[arg(long, value_name = "W1,W2", value_parser = speeds, allow_hyphen_values = true, requires = "duration")]
+    pub speeds: Option<Speeds>,
+    /// Duration of the run at these speeds, in seconds.
+    #[arg(long, value_name = "S", value_parser = duration, requires = "speeds")]
+    pub duration: Option<f64>,
+    /// Coupling of the flagella to the base: `full`, with forces in both directions; `lumped`, the published couples
+    /// with reaction torques; or `paper`, the equations as printed, whose yaw never settles.
+    ///
+    /// By default `full`; with `--from`, that of the log's model if it has one.
+    #[arg(long, value_enum)]
+    pub closure: Option<ClosureName>,
+    /// The robot file, instead of the robot of the plan or the log.
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Number of parallel trials; by default the number of cores.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+    /// Compute every N-th trial, starting with the I-th. Shards may share a folder or use separate ones.
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<Shard>,
+    /// Samples per second; the board's rate is 200.
+    #[arg(long, value_name = "HZ", default_value = "20", value_parser = rate)]
+    pub rate: f64,
+    /// Write the shapes of the flagella into the logs.
+    #[arg(long)]
+    pub shapes: bool,
+    /// The session folder; by default named after the plan, the speeds, or the replayed session.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Continue a session, skipping the trials that are complete.
+    #[arg(long)]
+    pub resume: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct Speeds(pub [CentiRpm; 2]);
+
+fn speeds(text: &str) -> Result<Speeds, String> {
+    let one = |text: &str| {
+        let rpm: f64 = text.trim().parse().map_err(|_| format!("{text:?} is not a speed"))?;
+        plan::board_speed(rpm).map_err(|(what, cure)| format!("{what}; {cure}"))
+    };
+    let (w1, w2) = text.split_once(',').ok_or("give two speeds in rpm, such as 50,10")?;
+    Ok(Speeds([one(w1)?, one(w2)?]))
+}
+
+fn duration(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "give seconds")?;
+    if (MIN_RUN_S..=MAX_PHASE_S).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err(format!("give {MIN_RUN_S} to {MAX_PHASE_S} s"))
+    }
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    let hertz: f64 = text.parse().map_err(|_| "give samples per second")?;
+    if (0.01..=1000.0).contains(&hertz) { Ok(hertz) } else { Err("give 0.01 to 1000 samples per second".into()) }
+}
+
+/// Every `of`-th trial, starting with `first`, counted from 0.
+#[derive(Clone, Copy, Debug)]
+pub struct Shard {
+    pub first: usize,
+    pub of: usize,
+}
+
+fn shard(text: &str) -> Result<Shard, String> {
+    let form = "give the number of the shard and the number of shards, such as 1/8";
+    let (number, of) = text.split_once('/').ok_or(form)?;
+    let (number, of): (usize, usize) = (number.parse().map_err(|_| form)?, of.parse().map_err(|_| form)?);
+    if (1..=of).contains(&number) { Ok(Shard { first: number - 1, of }) } else { Err(form.into()) }
+}

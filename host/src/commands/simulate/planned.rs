@@ -1,0 +1,155 @@
+//! `biflag simulate PLAN`: simulates the trials of a plan, or one pair of speeds.
+
+use super::super::options::cores;
+use super::super::{Answer, Outcome, WRONG_USE};
+use super::args::{Args, Shard, Speeds};
+use super::output::{Simulated, SimulatedTrial};
+use crate::plan::robot;
+use crate::plan::{Plan, Trial};
+use crate::program;
+use crate::progress::{Progress, interruption, lock};
+use crate::run::model::{Batch, Course, Job, Model, ModelError};
+use crate::session::{self, Session, SessionError, Sharing};
+use crate::text;
+use biflag_log::{Identity, ModelMeta, Origin};
+use protocol::units::CentiRpm;
+use sim::body::closure::Closure;
+use sim::trial::Options;
+use std::path::Path;
+use std::sync::Mutex;
+use std::time::Instant;
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    let begun = Instant::now();
+    let interrupted = interruption()?;
+    let plan = plan(args)?;
+    let options = Options { rate_hz: args.rate, shapes: args.shapes };
+    let model = Model::of_plan(&plan, args.closure.map_or(Closure::Full, Closure::from), options)?;
+    let mine: Vec<&Trial> = match args.shard {
+        Some(Shard { first, of }) => plan.trials.iter().skip(first).step_by(of).collect(),
+        None => plan.trials.iter().collect(),
+    };
+    let folder = args.out.clone().unwrap_or_else(|| session::default_folder(&plan));
+    let session = open(&folder, &plan, &mine, args)?;
+
+    let _lock = session.lock(if args.shard.is_some() { Sharing::WithShards } else { Sharing::Alone })?;
+    session.expect_same_rig(&session.states()?, Origin::Model, None)?;
+    let mut trials = Vec::new();
+    let mut todo = Vec::new();
+    for trial in mine {
+        match session.state(trial)?.complete() {
+            Some(attempt) => trials.push(computed_before(trial, &attempt.path, &model)?),
+            None => todo.push(trial),
+        }
+    }
+    let jobs = args.jobs.map_or_else(cores, usize::from);
+    let progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
+    let count = todo.len();
+    progress.phase(&text::count(count, "trial"), &format!("{jobs} at a time"));
+    let progress = Mutex::new(progress);
+    let work = |trial| Ok(Job { trial, course: Course::planned(trial)?, model: &model, plan: session.plan() });
+    let work: Vec<_> = todo.into_iter().map(work).collect::<Result<_, ModelError>>()?;
+    let batch = Batch::new(&session, &progress, &interrupted);
+    let runs = batch.run(&work, jobs, &|run| SimulatedTrial::from(run).to_string());
+    lock(&progress).finish();
+    let runs = runs?;
+
+    let wall_s = begun.elapsed().as_secs_f64();
+    let simulated_s: f64 = runs.iter().filter_map(|run| Some(run.result.as_ref().ok()?.simulated_s)).sum();
+    let real_time_factor = (simulated_s > 0.0).then(|| simulated_s / wall_s);
+    let done = runs.len();
+    trials.extend(runs.iter().map(SimulatedTrial::from));
+    trials.sort_by(|a, b| a.name.cmp(&b.name));
+    let outcome = if trials.iter().any(|trial| trial.error.is_some()) {
+        Outcome::Failed
+    } else if done < count {
+        Outcome::Interrupted
+    } else if trials.iter().any(|trial| trial.steady.as_ref().is_some_and(|steady| !steady.settled)) {
+        Outcome::WithLoss
+    } else {
+        Outcome::Done
+    };
+    let speed = real_time_factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time"));
+    let rest = if done < count { "; interrupted, continue with --resume" } else { "" };
+    let text = format!("session {}: {} computed{speed}{rest}", folder.display(), text::count(done, "trial"));
+    Answer::new(outcome, &Simulated { session: folder, real_time_factor, trials }, text)
+}
+
+/// Returns the plan, or one made from the speeds, with the robot named by the user.
+fn plan(args: &Args) -> miette::Result<Plan> {
+    let mut plan = match (&args.plan, args.speeds, args.duration) {
+        (Some(path), ..) => Plan::load(path)?,
+        (None, Some(Speeds(speeds)), Some(run)) => {
+            let [w1, w2] = speeds.map(CentiRpm::rpm);
+            let text = format!(
+                "[session]\nname = \"w1{w1:+}_w2{w2:+}\"\n\n[trial]\ncalibrate = 0\npreroll = 0\nrun = {run}\ndecay = 0\n\n\
+                 [speeds]\npairs = [[{w1}, {w2}]]\n"
+            );
+            Plan::parse(&text, "--speeds")?
+        }
+        _ => return Err(miette::miette!(code = WRONG_USE, "give a plan or --speeds")),
+    };
+    if let Some(path) = &args.robot {
+        plan.robot = robot::load(path)?;
+    }
+    Ok(plan)
+}
+
+/// Starts the session, or continues it with `--resume`. Shards of a plan share a session, so each of them opens it, but
+/// a shard skips complete trials of its own only with `--resume`.
+fn open(folder: &Path, plan: &Plan, mine: &[&Trial], args: &Args) -> miette::Result<Session> {
+    if !args.resume && args.shard.is_none() {
+        return Ok(Session::create(folder, plan)?);
+    }
+    let session = match Session::resume(folder, plan) {
+        // Another shard has just created it.
+        Err(SessionError::Exists { .. }) => Session::resume(folder, plan)?,
+        other => other?,
+    };
+    if !args.resume {
+        for trial in mine {
+            if !session.state(trial)?.attempts.is_empty() {
+                return Err(SessionError::Exists { folder: folder.to_owned() }.into());
+            }
+        }
+    }
+    Ok(session)
+}
+
+/// Returns a trial that was computed by an earlier run of the same model.
+fn computed_before(trial: &Trial, log: &Path, model: &Model) -> miette::Result<SimulatedTrial> {
+    let help = "name another folder with --out, or continue as the session began";
+    if !biflag_log::last_meta::<Identity>(log)?.is_some_and(|identity| program::wrote(&identity)) {
+        let what = "by another version of biflag";
+        return Err(miette::miette!(code = WRONG_USE, help = help, "{}: computed {what}", log.display()));
+    }
+    match biflag_log::last_meta::<ModelMeta>(log)? {
+        Some(meta) if meta == *model.meta() => {}
+        Some(meta) => {
+            let what = difference(&meta, model.meta());
+            return Err(miette::miette!(code = WRONG_USE, help = help, "{}: computed with {what}", log.display()));
+        }
+        None => {
+            return Err(miette::miette!(
+                code = WRONG_USE,
+                help = help,
+                "{}: was not computed by the model",
+                log.display()
+            ));
+        }
+    }
+    Ok(SimulatedTrial { steady: biflag_log::last_meta(log)?, ..SimulatedTrial::new(trial, log) })
+}
+
+/// Describes the difference between the model of a log and the current one.
+fn difference(then: &ModelMeta, now: &ModelMeta) -> String {
+    if then.closure != now.closure {
+        format!("the closure {}", format!("{:?}", then.closure).to_lowercase())
+    } else if then.rate_hz != now.rate_hz {
+        format!("{} samples per second", then.rate_hz)
+    } else if then.shapes != now.shapes {
+        format!("{}shapes", if then.shapes { "" } else { "no " })
+    } else {
+        "other parameters of the robot".to_owned()
+    }
+}

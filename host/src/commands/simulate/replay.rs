@@ -1,0 +1,93 @@
+//! `biflag simulate --from`: replays recorded trials in the model.
+
+use super::super::options::cores;
+use super::super::{Answer, Outcome};
+use super::args::Args;
+use super::output::{Simulated, SimulatedTrial};
+use crate::plan::robot;
+use crate::progress::interruption;
+use crate::session::{Session, Sharing};
+use crate::text;
+use crate::trial::Want;
+use crate::twin::{self, Replayed, Replays, Skipped, Source};
+use serde::Serialize;
+use sim::trial::Options;
+use std::path::Path;
+use std::time::Instant;
+
+#[derive(Serialize)]
+struct ReplayedSession {
+    #[serde(flatten)]
+    simulated: Simulated,
+    skipped: Vec<Skipped>,
+    warnings: Vec<Warnings>,
+}
+
+/// Warnings about the log of a trial.
+#[derive(Serialize)]
+struct Warnings {
+    name: String,
+    warnings: Vec<String>,
+}
+
+/// Formats warnings about the logs, and the skipped trials, as lines.
+fn warning_lines(replays: &Replays<()>) -> String {
+    let warnings = replays
+        .trials
+        .iter()
+        .flat_map(|(trial, ())| trial.warnings.iter().map(|text| format!("\nwarning: {}: {text}", trial.trial.name)));
+    let skipped = replays.skipped.iter().map(|trial| format!("\nskipped: {}: {}", trial.name, trial.reason));
+    warnings.chain(skipped).collect()
+}
+
+pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
+    let begun = Instant::now();
+    let interrupted = interruption()?;
+    let source = Source::open(from)?;
+    let settings = twin::Settings {
+        closure: args.closure.map(Into::into),
+        robot: args.robot.as_deref().map(robot::load).transpose()?,
+        options: Options { rate_hz: args.rate, shapes: args.shapes },
+        any_rate: false,
+        jobs: args.jobs.map_or_else(cores, usize::from),
+    };
+    let folder = args.out.clone().unwrap_or_else(|| source.replay_folder());
+    let session =
+        if args.resume { Session::resume(&folder, &source.plan)? } else { Session::create(&folder, &source.plan)? };
+    let _lock = session.lock(Sharing::Alone)?;
+    let line = |run: &_| SimulatedTrial::from(run).to_string();
+    let replays = twin::replay(&source, &session, &settings, Want::default(), &interrupted, &line, &|_, _| ())?;
+
+    let wall_s = begun.elapsed().as_secs_f64();
+    let computed = replays.trials.iter().map(|(trial, ())| trial).filter(|trial| trial.wall_s.is_some());
+    let simulated_s: f64 = computed.clone().filter_map(|trial| Some(trial.result.as_ref().ok()?.simulated_s)).sum();
+    let real_time_factor = (simulated_s > 0.0).then(|| simulated_s / wall_s);
+    let settled = |trial: &Replayed| trial.result.as_ref().is_ok_and(|steady| steady.settled);
+    let outcome = if replays.trials.iter().any(|(trial, ())| trial.result.is_err()) {
+        Outcome::Failed
+    } else if replays.interrupted {
+        Outcome::Interrupted
+    } else if !replays.skipped.is_empty()
+        || replays.trials.iter().any(|(trial, ())| !trial.warnings.is_empty() || !settled(trial))
+    {
+        Outcome::WithLoss
+    } else {
+        Outcome::Done
+    };
+    let rest = if replays.interrupted { "; interrupted, continue with --resume" } else { "" };
+    let count = computed.count();
+    let speed = real_time_factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time"));
+    let mut lines = format!("session {}: {} replayed{speed}{rest}", folder.display(), text::count(count, "trial"));
+    lines += &warning_lines(&replays);
+    let trials = replays.trials.iter().map(|(trial, ())| SimulatedTrial {
+        steady: trial.result.as_ref().ok().cloned(),
+        wall_s: trial.wall_s,
+        error: trial.result.as_ref().err().cloned(),
+        ..SimulatedTrial::new(&trial.trial, &trial.log)
+    });
+    let simulated = Simulated { session: folder, real_time_factor, trials: trials.collect() };
+    let warned = replays.trials.iter().map(|(trial, ())| trial).filter(|trial| !trial.warnings.is_empty());
+    let warnings =
+        warned.map(|trial| Warnings { name: trial.trial.name.clone(), warnings: trial.warnings.clone() }).collect();
+    Answer::new(outcome, &ReplayedSession { simulated, skipped: replays.skipped, warnings }, lines)
+}

@@ -1,0 +1,289 @@
+//! Tables of trials and sessions: columns with names, units and values.
+
+use crate::attitude::{Euler, Reading, rotation};
+use crate::trial::{Angles, Data, FORCES, Zeroed};
+use biflag_log::{End, Origin};
+use std::ops::Range;
+
+/// A column.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Column {
+    /// Name, with the unit.
+    pub name: &'static str,
+    /// Description, for the header.
+    pub about: &'static str,
+    pub values: Values,
+}
+
+/// The values of a column.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) enum Values {
+    /// Real numbers; NaN is a missing value.
+    Real(Vec<f64>),
+    Int(Vec<i64>),
+    Text(Vec<String>),
+}
+
+impl Values {
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Real(values) => values.len(),
+            Self::Int(values) => values.len(),
+            Self::Text(values) => values.len(),
+        }
+    }
+}
+
+/// A table with its header.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Table {
+    /// Header lines about the whole table.
+    pub header: Vec<String>,
+    pub columns: Vec<Column>,
+}
+
+impl Table {
+    pub fn rows(&self) -> usize {
+        self.columns.first().map_or(0, |column| column.values.len())
+    }
+}
+
+const PLACE: [(&str, &str); 2] =
+    [("time_s", "time from the start of the run, s"), ("phase", "calibrate, preroll, run, decay or end")];
+
+const ANGLES: [(&str, &str); 8] = [
+    ("yaw_deg", "yaw about the vertical, unwrapped, offset and drift removed"),
+    ("pitch_deg", "pitch about the y axis after the yaw, offset removed"),
+    ("roll_deg", "roll about the x axis after yaw and pitch, offset removed"),
+    ("yaw_uncertainty_deg", "95 % uncertainty of the yaw; empty if unknown, and for a model"),
+    ("yaw_drift_deg", "gyroscope drift removed from the yaw"),
+    ("board_yaw_deg", "yaw of the board's filter, as sent"),
+    ("board_pitch_deg", "pitch of the board's filter, as sent"),
+    ("board_roll_deg", "roll of the board's filter, as sent"),
+];
+
+const MOTORS: [(&str, &str); 6] = [
+    ("target1_rpm", "target speed of flagellum 1, counter-clockwise seen from above"),
+    ("speed1_rpm", "measured speed of flagellum 1"),
+    ("target2_rpm", "target speed of flagellum 2"),
+    ("speed2_rpm", "measured speed of flagellum 2"),
+    ("turns1", "turns of flagellum 1, from its encoder"),
+    ("turns2", "turns of flagellum 2, from its encoder"),
+];
+
+const FORCE_COLUMNS: [(&str, &str); FORCES] = [
+    ("force1_x_n", "force of flagellum 1 on the base, body axes, including contact"),
+    ("force1_y_n", ""),
+    ("force1_z_n", "thrust of flagellum 1"),
+    ("force2_x_n", "force of flagellum 2 on the base"),
+    ("force2_y_n", ""),
+    ("force2_z_n", "thrust of flagellum 2"),
+    ("contact1_x_n", "part of the force of flagellum 1 due to contact"),
+    ("contact1_y_n", ""),
+    ("contact1_z_n", ""),
+    ("contact2_x_n", "part of the force of flagellum 2 due to contact"),
+    ("contact2_y_n", ""),
+    ("contact2_z_n", ""),
+    ("axial_torque1_nm", "reaction torque of flagellum 1 on the base about its shaft"),
+    ("axial_torque2_nm", "reaction torque of flagellum 2 on the base about its shaft"),
+    ("min_gap_m", "smallest distance between the flagella's surfaces since the last message, negative if they overlap"),
+    ("max_penetration_m", "largest overlap since the last message"),
+    ("winding_turns", "number of turns by which the flagella are wound around each other"),
+];
+
+/// Returns the table of a trial: one row per reading of the sensor, or per sample of the model.
+pub(super) fn trial(data: &Data) -> Table {
+    let zeroed = Zeroed::new(data);
+    let run_s = data.times.run.start;
+    let rows = rows(data, &zeroed);
+    let real = |(name, about): (&'static str, &'static str), value: &dyn Fn(&Row) -> f64| Column {
+        name,
+        about,
+        values: Values::Real(rows.iter().map(value).collect()),
+    };
+    let mut columns = vec![real(PLACE[0], &|row| row.time_s - run_s)];
+    columns.push(Column {
+        name: PLACE[1].0,
+        about: PLACE[1].1,
+        values: Values::Text(rows.iter().map(|row| phase(data, row.frame_s).to_owned()).collect()),
+    });
+    for k in 0..3 {
+        columns.push(real(ANGLES[k], &|row| row.angles_deg.map_or(f64::NAN, |angles| angles[k])));
+    }
+    let known = |row: &Row| row.angles_deg.is_some() && !data.is_model();
+    let uncertainty = |row: &Row| if known(row) { zeroed.yaw_uncertainty(row.time_s) } else { None };
+    columns.push(real(ANGLES[3], &|row| uncertainty(row).unwrap_or(f64::NAN)));
+    columns.push(real(ANGLES[4], &|row| if known(row) { zeroed.yaw_drift(row.time_s) } else { f64::NAN }));
+    for k in 0..3 {
+        columns.push(real(ANGLES[5 + k], &|row| row.board_deg[k]));
+    }
+    let frame = |row: &Row| data.motors.time_s.partition_point(|time| *time < row.frame_s - 1e-9);
+    for (k, about) in MOTORS.into_iter().enumerate() {
+        columns.push(real(about, &|row| data.motors.values[k].get(frame(row)).copied().unwrap_or(f64::NAN)));
+    }
+    if !data.is_model() {
+        columns.push(real(("temperature_c", "temperature of the sensor"), &|row| row.temperature_c));
+    }
+    if !data.forces.is_empty() {
+        for (k, about) in FORCE_COLUMNS.into_iter().enumerate() {
+            columns.push(real(about, &|row| data.forces.track(k).at(row.time_s).unwrap_or(f64::NAN)));
+        }
+    }
+    Table { header: header(data, &zeroed), columns }
+}
+
+/// A row of the table of a trial.
+struct Row {
+    /// Time of the attitude.
+    time_s: f64,
+    /// Time of the frame.
+    frame_s: f64,
+    /// Angles relative to the zero; `None` before the gyroscope was calibrated.
+    angles_deg: Option<[f64; 3]>,
+    board_deg: [f64; 3],
+    temperature_c: f64,
+}
+
+fn rows(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
+    // Each reading since the calibration has one row of angles.
+    let first = if data.is_model() { 0 } else { data.calibrated };
+    let shift_s = data.readings.get(first).zip(zeroed.angles_deg.time_s.first()).map_or(0.0, |((t, _), s)| s - t);
+    let row = |(i, (frame_s, reading)): (usize, &(f64, Reading))| {
+        let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&rotation(reading.attitude));
+        let at = i.checked_sub(first).filter(|at| *at < zeroed.angles_deg.len());
+        Row {
+            time_s: at.map_or(frame_s + shift_s, |at| zeroed.angles_deg.time_s[at]),
+            frame_s: *frame_s,
+            angles_deg: at.map(|at| zeroed.angles_deg.row(at)),
+            board_deg: [yaw_deg, pitch_deg, roll_deg],
+            temperature_c: reading.temperature_c,
+        }
+    };
+    data.readings.iter().enumerate().map(row).collect()
+}
+
+fn phase(data: &Data, time_s: f64) -> &str {
+    let before = data.phases.iter().rev().find(|(_, start_s)| *start_s <= time_s + 1e-9);
+    before.map_or("", |(name, _)| name.as_str())
+}
+
+fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
+    let trial = data.trial();
+    let mut lines = vec![
+        format!(
+            "biflag {}: trial {} at {} and {} rpm",
+            crate::program::VERSION,
+            trial.name,
+            trial.w1_rpm,
+            trial.w2_rpm
+        ),
+        format!("log {}, {}", data.path.display(), origin(data.origin())),
+        "angles rotate body axes into world axes: yaw about z, then pitch about y, then roll about x".to_owned(),
+    ];
+    if data.is_model() {
+        lines.push(
+            "modelled angles are exact: the robot starts upright with a yaw of zero, and no correction was applied"
+                .to_owned(),
+        );
+    } else {
+        let [yaw, pitch, roll] = zeroed.zero_deg;
+        lines.push(format!("offset removed: yaw {yaw:.4}, pitch {pitch:.4}, roll {roll:.4} deg"));
+        let delay_s = data.readings.get(data.calibrated).zip(zeroed.angles_deg.time_s.first());
+        let delay_s = delay_s.map_or(0.0, |((frame_s, _), time_s)| frame_s - time_s);
+        lines.push(format!(
+            "each row is a frame; its angles are {:.1} ms older than its speeds and turns (the delay of the sensor's filter)",
+            delay_s * 1e3
+        ));
+        lines.push(match &zeroed.drift {
+            Some(_) => "drift of the yaw removed, estimated from the still phases".to_owned(),
+            None => "no drift removed: there is no still phase to estimate it from".to_owned(),
+        });
+    }
+    if let (Some(Angles { yaw_deg, pitch_deg, roll_deg, .. }), Some(steady)) = (zeroed.angles(), &zeroed.steady) {
+        let Range { start, end } = steady.window;
+        let [from, to] = [start, end].map(|time| time - zeroed.run.start);
+        lines.push(format!(
+            "steady, from {from:.3} to {to:.3} s: yaw {yaw_deg:.4}, pitch {pitch_deg:.4}, roll {roll_deg:.4} deg"
+        ));
+    }
+    lines
+}
+
+fn origin(origin: Origin) -> &'static str {
+    match origin {
+        Origin::Rig => "measured on the rig",
+        Origin::VirtualRig => "measured on the emulated board",
+        Origin::Model => "computed by the model",
+    }
+}
+
+/// A row of the table of a session's trials.
+pub(super) struct Summary {
+    pub name: String,
+    pub speeds_rpm: [f64; 2],
+    pub repeat: u32,
+    pub complete: bool,
+    pub angles: Option<Angles>,
+    pub settle_s: Option<f64>,
+    pub lost: u64,
+    pub log: String,
+    /// File of the trial.
+    pub file: String,
+}
+
+impl Summary {
+    pub fn new(data: &Data, file: String) -> Self {
+        let (trial, zeroed) = (data.trial(), Zeroed::new(data));
+        let summary = data.records.summary.as_ref();
+        Self {
+            name: trial.name,
+            speeds_rpm: [trial.w1_rpm, trial.w2_rpm],
+            repeat: trial.repeat,
+            complete: summary.is_some_and(|summary| summary.end == End::Complete),
+            angles: zeroed.angles(),
+            settle_s: zeroed.steady.and_then(|steady| steady.settle_s),
+            lost: data.link.lost,
+            log: data.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            file,
+        }
+    }
+}
+
+/// Returns the table of a session: one row per trial.
+pub(super) fn session(name: &str, trials: &[Summary]) -> Table {
+    let real = |name, about, value: &dyn Fn(&Summary) -> Option<f64>| Column {
+        name,
+        about,
+        values: Values::Real(trials.iter().map(|trial| value(trial).unwrap_or(f64::NAN)).collect()),
+    };
+    let text = |name, about, value: &dyn Fn(&Summary) -> String| Column {
+        name,
+        about,
+        values: Values::Text(trials.iter().map(value).collect()),
+    };
+    let int = |name, about, value: &dyn Fn(&Summary) -> i64| Column {
+        name,
+        about,
+        values: Values::Int(trials.iter().map(value).collect()),
+    };
+    let angle = |value: fn(&Angles) -> Option<f64>| move |trial: &Summary| trial.angles.as_ref().and_then(value);
+    let columns = vec![
+        text("trial", "name of the trial", &|trial| trial.name.clone()),
+        real("w1_rpm", "target speed of flagellum 1", &|trial| Some(trial.speeds_rpm[0])),
+        real("w2_rpm", "target speed of flagellum 2", &|trial| Some(trial.speeds_rpm[1])),
+        int("repeat", "repeat of the same speeds, from 1", &|trial| trial.repeat.into()),
+        int("complete", "1 if the trial ended as planned", &|trial| trial.complete.into()),
+        real("yaw_deg", "steady yaw: mean over the end of the run", &angle(|angles| Some(angles.yaw_deg))),
+        real("yaw_uncertainty_deg", "its 95 % uncertainty", &angle(|angles| angles.yaw_uncertainty_deg)),
+        real("pitch_deg", "steady pitch", &angle(|angles| Some(angles.pitch_deg))),
+        real("roll_deg", "steady roll", &angle(|angles| Some(angles.roll_deg))),
+        real("yaw_drift_deg", "drift removed from the steady yaw", &angle(|angles| angles.drift_deg)),
+        real("window_s", "length of the averaging window", &angle(|angles| Some(angles.steady_s))),
+        real("settle_s", "settling time of yaw and pitch; empty if they did not settle", &|trial| trial.settle_s),
+        int("lost", "telemetry frames lost", &|trial| trial.lost.try_into().unwrap_or(i64::MAX)),
+        text("log", "log of the trial", &|trial| trial.log.clone()),
+        text("file", "file of the trial in this folder", &|trial| trial.file.clone()),
+    ];
+    let header = vec![format!("biflag {}: session {name}", crate::program::VERSION)];
+    Table { header, columns }
+}

@@ -1,0 +1,292 @@
+//! The board's settings in a file: the `[board]` table of a plan, and the file that `biflag settings` reads and writes.
+
+use super::PlanError;
+use super::source::{FileKind, Source, number, optional_array};
+use biflag_log::BoardMeta;
+use miette::Diagnostic;
+use protocol::units::{AccelRange, Axis, AxisMap, GyroRange};
+use protocol::{Info, Settings};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use thiserror::Error;
+
+/// Settings to put in force; a setting that is left out keeps its value. Units and meaning as in [`Settings`].
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(deny_unknown_fields)]
+pub struct BoardSettings {
+    /// A number to tell boards apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub board_id: Option<u16>,
+    /// 250, 500, 1000 or 2000 °/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gyro_range_dps: Option<u16>,
+    /// 2, 4, 8 or 16 g.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accel_range_g: Option<u8>,
+    /// 0 (260 Hz) to 6 (5 Hz).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub low_pass: Option<u8>,
+    /// The sensor's axis that reads each body axis, such as `["-x", "+y", "+z"]`.
+    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    pub gyro_axes: Option<[String; 3]>,
+    /// The same for the accelerometer.
+    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    pub accel_axes: Option<[String; 3]>,
+    /// Mean reading at rest, counts, sensor axes.
+    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    pub gyro_bias_counts: Option<[f32; 3]>,
+    /// 1/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attitude_kp: Option<f32>,
+    /// 1/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attitude_ki: Option<f32>,
+    /// Duty steps per rpm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_kp: Option<f32>,
+    /// Duty steps per rpm and second.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_ki: Option<f32>,
+    /// Encoder counts per revolution of a flagellum.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub counts_per_turn: Option<f32>,
+    /// Whether a positive duty turns motors 1 and 2 backwards.
+    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    pub motor_reversed: Option<[bool; 2]>,
+    /// Whether the encoders of motors 1 and 2 count backwards.
+    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    pub encoder_reversed: Option<[bool; 2]>,
+    /// Longest silence of the host while the motors turn, ms.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deadline_ms: Option<u16>,
+}
+
+/// A setting with a value that it cannot have.
+#[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
+#[error("{key} cannot be {value}")]
+#[diagnostic(code(wrong_use), help("{}", help(key).unwrap_or_default()))]
+pub struct BoardSettingsError {
+    /// The key in the file.
+    pub key: &'static str,
+    /// Its value.
+    pub value: String,
+}
+
+const KIND: FileKind = FileKind { noun: "settings file", example: "`biflag settings` prints one", tables: &[], help };
+
+/// Returns the range and the meaning of a setting.
+pub(super) fn help(key: &str) -> Option<&'static str> {
+    Some(match key {
+        "board_id" => "give a whole number from 0 to 65535",
+        "gyro_range_dps" => "give 250, 500, 1000 or 2000 (°/s)",
+        "accel_range_g" => "give 2, 4, 8 or 16 (g)",
+        "low_pass" => "give a whole number from 0 (260 Hz) to 6 (5 Hz)",
+        "gyro_axes" | "accel_axes" => {
+            "name each axis of the sensor once with its sign, such as [\"-x\", \"+y\", \"+z\"]"
+        }
+        "gyro_bias_counts" => "give three readings in counts, each from -32768 to 32767, such as [594.6, 5.6, 147.0]",
+        "attitude_kp" | "attitude_ki" | "speed_kp" | "speed_ki" => "give a number from 0 to 1000",
+        "counts_per_turn" => "give a number from 1 to 100000",
+        "motor_reversed" | "encoder_reversed" => "give true or false for motors 1 and 2, such as [false, true]",
+        "deadline_ms" => "give a whole number of milliseconds from 50 to 5000",
+        _ => return None,
+    })
+}
+
+/// Reads and checks a file of settings.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn load(path: &Path) -> Result<BoardSettings, PlanError> {
+    let text = KIND.read(path)?;
+    let source = Source { kind: &KIND, text: &text, name: &path.display().to_string() };
+    let settings: BoardSettings = source.read()?;
+    settings.check(&source, &[])?;
+    Ok(settings)
+}
+
+impl BoardSettings {
+    /// Returns every setting of the board.
+    pub fn all(settings: &Settings) -> Self {
+        let names = |axes: AxisMap| axes.0.map(|axis| axis.to_string());
+        Self {
+            board_id: Some(settings.board_id),
+            gyro_range_dps: Some(settings.gyro_range.full_scale_dps()),
+            accel_range_g: Some(settings.accel_range.full_scale_g()),
+            low_pass: Some(settings.low_pass),
+            gyro_axes: Some(names(settings.gyro_axes)),
+            accel_axes: Some(names(settings.accel_axes)),
+            gyro_bias_counts: Some(settings.gyro_bias),
+            attitude_kp: Some(settings.attitude_kp),
+            attitude_ki: Some(settings.attitude_ki),
+            speed_kp: Some(settings.speed_kp),
+            speed_ki: Some(settings.speed_ki),
+            counts_per_turn: Some(settings.counts_per_turn),
+            motor_reversed: Some(settings.motor_reversed),
+            encoder_reversed: Some(settings.encoder_reversed),
+            deadline_ms: Some(settings.deadline_ms),
+        }
+    }
+
+    /// Returns the file with these settings.
+    pub fn to_toml(&self) -> String {
+        // Numbers, flags, text and short lists all have a form in TOML.
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    /// Returns the settings that affect the measurement: all but the deadline.
+    pub fn of_the_data(&self) -> Self {
+        Self { deadline_ms: None, ..self.clone() }
+    }
+
+    /// Returns whether nothing is set.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Returns `base` with these settings in place of its own.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range.
+    pub fn apply(&self, base: Settings) -> Result<Settings, BoardSettingsError> {
+        let mut settings = base;
+        let wrong = |key, value: String| Err(BoardSettingsError { key, value });
+        set(&mut settings.board_id, self.board_id);
+        if let Some(dps) = self.gyro_range_dps {
+            match GyroRange::ALL.into_iter().find(|range| range.full_scale_dps() == dps) {
+                Some(range) => settings.gyro_range = range,
+                None => return wrong("gyro_range_dps", dps.to_string()),
+            }
+        }
+        if let Some(g) = self.accel_range_g {
+            match AccelRange::ALL.into_iter().find(|range| range.full_scale_g() == g) {
+                Some(range) => settings.accel_range = range,
+                None => return wrong("accel_range_g", g.to_string()),
+            }
+        }
+        set(&mut settings.low_pass, self.low_pass);
+        if settings.low_pass > 6 {
+            return wrong("low_pass", settings.low_pass.to_string());
+        }
+        for (key, names, axes) in [
+            ("gyro_axes", &self.gyro_axes, &mut settings.gyro_axes),
+            ("accel_axes", &self.accel_axes, &mut settings.accel_axes),
+        ] {
+            if let Some(names) = names {
+                match axis_map(names) {
+                    Some(map) => *axes = map,
+                    None => return wrong(key, format!("{names:?}")),
+                }
+            }
+        }
+        set(&mut settings.gyro_bias, self.gyro_bias_counts);
+        if settings.gyro_bias.iter().any(|bias| !(-32768.0..=32767.0).contains(bias)) {
+            return wrong("gyro_bias_counts", format!("[{}]", settings.gyro_bias.map(number).join(", ")));
+        }
+        for (key, value, gain) in [
+            ("attitude_kp", self.attitude_kp, &mut settings.attitude_kp),
+            ("attitude_ki", self.attitude_ki, &mut settings.attitude_ki),
+            ("speed_kp", self.speed_kp, &mut settings.speed_kp),
+            ("speed_ki", self.speed_ki, &mut settings.speed_ki),
+        ] {
+            set(gain, value);
+            if !(0.0..=1000.0).contains(gain) {
+                return wrong(key, number(*gain));
+            }
+        }
+        set(&mut settings.counts_per_turn, self.counts_per_turn);
+        if !(1.0..=100_000.0).contains(&settings.counts_per_turn) {
+            return wrong("counts_per_turn", number(settings.counts_per_turn));
+        }
+        set(&mut settings.motor_reversed, self.motor_reversed);
+        set(&mut settings.encoder_reversed, self.encoder_reversed);
+        set(&mut settings.deadline_ms, self.deadline_ms);
+        if !(50..=5000).contains(&settings.deadline_ms) {
+            return wrong("deadline_ms", settings.deadline_ms.to_string());
+        }
+        Ok(settings)
+    }
+
+    /// Checks every value; `table` is where the settings stand in the file.
+    pub(super) fn check(&self, source: &Source, table: &[&str]) -> Result<(), PlanError> {
+        self.apply(Settings::DEFAULT).map(|_| ()).map_err(|error| {
+            let cure = help(error.key).unwrap_or_default();
+            source.error_at(table.iter().copied().chain([error.key]), error.to_string(), cure)
+        })
+    }
+}
+
+fn set<T: Copy>(setting: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *setting = value;
+    }
+}
+
+fn axis_map(names: &[String; 3]) -> Option<AxisMap> {
+    let [x, y, z] = names;
+    let map = AxisMap([Axis::from_name(x)?, Axis::from_name(y)?, Axis::from_name(z)?]);
+    map.is_permutation().then_some(map)
+}
+
+/// The record of a board with these settings in force.
+pub fn to_log(info: &Info, settings: &Settings) -> BoardMeta {
+    let [major, minor, patch] = info.firmware;
+    let hash: String = info.git_hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    BoardMeta {
+        protocol: info.protocol,
+        firmware: format!("{major}.{minor}.{patch}"),
+        firmware_git_hash: hash + if info.git_dirty { "-dirty" } else { "" },
+        board_id: info.board_id,
+        imu_id: info.imu_id,
+        reset_cause: format!("{:?}", info.reset_cause),
+        boot_count: info.boot_count,
+        settings: BoardSettings::all(settings).to_toml(),
+    }
+}
+
+/// The settings that a log has of its board; `None` where they do not read.
+pub fn of_log(board: &BoardMeta) -> Option<Settings> {
+    let file: BoardSettings = toml::from_str(&board.settings).ok()?;
+    file.apply(Settings::DEFAULT).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_go_to_a_file_and_back() {
+        let settings = Settings {
+            board_id: 7,
+            gyro_range: GyroRange::Dps500,
+            accel_range: AccelRange::G8,
+            gyro_axes: AxisMap([Axis::MinusX, Axis::PlusY, Axis::PlusZ]),
+            gyro_bias: [-595.5, 6.25, 147.0],
+            speed_ki: 0.1,
+            motor_reversed: [true, false],
+            ..Settings::DEFAULT
+        };
+        let text = BoardSettings::all(&settings).to_toml();
+        assert!(text.contains("gyro_axes = [\"-x\", \"+y\", \"+z\"]") && text.contains("speed_ki = 0.1"), "{text}");
+        let read: BoardSettings = toml::from_str(&text).unwrap();
+        assert_eq!(read.apply(Settings::DEFAULT), Ok(settings));
+    }
+
+    #[test]
+    fn missing_settings_are_unchanged_and_wrong_ones_are_named() {
+        let base = Settings { deadline_ms: 300, ..Settings::DEFAULT };
+        let some = BoardSettings { low_pass: Some(2), ..BoardSettings::default() };
+        assert_eq!(some.apply(base), Ok(Settings { low_pass: 2, ..base }));
+        assert!(BoardSettings::default().is_empty() && !some.is_empty());
+        let wrong = BoardSettings { gyro_range_dps: Some(300), ..BoardSettings::default() };
+        assert_eq!(wrong.apply(base).unwrap_err().key, "gyro_range_dps");
+    }
+
+    #[test]
+    fn the_settings_of_a_log_read_back() {
+        let settings = Settings { gyro_bias: [-595.5, 6.25, 147.0], deadline_ms: 300, ..Settings::DEFAULT };
+        let board = to_log(&Info::default(), &settings);
+        assert_eq!(of_log(&board), Some(settings));
+        assert_eq!(board.firmware_git_hash, "00000000");
+    }
+}

@@ -1,0 +1,154 @@
+//! The course of a trial: what happens when, on the rig as in the model.
+
+use super::{Phases, Reverse, Trial};
+use protocol::State;
+use protocol::units::CentiRpm;
+
+/// A phase of a trial.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Phase {
+    /// Calibration of the gyroscope at rest.
+    Calibrate,
+    /// At rest before the run.
+    Preroll,
+    /// The motors turn.
+    Run,
+    /// The motors are off.
+    Decay,
+    /// The trial is over.
+    End,
+}
+
+impl Phase {
+    /// All phases in their order.
+    pub const ALL: [Self; 5] = [Self::Calibrate, Self::Preroll, Self::Run, Self::Decay, Self::End];
+
+    /// Its name in a log.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Calibrate => "calibrate",
+            Self::Preroll => "preroll",
+            Self::Run => "run",
+            Self::Decay => "decay",
+            Self::End => "end",
+        }
+    }
+
+    /// The phase of a name in a log.
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|phase| phase.name() == name)
+    }
+}
+
+/// What the board is told, and the state that it is then in.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Setpoint {
+    /// The state.
+    pub state: State,
+    /// Speeds of both motors.
+    pub target: [CentiRpm; 2],
+}
+
+/// What begins.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Change {
+    /// A phase.
+    Phase(Phase),
+    /// A motor turns the other way.
+    Reversal(Reverse),
+}
+
+/// A moment at which the board gets a new set-point.
+#[derive(Clone, PartialEq, Debug)]
+pub struct ScheduledEvent {
+    /// The trial's clock.
+    pub start_s: f64,
+    /// What begins.
+    pub change: Change,
+    /// The set-point from then on.
+    pub setpoint: Setpoint,
+}
+
+impl ScheduledEvent {
+    /// The start of a phase; `speeds` are those of the run.
+    fn phase(phase: Phase, start_s: f64, speeds: [CentiRpm; 2]) -> Self {
+        let still = [CentiRpm(0); 2];
+        let (state, target) = match phase {
+            Phase::Calibrate => (State::Calibrating, still),
+            Phase::Run => (State::Running, speeds),
+            Phase::Preroll | Phase::Decay | Phase::End => (State::Idle, still),
+        };
+        Self { start_s, change: Change::Phase(phase), setpoint: Setpoint { state, target } }
+    }
+
+    fn reversal(reverse: Reverse, run_start_s: f64, speeds: [CentiRpm; 2]) -> Self {
+        Self {
+            start_s: run_start_s + reverse.after_s,
+            change: Change::Reversal(reverse),
+            setpoint: Setpoint { state: State::Running, target: reverse.of(speeds) },
+        }
+    }
+}
+
+/// The events of a trial in the order of time; the last one is its end.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Schedule {
+    /// The events.
+    pub events: Vec<ScheduledEvent>,
+}
+
+impl Schedule {
+    /// The schedule of a trial as its plan has it. Phases without a length are left out.
+    pub fn planned(trial: &Trial) -> Self {
+        let Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
+        let mut start_s = 0.0;
+        let mut phases = Vec::new();
+        let lengths = [calibrate_s, preroll_s, run_s, decay_s];
+        for (phase, length_s) in Phase::ALL.into_iter().zip(lengths) {
+            if length_s > 0.0 {
+                phases.push((phase, start_s));
+            }
+            start_s += length_s;
+        }
+        phases.push((Phase::End, start_s));
+        Self::of_phases(phases, trial)
+    }
+
+    /// The schedule of a trial whose phases began at these times.
+    pub fn of_phases(phases: impl IntoIterator<Item = (Phase, f64)>, trial: &Trial) -> Self {
+        let mut events = Vec::new();
+        for (phase, start_s) in phases {
+            events.push(ScheduledEvent::phase(phase, start_s, trial.speeds));
+            if let Some(reverse) = trial.reverse.filter(|_| phase == Phase::Run) {
+                events.push(ScheduledEvent::reversal(reverse, start_s, trial.speeds));
+            }
+        }
+        events.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
+        Self { events }
+    }
+
+    /// When the trial ends, s.
+    pub fn end_s(&self) -> f64 {
+        self.events.last().map_or(0.0, |event| event.start_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::Plan;
+
+    #[test]
+    fn a_schedule_has_the_phases_with_a_length_and_the_reversal() {
+        let plan = "[trial]\ncalibrate = 0\npreroll = 2\nrun = 10\ndecay = 3\nreverse = { motor = 2, after = 4 }\n\
+                    [speeds]\npairs = [[50, 10]]";
+        let plan = Plan::parse(plan, "p.toml").unwrap();
+        let schedule = Schedule::planned(&plan.trials[0]);
+        let events: Vec<_> =
+            schedule.events.iter().map(|event| (event.start_s, event.setpoint.target.map(CentiRpm::rpm))).collect();
+        let still = [0.0, 0.0];
+        assert_eq!(events, [(0.0, still), (2.0, [50.0, 10.0]), (6.0, [50.0, -10.0]), (12.0, still), (15.0, still)]);
+        assert_eq!(schedule.end_s(), 15.0);
+        assert!(Phase::ALL.into_iter().all(|phase| Phase::of_name(phase.name()) == Some(phase)));
+    }
+}

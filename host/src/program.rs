@@ -1,0 +1,32 @@
+//! Version of the program, and the commit that it was built from.
+
+use biflag_log::{FORMAT, Identity, Origin};
+use std::time::SystemTime;
+
+/// Version of the program.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// Commit that the program was built from, with `-dirty` if the working tree had changes.
+pub const GIT_HASH: &str = env!("BIFLAG_GIT_HASH");
+
+/// Returns the identity record for logs of this program. That of a modelled trial has no date, because its log does not
+/// depend on it.
+pub fn identity(origin: Origin, time: SystemTime) -> Identity {
+    let created = match origin {
+        Origin::Model => String::new(),
+        Origin::Rig | Origin::VirtualRig => jiff::Timestamp::try_from(time).unwrap_or_default().to_string(),
+    };
+    Identity {
+        format: FORMAT,
+        protocol: protocol::VERSION,
+        host_version: VERSION.to_owned(),
+        host_git_hash: GIT_HASH.to_owned(),
+        created,
+        origin,
+    }
+}
+
+/// Returns whether a log was written by the same build of this program.
+pub fn wrote(identity: &Identity) -> bool {
+    identity.host_version == VERSION && identity.host_git_hash == GIT_HASH
+}

@@ -1,0 +1,88 @@
+//! Progress on stderr, as a bar on a terminal and as lines elsewhere, and interruption by the user.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use miette::{IntoDiagnostic, WrapErr};
+use std::cell::Cell;
+use std::io::{IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Progress in seconds of all trials.
+#[derive(Debug)]
+pub struct Progress {
+    bar: ProgressBar,
+    plain: bool,
+    total_s: f64,
+    done_s: f64,
+    within_s: Cell<f64>,
+}
+
+impl Progress {
+    /// Starts the progress of trials of `total_s` seconds in total.
+    pub fn new(total_s: f64) -> Self {
+        let plain = !std::io::stderr().is_terminal();
+        let bar = ProgressBar::new(milliseconds(total_s));
+        if plain {
+            bar.set_draw_target(ProgressDrawTarget::hidden());
+        } else {
+            let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}, {eta} left");
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar.enable_steady_tick(Duration::from_millis(250));
+        }
+        Self { bar, plain, total_s, done_s: 0.0, within_s: Cell::new(0.0) }
+    }
+
+    /// Shows the phase of a trial.
+    pub fn phase(&self, trial: &str, phase: &str) {
+        let message = format!("{trial}: {phase}");
+        if self.plain {
+            let percent = 100.0 * (self.done_s + self.within_s.get()) / self.total_s.max(f64::MIN_POSITIVE);
+            // A closed standard error must not end a trial.
+            let _ = writeln!(std::io::stderr(), "{percent:3.0} % {message}");
+        }
+        self.bar.set_message(message);
+    }
+
+    /// Shows the progress in the current trial.
+    pub fn within(&self, trial_s: f64) {
+        self.within_s.set(trial_s);
+        self.bar.set_position(milliseconds(self.done_s + trial_s));
+    }
+
+    /// Counts a trial of `trial_s` seconds as done.
+    pub fn end_trial(&mut self, trial_s: f64) {
+        self.done_s += trial_s;
+        self.within(0.0);
+    }
+
+    /// Prints a line above the bar.
+    pub fn line(&self, text: &str) {
+        self.bar.suspend(|| drop(writeln!(std::io::stderr(), "{text}")));
+    }
+
+    /// Removes the bar.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Locks the progress shared by several threads, even if one of them panicked.
+pub fn lock(progress: &Mutex<Progress>) -> MutexGuard<'_, Progress> {
+    progress.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Returns a flag that Ctrl-C sets. To be called once in a program.
+///
+/// # Errors
+/// If the system does not allow the program to handle the signal.
+pub fn interruption() -> miette::Result<Arc<AtomicBool>> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let flag = interrupted.clone();
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).into_diagnostic().wrap_err("Ctrl-C")?;
+    Ok(interrupted)
+}
+
+fn milliseconds(seconds: f64) -> u64 {
+    (seconds * 1e3) as u64
+}

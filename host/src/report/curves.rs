@@ -1,0 +1,204 @@
+//! The curves, shapes and marks of a trial as data for the page's script, within its [`ByteBudget`].
+//!
+//! A table that has no room for all of its samples keeps evenly chosen ones, which the playback shows, and the range and
+//! the mean of every stretch, which the charts draw.
+
+use super::budget::{ByteBudget, MAX_EVENTS};
+use super::shapes;
+use super::table::{Column, fitted, single, times};
+use super::text::clip;
+use crate::attitude::Columns;
+use crate::trial::{Data, Event, LinkSecond, Zeroed};
+use crate::twin::Compared;
+use biflag_log::schema::biflag::event::Kind;
+use serde_json::{Value, json};
+use std::ops::Range;
+
+/// The most bars of the link's chart.
+const MAX_BARS: usize = 400;
+
+/// The most rows of the turns: a straight line between two of them is at most a few degrees off.
+const MAX_TURNS: usize = 4_000;
+
+/// Text of a row of the turns: three numbers in 32 bits.
+const TURNS_ROW_BYTES: usize = 16;
+
+const fn ranged(name: &'static str) -> Column {
+    Column { name, has_range: true }
+}
+
+const fn mean(name: &'static str) -> Column {
+    Column { name, has_range: false }
+}
+
+const ATTITUDE: [Column; 10] = [
+    ranged("yaw"),
+    ranged("pitch"),
+    ranged("roll"),
+    mean("uncertainty"),
+    ranged("model_yaw"),
+    ranged("model_pitch"),
+    ranged("model_roll"),
+    mean("true_yaw"),
+    mean("true_pitch"),
+    mean("true_roll"),
+];
+
+const UNCERTAINTY: usize = 3;
+
+const MOTORS: [Column; 4] = [mean("target1"), ranged("speed1"), mean("target2"), ranged("speed2")];
+
+/// How the curves and the shapes were cut down to their room.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(super) struct Curves {
+    /// Time between two samples of the attitude.
+    pub sample_s: f64,
+    /// Length of the stretches whose range the charts of the attitude show; `None` if they show every sample.
+    pub attitude_range_s: Option<f64>,
+    /// The same of the chart of the speeds.
+    pub motors_range_s: Option<f64>,
+    /// Shapes of the flagella per second; 0: rigid helices.
+    pub shapes_per_s: f64,
+    pub has_uncertainty: bool,
+}
+
+impl Curves {
+    /// Returns the data of a trial's page, and how it was cut down. The shapes come from `shapes_of`, which is the recording
+    /// or the log that it is compared with.
+    pub fn fit(
+        data: &Data,
+        shapes_of: &Data,
+        zeroed: &Zeroed,
+        compared: Option<&Compared>,
+        budget: ByteBudget,
+    ) -> (Value, Self) {
+        let attitude = match compared {
+            Some(compared) => both(compared, data),
+            None => alone(zeroed, data),
+        };
+        let attitude = fitted(&attitude.broken_at_gaps(), &ATTITUDE, budget.series() / 100 * 70);
+        let [target1, speed1, target2, speed2, ..] = data.motors.values.clone();
+        let motors = Columns { time_s: data.motors.time_s.clone(), values: [target1, speed1, target2, speed2] };
+        let motors = fitted(&motors.broken_at_gaps(), &MOTORS, budget.series() / 100 * 20);
+
+        let turns = shapes_of.turns().sampled((budget.series() / 100 * 10 / TURNS_ROW_BYTES).min(MAX_TURNS));
+        // The clock of another log is shifted so that both runs begin together.
+        let shift_s = match compared {
+            Some(compared) if shapes_of.path != data.path => {
+                let [measured, modelled] = compared.comparison.run_start_s;
+                measured - modelled
+            }
+            _ => 0.0,
+        };
+        let robot = shapes_of.robot().unwrap_or_default();
+        let mut page = json!({
+            "end_s": data.duration_s,
+            "phases": phases(data),
+            "marks": data.events.iter().filter_map(mark).take(MAX_EVENTS).collect::<Vec<_>>(),
+            "attitude": attitude.page(&ATTITUDE),
+            "motors": motors.page(&MOTORS),
+            "link": if data.is_model() { Value::Null } else { link(&data.link_seconds) },
+            "turns": {
+                "shift_s": shift_s,
+                "time": times(&turns.time_s),
+                "one": single(&turns.values[0]),
+                "two": single(&turns.values[1]),
+            },
+            "body": {
+                "radius_m": robot.base.radius_m,
+                "height_m": robot.base.height_m,
+                "rod_radius_m": robot.flagellum.rod_radius_m,
+                "length_m": robot.flagellum.axial_length_m,
+            },
+        });
+        let rest = budget.0.saturating_sub(page.to_string().len()).max(budget.0 - budget.series());
+        let shapes = shapes::page(&shapes_of.shapes, &robot, rest);
+        let curves = Self {
+            sample_s: attitude.samples.interval_s().unwrap_or(0.0),
+            attitude_range_s: attitude.range_s(),
+            motors_range_s: motors.range_s(),
+            shapes_per_s: shapes["per_s"].as_f64().unwrap_or(0.0),
+            has_uncertainty: attitude.samples.values[UNCERTAINTY].iter().any(|value| value.is_finite()),
+        };
+        page["shapes"] = shapes;
+        (page, curves)
+    }
+}
+
+/// The measured angles of the comparison, those of the model, and the truth.
+fn both(compared: &Compared, data: &Data) -> Columns<10> {
+    let start = compared.comparison.run_start_s[0];
+    let truth = truth(data);
+    let mut table = Columns::default();
+    for point in &compared.points {
+        let time = point.time_s + start;
+        let [yaw, pitch, roll] = point.measured_deg;
+        let uncertainty = if point.yaw_uncertainty_deg > 0.0 { point.yaw_uncertainty_deg } else { f64::NAN };
+        let [model_yaw, model_pitch, model_roll] = point.modelled_deg;
+        let [true_yaw, true_pitch, true_roll] = truth.at(time);
+        let row = [yaw, pitch, roll, uncertainty, model_yaw, model_pitch, model_roll, true_yaw, true_pitch, true_roll];
+        table.push(time, row);
+    }
+    table
+}
+
+/// The angles of a log that is not compared.
+fn alone(zeroed: &Zeroed, data: &Data) -> Columns<10> {
+    let truth = truth(data);
+    let mut table = Columns::default();
+    for (i, time) in zeroed.angles_deg.time_s.iter().enumerate() {
+        let [yaw, pitch, roll] = zeroed.angles_deg.row(i);
+        let uncertainty = zeroed.yaw_uncertainty(*time).filter(|deg| *deg > 0.0).unwrap_or(f64::NAN);
+        let [true_yaw, true_pitch, true_roll] = truth.at(*time);
+        let none = f64::NAN;
+        table.push(*time, [yaw, pitch, roll, uncertainty, none, none, none, true_yaw, true_pitch, true_roll]);
+    }
+    table
+}
+
+/// The truth beside a measurement, its yaw from the start of the run; empty if there is none.
+fn truth(data: &Data) -> Columns<3> {
+    if data.is_model() {
+        return Columns::default();
+    }
+    let [mut yaw, pitch, roll, ..] = data.truth.values.clone();
+    let zero = data.truth.track(0).at(data.times.run.start).unwrap_or(0.0);
+    yaw.iter_mut().for_each(|value| *value -= zero);
+    Columns { time_s: data.truth.time_s.clone(), values: [yaw, pitch, roll] }
+}
+
+/// Names, starts and ends of the phases.
+fn phases(data: &Data) -> Vec<(String, f64, f64)> {
+    let begins: Vec<&Event> = data.events.iter().filter(|event| event.kind == Kind::Phase).take(50).collect();
+    let span =
+        |i: usize| -> Range<f64> { begins[i].time_s..begins.get(i + 1).map_or(data.duration_s, |next| next.time_s) };
+    let shown = |i: &usize| begins[*i].text != "end";
+    (0..begins.len()).filter(shown).map(|i| (clip(&begins[i].text, 20), span(i).start, span(i).end)).collect()
+}
+
+/// An event's mark in the charts: its time, its kind and its first words. Only what went wrong and notes are marked.
+fn mark(event: &Event) -> Option<(f64, &'static str, String)> {
+    let kind = match event.kind {
+        Kind::Fault => "fault",
+        Kind::Warning => "warning",
+        Kind::Retry => "retry",
+        Kind::Note => "note",
+        Kind::Phase | Kind::State | Kind::Calibration | Kind::Clock => return None,
+    };
+    Some((event.time_s, kind, clip(&event.text, 80)))
+}
+
+/// The link over time, in as many bars as a chart has room for.
+fn link(seconds: &[LinkSecond]) -> Value {
+    let width = seconds.len().div_ceil(MAX_BARS).max(1);
+    let bars = |of: fn(&LinkSecond) -> u32| -> Vec<u64> {
+        seconds.chunks(width).map(|bar| bar.iter().map(|second| u64::from(of(second))).sum()).collect()
+    };
+    json!({
+        "width_s": width,
+        "received": bars(|second| second.received),
+        "lost": bars(|second| second.lost),
+        "retries": bars(|second| second.retries),
+        "board": bars(|second| second.board),
+    })
+}

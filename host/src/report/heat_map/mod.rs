@@ -1,0 +1,345 @@
+//! Maps of an angle over the speeds of both flagella, as SVG: they need no script, they print, and each point is a link to
+//! its trial.
+//!
+//! Speeds on a grid are drawn as its cells, and cells without a trial stay empty. Other speeds are drawn as dots.
+
+mod axis;
+
+use super::text::{degrees, number, plain};
+use axis::Axis;
+use maud::{Markup, html};
+
+/// A trial on the map.
+#[derive(Clone, Debug)]
+pub(super) struct Point {
+    pub speeds_rpm: [f64; 2],
+    /// Magnitude of the angle.
+    pub value_deg: f64,
+    /// Anchor of the trial, if it is on the page.
+    pub anchor: Option<String>,
+}
+
+/// The map of one angle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Map<'a> {
+    pub title: &'a str,
+    /// Symbol of the angle, such as `|ψ|`.
+    pub symbol: &'a str,
+    pub points: &'a [Point],
+    /// Value at the upper end of the colour scale, which begins at zero.
+    pub scale_deg: f64,
+}
+
+/// Viridis (van der Walt and Smith, matplotlib) in eleven steps: even in lightness, and for any colour vision.
+const VIRIDIS: [[u8; 3]; 11] = [
+    [68, 1, 84],
+    [72, 36, 117],
+    [65, 68, 135],
+    [53, 95, 141],
+    [42, 120, 142],
+    [33, 145, 140],
+    [34, 168, 132],
+    [68, 191, 112],
+    [122, 209, 81],
+    [189, 223, 38],
+    [253, 231, 37],
+];
+
+/// Fewer points make no map.
+const LEAST_POINTS: usize = 6;
+
+const WIDTH: f64 = 430.0;
+const LEFT: f64 = 46.0;
+const TOP: f64 = 20.0;
+/// Width of the colour scale with its labels.
+const SCALE: f64 = 74.0;
+const DOT_RADIUS: f64 = 6.5;
+
+/// Whether the points make a map: there are enough of them, and both flagella have more than one speed.
+pub(super) fn is_map(points: &[Point]) -> bool {
+    let differs = |k: usize| points.iter().any(|point| point.speeds_rpm[k] != points[0].speeds_rpm[k]);
+    points.len() >= LEAST_POINTS && differs(0) && differs(1)
+}
+
+/// Returns one point for all repeats of a pair of speeds: their mean, with the anchor of the first.
+pub(super) fn without_repeats(trials: impl Iterator<Item = Point>) -> Vec<Point> {
+    let mut points: Vec<(Point, f64)> = Vec::new();
+    for trial in trials {
+        match points.iter_mut().find(|(point, _)| point.speeds_rpm == trial.speeds_rpm) {
+            Some((point, count)) => {
+                *count += 1.0;
+                point.value_deg += (trial.value_deg - point.value_deg) / *count;
+            }
+            None => points.push((trial, 1.0)),
+        }
+    }
+    points.into_iter().map(|(point, _)| point).collect()
+}
+
+/// The largest value, for a scale that several maps share.
+pub(super) fn largest(points: &[Point]) -> f64 {
+    points.iter().map(|point| point.value_deg).filter(|value| value.is_finite()).fold(0.0, f64::max)
+}
+
+impl Map<'_> {
+    /// Draws the map with its axes and its colour scale.
+    pub fn svg(&self) -> Markup {
+        let [across, down] = Axis::of_both(self.points);
+        let plot = Plot::new(across, down);
+        let scale = if self.scale_deg > 0.0 { self.scale_deg } else { 1.0 };
+        html! {
+            svg viewBox={ "0 0 " (WIDTH) " " (short(plot.bottom + 42.0)) } role="group" aria-label=(self.title) {
+                (plot.background())
+                @for point in self.points { (mark(point, scale, &plot)) }
+                (plot.labels())
+                (colour_scale(scale, self.symbol, plot.bottom))
+            }
+        }
+    }
+
+    /// Says in words what the map shows.
+    pub fn caption(&self) -> String {
+        let values = || self.points.iter().map(|point| point.value_deg).filter(|value| value.is_finite());
+        let least = values().fold(f64::INFINITY, f64::min);
+        let span = format!("{} from {} to {}.", self.symbol, degrees(least, 2), degrees(largest(self.points), 2));
+        let shown = self.points.len();
+        match Axis::of_both(self.points) {
+            [Axis::Grid(across), Axis::Grid(down)] if shown < across.count * down.count => {
+                format!(
+                    "{shown} of the {} pairs of speeds of the grid; empty cells have no value. {span}",
+                    across.count * down.count
+                )
+            }
+            [Axis::Grid(_), Axis::Grid(_)] => format!("{shown} pairs of speeds. {span}"),
+            _ => format!("{shown} pairs of speeds, each a dot. {span}"),
+        }
+    }
+}
+
+/// The axes on the drawing.
+struct Plot {
+    across: Axis,
+    down: Axis,
+    bottom: f64,
+}
+
+impl Plot {
+    fn new(across: Axis, down: Axis) -> Self {
+        let height = match (across, down) {
+            (Axis::Grid(across), Axis::Grid(down)) => {
+                ((WIDTH - LEFT - SCALE) / across.count as f64).clamp(14.0, 40.0) * down.count as f64
+            }
+            _ => 250.0,
+        };
+        Self { across, down, bottom: TOP + height }
+    }
+
+    fn right(&self) -> f64 {
+        WIDTH - SCALE
+    }
+
+    fn x(&self, speed_rpm: f64) -> f64 {
+        LEFT + self.across.share(speed_rpm) * (self.right() - LEFT)
+    }
+
+    fn y(&self, speed_rpm: f64) -> f64 {
+        self.bottom - self.down.share(speed_rpm) * (self.bottom - TOP)
+    }
+
+    /// Width and height of a cell, if the map has cells.
+    fn cell(&self) -> Option<[f64; 2]> {
+        match (self.across, self.down) {
+            (Axis::Grid(across), Axis::Grid(down)) => {
+                Some([(self.right() - LEFT) / across.count as f64, (self.bottom - TOP) / down.count as f64])
+            }
+            _ => None,
+        }
+    }
+
+    /// The outlines of all cells, or the frame of a map of dots with the lines of its ticks.
+    fn background(&self) -> Markup {
+        let mut lines = String::new();
+        if let Some([width, height]) = self.cell() {
+            let (right, bottom) = (self.right(), self.bottom);
+            let mut x = LEFT;
+            while x < right + 0.5 * width {
+                lines += &format!("M{} {}V{}", short(x), short(TOP), short(bottom));
+                x += width;
+            }
+            let mut y = TOP;
+            while y < bottom + 0.5 * height {
+                lines += &format!("M{} {}H{}", short(LEFT), short(y), short(right));
+                y += height;
+            }
+        } else {
+            let (right, bottom) = (self.right(), self.bottom);
+            lines += &format!("M{LEFT} {TOP}H{right}V{}H{LEFT}Z", short(bottom));
+            for speed in self.across.ticks(right - LEFT, 34.0) {
+                lines += &format!("M{} {TOP}V{}", short(self.x(speed)), short(bottom));
+            }
+            for speed in self.down.ticks(bottom - TOP, 22.0) {
+                lines += &format!("M{LEFT} {}H{right}", short(self.y(speed)));
+            }
+        }
+        html! { path class="empty" d=(lines) {} }
+    }
+
+    fn labels(&self) -> Markup {
+        let middle = 0.5 * (LEFT + self.right());
+        html! {
+            @for speed in self.across.ticks(self.right() - LEFT, 34.0) {
+                text x=(short(self.x(speed))) y=(short(self.bottom + 15.0)) text-anchor="middle" { (plain(speed)) }
+            }
+            @for speed in self.down.ticks(self.bottom - TOP, 14.0) {
+                text x=(short(LEFT - 6.0)) y=(short(self.y(speed) + 4.0)) text-anchor="end" { (plain(speed)) }
+            }
+            text x=(short(middle)) y=(short(self.bottom + 34.0)) text-anchor="middle" { "speed of flagellum 1 (w1), rpm" }
+            text transform={ "translate(11 " (short(0.5 * (self.bottom + TOP))) ") rotate(-90)" } text-anchor="middle" { "flagellum 2 (w2), rpm" }
+        }
+    }
+}
+
+/// A point as a cell or a dot, which links to its trial.
+fn mark(point: &Point, scale_deg: f64, plot: &Plot) -> Markup {
+    let [w1, w2] = point.speeds_rpm;
+    let text = format!("w1 {}, w2 {} rpm: {}", plain(w1), plain(w2), degrees(point.value_deg, 2));
+    let (x, y, fill) = (plot.x(w1), plot.y(w2), colour(point.value_deg / scale_deg));
+    let shape = match plot.cell() {
+        Some([width, height]) => html! {
+            rect x=(short(x - 0.5 * width + 0.5)) y=(short(y - 0.5 * height + 0.5)) width=(short(width - 1.0))
+                height=(short(height - 1.0)) fill=(fill) { title { (text) } }
+        },
+        None => html! { circle cx=(short(x)) cy=(short(y)) r=(DOT_RADIUS) fill=(fill) { title { (text) } } },
+    };
+    match &point.anchor {
+        Some(anchor) => html! { a href={ "#" (anchor) } aria-label=(text) { (shape) } },
+        None => shape,
+    }
+}
+
+fn colour_scale(scale_deg: f64, symbol: &str, bottom: f64) -> Markup {
+    let (left, height) = (WIDTH - SCALE + 18.0, bottom - TOP);
+    let decimals = if scale_deg < 1.0 { 2 } else { 1 };
+    html! {
+        text x=(short(left)) y="12" { (symbol) ", °" }
+        @for i in 0..50 {
+            rect x=(short(left)) y=(short(TOP + f64::from(49 - i) * height / 50.0)) width="12"
+                height=(short(height / 50.0 + 0.5)) fill=(colour((f64::from(i) + 0.5) / 50.0)) {}
+        }
+        @for share in [0.0, 0.5, 1.0] {
+            text x=(short(left + 17.0)) y=(short(bottom - share * (height - 9.0))) { (number(share * scale_deg, decimals)) }
+        }
+    }
+}
+
+/// The colour of a share of the scale; grey for a missing value.
+fn colour(share: f64) -> String {
+    if !share.is_finite() {
+        return "#999999".to_owned();
+    }
+    let place = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f64;
+    let i = (place as usize).min(VIRIDIS.len() - 2);
+    let mix = |k: usize| {
+        let (a, b) = (f64::from(VIRIDIS[i][k]), f64::from(VIRIDIS[i + 1][k]));
+        (a + (b - a) * (place - i as f64)).round() as u8
+    };
+    format!("#{:02x}{:02x}{:02x}", mix(0), mix(1), mix(2))
+}
+
+/// A coordinate to a tenth.
+fn short(value: f64) -> String {
+    format!("{}", (value * 10.0).round() / 10.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(columns: i32, rows: i32) -> Vec<Point> {
+        let point = |i: i32, k: i32| Point {
+            speeds_rpm: [f64::from(i) * 10.0, f64::from(k) * 15.0],
+            value_deg: f64::from(i * k),
+            anchor: None,
+        };
+        (0..columns).flat_map(|i| (0..rows).map(move |k| point(i, k))).collect()
+    }
+
+    fn map(points: &[Point]) -> (String, String) {
+        let map = Map { title: "<map>", symbol: "|ψ|", points, scale_deg: largest(points) };
+        (map.svg().into_string(), map.caption())
+    }
+
+    #[test]
+    fn few_points_and_points_along_an_axis_make_no_map() {
+        assert!(is_map(&points(4, 3)) && is_map(&points(2, 3)));
+        assert!(!is_map(&points(12, 1)) && !is_map(&points(1, 12)) && !is_map(&points(2, 2)) && !is_map(&[]));
+    }
+
+    #[test]
+    fn repeats_share_a_point() {
+        let point =
+            |w1: f64, value_deg: f64| Point { speeds_rpm: [w1, 0.0], value_deg, anchor: Some(format!("{value_deg}")) };
+        let points = without_repeats([point(1.0, 2.0), point(2.0, 9.0), point(1.0, 4.0), point(1.0, 6.0)].into_iter());
+        let values: Vec<_> = points.iter().map(|point| (point.value_deg, point.anchor.as_deref())).collect();
+        assert_eq!(values, [(4.0, Some("2")), (9.0, Some("9"))]);
+    }
+
+    #[test]
+    fn every_trial_of_a_grid_has_its_cell_and_the_ends_of_the_scale_their_colours() {
+        let (map, caption) = map(&points(4, 3));
+        assert_eq!((map.matches("<title>").count(), map.matches("<circle").count()), (12, 0));
+        assert!(map.contains("aria-label=\"&lt;map&gt;\"") && map.contains("w1 30, w2 30 rpm: 6.00°"));
+        assert!(map.contains("#440154") && map.contains("#fde725"));
+        assert_eq!(caption, "12 pairs of speeds. |ψ| from 0.00° to 6.00°.");
+        assert_eq!(colour(f64::NAN), "#999999");
+    }
+
+    #[test]
+    fn part_of_a_grid_keeps_its_cells_in_place_and_leaves_the_others_empty() {
+        let whole = points(19, 10);
+        let part: Vec<_> =
+            whole.iter().enumerate().filter(|(i, _)| i % 5 < 2 || *i == 189).map(|(_, p)| p.clone()).collect();
+        let ((whole, _), (part_map, caption)) = (map(&whole), map(&part));
+        assert!(
+            caption.starts_with("77 of the 190 pairs of speeds of the grid; empty cells have no value."),
+            "{caption}"
+        );
+        assert_eq!(part_map.matches("<title>").count(), 77);
+        let outline = |map: &str| map.split("<path").nth(1).unwrap().split('>').next().unwrap().to_owned();
+        assert_eq!(outline(&part_map), outline(&whole));
+        // A cell is where it is on the whole map, in the same colour.
+        let cell = |map: &str| map.split("<rect").find(|rect| rect.contains("w1 100, w2 75 rpm")).unwrap().to_owned();
+        assert_eq!(cell(&part_map), cell(&whole));
+    }
+
+    #[test]
+    fn scattered_speeds_are_dots_at_their_place() {
+        let points: Vec<Point> = (0..9)
+            .map(|i| Point {
+                speeds_rpm: [f64::from(i * i) * 1.13, 90.0 - f64::from(i) * 7.01],
+                value_deg: f64::from(i),
+                anchor: Some(format!("trial-{i}")),
+            })
+            .collect();
+        let (map, caption) = map(&points);
+        assert_eq!((map.matches("<circle").count(), map.matches("<a href").count()), (9, 9));
+        assert_eq!(caption, "9 pairs of speeds, each a dot. |ψ| from 0.00° to 8.00°.");
+        let place = |name: &str| -> Vec<f64> {
+            let marks = map.split("<circle").skip(1);
+            marks
+                .map(|mark| {
+                    mark.split(&format!("{name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+                })
+                .collect()
+        };
+        let (x, y) = (place("cx"), place("cy"));
+        assert!(x.is_sorted() && y.is_sorted(), "w2 falls as w1 rises");
+        // Places are proportional to the speeds.
+        let share = |values: &[f64], i: usize| (values[i] - values[0]) / (values[8] - values[0]);
+        let speeds: Vec<f64> = points.iter().map(|point| point.speeds_rpm[0]).collect();
+        assert!((0..9).all(|i| (share(&x, i) - share(&speeds, i)).abs() < 0.002));
+        assert!(
+            x.iter().all(|x| (LEFT..WIDTH - SCALE).contains(x)) && y.iter().all(|y| (TOP..TOP + 250.0).contains(y))
+        );
+    }
+}

@@ -1,0 +1,62 @@
+//! Errors of modelled trials.
+
+use crate::session::SessionError;
+use biflag_log::LogError;
+use miette::Diagnostic;
+use sim::params::ParamError;
+use sim::profile::ProfileError;
+use sim::step::StepError;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Why a trial could not be computed.
+#[derive(Error, Diagnostic, Debug)]
+pub enum ModelError {
+    /// The user interrupted the trial.
+    #[error("interrupted")]
+    #[diagnostic(help("continue with --resume"))]
+    Interrupted,
+    /// The solver failed.
+    #[error("trial {trial}: {error}")]
+    #[diagnostic(help("the log ends there; change the robot's file as suggested and pass it with --robot"))]
+    Step {
+        /// The trial.
+        trial: String,
+        /// Time, cause, and suggested change.
+        error: StepError,
+    },
+    /// A parameter is invalid.
+    #[error(transparent)]
+    #[diagnostic(code(wrong_use), help("correct it in the robot's file"))]
+    Parameter(#[from] ParamError),
+    /// The phases of the trial do not give a valid speed profile.
+    #[error("trial {trial}: {error}")]
+    #[diagnostic(code(wrong_use), help("correct the durations and speeds in the plan"))]
+    Profile {
+        /// The trial.
+        trial: String,
+        /// Why.
+        error: ProfileError,
+    },
+    /// The log could not be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Log(#[from] LogError),
+    /// The finished log could not be renamed.
+    #[error("{}: the finished log cannot be moved here", path.display())]
+    #[diagnostic(help("check that the folder is writable, then continue with --resume"))]
+    Place {
+        /// The log.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The threads could not be started.
+    #[error("cannot start the threads: {0}")]
+    #[diagnostic(help("use fewer threads with --jobs"))]
+    Threads(rayon::ThreadPoolBuildError),
+    /// The session's folder cannot be used.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Session(#[from] SessionError),
+}

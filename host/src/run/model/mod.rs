@@ -1,0 +1,66 @@
+//! Runs trials in the simulator, with the same logs as those of the rig.
+//!
+//! The log of a modelled trial gets its name when it is complete. Until then it has a temporary name, so that a killed
+//! run leaves no incomplete log, and a resumed session computes the trial again. Its content depends on plan, robot and
+//! program alone: trials share no state while they run, and no log contains the host's clock (see [`biflag_log`]). The
+//! last digits may differ between processor types.
+
+mod batch;
+mod board;
+mod error;
+mod trial;
+
+pub use batch::{Batch, Job, ModelRun};
+pub use error::ModelError;
+pub use trial::{Course, Watch};
+
+use crate::plan::Plan;
+use biflag_log::ModelMeta;
+use protocol::Settings;
+use protocol::units::AxisMap;
+use sim::body::closure::Closure;
+use sim::params::Robot;
+use sim::trial::Options;
+
+/// The robot, the closure and the board of modelled trials.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// The robot, checked.
+    pub robot: Robot,
+    /// The closure: how the flagella act on the base.
+    pub closure: Closure,
+    /// Rate and shapes.
+    pub options: Options,
+    /// Settings of the robot's board.
+    settings: Settings,
+    meta: ModelMeta,
+}
+
+impl Model {
+    /// Creates the model of a plan's robot.
+    ///
+    /// Its board has the settings of the plan, but its sensor is ideal: it is aligned with the body's axes and has no
+    /// bias.
+    ///
+    /// # Errors
+    /// [`crate::plan::PlanError`], and [`crate::plan::board::BoardSettingsError`].
+    pub fn of_plan(plan: &Plan, closure: Closure, options: Options) -> miette::Result<Self> {
+        let robot = plan.robot.parse()?;
+        Ok(Self::new(robot, plan.board.apply(Settings::DEFAULT)?, closure, options))
+    }
+
+    /// Creates the model of a checked robot. Its board has these settings, except for the sensor's axes and bias.
+    pub fn new(robot: Robot, board: Settings, closure: Closure, options: Options) -> Self {
+        // Numbers, flags, names and short lists all have a form in TOML.
+        let parameters = toml::to_string(&robot).unwrap_or_default();
+        let ideal = AxisMap::IDENTITY;
+        let settings = Settings { gyro_axes: ideal, accel_axes: ideal, gyro_bias: [0.0; 3], ..board };
+        let meta = ModelMeta { closure, rate_hz: options.rate_hz, shapes: options.shapes, parameters };
+        Self { robot, closure, options, settings, meta }
+    }
+
+    /// Returns the model's metadata record.
+    pub fn meta(&self) -> &ModelMeta {
+        &self.meta
+    }
+}

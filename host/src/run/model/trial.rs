@@ -1,0 +1,204 @@
+//! Runs one trial in the simulator, writing the solver's samples into the log.
+
+use super::board::IdealBoard;
+use super::{Model, ModelError};
+use crate::plan::board;
+use crate::plan::{Change, Phase, Phases, Plan, Schedule, Setpoint, Trial};
+use crate::run;
+use biflag_log::{End, EventKind, LogError, Origin, ReplayMeta, SteadyMeta, Summary};
+use nalgebra::Vector3;
+use protocol::units::CentiRpm;
+use protocol::{Calibration, State, TICK_HZ};
+use sim::contact::history::{BundlingChange, BundlingHistory};
+use sim::profile::{self, SpeedProfile};
+use sim::sample::Sample;
+use sim::step::StepError;
+use std::path::Path;
+use std::time::{Duration, SystemTime};
+
+/// Called with the trial's time as it progresses; returning `false` stops the trial.
+pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
+
+/// The course of a modelled trial: its schedule, and the speeds of its motors.
+#[derive(Clone, Debug)]
+pub struct Course {
+    /// The events.
+    pub schedule: Schedule,
+    /// The speeds. The trial starts at time 0; the settling of the model before it is not recorded.
+    pub profile: SpeedProfile,
+    /// The recording that provides the speeds.
+    pub replay: Option<ReplayMeta>,
+}
+
+impl Course {
+    /// Returns the planned course of a trial. The motors reach their speeds as in [`profile::Phases`].
+    ///
+    /// # Errors
+    /// [`ModelError::Profile`].
+    pub fn planned(trial: &Trial) -> Result<Self, ModelError> {
+        let Phases { calibrate_s: calibrate, preroll_s: preroll, run_s: run, decay_s: decay } = trial.phases;
+        let reverse = trial.reverse.map(|r| profile::Reverse { motor: usize::from(r.motor) - 1, after: r.after_s });
+        let phases = profile::Phases { calibrate, preroll, run, decay, reverse, ..profile::Phases::default() };
+        let profile = SpeedProfile::phases(&phases, trial.speeds.map(CentiRpm::rpm))
+            .map_err(|error| ModelError::Profile { trial: trial.name.clone(), error })?;
+        Ok(Self { schedule: Schedule::planned(trial), profile, replay: None })
+    }
+}
+
+/// Computes a trial, writes its log to `path`, and ends it with the steady state. If the solver fails, the log's
+/// summary states the reason; the log of an interrupted trial is left incomplete.
+pub(super) fn run(
+    model: &Model,
+    plan: &Plan,
+    trial: &Trial,
+    course: &Course,
+    (attempt, path): (u32, &Path),
+    watch: Watch,
+) -> Result<SteadyMeta, ModelError> {
+    let profile = course.profile.clone();
+    let mut solved = sim::trial::Trial::new(&model.robot, model.closure, profile, model.options)?;
+    let board = IdealBoard::new(&model.robot, model.settings);
+    let board_meta = board::to_log(&board.info(), &model.settings);
+    let epoch = SystemTime::UNIX_EPOCH;
+    let start = run::start(plan, trial, attempt, Origin::Model, Some(board_meta), epoch);
+    let mut kept = run::Recorder::create(path, &start, model.settings, epoch)?;
+    kept.model(model.meta())?;
+    if let Some(replay) = &course.replay {
+        kept.log.meta(replay)?;
+    }
+    let mut recorder = Recorder {
+        trial: kept,
+        board,
+        rod_radius_m: model.robot.flagellum.rod_radius_m,
+        schedule: &course.schedule,
+        taken: 0,
+        bundling: BundlingHistory::default(),
+        index: 0,
+    };
+    let failure = match recorder.record(&mut solved, watch)? {
+        Flow::Interrupted => return Err(ModelError::Interrupted),
+        Flow::Failed(error) => Some(error),
+        Flow::Done => None,
+    };
+    let mut summary = Summary::default();
+    summary.link.samples = recorder.index;
+    if let Some(error) = failure {
+        summary.reason = error.to_string();
+        recorder.trial.finish(&mut summary)?;
+        return Err(ModelError::Step { trial: trial.name.clone(), error });
+    }
+    let steady = SteadyMeta::new(&solved.summary(), std::mem::take(&mut recorder.bundling.changes));
+    recorder.trial.log.meta(&steady)?;
+    summary.end = End::Complete;
+    summary.yaw_deg = Some(steady.yaw_deg);
+    summary.pitch_deg = Some(steady.pitch_deg);
+    summary.roll_deg = Some(steady.roll_deg);
+    recorder.trial.finish(&mut summary)?;
+    Ok(steady)
+}
+
+/// How the recording ended.
+enum Flow {
+    Done,
+    Interrupted,
+    Failed(StepError),
+}
+
+struct Recorder<'a> {
+    trial: run::Recorder,
+    board: IdealBoard,
+    rod_radius_m: f64,
+    schedule: &'a Schedule,
+    /// Number of events that have passed.
+    taken: usize,
+    bundling: BundlingHistory,
+    /// Number of samples recorded.
+    index: u64,
+}
+
+impl Recorder<'_> {
+    fn record(&mut self, solved: &mut sim::trial::Trial, watch: Watch) -> Result<Flow, LogError> {
+        let mut samples = solved.by_ref().peekable();
+        let mut before: Option<(f64, Vector3<f64>)> = None;
+        while let Some(sample) = samples.next() {
+            let sample = match sample {
+                Ok(sample) => sample,
+                Err(error) => return Ok(Flow::Failed(error)),
+            };
+            if !watch(sample.time_s.max(0.0)) {
+                return Ok(Flow::Interrupted);
+            }
+            // The sum of steps reaches zero only within rounding errors.
+            if sample.time_s < -1e-6 {
+                continue;
+            }
+            let sample = Sample { time_s: sample.time_s.max(0.0), ..sample };
+            let now = (sample.time_s, Vector3::from(sample.rate_rad_s));
+            let after = samples.peek().and_then(|next| next.as_ref().ok());
+            let after = after.map(|next| (next.time_s, Vector3::from(next.rate_rad_s)));
+            self.keep(&sample, change(before.unwrap_or(now), after.unwrap_or(now)))?;
+            before = Some(now);
+        }
+        self.event(self.schedule.end_s(), EventKind::Phase, Phase::End.name())?;
+        Ok(Flow::Done)
+    }
+
+    fn keep(&mut self, sample: &Sample, angular_acceleration: Vector3<f64>) -> Result<(), LogError> {
+        self.take_events(sample.time_s)?;
+        if let Some(BundlingChange { time_s, bundling }) = self.bundling.push(sample.time_s, sample.bundling) {
+            let state = format!("{bundling:?}").to_lowercase();
+            self.event(sample.time_s, EventKind::Note, &format!("flagella {state} since {time_s:.2} s"))?;
+        }
+        let still = Setpoint { state: State::Idle, target: [CentiRpm(0); 2] };
+        let setpoint = self.taken.checked_sub(1).map_or(still, |last| self.schedule.events[last].setpoint);
+        let frame = self.board.telemetry(self.index, sample, angular_acceleration, setpoint);
+        let host = instant(sample.time_s);
+        self.trial.frame(&frame, IdealBoard::clock_us(sample.time_s), host)?;
+        self.trial.sample(sample, self.rod_radius_m, host)?;
+        self.index += 1;
+        Ok(())
+    }
+
+    /// Records the events up to a time, except the end of the trial, which follows the last sample.
+    fn take_events(&mut self, time_s: f64) -> Result<(), LogError> {
+        let schedule = self.schedule;
+        while let Some(event) = schedule.events.get(self.taken).filter(|event| event.start_s <= time_s + 1e-9) {
+            let before = self.taken.checked_sub(1).map(|last| &schedule.events[last]);
+            if before.is_some_and(|before| before.change == Change::Phase(Phase::Calibrate)) {
+                self.calibrated(event.start_s)?;
+            }
+            match event.change {
+                Change::Phase(Phase::End) => return Ok(()),
+                Change::Phase(phase) => self.event(event.start_s, EventKind::Phase, phase.name())?,
+                Change::Reversal(reverse) => {
+                    let target = before.map_or([CentiRpm(0); 2], |before| before.setpoint.target);
+                    self.event(event.start_s, EventKind::Note, &reverse.text(target))?;
+                }
+            }
+            self.taken += 1;
+        }
+        Ok(())
+    }
+
+    /// Records the calibration of an ideal gyroscope, which has no bias.
+    fn calibrated(&mut self, time_s: f64) -> Result<(), LogError> {
+        self.trial.log.at(time_s);
+        let samples = (time_s * f64::from(TICK_HZ)) as u16;
+        self.trial.calibration(&Calibration { still: true, samples, ..Calibration::default() }, instant(time_s))
+    }
+
+    fn event(&mut self, time_s: f64, kind: EventKind, text: &str) -> Result<(), LogError> {
+        self.trial.log.at(time_s);
+        self.trial.event(kind, text, instant(time_s))
+    }
+}
+
+/// Returns the rate of change between two times; zero if the times are equal.
+fn change(from: (f64, Vector3<f64>), to: (f64, Vector3<f64>)) -> Vector3<f64> {
+    if to.0 > from.0 { (to.1 - from.1) / (to.0 - from.0) } else { Vector3::zeros() }
+}
+
+/// Returns the host time of a modelled trial, which begins at the epoch.
+fn instant(time_s: f64) -> SystemTime {
+    SystemTime::UNIX_EPOCH + Duration::from_secs_f64(time_s)
+}

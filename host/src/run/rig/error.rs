@@ -1,0 +1,96 @@
+//! Errors of trials on the rig.
+
+use super::virtual_nano::VirtualError;
+use crate::link::LinkError;
+use biflag_log::LogError;
+use miette::Diagnostic;
+use protocol::{Fault, ResetCause};
+use thiserror::Error;
+
+/// Why a trial did not complete.
+#[derive(Debug, Error, Diagnostic)]
+pub enum RecordError {
+    /// The user interrupted the trial.
+    #[error("interrupted")]
+    Interrupted,
+    /// The board latched a fault and stopped the motors.
+    #[error("the board stopped: {}", fault_text(*.0))]
+    #[diagnostic(help("{}; then continue with --resume", fault_cure(*.0)))]
+    Faulted(Fault),
+    /// The board's clock jumped during the trial.
+    #[error("the board's clock jumped during the trial{}", restart_text(.0))]
+    #[diagnostic(help("{}; then continue with --resume", jump_cure(*.0)))]
+    ClockJumped(Option<ResetCause>),
+    /// The board lost its settings before the trial.
+    #[error("the board lost its settings before the trial{}", restart_text(&Some(*.0)))]
+    #[diagnostic(help("{}; then continue with --resume", silence_cure(Some(*.0))))]
+    Restarted(ResetCause),
+    /// The board stopped sending telemetry.
+    #[error("the board stopped sending{}", restart_text(.0))]
+    #[diagnostic(help("{}; then continue with --resume", silence_cure(*.0)))]
+    Silent(Option<ResetCause>),
+    /// The link failed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Link(#[from] LinkError),
+    /// The log could not be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Log(#[from] LogError),
+    /// The emulated board, or the simulated robot behind it, failed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Virtual(#[from] VirtualError),
+}
+
+/// Returns a description of a fault.
+pub fn fault_text(fault: Fault) -> &'static str {
+    match fault {
+        Fault::None => "no fault",
+        Fault::LinkLost => "it received nothing from the host for longer than the motors' deadline",
+        Fault::Hang => "its firmware hung and was restarted",
+        Fault::Panic => "its firmware failed an internal check and was restarted",
+        Fault::ImuSilent => "the IMU does not respond",
+        Fault::ImuBusStuck => "the IMU's bus is stuck",
+        Fault::ImuFrozen => "the IMU sends the same data again and again",
+        Fault::Motor1Stalled => "motor 1 is stalled: it is driven but does not turn",
+        Fault::Motor2Stalled => "motor 2 is stalled: it is driven but does not turn",
+    }
+}
+
+fn fault_cure(fault: Fault) -> &'static str {
+    match fault {
+        Fault::None => "nothing is wrong",
+        Fault::LinkLost => "close programs that load this computer, or increase the board's deadline_ms",
+        Fault::Hang | Fault::Panic => "please report this and attach the log",
+        Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen => {
+            "check the MPU6050's wiring (SCL on A5, SDA on A4) and power supply"
+        }
+        Fault::Motor1Stalled | Fault::Motor2Stalled => {
+            "check that the flagellum turns freely, the motor's power supply, and the encoder's wiring"
+        }
+    }
+}
+
+fn silence_cure(cause: Option<ResetCause>) -> &'static str {
+    match cause {
+        Some(ResetCause::Hang) => fault_cure(Fault::Hang),
+        Some(ResetCause::Panic) => fault_cure(Fault::Panic),
+        _ => "check the power supply of board and motors, and the cable",
+    }
+}
+
+fn jump_cure(cause: Option<ResetCause>) -> &'static str {
+    match cause {
+        Some(_) => silence_cure(cause),
+        None => "keep this computer from sleeping while recording",
+    }
+}
+
+fn restart_text(cause: &Option<ResetCause>) -> String {
+    match cause {
+        Some(ResetCause::BrownOut) => ": it restarted because its supply voltage dropped".into(),
+        Some(cause) => format!(": it restarted ({cause:?})"),
+        None => String::new(),
+    }
+}

@@ -1,0 +1,132 @@
+//! Firmware images: builds them, and reads the commit that they were built from.
+
+use miette::Diagnostic;
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use thiserror::Error;
+
+/// Marker in the image, followed by the first eight digits of the commit, a `+` or a space for a working tree with or
+/// without changes, and the version of the protocol.
+const MARKER: &[u8] = b"biflag-firmware:";
+
+/// A firmware image.
+#[derive(Debug, Clone)]
+pub struct Image {
+    /// The ELF file.
+    pub elf: PathBuf,
+    /// First four bytes of the commit; zero if it is unknown.
+    pub git_hash: [u8; 4],
+    /// Whether the working tree had changes.
+    pub git_dirty: bool,
+}
+
+/// Why there is no firmware image.
+#[derive(Debug, Error, Diagnostic)]
+pub enum ImageError {
+    /// The file cannot be read.
+    #[error("{path}: the firmware image cannot be read")]
+    #[diagnostic(code(wrong_use), help("check the path, or leave out --firmware to build the image"))]
+    Unreadable {
+        /// The image.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The file is not a firmware image of the robot.
+    #[error("{0}: is not a firmware image of the robot")]
+    #[diagnostic(code(wrong_use), help("leave out --firmware to build the right one"))]
+    NotOurs(PathBuf),
+    /// The firmware's source is missing.
+    #[error("{0}: the firmware's source is missing")]
+    #[diagnostic(help("run the biflag that was built in the repository, or name an image with --firmware"))]
+    NoSource(PathBuf),
+    /// The build failed.
+    #[error("building the firmware failed: {0}")]
+    #[diagnostic(help("run `make setup` in the repository, then `sh firmware/build.sh`"))]
+    BuildFailed(String),
+}
+
+impl Image {
+    /// Reads an image.
+    ///
+    /// # Errors
+    /// [`ImageError::Unreadable`] or [`ImageError::NotOurs`].
+    pub fn read(elf: &Path) -> Result<Self, ImageError> {
+        let bytes = std::fs::read(elf).map_err(|source| ImageError::Unreadable { path: elf.to_owned(), source })?;
+        let (git_hash, git_dirty) = marked_commit(&bytes).ok_or_else(|| ImageError::NotOurs(elf.to_owned()))?;
+        Ok(Self { elf: elf.to_owned(), git_hash, git_dirty })
+    }
+
+    /// Builds the image from source. This is quick if nothing changed.
+    ///
+    /// # Errors
+    /// [`ImageError::NoSource`], [`ImageError::BuildFailed`] with the output of the build, or as [`Image::read`].
+    pub fn build() -> Result<Self, ImageError> {
+        let folder = source_folder();
+        let script = folder.join("build.sh");
+        if !script.is_file() {
+            return Err(ImageError::NoSource(folder));
+        }
+        let output = Command::new("sh")
+            .arg(&script)
+            .stdin(Stdio::null())
+            .output()
+            .map_err(|error| ImageError::BuildFailed(error.to_string()))?;
+        if !output.status.success() {
+            return Err(ImageError::BuildFailed(String::from_utf8_lossy(&output.stderr).trim_end().to_owned()));
+        }
+        let stdout = String::from_utf8_lossy(&output.stdout);
+        Self::read(Path::new(stdout.lines().last().unwrap_or_default().trim()))
+    }
+
+    /// Returns the commit as text: `c0ffee12`, or `c0ffee12+` with changes.
+    pub fn commit(&self) -> String {
+        commit_text(self.git_hash, self.git_dirty)
+    }
+}
+
+impl fmt::Display for Image {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({})", self.elf.display(), self.commit())
+    }
+}
+
+/// Formats a commit: eight digits, and a `+` if the working tree had changes.
+pub fn commit_text(git_hash: [u8; 4], git_dirty: bool) -> String {
+    let digits: String = git_hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    digits + if git_dirty { "+" } else { "" }
+}
+
+/// Returns the folder of the firmware's source in the repository that this program was built in.
+pub fn source_folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("firmware")
+}
+
+fn marked_commit(bytes: &[u8]) -> Option<([u8; 4], bool)> {
+    let start = bytes.windows(MARKER.len()).position(|window| window == MARKER)? + MARKER.len();
+    let digits = std::str::from_utf8(bytes.get(start..start + 8)?).ok()?;
+    let hash = u32::from_str_radix(digits, 16).ok()?;
+    Some((hash.to_be_bytes(), bytes.get(start + 8) == Some(&b'+')))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_commit_is_read_from_the_marker() {
+        assert_eq!(marked_commit(b"..biflag-firmware:c0ffee12+1..").unwrap(), ([0xc0, 0xff, 0xee, 0x12], true));
+        assert_eq!(marked_commit(b"biflag-firmware:00000000 1").unwrap(), ([0; 4], false));
+        assert_eq!(marked_commit(b"biflag-firmware:c0ffee"), None);
+        assert_eq!(marked_commit(b"another program"), None);
+    }
+
+    #[test]
+    fn other_files_are_rejected() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let error = Image::read(file.path()).unwrap_err();
+        assert!(matches!(error, ImageError::NotOurs(_)));
+    }
+}

@@ -1,0 +1,310 @@
+//! Records everything that arrives over the link while a trial runs.
+
+use super::simulated::TruthRecorder;
+use super::{RecordError, fault_text};
+use crate::link::{BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
+use crate::run;
+use biflag_log::{ClockMeta, CommandRecord, EventKind};
+use protocol::units::CentiRpm;
+use protocol::{Calibration, Command, Fault, Reply, Request, ResetCause, State, TICK_HZ, Telemetry};
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant, SystemTime};
+
+/// A telemetry frame with the board's time, unwrapped.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    /// Microseconds since the board's start.
+    pub board_us: u64,
+    /// Seconds since the trial's first frame.
+    pub time_s: f64,
+    /// When it was received, on the host's clock.
+    pub host: SystemTime,
+    /// The frame.
+    pub telemetry: Telemetry,
+}
+
+/// Abort after this long without telemetry. Even a slow emulated board sends many frames in this time.
+const STREAM_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Events to keep when the queue is drained.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Keep {
+    /// All events, including telemetry.
+    Frames,
+    /// All events except telemetry.
+    Answers,
+}
+
+/// Writes received events into a log and tracks the trial's time.
+pub(super) struct Recorder<'a> {
+    pub(super) link: &'a Link,
+    pub(super) trial: run::Recorder,
+    pub(super) monitor: Monitor,
+    /// Speeds over the last second.
+    speeds: VecDeque<[CentiRpm; 2]>,
+    interrupted: &'a AtomicBool,
+    /// Records the ground truth of a simulated robot.
+    truth: Option<TruthRecorder<'a>>,
+    /// The first frame of the next phase, already received.
+    pending: Option<Frame>,
+    clock: BoardClock,
+    /// The board's clock at the trial's first frame, µs.
+    begun_us: u64,
+    /// The board's clock at the last recorded frame, µs; `None` before the first.
+    reached_us: Option<u64>,
+    pings: PingClock,
+    last_heard: Instant,
+    state: (State, Fault),
+}
+
+impl<'a> Recorder<'a> {
+    pub(super) fn new(
+        link: &'a Link,
+        trial: run::Recorder,
+        interrupted: &'a AtomicBool,
+        truth: Option<TruthRecorder<'a>>,
+    ) -> Self {
+        Self {
+            link,
+            trial,
+            monitor: Monitor::default(),
+            speeds: VecDeque::new(),
+            interrupted,
+            truth,
+            pending: None,
+            clock: BoardClock::default(),
+            begun_us: 0,
+            reached_us: None,
+            pings: PingClock::default(),
+            last_heard: Instant::now(),
+            state: (State::Idle, Fault::None),
+        }
+    }
+
+    /// Starts the telemetry and begins the trial with the first frame that has a fresh reading of the sensor, which
+    /// takes a moment to start after new settings. A sensor that does not start causes a fault. The trial of a
+    /// simulated robot begins at a sample of its shape, so that its samples do not depend on the start of the
+    /// telemetry.
+    ///
+    /// Earlier telemetry is discarded: another program may have left the board streaming.
+    pub(super) fn begin(&mut self) -> Result<(), RecordError> {
+        self.command(Command::Stream { rate_hz: 0 })?;
+        match self.command(Command::ClearFault) {
+            // The cause persists; the first frame will state the fault.
+            Ok(()) | Err(RecordError::Link(LinkError::Refused { .. })) => {}
+            Err(error) => return Err(error),
+        }
+        while let Some(received) = self.link.next(Duration::ZERO) {
+            self.take(received)?;
+        }
+        // Earlier frames may be from before a restart of the board, on another clock.
+        self.clock = BoardClock::default();
+        self.pings = PingClock::default();
+        self.command(Command::Stream { rate_hz: TICK_HZ })?;
+        self.last_heard = Instant::now();
+        loop {
+            let frame = self.next_frame()?;
+            let fresh = frame.telemetry.imu_fresh && self.is_sampled(&frame)?;
+            if fresh || frame.telemetry.fault != Fault::None {
+                self.begun_us = frame.board_us;
+                self.pending = Some(Frame { time_s: 0.0, ..frame });
+                return Ok(());
+            }
+        }
+    }
+
+    /// Records until the frame for which `ends` returns true, which belongs to the next phase. Returns its time, s.
+    pub(super) fn record_until(&mut self, mut ends: impl FnMut(&Frame) -> bool) -> Result<f64, RecordError> {
+        loop {
+            let frame = match self.pending.take() {
+                Some(frame) => frame,
+                None => self.next_frame()?,
+            };
+            if ends(&frame) {
+                self.pending = Some(frame);
+                return Ok(frame.time_s);
+            }
+            self.keep(frame)?;
+        }
+    }
+
+    /// Sends a command. It is logged when the link reports the exchange.
+    pub(super) fn command(&mut self, command: Command) -> Result<(), RecordError> {
+        Ok(self.link.command(command)?)
+    }
+
+    /// Reads the result of the last calibration of the gyroscope.
+    pub(super) fn calibration(&mut self) -> Result<Calibration, RecordError> {
+        match self.link.ask(Command::ReadCalibration)? {
+            Reply::Calibration(calibration) => Ok(calibration),
+            other => Err(self.link.wrong_answer(&Command::ReadCalibration, &other).into()),
+        }
+    }
+
+    /// Returns the mean speeds of the flagella over the last second.
+    pub(super) fn last_speeds(&self) -> [CentiRpm; 2] {
+        let count = self.speeds.len().max(1) as i32;
+        let sum = |motor: usize| self.speeds.iter().map(|speeds| i32::from(speeds[motor].0)).sum::<i32>();
+        [0, 1].map(|motor| CentiRpm((sum(motor) / count) as i16))
+    }
+
+    /// Measures the vertical while the robot hangs at rest.
+    pub(super) fn level(&mut self) -> Result<(), RecordError> {
+        Ok(self.trial.level(SystemTime::now())?)
+    }
+
+    /// Records an event at the current time.
+    pub(super) fn event(&mut self, kind: EventKind, text: &str) -> Result<(), RecordError> {
+        Ok(self.trial.event(kind, text, SystemTime::now())?)
+    }
+
+    /// Begins a phase with the frame that ended the previous one.
+    pub(super) fn phase(&mut self, name: &str) -> Result<(), RecordError> {
+        if let Some(frame) = &self.pending {
+            self.trial.log.board_time(frame.board_us, frame.host);
+        }
+        self.event(EventKind::Phase, name)
+    }
+
+    /// Records the events already received, without waiting: replies to the last commands and, after a failure, the
+    /// frames that the board sent in the meantime.
+    pub(super) fn drain(&mut self, keep: Keep) -> Result<(), RecordError> {
+        while let Some(received) = self.link.next(Duration::ZERO) {
+            if matches!(received.event, Event::Closed) {
+                break;
+            }
+            if let Some((telemetry, host)) = self.take(received)?.filter(|_| keep == Keep::Frames)
+                && let Some(frame) = self.frame(telemetry, host)
+            {
+                self.keep(frame)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns whether the shape of a simulated robot is sampled in this frame's tick; true without a simulated robot.
+    fn is_sampled(&mut self, frame: &Frame) -> Result<bool, RecordError> {
+        self.truth.as_mut().map_or(Ok(true), |truth| Ok(truth.has_shape_in(frame.board_us)?))
+    }
+
+    /// Records the ground truth of a simulated robot up to the last recorded frame.
+    fn keep_truth(&mut self) -> Result<(), RecordError> {
+        match (&mut self.truth, self.reached_us) {
+            (Some(truth), Some(until_us)) => truth.keep(&mut self.trial, (self.begun_us, until_us)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Records the ground truth up to the frame that ended the trial, so that the number of samples does not depend on
+    /// their times relative to the frames.
+    pub(super) fn end_truth(&mut self) -> Result<(), RecordError> {
+        if let Some(end) = &self.pending {
+            self.reached_us = self.reached_us.max(end.board_us.checked_sub(1));
+        }
+        if let Some(truth) = &mut self.truth {
+            truth.ask()?;
+        }
+        self.keep_truth()
+    }
+
+    fn next_frame(&mut self) -> Result<Frame, RecordError> {
+        loop {
+            if self.interrupted.load(Ordering::Relaxed) {
+                return Err(RecordError::Interrupted);
+            }
+            self.trial.log.tick()?;
+            self.keep_truth()?;
+            let Some(received) = self.link.next(Duration::from_millis(20)) else {
+                // The timeout applies only if the queue is empty: this program may itself have been delayed.
+                if self.last_heard.elapsed() > STREAM_TIMEOUT {
+                    return Err(RecordError::Silent(self.restart()));
+                }
+                continue;
+            };
+            if let Some((telemetry, host)) = self.take(received)? {
+                self.last_heard = Instant::now();
+                return self.frame(telemetry, host).ok_or_else(|| RecordError::ClockJumped(self.restart()));
+            }
+        }
+    }
+
+    /// Adds the time to a frame; returns `None` if the board's clock jumped.
+    fn frame(&mut self, telemetry: Telemetry, host: SystemTime) -> Option<Frame> {
+        let board_us = self.clock.unwrap(telemetry.time)?;
+        let time_s = board_us.saturating_sub(self.begun_us) as f64 * 1e-6;
+        Some(Frame { board_us, time_s, host, telemetry })
+    }
+
+    /// Records a frame of the trial.
+    fn keep(&mut self, frame: Frame) -> Result<(), RecordError> {
+        if let Some(gap) = self.monitor.frame(&frame.telemetry) {
+            self.trial.dropout(gap.first.0, u32::from(gap.count), frame.host)?;
+        }
+        self.trial.frame(&frame.telemetry, frame.board_us, frame.host)?;
+        self.reached_us = Some(frame.board_us);
+        if self.speeds.len() == usize::from(TICK_HZ) {
+            self.speeds.pop_front();
+        }
+        self.speeds.push_back(frame.telemetry.speed);
+        let now = (frame.telemetry.state, frame.telemetry.fault);
+        let before = std::mem::replace(&mut self.state, now);
+        if now.0 != before.0 {
+            self.trial.event(EventKind::State, &format!("{:?}", now.0), frame.host)?;
+        }
+        if now.1 != before.1 {
+            self.trial.event(EventKind::Fault, &format!("{:?}: {}", now.1, fault_text(now.1)), frame.host)?;
+        }
+        match now.1 {
+            Fault::None => Ok(()),
+            fault => Err(RecordError::Faulted(fault)),
+        }
+    }
+
+    /// Records an event. A telemetry frame is returned instead, with the time at which it was received.
+    fn take(&mut self, received: Received) -> Result<Option<(Telemetry, SystemTime)>, RecordError> {
+        let Received { wall: host, at, event } = received;
+        match event {
+            Event::Telemetry(telemetry) => return Ok(Some((telemetry, host))),
+            Event::Raw(bytes) => self.trial.log.raw(&bytes, host)?,
+            Event::Damaged(error) => {
+                self.monitor.damaged(error);
+                self.trial.event(EventKind::Warning, &format!("a frame was damaged: {error}"), host)?;
+            }
+            Event::Exchange(Exchange { request, attempts, reply, sent, sent_at }) => {
+                if let (Some(Reply::Pong(board)), 1) = (reply, attempts) {
+                    // After a restart the board's clock starts again, so the ping does not apply to the trial's clock.
+                    if let Some(board_us) = self.clock.unwrap(board) {
+                        self.pings.add(board_us, sent_at, at);
+                    }
+                } else {
+                    self.monitor.asked(attempts);
+                    let Request { seq, command } = request;
+                    self.trial.command(&CommandRecord { seq, command, attempts, reply, sent, ended: host })?;
+                }
+            }
+            Event::Closed => return Err(LinkError::Closed { path: self.link.path().to_owned() }.into()),
+        }
+        Ok(None)
+    }
+
+    /// Returns the board's clock relative to the host's, if there were enough pings.
+    pub(super) fn clock(&self) -> Option<ClockMeta> {
+        let fit = self.pings.fit()?;
+        let opened = self.link.opened().duration_since(SystemTime::UNIX_EPOCH).ok()?;
+        Some(ClockMeta {
+            pings: u32::try_from(fit.pings).unwrap_or(u32::MAX),
+            offset_ns: i64::try_from(opened.as_nanos()).ok()? + (fit.offset_s * 1e9) as i64,
+            drift_ppm: (1.0 / fit.rate - 1.0) * 1e6,
+            residual_us: fit.residual_s * 1e6,
+        })
+    }
+
+    /// Returns the cause of a restart of the board since the link was opened, if there was one.
+    pub(super) fn restart(&self) -> Option<ResetCause> {
+        match self.link.ask(Command::Hello) {
+            Ok(Reply::Info(info)) if info.boot_count != self.link.info().boot_count => Some(info.reset_cause),
+            _ => None,
+        }
+    }
+}

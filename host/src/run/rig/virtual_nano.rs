@@ -1,0 +1,172 @@
+//! The emulated board: a separate program (`vnano`), controlled over its standard input and output.
+
+use biflag_log::SensorMeta;
+use miette::Diagnostic;
+use serde::Deserialize;
+use serde_json::Value;
+use sim::sample::Sample;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use thiserror::Error;
+
+/// Errors of the emulated board.
+#[derive(Debug, Error, Diagnostic)]
+pub enum VirtualError {
+    /// The program does not exist.
+    #[error("the emulated board is not built: {0} does not exist")]
+    #[diagnostic(help("build it with `make build` in the repository"))]
+    NotBuilt(PathBuf),
+    /// The program could not be started.
+    #[error("the emulated board did not start: {0}")]
+    NotStarted(String),
+    /// The program ended or does not respond.
+    #[error("the emulated board no longer responds to `{0}`")]
+    Gone(String),
+    /// The program refused a command.
+    #[error("the emulated board refused `{command}`: {reason}")]
+    Refused {
+        /// The command.
+        command: String,
+        /// The reason.
+        reason: String,
+    },
+    /// The simulated robot behind it failed.
+    #[error("{0}")]
+    #[diagnostic(help("the log ends there; change the robot's file as suggested, and start another session with it"))]
+    Robot(String),
+}
+
+/// The state of the simulated robot at a time.
+#[derive(Clone, Deserialize, PartialEq, Debug)]
+pub struct TruthSample {
+    /// The board's clock, µs modulo 2^32; `None` before the board has started.
+    pub board_us: Option<u32>,
+    /// The state; its time is counted from power-on of the board.
+    pub sample: Sample,
+}
+
+/// A running emulated board. Dropping it ends its program.
+#[derive(Debug)]
+pub struct VirtualNano {
+    child: Child,
+    control: Option<ChildStdin>,
+    answers: BufReader<ChildStdout>,
+    port: String,
+    sensor: SensorMeta,
+}
+
+impl VirtualNano {
+    /// Starts the board's program with these arguments (see `vnano --help`).
+    ///
+    /// # Errors
+    /// [`VirtualError::NotStarted`] with the output of the program.
+    pub fn start<I, S>(program: &Path, arguments: I) -> Result<Self, VirtualError>
+    where
+        I: IntoIterator<Item = S>,
+        S: AsRef<std::ffi::OsStr>,
+    {
+        let not_started = |reason: String| VirtualError::NotStarted(reason);
+        let mut child = Command::new(program)
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(|error| not_started(format!("{}: {error}", program.display())))?;
+        let control = child.stdin.take();
+        let stdout = child.stdout.take().ok_or_else(|| not_started("it has no output".into()))?;
+        let mut nano = Self {
+            child,
+            control,
+            answers: BufReader::new(stdout),
+            port: String::new(),
+            sensor: SensorMeta::default(),
+        };
+        let ready = nano.hear().unwrap_or_default();
+        match ready["port"].as_str() {
+            Some(port) => {
+                nano.port = port.to_owned();
+                nano.sensor = serde_json::from_value(ready["sensor"].clone()).unwrap_or_default();
+            }
+            None => {
+                let _ = nano.child.kill();
+                let mut said = String::new();
+                if let Some(mut stderr) = nano.child.stderr.take() {
+                    let _ = std::io::Read::read_to_string(&mut stderr, &mut said);
+                }
+                return Err(not_started(said.trim().to_owned()));
+            }
+        }
+        // Later warnings of the program go to this program's standard error, so that the pipe does not fill up.
+        if let Some(stderr) = nano.child.stderr.take() {
+            std::thread::spawn(move || {
+                BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| {
+                    let _ = writeln!(std::io::stderr(), "{line}");
+                })
+            });
+        }
+        Ok(nano)
+    }
+
+    /// Returns the pseudo-terminal that serves as the board's serial port.
+    pub fn port(&self) -> &str {
+        &self.port
+    }
+
+    /// Returns the errors of its sensor.
+    pub fn sensor(&self) -> &SensorMeta {
+        &self.sensor
+    }
+
+    /// Returns the samples of the simulated robot since the last call.
+    ///
+    /// # Errors
+    /// [`VirtualError::Robot`] if the simulator failed; otherwise as [`VirtualNano::control`].
+    pub fn truth(&mut self) -> Result<Vec<TruthSample>, VirtualError> {
+        let mut answer = self.control("truth").map_err(|error| match error {
+            VirtualError::Refused { reason, .. } => VirtualError::Robot(reason),
+            other => other,
+        })?;
+        serde_json::from_value(answer["samples"].take())
+            .map_err(|error| VirtualError::Robot(format!("the simulated robot's state cannot be read: {error}")))
+    }
+
+    /// Sends one control command and returns the program's response.
+    ///
+    /// # Errors
+    /// [`VirtualError::Gone`] or [`VirtualError::Refused`].
+    pub fn control(&mut self, command: &str) -> Result<Value, VirtualError> {
+        let gone = || VirtualError::Gone(command.to_owned());
+        let control = self.control.as_mut().ok_or_else(gone)?;
+        writeln!(control, "{command}").and_then(|()| control.flush()).map_err(|_| gone())?;
+        let answer = self.hear().ok_or_else(gone)?;
+        match answer["error"].as_str() {
+            Some(reason) => Err(VirtualError::Refused { command: command.to_owned(), reason: reason.to_owned() }),
+            None => Ok(answer),
+        }
+    }
+
+    /// Returns the path of the board's program, which is in the folder of this program.
+    ///
+    /// # Errors
+    /// [`VirtualError::NotBuilt`].
+    pub fn program() -> Result<PathBuf, VirtualError> {
+        let path = std::env::current_exe().unwrap_or_default().with_file_name("vnano");
+        if path.is_file() { Ok(path) } else { Err(VirtualError::NotBuilt(path)) }
+    }
+
+    fn hear(&mut self) -> Option<Value> {
+        let mut line = String::new();
+        self.answers.read_line(&mut line).ok().filter(|read| *read > 0)?;
+        serde_json::from_str(&line).ok()
+    }
+}
+
+impl Drop for VirtualNano {
+    fn drop(&mut self) {
+        // The program ends with its standard input.
+        self.control = None;
+        let _ = self.child.wait();
+    }
+}

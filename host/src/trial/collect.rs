@@ -1,0 +1,235 @@
+//! Accumulates a trial from its messages, while its log is read or written.
+
+use super::bounds;
+use super::data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
+use super::shapes::Shapes;
+use crate::attitude::{Columns, Reading};
+use biflag_log::schema::biflag::event::Kind;
+use biflag_log::schema::biflag::{self, Motor, Telemetry, Vector};
+use biflag_log::{Condition, LONGEST_TRIAL_S, LinkStats, Origin};
+use protocol::units::{Q15, Quaternion};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Maximum number of events that are kept.
+const MAX_EVENTS: usize = 2_000;
+
+/// The part of a trial that has been read or recorded so far.
+#[derive(Debug)]
+pub struct Collector {
+    want: Want,
+    format: u32,
+    /// Time of the last frame.
+    last_s: Option<f64>,
+    readings: Vec<(f64, Reading)>,
+    calibrated: usize,
+    motors: Columns<MOTORS>,
+    truth: Columns<5>,
+    forces: Columns<FORCES>,
+    shapes: Shapes,
+    events: Vec<Event>,
+    more_events: usize,
+    phases: Vec<(String, f64)>,
+    link: LinkStats,
+    link_seconds: Vec<LinkSecond>,
+    /// The board's counters in the last frame.
+    counters: Option<[u32; 4]>,
+    /// When the motors got their target speeds.
+    ordered_s: Option<f64>,
+    /// The first fault.
+    fault: Option<(f64, String)>,
+    frames: u64,
+    temperature_sum: f64,
+}
+
+impl Collector {
+    /// Creates an empty collector for a log of this format.
+    pub fn new(want: Want, format: u32) -> Self {
+        Self {
+            want,
+            format,
+            readings: Vec::new(),
+            calibrated: 0,
+            motors: Columns::default(),
+            truth: Columns::default(),
+            forces: Columns::default(),
+            shapes: Shapes::new(want.shapes),
+            events: Vec::new(),
+            more_events: 0,
+            phases: Vec::new(),
+            link: LinkStats::default(),
+            link_seconds: Vec::new(),
+            counters: None,
+            ordered_s: None,
+            fault: None,
+            frames: 0,
+            temperature_sum: 0.0,
+            last_s: None,
+        }
+    }
+
+    /// Adds a frame of telemetry.
+    pub fn telemetry(&mut self, frame: &Telemetry) {
+        let time_s = frame.time_s;
+        self.link.samples += 1;
+        // A frame whose clock goes back or jumps far ahead is damaged.
+        if !(0.0..=LONGEST_TRIAL_S).contains(&time_s) || self.last_s.is_some_and(|last| last >= time_s) {
+            return;
+        }
+        self.last_s = Some(time_s);
+        self.frames += 1;
+        self.temperature_sum += frame.temperature_c;
+        if let Some(reading) = self.reading(frame).filter(|_| frame.imu_fresh) {
+            self.readings.push((time_s, reading));
+        }
+        if let (Some(one), Some(two)) = (&frame.motor1, &frame.motor2) {
+            let Motor { target_rpm, speed_rpm, turns, .. } = *one;
+            self.motors.push(time_s, [target_rpm, speed_rpm, two.target_rpm, two.speed_rpm, turns, two.turns]);
+            if self.ordered_s.is_none() && (target_rpm != 0.0 || two.target_rpm != 0.0) {
+                self.ordered_s = Some(time_s);
+            }
+        }
+        if self.fault.is_none() && frame.fault() != biflag::Fault::None {
+            let name = frame.fault().as_str_name().trim_start_matches("FAULT_").to_lowercase().replace('_', " ");
+            self.fault = Some((time_s, name));
+        }
+        let now = [frame.unsent, frame.imu_errors, frame.bad_frames, frame.missed_ticks];
+        let grown = |(now, then): (u32, u32)| now.wrapping_sub(then) & 0xFFFF;
+        let counted: u32 = now.into_iter().zip(self.counters.unwrap_or(now)).map(grown).sum();
+        self.counters = Some(now);
+        let second = self.second(time_s);
+        second.received += 1;
+        second.board += counted;
+    }
+
+    /// Adds the unrounded state of a modelled robot.
+    pub fn truth(&mut self, truth: &biflag::Truth) {
+        let row = [truth.yaw_deg, truth.pitch_deg, truth.roll_deg, truth.motor1_turns, truth.motor2_turns];
+        self.truth.push(truth.time_s, row);
+    }
+
+    /// Adds the forces of a modelled robot.
+    pub fn forces(&mut self, forces: &biflag::Forces) {
+        if !self.want.forces {
+            return;
+        }
+        let [a, b, c, d] = [forces.force1_n, forces.force2_n, forces.contact1_n, forces.contact2_n]
+            .map(|force| force.map_or([f64::NAN; 3], |Vector { x, y, z }| [x, y, z]));
+        let row = [
+            [a, b, c, d].as_flattened(),
+            &[forces.axial_torque1_nm, forces.axial_torque2_nm],
+            &[forces.min_gap_m, forces.max_penetration_m, forces.winding_turns],
+        ]
+        .concat();
+        self.forces.push(forces.time_s, std::array::from_fn(|k| row[k]));
+    }
+
+    /// Adds the centre lines of both flagella, body axes, m.
+    pub fn shapes(&mut self, time_s: f64, lines: [Vec<[f64; 3]>; 2]) {
+        let last = |columns: &[Vec<f64>]| -> Option<[f64; 2]> {
+            let [.., one, two] = columns else { return None };
+            Some([*one.last()?, *two.last()?])
+        };
+        let turns = last(&self.truth.values).or_else(|| last(&self.motors.values)).unwrap_or_default();
+        self.shapes.push(time_s, turns, lines);
+    }
+
+    /// Adds an event.
+    pub fn event(&mut self, time_s: f64, kind: Kind, text: &str) {
+        match kind {
+            Kind::Calibration => self.calibrated = self.readings.len(),
+            Kind::Phase => {
+                if text == "run" {
+                    self.ordered_s = None;
+                }
+                self.phases.push((text.to_owned(), time_s));
+            }
+            _ => {}
+        }
+        if self.events.len() < MAX_EVENTS {
+            self.events.push(Event { time_s, kind, text: text.to_owned() });
+        } else {
+            self.more_events += 1;
+        }
+    }
+
+    /// Adds a number of lost telemetry frames.
+    pub fn dropout(&mut self, time_s: f64, count: u32) {
+        self.link.lost += u64::from(count);
+        self.second(time_s).lost += count;
+    }
+
+    /// Adds a command that was sent `attempts` times.
+    pub fn command(&mut self, time_s: f64, attempts: u32) {
+        let retries = attempts.saturating_sub(1);
+        self.link.retries += u64::from(retries);
+        self.second(time_s).retries += retries;
+    }
+
+    /// Returns the trial with its metadata. The log is assumed to be intact.
+    pub fn finish(self, path: &Path, records: Records) -> Data {
+        let mut warnings = Vec::new();
+        let marks = bounds::Marks {
+            phases: &self.phases,
+            ordered_s: self.ordered_s,
+            fault: self.fault.as_ref(),
+            is_model: records.origin() == Origin::Model,
+            summary: records.summary.as_ref(),
+            end_s: self.last_s.unwrap_or_default(),
+        };
+        let times = bounds::times(&marks, &mut warnings);
+        Data {
+            path: path.to_owned(),
+            link: link(self.link, records.summary.as_ref().map(|summary| summary.link)),
+            times,
+            temperature_c: self.temperature_sum / self.frames.max(1) as f64,
+            records,
+            readings: self.readings,
+            calibrated: self.calibrated,
+            motors: self.motors,
+            truth: self.truth,
+            forces: self.forces,
+            shapes: self.shapes,
+            events: self.events,
+            more_events: self.more_events,
+            phases: self.phases,
+            link_seconds: self.link_seconds,
+            duration_s: self.last_s.unwrap_or_default(),
+            channels: BTreeMap::new(),
+            condition: Condition::Clean,
+            losses: Vec::new(),
+            sha256: None,
+            warnings,
+        }
+    }
+
+    /// Returns the sensor's reading in a frame, with the attitude as sent by the board; `None` if it has no attitude.
+    fn reading(&self, frame: &Telemetry) -> Option<Reading> {
+        let q = frame.attitude.as_ref()?;
+        let attitude = match &frame.attitude_q15 {
+            // In format 1, `attitude` is levelled.
+            Some(sent) if self.format < 2 => {
+                Quaternion([sent.w, sent.x, sent.y, sent.z].map(|part| Q15(part as i16))).to_f64()
+            }
+            _ => [q.w, q.x, q.y, q.z],
+        };
+        let lateral_dps = frame.angular_velocity_dps.as_ref().map(|rate| [rate.x, rate.y]);
+        Some(Reading { attitude, lateral_dps, temperature_c: frame.temperature_c })
+    }
+
+    fn second(&mut self, time_s: f64) -> &mut LinkSecond {
+        let index = time_s.clamp(0.0, LONGEST_TRIAL_S) as usize;
+        if self.link_seconds.len() <= index {
+            self.link_seconds.resize(index + 1, LinkSecond::default());
+        }
+        &mut self.link_seconds[index]
+    }
+}
+
+/// Returns the link statistics. The summary of the trial is more complete than the messages, except for samples that
+/// the log has lost since.
+fn link(counted: LinkStats, summed_up: Option<LinkStats>) -> LinkStats {
+    let Some(summed_up) = summed_up else { return counted };
+    let missing = summed_up.samples.saturating_sub(counted.samples);
+    LinkStats { samples: counted.samples, lost: summed_up.lost + missing, ..summed_up }
+}

@@ -1,0 +1,248 @@
+//! The content of a log as columns over the trial's clock, and its metadata.
+
+use super::bounds::Times;
+use super::shapes::Shapes;
+use crate::attitude::{Columns, Reading};
+use crate::plan::{PUBLISHED, PlanError, board, robot};
+use biflag_log::schema::biflag::event::Kind;
+use biflag_log::{
+    BoardMeta, CalibrationMeta, ClockMeta, Condition, Identity, LevelMeta, LinkStats, Loss, Meta, ModelMeta, Origin,
+    PlanMeta, Reader, RecoveryMeta, ReplayMeta, RobotMeta, SensorMeta, Start, SteadyMeta, Summary, TrialMeta,
+};
+use protocol::Settings;
+use protocol::units::CentiRpm;
+use sim::params::Robot;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Columns of [`Data::motors`]: target and measured speed of motor 1, then of motor 2 (rpm); turns of both by their
+/// encoders.
+pub const MOTORS: usize = 6;
+
+/// Columns of [`Data::forces`]: force of flagellum 1 and 2 on the base (x, y, z each, body axes, N), the part of both
+/// that is contact (N), the reaction torques about the shafts (N m), smallest gap and largest overlap of the surfaces
+/// (m), and number of turns by which the flagella are wound around each other.
+pub const FORCES: usize = 17;
+
+/// What is read of a log besides what every reader needs.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Want {
+    /// The forces of a modelled robot.
+    pub forces: bool,
+    /// The most shapes of the flagella that are kept; 0: none.
+    pub shapes: usize,
+    /// The hash of the file.
+    pub hash: bool,
+}
+
+/// The metadata records of a log.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Records {
+    /// The program that wrote the log, and where the trial ran.
+    pub identity: Option<Identity>,
+    /// The plan.
+    pub plan: Option<PlanMeta>,
+    /// The trial.
+    pub trial: Option<TrialMeta>,
+    /// The robot's file, as named in the plan.
+    pub robot: Option<RobotMeta>,
+    /// The board.
+    pub board: Option<BoardMeta>,
+    /// The model that computed the trial, or the robot behind an emulated board.
+    pub model: Option<ModelMeta>,
+    /// Errors of an emulated sensor.
+    pub sensor: Option<SensorMeta>,
+    /// Steady state computed by the model.
+    pub steady: Option<SteadyMeta>,
+    /// The gyroscope's calibration.
+    pub calibration: Option<CalibrationMeta>,
+    /// The vertical at rest.
+    pub level: Option<LevelMeta>,
+    /// The clocks of board and host.
+    pub clock: Option<ClockMeta>,
+    /// The damaged log that this one was recovered from.
+    pub recovery: Option<RecoveryMeta>,
+    /// The recording that drove the model.
+    pub replay: Option<ReplayMeta>,
+    /// How the trial ended; `None` if the log has no summary.
+    pub summary: Option<Summary>,
+}
+
+impl Records {
+    /// Returns the records that a reader has found so far.
+    pub(super) fn of(reader: &Reader) -> Self {
+        fn get<M: Meta>(reader: &Reader) -> Option<M> {
+            reader.meta()
+        }
+        Self {
+            identity: get(reader),
+            plan: get(reader),
+            trial: get(reader),
+            robot: get(reader),
+            board: get(reader),
+            model: get(reader),
+            sensor: get(reader),
+            steady: get(reader),
+            calibration: get(reader),
+            level: get(reader),
+            clock: get(reader),
+            recovery: get(reader),
+            replay: get(reader),
+            summary: get(reader),
+        }
+    }
+
+    /// Returns the records at the start of a trial.
+    pub fn of_start(start: &Start) -> Self {
+        let Start { identity, plan, trial, robot, board } = start.clone();
+        Self {
+            identity: Some(identity),
+            plan: Some(plan),
+            trial: Some(trial),
+            robot: Some(robot),
+            board,
+            ..Self::default()
+        }
+    }
+
+    /// Returns where the trial ran: the rig, if the log does not specify it.
+    pub fn origin(&self) -> Origin {
+        self.identity.as_ref().map_or(Origin::Rig, |identity| identity.origin)
+    }
+}
+
+/// An event of a trial.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Event {
+    /// Time on the trial's clock.
+    pub time_s: f64,
+    /// Kind.
+    pub kind: Kind,
+    /// Text; for a phase, its name.
+    pub text: String,
+}
+
+/// Link statistics of one second of the trial.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct LinkSecond {
+    /// Telemetry frames that arrived.
+    pub received: u32,
+    /// Telemetry frames that were lost.
+    pub lost: u32,
+    /// Requests that were sent again.
+    pub retries: u32,
+    /// Errors counted by the board: frames that it could not send, failed readings of the sensor, damaged frames,
+    /// missed ticks.
+    pub board: u32,
+}
+
+/// A trial, read from its log. Times are seconds since its first frame.
+#[derive(Clone, Debug)]
+pub struct Data {
+    /// Path of the log.
+    pub path: PathBuf,
+    /// Its metadata.
+    pub records: Records,
+    /// Readings of the sensor, without failed ones.
+    pub readings: Vec<(f64, Reading)>,
+    /// Index of the first reading after the gyroscope's calibration; the rates before it have another bias.
+    pub calibrated: usize,
+    /// See [`MOTORS`].
+    pub motors: Columns<MOTORS>,
+    /// Modelled and simulated robots only: yaw, pitch, roll (degrees) and turns of both shafts, unrounded.
+    pub truth: Columns<5>,
+    /// See [`FORCES`]; empty unless requested.
+    pub forces: Columns<FORCES>,
+    /// Shapes of the flagella; empty unless requested.
+    pub shapes: Shapes,
+    /// Events, up to a limit.
+    pub events: Vec<Event>,
+    /// Number of events beyond the limit.
+    pub more_events: usize,
+    /// Name and start of each phase.
+    pub phases: Vec<(String, f64)>,
+    /// Pre-roll, run and decay.
+    pub times: Times,
+    /// Link statistics of the trial, from its summary or counted from the messages.
+    pub link: LinkStats,
+    /// Link statistics second by second.
+    pub link_seconds: Vec<LinkSecond>,
+    /// Mean temperature of the sensor, °C.
+    pub temperature_c: f64,
+    /// Time of the last frame.
+    pub duration_s: f64,
+    /// Number of messages by channel.
+    pub channels: BTreeMap<String, u64>,
+    /// Condition of the log.
+    pub condition: Condition,
+    /// Places in the log that cannot be read.
+    pub losses: Vec<Loss>,
+    /// SHA-256 of the file, if requested.
+    pub sha256: Option<String>,
+    /// Warnings for the user about the run.
+    pub warnings: Vec<String>,
+}
+
+impl Data {
+    /// Returns where the trial ran.
+    pub fn origin(&self) -> Origin {
+        self.records.origin()
+    }
+
+    /// Returns whether the trial was computed by a model.
+    pub fn is_model(&self) -> bool {
+        self.origin() == Origin::Model
+    }
+
+    /// Returns the record of the trial, or an empty one if the log has none.
+    pub fn trial(&self) -> TrialMeta {
+        self.records.trial.clone().unwrap_or_default()
+    }
+
+    /// Returns the target speeds of flagella 1 and 2 at the start of the run.
+    pub fn speeds(&self) -> [CentiRpm; 2] {
+        let trial = self.records.trial.as_ref();
+        trial.map_or([CentiRpm(0); 2], |trial| [trial.w1_rpm, trial.w2_rpm].map(CentiRpm::from_rpm))
+    }
+
+    /// Returns the motor that reverses, and the time of the reversal, s from the start of the run.
+    pub fn reverse(&self) -> Option<(u8, f64)> {
+        let trial = self.records.trial.as_ref()?;
+        trial.reverse_motor.zip(trial.reverse_after_s)
+    }
+
+    /// Returns the settings of the board.
+    pub fn settings(&self) -> Option<Settings> {
+        self.records.board.as_ref().and_then(board::of_log)
+    }
+
+    /// Returns the robot's parameters: those of the model, or on a rig those of the robot named in the plan.
+    ///
+    /// # Errors
+    /// [`PlanError`] if the parameters in the log are invalid.
+    pub fn robot(&self) -> Result<Robot, PlanError> {
+        match (&self.records.model, &self.records.robot) {
+            (Some(model), _) => robot::parse(&model.parameters, "its parameters"),
+            (None, Some(file)) if file.name != PUBLISHED => robot::parse(&file.text, &file.name),
+            _ => Ok(Robot::default()),
+        }
+    }
+
+    /// Returns the turns of both shafts over time, unrounded if available.
+    pub fn turns(&self) -> Columns<2> {
+        let (time_s, one, two) = if self.truth.is_empty() {
+            let [.., one, two] = &self.motors.values;
+            (&self.motors.time_s, one, two)
+        } else {
+            let [.., one, two] = &self.truth.values;
+            (&self.truth.time_s, one, two)
+        };
+        Columns { time_s: time_s.clone(), values: [one.clone(), two.clone()] }
+    }
+
+    /// Returns whether a gap in the frames is so long that the robot may have made a full turn in it: the fastest takes
+    /// 3 s.
+    pub fn has_long_gap(&self) -> bool {
+        self.readings[self.calibrated..].windows(2).any(|pair| pair[1].0 - pair[0].0 > 1.0)
+    }
+}

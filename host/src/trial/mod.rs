@@ -1,0 +1,20 @@
+//! A trial in memory: read from its log once ([`Data`]), then referred to its zero ([`Zeroed`]).
+//!
+//! The commands `record`, `info`, `compare`, `calibrate`, `report` and `export` take all results of a trial from this
+//! module; none of them reads logs, levels attitudes or removes drift in another way. A trial that is being recorded
+//! passes through the same [`Collector`] as one that is read from its log, so that both give the same results.
+
+mod bounds;
+mod collect;
+mod data;
+mod read;
+mod shapes;
+mod usable;
+mod zero;
+
+pub use bounds::Times;
+pub use collect::Collector;
+pub use data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
+pub use shapes::{Shape, Shapes};
+pub use usable::Unusable;
+pub use zero::{Angles, Steady, Zeroed};

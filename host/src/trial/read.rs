@@ -1,0 +1,74 @@
+//! Reads a trial from its log, in one pass.
+
+use super::collect::Collector;
+use super::data::{Data, Records, Want};
+use biflag_log::schema::foxglove::SceneUpdate;
+use biflag_log::{Body, Condition, FORMAT, Identity, LogError, Message, Reader, TrialClock};
+use std::path::Path;
+
+impl Data {
+    /// Reads a log, even if it is damaged.
+    ///
+    /// # Errors
+    /// [`LogError`] if the file is not a biflag log or cannot be read.
+    pub fn read(path: &Path, want: Want) -> Result<Self, LogError> {
+        let mut channels = vec!["/telemetry", "/event", "/truth", "/dropout", "/command"];
+        if want.forces {
+            channels.push("/forces");
+        }
+        if want.shapes > 0 {
+            channels.extend(["/nodes", "/flagella"]);
+        }
+        let mut reader = Reader::open(path)?.only(channels);
+        if want.hash {
+            reader = reader.hashing();
+        }
+        let format = reader.meta().map_or(FORMAT, |identity: Identity| identity.format);
+        let mut collector = Collector::new(want, format);
+        let (mut clock, mut has_nodes) = (TrialClock::default(), false);
+        for message in reader.by_ref() {
+            let message = message?;
+            clock.see(&message);
+            has_nodes |= matches!(message.body, Body::Nodes(_));
+            // Logs of format 1 contain the flagella only as lines for viewers.
+            if !(has_nodes && matches!(message.body, Body::Flagella(_))) {
+                take(&mut collector, &message, clock.time_s(&message));
+            }
+        }
+        let mut data = collector.finish(path, Records::of(&reader));
+        data.channels = reader.counts().clone();
+        data.condition = reader.condition().unwrap_or(Condition::Damaged);
+        data.losses = reader.losses().to_vec();
+        data.sha256 = want.hash.then(|| reader.sha256()).transpose()?;
+        Ok(data)
+    }
+}
+
+fn take(collector: &mut Collector, message: &Message, time_s: f64) {
+    match &message.body {
+        Body::Telemetry(frame) => collector.telemetry(frame),
+        Body::Truth(truth) => collector.truth(truth),
+        Body::Forces(forces) => collector.forces(forces),
+        Body::Nodes(nodes) => {
+            if let Some(lines) = nodes.lines() {
+                collector.shapes(nodes.time_s, lines);
+            }
+        }
+        Body::Flagella(scene) => {
+            if let Some(lines) = lines(scene) {
+                collector.shapes(time_s, lines);
+            }
+        }
+        Body::Dropout(dropout) => collector.dropout(time_s, dropout.count),
+        Body::Command(command) => collector.command(time_s, command.attempts),
+        Body::Event(event) => collector.event(time_s, event.kind(), &event.text),
+        Body::Raw(_) | Body::Attitude(_) | Body::FlagellaPoints(_) | Body::Other(_) => {}
+    }
+}
+
+/// Returns the first two lines of a scene.
+fn lines(scene: &SceneUpdate) -> Option<[Vec<[f64; 3]>; 2]> {
+    let mut lines = (scene.entities.iter().flat_map(|entity| &entity.lines))
+        .map(|line| line.points.iter().map(|point| [point.x, point.y, point.z]).collect());
+    Some([lines.next()?, lines.next()?])
+}

@@ -1,0 +1,114 @@
+//! Checks whether a trial can be compared with a model.
+
+use super::data::Data;
+use biflag_log::Condition;
+
+/// Shortest interval between frames that counts as a gap, s: twenty frames of a board, or four of a model.
+const GAP_S: f64 = 0.21;
+
+/// Shortest run that can be compared with a model, s.
+const SHORTEST_RUN_S: f64 = 1.0;
+
+/// Why a trial cannot be used.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Unusable {
+    /// The reason.
+    pub reason: String,
+    /// How to fix it.
+    pub help: &'static str,
+}
+
+const NO_TRIAL: &str = "name the log of a trial run by `biflag record` or `biflag simulate`";
+const REPEAT: &str = "repeat the trial with `biflag record PLAN --resume`";
+
+impl Data {
+    /// Checks that the trial has a run with encoders. Returns warnings for the user.
+    ///
+    /// # Errors
+    /// [`Unusable`].
+    pub fn check(&self) -> Result<Vec<String>, Unusable> {
+        let unusable = |reason: &str, help| Err(Unusable { reason: reason.to_owned(), help });
+        if self.records.trial.is_none() {
+            return unusable("the record of its trial cannot be read", NO_TRIAL);
+        }
+        if self.motors.is_empty() {
+            let reason = if self.link.samples == 0 { "contains no telemetry" } else { "contains no motor speeds" };
+            return unusable(reason, NO_TRIAL);
+        }
+        let run = &self.times.run;
+        if self.times.run == (0.0..0.0) {
+            return unusable("its motors never ran", REPEAT);
+        }
+        if run.end - run.start < SHORTEST_RUN_S {
+            let reason = format!("its motors ran for only {:.1} s", (run.end - run.start).max(0.0));
+            return Err(Unusable { reason, help: REPEAT });
+        }
+        let mut warnings = Vec::new();
+        let protocols = self.records.identity.as_ref().map(|identity| identity.protocol);
+        if let Some(found) = protocols.filter(|found| *found != protocol::VERSION) {
+            warnings.push(format!(
+                "it was recorded with protocol {found}, but this program uses {}; logs do not depend on the protocol",
+                protocol::VERSION
+            ));
+        }
+        match self.condition {
+            Condition::Clean => {}
+            Condition::CutOff => warnings.push("the log is cut off; the rest is used".to_owned()),
+            Condition::Damaged => {
+                let lost: Vec<_> = self.losses.iter().map(ToString::to_string).collect();
+                warnings.push(format!("the log is damaged ({}); the rest is used", lost.join("; ")));
+            }
+        }
+        warnings.extend(self.warnings.iter().cloned());
+        warnings.extend(self.gaps());
+        warnings.extend(self.encoders()?);
+        Ok(warnings)
+    }
+
+    fn gaps(&self) -> Option<String> {
+        let times = &self.motors.time_s;
+        let gaps: Vec<_> =
+            times.windows(2).map(|pair| (pair[0], pair[1])).filter(|(from, to)| to - from > GAP_S).collect();
+        let (from, to) = gaps.iter().copied().max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0)))?;
+        // The step of a model with a low sampling rate is not a gap.
+        let usual = self.duration_s / times.len().max(2) as f64;
+        (to - from > 3.0 * usual).then(|| {
+            let total = gaps.iter().map(|(from, to)| to - from).sum::<f64>();
+            let places = if gaps.len() == 1 { "1 place".to_owned() } else { format!("{} places", gaps.len()) };
+            format!(
+                "telemetry is missing in {places}, {total:.1} s in total, the longest from {from:.1} s to {to:.1} s; \
+                 the encoders' angles bridge the gaps"
+            )
+        })
+    }
+
+    /// Checks the encoders, whose angles drive the model.
+    fn encoders(&self) -> Result<Vec<String>, Unusable> {
+        let run = &self.times.run;
+        let row = |time: f64| self.motors.time_s.partition_point(|t| *t < time).min(self.motors.len() - 1);
+        let (first, last) = (row(run.start), row(run.end));
+        let mut warnings = Vec::new();
+        for (k, speed) in self.speeds().into_iter().enumerate() {
+            let backwards_s = match self.reverse() {
+                Some((motor, after_s)) if usize::from(motor) == k + 1 => (run.end - run.start - after_s).max(0.0),
+                _ => 0.0,
+            };
+            let target = speed.rpm() / 60.0 * (run.end - run.start - 2.0 * backwards_s);
+            let turns = &self.motors.values[4 + k];
+            let turned = turns[last] - turns[first];
+            if target.abs() > 0.5 && turns.iter().all(|value| *value == turns[first]) {
+                return Err(Unusable {
+                    reason: format!("the encoder of motor {} did not move at a target of {} rpm", k + 1, speed.rpm()),
+                    help: "check the motor and its encoder, then repeat the trial",
+                });
+            }
+            if (turned - target).abs() > 0.1 * target.abs().max(1.0) {
+                warnings.push(format!(
+                    "flagellum {} made {turned:.1} turns in the run instead of {target:.1}; the measured ones are used",
+                    k + 1
+                ));
+            }
+        }
+        Ok(warnings)
+    }
+}

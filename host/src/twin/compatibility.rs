@@ -1,0 +1,61 @@
+//! Checks whether two trials have the same robot, model and speeds, so that they can be compared.
+
+use super::TwinError;
+use crate::trial::Data;
+use sim::params::Robot;
+
+/// Returns the reason why two trials should not be compared, if there is one.
+pub(super) fn difference(a: &Data, b: &Data) -> Result<Option<String>, TwinError> {
+    if a.speeds() != b.speeds() {
+        let speeds = |data: &Data| data.speeds().map(|speed| speed.rpm().to_string()).join(", ");
+        return Ok(Some(format!("the speeds differ: {} and {} rpm", speeds(a), speeds(b))));
+    }
+    if a.reverse() != b.reverse() {
+        return Ok(Some("the reversals differ".to_owned()));
+    }
+    if let (Some(one), Some(other)) = (&a.records.model, &b.records.model)
+        && one.closure != other.closure
+    {
+        return Ok(Some(format!("the closures differ: {:?} and {:?}", one.closure, other.closure).to_lowercase()));
+    }
+    let robot = |data: &Data| data.robot().map_err(|source| TwinError::robot(data, source));
+    Ok(robot_difference(&robot(a)?, &robot(b)?).map(|text| format!("the robots differ: {text}")))
+}
+
+/// Returns the first parameter in which two robots differ, apart from the parameters of the solver.
+fn robot_difference(a: &Robot, b: &Robot) -> Option<String> {
+    fn first(a: &toml::Value, b: &toml::Value, key: &str) -> Option<String> {
+        if let (toml::Value::Table(one), toml::Value::Table(other)) = (a, b) {
+            let keys = one.keys().chain(other.keys().filter(|key| !one.contains_key(*key)));
+            let path = |name: &String| if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
+            let none = toml::Value::String("not set".to_owned());
+            return keys
+                .filter_map(|name| first(one.get(name).unwrap_or(&none), other.get(name).unwrap_or(&none), &path(name)))
+                .next();
+        }
+        (a != b).then(|| format!("{key} is {a} and {b}"))
+    }
+    let value = |robot: &Robot| {
+        toml::Value::try_from(Robot { solver: sim::params::SolverSettings::default(), ..robot.clone() }).ok()
+    };
+    first(&value(a)?, &value(b)?, "")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn robot_difference_is_the_first_parameter_that_differs() {
+        let published = Robot::default();
+        assert_eq!(robot_difference(&published, &published), None);
+        let mut other = published.clone();
+        other.solver.sweeps += 1;
+        assert_eq!(robot_difference(&published, &other), None, "the robot is the same");
+        other.fluid.viscosity_pa_s = 1.2;
+        assert_eq!(robot_difference(&published, &other).unwrap(), "fluid.viscosity_pa_s is 1.0 and 1.2");
+        let mut mixed = published.clone();
+        mixed.fluid.glycerol = Some(sim::params::Glycerol { mass_fraction: 0.9, temperature_c: 20.0 });
+        assert!(robot_difference(&published, &mixed).unwrap().starts_with("fluid.glycerol is "));
+    }
+}

@@ -1,0 +1,76 @@
+//! The input of a command: the logs of a session, or a single log.
+
+use super::{Skipped, TwinError};
+use crate::plan::{Plan, RobotFile, Trial};
+use crate::session::{MANIFEST, Session};
+use biflag_log::{PlanMeta, Reader, RobotMeta, TrialMeta};
+use std::path::{Path, PathBuf};
+
+/// The logs of a session, or one log.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// The session folder, or the log.
+    pub path: PathBuf,
+    /// The plan of the logs.
+    pub plan: Plan,
+    /// Trials and their logs: the complete attempt, or else the last one.
+    pub logs: Vec<(Trial, PathBuf)>,
+    /// Trials without a log.
+    pub skipped: Vec<Skipped>,
+}
+
+impl Source {
+    /// Finds the logs of a session, or makes a source of one log.
+    ///
+    /// # Errors
+    /// [`TwinError::Session`], [`TwinError::Log`], [`TwinError::Plan`], [`TwinError::Unusable`].
+    pub fn open(path: &Path) -> Result<Self, TwinError> {
+        if path.is_dir() { Self::session(path) } else { Self::log(path) }
+    }
+
+    fn session(folder: &Path) -> Result<Self, TwinError> {
+        let session = Session::open(folder)?;
+        let (mut logs, mut skipped) = (Vec::new(), Vec::new());
+        for state in session.states()? {
+            match state.complete().or(state.attempts.last()) {
+                Some(attempt) => logs.push((state.trial.clone(), attempt.path.clone())),
+                None => skipped.push(Skipped { name: state.trial.name.clone(), reason: "it has no log".to_owned() }),
+            }
+        }
+        Ok(Self { path: folder.to_owned(), plan: session.plan().clone(), logs, skipped })
+    }
+
+    fn log(path: &Path) -> Result<Self, TwinError> {
+        let mut reader = Reader::open(path)?;
+        let unusable = |reason: &str| TwinError::Unusable {
+            path: path.to_owned(),
+            reason: reason.to_owned(),
+            help: "name the session folder instead of the log",
+        };
+        // These records are at the beginning of a log, in this order.
+        let meta: Option<PlanMeta> = reader.read_until()?;
+        let name = reader.read_until::<TrialMeta>()?.map(|trial| trial.name);
+        let robot: Option<RobotMeta> = reader.read_until()?;
+        let meta = meta.ok_or_else(|| unusable("the record of its plan cannot be read"))?;
+        let mut plan = Plan::parse(&meta.text, &format!("plan in {}", path.display()))?;
+        if let Some(RobotMeta { name, text }) = robot {
+            plan.robot = RobotFile { name, text };
+        }
+        let trial = plan.trials.iter().find(|trial| Some(&trial.name) == name.as_ref()).cloned();
+        let trial = trial.ok_or_else(|| unusable("its trial is not in its plan"))?;
+        Ok(Self { path: path.to_owned(), plan, logs: vec![(trial, path.to_owned())], skipped: Vec::new() })
+    }
+
+    /// Returns the default folder for its replays: beside the session, or beside a log that is not in a session.
+    pub fn replay_folder(&self) -> PathBuf {
+        let folder = match self.path.parent() {
+            _ if self.path.is_dir() => self.path.clone(),
+            Some(folder) if folder.join(MANIFEST).exists() => folder.to_owned(),
+            Some(folder) if folder.as_os_str().is_empty() && Path::new(MANIFEST).exists() => PathBuf::from("."),
+            _ => self.path.with_extension(""),
+        };
+        let full = if folder.file_name().is_some() { folder } else { folder.canonicalize().unwrap_or(folder) };
+        let name = full.file_name().unwrap_or("trial".as_ref()).to_string_lossy().into_owned();
+        full.with_file_name(format!("{name}-replay"))
+    }
+}

@@ -1,0 +1,103 @@
+//! How the flagella act on the base, and the base on the flagella.
+//!
+//! # The closure `paper`
+//!
+//! The equations as the publication prints them (Hao, Zalavadia, Jawed, ICRA 2024), to the letter. With F1, F2 the
+//! forces of the flagella on the base in body axes, from flagella whose base is held still, d the distance of
+//! the shafts, m g r_m the righting moment, theta the pitch, w the angular velocity in body axes and
+//! C = 2 pi mu C_r r_h^3 the base's drag:
+//!
+//! ```text
+//! J dw/dt + w x J w = M
+//! M_x = -C w_x
+//! M_y = (F1z - F2z) d/2 - m g r_m sin(theta) - C w_y
+//! M_z = (F1y - F2y) d/2 - C w_z
+//! ```
+//!
+//! The righting moment has the sign that rights. What they give at the published points, closure by closure
+//! (`cargo run --release -p sim --example closures`; rates are means of the last minute of 240 s):
+//!
+//! | speeds rpm | closure | yaw at 120 s | at 240 s, deg | rate about z_B, deg/s | by drag alone | tilt, deg | settled |
+//! | --- | --- | --- | --- | --- | --- | --- | --- |
+//! | (50, 10) | Full | -62.6 | -62.6 | -0.026 |  | 4.4 to 6.2 | true |
+//! | (50, 10) | Lumped | -63.4 | -63.4 | -0.000 |  | 3.3 to 3.4 | true |
+//! | (50, 10) | Paper | 24478.7 | 36398.4 | 80.220 | 80.219 | 5.2 to 157.3 | false |
+//! | (0, 45) | Full | -49.2 | -49.2 | -0.022 |  | 4.8 to 6.2 | true |
+//! | (0, 45) | Lumped | -48.5 | -48.5 | -0.000 |  | 3.8 to 3.9 | true |
+//! | (0, 45) | Paper | 32490.3 | 59625.7 | 61.681 | 61.681 | 0.9 to 142.6 | false |
+//! | (90, 90) | Full | -180.0 | -180.0 | -0.243 |  | 1.5 to 2.0 | true |
+//! | (90, 90) | Lumped | -180.0 | -180.0 | -0.000 |  | 0.0 to 0.0 | true |
+//! | (90, 90) | Paper | 34664.8 | 68362.8 | 143.223 | 143.223 | 0.4 to 167.1 | false |
+//! | (-90, 90) | Full | 32.6 | 32.6 | 0.132 |  | 16.9 to 21.1 | true |
+//! | (-90, 90) | Lumped | 36.4 | 36.4 | -0.000 |  | 16.7 to 16.7 | true |
+//! | (-90, 90) | Paper | 824.3 | 1665.8 | 6.180 | 6.181 | 26.7 to 47.8 | false |
+//!
+//! They cannot settle, for three reasons.
+//!
+//! - Nothing in them resists a yaw *angle*. Lateral forces are sinusoids, but their mean over a revolution is not zero, so the
+//!   couple (F1y - F2y) d/2 has a mean as well; the only other term is drag, and w_z goes to that mean over C. The time
+//!   J_z/C is a quarter of a second: after it the base spins at that rate for ever. In the tank something else holds the
+//!   yaw, the sensor's cable for one; `full` and `lumped` have one stiffness for it, and it is the one constant that is
+//!   calibrated.
+//! - Nothing in them rights a *roll*. A base that spins about z_B carries its tilt from pitch into roll and back, where
+//!   no moment answers, so the axis does not settle either: it tumbles, at three of the four points nearly upside down
+//!   and back. (Where it does, the Euler yaw increases faster than the base rotates about z_B.)
+//! - C is the drag of the base alone. The drag of the flagella about the joint, which is far larger, is left out, and so
+//!   are the reaction torques about the helix axes, the largest part of the yaw moment.
+//!
+//! The two couples also assume the flagella on opposite sides from where they are: with flagellum 1 at +d/2 along x_B the
+//! moment of its thrust about y_B is -F1z d/2. `lumped` has the true sign.
+
+use crate::V3;
+use serde::{Deserialize, Serialize};
+
+/// The three closures of the base's equation of motion, and a base that is held.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Closure {
+    /// Two-way: the clamps move with the body, and the moment is that of all forces of the fluid on
+    /// both flagella about the joint, with righting moment, tether, base drag and joint friction.
+    #[default]
+    Full,
+    /// One-way: forces of flagella on a base held still, of them the couples (F1z - F2z) d/2 and
+    /// (F1y - F2y) d/2 with their true signs and the reaction torques about the shafts; the flagella's
+    /// own rotational resistance about the joint is a constant matrix.
+    Lumped,
+    /// The printed equations to the letter: M_y = (F1z - F2z) d/2, M_z = (F1y - F2y) d/2, a righting
+    /// moment about y alone and the base's drag. They assume the two flagella on opposite sides from
+    /// where they are, leave out the reaction torques, and nothing in them stops a constant yaw torque.
+    Paper,
+    /// The base is held still at its attitude; for studies of the flagella alone.
+    Held,
+}
+
+impl Closure {
+    /// Returns whether the clamps of the elastic rods move with the body.
+    pub fn two_way(self) -> bool {
+        self == Closure::Full
+    }
+}
+
+/// Loads of one flagellum on its clamp in body axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Load {
+    /// Force in N.
+    pub force: V3,
+    /// Moment about the joint in N m.
+    pub moment: V3,
+    /// Moment about its own shaft in N m.
+    pub axial_torque: f64,
+}
+
+/// Returns the moment of the flagella on the base, body axes, N m.
+///
+/// `distance`: that of the shafts, m.
+pub fn flagella_moment(closure: Closure, loads: &[Load; 2], distance: f64) -> V3 {
+    let difference = (loads[0].force - loads[1].force) * (0.5 * distance);
+    match closure {
+        Closure::Full => loads[0].moment + loads[1].moment,
+        Closure::Lumped => V3::new(0.0, -difference.z, difference.y + loads[0].axial_torque + loads[1].axial_torque),
+        Closure::Paper => V3::new(0.0, difference.z, difference.y),
+        Closure::Held => V3::zeros(),
+    }
+}

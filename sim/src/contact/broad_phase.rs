@@ -1,0 +1,231 @@
+//! The search for close edges: midpoints first, Verlet lists between searches.
+//!
+//! Body frame, m. Edges of both rods, and of one rod with itself beyond the arc length within which its own helix is
+//! closer than two radii.
+
+use super::distance::segment_distance;
+use super::pairs::{Lines, Pair};
+use crate::V3;
+use crate::rod::Rod;
+use pulp::{Simd, WithSimd};
+
+/// Finds pairs of close edges, and the least distance.
+#[derive(Clone, Debug)]
+pub struct BroadPhase {
+    /// Edges of one rod fewer than this apart never count as close, for each rod.
+    exclusion: [usize; 2],
+    /// Midpoints of the edges of each rod, m, padded.
+    middles: [[Vec<f64>; 3]; 2],
+    /// Longest edge, m.
+    longest: f64,
+    /// How much farther than asked a list reaches, m: it serves until the rods have moved so far.
+    skin: f64,
+    /// One for each of [`ROD_PAIRS`].
+    lists: [Option<NeighbourList>; 3],
+}
+
+/// A Verlet list of two rods: as long as they have moved less than the skin, no other edges are close.
+#[derive(Clone, Debug)]
+struct NeighbourList {
+    /// Shapes that it was made at.
+    lines: Lines,
+    /// Pairs of edges that were close.
+    edges: Vec<[usize; 2]>,
+    /// All other pairs were farther apart than this, m.
+    cutoff: f64,
+}
+
+/// The rods with each other and with themselves.
+const ROD_PAIRS: [[usize; 2]; 3] = [[0, 1], [0, 0], [1, 1]];
+/// Midpoints compared at once; every vector width divides it.
+const LANES: usize = 8;
+/// Edges of a rod whose own helix brings them within this many radii never count as close.
+const OWN_RADII: f64 = 2.5;
+/// Padding of the midpoint arrays lies this far away, m.
+const AWAY: f64 = 1e6;
+
+impl BroadPhase {
+    /// For two rods of radius `radius` (m), in the shapes that they have at rest.
+    pub fn new(rods: &[Rod; 2], radius: f64) -> Self {
+        let exclusion = [0, 1].map(|k| {
+            let shape = &rods[k].shape;
+            let edges = rods[k].edges();
+            let smooth = (std::f64::consts::PI * radius / rods[k].rest_length[0]).ceil() as usize;
+            let own = (1..edges)
+                .filter(|gap| {
+                    (0..edges - gap).any(|i| {
+                        let j = i + gap;
+                        let c = segment_distance(shape[i], shape[i + 1], shape[j], shape[j + 1]);
+                        c.separation.norm() < OWN_RADII * radius
+                    })
+                })
+                .max()
+                .unwrap_or(0);
+            smooth.max(own) + 1
+        });
+        let middles = [0, 1].map(|k| {
+            let padded = rods[k].edges().div_ceil(LANES) * LANES;
+            std::array::from_fn(|_| vec![AWAY; padded])
+        });
+        Self { exclusion, middles, longest: 0.0, skin: radius, lists: [None, None, None] }
+    }
+
+    fn load(&mut self, lines: &Lines) {
+        self.longest = 0.0;
+        for (line, middles) in lines.iter().zip(&mut self.middles) {
+            for (e, pair) in line.windows(2).enumerate() {
+                let middle = (pair[0] + pair[1]) * 0.5;
+                self.longest = self.longest.max((pair[1] - pair[0]).norm_squared());
+                for axis in 0..3 {
+                    middles[axis][e] = middle[axis];
+                }
+            }
+        }
+        self.longest = self.longest.sqrt();
+    }
+
+    /// Returns the pairs of edges whose distance is below `limit` (m), without forces.
+    pub fn search(&mut self, lines: &Lines, limit: f64) -> Vec<Pair> {
+        for (list, rods) in self.lists.iter_mut().zip(ROD_PAIRS) {
+            if list.as_ref().is_some_and(|list| !list.holds(lines, rods, limit)) {
+                *list = None;
+            }
+        }
+        if self.lists.iter().all(|list| list.as_ref().is_some_and(|list| list.edges.is_empty())) {
+            return Vec::new();
+        }
+        self.load(lines);
+        let mut pairs = Vec::new();
+        let reach = (limit + self.longest).powi(2);
+        for (which, rods) in ROD_PAIRS.into_iter().enumerate() {
+            let list = self.lists[which].take().unwrap_or_else(|| self.list(lines, rods, limit + self.skin));
+            for &edges in &list.edges {
+                let [a, b] = [0, 1].map(|k| self.middle(rods[k], edges[k]));
+                if (a - b).norm_squared() < reach {
+                    let pair = Pair::new(lines, rods, edges);
+                    if pair.distance < limit {
+                        pairs.push(pair);
+                    }
+                }
+            }
+            self.lists[which] = Some(list);
+        }
+        pairs
+    }
+
+    fn middle(&self, rod: usize, edge: usize) -> V3 {
+        let [x, y, z] = &self.middles[rod];
+        V3::new(x[edge], y[edge], z[edge])
+    }
+
+    /// Lists the edges of two rods that are closer than `reach` (m).
+    fn list(&self, lines: &Lines, [a, b]: [usize; 2], reach: f64) -> NeighbourList {
+        let mut edges = Vec::new();
+        let exclusion = (a == b).then_some(self.exclusion[a]);
+        let (first, second) = (&self.middles[a], &self.middles[b]);
+        let found = |i, j| edges.push([i, j]);
+        let search = Close { first, second, exclusion, reach: reach + self.longest, found };
+        let cutoff = (pulp::Arch::new().dispatch(search) - self.longest).max(reach);
+        NeighbourList { lines: lines.clone(), edges, cutoff }
+    }
+
+    /// Returns the least distance of the two rods' centre lines, m.
+    pub fn least_distance(&mut self, lines: &Lines) -> f64 {
+        self.load(lines);
+        let mut candidates: Vec<[usize; 2]> = Vec::new();
+        let (first, second) = (&self.middles[0], &self.middles[1]);
+        let exclusion = None;
+        let search = Close { first, second, exclusion, reach: 0.0, found: |_, _| {} };
+        let nearest = pulp::Arch::new().dispatch(search);
+        // Somewhat more, so that rounding does not lose the nearest pair.
+        let reach = (nearest + self.longest) * (1.0 + 1e-12);
+        let found = |i, j| candidates.push([i, j]);
+        pulp::Arch::new().dispatch(Close { first, second, exclusion, reach, found });
+        (candidates.into_iter())
+            .map(|[i, j]| {
+                let (a, b) = (&lines[0], &lines[1]);
+                segment_distance(a[i], a[i + 1], b[j], b[j + 1]).separation.norm()
+            })
+            .fold(f64::INFINITY, |best, next| if next < best { next } else { best })
+    }
+}
+
+impl NeighbourList {
+    /// Returns whether no edges but those listed can be closer than `limit` (m) now.
+    fn holds(&self, lines: &Lines, rods: [usize; 2], limit: f64) -> bool {
+        let moved = |k: usize| {
+            let squares = lines[k].iter().zip(&self.lines[k]).map(|(a, b)| (a - b).norm_squared());
+            squares.fold(0.0, f64::max).sqrt()
+        };
+        let first = moved(rods[0]);
+        let second = if rods[1] == rods[0] { first } else { moved(rods[1]) };
+        // A shape with a NaN in it has no distances.
+        self.cutoff.is_finite() && self.cutoff - first - second > limit
+    }
+}
+
+/// Calls `found` for midpoints closer than `reach` (m) and returns the least distance of all (m).
+struct Close<'a, F> {
+    first: &'a [Vec<f64>; 3],
+    second: &'a [Vec<f64>; 3],
+    exclusion: Option<usize>,
+    reach: f64,
+    found: F,
+}
+
+impl<F: FnMut(usize, usize)> WithSimd for Close<'_, F> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        let Close { first, second, exclusion, reach, found } = self;
+        close_midpoints(first, second, exclusion, reach, found)
+    }
+}
+
+#[inline(always)]
+fn close_midpoints(
+    first: &[Vec<f64>; 3],
+    second: &[Vec<f64>; 3],
+    exclusion: Option<usize>,
+    reach: f64,
+    mut found: impl FnMut(usize, usize),
+) -> f64 {
+    let limit = reach * reach;
+    let mut least = f64::INFINITY;
+    for i in 0..first[0].len() {
+        let [x, y, z] = [first[0][i], first[1][i], first[2][i]];
+        if x == AWAY {
+            break;
+        }
+        let start = match exclusion {
+            Some(gap) => i + gap,
+            None => 0,
+        };
+        for block in (start / LANES * LANES..second[0].len()).step_by(LANES) {
+            let (bx, by, bz) =
+                (&second[0][block..block + LANES], &second[1][block..block + LANES], &second[2][block..block + LANES]);
+            let mut squares = [0.0; LANES];
+            for k in 0..LANES {
+                let (dx, dy, dz) = (bx[k] - x, by[k] - y, bz[k] - z);
+                squares[k] = dx * dx + dy * dy + dz * dz;
+            }
+            if block < start {
+                squares[..start - block].fill(f64::INFINITY);
+            }
+            let mut smallest = squares[0];
+            for k in 1..LANES {
+                smallest = if squares[k] < smallest { squares[k] } else { smallest };
+            }
+            least = least.min(smallest);
+            if smallest < limit {
+                for (k, square) in squares.iter().enumerate() {
+                    if *square < limit {
+                        found(i, block + k);
+                    }
+                }
+            }
+        }
+    }
+    least.sqrt()
+}

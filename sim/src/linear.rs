@@ -1,0 +1,101 @@
+//! Small dense linear algebra: solutions and inverses by elimination with pivoting.
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// Returns the solution of a system whose rows are its coefficients and then the right side; `None` when it is singular.
+pub fn solve(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
+    let mut out = vec![0.0; rows.len()];
+    eliminate(&mut rows, &mut out);
+    out.iter().all(|v| v.is_finite()).then_some(out)
+}
+
+/// Solves a system in place into `out`, which is not finite where it is singular.
+pub fn eliminate<R: AsRef<[f64]> + AsMut<[f64]>>(rows: &mut [R], out: &mut [f64]) {
+    let size = rows.len();
+    let at = |rows: &[R], r: usize, c: usize| rows[r].as_ref()[c];
+    for i in 0..size {
+        let pivot = (i..size).max_by(|&a, &b| at(rows, a, i).abs().total_cmp(&at(rows, b, i).abs())).unwrap_or(i);
+        rows.swap(i, pivot);
+        let (done, rest) = rows.split_at_mut(i + 1);
+        let lead = done[i].as_ref();
+        for row in rest {
+            let row = row.as_mut();
+            let factor = row[i] / lead[i];
+            if factor != 0.0 {
+                for c in i..=size {
+                    row[c] -= factor * lead[c];
+                }
+            }
+        }
+    }
+    for i in (0..size).rev() {
+        let known: f64 = (i + 1..size).map(|c| at(rows, i, c) * out[c]).sum();
+        out[i] = (at(rows, i, size) - known) / at(rows, i, i);
+    }
+}
+
+/// Inverts a square matrix in place (row by row, `size` rows) by Gauss-Jordan elimination with row pivoting. Returns whether
+/// it is regular to rounding; if not, the contents are useless.
+pub fn invert(matrix: &mut [f64], size: usize) -> bool {
+    Arch::new().dispatch(Invert { matrix, size })
+}
+
+struct Invert<'a> {
+    matrix: &'a mut [f64],
+    size: usize,
+}
+
+impl WithSimd for Invert<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> bool {
+        gauss_jordan(self.matrix, self.size)
+    }
+}
+
+#[inline(always)]
+fn gauss_jordan(matrix: &mut [f64], size: usize) -> bool {
+    let mut swaps = Vec::with_capacity(size);
+    let mut pivot_row = vec![0.0; size];
+    for k in 0..size {
+        let magnitude = |r: usize| matrix[r * size + k].abs();
+        let pivot = (k..size).max_by(|&a, &b| magnitude(a).total_cmp(&magnitude(b))).unwrap_or(k);
+        let value = matrix[pivot * size + k];
+        if value == 0.0 || !value.is_finite() {
+            return false;
+        }
+        swaps.push(pivot);
+        if pivot != k {
+            let (low, high) = matrix.split_at_mut(pivot * size);
+            low[k * size..(k + 1) * size].swap_with_slice(&mut high[..size]);
+        }
+        let row = &mut matrix[k * size..(k + 1) * size];
+        row[k] = 1.0;
+        let inverse = 1.0 / value;
+        for entry in row.iter_mut() {
+            *entry *= inverse;
+        }
+        pivot_row.copy_from_slice(row);
+        let pivot_row = &pivot_row[..size];
+        for r in 0..size {
+            if r == k {
+                continue;
+            }
+            let row = &mut matrix[r * size..][..size];
+            let factor = row[k];
+            row[k] = 0.0;
+            for c in 0..size {
+                row[c] -= factor * pivot_row[c];
+            }
+        }
+    }
+    for (k, &pivot) in swaps.iter().enumerate().rev() {
+        if pivot != k {
+            for row in matrix.chunks_exact_mut(size) {
+                row.swap(k, pivot);
+            }
+        }
+    }
+    matrix.iter().all(|v| v.is_finite())
+}

@@ -1,0 +1,183 @@
+//! When the sweeps of a step have converged, and when they never will.
+//!
+//! All parts are judged as velocities, against one bound: the solver's tolerance times the speed of the helix. Converged
+//! are rods whose velocity residual is below it, contacts whose gap law holds and that move the rods no more, and a base
+//! whose rate changes no more. Stalled is an iteration that does not get better for some sweeps.
+
+use super::limits::Limits;
+use super::model::Model;
+use super::problem::StepProblem;
+use super::report::StepFailure;
+
+/// A robot is judged as if a motor turned at this speed at least, rad/s: at rest there is no speed to compare with.
+const LEAST_SPEED: f64 = 0.1;
+/// A twist error of one radian counts as this many times the speed of the helix. It does not depend on the step: where
+/// the twist is about to snap, a small imbalance may stay.
+const TWIST_LEVER: f64 = 5.0;
+/// Tolerance of steps of meshing flagella over that of other steps. Their sweeps converge slowly: more steps of fewer
+/// sweeps have a smaller error at the same cost.
+const MESHING_TOLERANCE: f64 = 4.0;
+/// Sweeps after the first that a moving base needs at least. It and the other rod lag by one sweep: with one sweep a step,
+/// errors below the tolerance would grow from step to step until they reach it.
+const TWO_WAY_SWEEPS: u32 = 1;
+/// Bound of the velocity by which contact moves the rods in a sweep, in tolerances. The sweep's residual is from before
+/// that motion; most of it is absent from the next one.
+const CONTACT_MOTION: f64 = 6.0;
+/// Bound of the tips' velocity by a change of the base's rate, in tolerances: only a part of it becomes a residual.
+const BASE_MOTION: f64 = 3.0;
+/// Share of the contact's motion that counts as a residual when progress is judged.
+const MOTION_SHARE: f64 = 0.3;
+/// An iteration is slow, and worth accelerating, when a sweep leaves more than this share of the residual.
+const SLOW: f64 = 0.3;
+/// An error below this share of the best one so far is progress.
+const PROGRESS: f64 = 0.8;
+/// Sweeps without progress after which an iteration has stalled.
+const PATIENCE: u32 = 6;
+/// An error of this many times the best one so far has stalled at once ...
+const GROWTH: f64 = 30.0;
+/// ... after this sweep; the first sweeps may grow while contacts are found.
+const GROWTH_SWEEP: u32 = 3;
+/// A residual of this many times the speed of the helix is an iteration that diverges.
+const DIVERGED: f64 = 1e3;
+
+/// Errors and changes of one sweep.
+#[derive(Clone, Copy, Debug)]
+pub struct SweepErrors {
+    /// Velocity residual of the rods before their correction, m/s.
+    pub residual: f64,
+    /// Velocity by which contact moved the rods, m/s.
+    pub contact_motion: f64,
+    /// Error of the gap law, m.
+    pub gap: f64,
+}
+
+/// What follows from a sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// All parts agree.
+    Converged,
+    /// Another sweep may help.
+    Continue,
+    /// More sweeps will not help.
+    Stalled,
+}
+
+/// Judges the sweeps of one step.
+#[derive(Clone, Debug)]
+pub struct Convergence {
+    /// Bound of velocities, m/s.
+    tolerance: f64,
+    /// Bound of the gap law's error, m.
+    gap_tolerance: f64,
+    /// Speed of the helix, m/s.
+    speed: f64,
+    /// Distance of the tips from the joint, m: makes a velocity of the base's rate.
+    reach: f64,
+    least_sweeps: u32,
+    last: SweepErrors,
+    /// Least error so far, m/s, and its sweep.
+    best: (f64, u32),
+}
+
+impl Convergence {
+    /// For one step.
+    pub fn new(problem: &StepProblem) -> Self {
+        let StepProblem { model, state, step, .. } = problem;
+        let Model { robot, limits: Limits { gap_error, .. }, .. } = model;
+        let fastest = step.motors.iter().fold(LEAST_SPEED, |a, m| a.max(m.speed.abs()));
+        let speed = fastest * model.radius();
+        let meshing = !state.pairs.is_empty() && model.meshing(step.motors.map(|m| m.speed));
+        Self {
+            tolerance: robot.solver.tolerance * speed * if meshing { MESHING_TOLERANCE } else { 1.0 },
+            gap_tolerance: *gap_error,
+            speed,
+            reach: robot.flagellum.axial_length_m + robot.base.height_m,
+            least_sweeps: if model.two_way() { TWO_WAY_SWEEPS } else { 0 },
+            last: SweepErrors { residual: f64::INFINITY, contact_motion: 0.0, gap: 0.0 },
+            best: (f64::INFINITY, 0),
+        }
+    }
+
+    /// Returns the velocity that a twist error of one radian counts for, m/s.
+    pub fn twist_lever(&self) -> f64 {
+        TWIST_LEVER * self.speed
+    }
+
+    /// Returns whether a residual (m/s) shows that the iteration diverges.
+    pub fn diverges(&self, residual: f64) -> bool {
+        residual >= DIVERGED * self.speed
+    }
+
+    /// Returns whether rods and contacts have converged in a sweep; the base is judged after it.
+    pub fn rods_converged(&self, sweep: u32, errors: &SweepErrors) -> bool {
+        sweep >= self.least_sweeps
+            && errors.residual < self.tolerance
+            && errors.contact_motion < CONTACT_MOTION * self.tolerance
+            && errors.gap < self.gap_tolerance
+    }
+
+    /// Returns whether a residual (m/s) fell so little since the last sweep that acceleration is worth its cost.
+    pub fn is_slow(&self, residual: f64) -> bool {
+        residual > SLOW * self.last.residual
+    }
+
+    /// Judges a sweep. `rate_change`: change of the base's rate in it, rad/s.
+    pub fn judge(&mut self, sweep: u32, errors: SweepErrors, rate_change: f64) -> Verdict {
+        self.last = errors;
+        if self.rods_converged(sweep, &errors) && rate_change * self.reach < BASE_MOTION * self.tolerance {
+            return Verdict::Converged;
+        }
+        let error = errors.residual.max(MOTION_SHARE * errors.contact_motion);
+        let (best, best_sweep) = self.best;
+        if error < PROGRESS * best {
+            self.best = (error, sweep);
+        } else if sweep > best_sweep + PATIENCE || (error > GROWTH * best && sweep > GROWTH_SWEEP) {
+            return Verdict::Stalled;
+        }
+        Verdict::Continue
+    }
+
+    /// Starts anew after this sweep: the problem has changed.
+    pub fn restart(&mut self, sweep: u32) {
+        self.best = (f64::INFINITY, sweep);
+    }
+
+    /// Returns the failure of an iteration that has not converged.
+    pub fn failure(&self) -> StepFailure {
+        StepFailure::Stalled { residual: self.last.residual, wanted: self.tolerance, gap: self.last.gap }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn judge(residuals: &[f64]) -> Vec<Verdict> {
+        let mut convergence = Convergence {
+            tolerance: 1e-3,
+            gap_tolerance: 1e-6,
+            speed: 0.1,
+            reach: 0.2,
+            least_sweeps: 1,
+            last: SweepErrors { residual: f64::INFINITY, contact_motion: 0.0, gap: 0.0 },
+            best: (f64::INFINITY, 0),
+        };
+        let errors = |residual| SweepErrors { residual, contact_motion: 0.0, gap: 0.0 };
+        (0..).zip(residuals).map(|(sweep, r)| convergence.judge(sweep, errors(*r), 0.0)).collect()
+    }
+
+    #[test]
+    fn a_falling_residual_converges_but_not_in_the_first_sweep() {
+        use Verdict::{Continue, Converged};
+        assert_eq!(judge(&[1e-4, 1e-4]), [Continue, Converged]);
+        assert_eq!(judge(&[0.1, 0.01, 0.002, 5e-4]), [Continue, Continue, Continue, Converged]);
+    }
+
+    #[test]
+    fn an_iteration_stalls_without_progress_or_by_growth() {
+        let flat = judge(&[0.01; 10]);
+        assert_eq!(flat.iter().position(|v| *v == Verdict::Stalled), Some(7));
+        let growing = judge(&[0.01, 0.02, 0.04, 0.4, 0.41]);
+        assert_eq!(growing.iter().position(|v| *v == Verdict::Stalled), Some(4));
+    }
+}

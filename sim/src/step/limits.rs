@@ -1,0 +1,85 @@
+//! Lengths and forces by which contact is solved and judged.
+
+use crate::params::Robot;
+use crate::rod::Rod;
+
+/// Pairs of edges closer than this gap, in rod radii, are pairs of the step.
+const WATCHED_RADII: f64 = 0.5;
+/// Pairs closer than a rod radius over this are solved for, the others only watched.
+const ACTIVE_FRACTION: f64 = 30.0;
+/// A pair's force of this many times EI/length^2, the scale of a flagellum's buckling load, occurs in no motion: the
+/// iteration is lost.
+const LARGEST_LOADS: f64 = 2500.0;
+/// Force that the contact stiffness is made for, N: somewhat above the largest of the published robot, 0.4 N.
+const DESIGN_FORCE: f64 = 0.5;
+/// Of robots with weak flagella it is this share of the largest force instead.
+const DESIGN_SHARE: f64 = 0.25;
+/// Share of the tolerance that the law may use up, force over stiffness; the rest is for the iteration's errors.
+const LAW_SHARE: f64 = 0.5;
+/// Factor by which the stiffness grows when a force needs more.
+const STIFFER: f64 = 4.0;
+/// Share of the tolerance that the error of the gap law may have.
+const GAP_SHARE: f64 = 0.25;
+/// Share of the tolerance by which pairs that come close within a step may overlap before they are solved for.
+const OVERLAP_SHARE: f64 = 0.3;
+/// Share of the tolerance by which the held closest points may be wrong.
+const HELD_SHARE: f64 = 0.5;
+
+/// Limits of contact, SI.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Whether rods touch at all.
+    pub enabled: bool,
+    /// Distance of centre lines at which rods touch: two radii.
+    pub distance: f64,
+    /// Distance of centre lines below which edges are pairs of the step.
+    pub watched: f64,
+    /// Gap below which pairs are solved for.
+    pub active_gap: f64,
+    /// Largest error of the gap law in a step that counts.
+    pub gap_error: f64,
+    /// Overlap of a pair found late from which on it must be solved for.
+    pub overlap: f64,
+    /// Largest error of the held closest points in a step that counts.
+    pub held_error: f64,
+    /// A force from this on in one pair means that the iteration is lost.
+    pub largest_force: f64,
+    /// Largest overlap by the law itself.
+    law_overlap: f64,
+    /// Coefficient of friction.
+    pub friction: f64,
+    /// Sliding speed below which contacts stick.
+    pub slip: f64,
+}
+
+impl Limits {
+    /// `rod`: either of the robot's rods.
+    pub fn new(robot: &Robot, rod: &Rod) -> Self {
+        let (radius, tolerance) = (robot.flagellum.rod_radius_m, robot.contact.tolerance_m);
+        let buckling = rod.stiffness.bend_nm2 / robot.flagellum.axial_length_m.powi(2);
+        let distance = 2.0 * radius;
+        Self {
+            enabled: robot.contact.enabled,
+            distance,
+            watched: distance + WATCHED_RADII * radius,
+            active_gap: radius / ACTIVE_FRACTION,
+            gap_error: GAP_SHARE * tolerance,
+            overlap: OVERLAP_SHARE * tolerance,
+            held_error: HELD_SHARE * tolerance,
+            largest_force: LARGEST_LOADS * buckling,
+            law_overlap: LAW_SHARE * tolerance,
+            friction: robot.contact.friction,
+            slip: robot.contact.slip_speed_m_s,
+        }
+    }
+
+    /// Returns the contact stiffness that a trial starts with, N/m.
+    pub fn stiffness(&self) -> f64 {
+        DESIGN_FORCE.min(DESIGN_SHARE * self.largest_force) / self.law_overlap
+    }
+
+    /// Returns the stiffness (N/m) for the steps after one with this stiffness and largest force (N).
+    pub fn stiffness_after(&self, stiffness: f64, force: f64) -> f64 {
+        if force > self.law_overlap * stiffness { STIFFER * stiffness } else { stiffness }
+    }
+}

@@ -1,0 +1,106 @@
+//! What never changes about a robot: its parameters, its rods at rest, its base and the limits of contact.
+
+use super::limits::Limits;
+use crate::V3;
+use crate::body::Body;
+use crate::body::closure::{Closure, Load};
+use crate::body::joint::RigidBase;
+use crate::body::shaft::Shaft;
+use crate::fluid::mobility::rigid_resistance;
+use crate::params::{ParamError, Robot};
+use crate::rod::{Rod, helix::Handedness};
+use nalgebra::Matrix3;
+use std::f64::consts::PI;
+
+/// A robot with one closure, prepared.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Its parameters, checked.
+    pub robot: Robot,
+    /// How the flagella act on the base.
+    pub closure: Closure,
+    /// The flagella at rest, shaft frames.
+    pub rods: [Rod; 2],
+    /// Feet of the shafts, body frame, m.
+    pub feet: [V3; 2],
+    /// The base on its joint.
+    pub base: RigidBase,
+    /// Lengths and limits of contact.
+    pub limits: Limits,
+}
+
+impl Model {
+    /// # Errors
+    /// A parameter that is impossible.
+    pub fn new(robot: &Robot, closure: Closure, rods: [Rod; 2]) -> Result<Self, ParamError> {
+        robot.validate()?;
+        let feet = robot.shaft_feet();
+        let resistance = match closure {
+            Closure::Lumped => pair_resistance(robot, &rods, &feet).ok_or(ParamError {
+                key: "flagellum.edge_length_m",
+                value: robot.flagellum.edge_length_m,
+                reason: "the resistance of the rigid flagella cannot be computed with it".into(),
+            })?,
+            _ => Matrix3::zeros(),
+        };
+        let base = RigidBase::new(robot, closure, resistance);
+        let limits = Limits::new(robot, &rods[0]);
+        Ok(Self { robot: robot.clone(), closure, rods, feet, base, limits })
+    }
+
+    /// Returns whether the clamps of the elastic rods move with the body.
+    pub fn two_way(&self) -> bool {
+        self.closure.two_way()
+    }
+
+    /// Returns the radius of a flagellum, m: of its helix, or of its rod where that is thicker.
+    pub fn radius(&self) -> f64 {
+        self.robot.flagellum.helix_radius_m.max(self.robot.flagellum.rod_radius_m)
+    }
+
+    /// Returns the unit vector down in the body frame; on a base that is held for its flagella, along its axis.
+    pub fn down(&self, body: &Body) -> V3 {
+        if self.two_way() { body.attitude.inverse_transform_vector(&-V3::z()) } else { -V3::z() }
+    }
+
+    /// Returns whether both flagella pull at their clamps at these speeds (rad/s). Where they touch then, they cross and
+    /// mesh like gears.
+    pub fn meshing(&self, speeds: [f64; 2]) -> bool {
+        (0..2).all(|k| {
+            let sign = match self.robot.flagellum.handedness[k] {
+                Handedness::Right => 1.0,
+                Handedness::Left => -1.0,
+            };
+            sign * speeds[k] <= 0.0
+        })
+    }
+
+    /// Returns the net weight of flagellum `k` with these nodes (shaft frame, m), body axes, moment about the joint.
+    /// `down`: body axes.
+    pub fn weight(&self, k: usize, nodes: &[V3], shaft: &Shaft, down: V3) -> Load {
+        let mut load = Load::default();
+        for (x, length) in nodes.iter().zip(&self.rods[k].nodal_length) {
+            let force = down * (self.robot.net_weight() * length);
+            load.force += force;
+            load.moment += shaft.point_to_body(*x).cross(&force);
+        }
+        load
+    }
+}
+
+/// Returns the rotational resistance about the joint of both rigid flagella, N m s: the mean over motor angles.
+fn pair_resistance(robot: &Robot, rods: &[Rod; 2], feet: &[V3; 2]) -> Option<Matrix3<f64>> {
+    let mut mean = Matrix3::zeros();
+    let angles = [0.0, 0.5, 1.0, 1.5].map(|half_turns| half_turns * PI);
+    for angle in angles {
+        let lines = [0, 1].map(|k| -> Vec<V3> {
+            let shaft = Shaft::new(feet[k], angle);
+            rods[k].shape.iter().map(|x| shaft.point_to_body(*x)).collect()
+        });
+        let views = [lines[0].as_slice(), lines[1].as_slice()];
+        let (epsilon, viscosity) = (robot.epsilon(), robot.fluid.viscosity());
+        let resistance = rigid_resistance(&views, V3::zeros(), epsilon, viscosity)?;
+        mean += resistance.fixed_view::<3, 3>(3, 3).into_owned() / angles.len() as f64;
+    }
+    Some(0.5 * (mean + mean.transpose()))
+}

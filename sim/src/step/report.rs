@@ -1,0 +1,60 @@
+//! The report of a step, or why it failed.
+
+use crate::body::closure::Load;
+
+/// Why a step failed; a shorter one may succeed.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum StepFailure {
+    /// The iteration stopped getting better.
+    #[error(
+        "the iteration stalled at a velocity residual of {residual:.1e} m/s (wanted {wanted:.1e}), gap error {gap:.1e} m"
+    )]
+    Stalled {
+        /// Velocity residual, m/s.
+        residual: f64,
+        /// Its bound, m/s.
+        wanted: f64,
+        /// Error of the contact law, m.
+        gap: f64,
+    },
+    /// A number overflowed.
+    #[error("the iteration diverged")]
+    Diverged,
+    /// The rods went through each other.
+    #[error("the rods passed through each other")]
+    PassedThrough,
+    /// The prediction was farther off than the motion is resolved.
+    #[error("the motion is not resolved: error estimate {error:.1e} m (allowed {allowed:.1e})")]
+    Unresolved {
+        /// Estimated error of the step, m.
+        error: f64,
+        /// Its bound, m.
+        allowed: f64,
+    },
+    /// The frozen inverse does not exist.
+    #[error("the rod's equations are singular")]
+    Singular,
+}
+
+/// Report of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// Sweeps taken.
+    pub sweeps: u32,
+    /// Velocity residual before the last update, m/s.
+    pub residual: f64,
+    /// Estimated error of the nodes, m.
+    pub error: f64,
+    /// Number of pairs that press.
+    pub touching: u32,
+    /// Largest force of a pair, N.
+    pub largest_force: f64,
+    /// Loads of the fluid on the clamps, body axes.
+    pub fluid: [Load; 2],
+    /// Loads of contact on the clamps, body axes.
+    pub contact: [Load; 2],
+    /// Net weight of the flagella, body axes.
+    pub weight: [Load; 2],
+    /// Rate of change of the base's angular momentum less all moments on it, N m: the iteration's error.
+    pub moment_error: f64,
+}

@@ -1,0 +1,130 @@
+//! The solver: one step from a state to the next.
+
+use super::accept;
+use super::body::BodySolve;
+use super::model::Model;
+use super::preconditioner::{Cache, FluidParams, Key, Preconditioner};
+use super::predict::predict;
+use super::problem::StepProblem;
+use super::report::{StepFailure, StepReport};
+use super::sweep::Sweeps;
+use super::time_step::{Attempt, TimeStep};
+use crate::body::closure::Closure;
+use crate::contact::pairs::Lines;
+use crate::params::{ParamError, Robot};
+use crate::rod::Rod;
+use crate::state::State;
+use std::sync::Arc;
+
+/// Solves steps of one robot with one closure. It remembers nothing that changes a result: all of that is in [`State`].
+#[derive(Clone, Debug)]
+pub struct Solver {
+    model: Model,
+    cache: Cache,
+    sweeps: Sweeps,
+}
+
+impl Solver {
+    /// Checks the parameters and prepares the robot.
+    ///
+    /// # Errors
+    /// A parameter that is impossible.
+    pub fn new(robot: &Robot, closure: Closure) -> Result<Self, ParamError> {
+        robot.validate()?;
+        let edges = robot.flagellum.edges();
+        let stiffness = robot.flagellum.stiffness();
+        let helix = |k: usize| robot.flagellum.helix(k).nodes(edges);
+        let rods = [0, 1].map(|k| Rod::stress_free(helix(k), stiffness).clamped_at_foot());
+        Self::with_rods(robot, closure, rods)
+    }
+
+    /// The same with flagella of other shapes than the parameters' helices, in their shaft frames; rods of one
+    /// handedness must be the same.
+    ///
+    /// # Errors
+    /// A parameter that is impossible.
+    pub fn with_rods(robot: &Robot, closure: Closure, rods: [Rod; 2]) -> Result<Self, ParamError> {
+        let model = Model::new(robot, closure, rods)?;
+        Ok(Self { sweeps: Sweeps::new(&model), cache: Cache::default(), model })
+    }
+
+    /// Returns the state at rest.
+    pub fn at_rest(&self) -> State {
+        State::at_rest(&self.model.rods, self.model.limits.stiffness())
+    }
+
+    /// Returns the robot, prepared.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Returns the number of frozen inverses built so far.
+    pub fn inverses_built(&self) -> usize {
+        self.cache.built
+    }
+
+    /// Returns the nodes of both flagella in the body frame, m.
+    pub fn lines(&self, state: &State) -> Lines {
+        accept::lines(&self.model, state)
+    }
+
+    /// Returns the least distance of the two centre lines, m.
+    pub fn least_distance(&mut self, state: &State) -> f64 {
+        let lines = self.lines(state);
+        self.sweeps.contacts.least_distance(&lines)
+    }
+
+    /// Tries a step. On failure the state is as it was.
+    ///
+    /// # Errors
+    /// Any [`StepFailure`]; a shorter step may succeed.
+    pub fn step(&mut self, state: &mut State, attempt: &Attempt) -> Result<StepReport, StepFailure> {
+        let Self { model, sweeps, cache } = self;
+        let step = TimeStep::new(state, &model.feet, attempt);
+        for (k, flagellum) in sweeps.flagella.iter_mut().enumerate() {
+            predict(flagellum, &model.rods[k], k, state, &step);
+        }
+        let predicted = [0, 1].map(|k| sweeps.flagella[k].shape.nodes.clone());
+        let inverses = if attempt.own_inverses {
+            own_inverses(model, sweeps, state, &step)
+        } else {
+            cached_inverses(model, cache, &step)
+        };
+        let inverses = inverses.ok_or(StepFailure::Singular)?;
+        let problem = StepProblem { model, state, step: &step, inverses: [&*inverses[0], &*inverses[1]] };
+        let mut body = BodySolve::new(state, &step);
+        let converged = sweeps.solve(&problem, &mut body)?;
+        let error = accept::check(sweeps, &problem, &body, &predicted)?;
+        let (report, next) = accept::finish(sweeps, &problem, &body, converged, error)?;
+        accept::commit(sweeps, model, &step, next, &report, state);
+        Ok(report)
+    }
+}
+
+/// Returns frozen inverses of the stress-free shapes.
+fn cached_inverses(model: &Model, cache: &mut Cache, step: &TimeStep) -> Option<[Arc<Preconditioner>; 2]> {
+    let (fluid, handedness) = (FluidParams::new(&model.robot), model.robot.flagellum.handedness);
+    let mut find = |k: usize| {
+        let design = if handedness[k] == handedness[0] { 0 } else { k };
+        let key = Key::new(design, step.kappa(k), step.motors[k].speed);
+        cache.find(key, &model.rods[k], fluid)
+    };
+    Some([find(0)?, find(1)?])
+}
+
+/// Returns inverses at the predicted shapes, for this step alone.
+fn own_inverses(
+    model: &Model,
+    sweeps: &mut Sweeps,
+    state: &State,
+    step: &TimeStep,
+) -> Option<[Arc<Preconditioner>; 2]> {
+    let fluid = FluidParams::new(&model.robot);
+    let mut build = |k: usize| {
+        let flagellum = &mut sweeps.flagella[k];
+        flagellum.update_frames(&state.rods[k]);
+        let motion = (step.kappa(k), step.motors[k].speed);
+        Preconditioner::at_shape(&model.rods[k], &flagellum.shape, &flagellum.frames, motion, fluid).map(Arc::new)
+    };
+    Some([build(0)?, build(1)?])
+}

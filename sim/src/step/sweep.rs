@@ -1,0 +1,174 @@
+//! The sweeps of a step: flagellum 1, flagellum 2, contact, base, until all of them agree.
+
+use super::anderson::Anderson;
+use super::body::BodySolve;
+use super::contact::{ContactChange, Contacts};
+use super::converge::{Convergence, SweepErrors, Verdict};
+use super::flagellum::{Flagellum, Kinematics};
+use super::model::Model;
+use super::problem::StepProblem;
+use super::report::StepFailure;
+use super::unknowns;
+use crate::fluid::far::Sources;
+
+/// The sweep that looks for new pairs: after the first one the shapes are nearly right.
+const SEARCH_SWEEP: u32 = 1;
+
+/// Trial shapes and contacts of a step, and the memory of their iteration.
+#[derive(Clone, Debug)]
+pub struct Sweeps {
+    /// Both flagella at their trial shapes.
+    pub flagella: [Flagellum; 2],
+    /// The pairs and their forces.
+    pub contacts: Contacts,
+    /// Far field of the other flagellum.
+    sources: Sources,
+    anderson: Anderson,
+    /// Weights of the unknowns, made when they are needed.
+    weights: Vec<f64>,
+}
+
+/// How an iteration converged.
+#[derive(Clone, Copy, Debug)]
+pub struct Converged {
+    /// Sweeps taken.
+    pub sweeps: u32,
+    /// Velocity residual before the last correction, m/s.
+    pub residual: f64,
+}
+
+impl Sweeps {
+    /// Flagella at rest without contact.
+    pub fn new(model: &Model) -> Self {
+        Self {
+            flagella: [0, 1].map(|k| Flagellum::new(&model.robot, &model.rods[k])),
+            contacts: Contacts::new(model),
+            sources: Sources::default(),
+            anderson: Anderson::default(),
+            weights: Vec::new(),
+        }
+    }
+
+    /// Solves a step from its predicted shapes and the predicted motion of the base.
+    ///
+    /// # Errors
+    /// [`StepFailure::Stalled`] and [`StepFailure::Diverged`].
+    pub fn solve(&mut self, problem: &StepProblem, body: &mut BodySolve) -> Result<Converged, StepFailure> {
+        let mut convergence = Convergence::new(problem);
+        self.begin(problem, body);
+        for sweep in 0..problem.model.robot.solver.sweeps {
+            self.contacts.hold_geometry(sweep);
+            if sweep == SEARCH_SWEEP {
+                self.contacts.extend(problem, &self.flagella);
+            }
+            let contact = !self.contacts.pairs.is_empty();
+            let before = (contact || sweep > 0).then(|| self.unknowns(body));
+            let motion = problem.kinematics(body.body.rate);
+
+            let residual = self.sweep_rods(problem, &motion, body, convergence.twist_lever());
+            if convergence.diverges(residual) {
+                return Err(StepFailure::Diverged);
+            }
+            let change = match contact {
+                true => self.contacts.sweep(problem, &motion, &mut self.flagella)?,
+                false => ContactChange::default(),
+            };
+            let contact_motion = change.motion * motion[0].kappa.max(motion[1].kappa);
+            let errors = SweepErrors { residual, contact_motion, gap: change.gap_error };
+
+            let converged = convergence.rods_converged(sweep, &errors);
+            let accelerated = match before {
+                Some(before) if !converged => self.accelerate(problem, &before, body, convergence.is_slow(residual)),
+                _ => false,
+            };
+            if contact || accelerated {
+                self.update_forces(problem, body);
+            }
+            let rate_change = if problem.model.two_way() { self.sweep_base(problem, body)? } else { 0.0 };
+
+            match convergence.judge(sweep, errors, rate_change) {
+                Verdict::Continue => {}
+                Verdict::Stalled => break,
+                Verdict::Converged if self.contacts.complete(problem, &mut self.flagella) => {
+                    return Ok(Converged { sweeps: sweep + 1, residual });
+                }
+                Verdict::Converged => {
+                    self.update_forces(problem, body);
+                    convergence.restart(sweep);
+                }
+            }
+        }
+        Err(convergence.failure())
+    }
+
+    /// Everything that the first sweep needs of the predicted shapes.
+    fn begin(&mut self, problem: &StepProblem, body: &mut BodySolve) {
+        for flagellum in &mut self.flagella {
+            flagellum.assemble_near();
+        }
+        self.contacts.begin(problem, &mut self.flagella);
+        self.update_forces(problem, body);
+        if problem.model.two_way() {
+            body.set_response(&problem.step.shafts, problem.inverses.map(|inverse| &inverse.response));
+        }
+        self.anderson.clear();
+        self.weights.clear();
+    }
+
+    fn update_forces(&mut self, problem: &StepProblem, body: &BodySolve) {
+        for (k, flagellum) in self.flagella.iter_mut().enumerate() {
+            problem.update_forces(flagellum, k, &body.body);
+        }
+    }
+
+    /// Corrects one rod after the other, each in the flow of the other's latest shape. Returns the larger residual
+    /// before the corrections, m/s. `lever`: velocity that a twist error of one radian counts for, m/s.
+    fn sweep_rods(&mut self, problem: &StepProblem, motion: &[Kinematics; 2], body: &BodySolve, lever: f64) -> f64 {
+        let shafts = &problem.step.shafts;
+        let contact = !self.contacts.pairs.is_empty();
+        let mut residual = 0f64;
+        for k in 0..2 {
+            let other = 1 - k;
+            self.sources.clear();
+            self.flagella[other].push_sources(&shafts[other], &shafts[k], &mut self.sources);
+            let flagellum = &mut self.flagella[k];
+            let size = flagellum.update_residual(&problem.model.rods[k], &motion[k], &self.sources, lever);
+            residual = residual.max(size);
+            flagellum.precondition(problem.inverses[k]);
+            flagellum.apply_correction();
+            // With contact, forces are updated after its half of the sweep.
+            if !contact {
+                problem.update_forces(flagellum, k, &body.body);
+            }
+        }
+        residual
+    }
+
+    /// Corrects the base's rate. Returns its change, rad/s.
+    fn sweep_base(&mut self, problem: &StepProblem, body: &mut BodySolve) -> Result<f64, StepFailure> {
+        let moment = problem.flagella_moment(&self.flagella, &body.body);
+        let change = body.update(&problem.model.base, moment).ok_or(StepFailure::Diverged)?;
+        Ok(change.norm())
+    }
+
+    fn unknowns(&self, body: &BodySolve) -> Vec<f64> {
+        unknowns::pack(&self.flagella, body, &self.contacts.pairs)
+    }
+
+    /// Records a sweep and, where the iteration is slow, replaces its result by a combination of the last ones. Returns
+    /// whether it did.
+    fn accelerate(&mut self, problem: &StepProblem, before: &[f64], body: &mut BodySolve, slow: bool) -> bool {
+        let (model, step) = (problem.model, problem.step);
+        let after = self.unknowns(body);
+        if self.weights.len() != after.len() {
+            self.weights = unknowns::weights(model, step.length, self.contacts.pairs.len());
+        }
+        self.anderson.record(before, after, &self.weights);
+        let Some(combined) = slow.then(|| self.anderson.combine()).flatten() else {
+            return false;
+        };
+        unknowns::unpack(&combined, model.two_way(), &mut self.flagella, body, &mut self.contacts.pairs);
+        self.contacts.update(&mut self.flagella, &step.shafts);
+        true
+    }
+}

@@ -1,0 +1,83 @@
+//! What is known of a step before it is solved: times, time formulas, motor angles and shafts.
+
+use super::formula::{POINTS, derivative, value_at};
+use crate::V3;
+use crate::body::shaft::{MotorState, Shaft};
+use crate::state::State;
+
+/// A step that is tried.
+#[derive(Clone, Copy, Debug)]
+pub struct Attempt {
+    /// Its length, s.
+    pub length: f64,
+    /// The motors at its end.
+    pub motors: [MotorState; 2],
+    /// Earlier points that the prediction may use, at most [`POINTS`].
+    pub prediction_points: usize,
+    /// Whether its frozen inverses are built at the predicted shapes: expensive, but good where rods are about to buckle.
+    pub own_inverses: bool,
+}
+
+/// The weights of a step's formulas.
+#[derive(Clone, Copy, Debug)]
+pub struct Weights {
+    /// Of the derivative over the step: the new point first, then the past.
+    pub derivative: [f64; POINTS],
+    /// Of the prediction: the past, newest first.
+    pub prediction: [f64; POINTS],
+}
+
+/// A step before it is solved.
+#[derive(Clone, Debug)]
+pub struct TimeStep {
+    /// Length, s.
+    pub length: f64,
+    /// Time at its end, s.
+    pub time: f64,
+    /// Motors at its end.
+    pub motors: [MotorState; 2],
+    /// Shafts at its end.
+    pub shafts: [Shaft; 2],
+    /// Points of the time formulas, the new one included.
+    pub points: usize,
+    /// Points of the prediction.
+    pub prediction_points: usize,
+    /// Weights for each rod, fitted to the speed of its own motor.
+    pub rods: [Weights; 2],
+    /// Weights for the body. It follows both motors, and the faster one needs the fit.
+    pub body: Weights,
+}
+
+impl TimeStep {
+    /// `feet`: feet of the shafts, body frame, m.
+    pub fn new(state: &State, feet: &[V3; 2], attempt: &Attempt) -> Self {
+        let Attempt { length, motors, .. } = *attempt;
+        let time = state.time + length;
+        // In units of the step, from its end.
+        let mut times = vec![0.0, -1.0];
+        times.extend(state.past.iter().map(|p| (p.time - time) / length));
+        let points = POINTS.min(times.len());
+        let prediction_points = attempt.prediction_points.min(times.len() - 1);
+        let (past, behind) = (&times[..points], &times[1..1 + prediction_points]);
+        let fitted = |speed: f64| {
+            let angle = speed.abs() * length;
+            Weights { derivative: derivative(angle, past), prediction: value_at(angle, behind, 0.0) }
+        };
+        let fastest = motors[0].speed.abs().max(motors[1].speed.abs());
+        Self {
+            length,
+            time,
+            motors,
+            shafts: [0, 1].map(|k| Shaft::new(feet[k], motors[k].angle)),
+            points,
+            prediction_points,
+            rods: motors.map(|m| fitted(m.speed)),
+            body: fitted(fastest),
+        }
+    }
+
+    /// Returns the first weight of rod `k` over the step's length, 1/s: the derivative's share of the new point.
+    pub fn kappa(&self, k: usize) -> f64 {
+        self.rods[k].derivative[0] / self.length
+    }
+}

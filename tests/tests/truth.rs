@@ -1,0 +1,87 @@
+//! The ground truth of a simulated robot is logged completely, at times that do not depend on the speed of the host.
+
+use biflag_log::{Body, Reader};
+use std::path::Path;
+use std::process::Child;
+use std::time::Duration;
+use tests::{Bench, Run, signal};
+
+/// Ticks of the board between samples, and between samples with the flagella's shapes.
+const TICKS: [usize; 4] = [4, 4, 20, 20];
+const TOPICS: [&str; 4] = ["/truth", "/forces", "/flagella", "/flagella_points"];
+
+/// One tick, s.
+const TICK_S: f64 = 0.005;
+
+/// Largest delay of a tick, when the board is busy with a request.
+const JITTER_S: f64 = 0.5e-3;
+
+/// Times since the trial's first frame, s.
+#[derive(Debug)]
+struct Times {
+    frames: Vec<f64>,
+    /// In the order of [`TOPICS`].
+    samples: [Vec<f64>; 4],
+}
+
+impl Times {
+    fn of(log: &Path) -> Self {
+        let mut times = Self { frames: Vec::new(), samples: Default::default() };
+        let mut first_ns = None;
+        for message in Reader::open(log).unwrap().map(Result::unwrap) {
+            let topic = TOPICS.iter().position(|topic| *topic == message.topic);
+            let of_topic = match (&message.body, topic) {
+                (Body::Telemetry(_), _) => &mut times.frames,
+                (_, Some(topic)) => &mut times.samples[topic],
+                _ => continue,
+            };
+            of_topic.push((message.log_time_ns - *first_ns.get_or_insert(message.log_time_ns)) as f64 * 1e-9);
+        }
+        times
+    }
+
+    /// Returns the number of ticks of the trial.
+    fn ticks(&self) -> usize {
+        (self.frames.last().unwrap() / TICK_S).round() as usize + 1
+    }
+}
+
+/// Repeatedly stops the recording for `stopped` and lets it run for `between`, until it ends. The emulated board keeps
+/// running.
+fn slow_down(recording: &mut Child, [stopped, between]: [Duration; 2]) {
+    while recording.try_wait().unwrap().is_none() {
+        signal(recording, "-STOP");
+        std::thread::sleep(stopped);
+        signal(recording, "-CONT");
+        std::thread::sleep(between);
+    }
+}
+
+/// Records a trial of two seconds.
+fn record(slow_down: impl FnOnce(&mut Child)) -> Times {
+    let bench = Bench::new();
+    let plan = bench.short_plan(2.0, [50.0, 10.0]);
+    let arguments = ["record", plan.to_str().unwrap(), "--virtual", "--out", "session", "--json"];
+    let mut recording = bench.start(arguments);
+    slow_down(&mut recording);
+    let run = Run::of(recording);
+    // A delayed host starts the motors late, with a warning, and the run is extended by the delay.
+    assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
+    Times::of(&bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap()))
+}
+
+#[test]
+fn sample_times_do_not_depend_on_the_speed_of_the_host() {
+    let idle = record(|_| {});
+    let slow =
+        [[10, 10], [40, 7], [150, 1]].map(|pause| record(|run| slow_down(run, pause.map(Duration::from_millis))));
+    for trial in [&idle].into_iter().chain(&slow) {
+        for (topic, samples) in trial.samples.iter().enumerate() {
+            assert_eq!(samples.len(), trial.ticks().div_ceil(TICKS[topic]), "{}: {samples:?}", TOPICS[topic]);
+            let pairs = samples.iter().zip(&idle.samples[topic]);
+            let difference = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            println!("{} ticks, {} samples on {}, {difference:.6} s", trial.ticks(), samples.len(), TOPICS[topic]);
+            assert!(difference < JITTER_S, "{}: {samples:?}\n{:?}", TOPICS[topic], idle.samples[topic]);
+        }
+    }
+}
