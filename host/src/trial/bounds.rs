@@ -1,6 +1,6 @@
 //! Start and end of a trial's phases.
 
-use biflag_log::{End, Summary};
+use biflag_log::{End, Summary, TrialMeta};
 use std::ops::Range;
 
 /// Phases of a trial, seconds of its clock. A phase that the trial did not reach is empty.
@@ -28,6 +28,8 @@ pub(super) struct Marks<'a> {
     /// When the motors got their target speeds.
     pub ordered_s: Option<f64>,
     pub fault: Option<&'a (f64, String)>,
+    /// The plan of the trial, for phases whose events are lost.
+    pub trial: Option<&'a TrialMeta>,
     pub is_model: bool,
     pub summary: Option<&'a Summary>,
     /// Time of the last frame.
@@ -35,17 +37,29 @@ pub(super) struct Marks<'a> {
 }
 
 /// Returns the phases. On a rig, the run begins when the motors get their target speeds, shortly after the start of the
-/// phase, and ends with the first fault. Reasons for a shortened run are added to `warnings`.
+/// phase, and ends with the first fault. Where the event of a phase is lost, the planned times are used. Reasons for a
+/// shortened run are added to `warnings`.
 pub(super) fn times(marks: &Marks, warnings: &mut Vec<String>) -> Times {
     let end_s = marks.end_s;
     let at = |name: &str| marks.phases.iter().position(|(phase, _)| phase == name);
     let start = |i: usize| marks.phases[i].1;
     let next = |i: usize| marks.phases.get(i + 1).map(|(_, next)| *next);
-    let ordered = marks.ordered_s.filter(|_| !marks.is_model);
-    let Some(run_start) = ordered.or(at("run").map(start)) else { return Times::default() };
-    let after = at("run").and_then(next);
-    let planned_end = after.unwrap_or(end_s).min(end_s);
-    let mut run_end = planned_end;
+    let run_start = match (at("run").map(start), marks.ordered_s) {
+        (Some(run), _) if marks.is_model => run,
+        (Some(run), ordered) => ordered.unwrap_or(run),
+        (None, Some(ordered)) => {
+            warnings.push("the start of the run is lost; the planned one is used".to_owned());
+            let planned = at("preroll").zip(marks.trial).map(|(i, trial)| start(i) + trial.preroll_s);
+            planned.map_or(ordered, |planned| planned.min(ordered))
+        }
+        (None, None) => return Times::default(),
+    };
+    let later = |name: &str| at(name).map(start).filter(|start| *start >= run_start);
+    // Without the event of the decay, the end of the trial is not that of the run.
+    let planned_end = marks.trial.filter(|trial| trial.decay_s > 0.0).map(|trial| run_start + trial.run_s);
+    let after = later("decay").or_else(|| later("end").map(|end| planned_end.map_or(end, |run| run.min(end))));
+    let last = after.unwrap_or(end_s).min(end_s);
+    let mut run_end = last;
     if let Some((time, fault)) = marks.fault
         && *time < run_end
     {
@@ -60,7 +74,54 @@ pub(super) fn times(marks: &Marks, warnings: &mut Vec<String>) -> Times {
         };
         warnings.push(format!("the trial is not complete: {reason}; its run is used up to {run_end:.1} s"));
     }
-    let preroll = at("preroll").map_or(run_start..run_start, |i| start(i)..run_start);
-    let decay = at("decay").map_or(planned_end..planned_end, |i| start(i)..next(i).unwrap_or(end_s).min(end_s));
+    let calibrated = || Some(start(at("calibrate")?) + marks.trial?.calibrate_s);
+    let preroll = at("preroll").map(start).or_else(calibrated).unwrap_or(run_start).min(run_start)..run_start;
+    let decay = match at("decay") {
+        Some(i) => start(i)..next(i).unwrap_or(end_s).min(end_s),
+        None => last..later("end").unwrap_or(last).min(end_s).max(last),
+    };
     Times { preroll, run: run_start..run_end.max(run_start), decay }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the phases of a complete trial of the rig of which one event is lost.
+    fn without(lost: &str) -> (Times, Vec<String>) {
+        let trial = TrialMeta { calibrate_s: 5.0, preroll_s: 20.0, run_s: 60.0, decay_s: 30.0, ..TrialMeta::default() };
+        let all = [("calibrate", 0.0), ("preroll", 5.02), ("run", 25.04), ("decay", 85.06), ("end", 115.08)];
+        let phases: Vec<_> =
+            all.into_iter().filter(|(name, _)| *name != lost).map(|(name, time)| (name.to_owned(), time)).collect();
+        // The frames near the lost event are lost too.
+        let ordered_s = Some(if lost == "run" { 26.8 } else { 25.05 });
+        let summary = Summary { end: End::Complete, ..Summary::default() };
+        let marks = Marks {
+            phases: &phases,
+            ordered_s,
+            fault: None,
+            trial: Some(&trial),
+            is_model: false,
+            summary: Some(&summary),
+            end_s: 115.08,
+        };
+        let mut warnings = Vec::new();
+        (times(&marks, &mut warnings), warnings)
+    }
+
+    #[test]
+    fn planned_times_replace_a_lost_event() {
+        let (intact, warnings) = without("");
+        assert_eq!(intact, Times { preroll: 5.02..25.05, run: 25.05..85.06, decay: 85.06..115.08 });
+        assert!(warnings.is_empty());
+        for lost in ["calibrate", "preroll", "run", "decay", "end"] {
+            let (times, warnings) = without(lost);
+            let bounds =
+                |times: &Times| [&times.preroll, &times.run, &times.decay].map(|range| [range.start, range.end]);
+            for (found, expected) in bounds(&times).as_flattened().iter().zip(bounds(&intact).as_flattened()) {
+                assert!((found - expected).abs() < 0.1, "without {lost}: {times:?}");
+            }
+            assert_eq!(warnings.len(), usize::from(lost == "run"), "{warnings:?}");
+        }
+    }
 }

@@ -173,11 +173,19 @@ impl Collector {
             phases: &self.phases,
             ordered_s: self.ordered_s,
             fault: self.fault.as_ref(),
+            trial: records.trial.as_ref(),
             is_model: records.origin() == Origin::Model,
             summary: records.summary.as_ref(),
             end_s: self.last_s.unwrap_or_default(),
         };
         let times = bounds::times(&marks, &mut warnings);
+        // Without the event of the calibration, the readings before the still phase may have another bias.
+        let calibrated = match self.calibrated {
+            0 if records.calibration.is_some() => {
+                self.readings.partition_point(|(time, _)| *time < times.preroll.start)
+            }
+            calibrated => calibrated,
+        };
         Data {
             path: path.to_owned(),
             link: link(self.link, records.summary.as_ref().map(|summary| summary.link)),
@@ -185,7 +193,7 @@ impl Collector {
             temperature_c: self.temperature_sum / self.frames.max(1) as f64,
             records,
             readings: self.readings,
-            calibrated: self.calibrated,
+            calibrated,
             motors: self.motors,
             truth: self.truth,
             forces: self.forces,

@@ -24,6 +24,9 @@ const START_S: f64 = 1.0;
 /// is its scatter over the whole duration.
 const TILT_ZERO_S: f64 = 10.0;
 
+/// Longest gap between the last reading of the still phase and the start of the run, s.
+const MAX_GAP_S: f64 = 0.25;
+
 /// Length of the blocks whose scatter is the noise of a tilt, s.
 const BLOCK_S: f64 = 2.0;
 
@@ -72,6 +75,8 @@ pub struct Angles {
     pub still_after_s: Option<f64>,
     /// Time over which the angles are averaged.
     pub steady_s: f64,
+    /// Whether yaw and pitch had settled before that time.
+    pub settled: bool,
     /// Angle turned about each body axis over the whole trial.
     pub turned_deg: [f64; 3],
 }
@@ -154,11 +159,14 @@ impl Zeroed {
         let readings = levelled(data);
         let mut warnings = Vec::new();
         let first = readings.first().map_or(0.0, |(time, _)| *time);
-        let still = data.times.preroll.start.max(first)..run.start;
+        // If readings are lost before the run, the still phase ends with the last one.
+        let last = readings.iter().rev().find(|(time, _)| *time <= run.start).map_or(run.start, |(time, _)| *time);
+        let rest_end = if run.start - last > MAX_GAP_S { last } else { run.start };
+        let still = data.times.preroll.start.max(first).min(rest_end)..rest_end;
         let has_still = still.end - still.start >= START_S;
-        let settled = (run.start - TILT_ZERO_S).max(still.start)..run.start;
+        let settled = (still.end - TILT_ZERO_S).max(still.start)..still.end;
         let (mean_over, tilt_over) = if has_still {
-            (still.clone(), settled.start.max(0.5 * (still.start + still.end))..run.start)
+            (still.clone(), settled.start.max(0.5 * (still.start + still.end))..still.end)
         } else {
             if data.times.has_run() && data.speeds() != [CentiRpm(0); 2] {
                 let text = "there is no still phase before the run: the zero is the attitude at its start, and the \
@@ -177,7 +185,7 @@ impl Zeroed {
             series.push(*time, &Reading { attitude: [q.w, q.i, q.j, q.k], ..*reading });
         }
         let drift = if data.times.has_run() { Drift::estimate(&series, still, after) } else { None };
-        let start = (run.start - START_S).max(mean_over.start)..run.start;
+        let start = (mean_over.end - START_S).max(mean_over.start)..mean_over.end;
         let from_s = 0.5 * (start.start + start.end);
         let yaw_zero = if data.times.has_run() { series.yaw().mean(start).unwrap_or(0.0) } else { 0.0 };
         let tilts = [series.pitch(), series.roll()];
@@ -238,6 +246,7 @@ impl Zeroed {
             drift_deg: steady.drift_deg,
             still_after_s: (!self.is_model).then(|| after.map_or(0.0, |still| still.end - still.start)),
             steady_s: steady.window.end - steady.window.start,
+            settled: steady.settle_s.is_some(),
             turned_deg: self.turned_deg,
         })
     }
