@@ -8,8 +8,11 @@ use std::path::{Path, PathBuf};
 /// an untrusted folder cannot redirect the write.
 ///
 /// # Errors
-/// The file cannot be written; an existing file is unchanged.
+/// The file cannot be written; an existing file is unchanged. A device is not replaced.
 pub fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) -> std::io::Result<()> {
+    if path.metadata().is_ok_and(|existing| !existing.is_file() && !existing.is_dir()) {
+        return Err(std::io::Error::other("not a regular file"));
+    }
     let draft = draft(path);
     let written = create(&draft).and_then(|file| {
         let mut file = BufWriter::new(file);
@@ -59,6 +62,15 @@ mod tests {
         assert_eq!(std::fs::read_to_string(&outside).unwrap(), "precious");
         assert_eq!(std::fs::read_to_string(&page).unwrap(), "new");
         assert!(!page.is_symlink() && std::fs::read_dir(&inside).unwrap().count() == 1);
+    }
+
+    #[test]
+    fn devices_are_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("null");
+        std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+        replace(&link, |file| file.write_all(b"new")).unwrap_err();
+        assert!(link.is_symlink());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::{Answer, Outcome};
 use crate::session::{Attempt, Session, TrialState};
-use crate::text::{count, decimal, word};
+use crate::text::{self, count, decimal, word};
 use crate::trial::{Angles, Data, Want, Zeroed};
 use biflag_log::{Condition, End, LinkStats, Summary};
 use rayon::prelude::*;
@@ -93,12 +93,7 @@ fn describe(path: &Path, data: &Data, angles: Option<&Angles>) -> String {
         lines.add("board", format!("{id}, {firmware}, IMU {imu:#04x}, start {}", board.boot_count));
     }
     if let Some(clock) = &records.clock {
-        // The emulated board may run several times as fast as real time.
-        let rate = match clock.drift_ppm {
-            drift if drift.abs() < 1e4 => format!("{drift:.1} ppm"),
-            drift => format!("{:.2} times real time", 1.0 + drift * 1e-6),
-        };
-        lines.add("clock", format!("{rate}, residual {:.0} µs, {} pings", clock.residual_us, clock.pings));
+        lines.add("clock", text::clock(clock));
     }
     lines.add("duration", format!("{:.3} s", data.duration_s));
     lines.add("link", data.link);
@@ -110,7 +105,7 @@ fn describe(path: &Path, data: &Data, angles: Option<&Angles>) -> String {
     if let Some(angles) = angles {
         lines.add("steady", steady(angles));
         let [x, y, z] = angles.turned_deg.map(|deg| decimal(deg, 1));
-        lines.add("turned", format!("{x}°, {y}°, {z}° about x, y, z"));
+        lines.add("net angle", format!("{x}°, {y}°, {z}° about the body's x, y, z, over the whole log"));
     }
     let counts: Vec<_> = data.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
     lines.add("channels", counts.join(", "));
@@ -141,7 +136,8 @@ fn ending(summary: &Summary) -> String {
 fn steady(angles: &Angles) -> String {
     let uncertainty = angles.yaw_uncertainty_deg.map_or_else(String::new, |deg| format!(" ± {deg:.2}°"));
     let [yaw, pitch, roll] = [angles.yaw_deg, angles.pitch_deg, angles.roll_deg].map(|deg| decimal(deg, 2));
-    format!("yaw {yaw}°{uncertainty}, pitch {pitch}°, roll {roll}°")
+    let settled = if angles.settled { "" } else { "; not settled" };
+    format!("yaw {yaw}°{uncertainty}, pitch {pitch}°, roll {roll}°{settled}")
 }
 
 fn session(folder: &Path) -> miette::Result<Answer> {
@@ -155,7 +151,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     for row in &rows {
         let (state, attempt) = (&row.state, row.attempt());
         let summary = attempt.and_then(|attempt| attempt.summary.as_ref());
-        link += summary.map(|summary| summary.link).unwrap_or_default();
+        link += row.link;
         let [w1_rpm, w2_rpm] = state.trial.speeds.map(|speed| speed.rpm());
         trials.push(json!({
             "name": state.trial.name,
@@ -186,6 +182,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
 struct Row {
     state: TrialState,
     angles: Option<Angles>,
+    link: LinkStats,
 }
 
 impl Row {
@@ -194,14 +191,15 @@ impl Row {
         while let Some(path) = state.complete().map(|attempt| attempt.path.clone()) {
             let losses = match Data::read(&path, Want::default()) {
                 Ok(data) if data.losses.is_empty() => {
-                    return Self { state, angles: Zeroed::new(&data).angles() };
+                    return Self { state, angles: Zeroed::new(&data).angles(), link: data.link };
                 }
                 Ok(data) => data.losses.iter().map(ToString::to_string).collect(),
                 Err(error) => vec![error.to_string()],
             };
             state.damaged(&path, &losses);
         }
-        Self { state, angles: None }
+        let last = state.attempts.last().and_then(|last| Data::read(&last.path, Want::default()).ok());
+        Self { state, angles: None, link: last.map(|data| data.link).unwrap_or_default() }
     }
 
     fn attempt(&self) -> Option<&Attempt> {

@@ -124,7 +124,7 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
     }
     let mut exported = Exported::default();
     let mut trials = Vec::new();
-    for state in session.states()? {
+    for state in session.intact_states()? {
         let Some(attempt) = state.complete().or(state.attempts.last()) else { continue };
         let data = match Data::read(&attempt.path, FORCES) {
             Ok(data) => data,
@@ -140,7 +140,7 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
         let file = output.join(&name);
         exported.rows += write_trial(&data, &file, format, replace)?;
         exported.files.push(file);
-        trials.push(Summary::new(&data, name));
+        trials.push(Summary::new(&state.trial, &data, name));
     }
     write_table(&table::session(&session.plan().name, &trials), &table, format, replace)?;
     exported.files.push(table);

@@ -1,6 +1,7 @@
 //! Tables of trials and sessions: columns with names, units and values.
 
 use crate::attitude::{Euler, Reading, rotation};
+use crate::plan::Trial;
 use crate::trial::{Angles, Data, FORCES, Zeroed};
 use biflag_log::{End, Origin};
 use std::ops::Range;
@@ -163,7 +164,14 @@ fn rows(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
 }
 
 fn phase(data: &Data, time_s: f64) -> &str {
-    let before = data.phases.iter().rev().find(|(_, start_s)| *start_s <= time_s + 1e-9);
+    let time_s = time_s + 1e-9;
+    let times = &data.times;
+    for (name, range) in [("preroll", &times.preroll), ("run", &times.run), ("decay", &times.decay)] {
+        if range.contains(&time_s) {
+            return name;
+        }
+    }
+    let before = data.phases.iter().rev().find(|(_, start_s)| *start_s <= time_s);
     before.map_or("", |(name, _)| name.as_str())
 }
 
@@ -232,14 +240,15 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    pub fn new(data: &Data, file: String) -> Self {
-        let (trial, zeroed) = (data.trial(), Zeroed::new(data));
+    /// `trial` is that of the plan; the log may have lost it.
+    pub fn new(trial: &Trial, data: &Data, file: String) -> Self {
+        let zeroed = Zeroed::new(data);
         let summary = data.records.summary.as_ref();
         Self {
-            name: trial.name,
-            speeds_rpm: [trial.w1_rpm, trial.w2_rpm],
+            name: trial.name.clone(),
+            speeds_rpm: trial.speeds.map(|speed| speed.rpm()),
             repeat: trial.repeat,
-            complete: summary.is_some_and(|summary| summary.end == End::Complete),
+            complete: data.losses.is_empty() && summary.is_some_and(|summary| summary.end == End::Complete),
             angles: zeroed.angles(),
             settle_s: zeroed.steady.and_then(|steady| steady.settle_s),
             lost: data.link.lost,

@@ -157,7 +157,7 @@ fn of_session(
     views: Vec<View>,
     out: &Path,
 ) -> Result<Written, ReportError> {
-    let states = session.states()?;
+    let states = session.intact_states()?;
     let budget = ByteBudget::of_trials(with_logs(&states));
     let row = |state: &TrialState| {
         let trial = &state.trial;
@@ -194,7 +194,8 @@ fn of_session(
     let all_data = html! { @for (id, view) in shown() { (data(view, &id)) } };
     let kind = if shown().count() <= MAX_PRINTED { "session print-all" } else { "session" };
     let page = document::page(&text::clip(&session.plan().name, 200), kind, &body, &all_data);
-    put(out, &page, shown().count(), shown().map(|(_, view)| view.warnings.len()).sum())
+    let unreadable = rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count();
+    put(out, &page, shown().count(), unreadable + shown().map(|(_, view)| view.warnings.len()).sum::<usize>())
 }
 
 /// Reads a log for the page.

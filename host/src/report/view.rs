@@ -79,6 +79,8 @@ pub struct View {
     /// Whether the shapes are those of the log that the trial is compared with.
     pub(super) borrowed_shapes: bool,
     pub(super) has_truth: bool,
+    /// Whether a part of the log is lost.
+    is_damaged: bool,
     /// The data of the page's script; `null` if the page has no room for it.
     pub(super) data: Value,
 }
@@ -108,6 +110,7 @@ impl View {
             curves: Curves::default(),
             borrowed_shapes: data.shapes.is_empty() && other.is_some_and(|other| !other.shapes.is_empty()),
             has_truth: !data.truth.is_empty() && !data.is_model(),
+            is_damaged: !data.losses.is_empty(),
             data: Value::Null,
             records: data.records.clone(),
             link: data.link,
@@ -125,9 +128,9 @@ impl View {
         view
     }
 
-    /// Whether the trial ended as planned.
+    /// Whether the trial ended as planned and its log is intact.
     pub(super) fn is_complete(&self) -> bool {
-        self.records.summary.as_ref().is_some_and(|summary| summary.end == End::Complete)
+        !self.is_damaged && self.records.summary.as_ref().is_some_and(|summary| summary.end == End::Complete)
     }
 
     /// Whether the attitude settled, as far as the log says.

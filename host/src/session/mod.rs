@@ -154,6 +154,17 @@ impl Session {
         self.plan.trials.iter().map(|trial| self.state_among(trial, &names)).collect()
     }
 
+    /// Returns the state of each trial, with a full check of the logs of trials that have more than one, so that an intact
+    /// log is preferred to a damaged later one.
+    ///
+    /// # Errors
+    /// [`SessionError::Io`], [`SessionError::Log`].
+    pub fn intact_states(&self) -> Result<Vec<TrialState>, SessionError> {
+        let mut states = self.states()?;
+        states.par_iter_mut().filter(|state| state.attempts.len() > 1).for_each(TrialState::check);
+        Ok(states)
+    }
+
     /// Returns the state of each trial after checking the logs of complete trials in full, because damage in the middle
     /// does not show at the end. This takes about 0.1 s per log.
     ///

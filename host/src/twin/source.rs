@@ -31,7 +31,7 @@ impl Source {
     fn session(folder: &Path) -> Result<Self, TwinError> {
         let session = Session::open(folder)?;
         let (mut logs, mut skipped) = (Vec::new(), Vec::new());
-        for state in session.states()? {
+        for state in session.intact_states()? {
             match state.complete().or(state.attempts.last()) {
                 Some(attempt) => logs.push((state.trial.clone(), attempt.path.clone())),
                 None => skipped.push(Skipped { name: state.trial.name.clone(), reason: "it has no log".to_owned() }),
