@@ -9,7 +9,7 @@ DEMO := target/demo
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
 	@echo "make test      all tests"
-	@echo "make proof     measurements that take too long for the tests: hidden robots, hard cases, speed; two hours"
+	@echo "make proof     long checks: fits to robots with unknown parameters, 10000 random cases, speed; two hours"
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
 	@echo "make lint      format and lint checks"
 	@echo "make doc       the documentation for contributors"

@@ -1,5 +1,7 @@
 //! Formats words and numbers for messages and pages.
 
+use biflag_log::ClockMeta;
+
 /// Formats a number with a noun: `1 trial`, `2 trials`.
 pub fn count(number: usize, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
@@ -17,6 +19,16 @@ pub fn signed(value: f64, decimals: usize) -> String {
     let text = decimal(value, decimals);
     let is_positive = text.bytes().any(|byte| matches!(byte, b'1'..=b'9')) && !text.starts_with('-');
     if is_positive { format!("+{text}") } else { text }
+}
+
+/// Describes the clock of the board relative to that of the computer. An emulated board may run several times as fast as
+/// real time.
+pub fn clock(clock: &ClockMeta) -> String {
+    let rate = match clock.drift_ppm {
+        drift if drift.abs() < 1e4 => format!("{} ppm", signed(drift, 1)),
+        drift => format!("{:.2} times real time", 1.0 + drift * 1e-6),
+    };
+    format!("{rate}, residual {:.0} µs, {}", clock.residual_us, count(clock.pings as usize, "ping"))
 }
 
 /// Returns the name of a value in JSON, with spaces instead of underscores.

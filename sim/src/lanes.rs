@@ -100,8 +100,8 @@ impl<S: Simd> Wide<S> {
         (sine, cosine)
     }
 
-    /// Angle of a unit vector with these components, in -pi..pi; near half a revolution it loses digits, 1e-14 over
-    /// the cosine of half of it.
+    /// Angle of a unit vector with these components, in -pi..pi. Its error is 1e-14 / cos(angle / 2), which grows
+    /// near half a turn.
     #[inline(always)]
     pub fn angle_of(sine: Self, cosine: Self) -> Self {
         // Tangents of the half angle and three more halvings leave an argument below 0.2.

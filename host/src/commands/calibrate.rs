@@ -140,14 +140,23 @@ fn describe(calibration: &Calibration, out: &Path) -> String {
         );
     }
     let mount = &calibration.mounting;
-    let _ = writeln!(text, "sensor at rest: pitch {:.2}, roll {:.2} deg", mount.pitch_deg, mount.roll_deg);
+    let _ = writeln!(
+        text,
+        "sensor at rest: pitch {}, roll {} deg",
+        text::decimal(mount.pitch_deg, 2),
+        text::decimal(mount.roll_deg, 2)
+    );
     let (before, after) = (calibration.rmse_before_deg, calibration.rmse_after_deg);
     let _ = writeln!(
         text,
         "RMSE {before:.3} deg before, {after:.3} deg after, over {}",
         text::count(calibration.trials.len(), "trial")
     );
-    let _ = writeln!(text, "condition number of the correlations {:.0}", calibration.condition_number);
+    let _ = writeln!(
+        text,
+        "condition number of the correlations {:.0} (if large, the parameters are hardly separable)",
+        calibration.condition_number
+    );
     for line in calibration.cannot_tell.iter().chain(&calibration.warnings) {
         let _ = writeln!(text, "warning: {line}");
     }

@@ -171,7 +171,7 @@ fn line(trial: &Comparison) -> String {
     let settle = trial.settle_ratio.map_or_else(String::new, |ratio| format!(", settling time ratio {ratio:.2}"));
     let shift = match trial.time_shift_s {
         0.0 => String::new(),
-        shift => format!(", time shift {shift:+.2} s"),
+        shift => format!(", time shift {} s", signed(shift, 2)),
     };
     format!(
         "{}: steady yaw {}°, pitch {}°, roll {}°; error yaw {}°{uncertainty}, pitch {}°, roll {}°; \

@@ -13,12 +13,15 @@ use std::sync::atomic::AtomicBool;
 
 /// Serve a log, or the stream of a board without recording it, to Foxglove.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Examples:\n  \
+#[command(
+    override_usage = "biflag live [OPTIONS] <LOG>\n       biflag live [OPTIONS] --port <PORT>",
+    after_help = "Examples:\n  \
     biflag live glycerin/001_w1+50_w2+10.mcap --speed 2\n  \
     biflag live --port /dev/ttyUSB0\n\
     In Foxglove: Open connection, Foxglove WebSocket, ws://127.0.0.1:8765. A log starts to play when a viewer connects.\n\
     With a board, nothing is recorded, no speeds are sent, and no fault is cleared. To watch a trial while it is recorded, use \
-    `biflag record PLAN --live`.")]
+    `biflag record PLAN --live`."
+)]
 pub struct Args {
     /// The log.
     #[arg(required_unless_present = "port", conflicts_with = "port")]
@@ -26,7 +29,7 @@ pub struct Args {
     /// The serial port of the board.
     #[arg(long)]
     port: Option<String>,
-    /// Playing speed relative to real time.
+    /// Playback speed relative to real time.
     #[arg(long, value_name = "F", default_value = "1", value_parser = speed, requires = "log")]
     speed: f64,
     /// The address that viewers connect to. Anyone who can reach it can watch.

@@ -38,8 +38,8 @@ const AFTER_HELP: &str = "Example: record a plan on the emulated board and compa
 Exit codes:
     0  done
     1  failed
-    2  wrong use: an argument, a plan or another named file is wrong
-    3  done, with losses or important warnings: lost frames, a damaged log, a trial that did not settle
+    2  wrong use: an argument, a plan or another named file is wrong, or no board is found
+    3  done, with losses, warnings or problems: lost frames, a damaged log, a trial that did not settle
   130  interrupted by the user; the motors are stopped and all files closed";
 
 /// The commands, in the order of a typical workflow.

@@ -9,7 +9,7 @@ use thiserror::Error;
 pub enum PlanError {
     /// The file cannot be read.
     #[error("{}: the {noun} cannot be read", path.display())]
-    #[diagnostic(code(wrong_use), help("check the path; a plan names its robot file relative to the plan's folder"))]
+    #[diagnostic(code(wrong_use), help("check the path; a path in a plan is relative to the plan's folder"))]
     Read {
         /// The file.
         path: PathBuf,

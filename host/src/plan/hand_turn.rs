@@ -40,9 +40,9 @@ impl HandTurn {
         let error_percent = 100.0 * (measured / self.degrees - 1.0);
         let agrees = error_percent.abs() <= TOLERANCE_PERCENT;
         let verdict = if agrees { "within" } else { "NOT within" };
-        let degrees = self.degrees;
+        let (degrees, error) = (self.degrees, crate::text::signed(error_percent, 1));
         let text = format!(
-            "turned {measured:.1} of {degrees}° about {name} ({error_percent:+.1} %), {verdict} the sensor's \
+            "turned {measured:.1} of {degrees}° about {name} ({error} %), {verdict} the sensor's \
              ±{TOLERANCE_PERCENT} %"
         );
         (text, agrees)

@@ -93,15 +93,14 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
         (None, None) => {}
     }
     if let Some(robot) = &records.robot {
-        facts.push(("Robot", robot.name.clone()));
+        facts.push(("Robot of the recording", robot.name.clone()));
     }
     if let (Some(calibration), false) = (&records.calibration, view.is_model()) {
         let [x, y, z] = calibration.bias_counts.map(|counts| number(counts.into(), 1));
         facts.push(("Gyroscope bias", format!("{x}, {y}, {z} counts, from {} readings", calibration.samples)));
     }
     if let (Some(clock), false) = (&records.clock, view.is_model()) {
-        let (residual, pings) = (number(clock.residual_us, 0), clock.pings);
-        facts.push(("Clock fit", format!("{} ppm, residual {residual} µs, {pings} pings", number(clock.drift_ppm, 1))));
+        facts.push(("Clock of the board", crate::text::clock(clock)));
     }
     if !view.is_model() {
         facts.push(("Link", view.link.to_string()));

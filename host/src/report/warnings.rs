@@ -39,11 +39,11 @@ pub(super) fn warnings(data: &Data, angles: Option<&Angles>, comparison: Option<
         match summary.end {
             End::Complete => {}
             End::Aborted => warn("aborted", format!("The trial was aborted{why}.")),
-            End::Faulted => warn("faulted", format!("The board latched a fault{why}.")),
+            End::Faulted => warn("faulted", format!("The board stopped the motors because of a fault{why}.")),
             End::Failed => warn("failed", format!("The trial failed{why}.")),
         }
     } else {
-        warn("no end", "The log does not say how the trial ended.".to_owned());
+        warn("end unknown", "The log does not say how the trial ended.".to_owned());
     }
     if let Some(recovery) = &records.recovery {
         let (source, lost) = (clip(&recovery.source, 200), clip(&recovery.lost, 300));

@@ -155,8 +155,12 @@ impl Recorder {
     pub fn level(&mut self, host: SystemTime) -> Result<(), LogError> {
         let Some(level) = self.rest.level(STANDARD_GRAVITY_MPS2) else { return Ok(()) };
         let (used, tilt_deg) = (level.is_bias(), level.tilt_deg());
-        let text = if used { "levelled by" } else { "not levelled: the robot is tilted by" };
-        self.event(EventKind::Note, &format!("{text} {tilt_deg:.2}°"), host)?;
+        let text = if used {
+            format!("tilt at rest of {tilt_deg:.2}° removed as an offset of the accelerometer")
+        } else {
+            format!("tilt at rest of {tilt_deg:.2}° not removed: it is too large for an offset of the accelerometer")
+        };
+        self.event(EventKind::Note, &text, host)?;
         let meta = LevelMeta { up: level.up.into(), force_g: level.force_g, tilt_deg, used };
         self.log.meta(&meta)?;
         self.records.level = Some(meta);

@@ -104,7 +104,7 @@ impl Data {
             }
             if (turned - target).abs() > 0.1 * target.abs().max(1.0) {
                 warnings.push(format!(
-                    "flagellum {} made {turned:.1} turns in the run instead of {target:.1}; the measured ones are used",
+                    "flagellum {} made {turned:.1} turns in the run, but the plan gives {target:.1}; the measured turns are used",
                     k + 1
                 ));
             }

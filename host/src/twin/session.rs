@@ -2,6 +2,7 @@
 
 use super::replay::pool;
 use super::{Compared, Comparison, OnMismatch, SessionComparison, Skipped, Source, TwinError, compare};
+use crate::text;
 use crate::trial::{Data, Want};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -153,12 +154,13 @@ fn verdict(trials: &[Comparison]) -> String {
     if differing == 0 {
         return "model and measurement agree within noise in all trials".to_owned();
     }
-    let mut text = format!("{differing} of {} trials differ by more than the noise", trials.len());
+    let mut verdict = format!("{differing} of {} differ by more than the noise", text::count(trials.len(), "trial"));
     for angle in ["yaw", "pitch", "roll"] {
         let found: Vec<_> = trials.iter().flat_map(|trial| &trial.findings).filter(|f| f.angle == angle).collect();
         if let Some(worst) = found.iter().max_by(|a, b| a.error_deg.abs().total_cmp(&b.error_deg.abs())) {
-            text += &format!("; {angle} in {}, by up to {:.2}°", found.len(), worst.error_deg.abs());
+            let (found, worst) = (text::count(found.len(), "trial"), worst.error_deg.abs());
+            verdict += &format!("; {angle} in {found}, by at most {worst:.2}°");
         }
     }
-    text
+    verdict
 }

@@ -7,8 +7,8 @@ use crate::rod::Rod;
 const WATCHED_RADII: f64 = 0.5;
 /// Pairs closer than a rod radius over this are solved for, the others only watched.
 const ACTIVE_FRACTION: f64 = 30.0;
-/// A pair's force of this many times EI/length^2, the scale of a flagellum's buckling load, occurs in no motion: the
-/// iteration is lost.
+/// Largest plausible force of a pair, in units of EI/length^2, the scale of a flagellum's buckling load. Above it the
+/// iteration has diverged.
 const LARGEST_LOADS: f64 = 2500.0;
 /// Force that the contact stiffness is made for, N: somewhat above the largest of the published robot, 0.4 N.
 const DESIGN_FORCE: f64 = 0.5;

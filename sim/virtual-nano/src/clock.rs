@@ -1,4 +1,4 @@
-//! The program's own clock, seen from outside: what its frames say of the time, held against the cycle at which it was so.
+//! Compares the time in the program's frames with the cycle count of the emulator at that moment.
 //!
 //! A frame has the time at which its tick began, and the program marks that moment (see [`crate::marks`]).
 

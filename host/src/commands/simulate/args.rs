@@ -7,11 +7,14 @@ use std::path::PathBuf;
 
 /// Simulate the trials of a plan, one pair of speeds, or a recorded trial, and write a log of each.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Examples:\n  \
+#[command(
+    override_usage = "biflag simulate [OPTIONS] <PLAN>\n       biflag simulate [OPTIONS] --speeds <W1,W2> --duration <S>\n       biflag simulate [OPTIONS] --from <LOG|SESSION>",
+    after_help = "Examples:\n  \
     biflag simulate host/plans/published-points.toml --out points\n  \
     biflag simulate --speeds=-90,90 --duration 120 --closure lumped\n  \
     biflag simulate --from glycerin --robot fitted.toml --out fitted\n\
-    The logs do not depend on --jobs, --shard or interruptions.")]
+    The logs do not depend on --jobs, --shard or interruptions."
+)]
 pub struct Args {
     /// The plan: a TOML file (see `biflag record --help` for an example).
     #[arg(

@@ -111,7 +111,7 @@ impl Map<'_> {
                 )
             }
             [Axis::Grid(_), Axis::Grid(_)] => format!("{shown} pairs of speeds. {span}"),
-            _ => format!("{shown} pairs of speeds, each a dot. {span}"),
+            _ => format!("{shown} pairs of speeds, one dot each. {span}"),
         }
     }
 }
@@ -323,7 +323,7 @@ mod tests {
             .collect();
         let (map, caption) = map(&points);
         assert_eq!((map.matches("<circle").count(), map.matches("<a href").count()), (9, 9));
-        assert_eq!(caption, "9 pairs of speeds, each a dot. |ψ| from 0.00° to 8.00°.");
+        assert_eq!(caption, "9 pairs of speeds, one dot each. |ψ| from 0.00° to 8.00°.");
         let place = |name: &str| -> Vec<f64> {
             let marks = map.split("<circle").skip(1);
             marks

@@ -1,6 +1,7 @@
 //! Writes the robot file of a calibration.
 
 use super::{Calibration, Estimate};
+use crate::text;
 use std::fmt::Write;
 
 /// Returns the file of a fitted robot: all parameters, and comments with the origin of the fitted ones.
@@ -21,7 +22,11 @@ pub fn to_toml(calibration: &Calibration) -> String {
         ));
     }
     let mount = &calibration.mounting;
-    note(format!("the sensor at rest: pitch {:.3} deg, roll {:.3} deg", mount.pitch_deg, mount.roll_deg));
+    note(format!(
+        "the sensor at rest: pitch {} deg, roll {} deg",
+        text::decimal(mount.pitch_deg, 3),
+        text::decimal(mount.roll_deg, 3)
+    ));
     note(format!("RMSE {:.3} deg before and {:.3} deg after", calibration.rmse_before_deg, calibration.rmse_after_deg));
     for line in &calibration.cannot_tell {
         note(line.clone());

@@ -97,8 +97,8 @@ impl Parameter {
         }
     }
 
-    /// Returns the value after the fit moved it from `start`. The fit moves the logarithm of the ratio of a positive
-    /// parameter to its start, so that it stays positive, and an angle in radians.
+    /// Returns the value of the parameter for a value of the fit's variable: the logarithm of its ratio to the start for
+    /// a positive parameter, an angle in radians otherwise.
     pub(super) fn value(self, start: &Robot, closure: Closure, moved: f64) -> f64 {
         let mut robot = start.clone();
         match self.place(&mut robot, closure) {
