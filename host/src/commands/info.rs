@@ -1,9 +1,10 @@
 //! `biflag info`: shows the content of a log or a session.
 
 use super::{Answer, Outcome};
+use crate::plan::{HandTurn, Plan};
 use crate::session::{Attempt, Session, TrialState};
 use crate::text::{self, count, decimal, word};
-use crate::trial::{Angles, Data, Want, Zeroed};
+use crate::trial::{Angles, Data, Records, Want, Zeroed};
 use biflag_log::{Condition, End, LinkStats, Summary};
 use rayon::prelude::*;
 use serde_json::json;
@@ -103,7 +104,10 @@ fn describe(path: &Path, data: &Data, angles: Option<&Angles>) -> String {
         lines.add("flagella", format!("{}, smallest gap {:.2} mm", word(&steady.bundling), steady.min_gap_m * 1e3));
     }
     if let Some(angles) = angles {
-        lines.add("steady", steady(angles));
+        match hand_turn(records) {
+            Some(turn) => lines.add("hand turn", turn.verdict(angles.turned_deg).0),
+            None => lines.add("steady", steady(angles)),
+        }
         let [x, y, z] = angles.turned_deg.map(|deg| decimal(deg, 1));
         lines.add("net angle", format!("{x}°, {y}°, {z}° about the body's x, y, z, over the whole log"));
     }
@@ -130,6 +134,12 @@ fn describe(path: &Path, data: &Data, angles: Option<&Angles>) -> String {
 fn ending(summary: &Summary) -> String {
     let reason = if summary.reason.is_empty() { String::new() } else { format!(": {}", summary.reason) };
     word(&summary.end) + &reason
+}
+
+/// Returns the turn by hand that the plan of a trial asks for.
+fn hand_turn(records: &Records) -> Option<HandTurn> {
+    let plan = records.plan.as_ref()?;
+    Plan::parse(&plan.text, &plan.name).ok()?.hand_turn
 }
 
 /// Formats the steady angles as one line.
@@ -164,7 +174,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
             "summary": summary,
             "angles": row.angles,
         }));
-        let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(row));
+        let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(row, session.plan().hand_turn));
     }
     let _ = writeln!(text, "{link}");
     let clean = complete == rows.len();
@@ -208,7 +218,7 @@ impl Row {
 }
 
 /// Formats the state of a trial of a session.
-fn line(row: &Row) -> String {
+fn line(row: &Row, hand_turn: Option<HandTurn>) -> String {
     match row.attempt() {
         None => "not run yet".to_owned(),
         Some(Attempt { losses, .. }) if !losses.is_empty() => {
@@ -217,7 +227,10 @@ fn line(row: &Row) -> String {
         Some(attempt) => match &attempt.summary {
             None => "cut off".to_owned(),
             Some(summary) if summary.end == End::Complete => {
-                let angles = row.angles.as_ref().map_or_else(String::new, |angles| format!(", {}", steady(angles)));
+                let angles = row.angles.as_ref().map_or_else(String::new, |angles| match hand_turn {
+                    Some(turn) => format!(", {}", turn.verdict(angles.turned_deg).0),
+                    None => format!(", {}", steady(angles)),
+                });
                 format!("{}, {} lost{angles}", count(summary.link.samples as usize, "sample"), summary.link.lost)
             }
             Some(summary) => ending(summary),
