@@ -213,7 +213,7 @@ impl Row {
     }
 
     fn attempt(&self) -> Option<&Attempt> {
-        self.state.complete().or(self.state.attempts.last())
+        self.state.best()
     }
 }
 

@@ -125,7 +125,7 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
     let mut exported = Exported::default();
     let mut trials = Vec::new();
     for state in session.intact_states()? {
-        let Some(attempt) = state.complete().or(state.attempts.last()) else { continue };
+        let Some(attempt) = state.best() else { continue };
         let data = match Data::read(&attempt.path, FORCES) {
             Ok(data) => data,
             Err(error) => {

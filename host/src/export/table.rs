@@ -3,7 +3,7 @@
 use crate::attitude::{Euler, Reading, rotation};
 use crate::plan::Trial;
 use crate::trial::{Angles, Data, FORCES, Zeroed};
-use biflag_log::{End, Origin};
+use biflag_log::Origin;
 use std::ops::Range;
 
 /// A column.
@@ -243,12 +243,11 @@ impl Summary {
     /// `trial` is that of the plan; the log may have lost it.
     pub fn new(trial: &Trial, data: &Data, file: String) -> Self {
         let zeroed = Zeroed::new(data);
-        let summary = data.records.summary.as_ref();
         Self {
             name: trial.name.clone(),
             speeds_rpm: trial.speeds.map(|speed| speed.rpm()),
             repeat: trial.repeat,
-            complete: data.losses.is_empty() && summary.is_some_and(|summary| summary.end == End::Complete),
+            complete: data.is_complete(),
             angles: zeroed.angles(),
             settle_s: zeroed.steady.and_then(|steady| steady.settle_s),
             lost: data.link.lost,

@@ -162,11 +162,9 @@ fn of_session(
     let row = |state: &TrialState| {
         let trial = &state.trial;
         let skipped = comparison.and_then(|comparison| comparison.skipped.iter().find(|one| one.name == trial.name));
-        let view = state.complete().or(state.attempts.last()).map(|attempt| {
-            match views.iter().find(|view| view.log == attempt.path) {
-                Some(view) => Ok(view.clone()),
-                None => view(&attempt.path, budget),
-            }
+        let view = state.best().map(|attempt| match views.iter().find(|view| view.log == attempt.path) {
+            Some(view) => Ok(view.clone()),
+            None => view(&attempt.path, budget),
         });
         let state = match view {
             None => RowState::Missing,

@@ -80,7 +80,7 @@ pub(super) fn overview(
 fn tiles(views: &[&View], trials: usize, comparison: Option<&SessionComparison>) -> Markup {
     let mut link = LinkStats::default();
     views.iter().for_each(|view| link += view.link);
-    let complete = views.iter().filter(|view| view.is_complete()).count();
+    let complete = views.iter().filter(|view| view.is_complete).count();
     let error = |value: Option<f64>| number(value.unwrap_or(f64::NAN), 2) + "°";
     html! {
         dl.tiles {
@@ -113,7 +113,7 @@ fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
     let views = || rows.iter().filter_map(Row::view);
     note("No log yet", rows.iter().filter(|row| matches!(row.state, RowState::Missing)).count(), "");
     note("Unreadable log", rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count(), "");
-    note("Not complete", views().filter(|view| !view.is_complete()).count(), "");
+    note("Not complete", views().filter(|view| !view.is_complete).count(), "");
     let more = " Their angles are averages, not steady values.";
     note("Not settled", views().filter(|view| !view.is_settled()).count(), more);
     if let Some(comparison) = comparison {

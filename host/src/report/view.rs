@@ -9,7 +9,7 @@ use super::warnings::{Warning, warnings};
 use crate::trial::{Angles, Data, Event, Records, Zeroed};
 use crate::twin::{Compared, Comparison};
 use biflag_log::schema::biflag::event::Kind;
-use biflag_log::{End, LinkStats, Origin};
+use biflag_log::{LinkStats, Origin};
 use serde_json::Value;
 use sim::body::closure::Closure;
 use std::collections::BTreeMap;
@@ -79,8 +79,8 @@ pub struct View {
     /// Whether the shapes are those of the log that the trial is compared with.
     pub(super) borrowed_shapes: bool,
     pub(super) has_truth: bool,
-    /// Whether a part of the log is lost.
-    is_damaged: bool,
+    /// Whether the trial ended as planned and its log is intact.
+    pub(super) is_complete: bool,
     /// The data of the page's script; `null` if the page has no room for it.
     pub(super) data: Value,
 }
@@ -110,7 +110,7 @@ impl View {
             curves: Curves::default(),
             borrowed_shapes: data.shapes.is_empty() && other.is_some_and(|other| !other.shapes.is_empty()),
             has_truth: !data.truth.is_empty() && !data.is_model(),
-            is_damaged: !data.losses.is_empty(),
+            is_complete: data.is_complete(),
             data: Value::Null,
             records: data.records.clone(),
             link: data.link,
@@ -126,11 +126,6 @@ impl View {
             view.data["own"] = view.own_name().into();
         }
         view
-    }
-
-    /// Whether the trial ended as planned and its log is intact.
-    pub(super) fn is_complete(&self) -> bool {
-        !self.is_damaged && self.records.summary.as_ref().is_some_and(|summary| summary.end == End::Complete)
     }
 
     /// Whether the attitude settled, as far as the log says.

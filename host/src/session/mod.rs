@@ -67,6 +67,11 @@ impl TrialState {
         self.attempts.iter().rev().filter(ended).find(|attempt| !lost(attempt.number))
     }
 
+    /// Returns the attempt that represents the trial: the last complete one, else the last one.
+    pub fn best(&self) -> Option<&Attempt> {
+        self.complete().or(self.attempts.last())
+    }
+
     /// Checks the log of the last complete attempt, then of earlier ones until one is intact.
     fn check(&mut self) {
         while let Some(path) = self.complete().map(|attempt| attempt.path.clone()) {

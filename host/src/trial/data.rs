@@ -6,8 +6,8 @@ use crate::attitude::{Columns, Reading};
 use crate::plan::{PUBLISHED, PlanError, board, robot};
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
-    BoardMeta, CalibrationMeta, ClockMeta, Condition, Identity, LevelMeta, LinkStats, Loss, Meta, ModelMeta, Origin,
-    PlanMeta, Reader, RecoveryMeta, ReplayMeta, RobotMeta, SensorMeta, Start, SteadyMeta, Summary, TrialMeta,
+    BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, LevelMeta, LinkStats, Loss, Meta, ModelMeta,
+    Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RobotMeta, SensorMeta, Start, SteadyMeta, Summary, TrialMeta,
 };
 use protocol::Settings;
 use protocol::units::CentiRpm;
@@ -187,6 +187,12 @@ impl Data {
     /// Returns where the trial ran.
     pub fn origin(&self) -> Origin {
         self.records.origin()
+    }
+
+    /// Returns whether the trial ended as planned and its log is intact.
+    pub fn is_complete(&self) -> bool {
+        let ended = self.records.summary.as_ref().is_some_and(|summary| summary.end == End::Complete);
+        self.losses.is_empty() && ended
     }
 
     /// Returns whether the trial was computed by a model.

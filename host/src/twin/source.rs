@@ -32,7 +32,7 @@ impl Source {
         let session = Session::open(folder)?;
         let (mut logs, mut skipped) = (Vec::new(), Vec::new());
         for state in session.intact_states()? {
-            match state.complete().or(state.attempts.last()) {
+            match state.best() {
                 Some(attempt) => logs.push((state.trial.clone(), attempt.path.clone())),
                 None => skipped.push(Skipped { name: state.trial.name.clone(), reason: "it has no log".to_owned() }),
             }
