@@ -23,8 +23,9 @@ use crate::motor::{Motor, MotorParameters, STEP_S};
 use crate::plant::Plant;
 use crate::serial::Serial;
 
-/// The program polls this bit of GPIOR2 as a test point, and hangs while it is set.
-const HANG: (u16, u8) = (0x4B, 1);
+/// Supply of a board on a good port, and the bandgap reference (data sheet, section 29.5), mV.
+const SUPPLY_MV: u32 = 5000;
+const BANDGAP_MV: u32 = 1100;
 
 /// Options of a board.
 pub struct BoardOptions {
@@ -59,6 +60,8 @@ pub struct Board {
     /// `None` behind a bootloader, which may put any program there.
     static_bytes: Option<u16>,
     state: RunState,
+    vcc_mv: u32,
+    bandgap_mv: u32,
 }
 
 impl Board {
@@ -92,20 +95,17 @@ impl Board {
             assert!(mcu.write_flash(*address, bytes), "an image that does not fit");
         }
         mcu.reset(start, ResetCause::PowerOn);
-        Ok(Self { mcu, start, static_bytes: None, state: RunState::Running })
+        let state = RunState::Running;
+        Ok(Self { mcu, start, static_bytes: None, state, vcc_mv: SUPPLY_MV, bandgap_mv: BANDGAP_MV })
     }
 
     /// Pulls the reset pin.
     pub fn reset(&mut self) {
-        let rig = self.mcu.devices_mut();
-        rig.marks.reset();
-        rig.clock = ProgramClock::default();
         self.mcu.reset(self.start, ResetCause::Pin);
         self.state = RunState::Running;
     }
 
-    /// Runs until `cycle`. A program that halted or crashed stays where it is until a reset, and the
-    /// board's time with it.
+    /// Runs until `cycle`. A program that crashed stays where it is until a reset, and the board's time with it.
     pub fn run_until(&mut self, cycle: u64) -> RunState {
         if self.state == RunState::Running {
             self.state = self.mcu.run_until(cycle);
@@ -192,11 +192,26 @@ impl Board {
         self.mcu.devices_mut().motors[motor].block(blocked);
     }
 
-    /// Makes the program hang where it next passes its test point.
-    pub fn hang(&mut self) {
-        let (register, bit) = HANG;
-        let value = self.mcu.peek(register) | bit;
-        self.mcu.poke(register, value);
+    /// Sends the program into an endless loop, with interrupts on or off.
+    pub fn hang(&mut self, interrupts: bool) {
+        self.mcu.hang(interrupts);
+    }
+
+    /// Sets the supply of the chip, mV. Below 2700 mV it is in reset.
+    pub fn set_supply_mv(&mut self, vcc_mv: u32) {
+        self.vcc_mv = vcc_mv;
+        self.mcu.set_supply(self.vcc_mv, self.bandgap_mv);
+    }
+
+    /// Sets the chip's bandgap reference, mV. The data sheet allows 1000 to 1200.
+    pub fn set_bandgap_mv(&mut self, bandgap_mv: u32) {
+        self.bandgap_mv = bandgap_mv;
+        self.mcu.set_supply(self.vcc_mv, self.bandgap_mv);
+    }
+
+    /// Sets the time that a line of the bus takes to rise, µs.
+    pub fn set_bus_rise_us(&mut self, rise_us: f64) {
+        self.mcu.set_bus_rise((rise_us * 1e-6 * FREQUENCY_HZ as f64).round() as u32);
     }
 
     /// The simulated robot that the board is built into, if there is one.
@@ -320,6 +335,11 @@ impl Devices for Rig {
         if let Some(log) = &mut self.drive_log {
             log.push((cycle, bridge));
         }
+    }
+
+    fn reset(&mut self, _cycle: u64) {
+        self.marks.reset();
+        self.clock = ProgramClock::default();
     }
 
     fn mark(&mut self, cycle: u64, value: u8) {

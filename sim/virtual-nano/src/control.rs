@@ -146,7 +146,6 @@ pub fn status(board: &Board, port: &PortCount) -> Value {
         "event": "status",
         "state": match board.state() {
             RunState::Running => "running",
-            RunState::Halted => "halted",
             RunState::Crashed => "crashed",
         },
         "cycles": board.cycle(),

@@ -96,7 +96,7 @@ impl Runner {
             Command::ClearFaults => board.change_imu(|imu| imu.clear_faults()),
             Command::Block(motor) => board.block_motor(motor, true),
             Command::BlockOff => (0..2).for_each(|motor| board.block_motor(motor, false)),
-            Command::Hang => board.hang(),
+            Command::Hang => board.hang(true),
             Command::Reset => board.reset(),
             Command::Quit => return (control::done(line), false),
         }
