@@ -14,6 +14,7 @@ pub mod bootloader;
 pub mod bridge;
 pub mod clock;
 pub mod control;
+pub mod encoder;
 pub mod image;
 pub mod imu;
 pub mod marks;
@@ -23,8 +24,10 @@ pub mod motor;
 pub mod pace;
 pub mod plant;
 pub mod port;
+pub mod resonator;
 pub mod run;
 pub mod serial;
+pub mod usb;
 
 pub use board::{Board, BoardOptions};
 pub use image::Image;
