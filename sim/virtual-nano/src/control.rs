@@ -22,7 +22,7 @@
 use crate::board::Board;
 use crate::bridge::Drive;
 use crate::imu::fault::{At, Fault};
-use crate::mcu::{FREQUENCY_HZ, RunState};
+use crate::mcu::RunState;
 use crate::motor::Motor;
 use crate::port::PortCount;
 use serde_json::{Value, json};
@@ -116,11 +116,10 @@ pub fn truth(line: &str, board: &mut Board) -> Value {
     if let (true, Some(problem)) = (samples.is_empty(), plant.failure()) {
         return error(line, &format!("the simulated robot could not go on: {problem}"));
     }
-    let clock = board.clock();
-    let samples: Vec<Value> = samples
-        .iter()
-        .map(|sample| json!({ "board_us": clock.at(sample.time_s).map(|time| time.0), "sample": sample }))
-        .collect();
+    let (clock, resonator) = (board.clock(), board.resonator());
+    let board_us = |time_s: f64| clock.at(resonator.cycle(time_s)).map(|time| time.0);
+    let samples: Vec<Value> =
+        samples.iter().map(|sample| json!({ "board_us": board_us(sample.time_s), "sample": sample })).collect();
     json!({ "event": "truth", "samples": samples })
 }
 
@@ -146,11 +145,10 @@ pub fn status(board: &Board, port: &PortCount) -> Value {
         "event": "status",
         "state": match board.state() {
             RunState::Running => "running",
-            RunState::Halted => "halted",
             RunState::Crashed => "crashed",
         },
         "cycles": board.cycle(),
-        "seconds": board.cycle() as f64 / FREQUENCY_HZ as f64,
+        "seconds": board.seconds(),
         "pwm": bridge.pwm,
         "bridge": bridge.drive.map(|drive| match drive {
             Drive::Coast => "coast",

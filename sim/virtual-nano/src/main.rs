@@ -102,7 +102,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         load_eeprom(&mut board, path)?;
     }
     let mut runner = Runner {
-        pace: Pace::new(arguments.speed, board.cycle()),
+        pace: Pace::new(arguments.speed, board.seconds()),
         board,
         port: Port::new()?,
         reset_on_open: arguments.bootloader.is_some(),

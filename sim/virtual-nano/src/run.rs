@@ -56,7 +56,7 @@ impl Runner {
                 continue;
             }
             self.exchange()?;
-            if self.pace.is_ahead_of_host(self.board.cycle()) {
+            if self.pace.is_ahead_of_host(self.board.seconds()) {
                 self.port.wait_for_host(Duration::from_millis(1))?;
                 continue;
             }
@@ -70,7 +70,7 @@ impl Runner {
                 std::thread::sleep(Duration::from_millis(1));
                 continue;
             }
-            self.pace.wait_for(self.board.cycle());
+            self.pace.wait_for(self.board.seconds());
         }
     }
 
@@ -96,7 +96,7 @@ impl Runner {
             Command::ClearFaults => board.change_imu(|imu| imu.clear_faults()),
             Command::Block(motor) => board.block_motor(motor, true),
             Command::BlockOff => (0..2).for_each(|motor| board.block_motor(motor, false)),
-            Command::Hang => board.hang(),
+            Command::Hang => board.hang(true),
             Command::Reset => board.reset(),
             Command::Quit => return (control::done(line), false),
         }
@@ -119,7 +119,7 @@ impl Runner {
         self.board.serial_mut().set_garbled((ratio - 1.0).abs() > BAUD_TOLERANCE);
         let from_host = self.port.read()?;
         if !from_host.is_empty() {
-            self.pace.hear_host(self.board.cycle());
+            self.pace.hear_host(self.board.seconds());
             self.board.send(&from_host);
         }
         self.pending.extend(from_board);
