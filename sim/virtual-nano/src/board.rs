@@ -272,6 +272,12 @@ impl Board {
         self.mcu.hang(interrupts);
     }
 
+    /// Keeps the program from its work for a time, with interrupts on.
+    pub fn keep_busy_ms(&mut self, ms: f64) {
+        let cycle = self.cycle() + (ms * 1e-3 * self.resonator().hz()).round() as u64;
+        self.mcu.busy(cycle);
+    }
+
     /// Sets the supply of the chip, mV. Below 2700 mV it is in reset.
     pub fn set_supply_mv(&mut self, vcc_mv: u32) {
         self.vcc_mv = vcc_mv;

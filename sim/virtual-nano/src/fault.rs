@@ -40,6 +40,7 @@ pub enum Fault {
     Bandgap { mv: u32 },
     Resonator { fraction: f64 },
     Hang { interrupts: bool },
+    Busy { ms: f64 },
     Usb { latency_ms: f64, packet: usize },
 }
 
@@ -228,6 +229,12 @@ const KINDS: &[Kind] = &[
         make: |v| Ok(Fault::Hang { interrupts: v.within(0, 0.0, 1.0)? == 1.0 }),
     },
     Kind {
+        name: "busy",
+        values: &[("MILLISECONDS", 12.0)],
+        meaning: "the program is kept from its work for a while, with interrupts on",
+        make: |v| Ok(Fault::Busy { ms: v.within(0, 0.001, 1e5)? }),
+    },
+    Kind {
         name: "usb",
         values: &[("MILLISECONDS", 16.0), ("BYTES", 32.0)],
         meaning: "the USB bridge collects packets of so many bytes, for so long at most",
@@ -371,6 +378,7 @@ pub(crate) fn inject(board: &mut Board, fault: Fault) {
         Fault::Bandgap { mv } => board.set_bandgap_mv(mv),
         Fault::Resonator { fraction } => board.set_resonator_error(fraction),
         Fault::Hang { interrupts } => board.hang(interrupts),
+        Fault::Busy { ms } => board.keep_busy_ms(ms),
         Fault::Usb { latency_ms, packet } => board.serial_mut().usb_mut().set_packets(packet, latency_ms * 1e-3),
     }
 }
