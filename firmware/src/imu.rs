@@ -18,8 +18,8 @@
 //! | failure | reaction |
 //! | --- | --- |
 //! | a transaction fails, or the sensor falls silent within one | repeat in the next tick; then [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] |
-//! | the configuration is not what was written | set it up again; then, or if it occurs [too often](LOSS), [`Fault::ImuLostConfig`] |
-//! | no new sample for [`FROZEN_TICKS`] | [`Fault::ImuFrozen`], and set it up again |
+//! | the configuration is not what was written, or the sensor sleeps | set it up again; then, or if it occurs [too often](LOSS), [`Fault::ImuLostConfig`] |
+//! | no new sample for [`FROZEN_TICKS`], though it is set up | [`Fault::ImuFrozen`], and set it up again |
 //! | WHO_AM_I is not 0x68 | a clone: used, and reported in the handshake |
 
 use core::slice;
@@ -32,7 +32,7 @@ use protocol::{Fault, Settings};
 /// supply does not end a trial.
 pub const FAULT_AFTER_TICKS: u8 = 50;
 
-/// Ticks without a new sample until the sensor counts as frozen.
+/// Ticks without a new sample until it is set up again: a fault if it was not asleep.
 pub const FROZEN_TICKS: u8 = 20;
 
 /// What a loss of the configuration adds to [`Imu::losses`], from which each good reading takes 1: 3 s. The third of them
@@ -71,17 +71,20 @@ mod tick {
     pub const SAMPLE: u8 = WAKE + 11;
 }
 
-/// PWR_MGMT_1: reset.
-const DEVICE_RESET: u8 = 0x80;
+/// Resets every register: DEVICE_RESET.
+const RESETTING: [u8; 2] = [register::PWR_MGMT_1, 0x80];
 
-/// PWR_MGMT_1: awake, everything on, clock from the x gyroscope, which is steadier than the internal oscillator.
-const AWAKE: u8 = 0x01;
+/// Awake, everything on, clock from the x gyroscope, which is steadier than the internal oscillator.
+const WAKING: [u8; 2] = [register::PWR_MGMT_1, 0x01];
 
-/// SMPLRT_DIV: 200 samples per second from 1 kHz.
-const DIVIDER: u8 = 4;
+/// Makes the sensor set DATA_RDY with each sample.
+const ENABLING: [u8; 2] = [register::INT_ENABLE, DATA_RDY];
 
 /// In INT_ENABLE and INT_STATUS. Reading INT_STATUS clears it there.
 const DATA_RDY: u8 = 0x01;
+
+/// SMPLRT_DIV: 200 samples per second from 1 kHz.
+const DIVIDER: u8 = 4;
 
 /// What the bus reads while no device drives it. The register after the sample, EXT_SENS_DATA_00, is zero, and reading it
 /// too shows whether the sensor sent to the end: it acknowledges nothing while it sends.
@@ -207,16 +210,13 @@ impl<I2C: I2c> Imu<I2C> {
     /// Returns the sample, after [`Imu::poll`] has returned `true`.
     #[inline(never)]
     pub fn reading(&self) -> Reading {
-        Reading { accel: self.triple(1), temperature: TemperatureCounts(self.word(7)), gyro: self.triple(9) }
-    }
-
-    #[inline(never)]
-    fn triple(&self, place: usize) -> [SensorCounts; 3] {
-        [0, 2, 4].map(|offset| SensorCounts(self.word(place + offset)))
-    }
-
-    fn word(&self, place: usize) -> i16 {
-        i16::from_be_bytes([self.burst[place], self.burst[place + 1]])
+        let [_, sample @ .., _] = &self.burst;
+        let word = |place: usize| i16::from_be_bytes([sample[2 * place], sample[2 * place + 1]]);
+        Reading {
+            accel: [SensorCounts(word(0)), SensorCounts(word(1)), SensorCounts(word(2))],
+            temperature: TemperatureCounts(word(3)),
+            gyro: [SensorCounts(word(4)), SensorCounts(word(5)), SensorCounts(word(6))],
+        }
     }
 
     /// Returns WHO_AM_I; 0 if no sensor answered.
@@ -238,10 +238,10 @@ impl<I2C: I2c> Imu<I2C> {
     fn step(&mut self) -> Result<bool, ReadError> {
         match self.tick {
             tick::IDENTIFY => read(&mut self.bus, register::WHO_AM_I, slice::from_mut(&mut self.id))?,
-            tick::RESET => write(&mut self.bus, &[register::PWR_MGMT_1, DEVICE_RESET])?,
-            tick::WAKE => write(&mut self.bus, &[register::PWR_MGMT_1, AWAKE])?,
+            tick::RESET => write(&mut self.bus, &RESETTING)?,
+            tick::WAKE => write(&mut self.bus, &WAKING)?,
             tick::CONFIGURE => write(&mut self.bus, &self.config)?,
-            tick::ENABLE => write(&mut self.bus, &[register::INT_ENABLE, DATA_RDY])?,
+            tick::ENABLE => write(&mut self.bus, &ENABLING)?,
             tick::SAMPLE => return self.sample(),
             _ => {}
         }
@@ -260,9 +260,23 @@ impl<I2C: I2c> Imu<I2C> {
         self.check_config()?;
         let is_new = status & DATA_RDY != 0;
         if !is_new && self.silence >= FROZEN_TICKS {
-            return Err(ReadError::Frozen);
+            return Err(self.reason()?);
         }
         Ok(is_new)
+    }
+
+    /// Returns why there are no new samples.
+    #[inline(never)]
+    fn reason(&mut self) -> Result<ReadError, ReadError> {
+        let is_set_up = self.holds(WAKING)? && self.holds(ENABLING)?;
+        Ok(if is_set_up { ReadError::Frozen } else { ReadError::LostConfig })
+    }
+
+    #[inline(never)]
+    fn holds(&mut self, [register, value]: [u8; 2]) -> Result<bool, ReadError> {
+        let mut found = 0;
+        read(&mut self.bus, register, slice::from_mut(&mut found))?;
+        Ok(found == value)
     }
 
     fn check_config(&mut self) -> Result<(), ReadError> {

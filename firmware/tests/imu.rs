@@ -55,6 +55,11 @@ fn stale(number: u8) -> Transaction {
     read(0x3A, &bytes)
 }
 
+/// What PWR_MGMT_1 and INT_ENABLE hold.
+fn still_set_up() -> Vec<Transaction> {
+    vec![read(0x6B, &[0x01]), read(0x38, &[0x01])]
+}
+
 fn check() -> Transaction {
     read(0x19, &REGISTERS)
 }
@@ -254,7 +259,7 @@ fn equal_samples_are_readings() {
 fn a_frozen_sensor_becomes_a_fault_and_new_data_end_it() {
     let frozen = [vec![sample(4)], vec![stale(4); usize::from(FROZEN_TICKS)]].concat();
     let again = [set_up(0x68), vec![sample(6)]].concat();
-    let (mut imu, mut bus) = settled(&[checked(frozen), again].concat());
+    let (mut imu, mut bus) = settled(&[checked(frozen), still_set_up(), again].concat());
     assert_eq!(polls(&mut imu, usize::from(FROZEN_TICKS)), 1);
     assert_eq!((imu.fault(), imu.errors()), (Fault::None, 0));
     assert_eq!(poll(&mut imu), None);
@@ -268,10 +273,28 @@ fn a_frozen_sensor_becomes_a_fault_and_new_data_end_it() {
 
 #[test]
 fn a_sensor_that_never_has_data_is_a_fault() {
-    let (mut imu, mut bus) = settled(&[vec![stale(5), check()], set_up(0x68), vec![stale(5)], set_up(0x68)].concat());
+    let first = [vec![stale(5), check()], still_set_up()].concat();
+    let second = [vec![stale(5)], still_set_up()].concat();
+    let (mut imu, mut bus) = settled(&[first, set_up(0x68), second, set_up(0x68)].concat());
     assert_eq!(polls(&mut imu, 2 * (1 + SET_UP_TICKS)), 0);
     assert_eq!((imu.fault(), imu.errors()), (Fault::ImuFrozen, 2));
     bus.done();
+}
+
+#[test]
+fn a_sensor_that_fell_asleep_or_says_no_more_when_it_has_data_is_set_up_again_without_a_fault() {
+    let asleep = vec![read(0x6B, &[0x40])];
+    let disabled = vec![read(0x6B, &[0x01]), read(0x38, &[0x00])];
+    for reason in [asleep, disabled] {
+        let samples = [vec![sample(1)], vec![stale(1); usize::from(FROZEN_TICKS)]].concat();
+        let again = [set_up(0x68), vec![sample(2)]].concat();
+        let (mut imu, mut bus) = settled(&[checked(samples), reason, again].concat());
+        assert_eq!(polls(&mut imu, 1 + usize::from(FROZEN_TICKS)), 1);
+        assert_eq!((imu.fault(), imu.errors()), (Fault::None, 1));
+        assert_eq!(polls(&mut imu, SET_UP_TICKS), 0);
+        assert_eq!((poll(&mut imu), imu.fault(), imu.errors()), (Some(reading(2)), Fault::None, 1));
+        bus.done();
+    }
 }
 
 /// A loss of supply clears INT_ENABLE too: there is no new sample from then on, and the next check finds the rest.
