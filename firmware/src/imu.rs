@@ -30,7 +30,7 @@ use protocol::{Fault, Settings};
 
 /// Ticks without a good reading until it is a fault: more than a set-up takes, so that a short loss of the sensor's
 /// supply does not end a trial.
-pub const FAULT_AFTER_TICKS: u8 = 50;
+pub const FAULT_AFTER_TICKS: u8 = 40;
 
 /// Ticks without a new sample until it is set up again: a fault if it was not asleep.
 pub const FROZEN_TICKS: u8 = 20;

@@ -405,9 +405,9 @@ fn a_lost_sensor_stops_the_motors_and_cannot_be_cleared_until_it_is_back() {
     for (error, fault) in [(NACK, Fault::ImuSilent), (ErrorKind::Bus, Fault::ImuBusStuck)] {
         let mut bench = running();
         bench.world.change(|state| state.bus_error = Some(error));
-        bench.ticks(49);
+        bench.ticks(39);
         let frame = *bench.telemetry.last().unwrap();
-        assert_eq!((frame.fault, frame.imu_fresh, frame.imu_errors), (Fault::None, false, Count(49)));
+        assert_eq!((frame.fault, frame.imu_fresh, frame.imu_errors), (Fault::None, false, Count(39)));
         assert!(!bench.world.is_off());
         bench.ticks(1);
         assert!(bench.world.is_off());
@@ -440,7 +440,7 @@ fn a_fault_ends_a_calibration() {
     let mut bench = streaming();
     bench.ask(Command::CalibrateGyro { duration_ms: 5000 });
     bench.world.change(|state| state.bus_error = Some(NACK));
-    bench.ticks(55);
+    bench.ticks(45);
     assert_eq!(bench.look().state, State::Faulted);
     assert_eq!(bench.ask(Command::ReadCalibration), Reply::Calibration(Calibration::default()));
 }
