@@ -8,8 +8,9 @@ mod requests;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
+use protocol::frame;
 use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, SensorCounts};
-use protocol::{Calibration, Fault, FaultRecord, Refusal, ResetCause, Settings, State, Telemetry};
+use protocol::{Calibration, Fault, FaultRecord, Refusal, Request, ResetCause, Settings, State, Telemetry};
 
 use crate::TICK_S;
 use crate::attitude::{self, Attitude};
@@ -186,7 +187,8 @@ where
     /// ended.
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut Outbox) {
-        if let Some(request) = &self.link.receive(byte, arrived)
+        if let Some(payload) = self.link.receive(byte, arrived)
+            && let Ok(request) = &frame::read::<Request>(payload)
             && self.link.has_room(&request.command, outbox)
         {
             self.respond(request, arrived, outbox);
