@@ -7,7 +7,7 @@ use protocol::units::{Count, Micros};
 use protocol::{Command, MessageRef, Refusal, Request, TICK_HZ, Telemetry};
 
 /// Size of the outbox: two frames of telemetry and some short answers. One place of a queue stays empty.
-pub const OUTBOX: usize = 176;
+pub const OUTBOX: usize = 256;
 
 /// Lengths of frames: telemetry, and the longest answer to some requests.
 const TELEMETRY: usize = 71;
@@ -135,9 +135,9 @@ impl Link {
         enqueue(message, outbox);
     }
 
-    /// Returns whether the host has been silent for longer than `deadline_ms`.
-    pub fn is_silent(&self, now: Micros, deadline_ms: u16) -> bool {
-        now.since(self.heard) > u32::from(deadline_ms) * 1000
+    /// Returns whether the host has been silent for longer than `deadline_us`.
+    pub fn is_silent(&self, now: Micros, deadline_us: u32) -> bool {
+        now.since(self.heard) > deadline_us
     }
 
     /// Starts a stream of `rate_hz` frames per second, or ends it with 0.
