@@ -129,6 +129,7 @@ impl From<&Settings> for Config {
 
 impl Config {
     /// Returns the address of SMPLRT_DIV and the values of the registers from there on.
+    #[inline(never)]
     fn bytes(self) -> [u8; 5] {
         [register::SMPLRT_DIV, DIVIDER, self.low_pass, (self.gyro_range as u8) << 3, (self.accel_range as u8) << 3]
     }
@@ -146,8 +147,7 @@ enum ReadError {
 /// The sensor on its bus.
 pub struct Imu<I2C> {
     bus: I2C,
-    /// SMPLRT_DIV's address and the values from there on, as they are written.
-    config: [u8; 5],
+    config: Config,
     /// One of [`tick`], or between two of them.
     tick: u8,
     id: u8,
@@ -168,7 +168,7 @@ impl<I2C: I2c> Imu<I2C> {
     pub fn new(bus: I2C) -> Self {
         Self {
             bus,
-            config: Config::from(&Settings::DEFAULT).bytes(),
+            config: Config::from(&Settings::DEFAULT),
             tick: 0,
             id: 0,
             unchecked: 0,
@@ -182,7 +182,6 @@ impl<I2C: I2c> Imu<I2C> {
 
     /// Sets the configuration; the sensor is set up again if it differs.
     pub fn configure(&mut self, config: Config) {
-        let config = config.bytes();
         if self.config != config {
             self.config = config;
             self.tick = 0;
@@ -240,7 +239,7 @@ impl<I2C: I2c> Imu<I2C> {
             tick::IDENTIFY => read(&mut self.bus, register::WHO_AM_I, slice::from_mut(&mut self.id))?,
             tick::RESET => write(&mut self.bus, &RESETTING)?,
             tick::WAKE => write(&mut self.bus, &WAKING)?,
-            tick::CONFIGURE => write(&mut self.bus, &self.config)?,
+            tick::CONFIGURE => write(&mut self.bus, &self.config.bytes())?,
             tick::ENABLE => write(&mut self.bus, &ENABLING)?,
             tick::SAMPLE => return self.sample(),
             _ => {}
@@ -284,10 +283,10 @@ impl<I2C: I2c> Imu<I2C> {
             self.unchecked -= 1;
             return Ok(());
         }
-        let [first, config @ ..] = &self.config;
+        let [first, config @ ..] = self.config.bytes();
         let mut found = [0; 4];
-        read(&mut self.bus, *first, &mut found)?;
-        if found != *config {
+        read(&mut self.bus, first, &mut found)?;
+        if found != config {
             return Err(ReadError::LostConfig);
         }
         self.unchecked = CHECK_INTERVAL - 1;

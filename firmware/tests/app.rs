@@ -563,7 +563,7 @@ fn a_fault_ends_a_trial() {
     start_trial(&mut bench);
     changes(&mut bench, 70);
     bench.world.change(|state| state.bus_error = Some(NACK));
-    changes(&mut bench, 30);
+    changes(&mut bench, 40);
     assert_eq!(bench.look().fault, Fault::ImuSilent);
     bench.world.change(|state| state.bus_error = None);
     changes(&mut bench, 100);
