@@ -69,13 +69,14 @@ mod nano {
 
         // SAFETY: this runs once, and interrupts are off.
         let (inbox, outbox) = unsafe { serial::start(&peripherals.USART0) };
-        encoders::start(&peripherals.EXINT, &peripherals.PORTD);
+        encoders::pull_up(&peripherals.PORTD);
         let motors = outputs::motors((peripherals.TC0, peripherals.TC2), (peripherals.PORTB, peripherals.PORTD));
         let bus = Twi::new(peripherals.TWI, peripherals.PORTC);
         // SAFETY: nothing else uses the place yet.
         let app = unsafe { (*(&raw mut APP)).write(App::new(bus, motors, Eeprom::new(peripherals.EEPROM), BUILD)) };
         app.start(start);
 
+        encoders::start(&peripherals.EXINT);
         clock::start(&peripherals.TC1);
         clock::enable_sleep(&peripherals.CPU);
         crash::start_watchdog(&peripherals.WDT);
@@ -95,7 +96,7 @@ mod nano {
             let due = clock::take_due();
             if due > 0 {
                 // Edges first, so that none of them is later than the tick.
-                let edges = encoders::edges();
+                let edges = encoders::take();
                 let tick = Tick { time: clock::now(), missed: due - 1, edges, bandgap_counts: supply.poll() };
                 app.tick(&tick, &mut outbox, test_point::mark);
                 app.after_tick(&mut outbox);
