@@ -8,7 +8,6 @@ mod requests;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
-use protocol::frame::Accumulator;
 use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, SensorCounts};
 use protocol::{Calibration, Fault, FaultRecord, Refusal, ResetCause, Settings, State, Telemetry};
 
@@ -149,10 +148,7 @@ where
     #[inline(never)]
     pub fn start(&mut self, start: Start) {
         self.boot_count = self.store.count_start();
-        if let Some(saved) = self.store.load(&mut Accumulator::new()) {
-            self.settings = saved;
-            self.settings_stored = true;
-        }
+        self.settings_stored = self.store.load(self.link.accumulator(), &mut self.settings);
         self.reset_cause = reset_cause(start.crash, start.mcusr);
         self.rescale();
         self.imu.configure(Config::from(&self.settings));
@@ -341,7 +337,7 @@ where
         if self.link.is_frame_due() {
             self.telemetry.state = self.state();
             self.telemetry.fault = self.latch.get();
-            self.link.stream(&self.telemetry, outbox);
+            self.link.stream(&mut self.telemetry, outbox);
         }
     }
 

@@ -4,10 +4,10 @@
 use heapless::spsc::Producer;
 use protocol::frame::{self, Accumulator, MAX_FRAME};
 use protocol::units::{Count, Micros};
-use protocol::{Command, Message, Refusal, Request, TICK_HZ, Telemetry};
+use protocol::{Command, MessageRef, Refusal, Request, TICK_HZ, Telemetry};
 
-/// Size of the outbox: two frames of telemetry and the longest answer. One place of a queue stays empty.
-pub const OUTBOX: usize = 224;
+/// Size of the outbox: two frames of telemetry and some short answers. One place of a queue stays empty.
+pub const OUTBOX: usize = 192;
 
 /// Length of a frame of telemetry, of the longest answer, and of the longest of the other answers.
 const TELEMETRY: usize = 71;
@@ -54,7 +54,6 @@ pub enum Answer {
 }
 
 impl From<Result<(), Refusal>> for Answer {
-    #[inline(never)]
     fn from(outcome: Result<(), Refusal>) -> Self {
         match outcome {
             Ok(()) => Self::Done,
@@ -78,8 +77,12 @@ impl Link {
         }
     }
 
+    /// Returns the room for a frame, while no byte has come from the host.
+    pub fn accumulator(&mut self) -> &mut Accumulator {
+        &mut self.accumulator
+    }
+
     /// Takes a byte from the host; returns the request that it ends. `arrived` is the time of the byte.
-    #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<Request> {
         match self.accumulator.push_for_payload(byte)? {
             Ok(payload) => {
@@ -123,7 +126,7 @@ impl Link {
     }
 
     /// Sends an answer. Without room it is dropped: the host repeats the request.
-    pub fn send(message: &Message, outbox: &mut Outbox) {
+    pub fn send(message: &MessageRef, outbox: &mut Outbox) {
         enqueue(message, outbox);
     }
 
@@ -161,13 +164,12 @@ impl Link {
 
     /// Sends a frame of the stream, with the link's counts filled in.
     #[inline(never)]
-    pub fn stream(&mut self, telemetry: &Telemetry, outbox: &mut Outbox) {
-        let mut telemetry = *telemetry;
+    pub fn stream(&mut self, telemetry: &mut Telemetry, outbox: &mut Outbox) {
         telemetry.seq = Count(self.seq);
         telemetry.unsent = Count(self.unsent);
         telemetry.bad_frames = Count(self.bad_frames);
         self.seq = self.seq.wrapping_add(1);
-        if !enqueue(&Message::Telemetry(telemetry), outbox) {
+        if !enqueue(&MessageRef::Telemetry(telemetry), outbox) {
             self.unsent = self.unsent.wrapping_add(1);
         }
     }
@@ -181,7 +183,7 @@ impl Default for Link {
 
 /// Puts a message into the outbox if all of its frame fits; returns whether it did.
 #[inline(never)]
-fn enqueue(message: &Message, outbox: &mut Outbox) -> bool {
+fn enqueue(message: &MessageRef, outbox: &mut Outbox) -> bool {
     let mut buffer = [0; MAX_FRAME];
     let Ok(frame) = frame::encode(message, &mut buffer) else { return false };
     let fits = frame.len() <= outbox.capacity() - outbox.len();

@@ -177,6 +177,8 @@ pub struct Bench {
     pub telemetry: Vec<Telemetry>,
     pub replies: Vec<(u8, Reply)>,
     seq: u8,
+    /// What the next ticks measure of the supply.
+    pub bandgap_counts: Option<u16>,
 }
 
 impl Bench {
@@ -205,6 +207,7 @@ impl Bench {
             telemetry: vec![],
             replies: vec![],
             seq: 0,
+            bandgap_counts: None,
         };
         bench.ticks(15);
         bench
@@ -232,7 +235,7 @@ impl Bench {
         }
         let (mut outbox, _) = self.outbox.split();
         self.app.watch_link(Micros(self.now));
-        let tick = Tick { time: Micros(self.now), missed, edges: self.edges, bandgap_counts: None };
+        let tick = Tick { time: Micros(self.now), missed, edges: self.edges, bandgap_counts: self.bandgap_counts };
         self.app.tick(&tick, &mut outbox, |_| {});
         self.app.after_tick(&mut outbox);
         self.app.watch_link(Micros(self.now.wrapping_add(2500)));
@@ -264,6 +267,15 @@ impl Bench {
             self.app.receive(*byte, Micros(self.now.wrapping_add(100)), &mut outbox);
         }
         self.deliver();
+    }
+
+    /// Sends a request; the line takes no bytes.
+    pub fn receive(&mut self, seq: u8, command: Command) {
+        let mut buffer = [0; MAX_FRAME];
+        let (mut outbox, _) = self.outbox.split();
+        for byte in encode(&Request { seq, command }, &mut buffer).unwrap() {
+            self.app.receive(*byte, Micros(self.now.wrapping_add(100)), &mut outbox);
+        }
     }
 
     /// Sends a request with this number and returns all immediate answers.
