@@ -152,7 +152,8 @@ where
         self.reset_cause = reset_cause(start.crash, start.mcusr);
         self.rescale();
         self.imu.configure(Config::from(&self.settings));
-        self.imu.set_up_now();
+        // The handshake names the sensor.
+        self.imu.poll();
         self.log_and_latch(start.crash.map(Crash::fault).unwrap_or_default(), start.program_counter);
     }
 

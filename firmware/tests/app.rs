@@ -344,7 +344,7 @@ fn settings_are_applied_but_not_while_the_motors_turn() {
     let settings = Settings { board_id: 4711, gyro_range: GyroRange::Dps1000, low_pass: 5, ..Settings::DEFAULT };
     assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
     assert_eq!(bench.ask(Command::ReadSettings), Reply::Settings(settings));
-    bench.ticks(20);
+    bench.ticks(40);
     bench.world.change(|state| {
         assert_eq!((state.registers[0x1B], state.registers[0x1A], state.registers[0x19]), (0b1_0000, 5, 4));
     });
@@ -408,16 +408,16 @@ fn a_lost_sensor_stops_the_motors_and_cannot_be_cleared_until_it_is_back() {
     for (error, fault) in [(NACK, Fault::ImuSilent), (ErrorKind::Bus, Fault::ImuBusStuck)] {
         let mut bench = running();
         bench.world.change(|state| state.bus_error = Some(error));
-        bench.ticks(19);
+        bench.ticks(49);
         let frame = *bench.telemetry.last().unwrap();
-        assert_eq!((frame.fault, frame.imu_fresh, frame.imu_errors), (Fault::None, false, Count(19)));
+        assert_eq!((frame.fault, frame.imu_fresh, frame.imu_errors), (Fault::None, false, Count(49)));
         assert!(!bench.world.is_off());
         bench.ticks(1);
         assert!(bench.world.is_off());
         assert_eq!(bench.look().fault, fault);
         assert_eq!(bench.ask(Command::ClearFault), Reply::Refused(Refusal::Faulted));
         bench.world.change(|state| state.bus_error = None);
-        bench.ticks(20);
+        bench.ticks(40);
         assert_eq!(bench.look().fault, fault, "it lasts until it is cleared");
         assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
         let frame = bench.look();
@@ -443,7 +443,7 @@ fn a_fault_ends_a_calibration() {
     let mut bench = streaming();
     bench.ask(Command::CalibrateGyro { duration_ms: 5000 });
     bench.world.change(|state| state.bus_error = Some(NACK));
-    bench.ticks(25);
+    bench.ticks(55);
     assert_eq!(bench.look().state, State::Faulted);
     assert_eq!(bench.ask(Command::ReadCalibration), Reply::Calibration(Calibration::default()));
 }

@@ -28,7 +28,7 @@ pub struct State {
     pub registers: [u8; 128],
     /// Outcome of the next transactions.
     pub bus_error: Option<i2c::ErrorKind>,
-    /// Whether the sensor's values change with each reading, as a working sensor's do.
+    /// Whether the sensor has a new sample in each tick.
     pub alive: bool,
     pub eeprom: [u8; 1024],
     /// AIN1, AIN2, BIN1, BIN2, STBY.
@@ -103,11 +103,9 @@ impl I2c for Bus {
                         state.registers[pointer..][..bytes.len() - 1].copy_from_slice(&bytes[1..]);
                     }
                     Operation::Read(bytes) => {
+                        // INT_STATUS: DATA_RDY, if it is enabled.
+                        state.registers[0x3A] = state.registers[0x38] & u8::from(state.alive);
                         bytes.copy_from_slice(&state.registers[pointer..][..bytes.len()]);
-                        if state.alive && pointer == 0x3B {
-                            // The lowest bit of the temperature.
-                            state.registers[0x42] ^= 1;
-                        }
                     }
                 }
             }
@@ -209,7 +207,8 @@ impl Bench {
             seq: 0,
             bandgap_counts: None,
         };
-        bench.ticks(15);
+        // The sensor's set-up.
+        bench.ticks(35);
         bench
     }
 
