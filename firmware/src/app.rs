@@ -8,8 +8,9 @@ mod requests;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
+use protocol::frame;
 use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, SensorCounts};
-use protocol::{Calibration, Fault, FaultRecord, Refusal, ResetCause, Settings, State, Telemetry};
+use protocol::{Calibration, Fault, FaultRecord, Refusal, Request, ResetCause, Settings, State, Telemetry};
 
 use crate::TICK_S;
 use crate::attitude::{self, Attitude};
@@ -93,6 +94,8 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     /// Half the rad/s per count of the gyroscope.
     half_rate_scale: f32,
     speed_gains: motor::Gains,
+    /// The motors' deadline. Stored because it is looked at between any two bytes.
+    deadline_us: u32,
     build: Build,
     reset_cause: ResetCause,
     boot_count: u16,
@@ -131,6 +134,7 @@ where
             speed_scale: 0.0,
             half_rate_scale: 0.0,
             speed_gains: motor::Gains::default(),
+            deadline_us: 0,
             settings: Settings::DEFAULT,
             build,
             reset_cause: ResetCause::Unknown,
@@ -187,7 +191,8 @@ where
     /// ended.
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut Outbox) {
-        if let Some(request) = &self.link.receive(byte, arrived)
+        if let Some(payload) = self.link.receive(byte, arrived)
+            && let Ok(request) = &frame::read::<Request>(payload)
             && self.link.has_room(&request.command, outbox)
         {
             self.respond(request, arrived, outbox);
@@ -196,7 +201,7 @@ where
 
     /// Stops the motors when the host has been silent for too long.
     pub fn watch_link(&mut self, now: Micros) {
-        if self.link.is_silent(now, self.settings.deadline_ms) && (self.is_driven() || self.schedule.will_move()) {
+        if self.link.is_silent(now, self.deadline_us) && (self.is_driven() || self.schedule.will_move()) {
             self.raise(Fault::LinkLost);
         }
     }
@@ -388,6 +393,7 @@ where
     fn rescale(&mut self) {
         self.speed_scale = centi_rpm_scale(self.settings.counts_per_turn);
         self.half_rate_scale = core::f32::consts::PI / 360.0 / self.settings.gyro_range.counts_per_dps();
+        self.deadline_us = u32::from(self.settings.deadline_ms) * 1000;
         self.speed_gains = motor::Gains::new(self.settings.speed_kp, self.settings.speed_ki);
     }
 

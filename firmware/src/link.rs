@@ -7,12 +7,13 @@ use protocol::units::{Count, Micros};
 use protocol::{Command, MessageRef, Refusal, Request, TICK_HZ, Telemetry};
 
 /// Size of the outbox: two frames of telemetry and some short answers. One place of a queue stays empty.
-pub const OUTBOX: usize = 192;
+pub const OUTBOX: usize = 256;
 
-/// Length of a frame of telemetry, of the longest answer, and of the longest of the other answers.
+/// Lengths of frames: telemetry, and the longest answer to some requests.
 const TELEMETRY: usize = 71;
 const SETTINGS: usize = 60;
-const OTHERS: usize = 29;
+const INFO: usize = 29;
+const PONG: usize = 11;
 
 /// Bytes to send; the serial port's interrupt takes them.
 pub type Outbox<'a> = Producer<'a, u8, OUTBOX>;
@@ -82,13 +83,13 @@ impl Link {
         &mut self.accumulator
     }
 
-    /// Takes a byte from the host; returns the request that it ends. `arrived` is the time of the byte.
-    pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<Request> {
+    /// Takes a byte from the host; returns the payload of the frame that it ends. `arrived` is the time of the byte.
+    pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<&[u8]> {
         match self.accumulator.push_for_payload(byte)? {
             Ok(payload) => {
                 // An intact frame of another protocol also shows that the host is alive.
                 self.heard = arrived;
-                frame::read(payload).ok()
+                Some(payload)
             }
             Err(_) => {
                 self.bad_frames = self.bad_frames.wrapping_add(1);
@@ -121,7 +122,11 @@ impl Link {
 
     /// Returns whether the answer to `command` fits into the outbox beside the next frame of telemetry.
     pub fn has_room(&self, command: &Command, outbox: &Outbox) -> bool {
-        let answer = if matches!(command, Command::ReadSettings) { SETTINGS } else { OTHERS };
+        let answer = match command {
+            Command::ReadSettings => SETTINGS,
+            Command::Hello | Command::ReadCalibration | Command::ReadFault { .. } => INFO,
+            _ => PONG,
+        };
         outbox.capacity() - outbox.len() >= TELEMETRY + answer
     }
 
@@ -130,9 +135,9 @@ impl Link {
         enqueue(message, outbox);
     }
 
-    /// Returns whether the host has been silent for longer than `deadline_ms`.
-    pub fn is_silent(&self, now: Micros, deadline_ms: u16) -> bool {
-        now.since(self.heard) > u32::from(deadline_ms) * 1000
+    /// Returns whether the host has been silent for longer than `deadline_us`.
+    pub fn is_silent(&self, now: Micros, deadline_us: u32) -> bool {
+        now.since(self.heard) > deadline_us
     }
 
     /// Starts a stream of `rate_hz` frames per second, or ends it with 0.

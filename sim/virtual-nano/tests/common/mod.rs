@@ -127,6 +127,11 @@ impl Host {
         self.seq
     }
 
+    /// Returns how many replies are kept that nobody has asked for.
+    pub fn replies(&self) -> u64 {
+        self.replies.len() as u64
+    }
+
     /// Sends a request and runs until its reply.
     pub fn ask(&mut self, command: Command) -> Reply {
         self.try_ask(command, 1000).unwrap_or_else(|| panic!("no answer to {command:?}"))
