@@ -8,9 +8,9 @@ mod requests;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
-use protocol::frame::Accumulator;
+use protocol::frame;
 use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, SensorCounts};
-use protocol::{Calibration, Fault, FaultRecord, Refusal, ResetCause, Settings, State, Telemetry};
+use protocol::{Calibration, Fault, FaultRecord, Refusal, Request, ResetCause, Settings, State, Telemetry};
 
 use crate::TICK_S;
 use crate::attitude::{self, Attitude};
@@ -96,6 +96,8 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     /// Half the rad/s per count of the gyroscope.
     half_rate_scale: f32,
     speed_gains: motor::Gains,
+    /// The motors' deadline. Stored because it is looked at between any two bytes.
+    deadline_us: u32,
     build: Build,
     reset_cause: ResetCause,
     boot_count: u16,
@@ -135,6 +137,7 @@ where
             speed_scale: 0.0,
             half_rate_scale: 0.0,
             speed_gains: motor::Gains::default(),
+            deadline_us: 0,
             settings: Settings::DEFAULT,
             build,
             reset_cause: ResetCause::Unknown,
@@ -152,14 +155,12 @@ where
     #[inline(never)]
     pub fn start(&mut self, start: Start) {
         self.boot_count = self.store.count_start();
-        if let Some(saved) = self.store.load(&mut Accumulator::new()) {
-            self.settings = saved;
-            self.settings_stored = true;
-        }
+        self.settings_stored = self.store.load(self.link.accumulator(), &mut self.settings);
         self.reset_cause = reset_cause(start.crash, start.mcusr);
         self.rescale();
         self.imu.configure(Config::from(&self.settings));
-        self.imu.set_up_now();
+        // The handshake names the sensor.
+        self.imu.poll();
         self.log_and_latch(start.crash.map(Crash::fault).unwrap_or_default(), start.program_counter);
     }
 
@@ -193,7 +194,8 @@ where
     /// ended.
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut Outbox) {
-        if let Some(request) = &self.link.receive(byte, arrived)
+        if let Some(payload) = self.link.receive(byte, arrived)
+            && let Ok(request) = &frame::read::<Request>(payload)
             && self.link.has_room(&request.command, outbox)
         {
             self.respond(request, arrived, outbox);
@@ -202,7 +204,7 @@ where
 
     /// Stops the motors when the host has been silent for too long.
     pub fn watch_link(&mut self, now: Micros) {
-        if self.link.is_silent(now, self.settings.deadline_ms) && (self.is_driven() || self.schedule.will_move()) {
+        if self.link.is_silent(now, self.deadline_us) && (self.is_driven() || self.schedule.will_move()) {
             self.raise(Fault::LinkLost);
         }
     }
@@ -345,7 +347,7 @@ where
         if self.link.is_frame_due() {
             self.telemetry.state = self.state();
             self.telemetry.fault = self.latch.get();
-            self.link.stream(&self.telemetry, outbox);
+            self.link.stream(&mut self.telemetry, outbox);
         }
     }
 
@@ -395,6 +397,7 @@ where
     fn rescale(&mut self) {
         self.speed_scale = centi_rpm_scale(self.settings.counts_per_turn);
         self.half_rate_scale = core::f32::consts::PI / 360.0 / self.settings.gyro_range.counts_per_dps();
+        self.deadline_us = u32::from(self.settings.deadline_ms) * 1000;
         self.speed_gains = motor::Gains::new(self.settings.speed_kp, self.settings.speed_ki);
     }
 

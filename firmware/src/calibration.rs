@@ -36,7 +36,6 @@ impl GyroAverage {
     }
 
     /// Advances one tick, with its reading if there was one.
-    #[inline(never)]
     pub fn update(&mut self, gyro: Option<[SensorCounts; 3]>) {
         if let Some(gyro) = gyro {
             for (axis, counts) in self.axes.iter_mut().zip(gyro) {
@@ -59,7 +58,6 @@ impl GyroAverage {
     }
 
     /// Returns the result so far.
-    #[inline(never)]
     pub fn result(&self, range: GyroRange) -> Calibration {
         if self.samples == 0 {
             return Calibration::default();
@@ -79,7 +77,6 @@ impl GyroAverage {
 }
 
 impl AxisSums {
-    #[inline(never)]
     fn mean_and_deviation(&self, samples: f32) -> (f32, f32) {
         let mean = self.sum as f32 / samples;
         let variance = self.square_sum / samples - mean * mean;

@@ -1,8 +1,16 @@
 //! The MPU6050: set-up, one reading per tick, and its failures.
 //!
-//! Registers are those of InvenSense's register map RM-MPU-6000A-00. A reading is one burst of 14 bytes from
-//! ACCEL_XOUT_H, so that all seven values belong to one sample, and of one byte more as a check. Values are counts, sensor
-//! axes.
+//! Registers are those of InvenSense's register map RM-MPU-6000A-00. A reading is one burst from INT_STATUS, so that its
+//! seven values belong to one sample and its DATA_RDY says whether that sample is new; the byte after them is a check.
+//! Values are counts, sensor axes.
+//!
+//! Every [`CHECK_INTERVAL`] the configuration is read back. A loss of supply also clears INT_ENABLE, so that no sample
+//! after it counts as new; if only a range changes, up to three samples are used as if it had not, which matters less than
+//! the 0.2 s of the set-up that follows. A check in every tick would cost 3 % of it.
+//!
+//! The sensor's oscillator and the tick differ by up to a few percent. A slower sensor now and then has no new sample in a
+//! tick, and a faster one replaces a sample before it is read; neither is an error. A sample that arrives after the START
+//! of a burst and before INT_STATUS is read loses its flag: the one before it is used twice, and it is not used.
 //!
 //! Nothing here waits: set-up takes one step per tick, and a failed transaction is repeated in the next tick. Failures are
 //! counted; they become a fault after [`FAULT_AFTER_TICKS`] without a good reading:
@@ -10,39 +18,73 @@
 //! | failure | reaction |
 //! | --- | --- |
 //! | a transaction fails, or the sensor falls silent within one | repeat in the next tick; then [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] |
-//! | all values zero, or another divider of the sample rate (checked once a second) | the sensor lost its supply: set it up again; then [`Fault::ImuFrozen`] |
-//! | the same 14 bytes for [`FROZEN_TICKS`] | [`Fault::ImuFrozen`], and set it up again |
+//! | the configuration is not what was written, or the sensor sleeps | set it up again; then, or if it occurs [too often](LOSS), [`Fault::ImuLostConfig`] |
+//! | no new sample for [`FROZEN_TICKS`], though it is set up | [`Fault::ImuFrozen`], and set it up again |
 //! | WHO_AM_I is not 0x68 | a clone: used, and reported in the handshake |
 
-use embedded_hal::i2c::{ErrorKind, I2c};
-use embedded_hal_compat::{Reverse, ReverseCompat};
-use mpu6050::device::{self, ACC_REGX_H, WHOAMI};
-use mpu6050::{Mpu6050, Mpu6050Error};
+use core::slice;
+
+use embedded_hal::i2c::{Error, ErrorKind, I2c};
 use protocol::units::{AccelRange, GyroRange, SensorCounts, TemperatureCounts};
 use protocol::{Fault, Settings};
 
 /// Ticks without a good reading until it is a fault: more than a set-up takes, so that a short loss of the sensor's
 /// supply does not end a trial.
-pub const FAULT_AFTER_TICKS: u8 = 20;
+pub const FAULT_AFTER_TICKS: u8 = 50;
 
-/// Repetitions of the same 14 bytes until the sensor counts as frozen. A working sensor's noise changes every sample; a
-/// few repetitions are normal if it samples more slowly than the tick.
+/// Ticks without a new sample until it is set up again: a fault if it was not asleep.
 pub const FROZEN_TICKS: u8 = 20;
 
-/// Ticks from the last step of set-up to the first reading: 50 ms, where the data sheet says 30 ms for the gyroscope.
-const SETTLING_TICKS: u8 = 10;
+/// What a loss of the configuration adds to [`Imu::losses`], from which each good reading takes 1: 3 s. The third of them
+/// within 3 s of readings is a fault.
+const LOSS: u16 = 3 * protocol::TICK_HZ as u16;
 
-/// Readings between two checks of the configuration.
-const CHECK_INTERVAL: u8 = protocol::TICK_HZ;
+/// Readings between two checks of the configuration, that is, 20 ms.
+const CHECK_INTERVAL: u8 = 4;
 
-/// Divider of the sample rate.
-const SMPLRT_DIV: u8 = 0x19;
+const ADDRESS: u8 = 0x68;
 
-/// 200 samples per second from 1 kHz.
+/// Register addresses.
+mod register {
+    /// Followed by CONFIG, GYRO_CONFIG and ACCEL_CONFIG.
+    pub const SMPLRT_DIV: u8 = 0x19;
+    pub const INT_ENABLE: u8 = 0x38;
+    /// Followed by the sample, and by EXT_SENS_DATA_00.
+    pub const INT_STATUS: u8 = 0x3A;
+    pub const PWR_MGMT_1: u8 = 0x6B;
+    pub const WHO_AM_I: u8 = 0x75;
+}
+
+/// The ticks of a set-up in which it does something.
+mod tick {
+    /// Reads WHO_AM_I.
+    pub const IDENTIFY: u8 = 0;
+    /// Resets every register.
+    pub const RESET: u8 = 1;
+    /// Wakes the sensor: 100 ms later, as the register map says.
+    pub const WAKE: u8 = RESET + 20;
+    /// Writes the configuration.
+    pub const CONFIGURE: u8 = WAKE + 1;
+    /// Makes DATA_RDY work.
+    pub const ENABLE: u8 = CONFIGURE + 1;
+    /// Reads the first sample: 55 ms after waking, where the data sheet says 30 ms for the gyroscope. Set-up is over.
+    pub const SAMPLE: u8 = WAKE + 11;
+}
+
+/// Resets every register: DEVICE_RESET.
+const RESETTING: [u8; 2] = [register::PWR_MGMT_1, 0x80];
+
+/// Awake, everything on, clock from the x gyroscope, which is steadier than the internal oscillator.
+const WAKING: [u8; 2] = [register::PWR_MGMT_1, 0x01];
+
+/// Makes the sensor set DATA_RDY with each sample.
+const ENABLING: [u8; 2] = [register::INT_ENABLE, DATA_RDY];
+
+/// In INT_ENABLE and INT_STATUS. Reading INT_STATUS clears it there.
+const DATA_RDY: u8 = 0x01;
+
+/// SMPLRT_DIV: 200 samples per second from 1 kHz.
 const DIVIDER: u8 = 4;
-
-/// PWR_MGMT_1: awake, everything on, clock from the x gyroscope, which is steadier than the internal oscillator.
-const AWAKE: u8 = 0x01;
 
 /// What the bus reads while no device drives it. The register after the sample, EXT_SENS_DATA_00, is zero, and reading it
 /// too shows whether the sensor sent to the end: it acknowledges nothing while it sends.
@@ -85,18 +127,12 @@ impl From<&Settings> for Config {
     }
 }
 
-#[derive(Clone, Copy, Debug)]
-enum Phase {
-    /// The next step of set-up.
-    SetUp(u8),
-    /// Ticks until the first reading.
-    Settling(u8),
-    /// Readings until the next check of the configuration.
-    Sampling(u8),
+impl Config {
+    /// Returns the address of SMPLRT_DIV and the values of the registers from there on.
+    fn bytes(self) -> [u8; 5] {
+        [register::SMPLRT_DIV, DIVIDER, self.low_pass, (self.gyro_range as u8) << 3, (self.accel_range as u8) << 3]
+    }
 }
-
-/// Steps of [`Imu::set_up`].
-const STEPS: u8 = 6;
 
 /// Why a reading failed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -107,25 +143,22 @@ enum ReadError {
     Frozen,
 }
 
-impl<E: embedded_hal::i2c::Error> From<Mpu6050Error<E>> for ReadError {
-    fn from(error: Mpu6050Error<E>) -> Self {
-        match error {
-            Mpu6050Error::I2c(error) if !matches!(error.kind(), ErrorKind::NoAcknowledge(_)) => Self::BusStuck,
-            _ => Self::Silent,
-        }
-    }
-}
-
 /// The sensor on its bus.
 pub struct Imu<I2C> {
-    sensor: Mpu6050<Reverse<I2C>>,
-    config: Config,
-    phase: Phase,
+    bus: I2C,
+    /// SMPLRT_DIV's address and the values from there on, as they are written.
+    config: [u8; 5],
+    /// One of [`tick`], or between two of them.
+    tick: u8,
     id: u8,
-    /// The last sample, raw.
-    sample: [u8; 14],
-    repeats: u8,
+    /// Readings until the next check of the configuration.
+    unchecked: u8,
+    /// INT_STATUS, the last sample, and the byte after it.
+    burst: [u8; 16],
+    /// Ticks since the last good reading.
     silence: u8,
+    /// Rises by [`LOSS`] with each loss of the configuration.
+    losses: u16,
     fault: Fault,
     errors: u16,
 }
@@ -134,13 +167,14 @@ impl<I2C: I2c> Imu<I2C> {
     /// Returns a sensor that is not yet set up.
     pub fn new(bus: I2C) -> Self {
         Self {
-            sensor: Mpu6050::new(bus.reverse()),
-            config: Config::from(&Settings::DEFAULT),
-            phase: Phase::SetUp(0),
+            bus,
+            config: Config::from(&Settings::DEFAULT).bytes(),
+            tick: 0,
             id: 0,
-            sample: [0; 14],
-            repeats: 0,
+            unchecked: 0,
+            burst: [0; 16],
             silence: 0,
+            losses: 0,
             fault: Fault::None,
             errors: 0,
         }
@@ -148,34 +182,22 @@ impl<I2C: I2c> Imu<I2C> {
 
     /// Sets the configuration; the sensor is set up again if it differs.
     pub fn configure(&mut self, config: Config) {
+        let config = config.bytes();
         if self.config != config {
             self.config = config;
-            self.phase = Phase::SetUp(0);
+            self.tick = 0;
         }
     }
 
-    /// Takes all steps of set-up at once; if one fails, [`Imu::poll`] continues.
-    pub fn set_up_now(&mut self) {
-        for _ in 0..STEPS {
-            self.poll();
-        }
-    }
-
-    /// Does one tick's work: reads a sample, or takes a step of set-up. Returns whether there is a new [`Imu::reading`].
+    /// Does one tick's work: reads a sample, or takes a step of set-up; the first one reads [`Imu::id`]. Returns whether
+    /// there is a new [`Imu::reading`].
     #[inline(never)]
     pub fn poll(&mut self) -> bool {
-        let outcome = match self.phase {
-            Phase::SetUp(step) => self.set_up(step),
-            Phase::Settling(ticks) => {
-                self.phase = if ticks > 1 { Phase::Settling(ticks - 1) } else { Phase::Sampling(CHECK_INTERVAL) };
-                Ok(false)
-            }
-            Phase::Sampling(checked) => self.sample(checked),
-        };
         self.silence = self.silence.saturating_add(1);
-        match outcome {
+        match self.step() {
             Ok(true) => {
                 self.silence = 0;
+                self.losses = self.losses.saturating_sub(1);
                 self.fault = Fault::None;
                 return true;
             }
@@ -185,19 +207,16 @@ impl<I2C: I2c> Imu<I2C> {
         false
     }
 
-    /// Returns the last sample.
+    /// Returns the sample, after [`Imu::poll`] has returned `true`.
     #[inline(never)]
     pub fn reading(&self) -> Reading {
-        Reading { accel: self.triple(0), temperature: TemperatureCounts(self.word(6)), gyro: self.triple(8) }
-    }
-
-    #[inline(never)]
-    fn triple(&self, place: usize) -> [SensorCounts; 3] {
-        [0, 2, 4].map(|offset| SensorCounts(self.word(place + offset)))
-    }
-
-    fn word(&self, place: usize) -> i16 {
-        i16::from_be_bytes([self.sample[place], self.sample[place + 1]])
+        let [_, sample @ .., _] = &self.burst;
+        let word = |place: usize| i16::from_be_bytes([sample[2 * place], sample[2 * place + 1]]);
+        Reading {
+            accel: [SensorCounts(word(0)), SensorCounts(word(1)), SensorCounts(word(2))],
+            temperature: TemperatureCounts(word(3)),
+            gyro: [SensorCounts(word(4)), SensorCounts(word(5)), SensorCounts(word(6))],
+        }
     }
 
     /// Returns WHO_AM_I; 0 if no sensor answered.
@@ -215,66 +234,109 @@ impl<I2C: I2c> Imu<I2C> {
         self.errors
     }
 
-    /// Takes one step of set-up. `Mpu6050::init` does the same in one call, but waits 100 ms and refuses clones.
     #[inline(never)]
-    fn set_up(&mut self, step: u8) -> Result<bool, ReadError> {
-        let Config { gyro_range, accel_range, low_pass } = self.config;
-        let (register, value) = match step {
-            0 => (device::PWR_MGMT_1::ADDR, AWAKE),
-            1 => (device::ACCEL_CONFIG::ADDR, (accel_range as u8) << 3),
-            2 => (device::GYRO_CONFIG::ADDR, (gyro_range as u8) << 3),
-            3 => (device::CONFIG::ADDR, low_pass),
-            4 => (SMPLRT_DIV, DIVIDER),
-            _ => {
-                self.id = self.sensor.read_byte(WHOAMI)?;
-                self.phase = Phase::Settling(SETTLING_TICKS);
-                return Ok(false);
-            }
-        };
-        self.sensor.write_byte(register, value)?;
-        self.phase = Phase::SetUp(step + 1);
+    fn step(&mut self) -> Result<bool, ReadError> {
+        match self.tick {
+            tick::IDENTIFY => read(&mut self.bus, register::WHO_AM_I, slice::from_mut(&mut self.id))?,
+            tick::RESET => write(&mut self.bus, &RESETTING)?,
+            tick::WAKE => write(&mut self.bus, &WAKING)?,
+            tick::CONFIGURE => write(&mut self.bus, &self.config)?,
+            tick::ENABLE => write(&mut self.bus, &ENABLING)?,
+            tick::SAMPLE => return self.sample(),
+            _ => {}
+        }
+        self.tick += 1;
         Ok(false)
     }
 
+    /// Returns whether there is a new sample.
     #[inline(never)]
-    fn sample(&mut self, checked: u8) -> Result<bool, ReadError> {
-        // A loss of supply clears the whole configuration; the divider is the part of it that is never zero.
-        if checked == 0 && self.sensor.read_byte(SMPLRT_DIV)? != DIVIDER {
-            return Err(ReadError::LostConfig);
-        }
-        self.phase = Phase::Sampling(if checked == 0 { CHECK_INTERVAL } else { checked - 1 });
-        let mut bytes = [0; 15];
-        self.sensor.read_bytes(ACC_REGX_H, &mut bytes)?;
-        let [sample @ .., after] = &bytes;
-        if *after == SILENCE {
+    fn sample(&mut self) -> Result<bool, ReadError> {
+        read(&mut self.bus, register::INT_STATUS, &mut self.burst)?;
+        let [status, .., after] = self.burst;
+        if after == SILENCE {
             return Err(ReadError::Silent);
         }
-        // Accelerometer and gyroscope never read exactly zero on six axes: these are the registers of a sleeping sensor.
-        if sample.iter().all(|byte| *byte == 0) {
+        self.check_config()?;
+        let is_new = status & DATA_RDY != 0;
+        if !is_new && self.silence >= FROZEN_TICKS {
+            return Err(self.reason()?);
+        }
+        Ok(is_new)
+    }
+
+    /// Returns why there are no new samples.
+    #[inline(never)]
+    fn reason(&mut self) -> Result<ReadError, ReadError> {
+        let is_set_up = self.holds(WAKING)? && self.holds(ENABLING)?;
+        Ok(if is_set_up { ReadError::Frozen } else { ReadError::LostConfig })
+    }
+
+    #[inline(never)]
+    fn holds(&mut self, [register, value]: [u8; 2]) -> Result<bool, ReadError> {
+        let mut found = 0;
+        read(&mut self.bus, register, slice::from_mut(&mut found))?;
+        Ok(found == value)
+    }
+
+    fn check_config(&mut self) -> Result<(), ReadError> {
+        if self.unchecked > 0 {
+            self.unchecked -= 1;
+            return Ok(());
+        }
+        let [first, config @ ..] = &self.config;
+        let mut found = [0; 4];
+        read(&mut self.bus, *first, &mut found)?;
+        if found != *config {
             return Err(ReadError::LostConfig);
         }
-        self.repeats = if *sample == self.sample { self.repeats.saturating_add(1) } else { 0 };
-        self.sample = *sample;
-        if self.repeats >= FROZEN_TICKS { Err(ReadError::Frozen) } else { Ok(true) }
+        self.unchecked = CHECK_INTERVAL - 1;
+        Ok(())
     }
 
     fn handle_error(&mut self, error: ReadError) {
         self.errors = self.errors.wrapping_add(1);
         let is_overdue = self.silence >= FAULT_AFTER_TICKS;
-        if is_overdue || error == ReadError::Frozen {
+        let is_repeated = match error {
+            ReadError::LostConfig => {
+                self.losses = self.losses.saturating_add(LOSS);
+                self.losses > 2 * LOSS
+            }
+            error => error == ReadError::Frozen,
+        };
+        if is_overdue || is_repeated {
             self.fault = match error {
                 ReadError::Silent => Fault::ImuSilent,
                 ReadError::BusStuck => Fault::ImuBusStuck,
-                ReadError::LostConfig | ReadError::Frozen => Fault::ImuFrozen,
+                ReadError::LostConfig => Fault::ImuLostConfig,
+                ReadError::Frozen => Fault::ImuFrozen,
             };
         }
-        match self.phase {
+        if self.tick < tick::SAMPLE {
             // The sensor may be gone.
-            Phase::SetUp(_) => self.id = 0,
+            self.id = 0;
+        } else if matches!(error, ReadError::Silent | ReadError::BusStuck) && !is_overdue {
             // One failed transaction does not mean that the sensor's registers changed.
-            _ if matches!(error, ReadError::Silent | ReadError::BusStuck) && !is_overdue => return,
-            _ => {}
+            return;
         }
-        self.phase = Phase::SetUp(0);
+        self.tick = 0;
+    }
+}
+
+#[inline(never)]
+fn read<I2C: I2c>(bus: &mut I2C, register: u8, bytes: &mut [u8]) -> Result<(), ReadError> {
+    bus.write_read(ADDRESS, &[register], bytes).map_err(error)
+}
+
+/// Writes registers: the address of the first one, then their values.
+#[inline(never)]
+fn write<I2C: I2c>(bus: &mut I2C, bytes: &[u8]) -> Result<(), ReadError> {
+    bus.write(ADDRESS, bytes).map_err(error)
+}
+
+fn error(error: impl Error) -> ReadError {
+    match error.kind() {
+        ErrorKind::NoAcknowledge(_) => ReadError::Silent,
+        _ => ReadError::BusStuck,
     }
 }

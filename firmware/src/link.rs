@@ -4,15 +4,16 @@
 use heapless::spsc::Producer;
 use protocol::frame::{self, Accumulator, MAX_FRAME};
 use protocol::units::{Count, Micros};
-use protocol::{Command, Message, Refusal, Request, TICK_HZ, Telemetry};
+use protocol::{Command, MessageRef, Refusal, Request, TICK_HZ, Telemetry};
 
-/// Size of the outbox: two frames of telemetry and the longest answer. One place of a queue stays empty.
-pub const OUTBOX: usize = 224;
+/// Size of the outbox: two frames of telemetry and some short answers. One place of a queue stays empty.
+pub const OUTBOX: usize = 256;
 
-/// Length of a frame of telemetry, of the longest answer, and of the longest of the other answers.
+/// Lengths of frames: telemetry, and the longest answer to some requests.
 const TELEMETRY: usize = 71;
 const SETTINGS: usize = 60;
-const OTHERS: usize = 29;
+const INFO: usize = 29;
+const PONG: usize = 11;
 
 /// Bytes to send; the serial port's interrupt takes them.
 pub type Outbox<'a> = Producer<'a, u8, OUTBOX>;
@@ -54,7 +55,6 @@ pub enum Answer {
 }
 
 impl From<Result<(), Refusal>> for Answer {
-    #[inline(never)]
     fn from(outcome: Result<(), Refusal>) -> Self {
         match outcome {
             Ok(()) => Self::Done,
@@ -78,14 +78,18 @@ impl Link {
         }
     }
 
-    /// Takes a byte from the host; returns the request that it ends. `arrived` is the time of the byte.
-    #[inline(never)]
-    pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<Request> {
+    /// Returns the room for a frame, while no byte has come from the host.
+    pub fn accumulator(&mut self) -> &mut Accumulator {
+        &mut self.accumulator
+    }
+
+    /// Takes a byte from the host; returns the payload of the frame that it ends. `arrived` is the time of the byte.
+    pub fn receive(&mut self, byte: u8, arrived: Micros) -> Option<&[u8]> {
         match self.accumulator.push_for_payload(byte)? {
             Ok(payload) => {
                 // An intact frame of another protocol also shows that the host is alive.
                 self.heard = arrived;
-                frame::read(payload).ok()
+                Some(payload)
             }
             Err(_) => {
                 self.bad_frames = self.bad_frames.wrapping_add(1);
@@ -118,18 +122,22 @@ impl Link {
 
     /// Returns whether the answer to `command` fits into the outbox beside the next frame of telemetry.
     pub fn has_room(&self, command: &Command, outbox: &Outbox) -> bool {
-        let answer = if matches!(command, Command::ReadSettings) { SETTINGS } else { OTHERS };
+        let answer = match command {
+            Command::ReadSettings => SETTINGS,
+            Command::Hello | Command::ReadCalibration | Command::ReadFault { .. } => INFO,
+            _ => PONG,
+        };
         outbox.capacity() - outbox.len() >= TELEMETRY + answer
     }
 
     /// Sends an answer. Without room it is dropped: the host repeats the request.
-    pub fn send(message: &Message, outbox: &mut Outbox) {
+    pub fn send(message: &MessageRef, outbox: &mut Outbox) {
         enqueue(message, outbox);
     }
 
-    /// Returns whether the host has been silent for longer than `deadline_ms`.
-    pub fn is_silent(&self, now: Micros, deadline_ms: u16) -> bool {
-        now.since(self.heard) > u32::from(deadline_ms) * 1000
+    /// Returns whether the host has been silent for longer than `deadline_us`.
+    pub fn is_silent(&self, now: Micros, deadline_us: u32) -> bool {
+        now.since(self.heard) > deadline_us
     }
 
     /// Starts a stream of `rate_hz` frames per second, or ends it with 0.
@@ -161,13 +169,12 @@ impl Link {
 
     /// Sends a frame of the stream, with the link's counts filled in.
     #[inline(never)]
-    pub fn stream(&mut self, telemetry: &Telemetry, outbox: &mut Outbox) {
-        let mut telemetry = *telemetry;
+    pub fn stream(&mut self, telemetry: &mut Telemetry, outbox: &mut Outbox) {
         telemetry.seq = Count(self.seq);
         telemetry.unsent = Count(self.unsent);
         telemetry.bad_frames = Count(self.bad_frames);
         self.seq = self.seq.wrapping_add(1);
-        if !enqueue(&Message::Telemetry(telemetry), outbox) {
+        if !enqueue(&MessageRef::Telemetry(telemetry), outbox) {
             self.unsent = self.unsent.wrapping_add(1);
         }
     }
@@ -181,7 +188,7 @@ impl Default for Link {
 
 /// Puts a message into the outbox if all of its frame fits; returns whether it did.
 #[inline(never)]
-fn enqueue(message: &Message, outbox: &mut Outbox) -> bool {
+fn enqueue(message: &MessageRef, outbox: &mut Outbox) -> bool {
     let mut buffer = [0; MAX_FRAME];
     let Ok(frame) = frame::encode(message, &mut buffer) else { return false };
     let fits = frame.len() <= outbox.capacity() - outbox.len();

@@ -33,7 +33,7 @@ mod nano {
     static MARKER: [u8; 26] = marker();
 
     /// Not on the stack, where each access beyond 63 bytes takes five more instructions.
-    static mut APP: MaybeUninit<App<Twi, Pin, Pwm, Eeprom>> = MaybeUninit::uninit();
+    static mut APP: MaybeUninit<Firmware> = MaybeUninit::uninit();
 
     const HASH: &[u8; 8] = match env!("BIFLAG_GIT_HASH").as_bytes().first_chunk() {
         Some(digits) => digits,
@@ -43,21 +43,10 @@ mod nano {
     const BUILD: Build =
         Build { git_hash: hash_bytes(), git_dirty: matches!(env!("BIFLAG_GIT_DIRTY").as_bytes(), b"1") };
 
+    type Firmware = App<Twi, Pin, Pwm, Eeprom>;
+
     #[avr_device::entry]
     fn main() -> ! {
-        // SAFETY: interrupts are off, and this is the only call.
-        let (inbox, outbox, supply) = unsafe { set_up() };
-        // SAFETY: `set_up` has made it, and only this loop uses it.
-        let app = unsafe { (*(&raw mut APP)).assume_init_mut() };
-        run(app, inbox, outbox, supply)
-    }
-
-    /// Sets up everything, the interrupts last. A function of its own, so that the loop has a short stack.
-    ///
-    /// # Safety
-    /// Only once, and with interrupts off.
-    #[inline(never)]
-    unsafe fn set_up() -> (Inbox, Outbox<'static>, SupplyMonitor) {
         // SAFETY: this is the only place that takes the peripherals. `take` would refuse after a start by a jump.
         let peripherals = unsafe { Peripherals::steal() };
         let mcusr = crash::take_reset_flags(&peripherals.CPU);
@@ -65,10 +54,9 @@ mod nano {
         // Without a use, the linker drops it.
         core::hint::black_box(&raw const MARKER);
         let crash = crash::take_record(&peripherals.CPU);
-        let start = Start { crash, program_counter: crash::program_counter(crash), mcusr };
-
         // SAFETY: this runs once, and interrupts are off.
         let (inbox, outbox) = unsafe { serial::start(&peripherals.USART0) };
+<<<<<<< HEAD
         encoders::pull_up(&peripherals.PORTD);
         let motors = outputs::motors((peripherals.TC0, peripherals.TC2), (peripherals.PORTB, peripherals.PORTD));
         let bus = Twi::new(peripherals.TWI, peripherals.PORTC);
@@ -77,20 +65,33 @@ mod nano {
         app.start(start);
 
         encoders::start(&peripherals.EXINT);
+=======
+        encoders::start(&peripherals.EXINT, &peripherals.PORTD);
+        make_app();
+        // SAFETY: `make_app` has made it, and only this function uses it.
+        let app = unsafe { (*(&raw mut APP)).assume_init_mut() };
+        app.start(Start { crash, program_counter: crash::program_counter(crash), mcusr });
+>>>>>>> emulator
         clock::start(&peripherals.TC1);
         clock::enable_sleep(&peripherals.CPU);
         crash::start_watchdog(&peripherals.WDT);
         // SAFETY: everything that interrupts use is set up.
         unsafe { interrupt::enable() };
-        (inbox, outbox, SupplyMonitor::new(peripherals.ADC))
+        run(app, inbox, outbox, SupplyMonitor::new(peripherals.ADC))
     }
 
-    fn run(
-        app: &mut App<Twi, Pin, Pwm, Eeprom>,
-        mut inbox: Inbox,
-        mut outbox: Outbox<'static>,
-        mut supply: SupplyMonitor,
-    ) -> ! {
+    /// Makes the application. A function of its own, so that nothing else is called from its large frame.
+    #[inline(never)]
+    fn make_app() {
+        // SAFETY: called once, from `main`, which does not use these peripherals.
+        let Peripherals { TC0, TC2, PORTB, PORTC, PORTD, TWI, EEPROM, .. } = unsafe { Peripherals::steal() };
+        let motors = outputs::motors((TC0, TC2), (PORTB, PORTD));
+        let app = App::new(Twi::new(TWI, PORTC), motors, Eeprom::new(EEPROM), BUILD);
+        // SAFETY: nothing else uses the place yet.
+        unsafe { (*(&raw mut APP)).write(app) };
+    }
+
+    fn run(app: &mut Firmware, mut inbox: Inbox, mut outbox: Outbox<'static>, mut supply: SupplyMonitor) -> ! {
         loop {
             app.watch_link(clock::now());
             let due = clock::take_due();

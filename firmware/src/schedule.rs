@@ -43,7 +43,6 @@ impl Schedule {
 
     /// Starts the first `count` set-points, with tick 0 at the time `at`; returns false if they are not a schedule or the
     /// time is not in the near future.
-    #[inline(never)]
     pub fn start(&mut self, count: u8, at: Micros, now: Micros) -> bool {
         let Some(points) = self.points.get(..usize::from(count)) else { return false };
         let is_schedule = points.last().is_some_and(|last| !is_motion(last))
@@ -68,13 +67,11 @@ impl Schedule {
     }
 
     /// Returns whether a motor will turn after this set-point.
-    #[inline(never)]
     pub fn will_move(&self) -> bool {
         self.is_active() && self.points[usize::from(self.begun)..usize::from(self.count)].iter().any(is_motion)
     }
 
     /// Advances by the `ticks` that have passed, at the time `now`; returns the set-point that begins, if one does.
-    #[inline(never)]
     pub fn advance(&mut self, ticks: u8, now: Micros) -> Option<SetPoint> {
         let tick = match self.progress {
             Progress::Idle => return None,

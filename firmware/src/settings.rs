@@ -65,15 +65,18 @@ impl<S: Storage> Store<S> {
         Self { storage, writes: None, entry: None }
     }
 
-    /// Returns the saved settings, or `None` if there are no valid ones. `accumulator` has room for the frame.
+    /// Replaces `settings`, which are the defaults, by the saved ones; returns false if there are no valid ones.
+    /// `accumulator` has room for the frame.
     #[inline(never)]
-    pub fn load(&mut self, accumulator: &mut Accumulator) -> Option<Settings> {
+    pub fn load(&mut self, accumulator: &mut Accumulator, settings: &mut Settings) -> bool {
         for address in SETTINGS_ADDRESS..SETTINGS_ADDRESS + MAX_FRAME as u16 {
             if let Some(payload) = accumulator.push_for_payload(self.storage.read(address)) {
-                return payload.ok().and_then(unpack);
+                return payload.ok().and_then(|payload| unpack(payload, settings)).is_some();
             }
         }
-        None
+        // A blank memory has no end of a frame, and the accumulator is to be empty for the next user.
+        let _ = accumulator.push_for_payload(0);
+        false
     }
 
     /// Begins a save.
@@ -96,7 +99,6 @@ impl<S: Storage> Store<S> {
     /// Advances by one tick, which writes at most one byte: of the fault log first, then of a save. A save finds the first
     /// byte that differs from `settings`, so it is complete only when all of it has been read back, and follows settings
     /// that change meanwhile.
-    #[inline(never)]
     pub fn step(&mut self, settings: &Settings) -> Saving {
         if let Some(entry) = &mut self.entry {
             if entry.step(&mut self.storage) {
@@ -119,7 +121,6 @@ impl<S: Storage> Store<S> {
     }
 
     /// Counts a start and returns the number of starts; stays at 65534.
-    #[inline(never)]
     pub fn count_start(&mut self) -> u16 {
         let mut count = 0;
         for place in 0..COUNTS {
@@ -138,13 +139,11 @@ impl<S: Storage> Store<S> {
         count
     }
 
-    #[inline(never)]
     fn read_count(&mut self, place: u16) -> u16 {
         let address = address_of(place);
         u16::from_le_bytes([self.storage.read(address), self.storage.read(address + 1)])
     }
 
-    #[inline(never)]
     fn change(&mut self, address: u16, byte: u8) {
         if self.storage.read(address) != byte {
             self.storage.write(address, byte);
@@ -152,15 +151,23 @@ impl<S: Storage> Store<S> {
     }
 }
 
-/// Returns the settings in a stored frame's payload.
+/// Replaces `settings` by those in a stored frame's payload, or by the defaults if they are not valid.
 #[inline(never)]
-fn unpack(payload: &[u8]) -> Option<Settings> {
+fn unpack(payload: &[u8], settings: &mut Settings) -> Option<()> {
     let (&[layout, TAG], stored) = payload.split_first_chunk()? else { return None };
     let length = *LENGTHS.get(usize::from(layout).checked_sub(1)?)?;
     let mut bytes = [0; LENGTH];
     postcard::to_slice(&Settings::DEFAULT, &mut bytes).ok()?;
-    (stored.len() == length).then(|| bytes[..length].copy_from_slice(stored))?;
-    postcard::from_bytes(&bytes).ok().filter(Settings::is_valid)
+    if stored.len() != length {
+        return None;
+    }
+    bytes[..length].copy_from_slice(stored);
+    *settings = postcard::from_bytes(&bytes).ok()?;
+    if !settings.is_valid() {
+        *settings = Settings::DEFAULT;
+        return None;
+    }
+    Some(())
 }
 
 fn address_of(place: u16) -> u16 {
@@ -175,7 +182,8 @@ mod tests {
     use protocol::units::{Micros, Millivolts};
 
     fn load(memory: &Memory) -> Option<Settings> {
-        Store::new(memory.clone()).load(&mut Accumulator::new())
+        let mut settings = Settings::DEFAULT;
+        Store::new(memory.clone()).load(&mut Accumulator::new(), &mut settings).then_some(settings)
     }
 
     fn save(memory: &Memory, settings: &Settings) -> (Saving, u32) {

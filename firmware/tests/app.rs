@@ -6,8 +6,11 @@ use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
 use firmware::app::Start;
 use firmware::fault::Crash;
 use protocol::frame::{MAX_FRAME, encode};
-use protocol::units::{AxisMap, CentiRpm, Count, Duty, EncoderCounts, GyroRange, Micros, SensorCounts};
-use protocol::{Calibration, Command, Fault, Refusal, Reply, ResetCause, Settings, State, VERSION};
+use protocol::units::{AxisMap, CentiRpm, Count, Duty, EncoderCounts, GyroRange, Micros, Millivolts, SensorCounts};
+use protocol::{
+    Calibration, Command, Fault, FaultRecord, MAX_DRIVE_MS, Refusal, Reply, ResetCause, SetPoint, Settings, State,
+    VERSION,
+};
 use robot::{Bench, TICK_US, World};
 
 const OFF: [CentiRpm; 2] = [CentiRpm(0); 2];
@@ -90,9 +93,9 @@ fn frames_are_numbered_and_the_unsent_ones_counted() {
     bench.deliver();
     bench.ticks(2);
     let seq: Vec<_> = bench.telemetry.iter().map(|frame| frame.seq.0).collect();
-    // The queue holds three frames; two did not fit.
-    assert_eq!(seq, [0, 1, 2, 3, 4, 5, 8, 9]);
-    assert_eq!(bench.telemetry.last().unwrap().unsent, Count(2));
+    // The queue holds two frames; three did not fit.
+    assert_eq!(seq, [0, 1, 2, 3, 4, 8, 9]);
+    assert_eq!(bench.telemetry.last().unwrap().unsent, Count(3));
 }
 
 #[test]
@@ -341,7 +344,7 @@ fn settings_are_applied_but_not_while_the_motors_turn() {
     let settings = Settings { board_id: 4711, gyro_range: GyroRange::Dps1000, low_pass: 5, ..Settings::DEFAULT };
     assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
     assert_eq!(bench.ask(Command::ReadSettings), Reply::Settings(settings));
-    bench.ticks(20);
+    bench.ticks(40);
     bench.world.change(|state| {
         assert_eq!((state.registers[0x1B], state.registers[0x1A], state.registers[0x19]), (0b1_0000, 5, 4));
     });
@@ -405,16 +408,16 @@ fn a_lost_sensor_stops_the_motors_and_cannot_be_cleared_until_it_is_back() {
     for (error, fault) in [(NACK, Fault::ImuSilent), (ErrorKind::Bus, Fault::ImuBusStuck)] {
         let mut bench = running();
         bench.world.change(|state| state.bus_error = Some(error));
-        bench.ticks(19);
+        bench.ticks(49);
         let frame = *bench.telemetry.last().unwrap();
-        assert_eq!((frame.fault, frame.imu_fresh, frame.imu_errors), (Fault::None, false, Count(19)));
+        assert_eq!((frame.fault, frame.imu_fresh, frame.imu_errors), (Fault::None, false, Count(49)));
         assert!(!bench.world.is_off());
         bench.ticks(1);
         assert!(bench.world.is_off());
         assert_eq!(bench.look().fault, fault);
         assert_eq!(bench.ask(Command::ClearFault), Reply::Refused(Refusal::Faulted));
         bench.world.change(|state| state.bus_error = None);
-        bench.ticks(20);
+        bench.ticks(40);
         assert_eq!(bench.look().fault, fault, "it lasts until it is cleared");
         assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
         let frame = bench.look();
@@ -440,7 +443,7 @@ fn a_fault_ends_a_calibration() {
     let mut bench = streaming();
     bench.ask(Command::CalibrateGyro { duration_ms: 5000 });
     bench.world.change(|state| state.bus_error = Some(NACK));
-    bench.ticks(25);
+    bench.ticks(55);
     assert_eq!(bench.look().state, State::Faulted);
     assert_eq!(bench.ask(Command::ReadCalibration), Reply::Calibration(Calibration::default()));
 }
@@ -475,4 +478,190 @@ fn the_clock_may_wrap_while_the_motors_turn() {
     assert!((frame.speed[0].rpm() - 59.8).abs() < 0.1 && frame.time.0 < 2_000_000);
     bench.ticks(120);
     assert_eq!(bench.look().fault, Fault::LinkLost);
+}
+
+/// Sends set-points of preroll, run, reversal, decay and end, 40 ticks each, and starts them 20 ticks from now.
+fn start_trial(bench: &mut Bench) {
+    let reversed = TURN.map(|speed| CentiRpm(-speed.0));
+    let points = [(0, OFF, 1), (40, TURN, 2), (80, reversed, 2), (120, OFF, 3), (160, OFF, 4)];
+    for (index, (tick, speeds, phase)) in points.into_iter().enumerate() {
+        let point = SetPoint { tick, speeds, phase };
+        assert_eq!(bench.ask(Command::SetPoint { index: index as u8, point }), Reply::Done);
+    }
+    let at = Micros(bench.now.wrapping_add(20 * TICK_US - TICK_US / 2));
+    assert_eq!(bench.ask(Command::StartSchedule { count: 5, at }), Reply::Done);
+}
+
+/// Runs ticks with a ping before each; returns the tick, phase and target of each frame whose phase or target is new.
+fn changes(bench: &mut Bench, ticks: u32) -> Vec<(u32, u8, [CentiRpm; 2])> {
+    let mut changes: Vec<(u32, u8, [CentiRpm; 2])> = vec![];
+    for tick in 1..=ticks {
+        bench.ask(Command::Ping);
+        let frame = bench.look();
+        let now = (frame.phase, frame.target);
+        if changes.last().is_none_or(|(_, phase, target)| (*phase, *target) != now) {
+            changes.push((tick, now.0, now.1));
+        }
+    }
+    changes
+}
+
+#[test]
+fn a_trial_runs_by_the_boards_ticks_and_ends_by_itself() {
+    let mut bench = streaming();
+    start_trial(&mut bench);
+    bench.speed = [0, 0];
+    let reversed = TURN.map(|speed| CentiRpm(-speed.0));
+    let expected = [(1, 0, OFF), (20, 1, OFF), (60, 2, TURN), (100, 2, reversed), (140, 3, OFF), (180, 4, OFF)];
+    assert_eq!(changes(&mut bench, 200), expected);
+    assert!(bench.world.is_off());
+    assert_eq!(bench.look().state, State::Idle);
+    // A stop, and a new speed, end what is reported of the schedule.
+    assert_eq!(bench.ask(Command::Stop), Reply::Done);
+    assert_eq!(bench.look().phase, 0);
+}
+
+#[test]
+fn a_silent_host_ends_a_trial_before_its_motors_start_and_not_after_they_stopped() {
+    let mut bench = streaming();
+    start_trial(&mut bench);
+    bench.ticks(110);
+    assert_eq!(bench.look().fault, Fault::LinkLost);
+    bench.ticks(200);
+    assert!(bench.world.is_off());
+
+    let mut bench = streaming();
+    start_trial(&mut bench);
+    changes(&mut bench, 145);
+    bench.ticks(300);
+    assert_eq!((bench.look().fault, bench.look().phase), (Fault::None, 4));
+}
+
+#[test]
+fn a_trial_excludes_other_orders_for_the_motors() {
+    let mut bench = streaming();
+    start_trial(&mut bench);
+    let running = Reply::Refused(Refusal::Running);
+    let point = SetPoint { tick: 0, speeds: OFF, phase: 1 };
+    for command in [
+        Command::SetSpeeds(TURN),
+        Command::SetPoint { index: 0, point },
+        Command::StartSchedule { count: 1, at: Micros(bench.now) },
+        Command::Drive { duty: [Duty(50); 2], duration_ms: 100 },
+        Command::CalibrateGyro { duration_ms: 100 },
+        Command::WriteSettings(Settings::DEFAULT),
+    ] {
+        assert_eq!(bench.ask(command), running, "{command:?}");
+    }
+    assert_eq!(bench.ask(Command::Stop), Reply::Done);
+    assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
+}
+
+#[test]
+fn a_fault_ends_a_trial() {
+    let mut bench = streaming();
+    start_trial(&mut bench);
+    changes(&mut bench, 70);
+    bench.world.change(|state| state.bus_error = Some(NACK));
+    changes(&mut bench, 30);
+    assert_eq!(bench.look().fault, Fault::ImuSilent);
+    bench.world.change(|state| state.bus_error = None);
+    changes(&mut bench, 100);
+    assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
+    changes(&mut bench, 100);
+    assert!(bench.world.is_off() && bench.look().phase == 0);
+}
+
+#[test]
+fn an_open_loop_drive_ends_by_itself_and_needs_the_host() {
+    let mut bench = streaming();
+    let drive = |duration_ms| Command::Drive { duty: [Duty(60), Duty(-255)], duration_ms };
+    assert_eq!(bench.ask(drive(100)), Reply::Done);
+    assert_eq!(bench.world.change(|state| state.duty), [60, 255]);
+    let frame = bench.look();
+    assert_eq!((frame.state, frame.duty), (State::Driving, [Duty(60), Duty(-255)]));
+    let ticks = (1..100).find(|_| {
+        bench.tick();
+        bench.world.is_off()
+    });
+    assert_eq!(ticks, Some(20));
+    assert_eq!(bench.look().state, State::Idle);
+
+    for (duty, duration_ms) in [(Duty(256), 100), (Duty(i16::MIN), 100), (Duty(9), 0), (Duty(9), MAX_DRIVE_MS + 1)] {
+        let command = Command::Drive { duty: [Duty(0), duty], duration_ms };
+        assert_eq!(bench.ask(command), Reply::Refused(Refusal::OutOfRange));
+    }
+
+    assert_eq!(bench.ask(drive(MAX_DRIVE_MS)), Reply::Done);
+    bench.ticks(105);
+    assert!(bench.world.is_off());
+    assert_eq!(bench.look().fault, Fault::LinkLost);
+}
+
+#[test]
+fn a_low_supply_stops_the_motors_and_cannot_be_cleared_while_it_lasts() {
+    let mut bench = running();
+    bench.bandgap_counts = Some(225);
+    assert_eq!(bench.look().supply, Millivolts(5006));
+    // 4.28 V
+    bench.bandgap_counts = Some(263);
+    bench.ticks(2);
+    assert!(bench.world.is_off());
+    assert_eq!(bench.look().fault, Fault::SupplyLow);
+    assert_eq!(bench.ask(Command::ClearFault), Reply::Refused(Refusal::Faulted));
+    bench.bandgap_counts = Some(225);
+    bench.tick();
+    assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
+}
+
+#[test]
+fn the_fault_log_tells_what_happened_before_a_reset() {
+    let mut bench = running();
+    let speed = bench.look().speed;
+    bench.ticks(200);
+    assert_eq!(bench.look().fault, Fault::LinkLost);
+    bench.ticks(30);
+    let crash = Start { crash: Some(Crash::Hang), program_counter: 0x1234, ..Start::default() };
+    let mut bench = Bench::start(bench.world, crash);
+    bench.ticks(30);
+    let mut entry = |index| match bench.ask(Command::ReadFault { index }) {
+        Reply::FaultRecord(record) => record,
+        other => panic!("{other:?}"),
+    };
+    let (hang, lost) = (entry(0), entry(1));
+    assert_eq!((hang.boot, hang.fault, hang.program_counter), (2, Fault::Hang, 0x1234));
+    assert_eq!((lost.boot, lost.fault, lost.program_counter), (1, Fault::LinkLost, 0));
+    assert_eq!(lost.speed.map(|speed| speed.0.signum()), speed.map(|speed| speed.0.signum()));
+    assert!(lost.duty[0].0 > 0 && lost.duty[1].0 < 0 && lost.time.0 > 500_000, "{lost:?}");
+    assert_eq!(entry(2), FaultRecord::default());
+    assert_eq!(bench.ask(Command::ReadFault { index: 8 }), Reply::Refused(Refusal::OutOfRange));
+}
+
+#[test]
+fn a_reading_at_the_end_of_its_range_is_counted() {
+    let mut bench = streaming();
+    bench.ticks(5);
+    let before = bench.look().clipped.0;
+    bench.world.set_sample([0, 0, 16384], [i16::MIN, 0, 0]);
+    bench.ticks(7);
+    bench.world.set_sample([0, i16::MAX, 16384], [0, 0, 0]);
+    bench.ticks(3);
+    bench.world.set_sample([0, i16::MAX - 1, 16384], [0, 0, 0]);
+    assert_eq!(bench.look().clipped.0 - before, 10);
+}
+
+#[test]
+fn a_request_without_room_for_its_answer_is_dropped_and_feeds_the_deadline() {
+    let mut bench = running();
+    // The line takes nothing: the outbox fills with telemetry.
+    for _ in 0..3 {
+        bench.tick_unsent(0);
+    }
+    for seq in 0..120 {
+        bench.receive(seq, Command::SetSpeeds([CentiRpm(0), CentiRpm(100)]));
+        bench.tick_unsent(0);
+    }
+    bench.deliver();
+    let frame = bench.look();
+    assert_eq!((frame.fault, frame.target), (Fault::None, TURN), "dropped requests have no effect");
 }

@@ -10,41 +10,64 @@ const ADDRESS: u8 = 0x68;
 const NACK: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
 const CONFIG: Config = Config { gyro_range: GyroRange::Dps500, accel_range: AccelRange::G8, low_pass: 3 };
 
-/// Steps of set-up, one per tick.
-const STEPS: usize = 6;
+/// Ticks from the start of set-up to the first reading.
+const SET_UP_TICKS: usize = 32;
 
-/// Ticks from the end of set-up to the first reading.
-const SETTLING_TICKS: usize = 10;
+/// Readings between two checks of the configuration.
+const CHECK_INTERVAL: usize = 4;
 
-fn write(register: u8, value: u8) -> Transaction {
-    Transaction::write(ADDRESS, vec![register, value])
+/// What the registers 0x19 to 0x1C hold: 200 samples per second, a filter of 44 Hz, 500 °/s, 8 g.
+const REGISTERS: [u8; 4] = [4, 3, 0b0000_1000, 0b0001_0000];
+
+fn write(register: u8, values: &[u8]) -> Transaction {
+    Transaction::write(ADDRESS, [&[register], values].concat())
 }
 
 fn read(register: u8, values: &[u8]) -> Transaction {
     Transaction::write_read(ADDRESS, vec![register], values.to_vec())
 }
 
-/// Returns the transactions of set-up, one per tick.
+/// Returns the transactions of set-up.
 fn set_up(id: u8) -> Vec<Transaction> {
-    vec![
-        write(0x6B, 0x01),
-        write(0x1C, 0b0001_0000),
-        write(0x1B, 0b0000_1000),
-        write(0x1A, 3),
-        write(0x19, 4),
-        read(0x75, &[id]),
-    ]
+    set_up_with(id, &REGISTERS)
 }
 
-/// Returns a sample whose values depend on the number, and the register after it.
+fn set_up_with(id: u8, registers: &[u8; 4]) -> Vec<Transaction> {
+    vec![read(0x75, &[id]), write(0x6B, &[0x80]), write(0x6B, &[0x01]), write(0x19, registers), write(0x38, &[0x01])]
+}
+
+/// Returns DATA_RDY, a sample whose values depend on the number, and the register after it.
 fn bytes(number: u8) -> Vec<u8> {
-    let mut bytes: Vec<u8> = (0..7).flat_map(|word| [number, word]).collect();
+    let mut bytes = vec![1];
+    bytes.extend((0..7).flat_map(|word| [number, word]));
     bytes.push(0);
     bytes
 }
 
 fn sample(number: u8) -> Transaction {
-    read(0x3B, &bytes(number))
+    read(0x3A, &bytes(number))
+}
+
+/// A sample that has been read before.
+fn stale(number: u8) -> Transaction {
+    let mut bytes = bytes(number);
+    bytes[0] = 0;
+    read(0x3A, &bytes)
+}
+
+/// What PWR_MGMT_1 and INT_ENABLE hold.
+fn still_set_up() -> Vec<Transaction> {
+    vec![read(0x6B, &[0x01]), read(0x38, &[0x01])]
+}
+
+fn check() -> Transaction {
+    read(0x19, &REGISTERS)
+}
+
+/// Returns these samples with the checks of the configuration that follow them.
+fn checked(samples: impl IntoIterator<Item = Transaction>) -> Vec<Transaction> {
+    let with_checks = |(index, sample)| if index % CHECK_INTERVAL == 0 { vec![sample, check()] } else { vec![sample] };
+    samples.into_iter().enumerate().flat_map(with_checks).collect()
 }
 
 fn reading(number: u8) -> Reading {
@@ -59,8 +82,7 @@ fn reading(number: u8) -> Reading {
 /// Returns a sensor that is set up and settled, and a bus that expects `then` next.
 fn settled(then: &[Transaction]) -> (Imu<Mock>, Mock) {
     let (mut imu, bus) = configured(&[set_up(0x68), then.to_vec()].concat());
-    imu.set_up_now();
-    assert_eq!(polls(&mut imu, SETTLING_TICKS), 0);
+    assert_eq!(polls(&mut imu, SET_UP_TICKS), 0);
     (imu, bus)
 }
 
@@ -82,7 +104,7 @@ fn polls(imu: &mut Imu<Mock>, ticks: usize) -> usize {
 
 #[test]
 fn a_genuine_sensor_is_set_up_and_read() {
-    let (mut imu, mut bus) = settled(&[sample(1), sample(2)]);
+    let (mut imu, mut bus) = settled(&checked([sample(1), sample(2)]));
     assert_eq!(imu.id(), 0x68);
     assert_eq!(poll(&mut imu), Some(reading(1)));
     assert_eq!(poll(&mut imu), Some(reading(2)));
@@ -91,10 +113,21 @@ fn a_genuine_sensor_is_set_up_and_read() {
 }
 
 #[test]
+fn set_up_waits_after_the_reset_and_after_waking() {
+    let transactions = set_up(0x68);
+    // 100 ms from the reset to waking, at least 30 ms from waking to the first sample.
+    for (ticks, so_far) in [(1, 1), (2, 2), (21, 2), (22, 3), (SET_UP_TICKS, 5)] {
+        let (mut imu, mut bus) = configured(&transactions[..so_far]);
+        assert_eq!(polls(&mut imu, ticks), 0);
+        assert_eq!((imu.errors(), imu.id()), (0, 0x68), "{ticks}");
+        bus.done();
+    }
+}
+
+#[test]
 fn signs_and_extremes_are_read_correctly() {
-    let mut bytes = vec![0x80, 0x00, 0x7F, 0xFF, 0xFF, 0xFF, 0xF0, 0x60, 0x00, 0x01, 0xFF, 0xFE, 0x12, 0x34];
-    bytes.push(0);
-    let (mut imu, mut bus) = settled(&[read(0x3B, &bytes)]);
+    let bytes = [1, 0x80, 0x00, 0x7F, 0xFF, 0xFF, 0xFF, 0xF0, 0x60, 0x00, 0x01, 0xFF, 0xFE, 0x12, 0x34, 0];
+    let (mut imu, mut bus) = settled(&checked([read(0x3A, &bytes)]));
     let expected = Reading {
         accel: [SensorCounts(i16::MIN), SensorCounts(i16::MAX), SensorCounts(-1)],
         temperature: TemperatureCounts(-4000),
@@ -107,9 +140,8 @@ fn signs_and_extremes_are_read_correctly() {
 #[test]
 fn a_clone_is_used_and_reported() {
     for id in [0x70, 0x71, 0x72, 0x98, 0x19] {
-        let (mut imu, mut bus) = configured(&[set_up(id), vec![sample(1)]].concat());
-        imu.set_up_now();
-        assert_eq!(polls(&mut imu, SETTLING_TICKS + 1), 1);
+        let (mut imu, mut bus) = configured(&[set_up(id), checked([sample(1)])].concat());
+        assert_eq!(polls(&mut imu, SET_UP_TICKS + 1), 1);
         assert_eq!((imu.id(), imu.fault()), (id, Fault::None));
         bus.done();
     }
@@ -118,7 +150,7 @@ fn a_clone_is_used_and_reported() {
 #[test]
 fn an_absent_sensor_has_no_id_and_becomes_a_fault() {
     let attempts = usize::from(FAULT_AFTER_TICKS) + 5;
-    let (mut imu, mut bus) = configured(&vec![write(0x6B, 0x01).with_error(NACK); attempts]);
+    let (mut imu, mut bus) = configured(&vec![read(0x75, &[0]).with_error(NACK); attempts]);
     for tick in 1..=attempts {
         assert_eq!(poll(&mut imu), None);
         let expected = if tick < usize::from(FAULT_AFTER_TICKS) { Fault::None } else { Fault::ImuSilent };
@@ -138,10 +170,10 @@ fn a_failure_in_any_transaction_of_set_up_restarts_it() {
             let last = transactions.pop().unwrap().with_error(error);
             transactions.push(last);
             transactions.extend(set_up(0x68));
-            transactions.push(sample(1));
+            transactions.extend(checked([sample(1)]));
             let (mut imu, mut bus) = configured(&transactions);
             let ticks_to_reading = (1..).find(|_| imu.poll()).unwrap();
-            assert!(ticks_to_reading <= 2 * STEPS + SETTLING_TICKS + 1, "{ticks_to_reading}");
+            assert!(ticks_to_reading <= 2 * SET_UP_TICKS, "{ticks_to_reading}");
             assert_eq!((imu.errors(), imu.fault(), imu.id()), (1, Fault::None, 0x68));
             bus.done();
         }
@@ -151,7 +183,7 @@ fn a_failure_in_any_transaction_of_set_up_restarts_it() {
 #[test]
 fn a_single_failure_is_counted_and_the_next_tick_reads() {
     for error in [NACK, ErrorKind::Bus, ErrorKind::ArbitrationLoss] {
-        let (mut imu, mut bus) = settled(&[sample(1), sample(2).with_error(error), sample(3)]);
+        let (mut imu, mut bus) = settled(&checked([sample(1), sample(2).with_error(error), sample(3)]));
         assert_eq!(poll(&mut imu), Some(reading(1)));
         assert_eq!(poll(&mut imu), None);
         assert_eq!(poll(&mut imu), Some(reading(3)));
@@ -161,17 +193,26 @@ fn a_single_failure_is_counted_and_the_next_tick_reads() {
 }
 
 #[test]
+fn a_check_that_fails_is_repeated_in_the_next_tick() {
+    let (mut imu, mut bus) = settled(&[sample(1), check().with_error(NACK), sample(2), check(), sample(3)]);
+    assert_eq!([0; 3].map(|_| poll(&mut imu)), [None, Some(reading(2)), Some(reading(3))]);
+    assert_eq!((imu.errors(), imu.fault()), (1, Fault::None));
+    bus.done();
+}
+
+#[test]
 fn lasting_failures_have_their_fault_and_end_with_a_new_set_up() {
     for (error, fault) in [(NACK, Fault::ImuSilent), (ErrorKind::Bus, Fault::ImuBusStuck)] {
         let failing = vec![sample(0).with_error(error); usize::from(FAULT_AFTER_TICKS)];
-        let (mut imu, mut bus) = settled(&[vec![sample(9)], failing, set_up(0x68), vec![sample(1)]].concat());
+        let again = [set_up(0x68), vec![sample(1)]].concat();
+        let (mut imu, mut bus) = settled(&[checked([sample(9)]), failing, again].concat());
         assert_eq!(poll(&mut imu), Some(reading(9)));
         assert_eq!(polls(&mut imu, usize::from(FAULT_AFTER_TICKS) - 1), 0);
         assert_eq!(imu.fault(), Fault::None);
         assert_eq!(poll(&mut imu), None);
         assert_eq!(imu.fault(), fault);
         // The fault lasts until the next reading.
-        assert_eq!(polls(&mut imu, STEPS + SETTLING_TICKS), 0);
+        assert_eq!(polls(&mut imu, SET_UP_TICKS), 0);
         assert_eq!(imu.fault(), fault);
         assert_eq!(poll(&mut imu), Some(reading(1)));
         assert_eq!((imu.fault(), imu.errors()), (Fault::None, u16::from(FAULT_AFTER_TICKS)));
@@ -182,10 +223,10 @@ fn lasting_failures_have_their_fault_and_end_with_a_new_set_up() {
 /// A sensor that releases the bus while it sends is not seen by a missing acknowledgement: the rest reads as ones.
 #[test]
 fn a_sensor_that_falls_silent_within_a_reading_is_seen() {
-    for byte in 0..15 {
+    for byte in 0..16 {
         let mut cut = bytes(7);
         cut[byte..].fill(0xFF);
-        let (mut imu, mut bus) = settled(&[read(0x3B, &cut), sample(8)]);
+        let (mut imu, mut bus) = settled(&[read(0x3A, &cut), sample(8), check()]);
         assert_eq!(poll(&mut imu), None, "silent from byte {byte}");
         assert_eq!(poll(&mut imu), Some(reading(8)));
         assert_eq!(imu.errors(), 1);
@@ -194,44 +235,75 @@ fn a_sensor_that_falls_silent_within_a_reading_is_seen() {
 }
 
 #[test]
-fn frozen_data_become_a_fault_and_new_data_end_it() {
-    let frozen = vec![sample(5); usize::from(FROZEN_TICKS) + 1];
-    let (mut imu, mut bus) = settled(&[frozen, set_up(0x68), vec![sample(6)]].concat());
-    assert_eq!(polls(&mut imu, usize::from(FROZEN_TICKS)), usize::from(FROZEN_TICKS));
-    assert_eq!(imu.fault(), Fault::None);
+fn a_slower_sensor_has_no_new_sample_now_and_then_and_that_is_no_error() {
+    // Every third tick has none.
+    let samples = (1..=90).map(|number| if number % 3 == 0 { stale(number) } else { sample(number) });
+    let (mut imu, mut bus) = settled(&checked(samples));
+    for number in 1..=90 {
+        assert_eq!(poll(&mut imu), (number % 3 != 0).then(|| reading(number)), "{number}");
+    }
+    assert_eq!((imu.errors(), imu.fault()), (0, Fault::None));
+    bus.done();
+}
+
+/// A sensor at rest may repeat a sample exactly; what counts is that it says so.
+#[test]
+fn equal_samples_are_readings() {
+    let (mut imu, mut bus) = settled(&checked(vec![sample(5); 100]));
+    assert_eq!(polls(&mut imu, 100), 100);
+    assert_eq!((imu.errors(), imu.fault()), (0, Fault::None));
+    bus.done();
+}
+
+#[test]
+fn a_frozen_sensor_becomes_a_fault_and_new_data_end_it() {
+    let frozen = [vec![sample(4)], vec![stale(4); usize::from(FROZEN_TICKS)]].concat();
+    let again = [set_up(0x68), vec![sample(6)]].concat();
+    let (mut imu, mut bus) = settled(&[checked(frozen), still_set_up(), again].concat());
+    assert_eq!(polls(&mut imu, usize::from(FROZEN_TICKS)), 1);
+    assert_eq!((imu.fault(), imu.errors()), (Fault::None, 0));
     assert_eq!(poll(&mut imu), None);
+    assert_eq!((imu.fault(), imu.errors()), (Fault::ImuFrozen, 1));
+    assert_eq!(polls(&mut imu, SET_UP_TICKS), 0);
     assert_eq!(imu.fault(), Fault::ImuFrozen);
-    assert_eq!(polls(&mut imu, STEPS + SETTLING_TICKS), 0);
     assert_eq!(poll(&mut imu), Some(reading(6)));
     assert_eq!(imu.fault(), Fault::None);
     bus.done();
 }
 
 #[test]
-fn frozen_data_stay_a_fault_while_they_last() {
-    let frozen = vec![sample(5); usize::from(FROZEN_TICKS) + 1];
-    let again = [set_up(0x68), vec![sample(5)]].concat();
-    let (mut imu, mut bus) = settled(&[frozen, again.clone(), again].concat());
-    polls(&mut imu, usize::from(FROZEN_TICKS) + 1);
-    for _ in 0..2 * (STEPS + SETTLING_TICKS + 1) {
-        assert_eq!((poll(&mut imu), imu.fault()), (None, Fault::ImuFrozen));
-    }
+fn a_sensor_that_never_has_data_is_a_fault() {
+    let first = [vec![stale(5), check()], still_set_up()].concat();
+    let second = [vec![stale(5)], still_set_up()].concat();
+    let (mut imu, mut bus) = settled(&[first, set_up(0x68), second, set_up(0x68)].concat());
+    assert_eq!(polls(&mut imu, 2 * (1 + SET_UP_TICKS)), 0);
+    assert_eq!((imu.fault(), imu.errors()), (Fault::ImuFrozen, 2));
     bus.done();
 }
 
 #[test]
-fn a_sensor_that_samples_at_half_the_rate_is_not_frozen() {
-    let slow: Vec<_> = (1..=100).flat_map(|number| [sample(number), sample(number)]).collect();
-    let (mut imu, mut bus) = settled(&slow);
-    assert_eq!(polls(&mut imu, 200), 200);
-    assert_eq!((imu.errors(), imu.fault()), (0, Fault::None));
-    bus.done();
+fn a_sensor_that_fell_asleep_or_says_no_more_when_it_has_data_is_set_up_again_without_a_fault() {
+    let asleep = vec![read(0x6B, &[0x40])];
+    let disabled = vec![read(0x6B, &[0x01]), read(0x38, &[0x00])];
+    for reason in [asleep, disabled] {
+        let samples = [vec![sample(1)], vec![stale(1); usize::from(FROZEN_TICKS)]].concat();
+        let again = [set_up(0x68), vec![sample(2)]].concat();
+        let (mut imu, mut bus) = settled(&[checked(samples), reason, again].concat());
+        assert_eq!(polls(&mut imu, 1 + usize::from(FROZEN_TICKS)), 1);
+        assert_eq!((imu.fault(), imu.errors()), (Fault::None, 1));
+        assert_eq!(polls(&mut imu, SET_UP_TICKS), 0);
+        assert_eq!((poll(&mut imu), imu.fault(), imu.errors()), (Some(reading(2)), Fault::None, 1));
+        bus.done();
+    }
 }
 
+/// A loss of supply clears INT_ENABLE too: there is no new sample from then on, and the next check finds the rest.
 #[test]
 fn a_short_loss_of_supply_is_repaired_without_a_fault() {
-    let asleep = read(0x3B, &[0; 15]);
-    let (mut imu, mut bus) = settled(&[vec![sample(1), asleep], set_up(0x68), vec![sample(2)]].concat());
+    let asleep = read(0x3A, &[0; 16]);
+    let lost = vec![asleep.clone(), asleep.clone(), asleep.clone(), asleep, read(0x19, &[0; 4])];
+    let again = [set_up(0x68), vec![sample(2), check()]].concat();
+    let (mut imu, mut bus) = settled(&[checked([sample(1)]), lost, again].concat());
     assert_eq!(poll(&mut imu), Some(reading(1)));
     let ticks_to_reading = (1..).find(|_| imu.poll()).unwrap();
     assert!(ticks_to_reading < usize::from(FAULT_AFTER_TICKS), "{ticks_to_reading}");
@@ -240,38 +312,67 @@ fn a_short_loss_of_supply_is_repaired_without_a_fault() {
 }
 
 #[test]
-fn a_sensor_that_stays_asleep_becomes_a_fault() {
-    let round = [vec![read(0x3B, &[0; 15])], set_up(0x68)].concat();
-    let (mut imu, mut bus) = settled(&[round.clone(), round.clone(), round].concat());
-    polls(&mut imu, 3 * (1 + STEPS + SETTLING_TICKS));
-    assert_eq!((imu.fault(), imu.errors()), (Fault::ImuFrozen, 3));
-    bus.done();
+fn each_changed_register_is_found_within_four_ticks_and_restored() {
+    for (register, bit) in (0..4).flat_map(|register| (0..8).map(move |bit| (register, bit))) {
+        let mut changed = REGISTERS;
+        changed[register] ^= 1 << bit;
+        let unseen = [2, 3, 4].map(sample).to_vec();
+        let lost = vec![sample(5), read(0x19, &changed)];
+        let again = [set_up(0x68), vec![sample(7), check()]].concat();
+        let (mut imu, mut bus) = settled(&[checked([sample(1)]), unseen, lost, again].concat());
+        assert_eq!(polls(&mut imu, CHECK_INTERVAL), CHECK_INTERVAL);
+        assert_eq!((poll(&mut imu), imu.errors()), (None, 1));
+        assert_eq!(polls(&mut imu, SET_UP_TICKS), 0);
+        assert_eq!((poll(&mut imu), imu.errors(), imu.fault()), (Some(reading(7)), 1, Fault::None));
+        bus.done();
+    }
 }
 
 #[test]
-fn a_lost_configuration_is_found_within_a_second_and_restored() {
-    let samples: Vec<_> = (0..200).map(|number| sample(1 + number as u8 % 100)).collect();
-    let checked = vec![read(0x19, &[4]), sample(201)];
-    let lost = vec![read(0x19, &[0])];
-    let then = [samples.clone(), checked, samples, lost, set_up(0x68), vec![sample(7)]].concat();
-    let (mut imu, mut bus) = settled(&then);
-    assert_eq!(polls(&mut imu, 401), 401);
-    assert_eq!(poll(&mut imu), None);
-    assert_eq!(imu.errors(), 1);
-    assert_eq!(polls(&mut imu, STEPS + SETTLING_TICKS + 1), 1);
+fn a_sensor_that_does_not_take_its_configuration_is_a_fault() {
+    let round = [set_up(0x68), vec![sample(1), read(0x19, &[0; 4])]].concat();
+    let (mut imu, mut bus) = configured(&[round.clone(), round].concat());
+    assert_eq!(polls(&mut imu, SET_UP_TICKS + 1), 0);
+    assert_eq!((imu.fault(), imu.errors()), (Fault::None, 1));
+    assert_eq!(polls(&mut imu, SET_UP_TICKS + 1), 0);
+    assert_eq!((imu.fault(), imu.errors()), (Fault::ImuLostConfig, 2));
     bus.done();
+}
+
+/// Returns the number of losses, of six, at which there is a fault, where each comes after so many good readings, one more
+/// than a multiple of the check's interval.
+fn losses_to_fault(readings: usize) -> Option<usize> {
+    let lost = [vec![sample(1); CHECK_INTERVAL], vec![read(0x19, &[0; 4])], set_up(0x68)].concat();
+    let round = [checked(vec![sample(1); readings]), lost].concat();
+    let (mut imu, mut bus) = settled(&vec![round; 6].concat());
+    let faults = [(); 6].map(|()| {
+        assert_eq!(polls(&mut imu, readings + CHECK_INTERVAL), readings + CHECK_INTERVAL - 1);
+        let fault = imu.fault();
+        assert_eq!(polls(&mut imu, SET_UP_TICKS), 0);
+        fault
+    });
+    bus.done();
+    assert!(faults.iter().all(|fault| matches!(fault, Fault::None | Fault::ImuLostConfig)));
+    faults.iter().position(|fault| *fault != Fault::None).map(|before| before + 1)
+}
+
+#[test]
+fn a_configuration_that_is_lost_again_and_again_is_a_fault() {
+    assert_eq!(losses_to_fault(1), Some(3));
+    assert_eq!(losses_to_fault(201), Some(3));
+    assert_eq!(losses_to_fault(401), Some(5));
+    assert_eq!(losses_to_fault(601), None);
 }
 
 #[test]
 fn another_configuration_is_applied_and_the_same_one_is_not() {
     let narrow = Config { gyro_range: GyroRange::Dps250, accel_range: AccelRange::G2, low_pass: 6 };
-    let steps =
-        vec![write(0x6B, 0x01), write(0x1C, 0), write(0x1B, 0), write(0x1A, 6), write(0x19, 4), read(0x75, &[0x68])];
-    let (mut imu, mut bus) = settled(&[vec![sample(1)], steps, vec![sample(2)]].concat());
+    let again = [set_up_with(0x68, &[4, 6, 0, 0]), vec![sample(2)]].concat();
+    let (mut imu, mut bus) = settled(&[checked([sample(1)]), again].concat());
     imu.configure(CONFIG);
     assert_eq!(poll(&mut imu), Some(reading(1)));
     imu.configure(narrow);
-    assert_eq!(polls(&mut imu, STEPS + SETTLING_TICKS + 1), 1);
+    assert_eq!(polls(&mut imu, SET_UP_TICKS + 1), 1);
     assert_eq!((imu.errors(), imu.fault()), (0, Fault::None));
     bus.done();
 }

@@ -178,6 +178,20 @@ pub enum Message {
     Telemetry(Telemetry),
 }
 
+/// A [`Message`] that the sender keeps: the same bytes, without a copy on the board's stack.
+#[derive(Serialize, Clone, Copy, Debug)]
+pub enum MessageRef<'a> {
+    /// [`Message::Reply`]
+    Reply {
+        /// [`Request::seq`].
+        to: u8,
+        /// The answer.
+        reply: &'a Reply,
+    },
+    /// [`Message::Telemetry`]
+    Telemetry(&'a Telemetry),
+}
+
 /// Returns the version in a handshake of any version, or `None` if `payload` is not one. The payload is a frame's content
 /// before its CRC.
 pub fn version_of(payload: &[u8]) -> Option<u8> {
@@ -526,17 +540,25 @@ impl Settings {
 
     /// Returns whether every value is in its range.
     pub fn is_valid(&self) -> bool {
-        let gain = |gain: f32| (0.0..=1000.0).contains(&gain);
         self.low_pass <= 6
             && self.gyro_axes.is_permutation()
             && self.accel_axes.is_permutation()
-            && self.gyro_bias.iter().all(|bias| (-32768.0..=32767.0).contains(bias))
-            && [self.attitude_kp, self.attitude_ki, self.speed_kp, self.speed_ki].into_iter().all(gain)
-            && (1.0..=100_000.0).contains(&self.counts_per_turn)
+            && self.gyro_bias.iter().all(|bias| is_within(bias.abs(), 32768.0))
+            && [self.attitude_kp, self.attitude_ki, self.speed_kp, self.speed_ki]
+                .iter()
+                .all(|gain| is_within(*gain, 1000.0))
+            && is_within(self.counts_per_turn, 100_000.0)
+            && self.counts_per_turn.to_bits() >= 1f32.to_bits()
             && (50..=5000).contains(&self.deadline_ms)
             && self.moving_duty.iter().all(|duty| *duty > 0)
             && (1000..=1200).contains(&self.bandgap.0)
     }
+}
+
+/// Returns whether `x` is in [0, limit]. As integers, because numbers without a sign have the order of their bits, and NaN
+/// and the negative ones are above all of them: on the board a comparison of f32 takes a call.
+fn is_within(x: f32, limit: f32) -> bool {
+    x.to_bits() <= limit.to_bits()
 }
 
 impl Default for Settings {

@@ -5,7 +5,7 @@ use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
 use protocol::units::{CentiRpm, Duty, Micros, Quaternion};
 use protocol::{
-    Command, FAULT_RECORDS, Fault, Info, MAX_DRIVE_MS, Message, Refusal, Reply, Request, SCHEMA, Settings, VERSION,
+    Command, FAULT_RECORDS, Fault, Info, MAX_DRIVE_MS, MessageRef, Refusal, Reply, Request, SCHEMA, Settings, VERSION,
 };
 
 use super::App;
@@ -22,7 +22,6 @@ where
     PWM: SetDutyCycle,
     STORAGE: Storage,
 {
-    #[inline(never)]
     pub(super) fn respond(&mut self, request: &Request, arrived: Micros, outbox: &mut Outbox) {
         let answer = match self.link.repetition(request) {
             Some(answer) => answer,
@@ -81,7 +80,7 @@ where
             Answer::FaultRecord(index) => Reply::FaultRecord(self.store.read_fault(index).unwrap_or_default()),
             Answer::Later => return,
         };
-        Link::send(&Message::Reply { to, reply }, outbox);
+        Link::send(&MessageRef::Reply { to, reply: &reply }, outbox);
     }
 
     fn set_speeds(&mut self, target: [CentiRpm; 2]) -> Result<(), Refusal> {
@@ -100,7 +99,6 @@ where
         Ok(())
     }
 
-    #[inline(never)]
     fn start_schedule(&mut self, count: u8, at: Micros, now: Micros) -> Result<(), Refusal> {
         self.refuse_if_faulted()?;
         self.refuse_if_running()?;
@@ -112,7 +110,6 @@ where
         Ok(())
     }
 
-    #[inline(never)]
     fn drive(&mut self, duty: [Duty; 2], duration_ms: u16) -> Result<(), Refusal> {
         let in_range = |duty: &Duty| duty.0.unsigned_abs() <= Duty::FULL.0.unsigned_abs();
         if !duty.iter().all(in_range) || !(1..=MAX_DRIVE_MS).contains(&duration_ms) {
@@ -139,7 +136,6 @@ where
         Ok(())
     }
 
-    #[inline(never)]
     fn set_settings(&mut self, settings: &Settings) -> Result<(), Refusal> {
         if !settings.is_valid() {
             return Err(Refusal::OutOfRange);
@@ -169,7 +165,6 @@ where
         Ok(())
     }
 
-    #[inline(never)]
     fn info(&self) -> Info {
         Info {
             protocol: VERSION,

@@ -63,6 +63,19 @@ pub fn now_within(cs: CriticalSection) -> Micros {
     Micros((overflows << 15) | u32::from(counter >> 1))
 }
 
+/// Returns the counter, which wraps every 32.768 ms, for [`time_of`]. Interrupts are off.
+#[inline(always)]
+pub fn counter() -> u16 {
+    // SAFETY: only reads; as in `now_within`.
+    unsafe { TC1::steal() }.tcnt1().read().bits()
+}
+
+/// Returns the time at which the counter was `counter`, less than a wrap ago.
+pub fn time_of(cs: CriticalSection, counter_then: u16) -> Micros {
+    let elapsed = counter().wrapping_sub(counter_then) >> 1;
+    Micros(now_within(cs).0.wrapping_sub(u32::from(elapsed)))
+}
+
 /// Returns the number of ticks that have become due since the last call.
 pub fn take_due() -> u8 {
     interrupt::free(|cs| DUE.borrow(cs).take())

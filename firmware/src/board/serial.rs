@@ -1,18 +1,21 @@
 //! The serial port: its interrupts fill a queue of received bytes and empty a queue of bytes to send.
+//!
+//! At a full line a byte comes every 320 cycles, so the queue of received bytes is our own: its indices are bytes, which need
+//! no critical sections, and the interrupt takes half the time of one with heapless.
 
-use core::cell::{Cell, UnsafeCell};
+use core::cell::UnsafeCell;
 
 use avr_device::atmega328p::USART0;
-use avr_device::interrupt::{self, CriticalSection, Mutex};
+use avr_device::interrupt;
 use firmware::link::{OUTBOX, Outbox};
-use heapless::spsc::{Consumer, Producer, Queue};
+use heapless::spsc::{Consumer, Queue};
 use protocol::BAUD;
 use protocol::units::Micros;
 
 use super::{CPU_HZ, clock};
 
-/// Size of the inbox: the longest request and a short one, which may come during a tick.
-const INBOX: usize = 64;
+/// Size of the inbox, a power of two: the longest request and a short one, which may come during a tick.
+const INBOX: u8 = 64;
 
 /// With U2X the rate is the crystal's frequency / 8 / (DIVIDER + 1).
 const DIVIDER: u16 = (CPU_HZ / 8 / BAUD) as u16 - 1;
@@ -24,16 +27,43 @@ struct Shared<T>(UnsafeCell<T>);
 // SAFETY: the cells are filled by `start`, before interrupts are on; afterwards each is used by one interrupt alone.
 unsafe impl<T> Sync for Shared<T> {}
 
-static INBOX_QUEUE: Shared<Queue<u8, INBOX>> = Shared(UnsafeCell::new(Queue::new()));
 static OUTBOX_QUEUE: Shared<Queue<u8, OUTBOX>> = Shared(UnsafeCell::new(Queue::new()));
-static RECEIVED: Shared<Option<Producer<'static, u8, INBOX>>> = Shared(UnsafeCell::new(None));
 static TO_SEND: Shared<Option<Consumer<'static, u8, OUTBOX>>> = Shared(UnsafeCell::new(None));
-/// Whether the rest of a frame is dropped, because a byte of it found no room.
-static DROPPING: Mutex<Cell<bool>> = Mutex::new(Cell::new(false));
-static FRAME_END: Mutex<Cell<Micros>> = Mutex::new(Cell::new(Micros(0)));
 
-/// Bytes from the host.
-pub type Inbox = Consumer<'static, u8, INBOX>;
+static mut RECEIVED: [u8; INBOX as usize] = [0; INBOX as usize];
+/// Where the next received byte goes; only the interrupt writes it.
+static mut HEAD: u8 = 0;
+/// Where the next byte for main is; only main writes it.
+static mut TAIL: u8 = 0;
+/// Whether the rest of a frame is dropped, because a byte of it found no room; only the interrupt uses it.
+static mut DROPPING: bool = false;
+/// The clock's counter at the end of the last frame; the interrupt writes it.
+static mut FRAME_END: u16 = 0;
+
+/// Main's end of the received bytes.
+pub struct Inbox(());
+
+impl Inbox {
+    /// Takes the next received byte.
+    pub fn dequeue(&mut self) -> Option<u8> {
+        if !self.ready() {
+            return None;
+        }
+        // SAFETY: only main writes TAIL, and the interrupt does not write to this place before TAIL has passed it.
+        unsafe {
+            let tail = TAIL;
+            let byte = (&raw const RECEIVED).cast::<u8>().add(usize::from(tail)).read_volatile();
+            (&raw mut TAIL).write_volatile((tail + 1) % INBOX);
+            Some(byte)
+        }
+    }
+
+    /// Returns whether there is a received byte.
+    pub fn ready(&self) -> bool {
+        // SAFETY: reading a byte is one instruction.
+        unsafe { (&raw const HEAD).read_volatile() != TAIL }
+    }
+}
 
 /// Starts the port; returns main's ends of the queues.
 ///
@@ -41,19 +71,17 @@ pub type Inbox = Consumer<'static, u8, INBOX>;
 /// Only once, and with interrupts off.
 pub unsafe fn start(usart: &USART0) -> (Inbox, Outbox<'static>) {
     // SAFETY: nothing else holds a reference into these cells yet.
-    let (inbox, outbox) = unsafe {
-        let (producer, inbox) = (*INBOX_QUEUE.0.get()).split();
-        *RECEIVED.0.get() = Some(producer);
+    let outbox = unsafe {
         let (outbox, consumer) = (*OUTBOX_QUEUE.0.get()).split();
         *TO_SEND.0.get() = Some(consumer);
-        (inbox, outbox)
+        outbox
     };
     usart.ucsr0a().write(|write| write.u2x0().set_bit());
     // SAFETY: any value is valid.
     usart.ubrr0().write(|write| unsafe { write.bits(DIVIDER) });
     usart.ucsr0c().write(|write| write.ucsz0().chr8());
     usart.ucsr0b().write(|write| write.rxcie0().set_bit().rxen0().set_bit().txen0().set_bit());
-    (inbox, outbox)
+    (Inbox(()), outbox)
 }
 
 /// Stops the port.
@@ -69,28 +97,34 @@ pub fn send() {
     unsafe { USART0::steal() }.ucsr0b().modify(|_, write| write.udrie0().set_bit());
 }
 
-/// Returns the time at which the last frame from the host ended.
+/// Returns the time at which the last frame from the host ended, if that was less than 32 ms ago.
 pub fn frame_end() -> Micros {
-    interrupt::free(|cs| FRAME_END.borrow(cs).get())
+    // SAFETY: interrupts are off, so that the interrupt does not write meanwhile.
+    interrupt::free(|cs| clock::time_of(cs, unsafe { FRAME_END }))
 }
 
 #[avr_device::interrupt(atmega328p)]
 fn USART_RX() {
-    // SAFETY: interrupts are off in an interrupt; only this one uses the cell and reads the register.
-    let (cs, usart, received) = unsafe { (CriticalSection::new(), USART0::steal(), &mut *RECEIVED.0.get()) };
-    let byte = usart.udr0().read().bits();
-    if byte == 0 {
-        FRAME_END.borrow(cs).set(clock::now_within(cs));
-    }
-    let Some(queue) = received else { return };
-    // A frame without room is dropped to its end, which leaves the frames before and after it whole. What of it is in the
-    // queue is damaged, which its CRC reveals.
-    let dropping = DROPPING.borrow(cs);
-    if byte == 0 {
-        dropping.set(false);
-    }
-    if !dropping.get() && queue.enqueue(byte).is_err() {
-        dropping.set(true);
+    // SAFETY: interrupts are off in an interrupt; see the variables for who writes them.
+    unsafe {
+        let byte = USART0::steal().udr0().read().bits();
+        if byte == 0 {
+            FRAME_END = clock::counter();
+            DROPPING = false;
+        }
+        if DROPPING {
+            return;
+        }
+        let head = HEAD;
+        let next = (head + 1) % INBOX;
+        // A frame without room is dropped to its end, which leaves the frames before and after it whole. What of it is in
+        // the inbox is damaged, which its CRC reveals.
+        if next == (&raw const TAIL).read_volatile() {
+            DROPPING = true;
+            return;
+        }
+        (&raw mut RECEIVED).cast::<u8>().add(usize::from(head)).write_volatile(byte);
+        (&raw mut HEAD).write_volatile(next);
     }
 }
 

@@ -1,20 +1,31 @@
-//! The two-wire interface as a master at 400 kHz (section 22), with a timeout and recovery from a stuck bus.
+//! The two-wire interface as a master (section 22), with a timeout, recovery from a stuck bus, and a speed that the bus
+//! can follow.
 //!
-//! A transaction may take [`TIMEOUT`]; a sample of the IMU takes 0.43 ms. A device that was interrupted in the middle of a
-//! byte holds SDA low until it gets its clock pulses: after a bus error, up to nine pulses and a STOP free it (NXP UM10204,
+//! Every step on the bus, of at most nine bits, may take [`Twi::patience`]. A device that was interrupted in the middle of
+//! a byte holds SDA low until it gets its clock pulses: after a bus error, up to nine pulses and a STOP free it (NXP UM10204,
 //! section 3.1.16).
+//!
+//! Where lines rise slowly (long wires, weak pull-ups), the hardware itself makes each bit longer: its high time begins when
+//! SCL is high. What it does not wait for is SDA: if that rises later than SCL, a one is seen as a zero, and arbitration
+//! is lost. A lower speed gives it more time. So [`FAILURES`] bus errors in a row that left both lines high halve the
+//! speed until the next start. Where a line stays low, that would not help; nor would another half of the speed, because at
+//! 100 kHz a tick has no time left for the host.
 
 use avr_device::atmega328p::{PORTC, TC0, TWI};
 use embedded_hal::i2c::{self, ErrorKind, I2c, NoAcknowledgeSource, Operation};
 
 use super::CPU_HZ;
 
-const BUS_HZ: u32 = 400_000;
-/// SCL runs at the crystal's frequency / (16 + 2 TWBR).
-const TWBR: u8 = ((CPU_HZ / BUS_HZ - 16) / 2) as u8;
+/// Returns TWBR for a speed: SCL runs at the crystal's frequency / (16 + 2 TWBR).
+const fn twbr(bus_hz: u32) -> u8 {
+    ((CPU_HZ / bus_hz - 16) / 2) as u8
+}
 
-/// Longest transaction, in counts of timer 0, which always runs for the PWM: 0.7 ms.
-const TIMEOUT: u8 = (CPU_HZ / 64 * 7 / 10_000) as u8;
+const FAST: u8 = twbr(400_000);
+const SLOW: u8 = twbr(200_000);
+
+/// Bus errors in a row before the speed is halved.
+const FAILURES: u8 = 4;
 
 /// Half a period of the recovery's pulses, 5 µs.
 const HALF_PULSE_CYCLES: u32 = CPU_HZ / 200_000;
@@ -64,13 +75,15 @@ impl i2c::Error for Error {
 pub struct Twi {
     registers: TWI,
     lines: PORTC,
-    time_left: u8,
+    twbr: u8,
+    /// Bus errors in a row.
+    failures: u8,
 }
 
 impl Twi {
     /// Takes the bus and recovers it from a transaction that a restart has cut off.
     pub fn new(registers: TWI, lines: PORTC) -> Self {
-        let mut twi = Self { registers, lines, time_left: 0 };
+        let mut twi = Self { registers, lines, twbr: FAST, failures: 0 };
         twi.recover();
         twi
     }
@@ -80,15 +93,26 @@ impl Twi {
         self.registers.twcr().write(|write| unsafe { write.bits(bits | TWEN) });
     }
 
+    /// Returns the longest time of a step, in counts of timer 0, which always runs for the PWM: nine bits, which are 22.5 or
+    /// 45 µs, and 50 µs for the lines to rise, 5 µs a bit.
+    fn patience(&self) -> u8 {
+        self.twbr / 4 + 15
+    }
+
     /// Waits while TWCR, masked, has this value.
+    #[inline(never)]
     fn wait_while(&mut self, mask: u8, value: u8) -> Result<(), Error> {
-        let mut last = time();
-        while self.registers.twcr().read().bits() & mask == value {
-            let now = time();
-            self.time_left = self.time_left.checked_sub(now.wrapping_sub(last)).ok_or(Error::Bus)?;
-            last = now;
+        let start = time();
+        loop {
+            // The time is read first: an interrupt between the two is no delay of the bus.
+            let passed = time().wrapping_sub(start);
+            if self.registers.twcr().read().bits() & mask != value {
+                return Ok(());
+            }
+            if passed > self.patience() {
+                return Err(Error::Bus);
+            }
         }
-        Ok(())
     }
 
     /// Takes one step on the bus; returns the status after it.
@@ -176,11 +200,21 @@ impl Twi {
         // A START and a STOP by hand reset every device.
         self.pull(SDA, SDA);
         self.pull(SDA, 0);
+        self.count_failure();
         // SAFETY: any value is valid in these registers.
         unsafe {
-            self.registers.twbr().write(|write| write.bits(TWBR));
+            self.registers.twbr().write(|write| write.bits(self.twbr));
             self.registers.twsr().write(|write| write.bits(0));
             self.registers.twcr().write(|write| write.bits(TWEN));
+        }
+    }
+
+    /// Counts a bus error, and halves the speed if it is the likely reason.
+    fn count_failure(&mut self) {
+        let are_high = self.lines.pinc().read().bits() & (SDA | SCL) == SDA | SCL;
+        self.failures = if are_high { self.failures.saturating_add(1) } else { 0 };
+        if self.failures >= FAILURES {
+            self.twbr = SLOW;
         }
     }
 
@@ -204,7 +238,6 @@ impl i2c::ErrorType for Twi {
 
 impl I2c for Twi {
     fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), Error> {
-        self.time_left = TIMEOUT;
         let outcome = match self.operate(address, operations) {
             Ok(()) => self.stop(),
             Err(Error::Bus) => Err(Error::Bus),
@@ -213,6 +246,8 @@ impl I2c for Twi {
         };
         if outcome == Err(Error::Bus) {
             self.recover();
+        } else {
+            self.failures = 0;
         }
         outcome
     }

@@ -28,7 +28,7 @@ pub struct State {
     pub registers: [u8; 128],
     /// Outcome of the next transactions.
     pub bus_error: Option<i2c::ErrorKind>,
-    /// Whether the sensor's values change with each reading, as a working sensor's do.
+    /// Whether the sensor has a new sample in each tick.
     pub alive: bool,
     pub eeprom: [u8; 1024],
     /// AIN1, AIN2, BIN1, BIN2, STBY.
@@ -103,11 +103,9 @@ impl I2c for Bus {
                         state.registers[pointer..][..bytes.len() - 1].copy_from_slice(&bytes[1..]);
                     }
                     Operation::Read(bytes) => {
+                        // INT_STATUS: DATA_RDY, if it is enabled.
+                        state.registers[0x3A] = state.registers[0x38] & u8::from(state.alive);
                         bytes.copy_from_slice(&state.registers[pointer..][..bytes.len()]);
-                        if state.alive && pointer == 0x3B {
-                            // The lowest bit of the temperature.
-                            state.registers[0x42] ^= 1;
-                        }
                     }
                 }
             }
@@ -185,6 +183,8 @@ pub struct Bench {
     pub telemetry: Vec<Telemetry>,
     pub replies: Vec<(u8, Reply)>,
     seq: u8,
+    /// What the next ticks measure of the supply.
+    pub bandgap_counts: Option<u16>,
 }
 
 impl Bench {
@@ -213,8 +213,10 @@ impl Bench {
             telemetry: vec![],
             replies: vec![],
             seq: 0,
+            bandgap_counts: None,
         };
-        bench.ticks(15);
+        // The sensor's set-up.
+        bench.ticks(35);
         bench
     }
 
@@ -246,7 +248,7 @@ impl Bench {
             time: Micros(self.now),
             missed,
             edges: self.encoders.map(|encoder| encoder.edges),
-            bandgap_counts: None,
+            bandgap_counts: self.bandgap_counts,
         };
         self.app.tick(&tick, &mut outbox, |_| {});
         self.app.after_tick(&mut outbox);
@@ -280,6 +282,15 @@ impl Bench {
             self.app.receive(*byte, Micros(self.now.wrapping_add(100)), &mut outbox);
         }
         self.deliver();
+    }
+
+    /// Sends a request; the line takes no bytes.
+    pub fn receive(&mut self, seq: u8, command: Command) {
+        let mut buffer = [0; MAX_FRAME];
+        let (mut outbox, _) = self.outbox.split();
+        for byte in encode(&Request { seq, command }, &mut buffer).unwrap() {
+            self.app.receive(*byte, Micros(self.now.wrapping_add(100)), &mut outbox);
+        }
     }
 
     /// Sends a request with this number and returns all immediate answers.

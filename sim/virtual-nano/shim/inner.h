@@ -70,6 +70,13 @@ struct supply {
 	int off;           // the brown-out detector holds the chip in reset
 };
 
+// An endless loop that the program is in for a while, in place of its own work.
+struct busy {
+	uint64_t until; // 0: not busy
+	uint32_t loop;  // its address; 0 before it begins
+	uint32_t back;  // where the program goes on
+};
+
 // A write callback of simavr's with something of ours after it.
 struct chained {
 	nano_t *nano;
@@ -87,6 +94,7 @@ struct nano {
 	struct watchdog watchdog;
 	struct eeprom eeprom;
 	struct supply supply;
+	struct busy busy;
 	struct chained chains[16];
 	int chain_count;
 	uint8_t driven_mask[3], driven_levels[3]; // ports B, C, D

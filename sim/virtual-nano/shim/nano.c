@@ -206,6 +206,7 @@ void nano_reset(nano_t *nano, uint32_t start, uint8_t cause)
 	// Each cause keeps its flag until the program clears it; power-on clears the others (section 11.9.1).
 	uint8_t flags = cause == NANO_RESET_POWER ? cause : avr->data[REG_MCUSR] | cause;
 	nano->start = start;
+	nano->busy.until = 0;
 	avr->reset_pc = start;
 	avr->codeend = avr->flashend;
 	avr_reset(avr);
@@ -214,20 +215,51 @@ void nano_reset(nano_t *nano, uint32_t start, uint8_t cause)
 	watchdog_reset(nano);
 }
 
-int nano_hang(nano_t *nano, int interrupts)
+// Returns the address of an endless loop in a blank place of flash, or zero.
+static uint32_t endless_loop(nano_t *nano)
 {
 	avr_t *avr = nano->avr;
 	uint32_t place = avr->flashend - 1;
 	while (place && (avr->flash[place] & avr->flash[place + 1]) != 0xFF)
 		place -= 2;
-	if (!place)
+	if (place) {
+		avr->flash[place] = RJMP_TO_ITSELF & 0xFF;
+		avr->flash[place + 1] = RJMP_TO_ITSELF >> 8;
+	}
+	return place;
+}
+
+int nano_hang(nano_t *nano, int interrupts)
+{
+	avr_t *avr = nano->avr;
+	uint32_t loop = endless_loop(nano);
+	if (!loop)
 		return 0;
-	avr->flash[place] = RJMP_TO_ITSELF & 0xFF;
-	avr->flash[place + 1] = RJMP_TO_ITSELF >> 8;
-	avr->pc = place;
+	avr->pc = loop;
 	avr->sreg[S_I] = interrupts;
 	avr->state = cpu_Running;
 	return 1;
+}
+
+int nano_busy(nano_t *nano, uint64_t cycle)
+{
+	uint32_t loop = endless_loop(nano);
+	nano->busy = (struct busy){ .until = loop ? cycle : 0, .loop = loop };
+	return !!loop;
+}
+
+// Between two instructions: enters or leaves the loop of `nano_busy`.
+static void be_busy(nano_t *nano)
+{
+	avr_t *avr = nano->avr;
+	struct busy *busy = &nano->busy;
+	if (!busy->back && avr->sreg[S_I] && avr->state == cpu_Running) {
+		busy->back = avr->pc;
+		avr->pc = busy->loop;
+	} else if (busy->back && avr->pc == busy->loop && now(nano) >= busy->until) {
+		avr->pc = busy->back;
+		busy->until = 0;
+	}
 }
 
 // One batch of instructions, or of sleep; then what is due at its end.
@@ -249,6 +281,8 @@ static void step(nano_t *nano)
 		avr->state = cpu_Sleeping;
 	if (avr->state == cpu_Sleeping || nano->supply.off)
 		avr->cycle += 1 + idle;
+	if (nano->busy.until)
+		be_busy(nano);
 	if (avr->interrupt_state && !nano->supply.off)
 		avr_service_interrupts(avr);
 }

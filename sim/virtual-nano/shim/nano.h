@@ -64,6 +64,8 @@ void nano_set_supply(nano_t *nano, uint32_t vcc_mv, uint32_t bandgap_mv);
 void nano_set_bus_rise(nano_t *nano, uint32_t cycles);
 // Sends the program into an endless loop, with interrupts on or off. Zero when flash has no room for the loop.
 int nano_hang(nano_t *nano, int interrupts);
+// Keeps the program in such a loop until `cycle`, from the next moment on at which interrupts are on. Zero as above.
+int nano_busy(nano_t *nano, uint64_t cycle);
 enum nano_state nano_run_until(nano_t *nano, uint64_t cycle);
 uint64_t nano_cycle(const nano_t *nano);
 // Levels of pins that something outside drives, from now on.

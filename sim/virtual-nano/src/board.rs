@@ -13,6 +13,7 @@
 use crate::bridge::Bridge;
 use crate::clock::ProgramClock;
 use crate::encoder::{Disturbance, Encoder};
+use crate::fault::{self, BANDGAP_MV, Fault, SUPPLY_MV};
 use crate::image::Image;
 use crate::imu::source::Source;
 use crate::imu::{self, Mpu6050};
@@ -24,10 +25,6 @@ use crate::motor::{Motor, MotorParameters, Rotor, STEP_S};
 use crate::plant::Plant;
 use crate::resonator::Resonator;
 use crate::serial::Serial;
-
-/// Supply of a board on a good port, and the bandgap reference (data sheet, section 29.5), mV.
-const SUPPLY_MV: u32 = 5000;
-const BANDGAP_MV: u32 = 1100;
 
 /// Options of a board.
 pub struct BoardOptions {
@@ -64,6 +61,8 @@ pub struct Board {
     state: RunState,
     vcc_mv: u32,
     bandgap_mv: u32,
+    /// Faults that begin later, with their times (s).
+    faults: Vec<(f64, Fault)>,
 }
 
 impl Board {
@@ -102,7 +101,15 @@ impl Board {
         }
         mcu.reset(start, ResetCause::PowerOn);
         let state = RunState::Running;
-        Ok(Self { mcu, start, static_bytes: None, state, vcc_mv: SUPPLY_MV, bandgap_mv: BANDGAP_MV })
+        Ok(Self {
+            mcu,
+            start,
+            static_bytes: None,
+            state,
+            vcc_mv: SUPPLY_MV,
+            bandgap_mv: BANDGAP_MV,
+            faults: Vec::new(),
+        })
     }
 
     /// Pulls the reset pin.
@@ -113,10 +120,32 @@ impl Board {
 
     /// Runs until `cycle`. A program that crashed stays where it is until a reset, and the board's time with it.
     pub fn run_until(&mut self, cycle: u64) -> RunState {
-        if self.state == RunState::Running {
-            self.state = self.mcu.run_until(cycle);
+        while self.state == RunState::Running && self.cycle() < cycle {
+            let due = self.faults.iter().map(|(at_s, _)| self.resonator().cycle(*at_s)).min().unwrap_or(u64::MAX);
+            self.state = self.mcu.run_until(cycle.min(due.max(self.cycle() + 1)));
+            let now_s = self.seconds();
+            for (_, fault) in self.faults.extract_if(.., |(at_s, _)| *at_s <= now_s).collect::<Vec<_>>() {
+                self.inject(fault);
+            }
         }
         self.state
+    }
+
+    /// Makes a fault begin now.
+    pub fn inject(&mut self, fault: Fault) {
+        fault::inject(self, fault);
+    }
+
+    /// Makes a fault begin at a time (s) since power came up.
+    pub fn inject_at(&mut self, at_s: f64, fault: Fault) {
+        self.faults.push((at_s, fault));
+    }
+
+    /// Ends every fault that can end, and forgets those that have not begun. What they did to registers and to the
+    /// program stays.
+    pub fn clear_faults(&mut self) {
+        self.faults.clear();
+        fault::clear(self);
     }
 
     /// Runs for `cycles`.
@@ -241,6 +270,12 @@ impl Board {
     /// Sends the program into an endless loop, with interrupts on or off.
     pub fn hang(&mut self, interrupts: bool) {
         self.mcu.hang(interrupts);
+    }
+
+    /// Keeps the program from its work for a time, with interrupts on.
+    pub fn keep_busy_ms(&mut self, ms: f64) {
+        let cycle = self.cycle() + (ms * 1e-3 * self.resonator().hz()).round() as u64;
+        self.mcu.busy(cycle);
     }
 
     /// Sets the supply of the chip, mV. Below 2700 mV it is in reset.

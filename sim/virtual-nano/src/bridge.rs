@@ -7,7 +7,7 @@
 //!
 //! STBY is D9 = PB1. An encoder's C1 is on an interrupt pin.
 
-use crate::mcu::Outputs;
+use crate::mcu::{FREQUENCY_HZ, Outputs};
 
 /// What the bridge does to a motor (data sheet of the TB6612FNG, table of control functions).
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
@@ -26,6 +26,8 @@ pub enum Drive {
 pub struct Bridge {
     /// High time of the two PWM pins, 0 to 255.
     pub pwm: [u8; 2],
+    /// Frequency of the two PWM pins with a resonator of 16 MHz; 0 where the timer stands.
+    pub pwm_hz: [f64; 2],
     /// Motors 1 and 2.
     pub drive: [Drive; 2],
 }
@@ -43,7 +45,11 @@ impl Bridge {
         let standby = !pin(port_b, 1);
         let inputs = [(pin(port_b, 0), pin(port_d, 7)), (pin(port_b, 2), pin(port_b, 4))];
         let drive = std::array::from_fn(|motor| truth_table(standby, inputs[motor], pwm[motor]));
-        Self { pwm, drive }
+        let pwm_hz = [
+            pwm_hz(o.tccr0a, o.tccr0b, [0, 1, 8, 64, 256, 1024, 0, 0]),
+            pwm_hz(o.tccr2a, o.tccr2b, [0, 1, 8, 32, 64, 128, 256, 1024]),
+        ];
+        Self { pwm, pwm_hz, drive }
     }
 }
 
@@ -57,6 +63,16 @@ fn pulse_width(tccra: u8, ocr: u8, port: bool, is_output: bool) -> u8 {
         2 => ocr.max(shortest),
         3 => 255 - ocr.max(shortest),
         _ => 255 * u8::from(port),
+    }
+}
+
+/// Frequency of a timer's PWM: fast (256 counts a period) or phase-correct (510), with its prescalers in the order of the
+/// clock select bits (sections 15.9.2 and 18.11.2).
+fn pwm_hz(tccra: u8, tccrb: u8, prescalers: [u32; 8]) -> f64 {
+    let period = if tccra & 0b11 == 0b11 { 256 } else { 510 };
+    match prescalers[usize::from(tccrb & 7)] {
+        0 => 0.0,
+        prescaler => FREQUENCY_HZ as f64 / f64::from(prescaler * period),
     }
 }
 
@@ -98,5 +114,12 @@ mod tests {
         assert_eq!(pulse_width(0x81, 0, false, true), 0);
         assert_eq!(pulse_width(0x03, 90, false, true), 0);
         assert_eq!(pulse_width(0x03, 90, true, true), 255);
+    }
+
+    #[test]
+    fn the_frequency_follows_from_prescaler_and_mode() {
+        let lit = Outputs { tccr0a: 0x83, tccr0b: 3, tccr2a: 0x81, tccr2b: 4, ..Outputs::default() };
+        assert_eq!(Bridge::from_outputs(&lit).pwm_hz, [976.5625, 16e6 / 64.0 / 510.0]);
+        assert_eq!(Bridge::from_outputs(&Outputs { tccr0b: 0, ..lit }).pwm_hz[0], 0.0);
     }
 }

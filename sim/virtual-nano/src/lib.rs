@@ -15,6 +15,7 @@ pub mod bridge;
 pub mod clock;
 pub mod control;
 pub mod encoder;
+pub mod fault;
 pub mod image;
 pub mod imu;
 pub mod marks;

@@ -211,6 +211,16 @@ impl<D: Devices> Mcu<D> {
         assert!(found, "no room in flash for an endless loop");
     }
 
+    /// Keeps the program from its work until `cycle`, with interrupts on.
+    ///
+    /// # Panics
+    /// As [`Self::hang`].
+    pub fn busy(&mut self, cycle: u64) {
+        // SAFETY: `raw` is a chip.
+        let found = unsafe { nano_busy(self.raw, cycle) } != 0;
+        assert!(found, "no room in flash for an endless loop");
+    }
+
     /// Runs until `cycle`, or past it by the rest of an instruction.
     pub fn run_until(&mut self, cycle: u64) -> RunState {
         // SAFETY: `raw` is a chip, and no reference to the devices is alive.
@@ -316,6 +326,7 @@ unsafe extern "C" {
     fn nano_set_supply(nano: *mut Raw, vcc_mv: u32, bandgap_mv: u32);
     fn nano_set_bus_rise(nano: *mut Raw, cycles: u32);
     fn nano_hang(nano: *mut Raw, interrupts: c_int) -> c_int;
+    fn nano_busy(nano: *mut Raw, cycle: u64) -> c_int;
     fn nano_run_until(nano: *mut Raw, cycle: u64) -> c_int;
     fn nano_cycle(nano: *const Raw) -> u64;
     fn nano_set_pins(nano: *mut Raw, port: c_char, mask: u8, levels: u8);

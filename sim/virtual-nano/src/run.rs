@@ -3,6 +3,7 @@
 
 use crate::board::Board;
 use crate::control::{self, Command};
+use crate::fault::Timed;
 use crate::mcu::RunState;
 use crate::pace::Pace;
 use crate::port::{Port, PortCount, PortEvent};
@@ -92,11 +93,9 @@ impl Runner {
             Command::Status => return (control::status(board, &self.count), true),
             Command::Drop(frames) => board.serial_mut().drop_frames(frames),
             Command::Corrupt(frames) => board.serial_mut().corrupt_frames(frames),
-            Command::Fault(fault) => board.change_imu(|imu| imu.inject(fault)),
-            Command::ClearFaults => board.change_imu(|imu| imu.clear_faults()),
-            Command::Block(motor) => board.block_motor(motor, true),
-            Command::BlockOff => (0..2).for_each(|motor| board.block_motor(motor, false)),
-            Command::Hang => board.hang(true),
+            Command::Fault(Timed { fault, at_s: None }) => board.inject(fault),
+            Command::Fault(Timed { fault, at_s: Some(at_s) }) => board.inject_at(at_s, fault),
+            Command::ClearFaults => board.clear_faults(),
             Command::Reset => board.reset(),
             Command::Quit => return (control::done(line), false),
         }

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Host, TICK, firmware};
-use protocol::{Command, Settings};
+use protocol::{Command, Fault, Settings};
 use virtual_nano::BoardOptions;
 
 /// Of 30,720 bytes beside the bootloader.
@@ -48,4 +48,64 @@ fn the_image_fits_with_room_to_spare() {
     assert!(tick.count > 500);
     assert_eq!(host.board.serial_overruns(), 0, "the program read bytes too late");
     assert_eq!(host.last().missed_ticks.0, 0);
+}
+
+/// Requests at a share of the line's 50,000 bytes a second, for two seconds while both motors turn.
+fn flood(share: f64) -> (Host, u64, u64) {
+    let mut host = Host::ready(BoardOptions::default());
+    host.set_speeds([90.0, -90.0]);
+    host.run_linked_ms(500);
+    host.board.marks_mut().clear();
+    let (mut sent, mut owed) = (0, 0.0);
+    let answered = host.replies();
+    for _ in 0..2000 {
+        owed += 50.0 * share;
+        while owed >= 6.0 {
+            host.send(Command::Ping);
+            sent += 1;
+            owed -= 6.0;
+        }
+        host.run_ms(1);
+    }
+    host.run_ms(10);
+    let answered = host.replies() - answered;
+    (host, sent, answered)
+}
+
+#[test]
+fn a_full_line_of_requests_takes_nothing_from_motors_and_telemetry() {
+    println!("| line | requests | answered | worst tick, cycles | telemetry lost |");
+    println!("| ---: | ---: | ---: | ---: | ---: |");
+    for share in [0.02, 0.2, 0.5, 1.0] {
+        let (host, sent, answered) = flood(share);
+        let tick = host.board.marks().tick();
+        let last = host.last();
+        println!("| {:.0} % | {sent} | {answered} | {} | {} |", 100.0 * share, tick.worst, last.unsent.0);
+        for code in 0x11..=0x15 {
+            let stage = host.board.marks().stage(code);
+            println!("stage {code:#x}: mean {} worst {}", stage.mean(), stage.worst);
+        }
+        assert_eq!((last.fault, last.missed_ticks.0, last.unsent.0), (Fault::None, 0, 0));
+        assert!(tick.worst <= WORST_TICK, "{} cycles", tick.worst);
+    }
+}
+#[test]
+#[ignore]
+fn profile_tmp() {
+    let mut host = Host::ready(BoardOptions::default());
+    host.set_speeds([90.0, -90.0]);
+    host.run_linked_ms(300);
+    let mut hist = std::collections::BTreeMap::<u32, u64>::new();
+    let start = host.board.cycle();
+    let mut last = start;
+    while host.board.cycle() < start + 40 * TICK {
+        let pc = host.board.pc();
+        let next = host.board.cycle() + 1;
+        host.board.run_until(next);
+        *hist.entry(pc).or_default() += host.board.cycle() - last;
+        last = host.board.cycle();
+    }
+    let mut out = String::new();
+    for (pc, n) in hist { out += &format!("{pc} {n}\n"); }
+    std::fs::write("/tmp/prof.txt", out).unwrap();
 }

@@ -96,7 +96,7 @@ fn every_fault_at_every_byte_of_set_up_is_got_over_or_latched() {
                 let at = At { transaction: Some(transaction), byte };
                 let mut host = Host::new(BoardOptions::default());
                 host.board.change_imu(|imu| imu.inject((case.fault)(at)));
-                host.run_ms(100);
+                host.run_ms(300);
                 if host.board.imu().count().faults == 0 {
                     break;
                 }

@@ -62,6 +62,8 @@ pub struct BusCount {
     pub transactions: u64,
     /// Reads that began at the first of the data registers.
     pub bursts: u64,
+    /// Resets by DEVICE_RESET.
+    pub resets: u64,
     /// Faults that struck.
     pub faults: u64,
 }
@@ -273,6 +275,7 @@ impl Mpu6050 {
             _ if self.reset_until_s.is_some() => {}
             register::PWR_MGMT_1 if value & DEVICE_RESET != 0 => {
                 self.power_up();
+                self.count.resets += 1;
                 self.registers[usize::from(register::PWR_MGMT_1)] |= DEVICE_RESET;
                 self.reset_until_s = Some(self.time_s + RESET_S);
             }
@@ -285,8 +288,9 @@ impl Mpu6050 {
         self.pointer = (self.pointer + 1) & 0x7F;
     }
 
-    fn register(&self, address: u8) -> u8 {
-        self.registers[usize::from(address)]
+    /// Returns a register's value, without the effects of reading it.
+    pub fn register(&self, address: u8) -> u8 {
+        self.registers[usize::from(address & 0x7F)]
     }
 
     /// Samples per second, as the registers ask for.

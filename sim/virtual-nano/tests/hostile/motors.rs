@@ -1,0 +1,108 @@
+//! Motors that must not run away, burn, or turn where nobody looks.
+
+use super::{Host, off_after, row, stops, turning, watch};
+use protocol::Fault;
+use virtual_nano::BoardOptions;
+
+const RUNAWAY: [[Fault; 1]; 2] = [[Fault::Motor1Runaway], [Fault::Motor2Runaway]];
+const STALLED: [[Fault; 1]; 2] = [[Fault::Motor1Stalled], [Fault::Motor2Stalled]];
+
+/// A board with a fault from its start, that is asked to turn both flagella.
+fn asked_with(fault: &str, rpm: [f64; 2]) -> Host {
+    let mut host = Host::ready(BoardOptions::default());
+    host.inject(fault);
+    host.set_speeds(rpm);
+    // The first tick of control comes first.
+    host.run_linked_ms(10);
+    host
+}
+
+#[test]
+#[ignore = "the firmware does not do this yet"]
+fn swapped_encoder_leads_are_a_runaway() {
+    for (motor, faults) in RUNAWAY.iter().enumerate() {
+        for rpm in [20.0, -90.0] {
+            let mut host = asked_with(&format!("encoder-swapped={}", motor + 1), [rpm; 2]);
+            let what = format!("encoder {} swapped, {rpm} rpm asked", motor + 1);
+            stops(&mut host, &what, 0.3, faults);
+        }
+    }
+    let mut host = turning([20.0, 20.0]);
+    host.inject("encoder-swapped=1");
+    stops(&mut host, "encoder 1 swapped at 20 rpm", 0.3, &RUNAWAY[0]);
+}
+
+#[test]
+#[ignore = "the firmware does not do this yet"]
+fn a_motor_with_its_leads_swapped_is_a_runaway() {
+    let mut host = asked_with("motor-reversed=2", [20.0, 20.0]);
+    stops(&mut host, "motor 2 reversed, 20 rpm asked", 0.3, &RUNAWAY[1]);
+}
+
+#[test]
+#[ignore = "the firmware does not do this yet"]
+fn a_blocked_rotor_stops_within_a_second_of_a_duty_that_would_turn_it() {
+    /// Settings::moving_duty.
+    const MOVES: u8 = 100;
+    for fault in ["blocked=1", "slips=1"] {
+        for rpm in [10.0, 20.0, -50.0, 90.0] {
+            let mut host = asked_with(fault, [rpm, 0.0]);
+            let begin_s = host.board.seconds();
+            while host.board.bridge().pwm[0] < MOVES && host.board.bridge().pwm[0] > 0 {
+                host.run_linked_ms(1);
+            }
+            let ramp_s = host.board.seconds() - begin_s;
+            let what = format!("{fault}, {rpm} rpm asked ({ramp_s:.1} s to a duty of {MOVES})");
+            stops(&mut host, &what, 1.05, &[Fault::Motor1Stalled, Fault::Motor1Overloaded]);
+        }
+    }
+    for (motor, faults) in STALLED.iter().enumerate() {
+        let mut host = turning([50.0, 50.0]);
+        host.inject(&format!("blocked={}", motor + 1));
+        stops(&mut host, &format!("motor {} blocked at 50 rpm", motor + 1), 1.5, faults);
+    }
+}
+
+#[test]
+#[ignore = "the firmware does not do this yet"]
+fn a_rotor_that_is_blocked_below_that_duty_does_not_burn() {
+    // 2 rpm: the duty rises by 10 a second.
+    let mut host = asked_with("blocked=1", [2.0, 0.0]);
+    let off_s = off_after(&mut host, 20.0);
+    host.run_linked_ms(20);
+    row("blocked, 2 rpm asked", format!("{:?} after {:.1} s", host.fault(), off_s.unwrap_or(f64::NAN)), "within 12 s");
+    assert!(off_s.is_some_and(|off_s| off_s < 12.0));
+    assert!([Fault::Motor1Stalled, Fault::Motor1Overloaded].contains(&host.fault()), "{:?}", host.fault());
+}
+
+#[test]
+#[ignore = "the firmware does not do this yet"]
+fn without_the_motors_supply_nothing_is_driven_for_long() {
+    let mut host = turning([50.0, -50.0]);
+    host.inject("motor-supply-off");
+    stops(&mut host, "6 V off at 50 rpm", 1.5, &[Fault::Motor1Stalled, Fault::Motor2Stalled]);
+}
+
+#[test]
+#[ignore = "the firmware does not do this yet"]
+fn swapped_motors_stop_each_other() {
+    let mut host = asked_with("motors-swapped", [50.0, 0.0]);
+    stops(&mut host, "motors swapped, 50 and 0 rpm asked", 1.5, &[Fault::Motor1Stalled, Fault::Motor2Runaway]);
+}
+
+#[test]
+fn a_gear_that_sticks_is_no_fault_and_turns_in_the_end() {
+    let mut host = asked_with("stiction=25", [30.0, 0.0]);
+    host.run_linked_ms(3000);
+    let speeds = watch(&mut host, 0, 30.0, 2000);
+    row("gear sticks below 25 % of full voltage, 30 rpm asked", format!("{:.2} rpm", speeds.mean), "30 +- 1 rpm");
+    assert!((speeds.mean - 30.0).abs() < 1.0 && host.fault() == Fault::None, "{:?}", host.fault());
+}
+
+#[test]
+fn the_bridge_gets_its_pwm_at_977_hz() {
+    let host = turning([50.0, 50.0]);
+    let [a, b] = host.board.bridge().pwm_hz;
+    row("PWM", format!("{a:.1} and {b:.1} Hz"), "977 Hz, of the bridge's 100 kHz at most");
+    assert!([a, b].iter().all(|hz| (hz - 976.5625).abs() < 1.0));
+}

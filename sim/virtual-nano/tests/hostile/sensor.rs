@@ -1,0 +1,139 @@
+//! A sensor that is not what it says.
+
+use super::{Host, off_after, row, turning, until};
+use protocol::{Fault, Telemetry};
+use virtual_nano::BoardOptions;
+use virtual_nano::imu::source::{Source, Turntable};
+
+fn is_of_imu(fault: Fault) -> bool {
+    matches!(fault, Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen | Fault::ImuLostConfig)
+}
+
+/// Share of the frames that have a fresh reading.
+fn fresh(frames: &[(u64, Telemetry)]) -> f64 {
+    frames.iter().filter(|(_, frame)| frame.imu_fresh).count() as f64 / frames.len() as f64
+}
+
+#[test]
+fn a_register_that_changes_is_put_right_within_a_second() {
+    for (address, value) in [(0x19, 0x00), (0x1A, 0x06), (0x1B, 0x18), (0x1C, 0x18), (0x6B, 0x40)] {
+        let mut host = Host::ready(BoardOptions::default());
+        host.run_linked_ms(1000);
+        let right = host.board.imu().register(address);
+        let errors = host.last().imu_errors;
+        host.inject(&format!("register={address:#x},{value:#x}"));
+        let put_right_s = until(&mut host, 3.0, |host| host.board.imu().register(address) == right);
+        host.run_linked_ms(300);
+        let counted = host.last().imu_errors != errors;
+        row(
+            format!("register {address:#04x} changes to {value:#04x}"),
+            format!("right after {:.2} s, counted: {counted}", put_right_s.unwrap_or(f64::NAN)),
+            "1.1 s, counted",
+        );
+        assert!(put_right_s.is_some_and(|seconds| seconds <= 1.1), "{address:#x}: {put_right_s:?}");
+        assert!(counted && host.last().imu_fresh && host.fault() == Fault::None, "{address:#x}: {:?}", host.last());
+    }
+}
+
+#[test]
+fn set_up_resets_the_sensor() {
+    /// FIFO_EN, which the program does not use.
+    const FIFO_EN: u8 = 0x23;
+    let mut host = Host::new(BoardOptions::default());
+    host.inject(&format!("register={FIFO_EN:#x},0x78"));
+    host.hello();
+    host.stream();
+    host.run_ms(500);
+    let (resets, value) = (host.board.imu().count().resets, host.board.imu().register(FIFO_EN));
+    row("a register from before the start", format!("{resets} resets, reads {value:#04x}"), "reset, 0x00");
+    assert!(resets >= 1 && value == 0 && host.last().imu_fresh);
+}
+
+#[test]
+fn frozen_data_stop_the_motors_within_a_fifth_of_a_second() {
+    let mut host = turning([40.0, -40.0]);
+    host.inject("frozen");
+    let off_s = off_after(&mut host, 2.0);
+    host.run_linked_ms(20);
+    row("frozen data", format!("{:?} after {:.3} s", host.fault(), off_s.unwrap_or(f64::NAN)), "0.2 s");
+    assert!(off_s.is_some_and(|off_s| off_s <= 0.2) && is_of_imu(host.fault()), "{off_s:?}, {:?}", host.fault());
+}
+
+#[test]
+fn an_oscillator_off_by_one_percent_is_no_fault() {
+    for percent in [-1, 1] {
+        let mut host = turning([40.0, -40.0]);
+        host.inject(&format!("sensor-clock={percent}"));
+        let errors = host.last().imu_errors;
+        host.telemetry.clear();
+        host.run_linked_ms(3000);
+        let share = fresh(&host.telemetry);
+        row(format!("sensor's clock {percent:+} %"), format!("{:.1} % fresh", 100.0 * share), "98 %, no errors");
+        assert!(share >= 0.98 && host.fault() == Fault::None && host.last().imu_errors == errors);
+    }
+}
+
+#[test]
+fn clipping_is_counted() {
+    let mut host = Host::ready(BoardOptions::default());
+    host.run_linked_ms(500);
+    assert_eq!(host.last().clipped.0, 0, "at rest");
+    host.inject("spin=3000");
+    host.run_linked_ms(500);
+    let clipped = host.last().clipped.0;
+    row("100 ticks beyond the range", format!("{clipped} counted"), "95 to 101");
+    assert!((95..=101).contains(&clipped));
+}
+
+#[test]
+fn a_slow_bus_is_read_more_slowly() {
+    for us in [1.0, 2.0, 4.0] {
+        let mut host = Host::new(BoardOptions::default());
+        host.inject(&format!("bus-rise={us}"));
+        host.hello();
+        host.stream();
+        host.run_linked_ms(1500);
+        host.telemetry.clear();
+        host.run_linked_ms(1000);
+        let (share, worst) = (fresh(&host.telemetry), host.board.marks().tick().worst);
+        row(
+            format!("SCL rises in {us} us"),
+            format!("{:?}, {:.1} % fresh, worst tick {worst} cycles", host.fault(), 100.0 * share),
+            "no fault, 99 % fresh",
+        );
+        assert!(share >= 0.99 && host.fault() == Fault::None, "{:?}", host.last());
+        assert!(worst < super::common::TICK, "a tick of {worst} cycles");
+    }
+}
+
+#[test]
+fn a_bus_that_turns_slow_is_read_more_slowly() {
+    let mut host = turning([40.0, -40.0]);
+    host.inject("bus-rise=2");
+    host.run_linked_ms(1500);
+    host.telemetry.clear();
+    host.run_linked_ms(1000);
+    let share = fresh(&host.telemetry);
+    row("SCL rises in 2 us from now on", format!("{:?}, {:.1} % fresh", host.fault(), 100.0 * share), "99 % fresh");
+    assert!(share >= 0.99, "{:?}", host.last());
+}
+
+#[test]
+fn scale_and_axes_within_the_data_sheet_show_as_far_as_they_must() {
+    let up = [0.0, 0.0, 1.0];
+    for (fault, expected) in [("scale=0", 100.0), ("scale=3", 103.0), ("askew=2", 100.0)] {
+        let source = Source::turntable(Turntable { up, dps: 100.0, start_s: 0.5 }, 3);
+        let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
+        host.inject(fault);
+        host.run_linked_ms(500);
+        let yaw = |host: &Host| {
+            let [w, x, y, z] = host.last().attitude.to_f64();
+            (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)).to_degrees()
+        };
+        let before = yaw(&host);
+        host.run_linked_ms(1000);
+        let turned = (yaw(&host) - before).rem_euclid(360.0);
+        row(format!("{fault} at 100 deg/s"), format!("{turned:.2} deg in a second"), format!("{expected} +- 0.6"));
+        assert!((turned - expected).abs() < 0.6, "{fault}: {turned}");
+    }
+}
