@@ -23,6 +23,10 @@ pub const STANDSTILL_US: u32 = 1_000_000;
 /// edge with a spike close to it may be timed that late.
 pub const SPIKE_US: u32 = 40;
 
+/// Age below which an edge may be the beginning of a spike, µs, as the tick reads the clock after the edges. The next tick
+/// takes it.
+const SETTLED_US: u32 = 2 * SPIKE_US;
+
 /// Interrupts of an encoder between two ticks above which it is noise: the motor at full voltage makes 7.
 pub const MAX_INTERRUPTS: u8 = 24;
 
@@ -134,6 +138,9 @@ impl Encoder {
     #[inline(never)]
     pub fn update(&mut self, edges: &Edges, now: Micros, scale: f32) -> Motion {
         let last = edges.last;
+        if now.since(last.time) < SETTLED_US {
+            return Motion { speed: CentiRpm(round_to_i16(self.speed, 0)), ..Motion::default() };
+        }
         // The last edge of earlier ticks to the same level.
         let reference = if edges.level == self.seen.level { self.seen.last } else { self.seen.before };
         let mut motion = Motion {
@@ -245,7 +252,9 @@ mod tests {
             let motion = encoder.update(&shaft.edges, Micros(tick * TICK_US), scale);
             shaft.edges.begin_tick();
             position += i16::from(motion.counts);
-            assert_eq!((position, motion.glitches), (shaft.truth(), 0));
+            let is_settled = (tick * TICK_US).wrapping_sub(shaft.edges.last.time.0) >= SETTLED_US;
+            assert!(position == shaft.truth() || !is_settled && motion.edges == 0, "{position} of {}", shaft.truth());
+            assert_eq!(motion.glitches, 0);
             let t = f64::from(tick * TICK_US) * 1e-6;
             check(t, rpm_at(t), motion.speed.rpm());
         }
@@ -417,6 +426,24 @@ mod tests {
     }
 
     #[test]
+    fn a_tick_within_a_spike_does_not_take_it() {
+        let (mut encoder, mut edges) = (Encoder::default(), Edges::new());
+        let mut update =
+            |edges: &Edges, now| encoder.update(edges, Micros(now), centi_rpm_scale(COUNTS_PER_TURN as f32));
+        for edge in 1..=20 {
+            edges.feed(edge % 2 == 1, edge % 2 == 0, Micros(2500 * edge));
+            update(&edges, 2500 * edge + 2000);
+        }
+        let before = update(&edges, 52_100);
+        edges.feed(true, false, Micros(52_200));
+        let within = update(&edges, 52_215);
+        edges.feed(false, false, Micros(52_212));
+        let after = update(&edges, 52_300);
+        assert!((before.speed.rpm() - 39.85).abs() < 0.01);
+        assert_eq!((within, after), (before, Motion { glitches: 2, ..before }));
+    }
+
+    #[test]
     fn more_edges_than_motion_makes_are_noise_until_the_next_tick() {
         let mut edges = Edges::new();
         for _ in 0..3 {
@@ -434,7 +461,7 @@ mod tests {
         let (mut encoder, mut edges) = (Encoder::default(), Edges::new());
         for edge in 1..=3 {
             edges.feed(edge % 2 == 1, edge % 2 == 1, Micros(200 * edge));
-            let motion = encoder.update(&edges, Micros(200 * edge), centi_rpm_scale(1.0));
+            let motion = encoder.update(&edges, Micros(200 * edge + 100), centi_rpm_scale(1.0));
             assert_eq!(motion.speed, CentiRpm(if edge == 1 { 0 } else { -i16::MAX }));
         }
     }

@@ -56,22 +56,12 @@ mod nano {
         let crash = crash::take_record(&peripherals.CPU);
         // SAFETY: this runs once, and interrupts are off.
         let (inbox, outbox) = unsafe { serial::start(&peripherals.USART0) };
-<<<<<<< HEAD
         encoders::pull_up(&peripherals.PORTD);
-        let motors = outputs::motors((peripherals.TC0, peripherals.TC2), (peripherals.PORTB, peripherals.PORTD));
-        let bus = Twi::new(peripherals.TWI, peripherals.PORTC);
-        // SAFETY: nothing else uses the place yet.
-        let app = unsafe { (*(&raw mut APP)).write(App::new(bus, motors, Eeprom::new(peripherals.EEPROM), BUILD)) };
-        app.start(start);
-
-        encoders::start(&peripherals.EXINT);
-=======
-        encoders::start(&peripherals.EXINT, &peripherals.PORTD);
         make_app();
         // SAFETY: `make_app` has made it, and only this function uses it.
         let app = unsafe { (*(&raw mut APP)).assume_init_mut() };
         app.start(Start { crash, program_counter: crash::program_counter(crash), mcusr });
->>>>>>> emulator
+        encoders::start(&peripherals.EXINT);
         clock::start(&peripherals.TC1);
         clock::enable_sleep(&peripherals.CPU);
         crash::start_watchdog(&peripherals.WDT);

@@ -236,8 +236,8 @@ impl Bench {
         self.now = self.now.wrapping_add(TICK_US * (1 + u32::from(missed)));
         for (encoder, speed) in self.encoders.iter_mut().zip(self.speed) {
             for edge in (0..speed.unsigned_abs()).rev() {
-                // Evenly spaced, the last one just before the tick.
-                let time = self.now.wrapping_sub(1 + TICK_US * edge / speed.unsigned_abs());
+                // Evenly spaced, the last one shortly before the tick.
+                let time = self.now.wrapping_sub(200 + TICK_US * edge / speed.unsigned_abs());
                 encoder.level = !encoder.level;
                 encoder.edges.feed(encoder.level, encoder.level != (speed > 0), Micros(time));
             }
