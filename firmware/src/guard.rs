@@ -95,8 +95,8 @@ impl Guard {
         if self.edges < EDGES_COMPARED {
             return false;
         }
-        // A motor that turns round makes such edges once, and goes on in one direction.
-        let cancel = (self.counts.unsigned_abs() << 1) < self.edges as u8;
+        // Turning round at just this place makes such edges too, but not twice.
+        let cancel = self.counts.unsigned_abs() <= 1;
         let twice = cancel && self.cancelled;
         self.cancelled = cancel;
         self.edges = 0;
