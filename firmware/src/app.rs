@@ -17,6 +17,7 @@ use crate::attitude::{self, Attitude};
 use crate::calibration::GyroAverage;
 use crate::encoder::{Edges, Encoder, centi_rpm_scale};
 use crate::fault::{Crash, Latch, reset_cause};
+use crate::guard::Guard;
 use crate::imu::{Config, Imu};
 use crate::link::{Answer, Link, Outbox};
 use crate::motor::{self, Motors, SpeedControl};
@@ -80,6 +81,7 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     attitude: Attitude,
     encoders: [Encoder; 2],
     control: [SpeedControl; 2],
+    guards: [Guard; 2],
     motors: Motors<PIN, PWM>,
     link: Link,
     store: Store<STORAGE>,
@@ -124,6 +126,7 @@ where
             attitude: Attitude::default(),
             encoders: Default::default(),
             control: Default::default(),
+            guards: Default::default(),
             motors,
             link: Link::new(),
             store: Store::new(storage),
@@ -274,16 +277,27 @@ where
         self.telemetry.attitude = self.attitude.quaternion();
     }
 
+    /// Measures a speed, and checks what the motor has done with the duty of the tick before.
     #[inline(never)]
     fn measure_speed(&mut self, motor: usize, tick: &Tick) {
-        let encoder = &mut self.encoders[motor];
-        let mut edges = tick.edges[motor];
+        let edges = &tick.edges[motor];
+        let mut motion = self.encoders[motor].update(edges, tick.time, self.speed_scale);
         if self.settings.encoder_reversed[motor] {
-            edges.count = edges.count.wrapping_neg();
+            motion.speed.0 = -motion.speed.0;
+            motion.counts = -motion.counts;
         }
-        encoder.update(edges, tick.time, self.speed_scale);
-        self.telemetry.speed[motor] = encoder.speed();
-        self.telemetry.encoder[motor] = encoder.position();
+        let telemetry = &mut self.telemetry;
+        telemetry.speed[motor] = motion.speed;
+        telemetry.encoder[motor].0 = telemetry.encoder[motor].0.wrapping_add(i32::from(motion.counts));
+        telemetry.glitches.0 = telemetry.glitches.0.wrapping_add(u16::from(motion.glitches));
+        let (duty, target) = (telemetry.duty[motor], telemetry.target[motor]);
+        let mut faults = self.guards[motor].check(duty, target, &motion, self.settings.moving_duty[motor]);
+        if edges.is_noisy() {
+            faults = [Fault::Encoder1Noisy, Fault::Encoder2Noisy];
+        } else if !self.is_running() {
+            return;
+        }
+        self.raise(if motor == 0 { faults[0] } else { faults[1] });
     }
 
     #[inline(never)]
@@ -305,25 +319,15 @@ where
                 self.turn_off();
             }
         }
-        if !self.is_running() {
-            return;
+        if self.is_running() {
+            self.telemetry.duty = [self.next_duty(0), self.next_duty(1)];
+            self.motors.drive(&self.telemetry.duty, &self.settings.motor_reversed);
         }
-        self.telemetry.duty = [self.next_duty(0), self.next_duty(1)];
-        self.motors.drive(&self.telemetry.duty, &self.settings.motor_reversed);
-        self.watch_motor(0, Fault::Motor1Stalled);
-        self.watch_motor(1, Fault::Motor2Stalled);
     }
 
     #[inline(never)]
     fn next_duty(&mut self, motor: usize) -> Duty {
         self.control[motor].duty(self.telemetry.target[motor], self.telemetry.speed[motor], self.speed_gains)
-    }
-
-    #[inline(never)]
-    fn watch_motor(&mut self, motor: usize, fault: Fault) {
-        if self.control[motor].is_stalled(self.telemetry.duty[motor], self.encoders[motor].moved()) {
-            self.raise(fault);
-        }
     }
 
     #[inline(never)]

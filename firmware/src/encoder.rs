@@ -1,76 +1,186 @@
-//! The speed of a flagellum from the times of its encoder's edges.
+//! A motor's encoder: which edges are motion, and the speed of the flagellum from their times.
+//!
+//! Every edge of channel 1 interrupts, and channel 2 gives its direction. A spike on the line makes two edges within
+//! [`SPIKE_US`], which cancel each other: the second takes the first one's count and time back. Where the spike follows a
+//! true edge, this takes that edge back, and the end of the spike takes its place. Longer pulses count both ways.
 //!
 //! With 602 counts per revolution, one count in a tick of 5 ms is 20 rpm: counting edges per tick would resolve 20 rpm.
-//! The time between edges resolves a thousandth. While no edge comes, the speed is at most one count in the time since
+//! The time between edges resolves a thousandth. It is measured between edges to the same level of channel 1, because the
+//! poles of the encoder's magnet differ in length. While no edge comes, the speed is at most one count in the time since
 //! the last one, so that it falls towards zero when edges stop, and is zero after [`STANDSTILL_US`].
 //!
 //! Units: positions in counts, times in µs, speeds in hundredths of rpm.
 
-use protocol::units::{CentiRpm, EncoderCounts, Micros};
+use protocol::units::{CentiRpm, Micros};
 
 use crate::round_to_i16;
 
 /// Time without an edge after which the speed is zero, µs: below 0.1 rpm with the published encoders.
 pub const STANDSTILL_US: u32 = 1_000_000;
 
-/// The edges of an encoder, as its interrupt counts them.
+/// Time within which two edges are a spike, µs. The interrupt sees the end of a spike when it has handled its beginning,
+/// up to 25 µs later; at full voltage the published motor's edges are 770 µs apart. Not longer than necessary, because an
+/// edge with a spike close to it may be timed that late.
+pub const SPIKE_US: u32 = 40;
+
+/// Age below which an edge may be the beginning of a spike, µs, as the tick reads the clock after the edges. The next tick
+/// takes it.
+const SETTLED_US: u32 = 2 * SPIKE_US;
+
+/// Interrupts of an encoder between two ticks above which it is noise: the motor at full voltage makes 7.
+pub const MAX_INTERRUPTS: u8 = 24;
+
+/// By how much the longer of the magnet's poles may exceed the mean.
+const LONG_POLE: f32 = 1.25;
+
+/// An edge of channel 1.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Edges {
-    /// Position.
-    pub count: i32,
-    /// Time of the last edge.
+pub struct Edge {
+    /// Position after it; wraps.
+    pub count: i16,
+    /// Its time.
     pub time: Micros,
 }
 
+/// The edges of an encoder, as its interrupt feeds them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Edges {
+    /// The last edge, and the one before it, which has the other level.
+    last: Edge,
+    before: Edge,
+    /// Level of channel 1.
+    level: bool,
+    /// Edges that are motion, and edges that are not. Both wrap.
+    accepted: u8,
+    rejected: u8,
+    /// Since the last tick.
+    interrupts: u8,
+}
+
+impl Edges {
+    /// Returns the edges of an encoder that has had none.
+    pub const fn new() -> Self {
+        const NONE: Edge = Edge { count: 0, time: Micros(0) };
+        Self { last: NONE, before: NONE, level: false, accepted: 0, rejected: 0, interrupts: 0 }
+    }
+
+    /// Sets the level of channel 1 from which edges count.
+    pub fn start(&mut self, channel_1: bool) {
+        self.level = channel_1;
+    }
+
+    /// Takes the levels of both channels after an edge of channel 1. Returns whether the encoder is noisy: its interrupt
+    /// must then be off until the next tick.
+    #[inline(always)]
+    pub fn feed(&mut self, channel_1: bool, channel_2: bool, time: Micros) -> bool {
+        if channel_1 == self.level {
+            self.rejected = self.rejected.wrapping_add(1);
+        } else {
+            self.level = channel_1;
+            if time.since(self.last.time) < SPIKE_US {
+                self.last = self.before;
+                self.accepted = self.accepted.wrapping_sub(1);
+                self.rejected = self.rejected.wrapping_add(2);
+            } else {
+                self.before = self.last;
+                self.last.time = time;
+                self.last.count = self.last.count.wrapping_add(if channel_1 != channel_2 { 1 } else { -1 });
+                self.accepted = self.accepted.wrapping_add(1);
+            }
+        }
+        self.interrupts = self.interrupts.wrapping_add(1);
+        self.is_noisy()
+    }
+
+    /// Begins the next tick.
+    pub fn begin_tick(&mut self) {
+        self.interrupts = 0;
+    }
+
+    /// Returns whether there were more interrupts in the tick than motion makes.
+    pub fn is_noisy(&self) -> bool {
+        self.interrupts > MAX_INTERRUPTS
+    }
+}
+
+/// What an encoder says about a tick.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Motion {
+    /// Speed.
+    pub speed: CentiRpm,
+    /// Counts by which the position has changed.
+    pub counts: i8,
+    /// Edges that are motion, in either direction; -1 if one of an earlier tick was none.
+    pub edges: i8,
+    /// Edges that are not.
+    pub glitches: u8,
+}
+
 /// One encoder, updated once per tick.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Encoder {
-    /// The last edge of the last measurement of the speed.
-    last: Edges,
-    /// In hundredths of rpm.
+    /// The edges up to the last tick.
+    seen: Edges,
+    /// Whether no edge has come for [`STANDSTILL_US`].
+    still: bool,
+    /// At the last edge, in hundredths of rpm.
     speed: f32,
-    moved: bool,
+}
+
+impl Default for Encoder {
+    fn default() -> Self {
+        Self { seen: Edges::new(), still: true, speed: 0.0 }
+    }
 }
 
 impl Encoder {
     /// Updates the speed with the edges up to `now`. `scale` is [`centi_rpm_scale`] of the encoder.
     #[inline(never)]
-    pub fn update(&mut self, edges: Edges, now: Micros, scale: f32) {
-        let counts = edges.count.wrapping_sub(self.last.count);
-        self.moved = counts != 0;
-        if self.moved {
-            // Only noise makes two edges in the same microsecond; the speed must still be finite.
-            let elapsed = edges.time.since(self.last.time).max(1);
-            self.speed = counts as f32 * scale / elapsed as f32;
-            self.last = edges;
-            return;
+    pub fn update(&mut self, edges: &Edges, now: Micros, scale: f32) -> Motion {
+        let last = edges.last;
+        if now.since(last.time) < SETTLED_US {
+            return Motion { speed: CentiRpm(round_to_i16(self.speed, 0)), ..Motion::default() };
         }
-        let silence = now.since(self.last.time);
-        if silence >= STANDSTILL_US {
+        // The last edge of earlier ticks to the same level.
+        let reference = if edges.level == self.seen.level { self.seen.last } else { self.seen.before };
+        let mut motion = Motion {
+            counts: last.count.wrapping_sub(self.seen.last.count) as i8,
+            edges: edges.accepted.wrapping_sub(self.seen.accepted) as i8,
+            glitches: edges.rejected.wrapping_sub(self.seen.rejected),
+            ..Motion::default()
+        };
+        self.seen = *edges;
+        if self.still {
+            self.seen.before = last;
+        }
+
+        // Equal times are those of an edge that was there before the last tick, and is the last one again.
+        let moved = motion.edges != 0 && last.time != reference.time;
+        let (counts, since) = if moved {
+            (last.count.wrapping_sub(reference.count), last.time.since(reference.time))
+        } else {
+            (1, now.since(last.time))
+        };
+        if self.still {
+            // The first edge begins the measurement.
             self.speed = 0.0;
-            // Limit the age of the last edge, or it would look recent after the clock's wrap.
-            self.last.time = Micros(now.0.wrapping_sub(STANDSTILL_US));
-        } else if self.speed != 0.0 {
-            let limit = scale / silence.max(1) as f32;
-            if self.speed.abs() > limit {
-                self.speed = limit.copysign(self.speed);
-            }
+            self.still = !moved;
+            return motion;
         }
-    }
-
-    /// Returns the speed.
-    pub fn speed(&self) -> CentiRpm {
-        CentiRpm(round_to_i16(self.speed, 0))
-    }
-
-    /// Returns the position.
-    pub fn position(&self) -> EncoderCounts {
-        EncoderCounts(self.last.count)
-    }
-
-    /// Returns whether there was an edge in the last tick.
-    pub fn moved(&self) -> bool {
-        self.moved
+        if !moved && since >= STANDSTILL_US {
+            self.still = true;
+            return motion;
+        }
+        let mut speed = f32::from(counts) * scale / since.max(1) as f32;
+        if moved {
+            self.speed = speed;
+        } else if self.speed.abs() > LONG_POLE * speed {
+            speed = speed.copysign(self.speed);
+        } else {
+            speed = self.speed;
+        }
+        motion.speed = CentiRpm(round_to_i16(speed, 0));
+        motion
     }
 }
 
@@ -85,39 +195,93 @@ mod tests {
     use super::*;
 
     const TICK_US: u32 = 5000;
+    const COUNTS_PER_TURN: f64 = 602.22;
+
+    /// A shaft with its encoder and the line of channel 1.
+    struct Shaft {
+        /// In counts.
+        position: f64,
+        /// By how much the poles differ from their mean.
+        uneven: f64,
+        /// Whether a spike inverts channel 1.
+        spike: bool,
+        line: bool,
+        edges: Edges,
+    }
+
+    impl Shaft {
+        fn new(uneven: f64) -> Self {
+            Self { position: 0.5, uneven, spike: false, line: false, edges: Edges::new() }
+        }
+
+        fn is_high(&self, position: f64) -> bool {
+            position.rem_euclid(2.0) >= 1.0 - self.uneven
+        }
+
+        /// Calls the interrupt if the level of channel 1 has changed.
+        fn look(&mut self, now: u32) {
+            let level = self.is_high(self.position) != self.spike;
+            if level != self.line {
+                self.line = level;
+                self.edges.feed(level, self.is_high(self.position - 0.5), Micros(now));
+            }
+        }
+
+        /// Edges between the start and here.
+        fn truth(&self) -> i16 {
+            let low = self.position.div_euclid(2.0) * 2.0;
+            (low + f64::from(u8::from(self.is_high(self.position)))) as i16
+        }
+    }
+
+    fn counts_per_us(rpm: f64) -> f64 {
+        rpm * COUNTS_PER_TURN / 60e6
+    }
 
     /// Turns an encoder at a speed given over time; calls `check` every tick with time, speed and measured speed.
-    fn turn(ticks: u32, rpm_at: impl Fn(f64) -> f64, mut check: impl FnMut(f64, f64, f64)) {
-        let scale = centi_rpm_scale(602.22);
+    fn turn_uneven(uneven: f64, ticks: u32, rpm_at: impl Fn(f64) -> f64, mut check: impl FnMut(f64, f64, f64)) {
+        let scale = centi_rpm_scale(COUNTS_PER_TURN as f32);
         let mut encoder = Encoder::default();
-        let mut edges = Edges::default();
-        let mut turns = 0.0;
+        let mut shaft = Shaft::new(uneven);
+        let mut position = 0;
         for tick in 1..=ticks {
             for us in (tick - 1) * TICK_US..tick * TICK_US {
-                turns += rpm_at(f64::from(us) * 1e-6) / 60e6;
-                let count = (turns * 602.22).floor() as i32;
-                if count != edges.count {
-                    edges = Edges { count, time: Micros(us) };
-                }
+                shaft.position += counts_per_us(rpm_at(f64::from(us) * 1e-6));
+                shaft.look(us);
             }
-            encoder.update(edges, Micros(tick * TICK_US), scale);
+            let motion = encoder.update(&shaft.edges, Micros(tick * TICK_US), scale);
+            shaft.edges.begin_tick();
+            position += i16::from(motion.counts);
+            let is_settled = (tick * TICK_US).wrapping_sub(shaft.edges.last.time.0) >= SETTLED_US;
+            assert!(position == shaft.truth() || !is_settled && motion.edges == 0, "{position} of {}", shaft.truth());
+            assert_eq!(motion.glitches, 0);
             let t = f64::from(tick * TICK_US) * 1e-6;
-            check(t, rpm_at(t), encoder.speed().rpm());
+            check(t, rpm_at(t), motion.speed.rpm());
         }
+    }
+
+    fn turn(ticks: u32, rpm_at: impl Fn(f64) -> f64, check: impl FnMut(f64, f64, f64)) {
+        turn_uneven(0.0, ticks, rpm_at, check);
     }
 
     #[test]
     fn constant_speeds_are_measured_to_a_thousandth() {
-        for rpm in [-90.0, -20.0, -3.0, 0.5, 7.0, 41.3, 90.0] {
-            turn(
-                2000,
-                |_| rpm,
-                |t, _, measured| {
-                    if t > 1.0 {
-                        assert!((measured - rpm).abs() < 0.02 + 0.002 * rpm.abs(), "{measured} for {rpm} at {t} s");
-                    }
-                },
-            );
+        for uneven in [0.0, 0.2, -0.2] {
+            for rpm in [-90.0, -20.0, -3.0, 0.5, 7.0, 11.7, 19.0, 26.0, 41.3, 90.0] {
+                turn_uneven(
+                    uneven,
+                    2000,
+                    |_| rpm,
+                    |t, _, measured| {
+                        if t > 1.0 {
+                            assert!(
+                                (measured - rpm).abs() < 0.02 + 0.002 * rpm.abs(),
+                                "{measured} for {rpm} at {t} s with poles {uneven}"
+                            );
+                        }
+                    },
+                );
+            }
         }
     }
 
@@ -142,7 +306,7 @@ mod tests {
             |t, _, measured| {
                 let silence = t - stop;
                 if silence > 0.006 {
-                    let one_count = 60.0 / 602.22 / (silence - 0.002);
+                    let one_count = 60.0 / COUNTS_PER_TURN / (silence - 0.002);
                     assert!(measured <= one_count + 0.005, "{measured} rpm {silence} s after the last edge");
                 }
                 if silence > 1.01 {
@@ -154,28 +318,151 @@ mod tests {
 
     #[test]
     fn the_first_edge_after_a_wrap_of_the_clock_is_no_jump() {
-        let scale = centi_rpm_scale(602.22);
+        let scale = centi_rpm_scale(COUNTS_PER_TURN as f32);
         let mut encoder = Encoder::default();
-        encoder.update(Edges { count: 1, time: Micros(1000) }, Micros(5000), scale);
+        let mut edges = Edges::new();
+        edges.feed(true, false, Micros(1000));
+        encoder.update(&edges, Micros(5000), scale);
         let mut now = 5000u32;
         for _ in 0..(1u64 << 32) / 500_000 + 10 {
             now = now.wrapping_add(500_000);
-            encoder.update(Edges { count: 1, time: Micros(1000) }, Micros(now), scale);
+            encoder.update(&edges, Micros(now), scale);
         }
-        assert_eq!(encoder.speed(), CentiRpm(0));
-        let edge = Edges { count: 2, time: Micros(now.wrapping_add(100)) };
-        encoder.update(edge, Micros(now.wrapping_add(5000)), scale);
-        assert!(encoder.speed().0 <= 10, "{:?}", encoder.speed());
+        assert_eq!(encoder.update(&edges, Micros(now), scale), Motion::default());
+        edges.feed(false, true, Micros(now.wrapping_add(100)));
+        let motion = encoder.update(&edges, Micros(now.wrapping_add(5000)), scale);
+        assert!(motion.speed.0 <= 10 && (motion.counts, motion.edges) == (1, 1), "{motion:?}");
+        edges.feed(true, false, Micros(now.wrapping_add(10_100)));
+        let motion = encoder.update(&edges, Micros(now.wrapping_add(15_000)), scale);
+        assert!((motion.speed.rpm() - 9.96).abs() < 0.01, "from the second edge on: {motion:?}");
     }
 
     #[test]
-    fn an_edge_back_and_forth_is_no_motion_and_noise_saturates() {
-        let scale = centi_rpm_scale(602.22);
-        let mut encoder = Encoder::default();
-        encoder.update(Edges { count: 0, time: Micros(4000) }, Micros(5000), scale);
-        assert_eq!((encoder.speed(), encoder.moved()), (CentiRpm(0), false));
-        encoder.update(Edges { count: -2000, time: Micros(9000) }, Micros(10_000), scale);
-        assert_eq!(encoder.speed(), CentiRpm(-i16::MAX));
-        assert_eq!(encoder.position(), EncoderCounts(-2000));
+    fn an_edge_back_and_forth_is_no_motion() {
+        let scale = centi_rpm_scale(COUNTS_PER_TURN as f32);
+        let (mut encoder, mut edges, mut position) = (Encoder::default(), Edges::new(), 0);
+        for tick in 0..200 {
+            // Channel 2 is dead: each edge of channel 1 goes back on the one before.
+            edges.feed(tick % 2 == 0, false, Micros(tick * TICK_US + 4000));
+            let motion = encoder.update(&edges, Micros((tick + 1) * TICK_US), scale);
+            position += motion.counts;
+            assert!((0..=1).contains(&position) && motion.edges == 1);
+            assert!(tick < 2 || motion.speed == CentiRpm(0), "{motion:?}");
+        }
+    }
+
+    /// What a spike of 3 µs at this time makes of an edge to high at 10,000 µs and one to low at 12,000 µs.
+    fn spike_at(start: u32, seen: bool, clock: u32) -> Edges {
+        let mut edges = Edges::new();
+        edges.last.time = Micros(clock.wrapping_sub(10_000));
+        let mut line = false;
+        for us in 0..15_000 {
+            let level = (10_000..12_000).contains(&us);
+            let spike = (start..start + 3).contains(&us);
+            if spike && !seen {
+                // The interrupt comes so late that it finds the level of before.
+                edges.feed(level, us >= 11_000, Micros(clock.wrapping_add(us)));
+            } else if (level != spike) != line {
+                line = level != spike;
+                edges.feed(line, us >= 11_000, Micros(clock.wrapping_add(us)));
+            }
+        }
+        edges
+    }
+
+    #[test]
+    fn a_spike_changes_neither_the_count_nor_the_time() {
+        for clock in [1_000_000, 0u32.wrapping_sub(10_020), 0u32.wrapping_sub(12_050)] {
+            for start in (9000..13_000).chain([5000, 14_000]) {
+                let edges = spike_at(start, true, clock);
+                let late = edges.last.time.since(Micros(clock.wrapping_add(12_000))) as i32;
+                assert_eq!((edges.last.count, edges.accepted, edges.level), (2, 2, false), "{start}");
+                // One that overlaps a true edge moves it, and so does one right after it.
+                let (overlaps, follows) = ((11_997..=12_000).contains(&start), (12_001..12_040).contains(&start));
+                assert!(late == 0 || overlaps && late.abs() <= 3 || follows && late < 43, "{late} µs, {start}");
+                assert!(edges.rejected == 2 || [9997, 10_000, 11_997, 12_000].contains(&start), "{start}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_interrupt_that_finds_the_level_unchanged_is_rejected() {
+        for start in [5000, 9997, 10_000, 10_500, 11_998, 12_000, 13_000] {
+            let edges = spike_at(start, false, 0);
+            assert_eq!((edges.last.count, edges.accepted), (2, 2), "{start}");
+            assert!((2..=3).contains(&edges.rejected), "{} at {start}", edges.rejected);
+        }
+    }
+
+    #[test]
+    fn the_position_is_right_at_full_speed_among_300_spikes_a_second() {
+        for (rpm, uneven) in [(130.0, 0.2), (-130.0, -0.2), (30.0, 0.0), (0.0, 0.0)] {
+            let mut shaft = Shaft::new(uneven);
+            let mut random = 1u32;
+            let (mut left, mut rejected) = (0u32, 0u32);
+            for us in 0..5_000_000u32 {
+                random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                if left == 0 && random >> 8 < (1 << 24) / 3333 {
+                    left = 3;
+                }
+                shaft.spike = left > 0;
+                left = left.saturating_sub(1);
+                let before = shaft.edges.rejected;
+                shaft.position += counts_per_us(rpm);
+                // The clock wraps meanwhile.
+                shaft.look(us.wrapping_sub(2_000_000));
+                rejected += u32::from(shaft.edges.rejected.wrapping_sub(before));
+                if us % TICK_US == 0 {
+                    assert!(!shaft.edges.is_noisy(), "{}", shaft.edges.interrupts);
+                    shaft.edges.begin_tick();
+                }
+                // Between spikes, and with the last edge settled.
+                if !shaft.spike && us % 1000 == 0 {
+                    assert_eq!(shaft.edges.last.count, shaft.truth(), "{rpm} rpm at {us} µs");
+                }
+            }
+            assert!((2700..3300).contains(&rejected), "{rejected} edges of 1500 spikes");
+        }
+    }
+
+    #[test]
+    fn a_tick_within_a_spike_does_not_take_it() {
+        let (mut encoder, mut edges) = (Encoder::default(), Edges::new());
+        let mut update =
+            |edges: &Edges, now| encoder.update(edges, Micros(now), centi_rpm_scale(COUNTS_PER_TURN as f32));
+        for edge in 1..=20 {
+            edges.feed(edge % 2 == 1, edge % 2 == 0, Micros(2500 * edge));
+            update(&edges, 2500 * edge + 2000);
+        }
+        let before = update(&edges, 52_100);
+        edges.feed(true, false, Micros(52_200));
+        let within = update(&edges, 52_215);
+        edges.feed(false, false, Micros(52_212));
+        let after = update(&edges, 52_300);
+        assert!((before.speed.rpm() - 39.85).abs() < 0.01);
+        assert_eq!((within, after), (before, Motion { glitches: 2, ..before }));
+    }
+
+    #[test]
+    fn more_edges_than_motion_makes_are_noise_until_the_next_tick() {
+        let mut edges = Edges::new();
+        for _ in 0..3 {
+            for interrupt in 1..=60u8 {
+                let noisy = edges.feed(interrupt % 2 == 0, false, Micros(u32::from(interrupt) * 5));
+                assert_eq!((noisy, edges.is_noisy()), (interrupt > 24, interrupt > 24));
+            }
+            edges.begin_tick();
+            assert!(!edges.is_noisy());
+        }
+    }
+
+    #[test]
+    fn a_speed_too_high_for_its_number_saturates() {
+        let (mut encoder, mut edges) = (Encoder::default(), Edges::new());
+        for edge in 1..=3 {
+            edges.feed(edge % 2 == 1, edge % 2 == 1, Micros(200 * edge));
+            let motion = encoder.update(&edges, Micros(200 * edge + 100), centi_rpm_scale(1.0));
+            assert_eq!(motion.speed, CentiRpm(if edge == 1 { 0 } else { -i16::MAX }));
+        }
     }
 }

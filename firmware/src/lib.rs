@@ -10,8 +10,9 @@
 //! | [`imu`] | the MPU6050: set-up, one reading per tick, failures |
 //! | [`calibration`] | the gyroscope's bias, averaged at rest |
 //! | [`attitude`] | the filter that turns rates and gravity into a quaternion |
-//! | [`encoder`] | the speed of a flagellum from the times of its encoder's edges |
-//! | [`motor`] | the bridges, speed control, stalls |
+//! | [`encoder`] | which edges of an encoder are motion, and the speed of its flagellum |
+//! | [`motor`] | the bridges, speed control |
+//! | [`guard`] | what a motor must not do |
 //! | [`schedule`] | the speeds of a trial over its ticks |
 //! | [`link`] | requests in, answers and telemetry out, the deadline |
 //! | [`storage`], [`settings`], [`fault_log`] | the EEPROM: its bytes, settings and the number of starts, the last faults |
@@ -27,6 +28,7 @@ pub mod calibration;
 pub mod encoder;
 pub mod fault;
 pub mod fault_log;
+pub mod guard;
 pub mod imu;
 pub mod link;
 pub mod motor;

@@ -57,11 +57,12 @@ mod nano {
         let crash = crash::take_record(&peripherals.CPU);
         // SAFETY: this runs once, and interrupts are off.
         let (inbox, outbox) = unsafe { serial::start(&peripherals.USART0) };
-        encoders::start(&peripherals.EXINT, &peripherals.PORTD);
+        encoders::pull_up(&peripherals.PORTD);
         make_app();
         // SAFETY: `make_app` has made it, and only this function uses it.
         let app = unsafe { (*(&raw mut APP)).assume_init_mut() };
         app.start(Start { crash, program_counter: crash::program_counter(crash), mcusr });
+        encoders::start(&peripherals.EXINT);
         clock::start(&peripherals.TC1);
         clock::enable_sleep(&peripherals.CPU);
         crash::start_watchdog(&peripherals.WDT);
@@ -87,7 +88,7 @@ mod nano {
             let due = clock::take_due();
             if due > 0 {
                 // Edges first, so that none of them is later than the tick.
-                let edges = encoders::edges();
+                let edges = encoders::take();
                 let tick = Tick { time: clock::now(), missed: due - 1, edges, bandgap_counts: supply.poll() };
                 app.tick(&tick, &mut outbox, test_point::mark);
                 app.after_tick(&mut outbox);

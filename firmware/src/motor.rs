@@ -1,4 +1,4 @@
-//! Two motors on a TB6612 bridge: direction pins, PWM, speed control, stall.
+//! Two motors on a TB6612 bridge: direction pins, PWM, speed control.
 //!
 //! | IN1 | IN2 | PWM | motor |
 //! | --- | --- | --- | --- |
@@ -13,9 +13,6 @@ use embedded_hal::pwm::SetDutyCycle;
 use protocol::units::{CentiRpm, Duty};
 
 use crate::{TICK_S, round_to_i16};
-
-/// Ticks at full duty without an edge after which a motor is stalled: one second.
-pub const STALL_TICKS: u8 = protocol::TICK_HZ;
 
 /// One channel of the bridge.
 pub struct Bridge<PIN, PWM> {
@@ -62,7 +59,6 @@ impl Gains {
 pub struct SpeedControl {
     /// Integral term, duty steps.
     integral: f32,
-    stalled_ticks: u8,
 }
 
 impl SpeedControl {
@@ -82,16 +78,6 @@ impl SpeedControl {
             self.integral = integral;
         }
         Duty(limited)
-    }
-
-    /// Advances one tick; returns whether the motor is stalled.
-    pub fn is_stalled(&mut self, duty: Duty, moved: bool) -> bool {
-        if moved || duty.0.abs() < Duty::FULL.0 {
-            self.stalled_ticks = 0;
-        } else {
-            self.stalled_ticks = self.stalled_ticks.saturating_add(1);
-        }
-        self.stalled_ticks >= STALL_TICKS
     }
 }
 
@@ -207,18 +193,5 @@ mod tests {
             control.duty(CentiRpm(9000), CentiRpm(0), Gains::new(0.0, 0.0)).0,
             round_to_i16(control.integral, 0)
         );
-    }
-
-    #[test]
-    fn a_motor_without_edges_at_full_duty_is_stalled_after_a_second() {
-        let mut control = SpeedControl::default();
-        for _ in 1..STALL_TICKS {
-            assert!(!control.is_stalled(Duty(-255), false));
-        }
-        assert!(control.is_stalled(Duty(-255), false));
-        assert!(!control.is_stalled(Duty(-255), true));
-        for _ in 0..1000 {
-            assert!(!control.is_stalled(Duty(254), false));
-        }
     }
 }

@@ -162,6 +162,14 @@ impl Storage for Memory {
     }
 }
 
+/// An encoder.
+#[derive(Clone, Copy, Default)]
+pub struct Encoder {
+    pub edges: Edges,
+    /// Level of channel 1.
+    pub level: bool,
+}
+
 /// The board and its host.
 pub struct Bench {
     pub world: World,
@@ -169,7 +177,7 @@ pub struct Bench {
     outbox: Queue<u8, OUTBOX>,
     accumulator: Accumulator,
     pub now: u32,
-    pub edges: [Edges; 2],
+    pub encoders: [Encoder; 2],
     /// Counts of the encoders per tick.
     pub speed: [i32; 2],
     pub telemetry: Vec<Telemetry>,
@@ -200,7 +208,7 @@ impl Bench {
             outbox: Queue::new(),
             accumulator: Accumulator::new(),
             now: 0,
-            edges: Default::default(),
+            encoders: Default::default(),
             speed: [0; 2],
             telemetry: vec![],
             replies: vec![],
@@ -226,17 +234,25 @@ impl Bench {
     /// Runs one tick; the line takes no bytes.
     pub fn tick_unsent(&mut self, missed: u8) {
         self.now = self.now.wrapping_add(TICK_US * (1 + u32::from(missed)));
-        for (edges, speed) in self.edges.iter_mut().zip(self.speed) {
-            edges.count += speed;
-            if speed != 0 {
-                edges.time = Micros(self.now.wrapping_sub(1));
+        for (encoder, speed) in self.encoders.iter_mut().zip(self.speed) {
+            for edge in (0..speed.unsigned_abs()).rev() {
+                // Evenly spaced, the last one shortly before the tick.
+                let time = self.now.wrapping_sub(200 + TICK_US * edge / speed.unsigned_abs());
+                encoder.level = !encoder.level;
+                encoder.edges.feed(encoder.level, encoder.level != (speed > 0), Micros(time));
             }
         }
         let (mut outbox, _) = self.outbox.split();
         self.app.watch_link(Micros(self.now));
-        let tick = Tick { time: Micros(self.now), missed, edges: self.edges, bandgap_counts: self.bandgap_counts };
+        let tick = Tick {
+            time: Micros(self.now),
+            missed,
+            edges: self.encoders.map(|encoder| encoder.edges),
+            bandgap_counts: self.bandgap_counts,
+        };
         self.app.tick(&tick, &mut outbox, |_| {});
         self.app.after_tick(&mut outbox);
+        self.encoders.iter_mut().for_each(|encoder| encoder.edges.begin_tick());
         self.app.watch_link(Micros(self.now.wrapping_add(2500)));
     }
 

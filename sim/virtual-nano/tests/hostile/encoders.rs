@@ -5,7 +5,6 @@ use protocol::{Command, Fault, Reply};
 use virtual_nano::BoardOptions;
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn a_cut_second_channel_is_found_by_its_direction() {
     for (motor, fault) in [(1, Fault::Encoder1Failed), (2, Fault::Encoder2Failed)] {
         for rpm in [20.0, -60.0] {
@@ -24,7 +23,6 @@ fn a_cut_first_channel_is_a_stall() {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn spikes_do_not_change_the_speed() {
     for rpm in [30.0, 90.0] {
         for line in ["1,1", "1,2"] {
@@ -44,7 +42,6 @@ fn spikes_do_not_change_the_speed() {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn spikes_are_counted() {
     let mut host = turning([30.0, 30.0]);
     let before = host.last().glitches.0;
@@ -56,7 +53,6 @@ fn spikes_are_counted() {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn a_tone_on_a_line_stops_the_motors_and_leaves_the_rest_alive() {
     for (tone, fault) in [("100000,1,1", Fault::Encoder1Noisy), ("200000,2,1", Fault::Encoder2Noisy)] {
         let mut host = turning([30.0, 30.0]);
@@ -72,7 +68,6 @@ fn a_tone_on_a_line_stops_the_motors_and_leaves_the_rest_alive() {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn uneven_poles_do_not_show() {
     let mut host = Host::ready(BoardOptions::default());
     host.inject("uneven-poles=20,1");

@@ -18,7 +18,6 @@ fn asked_with(fault: &str, rpm: [f64; 2]) -> Host {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn swapped_encoder_leads_are_a_runaway() {
     for (motor, faults) in RUNAWAY.iter().enumerate() {
         for rpm in [20.0, -90.0] {
@@ -33,14 +32,12 @@ fn swapped_encoder_leads_are_a_runaway() {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn a_motor_with_its_leads_swapped_is_a_runaway() {
     let mut host = asked_with("motor-reversed=2", [20.0, 20.0]);
     stops(&mut host, "motor 2 reversed, 20 rpm asked", 0.3, &RUNAWAY[1]);
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn a_blocked_rotor_stops_within_a_second_of_a_duty_that_would_turn_it() {
     /// Settings::moving_duty.
     const MOVES: u8 = 100;
@@ -64,7 +61,6 @@ fn a_blocked_rotor_stops_within_a_second_of_a_duty_that_would_turn_it() {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn a_rotor_that_is_blocked_below_that_duty_does_not_burn() {
     // 2 rpm: the duty rises by 10 a second.
     let mut host = asked_with("blocked=1", [2.0, 0.0]);
@@ -76,7 +72,6 @@ fn a_rotor_that_is_blocked_below_that_duty_does_not_burn() {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn without_the_motors_supply_nothing_is_driven_for_long() {
     let mut host = turning([50.0, -50.0]);
     host.inject("motor-supply-off");
@@ -84,7 +79,6 @@ fn without_the_motors_supply_nothing_is_driven_for_long() {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn swapped_motors_stop_each_other() {
     let mut host = asked_with("motors-swapped", [50.0, 0.0]);
     stops(&mut host, "motors swapped, 50 and 0 rpm asked", 1.5, &[Fault::Motor1Stalled, Fault::Motor2Runaway]);

@@ -15,7 +15,6 @@ fn fresh(frames: &[(u64, Telemetry)]) -> f64 {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn a_register_that_changes_is_put_right_within_a_second() {
     for (address, value) in [(0x19, 0x00), (0x1A, 0x06), (0x1B, 0x18), (0x1C, 0x18), (0x6B, 0x40)] {
         let mut host = Host::ready(BoardOptions::default());
@@ -37,7 +36,6 @@ fn a_register_that_changes_is_put_right_within_a_second() {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn set_up_resets_the_sensor() {
     /// FIFO_EN, which the program does not use.
     const FIFO_EN: u8 = 0x23;
@@ -88,7 +86,6 @@ fn clipping_is_counted() {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn a_slow_bus_is_read_more_slowly() {
     for us in [1.0, 2.0, 4.0] {
         let mut host = Host::new(BoardOptions::default());
@@ -110,7 +107,6 @@ fn a_slow_bus_is_read_more_slowly() {
 }
 
 #[test]
-#[ignore = "the firmware does not do this yet"]
 fn a_bus_that_turns_slow_is_read_more_slowly() {
     let mut host = turning([40.0, -40.0]);
     host.inject("bus-rise=2");

@@ -1,0 +1,135 @@
+//! What a motor under speed control must not do: stall, run away, overheat, or hide its motion from its encoder.
+//!
+//! | finding | rule |
+//! | --- | --- |
+//! | stalled | for a second, a duty that turns it freely, and less than a quarter of the target speed or 0.2 rpm |
+//! | runaway | for 150 ms, 3 rpm or more against its duty, and not braked by it |
+//! | overloaded | the heat of its winding, estimated from duty and speed |
+//! | encoder failed | edges that cancel each other, twice in a row |
+//!
+//! A speed far above its target needs no rule of its own: the speed control lowers the duty until it points against the
+//! motion.
+
+use protocol::Fault;
+use protocol::units::{CentiRpm, Duty};
+
+use crate::encoder::Motion;
+
+/// Ticks of too little motion, less those of enough, above which a motor is stalled: one second.
+const STALL_TICKS: u8 = protocol::TICK_HZ;
+
+/// The least speed that counts as motion, hundredths of rpm: two edges a second with the published encoders.
+const SLOWEST: i16 = 20;
+
+/// Ticks of motion against the duty after which it is a runaway, unless it is being braked: 150 ms.
+const RUNAWAY_TICKS: u8 = 30;
+
+/// The least speed that counts as motion against the duty, hundredths of rpm.
+const AGAINST: i16 = 300;
+
+/// Edges after which their directions are compared.
+const EDGES_COMPARED: i8 = 8;
+
+/// The largest current that may last, in steps of the duty: a third of that of the blocked motor at full voltage.
+const LASTING: u32 = 85;
+
+/// The winding cools by a factor of e in 2^12 ticks, 20 s.
+const COOLING: u32 = 12;
+
+/// Watches one motor.
+///
+/// The heat of the winding is the square of its current, less what it gives away. The current is taken as the duty less
+/// what the speed itself makes up for, in steps of the duty: 255 for the motor that is blocked at full voltage. A current
+/// of 128 (half the speed without load, at full voltage) reaches the limit after 12 s, 178 after 5 s, 255 after 2.4 s. At
+/// 90 rpm even full voltage makes no more than 80, which may last: no load is too much for a motor that keeps this speed.
+#[derive(Debug, Default)]
+pub struct Guard {
+    heat: u32,
+    stalled_ticks: u8,
+    against_ticks: u8,
+    /// The speed in the first of them.
+    against_from: i16,
+    /// Edges, and the change of the position, since the last comparison.
+    edges: i8,
+    counts: i8,
+    /// Whether the edges before the last comparison cancelled each other.
+    cancelled: bool,
+}
+
+impl Guard {
+    /// Advances one tick. Returns what is wrong as the fault of motor 1 and that of motor 2.
+    #[inline(never)]
+    pub fn check(&mut self, duty: Duty, target: CentiRpm, motion: &Motion, moving_duty: u8) -> [Fault; 2] {
+        // In the direction of the duty.
+        let speed = if duty.0 < 0 { -motion.speed.0 } else { motion.speed.0 };
+        let duty = duty.0.unsigned_abs() as u8;
+        if self.is_overloaded(duty, speed) {
+            [Fault::Motor1Overloaded, Fault::Motor2Overloaded]
+        } else if self.has_cancelled(motion) {
+            [Fault::Encoder1Failed, Fault::Encoder2Failed]
+        } else if self.is_runaway(duty, speed) {
+            [Fault::Motor1Runaway, Fault::Motor2Runaway]
+        } else if self.is_stalled(duty >= moving_duty, speed, target) {
+            [Fault::Motor1Stalled, Fault::Motor2Stalled]
+        } else {
+            [Fault::None; 2]
+        }
+    }
+
+    fn is_overloaded(&mut self, duty: u8, speed: i16) -> bool {
+        // A multiple of 65536 is simple to divide.
+        let loss = ((self.heat >> 16) as u16) << (16 - COOLING);
+        self.heat -= u32::from(loss);
+        if duty != 0 {
+            // 5 for every 256 hundredths of rpm: 255 at 130.6 rpm, the speed of the published motor without load.
+            let own = i16::from((speed >> 8) as i8) * 5;
+            let current = (i16::from(duty) - own).unsigned_abs().min(255);
+            self.heat += u32::from(current * current);
+        }
+        self.heat >= (LASTING * LASTING) << COOLING
+    }
+
+    fn has_cancelled(&mut self, motion: &Motion) -> bool {
+        self.edges += motion.edges;
+        self.counts += motion.counts;
+        if self.edges < EDGES_COMPARED {
+            return false;
+        }
+        // Turning round at just this place makes such edges too, but not twice.
+        let cancel = self.counts.unsigned_abs() <= 1;
+        let twice = cancel && self.cancelled;
+        self.cancelled = cancel;
+        self.edges = 0;
+        self.counts = 0;
+        twice
+    }
+
+    fn is_runaway(&mut self, duty: u8, speed: i16) -> bool {
+        if duty == 0 || speed > -AGAINST {
+            self.against_ticks = 0;
+            return false;
+        }
+        if self.against_ticks == 0 {
+            self.against_from = speed;
+        }
+        self.against_ticks += 1;
+        if self.against_ticks < RUNAWAY_TICKS {
+            return false;
+        }
+        self.against_ticks = 0;
+        // One that is being braked has lost more than an eighth of its speed.
+        speed <= self.against_from - (self.against_from >> 3)
+    }
+
+    fn is_stalled(&mut self, driven: bool, speed: i16, target: CentiRpm) -> bool {
+        let least = (target.0.unsigned_abs() >> 2) as i16;
+        if !driven {
+            self.stalled_ticks = 0;
+        } else if speed < least.max(SLOWEST) {
+            self.stalled_ticks = self.stalled_ticks.wrapping_add(1);
+        } else if self.stalled_ticks > 0 {
+            self.stalled_ticks -= 1;
+        }
+        self.stalled_ticks > STALL_TICKS
+    }
+}
