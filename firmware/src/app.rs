@@ -166,7 +166,7 @@ where
 
     /// One tick of the control loop.
     #[inline(never)]
-    pub fn tick(&mut self, tick: &Tick, outbox: &mut Outbox, mark: impl Fn(Stage)) {
+    pub fn tick(&mut self, tick: &Tick, outbox: &mut impl Outbox, mark: impl Fn(Stage)) {
         mark(Stage::Idle);
         self.count_ticks(tick);
         self.watch_supply(tick);
@@ -185,14 +185,14 @@ where
     }
 
     /// Does what can wait until after a tick: ends a calibration, writes to the EEPROM.
-    pub fn after_tick(&mut self, outbox: &mut Outbox) {
+    pub fn after_tick(&mut self, outbox: &mut impl Outbox) {
         self.finish_calibration();
         self.save_settings(outbox);
     }
 
     /// Takes a byte from the host and answers the request that it ends. `arrived` is the time of a byte that ends a frame.
     #[inline(never)]
-    pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut Outbox) {
+    pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut impl Outbox) {
         if let Some(payload) = self.link.receive(byte, arrived)
             && let Ok(request) = &frame::read::<Request>(payload)
             && self.link.has_room(&request.command, outbox)
@@ -331,7 +331,7 @@ where
     }
 
     #[inline(never)]
-    fn save_settings(&mut self, outbox: &mut Outbox) {
+    fn save_settings(&mut self, outbox: &mut impl Outbox) {
         let answer = match self.store.step(&self.settings) {
             Saving::Idle | Saving::Busy => return,
             Saving::Done => Answer::Done,
@@ -342,7 +342,7 @@ where
     }
 
     #[inline(never)]
-    fn report(&mut self, outbox: &mut Outbox) {
+    fn report(&mut self, outbox: &mut impl Outbox) {
         if self.link.is_frame_due() {
             self.telemetry.state = self.state();
             self.telemetry.fault = self.latch.get();

@@ -1,22 +1,27 @@
 //! The board's end of the link: requests in, answers and telemetry out, and the host's deadline. The crate `protocol` has
 //! the rules.
 
-use heapless::spsc::Producer;
 use protocol::frame::{self, Accumulator, MAX_FRAME};
 use protocol::units::{Count, Micros};
 use protocol::{Command, MessageRef, Refusal, Request, TICK_HZ, Telemetry};
 
-/// Size of the outbox: two frames of telemetry and some short answers. One place of a queue stays empty.
-pub const OUTBOX: usize = 256;
+/// Size of the outbox: two frames of telemetry and some short answers, or one and the longest answer.
+pub const OUTBOX: u8 = 168;
 
 /// Lengths of frames: telemetry, and the longest answer to some requests.
-const TELEMETRY: usize = 71;
-const SETTINGS: usize = 60;
-const INFO: usize = 29;
-const PONG: usize = 11;
+const TELEMETRY: u8 = 71;
+const SETTINGS: u8 = 60;
+const INFO: u8 = 29;
+const PONG: u8 = 11;
 
-/// Bytes to send; the serial port's interrupt takes them.
-pub type Outbox<'a> = Producer<'a, u8, OUTBOX>;
+/// Bytes to send, up to [`OUTBOX`] - 1; the serial port takes them.
+pub trait Outbox {
+    /// Returns how many bytes have room.
+    fn room(&self) -> u8;
+
+    /// Adds bytes, for which there is room.
+    fn add(&mut self, bytes: &[u8]);
+}
 
 /// The board's end of the link.
 pub struct Link {
@@ -121,17 +126,17 @@ impl Link {
     }
 
     /// Returns whether the answer to `command` fits into the outbox beside the next frame of telemetry.
-    pub fn has_room(&self, command: &Command, outbox: &Outbox) -> bool {
+    pub fn has_room(&self, command: &Command, outbox: &impl Outbox) -> bool {
         let answer = match command {
             Command::ReadSettings => SETTINGS,
             Command::Hello | Command::ReadCalibration | Command::ReadFault { .. } => INFO,
             _ => PONG,
         };
-        outbox.capacity() - outbox.len() >= TELEMETRY + answer
+        outbox.room() >= TELEMETRY + answer
     }
 
     /// Sends an answer. Without room it is dropped: the host repeats the request.
-    pub fn send(message: &MessageRef, outbox: &mut Outbox) {
+    pub fn send(message: &MessageRef, outbox: &mut impl Outbox) {
         enqueue(message, outbox);
     }
 
@@ -169,7 +174,7 @@ impl Link {
 
     /// Sends a frame of the stream, with the link's counts filled in.
     #[inline(never)]
-    pub fn stream(&mut self, telemetry: &mut Telemetry, outbox: &mut Outbox) {
+    pub fn stream(&mut self, telemetry: &mut Telemetry, outbox: &mut impl Outbox) {
         telemetry.seq = Count(self.seq);
         telemetry.unsent = Count(self.unsent);
         telemetry.bad_frames = Count(self.bad_frames);
@@ -188,14 +193,12 @@ impl Default for Link {
 
 /// Puts a message into the outbox if all of its frame fits; returns whether it did.
 #[inline(never)]
-fn enqueue(message: &MessageRef, outbox: &mut Outbox) -> bool {
+fn enqueue(message: &MessageRef, outbox: &mut impl Outbox) -> bool {
     let mut buffer = [0; MAX_FRAME];
     let Ok(frame) = frame::encode(message, &mut buffer) else { return false };
-    let fits = frame.len() <= outbox.capacity() - outbox.len();
+    let fits = frame.len() <= usize::from(outbox.room());
     if fits {
-        for byte in frame {
-            outbox.enqueue(*byte).ok();
-        }
+        outbox.add(frame);
     }
     fits
 }

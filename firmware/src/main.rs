@@ -13,12 +13,11 @@ mod nano {
     use avr_device::atmega328p::Peripherals;
     use avr_device::interrupt;
     use firmware::app::{App, Build, Start, Tick};
-    use firmware::link::Outbox;
     use protocol::units::Micros;
 
     use crate::board::eeprom::Eeprom;
     use crate::board::outputs::{Pin, Pwm};
-    use crate::board::serial::Inbox;
+    use crate::board::serial::{Inbox, Outbox};
     use crate::board::supply::SupplyMonitor;
     use crate::board::twi::Twi;
     use crate::board::{clock, crash, encoders, outputs, reset_registers, serial, test_point};
@@ -82,7 +81,7 @@ mod nano {
         unsafe { (*(&raw mut APP)).write(app) };
     }
 
-    fn run(app: &mut Firmware, mut inbox: Inbox, mut outbox: Outbox<'static>, mut supply: SupplyMonitor) -> ! {
+    fn run(app: &mut Firmware, mut inbox: Inbox, mut outbox: Outbox, mut supply: SupplyMonitor) -> ! {
         loop {
             app.watch_link(clock::now());
             let due = clock::take_due();

@@ -99,6 +99,7 @@ impl<S: Storage> Store<S> {
     /// Advances by one tick, which writes at most one byte: of the fault log first, then of a save. A save finds the first
     /// byte that differs from `settings`, so it is complete only when all of it has been read back, and follows settings
     /// that change meanwhile.
+    #[inline(never)]
     pub fn step(&mut self, settings: &Settings) -> Saving {
         if let Some(entry) = &mut self.entry {
             if entry.step(&mut self.storage) {

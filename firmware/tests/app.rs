@@ -93,9 +93,9 @@ fn frames_are_numbered_and_the_unsent_ones_counted() {
     bench.deliver();
     bench.ticks(2);
     let seq: Vec<_> = bench.telemetry.iter().map(|frame| frame.seq.0).collect();
-    // The queue holds three frames; two did not fit.
-    assert_eq!(seq, [0, 1, 2, 3, 4, 5, 8, 9]);
-    assert_eq!(bench.telemetry.last().unwrap().unsent, Count(2));
+    // The queue holds two frames; three did not fit.
+    assert_eq!(seq, [0, 1, 2, 3, 4, 8, 9]);
+    assert_eq!(bench.telemetry.last().unwrap().unsent, Count(3));
 }
 
 #[test]

@@ -129,15 +129,16 @@ pub fn read<'a, T: Deserialize<'a>>(payload: &'a [u8]) -> Result<T, FrameError> 
 /// Collects received bytes into frames.
 #[derive(Debug)]
 pub struct Accumulator {
-    buffer: [u8; MAX_FRAME],
-    length: u8,
+    buffer: heapless::Vec<u8, MAX_FRAME>,
     overflowed: bool,
+    /// Whether the buffer holds a frame that has ended.
+    ended: bool,
 }
 
 impl Accumulator {
     /// Returns an empty accumulator.
     pub const fn new() -> Self {
-        Self { buffer: [0; MAX_FRAME], length: 0, overflowed: false }
+        Self { buffer: heapless::Vec::new(), overflowed: false, ended: false }
     }
 
     /// Takes one byte. A delimiter ends a frame, and its message is returned. Empty frames are ignored, so that a sender
@@ -149,26 +150,24 @@ impl Accumulator {
     /// Takes one byte like [`Accumulator::push`], but returns the frame's payload undecoded, for a receiver that has to
     /// know of an intact frame even if it is not a message of this version.
     pub fn push_for_payload(&mut self, byte: u8) -> Option<Result<&[u8], FrameError>> {
+        if self.ended {
+            self.ended = false;
+            self.buffer.clear();
+        }
         if byte != 0 {
-            match self.buffer.get_mut(usize::from(self.length)) {
-                Some(slot) => {
-                    *slot = byte;
-                    self.length += 1;
-                }
-                None => self.overflowed = true,
-            }
+            self.overflowed |= self.buffer.push(byte).is_err();
             return None;
         }
-        let length = usize::from(core::mem::take(&mut self.length));
+        self.ended = true;
         if core::mem::take(&mut self.overflowed) {
             return Some(Err(FrameError::TooLong));
         }
-        (length > 0).then(|| open(&mut self.buffer[..length]))
+        (!self.buffer.is_empty()).then(|| open(&mut self.buffer))
     }
 
     /// Returns the number of bytes of the unfinished frame.
     pub fn pending(&self) -> usize {
-        usize::from(self.length)
+        if self.ended { 0 } else { self.buffer.len() }
     }
 }
 

@@ -22,7 +22,7 @@ where
     PWM: SetDutyCycle,
     STORAGE: Storage,
 {
-    pub(super) fn respond(&mut self, request: &Request, arrived: Micros, outbox: &mut Outbox) {
+    pub(super) fn respond(&mut self, request: &Request, arrived: Micros, outbox: &mut impl Outbox) {
         let answer = match self.link.repetition(request) {
             Some(answer) => answer,
             None => self.carry_out(request, arrived),
@@ -69,7 +69,7 @@ where
     }
 
     #[inline(never)]
-    pub(super) fn answer(&mut self, to: u8, answer: Answer, outbox: &mut Outbox) {
+    pub(super) fn answer(&mut self, to: u8, answer: Answer, outbox: &mut impl Outbox) {
         let reply = match answer {
             Answer::Done => Reply::Done,
             Answer::Refused(refusal) => Reply::Refused(refusal),

@@ -1,14 +1,11 @@
 //! The serial port: its interrupts fill a queue of received bytes and empty a queue of bytes to send.
 //!
-//! At a full line a byte comes every 320 cycles, so the queue of received bytes is our own: its indices are bytes, which need
-//! no critical sections, and the interrupt takes half the time of one with heapless.
-
-use core::cell::UnsafeCell;
+//! At a full line a byte comes and another goes every 320 cycles, so the queues are our own: their indices are bytes, which
+//! need no critical sections, and the interrupts take half the time of those with `heapless::spsc`.
 
 use avr_device::atmega328p::USART0;
 use avr_device::interrupt;
-use firmware::link::{OUTBOX, Outbox};
-use heapless::spsc::{Consumer, Queue};
+use firmware::link::{self, OUTBOX};
 use protocol::BAUD;
 use protocol::units::Micros;
 
@@ -21,15 +18,6 @@ const INBOX: u8 = 64;
 const DIVIDER: u16 = (CPU_HZ / 8 / BAUD) as u16 - 1;
 const _: () = assert!(CPU_HZ == 8 * BAUD * (DIVIDER as u32 + 1), "the rate is not exact");
 
-/// A cell that main and one interrupt share by the rules of its queue: one end each.
-struct Shared<T>(UnsafeCell<T>);
-
-// SAFETY: the cells are filled by `start`, before interrupts are on; afterwards each is used by one interrupt alone.
-unsafe impl<T> Sync for Shared<T> {}
-
-static OUTBOX_QUEUE: Shared<Queue<u8, OUTBOX>> = Shared(UnsafeCell::new(Queue::new()));
-static TO_SEND: Shared<Option<Consumer<'static, u8, OUTBOX>>> = Shared(UnsafeCell::new(None));
-
 static mut RECEIVED: [u8; INBOX as usize] = [0; INBOX as usize];
 /// Where the next received byte goes; only the interrupt writes it.
 static mut HEAD: u8 = 0;
@@ -39,6 +27,12 @@ static mut TAIL: u8 = 0;
 static mut DROPPING: bool = false;
 /// The clock's counter at the end of the last frame; the interrupt writes it.
 static mut FRAME_END: u16 = 0;
+
+static mut TO_SEND: [u8; OUTBOX as usize] = [0; OUTBOX as usize];
+/// Where the next byte of main goes; only main writes it.
+static mut SEND_HEAD: u8 = 0;
+/// Where the next byte to send is; only the interrupt writes it.
+static mut SEND_TAIL: u8 = 0;
 
 /// Main's end of the received bytes.
 pub struct Inbox(());
@@ -65,23 +59,47 @@ impl Inbox {
     }
 }
 
+/// Main's end of the bytes to send.
+pub struct Outbox(());
+
+impl link::Outbox for Outbox {
+    fn room(&self) -> u8 {
+        // SAFETY: reading a byte is one instruction.
+        let (head, tail) = unsafe { (SEND_HEAD, (&raw const SEND_TAIL).read_volatile()) };
+        // One place stays empty.
+        if tail > head { tail - head - 1 } else { OUTBOX - 1 - (head - tail) }
+    }
+
+    fn add(&mut self, bytes: &[u8]) {
+        // SAFETY: only main writes SEND_HEAD, and the interrupt does not read these places before SEND_HEAD has passed them.
+        unsafe {
+            let mut head = SEND_HEAD;
+            for byte in bytes {
+                (&raw mut TO_SEND).cast::<u8>().add(usize::from(head)).write_volatile(*byte);
+                head = after(head);
+            }
+            (&raw mut SEND_HEAD).write_volatile(head);
+        }
+    }
+}
+
+/// Returns the place of the outbox after this one.
+#[inline(always)]
+fn after(place: u8) -> u8 {
+    if place == OUTBOX - 1 { 0 } else { place + 1 }
+}
+
 /// Starts the port; returns main's ends of the queues.
 ///
 /// # Safety
 /// Only once, and with interrupts off.
-pub unsafe fn start(usart: &USART0) -> (Inbox, Outbox<'static>) {
-    // SAFETY: nothing else holds a reference into these cells yet.
-    let outbox = unsafe {
-        let (outbox, consumer) = (*OUTBOX_QUEUE.0.get()).split();
-        *TO_SEND.0.get() = Some(consumer);
-        outbox
-    };
+pub unsafe fn start(usart: &USART0) -> (Inbox, Outbox) {
     usart.ucsr0a().write(|write| write.u2x0().set_bit());
     // SAFETY: any value is valid.
     usart.ubrr0().write(|write| unsafe { write.bits(DIVIDER) });
     usart.ucsr0c().write(|write| write.ucsz0().chr8());
     usart.ucsr0b().write(|write| write.rxcie0().set_bit().rxen0().set_bit().txen0().set_bit());
-    (Inbox(()), outbox)
+    (Inbox(()), Outbox(()))
 }
 
 /// Stops the port.
@@ -130,11 +148,15 @@ fn USART_RX() {
 
 #[avr_device::interrupt(atmega328p)]
 fn USART_UDRE() {
-    // SAFETY: only this interrupt uses the cell and writes the register.
-    let (usart, to_send) = unsafe { (USART0::steal(), &mut *TO_SEND.0.get()) };
-    match to_send.as_mut().and_then(Consumer::dequeue) {
-        // SAFETY: any value is valid.
-        Some(byte) => usart.udr0().write(|write| unsafe { write.bits(byte) }),
-        None => usart.ucsr0b().modify(|_, write| write.udrie0().clear_bit()),
-    };
+    // SAFETY: interrupts are off in an interrupt; see the variables for who writes them.
+    unsafe {
+        let (usart, tail) = (USART0::steal(), SEND_TAIL);
+        if tail == (&raw const SEND_HEAD).read_volatile() {
+            usart.ucsr0b().modify(|_, write| write.udrie0().clear_bit());
+            return;
+        }
+        let byte = (&raw const TO_SEND).cast::<u8>().add(usize::from(tail)).read_volatile();
+        usart.udr0().write(|write| write.bits(byte));
+        (&raw mut SEND_TAIL).write_volatile(after(tail));
+    }
 }

@@ -9,10 +9,9 @@ use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::pwm::{self, SetDutyCycle};
 use firmware::app::{App, Build, Start, Tick};
 use firmware::encoder::Edges;
-use firmware::link::OUTBOX;
+use firmware::link::{OUTBOX, Outbox};
 use firmware::motor::{Bridge, Motors};
 use firmware::storage::Storage;
-use heapless::spsc::Queue;
 use protocol::frame::{Accumulator, MAX_FRAME, encode};
 use protocol::units::Micros;
 use protocol::{Command, Message, Reply, Request, Telemetry};
@@ -174,7 +173,7 @@ pub struct Encoder {
 pub struct Bench {
     pub world: World,
     pub app: App<Bus, Pin, Pwm, Memory>,
-    outbox: Queue<u8, OUTBOX>,
+    outbox: Line,
     accumulator: Accumulator,
     pub now: u32,
     pub encoders: [Encoder; 2],
@@ -185,6 +184,20 @@ pub struct Bench {
     seq: u8,
     /// What the next ticks measure of the supply.
     pub bandgap_counts: Option<u16>,
+}
+
+/// The bytes that the board has sent and the line has not taken.
+#[derive(Default)]
+pub struct Line(Vec<u8>);
+
+impl Outbox for Line {
+    fn room(&self) -> u8 {
+        OUTBOX - 1 - self.0.len() as u8
+    }
+
+    fn add(&mut self, bytes: &[u8]) {
+        self.0.extend_from_slice(bytes);
+    }
 }
 
 impl Bench {
@@ -205,7 +218,7 @@ impl Bench {
         let mut bench = Self {
             world,
             app,
-            outbox: Queue::new(),
+            outbox: Line::default(),
             accumulator: Accumulator::new(),
             now: 0,
             encoders: Default::default(),
@@ -242,7 +255,6 @@ impl Bench {
                 encoder.edges.feed(encoder.level, encoder.level != (speed > 0), Micros(time));
             }
         }
-        let (mut outbox, _) = self.outbox.split();
         self.app.watch_link(Micros(self.now));
         let tick = Tick {
             time: Micros(self.now),
@@ -250,8 +262,8 @@ impl Bench {
             edges: self.encoders.map(|encoder| encoder.edges),
             bandgap_counts: self.bandgap_counts,
         };
-        self.app.tick(&tick, &mut outbox, |_| {});
-        self.app.after_tick(&mut outbox);
+        self.app.tick(&tick, &mut self.outbox, |_| {});
+        self.app.after_tick(&mut self.outbox);
         self.encoders.iter_mut().for_each(|encoder| encoder.edges.begin_tick());
         self.app.watch_link(Micros(self.now.wrapping_add(2500)));
     }
@@ -264,8 +276,7 @@ impl Bench {
 
     /// Takes all bytes to send.
     pub fn deliver(&mut self) {
-        let (_, mut line) = self.outbox.split();
-        while let Some(byte) = line.dequeue() {
+        for byte in std::mem::take(&mut self.outbox.0) {
             match self.accumulator.push(byte) {
                 Some(Ok(Message::Telemetry(telemetry))) => self.telemetry.push(telemetry),
                 Some(Ok(Message::Reply { to, reply })) => self.replies.push((to, reply)),
@@ -277,9 +288,8 @@ impl Bench {
 
     /// Sends raw bytes.
     pub fn send_bytes(&mut self, bytes: &[u8]) {
-        let (mut outbox, _) = self.outbox.split();
         for byte in bytes {
-            self.app.receive(*byte, Micros(self.now.wrapping_add(100)), &mut outbox);
+            self.app.receive(*byte, Micros(self.now.wrapping_add(100)), &mut self.outbox);
         }
         self.deliver();
     }
@@ -287,9 +297,8 @@ impl Bench {
     /// Sends a request; the line takes no bytes.
     pub fn receive(&mut self, seq: u8, command: Command) {
         let mut buffer = [0; MAX_FRAME];
-        let (mut outbox, _) = self.outbox.split();
         for byte in encode(&Request { seq, command }, &mut buffer).unwrap() {
-            self.app.receive(*byte, Micros(self.now.wrapping_add(100)), &mut outbox);
+            self.app.receive(*byte, Micros(self.now.wrapping_add(100)), &mut self.outbox);
         }
     }
 
