@@ -106,6 +106,8 @@ fn profile_tmp() {
         last = host.board.cycle();
     }
     let mut out = String::new();
-    for (pc, n) in hist { out += &format!("{pc} {n}\n"); }
+    for (pc, n) in hist {
+        out += &format!("{pc} {n}\n");
+    }
     std::fs::write("/tmp/prof.txt", out).unwrap();
 }
