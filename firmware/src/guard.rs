@@ -3,7 +3,7 @@
 //! | finding | rule |
 //! | --- | --- |
 //! | stalled | for a second, a duty that turns it freely, and less than a quarter of the target speed or 0.2 rpm |
-//! | runaway | for [`RUNAWAY_TICKS`], 3 rpm or more against its duty |
+//! | runaway | for 150 ms, 3 rpm or more against its duty, and not braked by it |
 //! | overloaded | the heat of its winding, estimated from duty and speed |
 //! | encoder failed | edges that cancel each other, twice in a row |
 //!
@@ -21,7 +21,7 @@ const STALL_TICKS: u8 = protocol::TICK_HZ;
 /// The least speed that counts as motion, hundredths of rpm: two edges a second with the published encoders.
 const SLOWEST: i16 = 20;
 
-/// Ticks of motion against the duty after which it is a runaway: 150 ms. Turning round from 90 rpm takes 45 ms.
+/// Ticks of motion against the duty after which it is a runaway, unless it is being braked: 150 ms.
 const RUNAWAY_TICKS: u8 = 30;
 
 /// The least speed that counts as motion against the duty, hundredths of rpm.
@@ -47,6 +47,8 @@ pub struct Guard {
     heat: u32,
     stalled_ticks: u8,
     against_ticks: u8,
+    /// The speed in the first of them.
+    against_from: i16,
     /// Edges, and the change of the position, since the last comparison.
     edges: i8,
     counts: i8,
@@ -93,8 +95,8 @@ impl Guard {
         if self.edges < EDGES_COMPARED {
             return false;
         }
-        // A motor that turns round makes such edges once, and goes on in one direction.
-        let cancel = (self.counts.unsigned_abs() << 1) < self.edges as u8;
+        // Turning round at just this place makes such edges too, but not twice.
+        let cancel = self.counts.unsigned_abs() <= 1;
         let twice = cancel && self.cancelled;
         self.cancelled = cancel;
         self.edges = 0;
@@ -103,9 +105,20 @@ impl Guard {
     }
 
     fn is_runaway(&mut self, duty: u8, speed: i16) -> bool {
-        let against = duty != 0 && speed <= -AGAINST;
-        self.against_ticks = if against { self.against_ticks.wrapping_add(1) } else { 0 };
-        self.against_ticks >= RUNAWAY_TICKS
+        if duty == 0 || speed > -AGAINST {
+            self.against_ticks = 0;
+            return false;
+        }
+        if self.against_ticks == 0 {
+            self.against_from = speed;
+        }
+        self.against_ticks += 1;
+        if self.against_ticks < RUNAWAY_TICKS {
+            return false;
+        }
+        self.against_ticks = 0;
+        // One that is being braked has lost more than an eighth of its speed.
+        speed <= self.against_from - (self.against_from >> 3)
     }
 
     fn is_stalled(&mut self, driven: bool, speed: i16, target: CentiRpm) -> bool {

@@ -153,7 +153,11 @@ fn no_change_of_the_target_is_a_fault() {
             for rpm in [90.0, -90.0, 90.0, 5.0, -5.0, 60.0, 5.0, 90.0, 20.0, -90.0, -5.0] {
                 order(&mut bench, [rpm, f64::clamp(10.0 - rpm, -90.0, 90.0)]);
                 let (fault, after) = run(&mut bench, &mut motors, 1.5);
-                assert_eq!(fault, Fault::None, "{after} s after {rpm} rpm, gains {speed_kp} {speed_ki}");
+                assert_eq!(
+                    fault,
+                    Fault::None,
+                    "{after} s after {rpm} rpm, gains {speed_kp} {speed_ki}, {time_constant_s} s"
+                );
             }
         }
     }
