@@ -190,8 +190,7 @@ where
         self.save_settings(outbox);
     }
 
-    /// Takes a byte from the host and answers the request that it ends. `arrived` is the time at which the last frame
-    /// ended.
+    /// Takes a byte from the host and answers the request that it ends. `arrived` is the time of a byte that ends a frame.
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut Outbox) {
         if let Some(payload) = self.link.receive(byte, arrived)

@@ -24,13 +24,16 @@
 
 use core::slice;
 
-use embedded_hal::i2c::{Error, ErrorKind, I2c};
+use embedded_hal::i2c::{ErrorKind, I2c};
+use embedded_hal_compat::{Reverse, ReverseCompat};
+use mpu6050::device::{self, WHOAMI};
+use mpu6050::{Mpu6050, Mpu6050Error};
 use protocol::units::{AccelRange, GyroRange, SensorCounts, TemperatureCounts};
 use protocol::{Fault, Settings};
 
 /// Ticks without a good reading until it is a fault: more than a set-up takes, so that a short loss of the sensor's
 /// supply does not end a trial.
-pub const FAULT_AFTER_TICKS: u8 = 50;
+pub const FAULT_AFTER_TICKS: u8 = 40;
 
 /// Ticks without a new sample until it is set up again: a fault if it was not asleep.
 pub const FROZEN_TICKS: u8 = 20;
@@ -42,17 +45,13 @@ const LOSS: u16 = 3 * protocol::TICK_HZ as u16;
 /// Readings between two checks of the configuration, that is, 20 ms.
 const CHECK_INTERVAL: u8 = 4;
 
-const ADDRESS: u8 = 0x68;
-
-/// Register addresses.
+/// Addresses of registers that the crate `mpu6050` does not name.
 mod register {
     /// Followed by CONFIG, GYRO_CONFIG and ACCEL_CONFIG.
     pub const SMPLRT_DIV: u8 = 0x19;
     pub const INT_ENABLE: u8 = 0x38;
     /// Followed by the sample, and by EXT_SENS_DATA_00.
     pub const INT_STATUS: u8 = 0x3A;
-    pub const PWR_MGMT_1: u8 = 0x6B;
-    pub const WHO_AM_I: u8 = 0x75;
 }
 
 /// The ticks of a set-up in which it does something.
@@ -63,19 +62,19 @@ mod tick {
     pub const RESET: u8 = 1;
     /// Wakes the sensor: 100 ms later, as the register map says.
     pub const WAKE: u8 = RESET + 20;
-    /// Writes the configuration.
+    /// Writes the configuration, a register a tick.
     pub const CONFIGURE: u8 = WAKE + 1;
     /// Makes DATA_RDY work.
-    pub const ENABLE: u8 = CONFIGURE + 1;
+    pub const ENABLE: u8 = CONFIGURE + 4;
     /// Reads the first sample: 55 ms after waking, where the data sheet says 30 ms for the gyroscope. Set-up is over.
     pub const SAMPLE: u8 = WAKE + 11;
 }
 
 /// Resets every register: DEVICE_RESET.
-const RESETTING: [u8; 2] = [register::PWR_MGMT_1, 0x80];
+const RESETTING: [u8; 2] = [device::PWR_MGMT_1::ADDR, 0x80];
 
 /// Awake, everything on, clock from the x gyroscope, which is steadier than the internal oscillator.
-const WAKING: [u8; 2] = [register::PWR_MGMT_1, 0x01];
+const WAKING: [u8; 2] = [device::PWR_MGMT_1::ADDR, 0x01];
 
 /// Makes the sensor set DATA_RDY with each sample.
 const ENABLING: [u8; 2] = [register::INT_ENABLE, DATA_RDY];
@@ -129,6 +128,7 @@ impl From<&Settings> for Config {
 
 impl Config {
     /// Returns the address of SMPLRT_DIV and the values of the registers from there on.
+    #[inline(never)]
     fn bytes(self) -> [u8; 5] {
         [register::SMPLRT_DIV, DIVIDER, self.low_pass, (self.gyro_range as u8) << 3, (self.accel_range as u8) << 3]
     }
@@ -143,11 +143,19 @@ enum ReadError {
     Frozen,
 }
 
-/// The sensor on its bus.
+impl<E: embedded_hal::i2c::Error> From<Mpu6050Error<E>> for ReadError {
+    fn from(error: Mpu6050Error<E>) -> Self {
+        match error {
+            Mpu6050Error::I2c(error) if !matches!(error.kind(), ErrorKind::NoAcknowledge(_)) => Self::BusStuck,
+            _ => Self::Silent,
+        }
+    }
+}
+
+/// The sensor on its bus. Its set-up is our own: that of `Mpu6050::init` waits, checks nothing, and refuses clones.
 pub struct Imu<I2C> {
-    bus: I2C,
-    /// SMPLRT_DIV's address and the values from there on, as they are written.
-    config: [u8; 5],
+    sensor: Mpu6050<Reverse<I2C>>,
+    config: Config,
     /// One of [`tick`], or between two of them.
     tick: u8,
     id: u8,
@@ -167,8 +175,8 @@ impl<I2C: I2c> Imu<I2C> {
     /// Returns a sensor that is not yet set up.
     pub fn new(bus: I2C) -> Self {
         Self {
-            bus,
-            config: Config::from(&Settings::DEFAULT).bytes(),
+            sensor: Mpu6050::new(bus.reverse()),
+            config: Config::from(&Settings::DEFAULT),
             tick: 0,
             id: 0,
             unchecked: 0,
@@ -182,7 +190,6 @@ impl<I2C: I2c> Imu<I2C> {
 
     /// Sets the configuration; the sensor is set up again if it differs.
     pub fn configure(&mut self, config: Config) {
-        let config = config.bytes();
         if self.config != config {
             self.config = config;
             self.tick = 0;
@@ -237,11 +244,15 @@ impl<I2C: I2c> Imu<I2C> {
     #[inline(never)]
     fn step(&mut self) -> Result<bool, ReadError> {
         match self.tick {
-            tick::IDENTIFY => read(&mut self.bus, register::WHO_AM_I, slice::from_mut(&mut self.id))?,
-            tick::RESET => write(&mut self.bus, &RESETTING)?,
-            tick::WAKE => write(&mut self.bus, &WAKING)?,
-            tick::CONFIGURE => write(&mut self.bus, &self.config)?,
-            tick::ENABLE => write(&mut self.bus, &ENABLING)?,
+            tick::IDENTIFY => read(&mut self.sensor, WHOAMI, slice::from_mut(&mut self.id))?,
+            tick::RESET => write(&mut self.sensor, RESETTING)?,
+            tick::WAKE => write(&mut self.sensor, WAKING)?,
+            tick::CONFIGURE..tick::ENABLE => {
+                let place = self.tick - tick::CONFIGURE;
+                let [first, values @ ..] = self.config.bytes();
+                write(&mut self.sensor, [first + place, values[usize::from(place % 4)]])?;
+            }
+            tick::ENABLE => write(&mut self.sensor, ENABLING)?,
             tick::SAMPLE => return self.sample(),
             _ => {}
         }
@@ -252,7 +263,7 @@ impl<I2C: I2c> Imu<I2C> {
     /// Returns whether there is a new sample.
     #[inline(never)]
     fn sample(&mut self) -> Result<bool, ReadError> {
-        read(&mut self.bus, register::INT_STATUS, &mut self.burst)?;
+        read(&mut self.sensor, register::INT_STATUS, &mut self.burst)?;
         let [status, .., after] = self.burst;
         if after == SILENCE {
             return Err(ReadError::Silent);
@@ -275,7 +286,7 @@ impl<I2C: I2c> Imu<I2C> {
     #[inline(never)]
     fn holds(&mut self, [register, value]: [u8; 2]) -> Result<bool, ReadError> {
         let mut found = 0;
-        read(&mut self.bus, register, slice::from_mut(&mut found))?;
+        read(&mut self.sensor, register, slice::from_mut(&mut found))?;
         Ok(found == value)
     }
 
@@ -284,10 +295,10 @@ impl<I2C: I2c> Imu<I2C> {
             self.unchecked -= 1;
             return Ok(());
         }
-        let [first, config @ ..] = &self.config;
+        let [first, config @ ..] = self.config.bytes();
         let mut found = [0; 4];
-        read(&mut self.bus, *first, &mut found)?;
-        if found != *config {
+        read(&mut self.sensor, first, &mut found)?;
+        if found != config {
             return Err(ReadError::LostConfig);
         }
         self.unchecked = CHECK_INTERVAL - 1;
@@ -324,19 +335,12 @@ impl<I2C: I2c> Imu<I2C> {
 }
 
 #[inline(never)]
-fn read<I2C: I2c>(bus: &mut I2C, register: u8, bytes: &mut [u8]) -> Result<(), ReadError> {
-    bus.write_read(ADDRESS, &[register], bytes).map_err(error)
+fn read<I2C: I2c>(sensor: &mut Mpu6050<Reverse<I2C>>, register: u8, bytes: &mut [u8]) -> Result<(), ReadError> {
+    sensor.read_bytes(register, bytes).map_err(ReadError::from)
 }
 
-/// Writes registers: the address of the first one, then their values.
+/// Writes a value to a register.
 #[inline(never)]
-fn write<I2C: I2c>(bus: &mut I2C, bytes: &[u8]) -> Result<(), ReadError> {
-    bus.write(ADDRESS, bytes).map_err(error)
-}
-
-fn error(error: impl Error) -> ReadError {
-    match error.kind() {
-        ErrorKind::NoAcknowledge(_) => ReadError::Silent,
-        _ => ReadError::BusStuck,
-    }
+fn write<I2C: I2c>(sensor: &mut Mpu6050<Reverse<I2C>>, [register, value]: [u8; 2]) -> Result<(), ReadError> {
+    sensor.write_byte(register, value).map_err(ReadError::from)
 }

@@ -14,6 +14,7 @@ mod nano {
     use avr_device::interrupt;
     use firmware::app::{App, Build, Start, Tick};
     use firmware::link::Outbox;
+    use protocol::units::Micros;
 
     use crate::board::eeprom::Eeprom;
     use crate::board::outputs::{Pin, Pwm};
@@ -93,8 +94,16 @@ mod nano {
                 app.after_tick(&mut outbox);
                 crash::feed_watchdog();
                 serial::send();
-            } else if let Some(byte) = inbox.dequeue() {
-                app.receive(byte, serial::frame_end(), &mut outbox);
+            } else if inbox.ready() {
+                // To the end of a frame at once: looking at clock and tick between any two bytes would take longer than the
+                // bytes do.
+                while let Some(byte) = inbox.dequeue() {
+                    if byte == 0 {
+                        app.receive(byte, serial::frame_end(), &mut outbox);
+                        break;
+                    }
+                    app.receive(byte, Micros(0), &mut outbox);
+                }
                 serial::send();
             } else {
                 test_point::hang_if_asked();

@@ -93,9 +93,9 @@ fn frames_are_numbered_and_the_unsent_ones_counted() {
     bench.deliver();
     bench.ticks(2);
     let seq: Vec<_> = bench.telemetry.iter().map(|frame| frame.seq.0).collect();
-    // The queue holds two frames; three did not fit.
-    assert_eq!(seq, [0, 1, 2, 3, 4, 8, 9]);
-    assert_eq!(bench.telemetry.last().unwrap().unsent, Count(3));
+    // The queue holds three frames; two did not fit.
+    assert_eq!(seq, [0, 1, 2, 3, 4, 5, 8, 9]);
+    assert_eq!(bench.telemetry.last().unwrap().unsent, Count(2));
 }
 
 #[test]
@@ -408,9 +408,9 @@ fn a_lost_sensor_stops_the_motors_and_cannot_be_cleared_until_it_is_back() {
     for (error, fault) in [(NACK, Fault::ImuSilent), (ErrorKind::Bus, Fault::ImuBusStuck)] {
         let mut bench = running();
         bench.world.change(|state| state.bus_error = Some(error));
-        bench.ticks(49);
+        bench.ticks(39);
         let frame = *bench.telemetry.last().unwrap();
-        assert_eq!((frame.fault, frame.imu_fresh, frame.imu_errors), (Fault::None, false, Count(49)));
+        assert_eq!((frame.fault, frame.imu_fresh, frame.imu_errors), (Fault::None, false, Count(39)));
         assert!(!bench.world.is_off());
         bench.ticks(1);
         assert!(bench.world.is_off());
@@ -443,7 +443,7 @@ fn a_fault_ends_a_calibration() {
     let mut bench = streaming();
     bench.ask(Command::CalibrateGyro { duration_ms: 5000 });
     bench.world.change(|state| state.bus_error = Some(NACK));
-    bench.ticks(55);
+    bench.ticks(45);
     assert_eq!(bench.look().state, State::Faulted);
     assert_eq!(bench.ask(Command::ReadCalibration), Reply::Calibration(Calibration::default()));
 }
@@ -563,7 +563,7 @@ fn a_fault_ends_a_trial() {
     start_trial(&mut bench);
     changes(&mut bench, 70);
     bench.world.change(|state| state.bus_error = Some(NACK));
-    changes(&mut bench, 30);
+    changes(&mut bench, 40);
     assert_eq!(bench.look().fault, Fault::ImuSilent);
     bench.world.change(|state| state.bus_error = None);
     changes(&mut bench, 100);

@@ -33,7 +33,10 @@ fn set_up(id: u8) -> Vec<Transaction> {
 }
 
 fn set_up_with(id: u8, registers: &[u8; 4]) -> Vec<Transaction> {
-    vec![read(0x75, &[id]), write(0x6B, &[0x80]), write(0x6B, &[0x01]), write(0x19, registers), write(0x38, &[0x01])]
+    let mut transactions = vec![read(0x75, &[id]), write(0x6B, &[0x80]), write(0x6B, &[0x01])];
+    transactions.extend((0x19..).zip(registers).map(|(register, value)| write(register, &[*value])));
+    transactions.push(write(0x38, &[0x01]));
+    transactions
 }
 
 /// Returns DATA_RDY, a sample whose values depend on the number, and the register after it.
@@ -116,7 +119,7 @@ fn a_genuine_sensor_is_set_up_and_read() {
 fn set_up_waits_after_the_reset_and_after_waking() {
     let transactions = set_up(0x68);
     // 100 ms from the reset to waking, at least 30 ms from waking to the first sample.
-    for (ticks, so_far) in [(1, 1), (2, 2), (21, 2), (22, 3), (SET_UP_TICKS, 5)] {
+    for (ticks, so_far) in [(1, 1), (2, 2), (21, 2), (22, 3), (26, 7), (SET_UP_TICKS, 8)] {
         let (mut imu, mut bus) = configured(&transactions[..so_far]);
         assert_eq!(polls(&mut imu, ticks), 0);
         assert_eq!((imu.errors(), imu.id()), (0, 0x68), "{ticks}");

@@ -8,8 +8,8 @@
 //! Where lines rise slowly (long wires, weak pull-ups), the hardware itself makes each bit longer: its high time begins when
 //! SCL is high. What it does not wait for is SDA: if that rises later than SCL, a one is seen as a zero, and arbitration
 //! is lost. A lower speed gives it more time. So [`FAILURES`] bus errors in a row that left both lines high halve the
-//! speed until the next start. Where a line stays low, that would not help; nor would another half of the speed, because at
-//! 100 kHz a tick has no time left for the host.
+//! speed until the next start. Where a line stays low, that would not help. Nor is it halved again: at 100 kHz, reading the
+//! sensor makes the longest tick as long as the time between two.
 
 use avr_device::atmega328p::{PORTC, TC0, TWI};
 use embedded_hal::i2c::{self, ErrorKind, I2c, NoAcknowledgeSource, Operation};

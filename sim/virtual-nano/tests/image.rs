@@ -81,33 +81,9 @@ fn a_full_line_of_requests_takes_nothing_from_motors_and_telemetry() {
         let tick = host.board.marks().tick();
         let last = host.last();
         println!("| {:.0} % | {sent} | {answered} | {} | {} |", 100.0 * share, tick.worst, last.unsent.0);
-        for code in 0x11..=0x15 {
-            let stage = host.board.marks().stage(code);
-            println!("stage {code:#x}: mean {} worst {}", stage.mean(), stage.worst);
-        }
         assert_eq!((last.fault, last.missed_ticks.0, last.unsent.0), (Fault::None, 0, 0));
         assert!(tick.worst <= WORST_TICK, "{} cycles", tick.worst);
+        // What the processor has no time for is dropped; a host sends far less.
+        assert!(answered > 0 && (answered == sent || share > 0.1), "{answered} of {sent}");
     }
-}
-#[test]
-#[ignore]
-fn profile_tmp() {
-    let mut host = Host::ready(BoardOptions::default());
-    host.set_speeds([90.0, -90.0]);
-    host.run_linked_ms(300);
-    let mut hist = std::collections::BTreeMap::<u32, u64>::new();
-    let start = host.board.cycle();
-    let mut last = start;
-    while host.board.cycle() < start + 40 * TICK {
-        let pc = host.board.pc();
-        let next = host.board.cycle() + 1;
-        host.board.run_until(next);
-        *hist.entry(pc).or_default() += host.board.cycle() - last;
-        last = host.board.cycle();
-    }
-    let mut out = String::new();
-    for (pc, n) in hist {
-        out += &format!("{pc} {n}\n");
-    }
-    std::fs::write("/tmp/prof.txt", out).unwrap();
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 use virtual_nano::BoardOptions;
 use virtual_nano::imu::fault::{At, Fault as ImuFault};
 use virtual_nano::imu::recording::Recording;
-use virtual_nano::imu::source::Source;
+use virtual_nano::imu::source::{Source, Turntable};
 
 #[test]
 fn a_recording_arrives_unchanged() {
@@ -96,6 +96,7 @@ fn every_fault_at_every_byte_of_set_up_is_got_over_or_latched() {
                 let at = At { transaction: Some(transaction), byte };
                 let mut host = Host::new(BoardOptions::default());
                 host.board.change_imu(|imu| imu.inject((case.fault)(at)));
+                // The reset in set-up alone takes 100 ms.
                 host.run_ms(300);
                 if host.board.imu().count().faults == 0 {
                     break;
@@ -116,8 +117,8 @@ fn every_fault_at_every_byte_of_set_up_is_got_over_or_latched() {
 
 #[test]
 fn every_fault_at_every_byte_of_a_burst_is_counted_and_got_over_or_latched() {
-    /// Two addresses, a register, fourteen data.
-    const BURST: u8 = 17;
+    /// Two addresses, a register, the status, fourteen data, and the byte after them.
+    const BURST: u8 = 19;
     let mut struck = 0;
     let mut worst = 0;
     for case in &CASES {
@@ -175,4 +176,59 @@ fn another_id_in_mid_run_changes_nothing_until_the_next_start() {
     assert_eq!(host.fault(), Fault::None);
     host.reset();
     assert_eq!(host.hello().imu_id, 0x70);
+}
+
+/// The board's clock rules the attitude, not the sensor's: a slower sensor has no new sample in one tick of a hundred, and a
+/// faster one replaces one sample of a hundred before it is read.
+#[test]
+fn the_angle_does_not_depend_on_the_sensors_oscillator() {
+    const DPS: f64 = 30.0;
+    for error in [-0.01, 0.0, 0.01] {
+        let source = Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: DPS, start_s: 0.5 }, 3);
+        let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
+        host.board.change_imu(|imu| imu.set_oscillator_error(error));
+        host.run_linked_ms(1000);
+        host.telemetry.clear();
+        host.run_linked_ms(6000);
+        let ends = [host.telemetry[0].1, host.last()];
+        let [from, to] = ends.map(|frame| {
+            let [w, x, y, z] = frame.attitude.to_f64();
+            (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)).to_degrees()
+        });
+        let turned = (to - from).rem_euclid(360.0);
+        let expected = DPS * f64::from(ends[1].time.since(ends[0].time)) * 1e-6;
+        println!("oscillator {:+} %: {turned:.3} of {expected:.3} deg", 100.0 * error);
+        assert!((turned - expected).abs() < 0.1, "{error}: {turned} of {expected}");
+        assert_eq!((host.last().imu_errors.0, host.fault()), (0, Fault::None));
+    }
+}
+
+#[test]
+fn bus_errors_in_a_row_halve_the_speed_until_the_next_start() {
+    /// The register TWBR; SCL runs at 16 MHz / (16 + 2 TWBR).
+    const TWBR: u16 = 0xB8;
+    const KHZ_400: u8 = 12;
+    const KHZ_200: u8 = 32;
+    let mut host = Host::ready(BoardOptions::default());
+    for (errors, twbr) in [(1, KHZ_400), (2, KHZ_400), (3, KHZ_400), (4, KHZ_200), (5, KHZ_200)] {
+        host.board.change_imu(|imu| imu.inject(ImuFault::Stuck { at: At::byte(5), clocks: Some(3) }));
+        host.run_ms(5);
+        assert_eq!((host.last().imu_errors.0, host.board.peek(TWBR)), (errors, twbr));
+    }
+    host.telemetry.clear();
+    host.run_ms(1000);
+    assert!(host.telemetry[1..].iter().all(|(_, telemetry)| telemetry.imu_fresh));
+    assert_eq!((host.last().imu_errors.0, host.fault(), host.board.peek(TWBR)), (5, Fault::None, KHZ_200));
+    host.reset();
+    host.hello();
+    assert_eq!(host.board.peek(TWBR), KHZ_400);
+}
+
+/// A lower speed frees no line that is held.
+#[test]
+fn a_stuck_bus_keeps_its_speed() {
+    let mut host = Host::ready(BoardOptions::default());
+    host.board.change_imu(|imu| imu.inject(ImuFault::Stuck { at: At::byte(5), clocks: None }));
+    host.run_ms(500);
+    assert_eq!((host.fault(), host.board.peek(0xB8)), (Fault::ImuBusStuck, 12));
 }
