@@ -73,10 +73,13 @@ struct Speeds {
     mean: f64,
     worst: f64,
     worst_measured: f64,
+    /// Milliseconds in which the measured speed is off by more than 1 rpm.
+    wrong_ms: u64,
 }
 
 fn watch(host: &mut Host, motor: usize, rpm: f64, ms: u64) -> Speeds {
     let (mut sum, mut worst, mut worst_measured): (f64, f64, f64) = (0.0, 0.0, 0.0);
+    let mut wrong_ms = 0;
     for step in 0..ms {
         if step % 50 == 0 {
             host.send(protocol::Command::Ping);
@@ -85,7 +88,9 @@ fn watch(host: &mut Host, motor: usize, rpm: f64, ms: u64) -> Speeds {
         let speed = host.board.motors()[motor].speed_rpm();
         sum += speed;
         worst = worst.max((speed - rpm).abs());
-        worst_measured = worst_measured.max((host.last().speed[motor].rpm() - rpm).abs());
+        let error = (host.last().speed[motor].rpm() - rpm).abs();
+        worst_measured = worst_measured.max(error);
+        wrong_ms += u64::from(error > 1.0);
     }
-    Speeds { mean: sum / ms as f64, worst, worst_measured }
+    Speeds { mean: sum / ms as f64, worst, worst_measured, wrong_ms }
 }

@@ -94,6 +94,23 @@ fn a_gear_that_sticks_is_no_fault_and_turns_in_the_end() {
 }
 
 #[test]
+fn a_reversal_is_no_fault() {
+    for [from, to] in [[60.0, -60.0], [90.0, -90.0], [-90.0, 20.0], [90.0, 0.0]] {
+        let mut host = turning([from, -from]);
+        host.set_speeds([to, -to]);
+        host.run_linked_ms(2500);
+        let speeds = host.board.motors().each_ref().map(|motor| motor.speed_rpm());
+        row(
+            format!("from {from} to {to} rpm at once"),
+            format!("{:?}, {:.1} and {:.1} rpm", host.fault(), speeds[0], speeds[1]),
+            "no fault, within 1 rpm",
+        );
+        assert_eq!(host.fault(), Fault::None, "from {from} to {to} rpm");
+        assert!((speeds[0] - to).abs() < 1.0 && (speeds[1] + to).abs() < 1.0, "{speeds:?}");
+    }
+}
+
+#[test]
 fn the_bridge_gets_its_pwm_at_977_hz() {
     let host = turning([50.0, 50.0]);
     let [a, b] = host.board.bridge().pwm_hz;
