@@ -337,7 +337,7 @@ pub enum Fault {
     Motor1Stalled,
     /// The same for motor 2.
     Motor2Stalled,
-    /// Motor 1 turns against its duty, or faster than its target while the duty rises.
+    /// Motor 1 turns against its duty.
     Motor1Runaway,
     /// The same for motor 2.
     Motor2Runaway,
