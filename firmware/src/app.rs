@@ -8,8 +8,9 @@ mod requests;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
+use protocol::frame::Accumulator;
 use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, SensorCounts};
-use protocol::{Calibration, Fault, Refusal, ResetCause, Settings, State, Telemetry};
+use protocol::{Calibration, Fault, FaultRecord, Refusal, ResetCause, Settings, State, Telemetry};
 
 use crate::TICK_S;
 use crate::attitude::{self, Attitude};
@@ -19,7 +20,10 @@ use crate::fault::{Crash, Latch, reset_cause};
 use crate::imu::{Config, Imu};
 use crate::link::{Answer, Link, Outbox};
 use crate::motor::{self, Motors, SpeedControl};
-use crate::settings::{Saving, Storage, Store};
+use crate::schedule::Schedule;
+use crate::settings::{Saving, Store};
+use crate::storage::Storage;
+use crate::supply::Supply;
 
 /// The commit that the program was built from.
 #[derive(Clone, Copy, Debug, Default)]
@@ -35,6 +39,8 @@ pub struct Build {
 pub struct Start {
     /// The record of a crash.
     pub crash: Option<Crash>,
+    /// [`FaultRecord::program_counter`] of a hang.
+    pub program_counter: u16,
     /// The hardware's reset flags.
     pub mcusr: u8,
 }
@@ -48,6 +54,8 @@ pub struct Tick {
     pub missed: u8,
     /// Encoders 1 and 2.
     pub edges: [Edges; 2],
+    /// The bandgap reference, measured against the supply, if a measurement has ended: 1024 is the supply.
+    pub bandgap_counts: Option<u16>,
 }
 
 /// The stages of a tick, marked as each ends so that an emulator can measure them.
@@ -76,6 +84,10 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     link: Link,
     store: Store<STORAGE>,
     latch: Latch,
+    schedule: Schedule,
+    /// Ticks left of the open-loop drive.
+    drive_ticks: u16,
+    supply: Supply,
     settings: Settings,
     /// Hundredths of rpm per count per µs. Stored, like the next two, because a division costs 500 cycles.
     speed_scale: f32,
@@ -114,6 +126,9 @@ where
             link: Link::new(),
             store: Store::new(storage),
             latch: Latch::default(),
+            schedule: Schedule::default(),
+            drive_ticks: 0,
+            supply: Supply::default(),
             speed_scale: 0.0,
             half_rate_scale: 0.0,
             speed_gains: motor::Gains::default(),
@@ -134,17 +149,15 @@ where
     #[inline(never)]
     pub fn start(&mut self, start: Start) {
         self.boot_count = self.store.count_start();
-        if let Some(saved) = self.store.load(&mut self.link) {
+        if let Some(saved) = self.store.load(&mut Accumulator::new()) {
             self.settings = saved;
             self.settings_stored = true;
         }
-        // What the link read from EEPROM did not come from the host.
-        self.link = Link::new();
         self.reset_cause = reset_cause(start.crash, start.mcusr);
         self.rescale();
         self.imu.configure(Config::from(&self.settings));
         self.imu.set_up_now();
-        self.raise(start.crash.map(Crash::fault).unwrap_or_default());
+        self.log_and_latch(start.crash.map(Crash::fault).unwrap_or_default(), start.program_counter);
     }
 
     /// One tick of the control loop.
@@ -152,6 +165,7 @@ where
     pub fn tick(&mut self, tick: &Tick, outbox: &mut Outbox, mark: impl Fn(Stage)) {
         mark(Stage::Idle);
         self.count_ticks(tick);
+        self.watch_supply(tick);
         self.read_imu();
         mark(Stage::Imu);
         self.calibrate_gyro();
@@ -159,13 +173,14 @@ where
         mark(Stage::Attitude);
         self.measure_speed(0, tick);
         self.measure_speed(1, tick);
+        self.follow_schedule(tick);
         self.drive_motors();
         mark(Stage::Motors);
         self.report(outbox);
         mark(Stage::Telemetry);
     }
 
-    /// Does what can wait until after a tick: ends a calibration, saves the settings.
+    /// Does what can wait until after a tick: ends a calibration, writes to the EEPROM.
     pub fn after_tick(&mut self, outbox: &mut Outbox) {
         self.finish_calibration();
         self.save_settings(outbox);
@@ -175,14 +190,16 @@ where
     /// ended.
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut Outbox) {
-        if let Some(request) = &self.link.receive(byte, arrived) {
+        if let Some(request) = &self.link.receive(byte, arrived)
+            && self.link.has_room(&request.command, outbox)
+        {
             self.respond(request, arrived, outbox);
         }
     }
 
     /// Stops the motors when the host has been silent for too long.
     pub fn watch_link(&mut self, now: Micros) {
-        if self.is_running() && self.link.is_silent(now, self.settings.deadline_ms) {
+        if self.link.is_silent(now, self.settings.deadline_ms) && (self.is_driven() || self.schedule.will_move()) {
             self.raise(Fault::LinkLost);
         }
     }
@@ -194,6 +211,14 @@ where
     }
 
     #[inline(never)]
+    fn watch_supply(&mut self, tick: &Tick) {
+        if let Some(counts) = tick.bandgap_counts {
+            self.telemetry.supply = self.supply.update(counts, self.settings.bandgap);
+            self.raise(self.supply.fault());
+        }
+    }
+
+    #[inline(never)]
     fn read_imu(&mut self) {
         self.telemetry.imu_fresh = self.imu.poll();
         if self.telemetry.imu_fresh {
@@ -201,6 +226,9 @@ where
             self.telemetry.gyro = reading.gyro;
             self.telemetry.accel = reading.accel;
             self.telemetry.temperature = reading.temperature;
+            if reading.is_clipped() {
+                self.telemetry.clipped.0 = self.telemetry.clipped.0.wrapping_add(1);
+            }
         }
         self.telemetry.imu_errors = Count(self.imu.errors());
         self.raise(self.imu.fault());
@@ -258,7 +286,24 @@ where
     }
 
     #[inline(never)]
+    fn follow_schedule(&mut self, tick: &Tick) {
+        if let Some(point) = self.schedule.advance(tick.missed.saturating_add(1), tick.time) {
+            self.telemetry.phase = point.phase;
+            self.telemetry.target = point.speeds;
+            if !self.is_running() {
+                self.turn_off();
+            }
+        }
+    }
+
+    #[inline(never)]
     fn drive_motors(&mut self) {
+        if self.drive_ticks > 0 {
+            self.drive_ticks -= 1;
+            if self.drive_ticks == 0 {
+                self.turn_off();
+            }
+        }
         if !self.is_running() {
             return;
         }
@@ -296,7 +341,7 @@ where
         if self.link.is_frame_due() {
             self.telemetry.state = self.state();
             self.telemetry.fault = self.latch.get();
-            self.link.stream(&mut self.telemetry, outbox);
+            self.link.stream(&self.telemetry, outbox);
         }
     }
 
@@ -307,6 +352,8 @@ where
             State::Calibrating
         } else if self.is_running() {
             State::Running
+        } else if self.drive_ticks > 0 {
+            State::Driving
         } else {
             State::Idle
         }
@@ -318,10 +365,24 @@ where
         first.0 | second.0 != 0
     }
 
+    /// Returns whether a motor is on.
+    fn is_driven(&self) -> bool {
+        self.is_running() || self.drive_ticks > 0
+    }
+
+    /// Turns the motors off, and ends the schedule and a calibration.
     #[inline(never)]
     fn stop(&mut self) {
         self.calibrating = None;
+        self.schedule.stop();
+        self.telemetry.phase = 0;
+        self.turn_off();
+    }
+
+    #[inline(never)]
+    fn turn_off(&mut self) {
         self.motors.stop();
+        self.drive_ticks = 0;
         self.telemetry.target = [CentiRpm(0); 2];
         self.telemetry.duty = [Duty(0); 2];
         self.control = Default::default();
@@ -333,11 +394,18 @@ where
         self.speed_gains = motor::Gains::new(self.settings.speed_kp, self.settings.speed_ki);
     }
 
-    /// Latches a fault and stops the motors.
+    /// Latches a fault, adds it to the fault log, and stops the motors.
     #[inline(never)]
     fn raise(&mut self, fault: Fault) {
+        self.log_and_latch(fault, 0);
+    }
+
+    #[inline(never)]
+    fn log_and_latch(&mut self, fault: Fault, program_counter: u16) {
         if self.latch.set(fault) {
+            let Telemetry { time, duty, speed, .. } = self.telemetry;
             self.stop();
+            self.store.log_fault(&FaultRecord { boot: self.boot_count, time, fault, duty, speed, program_counter });
         }
     }
 }

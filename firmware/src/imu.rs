@@ -59,6 +59,14 @@ pub struct Reading {
     pub gyro: [SensorCounts; 3],
 }
 
+impl Reading {
+    /// Returns whether an axis is at the end of its range.
+    pub fn is_clipped(&self) -> bool {
+        let is_end = |counts: &SensorCounts| counts.0 == i16::MAX || counts.0 == i16::MIN;
+        self.accel.iter().chain(&self.gyro).any(is_end)
+    }
+}
+
 /// The sensor's configuration.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Config {

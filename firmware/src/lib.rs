@@ -12,9 +12,10 @@
 //! | [`attitude`] | the filter that turns rates and gravity into a quaternion |
 //! | [`encoder`] | the speed of a flagellum from the times of its encoder's edges |
 //! | [`motor`] | the bridges, speed control, stalls |
+//! | [`schedule`] | the speeds of a trial over its ticks |
 //! | [`link`] | requests in, answers and telemetry out, the deadline |
-//! | [`wire`] | messages as bytes |
-//! | [`settings`] | the EEPROM: settings and the number of starts |
+//! | [`storage`], [`settings`], [`fault_log`] | the EEPROM: its bytes, settings and the number of starts, the last faults |
+//! | [`supply`] | the board's supply voltage |
 //! | [`fault`] | the fault latch, and the crash record that survives a restart |
 
 #![cfg_attr(not(test), no_std)]
@@ -25,11 +26,14 @@ pub mod attitude;
 pub mod calibration;
 pub mod encoder;
 pub mod fault;
+pub mod fault_log;
 pub mod imu;
 pub mod link;
 pub mod motor;
+pub mod schedule;
 pub mod settings;
-pub mod wire;
+pub mod storage;
+pub mod supply;
 
 /// Returns the integer nearest to `x * 2^places`, saturated; 0 for NaN. In integers and in one place, because each
 /// conversion by `as` takes four comparisons of f32, 400 cycles and 100 bytes.

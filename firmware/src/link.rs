@@ -2,14 +2,17 @@
 //! the rules.
 
 use heapless::spsc::Producer;
-use protocol::frame::Accumulator;
+use protocol::frame::{self, Accumulator, MAX_FRAME};
 use protocol::units::{Count, Micros};
-use protocol::{Command, Refusal, Request, TICK_HZ, Telemetry};
+use protocol::{Command, Message, Refusal, Request, TICK_HZ, Telemetry};
 
-use crate::wire::{self, Writer};
+/// Size of the outbox: two frames of telemetry and the longest answer. One place of a queue stays empty.
+pub const OUTBOX: usize = 224;
 
-/// Size of the outbox: one frame of telemetry and the longest answer. One place of a queue stays empty.
-pub const OUTBOX: usize = 128;
+/// Length of a frame of telemetry, of the longest answer, and of the longest of the other answers.
+const TELEMETRY: usize = 71;
+const SETTINGS: usize = 60;
+const OTHERS: usize = 29;
 
 /// Bytes to send; the serial port's interrupt takes them.
 pub type Outbox<'a> = Producer<'a, u8, OUTBOX>;
@@ -44,6 +47,8 @@ pub enum Answer {
     Settings,
     /// [`protocol::Reply::Calibration`]
     Calibration,
+    /// [`protocol::Reply::FaultRecord`] of the entry with this index.
+    FaultRecord(u8),
     /// The answer follows later.
     Later,
 }
@@ -80,7 +85,7 @@ impl Link {
             Ok(payload) => {
                 // An intact frame of another protocol also shows that the host is alive.
                 self.heard = arrived;
-                wire::read_request(payload)
+                frame::read(payload).ok()
             }
             Err(_) => {
                 self.bad_frames = self.bad_frames.wrapping_add(1);
@@ -111,9 +116,15 @@ impl Link {
         }
     }
 
+    /// Returns whether the answer to `command` fits into the outbox beside the next frame of telemetry.
+    pub fn has_room(&self, command: &Command, outbox: &Outbox) -> bool {
+        let answer = if matches!(command, Command::ReadSettings) { SETTINGS } else { OTHERS };
+        outbox.capacity() - outbox.len() >= TELEMETRY + answer
+    }
+
     /// Sends an answer. Without room it is dropped: the host repeats the request.
-    pub fn send(frame: &[u8], outbox: &mut Outbox) {
-        enqueue(frame, outbox);
+    pub fn send(message: &Message, outbox: &mut Outbox) {
+        enqueue(message, outbox);
     }
 
     /// Returns whether the host has been silent for longer than `deadline_ms`.
@@ -150,14 +161,13 @@ impl Link {
 
     /// Sends a frame of the stream, with the link's counts filled in.
     #[inline(never)]
-    pub fn stream(&mut self, telemetry: &mut Telemetry, outbox: &mut Outbox) {
+    pub fn stream(&mut self, telemetry: &Telemetry, outbox: &mut Outbox) {
+        let mut telemetry = *telemetry;
         telemetry.seq = Count(self.seq);
         telemetry.unsent = Count(self.unsent);
         telemetry.bad_frames = Count(self.bad_frames);
         self.seq = self.seq.wrapping_add(1);
-        let mut writer = Writer::default();
-        writer.telemetry(telemetry);
-        if !enqueue(writer.finish(), outbox) {
+        if !enqueue(&Message::Telemetry(telemetry), outbox) {
             self.unsent = self.unsent.wrapping_add(1);
         }
     }
@@ -169,9 +179,11 @@ impl Default for Link {
     }
 }
 
-/// Puts a frame into the outbox if all of it fits; returns whether it did.
+/// Puts a message into the outbox if all of its frame fits; returns whether it did.
 #[inline(never)]
-fn enqueue(frame: &[u8], outbox: &mut Outbox) -> bool {
+fn enqueue(message: &Message, outbox: &mut Outbox) -> bool {
+    let mut buffer = [0; MAX_FRAME];
+    let Ok(frame) = frame::encode(message, &mut buffer) else { return false };
     let fits = frame.len() <= outbox.capacity() - outbox.len();
     if fits {
         for byte in frame {

@@ -18,6 +18,7 @@ mod nano {
     use crate::board::eeprom::Eeprom;
     use crate::board::outputs::{Pin, Pwm};
     use crate::board::serial::Inbox;
+    use crate::board::supply::SupplyMonitor;
     use crate::board::twi::Twi;
     use crate::board::{clock, crash, encoders, outputs, reset_registers, serial, test_point};
 
@@ -45,10 +46,10 @@ mod nano {
     #[avr_device::entry]
     fn main() -> ! {
         // SAFETY: interrupts are off, and this is the only call.
-        let (inbox, outbox) = unsafe { set_up() };
+        let (inbox, outbox, supply) = unsafe { set_up() };
         // SAFETY: `set_up` has made it, and only this loop uses it.
         let app = unsafe { (*(&raw mut APP)).assume_init_mut() };
-        run(app, inbox, outbox)
+        run(app, inbox, outbox, supply)
     }
 
     /// Sets up everything, the interrupts last. A function of its own, so that the loop has a short stack.
@@ -56,17 +57,18 @@ mod nano {
     /// # Safety
     /// Only once, and with interrupts off.
     #[inline(never)]
-    unsafe fn set_up() -> (Inbox, Outbox<'static>) {
+    unsafe fn set_up() -> (Inbox, Outbox<'static>, SupplyMonitor) {
         // SAFETY: this is the only place that takes the peripherals. `take` would refuse after a start by a jump.
         let peripherals = unsafe { Peripherals::steal() };
+        let mcusr = crash::take_reset_flags(&peripherals.CPU);
         reset_registers(&peripherals);
         // Without a use, the linker drops it.
         core::hint::black_box(&raw const MARKER);
-        let start =
-            Start { crash: crash::take_record(&peripherals.CPU), mcusr: crash::take_reset_flags(&peripherals.CPU) };
+        let crash = crash::take_record(&peripherals.CPU);
+        let start = Start { crash, program_counter: crash::program_counter(crash), mcusr };
 
         // SAFETY: this runs once, and interrupts are off.
-        let ends = unsafe { serial::start(&peripherals.USART0) };
+        let (inbox, outbox) = unsafe { serial::start(&peripherals.USART0) };
         encoders::start(&peripherals.EXINT, &peripherals.PORTD);
         let motors = outputs::motors((peripherals.TC0, peripherals.TC2), (peripherals.PORTB, peripherals.PORTD));
         let bus = Twi::new(peripherals.TWI, peripherals.PORTC);
@@ -75,20 +77,26 @@ mod nano {
         app.start(start);
 
         clock::start(&peripherals.TC1);
+        clock::enable_sleep(&peripherals.CPU);
         crash::start_watchdog(&peripherals.WDT);
         // SAFETY: everything that interrupts use is set up.
         unsafe { interrupt::enable() };
-        ends
+        (inbox, outbox, SupplyMonitor::new(peripherals.ADC))
     }
 
-    fn run(app: &mut App<Twi, Pin, Pwm, Eeprom>, mut inbox: Inbox, mut outbox: Outbox<'static>) -> ! {
+    fn run(
+        app: &mut App<Twi, Pin, Pwm, Eeprom>,
+        mut inbox: Inbox,
+        mut outbox: Outbox<'static>,
+        mut supply: SupplyMonitor,
+    ) -> ! {
         loop {
             app.watch_link(clock::now());
             let due = clock::take_due();
             if due > 0 {
                 // Edges first, so that none of them is later than the tick.
                 let edges = encoders::edges();
-                let tick = Tick { time: clock::now(), missed: due - 1, edges };
+                let tick = Tick { time: clock::now(), missed: due - 1, edges, bandgap_counts: supply.poll() };
                 app.tick(&tick, &mut outbox, test_point::mark);
                 app.after_tick(&mut outbox);
                 crash::feed_watchdog();

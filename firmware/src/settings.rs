@@ -1,22 +1,23 @@
-//! The content of the EEPROM: the settings and the number of starts.
+//! The content of the EEPROM: the settings, the number of starts, and the fault log.
 //!
 //! | address | content |
 //! | --- | --- |
-//! | 0 | the settings, as the frame of a request [`Command::WriteSettings`] with the number [`VERSION`] |
+//! | 0 | the settings, as a frame: the number of their layout, a 7, the [`Settings`] |
 //! | 128 | eight counters of starts of two bytes, little-endian |
+//! | 160 | the fault log ([`fault_log`]) |
 //!
-//! The frame has a CRC, and a change of layout comes with another version. Without a valid frame of this version (a blank
-//! memory, a save cut off by loss of power) the defaults apply.
+//! The frame has a CRC. A new field of the settings is added at their end, with a new number of the layout; settings of an
+//! older layout get the default for the fields that they lack. Without a valid frame (a blank memory, a save cut off by
+//! loss of power) the defaults apply.
 //!
 //! A byte of EEPROM endures 100,000 writes (ATmega328P, section 8.4). Saving writes only the bytes that differ. The count
 //! of starts rotates over eight places; a write cut off by loss of power at worst makes it wrong.
 
-use protocol::frame::MAX_FRAME;
-use protocol::units::Micros;
-use protocol::{Command, Request, Settings, VERSION};
+use protocol::frame::{self, Accumulator, MAX_FRAME};
+use protocol::{FaultRecord, Settings};
 
-use crate::link::Link;
-use crate::wire::Writer;
+use crate::fault_log::{self, Entry};
+use crate::storage::{Storage, write_first_difference};
 
 const SETTINGS_ADDRESS: u16 = 0;
 const COUNTS_ADDRESS: u16 = 128;
@@ -24,23 +25,25 @@ const COUNTS: u16 = 8;
 /// A counter that was never written.
 const BLANK: u16 = u16::MAX;
 
+/// The layout of the settings, which the number in the memory tells.
+const LAYOUT: u8 = 2;
+/// The second byte of every stored frame. Firmware of protocol version 1 stored the settings as it received them, with the
+/// number of the request and this number of the command.
+const TAG: u8 = 7;
+/// Length of the settings in layouts 1, 2.
+const LENGTHS: [usize; LAYOUT as usize] = [49, 53];
+const LENGTH: usize = LENGTHS[LAYOUT as usize - 1];
+
 /// Writes of a save after which the memory counts as broken: every byte of a frame twice.
 const MAX_WRITES: u8 = 2 * MAX_FRAME as u8;
 
-/// A non-volatile memory of bytes.
-pub trait Storage {
-    /// Reads the byte at `address`, after waiting for the end of a write.
-    fn read(&mut self, address: u16) -> u8;
-
-    /// Begins to write a byte, after waiting for the end of the write before. A write takes less than a tick.
-    fn write(&mut self, address: u16, byte: u8);
-}
-
-/// The settings and the count of starts in a storage.
+/// The settings, the count of starts and the fault log in a storage.
 pub struct Store<S> {
     storage: S,
     /// Writes of the save in progress.
     writes: Option<u8>,
+    /// The entry of the fault log that is being written.
+    entry: Option<Entry>,
 }
 
 /// The state of a save.
@@ -59,18 +62,18 @@ pub enum Saving {
 impl<S: Storage> Store<S> {
     /// Returns a store on `storage`.
     pub fn new(storage: S) -> Self {
-        Self { storage, writes: None }
+        Self { storage, writes: None, entry: None }
     }
 
-    /// Returns the saved settings, or `None` if there are no valid ones. `link` reads them as if the host had sent them.
+    /// Returns the saved settings, or `None` if there are no valid ones. `accumulator` has room for the frame.
     #[inline(never)]
-    pub fn load(&mut self, link: &mut Link) -> Option<Settings> {
-        let bytes = SETTINGS_ADDRESS..SETTINGS_ADDRESS + MAX_FRAME as u16;
-        let frame = bytes.map(|address| self.storage.read(address)).find_map(|byte| link.receive(byte, Micros(0)));
-        match frame {
-            Some(Request { seq: VERSION, command: Command::WriteSettings(saved) }) if saved.is_valid() => Some(saved),
-            _ => None,
+    pub fn load(&mut self, accumulator: &mut Accumulator) -> Option<Settings> {
+        for address in SETTINGS_ADDRESS..SETTINGS_ADDRESS + MAX_FRAME as u16 {
+            if let Some(payload) = accumulator.push_for_payload(self.storage.read(address)) {
+                return payload.ok().and_then(unpack);
+            }
         }
+        None
     }
 
     /// Begins a save.
@@ -78,26 +81,41 @@ impl<S: Storage> Store<S> {
         self.writes = Some(0);
     }
 
-    /// Advances a save by one tick: finds the first byte that differs from `settings`, and writes it. So a save is complete
-    /// only when all of it has been read back, and follows settings that change meanwhile.
+    /// Adds a record to the fault log. A record that comes while one is being written is dropped.
+    pub fn log_fault(&mut self, record: &FaultRecord) {
+        if self.entry.is_none() {
+            self.entry = Some(Entry::new(&mut self.storage, record));
+        }
+    }
+
+    /// Returns an entry of the fault log; index 0 is the latest one.
+    pub fn read_fault(&mut self, index: u8) -> Option<FaultRecord> {
+        fault_log::read(&mut self.storage, index)
+    }
+
+    /// Advances by one tick, which writes at most one byte: of the fault log first, then of a save. A save finds the first
+    /// byte that differs from `settings`, so it is complete only when all of it has been read back, and follows settings
+    /// that change meanwhile.
     #[inline(never)]
     pub fn step(&mut self, settings: &Settings) -> Saving {
-        let Some(writes) = self.writes else { return Saving::Idle };
-        let mut writer = Writer::default();
-        writer.write_settings(VERSION, settings);
-        let wanted = writer.finish();
-        let difference = (SETTINGS_ADDRESS..).zip(wanted).find(|(address, byte)| self.storage.read(*address) != **byte);
-        let outcome = match difference {
-            None => Saving::Done,
-            Some(_) if writes >= MAX_WRITES => Saving::Failed,
-            Some((address, byte)) => {
-                self.storage.write(address, *byte);
-                self.writes = Some(writes + 1);
+        if let Some(entry) = &mut self.entry {
+            if entry.step(&mut self.storage) {
                 return Saving::Busy;
             }
+            self.entry = None;
+        }
+        let Some(writes) = self.writes else { return Saving::Idle };
+        let mut buffer = [0; MAX_FRAME];
+        let is_different = match frame::encode(&(LAYOUT, TAG, settings), &mut buffer) {
+            Ok(wanted) => write_first_difference(&mut self.storage, SETTINGS_ADDRESS, wanted),
+            Err(_) => true,
         };
+        if is_different && writes < MAX_WRITES {
+            self.writes = Some(writes + 1);
+            return Saving::Busy;
+        }
         self.writes = None;
-        outcome
+        if is_different { Saving::Failed } else { Saving::Done }
     }
 
     /// Counts a start and returns the number of starts; stays at 65534.
@@ -134,46 +152,30 @@ impl<S: Storage> Store<S> {
     }
 }
 
+/// Returns the settings in a stored frame's payload.
+#[inline(never)]
+fn unpack(payload: &[u8]) -> Option<Settings> {
+    let (&[layout, TAG], stored) = payload.split_first_chunk()? else { return None };
+    let length = *LENGTHS.get(usize::from(layout).checked_sub(1)?)?;
+    let mut bytes = [0; LENGTH];
+    postcard::to_slice(&Settings::DEFAULT, &mut bytes).ok()?;
+    (stored.len() == length).then(|| bytes[..length].copy_from_slice(stored))?;
+    postcard::from_bytes(&bytes).ok().filter(Settings::is_valid)
+}
+
 fn address_of(place: u16) -> u16 {
     COUNTS_ADDRESS + 2 * place
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use protocol::frame;
-    use std::cell::RefCell;
-    use std::rc::Rc;
-
-    /// A memory that counts the writes of each byte; the byte at `stuck` cannot be written.
-    #[derive(Clone)]
-    pub(crate) struct Memory {
-        pub(crate) bytes: Rc<RefCell<[u8; 1024]>>,
-        writes: Rc<RefCell<[u32; 1024]>>,
-        stuck: Option<u16>,
-    }
-
-    impl Memory {
-        pub(crate) fn blank() -> Self {
-            Self { bytes: Rc::new(RefCell::new([0xFF; 1024])), writes: Rc::new(RefCell::new([0; 1024])), stuck: None }
-        }
-    }
-
-    impl Storage for Memory {
-        fn read(&mut self, address: u16) -> u8 {
-            self.bytes.borrow()[usize::from(address)]
-        }
-
-        fn write(&mut self, address: u16, byte: u8) {
-            self.writes.borrow_mut()[usize::from(address)] += 1;
-            if self.stuck != Some(address) {
-                self.bytes.borrow_mut()[usize::from(address)] = byte;
-            }
-        }
-    }
+    use crate::storage::tests::Memory;
+    use protocol::Fault;
+    use protocol::units::{Micros, Millivolts};
 
     fn load(memory: &Memory) -> Option<Settings> {
-        Store::new(memory.clone()).load(&mut Link::new())
+        Store::new(memory.clone()).load(&mut Accumulator::new())
     }
 
     fn save(memory: &Memory, settings: &Settings) -> (Saving, u32) {
@@ -183,7 +185,13 @@ pub(crate) mod tests {
     }
 
     fn other() -> Settings {
-        Settings { board_id: 7, gyro_bias: [594.1, 6.2, 147.0], deadline_ms: 400, ..Settings::DEFAULT }
+        Settings {
+            board_id: 7,
+            gyro_bias: [594.1, 6.2, 147.0],
+            deadline_ms: 400,
+            bandgap: Millivolts(1080),
+            ..Settings::DEFAULT
+        }
     }
 
     #[test]
@@ -199,7 +207,7 @@ pub(crate) mod tests {
         let memory = Memory::blank();
         let (saving, ticks) = save(&memory, &other());
         assert_eq!(saving, Saving::Done);
-        assert!(ticks <= 60, "{ticks}");
+        assert!(ticks <= 64, "{ticks}");
         assert_eq!(load(&memory), Some(other()));
         assert!(memory.writes.borrow().iter().all(|writes| *writes <= 1));
         assert_eq!(save(&memory, &other()), (Saving::Done, 1), "nothing differs, so nothing is written");
@@ -220,7 +228,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_save_cut_off_anywhere_leaves_valid_settings_or_none() {
-        for cut in 0..60 {
+        for cut in 0..64 {
             let memory = Memory::blank();
             save(&memory, &other());
             let mut store = Store::new(memory.clone());
@@ -233,20 +241,66 @@ pub(crate) mod tests {
         }
     }
 
+    /// A frame of protocol version 1 with the settings of a robot, numbered 200 (the golden file of that version).
+    const VERSION_1: &str = "05c807341201020303020403020404e014c40103c840010313430103803f010101010103803f0107a040148e16440101\
+                             0105f401f3c100";
+
     #[test]
-    fn another_version_and_values_out_of_range_are_not_loaded() {
+    fn settings_that_protocol_version_1_saved_are_read_and_saved_in_the_new_layout() {
+        let mut accumulator = Accumulator::new();
+        let bytes = (0..VERSION_1.len()).step_by(2).map(|at| u8::from_str_radix(&VERSION_1[at..at + 2], 16).unwrap());
+        let frame =
+            bytes.into_iter().find_map(|byte| accumulator.push_for_payload(byte).map(|frame| frame.unwrap().to_vec()));
+        let mut payload = frame.unwrap();
+        payload[0] = 1;
+        let memory = with_frame(&payload);
+        let stored = Settings { board_id: 0x1234, gyro_bias: [-595.5, 6.25, 147.0], ..Settings::DEFAULT };
+        assert_eq!(load(&memory), Some(stored));
+        save(&memory, &stored);
+        assert_eq!(load(&memory), Some(stored));
+        assert_eq!(memory.bytes.borrow()[1..3], [LAYOUT, TAG]);
+    }
+
+    fn with_frame(payload: &[u8]) -> Memory {
+        let memory = Memory::blank();
+        let mut buffer = [0; MAX_FRAME];
+        buffer[1..=payload.len()].copy_from_slice(payload);
+        let bytes = frame::seal(&mut buffer, payload.len()).unwrap();
+        memory.bytes.borrow_mut()[..bytes.len()].copy_from_slice(bytes);
+        memory
+    }
+
+    #[test]
+    fn another_layout_and_values_out_of_range_are_not_loaded() {
+        let payload = |layout: u8, tag: u8, settings: Settings| {
+            postcard::to_slice(&(layout, tag, settings), &mut [0; 80]).unwrap().to_vec()
+        };
         let unfit = Settings { deadline_ms: 1, ..Settings::DEFAULT };
-        for request in [
-            Request { seq: VERSION + 1, command: Command::WriteSettings(Settings::DEFAULT) },
-            Request { seq: VERSION, command: Command::WriteSettings(unfit) },
-            Request { seq: VERSION, command: Command::Stop },
+        assert_eq!(load(&with_frame(&payload(LAYOUT, TAG, other()))), Some(other()));
+        for payload in [
+            payload(LAYOUT + 1, TAG, other()),
+            payload(0, TAG, other()),
+            payload(1, TAG, other()),
+            payload(LAYOUT, TAG + 1, other()),
+            payload(LAYOUT, TAG, unfit),
+            vec![LAYOUT],
         ] {
-            let memory = Memory::blank();
-            let mut buffer = [0; MAX_FRAME];
-            let bytes = frame::encode(&request, &mut buffer).unwrap();
-            memory.bytes.borrow_mut()[..bytes.len()].copy_from_slice(bytes);
-            assert_eq!(load(&memory), None);
+            assert_eq!(load(&with_frame(&payload)), None, "{payload:?}");
         }
+    }
+
+    #[test]
+    fn a_fault_is_logged_beside_a_save() {
+        let memory = Memory::blank();
+        let mut store = Store::new(memory.clone());
+        let record = FaultRecord { boot: 3, time: Micros(4), fault: Fault::LinkLost, ..FaultRecord::default() };
+        store.begin_save();
+        store.step(&other());
+        store.log_fault(&record);
+        assert_eq!((1..).map(|_| store.step(&other())).find(|saving| *saving != Saving::Busy), Some(Saving::Done));
+        assert_eq!(store.read_fault(0), Some(record));
+        assert_eq!(store.read_fault(1), None);
+        assert_eq!(load(&memory), Some(other()));
     }
 
     #[test]

@@ -90,9 +90,9 @@ fn frames_are_numbered_and_the_unsent_ones_counted() {
     bench.deliver();
     bench.ticks(2);
     let seq: Vec<_> = bench.telemetry.iter().map(|frame| frame.seq.0).collect();
-    // The queue holds one frame; four did not fit.
-    assert_eq!(seq, [0, 1, 2, 3, 8, 9]);
-    assert_eq!(bench.telemetry.last().unwrap().unsent, Count(4));
+    // The queue holds three frames; two did not fit.
+    assert_eq!(seq, [0, 1, 2, 3, 4, 5, 8, 9]);
+    assert_eq!(bench.telemetry.last().unwrap().unsent, Count(2));
 }
 
 #[test]
@@ -450,7 +450,7 @@ fn a_crash_is_latched_and_reported_after_the_restart() {
     for (crash, fault, cause) in
         [(Crash::Hang, Fault::Hang, ResetCause::Hang), (Crash::Panic, Fault::Panic, ResetCause::Panic)]
     {
-        let mut bench = Bench::start(World::new(), Start { crash: Some(crash), mcusr: 0 });
+        let mut bench = Bench::start(World::new(), Start { crash: Some(crash), ..Start::default() });
         assert!(bench.world.is_off());
         let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
         assert_eq!(info.reset_cause, cause);

@@ -7,25 +7,34 @@
 //!
 //! | host to board | bytes | board answers | bytes |
 //! | --- | --- | --- | --- |
-//! | [`Command::Hello`] | 6 | [`Reply::Info`] | 25 |
+//! | [`Command::Hello`] | 6 | [`Reply::Info`] | 29 |
 //! | [`Command::SetSpeeds`] | 10 | [`Reply::Done`] | 7 |
 //! | [`Command::Stop`] | 6 | [`Reply::Done`] | 7 |
 //! | [`Command::Stream`] | 7 | [`Reply::Done`] | 7 |
 //! | [`Command::CalibrateGyro`] | 8 | [`Reply::Done`] at once, the result later | 7 |
 //! | [`Command::ReadCalibration`] | 6 | [`Reply::Calibration`] | 24 |
-//! | [`Command::ReadSettings`] | 6 | [`Reply::Settings`] | 56 |
-//! | [`Command::WriteSettings`] | 55 | [`Reply::Done`] | 7 |
+//! | [`Command::ReadSettings`] | 6 | [`Reply::Settings`] | 60 |
+//! | [`Command::WriteSettings`] | 59 | [`Reply::Done`] | 7 |
 //! | [`Command::SaveSettings`] | 6 | [`Reply::Done`] | 7 |
 //! | [`Command::Ping`] | 6 | [`Reply::Pong`] | 11 |
 //! | [`Command::ClearFault`] | 6 | [`Reply::Done`] | 7 |
+//! | [`Command::SetPoint`] | 16 | [`Reply::Done`] | 7 |
+//! | [`Command::StartSchedule`] | 11 | [`Reply::Done`] | 7 |
+//! | [`Command::Drive`] | 12 | [`Reply::Done`] | 7 |
+//! | [`Command::ReadFault`] | 7 | [`Reply::FaultRecord`] | 24 |
 //! | any, refused | | [`Reply::Refused`] | 8 |
-//! | | | [`Telemetry`], streamed | 64 |
+//! | | | [`Telemetry`], streamed | 71 |
 //!
 //! # Rules
 //!
+//! - A trial is a schedule: the host sends its set-points ([`Command::SetPoint`]) and starts it
+//!   ([`Command::StartSchedule`]); the board changes the speeds at the ticks of the schedule, reports its phases in the
+//!   telemetry, and stops the motors by itself at the end.
 //! - The line runs at [`BAUD`], 8N1. Opening the port resets a Nano; its bootloader answers for up to two seconds.
-//! - Every intact frame from the host feeds the motors' deadline ([`Settings::deadline_ms`]). Past it the board stops
-//!   both motors and latches [`Fault::LinkLost`].
+//! - Every intact frame from the host feeds the motors' deadline ([`Settings::deadline_ms`]). Past it, if a motor turns or
+//!   will turn in the schedule, the board stops both motors and latches [`Fault::LinkLost`].
+//! - The board carries out a request only if the answer fits into its outbox beside the next frame of telemetry. It drops
+//!   other requests whole; they still feed the deadline.
 //! - Every request is idempotent. A request with the sequence number of the one before gets the same answer again, without
 //!   a second effect, so a host that received no answer may repeat the request.
 //! - A fault stops the motors, is in every telemetry frame, and lasts until [`Command::ClearFault`].
@@ -35,17 +44,23 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
+mod fixed;
 pub mod frame;
 pub mod units;
 
 use serde::{Deserialize, Serialize};
+use serde_repr::{Deserialize_repr, Serialize_repr};
 use units::{
-    AccelRange, AxisMap, CentiRpm, Count, Duty, EncoderCounts, GyroRange, Micros, Quaternion, SensorCounts,
+    AccelRange, AxisMap, CentiRpm, Count, Duty, EncoderCounts, GyroRange, Micros, Millivolts, Quaternion, SensorCounts,
     TemperatureCounts,
 };
 
 /// Version of this protocol. It rises with every change of the bytes on the wire, which the tests' golden file reveals.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
+
+/// The first four bytes of the SHA-256 of the formats of all messages (`tests/wire/schema.txt`). Both sides compare it in
+/// the handshake, because two builds of one version can differ while the protocol is being changed.
+pub const SCHEMA: [u8; 4] = [0x03, 0x37, 0xfc, 0xf6];
 
 /// Speed of the line, bit/s: exact with the Nano's 16 MHz crystal.
 pub const BAUD: u32 = 500_000;
@@ -79,6 +94,7 @@ pub enum Command {
     /// Average the gyroscope at rest and use the mean as its bias. Motors must be off.
     CalibrateGyro {
         /// 100 to 60000.
+        #[serde(with = "fixed::u16")]
         duration_ms: u16,
     },
     /// Read the result of the last calibration.
@@ -93,6 +109,56 @@ pub enum Command {
     Ping,
     /// Clear the latched fault. Refused while its cause lasts.
     ClearFault,
+    /// Store one set-point of the schedule. Refused while a schedule runs.
+    SetPoint {
+        /// 0 to [`MAX_SET_POINTS`] - 1.
+        index: u8,
+        /// The set-point.
+        point: SetPoint,
+    },
+    /// Run the first `count` set-points. Their ticks must increase, and the last one must have both motors off.
+    StartSchedule {
+        /// 1 to [`MAX_SET_POINTS`].
+        count: u8,
+        /// The board's clock at tick 0 of the schedule, in the next 10 minutes. The first tick of the control loop at or
+        /// after it is tick 0.
+        at: Micros,
+    },
+    /// Drive the motors open-loop, for the self-test of the wiring; then turn them off. Motors must be off. The board
+    /// watches the deadline meanwhile, and not what the encoders say.
+    Drive {
+        /// Duties of motors 1 and 2.
+        duty: [Duty; 2],
+        /// 1 to [`MAX_DRIVE_MS`].
+        #[serde(with = "fixed::u16")]
+        duration_ms: u16,
+    },
+    /// Read an entry of the fault log.
+    ReadFault {
+        /// 0 is the latest one; up to [`FAULT_RECORDS`] - 1.
+        index: u8,
+    },
+}
+
+/// Largest number of set-points in a schedule.
+pub const MAX_SET_POINTS: u8 = 16;
+
+/// Longest open-loop drive, ms.
+pub const MAX_DRIVE_MS: u16 = 2000;
+
+/// Entries of the fault log.
+pub const FAULT_RECORDS: u8 = 8;
+
+/// What begins at a tick of a schedule.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct SetPoint {
+    /// Ticks from the start of the schedule.
+    #[serde(with = "fixed::u32")]
+    pub tick: u32,
+    /// Target speeds of flagella 1 and 2 from then on, each within [`CentiRpm::LIMIT`].
+    pub speeds: [CentiRpm; 2],
+    /// The number that the telemetry carries from then on; the host chooses it, not 0.
+    pub phase: u8,
 }
 
 /// The messages of the board.
@@ -136,10 +202,13 @@ pub enum Reply {
     Calibration(Calibration),
     /// To [`Command::Ping`]: the board's clock when it read the request.
     Pong(Micros),
+    /// To [`Command::ReadFault`]; [`Fault::None`] in an empty entry.
+    FaultRecord(FaultRecord),
 }
 
 /// Why a command was not carried out.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug)]
+#[repr(u8)]
 pub enum Refusal {
     /// A value is outside of its range.
     OutOfRange,
@@ -151,6 +220,8 @@ pub enum Refusal {
     Calibrating,
     /// The EEPROM does not hold what was written to it.
     EepromFailed,
+    /// The set-points are not a schedule, or it would start in the past.
+    NotASchedule,
 }
 
 /// Identity of the board.
@@ -158,6 +229,8 @@ pub enum Refusal {
 pub struct Info {
     /// [`VERSION`] of the firmware. Always the first field.
     pub protocol: u8,
+    /// [`SCHEMA`] of the firmware.
+    pub schema: [u8; 4],
     /// Version of the firmware: major, minor, patch.
     pub firmware: [u8; 3],
     /// The first four bytes of the commit that the firmware was built from; zero if it was not known.
@@ -165,6 +238,7 @@ pub struct Info {
     /// Whether the working tree had uncommitted changes.
     pub git_dirty: bool,
     /// [`Settings::board_id`].
+    #[serde(with = "fixed::u16")]
     pub board_id: u16,
     /// The sensor's WHO_AM_I register: 0x68 for a genuine MPU6050, 0 if no sensor answered.
     pub imu_id: u8,
@@ -177,7 +251,7 @@ pub struct Info {
     /// Why the program started.
     pub reset_cause: ResetCause,
     /// Number of starts of the program since the EEPROM was blank.
-    #[serde(with = "postcard::fixint::le")]
+    #[serde(with = "fixed::u16")]
     pub boot_count: u16,
 }
 
@@ -185,7 +259,8 @@ pub struct Info {
 pub const GENUINE_IMU_ID: u8 = 0x68;
 
 /// Why the program started.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[repr(u8)]
 pub enum ResetCause {
     /// Not known: the bootloader cleared the flags.
     #[default]
@@ -205,7 +280,8 @@ pub enum ResetCause {
 }
 
 /// The board's state.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[repr(u8)]
 pub enum State {
     /// Motors off.
     #[default]
@@ -214,12 +290,15 @@ pub enum State {
     Calibrating,
     /// Motors under speed control.
     Running,
+    /// Motors driven open-loop.
+    Driving,
     /// Motors off until the fault is cleared.
     Faulted,
 }
 
 /// A fault. The first one stays until it is cleared.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[repr(u8)]
 pub enum Fault {
     /// No fault.
     #[default]
@@ -234,12 +313,80 @@ pub enum Fault {
     ImuSilent,
     /// The IMU's bus is stuck, and clock pulses did not free it.
     ImuBusStuck,
-    /// The IMU repeats the same data.
+    /// The IMU has no new data.
     ImuFrozen,
-    /// Motor 1 has full duty, and its encoder does not move.
+    /// The IMU loses its configuration again and again.
+    ImuLostConfig,
+    /// The board's supply is below [`MIN_SUPPLY_MV`].
+    SupplyLow,
+    /// Motor 1 has a duty that turns it freely, and hardly moves.
     Motor1Stalled,
-    /// Motor 2 has full duty, and its encoder does not move.
+    /// The same for motor 2.
     Motor2Stalled,
+    /// Motor 1 turns against its duty, or faster than its target while the duty rises.
+    Motor1Runaway,
+    /// The same for motor 2.
+    Motor2Runaway,
+    /// Motor 1 draws more than it can bear (estimated from duty and speed).
+    Motor1Overloaded,
+    /// The same for motor 2.
+    Motor2Overloaded,
+    /// The direction of encoder 1 changes from edge to edge: one of its channels is dead.
+    Encoder1Failed,
+    /// The same for encoder 2.
+    Encoder2Failed,
+    /// Encoder 1 has more edges than the motor can make.
+    Encoder1Noisy,
+    /// The same for encoder 2.
+    Encoder2Noisy,
+}
+
+impl Fault {
+    /// Every fault, in the order of its number on the wire, and in the fault log.
+    pub const ALL: [Self; 19] = [
+        Self::None,
+        Self::LinkLost,
+        Self::Hang,
+        Self::Panic,
+        Self::ImuSilent,
+        Self::ImuBusStuck,
+        Self::ImuFrozen,
+        Self::ImuLostConfig,
+        Self::SupplyLow,
+        Self::Motor1Stalled,
+        Self::Motor2Stalled,
+        Self::Motor1Runaway,
+        Self::Motor2Runaway,
+        Self::Motor1Overloaded,
+        Self::Motor2Overloaded,
+        Self::Encoder1Failed,
+        Self::Encoder2Failed,
+        Self::Encoder1Noisy,
+        Self::Encoder2Noisy,
+    ];
+}
+
+/// Supply of the board below which the motors stop, millivolts: below it the motors' bridge and the sensor's regulator are
+/// outside of their data sheets.
+pub const MIN_SUPPLY_MV: u16 = 4300;
+
+/// An entry of the fault log, which survives resets and loss of power.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct FaultRecord {
+    /// [`Info::boot_count`] of the start after which it occurred.
+    #[serde(with = "fixed::u16")]
+    pub boot: u16,
+    /// The board's clock.
+    pub time: Micros,
+    /// The fault.
+    pub fault: Fault,
+    /// Duties of the bridges at that time.
+    pub duty: [Duty; 2],
+    /// Measured speeds.
+    pub speed: [CentiRpm; 2],
+    /// Where the program hung: the address in flash, bytes. 0 for other faults, or if it is not known.
+    #[serde(with = "fixed::u16")]
+    pub program_counter: u16,
 }
 
 /// State of the robot at one tick of the control loop.
@@ -269,12 +416,21 @@ pub struct Telemetry {
     pub state: State,
     /// The latched fault.
     pub fault: Fault,
+    /// [`SetPoint::phase`] of the set-point in force; 0 without a schedule. The last one stays until the next command
+    /// for the motors.
+    pub phase: u8,
+    /// The board's supply, measured once a second against its bandgap reference.
+    pub supply: Millivolts,
     /// Whether the sensor was read in this tick; otherwise its values are of the last good reading.
     pub imu_fresh: bool,
     /// Frames of the stream that the board could not send in time.
     pub unsent: Count,
     /// Readings of the sensor that failed.
     pub imu_errors: Count,
+    /// Readings with an axis at the end of its range.
+    pub clipped: Count,
+    /// Edges of both encoders that were too close to be motion.
+    pub glitches: Count,
     /// Damaged frames from the host.
     pub bad_frames: Count,
     /// Ticks that were missed because an earlier one took too long.
@@ -289,10 +445,10 @@ pub struct Calibration {
     /// Mean reading, counts, sensor axes.
     pub bias: [f32; 3],
     /// Standard deviation of the readings, counts, largest axis; saturates at 65535.
-    #[serde(with = "postcard::fixint::le")]
+    #[serde(with = "fixed::u16")]
     pub noise: u16,
     /// Number of averaged readings.
-    #[serde(with = "postcard::fixint::le")]
+    #[serde(with = "fixed::u16")]
     pub samples: u16,
 }
 
@@ -300,7 +456,7 @@ pub struct Calibration {
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
 pub struct Settings {
     /// A number that identifies the board; 0 if none was set.
-    #[serde(with = "postcard::fixint::le")]
+    #[serde(with = "fixed::u16")]
     pub board_id: u16,
     /// Range of the gyroscope.
     pub gyro_range: GyroRange,
@@ -315,22 +471,32 @@ pub struct Settings {
     /// Mean reading of the gyroscope at rest, counts, sensor axes.
     pub gyro_bias: [f32; 3],
     /// Gain of the attitude filter on the direction of gravity, 1/s.
+    #[serde(with = "fixed::f32")]
     pub attitude_kp: f32,
     /// Gain of the attitude filter's own estimate of the gyroscope's bias, 1/s².
+    #[serde(with = "fixed::f32")]
     pub attitude_ki: f32,
     /// Proportional gain of the speed control, duty steps per rpm.
+    #[serde(with = "fixed::f32")]
     pub speed_kp: f32,
     /// Integral gain of the speed control, duty steps per rpm and second.
+    #[serde(with = "fixed::f32")]
     pub speed_ki: f32,
     /// Encoder counts per revolution of a flagellum.
+    #[serde(with = "fixed::f32")]
     pub counts_per_turn: f32,
     /// Whether a positive duty turns motors 1 and 2 backwards.
     pub motor_reversed: [bool; 2],
     /// Whether the encoders of motors 1 and 2 count backwards.
     pub encoder_reversed: [bool; 2],
     /// Longest silence of the host while the motors turn, 50 to 5000 ms.
-    #[serde(with = "postcard::fixint::le")]
+    #[serde(with = "fixed::u16")]
     pub deadline_ms: u16,
+    /// Duties above which motors 1 and 2 turn if nothing holds them. A motor that does not turn for a second at such a duty
+    /// is stalled.
+    pub moving_duty: [u8; 2],
+    /// The chip's bandgap voltage, 1000 to 1200 mV (its electrical characteristics), against which the supply is measured.
+    pub bandgap: Millivolts,
 }
 
 impl Settings {
@@ -354,6 +520,8 @@ impl Settings {
         motor_reversed: [false; 2],
         encoder_reversed: [false; 2],
         deadline_ms: 500,
+        moving_duty: [100; 2],
+        bandgap: Millivolts(1100),
     };
 
     /// Returns whether every value is in its range.
@@ -366,6 +534,8 @@ impl Settings {
             && [self.attitude_kp, self.attitude_ki, self.speed_kp, self.speed_ki].into_iter().all(gain)
             && (1.0..=100_000.0).contains(&self.counts_per_turn)
             && (50..=5000).contains(&self.deadline_ms)
+            && self.moving_duty.iter().all(|duty| *duty > 0)
+            && (1000..=1200).contains(&self.bandgap.0)
     }
 }
 

@@ -5,49 +5,54 @@
 
 use core::fmt;
 use serde::{Deserialize, Serialize};
+use serde_repr::{Deserialize_repr, Serialize_repr};
 
 /// Standard gravity, m/s².
 pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;
 
 macro_rules! wire_number {
-    ($(#[$doc:meta])* $name:ident($inner:ty)) => {
+    ($(#[$doc:meta])* $name:ident($inner:ty), $with:literal) => {
         $(#[$doc])*
         #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Hash)]
-        pub struct $name(#[serde(with = "postcard::fixint::le")] pub $inner);
+        pub struct $name(#[serde(with = $with)] pub $inner);
     };
 }
 
 wire_number! {
     /// Speed of a flagellum in hundredths of rpm, positive counter-clockwise seen from above (about z_B).
-    CentiRpm(i16)
+    CentiRpm(i16), "crate::fixed::i16"
 }
 wire_number! {
     /// A number in [-1, 1) as a signed fraction of 2^15.
-    Q15(i16)
+    Q15(i16), "crate::fixed::i16"
 }
 wire_number! {
     /// A raw reading of the MPU6050; [`GyroRange`] and [`AccelRange`] give it its unit.
-    SensorCounts(i16)
+    SensorCounts(i16), "crate::fixed::i16"
 }
 wire_number! {
     /// A raw temperature of the MPU6050: `counts / 340 + 36.53` °C (register map RM-MPU-6000A, section 4.18).
-    TemperatureCounts(i16)
+    TemperatureCounts(i16), "crate::fixed::i16"
 }
 wire_number! {
     /// Duty of a motor's bridge, -255 (full reverse) to 255 (full forward).
-    Duty(i16)
+    Duty(i16), "crate::fixed::i16"
 }
 wire_number! {
     /// Position of an encoder in counts, not wrapped within 2^31 counts (41 days at 90 rpm).
-    EncoderCounts(i32)
+    EncoderCounts(i32), "crate::fixed::i32"
 }
 wire_number! {
     /// The board's clock in microseconds since its start; wraps after 71.6 minutes.
-    Micros(u32)
+    Micros(u32), "crate::fixed::u32"
+}
+wire_number! {
+    /// A voltage in millivolts.
+    Millivolts(u16), "crate::fixed::u16"
 }
 wire_number! {
     /// A count of events since the board's start; wraps at 65536.
-    Count(u16)
+    Count(u16), "crate::fixed::u16"
 }
 
 /// The gyroscope's low-pass filter for each value of [`crate::Settings::low_pass`] (register map RM-MPU-6000A, section
@@ -117,6 +122,13 @@ impl Duty {
     }
 }
 
+impl Millivolts {
+    /// Returns the voltage in volts.
+    pub fn volts(self) -> f64 {
+        f64::from(self.0) / 1000.0
+    }
+}
+
 impl Micros {
     /// Returns the microseconds from `earlier` to this, across one wrap of the clock.
     pub fn since(self, earlier: Self) -> u32 {
@@ -156,7 +168,8 @@ impl Default for Quaternion {
 }
 
 /// Full scale of the gyroscope (register GYRO_CONFIG).
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[repr(u8)]
 pub enum GyroRange {
     /// ±250 °/s, 131 counts per °/s.
     #[default]
@@ -195,7 +208,8 @@ impl GyroRange {
 }
 
 /// Full scale of the accelerometer (register ACCEL_CONFIG).
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[repr(u8)]
 pub enum AccelRange {
     /// ±2 g, 16384 counts per g.
     #[default]
@@ -229,7 +243,8 @@ impl AccelRange {
 }
 
 /// A signed axis of the sensor.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Hash)]
+#[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Hash)]
+#[repr(u8)]
 pub enum Axis {
     /// +x
     PlusX,

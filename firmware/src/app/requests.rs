@@ -3,16 +3,17 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
-use protocol::units::{CentiRpm, Micros, Quaternion};
-use protocol::{Command, Fault, Info, Refusal, Request, Settings, VERSION};
+use protocol::units::{CentiRpm, Duty, Micros, Quaternion};
+use protocol::{
+    Command, FAULT_RECORDS, Fault, Info, MAX_DRIVE_MS, Message, Refusal, Reply, Request, SCHEMA, Settings, VERSION,
+};
 
 use super::App;
 use crate::TICK_MS;
 use crate::calibration::GyroAverage;
 use crate::imu::Config;
 use crate::link::{Answer, Link, Outbox};
-use crate::settings::Storage;
-use crate::wire::Writer;
+use crate::storage::Storage;
 
 impl<I2C, PIN, PWM, STORAGE> App<I2C, PIN, PWM, STORAGE>
 where
@@ -56,23 +57,31 @@ where
             Command::CalibrateGyro { duration_ms } => self.begin_calibration(*duration_ms),
             Command::WriteSettings(settings) => self.set_settings(settings),
             Command::ClearFault => self.clear_fault(),
+            Command::SetPoint { index, point } => match self.refuse_if_running() {
+                Ok(()) if !self.schedule.set(*index, point) => Err(Refusal::OutOfRange),
+                outcome => outcome,
+            },
+            Command::StartSchedule { count, at } => self.start_schedule(*count, *at, arrived),
+            Command::Drive { duty, duration_ms } => self.drive(*duty, *duration_ms),
+            Command::ReadFault { index } if *index < FAULT_RECORDS => return Answer::FaultRecord(*index),
+            Command::ReadFault { .. } => Err(Refusal::OutOfRange),
         };
         Answer::from(outcome)
     }
 
     #[inline(never)]
-    pub(super) fn answer(&self, to: u8, answer: Answer, outbox: &mut Outbox) {
-        let mut writer = Writer::default();
-        match answer {
-            Answer::Done => writer.done(to),
-            Answer::Refused(refusal) => writer.refused(to, refusal),
-            Answer::Pong(time) => writer.pong(to, time),
-            Answer::Info => writer.info(to, &self.info()),
-            Answer::Settings => writer.settings(to, &self.settings),
-            Answer::Calibration => writer.calibration(to, &self.calibration),
+    pub(super) fn answer(&mut self, to: u8, answer: Answer, outbox: &mut Outbox) {
+        let reply = match answer {
+            Answer::Done => Reply::Done,
+            Answer::Refused(refusal) => Reply::Refused(refusal),
+            Answer::Pong(time) => Reply::Pong(time),
+            Answer::Info => Reply::Info(self.info()),
+            Answer::Settings => Reply::Settings(self.settings),
+            Answer::Calibration => Reply::Calibration(self.calibration),
+            Answer::FaultRecord(index) => Reply::FaultRecord(self.store.read_fault(index).unwrap_or_default()),
             Answer::Later => return,
-        }
-        Link::send(writer.finish(), outbox);
+        };
+        Link::send(&Message::Reply { to, reply }, outbox);
     }
 
     fn set_speeds(&mut self, target: [CentiRpm; 2]) -> Result<(), Refusal> {
@@ -81,10 +90,41 @@ where
         }
         self.refuse_if_faulted()?;
         self.refuse_if_calibrating()?;
+        self.refuse_if_scheduled()?;
+        self.telemetry.phase = 0;
+        self.drive_ticks = 0;
         self.telemetry.target = target;
         if !self.is_running() {
-            self.stop();
+            self.turn_off();
         }
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn start_schedule(&mut self, count: u8, at: Micros, now: Micros) -> Result<(), Refusal> {
+        self.refuse_if_faulted()?;
+        self.refuse_if_running()?;
+        self.refuse_if_calibrating()?;
+        if !self.schedule.start(count, at, now) {
+            return Err(Refusal::NotASchedule);
+        }
+        self.telemetry.phase = 0;
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn drive(&mut self, duty: [Duty; 2], duration_ms: u16) -> Result<(), Refusal> {
+        let in_range = |duty: &Duty| duty.0.unsigned_abs() <= Duty::FULL.0.unsigned_abs();
+        if !duty.iter().all(in_range) || !(1..=MAX_DRIVE_MS).contains(&duration_ms) {
+            return Err(Refusal::OutOfRange);
+        }
+        self.refuse_if_faulted()?;
+        self.refuse_if_running()?;
+        self.refuse_if_calibrating()?;
+        self.telemetry.phase = 0;
+        self.telemetry.duty = duty;
+        self.drive_ticks = duration_ms.div_ceil(TICK_MS) + 1;
+        self.motors.drive(&duty, &self.settings.motor_reversed);
         Ok(())
     }
 
@@ -116,9 +156,13 @@ where
     }
 
     fn clear_fault(&mut self) -> Result<(), Refusal> {
-        // Only a cause in the sensor can last: the motors are off, the host is heard, the program runs.
-        let of_imu = matches!(self.latch.get(), Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen);
-        if of_imu && self.imu.fault() != Fault::None {
+        // Only a cause in the sensor or the supply can last: the motors are off, the host is heard, the program runs.
+        let lasts = match self.latch.get() {
+            Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen | Fault::ImuLostConfig => self.imu.fault(),
+            Fault::SupplyLow => self.supply.fault(),
+            _ => Fault::None,
+        };
+        if lasts != Fault::None {
             return Err(Refusal::Faulted);
         }
         self.latch.clear();
@@ -129,6 +173,7 @@ where
     fn info(&self) -> Info {
         Info {
             protocol: VERSION,
+            schema: SCHEMA,
             firmware: [
                 const { decimal(env!("CARGO_PKG_VERSION_MAJOR")) },
                 const { decimal(env!("CARGO_PKG_VERSION_MINOR")) },
@@ -151,7 +196,11 @@ where
     }
 
     fn refuse_if_running(&self) -> Result<(), Refusal> {
-        if self.is_running() { Err(Refusal::Running) } else { Ok(()) }
+        if self.is_driven() { Err(Refusal::Running) } else { self.refuse_if_scheduled() }
+    }
+
+    fn refuse_if_scheduled(&self) -> Result<(), Refusal> {
+        if self.schedule.is_active() { Err(Refusal::Running) } else { Ok(()) }
     }
 
     fn refuse_if_calibrating(&self) -> Result<(), Refusal> {

@@ -2,7 +2,7 @@
 
 use core::cell::Cell;
 
-use avr_device::atmega328p::TC1;
+use avr_device::atmega328p::{CPU, TC1};
 use avr_device::interrupt::{self, CriticalSection, Mutex};
 use protocol::TICK_HZ;
 use protocol::units::Micros;
@@ -30,6 +30,11 @@ pub fn start(timer: &TC1) {
     timer.timsk1().write(|write| write.toie1().set_bit().ocie1a().set_bit());
     // SAFETY: as above.
     unsafe { timer.tccr1b().write(|write| write.bits(DIV_8)) };
+}
+
+/// Allows the sleep of [`sleep_unless`]: idle mode, which stops the processor only (section 9.3).
+pub fn enable_sleep(cpu: &CPU) {
+    cpu.smcr().write(|write| write.se().set_bit());
 }
 
 /// Stops the clock and the tick.

@@ -2,7 +2,7 @@
 
 use avr_device::atmega328p::EEPROM;
 use avr_device::interrupt;
-use firmware::settings::Storage;
+use firmware::storage::Storage;
 
 /// Iterations of the waiting loop, about 6 cycles each: well over the 3.4 ms of a write.
 const MAX_POLLS: u16 = 20_000;

@@ -28,6 +28,8 @@ static INBOX_QUEUE: Shared<Queue<u8, INBOX>> = Shared(UnsafeCell::new(Queue::new
 static OUTBOX_QUEUE: Shared<Queue<u8, OUTBOX>> = Shared(UnsafeCell::new(Queue::new()));
 static RECEIVED: Shared<Option<Producer<'static, u8, INBOX>>> = Shared(UnsafeCell::new(None));
 static TO_SEND: Shared<Option<Consumer<'static, u8, OUTBOX>>> = Shared(UnsafeCell::new(None));
+/// Whether the rest of a frame is dropped, because a byte of it found no room.
+static DROPPING: Mutex<Cell<bool>> = Mutex::new(Cell::new(false));
 static FRAME_END: Mutex<Cell<Micros>> = Mutex::new(Cell::new(Micros(0)));
 
 /// Bytes from the host.
@@ -80,9 +82,15 @@ fn USART_RX() {
     if byte == 0 {
         FRAME_END.borrow(cs).set(clock::now_within(cs));
     }
-    if let Some(queue) = received {
-        // A byte without room is lost, which its frame's CRC reveals.
-        queue.enqueue(byte).ok();
+    let Some(queue) = received else { return };
+    // A frame without room is dropped to its end, which leaves the frames before and after it whole. What of it is in the
+    // queue is damaged, which its CRC reveals.
+    let dropping = DROPPING.borrow(cs);
+    if byte == 0 {
+        dropping.set(false);
+    }
+    if !dropping.get() && queue.enqueue(byte).is_err() {
+        dropping.set(true);
     }
 }
 

@@ -11,7 +11,7 @@ use firmware::app::{App, Build, Start, Tick};
 use firmware::encoder::Edges;
 use firmware::link::OUTBOX;
 use firmware::motor::{Bridge, Motors};
-use firmware::settings::Storage;
+use firmware::storage::Storage;
 use heapless::spsc::Queue;
 use protocol::frame::{Accumulator, MAX_FRAME, encode};
 use protocol::units::Micros;
@@ -232,7 +232,7 @@ impl Bench {
         }
         let (mut outbox, _) = self.outbox.split();
         self.app.watch_link(Micros(self.now));
-        let tick = Tick { time: Micros(self.now), missed, edges: self.edges };
+        let tick = Tick { time: Micros(self.now), missed, edges: self.edges, bandgap_counts: None };
         self.app.tick(&tick, &mut outbox, |_| {});
         self.app.after_tick(&mut outbox);
         self.app.watch_link(Micros(self.now.wrapping_add(2500)));

@@ -106,6 +106,10 @@ impl Converter {
             imu_errors: frame.imu_errors.0.into(),
             bad_frames: frame.bad_frames.0.into(),
             missed_ticks: frame.missed_ticks.0.into(),
+            clipped: frame.clipped.0.into(),
+            glitches: frame.glitches.0.into(),
+            supply_v: frame.supply.volts(),
+            phase: frame.phase.into(),
         }
     }
 
@@ -155,6 +159,7 @@ fn state(state: State) -> biflag::State {
         State::Idle => biflag::State::Idle,
         State::Calibrating => biflag::State::Calibrating,
         State::Running => biflag::State::Running,
+        State::Driving => biflag::State::Driving,
         State::Faulted => biflag::State::Faulted,
     }
 }
@@ -170,6 +175,16 @@ fn fault(fault: Fault) -> biflag::Fault {
         Fault::ImuFrozen => biflag::Fault::ImuFrozen,
         Fault::Motor1Stalled => biflag::Fault::Motor1Stalled,
         Fault::Motor2Stalled => biflag::Fault::Motor2Stalled,
+        Fault::ImuLostConfig => biflag::Fault::ImuLostConfig,
+        Fault::SupplyLow => biflag::Fault::SupplyLow,
+        Fault::Motor1Runaway => biflag::Fault::Motor1Runaway,
+        Fault::Motor2Runaway => biflag::Fault::Motor2Runaway,
+        Fault::Motor1Overloaded => biflag::Fault::Motor1Overloaded,
+        Fault::Motor2Overloaded => biflag::Fault::Motor2Overloaded,
+        Fault::Encoder1Failed => biflag::Fault::Encoder1Failed,
+        Fault::Encoder2Failed => biflag::Fault::Encoder2Failed,
+        Fault::Encoder1Noisy => biflag::Fault::Encoder1Noisy,
+        Fault::Encoder2Noisy => biflag::Fault::Encoder2Noisy,
     }
 }
 

@@ -1,5 +1,6 @@
 //! `biflag record`: records the trials of a plan on the rig.
 
+use super::answer::WRONG_USE;
 use super::{Answer, Outcome};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
@@ -7,7 +8,7 @@ use crate::plan::board;
 use crate::plan::{EXAMPLE, PUBLISHED, Plan, Trial};
 use crate::progress::Progress;
 use crate::run;
-use crate::run::rig::{self, Image, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano};
+use crate::run::rig::{self, Image, RecordError, RigRun, RunContext, SimulatedRobot, VirtualError, VirtualNano};
 use crate::session::{self, Session, Sharing};
 use crate::signals::interruption;
 use crate::text::decimal;
@@ -44,6 +45,10 @@ pub struct Args {
     /// Seed of the errors of the emulated sensor; by default the plan's seed, or 1.
     #[arg(long, requires = "virtual")]
     seed: Option<u64>,
+    /// A fault of the emulated board, from its start or from a time of its own on, such as `blocked=2@30`; may be
+    /// repeated. `help` lists them.
+    #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]", requires = "virtual")]
+    faults: Vec<String>,
     /// Serve the recording to Foxglove at this address.
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = live::ADDRESS)]
     live: Option<SocketAddr>,
@@ -86,6 +91,9 @@ struct RecordedTrial {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
+    if args.faults.iter().any(|fault| fault == "help") {
+        return list_faults();
+    }
     let interrupted = interruption()?;
     let plan = Plan::load(&args.plan)?;
     // This comes first, so that a busy address is reported before the board is used.
@@ -248,7 +256,30 @@ fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Res
             arguments.extend(["--robot".into(), robot.into_os_string()]);
         }
     }
-    Ok(VirtualNano::start(&VirtualNano::program()?, arguments)?)
+    for fault in &args.faults {
+        arguments.extend(["--fault".into(), fault.into()]);
+    }
+    VirtualNano::start(&VirtualNano::program()?, arguments).map_err(|error| match error {
+        // The board's program checks the values of its own options.
+        VirtualError::NotStarted(reason) if reason.starts_with(INVALID_VALUE) => {
+            let problem = reason.lines().next().unwrap_or_default().trim_start_matches("error: ");
+            miette::miette!(code = WRONG_USE, "{problem}")
+        }
+        other => other.into(),
+    })
+}
+
+/// What the board's program says first when an option has a wrong value.
+const INVALID_VALUE: &str = "error: invalid value";
+
+/// Prints the faults that the emulated board knows.
+fn list_faults() -> miette::Result<Answer> {
+    let output = std::process::Command::new(VirtualNano::program()?)
+        .args(["--fault", "help"])
+        .output()
+        .map_err(|error| VirtualError::NotStarted(error.to_string()))?;
+    let text = String::from_utf8_lossy(&output.stdout).trim_end().to_owned();
+    Answer::new(Outcome::Done, &serde_json::json!({ "faults": text }), text)
 }
 
 impl RecordedTrial {

@@ -4,7 +4,7 @@ use super::port;
 use super::worker::{Event, PendingRequest, Received, Worker};
 use super::{Claim, LinkError};
 use protocol::frame::FrameError;
-use protocol::{Command, Info, Reply, VERSION};
+use protocol::{Command, Info, Reply, SCHEMA, VERSION};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -33,7 +33,7 @@ impl Link {
     /// Opens the port and performs the handshake.
     ///
     /// # Errors
-    /// The port's errors, [`LinkError::Silent`], [`LinkError::OtherProgram`] or [`LinkError::OtherVersion`].
+    /// The port's errors, [`LinkError::Silent`], [`LinkError::OtherProgram`], [`LinkError::OtherVersion`] or [`LinkError::OtherSchema`].
     pub fn open(path: &str) -> Result<Self, LinkError> {
         Self::open_unless(path, &AtomicBool::new(false))
     }
@@ -152,7 +152,10 @@ impl Link {
                 }
             }
             match (answer, other_version) {
-                (Ok(Reply::Info(info)), _) if info.protocol == VERSION => return Ok(info),
+                (Ok(Reply::Info(info)), _) if info.protocol == VERSION && info.schema == SCHEMA => return Ok(info),
+                (Ok(Reply::Info(info)), _) if info.protocol == VERSION => {
+                    return Err(LinkError::OtherSchema { path: self.path.clone() });
+                }
                 (Ok(Reply::Info(Info { protocol: theirs, .. })), _) | (_, Some(theirs)) => {
                     return Err(LinkError::OtherVersion { path: self.path.clone(), theirs });
                 }

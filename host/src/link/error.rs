@@ -119,6 +119,13 @@ pub enum LinkError {
         /// The board's version.
         theirs: u8,
     },
+    /// The firmware speaks this version of the protocol, from another state of its development.
+    #[error("the firmware on {path} was built with other messages than this biflag, under the same protocol version")]
+    #[diagnostic(help("flash the matching firmware with `biflag flash --port {path}`"))]
+    OtherSchema {
+        /// The port.
+        path: String,
+    },
     /// The board stopped answering.
     #[error("the board on {path} did not answer {command} after {attempts} attempts")]
     #[diagnostic(help("check the cable and try again"))]
@@ -158,6 +165,7 @@ pub fn refusal_text(refusal: Refusal) -> &'static str {
         Refusal::Running => "the motors are turning",
         Refusal::Calibrating => "a calibration is running",
         Refusal::EepromFailed => "its EEPROM does not keep its content",
+        Refusal::NotASchedule => "the set-points are not a schedule, or it would start in the past",
     }
 }
 
@@ -169,6 +177,9 @@ fn refusal_cure(refusal: Refusal) -> &'static str {
         }
         Refusal::Running | Refusal::Calibrating => "wait until it is done, or press the board's reset button",
         Refusal::EepromFailed => "the EEPROM is worn out: use another board, or give the settings in the plan",
+        Refusal::NotASchedule => {
+            "this computer was too busy to start the trial in time: close other programs and try again"
+        }
     }
 }
 

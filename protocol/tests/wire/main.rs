@@ -6,7 +6,10 @@ mod messages;
 use messages::{any_message, any_request, samples};
 use proptest::prelude::*;
 use protocol::frame::{Accumulator, FrameError, MAX_FRAME, decode, encode};
-use protocol::{Command, Info, Message, Reply, Request, Telemetry, VERSION};
+use protocol::units::{AccelRange, Axis, GyroRange};
+use protocol::{Command, Fault, Info, Message, Refusal, Reply, Request, ResetCause, SCHEMA, State, Telemetry, VERSION};
+use serde_reflection::{Samples, Tracer, TracerConfig};
+use sha2::{Digest, Sha256};
 
 fn frame_of<T: serde::Serialize>(message: &T) -> Vec<u8> {
     encode(message, &mut [0; MAX_FRAME]).unwrap().to_vec()
@@ -24,11 +27,63 @@ fn golden_bytes_are_unchanged() {
             format!("{name} {} {hex}\n", frame.len())
         })
         .collect();
-    let now = format!("protocol version {VERSION}: message, bytes, frame\n{}", lines.concat());
+    let schema: String = SCHEMA.iter().map(|byte| format!("{byte:02x}")).collect();
+    let now = format!("protocol version {VERSION}, schema {schema}: message, bytes, frame\n{}", lines.concat());
     if std::env::var_os("BIFLAG_WRITE_GOLDEN").is_some() {
         std::fs::write(path, &now).unwrap();
     }
     assert_eq!(std::fs::read_to_string(path).unwrap(), now);
+}
+
+/// The formats of all messages: each structure's fields, each enumeration's variants with their numbers, and the width of
+/// each number.
+fn schema() -> String {
+    let mut tracer = Tracer::new(TracerConfig::default());
+    let samples = Samples::new();
+    tracer.trace_type::<Request>(&samples).unwrap();
+    tracer.trace_type::<Message>(&samples).unwrap();
+    tracer.trace_type::<Command>(&samples).unwrap();
+    tracer.trace_type::<Reply>(&samples).unwrap();
+    let registry = tracer.registry().unwrap();
+    let structures = registry.iter().map(|(name, format)| format!("{name}: {format:?}\n"));
+    let enumerations = [
+        variants::<Refusal>("Refusal"),
+        variants::<ResetCause>("ResetCause"),
+        variants::<State>("State"),
+        variants::<Fault>("Fault"),
+        variants::<GyroRange>("GyroRange"),
+        variants::<AccelRange>("AccelRange"),
+        variants::<Axis>("Axis"),
+    ];
+    structures.chain(enumerations).collect()
+}
+
+/// The variants of an enumeration without data, each with its byte.
+fn variants<T: serde::de::DeserializeOwned + std::fmt::Debug>(name: &str) -> String {
+    let known = |byte: u8| postcard::from_bytes::<T>(&[byte]).ok().map(|variant| format!(" {byte} {variant:?}"));
+    format!("{name}:{}\n", (0..=u8::MAX).filter_map(known).collect::<String>())
+}
+
+/// A change of the format of any message shows here, and in the handshake as another [`SCHEMA`]. Write the new file like
+/// that of the golden bytes.
+#[test]
+fn the_handshake_carries_the_hash_of_the_schema() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/wire/schema.txt");
+    let schema = schema();
+    if std::env::var_os("BIFLAG_WRITE_GOLDEN").is_some() {
+        std::fs::write(path, &schema).unwrap();
+    }
+    assert!(std::fs::read_to_string(path).unwrap() == schema, "the formats are not those of {path}");
+    let hash = Sha256::digest(schema.as_bytes());
+    assert_eq!(hash[..4], SCHEMA, "SCHEMA is to be {:#04x?}", &hash[..4]);
+}
+
+#[test]
+fn faults_are_listed_by_their_numbers() {
+    for (number, fault) in Fault::ALL.into_iter().enumerate() {
+        assert_eq!(postcard::to_slice(&fault, &mut [0; 2]).unwrap(), [number as u8]);
+    }
+    assert!(postcard::from_bytes::<Fault>(&[Fault::ALL.len() as u8]).is_err());
 }
 
 /// The table in the crate's documentation names each message with its size; so does this.

@@ -9,8 +9,17 @@ use protocol::*;
 pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
     let settings = Settings { board_id: 0x1234, gyro_bias: [-595.5, 6.25, 147.0], ..Settings::DEFAULT };
     let calibration = Calibration { still: true, bias: [-595.5, 6.25, 147.0], noise: 17, samples: 1000 };
+    let record = FaultRecord {
+        boot: 300,
+        time: Micros(0xDEAD_BEEF),
+        fault: Fault::Motor2Runaway,
+        duty: [Duty(100), Duty(-255)],
+        speed: [CentiRpm(4987), CentiRpm(-8999)],
+        program_counter: 0x1234,
+    };
     let info = Info {
         protocol: VERSION,
+        schema: SCHEMA,
         firmware: [1, 2, 3],
         git_hash: [0xde, 0xad, 0xbe, 0xef],
         git_dirty: true,
@@ -35,9 +44,13 @@ pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
         encoder: [EncoderCounts(i32::MIN), EncoderCounts(1_000_000)],
         state: State::Faulted,
         fault: Fault::ImuFrozen,
+        phase: 7,
+        supply: Millivolts(4987),
         imu_fresh: true,
         unsent: Count(1),
         imu_errors: Count(2),
+        clipped: Count(5),
+        glitches: Count(6),
         bad_frames: Count(3),
         missed_ticks: Count(4),
     };
@@ -53,6 +66,16 @@ pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
         ("Command::SaveSettings", Command::SaveSettings),
         ("Command::Ping", Command::Ping),
         ("Command::ClearFault", Command::ClearFault),
+        (
+            "Command::SetPoint",
+            Command::SetPoint {
+                index: 15,
+                point: SetPoint { tick: 24_000, speeds: [CentiRpm(5000), CentiRpm(-9000)], phase: 2 },
+            },
+        ),
+        ("Command::StartSchedule", Command::StartSchedule { count: 4, at: Micros(123_456_789) }),
+        ("Command::Drive", Command::Drive { duty: [Duty(60), Duty(-60)], duration_ms: 1000 }),
+        ("Command::ReadFault", Command::ReadFault { index: 7 }),
     ];
     let replies = [
         ("Reply::Info", Reply::Info(info)),
@@ -61,6 +84,7 @@ pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
         ("Reply::Settings", Reply::Settings(settings)),
         ("Reply::Calibration", Reply::Calibration(calibration)),
         ("Reply::Pong", Reply::Pong(Micros(123_456_789))),
+        ("Reply::FaultRecord", Reply::FaultRecord(record)),
     ];
     commands
         .map(|(name, command)| (name, frame(&Request { seq: 200, command })))
@@ -90,6 +114,10 @@ fn axes() -> impl Strategy<Value = AxisMap> {
     proptest::array::uniform3((0usize..6).prop_map(|i| Axis::NAMES[i].0)).prop_map(AxisMap)
 }
 
+fn duties() -> impl Strategy<Value = [Duty; 2]> {
+    any::<[i16; 2]>().prop_map(|both| both.map(Duty))
+}
+
 fn one_of<T: Clone + std::fmt::Debug + 'static>(values: &'static [T]) -> impl Strategy<Value = T> {
     proptest::sample::select(values)
 }
@@ -106,11 +134,14 @@ prop_compose! {
         motor_reversed in any::<[bool; 2]>(),
         encoder_reversed in any::<[bool; 2]>(),
         deadline_ms in any::<u16>(),
+        moving_duty in any::<[u8; 2]>(),
+        bandgap in any::<u16>().prop_map(Millivolts),
     ) -> Settings {
         let [attitude_kp, attitude_ki, speed_kp, speed_ki, counts_per_turn] = gains;
         Settings {
             board_id, gyro_range, accel_range, low_pass, gyro_axes, accel_axes, gyro_bias, attitude_kp, attitude_ki,
-            speed_kp, speed_ki, counts_per_turn, motor_reversed, encoder_reversed, deadline_ms,
+            speed_kp, speed_ki, counts_per_turn, motor_reversed, encoder_reversed, deadline_ms, moving_duty,
+            bandgap,
         }
     }
 }
@@ -118,20 +149,22 @@ prop_compose! {
 prop_compose! {
     fn any_telemetry()(
         (seq, unsent, imu_errors, bad_frames, missed_ticks) in (counts(), counts(), counts(), counts(), counts()),
+        (clipped, glitches, phase) in (counts(), counts(), any::<u8>()),
+        supply in any::<u16>().prop_map(Millivolts),
         time in any::<u32>().prop_map(Micros),
         attitude in any::<[i16; 4]>().prop_map(|q| Quaternion(q.map(Q15))),
         (gyro, accel) in (readings(), readings()),
         temperature in any::<i16>().prop_map(TemperatureCounts),
         (target, speed) in (speeds(), speeds()),
-        duty in any::<[i16; 2]>().prop_map(|both| both.map(Duty)),
+        duty in duties(),
         encoder in any::<[i32; 2]>().prop_map(|both| both.map(EncoderCounts)),
-        state in one_of(&[State::Idle, State::Calibrating, State::Running, State::Faulted]),
-        fault in one_of(&[Fault::None, Fault::LinkLost, Fault::Hang, Fault::Panic, Fault::Motor2Stalled]),
+        state in one_of(&[State::Idle, State::Calibrating, State::Running, State::Driving, State::Faulted]),
+        fault in one_of(&Fault::ALL),
         imu_fresh in any::<bool>(),
     ) -> Telemetry {
         Telemetry {
-            seq, time, attitude, gyro, accel, temperature, target, speed, duty, encoder, state, fault, imu_fresh,
-            unsent, imu_errors, bad_frames, missed_ticks,
+            seq, time, attitude, gyro, accel, temperature, target, speed, duty, encoder, state, fault, phase,
+            supply, imu_fresh, unsent, imu_errors, clipped, glitches, bad_frames, missed_ticks,
         }
     }
 }
@@ -146,6 +179,13 @@ pub fn any_request() -> impl Strategy<Value = Request> {
         any::<u16>().prop_map(|duration_ms| Command::CalibrateGyro { duration_ms }),
         any_settings().prop_map(Command::WriteSettings),
         Just(Command::Ping),
+        (any::<u8>(), any::<u32>(), speeds(), any::<u8>()).prop_map(|(index, tick, speeds, phase)| Command::SetPoint {
+            index,
+            point: SetPoint { tick, speeds, phase }
+        }),
+        (any::<u8>(), any::<u32>()).prop_map(|(count, at)| Command::StartSchedule { count, at: Micros(at) }),
+        (duties(), any::<u16>()).prop_map(|(duty, duration_ms)| Command::Drive { duty, duration_ms }),
+        any::<u8>().prop_map(|index| Command::ReadFault { index }),
     ];
     (any::<u8>(), command).prop_map(|(seq, command)| Request { seq, command })
 }

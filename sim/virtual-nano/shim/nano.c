@@ -6,11 +6,9 @@
 #include "inner.h"
 
 enum { FREQUENCY = 16000000, SRAM_START = 0x100, RAMEND = 0x8FF, PAINT = 0xA5 };
+enum { SLEEP_ENABLE = 1, RJMP_TO_ITSELF = 0xCFFF };
 // Instructions run in batches of at most this many cycles; an event or an interrupt ends a batch early.
 enum { BATCH_CYCLES = 2000 };
-
-// A sleeping program need not sleep in real time.
-static void no_sleep(avr_t *avr, avr_cycle_count_t cycles) {}
 
 // simavr's messages would mix with the program's own output.
 static void no_log(avr_t *avr, const int level, const char *format, va_list arguments) {}
@@ -23,7 +21,8 @@ static void report_outputs(nano_t *nano)
 	const uint8_t *data = nano->avr->data;
 	struct nano_outputs outputs = {
 		.port_b = data[REG_PORTB], .ddr_b = data[REG_DDRB], .port_d = data[REG_PORTD], .ddr_d = data[REG_DDRD],
-		.tccr0a = data[REG_TCCR0A], .ocr0a = data[REG_OCR0A], .tccr2a = data[REG_TCCR2A], .ocr2a = data[REG_OCR2A],
+		.tccr0a = data[REG_TCCR0A], .tccr0b = data[REG_TCCR0B], .ocr0a = data[REG_OCR0A],
+		.tccr2a = data[REG_TCCR2A], .tccr2b = data[REG_TCCR2B], .ocr2a = data[REG_OCR2A],
 	};
 	if (memcmp(&outputs, &nano->outputs, sizeof outputs) == 0)
 		return;
@@ -34,20 +33,20 @@ static void report_outputs(nano_t *nano)
 static void write_then_outputs(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
 {
 	struct chained *chained = param;
-	chained->inner(avr, address, value, chained->param);
+	write_inner(avr, address, value, chained);
 	report_outputs(chained->nano);
 }
 
 static void write_then_bus(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
 {
 	struct chained *chained = param;
-	chained->inner(avr, address, value, chained->param);
+	write_inner(avr, address, value, chained);
 	bus_lines_changed(chained->nano);
 }
 
 static void plain_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) { avr->data[address] = value; }
 
-static void chain(nano_t *nano, uint16_t address, avr_io_write_t write)
+void chain(nano_t *nano, uint16_t address, avr_io_write_t write)
 {
 	avr_io_write_t inner = nano->avr->io[AVR_DATA_TO_IO(address)].w.c;
 	struct chained *chained = &nano->chains[nano->chain_count++];
@@ -103,7 +102,7 @@ static avr_cycle_count_t after_reset(avr_t *avr, avr_cycle_count_t when, void *p
 	return 0;
 }
 
-// Called by `avr_reset`, whatever caused it: this interface, the watchdog or a jump of the bootloader's.
+// Called by `avr_reset`.
 static void on_reset(avr_io_t *module)
 {
 	nano_t *nano = (nano_t *)module;
@@ -113,8 +112,19 @@ static void on_reset(avr_io_t *module)
 	avr->run_cycle_limit = BATCH_CYCLES;
 	twi_reset(nano);
 	uart_reset(nano);
+	eeprom_reset(nano);
+	supply_reset(nano);
+	nano->out.reset(nano->out.context, now(nano));
 	report_outputs(nano);
 	avr_cycle_timer_register(avr, 1, after_reset, nano);
+}
+
+static int on_ioctl(avr_io_t *module, uint32_t call, void *param)
+{
+	if (call != AVR_IOCTL_WATCHDOG_RESET)
+		return -1;
+	watchdog_feed((nano_t *)module);
+	return 0;
 }
 
 nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes)
@@ -126,7 +136,6 @@ nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes)
 	avr->flashend = flash_bytes - 1;
 	avr_init(avr);
 	avr->frequency = FREQUENCY;
-	avr->sleep = no_sleep;
 	avr->log = LOG_NONE;
 
 	nano_t *nano = calloc(1, sizeof *nano);
@@ -142,16 +151,21 @@ nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes)
 			nano->twi.module = (avr_twi_t *)io;
 		if (!strcmp(io->kind, "uart"))
 			nano->uart.module = (avr_uart_t *)io;
+		if (!strcmp(io->kind, "watchdog"))
+			nano->watchdog.module = (avr_watchdog_t *)io;
+		if (!strcmp(io->kind, "eeprom"))
+			nano->eeprom.module = (avr_eeprom_t *)io;
+		if (!strcmp(io->kind, "adc"))
+			nano->supply.adc = (avr_adc_t *)io;
 	}
-	avr_eeprom_desc_t whole = { .ee = 0, .offset = 0, .size = 0 };
-	avr_ioctl(avr, AVR_IOCTL_EEPROM_GET, &whole);
-	nano->eeprom = whole.ee;
-	nano->eeprom_length = avr->e2end + 1;
-
 	twi_attach(nano);
 	uart_attach(nano);
+	watchdog_attach(nano);
+	eeprom_attach(nano);
+	supply_attach(nano);
 	static const uint16_t output_registers[] = {
-		REG_PORTB, REG_DDRB, REG_PORTD, REG_DDRD, REG_TCCR0A, REG_OCR0A, REG_TCCR2A, REG_OCR2A,
+		REG_PORTB, REG_DDRB, REG_PORTD, REG_DDRD,
+		REG_TCCR0A, REG_TCCR0B, REG_OCR0A, REG_TCCR2A, REG_TCCR2B, REG_OCR2A,
 	};
 	for (unsigned i = 0; i < sizeof output_registers / sizeof *output_registers; i++)
 		chain(nano, output_registers[i], write_then_outputs);
@@ -159,7 +173,7 @@ nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes)
 	chain(nano, REG_PORTC, write_then_bus);
 	avr_register_io_write(avr, REG_GPIOR0, mark_write, nano);
 	avr_register_io_write(avr, R_SPL, spl_write, nano);
-	nano->module = (avr_io_t){ .kind = "nano", .reset = on_reset };
+	nano->module = (avr_io_t){ .kind = "nano", .reset = on_reset, .ioctl = on_ioctl };
 	avr_register_io(avr, &nano->module);
 	return nano;
 }
@@ -182,18 +196,61 @@ int nano_flash(nano_t *nano, uint32_t address, const uint8_t *bytes, uint32_t le
 
 uint8_t *nano_eeprom(nano_t *nano, uint32_t *length)
 {
-	*length = nano->eeprom_length;
-	return nano->eeprom;
+	*length = nano->eeprom.length;
+	return nano->eeprom.bytes;
 }
 
 void nano_reset(nano_t *nano, uint32_t start, uint8_t cause)
 {
 	avr_t *avr = nano->avr;
+	// Each cause keeps its flag until the program clears it; power-on clears the others (section 11.9.1).
+	uint8_t flags = cause == NANO_RESET_POWER ? cause : avr->data[REG_MCUSR] | cause;
+	nano->start = start;
 	avr->reset_pc = start;
 	avr->codeend = avr->flashend;
 	avr_reset(avr);
 	avr->pc = start;
-	avr->data[REG_MCUSR] = cause;
+	avr->data[REG_MCUSR] = flags;
+	watchdog_reset(nano);
+}
+
+int nano_hang(nano_t *nano, int interrupts)
+{
+	avr_t *avr = nano->avr;
+	uint32_t place = avr->flashend - 1;
+	while (place && (avr->flash[place] & avr->flash[place + 1]) != 0xFF)
+		place -= 2;
+	if (!place)
+		return 0;
+	avr->flash[place] = RJMP_TO_ITSELF & 0xFF;
+	avr->flash[place + 1] = RJMP_TO_ITSELF >> 8;
+	avr->pc = place;
+	avr->sreg[S_I] = interrupts;
+	avr->state = cpu_Running;
+	return 1;
+}
+
+// One batch of instructions, or of sleep; then what is due at its end.
+static void step(nano_t *nano)
+{
+	avr_t *avr = nano->avr;
+	avr_flashaddr_t pc = avr->pc;
+	if (avr->state == cpu_Running && !nano->supply.off) {
+		pc = avr_run_one(avr);
+		// Without its enable bit SLEEP does nothing (section 10.11.1).
+		if (avr->state == cpu_Sleeping && !(avr->data[REG_SMCR] & SLEEP_ENABLE))
+			avr->state = cpu_Running;
+	}
+	int deaf = avr->state == cpu_Sleeping && !avr->sreg[S_I];
+	avr_cycle_count_t idle = avr_cycle_timer_process(avr);
+	avr->pc = pc;
+	// simavr wakes the chip for interrupts that are off, too.
+	if (deaf)
+		avr->state = cpu_Sleeping;
+	if (avr->state == cpu_Sleeping || nano->supply.off)
+		avr->cycle += 1 + idle;
+	if (avr->interrupt_state && !nano->supply.off)
+		avr_service_interrupts(avr);
 }
 
 enum nano_state nano_run_until(nano_t *nano, uint64_t cycle)
@@ -203,10 +260,12 @@ enum nano_state nano_run_until(nano_t *nano, uint64_t cycle)
 		return NANO_RUNS;
 	avr_cycle_timer_register(avr, cycle - now(nano), stop, nano);
 	while (now(nano) < cycle) {
-		int state = avr_run(avr);
-		if (state == cpu_Done)
-			return NANO_HALTED;
-		if (state == cpu_Crashed)
+		step(nano);
+		if (nano->watchdog.reset) {
+			nano_reset(nano, nano->start, NANO_RESET_WATCHDOG);
+			avr_cycle_timer_register(avr, cycle - now(nano), stop, nano);
+		}
+		if (avr->state == cpu_Crashed)
 			return NANO_CRASHED;
 	}
 	return NANO_RUNS;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // An ATmega328P at 16 MHz on simavr, with a flat interface.
 //
-// What simavr 1.6 does not do well enough is done here: the TWI as a bus master (twi.c), the USART (uart.c), and pins
-// that something outside drives. Everything outside of the chip is behind `struct nano_devices`.
+// What simavr 1.6 does not do well enough is done here: the TWI as a bus master (twi.c), the USART (uart.c), the watchdog
+// (watchdog.c), the EEPROM's write time (eeprom.c), supply and bandgap (supply.c), sleep, and pins that something outside
+// drives (pins.c). Everything outside of the chip is behind `struct nano_devices`.
 #ifndef NANO_H
 #define NANO_H
 
@@ -13,7 +14,7 @@ typedef struct nano nano_t;
 // Registers that determine the chip's outputs to the motors' bridge.
 struct nano_outputs {
 	uint8_t port_b, ddr_b, port_d, ddr_d;
-	uint8_t tccr0a, ocr0a, tccr2a, ocr2a;
+	uint8_t tccr0a, tccr0b, ocr0a, tccr2a, tccr2b, ocr2a;
 };
 
 // A device's reply on the bus.
@@ -37,15 +38,17 @@ struct nano_devices {
 	void (*serial_out)(void *context, uint64_t cycle, uint8_t byte);
 	int32_t (*serial_in)(void *context, uint64_t cycle);
 	void (*outputs)(void *context, uint64_t cycle, const struct nano_outputs *outputs);
+	// The chip was reset, whatever caused it.
+	void (*reset)(void *context, uint64_t cycle);
 	// The program wrote GPIOR0.
 	void (*mark)(void *context, uint64_t cycle, uint8_t value);
 	// Called at the cycle that its last call returned.
 	uint64_t (*wake)(void *context, nano_t *nano, uint64_t cycle);
 };
 
-enum nano_state { NANO_RUNS, NANO_HALTED, NANO_CRASHED };
+enum nano_state { NANO_RUNS, NANO_CRASHED };
 // Bits of MCUSR.
-enum { NANO_RESET_POWER = 1, NANO_RESET_PIN = 2 };
+enum { NANO_RESET_POWER = 1, NANO_RESET_PIN = 2, NANO_RESET_BROWN_OUT = 4, NANO_RESET_WATCHDOG = 8 };
 
 // Flash of so many bytes is blank, SRAM painted; `nano_reset` starts it. Null when simavr does not know the chip.
 nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes);
@@ -53,7 +56,14 @@ void nano_free(nano_t *nano);
 // Copies into flash. Zero when it does not fit.
 int nano_flash(nano_t *nano, uint32_t address, const uint8_t *bytes, uint32_t length);
 uint8_t *nano_eeprom(nano_t *nano, uint32_t *length);
+// Resets the chip; this reset and those to come start the program at the byte address `start`.
 void nano_reset(nano_t *nano, uint32_t start, uint8_t cause);
+// Supply and bandgap reference, mV. Below the brown-out level the chip is in reset.
+void nano_set_supply(nano_t *nano, uint32_t vcc_mv, uint32_t bandgap_mv);
+// Cycles that a line of the bus takes to rise.
+void nano_set_bus_rise(nano_t *nano, uint32_t cycles);
+// Sends the program into an endless loop, with interrupts on or off. Zero when flash has no room for the loop.
+int nano_hang(nano_t *nano, int interrupts);
 enum nano_state nano_run_until(nano_t *nano, uint64_t cycle);
 uint64_t nano_cycle(const nano_t *nano);
 // Levels of pins that something outside drives, from now on.

@@ -20,10 +20,11 @@ static void set_status(nano_t *nano, uint8_t status)
 	*twsr = (*twsr & PRESCALER) | status;
 }
 
+// The clock's high time begins only when SCL is seen high (section 22.5.2), so a slow rise makes every bit longer.
 static uint32_t bit_cycles(const nano_t *nano)
 {
 	const uint8_t *data = nano->avr->data;
-	return 16 + (2u * data[REG_TWBR] << (2 * (data[REG_TWSR] & PRESCALER)));
+	return 16 + (2u * data[REG_TWBR] << (2 * (data[REG_TWSR] & PRESCALER))) + nano->twi.rise;
 }
 
 static avr_cycle_count_t step_done(avr_t *avr, avr_cycle_count_t when, void *param)
@@ -157,6 +158,8 @@ void twi_attach(nano_t *nano)
 	replace_io(nano, REG_TWDR, 0, 0);
 	replace_io(nano, REG_TWBR, 0, 0);
 }
+
+void nano_set_bus_rise(nano_t *nano, uint32_t cycles) { nano->twi.rise = cycles; }
 
 void twi_reset(nano_t *nano)
 {

@@ -12,6 +12,8 @@
 
 use crate::bridge::Bridge;
 use crate::clock::ProgramClock;
+use crate::encoder::{Disturbance, Encoder};
+use crate::fault::{self, BANDGAP_MV, Fault, SUPPLY_MV};
 use crate::image::Image;
 use crate::imu::source::Source;
 use crate::imu::{self, Mpu6050};
@@ -19,12 +21,10 @@ use crate::marks::{Marks, TICK_BEGIN};
 use crate::mcu::{
     BusAnswer, Devices, FLASH_BYTES, FREQUENCY_HZ, Mcu, Outputs, Pins, ResetCause, RunState, UnknownChip,
 };
-use crate::motor::{Motor, MotorParameters, STEP_S};
+use crate::motor::{Motor, MotorParameters, Rotor, STEP_S};
 use crate::plant::Plant;
+use crate::resonator::Resonator;
 use crate::serial::Serial;
-
-/// The program polls this bit of GPIOR2 as a test point, and hangs while it is set.
-const HANG: (u16, u8) = (0x4B, 1);
 
 /// Options of a board.
 pub struct BoardOptions {
@@ -59,6 +59,10 @@ pub struct Board {
     /// `None` behind a bootloader, which may put any program there.
     static_bytes: Option<u16>,
     state: RunState,
+    vcc_mv: u32,
+    bandgap_mv: u32,
+    /// Faults that begin later, with their times (s).
+    faults: Vec<(f64, Fault)>,
 }
 
 impl Board {
@@ -81,7 +85,11 @@ impl Board {
             bridge: Bridge::default(),
             drive_log: options.log_drive.then(Vec::new),
             motors: [motor.clone(), motor],
-            motors_at: 0,
+            motors_swapped: false,
+            motors_at_s: 0.0,
+            encoders: [1, 2].map(|motor| Encoder::new(options.seed ^ motor << 32)),
+            pull_ups: 0,
+            resonator: Resonator::default(),
             serial: Serial::new(options.seed),
             marks: Marks::default(),
             clock: ProgramClock::default(),
@@ -92,25 +100,52 @@ impl Board {
             assert!(mcu.write_flash(*address, bytes), "an image that does not fit");
         }
         mcu.reset(start, ResetCause::PowerOn);
-        Ok(Self { mcu, start, static_bytes: None, state: RunState::Running })
+        let state = RunState::Running;
+        Ok(Self {
+            mcu,
+            start,
+            static_bytes: None,
+            state,
+            vcc_mv: SUPPLY_MV,
+            bandgap_mv: BANDGAP_MV,
+            faults: Vec::new(),
+        })
     }
 
     /// Pulls the reset pin.
     pub fn reset(&mut self) {
-        let rig = self.mcu.devices_mut();
-        rig.marks.reset();
-        rig.clock = ProgramClock::default();
         self.mcu.reset(self.start, ResetCause::Pin);
         self.state = RunState::Running;
     }
 
-    /// Runs until `cycle`. A program that halted or crashed stays where it is until a reset, and the
-    /// board's time with it.
+    /// Runs until `cycle`. A program that crashed stays where it is until a reset, and the board's time with it.
     pub fn run_until(&mut self, cycle: u64) -> RunState {
-        if self.state == RunState::Running {
-            self.state = self.mcu.run_until(cycle);
+        while self.state == RunState::Running && self.cycle() < cycle {
+            let due = self.faults.iter().map(|(at_s, _)| self.resonator().cycle(*at_s)).min().unwrap_or(u64::MAX);
+            self.state = self.mcu.run_until(cycle.min(due.max(self.cycle() + 1)));
+            let now_s = self.seconds();
+            for (_, fault) in self.faults.extract_if(.., |(at_s, _)| *at_s <= now_s).collect::<Vec<_>>() {
+                self.inject(fault);
+            }
         }
         self.state
+    }
+
+    /// Makes a fault begin now.
+    pub fn inject(&mut self, fault: Fault) {
+        fault::inject(self, fault);
+    }
+
+    /// Makes a fault begin at a time (s) since power came up.
+    pub fn inject_at(&mut self, at_s: f64, fault: Fault) {
+        self.faults.push((at_s, fault));
+    }
+
+    /// Ends every fault that can end, and forgets those that have not begun. What they did to registers and to the
+    /// program stays.
+    pub fn clear_faults(&mut self) {
+        self.faults.clear();
+        fault::clear(self);
     }
 
     /// Runs for `cycles`.
@@ -128,6 +163,22 @@ impl Board {
         self.mcu.cycle()
     }
 
+    /// Time since power came up, s. It differs from the cycles' where the resonator is off.
+    pub fn seconds(&self) -> f64 {
+        self.resonator().seconds(self.cycle())
+    }
+
+    /// The chip's resonator.
+    pub fn resonator(&self) -> &Resonator {
+        &self.mcu.devices().resonator
+    }
+
+    /// Makes the resonator too fast by a fraction.
+    pub fn set_resonator_error(&mut self, fraction: f64) {
+        let cycle = self.cycle();
+        self.mcu.devices_mut().resonator.set_error(cycle, fraction);
+    }
+
     /// The host sends.
     pub fn send(&mut self, bytes: &[u8]) {
         self.mcu.devices_mut().serial.send(bytes);
@@ -136,7 +187,8 @@ impl Board {
 
     /// Takes the bytes that the board has sent since the last call.
     pub fn take_serial(&mut self) -> Vec<u8> {
-        self.mcu.devices_mut().serial.take()
+        let now_s = self.seconds();
+        self.mcu.devices_mut().serial.take(now_s)
     }
 
     /// The line to the host.
@@ -151,7 +203,7 @@ impl Board {
 
     /// Speed of the board's end of the line, bit/s.
     pub fn baud(&self) -> f64 {
-        10.0 * FREQUENCY_HZ as f64 / f64::from(self.mcu.serial_byte_cycles())
+        10.0 * self.resonator().hz() / f64::from(self.mcu.serial_byte_cycles())
     }
 
     /// Bytes from the host that the program read too late.
@@ -187,16 +239,54 @@ impl Board {
         &self.mcu.devices().motors
     }
 
-    /// Blocks a flagellum (0 or 1), or releases it.
-    pub fn block_motor(&mut self, motor: usize, blocked: bool) {
-        self.mcu.devices_mut().motors[motor].block(blocked);
+    /// Motors 1 and 2, to change them.
+    pub fn motors_mut(&mut self) -> &mut [Motor; 2] {
+        &mut self.mcu.devices_mut().motors
     }
 
-    /// Makes the program hang where it next passes its test point.
-    pub fn hang(&mut self) {
-        let (register, bit) = HANG;
-        let value = self.mcu.peek(register) | bit;
-        self.mcu.poke(register, value);
+    /// Blocks a flagellum (0 or 1), or releases it.
+    pub fn block_motor(&mut self, motor: usize, blocked: bool) {
+        self.motors_mut()[motor].hold(if blocked { Rotor::Blocked } else { Rotor::Free });
+    }
+
+    /// Connects each of the bridge's outputs to the other's motor, or to its own.
+    pub fn swap_motors(&mut self, swapped: bool) {
+        let rig = self.mcu.devices_mut();
+        rig.motors_swapped = swapped;
+        rig.drive_motors();
+    }
+
+    /// The encoder of motor 0 or 1, to change it.
+    pub fn encoder_mut(&mut self, motor: usize) -> &mut Encoder {
+        &mut self.mcu.devices_mut().encoders[motor]
+    }
+
+    /// Disturbs a line (channel 0 or 1) of the encoder of motor 0 or 1 from now on.
+    pub fn disturb_encoder(&mut self, motor: usize, channel: usize, disturbance: Disturbance) {
+        let now_s = self.seconds();
+        self.encoder_mut(motor).disturb(channel, disturbance, now_s);
+    }
+
+    /// Sends the program into an endless loop, with interrupts on or off.
+    pub fn hang(&mut self, interrupts: bool) {
+        self.mcu.hang(interrupts);
+    }
+
+    /// Sets the supply of the chip, mV. Below 2700 mV it is in reset.
+    pub fn set_supply_mv(&mut self, vcc_mv: u32) {
+        self.vcc_mv = vcc_mv;
+        self.mcu.set_supply(self.vcc_mv, self.bandgap_mv);
+    }
+
+    /// Sets the chip's bandgap reference, mV. The data sheet allows 1000 to 1200.
+    pub fn set_bandgap_mv(&mut self, bandgap_mv: u32) {
+        self.bandgap_mv = bandgap_mv;
+        self.mcu.set_supply(self.vcc_mv, self.bandgap_mv);
+    }
+
+    /// Sets the time that a line of the bus takes to rise, µs.
+    pub fn set_bus_rise_us(&mut self, rise_us: f64) {
+        self.mcu.set_bus_rise((rise_us * 1e-6 * FREQUENCY_HZ as f64).round() as u32);
     }
 
     /// The simulated robot that the board is built into, if there is one.
@@ -256,30 +346,47 @@ struct Rig {
     bridge: Bridge,
     drive_log: Option<Vec<(u64, Bridge)>>,
     motors: [Motor; 2],
-    /// The cycle up to which the motors have turned.
-    motors_at: u64,
+    motors_swapped: bool,
+    /// The time up to which the motors have turned, s.
+    motors_at_s: f64,
+    encoders: [Encoder; 2],
+    /// Pull-ups on port D.
+    pull_ups: u8,
+    resonator: Resonator,
     serial: Serial,
     marks: Marks,
     clock: ProgramClock,
 }
 
+/// Pins of port D for C1 and C2 of both encoders.
+const ENCODER_PINS: [[u8; 2]; 2] = [[3, 5], [2, 4]];
+
 impl Rig {
-    fn turn_motors(&mut self, cycle: u64) {
-        let seconds = (cycle - self.motors_at) as f64 / FREQUENCY_HZ as f64;
-        self.motors_at = cycle;
+    /// Turns the motors until this cycle. Returns its time, s.
+    fn turn_motors(&mut self, cycle: u64) -> f64 {
+        let now_s = self.resonator.seconds(cycle);
         for motor in &mut self.motors {
-            motor.advance(seconds);
+            motor.advance(now_s - self.motors_at_s);
         }
+        self.motors_at_s = now_s;
         if let Some(plant) = self.imu.source_mut().plant_mut() {
-            plant.follow(cycle as f64 / FREQUENCY_HZ as f64, &self.motors);
+            plant.follow(now_s, &self.motors);
+        }
+        now_s
+    }
+
+    fn drive_motors(&mut self) {
+        for (motor, drive) in self.bridge.drive.into_iter().enumerate() {
+            let motor = if self.motors_swapped { 1 - motor } else { motor };
+            self.motors[motor].set_drive(drive);
         }
     }
 }
 
 impl Devices for Rig {
     fn bus_address(&mut self, cycle: u64, address: u8) -> BusAnswer {
-        self.turn_motors(cycle);
-        self.imu.address(cycle, address)
+        let now_s = self.turn_motors(cycle);
+        self.imu.address(now_s, address)
     }
 
     fn bus_write(&mut self, _cycle: u64, byte: u8) -> BusAnswer {
@@ -308,18 +415,22 @@ impl Devices for Rig {
     }
 
     fn outputs(&mut self, cycle: u64, outputs: &Outputs) {
+        self.pull_ups = outputs.port_d & !outputs.ddr_d;
         let bridge = Bridge::from_outputs(outputs);
         if bridge == self.bridge {
             return;
         }
         self.turn_motors(cycle);
         self.bridge = bridge;
-        for (motor, drive) in self.motors.iter_mut().zip(bridge.drive) {
-            motor.set_drive(drive);
-        }
+        self.drive_motors();
         if let Some(log) = &mut self.drive_log {
             log.push((cycle, bridge));
         }
+    }
+
+    fn reset(&mut self, _cycle: u64) {
+        self.marks.reset();
+        self.clock = ProgramClock::default();
     }
 
     fn mark(&mut self, cycle: u64, value: u8) {
@@ -330,11 +441,17 @@ impl Devices for Rig {
     }
 
     fn wake(&mut self, cycle: u64, pins: &mut Pins) -> u64 {
-        self.turn_motors(cycle);
-        let [(c1_a, c2_a), (c1_b, c2_b)] = [self.motors[0].encoder_levels(), self.motors[1].encoder_levels()];
-        let levels = u8::from(c1_b) << 2 | u8::from(c1_a) << 3 | u8::from(c2_b) << 4 | u8::from(c2_a) << 5;
-        pins.set('D', 0b0011_1100, levels);
-        let seconds = self.motors.iter().map(Motor::next_event_s).fold(STEP_S, f64::min);
-        cycle + (seconds * FREQUENCY_HZ as f64).ceil() as u64
+        let now_s = self.turn_motors(cycle);
+        let (mut mask, mut levels, mut next_s) = (0, 0, STEP_S);
+        for ((encoder, motor), bits) in self.encoders.iter_mut().zip(&self.motors).zip(ENCODER_PINS) {
+            let pull_ups = bits.map(|bit| self.pull_ups >> bit & 1 == 1);
+            for (bit, level) in bits.into_iter().zip(encoder.levels(motor.counts(), now_s, pull_ups)) {
+                mask |= 1 << bit;
+                levels |= u8::from(level) << bit;
+            }
+            next_s = encoder.next_event_s(motor.counts(), motor.counts_per_second(), now_s, next_s);
+        }
+        pins.set('D', mask, levels);
+        cycle + (next_s * self.resonator.hz()).ceil() as u64
     }
 }

@@ -1,6 +1,7 @@
 //! Compares the time in the program's frames with the cycle count of the emulator at that moment.
 //!
-//! A frame has the time at which its tick began, and the program marks that moment (see [`crate::marks`]).
+//! A frame has the time at which its tick began, and the program marks that moment (see [`crate::marks`]). This is the
+//! only place where the emulator reads what the program sends.
 
 use crate::mcu::FREQUENCY_HZ;
 use protocol::Message;
@@ -45,9 +46,9 @@ impl ProgramClock {
         }
     }
 
-    /// Returns the program's clock when ours is at `time_s`, `None` before its first frame.
-    pub fn at(&self, time_s: f64) -> Option<Micros> {
-        let ours = (time_s * 1e6).round() as u64 as u32;
+    /// Returns the program's clock at a cycle, `None` before its first frame.
+    pub fn at(&self, cycle: u64) -> Option<Micros> {
+        let ours = (cycle / CYCLES_PER_US) as u32;
         self.ahead.map(|ahead| Micros(ours.wrapping_sub(ahead)))
     }
 }
@@ -69,15 +70,15 @@ mod tests {
     #[test]
     fn a_frame_tells_the_time_of_its_own_tick_across_the_wrap() {
         let mut clock = ProgramClock::default();
-        assert_eq!(clock.at(1.0), None);
+        assert_eq!(clock.at(16_000_000), None);
         // The program started 16 s after power, 10 ms before its clock wraps.
         let start = u32::MAX - 9_999;
         clock.tick(16 * 16_000_000);
         clock.tick(16 * 16_000_000 + 80_000);
         send(&mut clock, start);
-        assert_eq!(clock.at(16.005), Some(Micros(start)), "as far as is known");
+        assert_eq!(clock.at(16_005 * 16_000), Some(Micros(start)), "as far as is known");
         send(&mut clock, start.wrapping_add(5000));
-        assert_eq!(clock.at(16.005), Some(Micros(start.wrapping_add(5000))));
-        assert_eq!(clock.at(16.025), Some(Micros(15_000)));
+        assert_eq!(clock.at(16_005 * 16_000), Some(Micros(start.wrapping_add(5000))));
+        assert_eq!(clock.at(16_025 * 16_000), Some(Micros(15_000)));
     }
 }

@@ -8,28 +8,22 @@
 //! | `status` | returns the state of chip, bridge, motors, bus and line |
 //! | `drop N` | drops the next N frames of the stream |
 //! | `corrupt N` | corrupts a byte in each of the next N frames of the stream |
-//! | `fault nack B [COUNT]` | the sensor does not acknowledge byte B of the next transaction, or of the next COUNT |
-//! | `fault gone` | the sensor no longer responds |
-//! | `fault stuck [CLOCKS]` | the sensor holds SDA low until CLOCKS pulses on SCL, or for ever |
-//! | `fault frozen` | the sensor's data stay the same |
-//! | `fault glitch` | the sensor loses power for a moment |
-//! | `fault clear` | ends all faults of the sensor |
-//! | `block 1\|2\|off` | blocks a flagellum, or releases both |
-//! | `hang` | the program hangs at its test point |
+//! | `fault NAME[=VALUE]` | makes a fault begin (`vnano --fault help` lists them) |
+//! | `fault clear` | ends all faults |
 //! | `reset` | pulls the reset pin |
 //! | `quit` | ends |
 
 use crate::board::Board;
 use crate::bridge::Drive;
-use crate::imu::fault::{At, Fault};
-use crate::mcu::{FREQUENCY_HZ, RunState};
+use crate::fault::Timed;
+use crate::mcu::RunState;
 use crate::motor::Motor;
 use crate::port::PortCount;
 use serde_json::{Value, json};
 use std::str::FromStr;
 
 /// A command.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Command {
     /// `play`
     Play,
@@ -43,16 +37,10 @@ pub enum Command {
     Drop(u64),
     /// `corrupt N`
     Corrupt(u64),
-    /// `fault ...`
-    Fault(Fault),
+    /// `fault NAME[=VALUE][@SECONDS]`
+    Fault(Timed),
     /// `fault clear`
     ClearFaults,
-    /// `block 1|2`
-    Block(usize),
-    /// `block off`
-    BlockOff,
-    /// `hang`
-    Hang,
     /// `reset`
     Reset,
     /// `quit`
@@ -71,20 +59,8 @@ impl FromStr for Command {
             ["status"] => Self::Status,
             ["drop", n] => Self::Drop(number(n)?),
             ["corrupt", n] => Self::Corrupt(number(n)?),
-            ["fault", "nack", byte] => Self::Fault(Fault::Nack { at: At::byte(number(byte)?), count: 1 }),
-            ["fault", "nack", byte, count] => {
-                Self::Fault(Fault::Nack { at: At::byte(number(byte)?), count: number(count)? })
-            }
-            ["fault", "gone"] => Self::Fault(Fault::Gone(At::now())),
-            ["fault", "stuck"] => Self::Fault(Fault::Stuck { at: At::now(), clocks: None }),
-            ["fault", "stuck", clocks] => Self::Fault(Fault::Stuck { at: At::now(), clocks: Some(number(clocks)?) }),
-            ["fault", "frozen"] => Self::Fault(Fault::Frozen),
-            ["fault", "glitch"] => Self::Fault(Fault::Glitch),
             ["fault", "clear"] => Self::ClearFaults,
-            ["block", "1"] => Self::Block(0),
-            ["block", "2"] => Self::Block(1),
-            ["block", "off"] => Self::BlockOff,
-            ["hang"] => Self::Hang,
+            ["fault", fault] => Self::Fault(fault.parse()?),
             ["reset"] => Self::Reset,
             ["quit"] => Self::Quit,
             _ => return Err(format!("unknown command {line:?}")),
@@ -116,11 +92,10 @@ pub fn truth(line: &str, board: &mut Board) -> Value {
     if let (true, Some(problem)) = (samples.is_empty(), plant.failure()) {
         return error(line, &format!("the simulated robot could not go on: {problem}"));
     }
-    let clock = board.clock();
-    let samples: Vec<Value> = samples
-        .iter()
-        .map(|sample| json!({ "board_us": clock.at(sample.time_s).map(|time| time.0), "sample": sample }))
-        .collect();
+    let (clock, resonator) = (board.clock(), board.resonator());
+    let board_us = |time_s: f64| clock.at(resonator.cycle(time_s)).map(|time| time.0);
+    let samples: Vec<Value> =
+        samples.iter().map(|sample| json!({ "board_us": board_us(sample.time_s), "sample": sample })).collect();
     json!({ "event": "truth", "samples": samples })
 }
 
@@ -146,11 +121,10 @@ pub fn status(board: &Board, port: &PortCount) -> Value {
         "event": "status",
         "state": match board.state() {
             RunState::Running => "running",
-            RunState::Halted => "halted",
             RunState::Crashed => "crashed",
         },
         "cycles": board.cycle(),
-        "seconds": board.cycle() as f64 / FREQUENCY_HZ as f64,
+        "seconds": board.seconds(),
         "pwm": bridge.pwm,
         "bridge": bridge.drive.map(|drive| match drive {
             Drive::Coast => "coast",
@@ -187,9 +161,10 @@ mod tests {
     fn commands_are_plain_words() {
         assert_eq!("  status ".parse(), Ok(Command::Status));
         assert_eq!("drop 12".parse(), Ok(Command::Drop(12)));
-        let stuck = Fault::Stuck { at: At::now(), clocks: Some(9) };
-        assert_eq!("fault stuck 9".parse(), Ok(Command::Fault(stuck)));
-        for wrong in ["", "drop", "drop x", "drop -1", "block 3", "fault", "fault nack", "fault nack 300", "statuss"] {
+        assert!(matches!("fault blocked=2@1.5".parse(), Ok(Command::Fault(Timed { at_s: Some(1.5), .. }))));
+        for wrong in
+            ["", "drop", "drop x", "drop -1", "fault", "fault jam", "fault nack 3", "fault nack=300", "statuss"]
+        {
             assert!(wrong.parse::<Command>().is_err(), "{wrong}");
         }
     }

@@ -4,9 +4,8 @@
 //! [`Board`] runs in-process with exact cycles, for tests. The program `vnano` gives it a pseudo-terminal in place of the
 //! serial port, and takes commands on its standard input (see [`control`]).
 //!
-//! Modelled to the cycle: the chip, its UART, its I2C master, encoder edges. Modelled physically: the motors (first
-//! order), the sensor's noise (white), and the robot, which is the simulator's ([`plant`]). Not modelled: EEPROM write
-//! times, supply voltage, the USB bridge's buffers.
+//! Modelled to the cycle: the chip with its UART, I2C master, watchdog and EEPROM, and encoder edges. Modelled physically:
+//! the motors (first order), the sensor's noise (white), and the robot, which is the simulator's ([`plant`]).
 
 #![warn(unsafe_code)]
 
@@ -15,6 +14,8 @@ pub mod bootloader;
 pub mod bridge;
 pub mod clock;
 pub mod control;
+pub mod encoder;
+pub mod fault;
 pub mod image;
 pub mod imu;
 pub mod marks;
@@ -24,8 +25,10 @@ pub mod motor;
 pub mod pace;
 pub mod plant;
 pub mod port;
+pub mod resonator;
 pub mod run;
 pub mod serial;
+pub mod usb;
 
 pub use board::{Board, BoardOptions};
 pub use image::Image;

@@ -8,8 +8,10 @@ use std::io::{BufRead, Write, stdin, stdout};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
 use virtual_nano::bootloader::Bootloader;
 use virtual_nano::control;
+use virtual_nano::fault::{self, Timed};
 use virtual_nano::imu::part::ROOM_C;
 use virtual_nano::imu::recording::Recording;
 use virtual_nano::imu::source::Source;
@@ -23,6 +25,8 @@ use virtual_nano::{Board, BoardOptions, Image};
 ///
 /// Prints {"event":"ready","port":"/dev/pts/N","sensor":{...}}, then replies to each line on standard input with a line of JSON. Ends with
 /// `quit` or at the end of standard input.
+///
+/// `vnano --fault help` lists the faults.
 ///
 /// Example: vnano --firmware target/firmware.elf --imu tests/data/mpu6050/rotate-z-720.csv
 #[derive(Parser)]
@@ -49,6 +53,9 @@ struct Arguments {
     /// WHO_AM_I of the sensor: 0x68, or 0x70 for a common clone
     #[arg(long, default_value = "0x68", value_parser = parse_byte)]
     who_am_i: u8,
+    /// A fault from the start, or from a time of the board on; may be repeated. `help` lists them
+    #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]")]
+    faults: Vec<Timed>,
     /// Keeps the EEPROM in this file, 1024 bytes
     #[arg(long, value_name = "FILE")]
     eeprom: Option<PathBuf>,
@@ -70,7 +77,16 @@ fn parse_byte(text: &str) -> Result<u8, String> {
     parsed.map_err(|_| "give a byte, such as 0x68".into())
 }
 
+/// How long the program may take to end once its standard input has closed.
+const LAST_WORDS: Duration = Duration::from_secs(2);
+
 fn main() -> ExitCode {
+    // Here, because clap would ask for the arguments that a board needs.
+    let words: Vec<_> = std::env::args_os().collect();
+    if words.iter().any(|word| word == "--fault=help") || words.windows(2).any(|pair| pair == ["--fault", "help"]) {
+        print!("{}", fault::help());
+        return ExitCode::SUCCESS;
+    }
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -81,6 +97,8 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    // First, so that the end of standard input ends the program whatever it does.
+    let commands = commands();
     let source = match (&arguments.imu, &arguments.robot) {
         (Some(path), _) => Source::recording(Recording::read(path)?, arguments.seed),
         (None, Some(robot)) => Source::plant(read_robot(robot)?, arguments.seed),
@@ -101,8 +119,14 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     if let Some(path) = &arguments.eeprom {
         load_eeprom(&mut board, path)?;
     }
+    for Timed { fault, at_s } in &arguments.faults {
+        match at_s {
+            Some(at_s) => board.inject_at(*at_s, *fault),
+            None => board.inject(*fault),
+        }
+    }
     let mut runner = Runner {
-        pace: Pace::new(arguments.speed, board.cycle()),
+        pace: Pace::new(arguments.speed, board.seconds()),
         board,
         port: Port::new()?,
         reset_on_open: arguments.bootloader.is_some(),
@@ -113,7 +137,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let sensor = control::sensor(&runner.board);
     writeln!(out, "{}", json!({ "event": "ready", "port": runner.port.path(), "sensor": sensor }))?;
     out.flush()?;
-    runner.run(&commands(), &mut out)?;
+    runner.run(&commands, &mut out)?;
     if let Some(path) = &arguments.eeprom {
         std::fs::write(path, runner.board.eeprom_mut()).map_err(|error| format!("{}: {error}", path.display()))?;
     }
@@ -144,7 +168,8 @@ fn load_eeprom(board: &mut Board, path: &PathBuf) -> Result<(), String> {
     Ok(())
 }
 
-/// Lines of standard input. The channel closes at its end.
+/// Lines of standard input. The channel closes at its end, and the program ends soon after even if it is stuck, for
+/// example because nobody reads its answers.
 fn commands() -> Receiver<String> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
@@ -153,6 +178,9 @@ fn commands() -> Receiver<String> {
                 return;
             }
         }
+        drop(sender);
+        std::thread::sleep(LAST_WORDS);
+        std::process::exit(0);
     });
     receiver
 }

@@ -25,10 +25,14 @@ pub struct Outputs {
     pub ddr_d: u8,
     /// TCCR0A
     pub tccr0a: u8,
+    /// TCCR0B
+    pub tccr0b: u8,
     /// OCR0A
     pub ocr0a: u8,
     /// TCCR2A
     pub tccr2a: u8,
+    /// TCCR2B
+    pub tccr2b: u8,
     /// OCR2A
     pub ocr2a: u8,
 }
@@ -62,6 +66,8 @@ pub trait Devices {
     fn serial_in(&mut self, cycle: u64) -> Option<u8>;
     /// Something that drives the bridge has changed.
     fn outputs(&mut self, cycle: u64, outputs: &Outputs);
+    /// The chip was reset, whatever caused it.
+    fn reset(&mut self, cycle: u64);
     /// The program wrote GPIOR0.
     fn mark(&mut self, cycle: u64, value: u8);
     /// Called at the cycle that its last call returned, and once after each reset.
@@ -73,8 +79,6 @@ pub trait Devices {
 pub enum RunState {
     /// At the cycle that was asked for.
     Running,
-    /// The program sleeps with interrupts off: nothing but a reset wakes it.
-    Halted,
     /// The program ran into an opcode or an address that does not exist.
     Crashed,
 }
@@ -131,6 +135,7 @@ impl<D: Devices> Mcu<D> {
             serial_out: serial_out::<D>,
             serial_in: serial_in::<D>,
             outputs: outputs::<D>,
+            reset: reset::<D>,
             mark: mark::<D>,
             wake: wake::<D>,
         };
@@ -184,12 +189,33 @@ impl<D: Devices> Mcu<D> {
         unsafe { nano_reset(self.raw, start, mcusr) }
     }
 
+    /// Sets the supply and the bandgap reference, mV. Below 2700 mV the brown-out detector keeps the chip in reset.
+    pub fn set_supply(&mut self, vcc_mv: u32, bandgap_mv: u32) {
+        // SAFETY: `raw` is a chip, and no reference to the devices is alive.
+        unsafe { nano_set_supply(self.raw, vcc_mv, bandgap_mv) }
+    }
+
+    /// Sets the cycles that a line of the bus takes to rise.
+    pub fn set_bus_rise(&mut self, cycles: u32) {
+        // SAFETY: `raw` is a chip.
+        unsafe { nano_set_bus_rise(self.raw, cycles) }
+    }
+
+    /// Sends the program into an endless loop, with interrupts on or off.
+    ///
+    /// # Panics
+    /// If all of flash is taken: the loop needs two bytes.
+    pub fn hang(&mut self, interrupts: bool) {
+        // SAFETY: `raw` is a chip.
+        let found = unsafe { nano_hang(self.raw, interrupts.into()) } != 0;
+        assert!(found, "no room in flash for an endless loop");
+    }
+
     /// Runs until `cycle`, or past it by the rest of an instruction.
     pub fn run_until(&mut self, cycle: u64) -> RunState {
         // SAFETY: `raw` is a chip, and no reference to the devices is alive.
         match unsafe { nano_run_until(self.raw, cycle) } {
             0 => RunState::Running,
-            1 => RunState::Halted,
             _ => RunState::Crashed,
         }
     }
@@ -276,6 +302,7 @@ struct Table {
     serial_out: extern "C" fn(*mut c_void, u64, u8),
     serial_in: extern "C" fn(*mut c_void, u64) -> i32,
     outputs: extern "C" fn(*mut c_void, u64, *const Outputs),
+    reset: extern "C" fn(*mut c_void, u64),
     mark: extern "C" fn(*mut c_void, u64, u8),
     wake: extern "C" fn(*mut c_void, *mut Raw, u64) -> u64,
 }
@@ -286,6 +313,9 @@ unsafe extern "C" {
     fn nano_flash(nano: *mut Raw, address: u32, bytes: *const u8, length: u32) -> c_int;
     fn nano_eeprom(nano: *mut Raw, length: *mut u32) -> *mut u8;
     fn nano_reset(nano: *mut Raw, start: u32, cause: u8);
+    fn nano_set_supply(nano: *mut Raw, vcc_mv: u32, bandgap_mv: u32);
+    fn nano_set_bus_rise(nano: *mut Raw, cycles: u32);
+    fn nano_hang(nano: *mut Raw, interrupts: c_int) -> c_int;
     fn nano_run_until(nano: *mut Raw, cycle: u64) -> c_int;
     fn nano_cycle(nano: *const Raw) -> u64;
     fn nano_set_pins(nano: *mut Raw, port: c_char, mask: u8, levels: u8);
@@ -352,6 +382,10 @@ extern "C" fn serial_in<D: Devices>(context: *mut c_void, cycle: u64) -> i32 {
 extern "C" fn outputs<D: Devices>(context: *mut c_void, cycle: u64, outputs: *const Outputs) {
     let outputs = unsafe { *outputs };
     unsafe { behind::<D>(context) }.outputs(cycle, &outputs);
+}
+
+extern "C" fn reset<D: Devices>(context: *mut c_void, cycle: u64) {
+    unsafe { behind::<D>(context) }.reset(cycle);
 }
 
 extern "C" fn mark<D: Devices>(context: *mut c_void, cycle: u64, value: u8) {

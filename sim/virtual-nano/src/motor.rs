@@ -1,9 +1,6 @@
-//! A geared brushed motor with its encoder, seen from the flagellum: first order from voltage to speed.
+//! A geared brushed motor, seen from the flagellum: first order from voltage to speed.
 //!
 //! speed' = (speed at rest of this voltage - speed) / time constant
-//!
-//! The encoder gives two square waves a quarter period apart. Edges fall where the angle crosses a multiple of a count,
-//! interpolated between steps of at most [`STEP_S`].
 
 use crate::bridge::Drive;
 use std::f64::consts::{PI, TAU};
@@ -18,8 +15,9 @@ pub const STEP_S: f64 = 0.5e-3;
 /// Half a count away from an edge, so that nothing but motion makes one.
 const START_COUNTS: f64 = 0.5;
 
-/// An edge is placed to the cycle, and always past its multiple of a count.
-const ONE_CYCLE_S: f64 = 1.0 / crate::mcu::FREQUENCY_HZ as f64;
+/// Interval in which a rotor that slips moves once, s, and by how far: an edge of each channel.
+const SLIP_S: f64 = 1.0;
+const SLIP_COUNTS: f64 = 2.0;
 
 /// Parameters of a motor.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -32,12 +30,32 @@ pub struct MotorParameters {
     pub coast_time_constant_s: f64,
     /// Fraction of full voltage below which friction keeps it still. Assumed.
     pub dead_zone: f64,
+    /// Fraction of full voltage that starts it from rest: more than the dead zone where the gear sticks.
+    pub breakaway: f64,
 }
 
 impl Default for MotorParameters {
     fn default() -> Self {
-        Self { no_load_rpm: 130.0, time_constant_s: 0.080, coast_time_constant_s: 0.200, dead_zone: 0.06 }
+        Self {
+            no_load_rpm: 130.0,
+            time_constant_s: 0.080,
+            coast_time_constant_s: 0.200,
+            dead_zone: 0.06,
+            breakaway: 0.06,
+        }
     }
+}
+
+/// Whether a motor can turn.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub enum Rotor {
+    /// It can.
+    #[default]
+    Free,
+    /// Something holds it.
+    Blocked,
+    /// Something holds it, and gives way by an edge of each channel a second.
+    Slips,
 }
 
 /// A motor.
@@ -45,7 +63,11 @@ impl Default for MotorParameters {
 pub struct Motor {
     parameters: MotorParameters,
     drive: Drive,
-    blocked: bool,
+    rotor: Rotor,
+    /// Time since the last slip, s.
+    held_s: f64,
+    powered: bool,
+    reversed: bool,
     speed_rpm: f64,
     /// Angle of the flagellum in encoder counts.
     counts: f64,
@@ -54,7 +76,16 @@ pub struct Motor {
 impl Motor {
     /// A motor at rest.
     pub fn new(parameters: MotorParameters) -> Self {
-        Self { parameters, drive: Drive::Coast, blocked: false, speed_rpm: 0.0, counts: START_COUNTS }
+        Self {
+            parameters,
+            drive: Drive::Coast,
+            rotor: Rotor::Free,
+            held_s: 0.0,
+            powered: true,
+            reversed: false,
+            speed_rpm: 0.0,
+            counts: START_COUNTS,
+        }
     }
 
     /// Sets the bridge's drive.
@@ -62,12 +93,28 @@ impl Motor {
         self.drive = drive;
     }
 
-    /// Blocks the flagellum, or releases it.
-    pub fn block(&mut self, blocked: bool) {
-        self.blocked = blocked;
-        if blocked {
+    /// Holds the flagellum, or releases it.
+    pub fn hold(&mut self, rotor: Rotor) {
+        self.rotor = rotor;
+        self.held_s = 0.0;
+        if rotor != Rotor::Free {
             self.speed_rpm = 0.0;
         }
+    }
+
+    /// Switches the motors' supply on or off.
+    pub fn set_powered(&mut self, powered: bool) {
+        self.powered = powered;
+    }
+
+    /// Swaps the motor's own two leads, or puts them right.
+    pub fn reverse(&mut self, reversed: bool) {
+        self.reversed = reversed;
+    }
+
+    /// Changes the parameters.
+    pub fn parameters_mut(&mut self) -> &mut MotorParameters {
+        &mut self.parameters
     }
 
     /// Speed of the flagellum.
@@ -90,47 +137,55 @@ impl Motor {
         self.counts.floor() as i64
     }
 
-    /// Levels of the encoder's channels C1 and C2. C1 leads while the motor turns forward.
-    pub fn encoder_levels(&self) -> (bool, bool) {
-        let quarter = self.encoder_counts().rem_euclid(4);
-        (matches!(quarter, 1 | 2), matches!(quarter, 2 | 3))
+    /// Position of the shaft in encoder counts.
+    pub fn counts(&self) -> f64 {
+        self.counts
+    }
+
+    /// Speed of the shaft in encoder counts per second.
+    pub fn counts_per_second(&self) -> f64 {
+        self.speed_rpm / 60.0 * COUNTS_PER_TURN
     }
 
     /// Advances by `seconds`, at most a little more than [`STEP_S`].
     pub fn advance(&mut self, seconds: f64) {
-        if self.blocked {
+        if self.rotor != Rotor::Free {
+            self.held_s += seconds;
+            if self.rotor == Rotor::Slips && self.held_s >= SLIP_S {
+                self.held_s -= SLIP_S;
+                self.counts += SLIP_COUNTS * self.voltage().map_or(0.0, f64::signum);
+            }
             return;
         }
         self.counts += self.counts_per_second() * seconds;
-        let (rest_rpm, time_constant_s) = match self.drive {
-            Drive::Coast => (0.0, self.parameters.coast_time_constant_s),
-            Drive::Brake => (0.0, self.parameters.time_constant_s),
-            Drive::Voltage(fraction) => (self.rest_rpm(fraction), self.parameters.time_constant_s),
+        let (rest_rpm, time_constant_s) = match (self.voltage(), self.drive) {
+            (Some(fraction), _) => (self.rest_rpm(fraction), self.parameters.time_constant_s),
+            (None, Drive::Brake) => (0.0, self.parameters.time_constant_s),
+            (None, _) => (0.0, self.parameters.coast_time_constant_s),
         };
+        let before = self.speed_rpm;
         let decay = (-seconds / time_constant_s).exp();
-        self.speed_rpm = rest_rpm + (self.speed_rpm - rest_rpm) * decay;
-        if rest_rpm == 0.0 && self.speed_rpm.abs() < 0.05 {
-            // Friction ends what would creep for ever.
+        self.speed_rpm = rest_rpm + (before - rest_rpm) * decay;
+        // Friction ends what would creep for ever, and what turns back without the voltage to break away.
+        let creeps = rest_rpm == 0.0 && self.speed_rpm.abs() < 0.05;
+        let turns_back = before * self.speed_rpm <= 0.0;
+        if creeps || (turns_back && self.voltage().unwrap_or_default().abs() <= self.parameters.breakaway) {
             self.speed_rpm = 0.0;
         }
     }
 
-    /// Time to the next edge if the speed stays, at most [`STEP_S`].
-    pub fn next_event_s(&self) -> f64 {
-        let rate = self.counts_per_second();
-        let to_edge =
-            if rate > 0.0 { self.counts.floor() + 1.0 - self.counts } else { self.counts - self.counts.floor() };
-        if rate == 0.0 { STEP_S } else { (to_edge / rate.abs()).clamp(ONE_CYCLE_S, STEP_S) }
+    /// The fraction of the supply voltage that drives it.
+    fn voltage(&self) -> Option<f64> {
+        match self.drive {
+            Drive::Voltage(fraction) if self.powered => Some(if self.reversed { -fraction } else { fraction }),
+            _ => None,
+        }
     }
 
     fn rest_rpm(&self, fraction: f64) -> f64 {
         let MotorParameters { no_load_rpm, dead_zone, .. } = self.parameters;
         let above = (fraction.abs() - dead_zone).max(0.0) / (1.0 - dead_zone);
         no_load_rpm * above.copysign(fraction)
-    }
-
-    fn counts_per_second(&self) -> f64 {
-        self.speed_rpm / 60.0 * COUNTS_PER_TURN
     }
 }
 
@@ -158,22 +213,6 @@ mod tests {
     }
 
     #[test]
-    fn edges_are_as_many_as_the_turn_has() {
-        let mut motor = Motor::new(MotorParameters::default());
-        motor.set_drive(Drive::Voltage(-0.5));
-        let (mut edges, mut level, mut seconds) = (0, motor.encoder_levels(), 0.0);
-        while motor.encoder_counts() > -1205 {
-            let step = motor.next_event_s();
-            motor.advance(step);
-            seconds += step;
-            edges += i32::from(motor.encoder_levels() != level);
-            level = motor.encoder_levels();
-            assert!(seconds < 10.0, "does not turn");
-        }
-        assert_eq!(edges, 1205);
-    }
-
-    #[test]
     fn low_voltage_and_a_block_keep_it_still() {
         let mut motor = Motor::new(MotorParameters::default());
         motor.set_drive(Drive::Voltage(0.05));
@@ -181,9 +220,41 @@ mod tests {
         assert_eq!(motor.speed_rpm(), 0.0);
         motor.set_drive(Drive::Voltage(1.0));
         run(&mut motor, 1.0);
-        motor.block(true);
+        motor.hold(Rotor::Blocked);
         let counts = motor.encoder_counts();
         run(&mut motor, 1.0);
         assert_eq!((motor.speed_rpm(), motor.encoder_counts()), (0.0, counts));
+    }
+
+    #[test]
+    fn a_held_rotor_slips_by_an_edge_of_each_channel_a_second() {
+        let mut motor = Motor::new(MotorParameters::default());
+        motor.set_drive(Drive::Voltage(-1.0));
+        motor.hold(Rotor::Slips);
+        run(&mut motor, 3.2);
+        assert_eq!((motor.speed_rpm(), motor.encoder_counts()), (0.0, -6));
+    }
+
+    #[test]
+    fn a_gear_that_sticks_needs_more_to_start_than_to_go_on() {
+        let mut motor = Motor::new(MotorParameters { breakaway: 0.25, ..MotorParameters::default() });
+        let mut speed_at = |fraction: f64| {
+            motor.set_drive(Drive::Voltage(fraction));
+            run(&mut motor, 1.0);
+            motor.speed_rpm().round()
+        };
+        assert_eq!([0.2, 0.3, 0.2, -0.2, -0.3].map(&mut speed_at), [0.0, 33.0, 19.0, 0.0, -33.0]);
+    }
+
+    #[test]
+    fn without_supply_it_coasts_and_with_its_leads_swapped_it_turns_back() {
+        let mut motor = Motor::new(MotorParameters::default());
+        motor.set_drive(Drive::Voltage(1.0));
+        motor.reverse(true);
+        run(&mut motor, 2.0);
+        assert!((motor.speed_rpm() + 130.0).abs() < 1e-6);
+        motor.set_powered(false);
+        run(&mut motor, 0.2);
+        assert!((motor.speed_rpm() / -130.0 - (-1.0f64).exp()).abs() < 1e-3);
     }
 }

@@ -1,6 +1,5 @@
 //! How fast the board's time passes.
 
-use crate::mcu::FREQUENCY_HZ;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
@@ -31,27 +30,27 @@ const SLACK: Duration = Duration::from_millis(500);
 /// How far a board that runs faster than real time may get ahead of the last byte from its host, which pings every 20 ms
 /// of the board's time. A busy machine may delay the host by 50 ms; at ten times real time that is the motors' deadline,
 /// and five times the delay after which the start of a run counts as late.
-const LEAD: u64 = FREQUENCY_HZ / 25;
+const LEAD_S: f64 = 0.040;
 
 /// The board does not wait for a host that is silent for this long: it has gone, or it waits for the board. It must be
 /// shorter than the host's last wait for an answer, 400 ms, because saving the settings takes the board longer than
-/// [`LEAD`].
+/// [`LEAD_S`].
 const PATIENCE: Duration = Duration::from_millis(200);
 
 /// Holds the board's time to a speed.
 #[derive(Debug)]
 pub struct Pace {
     speed: Speed,
-    since: Instant,
-    cycle: u64,
-    /// The board's clock and ours at the last byte from the host.
-    heard: Option<(u64, Instant)>,
+    /// Our time and the board's (s) from which on it is kept.
+    since: (Instant, f64),
+    /// The same at the last byte from the host.
+    heard: Option<(Instant, f64)>,
 }
 
 impl Pace {
-    /// From now on, when the board's clock says `cycle`.
-    pub fn new(speed: Speed, cycle: u64) -> Self {
-        Self { speed, since: Instant::now(), cycle, heard: None }
+    /// From now on, when it is `board_s` for the board.
+    pub fn new(speed: Speed, board_s: f64) -> Self {
+        Self { speed, since: (Instant::now(), board_s), heard: None }
     }
 
     /// Whether the board waits for a slow host rather than lose bytes.
@@ -59,31 +58,31 @@ impl Pace {
         self.speed == Speed::Max
     }
 
-    /// Sleeps until `cycle` is due.
-    pub fn wait_for(&mut self, cycle: u64) {
+    /// Sleeps until `board_s` is due.
+    pub fn wait_for(&mut self, board_s: f64) {
         let Speed::Factor(factor) = self.speed else { return };
-        let due = Duration::from_secs_f64((cycle - self.cycle) as f64 / FREQUENCY_HZ as f64 / factor);
-        let passed = self.since.elapsed();
+        let due = Duration::from_secs_f64((board_s - self.since.1) / factor);
+        let passed = self.since.0.elapsed();
         if let Some(early) = due.checked_sub(passed) {
             std::thread::sleep(early);
         } else if passed - due > SLACK {
-            (self.since, self.cycle) = (Instant::now(), cycle);
+            self.since = (Instant::now(), board_s);
         }
     }
 
-    /// The host has sent something, when the board's clock says `cycle`.
-    pub fn hear_host(&mut self, cycle: u64) {
-        self.heard = Some((cycle, Instant::now()));
+    /// The host has sent something, when it is `board_s` for the board.
+    pub fn hear_host(&mut self, board_s: f64) {
+        self.heard = Some((Instant::now(), board_s));
     }
 
     /// Whether a board that runs faster than real time is to wait, so that a host that keeps its deadlines by its own
     /// clock keeps them by the board's.
-    pub fn is_ahead_of_host(&self, cycle: u64) -> bool {
+    pub fn is_ahead_of_host(&self, board_s: f64) -> bool {
         let faster = match self.speed {
             Speed::Factor(factor) => factor > 1.0,
             Speed::Max => true,
         };
-        faster && self.heard.is_some_and(|(then, at)| cycle > then + LEAD && at.elapsed() < PATIENCE)
+        faster && self.heard.is_some_and(|(at, then_s)| board_s > then_s + LEAD_S && at.elapsed() < PATIENCE)
     }
 }
 
@@ -93,18 +92,18 @@ mod tests {
 
     #[test]
     fn a_fast_board_waits_for_a_host_that_spoke_lately() {
-        let ahead = |speed, heard: bool, cycle| {
-            let mut pace = Pace::new(speed, 0);
+        let ahead = |speed, heard: bool, board_s| {
+            let mut pace = Pace::new(speed, 0.0);
             if heard {
-                pace.hear_host(1000);
+                pace.hear_host(1.0);
             }
-            pace.is_ahead_of_host(cycle)
+            pace.is_ahead_of_host(board_s)
         };
-        assert!(ahead(Speed::Max, true, 1001 + LEAD));
-        assert!(ahead(Speed::Factor(2.0), true, 1001 + LEAD));
-        assert!(!ahead(Speed::Max, true, 1000 + LEAD));
-        assert!(!ahead(Speed::Max, false, 1001 + LEAD), "nobody spoke yet");
-        assert!(!ahead(Speed::Factor(1.0), true, 1001 + LEAD), "real time waits for nobody");
+        assert!(ahead(Speed::Max, true, 1.001 + LEAD_S));
+        assert!(ahead(Speed::Factor(2.0), true, 1.001 + LEAD_S));
+        assert!(!ahead(Speed::Max, true, 0.999 + LEAD_S));
+        assert!(!ahead(Speed::Max, false, 1.001 + LEAD_S), "nobody spoke yet");
+        assert!(!ahead(Speed::Factor(1.0), true, 1.001 + LEAD_S), "real time waits for nobody");
     }
 
     #[test]

@@ -12,6 +12,9 @@ use std::io;
 use std::os::fd::OwnedFd;
 use std::time::Duration;
 
+/// Speed of a new port, bit/s, until the host sets another.
+const BAUD: u32 = 500_000;
+
 /// The board's side of the port.
 #[derive(Debug)]
 pub struct Port {
@@ -39,7 +42,7 @@ pub struct PortCount {
 }
 
 impl Port {
-    /// A new port, raw and at the speed of the protocol until the host sets another.
+    /// A new port, raw and at the speed that the board's program uses until the host sets another.
     pub fn new() -> io::Result<Self> {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         grantpt(&master)?;
@@ -48,7 +51,7 @@ impl Port {
         let path = ptsname(&master, Vec::new())?.into_string().map_err(io::Error::other)?;
         let mut attributes = tcgetattr(&master)?;
         attributes.make_raw();
-        attributes.set_speed(protocol::BAUD)?;
+        attributes.set_speed(BAUD)?;
         tcsetattr(&master, OptionalActions::Now, &attributes)?;
         // The kernel reports a closed port only after it was open once.
         drop(open(&*path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?);
@@ -144,7 +147,7 @@ mod tests {
         let mut back = vec![0; 256];
         host.read_exact(&mut back).unwrap();
         assert_eq!(back, every);
-        assert_eq!(port.baud().unwrap(), protocol::BAUD);
+        assert_eq!(port.baud().unwrap(), BAUD);
         drop(host);
         assert_eq!(port.event().unwrap(), Some(PortEvent::Closed));
         assert!(port.read().unwrap().is_empty());

@@ -3,6 +3,7 @@
 
 use crate::board::Board;
 use crate::control::{self, Command};
+use crate::fault::Timed;
 use crate::mcu::RunState;
 use crate::pace::Pace;
 use crate::port::{Port, PortCount, PortEvent};
@@ -56,7 +57,7 @@ impl Runner {
                 continue;
             }
             self.exchange()?;
-            if self.pace.is_ahead_of_host(self.board.cycle()) {
+            if self.pace.is_ahead_of_host(self.board.seconds()) {
                 self.port.wait_for_host(Duration::from_millis(1))?;
                 continue;
             }
@@ -70,7 +71,7 @@ impl Runner {
                 std::thread::sleep(Duration::from_millis(1));
                 continue;
             }
-            self.pace.wait_for(self.board.cycle());
+            self.pace.wait_for(self.board.seconds());
         }
     }
 
@@ -92,11 +93,9 @@ impl Runner {
             Command::Status => return (control::status(board, &self.count), true),
             Command::Drop(frames) => board.serial_mut().drop_frames(frames),
             Command::Corrupt(frames) => board.serial_mut().corrupt_frames(frames),
-            Command::Fault(fault) => board.change_imu(|imu| imu.inject(fault)),
-            Command::ClearFaults => board.change_imu(|imu| imu.clear_faults()),
-            Command::Block(motor) => board.block_motor(motor, true),
-            Command::BlockOff => (0..2).for_each(|motor| board.block_motor(motor, false)),
-            Command::Hang => board.hang(),
+            Command::Fault(Timed { fault, at_s: None }) => board.inject(fault),
+            Command::Fault(Timed { fault, at_s: Some(at_s) }) => board.inject_at(at_s, fault),
+            Command::ClearFaults => board.clear_faults(),
             Command::Reset => board.reset(),
             Command::Quit => return (control::done(line), false),
         }
@@ -119,7 +118,7 @@ impl Runner {
         self.board.serial_mut().set_garbled((ratio - 1.0).abs() > BAUD_TOLERANCE);
         let from_host = self.port.read()?;
         if !from_host.is_empty() {
-            self.pace.hear_host(self.board.cycle());
+            self.pace.hear_host(self.board.seconds());
             self.board.send(&from_host);
         }
         self.pending.extend(from_board);

@@ -4,6 +4,7 @@
 //! exactly.
 
 use crate::imu::noise::Noise;
+use crate::usb::Usb;
 use std::collections::VecDeque;
 
 /// Counts of what crossed the line.
@@ -25,7 +26,7 @@ pub struct LineCount {
 #[derive(Debug)]
 pub struct Serial {
     to_chip: VecDeque<u8>,
-    to_host: Vec<u8>,
+    usb: Usb,
     to_drop: u64,
     to_corrupt: u64,
     /// What happens to the frame under way.
@@ -52,7 +53,7 @@ impl Serial {
     pub fn new(seed: u64) -> Self {
         Self {
             to_chip: VecDeque::new(),
-            to_host: Vec::new(),
+            usb: Usb::immediate(),
             to_drop: 0,
             to_corrupt: 0,
             fate: Fate::Arrives,
@@ -73,9 +74,14 @@ impl Serial {
         self.to_chip.len()
     }
 
-    /// Takes the bytes that the chip has sent since the last call.
-    pub fn take(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.to_host)
+    /// Takes the bytes that have arrived at the host since the last call, when it is `now_s`.
+    pub fn take(&mut self, now_s: f64) -> Vec<u8> {
+        self.usb.take(now_s)
+    }
+
+    /// The USB bridge.
+    pub fn usb_mut(&mut self) -> &mut Usb {
+        &mut self.usb
     }
 
     /// Drops the next `frames` whole frames of the stream on their way to the host. Replies arrive.
@@ -167,7 +173,7 @@ impl Serial {
 
     fn pass(&mut self, byte: u8) {
         self.count.bytes_sent += 1;
-        self.to_host.push(byte);
+        self.usb.push(byte);
     }
 }
 
@@ -179,7 +185,7 @@ mod tests {
         for byte in bytes {
             serial.from_chip(*byte);
         }
-        serial.take()
+        serial.take(0.0)
     }
 
     #[test]

@@ -60,7 +60,7 @@ fn a_hang_stops_both_motors_within_a_watchdog_period_and_the_board_comes_back() 
         host.run_until(host.board.cycle() + random.next_u64() % (10 * TICK));
         assert!(host.board.bridge().pwm.iter().all(|pwm| *pwm > 0));
         let before = host.board.cycle();
-        host.board.hang();
+        host.hang(true);
         worst = worst.max(host.run_until_off(LIMIT) - before);
         let info = host.hello();
         assert_eq!(info.reset_cause, ResetCause::Hang);

@@ -101,22 +101,13 @@ fn it_answers_commands_and_ends_with_its_input() {
     let mut vnano = Vnano::start(&["--firmware", image.to_str().unwrap(), "--speed", "max"]);
     let mut port = vnano.open();
     assert_eq!(hello(&mut port, Duration::from_secs(5)).unwrap().protocol, protocol::VERSION);
-    for line in [
-        "drop 2",
-        "corrupt 1",
-        "fault nack 3",
-        "fault nack 0 5",
-        "fault gone",
-        "fault stuck 9",
-        "fault stuck",
-        "fault frozen",
-    ] {
+    for line in ["drop 2", "corrupt 1", "fault nack=0,5", "fault stuck=9", "fault usb", "fault blocked=2@1.5"] {
         assert_eq!(vnano.ask(line)["event"], "done", "{line}");
     }
-    for line in ["fault glitch", "fault clear", "block 1", "block off", "hang", "reset"] {
+    for line in ["fault clear", "fault hang", "reset"] {
         assert_eq!(vnano.ask(line)["event"], "done", "{line}");
     }
-    for line in ["play", "jump", "drop many"] {
+    for line in ["play", "jump", "drop many", "fault jam", "fault blocked=3"] {
         assert_eq!(vnano.ask(line)["event"], "error", "{line}");
     }
     let status = vnano.ask("status");
@@ -124,6 +115,55 @@ fn it_answers_commands_and_ends_with_its_input() {
     assert!(status["cycles"].as_u64().unwrap() > 0 && status["state"] == "running");
     drop(port);
     assert_eq!(vnano.end(), Some(0));
+}
+
+/// Ends within three seconds of the end of its standard input.
+fn ends(vnano: Vnano, state: &str) {
+    let begun = Instant::now();
+    assert_eq!(vnano.end(), Some(0), "{state}");
+    assert!(begun.elapsed() < Duration::from_secs(3), "{state}: {:?}", begun.elapsed());
+}
+
+#[test]
+fn it_ends_with_its_input_in_every_state() {
+    let image = firmware_path();
+    let image = image.to_str().unwrap();
+    for (state, fault) in [("runs", "usb"), ("hangs", "hang=0"), ("has no supply", "supply=0")] {
+        let vnano = Vnano::start(&["--firmware", image, "--fault", fault, "--speed", "max"]);
+        std::thread::sleep(Duration::from_millis(200));
+        ends(vnano, state);
+    }
+    let vnano = Vnano::start(&["--firmware", image, "--speed", "0.01"]);
+    ends(vnano, "runs slowly");
+    // Nobody reads its answers, until the pipe is full.
+    let mut vnano = Vnano::start(&["--firmware", image]);
+    for _ in 0..200 {
+        writeln!(vnano.stdin.as_mut().unwrap(), "status").unwrap();
+    }
+    ends(vnano, "is stuck in an answer");
+    // It has not even begun: it brings its robot to rest first.
+    let mut child = command(&["--firmware", image, "--robot", "published"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let begun = Instant::now();
+    drop(child.stdin.take());
+    child.wait().unwrap();
+    assert!(begun.elapsed() < Duration::from_secs(3), "starts: {:?}", begun.elapsed());
+}
+
+#[test]
+fn faults_are_listed_and_begin_when_asked() {
+    let output = command(&["--fault", "help"]).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && text.contains("  spikes=RATE,MOTOR,CHANNEL\n"), "{text}");
+    let image = firmware_path();
+    let mut vnano = Vnano::start(&["--firmware", image.to_str().unwrap(), "--fault", "supply=0@0.5", "--speed", "max"]);
+    std::thread::sleep(Duration::from_millis(500));
+    let status = vnano.ask("status");
+    let (seconds, ticks) = (status["seconds"].as_f64().unwrap(), status["ticks"].as_u64().unwrap());
+    assert!(seconds > 0.6 && (80..=101).contains(&ticks), "{ticks} ticks in {seconds} s");
 }
 
 #[test]
@@ -197,6 +237,8 @@ fn bad_input_is_named_and_has_its_exit_code() {
         (vec![], 2, "--firmware"),
         (vec!["--firmware", image, "--bootloader", "old"], 2, "cannot be used with"),
         (vec!["--firmware", image, "--speed", "0"], 2, "factor"),
+        (vec!["--firmware", image, "--fault", "jam"], 2, "no fault is called \"jam\""),
+        (vec!["--firmware", image, "--fault", "blocked=3"], 2, "MOTOR must be from 1 to 2, not 3"),
         (vec!["--firmware", image, "--who-am-i", "0x168"], 2, "byte"),
     ] {
         let output = command(&arguments).stdin(Stdio::null()).output().unwrap();

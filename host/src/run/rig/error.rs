@@ -52,9 +52,19 @@ pub fn fault_text(fault: Fault) -> &'static str {
         Fault::Panic => "its firmware failed an internal check and was restarted",
         Fault::ImuSilent => "the IMU does not respond",
         Fault::ImuBusStuck => "the IMU's bus is stuck",
-        Fault::ImuFrozen => "the IMU sends the same data again and again",
-        Fault::Motor1Stalled => "motor 1 is stalled: it is driven but does not turn",
-        Fault::Motor2Stalled => "motor 2 is stalled: it is driven but does not turn",
+        Fault::ImuFrozen => "the IMU has no new data",
+        Fault::ImuLostConfig => "the IMU loses its configuration again and again",
+        Fault::SupplyLow => "the board's supply is below 4.3 V",
+        Fault::Motor1Stalled => "motor 1 is stalled: it is driven but hardly turns",
+        Fault::Motor2Stalled => "motor 2 is stalled: it is driven but hardly turns",
+        Fault::Motor1Runaway => "motor 1 turns against its duty, or faster and faster",
+        Fault::Motor2Runaway => "motor 2 turns against its duty, or faster and faster",
+        Fault::Motor1Overloaded => "motor 1 is overloaded: it is driven hard but turns slowly",
+        Fault::Motor2Overloaded => "motor 2 is overloaded: it is driven hard but turns slowly",
+        Fault::Encoder1Failed => "encoder 1 counts forwards and backwards in turn",
+        Fault::Encoder2Failed => "encoder 2 counts forwards and backwards in turn",
+        Fault::Encoder1Noisy => "encoder 1 has more edges than its motor can make",
+        Fault::Encoder2Noisy => "encoder 2 has more edges than its motor can make",
     }
 }
 
@@ -63,11 +73,24 @@ fn fault_cure(fault: Fault) -> &'static str {
         Fault::None => "nothing is wrong",
         Fault::LinkLost => "close programs that load this computer, or increase the board's deadline_ms",
         Fault::Hang | Fault::Panic => "please report this and attach the log",
-        Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen => {
+        Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen | Fault::ImuLostConfig => {
             "check the MPU6050's wiring (SCL on A5, SDA on A4) and power supply"
         }
+        Fault::SupplyLow => "check the USB cable, and that the motors have a supply of their own",
         Fault::Motor1Stalled | Fault::Motor2Stalled => {
-            "check that the flagellum turns freely, the motor's power supply, and the encoder's wiring"
+            "check that the motors' 6 V supply is on, that the flagellum turns freely, and the encoder's wiring"
+        }
+        Fault::Motor1Runaway | Fault::Motor2Runaway => {
+            "the leads of a motor or an encoder are swapped: `biflag doctor --motors` finds which"
+        }
+        Fault::Motor1Overloaded | Fault::Motor2Overloaded => {
+            "check that nothing holds the flagellum, and that the motors' 6 V supply is strong enough"
+        }
+        Fault::Encoder1Failed | Fault::Encoder2Failed => {
+            "one of the encoder's channels is disconnected: `biflag doctor --motors` finds which"
+        }
+        Fault::Encoder1Noisy | Fault::Encoder2Noisy => {
+            "keep the encoder's leads away from the motor's, and check its ground and supply"
         }
     }
 }

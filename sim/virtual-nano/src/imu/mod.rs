@@ -1,17 +1,17 @@
 //! A virtual MPU6050: an I2C device at address 0x68 with the part's registers, fed by a [`Source`], with faults on
 //! request.
 //!
-//! Registers and their reset values: register map RM-MPU-6000A; sample rate: its section 4.4.
+//! Registers and their reset values: register map RM-MPU-6000A-00.
 
 pub mod fault;
 pub mod noise;
 pub mod part;
 pub mod recording;
+pub mod scale;
 pub mod source;
 
-use crate::mcu::{BusAnswer, FREQUENCY_HZ};
+use crate::mcu::BusAnswer;
 use fault::{Fault, Faults};
-use protocol::units::{AccelRange, GyroRange};
 use source::{Readout, Source};
 
 /// WHO_AM_I of the genuine part.
@@ -25,6 +25,7 @@ mod register {
     pub const CONFIG: u8 = 0x1A;
     pub const GYRO_CONFIG: u8 = 0x1B;
     pub const ACCEL_CONFIG: u8 = 0x1C;
+    pub const INT_ENABLE: u8 = 0x38;
     pub const INT_STATUS: u8 = 0x3A;
     pub const ACCEL_XOUT_H: u8 = 0x3B;
     pub const GYRO_ZOUT_L: u8 = 0x48;
@@ -34,6 +35,12 @@ mod register {
 
 const DEVICE_RESET: u8 = 0x80;
 const SLEEP: u8 = 0x40;
+/// In INT_ENABLE and INT_STATUS.
+const DATA_RDY: u8 = 0x01;
+
+/// How long a reset by DEVICE_RESET lasts, s: the bit stays set, and what is written is lost. Assumed: as long as the
+/// typical start-up of the registers after power-up (data sheet, section 6.3).
+const RESET_S: f64 = 0.020;
 
 /// State of a transaction.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -69,6 +76,12 @@ pub struct Mpu6050 {
     pointer: u8,
     /// The number of the sample in the data registers; `None` before the first.
     sample: Option<u64>,
+    /// The end of a reset that is under way, s.
+    reset_until_s: Option<f64>,
+    /// The time of the last address byte, s.
+    time_s: f64,
+    /// By which fraction its own oscillator is too fast.
+    oscillator_error: f64,
     in_transaction: bool,
     /// Bytes of this transaction so far, addresses included.
     byte: u8,
@@ -87,6 +100,9 @@ impl Mpu6050 {
             phase: Phase::Unselected,
             pointer: 0,
             sample: None,
+            reset_until_s: None,
+            time_s: 0.0,
+            oscillator_error: 0.0,
             in_transaction: false,
             byte: 0,
             scl: true,
@@ -117,6 +133,17 @@ impl Mpu6050 {
         self.registers[usize::from(register::WHO_AM_I)] = id;
     }
 
+    /// Changes a register behind the program's back.
+    pub fn set_register_behind(&mut self, address: u8, value: u8) {
+        self.registers[usize::from(address & 0x7F)] = value;
+        self.count.faults += 1;
+    }
+
+    /// Makes its own oscillator too fast by a fraction.
+    pub fn set_oscillator_error(&mut self, fraction: f64) {
+        self.oscillator_error = fraction;
+    }
+
     /// Adds a fault.
     pub fn inject(&mut self, fault: Fault) {
         if fault == Fault::Glitch {
@@ -137,8 +164,8 @@ impl Mpu6050 {
         self.faults.holds_sda()
     }
 
-    /// An address byte after a START.
-    pub fn address(&mut self, cycle: u64, address: u8) -> BusAnswer {
+    /// An address byte after a START, at a time in s.
+    pub fn address(&mut self, time_s: f64, address: u8) -> BusAnswer {
         if !self.in_transaction {
             self.in_transaction = true;
             self.byte = 0;
@@ -146,6 +173,11 @@ impl Mpu6050 {
             self.faults.begin_transaction();
         }
         self.phase = Phase::Unselected;
+        self.time_s = time_s;
+        if self.reset_until_s.is_some_and(|end| time_s >= end) {
+            self.reset_until_s = None;
+            self.registers[usize::from(register::PWR_MGMT_1)] &= !DEVICE_RESET;
+        }
         if let Some(answer) = self.strike(false) {
             return answer;
         }
@@ -156,7 +188,7 @@ impl Mpu6050 {
         if self.phase == Phase::Reading {
             self.count.bursts += u64::from(self.pointer == register::ACCEL_XOUT_H);
             // The part copies a sample into its registers only while the bus is idle, so that a burst is of one sample.
-            self.take_sample(cycle);
+            self.take_sample(time_s);
         }
         BusAnswer::Ack
     }
@@ -233,11 +265,17 @@ impl Mpu6050 {
         self.registers[usize::from(register::PWR_MGMT_1)] = SLEEP;
         self.registers[usize::from(register::WHO_AM_I)] = self.id;
         self.sample = None;
+        self.reset_until_s = None;
     }
 
     fn set_register(&mut self, address: u8, value: u8) {
         match address {
-            register::PWR_MGMT_1 if value & DEVICE_RESET != 0 => self.power_up(),
+            _ if self.reset_until_s.is_some() => {}
+            register::PWR_MGMT_1 if value & DEVICE_RESET != 0 => {
+                self.power_up();
+                self.registers[usize::from(register::PWR_MGMT_1)] |= DEVICE_RESET;
+                self.reset_until_s = Some(self.time_s + RESET_S);
+            }
             register::INT_STATUS..=register::GYRO_ZOUT_L | register::WHO_AM_I => {}
             _ => self.registers[usize::from(address)] = value,
         }
@@ -253,25 +291,25 @@ impl Mpu6050 {
 
     /// Samples per second, as the registers ask for.
     fn sample_rate_hz(&self) -> f64 {
-        // 8 kHz without the low-pass filter, 1 kHz with it.
-        let gyro_rate_hz = if matches!(self.register(register::CONFIG) & 7, 0 | 7) { 8000.0 } else { 1000.0 };
-        gyro_rate_hz / (1.0 + f64::from(self.register(register::SMPLRT_DIV)))
+        let is_unfiltered = matches!(self.register(register::CONFIG) & 7, 0 | 7);
+        let rate_hz = if is_unfiltered { scale::RATE_UNFILTERED_HZ } else { scale::RATE_FILTERED_HZ };
+        rate_hz / (1.0 + f64::from(self.register(register::SMPLRT_DIV))) * (1.0 + self.oscillator_error)
     }
 
     /// Puts the newest sample into the data registers.
-    fn take_sample(&mut self, cycle: u64) {
-        if self.register(register::PWR_MGMT_1) & SLEEP != 0 || self.faults.frozen() {
+    fn take_sample(&mut self, time_s: f64) {
+        if self.register(register::PWR_MGMT_1) & (SLEEP | DEVICE_RESET) != 0 || self.faults.frozen() {
             return;
         }
         let rate_hz = self.sample_rate_hz();
-        let number = (cycle as f64 / FREQUENCY_HZ as f64 * rate_hz) as u64;
+        let number = (time_s * rate_hz) as u64;
         if self.sample == Some(number) {
             return;
         }
         self.sample = Some(number);
-        let gyro_range = GyroRange::ALL[usize::from(self.register(register::GYRO_CONFIG) >> 3 & 3)];
-        let accel_range = AccelRange::ALL[usize::from(self.register(register::ACCEL_CONFIG) >> 3 & 3)];
-        let low_pass = self.register(register::CONFIG) & 7;
+        let gyro_range = scale::GYRO[usize::from(self.register(register::GYRO_CONFIG) >> 3 & 3)];
+        let accel_range = scale::ACCEL[usize::from(self.register(register::ACCEL_CONFIG) >> 3 & 3)];
+        let low_pass = scale::LOW_PASS[usize::from(self.register(register::CONFIG) & 7)];
         let Readout { accel, gyro, temperature } =
             self.source.read(number as f64 / rate_hz, gyro_range, accel_range, low_pass);
         let words = accel.into_iter().chain([temperature]).chain(gyro);
@@ -279,7 +317,8 @@ impl Mpu6050 {
         for (slot, byte) in self.registers[first..].iter_mut().zip(words.flat_map(i16::to_be_bytes)) {
             *slot = byte;
         }
-        self.registers[usize::from(register::INT_STATUS)] |= 1;
+        // Only an interrupt that is enabled is generated, and the bit says that it was (section 4.21).
+        self.registers[usize::from(register::INT_STATUS)] |= self.register(register::INT_ENABLE) & DATA_RDY;
     }
 }
 
@@ -289,16 +328,16 @@ mod tests {
     use crate::imu::fault::At;
 
     fn write(part: &mut Mpu6050, address: u8, value: u8) {
-        assert_eq!(part.address(0, ADDRESS << 1), BusAnswer::Ack);
+        assert_eq!(part.address(0.0, ADDRESS << 1), BusAnswer::Ack);
         assert_eq!(part.write(address), BusAnswer::Ack);
         assert_eq!(part.write(value), BusAnswer::Ack);
         part.stop();
     }
 
-    fn read<const N: usize>(part: &mut Mpu6050, cycle: u64, address: u8) -> [u8; N] {
-        part.address(cycle, ADDRESS << 1);
+    fn read<const N: usize>(part: &mut Mpu6050, time_s: f64, address: u8) -> [u8; N] {
+        part.address(time_s, ADDRESS << 1);
         part.write(address);
-        part.address(cycle, ADDRESS << 1 | 1);
+        part.address(time_s, ADDRESS << 1 | 1);
         let bytes = std::array::from_fn(|_| part.read().unwrap());
         part.stop();
         bytes
@@ -311,13 +350,28 @@ mod tests {
     #[test]
     fn it_sleeps_until_woken_and_again_after_a_reset() {
         let mut part = part();
-        assert_eq!(read(&mut part, 0, 0x75), [0x68]);
-        assert_eq!(read(&mut part, 0, 0x6B), [0x40]);
-        assert_eq!(read::<14>(&mut part, 1000, 0x3B), [0; 14]);
+        assert_eq!(read(&mut part, 0.0, 0x75), [0x68]);
+        assert_eq!(read(&mut part, 0.0, 0x6B), [0x40]);
+        assert_eq!(read::<14>(&mut part, 0.01, 0x3B), [0; 14]);
         write(&mut part, 0x6B, 0x01);
-        assert_ne!(read::<14>(&mut part, 2000, 0x3B), [0; 14]);
+        assert_ne!(read::<14>(&mut part, 0.02, 0x3B), [0; 14]);
         write(&mut part, 0x6B, 0x80);
-        assert_eq!(read(&mut part, 0, 0x6B), [0x40]);
+        write(&mut part, 0x1B, 0x18);
+        assert_eq!(read(&mut part, 0.019, 0x6B), [0xC0], "a reset takes its time");
+        assert_eq!(read(&mut part, 0.021, 0x6B), [0x40]);
+        assert_eq!(read(&mut part, 0.021, 0x1B), [0], "written during the reset");
+    }
+
+    #[test]
+    fn data_ready_is_said_once_and_only_when_enabled() {
+        let mut part = part();
+        write(&mut part, 0x6B, 0x01);
+        assert_eq!(read(&mut part, 0.01, 0x3A), [0]);
+        write(&mut part, 0x38, 0x01);
+        assert_eq!(read(&mut part, 0.02, 0x3A), [1]);
+        assert_eq!(read(&mut part, 0.02, 0x3A), [0]);
+        part.inject(Fault::Frozen);
+        assert_eq!(read(&mut part, 0.03, 0x3A), [0]);
     }
 
     #[test]
@@ -326,10 +380,13 @@ mod tests {
         write(&mut part, 0x6B, 0x01);
         write(&mut part, 0x1A, 3);
         write(&mut part, 0x19, 4);
-        // 200 Hz: 80,000 cycles.
-        let first = read::<14>(&mut part, 80_100, 0x3B);
-        assert_eq!(read::<14>(&mut part, 159_900, 0x3B), first);
-        assert_ne!(read::<14>(&mut part, 160_100, 0x3B), first);
+        // 200 Hz.
+        let first = read::<14>(&mut part, 0.00501, 0x3B);
+        assert_eq!(read::<14>(&mut part, 0.00999, 0x3B), first);
+        assert_ne!(read::<14>(&mut part, 0.01001, 0x3B), first);
+        part.set_oscillator_error(-0.01);
+        let slow = read::<14>(&mut part, 0.0202, 0x3B);
+        assert_ne!(slow, read::<14>(&mut part, 0.02021, 0x3B), "the fourth sample begins after 20.202 ms");
     }
 
     #[test]
@@ -337,9 +394,9 @@ mod tests {
         let mut part = part();
         write(&mut part, 0x6B, 0x01);
         let z = |bytes: [u8; 2]| f64::from(i16::from_be_bytes(bytes));
-        let at_2g = z(read(&mut part, 100_000, 0x3F));
+        let at_2g = z(read(&mut part, 0.01, 0x3F));
         write(&mut part, 0x1C, 0x10);
-        let at_8g = z(read(&mut part, 200_000, 0x3F));
+        let at_8g = z(read(&mut part, 0.02, 0x3F));
         assert!((at_2g / at_8g - 4.0).abs() < 0.3, "{at_2g} {at_8g}");
     }
 
@@ -347,10 +404,10 @@ mod tests {
     fn a_nack_strikes_its_byte_only() {
         let mut part = part();
         part.inject(Fault::Nack { at: At::byte(1), count: 1 });
-        assert_eq!(part.address(0, 0xD0), BusAnswer::Ack);
+        assert_eq!(part.address(0.0, 0xD0), BusAnswer::Ack);
         assert_eq!(part.write(0x3B), BusAnswer::Nack);
         part.stop();
-        assert_eq!(read(&mut part, 0, 0x75), [0x68]);
+        assert_eq!(read(&mut part, 0.0, 0x75), [0x68]);
         assert_eq!(part.count().faults, 1);
     }
 
@@ -358,7 +415,7 @@ mod tests {
     fn clocks_free_a_stuck_line() {
         let mut part = part();
         part.inject(Fault::Stuck { at: At::now(), clocks: Some(3) });
-        assert_eq!(part.address(0, 0xD0), BusAnswer::Held);
+        assert_eq!(part.address(0.0, 0xD0), BusAnswer::Held);
         for pulse in 0..3 {
             assert!(part.holds_sda(), "freed after {pulse} pulses");
             part.lines(false);

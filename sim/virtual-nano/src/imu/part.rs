@@ -10,7 +10,7 @@
 //! | its own warming | 1.5 °C, and never down | assumed, with a time constant of 150 s from power on |
 //!
 //! Draws beyond three deviations are cut. Scale factors and axes are exact: the part of a lab that has put it on a turntable.
-//! The data sheet allows 3 % and 2 %.
+//! The data sheet allows 3 % and 2 %, which a part can be given.
 
 use super::noise::Noise;
 
@@ -38,6 +38,10 @@ pub struct Part {
     pub accel_drift_g_per_c: [f64; 3],
     /// How much warmer than its base it becomes, °C.
     pub warming_c: f64,
+    /// By which fraction both sensors read too much.
+    pub scale: f64,
+    /// Which fraction of the next axis (y for x, z for y, x for z) each axis of both sensors reads with its own.
+    pub askew: f64,
     /// How far the gyroscope's bias has walked, °/s.
     walked_dps: [f64; 3],
     walked_until_s: f64,
@@ -54,6 +58,8 @@ impl Part {
             gyro_drift_dps_per_c: three(GYRO_DRIFT_DPS_PER_C),
             accel_drift_g_per_c: three(ACCEL_DRIFT_G_PER_C),
             warming_c: draw(WARMING_C).abs(),
+            scale: 0.0,
+            askew: 0.0,
             walked_dps: [0.0; 3],
             walked_until_s: 0.0,
         }
@@ -67,6 +73,8 @@ impl Part {
             accel_bias_g: [0.0; 3],
             accel_drift_g_per_c: [0.0; 3],
             warming_c: 0.0,
+            scale: 0.0,
+            askew: 0.0,
             walked_dps: [0.0; 3],
             walked_until_s: 0.0,
         }
@@ -75,6 +83,11 @@ impl Part {
     /// Its temperature at a time since power on, on a base of `base_c`, °C.
     pub fn temperature_c(&self, time_s: f64, base_c: f64) -> f64 {
         base_c + self.warming_c * (1.0 - (-time_s / WARMING_S).exp())
+    }
+
+    /// Returns what its axes read of a rate or force, without bias.
+    pub fn distort(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        [x + self.askew * y, y + self.askew * z, z + self.askew * x].map(|value| value * (1.0 + self.scale))
     }
 
     /// Returns its bias of the rates, °/s, and of the forces, g, at a time and temperature. Times do not go back.

@@ -5,7 +5,7 @@
 //! (counts). Then follow the column names `t_s,ax,ay,az,gx,gy,gz,temp_c` and a line a sample: seconds from the
 //! beginning, counts, degrees Celsius.
 
-use protocol::units::{AccelRange, GyroRange, TemperatureCounts};
+use super::scale::{self, Range};
 use std::path::{Path, PathBuf};
 
 const COLUMNS: &str = "t_s,ax,ay,az,gx,gy,gz,temp_c";
@@ -37,9 +37,9 @@ pub struct Sample {
 #[derive(Clone, PartialEq, Debug)]
 pub struct Recording {
     /// The accelerometer's range.
-    pub accel_range: AccelRange,
+    pub accel_range: Range,
     /// The gyroscope's.
-    pub gyro_range: GyroRange,
+    pub gyro_range: Range,
     samples: Vec<Sample>,
     gyro_at_rest: [f64; 3],
 }
@@ -91,10 +91,8 @@ impl Recording {
         for (index, line) in text.lines().map(str::trim).enumerate() {
             let wrong = |problem: String| RecordingError::Line { path: path.into(), line: index + 1, problem };
             if let Some(comment) = line.strip_prefix('#') {
-                accel_range = accel_range
-                    .or(range_in(comment, "accel full scale +-", AccelRange::ALL, |range| range.full_scale_g().into()));
-                gyro_range =
-                    gyro_range.or(range_in(comment, "gyro full scale +-", GyroRange::ALL, GyroRange::full_scale_dps));
+                accel_range = accel_range.or(range_in(comment, "accel full scale +-", scale::ACCEL));
+                gyro_range = gyro_range.or(range_in(comment, "gyro full scale +-", scale::GYRO));
                 gyro_at_rest = gyro_at_rest.or(rest_in(comment));
             } else if line.is_empty() {
             } else if !columns_seen {
@@ -191,16 +189,16 @@ fn parse_sample(line: &str) -> Result<Sample, String> {
         time_s: real(time)?,
         accel: [count(ax)?, count(ay)?, count(az)?],
         gyro: [count(gx)?, count(gy)?, count(gz)?],
-        temperature: TemperatureCounts::from_celsius(real(temperature)?).0.into(),
+        temperature: scale::counts(scale::temperature_counts(real(temperature)?)).into(),
     })
 }
 
 /// The range whose full scale stands after `key`.
-fn range_in<R: Copy, const N: usize>(comment: &str, key: &str, all: [R; N], full_scale: fn(R) -> u16) -> Option<R> {
+fn range_in(comment: &str, key: &str, all: [Range; 4]) -> Option<Range> {
     let (_, rest) = comment.split_once(key)?;
     let digits = rest.split(|c: char| !c.is_ascii_digit()).next()?;
     let value: u16 = digits.parse().ok()?;
-    all.into_iter().find(|range| full_scale(*range) == value)
+    all.into_iter().find(|range| range.full_scale == f64::from(value))
 }
 
 /// The three numbers after `gyro at rest`.
@@ -271,7 +269,7 @@ mod tests {
     #[test]
     fn readings_are_held_but_not_across_a_gap() {
         let recording = parse("0.5,0,0,0,10,0,0,20\n0.51,0,0,0,20,0,0,20\n0.71,0,0,0,40,0,0,20\n").unwrap();
-        assert_eq!((recording.accel_range, recording.gyro_range), (AccelRange::G8, GyroRange::Dps500));
+        assert_eq!((recording.accel_range, recording.gyro_range), (scale::ACCEL[2], scale::GYRO[1]));
         assert_eq!(recording.at(0.009).gyro[0], 10.0);
         assert_eq!(recording.at(0.0101).gyro[0].round(), 20.0);
         assert!((recording.at(0.11).gyro[0] - 30.0).abs() < 1e-9);

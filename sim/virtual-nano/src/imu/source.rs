@@ -3,8 +3,8 @@
 use super::noise::Noise;
 use super::part::{Part, ROOM_C};
 use super::recording::{Recording, Sample};
+use super::scale::{ACCEL_NOISE_G, GYRO_NOISE_DPS, LowPass, Range, counts, temperature_counts};
 use crate::plant::{Movement, Plant};
-use protocol::units::{AccelRange, GyroRange, LOW_PASS, TemperatureCounts};
 
 /// One sample in counts, as the data registers have it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -18,7 +18,7 @@ pub struct Readout {
 }
 
 enum Kind {
-    Still,
+    Turntable(Turntable),
     Plant(Box<Plant>),
     Recording {
         recording: Recording,
@@ -33,12 +33,27 @@ pub struct Source {
     kind: Kind,
     noise: Noise,
     part: Part,
+    /// A turn about z beside everything else, °/s.
+    spin_dps: f64,
 }
 
-/// Gyroscope noise, °/s per root Hz (data sheet PS-MPU-6000A, table 6.1).
-const GYRO_NOISE_DPS: f64 = 0.005;
-/// Accelerometer noise, g per root Hz (table 6.2).
-const ACCEL_NOISE_G: f64 = 400e-6;
+/// A table that turns about the vertical at a constant speed, with the sensor fixed to it.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Turntable {
+    /// The vertical in the sensor's axes, of length 1.
+    pub up: [f64; 3],
+    /// Speed, counter-clockwise seen from above, °/s.
+    pub dps: f64,
+    /// The board's time from which on it turns, s.
+    pub start_s: f64,
+}
+
+impl Turntable {
+    fn movement(&self, time_s: f64) -> Movement {
+        let dps = if time_s >= self.start_s { self.dps } else { 0.0 };
+        Movement { rate_dps: self.up.map(|part| part * dps), specific_force_g: self.up, temperature_c: ROOM_C }
+    }
+}
 
 impl Source {
     /// Lies still, z up, with the bias that the seed gives.
@@ -46,14 +61,20 @@ impl Source {
         let mut noise = Noise::new(seed);
         let mut part = Part::drawn(&mut noise);
         part.warming_c = 0.0;
-        Self { kind: Kind::Still, noise, part }
+        let table = Turntable { up: [0.0, 0.0, 1.0], dps: 0.0, start_s: 0.0 };
+        Self { kind: Kind::Turntable(table), noise, part, spin_dps: 0.0 }
+    }
+
+    /// Sits on a turntable, without bias.
+    pub fn turntable(table: Turntable, seed: u64) -> Self {
+        Self { kind: Kind::Turntable(table), noise: Noise::new(seed), part: Part::ideal(), spin_dps: 0.0 }
     }
 
     /// Sits on a simulated robot, with the imperfections that the seed gives. The sensor's axes are the robot's.
     pub fn plant(plant: Plant, seed: u64) -> Self {
         let mut noise = Noise::new(seed);
         let part = Part::drawn(&mut noise);
-        Self { kind: Kind::Plant(Box::new(plant)), noise, part }
+        Self { kind: Kind::Plant(Box::new(plant)), noise, part, spin_dps: 0.0 }
     }
 
     /// Holds the sensor at the start of the recording until [`Self::play`].
@@ -62,6 +83,7 @@ impl Source {
             kind: Kind::Recording { recording, started_s: None, play: false },
             noise: Noise::new(seed),
             part: Part::ideal(),
+            spin_dps: 0.0,
         }
     }
 
@@ -101,68 +123,82 @@ impl Source {
         &self.part
     }
 
+    /// What sets the sensor apart from an ideal one, to change.
+    pub fn part_mut(&mut self) -> &mut Part {
+        &mut self.part
+    }
+
+    /// Turns about z beside everything else, °/s.
+    pub fn spin(&mut self, dps: f64) {
+        self.spin_dps = dps;
+    }
+
     /// The sample at this time of the board's, for these settings of the part.
-    pub fn read(&mut self, time_s: f64, gyro: GyroRange, accel: AccelRange, low_pass: u8) -> Readout {
-        // The last value is reserved; the part then filters as little as it can.
-        let (bandwidth_hz, delay_s) = LOW_PASS.get(usize::from(low_pass)).unwrap_or(&LOW_PASS[0]);
-        let gyro_noise = GYRO_NOISE_DPS * bandwidth_hz.sqrt();
-        let accel_noise = ACCEL_NOISE_G * bandwidth_hz.sqrt();
-        let Self { kind, noise, part } = self;
-        let per_dps = f64::from(gyro.counts_per_dps());
-        let per_g = f64::from(accel.counts_per_g());
-        let mut measure = |movement: Movement| {
-            let temperature_c = part.temperature_c(time_s, movement.temperature_c);
-            let (gyro_bias, accel_bias) = part.bias(time_s, temperature_c, noise);
-            let rate = |i: usize| movement.rate_dps[i] + gyro_bias[i] + gyro_noise * noise.normal();
-            let gyro = [0, 1, 2].map(rate).map(|dps| counts(dps * per_dps));
-            let force = |i: usize| movement.specific_force_g[i] + accel_bias[i] + accel_noise * noise.normal();
-            let accel = [0, 1, 2].map(force).map(|g| counts(g * per_g));
-            Readout { accel, gyro, temperature: TemperatureCounts::from_celsius(temperature_c).0 }
-        };
-        match kind {
-            Kind::Still => {
-                measure(Movement { specific_force_g: [0.0, 0.0, 1.0], temperature_c: ROOM_C, ..Movement::default() })
-            }
-            Kind::Plant(plant) => measure(plant.movement(time_s - delay_s)),
+    pub fn read(&mut self, time_s: f64, gyro: Range, accel: Range, low_pass: LowPass) -> Readout {
+        let Self { kind, noise, part, spin_dps } = self;
+        let (signal, is_noisy) = match kind {
+            Kind::Turntable(table) => (measure(part, noise, &table.movement(time_s), time_s), true),
+            Kind::Plant(plant) => (measure(part, noise, &plant.movement(time_s - low_pass.delay_s), time_s), true),
             Kind::Recording { recording, started_s, play } => {
                 if *play && started_s.is_none() {
                     *started_s = Some(time_s);
                 }
                 // A recording brings its own noise; at rest the sensor has the data sheet's.
-                let at_rest = |sample: Sample, noise: &mut Noise| {
-                    let accel_step = accel_noise * f64::from(recording.accel_range.counts_per_g());
-                    let gyro_step = gyro_noise * f64::from(recording.gyro_range.counts_per_dps());
-                    Sample {
-                        accel: sample.accel.map(|x| x + accel_step * noise.normal()),
-                        gyro: sample.gyro.map(|x| x + gyro_step * noise.normal()),
-                        ..sample
-                    }
+                let (sample, is_noisy) = match started_s.map(|start| time_s - start) {
+                    None => (recording.rest_before(), true),
+                    Some(elapsed) if elapsed > recording.duration_s() => (recording.rest_after(), true),
+                    Some(elapsed) => (recording.at(elapsed), false),
                 };
-                let sample = match started_s.map(|start| time_s - start) {
-                    None => at_rest(recording.rest_before(), noise),
-                    Some(elapsed) if elapsed > recording.duration_s() => at_rest(recording.rest_after(), noise),
-                    Some(elapsed) => recording.at(elapsed),
-                };
-                let gyro_scale = per_dps / f64::from(recording.gyro_range.counts_per_dps());
-                let accel_scale = per_g / f64::from(recording.accel_range.counts_per_g());
-                Readout {
-                    accel: sample.accel.map(|x| counts(x * accel_scale)),
-                    gyro: sample.gyro.map(|x| counts(x * gyro_scale)),
-                    temperature: counts(sample.temperature),
-                }
+                (recorded(recording, &sample), is_noisy)
             }
+        };
+        let [gyro_noise, accel_noise] = match is_noisy {
+            true => [GYRO_NOISE_DPS * low_pass.gyro_hz.sqrt(), ACCEL_NOISE_G * low_pass.accel_hz.sqrt()],
+            false => [0.0; 2],
+        };
+        let [x, y, z] = signal.rate_dps;
+        let rate_dps = [x, y, z + *spin_dps].map(|dps| dps + gyro_noise * noise.normal());
+        let force_g = signal.force_g.map(|g| g + accel_noise * noise.normal());
+        Readout {
+            accel: force_g.map(|g| counts(g * accel.counts_per_unit)),
+            gyro: rate_dps.map(|dps| counts(dps * gyro.counts_per_unit)),
+            temperature: counts(signal.temperature),
         }
     }
 }
 
-/// Rounds, and saturates as the part does.
-fn counts(x: f64) -> i16 {
-    x.round() as i16
+/// What the sensor measures, before its noise and its range.
+struct Signal {
+    rate_dps: [f64; 3],
+    force_g: [f64; 3],
+    /// Counts.
+    temperature: f64,
+}
+
+/// What a part measures of a movement.
+fn measure(part: &mut Part, noise: &mut Noise, movement: &Movement, time_s: f64) -> Signal {
+    let temperature_c = part.temperature_c(time_s, movement.temperature_c);
+    let (gyro_bias, accel_bias) = part.bias(time_s, temperature_c, noise);
+    let add = |values: [f64; 3], bias: [f64; 3]| std::array::from_fn(|i| values[i] + bias[i]);
+    Signal {
+        rate_dps: add(part.distort(movement.rate_dps), gyro_bias),
+        force_g: add(part.distort(movement.specific_force_g), accel_bias),
+        temperature: temperature_counts(temperature_c),
+    }
+}
+
+fn recorded(recording: &Recording, sample: &Sample) -> Signal {
+    Signal {
+        rate_dps: sample.gyro.map(|x| x / recording.gyro_range.counts_per_unit),
+        force_g: sample.accel.map(|x| x / recording.accel_range.counts_per_unit),
+        temperature: sample.temperature,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::imu::scale::{ACCEL, GYRO, LOW_PASS};
     use std::path::Path;
 
     fn data(name: &str) -> Recording {
@@ -173,7 +209,7 @@ mod tests {
     #[test]
     fn a_recording_passes_unchanged_at_its_own_ranges() {
         let mut source = Source::recording(data("rotate-z-720.csv"), 1);
-        let read = |source: &mut Source, time| source.read(time, GyroRange::Dps250, AccelRange::G8, 3);
+        let read = |source: &mut Source, time| source.read(time, GYRO[0], ACCEL[2], LOW_PASS[3]);
         let waiting = read(&mut source, 5.0);
         assert_ne!(waiting, read(&mut source, 5.005), "frozen while it waits");
         assert!((source.play().unwrap() - 23.985).abs() < 1e-3);
@@ -191,7 +227,7 @@ mod tests {
     fn other_ranges_scale_and_saturate() {
         let mut source = Source::recording(data("rotate-z-720.csv"), 1);
         source.play();
-        let scaled = source.read(0.0, GyroRange::Dps500, AccelRange::G2, 3);
+        let scaled = source.read(0.0, GYRO[1], ACCEL[0], LOW_PASS[3]);
         assert_eq!((scaled.accel, scaled.gyro), ([200, -2188, -16344], [482, -527, -574]));
         assert_eq!(counts(1e6), i16::MAX);
         assert_eq!(counts(-1e6), i16::MIN);
@@ -201,9 +237,36 @@ mod tests {
     fn the_same_seed_gives_the_same_noise() {
         let read = |seed| {
             let mut source = Source::still(seed);
-            [0.0, 0.01, 0.02].map(|time| source.read(time, GyroRange::Dps250, AccelRange::G2, 3))
+            [0.0, 0.01, 0.02].map(|time| source.read(time, GYRO[0], ACCEL[0], LOW_PASS[3]))
         };
         assert_eq!(read(4), read(4));
         assert_ne!(read(4), read(5));
+    }
+
+    #[test]
+    fn a_turntable_turns_about_the_vertical() {
+        let table = Turntable { up: [0.6, 0.0, 0.8], dps: 100.0, start_s: 1.0 };
+        let mut source = Source::turntable(table, 1);
+        let mut read = |time_s| source.read(time_s, GYRO[0], ACCEL[0], LOW_PASS[6]);
+        assert!(read(0.9).gyro.iter().all(|x| x.abs() < 10));
+        let Readout { gyro, accel, .. } = read(1.0);
+        for i in 0..3 {
+            assert!((f64::from(gyro[i]) - table.up[i] * 13100.0).abs() < 10.0, "{gyro:?}");
+            assert!((f64::from(accel[i]) - table.up[i] * 16384.0).abs() < 80.0, "{accel:?}");
+        }
+    }
+
+    #[test]
+    fn scale_axes_and_range_of_a_bad_part_show() {
+        let mut source = Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: 100.0, start_s: 0.0 }, 1);
+        let mut read = |change: &dyn Fn(&mut Source)| {
+            change(&mut source);
+            source.read(0.0, GYRO[0], ACCEL[0], LOW_PASS[6]).gyro.map(f64::from)
+        };
+        let scaled = read(&|source| source.part_mut().scale = 0.03);
+        assert!((scaled[2] - 13493.0).abs() < 10.0, "{scaled:?}");
+        let askew = read(&|source| (source.part_mut().scale, source.part_mut().askew) = (0.0, 0.02));
+        assert!((askew[1] - 262.0).abs() < 10.0 && (askew[2] - 13100.0).abs() < 10.0, "{askew:?}");
+        assert_eq!(read(&|source| source.spin(-400.0))[2], f64::from(i16::MIN));
     }
 }

@@ -39,6 +39,8 @@ pub struct Host {
     replies: Vec<(u8, Reply)>,
     accumulator: Accumulator,
     seq: u8,
+    /// Frames that may be cut off because the program was.
+    cut: u32,
 }
 
 impl Host {
@@ -50,7 +52,7 @@ impl Host {
     /// This board.
     pub fn with(board: Board) -> Self {
         let accumulator = Accumulator::new();
-        Self { board, telemetry: Vec::new(), replies: Vec::new(), accumulator, seq: 0 }
+        Self { board, telemetry: Vec::new(), replies: Vec::new(), accumulator, seq: 0, cut: 0 }
     }
 
     /// A board that has started, streams at the full rate and reads its sensor.
@@ -67,6 +69,12 @@ impl Host {
         self.board.reset();
         self.listen();
         self.accumulator = Accumulator::new();
+    }
+
+    /// Sends the program into an endless loop. The frame under way is cut off.
+    pub fn hang(&mut self, interrupts: bool) {
+        self.board.hang(interrupts);
+        self.cut += 1;
     }
 
     /// Runs until a cycle.
@@ -98,6 +106,7 @@ impl Host {
             match self.accumulator.push::<Message>(byte) {
                 Some(Ok(Message::Telemetry(telemetry))) => self.telemetry.push((self.board.cycle(), telemetry)),
                 Some(Ok(Message::Reply { to, reply })) => self.replies.push((to, reply)),
+                Some(Err(_)) if self.cut > 0 => self.cut -= 1,
                 Some(Err(error)) => panic!("a bad frame: {error}"),
                 None => {}
             }

@@ -1,0 +1,429 @@
+//! Faults of the board and of what is wired to it, by name: for tests, for the running program (`fault NAME`), and from its
+//! start (`--fault NAME`).
+//!
+//! ```
+//! use virtual_nano::fault::Fault;
+//!
+//! let fault: Fault = "spikes=200,2".parse()?;
+//! assert!(matches!(fault, Fault::Disturbed { motor: 1, channel: 0, .. }));
+//! # Ok::<(), String>(())
+//! ```
+
+use crate::board::Board;
+use crate::encoder::Disturbance;
+use crate::imu::fault::{At, Fault as ImuFault};
+use crate::motor::{MotorParameters, Rotor};
+use std::fmt::Write;
+use std::str::FromStr;
+
+/// A fault. Motors and channels count from 0.
+#[derive(Clone, Copy, PartialEq, Debug)]
+#[expect(missing_docs, reason = "the table below says what each of them is")]
+pub enum Fault {
+    EncoderSwapped { motor: usize },
+    Disturbed { motor: usize, channel: usize, disturbance: Disturbance },
+    UnevenPoles { motor: usize, fraction: f64 },
+    Held { motor: usize, rotor: Rotor },
+    Stiction { motor: usize, fraction: f64 },
+    MotorReversed { motor: usize },
+    MotorsSwapped,
+    MotorSupplyOff,
+    Imu(ImuFault),
+    Register { address: u8, value: u8 },
+    SensorClock { fraction: f64 },
+    Scale { fraction: f64 },
+    Askew { fraction: f64 },
+    Spin { dps: f64 },
+    BusRise { us: f64 },
+    Supply { mv: u32 },
+    BrownOut { ms: f64 },
+    Bandgap { mv: u32 },
+    Resonator { fraction: f64 },
+    Hang { interrupts: bool },
+    Usb { latency_ms: f64, packet: usize },
+}
+
+/// A name and what it asks for.
+struct Kind {
+    name: &'static str,
+    /// Names and defaults of its values.
+    values: &'static [(&'static str, f64)],
+    meaning: &'static str,
+    make: fn(&Values) -> Result<Fault, String>,
+}
+
+const MOTOR: (&str, f64) = ("MOTOR", 1.0);
+const CHANNEL: (&str, f64) = ("CHANNEL", 1.0);
+
+/// All of them.
+const KINDS: &[Kind] = &[
+    Kind {
+        name: "encoder-swapped",
+        values: &[MOTOR],
+        meaning: "the encoder's C1 and C2 are swapped",
+        make: |v| Ok(Fault::EncoderSwapped { motor: v.motor(0)? }),
+    },
+    Kind {
+        name: "encoder-open",
+        values: &[MOTOR, ("CHANNEL", 2.0)],
+        meaning: "an encoder line is cut: its input reads the pull-up",
+        make: |v| v.disturbed(0, Disturbance::Open),
+    },
+    Kind {
+        name: "spikes",
+        values: &[("RATE", 100.0), MOTOR, CHANNEL],
+        meaning: "so many spikes of 3 us a second on an encoder line",
+        make: |v| v.disturbed(1, Disturbance::Spikes { rate_hz: v.within(0, 0.1, 1e5)? }),
+    },
+    Kind {
+        name: "tone",
+        values: &[("HZ", 100e3), MOTOR, CHANNEL],
+        meaning: "a square wave in place of an encoder's signal",
+        make: |v| v.disturbed(1, Disturbance::Tone { hz: v.within(0, 0.1, 1e6)? }),
+    },
+    Kind {
+        name: "uneven-poles",
+        values: &[("PERCENT", 20.0), MOTOR],
+        meaning: "the encoder's north poles are so much longer than half a period",
+        make: |v| Ok(Fault::UnevenPoles { fraction: v.percent(0, 45.0)?, motor: v.motor(1)? }),
+    },
+    Kind {
+        name: "blocked",
+        values: &[MOTOR],
+        meaning: "a flagellum is blocked",
+        make: |v| Ok(Fault::Held { motor: v.motor(0)?, rotor: Rotor::Blocked }),
+    },
+    Kind {
+        name: "slips",
+        values: &[MOTOR],
+        meaning: "a flagellum is blocked, and slips by an edge of each channel a second",
+        make: |v| Ok(Fault::Held { motor: v.motor(0)?, rotor: Rotor::Slips }),
+    },
+    Kind {
+        name: "stiction",
+        values: &[("PERCENT", 25.0), MOTOR],
+        meaning: "the gear sticks: so much of full voltage starts the motor from rest",
+        make: |v| Ok(Fault::Stiction { fraction: v.percent(0, 100.0)?, motor: v.motor(1)? }),
+    },
+    Kind {
+        name: "motor-reversed",
+        values: &[MOTOR],
+        meaning: "the motor's own two leads are swapped",
+        make: |v| Ok(Fault::MotorReversed { motor: v.motor(0)? }),
+    },
+    Kind {
+        name: "motors-swapped",
+        values: &[],
+        meaning: "the bridge's outputs are swapped, the encoders are not",
+        make: |_| Ok(Fault::MotorsSwapped),
+    },
+    Kind {
+        name: "motor-supply-off",
+        values: &[],
+        meaning: "the motors' 6 V are off",
+        make: |_| Ok(Fault::MotorSupplyOff),
+    },
+    Kind {
+        name: "nack",
+        values: &[("BYTE", 0.0), ("COUNT", 1.0)],
+        meaning: "the sensor does not acknowledge that byte of the next COUNT transactions",
+        make: |v| {
+            Ok(Fault::Imu(ImuFault::Nack {
+                at: At::byte(v.byte(0)?),
+                count: v.within(1, 1.0, f64::from(u32::MAX))? as u32,
+            }))
+        },
+    },
+    Kind {
+        name: "gone",
+        values: &[],
+        meaning: "the sensor no longer responds",
+        make: |_| Ok(Fault::Imu(ImuFault::Gone(At::now()))),
+    },
+    Kind {
+        name: "stuck",
+        values: &[("CLOCKS", 0.0)],
+        meaning: "the sensor holds SDA low until so many pulses on SCL, with 0 for ever",
+        make: |v| {
+            let clocks = Some(v.byte(0)?).filter(|clocks| *clocks > 0);
+            Ok(Fault::Imu(ImuFault::Stuck { at: At::now(), clocks }))
+        },
+    },
+    Kind {
+        name: "frozen",
+        values: &[],
+        meaning: "the sensor's data stay the same",
+        make: |_| Ok(Fault::Imu(ImuFault::Frozen)),
+    },
+    Kind {
+        name: "glitch",
+        values: &[],
+        meaning: "the sensor loses its supply for a moment",
+        make: |_| Ok(Fault::Imu(ImuFault::Glitch)),
+    },
+    Kind {
+        name: "register",
+        values: &[("ADDRESS", 0x1B as f64), ("VALUE", 0x18 as f64)],
+        meaning: "a register of the sensor changes by itself; 0x1B,0x18 is the gyroscope's range",
+        make: |v| Ok(Fault::Register { address: v.byte(0)?, value: v.byte(1)? }),
+    },
+    Kind {
+        name: "sensor-clock",
+        values: &[("PERCENT", 1.0)],
+        meaning: "the sensor's oscillator is so much too fast",
+        make: |v| Ok(Fault::SensorClock { fraction: v.percent(0, 20.0)? }),
+    },
+    Kind {
+        name: "scale",
+        values: &[("PERCENT", 3.0)],
+        meaning: "both sensors read so much too much",
+        make: |v| Ok(Fault::Scale { fraction: v.percent(0, 50.0)? }),
+    },
+    Kind {
+        name: "askew",
+        values: &[("PERCENT", 2.0)],
+        meaning: "each axis of both sensors reads so much of the next",
+        make: |v| Ok(Fault::Askew { fraction: v.percent(0, 50.0)? }),
+    },
+    Kind {
+        name: "spin",
+        values: &[("DPS", 3000.0)],
+        meaning: "the sensor turns about z beside everything else: beyond its range it clips",
+        make: |v| Ok(Fault::Spin { dps: v.within(0, -1e5, 1e5)? }),
+    },
+    Kind {
+        name: "bus-rise",
+        values: &[("MICROSECONDS", 2.0)],
+        meaning: "SCL and SDA rise slowly, which makes every bit so much longer",
+        make: |v| Ok(Fault::BusRise { us: v.within(0, 0.0, 1e4)? }),
+    },
+    Kind {
+        name: "supply",
+        values: &[("MILLIVOLT", 4100.0)],
+        meaning: "the supply of the chip",
+        make: |v| Ok(Fault::Supply { mv: v.within(0, 0.0, 6000.0)? as u32 }),
+    },
+    Kind {
+        name: "brown-out",
+        values: &[("MILLISECONDS", 50.0)],
+        meaning: "the supply falls to 2 V for a while, which resets the chip",
+        make: |v| Ok(Fault::BrownOut { ms: v.within(0, 0.001, 1e5)? }),
+    },
+    Kind {
+        name: "bandgap",
+        values: &[("MILLIVOLT", 1200.0)],
+        meaning: "the chip's bandgap reference; the data sheet allows 1000 to 1200",
+        make: |v| Ok(Fault::Bandgap { mv: v.within(0, 100.0, 5000.0)? as u32 }),
+    },
+    Kind {
+        name: "resonator",
+        values: &[("PERCENT", 0.5)],
+        meaning: "the board's clock is so much too fast",
+        make: |v| Ok(Fault::Resonator { fraction: v.percent(0, 5.0)? }),
+    },
+    Kind {
+        name: "hang",
+        values: &[("INTERRUPTS", 1.0)],
+        meaning: "the program goes into an endless loop, with interrupts on (1) or off (0)",
+        make: |v| Ok(Fault::Hang { interrupts: v.within(0, 0.0, 1.0)? == 1.0 }),
+    },
+    Kind {
+        name: "usb",
+        values: &[("MILLISECONDS", 16.0), ("BYTES", 32.0)],
+        meaning: "the USB bridge collects packets of so many bytes, for so long at most",
+        make: |v| Ok(Fault::Usb { latency_ms: v.within(0, 0.0, 255.0)?, packet: v.within(1, 1.0, 4096.0)? as usize }),
+    },
+];
+
+/// The values after a name, with its defaults.
+struct Values {
+    kind: &'static Kind,
+    given: Vec<f64>,
+}
+
+impl Values {
+    fn get(&self, index: usize) -> f64 {
+        self.given.get(index).copied().unwrap_or(self.kind.values[index].1)
+    }
+
+    fn within(&self, index: usize, low: f64, high: f64) -> Result<f64, String> {
+        let value = self.get(index);
+        if (low..=high).contains(&value) {
+            return Ok(value);
+        }
+        let (name, what) = (self.kind.name, self.kind.values[index].0);
+        Err(format!("fault {name}: {what} must be from {low} to {high}, not {value}"))
+    }
+
+    fn percent(&self, index: usize, limit: f64) -> Result<f64, String> {
+        Ok(self.within(index, -limit, limit)? / 100.0)
+    }
+
+    fn byte(&self, index: usize) -> Result<u8, String> {
+        Ok(self.within(index, 0.0, 255.0)? as u8)
+    }
+
+    /// The index of a motor or a channel.
+    fn motor(&self, index: usize) -> Result<usize, String> {
+        Ok(self.within(index, 1.0, 2.0)? as usize - 1)
+    }
+
+    fn disturbed(&self, motor: usize, disturbance: Disturbance) -> Result<Fault, String> {
+        Ok(Fault::Disturbed { motor: self.motor(motor)?, channel: self.motor(motor + 1)?, disturbance })
+    }
+}
+
+/// Returns the list of all faults, one a line.
+pub fn help() -> String {
+    let mut text = String::from("Faults, with their values and what these are if not given:\n\n");
+    for Kind { name, values, meaning, .. } in KINDS {
+        let join = |parts: Vec<String>| if parts.is_empty() { String::new() } else { format!("={}", parts.join(",")) };
+        let names = join(values.iter().map(|(name, _)| (*name).to_owned()).collect());
+        let is_hex = *name == "register";
+        let number = |value: f64| if is_hex { format!("{:#x}", value as u8) } else { value.to_string() };
+        let defaults = join(values.iter().map(|(_, default)| number(*default)).collect());
+        let defaults = if defaults.is_empty() { defaults } else { format!(" [{name}{defaults}]") };
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "  {name}{names}\n      {meaning}{defaults}");
+    }
+    text + "\nWith @SECONDS after it a fault begins at that time of the board, otherwise at once.\n"
+}
+
+impl FromStr for Fault {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, values) = match text.split_once('=') {
+            Some((name, values)) => (name, values.split(',').collect()),
+            None => (text, Vec::new()),
+        };
+        let kind = KINDS
+            .iter()
+            .find(|kind| kind.name == name)
+            .ok_or_else(|| format!("no fault is called {name:?}; `vnano --fault help` lists them"))?;
+        let given = values.iter().map(|value| number(value)).collect::<Result<Vec<_>, _>>()?;
+        if given.len() > kind.values.len() {
+            return Err(format!("fault {name}: {} values, and it has {}", given.len(), kind.values.len()));
+        }
+        (kind.make)(&Values { kind, given })
+    }
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    let parsed = match text.trim().strip_prefix("0x") {
+        Some(digits) => u32::from_str_radix(digits, 16).ok().map(f64::from),
+        None => text.trim().parse().ok(),
+    };
+    parsed.filter(|value: &f64| value.is_finite()).ok_or_else(|| format!("{text:?} is not a number"))
+}
+
+/// A fault and when it begins: `NAME[=VALUE][@SECONDS]`.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Timed {
+    /// The fault.
+    pub fault: Fault,
+    /// The board's time, s; `None` for at once.
+    pub at_s: Option<f64>,
+}
+
+impl FromStr for Timed {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (fault, at_s) = match text.split_once('@') {
+            Some((fault, seconds)) => (fault, Some(number(seconds)?)),
+            None => (text, None),
+        };
+        Ok(Self { fault: fault.parse()?, at_s })
+    }
+}
+
+/// Supply of a board on a good port, and the bandgap reference (data sheet, section 29.5), mV.
+pub(crate) const SUPPLY_MV: u32 = 5000;
+pub(crate) const BANDGAP_MV: u32 = 1100;
+/// The supply in a brown-out, mV.
+const BROWN_OUT_MV: u32 = 2000;
+
+/// Makes a fault begin now.
+pub(crate) fn inject(board: &mut Board, fault: Fault) {
+    match fault {
+        Fault::EncoderSwapped { motor } => board.encoder_mut(motor).swap(true),
+        Fault::Disturbed { motor, channel, disturbance } => board.disturb_encoder(motor, channel, disturbance),
+        Fault::UnevenPoles { motor, fraction } => board.encoder_mut(motor).set_uneven(fraction),
+        Fault::Held { motor, rotor } => board.motors_mut()[motor].hold(rotor),
+        Fault::Stiction { motor, fraction } => board.motors_mut()[motor].parameters_mut().breakaway = fraction,
+        Fault::MotorReversed { motor } => board.motors_mut()[motor].reverse(true),
+        Fault::MotorsSwapped => board.swap_motors(true),
+        Fault::MotorSupplyOff => board.motors_mut().iter_mut().for_each(|motor| motor.set_powered(false)),
+        Fault::Imu(fault) => board.change_imu(|imu| imu.inject(fault)),
+        Fault::Register { address, value } => board.change_imu(|imu| imu.set_register_behind(address, value)),
+        Fault::SensorClock { fraction } => board.change_imu(|imu| imu.set_oscillator_error(fraction)),
+        Fault::Scale { fraction } => board.change_imu(|imu| imu.source_mut().part_mut().scale = fraction),
+        Fault::Askew { fraction } => board.change_imu(|imu| imu.source_mut().part_mut().askew = fraction),
+        Fault::Spin { dps } => board.change_imu(|imu| imu.source_mut().spin(dps)),
+        Fault::BusRise { us } => board.set_bus_rise_us(us),
+        Fault::Supply { mv } => board.set_supply_mv(mv),
+        Fault::BrownOut { ms } => {
+            board.set_supply_mv(BROWN_OUT_MV);
+            let back_s = board.seconds() + ms * 1e-3;
+            board.inject_at(back_s, Fault::Supply { mv: SUPPLY_MV });
+        }
+        Fault::Bandgap { mv } => board.set_bandgap_mv(mv),
+        Fault::Resonator { fraction } => board.set_resonator_error(fraction),
+        Fault::Hang { interrupts } => board.hang(interrupts),
+        Fault::Usb { latency_ms, packet } => board.serial_mut().usb_mut().set_packets(packet, latency_ms * 1e-3),
+    }
+}
+
+/// Ends every fault that can end. What it did to registers and to the program stays.
+pub(crate) fn clear(board: &mut Board) {
+    for motor in 0..2 {
+        board.encoder_mut(motor).swap(false);
+        board.encoder_mut(motor).set_uneven(0.0);
+        (0..2).for_each(|channel| board.disturb_encoder(motor, channel, Disturbance::None));
+        let motor = &mut board.motors_mut()[motor];
+        motor.hold(Rotor::Free);
+        motor.parameters_mut().breakaway = MotorParameters::default().breakaway;
+        motor.reverse(false);
+        motor.set_powered(true);
+    }
+    board.swap_motors(false);
+    board.change_imu(|imu| {
+        imu.clear_faults();
+        imu.set_oscillator_error(0.0);
+        imu.source_mut().spin(0.0);
+        let part = imu.source_mut().part_mut();
+        (part.scale, part.askew) = (0.0, 0.0);
+    });
+    board.set_bus_rise_us(0.0);
+    board.set_supply_mv(SUPPLY_MV);
+    board.set_bandgap_mv(BANDGAP_MV);
+    board.set_resonator_error(0.0);
+    board.serial_mut().usb_mut().set_packets(0, 0.0);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_has_defaults_that_it_allows() {
+        for kind in KINDS {
+            kind.name.parse::<Fault>().unwrap_or_else(|error| panic!("{error}"));
+            assert!(help().contains(&format!("\n  {}", kind.name)));
+        }
+    }
+
+    #[test]
+    fn values_follow_the_name() {
+        assert_eq!("register=0x6B,0x40".parse(), Ok(Fault::Register { address: 0x6B, value: 0x40 }));
+        assert_eq!("scale=-2".parse(), Ok(Fault::Scale { fraction: -0.02 }));
+        let late = Timed { fault: Fault::Held { motor: 1, rotor: Rotor::Blocked }, at_s: Some(2.5) };
+        assert_eq!("blocked=2@2.5".parse(), Ok(late));
+        for wrong in ["", "blocked=3", "blocked=1,2", "blocked=x", "spikes=", "jam", "supply=nan", "gone=1", "nack=300"]
+        {
+            assert!(wrong.parse::<Fault>().is_err(), "{wrong}");
+        }
+        assert!("blocked@soon".parse::<Timed>().is_err());
+    }
+}
