@@ -7,7 +7,7 @@ use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor
 use crate::run;
 use biflag_log::{ClockMeta, CommandRecord, EventKind};
 use protocol::units::{CentiRpm, Micros};
-use protocol::{Calibration, Command, Fault, Reply, Request, ResetCause, State, TICK_HZ, Telemetry};
+use protocol::{Calibration, Command, Fault, Reply, Request, State, TICK_HZ, Telemetry};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
@@ -167,7 +167,8 @@ impl<'a> Recorder<'a> {
 
     /// Sends a command. It is logged when the link reports the exchange.
     pub(super) fn command(&mut self, command: Command) -> Result<(), RecordError> {
-        Ok(self.link.command(command)?)
+        self.link.command(command)?;
+        Ok(self.trial.log.tick()?)
     }
 
     /// Reads the result of the last calibration of the gyroscope.
@@ -330,13 +331,5 @@ impl<'a> Recorder<'a> {
             drift_ppm: (1.0 / fit.rate - 1.0) * 1e6,
             residual_us: fit.residual_s * 1e6,
         })
-    }
-
-    /// Returns the cause of a restart of the board since the link was opened, if there was one.
-    pub(super) fn restart(&self) -> Option<ResetCause> {
-        match self.link.ask(Command::Hello) {
-            Ok(Reply::Info(info)) if info.boot_count != self.link.info().boot_count => Some(info.reset_cause),
-            _ => None,
-        }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::RecordError;
 use super::recorder::{Recorder, TICK_US};
-use crate::link::LinkError;
+use crate::link::{Link, LinkError};
 use protocol::units::Micros;
 use protocol::{Command, Refusal, SetPoint};
 
@@ -16,8 +16,8 @@ const LEAD_US: u64 = 40_000;
 const MAX_LEAD_US: u64 = 20_000_000;
 
 /// Sends the set-points to the board.
-pub(super) fn send(recorder: &mut Recorder, points: &[SetPoint]) -> Result<(), RecordError> {
-    (0..).zip(points).try_for_each(|(index, point)| recorder.command(Command::SetPoint { index, point: *point }))
+pub(super) fn send(link: &Link, points: &[SetPoint]) -> Result<(), LinkError> {
+    (0..).zip(points).try_for_each(|(index, point)| link.command(Command::SetPoint { index, point: *point }))
 }
 
 /// Starts the first `count` set-points at `planned_us` of the board's clock, or as soon as possible after it. Returns the

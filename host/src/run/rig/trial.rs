@@ -10,7 +10,7 @@ use crate::run;
 use crate::trial::Angles;
 use biflag_log::{End, EventKind, LogError, Start, Summary, Tap};
 use protocol::units::CentiRpm;
-use protocol::{Command, Fault, Settings, State, TICK_HZ};
+use protocol::{Command, Fault, Reply, ResetCause, Settings, State, TICK_HZ};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, SystemTime};
@@ -58,6 +58,9 @@ pub fn run(
     trial: &Trial,
     settings: Settings,
 ) -> Result<RigRun, LogError> {
+    let schedule = Schedule::planned(trial);
+    // This comes first, because the log is not written while the board answers.
+    let prepared = prepare(context.link, &schedule);
     let mut kept = run::Recorder::create(path, start, settings, SystemTime::now())?;
     if let Some(tap) = context.tap.take() {
         kept.tap(tap);
@@ -69,12 +72,12 @@ pub fn run(
     let link = context.link;
     let mut recorder = Recorder::new(link, kept, context.interrupted, context.robot.map(TruthRecorder::new));
     let mut said = Said::default();
-    let mut error = phases(&mut recorder, context, trial, &mut said).err();
+    let mut error = prepared.and_then(|()| phases(&mut recorder, context, trial, &schedule, &mut said)).err();
     // If the link is gone, the board stops the motors at its deadline.
     if link.command(Command::Stop).is_ok() {
         let _ = link.command(Command::Stream { rate_hz: 0 });
         if let Some(RecordError::Silent { cause, .. } | RecordError::ClockJumped(cause)) = &mut error {
-            *cause = recorder.restart();
+            *cause = restart(link);
         }
     }
     // After a failed write, further writes to the log fail as well.
@@ -137,28 +140,40 @@ const SLOW_DISK: Duration = Duration::from_millis(500);
 /// The gyroscope's calibration ends this much before its phase, for the requests that start the schedule.
 const CALIBRATION_MARGIN_S: f64 = 0.2;
 
+/// Gives the schedule to the board.
+fn prepare(link: &Link, schedule: &Schedule) -> Result<(), RecordError> {
+    match restart(link) {
+        Some(cause) => Err(RecordError::Restarted(cause)),
+        None => Ok(schedule::send(link, &schedule.set_points())?),
+    }
+}
+
+/// Returns the cause of a restart of the board since the link was opened, if there was one.
+fn restart(link: &Link) -> Option<ResetCause> {
+    match link.ask(Command::Hello) {
+        Ok(Reply::Info(info)) if info.boot_count != link.info().boot_count => Some(info.reset_cause),
+        _ => None,
+    }
+}
+
 /// Runs the schedule of a trial. The board changes the speeds and numbers its phases; this follows them.
 fn phases(
     recorder: &mut Recorder,
     context: &mut RunContext,
     trial: &Trial,
+    schedule: &Schedule,
     said: &mut Said,
 ) -> Result<(), RecordError> {
     let (progress, name) = (context.progress, &trial.name);
-    if let Some(cause) = recorder.restart() {
-        return Err(RecordError::Restarted(cause));
-    }
     if let Some(nano) = &mut context.player {
         let _ = nano.control("rewind");
     }
-    let schedule = Schedule::planned(trial);
-    let points = schedule.set_points();
-    schedule::send(recorder, &points)?;
+    let count = schedule.set_points().len();
     let begun_us = recorder.begin()?;
     let start_us = if trial.phases.calibrate_s > 0.0 {
         calibrate(recorder, context, trial)?;
         let planned_us = begun_us + (trial.phases.calibrate_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
-        let start_us = schedule::start(recorder, points.len(), planned_us)?;
+        let start_us = schedule::start(recorder, count, planned_us)?;
         end_calibration(recorder, said)?;
         if start_us > planned_us {
             let late_s = (start_us - planned_us) as f64 * 1e-6;
@@ -168,7 +183,7 @@ fn phases(
         }
         start_us
     } else {
-        let start_us = schedule::start(recorder, points.len(), begun_us)?;
+        let start_us = schedule::start(recorder, count, begun_us)?;
         recorder.skip_to(start_us)?;
         start_us
     };
