@@ -111,7 +111,7 @@ fn case(number: u64) -> String {
     assert!(said.iter().any(|said| run.stderr.contains(said)), "{what}: {run:?}");
     let log = logs(&session).remove(0);
     let info = bench.run(["info", log.to_str().unwrap(), "--json"]).json();
-    assert_eq!((&info["clean"], &info["end"]), (&true.into(), &"failed".into()), "{what}: {info}");
+    assert!(info["clean"] == true && (info["end"] == "failed" || info["end"] == "faulted"), "{what}: {info}");
     format!("{what}: motors off after {:.2} s, ended after {:.2} s", turned.as_secs_f64(), ended.as_secs_f64())
 }
 
