@@ -100,7 +100,7 @@ fn chunks(log: &[u8]) -> Vec<(std::ops::Range<usize>, Vec<Plain>)> {
         let length = u64::from_le_bytes(head[1..].try_into().unwrap()) as usize;
         let end = at + 9 + length;
         if head[0] == mcap::records::op::CHUNK {
-            chunks.push((at..end, chunk::unpack(&log[at..end]).unwrap().into_iter().filter_map(plain).collect()));
+            chunks.push((at..end, chunk::unpack(&log[at..end], false).unwrap().filter_map(plain).collect()));
         }
         if head[0] == mcap::records::op::FOOTER || length > rest.len() {
             break;
@@ -120,15 +120,18 @@ fn plain(entry: Entry) -> Option<Plain> {
 /// Returns whether the channels are declared, which the first chunk does.
 fn introduces(log: &[u8]) -> bool {
     let mut scanner = Scanner::new(Cursor::new(log)).unwrap();
-    matches!(scanner.next().unwrap(), Some(Piece::Chunk(entries)) if matches!(entries[0], Entry::Schema(..)))
+    match scanner.next().unwrap() {
+        Some(Piece::Chunk(mut chunk)) => matches!(chunk.next(), Some(Entry::Schema(..))),
+        _ => false,
+    }
 }
 
 fn read(log: &[u8]) -> (Vec<Plain>, Condition) {
     let mut scanner = Scanner::new(Cursor::new(log)).unwrap();
     let mut messages = Vec::new();
     while let Some(piece) = scanner.next().unwrap() {
-        if let Piece::Chunk(entries) = piece {
-            messages.extend(entries.into_iter().filter_map(plain));
+        if let Piece::Chunk(chunk) = piece {
+            messages.extend(chunk.filter_map(plain));
         }
     }
     (messages, scanner.condition().unwrap())
@@ -347,6 +350,7 @@ fn messages_reach_the_file_within_half_a_second() {
     writer.message(&Converter::new(Settings::DEFAULT).telemetry(&frame(0), 0, 0.0), host(0.0)).unwrap();
     std::thread::sleep(Duration::from_millis(410));
     writer.tick().unwrap();
+    writer.settle().unwrap();
     let mut reader = Reader::open(&path).unwrap();
     assert_eq!(reader.by_ref().map(Result::unwrap).count(), 1);
     assert_eq!(reader.condition(), Some(Condition::CutOff));
@@ -359,7 +363,11 @@ fn messages_reach_the_file_within_half_a_second() {
 fn full_disk_error_states_the_bytes_kept() {
     let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
     let error = Writer::on(full, Path::new("/full/a.mcap"), host(0.0))
-        .and_then(|mut writer| writer.meta(&Identity::default()).and_then(|()| writer.flush()))
+        .and_then(|mut writer| {
+            writer.meta(&Identity::default())?;
+            writer.flush()?;
+            writer.settle()
+        })
         .unwrap_err();
     assert!(matches!(&error, LogError::Write { source, .. } if source.kind() == std::io::ErrorKind::StorageFull));
     assert_eq!(error.to_string(), "/full/a.mcap: cannot be written; 0 bytes were kept");

@@ -5,7 +5,7 @@ use super::disk::{self, Disk, create_file};
 use super::meta::{BoardMeta, CalibrationMeta, Identity, Origin, PlanMeta, RobotMeta, Summary, TrialMeta};
 use super::schema::{self, ChannelSpec, LogMessage, biflag};
 use super::table::{Meta, to_table};
-use super::{LogError, PROFILE};
+use super::{LONGEST_TRIAL_S, LogError, PROFILE};
 use protocol::Calibration;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -34,9 +34,10 @@ pub struct Start {
 
 /// A log being written.
 ///
-/// Every 0.4 s the current chunk is closed and synced, so that a killed program loses at most half a second;
-/// [`Writer::tick`] does this when no message arrives. A modelled trial can be computed again, and its log must not
-/// depend on the computing time: its chunks are closed by size alone.
+/// Every 0.4 s the current chunk is closed, written and synced on a thread of its own, so that a killed program loses at
+/// most half a second; [`Writer::tick`] closes it when no message arrives. A slow disk delays nothing for minutes: what
+/// waits for it is kept in memory. A modelled trial can be computed again, and its log must not depend on the computing
+/// time: its chunks are closed by size alone.
 pub struct Writer {
     path: PathBuf,
     mcap: mcap::Writer<BufWriter<Disk>>,
@@ -80,6 +81,8 @@ impl Writer {
             writer.meta(board)?;
         }
         writer.flush()?;
+        // A full disk is an error now, not when the motors turn.
+        writer.settle()?;
         Ok(writer)
     }
 
@@ -226,35 +229,56 @@ impl Writer {
         self.check(written)
     }
 
-    /// Closes and syncs a chunk if it is due. To be called at least every 0.1 s if nothing else is written.
+    /// Closes a chunk if it is due. To be called at least every 0.1 s if nothing else is written.
     ///
     /// # Errors
-    /// [`LogError::Write`], also for a background sync that failed since the last call.
+    /// [`LogError::Write`], for what failed since the last call.
     pub fn tick(&mut self) -> Result<(), LogError> {
         if self.flushed.is_none_or(|flushed| flushed.elapsed() < FLUSH_INTERVAL) { Ok(()) } else { self.flush() }
+    }
+
+    /// Waits until what was flushed is in the file; returns the longest time that a write or a sync has taken.
+    pub fn slowest_write(&self) -> Duration {
+        self.disk.wait_for(0);
+        self.disk.slowest()
     }
 
     pub(super) fn flush(&mut self) -> Result<(), LogError> {
         self.flushed = self.flushed.map(|_| Instant::now());
         let flushed = self.mcap.flush();
         self.check(flushed)?;
+        self.take_error()
+    }
+
+    /// Waits until what was flushed is in the file.
+    pub(super) fn settle(&self) -> Result<(), LogError> {
+        self.disk.wait_for(0);
+        self.take_error()
+    }
+
+    fn take_error(&self) -> Result<(), LogError> {
         match self.disk.take_error() {
             Some(error) => Err(self.error(error)),
             None => Ok(()),
         }
     }
 
-    /// Ends the log with its summary and syncs it.
+    /// Ends the log with its summary, syncs it, and reads it back.
     ///
     /// # Errors
-    /// [`LogError::Write`].
+    /// [`LogError::Write`], and [`LogError::Changed`] if the file does not hold what was written.
     pub fn finish(mut self, summary: &Summary) -> Result<(), LogError> {
         self.meta(summary)?;
         let finished = self.mcap.finish().map(drop);
         self.check(finished)?;
         let Self { path, mcap, disk, .. } = self;
         let synced = mcap.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error).and_then(Disk::finish);
-        synced.map_err(|source| LogError::Write { path, kept: disk.written(), source })
+        let difference = synced.and_then(|content| content.difference(&path));
+        match difference {
+            Ok(None) => Ok(()),
+            Ok(Some(how)) => Err(LogError::Changed { path, how }),
+            Err(source) => Err(LogError::Write { path, kept: disk.written(), source }),
+        }
     }
 
     fn check<T>(&self, result: mcap::McapResult<T>) -> Result<(), LogError> {
@@ -300,7 +324,9 @@ pub(super) fn io_error(error: mcap::McapError) -> std::io::Error {
     }
 }
 
+/// Returns nanoseconds since 1970. A clock that is centuries wrong leaves room for the times of the longest trial.
 fn nanos(time: SystemTime) -> u64 {
+    let last = u64::MAX - (2.0 * LONGEST_TRIAL_S * 1e9) as u64;
     let since = time.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+    u64::try_from(since.as_nanos()).map_or(last, |ns| ns.min(last))
 }

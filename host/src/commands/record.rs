@@ -6,10 +6,11 @@ use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::board;
 use crate::plan::{EXAMPLE, PUBLISHED, Plan, Trial};
-use crate::progress::{Progress, interruption};
+use crate::progress::Progress;
 use crate::run;
 use crate::run::rig::{self, Image, RecordError, RigRun, RunContext, SimulatedRobot, VirtualError, VirtualNano};
 use crate::session::{self, Session, Sharing};
+use crate::signals::interruption;
 use crate::text::decimal;
 use crate::trial::{Data, Want, Zeroed};
 use biflag_log::{End, LinkStats, Origin, Summary};
@@ -61,6 +62,7 @@ pub struct Args {
 
 #[derive(Debug, Default, Serialize)]
 struct Recorded {
+    #[serde(serialize_with = "crate::text::path")]
     session: PathBuf,
     trials: Vec<RecordedTrial>,
 }
@@ -70,6 +72,7 @@ struct RecordedTrial {
     name: String,
     w1_rpm: f64,
     w2_rpm: f64,
+    #[serde(serialize_with = "crate::text::path")]
     log: PathBuf,
     #[serde(flatten)]
     link: LinkStats,
@@ -84,6 +87,8 @@ struct RecordedTrial {
     hand_turn: Option<String>,
     /// Warnings for the user; only for trials of this run.
     warnings: Vec<String>,
+    /// What did not affect the data; only for trials of this run.
+    notes: Vec<String>,
     complete: bool,
 }
 
@@ -173,7 +178,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         progress.end_trial(trial.phases.total_s());
         let mut row = RecordedTrial::new(trial, path, &run.summary);
         row.turned_deg = run.angles.map(|angles| angles.turned_deg);
-        row.warnings = run.warnings;
+        (row.warnings, row.notes) = (run.warnings, run.notes);
         if let (Some(turn), Some(turned_deg)) = (plan.hand_turn, row.turned_deg) {
             let (verdict, agrees) = turn.verdict(turned_deg);
             row.hand_turn = Some(verdict);
@@ -295,6 +300,7 @@ impl RecordedTrial {
             turned_deg: None,
             hand_turn: None,
             warnings: Vec::new(),
+            notes: Vec::new(),
             complete: summary.end == End::Complete,
         }
     }
@@ -318,6 +324,7 @@ impl fmt::Display for RecordedTrial {
         if !self.complete {
             write!(f, "; not complete")?;
         }
-        self.warnings.iter().try_for_each(|warning| write!(f, "\n  warning: {warning}"))
+        self.warnings.iter().try_for_each(|warning| write!(f, "\n  warning: {warning}"))?;
+        self.notes.iter().try_for_each(|note| write!(f, "\n  note: {note}"))
     }
 }

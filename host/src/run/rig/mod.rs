@@ -2,8 +2,10 @@
 
 mod avrdude;
 mod error;
+mod health;
 mod image;
 mod recorder;
+mod schedule;
 mod simulated;
 mod trial;
 mod virtual_nano;
