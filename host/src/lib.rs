@@ -3,7 +3,6 @@
 //! A [`plan`] lists trials. [`run`] runs them on the rig or in the simulator and writes their logs ([`biflag_log`])
 //! into a [`session`] folder. All further commands read logs through [`trial`].
 
-pub mod atomic_file;
 pub mod attitude;
 pub mod commands;
 mod draw;
@@ -16,6 +15,7 @@ pub mod progress;
 pub mod report;
 pub mod run;
 pub mod session;
+pub mod signals;
 pub mod text;
 pub mod trial;
 pub mod twin;

@@ -14,7 +14,7 @@ pub const GIT_HASH: &str = env!("BIFLAG_GIT_HASH");
 pub fn identity(origin: Origin, time: SystemTime) -> Identity {
     let created = match origin {
         Origin::Model => String::new(),
-        Origin::Rig | Origin::VirtualRig => jiff::Timestamp::try_from(time).unwrap_or_default().to_string(),
+        Origin::Rig | Origin::VirtualRig => timestamp(time),
     };
     Identity {
         format: FORMAT,
@@ -24,6 +24,11 @@ pub fn identity(origin: Origin, time: SystemTime) -> Identity {
         created,
         origin,
     }
+}
+
+/// Returns a time as text. A clock that is millennia wrong gives the last time that can be written.
+pub fn timestamp(time: SystemTime) -> String {
+    jiff::Timestamp::try_from(time).unwrap_or(jiff::Timestamp::MAX).to_string()
 }
 
 /// Returns whether a log was written by the same build of this program.

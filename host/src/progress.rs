@@ -1,11 +1,10 @@
-//! Progress on stderr, as a bar on a terminal and as lines elsewhere, and interruption by the user.
+//! Progress on stderr, as a bar on a terminal and as lines elsewhere.
 
+use crate::text::{line, printable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use miette::{IntoDiagnostic, WrapErr};
 use std::cell::Cell;
 use std::io::{IsTerminal, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Progress in seconds of all trials.
@@ -35,7 +34,7 @@ impl Progress {
 
     /// Shows the phase of a trial.
     pub fn phase(&self, trial: &str, phase: &str) {
-        let message = format!("{trial}: {phase}");
+        let message = line(&format!("{trial}: {phase}"));
         if self.plain {
             let percent = 100.0 * (self.done_s + self.within_s.get()) / self.total_s.max(f64::MIN_POSITIVE);
             // A closed standard error must not end a trial.
@@ -58,7 +57,7 @@ impl Progress {
 
     /// Prints a line above the bar.
     pub fn line(&self, text: &str) {
-        self.bar.suspend(|| drop(writeln!(std::io::stderr(), "{text}")));
+        self.bar.suspend(|| drop(writeln!(std::io::stderr(), "{}", printable(text))));
     }
 
     /// Removes the bar.
@@ -70,17 +69,6 @@ impl Progress {
 /// Locks the progress shared by several threads, even if one of them panicked.
 pub fn lock(progress: &Mutex<Progress>) -> MutexGuard<'_, Progress> {
     progress.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Returns a flag that Ctrl-C sets. To be called once in a program.
-///
-/// # Errors
-/// If the system does not allow the program to handle the signal.
-pub fn interruption() -> miette::Result<Arc<AtomicBool>> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = interrupted.clone();
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).into_diagnostic().wrap_err("Ctrl-C")?;
-    Ok(interrupted)
 }
 
 fn milliseconds(seconds: f64) -> u64 {

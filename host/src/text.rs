@@ -1,6 +1,8 @@
-//! Formats words and numbers for messages and pages.
+//! Formats words, numbers, paths and foreign text for messages and pages.
 
 use biflag_log::ClockMeta;
+use serde::Serializer;
+use std::path::Path;
 
 /// Formats a number with a noun: `1 trial`, `2 trials`.
 pub fn count(number: usize, noun: &str) -> String {
@@ -36,9 +38,44 @@ pub fn word(value: &impl serde::Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|name| Some(name.as_str()?.replace('_', " "))).unwrap_or_default()
 }
 
+/// Serialises a path as text. JSON is Unicode, so bytes of a name that are not become replacement characters. For
+/// `#[serde(serialize_with)]`.
+pub fn path<S: Serializer>(path: impl AsRef<Path>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&path.as_ref().to_string_lossy())
+}
+
+/// Returns text that may be shown: names and notes of plans and logs may hold anything. Characters that move the cursor,
+/// colour the terminal or change the direction of the text are escaped. Line ends and tabs stay.
+pub fn printable(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for c in text.replace("\r\n", "\n").chars() {
+        if is_unprintable(c) { shown.extend(c.escape_unicode()) } else { shown.push(c) }
+    }
+    shown
+}
+
+/// Returns foreign text for a place within a line.
+pub fn line(text: &str) -> String {
+    printable(text).replace('\n', " ")
+}
+
+/// Returns whether a character controls a terminal or the direction of text.
+pub fn is_unprintable(c: char) -> bool {
+    let is_direction =
+        matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    is_direction || c.is_control() && c != '\n' && c != '\t'
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn foreign_text_cannot_control_a_terminal() {
+        assert_eq!(printable("Größe 漢字 °\tü\r\n"), "Größe 漢字 °\tü\n");
+        assert_eq!(printable("a\x1b[2J\u{9b}1m\u{202e}\x07\r"), "a\\u{1b}[2J\\u{9b}1m\\u{202e}\\u{7}\\u{d}");
+        assert_eq!(line("one\nerror: two"), "one error: two");
+    }
 
     #[test]
     fn numbers_are_formatted() {

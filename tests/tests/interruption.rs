@@ -1,6 +1,7 @@
 //! Trials that are interrupted by the user, a pulled cable, or a power cut.
 
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tests::{Bench, Run, logs, nano, signal, wait_for_logs};
@@ -71,33 +72,110 @@ fn pulled_cable_ends_the_trial_within_a_second() {
     assert!(info["samples"].as_u64().unwrap() > 200, "{info}");
 }
 
-/// A recording that is killed at any time loses at most the last half second.
+/// Three trials, so that kills also hit the time between two of them.
+const KILLED: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 0.2\nrun = 1.2\ndecay = 0.1\n\
+                      [speeds]\npairs = [[50, 10], [-30, 30], [0, 45]]\n";
+
+/// What came of the kills of one session.
+#[derive(Default)]
+struct Killed {
+    kills: usize,
+    in_trials: usize,
+    sessions: usize,
+    worst: Duration,
+}
+
+/// A recording that is killed at any time loses at most the last half second; `--resume` repeats no complete trial and
+/// leaves none out. `KILLS=1000 cargo test --release -p tests --test interruption killed` runs more than the usual 50.
 #[test]
-fn killed_recording_loses_at_most_half_a_second() {
-    let kills = 50;
-    let mut worst = Duration::ZERO;
+fn killed_recording_loses_at_most_half_a_second_and_no_trial() {
+    let kills = std::env::var("KILLS").map_or(50, |kills| kills.parse().expect("KILLS is a number"));
+    let workers = 5;
+    let killed: Vec<Killed> = std::thread::scope(|scope| {
+        let share = |worker| kills / workers + usize::from(worker < kills % workers);
+        let run = |worker: usize| scope.spawn(move || kill_sessions(share(worker), worker as u64));
+        let running: Vec<_> = (0..workers).map(run).collect();
+        running.into_iter().map(|worker| worker.join().unwrap()).collect()
+    });
+    let sum = |of: fn(&Killed) -> usize| killed.iter().map(of).sum::<usize>();
+    let worst = killed.iter().map(|killed| killed.worst).max().unwrap();
+    println!(
+        "{} kills, {} of them in a trial, in {} sessions: at most {:.0} ms lost, no trial lost or recorded twice",
+        sum(|killed| killed.kills),
+        sum(|killed| killed.in_trials),
+        sum(|killed| killed.sessions),
+        worst.as_secs_f64() * 1e3
+    );
+    assert_eq!(sum(|killed| killed.kills), kills);
+    assert!(sum(|killed| killed.in_trials) * 2 > kills, "most kills hit a trial");
+}
+
+/// Kills recordings of one board, resuming each session until it is complete.
+fn kill_sessions(kills: usize, seed: u64) -> Killed {
     let bench = Bench::new();
-    let plan = bench.short_plan(600.0, [50.0, 10.0]);
-    let nano = nano(["--speed", "2"]);
-    let mut random = 7u64;
-    for i in 0..kills {
-        let session = format!("session{i}");
-        let recording = bench.start(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", &session]);
-        wait_for_logs(&bench.path().join(&session), 1);
-        random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        std::thread::sleep(Duration::from_millis(600 + (random >> 54)));
-        signal(&recording, "-KILL");
-        let killed = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
-        let _ = Run::of(recording);
-        let log = logs(&bench.path().join(&session)).remove(0);
-        let run = bench.run(["recover", log.to_str().unwrap(), "-o", "recovered.mcap", "--json"]).expect_code(3);
-        let recovered = bench.path().join("recovered.mcap");
-        let messages = biflag_log::Reader::open(&recovered).unwrap().map(|message| message.unwrap().publish_time_ns);
-        let lost = killed.saturating_sub(Duration::from_nanos(messages.max().unwrap()));
-        worst = worst.max(lost);
-        assert!(lost <= Duration::from_millis(500), "kill {i}: {lost:?} are lost: {run:?}");
-        assert_eq!(info(&bench, &recovered)["lost"], 0);
-        std::fs::remove_file(recovered).unwrap();
+    let plan = bench.file("plan.toml", KILLED);
+    let nano = nano(["--speed", "1"]);
+    let mut random = seed;
+    let mut killed = Killed::default();
+    let mut seen = BTreeSet::new();
+    while killed.kills < kills {
+        killed.sessions += 1;
+        let name = format!("session{}", killed.sessions);
+        let session = bench.path().join(&name);
+        let record = ["record", plan.to_str().unwrap(), "--port", nano.port(), "--resume", "--json", "--out", &name];
+        // Kills so early that nothing is recorded would go on for ever: a session has a limit of them.
+        for _ in 0..8 {
+            if killed.kills == kills {
+                break;
+            }
+            random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            let mut recording = bench.start(record);
+            std::thread::sleep(Duration::from_millis(random >> 53));
+            if recording.try_wait().unwrap().is_some() {
+                break;
+            }
+            let killed_at = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+            signal(&recording, "-KILL");
+            let _ = Run::of(recording);
+            killed.kills += 1;
+            // The log that was being written has no summary. There is none before the first trial and between two.
+            let cut: Vec<_> = logs(&session)
+                .into_iter()
+                .filter(|log| !seen.contains(log) && biflag_log::summary(log).unwrap().is_none())
+                .collect();
+            assert!(cut.len() <= 1, "{cut:?}");
+            for log in cut {
+                let lost = lost_before(&bench, &log, killed_at);
+                assert!(lost <= Duration::from_millis(500), "{lost:?} are lost of {}", log.display());
+                killed.worst = killed.worst.max(lost);
+                killed.in_trials += 1;
+                seen.insert(log);
+            }
+        }
+        let run = bench.run(record);
+        // So short a run may end before the motors have their speeds, which is a warning.
+        assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
+        let json = run.json();
+        let is_complete = |trial: &Value| trial["complete"] == true && trial["lost"] == 0;
+        assert!(json["trials"].as_array().unwrap().iter().all(is_complete), "{json}");
+        let summaries: Vec<_> = logs(&session).iter().filter_map(|log| biflag_log::summary(log).unwrap()).collect();
+        assert_eq!((json["trials"].as_array().unwrap().len(), summaries.len()), (3, 3), "each trial once: {json}");
+        let mut left = std::fs::read_dir(&session).unwrap().map(|entry| entry.unwrap().file_name());
+        assert!(left.all(|name| !name.to_string_lossy().contains("partial")), "drafts are left in {name}");
     }
-    println!("{kills} kills: at most {:.0} ms lost", worst.as_secs_f64() * 1e3);
+    killed
+}
+
+/// Returns how long before the kill the last message in a log was received; in a log without one, how long before it the
+/// log was begun.
+fn lost_before(bench: &Bench, log: &Path, killed_at: Duration) -> Duration {
+    let begun = std::fs::metadata(log).unwrap().modified().unwrap().duration_since(UNIX_EPOCH).unwrap();
+    let recovered = log.with_extension("copy");
+    let run = bench.run(["recover", log.to_str().unwrap(), "-o", recovered.to_str().unwrap(), "--json"]);
+    assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
+    let mut reader = biflag_log::Reader::open(&recovered).unwrap();
+    let last = reader.by_ref().map(|message| Duration::from_nanos(message.unwrap().publish_time_ns)).max();
+    assert_eq!(reader.condition(), Some(biflag_log::Condition::Clean));
+    std::fs::remove_file(&recovered).unwrap();
+    killed_at.saturating_sub(last.unwrap_or(begun))
 }

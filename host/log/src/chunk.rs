@@ -1,10 +1,19 @@
 //! Unpacking a chunk whose CRC holds.
 
 use mcap::records::{Channel, MessageHeader, Record, SchemaHeader};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::io::Read;
 
 /// Longest record that is accepted, packed or unpacked: a damaged length must not allocate all memory.
-pub(super) const MAX_RECORD: u64 = 256 << 20;
+pub(super) const MAX_RECORD: u64 = 64 << 20;
+
+/// Binary logarithm of the largest window of a zstd stream, that of [`MAX_RECORD`]. Longer ones would only use memory.
+const WINDOW_LOG: u32 = MAX_RECORD.ilog2();
+
+/// Length of the head of a record: operation code and length.
+const HEAD: usize = 9;
+
+/// Length of a chunk's fields before its compressed records, without the name of the compression.
+const FIELDS: usize = 40;
 
 /// A record in a chunk.
 #[derive(Debug)]
@@ -15,66 +24,140 @@ pub(super) enum Entry {
     Message(MessageHeader, Vec<u8>),
 }
 
-/// Length of a record's head and of a chunk's fields before its compressed records, without the name of the
-/// compression.
-const HEADS: u64 = 9 + 40;
+/// The unpacked records of a chunk: an iterator over its entries.
+#[derive(Debug, Default)]
+pub(super) struct Chunk {
+    records: Vec<u8>,
+    /// Offset of the next record.
+    next: usize,
+}
 
-/// Returns every record of a chunk, given the chunk's complete record; `None` if anything in it is damaged.
-pub(super) fn unpack(record: &[u8]) -> Option<Vec<Entry>> {
-    let Ok(Record::Chunk { header, .. }) = mcap::parse_record(mcap::records::op::CHUNK, record.get(9..)?) else {
-        return None;
-    };
-    // MCAP allows extra bytes after the compressed records; here they mean that the chunk's length is damaged.
-    if HEADS.checked_add(header.compression.len() as u64)?.checked_add(header.compressed_size)? != record.len() as u64 {
+impl Chunk {
+    /// Returns a chunk of these records; `None` if one of them is invalid.
+    pub fn new(records: Vec<u8>) -> Option<Self> {
+        let mut rest = records.as_slice();
+        while !rest.is_empty() {
+            (_, rest) = split_record(rest)?;
+        }
+        Some(Self { records, next: 0 })
+    }
+
+    /// Returns whether it has no records at all.
+    pub fn is_empty(&self) -> bool {
+        self.records.is_empty()
+    }
+}
+
+/// Splits records into the first and the rest; `None` if the first is invalid.
+fn split_record(records: &[u8]) -> Option<(Record<'_>, &[u8])> {
+    use mcap::records::op;
+    let ([op, length @ ..], rest) = records.split_first_chunk::<HEAD>()?;
+    let (body, rest) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+    // MCAP allows no other record in a chunk.
+    let allowed = [op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(op);
+    let record = allowed.then(|| mcap::parse_record(*op, body).ok())??;
+    Some((record, rest))
+}
+
+impl Iterator for Chunk {
+    type Item = Entry;
+
+    fn next(&mut self) -> Option<Entry> {
+        let records = self.records.get(self.next..)?;
+        let (record, rest) = split_record(records)?;
+        self.next += records.len() - rest.len();
+        match record {
+            Record::Schema { header, data } => Some(Entry::Schema(header, data.into_owned())),
+            Record::Channel(channel) => Some(Entry::Channel(channel)),
+            Record::Message { header, data } => Some(Entry::Message(header, data.into_owned())),
+            _ => None,
+        }
+    }
+}
+
+/// The fields of a chunk before its compressed records.
+struct Fields<'a> {
+    uncompressed_size: u64,
+    /// CRC of the uncompressed records; 0 if it is missing.
+    crc: u32,
+    compression: &'a [u8],
+    compressed_size: u64,
+}
+
+impl<'a> Fields<'a> {
+    /// Splits a chunk, given from its head on, into its fields and the rest.
+    fn split(record: &'a [u8]) -> Option<(Self, &'a [u8])> {
+        // The head, and the times of the first and the last message.
+        let rest = record.get(HEAD + 16..)?;
+        let (uncompressed_size, rest) = rest.split_first_chunk()?;
+        let (crc, rest) = rest.split_first_chunk()?;
+        let (name_length, rest) = rest.split_first_chunk()?;
+        let (compression, rest) = rest.split_at_checked(u32::from_le_bytes(*name_length) as usize)?;
+        let (compressed_size, rest) = rest.split_first_chunk()?;
+        let fields = Self {
+            uncompressed_size: u64::from_le_bytes(*uncompressed_size),
+            crc: u32::from_le_bytes(*crc),
+            compression,
+            compressed_size: u64::from_le_bytes(*compressed_size),
+        };
+        Some((fields, rest))
+    }
+
+    /// Returns whether a record of `length` bytes after its head can be this chunk. MCAP allows extra bytes after the
+    /// compressed records; here they mean that the length is damaged.
+    fn fit(&self, length: u64) -> bool {
+        let names: [&[u8]; 3] = [b"", b"zstd", b"lz4"];
+        self.uncompressed_size <= MAX_RECORD
+            && names.contains(&self.compression)
+            && length.checked_sub((FIELDS + self.compression.len()) as u64) == Some(self.compressed_size)
+    }
+}
+
+/// Returns the size of the records in a chunk of `length` bytes with this beginning; `None` if it cannot be a chunk.
+pub(super) fn stated_size(beginning: &[u8], length: u64) -> Option<u64> {
+    let (fields, _) = Fields::split(beginning)?;
+    fields.fit(length).then_some(fields.uncompressed_size)
+}
+
+/// Returns the records of a chunk, given the chunk's complete record; `None` if anything in it is damaged. A chunk
+/// without a CRC is accepted only if `crc_may_be_missing`.
+pub(super) fn unpack(record: &[u8], crc_may_be_missing: bool) -> Option<Chunk> {
+    let (fields, data) = Fields::split(record)?;
+    if !fields.fit(record.len().checked_sub(HEAD)? as u64) {
         return None;
     }
-    let (entries, whole) = read(record, true);
-    whole.then_some(entries)
+    let records = decompress(&fields, data);
+    let holds = fields.crc == crc32fast::hash(&records) || fields.crc == 0 && crc_may_be_missing;
+    if holds && records.len() as u64 == fields.uncompressed_size { Chunk::new(records) } else { None }
 }
 
 /// Returns the records that can be unpacked from a chunk whose end is cut off. A part of a chunk has no CRC to check.
-pub(super) fn unpack_beginning(record: &[u8]) -> Vec<Entry> {
-    read(record, false).0
+pub(super) fn unpack_beginning(record: &[u8]) -> Chunk {
+    let records = Fields::split(record).map(|(fields, data)| decompress(&fields, data));
+    // The last record may be cut off as well.
+    Chunk { records: records.unwrap_or_default(), next: 0 }
 }
 
-/// Returns the entries, and whether all of them were read.
-fn read(record: &[u8], checked: bool) -> (Vec<Entry>, bool) {
-    let options = LinearReaderOptions::default()
-        .with_skip_start_magic(true)
-        .with_skip_end_magic(true)
-        .with_prevalidate_chunk_crcs(checked)
-        .with_record_length_limit(MAX_RECORD as usize);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut rest = record;
-    let mut entries = Vec::new();
-    while let Some(event) = reader.next_event() {
-        match event {
-            Ok(LinearReadEvent::ReadRequest(wanted)) => {
-                let (now, later) = rest.split_at(wanted.min(rest.len()));
-                reader.insert(now.len()).copy_from_slice(now);
-                reader.notify_read(now.len());
-                rest = later;
-            }
-            Ok(LinearReadEvent::Record { opcode, data }) => match entry(opcode, data) {
-                Some(entry) => entries.push(entry),
-                None => return (entries, false),
-            },
-            Err(_) => return (entries, false),
-        }
-    }
-    (entries, true)
+/// Unpacks the records, up to the first damaged block.
+fn decompress(fields: &Fields, data: &[u8]) -> Vec<u8> {
+    let source: Box<dyn Read> = match fields.compression {
+        b"" => Box::new(data),
+        b"zstd" => match zstd_decoder(data) {
+            Ok(decoder) => Box::new(decoder),
+            Err(_) => return Vec::new(),
+        },
+        b"lz4" => Box::new(lz4_flex::frame::FrameDecoder::new(data)),
+        _ => return Vec::new(),
+    };
+    let mut records = Vec::new();
+    // Memory grows with the bytes that are there, not with the size that is stated. What was unpacked before an error is
+    // of use if the chunk is cut off; otherwise the size or the CRC shows that bytes are missing.
+    let _ = source.take(fields.uncompressed_size.min(MAX_RECORD)).read_to_end(&mut records);
+    records
 }
 
-fn entry(opcode: u8, data: &[u8]) -> Option<Entry> {
-    use mcap::records::op;
-    // MCAP allows no other record in a chunk.
-    if ![op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&opcode) {
-        return None;
-    }
-    match mcap::parse_record(opcode, data).ok()? {
-        Record::Schema { header, data } => Some(Entry::Schema(header, data.into_owned())),
-        Record::Channel(channel) => Some(Entry::Channel(channel)),
-        Record::Message { header, data } => Some(Entry::Message(header, data.into_owned())),
-        _ => None,
-    }
+fn zstd_decoder(data: &[u8]) -> std::io::Result<impl Read> {
+    let mut decoder = zstd::stream::read::Decoder::with_buffer(data)?;
+    decoder.window_log_max(WINDOW_LOG)?;
+    Ok(decoder)
 }

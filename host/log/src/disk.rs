@@ -2,7 +2,7 @@
 
 use super::LogError;
 use std::fs::File;
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,13 +10,8 @@ use std::thread::JoinHandle;
 
 /// Creates a file, which must not exist, and syncs its folder.
 pub(super) fn create_file(path: &Path) -> Result<File, LogError> {
-    let file = File::options().read(true).write(true).create_new(true).open(path).map_err(|source| {
-        let path = path.to_owned();
-        match source.kind() {
-            io::ErrorKind::AlreadyExists => LogError::Exists { path },
-            _ => LogError::Create { path, source },
-        }
-    })?;
+    let file = File::options().read(true).write(true).create_new(true).open(path);
+    let file = file.map_err(|source| LogError::creating(path, source))?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     // Not every file system can sync a folder; the file's own content is synced in any case.
     let _ = File::open(folder).and_then(|folder| folder.sync_all());
@@ -29,8 +24,9 @@ pub(super) fn create_file(path: &Path) -> Result<File, LogError> {
 #[derive(Debug)]
 pub(super) struct Disk {
     file: File,
-    /// Bytes in the file.
+    /// Bytes in the file, and their CRC.
     written: u64,
+    crc: crc32fast::Hasher,
     failed: bool,
     requests: Option<SyncSender<()>>,
     thread: Option<JoinHandle<()>>,
@@ -65,20 +61,29 @@ impl Disk {
         let thread = std::thread::Builder::new()
             .name("log sync".to_owned())
             .spawn(move || sync_on_request(&handle, &served, &thread_status))?;
-        Ok(Self { file, written: 0, failed: false, requests: Some(requests), thread: Some(thread), status })
+        Ok(Self {
+            file,
+            written: 0,
+            crc: crc32fast::Hasher::new(),
+            failed: false,
+            requests: Some(requests),
+            thread: Some(thread),
+            status,
+        })
     }
 
     pub fn status(&self) -> Arc<Status> {
         Arc::clone(&self.status)
     }
 
-    /// Waits for the background sync, then syncs the file.
-    pub fn finish(mut self) -> io::Result<()> {
+    /// Waits for the background sync, then syncs the file. Returns what it must hold.
+    pub fn finish(mut self) -> io::Result<Content> {
         self.stop();
         match self.status.take_error() {
             Some(error) => Err(error),
             None => self.file.sync_all(),
-        }
+        }?;
+        Ok(Content { length: self.written, crc: self.crc.clone().finalize() })
     }
 
     fn stop(&mut self) {
@@ -87,6 +92,31 @@ impl Disk {
             // The thread cannot panic.
             let _ = thread.join();
         }
+    }
+}
+
+/// Length and CRC of everything that was written to a file.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Content {
+    length: u64,
+    crc: u32,
+}
+
+impl Content {
+    /// Returns how the file at `path` differs from what was written; `None` if it does not. Other programs may remove,
+    /// truncate or overwrite a file while it is written, which its writer does not notice.
+    pub fn difference(self, path: &Path) -> io::Result<Option<&'static str>> {
+        let mut file = match File::open(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Some("removed or renamed")),
+            other => other?,
+        };
+        let (mut crc, mut length) = (crc32fast::Hasher::new(), 0);
+        let mut block = vec![0; 1 << 16];
+        while let count @ 1.. = file.read(&mut block)? {
+            crc.update(&block[..count]);
+            length += count as u64;
+        }
+        Ok((Self { length, crc: crc.finalize() } != self).then_some("changed by another program"))
     }
 }
 
@@ -105,7 +135,10 @@ impl Write for Disk {
         }
         let result = self.file.write(bytes);
         match &result {
-            Ok(count) => self.written += *count as u64,
+            Ok(count) => {
+                self.written += *count as u64;
+                self.crc.update(&bytes[..*count]);
+            }
             Err(error) => self.failed = error.kind() != io::ErrorKind::Interrupted,
         }
         self.status.written.store(self.written, std::sync::atomic::Ordering::Relaxed);

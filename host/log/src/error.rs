@@ -14,6 +14,13 @@ pub enum LogError {
         /// The file.
         path: PathBuf,
     },
+    /// The folder of the file does not exist.
+    #[error("{}: cannot be created: there is no such folder", path.display())]
+    #[diagnostic(code(wrong_use), help("name a file in a folder that exists"))]
+    NoFolder {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file could not be created.
     #[error("{}: cannot be created", path.display())]
     #[diagnostic(help("check that the folder exists and is writable"))]
@@ -36,6 +43,15 @@ pub enum LogError {
         kept: u64,
         /// Why.
         source: std::io::Error,
+    },
+    /// Another program removed or changed the file while it was written.
+    #[error("{}: the log was {how} while it was written", path.display())]
+    #[diagnostic(help("keep other programs away from the session folder; `--resume` repeats the trial"))]
+    Changed {
+        /// The file.
+        path: PathBuf,
+        /// What happened to it.
+        how: &'static str,
     },
     /// The file does not exist.
     #[error("{}: no such log", path.display())]
@@ -102,6 +118,16 @@ pub enum LogError {
 }
 
 impl LogError {
+    /// Converts an error of creating a log.
+    pub(super) fn creating(path: &Path, source: std::io::Error) -> Self {
+        let path = path.to_owned();
+        match source.kind() {
+            std::io::ErrorKind::AlreadyExists => Self::Exists { path },
+            std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory => Self::NoFolder { path },
+            _ => Self::Create { path, source },
+        }
+    }
+
     /// Converts an error of opening or reading a log.
     pub(super) fn reading(path: &Path, source: std::io::Error) -> Self {
         match source.kind() {

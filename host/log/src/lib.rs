@@ -24,6 +24,7 @@
 //! A modelled trial begins at the epoch, and both times are the trial's. So its log depends on plan, robot and program
 //! alone, byte for byte: not on the date, the computer, or the number of trials that run in parallel.
 
+pub mod atomic_file;
 mod chunk;
 mod convert;
 mod disk;

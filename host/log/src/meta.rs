@@ -229,6 +229,9 @@ macro_rules! names {
         $(impl Meta for $type {
             const NAME: &'static str = $name;
         })*
+
+        /// The names of all metadata records of biflag.
+        pub(super) const NAMES: &[&str] = &[$($name),*];
     };
 }
 

@@ -2,15 +2,15 @@
 
 use super::LogError;
 use super::PROFILE;
-use super::chunk::Entry;
+use super::chunk::{Chunk, Entry};
 use super::meta::{FORMAT, Identity, Summary};
-use super::scan::{Condition, Loss, Piece, Scanner, indexed_table};
+use super::scan::{Condition, Loss, Piece, Scanner, last_table};
 use super::schema::{self, LogMessage, biflag, foxglove};
 use super::source::Source;
 use super::table::{self, Meta, Table};
 use mcap::records::MessageHeader;
 use prost::Message as _;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -88,15 +88,13 @@ pub fn summary(path: &Path) -> Result<Option<Summary>, LogError> {
     last_meta(path)
 }
 
-/// Returns the last metadata record of a type, by the index at the end of the log; `None` if the log is incomplete or
+/// Returns the last metadata record of a type, in most logs by the index at the end; `None` if the log is incomplete or
 /// has no such record.
 ///
 /// # Errors
 /// [`LogError::Read`], [`LogError::Missing`].
 pub fn last_meta<M: Meta>(path: &Path) -> Result<Option<M>, LogError> {
-    let failed = |source| LogError::reading(path, source);
-    let file = File::open(path).map_err(failed)?;
-    let table = indexed_table(file, M::NAME).map_err(failed)?;
+    let table = last_table(open(path)?, M::NAME).map_err(|source| LogError::reading(path, source))?;
     Ok(table.as_ref().and_then(table::from_table))
 }
 
@@ -106,7 +104,7 @@ pub fn last_meta<M: Meta>(path: &Path) -> Result<Option<M>, LogError> {
 /// [`LogError`] if it is not a biflag log or cannot be read.
 pub fn check(path: &Path) -> Result<Vec<Loss>, LogError> {
     let failed = |source| LogError::reading(path, source);
-    let mut scanner = identify(File::open(path).map_err(failed)?, path)?;
+    let mut scanner = identify(open(path)?, path)?;
     while scanner.next().map_err(failed)?.is_some() {}
     Ok(scanner.losses().to_vec())
 }
@@ -120,7 +118,10 @@ pub struct Reader {
     channels: BTreeMap<u16, (String, String)>,
     schemas: BTreeMap<u16, String>,
     tables: BTreeMap<String, Table>,
-    queue: VecDeque<Message>,
+    /// The rest of the current chunk.
+    chunk: Chunk,
+    /// The first message, if it came before the identity of the program.
+    first: Option<Message>,
     counts: BTreeMap<String, u64>,
     /// The channels to read; `None` for all.
     only: Option<Vec<&'static str>>,
@@ -134,8 +135,25 @@ impl Reader {
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let mut reader = Self::over(path)?;
         // The channels and the identity of the program come first.
-        while reader.queue.is_empty() && !reader.tables.contains_key(Identity::NAME) && reader.step()? {}
-        match reader.meta::<Identity>() {
+        while reader.first.is_none() && !reader.tables.contains_key(Identity::NAME) {
+            match reader.step()? {
+                Step::Message(message) => reader.first = Some(message),
+                Step::Other => {}
+                Step::End => break,
+            }
+        }
+        // A program that rewrites a log may put the metadata at its end.
+        let identity = match reader.meta::<Identity>() {
+            None if !reader.scanner.is_original() => last_table(open(path)?, Identity::NAME)
+                .map_err(|source| LogError::reading(path, source))?
+                .and_then(|table| {
+                    let identity = table::from_table(&table);
+                    reader.tables.insert(Identity::NAME.to_owned(), table);
+                    identity
+                }),
+            identity => identity,
+        };
+        match identity {
             Some(identity) if identity.format > FORMAT => {
                 Err(LogError::Version { path: path.to_owned(), found: identity.format, program: identity.host_version })
             }
@@ -145,12 +163,7 @@ impl Reader {
     }
 
     fn over(path: &Path) -> Result<Self, LogError> {
-        let failed = |source| LogError::reading(path, source);
-        let file = File::open(path).map_err(failed)?;
-        if !file.metadata().map_err(failed)?.is_file() {
-            return Err(LogError::NotAFile { path: path.to_owned() });
-        }
-        let scanner = identify(file, path)?;
+        let scanner = identify(open(path)?, path)?;
         let channels =
             schema::CHANNELS.iter().map(|spec| (spec.id, (spec.topic.to_owned(), spec.schema.to_owned()))).collect();
         Ok(Self {
@@ -159,7 +172,8 @@ impl Reader {
             channels,
             schemas: BTreeMap::new(),
             tables: BTreeMap::new(),
-            queue: VecDeque::new(),
+            chunk: Chunk::default(),
+            first: None,
             counts: BTreeMap::new(),
             only: None,
         })
@@ -168,17 +182,18 @@ impl Reader {
     /// Restricts the messages to these channels. The others are not decoded.
     #[must_use]
     pub fn only(mut self, topics: Vec<&'static str>) -> Self {
-        self.queue.retain(|message| topics.contains(&message.topic.as_str()));
+        self.first = self.first.filter(|message| topics.contains(&message.topic.as_str()));
         self.only = Some(topics);
         self
     }
 
-    /// Reads until a metadata record has been found; `None` if there is none in the rest of the log.
+    /// Reads on until a metadata record has been found; `None` if there is none in the rest of the log. The messages
+    /// before it are skipped.
     ///
     /// # Errors
     /// [`LogError::Read`].
     pub fn read_until<M: Meta>(&mut self) -> Result<Option<M>, LogError> {
-        while !self.tables.contains_key(M::NAME) && self.step()? {}
+        while !self.tables.contains_key(M::NAME) && !matches!(self.step()?, Step::End) {}
         Ok(self.meta())
     }
 
@@ -227,20 +242,30 @@ impl Reader {
         &self.path
     }
 
-    /// Reads one more piece; returns `false` at the end of the log.
-    fn step(&mut self) -> Result<bool, LogError> {
-        let piece = self.scanner.next().map_err(|source| LogError::reading(&self.path, source))?;
-        match piece {
-            None => return Ok(false),
+    /// Returns the program that wrote the file, if it was not biflag.
+    pub fn rewritten_by(&self) -> Option<&str> {
+        let header = self.scanner.header().filter(|_| !self.scanner.is_original())?;
+        Some(if header.library.is_empty() { "another program" } else { &header.library })
+    }
+
+    /// Reads one more record.
+    fn step(&mut self) -> Result<Step, LogError> {
+        if let Some(entry) = self.chunk.next() {
+            return Ok(self.take(entry).map_or(Step::Other, Step::Message));
+        }
+        match self.scanner.next().map_err(|source| LogError::reading(&self.path, source))? {
+            None => return Ok(Step::End),
             Some(Piece::Metadata(name, table)) => {
                 self.tables.insert(name, table);
             }
-            Some(Piece::Chunk(entries)) => entries.into_iter().for_each(|entry| self.take(entry)),
+            Some(Piece::Chunk(chunk)) => self.chunk = chunk,
+            Some(Piece::Attachment(..)) => {}
         }
-        Ok(true)
+        Ok(Step::Other)
     }
 
-    fn take(&mut self, entry: Entry) {
+    /// Takes an entry of a chunk; returns the message, if it is one that was asked for.
+    fn take(&mut self, entry: Entry) -> Option<Message> {
         match entry {
             Entry::Schema(header, _) => {
                 self.schemas.insert(header.id, header.name);
@@ -257,10 +282,19 @@ impl Reader {
                 let wanted = self.only.as_ref().is_none_or(|only| only.contains(&topic.as_str()));
                 let body = wanted.then(|| Body::decode(&topic, schema, data));
                 *self.counts.entry(topic.clone()).or_default() += 1;
-                self.queue.extend(body.map(|body| message(topic, &header, body)));
+                return body.map(|body| message(topic, &header, body));
             }
         }
+        None
     }
+}
+
+/// Result of reading one more record.
+#[expect(clippy::large_enum_variant, reason = "most records are messages")]
+enum Step {
+    Message(Message),
+    Other,
+    End,
 }
 
 fn message(topic: String, header: &MessageHeader, body: Body) -> Message {
@@ -277,13 +311,14 @@ impl Iterator for Reader {
     type Item = Result<Message, LogError>;
 
     fn next(&mut self) -> Option<Self::Item> {
+        if let Some(message) = self.first.take() {
+            return Some(Ok(message));
+        }
         loop {
-            if let Some(message) = self.queue.pop_front() {
-                return Some(Ok(message));
-            }
             match self.step() {
-                Ok(true) => {}
-                Ok(false) => return None,
+                Ok(Step::Message(message)) => return Some(Ok(message)),
+                Ok(Step::Other) => {}
+                Ok(Step::End) => return None,
                 Err(error) => return Some(Err(error)),
             }
         }
@@ -331,7 +366,20 @@ impl Body {
     }
 }
 
-/// Checks that a file is a biflag log, even if damaged, by its header or by the first record that can be read.
+/// Opens a file. A folder, a pipe or a device is none.
+pub(super) fn open(path: &Path) -> Result<File, LogError> {
+    let failed = |source| LogError::reading(path, source);
+    // Opening a pipe would wait for its writer.
+    if !std::fs::metadata(path).map_err(failed)?.is_file() {
+        return Err(LogError::NotAFile { path: path.to_owned() });
+    }
+    File::open(path).map_err(failed)
+}
+
+/// A file of another program may be large. One that has nothing of biflag in its beginning is none of ours.
+const BEGINNING: u64 = 256 << 20;
+
+/// Checks that a file is a biflag log, even if damaged, by its header or by the first records that can be read.
 pub(super) fn identify(file: File, path: &Path) -> Result<Scanner<Source>, LogError> {
     let failed = |source| LogError::reading(path, source);
     let again = file.try_clone().map_err(failed)?;
@@ -341,24 +389,31 @@ pub(super) fn identify(file: File, path: &Path) -> Result<Scanner<Source>, LogEr
     }
     let mut scanner = Scanner::new(Source::new(file)).map_err(failed)?;
     let has_magic = scanner.losses().is_empty();
-    if scanner
-        .header()
-        .map_err(failed)?
-        .is_some_and(|header| header.profile == PROFILE || header.library.split(' ').next() == Some(PROFILE))
-    {
+    if scanner.header().is_some_and(|header| header.profile == PROFILE || scanner.is_original()) {
         return Ok(scanner);
     }
-    match scanner.next().map_err(failed)? {
-        Some(Piece::Metadata(name, _)) if name == Identity::NAME => {}
-        Some(Piece::Chunk(entries)) if entries.iter().any(is_ours) => {}
-        _ if !has_magic && !mcap::MAGIC.starts_with(&beginning(&again, length).map_err(failed)?) => {
-            return Err(LogError::NotMcap { path: path.to_owned() });
+    let mut pieces = 0;
+    while scanner.offset() < BEGINNING {
+        let found = match scanner.next().map_err(failed)? {
+            Some(Piece::Metadata(name, _)) => name == Identity::NAME,
+            Some(Piece::Chunk(mut chunk)) => chunk.any(|entry| is_ours(&entry)),
+            Some(Piece::Attachment(..)) => false,
+            None => break,
+        };
+        if found {
+            // Both handles share their position in the file, but the scanner seeks before every read.
+            return Scanner::new(Source::new(again)).map_err(failed);
         }
-        None if length < 64 => return Err(LogError::NothingLeft { path: path.to_owned() }),
-        _ => return Err(LogError::NotOurs { path: path.to_owned() }),
+        pieces += 1;
     }
-    // Both handles share their position in the file, but the scanner seeks before every read.
-    Scanner::new(Source::new(again)).map_err(failed)
+    let path = path.to_owned();
+    if !has_magic && !mcap::MAGIC.starts_with(&beginning(&again, length).map_err(failed)?) {
+        Err(LogError::NotMcap { path })
+    } else if pieces == 0 && length < 64 {
+        Err(LogError::NothingLeft { path })
+    } else {
+        Err(LogError::NotOurs { path })
+    }
 }
 
 fn beginning(mut file: &File, length: u64) -> std::io::Result<Vec<u8>> {

@@ -1,16 +1,17 @@
 //! Recovers an intact log from a damaged one.
 
 use super::LogError;
-use super::chunk::Entry;
-use super::disk::create_file;
+use super::atomic_file::Draft;
+use super::chunk::{Entry, MAX_RECORD};
 use super::meta::RecoveryMeta;
-use super::reader::identify;
+use super::reader::{identify, open};
 use super::scan::{Condition, Loss, Piece, Scanner};
 use super::schema;
 use super::source::Source;
 use super::table::{Meta, to_table};
 use super::writer::{add_channel, io_error, options};
-use mcap::records::{MessageHeader, Metadata};
+use mcap::Attachment;
+use mcap::records::{AttachmentHeader, MessageHeader, Metadata, Record};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
@@ -29,39 +30,52 @@ pub struct Recovery {
     pub strays: u64,
 }
 
-/// Writes the part of the log at `from` that can be read to a new log at `to`, which must not exist.
+/// Writes the part of the log at `from` that can be read to a new log at `to`, which must not exist. Nobody sees an
+/// unfinished log at `to`.
 ///
 /// # Errors
-/// [`LogError`] if `from` is not a biflag log or `to` cannot be written; an unfinished `to` is removed.
+/// [`LogError`] if `from` is not a biflag log or `to` cannot be written.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovery, LogError> {
-    let failed = |source| LogError::reading(from, source);
-    let scanner = identify(File::open(from).map_err(failed)?, from)?;
-    let file = create_file(to)?;
-    let result = copy(scanner, from, to, file);
-    if result.is_err() {
-        // The first error matters more than a failure to remove the file.
-        let _ = std::fs::remove_file(to);
+    let scanner = identify(open(from)?, from)?;
+    if to.symlink_metadata().is_ok() {
+        return Err(LogError::Exists { path: to.to_owned() });
     }
-    result
+    let creating = |source| LogError::creating(to, source);
+    let draft = Draft::create(to).map_err(creating)?;
+    let file = draft.file.try_clone().map_err(creating)?;
+    let recovery = copy(scanner, from, to, file)?;
+    draft.publish(to).map_err(creating)?;
+    Ok(recovery)
 }
 
 fn copy(mut scanner: Scanner<Source>, from: &Path, to: &Path, file: File) -> Result<Recovery, LogError> {
+    let reading = |source| LogError::reading(from, source);
     let writing = |error| LogError::Create { path: to.to_owned(), source: io_error(error) };
     let mut copy = Copy::new(BufWriter::new(file)).map_err(writing)?;
-    while let Some(piece) = scanner.next().map_err(|source| LogError::reading(from, source))? {
-        copy.piece(piece).map_err(writing)?;
+    let mut left_out = Vec::new();
+    while let Some(piece) = scanner.next().map_err(reading)? {
+        match piece {
+            Piece::Attachment(offset, bytes) if bytes > MAX_RECORD => {
+                left_out.push(Loss { offset, bytes, what: "an attachment that is too long to copy" });
+            }
+            Piece::Attachment(offset, bytes) => {
+                let record = scanner.bytes(offset, bytes).map_err(reading)?;
+                copy.attachment(&record).map_err(writing)?;
+            }
+            Piece::Metadata(name, table) => copy.table(&name, table).map_err(writing)?,
+            Piece::Chunk(mut chunk) => chunk.try_for_each(|entry| copy.entry(entry)).map_err(writing)?,
+        }
     }
     let condition = scanner.condition().unwrap_or(Condition::Damaged);
-    let losses = scanner.losses().to_vec();
-    if condition != Condition::Clean {
+    let losses = [scanner.losses(), &left_out].concat();
+    if !losses.is_empty() {
         let lost = losses.iter().map(Loss::to_string).collect::<Vec<_>>().join("; ");
         let source = from.file_name().unwrap_or_default().to_string_lossy().into_owned();
         copy.table(RecoveryMeta::NAME, to_table(&RecoveryMeta { source, lost })).map_err(writing)?;
     }
     let Copy { mut writer, messages, strays, .. } = copy;
     writer.finish().map_err(writing)?;
-    let file = writer.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error);
-    file.and_then(|file| file.sync_all()).map_err(|error| writing(error.into()))?;
+    writer.into_inner().into_inner().map_err(|error| writing(error.into_error().into()))?;
     Ok(Recovery { condition, losses, messages, strays })
 }
 
@@ -88,11 +102,15 @@ impl<W: Write + Seek> Copy<W> {
         Ok(Self { writer, schemas: BTreeMap::new(), channels, messages: 0, strays: 0 })
     }
 
-    fn piece(&mut self, piece: Piece) -> mcap::McapResult<()> {
-        match piece {
-            Piece::Metadata(name, table) => self.table(&name, table),
-            Piece::Chunk(entries) => entries.into_iter().try_for_each(|entry| self.entry(entry)),
+    /// Copies an attachment, given its complete record.
+    fn attachment(&mut self, record: &[u8]) -> mcap::McapResult<()> {
+        let body = record.get(9..).unwrap_or_default();
+        // The scanner has checked the record.
+        if let Ok(Record::Attachment { header, data, .. }) = mcap::parse_record(mcap::records::op::ATTACHMENT, body) {
+            let AttachmentHeader { log_time, create_time, name, media_type } = header;
+            self.writer.attach(&Attachment { log_time, create_time, name, media_type, data })?;
         }
+        Ok(())
     }
 
     fn table(&mut self, name: &str, metadata: BTreeMap<String, String>) -> mcap::McapResult<()> {

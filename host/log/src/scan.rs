@@ -3,9 +3,14 @@
 //! Chunks and metadata records are accepted only if their CRC holds. When a record cannot be read, the scanner searches
 //! for the next one that can, starting at the end of the last record that is known to be valid, because the length of a
 //! record in between may be wrong.
+//!
+//! Other programs may rewrite a log as another valid MCAP file: without CRCs, without chunks or an index, with records of
+//! their own. The library in the header tells such a file from an original, in which any of this is damage.
 
-use super::chunk::{Entry, MAX_RECORD, unpack, unpack_beginning};
-use super::table::{Table, is_intact};
+use super::PROFILE;
+use super::chunk::{Chunk, MAX_RECORD, stated_size, unpack, unpack_beginning};
+use super::meta;
+use super::table::{Table, has_crc, is_intact};
 use mcap::MAGIC;
 use mcap::records::{Header, Metadata, Record, op};
 use std::io::{self, Read, Seek, SeekFrom};
@@ -16,16 +21,28 @@ const HEAD: u64 = 9;
 const FOOTER: u64 = HEAD + 20;
 /// Number of bytes read at once in the search for a record.
 const BLOCK: u64 = 64 << 10;
+/// Number of bytes of a record that show whether it can be a chunk or metadata.
+const BEGINNING: u64 = 256;
 
 /// The condition of a log.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Condition {
     /// Intact to the last byte.
     Clean,
+    /// Rewritten by another program, and whole: every record up to the end can be read. Changes to a file without CRCs
+    /// do not show.
+    Rewritten,
     /// The end is missing.
     CutOff,
     /// Bytes were changed or lost before the end.
     Damaged,
+}
+
+impl Condition {
+    /// Returns whether nothing of the log is missing.
+    pub fn is_whole(self) -> bool {
+        matches!(self, Self::Clean | Self::Rewritten)
+    }
 }
 
 /// A place in a log that cannot be read.
@@ -49,38 +66,16 @@ impl std::fmt::Display for Loss {
     }
 }
 
-/// Returns the last metadata record called `name`, by the index at the end of the log; `None` if the log has no intact
-/// index, or no such record. This reads only a few kilobytes.
-pub(super) fn indexed_table<R: Read + Seek>(source: R, name: &str) -> io::Result<Option<Table>> {
+/// Returns the last metadata record called `name`; `None` if the log is incomplete, or has no such record. In most logs
+/// this reads only a few kilobytes, by the index at the end.
+pub(super) fn last_table<R: Read + Seek>(source: R, name: &str) -> io::Result<Option<Table>> {
     let mut scanner = Scanner::new(source)?;
-    let end = FOOTER + MAGIC.len() as u64;
-    let Some(footer_at) = scanner.length.checked_sub(end) else { return Ok(None) };
-    let footer = scanner.bytes(footer_at, end)?;
-    let Some((start, _)) = footer.get(HEAD as usize..).and_then(|fields| fields.split_first_chunk()) else {
-        return Ok(None);
+    let Some(index) = scanner.metadata_index()? else {
+        return if scanner.is_original { Ok(None) } else { scanner.scan_for(name) };
     };
-    let start = u64::from_le_bytes(*start);
-    if start > footer_at || footer_at - start > MAX_RECORD {
-        return Ok(None);
-    }
-    let index = scanner.bytes(start, scanner.length - start)?;
-    if !check_index(&index, start).intact {
-        return Ok(None);
-    }
-    let mut rest = index.as_slice();
-    let mut found = None;
-    while let Some((op, length)) = rest.first_chunk().and_then(plausible) {
-        let Some((record, after)) = rest.split_at_checked((HEAD + length) as usize) else { break };
-        if op == op::METADATA_INDEX
-            && let Ok(Record::MetadataIndex(index)) = mcap::parse_record(op, &record[HEAD as usize..])
-            && index.name == name
-        {
-            found = Some(index.offset);
-        }
-        rest = after;
-    }
-    let Some(offset) = found else { return Ok(None) };
-    Ok(match scanner.record_at(offset)?.as_ref().and_then(piece) {
+    let Some((_, offset)) = index.into_iter().rfind(|(found, _)| found == name) else { return Ok(None) };
+    let record = scanner.record_at(offset)?;
+    Ok(match record.as_ref().and_then(|record| scanner.piece(record)) {
         Some(Piece::Metadata(found, table)) if found == name => Some(table),
         _ => None,
     })
@@ -89,8 +84,10 @@ pub(super) fn indexed_table<R: Read + Seek>(source: R, name: &str) -> io::Result
 /// A piece of a log.
 #[derive(Debug)]
 pub(super) enum Piece {
-    Chunk(Vec<Entry>),
+    Chunk(Chunk),
     Metadata(String, Table),
+    /// The offset and the length of the record, which may be longer than others.
+    Attachment(u64, u64),
 }
 
 /// A record as stored in the file, including its head.
@@ -118,6 +115,11 @@ pub(super) struct Scanner<R> {
     crc: crc32fast::Hasher,
     losses: Vec<Loss>,
     end: Option<Condition>,
+    header: Option<Header>,
+    /// Whether biflag wrote the file, as far as its header tells.
+    is_original: bool,
+    /// Bytes that the searches may still read and unpack in vain.
+    patience: u64,
 }
 
 impl<R: Read + Seek> Scanner<R> {
@@ -133,12 +135,19 @@ impl<R: Read + Seek> Scanner<R> {
             crc: crc32fast::Hasher::new(),
             losses: Vec::new(),
             end: None,
+            header: None,
+            is_original: true,
+            // Without a limit, a file full of false beginnings of long records would take time with its square.
+            patience: length.saturating_mul(4).saturating_add(4 * MAX_RECORD),
         };
         let magic = scanner.bytes(0, offset.min(length))?;
         if magic != MAGIC {
             scanner.lose(0, offset.min(length), "the first bytes");
         }
         scanner.crc.update(&magic);
+        let record = scanner.record_at(offset)?;
+        scanner.header = record.filter(|record| record.op == op::HEADER).and_then(|record| header(record.body()));
+        scanner.is_original = scanner.header.as_ref().is_none_or(is_original);
         Ok(scanner)
     }
 
@@ -158,51 +167,162 @@ impl<R: Read + Seek> Scanner<R> {
     }
 
     /// Returns the header: profile and library.
-    pub fn header(&mut self) -> io::Result<Option<Header>> {
-        let record = self.record_at(MAGIC.len() as u64)?;
-        Ok(record.filter(|record| record.op == op::HEADER).and_then(|record| header(record.body())))
+    pub fn header(&self) -> Option<&Header> {
+        self.header.as_ref()
+    }
+
+    /// Returns whether biflag wrote the file, as far as its header tells.
+    pub fn is_original(&self) -> bool {
+        self.is_original
+    }
+
+    /// Returns the offset of the next record.
+    pub fn offset(&self) -> u64 {
+        self.offset
     }
 
     /// Returns the next piece that can be read; `None` after the last.
     pub fn next(&mut self) -> io::Result<Option<Piece>> {
         while self.end.is_none() {
             let at = self.offset;
-            let Some(record) = self.record_at(at)? else {
-                if self.resync("unreadable records")? {
+            let what = match self.head_at(at)? {
+                None => "unreadable records",
+                Some((op::ATTACHMENT, length)) => match self.skip_attachment(at, length)? {
+                    true => return Ok(Some(Piece::Attachment(at, HEAD + length))),
+                    false => "an attachment",
+                },
+                // Records that this version of MCAP does not define.
+                Some((op, length)) if op > op::DATA_END => {
+                    self.pass(HEAD + length)?;
                     continue;
                 }
-                return self.tail();
-            };
-            let next = at + record.bytes.len() as u64;
-            match record.op {
-                op::DATA_END if record.body().len() == 4 => {
-                    self.finish(at, record.body())?;
-                    continue;
-                }
-                op::HEADER if at == MAGIC.len() as u64 && header(record.body()).is_some() => {}
-                op::MESSAGE_INDEX if is_message_index(record.body()) => {}
-                _ => match piece(&record) {
-                    Some(piece) => {
-                        self.advance(&record);
-                        self.resync_from = next;
-                        return Ok(Some(piece));
-                    }
-                    None => {
-                        let what = match record.op {
-                            op::CHUNK => "a chunk",
-                            op::METADATA => "a metadata record",
-                            _ => "a record",
-                        };
-                        if self.resync(what)? {
+                Some((op, length)) => {
+                    let record = RawRecord { op, bytes: self.bytes(at, HEAD + length)? };
+                    match op {
+                        op::DATA_END if record.body().len() == 4 => {
+                            self.finish(at, record.body())?;
                             continue;
                         }
-                        return self.tail();
+                        op::HEADER if at == MAGIC.len() as u64 && header(record.body()).is_some() => {
+                            self.advance(&record);
+                            continue;
+                        }
+                        op::MESSAGE_INDEX if is_message_index(record.body()) => {
+                            self.advance(&record);
+                            continue;
+                        }
+                        _ => {}
                     }
-                },
+                    if let Some(piece) = self.piece(&record) {
+                        self.advance(&record);
+                        self.resync_from = self.offset;
+                        return Ok(Some(piece));
+                    }
+                    match op {
+                        op::CHUNK => "a chunk",
+                        op::METADATA => "a metadata record",
+                        _ => "a record",
+                    }
+                }
+            };
+            if !self.resync(what)? {
+                return self.tail();
             }
-            self.advance(&record);
         }
         Ok(None)
+    }
+
+    /// Returns the content of a record; `None` if it is invalid.
+    fn piece(&self, record: &RawRecord) -> Option<Piece> {
+        match record.op {
+            op::CHUNK => unpack(&record.bytes, !self.is_original).map(Piece::Chunk),
+            // biflag writes these records into chunks.
+            op::SCHEMA | op::CHANNEL | op::MESSAGE if !self.is_original => {
+                Chunk::new(record.bytes.clone()).map(Piece::Chunk)
+            }
+            op::METADATA => metadata(record.body()).map(|(name, table)| Piece::Metadata(name, table)),
+            _ => None,
+        }
+    }
+
+    /// Passes an attachment, reading it in blocks. Returns `false` if its lengths or its CRC are wrong.
+    fn skip_attachment(&mut self, at: u64, length: u64) -> io::Result<bool> {
+        let beginning = self.bytes(at + HEAD, length.min(BLOCK))?;
+        if !is_attachment(&beginning, length) {
+            return Ok(false);
+        }
+        let crc_at = at + HEAD + length - 4;
+        let saved = self.bytes(crc_at, 4)?;
+        let mut crc = crc32fast::Hasher::new();
+        self.read_blocks(at + HEAD, length - 4, |block| crc.update(block))?;
+        if saved != [0; 4] && saved != crc.finalize().to_le_bytes() {
+            return Ok(false);
+        }
+        self.pass(HEAD + length)?;
+        Ok(true)
+    }
+
+    /// Moves past a record, reading it in blocks.
+    fn pass(&mut self, length: u64) -> io::Result<()> {
+        let mut crc = self.crc.clone();
+        self.read_blocks(self.offset, length, |block| crc.update(block))?;
+        self.crc = crc;
+        self.offset += length;
+        Ok(())
+    }
+
+    fn read_blocks(&mut self, from: u64, length: u64, mut take: impl FnMut(&[u8])) -> io::Result<()> {
+        let mut at = from;
+        while at < from + length {
+            let block = self.bytes(at, BLOCK.min(from + length - at))?;
+            take(&block);
+            at += block.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Returns name and offset of the metadata records, by the index at the end of the file; `None` without an intact
+    /// index.
+    fn metadata_index(&mut self) -> io::Result<Option<Vec<(String, u64)>>> {
+        let end = FOOTER + MAGIC.len() as u64;
+        let Some(footer_at) = self.length.checked_sub(end) else { return Ok(None) };
+        let footer = self.bytes(footer_at, end)?;
+        let Some((start, _)) = footer.get(HEAD as usize..).and_then(|fields| fields.split_first_chunk()) else {
+            return Ok(None);
+        };
+        let start = u64::from_le_bytes(*start);
+        if start == 0 || start > footer_at || footer_at - start > MAX_RECORD {
+            return Ok(None);
+        }
+        let index = self.bytes(start, self.length - start)?;
+        if !check_index(&index, start, self.is_original).intact {
+            return Ok(None);
+        }
+        let mut rest = index.as_slice();
+        let mut found = Vec::new();
+        while let Some((op, length)) = rest.first_chunk().and_then(|head| self.plausible(head)) {
+            let Some((record, after)) = rest.split_at_checked((HEAD + length) as usize) else { break };
+            if op == op::METADATA_INDEX
+                && let Ok(Record::MetadataIndex(index)) = mcap::parse_record(op, &record[HEAD as usize..])
+            {
+                found.push((index.name, index.offset));
+            }
+            rest = after;
+        }
+        // A program that rewrites a log may leave the metadata out of its index.
+        Ok((self.is_original || !found.is_empty()).then_some(found))
+    }
+
+    /// Returns the last metadata record called `name`, from a full read; `None` if the log is not whole.
+    fn scan_for(&mut self, name: &str) -> io::Result<Option<Table>> {
+        let mut last = None;
+        while let Some(piece) = self.next()? {
+            match piece {
+                Piece::Metadata(found, table) if found == name => last = Some(table),
+                _ => {}
+            }
+        }
+        Ok(last.filter(|_| self.end.is_some_and(Condition::is_whole)))
     }
 
     fn advance(&mut self, record: &RawRecord) {
@@ -228,31 +348,37 @@ impl<R: Read + Seek> Scanner<R> {
     /// Reads the beginning of the last chunk of a file that has no end record.
     fn tail(&mut self) -> io::Result<Option<Piece>> {
         let (from, rest) = (self.offset, self.length - self.offset.min(self.length));
-        let bytes = self.bytes(from, rest.min(MAX_RECORD))?;
-        let is_cut = match bytes.first_chunk::<{ HEAD as usize }>() {
-            Some(head) => plausible(head).is_none_or(|(_, length)| length > rest - HEAD),
+        let head = self.bytes(from, rest.min(HEAD))?;
+        let is_cut = match head.first_chunk() {
+            Some(head) => self.plausible(head).is_none_or(|(_, length)| length > rest - HEAD),
             None => true,
         };
-        let entries = if is_cut && bytes.first() == Some(&op::CHUNK) { unpack_beginning(&bytes) } else { Vec::new() };
+        let chunk = if is_cut && head.first() == Some(&op::CHUNK) {
+            unpack_beginning(&self.bytes(from, rest.min(MAX_RECORD))?)
+        } else {
+            Chunk::default()
+        };
         self.lose(from, rest, if is_cut { "the end" } else { "the end, which cannot be read" });
         self.end = Some(if is_cut && self.losses.len() == 1 { Condition::CutOff } else { Condition::Damaged });
-        Ok((!entries.is_empty()).then_some(Piece::Chunk(entries)))
+        Ok((!chunk.is_empty()).then_some(Piece::Chunk(chunk)))
     }
 
     /// Checks the CRC of the data section and the index after it.
     fn finish(&mut self, at: u64, saved: &[u8]) -> io::Result<()> {
         let unbroken = self.losses.is_empty();
-        if unbroken && saved != self.crc.clone().finalize().to_le_bytes() {
+        let is_missing = saved == [0; 4] && !self.is_original;
+        if unbroken && !is_missing && saved != self.crc.clone().finalize().to_le_bytes() {
             self.lose(at, 0, "something in the records between the chunks");
         }
         let start = at + HEAD + 4;
         let index = self.bytes(start, (self.length - start.min(self.length)).min(MAX_RECORD))?;
-        let IndexState { intact, complete } = check_index(&index, start);
+        let IndexState { intact, complete } = check_index(&index, start, self.is_original);
         if !intact {
             self.lose(start, index.len() as u64, "the index at the end");
         }
         self.end = Some(match (self.losses.is_empty(), unbroken && !intact && !complete) {
-            (true, _) => Condition::Clean,
+            (true, _) if self.is_original => Condition::Clean,
+            (true, _) => Condition::Rewritten,
             (false, true) if self.losses.len() == 1 => Condition::CutOff,
             _ => Condition::Damaged,
         });
@@ -265,15 +391,30 @@ impl<R: Read + Seek> Scanner<R> {
         while block_at + HEAD <= self.length {
             let block = self.bytes(block_at, (BLOCK + HEAD - 1).min(self.length - block_at))?;
             for (i, head) in block.windows(HEAD as usize).enumerate() {
-                let Some((op, length)) = head.first_chunk().and_then(plausible) else { continue };
+                let Some((op, length)) = head.first_chunk().and_then(|head| self.plausible(head)) else { continue };
                 let at = block_at + i as u64;
                 if ![op::CHUNK, op::METADATA, op::DATA_END].contains(&op) || length > self.length - at - HEAD {
                     continue;
                 }
-                let Some(record) = self.record_at(at)? else { continue };
-                if piece(&record).is_some() || (op == op::DATA_END && length == 4) {
+                if op == op::DATA_END {
+                    if length == 4 {
+                        return Ok(Some(at));
+                    }
+                    continue;
+                }
+                // The first bytes of a record show most false ones.
+                let beginning = self.bytes(at, BEGINNING.min(self.length - at))?;
+                let size = match op {
+                    op::CHUNK => stated_size(&beginning, length),
+                    _ => is_metadata(&beginning, length).then_some(0),
+                };
+                let Some(size) = size else { continue };
+                let record = RawRecord { op, bytes: self.bytes(at, HEAD + length)? };
+                if self.piece(&record).is_some() {
                     return Ok(Some(at));
                 }
+                let Some(patience) = self.patience.checked_sub(length + size) else { return Ok(None) };
+                self.patience = patience;
             }
             block_at += BLOCK;
         }
@@ -282,18 +423,40 @@ impl<R: Read + Seek> Scanner<R> {
 
     /// Returns the record at `at`; `None` if there cannot be one.
     fn record_at(&mut self, at: u64) -> io::Result<Option<RawRecord>> {
-        if at + HEAD > self.length {
+        match self.head_at(at)? {
+            Some((op, length)) if length <= MAX_RECORD => {
+                Ok(Some(RawRecord { op, bytes: self.bytes(at, HEAD + length)? }))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// Returns operation code and length of the record at `at`; `None` if there cannot be one.
+    fn head_at(&mut self, at: u64) -> io::Result<Option<(u8, u64)>> {
+        if self.length.checked_sub(at).is_none_or(|rest| rest < HEAD) {
             return Ok(None);
         }
         let head = self.bytes(at, HEAD)?;
-        let Some((op, length)) = head.first_chunk().and_then(plausible) else { return Ok(None) };
-        if length > self.length - at - HEAD {
-            return Ok(None);
-        }
-        Ok(Some(RawRecord { op, bytes: self.bytes(at, HEAD + length)? }))
+        let head = head.first_chunk().and_then(|head| self.plausible(head));
+        Ok(head.filter(|(_, length)| *length <= self.length - at - HEAD))
     }
 
-    fn bytes(&mut self, at: u64, count: u64) -> io::Result<Vec<u8>> {
+    /// Returns operation code and length of a head, if it can be that of a record.
+    fn plausible(&self, head: &[u8; HEAD as usize]) -> Option<(u8, u64)> {
+        let [op, length @ ..] = *head;
+        let length = u64::from_le_bytes(length);
+        let is_possible = match op {
+            // Attachments and unknown records are not read into memory.
+            op::ATTACHMENT => true,
+            op::HEADER..=op::DATA_END => length <= MAX_RECORD,
+            0 => false,
+            _ => !self.is_original,
+        };
+        is_possible.then_some((op, length))
+    }
+
+    /// Reads `count` bytes at `at`.
+    pub fn bytes(&mut self, at: u64, count: u64) -> io::Result<Vec<u8>> {
         self.source.seek(SeekFrom::Start(at))?;
         let mut bytes = vec![0; count as usize];
         self.source.read_exact(&mut bytes)?;
@@ -301,28 +464,46 @@ impl<R: Read + Seek> Scanner<R> {
     }
 }
 
-/// Returns operation code and length of a head, if it can be that of a record.
-fn plausible(head: &[u8; HEAD as usize]) -> Option<(u8, u64)> {
-    let [op, length @ ..] = *head;
-    let length = u64::from_le_bytes(length);
-    (length <= MAX_RECORD && (op::HEADER..=op::DATA_END).contains(&op)).then_some((op, length))
+/// Returns whether the library in a header is biflag's.
+fn is_original(header: &Header) -> bool {
+    header.library.split(' ').next() == Some(PROFILE)
 }
 
-/// Returns the content of a chunk or metadata record; `None` if it is invalid.
-fn piece(record: &RawRecord) -> Option<Piece> {
-    match record.op {
-        op::CHUNK => unpack(&record.bytes).map(Piece::Chunk),
-        op::METADATA => match mcap::parse_record(op::METADATA, record.body()) {
-            // The parser allows extra bytes after the table; here they mean that the record's length is damaged.
-            Ok(Record::Metadata(Metadata { name, metadata }))
-                if is_intact(&name, &metadata) && metadata_length(&name, &metadata) == record.body().len() =>
-            {
-                Some(Piece::Metadata(name, metadata))
-            }
-            _ => None,
-        },
+/// Parses a metadata record: one of biflag with its CRC, or one of another program.
+fn metadata(body: &[u8]) -> Option<(String, Table)> {
+    // The parser allows extra bytes after the table; here they mean that the record's length is damaged.
+    match mcap::parse_record(op::METADATA, body) {
+        Ok(Record::Metadata(Metadata { name, metadata }))
+            if metadata_length(&name, &metadata) == body.len()
+                && (is_intact(&name, &metadata) || !has_crc(&metadata) && !meta::NAMES.contains(&name.as_str())) =>
+        {
+            Some((name, metadata))
+        }
         _ => None,
     }
+}
+
+/// Returns whether a metadata record of `length` bytes can have this beginning.
+fn is_metadata(beginning: &[u8], length: u64) -> bool {
+    let body = beginning.get(HEAD as usize..).unwrap_or_default();
+    let Some((name, rest)) = body.split_first_chunk() else { return false };
+    let name_length = u64::from(u32::from_le_bytes(*name));
+    let table = usize::try_from(name_length).ok().and_then(|name_length| rest.get(name_length..)?.first_chunk());
+    // The length of the table is beyond the beginning if the name is very long.
+    table.is_some_and(|table| 8 + name_length + u64::from(u32::from_le_bytes(*table)) == length)
+}
+
+/// Returns whether an attachment of `length` bytes can have this beginning.
+fn is_attachment(beginning: &[u8], length: u64) -> bool {
+    let data_length = || {
+        // The times of its logging and its creation.
+        let (name, rest) = beginning.get(16..)?.split_first_chunk()?;
+        let (media_type, rest) = rest.get(u32::from_le_bytes(*name) as usize..)?.split_first_chunk()?;
+        let rest = rest.get(u32::from_le_bytes(*media_type) as usize..)?;
+        let (data, rest) = rest.split_first_chunk()?;
+        u64::from_le_bytes(*data).checked_add((beginning.len() - rest.len()) as u64 + 4)
+    };
+    data_length() == Some(length)
 }
 
 /// Parses a header, which must be exactly as long as its texts.
@@ -355,8 +536,8 @@ struct IndexState {
     complete: bool,
 }
 
-/// Checks the index, which extends from the end of the data at `start` to the end of the file.
-fn check_index(index: &[u8], start: u64) -> IndexState {
+/// Checks the index of a file that biflag wrote, or of another one, which extends from the end of the data at `start` to the end of the file.
+fn check_index(index: &[u8], start: u64, is_original: bool) -> IndexState {
     let end = FOOTER as usize + MAGIC.len();
     let Some(summary_length) = index.len().checked_sub(end) else { return IndexState::default() };
     let (summary, footer) = index.split_at(summary_length);
@@ -367,8 +548,9 @@ fn check_index(index: &[u8], start: u64) -> IndexState {
     let mut crc = crc32fast::Hasher::new();
     crc.update(summary);
     crc.update(&footer[..FOOTER as usize - 4]);
-    let holds = *head == op::FOOTER
-        && starts.starts_with(&start.to_le_bytes())
-        && u32::from_le_bytes([*a, *b, *c, *d]) == crc.finalize();
+    let saved = u32::from_le_bytes([*a, *b, *c, *d]);
+    // In files of other programs the CRC and the index may be missing.
+    let is_there = starts.starts_with(&start.to_le_bytes()) || !is_original && starts.starts_with(&[0; 8]);
+    let holds = *head == op::FOOTER && is_there && (saved == crc.finalize() || !is_original && saved == 0);
     IndexState { intact: holds && complete, complete }
 }

@@ -37,6 +37,11 @@ pub(super) fn is_intact(name: &str, table: &Table) -> bool {
     table.get(CRC).is_some_and(|saved| *saved == crc(name, table))
 }
 
+/// Returns whether a record has a CRC, as those of biflag do.
+pub(super) fn has_crc(table: &Table) -> bool {
+    table.contains_key(CRC)
+}
+
 /// Converts a record from text. Missing keys take their defaults and unknown ones are ignored, so that logs of other
 /// versions can be read.
 pub(super) fn from_table<M: Meta>(table: &Table) -> Option<M> {

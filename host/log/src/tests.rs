@@ -100,7 +100,7 @@ fn chunks(log: &[u8]) -> Vec<(std::ops::Range<usize>, Vec<Plain>)> {
         let length = u64::from_le_bytes(head[1..].try_into().unwrap()) as usize;
         let end = at + 9 + length;
         if head[0] == mcap::records::op::CHUNK {
-            chunks.push((at..end, chunk::unpack(&log[at..end]).unwrap().into_iter().filter_map(plain).collect()));
+            chunks.push((at..end, chunk::unpack(&log[at..end], false).unwrap().filter_map(plain).collect()));
         }
         if head[0] == mcap::records::op::FOOTER || length > rest.len() {
             break;
@@ -120,15 +120,18 @@ fn plain(entry: Entry) -> Option<Plain> {
 /// Returns whether the channels are declared, which the first chunk does.
 fn introduces(log: &[u8]) -> bool {
     let mut scanner = Scanner::new(Cursor::new(log)).unwrap();
-    matches!(scanner.next().unwrap(), Some(Piece::Chunk(entries)) if matches!(entries[0], Entry::Schema(..)))
+    match scanner.next().unwrap() {
+        Some(Piece::Chunk(mut chunk)) => matches!(chunk.next(), Some(Entry::Schema(..))),
+        _ => false,
+    }
 }
 
 fn read(log: &[u8]) -> (Vec<Plain>, Condition) {
     let mut scanner = Scanner::new(Cursor::new(log)).unwrap();
     let mut messages = Vec::new();
     while let Some(piece) = scanner.next().unwrap() {
-        if let Piece::Chunk(entries) = piece {
-            messages.extend(entries.into_iter().filter_map(plain));
+        if let Piece::Chunk(chunk) = piece {
+            messages.extend(chunk.filter_map(plain));
         }
     }
     (messages, scanner.condition().unwrap())

@@ -5,7 +5,7 @@ use super::disk::{self, Disk, create_file};
 use super::meta::{BoardMeta, CalibrationMeta, Identity, Origin, PlanMeta, RobotMeta, Summary, TrialMeta};
 use super::schema::{self, ChannelSpec, LogMessage, biflag};
 use super::table::{Meta, to_table};
-use super::{LogError, PROFILE};
+use super::{LONGEST_TRIAL_S, LogError, PROFILE};
 use protocol::Calibration;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -244,17 +244,22 @@ impl Writer {
         }
     }
 
-    /// Ends the log with its summary and syncs it.
+    /// Ends the log with its summary, syncs it, and reads it back.
     ///
     /// # Errors
-    /// [`LogError::Write`].
+    /// [`LogError::Write`], and [`LogError::Changed`] if the file does not hold what was written.
     pub fn finish(mut self, summary: &Summary) -> Result<(), LogError> {
         self.meta(summary)?;
         let finished = self.mcap.finish().map(drop);
         self.check(finished)?;
         let Self { path, mcap, disk, .. } = self;
         let synced = mcap.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error).and_then(Disk::finish);
-        synced.map_err(|source| LogError::Write { path, kept: disk.written(), source })
+        let difference = synced.and_then(|content| content.difference(&path));
+        match difference {
+            Ok(None) => Ok(()),
+            Ok(Some(how)) => Err(LogError::Changed { path, how }),
+            Err(source) => Err(LogError::Write { path, kept: disk.written(), source }),
+        }
     }
 
     fn check<T>(&self, result: mcap::McapResult<T>) -> Result<(), LogError> {
@@ -300,7 +305,9 @@ pub(super) fn io_error(error: mcap::McapError) -> std::io::Error {
     }
 }
 
+/// Returns nanoseconds since 1970. A clock that is centuries wrong leaves room for the times of the longest trial.
 fn nanos(time: SystemTime) -> u64 {
+    let last = u64::MAX - (2.0 * LONGEST_TRIAL_S * 1e9) as u64;
     let since = time.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+    u64::try_from(since.as_nanos()).map_or(last, |ns| ns.min(last))
 }

@@ -1,5 +1,6 @@
 //! The result of a command, and its output: stdout, stderr and the exit code.
 
+use crate::text::{is_unprintable, printable};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
 use std::io::Write;
@@ -64,25 +65,57 @@ impl Answer {
 pub(super) fn finish(result: miette::Result<Answer>, json: bool) -> ExitCode {
     let code = exit_code(&result);
     let output = match &result {
-        Ok(answer) if json => answer.json.to_string(),
-        Ok(answer) => answer.text.clone(),
+        Ok(answer) if json => escaped(&answer.json),
+        Ok(answer) => printable(&answer.text),
         Err(report) => {
             let _ = write!(std::io::stderr(), "{}", describe(report.as_ref()));
-            if json { error_json(report).to_string() } else { String::new() }
+            if json { escaped(&error_json(report)) } else { String::new() }
         }
     };
-    if output.is_empty() {
-        return ExitCode::from(code);
+    print(&output, code)
+}
+
+/// Prints the help, or why the command line is wrong, and returns the exit code.
+pub(super) fn not_parsed(error: &clap::Error, json: bool) -> ExitCode {
+    // 2 on wrong use, and 0 after --help and --version.
+    let code = if error.use_stderr() { 2 } else { 0 };
+    let printed = error.print();
+    if code == 0 {
+        return end(printed, code);
     }
-    match writeln!(std::io::stdout(), "{}", output.trim_end()) {
-        Ok(()) => ExitCode::from(code),
+    let body = || serde_json::json!({ "error": error.render().to_string().trim(), "help": null });
+    print(&if json { escaped(&body()) } else { String::new() }, code)
+}
+
+/// Prints the output on stdout, unless there is none, and returns the exit code.
+fn print(output: &str, code: u8) -> ExitCode {
+    match output.trim_end() {
+        "" => ExitCode::from(code),
+        output => end(writeln!(std::io::stdout(), "{output}"), code),
+    }
+}
+
+/// Returns the exit code after the output was printed.
+fn end(printed: std::io::Result<()>, code: u8) -> ExitCode {
+    match printed {
         // A reader such as `head` may close the pipe early.
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::from(code),
-        Err(error) => {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             let _ = writeln!(std::io::stderr(), "error: stdout: {error}");
-            ExitCode::from(1)
+            // A terminal that has closed does not change how the command ended.
+            ExitCode::from(if [0, 3].contains(&code) { 1 } else { code })
         }
+        _ => ExitCode::from(code),
     }
+}
+
+/// Formats JSON without characters that control a terminal. They are within strings, where JSON can escape them.
+fn escaped(value: &serde_json::Value) -> String {
+    let mut text = String::new();
+    for c in value.to_string().chars() {
+        // All of them have four hexadecimal digits.
+        if is_unprintable(c) { text += &format!("\\u{:04x}", u32::from(c)) } else { text.push(c) }
+    }
+    text
 }
 
 fn exit_code(result: &miette::Result<Answer>) -> u8 {
@@ -107,11 +140,14 @@ fn error_json(report: &Report) -> serde_json::Value {
 
 /// Describes an error, its causes, and its fix.
 fn describe(error: &dyn Diagnostic) -> String {
-    let mut text = format!("error: {}\n", chain(error).join("\n  because: "));
+    // A message of several lines, perhaps of a file's text, is indented, so that it cannot pass for another error.
+    let indented = |text: &str| text.trim_end().replace('\n', "\n    ");
+    let messages: Vec<_> = chain(error).iter().map(|message| indented(message)).collect();
+    let mut text = format!("error: {}\n", messages.join("\n  because: "));
     if let Some(help) = error.help() {
-        text += &format!("  help: {help}\n");
+        text += &format!("  help: {}\n", indented(&help.to_string()));
     }
-    text
+    printable(&text)
 }
 
 /// Returns the error and its causes. Libraries often repeat a cause in the message; it is then left out.

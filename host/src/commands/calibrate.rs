@@ -2,18 +2,17 @@
 
 use super::options::{ClosureName, cores};
 use super::{Answer, Outcome, WRONG_USE};
-use crate::atomic_file;
 use crate::plan::robot;
 use crate::progress::{Progress, lock};
 use crate::text;
 use crate::trial::{Data, Want};
 use crate::twin::Source;
 use crate::twin::calibrate::{self, Calibration, FitTrial, Parameter, Request};
+use biflag_log::atomic_file::Draft;
 use miette::{IntoDiagnostic, WrapErr};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -50,6 +49,7 @@ pub struct Args {
 struct Calibrated<'a> {
     #[serde(flatten)]
     calibration: &'a Calibration,
+    #[serde(serialize_with = "crate::text::path")]
     robot: &'a Path,
 }
 
@@ -62,8 +62,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let help = "name another file with -o, or move this one away";
         return Err(miette::miette!(code = WRONG_USE, help = help, "{}: already exists", args.out.display()));
     }
-    let draft = atomic_file::draft(&args.out);
-    if let Err(error) = atomic_file::create(&draft).and_then(|_| std::fs::remove_file(&draft)) {
+    if let Err(error) = Draft::create(&args.out) {
         let help = "name a file in a folder that exists and is writable";
         return Err(miette::miette!(
             code = WRONG_USE,
@@ -123,9 +122,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 }
 
 fn write(path: &Path, text: &str) -> std::io::Result<()> {
-    let mut file = File::create_new(path)?;
-    file.write_all(text.as_bytes())?;
-    file.sync_all()
+    let mut draft = Draft::create(path)?;
+    draft.file.write_all(text.as_bytes())?;
+    draft.publish(path)
 }
 
 fn describe(calibration: &Calibration, out: &Path) -> String {

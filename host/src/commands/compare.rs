@@ -3,9 +3,9 @@
 use super::options::{ClosureName, cores};
 use super::{Answer, Outcome, WRONG_USE};
 use crate::plan::robot;
-use crate::progress::interruption;
 use crate::report::{self, ByteBudget, Kind, View};
 use crate::session::{Session, Sharing};
+use crate::signals::interruption;
 use crate::text::{count, decimal, signed};
 use crate::trial::{Data, Want};
 use crate::twin::{self, Comparison, OnMismatch, Pairs, Replayed, SessionComparison, Source, TwinError};
@@ -52,7 +52,7 @@ struct Body<'a> {
     #[serde(flatten)]
     comparison: &'a SessionComparison,
     /// The page with the comparison.
-    report: Option<PathBuf>,
+    report: Option<String>,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
@@ -85,7 +85,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let is_whole = comparison.skipped.is_empty() && comparison.trials.iter().all(|trial| trial.warnings.is_empty());
     // The results are printed even if the page cannot be written.
     let (report, page) = match report::write(&args.a, Kind::Comparison, Some(&comparison), views, None) {
-        Ok(written) => (Some(written.html.clone()), format!("report: {}\n", written.html.display())),
+        Ok(written) => {
+            (Some(written.html.to_string_lossy().into_owned()), format!("report: {}\n", written.html.display()))
+        }
         Err(error) => (None, format!("no report: {error}\n")),
     };
     let outcome = if is_whole && report.is_some() { Outcome::Done } else { Outcome::WithLoss };

@@ -37,8 +37,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let output = args.output.clone().unwrap_or_else(|| {
         if is_session {
             let folder = args.path.canonicalize().unwrap_or_else(|_| args.path.clone());
-            let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            folder.with_file_name(format!("{name}-export"))
+            let mut name = folder.file_name().unwrap_or_default().to_owned();
+            name.push("-export");
+            folder.with_file_name(name)
         } else {
             args.path.with_extension(args.format.extension())
         }
@@ -47,10 +48,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let exported = export(&args.path, &output, args.format, args.force)?;
     let clean = exported.damaged.is_empty();
     let body = json!({
-        "log": args.path,
+        "log": args.path.to_string_lossy(),
         "format": args.format.extension(),
-        "output": output,
-        "files": exported.files,
+        "output": output.to_string_lossy(),
+        "files": exported.files.iter().map(|file| file.to_string_lossy()).collect::<Vec<_>>(),
         "rows": exported.rows,
         "clean": clean,
     });

@@ -27,7 +27,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 fn log(path: &Path) -> miette::Result<Answer> {
     let data = Data::read(path, Want::default())?;
     let angles = Zeroed::new(&data).angles();
-    let clean = data.condition == Condition::Clean;
+    let clean = data.condition.is_whole();
     let records = &data.records;
     let body = json!({
         "channels": data.channels,
@@ -35,6 +35,7 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "samples": data.link.samples,
         "lost": data.link.lost,
         "clean": clean,
+        "rewritten_by": data.rewritten_by,
         "crc_errors": data.link.crc_errors,
         "resyncs": data.link.resyncs,
         "retries": data.link.retries,
@@ -59,7 +60,8 @@ impl Lines {
     fn add(&mut self, name: &str, value: impl Display) {
         let value = value.to_string();
         if !value.is_empty() {
-            // Writing to a string cannot fail.
+            // A note may have several lines. Writing to a string cannot fail.
+            let value = text::printable(value.trim_end()).replace('\n', "\n             ");
             let _ = writeln!(self.0, "{name:<12} {value}");
         }
     }
@@ -117,14 +119,15 @@ fn describe(path: &Path, data: &Data, angles: Option<&Angles>) -> String {
     if let Some(recovery) = &records.recovery {
         lines.add("recovered", format!("from {}; lost: {}", recovery.source, recovery.lost));
     }
-    lines.add(
-        "condition",
-        match data.condition {
-            Condition::Clean => "clean",
-            Condition::CutOff => "cut off; `biflag recover` writes an intact log from it",
-            Condition::Damaged => "damaged; `biflag recover` writes an intact log from the part that can be read",
-        },
-    );
+    let condition = match (data.condition, &data.rewritten_by) {
+        (Condition::Rewritten, Some(program)) => format!("rewritten by {program}, whole"),
+        (Condition::Clean | Condition::Rewritten, _) => "clean".to_owned(),
+        (Condition::CutOff, _) => "cut off; `biflag recover` writes an intact log from it".to_owned(),
+        (Condition::Damaged, _) => {
+            "damaged; `biflag recover` writes an intact log from the part that can be read".to_owned()
+        }
+    };
+    lines.add("condition", condition);
     for loss in &data.losses {
         lines.add("  lost", loss);
     }
@@ -156,7 +159,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     let complete = rows.iter().filter(|row| row.state.complete().is_some()).count();
     let mut link = LinkStats::default();
     let trials = count(rows.len(), "trial");
-    let mut text = format!("{}: {complete} of {trials} complete\n", session.plan().name);
+    let mut text = format!("{}: {complete} of {trials} complete\n", text::line(&session.plan().name));
     let mut trials = Vec::new();
     for row in &rows {
         let (state, attempt) = (&row.state, row.attempt());
@@ -167,7 +170,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
             "name": state.trial.name,
             "w1_rpm": w1_rpm,
             "w2_rpm": w2_rpm,
-            "log": attempt.map(|attempt| &attempt.path),
+            "log": attempt.map(|attempt| attempt.path.to_string_lossy()),
             "attempts": state.attempts.len(),
             "complete": state.complete().is_some(),
             "losses": attempt.map(|attempt| &attempt.losses),
@@ -179,7 +182,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     let _ = writeln!(text, "{link}");
     let clean = complete == rows.len();
     let body = json!({
-        "session": folder,
+        "session": folder.to_string_lossy(),
         "samples": link.samples,
         "lost": link.lost,
         "clean": clean,

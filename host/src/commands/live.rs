@@ -3,9 +3,9 @@
 use super::{Answer, Outcome};
 use crate::link::{Link, LinkError};
 use crate::live::{self, Live};
-use crate::progress::{Progress, interruption};
+use crate::progress::Progress;
+use crate::signals::interruption;
 use crate::trial::{Data, Want};
-use biflag_log::Condition;
 use serde_json::json;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -64,13 +64,13 @@ fn play(log: &Path, args: &Args, interrupted: &AtomicBool) -> miette::Result<Ans
     progress.finish();
     let outcome = if !played.complete {
         Outcome::Interrupted
-    } else if data.condition != Condition::Clean {
+    } else if !data.condition.is_whole() {
         Outcome::WithLoss
     } else {
         Outcome::Done
     };
     let text = format!("{:.1} s of {} played, {} messages", played.played_s, log.display(), played.messages);
-    Answer::new(outcome, &json!({ "url": live.url(), "log": log, "played": played }), text)
+    Answer::new(outcome, &json!({ "url": live.url(), "log": log.to_string_lossy(), "played": played }), text)
 }
 
 fn watch(port: &str, args: &Args, interrupted: &AtomicBool) -> miette::Result<Answer> {

@@ -17,6 +17,7 @@ mod simulate;
 
 pub use answer::{Answer, Outcome, WRONG_USE};
 
+use crate::signals;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -61,15 +62,10 @@ enum Command {
 
 /// Runs the program with its command line.
 pub fn run() -> ExitCode {
+    signals::survive_file_limits();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(error) => {
-            if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
-                println!("{}", serde_json::json!({ "error": error.render().to_string().trim(), "help": null }));
-            }
-            // clap itself exits with 2 on wrong use, and with 0 after --help and --version.
-            error.exit()
-        }
+        Err(error) => return answer::not_parsed(&error, std::env::args_os().any(|argument| argument == "--json")),
     };
     let result = match cli.command {
         Command::Doctor(args) => doctor::run(&args),

@@ -6,10 +6,11 @@ use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::board;
 use crate::plan::{EXAMPLE, PUBLISHED, Plan, Trial};
-use crate::progress::{Progress, interruption};
+use crate::progress::Progress;
 use crate::run;
 use crate::run::rig::{self, Image, RecordError, RigRun, RunContext, SimulatedRobot, VirtualError, VirtualNano};
 use crate::session::{self, Session, Sharing};
+use crate::signals::interruption;
 use crate::text::decimal;
 use crate::trial::{Data, Want, Zeroed};
 use biflag_log::{End, LinkStats, Origin, Summary};
@@ -61,6 +62,7 @@ pub struct Args {
 
 #[derive(Debug, Default, Serialize)]
 struct Recorded {
+    #[serde(serialize_with = "crate::text::path")]
     session: PathBuf,
     trials: Vec<RecordedTrial>,
 }
@@ -70,6 +72,7 @@ struct RecordedTrial {
     name: String,
     w1_rpm: f64,
     w2_rpm: f64,
+    #[serde(serialize_with = "crate::text::path")]
     log: PathBuf,
     #[serde(flatten)]
     link: LinkStats,

@@ -1,36 +1,79 @@
-//! `biflag recover`: writes an intact log from one that is cut off or damaged.
+//! `biflag recover`: writes an intact log from one that is cut off or damaged, and rebuilds a session's manifest.
 
-use super::{Answer, Outcome};
-use biflag_log::{Condition, check, recover};
+use super::{Answer, Outcome, WRONG_USE};
+use crate::session::{self, Rebuilt};
+use crate::text::count;
+use biflag_log::{check, recover};
 use serde_json::json;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Write an intact log from one that is cut off or damaged.
+/// Write an intact log from one that is cut off or damaged, or rebuild a session.toml that is lost or damaged.
 ///
-/// The damaged log is not changed. If the log is intact, nothing is written unless -o names a file.
+/// The damaged log is not changed. If the log is intact, nothing is written unless -o names a file. The session.toml of a
+/// folder is rebuilt from its logs, which hold the plan and the robot.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example: biflag recover glycerin/001_w1+50_w2+10.mcap")]
+#[command(after_help = "Examples:\n  \
+    biflag recover glycerin/001_w1+50_w2+10.mcap\n  \
+    biflag recover glycerin")]
 pub struct Args {
-    /// The log.
-    log: PathBuf,
+    /// A log, or a session folder.
+    #[arg(value_name = "LOG|SESSION")]
+    path: PathBuf,
     /// The log to write, which must not exist [default: LOG with .recovered.mcap].
     #[arg(short, long)]
     output: Option<PathBuf>,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    if args.output.is_none() && check(&args.log)?.is_empty() {
-        let body = json!({ "log": args.log, "recovered": null, "clean": true, "losses": [] });
-        return Answer::new(Outcome::Done, &body, format!("{}: intact, nothing to recover", args.log.display()));
+    match &args.output {
+        None if args.path.is_dir() => session(&args.path),
+        Some(_) if args.path.is_dir() => {
+            let help = "name one of its logs, or leave out -o to rebuild its session.toml";
+            Err(miette::miette!(code = WRONG_USE, help = help, "{}: is a folder, not a log", args.path.display()))
+        }
+        _ => log(args),
     }
-    let output = args.output.clone().unwrap_or_else(|| args.log.with_extension("recovered.mcap"));
-    let recovery = recover(&args.log, &output)?;
-    let clean = recovery.condition == Condition::Clean;
+}
+
+fn session(folder: &Path) -> miette::Result<Answer> {
+    let Rebuilt { session, written, kept, logs, unreadable } = session::rebuild(folder)?;
+    let body = json!({
+        "session": folder.to_string_lossy(),
+        "rebuilt": written,
+        "kept": kept.as_ref().map(|kept| kept.to_string_lossy()),
+        "trials": session.plan().trials.len(),
+        "logs": logs,
+        "unreadable": unreadable,
+    });
+    let manifest = folder.join(session::MANIFEST);
+    let (trials, logs) = (count(session.plan().trials.len(), "trial"), count(logs, "log"));
+    let mut text = match written {
+        true => format!("{}: rebuilt, {trials}, from {logs}\n", manifest.display()),
+        false => format!("{}: intact, nothing to rebuild; `biflag info` lists damaged logs\n", manifest.display()),
+    };
+    // Writing to a string cannot fail.
+    if let Some(kept) = kept {
+        let _ = writeln!(text, "  the damaged one is kept as {}", kept.display());
+    }
+    for reason in &unreadable {
+        let _ = writeln!(text, "  not used: {reason}");
+    }
+    Answer::new(if unreadable.is_empty() { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+}
+
+fn log(args: &Args) -> miette::Result<Answer> {
+    if args.output.is_none() && check(&args.path)?.is_empty() {
+        let body = json!({ "log": args.path.to_string_lossy(), "recovered": null, "clean": true, "losses": [] });
+        return Answer::new(Outcome::Done, &body, format!("{}: intact, nothing to recover", args.path.display()));
+    }
+    let output = args.output.clone().unwrap_or_else(|| args.path.with_extension("recovered.mcap"));
+    let recovery = recover(&args.path, &output)?;
+    let clean = recovery.losses.is_empty();
     let losses: Vec<_> = recovery.losses.iter().map(ToString::to_string).collect();
     let body = json!({
-        "log": args.log,
-        "recovered": output,
+        "log": args.path.to_string_lossy(),
+        "recovered": output.to_string_lossy(),
         "clean": clean,
         "messages": recovery.messages,
         "losses": losses,

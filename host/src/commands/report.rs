@@ -49,7 +49,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         number => format!(", with {}", text::count(number, "warning")),
     };
     let text = format!("{}: {:.1} MB{warnings}", written.html.display(), written.bytes as f64 * 1e-6);
-    let body =
-        json!({ "html": written.html, "bytes": written.bytes, "trials": written.trials, "warnings": written.warnings });
+    let body = json!({ "html": written.html.to_string_lossy(), "bytes": written.bytes, "trials": written.trials, "warnings": written.warnings });
     Answer::new(outcome, &body, text)
 }

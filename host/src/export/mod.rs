@@ -4,14 +4,13 @@ mod csv;
 mod parquet;
 mod table;
 
-use crate::atomic_file;
 use crate::session::{Session, SessionError};
 use crate::trial::{Data, Want, Zeroed};
-use biflag_log::{Condition, LogError};
+use biflag_log::{LogError, atomic_file};
 use miette::Diagnostic;
 use nalgebra::UnitQuaternion;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use table::Summary;
@@ -60,6 +59,13 @@ pub enum ExportError {
     #[error("a session cannot be exported as a trajectory")]
     #[diagnostic(code(wrong_use), help("export it as csv or parquet, or name a log"))]
     NotOfSessions,
+    /// The folder of the file does not exist.
+    #[error("{}: cannot be written: there is no such folder", path.display())]
+    #[diagnostic(code(wrong_use), help("name a file in a folder that exists with -o"))]
+    NoFolder {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file could not be written.
     #[error("{}: cannot be written", path.display())]
     #[diagnostic(help("check that the folder exists and is writable, and that the disk has space"))]
@@ -102,7 +108,7 @@ pub fn export_log(log: &Path, output: &Path, format: Format, replace: bool) -> R
     }
     let data = Data::read(log, FORCES)?;
     let rows = write_trial(&data, output, format, replace)?;
-    let damaged = if data.condition == Condition::Clean { Vec::new() } else { vec![log.display().to_string()] };
+    let damaged = if data.condition.is_whole() { Vec::new() } else { vec![log.display().to_string()] };
     Ok(Exported { files: vec![output.to_owned()], rows, damaged })
 }
 
@@ -116,8 +122,13 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
         return Err(ExportError::NotOfSessions);
     }
     let session = Session::open(session)?;
-    let failed = |source| ExportError::Write { path: output.to_owned(), source };
-    std::fs::create_dir_all(output).map_err(failed)?;
+    std::fs::create_dir_all(output).map_err(|source| {
+        let path = output.to_owned();
+        match source.kind() {
+            ErrorKind::AlreadyExists | ErrorKind::NotADirectory => ExportError::Exists { path },
+            _ => ExportError::Write { path, source },
+        }
+    })?;
     let table = output.join(format!("trials.{}", format.extension()));
     if !replace && table.exists() {
         return Err(ExportError::Exists { path: table });
@@ -133,7 +144,7 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
                 continue;
             }
         };
-        if data.condition != Condition::Clean {
+        if !data.condition.is_whole() {
             exported.damaged.push(attempt.path.display().to_string());
         }
         let name = format!("{}.{}", state.trial.name, format.extension());
@@ -178,7 +189,13 @@ fn write(
     if !replace && output.symlink_metadata().is_ok() {
         return Err(ExportError::Exists { path: output.to_owned() });
     }
-    atomic_file::replace(output, content).map_err(|source| ExportError::Write { path: output.to_owned(), source })
+    atomic_file::replace(output, content).map_err(|source| {
+        let path = output.to_owned();
+        match source.kind() {
+            ErrorKind::NotFound | ErrorKind::NotADirectory => ExportError::NoFolder { path },
+            _ => ExportError::Write { path, source },
+        }
+    })
 }
 
 /// Writes the corrected attitude over the trial's clock; returns the number of rows.

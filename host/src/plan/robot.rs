@@ -37,13 +37,17 @@ const KIND: FileKind = FileKind {
     help: |_| None,
 };
 
-/// Reads and checks a robot file.
+/// Reads and checks a robot file, which must set something.
 ///
 /// # Errors
 /// [`PlanError`].
 pub fn load(path: &Path) -> Result<RobotFile, PlanError> {
     let file = RobotFile { text: KIND.read(path)?, name: path.display().to_string() };
     file.parse()?;
+    // Any text whose lines are all comments is TOML, and would be the published robot under another name.
+    if file.text.parse::<toml::Table>().is_ok_and(|table| table.is_empty()) {
+        return Err(KIND.is_not(&file.name));
+    }
     Ok(file)
 }
 

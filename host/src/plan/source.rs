@@ -4,10 +4,14 @@ use super::PlanError;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, Error};
 use std::fmt::{Display, LowerExp};
-use std::io::ErrorKind;
+use std::fs::File;
+use std::io::{ErrorKind, Read};
 use std::ops::Range;
 use std::path::Path;
 use toml::de::{DeTable, DeValue};
+
+/// Longest file that is read, bytes. A longer one, or a device without an end, is of another kind.
+const LONGEST_FILE: u64 = 4 << 20;
 
 /// A kind of file, and the meaning of its keys.
 pub(super) struct FileKind {
@@ -32,13 +36,19 @@ pub(super) struct Source<'a> {
 impl FileKind {
     /// Reads the text of a file of this kind.
     pub fn read(&self, path: &Path) -> Result<String, PlanError> {
-        std::fs::read_to_string(path).map_err(|source| match source.kind() {
-            ErrorKind::InvalidData => self.is_not(&path.display().to_string()),
-            _ => PlanError::Read { path: path.to_owned(), noun: self.noun, source },
-        })
+        let mut text = String::new();
+        let read = File::open(path).and_then(|file| file.take(LONGEST_FILE + 1).read_to_string(&mut text));
+        match read {
+            Ok(length) if length as u64 <= LONGEST_FILE => Ok(text),
+            Err(source) if source.kind() != ErrorKind::InvalidData => {
+                Err(PlanError::Read { path: path.to_owned(), noun: self.noun, source })
+            }
+            _ => Err(self.is_not(&path.display().to_string())),
+        }
     }
 
-    fn is_not(&self, name: &str) -> PlanError {
+    /// Returns the error for a file of another kind.
+    pub fn is_not(&self, name: &str) -> PlanError {
         PlanError::Invalid { place: name.to_owned(), what: format!("this is not a {}", self.noun), cure: self.format() }
     }
 

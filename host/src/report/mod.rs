@@ -21,17 +21,17 @@ mod warnings;
 pub use budget::ByteBudget;
 pub use view::View;
 
-use crate::atomic_file;
 use crate::program::GIT_HASH;
 use crate::session::{Session, SessionError, TrialState};
+use crate::text::printable;
 use crate::trial::{Data, Want};
 use crate::twin::{SessionComparison, Skipped};
-use biflag_log::LogError;
+use biflag_log::{LogError, atomic_file};
 use maud::{Markup, PreEscaped, html};
 use miette::Diagnostic;
 use rayon::prelude::*;
 use session_page::{Row, RowState};
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use warnings::Warning;
@@ -46,6 +46,13 @@ pub enum ReportError {
     #[error("{}: already exists and is not a report of biflag", path.display())]
     #[diagnostic(code(wrong_use), help("name another file with --out"))]
     NotOurs {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The folder of the page does not exist.
+    #[error("{}: cannot be written: there is no such folder", path.display())]
+    #[diagnostic(code(wrong_use), help("name a file in a folder that exists with --out"))]
+    NoFolder {
         /// The file.
         path: PathBuf,
     },
@@ -247,9 +254,15 @@ fn check(out: &Path) -> Result<(), ReportError> {
 }
 
 fn put(out: &Path, page: &Markup, trials: usize, warnings: usize) -> Result<Written, ReportError> {
-    let text = &page.0;
-    atomic_file::replace(out, |file| file.write_all(text.as_bytes()))
-        .map_err(|source| ReportError::Write { path: out.to_owned(), source })?;
+    // Texts of plans and logs may hold anything.
+    let text = printable(&page.0);
+    atomic_file::replace(out, |file| file.write_all(text.as_bytes())).map_err(|source| {
+        let path = out.to_owned();
+        match source.kind() {
+            ErrorKind::NotFound | ErrorKind::NotADirectory => ReportError::NoFolder { path },
+            _ => ReportError::Write { path, source },
+        }
+    })?;
     Ok(Written { html: out.to_owned(), bytes: text.len() as u64, trials, warnings })
 }
 

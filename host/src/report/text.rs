@@ -1,5 +1,7 @@
 //! Numbers and texts as the page shows them.
 
+use crate::text::is_unprintable;
+
 /// Degrees with so many decimals and a proper minus sign.
 pub(super) fn degrees(value: f64, decimals: usize) -> String {
     format!("{}°", number(value, decimals))
@@ -46,7 +48,8 @@ pub(super) fn json_for_script(value: &serde_json::Value) -> String {
     let mut text = String::new();
     for c in value.to_string().chars() {
         match c {
-            '<' | '>' | '&' | '\'' | '\u{2028}' | '\u{2029}' => text += &format!("\\u{:04x}", u32::from(c)),
+            '<' | '>' | '&' | '\'' => text += &format!("\\u{:04x}", u32::from(c)),
+            c if is_unprintable(c) => text += &format!("\\u{:04x}", u32::from(c)),
             _ => text.push(c),
         }
     }

@@ -26,7 +26,7 @@ pub(super) fn warnings(data: &Data, angles: Option<&Angles>, comparison: Option<
     let mut warnings = Vec::new();
     let mut warn = |brief: &str, text: String| warnings.push(Warning::new(brief, text));
     match data.condition {
-        Condition::Clean => {}
+        Condition::Clean | Condition::Rewritten => {}
         Condition::CutOff => {
             warn("cut off", "The log is cut off. The page shows the part that can be read.".to_owned())
         }

@@ -3,7 +3,8 @@
 use crate::plan::PlanError;
 use biflag_log::LogError;
 use miette::Diagnostic;
-use std::path::PathBuf;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// Why a folder cannot be used as a session.
@@ -18,6 +19,35 @@ pub enum SessionError {
         /// Why.
         source: std::io::Error,
     },
+    /// The name is taken by a file, or cannot be that of a folder.
+    #[error("{}: is not a folder and cannot become one", path.display())]
+    #[diagnostic(code(wrong_use), help("name another folder with --out"))]
+    NotAFolder {
+        /// The path.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The folder has nothing that a session could be rebuilt from.
+    #[error("{}: has no session.toml and no logs of biflag to rebuild it from", folder.display())]
+    #[diagnostic(code(wrong_use), help("name a session folder, or a log that is cut off or damaged"))]
+    NothingToRebuild {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The logs in the folder are those of different plans.
+    #[error("{}: has logs of different plans, such as {} and {}: {difference} differ", folder.display(), one.display(), other.display())]
+    #[diagnostic(code(wrong_use), help("move the logs of each plan into a folder of their own"))]
+    DifferentPlans {
+        /// The folder.
+        folder: PathBuf,
+        /// A log.
+        one: PathBuf,
+        /// A log of another plan.
+        other: PathBuf,
+        /// The part in which the plans differ.
+        difference: &'static str,
+    },
     /// The folder already contains a session.
     #[error("{}: already contains a session", folder.display())]
     #[diagnostic(code(wrong_use), help("continue it with --resume, or name another folder with --out"))]
@@ -27,7 +57,10 @@ pub enum SessionError {
     },
     /// The folder contains logs but no session.
     #[error("{}: already contains logs, such as {log}, but no session", folder.display())]
-    #[diagnostic(code(wrong_use), help("name another folder with --out"))]
+    #[diagnostic(
+        code(wrong_use),
+        help("rebuild the session with `biflag recover {}`, or name another folder with --out", folder.display())
+    )]
     StrayLog {
         /// The folder.
         folder: PathBuf,
@@ -68,19 +101,33 @@ pub enum SessionError {
     },
     /// The folder is not a session folder.
     #[error("{}: is not a session folder: it has no session.toml", folder.display())]
-    #[diagnostic(code(wrong_use), help("name a folder written by `biflag record` or `biflag simulate`"))]
+    #[diagnostic(
+        code(wrong_use),
+        help(
+            "name a folder written by `biflag record` or `biflag simulate`; `biflag recover` rebuilds a lost session.toml"
+        )
+    )]
     NotASession {
         /// The folder.
         folder: PathBuf,
     },
     /// The manifest cannot be read.
     #[error("{}: {reason}", path.display())]
-    #[diagnostic(help("the logs can still be read; start a new session in another folder"))]
+    #[diagnostic(help("the logs can still be read; `biflag recover` rebuilds session.toml from them"))]
     Manifest {
         /// The manifest.
         path: PathBuf,
         /// What is wrong with the manifest.
         reason: String,
+    },
+    /// A newer version of the program wrote the manifest.
+    #[error("{}: written by biflag {program}, which is newer than this one", path.display())]
+    #[diagnostic(help("use that version, or a newer one"))]
+    Newer {
+        /// The manifest.
+        path: PathBuf,
+        /// The version that wrote it.
+        program: String,
     },
     /// The session's plan cannot be read.
     #[error(transparent)]
@@ -90,4 +137,17 @@ pub enum SessionError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Log(#[from] LogError),
+}
+
+impl SessionError {
+    /// Converts an error of creating a session folder.
+    pub(super) fn creating(folder: &Path, source: std::io::Error) -> Self {
+        let path = folder.to_owned();
+        match source.kind() {
+            ErrorKind::AlreadyExists | ErrorKind::NotADirectory | ErrorKind::InvalidFilename => {
+                Self::NotAFolder { path, source }
+            }
+            _ => Self::Io { path, source },
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! Locks a session, so that only one program at a time writes into it.
 
 use super::{MANIFEST, Session, SessionError};
+use biflag_log::atomic_file;
 use std::fs::{File, TryLockError};
 
 /// Which other programs may write into the session at the same time.
@@ -19,7 +20,7 @@ pub struct Lock {
 }
 
 impl Session {
-    /// Locks the session for writing.
+    /// Locks the session for writing, and removes the drafts that killed programs left in it.
     ///
     /// # Errors
     /// [`SessionError::InUse`] if another program holds the lock.
@@ -38,7 +39,10 @@ impl Session {
         match locked {
             Err(TryLockError::WouldBlock) => Err(SessionError::InUse { folder: self.folder().to_owned() }),
             // Not every file system supports locks. Without them, logs are still protected: they are never overwritten.
-            Ok(()) | Err(TryLockError::Error(_)) => Ok(Lock { _manifest: manifest }),
+            Ok(()) | Err(TryLockError::Error(_)) => {
+                atomic_file::sweep(self.folder());
+                Ok(Lock { _manifest: manifest })
+            }
         }
     }
 }

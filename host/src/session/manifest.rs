@@ -1,11 +1,13 @@
 //! `session.toml`, the manifest of a session folder.
 
 use super::SessionError;
-use crate::atomic_file;
-use crate::plan::Plan;
+use crate::plan::{PUBLISHED, Plan};
+use crate::program;
+use biflag_log::atomic_file::Draft;
 use serde::{Deserialize, Serialize};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
+use std::time::SystemTime;
 
 /// Name of the manifest.
 pub const MANIFEST: &str = "session.toml";
@@ -15,28 +17,38 @@ const FORMAT: u32 = 1;
 
 #[derive(Serialize, Deserialize, Debug)]
 pub(super) struct Manifest {
+    #[serde(default = "format")]
     format: u32,
+    /// When and by which program the session was started, for people.
+    #[serde(default)]
     created: String,
+    #[serde(default)]
     host_version: String,
+    #[serde(default)]
     host_git_hash: String,
     /// Text of the plan's file.
     plan: String,
     /// Text of the robot's file; empty if there is none.
-    robot: String,
+    #[serde(default)]
+    robot: Option<String>,
     /// Name of the robot's file, if it is not the one in the plan.
     #[serde(default)]
     robot_name: Option<String>,
+}
+
+fn format() -> u32 {
+    FORMAT
 }
 
 impl Manifest {
     pub fn new(plan: &Plan) -> Self {
         Self {
             format: FORMAT,
-            created: jiff::Timestamp::now().to_string(),
-            host_version: env!("CARGO_PKG_VERSION").to_owned(),
-            host_git_hash: env!("BIFLAG_GIT_HASH").to_owned(),
+            created: program::timestamp(SystemTime::now()),
+            host_version: program::VERSION.to_owned(),
+            host_git_hash: program::GIT_HASH.to_owned(),
             plan: plan.text.clone(),
-            robot: plan.robot.text.clone(),
+            robot: Some(plan.robot.text.clone()),
             robot_name: Some(plan.robot.name.clone()),
         }
     }
@@ -47,15 +59,10 @@ impl Manifest {
         let path = folder.join(MANIFEST);
         let text = toml::to_string(self)
             .map_err(|error| SessionError::Manifest { path: path.clone(), reason: error.to_string() })?;
-        let draft = atomic_file::draft(&path);
-        let written = atomic_file::create(&draft)
-            .and_then(|mut file| {
-                file.write_all(text.as_bytes())?;
-                file.sync_all()
-            })
-            .and_then(|()| publish(&draft, &path));
-        // The draft is no longer needed, whether or not it was published.
-        let _ = std::fs::remove_file(&draft);
+        let written = Draft::create(&path).and_then(|mut draft| {
+            draft.file.write_all(text.as_bytes())?;
+            draft.publish(&path)
+        });
         written.map_err(|source| match source.kind() {
             ErrorKind::AlreadyExists => SessionError::Exists { folder: folder.to_owned() },
             _ => SessionError::Io { path, source },
@@ -64,35 +71,35 @@ impl Manifest {
 
     pub fn read(folder: &Path) -> Result<Self, SessionError> {
         let path = folder.join(MANIFEST);
+        let wrong = |reason| SessionError::Manifest { path: path.clone(), reason };
         let text = std::fs::read_to_string(&path).map_err(|source| match source.kind() {
             ErrorKind::NotFound if folder.is_dir() => SessionError::NotASession { folder: folder.to_owned() },
+            ErrorKind::InvalidData => wrong("is not text in UTF-8".to_owned()),
             _ => SessionError::Io { path: path.clone(), source },
         })?;
-        let wrong = |reason| SessionError::Manifest { path: path.clone(), reason };
-        let manifest: Self = toml::from_str(&text).map_err(|error| wrong(error.message().to_owned()))?;
-        if manifest.format > FORMAT {
-            return Err(wrong(format!("written by biflag {}, which is newer than this one", manifest.host_version)));
+        // A newer manifest may lack what this version needs.
+        let newer = text.parse::<toml::Table>().ok().filter(|table| {
+            table.get("format").and_then(toml::Value::as_integer).is_some_and(|format| format > FORMAT.into())
+        });
+        if let Some(newer) = newer {
+            let program = newer.get("host_version").and_then(toml::Value::as_str).unwrap_or("(unknown)").to_owned();
+            return Err(SessionError::Newer { path, program });
         }
-        Ok(manifest)
+        toml::from_str(&text).map_err(|error| wrong(error.message().to_owned()))
     }
 
     /// Returns the plan of the session.
     pub fn plan(self, folder: &Path) -> Result<Plan, SessionError> {
-        let source = format!("plan in {}", folder.join(MANIFEST).display());
-        let mut plan = Plan::parse(&self.plan, &source)?;
-        plan.robot.text = self.robot;
+        let path = folder.join(MANIFEST);
+        let mut plan = Plan::parse(&self.plan, &format!("plan in {}", path.display()))?;
         if let Some(name) = self.robot_name {
             plan.robot.name = name;
         }
+        plan.robot.text = match self.robot {
+            Some(text) => text,
+            None if plan.robot.name == PUBLISHED => String::new(),
+            None => return Err(SessionError::Manifest { path, reason: "the robot file is missing".to_owned() }),
+        };
         Ok(plan)
-    }
-}
-
-/// Gives a file its final name, which must not exist.
-fn publish(draft: &Path, path: &Path) -> std::io::Result<()> {
-    match std::fs::hard_link(draft, path) {
-        // Some file systems do not support links.
-        Err(error) if error.kind() != ErrorKind::AlreadyExists && !path.exists() => std::fs::rename(draft, path),
-        other => other,
     }
 }

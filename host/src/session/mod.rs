@@ -17,14 +17,16 @@
 mod error;
 mod lock;
 mod manifest;
+mod rebuild;
 mod rig;
 
 pub use error::SessionError;
 pub use lock::{Lock, Sharing};
 pub use manifest::MANIFEST;
+pub use rebuild::{Rebuilt, rebuild};
 
 use crate::plan::{Plan, Trial};
-use biflag_log::{End, RecoveryMeta, Summary};
+use biflag_log::{End, LogError, RecoveryMeta, Summary};
 use manifest::Manifest;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -78,7 +80,7 @@ impl TrialState {
             let losses: Vec<_> = match biflag_log::check(&path) {
                 Ok(losses) if losses.is_empty() => return,
                 Ok(losses) => losses.iter().map(ToString::to_string).collect(),
-                Err(error) => vec![error.to_string()],
+                Err(error) => vec![described(&error)],
             };
             self.damaged(&path, &losses);
         }
@@ -103,7 +105,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Exists`], [`SessionError::Io`].
     pub fn create(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
-        std::fs::create_dir_all(folder).map_err(|source| SessionError::Io { path: folder.to_owned(), source })?;
+        std::fs::create_dir_all(folder).map_err(|source| SessionError::creating(folder, source))?;
         let session = Self { folder: folder.to_owned(), plan: plan.clone() };
         // A log is assigned to a trial by its name, so a log of another session could be mistaken for one of this
         // session.
@@ -189,32 +191,26 @@ impl Session {
         self.state_among(trial, &self.log_names()?)
     }
 
-    /// Returns the number and the path of the next attempt at a trial. The log does not exist yet.
+    /// Returns the number and the path of the next attempt at a trial. Nothing is there yet, whatever bears the name of a
+    /// log of the trial.
     ///
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
     pub fn next_attempt(&self, trial: &Trial) -> Result<(u32, PathBuf), SessionError> {
-        let number = self.state(trial)?.next_number();
-        let suffix = if number == 1 { String::new() } else { format!(".attempt{number}") };
-        Ok((number, self.folder.join(format!("{}{suffix}.mcap", trial.name))))
+        let first = self.state(trial)?.next_number();
+        let free = (first..=first + MAX_ATTEMPTS).find_map(|number| {
+            let suffix = if number == 1 { String::new() } else { format!(".attempt{number}") };
+            let path = self.folder.join(format!("{}{suffix}.mcap", trial.name));
+            path.symlink_metadata().is_err().then_some((number, path))
+        });
+        free.ok_or_else(|| SessionError::Io {
+            path: self.folder.clone(),
+            source: std::io::Error::other(format!("too many attempts at {}", trial.name)),
+        })
     }
 
-    /// Returns the names of all logs, sorted.
     fn log_names(&self) -> Result<Vec<String>, SessionError> {
-        let failed = |source| SessionError::Io { path: self.folder.clone(), source };
-        let mut names = Vec::new();
-        for entry in std::fs::read_dir(&self.folder).map_err(failed)? {
-            let entry = entry.map_err(failed)?;
-            // Logs of biflag have ASCII names.
-            if let Ok(name) = entry.file_name().into_string()
-                && name.ends_with(".mcap")
-                && entry.file_type().is_ok_and(|kind| kind.is_file())
-            {
-                names.push(name);
-            }
-        }
-        names.sort_unstable();
-        Ok(names)
+        log_names(&self.folder)
     }
 
     fn state_among(&self, trial: &Trial, names: &[String]) -> Result<TrialState, SessionError> {
@@ -224,14 +220,47 @@ impl Session {
         for name in names[first..].iter().take_while(|name| name.starts_with(&prefix)) {
             let path = self.folder.join(name);
             let number = attempt_number(&name[prefix.len()..]);
-            let losses =
-                biflag_log::last_meta::<RecoveryMeta>(&path)?.into_iter().map(|recovery| recovery.lost).collect();
-            attempts.push(Attempt { number, summary: biflag_log::summary(&path)?, losses, path });
+            let read = || Ok((biflag_log::last_meta::<RecoveryMeta>(&path)?, biflag_log::summary(&path)?));
+            // A log that cannot be read is the loss of this attempt alone.
+            let (losses, summary) = match read() {
+                Ok((recovery, summary)) => (recovery.into_iter().map(|recovery| recovery.lost).collect(), summary),
+                Err::<_, LogError>(error) => (vec![described(&error)], None),
+            };
+            attempts.push(Attempt { number, summary, losses, path });
         }
         attempts.sort_by_key(|attempt| attempt.number);
         Ok(TrialState { trial: trial.clone(), attempts })
     }
 }
+
+/// Returns the names of all logs in a folder, sorted. Links to logs are followed.
+fn log_names(folder: &Path) -> Result<Vec<String>, SessionError> {
+    let failed = |source| SessionError::Io { path: folder.to_owned(), source };
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        // Logs of biflag have ASCII names.
+        if let Ok(name) = entry.file_name().into_string()
+            && name.ends_with(".mcap")
+            && entry.path().metadata().is_ok_and(|target| target.is_file())
+        {
+            names.push(name);
+        }
+    }
+    names.sort_unstable();
+    Ok(names)
+}
+
+/// Returns an error of a log with its cause.
+fn described(error: &LogError) -> String {
+    match std::error::Error::source(error) {
+        Some(cause) => format!("{error}: {cause}"),
+        None => error.to_string(),
+    }
+}
+
+/// The most attempts at a trial. A larger number in a file name was not written by biflag.
+const MAX_ATTEMPTS: u32 = 1_000_000;
 
 /// Returns the number of the attempt from the part of the file name after the trial's name and a dot.
 fn attempt_number(suffix: &str) -> u32 {
@@ -240,6 +269,7 @@ fn attempt_number(suffix: &str) -> u32 {
         .next()
         .and_then(|part| part.strip_prefix("attempt"))
         .and_then(|number| number.parse().ok())
+        .filter(|number| *number <= MAX_ATTEMPTS)
         .unwrap_or(1)
 }
 

@@ -189,7 +189,7 @@ fn invalid_session_folders_are_rejected() {
     assert!(matches!(Session::open(folder.path()), Err(SessionError::Manifest { .. })));
     let file = folder.path().join("file");
     std::fs::write(&file, "").unwrap();
-    assert!(matches!(Session::create(&file, &two_trials()), Err(SessionError::Io { .. })));
+    assert!(matches!(Session::create(&file, &two_trials()), Err(SessionError::NotAFolder { .. })));
 }
 
 #[test]

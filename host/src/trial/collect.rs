@@ -205,6 +205,7 @@ impl Collector {
             duration_s: self.last_s.unwrap_or_default(),
             channels: BTreeMap::new(),
             condition: Condition::Clean,
+            rewritten_by: None,
             losses: Vec::new(),
             sha256: None,
             warnings,

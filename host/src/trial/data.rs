@@ -175,6 +175,8 @@ pub struct Data {
     pub channels: BTreeMap<String, u64>,
     /// Condition of the log.
     pub condition: Condition,
+    /// The program that rewrote the log, if one did.
+    pub rewritten_by: Option<String>,
     /// Places in the log that cannot be read.
     pub losses: Vec<Loss>,
     /// SHA-256 of the file, if requested.

@@ -38,6 +38,7 @@ impl Data {
         let mut data = collector.finish(path, Records::of(&reader));
         data.channels = reader.counts().clone();
         data.condition = reader.condition().unwrap_or(Condition::Damaged);
+        data.rewritten_by = reader.rewritten_by().map(str::to_owned);
         data.losses = reader.losses().to_vec();
         data.sha256 = want.hash.then(|| reader.sha256()).transpose()?;
         Ok(data)

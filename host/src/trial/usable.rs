@@ -52,7 +52,7 @@ impl Data {
             ));
         }
         match self.condition {
-            Condition::Clean => {}
+            Condition::Clean | Condition::Rewritten => {}
             Condition::CutOff => warnings.push("the log is cut off; the rest is used".to_owned()),
             Condition::Damaged => {
                 let lost: Vec<_> = self.losses.iter().map(ToString::to_string).collect();

@@ -26,8 +26,10 @@ pub struct Comparison {
     /// Speed of flagellum 2.
     pub w2_rpm: f64,
     /// The measured log.
+    #[serde(serialize_with = "crate::text::path")]
     pub measured: PathBuf,
     /// The modelled log.
+    #[serde(serialize_with = "crate::text::path")]
     pub modelled: PathBuf,
     /// Root mean square of the yaw error over the run.
     pub yaw_rmse_deg: f64,
@@ -98,8 +100,10 @@ pub struct Point {
 #[derive(Serialize, Clone, PartialEq, Debug, Default)]
 pub struct SessionComparison {
     /// Folder of the measured session, or the measured log.
+    #[serde(serialize_with = "crate::text::path")]
     pub measured: PathBuf,
     /// The same for the model.
+    #[serde(serialize_with = "crate::text::path")]
     pub modelled: PathBuf,
     /// The compared trials, in the order of the measured session.
     pub trials: Vec<Comparison>,

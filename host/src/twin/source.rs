@@ -70,7 +70,8 @@ impl Source {
             _ => self.path.with_extension(""),
         };
         let full = if folder.file_name().is_some() { folder } else { folder.canonicalize().unwrap_or(folder) };
-        let name = full.file_name().unwrap_or("trial".as_ref()).to_string_lossy().into_owned();
-        full.with_file_name(format!("{name}-replay"))
+        let mut name = full.file_name().unwrap_or("trial".as_ref()).to_owned();
+        name.push("-replay");
+        full.with_file_name(name)
     }
 }

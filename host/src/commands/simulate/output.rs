@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Serialize)]
 pub struct Simulated {
+    #[serde(serialize_with = "crate::text::path")]
     pub session: PathBuf,
     /// Ratio of simulated to wall time of the whole command; `null` if all trials were already complete.
     pub real_time_factor: Option<f64>,
@@ -22,6 +23,7 @@ pub struct SimulatedTrial {
     pub name: String,
     pub w1_rpm: f64,
     pub w2_rpm: f64,
+    #[serde(serialize_with = "crate::text::path")]
     pub log: PathBuf,
     #[serde(flatten)]
     pub steady: Option<SteadyMeta>,

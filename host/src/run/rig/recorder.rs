@@ -294,7 +294,7 @@ impl<'a> Recorder<'a> {
         let opened = self.link.opened().duration_since(SystemTime::UNIX_EPOCH).ok()?;
         Some(ClockMeta {
             pings: u32::try_from(fit.pings).unwrap_or(u32::MAX),
-            offset_ns: i64::try_from(opened.as_nanos()).ok()? + (fit.offset_s * 1e9) as i64,
+            offset_ns: i64::try_from(opened.as_nanos()).ok()?.saturating_add((fit.offset_s * 1e9) as i64),
             drift_ppm: (1.0 / fit.rate - 1.0) * 1e6,
             residual_us: fit.residual_s * 1e6,
         })

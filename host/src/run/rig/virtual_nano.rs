@@ -1,14 +1,25 @@
 //! The emulated board: a separate program (`vnano`), controlled over its standard input and output.
 
+use crate::text::printable;
 use biflag_log::SensorMeta;
 use miette::Diagnostic;
 use serde::Deserialize;
 use serde_json::Value;
 use sim::sample::Sample;
 use std::io::{BufRead, BufReader, Write};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
 use thiserror::Error;
+
+/// Longest wait for a response. The program answers within milliseconds, unless it is stopped.
+const TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Longest wait for the start of the program, which reads the image, and for its end.
+const START_TIMEOUT: Duration = Duration::from_secs(30);
+const END_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Errors of the emulated board.
 #[derive(Debug, Error, Diagnostic)]
@@ -51,7 +62,8 @@ pub struct TruthSample {
 pub struct VirtualNano {
     child: Child,
     control: Option<ChildStdin>,
-    answers: BufReader<ChildStdout>,
+    /// The lines that the program prints, from a thread of its own: a program that is stopped must not stop this one.
+    answers: Receiver<String>,
     port: String,
     sensor: SensorMeta,
 }
@@ -72,18 +84,15 @@ impl VirtualNano {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
+            // Ctrl-C on the terminal is for this program, which still needs the board to end the trial.
+            .process_group(0)
             .spawn()
             .map_err(|error| not_started(format!("{}: {error}", program.display())))?;
         let control = child.stdin.take();
         let stdout = child.stdout.take().ok_or_else(|| not_started("it has no output".into()))?;
-        let mut nano = Self {
-            child,
-            control,
-            answers: BufReader::new(stdout),
-            port: String::new(),
-            sensor: SensorMeta::default(),
-        };
-        let ready = nano.hear().unwrap_or_default();
+        let mut nano =
+            Self { child, control, answers: lines(stdout), port: String::new(), sensor: SensorMeta::default() };
+        let ready = nano.hear(START_TIMEOUT).unwrap_or_default();
         match ready["port"].as_str() {
             Some(port) => {
                 nano.port = port.to_owned();
@@ -102,7 +111,7 @@ impl VirtualNano {
         if let Some(stderr) = nano.child.stderr.take() {
             std::thread::spawn(move || {
                 BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| {
-                    let _ = writeln!(std::io::stderr(), "{line}");
+                    let _ = writeln!(std::io::stderr(), "{}", printable(&line));
                 })
             });
         }
@@ -140,7 +149,11 @@ impl VirtualNano {
         let gone = || VirtualError::Gone(command.to_owned());
         let control = self.control.as_mut().ok_or_else(gone)?;
         writeln!(control, "{command}").and_then(|()| control.flush()).map_err(|_| gone())?;
-        let answer = self.hear().ok_or_else(gone)?;
+        let Some(answer) = self.hear(TIMEOUT) else {
+            // An answer that comes late would be taken for that of the next command.
+            self.control = None;
+            return Err(gone());
+        };
         match answer["error"].as_str() {
             Some(reason) => Err(VirtualError::Refused { command: command.to_owned(), reason: reason.to_owned() }),
             None => Ok(answer),
@@ -156,17 +169,35 @@ impl VirtualNano {
         if path.is_file() { Ok(path) } else { Err(VirtualError::NotBuilt(path)) }
     }
 
-    fn hear(&mut self) -> Option<Value> {
-        let mut line = String::new();
-        self.answers.read_line(&mut line).ok().filter(|read| *read > 0)?;
-        serde_json::from_str(&line).ok()
+    /// Waits for a response; `None` if none comes in time or the program has ended.
+    fn hear(&mut self, timeout: Duration) -> Option<Value> {
+        serde_json::from_str(&self.answers.recv_timeout(timeout).ok()?).ok()
     }
+}
+
+/// Reads lines on a thread, which ends with the program.
+fn lines(output: ChildStdout) -> Receiver<String> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        for line in BufReader::new(output).lines().map_while(Result::ok) {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    lines
 }
 
 impl Drop for VirtualNano {
     fn drop(&mut self) {
         // The program ends with its standard input.
         self.control = None;
+        let begun = Instant::now();
+        while matches!(self.child.try_wait(), Ok(None)) && begun.elapsed() < END_TIMEOUT {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        // One that is stopped does not end by itself.
+        let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }

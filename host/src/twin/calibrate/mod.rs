@@ -86,6 +86,7 @@ pub struct Fitted {
     /// Its name.
     pub name: String,
     /// Path of its log.
+    #[serde(serialize_with = "crate::text::path")]
     pub log: PathBuf,
     /// SHA-256 of the log.
     pub sha256: String,

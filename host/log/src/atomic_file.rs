@@ -1,0 +1,187 @@
+//! Atomic creation and replacement of files: a reader sees the old file, the new one or none, never a partial file.
+//!
+//! A file is written as a draft beside it, `NAME.PROCESS.partial`. A program that is killed leaves its draft behind.
+//! Drafts are locked while they are written, so that [`sweep`] can tell one that is left from one in use.
+
+use std::ffi::OsStr;
+use std::fs::File;
+use std::io::{BufWriter, Error, ErrorKind, Result};
+use std::path::{Path, PathBuf};
+
+/// Writes a draft beside `path` and renames it to `path`. A link at `path` is replaced, not followed, so that links in
+/// an untrusted folder cannot redirect the write.
+///
+/// # Errors
+/// The file cannot be written; an existing file is unchanged. A device is not replaced.
+pub fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<()>) -> Result<()> {
+    if path.metadata().is_ok_and(|existing| !existing.is_file() && !existing.is_dir()) {
+        return Err(Error::other("not a regular file"));
+    }
+    let draft = Draft::create(path)?;
+    let mut file = BufWriter::new(draft.file.try_clone()?);
+    write(&mut file)?;
+    file.into_inner()?;
+    draft.file.sync_all()?;
+    std::fs::rename(&draft.path, path)
+}
+
+/// The draft of a file. It is removed when it is dropped.
+#[derive(Debug)]
+pub struct Draft {
+    /// The open file.
+    pub file: File,
+    path: PathBuf,
+}
+
+impl Draft {
+    /// Creates the draft of the file at `path`, after removing the drafts of it that killed programs left.
+    ///
+    /// # Errors
+    /// The draft cannot be created.
+    pub fn create(path: &Path) -> Result<Self> {
+        if let Some(name) = path.file_name() {
+            sweep_those(folder_of(path), |of| of == name);
+        }
+        let draft = path.with_added_extension(format!("{}.partial", std::process::id()));
+        // A link is removed, not its target.
+        match std::fs::remove_file(&draft) {
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+        let file = File::options().read(true).write(true).create_new(true).open(&draft)?;
+        // Not every file system supports locks. Without them, drafts that are left stay.
+        let _ = file.try_lock();
+        Ok(Self { file, path: draft })
+    }
+
+    /// Syncs the draft and gives it its final name, which must not exist.
+    ///
+    /// # Errors
+    /// [`ErrorKind::AlreadyExists`], or the file cannot be written.
+    pub fn publish(self, path: &Path) -> Result<()> {
+        self.file.sync_all()?;
+        match std::fs::hard_link(&self.path, path) {
+            // Some file systems do not support links.
+            Err(error) if error.kind() != ErrorKind::AlreadyExists && path.symlink_metadata().is_err() => {
+                std::fs::rename(&self.path, path)?;
+            }
+            other => other?,
+        }
+        // Not every file system can sync a folder.
+        let _ = File::open(folder_of(path)).and_then(|folder| folder.sync_all());
+        Ok(())
+    }
+}
+
+impl Drop for Draft {
+    fn drop(&mut self) {
+        // After a rename there is nothing left to remove.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// Removes the drafts in a folder that killed programs left.
+pub fn sweep(folder: &Path) {
+    sweep_those(folder, |_| true);
+}
+
+/// Removes the drafts of the files whose name is `wanted`. What cannot be removed stays: the sweep is not worth an error.
+fn sweep_those(folder: &Path, wanted: impl Fn(&OsStr) -> bool) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let path = entry.path();
+        let is_left = || {
+            let file = File::options().read(true).write(true).open(&path).ok()?;
+            file.try_lock().ok()
+        };
+        if drafted(&path).is_some_and(&wanted)
+            && entry.file_type().is_ok_and(|kind| kind.is_file())
+            && is_left().is_some()
+        {
+            let _ = std::fs::remove_file(&path);
+        }
+    }
+}
+
+/// Returns the name of the file that this is a draft of.
+fn drafted(path: &Path) -> Option<&OsStr> {
+    let process = Path::new(path.file_stem().filter(|_| path.extension() == Some("partial".as_ref()))?);
+    process.extension()?.to_str()?.parse::<u32>().ok()?;
+    process.file_stem()
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn links_are_replaced_not_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let [inside, outside] = ["inside", "outside"].map(|name| folder.path().join(name));
+        std::fs::create_dir(&inside).unwrap();
+        std::fs::write(&outside, "precious").unwrap();
+        let page = inside.join("page");
+        let draft = page.with_added_extension(format!("{}.partial", std::process::id()));
+        for link in [page.clone(), draft] {
+            std::os::unix::fs::symlink(&outside, link).unwrap();
+        }
+        replace(&page, |file| file.write_all(b"new")).unwrap();
+        assert_eq!(std::fs::read_to_string(&outside).unwrap(), "precious");
+        assert_eq!(std::fs::read_to_string(&page).unwrap(), "new");
+        assert!(!page.is_symlink() && std::fs::read_dir(&inside).unwrap().count() == 1);
+    }
+
+    #[test]
+    fn devices_are_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("null");
+        std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+        replace(&link, |file| file.write_all(b"new")).unwrap_err();
+        assert!(link.is_symlink());
+    }
+
+    #[test]
+    fn failed_write_leaves_the_file_unchanged() {
+        let folder = tempfile::tempdir().unwrap();
+        let page = folder.path().join("page");
+        std::fs::write(&page, "old").unwrap();
+        replace(&page, |file| file.write_all(b"ne").and(Err(std::io::Error::other("full")))).unwrap_err();
+        assert_eq!(std::fs::read_to_string(&page).unwrap(), "old");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn file_that_exists_is_not_published_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let log = folder.path().join("log");
+        let mut draft = Draft::create(&log).unwrap();
+        draft.file.write_all(b"one").unwrap();
+        assert!(!log.exists());
+        draft.publish(&log).unwrap();
+        let again = Draft::create(&log).unwrap().publish(&log).unwrap_err();
+        assert_eq!(again.kind(), ErrorKind::AlreadyExists);
+        assert_eq!(std::fs::read_to_string(&log).unwrap(), "one");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn drafts_of_killed_programs_are_swept() {
+        let folder = tempfile::tempdir().unwrap();
+        let [left, of_another, log] =
+            ["page.1.partial", "other.2.partial", "a.mcap"].map(|name| folder.path().join(name));
+        for file in [&left, &of_another, &log] {
+            std::fs::write(file, "half").unwrap();
+        }
+        let in_use = Draft::create(&folder.path().join("page")).unwrap();
+        assert!(!left.exists() && of_another.exists());
+        std::fs::write(folder.path().join("not.a.partial"), "").unwrap();
+        sweep(folder.path());
+        assert!(!of_another.exists() && log.exists() && in_use.path.exists());
+        assert!(folder.path().join("not.a.partial").exists());
+    }
+}

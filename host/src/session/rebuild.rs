@@ -1,0 +1,85 @@
+//! Rebuilds a session whose manifest is lost or damaged from its logs, each of which has the plan and the robot.
+
+use super::manifest::Manifest;
+use super::{MANIFEST, Session, SessionError, described, difference};
+use crate::plan::{Plan, RobotFile};
+use biflag_log::atomic_file::sweep;
+use biflag_log::{LogError, PlanMeta, Reader, RobotMeta};
+use std::path::{Path, PathBuf};
+
+/// Result of rebuilding a session.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Rebuilt {
+    /// The session.
+    pub session: Session,
+    /// Whether the manifest was written; it is not if it was intact.
+    pub written: bool,
+    /// The damaged manifest, under its new name.
+    pub kept: Option<PathBuf>,
+    /// Number of logs that have the session's plan.
+    pub logs: usize,
+    /// Logs whose plan cannot be read, with the reasons.
+    pub unreadable: Vec<String>,
+}
+
+/// Rebuilds the manifest of the session in `folder` from the logs, unless it is intact. Drafts of killed programs are
+/// removed.
+///
+/// # Errors
+/// [`SessionError::NothingToRebuild`], [`SessionError::DifferentPlans`], [`SessionError::Newer`], [`SessionError::Io`].
+pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
+    let damaged = match Session::open(folder) {
+        Ok(session) => {
+            // A program that is writing into the session has its own drafts.
+            sweep(folder);
+            let logs = session.log_names()?.len();
+            return Ok(Rebuilt { session, written: false, kept: None, logs, unreadable: Vec::new() });
+        }
+        Err(SessionError::NotASession { .. }) => false,
+        Err(SessionError::Manifest { .. } | SessionError::Plan(_)) => true,
+        Err(error) => return Err(error),
+    };
+    let (mut plan, mut logs, mut unreadable) = (None::<(PathBuf, Plan)>, 0, Vec::new());
+    for name in super::log_names(folder)? {
+        let log = folder.join(name);
+        let found = match plan_of(&log) {
+            Ok(Some(found)) => found,
+            Ok(None) => {
+                unreadable.push(format!("{}: the record of its plan cannot be read", log.display()));
+                continue;
+            }
+            Err(error) => {
+                unreadable.push(described(&error));
+                continue;
+            }
+        };
+        logs += 1;
+        match &plan {
+            None => plan = Some((log, found)),
+            Some((one, first)) => {
+                if let Some(difference) = difference(first, &found) {
+                    let (folder, one) = (folder.to_owned(), one.clone());
+                    return Err(SessionError::DifferentPlans { folder, one, other: log, difference });
+                }
+            }
+        }
+    }
+    let (_, plan) = plan.ok_or_else(|| SessionError::NothingToRebuild { folder: folder.to_owned() })?;
+    sweep(folder);
+    let manifest = folder.join(MANIFEST);
+    let kept = damaged.then(|| manifest.with_added_extension("damaged"));
+    if let Some(kept) = &kept {
+        std::fs::rename(&manifest, kept).map_err(|source| SessionError::Io { path: manifest, source })?;
+    }
+    Manifest::new(&plan).write(folder)?;
+    Ok(Rebuilt { session: Session::open(folder)?, written: true, kept, logs, unreadable })
+}
+
+/// Returns the plan in a log with its robot; `None` if the log does not have both.
+fn plan_of(log: &Path) -> Result<Option<Plan>, LogError> {
+    let mut reader = Reader::open(log)?;
+    let (meta, robot): (Option<PlanMeta>, Option<RobotMeta>) = (reader.read_until()?, reader.read_until()?);
+    let (Some(meta), Some(RobotMeta { name, text })) = (meta, robot) else { return Ok(None) };
+    let plan = Plan::parse(&meta.text, "the plan").ok();
+    Ok(plan.map(|plan| Plan { robot: RobotFile { name, text }, ..plan }))
+}

@@ -1,0 +1,302 @@
+//! Recordings among other programs: shells that send signals, programs that touch the logs, limits, names, and text from
+//! elsewhere.
+
+use serde_json::Value;
+use std::ffi::OsString;
+use std::os::unix::ffi::OsStringExt;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tests::{Bench, Run, logs, nano, program, signal, wait_for_logs};
+
+/// Starts a shell command in which `$0` is `biflag`, in a process group of its own, as shells start jobs.
+fn shell(bench: &Bench, command: &str, arguments: &[&str]) -> Child {
+    let mut shell = Command::new("sh");
+    shell.args(["-c", command]).arg(program("biflag")).args(arguments).current_dir(bench.path()).process_group(0);
+    shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+/// Sends a signal to a process group, as a terminal does.
+fn signal_group(leader: &Child, name: &str) {
+    let group = format!("-{}", leader.id());
+    assert!(Command::new("kill").args([name, "--", &group]).status().unwrap().success());
+}
+
+fn end_of(log: &Path) -> Option<biflag_log::End> {
+    biflag_log::summary(log).unwrap().map(|summary| summary.end)
+}
+
+/// Returns the emulated board that a recording has started.
+fn board_of(recording: &Child) -> u32 {
+    let id = recording.id();
+    let children = std::fs::read_to_string(format!("/proc/{id}/task/{id}/children")).unwrap();
+    let is_board =
+        |id: &u32| std::fs::read_to_string(format!("/proc/{id}/comm")).is_ok_and(|name| name.trim() == "vnano");
+    children.split_whitespace().map(|id| id.parse().unwrap()).find(is_board).expect("a running board")
+}
+
+/// A terminal sends Ctrl-C to every program in front; the board must live until the trial has ended.
+#[test]
+fn ctrl_c_on_the_terminal_ends_a_recording_on_the_emulated_board() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(60.0, [50.0, 10.0]);
+    let arguments = ["record", plan.to_str().unwrap(), "--virtual", "--speed", "1", "--out", "session"];
+    let recording = shell(&bench, "exec \"$0\" \"$@\"", &arguments);
+    wait_for_logs(&bench.path().join("session"), 1);
+    std::thread::sleep(Duration::from_secs(1));
+    signal_group(&recording, "-INT");
+    Run::of(recording).expect_code(130);
+    assert_eq!(end_of(&logs(&bench.path().join("session"))[0]), Some(biflag_log::End::Aborted));
+}
+
+/// A board whose program is stopped is an error, and is not left behind.
+#[test]
+fn stopped_emulated_board_ends_the_recording() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(60.0, [50.0, 10.0]);
+    let recording = bench.start(["record", plan.to_str().unwrap(), "--virtual", "--speed", "1", "--out", "session"]);
+    wait_for_logs(&bench.path().join("session"), 1);
+    std::thread::sleep(Duration::from_millis(700));
+    let board = board_of(&recording);
+    let stopped = Instant::now();
+    assert!(Command::new("kill").args(["-STOP", &board.to_string()]).status().unwrap().success());
+    let run = wait(recording, Duration::from_secs(20));
+    println!("ended {:.1} s after its board was stopped", stopped.elapsed().as_secs_f64());
+    assert_eq!(run.code, Some(1), "{run:?}");
+    assert!(!Path::new(&format!("/proc/{board}")).exists(), "the board is left behind");
+    let [log] = logs(&bench.path().join("session")).try_into().unwrap();
+    assert_eq!(end_of(&log), Some(biflag_log::End::Failed));
+}
+
+/// Waits for the end of a run, but not for ever.
+fn wait(mut child: Child, limit: Duration) -> Run {
+    let begun = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if begun.elapsed() > limit {
+            child.kill().unwrap();
+            panic!("hangs: {:?}", Run::of(child));
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    Run::of(child)
+}
+
+/// `nohup` ignores the signal of a closed terminal, and a shell that of Ctrl-C for its jobs in the background.
+#[test]
+fn ignored_signals_do_not_end_a_recording() {
+    for (ignored, sent) in [("HUP", "-HUP"), ("INT", "-INT")] {
+        let bench = Bench::new();
+        let plan = bench.short_plan(4.0, [50.0, 10.0]);
+        let nano = nano(["--speed", "2"]);
+        let arguments = ["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--json"];
+        let recording = shell(&bench, &format!("trap '' {ignored}; exec \"$0\" \"$@\""), &arguments);
+        wait_for_logs(&bench.path().join("session"), 1);
+        signal(&recording, sent);
+        let run = Run::of(recording).expect_code(0);
+        assert_eq!(run.json()["trials"][0]["complete"], true, "{ignored}");
+    }
+}
+
+/// Nothing can be printed on a terminal that has closed.
+#[test]
+fn closed_terminal_interrupts_a_recording() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(60.0, [50.0, 10.0]);
+    let nano = nano(["--speed", "2"]);
+    let arguments = ["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session"];
+    let recording = shell(&bench, "exec \"$0\" \"$@\" >/dev/full 2>&1", &arguments);
+    wait_for_logs(&bench.path().join("session"), 1);
+    std::thread::sleep(Duration::from_millis(500));
+    signal(&recording, "-HUP");
+    Run::of(recording).expect_code(130);
+    assert_eq!(end_of(&logs(&bench.path().join("session"))[0]), Some(biflag_log::End::Aborted));
+}
+
+/// A log that another program removes, truncates or overwrites while it is written is not a complete trial.
+#[test]
+fn log_that_is_changed_while_it_is_written_is_a_failure() {
+    let truncate = |log: &Path, length: u64| {
+        let length = length.min(std::fs::metadata(log).unwrap().len() / 2);
+        std::fs::File::options().write(true).open(log).unwrap().set_len(length).unwrap();
+    };
+    let overwrite = |log: &Path| {
+        use std::io::Write;
+        std::fs::File::options().write(true).open(log).unwrap().write_all(&[b'x'; 100]).unwrap();
+    };
+    let cases: [(&str, &(dyn Fn(&Path) + Sync)); 6] = [
+        ("removed", &|log| std::fs::remove_file(log).unwrap()),
+        ("renamed", &|log| std::fs::rename(log, log.with_extension("other")).unwrap()),
+        ("its folder removed", &|log| std::fs::remove_dir_all(log.parent().unwrap()).unwrap()),
+        ("emptied", &|log| truncate(log, 0)),
+        ("truncated", &|log| truncate(log, u64::MAX)),
+        ("overwritten", &overwrite),
+    ];
+    std::thread::scope(|scope| {
+        for (what, act) in cases {
+            scope.spawn(move || {
+                let bench = Bench::new();
+                let plan = bench.short_plan(3.0, [50.0, 10.0]);
+                let nano = nano(["--speed", "2"]);
+                let arguments = ["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--json"];
+                let recording = bench.start(arguments);
+                wait_for_logs(&bench.path().join("session"), 1);
+                std::thread::sleep(Duration::from_millis(700));
+                act(&logs(&bench.path().join("session"))[0]);
+                let run = Run::of(recording);
+                assert_eq!(run.code, Some(1), "{what}: {run:?}");
+                let json = run.json();
+                assert!(json["error"].as_str().unwrap().contains("while it was written"), "{what}: {json}");
+                let is_complete = |trial: &Value| trial["complete"] == true;
+                assert!(!json["trials"].as_array().unwrap().iter().any(is_complete), "{what}: {json}");
+            });
+        }
+    });
+}
+
+/// A limit on the size of files (`ulimit -f`) is an error, not the end of the program.
+#[test]
+fn limit_on_the_size_of_files_ends_the_trial_with_an_error() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(10.0, [50.0, 10.0]);
+    let mut nano = nano(["--speed", "4"]);
+    let port = nano.port().to_owned();
+    let arguments = ["record", plan.to_str().unwrap(), "--port", &port, "--out", "session", "--json"];
+    let run = Run::of(shell(&bench, "ulimit -f 100; exec \"$0\" \"$@\"", &arguments)).expect_code(1);
+    assert!(run.json()["error"].as_str().unwrap().contains("cannot be written"), "{run:?}");
+    assert_eq!(nano.control("status").unwrap()["pwm"], serde_json::json!([0, 0]));
+}
+
+/// File names are bytes: none of them stops a command.
+#[test]
+fn names_that_are_not_unicode_work_in_every_command() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(3.0, [50.0, 10.0]);
+    let nano = nano(["--speed", "max"]);
+    let folder = OsString::from_vec(b"gl\xfcck".to_vec());
+    let os = |text: &str| OsString::from(text);
+    let record = [os("record"), plan.into(), os("--port"), os(nano.port()), os("--out"), folder.clone(), os("--json")];
+    let run = bench.run(record).expect_code(0);
+    assert!(run.json()["session"].as_str().unwrap().starts_with("gl"), "{run:?}");
+    let log: PathBuf = logs(&bench.path().join(&folder)).remove(0);
+    for path in [folder.clone(), log.clone().into()] {
+        for (command, codes) in [("info", &[0][..]), ("report", &[0, 3]), ("compare", &[0, 3]), ("export", &[0])] {
+            for json in [true, false] {
+                let mut arguments = vec![os(command), path.clone()];
+                arguments.extend(json.then(|| os("--json")));
+                arguments.extend((command == "export").then(|| os("--force")));
+                let run = bench.run(&arguments);
+                assert!(run.code.is_some_and(|code| codes.contains(&code)), "{command}: {run:?}");
+                assert!(!json || run.json().is_object());
+            }
+        }
+    }
+    bench.run([os("recover"), folder, os("--json")]).expect_code(0).json();
+    bench.run([os("recover"), log.into(), os("--json")]).expect_code(0).json();
+}
+
+/// A full disk behind stdout is an error on stderr, also for a wrong command line.
+#[test]
+fn full_outputs_are_errors() {
+    let bench = Bench::new();
+    for (arguments, code) in
+        [(&["--json", "nosuch"][..], 2), (&["--help"], 1), (&["--version"], 1), (&["info", "x", "--json"], 2)]
+    {
+        let run = Run::of(shell(&bench, "exec \"$0\" \"$@\" >/dev/full", arguments));
+        assert_eq!(run.code, Some(code), "{arguments:?}: {run:?}");
+        assert!(run.stderr.contains("stdout: No space left"), "{run:?}");
+    }
+}
+
+/// Text of a plan can neither control the terminal nor change the direction of the text.
+#[test]
+fn text_of_a_plan_reaches_terminal_and_page_without_control_characters() {
+    const ESCAPES: &str = r"\u001b[2J\u009b1m\u0007\u202e";
+    let bench = Bench::new();
+    let text = format!(
+        "[session]\nname = \"a{ESCAPES}\"\noperator = \"b{ESCAPES}\"\nnote = \"c{ESCAPES}\\nerror: d\"\n\
+         [trial]\ncalibrate = 0\npreroll = 0\nrun = 1\ndecay = 0\n[speeds]\npairs = [[0, 0]]\n"
+    );
+    let plan = bench.file("plan.toml", &text);
+    let nano = nano(["--speed", "max"]);
+    let shown = |run: &Run| {
+        let is_harmful = |c: char| c.is_control() && c != '\n' || c == '\u{202e}';
+        let text = run.stdout.clone() + &run.stderr;
+        assert!(!text.contains(is_harmful), "{text:?}");
+        assert!(!text.lines().any(|line| line.starts_with("error: d")), "{text}");
+        text
+    };
+    let run = bench.run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "s"]).expect_code(0);
+    shown(&run);
+    let log = logs(&bench.path().join("s")).remove(0);
+    for path in ["s", log.to_str().unwrap()] {
+        let text = shown(&bench.run(["info", path]));
+        assert!(text.contains(r"a\u{1b}[2J"), "the name is shown, with its escapes: {text}");
+        let run = bench.run(["info", path, "--json"]);
+        shown(&run);
+        assert!(!run.json().is_null());
+        shown(&bench.run(["report", path]));
+    }
+    let page = std::fs::read_to_string(bench.path().join("s/report.html")).unwrap();
+    assert!(!page.contains(|c: char| c.is_control() && c != '\n' && c != '\t' || c == '\u{202e}'));
+    let wrong = bench.file("wrong.toml", &format!("[speeds]\n\"x{ESCAPES}\\nerror: d\" = 1\n"));
+    shown(&bench.run(["record", wrong.to_str().unwrap(), "--port", "/dev/null"]).expect_code(2));
+    let raw = bench.file("raw.toml", "[trial]\nrun = 60 \u{1b}[2J\u{202e}\n");
+    shown(&bench.run(["record", raw.to_str().unwrap(), "--port", "/dev/null"]).expect_code(2));
+}
+
+/// Only a robot file is taken for one, before anything is recorded.
+#[test]
+fn robot_of_a_plan_is_a_robot_file() {
+    let bench = Bench::new();
+    let nano = nano(["--speed", "max"]);
+    bench.file("notes.txt", "# only\n# comments\n");
+    bench.file("wrong.toml", "[base]\nmass_kgs = 0.1\n");
+    let cases = [
+        ("notes.txt", "is not a robot file"),
+        ("/dev/zero", "is not a robot file"),
+        ("plan.toml", "unknown key `session`"),
+        ("wrong.toml", "unknown key `mass_kgs`"),
+    ];
+    for (robot, what) in cases {
+        let text =
+            format!("[session]\nname = \"x\"\nrobot = \"{robot}\"\n[trial]\nrun = 1\n[speeds]\npairs = [[50, 10]]\n");
+        let plan = bench.file("plan.toml", &text);
+        let run = bench.run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "s"]).expect_code(2);
+        assert!(run.stderr.contains(what), "{robot}: {run:?}");
+        assert!(!bench.path().join("s").exists());
+    }
+}
+
+/// A wrong place for the output is wrong use.
+#[test]
+fn output_that_cannot_be_there_is_wrong_use() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(0.5, [0.0, 0.0]);
+    let nano = nano(["--speed", "max"]);
+    bench.file("file", "");
+    std::os::unix::fs::symlink("nowhere", bench.path().join("dangling")).unwrap();
+    let long = "x".repeat(300);
+    for out in ["file", "file/below", "dangling", &long] {
+        let run = bench.run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", out]);
+        assert!(run.expect_code(2).stderr.contains("is not a folder and cannot become one"), "{out}");
+    }
+    bench.run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "s"]).expect_code(0);
+    let log = logs(&bench.path().join("s")).remove(0);
+    let log = log.to_str().unwrap();
+    std::fs::write(bench.path().join("cut.mcap"), &std::fs::read(log).unwrap()[..5000]).unwrap();
+    std::fs::create_dir(bench.path().join("empty")).unwrap();
+    for arguments in [
+        &["export", log, "-o", "none/a.csv"][..],
+        &["export", "s", "-o", "file"],
+        &["report", log, "--out", "none/a.html"],
+        &["recover", "cut.mcap", "-o", "none/a.mcap"],
+        &["recover", "cut.mcap", "-o", "file/a.mcap"],
+        &["recover", "empty"],
+        &["recover", "s", "-o", "a.mcap"],
+    ] {
+        let run = bench.run(arguments);
+        assert_eq!(run.code, Some(2), "{arguments:?}: {run:?}");
+        assert!(run.stderr.contains("help: "), "{run:?}");
+    }
+}
