@@ -2,7 +2,7 @@
 
 use super::recorder::{Keep, Recorder};
 use super::simulated::{SimulatedRobot, TruthRecorder};
-use super::{RecordError, VirtualNano};
+use super::{RecordError, VirtualNano, preflight};
 use crate::link::Link;
 use crate::plan::{Change, Phase, Phases, Schedule, ScheduledEvent, Trial};
 use crate::progress::Progress;
@@ -144,7 +144,7 @@ fn phases(
         match phase {
             Some(Phase::Calibrate) => {
                 shift_s = reached_s - start_s;
-                end_calibration(recorder, warnings)?;
+                end_calibration(recorder)?;
             }
             Some(Phase::Run) if change == Change::Phase(Phase::Decay) || change == Change::Phase(Phase::End) => {
                 recorder.command(Command::Stop)?;
@@ -223,12 +223,9 @@ fn begin_calibration(recorder: &mut Recorder, phases: &Phases) -> Result<(), Rec
     recorder.command(Command::CalibrateGyro { duration_ms })
 }
 
-fn end_calibration(recorder: &mut Recorder, warnings: &mut Vec<String>) -> Result<(), RecordError> {
+fn end_calibration(recorder: &mut Recorder) -> Result<(), RecordError> {
     let calibration = recorder.calibration()?;
     recorder.trial.calibration(&calibration, SystemTime::now())?;
-    if !calibration.still {
-        let text = "the board moved during the calibration, so the gyroscope keeps its previous bias";
-        warn(recorder, warnings, text.to_owned())?;
-    }
-    Ok(())
+    let (rest, clock) = (recorder.trial.at_rest(), recorder.clock());
+    Ok(preflight::at_rest(&calibration, rest, clock.as_ref(), recorder.link.path())?)
 }
