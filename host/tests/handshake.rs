@@ -1,8 +1,9 @@
 //! The handshake with silent, noisy, outdated and disconnected boards, each of which gives a specific error.
 
 use host::link::{Link, LinkError};
+use miette::Diagnostic;
 use protocol::frame::{Accumulator, MAX_FRAME, encode};
-use protocol::{Info, Message, Refusal, Reply, Request, Telemetry, VERSION};
+use protocol::{Info, Message, Refusal, Reply, Request, SCHEMA, Telemetry, VERSION};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use std::fs::File;
@@ -71,7 +72,7 @@ fn noise() -> impl Iterator<Item = u8> {
 fn handshake_succeeds_after_noise() {
     let link = open(|port| {
         port.write_all(&noise().take(500).collect::<Vec<_>>()).unwrap();
-        let info = Info { protocol: VERSION, board_id: 7, ..Info::default() };
+        let info = Info { protocol: VERSION, schema: SCHEMA, board_id: 7, ..Info::default() };
         answer_all(port, |request| reply(request, Reply::Info(info)));
     });
     assert_eq!(link.unwrap().info().board_id, 7);
@@ -84,6 +85,38 @@ fn other_protocol_version_is_reported_at_once() {
         answer_all(port, |request| reply(request, Reply::Info(Info { protocol: 99, ..Info::default() })));
     });
     assert!(matches!(error, LinkError::OtherVersion { theirs: 99, .. }), "{error}");
+    assert!(begun.elapsed() < Duration::from_secs(2));
+}
+
+/// What firmware of version 1 answered, byte by byte. Its `Info` had no schema.
+const INFO_OF_VERSION_1: [u8; 25] = [
+    0x01, 0x02, 0xc8, 0x15, 0x01, 0x01, 0x02, 0x03, 0xde, 0xad, 0xbe, 0xef, 0x01, 0xb4, 0x24, 0x68, 0x01, 0x02, 0x01,
+    0x02, 0x2c, 0x01, 0x17, 0x87, 0x00,
+];
+
+fn help(error: &LinkError) -> String {
+    error.help().expect("an error says what to do").to_string()
+}
+
+#[test]
+fn firmware_of_version_1_is_reported_with_both_versions_and_the_command_that_helps() {
+    let begun = Instant::now();
+    let error = error(|port| answer_all(port, |_| INFO_OF_VERSION_1.to_vec()));
+    assert!(matches!(error, LinkError::OtherVersion { theirs: 1, .. }), "{error}");
+    assert!(error.to_string().ends_with("speaks protocol version 1, this biflag version 2"), "{error}");
+    assert!(help(&error).contains("`biflag flash --port /dev/pts/"), "{}", help(&error));
+    assert!(begun.elapsed() < Duration::from_secs(2));
+}
+
+#[test]
+fn other_messages_under_the_same_version_are_reported() {
+    let begun = Instant::now();
+    let error = error(|port| {
+        let info = Info { protocol: VERSION, schema: SCHEMA.map(|byte| !byte), ..Info::default() };
+        answer_all(port, |request| reply(request, Reply::Info(info)));
+    });
+    assert!(matches!(error, LinkError::OtherSchema { .. }), "{error}");
+    assert!(help(&error).contains("`biflag flash --port /dev/pts/"), "{}", help(&error));
     assert!(begun.elapsed() < Duration::from_secs(2));
 }
 
@@ -137,7 +170,7 @@ fn boards_without_reply_give_specific_errors() {
     });
     let wrong_number = std::thread::spawn(|| {
         error(|port| {
-            let info = Reply::Info(Info { protocol: VERSION, ..Info::default() });
+            let info = Reply::Info(Info { protocol: VERSION, schema: SCHEMA, ..Info::default() });
             // Far from the number of the next request, which a slow answer would fit.
             answer_all(port, |request| frame(&Message::Reply { to: request.seq.wrapping_add(100), reply: info }));
         })

@@ -2,8 +2,10 @@
 //! as a user would.
 
 pub mod browser;
+mod cable;
 mod viewer;
 
+pub use cable::Cable;
 pub use viewer::{Seen, Viewer};
 
 use host::run::rig::VirtualNano;

@@ -1,12 +1,14 @@
-//! A file that is synced in the background, so that a slow disk does not delay the trial.
+//! A file that is written and synced in the background, so that a slow disk does not delay the trial.
 
 use super::LogError;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// Creates a file, which must not exist, and syncs its folder.
 pub(super) fn create_file(path: &Path) -> Result<File, LogError> {
@@ -18,81 +20,159 @@ pub(super) fn create_file(path: &Path) -> Result<File, LogError> {
     Ok(file)
 }
 
-/// A file being written. Each `flush` starts a sync of the bytes before it.
+/// The most bytes that wait to be written, minutes of a recording. Then its writer waits for the disk.
+const MAX_WAITING: usize = 8 << 20;
+
+/// A file that a thread of its own writes. Each `flush` asks for a sync of the bytes before it.
 ///
-/// After the first error nothing more is written, so that the file stays an unbroken beginning of the log.
+/// After the first error nothing more is written, so that the file stays an unbroken beginning of the log. The error is
+/// that of a later write, or of [`Status::take_error`].
 #[derive(Debug)]
 pub(super) struct Disk {
-    file: File,
-    /// Bytes in the file, and their CRC.
-    written: u64,
+    /// Bytes to be in the file, and their CRC.
+    length: u64,
     crc: crc32fast::Hasher,
-    failed: bool,
-    requests: Option<SyncSender<()>>,
+    jobs: Option<Sender<Job>>,
     thread: Option<JoinHandle<()>>,
     status: Arc<Status>,
+}
+
+#[derive(Debug)]
+enum Job {
+    Write(Vec<u8>),
+    Sync,
 }
 
 /// The shared status of a [`Disk`].
 #[derive(Debug, Default)]
 pub(super) struct Status {
-    written: std::sync::atomic::AtomicU64,
-    sync_error: Mutex<Option<io::Error>>,
+    /// Bytes that wait to be written.
+    waiting: AtomicUsize,
+    failed: AtomicBool,
+    written: AtomicU64,
+    slowest_ms: AtomicU64,
+    error: Mutex<Option<io::Error>>,
 }
 
 impl Status {
     /// Bytes in the file.
     pub fn written(&self) -> u64 {
-        self.written.load(std::sync::atomic::Ordering::Relaxed)
+        self.written.load(Ordering::Relaxed)
     }
 
-    /// Takes the error of a failed sync.
+    /// The longest time that the disk has taken for a write or a sync.
+    pub fn slowest(&self) -> Duration {
+        Duration::from_millis(self.slowest_ms.load(Ordering::Relaxed))
+    }
+
+    /// Waits until at most so many bytes wait to be written, or a write has failed.
+    pub fn wait_for(&self, waiting: usize) {
+        while self.waiting.load(Ordering::Acquire) > waiting && !self.failed.load(Ordering::Acquire) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Takes the error of a failed write or sync.
     pub fn take_error(&self) -> Option<io::Error> {
-        self.sync_error.lock().unwrap_or_else(PoisonError::into_inner).take()
+        self.error.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    fn fail(&self, error: io::Error) {
+        *self.error.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+        self.failed.store(true, Ordering::Release);
+    }
+
+    fn timed<T>(&self, work: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
+        let begun = Instant::now();
+        let done = work();
+        let took_ms = u64::try_from(begun.elapsed().as_millis()).unwrap_or(u64::MAX);
+        self.slowest_ms.fetch_max(took_ms, Ordering::Relaxed);
+        done
     }
 }
 
 impl Disk {
     pub fn new(file: File) -> io::Result<Self> {
         let status = Arc::new(Status::default());
-        // One request may wait while another is served; it covers everything written until then.
-        let (requests, served) = sync_channel(1);
-        let (handle, thread_status) = (file.try_clone()?, Arc::clone(&status));
-        let thread = std::thread::Builder::new()
-            .name("log sync".to_owned())
-            .spawn(move || sync_on_request(&handle, &served, &thread_status))?;
-        Ok(Self {
-            file,
-            written: 0,
-            crc: crc32fast::Hasher::new(),
-            failed: false,
-            requests: Some(requests),
-            thread: Some(thread),
-            status,
-        })
+        let (jobs, queue) = channel();
+        let thread_status = Arc::clone(&status);
+        let thread = std::thread::Builder::new().name("log".to_owned()).spawn(move || {
+            work(&file, &queue, &thread_status).unwrap_or_else(|error| thread_status.fail(error));
+        })?;
+        Ok(Self { length: 0, crc: crc32fast::Hasher::new(), jobs: Some(jobs), thread: Some(thread), status })
     }
 
     pub fn status(&self) -> Arc<Status> {
         Arc::clone(&self.status)
     }
 
-    /// Waits for the background sync, then syncs the file. Returns what it must hold.
+    /// Waits until everything is written and synced. Returns what the file must hold.
     pub fn finish(mut self) -> io::Result<Content> {
         self.stop();
         match self.status.take_error() {
             Some(error) => Err(error),
-            None => self.file.sync_all(),
-        }?;
-        Ok(Content { length: self.written, crc: self.crc.clone().finalize() })
+            None => Ok(Content { length: self.length, crc: self.crc.clone().finalize() }),
+        }
     }
 
     fn stop(&mut self) {
-        self.requests = None;
+        self.jobs = None;
         if let Some(thread) = self.thread.take() {
             // The thread cannot panic.
             let _ = thread.join();
         }
     }
+
+    /// The thread ends early only after an error.
+    fn send(&self, job: Job) -> io::Result<()> {
+        let sent = self.jobs.as_ref().map(|jobs| jobs.send(job));
+        match sent {
+            Some(Ok(())) => Ok(()),
+            _ => Err(self.status.take_error().unwrap_or_else(|| io::Error::other("an earlier write failed"))),
+        }
+    }
+}
+
+/// Writes and syncs until there are no more jobs, or to the first error. A sync, which can take long, does not delay the
+/// writes after it: what is written survives the end of this program.
+fn work(file: &File, jobs: &Receiver<Job>, status: &Status) -> io::Result<()> {
+    // One request may wait while another is served; it covers everything written until then.
+    let (syncs, requests) = sync_channel(1);
+    std::thread::scope(|scope| {
+        std::thread::Builder::new().name("log sync".to_owned()).spawn_scoped(scope, move || {
+            while requests.recv().is_ok() {
+                status.timed(|| file.sync_data()).unwrap_or_else(|error| status.fail(error));
+            }
+        })?;
+        for job in jobs {
+            match job {
+                Job::Write(bytes) => {
+                    write(file, &bytes, status)?;
+                    status.waiting.fetch_sub(bytes.len(), Ordering::Release);
+                }
+                // A full channel means that a request is already waiting.
+                Job::Sync => drop(syncs.try_send(())),
+            }
+        }
+        drop(syncs);
+        Ok(())
+    })
+    .and_then(|()| status.timed(|| file.sync_all()))
+}
+
+fn write(mut file: &File, mut bytes: &[u8], status: &Status) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match status.timed(|| file.write(bytes)) {
+            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+            Ok(count) => {
+                status.written.fetch_add(count as u64, Ordering::Relaxed);
+                bytes = &bytes[count..];
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
 }
 
 /// Length and CRC of everything that was written to a file.
@@ -120,37 +200,18 @@ impl Content {
     }
 }
 
-fn sync_on_request(file: &File, requests: &Receiver<()>, status: &Status) {
-    while requests.recv().is_ok() {
-        if let Err(error) = file.sync_data() {
-            *status.sync_error.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
-        }
-    }
-}
-
 impl Write for Disk {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if self.failed {
-            return Err(io::Error::other("an earlier write failed"));
-        }
-        let result = self.file.write(bytes);
-        match &result {
-            Ok(count) => {
-                self.written += *count as u64;
-                self.crc.update(&bytes[..*count]);
-            }
-            Err(error) => self.failed = error.kind() != io::ErrorKind::Interrupted,
-        }
-        self.status.written.store(self.written, std::sync::atomic::Ordering::Relaxed);
-        result
+        self.status.wait_for(MAX_WAITING);
+        self.status.waiting.fetch_add(bytes.len(), Ordering::Relaxed);
+        self.send(Job::Write(bytes.to_vec()))?;
+        self.length += bytes.len() as u64;
+        self.crc.update(bytes);
+        Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        if let Some(requests) = &self.requests {
-            // A full channel means that a request is already waiting.
-            let _ = requests.try_send(());
-        }
-        Ok(())
+        self.send(Job::Sync)
     }
 }
 
@@ -158,7 +219,7 @@ impl Write for Disk {
 impl Seek for Disk {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         match to {
-            SeekFrom::Current(0) => Ok(self.written),
+            SeekFrom::Current(0) => Ok(self.length),
             _ => Err(io::ErrorKind::Unsupported.into()),
         }
     }

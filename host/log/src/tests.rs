@@ -350,6 +350,7 @@ fn messages_reach_the_file_within_half_a_second() {
     writer.message(&Converter::new(Settings::DEFAULT).telemetry(&frame(0), 0, 0.0), host(0.0)).unwrap();
     std::thread::sleep(Duration::from_millis(410));
     writer.tick().unwrap();
+    writer.settle().unwrap();
     let mut reader = Reader::open(&path).unwrap();
     assert_eq!(reader.by_ref().map(Result::unwrap).count(), 1);
     assert_eq!(reader.condition(), Some(Condition::CutOff));
@@ -362,7 +363,11 @@ fn messages_reach_the_file_within_half_a_second() {
 fn full_disk_error_states_the_bytes_kept() {
     let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
     let error = Writer::on(full, Path::new("/full/a.mcap"), host(0.0))
-        .and_then(|mut writer| writer.meta(&Identity::default()).and_then(|()| writer.flush()))
+        .and_then(|mut writer| {
+            writer.meta(&Identity::default())?;
+            writer.flush()?;
+            writer.settle()
+        })
         .unwrap_err();
     assert!(matches!(&error, LogError::Write { source, .. } if source.kind() == std::io::ErrorKind::StorageFull));
     assert_eq!(error.to_string(), "/full/a.mcap: cannot be written; 0 bytes were kept");

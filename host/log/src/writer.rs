@@ -34,9 +34,10 @@ pub struct Start {
 
 /// A log being written.
 ///
-/// Every 0.4 s the current chunk is closed and synced, so that a killed program loses at most half a second;
-/// [`Writer::tick`] does this when no message arrives. A modelled trial can be computed again, and its log must not
-/// depend on the computing time: its chunks are closed by size alone.
+/// Every 0.4 s the current chunk is closed, written and synced on a thread of its own, so that a killed program loses at
+/// most half a second; [`Writer::tick`] closes it when no message arrives. A slow disk delays nothing for minutes: what
+/// waits for it is kept in memory. A modelled trial can be computed again, and its log must not depend on the computing
+/// time: its chunks are closed by size alone.
 pub struct Writer {
     path: PathBuf,
     mcap: mcap::Writer<BufWriter<Disk>>,
@@ -80,6 +81,8 @@ impl Writer {
             writer.meta(board)?;
         }
         writer.flush()?;
+        // A full disk is an error now, not when the motors turn.
+        writer.settle()?;
         Ok(writer)
     }
 
@@ -226,18 +229,34 @@ impl Writer {
         self.check(written)
     }
 
-    /// Closes and syncs a chunk if it is due. To be called at least every 0.1 s if nothing else is written.
+    /// Closes a chunk if it is due. To be called at least every 0.1 s if nothing else is written.
     ///
     /// # Errors
-    /// [`LogError::Write`], also for a background sync that failed since the last call.
+    /// [`LogError::Write`], for what failed since the last call.
     pub fn tick(&mut self) -> Result<(), LogError> {
         if self.flushed.is_none_or(|flushed| flushed.elapsed() < FLUSH_INTERVAL) { Ok(()) } else { self.flush() }
+    }
+
+    /// Waits until what was flushed is in the file; returns the longest time that a write or a sync has taken.
+    pub fn slowest_write(&self) -> Duration {
+        self.disk.wait_for(0);
+        self.disk.slowest()
     }
 
     pub(super) fn flush(&mut self) -> Result<(), LogError> {
         self.flushed = self.flushed.map(|_| Instant::now());
         let flushed = self.mcap.flush();
         self.check(flushed)?;
+        self.take_error()
+    }
+
+    /// Waits until what was flushed is in the file.
+    pub(super) fn settle(&self) -> Result<(), LogError> {
+        self.disk.wait_for(0);
+        self.take_error()
+    }
+
+    fn take_error(&self) -> Result<(), LogError> {
         match self.disk.take_error() {
             Some(error) => Err(self.error(error)),
             None => Ok(()),

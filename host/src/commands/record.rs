@@ -87,6 +87,8 @@ struct RecordedTrial {
     hand_turn: Option<String>,
     /// Warnings for the user; only for trials of this run.
     warnings: Vec<String>,
+    /// What did not affect the data; only for trials of this run.
+    notes: Vec<String>,
     complete: bool,
 }
 
@@ -192,7 +194,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         progress.end_trial(trial.phases.total_s());
         let mut row = RecordedTrial::new(trial, path, &run.summary);
         row.turned_deg = run.angles.map(|angles| angles.turned_deg);
-        row.warnings = run.warnings;
+        (row.warnings, row.notes) = (run.warnings, run.notes);
         if let (Some(turn), Some(turned_deg)) = (plan.hand_turn, row.turned_deg) {
             let (verdict, agrees) = turn.verdict(turned_deg);
             row.hand_turn = Some(verdict);
@@ -303,6 +305,7 @@ impl RecordedTrial {
             turned_deg: None,
             hand_turn: None,
             warnings: Vec::new(),
+            notes: Vec::new(),
             complete: summary.end == End::Complete,
         }
     }
@@ -326,6 +329,7 @@ impl fmt::Display for RecordedTrial {
         if !self.complete {
             write!(f, "; not complete")?;
         }
-        self.warnings.iter().try_for_each(|warning| write!(f, "\n  warning: {warning}"))
+        self.warnings.iter().try_for_each(|warning| write!(f, "\n  warning: {warning}"))?;
+        self.notes.iter().try_for_each(|note| write!(f, "\n  note: {note}"))
     }
 }

@@ -27,8 +27,9 @@ pub struct Link {
 }
 
 impl Link {
-    /// Time limit of the handshake. Opening the port resets a Nano, and the older of its bootloaders waits two seconds.
-    pub const HANDSHAKE: Duration = Duration::from_secs(6);
+    /// Time in which attempts of the handshake begin. Opening the port resets a Nano, and the older of its bootloaders
+    /// waits two seconds.
+    pub const HANDSHAKE: Duration = Duration::from_secs(4);
 
     /// Opens the port and performs the handshake.
     ///

@@ -6,7 +6,12 @@
 //! ```
 //!
 //! The thread blocks on nothing but the port, so a slow disk delays neither the pings that feed the motors' deadline nor
-//! the reading of a byte.
+//! the reading of a byte. It pings only
+//!
+//! - while the program is alive: it has asked for an event or sent a request within the last five seconds;
+//! - while the board is heard: a frame of telemetry has come within the last second, or without a stream, an answer.
+//!
+//! Otherwise the board stops its motors at their deadline.
 
 mod claim;
 mod client;
@@ -20,6 +25,6 @@ pub use claim::Claim;
 pub use client::Link;
 pub use clock::{BoardClock, ClockMap, PingClock};
 pub use error::{LinkError, refusal_text};
-pub use monitor::{Gap, Monitor};
+pub use monitor::{Arrival, Gap, Monitor};
 pub use port::{choose as choose_port, probe as probe_port, robots as robot_ports};
 pub use worker::{Event, Exchange, Received};

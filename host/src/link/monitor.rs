@@ -14,6 +14,17 @@ pub struct Gap {
     pub count: u16,
 }
 
+/// How a frame of the stream fits to those before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arrival {
+    /// It is the next one, or the first.
+    Next,
+    /// Frames before it are missing.
+    After(Gap),
+    /// It has been counted before, or it is older than one that has.
+    Repeated,
+}
+
 /// Counts of the link during one trial.
 #[derive(Debug, Clone, Default)]
 pub struct Monitor {
@@ -28,15 +39,28 @@ impl Monitor {
         self.stats
     }
 
-    /// Counts a frame of the stream; returns the gap before it.
-    pub fn frame(&mut self, telemetry: &Telemetry) -> Option<Gap> {
-        self.stats.samples += 1;
+    /// Counts a frame of the stream.
+    pub fn frame(&mut self, telemetry: &Telemetry) -> Arrival {
         self.out_of_step = false;
-        let before = self.last.replace(telemetry.seq)?;
-        let first = Count(before.0.wrapping_add(1));
-        let count = telemetry.seq.0.wrapping_sub(first.0);
+        let ahead = self.last.map_or(1, |last| telemetry.seq.0.wrapping_sub(last.0));
+        // A gap of half of all numbers would be minutes of silence, which end a trial earlier.
+        if ahead == 0 || ahead > u16::MAX / 2 {
+            self.stats.repeated += 1;
+            return Arrival::Repeated;
+        }
+        self.last = Some(telemetry.seq);
+        self.stats.samples += 1;
+        let count = ahead - 1;
         self.stats.lost += u64::from(count);
-        (count > 0).then_some(Gap { first, count })
+        match count {
+            0 => Arrival::Next,
+            count => Arrival::After(Gap { first: Count(telemetry.seq.0.wrapping_sub(count)), count }),
+        }
+    }
+
+    /// Returns whether a frame that has not been counted is the one after the last one.
+    pub fn is_next(&self, telemetry: &Telemetry) -> bool {
+        self.last.is_some_and(|last| telemetry.seq.0 == last.0.wrapping_add(1))
     }
 
     /// Counts a frame that could not be read. Consecutive ones are one resync.
@@ -63,10 +87,20 @@ mod tests {
     #[test]
     fn gaps_are_counted_across_the_wrap() {
         let mut monitor = Monitor::default();
-        assert_eq!(monitor.frame(&telemetry(65534)), None);
-        assert_eq!(monitor.frame(&telemetry(65535)), None);
-        assert_eq!(monitor.frame(&telemetry(3)), Some(Gap { first: Count(0), count: 3 }));
+        assert_eq!(monitor.frame(&telemetry(65534)), Arrival::Next);
+        assert_eq!(monitor.frame(&telemetry(65535)), Arrival::Next);
+        assert!(monitor.is_next(&telemetry(0)) && !monitor.is_next(&telemetry(3)));
+        assert_eq!(monitor.frame(&telemetry(3)), Arrival::After(Gap { first: Count(0), count: 3 }));
         assert_eq!((monitor.stats().samples, monitor.stats().lost), (3, 3));
+    }
+
+    #[test]
+    fn frames_that_come_again_are_no_loss() {
+        let mut monitor = Monitor::default();
+        let arrivals = [65534, 65535, 65534, 65535, 0, 0, 2, 1].map(|seq| monitor.frame(&telemetry(seq)));
+        assert_eq!(arrivals.iter().filter(|arrival| **arrival == Arrival::Repeated).count(), 4, "{arrivals:?}");
+        let stats = monitor.stats();
+        assert_eq!((stats.samples, stats.lost, stats.repeated), (4, 1, 4));
     }
 
     #[test]

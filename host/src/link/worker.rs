@@ -33,6 +33,11 @@ pub enum Event {
     Damaged(FrameError),
     /// A request was answered or abandoned.
     Exchange(Exchange),
+    /// The board should be streaming, but no frame has come for a second. This is told once, until the next frame.
+    Silent {
+        /// Bytes that came in this time: noise, or answers to requests.
+        bytes: usize,
+    },
     /// The port is gone. This is the last event.
     Closed,
 }
@@ -74,7 +79,12 @@ const BACK_OFF: [Duration; 5] = [
 /// or by the board's, whichever is earlier: an emulated board may run faster than real time.
 const PING_EVERY: Duration = Duration::from_millis(20);
 
-/// Time without a heartbeat after which the program counts as hung. Writing a log to a slow disk can take seconds.
+/// Time without a frame after which the board no longer gets pings: motors that turn unseen must stop.
+const SILENCE: Duration = Duration::from_secs(1);
+
+/// Time without a heartbeat ([`super::Link::ask`], [`super::Link::next`]) after which the program counts as hung, and the
+/// board no longer gets pings. Logs are written on a thread of their own, so a slow disk delays no heartbeat; a terminal
+/// that does not take the program's output does.
 const HANG_TIMEOUT: Duration = Duration::from_secs(5);
 
 pub(super) struct Worker {
@@ -89,6 +99,14 @@ pub(super) struct Worker {
     in_flight: Option<InFlight>,
     seq: u8,
     handshake_done: bool,
+    /// Whether the board was told to stream.
+    streaming: bool,
+    /// When the last frame of the stream came, or without a stream, the last answer.
+    heard: Instant,
+    /// Bytes received since then.
+    unheard: usize,
+    /// Whether its silence has been told.
+    silent: bool,
     next_ping: Instant,
     /// The board's clock in the last frame of its stream, and in the last one before something was sent.
     board_time: Option<Micros>,
@@ -127,6 +145,10 @@ impl Worker {
             in_flight: None,
             seq: first_seq(),
             handshake_done: false,
+            streaming: false,
+            heard: begun,
+            unheard: 0,
+            silent: false,
             next_ping: begun,
             board_time: None,
             board_time_at_send: None,
@@ -156,7 +178,7 @@ impl Worker {
         if let Some(request) = self.waiting.pop_front() {
             return self.begin(request.command, Some(request.answer));
         }
-        if self.handshake_done && self.is_ping_due() && self.is_program_alive() {
+        if self.handshake_done && self.is_ping_due() && self.is_program_alive() && self.is_heard() {
             return self.begin(Command::Ping, None);
         }
         Ok(())
@@ -175,19 +197,41 @@ impl Worker {
         self.begun.elapsed() < alive + HANG_TIMEOUT
     }
 
+    /// Returns whether the board was heard in the last second. While it streams, noise and answers are not enough: only
+    /// its frames tell what the motors do.
+    fn is_heard(&self) -> bool {
+        self.heard.elapsed() <= SILENCE
+    }
+
+    fn hear(&mut self) {
+        (self.heard, self.unheard, self.silent) = (Instant::now(), 0, false);
+    }
+
     fn read(&mut self) -> Result<(), Disconnected> {
+        // If this program was stopped for a while, its port holds what came meanwhile; so silence lasts up to here.
+        let asked = Instant::now();
         let mut buffer = [0; 1024];
-        let read = match self.port.read(&mut buffer) {
+        match self.port.read(&mut buffer) {
             Ok(0) => return Err(Disconnected),
-            Ok(read) => read,
-            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => return Ok(()),
+            Ok(read) => self.decode(&buffer[..read]),
+            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
             Err(_) => return Err(Disconnected),
-        };
-        self.emit(Event::Raw(buffer[..read].to_vec()));
-        for byte in &buffer[..read] {
+        }
+        if self.streaming && !self.silent && asked.saturating_duration_since(self.heard) > SILENCE {
+            self.silent = true;
+            self.emit(Event::Silent { bytes: self.unheard });
+        }
+        Ok(())
+    }
+
+    fn decode(&mut self, bytes: &[u8]) {
+        self.unheard += bytes.len();
+        self.emit(Event::Raw(bytes.to_vec()));
+        for byte in bytes {
             match self.accumulator.push::<Message>(*byte) {
                 None => {}
                 Some(Ok(Message::Telemetry(telemetry))) => {
+                    self.hear();
                     self.board_time = Some(telemetry.time);
                     self.emit(Event::Telemetry(telemetry));
                 }
@@ -195,7 +239,6 @@ impl Worker {
                 Some(Err(error)) => self.emit(Event::Damaged(error)),
             }
         }
-        Ok(())
     }
 
     fn begin(&mut self, command: Command, answer: Option<Sender<Answer>>) -> Result<(), Disconnected> {
@@ -228,6 +271,13 @@ impl Worker {
     fn answered(&mut self, to: u8, reply: Reply) {
         if let Some(in_flight) = self.in_flight.take_if(|in_flight| in_flight.request.seq == to) {
             self.handshake_done |= matches!(reply, Reply::Info(_));
+            let was_streaming = self.streaming;
+            if let (Command::Stream { rate_hz }, Reply::Done) = (in_flight.request.command, reply) {
+                self.streaming = rate_hz > 0;
+            }
+            if !(was_streaming && self.streaming) {
+                self.hear();
+            }
             self.finish(in_flight, Some(reply));
         }
     }

@@ -3,7 +3,7 @@
 use super::Live;
 use crate::attitude::rotation;
 use crate::draw;
-use crate::link::{BoardClock, Event, Link, LinkError, Monitor};
+use crate::link::{Arrival, BoardClock, Event, Link, LinkError, Monitor};
 use crate::run::rig::fault_text;
 use biflag_log::LinkStats;
 use biflag_log::schema::biflag;
@@ -11,11 +11,8 @@ use biflag_log::{Converter, EventKind, event};
 use miette::Diagnostic;
 use protocol::{Command, Fault, Settings, State, TICK_HZ, Telemetry};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use thiserror::Error;
-
-/// Time without a frame after which the stream has ended.
-const SILENCE: Duration = Duration::from_secs(1);
 
 /// Why watching the board ended.
 #[derive(Debug, Error, Diagnostic)]
@@ -41,23 +38,15 @@ pub enum WatchError {
 pub fn watch(link: &Link, settings: Settings, live: &Live, interrupted: &AtomicBool) -> Result<LinkStats, WatchError> {
     let mut stream = Stream::new(settings, live);
     link.command(Command::Stream { rate_hz: TICK_HZ })?;
-    let mut heard = Instant::now();
     while !interrupted.load(Ordering::Relaxed) {
-        let Some(received) = link.next(Duration::from_millis(20)) else {
-            if heard.elapsed() > SILENCE {
-                return Err(WatchError::Silent { port: link.path().to_owned() });
-            }
-            continue;
-        };
+        let Some(received) = link.next(Duration::from_millis(20)) else { continue };
         match received.event {
-            Event::Telemetry(telemetry) => {
-                heard = Instant::now();
-                stream.frame(&telemetry, received.wall);
-            }
+            Event::Telemetry(telemetry) => stream.frame(&telemetry, received.wall),
             Event::Damaged(error) => {
                 stream.monitor.damaged(error);
                 stream.event(EventKind::Warning, &format!("a frame was damaged: {error}"));
             }
+            Event::Silent { .. } => return Err(WatchError::Silent { port: link.path().to_owned() }),
             Event::Closed => return Err(LinkError::Closed { path: link.path().to_owned() }.into()),
             Event::Raw(_) | Event::Exchange(_) => {}
         }
@@ -93,6 +82,10 @@ impl<'a> Stream<'a> {
     }
 
     fn frame(&mut self, frame: &Telemetry, host: SystemTime) {
+        let arrival = self.monitor.frame(frame);
+        if arrival == Arrival::Repeated {
+            return;
+        }
         let board_us = self.clock.unwrap(frame.time).unwrap_or_else(|| {
             // After a restart of the board, the time for viewers continues from the host's clock.
             (self.clock, self.first) = (BoardClock::default(), None);
@@ -102,7 +95,7 @@ impl<'a> Stream<'a> {
         let (first_us, first_ns) = *self.first.get_or_insert((board_us, host_ns));
         let elapsed_us = board_us.saturating_sub(first_us);
         self.now_ns = first_ns + elapsed_us * 1000;
-        if let Some(gap) = self.monitor.frame(frame) {
+        if let Arrival::After(gap) = arrival {
             let dropout = biflag::Dropout { first_seq: gap.first.0.into(), count: gap.count.into() };
             self.live.message(self.now_ns, &dropout);
         }

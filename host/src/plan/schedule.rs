@@ -1,8 +1,8 @@
 //! The course of a trial: what happens when, on the rig as in the model.
 
 use super::{Phases, Reverse, Trial};
-use protocol::State;
 use protocol::units::CentiRpm;
+use protocol::{SetPoint, State, TICK_HZ};
 
 /// A phase of a trial.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -32,6 +32,11 @@ impl Phase {
             Self::Decay => "decay",
             Self::End => "end",
         }
+    }
+
+    /// Its number in the board's schedule and telemetry. The calibration, before the schedule, has 0.
+    pub fn number(self) -> u8 {
+        self as u8
     }
 
     /// The phase of a name in a log.
@@ -127,6 +132,27 @@ impl Schedule {
         Self { events }
     }
 
+    /// What the board does by itself: everything after the calibration, each with its tick from there on.
+    pub fn ticks(&self) -> impl Iterator<Item = (u32, &ScheduledEvent)> {
+        let timed = || self.events.iter().filter(|event| event.change != Change::Phase(Phase::Calibrate));
+        let first_s = timed().next().map_or(0.0, |event| event.start_s);
+        timed().map(move |event| (((event.start_s - first_s) * f64::from(TICK_HZ)).round() as u32, event))
+    }
+
+    /// The schedule as the board gets it. Of two events in one tick, the later one counts.
+    pub fn set_points(&self) -> Vec<SetPoint> {
+        let mut points: Vec<SetPoint> = Vec::new();
+        let mut number = 0;
+        for (tick, event) in self.ticks() {
+            if let Change::Phase(phase) = event.change {
+                number = phase.number();
+            }
+            points.pop_if(|before| before.tick == tick);
+            points.push(SetPoint { tick, speeds: event.setpoint.target, phase: number });
+        }
+        points
+    }
+
     /// When the trial ends, s.
     pub fn end_s(&self) -> f64 {
         self.events.last().map_or(0.0, |event| event.start_s)
@@ -150,5 +176,24 @@ mod tests {
         assert_eq!(events, [(0.0, still), (2.0, [50.0, 10.0]), (6.0, [50.0, -10.0]), (12.0, still), (15.0, still)]);
         assert_eq!(schedule.end_s(), 15.0);
         assert!(Phase::ALL.into_iter().all(|phase| Phase::of_name(phase.name()) == Some(phase)));
+    }
+
+    fn set_points(trial: &str) -> Vec<(u32, [f64; 2], u8)> {
+        let plan = Plan::parse(&format!("[trial]\n{trial}\n[speeds]\npairs = [[50, 10]]"), "p.toml").unwrap();
+        let points = Schedule::planned(&plan.trials[0]).set_points();
+        points.into_iter().map(|point| (point.tick, point.speeds.map(CentiRpm::rpm), point.phase)).collect()
+    }
+
+    #[test]
+    fn set_points_are_in_ticks_from_the_end_of_the_calibration() {
+        let reverse = "reverse = { motor = 1, after = 4 }";
+        let points = set_points(&format!("calibrate = 5\npreroll = 2\nrun = 10\ndecay = 3\n{reverse}"));
+        let (still, forward, backward) = ([0.0, 0.0], [50.0, 10.0], [-50.0, 10.0]);
+        let expected = [(0, still, 1), (400, forward, 2), (1200, backward, 2), (2400, still, 3), (3000, still, 4)];
+        assert_eq!(points, expected);
+        let points = set_points("calibrate = 0\npreroll = 0\nrun = 0.01\ndecay = 0");
+        assert_eq!(points, [(0, forward, 2), (2, still, 4)]);
+        let points = set_points("calibrate = 0\npreroll = 0.001\nrun = 86400\ndecay = 0.001");
+        assert_eq!(points, [(0, forward, 2), (17_280_000, still, 4)], "a phase within a tick is left out");
     }
 }

@@ -27,9 +27,18 @@ pub enum RecordError {
     #[diagnostic(help("{}; then continue with --resume", silence_cure(Some(*.0))))]
     Restarted(ResetCause),
     /// The board stopped sending telemetry.
-    #[error("the board stopped sending{}", restart_text(.0))]
-    #[diagnostic(help("{}; then continue with --resume", silence_cure(*.0)))]
-    Silent(Option<ResetCause>),
+    #[error("the board stopped sending{}", silence_text(.cause, *.bytes))]
+    #[diagnostic(help("{}; then continue with --resume", silence_cure(*.cause)))]
+    Silent {
+        /// Why it restarted, if it did.
+        cause: Option<ResetCause>,
+        /// Bytes that came instead in the last second.
+        bytes: usize,
+    },
+    /// The board left the schedule of the trial.
+    #[error("the board left the schedule of the trial")]
+    #[diagnostic(help("please report this and attach the log"))]
+    OffSchedule,
     /// The link failed.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -117,6 +126,13 @@ fn jump_cure(cause: Option<ResetCause>) -> &'static str {
     match cause {
         Some(_) => silence_cure(cause),
         None => "keep this computer from sleeping while recording",
+    }
+}
+
+fn silence_text(cause: &Option<ResetCause>, bytes: usize) -> String {
+    match (cause, bytes) {
+        (None, 1..) => format!(": only {bytes} bytes that are no telemetry came for a second"),
+        _ => restart_text(cause),
     }
 }
 

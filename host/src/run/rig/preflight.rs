@@ -15,7 +15,7 @@ use protocol::units::{Micros, Millivolts};
 use protocol::{Calibration, Command, TICK_HZ};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use thiserror::Error;
 
 /// Lowest supply of the board with which a trial begins: room above the 4.3 V below which the board stops the motors.
@@ -170,7 +170,6 @@ pub fn supply(link: &Link, interrupted: &AtomicBool) -> Result<(), RecordError> 
 }
 
 fn first_supply(link: &Link, interrupted: &AtomicBool) -> Result<Millivolts, RecordError> {
-    let begun = Instant::now();
     let mut first: Option<Micros> = None;
     loop {
         if interrupted.load(Ordering::Relaxed) {
@@ -184,7 +183,7 @@ fn first_supply(link: &Link, interrupted: &AtomicBool) -> Result<Millivolts, Rec
                     return Ok(frame.supply);
                 }
             }
-            _ if begun.elapsed() > SUPPLY_TIMEOUT && first.is_none() => return Err(RecordError::Silent(None)),
+            Some(Event::Silent { bytes }) => return Err(RecordError::Silent { cause: None, bytes }),
             _ => {}
         }
     }

@@ -1,31 +1,30 @@
 //! Records everything that arrives over the link while a trial runs.
 
+use super::health::Health;
 use super::simulated::TruthRecorder;
 use super::{RecordError, fault_text};
-use crate::link::{BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
+use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
 use crate::run;
 use biflag_log::{ClockMeta, CommandRecord, EventKind};
-use protocol::units::CentiRpm;
+use protocol::units::{CentiRpm, Micros};
 use protocol::{Calibration, Command, Fault, Reply, Request, ResetCause, State, TICK_HZ, Telemetry};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, SystemTime};
 
 /// A telemetry frame with the board's time, unwrapped.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame {
     /// Microseconds since the board's start.
     pub board_us: u64,
-    /// Seconds since the trial's first frame.
-    pub time_s: f64,
     /// When it was received, on the host's clock.
     pub host: SystemTime,
     /// The frame.
     pub telemetry: Telemetry,
 }
 
-/// Abort after this long without telemetry. Even a slow emulated board sends many frames in this time.
-const STREAM_TIMEOUT: Duration = Duration::from_secs(1);
+/// Length of the board's tick, µs.
+pub(super) const TICK_US: u64 = 1_000_000 / TICK_HZ as u64;
 
 /// Events to keep when the queue is drained.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -41,6 +40,7 @@ pub(super) struct Recorder<'a> {
     pub(super) link: &'a Link,
     pub(super) trial: run::Recorder,
     pub(super) monitor: Monitor,
+    pub(super) health: Health,
     /// Speeds over the last second.
     speeds: VecDeque<[CentiRpm; 2]>,
     interrupted: &'a AtomicBool,
@@ -54,7 +54,6 @@ pub(super) struct Recorder<'a> {
     /// The board's clock at the last recorded frame, µs; `None` before the first.
     reached_us: Option<u64>,
     pings: PingClock,
-    last_heard: Instant,
     state: (State, Fault),
 }
 
@@ -69,6 +68,7 @@ impl<'a> Recorder<'a> {
             link,
             trial,
             monitor: Monitor::default(),
+            health: Health::default(),
             speeds: VecDeque::new(),
             interrupted,
             truth,
@@ -77,7 +77,6 @@ impl<'a> Recorder<'a> {
             begun_us: 0,
             reached_us: None,
             pings: PingClock::default(),
-            last_heard: Instant::now(),
             state: (State::Idle, Fault::None),
         }
     }
@@ -85,10 +84,10 @@ impl<'a> Recorder<'a> {
     /// Starts the telemetry and begins the trial with the first frame that has a fresh reading of the sensor, which
     /// takes a moment to start after new settings. A sensor that does not start causes a fault. The trial of a
     /// simulated robot begins at a sample of its shape, so that its samples do not depend on the start of the
-    /// telemetry.
+    /// telemetry. Returns the board's clock at this frame, µs.
     ///
     /// Earlier telemetry is discarded: another program may have left the board streaming.
-    pub(super) fn begin(&mut self) -> Result<(), RecordError> {
+    pub(super) fn begin(&mut self) -> Result<u64, RecordError> {
         self.command(Command::Stream { rate_hz: 0 })?;
         match self.command(Command::ClearFault) {
             // The cause persists; the first frame will state the fault.
@@ -102,31 +101,68 @@ impl<'a> Recorder<'a> {
         self.clock = BoardClock::default();
         self.pings = PingClock::default();
         self.command(Command::Stream { rate_hz: TICK_HZ })?;
-        self.last_heard = Instant::now();
         loop {
             let frame = self.next_frame()?;
-            let fresh = frame.telemetry.imu_fresh && self.is_sampled(&frame)?;
-            if fresh || frame.telemetry.fault != Fault::None {
-                self.begun_us = frame.board_us;
-                self.pending = Some(Frame { time_s: 0.0, ..frame });
+            self.begun_us = frame.board_us;
+            if frame.telemetry.fault != Fault::None {
+                self.keep(frame)?;
+            }
+            if frame.telemetry.imu_fresh && self.is_sampled(&frame)? {
+                self.pending = Some(frame);
+                return Ok(frame.board_us);
+            }
+        }
+    }
+
+    /// Discards the frames before the tick at `start_us`, so that the trial begins there.
+    pub(super) fn skip_to(&mut self, start_us: u64) -> Result<(), RecordError> {
+        loop {
+            let frame = self.pending_or_next()?;
+            self.begun_us = self.tick_of(&frame, start_us);
+            if frame.telemetry.fault != Fault::None {
+                self.keep(frame)?;
+            }
+            if frame.board_us + TICK_US / 2 >= start_us {
+                self.pending = Some(frame);
                 return Ok(());
             }
         }
     }
 
-    /// Records until the frame for which `ends` returns true, which belongs to the next phase. Returns its time, s.
-    pub(super) fn record_until(&mut self, mut ends: impl FnMut(&Frame) -> bool) -> Result<f64, RecordError> {
+    /// Records until the frame for which `ends` returns true, which belongs to the next phase. Returns it.
+    pub(super) fn record_until(&mut self, mut ends: impl FnMut(&Frame) -> bool) -> Result<Frame, RecordError> {
         loop {
-            let frame = match self.pending.take() {
-                Some(frame) => frame,
-                None => self.next_frame()?,
-            };
+            let frame = self.pending_or_next()?;
             if ends(&frame) {
                 self.pending = Some(frame);
-                return Ok(frame.time_s);
+                return Ok(frame);
             }
             self.keep(frame)?;
         }
+    }
+
+    fn pending_or_next(&mut self) -> Result<Frame, RecordError> {
+        self.pending.take().map_or_else(|| self.next_frame(), Ok)
+    }
+
+    /// Returns the time of the tick in which a phase began, given the first frame with its number. `planned_us` is the
+    /// tick of the schedule, for frames that were lost.
+    fn tick_of(&self, first: &Frame, planned_us: u64) -> u64 {
+        let is_late = first.board_us > planned_us + TICK_US / 2;
+        if is_late && !self.monitor.is_next(&first.telemetry) { planned_us } else { first.board_us }
+    }
+
+    /// Asks for the board's clock; returns it unwrapped. To be called after [`Recorder::begin`].
+    pub(super) fn board_now_us(&self) -> Result<u64, RecordError> {
+        match self.link.ask(Command::Ping)? {
+            Reply::Pong(now) => Ok(self.begun_us + u64::from(now.since(Micros(self.begun_us as u32)))),
+            other => Err(self.link.wrong_answer(&Command::Ping, &other).into()),
+        }
+    }
+
+    /// Returns the board's clock at the trial's first frame, µs.
+    pub(super) fn begun_us(&self) -> u64 {
+        self.begun_us
     }
 
     /// Sends a command. It is logged when the link reports the exchange.
@@ -159,12 +195,13 @@ impl<'a> Recorder<'a> {
         Ok(self.trial.event(kind, text, SystemTime::now())?)
     }
 
-    /// Begins a phase with the frame that ended the previous one.
-    pub(super) fn phase(&mut self, name: &str) -> Result<(), RecordError> {
+    /// Records what the frame that ended the previous phase begins; `planned_us` is its tick in the schedule.
+    pub(super) fn change(&mut self, kind: EventKind, text: &str, planned_us: u64) -> Result<(), RecordError> {
         if let Some(frame) = &self.pending {
-            self.trial.log.board_time(frame.board_us, frame.host);
+            let tick_us = self.tick_of(frame, planned_us);
+            self.trial.log.board_time(tick_us, frame.host);
         }
-        self.event(EventKind::Phase, name)
+        self.event(kind, text)
     }
 
     /// Records the events already received, without waiting: replies to the last commands and, after a failure, the
@@ -215,32 +252,26 @@ impl<'a> Recorder<'a> {
             }
             self.trial.log.tick()?;
             self.keep_truth()?;
-            let Some(received) = self.link.next(Duration::from_millis(20)) else {
-                // The timeout applies only if the queue is empty: this program may itself have been delayed.
-                if self.last_heard.elapsed() > STREAM_TIMEOUT {
-                    return Err(RecordError::Silent(self.restart()));
-                }
-                continue;
-            };
+            let Some(received) = self.link.next(Duration::from_millis(20)) else { continue };
             if let Some((telemetry, host)) = self.take(received)? {
-                self.last_heard = Instant::now();
-                return self.frame(telemetry, host).ok_or_else(|| RecordError::ClockJumped(self.restart()));
+                return self.frame(telemetry, host).ok_or(RecordError::ClockJumped(None));
             }
         }
     }
 
     /// Adds the time to a frame; returns `None` if the board's clock jumped.
     fn frame(&mut self, telemetry: Telemetry, host: SystemTime) -> Option<Frame> {
-        let board_us = self.clock.unwrap(telemetry.time)?;
-        let time_s = board_us.saturating_sub(self.begun_us) as f64 * 1e-6;
-        Some(Frame { board_us, time_s, host, telemetry })
+        Some(Frame { board_us: self.clock.unwrap(telemetry.time)?, host, telemetry })
     }
 
     /// Records a frame of the trial.
     fn keep(&mut self, frame: Frame) -> Result<(), RecordError> {
-        if let Some(gap) = self.monitor.frame(&frame.telemetry) {
-            self.trial.dropout(gap.first.0, u32::from(gap.count), frame.host)?;
+        match self.monitor.frame(&frame.telemetry) {
+            Arrival::Next => {}
+            Arrival::After(gap) => self.trial.dropout(gap.first.0, u32::from(gap.count), frame.host)?,
+            Arrival::Repeated => return Ok(()),
         }
+        self.health.frame(&frame.telemetry);
         self.trial.frame(&frame.telemetry, frame.board_us, frame.host)?;
         self.reached_us = Some(frame.board_us);
         if self.speeds.len() == usize::from(TICK_HZ) {
@@ -283,6 +314,7 @@ impl<'a> Recorder<'a> {
                     self.trial.command(&CommandRecord { seq, command, attempts, reply, sent, ended: host })?;
                 }
             }
+            Event::Silent { bytes } => return Err(RecordError::Silent { cause: None, bytes }),
             Event::Closed => return Err(LinkError::Closed { path: self.link.path().to_owned() }.into()),
         }
         Ok(None)

@@ -1,19 +1,19 @@
-//! Runs one trial on the rig: calibrate, rest, run, decay, timed by the board's clock.
+//! Runs one trial on the rig: calibrates, hands the schedule of rest, run and decay to the board, and records what it does.
 
-use super::recorder::{Keep, Recorder};
+use super::recorder::{Frame, Keep, Recorder, TICK_US};
 use super::simulated::{SimulatedRobot, TruthRecorder};
-use super::{RecordError, VirtualNano, preflight};
+use super::{RecordError, VirtualNano, preflight, schedule};
 use crate::link::Link;
-use crate::plan::{Change, Phase, Phases, Schedule, ScheduledEvent, Trial};
+use crate::plan::{Change, Phase, Schedule, Trial};
 use crate::progress::Progress;
 use crate::run;
 use crate::trial::Angles;
 use biflag_log::{End, EventKind, LogError, Start, Summary, Tap};
 use protocol::units::CentiRpm;
-use protocol::{Command, Settings, State, TICK_HZ};
+use protocol::{Command, Fault, Settings, State, TICK_HZ};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 /// A trial that was run.
 #[derive(Debug)]
@@ -26,6 +26,8 @@ pub struct RigRun {
     pub error: Option<RecordError>,
     /// Warnings for the user.
     pub warnings: Vec<String>,
+    /// What did not affect the data, but may be worth knowing.
+    pub notes: Vec<String>,
 }
 
 /// The board, the display and the viewers of a trial.
@@ -66,11 +68,15 @@ pub fn run(
     }
     let link = context.link;
     let mut recorder = Recorder::new(link, kept, context.interrupted, context.robot.map(TruthRecorder::new));
-    let mut warnings = Vec::new();
-    let mut error = phases(&mut recorder, context, trial, &mut warnings).err();
+    let mut said = Said::default();
+    let mut error = phases(&mut recorder, context, trial, &mut said).err();
     // If the link is gone, the board stops the motors at its deadline.
-    let _ = link.command(Command::Stop);
-    let _ = link.command(Command::Stream { rate_hz: 0 });
+    if link.command(Command::Stop).is_ok() {
+        let _ = link.command(Command::Stream { rate_hz: 0 });
+        if let Some(RecordError::Silent { cause, .. } | RecordError::ClockJumped(cause)) = &mut error {
+            *cause = recorder.restart();
+        }
+    }
     // After a failed write, further writes to the log fail as well.
     let writable = !matches!(error, Some(RecordError::Log(_)));
     if writable {
@@ -85,6 +91,16 @@ pub fn run(
         }
         if let Err(failure) = recorder.end_truth() {
             error.get_or_insert(failure);
+        }
+        for text in recorder.health.warnings() {
+            said.warnings.push(text.clone());
+            recorder.trial.event(EventKind::Warning, &text, SystemTime::now())?;
+        }
+        let slowest = recorder.trial.log.slowest_write();
+        if slowest > SLOW_DISK {
+            let text = format!("the disk was slow: a write took {:.1} s; nothing was lost", slowest.as_secs_f64());
+            said.notes.push(text.clone());
+            recorder.trial.event(EventKind::Note, &text, SystemTime::now())?;
         }
         if let Some(clock) = recorder.clock() {
             recorder.trial.log.meta(&clock)?;
@@ -102,25 +118,31 @@ pub fn run(
         ..Summary::default()
     };
     let angles = if writable { recorder.trial.finish(&mut summary)? } else { recorder.trial.abandon() };
-    Ok(RigRun { summary, angles, error, warnings })
+    Ok(RigRun { summary, angles, error, warnings: said.warnings, notes: said.notes })
 }
 
-/// Half of a tick. The times of frames deviate from the grid of ticks by some microseconds.
-const HALF_TICK_S: f64 = 0.5 / TICK_HZ as f64;
-
-/// The motors start late if this computer is busy. A longer delay extends the run, with a warning.
-const LATE_S: f64 = 0.1;
+/// What the user is told at the end of a trial.
+#[derive(Default)]
+struct Said {
+    warnings: Vec<String>,
+    notes: Vec<String>,
+}
 
 /// Largest difference of a flagellum's speed from its target at the end of the run before a warning.
 const SPEED_TOLERANCE_RPM: f64 = 3.0;
 
-/// Runs the schedule of a trial. A phase ends with the first frame at or after its boundary, and all boundaries are on
-/// one grid of the board's clock, so that every trial of a plan has the same length.
+/// A write or sync that takes longer is worth a note: if the power failed meanwhile, this much would be lost.
+const SLOW_DISK: Duration = Duration::from_millis(500);
+
+/// The gyroscope's calibration ends this much before its phase, for the requests that start the schedule.
+const CALIBRATION_MARGIN_S: f64 = 0.2;
+
+/// Runs the schedule of a trial. The board changes the speeds and numbers its phases; this follows them.
 fn phases(
     recorder: &mut Recorder,
     context: &mut RunContext,
     trial: &Trial,
-    warnings: &mut Vec<String>,
+    said: &mut Said,
 ) -> Result<(), RecordError> {
     let (progress, name) = (context.progress, &trial.name);
     if let Some(cause) = recorder.restart() {
@@ -129,98 +151,107 @@ fn phases(
     if let Some(nano) = &mut context.player {
         let _ = nano.control("rewind");
     }
-    recorder.begin()?;
-    let mut phase = None;
-    let mut target = [CentiRpm(0); 2];
-    // Delay relative to the plan: a long calibration or a late start of the motors delays everything that follows.
-    let mut shift_s = 0.0;
-    for ScheduledEvent { start_s, change, setpoint } in Schedule::planned(trial).events {
-        let due_s = start_s + shift_s;
-        let reached_s = recorder.record_until(|frame| {
-            progress.within(frame.time_s);
-            let is_calibrating = phase == Some(Phase::Calibrate) && frame.telemetry.state == State::Calibrating;
-            frame.time_s >= due_s - HALF_TICK_S && !is_calibrating
-        })?;
-        match phase {
-            Some(Phase::Calibrate) => {
-                shift_s = reached_s - start_s;
-                end_calibration(recorder)?;
-            }
-            Some(Phase::Run) if change == Change::Phase(Phase::Decay) || change == Change::Phase(Phase::End) => {
-                recorder.command(Command::Stop)?;
-                check_speeds(recorder, target, warnings)?;
-            }
-            _ => {}
+    let schedule = Schedule::planned(trial);
+    let points = schedule.set_points();
+    schedule::send(recorder, &points)?;
+    let begun_us = recorder.begin()?;
+    let start_us = if trial.phases.calibrate_s > 0.0 {
+        calibrate(recorder, context, trial)?;
+        let planned_us = begun_us + (trial.phases.calibrate_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
+        let start_us = schedule::start(recorder, points.len(), planned_us)?;
+        // A refusal stops the schedule.
+        end_calibration(recorder)?;
+        if start_us > planned_us {
+            let late_s = (start_us - planned_us) as f64 * 1e-6;
+            let text = format!("all that follows the calibration began {late_s:.1} s late: this computer was busy");
+            recorder.event(EventKind::Note, &text)?;
+            said.notes.push(text);
         }
-        match change {
-            Change::Phase(Phase::Run) => {
-                recorder.level()?;
-                if let Some(nano) = &mut context.player {
-                    // If the emulated board has ended, the link reports it.
-                    let _ = nano.control("play");
-                }
-                recorder.phase(Phase::Run.name())?;
-                recorder.command(Command::SetSpeeds(setpoint.target))?;
-                // The terminal may block, so the command is sent first.
-                progress.phase(name, Phase::Run.name());
-                let running_s = recorder.record_until(|frame| frame.telemetry.target == setpoint.target)?;
-                let late_s = running_s - (start_s + shift_s);
-                if late_s > LATE_S {
-                    shift_s += late_s;
-                    warn(
-                        recorder,
-                        warnings,
-                        format!("the motors started {late_s:.2} s late; the run was extended by that"),
-                    )?;
-                }
-            }
+        start_us
+    } else {
+        let start_us = schedule::start(recorder, points.len(), begun_us)?;
+        recorder.skip_to(start_us)?;
+        start_us
+    };
+    let mut phase = Phase::Calibrate;
+    let mut target = [CentiRpm(0); 2];
+    for (tick, event) in schedule.ticks() {
+        let tick_us = start_us + u64::from(tick) * TICK_US;
+        let begins = |frame: &Frame| match event.change {
+            Change::Phase(next) => frame.telemetry.phase >= next.number(),
+            Change::Reversal(_) => frame.board_us + TICK_US / 2 >= tick_us,
+        };
+        let first = record_until(recorder, context, |frame| {
+            let Frame { telemetry, board_us, .. } = frame;
+            let is_off = telemetry.phase == 0 && telemetry.fault == Fault::None && *board_us > start_us + TICK_US;
+            begins(frame) || is_off
+        })?;
+        if !begins(&first) {
+            return Err(RecordError::OffSchedule);
+        }
+        if phase == Phase::Run && matches!(event.change, Change::Phase(_)) {
+            check_speeds(recorder, target, said)?;
+        }
+        match event.change {
             Change::Phase(next) => {
+                if next == Phase::Run {
+                    if let Some(nano) = &mut context.player {
+                        // If the emulated board has ended, the link reports it.
+                        let _ = nano.control("play");
+                    }
+                    recorder.level()?;
+                }
                 if next != Phase::End {
                     progress.phase(name, next.name());
                 }
-                recorder.phase(next.name())?;
-                if next == Phase::Calibrate {
-                    begin_calibration(recorder, &trial.phases)?;
-                }
+                recorder.change(EventKind::Phase, next.name(), tick_us)?;
+                phase = next;
             }
-            Change::Reversal(reverse) => {
-                recorder.event(EventKind::Note, &reverse.text(target))?;
-                recorder.command(Command::SetSpeeds(setpoint.target))?;
-            }
+            Change::Reversal(reverse) => recorder.change(EventKind::Note, &reverse.text(target), tick_us)?,
         }
-        if let Change::Phase(next) = change {
-            phase = Some(next);
-        }
-        target = setpoint.target;
+        target = event.setpoint.target;
     }
     Ok(())
 }
 
-fn warn(recorder: &mut Recorder, warnings: &mut Vec<String>, text: String) -> Result<(), RecordError> {
+/// Records until the frame for which `ends` returns true, showing the progress.
+fn record_until(
+    recorder: &mut Recorder,
+    context: &RunContext,
+    ends: impl Fn(&Frame) -> bool,
+) -> Result<Frame, RecordError> {
+    let begun_us = recorder.begun_us();
+    recorder.record_until(|frame| {
+        context.progress.within(frame.board_us.saturating_sub(begun_us) as f64 * 1e-6);
+        ends(frame)
+    })
+}
+
+fn warn(recorder: &mut Recorder, said: &mut Said, text: String) -> Result<(), RecordError> {
     recorder.event(EventKind::Warning, &text)?;
-    warnings.push(text);
+    said.warnings.push(text);
     Ok(())
 }
 
-fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2], warnings: &mut Vec<String>) -> Result<(), RecordError> {
+fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2], said: &mut Said) -> Result<(), RecordError> {
     for (flagellum, (target, measured)) in target.into_iter().zip(recorder.last_speeds()).enumerate() {
         if (target.rpm() - measured.rpm()).abs() > SPEED_TOLERANCE_RPM {
             let [measured, target] = [measured, target].map(CentiRpm::rpm);
-            warn(
-                recorder,
-                warnings,
-                format!("flagellum {} turned at {measured} rpm instead of {target}", flagellum + 1),
-            )?;
+            warn(recorder, said, format!("flagellum {} turned at {measured} rpm instead of {target}", flagellum + 1))?;
         }
     }
     Ok(())
 }
 
-/// Starts the gyroscope's calibration.
-fn begin_calibration(recorder: &mut Recorder, phases: &Phases) -> Result<(), RecordError> {
-    // The board needs some ticks to begin and to compute, so it averages for slightly less than the phase.
-    let duration_ms = (phases.calibrate_s * 1e3 - 50.0).clamp(100.0, 60_000.0) as u16;
-    recorder.command(Command::CalibrateGyro { duration_ms })
+/// Calibrates the gyroscope; returns when the board has the result.
+fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial) -> Result<(), RecordError> {
+    context.progress.phase(&trial.name, Phase::Calibrate.name());
+    recorder.change(EventKind::Phase, Phase::Calibrate.name(), recorder.begun_us())?;
+    let duration_ms = ((trial.phases.calibrate_s - CALIBRATION_MARGIN_S) * 1e3).clamp(100.0, 60_000.0) as u16;
+    recorder.command(Command::CalibrateGyro { duration_ms })?;
+    let asked_us = recorder.board_now_us()?;
+    let is_over = |frame: &Frame| frame.board_us > asked_us && frame.telemetry.state != State::Calibrating;
+    record_until(recorder, context, |frame| is_over(frame) && frame.telemetry.fault == Fault::None).map(drop)
 }
 
 fn end_calibration(recorder: &mut Recorder) -> Result<(), RecordError> {

@@ -5,7 +5,7 @@ use crate::run::rig::RecordError;
 use protocol::units::Duty;
 use protocol::{Command, Fault, MAX_DRIVE_MS, State, TICK_HZ, Telemetry};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Time before a drive whose readings are compared with those of the drive, s.
 const BEFORE_S: f64 = 0.1;
@@ -15,9 +15,6 @@ const REST_S: f64 = 0.15;
 
 /// Longest wait for the motors to come to rest, s.
 const REST_TIMEOUT_S: f64 = 3.0;
-
-/// Abort after this long without telemetry.
-const STREAM_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Length of the windows in each of which a steady motion moves the encoder, s.
 const WINDOW_S: f64 = 0.1;
@@ -101,7 +98,6 @@ impl Board<'_> {
     }
 
     fn frame(&self) -> Result<Telemetry, RecordError> {
-        let begun = Instant::now();
         loop {
             if self.interrupted.load(Ordering::Relaxed) {
                 return Err(RecordError::Interrupted);
@@ -112,7 +108,7 @@ impl Board<'_> {
                 Some(Event::Closed) => {
                     return Err(LinkError::Closed { path: self.link.path().to_owned() }.into());
                 }
-                _ if begun.elapsed() > STREAM_TIMEOUT => return Err(RecordError::Silent(None)),
+                Some(Event::Silent { bytes }) => return Err(RecordError::Silent { cause: None, bytes }),
                 _ => {}
             }
         }

@@ -1,0 +1,89 @@
+//! A serial cable between `biflag` and the emulated board, which a test can spoil.
+
+use rustix::fs::{OFlags, fcntl_setfl};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use std::fs::File;
+use std::io::{Read, Write};
+use std::os::unix::fs::OpenOptionsExt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// What one direction of a cable makes of the bytes that went in since the last call, a fraction of a millisecond ago.
+type Spoil = Box<dyn FnMut(&[u8]) -> Vec<u8> + Send>;
+
+/// A cable. Dropping it pulls the plug.
+pub struct Cable {
+    path: String,
+    ends: Arc<Ends>,
+    thread: Option<JoinHandle<()>>,
+}
+
+struct Ends {
+    pulled: AtomicBool,
+    from_board: Mutex<Spoil>,
+    to_board: Mutex<Spoil>,
+}
+
+impl Cable {
+    /// Connects a cable to the board on `port`, and so resets it.
+    pub fn new(port: &str) -> Self {
+        let nonblocking = OFlags::NONBLOCK.bits() as i32;
+        let mut board = File::options().read(true).write(true).custom_flags(nonblocking).open(port).expect("the board");
+        let host = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a pseudo-terminal");
+        grantpt(&host).and_then(|()| unlockpt(&host)).expect("its other end");
+        fcntl_setfl(&host, OFlags::NONBLOCK).expect("reading without waiting");
+        let mut attributes = tcgetattr(&host).expect("its mode");
+        attributes.make_raw();
+        tcsetattr(&host, OptionalActions::Now, &attributes).expect("a raw line");
+        let path = ptsname(&host, Vec::new()).expect("its name").into_string().expect("text");
+        let mut host = File::from(host);
+        let clean = || Mutex::new(Box::new(<[u8]>::to_vec) as Spoil);
+        let ends = Arc::new(Ends { pulled: AtomicBool::new(false), from_board: clean(), to_board: clean() });
+        let shared = ends.clone();
+        let thread = std::thread::spawn(move || {
+            while !shared.pulled.load(Ordering::Relaxed) {
+                pass(&mut board, &mut host, &shared.from_board);
+                pass(&mut host, &mut board, &shared.to_board);
+                std::thread::sleep(Duration::from_micros(500));
+            }
+        });
+        Self { path, ends, thread: Some(thread) }
+    }
+
+    /// Returns the port at the host's end.
+    pub fn port(&self) -> &str {
+        &self.path
+    }
+
+    /// Spoils what the board sends.
+    pub fn spoil_from_board(&self, spoil: impl FnMut(&[u8]) -> Vec<u8> + Send + 'static) {
+        *self.ends.from_board.lock().unwrap() = Box::new(spoil);
+    }
+
+    /// Spoils what the host sends.
+    pub fn spoil_to_board(&self, spoil: impl FnMut(&[u8]) -> Vec<u8> + Send + 'static) {
+        *self.ends.to_board.lock().unwrap() = Box::new(spoil);
+    }
+}
+
+/// A port that nobody has open cannot be read, and a full one takes no more: those bytes are lost, as on a wire.
+fn pass(from: &mut File, to: &mut File, spoil: &Mutex<Spoil>) {
+    let mut bytes = [0; 4096];
+    let count = from.read(&mut bytes).unwrap_or(0);
+    let spoilt = (spoil.lock().unwrap())(&bytes[..count]);
+    if !spoilt.is_empty() {
+        let _ = to.write(&spoilt);
+    }
+}
+
+impl Drop for Cable {
+    fn drop(&mut self) {
+        self.ends.pulled.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
