@@ -10,8 +10,11 @@ pub use viewer::{Seen, Viewer};
 
 use host::run::rig::VirtualNano;
 use serde_json::Value;
+use std::ffi::OsStr;
+use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -71,6 +74,7 @@ impl Bench {
     pub fn start<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(&self, arguments: I) -> Child {
         let mut command = Command::new(program("biflag"));
         command.args(arguments).current_dir(self.path()).stdin(Stdio::null());
+        command.env("XDG_CONFIG_HOME", self.path().join("config"));
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("biflag starts")
     }
 }
@@ -125,11 +129,53 @@ pub fn wait_for_logs(session: &Path, count: usize) {
     }
 }
 
-/// Starts the emulated board with the real firmware.
-pub fn nano<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(arguments: I) -> VirtualNano {
+/// An emulated board with the real firmware, and the file of its EEPROM.
+pub struct Nano {
+    nano: VirtualNano,
+    _folder: TempDir,
+}
+
+impl Deref for Nano {
+    type Target = VirtualNano;
+
+    fn deref(&self) -> &VirtualNano {
+        &self.nano
+    }
+}
+
+impl DerefMut for Nano {
+    fn deref_mut(&mut self) -> &mut VirtualNano {
+        &mut self.nano
+    }
+}
+
+/// Starts the emulated board with the real firmware and an EEPROM with settings.
+pub fn nano<I: IntoIterator<Item = S>, S: AsRef<OsStr>>(arguments: I) -> Nano {
+    static STORED: OnceLock<Vec<u8>> = OnceLock::new();
+    let folder = TempDir::new().expect("a temporary folder");
+    let eeprom = folder.path().join("eeprom");
+    std::fs::write(&eeprom, STORED.get_or_init(eeprom_with_settings)).expect("an EEPROM's file");
+    let arguments = arguments.into_iter().map(|argument| argument.as_ref().to_owned());
+    let eeprom = ["--eeprom".into(), eeprom.into_os_string()];
+    Nano { nano: bare_nano(arguments.chain(eeprom)), _folder: folder }
+}
+
+/// Starts the emulated board with the real firmware; its EEPROM is blank unless a file is given.
+pub fn bare_nano<I: IntoIterator<Item = S>, S: AsRef<OsStr>>(arguments: I) -> VirtualNano {
     let mut all = vec!["--firmware".into(), firmware().into_os_string()];
     all.extend(arguments.into_iter().map(|argument| argument.as_ref().to_owned()));
     VirtualNano::start(&program("vnano"), all).expect("the emulated board starts")
+}
+
+/// Returns the EEPROM of a board whose settings a user has saved.
+fn eeprom_with_settings() -> Vec<u8> {
+    let bench = Bench::new();
+    let eeprom = bench.path().join("eeprom");
+    let nano = bare_nano([OsStr::new("--speed"), OsStr::new("max"), OsStr::new("--eeprom"), eeprom.as_os_str()]);
+    bench.run(["settings", "--new", "--port", nano.port()]).expect_code(0);
+    // It writes the file when it ends.
+    drop(nano);
+    std::fs::read(eeprom).expect("the EEPROM's file")
 }
 
 /// Returns the path of a file of the reference data.

@@ -46,7 +46,7 @@ mod writer;
 pub use convert::{CommandRecord, Converter, EventKind, event};
 pub use error::LogError;
 pub use meta::{
-    BoardMeta, CalibrationMeta, ClockMeta, End, FORMAT, Identity, LevelMeta, Origin, PlanMeta, RecoveryMeta,
+    BoardMeta, CalibrationMeta, ClockMeta, End, FORMAT, FaultMeta, Identity, LevelMeta, Origin, PlanMeta, RecoveryMeta,
     ReplayMeta, RobotMeta, Summary, TrialMeta,
 };
 pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};

@@ -118,6 +118,26 @@ pub struct BoardMeta {
     pub boot_count: u16,
     /// The settings in use, in the format of `biflag settings`.
     pub settings: String,
+    /// The board's fault log before the trial, the latest entry first.
+    pub faults: Vec<FaultMeta>,
+}
+
+/// An entry of the board's fault log.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct FaultMeta {
+    /// [`BoardMeta::boot_count`] of the start after which it occurred.
+    pub boot: u16,
+    /// Time since that start.
+    pub time_s: f64,
+    /// Name of the fault.
+    pub fault: String,
+    /// Duties of the motors' bridges, -255 to 255.
+    pub duty: [i16; 2],
+    /// Measured speeds of the flagella.
+    pub speed_rpm: [f64; 2],
+    /// Where the firmware hung: the address in flash; 0 for other faults.
+    pub program_counter: u16,
 }
 
 /// Result of the gyroscope's calibration.
@@ -261,6 +281,17 @@ mod tests {
         assert_eq!(table["yaw_deg"], "-180.25");
         assert!(is_intact("summary", &table) && !is_intact("clock", &table));
         assert_eq!(from_table(&table), Some(summary));
+    }
+
+    #[test]
+    fn fault_log_round_trips_and_older_logs_have_none() {
+        let fault =
+            FaultMeta { boot: 3, time_s: 1.5, fault: "Hang".to_owned(), program_counter: 0x1a2c, ..Default::default() };
+        let board = BoardMeta { board_id: 7, faults: vec![fault; 2], ..BoardMeta::default() };
+        let mut table = to_table(&board);
+        assert_eq!(from_table(&table), Some(board.clone()));
+        table.remove("faults");
+        assert_eq!(from_table(&table), Some(BoardMeta { faults: Vec::new(), ..board }));
     }
 
     #[test]

@@ -14,11 +14,13 @@ mod recover;
 mod report;
 mod settings;
 mod simulate;
+mod virtual_board;
 
 pub use answer::{Answer, Outcome, WRONG_USE};
 
 use crate::signals;
 use clap::{Parser, Subcommand};
+use std::io::Write;
 use std::process::ExitCode;
 
 /// Record trials of the two-flagella robot, simulate them, and compare both.
@@ -82,6 +84,11 @@ pub fn run() -> ExitCode {
         Command::Export(args) => export::run(&args),
     };
     answer::finish(result, cli.json)
+}
+
+/// Prints to standard error, whose reader may be gone.
+fn say(text: &str) {
+    let _ = std::io::stderr().write_all(text.as_bytes());
 }
 
 #[cfg(test)]

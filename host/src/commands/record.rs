@@ -1,19 +1,19 @@
 //! `biflag record`: records the trials of a plan on the rig.
 
-use super::answer::WRONG_USE;
-use super::{Answer, Outcome};
+use super::{Answer, Outcome, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::board;
 use crate::plan::{EXAMPLE, PUBLISHED, Plan, Trial};
 use crate::progress::Progress;
 use crate::run;
-use crate::run::rig::{self, Image, RecordError, RigRun, RunContext, SimulatedRobot, VirtualError, VirtualNano};
+use crate::run::rig::board_copy::BoardCopies;
+use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, preflight};
 use crate::session::{self, Session, Sharing};
 use crate::signals::interruption;
 use crate::text::decimal;
 use crate::trial::{Data, Want, Zeroed};
-use biflag_log::{End, LinkStats, Origin, Summary};
+use biflag_log::{BoardMeta, End, LinkStats, Origin, Summary};
 use miette::Report;
 use protocol::Command;
 use serde::Serialize;
@@ -94,7 +94,7 @@ struct RecordedTrial {
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     if args.faults.iter().any(|fault| fault == "help") {
-        return list_faults();
+        return virtual_board::list_faults();
     }
     let interrupted = interruption()?;
     let plan = Plan::load(&args.plan)?;
@@ -116,6 +116,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Err(LinkError::Interrupted) => return Answer::new(Outcome::Interrupted, &Recorded::default(), "interrupted"),
         link => link?,
     };
+    let note_of_copy = match args.r#virtual {
+        Some(_) => None,
+        None => check_settings(&link)?,
+    };
     prepare(&link, &plan)?;
     // This comes last, so that no folder is created if the board does not respond.
     let folder = args.out.clone().unwrap_or_else(|| session::default_folder(&plan));
@@ -127,7 +131,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let _lock = session.lock(Sharing::Alone)?;
     let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
     let states = session.checked_states()?;
-    let board = board::to_log(link.info(), &super::settings::read(&link)?);
+    let board = board::to_log(link.info(), &settings::read(&link)?);
     let note = session.expect_same_rig(&states, origin, Some(&board))?;
 
     let mut recorded = Recorded { session: folder, trials: Vec::new() };
@@ -148,14 +152,14 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         recorded.trials.push(RecordedTrial::new(&state.trial, attempt.path.clone(), &summary));
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    if let Some(note) = note {
+    for note in note.into_iter().chain(note_of_copy) {
         progress.line(&format!("note: {note}"));
     }
     if let Some(live) = &live {
         progress.line(&live.invitation());
     }
     let mut failure = None;
-    for trial in &todo {
+    for (done, trial) in todo.iter().enumerate() {
         if interrupted.load(Ordering::Relaxed) {
             outcome = Outcome::Interrupted;
             break;
@@ -168,6 +172,18 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             player: player.as_mut(),
             robot: robot.as_ref(),
         };
+        let rest_s = todo[done..].iter().map(|trial| trial.phases.total_s()).sum();
+        match check_trial(&context, &recorded.session, rest_s) {
+            Ok(()) => {}
+            Err(RecordError::Interrupted) => {
+                outcome = Outcome::Interrupted;
+                break;
+            }
+            Err(error) => {
+                failure = Some(Report::from(error));
+                break;
+            }
+        }
         let (path, run) = match run_trial(&mut context, &session, trial, &plan, origin) {
             Ok(run) => run,
             Err(report) => {
@@ -221,18 +237,32 @@ fn run_trial(
 ) -> miette::Result<(PathBuf, RigRun)> {
     let (attempt, path) = session.next_attempt(trial)?;
     // A calibration changes the board's settings, so each log contains those at its start.
-    let settings = super::settings::read(context.link)?;
-    let board = board::to_log(context.link.info(), &settings);
+    let settings = settings::read(context.link)?;
+    let faults = fault_log::read(context.link)?.iter().map(fault_log::to_log).collect();
+    let board = BoardMeta { faults, ..board::to_log(context.link.info(), &settings) };
     let start = run::start(plan, trial, attempt, origin, Some(board), SystemTime::now());
     let run = rig::run(context, &path, &start, trial, settings)?;
     Ok((path, run))
+}
+
+/// Refuses a board that has forgotten its settings; keeps a copy of those of another. Returns a note for the user.
+fn check_settings(link: &Link) -> miette::Result<Option<String>> {
+    let copies = BoardCopies::of_user();
+    preflight::settings(link, copies.as_ref())?;
+    Ok(settings::keep(copies.as_ref(), &settings::read(link)?))
+}
+
+/// Checks disk and board before a trial. `rest_s` is the duration of the trials that are left.
+fn check_trial(context: &RunContext, folder: &Path, rest_s: f64) -> Result<(), RecordError> {
+    preflight::room(folder, rest_s, context.robot.is_some())?;
+    preflight::supply(context.link, context.interrupted)
 }
 
 /// Sends the plan's settings to the board.
 fn prepare(link: &Link, plan: &Plan) -> miette::Result<()> {
     link.command(Command::Stop)?;
     if !plan.board.is_empty() {
-        let settings = plan.board.apply(super::settings::read(link)?)?;
+        let settings = plan.board.apply(settings::read(link)?)?;
         link.command(Command::WriteSettings(settings))?;
     }
     Ok(())
@@ -244,9 +274,7 @@ fn seed(args: &Args, plan: &Plan) -> u64 {
 
 /// Starts the emulated board, with a recording for its sensor or with the plan's robot.
 fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Result<VirtualNano> {
-    let image = Image::build()?;
-    let mut arguments = vec!["--firmware".into(), image.elf.into_os_string()];
-    arguments.extend(["--speed".into(), args.speed.clone().into()]);
+    let mut arguments = vec!["--speed".into(), args.speed.clone().into()];
     arguments.extend(["--seed".into(), seed(args, plan).to_string().into()]);
     match imu {
         Some(imu) => arguments.extend(["--imu".into(), imu.clone().into_os_string()]),
@@ -258,30 +286,7 @@ fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Res
             arguments.extend(["--robot".into(), robot.into_os_string()]);
         }
     }
-    for fault in &args.faults {
-        arguments.extend(["--fault".into(), fault.into()]);
-    }
-    VirtualNano::start(&VirtualNano::program()?, arguments).map_err(|error| match error {
-        // The board's program checks the values of its own options.
-        VirtualError::NotStarted(reason) if reason.starts_with(INVALID_VALUE) => {
-            let problem = reason.lines().next().unwrap_or_default().trim_start_matches("error: ");
-            miette::miette!(code = WRONG_USE, "{problem}")
-        }
-        other => other.into(),
-    })
-}
-
-/// What the board's program says first when an option has a wrong value.
-const INVALID_VALUE: &str = "error: invalid value";
-
-/// Prints the faults that the emulated board knows.
-fn list_faults() -> miette::Result<Answer> {
-    let output = std::process::Command::new(VirtualNano::program()?)
-        .args(["--fault", "help"])
-        .output()
-        .map_err(|error| VirtualError::NotStarted(error.to_string()))?;
-    let text = String::from_utf8_lossy(&output.stdout).trim_end().to_owned();
-    Answer::new(Outcome::Done, &serde_json::json!({ "faults": text }), text)
+    virtual_board::start(arguments, &args.faults)
 }
 
 impl RecordedTrial {

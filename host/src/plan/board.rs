@@ -59,6 +59,12 @@ pub struct BoardSettings {
     /// Longest silence of the host while the motors turn, ms.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub deadline_ms: Option<u16>,
+    /// Duties above which motors 1 and 2 turn if nothing holds them, of 255.
+    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    pub moving_duty: Option<[u8; 2]>,
+    /// The chip's reference voltage, mV.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bandgap_mv: Option<u16>,
 }
 
 /// A setting with a value that it cannot have.
@@ -89,6 +95,8 @@ pub(super) fn help(key: &str) -> Option<&'static str> {
         "counts_per_turn" => "give a number from 1 to 100000",
         "motor_reversed" | "encoder_reversed" => "give true or false for motors 1 and 2, such as [false, true]",
         "deadline_ms" => "give a whole number of milliseconds from 50 to 5000",
+        "moving_duty" => "give a whole number from 1 to 255 for motors 1 and 2, such as [60, 70]",
+        "bandgap_mv" => "give a whole number of millivolts from 1000 to 1200",
         _ => return None,
     })
 }
@@ -125,6 +133,8 @@ impl BoardSettings {
             motor_reversed: Some(settings.motor_reversed),
             encoder_reversed: Some(settings.encoder_reversed),
             deadline_ms: Some(settings.deadline_ms),
+            moving_duty: Some(settings.moving_duty),
+            bandgap_mv: Some(settings.bandgap.0),
         }
     }
 
@@ -134,9 +144,9 @@ impl BoardSettings {
         toml::to_string(self).unwrap_or_default()
     }
 
-    /// Returns the settings that affect the measurement: all but the deadline.
+    /// Returns the settings that affect the measurement: all but those of the board's protection.
     pub fn of_the_data(&self) -> Self {
-        Self { deadline_ms: None, ..self.clone() }
+        Self { deadline_ms: None, moving_duty: None, bandgap_mv: None, ..self.clone() }
     }
 
     /// Returns whether nothing is set.
@@ -204,6 +214,14 @@ impl BoardSettings {
         if !(50..=5000).contains(&settings.deadline_ms) {
             return wrong("deadline_ms", settings.deadline_ms.to_string());
         }
+        set(&mut settings.moving_duty, self.moving_duty);
+        if settings.moving_duty.contains(&0) {
+            return wrong("moving_duty", format!("{:?}", settings.moving_duty));
+        }
+        set(&mut settings.bandgap.0, self.bandgap_mv);
+        if !(1000..=1200).contains(&settings.bandgap.0) {
+            return wrong("bandgap_mv", settings.bandgap.0.to_string());
+        }
         Ok(settings)
     }
 
@@ -228,7 +246,7 @@ fn axis_map(names: &[String; 3]) -> Option<AxisMap> {
     map.is_permutation().then_some(map)
 }
 
-/// The record of a board with these settings in force.
+/// The record of a board with these settings in force, without its fault log.
 pub fn to_log(info: &Info, settings: &Settings) -> BoardMeta {
     let [major, minor, patch] = info.firmware;
     let hash: String = info.git_hash.iter().map(|byte| format!("{byte:02x}")).collect();
@@ -241,6 +259,7 @@ pub fn to_log(info: &Info, settings: &Settings) -> BoardMeta {
         reset_cause: format!("{:?}", info.reset_cause),
         boot_count: info.boot_count,
         settings: BoardSettings::all(settings).to_toml(),
+        faults: Vec::new(),
     }
 }
 
@@ -253,6 +272,7 @@ pub fn of_log(board: &BoardMeta) -> Option<Settings> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use protocol::units::Millivolts;
 
     #[test]
     fn settings_go_to_a_file_and_back() {
@@ -264,6 +284,8 @@ mod tests {
             gyro_bias: [-595.5, 6.25, 147.0],
             speed_ki: 0.1,
             motor_reversed: [true, false],
+            moving_duty: [40, 255],
+            bandgap: Millivolts(1060),
             ..Settings::DEFAULT
         };
         let text = BoardSettings::all(&settings).to_toml();
@@ -280,6 +302,10 @@ mod tests {
         assert!(BoardSettings::default().is_empty() && !some.is_empty());
         let wrong = BoardSettings { gyro_range_dps: Some(300), ..BoardSettings::default() };
         assert_eq!(wrong.apply(base).unwrap_err().key, "gyro_range_dps");
+        let wrong = BoardSettings { moving_duty: Some([60, 0]), ..BoardSettings::default() };
+        assert_eq!(wrong.apply(base).unwrap_err().to_string(), "moving_duty cannot be [60, 0]");
+        let wrong = BoardSettings { bandgap_mv: Some(999), ..BoardSettings::default() };
+        assert_eq!(wrong.apply(base).unwrap_err().key, "bandgap_mv");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::attitude::{Leveller, RestForce, rotation};
 use crate::draw;
+use crate::run::rig::preflight::AtRest;
 use crate::trial::{Angles, Collector, Records, Want, Zeroed};
 use biflag_log::schema::biflag::Quaternion;
 use biflag_log::schema::biflag::event::Kind;
@@ -10,7 +11,7 @@ use biflag_log::{
     event, sample,
 };
 use nalgebra::UnitQuaternion;
-use protocol::units::STANDARD_GRAVITY_MPS2;
+use protocol::units::{Count, STANDARD_GRAVITY_MPS2};
 use protocol::{Calibration, Settings, State, TICK_HZ, Telemetry};
 use sim::sample::Sample;
 use std::path::{Path, PathBuf};
@@ -26,6 +27,8 @@ pub struct Recorder {
     collector: Option<Collector>,
     converter: Converter,
     rest: RestForce,
+    /// The board's counts of clipped readings in the first frame and in the last one.
+    clipped: Option<[Count; 2]>,
     /// Levels the attitude for viewers.
     leveller: Option<Leveller>,
     /// Proportional gain of the board's attitude filter, 1/s.
@@ -45,6 +48,7 @@ impl Recorder {
             collector: (start.identity.origin != Origin::Model).then(|| Collector::new(Want::default(), FORMAT)),
             converter: Converter::new(settings),
             rest: RestForce::new(TICK_HZ),
+            clipped: None,
             leveller: None,
             filter_gain: settings.attitude_kp.into(),
         })
@@ -67,6 +71,7 @@ impl Recorder {
         } else if let Some(force) = message.acceleration_mps2.filter(|_| frame.imu_fresh) {
             self.rest.push([force.x, force.y, force.z]);
         }
+        self.clipped = Some([self.clipped.map_or(frame.clipped, |[first, _]| first), frame.clipped]);
         self.collect(|collector| collector.telemetry(&message));
         self.log.message(&message, host)?;
         let attitude = self.levelled(message.attitude.unwrap_or_default(), time_s);
@@ -145,6 +150,14 @@ impl Recorder {
         let time_s = self.log.time_s();
         self.collect(|collector| collector.event(time_s, Kind::Calibration, ""));
         self.log.calibration(calibration, host)
+    }
+
+    /// Returns what the trial has shown so far, with the motors off, about the sensor.
+    pub fn at_rest(&self) -> AtRest {
+        AtRest {
+            force_g: self.rest.level(STANDARD_GRAVITY_MPS2).map(|level| level.force_g),
+            clipped: self.clipped.map_or(0, |[first, last]| last.0.wrapping_sub(first.0)),
+        }
     }
 
     /// Measures the vertical while the robot hangs at rest, and records it. If the tilt is small enough to be the

@@ -4,7 +4,7 @@ use super::{Session, SessionError, TrialState};
 use biflag_log::{BoardMeta, Identity, Origin};
 
 /// Settings that do not affect the measurement.
-const NOT_COMPARED: [&str; 2] = ["gyro_bias_counts", "deadline_ms"];
+const NOT_COMPARED: [&str; 4] = ["gyro_bias_counts", "deadline_ms", "moving_duty", "bandgap_mv"];
 
 impl Session {
     /// Checks that the next trials run in the same place and with the same settings as the last complete one. Returns a

@@ -1,5 +1,6 @@
 //! Errors of trials on the rig.
 
+use super::preflight::PreflightError;
 use super::virtual_nano::VirtualError;
 use crate::link::LinkError;
 use biflag_log::LogError;
@@ -46,6 +47,10 @@ pub enum RecordError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Log(#[from] LogError),
+    /// A check before the motors turn failed.
+    #[error("{0}")]
+    #[diagnostic(help("{}; then continue with --resume", preflight_cure(.0)))]
+    Preflight(#[from] PreflightError),
     /// The emulated board, or the simulated robot behind it, failed.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -77,7 +82,8 @@ pub fn fault_text(fault: Fault) -> &'static str {
     }
 }
 
-fn fault_cure(fault: Fault) -> &'static str {
+/// Returns what to do about a fault.
+pub fn fault_cure(fault: Fault) -> &'static str {
     match fault {
         Fault::None => "nothing is wrong",
         Fault::LinkLost => "close programs that load this computer, or increase the board's deadline_ms",
@@ -102,6 +108,10 @@ fn fault_cure(fault: Fault) -> &'static str {
             "keep the encoder's leads away from the motor's, and check its ground and supply"
         }
     }
+}
+
+fn preflight_cure(error: &PreflightError) -> String {
+    error.help().map(|help| help.to_string()).unwrap_or_default()
 }
 
 fn silence_cure(cause: Option<ResetCause>) -> &'static str {

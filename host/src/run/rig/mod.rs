@@ -1,19 +1,22 @@
 //! Runs trials on the rig: the board with its motors and sensor, real or emulated.
 
 mod avrdude;
+pub mod board_copy;
 mod error;
+pub mod fault_log;
 mod health;
 mod image;
+pub mod preflight;
 mod recorder;
 mod schedule;
+pub mod self_test;
 mod simulated;
 mod trial;
 mod virtual_nano;
 
 pub use avrdude::{BOOTLOADER_BAUDS, FlashError, flash};
-pub use error::{RecordError, fault_text};
+pub use error::{RecordError, fault_cure, fault_text};
 pub use image::{Image, ImageError, commit_text, source_folder};
-
 pub use simulated::SimulatedRobot;
 pub use trial::{RigRun, RunContext, run};
 pub use virtual_nano::{VirtualError, VirtualNano};

@@ -2,7 +2,7 @@
 
 use super::recorder::{Frame, Keep, Recorder, TICK_US};
 use super::simulated::{SimulatedRobot, TruthRecorder};
-use super::{RecordError, VirtualNano, schedule};
+use super::{RecordError, VirtualNano, preflight, schedule};
 use crate::link::Link;
 use crate::plan::{Change, Phase, Schedule, Trial};
 use crate::progress::Progress;
@@ -173,8 +173,9 @@ fn phases(
     let start_us = if trial.phases.calibrate_s > 0.0 {
         calibrate(recorder, context, trial)?;
         let planned_us = begun_us + (trial.phases.calibrate_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
+        // Before the start: a refusal must not come after motors that turn.
+        end_calibration(recorder)?;
         let start_us = schedule::start(recorder, count, planned_us)?;
-        end_calibration(recorder, said)?;
         if start_us > planned_us {
             let late_s = (start_us - planned_us) as f64 * 1e-6;
             let text = format!("all that follows the calibration began {late_s:.1} s late: this computer was busy");
@@ -268,12 +269,9 @@ fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial) -> Re
     record_until(recorder, context, |frame| is_over(frame) && frame.telemetry.fault == Fault::None).map(drop)
 }
 
-fn end_calibration(recorder: &mut Recorder, said: &mut Said) -> Result<(), RecordError> {
+fn end_calibration(recorder: &mut Recorder) -> Result<(), RecordError> {
     let calibration = recorder.calibration()?;
     recorder.trial.calibration(&calibration, SystemTime::now())?;
-    if !calibration.still {
-        let text = "the board moved during the calibration, so the gyroscope keeps its previous bias";
-        warn(recorder, said, text.to_owned())?;
-    }
-    Ok(())
+    let (rest, clock) = (recorder.trial.at_rest(), recorder.clock());
+    Ok(preflight::at_rest(&calibration, rest, clock.as_ref(), recorder.link.path())?)
 }

@@ -1,20 +1,42 @@
-//! `biflag doctor`: checks the tools, ports and boards that a trial needs.
+//! `biflag doctor`: checks the tools, ports and boards that a trial needs, the wiring of the motors, or a session.
 
-use super::{Answer, Outcome};
+mod motors;
+mod session;
+
+use super::{Answer, Outcome, settings};
 use crate::link::{self, Link, LinkError};
-use crate::run::rig::{VirtualNano, commit_text, source_folder};
+use crate::run::rig::board_copy::BoardCopies;
+use crate::run::rig::{VirtualNano, commit_text, fault_log, preflight, source_folder};
 use miette::Diagnostic;
 use serde::Serialize;
 use std::fmt::Write;
+use std::path::PathBuf;
 use std::process::Command;
 
-/// Check toolchain, avrdude, ports, permissions and boards, with fixes.
+/// Check toolchain, avrdude, ports, permissions and boards, the wiring of the motors, or a session, with fixes.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example: biflag doctor")]
+#[command(after_help = "Examples:\n  biflag doctor\n  biflag doctor --motors\n  biflag doctor glycerin\n\n\
+    --motors turns each motor both ways, at up to full speed: keep the flagella clear. It finds swapped or cut wires,\n\
+    says what to change, and saves what the settings can correct.")]
 pub struct Args {
+    /// Check that the logs of this session are whole, instead of tools and boards.
+    #[arg(value_name = "SESSION", conflicts_with_all = ["port", "motors"])]
+    session: Option<PathBuf>,
     /// Check only this port instead of all ports.
     #[arg(long)]
     port: Option<String>,
+    /// Turn the motors to test them, the encoders and their wiring.
+    #[arg(long)]
+    motors: bool,
+    /// Ask nothing: save the settings that the test of the motors found.
+    #[arg(long, requires = "motors")]
+    yes: bool,
+    /// Test the motors of the emulated board.
+    #[arg(long = "virtual", requires = "motors", conflicts_with = "port")]
+    r#virtual: bool,
+    /// A fault of the emulated board, such as `encoder-swapped=2`; may be repeated. `help` lists them.
+    #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]", requires = "virtual")]
+    faults: Vec<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -25,7 +47,7 @@ struct Check {
     cure: String,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct Report {
     checks: Vec<Check>,
 }
@@ -34,6 +56,12 @@ struct Report {
 type Finding = Result<String, (String, String)>;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
+    if let Some(folder) = &args.session {
+        return answer(session::checks(folder)?, Outcome::WithLoss);
+    }
+    if args.motors {
+        return motors::run(args);
+    }
     // A wrong port name is wrong use, not a finding.
     if let Some(port) = &args.port
         && let Err(error @ (LinkError::NotFound { .. } | LinkError::NotSerial { .. })) = link::probe_port(port)
@@ -47,27 +75,32 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         ("emulated board", emulated_board()),
     ];
     let mut checks: Vec<Check> = tools.into_iter().map(|(name, finding)| check(name.into(), finding)).collect();
-    let broken_tool = checks.iter().any(|check| !check.ok);
+    let on_problem = if checks.iter().all(|check| check.ok) { Outcome::WithLoss } else { Outcome::Failed };
     let ports = args.port.clone().map_or_else(link::robot_ports, |port| vec![port]);
     if ports.is_empty() {
         let cure = "plug in the board's USB cable; charge-only cables do not work";
         checks.push(check("board".into(), Err(("no board is plugged in".into(), cure.into()))));
     }
-    checks.extend(ports.iter().map(|port| check(format!("board on {port}"), board(port))));
+    for port in &ports {
+        match Link::open(port) {
+            Ok(link) => checks.extend(board(&link, BoardCopies::of_user().as_ref())),
+            Err(error) => checks.push(check(format!("board on {port}"), Err(problem(error)))),
+        }
+    }
+    answer(checks, on_problem)
+}
 
+/// Returns the checks as text and JSON.
+fn answer(checks: Vec<Check>, on_problem: Outcome) -> miette::Result<Answer> {
     let mut text = String::new();
     for Check { name, ok, detail, cure } in &checks {
         let mark = if *ok { "ok     " } else { "PROBLEM" };
-        let _ = writeln!(text, "{mark} {name}: {detail}");
+        let _ = writeln!(text, "{mark} {name}: {}", detail.replace('\n', "\n          "));
         if !ok {
             let _ = writeln!(text, "        fix: {cure}");
         }
     }
-    let outcome = match checks.iter().all(|check| check.ok) {
-        true => Outcome::Done,
-        false if broken_tool => Outcome::Failed,
-        false => Outcome::WithLoss,
-    };
+    let outcome = if checks.iter().all(|check| check.ok) { Outcome::Done } else { on_problem };
     Answer::new(outcome, &Report { checks }, text)
 }
 
@@ -102,8 +135,17 @@ fn emulated_board() -> Finding {
     VirtualNano::program().map(|path| path.display().to_string()).map_err(problem)
 }
 
-fn board(port: &str) -> Finding {
-    let link = Link::open(port).map_err(problem)?;
+/// Checks a board: firmware and sensor, settings, fault log.
+fn board(link: &Link, copies: Option<&BoardCopies>) -> [Check; 3] {
+    let port = link.path();
+    [
+        check(format!("board on {port}"), firmware(link)),
+        check(format!("settings on {port}"), stored_settings(link, copies)),
+        check(format!("fault log on {port}"), faults(link)),
+    ]
+}
+
+fn firmware(link: &Link) -> Finding {
     let info = link.info();
     let [major, minor, patch] = info.firmware;
     let detail = format!(
@@ -122,6 +164,31 @@ fn board(port: &str) -> Finding {
         )),
         id => Ok(format!("{detail}, a clone of the MPU6050 (WHO_AM_I {id:#04x})")),
     }
+}
+
+/// Checks that the board's settings are in its EEPROM, and keeps a copy of them.
+fn stored_settings(link: &Link, copies: Option<&BoardCopies>) -> Finding {
+    preflight::settings(link, copies).map_err(problem)?;
+    let settings = settings::read(link).map_err(problem)?;
+    match (settings.board_id, settings::keep(copies, &settings)) {
+        (_, Some(note)) => Ok(format!("in its EEPROM; {note}")),
+        (0, None) => Err((
+            "in its EEPROM, without a board_id, so that this computer cannot keep a copy".to_owned(),
+            format!("`biflag settings --new --port {}` gives the board an unused id", link.path()),
+        )),
+        (id, None) => Ok(match copies {
+            Some(copies) => format!("in its EEPROM; copy in {}", copies.path(id).display()),
+            None => "in its EEPROM".to_owned(),
+        }),
+    }
+}
+
+fn faults(link: &Link) -> Finding {
+    let records = fault_log::read(link).map_err(problem)?;
+    if records.is_empty() {
+        return Ok("empty".to_owned());
+    }
+    Ok(records.iter().map(|record| format!("\n{}", fault_log::line(record))).collect())
 }
 
 fn problem(error: impl Diagnostic) -> (String, String) {

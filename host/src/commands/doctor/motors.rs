@@ -1,0 +1,323 @@
+//! `biflag doctor --motors`: the self-test of motors and encoders, and the settings that follow from it.
+
+use super::{Args, Check, Report, answer, board, check};
+use crate::commands::{Answer, Outcome, say, settings, virtual_board};
+use crate::link::{self, Link, LinkError};
+use crate::plan::{BoardSettings, PUBLISHED};
+use crate::run::rig::board_copy::BoardCopies;
+use crate::run::rig::self_test::{self, Board, Drive, Finding, MotorTest};
+use crate::run::rig::{RecordError, fault_cure, fault_text, preflight};
+use crate::signals::interruption;
+use protocol::{Command, MAX_DRIVE_MS, Settings};
+use std::io::IsTerminal;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// Speed at full duty below which a motor cannot be relied on for the fastest trials, rpm.
+const FASTEST_TRIAL_RPM: f64 = 90.0;
+
+/// Edges in the whole test that may be too close to be motion.
+const GLITCHES_ALLOWED: u32 = 10;
+
+/// A difference of the moving duty that is not worth writing.
+const SAME_DUTY: u8 = 20;
+
+/// Duty at which the user watches a flagellum, unless it needs more to move.
+const SHOWN_DUTY: u8 = 150;
+
+/// The bridge's terminals, and the Nano's pins, of motors 1 and 2.
+const MOTOR_LEADS: [&str; 2] = ["AO1 and AO2", "BO1 and BO2"];
+const EDGE_PINS: [&str; 2] = ["D3", "D2"];
+const DIRECTION_PINS: [&str; 2] = ["D5", "D4"];
+const WAY_PINS: [[&str; 2]; 2] = [["AIN1 (D8)", "AIN2 (D7)"], ["BIN1 (D10)", "BIN2 (D12)"]];
+
+pub(super) fn run(args: &Args) -> miette::Result<Answer> {
+    if args.faults.iter().any(|fault| fault == "help") {
+        return virtual_board::list_faults();
+    }
+    let interrupted = interruption()?;
+    let nano = match args.r#virtual {
+        true => {
+            let arguments = ["--speed", "max", "--robot", PUBLISHED].map(Into::into).into();
+            Some(virtual_board::start(arguments, &args.faults)?)
+        }
+        false => None,
+    };
+    let port = match &nano {
+        Some(nano) => nano.port().to_owned(),
+        None => link::choose_port(args.port.as_deref())?,
+    };
+    // The EEPROM of the emulated board is blank at each start, so there is nothing to keep of it.
+    let copies = if nano.is_some() { None } else { BoardCopies::of_user() };
+    match test(args, &port, copies.as_ref(), &interrupted) {
+        Err(RecordError::Interrupted) | Err(RecordError::Link(LinkError::Interrupted)) => {
+            Answer::new(Outcome::Interrupted, &Report::default(), "interrupted")
+        }
+        Err(RecordError::Faulted(fault)) => {
+            Err(miette::miette!(help = fault_cure(fault), "the board stopped the test: {}", fault_text(fault)))
+        }
+        // The advice of a trial, to continue with --resume, is not for this test.
+        Err(RecordError::Preflight(error)) => Err(error.into()),
+        Err(error) => Err(error.into()),
+        Ok(checks) => answer(checks, Outcome::WithLoss),
+    }
+}
+
+fn test(
+    args: &Args,
+    port: &str,
+    copies: Option<&BoardCopies>,
+    interrupted: &AtomicBool,
+) -> Result<Vec<Check>, RecordError> {
+    let link = Link::open_unless(port, interrupted)?;
+    link.command(Command::Stop)?;
+    let is_new = !link.info().settings_stored;
+    // A board that has forgotten must get its settings back; a computer without copies sees its first board.
+    if is_new && copies.is_some_and(|copies| !copies.ids().is_empty()) {
+        preflight::settings(&link, copies)?;
+    }
+    let mut checks: Vec<Check> = board(&link, copies).into();
+    if is_new {
+        // This test is what the board's check asks for.
+        checks.remove(1);
+    }
+    let settings = settings::read(&link)?;
+    preflight::supply(&link, interrupted)?;
+    let mut board = Board { link: &link, interrupted };
+    let tests = self_test::run(&mut board, &settings, |what| say(&format!("{what}\n")))?;
+    let mut wanted = settings;
+    let mut assumed = false;
+    for (motor, test) in tests.iter().enumerate() {
+        let seen = if args.yes || !test.finding.is_usable() { None } else { watch(&mut board, motor, test)? };
+        assumed |= test.finding.is_usable() && seen.is_none();
+        wanted = self_test::correction(wanted, motor, test.finding, seen);
+        if let Some(duty) = test.moving_setting()
+            && duty.abs_diff(wanted.moving_duty[motor]) > SAME_DUTY
+        {
+            wanted.moving_duty[motor] = duty;
+        }
+    }
+    checks.extend(judgements(&tests));
+    if assumed {
+        let detail = "taken as right: seen from above, a flagellum with a positive speed turns counter-clockwise; the \
+                      program cannot see it, so look once, or run this test in a terminal";
+        checks.push(check("direction".into(), Ok(detail.into())));
+    }
+    if tests.iter().all(|test| test.finding.is_usable()) {
+        checks.extend(save(args, &link, copies, (settings, wanted), interrupted)?);
+    }
+    Ok(checks)
+}
+
+/// Returns the checks of motors, encoders and their supply.
+fn judgements(tests: &[MotorTest; 2]) -> Vec<Check> {
+    if tests.iter().all(|test| test.finding == Finding::Still) {
+        let detail = "neither motor moves, at any duty, and the board's own supply is good";
+        let cure = "switch on the motors' 6 V supply; check it at VM, and STBY on D9";
+        return vec![check("motor supply".into(), Err((detail.into(), cure.into())))];
+    }
+    if tests.iter().all(|test| test.finding == Finding::OtherEncoder) {
+        let detail = "driving motor 1 moves encoder 2, and driving motor 2 moves encoder 1";
+        let cure = "if driving motor 1 turns flagellum 2, swap the motors' leads (AO1 and AO2 with BO1 and BO2); \
+                    otherwise swap the encoders' leads (C1 and C2 of one with those of the other)";
+        return vec![check("motors".into(), Err((detail.into(), cure.into())))];
+    }
+    let glitches: u32 = tests.iter().map(|test| test.glitches).sum();
+    let mut checks: Vec<_> = tests
+        .iter()
+        .enumerate()
+        .map(|(motor, test)| check(format!("motor {}", motor + 1), judge(motor, test)))
+        .collect();
+    checks.push(check(
+        "encoder noise".into(),
+        match glitches {
+            0..=GLITCHES_ALLOWED => Ok(format!("{glitches} edges that are not motion")),
+            _ => Err((
+                format!("{glitches} edges that are not motion"),
+                "keep the encoders' leads away from the motors' leads, and check the encoders' ground and supply"
+                    .into(),
+            )),
+        },
+    ));
+    checks
+}
+
+fn judge(motor: usize, test: &MotorTest) -> super::Finding {
+    let number = motor + 1;
+    let wrong = |detail: &str, cure: String| Err((detail.to_owned(), cure));
+    let [forwards, backwards] = test.full_rpm;
+    let speeds = format!("{forwards:.0} rpm forwards and {backwards:.0} rpm backwards at full duty");
+    match test.finding {
+        Finding::Agrees | Finding::Opposes if forwards.min(backwards) < FASTEST_TRIAL_RPM => Err((
+            format!("only {speeds}"),
+            "trials at 90 rpm are out of reach: check the motors' 6 V supply, and what brakes the flagellum".into(),
+        )),
+        Finding::Agrees | Finding::Opposes => {
+            let counts = if test.finding == Finding::Agrees { "" } else { "; the encoder counts against the duty" };
+            let moving = test.moving_duty.iter().flatten().max().copied().unwrap_or_default();
+            Ok(format!("turns from a duty of {moving} of 255 on, {speeds}{counts}"))
+        }
+        Finding::OneWay { forwards } => {
+            let pin = WAY_PINS[motor][usize::from(forwards)];
+            wrong("it turns in one direction only", format!("check the wire of {pin}"))
+        }
+        Finding::SameWay => wrong(
+            "it turns in one direction whatever the duty",
+            format!("check the wires of {} and {}", WAY_PINS[motor][0], WAY_PINS[motor][1]),
+        ),
+        Finding::DirectionDead => wrong(
+            "its encoder counts forth and back: channel C2 does not change",
+            format!("check the wire from the encoder's C2 to {}", DIRECTION_PINS[motor]),
+        ),
+        Finding::OtherEncoder => wrong(
+            &format!("driving it moves encoder {} instead of encoder {number}", 2 - motor),
+            format!(
+                "check that {} lead to motor {number}, and C1 of its encoder to {}",
+                MOTOR_LEADS[motor], EDGE_PINS[motor]
+            ),
+        ),
+        Finding::BothEncoders => wrong(
+            "driving it moves both encoders",
+            "check the encoders' leads for contact with each other and with the motors' leads".into(),
+        ),
+        Finding::EdgesDead => wrong(
+            "it turns, as the gyroscope shows, but its encoder has no edges: channel C1 is dead",
+            format!("check the encoder's supply, and the wire from its C1 to {}", EDGE_PINS[motor]),
+        ),
+        Finding::Still => wrong(
+            "no edge of its encoder at any duty",
+            format!(
+                "if the flagellum turned, check the encoder's supply and the wire from its C1 to {}; otherwise check {} \
+                 and that nothing holds it",
+                EDGE_PINS[motor], MOTOR_LEADS[motor]
+            ),
+        ),
+        Finding::Faulted(fault) => wrong(fault_text(fault), fault_cure(fault).into()),
+    }
+}
+
+/// Turns a motor for the user to watch. Returns whether its flagellum turned counter-clockwise; `None` if nobody watches.
+fn watch(board: &mut Board, motor: usize, test: &MotorTest) -> Result<Option<bool>, RecordError> {
+    if !is_interactive() {
+        return Ok(None);
+    }
+    let duty = test.moving_setting().unwrap_or(SHOWN_DUTY).max(SHOWN_DUTY);
+    loop {
+        say(&format!("Watch flagellum {} from above: it turns for two seconds.\n", motor + 1));
+        board.drive(motor, duty.into(), MAX_DRIVE_MS)?;
+        match ask("Did it turn counter-clockwise? y, n, or r to see it again", board.interrupted)?.as_str() {
+            "y" | "yes" => return Ok(Some(true)),
+            "n" | "no" => return Ok(Some(false)),
+            _ => {}
+        }
+    }
+}
+
+/// Saves the settings that the test found, if there is anything to save and the user agrees.
+fn save(
+    args: &Args,
+    link: &Link,
+    copies: Option<&BoardCopies>,
+    (before, wanted): (Settings, Settings),
+    interrupted: &AtomicBool,
+) -> Result<Option<Check>, RecordError> {
+    let changes = changes(&before, &wanted);
+    if changes.is_empty() && link.info().settings_stored {
+        return Ok(None);
+    }
+    let what = match changes.as_slice() {
+        [] => "the settings in force".to_owned(),
+        changes => changes.join(", "),
+    };
+    let agreed = args.yes
+        || is_interactive()
+            && matches!(ask(&format!("Save {what} to the board? y or n"), interrupted)?.as_str(), "y" | "yes");
+    let name = || "settings".to_owned();
+    if !agreed {
+        let detail = format!("not saved: {what}");
+        let cure = format!("`biflag doctor --motors --yes --port {}` tests again and saves them", link.path());
+        return Ok(Some(check(name(), Err((detail, cure)))));
+    }
+    let (_, notes) = settings::save(link, wanted, copies)?;
+    let notes: String = notes.iter().map(|note| format!("; {note}")).collect();
+    Ok(Some(check(name(), Ok(format!("saved {what}{notes}")))))
+}
+
+/// Returns the settings that differ, as lines of a settings file.
+fn changes(before: &Settings, wanted: &Settings) -> Vec<String> {
+    let lines = |settings| BoardSettings::all(settings).to_toml().lines().map(str::to_owned).collect::<Vec<_>>();
+    let before = lines(before);
+    lines(wanted).into_iter().filter(|line| !before.contains(line)).collect()
+}
+
+fn is_interactive() -> bool {
+    std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
+}
+
+/// Asks the user and returns the answer in small letters. Motors are off.
+fn ask(question: &str, interrupted: &AtomicBool) -> Result<String, RecordError> {
+    say(&format!("{question}: "));
+    let (sender, answers) = channel();
+    // A signal does not end the reading of a line, so another thread waits for it.
+    std::thread::spawn(move || {
+        let mut line = String::new();
+        let _ = std::io::stdin().read_line(&mut line).map(|read| sender.send((read, line)));
+    });
+    loop {
+        match answers.recv_timeout(Duration::from_millis(50)) {
+            Ok((1.., line)) => return Ok(line.trim().to_lowercase()),
+            // The terminal is closed.
+            Ok((0, _)) | Err(RecvTimeoutError::Disconnected) => return Err(RecordError::Interrupted),
+            Err(RecvTimeoutError::Timeout) if interrupted.load(Ordering::Relaxed) => {
+                return Err(RecordError::Interrupted);
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tests(findings: [Finding; 2]) -> [MotorTest; 2] {
+        findings.map(|finding| MotorTest {
+            finding,
+            moving_duty: [Some(20), Some(30)],
+            full_rpm: [130.0, 128.0],
+            glitches: 0,
+        })
+    }
+
+    #[test]
+    fn a_common_cause_is_one_problem() {
+        for (finding, name) in [(Finding::Still, "motor supply"), (Finding::OtherEncoder, "motors")] {
+            let checks = judgements(&tests([finding; 2]));
+            assert_eq!((checks.len(), checks[0].name.as_str(), checks[0].ok), (1, name, false));
+        }
+    }
+
+    #[test]
+    fn each_finding_names_the_wire_of_its_motor() {
+        let cure = |motor: usize, finding| judge(motor, &tests([finding; 2])[motor]).unwrap_err().1;
+        assert!(cure(0, Finding::DirectionDead).ends_with("C2 to D5"));
+        assert!(cure(1, Finding::DirectionDead).ends_with("C2 to D4"));
+        assert!(cure(1, Finding::EdgesDead).ends_with("C1 to D2"));
+        assert_eq!(cure(0, Finding::OneWay { forwards: true }), "check the wire of AIN2 (D7)");
+        assert!(cure(1, Finding::Still).contains("BO1 and BO2"));
+        let good = judge(0, &tests([Finding::Agrees; 2])[0]).unwrap();
+        assert_eq!(good, "turns from a duty of 30 of 255 on, 130 rpm forwards and 128 rpm backwards at full duty");
+        let slow = MotorTest { full_rpm: [130.0, 60.0], ..tests([Finding::Agrees; 2])[0] };
+        assert!(judge(0, &slow).unwrap_err().0.starts_with("only 130 rpm forwards and 60"));
+        let noisy = MotorTest { glitches: 11, ..tests([Finding::Agrees; 2])[0] };
+        assert!(judgements(&[noisy; 2]).iter().any(|check| check.name == "encoder noise" && !check.ok));
+    }
+
+    #[test]
+    fn changed_settings_are_named_as_in_their_file() {
+        let wanted = Settings { encoder_reversed: [false, true], moving_duty: [40, 100], ..Settings::DEFAULT };
+        let changes = changes(&Settings::DEFAULT, &wanted);
+        assert_eq!(changes, ["encoder_reversed = [false, true]", "moving_duty = [40, 100]"]);
+    }
+}

@@ -1,0 +1,80 @@
+//! The fault log in the board's EEPROM: what stopped the motors before the host opened the port, which resets the board.
+
+use super::fault_text;
+use crate::link::{Link, LinkError};
+use biflag_log::FaultMeta;
+use protocol::{Command, FAULT_RECORDS, Fault, FaultRecord, Reply};
+
+/// Reads the fault log, the latest entry first.
+///
+/// # Errors
+/// As [`Link::ask`].
+pub fn read(link: &Link) -> Result<Vec<FaultRecord>, LinkError> {
+    let mut records = Vec::new();
+    for index in 0..FAULT_RECORDS {
+        let command = Command::ReadFault { index };
+        match link.ask(command)? {
+            Reply::FaultRecord(record) if record.fault == Fault::None => break,
+            Reply::FaultRecord(record) => records.push(record),
+            other => return Err(link.wrong_answer(&command, &other)),
+        }
+    }
+    Ok(records)
+}
+
+/// Returns the entry as a log keeps it.
+pub fn to_log(record: &FaultRecord) -> FaultMeta {
+    FaultMeta {
+        boot: record.boot,
+        time_s: seconds(record),
+        fault: format!("{:?}", record.fault),
+        duty: record.duty.map(|duty| duty.0),
+        speed_rpm: record.speed.map(|speed| speed.rpm()),
+        program_counter: record.program_counter,
+    }
+}
+
+/// Describes the entry in a line.
+pub fn line(record: &FaultRecord) -> String {
+    let ([d1, d2], [w1, w2]) = (record.duty.map(|duty| duty.0), record.speed.map(|speed| speed.rpm()));
+    let place = match record.program_counter {
+        0 => String::new(),
+        address => format!(" at {address:#06x} in flash"),
+    };
+    format!(
+        "start {}, {:.1} s: {}{place}; duties {d1} and {d2}, speeds {w1:.1} and {w2:.1} rpm",
+        record.boot,
+        seconds(record),
+        fault_text(record.fault),
+    )
+}
+
+fn seconds(record: &FaultRecord) -> f64 {
+    f64::from(record.time.0) * 1e-6
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::units::{CentiRpm, Duty, Micros};
+
+    #[test]
+    fn an_entry_is_one_line() {
+        let stall = FaultRecord {
+            boot: 12,
+            time: Micros(34_560_000),
+            fault: Fault::Motor2Stalled,
+            duty: [Duty(0), Duty(-255)],
+            speed: [CentiRpm(0), CentiRpm(-1210)],
+            program_counter: 0,
+        };
+        assert_eq!(
+            line(&stall),
+            "start 12, 34.6 s: motor 2 is stalled: it is driven but hardly turns; duties 0 and -255, speeds 0.0 and -12.1 rpm"
+        );
+        let hang = FaultRecord { fault: Fault::Hang, program_counter: 0x1a2c, ..FaultRecord::default() };
+        assert!(line(&hang).contains("restarted at 0x1a2c in flash;"), "{}", line(&hang));
+        assert_eq!(to_log(&stall).fault, "Motor2Stalled");
+        assert_eq!(to_log(&stall).speed_rpm, [0.0, -12.1]);
+    }
+}

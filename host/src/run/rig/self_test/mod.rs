@@ -1,0 +1,191 @@
+//! The self-test of motors and encoders: drives each motor open-loop, low duty first, both ways, and compares what the
+//! encoders say with what they should.
+//!
+//! The program cannot see the flagella. From the encoders alone, swapped leads of a motor look the same as swapped channels
+//! of its encoder; the user's eye tells them apart ([`correction`]).
+
+mod drive;
+
+pub use drive::{Board, Drive, Driven, Response, Travel};
+
+use super::RecordError;
+use protocol::units::Duty;
+use protocol::{Fault, Settings};
+
+/// Duties of the ramp, lowest first.
+const RAMP: [i16; 15] = [10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 120, 150, 180, 215, 255];
+
+/// Duration of a step of the ramp, ms.
+const STEP_MS: u16 = 400;
+
+/// Duration of the drive at full duty, ms.
+const FULL_MS: u16 = 800;
+
+/// Least difference of the gyroscope between both directions of a motor that shows that the motor turns, degrees a
+/// second.
+const GYRO_EVIDENCE_DPS: f64 = 0.5;
+
+/// What the test found about a motor and its encoder.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Finding {
+    /// The encoder counts in the direction of the duty.
+    Agrees,
+    /// The encoder counts against the duty.
+    Opposes,
+    /// The motor turns in one direction only: forwards, or backwards.
+    OneWay {
+        /// Forwards.
+        forwards: bool,
+    },
+    /// The encoder counts in one direction whatever the duty.
+    SameWay,
+    /// The direction of the encoder changes from edge to edge: its channel C2 is dead.
+    DirectionDead,
+    /// The other encoder counts instead.
+    OtherEncoder,
+    /// Both encoders count.
+    BothEncoders,
+    /// The encoder has no edges, though the gyroscope shows that the motor turns: its channel C1 is dead.
+    EdgesDead,
+    /// Nothing moves.
+    Still,
+    /// The board stopped the test for a fault of a motor or an encoder.
+    Faulted(Fault),
+}
+
+impl Finding {
+    /// Returns whether motor and encoder work, once the settings name their directions.
+    pub fn is_usable(self) -> bool {
+        matches!(self, Self::Agrees | Self::Opposes)
+    }
+}
+
+/// The result for one motor. Directions are forwards, backwards.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct MotorTest {
+    /// What is right or wrong.
+    pub finding: Finding,
+    /// The lowest duty of the ramp at which the motor turns steadily.
+    pub moving_duty: [Option<u8>; 2],
+    /// Speed at full duty without its sign, rpm.
+    pub full_rpm: [f64; 2],
+    /// Edges of both encoders that were too close to be motion.
+    pub glitches: u32,
+}
+
+impl MotorTest {
+    fn of(finding: Finding) -> Self {
+        Self { finding, moving_duty: [None; 2], full_rpm: [0.0; 2], glitches: 0 }
+    }
+
+    /// Returns the duty for [`Settings::moving_duty`]: half as much again as the measured one, and at least 20 more, so
+    /// that a motor in a thicker fluid is not taken for a stalled one.
+    pub fn moving_setting(&self) -> Option<u8> {
+        let measured = u16::from(self.moving_duty[0]?.max(self.moving_duty[1]?));
+        Some((measured * 3 / 2).max(measured + 20).min(255) as u8)
+    }
+}
+
+/// Tests both motors; `progress` is told what is about to happen.
+///
+/// # Errors
+/// [`RecordError`] if the board cannot be driven.
+pub fn run(
+    board: &mut impl Drive,
+    settings: &Settings,
+    mut progress: impl FnMut(&str),
+) -> Result<[MotorTest; 2], RecordError> {
+    let mut test = |motor| {
+        progress(&format!("testing motor {}: it turns both ways, at most at full duty", motor + 1));
+        match test_motor(board, motor, settings) {
+            Err(RecordError::Faulted(fault)) if is_of_a_motor(fault) => Ok(MotorTest::of(Finding::Faulted(fault))),
+            result => result,
+        }
+    };
+    Ok([test(0)?, test(1)?])
+}
+
+/// Returns whether a fault is one of the motors or encoders, so that the test of the other motor can go on.
+fn is_of_a_motor(fault: Fault) -> bool {
+    !matches!(
+        fault,
+        Fault::None
+            | Fault::LinkLost
+            | Fault::Hang
+            | Fault::Panic
+            | Fault::ImuSilent
+            | Fault::ImuBusStuck
+            | Fault::ImuFrozen
+            | Fault::ImuLostConfig
+            | Fault::SupplyLow
+    )
+}
+
+fn test_motor(board: &mut impl Drive, motor: usize, settings: &Settings) -> Result<MotorTest, RecordError> {
+    let mut result = MotorTest::of(Finding::Still);
+    let mut full = [Response::default(); 2];
+    for (way, sign) in [1, -1].into_iter().enumerate() {
+        for duty in RAMP {
+            let response = respond(board, motor, sign * duty, STEP_MS)?;
+            result.glitches += u32::from(response.glitches);
+            if response.encoders.iter().any(Travel::is_alive) {
+                result.moving_duty[way] = response.encoders[motor].is_steady.then_some(duty.unsigned_abs() as u8);
+                break;
+            }
+        }
+        let response = respond(board, motor, sign * Duty::FULL.0, FULL_MS)?;
+        result.glitches += u32::from(response.glitches);
+        full[way] = response;
+        let rpm = response.encoders[motor].rate / f64::from(settings.counts_per_turn) * 60.0;
+        result.full_rpm[way] = rpm.abs();
+    }
+    result.finding = judge(motor, &full, settings.gyro_range.counts_per_dps().into());
+    Ok(result)
+}
+
+fn respond(board: &mut impl Drive, motor: usize, duty: i16, duration_ms: u16) -> Result<Response, RecordError> {
+    Ok(Response::of(&board.drive(motor, duty, duration_ms)?))
+}
+
+/// Judges the responses to full duty, forwards and backwards.
+fn judge(motor: usize, full: &[Response; 2], counts_per_dps: f64) -> Finding {
+    let own = full.map(|response| response.encoders[motor]);
+    let other = full.map(|response| response.encoders[1 - motor]);
+    let any = |travels: &[Travel; 2]| travels.iter().any(Travel::is_alive);
+    match (any(&own), any(&other)) {
+        (true, true) => Finding::BothEncoders,
+        (false, true) => Finding::OtherEncoder,
+        (false, false) if gyro_change_dps(full, counts_per_dps) > GYRO_EVIDENCE_DPS => Finding::EdgesDead,
+        (false, false) => Finding::Still,
+        (true, false) if own.iter().any(Travel::alternates) => Finding::DirectionDead,
+        (true, false) => match own.map(|travel| travel.is_steady.then_some(travel.counts > 0)) {
+            [Some(true), Some(false)] => Finding::Agrees,
+            [Some(false), Some(true)] => Finding::Opposes,
+            [Some(_), Some(_)] => Finding::SameWay,
+            [forwards, _] => Finding::OneWay { forwards: forwards.is_some() },
+        },
+    }
+}
+
+/// Returns half the difference of the angular rate between both directions: the reaction to a motor changes its sign with
+/// the duty, and a slow motion of the robot does not.
+fn gyro_change_dps(full: &[Response; 2], counts_per_dps: f64) -> f64 {
+    let [forwards, backwards] = full;
+    let square: f64 = (0..3).map(|axis| (forwards.gyro[axis] - backwards.gyro[axis]).powi(2)).sum();
+    0.5 * square.sqrt() / counts_per_dps
+}
+
+/// Returns the settings that correct the directions of a motor. `turns_forwards` is what the user saw: whether a positive
+/// duty turns the flagellum counter-clockwise seen from above. Without it the motor is taken to turn the right way.
+pub fn correction(settings: Settings, motor: usize, finding: Finding, turns_forwards: Option<bool>) -> Settings {
+    let mut corrected = settings;
+    let turns_forwards = turns_forwards.unwrap_or(true);
+    if finding.is_usable() {
+        corrected.motor_reversed[motor] ^= !turns_forwards;
+        corrected.encoder_reversed[motor] ^= (finding == Finding::Agrees) != turns_forwards;
+    }
+    corrected
+}
+
+#[cfg(test)]
+mod tests;

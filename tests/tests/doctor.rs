@@ -1,0 +1,229 @@
+//! `biflag doctor`, the settings that this computer keeps of its boards, and the checks before a trial.
+
+use biflag_log::BoardMeta;
+use serde_json::Value;
+use std::path::Path;
+use std::time::Duration;
+use tests::{Bench, Run, bare_nano, logs, nano};
+
+/// Returns the check of this name.
+#[track_caller]
+fn check<'a>(report: &'a Value, name: &str) -> &'a Value {
+    let checks = report["checks"].as_array().expect("checks");
+    let found = checks.iter().find(|check| check["name"].as_str().is_some_and(|found| found.starts_with(name)));
+    found.unwrap_or_else(|| panic!("no check {name:?} in {report}"))
+}
+
+/// Asserts a check's verdict, and words of its detail and cure.
+#[track_caller]
+fn expect(report: &Value, name: &str, ok: bool, words: &[&str]) {
+    let check = check(report, name);
+    assert_eq!(check["ok"], ok, "{check}");
+    for word in words {
+        assert!(check.to_string().contains(word), "no {word:?} in {check}");
+    }
+}
+
+/// Asserts one error on stderr that contains all of `words`.
+#[track_caller]
+fn expect_error(run: &Run, code: i32, words: &[&str]) {
+    assert_eq!(run.code, Some(code), "{run:?}");
+    assert_eq!(run.stderr.matches("error: ").count(), 1, "one error, not {}", run.stderr);
+    for word in words {
+        assert!(run.stderr.contains(word), "no {word:?} in: {}", run.stderr);
+    }
+}
+
+/// Every wrong wire of the emulated robot is found and named.
+#[test]
+fn self_test_finds_each_wrong_wire() {
+    let cases: [(&str, &str, bool, &[&str]); 6] = [
+        ("motor-supply-off", "motor supply", false, &["6 V", "STBY on D9"]),
+        ("motors-swapped", "motors", false, &["driving motor 1 moves encoder 2", "AO1 and AO2 with BO1 and BO2"]),
+        ("encoder-open=1,2", "motor 1", false, &["channel C2", "D5"]),
+        ("encoder-open=2,1", "motor 2", false, &["gyroscope", "channel C1", "D2"]),
+        ("blocked=2", "motor 2", false, &["no edge", "nothing holds it"]),
+        ("motor-reversed=1", "motor 1", true, &["130 rpm", "against the duty"]),
+    ];
+    for (fault, name, ok, words) in cases {
+        let run = Bench::new().run(["doctor", "--motors", "--virtual", "--fault", fault, "--json"]);
+        println!("{fault}: {}", run.stdout);
+        let report = run.expect_code(3).json();
+        expect(&report, name, ok, words);
+        let other = if name.ends_with('1') { "motor 2" } else { "motor 1" };
+        if name.starts_with("motor ") && name != "motor supply" {
+            expect(&report, other, true, &["130 rpm"]);
+        }
+    }
+}
+
+/// A new board is refused until the self-test has saved its settings; then trials run, also with an encoder that is
+/// connected the wrong way round.
+#[test]
+fn new_board_is_set_up_by_the_self_test() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(3.0, [40.0, -40.0]);
+    let plan = plan.to_str().unwrap();
+    let mut nano = bare_nano(["--speed", "max", "--fault", "encoder-swapped=2"]);
+    let port = nano.port().to_owned();
+    let refused = bench.run(["record", plan, "--port", &port]);
+    expect_error(&refused, 1, &["no settings in its EEPROM", &format!("`biflag doctor --motors --port {port}`")]);
+    assert!(!bench.path().join("bench").exists(), "no session without a trial");
+
+    let report = bench.run(["doctor", "--motors", "--port", &port, "--json"]).expect_code(3).json();
+    expect(&report, "settings", false, &["not saved", "encoder_reversed = [false, true]", "--motors --yes"]);
+    assert!(!bench.path().join("config").exists());
+    let report = bench.run(["doctor", "--motors", "--yes", "--port", &port, "--json"]).expect_code(0).json();
+    expect(&report, "settings", true, &["encoder_reversed = [false, true]", "moving_duty = [40, 40]", "board 1"]);
+    assert!(bench.path().join("config/biflag/boards/1.toml").is_file());
+
+    nano.control("reset").unwrap();
+    let report = bench.run(["doctor", "--motors", "--port", &port, "--json"]).expect_code(0).json();
+    assert!(!check(&report, "motor 2").to_string().contains("against"), "{report}");
+    assert!(report["checks"].as_array().unwrap().iter().all(|check| check["detail"] != "not saved"));
+    bench.run(["record", plan, "--port", &port]).expect_code(0);
+}
+
+/// A board whose EEPROM is blank again is not driven until it has its settings back.
+#[test]
+fn forgotten_settings_are_restored_from_the_copy() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(1.0, [30.0, 0.0]);
+    let plan = plan.to_str().unwrap();
+    let settings = bench.file("board.toml", "board_id = 7\nmotor_reversed = [true, false]\nmoving_duty = [60, 61]\n");
+    {
+        let nano = nano(["--speed", "max"]);
+        bench.run(["settings", "--write", settings.to_str().unwrap(), "--port", nano.port()]).expect_code(0);
+    }
+    let mut nano = bare_nano(["--speed", "max"]);
+    let port = nano.port().to_owned();
+    let restore = format!("`biflag settings --restore 7 --port {port}` for board 7");
+    for command in [["record", plan, "--port", &port].as_slice(), &["doctor", "--motors", "--yes", "--port", &port]] {
+        let copy = bench.path().join("config/biflag/boards/7.toml");
+        expect_error(&bench.run(command), 1, &["no settings in its EEPROM", &restore, copy.to_str().unwrap(), "--new"]);
+    }
+    expect_error(&bench.run(["settings", "--restore", "8", "--port", &port]), 2, &["8.toml"]);
+    let restored = bench.run(["settings", "--restore", "7", "--port", &port, "--json"]).expect_code(0).json();
+    assert_eq!(restored["moving_duty"], serde_json::json!([60, 61]));
+    nano.control("reset").unwrap();
+    let read = bench.run(["settings", "--port", &port, "--json"]).expect_code(0).json();
+    assert_eq!((&read["board_id"], &read["motor_reversed"]), (&7.into(), &serde_json::json!([true, false])));
+    let second = bench.run(["settings", "--new", "--port", &port, "--json"]).expect_code(0);
+    assert_eq!(
+        (&second.json()["board_id"], second.stderr.as_str()),
+        (&1.into(), "note: this is board 1 from here on (board_id)\n")
+    );
+}
+
+fn calibrated_plan(bench: &Bench, trials: &str) -> String {
+    let text = format!(
+        "[session]\nname = \"bench\"\n[trial]\ncalibrate = 2\npreroll = 0\nrun = 2\ndecay = 0\n[speeds]\npairs = [{trials}]\n"
+    );
+    bench.file("plan.toml", &text).to_str().unwrap().to_owned()
+}
+
+/// A check that fails refuses the trial; when its cause is gone, `--resume` goes on.
+#[test]
+fn preflight_refuses_and_resume_continues() {
+    let bench = Bench::new();
+    let plan = calibrated_plan(&bench, "[30, 0], [0, 30]");
+    let mut nano = nano(["--speed", "max"]);
+    let port = nano.port().to_owned();
+    let record = |words: &[&str]| {
+        let run = bench.run(["record", &plan, "--resume", "--port", &port]);
+        expect_error(&run, 1, words);
+        assert!(run.stderr.contains("; then continue with --resume"), "{}", run.stderr);
+    };
+    let session = bench.path().join("bench");
+    nano.control("fault supply=4400").unwrap();
+    std::thread::sleep(Duration::from_millis(1500));
+    record(&["the board's supply is 4.4", "4.5 V are needed"]);
+    assert_eq!(logs(&session), Vec::<std::path::PathBuf>::new(), "refused before the trial");
+    nano.control("fault clear").unwrap();
+    nano.control("fault scale=20").unwrap();
+    std::thread::sleep(Duration::from_millis(1500));
+    record(&["the accelerometer reads 1.", " g at rest instead of 1 g"]);
+    nano.control("fault clear").unwrap();
+    nano.control("fault spin=3000").unwrap();
+    record(&["the sensor was at the end of its range in "]);
+    nano.control("fault clear").unwrap();
+    nano.control("fault scale=3").unwrap();
+    let done = bench.run(["record", &plan, "--resume", "--port", &port, "--json"]).expect_code(0).json();
+    assert!(done["trials"].as_array().unwrap().iter().all(|trial| trial["complete"] == true), "{done}");
+    // Two refused attempts have a log that says why; the third is whole.
+    assert_eq!(logs(&session).len(), 4);
+}
+
+/// A robot that still swings from the trial before is not calibrated.
+#[test]
+fn a_moving_robot_is_refused() {
+    let bench = Bench::new();
+    let plan = calibrated_plan(&bench, "[90, 90], [30, 0]");
+    let run = bench.run(["record", &plan, "--virtual"]);
+    expect_error(&run, 1, &["the board moved during the calibration", "let the robot come to rest", "--resume"]);
+}
+
+/// Logs of a plan that the disk has no room for are not begun.
+#[test]
+fn a_plan_that_does_not_fit_the_disk_is_refused() {
+    let bench = Bench::new();
+    let plan = bench.file(
+        "plan.toml",
+        "[session]\nname = \"bench\"\nrepeats = 10000\n[trial]\ncalibrate = 0\npreroll = 0\nrun = 86400\ndecay = 0\n\
+         [speeds]\npairs = [[0, 0]]\n",
+    );
+    let nano = nano(["--speed", "max"]);
+    let run = bench.run(["record", plan.to_str().unwrap(), "--port", nano.port()]);
+    expect_error(&run, 1, &["the rest of the plan needs up to 69120.0 GB", "choose another one with --out"]);
+    assert!(logs(&bench.path().join("bench")).is_empty());
+}
+
+/// A fault is in the board's log after the reset that comes with the next opening of the port, in `doctor`, and in the
+/// logs of later trials.
+#[test]
+fn fault_log_reaches_doctor_and_later_trials() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(6.0, [0.0, 90.0]);
+    let plan = plan.to_str().unwrap();
+    let mut nano = nano(["--speed", "max", "--fault", "blocked=2"]);
+    let port = nano.port().to_owned();
+    let empty = bench.run(["doctor", "--port", &port, "--json"]).json();
+    expect(&empty, "fault log", true, &["empty"]);
+    expect_error(&bench.run(["record", plan, "--port", &port]), 1, &["motor 2 is stalled"]);
+    // The board writes an entry in a tenth of a second.
+    std::thread::sleep(Duration::from_millis(500));
+    nano.control("fault clear").unwrap();
+    nano.control("reset").unwrap();
+    let report = bench.run(["doctor", "--port", &port, "--json"]).json();
+    expect(&report, "fault log", true, &["motor 2 is stalled", "speeds 0.0 and 0.0 rpm"]);
+    bench.run(["record", plan, "--resume", "--port", &port]).expect_code(0);
+    let board = |log: &Path| biflag_log::last_meta::<BoardMeta>(log).unwrap().unwrap();
+    let logs = logs(&bench.path().join("bench"));
+    let [later, first] = logs.as_slice() else { panic!("{logs:?}") };
+    assert_eq!(board(first).faults, []);
+    let faults = board(later).faults;
+    assert_eq!((faults.len(), faults[0].fault.as_str()), (1, "Motor2Stalled"));
+    assert!(faults[0].duty[1] > 0 && faults[0].boot < board(later).boot_count, "{faults:?}");
+}
+
+/// A session is checked log by log.
+#[test]
+fn a_session_with_a_damaged_log_is_reported() {
+    let bench = Bench::new();
+    let plan = bench.file(
+        "plan.toml",
+        "[session]\nname = \"bench\"\nrepeats = 2\n[trial]\ncalibrate = 0\npreroll = 0\nrun = 1\ndecay = 0\n\
+         [speeds]\npairs = [[0, 0]]\n",
+    );
+    let nano = nano(["--speed", "max"]);
+    bench.run(["record", plan.to_str().unwrap(), "--port", nano.port()]).expect_code(0);
+    let report = bench.run(["doctor", "bench", "--json"]).expect_code(0).json();
+    expect(&report, "trial 002_w1+0_w2+0_r2", true, &["is whole, 200 samples"]);
+    let log = &logs(&bench.path().join("bench"))[0];
+    let bytes = std::fs::read(log).unwrap();
+    std::fs::write(log, &bytes[..bytes.len() / 2]).unwrap();
+    let report = bench.run(["doctor", "bench", "--json"]).expect_code(3).json();
+    expect(&report, "trial 001_w1+0_w2+0_r1", false, &["cut off", "biflag recover bench/001_w1+0_w2+0_r1.mcap"]);
+    expect(&report, "trial 002_w1+0_w2+0_r2", true, &["whole"]);
+    expect_error(&bench.run(["doctor", "config"]), 2, &["not a session folder"]);
+}
