@@ -3,11 +3,18 @@
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tests::{Bench, Run, logs, nano, signal, wait_for_logs};
 
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 9\ndecay = 0\n\
                     [speeds]\npairs = [[50, 10], [-30, 30]]\n";
+
+/// These tests measure times, so they run one after the other.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 fn info(bench: &Bench, log: &Path) -> Value {
     bench.run(["info", log.to_str().unwrap(), "--json"]).json()
@@ -16,6 +23,7 @@ fn info(bench: &Bench, log: &Path) -> Value {
 /// Ctrl-C stops the motors and closes the log; `--resume` repeats that trial, but not the previous one.
 #[test]
 fn ctrl_c_stops_the_motors_and_resume_continues() {
+    let _alone = alone();
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
     let plan = plan.to_str().unwrap();
@@ -54,6 +62,7 @@ fn ctrl_c_stops_the_motors_and_resume_continues() {
 /// A pulled cable is an error within a second, and the log is intact.
 #[test]
 fn pulled_cable_ends_the_trial_within_a_second() {
+    let _alone = alone();
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
     let nano = nano(["--speed", "1"]);
@@ -90,7 +99,8 @@ struct Killed {
 #[test]
 fn killed_recording_loses_at_most_half_a_second_and_no_trial() {
     let kills = std::env::var("KILLS").map_or(50, |kills| kills.parse().expect("KILLS is a number"));
-    let workers = 5;
+    let workers = 3;
+    let _alone = alone();
     let killed: Vec<Killed> = std::thread::scope(|scope| {
         let share = |worker| kills / workers + usize::from(worker < kills % workers);
         let run = |worker: usize| scope.spawn(move || kill_sessions(share(worker), worker as u64));
