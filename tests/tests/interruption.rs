@@ -165,10 +165,10 @@ fn kill_sessions(kills: usize, seed: u64) -> Killed {
                 seen.insert(log);
             }
         }
-        let run = bench.run(record);
-        // So short a run may end before the motors have their speeds, which is a warning.
-        assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
-        let json = run.json();
+        // A trial may fail while other programs load the computer: the motors stop half a second after the last ping. A
+        // run this short may also end before they have their speeds, which is a warning.
+        let resumed = (0..5).map(|_| bench.run(record)).find(|run| matches!(run.code, Some(0 | 3)));
+        let json = resumed.expect("a session that can be resumed").json();
         let is_complete = |trial: &Value| trial["complete"] == true && trial["lost"] == 0;
         assert!(json["trials"].as_array().unwrap().iter().all(is_complete), "{json}");
         let ended =
