@@ -3,13 +3,15 @@
 CARGO := cargo
 BIN := target/release
 DEMO := target/demo
+KILLS ?= 1000
 
-.PHONY: help setup build firmware demo test proof lint doc clean
+.PHONY: help setup build firmware demo test proof hostile lint doc clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
 	@echo "make test      all tests"
 	@echo "make proof     long checks: fits to robots with unknown parameters, 10000 random cases, speed; two hours"
+	@echo "make hostile   $(KILLS) kills of a recording; a log cut and changed at every byte; half an hour"
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
 	@echo "make lint      format and lint checks"
 	@echo "make doc       the documentation for contributors"
@@ -49,6 +51,10 @@ proof: build
 	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
 	$(CARGO) test --release --locked -p tests --test attitude_chain --test twin --test report -- --ignored --nocapture
 	$(CARGO) bench --locked -p sim --bench trials
+
+hostile: build
+	KILLS=$(KILLS) $(CARGO) test --release --locked -p tests --test interruption killed -- --nocapture
+	EVERY_BYTE=1 $(CARGO) test --release --locked -p tests --test every_byte -- --nocapture
 
 lint: setup
 	$(CARGO) fmt --all --check

@@ -35,3 +35,16 @@ pub fn timestamp(time: SystemTime) -> String {
 pub fn wrote(identity: &Identity) -> bool {
     identity.host_version == VERSION && identity.host_git_hash == GIT_HASH
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn every_time_has_a_text() {
+        for (seconds, text) in [(0, "1970-01-01T00:00:00Z"), (253_402_300_000, "9999-12-30T22:00:00.999999999Z")] {
+            assert_eq!(timestamp(SystemTime::UNIX_EPOCH + Duration::from_secs(seconds)), text);
+        }
+    }
+}

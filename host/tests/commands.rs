@@ -151,6 +151,44 @@ fn cut_off_log_is_recovered() {
     assert!(stderr(&output).contains("help:"));
 }
 
+/// A recovery that fails leaves neither an unfinished log nor a draft.
+#[test]
+fn recovery_into_a_full_disk_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = session(folder.path());
+    let whole = std::fs::read(&log).unwrap();
+    std::fs::write(&log, &whole[..whole.len() * 2 / 3]).unwrap();
+    let session = log.parent().unwrap();
+    let before = std::fs::read_dir(session).unwrap().count();
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "ulimit -f 8; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_biflag"), "recover", path(&log)]);
+    let output = shell.output().unwrap();
+    assert_eq!(code(&output), 1, "{}", stderr(&output));
+    assert_eq!(std::fs::read_dir(session).unwrap().count(), before);
+    assert_eq!(code(&biflag(&["recover", path(&log)])), 3);
+}
+
+/// `recover` rebuilds the manifest of a session from its logs.
+#[test]
+fn lost_manifest_is_rebuilt() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = session(folder.path());
+    let session = log.parent().unwrap();
+    let manifest = session.join("session.toml");
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    std::fs::remove_file(&manifest).unwrap();
+    let output = biflag(&["info", path(session)]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("`biflag recover` rebuilds"), "{}", stderr(&output));
+    let output = biflag(&["recover", path(session), "--json"]);
+    assert_eq!((code(&output), &json(&output)["rebuilt"]), (0, &Value::Bool(true)), "{}", stderr(&output));
+    let plan = |text: &str| text.parse::<toml::Table>().unwrap()["plan"].clone();
+    assert_eq!(plan(&std::fs::read_to_string(&manifest).unwrap()), plan(&text));
+    assert_eq!(json(&biflag(&["info", path(session), "--json"]))["samples"], 4401);
+    let output = biflag(&["recover", path(session), "--json"]);
+    assert_eq!((code(&output), &json(&output)["rebuilt"]), (0, &Value::Bool(false)));
+}
+
 /// Returns the cells of a column of a CSV file with header lines that begin with `#`.
 fn column(csv: &str, name: &str) -> Vec<String> {
     let mut lines = csv.lines().filter(|line| !line.starts_with('#'));

@@ -124,7 +124,8 @@ fn log_that_is_changed_while_it_is_written_is_a_failure() {
         use std::io::Write;
         std::fs::File::options().write(true).open(log).unwrap().write_all(&[b'x'; 100]).unwrap();
     };
-    let cases: [(&str, &(dyn Fn(&Path) + Sync)); 6] = [
+    type Act<'a> = &'a (dyn Fn(&Path) + Sync);
+    let cases: [(&str, Act); 6] = [
         ("removed", &|log| std::fs::remove_file(log).unwrap()),
         ("renamed", &|log| std::fs::rename(log, log.with_extension("other")).unwrap()),
         ("its folder removed", &|log| std::fs::remove_dir_all(log.parent().unwrap()).unwrap()),

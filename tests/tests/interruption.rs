@@ -1,13 +1,21 @@
 //! Trials that are interrupted by the user, a pulled cable, or a power cut.
 
+use biflag_log::{Body, Condition, End, Reader};
 use serde_json::Value;
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tests::{Bench, Run, logs, nano, signal, wait_for_logs};
 
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 9\ndecay = 0\n\
                     [speeds]\npairs = [[50, 10], [-30, 30]]\n";
+
+/// These tests measure times, so they run one after the other.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 fn info(bench: &Bench, log: &Path) -> Value {
     bench.run(["info", log.to_str().unwrap(), "--json"]).json()
@@ -16,6 +24,7 @@ fn info(bench: &Bench, log: &Path) -> Value {
 /// Ctrl-C stops the motors and closes the log; `--resume` repeats that trial, but not the previous one.
 #[test]
 fn ctrl_c_stops_the_motors_and_resume_continues() {
+    let _alone = alone();
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
     let plan = plan.to_str().unwrap();
@@ -54,6 +63,7 @@ fn ctrl_c_stops_the_motors_and_resume_continues() {
 /// A pulled cable is an error within a second, and the log is intact.
 #[test]
 fn pulled_cable_ends_the_trial_within_a_second() {
+    let _alone = alone();
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
     let nano = nano(["--speed", "1"]);
@@ -90,7 +100,8 @@ struct Killed {
 #[test]
 fn killed_recording_loses_at_most_half_a_second_and_no_trial() {
     let kills = std::env::var("KILLS").map_or(50, |kills| kills.parse().expect("KILLS is a number"));
-    let workers = 5;
+    let workers = 3;
+    let _alone = alone();
     let killed: Vec<Killed> = std::thread::scope(|scope| {
         let share = |worker| kills / workers + usize::from(worker < kills % workers);
         let run = |worker: usize| scope.spawn(move || kill_sessions(share(worker), worker as u64));
@@ -114,7 +125,8 @@ fn killed_recording_loses_at_most_half_a_second_and_no_trial() {
 fn kill_sessions(kills: usize, seed: u64) -> Killed {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", KILLED);
-    let nano = nano(["--speed", "1"]);
+    let mut nano = nano(["--speed", "1"]);
+    let port = nano.port().to_owned();
     let mut random = seed;
     let mut killed = Killed::default();
     let mut seen = BTreeSet::new();
@@ -122,7 +134,7 @@ fn kill_sessions(kills: usize, seed: u64) -> Killed {
         killed.sessions += 1;
         let name = format!("session{}", killed.sessions);
         let session = bench.path().join(&name);
-        let record = ["record", plan.to_str().unwrap(), "--port", nano.port(), "--resume", "--json", "--out", &name];
+        let record = ["record", plan.to_str().unwrap(), "--port", &port, "--resume", "--json", "--out", &name];
         // Kills so early that nothing is recorded would go on for ever: a session has a limit of them.
         for _ in 0..8 {
             if killed.kills == kills {
@@ -136,6 +148,7 @@ fn kill_sessions(kills: usize, seed: u64) -> Killed {
             }
             let killed_at = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
             signal(&recording, "-KILL");
+            let sent_s = nano.control("status").unwrap()["seconds"].as_f64().unwrap();
             let _ = Run::of(recording);
             killed.kills += 1;
             // The log that was being written has no summary. There is none before the first trial and between two.
@@ -145,37 +158,52 @@ fn kill_sessions(kills: usize, seed: u64) -> Killed {
                 .collect();
             assert!(cut.len() <= 1, "{cut:?}");
             for log in cut {
-                let lost = lost_before(&bench, &log, killed_at);
+                let lost = lost_before(&bench, &log, killed_at, sent_s);
                 assert!(lost <= Duration::from_millis(500), "{lost:?} are lost of {}", log.display());
                 killed.worst = killed.worst.max(lost);
                 killed.in_trials += 1;
                 seen.insert(log);
             }
         }
-        let run = bench.run(record);
-        // So short a run may end before the motors have their speeds, which is a warning.
-        assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
-        let json = run.json();
+        // A trial may fail while other programs load the computer: the motors stop half a second after the last ping. A
+        // run this short may also end before they have their speeds, which is a warning.
+        let resumed = (0..5).map(|_| bench.run(record)).find(|run| matches!(run.code, Some(0 | 3)));
+        let json = resumed.expect("a session that can be resumed").json();
         let is_complete = |trial: &Value| trial["complete"] == true && trial["lost"] == 0;
         assert!(json["trials"].as_array().unwrap().iter().all(is_complete), "{json}");
-        let summaries: Vec<_> = logs(&session).iter().filter_map(|log| biflag_log::summary(log).unwrap()).collect();
-        assert_eq!((json["trials"].as_array().unwrap().len(), summaries.len()), (3, 3), "each trial once: {json}");
+        let ended =
+            |log: &PathBuf| biflag_log::summary(log).unwrap().is_some_and(|summary| summary.end == End::Complete);
+        let complete = logs(&session).iter().filter(|log| ended(log)).count();
+        assert_eq!((json["trials"].as_array().unwrap().len(), complete), (3, 3), "each trial once: {json}");
         let mut left = std::fs::read_dir(&session).unwrap().map(|entry| entry.unwrap().file_name());
         assert!(left.all(|name| !name.to_string_lossy().contains("partial")), "drafts are left in {name}");
     }
     killed
 }
 
-/// Returns how long before the kill the last message in a log was received; in a log without one, how long before it the
-/// log was begun.
-fn lost_before(bench: &Bench, log: &Path, killed_at: Duration) -> Duration {
+/// Returns how much of a log was lost by a kill: the time since the last message was received; in a log without one, since
+/// the log was begun. On a busy computer the emulated board stops for a while and sends nothing, so its own time counts if
+/// that is shorter. `sent_s` is the board's clock at the kill.
+fn lost_before(bench: &Bench, log: &Path, killed_at: Duration, sent_s: f64) -> Duration {
     let begun = std::fs::metadata(log).unwrap().modified().unwrap().duration_since(UNIX_EPOCH).unwrap();
     let recovered = log.with_extension("copy");
     let run = bench.run(["recover", log.to_str().unwrap(), "-o", recovered.to_str().unwrap(), "--json"]);
+    if run.code == Some(1) && run.stderr.contains("nothing was recorded") {
+        // The file was there, and the trial had not begun.
+        return killed_at.saturating_sub(begun);
+    }
     assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
-    let mut reader = biflag_log::Reader::open(&recovered).unwrap();
-    let last = reader.by_ref().map(|message| Duration::from_nanos(message.unwrap().publish_time_ns)).max();
-    assert_eq!(reader.condition(), Some(biflag_log::Condition::Clean));
+    let mut reader = Reader::open(&recovered).unwrap();
+    let (mut last, mut last_frame_us) = (None, None);
+    for message in reader.by_ref().map(Result::unwrap) {
+        last = last.max(Some(Duration::from_nanos(message.publish_time_ns)));
+        if let Body::Telemetry(frame) = message.body {
+            last_frame_us = Some(frame.board_time_us);
+        }
+    }
+    assert_eq!(reader.condition(), Some(Condition::Clean));
     std::fs::remove_file(&recovered).unwrap();
-    killed_at.saturating_sub(last.unwrap_or(begun))
+    let lost = killed_at.saturating_sub(last.unwrap_or(begun));
+    let not_logged = last_frame_us.map(|us| Duration::from_secs_f64((sent_s - us as f64 * 1e-6).max(0.0)));
+    not_logged.map_or(lost, |not_logged| lost.min(not_logged))
 }

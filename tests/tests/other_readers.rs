@@ -24,6 +24,36 @@ with open(sys.argv[1], "rb") as file:
 print(json.dumps({"counts": counts, "metadata": metadata, "first_w": yaw[0]}))
 "#;
 
+/// Rewrites a log in the ways that its arguments say, with a file attached and metadata of its own.
+const REWRITE: &str = r#"
+import sys
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, IndexType, Writer
+
+source, target, *how = sys.argv[1:]
+compression = {"lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}.get(how[0], CompressionType.NONE)
+with open(source, "rb") as old, open(target, "wb") as new:
+    reader = make_reader(old)
+    writer = Writer(new, compression=compression, use_chunking="unchunked" not in how, enable_crcs="no-crc" not in how,
+                    enable_data_crcs="no-crc" not in how, use_statistics="no-index" not in how,
+                    use_summary_offsets="no-index" not in how,
+                    repeat_channels="no-index" not in how, repeat_schemas="no-index" not in how,
+                    index_types=IndexType.NONE if "no-index" in how else IndexType.ALL)
+    writer.start(profile="", library="a laboratory's own program")
+    writer.add_attachment(create_time=0, log_time=0, name="photo.jpg", media_type="image/jpeg", data=b"123")
+    writer.add_metadata("laboratory", {"room": "7"})
+    schemas, channels = {}, {}
+    for schema, channel, message in reader.iter_messages(log_time_order=False):
+        if schema.id not in schemas:
+            schemas[schema.id] = writer.register_schema(schema.name, schema.encoding, schema.data)
+        if channel.id not in channels:
+            channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, schemas[schema.id])
+        writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence)
+    for metadata in reader.iter_metadata():
+        writer.add_metadata(metadata.name, metadata.metadata)
+    writer.finish()
+"#;
+
 /// Script that prints Rerun's conversion of a log: its archetypes, and channels that it reads by their schema.
 const RERUN: &str = r#"
 import json, sys
@@ -90,6 +120,49 @@ fn python_lists_the_channels_and_decodes_every_message() {
         assert!(decoded["counts"][channel].as_u64().unwrap() > 0, "{channel}");
     }
     assert!(decoded["metadata"].as_array().unwrap().len() >= 4);
+}
+
+/// A log that another program has rewritten gives the same results, and its trial is not repeated.
+#[test]
+fn log_rewritten_in_python_is_whole() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(5.0, [50.0, 10.0]);
+    let nano = nano(["--speed", "max"]);
+    let record = ["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--resume", "--json"];
+    let run = bench.run(record).expect_code(0);
+    let log = bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap());
+    let info = |log: &Path| bench.run(["info", log.to_str().unwrap(), "--json"]).expect_code(0).json();
+    let ours = info(&log);
+    assert_eq!((&ours["clean"], &ours["rewritten_by"]), (&true.into(), &Value::Null));
+    let python = python("python", &["mcap==1.6.0", "mcap-protobuf-support==0.6.0"]);
+    for how in [
+        &["zstd"][..],
+        &["lz4"],
+        &["none"],
+        &["zstd", "no-crc"],
+        &["lz4", "no-index", "no-crc"],
+        &["none", "unchunked"],
+        &["none", "unchunked", "no-index", "no-crc"],
+    ] {
+        let theirs = bench.path().join("theirs.mcap");
+        let mut rewrite = Command::new(&python);
+        rewrite.args(["-c", REWRITE]).args([&log, &theirs]).args(how);
+        let output = rewrite.output().unwrap();
+        assert!(output.status.success(), "{how:?}: {}", String::from_utf8_lossy(&output.stderr));
+        let info = info(&theirs);
+        assert_eq!(info["clean"], true, "{how:?}: {info}");
+        assert!(info["rewritten_by"].as_str().unwrap().contains("a laboratory's own program"), "{how:?}: {info}");
+        for key in ["samples", "lost", "angles", "trial", "end", "duration_s"] {
+            assert_eq!(info[key], ours[key], "{how:?}");
+        }
+        let text = bench.run(["info", theirs.to_str().unwrap()]).stdout;
+        assert!(text.contains("a laboratory's own program, whole"), "{text}");
+        bench.run(["recover", theirs.to_str().unwrap()]).expect_code(0);
+        std::fs::rename(&theirs, &log).unwrap();
+        let run = bench.run(record).expect_code(0);
+        assert_eq!(run.json()["trials"][0]["complete"], true, "{how:?}");
+        assert_eq!(tests::logs(&bench.path().join("session")).len(), 1, "{how:?}: the trial is repeated");
+    }
 }
 
 /// Rerun converts the attitude to transforms and the flagella to coloured points with the same values, and reads every

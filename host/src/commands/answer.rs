@@ -101,7 +101,7 @@ fn end(printed: std::io::Result<()>, code: u8) -> ExitCode {
         // A reader such as `head` may close the pipe early.
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             let _ = writeln!(std::io::stderr(), "error: stdout: {error}");
-            // A terminal that has closed does not change how the command ended.
+            // An interrupted command stays interrupted: its terminal may have closed.
             ExitCode::from(if [0, 3].contains(&code) { 1 } else { code })
         }
         _ => ExitCode::from(code),

@@ -4,6 +4,9 @@ use super::{MANIFEST, Session, SessionError};
 use biflag_log::atomic_file;
 use std::fs::{File, TryLockError};
 
+/// End of the name of a log while a simulation writes it.
+pub const UNFINISHED: &str = ".mcap.unfinished";
+
 /// Which other programs may write into the session at the same time.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Sharing {
@@ -41,7 +44,20 @@ impl Session {
             // Not every file system supports locks. Without them, logs are still protected: they are never overwritten.
             Ok(()) | Err(TryLockError::Error(_)) => {
                 atomic_file::sweep(self.folder());
+                if sharing == Sharing::Alone {
+                    self.remove_unfinished();
+                }
                 Ok(Lock { _manifest: manifest })
+            }
+        }
+    }
+
+    /// Removes the unfinished logs of killed simulations. There is no other program that writes them.
+    fn remove_unfinished(&self) {
+        for entry in std::fs::read_dir(self.folder()).into_iter().flatten().flatten() {
+            if entry.file_name().to_string_lossy().ends_with(UNFINISHED) {
+                // What cannot be removed is replaced when the trial is computed again.
+                let _ = std::fs::remove_file(entry.path());
             }
         }
     }

@@ -21,7 +21,7 @@ mod rebuild;
 mod rig;
 
 pub use error::SessionError;
-pub use lock::{Lock, Sharing};
+pub use lock::{Lock, Sharing, UNFINISHED};
 pub use manifest::MANIFEST;
 pub use rebuild::{Rebuilt, rebuild};
 

@@ -1,7 +1,7 @@
 //! Sessions that are started, interrupted, resumed, and misused.
 
 use super::*;
-use crate::plan::board;
+use crate::plan::{RobotFile, board};
 use crate::run;
 use biflag_log::{ClockMeta, EventKind, Origin, Writer};
 use protocol::{Info, Settings};
@@ -109,8 +109,12 @@ fn trial_with_a_damaged_log_is_repeated() {
 fn session_is_locked_for_one_program_or_for_shards() {
     let folder = tempfile::tempdir().unwrap();
     let session = Session::create(folder.path(), &two_trials()).unwrap();
+    for left in ["session.toml.1.partial", "001_w1+50_w2+10.mcap.unfinished"] {
+        std::fs::write(folder.path().join(left), "half").unwrap();
+    }
     let in_use = |sharing| matches!(session.lock(sharing), Err(SessionError::InUse { .. }));
     let alone = session.lock(Sharing::Alone).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "what killed programs left is removed");
     assert!(in_use(Sharing::Alone) && in_use(Sharing::WithShards));
     drop(alone);
     let shards = [(); 2].map(|()| session.lock(Sharing::WithShards).unwrap());
@@ -208,4 +212,112 @@ fn default_folder_name_is_safe() {
         assert_eq!(folder.components().count(), 1);
         assert!(plan.trials[0].name.chars().all(|c| c.is_ascii_alphanumeric() || "_+-.".contains(c)));
     }
+}
+
+/// Plan and robot are in every log, so that a session without its manifest goes on.
+#[test]
+fn lost_or_damaged_manifest_is_rebuilt_from_the_logs() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut plan = two_trials();
+    plan.robot = RobotFile { name: "soft.toml".to_owned(), text: "[base]\nmass_kg = 0.1\n".to_owned() };
+    plan.text = plan.text.replace("[session]", "[session]\nrobot = \"soft.toml\"");
+    let session = Session::create(folder.path(), &plan).unwrap();
+    attempt(&session, &plan.trials[0], Some(End::Complete));
+    attempt(&session, &plan.trials[1], None);
+    std::fs::write(folder.path().join("003_w1+1_w2+1.mcap"), "").unwrap();
+    std::fs::write(folder.path().join("session.toml.1.partial"), "half").unwrap();
+    let intact = rebuild(folder.path()).unwrap();
+    assert_eq!((intact.written, intact.session), (false, session.clone()));
+    assert!(!folder.path().join("session.toml.1.partial").exists());
+
+    let manifest = folder.path().join(MANIFEST);
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    for damage in [None, Some(""), Some(&text[..60]), Some("plan = \"[speeds]\"\n"), Some("\u{0}\u{0}")] {
+        match damage {
+            None => std::fs::remove_file(&manifest).unwrap(),
+            Some(damage) => std::fs::write(&manifest, damage).unwrap(),
+        }
+        assert!(Session::open(folder.path()).is_err());
+        let rebuilt = rebuild(folder.path()).unwrap();
+        assert_eq!((rebuilt.written, rebuilt.logs, rebuilt.unreadable.len()), (true, 2, 1), "{damage:?}");
+        assert_eq!(rebuilt.kept.map(|kept| std::fs::read_to_string(kept).unwrap()).as_deref(), damage);
+        let again = Session::resume(folder.path(), &plan).unwrap();
+        assert_eq!((again.plan(), again.states().unwrap()), (&plan, session.states().unwrap()));
+    }
+
+    // A manifest of a newer version is not replaced.
+    let newer = "format = 9\nhost_version = \"9.1\"\n";
+    std::fs::write(&manifest, newer).unwrap();
+    assert!(matches!(rebuild(folder.path()), Err(SessionError::Newer { program, .. }) if program == "9.1"));
+    assert_eq!(std::fs::read_to_string(&manifest).unwrap(), newer);
+}
+
+#[test]
+fn manifest_is_rebuilt_from_the_logs_of_one_plan_only() {
+    let [folder, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    assert!(matches!(rebuild(folder.path()), Err(SessionError::NothingToRebuild { .. })));
+    let session = Session::create(folder.path(), &two_trials()).unwrap();
+    attempt(&session, &session.plan().trials[0], Some(End::Complete));
+    let another = Session::create(other.path(), &plan("[speeds]\npairs = [[50, 20]]\n")).unwrap();
+    let log = attempt(&another, &another.plan().trials[0], Some(End::Complete));
+    std::fs::copy(&log, folder.path().join(log.file_name().unwrap())).unwrap();
+    std::fs::remove_file(folder.path().join(MANIFEST)).unwrap();
+    assert!(matches!(rebuild(folder.path()), Err(SessionError::DifferentPlans { .. })));
+    assert!(!folder.path().join(MANIFEST).exists());
+}
+
+/// Only the plan and a robot of its own are needed to go on.
+#[test]
+fn cosmetic_keys_may_be_missing_in_the_manifest() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = two_trials();
+    let session = Session::create(folder.path(), &plan).unwrap();
+    let manifest = folder.path().join(MANIFEST);
+    let table: toml::Table = std::fs::read_to_string(&manifest).unwrap().parse().unwrap();
+    for key in table.keys().filter(|key| *key != "plan") {
+        let mut less = table.clone();
+        less.remove(key);
+        std::fs::write(&manifest, less.to_string()).unwrap();
+        assert_eq!(Session::open(folder.path()).unwrap(), session, "{key}");
+    }
+    let only = toml::Table::from_iter([("plan".to_owned(), table["plan"].clone())]);
+    std::fs::write(&manifest, only.to_string()).unwrap();
+    assert_eq!(Session::open(folder.path()).unwrap(), session);
+    let robot = "plan = \"[session]\\nrobot = 'soft.toml'\\n[speeds]\\npairs = [[1, 1]]\"\n";
+    std::fs::write(&manifest, robot).unwrap();
+    assert!(matches!(Session::open(folder.path()), Err(SessionError::Manifest { .. })));
+}
+
+/// Links to logs are logs. Whatever else bears a log's name is not overwritten, and stops no trial.
+#[test]
+#[cfg(target_os = "linux")]
+fn links_are_followed_and_an_unreadable_log_is_the_loss_of_its_trial() {
+    use std::os::unix::fs::symlink;
+    let [folder, store] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let plan = two_trials();
+    let [first, second] = [&plan.trials[0], &plan.trials[1]];
+    let session = Session::create(folder.path(), &plan).unwrap();
+    let log = attempt(&session, first, Some(End::Complete));
+    let stored = store.path().join("stored.mcap");
+    std::fs::rename(&log, &stored).unwrap();
+    symlink(&stored, &log).unwrap();
+    // A regular file whose content cannot be read.
+    symlink("/proc/self/mem", folder.path().join(format!("{}.mcap", second.name))).unwrap();
+    let states = session.checked_states().unwrap();
+    assert_eq!(states[0].complete().unwrap().path, log);
+    assert_eq!((states[1].complete(), states[1].attempts.len()), (None, 1));
+    assert!(states[1].attempts[0].losses[0].contains("cannot be read"), "{states:?}");
+    assert_eq!(states[1].next_number(), 2);
+
+    for name in ["attempt2", "attempt3", "attempt4"] {
+        let path = folder.path().join(format!("{}.{name}.mcap", second.name));
+        match name {
+            "attempt2" => std::fs::create_dir(path).unwrap(),
+            "attempt3" => symlink("/dev/zero", path).unwrap(),
+            _ => symlink("nowhere", path).unwrap(),
+        }
+    }
+    assert_eq!(session.next_attempt(second).unwrap().0, 5);
+    std::fs::write(folder.path().join(format!("{}.attempt4294967295.mcap", second.name)), "").unwrap();
+    assert_eq!(session.next_attempt(second).unwrap().0, 5);
 }

@@ -3,7 +3,7 @@
 use super::{Course, Model, ModelError, trial};
 use crate::plan::{Plan, Trial};
 use crate::progress::{Progress, lock};
-use crate::session::Session;
+use crate::session::{Session, UNFINISHED};
 use biflag_log::SteadyMeta;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -101,7 +101,7 @@ impl<'a> Batch<'a> {
         let trial = job.trial;
         let begun = Instant::now();
         let (attempt, log) = self.session.next_attempt(trial)?;
-        let unfinished = log.with_extension("mcap.unfinished");
+        let unfinished = log.with_extension(&UNFINISHED[1..]);
         remove(&unfinished)?;
         let reached_ms = AtomicU64::new(0);
         let watch = |time_s: f64| {

@@ -19,7 +19,7 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Longest wait for the start of the program, which reads the image, and for its end.
 const START_TIMEOUT: Duration = Duration::from_secs(30);
-const END_TIMEOUT: Duration = Duration::from_secs(1);
+const END_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Errors of the emulated board.
 #[derive(Debug, Error, Diagnostic)]
