@@ -334,7 +334,10 @@ where
     fn save_settings(&mut self, outbox: &mut impl Outbox) {
         let answer = match self.store.step(&self.settings) {
             Saving::Idle | Saving::Busy => return,
-            Saving::Done => Answer::Done,
+            Saving::Done => {
+                self.settings_stored = true;
+                Answer::Done
+            }
             Saving::Failed => Answer::Refused(Refusal::EepromFailed),
         };
         self.link.remember_late(self.save_request, answer);

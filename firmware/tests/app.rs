@@ -363,6 +363,8 @@ fn saved_settings_survive_a_reset_and_others_do_not() {
     bench.ticks(100);
     assert_eq!(bench.replies[before..], [(50, Reply::Done)]);
     assert_eq!(bench.send(50, Command::SaveSettings), [Reply::Done]);
+    let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
+    assert!(info.settings_stored);
     bench.ask(Command::WriteSettings(Settings { board_id: 6, ..settings }));
     let mut bench = Bench::start(bench.world, Start::default());
     assert_eq!(bench.ask(Command::ReadSettings), Reply::Settings(settings));

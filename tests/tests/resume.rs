@@ -128,8 +128,8 @@ fn session_is_resumed_only_on_the_same_rig() {
     let settings = bench.file("board.toml", "board_id = 7\n");
     bench.run(["settings", "--port", first.port(), "--write", settings.to_str().unwrap()]).expect_code(0);
     let run = bench.run(record(&plan, first.port(), &["--resume"])).expect_code(2);
-    assert!(run.stderr.contains("on board 0") && run.stderr.contains("on board 7"), "{run:?}");
-    let settings = bench.file("board.toml", "board_id = 0\ncounts_per_turn = 600\n");
+    assert!(run.stderr.contains("on board 1") && run.stderr.contains("on board 7"), "{run:?}");
+    let settings = bench.file("board.toml", "board_id = 1\ncounts_per_turn = 600\n");
     bench.run(["settings", "--port", first.port(), "--write", settings.to_str().unwrap()]).expect_code(0);
     let run = bench.run(record(&plan, first.port(), &["--resume"])).expect_code(2);
     assert!(run.stderr.contains("counts_per_turn = 600"), "{run:?}");

@@ -45,9 +45,10 @@ impl Data {
         }
         let mut warnings = Vec::new();
         let protocols = self.records.identity.as_ref().map(|identity| identity.protocol);
-        if let Some(found) = protocols.filter(|found| *found != protocol::VERSION) {
+        // Logs of older protocols hold the same messages.
+        if let Some(found) = protocols.filter(|found| *found > protocol::VERSION) {
             warnings.push(format!(
-                "it was recorded with protocol {found}, but this program uses {}; logs do not depend on the protocol",
+                "it was recorded with protocol {found}, but this program uses {}; what is new in it is left out",
                 protocol::VERSION
             ));
         }

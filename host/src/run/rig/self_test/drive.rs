@@ -164,8 +164,6 @@ impl Travel {
     fn of(frames_: &[Telemetry], motor: usize) -> Self {
         let positions: Vec<i32> = frames_.iter().map(|frame| frame.encoder[motor].0).collect();
         let (Some(first), Some(last)) = (positions.first(), positions.last()) else { return Self::default() };
-        let half = &positions[positions.len() / 2..];
-        let half_s = (half.len() - 1) as f64 / f64::from(TICK_HZ);
         let counts = last.wrapping_sub(*first);
         // The first window is that of the start.
         let window = frames(WINDOW_S);
@@ -179,7 +177,7 @@ impl Travel {
             counts,
             changes: positions.windows(2).filter(|pair| pair[0] != pair[1]).count() as u32,
             is_steady,
-            rate: if half_s > 0.0 { f64::from(last.wrapping_sub(half[0])) / half_s } else { 0.0 },
+            rate: slope(&positions[positions.len() / 2..]) * f64::from(TICK_HZ),
         }
     }
 
@@ -193,6 +191,19 @@ impl Travel {
     pub fn is_alive(&self) -> bool {
         self.is_steady || self.alternates()
     }
+}
+
+/// Returns the slope of the line through the positions that has the least squares, counts a frame. The board takes an edge
+/// that has just come in the next frame, so that the first and the last position alone are up to seven counts off.
+fn slope(positions: &[i32]) -> f64 {
+    let middle = (positions.len() as f64 - 1.0) / 2.0;
+    let (mut products, mut squares) = (0.0, 0.0);
+    for (frame, position) in positions.iter().enumerate() {
+        let offset = frame as f64 - middle;
+        products += offset * f64::from(position.wrapping_sub(positions[0]));
+        squares += offset * offset;
+    }
+    if squares > 0.0 { products / squares } else { 0.0 }
 }
 
 fn mean_gyro(frames: &[Telemetry]) -> [f64; 3] {
