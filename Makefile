@@ -5,13 +5,14 @@ BIN := target/release
 DEMO := target/demo
 KILLS ?= 1000
 
-.PHONY: help setup build firmware demo test proof hostile lint doc clean
+.PHONY: help setup build firmware demo test proof hostile mutants lint doc clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
 	@echo "make test      all tests"
 	@echo "make proof     long checks: fits to robots with unknown parameters, 10000 random cases, speed; two hours"
-	@echo "make hostile   $(KILLS) kills of a recording; a log cut and changed at every byte; half an hour"
+	@echo "make hostile   $(KILLS) kills of a recording, a log changed at every byte, spoilt lines, lost frames; an hour"
+	@echo "make mutants   what the tests of protocol and firmware do not notice if it is changed; an hour"
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
 	@echo "make lint      format and lint checks"
 	@echo "make doc       the documentation for contributors"
@@ -55,6 +56,16 @@ proof: build
 hostile: build
 	KILLS=$(KILLS) $(CARGO) test --release --locked -p tests --test interruption killed -- --nocapture
 	EVERY_BYTE=1 $(CARGO) test --release --locked -p tests --test every_byte -- --nocapture
+	LINES=100 $(CARGO) test --release --locked -p tests --test spoilt_line only -- --nocapture
+	FRAMES=1000000 $(CARGO) test --release --locked -p tests --test link at_random -- --nocapture
+	PHASES=1000 $(CARGO) test --release --locked -p virtual-nano --test link silent_host -- --nocapture
+	BIFLAG_DAMAGE=100000000 $(CARGO) test --release --locked -p protocol --test wire damage -- --nocapture
+
+# Of what runs on this computer: the rest of the firmware is tested on the emulated board.
+mutants:
+	@command -v cargo-mutants >/dev/null || $(CARGO) install --locked cargo-mutants
+	$(CARGO) mutants -p protocol -p firmware --exclude 'firmware/src/board/**' --exclude firmware/src/main.rs \
+		--cargo-arg=--release --cargo-arg=--locked --baseline=skip --timeout 60 --jobs 2 --output target
 
 lint: setup
 	$(CARGO) fmt --all --check
