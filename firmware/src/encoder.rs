@@ -125,11 +125,15 @@ pub struct Encoder {
     still: bool,
     /// At the last edge, in hundredths of rpm.
     speed: f32,
+    /// What the last tick said.
+    told: CentiRpm,
+    /// Whether the last tick left its edges to this one.
+    deferred: bool,
 }
 
 impl Default for Encoder {
     fn default() -> Self {
-        Self { seen: Edges::new(), still: true, speed: 0.0 }
+        Self { seen: Edges::new(), still: true, speed: 0.0, told: CentiRpm(0), deferred: false }
     }
 }
 
@@ -138,9 +142,12 @@ impl Encoder {
     #[inline(never)]
     pub fn update(&mut self, edges: &Edges, now: Micros, scale: f32) -> Motion {
         let last = edges.last;
-        if now.since(last.time) < SETTLED_US {
-            return Motion { speed: CentiRpm(round_to_i16(self.speed, 0)), ..Motion::default() };
+        // Not twice in a row: an edge before each tick is motion, and its counts would pile up.
+        if now.since(last.time) < SETTLED_US && !self.deferred {
+            self.deferred = true;
+            return Motion { speed: self.told, ..Motion::default() };
         }
+        self.deferred = false;
         // The last edge of earlier ticks to the same level.
         let reference = if edges.level == self.seen.level { self.seen.last } else { self.seen.before };
         let mut motion = Motion {
@@ -164,11 +171,13 @@ impl Encoder {
         if self.still {
             // The first edge begins the measurement.
             self.speed = 0.0;
+            self.told = CentiRpm(0);
             self.still = !moved;
             return motion;
         }
         if !moved && since >= STANDSTILL_US {
             self.still = true;
+            self.told = CentiRpm(0);
             return motion;
         }
         let mut speed = f32::from(counts) * scale / since.max(1) as f32;
@@ -179,7 +188,8 @@ impl Encoder {
         } else {
             speed = self.speed;
         }
-        motion.speed = CentiRpm(round_to_i16(speed, 0));
+        self.told = CentiRpm(round_to_i16(speed, 0));
+        motion.speed = self.told;
         motion
     }
 }

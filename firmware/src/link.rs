@@ -6,7 +6,7 @@ use protocol::units::{Count, Micros};
 use protocol::{Command, MessageRef, Refusal, Request, TICK_HZ, Telemetry};
 
 /// Size of the outbox: two frames of telemetry and some short answers, or one and the longest answer.
-pub const OUTBOX: u8 = 168;
+pub const OUTBOX: u8 = 160;
 
 /// Lengths of frames: telemetry, and the longest answer to some requests.
 const TELEMETRY: u8 = 71;

@@ -79,9 +79,9 @@ impl<S: Storage> Store<S> {
         false
     }
 
-    /// Begins a save.
+    /// Begins a save. One that is in progress goes on: the host repeats its request more often than a failing save takes.
     pub fn begin_save(&mut self) {
-        self.writes = Some(0);
+        self.writes.get_or_insert(0);
     }
 
     /// Adds a record to the fault log. A record that comes while one is being written is dropped.
@@ -318,6 +318,19 @@ mod tests {
         let (saving, ticks) = save(&memory, &other());
         assert_eq!(saving, Saving::Failed);
         assert!(ticks < 200);
+    }
+
+    #[test]
+    fn a_broken_byte_fails_the_save_also_if_the_host_asks_again_and_again() {
+        let memory = Memory { stuck: Some(11), ..Memory::blank() };
+        let mut store = Store::new(memory);
+        let outcome = (0..200).find_map(|tick| {
+            if tick % 10 == 0 {
+                store.begin_save();
+            }
+            Some(store.step(&other())).filter(|saving| *saving != Saving::Busy)
+        });
+        assert_eq!(outcome, Some(Saving::Failed));
     }
 
     #[test]

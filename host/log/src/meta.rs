@@ -128,7 +128,7 @@ pub struct BoardMeta {
 pub struct FaultMeta {
     /// [`BoardMeta::boot_count`] of the start after which it occurred.
     pub boot: u16,
-    /// Time since that start.
+    /// Time since that start, s. The board's clock wraps after 71.6 minutes.
     pub time_s: f64,
     /// Name of the fault.
     pub fault: String,

@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
-/// Interval at which chunks are closed: half a second, minus the possible delay of a tick.
-const FLUSH_INTERVAL: Duration = Duration::from_millis(400);
+/// Interval at which chunks are closed: half of the half second that may be lost, so that a busy computer keeps it too.
+const FLUSH_INTERVAL: Duration = Duration::from_millis(250);
 
 /// The first records of a log: everything that is known before the trial starts.
 #[derive(Clone, PartialEq, Debug, Default)]

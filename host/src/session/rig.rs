@@ -3,8 +3,9 @@
 use super::{Session, SessionError, TrialState};
 use biflag_log::{BoardMeta, Identity, Origin};
 
-/// Settings that do not affect the measurement.
-const NOT_COMPARED: [&str; 4] = ["gyro_bias_counts", "deadline_ms", "moving_duty", "bandgap_mv"];
+/// Settings that do not affect the measurement: those of the wiring make the speeds right, and the id is compared by itself.
+const NOT_COMPARED: [&str; 7] =
+    ["board_id", "gyro_bias_counts", "deadline_ms", "moving_duty", "bandgap_mv", "motor_reversed", "encoder_reversed"];
 
 impl Session {
     /// Checks that the next trials run in the same place and with the same settings as the last complete one. Returns a
@@ -31,7 +32,8 @@ impl Session {
         let (Some(before), Some(now)) = (biflag_log::last_meta::<BoardMeta>(&last.path)?, board) else {
             return Ok(None);
         };
-        if before.board_id != now.board_id {
+        // A board without an id gets one when its settings are saved.
+        if before.board_id != now.board_id && before.board_id != 0 {
             return other(format!("on board {}", before.board_id), format!("on board {}", now.board_id));
         }
         if let Some((was, is)) = other_setting(&before.settings, &now.settings) {

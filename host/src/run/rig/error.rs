@@ -91,7 +91,9 @@ pub fn fault_cure(fault: Fault) -> &'static str {
         Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen | Fault::ImuLostConfig => {
             "check the MPU6050's wiring (SCL on A5, SDA on A4) and power supply"
         }
-        Fault::SupplyLow => "check the USB cable, and that the motors have a supply of their own",
+        Fault::SupplyLow => {
+            "check the USB cable, that the motors have a supply of their own, and the setting bandgap_mv"
+        }
         Fault::Motor1Stalled | Fault::Motor2Stalled => {
             "check that the motors' 6 V supply is on, that the flagellum turns freely, and the encoder's wiring"
         }

@@ -71,8 +71,8 @@ pub enum PreflightError {
     /// The board's supply is too low, or not measured.
     #[error("the board's supply is {:.2} V, and at least {:.1} V are needed", .0.volts(), LEAST_SUPPLY.volts())]
     #[diagnostic(help(
-        "use a shorter USB cable or another port, and check that the motors have a supply of their own; a wrong \
-         bandgap_mv in the settings shifts this value"
+        "use a shorter USB cable or another port, and check that the motors have a supply of their own; if a meter at the \
+         board's 5V pin reads more, set bandgap_mv in the settings to its value times the meter's volts divided by these"
     ))]
     SupplyLow(Millivolts),
     /// The board moved during the calibration.

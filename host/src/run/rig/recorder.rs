@@ -207,7 +207,11 @@ impl<'a> Recorder<'a> {
 
     /// Records the events already received, without waiting: replies to the last commands and, after a failure, the
     /// frames that the board sent in the meantime.
+    ///
+    /// # Errors
+    /// The first fault, after all of them are recorded.
     pub(super) fn drain(&mut self, keep: Keep) -> Result<(), RecordError> {
+        let mut outcome = Ok(());
         while let Some(received) = self.link.next(Duration::ZERO) {
             if matches!(received.event, Event::Closed) {
                 break;
@@ -215,10 +219,13 @@ impl<'a> Recorder<'a> {
             if let Some((telemetry, host)) = self.take(received)?.filter(|_| keep == Keep::Frames)
                 && let Some(frame) = self.frame(telemetry, host)
             {
-                self.keep(frame)?;
+                match self.keep(frame) {
+                    Err(fault @ RecordError::Faulted(_)) => outcome = outcome.and(Err(fault)),
+                    other => other?,
+                }
             }
         }
-        Ok(())
+        outcome
     }
 
     /// Returns whether the shape of a simulated robot is sampled in this frame's tick; true without a simulated robot.
