@@ -5,11 +5,10 @@ use protocol::frame::{self, Accumulator, MAX_FRAME};
 use protocol::units::{Count, Micros};
 use protocol::{Command, MessageRef, Refusal, Request, TICK_HZ, Telemetry};
 
-/// Size of the outbox: two frames of telemetry and some short answers, or one and the longest answer.
+/// Size of the outbox: a frame of telemetry and the longest answer, or two frames.
 pub const OUTBOX: u8 = 160;
 
-/// Lengths of frames: telemetry, and the longest answer to some requests.
-const TELEMETRY: u8 = 71;
+/// Lengths of the longest answer to some requests.
 const SETTINGS: u8 = 60;
 const INFO: u8 = 29;
 const PONG: u8 = 11;
@@ -125,14 +124,15 @@ impl Link {
         }
     }
 
-    /// Returns whether the answer to `command` fits into the outbox beside the next frame of telemetry.
+    /// Returns whether the answer to `command` fits into the outbox. The next frame of telemetry has room in any case: requests
+    /// are answered between ticks, and the line takes most of the outbox before a tick ends.
     pub fn has_room(&self, command: &Command, outbox: &impl Outbox) -> bool {
         let answer = match command {
             Command::ReadSettings => SETTINGS,
             Command::Hello | Command::ReadCalibration | Command::ReadFault { .. } => INFO,
             _ => PONG,
         };
-        outbox.room() >= TELEMETRY + answer
+        outbox.room() >= answer
     }
 
     /// Sends an answer. Without room it is dropped: the host repeats the request.

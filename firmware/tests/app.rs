@@ -659,6 +659,7 @@ fn a_request_without_room_for_its_answer_is_dropped_and_feeds_the_deadline() {
     for _ in 0..3 {
         bench.tick_unsent(0);
     }
+    bench.receive(200, Command::Ping);
     for seq in 0..120 {
         bench.receive(seq, Command::SetSpeeds([CentiRpm(0), CentiRpm(100)]));
         bench.tick_unsent(0);

@@ -33,8 +33,8 @@
 //! - The line runs at [`BAUD`], 8N1. Opening the port resets a Nano; its bootloader answers for up to two seconds.
 //! - Every intact frame from the host feeds the motors' deadline ([`Settings::deadline_ms`]). Past it, if a motor turns or
 //!   will turn in the schedule, the board stops both motors and latches [`Fault::LinkLost`].
-//! - The board carries out a request only if the answer fits into its outbox beside the next frame of telemetry. It drops
-//!   other requests whole; they still feed the deadline.
+//! - The board carries out a request only if the answer fits into its outbox. It drops other requests whole; they still feed
+//!   the deadline.
 //! - Every request is idempotent. A request with the sequence number of the one before gets the same answer again, without
 //!   a second effect, so a host that received no answer may repeat the request.
 //! - A fault stops the motors, is in every telemetry frame, and lasts until [`Command::ClearFault`].

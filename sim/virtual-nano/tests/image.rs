@@ -51,7 +51,7 @@ fn the_image_fits_with_room_to_spare() {
 }
 
 /// Requests at a share of the line's 50,000 bytes a second, for two seconds while both motors turn.
-fn flood(share: f64) -> (Host, u64, u64) {
+fn flood(share: f64, request: Command) -> (Host, u64, u64) {
     let mut host = Host::ready(BoardOptions::default());
     host.set_speeds([90.0, -90.0]);
     host.run_linked_ms(500);
@@ -61,7 +61,7 @@ fn flood(share: f64) -> (Host, u64, u64) {
     for _ in 0..2000 {
         owed += 50.0 * share;
         while owed >= 6.0 {
-            host.send(Command::Ping);
+            host.send(request);
             sent += 1;
             owed -= 6.0;
         }
@@ -76,13 +76,16 @@ fn flood(share: f64) -> (Host, u64, u64) {
 fn a_full_line_of_requests_takes_nothing_from_motors_and_telemetry() {
     println!("| line | requests | answered | worst tick, cycles | telemetry lost |");
     println!("| ---: | ---: | ---: | ---: | ---: |");
-    for share in [0.02, 0.2, 0.5, 1.0] {
-        let (host, sent, answered) = flood(share);
+    let shares = [0.02, 0.2, 0.5, 1.0].map(|share| (share, Command::Ping));
+    for (share, request) in shares.into_iter().chain([(0.01, Command::ReadSettings), (1.0, Command::ReadSettings)]) {
+        let (host, sent, answered) = flood(share, request);
         let tick = host.board.marks().tick();
         let last = host.last();
-        println!("| {:.0} % | {sent} | {answered} | {} | {} |", 100.0 * share, tick.worst, last.unsent.0);
+        println!("| {:.0} % {request:?} | {sent} | {answered} | {} | {} |", 100.0 * share, tick.worst, last.unsent.0);
         assert_eq!((last.fault, last.missed_ticks.0, last.unsent.0), (Fault::None, 0, 0));
-        assert!(tick.worst <= WORST_TICK, "{} cycles", tick.worst);
+        // No host fills the line with requests for the longest answer: there a tick only has to end before the next one.
+        let limit = if request == Command::Ping { WORST_TICK } else { TICK };
+        assert!(tick.worst <= limit, "{} cycles", tick.worst);
         // What the processor has no time for is dropped; a host sends far less.
         assert!(answered > 0 && (answered == sent || share > 0.1), "{answered} of {sent}");
     }
