@@ -4,7 +4,7 @@
 //! seven values belong to one sample and its DATA_RDY says whether that sample is new; the byte after them is a check.
 //! Values are counts, sensor axes.
 //!
-//! Every [`CHECK_INTERVAL`] the configuration is read back. A loss of supply also clears INT_ENABLE, so that no sample
+//! Every 20 ms the configuration is read back. A loss of supply also clears INT_ENABLE, so that no sample
 //! after it counts as new; if only a range changes, up to three samples are used as if it had not, which matters less than
 //! the 0.2 s of the set-up that follows. A check in every tick would cost 3 % of it.
 //!
@@ -18,7 +18,7 @@
 //! | failure | reaction |
 //! | --- | --- |
 //! | a transaction fails, or the sensor falls silent within one | repeat in the next tick; then [`Fault::ImuSilent`] or [`Fault::ImuBusStuck`] |
-//! | the configuration is not what was written, or the sensor sleeps | set it up again; then, or if it occurs [too often](LOSS), [`Fault::ImuLostConfig`] |
+//! | the configuration is not what was written, or the sensor sleeps | set it up again; then, or if it occurs three times within 3 s, [`Fault::ImuLostConfig`] |
 //! | no new sample for [`FROZEN_TICKS`], though it is set up | [`Fault::ImuFrozen`], and set it up again |
 //! | WHO_AM_I is not 0x68 | a clone: used, and reported in the handshake |
 
