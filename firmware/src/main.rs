@@ -105,7 +105,6 @@ mod nano {
                 }
                 serial::send();
             } else {
-                test_point::hang_if_asked();
                 clock::sleep_unless(|| inbox.ready());
             }
         }

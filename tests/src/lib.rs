@@ -120,6 +120,16 @@ pub fn logs(session: &Path) -> Vec<PathBuf> {
     logs
 }
 
+/// Asserts the exit code, and one error on stderr that contains all of `words`.
+#[track_caller]
+pub fn expect_error(run: &Run, code: i32, words: &[&str]) {
+    assert_eq!(run.code, Some(code), "{run:?}");
+    assert_eq!(run.stderr.matches("error: ").count(), 1, "one error, not {}", run.stderr);
+    for word in words {
+        assert!(run.stderr.contains(word), "no {word:?} in: {}", run.stderr);
+    }
+}
+
 /// Waits until a session has `count` logs.
 pub fn wait_for_logs(session: &Path, count: usize) {
     let begun = Instant::now();

@@ -1,6 +1,6 @@
 //! Bad input gives one clear error and the right exit code, and nothing is lost.
 
-use tests::{Bench, Run, data, nano};
+use tests::{Bench, Run, data, expect_error, nano};
 
 const SPEEDS: &str = "[speeds]\npairs = [[50, 10]]\n";
 
@@ -8,16 +8,6 @@ fn record(plan: &str) -> Run {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", plan);
     bench.run(["record", plan.to_str().unwrap(), "--port", "/dev/no-such-port", "--json"])
-}
-
-/// Asserts the exit code, and one error on stderr that contains all of `words`.
-#[track_caller]
-fn expect_error(run: &Run, code: i32, words: &[&str]) {
-    assert_eq!(run.code, Some(code), "{run:?}");
-    assert_eq!(run.stderr.matches("error: ").count(), 1, "one error, not {}", run.stderr);
-    for word in words {
-        assert!(run.stderr.contains(word), "no {word:?} in: {}", run.stderr);
-    }
 }
 
 #[test]

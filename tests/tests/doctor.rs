@@ -4,7 +4,7 @@ use biflag_log::BoardMeta;
 use serde_json::Value;
 use std::path::Path;
 use std::time::Duration;
-use tests::{Bench, Run, bare_nano, logs, nano};
+use tests::{Bench, bare_nano, expect_error, logs, nano};
 
 /// Returns the check of this name.
 #[track_caller]
@@ -21,16 +21,6 @@ fn expect(report: &Value, name: &str, ok: bool, words: &[&str]) {
     assert_eq!(check["ok"], ok, "{check}");
     for word in words {
         assert!(check.to_string().contains(word), "no {word:?} in {check}");
-    }
-}
-
-/// Asserts one error on stderr that contains all of `words`.
-#[track_caller]
-fn expect_error(run: &Run, code: i32, words: &[&str]) {
-    assert_eq!(run.code, Some(code), "{run:?}");
-    assert_eq!(run.stderr.matches("error: ").count(), 1, "one error, not {}", run.stderr);
-    for word in words {
-        assert!(run.stderr.contains(word), "no {word:?} in: {}", run.stderr);
     }
 }
 
