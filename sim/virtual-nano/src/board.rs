@@ -13,7 +13,7 @@
 use crate::bridge::Bridge;
 use crate::clock::ProgramClock;
 use crate::encoder::{Disturbance, Encoder};
-use crate::fault::{self, BANDGAP_MV, Fault, SUPPLY_MV};
+use crate::fault::{BANDGAP_MV, Fault, SUPPLY_MV};
 use crate::image::Image;
 use crate::imu::source::Source;
 use crate::imu::{self, Mpu6050};
@@ -131,11 +131,6 @@ impl Board {
         self.state
     }
 
-    /// Makes a fault begin now.
-    pub fn inject(&mut self, fault: Fault) {
-        fault::inject(self, fault);
-    }
-
     /// Makes a fault begin at a time (s) since power came up.
     pub fn inject_at(&mut self, at_s: f64, fault: Fault) {
         self.faults.push((at_s, fault));
@@ -145,7 +140,7 @@ impl Board {
     /// program stays.
     pub fn clear_faults(&mut self) {
         self.faults.clear();
-        fault::clear(self);
+        self.end_faults();
     }
 
     /// Runs for `cycles`.

@@ -9,10 +9,9 @@
 //! # Ok::<(), String>(())
 //! ```
 
-use crate::board::Board;
 use crate::encoder::Disturbance;
 use crate::imu::fault::{At, Fault as ImuFault};
-use crate::motor::{MotorParameters, Rotor};
+use crate::motor::Rotor;
 use std::fmt::Write;
 use std::str::FromStr;
 
@@ -348,67 +347,6 @@ impl FromStr for Timed {
 /// Supply of a board on a good port, and the bandgap reference (data sheet, section 29.5), mV.
 pub(crate) const SUPPLY_MV: u32 = 5000;
 pub(crate) const BANDGAP_MV: u32 = 1100;
-/// The supply in a brown-out, mV.
-const BROWN_OUT_MV: u32 = 2000;
-
-/// Makes a fault begin now.
-pub(crate) fn inject(board: &mut Board, fault: Fault) {
-    match fault {
-        Fault::EncoderSwapped { motor } => board.encoder_mut(motor).swap(true),
-        Fault::Disturbed { motor, channel, disturbance } => board.disturb_encoder(motor, channel, disturbance),
-        Fault::UnevenPoles { motor, fraction } => board.encoder_mut(motor).set_uneven(fraction),
-        Fault::Held { motor, rotor } => board.motors_mut()[motor].hold(rotor),
-        Fault::Stiction { motor, fraction } => board.motors_mut()[motor].parameters_mut().breakaway = fraction,
-        Fault::MotorReversed { motor } => board.motors_mut()[motor].reverse(true),
-        Fault::MotorsSwapped => board.swap_motors(true),
-        Fault::MotorSupplyOff => board.motors_mut().iter_mut().for_each(|motor| motor.set_powered(false)),
-        Fault::Imu(fault) => board.change_imu(|imu| imu.inject(fault)),
-        Fault::Register { address, value } => board.change_imu(|imu| imu.set_register_behind(address, value)),
-        Fault::SensorClock { fraction } => board.change_imu(|imu| imu.set_oscillator_error(fraction)),
-        Fault::Scale { fraction } => board.change_imu(|imu| imu.source_mut().part_mut().scale = fraction),
-        Fault::Askew { fraction } => board.change_imu(|imu| imu.source_mut().part_mut().askew = fraction),
-        Fault::Spin { dps } => board.change_imu(|imu| imu.source_mut().spin(dps)),
-        Fault::BusRise { us } => board.set_bus_rise_us(us),
-        Fault::Supply { mv } => board.set_supply_mv(mv),
-        Fault::BrownOut { ms } => {
-            board.set_supply_mv(BROWN_OUT_MV);
-            let back_s = board.seconds() + ms * 1e-3;
-            board.inject_at(back_s, Fault::Supply { mv: SUPPLY_MV });
-        }
-        Fault::Bandgap { mv } => board.set_bandgap_mv(mv),
-        Fault::Resonator { fraction } => board.set_resonator_error(fraction),
-        Fault::Hang { interrupts } => board.hang(interrupts),
-        Fault::Busy { ms } => board.keep_busy_ms(ms),
-        Fault::Usb { latency_ms, packet } => board.serial_mut().usb_mut().set_packets(packet, latency_ms * 1e-3),
-    }
-}
-
-/// Ends every fault that can end. What it did to registers and to the program stays.
-pub(crate) fn clear(board: &mut Board) {
-    for motor in 0..2 {
-        board.encoder_mut(motor).swap(false);
-        board.encoder_mut(motor).set_uneven(0.0);
-        (0..2).for_each(|channel| board.disturb_encoder(motor, channel, Disturbance::None));
-        let motor = &mut board.motors_mut()[motor];
-        motor.hold(Rotor::Free);
-        motor.parameters_mut().breakaway = MotorParameters::default().breakaway;
-        motor.reverse(false);
-        motor.set_powered(true);
-    }
-    board.swap_motors(false);
-    board.change_imu(|imu| {
-        imu.clear_faults();
-        imu.set_oscillator_error(0.0);
-        imu.source_mut().spin(0.0);
-        let part = imu.source_mut().part_mut();
-        (part.scale, part.askew) = (0.0, 0.0);
-    });
-    board.set_bus_rise_us(0.0);
-    board.set_supply_mv(SUPPLY_MV);
-    board.set_bandgap_mv(BANDGAP_MV);
-    board.set_resonator_error(0.0);
-    board.serial_mut().usb_mut().set_packets(0, 0.0);
-}
 
 #[cfg(test)]
 mod tests {

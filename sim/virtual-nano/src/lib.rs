@@ -18,6 +18,7 @@ pub mod encoder;
 pub mod fault;
 pub mod image;
 pub mod imu;
+mod inject;
 pub mod marks;
 #[allow(unsafe_code)]
 pub mod mcu;

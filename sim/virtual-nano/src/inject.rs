@@ -1,0 +1,70 @@
+//! What each fault does to the board.
+
+use crate::board::Board;
+use crate::encoder::Disturbance;
+use crate::fault::{BANDGAP_MV, Fault, SUPPLY_MV};
+use crate::motor::{MotorParameters, Rotor};
+
+/// The supply in a brown-out, mV.
+const BROWN_OUT_MV: u32 = 2000;
+
+impl Board {
+    /// Makes a fault begin now.
+    pub fn inject(&mut self, fault: Fault) {
+        match fault {
+            Fault::EncoderSwapped { motor } => self.encoder_mut(motor).swap(true),
+            Fault::Disturbed { motor, channel, disturbance } => self.disturb_encoder(motor, channel, disturbance),
+            Fault::UnevenPoles { motor, fraction } => self.encoder_mut(motor).set_uneven(fraction),
+            Fault::Held { motor, rotor } => self.motors_mut()[motor].hold(rotor),
+            Fault::Stiction { motor, fraction } => self.motors_mut()[motor].parameters_mut().breakaway = fraction,
+            Fault::MotorReversed { motor } => self.motors_mut()[motor].reverse(true),
+            Fault::MotorsSwapped => self.swap_motors(true),
+            Fault::MotorSupplyOff => self.motors_mut().iter_mut().for_each(|motor| motor.set_powered(false)),
+            Fault::Imu(fault) => self.change_imu(|imu| imu.inject(fault)),
+            Fault::Register { address, value } => self.change_imu(|imu| imu.set_register_behind(address, value)),
+            Fault::SensorClock { fraction } => self.change_imu(|imu| imu.set_oscillator_error(fraction)),
+            Fault::Scale { fraction } => self.change_imu(|imu| imu.source_mut().part_mut().scale = fraction),
+            Fault::Askew { fraction } => self.change_imu(|imu| imu.source_mut().part_mut().askew = fraction),
+            Fault::Spin { dps } => self.change_imu(|imu| imu.source_mut().spin(dps)),
+            Fault::BusRise { us } => self.set_bus_rise_us(us),
+            Fault::Supply { mv } => self.set_supply_mv(mv),
+            Fault::BrownOut { ms } => {
+                self.set_supply_mv(BROWN_OUT_MV);
+                let back_s = self.seconds() + ms * 1e-3;
+                self.inject_at(back_s, Fault::Supply { mv: SUPPLY_MV });
+            }
+            Fault::Bandgap { mv } => self.set_bandgap_mv(mv),
+            Fault::Resonator { fraction } => self.set_resonator_error(fraction),
+            Fault::Hang { interrupts } => self.hang(interrupts),
+            Fault::Busy { ms } => self.keep_busy_ms(ms),
+            Fault::Usb { latency_ms, packet } => self.serial_mut().usb_mut().set_packets(packet, latency_ms * 1e-3),
+        }
+    }
+
+    /// Ends every fault that can end. What it did to registers and to the program stays.
+    pub(crate) fn end_faults(&mut self) {
+        for motor in 0..2 {
+            self.encoder_mut(motor).swap(false);
+            self.encoder_mut(motor).set_uneven(0.0);
+            (0..2).for_each(|channel| self.disturb_encoder(motor, channel, Disturbance::None));
+            let motor = &mut self.motors_mut()[motor];
+            motor.hold(Rotor::Free);
+            motor.parameters_mut().breakaway = MotorParameters::default().breakaway;
+            motor.reverse(false);
+            motor.set_powered(true);
+        }
+        self.swap_motors(false);
+        self.change_imu(|imu| {
+            imu.clear_faults();
+            imu.set_oscillator_error(0.0);
+            imu.source_mut().spin(0.0);
+            let part = imu.source_mut().part_mut();
+            (part.scale, part.askew) = (0.0, 0.0);
+        });
+        self.set_bus_rise_us(0.0);
+        self.set_supply_mv(SUPPLY_MV);
+        self.set_bandgap_mv(BANDGAP_MV);
+        self.set_resonator_error(0.0);
+        self.serial_mut().usb_mut().set_packets(0, 0.0);
+    }
+}
