@@ -131,10 +131,17 @@ pub fn expect_error(run: &Run, code: i32, words: &[&str]) {
 }
 
 /// Waits until a session has `count` logs.
+#[track_caller]
 pub fn wait_for_logs(session: &Path, count: usize) {
+    wait_until("a trial starts", || logs(session).len() >= count);
+}
+
+/// Waits until something holds, for 20 s at most.
+#[track_caller]
+pub fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     let begun = Instant::now();
-    while logs(session).len() < count {
-        assert!(begun.elapsed() < Duration::from_secs(20), "no trial started");
+    while !holds() {
+        assert!(begun.elapsed() < Duration::from_secs(20), "not within 20 s: {what}");
         std::thread::sleep(Duration::from_millis(10));
     }
 }

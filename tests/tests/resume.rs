@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
-use tests::{Bench, Run, logs, nano, program, signal, wait_for_logs};
+use tests::{Bench, Run, logs, nano, program, signal, wait_for_logs, wait_until};
 
 fn plan(calibrate: f64, run: f64) -> String {
     format!(
@@ -40,11 +40,11 @@ fn session_has_one_writer_and_resumes_after_a_kill() {
     assert!(run.stderr.contains("another biflag is writing into this session"), "{run:?}");
     assert_eq!(logs(&bench.path().join("session")).len(), 1);
 
+    wait_until("the trial runs", || first.control("status").unwrap()["pwm"] != serde_json::json!([0, 0]));
     signal(&recording, "-KILL");
     let _ = Run::of(recording);
     let sent = first.control("status").unwrap()["frames_sent"].as_u64().unwrap();
-    std::thread::sleep(Duration::from_millis(300));
-    assert!(first.control("status").unwrap()["frames_sent"].as_u64().unwrap() > sent, "the board is still streaming");
+    wait_until("the board streams on", || first.control("status").unwrap()["frames_sent"].as_u64().unwrap() > sent);
     let run = bench.run(record(&plan, &port, &["--resume"])).expect_code(0);
     expect_complete(&run, 2);
     assert_eq!(logs(&bench.path().join("session")).len(), 3, "the cut-off log is kept");
