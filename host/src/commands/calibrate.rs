@@ -132,9 +132,10 @@ fn describe(calibration: &Calibration, out: &Path) -> String {
     // Writing to a string cannot fail.
     for p in &calibration.parameters {
         let [low, high] = p.interval_95;
+        let model = p.model_error.map_or_else(String::new, |error| format!("; error of the model ± {error:.1e}"));
         let _ = writeln!(
             text,
-            "{:<10} {:>11.4e} ± {:.1e} {:<8} (95 %: {low:.4e} to {high:.4e}; start {:.4e})",
+            "{:<10} {:>11.4e} ± {:.1e} {:<8} (95 %: {low:.4e} to {high:.4e}{model}; start {:.4e})",
             p.name, p.value, p.std_error, p.unit, p.start
         );
     }
