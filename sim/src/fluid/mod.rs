@@ -9,6 +9,7 @@
 //! fast product: exact segments within a few edges on the same rod, Gauss points for all others.
 
 pub mod far;
+pub mod head;
 pub mod mobility;
 pub mod near;
 pub mod segment;
