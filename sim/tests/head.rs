@@ -78,7 +78,7 @@ fn spheroids_have_their_closed_forms() {
         prove(
             &format!("spheroid, {ratio} times as long as wide: closed forms, relative"),
             error(&matrix, spheroid(a, ratio * a)),
-            bound,
+            0.02,
         );
     }
 }

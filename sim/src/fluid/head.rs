@@ -13,7 +13,7 @@
 use super::stokeslet_factor;
 use crate::V3;
 use crate::linear::invert;
-use crate::params::{Head, HeadShape};
+use crate::params::{Head, HeadShape, ParamError, Robot};
 use nalgebra::{DMatrix, Matrix3, Matrix6};
 use std::f64::consts::{PI, TAU};
 
@@ -141,6 +141,23 @@ pub struct RigidSurface {
 }
 
 impl RigidSurface {
+    /// Returns the head of a robot, `None` where it is no body in the flow.
+    ///
+    /// # Errors
+    /// A head whose points are too close to tell them apart.
+    pub fn of_head(robot: &Robot) -> Result<Option<Self>, ParamError> {
+        let points = surface_points(&robot.head, POINTS);
+        if points.is_empty() {
+            return Ok(None);
+        }
+        let singular = || ParamError {
+            key: "head.radius_m",
+            value: robot.head.radius_m,
+            reason: "the resistance of the head cannot be computed with it".into(),
+        };
+        Self::new(&points, robot.fluid.viscosity()).map(Some).ok_or_else(singular)
+    }
+
     /// Inverts the mobility of the points; `None` when it is singular, as with points in the same place.
     pub fn new(points: &[SurfacePoint], viscosity: f64) -> Option<Self> {
         let factor = stokeslet_factor(viscosity);
@@ -171,6 +188,11 @@ impl RigidSurface {
             velocities.fixed_view_mut::<3, 6>(3 * i, 0).copy_from(&rigid_motions(x - pivot));
         }
         &self.resistance * velocities
+    }
+
+    /// Returns the torque about the joint on the fluid for an angular velocity about it, N m s.
+    pub fn rotational_resistance(&self) -> Matrix3<f64> {
+        self.rigid_resistance(V3::zeros()).fixed_view::<3, 3>(3, 3).into_owned()
     }
 
     /// Returns force and torque about `pivot` on the fluid (N, N m) for velocity and angular velocity there.
