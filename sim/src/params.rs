@@ -9,6 +9,7 @@
 //! states: Stokes flow is an approximation there.
 
 mod built_in;
+mod head;
 mod validate;
 
 pub use built_in::BUILT_IN;
@@ -21,6 +22,8 @@ use crate::rod::{
 };
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
+
+pub use head::{Head, HeadShape};
 
 /// An impossible parameter.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -44,6 +47,8 @@ pub struct Robot {
     pub flagellum: Flagellum,
     /// The fluid.
     pub fluid: Fluid,
+    /// What the fluid sees of the base.
+    pub head: Head,
     /// Ball joint and tether.
     pub joint: Joint,
     /// Contact between flagella.
@@ -344,8 +349,12 @@ impl Robot {
         [crate::V3::new(d, 0.0, -h), crate::V3::new(-d, 0.0, -h)]
     }
 
-    /// Returns the drag coefficient of the base in N m s: 2 pi mu C_r r_h^3.
+    /// Returns the local drag coefficient of the base in N m s: 2 pi mu C_r r_h^3, zero where its head is none or a body in
+    /// the flow.
     pub fn base_drag(&self) -> f64 {
+        if self.head.shape != HeadShape::Local {
+            return 0.0;
+        }
         2.0 * PI * self.fluid.viscosity() * self.base.rotational_drag * self.base.radius_m.powi(3)
     }
 
