@@ -123,6 +123,9 @@ const SLOW_DISK: Duration = Duration::from_millis(500);
 /// The gyroscope's calibration ends this much before its phase, for the requests that start the schedule.
 const CALIBRATION_MARGIN_S: f64 = 0.2;
 
+/// Shortest calibration that the board can do, s.
+const SHORTEST_CALIBRATION_S: f64 = 0.1;
+
 /// Stops the motors and the stream, and records what came until then. If the link is gone, the board stops the motors at
 /// its deadline. Returns the outcome of the trial; `phases` is that of its phases.
 fn stop(recorder: &mut Recorder, phases: Result<(), RecordError>, writable: bool) -> Result<(), RecordError> {
@@ -162,8 +165,9 @@ fn phases(
     let count = points.len();
     let begun_us = recorder.begin()?;
     let start_us = if trial.phases.calibrate_s > 0.0 {
-        calibrate(recorder, context, trial)?;
-        let planned_us = begun_us + (trial.phases.calibrate_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
+        let calibrate_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
+        calibrate(recorder, context, trial, calibrate_s - CALIBRATION_MARGIN_S)?;
+        let planned_us = begun_us + (calibrate_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
         // Before the start: a refusal must not come after motors that turn.
         end_calibration(recorder)?;
         let start_us = schedule::start(recorder, count, planned_us)?;
@@ -249,12 +253,12 @@ fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2], said: &mut Said)
     Ok(())
 }
 
-/// Calibrates the gyroscope; returns when the board has the result.
-fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial) -> Result<(), RecordError> {
+/// Calibrates the gyroscope for `duration_s`; returns when the board has the result.
+fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial, duration_s: f64) -> Result<(), RecordError> {
     context.progress.phase(&trial.name, Phase::Calibrate.name());
     recorder.change(EventKind::Phase, Phase::Calibrate.name(), recorder.begun_us())?;
     recorder.record_meanwhile(Some(Phase::Calibrate.number()));
-    let duration_ms = ((trial.phases.calibrate_s - CALIBRATION_MARGIN_S) * 1e3).clamp(100.0, 60_000.0) as u16;
+    let duration_ms = (duration_s * 1e3).round().min(60_000.0) as u16;
     recorder.command(Command::CalibrateGyro { duration_ms })?;
     let asked_us = recorder.board_now_us()?;
     let is_over = |frame: &Frame| frame.board_us > asked_us && frame.telemetry.state != State::Calibrating;
