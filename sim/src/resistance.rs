@@ -92,6 +92,7 @@ fn of_parts(robot: &Robot, flagella: &[Flagellum]) -> Result<Option<Resistance>,
     };
     let mut matrix = loads * forces;
 
+    let spin_drag = robot.fluid.spin_drag * robot.round_spin_drag();
     let mut add = |part: usize, couple: Matrix3<f64>| {
         let mut block = matrix.fixed_view_mut::<3, 3>(6 * part + 3, 6 * part + 3);
         block += couple;
@@ -101,7 +102,7 @@ fn of_parts(robot: &Robot, flagella: &[Flagellum]) -> Result<Option<Resistance>,
         for edge in flagellum.nodes.windows(2) {
             let edge = edge[1] - edge[0];
             // The spin is the part of the angular velocity along the tangent.
-            add(1 + k, edge * edge.transpose() * (robot.spin_drag() / edge.norm()));
+            add(1 + k, edge * edge.transpose() * (spin_drag / edge.norm()));
         }
     }
     Ok(Some(Resistance { reciprocity_error: reciprocity_error(&matrix), matrix: (&matrix + matrix.transpose()) * 0.5 }))

@@ -34,15 +34,6 @@ fn cases() -> Vec<Case> {
     serde_json::from_str(&std::fs::read_to_string(path).expect("the cases")).expect("cases")
 }
 
-/// A round rod in the published robot's place.
-fn round_rods() -> Robot {
-    let mut robot = Robot::default();
-    robot.fluid.regularisation_radii = 0.5f64.exp();
-    robot.fluid.spin_drag = 1.0;
-    robot.head.shape = HeadShape::None;
-    robot
-}
-
 /// Forces and moments of the fluid on each part when the motors turn and the base is held still, N and N m.
 fn loads(resistance: &Resistance, rpm: &[f64]) -> Vec<[V3; 2]> {
     let mut motion = DVector::zeros(resistance.matrix.nrows());
@@ -63,9 +54,9 @@ fn resolved_surfaces_agree() {
     // Walls are the business of the tank.
     for case in cases().iter().filter(|case| !case.case.contains("channel")) {
         let name = &case.case;
-        let mut robot = round_rods();
-        if case.head_force.is_some() {
-            robot.head.shape = HeadShape::Cylinder;
+        let mut robot = Robot::default();
+        if case.head_force.is_none() {
+            robot.head.shape = HeadShape::None;
         }
         let angles: Vec<f64> = case.phase_deg.iter().map(|phase| phase.to_radians()).collect();
         let found = resistance(&robot, &angles).expect("parameters");
