@@ -13,6 +13,7 @@ mod head;
 mod validate;
 
 pub use built_in::BUILT_IN;
+pub use head::{Head, HeadShape};
 
 use crate::body::closure::Closure;
 use crate::fluid::far::Precision;
@@ -22,8 +23,6 @@ use crate::rod::{
 };
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
-
-pub use head::{Head, HeadShape};
 
 /// An impossible parameter.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
