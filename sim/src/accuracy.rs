@@ -45,7 +45,7 @@ impl ModelError {
         let mut causes = Vec::new();
         let torque = if robot.fluid.spin_drag < 0.5 { NO_SPIN_TORQUE } else { LINE_TORQUE };
         causes.push(Cause { what: "rods as lines", yaw: torque, tilt: LINE_TILT });
-        if !robot.head.is_in_flow() {
+        if !robot.head.is_resolved() {
             causes.push(Cause { what: "no head in the flow", yaw: NO_HEAD_YAW, tilt: NO_HEAD_TILT });
         }
         if robot.tank.is_none() {
