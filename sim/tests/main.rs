@@ -13,6 +13,7 @@ mod peer;
 mod published;
 mod robot;
 mod rod;
+mod walls;
 
 /// A file that is no module here would be no test.
 #[test]

@@ -12,6 +12,7 @@ pub mod far;
 pub mod mobility;
 pub mod near;
 pub mod segment;
+pub mod walls;
 
 use std::f64::consts::PI;
 
