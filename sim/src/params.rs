@@ -7,6 +7,7 @@
 //! At 90 rpm the Reynolds number rho_f omega R r/mu is about 0.3, above the 0.1 that the publication
 //! states: Stokes flow is an approximation there.
 
+mod tank;
 mod validate;
 
 use crate::body::closure::Closure;
@@ -17,6 +18,8 @@ use crate::rod::{
 };
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
+
+pub use tank::{Face, Tank};
 
 /// An impossible parameter.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -40,6 +43,8 @@ pub struct Robot {
     pub flagellum: Flagellum,
     /// The fluid.
     pub fluid: Fluid,
+    /// The tank about it; without one the fluid has no bounds.
+    pub tank: Option<Tank>,
     /// Ball joint and tether.
     pub joint: Joint,
     /// Contact between flagella.

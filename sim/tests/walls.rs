@@ -4,7 +4,8 @@ use crate::common::{noise, prove};
 use nalgebra::{DMatrix, DVector, Matrix3};
 use sim::V3;
 use sim::fluid::walls::{Images, Plane, Walls};
-use sim::fluid::{mobility::mobility, stokeslet_factor};
+use sim::fluid::{coarse::Coarse, far::gauss_rule, mobility::mobility, stokeslet_factor};
+use sim::params::{Face, Robot, Tank};
 use std::f64::consts::PI;
 
 fn stokeslet(x: V3, y: V3, epsilon: f64) -> Matrix3<f64> {
@@ -200,7 +201,7 @@ fn rod_beside_a_wall() {
     for h in [0.012, 0.025, 0.05] {
         let line: Vec<V3> = (0..=edges).map(|i| V3::new(length * i as f64 / edges as f64, 0.0, h)).collect();
         let mut matrix = mobility(&[&line], epsilon, 1.0);
-        let mut images = Images::new(line.len());
+        let mut images = Images::default();
         images.assemble(&floor(), &line, &line, epsilon);
         let edge = length / edges as f64;
         for j in 0..line.len() {
@@ -226,6 +227,76 @@ fn rod_beside_a_wall() {
             let density = factored.solve(&velocity).expect("regular")[3 * (edges / 2) + axis];
             let check = format!("rod {:.1} radii from a wall, {name}: drag a metre against theory", h / radius);
             prove(&check, (density / theory - 1.0).abs(), 0.03);
+        }
+    }
+}
+
+fn tank() -> Tank {
+    Tank {
+        length_m: 1.22,
+        width_m: 0.45,
+        height_m: 0.515,
+        joint_m: [0.61, 0.225],
+        joint_depth_m: 0.14,
+        walls: Face::ALL[..5].to_vec(),
+        free_surface: true,
+    }
+}
+
+#[test]
+fn coarse_points_keep_the_flow_of_a_tank() {
+    // Two flagella that turn rigidly, against the images of Gauss points at every node. Nearest node: so far from a wall.
+    let robot = Robot::default();
+    let (n, feet, epsilon) = (robot.flagellum.edges() + 1, robot.shaft_feet(), robot.epsilon());
+    let walls = tank().boundaries();
+    for (place, shift, strides) in [
+        ("in the middle", V3::zeros(), &[(1, 1e-3), (4, 1e-3)][..]),
+        ("60 mm from a wall", V3::y() * (0.225 - 0.06889), &[(1, 3e-3), (3, 3e-3)]),
+        ("30 mm from a wall", V3::y() * (0.225 - 0.03889), &[(1, 1e-2), (2, 1e-2)]),
+        ("5 mm from a wall", V3::y() * (0.225 - 0.01389), &[(1, 1e-2)]),
+    ] {
+        let lines = feet.map(|foot| -> Vec<V3> {
+            robot.flagellum.helix(0).nodes(n - 1).iter().map(|x| x + foot + shift).collect()
+        });
+        let all: Vec<V3> = lines.concat();
+        let velocity = all.iter().enumerate().flat_map(|(i, x)| {
+            let u = V3::z().cross(&(x - feet[i / n] - shift));
+            [u.x, u.y, u.z]
+        });
+        let velocity = DVector::from_iterator(6 * n, velocity);
+        let solved = mobility(&[&lines[0], &lines[1]], epsilon, 1.0).lu().solve(&velocity).expect("regular");
+        let density: Vec<V3> = (0..2 * n).map(|i| solved.fixed_rows::<3>(3 * i).into_owned()).collect();
+        let (mut sources, mut strengths) = (vec![], vec![]);
+        for e in (0..2 * n - 1).filter(|e| e % n != n - 1) {
+            for (point, weight) in gauss_rule(4) {
+                sources.push(all[e] + (all[e + 1] - all[e]) * *point);
+                let force = density[e] + (density[e + 1] - density[e]) * *point;
+                strengths.push(force * (weight * (all[e + 1] - all[e]).norm()));
+            }
+        }
+        let mut fine = Images::default();
+        fine.assemble(&walls, &all, &sources, epsilon);
+        fine.multiply(&strengths);
+        let largest = (0..2 * n).fold(0.0, |a, i| fine.flow(i).norm().max(a));
+        for (stride, bound) in strides {
+            let (coarse, picks) = Coarse::line(n, *stride);
+            let points: Vec<V3> = lines.iter().flat_map(|line| picks.iter().map(|i| line[*i])).collect();
+            let mut forces = vec![V3::zeros(); points.len()];
+            for (k, forces) in forces.chunks_exact_mut(coarse.count()).enumerate() {
+                let edge = |a: usize, b: usize| 0.5 * (lines[k][a] - lines[k][b]).norm();
+                let length = |i: usize| if i == 0 { 0.0 } else { edge(i, i - 1) } + if i == n - 1 { 0.0 } else { edge(i, i + 1) };
+                coarse.gather(|i| density[k * n + i] * length(i), forces);
+            }
+            let mut images = Images::default();
+            images.assemble(&walls, &points, &points, epsilon);
+            images.multiply(&forces);
+            let mut flow = vec![V3::zeros(); all.len()];
+            for (k, flow) in flow.chunks_exact_mut(n).enumerate() {
+                coarse.spread(|c| images.flow(k * coarse.count() + c), flow);
+            }
+            let worst = flow.iter().enumerate().map(|(i, u)| (u - fine.flow(i)).norm()).fold(0.0, f64::max);
+            let check = format!("images between nodes {stride} apart, {place}, over their largest flow");
+            prove(&check, worst / largest, *bound);
         }
     }
 }

@@ -33,7 +33,7 @@ impl RobotFile {
 const KIND: FileKind = FileKind {
     noun: "robot file",
     example: "host/plans/robot-published.toml has every key",
-    tables: &["base", "flagellum", "fluid", "joint", "contact", "solver", "glycerol"],
+    tables: &["base", "flagellum", "fluid", "tank", "joint", "contact", "solver", "glycerol"],
     help: |_| None,
 };
 

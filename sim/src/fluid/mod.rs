@@ -8,6 +8,7 @@
 //! [`segment`] has the exact integrals, [`mobility`] the dense matrix, and [`near`] with [`far`] the
 //! fast product: exact segments within a few edges on the same rod, Gauss points for all others.
 
+pub mod coarse;
 pub mod far;
 pub mod mobility;
 pub mod near;

@@ -72,7 +72,7 @@ impl Walls {
     /// Returns the flow at `x` of the images of a force at `y` (m), without the factor 1/(8 pi mu): column b is that of a
     /// unit force along axis b, 1/m.
     pub fn tensor(&self, x: V3, y: V3, epsilon: f64) -> Matrix3<f64> {
-        let mut images = Images::new(1);
+        let mut images = Images::default();
         images.assemble(self, &[x], &[y], epsilon);
         Matrix3::from_fn(|a, b| images.columns[3 * b + a][0])
     }
@@ -149,7 +149,7 @@ fn mirror<S: Simd>(simd: S, x: [Wide<S>; 3], y: V3, e2: f64, sum: &mut [Wide<S>;
 }
 
 /// The matrix of image flows between points, and its product with forces.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Images {
     /// For every source nine columns over the targets, 3 b + a as in [`blake`], padded to whole registers.
     columns: Vec<Vec<f64>>,
@@ -158,21 +158,14 @@ pub struct Images {
 }
 
 impl Images {
-    /// Room for the flow at `targets` points.
-    pub fn new(targets: usize) -> Self {
-        let padded = targets.div_ceil(PADDING) * PADDING;
-        let zeros = || std::array::from_fn(|_| vec![0.0; padded]);
-        Self { columns: Vec::new(), at: zeros(), flow: zeros() }
-    }
-
     /// Computes the matrix for these points, m: world axes.
     pub fn assemble(&mut self, walls: &Walls, targets: &[V3], sources: &[V3], epsilon: f64) {
-        let padded = self.at[0].len();
-        for axis in 0..3 {
-            for i in 0..padded {
-                // Padding repeats a point: its numbers stay finite.
-                self.at[axis][i] = targets[i.min(targets.len() - 1)][axis];
-            }
+        let padded = targets.len().div_ceil(PADDING) * PADDING;
+        for (axis, (at, flow)) in self.at.iter_mut().zip(&mut self.flow).enumerate() {
+            // Padding repeats a point: its numbers stay finite.
+            at.clear();
+            at.extend((0..padded).map(|i| targets[i.min(targets.len() - 1)][axis]));
+            flow.resize(padded, 0.0);
         }
         self.columns.resize(9 * sources.len(), Vec::new());
         for column in &mut self.columns {
