@@ -7,6 +7,7 @@
 //! At 90 rpm the Reynolds number rho_f omega R r/mu is about 0.3, above the 0.1 that the publication
 //! states: Stokes flow is an approximation there.
 
+mod head;
 mod tank;
 mod validate;
 
@@ -19,6 +20,7 @@ use crate::rod::{
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
+pub use head::{Head, HeadShape};
 pub use tank::{Face, Tank};
 
 /// An impossible parameter.
@@ -43,6 +45,8 @@ pub struct Robot {
     pub flagellum: Flagellum,
     /// The fluid.
     pub fluid: Fluid,
+    /// What the fluid sees of the base.
+    pub head: Head,
     /// The tank about it; without one the fluid has no bounds.
     pub tank: Option<Tank>,
     /// Ball joint and tether.
@@ -339,8 +343,12 @@ impl Robot {
         [crate::V3::new(d, 0.0, -h), crate::V3::new(-d, 0.0, -h)]
     }
 
-    /// Returns the drag coefficient of the base in N m s: 2 pi mu C_r r_h^3.
+    /// Returns the local drag coefficient of the base in N m s: 2 pi mu C_r r_h^3, zero where its head is none or a body in
+    /// the flow.
     pub fn base_drag(&self) -> f64 {
+        if self.head.shape != HeadShape::Local {
+            return 0.0;
+        }
         2.0 * PI * self.fluid.viscosity() * self.base.rotational_drag * self.base.radius_m.powi(3)
     }
 

@@ -8,6 +8,7 @@ mod contact;
 mod elastic;
 mod fluid;
 mod hard_cases;
+mod head;
 mod params;
 mod peer;
 mod published;

@@ -1,11 +1,14 @@
 //! Walls and free surfaces: the images against their conditions, Blake's formula, a sphere and a rod near a wall.
 
 use crate::common::{noise, prove};
-use nalgebra::{DMatrix, DVector, Matrix3};
+use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion};
 use sim::V3;
+use sim::fluid::head::{POINTS, surface_points};
 use sim::fluid::walls::{Images, Plane, Walls};
-use sim::fluid::{coarse::Coarse, far::gauss_rule, mobility::mobility, stokeslet_factor};
-use sim::params::{Face, Robot, Tank};
+use sim::fluid::{
+    coarse::Coarse, far::gauss_rule, mobility::mobility, stokeslet_factor, surroundings::Line, tank::TankFlow,
+};
+use sim::params::{Face, HeadShape, Robot, Tank};
 use std::f64::consts::PI;
 
 fn stokeslet(x: V3, y: V3, epsilon: f64) -> Matrix3<f64> {
@@ -243,6 +246,17 @@ fn tank() -> Tank {
     }
 }
 
+/// Places and forces of four Gauss points an edge, for a density that is linear on each edge.
+fn gauss_points(nodes: &[V3], density: &[V3]) -> (Vec<V3>, Vec<V3>) {
+    let points = nodes.windows(2).zip(density.windows(2)).flat_map(|(x, f)| {
+        let (edge, change) = (x[1] - x[0], f[1] - f[0]);
+        gauss_rule(4)
+            .iter()
+            .map(move |(at, weight)| (x[0] + edge * *at, (f[0] + change * *at) * (weight * edge.norm())))
+    });
+    points.unzip()
+}
+
 #[test]
 fn coarse_points_keep_the_flow_of_a_tank() {
     // Two flagella that turn rigidly, against the images of Gauss points at every node. Nearest node: so far from a wall.
@@ -267,12 +281,10 @@ fn coarse_points_keep_the_flow_of_a_tank() {
         let solved = mobility(&[&lines[0], &lines[1]], epsilon, 1.0).lu().solve(&velocity).expect("regular");
         let density: Vec<V3> = (0..2 * n).map(|i| solved.fixed_rows::<3>(3 * i).into_owned()).collect();
         let (mut sources, mut strengths) = (vec![], vec![]);
-        for e in (0..2 * n - 1).filter(|e| e % n != n - 1) {
-            for (point, weight) in gauss_rule(4) {
-                sources.push(all[e] + (all[e + 1] - all[e]) * *point);
-                let force = density[e] + (density[e + 1] - density[e]) * *point;
-                strengths.push(force * (weight * (all[e + 1] - all[e]).norm()));
-            }
+        for (line, density) in lines.iter().zip(density.chunks_exact(n)) {
+            let (at, forces) = gauss_points(line, density);
+            sources.extend(at);
+            strengths.extend(forces);
         }
         let mut fine = Images::default();
         fine.assemble(&walls, &all, &sources, epsilon);
@@ -298,5 +310,57 @@ fn coarse_points_keep_the_flow_of_a_tank() {
             let check = format!("images between nodes {stride} apart, {place}, over their largest flow");
             prove(&check, worst / largest, *bound);
         }
+    }
+}
+
+#[test]
+fn tank_flow_is_that_of_all_images() {
+    // A turned and tilted robot with a head, with some forces, at two places in the tank.
+    let attitude = UnitQuaternion::from_euler_angles(0.1, -0.2, 2.5);
+    let mut robot = Robot::default();
+    robot.head.shape = HeadShape::Cylinder;
+    let head: Vec<V3> = surface_points(&robot.head, POINTS).iter().map(|p| p.at).collect();
+    let mut seed = 17;
+    for (place, joint_m, joint_depth_m) in
+        [("in the middle", [0.61, 0.225], 0.14), ("near a wall and the surface", [0.7, 0.1], 0.03)]
+    {
+        robot.tank = Some(Tank { joint_m, joint_depth_m, ..tank() });
+        let walls = robot.tank.as_ref().expect("a tank").boundaries();
+        let lines = robot.shaft_feet().map(|foot| {
+            let nodes: Vec<V3> = robot.flagellum.helix(0).nodes(49).iter().map(|x| x + foot).collect();
+            let shift = noise(&mut seed);
+            let density =
+                (0..50).map(|i| V3::new((0.4 * i as f64 + shift).cos(), (0.4 * i as f64).sin(), shift)).collect();
+            Line { nodes, density }
+        });
+        let forces: Vec<f64> = (0..3 * head.len())
+            .map(|i| (0.1 + 0.03 * noise(&mut seed)) * [1.0, -0.5, 0.8][i % 3] / head.len() as f64)
+            .collect();
+        let at_rest = lines.clone().map(|line| line.nodes);
+        let mut flow = TankFlow::new(&robot, walls.clone(), &at_rest, &head);
+        flow.begin(&lines, &attitude);
+        flow.update(&lines, &forces, &attitude);
+
+        let (mut sources, mut strengths) = (vec![], vec![]);
+        for line in &lines {
+            let (at, forces) = gauss_points(&line.nodes, &line.density);
+            sources.extend(at.iter().map(|x| attitude * x));
+            strengths.extend(forces.iter().map(|f| attitude * f));
+        }
+        for (x, f) in head.iter().zip(forces.chunks_exact(3)) {
+            sources.push(attitude * x);
+            strengths.push(attitude * V3::from_column_slice(f));
+        }
+        let targets: Vec<V3> = at_rest.concat().iter().chain(&head).map(|x| attitude * x).collect();
+        let mut images = Images::default();
+        images.assemble(&walls, &targets, &sources, robot.epsilon());
+        images.multiply(&strengths);
+        let exact = |i: usize| attitude.inverse_transform_vector(&images.flow(i)) * stokeslet_factor(1.0);
+        let largest = (0..targets.len()).fold(0.0, |a, i| exact(i).norm().max(a));
+        let worst = |flow: &[V3], start: usize| {
+            flow.iter().enumerate().map(|(i, u)| (u - exact(start + i)).norm()).fold(0.0, f64::max) / largest
+        };
+        prove(&format!("tank's flow at the flagella, {place}"), worst(flow.at_flagella(), 0), 0.01);
+        prove(&format!("tank's flow at the head, {place}"), worst(flow.at_head(), 100), 0.01);
     }
 }

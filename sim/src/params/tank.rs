@@ -119,7 +119,9 @@ impl Tank {
         let margin = robot.flagellum.edge_length_m;
         let (base, flagellum) = (&robot.base, &robot.flagellum);
         let swept = 0.5 * base.motor_distance_m + flagellum.helix_radius_m + flagellum.rod_radius_m;
-        let beside = swept.max(base.radius_m) + margin;
+        let head = &robot.head;
+        let head_reach = head.centre().xy().norm() + head.radius_m;
+        let beside = if head.is_resolved() { swept.max(head_reach) } else { swept } + margin;
         for (axis, (size, joint)) in [self.length_m, self.width_m].into_iter().zip(self.joint_m).enumerate() {
             if !(joint >= beside && size - joint >= beside) {
                 let name = ["x", "y"][axis];
@@ -135,11 +137,14 @@ impl Tank {
         }
         let below = base.height_m + flagellum.axial_length_m + flagellum.rod_radius_m + margin;
         let room = self.height_m - below;
-        if !(self.joint_depth_m >= 0.0 && self.joint_depth_m <= room) {
+        let above = if head.is_resolved() { (head.centre_m[2] + head.half_length()).max(0.0) } else { 0.0 };
+        if !(self.joint_depth_m >= above && self.joint_depth_m <= room) {
             return refuse(
                 "tank.joint_depth_m",
                 self.joint_depth_m,
-                format!("the robot reaches {below:.2e} m down from the joint: there is room between 0 and {room:.2e}"),
+                format!(
+                    "the robot reaches {below:.2e} m down and {above:.2e} m up from the joint: there is room between {above:.2e} and {room:.2e}"
+                ),
             );
         }
         Ok(())

@@ -21,6 +21,8 @@ impl Robot {
         self.validate_base()?;
         self.validate_flagellum()?;
         self.validate_fluid()?;
+        let rod = self.flagellum.rod_radius_m;
+        self.head.validate(&self.shaft_feet(), self.flagellum.helix_radius_m + rod, rod)?;
         if let Some(tank) = &self.tank {
             tank.validate(self)?;
         }
