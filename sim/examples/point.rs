@@ -1,7 +1,7 @@
 //! One operating point: the steady attitude of the robot at two motor speeds, and what it cost to compute.
 //!
-//! `cargo run --release -p sim --example point -- 50 10 full 120 cylinder`: speeds in rpm, closure, duration in s, and the
-//! head's shape, by default the robot's own.
+//! `cargo run --release -p sim --example point -- 50 10 full 120 published`: speeds in rpm, closure, duration in s, robot; then,
+//! if wanted, another shape of its head, such as `cylinder`.
 
 use sim::body::closure::Closure;
 use sim::params::{HeadShape, Robot};
@@ -23,8 +23,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
 
     // A robot, a profile of speeds, and what to put out make a trial.
-    let mut robot = Robot::default();
-    robot.head.shape = match arguments.get(4).map(String::as_str) {
+    let name = arguments.get(4).map_or("published", String::as_str);
+    let mut robot = Robot::built_in(name).ok_or_else(|| format!("{name}: no such robot"))?;
+    robot.head.shape = match arguments.get(5).map(String::as_str) {
         None => robot.head.shape,
         Some("none") => HeadShape::None,
         Some("local") => HeadShape::Local,

@@ -12,6 +12,7 @@ mod head;
 mod params;
 mod peer;
 mod published;
+mod resistance;
 mod robot;
 mod rod;
 mod walls;
