@@ -360,7 +360,7 @@ fn tank_flow_is_that_of_all_images() {
         let worst = |flow: &[V3], start: usize| {
             flow.iter().enumerate().map(|(i, u)| (u - exact(start + i)).norm()).fold(0.0, f64::max) / largest
         };
-        prove(&format!("tank's flow at the flagella, {place}"), worst(flow.at_flagella(), 0), 0.01);
+        prove(&format!("tank's flow at the flagella, {place}"), worst(&flow.flow()[..100], 0), 0.01);
         prove(&format!("tank's flow at the head, {place}"), worst(flow.at_head(), 100), 0.01);
     }
 }

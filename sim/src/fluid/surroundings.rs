@@ -133,7 +133,7 @@ impl Surroundings {
             let forces = self.head.as_ref().map_or(&[][..], |head| &head.forces);
             tank.update(lines, forces, &body.attitude);
         }
-        let images = self.tank.as_ref().map(TankFlow::at_flagella);
+        let images = self.tank.as_ref().map(TankFlow::flow);
         let mut change = 0f64;
         for (i, flow) in self.flow.iter_mut().enumerate() {
             let mut new = self.targets.flow(i) * self.factor;

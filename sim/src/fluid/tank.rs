@@ -38,7 +38,6 @@ pub struct TankFlow {
     clearance: f64,
     forces: Vec<V3>,
     images: Images,
-    /// At the nodes of all flagella, then at the points of the head, body axes, m/s.
     flow: Vec<V3>,
 }
 
@@ -133,12 +132,12 @@ impl TankFlow {
         }
     }
 
-    /// Returns the flow at the nodes of all flagella, one after the other, body axes, m/s.
-    pub fn at_flagella(&self) -> &[V3] {
-        &self.flow[..self.flow.len() - self.head.surface.len()]
+    /// Returns the flow at the nodes of all flagella, one after the other, and then at the points of the head, body axes, m/s.
+    pub fn flow(&self) -> &[V3] {
+        &self.flow
     }
 
-    /// Returns the flow at the points of the head, body axes, m/s.
+    /// Returns the flow at the points of the head alone.
     pub fn at_head(&self) -> &[V3] {
         &self.flow[self.flow.len() - self.head.surface.len()..]
     }
