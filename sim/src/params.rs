@@ -10,10 +10,12 @@
 
 mod built_in;
 mod head;
+mod tank;
 mod validate;
 
 pub use built_in::BUILT_IN;
 pub use head::{Head, HeadShape};
+pub use tank::{Face, Tank};
 
 use crate::body::closure::Closure;
 use crate::fluid::far::Precision;
@@ -48,6 +50,8 @@ pub struct Robot {
     pub fluid: Fluid,
     /// What the fluid sees of the base.
     pub head: Head,
+    /// The tank about it; without one the fluid has no bounds.
+    pub tank: Option<Tank>,
     /// Ball joint and tether.
     pub joint: Joint,
     /// Contact between flagella.

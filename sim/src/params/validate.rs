@@ -23,6 +23,9 @@ impl Robot {
         self.validate_fluid()?;
         let rod = self.flagellum.rod_radius_m;
         self.head.validate(&self.shaft_feet(), self.flagellum.helix_radius_m + rod, rod)?;
+        if let Some(tank) = &self.tank {
+            tank.validate(self)?;
+        }
         let (joint, contact, solver) = (&self.joint, &self.contact, &self.solver);
         within("joint.tether_full_nm_per_rad", joint.tether_full_nm_per_rad, 0.0, 1e3)?;
         within("joint.tether_lumped_nm_per_rad", joint.tether_lumped_nm_per_rad, 0.0, 1e3)?;
