@@ -10,6 +10,7 @@ mod fluid;
 mod hard_cases;
 mod params;
 mod peer;
+mod phase;
 mod published;
 mod robot;
 mod rod;
