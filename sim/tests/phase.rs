@@ -88,8 +88,8 @@ fn a_helix_that_is_turned_on_its_shaft_is_a_motor_that_starts_elsewhere() {
     assert_eq!(turned[0].motor_angle_rad, [0.0; 2], "encoders count from the zero of the motors");
     for (a, b) in turned.iter().zip(&moved) {
         assert_eq!((a.attitude, &a.shapes_m), (b.attitude, &b.shapes_m), "{} s", a.time_s);
-        for k in 0..2 {
-            assert!((b.motor_angle_rad[k] - a.motor_angle_rad[k] - start[k].to_radians()).abs() < 1e-12);
+        for (k, start) in start.into_iter().enumerate() {
+            assert!((b.motor_angle_rad[k] - a.motor_angle_rad[k] - start.to_radians()).abs() < 1e-12);
         }
     }
 }
