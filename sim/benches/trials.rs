@@ -38,7 +38,7 @@ fn thrust_error(a: &Summary, b: &Summary) -> f64 {
 
 /// The published robot with steps that no longer matter.
 fn fine() -> Robot {
-    let mut robot = Robot::default();
+    let mut robot = Robot::published();
     robot.solver.step_rad = 0.1;
     // Where flagella mesh, means still move by half a per cent between 0.08 and 0.02.
     robot.solver.contact_step_rad = 0.02;
@@ -62,7 +62,7 @@ fn speed_and_error() {
         ([-90.0, -80.0], Closure::Full),
     ];
     for (rpm, closure) in cases {
-        let robot = Robot::default();
+        let robot = Robot::published();
         let (summary, mut wall) = run(&robot, closure, rpm);
         let begun = Instant::now();
         while begun.elapsed().as_secs_f64() < 6.0 {
@@ -88,7 +88,7 @@ fn steps() {
     for rpm in [[-90.0, -80.0], [-50.0, -30.0]] {
         let reference = run(&fine(), Closure::Full, rpm).0;
         for step_rad in [0.5, 0.25, 0.125] {
-            let mut robot = Robot::default();
+            let mut robot = Robot::published();
             robot.solver.contact_step_rad = step_rad;
             let (summary, wall) = run(&robot, Closure::Full, rpm);
             println!(
@@ -142,12 +142,9 @@ fn growth() {
     println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
     let mut points = vec![];
     for edges in [25usize, 50, 100, 200, 400] {
-        // The regularisation may not exceed the edge length.
-        let mut robot = Robot::default();
+        let mut robot = Robot::published();
         let length = robot.flagellum.helix(0).contour_length() / edges as f64;
-        let radii = length / robot.flagellum.rod_radius_m;
         robot.flagellum.edge_length_m = length.min(robot.flagellum.edge_length_m);
-        robot.fluid.regularisation_radii = robot.fluid.regularisation_radii.min(0.99 * radii);
         let rods = [0, 1].map(|k| Rod::stress_free(robot.flagellum.helix(k).nodes(edges), robot.flagellum.stiffness()));
         let mut solver = Solver::with_rods(&robot, Closure::Held, rods).expect("parameters");
         let (mut state, mut control) = (solver.at_rest(), StepControl::default());

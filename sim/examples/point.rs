@@ -1,6 +1,6 @@
 //! One operating point: the steady attitude of the robot at two motor speeds, and what it cost to compute.
 //!
-//! `cargo run --release -p sim --example point -- 50 10 full 120`: speeds in rpm, closure, duration in s.
+//! `cargo run --release -p sim --example point -- 50 10 full 120 published`: speeds in rpm, closure, duration in s, robot.
 
 use sim::body::closure::Closure;
 use sim::params::Robot;
@@ -22,7 +22,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
 
     // A robot, a profile of speeds, and what to put out make a trial.
-    let robot = Robot::default();
+    let name = arguments.get(4).map_or("published", String::as_str);
+    let robot = Robot::built_in(name).ok_or_else(|| format!("{name}: no such robot"))?;
     let profile = SpeedProfile::constant(rpm, number(3, 120.0)?)?;
     let mut trial = Trial::new(&robot, closure, profile, Options { rate_hz: 0.1, shapes: false })?;
 

@@ -29,10 +29,7 @@ fn run(robot: &Robot, rpm: [f64; 2], start_deg: [f64; 2]) -> [f64; COLUMNS.len()
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let robot = match arguments.first().map_or("physical", String::as_str) {
-        "published" => Robot::default(),
-        other => panic!("no robot {other}: give physical or published"),
-    };
+    let robot = Robot::built_in(arguments.first().map_or("physical", String::as_str)).expect("physical or published");
     let count: usize = arguments.get(1).map_or(8, |count| count.parse().expect("a number of starting phases"));
     let named: Vec<[f64; 2]> = arguments.iter().skip(2).map(|text| point(text)).collect();
     let points = if named.is_empty() { PRINTED.to_vec() } else { named };

@@ -29,10 +29,7 @@ fn yaws(robot: &Robot, closure: Closure, tether: f64, count: usize) -> Vec<f64> 
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let robot = match arguments.first().map_or("physical", String::as_str) {
-        "published" => Robot::default(),
-        other => panic!("no robot {other}: give physical or published"),
-    };
+    let robot = Robot::built_in(arguments.first().map_or("physical", String::as_str)).expect("physical or published");
     let count: usize = arguments.get(1).map_or(8, |count| count.parse().expect("a number of starting phases"));
     println!("| closure | tether, N m/rad | mean of abs(yaw), deg | least to largest |\n| --- | --- | --- | --- |");
     for closure in [Closure::Full, Closure::Lumped] {

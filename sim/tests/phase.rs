@@ -9,7 +9,7 @@ use sim::trial::{Options, Summary, Trial};
 /// Steady state of 60 s of the published robot whose motors start at these angles, deg.
 fn run(rpm: [f64; 2], start_deg: [f64; 2]) -> Summary {
     let profile = SpeedProfile::constant(rpm, 60.0).expect("a profile").from_angles(start_deg.map(f64::to_radians));
-    let mut trial = Trial::new(&Robot::default(), Closure::Full, profile, Options::default()).expect("parameters");
+    let mut trial = Trial::new(&Robot::published(), Closure::Full, profile, Options::default()).expect("parameters");
     trial.finish().expect("a run")
 }
 
@@ -82,9 +82,9 @@ fn a_helix_that_is_turned_on_its_shaft_is_a_motor_that_starts_elsewhere() {
         let trial = Trial::new(robot, Closure::Full, profile, options).expect("parameters");
         trial.collect::<Result<Vec<_>, _>>().expect("a run")
     };
-    let mut turned = Robot::default();
+    let mut turned = Robot::published();
     turned.flagellum.phase_deg = start;
-    let (turned, moved) = (samples(&turned, [0.0; 2]), samples(&Robot::default(), start));
+    let (turned, moved) = (samples(&turned, [0.0; 2]), samples(&Robot::published(), start));
     assert_eq!(turned[0].motor_angle_rad, [0.0; 2], "encoders count from the zero of the motors");
     for (a, b) in turned.iter().zip(&moved) {
         assert_eq!((a.attitude, &a.shapes_m), (b.attitude, &b.shapes_m), "{} s", a.time_s);

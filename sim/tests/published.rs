@@ -10,7 +10,7 @@ const POINTS: [[f64; 2]; 4] = [[50.0, 10.0], [0.0, 45.0], [90.0, 90.0], [-90.0, 
 
 fn run(closure: Closure, rpm: [f64; 2]) -> Summary {
     let profile = SpeedProfile::constant(rpm, 120.0).expect("a profile");
-    let mut trial = Trial::new(&Robot::default(), closure, profile, Options::default()).expect("parameters");
+    let mut trial = Trial::new(&Robot::published(), closure, profile, Options::default()).expect("parameters");
     trial.finish().expect("a run")
 }
 
@@ -74,9 +74,9 @@ fn steps_are_short_enough_for_steady_angles() {
             let mut trial = Trial::new(robot, Closure::Full, profile, Options::default()).expect("parameters");
             trial.finish().expect("a run").steady.attitude.map(|level| level.mean.to_degrees())
         };
-        let mut fine = Robot::default();
+        let mut fine = Robot::published();
         (fine.solver.step_rad, fine.solver.contact_step_rad, fine.solver.tolerance) = (0.1, 0.1, 1e-3);
-        let (usual, fine) = (angles(&Robot::default()), angles(&fine));
+        let (usual, fine) = (angles(&Robot::published()), angles(&fine));
         for (name, (usual, fine)) in ["yaw", "pitch", "roll"].into_iter().zip(usual.into_iter().zip(fine)) {
             let check = format!("full ({}, {}): {name} against short steps, degrees", rpm[0], rpm[1]);
             prove(&check, (usual - fine).abs(), 0.1);
@@ -88,7 +88,7 @@ fn steps_are_short_enough_for_steady_angles() {
 fn paper_never_settles() {
     // The printed equations have nothing that stops a constant yaw moment but the base's drag: the rate
     // about z_B becomes that moment over the drag.
-    let robot = Robot::default();
+    let robot = Robot::published();
     let profile = SpeedProfile::constant([50.0, 10.0], 60.0).expect("a profile");
     let options = Options { rate_hz: 200.0, shapes: false };
     let mut trial = Trial::new(&robot, Closure::Paper, profile, options).expect("parameters");
@@ -115,7 +115,8 @@ fn valleys_of_the_published_map() {
     // right-handed pair at (-w, w) one pulls and one pushes, which is not symmetric.
     let steady = |rpm: [f64; 2]| {
         let profile = SpeedProfile::constant(rpm, 60.0).expect("a profile");
-        let mut trial = Trial::new(&Robot::default(), Closure::Full, profile, Options::default()).expect("parameters");
+        let mut trial =
+            Trial::new(&Robot::published(), Closure::Full, profile, Options::default()).expect("parameters");
         let steady = trial.finish().expect("a run").steady;
         steady.attitude.map(|l| l.mean.to_degrees())
     };

@@ -5,7 +5,9 @@ use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::contact::history::BundlingChange;
 use sim::params::Robot;
+use sim::step::LEAST_SPIN_DRAG;
 use sim::trial::Summary;
+use std::borrow::Cow;
 
 /// The model that computed a trial.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
@@ -24,7 +26,21 @@ pub struct ModelMeta {
 impl ModelMeta {
     /// Returns the parameters in use; `None` if they cannot be parsed.
     pub fn robot(&self) -> Option<Robot> {
-        toml::from_str(&self.parameters).ok()
+        toml::from_str(&self.current_parameters()).ok()
+    }
+
+    /// Returns the parameters in use with the meaning of this version.
+    ///
+    /// In older versions `fluid.spin_drag` acted on changes of the spin only, by default with a share of
+    /// [`LEAST_SPIN_DRAG`], which every robot has now.
+    pub fn current_parameters(&self) -> Cow<'_, str> {
+        let Ok(mut table) = self.parameters.parse::<toml::Table>() else { return Cow::Borrowed(&self.parameters) };
+        let spin_drag = table.get_mut("fluid").and_then(|fluid| fluid.get_mut("spin_drag"));
+        match spin_drag {
+            Some(share) if share.as_float() == Some(LEAST_SPIN_DRAG) => *share = toml::Value::Float(0.0),
+            _ => return Cow::Borrowed(&self.parameters),
+        }
+        Cow::Owned(table.to_string())
     }
 }
 
@@ -109,5 +125,22 @@ impl SteadyMeta {
             newton_iterations: summary.newton_iterations,
             simulated_s: summary.simulated_s,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_of_older_versions_keep_their_meaning() {
+        let mut older = toml::Table::try_from(Robot::published()).unwrap();
+        older["fluid"]["spin_drag"] = toml::Value::Float(LEAST_SPIN_DRAG);
+        let meta = |parameters| ModelMeta { parameters, ..ModelMeta::default() };
+        assert_eq!(meta(older.to_string()).robot(), Some(Robot::published()));
+        for robot in [Robot::published(), Robot::default()] {
+            assert_eq!(meta(toml::to_string(&robot).unwrap()).robot(), Some(robot));
+        }
+        assert_eq!(meta("[fluid".to_owned()).robot(), None);
     }
 }

@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn the_righting_moment_rights() {
-        let base = RigidBase::new(&Robot::default(), Closure::Full, Matrix3::zeros());
+        let base = RigidBase::new(&Robot::published(), Closure::Full, Matrix3::zeros());
         let body = Body { attitude: UnitQuaternion::from_axis_angle(&V3::y_axis(), 0.2), ..Body::default() };
         assert!(base.moment(&body).y < 0.0);
     }

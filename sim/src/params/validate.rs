@@ -132,16 +132,6 @@ impl Robot {
         // Edges come out a little longer or shorter than asked for.
         let edge = self.flagellum.helix(0).contour_length() / self.flagellum.edges() as f64;
         let share = self.epsilon() / edge;
-        if share > 1.0 {
-            return refuse(
-                "fluid.regularisation_radii",
-                fluid.regularisation_radii,
-                format!(
-                    "{:.2e} m is above the edge length {edge:.2e} m: make edges longer or the regularisation smaller",
-                    self.epsilon()
-                ),
-            );
-        }
         if share < LEAST_EPSILON {
             return refuse(
                 "flagellum.edge_length_m",

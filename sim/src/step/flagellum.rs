@@ -6,6 +6,7 @@
 //! the density, with the torque about every free edge.
 
 use super::corotated::{from_reference, to_reference};
+use super::limits::LEAST_SPIN_DRAG;
 use super::panels::Panels;
 use super::preconditioner::{Preconditioner, torque_scale};
 use crate::V3;
@@ -46,7 +47,7 @@ pub struct Flagellum {
     pub angle_history: Vec<f64>,
     /// First weight of the time formula over the step, 1/s.
     pub kappa: f64,
-    /// Drag on the spin of an edge, N m s a metre and radian.
+    /// Drag on changes of an edge's spin in the shaft frame, N m s a metre and radian.
     spin_drag: f64,
     /// Residual over kappa: 3 n rows in m, then n - 2 torque rows in rad.
     residual: Vec<f64>,
@@ -77,7 +78,7 @@ impl Flagellum {
             history: vec![V3::zeros(); n],
             angle_history: vec![0.0; n - 1],
             kappa: 1.0,
-            spin_drag: robot.spin_drag(),
+            spin_drag: robot.fluid.spin_drag.max(LEAST_SPIN_DRAG) * robot.round_spin_drag(),
             residual: vec![0.0; 4 * n - 2],
             correction: vec![0.0; 4 * n - 2],
             gradient: vec![0.0; 4 * n],
