@@ -63,7 +63,7 @@ pub struct Request {
     pub robot: Option<Robot>,
     /// The closure; `None` for that of the first trial's model, or `full` if it has no model.
     pub closure: Option<Closure>,
-    /// The parameters.
+    /// The parameters; [`Parameter::usual`] if there are none.
     pub parameters: Vec<Parameter>,
     /// Number of simulations in parallel.
     pub jobs: usize,
@@ -193,7 +193,16 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
         simulations.fetch_add(count, std::sync::atomic::Ordering::Relaxed);
         progress();
     };
-    let parameters = phase::determined(&request.parameters, &trials)?;
+    let mut requested = request.parameters.clone();
+    if requested.is_empty() {
+        requested = Parameter::usual(&start);
+    }
+    for without in requested.extract_if(.., |parameter| !parameter.has_effect(&start)) {
+        let name = without.name();
+        warnings
+            .push(format!("{name} is not fitted: the head is a body in the flow, and the model does not depend on it"));
+    }
+    let parameters = phase::determined(&requested, &trials)?;
     let parameters = parameters.as_slice();
     let whiteners = whiteners(&trials, [Correlated::guess(); 3])?;
     let unmoved = || vec![0.0; parameters.len()];
