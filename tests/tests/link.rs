@@ -116,7 +116,7 @@ fn motor_reverses_during_the_run() {
     let plan = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 6\ndecay = 1\n\
                 reverse = { motor = 2, after = 2.5 }\n[speeds]\npairs = [[50, 60]]\n";
     let plan = bench.file("plan.toml", plan);
-    let nano = nano(["--speed", "4"]);
+    let nano = nano(["--speed", "max"]);
     let arguments = ["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--json"];
     let trial = bench.run(arguments).expect_code(0).json()["trials"][0].clone();
     assert_eq!((&trial["samples"], &trial["complete"]), (&1600.into(), &true.into()), "{trial}");
