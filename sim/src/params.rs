@@ -9,9 +9,13 @@
 //! states: Stokes flow is an approximation there.
 
 mod built_in;
+mod head;
+mod tank;
 mod validate;
 
 pub use built_in::BUILT_IN;
+pub use head::{Head, HeadShape};
+pub use tank::{Face, Tank};
 
 use crate::body::closure::Closure;
 use crate::fluid::far::Precision;
@@ -44,6 +48,10 @@ pub struct Robot {
     pub flagellum: Flagellum,
     /// The fluid.
     pub fluid: Fluid,
+    /// What the fluid sees of the base.
+    pub head: Head,
+    /// The tank about it; without one the fluid has no bounds.
+    pub tank: Option<Tank>,
     /// Ball joint and tether.
     pub joint: Joint,
     /// Contact between flagella.
@@ -348,8 +356,12 @@ impl Robot {
         [crate::V3::new(d, 0.0, -h), crate::V3::new(-d, 0.0, -h)]
     }
 
-    /// Returns the drag coefficient of the base in N m s: 2 pi mu C_r r_h^3.
+    /// Returns the local drag coefficient of the base in N m s: 2 pi mu C_r r_h^3, zero where its head is none or a body in
+    /// the flow.
     pub fn base_drag(&self) -> f64 {
+        if self.head.shape != HeadShape::Local {
+            return 0.0;
+        }
         2.0 * PI * self.fluid.viscosity() * self.base.rotational_drag * self.base.radius_m.powi(3)
     }
 

@@ -8,12 +8,15 @@ mod contact;
 mod elastic;
 mod fluid;
 mod hard_cases;
+mod head;
 mod params;
 mod peer;
 mod phase;
 mod published;
+mod resistance;
 mod robot;
 mod rod;
+mod walls;
 
 /// A file that is no module here would be no test.
 #[test]

@@ -1,6 +1,6 @@
 //! The robots that need no file.
 
-use super::{Fluid, Joint, Robot};
+use super::{Fluid, Head, HeadShape, Joint, Robot};
 
 /// Names of the built-in robots: [`Robot::default`] and [`Robot::published`].
 pub const BUILT_IN: [&str; 2] = ["physical", "published"];
@@ -16,9 +16,10 @@ impl Robot {
     }
 
     /// Returns the robot with the laboratory's choices, by which the published angles are met: a regularisation of 1.03
-    /// rod radii, and rods that spin about their centre lines without drag.
+    /// rod radii, rods that spin about their centre lines without drag, and a head that has a drag and no flow about it.
     pub fn published() -> Self {
         Self {
+            head: Head { shape: HeadShape::Local, ..Head::default() },
             fluid: Fluid { spin_drag: 0.0, regularisation_radii: 1.03, ..Fluid::default() },
             joint: Joint {
                 tether_full_nm_per_rad: 3.599e-4,

@@ -15,6 +15,7 @@ use crate::body::shaft::Shaft;
 use crate::fluid::far::{Sources, Targets, gauss_rule};
 use crate::fluid::near::NearBand;
 use crate::fluid::stokeslet_factor;
+use crate::fluid::surroundings::Line;
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, frames::Frames};
 use crate::state::{RodState, Shape};
@@ -41,6 +42,8 @@ pub struct Flagellum {
     pub density: Vec<V3>,
     /// Contact forces on the nodes, shaft frame, N.
     pub contact: Vec<V3>,
+    /// Flow of all but the flagella at the nodes, shaft axes, m/s; see [`crate::fluid::surroundings`].
+    pub surrounding_flow: Vec<V3>,
     /// Sum over the past of the time formula's weights times the nodes, over the step: m/s.
     pub history: Vec<V3>,
     /// The same for the angles of the edges, rad/s.
@@ -75,6 +78,7 @@ impl Flagellum {
             frames: Frames::new(n),
             density: vec![V3::zeros(); n],
             contact: vec![V3::zeros(); n],
+            surrounding_flow: vec![V3::zeros(); n],
             history: vec![V3::zeros(); n],
             angle_history: vec![0.0; n - 1],
             kappa: 1.0,
@@ -132,6 +136,14 @@ impl Flagellum {
         }
     }
 
+    /// Writes nodes and force densities in the body frame.
+    pub fn write_line(&self, shaft: &Shaft, line: &mut Line) {
+        line.nodes.clear();
+        line.nodes.extend(self.shape.nodes.iter().map(|x| shaft.point_to_body(*x)));
+        line.density.clear();
+        line.density.extend(self.density.iter().map(|f| shaft.to_body(*f)));
+    }
+
     /// Updates the residual and returns its size in m/s.
     ///
     /// `other`: far field of the other rod, in this shaft frame; `lever`: velocity in m/s that a twist error of one
@@ -149,7 +161,8 @@ impl Flagellum {
         let inverse = 1.0 / motion.kappa;
         let mut largest = 0f64;
         for i in 0..n {
-            let slip = self.velocity(motion, i) - self.near.flow(i) - self.targets.flow(i) * factor;
+            let flagella = self.velocity(motion, i) - self.near.flow(i) - self.targets.flow(i) * factor;
+            let slip = flagella - self.surrounding_flow[i];
             largest = largest.max(slip.norm_squared());
             for a in 0..3 {
                 self.residual[3 * i + a] = slip[a] * inverse;
