@@ -8,11 +8,13 @@ mod contact;
 mod elastic;
 mod fluid;
 mod hard_cases;
+mod helices;
 mod params;
 mod peer;
 mod published;
 mod robot;
 mod rod;
+mod spin;
 
 /// A file that is no module here would be no test.
 #[test]
