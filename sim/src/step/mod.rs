@@ -60,7 +60,7 @@ mod time_step;
 mod unknowns;
 
 pub use control::{StepControl, StepError};
-pub use limits::{LEAST_SPIN_DRAG, Limits};
+pub use limits::Limits;
 pub use model::Model;
 pub use report::{StepFailure, StepReport};
 pub use solver::Solver;
