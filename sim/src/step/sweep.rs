@@ -82,7 +82,7 @@ impl Sweeps {
                 false => ContactChange::default(),
             };
             let contact_motion = change.motion * motion[0].kappa.max(motion[1].kappa);
-            let errors = SweepErrors { residual, contact_motion, gap: change.gap_error };
+            let errors = SweepErrors { residual, contact_motion, friction: change.friction, gap: change.gap_error };
 
             let converged = convergence.rods_converged(sweep, &errors);
             let accelerated = match before {
