@@ -272,7 +272,8 @@ fn phase_of_a_rigs_flagella_is_found_and_used() {
     };
     let before = tilt(&compared);
     let fit = json(&biflag(folder, &["calibrate", "rig.mcap", "--fit", "phase", "-o", "fitted.toml", "--json"]), 0);
-    let [phase] = fit["parameters"].as_array().unwrap().as_slice() else { panic!("{fit}") };
+    let [phase, both] = fit["parameters"].as_array().unwrap().as_slice() else { panic!("{fit}") };
+    assert!(number(&both["value"]).abs() < 4.0 * number(&both["std_error"]), "{both}");
     assert_eq!((&phase["name"], &phase["unit"]), (&"phase".into(), &"deg".into()));
     assert!((number(&phase["value"]) - 110.0).abs() < 4.0 * number(&phase["std_error"]), "{phase}");
     assert!(number(&phase["std_error"]) < 10.0, "{phase}");
