@@ -20,7 +20,7 @@ use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
 /// Length of a group of edges over its distance from the head, at most, unless it is a single edge.
-const GROUP_LENGTH: f64 = 0.02;
+const GROUP_LENGTH: f64 = 0.25;
 
 /// A flagellum in the body frame, as the surroundings see it.
 #[derive(Clone, Debug, Default)]
