@@ -3,7 +3,8 @@
 //! Parts are the base and each flagellum. Each moves as a rigid body of its own; the matrix gives the force and the torque
 //! that each part exerts on the fluid for the velocity and angular velocity of each. The flagella are regularised Stokeslet
 //! segments ([`crate::fluid::mobility`]) with the couple of a round rod on its spin about its own centre line, and a head that
-//! is a body in the flow is a surface of point forces ([`crate::fluid::head`]), all of them solved together and densely.
+//! is a body in the flow is a surface of point forces ([`crate::fluid::head`]), all of them solved together and densely. A
+//! tank adds its images ([`crate::fluid::tank`]); the robot is upright in it, at yaw 0.
 //!
 //! SI, body axes. Rows and columns are six a part, in the order of the parts: velocity (force) and then angular velocity
 //! (torque), of the base about the joint, and of a flagellum about the foot of its shaft.
@@ -17,14 +18,18 @@ use crate::fluid::head::{RigidSurface, rigid_motions, stokeslet};
 use crate::fluid::mobility::{mobility, nodal_lengths};
 use crate::fluid::segment::segment_flow;
 use crate::fluid::stokeslet_factor;
+use crate::fluid::surroundings::Line;
+use crate::fluid::tank::TankFlow;
 use crate::params::{ParamError, Robot};
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::{DMatrix, Matrix3, UnitQuaternion};
 
 /// The resistance of the robot's parts.
 #[derive(Clone, Debug)]
 pub struct Resistance {
     /// Force and torque on the fluid (N, N m) for velocity and angular velocity (m/s, rad/s), symmetric.
     pub matrix: DMatrix<f64>,
+    /// The same before it was made symmetric: what the steps of a trial have where the flagella are rigid.
+    pub collocated: DMatrix<f64>,
     /// The largest difference of two entries that the reciprocal theorem makes equal, before they were made so, over the
     /// geometric mean of the diagonal entries of their row and column.
     pub reciprocity_error: f64,
@@ -87,7 +92,9 @@ fn of_parts(robot: &Robot, flagella: &[Flagellum]) -> Result<Option<Resistance>,
     for x in points {
         place(*x, V3::zeros(), 0, 1.0);
     }
-    let Some(forces) = coupled_mobility(robot, flagella, head.as_ref()).lu().solve(&velocities) else {
+    let mut mobility = coupled_mobility(robot, flagella, head.as_ref());
+    add_images(robot, flagella, points, &mut mobility);
+    let Some(forces) = mobility.lu().solve(&velocities) else {
         return Ok(None);
     };
     let mut matrix = loads * forces;
@@ -105,7 +112,11 @@ fn of_parts(robot: &Robot, flagella: &[Flagellum]) -> Result<Option<Resistance>,
             add(1 + k, edge * edge.transpose() * (spin_drag / edge.norm()));
         }
     }
-    Ok(Some(Resistance { reciprocity_error: reciprocity_error(&matrix), matrix: (&matrix + matrix.transpose()) * 0.5 }))
+    Ok(Some(Resistance {
+        reciprocity_error: reciprocity_error(&matrix),
+        matrix: (&matrix + matrix.transpose()) * 0.5,
+        collocated: matrix,
+    }))
 }
 
 /// Returns the velocities (m/s) at all nodes and then the head's points for force densities (N/m) at the nodes and forces (N)
@@ -140,6 +151,41 @@ fn coupled_mobility(robot: &Robot, flagella: &[Flagellum], head: Option<&RigidSu
         }
     }
     matrix
+}
+
+/// Adds the flow of the tank's images to a mobility of flagella and points of the head.
+fn add_images(robot: &Robot, flagella: &[Flagellum], points: &[V3], mobility: &mut DMatrix<f64>) {
+    let Some(tank) = &robot.tank else { return };
+    let nodes: Vec<Vec<V3>> = flagella.iter().map(|f| f.nodes.clone()).collect();
+    let mut flow = TankFlow::new(robot, tank.boundaries(), &nodes, points);
+    let mut lines: Vec<Line> =
+        nodes.into_iter().map(|nodes| Line { density: vec![V3::zeros(); nodes.len()], nodes }).collect();
+    let mut forces = vec![0.0; 3 * points.len()];
+    let upright = UnitQuaternion::identity();
+    flow.begin(&lines, &upright);
+    let mut add = |column: usize, lines: &[Line], forces: &[f64]| {
+        flow.update(lines, forces, &upright);
+        for (i, u) in flow.flow().iter().enumerate() {
+            let mut entry = mobility.fixed_view_mut::<3, 1>(3 * i, column);
+            entry += u;
+        }
+    };
+    let mut column = 0;
+    for k in 0..lines.len() {
+        for i in 0..lines[k].nodes.len() {
+            for axis in 0..3 {
+                lines[k].density[i][axis] = 1.0;
+                add(column, &lines, &forces);
+                lines[k].density[i][axis] = 0.0;
+                column += 1;
+            }
+        }
+    }
+    for i in 0..forces.len() {
+        forces[i] = 1.0;
+        add(column + i, &lines, &forces);
+        forces[i] = 0.0;
+    }
 }
 
 fn reciprocity_error(matrix: &DMatrix<f64>) -> f64 {

@@ -11,11 +11,13 @@ mod hard_cases;
 mod head;
 mod params;
 mod peer;
+mod phase;
 mod published;
 mod resistance;
 mod robot;
 mod rod;
 mod surroundings;
+mod walls;
 
 /// A file that is no module here would be no test.
 #[test]

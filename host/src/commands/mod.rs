@@ -12,10 +12,12 @@ mod options;
 mod record;
 mod recover;
 mod report;
+mod resistance;
 mod settings;
 mod simulate;
 mod virtual_board;
 
+pub(crate) use answer::INTERRUPTED;
 pub use answer::{Answer, Outcome, WRONG_USE};
 
 use crate::signals;
@@ -54,6 +56,7 @@ enum Command {
     Record(record::Args),
     Live(live::Args),
     Info(info::Args),
+    Resistance(resistance::Args),
     Simulate(simulate::Args),
     Compare(compare::Args),
     Calibrate(calibrate::Args),
@@ -74,6 +77,7 @@ pub fn run() -> ExitCode {
         Command::Flash(args) => flash::run(&args),
         Command::Settings(args) => settings::run(&args),
         Command::Record(args) => record::run(&args),
+        Command::Resistance(args) => resistance::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),

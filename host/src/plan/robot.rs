@@ -50,7 +50,7 @@ impl RobotFile {
 const KIND: FileKind = FileKind {
     noun: "robot file",
     example: "host/plans/robot-published.toml has every key",
-    tables: &["base", "flagellum", "fluid", "head", "joint", "contact", "solver", "glycerol"],
+    tables: &["base", "flagellum", "fluid", "head", "tank", "joint", "contact", "solver", "glycerol"],
     help: |_| None,
 };
 
