@@ -54,12 +54,12 @@ pub struct SweepErrors {
     pub gap: f64,
 }
 
-/// Changes of one sweep that the next one's residual has not seen.
+/// Changes of one sweep beside those of the rods.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Changes {
     /// Of the base's rate, rad/s.
     pub rate: f64,
-    /// Of the surroundings' flow at the flagella, m/s.
+    /// Of the surroundings' flow at the flagella since the sweep before, m/s.
     pub flow: f64,
 }
 

@@ -71,6 +71,8 @@ impl Sweeps {
             }
             let contact = !self.contacts.pairs.is_empty();
             let before = (contact || sweep > 0).then(|| self.unknowns(body));
+            // The residual of this sweep sees the change.
+            let flow_change = if sweep > 0 { self.update_surroundings(problem, &body.body) } else { 0.0 };
             let motion = problem.kinematics(body.body.rate);
 
             let residual = self.sweep_rods(problem, &motion, body, convergence.twist_lever());
@@ -92,7 +94,6 @@ impl Sweeps {
             if contact || accelerated {
                 self.update_forces(problem, body);
             }
-            let flow_change = self.update_surroundings(problem, &body.body);
             let rate_change = if problem.model.two_way() { self.sweep_base(problem, body)? } else { 0.0 };
 
             match convergence.judge(sweep, errors, Changes { rate: rate_change, flow: flow_change }) {
