@@ -137,7 +137,7 @@ mod tests {
     fn the_tether_has_an_energy() {
         let mut robot = Robot::published();
         robot.base.mass_centre_below_joint_m = 0.0;
-        let base = RigidBase::new(&robot, Closure::Full, Matrix3::zeros());
+        let base = RigidBase::new(&robot, Closure::Full, Matrix3::zeros(), None);
         let stiffness = robot.joint.tether_full_nm_per_rad;
         for (yaw, pitch, roll) in [(0.4, 0.3, -0.5), (-2.9, -1.2, 2.0), (9.0, 1.5, 0.7), (-5.0, 0.0, 0.0)] {
             let attitude = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn the_tether_is_finite_at_a_pitch_of_90_degrees() {
-        let base = RigidBase::new(&Robot::published(), Closure::Full, Matrix3::zeros());
+        let base = RigidBase::new(&Robot::published(), Closure::Full, Matrix3::zeros(), None);
         let attitude = UnitQuaternion::from_axis_angle(&V3::y_axis(), 0.5 * PI);
         let moment = base.moment(&Body { attitude, rate: V3::zeros(), yaw: 3.0 });
         assert!(moment.norm() < 0.01, "{moment}");
@@ -168,7 +168,7 @@ mod tests {
     fn flagella_on_the_base_of_lumped_right_it_more() {
         let mut robot = Robot::published();
         let moment = |robot: &Robot| {
-            let base = RigidBase::new(robot, Closure::Lumped, Matrix3::zeros());
+            let base = RigidBase::new(robot, Closure::Lumped, Matrix3::zeros(), None);
             let attitude = UnitQuaternion::from_axis_angle(&V3::y_axis(), 0.1);
             base.moment(&Body { attitude, ..Body::default() }).y
         };
