@@ -18,6 +18,7 @@ mod resistance;
 mod robot;
 mod rod;
 mod spin;
+mod surroundings;
 mod walls;
 
 /// A file that is no module here would be no test.

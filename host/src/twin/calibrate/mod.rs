@@ -204,7 +204,7 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
         warnings
             .push(format!("{name} is not fitted: the head is a body in the flow, and the model does not depend on it"));
     }
-    let parameters = phase::determined(&requested, &trials)?;
+    let parameters = phase::with_both(&requested, &trials)?;
     let parameters = parameters.as_slice();
     let whiteners = whiteners(&trials, [Correlated::guess(); 3])?;
     let unmoved = || vec![0.0; parameters.len()];
