@@ -11,8 +11,9 @@
 //! | `converge` | judges each sweep: converged, another one, stalled |
 //! | `accept` | the checks that let the step count, its loads, the new state |
 //!
-//! `preconditioner` has the frozen inverses that correct a flagellum in a sweep, `corotated` takes them along with it,
-//! `compliance` makes of them the response to contact, and `anderson` accelerates slow iterations. `model` is what never
+//! `preconditioner` has the frozen inverses that correct a flagellum in a sweep, in the form of `factors`; `inverses` chooses
+//! the shapes they are built at, `corotated` takes them along with the flagellum, `compliance` makes of them the response to
+//! contact, and `anderson` accelerates slow iterations. `model` is what never
 //! changes about a robot. The flow between the rods and the base's rate are inside the iteration: extrapolating either is
 //! unstable at every step.
 //!
@@ -45,11 +46,12 @@ mod contact;
 mod control;
 mod converge;
 mod corotated;
+mod factors;
 mod flagellum;
 pub mod formula;
+mod inverses;
 mod limits;
 mod model;
-mod panels;
 mod preconditioner;
 mod predict;
 mod problem;
@@ -60,6 +62,7 @@ mod time_step;
 mod unknowns;
 
 pub use control::{StepControl, StepError};
+pub use inverses::Linearisation;
 pub use limits::{LEAST_SPIN_DRAG, Limits};
 pub use model::Model;
 pub use report::{StepFailure, StepReport};

@@ -5,27 +5,23 @@
 //! (n - 2). With kappa = a_0/step (1/s) and spin s = omega/kappa the velocity rows, divided by a_0, are
 //! x + s z x x + (1/kappa) M w^-1 K x - (1/kappa) M f; torque rows are scaled by length/GJ.
 //!
-//! It is built at the stress-free shape (one built under load makes later steps diverge), with kappa and
-//! s rounded to a grid. So it depends on its key only, and a restored state goes on bit for bit. Where a rod is about to buckle or snap, the iteration with it stalls; then a step
-//! gets an inverse of its own, built at its predicted shape and dropped after it.
+//! [`Equations`] has what depends on the shape, M w^-1 K first of all; [`Preconditioner`] is the inverse for one time step,
+//! in the form of factors. M is rougher than that of the residual: what it misses is small against what the shape changes
+//! while the inverse is frozen. [`super::inverses`] chooses the shape.
 
+use super::factors::Factors;
 use super::limits::LEAST_SPIN_DRAG;
-use super::panels::Panels;
 use crate::V3;
-use crate::fluid::mobility::mobility;
-use crate::linear::invert;
+use crate::fluid::{segment::segment_flow, stokeslet_factor};
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames};
-use crate::state::Shape;
-use nalgebra::{DMatrix, Matrix6};
-use std::sync::Arc;
+use crate::state::RodState;
+use nalgebra::Matrix6;
 
-/// Ratio of neighbouring grid values of kappa.
-const KAPPA_GRID: f64 = 1.25;
-/// Distance of neighbouring grid values of the spin, rad.
-const SPIN_GRID: f64 = 0.1;
-/// Inverses in the cache; a ramp visits many keys, a steady trial two to ten.
-const CACHE_SIZE: usize = 24;
+/// Unknowns of the clamp: its force densities. Their columns come first, next to the rows of the same nodes.
+const CLAMP: usize = 3 * CLAMPED;
+/// Segments up to this many edges away from a node are integrated exactly.
+const NEAR_EDGES: usize = 2;
 
 /// Parameters of the fluid about one rod.
 #[derive(Clone, Copy, Debug)]
@@ -46,126 +42,67 @@ impl FluidParams {
     }
 }
 
-/// Key of a frozen inverse: the rod and the grid values that it depends on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Key {
-    rod: usize,
-    /// Index on the logarithmic grid of kappa.
-    kappa: i32,
-    /// Index on the grid of the spin.
-    spin: i32,
-}
-
-impl Key {
-    /// For rod design `rod`, `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
-    pub fn new(rod: usize, kappa: f64, speed: f64) -> Self {
-        let index = (kappa.ln() / KAPPA_GRID.ln()).round() as i32;
-        Self { rod, kappa: index, spin: (speed / kappa / SPIN_GRID).round() as i32 }
-    }
-
-    /// Returns the grid value of kappa, 1/s.
-    fn kappa(&self) -> f64 {
-        KAPPA_GRID.powi(self.kappa)
-    }
-}
-
 /// A frozen inverse.
 #[derive(Clone, Debug)]
 pub struct Preconditioner {
     /// Tangents and material directors of the edges at the shape where it was built.
     pub frames: Vec<[V3; 3]>,
-    /// The inverse, single precision.
-    pub inverse: Panels,
-    /// Change of the fluid's force and torque on the rod (about the shaft's foot, shaft frame at rest)
+    factors: Factors,
+    /// Change of the fluid's force and torque on the rod (about the shaft's foot, shaft frame)
     /// within one step for a velocity and angular velocity of the base there: N s/m and N m s.
     pub response: Matrix6<f64>,
 }
 
-/// Inverses by key, oldest dropped first.
-#[derive(Clone, Debug, Default)]
-pub struct Cache {
-    entries: Vec<(Key, Arc<Preconditioner>)>,
-    /// Self mobility and elastic Hessian at rest, one of each rod design.
-    designs: Vec<Option<Design>>,
-    /// Inverses built so far.
-    pub built: usize,
-}
-
 impl Preconditioner {
-    /// Returns the inverse at a trial shape, for one step. Motion: kappa in 1/s and the motor's speed in rad/s.
-    pub fn at_shape(
-        rod: &Rod,
-        shape: &Shape,
-        frames: &Frames,
-        (kappa, speed): (f64, f64),
-        fluid: FluidParams,
-    ) -> Option<Self> {
-        Design::new(rod, shape, frames, fluid).build(rod, kappa, speed / kappa)
+    /// Replaces rows of the residual over kappa by the corrections of the unknowns: vectors one after the other, each
+    /// padded with zeros to the length `padded`.
+    pub fn solve(&self, vectors: &mut [f32], padded: usize) {
+        self.factors.solve(vectors);
+        let size = 4 * (self.frames.len() + 1) - 2;
+        for vector in vectors.chunks_exact_mut(padded) {
+            vector[..size].rotate_left(CLAMP);
+        }
     }
 }
 
+/// The equations of a rod linearised about a shape, but for time step and speed.
 #[derive(Clone, Debug)]
-struct Design {
+pub struct Equations {
     nodes: Vec<V3>,
     frames: Vec<[V3; 3]>,
-    mobility: DMatrix<f64>,
-    /// M w^-1 K of the free degrees of freedom, before the division by kappa.
-    elastic: DMatrix<f64>,
+    /// The rod's own mobility: velocity of the nodes for force densities at them, column by column.
+    mobility: Vec<f32>,
+    /// M w^-1 K of the free degrees of freedom, before the division by kappa, column by column.
+    elastic: Vec<f32>,
     hessian: Band,
     spin_drag: f64,
 }
 
-impl Cache {
-    /// Returns the inverse for a key, built if it is not in the cache; `None` when the matrix is singular.
-    pub fn find(&mut self, key: Key, rod: &Rod, fluid: FluidParams) -> Option<Arc<Preconditioner>> {
-        if let Some((_, known)) = self.entries.iter().find(|(k, _)| *k == key) {
-            return Some(known.clone());
-        }
-        if self.designs.len() <= key.rod {
-            self.designs.resize(key.rod + 1, None);
-        }
-        let design = self.designs[key.rod].get_or_insert_with(|| {
-            let shape = Shape::at_rest(rod);
-            let mut frames = Frames::new(rod.nodes());
-            frames.update(&rod.rest_frames, &shape.nodes, &shape.angles);
-            Design::new(rod, &shape, &frames, fluid)
-        });
-        let built = design.build(rod, key.kappa(), key.spin as f64 * SPIN_GRID)?;
-        self.built += 1;
-        if self.entries.len() == CACHE_SIZE {
-            self.entries.remove(0);
-        }
-        let built = Arc::new(built);
-        self.entries.push((key, built.clone()));
-        Some(built)
-    }
-}
-
-impl Design {
-    fn new(rod: &Rod, shape: &Shape, frames: &Frames, fluid: FluidParams) -> Self {
-        let n = rod.nodes();
+impl Equations {
+    /// Linearises about a shape.
+    pub fn new(rod: &Rod, at: &RodState, fluid: FluidParams) -> Self {
+        let (n, rows) = (rod.nodes(), 3 * rod.nodes());
+        let mut frames = Frames::new(n);
+        frames.update(&at.frames, &at.shape.nodes, &at.shape.angles);
         let mut hessian = Band::new(4 * n);
-        rod.hessian(frames, &shape.angles, &mut hessian);
-        let mobility = mobility(&[&shape.nodes], fluid.epsilon, fluid.viscosity);
-        let free = n - CLAMPED;
-        let mut elastic = DMatrix::zeros(3 * n, 4 * free);
-        for node in CLAMPED..n {
-            for a in 0..3 {
-                let row = 4 * node + a;
-                let weight = 1.0 / rod.nodal_length[node];
-                for column in hessian.columns(row) {
-                    let Some(unknown) = unknown_of(column, n) else {
-                        continue;
-                    };
-                    let value = weight * hessian.get(row, column);
-                    if value != 0.0 {
-                        elastic.column_mut(unknown).axpy(value, &mobility.column(3 * node + a), 1.0);
-                    }
+        rod.hessian(&frames, &at.shape.angles, &mut hessian);
+        let mobility = coarse_mobility(&at.shape.nodes, fluid);
+        let mut elastic = vec![0.0; rows * 4 * (n - CLAMPED)];
+        for column in 0..4 * n {
+            let Some(unknown) = unknown_of(column, n) else {
+                continue;
+            };
+            let out = &mut elastic[unknown * rows..(unknown + 1) * rows];
+            for row in hessian.columns(column).filter(|row| row % 4 != 3 && *row >= 4 * CLAMPED) {
+                let value = hessian.get(row, column) / rod.nodal_length[row / 4];
+                if value != 0.0 {
+                    let at = (row / 4 * 3 + row % 4) * rows;
+                    add_multiple(value as f32, &mobility[at..at + rows], out);
                 }
             }
         }
         Self {
-            nodes: shape.nodes.clone(),
+            nodes: at.shape.nodes.clone(),
             frames: (0..n - 1).map(|e| [frames.tangent.at(e), frames.m1.at(e), frames.m2.at(e)]).collect(),
             mobility,
             elastic,
@@ -174,73 +111,75 @@ impl Design {
         }
     }
 
-    fn build(&self, rod: &Rod, kappa: f64, spin: f64) -> Option<Preconditioner> {
+    /// Returns the inverse for `kappa` in 1/s and a spin in rad; `None` when the matrix is singular.
+    pub fn invert(&self, rod: &Rod, kappa: f64, spin: f64) -> Option<Preconditioner> {
         let n = rod.nodes();
         let free = n - CLAMPED;
-        let size = 4 * n - 2;
-        let mut matrix = vec![0.0; size * size];
-        for row in 0..3 * n {
-            let out = &mut matrix[row * size..(row + 1) * size];
-            for (column, entry) in out[..4 * free].iter_mut().enumerate() {
-                *entry = self.elastic[(row, column)] / kappa;
-            }
-            for clamped in 0..3 * CLAMPED {
-                out[4 * free + clamped] = -self.mobility[(row, clamped)] / kappa;
-            }
+        let (rows, size) = (3 * n, 4 * n - 2);
+        let padded = Factors::padded(size);
+        let mut matrix = vec![0.0; padded * padded];
+        let (clamp, rest) = matrix.split_at_mut(CLAMP * padded);
+        for (column, mobility) in clamp.chunks_exact_mut(padded).zip(self.mobility.chunks_exact(rows)) {
+            add_multiple(-1.0 / kappa as f32, mobility, column);
         }
+        for (column, elastic) in rest.chunks_exact_mut(padded).zip(self.elastic.chunks_exact(rows)) {
+            add_multiple(1.0 / kappa as f32, elastic, column);
+        }
+        let mut add = |row: usize, unknown: usize, value: f64| rest[unknown * padded + row] += value as f32;
         for node in CLAMPED..n {
-            let (row, column) = (3 * node, 3 * (node - CLAMPED));
+            let (row, unknown) = (3 * node, 3 * (node - CLAMPED));
             for a in 0..3 {
-                matrix[(row + a) * size + column + a] += 1.0;
+                add(row + a, unknown + a, 1.0);
             }
-            matrix[row * size + column + 1] -= spin;
-            matrix[(row + 1) * size + column] += spin;
+            add(row, unknown + 1, -spin);
+            add(row + 1, unknown, spin);
         }
         let scale = torque_scale(rod);
         for edge in 1..n - 1 {
             let (row, slot) = (3 * n + edge - 1, 4 * edge + 3);
             for column in self.hessian.columns(slot) {
                 if let Some(unknown) = unknown_of(column, n) {
-                    matrix[row * size + unknown] = scale * self.hessian.get(slot, column);
+                    add(row, unknown, scale * self.hessian.get(slot, column));
                 }
             }
             let drag = self.spin_drag * rod.rest_length[edge] * kappa;
-            matrix[row * size + 3 * free + edge - 1] += scale * drag;
+            add(row, 3 * free + edge - 1, scale * drag);
         }
-        if !invert(&mut matrix, size) {
-            return None;
-        }
-        let response = self.response(rod, &matrix, kappa);
-        Some(Preconditioner { frames: self.frames.clone(), inverse: Panels::new(&matrix, size), response })
+        let factors = Factors::new(matrix, size)?;
+        let mut inverse = Preconditioner { frames: self.frames.clone(), factors, response: Matrix6::zeros() };
+        inverse.response = self.response(rod, &inverse, kappa);
+        Some(inverse)
     }
 
-    fn response(&self, rod: &Rod, inverse: &[f64], kappa: f64) -> Matrix6<f64> {
+    fn response(&self, rod: &Rod, inverse: &Preconditioner, kappa: f64) -> Matrix6<f64> {
         let n = rod.nodes();
         let free = n - CLAMPED;
-        let size = 4 * n - 2;
-        let mut response = Matrix6::zeros();
-        for motion in 0..6 {
+        let padded = Factors::padded(4 * n - 2);
+        let mut rows = vec![0.0; 6 * padded];
+        for (motion, rows) in rows.chunks_exact_mut(padded).enumerate() {
             let mut unit = V3::zeros();
             unit[motion % 3] = 1.0;
-            let mut rows = vec![0.0; 3 * n];
             for (i, x) in self.nodes.iter().enumerate() {
                 let velocity = if motion < 3 { unit } else { unit.cross(x) };
                 for a in 0..3 {
-                    rows[3 * i + a] = velocity[a] / kappa;
+                    rows[3 * i + a] = (-velocity[a] / kappa) as f32;
                 }
             }
-            let correction: Vec<f64> =
-                (0..size).map(|r| -(0..3 * n).map(|c| inverse[r * size + c] * rows[c]).sum::<f64>()).collect();
+        }
+        inverse.solve(&mut rows, padded);
+        let mut response = Matrix6::zeros();
+        for (motion, correction) in rows.chunks_exact(padded).enumerate() {
+            let correction = |unknown: usize| f64::from(correction[unknown]);
             for (i, x) in self.nodes.iter().enumerate() {
                 let mut force = V3::zeros();
                 for a in 0..3 {
                     force[a] = if i < CLAMPED {
-                        -rod.nodal_length[i] * correction[4 * free + 3 * i + a]
+                        -rod.nodal_length[i] * correction(4 * free + 3 * i + a)
                     } else {
                         let row = 4 * i + a;
                         self.hessian
                             .columns(row)
-                            .filter_map(|c| unknown_of(c, n).map(|u| self.hessian.get(row, c) * correction[u]))
+                            .filter_map(|c| unknown_of(c, n).map(|u| self.hessian.get(row, c) * correction(u)))
                             .sum()
                     };
                 }
@@ -252,6 +191,54 @@ impl Design {
             }
         }
         response
+    }
+}
+
+/// Returns the mobility matrix of [`crate::fluid::mobility::mobility`] in single precision, column by column. The density of
+/// far segments acts at their ends: that is good to some per cent of their part.
+fn coarse_mobility(nodes: &[V3], fluid: FluidParams) -> Vec<f32> {
+    let (n, rows, factor) = (nodes.len(), 3 * nodes.len(), stokeslet_factor(fluid.viscosity));
+    let e2 = fluid.epsilon * fluid.epsilon;
+    let half: Vec<f64> = nodes.windows(2).map(|p| 0.5 * (p[1] - p[0]).norm()).collect();
+    let mut mobility = vec![0.0; rows * rows];
+    for (i, x) in nodes.iter().enumerate() {
+        let near = i.saturating_sub(NEAR_EDGES + 1)..(i + NEAR_EDGES + 1).min(n - 1);
+        for (j, y) in nodes.iter().enumerate() {
+            let segments = j.saturating_sub(1)..(j + 1).min(n - 1);
+            let length: f64 = segments.filter(|e| !near.contains(e)).map(|e| half[e]).sum();
+            if length == 0.0 {
+                continue;
+            }
+            let d = x - y;
+            let inverse = 1.0 / (d.norm_squared() + e2).sqrt();
+            let cubed = inverse * inverse * inverse;
+            let direct = inverse + e2 * cubed;
+            for b in 0..3 {
+                let entries = &mut mobility[(3 * j + b) * rows + 3 * i..][..3];
+                for (a, entry) in entries.iter_mut().enumerate() {
+                    let same = if a == b { direct } else { 0.0 };
+                    *entry = (factor * length * (same + cubed * d[a] * d[b])) as f32;
+                }
+            }
+        }
+        for e in near {
+            for (side, flow) in segment_flow(*x, nodes[e], nodes[e + 1], fluid.epsilon).iter().enumerate() {
+                for b in 0..3 {
+                    for a in 0..3 {
+                        mobility[(3 * (e + side) + b) * rows + 3 * i + a] += (factor * flow[(a, b)]) as f32;
+                    }
+                }
+            }
+        }
+    }
+    mobility
+}
+
+/// Adds a multiple of a vector to the beginning of another.
+#[inline(always)]
+fn add_multiple(factor: f32, vector: &[f32], out: &mut [f32]) {
+    for (o, v) in out.iter_mut().zip(vector) {
+        *o += factor * v;
     }
 }
 
