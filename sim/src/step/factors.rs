@@ -1,4 +1,4 @@
-//! Factors of a square matrix in single precision by blocks: a third of the work of an inverse, and as fast in use.
+//! Factors of a square matrix in single precision by blocks: a sixth of the work of its inverse.
 //!
 //! A = L U with whole blocks for pivots: L has unit blocks on its diagonal, U the pivots. Rows are exchanged within a pivot
 //! only, so each pivot must be regular: those of [`super::preconditioner`] belong to neighbouring nodes.

@@ -6,8 +6,8 @@
 //! the density, with the torque about every free edge.
 
 use super::corotated::{from_reference, to_reference};
-use super::factors::Factors;
 use super::limits::LEAST_SPIN_DRAG;
+use super::panels::Panels;
 use super::preconditioner::{Preconditioner, torque_scale};
 use crate::V3;
 use crate::body::closure::Load;
@@ -60,8 +60,9 @@ pub struct Flagellum {
     near: NearBand,
     targets: Targets,
     sources: Sources,
-    /// The residual and then its correction in the frames of the frozen inverse.
+    /// The residual in the frames of the frozen inverse.
     reference: Vec<f32>,
+    product: Vec<f32>,
     rule: &'static [(f64, f64)],
     epsilon: f64,
     viscosity: f64,
@@ -88,7 +89,8 @@ impl Flagellum {
             near: NearBand::new(n, robot.solver.near_edges as usize, points),
             targets: Targets::new(n, robot.solver.far_field),
             sources: Sources::default(),
-            reference: vec![0.0; Factors::padded(4 * n - 2)],
+            reference: vec![0.0; 4 * n - 2],
+            product: vec![0.0; Panels::padded(4 * n - 2)],
             rule: gauss_rule(points),
             epsilon: robot.epsilon(),
             viscosity: robot.fluid.viscosity(),
@@ -198,14 +200,11 @@ impl Flagellum {
         let n = self.shape.nodes.len();
         let residual = |i: usize| V3::new(self.residual[3 * i], self.residual[3 * i + 1], self.residual[3 * i + 2]);
         to_reference(&preconditioner.frames, &self.frames, residual, &mut self.reference[..3 * n]);
-        let padded = self.reference.len();
-        let (torques, padding) = self.reference[3 * n..].split_at_mut(n - 2);
-        for (slot, row) in torques.iter_mut().zip(&self.residual[3 * n..]) {
+        for (slot, row) in self.reference[3 * n..].iter_mut().zip(&self.residual[3 * n..]) {
             *slot = *row as f32;
         }
-        padding.fill(0.0);
-        preconditioner.solve(&mut self.reference, padded);
-        from_reference(&preconditioner.frames, &self.frames, -1.0, &self.reference, &mut self.correction);
+        preconditioner.multiply(&self.reference, &mut self.product);
+        from_reference(&preconditioner.frames, &self.frames, -1.0, &self.product, &mut self.correction);
     }
 
     /// Returns the corrections of the rod's unknowns within the step for flows (m/s, shaft frame) at its nodes: columns of
@@ -213,18 +212,19 @@ impl Flagellum {
     #[inline(never)] // so that a profile shows it
     pub fn compliance_columns(&self, preconditioner: &Preconditioner, flows: &[Vec<V3>], kappa: f64) -> Vec<Vec<f64>> {
         let (n, size) = (self.shape.nodes.len(), self.correction.len());
-        let padded = self.reference.len();
-        let mut rows = vec![0.0; padded * flows.len()];
-        for (flow, rows) in flows.iter().zip(rows.chunks_exact_mut(padded)) {
+        let padded = Panels::padded(size);
+        let mut rows = vec![0.0; size * flows.len()];
+        let mut products = vec![0.0; padded * flows.len()];
+        for (flow, rows) in flows.iter().zip(rows.chunks_exact_mut(size)) {
             to_reference(&preconditioner.frames, &self.frames, |i| flow[i] / kappa, &mut rows[..3 * n]);
         }
-        preconditioner.solve(&mut rows, padded);
-        let column = |solution: &[f32]| {
+        preconditioner.multiply(&rows, &mut products);
+        let column = |product: &[f32]| {
             let mut correction = vec![0.0; size];
-            from_reference(&preconditioner.frames, &self.frames, 1.0, solution, &mut correction);
+            from_reference(&preconditioner.frames, &self.frames, 1.0, product, &mut correction);
             correction
         };
-        rows.chunks_exact(padded).map(column).collect()
+        products.chunks_exact(padded).map(column).collect()
     }
 
     /// Moves the trial shape by a correction: edge by edge, the part along an edge changes its length,

@@ -6,7 +6,7 @@
 //! step. An inverse depends on these shapes and its [`Key`] only, and a restored state goes on bit for bit.
 
 use super::model::Model;
-use super::preconditioner::{Equations, FluidParams, Preconditioner};
+use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
 use super::time_step::TimeStep;
 use crate::rod::Rod;
 use crate::state::RodState;
@@ -107,8 +107,9 @@ impl Cache {
         fluid: FluidParams,
     ) -> Option<Arc<Preconditioner>> {
         if self.rods[slot].as_ref().is_none_or(|kept| kept.at != *at) {
-            self.rods[slot] =
-                Some(Kept { at: at.clone(), equations: Equations::new(rod, at, fluid), inverses: Vec::new() });
+            let wanted = if at.shape.nodes == rod.shape { Use::Lasting } else { Use::Passing };
+            let equations = Equations::new(rod, at, fluid, wanted);
+            self.rods[slot] = Some(Kept { at: at.clone(), equations, inverses: Vec::new() });
         }
         let kept = self.rods[slot].as_mut()?;
         if let Some((_, known)) = kept.inverses.iter().find(|(k, _)| *k == key) {

@@ -11,7 +11,7 @@
 //! | `converge` | judges each sweep: converged, another one, stalled |
 //! | `accept` | the checks that let the step count, its loads, the new state |
 //!
-//! `preconditioner` has the frozen inverses that correct a flagellum in a sweep, in the form of `factors`; `inverses` chooses
+//! `preconditioner` has the frozen inverses that correct a flagellum in a sweep, as `panels` or `factors`; `inverses` chooses
 //! the shapes they are built at, `corotated` takes them along with the flagellum, `compliance` makes of them the response to
 //! contact, and `anderson` accelerates slow iterations. `model` is what never
 //! changes about a robot. The flow between the rods and the base's rate are inside the iteration: extrapolating either is
@@ -52,6 +52,7 @@ pub mod formula;
 mod inverses;
 mod limits;
 mod model;
+mod panels;
 mod preconditioner;
 mod predict;
 mod problem;

@@ -5,23 +5,19 @@
 //! (n - 2). With kappa = a_0/step (1/s) and spin s = omega/kappa the velocity rows, divided by a_0, are
 //! x + s z x x + (1/kappa) M w^-1 K x - (1/kappa) M f; torque rows are scaled by length/GJ.
 //!
-//! [`Equations`] has what depends on the shape, M w^-1 K first of all; [`Preconditioner`] is the inverse for one time step,
-//! in the form of factors. M is rougher than that of the residual: what it misses is small against what the shape changes
-//! while the inverse is frozen. [`super::inverses`] chooses the shape.
+//! [`Equations`] has what depends on the shape, M w^-1 K first of all; [`Preconditioner`] is the inverse for one time step.
+//! [`super::inverses`] chooses the shape.
 
 use super::factors::Factors;
 use super::limits::LEAST_SPIN_DRAG;
+use super::panels::Panels;
 use crate::V3;
-use crate::fluid::{segment::segment_flow, stokeslet_factor};
+use crate::fluid::{mobility::mobility, segment::segment_flow, stokeslet_factor};
+use crate::linear::invert;
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames};
 use crate::state::RodState;
-use nalgebra::Matrix6;
-
-/// Unknowns of the clamp: its force densities. Their columns come first, next to the rows of the same nodes.
-const CLAMP: usize = 3 * CLAMPED;
-/// Segments up to this many edges away from a node are integrated exactly.
-const NEAR_EDGES: usize = 2;
+use nalgebra::{DMatrix, Matrix6};
 
 /// Parameters of the fluid about one rod.
 #[derive(Clone, Copy, Debug)]
@@ -42,26 +38,60 @@ impl FluidParams {
     }
 }
 
+/// Largest number of rows (79 edges) whose factors are good enough in single precision: the stretch's share of the matrix
+/// grows as the square of the number of edges.
+const LARGEST_FACTORED: usize = 320;
+
+/// How often an inverse is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Use {
+    /// For hundreds of steps: it is worth a dense inverse, the fastest in use.
+    Lasting,
+    /// For some steps: its factors cost a sixth of a dense inverse.
+    Passing,
+}
+
 /// A frozen inverse.
 #[derive(Clone, Debug)]
 pub struct Preconditioner {
     /// Tangents and material directors of the edges at the shape where it was built.
     pub frames: Vec<[V3; 3]>,
-    factors: Factors,
+    inverse: Inverse,
     /// Change of the fluid's force and torque on the rod (about the shaft's foot, shaft frame)
     /// within one step for a velocity and angular velocity of the base there: N s/m and N m s.
     pub response: Matrix6<f64>,
 }
 
+#[derive(Clone, Debug)]
+enum Inverse {
+    Dense(Panels),
+    /// Of the matrix with the columns of the clamp first: its pivots are blocks of neighbours.
+    Factored(Factors),
+}
+
 impl Preconditioner {
-    /// Replaces rows of the residual over kappa by the corrections of the unknowns: vectors one after the other, each
-    /// padded with zeros to the length `padded`.
-    pub fn solve(&self, vectors: &mut [f32], padded: usize) {
-        self.factors.solve(vectors);
-        let size = 4 * (self.frames.len() + 1) - 2;
-        for vector in vectors.chunks_exact_mut(padded) {
-            vector[..size].rotate_left(CLAMP);
+    /// `out` = the inverse times each of `vectors`, which stand one after the other, as the results do, each with its
+    /// padding: see [`Panels::padded`].
+    pub fn multiply(&self, vectors: &[f32], out: &mut [f32]) {
+        match &self.inverse {
+            Inverse::Dense(panels) => panels.multiply(vectors, out),
+            Inverse::Factored(factors) => solve(factors, vectors, 4 * self.frames.len() + 2, out),
         }
+    }
+}
+
+/// Puts the solutions for vectors of `size` rows, which stand one after the other, into `out`, each with its padding.
+fn solve(factors: &Factors, vectors: &[f32], size: usize, out: &mut [f32]) {
+    let padded = Factors::padded(size);
+    let mut work = vec![0.0; vectors.len() / size * padded];
+    for (work, vector) in work.chunks_exact_mut(padded).zip(vectors.chunks_exact(size)) {
+        work[..size].copy_from_slice(vector);
+    }
+    factors.solve(&mut work);
+    for (out, work) in out.chunks_exact_mut(Panels::padded(size)).zip(work.chunks_exact(padded)) {
+        let (clamp, rest) = work[..size].split_at(3 * CLAMPED);
+        out[..rest.len()].copy_from_slice(rest);
+        out[rest.len()..size].copy_from_slice(clamp);
     }
 }
 
@@ -70,34 +100,40 @@ impl Preconditioner {
 pub struct Equations {
     nodes: Vec<V3>,
     frames: Vec<[V3; 3]>,
-    /// The rod's own mobility: velocity of the nodes for force densities at them, column by column.
-    mobility: Vec<f32>,
-    /// M w^-1 K of the free degrees of freedom, before the division by kappa, column by column.
-    elastic: Vec<f32>,
+    mobility: DMatrix<f64>,
+    /// M w^-1 K of the free degrees of freedom, before the division by kappa.
+    elastic: DMatrix<f64>,
     hessian: Band,
+    wanted: Use,
     spin_drag: f64,
 }
 
 impl Equations {
     /// Linearises about a shape.
-    pub fn new(rod: &Rod, at: &RodState, fluid: FluidParams) -> Self {
-        let (n, rows) = (rod.nodes(), 3 * rod.nodes());
+    pub fn new(rod: &Rod, at: &RodState, fluid: FluidParams, wanted: Use) -> Self {
+        let n = rod.nodes();
         let mut frames = Frames::new(n);
         frames.update(&at.frames, &at.shape.nodes, &at.shape.angles);
         let mut hessian = Band::new(4 * n);
         rod.hessian(&frames, &at.shape.angles, &mut hessian);
-        let mobility = coarse_mobility(&at.shape.nodes, fluid);
-        let mut elastic = vec![0.0; rows * 4 * (n - CLAMPED)];
-        for column in 0..4 * n {
-            let Some(unknown) = unknown_of(column, n) else {
-                continue;
-            };
-            let out = &mut elastic[unknown * rows..(unknown + 1) * rows];
-            for row in hessian.columns(column).filter(|row| row % 4 != 3 && *row >= 4 * CLAMPED) {
-                let value = hessian.get(row, column) / rod.nodal_length[row / 4];
-                if value != 0.0 {
-                    let at = (row / 4 * 3 + row % 4) * rows;
-                    add_multiple(value as f32, &mobility[at..at + rows], out);
+        let mobility = match wanted {
+            Use::Lasting => mobility(&[&at.shape.nodes], fluid.epsilon, fluid.viscosity),
+            Use::Passing => coarse_mobility(&at.shape.nodes, fluid),
+        };
+        let free = n - CLAMPED;
+        let mut elastic = DMatrix::zeros(3 * n, 4 * free);
+        for node in CLAMPED..n {
+            for a in 0..3 {
+                let row = 4 * node + a;
+                let weight = 1.0 / rod.nodal_length[node];
+                for column in hessian.columns(row) {
+                    let Some(unknown) = unknown_of(column, n) else {
+                        continue;
+                    };
+                    let value = weight * hessian.get(row, column);
+                    if value != 0.0 {
+                        elastic.column_mut(unknown).axpy(value, &mobility.column(3 * node + a), 1.0);
+                    }
                 }
             }
         }
@@ -107,25 +143,58 @@ impl Equations {
             mobility,
             elastic,
             hessian,
+            wanted,
             spin_drag: fluid.spin_drag,
         }
     }
 
     /// Returns the inverse for `kappa` in 1/s and a spin in rad; `None` when the matrix is singular.
     pub fn invert(&self, rod: &Rod, kappa: f64, spin: f64) -> Option<Preconditioner> {
-        let n = rod.nodes();
-        let free = n - CLAMPED;
-        let (rows, size) = (3 * n, 4 * n - 2);
+        let size = 4 * rod.nodes() - 2;
         let padded = Factors::padded(size);
-        let mut matrix = vec![0.0; padded * padded];
-        let (clamp, rest) = matrix.split_at_mut(CLAMP * padded);
-        for (column, mobility) in clamp.chunks_exact_mut(padded).zip(self.mobility.chunks_exact(rows)) {
-            add_multiple(-1.0 / kappa as f32, mobility, column);
+        let mut matrix = self.matrix(rod, kappa, spin, padded);
+        let (inverse, response) = if self.wanted == Use::Passing && size <= LARGEST_FACTORED {
+            matrix.rotate_right(3 * CLAMPED * padded);
+            matrix.resize(padded * padded, 0.0);
+            let factors = Factors::new(matrix.iter().map(|v| *v as f32).collect(), size)?;
+            let product = |vector: &[f64]| -> Vec<f64> {
+                let vector: Vec<f32> = vector.iter().map(|v| *v as f32).collect();
+                let mut out = vec![0.0; Panels::padded(size)];
+                solve(&factors, &vector, size, &mut out);
+                out.into_iter().map(f64::from).collect()
+            };
+            let response = self.response(rod, product, kappa);
+            (Inverse::Factored(factors), response)
+        } else {
+            let mut rows: Vec<f64> = (0..size * size).map(|q| matrix[q % size * padded + q / size]).collect();
+            if !invert(&mut rows, size) {
+                return None;
+            }
+            let product = |vector: &[f64]| -> Vec<f64> {
+                (0..size).map(|r| (0..size).map(|c| rows[r * size + c] * vector[c]).sum()).collect()
+            };
+            (Inverse::Dense(Panels::new(&rows, size)), self.response(rod, product, kappa))
+        };
+        Some(Preconditioner { frames: self.frames.clone(), inverse, response })
+    }
+
+    /// Returns the matrix of the equations, column by column, each padded with zeros to `padded` rows.
+    fn matrix(&self, rod: &Rod, kappa: f64, spin: f64, padded: usize) -> Vec<f64> {
+        let n = rod.nodes();
+        let (free, rows) = (n - CLAMPED, 3 * n);
+        let mut matrix = vec![0.0; padded * (4 * n - 2)];
+        let (elastic, clamp) = matrix.split_at_mut(4 * free * padded);
+        for (out, column) in elastic.chunks_exact_mut(padded).zip(self.elastic.as_slice().chunks_exact(rows)) {
+            for (entry, value) in out.iter_mut().zip(column) {
+                *entry = value / kappa;
+            }
         }
-        for (column, elastic) in rest.chunks_exact_mut(padded).zip(self.elastic.chunks_exact(rows)) {
-            add_multiple(1.0 / kappa as f32, elastic, column);
+        for (out, column) in clamp.chunks_exact_mut(padded).zip(self.mobility.as_slice().chunks_exact(rows)) {
+            for (entry, value) in out.iter_mut().zip(column) {
+                *entry = -value / kappa;
+            }
         }
-        let mut add = |row: usize, unknown: usize, value: f64| rest[unknown * padded + row] += value as f32;
+        let mut add = |row: usize, unknown: usize, value: f64| elastic[unknown * padded + row] += value;
         for node in CLAMPED..n {
             let (row, unknown) = (3 * node, 3 * (node - CLAMPED));
             for a in 0..3 {
@@ -145,41 +214,35 @@ impl Equations {
             let drag = self.spin_drag * rod.rest_length[edge] * kappa;
             add(row, 3 * free + edge - 1, scale * drag);
         }
-        let factors = Factors::new(matrix, size)?;
-        let mut inverse = Preconditioner { frames: self.frames.clone(), factors, response: Matrix6::zeros() };
-        inverse.response = self.response(rod, &inverse, kappa);
-        Some(inverse)
+        matrix
     }
 
-    fn response(&self, rod: &Rod, inverse: &Preconditioner, kappa: f64) -> Matrix6<f64> {
+    /// `solve`: the inverse times a vector.
+    fn response(&self, rod: &Rod, solve: impl Fn(&[f64]) -> Vec<f64>, kappa: f64) -> Matrix6<f64> {
         let n = rod.nodes();
         let free = n - CLAMPED;
-        let padded = Factors::padded(4 * n - 2);
-        let mut rows = vec![0.0; 6 * padded];
-        for (motion, rows) in rows.chunks_exact_mut(padded).enumerate() {
+        let mut response = Matrix6::zeros();
+        for motion in 0..6 {
             let mut unit = V3::zeros();
             unit[motion % 3] = 1.0;
+            let mut rows = vec![0.0; 4 * n - 2];
             for (i, x) in self.nodes.iter().enumerate() {
                 let velocity = if motion < 3 { unit } else { unit.cross(x) };
                 for a in 0..3 {
-                    rows[3 * i + a] = (-velocity[a] / kappa) as f32;
+                    rows[3 * i + a] = -velocity[a] / kappa;
                 }
             }
-        }
-        inverse.solve(&mut rows, padded);
-        let mut response = Matrix6::zeros();
-        for (motion, correction) in rows.chunks_exact(padded).enumerate() {
-            let correction = |unknown: usize| f64::from(correction[unknown]);
+            let correction = solve(&rows);
             for (i, x) in self.nodes.iter().enumerate() {
                 let mut force = V3::zeros();
                 for a in 0..3 {
                     force[a] = if i < CLAMPED {
-                        -rod.nodal_length[i] * correction(4 * free + 3 * i + a)
+                        -rod.nodal_length[i] * correction[4 * free + 3 * i + a]
                     } else {
                         let row = 4 * i + a;
                         self.hessian
                             .columns(row)
-                            .filter_map(|c| unknown_of(c, n).map(|u| self.hessian.get(row, c) * correction(u)))
+                            .filter_map(|c| unknown_of(c, n).map(|u| self.hessian.get(row, c) * correction[u]))
                             .sum()
                     };
                 }
@@ -194,52 +257,39 @@ impl Equations {
     }
 }
 
-/// Returns the mobility matrix of [`crate::fluid::mobility::mobility`] in single precision, column by column. The density of
-/// far segments acts at their ends: that is good to some per cent of their part.
-fn coarse_mobility(nodes: &[V3], fluid: FluidParams) -> Vec<f32> {
-    let (n, rows, factor) = (nodes.len(), 3 * nodes.len(), stokeslet_factor(fluid.viscosity));
-    let e2 = fluid.epsilon * fluid.epsilon;
+/// Segments up to this many edges away from a node are integrated exactly in a coarse mobility.
+const NEAR_EDGES: usize = 2;
+
+/// Returns the matrix of [`crate::fluid::mobility::mobility`] with the density of far segments at their ends: that is good
+/// to some per cent of their part, less than what the shape changes while the inverse serves.
+fn coarse_mobility(nodes: &[V3], fluid: FluidParams) -> DMatrix<f64> {
+    let (n, factor, e2) = (nodes.len(), stokeslet_factor(fluid.viscosity), fluid.epsilon * fluid.epsilon);
     let half: Vec<f64> = nodes.windows(2).map(|p| 0.5 * (p[1] - p[0]).norm()).collect();
-    let mut mobility = vec![0.0; rows * rows];
+    let mut mobility = DMatrix::zeros(3 * n, 3 * n);
     for (i, x) in nodes.iter().enumerate() {
         let near = i.saturating_sub(NEAR_EDGES + 1)..(i + NEAR_EDGES + 1).min(n - 1);
         for (j, y) in nodes.iter().enumerate() {
             let segments = j.saturating_sub(1)..(j + 1).min(n - 1);
             let length: f64 = segments.filter(|e| !near.contains(e)).map(|e| half[e]).sum();
-            if length == 0.0 {
-                continue;
-            }
-            let d = x - y;
-            let inverse = 1.0 / (d.norm_squared() + e2).sqrt();
-            let cubed = inverse * inverse * inverse;
-            let direct = inverse + e2 * cubed;
-            for b in 0..3 {
-                let entries = &mut mobility[(3 * j + b) * rows + 3 * i..][..3];
-                for (a, entry) in entries.iter_mut().enumerate() {
-                    let same = if a == b { direct } else { 0.0 };
-                    *entry = (factor * length * (same + cubed * d[a] * d[b])) as f32;
+            if length > 0.0 {
+                let d = x - y;
+                let inverse = 1.0 / (d.norm_squared() + e2).sqrt();
+                let cubed = inverse * inverse * inverse;
+                let mut flow = d * (cubed * d).transpose();
+                for a in 0..3 {
+                    flow[(a, a)] += inverse + e2 * cubed;
                 }
+                mobility.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&(flow * (factor * length)));
             }
         }
         for e in near {
             for (side, flow) in segment_flow(*x, nodes[e], nodes[e + 1], fluid.epsilon).iter().enumerate() {
-                for b in 0..3 {
-                    for a in 0..3 {
-                        mobility[(3 * (e + side) + b) * rows + 3 * i + a] += (factor * flow[(a, b)]) as f32;
-                    }
-                }
+                let mut block = mobility.fixed_view_mut::<3, 3>(3 * i, 3 * (e + side));
+                block += flow * factor;
             }
         }
     }
     mobility
-}
-
-/// Adds a multiple of a vector to the beginning of another.
-#[inline(always)]
-fn add_multiple(factor: f32, vector: &[f32], out: &mut [f32]) {
-    for (o, v) in out.iter_mut().zip(vector) {
-        *o += factor * v;
-    }
 }
 
 /// Column of a free degree of freedom (four slots a node), `None` for clamped or unused ones.
