@@ -24,11 +24,9 @@ fn open(board: impl FnOnce(&mut File) + Send + 'static) -> Result<Link, LinkErro
     let mut master = File::from(master);
     // The thread is never joined: a board that blocks on a port closed by the host never wakes up.
     std::thread::spawn(move || board(&mut master));
-    std::thread::spawn(move || {
-        std::thread::sleep(Duration::from_millis(200));
-        drop(held);
-    });
-    Link::open(&path)
+    let link = Link::open(&path);
+    drop(held);
+    link
 }
 
 /// Replies to each request with the bytes returned by `answer`, until the port is closed.
@@ -76,6 +74,22 @@ fn handshake_succeeds_after_noise() {
         answer_all(port, |request| reply(request, Reply::Info(info)));
     });
     assert_eq!(link.unwrap().info().board_id, 7);
+}
+
+/// The board remembers the last request, and the handshake may have its number by chance.
+#[test]
+fn handshake_that_has_the_number_of_an_earlier_request_is_repeated() {
+    for earlier in [Reply::Refused(Refusal::Running), Reply::Done] {
+        let mut first = None;
+        let link = open(move |port| {
+            answer_all(port, |request| {
+                let number = *first.get_or_insert(request.seq);
+                let info = Info { protocol: VERSION, schema: SCHEMA, board_id: 7, ..Info::default() };
+                reply(request, if request.seq == number { earlier } else { Reply::Info(info) })
+            });
+        });
+        assert_eq!(link.unwrap().info().board_id, 7);
+    }
 }
 
 #[test]

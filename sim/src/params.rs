@@ -10,9 +10,12 @@
 
 mod built_in;
 mod head;
+mod tank;
 mod validate;
 
 pub use built_in::BUILT_IN;
+pub use head::{Head, HeadShape};
+pub use tank::{Face, Tank};
 
 use crate::body::closure::Closure;
 use crate::fluid::far::Precision;
@@ -22,8 +25,6 @@ use crate::rod::{
 };
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
-
-pub use head::{Head, HeadShape};
 
 /// An impossible parameter.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -49,6 +50,8 @@ pub struct Robot {
     pub fluid: Fluid,
     /// What the fluid sees of the base.
     pub head: Head,
+    /// The tank about it; without one the fluid has no bounds.
+    pub tank: Option<Tank>,
     /// Ball joint and tether.
     pub joint: Joint,
     /// Contact between flagella.
@@ -115,6 +118,9 @@ pub struct Flagellum {
     pub axial_length_m: f64,
     /// Winding of flagellum 1 and 2 (right, publication).
     pub handedness: [Handedness; 2],
+    /// Angle of helix 1 and 2 about +z_B where its motor is at zero, in degrees (0). A motor's zero is where its
+    /// encoder began to count, so on a rig it is known only after it was fitted.
+    pub phase_deg: [f64; 2],
     /// Young's modulus in Pa (1.255e6, publication). Lower values let the flagella bend, buckle and bundle.
     pub young_pa: f64,
     /// Poisson's ratio (0.5, publication).
@@ -135,6 +141,7 @@ impl Default for Flagellum {
             pitch_m: 0.076,
             axial_length_m: 0.1962,
             handedness: [Handedness::Right; 2],
+            phase_deg: [0.0; 2],
             young_pa: 1.255e6,
             poisson: 0.5,
             density_kg_m3: 1450.0,
@@ -177,7 +184,7 @@ pub struct Fluid {
     pub glycerol: Option<Glycerol>,
     /// Share of a round rod's couple on its spin about its own centre line, 4 pi mu a^2 a metre (`physical`: 1, a
     /// round rod; `published`: 0). Changes of the spin in the shaft's frame feel at least
-    /// [`crate::step::LEAST_SPIN_DRAG`] of it.
+    /// [`crate::rod::spin::LEAST_SPIN_DRAG`] of it.
     pub spin_drag: f64,
     /// Regularisation of the Stokeslets in rod radii (`physical`: 1.6487, `published`: 1.03; the publication gives
     /// none). A line of regularised Stokeslets moves along and across like a round rod of exp(-1/2) times the

@@ -9,11 +9,16 @@ mod elastic;
 mod fluid;
 mod hard_cases;
 mod head;
+mod helices;
 mod params;
 mod peer;
+mod phase;
 mod published;
+mod resistance;
 mod robot;
 mod rod;
+mod spin;
+mod walls;
 
 /// A file that is no module here would be no test.
 #[test]

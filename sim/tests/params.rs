@@ -1,7 +1,8 @@
 //! The robot's parameters: limits and their messages.
 
+use sim::V3;
 use sim::body::closure::Closure;
-use sim::params::{BUILT_IN, Glycerol, Robot};
+use sim::params::{BUILT_IN, Face, Glycerol, Robot, Tank};
 use sim::step::Solver;
 
 #[test]
@@ -10,8 +11,8 @@ fn the_built_in_robots_are_possible() {
         let robot = Robot::built_in(name).expect(name);
         robot.validate().expect(name);
         assert_eq!(robot.flagellum.edges(), 49);
-        assert!((robot.base_drag() - 3.55e-5).abs() < 1e-6);
     }
+    assert!((Robot::published().base_drag() - 3.55e-5).abs() < 1e-6);
     assert_eq!(Robot::built_in("physical"), Some(Robot::default()));
     assert_eq!(Robot::built_in("published"), Some(Robot::published()));
     assert_eq!(Robot::built_in("my.toml"), None);
@@ -51,6 +52,60 @@ fn impossible_values_name_their_key() {
         assert!(Solver::new(&robot, Closure::Full).is_err());
         assert!(error.to_string().contains(key) && error.reason.len() > 10, "{error}");
     }
+}
+
+/// The publication's tank.
+fn tank() -> Tank {
+    let text =
+        r#"{"length_m": 1.22, "width_m": 0.45, "height_m": 0.515, "joint_m": [0.61, 0.225], "joint_depth_m": 0.14}"#;
+    serde_json::from_str(text).expect("a tank")
+}
+
+#[test]
+fn tanks_hold_the_robot() {
+    let with = |change: fn(&mut Tank)| {
+        let mut robot = Robot { tank: Some(tank()), ..Robot::default() };
+        change(robot.tank.as_mut().expect("a tank"));
+        robot.validate()
+    };
+    with(|_| {}).expect("the publication's tank");
+    with(|t| t.joint_m = [0.05, 0.4]).expect("in a corner");
+    with(|t| (t.walls, t.free_surface) = (vec![Face::PlusZ], false)).expect("a lid alone");
+    type Change = fn(&mut Tank);
+    let cases: [(&str, Change); 10] = [
+        ("tank.length_m", |t| t.length_m = -1.0),
+        ("tank.height_m", |t| t.height_m = f64::NAN),
+        ("tank.joint_m", |t| t.joint_m[0] = 0.03),
+        ("tank.joint_m", |t| t.joint_m[1] = 0.43),
+        ("tank.joint_m", |t| t.joint_m[1] = f64::NAN),
+        ("tank.joint_depth_m", |t| t.joint_depth_m = -0.01),
+        ("tank.joint_depth_m", |t| t.joint_depth_m = 0.28),
+        ("tank.walls", |t| t.walls = vec![Face::MinusX, Face::MinusZ, Face::MinusX]),
+        ("tank.walls", |t| (t.walls, t.free_surface) = (vec![], false)),
+        ("tank.free_surface", |t| t.walls = Face::ALL.to_vec()),
+    ];
+    for (key, change) in cases {
+        let error = with(change).expect_err(key);
+        assert_eq!(error.key, key, "{error}");
+    }
+}
+
+#[test]
+fn tanks_stand_about_the_joint() {
+    let walls = tank().boundaries();
+    for (x, clearance) in [
+        (V3::zeros(), 0.14),
+        (V3::new(0.0, 0.1, 0.0), 0.125),
+        (V3::new(0.0, -0.2, -0.1), 0.025),
+        (V3::new(0.6, 0.0, -0.1), 0.01),
+        (V3::new(-0.62, 0.0, -0.1), -0.01),
+        (V3::new(0.0, 0.0, -0.365), 0.01),
+        (V3::new(0.0, 0.0, 0.13), 0.01),
+    ] {
+        assert!((walls.clearance(x) - clearance).abs() < 1e-12, "{x}: {}", walls.clearance(x));
+    }
+    let open = Tank { walls: vec![Face::MinusY], free_surface: false, ..tank() }.boundaries();
+    assert!((open.clearance(V3::new(5.0, 0.0, 5.0)) - 0.225).abs() < 1e-12);
 }
 
 #[test]

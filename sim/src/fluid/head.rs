@@ -136,6 +136,8 @@ fn spheroid_rings(outline: &[[f64; 2]], width: f64) -> Vec<Ring> {
 pub struct RigidSurface {
     /// Its points, m.
     pub points: Vec<V3>,
+    /// Velocities of the points (m/s) for forces (N, on the fluid): 3 n square.
+    pub mobility: DMatrix<f64>,
     /// Forces (N, on the fluid) for velocities of the points (m/s): 3 n square.
     pub resistance: DMatrix<f64>,
 }
@@ -174,8 +176,10 @@ impl RigidSurface {
                 }
             }
         }
+        let mobility = DMatrix::from_row_slice(size, size, &matrix);
         invert(&mut matrix, size).then(|| Self {
             points: points.iter().map(|p| p.at).collect(),
+            mobility,
             resistance: DMatrix::from_row_slice(size, size, &matrix),
         })
     }

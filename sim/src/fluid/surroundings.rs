@@ -1,8 +1,10 @@
-//! The flow that the flagella share with what else is in the fluid: the rigid head.
+//! The flow that the flagella share with what else is in the fluid: the rigid head and the walls of the tank.
 //!
 //! The forces of the head's points on the fluid are F = R (u_rigid - u), with the resistance R of [`RigidSurface`], the velocity
 //! of the rigid body at its points and the flow u of the flagella there. Their own flow acts on the flagella's nodes, and
 //! their sum on the base. All of it belongs to the iteration of a step, which updates it once a sweep.
+//!
+//! A tank adds the flow of the images of all these forces ([`super::tank`]), at the flagella and at the head.
 //!
 //! Units SI, body frame, where the head is constant. The flow between a flagellum and the head is smooth: groups of edges act
 //! on it as one point force each, the longer the farther away. Both ways its regularisation is that of the flagella, whose
@@ -11,6 +13,7 @@
 use super::far::{Sources, Targets};
 use super::head::RigidSurface;
 use super::stokeslet_factor;
+use super::tank::TankFlow;
 use crate::V3;
 use crate::body::Body;
 use crate::body::closure::Load;
@@ -35,6 +38,7 @@ pub struct Line {
 #[derive(Clone, Debug)]
 pub struct Surroundings {
     head: Option<HeadFlow>,
+    tank: Option<TankFlow>,
     /// Groups of edges of each flagellum.
     groups: Vec<Vec<Range<usize>>>,
     /// The groups as point forces.
@@ -69,8 +73,10 @@ impl Surroundings {
     pub fn new(robot: &Robot, head: Option<&RigidSurface>, at_rest: &[Vec<V3>]) -> Self {
         let precision = robot.solver.far_field;
         let count = at_rest.iter().map(Vec::len).sum();
-        let groups = |line: &Vec<V3>| groups(line, head.map_or(&[], |h| h.points.as_slice()));
+        let points: &[V3] = head.map_or(&[], |h| &h.points);
+        let groups = |line: &Vec<V3>| groups(line, points);
         Self {
+            tank: robot.tank.as_ref().map(|tank| TankFlow::new(robot, tank.boundaries(), at_rest, points)),
             groups: at_rest.iter().map(groups).collect(),
             head: head.map(|surface| HeadFlow {
                 drag: surface.rotational_resistance(),
@@ -93,7 +99,19 @@ impl Surroundings {
 
     /// Returns whether there is nothing, and no flow.
     pub fn is_empty(&self) -> bool {
-        self.head.is_none()
+        self.head.is_none() && self.tank.is_none()
+    }
+
+    /// Starts a step: forgets the last one's flow and computes it anew.
+    pub fn begin(&mut self, lines: &[Line], body: &Body) {
+        if let Some(tank) = &mut self.tank {
+            tank.begin(lines, &body.attitude);
+        }
+        self.update(lines, body);
+        if self.head.is_some() && self.tank.is_some() {
+            // The head's forces have not felt the images yet: a step that started from them would not forget it.
+            self.update(lines, body);
+        }
     }
 
     /// Updates the head's forces and the flow at the flagella's nodes. Returns the largest change of the flow at a node, m/s.
@@ -107,12 +125,21 @@ impl Surroundings {
         }
         self.targets.set(&self.nodes);
         if let Some(head) = &mut self.head {
-            head.update(&self.sources, body.rate, self.epsilon, self.factor);
+            let images = self.tank.as_ref().map_or(&[][..], TankFlow::at_head);
+            head.update(&self.sources, images, body.rate, self.epsilon, self.factor);
             self.targets.add_flow(&head.sources, self.epsilon);
         }
+        if let Some(tank) = &mut self.tank {
+            let forces = self.head.as_ref().map_or(&[][..], |head| &head.forces);
+            tank.update(lines, forces, &body.attitude);
+        }
+        let images = self.tank.as_ref().map(TankFlow::flow);
         let mut change = 0f64;
         for (i, flow) in self.flow.iter_mut().enumerate() {
-            let new = self.targets.flow(i) * self.factor;
+            let mut new = self.targets.flow(i) * self.factor;
+            if let Some(images) = images {
+                new += images[i];
+            }
             change = change.max((new - *flow).norm_squared());
             *flow = new;
         }
@@ -137,13 +164,17 @@ impl Surroundings {
 }
 
 impl HeadFlow {
-    /// Updates the forces on the fluid in the flow of `flagella`, for an angular velocity of the base.
-    fn update(&mut self, flagella: &Sources, rate: V3, epsilon: f64, factor: f64) {
+    /// Updates the forces on the fluid in the flow of `flagella` and of the `images`, whose flow (m/s) at the head's points is
+    /// that of the last update, empty without a tank. `rate`: angular velocity of the base.
+    fn update(&mut self, flagella: &Sources, images: &[V3], rate: V3, epsilon: f64, factor: f64) {
         let points = &self.surface.points;
         self.targets.set(points);
         self.targets.add_flow(flagella, epsilon);
         for (i, x) in points.iter().enumerate() {
-            let slip = rate.cross(x) - self.targets.flow(i) * factor;
+            let mut slip = rate.cross(x) - self.targets.flow(i) * factor;
+            if let Some(image) = images.get(i) {
+                slip -= image;
+            }
             self.slip[3 * i..3 * i + 3].copy_from_slice(slip.as_slice());
         }
         let columns = self.surface.resistance.as_slice();

@@ -25,7 +25,7 @@ pub enum HeadShape {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Head {
-    /// Its shape (`cylinder`; the publication's choice is `local`). With `none` and `local` the other keys do not matter.
+    /// Its shape (`physical`: `cylinder`; `published`: `local`). With `none` and `local` the other keys do not matter.
     pub shape: HeadShape,
     /// Radius across z_B in m (0.0135, publication).
     pub radius_m: f64,
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     fn gap(change: impl Fn(&mut Head)) -> f64 {
-        let mut head = Head { shape: HeadShape::Cylinder, ..Head::default() };
+        let mut head = Head::default();
         change(&mut head);
         head.gap_to_flagellum(&V3::new(0.0225, 0.0, -0.0375), 0.01189, 0.003)
     }

@@ -19,7 +19,7 @@
 //!
 //! # Where the time goes
 //!
-//! Shares of the processor's time for (90, 90) rpm without contact, (90, 60) with light contact and (-90, -80), where the
+//! Shares of the processor's time for (90, 90) rpm from equal angles, without contact, (90, 60) with light contact and (-90, -80), where the
 //! flagella mesh; closure `full`, published robot, AVX-512.
 //!
 //! | part | free | light | hard |
@@ -64,7 +64,7 @@ mod unknowns;
 
 pub use control::{StepControl, StepError};
 pub use inverses::Linearisation;
-pub use limits::{LEAST_SPIN_DRAG, Limits};
+pub use limits::Limits;
 pub use model::Model;
 pub use report::{StepFailure, StepReport};
 pub use solver::Solver;

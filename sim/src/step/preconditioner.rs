@@ -9,13 +9,12 @@
 //! [`super::inverses`] chooses the shape.
 
 use super::factors::Factors;
-use super::limits::LEAST_SPIN_DRAG;
 use super::panels::Panels;
 use crate::V3;
 use crate::fluid::{mobility::mobility, segment::segment_flow, stokeslet_factor};
 use crate::linear::invert;
 use crate::params::Robot;
-use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames};
+use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames, spin::SpinDrag};
 use crate::state::RodState;
 use nalgebra::{DMatrix, Matrix6};
 
@@ -26,15 +25,14 @@ pub struct FluidParams {
     pub epsilon: f64,
     /// Viscosity, Pa s.
     pub viscosity: f64,
-    /// Drag on changes of an edge's spin in the shaft frame, N m s a metre and radian.
-    pub spin_drag: f64,
+    /// Drag on the rod's spin.
+    pub spin_drag: SpinDrag,
 }
 
 impl FluidParams {
     /// Those of a robot.
     pub fn new(robot: &Robot) -> Self {
-        let spin_drag = robot.fluid.spin_drag.max(LEAST_SPIN_DRAG) * robot.round_spin_drag();
-        Self { epsilon: robot.epsilon(), viscosity: robot.fluid.viscosity(), spin_drag }
+        Self { epsilon: robot.epsilon(), viscosity: robot.fluid.viscosity(), spin_drag: SpinDrag::new(robot) }
     }
 }
 
@@ -105,7 +103,7 @@ pub struct Equations {
     elastic: DMatrix<f64>,
     hessian: Band,
     wanted: Use,
-    spin_drag: f64,
+    spin_drag: SpinDrag,
 }
 
 impl Equations {
@@ -211,7 +209,7 @@ impl Equations {
                     add(row, unknown, scale * self.hessian.get(slot, column));
                 }
             }
-            let drag = self.spin_drag * rod.rest_length[edge] * kappa;
+            let drag = self.spin_drag.change * rod.rest_length[edge] * kappa;
             add(row, 3 * free + edge - 1, scale * drag);
         }
         matrix
@@ -232,6 +230,12 @@ impl Equations {
                     rows[3 * i + a] = -velocity[a] / kappa;
                 }
             }
+            // The spin of every edge with the frame, rad/s.
+            let turning = |edge: usize| if motion < 3 { 0.0 } else { self.frames[edge][0].dot(&unit) };
+            for edge in 1..n - 1 {
+                let torque = self.spin_drag.frame * rod.rest_length[edge] * turning(edge);
+                rows[3 * n + edge - 1] = -torque_scale(rod) * torque;
+            }
             let correction = solve(&rows);
             for (i, x) in self.nodes.iter().enumerate() {
                 let mut force = V3::zeros();
@@ -250,6 +254,13 @@ impl Equations {
                 for a in 0..3 {
                     response[(a, motion)] += force[a];
                     response[(3 + a, motion)] += torque[a];
+                }
+            }
+            for (edge, [tangent, ..]) in self.frames.iter().enumerate() {
+                let change = if edge == 0 { 0.0 } else { kappa * correction[3 * free + edge - 1] };
+                let torque = -self.spin_drag.frame * rod.rest_length[edge] * (change + turning(edge));
+                for a in 0..3 {
+                    response[(3 + a, motion)] += tangent[a] * torque;
                 }
             }
         }

@@ -117,7 +117,11 @@ impl Sweeps {
         }
         self.contacts.begin(problem, &mut self.flagella);
         self.update_forces(problem, body);
-        self.update_surroundings(problem, &body.body);
+        if !self.surroundings.is_empty() {
+            self.write_lines(problem);
+            self.surroundings.begin(&self.lines, &problem.model.flagella_base(&body.body));
+            self.read_flow(problem);
+        }
         if problem.model.two_way() {
             body.set_response(&problem.step.shafts, problem.inverses.map(|inverse| &inverse.response));
         }
@@ -160,18 +164,27 @@ impl Sweeps {
         if self.surroundings.is_empty() {
             return 0.0;
         }
-        let shafts = &problem.step.shafts;
-        for ((flagellum, shaft), line) in self.flagella.iter().zip(shafts).zip(&mut self.lines) {
+        self.write_lines(problem);
+        let change = self.surroundings.update(&self.lines, &problem.model.flagella_base(body));
+        self.read_flow(problem);
+        change
+    }
+
+    /// Writes the flagella's trial shapes and forces in the body frame.
+    fn write_lines(&mut self, problem: &StepProblem) {
+        for ((flagellum, shaft), line) in self.flagella.iter().zip(&problem.step.shafts).zip(&mut self.lines) {
             flagellum.write_line(shaft, line);
         }
-        let change = self.surroundings.update(&self.lines, &problem.model.flagella_base(body));
+    }
+
+    /// Gives the flagella the surroundings' flow at their nodes.
+    fn read_flow(&mut self, problem: &StepProblem) {
         let mut flow = self.surroundings.flow().iter();
-        for (flagellum, shaft) in self.flagella.iter_mut().zip(shafts) {
+        for (flagellum, shaft) in self.flagella.iter_mut().zip(&problem.step.shafts) {
             for (slot, u) in flagellum.surrounding_flow.iter_mut().zip(flow.by_ref()) {
                 *slot = shaft.to_shaft(*u);
             }
         }
-        change
     }
 
     /// Corrects the base's rate. Returns its change, rad/s.

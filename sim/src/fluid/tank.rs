@@ -1,0 +1,200 @@
+//! The flow of a tank's walls and surface about a robot that turns in it: the images of all its forces, at all its points.
+//!
+//! Body axes in and out, world axes within, where the tank stands still. Images are at least twice as far away as the wall,
+//! and so smooth: they act between every few nodes of a flagellum and eight points of the head ([`super::coarse`]), the
+//! closer together the nearer a wall is. The matrix between these points is kept until they have moved.
+
+use super::coarse::Coarse;
+use super::stokeslet_factor;
+use super::surroundings::Line;
+use super::walls::{Images, Walls};
+use crate::V3;
+use crate::params::Robot;
+use nalgebra::UnitQuaternion;
+
+/// Length between coarse nodes over the distance of the nearest wall and over a turn of the helix, at most: errors are then
+/// below 1 % of the images' flow.
+const SPACING: f64 = 0.25;
+/// Distance of the nearest wall over the size of the head from which on eight points stand for it.
+const FAR_HEAD: f64 = 1.0;
+/// Distance that a point may move, over that of the nearest wall, before the matrix is computed anew.
+const MOVED: f64 = 2e-3;
+
+/// The images' flow about one robot.
+#[derive(Clone, Debug)]
+pub struct TankFlow {
+    walls: Walls,
+    epsilon: f64,
+    factor: f64,
+    /// A turn of the helix along its rod, m.
+    turn: f64,
+    flagella: Vec<CoarseNodes>,
+    head: CoarseSurface,
+    /// Coarse points of all flagella, then of the head, world axes, m.
+    points: Vec<V3>,
+    /// Those of the matrix.
+    assembled: Vec<V3>,
+    /// Distance of the nearest wall or surface, m.
+    clearance: f64,
+    forces: Vec<V3>,
+    images: Images,
+    flow: Vec<V3>,
+}
+
+/// The nodes that stand for those of a flagellum.
+#[derive(Clone, Debug)]
+struct CoarseNodes {
+    /// Half of the adjacent edges, m: forces of the nodes over their densities.
+    nodal_length: Vec<f64>,
+    stride: usize,
+    coarse: Coarse,
+    picks: Vec<usize>,
+}
+
+/// The points that stand for those of the head.
+#[derive(Clone, Debug)]
+struct CoarseSurface {
+    surface: Vec<V3>,
+    far: bool,
+    coarse: Coarse,
+    /// Body frame, m.
+    points: Vec<V3>,
+}
+
+impl TankFlow {
+    /// `at_rest`: nodes of the flagella in the body frame; `head`: points of the head's surface, none without a head; m.
+    pub fn new(robot: &Robot, walls: Walls, at_rest: &[Vec<V3>], head: &[V3]) -> Self {
+        let helix = robot.flagellum.helix(0);
+        let count = at_rest.iter().map(Vec::len).sum::<usize>() + head.len();
+        Self {
+            walls,
+            epsilon: robot.epsilon(),
+            factor: stokeslet_factor(robot.fluid.viscosity()),
+            turn: helix.contour_length() * helix.pitch / helix.axial_length,
+            flagella: at_rest.iter().map(|nodes| CoarseNodes::new(nodes)).collect(),
+            head: CoarseSurface::new(head),
+            points: Vec::new(),
+            assembled: Vec::new(),
+            clearance: 0.0,
+            forces: Vec::new(),
+            images: Images::default(),
+            flow: vec![V3::zeros(); count],
+        }
+    }
+
+    /// Chooses the coarse points for a step that starts from these shapes, computes their matrix and clears the flow.
+    pub fn begin(&mut self, lines: &[Line], attitude: &UnitQuaternion<f64>) {
+        let nodes = lines.iter().flat_map(|line| &line.nodes).chain(&self.head.surface);
+        let clearance = nodes.map(|x| self.walls.clearance(attitude * x)).fold(f64::INFINITY, f64::min);
+        for flagellum in &mut self.flagella {
+            flagellum.choose(SPACING * clearance.min(self.turn));
+        }
+        self.head.choose(clearance);
+        self.clearance = clearance;
+        self.place(lines, attitude);
+        self.assemble();
+        self.flow.fill(V3::zeros());
+    }
+
+    /// Updates the flow for the densities of the flagella and the forces of the head's points, three numbers each (N, body
+    /// axes).
+    pub fn update(&mut self, lines: &[Line], head_forces: &[f64], attitude: &UnitQuaternion<f64>) {
+        self.place(lines, attitude);
+        let bound = MOVED * self.clearance;
+        if self.points.iter().zip(&self.assembled).any(|(x, y)| (x - y).norm() > bound) {
+            self.assemble();
+        }
+        self.forces.clear();
+        self.forces.resize(self.points.len(), V3::zeros());
+        let mut rest = self.forces.as_mut_slice();
+        for (flagellum, line) in self.flagella.iter().zip(lines) {
+            let (own, others) = rest.split_at_mut(flagellum.picks.len());
+            flagellum.coarse.gather(|i| line.density[i] * flagellum.nodal_length[i], own);
+            rest = others;
+        }
+        self.head.coarse.gather(|i| V3::from_column_slice(&head_forces[3 * i..3 * i + 3]), rest);
+        for force in &mut self.forces {
+            *force = attitude * *force;
+        }
+        self.images.multiply(&self.forces);
+
+        // The coarse points' flow takes the place of their forces.
+        for (i, slot) in self.forces.iter_mut().enumerate() {
+            *slot = attitude.inverse_transform_vector(&self.images.flow(i)) * self.factor;
+        }
+        self.flow.fill(V3::zeros());
+        let (mut coarse, mut fine) = (self.forces.as_slice(), self.flow.as_mut_slice());
+        let flagella = self.flagella.iter().map(|f| (&f.coarse, f.nodal_length.len()));
+        for (weights, count) in flagella.chain([(&self.head.coarse, self.head.surface.len())]) {
+            let (own, others) = fine.split_at_mut(count);
+            weights.spread(|c| coarse[c], own);
+            (coarse, fine) = (&coarse[weights.count()..], others);
+        }
+    }
+
+    /// Returns the flow at the nodes of all flagella, one after the other, and then at the points of the head, body axes, m/s.
+    pub fn flow(&self) -> &[V3] {
+        &self.flow
+    }
+
+    /// Returns the flow at the points of the head alone.
+    pub fn at_head(&self) -> &[V3] {
+        &self.flow[self.flow.len() - self.head.surface.len()..]
+    }
+
+    /// Moves the coarse points.
+    fn place(&mut self, lines: &[Line], attitude: &UnitQuaternion<f64>) {
+        self.points.clear();
+        for (flagellum, line) in self.flagella.iter().zip(lines) {
+            self.points.extend(flagellum.picks.iter().map(|i| attitude * line.nodes[*i]));
+        }
+        self.points.extend(self.head.points.iter().map(|x| attitude * x));
+    }
+
+    fn assemble(&mut self) {
+        self.images.assemble(&self.walls, &self.points, &self.points, self.epsilon);
+        self.assembled.clone_from(&self.points);
+    }
+}
+
+impl CoarseNodes {
+    fn new(nodes: &[V3]) -> Self {
+        let half = |i: usize| 0.5 * (nodes[i + 1] - nodes[i]).norm();
+        let last = nodes.len() - 1;
+        let nodal_length =
+            (0..=last).map(|i| if i > 0 { half(i - 1) } else { 0.0 } + if i < last { half(i) } else { 0.0 }).collect();
+        let (coarse, picks) = Coarse::line(nodes.len(), 1);
+        Self { nodal_length, stride: 1, coarse, picks }
+    }
+
+    /// `spacing`: largest length between coarse nodes, m.
+    fn choose(&mut self, spacing: f64) {
+        // An inner node has a whole edge.
+        let stride = (spacing / self.nodal_length[1]).max(1.0) as usize;
+        if stride != self.stride {
+            (self.coarse, self.picks) = Coarse::line(self.nodal_length.len(), stride);
+            self.stride = stride;
+        }
+    }
+}
+
+impl CoarseSurface {
+    fn new(surface: &[V3]) -> Self {
+        let coarse = Coarse::identity(surface.len());
+        Self { surface: surface.to_vec(), far: false, coarse, points: surface.to_vec() }
+    }
+
+    /// `clearance`: distance of the nearest wall, m.
+    fn choose(&mut self, clearance: f64) {
+        let Some(first) = self.surface.first() else { return };
+        let size = self.surface.iter().map(|x| (x - first).norm()).fold(0.0, f64::max);
+        let far = clearance > FAR_HEAD * size;
+        if far != self.far {
+            (self.coarse, self.points) = match far {
+                true => Coarse::body(&self.surface),
+                false => (Coarse::identity(self.surface.len()), self.surface.clone()),
+            };
+            self.far = far;
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! The tank about the flow: plane no-slip walls and a free surface, by images.
+//!
+//! World axes. A point force at height h over a wall, seen from height z, has an image at the height -h: with X from the
+//! image to the point, R^2 = |X|^2 + eps^2, n the wall's normal into the fluid, f_n and X_n components along n, g the
+//! force with its part along the wall reversed, q = g.X,
+//!
+//! ```text
+//! 8 pi mu u = -(1/R + eps^2/R^3) f + 2 h z (1/R^3 - 3 eps^2/R^5) g - 2 h q/R^3 n
+//!             + ((q - 2 z f_n)/R^3 - 6 h z q/R^5) X
+//! ```
+//!
+//! This is the image of Ainley, Durkin, Embid, Boindala and Cortez 2008 (*The method of images for regularized
+//! Stokeslets*), collected: with the Stokeslet of [`super::far`] the flow vanishes at the wall to rounding for every eps,
+//! eps = 0 is Blake's image (1971), and force and velocity may change places (reciprocity).
+//!
+//! A free surface that stays plane reflects: the image of a force is its mirror image, and the walls are mirrored as well,
+//! so that the surface has neither a normal velocity nor shear, whatever walls stand on it.
+//!
+//! Each wall reflects the forces and their mirror images, but not the images in other walls. Where two walls face each
+//! other that is too much: midway between them by 12 % for a force along them (Faxen 1922: a small sphere's drag grows by
+//! 1.004 radii over the distance; two images give 2 x 9/16).
+
+use crate::V3;
+use crate::lanes::{PADDING, Wide};
+use nalgebra::Matrix3;
+use pulp::{Simd, WithSimd};
+
+/// A plane wall across an axis of the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// The axis: 0, 1 or 2.
+    pub axis: usize,
+    /// Where the plane cuts the axis, m.
+    pub at: f64,
+    /// 1 where the fluid is on the side of larger coordinates, else -1.
+    pub side: f64,
+}
+
+impl Plane {
+    /// Returns the height of a point over the wall, m.
+    #[inline(always)]
+    pub fn height(&self, x: V3) -> f64 {
+        self.side * (x[self.axis] - self.at)
+    }
+}
+
+/// No-slip walls, and a free surface across the vertical.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Walls {
+    /// The walls; with a free surface also their mirror images.
+    planes: Vec<Plane>,
+    /// Height of the free surface, m.
+    surface: Option<f64>,
+}
+
+impl Walls {
+    /// `surface`: height of a free surface, m.
+    pub fn new(mut planes: Vec<Plane>, surface: Option<f64>) -> Self {
+        if let Some(surface) = surface {
+            let floors: Vec<Plane> = planes.iter().filter(|p| p.axis == 2).copied().collect();
+            planes.extend(floors.iter().map(|p| Plane { at: 2.0 * surface - p.at, side: -p.side, ..*p }));
+        }
+        Self { planes, surface }
+    }
+
+    /// Returns the least distance of a point from the walls and the surface, m; negative outside.
+    pub fn clearance(&self, x: V3) -> f64 {
+        let surface = self.surface.map_or(f64::INFINITY, |at| at - x.z);
+        self.planes.iter().map(|plane| plane.height(x)).fold(surface, f64::min)
+    }
+
+    /// Returns the flow at `x` of the images of a force at `y` (m), without the factor 1/(8 pi mu): column b is that of a
+    /// unit force along axis b, 1/m.
+    pub fn tensor(&self, x: V3, y: V3, epsilon: f64) -> Matrix3<f64> {
+        let mut images = Images::default();
+        images.assemble(self, &[x], &[y], epsilon);
+        Matrix3::from_fn(|a, b| images.columns[3 * b + a][0])
+    }
+
+    #[inline(always)]
+    fn add<S: Simd>(&self, simd: S, x: [Wide<S>; 3], y: V3, e2: f64, sum: &mut [Wide<S>; 9]) {
+        for plane in &self.planes {
+            match plane.axis {
+                0 => blake::<S, 0>(simd, plane, x, y, e2, sum),
+                1 => blake::<S, 1>(simd, plane, x, y, e2, sum),
+                _ => blake::<S, 2>(simd, plane, x, y, e2, sum),
+            }
+        }
+    }
+}
+
+/// Adds the image of unit forces at `y` in a wall across axis `N`: entry 3 b + a is component a for a force along b.
+#[inline(always)]
+fn blake<S: Simd, const N: usize>(simd: S, plane: &Plane, x: [Wide<S>; 3], y: V3, e2: f64, sum: &mut [Wide<S>; 9]) {
+    let all = |value| Wide::all(simd, value);
+    let (h, side) = (plane.height(y), plane.side);
+    // Distances along the normal are counted along the axis: on the far side of a wall only their sign differs.
+    let z = (x[N] - all(plane.at)).scaled(side);
+    let mut d = [x[0] - all(y.x), x[1] - all(y.y), x[2] - all(y.z)];
+    d[N] = (z + all(h)).scaled(side);
+    let r2 = d[0].times_plus(d[0], d[1].times_plus(d[1], d[2].times_plus(d[2], all(e2))));
+    let i1 = r2.sqrt().inverse();
+    let i2 = i1 * i1;
+    let i3 = i2 * i1;
+    let direct = i3.times_plus(all(e2), i1);
+    let hz = z.scaled(2.0 * h);
+    let mirrored = hz * i3 * i2.times_plus(all(-3.0 * e2), all(1.0));
+    let pull = i3 * (hz * i2).times_plus(all(-3.0), all(1.0));
+    let (across, along) = (i3.scaled(2.0 * h * side), (z * i3).scaled(2.0 * side));
+    for b in 0..3 {
+        let g = if b == N { d[b] } else { -d[b] };
+        let gp = pull * g;
+        for a in 0..3 {
+            let slot = &mut sum[3 * b + a];
+            *slot = d[a].times_plus(gp, *slot);
+            if a == N {
+                *slot = *slot - across * g;
+            }
+            if b == N {
+                *slot = *slot - along * d[a];
+            }
+            if a == b {
+                *slot = *slot - direct + if b == N { mirrored } else { -mirrored };
+            }
+        }
+    }
+}
+
+/// Adds the Stokeslets of unit forces at `y`, with the force along the vertical reversed.
+#[inline(always)]
+fn mirror<S: Simd>(simd: S, x: [Wide<S>; 3], y: V3, e2: f64, sum: &mut [Wide<S>; 9]) {
+    let all = |value| Wide::all(simd, value);
+    let d = [x[0] - all(y.x), x[1] - all(y.y), x[2] - all(y.z)];
+    let r2 = d[0].times_plus(d[0], d[1].times_plus(d[1], d[2].times_plus(d[2], all(e2))));
+    let i1 = r2.sqrt().inverse();
+    let i3 = i1 * i1 * i1;
+    let direct = i3.times_plus(all(e2), i1);
+    for b in 0..3 {
+        let along = i3 * d[b];
+        for a in 0..3 {
+            let mut entry = along * d[a];
+            if a == b {
+                entry = entry + direct;
+            }
+            let slot = &mut sum[3 * b + a];
+            *slot = if b == 2 { *slot - entry } else { *slot + entry };
+        }
+    }
+}
+
+/// The matrix of image flows between points, and its product with forces.
+#[derive(Clone, Debug, Default)]
+pub struct Images {
+    /// For every source nine columns over the targets, 3 b + a as in [`blake`], padded to whole registers.
+    columns: Vec<Vec<f64>>,
+    at: [Vec<f64>; 3],
+    flow: [Vec<f64>; 3],
+}
+
+impl Images {
+    /// Computes the matrix for these points, m: world axes.
+    pub fn assemble(&mut self, walls: &Walls, targets: &[V3], sources: &[V3], epsilon: f64) {
+        let padded = targets.len().div_ceil(PADDING) * PADDING;
+        for (axis, (at, flow)) in self.at.iter_mut().zip(&mut self.flow).enumerate() {
+            // Padding repeats a point: its numbers stay finite.
+            at.clear();
+            at.extend((0..padded).map(|i| targets[i.min(targets.len() - 1)][axis]));
+            flow.resize(padded, 0.0);
+        }
+        self.columns.resize(9 * sources.len(), Vec::new());
+        for column in &mut self.columns {
+            column.resize(padded, 0.0);
+        }
+        pulp::Arch::new().dispatch(Assemble { images: self, walls, sources, e2: epsilon * epsilon });
+    }
+
+    /// Computes the flow of forces (N) at the sources; [`Images::flow`] returns it.
+    pub fn multiply(&mut self, forces: &[V3]) {
+        pulp::Arch::new().dispatch(Multiply { images: self, forces });
+    }
+
+    /// Returns the flow at a target after [`Images::multiply`], without the factor 1/(8 pi mu): N/m.
+    #[inline(always)]
+    pub fn flow(&self, i: usize) -> V3 {
+        V3::new(self.flow[0][i], self.flow[1][i], self.flow[2][i])
+    }
+}
+
+/// Compiles the assembly for the machine's vector instructions.
+struct Assemble<'a> {
+    images: &'a mut Images,
+    walls: &'a Walls,
+    sources: &'a [V3],
+    e2: f64,
+}
+
+impl WithSimd for Assemble<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { images, walls, sources, e2 } = self;
+        let [x, y, z] = &images.at;
+        let zero = Wide::all(simd, 0.0);
+        for (source, columns) in sources.iter().zip(images.columns.chunks_exact_mut(9)) {
+            for block in (0..x.len()).step_by(S::F64_LANES) {
+                let at = [Wide::load(simd, x, block), Wide::load(simd, y, block), Wide::load(simd, z, block)];
+                let mut sum = [zero; 9];
+                if let Some(surface) = walls.surface {
+                    let reflected = V3::new(source.x, source.y, 2.0 * surface - source.z);
+                    walls.add(simd, at, reflected, e2, &mut sum);
+                    for entry in &mut sum[6..] {
+                        *entry = -*entry;
+                    }
+                    mirror(simd, at, reflected, e2, &mut sum);
+                }
+                walls.add(simd, at, *source, e2, &mut sum);
+                for (column, entry) in columns.iter_mut().zip(sum) {
+                    entry.store(column, block);
+                }
+            }
+        }
+    }
+}
+
+/// Compiles the product for the machine's vector instructions.
+struct Multiply<'a> {
+    images: &'a mut Images,
+    forces: &'a [V3],
+}
+
+impl WithSimd for Multiply<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { images, forces } = self;
+        for block in (0..images.at[0].len()).step_by(S::F64_LANES) {
+            let mut sums = [Wide::all(simd, 0.0); 3];
+            for (force, columns) in forces.iter().zip(images.columns.chunks_exact(9)) {
+                for (entry, column) in columns.iter().enumerate() {
+                    let (b, a) = (entry / 3, entry % 3);
+                    sums[a] = Wide::load(simd, column, block).times_plus(Wide::all(simd, force[b]), sums[a]);
+                }
+            }
+            for (flow, sum) in images.flow.iter_mut().zip(sums) {
+                sum.store(flow, block);
+            }
+        }
+    }
+}
