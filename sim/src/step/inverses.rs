@@ -3,7 +3,14 @@
 //! An inverse in the frames of [`super::corotated`] serves a rod that has turned and bent since, but not without limit: a soft
 //! flagellum that buckles has other equations than its helix at rest. So [`State`](crate::state::State) has the shapes about
 //! which the equations are linearised. They are those at rest until the sweeps of a step become many, and then those of that
-//! step. An inverse depends on these shapes and its [`Key`] only, and a restored state goes on bit for bit.
+//! step; a step that fails is tried again with those that are predicted for its end. An inverse depends on these shapes and
+//! its [`Key`] only, and a restored state goes on bit for bit.
+//!
+//! Inverses at rest serve for hundreds of steps and are dense. Those of other shapes serve for some, and their construction
+//! counts: they stay factors in single precision, of equations with a coarser mobility. `cargo bench -p sim --bench trials --
+//! soft` prints how many of them soft flagella need, and `sim/docs/cost.md` has its table. The mean cost since the last new
+//! shapes decides, not the number of sweeps alone: where contact makes the sweeps many, new shapes do not help, and the mean
+//! rises until they are left alone.
 
 use super::model::Model;
 use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
@@ -21,18 +28,18 @@ const SPIN_GRID: f64 = 0.1;
 const KEPT: usize = 24;
 /// New shapes cost about as much as this many sweeps: those of a step with more sweeps than have been taken on average since
 /// the last ones, their cost included, save more than they cost.
-const RENEWAL_SWEEPS: u32 = 30;
+const RENEWAL_SWEEPS: u64 = 30;
 /// Fewer sweeps than this are no reason for new shapes: contact and the base need some with any inverse.
-const MANY_SWEEPS: u32 = 8;
+const MANY_SWEEPS: u64 = 8;
 
 /// The shapes about which the equations of both rods are linearised, and how they have served.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Linearisation {
     rods: [RodState; 2],
     /// Steps taken with them.
-    steps: u32,
+    steps: u64,
     /// Sweeps taken with them, and [`RENEWAL_SWEEPS`].
-    sweeps: u32,
+    sweeps: u64,
 }
 
 impl Linearisation {
@@ -43,6 +50,7 @@ impl Linearisation {
 
     /// Records a step of some sweeps that ended with the shapes `rods`, and goes over to them when the sweeps were many.
     pub fn record(&mut self, sweeps: u32, rods: &[RodState; 2]) {
+        let sweeps = u64::from(sweeps);
         self.steps += 1;
         self.sweeps += sweeps;
         if sweeps >= MANY_SWEEPS && sweeps * self.steps > self.sweeps {

@@ -32,7 +32,7 @@
 //! | search for close edges, `BroadPhase::search` | 10 % | 12 % | 6 % |
 //! | least gap of every step, `BroadPhase::least_distance` | 10 % | 6 % | 3 % |
 //! | moving the shapes, `Flagellum::apply` | 4 % | 4 % | 5 % |
-//! | frozen inverses, `Design::build` | 2 % | 1 % | 0 % |
+//! | frozen inverses, `Equations::invert` | 2 % | 1 % | 0 % |
 //!
 //! Printed, for one column, by
 //! `perf record --call-graph dwarf,4096 -F 997 -e cpu-clock target/release/examples/point 90 90 full 300` and
