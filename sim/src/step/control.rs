@@ -28,11 +28,6 @@ const FIRST_LEVEL: u32 = 3;
 const GOOD_STEPS: u32 = 4;
 /// A step with this many sweeps or more does not make the next one longer.
 const EASY_SWEEPS: u32 = 9;
-/// Steps that get inverses of their own once one has needed it: a rod that buckles takes several.
-const REFRESH_STEPS: u32 = 12;
-/// Halvings from which on steps in contact, too, are tried with inverses of their own. Before that, shorter steps help
-/// them more.
-const REFRESH_LEVEL: u32 = 4;
 /// Steps after contact during which steps stay short, as it mostly comes back.
 const POST_CONTACT_STEPS: u32 = 40;
 /// Steps after contact in which the prediction takes one point less: the motion had a kink.
@@ -67,15 +62,15 @@ pub struct StepControl {
     level: u32,
     /// Steps since the level last changed.
     steps_at_level: u32,
-    /// Steps that still get inverses of their own.
-    own_inverses: u32,
+    /// Whether the next attempt gets inverses of its own: with those kept, one has failed.
+    own_inverses: bool,
     /// Steps since rods last pressed on each other.
     steps_since_contact: u32,
 }
 
 impl Default for StepControl {
     fn default() -> Self {
-        Self { level: 0, steps_at_level: 0, own_inverses: 0, steps_since_contact: u32::MAX }
+        Self { level: 0, steps_at_level: 0, own_inverses: false, steps_since_contact: u32::MAX }
     }
 }
 
@@ -97,13 +92,12 @@ impl StepControl {
         }
         loop {
             let length = self.length(solver, state, until, motors);
-            let own_inverses = self.own_inverses > 0;
             let kink = self.steps_since_contact < KINK_STEPS;
             let attempt = Attempt {
                 length,
                 motors: motors(state.time + length),
                 prediction_points: if kink { POINTS - 1 } else { POINTS },
-                own_inverses,
+                own_inverses: self.own_inverses,
             };
             let left = until - state.time;
             match solver.step(state, &attempt) {
@@ -115,10 +109,8 @@ impl StepControl {
                     self.succeeded(&report);
                     return Ok(report);
                 }
-                Err(StepFailure::Stalled { .. } | StepFailure::Diverged)
-                    if !own_inverses && (state.pairs.is_empty() || self.level >= REFRESH_LEVEL) =>
-                {
-                    self.own_inverses = REFRESH_STEPS;
+                Err(StepFailure::Stalled { .. } | StepFailure::Diverged) if !self.own_inverses => {
+                    self.own_inverses = true;
                 }
                 Err(failure) if self.level >= halvings => {
                     return Err(StepError { time: state.time, step: length, failure });
@@ -133,7 +125,7 @@ impl StepControl {
     }
 
     fn succeeded(&mut self, report: &StepReport) {
-        self.own_inverses = self.own_inverses.saturating_sub(1);
+        self.own_inverses = false;
         self.steps_since_contact = if report.touching > 0 { 0 } else { self.steps_since_contact.saturating_add(1) };
         self.steps_at_level += 1;
         if self.level > 0 && self.steps_at_level >= GOOD_STEPS && report.sweeps < EASY_SWEEPS {

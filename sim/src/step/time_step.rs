@@ -14,7 +14,7 @@ pub struct Attempt {
     pub motors: [MotorState; 2],
     /// Earlier points that the prediction may use, at most [`POINTS`].
     pub prediction_points: usize,
-    /// Whether its frozen inverses are built at the predicted shapes: expensive, but good where rods are about to buckle.
+    /// Whether its frozen inverses are built at the predicted shapes, where rods are about to buckle. They are kept.
     pub own_inverses: bool,
 }
 
