@@ -15,7 +15,7 @@ fn the_published_robot_is_possible() {
 #[test]
 fn impossible_values_name_their_key() {
     type Change = fn(&mut Robot);
-    let cases: [(&str, Change); 12] = [
+    let cases: [(&str, Change); 13] = [
         ("flagellum.rod_radius_m", |r| r.flagellum.rod_radius_m = -1e-3),
         ("flagellum.pitch_m", |r| r.flagellum.pitch_m = 5e-3),
         ("flagellum.helix_radius_m", |r| (r.flagellum.helix_radius_m, r.flagellum.pitch_m) = (0.001, 0.004)),
@@ -27,6 +27,7 @@ fn impossible_values_name_their_key() {
         ("base.inertia_kg_m2", |r| r.base.inertia_kg_m2[2] = 0.0),
         ("contact.tolerance_m", |r| r.contact.tolerance_m = 0.0),
         ("solver.step_rad", |r| r.solver.step_rad = f64::INFINITY),
+        ("solver.step_error", |r| r.solver.step_error = 0.0),
         ("solver.gauss_points", |r| r.solver.gauss_points = 9),
     ];
     for (key, change) in cases {

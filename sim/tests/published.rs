@@ -75,7 +75,7 @@ fn steps_are_short_enough_for_steady_angles() {
             trial.finish().expect("a run").steady.attitude.map(|level| level.mean.to_degrees())
         };
         let mut fine = Robot::default();
-        (fine.solver.step_rad, fine.solver.contact_step_rad, fine.solver.tolerance) = (0.1, 0.1, 1e-3);
+        (fine.solver.step_rad, fine.solver.step_error, fine.solver.tolerance) = (0.1, 1e-4, 1e-3);
         let (usual, fine) = (angles(&Robot::default()), angles(&fine));
         for (name, (usual, fine)) in ["yaw", "pitch", "roll"].into_iter().zip(usual.into_iter().zip(fine)) {
             let check = format!("full ({}, {}): {name} against short steps, degrees", rpm[0], rpm[1]);

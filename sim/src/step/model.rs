@@ -8,7 +8,7 @@ use crate::body::joint::RigidBase;
 use crate::body::shaft::Shaft;
 use crate::fluid::mobility::rigid_resistance;
 use crate::params::{ParamError, Robot};
-use crate::rod::{Rod, helix::Handedness};
+use crate::rod::Rod;
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
 
@@ -61,18 +61,6 @@ impl Model {
     /// Returns the unit vector down in the body frame; on a base that is held for its flagella, along its axis.
     pub fn down(&self, body: &Body) -> V3 {
         if self.two_way() { body.attitude.inverse_transform_vector(&-V3::z()) } else { -V3::z() }
-    }
-
-    /// Returns whether both flagella pull at their clamps at these speeds (rad/s). Where they touch then, they cross and
-    /// mesh like gears.
-    pub fn meshing(&self, speeds: [f64; 2]) -> bool {
-        (0..2).all(|k| {
-            let sign = match self.robot.flagellum.handedness[k] {
-                Handedness::Right => 1.0,
-                Handedness::Left => -1.0,
-            };
-            sign * speeds[k] <= 0.0
-        })
     }
 
     /// Returns the net weight of flagellum `k` with these nodes (shaft frame, m), body axes, moment about the joint.
