@@ -47,7 +47,7 @@ struct Hidden {
 impl Hidden {
     /// Draws each parameter up to 20 % from the published one.
     fn draw(draw: &mut Draw) -> Self {
-        let mut robot = Robot::default();
+        let mut robot = Robot::published();
         robot.joint.tether_full_nm_per_rad *= draw.within(0.8, 1.2);
         robot.base.mass_centre_below_joint_m *= draw.within(0.8, 1.2);
         robot.base.rotational_drag *= draw.within(0.8, 1.2);
@@ -196,11 +196,11 @@ fn calibration_recovers_hidden_robots() {
 #[test]
 fn viscosity_of_a_mixture_starts_from_the_logged_temperature() {
     let (seen, at) = (20.0, |temperature_c| Glycerol { mass_fraction: 0.99, temperature_c });
-    let mut robot = Robot::default();
+    let mut robot = Robot::published();
     robot.fluid.glycerol = Some(at(5.0));
     let mut draw = Draw(3);
     let trial =
-        Hidden { robot: Robot::default(), mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] }.trial(SPEEDS[0], &mut draw);
+        Hidden { robot: Robot::published(), mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] }.trial(SPEEDS[0], &mut draw);
     assert_eq!(trial.temperature_c, seen);
     let request = Request { robot: Some(robot), closure: None, parameters: vec![Parameter::Viscosity], jobs: 1 };
     let calibration = calibrate(vec![FitTrial::new(&trial).unwrap()], &request, &|| {}).unwrap();

@@ -247,7 +247,7 @@ fn errors_in_the_session_and_board_tables_have_line_and_help() {
         (
             "[session]\nrobot = \"\"",
             "4:9: the name of the robot is empty",
-            "give \"published\", or the path of a robot file",
+            "give \"physical\", \"published\", or the path of a robot file",
         ),
         ("[board]\nlow_pass = 7", "4:12: low_pass cannot be 7", low_pass),
         ("[board]\nlow_pass = 300", "4:12: low_pass cannot be 300", low_pass),

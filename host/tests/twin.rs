@@ -345,7 +345,7 @@ fn calibration_recovers_hidden_parameters() {
     let within = |p: &Value, truth: f64| number(&p["interval_95"][0]) <= truth && truth <= number(&p["interval_95"][1]);
     assert_eq!((&tether["name"], &mount["name"]), (&"tether".into(), &"mount-yaw".into()));
     assert!(
-        within(tether, sim::params::Robot::default().joint.tether_full_nm_per_rad) && within(mount, 0.0),
+        within(tether, sim::params::Robot::published().joint.tether_full_nm_per_rad) && within(mount, 0.0),
         "{fitted}"
     );
     assert!(number(&tether["std_error"]) < 0.02 * number(&tether["value"]), "{fitted}");

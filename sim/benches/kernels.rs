@@ -15,7 +15,7 @@ fn main() {
 }
 
 fn rod() -> Rod {
-    let flagellum = Robot::default().flagellum;
+    let flagellum = Robot::published().flagellum;
     Rod::stress_free(flagellum.helix(0).nodes(49), flagellum.stiffness())
 }
 

@@ -2,10 +2,10 @@
 //!
 //! `cargo bench -p sim --bench trials`: real-time factor of 60 s, and the mean thrusts over its last 12 s
 //! against a run with steps and tolerance small enough not to matter (up to twenty times as long).
-//! Then error and speed over the step of flagella that mesh, and the growth of a step's cost with the
-//! number of edges, with the share of the dense inverse and the least cost of an iteration without it.
+//! Then the growth of a step's cost with the number of edges, with the share of the dense inverse and the
+//! least cost of an iteration without it.
 //! Times of the first table are the best of as many runs as fit into six seconds, as other load only
-//! makes a run slower. `-- speed`, `-- steps` and `-- growth` select one of the three.
+//! makes a run slower. `-- speed` and `-- growth` select one of the two.
 
 use divan::black_box;
 use nalgebra::{DMatrix, DVector};
@@ -38,11 +38,9 @@ fn thrust_error(a: &Summary, b: &Summary) -> f64 {
 
 /// The published robot with steps that no longer matter.
 fn fine() -> Robot {
-    let mut robot = Robot::default();
+    let mut robot = Robot::published();
     robot.solver.step_rad = 0.1;
-    // Where flagella mesh, means still move by half a per cent between 0.08 and 0.02.
-    robot.solver.contact_step_rad = 0.02;
-    // Steps of meshing flagella have four times the tolerance.
+    robot.solver.step_error = 5e-5;
     robot.solver.tolerance = 2.5e-4;
     robot.solver.far_field = Precision::Double;
     robot
@@ -62,7 +60,7 @@ fn speed_and_error() {
         ([-90.0, -80.0], Closure::Full),
     ];
     for (rpm, closure) in cases {
-        let robot = Robot::default();
+        let robot = Robot::published();
         let (summary, mut wall) = run(&robot, closure, rpm);
         let begun = Instant::now();
         while begun.elapsed().as_secs_f64() < 6.0 {
@@ -78,29 +76,6 @@ fn speed_and_error() {
             summary.contact_share,
             summary.newton_iterations as f64 / summary.steps as f64,
         );
-    }
-}
-
-/// Error and speed of meshing flagella against the step in contact.
-fn steps() {
-    println!("\n| speeds rpm | contact_step_rad | real-time factor | error of mean thrust | steps | sweeps a step |");
-    println!("| --- | --- | --- | --- | --- | --- |");
-    for rpm in [[-90.0, -80.0], [-50.0, -30.0]] {
-        let reference = run(&fine(), Closure::Full, rpm).0;
-        for step_rad in [0.5, 0.25, 0.125] {
-            let mut robot = Robot::default();
-            robot.solver.contact_step_rad = step_rad;
-            let (summary, wall) = run(&robot, Closure::Full, rpm);
-            println!(
-                "| ({}, {}) | {step_rad} | {:.0} | {:.2} % | {} | {:.2} |",
-                rpm[0],
-                rpm[1],
-                60.0 / wall,
-                100.0 * thrust_error(&summary, &reference),
-                summary.steps,
-                summary.newton_iterations as f64 / summary.steps as f64,
-            );
-        }
     }
 }
 
@@ -142,12 +117,9 @@ fn growth() {
     println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
     let mut points = vec![];
     for edges in [25usize, 50, 100, 200, 400] {
-        // The regularisation may not exceed the edge length.
-        let mut robot = Robot::default();
+        let mut robot = Robot::published();
         let length = robot.flagellum.helix(0).contour_length() / edges as f64;
-        let radii = length / robot.flagellum.rod_radius_m;
         robot.flagellum.edge_length_m = length.min(robot.flagellum.edge_length_m);
-        robot.fluid.regularisation_radii = robot.fluid.regularisation_radii.min(0.99 * radii);
         let rods = [0, 1].map(|k| Rod::stress_free(robot.flagellum.helix(k).nodes(edges), robot.flagellum.stiffness()));
         let mut solver = Solver::with_rods(&robot, Closure::Held, rods).expect("parameters");
         let (mut state, mut control) = (solver.at_rest(), StepControl::default());
@@ -193,12 +165,9 @@ fn growth() {
 
 fn main() {
     let only = std::env::args().nth(1).unwrap_or_default();
-    let wanted = |part: &str| !["speed", "steps", "growth"].contains(&only.as_str()) || only == part;
+    let wanted = |part: &str| !["speed", "growth"].contains(&only.as_str()) || only == part;
     if wanted("speed") {
         speed_and_error();
-    }
-    if wanted("steps") {
-        steps();
     }
     if wanted("growth") {
         growth();

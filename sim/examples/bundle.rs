@@ -11,7 +11,7 @@ use std::error::Error;
 
 fn main() -> Result<(), Box<dyn Error>> {
     // The published flagella are too stiff, too short and too far apart for a bundle.
-    let mut robot = Robot::default();
+    let mut robot = Robot::published();
     robot.flagellum.young_pa = 1e5;
     robot.flagellum.axial_length_m = 0.3;
     robot.base.motor_distance_m = 0.025;

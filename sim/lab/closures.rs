@@ -11,7 +11,7 @@ use sim::sample::Sample;
 use sim::trial::{Options, Trial};
 
 fn main() {
-    let robot = Robot::default();
+    let robot = Robot::published();
     println!(
         "| speeds rpm | closure | yaw at 120 s | at 240 s, deg | rate about z_B, deg/s | by drag alone | tilt, deg | settled |"
     );

@@ -25,7 +25,7 @@ fn main() {
     println!(
         "w1_rpm,w2_rpm,yaw_deg,pitch_deg,roll_deg,settled,settle_s,contact_share,first_contact_s,min_gap_mm,largest_contact_mn,bundling,real_time_factor,error"
     );
-    let robot = Robot::default();
+    let robot = Robot::published();
     let (next, failed) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let start = Instant::now();
     let work = || {

@@ -24,7 +24,7 @@ struct Point {
 fn run([w1, w2]: [f64; 2]) -> Point {
     let profile = SpeedProfile::constant([w1, w2], 120.0).expect("a profile");
     let mut trial =
-        Trial::new(&Robot::default(), Closure::Full, profile, Options::default()).expect("the published robot");
+        Trial::new(&Robot::published(), Closure::Full, profile, Options::default()).expect("the published robot");
     let steady = trial.finish().expect("a run").steady;
     let [yaw_deg, pitch_deg, _] = steady.attitude.map(|level| level.mean.to_degrees());
     Point {

@@ -10,8 +10,8 @@
 //! the robot's axis. Positive speed is counter-clockwise seen from above; a right-handed helix then
 //! pushes towards its clamp.
 //!
-//! Not modelled: inertia of fluid and rods (the Reynolds number is about 0.3 at 90 rpm), walls, the
-//! flow about the base, and the fluid's torque on a rod that spins steadily about its own centre line.
+//! Not modelled: inertia of fluid and rods (the Reynolds number is about 0.3 at 90 rpm), walls, and the fluid's torque
+//! on a rod that spins steadily about its own centre line.
 //! The centre line's regularisation makes the fluid see a rod of exp(-1/2) times its length, that is 0.62
 //! rod radii with the default.
 //!
@@ -30,6 +30,7 @@ mod lanes;
 mod linear;
 pub mod params;
 pub mod profile;
+pub mod resistance;
 pub mod rod;
 pub mod sample;
 pub mod state;

@@ -1,13 +1,19 @@
 //! Every parameter of a robot, its fluid and the solver: unit, default, source, effect of a bad value.
 //!
-//! Keys carry their unit where they have one; everything is SI. The defaults are the published robot
-//! (Hao, Zalavadia, Jawed, ICRA 2024, arXiv 2405.02291, "the publication" below). [`Robot::validate`]
+//! Keys carry their unit where they have one; everything is SI. The defaults are the robot `physical`: the
+//! published robot (Hao, Zalavadia, Jawed, ICRA 2024, arXiv 2405.02291, "the publication" below) with round rods.
+//! [`Robot::published`] has the laboratory's choices, by which the published angles are met. [`Robot::validate`]
 //! names the key and the reason of an impossible value; unknown keys fail when a file is read.
 //!
 //! At 90 rpm the Reynolds number rho_f omega R r/mu is about 0.3, above the 0.1 that the publication
 //! states: Stokes flow is an approximation there.
 
+mod built_in;
+mod head;
 mod validate;
+
+pub use built_in::BUILT_IN;
+pub use head::{Head, HeadShape};
 
 use crate::body::closure::Closure;
 use crate::fluid::far::Precision;
@@ -40,6 +46,8 @@ pub struct Robot {
     pub flagellum: Flagellum,
     /// The fluid.
     pub fluid: Fluid,
+    /// What the fluid sees of the base.
+    pub head: Head,
     /// Ball joint and tether.
     pub joint: Joint,
     /// Contact between flagella.
@@ -166,20 +174,26 @@ pub struct Fluid {
     pub density_kg_m3: f64,
     /// Glycerol and water instead of the two values above.
     pub glycerol: Option<Glycerol>,
-    /// Drag on changes of a rod's spin about its own centre line, over that of a round rod, 4 pi mu r^2 a
-    /// metre (0.02). It acts on the spin in the shaft frame, whose mean vanishes. The published model has
-    /// none; but then twist has no time of its own, and where it snaps (soft flagella driven against their
-    /// winding) no solution. With 1 the mean thrusts of soft flagella change by some per cent.
+    /// Share of a round rod's couple on its spin about its own centre line, 4 pi mu a^2 a metre (`physical`: 1, a
+    /// round rod; `published`: 0). Changes of the spin in the shaft's frame feel at least
+    /// [`crate::step::LEAST_SPIN_DRAG`] of it.
     pub spin_drag: f64,
-    /// Regularisation of the Stokeslets in rod radii (1.03; the publication gives none). The far flow
-    /// is that of a round rod of exp(-1/2) times this. Above the edge length the segments lose their
-    /// meaning, far below it the force density becomes rough.
+    /// Regularisation of the Stokeslets in rod radii (`physical`: 1.6487, `published`: 1.03; the publication gives
+    /// none). A line of regularised Stokeslets moves along and across like a round rod of exp(-1/2) times the
+    /// regularisation: in slender-body theory the drag across a rod of radius a and length 2L is 8 pi mu/(2 ln(2L/a) + 1) a metre,
+    /// and 8 pi mu/(2 ln(2L/eps) + 2) for the line; along, 8 pi mu/(4 ln(2L/a) - 2) and 8 pi mu/(4 ln(2L/eps)).
     pub regularisation_radii: f64,
 }
 
 impl Default for Fluid {
     fn default() -> Self {
-        Self { viscosity_pa_s: 1.0, density_kg_m3: 1260.0, glycerol: None, spin_drag: 0.02, regularisation_radii: 1.03 }
+        Self {
+            viscosity_pa_s: 1.0,
+            density_kg_m3: 1260.0,
+            glycerol: None,
+            spin_drag: 1.0,
+            regularisation_radii: 1.6487,
+        }
     }
 }
 
@@ -335,15 +349,19 @@ impl Robot {
         [crate::V3::new(d, 0.0, -h), crate::V3::new(-d, 0.0, -h)]
     }
 
-    /// Returns the drag coefficient of the base in N m s: 2 pi mu C_r r_h^3.
+    /// Returns the local drag coefficient of the base in N m s: 2 pi mu C_r r_h^3, zero where its head is none or a body in
+    /// the flow.
     pub fn base_drag(&self) -> f64 {
+        if self.head.shape != HeadShape::Local {
+            return 0.0;
+        }
         2.0 * PI * self.fluid.viscosity() * self.base.rotational_drag * self.base.radius_m.powi(3)
     }
 
-    /// Returns the drag on the spin of a rod about its centre line, N m s per metre and radian; see [`Fluid::spin_drag`].
-    pub fn spin_drag(&self) -> f64 {
-        let round = 4.0 * PI * self.fluid.viscosity() * self.flagellum.rod_radius_m.powi(2);
-        self.fluid.spin_drag * round
+    /// Returns the couple of the fluid on a round rod that spins about its centre line, N m s per metre and radian:
+    /// 4 pi mu a^2.
+    pub fn round_spin_drag(&self) -> f64 {
+        4.0 * PI * self.fluid.viscosity() * self.flagellum.rod_radius_m.powi(2)
     }
 
     /// Returns the weight less buoyancy of the rod in N/m, downwards.

@@ -10,7 +10,7 @@ use sim::trial::{Options, Summary, Trial};
 
 /// Softer, longer and closer flagella than the published ones.
 fn soft_robot() -> Robot {
-    let mut robot = Robot::default();
+    let mut robot = Robot::published();
     robot.flagellum.young_pa = 1e5;
     robot.flagellum.axial_length_m = 0.3;
     robot.base.motor_distance_m = 0.025;
@@ -74,7 +74,7 @@ fn a_bundle_with_friction_goes_through() {
 fn two_way_contact_in_the_hard_quadrant() {
     // Both flagella pull inwards: they cross and are forced past each other.
     for rpm in [[-90.0, -80.0], [-50.0, -30.0]] {
-        let robot = Robot::default();
+        let robot = Robot::published();
         let profile = SpeedProfile::constant(rpm, 20.0).expect("a profile");
         let mut trial = Trial::new(&robot, Closure::Full, profile, Options::default()).expect("parameters");
         let summary = trial.finish().expect("a run");

@@ -15,7 +15,7 @@ proptest! {
         apart in 0.004..0.05f64,
         moves in prop::collection::vec((prop::array::uniform3(-1.0..1.0f64), 0.0..0.004f64, 0.0..0.3f64, any::<bool>()), 1..12),
     ) {
-        let robot = Robot::default();
+        let robot = Robot::published();
         let rod = Rod::stress_free(robot.flagellum.helix(0).nodes(49), robot.flagellum.stiffness());
         let rods = [rod.clone(), rod];
         let radius = robot.flagellum.rod_radius_m;

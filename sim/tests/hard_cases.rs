@@ -35,7 +35,7 @@ prop_compose! {
         rpm in prop::collection::vec(prop::array::uniform2(-200.0f64..200.0), 1..4),
         duration in 0.05f64..1.0,
     ) -> Case {
-        let mut robot = Robot::default();
+        let mut robot = Robot::published();
         let f = &mut robot.flagellum;
         f.rod_radius_m *= shape.0;
         f.helix_radius_m *= shape.1;

@@ -8,9 +8,11 @@ mod contact;
 mod elastic;
 mod fluid;
 mod hard_cases;
+mod head;
 mod params;
 mod peer;
 mod published;
+mod resistance;
 mod robot;
 mod rod;
 

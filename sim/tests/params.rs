@@ -1,15 +1,29 @@
 //! The robot's parameters: limits and their messages.
 
 use sim::body::closure::Closure;
-use sim::params::{Glycerol, Robot};
+use sim::params::{BUILT_IN, Glycerol, Robot};
 use sim::step::Solver;
 
 #[test]
-fn the_published_robot_is_possible() {
-    let robot = Robot::default();
-    robot.validate().expect("the default");
-    assert_eq!(robot.flagellum.edges(), 49);
-    assert!((robot.base_drag() - 3.55e-5).abs() < 1e-6);
+fn the_built_in_robots_are_possible() {
+    for name in BUILT_IN {
+        let robot = Robot::built_in(name).expect(name);
+        robot.validate().expect(name);
+        assert_eq!(robot.flagellum.edges(), 49);
+    }
+    assert!((Robot::published().base_drag() - 3.55e-5).abs() < 1e-6);
+    assert_eq!(Robot::built_in("physical"), Some(Robot::default()));
+    assert_eq!(Robot::built_in("published"), Some(Robot::published()));
+    assert_eq!(Robot::built_in("my.toml"), None);
+    assert!((Robot::default().fluid.regularisation_radii - 0.5f64.exp()).abs() < 1e-4, "a round rod");
+}
+
+#[test]
+fn a_regularisation_above_the_edge_length_is_possible() {
+    let mut robot = Robot::default();
+    robot.flagellum.edge_length_m = 0.0025;
+    robot.validate().expect("half the edge length");
+    assert!(robot.epsilon() > robot.flagellum.edge_length_m);
 }
 
 #[test]
@@ -21,7 +35,7 @@ fn impossible_values_name_their_key() {
         ("flagellum.helix_radius_m", |r| (r.flagellum.helix_radius_m, r.flagellum.pitch_m) = (0.001, 0.004)),
         ("flagellum.edge_length_m", |r| r.flagellum.edge_length_m = 0.02),
         ("flagellum.edge_length_m", |r| (r.flagellum.edge_length_m, r.fluid.regularisation_radii) = (1e-4, 0.11)),
-        ("fluid.regularisation_radii", |r| r.fluid.regularisation_radii = 2.0),
+        ("fluid.regularisation_radii", |r| r.fluid.regularisation_radii = 20.0),
         ("fluid.viscosity_pa_s", |r| r.fluid.viscosity_pa_s = f64::NAN),
         ("base.motor_distance_m", |r| r.base.motor_distance_m = 0.02),
         ("base.inertia_kg_m2", |r| r.base.inertia_kg_m2[2] = 0.0),

@@ -14,7 +14,7 @@ use sim::trial::{Options, Trial};
 
 /// The reference's robot: its regularisation, and no weight unless wanted.
 fn robot(weight: bool) -> Robot {
-    let mut robot = Robot::default();
+    let mut robot = Robot::published();
     robot.fluid.regularisation_radii = 1.02;
     if !weight {
         robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
@@ -45,7 +45,7 @@ fn compare(file: &str, rpm: [f64; 2], windows: &[(f64, f64)], swing: [f64; 2], w
     let reference = Series::read(file);
     let duration = windows.iter().fold(0.0, |a: f64, w| a.max(w.1));
     let (samples, _) = run(&robot(weight), rpm, duration);
-    let gravity = Robot::default().net_weight() * 0.243103;
+    let gravity = Robot::published().net_weight() * 0.243103;
     for (from, to) in windows {
         for k in 0..2 {
             let force = |axis: &str| reference.mean(&format!("head_force{}_{axis}_N", k + 1), *from, *to);

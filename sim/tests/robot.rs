@@ -40,7 +40,7 @@ fn run(
 #[test]
 fn stays_at_rest() {
     for closure in [Closure::Held, Closure::Full] {
-        let mut robot = Robot::default();
+        let mut robot = Robot::published();
         robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
         let mut solver = Solver::new(&robot, closure).expect("parameters");
         let mut state = solver.at_rest();
@@ -60,7 +60,7 @@ fn stays_at_rest() {
 fn forces_on_rods_balance_forces_on_clamps() {
     // The load of a clamp, from the elastic forces at its own nodes, against the sum of all loads of the rod: fluid,
     // contact, weight.
-    let mut robot = Robot::default();
+    let mut robot = Robot::published();
     robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
     let mut solver = Solver::new(&robot, Closure::Full).expect("parameters");
     let mut state = solver.at_rest();
@@ -103,7 +103,7 @@ fn forces_on_rods_balance_forces_on_clamps() {
 
 #[test]
 fn body_balance_closes_at_every_step() {
-    let robot = Robot::default();
+    let robot = Robot::published();
     let mut solver = Solver::new(&robot, Closure::Full).expect("parameters");
     let mut state = solver.at_rest();
     let mut worst = 0f64;
@@ -113,7 +113,7 @@ fn body_balance_closes_at_every_step() {
 
 #[test]
 fn turning_everything_changes_nothing() {
-    let mut robot = Robot::default();
+    let mut robot = Robot::published();
     robot.joint.tether_full_nm_per_rad = 0.0;
     // Otherwise the error is the rounding in single precision times the iteration's tolerance.
     robot.solver.far_field = Precision::Double;
@@ -132,7 +132,7 @@ fn turning_everything_changes_nothing() {
     let shape = (0..2).flat_map(|k| x[k].iter().zip(&y[k]).map(|(p, q)| (p - q).norm())).fold(0.0, f64::max);
     prove("turned world: shapes, m", shape, 1e-9);
 
-    let nodes = Robot::default().flagellum.helix(0).nodes(49);
+    let nodes = Robot::published().flagellum.helix(0).nodes(49);
     let q = UnitQuaternion::from_euler_angles(0.7, -1.1, 2.0);
     let moved: Vec<V3> = nodes.iter().map(|p| q * p + V3::new(3.0, -2.0, 1.0)).collect();
     let (here, there) = (mobility(&[&nodes], 3e-3, 1.0), mobility(&[&moved], 3e-3, 1.0));
@@ -150,7 +150,7 @@ fn turning_everything_changes_nothing() {
 #[test]
 fn mirrored_robot_mirrors_its_attitude() {
     let end = |handedness, rpm| {
-        let mut robot = Robot::default();
+        let mut robot = Robot::published();
         robot.flagellum.handedness = [handedness; 2];
         let mut solver = Solver::new(&robot, Closure::Full).expect("parameters");
         let mut state = solver.at_rest();
@@ -170,7 +170,7 @@ fn restored_state_goes_on_bit_for_bit() {
     let profile = || {
         SpeedProfile::phases(&Phases { run: 8.0, decay: 1.0, ..Phases::default() }, [90.0, 60.0]).expect("a profile")
     };
-    let start = || Trial::new(&Robot::default(), Closure::Full, profile(), Options::default()).expect("parameters");
+    let start = || Trial::new(&Robot::published(), Closure::Full, profile(), Options::default()).expect("parameters");
     let mut straight = start();
     let mut first = start();
     for _ in 0..140 {
@@ -190,7 +190,7 @@ fn restored_state_goes_on_bit_for_bit() {
 
 /// Thrust and axial torque of flagellum 1 and thrust of flagellum 2 at (50, 10): means over 6 to 12 s, N and N m.
 fn means(change: impl Fn(&mut Robot), edges: Option<usize>) -> [f64; 3] {
-    let mut robot = Robot::default();
+    let mut robot = Robot::published();
     change(&mut robot);
     let mut solver = match edges {
         None => Solver::new(&robot, Closure::Held),

@@ -95,7 +95,7 @@ fn calibration_recovers_four_robots_from_recordings() {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         0.8 + 0.4 * (state >> 11) as f64 / (1u64 << 53) as f64
     };
-    let published = sim::params::Robot::default();
+    let published = sim::params::Robot::published();
     let mut missed = Vec::new();
     for seed in 1..=4 {
         let mut robot = published.clone();

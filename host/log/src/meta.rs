@@ -92,7 +92,7 @@ pub struct TrialMeta {
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
 pub struct RobotMeta {
-    /// `published`, or the name of the robot's file.
+    /// `physical`, `published`, or the name of the robot's file.
     pub name: String,
     /// Text of the robot's file.
     pub text: String,

@@ -5,7 +5,9 @@ use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::contact::history::BundlingChange;
 use sim::params::Robot;
+use sim::step::LEAST_SPIN_DRAG;
 use sim::trial::Summary;
+use std::borrow::Cow;
 
 /// The model that computed a trial.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
@@ -24,7 +26,30 @@ pub struct ModelMeta {
 impl ModelMeta {
     /// Returns the parameters in use; `None` if they cannot be parsed.
     pub fn robot(&self) -> Option<Robot> {
-        toml::from_str(&self.parameters).ok()
+        toml::from_str(&self.current_parameters()).ok()
+    }
+
+    /// Returns the parameters in use with the meaning of this version.
+    ///
+    /// Versions without a `[head]` table had a drag in its place and a step of its own for contact, and `fluid.spin_drag`
+    /// acted on changes of the spin only, by default with a share of [`LEAST_SPIN_DRAG`], which every robot has now.
+    pub fn current_parameters(&self) -> Cow<'_, str> {
+        let Ok(mut table) = self.parameters.parse::<toml::Table>() else { return Cow::Borrowed(&self.parameters) };
+        if self.parameters.is_empty() || table.contains_key("head") {
+            return Cow::Borrowed(&self.parameters);
+        }
+        let head = toml::Table::from_iter([("shape".to_owned(), toml::Value::String("local".to_owned()))]);
+        table.insert("head".to_owned(), toml::Value::Table(head));
+        if let Some(solver) = table.get_mut("solver").and_then(toml::Value::as_table_mut) {
+            solver.remove("contact_step_rad");
+        }
+        let spin_drag = table.get_mut("fluid").and_then(|fluid| fluid.get_mut("spin_drag"));
+        if let Some(share) = spin_drag
+            && share.as_float() == Some(LEAST_SPIN_DRAG)
+        {
+            *share = toml::Value::Float(0.0);
+        }
+        Cow::Owned(table.to_string())
     }
 }
 
@@ -109,5 +134,24 @@ impl SteadyMeta {
             newton_iterations: summary.newton_iterations,
             simulated_s: summary.simulated_s,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_of_older_versions_keep_their_meaning() {
+        let mut older = toml::Table::try_from(Robot::published()).unwrap();
+        older.remove("head");
+        older["fluid"]["spin_drag"] = toml::Value::Float(LEAST_SPIN_DRAG);
+        older["solver"].as_table_mut().unwrap().insert("contact_step_rad".to_owned(), toml::Value::Float(0.25));
+        let meta = |parameters| ModelMeta { parameters, ..ModelMeta::default() };
+        assert_eq!(meta(older.to_string()).robot(), Some(Robot::published()));
+        for robot in [Robot::published(), Robot::default()] {
+            assert_eq!(meta(toml::to_string(&robot).unwrap()).robot(), Some(robot));
+        }
+        assert_eq!(meta("[fluid".to_owned()).robot(), None);
     }
 }

@@ -34,8 +34,8 @@ pub struct Args {
     /// The parameters to fit: tether, righting, drag, viscosity, young, mount-yaw; by default all except young.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fit: Vec<Parameter>,
-    /// The robot file to start from; by default the robot of the first log.
-    #[arg(long, value_name = "FILE")]
+    /// The robot to start from, a file, `physical` or `published`; by default the robot of the first log.
+    #[arg(long, value_name = "FILE|NAME")]
     robot: Option<PathBuf>,
     /// The closure; by default that of the first log's model, or `full`.
     #[arg(long, value_enum)]

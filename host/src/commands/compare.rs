@@ -30,8 +30,8 @@ pub struct Args {
     /// Compare despite different robots, closures or speeds.
     #[arg(long)]
     anyway: bool,
-    /// Replay with this robot file instead of the robot in the log.
-    #[arg(long, value_name = "FILE", conflicts_with = "b")]
+    /// Replay with this robot file, `physical` or `published`, instead of the robot in the log.
+    #[arg(long, value_name = "FILE|NAME", conflicts_with = "b")]
     robot: Option<PathBuf>,
     /// Replay with this closure; by default that of the log's model, or `full`.
     #[arg(long, value_enum, conflicts_with = "b")]

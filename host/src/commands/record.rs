@@ -4,7 +4,7 @@ use super::{Answer, Outcome, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::board;
-use crate::plan::{EXAMPLE, PUBLISHED, Plan, Trial};
+use crate::plan::{EXAMPLE, Plan, Trial};
 use crate::progress::Progress;
 use crate::run;
 use crate::run::rig::board_copy::BoardCopies;
@@ -17,6 +17,7 @@ use biflag_log::{BoardMeta, End, LinkStats, Origin, Summary};
 use miette::Report;
 use protocol::Command;
 use serde::Serialize;
+use sim::params::BUILT_IN;
 use std::fmt;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -280,7 +281,7 @@ fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Res
         Some(imu) => arguments.extend(["--imu".into(), imu.clone().into_os_string()]),
         None => {
             let robot = match plan.robot.name.as_str() {
-                PUBLISHED => PathBuf::from(PUBLISHED),
+                name if BUILT_IN.contains(&name) => PathBuf::from(name),
                 name => args.plan.parent().unwrap_or(Path::new("")).join(name),
             };
             arguments.extend(["--robot".into(), robot.into_os_string()]);

@@ -3,7 +3,7 @@
 use super::board::{self, BoardSettings};
 use super::expand::{GRID_AXIS, SpeedList, SpeedsTable, expand};
 use super::source::{FileKind, Source, number};
-use super::{HandTurn, MAX_TRIALS, PUBLISHED, Phases, Plan, PlanError, Reverse, RobotFile};
+use super::{HandTurn, MAX_TRIALS, PHYSICAL, Phases, Plan, PlanError, Reverse, RobotFile};
 use serde::Deserialize;
 use std::ops::Range;
 use toml::Spanned;
@@ -25,7 +25,7 @@ pub(super) const KIND: FileKind = FileKind {
 fn help(key: &str) -> Option<&'static str> {
     Some(match key {
         "name" | "operator" | "note" => "give text in quotes",
-        "robot" => "give \"published\", or the path of a robot file in quotes",
+        "robot" => "give \"physical\", \"published\", or the path of a robot file in quotes",
         "seed" => "give a whole number from 0 to 9223372036854775807",
         "repeats" => "give a whole number from 1 to 10000: how often each pair of speeds runs",
         "calibrate" => "give seconds as a plain number: 0.1 to 60, or 0 to keep the bias that the board has",
@@ -77,7 +77,7 @@ impl Default for SessionTable {
             name: no_span("session".to_owned()),
             operator: String::new(),
             note: String::new(),
-            robot: no_span(PUBLISHED.to_owned()),
+            robot: no_span(PHYSICAL.to_owned()),
             seed: None,
             repeats: no_span(1),
         }
@@ -134,7 +134,7 @@ pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
     }
     let robot = session.robot.get_ref();
     if robot.is_empty() {
-        let cure = "give \"published\", or the path of a robot file";
+        let cure = "give \"physical\", \"published\", or the path of a robot file";
         return wrong(session.robot.span(), "the name of the robot is empty", cure);
     }
     let repeats = *session.repeats.get_ref();
@@ -156,7 +156,7 @@ pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
         name: session.name.get_ref().trim().to_owned(),
         operator: session.operator,
         note: session.note,
-        robot: RobotFile { name: robot.clone(), text: String::new() },
+        robot: RobotFile::built_in(robot),
         seed,
         trials: expand(&list, &source)?,
         board: file.board,

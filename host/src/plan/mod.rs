@@ -22,11 +22,12 @@ pub use error::PlanError;
 pub use expand::board_speed;
 pub use file::{MAX_PHASE_S, MIN_RUN_S};
 pub use hand_turn::{Axis, HandTurn};
-pub use robot::{PUBLISHED, RobotFile};
+pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
 pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint};
 
 use protocol::units::CentiRpm;
 use serde::{Deserialize, Serialize};
+use sim::params::BUILT_IN;
 use std::path::Path;
 
 /// An example of a plan with every table.
@@ -61,7 +62,7 @@ pub struct Plan {
     pub operator: String,
     /// Anything worth knowing later.
     pub note: String,
-    /// The robot file, or the published robot.
+    /// The robot.
     pub robot: RobotFile,
     /// Seed that shuffles the trials; `None` keeps the order of the file.
     pub seed: Option<u64>,
@@ -162,7 +163,7 @@ impl Plan {
     pub fn load(path: &Path) -> Result<Self, PlanError> {
         let text = file::KIND.read(path)?;
         let mut plan = Self::parse(&text, &path.display().to_string())?;
-        if plan.robot.name != PUBLISHED {
+        if !BUILT_IN.contains(&plan.robot.name.as_str()) {
             let path = path.parent().unwrap_or(Path::new("")).join(&plan.robot.name);
             plan.robot.text = robot::load(&path)?.text;
         }

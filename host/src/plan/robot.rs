@@ -1,50 +1,70 @@
-//! The robot file: every parameter of the model that differs from the published robot.
+//! The robot: a built-in one by its name, or a file with the parameters of the model that differ from `physical`.
 //!
 //! Keys, units, defaults and sources stand beside the fields of [`sim::params::Robot`], and in
-//! `host/plans/robot-published.toml`. A key that is left out has its default.
+//! `host/plans/robot-published.toml`. A key that is left out has its value of the robot `physical`.
 
 use super::PlanError;
 use super::source::{FileKind, Source, number};
-use sim::params::Robot;
+use biflag_log::RobotMeta;
+use sim::params::{BUILT_IN, Robot};
 use std::path::Path;
 
-/// The robot whose parameters need no file.
+/// The built-in robot that is meant where none is named.
+pub const PHYSICAL: &str = "physical";
+
+/// The built-in robot with the laboratory's choices, see [`Robot::published`].
 pub const PUBLISHED: &str = "published";
 
-/// A robot file, as plans, sessions and logs keep it.
+/// A robot, as plans, sessions and logs keep it.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct RobotFile {
-    /// `published`, or the path that the user gave.
+    /// Name of a built-in robot, or the path that the user gave.
     pub name: String,
-    /// The file's content; empty for `published`.
+    /// The file's content; empty for a built-in robot.
     pub text: String,
 }
 
 impl RobotFile {
-    /// Returns the robot that the file describes.
+    /// Returns the robot of that name, which is not a file.
+    pub fn built_in(name: &str) -> Self {
+        Self { name: name.to_owned(), text: String::new() }
+    }
+
+    /// Returns the robot of a log. One that names none was written before `physical` existed: it is the published one.
+    pub fn of_log(record: Option<RobotMeta>) -> Self {
+        match record {
+            Some(RobotMeta { name, text }) if !name.is_empty() => Self { name, text },
+            _ => Self::built_in(PUBLISHED),
+        }
+    }
+
+    /// Returns the robot's parameters.
     ///
     /// # Errors
     /// [`PlanError::Invalid`].
     pub fn parse(&self) -> Result<Robot, PlanError> {
-        parse(&self.text, &self.name)
+        Robot::built_in(&self.name).map_or_else(|| parse(&self.text, &self.name), Ok)
     }
 }
 
 const KIND: FileKind = FileKind {
     noun: "robot file",
     example: "host/plans/robot-published.toml has every key",
-    tables: &["base", "flagellum", "fluid", "joint", "contact", "solver", "glycerol"],
+    tables: &["base", "flagellum", "fluid", "head", "joint", "contact", "solver", "glycerol"],
     help: |_| None,
 };
 
-/// Reads and checks a robot file, which must set something.
+/// Returns the built-in robot of this name; reads and checks any other as a robot file, which must set something.
 ///
 /// # Errors
 /// [`PlanError`].
 pub fn load(path: &Path) -> Result<RobotFile, PlanError> {
+    if let Some(name) = path.to_str().filter(|name| BUILT_IN.contains(name)) {
+        return Ok(RobotFile::built_in(name));
+    }
     let file = RobotFile { text: KIND.read(path)?, name: path.display().to_string() };
     file.parse()?;
-    // Any text whose lines are all comments is TOML, and would be the published robot under another name.
+    // Any text whose lines are all comments is TOML, and would be the robot `physical` under another name.
     if file.text.parse::<toml::Table>().is_ok_and(|table| table.is_empty()) {
         return Err(KIND.is_not(&file.name));
     }
@@ -60,8 +80,10 @@ pub fn parse(text: &str, name: &str) -> Result<Robot, PlanError> {
     let robot: Robot = source.read()?;
     robot.validate().map_err(|error| {
         let what = format!("{} = {}: {}", error.key, number(error.value), error.reason);
-        let cure =
-            format!("correct {} or what it depends on; keys that are left out have their published values", error.key);
+        let cure = format!(
+            "correct {} or what it depends on; keys that are left out have the values of `physical`",
+            error.key
+        );
         source.error_at(error.key.split('.'), what, cure)
     })?;
     Ok(robot)
@@ -72,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn missing_keys_have_their_published_values() {
+    fn missing_keys_have_the_values_of_physical() {
         assert_eq!(parse("", "my.toml").unwrap(), Robot::default());
         let robot =
             parse("[flagellum]\nyoung_pa = 1_000_000\nhandedness = [\"left\", \"right\"]\n", "my.toml").unwrap();
@@ -81,9 +103,27 @@ mod tests {
     }
 
     #[test]
+    fn built_in_robots_are_known_by_name() {
+        for (name, robot) in [(PHYSICAL, Robot::default()), (PUBLISHED, Robot::published())] {
+            assert!(BUILT_IN.contains(&name));
+            let file = load(Path::new(name)).unwrap();
+            assert_eq!((file.name.as_str(), file.parse().unwrap()), (name, robot));
+        }
+        assert!(matches!(load(Path::new("./published")), Err(PlanError::Read { .. })), "a path is a file");
+    }
+
+    #[test]
+    fn a_log_without_a_name_is_of_the_published_robot() {
+        assert_eq!(RobotFile::of_log(None).parse().unwrap(), Robot::published());
+        assert_eq!(RobotFile::of_log(Some(RobotMeta::default())).parse().unwrap(), Robot::published());
+        let meta = RobotMeta { name: PHYSICAL.to_owned(), text: String::new() };
+        assert_eq!(RobotFile::of_log(Some(meta)).parse().unwrap(), Robot::default());
+    }
+
+    #[test]
     fn every_mistake_is_named_with_its_line_and_its_cure() {
         let toml = "a robot file is a TOML file in UTF-8; host/plans/robot-published.toml has every key";
-        let tables = "write one of `base`, `flagellum`, `fluid`, `joint`, `contact`, `solver`, or leave it out";
+        let tables = "write one of `base`, `flagellum`, `fluid`, `head`, `joint`, `contact`, `solver`, or leave it out";
         for (text, message, cure) in [
             ("[base]\nmass_kg = \"94\"\n", "my.toml:2:11: mass_kg cannot be \"94\"", "give a number"),
             (
@@ -123,8 +163,8 @@ mod tests {
                 "my.toml:2:17: flagellum.edge_length_m = 0.02: too long to resolve the helix",
             ),
             (
-                "[fluid]\nregularisation_radii = 2\n",
-                "my.toml:2:24: fluid.regularisation_radii = 2: 6.00e-3 m is above the edge length",
+                "[fluid]\nregularisation_radii = 11\n",
+                "my.toml:2:24: fluid.regularisation_radii = 11: must be between 0.1 and 10",
             ),
             (
                 "[base]\nmotor_distance_m = 0.01\n",

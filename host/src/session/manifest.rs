@@ -1,10 +1,11 @@
 //! `session.toml`, the manifest of a session folder.
 
 use super::SessionError;
-use crate::plan::{PUBLISHED, Plan};
+use crate::plan::{PHYSICAL, PUBLISHED, Plan};
 use crate::program;
 use biflag_log::atomic_file::Draft;
 use serde::{Deserialize, Serialize};
+use sim::params::BUILT_IN;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::time::SystemTime;
@@ -31,7 +32,7 @@ pub(super) struct Manifest {
     /// Text of the robot's file; empty if there is none.
     #[serde(default)]
     robot: Option<String>,
-    /// Name of the robot's file, if it is not the one in the plan.
+    /// Name of the robot or of its file.
     #[serde(default)]
     robot_name: Option<String>,
 }
@@ -92,12 +93,15 @@ impl Manifest {
     pub fn plan(self, folder: &Path) -> Result<Plan, SessionError> {
         let path = folder.join(MANIFEST);
         let mut plan = Plan::parse(&self.plan, &format!("plan in {}", path.display()))?;
-        if let Some(name) = self.robot_name {
-            plan.robot.name = name;
+        match self.robot_name {
+            Some(name) => plan.robot.name = name,
+            // A manifest without the name was written before `physical` existed.
+            None if plan.robot.name == PHYSICAL => plan.robot.name = PUBLISHED.to_owned(),
+            None => {}
         }
         plan.robot.text = match self.robot {
             Some(text) => text,
-            None if plan.robot.name == PUBLISHED => String::new(),
+            None if BUILT_IN.contains(&plan.robot.name.as_str()) => String::new(),
             None => return Err(SessionError::Manifest { path, reason: "the robot file is missing".to_owned() }),
         };
         Ok(plan)

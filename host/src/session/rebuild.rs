@@ -79,7 +79,7 @@ pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
 fn plan_of(log: &Path) -> Result<Option<Plan>, LogError> {
     let mut reader = Reader::open(log)?;
     let (meta, robot): (Option<PlanMeta>, Option<RobotMeta>) = (reader.read_until()?, reader.read_until()?);
-    let (Some(meta), Some(RobotMeta { name, text })) = (meta, robot) else { return Ok(None) };
+    let (Some(meta), Some(robot)) = (meta, robot) else { return Ok(None) };
     let plan = Plan::parse(&meta.text, "the plan").ok();
-    Ok(plan.map(|plan| Plan { robot: RobotFile { name, text }, ..plan }))
+    Ok(plan.map(|plan| Plan { robot: RobotFile::of_log(Some(robot)), ..plan }))
 }

@@ -1,7 +1,7 @@
 //! Sessions that are started, interrupted, resumed, and misused.
 
 use super::*;
-use crate::plan::{RobotFile, board};
+use crate::plan::{PUBLISHED, RobotFile, board};
 use crate::run;
 use biflag_log::{ClockMeta, EventKind, Origin, Writer};
 use protocol::{Info, Settings};
@@ -266,11 +266,11 @@ fn manifest_is_rebuilt_from_the_logs_of_one_plan_only() {
     assert!(!folder.path().join(MANIFEST).exists());
 }
 
-/// Only the plan and a robot of its own are needed to go on.
+/// Only the plan and a robot of its own are needed to go on. Without the robot's name it is the published one.
 #[test]
 fn cosmetic_keys_may_be_missing_in_the_manifest() {
     let folder = tempfile::tempdir().unwrap();
-    let plan = two_trials();
+    let plan = Plan { robot: RobotFile::built_in(PUBLISHED), ..two_trials() };
     let session = Session::create(folder.path(), &plan).unwrap();
     let manifest = folder.path().join(MANIFEST);
     let table: toml::Table = std::fs::read_to_string(&manifest).unwrap().parse().unwrap();

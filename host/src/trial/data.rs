@@ -3,7 +3,7 @@
 use super::bounds::Times;
 use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading};
-use crate::plan::{PUBLISHED, PlanError, board, robot};
+use crate::plan::{PlanError, RobotFile, board, robot};
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
     BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, LevelMeta, LinkStats, Loss, Meta, ModelMeta,
@@ -230,9 +230,8 @@ impl Data {
     /// [`PlanError`] if the parameters in the log are invalid.
     pub fn robot(&self) -> Result<Robot, PlanError> {
         match (&self.records.model, &self.records.robot) {
-            (Some(model), _) => robot::parse(&model.parameters, "its parameters"),
-            (None, Some(file)) if file.name != PUBLISHED => robot::parse(&file.text, &file.name),
-            _ => Ok(Robot::default()),
+            (Some(model), _) => robot::parse(&model.current_parameters(), "its parameters"),
+            (None, file) => RobotFile::of_log(file.clone()).parse(),
         }
     }
 

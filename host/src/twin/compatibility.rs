@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn robot_difference_is_the_first_parameter_that_differs() {
-        let published = Robot::default();
+        let published = Robot::published();
         assert_eq!(robot_difference(&published, &published), None);
         let mut other = published.clone();
         other.solver.sweeps += 1;

@@ -3,7 +3,7 @@
 use super::{Skipped, TwinError};
 use crate::plan::{Plan, RobotFile, Trial};
 use crate::session::{MANIFEST, Session};
-use biflag_log::{PlanMeta, Reader, RobotMeta, TrialMeta};
+use biflag_log::{PlanMeta, Reader, TrialMeta};
 use std::path::{Path, PathBuf};
 
 /// The logs of a session, or one log.
@@ -50,12 +50,10 @@ impl Source {
         // These records are at the beginning of a log, in this order.
         let meta: Option<PlanMeta> = reader.read_until()?;
         let name = reader.read_until::<TrialMeta>()?.map(|trial| trial.name);
-        let robot: Option<RobotMeta> = reader.read_until()?;
+        let robot = reader.read_until()?;
         let meta = meta.ok_or_else(|| unusable("the record of its plan cannot be read"))?;
         let mut plan = Plan::parse(&meta.text, &format!("plan in {}", path.display()))?;
-        if let Some(RobotMeta { name, text }) = robot {
-            plan.robot = RobotFile { name, text };
-        }
+        plan.robot = RobotFile::of_log(robot);
         let trial = plan.trials.iter().find(|trial| Some(&trial.name) == name.as_ref()).cloned();
         let trial = trial.ok_or_else(|| unusable("its trial is not in its plan"))?;
         Ok(Self { path: path.to_owned(), plan, logs: vec![(trial, path.to_owned())], skipped: Vec::new() })

@@ -7,6 +7,7 @@ use super::Body;
 use super::attitude::euler_zyx;
 use super::closure::Closure;
 use crate::V3;
+use crate::fluid::head::RigidSurface;
 use crate::params::Robot;
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
@@ -15,7 +16,8 @@ use std::f64::consts::PI;
 #[derive(Clone, Debug)]
 pub struct RigidBase {
     inertia: V3,
-    drag: f64,
+    /// Of the head alone.
+    drag: Matrix3<f64>,
     flagella_resistance: Matrix3<f64>,
     righting: f64,
     tether: f64,
@@ -29,12 +31,17 @@ const SLIP: f64 = 0.01 * PI / 180.0;
 
 impl RigidBase {
     /// From the parameters. Only the closure `lumped` uses `flagella_resistance`: the rotational resistance of the rigid
-    /// flagella about the joint, N m s.
-    pub fn new(robot: &Robot, closure: Closure, flagella_resistance: Matrix3<f64>) -> Self {
+    /// flagella about the joint, N m s. `head`: the head where it is a body in the flow, which replaces the local drag.
+    pub fn new(
+        robot: &Robot,
+        closure: Closure,
+        flagella_resistance: Matrix3<f64>,
+        head: Option<&RigidSurface>,
+    ) -> Self {
         let base = &robot.base;
         Self {
             inertia: V3::from(base.inertia_kg_m2),
-            drag: robot.base_drag(),
+            drag: head.map_or(Matrix3::identity() * robot.base_drag(), |head| head.rotational_resistance()),
             flagella_resistance,
             righting: base.mass_kg * base.gravity_m_s2 * base.mass_centre_below_joint_m,
             tether: robot.joint.tether(closure),
@@ -46,7 +53,7 @@ impl RigidBase {
 
     /// Returns the moment of everything but the flagella's loads, N m.
     pub fn moment(&self, body: &Body) -> V3 {
-        let mut moment = -body.rate * self.drag;
+        let mut moment = -(self.drag * body.rate);
         if self.closure == Closure::Paper {
             let pitch = euler_zyx(&body.attitude)[1];
             moment.y -= self.righting * pitch.sin();
@@ -76,7 +83,7 @@ impl RigidBase {
     pub fn stiffness(&self, body: &Body, h_eff: f64) -> Matrix3<f64> {
         let up = body.attitude.inverse_transform_vector(&V3::z());
         let mut s = Matrix3::from_diagonal(&(self.inertia / h_eff));
-        s += Matrix3::identity() * self.drag;
+        s += self.drag;
         if self.closure == Closure::Paper {
             s[(1, 1)] += self.righting * h_eff;
             return s;
@@ -100,7 +107,7 @@ mod tests {
 
     #[test]
     fn the_righting_moment_rights() {
-        let base = RigidBase::new(&Robot::default(), Closure::Full, Matrix3::zeros());
+        let base = RigidBase::new(&Robot::published(), Closure::Full, Matrix3::zeros(), None);
         let body = Body { attitude: UnitQuaternion::from_axis_angle(&V3::y_axis(), 0.2), ..Body::default() };
         assert!(base.moment(&body).y < 0.0);
     }

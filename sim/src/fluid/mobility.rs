@@ -33,7 +33,7 @@ pub fn mobility(lines: &[&[V3]], epsilon: f64, viscosity: f64) -> DMatrix<f64> {
 }
 
 /// Returns the weights that integrate a nodal density along a line: half the adjacent edge lengths, in m.
-fn nodal_lengths(line: &[V3]) -> Vec<f64> {
+pub fn nodal_lengths(line: &[V3]) -> Vec<f64> {
     let mut weights = vec![0.0; line.len()];
     for (i, pair) in line.windows(2).enumerate() {
         let half = 0.5 * (pair[1] - pair[0]).norm();

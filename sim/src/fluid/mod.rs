@@ -6,12 +6,15 @@
 //! segments*).
 //!
 //! [`segment`] has the exact integrals, [`mobility`] the dense matrix, and [`near`] with [`far`] the
-//! fast product: exact segments within a few edges on the same rod, Gauss points for all others.
+//! fast product: exact segments within a few edges on the same rod, Gauss points for all others. [`head`] is a rigid body in
+//! the same flow, and [`surroundings`] couples it to the flagella.
 
 pub mod far;
+pub mod head;
 pub mod mobility;
 pub mod near;
 pub mod segment;
+pub mod surroundings;
 
 use std::f64::consts::PI;
 

@@ -4,14 +4,14 @@ use super::{ParamError, Robot};
 use crate::fluid::near::LEAST_EPSILON;
 use std::f64::consts::{PI, TAU};
 
-fn within(key: &'static str, value: f64, low: f64, high: f64) -> Result<(), ParamError> {
+pub(super) fn within(key: &'static str, value: f64, low: f64, high: f64) -> Result<(), ParamError> {
     if value >= low && value <= high {
         return Ok(());
     }
     Err(ParamError { key, value, reason: format!("must be between {low} and {high}") })
 }
 
-fn refuse(key: &'static str, value: f64, reason: impl Into<String>) -> Result<(), ParamError> {
+pub(super) fn refuse(key: &'static str, value: f64, reason: impl Into<String>) -> Result<(), ParamError> {
     Err(ParamError { key, value, reason: reason.into() })
 }
 
@@ -21,6 +21,8 @@ impl Robot {
         self.validate_base()?;
         self.validate_flagellum()?;
         self.validate_fluid()?;
+        let rod = self.flagellum.rod_radius_m;
+        self.head.validate(&self.shaft_feet(), self.flagellum.helix_radius_m + rod, rod)?;
         let (joint, contact, solver) = (&self.joint, &self.contact, &self.solver);
         within("joint.tether_full_nm_per_rad", joint.tether_full_nm_per_rad, 0.0, 1e3)?;
         within("joint.tether_lumped_nm_per_rad", joint.tether_lumped_nm_per_rad, 0.0, 1e3)?;
@@ -129,16 +131,6 @@ impl Robot {
         // Edges come out a little longer or shorter than asked for.
         let edge = self.flagellum.helix(0).contour_length() / self.flagellum.edges() as f64;
         let share = self.epsilon() / edge;
-        if share > 1.0 {
-            return refuse(
-                "fluid.regularisation_radii",
-                fluid.regularisation_radii,
-                format!(
-                    "{:.2e} m is above the edge length {edge:.2e} m: make edges longer or the regularisation smaller",
-                    self.epsilon()
-                ),
-            );
-        }
         if share < LEAST_EPSILON {
             return refuse(
                 "flagellum.edge_length_m",

@@ -44,7 +44,7 @@ pub fn finish(
     converged: Converged,
 ) -> Result<(StepReport, Body), StepFailure> {
     let (model, shafts) = (problem.model, &problem.step.shafts);
-    let Sweeps { flagella, contacts, .. } = sweeps;
+    let Sweeps { flagella, contacts, surroundings, .. } = sweeps;
     let fluid = [0, 1].map(|k| flagella[k].fluid_load(&model.rods[k], &shafts[k]));
     let contact = contacts.loads(&model.feet);
     let (next, moment_error) = match model.closure {
@@ -56,7 +56,10 @@ pub fn finish(
                 moment: fluid[k].moment + contact[k].moment,
                 axial_torque: fluid[k].axial_torque + contact[k].axial_torque,
             });
-            let moment = flagella_moment(model.closure, &loads, model.robot.base.motor_distance_m);
+            let mut moment = flagella_moment(model.closure, &loads, model.robot.base.motor_distance_m);
+            if model.closure == Closure::Lumped {
+                moment += surroundings.induced_moment();
+            }
             let mut alone = BodySolve::new(problem.state, problem.step);
             if !alone.solve(&model.base, moment) {
                 return Err(StepFailure::Diverged);
@@ -72,6 +75,7 @@ pub fn finish(
         touching: contacts.pairs.iter().filter(|p| p.force > 0.0).count() as u32,
         largest_force: contacts.pairs.iter().fold(0.0, |a, p| a.max(p.force)),
         fluid,
+        head: surroundings.load(),
         contact,
         weight: [0, 1].map(|k| model.weight(k, &flagella[k].shape.nodes, &shafts[k], down)),
         moment_error,

@@ -52,6 +52,15 @@ pub struct SweepErrors {
     pub gap: f64,
 }
 
+/// Changes of one sweep that the next one's residual has not seen.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Changes {
+    /// Of the base's rate, rad/s.
+    pub rate: f64,
+    /// Of the surroundings' flow at the flagella, m/s.
+    pub flow: f64,
+}
+
 /// What follows from a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
@@ -123,10 +132,11 @@ impl Convergence {
         residual > SLOW * self.last.residual
     }
 
-    /// Judges a sweep. `rate_change`: change of the base's rate in it, rad/s.
-    pub fn judge(&mut self, sweep: u32, errors: SweepErrors, rate_change: f64) -> Verdict {
+    /// Judges a sweep.
+    pub fn judge(&mut self, sweep: u32, errors: SweepErrors, changes: Changes) -> Verdict {
         self.last = errors;
-        if self.rods_converged(sweep, &errors) && rate_change * self.reach < BASE_MOTION * self.tolerance {
+        let settled = changes.rate * self.reach < BASE_MOTION * self.tolerance && changes.flow < self.tolerance;
+        if self.rods_converged(sweep, &errors) && settled {
             return Verdict::Converged;
         }
         let error = errors.residual.max(MOTION_SHARE * errors.contact_motion);
@@ -165,7 +175,7 @@ mod tests {
             best: (f64::INFINITY, 0),
         };
         let errors = |residual| SweepErrors { residual, contact_motion: 0.0, gap: 0.0 };
-        (0..).zip(residuals).map(|(sweep, r)| convergence.judge(sweep, errors(*r), 0.0)).collect()
+        (0..).zip(residuals).map(|(sweep, r)| convergence.judge(sweep, errors(*r), Changes::default())).collect()
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! the density, with the torque about every free edge.
 
 use super::corotated::{from_reference, to_reference};
+use super::limits::LEAST_SPIN_DRAG;
 use super::panels::Panels;
 use super::preconditioner::{Preconditioner, torque_scale};
 use crate::V3;
@@ -14,6 +15,7 @@ use crate::body::shaft::Shaft;
 use crate::fluid::far::{Sources, Targets, gauss_rule};
 use crate::fluid::near::NearBand;
 use crate::fluid::stokeslet_factor;
+use crate::fluid::surroundings::Line;
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, frames::Frames};
 use crate::state::{RodState, Shape};
@@ -40,13 +42,15 @@ pub struct Flagellum {
     pub density: Vec<V3>,
     /// Contact forces on the nodes, shaft frame, N.
     pub contact: Vec<V3>,
+    /// Flow of all but the flagella at the nodes, shaft axes, m/s; see [`crate::fluid::surroundings`].
+    pub surrounding_flow: Vec<V3>,
     /// Sum over the past of the time formula's weights times the nodes, over the step: m/s.
     pub history: Vec<V3>,
     /// The same for the angles of the edges, rad/s.
     pub angle_history: Vec<f64>,
     /// First weight of the time formula over the step, 1/s.
     pub kappa: f64,
-    /// Drag on the spin of an edge, N m s a metre and radian.
+    /// Drag on changes of an edge's spin in the shaft frame, N m s a metre and radian.
     spin_drag: f64,
     /// Residual over kappa: 3 n rows in m, then n - 2 torque rows in rad.
     residual: Vec<f64>,
@@ -74,10 +78,11 @@ impl Flagellum {
             frames: Frames::new(n),
             density: vec![V3::zeros(); n],
             contact: vec![V3::zeros(); n],
+            surrounding_flow: vec![V3::zeros(); n],
             history: vec![V3::zeros(); n],
             angle_history: vec![0.0; n - 1],
             kappa: 1.0,
-            spin_drag: robot.spin_drag(),
+            spin_drag: robot.fluid.spin_drag.max(LEAST_SPIN_DRAG) * robot.round_spin_drag(),
             residual: vec![0.0; 4 * n - 2],
             correction: vec![0.0; 4 * n - 2],
             gradient: vec![0.0; 4 * n],
@@ -131,6 +136,14 @@ impl Flagellum {
         }
     }
 
+    /// Writes nodes and force densities in the body frame.
+    pub fn write_line(&self, shaft: &Shaft, line: &mut Line) {
+        line.nodes.clear();
+        line.nodes.extend(self.shape.nodes.iter().map(|x| shaft.point_to_body(*x)));
+        line.density.clear();
+        line.density.extend(self.density.iter().map(|f| shaft.to_body(*f)));
+    }
+
     /// Updates the residual and returns its size in m/s.
     ///
     /// `other`: far field of the other rod, in this shaft frame; `lever`: velocity in m/s that a twist error of one
@@ -148,7 +161,8 @@ impl Flagellum {
         let inverse = 1.0 / motion.kappa;
         let mut largest = 0f64;
         for i in 0..n {
-            let slip = self.velocity(motion, i) - self.near.flow(i) - self.targets.flow(i) * factor;
+            let flagella = self.velocity(motion, i) - self.near.flow(i) - self.targets.flow(i) * factor;
+            let slip = flagella - self.surrounding_flow[i];
             largest = largest.max(slip.norm_squared());
             for a in 0..3 {
                 self.residual[3 * i + a] = slip[a] * inverse;

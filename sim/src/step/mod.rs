@@ -61,7 +61,7 @@ mod truncation;
 mod unknowns;
 
 pub use control::{StepControl, StepError};
-pub use limits::Limits;
+pub use limits::{LEAST_SPIN_DRAG, Limits};
 pub use model::Model;
 pub use report::{StepFailure, StepReport};
 pub use solver::Solver;

@@ -6,7 +6,9 @@ use crate::body::Body;
 use crate::body::closure::{Closure, Load};
 use crate::body::joint::RigidBase;
 use crate::body::shaft::Shaft;
+use crate::fluid::head::RigidSurface;
 use crate::fluid::mobility::rigid_resistance;
+use crate::fluid::surroundings::Surroundings;
 use crate::params::{ParamError, Robot};
 use crate::rod::Rod;
 use nalgebra::Matrix3;
@@ -25,6 +27,8 @@ pub struct Model {
     pub feet: [V3; 2],
     /// The base on its joint.
     pub base: RigidBase,
+    /// Its head, where that is a body in the flow.
+    pub head: Option<RigidSurface>,
     /// Lengths and limits of contact.
     pub limits: Limits,
 }
@@ -43,9 +47,10 @@ impl Model {
             })?,
             _ => Matrix3::zeros(),
         };
-        let base = RigidBase::new(robot, closure, resistance);
+        let head = RigidSurface::of_head(robot)?;
+        let base = RigidBase::new(robot, closure, resistance, head.as_ref());
         let limits = Limits::new(robot, &rods[0]);
-        Ok(Self { robot: robot.clone(), closure, rods, feet, base, limits })
+        Ok(Self { robot: robot.clone(), closure, rods, feet, base, head, limits })
     }
 
     /// Returns whether the clamps of the elastic rods move with the body.
@@ -56,6 +61,21 @@ impl Model {
     /// Returns the radius of a flagellum, m: of its helix, or of its rod where that is thicker.
     pub fn radius(&self) -> f64 {
         self.robot.flagellum.helix_radius_m.max(self.robot.flagellum.rod_radius_m)
+    }
+
+    /// Returns what surrounds the flagella in the fluid, before any step.
+    pub fn surroundings(&self) -> Surroundings {
+        let line = |k: usize| {
+            let shaft = Shaft::new(self.feet[k], 0.0);
+            self.rods[k].shape.iter().map(|x| shaft.point_to_body(*x)).collect()
+        };
+        let lines: Vec<Vec<V3>> = (0..self.rods.len()).map(line).collect();
+        Surroundings::new(&self.robot, self.head.as_ref(), &lines)
+    }
+
+    /// Returns how the flagella's base moves: as the body does, or not at all where it is held for them.
+    pub fn flagella_base(&self, body: &Body) -> Body {
+        if self.two_way() { *body } else { Body::default() }
     }
 
     /// Returns the unit vector down in the body frame; on a base that is held for its flagella, along its axis.

@@ -9,6 +9,7 @@
 //! s rounded to a grid. So it depends on its key only, and a restored state goes on bit for bit. Where a rod is about to buckle or snap, the iteration with it stalls; then a step
 //! gets an inverse of its own, built at its predicted shape and dropped after it.
 
+use super::limits::LEAST_SPIN_DRAG;
 use super::panels::Panels;
 use crate::V3;
 use crate::fluid::mobility::mobility;
@@ -33,14 +34,15 @@ pub struct FluidParams {
     pub epsilon: f64,
     /// Viscosity, Pa s.
     pub viscosity: f64,
-    /// Drag on the spin of an edge, N m s a metre and radian.
+    /// Drag on changes of an edge's spin in the shaft frame, N m s a metre and radian.
     pub spin_drag: f64,
 }
 
 impl FluidParams {
     /// Those of a robot.
     pub fn new(robot: &Robot) -> Self {
-        Self { epsilon: robot.epsilon(), viscosity: robot.fluid.viscosity(), spin_drag: robot.spin_drag() }
+        let spin_drag = robot.fluid.spin_drag.max(LEAST_SPIN_DRAG) * robot.round_spin_drag();
+        Self { epsilon: robot.epsilon(), viscosity: robot.fluid.viscosity(), spin_drag }
     }
 }
 

@@ -52,6 +52,9 @@ pub struct StepReport {
     pub largest_force: f64,
     /// Loads of the fluid on the clamps, body axes.
     pub fluid: [Load; 2],
+    /// Load of the fluid on the head where that is a body in the flow, body axes. With a one-way closure it is that of a head
+    /// held still.
+    pub head: Load,
     /// Loads of contact on the clamps, body axes.
     pub contact: [Load; 2],
     /// Net weight of the flagella, body axes.

@@ -3,13 +3,15 @@
 use super::anderson::Anderson;
 use super::body::BodySolve;
 use super::contact::{ContactChange, Contacts};
-use super::converge::{Convergence, SweepErrors, Verdict};
+use super::converge::{Changes, Convergence, SweepErrors, Verdict};
 use super::flagellum::{Flagellum, Kinematics};
 use super::model::Model;
 use super::problem::StepProblem;
 use super::report::StepFailure;
 use super::unknowns;
+use crate::body::Body;
 use crate::fluid::far::Sources;
+use crate::fluid::surroundings::{Line, Surroundings};
 
 /// The sweep that looks for new pairs: after the first one the shapes are nearly right.
 const SEARCH_SWEEP: u32 = 1;
@@ -21,6 +23,10 @@ pub struct Sweeps {
     pub flagella: [Flagellum; 2],
     /// The pairs and their forces.
     pub contacts: Contacts,
+    /// Head and walls, and the flow of them.
+    pub surroundings: Surroundings,
+    /// Both flagella in the body frame, as the surroundings see them.
+    lines: Vec<Line>,
     /// Far field of the other flagellum.
     sources: Sources,
     anderson: Anderson,
@@ -43,6 +49,8 @@ impl Sweeps {
         Self {
             flagella: [0, 1].map(|k| Flagellum::new(&model.robot, &model.rods[k])),
             contacts: Contacts::new(model),
+            surroundings: model.surroundings(),
+            lines: vec![Line::default(); model.rods.len()],
             sources: Sources::default(),
             anderson: Anderson::default(),
             weights: Vec::new(),
@@ -84,9 +92,10 @@ impl Sweeps {
             if contact || accelerated {
                 self.update_forces(problem, body);
             }
+            let flow_change = self.update_surroundings(problem, &body.body);
             let rate_change = if problem.model.two_way() { self.sweep_base(problem, body)? } else { 0.0 };
 
-            match convergence.judge(sweep, errors, rate_change) {
+            match convergence.judge(sweep, errors, Changes { rate: rate_change, flow: flow_change }) {
                 Verdict::Continue => {}
                 Verdict::Stalled => break,
                 Verdict::Converged if self.contacts.complete(problem, &mut self.flagella) => {
@@ -108,6 +117,7 @@ impl Sweeps {
         }
         self.contacts.begin(problem, &mut self.flagella);
         self.update_forces(problem, body);
+        self.update_surroundings(problem, &body.body);
         if problem.model.two_way() {
             body.set_response(&problem.step.shafts, problem.inverses.map(|inverse| &inverse.response));
         }
@@ -144,9 +154,29 @@ impl Sweeps {
         residual
     }
 
+    /// Updates the surroundings with the flagella's latest forces, and their flow at the flagella. Returns its largest change,
+    /// m/s.
+    fn update_surroundings(&mut self, problem: &StepProblem, body: &Body) -> f64 {
+        if self.surroundings.is_empty() {
+            return 0.0;
+        }
+        let shafts = &problem.step.shafts;
+        for ((flagellum, shaft), line) in self.flagella.iter().zip(shafts).zip(&mut self.lines) {
+            flagellum.write_line(shaft, line);
+        }
+        let change = self.surroundings.update(&self.lines, &problem.model.flagella_base(body));
+        let mut flow = self.surroundings.flow().iter();
+        for (flagellum, shaft) in self.flagella.iter_mut().zip(shafts) {
+            for (slot, u) in flagellum.surrounding_flow.iter_mut().zip(flow.by_ref()) {
+                *slot = shaft.to_shaft(*u);
+            }
+        }
+        change
+    }
+
     /// Corrects the base's rate. Returns its change, rad/s.
     fn sweep_base(&mut self, problem: &StepProblem, body: &mut BodySolve) -> Result<f64, StepFailure> {
-        let moment = problem.flagella_moment(&self.flagella, &body.body);
+        let moment = problem.flagella_moment(&self.flagella, &body.body) + self.surroundings.induced_moment();
         let change = body.update(&problem.model.base, moment).ok_or(StepFailure::Diverged)?;
         Ok(change.norm())
     }

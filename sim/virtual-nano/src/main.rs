@@ -41,8 +41,8 @@ struct Arguments {
     /// A recording for the sensor to play; without it and a robot the sensor lies still
     #[arg(long, value_name = "FILE.csv")]
     imu: Option<PathBuf>,
-    /// The simulated robot behind the board: a robot's file, or `published`
-    #[arg(long, value_name = "FILE.toml|published", conflicts_with = "imu")]
+    /// The simulated robot behind the board: a robot's file, `physical` or `published`
+    #[arg(long, value_name = "FILE.toml|NAME", conflicts_with = "imu")]
     robot: Option<PathBuf>,
     /// The board's seconds per second, or `max`
     #[arg(long, default_value = "1", value_name = "1|FACTOR|max")]
@@ -146,11 +146,12 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 
 /// The robot of a file, whose fluid is as warm as the file says.
 fn read_robot(path: &Path) -> Result<Plant, String> {
-    let robot: Robot = if path == Path::new("published") {
-        Robot::default()
-    } else {
-        let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
-        toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?
+    let robot = match path.to_str().and_then(Robot::built_in) {
+        Some(robot) => robot,
+        None => {
+            let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+            toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?
+        }
     };
     let room_c = robot.fluid.glycerol.map_or(ROOM_C, |mixture| mixture.temperature_c);
     Plant::new(&robot, room_c).map_err(|error| format!("{}: {error}", path.display()))

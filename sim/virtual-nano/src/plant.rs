@@ -242,7 +242,7 @@ mod tests {
 
     #[test]
     fn the_flagella_are_where_the_encoders_say() {
-        let mut plant = Plant::new(&Robot::default(), 20.0).unwrap();
+        let mut plant = Plant::new(&Robot::published(), 20.0).unwrap();
         let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
         let error = |plant: &Plant, motors: &[Motor; 2], time_s: f64| {
             let modelled = plant.motors(time_s);
@@ -275,7 +275,7 @@ mod tests {
 
     #[test]
     fn the_sensor_feels_gravity_and_its_own_turning() {
-        let mut plant = Plant::new(&Robot::default(), 20.0).unwrap();
+        let mut plant = Plant::new(&Robot::published(), 20.0).unwrap();
         let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
         let at_rest = plant.movement(0.0);
         assert!(at_rest.rate_dps.iter().all(|rate| rate.abs() < 1e-3), "{at_rest:?}");
@@ -300,7 +300,7 @@ mod tests {
 
     #[test]
     fn what_the_simulator_cannot_do_is_said() {
-        let mut robot = Robot::default();
+        let mut robot = Robot::published();
         robot.solver.halvings = 0;
         let mut soft = robot.clone();
         soft.flagellum.young_pa = 2e4;

@@ -37,8 +37,8 @@ pub struct Args {
     /// By default `full`; with `--from`, that of the log's model if it has one.
     #[arg(long, value_enum)]
     pub closure: Option<ClosureName>,
-    /// The robot file, instead of the robot of the plan or the log.
-    #[arg(long, value_name = "FILE")]
+    /// The robot file, `physical` or `published`, instead of the robot of the plan or the log.
+    #[arg(long, value_name = "FILE|NAME")]
     pub robot: Option<PathBuf>,
     /// Number of parallel trials; by default the number of cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]

@@ -99,14 +99,14 @@ mod tests {
 
     fn sample() -> Sample {
         let profile = SpeedProfile::constant([10.0, 0.0], 1.0).unwrap();
-        let mut trial = Trial::new(&Robot::default(), Closure::Full, profile, Options::default()).unwrap();
+        let mut trial = Trial::new(&Robot::published(), Closure::Full, profile, Options::default()).unwrap();
         trial.next().unwrap().unwrap()
     }
 
     #[test]
     fn readings_of_an_upright_and_a_leaning_robot() {
         let settings = Settings { accel_range: AccelRange::G8, gyro_range: GyroRange::Dps500, ..Settings::DEFAULT };
-        let board = IdealBoard::new(&Robot::default(), settings);
+        let board = IdealBoard::new(&Robot::published(), settings);
         let setpoint = Setpoint { state: State::Running, target: [CentiRpm(1000), CentiRpm(0)] };
         let upright = board.telemetry(7, &sample(), Vector3::zeros(), setpoint);
         assert_eq!(upright.accel, [0, 0, 4096].map(SensorCounts));

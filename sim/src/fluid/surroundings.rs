@@ -1,0 +1,222 @@
+//! The flow that the flagella share with what else is in the fluid: the rigid head.
+//!
+//! The forces of the head's points on the fluid are F = R (u_rigid - u), with the resistance R of [`RigidSurface`], the velocity
+//! of the rigid body at its points and the flow u of the flagella there. Their own flow acts on the flagella's nodes, and
+//! their sum on the base. All of it belongs to the iteration of a step, which updates it once a sweep.
+//!
+//! Units SI, body frame, where the head is constant. The flow between a flagellum and the head is smooth: groups of edges act
+//! on it as one point force each, the longer the farther away. Both ways its regularisation is that of the flagella, whose
+//! lines stand for round rods with it, so the coupling is reciprocal.
+
+use super::far::{Sources, Targets};
+use super::head::RigidSurface;
+use super::stokeslet_factor;
+use crate::V3;
+use crate::body::Body;
+use crate::body::closure::Load;
+use crate::params::Robot;
+use nalgebra::Matrix3;
+use pulp::{Arch, Simd, WithSimd};
+use std::ops::Range;
+
+/// Length of a group of edges over its distance from the head, at most, unless it is a single edge.
+const GROUP_LENGTH: f64 = 0.4;
+
+/// A flagellum in the body frame, as the surroundings see it.
+#[derive(Clone, Debug, Default)]
+pub struct Line {
+    /// Nodes, m.
+    pub nodes: Vec<V3>,
+    /// Force density on the fluid at the nodes, N/m.
+    pub density: Vec<V3>,
+}
+
+/// What surrounds the flagella, and the flow of it.
+#[derive(Clone, Debug)]
+pub struct Surroundings {
+    head: Option<HeadFlow>,
+    /// Groups of edges of each flagellum.
+    groups: Vec<Vec<Range<usize>>>,
+    /// The groups as point forces.
+    sources: Sources,
+    /// Nodes of all flagella, one after the other.
+    targets: Targets,
+    nodes: Vec<V3>,
+    flow: Vec<V3>,
+    epsilon: f64,
+    factor: f64,
+}
+
+/// The head and what changes about it.
+#[derive(Clone, Debug)]
+struct HeadFlow {
+    surface: RigidSurface,
+    /// Torque on the fluid for a unit angular velocity, about the joint.
+    drag: Matrix3<f64>,
+    targets: Targets,
+    /// Velocity of the surface against the flow of all else at its points, three numbers a point.
+    slip: Vec<f64>,
+    /// Forces on the fluid, likewise.
+    forces: Vec<f64>,
+    sources: Sources,
+    load: Load,
+    /// Rate of the base at the last update, rad/s.
+    rate: V3,
+}
+
+impl Surroundings {
+    /// For a robot and its head. `at_rest`: nodes of the flagella in the body frame, m.
+    pub fn new(robot: &Robot, head: Option<&RigidSurface>, at_rest: &[Vec<V3>]) -> Self {
+        let precision = robot.solver.far_field;
+        let count = at_rest.iter().map(Vec::len).sum();
+        let groups = |line: &Vec<V3>| groups(line, head.map_or(&[], |h| h.points.as_slice()));
+        Self {
+            groups: at_rest.iter().map(groups).collect(),
+            head: head.map(|surface| HeadFlow {
+                drag: surface.rotational_resistance(),
+                targets: Targets::new(surface.points.len(), precision),
+                slip: vec![0.0; 3 * surface.points.len()],
+                forces: vec![0.0; 3 * surface.points.len()],
+                sources: Sources::default(),
+                load: Load::default(),
+                rate: V3::zeros(),
+                surface: surface.clone(),
+            }),
+            sources: Sources::default(),
+            targets: Targets::new(count, precision),
+            nodes: vec![V3::zeros(); count],
+            flow: vec![V3::zeros(); count],
+            epsilon: robot.epsilon(),
+            factor: stokeslet_factor(robot.fluid.viscosity()),
+        }
+    }
+
+    /// Returns whether there is nothing, and no flow.
+    pub fn is_empty(&self) -> bool {
+        self.head.is_none()
+    }
+
+    /// Updates the head's forces and the flow at the flagella's nodes. Returns the largest change of the flow at a node, m/s.
+    pub fn update(&mut self, lines: &[Line], body: &Body) -> f64 {
+        self.sources.clear();
+        let mut start = 0;
+        for (line, groups) in lines.iter().zip(&self.groups) {
+            push_groups(line, groups, &mut self.sources);
+            self.nodes[start..start + line.nodes.len()].copy_from_slice(&line.nodes);
+            start += line.nodes.len();
+        }
+        self.targets.set(&self.nodes);
+        if let Some(head) = &mut self.head {
+            head.update(&self.sources, body.rate, self.epsilon, self.factor);
+            self.targets.add_flow(&head.sources, self.epsilon);
+        }
+        let mut change = 0f64;
+        for (i, flow) in self.flow.iter_mut().enumerate() {
+            let new = self.targets.flow(i) * self.factor;
+            change = change.max((new - *flow).norm_squared());
+            *flow = new;
+        }
+        change.sqrt()
+    }
+
+    /// Returns the flow at the nodes of all flagella, one after the other, body axes, m/s.
+    pub fn flow(&self) -> &[V3] {
+        &self.flow
+    }
+
+    /// Returns the load of the fluid on the head at the last update, body axes, moment about the joint.
+    pub fn load(&self) -> Load {
+        self.head.as_ref().map_or(Load::default(), |head| head.load)
+    }
+
+    /// Returns the moment (N m) on the head of the flow of all else: its moment without that of its own rotation, which
+    /// [`crate::body::joint::RigidBase`] has.
+    pub fn induced_moment(&self) -> V3 {
+        self.head.as_ref().map_or(V3::zeros(), |head| head.load.moment + head.drag * head.rate)
+    }
+}
+
+impl HeadFlow {
+    /// Updates the forces on the fluid in the flow of `flagella`, for an angular velocity of the base.
+    fn update(&mut self, flagella: &Sources, rate: V3, epsilon: f64, factor: f64) {
+        let points = &self.surface.points;
+        self.targets.set(points);
+        self.targets.add_flow(flagella, epsilon);
+        for (i, x) in points.iter().enumerate() {
+            let slip = rate.cross(x) - self.targets.flow(i) * factor;
+            self.slip[3 * i..3 * i + 3].copy_from_slice(slip.as_slice());
+        }
+        let columns = self.surface.resistance.as_slice();
+        Arch::new().dispatch(Product { columns, vector: &self.slip, out: &mut self.forces });
+        self.sources.clear();
+        self.load = Load::default();
+        self.rate = rate;
+        for (x, f) in points.iter().zip(self.forces.chunks_exact(3)) {
+            let force = V3::new(f[0], f[1], f[2]);
+            self.sources.push(*x, force);
+            self.load.force -= force;
+            self.load.moment -= x.cross(&force);
+        }
+    }
+}
+
+/// Returns groups of neighbouring edges of a line: short ones close to the `points` of the head, longer ones far from it.
+fn groups(line: &[V3], points: &[V3]) -> Vec<Range<usize>> {
+    let edges = line.len() - 1;
+    let distance = |x: V3| points.iter().map(|p| (p - x).norm()).fold(f64::INFINITY, f64::min);
+    let mut groups: Vec<Range<usize>> = Vec::new();
+    let mut start = 0;
+    let mut length = 0.0;
+    for e in 0..edges {
+        length += (line[e + 1] - line[e]).norm();
+        let next = if e + 1 < edges { (line[e + 2] - line[e + 1]).norm() } else { f64::INFINITY };
+        if length + next > GROUP_LENGTH * distance(line[e + 1]) {
+            groups.push(start..e + 1);
+            (start, length) = (e + 1, 0.0);
+        }
+    }
+    if start < edges {
+        groups.push(start..edges);
+    }
+    groups
+}
+
+/// Adds each group of a line's edges as one force in its middle.
+fn push_groups(line: &Line, groups: &[Range<usize>], sources: &mut Sources) {
+    for group in groups {
+        let (mut force, mut place, mut total) = (V3::zeros(), V3::zeros(), 0.0);
+        for e in group.clone() {
+            let (x, y) = (line.nodes[e], line.nodes[e + 1]);
+            let length = (y - x).norm();
+            force += (line.density[e] + line.density[e + 1]) * (0.5 * length);
+            place += (x + y) * (0.5 * length);
+            total += length;
+        }
+        sources.push(place / total, force);
+    }
+}
+
+/// The product of a square matrix, column by column, with a vector.
+struct Product<'a> {
+    columns: &'a [f64],
+    vector: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl WithSimd for Product<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let size = self.out.len();
+        self.out.fill(0.0);
+        // Three columns at once: a vector has three numbers a point.
+        for (columns, x) in self.columns.chunks_exact(3 * size).zip(self.vector.chunks_exact(3)) {
+            let (a, rest) = columns.split_at(size);
+            let (b, c) = rest.split_at(size);
+            for (((out, a), b), c) in self.out.iter_mut().zip(a).zip(b).zip(c) {
+                *out += a * x[0] + b * x[1] + c * x[2];
+            }
+        }
+    }
+}

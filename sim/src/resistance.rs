@@ -1,0 +1,156 @@
+//! The grand resistance matrix of the rigid robot at rest.
+//!
+//! Parts are the base and each flagellum. Each moves as a rigid body of its own; the matrix gives the force and the torque
+//! that each part exerts on the fluid for the velocity and angular velocity of each. The flagella are regularised Stokeslet
+//! segments ([`crate::fluid::mobility`]) with the couple of a round rod on its spin about its own centre line, and a head that
+//! is a body in the flow is a surface of point forces ([`crate::fluid::head`]), all of them solved together and densely.
+//!
+//! SI, body axes. Rows and columns are six a part, in the order of the parts: velocity (force) and then angular velocity
+//! (torque), of the base about the joint, and of a flagellum about the foot of its shaft.
+//!
+//! The exact matrix is symmetric (reciprocal theorem). That of collocated segments is so only up to the error of their
+//! discretisation, which [`Resistance::reciprocity_error`] states; the matrix is its symmetric part.
+
+use crate::V3;
+use crate::body::shaft::Shaft;
+use crate::fluid::head::{RigidSurface, rigid_motions, stokeslet};
+use crate::fluid::mobility::{mobility, nodal_lengths};
+use crate::fluid::segment::segment_flow;
+use crate::fluid::stokeslet_factor;
+use crate::params::{ParamError, Robot};
+use nalgebra::{DMatrix, Matrix3};
+
+/// The resistance of the robot's parts.
+#[derive(Clone, Debug)]
+pub struct Resistance {
+    /// Force and torque on the fluid (N, N m) for velocity and angular velocity (m/s, rad/s), symmetric.
+    pub matrix: DMatrix<f64>,
+    /// The largest difference of two entries that the reciprocal theorem makes equal, before they were made so, over the
+    /// geometric mean of the diagonal entries of their row and column.
+    pub reciprocity_error: f64,
+}
+
+/// Returns the names of the parts.
+pub fn parts(flagella: usize) -> Vec<String> {
+    std::iter::once("base".into()).chain((1..=flagella).map(|k| format!("flagellum {k}"))).collect()
+}
+
+/// Returns the resistance of a robot at rest whose motors are at these angles, rad. With fewer angles than motors, the last
+/// flagella are not there.
+///
+/// # Errors
+/// An impossible parameter, or one with which the fluid's equations are singular.
+pub fn resistance(robot: &Robot, angles: &[f64]) -> Result<Resistance, ParamError> {
+    robot.validate()?;
+    let (feet, edges) = (robot.shaft_feet(), robot.flagellum.edges());
+    let flagella: Vec<Flagellum> = (feet.iter().zip(angles).enumerate())
+        .map(|(k, (foot, angle))| {
+            let shaft = Shaft::new(*foot, *angle);
+            let nodes = robot.flagellum.helix(k).nodes(edges);
+            Flagellum { foot: *foot, nodes: nodes.iter().map(|x| shaft.point_to_body(*x)).collect() }
+        })
+        .collect();
+    of_parts(robot, &flagella)?.ok_or(ParamError {
+        key: "flagellum.edge_length_m",
+        value: robot.flagellum.edge_length_m,
+        reason: "the resistance of the rigid flagella cannot be computed with it".into(),
+    })
+}
+
+/// A rigid flagellum in the body frame, m.
+struct Flagellum {
+    foot: V3,
+    nodes: Vec<V3>,
+}
+
+fn of_parts(robot: &Robot, flagella: &[Flagellum]) -> Result<Option<Resistance>, ParamError> {
+    let head = RigidSurface::of_head(robot)?;
+    let points = head.as_ref().map_or(&[][..], |head| &head.points);
+    let size = 6 * (1 + flagella.len());
+
+    // Velocities of all nodes and points for each motion of a part, and the weights that make loads of their forces.
+    let count = flagella.iter().map(|f| f.nodes.len()).sum::<usize>() + points.len();
+    let mut velocities = DMatrix::zeros(3 * count, size);
+    let mut loads = DMatrix::zeros(size, 3 * count);
+    let mut row = 0;
+    let mut place = |x: V3, pivot: V3, part: usize, weight: f64| {
+        let motions = rigid_motions(x - pivot);
+        velocities.fixed_view_mut::<3, 6>(row, 6 * part).copy_from(&motions);
+        loads.fixed_view_mut::<6, 3>(6 * part, row).copy_from(&(motions.transpose() * weight));
+        row += 3;
+    };
+    for (k, flagellum) in flagella.iter().enumerate() {
+        for (x, length) in flagellum.nodes.iter().zip(nodal_lengths(&flagellum.nodes)) {
+            place(*x, flagellum.foot, 1 + k, length);
+        }
+    }
+    for x in points {
+        place(*x, V3::zeros(), 0, 1.0);
+    }
+    let Some(forces) = coupled_mobility(robot, flagella, head.as_ref()).lu().solve(&velocities) else {
+        return Ok(None);
+    };
+    let mut matrix = loads * forces;
+
+    let spin_drag = robot.fluid.spin_drag * robot.round_spin_drag();
+    let mut add = |part: usize, couple: Matrix3<f64>| {
+        let mut block = matrix.fixed_view_mut::<3, 3>(6 * part + 3, 6 * part + 3);
+        block += couple;
+    };
+    add(0, Matrix3::identity() * robot.base_drag());
+    for (k, flagellum) in flagella.iter().enumerate() {
+        for edge in flagellum.nodes.windows(2) {
+            let edge = edge[1] - edge[0];
+            // The spin is the part of the angular velocity along the tangent.
+            add(1 + k, edge * edge.transpose() * (spin_drag / edge.norm()));
+        }
+    }
+    Ok(Some(Resistance { reciprocity_error: reciprocity_error(&matrix), matrix: (&matrix + matrix.transpose()) * 0.5 }))
+}
+
+/// Returns the velocities (m/s) at all nodes and then the head's points for force densities (N/m) at the nodes and forces (N)
+/// at the points.
+fn coupled_mobility(robot: &Robot, flagella: &[Flagellum], head: Option<&RigidSurface>) -> DMatrix<f64> {
+    let (epsilon, viscosity) = (robot.epsilon(), robot.fluid.viscosity());
+    let lines: Vec<&[V3]> = flagella.iter().map(|f| f.nodes.as_slice()).collect();
+    let own = mobility(&lines, epsilon, viscosity);
+    let Some(head) = head else { return own };
+    let factor = stokeslet_factor(viscosity);
+    let (first, points) = (own.nrows(), &head.points);
+    let size = first + 3 * points.len();
+    let mut matrix = DMatrix::zeros(size, size);
+    matrix.view_mut((0, 0), (first, first)).copy_from(&own);
+    matrix.view_mut((first, first), (size - first, size - first)).copy_from(&head.mobility);
+    for (p, x) in points.iter().enumerate() {
+        let row = first + 3 * p;
+        for (i, node) in lines.iter().flat_map(|line| line.iter()).enumerate() {
+            let flow = stokeslet(node - x, epsilon * epsilon) * factor;
+            matrix.fixed_view_mut::<3, 3>(3 * i, row).copy_from(&flow);
+        }
+        let mut column = 0;
+        for line in &lines {
+            for edge in line.windows(2) {
+                for (side, flow) in segment_flow(*x, edge[0], edge[1], epsilon).iter().enumerate() {
+                    let mut block = matrix.fixed_view_mut::<3, 3>(row, column + 3 * side);
+                    block += flow * factor;
+                }
+                column += 3;
+            }
+            column += 3;
+        }
+    }
+    matrix
+}
+
+fn reciprocity_error(matrix: &DMatrix<f64>) -> f64 {
+    let mut largest = 0f64;
+    for row in 0..matrix.nrows() {
+        for column in 0..row {
+            let scale = (matrix[(row, row)] * matrix[(column, column)]).sqrt();
+            if scale > 0.0 {
+                largest = largest.max((matrix[(row, column)] - matrix[(column, row)]).abs() / scale);
+            }
+        }
+    }
+    largest
+}

@@ -1,0 +1,120 @@
+//! The resistance of the rigid robot against resolved surfaces (`tests/data/surface`), its symmetry and its invariance.
+
+use crate::common::prove;
+use nalgebra::DVector;
+use sim::V3;
+use sim::params::{HeadShape, Robot};
+use sim::resistance::{Resistance, resistance};
+use std::f64::consts::PI;
+
+/// A case of rigid parts whose true surfaces are resolved; forces and torques of the fluid on the parts.
+#[derive(serde::Deserialize)]
+struct Case {
+    case: String,
+    speeds_rpm: Vec<f64>,
+    phase_deg: Vec<f64>,
+    #[serde(rename = "force1_mN")]
+    force1: [f64; 3],
+    #[serde(rename = "torque1_mNm")]
+    torque1: f64,
+    #[serde(rename = "force2_mN")]
+    force2: Option<[f64; 3]>,
+    #[serde(rename = "torque2_mNm")]
+    torque2: Option<f64>,
+    #[serde(rename = "moment_flagella_mNm")]
+    moment: [f64; 3],
+    #[serde(rename = "head_force_mN")]
+    head_force: Option<[f64; 3]>,
+    #[serde(rename = "head_moment_mNm")]
+    head_moment: Option<[f64; 3]>,
+}
+
+fn cases() -> Vec<Case> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data/surface/cases.json");
+    serde_json::from_str(&std::fs::read_to_string(path).expect("the cases")).expect("cases")
+}
+
+/// Forces and moments of the fluid on each part when the motors turn and the base is held still, N and N m.
+fn loads(resistance: &Resistance, rpm: &[f64]) -> Vec<[V3; 2]> {
+    let mut motion = DVector::zeros(resistance.matrix.nrows());
+    for (k, rpm) in rpm.iter().enumerate() {
+        motion[6 * (k + 1) + 5] = rpm * PI / 30.0;
+    }
+    let load = -(&resistance.matrix * motion);
+    (0..=rpm.len()).map(|part| [0, 3].map(|side| load.fixed_rows::<3>(6 * part + side).into_owned())).collect()
+}
+
+/// Largest difference of components, over a size.
+fn difference(got: V3, want: [f64; 3], size: f64) -> f64 {
+    (got * 1e3 - V3::from(want)).amax() / size
+}
+
+#[test]
+fn resolved_surfaces_agree() {
+    // Walls are the business of the tank.
+    for case in cases().iter().filter(|case| !case.case.contains("channel")) {
+        let name = &case.case;
+        let mut robot = Robot::default();
+        if case.head_force.is_none() {
+            robot.head.shape = HeadShape::None;
+        }
+        let angles: Vec<f64> = case.phase_deg.iter().map(|phase| phase.to_radians()).collect();
+        let found = resistance(&robot, &angles).expect("parameters");
+        let parts = loads(&found, &case.speeds_rpm);
+        let forces: Vec<[f64; 3]> = [Some(case.force1), case.force2].into_iter().flatten().collect();
+        let torques: Vec<f64> = [Some(case.torque1), case.torque2].into_iter().flatten().collect();
+        let size = |v: &[f64]| v.iter().fold(0f64, |a, b| a.max(b.abs()));
+        let largest_force = size(&forces.concat());
+        let largest_torque = size(&torques);
+        let largest_moment = size(&case.moment);
+        let feet = robot.shaft_feet();
+        let mut moment = V3::zeros();
+        for (k, (force, torque)) in forces.iter().zip(&torques).enumerate() {
+            let [f, m] = parts[k + 1];
+            moment += m + feet[k].cross(&f);
+            let f = f * 1e3;
+            println!(
+                "{name}, flagellum {}: force {:.3}, {:.3}, {:.3} against {force:.3?} mN, torque {:.4} against {torque:.4} mN m",
+                k + 1,
+                f.x,
+                f.y,
+                f.z,
+                m.z * 1e3
+            );
+            let thrust = (f.z - force[2]).abs() / largest_force;
+            prove(&format!("{name}, flagellum {}: thrust over the row's largest force", k + 1), thrust, 0.03);
+            let axial = (m.z * 1e3 - torque).abs() / largest_torque;
+            prove(&format!("{name}, flagellum {}: torque over the row's largest", k + 1), axial, 0.06);
+            println!(
+                "{name}, flagellum {}: lateral forces off by {:.1} %",
+                k + 1,
+                100.0 * (f.xy() - V3::from(*force).xy()).amax() / largest_force
+            );
+        }
+        let m = moment * 1e3;
+        println!("{name}: moment {:.3}, {:.3}, {:.3} against {:.3?} mN m", m.x, m.y, m.z, case.moment);
+        prove(&format!("{name}: yaw moment, relative"), (m.z / case.moment[2] - 1.0).abs(), 0.04);
+        println!(
+            "{name}: tilting moments off by {:.1} % of the largest moment",
+            100.0 * (m.xy() - V3::from(case.moment).xy()).amax() / largest_moment
+        );
+        if let (Some(force), Some(moment)) = (case.head_force, case.head_moment) {
+            let [f, m] = parts[0].map(|v| v * 1e3);
+            println!(
+                "{name}, head: force {:.3}, {:.3}, {:.3} against {force:.3?} mN, moment {:.4}, {:.4}, {:.4} against {moment:.4?} mN m",
+                f.x, f.y, f.z, m.x, m.y, m.z
+            );
+            prove(
+                &format!("{name}, head: force over the row's largest"),
+                difference(parts[0][0], force, largest_force),
+                0.03,
+            );
+            prove(
+                &format!("{name}, head: moment over the row's largest"),
+                difference(parts[0][1], moment, largest_moment),
+                0.03,
+            );
+        }
+        println!("{name}: reciprocity error {:.1e}", found.reciprocity_error);
+    }
+}
