@@ -306,8 +306,8 @@ pub struct SolverSettings {
     /// Longest step in s (0.1).
     pub longest_step_s: f64,
     /// Velocity residual at which an iteration stops, before its last update, relative to the largest
-    /// speed of the helix (0.02). Mean forces have about a tenth of it as their error. In short steps it is what
-    /// `step_error` amounts to, where that is more.
+    /// speed of the helix (0.02). Mean forces have about a tenth of it as their error. In steps below
+    /// 0.13 rad, it is relative to what moves the helix as far in such a step.
     pub tolerance: f64,
     /// Largest number of times that the longest step is halved before the trial stops with an error (10).
     pub halvings: u32,

@@ -1,7 +1,7 @@
 //! When the sweeps of a step have converged, and when they never will.
 //!
-//! All parts are judged as velocities, against one bound: the solver's tolerance times the speed of the helix, or in short
-//! steps what the error of the time formula amounts to, where that is more. Converged are rods whose velocity residual is below it, contacts whose gap law holds and that move the rods no more, and a base
+//! All parts are judged as velocities, against one bound: the solver's tolerance times the speed of the helix, or times
+//! the speed that makes a certain displacement within the step, where that is more. Converged are rods whose velocity residual is below it, contacts whose gap law holds and that move the rods no more, and a base
 //! whose rate changes no more. Stalled is an iteration that does not get better for some sweeps.
 
 use super::limits::Limits;
@@ -14,10 +14,10 @@ const LEAST_SPEED: f64 = 0.1;
 /// A twist error of one radian counts as this many times the speed of the helix. It does not depend on the step: where
 /// the twist is about to snap, a small imbalance may stay.
 const TWIST_LEVER: f64 = 5.0;
-/// Displacement within a step that a residual may stand for at any rate, in errors that the time formula may have. The last
-/// update leaves a part of it. Short steps, whose sweeps converge slowly while flagella snap past each other, so need
-/// fewer of them.
-const FORMULA_SHARE: f64 = 2.0;
+/// Displacement, in helix radii, that a velocity over a step's first weight has at least when residuals are compared with it.
+/// It counts in steps below 0.13 rad: their residuals move the rods less, so fewer of the sweeps are needed that converge
+/// slowly while flagella snap past each other.
+const LEAST_MOTION: f64 = 0.07;
 /// Sweeps after the first that a moving base needs at least. It and the other rod lag by one sweep: with one sweep a step,
 /// errors below the tolerance would grow from step to step until they reach it.
 const TWO_WAY_SWEEPS: u32 = 1;
@@ -96,10 +96,9 @@ impl Convergence {
         let Model { robot, limits: Limits { gap_error, .. }, .. } = model;
         let fastest = step.motors.iter().fold(LEAST_SPEED, |a, m| a.max(m.speed.abs()));
         let speed = fastest * model.radius();
-        let settings = &robot.solver;
-        let formula = FORMULA_SHARE * settings.step_error * model.radius() * step.kappa(0).max(step.kappa(1));
+        let least = LEAST_MOTION * model.radius() * step.kappa(0).max(step.kappa(1));
         Self {
-            tolerance: formula.max(settings.tolerance * speed),
+            tolerance: robot.solver.tolerance * speed.max(least),
             gap_tolerance: *gap_error,
             speed,
             reach: robot.flagellum.axial_length_m + robot.base.height_m,

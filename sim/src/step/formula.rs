@@ -73,13 +73,13 @@ pub fn value_at(angle: f64, times: &[f64], at: f64) -> [f64; POINTS] {
 /// Returns the error of a new point over its distance from the extrapolation of the past (Milne 1926).
 ///
 /// `first_weight`: the derivative's weight of the new point; `oldest`: time of the oldest point of the extrapolation, as
-/// in [`derivative`]. Derivative and extrapolation both leave out the first function that their basis lacks. The new
-/// point and the past of the extrapolation have one divided difference for it; the extrapolation is off by that
-/// difference times the distances of all its points, the derivative by that times the distances of all but the oldest.
-/// So the quotient of both errors is the distance of the oldest. Of a derivative that uses more points than that the
-/// error is less.
+/// in [`derivative`]. Derivative and extrapolation both leave out the first function that their basis lacks, and it has
+/// one divided difference over the new point and the past: the extrapolation is off by that difference times the
+/// distances of all past points, the derivative by as much without the oldest of them, with the opposite sign. The
+/// derivative's error over `first_weight` is that of the new point. Where the derivative takes as many past points as the
+/// extrapolation, its error is less.
 pub fn error_share(first_weight: f64, oldest: f64) -> f64 {
-    1.0 / (first_weight * oldest.abs())
+    1.0 / (1.0 + first_weight * oldest.abs())
 }
 
 #[cfg(test)]
@@ -106,9 +106,9 @@ mod tests {
         let point = (4.0 * 0.2f64.powi(3) - rest) / a[0];
         let extrapolated: f64 = (0..POINTS).map(|j| b[j] * x(times[j + 1])).sum();
         let share = error_share(a[0], times[4]);
-        assert!(((x(0.0) - point) / (x(0.0) - extrapolated) - share).abs() < 1e-12);
+        assert!(((point - x(0.0)) / (point - extrapolated) - share).abs() < 1e-12);
         let even = derivative(0.0, &[0.0, -1.0, -2.0, -3.0]);
-        assert!((error_share(even[0], -4.0) - 3.0 / 22.0).abs() < 1e-14);
+        assert!((error_share(even[0], -4.0) - 3.0 / 25.0).abs() < 1e-14);
     }
 
     #[test]
