@@ -43,8 +43,8 @@ pub struct StepReport {
     pub sweeps: u32,
     /// Velocity residual before the last update, m/s.
     pub residual: f64,
-    /// Estimated error of the time formula, m: displacement of the flagella against the fluid, root mean square. Zero for a
-    /// step from rest, which has no past to tell it from.
+    /// Estimated error of the time formula, m: displacement of the flagella against the fluid, root mean square. Zero for the
+    /// first steps from rest, whose past has too few points to tell.
     pub error: f64,
     /// Number of pairs that press.
     pub touching: u32,
