@@ -63,7 +63,7 @@ const STRETCH: f64 = 1.01;
 /// Flagella that mesh (both pull at their clamps) snap past each other once a beat, within some hundredths of a second,
 /// and their steps grow again as soon as they may. In free motion errors rise and fall with each turn, and steps do not
 /// follow them: in even steps the formula's errors cancel over a turn, in uneven ones they do not, and means
-/// would be worse with more steps. `sim/docs/cost.md` has the errors of means at both.
+/// would be worse with more steps. `sim/docs/cost.md` has the errors of means.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepControl {
     /// How often the present step is halved.
