@@ -2,10 +2,10 @@
 //!
 //! `cargo bench -p sim --bench trials`: real-time factor of 60 s, and the mean thrusts over its last 12 s
 //! against a run with steps and tolerance small enough not to matter (up to twenty times as long).
-//! Then error and speed over the step of flagella that mesh, the same for soft flagella, and the growth of a step's cost with the
-//! number of edges, with the share of the dense inverse and the least cost of an iteration without it.
+//! Then error and speed of soft flagella, and the growth of a step's cost with the number of edges, with the share of the
+//! dense inverse and the least cost of an iteration without it.
 //! Times of the first table are the best of as many runs as fit into six seconds, as other load only
-//! makes a run slower. `-- speed`, `-- steps`, `-- soft` and `-- growth` select one of the four.
+//! makes a run slower. `-- speed`, `-- soft` and `-- growth` select one of the three.
 
 use divan::black_box;
 use nalgebra::{DMatrix, DVector};
@@ -46,9 +46,7 @@ fn thrust_error(a: &Summary, b: &Summary) -> f64 {
 fn fine() -> Robot {
     let mut robot = Robot::published();
     robot.solver.step_rad = 0.1;
-    // Where flagella mesh, means still move by half a per cent between 0.08 and 0.02.
-    robot.solver.contact_step_rad = 0.02;
-    // Steps of meshing flagella have four times the tolerance.
+    robot.solver.step_error = 5e-5;
     robot.solver.tolerance = 2.5e-4;
     robot.solver.far_field = Precision::Double;
     robot
@@ -84,29 +82,6 @@ fn speed_and_error() {
             summary.contact_share,
             summary.newton_iterations as f64 / summary.steps as f64,
         );
-    }
-}
-
-/// Error and speed of meshing flagella against the step in contact.
-fn steps() {
-    println!("\n| speeds rpm | contact_step_rad | real-time factor | error of mean thrust | steps | sweeps a step |");
-    println!("| --- | --- | --- | --- | --- | --- |");
-    for rpm in [[-90.0, -80.0], [-50.0, -30.0]] {
-        let reference = run(&fine(), Closure::Full, rpm).0;
-        for step_rad in [0.5, 0.25, 0.125] {
-            let mut robot = Robot::published();
-            robot.solver.contact_step_rad = step_rad;
-            let (summary, wall) = run(&robot, Closure::Full, rpm);
-            println!(
-                "| ({}, {}) | {step_rad} | {:.0} | {:.2} % | {} | {:.2} |",
-                rpm[0],
-                rpm[1],
-                60.0 / wall,
-                100.0 * thrust_error(&summary, &reference),
-                summary.steps,
-                summary.newton_iterations as f64 / summary.steps as f64,
-            );
-        }
     }
 }
 
@@ -252,12 +227,9 @@ fn growth() {
 
 fn main() {
     let only = std::env::args().nth(1).unwrap_or_default();
-    let wanted = |part: &str| !["speed", "steps", "soft", "growth"].contains(&only.as_str()) || only == part;
+    let wanted = |part: &str| !["speed", "soft", "growth"].contains(&only.as_str()) || only == part;
     if wanted("speed") {
         speed_and_error();
-    }
-    if wanted("steps") {
-        steps();
     }
     if wanted("soft") {
         soft();

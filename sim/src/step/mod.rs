@@ -9,7 +9,7 @@
 //! | `predict` | trial shapes by extrapolation |
 //! | `sweep` | flagellum 1, flagellum 2 (`flagellum`), contact (`contact`), base (`body`), again and again |
 //! | `converge` | judges each sweep: converged, another one, stalled |
-//! | `accept` | the checks that let the step count, its loads, the new state |
+//! | `accept`, `truncation` | the checks that let the step count, its loads, its error, the new state |
 //!
 //! `preconditioner` has the frozen inverses that correct a flagellum in a sweep, as `panels` or `factors`; `inverses` chooses
 //! the shapes they are built at, `corotated` takes them along with the flagellum, `compliance` makes of them the response to
@@ -60,6 +60,7 @@ mod report;
 mod solver;
 mod sweep;
 mod time_step;
+mod truncation;
 mod unknowns;
 
 pub use control::{StepControl, StepError};

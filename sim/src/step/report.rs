@@ -23,7 +23,7 @@ pub enum StepFailure {
     /// The rods went through each other.
     #[error("the rods passed through each other")]
     PassedThrough,
-    /// The prediction was farther off than the motion is resolved.
+    /// The time formula's error is too large.
     #[error("the motion is not resolved: error estimate {error:.1e} m (allowed {allowed:.1e})")]
     Unresolved {
         /// Estimated error of the step, m.
@@ -43,7 +43,8 @@ pub struct StepReport {
     pub sweeps: u32,
     /// Velocity residual before the last update, m/s.
     pub residual: f64,
-    /// Estimated error of the nodes, m.
+    /// Estimated error of the time formula, m: displacement of the flagella against the fluid, root mean square. Zero for the
+    /// first steps from rest, whose past has too few points to tell.
     pub error: f64,
     /// Number of pairs that press.
     pub touching: u32,

@@ -9,6 +9,7 @@ use super::problem::StepProblem;
 use super::report::{StepFailure, StepReport};
 use super::sweep::Sweeps;
 use super::time_step::{Attempt, TimeStep};
+use super::truncation;
 use crate::body::closure::Closure;
 use crate::contact::pairs::Lines;
 use crate::params::{ParamError, Robot};
@@ -83,7 +84,6 @@ impl Solver {
         for (k, flagellum) in sweeps.flagella.iter_mut().enumerate() {
             predict(flagellum, &model.rods[k], k, state, &step);
         }
-        let predicted = [0, 1].map(|k| sweeps.flagella[k].shape.nodes.clone());
         let own = attempt.own_inverses.then(|| {
             let trial =
                 |k: usize| RodState { shape: sweeps.flagella[k].shape.clone(), frames: state.rods[k].frames.clone() };
@@ -94,8 +94,12 @@ impl Solver {
         let problem = StepProblem { model, state, step: &step, inverses: [&*inverses[0], &*inverses[1]] };
         let mut body = BodySolve::new(state, &step);
         let converged = sweeps.solve(&problem, &mut body)?;
-        let error = accept::check(sweeps, &problem, &body, &predicted)?;
-        let (report, next) = accept::finish(sweeps, &problem, &body, converged, error)?;
+        accept::check(sweeps, &problem, &body)?;
+        let (mut report, next) = accept::finish(sweeps, &problem, &body, converged)?;
+        report.error = truncation::error(&sweeps.flagella, &problem, &next);
+        if report.error > attempt.allowed_error {
+            return Err(StepFailure::Unresolved { error: report.error, allowed: attempt.allowed_error });
+        }
         accept::commit(sweeps, model, &step, next, &report, state);
         if let Some(own) = own {
             state.linearisation = own;
