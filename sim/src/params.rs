@@ -254,7 +254,7 @@ impl Fluid {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Joint {
-    /// Tether stiffness K of the energy K psi^2/2 in N m/rad for the `full` closure, see [`crate::body::joint`].
+    /// Tether stiffness K of the energy K tau^2/2 in N m/rad for the `full` closure, see [`crate::body::joint`].
     /// Calibrated once, so that |yaw| is 180 degrees at (90, 90) rpm after 120 s (`physical`: 5.185e-4, `published`:
     /// 3.599e-4); nothing else is fitted. Zero: the robot spins on.
     pub tether_full_nm_per_rad: f64,
