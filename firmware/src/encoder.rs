@@ -225,7 +225,8 @@ mod tests {
         }
 
         fn is_high(&self, position: f64) -> bool {
-            position.rem_euclid(2.0) >= 1.0 - self.uneven
+            // `rem_euclid` would take most of the test's time.
+            position - 2.0 * (0.5 * position).floor() >= 1.0 - self.uneven
         }
 
         /// Calls the interrupt if the level of channel 1 has changed.

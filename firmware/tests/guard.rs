@@ -50,7 +50,8 @@ impl Motor {
     }
 
     fn channels(&self) -> (bool, bool) {
-        let is_high = |position: f64| position.rem_euclid(2.0) >= 1.0;
+        // `rem_euclid` would take most of the tests' time.
+        let is_high = |position: f64| position - 2.0 * (0.5 * position).floor() >= 1.0;
         let channels = (is_high(self.position), self.cut || is_high(self.position - 0.5));
         if self.swapped { (channels.1, channels.0) } else { channels }
     }

@@ -1,14 +1,29 @@
 //! Signals: interruption by the user, and limits on the size of files.
 
+use crate::commands::INTERRUPTED;
 use miette::{IntoDiagnostic, WrapErr};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
-use signal_hook::flag;
+use signal_hook::{flag, low_level};
 use std::ffi::c_int;
+use std::io::{self, Read, Write};
+use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::channel;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// A Ctrl-C that follows another one sooner is the same: wrappers pass on the signal that the terminal has sent already.
+const SAME: Duration = Duration::from_millis(500);
+
+/// Longest wait for the last words: the terminal may hang as well.
+const LAST_WORDS: Duration = Duration::from_millis(500);
 
 /// Returns a flag that is set by Ctrl-C, by a request to end, and when the terminal closes. To be called once in a
 /// program.
+///
+/// The program then closes its files, which takes for ever on a disk that hangs: a second Ctrl-C, half a second later or
+/// more, ends it at once.
 ///
 /// A signal that was ignored when the program started stays ignored: `nohup` and shells ask for this, so that jobs in the
 /// background survive the end of the terminal and a Ctrl-C for the job in front.
@@ -23,7 +38,40 @@ pub fn interruption() -> miette::Result<Arc<AtomicBool>> {
             flag::register(signal, Arc::clone(&interrupted)).into_diagnostic().wrap_err("Ctrl-C")?;
         }
     }
+    if !is_in(ignored, SIGINT) {
+        end_at_second().into_diagnostic().wrap_err("Ctrl-C")?;
+    }
     Ok(interrupted)
+}
+
+/// Ends the program at the second Ctrl-C.
+fn end_at_second() -> io::Result<()> {
+    let (mut presses, signals) = UnixStream::pair()?;
+    low_level::pipe::register(SIGINT, signals)?;
+    thread::Builder::new().name("Ctrl-C".into()).spawn(move || {
+        let mut first: Option<Instant> = None;
+        while let Ok(1..) = presses.read(&mut [0; 16]) {
+            if first.get_or_insert_with(Instant::now).elapsed() > SAME {
+                say_what_is_lost();
+                low_level::exit(INTERRUPTED.into());
+            }
+        }
+    })?;
+    Ok(())
+}
+
+/// Prints the program's last words, from a thread of their own.
+fn say_what_is_lost() {
+    let (said, is_said) = channel();
+    thread::spawn(move || {
+        let _ = writeln!(
+            io::stderr(),
+            "interrupted again: ended at once. What was not on the disk yet is lost, and the last log may be cut off \
+             (`biflag recover` keeps its beginning). Motors that turn stop at the board's deadline."
+        );
+        let _ = said.send(());
+    });
+    let _ = is_said.recv_timeout(LAST_WORDS);
 }
 
 /// Makes a write beyond the limit on the size of files (`ulimit -f`) an error instead of the end of the program.

@@ -224,4 +224,40 @@ mod tests {
         let end = frame.len() - 1;
         assert_eq!(decode::<(u8, u8)>(&mut frame[..end]), Err(FrameError::UnknownMessage(None)));
     }
+
+    #[test]
+    fn frames_are_at_most_255_bytes() {
+        for (length, fits) in [(0, true), (1, true), (251, true), (252, false), (296, false)] {
+            let mut buffer = [7; 300];
+            let frame = seal(&mut buffer, length).map(|frame| frame.len());
+            assert_eq!(frame, if fits { Ok(length + OVERHEAD) } else { Err(FrameError::TooLong) });
+            if fits {
+                assert_eq!(
+                    open(&mut buffer[..length + OVERHEAD - 1]).map(|payload| payload == vec![7; length]),
+                    Ok(true)
+                );
+            }
+        }
+        assert_eq!(seal(&mut [7; 9], 6).map(|_| ()), Err(FrameError::TooLong), "no room in the buffer");
+    }
+
+    #[test]
+    fn the_bytes_of_an_unfinished_frame_are_pending() {
+        let mut accumulator = Accumulator::new();
+        let pending = [7, 7, 7, 0, 7, 0, 0, 7, 7].map(|byte| {
+            let _ = accumulator.push_for_payload(byte);
+            accumulator.pending()
+        });
+        assert_eq!(pending, [1, 2, 3, 0, 1, 0, 0, 1, 2]);
+    }
+
+    #[test]
+    fn errors_say_what_is_wrong() {
+        let says = |error: FrameError, words: &str| assert!(error.to_string().contains(words), "{error}");
+        says(FrameError::TooLong, "delimiter");
+        says(FrameError::Cobs, "COBS");
+        says(FrameError::Crc, "CRC");
+        says(FrameError::UnknownMessage(None), "not a message");
+        says(FrameError::UnknownMessage(Some(7)), "version 7");
+    }
 }

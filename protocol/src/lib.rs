@@ -566,3 +566,79 @@ impl Default for Settings {
         Self::DEFAULT
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use units::Axis;
+
+    const DEFAULT: Settings = Settings::DEFAULT;
+    const TWICE_X: AxisMap = AxisMap([Axis::PlusX, Axis::MinusX, Axis::PlusZ]);
+
+    #[test]
+    fn settings_are_valid_up_to_their_limits() {
+        let least = Settings {
+            low_pass: 0,
+            gyro_bias: [-32768.0; 3],
+            attitude_kp: 0.0,
+            attitude_ki: 0.0,
+            speed_kp: 0.0,
+            speed_ki: 0.0,
+            counts_per_turn: 1.0,
+            deadline_ms: 50,
+            moving_duty: [1; 2],
+            bandgap: Millivolts(1000),
+            ..DEFAULT
+        };
+        let most = Settings {
+            low_pass: 6,
+            gyro_bias: [32768.0; 3],
+            attitude_kp: 1000.0,
+            attitude_ki: 1000.0,
+            speed_kp: 1000.0,
+            speed_ki: 1000.0,
+            counts_per_turn: 100_000.0,
+            deadline_ms: 5000,
+            moving_duty: [255; 2],
+            bandgap: Millivolts(1200),
+            ..DEFAULT
+        };
+        for settings in [DEFAULT, least, most] {
+            assert!(settings.is_valid(), "{settings:?}");
+        }
+    }
+
+    #[test]
+    fn one_value_out_of_its_range_makes_settings_invalid() {
+        let mut unfit = vec![
+            Settings { low_pass: 7, ..DEFAULT },
+            Settings { gyro_axes: TWICE_X, ..DEFAULT },
+            Settings { accel_axes: TWICE_X, ..DEFAULT },
+            Settings { counts_per_turn: 0.99, ..DEFAULT },
+            Settings { deadline_ms: 49, ..DEFAULT },
+            Settings { deadline_ms: 5001, ..DEFAULT },
+            Settings { moving_duty: [0, 100], ..DEFAULT },
+            Settings { moving_duty: [100, 0], ..DEFAULT },
+            Settings { bandgap: Millivolts(999), ..DEFAULT },
+            Settings { bandgap: Millivolts(1201), ..DEFAULT },
+        ];
+        for bias in [32769.0, -32769.0, f32::NAN, f32::INFINITY] {
+            unfit.extend(
+                [[bias, 0.0, 0.0], [0.0, bias, 0.0], [0.0, 0.0, bias]]
+                    .map(|gyro_bias| Settings { gyro_bias, ..DEFAULT }),
+            );
+        }
+        for number in [-1.0, 1000.1, f32::NAN] {
+            unfit.extend([
+                Settings { attitude_kp: number, ..DEFAULT },
+                Settings { attitude_ki: number, ..DEFAULT },
+                Settings { speed_kp: number, ..DEFAULT },
+                Settings { speed_ki: number, ..DEFAULT },
+                Settings { counts_per_turn: 100.0 * number, ..DEFAULT },
+            ]);
+        }
+        for settings in unfit {
+            assert!(!settings.is_valid(), "{settings:?}");
+        }
+    }
+}

@@ -369,6 +369,22 @@ mod tests {
             assert!((back - part).abs() < 3e-5);
         }
         assert_eq!(Quaternion([Q15(0); 4]).to_f64(), [1.0, 0.0, 0.0, 0.0]);
+        let short = Quaternion::from_f64([0.15, 0.0, -0.2, 0.0]).to_f64();
+        assert!((short[0] - 0.6).abs() < 1e-4 && (short[2] + 0.8).abs() < 1e-4, "{short:?}");
+    }
+
+    #[test]
+    fn square_roots_are_exact_to_the_last_digit() {
+        for step in 1..4000 {
+            let x = f64::from(step) * 1e-3;
+            assert!((sqrt(x) / x.sqrt() - 1.0).abs() <= f64::EPSILON, "{} of {x}", sqrt(x));
+        }
+    }
+
+    #[test]
+    fn duties_are_fractions_of_the_supply_and_millivolts_are_volts() {
+        assert_eq!([Duty(-255), Duty(0), Duty(51), Duty::FULL].map(Duty::fraction), [-1.0, 0.0, 0.2, 1.0]);
+        assert_eq!(Millivolts(4987).volts(), 4.987);
     }
 
     #[test]
@@ -385,6 +401,18 @@ mod tests {
         assert!((AccelRange::G8.mps2(SensorCounts(4096)) - STANDARD_GRAVITY_MPS2).abs() < 1e-12);
     }
 
+    /// Data sheet PS-MPU-6000A, table 6.1.
+    #[test]
+    fn a_reading_of_90_degrees_a_second_has_the_data_sheets_counts_in_every_range() {
+        assert_eq!(GyroRange::ALL.map(GyroRange::counts_per_dps), [131.0, 65.5, 32.8, 16.4]);
+        for (range, counts) in GyroRange::ALL.into_iter().zip([11_790, 5895, 2952, 1476]) {
+            for sign in [1, -1] {
+                let rate = range.rad_per_s(SensorCounts(sign * counts));
+                assert!((rate - f64::from(sign) * core::f64::consts::FRAC_PI_2).abs() < 1e-6, "{rate} at {range:?}");
+            }
+        }
+    }
+
     #[test]
     fn an_axis_map_permutes_and_flips() {
         let map = AxisMap([Axis::MinusY, Axis::PlusX, Axis::PlusZ]);
@@ -393,6 +421,8 @@ mod tests {
         assert!(!AxisMap([Axis::PlusX, Axis::MinusX, Axis::PlusZ]).is_permutation());
         for (axis, name) in Axis::NAMES {
             assert_eq!(Axis::from_name(name), Some(axis));
+            assert_eq!(axis.to_string(), name);
+            assert_eq!((["x", "y", "z"][axis.index()], axis.is_negative()), (&name[1..], name.starts_with('-')));
         }
         assert_eq!(Axis::from_name("z"), Some(Axis::PlusZ));
         assert_eq!(Axis::from_name("w"), None);

@@ -15,6 +15,7 @@ mod published;
 mod resistance;
 mod robot;
 mod rod;
+mod tank;
 mod walls;
 
 /// A file that is no module here would be no test.

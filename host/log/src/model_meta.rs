@@ -31,14 +31,20 @@ impl ModelMeta {
 
     /// Returns the parameters in use with the meaning of this version.
     ///
-    /// In older versions `fluid.spin_drag` acted on changes of the spin only, by default with a share of
-    /// [`LEAST_SPIN_DRAG`], which every robot has now.
+    /// Versions without a `[head]` table had a drag in its place, and `fluid.spin_drag` acted on changes of the spin only,
+    /// by default with a share of [`LEAST_SPIN_DRAG`], which every robot has now.
     pub fn current_parameters(&self) -> Cow<'_, str> {
         let Ok(mut table) = self.parameters.parse::<toml::Table>() else { return Cow::Borrowed(&self.parameters) };
+        if self.parameters.is_empty() || table.contains_key("head") {
+            return Cow::Borrowed(&self.parameters);
+        }
+        let head = toml::Table::from_iter([("shape".to_owned(), toml::Value::String("local".to_owned()))]);
+        table.insert("head".to_owned(), toml::Value::Table(head));
         let spin_drag = table.get_mut("fluid").and_then(|fluid| fluid.get_mut("spin_drag"));
-        match spin_drag {
-            Some(share) if share.as_float() == Some(LEAST_SPIN_DRAG) => *share = toml::Value::Float(0.0),
-            _ => return Cow::Borrowed(&self.parameters),
+        if let Some(share) = spin_drag
+            && share.as_float() == Some(LEAST_SPIN_DRAG)
+        {
+            *share = toml::Value::Float(0.0);
         }
         Cow::Owned(table.to_string())
     }
@@ -135,6 +141,7 @@ mod tests {
     #[test]
     fn parameters_of_older_versions_keep_their_meaning() {
         let mut older = toml::Table::try_from(Robot::published()).unwrap();
+        older.remove("head");
         older["fluid"]["spin_drag"] = toml::Value::Float(LEAST_SPIN_DRAG);
         let meta = |parameters| ModelMeta { parameters, ..ModelMeta::default() };
         assert_eq!(meta(older.to_string()).robot(), Some(Robot::published()));

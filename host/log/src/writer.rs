@@ -34,7 +34,7 @@ pub struct Start {
 
 /// A log being written.
 ///
-/// Every 0.4 s the current chunk is closed, written and synced on a thread of its own, so that a killed program loses at
+/// Every quarter of a second the current chunk is closed, written and synced on a thread of its own, so that a killed program loses at
 /// most half a second; [`Writer::tick`] closes it when no message arrives. A slow disk delays nothing for minutes: what
 /// waits for it is kept in memory. A modelled trial can be computed again, and its log must not depend on the computing
 /// time: its chunks are closed by size alone.

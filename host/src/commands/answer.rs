@@ -23,6 +23,9 @@ pub enum Outcome {
 /// `#[diagnostic(code(wrong_use))]`, or as `code = WRONG_USE` in [`miette::miette!`].
 pub const WRONG_USE: &str = "wrong_use";
 
+/// The exit code of [`Outcome::Interrupted`].
+pub(crate) const INTERRUPTED: u8 = 130;
+
 /// The result of a command.
 #[derive(Debug)]
 pub struct Answer {
@@ -124,7 +127,7 @@ fn exit_code(result: &miette::Result<Answer>) -> u8 {
             Outcome::Done => 0,
             Outcome::Failed => 1,
             Outcome::WithLoss => 3,
-            Outcome::Interrupted => 130,
+            Outcome::Interrupted => INTERRUPTED,
         },
         Err(report) if report.code().is_some_and(|code| code.to_string() == WRONG_USE) => 2,
         Err(_) => 1,

@@ -1,13 +1,13 @@
 //! The link as the program uses it: open it, send requests, receive events.
 
 use super::port;
-use super::worker::{Event, PendingRequest, Received, Worker};
+use super::worker::{Answer, Event, PendingRequest, Received, Worker};
 use super::{Claim, LinkError};
 use protocol::frame::FrameError;
 use protocol::{Command, Info, Reply, SCHEMA, VERSION};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -24,6 +24,13 @@ pub struct Link {
     events: Receiver<Received>,
     thread: Option<JoinHandle<()>>,
     _claim: Claim,
+}
+
+/// A request whose answer is awaited.
+#[derive(Debug)]
+pub struct Asked {
+    command: Command,
+    answer: Receiver<Answer>,
 }
 
 impl Link {
@@ -90,15 +97,42 @@ impl Link {
     /// # Errors
     /// [`LinkError::NoAnswer`], [`LinkError::Refused`] or [`LinkError::Closed`].
     pub fn ask(&self, command: Command) -> Result<Reply, LinkError> {
+        let asked = self.send(command)?;
+        let answer = asked.answer.recv();
+        self.outcome(&asked.command, answer.ok())
+    }
+
+    /// Sends a request without waiting for the answer, which [`Link::answer`] returns.
+    ///
+    /// # Errors
+    /// [`LinkError::Closed`].
+    pub fn send(&self, command: Command) -> Result<Asked, LinkError> {
         self.heartbeat();
-        let (answer, answered) = channel();
-        let closed = || LinkError::Closed { path: self.path.clone() };
-        self.requests.send(PendingRequest { command, answer }).map_err(|_| closed())?;
-        match answered.recv().map_err(|_| closed())? {
-            Ok(Reply::Refused(refusal)) => Err(LinkError::Refused { command: name(&command), refusal }),
-            Ok(reply) => Ok(reply),
-            Err(attempts) => Err(LinkError::NoAnswer { path: self.path.clone(), command: name(&command), attempts }),
+        let (sender, answer) = channel();
+        let sent = self.requests.send(PendingRequest { command, answer: sender });
+        sent.map_err(|_| self.closed())?;
+        Ok(Asked { command, answer })
+    }
+
+    /// Returns the answer to a request; `None` as long as it is awaited.
+    pub fn answer(&self, asked: &Asked) -> Option<Result<Reply, LinkError>> {
+        match asked.answer.try_recv() {
+            Err(TryRecvError::Empty) => None,
+            answer => Some(self.outcome(&asked.command, answer.ok())),
         }
+    }
+
+    /// Returns the outcome of a request from the thread's answer; `None` if the thread has ended.
+    fn outcome(&self, command: &Command, answer: Option<Answer>) -> Result<Reply, LinkError> {
+        match answer.ok_or_else(|| self.closed())? {
+            Ok(Reply::Refused(refusal)) => Err(LinkError::Refused { command: name(command), refusal }),
+            Ok(reply) => Ok(reply),
+            Err(attempts) => Err(LinkError::NoAnswer { path: self.path.clone(), command: name(command), attempts }),
+        }
+    }
+
+    fn closed(&self) -> LinkError {
+        LinkError::Closed { path: self.path.clone() }
     }
 
     /// Sends a request that is answered with [`Reply::Done`].

@@ -22,7 +22,7 @@ mod port;
 mod worker;
 
 pub use claim::Claim;
-pub use client::Link;
+pub use client::{Asked, Link};
 pub use clock::{BoardClock, ClockMap, PingClock};
 pub use error::{LinkError, refusal_text};
 pub use monitor::{Arrival, Gap, Monitor};

@@ -26,6 +26,7 @@ pub struct TankFlow {
     walls: Walls,
     epsilon: f64,
     factor: f64,
+    rod_radius: f64,
     /// A turn of the helix along its rod, m.
     turn: f64,
     flagella: Vec<CoarseNodes>,
@@ -70,6 +71,7 @@ impl TankFlow {
             walls,
             epsilon: robot.epsilon(),
             factor: stokeslet_factor(robot.fluid.viscosity()),
+            rod_radius: robot.flagellum.rod_radius_m,
             turn: helix.contour_length() * helix.pitch / helix.axial_length,
             flagella: at_rest.iter().map(|nodes| CoarseNodes::new(nodes)).collect(),
             head: CoarseSurface::new(head),
@@ -82,10 +84,10 @@ impl TankFlow {
         }
     }
 
-    /// Chooses the coarse points for a step that starts from these shapes, computes their matrix and clears the flow.
+    /// Chooses the coarse points for a step that starts from these shapes, and computes their matrix.
     pub fn begin(&mut self, lines: &[Line], attitude: &UnitQuaternion<f64>) {
-        let nodes = lines.iter().flat_map(|line| &line.nodes).chain(&self.head.surface);
-        let clearance = nodes.map(|x| self.walls.clearance(attitude * x)).fold(f64::INFINITY, f64::min);
+        let [flagella, head] = self.clearances(lines, attitude);
+        let clearance = flagella.min(head);
         for flagellum in &mut self.flagella {
             flagellum.choose(SPACING * clearance.min(self.turn));
         }
@@ -93,7 +95,19 @@ impl TankFlow {
         self.clearance = clearance;
         self.place(lines, attitude);
         self.assemble();
-        self.flow.fill(V3::zeros());
+    }
+
+    /// Returns whether a rod or the head touches a wall or the surface.
+    pub fn is_touched(&self, lines: &[Line], attitude: &UnitQuaternion<f64>) -> bool {
+        let [flagella, head] = self.clearances(lines, attitude);
+        flagella < self.rod_radius || head < 0.0
+    }
+
+    /// Returns the least distances of the flagella's nodes and of the head's points from walls and surface, m.
+    fn clearances(&self, lines: &[Line], attitude: &UnitQuaternion<f64>) -> [f64; 2] {
+        let least = |clearance: f64, x: &V3| clearance.min(self.walls.clearance(attitude * x));
+        let nodes = lines.iter().flat_map(|line| &line.nodes);
+        [nodes.fold(f64::INFINITY, least), self.head.surface.iter().fold(f64::INFINITY, least)]
     }
 
     /// Updates the flow for the densities of the flagella and the forces of the head's points, three numbers each (N, body

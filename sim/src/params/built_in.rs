@@ -16,9 +16,10 @@ impl Robot {
     }
 
     /// Returns the robot with the laboratory's choices, by which the published angles are met: a regularisation of 1.03
-    /// rod radii, rods that spin about their centre lines without drag, and a head with a local drag.
+    /// rod radii, rods that spin about their centre lines without drag, and a head that has a drag and no flow about it.
     pub fn published() -> Self {
         Self {
+            head: Head { shape: HeadShape::Local, ..Head::default() },
             fluid: Fluid { spin_drag: 0.0, regularisation_radii: 1.03, ..Fluid::default() },
             joint: Joint {
                 tether_full_nm_per_rad: 3.599e-4,
@@ -26,7 +27,6 @@ impl Robot {
                 viscous_nms: 0.0,
                 coulomb_nm: 0.0,
             },
-            head: Head { shape: HeadShape::Local, ..Head::default() },
             ..Self::default()
         }
     }

@@ -23,7 +23,7 @@ const PREDICTION_FACTOR: f64 = 5.0;
 /// nodes in m, zero where the prediction had too few points to tell.
 ///
 /// # Errors
-/// [`StepFailure::Diverged`], [`StepFailure::PassedThrough`] and [`StepFailure::Unresolved`].
+/// [`StepFailure::Diverged`], [`StepFailure::PassedThrough`], [`StepFailure::TouchesTank`] and [`StepFailure::Unresolved`].
 pub fn check(
     sweeps: &mut Sweeps,
     problem: &StepProblem,
@@ -41,6 +41,9 @@ pub fn check(
         if sweeps.contacts.passed_through(&before, problem.state, radius) {
             return Err(StepFailure::PassedThrough);
         }
+    }
+    if sweeps.touch_tank(problem, &body.body) {
+        return Err(StepFailure::TouchesTank);
     }
     if step.prediction_points < POINTS {
         return Ok(0.0);

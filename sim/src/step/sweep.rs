@@ -84,6 +84,11 @@ impl Sweeps {
             let contact_motion = change.motion * motion[0].kappa.max(motion[1].kappa);
             let errors = SweepErrors { residual, contact_motion, gap: change.gap_error };
 
+                eprintln!(
+                    "t {:.4} h {:.5} sweep {sweep} residual {residual:.2e}",
+                    problem.state.time, problem.step.length
+                );
+            }
             let converged = convergence.rods_converged(sweep, &errors);
             let accelerated = match before {
                 Some(before) if !converged => self.accelerate(problem, &before, body, convergence.is_slow(residual)),
@@ -168,6 +173,15 @@ impl Sweeps {
         let change = self.surroundings.update(&self.lines, &problem.model.flagella_base(body));
         self.read_flow(problem);
         change
+    }
+
+    /// Returns whether the solved robot touches the tank.
+    pub fn touch_tank(&mut self, problem: &StepProblem, body: &Body) -> bool {
+        if problem.model.robot.tank.is_none() {
+            return false;
+        }
+        self.write_lines(problem);
+        self.surroundings.touch_tank(&self.lines, &problem.model.flagella_base(body))
     }
 
     /// Writes the flagella's trial shapes and forces in the body frame.

@@ -85,11 +85,21 @@ fn test(
     let settings = settings::read(&link)?;
     preflight::supply(&link, interrupted)?;
     let mut board = Board { link: &link, interrupted };
-    let tests = self_test::run(&mut board, &settings, |what| say(&format!("{what}\n")))?;
+    let mut tests = self_test::run(&mut board, &settings, |what| say(&format!("{what}\n")))?;
     let mut wanted = settings;
     let mut assumed = false;
-    for (motor, test) in tests.iter().enumerate() {
-        let seen = if args.yes || !test.finding.is_usable() { None } else { watch(&mut board, motor, test)? };
+    for (motor, test) in tests.iter_mut().enumerate() {
+        let seen = match args.yes || !test.finding.is_usable() {
+            true => None,
+            false => match watch(&mut board, motor, test) {
+                // What the test has found so far is worth knowing.
+                Err(RecordError::Faulted(fault)) => {
+                    test.finding = Finding::Faulted(fault);
+                    None
+                }
+                seen => seen?,
+            },
+        };
         assumed |= test.finding.is_usable() && seen.is_none();
         wanted = self_test::correction(wanted, motor, test.finding, seen);
         if let Some(duty) = test.moving_setting()
@@ -193,7 +203,12 @@ fn judge(motor: usize, test: &MotorTest) -> super::Finding {
                 EDGE_PINS[motor], MOTOR_LEADS[motor]
             ),
         ),
-        Finding::Faulted(fault) => wrong(fault_text(fault), fault_cure(fault).into()),
+        Finding::Faulted(fault) if self_test::motor_of(fault) == Some(motor) => {
+            wrong(fault_text(fault), fault_cure(fault).into())
+        }
+        Finding::Faulted(fault) => {
+            wrong(&format!("not tested to the end: {}", fault_text(fault)), fault_cure(fault).into())
+        }
     }
 }
 
@@ -280,6 +295,7 @@ fn ask(question: &str, interrupted: &AtomicBool) -> Result<String, RecordError> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use protocol::Fault;
 
     fn tests(findings: [Finding; 2]) -> [MotorTest; 2] {
         findings.map(|finding| MotorTest {
@@ -310,6 +326,10 @@ mod tests {
         assert_eq!(good, "turns from a duty of 30 of 255 on, 130 rpm forwards and 128 rpm backwards at full duty");
         let slow = MotorTest { full_rpm: [130.0, 60.0], ..tests([Finding::Agrees; 2])[0] };
         assert!(judge(0, &slow).unwrap_err().0.starts_with("only 130 rpm forwards and 60"));
+        let of_the_other = judge(0, &tests([Finding::Faulted(Fault::Encoder2Noisy); 2])[0]).unwrap_err();
+        assert!(of_the_other.0.starts_with("not tested to the end: encoder 2 has more edges"), "{of_the_other:?}");
+        let own = judge(1, &tests([Finding::Faulted(Fault::Encoder2Noisy); 2])[1]).unwrap_err();
+        assert!(own.0.starts_with("encoder 2 has more edges"), "{own:?}");
         let noisy = MotorTest { glitches: 11, ..tests([Finding::Agrees; 2])[0] };
         assert!(judgements(&[noisy; 2]).iter().any(|check| check.name == "encoder noise" && !check.ok));
     }

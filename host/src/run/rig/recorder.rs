@@ -7,7 +7,7 @@ use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor
 use crate::run;
 use biflag_log::{ClockMeta, CommandRecord, EventKind};
 use protocol::units::{CentiRpm, Micros};
-use protocol::{Calibration, Command, Fault, Reply, Request, State, TICK_HZ, Telemetry};
+use protocol::{Calibration, Command, Fault, Reply, Request, ResetCause, State, TICK_HZ, Telemetry};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
@@ -26,6 +26,13 @@ pub struct Frame {
 /// Length of the board's tick, µs.
 pub(super) const TICK_US: u64 = 1_000_000 / TICK_HZ as u64;
 
+/// Longest time for which a frame waits for its phase to be followed while an answer is awaited. With the interval at which
+/// the log is flushed it is less than the half second that may be lost.
+const LONGEST_WAIT: Duration = Duration::from_millis(100);
+
+/// Interval at which an awaited answer is looked for, that of the link's thread.
+const ANSWER_POLL: Duration = Duration::from_millis(2);
+
 /// Events to keep when the queue is drained.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Keep {
@@ -33,6 +40,15 @@ pub(super) enum Keep {
     Frames,
     /// All events except telemetry.
     Answers,
+}
+
+/// Returns the first of two failures, or the fault, which explains more than any other.
+pub(super) fn first_failure(first: Result<(), RecordError>, next: Result<(), RecordError>) -> Result<(), RecordError> {
+    match (&first, &next) {
+        (Err(RecordError::Faulted(_)), _) => first,
+        (_, Err(RecordError::Faulted(_))) => next,
+        _ => first.and(next),
+    }
 }
 
 /// Writes received events into a log and tracks the trial's time.
@@ -48,6 +64,10 @@ pub(super) struct Recorder<'a> {
     truth: Option<TruthRecorder<'a>>,
     /// The first frame of the next phase, already received.
     pending: Option<Frame>,
+    /// Frames after it that came while an answer was awaited.
+    waiting: VecDeque<Frame>,
+    /// The last phase whose frames are recorded while an answer is awaited; `None` while frames are not of the trial.
+    recorded_phase: Option<u8>,
     clock: BoardClock,
     /// The board's clock at the trial's first frame, µs.
     begun_us: u64,
@@ -73,6 +93,8 @@ impl<'a> Recorder<'a> {
             interrupted,
             truth,
             pending: None,
+            waiting: VecDeque::new(),
+            recorded_phase: None,
             clock: BoardClock::default(),
             begun_us: 0,
             reached_us: None,
@@ -88,16 +110,18 @@ impl<'a> Recorder<'a> {
     ///
     /// Earlier telemetry is discarded: another program may have left the board streaming.
     pub(super) fn begin(&mut self) -> Result<u64, RecordError> {
-        self.command(Command::Stream { rate_hz: 0 })?;
-        match self.command(Command::ClearFault) {
+        // What comes meanwhile may be from before a restart of the board, on another clock.
+        let (stopped, _) = self.exchange(Command::Stream { rate_hz: 0 });
+        stopped?;
+        match self.exchange(Command::ClearFault).0 {
             // The cause persists; the first frame will state the fault.
-            Ok(()) | Err(RecordError::Link(LinkError::Refused { .. })) => {}
-            Err(error) => return Err(error),
+            Ok(_) | Err(LinkError::Refused { .. }) => {}
+            Err(error) => return Err(error.into()),
         }
         while let Some(received) = self.link.next(Duration::ZERO) {
             self.take(received)?;
         }
-        // Earlier frames may be from before a restart of the board, on another clock.
+        self.waiting.clear();
         self.clock = BoardClock::default();
         self.pings = PingClock::default();
         self.command(Command::Stream { rate_hz: TICK_HZ })?;
@@ -153,8 +177,8 @@ impl<'a> Recorder<'a> {
     }
 
     /// Asks for the board's clock; returns it unwrapped. To be called after [`Recorder::begin`].
-    pub(super) fn board_now_us(&self) -> Result<u64, RecordError> {
-        match self.link.ask(Command::Ping)? {
+    pub(super) fn board_now_us(&mut self) -> Result<u64, RecordError> {
+        match self.ask(Command::Ping)? {
             Reply::Pong(now) => Ok(self.begun_us + u64::from(now.since(Micros(self.begun_us as u32)))),
             other => Err(self.link.wrong_answer(&Command::Ping, &other).into()),
         }
@@ -165,18 +189,94 @@ impl<'a> Recorder<'a> {
         self.begun_us
     }
 
-    /// Sends a command. It is logged when the link reports the exchange.
+    /// Sends a request that is answered with [`Reply::Done`].
     pub(super) fn command(&mut self, command: Command) -> Result<(), RecordError> {
-        self.link.command(command)?;
-        Ok(self.trial.log.tick()?)
+        match self.ask(command)? {
+            Reply::Done => Ok(()),
+            other => Err(self.link.wrong_answer(&command, &other).into()),
+        }
     }
 
     /// Reads the result of the last calibration of the gyroscope.
     pub(super) fn calibration(&mut self) -> Result<Calibration, RecordError> {
-        match self.link.ask(Command::ReadCalibration)? {
+        match self.ask(Command::ReadCalibration)? {
             Reply::Calibration(calibration) => Ok(calibration),
             other => Err(self.link.wrong_answer(&Command::ReadCalibration, &other).into()),
         }
+    }
+
+    fn ask(&mut self, command: Command) -> Result<Reply, RecordError> {
+        let (answer, meanwhile) = self.exchange(command);
+        meanwhile?;
+        Ok(answer?)
+    }
+
+    /// Sends a request. Returns the answer, and the first failure in what came meanwhile, which is recorded: a board that
+    /// answers late must not delay the log. The exchange itself is logged when the link reports it.
+    pub(super) fn exchange(&mut self, command: Command) -> (Result<Reply, LinkError>, Result<(), RecordError>) {
+        let asked = match self.link.send(command) {
+            Ok(asked) => asked,
+            Err(error) => return (Err(error), Ok(())),
+        };
+        let mut meanwhile = Ok(());
+        loop {
+            if let Some(answer) = self.link.answer(&asked) {
+                return (answer, meanwhile);
+            }
+            // Only a schedule that has started has phases.
+            let has_started = self.waiting.back().is_some_and(|frame| frame.telemetry.phase > 0);
+            if matches!(command, Command::StartSchedule { .. }) && has_started {
+                return (Ok(Reply::Done), meanwhile);
+            }
+            let recorded = self.hear(ANSWER_POLL);
+            meanwhile = first_failure(meanwhile, recorded);
+        }
+    }
+
+    /// Records what comes within `timeout` while an answer is awaited. Frames wait for those who follow the phases, but
+    /// no longer than the log can.
+    fn hear(&mut self, timeout: Duration) -> Result<(), RecordError> {
+        let mut outcome = match self.link.next(timeout) {
+            Some(received) => self.take_frame(received),
+            None => Ok(()),
+        };
+        while let Some(frame) = self.overdue() {
+            outcome = first_failure(outcome, self.keep(frame));
+        }
+        outcome.and(Ok(self.trial.log.tick()?))
+    }
+
+    /// Records an event; a telemetry frame waits.
+    fn take_frame(&mut self, received: Received) -> Result<(), RecordError> {
+        if let Some((telemetry, host)) = self.take(received)? {
+            let frame = self.frame(telemetry, host).ok_or(RecordError::ClockJumped(None))?;
+            self.waiting.push_back(frame);
+        }
+        Ok(())
+    }
+
+    /// Takes the next frame if it has waited for too long.
+    fn overdue(&mut self) -> Option<Frame> {
+        let next = self.pending.as_ref().or(self.waiting.front())?;
+        // A wall clock that is set back makes it overdue as well.
+        let is_fresh = next.host.elapsed().is_ok_and(|age| age < LONGEST_WAIT);
+        if is_fresh || self.recorded_phase.is_none_or(|last| next.telemetry.phase > last) {
+            return None;
+        }
+        self.pending.take().or_else(|| self.waiting.pop_front())
+    }
+
+    /// Returns the cause of a restart of the board since the link was opened, if there was one.
+    pub(super) fn restart(&mut self) -> Option<ResetCause> {
+        match self.exchange(Command::Hello).0 {
+            Ok(Reply::Info(info)) if info.boot_count != self.link.info().boot_count => Some(info.reset_cause),
+            _ => None,
+        }
+    }
+
+    /// Sets the last phase whose frames are recorded while an answer is awaited; `None` while frames are not of the trial.
+    pub(super) fn record_meanwhile(&mut self, last_phase: Option<u8>) {
+        self.recorded_phase = last_phase;
     }
 
     /// Returns the mean speeds of the flagella over the last second.
@@ -209,20 +309,20 @@ impl<'a> Recorder<'a> {
     /// frames that the board sent in the meantime.
     ///
     /// # Errors
-    /// The first fault, after all of them are recorded.
+    /// The first failure, after all is recorded; a fault before others.
     pub(super) fn drain(&mut self, keep: Keep) -> Result<(), RecordError> {
         let mut outcome = Ok(());
         while let Some(received) = self.link.next(Duration::ZERO) {
             if matches!(received.event, Event::Closed) {
                 break;
             }
-            if let Some((telemetry, host)) = self.take(received)?.filter(|_| keep == Keep::Frames)
-                && let Some(frame) = self.frame(telemetry, host)
-            {
-                match self.keep(frame) {
-                    Err(fault @ RecordError::Faulted(_)) => outcome = outcome.and(Err(fault)),
-                    other => other?,
-                }
+            let taken = self.take_frame(received);
+            outcome = first_failure(outcome, taken);
+        }
+        if keep == Keep::Frames {
+            let waiting = std::mem::take(&mut self.waiting);
+            for frame in self.pending.take().into_iter().chain(waiting) {
+                outcome = first_failure(outcome, self.keep(frame));
             }
         }
         outcome
@@ -260,9 +360,11 @@ impl<'a> Recorder<'a> {
             }
             self.trial.log.tick()?;
             self.keep_truth()?;
-            let Some(received) = self.link.next(Duration::from_millis(20)) else { continue };
-            if let Some((telemetry, host)) = self.take(received)? {
-                return self.frame(telemetry, host).ok_or(RecordError::ClockJumped(None));
+            if let Some(frame) = self.waiting.pop_front() {
+                return Ok(frame);
+            }
+            if let Some(received) = self.link.next(Duration::from_millis(20)) {
+                self.take_frame(received)?;
             }
         }
     }

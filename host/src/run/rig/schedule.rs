@@ -2,7 +2,7 @@
 
 use super::RecordError;
 use super::recorder::{Recorder, TICK_US};
-use crate::link::{Link, LinkError};
+use crate::link::LinkError;
 use protocol::units::Micros;
 use protocol::{Command, Refusal, SetPoint};
 
@@ -16,8 +16,17 @@ const LEAD_US: u64 = 40_000;
 const MAX_LEAD_US: u64 = 20_000_000;
 
 /// Sends the set-points to the board.
-pub(super) fn send(link: &Link, points: &[SetPoint]) -> Result<(), LinkError> {
-    (0..).zip(points).try_for_each(|(index, point)| link.command(Command::SetPoint { index, point: *point }))
+///
+/// # Errors
+/// [`RecordError::Restarted`] if the board has restarted since the link was opened; the link's errors.
+pub(super) fn send(recorder: &mut Recorder, points: &[SetPoint]) -> Result<(), RecordError> {
+    refuse_restart(recorder)?;
+    (0..).zip(points).try_for_each(|(index, point)| recorder.command(Command::SetPoint { index, point: *point }))
+}
+
+/// A board that has restarted has lost the plan's settings and the set-points.
+fn refuse_restart(recorder: &mut Recorder) -> Result<(), RecordError> {
+    recorder.restart().map_or(Ok(()), |cause| Err(RecordError::Restarted(cause)))
 }
 
 /// Starts the first `count` set-points at `planned_us` of the board's clock, or as soon as possible after it. Returns the
@@ -34,6 +43,7 @@ pub(super) fn start(recorder: &mut Recorder, count: usize, planned_us: u64) -> R
             Err(RecordError::Link(LinkError::Refused { refusal: Refusal::NotASchedule, .. }))
                 if lead_us < MAX_LEAD_US =>
             {
+                refuse_restart(recorder)?;
                 lead_us *= 2;
             }
             outcome => return outcome.map(|()| start_us),

@@ -1,6 +1,6 @@
 //! Runs one trial on the rig: calibrates, hands the schedule of rest, run and decay to the board, and records what it does.
 
-use super::recorder::{Frame, Keep, Recorder, TICK_US};
+use super::recorder::{Frame, Keep, Recorder, TICK_US, first_failure};
 use super::simulated::{SimulatedRobot, TruthRecorder};
 use super::{RecordError, VirtualNano, preflight, schedule};
 use crate::link::Link;
@@ -10,7 +10,7 @@ use crate::run;
 use crate::trial::Angles;
 use biflag_log::{End, EventKind, LogError, Start, Summary, Tap};
 use protocol::units::CentiRpm;
-use protocol::{Command, Fault, Reply, ResetCause, Settings, State, TICK_HZ};
+use protocol::{Command, Fault, Settings, State, TICK_HZ};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, SystemTime};
@@ -59,8 +59,6 @@ pub fn run(
     settings: Settings,
 ) -> Result<RigRun, LogError> {
     let schedule = Schedule::planned(trial);
-    // This comes first, because the log is not written while the board answers.
-    let prepared = prepare(context.link, &schedule);
     let mut kept = run::Recorder::create(path, start, settings, SystemTime::now())?;
     if let Some(tap) = context.tap.take() {
         kept.tap(tap);
@@ -69,29 +67,14 @@ pub fn run(
         kept.model(&robot.model)?;
         kept.log.meta(&robot.sensor)?;
     }
-    let link = context.link;
-    let mut recorder = Recorder::new(link, kept, context.interrupted, context.robot.map(TruthRecorder::new));
+    let truth = context.robot.map(TruthRecorder::new);
+    let mut recorder = Recorder::new(context.link, kept, context.interrupted, truth);
     let mut said = Said::default();
-    let mut error = prepared.and_then(|()| phases(&mut recorder, context, trial, &schedule, &mut said)).err();
-    // If the link is gone, the board stops the motors at its deadline.
-    if link.command(Command::Stop).is_ok() {
-        let _ = link.command(Command::Stream { rate_hz: 0 });
-        if let Some(RecordError::Silent { cause, .. } | RecordError::ClockJumped(cause)) = &mut error {
-            *cause = restart(link);
-        }
-    }
+    let phases = phases(&mut recorder, context, trial, &schedule, &mut said);
     // After a failed write, further writes to the log fail as well.
-    let writable = !matches!(error, Some(RecordError::Log(_)));
+    let writable = !matches!(phases, Err(RecordError::Log(_)));
+    let mut error = stop(&mut recorder, phases, writable).err();
     if writable {
-        let keep = if error.is_some() { Keep::Frames } else { Keep::Answers };
-        match recorder.drain(keep) {
-            // A fault explains the failure better than a lost stream.
-            Err(fault @ RecordError::Faulted(_)) if !matches!(error, Some(RecordError::Faulted(_))) => {
-                error = Some(fault)
-            }
-            Err(failure) if error.is_none() => error = Some(failure),
-            _ => {}
-        }
         if let Err(failure) = recorder.end_truth() {
             error.get_or_insert(failure);
         }
@@ -140,20 +123,29 @@ const SLOW_DISK: Duration = Duration::from_millis(500);
 /// The gyroscope's calibration ends this much before its phase, for the requests that start the schedule.
 const CALIBRATION_MARGIN_S: f64 = 0.2;
 
-/// Gives the schedule to the board.
-fn prepare(link: &Link, schedule: &Schedule) -> Result<(), RecordError> {
-    match restart(link) {
-        Some(cause) => Err(RecordError::Restarted(cause)),
-        None => Ok(schedule::send(link, &schedule.set_points())?),
-    }
-}
+/// Shortest calibration that the board can do, s.
+const SHORTEST_CALIBRATION_S: f64 = 0.1;
 
-/// Returns the cause of a restart of the board since the link was opened, if there was one.
-fn restart(link: &Link) -> Option<ResetCause> {
-    match link.ask(Command::Hello) {
-        Ok(Reply::Info(info)) if info.boot_count != link.info().boot_count => Some(info.reset_cause),
-        _ => None,
+/// Stops the motors and the stream, and records what came until then. If the link is gone, the board stops the motors at
+/// its deadline. Returns the outcome of the trial; `phases` is that of its phases.
+fn stop(recorder: &mut Recorder, phases: Result<(), RecordError>, writable: bool) -> Result<(), RecordError> {
+    let link = recorder.link;
+    if !writable {
+        let _ = link.command(Command::Stop).and_then(|()| link.command(Command::Stream { rate_hz: 0 }));
+        return phases;
     }
+    let keep = if phases.is_err() { Keep::Frames } else { Keep::Answers };
+    recorder.record_meanwhile(phases.is_err().then_some(u8::MAX));
+    let (stopped, meanwhile) = recorder.exchange(Command::Stop);
+    let mut outcome = first_failure(phases, meanwhile);
+    if stopped.is_ok() {
+        let (_, meanwhile) = recorder.exchange(Command::Stream { rate_hz: 0 });
+        outcome = first_failure(outcome, meanwhile);
+        if let Err(RecordError::Silent { cause, .. } | RecordError::ClockJumped(cause)) = &mut outcome {
+            *cause = recorder.restart();
+        }
+    }
+    first_failure(outcome, recorder.drain(keep))
 }
 
 /// Runs the schedule of a trial. The board changes the speeds and numbers its phases; this follows them.
@@ -168,11 +160,14 @@ fn phases(
     if let Some(nano) = &mut context.player {
         let _ = nano.control("rewind");
     }
-    let count = schedule.set_points().len();
+    let points = schedule.set_points();
+    schedule::send(recorder, &points)?;
+    let count = points.len();
     let begun_us = recorder.begin()?;
     let start_us = if trial.phases.calibrate_s > 0.0 {
-        calibrate(recorder, context, trial)?;
-        let planned_us = begun_us + (trial.phases.calibrate_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
+        let calibrate_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
+        calibrate(recorder, context, trial, calibrate_s - CALIBRATION_MARGIN_S)?;
+        let planned_us = begun_us + (calibrate_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
         // Before the start: a refusal must not come after motors that turn.
         end_calibration(recorder)?;
         let start_us = schedule::start(recorder, count, planned_us)?;
@@ -258,11 +253,12 @@ fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2], said: &mut Said)
     Ok(())
 }
 
-/// Calibrates the gyroscope; returns when the board has the result.
-fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial) -> Result<(), RecordError> {
+/// Calibrates the gyroscope for `duration_s`; returns when the board has the result.
+fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial, duration_s: f64) -> Result<(), RecordError> {
     context.progress.phase(&trial.name, Phase::Calibrate.name());
     recorder.change(EventKind::Phase, Phase::Calibrate.name(), recorder.begun_us())?;
-    let duration_ms = ((trial.phases.calibrate_s - CALIBRATION_MARGIN_S) * 1e3).clamp(100.0, 60_000.0) as u16;
+    recorder.record_meanwhile(Some(Phase::Calibrate.number()));
+    let duration_ms = (duration_s * 1e3).round().min(60_000.0) as u16;
     recorder.command(Command::CalibrateGyro { duration_ms })?;
     let asked_us = recorder.board_now_us()?;
     let is_over = |frame: &Frame| frame.board_us > asked_us && frame.telemetry.state != State::Calibrating;

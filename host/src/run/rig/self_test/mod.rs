@@ -49,7 +49,7 @@ pub enum Finding {
     EdgesDead,
     /// Nothing moves.
     Still,
-    /// The board stopped the test for a fault of a motor or an encoder.
+    /// The board stopped the test for a fault, which may be one of the other motor ([`motor_of`]).
     Faulted(Fault),
 }
 
@@ -98,27 +98,36 @@ pub fn run(
     let mut test = |motor| {
         progress(&format!("testing motor {}: it turns both ways, at most at full duty", motor + 1));
         match test_motor(board, motor, settings) {
-            Err(RecordError::Faulted(fault)) if is_of_a_motor(fault) => Ok(MotorTest::of(Finding::Faulted(fault))),
+            Err(RecordError::Faulted(fault)) if motor_of(fault).is_some() => Ok(MotorTest::of(Finding::Faulted(fault))),
             result => result,
         }
     };
     Ok([test(0)?, test(1)?])
 }
 
-/// Returns whether a fault is one of the motors or encoders, so that the test of the other motor can go on.
-fn is_of_a_motor(fault: Fault) -> bool {
-    !matches!(
-        fault,
+/// Returns the motor (0 or 1) that a fault is of, or its encoder; `None` for other faults, which end the whole test.
+pub fn motor_of(fault: Fault) -> Option<usize> {
+    match fault {
+        Fault::Motor1Stalled
+        | Fault::Motor1Runaway
+        | Fault::Motor1Overloaded
+        | Fault::Encoder1Failed
+        | Fault::Encoder1Noisy => Some(0),
+        Fault::Motor2Stalled
+        | Fault::Motor2Runaway
+        | Fault::Motor2Overloaded
+        | Fault::Encoder2Failed
+        | Fault::Encoder2Noisy => Some(1),
         Fault::None
-            | Fault::LinkLost
-            | Fault::Hang
-            | Fault::Panic
-            | Fault::ImuSilent
-            | Fault::ImuBusStuck
-            | Fault::ImuFrozen
-            | Fault::ImuLostConfig
-            | Fault::SupplyLow
-    )
+        | Fault::LinkLost
+        | Fault::Hang
+        | Fault::Panic
+        | Fault::ImuSilent
+        | Fault::ImuBusStuck
+        | Fault::ImuFrozen
+        | Fault::ImuLostConfig
+        | Fault::SupplyLow => None,
+    }
 }
 
 fn test_motor(board: &mut impl Drive, motor: usize, settings: &Settings) -> Result<MotorTest, RecordError> {
