@@ -132,13 +132,11 @@ fn normalise(vector: &mut [f32]) -> bool {
     for part in &*vector {
         square += part * part;
     }
-    let scale = if square > 0.995 && square < 1.005 {
+    let scale = match square {
         // One Newton step from 1, enough for a quaternion after each rotation.
-        1.5 - 0.5 * square
-    } else if square > 1e-12 && square < 1e24 {
-        inverse_sqrt(square)
-    } else {
-        return false;
+        0.995..1.005 => 1.5 - 0.5 * square,
+        1e-12..1e24 => inverse_sqrt(square),
+        _ => return false,
     };
     for part in vector {
         *part *= scale;
@@ -252,6 +250,43 @@ mod tests {
         }
         assert!((attitude.correction[0] + 0.02).abs() < 1e-4 && (attitude.correction[1] - 0.01).abs() < 1e-4);
         assert!(estimated_up(&attitude)[2] > 0.9999);
+    }
+
+    #[test]
+    fn the_integral_grows_by_its_gain_times_the_tilt() {
+        let mut attitude = started(DOWN);
+        // 30° about x, for 0.1 s.
+        for _ in 0..20 {
+            attitude.update([0.0; 3], [0.0, 8192.0, 14_189.0], DT, Gains { kp: 0.0, ki: 0.3 });
+        }
+        let [x, y, z] = attitude.correction;
+        assert!((x - 0.3 * 0.1 * 0.5).abs() < 1e-4 && y == 0.0 && z == 0.0, "{:?}", attitude.correction);
+        // The tilt follows from the integral alone: 0.3/s² * 0.5 over 0.1 s.
+        let tilt = estimated_up(&attitude)[1];
+        assert!((tilt - 0.5 * 0.3 * 0.5 * 0.1 * 0.1).abs() < 1e-4, "{tilt}");
+    }
+
+    #[test]
+    fn up_stays_up_in_a_tilted_body_that_turns_about_the_vertical() {
+        let up = [0.48, -0.6, 0.64];
+        let mut attitude = started(up.map(|part| part * 16384.0));
+        for _ in 0..400 {
+            attitude.update(half(up), [0.0; 3], DT, NONE);
+            for (have, want) in estimated_up(&attitude).iter().zip(up) {
+                assert!((have - want).abs() < 5e-5, "{:?}", estimated_up(&attitude));
+            }
+        }
+        assert!(attitude.quaternion[3] > 0.6, "it has turned by 2 rad");
+    }
+
+    #[test]
+    fn a_turn_keeps_the_quaternions_length_to_the_digits_of_a_number() {
+        let mut attitude = started(DOWN);
+        for _ in 0..1000 {
+            attitude.update(half([0.5, -2.0, 3.0]), [0.0; 3], DT, NONE);
+            let length = attitude.quaternion.iter().map(|part| f64::from(*part).powi(2)).sum::<f64>().sqrt();
+            assert!((length - 1.0).abs() < 3e-7, "{length}");
+        }
     }
 
     #[test]

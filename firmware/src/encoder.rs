@@ -281,7 +281,7 @@ mod tests {
             for rpm in [-90.0, -20.0, -3.0, 0.5, 7.0, 11.7, 19.0, 26.0, 41.3, 90.0] {
                 turn_uneven(
                     uneven,
-                    2000,
+                    600,
                     |_| rpm,
                     |t, _, measured| {
                         if t > 1.0 {
@@ -452,6 +452,59 @@ mod tests {
         let after = update(&edges, 52_300);
         assert!((before.speed.rpm() - 39.85).abs() < 0.01);
         assert_eq!((within, after), (before, Motion { glitches: 2, ..before }));
+    }
+
+    #[test]
+    fn a_spike_within_each_of_two_ticks_is_taken_and_given_back() {
+        let (mut encoder, mut edges) = (Encoder::default(), Edges::new());
+        let mut update =
+            |edges: &Edges, now| encoder.update(edges, Micros(now), centi_rpm_scale(COUNTS_PER_TURN as f32));
+        for edge in 1..=20 {
+            edges.feed(edge % 2 == 1, edge % 2 == 0, Micros(2500 * edge));
+            update(&edges, 2500 * edge + 2000);
+        }
+        edges.feed(true, false, Micros(52_200));
+        assert_eq!(update(&edges, 52_215).counts, 0, "the first one is left to the next tick");
+        edges.feed(false, false, Micros(52_212));
+        edges.feed(true, false, Micros(52_300));
+        let within = update(&edges, 52_310);
+        edges.feed(false, false, Micros(52_312));
+        let after = update(&edges, 52_450);
+        assert_eq!(
+            [within, after].map(|motion| (motion.counts, motion.edges, motion.glitches)),
+            [(1, 1, 2), (-1, -1, 2)]
+        );
+        assert!((after.speed.rpm() - 39.85).abs() < 2.0, "{after:?}");
+    }
+
+    #[test]
+    fn edges_closer_than_60_us_are_a_spike() {
+        for (apart, motion) in [(59, (0, 0, 2)), (60, (2, 2, 0))] {
+            let mut edges = Edges::new();
+            edges.feed(true, false, Micros(10_000));
+            edges.feed(false, true, Micros(10_000 + apart));
+            assert_eq!((edges.last.count, edges.accepted, edges.rejected), motion, "{apart} µs");
+        }
+    }
+
+    #[test]
+    fn an_edge_is_taken_when_it_can_no_longer_be_a_spike() {
+        for (age, counts) in [(0, 0), (119, 0), (120, 1)] {
+            let (mut encoder, mut edges) = (Encoder::default(), Edges::new());
+            edges.feed(true, false, Micros(10_000));
+            let scale = centi_rpm_scale(COUNTS_PER_TURN as f32);
+            assert_eq!(encoder.update(&edges, Micros(10_000 + age), scale).counts, counts, "{age} µs old");
+        }
+    }
+
+    #[test]
+    fn edges_count_from_the_level_at_the_start() {
+        let mut edges = Edges::new();
+        edges.start(true);
+        edges.feed(true, false, Micros(10_000));
+        assert_eq!((edges.accepted, edges.rejected), (0, 1));
+        edges.feed(false, false, Micros(20_000));
+        assert_eq!((edges.accepted, edges.last.count), (1, -1));
     }
 
     #[test]

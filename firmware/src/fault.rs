@@ -74,10 +74,10 @@ impl Crash {
 /// Returns the cause of a start, from the crash record and the hardware's reset flags (MCUSR of the ATmega328P, section
 /// 11.9.1), which a bootloader usually clears.
 pub fn reset_cause(crash: Option<Crash>, mcusr: u8) -> ResetCause {
-    const POWER_ON: u8 = 1 << 0;
-    const EXTERNAL: u8 = 1 << 1;
-    const BROWN_OUT: u8 = 1 << 2;
-    const WATCHDOG: u8 = 1 << 3;
+    const POWER_ON: u8 = 0b0001;
+    const EXTERNAL: u8 = 0b0010;
+    const BROWN_OUT: u8 = 0b0100;
+    const WATCHDOG: u8 = 0b1000;
     match crash {
         Some(Crash::Hang) => ResetCause::Hang,
         Some(Crash::Panic) => ResetCause::Panic,

@@ -61,7 +61,7 @@ impl Guard {
     #[inline(never)]
     pub fn check(&mut self, duty: Duty, target: CentiRpm, motion: &Motion, moving_duty: u8) -> [Fault; 2] {
         // In the direction of the duty.
-        let speed = if duty.0 < 0 { -motion.speed.0 } else { motion.speed.0 };
+        let speed = if duty.0.is_negative() { -motion.speed.0 } else { motion.speed.0 };
         let duty = duty.0.unsigned_abs() as u8;
         if self.is_overloaded(duty, speed) {
             [Fault::Motor1Overloaded, Fault::Motor2Overloaded]

@@ -55,7 +55,7 @@ fn round_to_i16(x: f32, places: u8) -> i16 {
         255 => i16::MAX as u16,
     };
     let magnitude = magnitude.min(i16::MAX as u16) as i16;
-    if x < 0.0 { -magnitude } else { magnitude }
+    if x.is_sign_negative() { -magnitude } else { magnitude }
 }
 
 /// Length of a tick in seconds.

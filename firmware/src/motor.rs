@@ -74,7 +74,7 @@ impl SpeedControl {
         let duty = gains.kp * error + integral;
         let limited = round_to_i16(duty, 0).clamp(-Duty::FULL.0, Duty::FULL.0);
         // Anti-windup: at the limit of the duty, the integral only moves away from it.
-        if limited.abs() < Duty::FULL.0 || (duty < 0.0) != (error < 0.0) {
+        if limited.abs() < Duty::FULL.0 || duty.is_sign_negative() != error.is_sign_negative() {
             self.integral = integral;
         }
         Duty(limited)
@@ -135,12 +135,13 @@ mod tests {
     fn directions_duties_and_standby_reach_the_pins() {
         use State::{High, Low};
         let off = (Low, Low, 0);
-        let (first, pins1, pwm1) = bridge(&[off, (High, Low, 200), (Low, High, 255), off]);
-        let (second, pins2, pwm2) = bridge(&[off, (High, Low, 7), off, off]);
-        let standby = Pin::new(&[Low, High, High, Low].map(PinSet::set));
+        let (first, pins1, pwm1) = bridge(&[off, (High, Low, 200), (Low, High, 255), (High, Low, 9), off]);
+        let (second, pins2, pwm2) = bridge(&[off, (High, Low, 7), off, (Low, High, 9), off]);
+        let standby = Pin::new(&[Low, High, High, High, Low].map(PinSet::set));
         let mut motors = Motors::new([first, second], standby.clone());
         motors.drive(&[Duty(200), Duty(-7)], &[false, true]);
         motors.drive(&[Duty(-255), Duty(0)], &[false, true]);
+        motors.drive(&[Duty(9), Duty(9)], &[false, true]);
         motors.drive(&[Duty(0), Duty(0)], &[false, true]);
         for mut pin in pins1.into_iter().chain(pins2).chain([standby]) {
             pin.done();

@@ -75,9 +75,8 @@ impl Schedule {
     pub fn advance(&mut self, ticks: u8, now: Micros) -> Option<SetPoint> {
         let tick = match self.progress {
             Progress::Idle => return None,
-            // Half of the clock's range: the start is in the past.
-            Progress::Waiting(at) if now.since(at) < 1 << 31 => 0,
-            Progress::Waiting(_) => return None,
+            Progress::Waiting(at) if now.since(at).cast_signed().is_negative() => return None,
+            Progress::Waiting(_) => 0,
             Progress::Running(next) => next + u32::from(ticks) - 1,
         };
         self.progress = Progress::Running(tick + 1);
@@ -184,8 +183,11 @@ mod tests {
         assert!(!refused(&TRIAL, 4, now));
         assert!(refused(&TRIAL, 0, now) && refused(&TRIAL, 17, now) && refused(&TRIAL, 255, now));
         assert!(refused(&TRIAL, 2, now), "it ends with a motor on");
+        let both = SetPoint { speeds: [CentiRpm(100); 2], ..point(0, 0, 1) };
+        assert!(refused(&[both], 1, now), "it ends with both motors on");
         assert!(refused(&[point(5, 1, 1), point(5, 0, 2)], 2, now), "two at one tick");
         assert!(refused(&TRIAL, 4, Micros(999)), "the past");
+        assert!(!refused(&TRIAL, 4, Micros(1000 + MAX_DELAY_US)), "ten minutes ahead");
         assert!(refused(&TRIAL, 4, Micros(1001 + MAX_DELAY_US)), "more than ten minutes ahead");
         let mut schedule = Schedule::default();
         assert!(

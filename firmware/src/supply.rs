@@ -56,4 +56,15 @@ mod tests {
             .into();
         assert_eq!(faults, [false, false, false, false, true, true, false]);
     }
+
+    #[test]
+    fn the_least_supply_is_no_fault() {
+        for (bandgap, millivolts, fault) in [(1075, MIN_SUPPLY_MV, Fault::None), (1074, 4296, Fault::SupplyLow)] {
+            let mut supply = Supply::default();
+            for _ in 0..LOW_READINGS {
+                assert_eq!(supply.update(256, Millivolts(bandgap)), Millivolts(millivolts));
+            }
+            assert_eq!(supply.fault(), fault);
+        }
+    }
 }

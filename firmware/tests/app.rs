@@ -5,6 +5,7 @@ mod robot;
 use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
 use firmware::app::Start;
 use firmware::fault::Crash;
+use firmware::link::{Link, Outbox};
 use protocol::frame::{MAX_FRAME, encode};
 use protocol::units::{AxisMap, CentiRpm, Count, Duty, EncoderCounts, GyroRange, Micros, Millivolts, SensorCounts};
 use protocol::{
@@ -667,4 +668,42 @@ fn a_request_without_room_for_its_answer_is_dropped_and_feeds_the_deadline() {
     bench.deliver();
     let frame = bench.look();
     assert_eq!((frame.fault, frame.target), (Fault::None, TURN), "dropped requests have no effect");
+}
+
+/// An outbox with room for so many bytes.
+struct Room(u8);
+
+impl Outbox for Room {
+    fn room(&self) -> u8 {
+        self.0
+    }
+
+    fn add(&mut self, _: &[u8]) {}
+}
+
+/// The lengths are those of the answers' frames, with the longest of a group for all of them.
+#[test]
+fn a_request_needs_room_for_its_answer() {
+    let link = Link::new();
+    for (command, length) in [
+        (Command::Hello, 29),
+        (Command::ReadSettings, 60),
+        (Command::ReadCalibration, 29),
+        (Command::ReadFault { index: 0 }, 29),
+        (Command::Ping, 11),
+        (Command::Stop, 11),
+    ] {
+        assert!(link.has_room(&command, &Room(length)) && !link.has_room(&command, &Room(length - 1)), "{command:?}");
+    }
+}
+
+#[test]
+fn the_host_is_silent_after_the_deadline_and_not_at_it() {
+    let mut link = Link::new();
+    let mut frame = [0; MAX_FRAME];
+    for byte in encode(&[200u8; 9], &mut frame).unwrap() {
+        link.receive(*byte, Micros(u32::MAX - 99));
+    }
+    let after = |us: u32| link.is_silent(Micros((u32::MAX - 99).wrapping_add(us)), 50_000);
+    assert_eq!([0, 50_000, 50_001, 2_000_000_000].map(after), [false, false, true, true]);
 }

@@ -3,6 +3,8 @@
 #[allow(dead_code)]
 mod robot;
 
+use firmware::encoder::Motion;
+use firmware::guard::Guard;
 use protocol::units::{CentiRpm, Duty};
 use protocol::{Command, Fault, Reply, Settings, State};
 use robot::{Bench, TICK_US};
@@ -271,6 +273,49 @@ fn a_noisy_encoder_stops_the_motors_and_is_told_at_rest_too() {
             assert!((38..=40).contains(&glitches), "{glitches}");
         }
     }
+}
+
+/// Returns the first tick, from 1, in which a motor with a duty of 50 and a target of 80 rpm is at fault, and the fault. A
+/// tick is its speed in hundredths of rpm, its edges, and the change of its position.
+fn first_fault(moving_duty: u8, ticks: impl IntoIterator<Item = (i16, i8, i8)>) -> Option<(usize, Fault)> {
+    let mut guard = Guard::default();
+    let faults = ticks.into_iter().map(|(speed, edges, counts)| {
+        let motion = Motion { speed: CentiRpm(speed), edges, counts, glitches: 0 };
+        guard.check(Duty(50), CentiRpm(8000), &motion, moving_duty)[0]
+    });
+    faults.enumerate().find(|(_, fault)| *fault != Fault::None).map(|(index, fault)| (index + 1, fault))
+}
+
+#[test]
+fn a_runaway_is_3_rpm_against_the_duty_for_150_ms_unless_it_loses_an_eighth() {
+    let against = |speeds: [i16; 2]| first_fault(100, (0..60).map(|tick| (speeds[usize::from(tick >= 20)], 0, 0)));
+    assert_eq!(against([-300, -300]), Some((30, Fault::Motor1Runaway)));
+    assert_eq!(against([-299, -299]), None);
+    assert_eq!(against([-2400, -2100]), Some((30, Fault::Motor1Runaway)), "an eighth");
+    // The speed that is left is a new one.
+    assert_eq!(against([-2400, -2099]), Some((60, Fault::Motor1Runaway)), "more than an eighth");
+    assert_eq!(first_fault(100, (0..600).map(|tick| (-8000 + 40 * tick.min(200), 0, 0))), None, "braked");
+}
+
+#[test]
+fn a_stall_is_a_second_of_less_than_a_quarter_of_the_target_beyond_that_of_more() {
+    let ticks = |ticks, speed| std::iter::repeat_n((speed, 0, 0), ticks);
+    assert_eq!(first_fault(50, ticks(300, 1999)), Some((201, Fault::Motor1Stalled)));
+    assert_eq!(first_fault(50, ticks(300, 2000)), None);
+    assert_eq!(first_fault(51, ticks(300, 0)), None, "below the duty that moves it");
+    let ever_again = ticks(150, 0).chain(ticks(100, 8000)).chain(ticks(300, 0));
+    assert_eq!(first_fault(50, ever_again), Some((401, Fault::Motor1Stalled)));
+}
+
+#[test]
+fn eight_edges_that_cancel_each_other_are_a_failed_encoder_the_second_time() {
+    let edges = |from: usize, to: usize| (from..to).map(|edge| (4000, 1, if edge % 2 == 0 { 1 } else { -1 }));
+    let forwards = |edges| std::iter::repeat_n((4000, 1, 1), edges);
+    assert_eq!(first_fault(100, edges(0, 20)), Some((16, Fault::Encoder1Failed)));
+    assert_eq!(first_fault(100, edges(0, 8).chain(forwards(8)).chain(edges(0, 8)).chain(forwards(80))), None);
+    // Five edges of eight in one direction are more than chance.
+    let nearly = (0..80).map(|edge| (4000, 1, if edge % 8 < 5 { 1 } else { -1 }));
+    assert_eq!(first_fault(100, nearly), None);
 }
 
 const DRIVE: Command = Command::Drive { duty: [Duty(100); 2], duration_ms: 1000 };

@@ -175,7 +175,7 @@ fn a_failure_in_any_transaction_of_set_up_restarts_it() {
             transactions.extend(set_up(0x68));
             transactions.extend(checked([sample(1)]));
             let (mut imu, mut bus) = configured(&transactions);
-            let ticks_to_reading = (1..).find(|_| imu.poll()).unwrap();
+            let ticks_to_reading = (1..1000).find(|_| imu.poll()).unwrap();
             assert!(ticks_to_reading <= 2 * SET_UP_TICKS, "{ticks_to_reading}");
             assert_eq!((imu.errors(), imu.fault(), imu.id()), (1, Fault::None, 0x68));
             bus.done();
@@ -308,7 +308,7 @@ fn a_short_loss_of_supply_is_repaired_without_a_fault() {
     let again = [set_up(0x68), vec![sample(2), check()]].concat();
     let (mut imu, mut bus) = settled(&[checked([sample(1)]), lost, again].concat());
     assert_eq!(poll(&mut imu), Some(reading(1)));
-    let ticks_to_reading = (1..).find(|_| imu.poll()).unwrap();
+    let ticks_to_reading = (1..1000).find(|_| imu.poll()).unwrap();
     assert!(ticks_to_reading < usize::from(FAULT_AFTER_TICKS), "{ticks_to_reading}");
     assert_eq!((imu.errors(), imu.fault()), (1, Fault::None));
     bus.done();
@@ -339,6 +339,21 @@ fn a_sensor_that_does_not_take_its_configuration_is_a_fault() {
     assert_eq!((imu.fault(), imu.errors()), (Fault::None, 1));
     assert_eq!(polls(&mut imu, SET_UP_TICKS + 1), 0);
     assert_eq!((imu.fault(), imu.errors()), (Fault::ImuLostConfig, 2));
+    bus.done();
+}
+
+#[test]
+fn a_configuration_that_is_lost_twice_is_no_fault() {
+    let unseen = [2, 3, 4].map(sample).to_vec();
+    let lost = [vec![sample(5), read(0x19, &[0; 4])], set_up(0x68)].concat();
+    let (mut imu, mut bus) =
+        settled(&[checked([sample(1)]), unseen, lost.clone(), lost, vec![sample(7), check()]].concat());
+    assert_eq!(polls(&mut imu, CHECK_INTERVAL), CHECK_INTERVAL);
+    for losses in 1..=2 {
+        assert_eq!(polls(&mut imu, 1 + SET_UP_TICKS), 0);
+        assert_eq!((imu.errors(), imu.fault()), (losses, Fault::None));
+    }
+    assert_eq!((poll(&mut imu), imu.fault()), (Some(reading(7)), Fault::None));
     bus.done();
 }
 

@@ -24,11 +24,9 @@ fn open(board: impl FnOnce(&mut File) + Send + 'static) -> Result<Link, LinkErro
     let mut master = File::from(master);
     // The thread is never joined: a board that blocks on a port closed by the host never wakes up.
     std::thread::spawn(move || board(&mut master));
-    std::thread::spawn(move || {
-        std::thread::sleep(Duration::from_millis(200));
-        drop(held);
-    });
-    Link::open(&path)
+    let link = Link::open(&path);
+    drop(held);
+    link
 }
 
 /// Replies to each request with the bytes returned by `answer`, until the port is closed.

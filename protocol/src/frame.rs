@@ -191,7 +191,7 @@ pub fn crc16(bytes: &[u8]) -> u16 {
 fn crc16_update(crc: u16, byte: u8) -> u16 {
     let low = byte ^ crc as u8;
     let low = low ^ (low << 4);
-    ((u16::from(low) << 8) | (crc >> 8)) ^ u16::from(low >> 4) ^ (u16::from(low) << 3)
+    u16::from_le_bytes([(crc >> 8) as u8, low]) ^ u16::from(low >> 4) ^ (u16::from(low) << 3)
 }
 
 #[cfg(test)]

@@ -332,7 +332,7 @@ impl Default for AxisMap {
 
 fn round_to_i16(x: f64) -> i16 {
     // `as` saturates, and `f64::round` is not in `core`.
-    (if x < 0.0 { x - 0.5 } else { x + 0.5 }) as i16
+    (x + 0.5f64.copysign(x)) as i16
 }
 
 /// Square root by Newton's method: `core` has none, and the host needs it to the last digit.

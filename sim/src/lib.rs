@@ -29,6 +29,7 @@ pub mod fluid;
 mod lanes;
 mod linear;
 pub mod params;
+pub mod phase;
 pub mod profile;
 pub mod resistance;
 pub mod rod;

@@ -118,6 +118,9 @@ pub struct Flagellum {
     pub axial_length_m: f64,
     /// Winding of flagellum 1 and 2 (right, publication).
     pub handedness: [Handedness; 2],
+    /// Angle of helix 1 and 2 about +z_B where its motor is at zero, in degrees (0). A motor's zero is where its
+    /// encoder began to count, so on a rig it is known only after it was fitted.
+    pub phase_deg: [f64; 2],
     /// Young's modulus in Pa (1.255e6, publication). Lower values let the flagella bend, buckle and bundle.
     pub young_pa: f64,
     /// Poisson's ratio (0.5, publication).
@@ -138,6 +141,7 @@ impl Default for Flagellum {
             pitch_m: 0.076,
             axial_length_m: 0.1962,
             handedness: [Handedness::Right; 2],
+            phase_deg: [0.0; 2],
             young_pa: 1.255e6,
             poisson: 0.5,
             density_kg_m3: 1450.0,

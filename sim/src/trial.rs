@@ -135,6 +135,11 @@ fn overlap(gap: f64) -> f64 {
     (-gap).max(0.0)
 }
 
+/// Returns the angles of the helices where their motors are at zero, rad.
+fn phase(solver: &Solver) -> [f64; 2] {
+    solver.model().robot.flagellum.phase_deg.map(f64::to_radians)
+}
+
 /// A sample this much behind the end, s, is the last one: times of samples are rounded.
 const END_ROUNDING: f64 = 1e-9;
 
@@ -174,6 +179,8 @@ impl Trial {
                 reason: format!("must be between {} and {}", RATES.start(), RATES.end()),
             });
         }
+        // The solver's motors turn the helices themselves: their angles have the phase, those of samples do not.
+        let profile = profile.from_angles(phase(&solver));
         let mut state = solver.at_rest();
         state.time = profile.start();
         state.motors = profile.motors(state.time);
@@ -221,7 +228,13 @@ impl Trial {
 
     /// Returns angles and speeds of the motors at a time (s).
     pub fn motors(&self, time: f64) -> [MotorState; 2] {
-        self.profile.motors(time)
+        self.without_phase(self.profile.motors(time))
+    }
+
+    /// Returns motors with the angles that their encoders count.
+    fn without_phase(&self, motors: [MotorState; 2]) -> [MotorState; 2] {
+        let phase = phase(&self.solver);
+        [0, 1].map(|k| MotorState { angle: motors[k].angle - phase[k], ..motors[k] })
     }
 
     /// Returns attitude, rate and forces at a time (s) that the solver has just passed.
@@ -371,6 +384,7 @@ impl Trial {
         let coil = (flagellum.edges() as f64 * flagellum.pitch_m / flagellum.axial_length_m).round() as usize;
         let winding_turns = winding(&lines, coil);
         let bundling = Bundling::classify(between.contact, winding_turns);
+        let motor_angle_rad = self.without_phase(motors).map(|m| m.angle);
         let progress = &mut self.progress;
         if bundling as u8 > progress.summary.bundling as u8 {
             progress.summary.bundling = bundling;
@@ -384,7 +398,7 @@ impl Trial {
             yaw_rad: between.euler[0],
             pitch_rad: between.euler[1],
             roll_rad: between.euler[2],
-            motor_angle_rad: motors.map(|m| m.angle),
+            motor_angle_rad,
             motor_speed_rad_s: motors.map(|m| m.speed),
             force_n: between.forces.map(|f| plain(f.smooth + f.contact)),
             contact_force_n: between.forces.map(|f| plain(f.contact)),

@@ -11,6 +11,7 @@ mod hard_cases;
 mod head;
 mod params;
 mod peer;
+mod phase;
 mod published;
 mod resistance;
 mod robot;

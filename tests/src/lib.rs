@@ -9,8 +9,10 @@ pub use cable::Cable;
 pub use viewer::{Seen, Viewer};
 
 use host::run::rig::VirtualNano;
-use serde_json::Value;
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::{Value, json};
 use std::ffi::OsStr;
+use std::io::{BufRead, BufReader};
 use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -52,13 +54,15 @@ impl Bench {
         path
     }
 
-    /// Writes a plan of one trial without calibration, pre-roll and decay.
+    /// Writes a plan of one trial without calibration, pre-roll and decay. The motors' deadline is the longest one, because
+    /// other programs may delay the pings.
     pub fn short_plan(&self, run_s: f64, speeds: [f64; 2]) -> PathBuf {
         let [w1, w2] = speeds;
         self.file(
             "plan.toml",
             &format!(
                 "[session]\nname = \"bench\"\n\
+                 [board]\ndeadline_ms = 5000\n\
                  [trial]\ncalibrate = 0\npreroll = 0\nrun = {run_s}\ndecay = 0\n\
                  [speeds]\npairs = [[{w1}, {w2}]]\n"
             ),
@@ -106,9 +110,19 @@ impl Run {
     }
 }
 
-/// Sends a signal, such as `-INT`, to a run.
-pub fn signal(child: &Child, name: &str) {
-    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().expect("kill starts").success());
+/// Sends a signal to a run that has not ended. Starting `kill` takes too long on a busy computer.
+pub fn signal(child: &Child, signal: Signal) {
+    kill_process(Pid::from_child(child), signal).expect("a running program");
+}
+
+/// Waits until a run says something on stderr, which is read to its end in the background. Returns the line.
+#[track_caller]
+pub fn wait_for_line(child: &mut Child, text: &str) -> String {
+    let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines().map_while(Result::ok);
+    let mut said = Vec::new();
+    let line = lines.by_ref().inspect(|line| said.push(line.clone())).find(|line| line.contains(text));
+    std::thread::spawn(move || lines.for_each(drop));
+    line.unwrap_or_else(|| panic!("{text:?} is not in {said:?}"))
 }
 
 /// Returns the logs in a session folder, sorted.
@@ -136,14 +150,37 @@ pub fn wait_for_logs(session: &Path, count: usize) {
     wait_until("a trial starts", || logs(session).len() >= count);
 }
 
-/// Waits until something holds, for 20 s at most.
+/// Waits until something holds, for a minute at most.
 #[track_caller]
 pub fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !holds() {
-        assert!(begun.elapsed() < Duration::from_secs(20), "not within 20 s: {what}");
+        assert!(begun.elapsed() < Duration::from_secs(60), "not within a minute: {what}");
         std::thread::sleep(Duration::from_millis(10));
     }
+}
+
+/// Waits until the board drives a motor.
+#[track_caller]
+pub fn wait_for_motion(nano: &mut VirtualNano) {
+    wait_until("a motor is driven", || is_driven(nano));
+}
+
+/// Returns whether the board drives a motor.
+pub fn is_driven(nano: &mut VirtualNano) -> bool {
+    nano.control("status").expect("a board")["pwm"] != json!([0, 0])
+}
+
+/// Returns the board's own time, s. On a busy computer it passes as slowly as everything else.
+pub fn board_s(nano: &mut VirtualNano) -> f64 {
+    nano.control("status").expect("a board")["seconds"].as_f64().expect("a number")
+}
+
+/// Waits until so many seconds of the board's own time have passed.
+#[track_caller]
+pub fn pass(nano: &mut VirtualNano, seconds: f64) {
+    let begun_s = board_s(nano);
+    wait_until("the board's time passes", || board_s(nano) >= begun_s + seconds);
 }
 
 /// An emulated board with the real firmware, and the file of its EEPROM.
@@ -198,6 +235,15 @@ fn eeprom_with_settings() -> Vec<u8> {
 /// Returns the path of a file of the reference data.
 pub fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("data").join(name)
+}
+
+/// Compiles the library that makes a write take long (`src/stall.c`) into a folder; returns its path.
+pub fn stalling_library(folder: &Path) -> PathBuf {
+    let (source, library) = (Path::new(env!("CARGO_MANIFEST_DIR")).join("src/stall.c"), folder.join("stall.so"));
+    let mut compiler = Command::new("cc");
+    compiler.args(["-O1", "-shared", "-fPIC", "-o"]).arg(&library).arg(source).arg("-ldl");
+    assert!(compiler.status().expect("a C compiler").success());
+    library
 }
 
 /// Returns the path of the firmware image.

@@ -1,6 +1,7 @@
 //! Recordings among other programs: shells that send signals, programs that touch the logs, limits, names, and text from
 //! elsewhere.
 
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use serde_json::Value;
 use std::ffi::OsString;
 use std::os::unix::ffi::OsStringExt;
@@ -8,7 +9,9 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use tests::{Bench, Run, logs, nano, program, signal, wait_for_logs};
+use tests::{
+    Bench, Run, is_driven, logs, nano, program, signal, stalling_library, wait_for_logs, wait_for_motion, wait_until,
+};
 
 /// Starts a shell command in which `$0` is `biflag`, in a process group of its own, as shells start jobs.
 fn shell(bench: &Bench, command: &str, arguments: &[&str]) -> Child {
@@ -18,9 +21,8 @@ fn shell(bench: &Bench, command: &str, arguments: &[&str]) -> Child {
 }
 
 /// Sends a signal to a process group, as a terminal does.
-fn signal_group(leader: &Child, name: &str) {
-    let group = format!("-{}", leader.id());
-    assert!(Command::new("kill").args([name, "--", &group]).status().unwrap().success());
+fn signal_group(leader: &Child, signal: Signal) {
+    kill_process_group(Pid::from_child(leader), signal).unwrap();
 }
 
 fn end_of(log: &Path) -> Option<biflag_log::End> {
@@ -45,7 +47,7 @@ fn ctrl_c_on_the_terminal_ends_a_recording_on_the_emulated_board() {
     let recording = shell(&bench, "exec \"$0\" \"$@\"", &arguments);
     wait_for_logs(&bench.path().join("session"), 1);
     std::thread::sleep(Duration::from_secs(1));
-    signal_group(&recording, "-INT");
+    signal_group(&recording, Signal::INT);
     Run::of(recording).expect_code(130);
     assert_eq!(end_of(&logs(&bench.path().join("session"))[0]), Some(biflag_log::End::Aborted));
 }
@@ -60,13 +62,48 @@ fn stopped_emulated_board_ends_the_recording() {
     std::thread::sleep(Duration::from_millis(700));
     let board = board_of(&recording);
     let stopped = Instant::now();
-    assert!(Command::new("kill").args(["-STOP", &board.to_string()]).status().unwrap().success());
+    kill_process(Pid::from_raw(board.try_into().unwrap()).unwrap(), Signal::STOP).unwrap();
     let run = wait(recording, Duration::from_secs(20));
     println!("ended {:.1} s after its board was stopped", stopped.elapsed().as_secs_f64());
     assert_eq!(run.code, Some(1), "{run:?}");
     assert!(!Path::new(&format!("/proc/{board}")).exists(), "the board is left behind");
     let [log] = logs(&bench.path().join("session")).try_into().unwrap();
     assert_eq!(end_of(&log), Some(biflag_log::End::Failed));
+}
+
+/// A disk that hangs makes the first Ctrl-C wait; the second one ends the program, and says what may be lost.
+#[test]
+fn second_ctrl_c_ends_a_recording_whose_disk_hangs() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(60.0, [50.0, 10.0]);
+    let mut nano = nano(["--speed", "1"]);
+    let mut command = Command::new(program("biflag"));
+    command.args(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session"]);
+    // It begins to hang in the trial, and would for ten minutes.
+    command.env("LD_PRELOAD", stalling_library(bench.path())).env("STALL_MS", "600000").env("STALL_AFTER_MS", "6000");
+    command.env("XDG_CONFIG_HOME", bench.path().join("config")).current_dir(bench.path());
+    let command = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut recording = command.spawn().unwrap();
+    wait_for_motion(&mut nano);
+    let log = logs(&bench.path().join("session")).remove(0);
+    let (mut length, mut grown) = (0, Instant::now());
+    wait_until("the disk hangs", || {
+        let now = std::fs::metadata(&log).unwrap().len();
+        if now != length {
+            (length, grown) = (now, Instant::now());
+        }
+        // It grows four times a second.
+        grown.elapsed() > Duration::from_secs(2)
+    });
+    signal(&recording, Signal::INT);
+    // The motors stop at once.
+    wait_until("the motors stop", || !is_driven(&mut nano));
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(recording.try_wait().unwrap().is_none(), "it waits for the disk");
+    signal(&recording, Signal::INT);
+    let run = wait(recording, Duration::from_secs(20));
+    assert_eq!(run.code, Some(130), "{run:?}");
+    assert!(run.stderr.contains("interrupted again: ended at once"), "{run:?}");
 }
 
 /// Waits for the end of a run, but not for ever.
@@ -85,7 +122,7 @@ fn wait(mut child: Child, limit: Duration) -> Run {
 /// `nohup` ignores the signal of a closed terminal, and a shell that of Ctrl-C for its jobs in the background.
 #[test]
 fn ignored_signals_do_not_end_a_recording() {
-    for (ignored, sent) in [("HUP", "-HUP"), ("INT", "-INT")] {
+    for (ignored, sent) in [("HUP", Signal::HUP), ("INT", Signal::INT)] {
         let bench = Bench::new();
         let plan = bench.short_plan(4.0, [50.0, 10.0]);
         let nano = nano(["--speed", "2"]);
@@ -108,7 +145,7 @@ fn closed_terminal_interrupts_a_recording() {
     let recording = shell(&bench, "exec \"$0\" \"$@\" >/dev/full 2>&1", &arguments);
     wait_for_logs(&bench.path().join("session"), 1);
     std::thread::sleep(Duration::from_millis(500));
-    signal(&recording, "-HUP");
+    signal(&recording, Signal::HUP);
     Run::of(recording).expect_code(130);
     assert_eq!(end_of(&logs(&bench.path().join("session"))[0]), Some(biflag_log::End::Aborted));
 }
@@ -137,13 +174,16 @@ fn log_that_is_changed_while_it_is_written_is_a_failure() {
         for (what, act) in cases {
             scope.spawn(move || {
                 let bench = Bench::new();
-                let plan = bench.short_plan(3.0, [50.0, 10.0]);
+                let plan = bench.short_plan(10.0, [50.0, 10.0]);
                 let nano = nano(["--speed", "2"]);
                 let arguments = ["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--json"];
                 let recording = bench.start(arguments);
                 wait_for_logs(&bench.path().join("session"), 1);
-                std::thread::sleep(Duration::from_millis(700));
-                act(&logs(&bench.path().join("session"))[0]);
+                let log = logs(&bench.path().join("session")).remove(0);
+                let length = || std::fs::metadata(&log).unwrap().len();
+                let begun = length();
+                wait_until("the log grows", || length() > begun + 10_000);
+                act(&log);
                 let run = Run::of(recording);
                 assert_eq!(run.code, Some(1), "{what}: {run:?}");
                 let json = run.json();
@@ -165,7 +205,7 @@ fn limit_on_the_size_of_files_ends_the_trial_with_an_error() {
     let arguments = ["record", plan.to_str().unwrap(), "--port", &port, "--out", "session", "--json"];
     let run = Run::of(shell(&bench, "ulimit -f 100; exec \"$0\" \"$@\"", &arguments)).expect_code(1);
     assert!(run.json()["error"].as_str().unwrap().contains("cannot be written"), "{run:?}");
-    assert_eq!(nano.control("status").unwrap()["pwm"], serde_json::json!([0, 0]));
+    assert!(!is_driven(&mut nano));
 }
 
 /// File names are bytes: none of them stops a command.

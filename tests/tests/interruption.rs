@@ -1,14 +1,19 @@
 //! Trials that are interrupted by the user, a pulled cable, or a power cut.
 
 use biflag_log::{Body, Condition, End, Reader};
+use protocol::frame::Accumulator;
+use protocol::{Command, Request};
+use rustix::process::Signal;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::channel;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-use tests::{Bench, Run, logs, nano, signal, wait_for_logs};
+use tests::{Bench, Cable, Run, board_s, is_driven, logs, nano, pass, signal, wait_for_logs, wait_for_motion};
 
-const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 9\ndecay = 0\n\
+/// The motors' deadline is the longest one, because other programs may delay the pings.
+const PLAN: &str = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 9\ndecay = 0\n\
                     [speeds]\npairs = [[50, 10], [-30, 30]]\n";
 
 /// These tests measure times, so they run one after the other.
@@ -28,16 +33,15 @@ fn ctrl_c_stops_the_motors_and_resume_continues() {
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
     let plan = plan.to_str().unwrap();
-    let mut nano = nano(["--speed", "5"]);
+    let mut nano = nano(["--speed", "3"]);
     let port = nano.port().to_owned();
     let session = bench.path().join("session");
     let recording = bench.start(["record", plan, "--port", &port, "--out", "session", "--json"]);
     wait_for_logs(&session, 2);
-    std::thread::sleep(Duration::from_millis(800));
-    assert_ne!(nano.control("status").unwrap()["pwm"], serde_json::json!([0, 0]));
-    signal(&recording, "-INT");
+    wait_for_motion(&mut nano);
+    signal(&recording, Signal::INT);
     let run = Run::of(recording).expect_code(130);
-    assert_eq!(nano.control("status").unwrap()["pwm"], serde_json::json!([0, 0]));
+    assert!(!is_driven(&mut nano));
     let trials = run.json()["trials"].clone();
     assert_eq!((&trials[0]["complete"], &trials[1]["complete"]), (&true.into(), &false.into()), "{trials}");
     for log in logs(&session) {
@@ -66,11 +70,12 @@ fn pulled_cable_ends_the_trial_within_a_second() {
     let _alone = alone();
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
-    let nano = nano(["--speed", "1"]);
+    let mut nano = nano(["--speed", "1"]);
     let session = bench.path().join("session");
     let recording = bench.start(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session"]);
-    wait_for_logs(&session, 1);
-    std::thread::sleep(Duration::from_millis(1500));
+    // The pre-roll has 200 samples.
+    wait_for_motion(&mut nano);
+    pass(&mut nano, 0.5);
     let pulled = Instant::now();
     drop(nano);
     let run = Run::of(recording).expect_code(1);
@@ -82,8 +87,46 @@ fn pulled_cable_ends_the_trial_within_a_second() {
     assert!(info["samples"].as_u64().unwrap() > 200, "{info}");
 }
 
+/// What arrives while the board does not answer is written as soon as everything else.
+#[test]
+fn log_is_written_while_an_answer_is_awaited() {
+    let _alone = alone();
+    let bench = Bench::new();
+    let plan = bench.file("plan.toml", &PLAN.replace("calibrate = 0", "calibrate = 1"));
+    let mut nano = nano(["--speed", "1"]);
+    let cable = Cable::new(nano.port());
+    // The start of the schedule, which follows the calibration, does not reach the board.
+    let (mut accumulator, mut attempts) = (Accumulator::new(), 0);
+    let (sender, last_attempt) = channel();
+    cable.spoil_to_board(move |bytes| {
+        for byte in bytes {
+            if let Some(Ok(Request { command: Command::StartSchedule { .. }, .. })) = accumulator.push(*byte) {
+                attempts += 1;
+                if attempts == 5 {
+                    sender.send(()).unwrap();
+                }
+            }
+        }
+        if attempts == 0 { bytes.to_vec() } else { Vec::new() }
+    });
+    let recording = bench.start(["record", plan.to_str().unwrap(), "--port", cable.port(), "--out", "session"]);
+    // 650 ms after the first attempt.
+    last_attempt.recv_timeout(Duration::from_secs(60)).expect("the schedule is started five times");
+    let sent_s = board_s(&mut nano);
+    signal(&recording, Signal::KILL);
+    let _ = Run::of(recording);
+    let log = logs(&bench.path().join("session")).remove(0);
+    let frames = Reader::open(&log).unwrap().filter_map(|message| match message.unwrap().body {
+        Body::Telemetry(frame) => Some(frame.board_time_us as f64 * 1e-6),
+        _ => None,
+    });
+    let lost_s = sent_s - frames.last().expect("frames");
+    println!("{:.0} ms lost", lost_s * 1e3);
+    assert!(lost_s <= 0.5, "{lost_s} s");
+}
+
 /// Three trials, so that kills also hit the time between two of them.
-const KILLED: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 0.2\nrun = 1.2\ndecay = 0.1\n\
+const KILLED: &str = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 0.2\nrun = 1.2\ndecay = 0.1\n\
                       [speeds]\npairs = [[50, 10], [-30, 30], [0, 45]]\n";
 
 /// What came of the kills of one session.
@@ -141,14 +184,27 @@ fn kill_sessions(kills: usize, seed: u64) -> Killed {
                 break;
             }
             random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            let logs_before = logs(&session).len();
             let mut recording = bench.start(record);
-            std::thread::sleep(Duration::from_millis(random >> 53));
+            // Every fourth kill may come before the trial, whose log takes the longer to begin the busier the computer is.
+            let (mut waits_for_log, mut due) = (random >> 32 & 3 > 0, Instant::now());
+            let delay = Duration::from_millis(random >> 53);
+            let mut begun_s = board_s(&mut nano);
+            while recording.try_wait().unwrap().is_none() && (waits_for_log || due.elapsed() < delay) {
+                let now_s = board_s(&mut nano);
+                if logs(&session).len() == logs_before {
+                    begun_s = now_s;
+                } else if waits_for_log {
+                    (waits_for_log, due) = (false, Instant::now());
+                }
+                std::thread::sleep(Duration::from_millis(5));
+            }
             if recording.try_wait().unwrap().is_some() {
                 break;
             }
             let killed_at = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
-            signal(&recording, "-KILL");
-            let sent_s = nano.control("status").unwrap()["seconds"].as_f64().unwrap();
+            signal(&recording, Signal::KILL);
+            let sent_s = board_s(&mut nano);
             let _ = Run::of(recording);
             killed.kills += 1;
             // The log that was being written has no summary. There is none before the first trial and between two.
@@ -158,7 +214,7 @@ fn kill_sessions(kills: usize, seed: u64) -> Killed {
                 .collect();
             assert!(cut.len() <= 1, "{cut:?}");
             for log in cut {
-                let lost = lost_before(&bench, &log, killed_at, sent_s);
+                let lost = lost_before(&bench, &log, killed_at, [begun_s, sent_s]);
                 assert!(lost <= Duration::from_millis(500), "{lost:?} are lost of {}", log.display());
                 killed.worst = killed.worst.max(lost);
                 killed.in_trials += 1;
@@ -183,14 +239,15 @@ fn kill_sessions(kills: usize, seed: u64) -> Killed {
 
 /// Returns how much of a log was lost by a kill: the time since the last message was received; in a log without one, since
 /// the log was begun. On a busy computer the emulated board stops for a while and sends nothing, so its own time counts if
-/// that is shorter. `sent_s` is the board's clock at the kill.
-fn lost_before(bench: &Bench, log: &Path, killed_at: Duration, sent_s: f64) -> Duration {
+/// that is shorter: `begun_s` is its clock before the first log of this run was there, `sent_s` the one at the kill.
+fn lost_before(bench: &Bench, log: &Path, killed_at: Duration, [begun_s, sent_s]: [f64; 2]) -> Duration {
+    let passed = |since_s: f64| Duration::from_secs_f64((sent_s - since_s).max(0.0));
     let begun = std::fs::metadata(log).unwrap().modified().unwrap().duration_since(UNIX_EPOCH).unwrap();
     let recovered = log.with_extension("copy");
     let run = bench.run(["recover", log.to_str().unwrap(), "-o", recovered.to_str().unwrap(), "--json"]);
     if run.code == Some(1) && run.stderr.contains("nothing was recorded") {
         // The file was there, and the trial had not begun.
-        return killed_at.saturating_sub(begun);
+        return killed_at.saturating_sub(begun).min(passed(begun_s));
     }
     assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
     let mut reader = Reader::open(&recovered).unwrap();
@@ -204,6 +261,5 @@ fn lost_before(bench: &Bench, log: &Path, killed_at: Duration, sent_s: f64) -> D
     assert_eq!(reader.condition(), Some(Condition::Clean));
     std::fs::remove_file(&recovered).unwrap();
     let lost = killed_at.saturating_sub(last.unwrap_or(begun));
-    let not_logged = last_frame_us.map(|us| Duration::from_secs_f64((sent_s - us as f64 * 1e-6).max(0.0)));
-    not_logged.map_or(lost, |not_logged| lost.min(not_logged))
+    lost.min(passed(last_frame_us.map_or(begun_s, |us| us as f64 * 1e-6)))
 }

@@ -4,7 +4,7 @@ use biflag_log::{Body, Reader, TrialMeta};
 use host::run::rig::VirtualNano;
 use serde_json::Value;
 use std::time::Duration;
-use tests::{Bench, Run, nano, wait_for_logs};
+use tests::{Bench, Run, nano, wait_for_line, wait_until};
 
 /// 120 s at 200 Hz: 24,000 samples, none lost, none damaged.
 #[test]
@@ -24,14 +24,19 @@ fn two_minutes_have_no_losses() {
     assert_eq!(trial["complete"], true);
 }
 
-/// Records 20 s (4000 frames) at four times real time, and calls `spoil` in the middle; returns the trial.
+/// Waits until the board has spoilt so many frames as `count` of its status says.
+fn wait_for_count(nano: &mut VirtualNano, count: &str, frames: u64) {
+    wait_until("the frames are spoilt", || nano.control("status").unwrap()[count] == frames);
+}
+
+/// Records 20 s (4000 frames) at four times real time, and calls `spoil` when they have begun; returns the trial.
 fn spoilt(spoil: impl FnOnce(&mut VirtualNano)) -> Value {
     let bench = Bench::new();
     let plan = bench.short_plan(20.0, [0.0, 0.0]);
     let mut nano = nano(["--speed", "4"]);
     let port = nano.port().to_owned();
-    let recording = bench.start(["record", plan.to_str().unwrap(), "--port", &port, "--json"]);
-    std::thread::sleep(Duration::from_millis(1500));
+    let mut recording = bench.start(["record", plan.to_str().unwrap(), "--port", &port, "--json"]);
+    wait_for_line(&mut recording, ": run");
     spoil(&mut nano);
     let trial = Run::of(recording).expect_code(3).json()["trials"][0].clone();
     println!("{trial}");
@@ -41,12 +46,12 @@ fn spoilt(spoil: impl FnOnce(&mut VirtualNano)) -> Value {
 /// Dropped frames are counted exactly, and the exit code reports the loss.
 #[test]
 fn dropped_frames_are_counted() {
-    let mut dropped = 0;
+    let mut dropped = 0_u64;
     let trial = spoilt(|nano| {
         for frames in [1, 7, 30] {
             nano.control(&format!("drop {frames}")).unwrap();
             dropped += frames;
-            std::thread::sleep(Duration::from_millis(300));
+            wait_for_count(nano, "frames_dropped", dropped);
         }
     });
     assert_eq!(trial["lost"], dropped);
@@ -62,25 +67,20 @@ fn frames_dropped_at_random_are_counted_exactly() {
     let plan = bench.short_plan(frames as f64 / 200.0, [0.0, 0.0]);
     let mut nano = nano(["--speed", "max"]);
     let port = nano.port().to_owned();
-    let recording = bench.start(["record", plan.to_str().unwrap(), "--port", &port, "--json"]);
-    wait_for_logs(&bench.path().join("bench"), 1);
+    let mut recording = bench.start(["record", plan.to_str().unwrap(), "--port", &port, "--json"]);
+    wait_for_line(&mut recording, ": run");
     let ticks = |nano: &mut VirtualNano| nano.control("status").unwrap()["ticks"].as_u64().unwrap();
     let begun = ticks(&mut nano);
     let (mut dropped, mut random) = (0, 1u64);
-    // The trial begins some hundred ticks after its log. All frames that are dropped must be in it.
-    loop {
-        match ticks(&mut nano) - begun {
-            ..2000 => {}
-            passed if passed > frames - 1000 => break,
-            _ => {
-                random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-                let count = 1 + (random >> 61);
-                nano.control(&format!("drop {count}")).unwrap();
-                dropped += count;
-            }
-        }
+    // All frames that are dropped must be in the trial, which began some hundred ticks ago.
+    while ticks(&mut nano) - begun < frames - 3000 {
+        random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        let count = 1 + (random >> 61);
+        nano.control(&format!("drop {count}")).unwrap();
+        dropped += count;
         std::thread::sleep(Duration::from_millis(20));
     }
+    assert!(dropped > 0);
     let trial = Run::of(recording).expect_code(3).json()["trials"][0].clone();
     println!("{dropped} frames dropped: {trial}");
     assert_eq!((&trial["lost"], &trial["samples"]), (&dropped.into(), &(frames - dropped).into()), "{trial}");
@@ -91,6 +91,7 @@ fn frames_dropped_at_random_are_counted_exactly() {
 fn damaged_byte_loses_one_frame() {
     let trial = spoilt(|nano| {
         nano.control("corrupt 1").unwrap();
+        wait_for_count(nano, "frames_corrupted", 1);
     });
     assert_eq!(trial["lost"], 1);
     assert_eq!(trial["resyncs"], 1);
@@ -112,7 +113,7 @@ fn real_time_has_no_losses() {
 #[test]
 fn motor_reverses_during_the_run() {
     let bench = Bench::new();
-    let plan = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 6\ndecay = 1\n\
+    let plan = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 6\ndecay = 1\n\
                 reverse = { motor = 2, after = 2.5 }\n[speeds]\npairs = [[50, 60]]\n";
     let plan = bench.file("plan.toml", plan);
     let nano = nano(["--speed", "4"]);

@@ -4,13 +4,14 @@ use biflag_log::Body;
 use biflag_log::schema::{CHANNELS, LogMessage, biflag, foxglove};
 use host::live::Live;
 use prost::Message;
+use rustix::process::Signal;
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command};
+use std::process::Child;
 use std::time::{Duration, Instant};
-use tests::{Bench, Run, Seen, Viewer, nano};
+use tests::{Bench, Run, Seen, Viewer, nano, signal};
 
 /// Every channel but `/raw`.
 const SHOWN: usize = CHANNELS.len() - 1;
@@ -26,10 +27,6 @@ fn url(child: &mut Child) -> String {
     });
     std::thread::spawn(move || lines.for_each(drop));
     url.unwrap_or_else(|| panic!("no address: {said:?}"))
-}
-
-fn signal(child: &Child, name: &str) {
-    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
 /// Returns the log of a modelled trial with a run of `seconds`.
@@ -57,9 +54,10 @@ fn counts(messages: &[(String, u64, Vec<u8>)]) -> BTreeMap<&str, usize> {
 #[test]
 fn viewers_do_not_affect_a_recording() {
     let bench = Bench::new();
+    // The viewers connect in the pre-roll.
     let plan = bench.file(
         "plan.toml",
-        "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 4\nrun = 30\ndecay = 2\n\
+        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 20\nrun = 14\ndecay = 2\n\
          [speeds]\npairs = [[50, 10]]\n",
     );
     let nano = nano(["--speed", "4"]);
@@ -195,7 +193,7 @@ fn watching_a_board_does_not_change_it() {
     assert_eq!(nano.control("status").unwrap()["pwm"], serde_json::json!([0, 0]));
     let one_by_one = |pair: &[biflag::Telemetry]| pair[1].seq == (pair[0].seq + 1) % 65_536;
     assert!(frames.windows(2).all(one_by_one) && frames.iter().all(|frame| frame.motor1.unwrap().duty == 0));
-    signal(&watching, "-INT");
+    signal(&watching, Signal::INT);
     let run = Run::of(watching).expect_code(130);
     assert_eq!(run.json()["link"]["lost"], 0);
     assert_eq!(std::fs::read_dir(bench.path()).unwrap().count(), 0, "nothing is recorded");
@@ -227,7 +225,7 @@ fn ctrl_c_ends_a_playback() {
         let url = url(&mut playing);
         let mut viewers: Vec<Viewer> = (0..viewers).map(|_| Viewer::connect(&url, SHOWN)).collect();
         viewers.iter_mut().for_each(|viewer| drop(viewer.read()));
-        signal(&playing, "-INT");
+        signal(&playing, Signal::INT);
         let interrupted = Instant::now();
         Run::of(playing).expect_code(130);
         assert!(interrupted.elapsed() < Duration::from_secs(2));

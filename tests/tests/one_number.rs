@@ -4,7 +4,7 @@ use serde_json::Value;
 use std::path::Path;
 use tests::Bench;
 
-const PLAN: &str = "[session]\nname = \"numbers\"\n[trial]\ncalibrate = 2\npreroll = 16\nrun = 20\ndecay = 16\n\
+const PLAN: &str = "[session]\nname = \"numbers\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 2\npreroll = 16\nrun = 20\ndecay = 16\n\
                     [speeds]\npairs = [[37, 53], [50, 10]]\n";
 
 /// Yaw, pitch and roll in degrees, with the precision of their storage or output.

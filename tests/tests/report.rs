@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant, SystemTime};
 use tests::browser::Browser;
-use tests::{Bench, Run};
+use tests::{Bench, Run, wait_until};
 
 fn picture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("report-pictures").join(name)
@@ -95,9 +95,7 @@ fn trial_page_shows_the_values_of_the_log() {
     scrub(&mut browser, 5.0);
     let before = view(&mut browser);
     browser.click(".play");
-    std::thread::sleep(Duration::from_millis(600));
-    let later = browser.number("[data-out^=time]").unwrap();
-    assert!(later > 5.1, "{later}");
+    wait_until("the time advances", || browser.number("[data-out^=time]").unwrap() > 5.1);
     assert!(view(&mut browser) != before);
     browser.evaluate("document.querySelector('.scene canvas').focus()");
     browser.key(" ", 32);

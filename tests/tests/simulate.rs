@@ -1,5 +1,6 @@
 //! Modelled sessions: memory, bundling, and interruption by the user or a power cut.
 
+use rustix::process::Signal;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -108,7 +109,7 @@ fn ctrl_c_leaves_complete_trials_and_resume_continues() {
     let session = bench.path().join("session");
     let running = bench.start(simulate(&plan, &["--out", "session", "--jobs", "1"]));
     wait_for_log(&session);
-    signal(&running, "-INT");
+    signal(&running, Signal::INT);
     let run = Run::of(running).expect_code(130);
     let kept = files(&session);
     assert!(!kept.is_empty() && kept.len() < 12 && kept.iter().all(|(name, log)| whole.get(name) == Some(log)));
@@ -132,7 +133,7 @@ fn killed_session_gives_the_same_logs() {
         let shard = format!("{}/2", kill % 2 + 1);
         let running = bench.start(simulate(&plan, &["--out", "session", "--resume", "--jobs", "1", "--shard", &shard]));
         std::thread::sleep(Duration::from_millis(60 + 90 * kill));
-        signal(&running, "-KILL");
+        signal(&running, Signal::KILL);
         let _ = Run::of(running);
         for (name, log) in files(&session) {
             assert!(name.ends_with(".mcap.unfinished") || whole.get(&name) == Some(&log), "{name}");

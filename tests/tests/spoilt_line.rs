@@ -2,14 +2,14 @@
 
 use serde_json::json;
 use std::time::{Duration, Instant};
-use tests::{Bench, Cable, Run, logs, nano, wait_for_logs};
+use tests::{Bench, Cable, Run, board_s, logs, nano, wait_for_logs};
 
 /// A pre-roll, so that a line can go bad before the motors turn.
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 60\ndecay = 0\n\
                     [speeds]\npairs = [[50, 10]]\n";
 
-/// The motors' deadline by default.
-const DEADLINE: Duration = Duration::from_millis(500);
+/// The motors' deadline by default, s.
+const DEADLINE_S: f64 = 0.5;
 
 /// What comes over the line instead of telemetry.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -86,33 +86,41 @@ fn case(number: u64) -> String {
     std::thread::sleep(Duration::from_millis(at_ms));
     let what = format!("case {number}: {line:?} after {at_ms} ms, the board hears: {hears}");
 
-    let spoilt = Instant::now();
     spoil(&cable, line, random);
     if !hears {
         cable.spoil_to_board(|_| Vec::new());
     }
-    let (mut turned, mut ended) = (Duration::ZERO, None);
-    while ended.is_none() || spoilt.elapsed() < Duration::from_secs(2) {
-        if nano.control("status").unwrap()["pwm"] != json!([0, 0]) {
-            turned = spoilt.elapsed();
+    // A busy computer delays the board as well as this test, and the board may then catch up: the shorter time is true.
+    let (spoilt, spoilt_s) = (Instant::now(), board_s(&mut nano));
+    let (mut turned_s, mut ended_s) = (0.0, None);
+    loop {
+        let has_ended = recording.try_wait().unwrap().is_some();
+        let passed_s = spoilt.elapsed().as_secs_f64();
+        let status = nano.control("status").unwrap();
+        let passed_s = passed_s.min(status["seconds"].as_f64().unwrap() - spoilt_s);
+        if status["pwm"] != json!([0, 0]) {
+            turned_s = passed_s;
         }
-        if ended.is_none() && recording.try_wait().unwrap().is_some() {
-            ended = Some(spoilt.elapsed());
+        if has_ended && ended_s.is_none() {
+            ended_s = Some(passed_s);
         }
-        assert!(spoilt.elapsed() < Duration::from_secs(20), "{what}: the recording goes on");
+        if ended_s.is_some() && passed_s >= 2.0 {
+            break;
+        }
+        assert!(passed_s < 20.0, "{what}: the recording goes on");
         std::thread::sleep(Duration::from_millis(10));
     }
-    let ended = ended.unwrap();
+    let ended_s = ended_s.unwrap();
     let run = Run::of(recording).expect_code(1);
-    assert!(turned <= DEADLINE + Duration::from_secs(1), "{what}: the motors turned for {turned:?}");
-    assert!(ended <= Duration::from_secs(5), "{what}: it ended after {ended:?}");
+    assert!(turned_s <= DEADLINE_S + 1.0, "{what}: the motors turned for {turned_s} s");
+    assert!(ended_s <= 5.0, "{what}: it ended after {ended_s} s");
     // The line may go bad before the board has the schedule; a board that hears nothing may say so before this side does.
     let said = ["the board stopped sending", "did not answer", "it received nothing from the host"];
     assert!(said.iter().any(|said| run.stderr.contains(said)), "{what}: {run:?}");
     let log = logs(&session).remove(0);
     let info = bench.run(["info", log.to_str().unwrap(), "--json"]).json();
     assert!(info["clean"] == true && (info["end"] == "failed" || info["end"] == "faulted"), "{what}: {info}");
-    format!("{what}: motors off after {:.2} s, ended after {:.2} s", turned.as_secs_f64(), ended.as_secs_f64())
+    format!("{what}: motors off after {turned_s:.2} s, ended after {ended_s:.2} s")
 }
 
 /// `LINES=100 cargo test --release -p tests --test spoilt_line only -- --nocapture` runs more than the usual 10.
@@ -136,14 +144,15 @@ fn ports_without_a_board_are_an_error_within_five_seconds() {
         for line in LINES.into_iter().filter(|line| *line != Line::Answers) {
             let (bench, plan) = (&bench, plan.to_str().unwrap());
             scope.spawn(move || {
-                let nano = nano(["--speed", "1"]);
+                let mut nano = nano(["--speed", "1"]);
                 let cable = Cable::new(nano.port());
                 spoil(&cable, line, Random(7));
-                let begun = Instant::now();
+                let begun_s = board_s(&mut nano);
                 let session = format!("{line:?}");
                 let run = bench.run(["record", plan, "--port", cable.port(), "--out", &session]).expect_code(1);
-                println!("{line:?}: {:.1} s", begun.elapsed().as_secs_f64());
-                assert!(begun.elapsed() < Duration::from_secs(5), "{line:?}: {:?}", begun.elapsed());
+                let took_s = board_s(&mut nano) - begun_s;
+                println!("{line:?}: {took_s:.1} s");
+                assert!(took_s < 5.0, "{line:?}: {took_s} s");
                 let said = if line == Line::Silence { "does not answer" } else { "runs another program" };
                 assert!(run.stderr.contains(said), "{line:?}: {run:?}");
                 assert!(!bench.path().join(session).exists());

@@ -1,10 +1,11 @@
 //! The ground truth of a simulated robot is logged completely, at times that do not depend on the speed of the host.
 
 use biflag_log::{Body, Reader};
+use rustix::process::Signal;
 use std::path::Path;
 use std::process::Child;
 use std::time::Duration;
-use tests::{Bench, Run, signal};
+use tests::{Bench, Run, signal, wait_until};
 
 /// Ticks of the board between samples, and between samples with the flagella's shapes.
 const TICKS: [usize; 4] = [4, 4, 20, 20];
@@ -50,11 +51,32 @@ impl Times {
 /// running.
 fn slow_down(recording: &mut Child, [stopped, between]: [Duration; 2]) {
     while recording.try_wait().unwrap().is_none() {
-        signal(recording, "-STOP");
+        signal(recording, Signal::STOP);
         std::thread::sleep(stopped);
-        signal(recording, "-CONT");
+        let before = link_runs(recording);
+        signal(recording, Signal::CONT);
         std::thread::sleep(between);
+        // On a busy computer it may not have run in this time.
+        let has_run = |now: u64| now >= before + 2 || now < before;
+        wait_until("the link runs", || {
+            let now = link_runs(recording);
+            now == NO_LINK || has_run(now) || recording.try_wait().unwrap().is_some()
+        });
     }
+}
+
+/// Stands for a program without a link, before it has opened it or after.
+const NO_LINK: u64 = u64::MAX / 2;
+
+/// Returns how often the thread of the link has run.
+fn link_runs(recording: &Child) -> u64 {
+    let threads = std::fs::read_dir(format!("/proc/{}/task", recording.id())).into_iter().flatten().flatten();
+    let is_link = |name: String| name.trim() == "link";
+    let link = threads
+        .map(|thread| thread.path())
+        .find(|thread| std::fs::read_to_string(thread.join("comm")).is_ok_and(is_link));
+    let schedule = link.and_then(|thread| std::fs::read_to_string(thread.join("schedstat")).ok());
+    schedule.and_then(|text| text.split_whitespace().nth(2)?.parse().ok()).unwrap_or(NO_LINK)
 }
 
 /// Records a trial of two seconds.

@@ -37,7 +37,7 @@ fn replay_agrees_with_the_recording_only_in_the_same_fluid() {
     let bench = Bench::new();
     bench.file(
         "plan.toml",
-        "[trial]\ncalibrate = 5\npreroll = 20\nrun = 40\ndecay = 30\n[speeds]\npairs = [[-90, 90]]\n",
+        "[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 5\npreroll = 20\nrun = 40\ndecay = 30\n[speeds]\npairs = [[-90, 90]]\n",
     );
     answer(&bench, &["record", "plan.toml", "--virtual", "--seed", "7", "--out", "tank", "--json"]);
 
@@ -114,7 +114,7 @@ fn calibration_recovers_four_robots_from_recordings() {
         bench.file("published.toml", &toml::to_string(&published).unwrap());
         bench.file(
             "plan.toml",
-            "[session]\nrobot = \"hidden.toml\"\n[trial]\ncalibrate = 5\npreroll = 20\nrun = 60\ndecay = 30\n\
+            "[session]\nrobot = \"hidden.toml\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 5\npreroll = 20\nrun = 60\ndecay = 30\n\
              [speeds]\npairs = [[50, 10], [-90, 90], [0, 45]]\n",
         );
         let draw = seed.to_string();

@@ -214,3 +214,13 @@ const fn decimal(digits: &str) -> u8 {
     }
     value
 }
+
+#[cfg(test)]
+mod tests {
+    use super::decimal;
+
+    #[test]
+    fn versions_may_have_any_number_of_digits() {
+        assert_eq!(["0", "7", "10", "42", "255"].map(decimal), [0, 7, 10, 42, 255]);
+    }
+}

@@ -322,7 +322,10 @@ impl Bench {
     /// Returns the next frame of the stream.
     pub fn look(&mut self) -> Telemetry {
         let before = self.telemetry.len();
-        while self.telemetry.len() == before {
+        for _ in 0..1000 {
+            if self.telemetry.len() > before {
+                break;
+            }
             self.tick();
         }
         self.telemetry[before]

@@ -86,6 +86,8 @@ pub struct TrialMeta {
     pub reverse_motor: Option<u8>,
     /// Time of the reversal, from the start of the run.
     pub reverse_after_s: Option<f64>,
+    /// Angles of motors 1 and 2 at the start of a modelled trial, if the plan sets them.
+    pub phase_deg: Option<[f64; 2]>,
 }
 
 /// The robot's parameters.

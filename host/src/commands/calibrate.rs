@@ -22,7 +22,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 #[command(after_help = "Examples:\n  \
     biflag calibrate glycerin -o fitted.toml\n  \
     biflag calibrate glycerin/*.mcap --fit tether,viscosity -o fitted.toml\n  \
-    biflag compare glycerin --robot fitted.toml\n\
+    biflag compare glycerin --robot fitted.toml\n  \
+    biflag calibrate glycerin --fit phase --robot fitted.toml -o glycerin.toml\n\
     The trials should begin with a still phase and have different speeds.")]
 pub struct Args {
     /// Logs or session folders.
@@ -31,7 +32,11 @@ pub struct Args {
     /// The robot file to write, which must not exist.
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
-    /// The parameters to fit: tether, righting, drag, viscosity, young, mount-yaw; by default all except young.
+    /// The parameters to fit: tether, righting, drag, viscosity, young, mount-yaw, phase; by default all except young and
+    /// phase.
+    ///
+    /// `phase`: angles of the flagella where the encoders are at zero, for logs of one start of the board at equal or simple
+    /// speeds.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fit: Vec<Parameter>,
     /// The robot to start from, a file, `physical` or `published`; by default the robot of the first log.

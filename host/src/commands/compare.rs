@@ -53,6 +53,8 @@ struct Body<'a> {
     comparison: &'a SessionComparison,
     /// The page with the comparison.
     report: Option<String>,
+    /// What the values do not say by themselves.
+    notes: Vec<String>,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
@@ -65,16 +67,22 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         OnMismatch::Reject
     };
     let budget = report::budget(&args.a)?;
-    let (comparison, views) = match &args.b {
+    let (comparison, views, notes) = match &args.b {
         Some(b) => {
             let view = |a: &Data, b: &Data, compared: &_| View::new(a, Some((compared, b)), budget);
-            twin::compare_pairs(&Pairs::of(&args.a, b)?, report::want(budget), on_mismatch, jobs, &view)?
+            let pairs = Pairs::of(&args.a, b)?;
+            let (comparison, views) = twin::compare_pairs(&pairs, report::want(budget), on_mismatch, jobs, &view)?;
+            (comparison, views, Vec::new())
         }
         None => match replays(args, jobs, on_mismatch, budget)? {
-            Compared::Done(comparison, views) => (comparison, views),
+            Compared::Done(comparison, views, notes) => (*comparison, views, notes),
             Compared::Interrupted(folder) => {
                 let text = format!("interrupted; the complete replays are in {}", folder.display());
-                return Answer::new(Outcome::Interrupted, &serde_json::json!({ "trials": [], "report": null }), text);
+                return Answer::new(
+                    Outcome::Interrupted,
+                    &serde_json::json!({ "trials": [], "report": null, "notes": [] }),
+                    text,
+                );
             }
         },
     };
@@ -91,13 +99,14 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Err(error) => (None, format!("no report: {error}\n")),
     };
     let outcome = if is_whole && report.is_some() { Outcome::Done } else { Outcome::WithLoss };
-    let text = describe(&comparison) + &page;
-    Answer::new(outcome, &Body { comparison: &comparison, report }, text)
+    let noted: String = notes.iter().map(|note| format!("note: {note}\n")).collect();
+    let text = describe(&comparison) + &noted + &page;
+    Answer::new(outcome, &Body { comparison: &comparison, report, notes }, text)
 }
 
 /// The comparison of recordings with their replays.
 enum Compared {
-    Done(SessionComparison, Vec<View>),
+    Done(Box<SessionComparison>, Vec<View>, Vec<String>),
     /// Interrupted, with the folder of the replays.
     Interrupted(PathBuf),
 }
@@ -129,6 +138,7 @@ fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget
     if replays.interrupted {
         return Ok(Compared::Interrupted(folder));
     }
+    let notes = replays.note_on_phases().into_iter().collect();
     let mut results = Vec::new();
     for (replayed, compared) in replays.trials {
         let name = replayed.trial.name;
@@ -138,7 +148,7 @@ fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget
         }
     }
     let (comparison, views) = twin::sum_up([&source.path, &folder], results, replays.skipped, on_mismatch)?;
-    Ok(Compared::Done(comparison, views))
+    Ok(Compared::Done(Box::new(comparison), views, notes))
 }
 
 fn describe(comparison: &SessionComparison) -> String {

@@ -85,6 +85,7 @@ fn describe(path: &Path, data: &Data, angles: Option<&Angles>) -> String {
         let speeds = format!("{} and {} rpm", t.w1_rpm, t.w2_rpm);
         lines.add("trial", format!("{}, {speeds}, repeat {}, attempt {}", t.name, t.repeat, t.attempt));
         let (calibrate, preroll, run, decay) = (t.calibrate_s, t.preroll_s, t.run_s, t.decay_s);
+        lines.add("starts at", t.phase_deg.map_or(String::new(), |[one, two]| format!("{one}° and {two}°")));
         lines.add("phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s"));
     }
     if let Some(model) = &records.model {

@@ -99,6 +99,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     }
     let interrupted = interruption()?;
     let plan = Plan::load(&args.plan)?;
+    plan.check_for_rig(&args.plan.display().to_string())?;
     // This comes first, so that a busy address is reported before the board is used.
     let live = args.live.map(Live::listen).transpose()?;
     let nano = match &args.r#virtual {

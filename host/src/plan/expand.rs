@@ -32,6 +32,34 @@ pub(super) struct SpeedList<'a> {
     pub seed: Option<u64>,
     pub phases: Phases,
     pub reverse: Option<Reverse>,
+    pub start: Start,
+}
+
+/// Where the flagella start in a model.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) enum Start {
+    /// The plan does not say.
+    Unset,
+    /// At these angles of the motors, degrees.
+    At([f64; 2]),
+    /// Each pair of speeds at this many starting phases.
+    Phases(usize),
+}
+
+impl Start {
+    /// Returns the starting angles of the trials at a pair of speeds.
+    fn angles(self, speeds: [CentiRpm; 2]) -> Vec<Option<[f64; 2]>> {
+        match self {
+            Self::Unset => vec![None],
+            Self::At(angles) => vec![Some(angles)],
+            Self::Phases(count) => sim::phase::starts(speeds.map(CentiRpm::rpm), count).into_iter().map(Some).collect(),
+        }
+    }
+
+    /// Returns the number of trials at each pair of speeds.
+    fn count(self) -> usize {
+        if let Self::Phases(count) = self { count } else { 1 }
+    }
 }
 
 /// Returns the trials in the order in which they run.
@@ -42,17 +70,23 @@ pub(super) fn expand(list: &SpeedList, source: &Source) -> Result<Vec<Trial>, Pl
     if let Some(seed) = list.seed {
         shuffle(&mut order, seed);
     }
-    let digits = order.len().to_string().len().max(3);
-    let trial = |(index, (speeds, repeat)): (usize, ([CentiRpm; 2], u32))| {
-        let [w1, w2] = speeds.map(|speed| speed.rpm());
-        let number = index + 1;
-        let mut name = format!("{number:0digits$}_w1{w1:+}_w2{w2:+}");
-        if list.repeats > 1 {
-            name += &format!("_r{repeat}");
+    let digits = (order.len() * list.start.count()).to_string().len().max(3);
+    let mut trials = Vec::new();
+    for (speeds, repeat) in order {
+        for (i, phase_deg) in list.start.angles(speeds).into_iter().enumerate() {
+            let [w1, w2] = speeds.map(|speed| speed.rpm());
+            let (index, number) = (trials.len(), trials.len() + 1);
+            let mut name = format!("{number:0digits$}_w1{w1:+}_w2{w2:+}");
+            if list.repeats > 1 {
+                name += &format!("_r{repeat}");
+            }
+            if let Start::Phases(_) = list.start {
+                name += &format!("_p{}", i + 1);
+            }
+            trials.push(Trial { name, index, repeat, speeds, phases: list.phases, reverse: list.reverse, phase_deg });
         }
-        Trial { name, index, repeat, speeds, phases: list.phases, reverse: list.reverse }
-    };
-    Ok(order.into_iter().enumerate().map(trial).collect())
+    }
+    Ok(trials)
 }
 
 /// Returns every pair of speeds once, in the order of the file.
@@ -81,7 +115,7 @@ fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanEr
         let cure = "give speeds, such as [speeds] pairs = [[50, 10]]";
         return Err(source.error(list.span.clone(), "the plan has no trials", cure));
     }
-    let count = pairs.len().saturating_mul(list.repeats as usize);
+    let count = pairs.len().saturating_mul(list.repeats as usize).saturating_mul(list.start.count());
     if count > MAX_TRIALS {
         return Err(too_many(count, list.span.clone(), source));
     }

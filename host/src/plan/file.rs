@@ -1,8 +1,8 @@
 //! The plan's file: its tables, and the check of every value.
 
 use super::board::{self, BoardSettings};
-use super::expand::{GRID_AXIS, SpeedList, SpeedsTable, expand};
-use super::source::{FileKind, Source, number};
+use super::expand::{GRID_AXIS, SpeedList, SpeedsTable, Start, expand};
+use super::source::{Exactly, FileKind, Source, number};
 use super::{HandTurn, MAX_TRIALS, PHYSICAL, Phases, Plan, PlanError, Reverse, RobotFile};
 use serde::Deserialize;
 use std::ops::Range;
@@ -38,6 +38,10 @@ fn help(key: &str) -> Option<&'static str> {
         "hand_turn" => "give the axis and the angle, such as hand_turn = { axis = \"z\", degrees = 720 }",
         "axis" => "give \"x\", \"y\" or \"z\"",
         "degrees" => "give the angle in degrees as a plain number, not 0",
+        "phase_deg" => {
+            "give the starting angles of motors 1 and 2 in degrees, -360 to 360, such as phase_deg = [0, 90]"
+        }
+        "phases" => "give a whole number from 1 to 360: at how many starting phases each pair of speeds runs",
         "motor" => "give 1 or 2",
         "after" => "give seconds after the start of the run as a plain number",
         "pairs" => "give a list of pairs in rpm, such as pairs = [[50, 10]]",
@@ -93,6 +97,8 @@ struct TrialTable {
     decay: Spanned<f64>,
     reverse: Option<Spanned<ReverseTable>>,
     hand_turn: Option<Spanned<HandTurn>>,
+    phase_deg: Option<Spanned<Exactly<f64, 2>>>,
+    phases: Option<Spanned<i64>>,
 }
 
 /// The motor that reverses, and the time in seconds after the start of the run.
@@ -107,7 +113,7 @@ impl Default for TrialTable {
     fn default() -> Self {
         let Phases { calibrate_s, preroll_s, run_s, decay_s } = Phases::default();
         let [calibrate, preroll, run, decay] = [calibrate_s, preroll_s, run_s, decay_s].map(no_span);
-        Self { calibrate, preroll, run, decay, reverse: None, hand_turn: None }
+        Self { calibrate, preroll, run, decay, reverse: None, hand_turn: None, phase_deg: None, phases: None }
     }
 }
 
@@ -126,6 +132,7 @@ pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
     let phases = phases(&file.trial, &source)?;
     let reverse = reverse(&file.trial, &source)?;
     let hand_turn = hand_turn(&file.trial, &source)?;
+    let start = start(&file.trial, &source)?;
     let session = file.session;
     let wrong = |span: Range<usize>, what: &str, cure: &str| Err(source.error(span, what, cure));
 
@@ -151,7 +158,8 @@ pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
     };
     file.board.check(&source, &["board"])?;
 
-    let list = SpeedList { table: file.speeds.get_ref(), span: file.speeds.span(), repeats, seed, phases, reverse };
+    let list =
+        SpeedList { table: file.speeds.get_ref(), span: file.speeds.span(), repeats, seed, phases, reverse, start };
     Ok(Plan {
         name: session.name.get_ref().trim().to_owned(),
         operator: session.operator,
@@ -201,6 +209,49 @@ fn hand_turn(table: &TrialTable, source: &Source) -> Result<Option<HandTurn>, Pl
         return Err(source.out_of_range(spanned.span(), "degrees", number(turn.degrees)));
     }
     Ok(Some(turn))
+}
+
+/// Most starting phases of a pair of speeds.
+const MAX_PHASES: i64 = 360;
+
+fn start(table: &TrialTable, source: &Source) -> Result<Start, PlanError> {
+    match (&table.phase_deg, &table.phases) {
+        (Some(angles), Some(_)) => {
+            let what = "phase_deg and phases cannot both be set";
+            Err(source.error(
+                angles.span(),
+                what,
+                "give one starting phase or the number of phases, and leave the other out",
+            ))
+        }
+        (Some(spanned), None) => {
+            let Exactly(angles) = *spanned.get_ref();
+            match angles.into_iter().find(|deg| !(-360.0..=360.0).contains(deg)) {
+                Some(deg) => Err(source.out_of_range(spanned.span(), "phase_deg", number(deg))),
+                None => Ok(Start::At(angles)),
+            }
+        }
+        (None, Some(spanned)) => match *spanned.get_ref() {
+            count @ 1..=MAX_PHASES => Ok(Start::Phases(count as usize)),
+            count => Err(source.out_of_range(spanned.span(), "phases", count)),
+        },
+        (None, None) => Ok(Start::Unset),
+    }
+}
+
+/// Refuses a plan with starting phases: motors of a rig are where they were left.
+pub(super) fn check_for_rig(plan: &Plan, name: &str) -> Result<(), PlanError> {
+    if plan.trials.iter().all(|trial| trial.phase_deg.is_none()) {
+        return Ok(());
+    }
+    let source = Source { kind: &KIND, text: &plan.text, name };
+    let table = plan.text.parse::<toml::Table>().ok();
+    let has_phases = table.and_then(|table| table.get("trial")?.get("phases").map(|_| ())).is_some();
+    let key = if has_phases { "phases" } else { "phase_deg" };
+    let what = format!("{key} cannot be set on a rig, where the flagella start as they stand");
+    let cure = "leave it out, or run the plan with `biflag simulate`; a replay of the recording starts at the angles of the \
+                encoders";
+    Err(source.error_at(["trial", key], what, cure))
 }
 
 fn reverse(table: &TrialTable, source: &Source) -> Result<Option<Reverse>, PlanError> {

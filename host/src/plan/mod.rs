@@ -79,8 +79,8 @@ pub struct Plan {
 /// One trial.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Trial {
-    /// Unique in the session and a valid file name, such as `001_w1+50_w2+10` or `002_w1+50_w2+10_r2`. The number is
-    /// the position in the order.
+    /// Unique in the session and a valid file name, such as `001_w1+50_w2+10`, `002_w1+50_w2+10_r2` or
+    /// `003_w1+90_w2+90_p3`, the third starting phase. The number is the position in the order.
     pub name: String,
     /// Position in the order, from 0.
     pub index: usize,
@@ -92,6 +92,16 @@ pub struct Trial {
     pub phases: Phases,
     /// A motor that reverses during the run.
     pub reverse: Option<Reverse>,
+    /// Angles of motors 1 and 2 at the start of a modelled trial, degrees; `None` where the plan does not say, and models
+    /// start at zero.
+    pub phase_deg: Option<[f64; 2]>,
+}
+
+impl Trial {
+    /// Returns whether another trial differs from this one in its starting phase alone, or not at all.
+    pub fn is_at_the_phases_of(&self, other: &Self) -> bool {
+        (self.speeds, self.repeat) == (other.speeds, other.repeat)
+    }
 }
 
 /// A motor that reverses during the run, at the same speed.
@@ -176,6 +186,14 @@ impl Plan {
     /// [`PlanError::Invalid`].
     pub fn parse(text: &str, name: &str) -> Result<Self, PlanError> {
         file::parse(text, name)
+    }
+
+    /// Checks that a rig can run the plan, which is the file `name`: it cannot set the angles at which flagella start.
+    ///
+    /// # Errors
+    /// [`PlanError::Invalid`].
+    pub fn check_for_rig(&self, name: &str) -> Result<(), PlanError> {
+        file::check_for_rig(self, name)
     }
 
     /// Returns the duration of all trials, seconds.

@@ -69,6 +69,9 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
         let [calibrate, preroll, run, decay] =
             [trial.calibrate_s, trial.preroll_s, trial.run_s, trial.decay_s].map(plain);
         facts.push(("Phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s")));
+        if let Some([one, two]) = trial.phase_deg.map(|phase| phase.map(plain)) {
+            facts.push(("Motors start at", format!("{one}° and {two}°")));
+        }
     }
     if let Some(identity) = &records.identity {
         let Identity { host_version, host_git_hash, protocol, .. } = identity;

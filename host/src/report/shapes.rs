@@ -68,7 +68,8 @@ fn at_rest(robot: &Robot) -> [Vec<[f64; 3]>; 2] {
     let feet = robot.shaft_feet();
     [0, 1].map(|k| {
         let nodes = robot.flagellum.helix(k).nodes(robot.flagellum.edges());
-        nodes.into_iter().map(|node| (feet[k] + node).into()).collect()
+        let shaft = Shaft::new(feet[k], robot.flagellum.phase_deg[k].to_radians());
+        nodes.into_iter().map(|node| shaft.point_to_body(node).into()).collect()
     })
 }
 

@@ -44,6 +44,7 @@ pub fn start(
             decay_s,
             reverse_motor: trial.reverse.map(|reverse| reverse.motor),
             reverse_after_s: trial.reverse.map(|reverse| reverse.after_s),
+            phase_deg: trial.phase_deg,
         },
         robot: RobotMeta { name: plan.robot.name.clone(), text: plan.robot.text.clone() },
         board,

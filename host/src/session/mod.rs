@@ -279,7 +279,7 @@ fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
     if phases(old) != phases(new) {
         Some("the durations of [trial]")
     } else if old.trials != new.trials {
-        Some("the speeds, repeats or seed")
+        Some("the speeds, starting phases, repeats or seed")
     } else if old.robot != new.robot {
         Some("the robot")
     } else if old.board.of_the_data() != new.board.of_the_data() {

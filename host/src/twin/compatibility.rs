@@ -13,6 +13,12 @@ pub(super) fn difference(a: &Data, b: &Data) -> Result<Option<String>, TwinError
     if a.reverse() != b.reverse() {
         return Ok(Some("the reversals differ".to_owned()));
     }
+    let phase = |data: &Data| data.records.trial.as_ref().and_then(|trial| trial.phase_deg);
+    if let (Some(one), Some(other)) = (phase(a), phase(b))
+        && one != other
+    {
+        return Ok(Some(format!("the starting phases differ: {one:?} and {other:?} deg")));
+    }
     if let (Some(one), Some(other)) = (&a.records.model, &b.records.model)
         && one.closure != other.closure
     {

@@ -10,10 +10,12 @@ use crate::progress::Progress;
 use crate::run::model::{Batch, Course, Job, Model, ModelError, ModelRun};
 use crate::session::Session;
 use crate::trial::{Data, Want};
-use biflag_log::{Identity, ModelMeta, ReplayMeta, SteadyMeta, last_meta};
+use biflag_log::{Identity, ModelMeta, Origin, ReplayMeta, SteadyMeta, last_meta};
+use protocol::units::CentiRpm;
 use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::Robot;
+use sim::phase::Ratio;
 use sim::trial::Options;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -49,6 +51,9 @@ pub struct Replayed {
     pub wall_s: Option<f64>,
     /// Warnings about the log.
     pub warnings: Vec<String>,
+    /// Whether the result depends on angles of the flagella that the encoders do not know: they count from where the
+    /// flagella stood when the board started.
+    pub needs_phase: bool,
 }
 
 /// The replays of a source, each with the caller's result for it.
@@ -60,6 +65,23 @@ pub struct Replays<T> {
     pub skipped: Vec<Skipped>,
     /// Whether the user interrupted the replay.
     pub interrupted: bool,
+}
+
+impl<T> Replays<T> {
+    /// Returns what a user should know about angles of the flagella that the encoders do not know.
+    pub fn note_on_phases(&self) -> Option<String> {
+        let mut needing = self.trials.iter().filter(|(replayed, _)| replayed.needs_phase);
+        let (first, _) = needing.next()?;
+        let others = match needing.count() {
+            0 => String::new(),
+            count => format!(" and {}", crate::text::count(count, "other trial")),
+        };
+        Some(format!(
+            "{}{others} depend on how the flagella stood when the board started, which the encoders do not know; \
+             `biflag calibrate --fit phase` finds it",
+            first.trial.name
+        ))
+    }
 }
 
 /// One trial of a source.
@@ -102,7 +124,7 @@ pub fn replay<T: Send>(
             Ok(data) => data,
             Err(error) => return skip(error.into()),
         };
-        let Prepared { model, course, warnings } = match prepare(trial, &data, &robot, settings) {
+        let Prepared { model, course, warnings, needs_phase } = match prepare(trial, &data, &robot, settings) {
             Ok(prepared) => prepared,
             Err(error) => return skip(error),
         };
@@ -113,6 +135,7 @@ pub fn replay<T: Send>(
             result,
             wall_s,
             warnings,
+            needs_phase,
         };
         let replayed = match cached_replay(session, trial, &model, &course, settings)? {
             Some((log, steady)) => {
@@ -155,6 +178,7 @@ struct Prepared {
     model: Model,
     course: Course,
     warnings: Vec<String>,
+    needs_phase: bool,
 }
 
 fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Settings) -> Result<Prepared, TwinError> {
@@ -164,10 +188,12 @@ fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Setting
         Some(robot) => robot.clone(),
         None => data.robot().map_err(|source| TwinError::robot(data, source))?,
     };
+    let simple = Ratio::of(data.speeds().map(CentiRpm::rpm)).is_some();
+    let needs_phase = simple && data.origin() == Origin::Rig && robot.flagellum.phase_deg == [0.0; 2];
     let own = data.records.model.as_ref().map(|model| model.closure);
     let closure = settings.closure.or(own).unwrap_or(Closure::Full);
     let model = Model::new(robot, data.settings().unwrap_or_default(), closure, settings.options);
-    Ok(Prepared { model, course, warnings })
+    Ok(Prepared { model, course, warnings, needs_phase })
 }
 
 /// Returns the course of a recorded trial for the model. The run begins with the motors, shortly after the phase.

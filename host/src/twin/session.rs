@@ -2,6 +2,7 @@
 
 use super::replay::pool;
 use super::{Compared, Comparison, OnMismatch, SessionComparison, Skipped, Source, TwinError, compare};
+use crate::plan::Trial;
 use crate::text;
 use crate::trial::{Data, Want};
 use rayon::prelude::*;
@@ -42,8 +43,9 @@ impl Pairs {
                 .logs
                 .iter()
                 .filter(|(other, _)| other.speeds == trial.speeds && other.reverse == trial.reverse);
-            // A model has no repeats: one trial is compared with all repeats.
-            let other = at_speeds.clone().find(|(other, _)| other.repeat == trial.repeat).or(at_speeds.clone().next());
+            // A model has no repeats: one trial is compared with all repeats. A rig has no planned starting phases.
+            let likeness = |other: &Trial| (other.phase_deg == trial.phase_deg, other.repeat == trial.repeat);
+            let other = at_speeds.rev().max_by_key(|(other, _)| likeness(other));
             match other {
                 Some((_, other)) => pairs.push(Pair { name: trial.name.clone(), logs: [log.clone(), other.clone()] }),
                 None => {

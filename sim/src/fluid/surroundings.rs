@@ -84,7 +84,7 @@ impl Surroundings {
         let points: &[V3] = head.map_or(&[], |h| &h.points);
         let groups = |line: &Vec<V3>| groups(line, points);
         Self {
-            tank: robot.tank.as_ref().map(|tank| TankFlow::new(robot, tank.boundaries(), at_rest, points)),
+            tank: robot.tank.as_ref().map(|tank| TankFlow::new(robot, tank, at_rest, points)),
             groups: at_rest.iter().map(groups).collect(),
             head: head.map(|surface| HeadFlow {
                 drag: surface.rotational_resistance(),

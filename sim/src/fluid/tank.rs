@@ -5,11 +5,12 @@
 //! closer together the nearer a wall is. The matrix between these points is kept until they have moved.
 
 use super::coarse::Coarse;
+use super::reflections::Reflections;
 use super::stokeslet_factor;
 use super::surroundings::Line;
 use super::walls::{Images, Walls};
 use crate::V3;
-use crate::params::Robot;
+use crate::params::{Robot, Tank};
 use nalgebra::UnitQuaternion;
 
 /// Length between coarse nodes over the distance of the nearest wall and over a turn of the helix, at most: errors are then
@@ -24,6 +25,8 @@ const MOVED: f64 = 2e-3;
 #[derive(Clone, Debug)]
 pub struct TankFlow {
     walls: Walls,
+    /// What the images in single walls leave out.
+    reflections: Option<Reflections>,
     epsilon: f64,
     factor: f64,
     rod_radius: f64,
@@ -38,6 +41,8 @@ pub struct TankFlow {
     /// Distance of the nearest wall or surface, m.
     clearance: f64,
     forces: Vec<V3>,
+    /// World axes in, body axes out.
+    coarse_flow: Vec<V3>,
     images: Images,
     flow: Vec<V3>,
 }
@@ -64,10 +69,12 @@ struct CoarseSurface {
 
 impl TankFlow {
     /// `at_rest`: nodes of the flagella in the body frame; `head`: points of the head's surface, none without a head; m.
-    pub fn new(robot: &Robot, walls: Walls, at_rest: &[Vec<V3>], head: &[V3]) -> Self {
+    pub fn new(robot: &Robot, tank: &Tank, at_rest: &[Vec<V3>], head: &[V3]) -> Self {
+        let walls = tank.boundaries();
         let helix = robot.flagellum.helix(0);
         let count = at_rest.iter().map(Vec::len).sum::<usize>() + head.len();
         Self {
+            reflections: Reflections::new(&walls, tank.corners(), tank.space_of(robot)),
             walls,
             epsilon: robot.epsilon(),
             factor: stokeslet_factor(robot.fluid.viscosity()),
@@ -79,6 +86,7 @@ impl TankFlow {
             assembled: Vec::new(),
             clearance: 0.0,
             forces: Vec::new(),
+            coarse_flow: Vec::new(),
             images: Images::default(),
             flow: vec![V3::zeros(); count],
         }
@@ -132,12 +140,17 @@ impl TankFlow {
         }
         self.images.multiply(&self.forces);
 
-        // The coarse points' flow takes the place of their forces.
-        for (i, slot) in self.forces.iter_mut().enumerate() {
-            *slot = attitude.inverse_transform_vector(&self.images.flow(i)) * self.factor;
+        self.coarse_flow.clear();
+        self.coarse_flow.extend((0..self.points.len()).map(|i| self.images.flow(i)));
+        if let Some(reflections) = &self.reflections {
+            reflections.add_flow(&self.points, &self.forces, &mut self.coarse_flow);
         }
+        for flow in &mut self.coarse_flow {
+            *flow = attitude.inverse_transform_vector(flow) * self.factor;
+        }
+
         self.flow.fill(V3::zeros());
-        let (mut coarse, mut fine) = (self.forces.as_slice(), self.flow.as_mut_slice());
+        let (mut coarse, mut fine) = (self.coarse_flow.as_slice(), self.flow.as_mut_slice());
         let flagella = self.flagella.iter().map(|f| (&f.coarse, f.nodal_length.len()));
         for (weights, count) in flagella.chain([(&self.head.coarse, self.head.surface.len())]) {
             let (own, others) = fine.split_at_mut(count);

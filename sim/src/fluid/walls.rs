@@ -63,6 +63,16 @@ impl Walls {
         Self { planes, surface }
     }
 
+    /// Returns the walls; with a free surface also their mirror images.
+    pub fn planes(&self) -> &[Plane] {
+        &self.planes
+    }
+
+    /// Returns the height of the free surface, m.
+    pub fn surface(&self) -> Option<f64> {
+        self.surface
+    }
+
     /// Returns the least distance of a point from the walls and the surface, m; negative outside.
     pub fn clearance(&self, x: V3) -> f64 {
         let surface = self.surface.map_or(f64::INFINITY, |at| at - x.z);

@@ -65,6 +65,9 @@ impl Robot {
         within("flagellum.helix_radius_m", f.helix_radius_m, 0.0, 1.0)?;
         within("flagellum.pitch_m", f.pitch_m, 1e-5, 10.0)?;
         within("flagellum.axial_length_m", f.axial_length_m, 1e-4, 10.0)?;
+        for phase in f.phase_deg {
+            within("flagellum.phase_deg", phase, -360.0, 360.0)?;
+        }
         within("flagellum.young_pa", f.young_pa, 1.0, 1e13)?;
         within("flagellum.poisson", f.poisson, -0.99, 0.5)?;
         within("flagellum.density_kg_m3", f.density_kg_m3, 0.0, 3e4)?;

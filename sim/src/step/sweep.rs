@@ -84,11 +84,6 @@ impl Sweeps {
             let contact_motion = change.motion * motion[0].kappa.max(motion[1].kappa);
             let errors = SweepErrors { residual, contact_motion, gap: change.gap_error };
 
-                eprintln!(
-                    "t {:.4} h {:.5} sweep {sweep} residual {residual:.2e}",
-                    problem.state.time, problem.step.length
-                );
-            }
             let converged = convergence.rods_converged(sweep, &errors);
             let accelerated = match before {
                 Some(before) if !converged => self.accelerate(problem, &before, body, convergence.is_slow(residual)),

@@ -12,6 +12,9 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
+/// Longest wait for an answer of the board, on a busy machine.
+const HANDSHAKE: Duration = Duration::from_secs(60);
+
 struct Vnano {
     child: Child,
     stdin: Option<ChildStdin>,
@@ -100,7 +103,7 @@ fn it_answers_commands_and_ends_with_its_input() {
     let image = firmware_path();
     let mut vnano = Vnano::start(&["--firmware", image.to_str().unwrap(), "--speed", "max"]);
     let mut port = vnano.open();
-    assert_eq!(hello(&mut port, Duration::from_secs(5)).unwrap().protocol, protocol::VERSION);
+    assert_eq!(hello(&mut port, HANDSHAKE).unwrap().protocol, protocol::VERSION);
     for line in ["drop 2", "corrupt 1", "fault nack=0,5", "fault stuck=9", "fault usb", "fault blocked=2@1.5"] {
         assert_eq!(vnano.ask(line)["event"], "done", "{line}");
     }
@@ -160,22 +163,33 @@ fn faults_are_listed_and_begin_when_asked() {
     assert!(output.status.success() && text.contains("  spikes=RATE,MOTOR,CHANNEL\n"), "{text}");
     let image = firmware_path();
     let mut vnano = Vnano::start(&["--firmware", image.to_str().unwrap(), "--fault", "supply=0@0.5", "--speed", "max"]);
-    std::thread::sleep(Duration::from_millis(500));
-    let status = vnano.ask("status");
-    let (seconds, ticks) = (status["seconds"].as_f64().unwrap(), status["ticks"].as_u64().unwrap());
-    assert!(seconds > 0.6 && (80..=101).contains(&ticks), "{ticks} ticks in {seconds} s");
+    let seconds = |status: &Value| status["seconds"].as_f64().unwrap();
+    let status = loop {
+        let status = vnano.ask("status");
+        if seconds(&status) > 0.6 {
+            break status;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    let ticks = status["ticks"].as_u64().unwrap();
+    assert!((80..=101).contains(&ticks), "{ticks} ticks in {} s", seconds(&status));
 }
 
 #[test]
 fn real_time_is_real_time() {
     let image = firmware_path();
+    let begun = Instant::now();
     let mut vnano = Vnano::start(&["--firmware", image.to_str().unwrap()]);
-    let (start, before) = (Instant::now(), vnano.ask("status")["seconds"].as_f64().unwrap());
-    std::thread::sleep(Duration::from_millis(1500));
-    let passed = vnano.ask("status")["seconds"].as_f64().unwrap() - before;
-    // One-sided where the machine is busy.
-    assert!(passed <= start.elapsed().as_secs_f64() + 0.05, "{passed} s in {:?}", start.elapsed());
-    assert!(passed > 0.7, "{passed} s in {:?}", start.elapsed());
+    let mut pass = || {
+        let (start, before) = (Instant::now(), vnano.ask("status")["seconds"].as_f64().unwrap());
+        std::thread::sleep(Duration::from_millis(500));
+        let now = vnano.ask("status")["seconds"].as_f64().unwrap();
+        assert!(now <= begun.elapsed().as_secs_f64() + 0.05, "{now} s in {:?}", begun.elapsed());
+        (now - before) / start.elapsed().as_secs_f64()
+    };
+    // Where the machine is busy, the board may fall behind, but not always.
+    let mut speeds = (0..60).map(|_| pass());
+    assert!(speeds.any(|speed| speed > 0.9), "slower than real time for half a minute");
     assert_eq!(vnano.ask("quit")["event"], "done");
     assert_eq!(vnano.end(), Some(0));
 }
@@ -185,7 +199,7 @@ fn no_byte_is_lost_to_a_slow_reader_at_full_speed() {
     let image = firmware_path();
     let mut vnano = Vnano::start(&["--firmware", image.to_str().unwrap(), "--speed", "max"]);
     let mut port = vnano.open();
-    hello(&mut port, Duration::from_secs(5)).unwrap();
+    hello(&mut port, HANDSHAKE).unwrap();
     let mut buffer = [0; MAX_FRAME];
     let stream = Request { seq: 200, command: Order::Stream { rate_hz: protocol::TICK_HZ } };
     port.write_all(encode(&stream, &mut buffer).unwrap()).unwrap();
@@ -257,7 +271,7 @@ fn the_eeprom_is_kept_in_a_file() {
     for start in 1..=3 {
         let arguments = ["--firmware", image.to_str().unwrap(), "--eeprom", path.to_str().unwrap(), "--speed", "max"];
         let vnano = Vnano::start(&arguments);
-        let info = hello(&mut vnano.open(), Duration::from_secs(5)).unwrap();
+        let info = hello(&mut vnano.open(), HANDSHAKE).unwrap();
         assert_eq!(info.boot_count, start);
         assert_eq!(vnano.end(), Some(0));
     }
@@ -274,7 +288,7 @@ fn avrdude_flashes_the_image_behind_both_bootloaders() {
             .output()
             .expect("avrdude; install Debian's package avrdude");
         assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
-        let info = hello(&mut vnano.open(), Duration::from_secs(20)).expect("no handshake after flashing");
+        let info = hello(&mut vnano.open(), HANDSHAKE).expect("no handshake after flashing");
         assert_eq!(info.protocol, protocol::VERSION);
         println!("{name}: flashed at {baud}, {info:?}");
     };

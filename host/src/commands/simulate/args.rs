@@ -12,6 +12,7 @@ use std::path::PathBuf;
     after_help = "Examples:\n  \
     biflag simulate host/plans/published-points.toml --out points\n  \
     biflag simulate --speeds=-90,90 --duration 120 --closure lumped\n  \
+    biflag simulate --speeds 90,90 --phase 0,90 --duration 120\n  \
     biflag simulate --from glycerin --robot fitted.toml --out fitted\n\
     The logs do not depend on --jobs, --shard or interruptions."
 )]
@@ -31,6 +32,9 @@ pub struct Args {
     /// Duration of the run at these speeds, in seconds.
     #[arg(long, value_name = "S", value_parser = duration, requires = "speeds")]
     pub duration: Option<f64>,
+    /// Angles of motors 1 and 2 at the start of the run at these speeds, in degrees, such as `0,90`; by default 0,0.
+    #[arg(long, value_name = "DEG,DEG", value_parser = phase, allow_hyphen_values = true, requires = "speeds")]
+    pub phase: Option<StartAngles>,
     /// Coupling of the flagella to the base: `full`, with forces in both directions; `lumped`, the published couples
     /// with reaction torques; or `paper`, the equations as printed, whose yaw never settles.
     ///
@@ -70,6 +74,20 @@ fn speeds(text: &str) -> Result<Speeds, String> {
     };
     let (w1, w2) = text.split_once(',').ok_or("give two speeds in rpm, such as 50,10")?;
     Ok(Speeds([one(w1)?, one(w2)?]))
+}
+
+/// Starting angles of both motors, degrees.
+#[derive(Clone, Copy, Debug)]
+pub struct StartAngles(pub [f64; 2]);
+
+fn phase(text: &str) -> Result<StartAngles, String> {
+    let form = "give two angles from -360 to 360 degrees, such as 0,90";
+    let one = |text: &str| {
+        let deg: f64 = text.trim().parse().map_err(|_| form)?;
+        if (-360.0..=360.0).contains(&deg) { Ok(deg) } else { Err(form) }
+    };
+    let (first, second) = text.split_once(',').ok_or(form)?;
+    Ok(StartAngles([one(first)?, one(second)?]))
 }
 
 fn duration(text: &str) -> Result<f64, String> {

@@ -1,7 +1,7 @@
 //! The result of `biflag simulate`.
 
-use crate::plan::Trial;
-use crate::run::model::ModelRun;
+use crate::plan::{Plan, Trial};
+use crate::run::model::{ModelRun, PhaseMeans};
 use crate::text;
 use biflag_log::SteadyMeta;
 use protocol::units::CentiRpm;
@@ -15,7 +15,61 @@ pub struct Simulated {
     pub session: PathBuf,
     /// Ratio of simulated to wall time of the whole command; `null` if all trials were already complete.
     pub real_time_factor: Option<f64>,
-    pub trials: Vec<SimulatedTrial>,
+    pub trials: Vec<Row>,
+    /// What the values do not say by themselves.
+    pub notes: Vec<String>,
+}
+
+/// A trial, or all trials at a pair of speeds that start at different phases.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+pub enum Row {
+    One(SimulatedTrial),
+    Mean(MeanTrial),
+}
+
+#[derive(Debug, Serialize)]
+pub struct MeanTrial {
+    #[serde(flatten)]
+    pub means: PhaseMeans,
+    /// `null` if a trial was computed by an earlier run.
+    pub wall_s: Option<f64>,
+    /// The trial of each starting phase.
+    pub starts: Vec<SimulatedTrial>,
+}
+
+impl Row {
+    /// Joins the trials of a plan with `phases`, where all starting phases of a pair of speeds were computed.
+    pub fn of(plan: &Plan, trials: Vec<SimulatedTrial>) -> Vec<Self> {
+        let planned = |name: &str| plan.trials.iter().find(|trial| trial.name == name);
+        let mut rows = Vec::new();
+        let mut rest = trials.into_iter().peekable();
+        while let Some(first) = rest.next() {
+            let Some(trial) = planned(&first.name) else { continue };
+            let mut starts = vec![first];
+            while let Some(next) =
+                rest.next_if(|next| planned(&next.name).is_some_and(|next| trial.is_at_the_phases_of(next)))
+            {
+                starts.push(next);
+            }
+            let all = plan.trials.iter().filter(|other| trial.is_at_the_phases_of(other)).count();
+            let steady: Vec<_> = starts.iter().filter_map(|start| start.steady.clone()).collect();
+            if all > 1 && steady.len() == all {
+                let wall_s = starts.iter().map(|start| start.wall_s).sum();
+                rows.push(Self::Mean(MeanTrial { means: PhaseMeans::new(trial, &steady), wall_s, starts }));
+            } else {
+                rows.extend(starts.into_iter().map(Self::One));
+            }
+        }
+        rows
+    }
+
+    pub fn mean(&self) -> Option<&PhaseMeans> {
+        match self {
+            Self::One(_) => None,
+            Self::Mean(mean) => Some(&mean.means),
+        }
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -23,6 +77,9 @@ pub struct SimulatedTrial {
     pub name: String,
     pub w1_rpm: f64,
     pub w2_rpm: f64,
+    /// Starting angles of the motors; left out where the plan does not set them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phase_deg: Option<[f64; 2]>,
     #[serde(serialize_with = "crate::text::path")]
     pub log: PathBuf,
     #[serde(flatten)]
@@ -36,7 +93,8 @@ pub struct SimulatedTrial {
 impl SimulatedTrial {
     pub fn new(trial: &Trial, log: &Path) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
-        Self { name: trial.name.clone(), w1_rpm, w2_rpm, log: log.to_owned(), steady: None, wall_s: None, error: None }
+        let (name, phase_deg, log) = (trial.name.clone(), trial.phase_deg, log.to_owned());
+        Self { name, w1_rpm, w2_rpm, phase_deg, log, steady: None, wall_s: None, error: None }
     }
 }
 

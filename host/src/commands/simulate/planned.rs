@@ -2,13 +2,13 @@
 
 use super::super::options::cores;
 use super::super::{Answer, Outcome, WRONG_USE};
-use super::args::{Args, Shard, Speeds};
-use super::output::{Simulated, SimulatedTrial};
+use super::args::{Args, Shard, Speeds, StartAngles};
+use super::output::{Row, Simulated, SimulatedTrial};
 use crate::plan::robot;
 use crate::plan::{Plan, Trial};
 use crate::program;
 use crate::progress::{Progress, lock};
-use crate::run::model::{Batch, Course, Job, Model, ModelError};
+use crate::run::model::{Batch, Course, Job, Model, ModelError, note_on_phases};
 use crate::session::{self, Session, SessionError, Sharing};
 use crate::signals::interruption;
 use crate::text;
@@ -72,8 +72,18 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     };
     let speed = real_time_factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time"));
     let rest = if done < count { "; interrupted, continue with --resume" } else { "" };
-    let text = format!("session {}: {} computed{speed}{rest}", folder.display(), text::count(done, "trial"));
-    Answer::new(outcome, &Simulated { session: folder, real_time_factor, trials }, text)
+    let trials = Row::of(session.plan(), trials);
+    let means = trials.iter().filter_map(Row::mean);
+    let notes: Vec<_> = note_on_phases(&session.plan().trials, means).into_iter().collect();
+    let mut text = String::new();
+    for mean in trials.iter().filter_map(Row::mean) {
+        text += &format!("{mean}\n");
+    }
+    text += &format!("session {}: {} computed{speed}{rest}", folder.display(), text::count(done, "trial"));
+    for note in &notes {
+        text += &format!("\nnote: {note}");
+    }
+    Answer::new(outcome, &Simulated { session: folder, real_time_factor, trials, notes }, text)
 }
 
 /// Returns the plan, or one made from the speeds, with the robot named by the user.
@@ -82,9 +92,12 @@ fn plan(args: &Args) -> miette::Result<Plan> {
         (Some(path), ..) => Plan::load(path)?,
         (None, Some(Speeds(speeds)), Some(run)) => {
             let [w1, w2] = speeds.map(CentiRpm::rpm);
+            let (phase, suffix) = args.phase.map_or_else(Default::default, |StartAngles([one, two])| {
+                (format!("phase_deg = [{one}, {two}]\n"), format!("_p{one}_{two}"))
+            });
             let text = format!(
-                "[session]\nname = \"w1{w1:+}_w2{w2:+}\"\n\n[trial]\ncalibrate = 0\npreroll = 0\nrun = {run}\ndecay = 0\n\n\
-                 [speeds]\npairs = [[{w1}, {w2}]]\n"
+                "[session]\nname = \"w1{w1:+}_w2{w2:+}{suffix}\"\n\n[trial]\ncalibrate = 0\npreroll = 0\nrun = {run}\n\
+                 decay = 0\n{phase}\n[speeds]\npairs = [[{w1}, {w2}]]\n"
             );
             Plan::parse(&text, "--speeds")?
         }

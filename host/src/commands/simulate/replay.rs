@@ -3,7 +3,7 @@
 use super::super::options::cores;
 use super::super::{Answer, Outcome};
 use super::args::Args;
-use super::output::{Simulated, SimulatedTrial};
+use super::output::{Row, Simulated, SimulatedTrial};
 use crate::plan::robot;
 use crate::session::{Session, Sharing};
 use crate::signals::interruption;
@@ -79,13 +79,18 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     let speed = real_time_factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time"));
     let mut lines = format!("session {}: {} replayed{speed}{rest}", folder.display(), text::count(count, "trial"));
     lines += &warning_lines(&replays);
-    let trials = replays.trials.iter().map(|(trial, ())| SimulatedTrial {
-        steady: trial.result.as_ref().ok().cloned(),
-        wall_s: trial.wall_s,
-        error: trial.result.as_ref().err().cloned(),
-        ..SimulatedTrial::new(&trial.trial, &trial.log)
-    });
-    let simulated = Simulated { session: folder, real_time_factor, trials: trials.collect() };
+    let notes: Vec<_> = replays.note_on_phases().into_iter().collect();
+    lines.extend(notes.iter().map(|note| format!("\nnote: {note}")));
+    let row = |trial: &Replayed| {
+        Row::One(SimulatedTrial {
+            steady: trial.result.as_ref().ok().cloned(),
+            wall_s: trial.wall_s,
+            error: trial.result.as_ref().err().cloned(),
+            ..SimulatedTrial::new(&trial.trial, &trial.log)
+        })
+    };
+    let trials = replays.trials.iter().map(|(trial, ())| row(trial)).collect();
+    let simulated = Simulated { session: folder, real_time_factor, trials, notes };
     let warned = replays.trials.iter().map(|(trial, ())| trial).filter(|trial| !trial.warnings.is_empty());
     let warnings =
         warned.map(|trial| Warnings { name: trial.trial.name.clone(), warnings: trial.warnings.clone() }).collect();

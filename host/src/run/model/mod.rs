@@ -8,10 +8,12 @@
 mod batch;
 mod board;
 mod error;
+mod phases;
 mod trial;
 
 pub use batch::{Batch, Job, ModelRun};
 pub use error::ModelError;
+pub use phases::{PhaseMeans, note_on_phases};
 pub use trial::{Course, Watch};
 
 use crate::plan::Plan;

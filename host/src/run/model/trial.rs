@@ -31,7 +31,8 @@ pub struct Course {
 }
 
 impl Course {
-    /// Returns the planned course of a trial. The motors reach their speeds as in [`profile::Phases`].
+    /// Returns the planned course of a trial. The motors reach their speeds as in [`profile::Phases`], and start at the
+    /// planned angles, or at zero.
     ///
     /// # Errors
     /// [`ModelError::Profile`].
@@ -40,7 +41,8 @@ impl Course {
         let reverse = trial.reverse.map(|r| profile::Reverse { motor: usize::from(r.motor) - 1, after: r.after_s });
         let phases = profile::Phases { calibrate, preroll, run, decay, reverse, ..profile::Phases::default() };
         let profile = SpeedProfile::phases(&phases, trial.speeds.map(CentiRpm::rpm))
-            .map_err(|error| ModelError::Profile { trial: trial.name.clone(), error })?;
+            .map_err(|error| ModelError::Profile { trial: trial.name.clone(), error })?
+            .from_angles(trial.phase_deg.unwrap_or_default().map(f64::to_radians));
         Ok(Self { schedule: Schedule::planned(trial), profile, replay: None })
     }
 }

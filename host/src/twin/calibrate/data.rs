@@ -4,8 +4,10 @@ use super::super::{TwinError, speeds};
 use crate::plan::PlanError;
 use crate::trial::{Data, Unusable, Zeroed};
 use nalgebra::{DMatrix, DVector, Dyn, linalg::Cholesky};
+use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
 use sim::params::Robot;
+use sim::phase::Ratio;
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::path::PathBuf;
@@ -43,6 +45,10 @@ pub struct FitTrial {
     /// Its robot and the closure of its model.
     pub(super) robot: Result<Robot, PlanError>,
     pub(super) closure: Option<Closure>,
+    /// The ratio of the speeds, if it is simple: the phase of the flagella matters.
+    pub(super) ratio: Option<Ratio>,
+    /// Number of the board, and which of its starts, from which its encoders count.
+    pub(super) board_start: Option<[u16; 2]>,
     pub(super) measured: Blocks,
     profile: SpeedProfile,
     /// Centres of the blocks, s after the zero of the yaw.
@@ -96,6 +102,9 @@ impl FitTrial {
             warnings,
             robot: data.robot(),
             closure: data.records.model.as_ref().map(|model| model.closure),
+            ratio: Ratio::of(data.speeds().map(CentiRpm::rpm)),
+            board_start: (data.records.board.as_ref().filter(|_| !data.is_model()))
+                .map(|board| [board.board_id, board.boot_count]),
             measured: zeroed.angles_deg.tracks().map(means),
             profile: speeds::profile_of_run(data, BLOCK_S / SAMPLES as f64)?,
             times: (0..count).map(|i| from + (i as f64 + 0.5) * BLOCK_S).collect(),

@@ -17,10 +17,12 @@
 mod data;
 mod file;
 mod parameter;
+mod phase;
 mod problem;
 
 pub use file::to_toml;
 pub use parameter::Parameter;
+use parameter::wrapped;
 
 use super::TwinError;
 use super::replay::pool;
@@ -47,6 +49,9 @@ const MAX_CORRELATION: f64 = 0.95;
 
 /// Largest relative standard error of a parameter that counts as determined.
 const MAX_REL_ERROR: f64 = 0.2;
+
+/// Largest standard error of a phase that counts as determined, degrees.
+const MAX_PHASE_ERROR_DEG: f64 = 20.0;
 
 /// The settings of a fit.
 #[derive(Debug)]
@@ -182,13 +187,21 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
         simulations.fetch_add(count, std::sync::atomic::Ordering::Relaxed);
         progress();
     };
-    let parameters = request.parameters.as_slice();
-    let given = (trials.as_slice(), &start, closure);
+    let parameters = phase::determined(&request.parameters, &trials)?;
+    let parameters = parameters.as_slice();
     let whiteners = whiteners(&trials, [Correlated::guess(); 3])?;
-    let problem = Problem::new(given, parameters, &whiteners, &simulated, vec![0.0; parameters.len()]);
+    let unmoved = || vec![0.0; parameters.len()];
+    let given = (trials.as_slice(), &start, closure);
+    let problem = Problem::new(given, parameters, &whiteners, &simulated, unmoved());
     let Some(errors_before) = problem.errors() else {
         return Err(failed("the solver fails with the initial parameters", "start from another robot with --robot"));
     };
+    let near = phase::nearest(&problem);
+    let problem = match &near {
+        Some(near) => Problem::new((&trials, near, closure), parameters, &whiteners, &simulated, unmoved()),
+        None => problem,
+    };
+    let fitted_from = near.as_ref().unwrap_or(&start);
     let problem = minimise(problem)?;
     let errors = problem.errors().unwrap_or_default();
     let rest = problem::correlations(&errors);
@@ -208,12 +221,15 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
         .iter()
         .zip(problem.moved().iter().zip(&deviations))
         .map(|(parameter, (moved, deviation))| {
-            let value = |moved| parameter.value(&start, closure, moved);
+            let value = |moved| parameter.value(fitted_from, closure, moved);
+            // A phase may have come round.
+            let turns = if parameter.is_phase() { value(*moved) - wrapped(value(*moved)) } else { 0.0 };
+            let value = |moved| value(moved) - turns;
             Estimate {
                 name: parameter.name(),
                 key: parameter.key(closure),
                 unit: parameter.unit(),
-                start: value(0.0),
+                start: parameter.value(&start, closure, 0.0),
                 value: value(*moved),
                 std_error: parameter.error(value(*moved), *deviation),
                 interval_95: [-1.0, 1.0].map(|side| value(moved + side * quantile * deviation)),
@@ -224,7 +240,7 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
         covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()
     });
     let eigenvalues = correlations.clone().symmetric_eigenvalues();
-    let robot = problem.robot(&start, problem.moved());
+    let robot = problem.robot(fitted_from, problem.moved());
     let fitted = |i: usize| Fitted {
         name: trials[i].name.clone(),
         log: trials[i].path.clone(),
@@ -304,7 +320,11 @@ fn cannot_tell(estimates: &[Estimate], correlations: &DMatrix<f64>, parameters: 
             let correlation = correlations[(i, j)];
             if correlation.abs() > MAX_CORRELATION {
                 let (one, other) = (estimates[j].name, estimates[i].name);
-                let mixture = if correlation > 0.0 { "ratio" } else { "product" };
+                let mixture = match correlation > 0.0 {
+                    _ if parameters[i].is_angle() || parameters[j].is_angle() => "combination",
+                    true => "ratio",
+                    false => "product",
+                };
                 said.push(format!(
                     "{one} and {other} are hardly separable (correlation {correlation:+.3}): the trials determine their {mixture}"
                 ));
@@ -312,8 +332,11 @@ fn cannot_tell(estimates: &[Estimate], correlations: &DMatrix<f64>, parameters: 
         }
     }
     for (estimate, parameter) in estimates.iter().zip(parameters) {
+        if parameter.is_phase() && estimate.std_error > MAX_PHASE_ERROR_DEG {
+            said.push(format!("{} is known to only {:.0}° (standard error)", estimate.name, estimate.std_error));
+        }
         let share = estimate.std_error / estimate.value.abs();
-        if parameter.is_of_the_robot() && share > MAX_REL_ERROR {
+        if !parameter.is_angle() && share > MAX_REL_ERROR {
             said.push(format!("{} is known to only {:.0} % (standard error)", estimate.name, 100.0 * share));
         }
     }

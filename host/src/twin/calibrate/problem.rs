@@ -80,6 +80,19 @@ impl<'a> Problem<'a> {
         )
     }
 
+    /// Returns the sum of the squared residuals of one trial with another robot; infinite if the solver fails.
+    pub fn misfit(&self, trial: usize, robot: &Robot) -> f64 {
+        let FitTrial { measured, .. } = &self.trials[trial];
+        let modelled = self.trials[trial].modelled(robot, self.closure);
+        (self.simulated)(1);
+        let Some(modelled) = modelled else { return f64::INFINITY };
+        let square = |k: usize| -> f64 {
+            let errors: Vec<f64> = modelled[k].iter().zip(&measured[k]).map(|(a, b)| a - b).collect();
+            self.whiteners[trial][k].whiten(&errors).iter().map(|error| error * error).sum()
+        };
+        (0..3).map(square).sum()
+    }
+
     fn model(&self, start: &Robot, moved: &[f64]) -> Option<Vec<Blocks>> {
         if moved.iter().any(|moved| moved.abs() > MAX_LOG_CHANGE || !moved.is_finite()) {
             return None;

@@ -1,0 +1,110 @@
+//! Means and spreads of modelled trials over their starting phases, and what a user should know about phases.
+
+use crate::plan::Trial;
+use crate::text::{count, decimal};
+use biflag_log::SteadyMeta;
+use protocol::units::CentiRpm;
+use serde::Serialize;
+use sim::phase::Ratio;
+use std::fmt;
+
+/// The steady state of a pair of speeds over its starting phases.
+#[derive(Serialize, Clone, PartialEq, Debug)]
+pub struct PhaseMeans {
+    /// The speeds, and the repeat where there are several, such as `w1+90_w2+90`.
+    pub name: String,
+    /// Speed of flagellum 1.
+    pub w1_rpm: f64,
+    /// Speed of flagellum 2.
+    pub w2_rpm: f64,
+    /// Number of starting phases.
+    pub phases: usize,
+    /// Means of the angles, forces, torques and the share of contact; the least gap, the largest overlap, the closest
+    /// state and the longest settling; sums of iterations and times. `settled`: whether all are.
+    #[serde(flatten)]
+    pub steady: SteadyMeta,
+    /// Largest less smallest yaw, pitch and roll.
+    pub phase_spread_deg: [f64; 3],
+}
+
+impl PhaseMeans {
+    /// Returns the means over the steady states of a trial's starting phases, of which there is at least one.
+    pub fn new(trial: &Trial, phases: &[SteadyMeta]) -> Self {
+        let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
+        let end = trial.name.rfind("_p").unwrap_or(trial.name.len());
+        let name = trial.name[..end].split_once('_').map_or("", |(_, name)| name).to_owned();
+        let of = |value: &dyn Fn(&SteadyMeta) -> f64| phases.iter().map(value).collect::<Vec<f64>>();
+        let mean = |value: &dyn Fn(&SteadyMeta) -> f64| of(value).iter().sum::<f64>() / phases.len() as f64;
+        let largest = |value: &dyn Fn(&SteadyMeta) -> f64| of(value).into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let least = |value: &dyn Fn(&SteadyMeta) -> f64| of(value).into_iter().fold(f64::INFINITY, f64::min);
+        let angles: [fn(&SteadyMeta) -> f64; 3] = [|s| s.yaw_deg, |s| s.pitch_deg, |s| s.roll_deg];
+        let [yaw_deg, pitch_deg, roll_deg] = angles.map(|angle| mean(&angle));
+        let steady = SteadyMeta {
+            yaw_deg,
+            pitch_deg,
+            roll_deg,
+            window_s: mean(&|s| s.window_s),
+            settled: phases.iter().all(|s| s.settled),
+            settle_s: largest(&|s| s.settle_s),
+            force1_n: [0, 1, 2].map(|i| mean(&|s| s.force1_n[i])),
+            force2_n: [0, 1, 2].map(|i| mean(&|s| s.force2_n[i])),
+            axial_torque_nm: [0, 1].map(|k| mean(&|s| s.axial_torque_nm[k])),
+            min_gap_m: least(&|s| s.min_gap_m),
+            max_penetration_m: largest(&|s| s.max_penetration_m),
+            bundling: phases.iter().map(|s| s.bundling).max_by_key(|state| *state as u8).unwrap_or_default(),
+            bundling_changes: Vec::new(),
+            contact_share: mean(&|s| s.contact_share),
+            newton_iterations: phases.iter().map(|s| s.newton_iterations).sum(),
+            simulated_s: phases.iter().map(|s| s.simulated_s).sum(),
+        };
+        let phase_spread_deg = angles.map(|angle| largest(&angle) - least(&angle));
+        Self { name, w1_rpm, w2_rpm, phases: phases.len(), steady, phase_spread_deg }
+    }
+}
+
+impl fmt::Display for PhaseMeans {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let SteadyMeta { yaw_deg, pitch_deg, roll_deg, settled, .. } = &self.steady;
+        let means = [yaw_deg, pitch_deg, roll_deg].map(|deg| decimal(*deg, 2));
+        let spreads = self.phase_spread_deg.map(|deg| decimal(deg, 2));
+        let phases = count(self.phases, "phase");
+        write!(f, "{}: mean and spread over {phases}: yaw {}° ({}°)", self.name, means[0], spreads[0])?;
+        write!(f, ", pitch {}° ({}°), roll {}° ({}°)", means[1], spreads[1], means[2], spreads[2])?;
+        if *settled { Ok(()) } else { write!(f, ", not settled") }
+    }
+}
+
+/// Returns what a user should know about the starting phases of modelled trials: how much they change where that was
+/// computed, or else at which trials they matter.
+pub fn note_on_phases<'a>(trials: &[Trial], means: impl Iterator<Item = &'a PhaseMeans>) -> Option<String> {
+    let widest = |mean: &PhaseMeans| mean.phase_spread_deg.into_iter().fold(0.0, f64::max);
+    if let Some(mean) = means.max_by(|a, b| widest(a).total_cmp(&widest(b))) {
+        let [yaw, pitch, roll] = mean.phase_spread_deg.map(|deg| decimal(deg, 2));
+        return Some(format!(
+            "the starting phase of the flagella changes yaw by {yaw}°, pitch by {pitch}° and roll by {roll}° at {} and {} \
+             rpm, where it matters most",
+            mean.w1_rpm, mean.w2_rpm
+        ));
+    }
+    // Trials at several phases whose means are not complete yet.
+    if trials.windows(2).any(|pair| pair[0].is_at_the_phases_of(&pair[1])) {
+        return None;
+    }
+    let matters = |trial: &&Trial| Ratio::of(trial.speeds.map(CentiRpm::rpm)).is_some();
+    let first = trials.iter().find(matters)?;
+    let [w1, w2] = first.speeds.map(CentiRpm::rpm);
+    let ratio = Ratio::of([w1, w2])?;
+    let why = match ratio.standing() {
+        Some(number) => format!("flagellum {number} stands"),
+        None => format!("the flagella turn at {ratio}"),
+    };
+    let (all, some) = (trials.len(), trials.iter().filter(matters).count());
+    let cure = "`phases = 8` in [trial] gives means and spreads";
+    Some(match all {
+        1 => format!("{why}, so these values hold for one starting phase of the flagella; {cure}"),
+        _ => format!(
+            "the values of {some} of {all} trials, such as those at {w1} and {w2} rpm, where {why}, hold for one starting \
+             phase of the flagella; {cure}"
+        ),
+    })
+}

@@ -1,0 +1,89 @@
+//! The phases of the flagella: which of them the trials determine, and where their fit starts.
+//!
+//! The encoders count from where the flagella stood when the board started, so the angles of the helices are known but for
+//! a constant each. A trial at a simple ratio of speeds depends on one combination of them ([`sim::phase`]), and as an
+//! angle: least squares would end in the next minimum. So each trial is simulated at phases around the turn first.
+
+use super::data::FitTrial;
+use super::problem::Problem;
+use super::{Parameter, TwinError, failed};
+use rayon::prelude::*;
+use sim::params::Robot;
+use sim::phase::Ratio;
+use std::collections::BTreeSet;
+
+/// Phases of a turn at which each trial is simulated.
+const STEPS: i32 = 12;
+
+/// Returns the parameters with [`Parameter::Phase`] replaced by the phases that the trials determine.
+///
+/// # Errors
+/// [`TwinError::Fit`] if no trial depends on the phases, or if the trials have different ones.
+pub(super) fn determined(requested: &[Parameter], trials: &[FitTrial]) -> Result<Vec<Parameter>, TwinError> {
+    if !requested.contains(&Parameter::Phase) {
+        return Ok(requested.to_vec());
+    }
+    let ratios: Vec<Ratio> = trials.iter().filter_map(|trial| trial.ratio).collect();
+    let Some(Ratio { turns: [p, q] }) = ratios.first() else {
+        let help = "add trials at equal speeds, or with a flagellum that stands";
+        return Err(failed("the phase of the flagella does not matter at the speeds of these trials", help));
+    };
+    let starts: BTreeSet<_> = trials.iter().map(|trial| trial.board_start).collect();
+    if starts.len() > 1 {
+        let reason =
+            format!("the logs come from {} starts of the board, from which the encoders count anew", starts.len());
+        return Err(failed(&reason, "fit the phase to the logs of one start; `biflag info LOG` shows the start"));
+    }
+    let is_common = |ratio: &Ratio| ratio.turns[0] == 0;
+    let is_other = |ratio: &Ratio| ratio.turns[0] * q != ratio.turns[1] * p;
+    let mut parameters: Vec<_> = requested.iter().copied().filter(|parameter| !parameter.is_phase()).collect();
+    if !ratios.iter().all(is_common) {
+        parameters.push(Parameter::Phase);
+    }
+    if ratios.iter().all(is_common) || ratios.iter().any(is_other) {
+        parameters.push(Parameter::PhaseBoth);
+    }
+    Ok(parameters)
+}
+
+/// Returns the start of a problem with the phases, of those around the turn, at which its trials fit best; `None` if no
+/// phase is fitted.
+pub(super) fn nearest(problem: &Problem) -> Option<Robot> {
+    let has = |parameter| problem.parameters.contains(&parameter);
+    let (between, both) = (has(Parameter::Phase), has(Parameter::PhaseBoth));
+    if !between && !both {
+        return None;
+    }
+    let trials: Vec<(usize, Ratio)> =
+        (0..problem.trials.len()).filter_map(|i| Some((i, problem.trials[i].ratio?))).collect();
+    let misfits = |(i, ratio): &(usize, Ratio)| -> Vec<f64> {
+        let at = |step: i32| problem.misfit(*i, &turned(problem.start, alone(*ratio, step)));
+        (0..STEPS).into_par_iter().map(at).collect()
+    };
+    let misfits: Vec<Vec<f64>> = trials.par_iter().map(misfits).collect();
+    let all = |steps: i32| if steps == 0 { 0..1 } else { 0..STEPS };
+    let grid = all(i32::from(both)).flat_map(|one| all(i32::from(between)).map(move |more| [one, one + more]));
+    let total = |[one, two]: &[i32; 2]| -> f64 {
+        let kept = |ratio: &Ratio| (ratio.turns[1] * one - ratio.turns[0] * two).rem_euclid(STEPS);
+        trials.iter().zip(&misfits).map(|((_, ratio), misfit)| misfit[kept(ratio) as usize]).sum()
+    };
+    let steps = grid.min_by(|a, b| total(a).total_cmp(&total(b)))?;
+    Some(turned(problem.start, steps.map(f64::from)))
+}
+
+/// Returns the steps of both flagella by which the angle that a ratio keeps changes by `step`.
+fn alone(ratio: Ratio, step: i32) -> [f64; 2] {
+    match ratio.turns {
+        [0, q] => [f64::from(step) / f64::from(q), 0.0],
+        [p, _] => [0.0, -f64::from(step) / f64::from(p)],
+    }
+}
+
+/// Returns a robot whose flagella are turned by steps.
+fn turned(robot: &Robot, steps: [f64; 2]) -> Robot {
+    let mut robot = robot.clone();
+    for (phase, steps) in robot.flagellum.phase_deg.iter_mut().zip(steps) {
+        *phase = super::wrapped(*phase + steps * 360.0 / f64::from(STEPS));
+    }
+    robot
+}

@@ -1,0 +1,160 @@
+//! The flow that the images in single walls leave out: what the walls of a tank reflect of each other's images.
+//!
+//! Superposed images subtract too much. Midway between two walls a force along them loses 12 % too much of its flow, and in a
+//! closed tank a robot's sideways mobility would not even be positive. The remainder is a smooth flow without forces in the
+//! tank. It is found once, world axes: point forces behind each wall (method of fundamental solutions) cancel what the
+//! superposed images leave on it, in as many points; between points about the robot the result is a polynomial in the place
+//! of the force and of the flow.
+
+use super::head::stokeslet;
+use super::walls::{Plane, Walls};
+use crate::V3;
+use crate::linear::invert;
+use nalgebra::{DMatrix, Matrix3};
+
+/// Points along each side of a wall.
+const POINTS: usize = 7;
+/// Distance of the forces behind a wall over that of its points from each other.
+const BEHIND: f64 = 1.0;
+/// Total degree of the polynomials.
+const DEGREE: usize = 4;
+/// Points along each axis of the box about the robot in which the polynomials are fitted.
+const SAMPLES: usize = 5;
+
+/// The remaining flow between points about the robot.
+#[derive(Clone, Debug, Default)]
+pub struct Reflections {
+    centre: V3,
+    half: V3,
+    /// Coefficients of the flow for those of the forces, three for each monomial.
+    matrix: DMatrix<f64>,
+}
+
+impl Reflections {
+    /// For the box of space from `low` to `high` where the robot is, in a tank that reaches from `floor` to `ceiling` (corners, m).
+    /// `None` where a single wall or none leaves nothing, or no solution exists.
+    pub fn new(walls: &Walls, tank: [V3; 2], robot: [V3; 2]) -> Option<Self> {
+        if walls.planes().len() + usize::from(walls.surface().is_some()) < 2 {
+            return None;
+        }
+        let middle = (robot[0] + robot[1]) * 0.5;
+        let (mut points, mut sources) = (vec![], vec![]);
+        // The mirror images of walls are met by the mirror images of forces.
+        let above = walls.surface().unwrap_or(f64::INFINITY);
+        for plane in walls.planes().iter().filter(|plane| plane.axis != 2 || plane.at < above) {
+            cover(plane, middle, tank, &mut points, &mut sources);
+        }
+        let flow = |x: V3, y: V3| {
+            let own = stokeslet(x - y, 0.0);
+            match walls.surface() {
+                None => own,
+                Some(surface) => {
+                    let mirrored = stokeslet(x - V3::new(y.x, y.y, 2.0 * surface - y.z), 0.0);
+                    own + mirrored * Matrix3::from_diagonal(&V3::new(1.0, 1.0, -1.0))
+                }
+            }
+        };
+        let size = 3 * points.len();
+        let mut inverse = vec![0.0; size * size];
+        for (i, x) in points.iter().enumerate() {
+            for (j, y) in sources.iter().enumerate() {
+                let block = flow(*x, *y);
+                for a in 0..3 {
+                    for b in 0..3 {
+                        inverse[(3 * i + a) * size + 3 * j + b] = block[(a, b)];
+                    }
+                }
+            }
+        }
+        if !invert(&mut inverse, size) {
+            return None;
+        }
+        let inverse = DMatrix::from_row_slice(size, size, &inverse);
+
+        let samples = grid(robot);
+        let blocks = |rows: &[V3], columns: &[V3], block: &dyn Fn(V3, V3) -> Matrix3<f64>| {
+            let mut matrix = DMatrix::zeros(3 * rows.len(), 3 * columns.len());
+            for (i, x) in rows.iter().enumerate() {
+                for (j, y) in columns.iter().enumerate() {
+                    matrix.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&block(*x, *y));
+                }
+            }
+            matrix
+        };
+        let slip = blocks(&points, &samples, &|x, y| stokeslet(x - y, 0.0) + walls.tensor(x, y, 0.0));
+        let between = blocks(&samples, &sources, &flow) * (inverse * slip) * -1.0;
+
+        let mut fitted = Self { centre: middle, half: (robot[1] - robot[0]) * 0.5, matrix: DMatrix::zeros(0, 0) };
+        let count = monomials(V3::zeros()).count();
+        let values = DMatrix::from_row_iterator(
+            samples.len(),
+            count,
+            samples.iter().flat_map(|x| monomials(fitted.scaled(*x)).collect::<Vec<f64>>()),
+        );
+        let fit = values.pseudo_inverse(1e-12).ok()?.kronecker(&Matrix3::identity());
+        let matrix = &fit * between * fit.transpose();
+        // The exact flow is reciprocal.
+        fitted.matrix = (&matrix + matrix.transpose()) * 0.5;
+        Some(fitted)
+    }
+
+    /// Adds the flow of forces (N) at some points to the flow there, without the factor 1/(8 pi mu): N/m.
+    pub fn add_flow(&self, points: &[V3], forces: &[V3], flow: &mut [V3]) {
+        let mut moments = nalgebra::DVector::zeros(self.matrix.nrows());
+        for (x, f) in points.iter().zip(forces) {
+            for (k, value) in monomials(self.scaled(*x)).enumerate() {
+                let mut moment = moments.fixed_rows_mut::<3>(3 * k);
+                moment += f * value;
+            }
+        }
+        let coefficients = &self.matrix * moments;
+        for (x, u) in points.iter().zip(flow) {
+            for (k, value) in monomials(self.scaled(*x)).enumerate() {
+                *u += coefficients.fixed_rows::<3>(3 * k) * value;
+            }
+        }
+    }
+
+    fn scaled(&self, x: V3) -> V3 {
+        (x - self.centre).component_div(&self.half)
+    }
+}
+
+/// Returns the monomials of a total degree up to [`DEGREE`].
+fn monomials(x: V3) -> impl Iterator<Item = f64> {
+    let powers = x.map(|v| std::array::from_fn::<f64, { DEGREE + 1 }, _>(|p| v.powi(p as i32)));
+    (0..=DEGREE).flat_map(move |a| {
+        (0..=DEGREE - a).flat_map(move |b| (0..=DEGREE - a - b).map(move |c| powers.x[a] * powers.y[b] * powers.z[c]))
+    })
+}
+
+/// Returns the points of a grid in a box, nearer to each other at its sides.
+fn grid([low, high]: [V3; 2]) -> Vec<V3> {
+    let at = |i: usize| -(std::f64::consts::PI * (i as f64 + 0.5) / SAMPLES as f64).cos();
+    let index = |i: usize| V3::new(at(i % SAMPLES), at(i / SAMPLES % SAMPLES), at(i / SAMPLES / SAMPLES));
+    (0..SAMPLES.pow(3)).map(|i| (low + high) * 0.5 + (high - low).component_mul(&index(i)) * 0.5).collect()
+}
+
+/// Adds points of a wall, the closer together the nearer to the robot's middle, and places of forces behind them.
+fn cover(plane: &Plane, middle: V3, tank: [V3; 2], points: &mut Vec<V3>, sources: &mut Vec<V3>) {
+    let height = plane.height(middle);
+    let axes = [(plane.axis + 1) % 3, (plane.axis + 2) % 3];
+    // Along an axis: places and the distance of neighbours.
+    let places = axes.map(|axis| {
+        let [from, to] = tank.map(|corner| ((corner[axis] - middle[axis]) / height).asinh());
+        let step = (to - from) / POINTS as f64;
+        (0..POINTS).map(move |i| {
+            let u = from + (i as f64 + 0.5) * step;
+            (middle[axis] + height * u.sinh(), height * u.cosh() * step)
+        })
+    });
+    for (first, first_step) in places[0].clone() {
+        for (second, second_step) in places[1].clone() {
+            let mut x = V3::zeros();
+            (x[plane.axis], x[axes[0]], x[axes[1]]) = (plane.at, first, second);
+            points.push(x);
+            x[plane.axis] -= plane.side * BEHIND * first_step.max(second_step);
+            sources.push(x);
+        }
+    }
+}
