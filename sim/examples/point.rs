@@ -1,9 +1,10 @@
 //! One operating point: the steady attitude of the robot at two motor speeds, and what it cost to compute.
 //!
-//! `cargo run --release -p sim --example point -- 50 10 full 120 published`: speeds in rpm, closure, duration in s, robot.
+//! `cargo run --release -p sim --example point -- 50 10 full 120 published`: speeds in rpm, closure, duration in s, robot; then,
+//! if wanted, another shape of its head, such as `cylinder`.
 
 use sim::body::closure::Closure;
-use sim::params::Robot;
+use sim::params::{HeadShape, Robot};
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::error::Error;
@@ -23,7 +24,16 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // A robot, a profile of speeds, and what to put out make a trial.
     let name = arguments.get(4).map_or("published", String::as_str);
-    let robot = Robot::built_in(name).ok_or_else(|| format!("{name}: no such robot"))?;
+    let mut robot = Robot::built_in(name).ok_or_else(|| format!("{name}: no such robot"))?;
+    robot.head.shape = match arguments.get(5).map(String::as_str) {
+        None => robot.head.shape,
+        Some("none") => HeadShape::None,
+        Some("local") => HeadShape::Local,
+        Some("cylinder") => HeadShape::Cylinder,
+        Some("sphere") => HeadShape::Sphere,
+        Some("spheroid") => HeadShape::Spheroid,
+        Some(other) => return Err(format!("{other}: no such shape of a head").into()),
+    };
     let profile = SpeedProfile::constant(rpm, number(3, 120.0)?)?;
     let mut trial = Trial::new(&robot, closure, profile, Options { rate_hz: 0.1, shapes: false })?;
 

@@ -72,6 +72,7 @@ fn clamp_load(solver: &Solver, state: &State, k: usize) -> [V3; 2] {
 fn momentum_closes_at_every_step() {
     let mut robot = in_a_corner();
     robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
+    robot.solver.tolerance = 2e-3;
     let inertia = V3::from(robot.base.inertia_kg_m2);
     let (mut force_error, mut moment_error, mut base_error) = (0f64, 0f64, 0f64);
     let (mut force_size, mut moment_size, mut touching, mut before) = (0f64, 0f64, 0, (0.0, V3::zeros()));
@@ -109,10 +110,10 @@ fn momentum_closes_at_every_step() {
 #[test]
 fn stiff_flagella_have_the_resistance_of_rigid_ones() {
     let mut robot = in_a_corner();
-    robot.flagellum.young_pa = 1e9;
+    robot.flagellum.young_pa = 3e8;
     robot.tank.as_mut().expect("a tank").joint_m = [0.3, 0.15];
     robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
-    robot.solver.tolerance = 1e-4;
+    robot.solver.tolerance = 1e-3;
     let mut last = None;
     let keep = |_: &Solver, state: &State, report: &StepReport| last = Some((state.motors, *report));
     run(&robot, Closure::Held, [50.0, -30.0], 0.5, keep).expect("steps");

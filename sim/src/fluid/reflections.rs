@@ -3,17 +3,20 @@
 //! Superposed images subtract too much. Midway between two walls a force along them loses 12 % too much of its flow, and in a
 //! closed tank a robot's sideways mobility would not even be positive. The remainder is a smooth flow without forces in the
 //! tank. It is found once, world axes: point forces behind each wall (method of fundamental solutions) cancel what the
-//! superposed images leave on it, in as many points; between points about the robot the result is a polynomial in the place
+//! superposed images leave on it, in as many points (least squares); between points about the robot the result is a polynomial in the place
 //! of the force and of the flow.
 
 use super::head::stokeslet;
 use super::walls::{Plane, Walls};
 use crate::V3;
-use crate::linear::invert;
 use nalgebra::{DMatrix, Matrix3};
 
-/// Points along each side of a wall.
-const POINTS: usize = 7;
+/// Points on all walls, at most.
+const POINTS: f64 = 250.0;
+/// Damping of the least squares, over the mean square of a force's flow: of no matter but for forces that make no flow.
+const DAMPING: f64 = 1e-9;
+/// How far a wall reaches where no other one ends it, in distances from the robot's middle.
+const OPEN: f64 = 8.0;
 /// Distance of the forces behind a wall over that of its points from each other.
 const BEHIND: f64 = 1.0;
 /// Total degree of the polynomials.
@@ -31,9 +34,9 @@ pub struct Reflections {
 }
 
 impl Reflections {
-    /// For the box of space from `low` to `high` where the robot is, in a tank that reaches from `floor` to `ceiling` (corners, m).
-    /// `None` where a single wall or none leaves nothing, or no solution exists.
-    pub fn new(walls: &Walls, tank: [V3; 2], robot: [V3; 2]) -> Option<Self> {
+    /// `robot`: least and largest corner of the box in which the robot is, m. `None` where a single wall or surface leaves
+    /// nothing.
+    pub fn new(walls: &Walls, robot: [V3; 2]) -> Option<Self> {
         if walls.planes().len() + usize::from(walls.surface().is_some()) < 2 {
             return None;
         }
@@ -41,8 +44,17 @@ impl Reflections {
         let (mut points, mut sources) = (vec![], vec![]);
         // The mirror images of walls are met by the mirror images of forces.
         let above = walls.surface().unwrap_or(f64::INFINITY);
-        for plane in walls.planes().iter().filter(|plane| plane.axis != 2 || plane.at < above) {
-            cover(plane, middle, tank, &mut points, &mut sources);
+        let real: Vec<&Plane> = walls.planes().iter().filter(|plane| plane.axis != 2 || plane.at < above).collect();
+        let along = (POINTS / real.len().max(1) as f64).sqrt() as usize;
+        for plane in &real {
+            let mut ends = [V3::repeat(-OPEN), V3::repeat(OPEN)].map(|e| middle + e * plane.height(middle));
+            for other in &real {
+                ends[usize::from(other.side < 0.0)][other.axis] = other.at;
+            }
+            if let Some(surface) = walls.surface() {
+                ends[1].z = surface;
+            }
+            cover(plane, middle, ends, along, &mut points, &mut sources);
         }
         let flow = |x: V3, y: V3| {
             let own = stokeslet(x - y, 0.0);
@@ -54,24 +66,6 @@ impl Reflections {
                 }
             }
         };
-        let size = 3 * points.len();
-        let mut inverse = vec![0.0; size * size];
-        for (i, x) in points.iter().enumerate() {
-            for (j, y) in sources.iter().enumerate() {
-                let block = flow(*x, *y);
-                for a in 0..3 {
-                    for b in 0..3 {
-                        inverse[(3 * i + a) * size + 3 * j + b] = block[(a, b)];
-                    }
-                }
-            }
-        }
-        if !invert(&mut inverse, size) {
-            return None;
-        }
-        let inverse = DMatrix::from_row_slice(size, size, &inverse);
-
-        let samples = grid(robot);
         let blocks = |rows: &[V3], columns: &[V3], block: &dyn Fn(V3, V3) -> Matrix3<f64>| {
             let mut matrix = DMatrix::zeros(3 * rows.len(), 3 * columns.len());
             for (i, x) in rows.iter().enumerate() {
@@ -81,8 +75,14 @@ impl Reflections {
             }
             matrix
         };
+        let behind = blocks(&points, &sources, &flow);
+        let mut normal = behind.tr_mul(&behind);
+        let damping = DAMPING * normal.trace() / normal.nrows() as f64;
+        normal += DMatrix::identity(normal.nrows(), normal.nrows()) * damping;
+        let samples = grid(robot);
         let slip = blocks(&points, &samples, &|x, y| stokeslet(x - y, 0.0) + walls.tensor(x, y, 0.0));
-        let between = blocks(&samples, &sources, &flow) * (inverse * slip) * -1.0;
+        let strengths = normal.cholesky()?.solve(&behind.tr_mul(&slip));
+        let between = blocks(&samples, &sources, &flow) * strengths * -1.0;
 
         let mut fitted = Self { centre: middle, half: (robot[1] - robot[0]) * 0.5, matrix: DMatrix::zeros(0, 0) };
         let count = monomials(V3::zeros()).count();
@@ -135,15 +135,16 @@ fn grid([low, high]: [V3; 2]) -> Vec<V3> {
     (0..SAMPLES.pow(3)).map(|i| (low + high) * 0.5 + (high - low).component_mul(&index(i)) * 0.5).collect()
 }
 
-/// Adds points of a wall, the closer together the nearer to the robot's middle, and places of forces behind them.
-fn cover(plane: &Plane, middle: V3, tank: [V3; 2], points: &mut Vec<V3>, sources: &mut Vec<V3>) {
+/// Adds points of a wall between its ends, `along` each side, the closer together the nearer to the robot's middle, and
+/// places of forces behind them.
+fn cover(plane: &Plane, middle: V3, ends: [V3; 2], along: usize, points: &mut Vec<V3>, sources: &mut Vec<V3>) {
     let height = plane.height(middle);
     let axes = [(plane.axis + 1) % 3, (plane.axis + 2) % 3];
     // Along an axis: places and the distance of neighbours.
     let places = axes.map(|axis| {
-        let [from, to] = tank.map(|corner| ((corner[axis] - middle[axis]) / height).asinh());
-        let step = (to - from) / POINTS as f64;
-        (0..POINTS).map(move |i| {
+        let [from, to] = ends.map(|corner| ((corner[axis] - middle[axis]) / height).asinh());
+        let step = (to - from) / along as f64;
+        (0..along).map(move |i| {
             let u = from + (i as f64 + 0.5) * step;
             (middle[axis] + height * u.sinh(), height * u.cosh() * step)
         })

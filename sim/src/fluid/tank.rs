@@ -74,7 +74,7 @@ impl TankFlow {
         let helix = robot.flagellum.helix(0);
         let count = at_rest.iter().map(Vec::len).sum::<usize>() + head.len();
         Self {
-            reflections: Reflections::new(&walls, tank.corners(), tank.space_of(robot)),
+            reflections: Reflections::new(&walls, tank.space_of(robot)),
             walls,
             epsilon: robot.epsilon(),
             factor: stokeslet_factor(robot.fluid.viscosity()),

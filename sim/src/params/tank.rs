@@ -100,7 +100,7 @@ impl Tank {
     }
 
     /// Returns the corners of the tank with the least and the largest coordinates, world axes from the joint, m.
-    pub fn corners(&self) -> [V3; 2] {
+    fn corners(&self) -> [V3; 2] {
         [[Face::MinusX, Face::MinusY, Face::MinusZ], [Face::PlusX, Face::PlusY, Face::PlusZ]]
             .map(|faces| V3::from(faces.map(|face| self.place(face))))
     }
