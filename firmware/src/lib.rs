@@ -18,6 +18,15 @@
 //! | [`storage`], [`settings`], [`fault_log`] | the EEPROM: its bytes, settings and the number of starts, the last faults |
 //! | [`supply`] | the board's supply voltage |
 //! | [`fault`] | the fault latch, and the crash record that survives a restart |
+//!
+//! # Tests
+//!
+//! Each module tests its own arithmetic. `tests/app.rs` and `tests/guard.rs` run the application on a bench with a sensor,
+//! motors and a host; `tests/imu.rs` asserts every transaction of the sensor's bus; `sim/virtual-nano` runs the image.
+//!
+//! `make mutants` changes each operator, return value, match arm and condition of this library and of `protocol`, one at a
+//! time, and prints each change that their tests do not notice. `.cargo/mutants.toml` lists what it leaves out, with the
+//! reasons: the registers (`board/`, `main.rs`), which the emulated board tests, and five changes that nobody can notice.
 
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]

@@ -82,9 +82,10 @@ impl Schedule {
         self.progress = Progress::Running(tick + 1);
         let mut due = None;
         // More than one if ticks were missed.
-        while let Some(point) = self.points.get(usize::from(self.begun)).filter(|_| self.begun < self.count)
-            && point.tick <= tick
-        {
+        for point in &self.points[usize::from(self.begun)..usize::from(self.count)] {
+            if point.tick > tick {
+                break;
+            }
             due = Some(*point);
             self.begun += 1;
         }

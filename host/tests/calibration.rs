@@ -8,7 +8,7 @@
 //! ```
 
 use biflag_log::schema::biflag::{self, event::Kind};
-use biflag_log::{FORMAT, TrialMeta};
+use biflag_log::{BoardMeta, FORMAT, TrialMeta};
 use host::trial::{Collector, Data, Records, Want};
 use host::twin::calibrate::{Calibration, Estimate, FitTrial, Parameter, Request, calibrate};
 use nalgebra::UnitQuaternion;
@@ -209,6 +209,63 @@ fn viscosity_of_a_mixture_starts_from_the_logged_temperature() {
     assert!(calibration.warnings.iter().any(|text| text.contains("99.0 % glycerol at the sensor's 20.0 °C")));
     assert!(calibration.robot.fluid.glycerol.is_none(), "the fitted value replaces the mixture");
     assert!((viscosity.value - 1.0).abs() < 0.05, "{viscosity:?}");
+}
+
+/// A phase is an angle, so the fit has to find it from anywhere.
+#[test]
+fn calibration_finds_the_phases_of_the_flagella() {
+    let standing = [90.0, 0.0];
+    for (phase_deg, speeds, names) in [
+        ([70.0, -130.0], vec![[60.0, 60.0], standing], vec!["phase", "phase-both"]),
+        ([-100.0, 50.0], vec![[0.0, 90.0]], vec!["phase-both"]),
+    ] {
+        let mut draw = Draw(7);
+        let mut robot = Robot::published();
+        robot.flagellum.phase_deg = phase_deg;
+        let hidden = Hidden { robot, mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] };
+        let trials: Vec<_> = speeds.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
+        let trials = trials.iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
+        let start = Some(Robot::published());
+        let request = Request { robot: start, closure: None, parameters: vec![Parameter::Phase], jobs: 2 };
+        let calibration = calibrate(trials, &request, &|| {}).unwrap();
+        assert_eq!(calibration.parameters.iter().map(|estimate| estimate.name).collect::<Vec<_>>(), names);
+        for estimate in &calibration.parameters {
+            let [one, two] = phase_deg;
+            let truth = if estimate.name == "phase" { two - one } else { one };
+            let turns = ((estimate.value - truth) / 360.0).round();
+            let error = estimate.value - truth - 360.0 * turns;
+            let (value, std_error, [low, high]) = (estimate.value, estimate.std_error, estimate.interval_95);
+            println!(
+                "{speeds:?} {}: {value:.1} deg (truth {truth}), standard error {std_error:.1}, 95 % {low:.1} to {high:.1}, \
+                 {} simulations",
+                estimate.name, calibration.simulations
+            );
+            assert!(error.abs() < 4.0 * std_error && std_error < 20.0, "{estimate:?}");
+            assert!((-180.0..=180.0).contains(&value) && low < value && value < high);
+        }
+        let found = calibration.robot.flagellum.phase_deg;
+        if names.len() == 2 {
+            assert!(found.iter().zip(phase_deg).all(|(found, truth)| (found - truth).abs() < 15.0), "{found:?}");
+        }
+        assert!(calibration.rmse_after_deg < 0.5 * calibration.rmse_before_deg, "{calibration:?}");
+    }
+}
+
+#[test]
+fn a_phase_that_does_not_matter_or_is_not_one_is_refused() {
+    let mut draw = Draw(8);
+    let hidden = Hidden { robot: Robot::published(), mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] };
+    let board = |boot_count| Some(BoardMeta { board_id: 1, boot_count, ..BoardMeta::default() });
+    let mut trials = [[50.0, 10.0], [90.0, 0.0], [90.0, 0.0]].map(|speeds| hidden.trial(speeds, &mut draw));
+    trials[1].records.board = board(4);
+    trials[2].records.board = board(5);
+    for (range, reason) in [(0..1, "does not matter at the speeds"), (1..3, "come from 2 starts of the board")] {
+        let trials = trials[range].iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
+        let start = Some(Robot::published());
+        let request = Request { robot: start, closure: None, parameters: vec![Parameter::Phase], jobs: 1 };
+        let error = calibrate(trials, &request, &|| {}).unwrap_err().to_string();
+        assert!(error.contains(reason), "{error}");
+    }
 }
 
 #[test]

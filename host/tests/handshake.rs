@@ -76,6 +76,22 @@ fn handshake_succeeds_after_noise() {
     assert_eq!(link.unwrap().info().board_id, 7);
 }
 
+/// The board remembers the last request, and the handshake may have its number by chance.
+#[test]
+fn handshake_that_has_the_number_of_an_earlier_request_is_repeated() {
+    for earlier in [Reply::Refused(Refusal::Running), Reply::Done] {
+        let mut first = None;
+        let link = open(move |port| {
+            answer_all(port, |request| {
+                let number = *first.get_or_insert(request.seq);
+                let info = Info { protocol: VERSION, schema: SCHEMA, board_id: 7, ..Info::default() };
+                reply(request, if request.seq == number { earlier } else { Reply::Info(info) })
+            });
+        });
+        assert_eq!(link.unwrap().info().board_id, 7);
+    }
+}
+
 #[test]
 fn other_protocol_version_is_reported_at_once() {
     let begun = Instant::now();

@@ -88,6 +88,47 @@ fn reversal_is_read() {
     assert_eq!(parse("[speeds]\npairs = [[90, 40]]").unwrap().trials[0].reverse, None);
 }
 
+#[test]
+fn starting_phases_are_trials_of_their_own() {
+    let plan = parse("[trial]\nphase_deg = [0, -90.5]\n[speeds]\npairs = [[90, 90]]").unwrap();
+    assert_eq!((plan.trials[0].name.as_str(), plan.trials[0].phase_deg), ("001_w1+90_w2+90", Some([0.0, -90.5])));
+    assert_eq!(parse("[speeds]\npairs = [[90, 90]]").unwrap().trials[0].phase_deg, None);
+
+    let plan =
+        parse("[session]\nrepeats = 2\nseed = 7\n[trial]\nphases = 4\n[speeds]\npairs = [[90, 90], [0, 45], [90, 45]]")
+            .unwrap();
+    assert_eq!(plan.trials.len(), 24);
+    let names: HashSet<_> = plan.trials.iter().map(|trial| trial.name.as_str()).collect();
+    assert_eq!(names.len(), 24);
+    for (group, trials) in plan.trials.chunks(4).enumerate() {
+        let step = match trials[0].speeds.map(|speed| speed.rpm()) {
+            [0.0, 45.0] => [90.0, 0.0],
+            [90.0, 45.0] => [0.0, 45.0],
+            _ => [0.0, 90.0],
+        };
+        for (i, trial) in trials.iter().enumerate() {
+            assert_eq!(trial.phase_deg, Some(step.map(|step| step * i as f64)), "{}", trial.name);
+            assert_eq!((trial.index, trial.repeat), (4 * group + i, trials[0].repeat));
+            assert!(trial.is_at_the_phases_of(&trials[0]) && trial.name.ends_with(&format!("_p{}", i + 1)));
+        }
+    }
+    assert_eq!(plan.trials.chunks(4).filter(|trials| trials[0].is_at_the_phases_of(&plan.trials[0])).count(), 1);
+}
+
+#[test]
+fn a_rig_does_not_take_starting_phases() {
+    let refused = |line: &str| {
+        let plan = parse(&format!("[trial]\n{line}\n[speeds]\npairs = [[90, 90]]")).unwrap();
+        plan.check_for_rig("plan.toml").unwrap_err()
+    };
+    let help = "leave it out, or run the plan with `biflag simulate`; a replay of the recording starts at the angles of the \
+                encoders";
+    let cannot = "cannot be set on a rig, where the flagella start as they stand";
+    expect(refused("phase_deg = [0, 90]"), &format!("plan.toml:2:13: phase_deg {cannot}"), help);
+    expect(refused("phases = 8"), &format!("plan.toml:2:10: phases {cannot}"), help);
+    parse("[speeds]\npairs = [[90, 90]]").unwrap().check_for_rig("plan.toml").unwrap();
+}
+
 /// Asserts the message and the help of an error.
 #[track_caller]
 fn expect(error: PlanError, message: &str, help: &str) {
@@ -104,6 +145,8 @@ const SEED: &str = "give a whole number from 0 to 9223372036854775807";
 const RANGE: &str = "give -90 to 90 rpm";
 const TICK: &str = "give at least 0.005 s; for a trial at rest, give the speeds [0, 0]";
 const CALIBRATE: &str = "give seconds as a plain number: 0.1 to 60, or 0 to keep the bias that the board has";
+const PHASE: &str = "give the starting angles of motors 1 and 2 in degrees, -360 to 360, such as phase_deg = [0, 90]";
+const PHASES: &str = "give a whole number from 1 to 360: at how many starting phases each pair of speeds runs";
 const REVERSE: &str =
     "give the motor and the seconds after the start of the run, such as reverse = { motor = 2, after = 35 }";
 const TOML: &str = "a plan is a TOML file in UTF-8; `biflag record --help` shows one";
@@ -136,7 +179,22 @@ fn errors_in_the_trial_table_have_line_and_help() {
         (
             "runs = 3",
             "4:1: unknown key `runs`",
-            "write one of `calibrate`, `preroll`, `run`, `decay`, `reverse`, `hand_turn`, or leave it out",
+            "write one of `calibrate`, `preroll`, `run`, `decay`, `reverse`, `hand_turn`, `phase_deg`, `phases`, or leave it \
+             out",
+        ),
+        ("phase_deg = 90", "4:13: phase_deg cannot be 90", PHASE),
+        ("phase_deg = [0, 90, 180]", "4:13: phase_deg cannot be [0, 90, 180]", PHASE),
+        ("phase_deg = [0, \"up\"]", "4:17: phase_deg cannot hold \"up\"", PHASE),
+        ("phase_deg = [0, 360.5]", "4:13: phase_deg cannot be 360.5", PHASE),
+        ("phase_deg = [nan, 0]", "4:13: phase_deg cannot be NaN", PHASE),
+        ("phase_deg = [0, -inf]", "4:13: phase_deg cannot be -inf", PHASE),
+        ("phases = 0", "4:10: phases cannot be 0", PHASES),
+        ("phases = 361", "4:10: phases cannot be 361", PHASES),
+        ("phases = 8.0", "4:10: phases cannot be 8.0", PHASES),
+        (
+            "phases = 8\nphase_deg = [0, 90]",
+            "5:13: phase_deg and phases cannot both be set",
+            "give one starting phase or the number of phases, and leave the other out",
         ),
         ("run = 60\nrun = 70", "5:1: duplicate key", "leave one of them out"),
         ("reverse = [2, 35]", "4:11: reverse cannot be [2, 35]", REVERSE),

@@ -159,6 +159,100 @@ fn speeds_give_a_session_of_one_trial() {
     assert_eq!((&info["model"]["closure"], &info["steady"]["settled"]), (&"full".into(), &false.into()));
 }
 
+#[test]
+fn flagella_start_at_the_phase_that_is_asked_for() {
+    let bench = bench();
+    let folder = bench.path();
+    let output =
+        biflag(folder, &["simulate", "--speeds", "90,90", "--phase", "0,-90", "--duration", "1", "--shapes", "--json"]);
+    expect(&output, 3);
+    let answer = json(&output);
+    let trial = &answer["trials"][0];
+    assert_eq!(trial["log"], "w1+90_w2+90_p0_-90/001_w1+90_w2+90.mcap");
+    assert_eq!(trial["phase_deg"], serde_json::json!([0.0, -90.0]));
+    let note = answer["notes"][0].as_str().unwrap();
+    assert!(note.starts_with("the flagella turn at 1:1, so these values hold for one starting phase"), "{note}");
+    let log = trial["log"].as_str().unwrap();
+    let first = Reader::open(&folder.join(log)).unwrap().find_map(|message| match message.unwrap().body {
+        Body::Telemetry(frame) => Some((frame.motor1.unwrap().turns, frame.motor2.unwrap().turns)),
+        _ => None,
+    });
+    let (one, two) = first.unwrap();
+    assert!(one == 0.0 && (two + 0.25).abs() < 1e-3, "{one} {two}");
+    let info = json(&biflag(folder, &["info", log, "--json"]));
+    assert_eq!(info["trial"]["phase_deg"], serde_json::json!([0.0, -90.0]));
+    let text = String::from_utf8(biflag(folder, &["info", log]).stdout).unwrap();
+    assert!(text.contains("starts at    0° and -90°"), "{text}");
+
+    // A ratio that is not simple has no note.
+    let plain = biflag(folder, &["simulate", "--speeds", "50,10", "--duration", "1", "--json"]);
+    assert_eq!(
+        (&json(&plain)["notes"], &json(&plain)["trials"][0]["phase_deg"]),
+        (&serde_json::json!([]), &Value::Null)
+    );
+}
+
+#[test]
+fn phases_give_means_and_spreads() {
+    let bench = bench();
+    let folder = bench.path();
+    let plan = "[session]\nname = \"around\"\n[trial]\ncalibrate = 0\npreroll = 0\nrun = 25\ndecay = 0\nphases = 3\n\
+                [speeds]\npairs = [[90, 90], [50, 10]]\n";
+    std::fs::write(folder.join("around.toml"), plan).unwrap();
+    let run = |args: &[&str]| {
+        let output = biflag(folder, &[&["simulate", "around.toml"], args].concat());
+        assert!(matches!(output.status.code(), Some(0 | 3)));
+        output
+    };
+    let answer = json(&run(&["--json"]));
+    assert_eq!(logs(&folder.join("around")).len(), 6);
+    let rows = answer["trials"].as_array().unwrap();
+    assert_eq!(
+        rows.iter().map(|row| row["name"].as_str().unwrap()).collect::<Vec<_>>(),
+        ["w1+90_w2+90", "w1+50_w2+10"]
+    );
+    for row in rows {
+        let starts = row["starts"].as_array().unwrap();
+        assert_eq!((starts.len(), &row["phases"]), (3, &3.into()));
+        for (i, key) in ["yaw_deg", "pitch_deg", "roll_deg"].into_iter().enumerate() {
+            let values: Vec<f64> = starts.iter().map(|start| start[key].as_f64().unwrap()).collect();
+            let (least, largest) =
+                values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+            let mean = values.iter().sum::<f64>() / 3.0;
+            assert!((row[key].as_f64().unwrap() - mean).abs() < 1e-9, "{key} of {row}");
+            assert!((row["phase_spread_deg"][i].as_f64().unwrap() - (largest - least)).abs() < 1e-9, "{key} of {row}");
+        }
+        let thrust = |value: &Value| value["force2_n"][2].as_f64().unwrap();
+        assert!((thrust(row) - starts.iter().map(thrust).sum::<f64>() / 3.0).abs() < 1e-12);
+        let contact = |value: &Value| value["contact_share"].as_f64().unwrap();
+        assert!((contact(row) - starts.iter().map(contact).sum::<f64>() / 3.0).abs() < 1e-12);
+    }
+    assert_eq!(rows[1]["starts"][1]["name"], "005_w1+50_w2+10_p2");
+    assert_eq!(rows[1]["starts"][1]["phase_deg"], serde_json::json!([0.0, 24.0]));
+    let pitch = |row: &Value| row["phase_spread_deg"][1].as_f64().unwrap();
+    assert!(pitch(&rows[0]) > 2.0 && pitch(&rows[1]) < 0.1, "{rows:?}");
+    let note = answer["notes"][0].as_str().unwrap();
+    assert!(
+        note.starts_with("the starting phase of the flagella changes yaw by") && note.contains("at 90 and 90 rpm"),
+        "{note}"
+    );
+
+    // Resumed, nothing is computed and the means are the same. A shard has no means of a part of the phases.
+    let text = String::from_utf8(run(&["--resume"]).stdout).unwrap();
+    assert!(text.contains("w1+90_w2+90: mean and spread over 3 phases: yaw"), "{text}");
+    let again = json(&run(&["--resume", "--json"]));
+    assert_eq!((&again["trials"][0]["yaw_deg"], &again["notes"]), (&rows[0]["yaw_deg"], &answer["notes"]));
+    let half = json(&run(&["--shard", "1/2", "--out", "shards", "--json"]));
+    let names: Vec<_> = half["trials"].as_array().unwrap().iter().map(|row| row["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["001_w1+90_w2+90_p1", "003_w1+90_w2+90_p3", "005_w1+50_w2+10_p2"]);
+    assert_eq!(half["notes"], serde_json::json!([]));
+
+    // A rig has no starting phases.
+    let refused = biflag(folder, &["record", "around.toml", "--virtual"]);
+    expect(&refused, 2);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("around.toml:8:10: phases cannot be set on a rig"));
+}
+
 /// The run is a single phase; the log states when the speeds change and their new values.
 #[test]
 fn motor_reverses_during_the_run() {
@@ -219,6 +313,10 @@ fn wrong_use_is_reported_and_writes_nothing() {
         (vec!["--from", "short", "--duration", "1"], "cannot be used with"),
         (vec!["plan.toml", "--speeds=50,10", "--duration", "1"], "cannot be used with"),
         (vec!["plan.toml", "--closure", "held"], "full, lumped, paper"),
+        (vec!["plan.toml", "--phase", "0,90"], "cannot be used with"),
+        (vec!["--from", "short", "--phase", "0,90"], "cannot be used with"),
+        (vec!["--speeds=50,10", "--duration", "1", "--phase", "90"], "give two angles from -360 to 360 degrees"),
+        (vec!["--speeds=50,10", "--duration", "1", "--phase", "0,nan"], "give two angles from -360 to 360 degrees"),
         (vec!["plan.toml", "--shard", "3/2"], "1/8"),
         (vec!["plan.toml", "--shard", "0/2"], "1/8"),
         (vec!["plan.toml", "--jobs", "0"], "1..=1024"),

@@ -248,6 +248,42 @@ fn comparison_removes_zero_and_drift_of_a_rigs_trial() {
 }
 
 #[test]
+fn phase_of_a_rigs_flagella_is_found_and_used() {
+    let plan = "[session]\nname = \"short\"\n[trial]\ncalibrate = 40\npreroll = 12\nrun = 24\ndecay = 4\n\
+                [speeds]\npairs = [[60, 60]]\n";
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("plan.toml"), plan).unwrap();
+    std::fs::write(folder.join("stands.toml"), "[flagellum]\nphase_deg = [0, 110]\n").unwrap();
+    let code = biflag(folder, &["simulate", "plan.toml", "--robot", "stands.toml", "--rate", "200"]).status.code();
+    assert!(matches!(code, Some(0 | 3)), "{code:?}");
+    let mut sensor = Sensor::new(3);
+    as_of_a_rig(&folder.join("short/001_w1+60_w2+60.mcap"), &folder.join("rig.mcap"), true, |frame| {
+        sensor.spoil(frame);
+        true
+    });
+    // The encoders count from zero: of themselves they say that the flagella are in phase.
+    let compared = json(&biflag(folder, &["compare", "rig.mcap", "--json"]), 0);
+    let note = compared["notes"][0].as_str().unwrap();
+    assert!(note.contains("depend on how the flagella stood") && note.contains("calibrate --fit phase"), "{note}");
+    let tilt = |compared: &Value| {
+        let error = |key: &str| number(&compared["trials"][0][key]);
+        error("steady_pitch_error_deg").hypot(error("steady_roll_error_deg"))
+    };
+    let before = tilt(&compared);
+    let fit = json(&biflag(folder, &["calibrate", "rig.mcap", "--fit", "phase", "-o", "fitted.toml", "--json"]), 0);
+    let [phase] = fit["parameters"].as_array().unwrap().as_slice() else { panic!("{fit}") };
+    assert_eq!((&phase["name"], &phase["unit"]), (&"phase".into(), &"deg".into()));
+    assert!((number(&phase["value"]) - 110.0).abs() < 4.0 * number(&phase["std_error"]), "{phase}");
+    assert!(number(&phase["std_error"]) < 10.0, "{phase}");
+    let compared = json(&biflag(folder, &["compare", "rig.mcap", "--robot", "fitted.toml", "--json"]), 0);
+    let after = tilt(&compared);
+    println!("tilt error {before:.2} deg in phase, {after:.2} deg at {} deg", phase["value"]);
+    assert!(before > 1.0 && after < 0.2, "{before} {after}");
+    assert_eq!(compared["notes"], serde_json::json!([]));
+}
+
+#[test]
 fn imperfect_logs_give_warnings_or_errors() {
     let bench = bench("[trial]\ncalibrate = 40\npreroll = 6\nrun = 20\ndecay = 2\n[speeds]\npairs = [[50, 10]]\n");
     let folder = bench.path();

@@ -369,6 +369,7 @@ mod tests {
             assert!((back - part).abs() < 3e-5);
         }
         assert_eq!(Quaternion([Q15(0); 4]).to_f64(), [1.0, 0.0, 0.0, 0.0]);
+        assert_eq!([Q15(-16384), Q15(i16::MIN)].map(Q15::to_f64), [-0.5, -1.0]);
         let short = Quaternion::from_f64([0.15, 0.0, -0.2, 0.0]).to_f64();
         assert!((short[0] - 0.6).abs() < 1e-4 && (short[2] + 0.8).abs() < 1e-4, "{short:?}");
     }

@@ -1,4 +1,5 @@
-//! The three closures of the base's equation of motion at the published points: the table of [`sim::body::closure`].
+//! The three closures of the base's equation of motion at the published points: the table of [`sim::body::closure`]. Both
+//! helices start at the same angle.
 //!
 //! `cargo run --release -p sim --example closures`: yaw at two times; the mean rate about z_B over the last minute; for the
 //! closure `paper` the rate at which the base's drag alone balances the mean couple, (F1y - F2y) d/2 over 2 pi mu C_r

@@ -184,7 +184,7 @@ pub struct Fluid {
     pub glycerol: Option<Glycerol>,
     /// Share of a round rod's couple on its spin about its own centre line, 4 pi mu a^2 a metre (`physical`: 1, a
     /// round rod; `published`: 0). Changes of the spin in the shaft's frame feel at least
-    /// [`crate::step::LEAST_SPIN_DRAG`] of it.
+    /// [`crate::rod::spin::LEAST_SPIN_DRAG`] of it.
     pub spin_drag: f64,
     /// Regularisation of the Stokeslets in rod radii (`physical`: 1.6487, `published`: 1.03; the publication gives
     /// none). A line of regularised Stokeslets moves along and across like a round rod of exp(-1/2) times the

@@ -8,8 +8,9 @@
 use crate::steady::WINDOW;
 use std::fmt;
 
-/// Largest sum of the turns of both flagella of a ratio that counts as simple. Of the published robot's meshing flagella
-/// the phase changes the thrust by 4 % at 2:3 and by 1 % at 3:4.
+/// Largest sum of the turns of both flagella of a ratio that counts as simple. Over six phases the yaw of the published
+/// robot, whose flagella touch there, spreads over 0.8 degrees at (60, 90) rpm and over 0.1 at (60, 80)
+/// (`cargo run --release -p sim --example phases -- published 6 60,90 60,80`).
 const SIMPLE: i32 = 5;
 
 /// A simple ratio of speeds: the flagella make these numbers of turns in the same time.

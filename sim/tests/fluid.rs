@@ -144,7 +144,7 @@ fn straight_rod_drag_matches_slender_body_theory() {
     // Batchelor 1970: 2 pi mu U l/(ln(l/a) - 0.807) along, 4 pi mu U l/(ln(l/a) + 0.193) across.
     let (length, epsilon) = (0.4, 0.002);
     let line: Vec<V3> = (0..=160).map(|i| V3::new(0.0, 0.0, -length * i as f64 / 160.0)).collect();
-    let drag = rigid_resistance(&[&line], line[80], epsilon, 1.0).expect("regular");
+    let drag = rigid_resistance(&[&line], line[80], epsilon, 1.0, 0.0).expect("regular");
     let log = (length / equivalent_radius(epsilon)).ln();
     let along = 2.0 * PI * length / (log - 0.807);
     let across = 4.0 * PI * length / (log + 0.193);
@@ -154,7 +154,7 @@ fn straight_rod_drag_matches_slender_body_theory() {
 
 /// Force along z and torque about it on a helix that moves so at each of its points, by Lighthill's slender-body theory
 /// (1976): u = (I - t t').f/(4 pi mu) + Stokeslets of f farther than a sqrt(e)/2.
-fn lighthill(helix: &Helix, radius: f64, edges: usize, motion: impl Fn(&V3) -> V3) -> (f64, f64) {
+pub fn lighthill(helix: &Helix, radius: f64, edges: usize, motion: impl Fn(&V3) -> V3) -> (f64, f64) {
     let nodes = helix.nodes(edges);
     let middle: Vec<V3> = nodes.windows(2).map(|p| (p[0] + p[1]) * 0.5).collect();
     let tangent: Vec<V3> = nodes.windows(2).map(|p| (p[1] - p[0]).normalize()).collect();
@@ -198,7 +198,7 @@ fn helix_thrust_torque_and_drag_match_slender_body_theory() {
     let shape = Helix { radius: 0.00889, pitch: 0.076, axial_length: 0.1962, handedness: Handedness::Right };
     let epsilon = 0.002;
     let nodes = shape.nodes(196);
-    let resistance = rigid_resistance(&[&nodes], V3::zeros(), epsilon, 1.0).expect("regular");
+    let resistance = rigid_resistance(&[&nodes], V3::zeros(), epsilon, 1.0, 0.0).expect("regular");
     let (thrust, torque, drag) = (-resistance[(2, 5)], -resistance[(5, 5)], -resistance[(2, 2)]);
     let radius = equivalent_radius(epsilon);
     let (thrust_theory, torque_theory) = lighthill(&shape, radius, 400, |x| V3::z().cross(x));

@@ -9,6 +9,7 @@ mod elastic;
 mod fluid;
 mod hard_cases;
 mod head;
+mod helices;
 mod params;
 mod peer;
 mod phase;
@@ -16,6 +17,7 @@ mod published;
 mod resistance;
 mod robot;
 mod rod;
+mod spin;
 mod tank;
 mod walls;
 

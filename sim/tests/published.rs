@@ -111,7 +111,7 @@ fn paper_never_settles() {
 
 #[test]
 fn valleys_of_the_published_map() {
-    // |pitch| is least where both speeds are equal; |yaw| near opposite speeds, not on them: of a
+    // From equal angles |pitch| is least where both speeds are equal; |yaw| near opposite speeds, not on them: of a
     // right-handed pair at (-w, w) one pulls and one pushes, which is not symmetric.
     let steady = |rpm: [f64; 2]| {
         let profile = SpeedProfile::constant(rpm, 60.0).expect("a profile");

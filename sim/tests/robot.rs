@@ -8,9 +8,9 @@ use sim::V3;
 use sim::body::{closure::Closure, shaft::MotorState, shaft::Shaft};
 use sim::contact::distance::segment_distance;
 use sim::fluid::{far::Precision, mobility::mobility};
-use sim::params::Robot;
+use sim::params::{BUILT_IN, Robot};
 use sim::profile::{Phases, SpeedProfile};
-use sim::rod::{Rod, frames::Frames, helix::Handedness};
+use sim::rod::{Rod, frames::Frames, helix::Handedness, spin::SpinDrag};
 use sim::state::State;
 use sim::step::{Solver, StepControl, StepReport};
 use sim::trial::{Checkpoint, Options, Trial};
@@ -60,9 +60,16 @@ fn stays_at_rest() {
 fn forces_on_rods_balance_forces_on_clamps() {
     // The load of a clamp, from the elastic forces at its own nodes, against the sum of all loads of the rod: fluid,
     // contact, weight.
-    let mut robot = Robot::published();
-    robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
-    let mut solver = Solver::new(&robot, Closure::Full).expect("parameters");
+    for name in BUILT_IN {
+        let mut robot = Robot::built_in(name).expect(name);
+        robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
+        balance(name, &robot);
+    }
+}
+
+/// Proves the balance of a robot at (90, 60) rpm at every step.
+fn balance(name: &str, robot: &Robot) {
+    let mut solver = Solver::new(robot, Closure::Full).expect("parameters");
     let mut state = solver.at_rest();
     let (mut force_error, mut torque_error, mut touching) = (0f64, 0f64, 0);
     run(&mut solver, &mut state, [90.0, 60.0], 8.0, |solver, state, _, report| {
@@ -75,7 +82,11 @@ fn forces_on_rods_balance_forces_on_clamps() {
             let mut gradient = vec![0.0; 4 * rod.nodes()];
             rod.gradient(&frames, &shape.angles, &mut gradient);
             let shaft = Shaft::new(robot.shaft_feet()[k], state.motors[k].angle);
-            let (mut force, mut torque) = (V3::zeros(), -gradient[3] * frames.tangent.at(0).z);
+            let tangent = frames.tangent.at(0);
+            // The clamped edge also takes the couple of the fluid on its own spin.
+            let rotation = shaft.to_shaft(state.body.rate) + V3::z() * state.motors[k].speed;
+            let spin = SpinDrag::new(robot).torque(rod.rest_length[0], 0.0, rotation.dot(&tangent));
+            let (mut force, mut torque) = (V3::zeros(), (spin - gradient[3]) * tangent.z);
             let clamped_weight =
                 shaft.to_shaft(state.body.attitude.inverse_transform_vector(&-V3::z())) * robot.net_weight();
             for i in 0..2 {
@@ -97,8 +108,12 @@ fn forces_on_rods_balance_forces_on_clamps() {
         }
     });
     assert!(touching > 0, "the rods touch in this run");
-    prove("momentum: force on clamps less force on rods, every step, over 5 mN", force_error / 5e-3, 1e-9);
-    prove("momentum: torque about the shafts, every step, over 0.6 mN m", torque_error / 6e-4, 1e-2);
+    prove(
+        &format!("momentum, {name}: force on clamps less force on rods, every step, over 5 mN"),
+        force_error / 5e-3,
+        1e-9,
+    );
+    prove(&format!("momentum, {name}: torque about the shafts, every step, over 0.6 mN m"), torque_error / 6e-4, 1e-2);
 }
 
 #[test]

@@ -79,8 +79,11 @@ fn record(bench: &Bench, plan: &str, seed: u64) -> Value {
 #[test]
 fn logged_attitude_agrees_with_the_truth() {
     let bench = Bench::new();
-    let plan = bench
-        .file("plan.toml", "[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 3\npreroll = 8\nrun = 24\ndecay = 8\n[speeds]\npairs = [[-90, 90]]\n");
+    let plan = bench.file(
+        "plan.toml",
+        "[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 3\npreroll = 8\nrun = 24\ndecay = 8\n\
+         [speeds]\npairs = [[-90, 90]]\n",
+    );
     let run = record(&bench, plan.to_str().unwrap(), 1);
     let trial = &run["trials"][0];
     let errors = errors(&bench, trial);
@@ -107,7 +110,8 @@ fn simulator_failure_ends_the_trial_with_its_reason() {
     let plan = bench.file(
         "plan.toml",
         "[session]\nrobot = \"hard.toml\"\n\
-         [board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 2\nrun = 20\ndecay = 0\n[speeds]\npairs = [[90, -90]]\n",
+         [board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 2\nrun = 20\ndecay = 0\n\
+         [speeds]\npairs = [[90, -90]]\n",
     );
     let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--out", "session", "--json"]).expect_code(1);
     assert!(run.stderr.contains("simulated robot could not go on: no step from"), "{run:?}");

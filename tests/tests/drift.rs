@@ -25,7 +25,7 @@ fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
     let plan = bench.file(
         "plan.toml",
         &format!(
-            "[session]\nname = \"at rest\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 5\npreroll = 0\nrun = {RUN_S}\ndecay = 0\n\
+            "[session]\nname = \"at rest\"\n[trial]\ncalibrate = 5\npreroll = 0\nrun = {RUN_S}\ndecay = 0\n\
              [speeds]\npairs = [[0, 0]]\n[board]\naccel_range_g = 8\naccel_axes = [\"x\", \"y\", \"-z\"]\n"
         ),
     );

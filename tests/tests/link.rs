@@ -73,12 +73,21 @@ fn frames_dropped_at_random_are_counted_exactly() {
     let begun = ticks(&mut nano);
     let (mut dropped, mut random) = (0, 1u64);
     // All frames that are dropped must be in the trial, which began some hundred ticks ago.
-    while ticks(&mut nano) - begun < frames - 3000 {
-        random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        let count = 1 + (random >> 61);
-        nano.control(&format!("drop {count}")).unwrap();
-        dropped += count;
-        std::thread::sleep(Duration::from_millis(20));
+    // Most frames arrive, however slow the board: it is not silent.
+    let mut next = begun;
+    loop {
+        let now = ticks(&mut nano);
+        if now - begun >= frames - 3000 {
+            break;
+        }
+        if now >= next {
+            random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            let count = 1 + (random >> 61);
+            nano.control(&format!("drop {count}")).unwrap();
+            dropped += count;
+            next = now + 50;
+        }
+        std::thread::sleep(Duration::from_millis(5));
     }
     assert!(dropped > 0);
     let trial = Run::of(recording).expect_code(3).json()["trials"][0].clone();
@@ -116,7 +125,7 @@ fn motor_reverses_during_the_run() {
     let plan = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 6\ndecay = 1\n\
                 reverse = { motor = 2, after = 2.5 }\n[speeds]\npairs = [[50, 60]]\n";
     let plan = bench.file("plan.toml", plan);
-    let nano = nano(["--speed", "4"]);
+    let nano = nano(["--speed", "max"]);
     let arguments = ["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--json"];
     let trial = bench.run(arguments).expect_code(0).json()["trials"][0].clone();
     assert_eq!((&trial["samples"], &trial["complete"]), (&1600.into(), &true.into()), "{trial}");

@@ -5,7 +5,7 @@ use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::contact::history::BundlingChange;
 use sim::params::Robot;
-use sim::step::LEAST_SPIN_DRAG;
+use sim::rod::spin::LEAST_SPIN_DRAG;
 use sim::trial::Summary;
 use std::borrow::Cow;
 

@@ -164,5 +164,8 @@ fn describe(calibration: &Calibration, out: &Path) -> String {
     for line in calibration.cannot_tell.iter().chain(&calibration.warnings) {
         let _ = writeln!(text, "warning: {line}");
     }
+    for line in &calibration.notes {
+        let _ = writeln!(text, "note: {line}");
+    }
     text + &format!("robot {}", out.display())
 }

@@ -173,6 +173,7 @@ impl Link {
         let mut bytes = 0;
         let mut frames = 0;
         let mut other_version = None;
+        let mut asked_before = false;
         while begun.elapsed() < Self::HANDSHAKE {
             if interrupted.load(Ordering::Relaxed) {
                 return Err(LinkError::Interrupted);
@@ -194,11 +195,15 @@ impl Link {
                 (Ok(Reply::Info(Info { protocol: theirs, .. })), _) | (_, Some(theirs)) => {
                     return Err(LinkError::OtherVersion { path: self.path.clone(), theirs });
                 }
+                // The first number is by chance that of the request that a program before this one sent last: the board takes
+                // the handshake for its repetition, and answers that.
+                (Ok(_) | Err(LinkError::Refused { .. }), _) if !asked_before => {}
                 (Ok(other), _) => return Err(self.wrong_answer(&Command::Hello, &other)),
                 (Err(LinkError::NoAnswer { .. }), _) => {}
                 (Err(LinkError::Closed { path }), _) => return Err(LinkError::Vanished { path }),
                 (Err(error), _) => return Err(error),
             }
+            asked_before = true;
         }
         let path = self.path.clone();
         Err(match bytes {

@@ -13,7 +13,9 @@ pub(super) fn difference(a: &Data, b: &Data) -> Result<Option<String>, TwinError
     if a.reverse() != b.reverse() {
         return Ok(Some("the reversals differ".to_owned()));
     }
-    let phase = |data: &Data| data.records.trial.as_ref().and_then(|trial| trial.phase_deg);
+    // A recording and its replay start as the flagella stood.
+    let is_planned = |data: &Data| data.is_model() && data.records.replay.is_none();
+    let phase = |data: &Data| is_planned(data).then(|| data.trial().phase_deg.unwrap_or_default());
     if let (Some(one), Some(other)) = (phase(a), phase(b))
         && one != other
     {

@@ -77,7 +77,7 @@ impl<T> Replays<T> {
             count => format!(" and {}", crate::text::count(count, "other trial")),
         };
         Some(format!(
-            "{}{others} depend on how the flagella stood when the board started, which the encoders do not know; \
+            "the results of {}{others} depend on how the flagella stood when the board started, which the encoders do not know; \
              `biflag calibrate --fit phase` finds it",
             first.trial.name
         ))

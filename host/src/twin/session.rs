@@ -44,7 +44,8 @@ impl Pairs {
                 .iter()
                 .filter(|(other, _)| other.speeds == trial.speeds && other.reverse == trial.reverse);
             // A model has no repeats: one trial is compared with all repeats. A rig has no planned starting phases.
-            let likeness = |other: &Trial| (other.phase_deg == trial.phase_deg, other.repeat == trial.repeat);
+            let phase = |trial: &Trial| trial.phase_deg.unwrap_or_default();
+            let likeness = |other: &Trial| (phase(other) == phase(trial), other.repeat == trial.repeat);
             let other = at_speeds.rev().max_by_key(|(other, _)| likeness(other));
             match other {
                 Some((_, other)) => pairs.push(Pair { name: trial.name.clone(), logs: [log.clone(), other.clone()] }),

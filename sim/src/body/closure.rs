@@ -15,7 +15,8 @@
 //! ```
 //!
 //! The righting moment has the sign that rights. What they give at the published points, closure by closure
-//! (`cargo run --release -p sim --example closures`; rates are means of the last minute of 240 s):
+//! (`cargo run --release -p sim --example closures`; both helices start at the same angle; rates are means of the last
+//! minute of 240 s):
 //!
 //! | speeds rpm | closure | yaw at 120 s | at 240 s, deg | rate about z_B, deg/s | by drag alone | tilt, deg | settled |
 //! | --- | --- | --- | --- | --- | --- | --- | --- |

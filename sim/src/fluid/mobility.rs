@@ -46,8 +46,15 @@ pub fn nodal_lengths(line: &[V3]) -> Vec<f64> {
 /// Returns the resistance of rigid centre lines that move together: force and torque of the fluid on
 /// them about `pivot` are minus this 6 x 6 matrix times (velocity at the pivot, angular velocity).
 ///
-/// `None` when the mobility matrix is singular to rounding.
-pub fn rigid_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64) -> Option<Matrix6<f64>> {
+/// `spin_drag`: couple of the fluid on a rod that spins about its centre line, N m s per metre and radian, see
+/// [`crate::rod::spin`]. `None` when the mobility matrix is singular to rounding.
+pub fn rigid_resistance(
+    lines: &[&[V3]],
+    pivot: V3,
+    epsilon: f64,
+    viscosity: f64,
+    spin_drag: f64,
+) -> Option<Matrix6<f64>> {
     let factored = mobility(lines, epsilon, viscosity).lu();
     let nodes: Vec<V3> = lines.iter().flat_map(|line| line.iter().copied()).collect();
     let weights: Vec<f64> = lines.iter().flat_map(|line| nodal_lengths(line)).collect();
@@ -71,6 +78,11 @@ pub fn rigid_resistance(lines: &[&[V3]], pivot: V3, epsilon: f64, viscosity: f64
                 resistance[(3 + a, column)] += torque[a];
             }
         }
+    }
+    for edge in lines.iter().flat_map(|line| line.windows(2)).map(|edge| edge[1] - edge[0]) {
+        let couple = edge * edge.transpose() * (spin_drag / edge.norm());
+        let mut torque = resistance.fixed_view_mut::<3, 3>(3, 3);
+        torque += couple;
     }
     Some(resistance)
 }

@@ -2,7 +2,8 @@
 //!
 //! Body axes in and out, world axes within, where the tank stands still. Images are at least twice as far away as the wall,
 //! and so smooth: they act between every few nodes of a flagellum and eight points of the head ([`super::coarse`]), the
-//! closer together the nearer a wall is. The matrix between these points is kept until they have moved.
+//! closer together the nearer a wall is. The matrix between these points is kept until they have moved. What
+//! the images in single walls leave out is a polynomial ([`super::reflections`]).
 
 use super::coarse::Coarse;
 use super::reflections::Reflections;

@@ -13,6 +13,7 @@ pub mod bend;
 pub mod frames;
 mod gradient;
 pub mod helix;
+pub mod spin;
 mod stencil;
 pub mod stretch;
 pub mod twist;

@@ -71,7 +71,8 @@ pub fn finish(
 ) -> Result<(StepReport, Body), StepFailure> {
     let (model, shafts) = (problem.model, &problem.step.shafts);
     let Sweeps { flagella, contacts, surroundings, .. } = sweeps;
-    let fluid = [0, 1].map(|k| flagella[k].fluid_load(&model.rods[k], &shafts[k]));
+    let motion = problem.kinematics(body.body.rate);
+    let fluid = [0, 1].map(|k| flagella[k].fluid_load(&model.rods[k], &shafts[k], &motion[k]));
     let contact = contacts.loads(&model.feet);
     let (next, moment_error) = match model.closure {
         Closure::Full => (body.finish(), body.error()),

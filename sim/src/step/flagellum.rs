@@ -6,7 +6,6 @@
 //! the density, with the torque about every free edge.
 
 use super::corotated::{from_reference, to_reference};
-use super::limits::LEAST_SPIN_DRAG;
 use super::panels::Panels;
 use super::preconditioner::{Preconditioner, torque_scale};
 use crate::V3;
@@ -17,7 +16,7 @@ use crate::fluid::near::NearBand;
 use crate::fluid::stokeslet_factor;
 use crate::fluid::surroundings::Line;
 use crate::params::Robot;
-use crate::rod::{CLAMPED, Rod, frames::Frames};
+use crate::rod::{CLAMPED, Rod, frames::Frames, spin::SpinDrag};
 use crate::state::{RodState, Shape};
 
 /// Motion of a shaft frame and the time formula of its rod.
@@ -48,10 +47,7 @@ pub struct Flagellum {
     pub history: Vec<V3>,
     /// The same for the angles of the edges, rad/s.
     pub angle_history: Vec<f64>,
-    /// First weight of the time formula over the step, 1/s.
-    pub kappa: f64,
-    /// Drag on changes of an edge's spin in the shaft frame, N m s a metre and radian.
-    spin_drag: f64,
+    spin_drag: SpinDrag,
     /// Residual over kappa: 3 n rows in m, then n - 2 torque rows in rad.
     residual: Vec<f64>,
     /// Correction of the unknowns, see [`super::preconditioner`].
@@ -81,8 +77,7 @@ impl Flagellum {
             surrounding_flow: vec![V3::zeros(); n],
             history: vec![V3::zeros(); n],
             angle_history: vec![0.0; n - 1],
-            kappa: 1.0,
-            spin_drag: robot.fluid.spin_drag.max(LEAST_SPIN_DRAG) * robot.round_spin_drag(),
+            spin_drag: SpinDrag::new(robot),
             residual: vec![0.0; 4 * n - 2],
             correction: vec![0.0; 4 * n - 2],
             gradient: vec![0.0; 4 * n],
@@ -171,7 +166,7 @@ impl Flagellum {
         let scale = torque_scale(rod);
         let mut twist = 0f64;
         for e in 1..n - 1 {
-            let row = scale * (self.gradient[4 * e + 3] - self.spin_torque(e));
+            let row = scale * (self.gradient[4 * e + 3] - self.spin_torque(motion, e));
             self.residual[3 * n + e - 1] = row;
             twist = twist.max(row.abs());
         }
@@ -180,11 +175,11 @@ impl Flagellum {
         if sum.is_finite() { largest.sqrt().max(twist * lever) } else { f64::INFINITY }
     }
 
-    /// Returns the torque of the fluid on an edge about its tangent, N m, against its spin in the shaft frame.
+    /// Returns the torque of the fluid on an edge about its tangent, N m.
     #[inline(always)]
-    fn spin_torque(&self, e: usize) -> f64 {
-        let rate = self.shape.angles[e] * self.kappa + self.angle_history[e];
-        -self.spin_drag * self.frames.length[e] * rate
+    fn spin_torque(&self, motion: &Kinematics, e: usize) -> f64 {
+        let change = self.shape.angles[e] * motion.kappa + self.angle_history[e];
+        self.spin_drag.torque(self.frames.length[e], change, motion.rotation.dot(&self.frames.tangent.at(e)))
     }
 
     /// Returns the velocity of a node against the fluid at rest, shaft axes, m/s.
@@ -270,7 +265,7 @@ impl Flagellum {
     }
 
     /// Returns the load of the fluid on the clamp, body axes, moment about the joint.
-    pub fn fluid_load(&self, rod: &Rod, shaft: &Shaft) -> Load {
+    pub fn fluid_load(&self, rod: &Rod, shaft: &Shaft, motion: &Kinematics) -> Load {
         let mut load = Load::default();
         for (i, f) in self.density.iter().enumerate() {
             let force = *f * -rod.nodal_length[i];
@@ -279,8 +274,8 @@ impl Flagellum {
             load.axial_torque += x.x * force.y - x.y * force.x;
             load.moment += x.cross(&force);
         }
-        for e in 1..rod.edges() {
-            let torque = self.frames.tangent.at(e) * self.spin_torque(e);
+        for e in 0..rod.edges() {
+            let torque = self.frames.tangent.at(e) * self.spin_torque(motion, e);
             load.axial_torque += torque.z;
             load.moment += torque;
         }

@@ -3,9 +3,6 @@
 use crate::params::Robot;
 use crate::rod::Rod;
 
-/// Least drag on changes of a rod's spin in the shaft frame, as a share of a round rod's: without it twist has no time of
-/// its own, and where it snaps (soft flagella driven against their winding) no solution.
-pub const LEAST_SPIN_DRAG: f64 = 0.02;
 /// Pairs of edges closer than this gap, in rod radii, are pairs of the step.
 const WATCHED_RADII: f64 = 0.5;
 /// Pairs closer than a rod radius over this are solved for, the others only watched.

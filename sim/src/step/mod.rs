@@ -18,7 +18,7 @@
 //!
 //! # Where the time goes
 //!
-//! Shares of the processor's time for (90, 90) rpm without contact, (90, 60) with light contact and (-90, -80), where the
+//! Shares of the processor's time for (90, 90) rpm from equal angles, without contact, (90, 60) with light contact and (-90, -80), where the
 //! flagella mesh; closure `full`, published robot, AVX-512.
 //!
 //! | part | free | light | hard |
@@ -60,7 +60,7 @@ mod time_step;
 mod unknowns;
 
 pub use control::{StepControl, StepError};
-pub use limits::{LEAST_SPIN_DRAG, Limits};
+pub use limits::Limits;
 pub use model::Model;
 pub use report::{StepFailure, StepReport};
 pub use solver::Solver;

@@ -10,7 +10,7 @@ use crate::fluid::head::RigidSurface;
 use crate::fluid::mobility::rigid_resistance;
 use crate::fluid::surroundings::Surroundings;
 use crate::params::{ParamError, Robot};
-use crate::rod::{Rod, helix::Handedness};
+use crate::rod::{Rod, helix::Handedness, spin::SpinDrag};
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
 
@@ -119,7 +119,8 @@ fn pair_resistance(robot: &Robot, rods: &[Rod; 2], feet: &[V3; 2]) -> Option<Mat
         });
         let views = [lines[0].as_slice(), lines[1].as_slice()];
         let (epsilon, viscosity) = (robot.epsilon(), robot.fluid.viscosity());
-        let resistance = rigid_resistance(&views, V3::zeros(), epsilon, viscosity)?;
+        let spin_drag = SpinDrag::new(robot).frame;
+        let resistance = rigid_resistance(&views, V3::zeros(), epsilon, viscosity, spin_drag)?;
         mean += resistance.fixed_view::<3, 3>(3, 3).into_owned() / angles.len() as f64;
     }
     Some(0.5 * (mean + mean.transpose()))

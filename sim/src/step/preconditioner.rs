@@ -9,13 +9,12 @@
 //! s rounded to a grid. So it depends on its key only, and a restored state goes on bit for bit. Where a rod is about to buckle or snap, the iteration with it stalls; then a step
 //! gets an inverse of its own, built at its predicted shape and dropped after it.
 
-use super::limits::LEAST_SPIN_DRAG;
 use super::panels::Panels;
 use crate::V3;
 use crate::fluid::mobility::mobility;
 use crate::linear::invert;
 use crate::params::Robot;
-use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames};
+use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames, spin::SpinDrag};
 use crate::state::Shape;
 use nalgebra::{DMatrix, Matrix6};
 use std::sync::Arc;
@@ -34,15 +33,14 @@ pub struct FluidParams {
     pub epsilon: f64,
     /// Viscosity, Pa s.
     pub viscosity: f64,
-    /// Drag on changes of an edge's spin in the shaft frame, N m s a metre and radian.
-    pub spin_drag: f64,
+    /// Drag on the rod's spin.
+    pub spin_drag: SpinDrag,
 }
 
 impl FluidParams {
     /// Those of a robot.
     pub fn new(robot: &Robot) -> Self {
-        let spin_drag = robot.fluid.spin_drag.max(LEAST_SPIN_DRAG) * robot.round_spin_drag();
-        Self { epsilon: robot.epsilon(), viscosity: robot.fluid.viscosity(), spin_drag }
+        Self { epsilon: robot.epsilon(), viscosity: robot.fluid.viscosity(), spin_drag: SpinDrag::new(robot) }
     }
 }
 
@@ -112,7 +110,7 @@ struct Design {
     /// M w^-1 K of the free degrees of freedom, before the division by kappa.
     elastic: DMatrix<f64>,
     hessian: Band,
-    spin_drag: f64,
+    spin_drag: SpinDrag,
 }
 
 impl Cache {
@@ -204,7 +202,7 @@ impl Design {
                     matrix[row * size + unknown] = scale * self.hessian.get(slot, column);
                 }
             }
-            let drag = self.spin_drag * rod.rest_length[edge] * kappa;
+            let drag = self.spin_drag.change * rod.rest_length[edge] * kappa;
             matrix[row * size + 3 * free + edge - 1] += scale * drag;
         }
         if !invert(&mut matrix, size) {
@@ -222,15 +220,21 @@ impl Design {
         for motion in 0..6 {
             let mut unit = V3::zeros();
             unit[motion % 3] = 1.0;
-            let mut rows = vec![0.0; 3 * n];
+            let mut rows = vec![0.0; size];
             for (i, x) in self.nodes.iter().enumerate() {
                 let velocity = if motion < 3 { unit } else { unit.cross(x) };
                 for a in 0..3 {
                     rows[3 * i + a] = velocity[a] / kappa;
                 }
             }
+            // The spin of every edge with the frame, rad/s.
+            let turning = |edge: usize| if motion < 3 { 0.0 } else { self.frames[edge][0].dot(&unit) };
+            for edge in 1..n - 1 {
+                let torque = self.spin_drag.frame * rod.rest_length[edge] * turning(edge);
+                rows[3 * n + edge - 1] = torque_scale(rod) * torque;
+            }
             let correction: Vec<f64> =
-                (0..size).map(|r| -(0..3 * n).map(|c| inverse[r * size + c] * rows[c]).sum::<f64>()).collect();
+                (0..size).map(|r| -(0..size).map(|c| inverse[r * size + c] * rows[c]).sum::<f64>()).collect();
             for (i, x) in self.nodes.iter().enumerate() {
                 let mut force = V3::zeros();
                 for a in 0..3 {
@@ -248,6 +252,13 @@ impl Design {
                 for a in 0..3 {
                     response[(a, motion)] += force[a];
                     response[(3 + a, motion)] += torque[a];
+                }
+            }
+            for (edge, [tangent, ..]) in self.frames.iter().enumerate() {
+                let change = if edge == 0 { 0.0 } else { kappa * correction[3 * free + edge - 1] };
+                let torque = -self.spin_drag.frame * rod.rest_length[edge] * (change + turning(edge));
+                for a in 0..3 {
+                    response[(3 + a, motion)] += tangent[a] * torque;
                 }
             }
         }

@@ -22,7 +22,6 @@ pub fn predict(flagellum: &mut Flagellum, rod: &Rod, k: usize, state: &State, st
         let sum: f64 = (1..step.points).map(|j| past(j - 1).angles[e] * a[j]).sum();
         *slot = sum / step.length;
     }
-    flagellum.kappa = step.kappa(k);
     let shape = &mut flagellum.shape;
     shape.clone_from(past(0));
     let b = &step.rods[k].prediction[..step.prediction_points];

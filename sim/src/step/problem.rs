@@ -45,9 +45,10 @@ impl StepProblem<'_> {
     /// Returns the moment of both flagella on the base about the joint, body axes, N m. Contact between them cancels.
     pub fn flagella_moment(&self, flagella: &[Flagellum; 2], body: &Body) -> V3 {
         let (model, shafts) = (self.model, &self.step.shafts);
+        let motion = self.kinematics(body.rate);
         let mut moment = V3::zeros();
         for k in 0..2 {
-            moment += flagella[k].fluid_load(&model.rods[k], &shafts[k]).moment;
+            moment += flagella[k].fluid_load(&model.rods[k], &shafts[k], &motion[k]).moment;
             if model.robot.base.flagella_weight_on_base {
                 moment += model.weight(k, &flagella[k].shape.nodes, &shafts[k], model.down(body)).moment;
             }

@@ -21,21 +21,26 @@ pub fn noise(seed: &mut u64) -> f64 {
     (*seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
 }
 
-fn read(name: &str) -> String {
-    let path = format!("{}/../tests/data/peer/{name}", env!("CARGO_MANIFEST_DIR"));
+fn read(folder: &str, name: &str) -> String {
+    let path = format!("{}/../tests/data/{folder}/{name}", env!("CARGO_MANIFEST_DIR"));
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"))
 }
 
-/// A time series with named columns.
+/// A table with named columns, such as a time series.
 pub struct Series {
     columns: HashMap<String, usize>,
     rows: Vec<Vec<f64>>,
 }
 
 impl Series {
-    /// Reads a file of the reference data.
+    /// Reads a file of the other program's reference data.
     pub fn read(name: &str) -> Self {
-        let text = read(name);
+        Self::open("peer", name)
+    }
+
+    /// Reads a file of a folder of `tests/data`.
+    pub fn open(folder: &str, name: &str) -> Self {
+        let text = read(folder, name);
         let mut lines = text.lines().filter(|l| !l.starts_with('#'));
         let header = lines.next().expect("a header");
         let columns = header.split(',').enumerate().map(|(i, c)| (c.to_string(), i)).collect();
@@ -63,7 +68,7 @@ impl Series {
 /// Rows of a static solve: nodes of each rod, velocities, force densities.
 pub fn static_solve(name: &str) -> (Vec<Vec<V3>>, Vec<V3>, Vec<V3>) {
     let (mut lines, mut velocity, mut force) = (Vec::<Vec<V3>>::new(), vec![], vec![]);
-    for row in read(name).lines().filter(|l| l.starts_with(|c: char| c.is_ascii_digit())) {
+    for row in read("peer", name).lines().filter(|l| l.starts_with(|c: char| c.is_ascii_digit())) {
         let v: Vec<f64> = row.split(',').map(|c| c.parse().expect("a number")).collect();
         if lines.len() < v[0] as usize {
             lines.push(vec![]);
@@ -78,7 +83,7 @@ pub fn static_solve(name: &str) -> (Vec<Vec<V3>>, Vec<V3>, Vec<V3>) {
 /// First node positions of both rods in a file of nodes.
 pub fn first_nodes(name: &str) -> [Vec<V3>; 2] {
     let mut rods = [vec![], vec![]];
-    for row in read(name).lines().filter(|l| l.starts_with(|c: char| c.is_ascii_digit())) {
+    for row in read("peer", name).lines().filter(|l| l.starts_with(|c: char| c.is_ascii_digit())) {
         let v: Vec<f64> = row.split(',').map(|c| c.parse().expect("a number")).collect();
         rods[v[0] as usize - 1].push(V3::new(v[2], v[3], v[4]));
     }

@@ -242,7 +242,9 @@ mod tests {
 
     #[test]
     fn the_flagella_are_where_the_encoders_say() {
-        let mut plant = Plant::new(&Robot::published(), 20.0).unwrap();
+        let mut robot = Robot::published();
+        robot.flagellum.phase_deg = [30.0, -70.0];
+        let mut plant = Plant::new(&robot, 20.0).unwrap();
         let mut motors = [0, 1].map(|_| Motor::new(MotorParameters::default()));
         let error = |plant: &Plant, motors: &[Motor; 2], time_s: f64| {
             let modelled = plant.motors(time_s);

@@ -20,11 +20,11 @@ pub struct Args {
     /// The plan: a TOML file (see `biflag record --help` for an example).
     #[arg(
         required_unless_present_any = ["speeds", "duration", "from"],
-        conflicts_with_all = ["speeds", "duration", "from"]
+        conflicts_with_all = ["speeds", "duration", "phase", "from"]
     )]
     pub plan: Option<PathBuf>,
     /// Replay a recorded log or session: its measured speeds drive the model of its robot.
-    #[arg(long, value_name = "LOG|SESSION", conflicts_with_all = ["speeds", "duration", "shard"])]
+    #[arg(long, value_name = "LOG|SESSION", conflicts_with_all = ["speeds", "duration", "phase", "shard"])]
     pub from: Option<PathBuf>,
     /// Speeds of flagella 1 and 2 in rpm instead of a plan; write `--speeds=-90,90` if the first is negative.
     #[arg(long, value_name = "W1,W2", value_parser = speeds, allow_hyphen_values = true, requires = "duration")]

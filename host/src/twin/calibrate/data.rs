@@ -3,6 +3,7 @@
 use super::super::{TwinError, speeds};
 use crate::plan::PlanError;
 use crate::trial::{Data, Unusable, Zeroed};
+use biflag_log::Origin;
 use nalgebra::{DMatrix, DVector, Dyn, linalg::Cholesky};
 use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
@@ -47,6 +48,8 @@ pub struct FitTrial {
     pub(super) closure: Option<Closure>,
     /// The ratio of the speeds, if it is simple: the phase of the flagella matters.
     pub(super) ratio: Option<Ratio>,
+    /// Whether it was recorded on a rig, whose flagella stood anywhere.
+    pub(super) is_of_rig: bool,
     /// Number of the board, and which of its starts, from which its encoders count.
     pub(super) board_start: Option<[u16; 2]>,
     pub(super) measured: Blocks,
@@ -103,6 +106,7 @@ impl FitTrial {
             robot: data.robot(),
             closure: data.records.model.as_ref().map(|model| model.closure),
             ratio: Ratio::of(data.speeds().map(CentiRpm::rpm)),
+            is_of_rig: data.origin() == Origin::Rig,
             board_start: (data.records.board.as_ref().filter(|_| !data.is_model()))
                 .map(|board| [board.board_id, board.boot_count]),
             measured: zeroed.angles_deg.tracks().map(means),

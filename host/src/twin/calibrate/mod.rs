@@ -2,7 +2,7 @@
 //!
 //! Yaw, pitch and roll of every trial are averaged over blocks of half a second, from the start of the run to the end
 //! of the decay, and the model is fitted to them by the Levenberg-Marquardt method. Parameters are fitted as logarithms
-//! relative to their start.
+//! relative to their start, angles in radians.
 //!
 //! Successive residuals are correlated, and standard errors that ignored this would be several times too small. The fit
 //! weights blocks by the errors of the sensor (the random walk of the yaw, the walk of the gyroscope's bias since the
@@ -137,6 +137,8 @@ pub struct Calibration {
     pub simulations: usize,
     /// Warnings for the user.
     pub warnings: Vec<String>,
+    /// What the user should know besides.
+    pub notes: Vec<String>,
     /// The fitted robot.
     #[serde(skip)]
     pub robot: Robot,
@@ -260,6 +262,7 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
         closure,
         simulations: simulations.into_inner(),
         warnings,
+        notes: phase::unknown(&trials, &start, parameters).into_iter().collect(),
         robot,
     })
 }

@@ -1,8 +1,10 @@
 //! The phases of the flagella: which of them the trials determine, and where their fit starts.
 //!
 //! The encoders count from where the flagella stood when the board started, so the angles of the helices are known but for
-//! a constant each. A trial at a simple ratio of speeds depends on one combination of them ([`sim::phase`]), and as an
-//! angle: least squares would end in the next minimum. So each trial is simulated at phases around the turn first.
+//! a constant each. The steady state of a trial at a simple ratio of speeds depends on one combination of them
+//! ([`sim::phase`]), and as an angle: least squares would end in the next minimum. So each trial is simulated at phases
+//! around the turn first. Trials of one ratio tell the angle that it keeps; the other one shows only in how the motion
+//! starts, and is the best of those around the turn.
 
 use super::data::FitTrial;
 use super::problem::Problem;
@@ -46,6 +48,16 @@ pub(super) fn determined(requested: &[Parameter], trials: &[FitTrial]) -> Result
     Ok(parameters)
 }
 
+/// Returns a note if trials of a rig depend on phases that are neither known nor fitted.
+pub(super) fn unknown(trials: &[FitTrial], start: &Robot, parameters: &[Parameter]) -> Option<String> {
+    let is_known = start.flagellum.phase_deg != [0.0; 2] || parameters.iter().any(|parameter| parameter.is_phase());
+    let depending = trials.iter().filter(|trial| trial.is_of_rig && trial.ratio.is_some()).count();
+    (!is_known && depending > 0).then(|| {
+        let trials = crate::text::count(depending, "trial");
+        format!("the results of {trials} depend on how the flagella stood when the board started: fit it too, with `phase` in --fit")
+    })
+}
+
 /// Returns the start of a problem with the phases, of those around the turn, at which its trials fit best; `None` if no
 /// phase is fitted.
 pub(super) fn nearest(problem: &Problem) -> Option<Robot> {
@@ -63,12 +75,19 @@ pub(super) fn nearest(problem: &Problem) -> Option<Robot> {
     let misfits: Vec<Vec<f64>> = trials.par_iter().map(misfits).collect();
     let all = |steps: i32| if steps == 0 { 0..1 } else { 0..STEPS };
     let grid = all(i32::from(both)).flat_map(|one| all(i32::from(between)).map(move |more| [one, one + more]));
-    let total = |[one, two]: &[i32; 2]| -> f64 {
+    let steady = |[one, two]: &[i32; 2]| -> f64 {
         let kept = |ratio: &Ratio| (ratio.turns[1] * one - ratio.turns[0] * two).rem_euclid(STEPS);
         trials.iter().zip(&misfits).map(|((_, ratio), misfit)| misfit[kept(ratio) as usize]).sum()
     };
-    let steps = grid.min_by(|a, b| total(a).total_cmp(&total(b)))?;
-    Some(turned(problem.start, steps.map(f64::from)))
+    let [one, two] = grid.min_by(|a, b| steady(a).total_cmp(&steady(b)))?;
+    let (_, Ratio { turns: [p, q] }) = trials.first()?;
+    // The motors make these turns while the angle that the ratio keeps is the same.
+    let later = if between && both { 0..1 } else { 0..STEPS };
+    let starts: Vec<Robot> =
+        later.map(|step| turned(problem.start, [one + p * step, two + q * step].map(f64::from))).collect();
+    let total = |robot: &Robot| (0..problem.trials.len()).map(|i| problem.misfit(i, robot)).sum::<f64>();
+    let totals: Vec<f64> = starts.par_iter().map(total).collect();
+    starts.into_iter().zip(totals).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(robot, _)| robot)
 }
 
 /// Returns the steps of both flagella by which the angle that a ratio keeps changes by `step`.

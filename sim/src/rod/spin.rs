@@ -1,0 +1,39 @@
+//! The couple of the fluid on a rod that spins about its own centre line.
+//!
+//! A round rod of radius a that turns about its tangent t with the rate w_t feels the couple -4 pi mu a^2 w_t t a metre
+//! (the rotlets of Chwang and Wu 1974, J. Fluid Mech. 63, 607, for a slender body). The rate is that of the material
+//! frame against the fluid at rest, w_t = d(theta)/dt + t.W: theta is the angle of an edge in its time-parallel frame, W
+//! the angular velocity of the shaft's frame, motor and body. The couple enters the balance of torques about every edge,
+//! and with it the twist; what acts on the clamped edge goes to the clamp. It moves no fluid: the rotlets' own flow is of
+//! the same order as other terms that slender-body theory leaves out.
+
+use crate::params::Robot;
+
+/// Least drag on changes of the spin in the shaft's frame, as a share of a round rod's: without it twist has no time of its
+/// own, and where it snaps (soft flagella driven against their winding) no solution.
+pub const LEAST_SPIN_DRAG: f64 = 0.02;
+
+/// Drag on the spin of a rod, N m s a metre and radian.
+#[derive(Clone, Copy, Debug)]
+pub struct SpinDrag {
+    /// On the rotation of the shaft's frame.
+    pub frame: f64,
+    /// On the spin in the shaft's frame.
+    pub change: f64,
+}
+
+impl SpinDrag {
+    /// That of a robot's flagella.
+    pub fn new(robot: &Robot) -> Self {
+        let round = robot.round_spin_drag();
+        let share = robot.fluid.spin_drag;
+        Self { frame: share * round, change: share.max(LEAST_SPIN_DRAG) * round }
+    }
+
+    /// Returns the torque of the fluid on an edge about its tangent, N m. `length`: of the edge, m; `change`: rate of its
+    /// angle, rad/s; `frame`: angular velocity of the shaft's frame along the tangent, rad/s.
+    #[inline(always)]
+    pub fn torque(&self, length: f64, change: f64, frame: f64) -> f64 {
+        -self.change * length * change - self.frame * length * frame
+    }
+}
