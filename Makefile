@@ -12,7 +12,7 @@ help:
 	@echo "make test      all tests"
 	@echo "make proof     long checks: fits to robots with unknown parameters, 10000 random cases, speed; two hours"
 	@echo "make hostile   $(KILLS) kills of a recording, a log changed at every byte, spoilt lines, lost frames; an hour"
-	@echo "make mutants   what the tests of protocol and firmware do not notice if it is changed; an hour"
+	@echo "make mutants   changes of protocol and firmware that their tests do not notice; half an hour on two free cores"
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
 	@echo "make lint      format and lint checks"
 	@echo "make doc       the documentation for contributors"

@@ -214,11 +214,8 @@ fn viscosity_of_a_mixture_starts_from_the_logged_temperature() {
 /// A phase is an angle, so the fit has to find it from anywhere.
 #[test]
 fn calibration_finds_the_phases_of_the_flagella() {
-    let standing = [90.0, 0.0];
-    for (phase_deg, speeds, names) in [
-        ([70.0, -130.0], vec![[60.0, 60.0], standing], vec!["phase", "phase-both"]),
-        ([-100.0, 50.0], vec![[0.0, 90.0]], vec!["phase-both"]),
-    ] {
+    for (phase_deg, speeds) in [([70.0, -130.0], vec![[60.0, 60.0], [90.0, 0.0]]), ([-100.0, 50.0], vec![[0.0, 90.0]])]
+    {
         let mut draw = Draw(7);
         let mut robot = Robot::published();
         robot.flagellum.phase_deg = phase_deg;
@@ -228,7 +225,10 @@ fn calibration_finds_the_phases_of_the_flagella() {
         let start = Some(Robot::published());
         let request = Request { robot: start, closure: None, parameters: vec![Parameter::Phase], jobs: 2 };
         let calibration = calibrate(trials, &request, &|| {}).unwrap();
-        assert_eq!(calibration.parameters.iter().map(|estimate| estimate.name).collect::<Vec<_>>(), names);
+        assert_eq!(
+            calibration.parameters.iter().map(|estimate| estimate.name).collect::<Vec<_>>(),
+            ["phase", "phase-both"]
+        );
         for estimate in &calibration.parameters {
             let [one, two] = phase_deg;
             let truth = if estimate.name == "phase" { two - one } else { one };
@@ -244,9 +244,13 @@ fn calibration_finds_the_phases_of_the_flagella() {
             assert!((-180.0..=180.0).contains(&value) && low < value && value < high);
         }
         let found = calibration.robot.flagellum.phase_deg;
-        if names.len() == 2 {
-            assert!(found.iter().zip(phase_deg).all(|(found, truth)| (found - truth).abs() < 15.0), "{found:?}");
-        }
+        assert!(
+            found
+                .iter()
+                .zip(phase_deg)
+                .all(|(found, truth)| (found - truth).abs() < 15.0 || (found - truth).abs() > 345.0),
+            "{found:?}"
+        );
         assert!(calibration.rmse_after_deg < 0.5 * calibration.rmse_before_deg, "{calibration:?}");
     }
 }

@@ -10,6 +10,7 @@ mod handshake;
 mod hostile_logs;
 mod plan;
 mod plans;
+mod resistance;
 mod simulate;
 mod twin;
 

@@ -83,7 +83,9 @@ pub struct Base {
     /// Acceleration of gravity in m/s2 (9.80665).
     pub gravity_m_s2: f64,
     /// Whether the flagella's net weight acts on the base too (false: `mass_centre_below_joint_m`
-    /// stands for it already). Their elastic rods carry it in any case.
+    /// stands for it already). Their elastic rods carry it in any case. The published pitch makes the
+    /// choice: with it the pitch at (50, 10) is -1.62 degrees, without it -4.23, against 3.29 in the publication's simulation
+    /// and 4.96 in its experiment (|pitch|; `published`, closure `full`, 120 s). The closure `paper` has no such weight.
     pub flagella_weight_on_base: bool,
 }
 
@@ -252,10 +254,11 @@ impl Fluid {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Joint {
-    /// Tether stiffness about the vertical in N m/rad for the `full` closure. Calibrated once, so that
-    /// |yaw| is 180 degrees at (90, 90) rpm after 120 s; nothing else is fitted. Zero: the robot spins on.
+    /// Tether stiffness K of the energy K psi^2/2 in N m/rad for the `full` closure, see [`crate::body::joint`].
+    /// Calibrated once, so that |yaw| is 180 degrees at (90, 90) rpm after 120 s (`physical`: 5.185e-4, `published`:
+    /// 3.599e-4); nothing else is fitted. Zero: the robot spins on.
     pub tether_full_nm_per_rad: f64,
-    /// The same for the `lumped` closure.
+    /// The same for the `lumped` closure (`physical`: 5.241e-4, `published`: 3.645e-4).
     pub tether_lumped_nm_per_rad: f64,
     /// Viscous friction of the joint in N m s (0).
     pub viscous_nms: f64,
@@ -265,7 +268,7 @@ pub struct Joint {
 
 impl Default for Joint {
     fn default() -> Self {
-        Self { tether_full_nm_per_rad: 3.599e-4, tether_lumped_nm_per_rad: 3.645e-4, viscous_nms: 0.0, coulomb_nm: 0.0 }
+        Self { tether_full_nm_per_rad: 5.185e-4, tether_lumped_nm_per_rad: 5.241e-4, viscous_nms: 0.0, coulomb_nm: 0.0 }
     }
 }
 
@@ -288,7 +291,8 @@ pub struct Contact {
     pub enabled: bool,
     /// Largest penetration in m (1e-5): stiffness follows from it. Smaller costs little.
     pub tolerance_m: f64,
-    /// Coefficient of friction (0: wet silicone in glycerin).
+    /// Coefficient of friction of the rods' surfaces, see [`crate::contact::friction`] (0: wet silicone in glycerin). With
+    /// friction some steps of flagella that mesh or unwrap cannot be solved.
     pub friction: f64,
     /// Sliding speed in m/s below which friction sticks (1e-4).
     pub slip_speed_m_s: f64,

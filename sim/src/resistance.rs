@@ -28,6 +28,8 @@ use nalgebra::{DMatrix, Matrix3, UnitQuaternion};
 pub struct Resistance {
     /// Force and torque on the fluid (N, N m) for velocity and angular velocity (m/s, rad/s), symmetric.
     pub matrix: DMatrix<f64>,
+    /// The same before it was made symmetric: what the steps of a trial have where the flagella are rigid.
+    pub collocated: DMatrix<f64>,
     /// The largest difference of two entries that the reciprocal theorem makes equal, before they were made so, over the
     /// geometric mean of the diagonal entries of their row and column.
     pub reciprocity_error: f64,
@@ -110,7 +112,11 @@ fn of_parts(robot: &Robot, flagella: &[Flagellum]) -> Result<Option<Resistance>,
             add(1 + k, edge * edge.transpose() * (spin_drag / edge.norm()));
         }
     }
-    Ok(Some(Resistance { reciprocity_error: reciprocity_error(&matrix), matrix: (&matrix + matrix.transpose()) * 0.5 }))
+    Ok(Some(Resistance {
+        reciprocity_error: reciprocity_error(&matrix),
+        matrix: (&matrix + matrix.transpose()) * 0.5,
+        collocated: matrix,
+    }))
 }
 
 /// Returns the velocities (m/s) at all nodes and then the head's points for force densities (N/m) at the nodes and forces (N)

@@ -324,7 +324,7 @@ impl Trial {
     }
 
     fn record(&mut self, report: &StepReport) {
-        let weight_counts = self.solver.model().robot.base.flagella_weight_on_base;
+        let weight_counts = self.solver.model().weight_on_base();
         let forces = [0, 1].map(|k| {
             let weight = if weight_counts { report.weight[k].force } else { V3::zeros() };
             ForceRecord {

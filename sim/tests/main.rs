@@ -18,6 +18,7 @@ mod resistance;
 mod robot;
 mod rod;
 mod spin;
+mod surroundings;
 mod tank;
 mod walls;
 

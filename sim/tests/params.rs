@@ -2,7 +2,7 @@
 
 use sim::V3;
 use sim::body::closure::Closure;
-use sim::params::{BUILT_IN, Face, Glycerol, Robot, Tank};
+use sim::params::{BUILT_IN, Face, Glycerol, HeadShape, Robot, Tank};
 use sim::step::Solver;
 
 #[test]
@@ -30,7 +30,7 @@ fn a_regularisation_above_the_edge_length_is_possible() {
 #[test]
 fn impossible_values_name_their_key() {
     type Change = fn(&mut Robot);
-    let cases: [(&str, Change); 12] = [
+    let cases: [(&str, Change); 17] = [
         ("flagellum.rod_radius_m", |r| r.flagellum.rod_radius_m = -1e-3),
         ("flagellum.pitch_m", |r| r.flagellum.pitch_m = 5e-3),
         ("flagellum.helix_radius_m", |r| (r.flagellum.helix_radius_m, r.flagellum.pitch_m) = (0.001, 0.004)),
@@ -41,6 +41,11 @@ fn impossible_values_name_their_key() {
         ("base.motor_distance_m", |r| r.base.motor_distance_m = 0.02),
         ("base.inertia_kg_m2", |r| r.base.inertia_kg_m2[2] = 0.0),
         ("contact.tolerance_m", |r| r.contact.tolerance_m = 0.0),
+        ("head.radius_m", |r| r.head.radius_m = f64::NAN),
+        ("head.radius_m", |r| (r.head.radius_m, r.head.centre_m[2]) = (0.03, -0.03)),
+        ("head.radius_m", |r| (r.head.length_m, r.head.centre_m[2]) = (0.08, -0.04)),
+        ("head.length_m", |r| r.head.length_m = 1e-3),
+        ("head.centre_m", |r| r.head.centre_m[1] = f64::INFINITY),
         ("solver.step_rad", |r| r.solver.step_rad = f64::INFINITY),
         ("solver.gauss_points", |r| r.solver.gauss_points = 9),
     ];
@@ -132,4 +137,13 @@ fn glycerol_and_water_follow_the_published_table() {
     let robot =
         Robot { fluid: sim::params::Fluid { glycerol: Some(pure), ..Default::default() }, ..Default::default() };
     assert_eq!(robot.fluid.viscosity(), pure.viscosity_pa_s());
+}
+
+#[test]
+fn sizes_of_a_head_that_is_no_body_do_not_matter() {
+    for shape in [HeadShape::None, HeadShape::Local] {
+        let mut robot = Robot::default();
+        (robot.head.shape, robot.head.length_m) = (shape, -1.0);
+        robot.validate().expect("a robot without a body in the flow");
+    }
 }

@@ -12,6 +12,7 @@ mod options;
 mod record;
 mod recover;
 mod report;
+mod resistance;
 mod settings;
 mod simulate;
 mod virtual_board;
@@ -55,6 +56,7 @@ enum Command {
     Record(record::Args),
     Live(live::Args),
     Info(info::Args),
+    Resistance(resistance::Args),
     Simulate(simulate::Args),
     Compare(compare::Args),
     Calibrate(calibrate::Args),
@@ -75,6 +77,7 @@ pub fn run() -> ExitCode {
         Command::Flash(args) => flash::run(&args),
         Command::Settings(args) => settings::run(&args),
         Command::Record(args) => record::run(&args),
+        Command::Resistance(args) => resistance::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),

@@ -14,23 +14,23 @@
 //! M_z = (F1y - F2y) d/2 - C w_z
 //! ```
 //!
-//! The righting moment has the sign that rights. What they give at the published points, closure by closure
-//! (`cargo run --release -p sim --example closures`; both helices start at the same angle; rates are means of the last
-//! minute of 240 s):
+//! The righting moment has the sign that rights. What they give at the published points, closure by closure, with the
+//! robot `published` (`cargo run --release -p sim --example closures`; both helices start at the same angle; rates are
+//! means of the last minute of 240 s):
 //!
 //! | speeds rpm | closure | yaw at 120 s | at 240 s, deg | rate about z_B, deg/s | by drag alone | tilt, deg | settled |
 //! | --- | --- | --- | --- | --- | --- | --- | --- |
-//! | (50, 10) | Full | -62.6 | -62.6 | -0.026 |  | 4.4 to 6.2 | true |
-//! | (50, 10) | Lumped | -63.4 | -63.4 | -0.000 |  | 3.3 to 3.4 | true |
+//! | (50, 10) | Full | -62.5 | -62.5 | -0.026 |  | 5.1 to 7.0 | true |
+//! | (50, 10) | Lumped | -63.2 | -63.2 | 0.000 |  | 3.4 to 3.4 | true |
 //! | (50, 10) | Paper | 24478.7 | 36398.4 | 80.220 | 80.219 | 5.2 to 157.3 | false |
-//! | (0, 45) | Full | -49.2 | -49.2 | -0.022 |  | 4.8 to 6.2 | true |
-//! | (0, 45) | Lumped | -48.5 | -48.5 | -0.000 |  | 3.8 to 3.9 | true |
+//! | (0, 45) | Full | -49.0 | -49.0 | -0.022 |  | 5.4 to 6.8 | true |
+//! | (0, 45) | Lumped | -48.2 | -48.3 | -0.000 |  | 3.9 to 3.9 | true |
 //! | (0, 45) | Paper | 32490.3 | 59625.7 | 61.681 | 61.681 | 0.9 to 142.6 | false |
-//! | (90, 90) | Full | -180.0 | -180.0 | -0.243 |  | 1.5 to 2.0 | true |
+//! | (90, 90) | Full | -180.0 | -180.0 | -0.232 |  | 1.5 to 1.9 | true |
 //! | (90, 90) | Lumped | -180.0 | -180.0 | -0.000 |  | 0.0 to 0.0 | true |
 //! | (90, 90) | Paper | 34664.8 | 68362.8 | 143.223 | 143.223 | 0.4 to 167.1 | false |
-//! | (-90, 90) | Full | 32.6 | 32.6 | 0.132 |  | 16.9 to 21.1 | true |
-//! | (-90, 90) | Lumped | 36.4 | 36.4 | -0.000 |  | 16.7 to 16.7 | true |
+//! | (-90, 90) | Full | 32.2 | 32.2 | 0.129 |  | 16.2 to 20.1 | true |
+//! | (-90, 90) | Lumped | 33.4 | 33.4 | 0.000 |  | 16.8 to 16.8 | true |
 //! | (-90, 90) | Paper | 824.3 | 1665.8 | 6.180 | 6.181 | 26.7 to 47.8 | false |
 //!
 //! They cannot settle, for three reasons.

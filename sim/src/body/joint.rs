@@ -2,6 +2,10 @@
 //!
 //! Body axes, about the joint. M holds the righting moment r_com x m g, the tether, the joint's friction and the drag of
 //! the base; which of them count depends on the closure.
+//!
+//! The tether has the energy K psi^2/2 in the Euler yaw psi, unwrapped, and its moment is minus the energy's gradient. For
+//! an angular velocity w in body axes the yaw of the sequence z-y'-x'' changes by (w_y sin phi + w_z cos phi)/cos theta
+//! (Diebel 2006, *Representing Attitude*), so the moment is -K psi (0, sin phi, cos phi)/cos theta.
 
 use super::Body;
 use super::attitude::euler_zyx;
@@ -29,6 +33,17 @@ pub struct RigidBase {
 /// Rate in rad/s below which Coulomb friction is smoothed: 0.01 degrees a second, far below any rate of a trial.
 const SLIP: f64 = 0.01 * PI / 180.0;
 
+/// Least cosine of the pitch in the yaw's gradient, which has no bound at a pitch of +-90 degrees: within 3 degrees of it
+/// the tether lets go.
+const LEAST_COSINE: f64 = 0.05;
+
+/// Returns the gradient of the Euler yaw for rotations in body axes, (0, sin phi, cos phi)/cos theta. `up`: the vertical in
+/// body axes, (-sin theta, cos theta sin phi, cos theta cos phi).
+fn yaw_gradient(up: V3) -> V3 {
+    let across = V3::new(0.0, up.y, up.z);
+    across / across.norm_squared().max(LEAST_COSINE * LEAST_COSINE)
+}
+
 impl RigidBase {
     /// From the parameters. Only the closure `lumped` uses `flagella_resistance`: the rotational resistance of the rigid
     /// flagella about the joint, N m s. `head`: the head where it is a body in the flow, which replaces the local drag.
@@ -39,11 +54,16 @@ impl RigidBase {
         head: Option<&RigidSurface>,
     ) -> Self {
         let base = &robot.base;
+        // With `full` the weight of the elastic flagella is among their loads.
+        let flagella = match closure {
+            Closure::Lumped if base.flagella_weight_on_base => 2.0 * flagellum_righting(robot),
+            _ => 0.0,
+        };
         Self {
             inertia: V3::from(base.inertia_kg_m2),
             drag: head.map_or(Matrix3::identity() * robot.base_drag(), |head| head.rotational_resistance()),
             flagella_resistance,
-            righting: base.mass_kg * base.gravity_m_s2 * base.mass_centre_below_joint_m,
+            righting: base.mass_kg * base.gravity_m_s2 * base.mass_centre_below_joint_m + flagella,
             tether: robot.joint.tether(closure),
             viscous: robot.joint.viscous_nms,
             coulomb: robot.joint.coulomb_nm,
@@ -62,7 +82,7 @@ impl RigidBase {
         let up = body.attitude.inverse_transform_vector(&V3::z());
         // The mass centre hangs below the joint: r_com x m g.
         moment += V3::z().cross(&up) * self.righting;
-        moment -= up * (self.tether * body.yaw);
+        moment -= yaw_gradient(up) * (self.tether * body.yaw);
         moment -= body.rate * self.viscous;
         moment -= body.rate * (self.coulomb / (body.rate.norm_squared() + SLIP * SLIP).sqrt());
         if self.closure == Closure::Lumped {
@@ -90,9 +110,10 @@ impl RigidBase {
         }
         let friction = (body.rate.norm_squared() + SLIP * SLIP).sqrt();
         s += Matrix3::identity() * (self.viscous + self.coulomb / friction);
-        // A rotation d moves `up` by up x d, and the tether's twist by about up.d.
+        // A rotation d moves `up` by up x d, and the yaw by its gradient times d.
         s += (Matrix3::identity() * up.z - up * V3::z().transpose()) * (self.righting * h_eff);
-        s += up * up.transpose() * (self.tether * h_eff);
+        let yaw = yaw_gradient(up);
+        s += yaw * yaw.transpose() * (self.tether * h_eff);
         if self.closure == Closure::Lumped {
             s += self.flagella_resistance;
         }
@@ -100,10 +121,62 @@ impl RigidBase {
     }
 }
 
+/// Returns the righting moment of a rigid flagellum's net weight for a unit sine of the tilt, N m: its mean over a revolution.
+fn flagellum_righting(robot: &Robot) -> f64 {
+    let below = robot.base.height_m + 0.5 * robot.flagellum.axial_length_m;
+    robot.net_weight() * robot.flagellum.helix(0).contour_length() * below
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::attitude::{rotated, unwrap};
     use nalgebra::UnitQuaternion;
+
+    #[test]
+    fn the_tether_has_an_energy() {
+        let mut robot = Robot::published();
+        robot.base.mass_centre_below_joint_m = 0.0;
+        let base = RigidBase::new(&robot, Closure::Full, Matrix3::zeros(), None);
+        let stiffness = robot.joint.tether_full_nm_per_rad;
+        for (yaw, pitch, roll) in [(0.4, 0.3, -0.5), (-2.9, -1.2, 2.0), (9.0, 1.5, 0.7), (-5.0, 0.0, 0.0)] {
+            let attitude = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+            let energy = |change: V3| {
+                let psi = unwrap(euler_zyx(&rotated(&attitude, change))[0], yaw);
+                0.5 * stiffness * psi * psi
+            };
+            let moment = base.moment(&Body { attitude, rate: V3::zeros(), yaw });
+            let h = 1e-5;
+            for axis in 0..3 {
+                let mut change = V3::zeros();
+                change[axis] = h;
+                let slope = (energy(change) - energy(-change)) / (2.0 * h);
+                assert!((moment[axis] + slope).abs() < 1e-6 * stiffness, "{yaw} {pitch} {roll}, axis {axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_tether_is_finite_at_a_pitch_of_90_degrees() {
+        let base = RigidBase::new(&Robot::published(), Closure::Full, Matrix3::zeros(), None);
+        let attitude = UnitQuaternion::from_axis_angle(&V3::y_axis(), 0.5 * PI);
+        let moment = base.moment(&Body { attitude, rate: V3::zeros(), yaw: 3.0 });
+        assert!(moment.norm() < 0.01, "{moment}");
+    }
+
+    #[test]
+    fn flagella_on_the_base_of_lumped_right_it_more() {
+        let mut robot = Robot::published();
+        let moment = |robot: &Robot| {
+            let base = RigidBase::new(robot, Closure::Lumped, Matrix3::zeros(), None);
+            let attitude = UnitQuaternion::from_axis_angle(&V3::y_axis(), 0.1);
+            base.moment(&Body { attitude, ..Body::default() }).y
+        };
+        let without = moment(&robot);
+        robot.base.flagella_weight_on_base = true;
+        // Both rods of 0.2435 m weigh 25.7 mN in the fluid, and hang 0.1356 m below the joint.
+        assert!((moment(&robot) - without + 25.66e-3 * 0.1356 * 0.1f64.sin()).abs() < 2e-6);
+    }
 
     #[test]
     fn the_righting_moment_rights() {

@@ -1,8 +1,16 @@
 //! Friction of contacts: Coulomb's law, smoothed where it sticks.
 //!
 //! Tong et al. 2023 scale the friction mu lambda by 2/(1 + exp(-15 v/v_slip)) - 1 with the sliding
-//! speed v. The solver takes the piecewise linear law with the same slope and limits: the force f(v)
+//! speed v of the surfaces. The solver takes the piecewise linear law with the same slope and limits: the force f(v)
 //! opposes the sliding velocity, grows in proportion to it up to `slip`, and is mu lambda beyond.
+//!
+//! A rod's surface moves with v + w x r: v is the velocity of its centre line, w the angular velocity of its
+//! cross-sections, spin included, r the arm from the centre line to the contact. So the force has a couple r x f about each
+//! centre line, [`Pair::couple`](super::pairs::Pair::couple), which twists and bends the rods. The change of the forces in
+//! a sweep is one of its errors.
+//!
+//! Not solved at every step: rods that mesh (both senses negative, coefficient 0.3) or unwrap against friction stick and
+//! snap, and the trial may end with a step that cannot be made.
 
 use crate::V3;
 

@@ -87,6 +87,14 @@ impl Pair {
         if closest.separation.dot(&self.normal) < FLIPPED * distance { -distance } else { distance }
     }
 
+    /// Returns the couple of the friction on each of both edges about its own centre line, body frame, N m.
+    ///
+    /// Friction acts half way between the centre lines, with the arm -n D/2 from the first and n D/2 from the second, so
+    /// that forces and moments of the pair vanish in sum.
+    pub fn couple(&self) -> V3 {
+        self.normal.cross(&self.friction) * (-0.5 * self.distance)
+    }
+
     /// Returns the four nodes of the pair as (rod, node, weight): a unit force on the pair is these shares on the nodes,
     /// positive on the first edge.
     pub fn weights(&self) -> [(usize, usize, f64); 4] {

@@ -10,7 +10,7 @@
 //! on it as one point force each, the longer the farther away. Both ways its regularisation is that of the flagella, whose
 //! lines stand for round rods with it, so the coupling is reciprocal.
 
-use super::far::{Sources, Targets};
+use super::far::{Sources, Targets, gauss_rule};
 use super::head::RigidSurface;
 use super::stokeslet_factor;
 use super::tank::TankFlow;
@@ -23,7 +23,7 @@ use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
 /// Length of a group of edges over its distance from the head, at most, unless it is a single edge.
-const GROUP_LENGTH: f64 = 0.4;
+const GROUP_LENGTH: f64 = 0.25;
 
 /// Change of the head's forces, relative, below which they agree with the images of all forces.
 const AGREED: f64 = 1e-4;
@@ -249,9 +249,13 @@ fn groups(line: &[V3], points: &[V3]) -> Vec<Range<usize>> {
     groups
 }
 
-/// Adds each group of a line's edges as one force in its middle.
+/// Adds each group of a line's edges as one force in its middle, and edges alone, which are close, as two.
 fn push_groups(line: &Line, groups: &[Range<usize>], sources: &mut Sources) {
     for group in groups {
+        if group.len() == 1 {
+            sources.push_edges(&line.nodes, &line.density, group.clone(), gauss_rule(2));
+            continue;
+        }
         let (mut force, mut place, mut total) = (V3::zeros(), V3::zeros(), 0.0);
         for e in group.clone() {
             let (x, y) = (line.nodes[e], line.nodes[e + 1]);

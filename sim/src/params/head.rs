@@ -43,7 +43,7 @@ impl Default for Head {
 }
 
 /// Bounds of length over radius. The surface's points are spread for compact bodies.
-const SLENDERNESS: [f64; 2] = [0.25, 16.0];
+const SLENDERNESS: [f64; 2] = [0.5, 10.0];
 
 impl Head {
     /// Returns whether the head is a body in the flow.

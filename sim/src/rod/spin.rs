@@ -30,6 +30,21 @@ impl SpinDrag {
         Self { frame: share * round, change: share.max(LEAST_SPIN_DRAG) * round }
     }
 
+    /// Returns the arc over which a torque twists a rod within a step, m: l of [`SpinDrag::twist_compliance`].
+    pub fn twist_reach(&self, twist: f64, kappa: f64) -> f64 {
+        (twist / (self.change * kappa)).sqrt()
+    }
+
+    /// Returns the twist of a straight rod within a step for a unit torque about its centre line, rad/(N m).
+    ///
+    /// GJ theta'' = c kappa theta on both sides of the torque, with the drag c on changes: the part up to the clamp resists
+    /// with GJ/l coth(s/l), the part to the free end with GJ/l tanh(s/l), l^2 = GJ/(c kappa). `twist`: GJ, N m2; `above` and
+    /// `below`: arc up to the clamp and down to the free end, m; `kappa`: first weight of the time formula, 1/s.
+    pub fn twist_compliance(&self, twist: f64, above: f64, below: f64, kappa: f64) -> f64 {
+        let reach = self.twist_reach(twist, kappa);
+        reach / twist / (1.0 / (above / reach).tanh() + (below / reach).tanh())
+    }
+
     /// Returns the torque of the fluid on an edge about its tangent, N m. `length`: of the edge, m; `change`: rate of its
     /// angle, rad/s; `frame`: angular velocity of the shaft's frame along the tangent, rad/s.
     #[inline(always)]

@@ -94,7 +94,8 @@ pub fn finish(
             (alone.finish(), alone.error())
         }
     };
-    let down = model.down(&next);
+    // What acts on the base does so at its own attitude, also where the flagella are computed on a base held still.
+    let down = next.attitude.inverse_transform_vector(&-V3::z());
     let report = StepReport {
         sweeps: converged.sweeps,
         residual: converged.residual,

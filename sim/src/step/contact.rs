@@ -13,7 +13,7 @@ use crate::body::shaft::Shaft;
 use crate::contact::broad_phase::BroadPhase;
 use crate::contact::pairs::{self, Lines, Pair};
 use crate::contact::{complementarity, friction};
-use crate::rod::CLAMPED;
+use crate::rod::{CLAMPED, spin::SpinDrag};
 use crate::state::State;
 
 /// Sweeps after which closest points and normals are held, as they may alternate.
@@ -49,6 +49,8 @@ pub struct ContactChange {
     pub gap_error: f64,
     /// Largest displacement of a node, m.
     pub motion: f64,
+    /// Largest change of a friction as the velocity that it gives to its edges, m/s.
+    pub friction: f64,
 }
 
 impl Contacts {
@@ -141,19 +143,25 @@ impl Contacts {
         }
         self.update_lines(flagella, shafts);
         self.refresh();
+        let mut friction = 0f64;
         if limits.friction > 0.0 {
             let size = active.len();
             for (row, &q) in active.iter().enumerate() {
                 // Neighbouring pairs slide together: the compliance to all of them keeps the iteration stable.
-                let compliance = (0..size).filter(|&c| forces[c] > 0.0).map(|c| matrix[row * size + c].abs()).sum();
-                update_friction(&mut self.pairs[q], compliance, problem, motion, flagella);
+                let pressing = (0..size).filter(|&c| forces[c] > 0.0);
+                let twist = twist_compliance(&self.pairs[q], pressing.clone().map(|c| &self.pairs[active[c]]), problem);
+                let compliance = pressing.map(|c| matrix[row * size + c].abs()).sum::<f64>() + twist;
+                let pair = &mut self.pairs[q];
+                let kappa = motion[pair.rods[0]].kappa.max(motion[pair.rods[1]].kappa);
+                let change = update_friction(pair, compliance * kappa, problem, motion, flagella);
+                friction = friction.max(change * matrix[row * size + row] * kappa);
             }
         }
         self.load(flagella, shafts);
         if !displacement.is_finite() {
             return Err(StepFailure::Diverged);
         }
-        Ok(ContactChange { gap_error: self.gap_error(limits.distance), motion: displacement })
+        Ok(ContactChange { gap_error: self.gap_error(limits.distance), motion: displacement, friction })
     }
 
     /// Updates the pairs after a change of shapes and forces from outside.
@@ -201,10 +209,11 @@ impl Contacts {
                 let rod = pair.rods[side];
                 let force = (pair.normal * pair.force + pair.friction) * sign;
                 let at = pair.point(&self.lines, side);
+                let couple = pair.couple();
                 loads[rod].force += force;
-                loads[rod].moment += at.cross(&force);
+                loads[rod].moment += at.cross(&force) + couple;
                 let arm = at - feet[rod];
-                loads[rod].axial_torque += arm.x * force.y - arm.y * force.x;
+                loads[rod].axial_torque += arm.x * force.y - arm.y * force.x + couple.z;
             }
         }
         loads
@@ -236,12 +245,17 @@ impl Contacts {
     /// Puts the forces on the nodes of both rods, shaft frames.
     fn load(&self, flagella: &mut [Flagellum; 2], shafts: &[Shaft; 2]) {
         for flagellum in flagella.iter_mut() {
-            flagellum.contact.fill(V3::zeros());
+            flagellum.clear_contact();
         }
         for pair in self.pairs.iter().filter(|p| p.force > 0.0) {
             let force = pair.normal * pair.force + pair.friction;
             for (rod, node, weight) in pair.weights() {
                 flagella[rod].contact[node] += shafts[rod].to_shaft(force) * weight;
+            }
+            if pair.friction != V3::zeros() {
+                for (rod, edge) in pair.rods.into_iter().zip(pair.edges) {
+                    flagella[rod].add_contact_couple(edge, shafts[rod].to_shaft(pair.couple()));
+                }
             }
         }
     }
@@ -317,17 +331,34 @@ impl Contacts {
     }
 }
 
-/// Updates the friction of a pair by its present sliding velocity. `compliance`: displacement for a unit force, m/N.
+/// Returns the displacement of the surfaces of a pair by the twist that the friction of it and of its neighbours makes, m/N.
+fn twist_compliance<'a>(pair: &Pair, pressing: impl Iterator<Item = &'a Pair> + Clone, problem: &StepProblem) -> f64 {
+    let model = problem.model;
+    let drag = SpinDrag::new(&model.robot);
+    let twist = |side: usize| {
+        let (rod, kappa) = (&model.rods[pair.rods[side]], problem.step.kappa(pair.rods[side]));
+        let edge = pair.edges[side];
+        let [above, below] = [0..edge, edge..rod.edges()].map(|part| rod.rest_length[part].iter().sum());
+        let twist = rod.stiffness.twist_nm2;
+        let apart = |other: &Pair| edge.abs_diff(other.edges[side]) as f64 * rod.rest_length[0];
+        let neighbours: f64 = pressing.clone().map(|p| (-apart(p) / drag.twist_reach(twist, kappa)).exp()).sum();
+        neighbours * drag.twist_compliance(twist, above, below, kappa)
+    };
+    (0.5 * pair.distance).powi(2) * (twist(0) + twist(1))
+}
+
+/// Updates the friction of a pair by the present sliding velocity of its surfaces. `per_newton`: change of that velocity for
+/// a unit force, m/s per N. Returns the size of the change, N.
 fn update_friction(
     pair: &mut Pair,
-    compliance: f64,
+    per_newton: f64,
     problem: &StepProblem,
     motion: &[Kinematics; 2],
     flagella: &[Flagellum; 2],
-) {
+) -> f64 {
     if pair.force <= 0.0 {
         pair.friction = V3::zeros();
-        return;
+        return 0.0;
     }
     let limits = &problem.model.limits;
     let mut velocity = V3::zeros();
@@ -335,10 +366,16 @@ fn update_friction(
         let v = flagella[rod].velocity(&motion[rod], node);
         velocity += problem.step.shafts[rod].to_body(v) * weight;
     }
+    // The surfaces are half the distance away from the centre lines, on either side.
+    let arm = pair.normal * (0.5 * pair.distance);
+    for (rod, edge) in pair.rods.into_iter().zip(pair.edges) {
+        let rotation = flagella[rod].edge_rotation(&motion[rod], edge);
+        velocity -= problem.step.shafts[rod].to_body(rotation).cross(&arm);
+    }
     velocity -= pair.normal * velocity.dot(&pair.normal);
-    let kappa = motion[pair.rods[0]].kappa.max(motion[pair.rods[1]].kappa);
-    let per_newton = compliance.max(0.0) * kappa;
     let free = velocity - pair.friction * per_newton;
     let wanted = friction::implicit_force(free, per_newton, limits.friction * pair.force, limits.slip);
+    let before = pair.friction;
     pair.friction = wanted - pair.normal * wanted.dot(&pair.normal);
+    (pair.friction - before).norm()
 }

@@ -1,7 +1,8 @@
 //! When the sweeps of a step have converged, and when they never will.
 //!
 //! All parts are judged as velocities, against one bound: the solver's tolerance times the speed of the helix. Converged
-//! are rods whose velocity residual is below it, contacts whose gap law holds and that move the rods no more, and a base
+//! are rods whose velocity residual is below it, contacts whose gap law holds and whose forces and frictions move the rods
+//! no more, and a base
 //! whose rate changes no more. Stalled is an iteration that does not get better for some sweeps.
 
 use super::limits::Limits;
@@ -47,16 +48,18 @@ pub struct SweepErrors {
     pub residual: f64,
     /// Velocity by which contact moved the rods, m/s.
     pub contact_motion: f64,
+    /// Velocity by which changes of the friction will move the rods, m/s.
+    pub friction: f64,
     /// Error of the gap law, m.
     pub gap: f64,
 }
 
-/// Changes of one sweep that the next one's residual has not seen.
+/// Changes of one sweep beside those of the rods.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Changes {
     /// Of the base's rate, rad/s.
     pub rate: f64,
-    /// Of the surroundings' flow at the flagella, m/s.
+    /// Of the surroundings' flow at the flagella since the sweep before, m/s.
     pub flow: f64,
 }
 
@@ -102,7 +105,7 @@ impl Convergence {
             speed,
             reach: robot.flagellum.axial_length_m + robot.base.height_m,
             least_sweeps: if model.two_way() { TWO_WAY_SWEEPS } else { 0 },
-            last: SweepErrors { residual: f64::INFINITY, contact_motion: 0.0, gap: 0.0 },
+            last: SweepErrors { residual: f64::INFINITY, contact_motion: 0.0, friction: 0.0, gap: 0.0 },
             best: (f64::INFINITY, 0),
         }
     }
@@ -122,6 +125,7 @@ impl Convergence {
         sweep >= self.least_sweeps
             && errors.residual < self.tolerance
             && errors.contact_motion < CONTACT_MOTION * self.tolerance
+            && errors.friction < self.tolerance
             && errors.gap < self.gap_tolerance
     }
 
@@ -137,7 +141,7 @@ impl Convergence {
         if self.rods_converged(sweep, &errors) && settled {
             return Verdict::Converged;
         }
-        let error = errors.residual.max(MOTION_SHARE * errors.contact_motion);
+        let error = errors.residual.max(MOTION_SHARE * errors.contact_motion).max(errors.friction);
         let (best, best_sweep) = self.best;
         if error < PROGRESS * best {
             self.best = (error, sweep);
@@ -169,10 +173,10 @@ mod tests {
             speed: 0.1,
             reach: 0.2,
             least_sweeps: 1,
-            last: SweepErrors { residual: f64::INFINITY, contact_motion: 0.0, gap: 0.0 },
+            last: SweepErrors { residual: f64::INFINITY, contact_motion: 0.0, friction: 0.0, gap: 0.0 },
             best: (f64::INFINITY, 0),
         };
-        let errors = |residual| SweepErrors { residual, contact_motion: 0.0, gap: 0.0 };
+        let errors = |residual| SweepErrors { residual, contact_motion: 0.0, friction: 0.0, gap: 0.0 };
         (0..).zip(residuals).map(|(sweep, r)| convergence.judge(sweep, errors(*r), Changes::default())).collect()
     }
 

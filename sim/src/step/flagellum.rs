@@ -43,6 +43,8 @@ pub struct Flagellum {
     pub contact: Vec<V3>,
     /// Flow of all but the flagella at the nodes, shaft axes, m/s; see [`crate::fluid::surroundings`].
     pub surrounding_flow: Vec<V3>,
+    /// Torques of contact on the edges about their tangents, N m.
+    pub contact_torque: Vec<f64>,
     /// Sum over the past of the time formula's weights times the nodes, over the step: m/s.
     pub history: Vec<V3>,
     /// The same for the angles of the edges, rad/s.
@@ -75,6 +77,7 @@ impl Flagellum {
             density: vec![V3::zeros(); n],
             contact: vec![V3::zeros(); n],
             surrounding_flow: vec![V3::zeros(); n],
+            contact_torque: vec![0.0; n - 1],
             history: vec![V3::zeros(); n],
             angle_history: vec![0.0; n - 1],
             spin_drag: SpinDrag::new(robot),
@@ -166,7 +169,7 @@ impl Flagellum {
         let scale = torque_scale(rod);
         let mut twist = 0f64;
         for e in 1..n - 1 {
-            let row = scale * (self.gradient[4 * e + 3] - self.spin_torque(motion, e));
+            let row = scale * (self.gradient[4 * e + 3] - self.spin_torque(motion, e) - self.contact_torque[e]);
             self.residual[3 * n + e - 1] = row;
             twist = twist.max(row.abs());
         }
@@ -187,6 +190,31 @@ impl Flagellum {
     pub fn velocity(&self, motion: &Kinematics, i: usize) -> V3 {
         let x = self.shape.nodes[i];
         x * motion.kappa + self.history[i] + motion.base_velocity + motion.rotation.cross(&x)
+    }
+
+    /// Returns the angular velocity of the cross-sections of an edge against the fluid at rest, shaft axes, rad/s.
+    pub fn edge_rotation(&self, motion: &Kinematics, e: usize) -> V3 {
+        let edge = self.shape.nodes[e + 1] - self.shape.nodes[e];
+        let change = self.shape.angles[e] * motion.kappa + self.angle_history[e];
+        let across = edge.cross(&(self.velocity(motion, e + 1) - self.velocity(motion, e))) / edge.norm_squared();
+        let tangent = edge.normalize();
+        tangent * (change + motion.rotation.dot(&tangent)) + across
+    }
+
+    /// Removes all loads of contact.
+    pub fn clear_contact(&mut self) {
+        self.contact.fill(V3::zeros());
+        self.contact_torque.fill(0.0);
+    }
+
+    /// Adds a couple (N m, shaft axes) to the contact on an edge: the part along the edge twists it, the rest is a pair of
+    /// forces on its nodes.
+    pub fn add_contact_couple(&mut self, e: usize, couple: V3) {
+        let edge = self.shape.nodes[e + 1] - self.shape.nodes[e];
+        self.contact_torque[e] += couple.dot(&edge.normalize());
+        let force = couple.cross(&edge) / edge.norm_squared();
+        self.contact[e] -= force;
+        self.contact[e + 1] += force;
     }
 
     /// Sets `correction` to minus the frozen inverse times the residual, in corotated coordinates.

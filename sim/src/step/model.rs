@@ -58,6 +58,11 @@ impl Model {
         self.closure.two_way()
     }
 
+    /// Returns whether the flagella's net weight acts on the base. The printed equations have none.
+    pub fn weight_on_base(&self) -> bool {
+        self.robot.base.flagella_weight_on_base && self.closure != Closure::Paper
+    }
+
     /// Returns the radius of a flagellum, m: of its helix, or of its rod where that is thicker.
     pub fn radius(&self) -> f64 {
         self.robot.flagellum.helix_radius_m.max(self.robot.flagellum.rod_radius_m)

@@ -49,7 +49,7 @@ impl StepProblem<'_> {
         let mut moment = V3::zeros();
         for k in 0..2 {
             moment += flagella[k].fluid_load(&model.rods[k], &shafts[k], &motion[k]).moment;
-            if model.robot.base.flagella_weight_on_base {
+            if model.weight_on_base() {
                 moment += model.weight(k, &flagella[k].shape.nodes, &shafts[k], model.down(body)).moment;
             }
         }

@@ -59,7 +59,7 @@ pub struct StepReport {
     pub head: Load,
     /// Loads of contact on the clamps, body axes.
     pub contact: [Load; 2],
-    /// Net weight of the flagella, body axes.
+    /// Net weight of the flagella, body axes at the base's attitude.
     pub weight: [Load; 2],
     /// Rate of change of the base's angular momentum less all moments on it, N m: the iteration's error.
     pub moment_error: f64,

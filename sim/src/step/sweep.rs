@@ -71,6 +71,8 @@ impl Sweeps {
             }
             let contact = !self.contacts.pairs.is_empty();
             let before = (contact || sweep > 0).then(|| self.unknowns(body));
+            // The residual of this sweep sees the change.
+            let flow_change = if sweep > 0 { self.update_surroundings(problem, &body.body) } else { 0.0 };
             let motion = problem.kinematics(body.body.rate);
 
             let residual = self.sweep_rods(problem, &motion, body, convergence.twist_lever());
@@ -82,7 +84,7 @@ impl Sweeps {
                 false => ContactChange::default(),
             };
             let contact_motion = change.motion * motion[0].kappa.max(motion[1].kappa);
-            let errors = SweepErrors { residual, contact_motion, gap: change.gap_error };
+            let errors = SweepErrors { residual, contact_motion, friction: change.friction, gap: change.gap_error };
 
             let converged = convergence.rods_converged(sweep, &errors);
             let accelerated = match before {
@@ -92,7 +94,6 @@ impl Sweeps {
             if contact || accelerated {
                 self.update_forces(problem, body);
             }
-            let flow_change = self.update_surroundings(problem, &body.body);
             let rate_change = if problem.model.two_way() { self.sweep_base(problem, body)? } else { 0.0 };
 
             match convergence.judge(sweep, errors, Changes { rate: rate_change, flow: flow_change }) {

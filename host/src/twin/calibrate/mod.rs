@@ -189,7 +189,7 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
         simulations.fetch_add(count, std::sync::atomic::Ordering::Relaxed);
         progress();
     };
-    let parameters = phase::determined(&request.parameters, &trials)?;
+    let parameters = phase::with_both(&request.parameters, &trials)?;
     let parameters = parameters.as_slice();
     let whiteners = whiteners(&trials, [Correlated::guess(); 3])?;
     let unmoved = || vec![0.0; parameters.len()];

@@ -26,7 +26,7 @@ pub enum Parameter {
 }
 
 impl Parameter {
-    /// All parameters that can be requested. [`Self::Phase`] stands for both phases, as far as the trials determine them.
+    /// All parameters that can be requested; [`Self::Phase`] stands for both phases.
     pub const ALL: [Self; 7] =
         [Self::Tether, Self::Righting, Self::Drag, Self::Viscosity, Self::Young, Self::MountYaw, Self::Phase];
 

@@ -1,10 +1,10 @@
-//! The phases of the flagella: which of them the trials determine, and where their fit starts.
+//! The phases of the flagella: when they can be fitted, and where their fit starts.
 //!
 //! The encoders count from where the flagella stood when the board started, so the angles of the helices are known but for
 //! a constant each. The steady state of a trial at a simple ratio of speeds depends on one combination of them
 //! ([`sim::phase`]), and as an angle: least squares would end in the next minimum. So each trial is simulated at phases
 //! around the turn first. Trials of one ratio tell the angle that it keeps; the other one shows only in how the motion
-//! starts, and is the best of those around the turn.
+//! starts.
 
 use super::data::FitTrial;
 use super::problem::Problem;
@@ -17,35 +17,26 @@ use std::collections::BTreeSet;
 /// Phases of a turn at which each trial is simulated.
 const STEPS: i32 = 12;
 
-/// Returns the parameters with [`Parameter::Phase`] replaced by the phases that the trials determine.
+/// Returns the parameters with both phases in place of [`Parameter::Phase`].
 ///
 /// # Errors
-/// [`TwinError::Fit`] if no trial depends on the phases, or if the trials have different ones.
-pub(super) fn determined(requested: &[Parameter], trials: &[FitTrial]) -> Result<Vec<Parameter>, TwinError> {
+/// [`TwinError::Fit`] if no steady state depends on the phases, or if the trials have different ones.
+pub(super) fn with_both(requested: &[Parameter], trials: &[FitTrial]) -> Result<Vec<Parameter>, TwinError> {
     if !requested.contains(&Parameter::Phase) {
         return Ok(requested.to_vec());
     }
-    let ratios: Vec<Ratio> = trials.iter().filter_map(|trial| trial.ratio).collect();
-    let Some(Ratio { turns: [p, q] }) = ratios.first() else {
+    if trials.iter().all(|trial| trial.ratio.is_none()) {
         let help = "add trials at equal speeds, or with a flagellum that stands";
         return Err(failed("the phase of the flagella does not matter at the speeds of these trials", help));
-    };
+    }
     let starts: BTreeSet<_> = trials.iter().map(|trial| trial.board_start).collect();
     if starts.len() > 1 {
         let reason =
             format!("the logs come from {} starts of the board, from which the encoders count anew", starts.len());
         return Err(failed(&reason, "fit the phase to the logs of one start; `biflag info LOG` shows the start"));
     }
-    let is_common = |ratio: &Ratio| ratio.turns[0] == 0;
-    let is_other = |ratio: &Ratio| ratio.turns[0] * q != ratio.turns[1] * p;
-    let mut parameters: Vec<_> = requested.iter().copied().filter(|parameter| !parameter.is_phase()).collect();
-    if !ratios.iter().all(is_common) {
-        parameters.push(Parameter::Phase);
-    }
-    if ratios.iter().all(is_common) || ratios.iter().any(is_other) {
-        parameters.push(Parameter::PhaseBoth);
-    }
-    Ok(parameters)
+    let others = requested.iter().copied().filter(|parameter| !parameter.is_phase());
+    Ok(others.chain([Parameter::Phase, Parameter::PhaseBoth]).collect())
 }
 
 /// Returns a note if trials of a rig depend on phases that are neither known nor fitted.
@@ -61,9 +52,7 @@ pub(super) fn unknown(trials: &[FitTrial], start: &Robot, parameters: &[Paramete
 /// Returns the start of a problem with the phases, of those around the turn, at which its trials fit best; `None` if no
 /// phase is fitted.
 pub(super) fn nearest(problem: &Problem) -> Option<Robot> {
-    let has = |parameter| problem.parameters.contains(&parameter);
-    let (between, both) = (has(Parameter::Phase), has(Parameter::PhaseBoth));
-    if !between && !both {
+    if !problem.parameters.contains(&Parameter::Phase) {
         return None;
     }
     let trials: Vec<(usize, Ratio)> =
@@ -73,16 +62,16 @@ pub(super) fn nearest(problem: &Problem) -> Option<Robot> {
         (0..STEPS).into_par_iter().map(at).collect()
     };
     let misfits: Vec<Vec<f64>> = trials.par_iter().map(misfits).collect();
-    let all = |steps: i32| if steps == 0 { 0..1 } else { 0..STEPS };
-    let grid = all(i32::from(both)).flat_map(|one| all(i32::from(between)).map(move |more| [one, one + more]));
     let steady = |[one, two]: &[i32; 2]| -> f64 {
         let kept = |ratio: &Ratio| (ratio.turns[1] * one - ratio.turns[0] * two).rem_euclid(STEPS);
         trials.iter().zip(&misfits).map(|((_, ratio), misfit)| misfit[kept(ratio) as usize]).sum()
     };
+    let grid = (0..STEPS).flat_map(|one| (0..STEPS).map(move |two| [one, two]));
     let [one, two] = grid.min_by(|a, b| steady(a).total_cmp(&steady(b)))?;
+    // The motors make these turns while the angle that the only ratio keeps is the same.
     let (_, Ratio { turns: [p, q] }) = trials.first()?;
-    // The motors make these turns while the angle that the ratio keeps is the same.
-    let later = if between && both { 0..1 } else { 0..STEPS };
+    let is_only = trials.iter().all(|(_, ratio)| ratio.turns[0] * q == ratio.turns[1] * p);
+    let later = if is_only { 0..STEPS } else { 0..1 };
     let starts: Vec<Robot> =
         later.map(|step| turned(problem.start, [one + p * step, two + q * step].map(f64::from))).collect();
     let total = |robot: &Robot| (0..problem.trials.len()).map(|i| problem.misfit(i, robot)).sum::<f64>();

@@ -1,0 +1,98 @@
+//! `biflag resistance`: prints the resistance matrix of the rigid robot.
+
+use super::{Answer, Outcome, WRONG_USE};
+use crate::plan::robot;
+use serde::Serialize;
+use sim::params::Robot;
+use sim::resistance::{Resistance, parts, resistance};
+use std::f64::consts::PI;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Print what it takes to move the robot's rigid parts through the fluid, at rest: a resistance matrix.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:\n  \
+    biflag resistance --phase 0,90\n  \
+    biflag resistance --robot published --json\n\
+    The parts are the base and each flagellum, rigid; head and tank are included. `matrix` has six rows and columns a part,\n\
+    force and then moment, velocity and then angular velocity, in SI units and body axes: what each part exerts on the\n\
+    fluid when each moves. The base moves about the joint, a flagellum about the foot of its shaft.")]
+pub struct Args {
+    /// The robot file, `physical` or `published`.
+    #[arg(long, value_name = "FILE|NAME", default_value = robot::PHYSICAL)]
+    robot: PathBuf,
+    /// Angles of motors 1 and 2 in degrees; write `--phase=-90,0` if the first is negative.
+    #[arg(long, value_name = "DEG,DEG", value_parser = phase, allow_hyphen_values = true, default_value = "0,0")]
+    phase: Phase,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Phase([f64; 2]);
+
+fn phase(text: &str) -> Result<Phase, String> {
+    let one = |text: &str| match text.trim().parse::<f64>() {
+        Ok(degrees) if degrees.is_finite() => Ok(degrees),
+        _ => Err(format!("{text:?} is not an angle")),
+    };
+    let (first, second) = text.split_once(',').ok_or("give two angles in degrees, such as 0,90")?;
+    Ok(Phase([one(first)?, one(second)?]))
+}
+
+#[derive(Serialize)]
+struct Printed<'a> {
+    robot: &'a str,
+    phase_deg: [f64; 2],
+    parts: Vec<String>,
+    matrix: Vec<Vec<f64>>,
+    reciprocity_error: f64,
+}
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    let file = robot::load(&args.robot)?;
+    let robot = file.parse()?;
+    let Phase(phase_deg) = args.phase;
+    let found = resistance(&robot, &phase_deg.map(f64::to_radians)).map_err(|error| {
+        miette::miette!(code = WRONG_USE, help = "correct the robot file", "{}: {error}", file.name)
+    })?;
+    let matrix: Vec<Vec<f64>> = found.matrix.row_iter().map(|row| row.iter().copied().collect()).collect();
+    let parts = parts(phase_deg.len());
+    let text = describe(&file.name, &robot, phase_deg, &parts, &found);
+    let reciprocity_error = found.reciprocity_error;
+    Answer::new(Outcome::Done, &Printed { robot: &file.name, phase_deg, parts, matrix, reciprocity_error }, text)
+}
+
+fn describe(name: &str, robot: &Robot, phase_deg: [f64; 2], parts: &[String], found: &Resistance) -> String {
+    let matrix = &found.matrix;
+    let rate = PI / 30.0;
+    let [first, second] = phase_deg;
+    let tank = if robot.tank.is_some() { ", in its tank" } else { "" };
+    let mut text = format!("robot {name} at phases {first}, {second} deg{tank}\n\n");
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        text,
+        "{:<12} {:>10} {:>13} {:>15} {:>14}",
+        "turned alone", "thrust mN", "torque mN m", "on the base mN", "drag N s/m"
+    );
+    for (k, part) in parts.iter().enumerate().skip(1) {
+        // Of the fluid on the part: against what the part exerts. A flagellum turns about its shaft.
+        let (z, turn) = (6 * k + 2, 6 * k + 5);
+        let on_fluid = |row: usize| matrix[(row, turn)] * rate * 1e3;
+        let _ = writeln!(
+            text,
+            "{part:<12} {:>10.5} {:>13.6} {:>15.5} {:>14.5}",
+            -on_fluid(z),
+            -on_fluid(turn),
+            -on_fluid(2),
+            matrix[(z, z)]
+        );
+    }
+    let about = [3, 4, 5].map(|row| matrix[(row, row)]);
+    let _ = writeln!(
+        text,
+        "\nbase about the joint: {:.3e}, {:.3e}, {:.3e} N m s about x, y, z",
+        about[0], about[1], about[2]
+    );
+    text += "thrust, torque and the force on the base along z at 1 rpm about +z, the other parts held; drag along z\n";
+    text += &format!("reciprocity error {:.1e}, before the matrix was made symmetric", found.reciprocity_error);
+    text
+}
