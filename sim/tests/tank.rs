@@ -73,6 +73,8 @@ fn momentum_closes_at_every_step() {
     let mut robot = in_a_corner();
     robot.flagellum.density_kg_m3 = robot.fluid.density_kg_m3;
     robot.joint.tether_full_nm_per_rad = 0.0;
+    // So light that a difference of two rates is enough for its inertia.
+    robot.base.inertia_kg_m2 = [1e-8; 3];
     robot.solver.tolerance = 2e-3;
     let inertia = V3::from(robot.base.inertia_kg_m2);
     let (mut force_error, mut moment_error, mut base_error) = (0f64, 0f64, 0f64);
@@ -127,15 +129,23 @@ fn stiff_flagella_have_the_resistance_of_rigid_ones() {
     }
     let load = -(&rigid.matrix * motion);
     let part = |row: usize| load.fixed_rows::<3>(row).into_owned();
+    // The matrix is symmetric by force: that is the size of what may differ.
+    let matrix = &rigid.matrix;
+    let scale = |row: usize| {
+        (0..2)
+            .map(|k| (matrix[(row, row)] * matrix[(6 * k + 11, 6 * k + 11)]).sqrt() * motors[k].speed.abs())
+            .sum::<f64>()
+    };
     for (k, fluid) in report.fluid.iter().enumerate() {
-        let error = (fluid.force - part(6 * (k + 1))).norm() / part(6).norm();
-        prove(&format!("tank, stiff flagellum {}: force against the rigid robot's", k + 1), error, 0.02);
-        let torque = part(6 * (k + 1) + 3).z;
+        let row = 6 * (k + 1);
+        let error = (fluid.force - part(row)).amax() / scale(row);
+        prove(&format!("tank, stiff flagellum {}: force against the rigid robot's", k + 1), error, 0.01);
+        let torque = part(row + 3).z;
         let error = (fluid.axial_torque / torque - 1.0).abs();
         prove(&format!("tank, stiff flagellum {}: torque against the rigid robot's", k + 1), error, 0.02);
     }
-    let error = (report.head.force - part(0)).norm() / part(0).norm();
-    prove("tank, stiff flagella: force on the head against the rigid robot's", error, 0.02);
+    let error = (report.head.force - part(0)).amax() / scale(0);
+    prove("tank, stiff flagella: force on the head against the rigid robot's", error, 0.01);
 }
 
 #[test]

@@ -9,7 +9,7 @@
 use super::head::stokeslet;
 use super::walls::{Plane, Walls};
 use crate::V3;
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::{DMatrix, DVector, Matrix3};
 
 /// Points on all walls, at most.
 const POINTS: f64 = 250.0;
@@ -31,6 +31,8 @@ pub struct Reflections {
     half: V3,
     /// Coefficients of the flow for those of the forces, three for each monomial.
     matrix: DMatrix<f64>,
+    /// Monomials at the points, one point after the other.
+    values: Vec<f64>,
 }
 
 impl Reflections {
@@ -84,7 +86,12 @@ impl Reflections {
         let strengths = normal.cholesky()?.solve(&behind.tr_mul(&slip));
         let between = blocks(&samples, &sources, &flow) * strengths * -1.0;
 
-        let mut fitted = Self { centre: middle, half: (robot[1] - robot[0]) * 0.5, matrix: DMatrix::zeros(0, 0) };
+        let mut fitted = Self {
+            centre: middle,
+            half: (robot[1] - robot[0]) * 0.5,
+            matrix: DMatrix::zeros(0, 0),
+            values: Vec::new(),
+        };
         let count = monomials(V3::zeros()).count();
         let values = DMatrix::from_row_iterator(
             samples.len(),
@@ -98,19 +105,31 @@ impl Reflections {
         Some(fitted)
     }
 
-    /// Adds the flow of forces (N) at some points to the flow there, without the factor 1/(8 pi mu): N/m.
-    pub fn add_flow(&self, points: &[V3], forces: &[V3], flow: &mut [V3]) {
-        let mut moments = nalgebra::DVector::zeros(self.matrix.nrows());
-        for (x, f) in points.iter().zip(forces) {
-            for (k, value) in monomials(self.scaled(*x)).enumerate() {
-                let mut moment = moments.fixed_rows_mut::<3>(3 * k);
-                moment += f * value;
+    /// Sets the points where forces act and the flow is wanted, m.
+    pub fn set_points(&mut self, points: &[V3]) {
+        self.values.clear();
+        for x in points {
+            self.values.extend(monomials(self.scaled(*x)));
+        }
+    }
+
+    /// Adds the flow of forces (N) at the points to the flow there, without the factor 1/(8 pi mu): N/m.
+    pub fn add_flow(&self, forces: &[V3], flow: &mut [V3]) {
+        let count = self.matrix.nrows() / 3;
+        let mut moments = DVector::zeros(3 * count);
+        for (values, f) in self.values.chunks_exact(count).zip(forces) {
+            for (moment, value) in moments.as_mut_slice().chunks_exact_mut(3).zip(values) {
+                for a in 0..3 {
+                    moment[a] += f[a] * value;
+                }
             }
         }
         let coefficients = &self.matrix * moments;
-        for (x, u) in points.iter().zip(flow) {
-            for (k, value) in monomials(self.scaled(*x)).enumerate() {
-                *u += coefficients.fixed_rows::<3>(3 * k) * value;
+        for (values, u) in self.values.chunks_exact(count).zip(flow) {
+            for (coefficient, value) in coefficients.as_slice().chunks_exact(3).zip(values) {
+                for a in 0..3 {
+                    u[a] += coefficient[a] * value;
+                }
             }
         }
     }

@@ -25,8 +25,8 @@ use std::ops::Range;
 /// Length of a group of edges over its distance from the head, at most, unless it is a single edge.
 const GROUP_LENGTH: f64 = 0.25;
 
-/// Change of the head's forces, relative, below which they agree with the images of all forces.
-const AGREED: f64 = 1e-4;
+/// Change of the head's forces, relative, below which they agree with the images of all forces, in tolerances of the solver.
+const AGREED: f64 = 0.05;
 /// Exchanges between the head's forces and the images in a sweep, at most: each leaves the share of the head's width in the
 /// distance of the walls.
 const EXCHANGES: u32 = 10;
@@ -55,6 +55,8 @@ pub struct Surroundings {
     flow: Vec<V3>,
     epsilon: f64,
     factor: f64,
+    /// [`AGREED`], of the robot's tolerance.
+    agreed: f64,
 }
 
 /// The head and what changes about it.
@@ -101,6 +103,7 @@ impl Surroundings {
             targets: Targets::new(count, precision),
             nodes: vec![V3::zeros(); count],
             flow: vec![V3::zeros(); count],
+            agreed: AGREED * robot.solver.tolerance,
             epsilon: robot.epsilon(),
             factor: stokeslet_factor(robot.fluid.viscosity()),
         }
@@ -146,9 +149,10 @@ impl Surroundings {
                 }
                 Some(tank) => {
                     // Until they agree: a flow that depended on earlier sweeps would spoil their acceleration.
+                    tank.set_flagella(lines, &body.attitude);
                     for _ in 0..EXCHANGES {
-                        tank.update(lines, &head.forces, &body.attitude);
-                        if head.respond(tank.at_head(), body.rate, self.factor) < AGREED {
+                        tank.respond(&head.forces, &body.attitude);
+                        if head.respond(tank.at_head(), body.rate, self.factor) < self.agreed {
                             break;
                         }
                     }

@@ -41,6 +41,8 @@ pub struct TankFlow {
     assembled: Vec<V3>,
     /// Distance of the nearest wall or surface, m.
     clearance: f64,
+    /// Forces of the flagella's coarse points, body axes, N.
+    of_flagella: Vec<V3>,
     forces: Vec<V3>,
     /// World axes in, body axes out.
     coarse_flow: Vec<V3>,
@@ -86,6 +88,7 @@ impl TankFlow {
             points: Vec::new(),
             assembled: Vec::new(),
             clearance: 0.0,
+            of_flagella: Vec::new(),
             forces: Vec::new(),
             coarse_flow: Vec::new(),
             images: Images::default(),
@@ -122,32 +125,48 @@ impl TankFlow {
     /// Updates the flow for the densities of the flagella and the forces of the head's points, three numbers each (N, body
     /// axes).
     pub fn update(&mut self, lines: &[Line], head_forces: &[f64], attitude: &UnitQuaternion<f64>) {
+        self.set_flagella(lines, attitude);
+        self.respond(head_forces, attitude);
+    }
+
+    /// Sets shapes and densities of the flagella.
+    pub fn set_flagella(&mut self, lines: &[Line], attitude: &UnitQuaternion<f64>) {
         self.place(lines, attitude);
         let bound = MOVED * self.clearance;
         if self.points.iter().zip(&self.assembled).any(|(x, y)| (x - y).norm() > bound) {
             self.assemble();
         }
-        self.forces.clear();
-        self.forces.resize(self.points.len(), V3::zeros());
-        let mut rest = self.forces.as_mut_slice();
-        for (flagellum, line) in self.flagella.iter().zip(lines) {
-            let (own, others) = rest.split_at_mut(flagellum.picks.len());
-            flagellum.coarse.gather(|i| line.density[i] * flagellum.nodal_length[i], own);
-            rest = others;
+        if let Some(reflections) = &mut self.reflections {
+            reflections.set_points(&self.points);
         }
-        self.head.coarse.gather(|i| V3::from_column_slice(&head_forces[3 * i..3 * i + 3]), rest);
+        self.of_flagella.clear();
+        for (flagellum, line) in self.flagella.iter().zip(lines) {
+            let start = self.of_flagella.len();
+            self.of_flagella.resize(start + flagellum.picks.len(), V3::zeros());
+            let own = &mut self.of_flagella[start..];
+            flagellum.coarse.gather(|i| line.density[i] * flagellum.nodal_length[i], own);
+        }
+    }
+
+    /// Updates the flow for these forces of the head's points.
+    pub fn respond(&mut self, head_forces: &[f64], attitude: &UnitQuaternion<f64>) {
+        self.forces.clone_from(&self.of_flagella);
+        self.forces.resize(self.points.len(), V3::zeros());
+        let own = &mut self.forces[self.of_flagella.len()..];
+        self.head.coarse.gather(|i| V3::from_column_slice(&head_forces[3 * i..3 * i + 3]), own);
+        let (to_world, to_body) = (attitude.to_rotation_matrix(), attitude.inverse().to_rotation_matrix());
         for force in &mut self.forces {
-            *force = attitude * *force;
+            *force = to_world * *force;
         }
         self.images.multiply(&self.forces);
 
         self.coarse_flow.clear();
         self.coarse_flow.extend((0..self.points.len()).map(|i| self.images.flow(i)));
         if let Some(reflections) = &self.reflections {
-            reflections.add_flow(&self.points, &self.forces, &mut self.coarse_flow);
+            reflections.add_flow(&self.forces, &mut self.coarse_flow);
         }
         for flow in &mut self.coarse_flow {
-            *flow = attitude.inverse_transform_vector(flow) * self.factor;
+            *flow = to_body * *flow * self.factor;
         }
 
         self.flow.fill(V3::zeros());
