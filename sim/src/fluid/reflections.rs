@@ -78,12 +78,14 @@ impl Reflections {
             matrix
         };
         let behind = blocks(&points, &sources, &flow);
-        let mut normal = behind.tr_mul(&behind);
+        // The library's product with a transpose is far slower than this.
+        let across = behind.transpose();
+        let mut normal = &across * &behind;
         let damping = DAMPING * normal.trace() / normal.nrows() as f64;
         normal += DMatrix::identity(normal.nrows(), normal.nrows()) * damping;
         let samples = grid(robot);
         let slip = blocks(&points, &samples, &|x, y| stokeslet(x - y, 0.0) + walls.tensor(x, y, 0.0));
-        let strengths = normal.cholesky()?.solve(&behind.tr_mul(&slip));
+        let strengths = normal.cholesky()?.solve(&(across * slip));
         let between = blocks(&samples, &sources, &flow) * strengths * -1.0;
 
         let mut fitted = Self {
@@ -92,12 +94,9 @@ impl Reflections {
             matrix: DMatrix::zeros(0, 0),
             values: Vec::new(),
         };
-        let count = monomials(V3::zeros()).count();
-        let values = DMatrix::from_row_iterator(
-            samples.len(),
-            count,
-            samples.iter().flat_map(|x| monomials(fitted.scaled(*x)).collect::<Vec<f64>>()),
-        );
+        fitted.set_points(&samples);
+        let values = std::mem::take(&mut fitted.values);
+        let values = DMatrix::from_row_slice(samples.len(), values.len() / samples.len(), &values);
         let fit = values.pseudo_inverse(1e-12).ok()?.kronecker(&Matrix3::identity());
         let matrix = &fit * between * fit.transpose();
         // The exact flow is reciprocal.
@@ -109,7 +108,8 @@ impl Reflections {
     pub fn set_points(&mut self, points: &[V3]) {
         self.values.clear();
         for x in points {
-            self.values.extend(monomials(self.scaled(*x)));
+            let scaled = self.scaled(*x);
+            push_monomials(scaled, &mut self.values);
         }
     }
 
@@ -139,12 +139,21 @@ impl Reflections {
     }
 }
 
-/// Returns the monomials of a total degree up to [`DEGREE`].
-fn monomials(x: V3) -> impl Iterator<Item = f64> {
-    let powers = x.map(|v| std::array::from_fn::<f64, { DEGREE + 1 }, _>(|p| v.powi(p as i32)));
-    (0..=DEGREE).flat_map(move |a| {
-        (0..=DEGREE - a).flat_map(move |b| (0..=DEGREE - a - b).map(move |c| powers.x[a] * powers.y[b] * powers.z[c]))
-    })
+/// Adds the monomials of a total degree up to [`DEGREE`] to a list.
+fn push_monomials(x: V3, out: &mut Vec<f64>) {
+    let mut first = 1.0;
+    for a in 0..=DEGREE {
+        let mut second = first;
+        for b in 0..=DEGREE - a {
+            let mut third = second;
+            for _ in 0..=DEGREE - a - b {
+                out.push(third);
+                third *= x.z;
+            }
+            second *= x.y;
+        }
+        first *= x.x;
+    }
 }
 
 /// Returns the points of a grid in a box, nearer to each other at its sides.
