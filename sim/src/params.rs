@@ -255,10 +255,11 @@ impl Fluid {
 #[serde(default, deny_unknown_fields)]
 pub struct Joint {
     /// Tether stiffness K of the energy K tau^2/2 in N m/rad for the `full` closure, see [`crate::body::joint`].
-    /// Calibrated once, so that |yaw| is 180 degrees at (90, 90) rpm after 120 s (`physical`: 5.185e-4, `published`:
-    /// 3.599e-4); nothing else is fitted. Zero: the robot spins on.
+    /// Calibrated once, so that |yaw| is 180 degrees at (90, 90) rpm after 120 s: its mean over starting phases with
+    /// `physical` (5.006e-4; `cargo run --release -p sim --example tether -- physical 8`), its value for flagella that start
+    /// alike with `published` (3.599e-4). Nothing else is fitted. Zero: the robot spins on.
     pub tether_full_nm_per_rad: f64,
-    /// The same for the `lumped` closure (`physical`: 5.241e-4, `published`: 3.645e-4).
+    /// The same for the `lumped` closure (`physical`: 5.100e-4, `published`: 3.645e-4).
     pub tether_lumped_nm_per_rad: f64,
     /// Viscous friction of the joint in N m s (0).
     pub viscous_nms: f64,
@@ -268,7 +269,7 @@ pub struct Joint {
 
 impl Default for Joint {
     fn default() -> Self {
-        Self { tether_full_nm_per_rad: 5.185e-4, tether_lumped_nm_per_rad: 5.241e-4, viscous_nms: 0.0, coulomb_nm: 0.0 }
+        Self { tether_full_nm_per_rad: 5.006e-4, tether_lumped_nm_per_rad: 5.100e-4, viscous_nms: 0.0, coulomb_nm: 0.0 }
     }
 }
 

@@ -17,7 +17,7 @@ use crate::state::{Past, State};
 /// Checks a solved step.
 ///
 /// # Errors
-/// [`StepFailure::Diverged`] and [`StepFailure::PassedThrough`].
+/// [`StepFailure::Diverged`], [`StepFailure::PassedThrough`] and [`StepFailure::TouchesTank`].
 pub fn check(sweeps: &mut Sweeps, problem: &StepProblem, body: &BodySolve) -> Result<(), StepFailure> {
     let (model, step) = (problem.model, problem.step);
     if !sweeps.flagella.iter().all(|f| f.shape.is_finite()) || !body.is_finite() {
@@ -30,6 +30,9 @@ pub fn check(sweeps: &mut Sweeps, problem: &StepProblem, body: &BodySolve) -> Re
         if sweeps.contacts.passed_through(&before, problem.state, radius) {
             return Err(StepFailure::PassedThrough);
         }
+    }
+    if sweeps.touch_tank(problem, &body.body) {
+        return Err(StepFailure::TouchesTank);
     }
     Ok(())
 }

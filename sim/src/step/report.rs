@@ -31,6 +31,9 @@ pub enum StepFailure {
         /// Its bound, m.
         allowed: f64,
     },
+    /// The robot touches the tank, or is beyond its walls.
+    #[error("the robot touches a wall or the surface of the tank")]
+    TouchesTank,
     /// The frozen inverse does not exist.
     #[error("the rod's equations are singular")]
     Singular,
