@@ -254,11 +254,12 @@ impl Fluid {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Joint {
-    /// Tether stiffness K of the energy K psi^2/2 in N m/rad for the `full` closure, see [`crate::body::joint`].
-    /// Calibrated once, so that |yaw| is 180 degrees at (90, 90) rpm after 120 s (`physical`: 5.185e-4, `published`:
-    /// 3.599e-4); nothing else is fitted. Zero: the robot spins on.
+    /// Tether stiffness K of the energy K tau^2/2 in N m/rad for the `full` closure, see [`crate::body::joint`].
+    /// Calibrated once, so that |yaw| is 180 degrees at (90, 90) rpm after 120 s: its mean over starting phases with
+    /// `physical` (5.006e-4; `cargo run --release -p sim --example tether -- physical 8`), its value for flagella that start
+    /// alike with `published` (3.599e-4). Nothing else is fitted. Zero: the robot spins on.
     pub tether_full_nm_per_rad: f64,
-    /// The same for the `lumped` closure (`physical`: 5.241e-4, `published`: 3.645e-4).
+    /// The same for the `lumped` closure (`physical`: 5.100e-4, `published`: 3.645e-4).
     pub tether_lumped_nm_per_rad: f64,
     /// Viscous friction of the joint in N m s (0).
     pub viscous_nms: f64,
@@ -268,7 +269,7 @@ pub struct Joint {
 
 impl Default for Joint {
     fn default() -> Self {
-        Self { tether_full_nm_per_rad: 5.185e-4, tether_lumped_nm_per_rad: 5.241e-4, viscous_nms: 0.0, coulomb_nm: 0.0 }
+        Self { tether_full_nm_per_rad: 5.006e-4, tether_lumped_nm_per_rad: 5.100e-4, viscous_nms: 0.0, coulomb_nm: 0.0 }
     }
 }
 
@@ -308,19 +309,20 @@ impl Default for Contact {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverSettings {
-    /// Angle that the faster motor turns in a step, or that the motors turn against each other where that is more, in rad
-    /// (0.3: steady angles within 0.1 degrees; 0.75 is a fast scan with mean forces within 1 %, above 1.1 steps fail).
+    /// Estimated error of a step, over the radius of the helix, above which steps become shorter (7e-4):
+    /// displacement of the flagella against the fluid, root mean square. [`crate::step::StepControl`] has the errors of
+    /// means that it gives.
+    pub step_error: f64,
+    /// Longest step in rad (0.3): angle of the faster motor, or between the motors where that is more. Steps in free
+    /// fluid have this length; longer ones need a third sweep and save nothing, above 1.1 they fail.
     pub step_rad: f64,
-    /// The same while rods are close (0.25), and a third of it where both flagella pull at their clamps and mesh;
-    /// [`crate::step::StepControl`] has the errors.
-    pub contact_step_rad: f64,
     /// Longest step in s (0.1).
     pub longest_step_s: f64,
     /// Velocity residual at which an iteration stops, before its last update, relative to the largest
-    /// speed of the helix (0.02). Mean forces have about a tenth of it as their error. It is four times as much
-    /// for meshing flagella.
+    /// speed of the helix (0.02). Mean forces have about a tenth of it as their error. In steps below
+    /// 0.13 rad, it is relative to what moves the helix as far in such a step.
     pub tolerance: f64,
-    /// Largest number of times that a step is halved before the trial stops with an error (8).
+    /// Largest number of times that the longest step is halved before the trial stops with an error (10).
     pub halvings: u32,
     /// Largest number of sweeps of a step (25).
     pub sweeps: u32,
@@ -335,11 +337,11 @@ pub struct SolverSettings {
 impl Default for SolverSettings {
     fn default() -> Self {
         Self {
+            step_error: 7e-4,
             step_rad: 0.3,
-            contact_step_rad: 0.25,
             longest_step_s: 0.1,
             tolerance: 0.02,
-            halvings: 8,
+            halvings: 10,
             sweeps: 25,
             near_edges: 2,
             gauss_points: 2,

@@ -157,7 +157,7 @@ fn coupled_mobility(robot: &Robot, flagella: &[Flagellum], head: Option<&RigidSu
 fn add_images(robot: &Robot, flagella: &[Flagellum], points: &[V3], mobility: &mut DMatrix<f64>) {
     let Some(tank) = &robot.tank else { return };
     let nodes: Vec<Vec<V3>> = flagella.iter().map(|f| f.nodes.clone()).collect();
-    let mut flow = TankFlow::new(robot, tank.boundaries(), &nodes, points);
+    let mut flow = TankFlow::new(robot, tank, &nodes, points);
     let mut lines: Vec<Line> =
         nodes.into_iter().map(|nodes| Line { density: vec![V3::zeros(); nodes.len()], nodes }).collect();
     let mut forces = vec![0.0; 3 * points.len()];

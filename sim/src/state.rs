@@ -7,6 +7,7 @@ use crate::V3;
 use crate::body::{Body, shaft::MotorState};
 use crate::contact::pairs::Pair;
 use crate::rod::{CLAMPED, Rod, frames::ReferenceFrames};
+use crate::step::Linearisation;
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
 
@@ -75,15 +76,19 @@ pub struct State {
     pub pairs: Vec<Pair>,
     /// Contact stiffness in N/m; it grows with the largest force so far.
     pub contact_stiffness: f64,
+    /// Shapes about which the equations of the rods are linearised.
+    pub linearisation: Linearisation,
 }
 
 impl State {
     /// Robot upright, flagella free of stress, all at rest, at time 0. `contact_stiffness` in N/m.
     pub fn at_rest(rods: &[Rod; 2], contact_stiffness: f64) -> Self {
-        let rod = |r: &Rod| RodState { shape: Shape::at_rest(r), frames: r.rest_frames.clone() };
+        let rods =
+            [0, 1].map(|k: usize| RodState { shape: Shape::at_rest(&rods[k]), frames: rods[k].rest_frames.clone() });
         Self {
             time: 0.0,
-            rods: [rod(&rods[0]), rod(&rods[1])],
+            linearisation: Linearisation::new(rods.clone()),
+            rods,
             motors: [MotorState::default(); 2],
             body: Body::default(),
             past: Vec::new(),

@@ -19,6 +19,7 @@ mod robot;
 mod rod;
 mod spin;
 mod surroundings;
+mod tank;
 mod walls;
 
 /// A file that is no module here would be no test.

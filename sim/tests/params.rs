@@ -30,7 +30,7 @@ fn a_regularisation_above_the_edge_length_is_possible() {
 #[test]
 fn impossible_values_name_their_key() {
     type Change = fn(&mut Robot);
-    let cases: [(&str, Change); 17] = [
+    let cases: [(&str, Change); 18] = [
         ("flagellum.rod_radius_m", |r| r.flagellum.rod_radius_m = -1e-3),
         ("flagellum.pitch_m", |r| r.flagellum.pitch_m = 5e-3),
         ("flagellum.helix_radius_m", |r| (r.flagellum.helix_radius_m, r.flagellum.pitch_m) = (0.001, 0.004)),
@@ -47,6 +47,7 @@ fn impossible_values_name_their_key() {
         ("head.length_m", |r| r.head.length_m = 1e-3),
         ("head.centre_m", |r| r.head.centre_m[1] = f64::INFINITY),
         ("solver.step_rad", |r| r.solver.step_rad = f64::INFINITY),
+        ("solver.step_error", |r| r.solver.step_error = 0.0),
         ("solver.gauss_points", |r| r.solver.gauss_points = 9),
     ];
     for (key, change) in cases {

@@ -120,7 +120,6 @@ fn contact_of_a_soft_close_pair() {
     let mut robot = robot(false);
     robot.flagellum.young_pa = 1e5;
     robot.base.motor_distance_m = 0.025;
-    robot.solver.contact_step_rad = 0.1;
     robot.solver.step_rad = 0.1;
     let shapes = first_nodes("der_contact_nodes.csv");
     let stiffness = robot.flagellum.stiffness();

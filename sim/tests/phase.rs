@@ -39,7 +39,7 @@ fn equal_speeds_keep_their_phase_and_it_decides_contact_and_thrust() {
     );
     prove("(90, 90) a quarter of a turn apart: time without contact", 1.0 - turned.contact_share, 0.5);
     prove("(90, 90) a quarter of a turn apart: thrust 1 over thrust 2", thrust(&turned, 0) / thrust(&turned, 1), 0.6);
-    prove("(90, 90) a quarter of a turn apart: pitch against 2.9 deg", (angles(&turned)[1] / 2.9 - 1.0).abs(), 0.05);
+    prove("(90, 90) a quarter of a turn apart: 2 deg over the pitch", 2.0 / angles(&turned)[1].abs(), 1.0);
 }
 
 #[test]

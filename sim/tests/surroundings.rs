@@ -113,7 +113,11 @@ fn moments_on_the_base_balance() {
         let body = &state.body;
         let up = body.attitude.inverse_transform_vector(&V3::z());
         let righting = robot.base.mass_kg * robot.base.gravity_m_s2 * robot.base.mass_centre_below_joint_m;
-        let mut moment = V3::z().cross(&up) * righting - up * (robot.joint.tether_full_nm_per_rad * body.yaw);
+        let mut moment = V3::z().cross(&up) * righting;
+        // The gradient of the twist of the tether; at yaws this small the twist needs no turns.
+        let q = body.attitude;
+        let twist = 2.0 * q.k.atan2(q.w);
+        moment -= (up + V3::z()) / (1.0 + up.z) * (robot.joint.tether_full_nm_per_rad * twist);
         moment += report.fluid[0].moment + report.fluid[1].moment + report.head.moment;
         moment -= inertia.component_mul(&((body.rate - before.1) / (state.time - before.0)));
         before = (state.time, body.rate);

@@ -31,8 +31,8 @@ impl ModelMeta {
 
     /// Returns the parameters in use with the meaning of this version.
     ///
-    /// Versions without a `[head]` table had a drag in its place, and `fluid.spin_drag` acted on changes of the spin only,
-    /// by default with a share of [`LEAST_SPIN_DRAG`], which every robot has now.
+    /// Versions without a `[head]` table had a drag in its place and a step of its own for contact, and `fluid.spin_drag`
+    /// acted on changes of the spin only, by default with a share of [`LEAST_SPIN_DRAG`], which every robot has now.
     pub fn current_parameters(&self) -> Cow<'_, str> {
         let Ok(mut table) = self.parameters.parse::<toml::Table>() else { return Cow::Borrowed(&self.parameters) };
         if self.parameters.is_empty() || table.contains_key("head") {
@@ -40,6 +40,9 @@ impl ModelMeta {
         }
         let head = toml::Table::from_iter([("shape".to_owned(), toml::Value::String("local".to_owned()))]);
         table.insert("head".to_owned(), toml::Value::Table(head));
+        if let Some(solver) = table.get_mut("solver").and_then(toml::Value::as_table_mut) {
+            solver.remove("contact_step_rad");
+        }
         let spin_drag = table.get_mut("fluid").and_then(|fluid| fluid.get_mut("spin_drag"));
         if let Some(share) = spin_drag
             && share.as_float() == Some(LEAST_SPIN_DRAG)
@@ -143,6 +146,7 @@ mod tests {
         let mut older = toml::Table::try_from(Robot::published()).unwrap();
         older.remove("head");
         older["fluid"]["spin_drag"] = toml::Value::Float(LEAST_SPIN_DRAG);
+        older["solver"].as_table_mut().unwrap().insert("contact_step_rad".to_owned(), toml::Value::Float(0.25));
         let meta = |parameters| ModelMeta { parameters, ..ModelMeta::default() };
         assert_eq!(meta(older.to_string()).robot(), Some(Robot::published()));
         for robot in [Robot::published(), Robot::default()] {

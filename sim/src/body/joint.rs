@@ -3,12 +3,14 @@
 //! Body axes, about the joint. M holds the righting moment r_com x m g, the tether, the joint's friction and the drag of
 //! the base; which of them count depends on the closure.
 //!
-//! The tether has the energy K psi^2/2 in the Euler yaw psi, unwrapped, and its moment is minus the energy's gradient. For
-//! an angular velocity w in body axes the yaw of the sequence z-y'-x'' changes by (w_y sin phi + w_z cos phi)/cos theta
-//! (Diebel 2006, *Representing Attitude*), so the moment is -K psi (0, sin phi, cos phi)/cos theta.
+//! The tether has the energy K tau^2/2 in its twist tau: the rotation about the vertical that is left when the base is put
+//! upright the shortest way, 2 atan2(q_z, q_w) and full turns. A cable that bends the same in all directions is twisted by
+//! it; the Euler yaw, which differs from it by half the product of pitch and roll, would prefer the x axis to the y axis.
+//! Its moment is minus the energy's gradient. For an angular velocity w in body axes the twist changes by
+//! w . (up + z_B)/(1 + up . z_B), with the vertical up (from dq/dt = q w/2).
 
 use super::Body;
-use super::attitude::euler_zyx;
+use super::attitude::{euler_zyx, unwrap};
 use super::closure::Closure;
 use crate::V3;
 use crate::fluid::head::RigidSurface;
@@ -33,15 +35,19 @@ pub struct RigidBase {
 /// Rate in rad/s below which Coulomb friction is smoothed: 0.01 degrees a second, far below any rate of a trial.
 const SLIP: f64 = 0.01 * PI / 180.0;
 
-/// Least cosine of the pitch in the yaw's gradient, which has no bound at a pitch of +-90 degrees: within 3 degrees of it
-/// the tether lets go.
-const LEAST_COSINE: f64 = 0.05;
+/// Least of 1 + up . z_B in the twist's gradient, which has no bound upside down: within 18 degrees of it the tether lets
+/// go.
+const LEAST_SUM: f64 = 0.05;
 
-/// Returns the gradient of the Euler yaw for rotations in body axes, (0, sin phi, cos phi)/cos theta. `up`: the vertical in
-/// body axes, (-sin theta, cos theta sin phi, cos theta cos phi).
-fn yaw_gradient(up: V3) -> V3 {
-    let across = V3::new(0.0, up.y, up.z);
-    across / across.norm_squared().max(LEAST_COSINE * LEAST_COSINE)
+/// Returns the twist of the tether, rad.
+fn twist(body: &Body) -> f64 {
+    let q = body.attitude.into_inner();
+    unwrap(2.0 * q.k.atan2(q.w), body.yaw)
+}
+
+/// Returns the gradient of the twist for rotations in body axes. `up`: the vertical in body axes.
+fn twist_gradient(up: V3) -> V3 {
+    (up + V3::z()) / (1.0 + up.z).max(LEAST_SUM)
 }
 
 impl RigidBase {
@@ -82,7 +88,7 @@ impl RigidBase {
         let up = body.attitude.inverse_transform_vector(&V3::z());
         // The mass centre hangs below the joint: r_com x m g.
         moment += V3::z().cross(&up) * self.righting;
-        moment -= yaw_gradient(up) * (self.tether * body.yaw);
+        moment -= twist_gradient(up) * (self.tether * twist(body));
         moment -= body.rate * self.viscous;
         moment -= body.rate * (self.coulomb / (body.rate.norm_squared() + SLIP * SLIP).sqrt());
         if self.closure == Closure::Lumped {
@@ -110,10 +116,10 @@ impl RigidBase {
         }
         let friction = (body.rate.norm_squared() + SLIP * SLIP).sqrt();
         s += Matrix3::identity() * (self.viscous + self.coulomb / friction);
-        // A rotation d moves `up` by up x d, and the yaw by its gradient times d.
+        // A rotation d moves `up` by up x d, and the twist by its gradient times d.
         s += (Matrix3::identity() * up.z - up * V3::z().transpose()) * (self.righting * h_eff);
-        let yaw = yaw_gradient(up);
-        s += yaw * yaw.transpose() * (self.tether * h_eff);
+        let gradient = twist_gradient(up);
+        s += gradient * gradient.transpose() * (self.tether * h_eff);
         if self.closure == Closure::Lumped {
             s += self.flagella_resistance;
         }
@@ -130,7 +136,7 @@ fn flagellum_righting(robot: &Robot) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::attitude::{rotated, unwrap};
+    use crate::body::attitude::rotated;
     use nalgebra::UnitQuaternion;
 
     #[test]
@@ -139,11 +145,15 @@ mod tests {
         robot.base.mass_centre_below_joint_m = 0.0;
         let base = RigidBase::new(&robot, Closure::Full, Matrix3::zeros(), None);
         let stiffness = robot.joint.tether_full_nm_per_rad;
-        for (yaw, pitch, roll) in [(0.4, 0.3, -0.5), (-2.9, -1.2, 2.0), (9.0, 1.5, 0.7), (-5.0, 0.0, 0.0)] {
+        for (yaw, pitch, roll) in [(0.4, 0.3, -0.5), (-2.9, -1.2, 0.9), (9.0, 1.5, 0.7), (-5.0, 0.0, 0.0)] {
             let attitude = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
             let energy = |change: V3| {
-                let psi = unwrap(euler_zyx(&rotated(&attitude, change))[0], yaw);
-                0.5 * stiffness * psi * psi
+                let attitude = rotated(&attitude, change);
+                // Put upright by the shortest way, about a horizontal axis, what is left is a rotation about the vertical.
+                let axis = attitude.transform_vector(&V3::z());
+                let upright = UnitQuaternion::rotation_between(&axis, &V3::z()).expect("not upside down") * attitude;
+                let tau = unwrap(euler_zyx(&upright)[0], yaw);
+                0.5 * stiffness * tau * tau
             };
             let moment = base.moment(&Body { attitude, rate: V3::zeros(), yaw });
             let h = 1e-5;
@@ -157,9 +167,9 @@ mod tests {
     }
 
     #[test]
-    fn the_tether_is_finite_at_a_pitch_of_90_degrees() {
+    fn the_tether_is_finite_upside_down() {
         let base = RigidBase::new(&Robot::published(), Closure::Full, Matrix3::zeros(), None);
-        let attitude = UnitQuaternion::from_axis_angle(&V3::y_axis(), 0.5 * PI);
+        let attitude = UnitQuaternion::from_axis_angle(&V3::y_axis(), PI);
         let moment = base.moment(&Body { attitude, rate: V3::zeros(), yaw: 3.0 });
         assert!(moment.norm() < 0.01, "{moment}");
     }

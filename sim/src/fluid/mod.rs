@@ -15,6 +15,7 @@ pub mod far;
 pub mod head;
 pub mod mobility;
 pub mod near;
+pub mod reflections;
 pub mod segment;
 pub mod surroundings;
 pub mod tank;

@@ -25,6 +25,12 @@ use std::ops::Range;
 /// Length of a group of edges over its distance from the head, at most, unless it is a single edge.
 const GROUP_LENGTH: f64 = 0.25;
 
+/// Change of the head's forces, relative, below which they agree with the images of all forces, in tolerances of the solver.
+const AGREED: f64 = 0.05;
+/// Exchanges between the head's forces and the images in a sweep, at most: each leaves the share of the head's width in the
+/// distance of the walls.
+const EXCHANGES: u32 = 10;
+
 /// A flagellum in the body frame, as the surroundings see it.
 #[derive(Clone, Debug, Default)]
 pub struct Line {
@@ -49,6 +55,8 @@ pub struct Surroundings {
     flow: Vec<V3>,
     epsilon: f64,
     factor: f64,
+    /// [`AGREED`], of the robot's tolerance.
+    agreed: f64,
 }
 
 /// The head and what changes about it.
@@ -62,6 +70,8 @@ struct HeadFlow {
     slip: Vec<f64>,
     /// Forces on the fluid, likewise.
     forces: Vec<f64>,
+    /// Those before.
+    before: Vec<f64>,
     sources: Sources,
     load: Load,
     /// Rate of the base at the last update, rad/s.
@@ -76,13 +86,14 @@ impl Surroundings {
         let points: &[V3] = head.map_or(&[], |h| &h.points);
         let groups = |line: &Vec<V3>| groups(line, points);
         Self {
-            tank: robot.tank.as_ref().map(|tank| TankFlow::new(robot, tank.boundaries(), at_rest, points)),
+            tank: robot.tank.as_ref().map(|tank| TankFlow::new(robot, tank, at_rest, points)),
             groups: at_rest.iter().map(groups).collect(),
             head: head.map(|surface| HeadFlow {
                 drag: surface.rotational_resistance(),
                 targets: Targets::new(surface.points.len(), precision),
                 slip: vec![0.0; 3 * surface.points.len()],
                 forces: vec![0.0; 3 * surface.points.len()],
+                before: vec![0.0; 3 * surface.points.len()],
                 sources: Sources::default(),
                 load: Load::default(),
                 rate: V3::zeros(),
@@ -92,6 +103,7 @@ impl Surroundings {
             targets: Targets::new(count, precision),
             nodes: vec![V3::zeros(); count],
             flow: vec![V3::zeros(); count],
+            agreed: AGREED * robot.solver.tolerance,
             epsilon: robot.epsilon(),
             factor: stokeslet_factor(robot.fluid.viscosity()),
         }
@@ -107,11 +119,15 @@ impl Surroundings {
         if let Some(tank) = &mut self.tank {
             tank.begin(lines, &body.attitude);
         }
-        self.update(lines, body);
-        if self.head.is_some() && self.tank.is_some() {
-            // The head's forces have not felt the images yet: a step that started from them would not forget it.
-            self.update(lines, body);
+        if let Some(head) = &mut self.head {
+            head.forces.fill(0.0);
         }
+        self.update(lines, body);
+    }
+
+    /// Returns whether flagella or head touch the tank.
+    pub fn touch_tank(&self, lines: &[Line], body: &Body) -> bool {
+        self.tank.as_ref().is_some_and(|tank| tank.is_touched(lines, &body.attitude))
     }
 
     /// Updates the head's forces and the flow at the flagella's nodes. Returns the largest change of the flow at a node, m/s.
@@ -124,14 +140,28 @@ impl Surroundings {
             start += line.nodes.len();
         }
         self.targets.set(&self.nodes);
-        if let Some(head) = &mut self.head {
-            let images = self.tank.as_ref().map_or(&[][..], TankFlow::at_head);
-            head.update(&self.sources, images, body.rate, self.epsilon, self.factor);
+        let Self { head, tank, .. } = self;
+        if let Some(head) = head {
+            head.set_flow(&self.sources, self.epsilon);
+            match tank {
+                None => {
+                    head.respond(&[], body.rate, self.factor);
+                }
+                Some(tank) => {
+                    // Until they agree: a flow that depended on earlier sweeps would spoil their acceleration.
+                    tank.set_flagella(lines, &body.attitude);
+                    for _ in 0..EXCHANGES {
+                        tank.respond(&head.forces, &body.attitude);
+                        if head.respond(tank.at_head(), body.rate, self.factor) < self.agreed {
+                            break;
+                        }
+                    }
+                }
+            }
             self.targets.add_flow(&head.sources, self.epsilon);
         }
-        if let Some(tank) = &mut self.tank {
-            let forces = self.head.as_ref().map_or(&[][..], |head| &head.forces);
-            tank.update(lines, forces, &body.attitude);
+        if let Some(tank) = tank {
+            tank.update(lines, head.as_ref().map_or(&[], |head| &head.forces), &body.attitude);
         }
         let images = self.tank.as_ref().map(TankFlow::flow);
         let mut change = 0f64;
@@ -164,12 +194,16 @@ impl Surroundings {
 }
 
 impl HeadFlow {
-    /// Updates the forces on the fluid in the flow of `flagella` and of the `images`, whose flow (m/s) at the head's points is
-    /// that of the last update, empty without a tank. `rate`: angular velocity of the base.
-    fn update(&mut self, flagella: &Sources, images: &[V3], rate: V3, epsilon: f64, factor: f64) {
-        let points = &self.surface.points;
-        self.targets.set(points);
+    /// Computes the flow of the flagella at the points.
+    fn set_flow(&mut self, flagella: &Sources, epsilon: f64) {
+        self.targets.set(&self.surface.points);
         self.targets.add_flow(flagella, epsilon);
+    }
+
+    /// Updates the forces on the fluid in the flow of the flagella and of the `images` (m/s at the points, empty without a tank).
+    /// `rate`: angular velocity of the base. Returns the change of the forces, relative.
+    fn respond(&mut self, images: &[V3], rate: V3, factor: f64) -> f64 {
+        let points = &self.surface.points;
         for (i, x) in points.iter().enumerate() {
             let mut slip = rate.cross(x) - self.targets.flow(i) * factor;
             if let Some(image) = images.get(i) {
@@ -177,6 +211,7 @@ impl HeadFlow {
             }
             self.slip[3 * i..3 * i + 3].copy_from_slice(slip.as_slice());
         }
+        std::mem::swap(&mut self.forces, &mut self.before);
         let columns = self.surface.resistance.as_slice();
         Arch::new().dispatch(Product { columns, vector: &self.slip, out: &mut self.forces });
         self.sources.clear();
@@ -188,6 +223,12 @@ impl HeadFlow {
             self.load.force -= force;
             self.load.moment -= x.cross(&force);
         }
+        let (mut change, mut size) = (0.0, f64::MIN_POSITIVE);
+        for (new, old) in self.forces.iter().zip(&self.before) {
+            change += (new - old).powi(2);
+            size += new * new;
+        }
+        (change / size).sqrt()
     }
 }
 

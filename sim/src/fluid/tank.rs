@@ -2,14 +2,16 @@
 //!
 //! Body axes in and out, world axes within, where the tank stands still. Images are at least twice as far away as the wall,
 //! and so smooth: they act between every few nodes of a flagellum and eight points of the head ([`super::coarse`]), the
-//! closer together the nearer a wall is. The matrix between these points is kept until they have moved.
+//! closer together the nearer a wall is. The matrix between these points is kept until they have moved. What
+//! the images in single walls leave out is a polynomial ([`super::reflections`]).
 
 use super::coarse::Coarse;
+use super::reflections::Reflections;
 use super::stokeslet_factor;
 use super::surroundings::Line;
 use super::walls::{Images, Walls};
 use crate::V3;
-use crate::params::Robot;
+use crate::params::{Robot, Tank};
 use nalgebra::UnitQuaternion;
 
 /// Length between coarse nodes over the distance of the nearest wall and over a turn of the helix, at most: errors are then
@@ -24,8 +26,11 @@ const MOVED: f64 = 2e-3;
 #[derive(Clone, Debug)]
 pub struct TankFlow {
     walls: Walls,
+    /// What the images in single walls leave out.
+    reflections: Option<Reflections>,
     epsilon: f64,
     factor: f64,
+    rod_radius: f64,
     /// A turn of the helix along its rod, m.
     turn: f64,
     flagella: Vec<CoarseNodes>,
@@ -36,7 +41,11 @@ pub struct TankFlow {
     assembled: Vec<V3>,
     /// Distance of the nearest wall or surface, m.
     clearance: f64,
+    /// Forces of the flagella's coarse points, body axes, N.
+    of_flagella: Vec<V3>,
     forces: Vec<V3>,
+    /// World axes in, body axes out.
+    coarse_flow: Vec<V3>,
     images: Images,
     flow: Vec<V3>,
 }
@@ -63,29 +72,34 @@ struct CoarseSurface {
 
 impl TankFlow {
     /// `at_rest`: nodes of the flagella in the body frame; `head`: points of the head's surface, none without a head; m.
-    pub fn new(robot: &Robot, walls: Walls, at_rest: &[Vec<V3>], head: &[V3]) -> Self {
+    pub fn new(robot: &Robot, tank: &Tank, at_rest: &[Vec<V3>], head: &[V3]) -> Self {
+        let walls = tank.boundaries();
         let helix = robot.flagellum.helix(0);
         let count = at_rest.iter().map(Vec::len).sum::<usize>() + head.len();
         Self {
+            reflections: Reflections::new(&walls, tank.space_of(robot)),
             walls,
             epsilon: robot.epsilon(),
             factor: stokeslet_factor(robot.fluid.viscosity()),
+            rod_radius: robot.flagellum.rod_radius_m,
             turn: helix.contour_length() * helix.pitch / helix.axial_length,
             flagella: at_rest.iter().map(|nodes| CoarseNodes::new(nodes)).collect(),
             head: CoarseSurface::new(head),
             points: Vec::new(),
             assembled: Vec::new(),
             clearance: 0.0,
+            of_flagella: Vec::new(),
             forces: Vec::new(),
+            coarse_flow: Vec::new(),
             images: Images::default(),
             flow: vec![V3::zeros(); count],
         }
     }
 
-    /// Chooses the coarse points for a step that starts from these shapes, computes their matrix and clears the flow.
+    /// Chooses the coarse points for a step that starts from these shapes, and computes their matrix.
     pub fn begin(&mut self, lines: &[Line], attitude: &UnitQuaternion<f64>) {
-        let nodes = lines.iter().flat_map(|line| &line.nodes).chain(&self.head.surface);
-        let clearance = nodes.map(|x| self.walls.clearance(attitude * x)).fold(f64::INFINITY, f64::min);
+        let [flagella, head] = self.clearances(lines, attitude);
+        let clearance = flagella.min(head);
         for flagellum in &mut self.flagella {
             flagellum.choose(SPACING * clearance.min(self.turn));
         }
@@ -93,37 +107,70 @@ impl TankFlow {
         self.clearance = clearance;
         self.place(lines, attitude);
         self.assemble();
-        self.flow.fill(V3::zeros());
+    }
+
+    /// Returns whether a rod or the head touches a wall or the surface.
+    pub fn is_touched(&self, lines: &[Line], attitude: &UnitQuaternion<f64>) -> bool {
+        let [flagella, head] = self.clearances(lines, attitude);
+        flagella < self.rod_radius || head < 0.0
+    }
+
+    /// Returns the least distances of the flagella's nodes and of the head's points from walls and surface, m.
+    fn clearances(&self, lines: &[Line], attitude: &UnitQuaternion<f64>) -> [f64; 2] {
+        let least = |clearance: f64, x: &V3| clearance.min(self.walls.clearance(attitude * x));
+        let nodes = lines.iter().flat_map(|line| &line.nodes);
+        [nodes.fold(f64::INFINITY, least), self.head.surface.iter().fold(f64::INFINITY, least)]
     }
 
     /// Updates the flow for the densities of the flagella and the forces of the head's points, three numbers each (N, body
     /// axes).
     pub fn update(&mut self, lines: &[Line], head_forces: &[f64], attitude: &UnitQuaternion<f64>) {
+        self.set_flagella(lines, attitude);
+        self.respond(head_forces, attitude);
+    }
+
+    /// Sets shapes and densities of the flagella.
+    pub fn set_flagella(&mut self, lines: &[Line], attitude: &UnitQuaternion<f64>) {
         self.place(lines, attitude);
         let bound = MOVED * self.clearance;
         if self.points.iter().zip(&self.assembled).any(|(x, y)| (x - y).norm() > bound) {
             self.assemble();
         }
-        self.forces.clear();
-        self.forces.resize(self.points.len(), V3::zeros());
-        let mut rest = self.forces.as_mut_slice();
-        for (flagellum, line) in self.flagella.iter().zip(lines) {
-            let (own, others) = rest.split_at_mut(flagellum.picks.len());
-            flagellum.coarse.gather(|i| line.density[i] * flagellum.nodal_length[i], own);
-            rest = others;
+        if let Some(reflections) = &mut self.reflections {
+            reflections.set_points(&self.points);
         }
-        self.head.coarse.gather(|i| V3::from_column_slice(&head_forces[3 * i..3 * i + 3]), rest);
+        self.of_flagella.clear();
+        for (flagellum, line) in self.flagella.iter().zip(lines) {
+            let start = self.of_flagella.len();
+            self.of_flagella.resize(start + flagellum.picks.len(), V3::zeros());
+            let own = &mut self.of_flagella[start..];
+            flagellum.coarse.gather(|i| line.density[i] * flagellum.nodal_length[i], own);
+        }
+    }
+
+    /// Updates the flow for these forces of the head's points.
+    pub fn respond(&mut self, head_forces: &[f64], attitude: &UnitQuaternion<f64>) {
+        self.forces.clone_from(&self.of_flagella);
+        self.forces.resize(self.points.len(), V3::zeros());
+        let own = &mut self.forces[self.of_flagella.len()..];
+        self.head.coarse.gather(|i| V3::from_column_slice(&head_forces[3 * i..3 * i + 3]), own);
+        let (to_world, to_body) = (attitude.to_rotation_matrix(), attitude.inverse().to_rotation_matrix());
         for force in &mut self.forces {
-            *force = attitude * *force;
+            *force = to_world * *force;
         }
         self.images.multiply(&self.forces);
 
-        // The coarse points' flow takes the place of their forces.
-        for (i, slot) in self.forces.iter_mut().enumerate() {
-            *slot = attitude.inverse_transform_vector(&self.images.flow(i)) * self.factor;
+        self.coarse_flow.clear();
+        self.coarse_flow.extend((0..self.points.len()).map(|i| self.images.flow(i)));
+        if let Some(reflections) = &self.reflections {
+            reflections.add_flow(&self.forces, &mut self.coarse_flow);
         }
+        for flow in &mut self.coarse_flow {
+            *flow = to_body * *flow * self.factor;
+        }
+
         self.flow.fill(V3::zeros());
-        let (mut coarse, mut fine) = (self.forces.as_slice(), self.flow.as_mut_slice());
+        let (mut coarse, mut fine) = (self.coarse_flow.as_slice(), self.flow.as_mut_slice());
         let flagella = self.flagella.iter().map(|f| (&f.coarse, f.nodal_length.len()));
         for (weights, count) in flagella.chain([(&self.head.coarse, self.head.surface.len())]) {
             let (own, others) = fine.split_at_mut(count);

@@ -18,7 +18,7 @@
 //!
 //! Each wall reflects the forces and their mirror images, but not the images in other walls. Where two walls face each
 //! other that is too much: midway between them by 12 % for a force along them (Faxen 1922: a small sphere's drag grows by
-//! 1.004 radii over the distance; two images give 2 x 9/16).
+//! 1.004 radii over the distance; two images give 2 x 9/16). [`super::reflections`] has the rest.
 
 use crate::V3;
 use crate::lanes::{PADDING, Wide};
@@ -61,6 +61,16 @@ impl Walls {
             planes.extend(floors.iter().map(|p| Plane { at: 2.0 * surface - p.at, side: -p.side, ..*p }));
         }
         Self { planes, surface }
+    }
+
+    /// Returns the walls; with a free surface also their mirror images.
+    pub fn planes(&self) -> &[Plane] {
+        &self.planes
+    }
+
+    /// Returns the height of the free surface, m.
+    pub fn surface(&self) -> Option<f64> {
+        self.surface
     }
 
     /// Returns the least distance of a point from the walls and the surface, m; negative outside.

@@ -134,6 +134,8 @@ mod tests {
         // Beside them, no more than 10.61 mm wide.
         assert!((gap(|h| (h.length_m, h.radius_m, h.centre_m[2]) = (0.08, 0.01, -0.04)) - 0.61e-3).abs() < 1e-12);
         assert!(gap(|h| (h.length_m, h.centre_m[2]) = (0.08, -0.04)) < 0.0);
-        assert!((gap(|h| (h.shape, h.centre_m[2]) = (HeadShape::Sphere, 0.0)) - 0.021).abs() < 1e-3);
+        // From the centre of a sphere to the upper edge of that space, 10.61 mm aside and 34.5 mm below.
+        let sphere = gap(|h| (h.shape, h.centre_m[2]) = (HeadShape::Sphere, 0.0));
+        assert!((sphere - (0.01061f64.hypot(0.0345) - 0.0135)).abs() < 1e-6);
     }
 }

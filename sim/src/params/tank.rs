@@ -2,6 +2,7 @@
 
 use super::validate::{refuse, within};
 use super::{ParamError, Robot};
+use crate::V3;
 use crate::fluid::walls::{Plane, Walls};
 use serde::{Deserialize, Serialize};
 
@@ -109,6 +110,20 @@ impl Tank {
             Plane { axis, at: self.place(*face), side: -side }
         };
         Walls::new(self.walls.iter().map(plane).collect(), self.free_surface.then_some(self.joint_depth_m))
+    }
+
+    /// Returns the corners of the tank with the least and the largest coordinates, world axes from the joint, m.
+    fn corners(&self) -> [V3; 2] {
+        [[Face::MinusX, Face::MinusY, Face::MinusZ], [Face::PlusX, Face::PlusY, Face::PlusZ]]
+            .map(|faces| V3::from(faces.map(|face| self.place(face))))
+    }
+
+    /// Returns corners of the box in the tank where a robot is that tilts by no more than about 30 degrees, m.
+    pub fn space_of(&self, robot: &Robot) -> [V3; 2] {
+        let length = robot.base.height_m + robot.flagellum.axial_length_m;
+        let beside = 0.5 * length + 0.5 * robot.base.motor_distance_m;
+        let [low, high] = self.corners();
+        [low.sup(&V3::new(-beside, -beside, -length)), high.inf(&V3::new(beside, beside, 0.0))]
     }
 
     /// Checks sizes, faces and that the upright robot fits at every yaw with at least an edge's length of fluid about it.

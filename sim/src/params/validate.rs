@@ -36,7 +36,7 @@ impl Robot {
         within("contact.friction", contact.friction, 0.0, 10.0)?;
         within("contact.slip_speed_m_s", contact.slip_speed_m_s, 1e-9, 1.0)?;
         within("solver.step_rad", solver.step_rad, 1e-4, 1.1)?;
-        within("solver.contact_step_rad", solver.contact_step_rad, 1e-4, 1.1)?;
+        within("solver.step_error", solver.step_error, 1e-7, 1.0)?;
         within("solver.longest_step_s", solver.longest_step_s, 1e-6, 10.0)?;
         within("solver.tolerance", solver.tolerance, 1e-7, 0.1)?;
         within("solver.halvings", solver.halvings as f64, 0.0, 20.0)?;

@@ -1,4 +1,4 @@
-//! Acceptance of a solved step: finite numbers, no passage, a resolved motion; then its loads and the new state.
+//! Acceptance of a solved step: finite numbers and no passage; then its loads and the new state.
 
 use super::body::BodySolve;
 use super::formula::POINTS;
@@ -14,22 +14,11 @@ use crate::body::shaft::Shaft;
 use crate::contact::pairs::Lines;
 use crate::state::{Past, State};
 
-/// Share of a helix radius that the estimated error of a step may reach.
-const RESOLVED: f64 = 0.05;
-/// The corrected shape differs from the predicted one by about this many times the formula's own error.
-const PREDICTION_FACTOR: f64 = 5.0;
-
-/// Checks a solved step. `predicted`: nodes of the predicted shapes, shaft frames. Returns the estimated error of the
-/// nodes in m, zero where the prediction had too few points to tell.
+/// Checks a solved step.
 ///
 /// # Errors
-/// [`StepFailure::Diverged`], [`StepFailure::PassedThrough`] and [`StepFailure::Unresolved`].
-pub fn check(
-    sweeps: &mut Sweeps,
-    problem: &StepProblem,
-    body: &BodySolve,
-    predicted: &[Vec<V3>; 2],
-) -> Result<f64, StepFailure> {
+/// [`StepFailure::Diverged`], [`StepFailure::PassedThrough`] and [`StepFailure::TouchesTank`].
+pub fn check(sweeps: &mut Sweeps, problem: &StepProblem, body: &BodySolve) -> Result<(), StepFailure> {
     let (model, step) = (problem.model, problem.step);
     if !sweeps.flagella.iter().all(|f| f.shape.is_finite()) || !body.is_finite() {
         return Err(StepFailure::Diverged);
@@ -42,20 +31,13 @@ pub fn check(
             return Err(StepFailure::PassedThrough);
         }
     }
-    if step.prediction_points < POINTS {
-        return Ok(0.0);
+    if sweeps.touch_tank(problem, &body.body) {
+        return Err(StepFailure::TouchesTank);
     }
-    let error = (sweeps.flagella.iter().zip(predicted))
-        .flat_map(|(flagellum, predicted)| flagellum.shape.nodes.iter().zip(predicted))
-        .map(|(x, p)| (x - p).norm_squared())
-        .fold(0.0, f64::max)
-        .sqrt()
-        / PREDICTION_FACTOR;
-    let allowed = RESOLVED * model.radius();
-    if error > allowed { Err(StepFailure::Unresolved { error, allowed }) } else { Ok(error) }
+    Ok(())
 }
 
-/// Returns the report of a solved step, with its loads, and the base at its end. `error`: that of [`check`].
+/// Returns the report of a solved step, with its loads and without its error, and the base at its end.
 ///
 /// # Errors
 /// [`StepFailure::Diverged`] where a one-way closure has no solution for the base.
@@ -64,7 +46,6 @@ pub fn finish(
     problem: &StepProblem,
     body: &BodySolve,
     converged: Converged,
-    error: f64,
 ) -> Result<(StepReport, Body), StepFailure> {
     let (model, shafts) = (problem.model, &problem.step.shafts);
     let Sweeps { flagella, contacts, surroundings, .. } = sweeps;
@@ -96,7 +77,7 @@ pub fn finish(
     let report = StepReport {
         sweeps: converged.sweeps,
         residual: converged.residual,
-        error,
+        error: 0.0,
         touching: contacts.pairs.iter().filter(|p| p.force > 0.0).count() as u32,
         largest_force: contacts.pairs.iter().fold(0.0, |a, p| a.max(p.force)),
         fluid,

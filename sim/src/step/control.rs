@@ -1,4 +1,4 @@
-//! Choice of a step's length: by the motors' speeds, by contact, and by halving a step that fails.
+//! Choice of a step's length by its estimated error, and by halving a step that fails.
 
 use super::formula::POINTS;
 use super::report::{StepFailure, StepReport};
@@ -7,6 +7,7 @@ use super::time_step::Attempt;
 use crate::body::shaft::MotorState;
 use crate::state::State;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
 
 /// A step that failed at every length allowed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -24,21 +25,24 @@ pub struct StepError {
 
 /// Halvings of the first step: it starts from rest with a formula of first order.
 const FIRST_LEVEL: u32 = 3;
-/// Good steps before the next one may be longer.
-const GOOD_STEPS: u32 = 4;
+/// A step counts with an error of up to this many times its bound, with more it is taken again. About contact the next one
+/// is shorter from the bound itself on.
+const REJECTED: f64 = 4.0;
+/// Share of a helix radius that the error of a step may reach however short it is.
+const RESOLVED: f64 = 0.05;
+/// A step with less than this share of the bound may make the next one longer: twice the length has up to 16 times the
+/// error.
+const EASY: f64 = 1.0 / 8.0;
 /// A step with this many sweeps or more does not make the next one longer.
 const EASY_SWEEPS: u32 = 9;
-/// Steps that get inverses of their own once one has needed it: a rod that buckles takes several.
-const REFRESH_STEPS: u32 = 12;
-/// Halvings from which on steps in contact, too, are tried with inverses of their own. Before that, shorter steps help
-/// them more.
-const REFRESH_LEVEL: u32 = 4;
-/// Steps after contact during which steps stay short, as it mostly comes back.
+/// Easy steps before the next one is longer.
+const EASY_STEPS: u32 = 2;
+/// Angle of easy steps before the next one is longer, rad, where free motion has needed shorter ones: two turns.
+const EASY_ANGLE: f64 = 4.0 * PI;
+/// Steps after contact in which motion is not yet free.
 const POST_CONTACT_STEPS: u32 = 40;
 /// Steps after contact in which the prediction takes one point less: the motion had a kink.
 const KINK_STEPS: u32 = 4;
-/// Length of steps in contact of meshing flagella over that of other steps in contact.
-const MESHING_STEP: f64 = 1.0 / 3.0;
 /// Motors slower than this, rad/s, do not limit the step.
 const LEAST_SPEED: f64 = 1e-9;
 /// A rest of the time that is longer than the step by no more than this factor is taken in one step: no sliver remains.
@@ -46,36 +50,32 @@ const STRETCH: f64 = 1.01;
 
 /// Chooses the length of each step by the outcome of the last ones.
 ///
-/// Flagella that mesh (both pull at their clamps) snap past each other once a beat, and means converge slowly
-/// with the step. Error of the mean thrust over 48 to 60 s against a run with steps a twelfth as long and an
-/// eightieth of the tolerance, printed by `cargo bench -p sim --bench trials -- steps`:
+/// Lengths are the longest one, `solver.step_rad`, halved some times: few lengths need few frozen inverses. The estimated
+/// error of a step, relative to `solver.step_error`, halves the next one or repeats the step with half its length, and
+/// lets later ones grow again. It is an error of displacements; `truncation` derives why all steps should have the same
+/// one for the errors of mean loads to be small.
 ///
-/// | speeds rpm | `contact_step_rad` | error | steps | sweeps a step |
-/// | --- | --- | --- | --- | --- |
-/// | (-90, -80) | 0.5 | 4.41 % | 4740 | 7.81 |
-/// | (-90, -80) | 0.25 | 0.48 % | 7246 | 5.60 |
-/// | (-90, -80) | 0.125 | 0.13 % | 13035 | 3.96 |
-/// | (-50, -30) | 0.5 | 1.51 % | 1966 | 5.59 |
-/// | (-50, -30) | 0.25 | 1.72 % | 2965 | 4.40 |
-/// | (-50, -30) | 0.125 | 0.97 % | 5083 | 3.40 |
-///
-/// At (-50, -30) the means of so short a window scatter by 1 to 2 % at any step. Shorter steps during the snaps
-/// alone, chosen by how far the prediction was off, need as many sweeps for the same error.
+/// Flagella that mesh (both pull at their clamps) snap past each other once a beat, within some hundredths of a second,
+/// and their steps grow again as soon as they may. In free motion errors rise and fall with each turn, and steps do not
+/// follow them: in even steps the formula's errors cancel over a turn, in uneven ones they do not, and means
+/// would be worse with more steps. `sim/docs/cost.md` has the errors of means.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepControl {
     /// How often the present step is halved.
     level: u32,
-    /// Steps since the level last changed.
-    steps_at_level: u32,
-    /// Steps that still get inverses of their own.
-    own_inverses: u32,
+    /// Steps since the last one that was not easy or changed the level.
+    easy_steps: u32,
+    /// Angle of easy steps that is still to come before steps may grow, rad; zero where they may at once.
+    held: f64,
+    /// Whether the next attempt gets inverses of its own: with those kept, one has failed.
+    own_inverses: bool,
     /// Steps since rods last pressed on each other.
     steps_since_contact: u32,
 }
 
 impl Default for StepControl {
     fn default() -> Self {
-        Self { level: 0, steps_at_level: 0, own_inverses: 0, steps_since_contact: u32::MAX }
+        Self { level: 0, easy_steps: 0, held: 0.0, own_inverses: false, steps_since_contact: u32::MAX }
     }
 }
 
@@ -94,16 +94,17 @@ impl StepControl {
         let halvings = solver.model().robot.solver.halvings;
         if state.past.is_empty() {
             self.set_level(FIRST_LEVEL.min(halvings));
+            self.held = 0.0;
         }
         loop {
             let length = self.length(solver, state, until, motors);
-            let own_inverses = self.own_inverses > 0;
             let kink = self.steps_since_contact < KINK_STEPS;
             let attempt = Attempt {
                 length,
                 motors: motors(state.time + length),
                 prediction_points: if kink { POINTS - 1 } else { POINTS },
-                own_inverses,
+                own_inverses: self.own_inverses,
+                allowed_error: self.allowed_error(solver),
             };
             let left = until - state.time;
             match solver.step(state, &attempt) {
@@ -112,45 +113,73 @@ impl StepControl {
                         // A sum of steps may miss the end by a rounding error, and leave a sliver.
                         state.time = until;
                     }
-                    self.succeeded(&report);
+                    self.succeeded(solver, &report, length * fastest(attempt.motors.map(|m| m.speed)));
                     return Ok(report);
                 }
-                Err(StepFailure::Stalled { .. } | StepFailure::Diverged)
-                    if !own_inverses && (state.pairs.is_empty() || self.level >= REFRESH_LEVEL) =>
-                {
-                    self.own_inverses = REFRESH_STEPS;
+                Err(StepFailure::Stalled { .. } | StepFailure::Diverged) if !self.own_inverses => {
+                    self.own_inverses = true;
                 }
                 Err(failure) if self.level >= halvings => {
                     return Err(StepError { time: state.time, step: length, failure });
                 }
-                Err(_) => self.set_level(self.level + 1),
+                Err(failure) => {
+                    let unresolved = matches!(failure, StepFailure::Unresolved { .. });
+                    self.held = if unresolved && self.free() { EASY_ANGLE } else { 0.0 };
+                    self.set_level(self.level + 1);
+                }
             }
         }
     }
 
-    fn set_level(&mut self, level: u32) {
-        (self.level, self.steps_at_level) = (level, 0);
+    /// Returns the error (m) above which a step is taken again.
+    fn allowed_error(&self, solver: &Solver) -> f64 {
+        let model = solver.model();
+        let settings = &model.robot.solver;
+        let share = if self.level < settings.halvings { REJECTED * settings.step_error } else { RESOLVED };
+        share.min(RESOLVED) * model.radius()
     }
 
-    fn succeeded(&mut self, report: &StepReport) {
-        self.own_inverses = self.own_inverses.saturating_sub(1);
+    /// Returns whether the last contact is long past.
+    fn free(&self) -> bool {
+        self.steps_since_contact >= POST_CONTACT_STEPS
+    }
+
+    fn set_level(&mut self, level: u32) {
+        (self.level, self.easy_steps) = (level, 0);
+    }
+
+    /// `angle`: that of the step, rad.
+    fn succeeded(&mut self, solver: &Solver, report: &StepReport, angle: f64) {
+        let model = solver.model();
+        let settings = &model.robot.solver;
+        let error = report.error / (settings.step_error * model.radius());
+        self.own_inverses = false;
         self.steps_since_contact = if report.touching > 0 { 0 } else { self.steps_since_contact.saturating_add(1) };
-        self.steps_at_level += 1;
-        if self.level > 0 && self.steps_at_level >= GOOD_STEPS && report.sweeps < EASY_SWEEPS {
-            self.set_level(self.level - 1);
+        if !self.free() {
+            self.held = 0.0;
+        }
+        if error > 1.0 && !self.free() && self.level < settings.halvings {
+            self.set_level(self.level + 1);
+        } else if error > EASY || report.sweeps >= EASY_SWEEPS {
+            self.easy_steps = 0;
+            self.held = if self.held > 0.0 { EASY_ANGLE } else { 0.0 };
+        } else {
+            self.easy_steps += 1;
+            self.held = (self.held - angle).max(0.0);
+            if self.level > 0 && self.easy_steps >= EASY_STEPS && self.held == 0.0 {
+                self.set_level(self.level - 1);
+            }
         }
     }
 
     /// Returns the length of the next attempt, s.
     fn length(&self, solver: &Solver, state: &State, until: f64, motors: &dyn Fn(f64) -> [MotorState; 2]) -> f64 {
-        let now = motors(state.time);
-        let guess = self.full_length(solver, state, now.map(|m| m.speed));
-        let ahead = motors((state.time + guess).min(until));
-        let faster = [0, 1].map(|k| {
-            let (a, b) = (now[k].speed, ahead[k].speed);
-            if b.abs() > a.abs() { b } else { a }
-        });
-        let wanted = self.full_length(solver, state, faster) / f64::powi(2.0, self.level as i32);
+        let settings = &solver.model().robot.solver;
+        let longest = |speeds| settings.longest_step_s.min(settings.step_rad / fastest(speeds).max(LEAST_SPEED));
+        let now = motors(state.time).map(|m| m.speed);
+        let ahead = motors((state.time + longest(now)).min(until)).map(|m| m.speed);
+        let faster = [0, 1].map(|k| if ahead[k].abs() > now[k].abs() { ahead[k] } else { now[k] });
+        let wanted = longest(faster) / f64::powi(2.0, self.level as i32);
         let left = until - state.time;
         if left <= STRETCH * wanted {
             left
@@ -160,22 +189,12 @@ impl StepControl {
             wanted
         }
     }
+}
 
-    /// Returns the length (s) of a step that is not halved, at these speeds of the motors (rad/s).
-    fn full_length(&self, solver: &Solver, state: &State, speeds: [f64; 2]) -> f64 {
-        let model = solver.model();
-        let settings = &model.robot.solver;
-        let mut angle = settings.step_rad;
-        if self.steps_since_contact < POST_CONTACT_STEPS || !state.pairs.is_empty() {
-            angle = angle.min(settings.contact_step_rad);
-            if model.meshing(speeds) {
-                angle = angle.min(MESHING_STEP * settings.contact_step_rad);
-            }
-        }
-        // What one flagellum does to the other, and both to the body, beats with the difference of their speeds: steps
-        // measured by the faster motor alone leave the tilt wrong by up to a degree where the motors turn against each
-        // other.
-        let fastest = speeds[0].abs().max(speeds[1].abs()).max((speeds[0] - speeds[1]).abs());
-        settings.longest_step_s.min(angle / fastest.max(LEAST_SPEED))
-    }
+/// Returns the speed that steps are measured by, of motors at these speeds, rad/s.
+///
+/// What one flagellum does to the other, and both to the body, beats with the difference of their speeds: steps measured by
+/// the faster motor alone leave the tilt wrong by up to a degree where the motors turn against each other.
+fn fastest(speeds: [f64; 2]) -> f64 {
+    speeds[0].abs().max(speeds[1].abs()).max((speeds[0] - speeds[1]).abs())
 }

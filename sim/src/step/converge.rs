@@ -1,8 +1,8 @@
 //! When the sweeps of a step have converged, and when they never will.
 //!
-//! All parts are judged as velocities, against one bound: the solver's tolerance times the speed of the helix. Converged
-//! are rods whose velocity residual is below it, contacts whose gap law holds and whose forces and frictions move the rods
-//! no more, and a base
+//! All parts are judged as velocities, against one bound: the solver's tolerance times the speed of the helix, or times
+//! the speed that makes a certain displacement within the step, where that is more. Converged are rods whose velocity
+//! residual is below it, contacts whose gap law holds and whose forces and frictions move the rods no more, and a base
 //! whose rate changes no more. Stalled is an iteration that does not get better for some sweeps.
 
 use super::limits::Limits;
@@ -15,9 +15,10 @@ const LEAST_SPEED: f64 = 0.1;
 /// A twist error of one radian counts as this many times the speed of the helix. It does not depend on the step: where
 /// the twist is about to snap, a small imbalance may stay.
 const TWIST_LEVER: f64 = 5.0;
-/// Tolerance of steps of meshing flagella over that of other steps. Their sweeps converge slowly: more steps of fewer
-/// sweeps have a smaller error at the same cost.
-const MESHING_TOLERANCE: f64 = 4.0;
+/// Displacement, in helix radii, that a velocity over a step's first weight has at least when residuals are compared with it.
+/// It counts in steps below 0.13 rad: their residuals move the rods less, so fewer of the sweeps are needed that converge
+/// slowly while flagella snap past each other.
+const LEAST_MOTION: f64 = 0.07;
 /// Sweeps after the first that a moving base needs at least. It and the other rod lag by one sweep: with one sweep a step,
 /// errors below the tolerance would grow from step to step until they reach it.
 const TWO_WAY_SWEEPS: u32 = 1;
@@ -94,13 +95,13 @@ pub struct Convergence {
 impl Convergence {
     /// For one step.
     pub fn new(problem: &StepProblem) -> Self {
-        let StepProblem { model, state, step, .. } = problem;
+        let StepProblem { model, step, .. } = problem;
         let Model { robot, limits: Limits { gap_error, .. }, .. } = model;
         let fastest = step.motors.iter().fold(LEAST_SPEED, |a, m| a.max(m.speed.abs()));
         let speed = fastest * model.radius();
-        let meshing = !state.pairs.is_empty() && model.meshing(step.motors.map(|m| m.speed));
+        let least = LEAST_MOTION * model.radius() * step.kappa(0).max(step.kappa(1));
         Self {
-            tolerance: robot.solver.tolerance * speed * if meshing { MESHING_TOLERANCE } else { 1.0 },
+            tolerance: robot.solver.tolerance * speed.max(least),
             gap_tolerance: *gap_error,
             speed,
             reach: robot.flagellum.axial_length_m + robot.base.height_m,

@@ -226,7 +226,7 @@ impl Flagellum {
         for (slot, row) in self.reference[3 * n..].iter_mut().zip(&self.residual[3 * n..]) {
             *slot = *row as f32;
         }
-        preconditioner.inverse.multiply(&self.reference, &mut self.product);
+        preconditioner.multiply(&self.reference, &mut self.product);
         from_reference(&preconditioner.frames, &self.frames, -1.0, &self.product, &mut self.correction);
     }
 
@@ -241,7 +241,7 @@ impl Flagellum {
         for (flow, rows) in flows.iter().zip(rows.chunks_exact_mut(size)) {
             to_reference(&preconditioner.frames, &self.frames, |i| flow[i] / kappa, &mut rows[..3 * n]);
         }
-        preconditioner.inverse.multiply(&rows, &mut products);
+        preconditioner.multiply(&rows, &mut products);
         let column = |product: &[f32]| {
             let mut correction = vec![0.0; size];
             from_reference(&preconditioner.frames, &self.frames, 1.0, product, &mut correction);

@@ -70,6 +70,18 @@ pub fn value_at(angle: f64, times: &[f64], at: f64) -> [f64; POINTS] {
     weights(angle, &shifted[..times.len().min(POINTS)], [1.0, 0.0, 0.0, 0.0])
 }
 
+/// Returns the error of a new point over its distance from the extrapolation of the past (Milne 1926).
+///
+/// `first_weight`: the derivative's weight of the new point; `oldest`: time of the oldest point of the extrapolation, as
+/// in [`derivative`]. Derivative and extrapolation both leave out the first function that their basis lacks, and it has
+/// one divided difference over the new point and the past: the extrapolation is off by that difference times the
+/// distances of all past points, the derivative by as much without the oldest of them, with the opposite sign. The
+/// derivative's error over `first_weight` is that of the new point. Where the derivative takes as many past points as the
+/// extrapolation, its error is less.
+pub fn error_share(first_weight: f64, oldest: f64) -> f64 {
+    1.0 / (1.0 + first_weight * oldest.abs())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -80,6 +92,23 @@ mod tests {
         for (got, want) in a.into_iter().zip([11.0 / 6.0, -3.0, 1.5, -1.0 / 3.0]) {
             assert!((got - want).abs() < 1e-13);
         }
+    }
+
+    #[test]
+    fn the_error_is_a_share_of_the_distance_from_the_extrapolation() {
+        // The first function that the basis lacks.
+        let x = |t: f64| (t + 0.2).powi(4);
+        let times = [0.0, -1.0, -2.6, -3.1, -5.0];
+        let a = derivative(0.0, &times);
+        let b = value_at(0.0, &times[1..], 0.0);
+        // The point that the formula gives where it is asked for the true derivative at that point.
+        let rest: f64 = (1..POINTS).map(|j| a[j] * x(times[j])).sum();
+        let point = (4.0 * 0.2f64.powi(3) - rest) / a[0];
+        let extrapolated: f64 = (0..POINTS).map(|j| b[j] * x(times[j + 1])).sum();
+        let share = error_share(a[0], times[4]);
+        assert!(((point - x(0.0)) / (point - extrapolated) - share).abs() < 1e-12);
+        let even = derivative(0.0, &[0.0, -1.0, -2.0, -3.0]);
+        assert!((error_share(even[0], -4.0) - 3.0 / 25.0).abs() < 1e-14);
     }
 
     #[test]

@@ -9,10 +9,11 @@
 //! | `predict` | trial shapes by extrapolation |
 //! | `sweep` | flagellum 1, flagellum 2 (`flagellum`), contact (`contact`), base (`body`), again and again |
 //! | `converge` | judges each sweep: converged, another one, stalled |
-//! | `accept` | the checks that let the step count, its loads, the new state |
+//! | `accept`, `truncation` | the checks that let the step count, its loads, its error, the new state |
 //!
-//! `preconditioner` has the frozen inverses that correct a flagellum in a sweep, `corotated` takes them along with it,
-//! `compliance` makes of them the response to contact, and `anderson` accelerates slow iterations. `model` is what never
+//! `preconditioner` has the frozen inverses that correct a flagellum in a sweep, as `panels` or `factors`; `inverses` chooses
+//! the shapes they are built at, `corotated` takes them along with the flagellum, `compliance` makes of them the response to
+//! contact, and `anderson` accelerates slow iterations. `model` is what never
 //! changes about a robot. The flow between the rods and the base's rate are inside the iteration: extrapolating either is
 //! unstable at every step.
 //!
@@ -31,7 +32,7 @@
 //! | search for close edges, `BroadPhase::search` | 10 % | 12 % | 6 % |
 //! | least gap of every step, `BroadPhase::least_distance` | 10 % | 6 % | 3 % |
 //! | moving the shapes, `Flagellum::apply` | 4 % | 4 % | 5 % |
-//! | frozen inverses, `Design::build` | 2 % | 1 % | 0 % |
+//! | frozen inverses, `Equations::invert` | 2 % | 1 % | 0 % |
 //!
 //! Printed, for one column, by
 //! `perf record --call-graph dwarf,4096 -F 997 -e cpu-clock target/release/examples/point 90 90 full 300` and
@@ -45,8 +46,10 @@ mod contact;
 mod control;
 mod converge;
 mod corotated;
+mod factors;
 mod flagellum;
 pub mod formula;
+mod inverses;
 mod limits;
 mod model;
 mod panels;
@@ -57,9 +60,11 @@ mod report;
 mod solver;
 mod sweep;
 mod time_step;
+mod truncation;
 mod unknowns;
 
 pub use control::{StepControl, StepError};
+pub use inverses::Linearisation;
 pub use limits::Limits;
 pub use model::Model;
 pub use report::{StepFailure, StepReport};

@@ -10,7 +10,7 @@ use crate::fluid::head::RigidSurface;
 use crate::fluid::mobility::rigid_resistance;
 use crate::fluid::surroundings::Surroundings;
 use crate::params::{ParamError, Robot};
-use crate::rod::{Rod, helix::Handedness, spin::SpinDrag};
+use crate::rod::{Rod, spin::SpinDrag};
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
 
@@ -86,18 +86,6 @@ impl Model {
     /// Returns the unit vector down in the body frame; on a base that is held for its flagella, along its axis.
     pub fn down(&self, body: &Body) -> V3 {
         if self.two_way() { body.attitude.inverse_transform_vector(&-V3::z()) } else { -V3::z() }
-    }
-
-    /// Returns whether both flagella pull at their clamps at these speeds (rad/s). Where they touch then, they cross and
-    /// mesh like gears.
-    pub fn meshing(&self, speeds: [f64; 2]) -> bool {
-        (0..2).all(|k| {
-            let sign = match self.robot.flagellum.handedness[k] {
-                Handedness::Right => 1.0,
-                Handedness::Left => -1.0,
-            };
-            sign * speeds[k] <= 0.0
-        })
     }
 
     /// Returns the net weight of flagellum `k` with these nodes (shaft frame, m), body axes, moment about the joint.

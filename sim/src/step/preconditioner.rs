@@ -5,26 +5,18 @@
 //! (n - 2). With kappa = a_0/step (1/s) and spin s = omega/kappa the velocity rows, divided by a_0, are
 //! x + s z x x + (1/kappa) M w^-1 K x - (1/kappa) M f; torque rows are scaled by length/GJ.
 //!
-//! It is built at the stress-free shape (one built under load makes later steps diverge), with kappa and
-//! s rounded to a grid. So it depends on its key only, and a restored state goes on bit for bit. Where a rod is about to buckle or snap, the iteration with it stalls; then a step
-//! gets an inverse of its own, built at its predicted shape and dropped after it.
+//! [`Equations`] has what depends on the shape, M w^-1 K first of all; [`Preconditioner`] is the inverse for one time step.
+//! [`super::inverses`] chooses the shape.
 
+use super::factors::Factors;
 use super::panels::Panels;
 use crate::V3;
-use crate::fluid::mobility::mobility;
+use crate::fluid::{mobility::mobility, segment::segment_flow, stokeslet_factor};
 use crate::linear::invert;
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames, spin::SpinDrag};
-use crate::state::Shape;
+use crate::state::RodState;
 use nalgebra::{DMatrix, Matrix6};
-use std::sync::Arc;
-
-/// Ratio of neighbouring grid values of kappa.
-const KAPPA_GRID: f64 = 1.25;
-/// Distance of neighbouring grid values of the spin, rad.
-const SPIN_GRID: f64 = 0.1;
-/// Inverses in the cache; a ramp visits many keys, a steady trial two to ten.
-const CACHE_SIZE: usize = 24;
 
 /// Parameters of the fluid about one rod.
 #[derive(Clone, Copy, Debug)]
@@ -44,27 +36,17 @@ impl FluidParams {
     }
 }
 
-/// Key of a frozen inverse: the rod and the grid values that it depends on.
+/// Largest number of rows (79 edges) whose factors are good enough in single precision: the stretch's share of the matrix
+/// grows as the square of the number of edges.
+const LARGEST_FACTORED: usize = 320;
+
+/// How often an inverse is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Key {
-    rod: usize,
-    /// Index on the logarithmic grid of kappa.
-    kappa: i32,
-    /// Index on the grid of the spin.
-    spin: i32,
-}
-
-impl Key {
-    /// For rod design `rod`, `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
-    pub fn new(rod: usize, kappa: f64, speed: f64) -> Self {
-        let index = (kappa.ln() / KAPPA_GRID.ln()).round() as i32;
-        Self { rod, kappa: index, spin: (speed / kappa / SPIN_GRID).round() as i32 }
-    }
-
-    /// Returns the grid value of kappa, 1/s.
-    fn kappa(&self) -> f64 {
-        KAPPA_GRID.powi(self.kappa)
-    }
+pub enum Use {
+    /// For hundreds of steps: it is worth a dense inverse, the fastest in use.
+    Lasting,
+    /// For some steps: its factors cost a sixth of a dense inverse.
+    Passing,
 }
 
 /// A frozen inverse.
@@ -72,79 +54,70 @@ impl Key {
 pub struct Preconditioner {
     /// Tangents and material directors of the edges at the shape where it was built.
     pub frames: Vec<[V3; 3]>,
-    /// The inverse, single precision.
-    pub inverse: Panels,
-    /// Change of the fluid's force and torque on the rod (about the shaft's foot, shaft frame at rest)
+    inverse: Inverse,
+    /// Change of the fluid's force and torque on the rod (about the shaft's foot, shaft frame)
     /// within one step for a velocity and angular velocity of the base there: N s/m and N m s.
     pub response: Matrix6<f64>,
 }
 
-/// Inverses by key, oldest dropped first.
-#[derive(Clone, Debug, Default)]
-pub struct Cache {
-    entries: Vec<(Key, Arc<Preconditioner>)>,
-    /// Self mobility and elastic Hessian at rest, one of each rod design.
-    designs: Vec<Option<Design>>,
-    /// Inverses built so far.
-    pub built: usize,
+#[derive(Clone, Debug)]
+enum Inverse {
+    Dense(Panels),
+    /// Of the matrix with the columns of the clamp first: its pivots are blocks of neighbours.
+    Factored(Factors),
 }
 
 impl Preconditioner {
-    /// Returns the inverse at a trial shape, for one step. Motion: kappa in 1/s and the motor's speed in rad/s.
-    pub fn at_shape(
-        rod: &Rod,
-        shape: &Shape,
-        frames: &Frames,
-        (kappa, speed): (f64, f64),
-        fluid: FluidParams,
-    ) -> Option<Self> {
-        Design::new(rod, shape, frames, fluid).build(rod, kappa, speed / kappa)
+    /// `out` = the inverse times each of `vectors`, which stand one after the other, as the results do, each with its
+    /// padding: see [`Panels::padded`].
+    pub fn multiply(&self, vectors: &[f32], out: &mut [f32]) {
+        match &self.inverse {
+            Inverse::Dense(panels) => panels.multiply(vectors, out),
+            Inverse::Factored(factors) => solve(factors, vectors, 4 * self.frames.len() + 2, out),
+        }
     }
 }
 
+/// Puts the solutions for vectors of `size` rows, which stand one after the other, into `out`, each with its padding.
+fn solve(factors: &Factors, vectors: &[f32], size: usize, out: &mut [f32]) {
+    let padded = Factors::padded(size);
+    let mut work = vec![0.0; vectors.len() / size * padded];
+    for (work, vector) in work.chunks_exact_mut(padded).zip(vectors.chunks_exact(size)) {
+        work[..size].copy_from_slice(vector);
+    }
+    factors.solve(&mut work);
+    for (out, work) in out.chunks_exact_mut(Panels::padded(size)).zip(work.chunks_exact(padded)) {
+        let (clamp, rest) = work[..size].split_at(3 * CLAMPED);
+        out[..rest.len()].copy_from_slice(rest);
+        out[rest.len()..size].copy_from_slice(clamp);
+    }
+}
+
+/// The equations of a rod linearised about a shape, but for time step and speed.
 #[derive(Clone, Debug)]
-struct Design {
+pub struct Equations {
     nodes: Vec<V3>,
     frames: Vec<[V3; 3]>,
     mobility: DMatrix<f64>,
     /// M w^-1 K of the free degrees of freedom, before the division by kappa.
     elastic: DMatrix<f64>,
     hessian: Band,
+    wanted: Use,
     spin_drag: SpinDrag,
 }
 
-impl Cache {
-    /// Returns the inverse for a key, built if it is not in the cache; `None` when the matrix is singular.
-    pub fn find(&mut self, key: Key, rod: &Rod, fluid: FluidParams) -> Option<Arc<Preconditioner>> {
-        if let Some((_, known)) = self.entries.iter().find(|(k, _)| *k == key) {
-            return Some(known.clone());
-        }
-        if self.designs.len() <= key.rod {
-            self.designs.resize(key.rod + 1, None);
-        }
-        let design = self.designs[key.rod].get_or_insert_with(|| {
-            let shape = Shape::at_rest(rod);
-            let mut frames = Frames::new(rod.nodes());
-            frames.update(&rod.rest_frames, &shape.nodes, &shape.angles);
-            Design::new(rod, &shape, &frames, fluid)
-        });
-        let built = design.build(rod, key.kappa(), key.spin as f64 * SPIN_GRID)?;
-        self.built += 1;
-        if self.entries.len() == CACHE_SIZE {
-            self.entries.remove(0);
-        }
-        let built = Arc::new(built);
-        self.entries.push((key, built.clone()));
-        Some(built)
-    }
-}
-
-impl Design {
-    fn new(rod: &Rod, shape: &Shape, frames: &Frames, fluid: FluidParams) -> Self {
+impl Equations {
+    /// Linearises about a shape.
+    pub fn new(rod: &Rod, at: &RodState, fluid: FluidParams, wanted: Use) -> Self {
         let n = rod.nodes();
+        let mut frames = Frames::new(n);
+        frames.update(&at.frames, &at.shape.nodes, &at.shape.angles);
         let mut hessian = Band::new(4 * n);
-        rod.hessian(frames, &shape.angles, &mut hessian);
-        let mobility = mobility(&[&shape.nodes], fluid.epsilon, fluid.viscosity);
+        rod.hessian(&frames, &at.shape.angles, &mut hessian);
+        let mobility = match wanted {
+            Use::Lasting => mobility(&[&at.shape.nodes], fluid.epsilon, fluid.viscosity),
+            Use::Passing => coarse_mobility(&at.shape.nodes, fluid),
+        };
         let free = n - CLAMPED;
         let mut elastic = DMatrix::zeros(3 * n, 4 * free);
         for node in CLAMPED..n {
@@ -163,78 +136,107 @@ impl Design {
             }
         }
         Self {
-            nodes: shape.nodes.clone(),
+            nodes: at.shape.nodes.clone(),
             frames: (0..n - 1).map(|e| [frames.tangent.at(e), frames.m1.at(e), frames.m2.at(e)]).collect(),
             mobility,
             elastic,
             hessian,
+            wanted,
             spin_drag: fluid.spin_drag,
         }
     }
 
-    fn build(&self, rod: &Rod, kappa: f64, spin: f64) -> Option<Preconditioner> {
-        let n = rod.nodes();
-        let free = n - CLAMPED;
-        let size = 4 * n - 2;
-        let mut matrix = vec![0.0; size * size];
-        for row in 0..3 * n {
-            let out = &mut matrix[row * size..(row + 1) * size];
-            for (column, entry) in out[..4 * free].iter_mut().enumerate() {
-                *entry = self.elastic[(row, column)] / kappa;
+    /// Returns the inverse for `kappa` in 1/s and a spin in rad; `None` when the matrix is singular.
+    pub fn invert(&self, rod: &Rod, kappa: f64, spin: f64) -> Option<Preconditioner> {
+        let size = 4 * rod.nodes() - 2;
+        let padded = Factors::padded(size);
+        let mut matrix = self.matrix(rod, kappa, spin, padded);
+        let (inverse, response) = if self.wanted == Use::Passing && size <= LARGEST_FACTORED {
+            matrix.rotate_right(3 * CLAMPED * padded);
+            matrix.resize(padded * padded, 0.0);
+            let factors = Factors::new(matrix.iter().map(|v| *v as f32).collect(), size)?;
+            let product = |vector: &[f64]| -> Vec<f64> {
+                let vector: Vec<f32> = vector.iter().map(|v| *v as f32).collect();
+                let mut out = vec![0.0; Panels::padded(size)];
+                solve(&factors, &vector, size, &mut out);
+                out.into_iter().map(f64::from).collect()
+            };
+            let response = self.response(rod, product, kappa);
+            (Inverse::Factored(factors), response)
+        } else {
+            let mut rows: Vec<f64> = (0..size * size).map(|q| matrix[q % size * padded + q / size]).collect();
+            if !invert(&mut rows, size) {
+                return None;
             }
-            for clamped in 0..3 * CLAMPED {
-                out[4 * free + clamped] = -self.mobility[(row, clamped)] / kappa;
+            let product = |vector: &[f64]| -> Vec<f64> {
+                (0..size).map(|r| (0..size).map(|c| rows[r * size + c] * vector[c]).sum()).collect()
+            };
+            (Inverse::Dense(Panels::new(&rows, size)), self.response(rod, product, kappa))
+        };
+        Some(Preconditioner { frames: self.frames.clone(), inverse, response })
+    }
+
+    /// Returns the matrix of the equations, column by column, each padded with zeros to `padded` rows.
+    fn matrix(&self, rod: &Rod, kappa: f64, spin: f64, padded: usize) -> Vec<f64> {
+        let n = rod.nodes();
+        let (free, rows) = (n - CLAMPED, 3 * n);
+        let mut matrix = vec![0.0; padded * (4 * n - 2)];
+        let (elastic, clamp) = matrix.split_at_mut(4 * free * padded);
+        for (out, column) in elastic.chunks_exact_mut(padded).zip(self.elastic.as_slice().chunks_exact(rows)) {
+            for (entry, value) in out.iter_mut().zip(column) {
+                *entry = value / kappa;
             }
         }
-        for node in CLAMPED..n {
-            let (row, column) = (3 * node, 3 * (node - CLAMPED));
-            for a in 0..3 {
-                matrix[(row + a) * size + column + a] += 1.0;
+        for (out, column) in clamp.chunks_exact_mut(padded).zip(self.mobility.as_slice().chunks_exact(rows)) {
+            for (entry, value) in out.iter_mut().zip(column) {
+                *entry = -value / kappa;
             }
-            matrix[row * size + column + 1] -= spin;
-            matrix[(row + 1) * size + column] += spin;
+        }
+        let mut add = |row: usize, unknown: usize, value: f64| elastic[unknown * padded + row] += value;
+        for node in CLAMPED..n {
+            let (row, unknown) = (3 * node, 3 * (node - CLAMPED));
+            for a in 0..3 {
+                add(row + a, unknown + a, 1.0);
+            }
+            add(row, unknown + 1, -spin);
+            add(row + 1, unknown, spin);
         }
         let scale = torque_scale(rod);
         for edge in 1..n - 1 {
             let (row, slot) = (3 * n + edge - 1, 4 * edge + 3);
             for column in self.hessian.columns(slot) {
                 if let Some(unknown) = unknown_of(column, n) {
-                    matrix[row * size + unknown] = scale * self.hessian.get(slot, column);
+                    add(row, unknown, scale * self.hessian.get(slot, column));
                 }
             }
             let drag = self.spin_drag.change * rod.rest_length[edge] * kappa;
-            matrix[row * size + 3 * free + edge - 1] += scale * drag;
+            add(row, 3 * free + edge - 1, scale * drag);
         }
-        if !invert(&mut matrix, size) {
-            return None;
-        }
-        let response = self.response(rod, &matrix, kappa);
-        Some(Preconditioner { frames: self.frames.clone(), inverse: Panels::new(&matrix, size), response })
+        matrix
     }
 
-    fn response(&self, rod: &Rod, inverse: &[f64], kappa: f64) -> Matrix6<f64> {
+    /// `solve`: the inverse times a vector.
+    fn response(&self, rod: &Rod, solve: impl Fn(&[f64]) -> Vec<f64>, kappa: f64) -> Matrix6<f64> {
         let n = rod.nodes();
         let free = n - CLAMPED;
-        let size = 4 * n - 2;
         let mut response = Matrix6::zeros();
         for motion in 0..6 {
             let mut unit = V3::zeros();
             unit[motion % 3] = 1.0;
-            let mut rows = vec![0.0; size];
+            let mut rows = vec![0.0; 4 * n - 2];
             for (i, x) in self.nodes.iter().enumerate() {
                 let velocity = if motion < 3 { unit } else { unit.cross(x) };
                 for a in 0..3 {
-                    rows[3 * i + a] = velocity[a] / kappa;
+                    rows[3 * i + a] = -velocity[a] / kappa;
                 }
             }
             // The spin of every edge with the frame, rad/s.
             let turning = |edge: usize| if motion < 3 { 0.0 } else { self.frames[edge][0].dot(&unit) };
             for edge in 1..n - 1 {
                 let torque = self.spin_drag.frame * rod.rest_length[edge] * turning(edge);
-                rows[3 * n + edge - 1] = torque_scale(rod) * torque;
+                rows[3 * n + edge - 1] = -torque_scale(rod) * torque;
             }
-            let correction: Vec<f64> =
-                (0..size).map(|r| -(0..size).map(|c| inverse[r * size + c] * rows[c]).sum::<f64>()).collect();
+            let correction = solve(&rows);
             for (i, x) in self.nodes.iter().enumerate() {
                 let mut force = V3::zeros();
                 for a in 0..3 {
@@ -264,6 +266,41 @@ impl Design {
         }
         response
     }
+}
+
+/// Segments up to this many edges away from a node are integrated exactly in a coarse mobility.
+const NEAR_EDGES: usize = 2;
+
+/// Returns the matrix of [`crate::fluid::mobility::mobility`] with the density of far segments at their ends: that is good
+/// to some per cent of their part, less than what the shape changes while the inverse serves.
+fn coarse_mobility(nodes: &[V3], fluid: FluidParams) -> DMatrix<f64> {
+    let (n, factor, e2) = (nodes.len(), stokeslet_factor(fluid.viscosity), fluid.epsilon * fluid.epsilon);
+    let half: Vec<f64> = nodes.windows(2).map(|p| 0.5 * (p[1] - p[0]).norm()).collect();
+    let mut mobility = DMatrix::zeros(3 * n, 3 * n);
+    for (i, x) in nodes.iter().enumerate() {
+        let near = i.saturating_sub(NEAR_EDGES + 1)..(i + NEAR_EDGES + 1).min(n - 1);
+        for (j, y) in nodes.iter().enumerate() {
+            let segments = j.saturating_sub(1)..(j + 1).min(n - 1);
+            let length: f64 = segments.filter(|e| !near.contains(e)).map(|e| half[e]).sum();
+            if length > 0.0 {
+                let d = x - y;
+                let inverse = 1.0 / (d.norm_squared() + e2).sqrt();
+                let cubed = inverse * inverse * inverse;
+                let mut flow = d * (cubed * d).transpose();
+                for a in 0..3 {
+                    flow[(a, a)] += inverse + e2 * cubed;
+                }
+                mobility.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&(flow * (factor * length)));
+            }
+        }
+        for e in near {
+            for (side, flow) in segment_flow(*x, nodes[e], nodes[e + 1], fluid.epsilon).iter().enumerate() {
+                let mut block = mobility.fixed_view_mut::<3, 3>(3 * i, 3 * (e + side));
+                block += flow * factor;
+            }
+        }
+    }
+    mobility
 }
 
 /// Column of a free degree of freedom (four slots a node), `None` for clamped or unused ones.

@@ -23,7 +23,7 @@ pub enum StepFailure {
     /// The rods went through each other.
     #[error("the rods passed through each other")]
     PassedThrough,
-    /// The prediction was farther off than the motion is resolved.
+    /// The time formula's error is too large.
     #[error("the motion is not resolved: error estimate {error:.1e} m (allowed {allowed:.1e})")]
     Unresolved {
         /// Estimated error of the step, m.
@@ -31,6 +31,9 @@ pub enum StepFailure {
         /// Its bound, m.
         allowed: f64,
     },
+    /// The robot touches the tank, or is beyond its walls.
+    #[error("the robot touches a wall or the surface of the tank")]
+    TouchesTank,
     /// The frozen inverse does not exist.
     #[error("the rod's equations are singular")]
     Singular,
@@ -43,7 +46,8 @@ pub struct StepReport {
     pub sweeps: u32,
     /// Velocity residual before the last update, m/s.
     pub residual: f64,
-    /// Estimated error of the nodes, m.
+    /// Estimated error of the time formula, m: displacement of the flagella against the fluid, root mean square. Zero for the
+    /// first steps from rest, whose past has too few points to tell.
     pub error: f64,
     /// Number of pairs that press.
     pub touching: u32,

@@ -2,19 +2,19 @@
 
 use super::accept;
 use super::body::BodySolve;
+use super::inverses::{Cache, Linearisation};
 use super::model::Model;
-use super::preconditioner::{Cache, FluidParams, Key, Preconditioner};
 use super::predict::predict;
 use super::problem::StepProblem;
 use super::report::{StepFailure, StepReport};
 use super::sweep::Sweeps;
 use super::time_step::{Attempt, TimeStep};
+use super::truncation;
 use crate::body::closure::Closure;
 use crate::contact::pairs::Lines;
 use crate::params::{ParamError, Robot};
 use crate::rod::Rod;
-use crate::state::State;
-use std::sync::Arc;
+use crate::state::{RodState, State};
 
 /// Solves steps of one robot with one closure. It remembers nothing that changes a result: all of that is in [`State`].
 #[derive(Clone, Debug)]
@@ -84,47 +84,27 @@ impl Solver {
         for (k, flagellum) in sweeps.flagella.iter_mut().enumerate() {
             predict(flagellum, &model.rods[k], k, state, &step);
         }
-        let predicted = [0, 1].map(|k| sweeps.flagella[k].shape.nodes.clone());
-        let inverses = if attempt.own_inverses {
-            own_inverses(model, sweeps, state, &step)
-        } else {
-            cached_inverses(model, cache, &step)
-        };
-        let inverses = inverses.ok_or(StepFailure::Singular)?;
+        let own = attempt.own_inverses.then(|| {
+            let trial =
+                |k: usize| RodState { shape: sweeps.flagella[k].shape.clone(), frames: state.rods[k].frames.clone() };
+            Linearisation::new([0, 1].map(trial))
+        });
+        let about = own.as_ref().unwrap_or(&state.linearisation);
+        let inverses = cache.find(about, model, &step).ok_or(StepFailure::Singular)?;
         let problem = StepProblem { model, state, step: &step, inverses: [&*inverses[0], &*inverses[1]] };
         let mut body = BodySolve::new(state, &step);
         let converged = sweeps.solve(&problem, &mut body)?;
-        let error = accept::check(sweeps, &problem, &body, &predicted)?;
-        let (report, next) = accept::finish(sweeps, &problem, &body, converged, error)?;
+        accept::check(sweeps, &problem, &body)?;
+        let (mut report, next) = accept::finish(sweeps, &problem, &body, converged)?;
+        report.error = truncation::error(&sweeps.flagella, &problem, &next);
+        if report.error > attempt.allowed_error {
+            return Err(StepFailure::Unresolved { error: report.error, allowed: attempt.allowed_error });
+        }
         accept::commit(sweeps, model, &step, next, &report, state);
+        if let Some(own) = own {
+            state.linearisation = own;
+        }
+        state.linearisation.record(report.sweeps, &state.rods);
         Ok(report)
     }
-}
-
-/// Returns frozen inverses of the stress-free shapes.
-fn cached_inverses(model: &Model, cache: &mut Cache, step: &TimeStep) -> Option<[Arc<Preconditioner>; 2]> {
-    let (fluid, handedness) = (FluidParams::new(&model.robot), model.robot.flagellum.handedness);
-    let mut find = |k: usize| {
-        let design = if handedness[k] == handedness[0] { 0 } else { k };
-        let key = Key::new(design, step.kappa(k), step.motors[k].speed);
-        cache.find(key, &model.rods[k], fluid)
-    };
-    Some([find(0)?, find(1)?])
-}
-
-/// Returns inverses at the predicted shapes, for this step alone.
-fn own_inverses(
-    model: &Model,
-    sweeps: &mut Sweeps,
-    state: &State,
-    step: &TimeStep,
-) -> Option<[Arc<Preconditioner>; 2]> {
-    let fluid = FluidParams::new(&model.robot);
-    let mut build = |k: usize| {
-        let flagellum = &mut sweeps.flagella[k];
-        flagellum.update_frames(&state.rods[k]);
-        let motion = (step.kappa(k), step.motors[k].speed);
-        Preconditioner::at_shape(&model.rods[k], &flagellum.shape, &flagellum.frames, motion, fluid).map(Arc::new)
-    };
-    Some([build(0)?, build(1)?])
 }

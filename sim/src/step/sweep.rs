@@ -171,6 +171,15 @@ impl Sweeps {
         change
     }
 
+    /// Returns whether the solved robot touches the tank.
+    pub fn touch_tank(&mut self, problem: &StepProblem, body: &Body) -> bool {
+        if problem.model.robot.tank.is_none() {
+            return false;
+        }
+        self.write_lines(problem);
+        self.surroundings.touch_tank(&self.lines, &problem.model.flagella_base(body))
+    }
+
     /// Writes the flagella's trial shapes and forces in the body frame.
     fn write_lines(&mut self, problem: &StepProblem) {
         for ((flagellum, shaft), line) in self.flagella.iter().zip(&problem.step.shafts).zip(&mut self.lines) {

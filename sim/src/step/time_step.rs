@@ -1,6 +1,6 @@
 //! What is known of a step before it is solved: times, time formulas, motor angles and shafts.
 
-use super::formula::{POINTS, derivative, value_at};
+use super::formula::{POINTS, derivative, error_share, value_at};
 use crate::V3;
 use crate::body::shaft::{MotorState, Shaft};
 use crate::state::State;
@@ -14,8 +14,10 @@ pub struct Attempt {
     pub motors: [MotorState; 2],
     /// Earlier points that the prediction may use, at most [`POINTS`].
     pub prediction_points: usize,
-    /// Whether its frozen inverses are built at the predicted shapes: expensive, but good where rods are about to buckle.
+    /// Whether its frozen inverses are built at the predicted shapes, where rods are about to buckle. They are kept.
     pub own_inverses: bool,
+    /// Largest estimated error, m, with which it counts.
+    pub allowed_error: f64,
 }
 
 /// The weights of a step's formulas.
@@ -25,6 +27,10 @@ pub struct Weights {
     pub derivative: [f64; POINTS],
     /// Of the prediction: the past, newest first.
     pub prediction: [f64; POINTS],
+    /// Of the extrapolation that the error is estimated by: the past, newest first.
+    pub extrapolation: [f64; POINTS],
+    /// Error of the new point over its distance from the extrapolation.
+    pub error_share: f64,
 }
 
 /// A step before it is solved.
@@ -42,6 +48,8 @@ pub struct TimeStep {
     pub points: usize,
     /// Points of the prediction.
     pub prediction_points: usize,
+    /// Points of the extrapolation: all that there are.
+    pub past_points: usize,
     /// Weights for each rod, fitted to the speed of its own motor.
     pub rods: [Weights; 2],
     /// Weights for the body. It follows both motors, and the faster one needs the fit.
@@ -57,11 +65,19 @@ impl TimeStep {
         let mut times = vec![0.0, -1.0];
         times.extend(state.past.iter().map(|p| (p.time - time) / length));
         let points = POINTS.min(times.len());
-        let prediction_points = attempt.prediction_points.min(times.len() - 1);
-        let (past, behind) = (&times[..points], &times[1..1 + prediction_points]);
+        let past_points = POINTS.min(times.len() - 1);
+        let prediction_points = attempt.prediction_points.min(past_points);
+        let behind = &times[1..1 + past_points];
         let fitted = |speed: f64| {
             let angle = speed.abs() * length;
-            Weights { derivative: derivative(angle, past), prediction: value_at(angle, behind, 0.0) }
+            let derivative = derivative(angle, &times[..points]);
+            let extrapolation = value_at(angle, behind, 0.0);
+            let prediction = match prediction_points == past_points {
+                true => extrapolation,
+                false => value_at(angle, &behind[..prediction_points], 0.0),
+            };
+            let error_share = error_share(derivative[0], behind[past_points - 1]);
+            Weights { derivative, prediction, extrapolation, error_share }
         };
         let fastest = motors[0].speed.abs().max(motors[1].speed.abs());
         Self {
@@ -71,6 +87,7 @@ impl TimeStep {
             shafts: [0, 1].map(|k| Shaft::new(feet[k], motors[k].angle)),
             points,
             prediction_points,
+            past_points,
             rods: motors.map(|m| fitted(m.speed)),
             body: fitted(fastest),
         }

@@ -1,0 +1,168 @@
+//! Errors of means by the time steps: default steps against much shorter ones, at twelve points of both senses.
+//!
+//! `cargo run --release -p sim --example steps` prints the table of `sim/docs/cost.md`; speeds in rpm after `--` select one
+//! point.
+//!
+//! Speeds are multiples of 10 rpm, so every beat of the two motors repeats after [`PERIOD`]. Means are taken over the whole
+//! periods of the second half of a run, when the slow mode of the flagella (10 to 18 s) has decayed; their scatter is the
+//! standard error of the mean over the periods.
+
+use sim::body::attitude::euler_zyx;
+use sim::body::closure::Closure;
+use sim::body::shaft::MotorState;
+use sim::fluid::far::Precision;
+use sim::params::Robot;
+use sim::step::{Solver, StepControl};
+use std::error::Error;
+use std::f64::consts::PI;
+use std::time::Instant;
+
+/// One revolution at 10 rpm, s.
+const PERIOD: f64 = 6.0;
+/// Periods of a run.
+const PERIODS: usize = 20;
+/// Runs with default steps, of which the fastest counts.
+const REPEATS: u32 = 3;
+
+const POINTS: [[f64; 2]; 12] = [
+    [50.0, 10.0],
+    [90.0, 90.0],
+    [-90.0, 90.0],
+    [0.0, 45.0],
+    [90.0, 60.0],
+    [60.0, 20.0],
+    [-50.0, -30.0],
+    [-80.0, -20.0],
+    [-90.0, -80.0],
+    [-90.0, -90.0],
+    [-60.0, -60.0],
+    [-30.0, -90.0],
+];
+
+/// Thrusts (N), yaw, pitch and roll (degrees), and whether rods touch.
+type Values = [f64; 6];
+
+#[derive(Clone, Default)]
+struct Run {
+    /// Means over each period.
+    periods: Vec<Values>,
+    steps: u32,
+    sweeps: u32,
+    seconds: f64,
+}
+
+impl Run {
+    fn settled(&self) -> &[Values] {
+        &self.periods[PERIODS / 2..]
+    }
+
+    fn mean(&self, c: usize) -> f64 {
+        self.settled().iter().map(|v| v[c]).sum::<f64>() / self.settled().len() as f64
+    }
+
+    fn scatter(&self, c: usize) -> f64 {
+        let (mean, n) = (self.mean(c), self.settled().len() as f64);
+        (self.settled().iter().map(|v| (v[c] - mean).powi(2)).sum::<f64>() / (n - 1.0) / n).sqrt()
+    }
+
+    fn largest_thrust(&self) -> f64 {
+        self.mean(0).abs().max(self.mean(1).abs())
+    }
+
+    /// Errors of thrust (per cent of the larger one), yaw and tilt (degrees) against another run.
+    fn errors(&self, reference: &Run) -> [f64; 3] {
+        let error = |c: usize| (self.mean(c) - reference.mean(c)).abs();
+        [100.0 * error(0).max(error(1)) / reference.largest_thrust(), error(2), error(3).hypot(error(4))]
+    }
+}
+
+fn run(robot: &Robot, rpm: [f64; 2]) -> Result<Run, Box<dyn Error>> {
+    let speeds = rpm.map(|r| r * PI / 30.0);
+    let motors = |t: f64| speeds.map(|speed| MotorState { angle: speed * t, speed });
+    let mut solver = Solver::new(robot, Closure::Full)?;
+    let (mut state, mut control) = (solver.at_rest(), StepControl::default());
+    state.motors = motors(0.0);
+    let (mut out, mut last) = (Run::default(), [0.0; 6]);
+    let start = (Instant::now(), processor_s());
+    for period in 1..=PERIODS {
+        let mut sums = [0.0; 6];
+        let end = PERIOD * period as f64;
+        while state.time < end {
+            let before = state.time;
+            let report = control.advance(&mut solver, &mut state, end, &motors)?;
+            out.steps += 1;
+            out.sweeps += report.sweeps;
+            let thrust = |k: usize| report.fluid[k].force.z + report.contact[k].force.z;
+            let [_, pitch, roll] = euler_zyx(&state.body.attitude);
+            let [yaw, pitch, roll] = [state.body.yaw, pitch, roll].map(f64::to_degrees);
+            let values = [thrust(0), thrust(1), yaw, pitch, roll, f64::from(u8::from(report.touching > 0))];
+            for c in 0..6 {
+                sums[c] += 0.5 * (last[c] + values[c]) * (state.time - before);
+            }
+            last = values;
+        }
+        out.periods.push(sums.map(|sum| sum / PERIOD));
+    }
+    out.seconds = match (start.1, processor_s()) {
+        (Some(start), Some(end)) => end - start,
+        _ => start.0.elapsed().as_secs_f64(),
+    };
+    Ok(out)
+}
+
+/// Returns the processor's time of this thread, s, where Linux tells it: other load does not count.
+fn processor_s() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    text.split_whitespace().next()?.parse::<f64>().ok().map(|nanoseconds| 1e-9 * nanoseconds)
+}
+
+/// The published robot with steps whose error is a seventh of the default, over `times`.
+fn tight(times: f64) -> Robot {
+    let mut robot = Robot::published();
+    robot.solver.step_error = 1e-4 / times;
+    robot.solver.step_rad = 0.15 / times;
+    robot.solver.tolerance = 2.5e-3 / times;
+    robot.solver.far_field = Precision::Double;
+    robot
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let chosen: Vec<f64> = std::env::args().skip(1).map(|a| a.parse()).collect::<Result<_, _>>()?;
+    let points = match chosen.as_slice() {
+        [one, two] => vec![[*one, *two]],
+        _ => POINTS.to_vec(),
+    };
+    println!(
+        "| speeds rpm | contact | larger thrust mN, yaw, pitch, roll deg | thrust error (scatter) | yaw error | tilt error (scatter) | steps | sweeps a step | real-time factor | tight: thrust, yaw, tilt error |"
+    );
+    println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |");
+    for rpm in points {
+        let usual = run(&Robot::published(), rpm)?;
+        let mut seconds = usual.seconds;
+        for _ in 1..REPEATS {
+            seconds = seconds.min(run(&Robot::published(), rpm)?.seconds);
+        }
+        let (shorter, shortest) = (run(&tight(1.0), rpm)?, run(&tight(2.0), rpm)?);
+        let [thrust, yaw, tilt] = usual.errors(&shortest);
+        let still = shorter.errors(&shortest);
+        let scatter = 100.0 * usual.scatter(0).max(usual.scatter(1)) / shortest.largest_thrust();
+        println!(
+            "| ({}, {}) | {:.2} | {:.2}, {:.1}, {:.2}, {:.2} | {thrust:.2} % ({scatter:.2} %) | {yaw:.3} deg | {tilt:.3} deg ({:.3}) | {} | {:.2} | {:.0} | {:.2} %, {:.3}, {:.3} deg |",
+            rpm[0],
+            rpm[1],
+            shortest.mean(5),
+            1e3 * shortest.largest_thrust(),
+            shortest.mean(2),
+            shortest.mean(3),
+            shortest.mean(4),
+            usual.scatter(3).hypot(usual.scatter(4)),
+            usual.steps,
+            f64::from(usual.sweeps) / f64::from(usual.steps),
+            PERIOD * PERIODS as f64 / seconds,
+            still[0],
+            still[1],
+            still[2],
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,135 @@
+//! The frozen inverses: where they are built, and which are kept.
+//!
+//! An inverse in the frames of [`super::corotated`] serves a rod that has turned and bent since, but not without limit: a soft
+//! flagellum that buckles has other equations than its helix at rest. So [`State`](crate::state::State) has the shapes about
+//! which the equations are linearised. They are those at rest until the sweeps of a step become many, and then those of that
+//! step; a step that fails is tried again with those that are predicted for its end. An inverse depends on these shapes and
+//! its [`Key`] only, and a restored state goes on bit for bit.
+//!
+//! Inverses at rest serve for hundreds of steps and are dense. Those of other shapes serve for some, and their construction
+//! counts: they stay factors in single precision, of equations with a coarser mobility. `cargo bench -p sim --bench trials --
+//! soft` prints how many of them soft flagella need, and `sim/docs/cost.md` has its table. The mean cost since the last new
+//! shapes decides, not the number of sweeps alone: where contact makes the sweeps many, new shapes do not help, and the mean
+//! rises until they are left alone.
+
+use super::model::Model;
+use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
+use super::time_step::TimeStep;
+use crate::rod::Rod;
+use crate::state::RodState;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Ratio of neighbouring grid values of kappa.
+const KAPPA_GRID: f64 = 1.25;
+/// Distance of neighbouring grid values of the spin, rad.
+const SPIN_GRID: f64 = 0.1;
+/// Inverses kept for one shape; a ramp visits many keys, a steady trial two to ten.
+const KEPT: usize = 24;
+/// New shapes cost about as much as this many sweeps: those of a step with more sweeps than have been taken on average since
+/// the last ones, their cost included, save more than they cost.
+const RENEWAL_SWEEPS: u64 = 30;
+/// Fewer sweeps than this are no reason for new shapes: contact and the base need some with any inverse.
+const MANY_SWEEPS: u64 = 8;
+
+/// The shapes about which the equations of both rods are linearised, and how they have served.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Linearisation {
+    rods: [RodState; 2],
+    /// Steps taken with them.
+    steps: u64,
+    /// Sweeps taken with them, and [`RENEWAL_SWEEPS`].
+    sweeps: u64,
+}
+
+impl Linearisation {
+    /// About some shapes.
+    pub fn new(rods: [RodState; 2]) -> Self {
+        Self { rods, steps: 0, sweeps: RENEWAL_SWEEPS }
+    }
+
+    /// Records a step of some sweeps that ended with the shapes `rods`, and goes over to them when the sweeps were many.
+    pub fn record(&mut self, sweeps: u32, rods: &[RodState; 2]) {
+        let sweeps = u64::from(sweeps);
+        self.steps += 1;
+        self.sweeps += sweeps;
+        if sweeps >= MANY_SWEEPS && sweeps * self.steps > self.sweeps {
+            *self = Self::new(rods.clone());
+        }
+    }
+}
+
+/// What an inverse depends on besides the shape, rounded to a grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Key {
+    /// Index on the logarithmic grid of kappa.
+    kappa: i32,
+    /// Index on the grid of the spin.
+    spin: i32,
+}
+
+impl Key {
+    /// `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
+    fn new(kappa: f64, speed: f64) -> Self {
+        let index = (kappa.ln() / KAPPA_GRID.ln()).round() as i32;
+        Self { kappa: index, spin: (speed / kappa / SPIN_GRID).round() as i32 }
+    }
+}
+
+/// Inverses for one shape of a rod, oldest first.
+#[derive(Clone, Debug)]
+struct Kept {
+    at: RodState,
+    equations: Equations,
+    inverses: Vec<(Key, Arc<Preconditioner>)>,
+}
+
+/// Inverses of both rods for the present shapes.
+#[derive(Clone, Debug, Default)]
+pub struct Cache {
+    rods: [Option<Kept>; 2],
+    /// Inverses built so far.
+    pub built: usize,
+}
+
+impl Cache {
+    /// Returns the inverses of both rods for a step; `None` when a matrix is singular.
+    pub fn find(&mut self, about: &Linearisation, model: &Model, step: &TimeStep) -> Option<[Arc<Preconditioner>; 2]> {
+        let hands = model.robot.flagellum.handedness;
+        // Equal rods of equal shape share their inverses.
+        let shared = hands[0] == hands[1] && about.rods[0] == about.rods[1];
+        let mut find = |k: usize| {
+            let slot = if shared { 0 } else { k };
+            let key = Key::new(step.kappa(k), step.motors[k].speed);
+            self.find_one(slot, &about.rods[k], key, &model.rods[k], FluidParams::new(&model.robot))
+        };
+        Some([find(0)?, find(1)?])
+    }
+
+    fn find_one(
+        &mut self,
+        slot: usize,
+        at: &RodState,
+        key: Key,
+        rod: &Rod,
+        fluid: FluidParams,
+    ) -> Option<Arc<Preconditioner>> {
+        if self.rods[slot].as_ref().is_none_or(|kept| kept.at != *at) {
+            let wanted = if at.shape.nodes == rod.shape { Use::Lasting } else { Use::Passing };
+            let equations = Equations::new(rod, at, fluid, wanted);
+            self.rods[slot] = Some(Kept { at: at.clone(), equations, inverses: Vec::new() });
+        }
+        let kept = self.rods[slot].as_mut()?;
+        if let Some((_, known)) = kept.inverses.iter().find(|(k, _)| *k == key) {
+            return Some(known.clone());
+        }
+        let inverse = kept.equations.invert(rod, KAPPA_GRID.powi(key.kappa), f64::from(key.spin) * SPIN_GRID)?;
+        self.built += 1;
+        if kept.inverses.len() == KEPT {
+            kept.inverses.remove(0);
+        }
+        let inverse = Arc::new(inverse);
+        kept.inverses.push((key, inverse.clone()));
+        Some(inverse)
+    }
+}
