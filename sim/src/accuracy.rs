@@ -1,25 +1,28 @@
 //! How far the model's steady angles may be from those of the robot in its tank, besides numerical errors.
 //!
 //! Every figure is the measured effect of something that the parameters leave out, or of the line model itself against
-//! resolved surfaces. `sim/docs/accuracy.md` has them all, with the commands that print them.
+//! resolved surfaces, rounded up: the largest at the four published points with flagella that start alike.
+//! `sim/docs/accuracy.md` has the tables and the commands that print them.
 
 use crate::params::Robot;
 
-/// Relative error of the reaction torque about a shaft, and so of the yaw: rods by lines with the rod's spin, against
-/// resolved surfaces.
-const LINE_TORQUE: f64 = 0.045;
-/// Relative error of the tilting moment of the same rods.
-const LINE_TILT: f64 = 0.15;
-/// Relative error of the reaction torque without the couple on the rods' spin.
-const NO_SPIN_TORQUE: f64 = 0.35;
-/// Relative effect of a head outside of the flow on the yaw moment.
-const NO_HEAD_YAW: f64 = 0.04;
-/// The same on the tilting moment.
-const NO_HEAD_TILT: f64 = 0.08;
-/// Relative effect of the published tank's walls on the yaw moment.
-const NO_TANK_YAW: f64 = 0.03;
-/// The same on the tilting moment: of its size at (90, 90) rpm; at (50, 10) rpm the roll moment doubles.
-const NO_TANK_TILT: f64 = 0.5;
+/// Below this regularisation, in rod radii, the fluid sees a rod that is much thinner than the real one; e^(1/2) is right.
+const THIN_RADII: f64 = 1.3;
+/// Below this share of a round rod's couple the rods spin freely.
+const FREE_SPIN: f64 = 0.5;
+
+/// Rods as lines with the couple of their spin, and edges of 5 mm, against resolved surfaces.
+const LINES: Cause = Cause { what: "rods as lines", yaw: 0.05, tilt: 0.1 };
+/// A regularisation of 1.03 rod radii.
+const THIN: Cause = Cause { what: "thin rods", yaw: 0.14, tilt: 0.25 };
+/// No drag on the spin of the rods about their centre lines.
+const SPIN: Cause = Cause { what: "no drag on the rods' spin", yaw: 0.19, tilt: 0.03 };
+/// Both.
+const THIN_SPIN: Cause = Cause { what: "thin rods without drag on their spin", yaw: 0.35, tilt: 0.25 };
+/// A head that has a drag and no flow.
+const HEAD: Cause = Cause { what: "no flow about the head", yaw: 0.01, tilt: 0.02 };
+/// A fluid without bounds, for a robot in the published tank.
+const WALLS: Cause = Cause { what: "no walls", yaw: 0.04, tilt: 0.4 };
 
 /// An effect, and the relative error that it leaves in the steady angles.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -42,14 +45,19 @@ pub struct ModelError {
 impl ModelError {
     /// Returns the error of the model with these parameters.
     pub fn of(robot: &Robot) -> Self {
-        let mut causes = Vec::new();
-        let torque = if robot.fluid.spin_drag < 0.5 { NO_SPIN_TORQUE } else { LINE_TORQUE };
-        causes.push(Cause { what: "rods as lines", yaw: torque, tilt: LINE_TILT });
+        let (thin, free) = (robot.fluid.regularisation_radii < THIN_RADII, robot.fluid.spin_drag < FREE_SPIN);
+        let rods = match (thin, free) {
+            (false, false) => LINES,
+            (true, false) => THIN,
+            (false, true) => SPIN,
+            (true, true) => THIN_SPIN,
+        };
+        let mut causes = vec![rods];
         if !robot.head.is_resolved() {
-            causes.push(Cause { what: "no head in the flow", yaw: NO_HEAD_YAW, tilt: NO_HEAD_TILT });
+            causes.push(HEAD);
         }
         if robot.tank.is_none() {
-            causes.push(Cause { what: "no walls", yaw: NO_TANK_YAW, tilt: NO_TANK_TILT });
+            causes.push(WALLS);
         }
         Self { causes }
     }
@@ -74,5 +82,24 @@ impl ModelError {
     /// Independent causes add up as squares.
     fn total(&self, of: impl Fn(&Cause) -> f64) -> f64 {
         self.causes.iter().map(|cause| of(cause).powi(2)).sum::<f64>().sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::Tank;
+
+    #[test]
+    fn what_is_left_out_adds_to_the_error() {
+        let error = |change: fn(&mut Robot)| {
+            let mut robot = Robot::default();
+            change(&mut robot);
+            ModelError::of(&robot)
+        };
+        let [free, in_tank] = [error(|_| {}), error(|robot| robot.tank = Some(Tank::published()))];
+        assert!(in_tank.yaw() < free.yaw() && in_tank.tilt() < 0.5 * free.tilt());
+        assert!(ModelError::of(&Robot::published()).yaw() > 5.0 * free.yaw());
+        assert_eq!(in_tank.of_angles_deg([-100.0, 3.0, -4.0]), [5.0, 0.5, 0.5]);
     }
 }
