@@ -128,7 +128,7 @@ fn fit(seed: u64, speeds: &[[f64; 2]]) -> (Hidden, Calibration) {
     draw.normal();
     let hidden = Hidden::draw(&mut draw);
     let trials: Vec<_> = speeds.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
-    let request = Request { robot: None, closure: None, parameters: Parameter::USUAL.to_vec(), jobs: 2 };
+    let request = Request { robot: None, closure: None, parameters: Vec::new(), jobs: 2 };
     let trials = trials.iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
     (hidden, calibrate(trials, &request, &|| {}).unwrap())
 }

@@ -25,6 +25,7 @@
 // Formulas run over the same index of several short arrays; iterators would hide which.
 #![allow(clippy::needless_range_loop)]
 
+pub mod accuracy;
 pub mod body;
 pub mod contact;
 pub mod fluid;

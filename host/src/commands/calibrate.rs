@@ -61,6 +61,9 @@ struct Calibrated<'a> {
 /// Number of rounds of a typical fit, to estimate the remaining time.
 const USUAL_ROUNDS: usize = 8;
 
+/// Number of parameters that are fitted to most robots if none is named.
+const USUAL_PARAMETERS: usize = 4;
+
 pub fn run(args: &Args) -> miette::Result<Answer> {
     // Check first that the file can be written, because a fit may take an hour.
     if args.out.exists() {
@@ -76,7 +79,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             args.out.display()
         ));
     }
-    let mut parameters = if args.fit.is_empty() { Parameter::USUAL.to_vec() } else { args.fit.clone() };
+    let mut parameters = args.fit.clone();
     let mut seen = Vec::new();
     parameters.retain(|parameter| {
         !seen.contains(parameter) && {
@@ -99,9 +102,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let jobs = args.jobs.map_or_else(cores, usize::from);
     let request = Request { robot, closure: args.closure.map(Into::into), parameters, jobs };
 
-    let simulations = USUAL_ROUNDS * (request.parameters.len() + 1) * logs.len();
+    let fitted = if request.parameters.is_empty() { USUAL_PARAMETERS } else { request.parameters.len() };
+    let simulations = USUAL_ROUNDS * (fitted + 1) * logs.len();
     let progress = Progress::new(simulations as f64);
-    progress.phase(&text::count(logs.len(), "trial"), &text::count(request.parameters.len(), "parameter"));
+    progress.phase(&text::count(logs.len(), "trial"), &text::count(fitted, "parameter"));
     let progress = std::sync::Mutex::new(progress);
     let done = AtomicUsize::new(0);
     let simulated = || {
@@ -137,9 +141,10 @@ fn describe(calibration: &Calibration, out: &Path) -> String {
     // Writing to a string cannot fail.
     for p in &calibration.parameters {
         let [low, high] = p.interval_95;
+        let model = p.model_error.map_or_else(String::new, |error| format!("; error of the model ± {error:.1e}"));
         let _ = writeln!(
             text,
-            "{:<10} {:>11.4e} ± {:.1e} {:<8} (95 %: {low:.4e} to {high:.4e}; start {:.4e})",
+            "{:<10} {:>11.4e} ± {:.1e} {:<8} (95 %: {low:.4e} to {high:.4e}{model}; start {:.4e})",
             p.name, p.value, p.std_error, p.unit, p.start
         );
     }

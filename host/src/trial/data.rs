@@ -202,6 +202,11 @@ impl Data {
         self.origin() == Origin::Model
     }
 
+    /// Returns whether the trial measured a real robot: no model computed it, and none was behind its board.
+    pub fn is_real(&self) -> bool {
+        self.records.model.is_none()
+    }
+
     /// Returns the record of the trial, or an empty one if the log has none.
     pub fn trial(&self) -> TrialMeta {
         self.records.trial.clone().unwrap_or_default()

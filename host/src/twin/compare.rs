@@ -8,6 +8,7 @@ use super::shift::RATE_HZ;
 use super::{TwinError, shift};
 use crate::trial::{Data, Steady, Unusable, Zeroed};
 use serde::Serialize;
+use sim::accuracy::ModelError;
 use std::path::PathBuf;
 
 /// Shortest common time of two runs that can be compared, s.
@@ -54,6 +55,9 @@ pub struct Comparison {
     pub yaw_uncertainty_deg: Option<f64>,
     /// 95 % uncertainty of the steady pitch and roll errors.
     pub tilt_uncertainty_deg: [Option<f64>; 2],
+    /// Error of the model's own steady yaw, pitch and roll, from what it leaves out ([`sim::accuracy`]); `None` where the
+    /// measured trial is a model's or a simulated robot's, or the other one is measured.
+    pub model_error_deg: Option<[f64; 3]>,
     /// Drift that was removed from the measured steady yaw.
     pub yaw_drift_deg: f64,
     /// Yaw, pitch and roll in the still phase before the run, which were subtracted as the zero.
@@ -81,6 +85,8 @@ pub struct Finding {
     pub error_deg: f64,
     /// Its 95 % uncertainty from noise.
     pub allowed_deg: f64,
+    /// The model's own error, see [`Comparison::model_error_deg`].
+    pub model_error_deg: Option<f64>,
 }
 
 /// Both attitudes at one time.
@@ -268,7 +274,11 @@ fn compare_zeroed(
         _ => None,
     };
     let allowed = [yaw_uncertainty_deg, tilt_uncertainty_deg[0], tilt_uncertainty_deg[1]];
-    let findings = findings(error, allowed);
+    let model_error_deg = (a.is_real() && b.is_model())
+        .then(|| b.robot().ok())
+        .flatten()
+        .map(|robot| ModelError::of(&robot).of_angles_deg(steady_modelled_deg));
+    let findings = findings(error, allowed, model_error_deg);
     let points = (0..times.len())
         .map(|i| Point {
             time_s: times[i],
@@ -295,6 +305,7 @@ fn compare_zeroed(
         settle_ratio,
         yaw_uncertainty_deg,
         tilt_uncertainty_deg,
+        model_error_deg,
         yaw_drift_deg: measured.yaw_drift(measured.run.start + middle_s),
         measured_zero_deg: measured.zero_deg,
         modelled_zero_deg: modelled.zero_deg,
@@ -315,15 +326,13 @@ fn both([one, other]: [Option<f64>; 2]) -> Option<f64> {
 /// Rounding error of the difference of two models, degrees.
 const ROUNDING_DEG: f64 = 0.01;
 
-fn findings(error: [f64; 3], allowed: [Option<f64>; 3]) -> Vec<Finding> {
-    ["yaw", "pitch", "roll"]
-        .into_iter()
-        .zip(error.into_iter().zip(allowed))
-        .filter_map(|(angle, (error_deg, allowed))| {
-            let allowed_deg = allowed?.max(ROUNDING_DEG);
-            (error_deg.abs() > allowed_deg).then_some(Finding { angle, error_deg, allowed_deg })
-        })
-        .collect()
+fn findings(error: [f64; 3], allowed: [Option<f64>; 3], model: Option<[f64; 3]>) -> Vec<Finding> {
+    let one = |k: usize, angle: &'static str| {
+        let (error_deg, allowed_deg) = (error[k], allowed[k]?.max(ROUNDING_DEG));
+        let model_error_deg = model.map(|model| model[k]);
+        (error_deg.abs() > allowed_deg).then_some(Finding { angle, error_deg, allowed_deg, model_error_deg })
+    };
+    ["yaw", "pitch", "roll"].into_iter().enumerate().filter_map(|(k, angle)| one(k, angle)).collect()
 }
 
 fn verdict(findings: &[Finding], allowed: [Option<f64>; 3]) -> String {
@@ -331,9 +340,20 @@ fn verdict(findings: &[Finding], allowed: [Option<f64>; 3]) -> String {
     let unknown: Vec<_> = unknown.map(|(angle, _)| angle).collect();
     let found: Vec<_> = findings
         .iter()
-        .map(|Finding { angle, error_deg, allowed_deg }| match error_deg.abs() / allowed_deg {
-            _ if *allowed_deg <= ROUNDING_DEG => format!("{angle} differs by {error_deg:+.2}°"),
-            times => format!("{angle} differs by {error_deg:+.2}°, {times:.1} times the noise"),
+        .map(|finding| {
+            let Finding { angle, error_deg, allowed_deg, model_error_deg } = finding;
+            let mut text = format!("{angle} differs by {error_deg:+.2}°");
+            if *allowed_deg > ROUNDING_DEG {
+                text += &format!(", {:.1} times the noise", error_deg.abs() / allowed_deg);
+            }
+            match model_error_deg {
+                Some(model) if error_deg.abs() <= *model => {
+                    text += &format!(", within the model's error of {model:.1}°")
+                }
+                Some(model) => text += &format!(", beyond the model's error of {model:.1}°"),
+                None => {}
+            }
+            text
         })
         .collect();
     let mut text = if !found.is_empty() {
@@ -359,7 +379,7 @@ mod tests {
     #[test]
     fn verdict_lists_errors_beyond_noise_and_unknown_noise() {
         let allowed = [Some(1.0), Some(0.2), None];
-        let found = findings([0.9, -0.8, 5.0], allowed);
+        let found = findings([0.9, -0.8, 5.0], allowed, None);
         assert_eq!(found.len(), 1);
         assert_eq!(
             verdict(&found, allowed),
@@ -367,6 +387,16 @@ mod tests {
         );
         assert_eq!(verdict(&[], [Some(1.0); 3]), "Model and measurement agree within noise");
         assert_eq!(verdict(&[], [None; 3]), "the noise of yaw, pitch, roll is unknown");
-        assert_eq!(verdict(&findings([0.5, 0.0, 0.0], [Some(0.0); 3]), [Some(0.0); 3]), "yaw differs by +0.50°");
+        assert_eq!(verdict(&findings([0.5, 0.0, 0.0], [Some(0.0); 3], None), [Some(0.0); 3]), "yaw differs by +0.50°");
+        let beside =
+            verdict(&findings([3.0, 0.9, 0.0], [Some(1.0), Some(0.1), Some(0.1)], Some([5.0, 0.5, 0.5])), allowed);
+        assert!(
+            beside.starts_with("yaw differs by +3.00°, 3.0 times the noise, within the model's error of 5.0°; "),
+            "{beside}"
+        );
+        assert!(
+            beside.contains("pitch differs by +0.90°, 9.0 times the noise, beyond the model's error of 0.5°"),
+            "{beside}"
+        );
     }
 }

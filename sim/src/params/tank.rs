@@ -78,6 +78,19 @@ fn yes() -> bool {
 }
 
 impl Tank {
+    /// Returns the tank of the publication, filled to its brim, with the robot in the middle: as `host/plans/robot-tank.toml`.
+    pub fn published() -> Self {
+        Self {
+            length_m: 1.22,
+            width_m: 0.45,
+            height_m: 0.515,
+            joint_m: [0.61, 0.225],
+            joint_depth_m: 0.14,
+            walls: sides_and_floor(),
+            free_surface: true,
+        }
+    }
+
     /// Returns where the plane of a face cuts its axis, in m from the joint.
     fn place(&self, face: Face) -> f64 {
         match face {

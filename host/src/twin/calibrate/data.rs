@@ -43,6 +43,8 @@ pub struct FitTrial {
     /// Mounting of the sensor: pitch and roll at rest, degrees.
     pub(super) askew_deg: [f64; 2],
     pub(super) warnings: Vec<String>,
+    /// Whether it measured a real robot.
+    pub(super) is_real: bool,
     /// Its robot and the closure of its model.
     pub(super) robot: Result<Robot, PlanError>,
     pub(super) closure: Option<Closure>,
@@ -103,6 +105,7 @@ impl FitTrial {
             temperature_c: data.temperature_c,
             askew_deg: [zeroed.zero_deg[1], zeroed.zero_deg[2]],
             warnings,
+            is_real: data.is_real(),
             robot: data.robot(),
             closure: data.records.model.as_ref().map(|model| model.closure),
             ratio: Ratio::of(data.speeds().map(CentiRpm::rpm)),

@@ -14,11 +14,14 @@ pub fn to_toml(calibration: &Calibration) -> String {
     let closure = format!("{:?}", calibration.closure).to_lowercase();
     note(format!("Fitted by `biflag calibrate` {}, for the closure {closure}.", env!("CARGO_PKG_VERSION")));
     note(String::new());
-    for Estimate { name, key, unit, start, value, std_error, interval_95: [low, high] } in &calibration.parameters {
+    for Estimate { name, key, unit, start, value, std_error, model_error, interval_95: [low, high] } in
+        &calibration.parameters
+    {
         let place = key.unwrap_or("not a parameter of the model");
+        let model = model_error.map_or_else(String::new, |error| format!(", error of the model {error:.1e}"));
         note(format!(
-            "{name} ({place}): {value:.5e} {unit}, standard error {std_error:.1e}, 95 % {low:.5e} to {high:.5e}; it was \
-             {start:.5e}"
+            "{name} ({place}): {value:.5e} {unit}, standard error {std_error:.1e}, 95 % {low:.5e} to {high:.5e}{model}; it \
+             was {start:.5e}"
         ));
     }
     let mount = &calibration.mounting;

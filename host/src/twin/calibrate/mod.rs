@@ -11,14 +11,15 @@
 //! on the first moments of a motion more than the accuracy of model and clocks allows: a delay of 5 ms then changed the
 //! tether by 3 %. The size and correlation of the residuals, as a first-order autoregressive process for each angle,
 //! enter the standard errors, which hold for any weights of the fit (White 1980, Econometrica 48, 817; Seber and Wild
-//! 2003, Nonlinear Regression, chapter 6). The solver's error is added to them. Errors of the model itself count as
-//! correlated noise.
+//! 2003, Nonlinear Regression, chapter 6). The solver's error is added to them. What the model leaves out is the same in all
+//! trials and no scatter shows it: its effect on each parameter stands beside the standard error ([`Estimate::model_error`]).
 
 mod data;
 mod file;
 mod parameter;
 mod phase;
 mod problem;
+mod uncertainty;
 
 pub use file::to_toml;
 pub use parameter::Parameter;
@@ -29,14 +30,16 @@ use super::replay::pool;
 use crate::attitude::student_95;
 pub use data::FitTrial;
 use data::{Correlated, Whitener};
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use levenberg_marquardt::LevenbergMarquardt;
 use nalgebra::DMatrix;
 use problem::Problem;
 use rayon::prelude::*;
 use serde::Serialize;
+use sim::accuracy::ModelError;
 use sim::body::closure::Closure;
 use sim::params::Robot;
 use std::path::PathBuf;
+use uncertainty::Response;
 
 /// Relative change of the parameters below which the fit has converged: a fraction of a standard error.
 const PRECISION: f64 = 1e-3;
@@ -60,7 +63,7 @@ pub struct Request {
     pub robot: Option<Robot>,
     /// The closure; `None` for that of the first trial's model, or `full` if it has no model.
     pub closure: Option<Closure>,
-    /// The parameters.
+    /// The parameters; [`Parameter::usual`] if there are none.
     pub parameters: Vec<Parameter>,
     /// Number of simulations in parallel.
     pub jobs: usize,
@@ -79,9 +82,12 @@ pub struct Estimate {
     pub start: f64,
     /// The fitted value.
     pub value: f64,
-    /// Standard error.
+    /// Standard error from the noise of the measurement and the solver.
     pub std_error: f64,
-    /// 95 % confidence interval: lower and upper bound.
+    /// By how much what the model leaves out ([`sim::accuracy`]) may have changed the value; `None` if all trials are of a
+    /// model or a simulated robot, which has no such error.
+    pub model_error: Option<f64>,
+    /// 95 % confidence interval: lower and upper bound. It does not contain the model's error.
     pub interval_95: [f64; 2],
 }
 
@@ -189,7 +195,16 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
         simulations.fetch_add(count, std::sync::atomic::Ordering::Relaxed);
         progress();
     };
-    let parameters = phase::with_both(&request.parameters, &trials)?;
+    let mut requested = request.parameters.clone();
+    if requested.is_empty() {
+        requested = Parameter::usual(&start);
+    }
+    for without in requested.extract_if(.., |parameter| !parameter.has_effect(&start)) {
+        let name = without.name();
+        warnings
+            .push(format!("{name} is not fitted: the head is a body in the flow, and the model does not depend on it"));
+    }
+    let parameters = phase::with_both(&requested, &trials)?;
     let parameters = parameters.as_slice();
     let whiteners = whiteners(&trials, [Correlated::guess(); 3])?;
     let unmoved = || vec![0.0; parameters.len()];
@@ -207,7 +222,10 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
     let problem = minimise(problem)?;
     let errors = problem.errors().unwrap_or_default();
     let rest = problem::correlations(&errors);
-    let covariance = covariance(&problem, &self::whiteners(&trials, rest)?)?;
+    let response = Response::new(&problem)?;
+    let covariance = response.covariance(&self::whiteners(&trials, rest)?);
+    let robot = problem.robot(fitted_from, problem.moved());
+    let model_errors = trials.iter().any(|trial| trial.is_real).then(|| response.model_errors(&ModelError::of(&robot)));
 
     // The fitted parameters absorb a part of the residuals.
     let blocks: usize = trials.iter().map(FitTrial::blocks).sum();
@@ -222,7 +240,8 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
     let estimates: Vec<_> = parameters
         .iter()
         .zip(problem.moved().iter().zip(&deviations))
-        .map(|(parameter, (moved, deviation))| {
+        .enumerate()
+        .map(|(i, (parameter, (moved, deviation)))| {
             let value = |moved| parameter.value(fitted_from, closure, moved);
             // A phase may have come round.
             let turns = if parameter.is_phase() { value(*moved) - wrapped(value(*moved)) } else { 0.0 };
@@ -234,6 +253,7 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
                 start: parameter.value(&start, closure, 0.0),
                 value: value(*moved),
                 std_error: parameter.error(value(*moved), *deviation),
+                model_error: model_errors.as_ref().map(|errors| parameter.error(value(*moved), errors[i])),
                 interval_95: [-1.0, 1.0].map(|side| value(moved + side * quantile * deviation)),
             }
         })
@@ -242,7 +262,6 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
         covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()
     });
     let eigenvalues = correlations.clone().symmetric_eigenvalues();
-    let robot = problem.robot(fitted_from, problem.moved());
     let fitted = |i: usize| Fitted {
         name: trials[i].name.clone(),
         log: trials[i].path.clone(),
@@ -287,33 +306,6 @@ fn minimise(problem: Problem) -> Result<Problem, TwinError> {
     }
     let reason = format!("{:?} after {} evaluations", report.termination, report.number_of_evaluations);
     Err(failed(&reason, "fit fewer parameters with --fit, or use trials at other speeds"))
-}
-
-/// Returns the covariance of the fitted parameters for errors with the covariance `noise`, for any weights of the fit.
-fn covariance(problem: &Problem, noise: &[[Whitener; 3]]) -> Result<DMatrix<f64>, TwinError> {
-    let blind = || failed("the trials do not determine all parameters", "fit fewer parameters with --fit");
-    let jacobian = problem.jacobian().ok_or_else(blind)?;
-    let jacobian = DMatrix::from_column_slice(jacobian.nrows(), jacobian.ncols(), jacobian.as_slice());
-    let scale: Vec<f64> = jacobian.column_iter().map(|column| column.norm()).collect();
-    if scale.iter().any(|norm| *norm == 0.0 || !norm.is_finite()) {
-        return Err(blind());
-    }
-    let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| jacobian[(i, j)] / scale[j]);
-    let inverse = (scaled.transpose() * &scaled).cholesky().ok_or_else(blind)?.inverse();
-    // Effect of each error on each parameter, scaled by the covariance of the errors.
-    let mut spread = scaled;
-    let mut first = 0;
-    for (weights, noise) in problem.whiteners.iter().flatten().zip(noise.iter().flatten()) {
-        let count = weights.count();
-        for j in 0..spread.ncols() {
-            let mut part = spread.view((first, j), (count, 1)).column(0).into_owned();
-            weights.whiten_transposed(&mut part);
-            spread.view_mut((first, j), (count, 1)).copy_from(&noise.spread(&part));
-        }
-        first += count;
-    }
-    let covariance = &inverse * (spread.transpose() * spread) * &inverse;
-    Ok(DMatrix::from_fn(scale.len(), scale.len(), |i, j| covariance[(i, j)] / (scale[i] * scale[j])))
 }
 
 fn cannot_tell(estimates: &[Estimate], correlations: &DMatrix<f64>, parameters: &[Parameter]) -> Vec<String> {

@@ -1,7 +1,7 @@
 //! Parameters that can be fitted.
 
 use sim::body::closure::Closure;
-use sim::params::Robot;
+use sim::params::{HeadShape, Robot};
 use std::str::FromStr;
 
 /// A parameter of the robot, or of the mounting of its sensor.
@@ -30,9 +30,19 @@ impl Parameter {
     pub const ALL: [Self; 7] =
         [Self::Tether, Self::Righting, Self::Drag, Self::Viscosity, Self::Young, Self::MountYaw, Self::Phase];
 
-    /// The parameters that are fitted by default. The flagella's stiffness is not: it is measured better on a rod, and
-    /// is nearly indistinguishable from the viscosity.
-    pub const USUAL: [Self; 5] = [Self::Tether, Self::Righting, Self::Drag, Self::Viscosity, Self::MountYaw];
+    /// Returns the parameters that are fitted by default. The flagella's stiffness is not one of them: it is measured better
+    /// on a rod, and is nearly indistinguishable from the viscosity.
+    pub fn usual(robot: &Robot) -> Vec<Self> {
+        let mut usual = vec![Self::Tether, Self::Righting, Self::Drag, Self::Viscosity, Self::MountYaw];
+        usual.retain(|parameter| parameter.has_effect(robot));
+        usual
+    }
+
+    /// Returns whether the model of this robot depends on the parameter: the drag of the base does not count where the head
+    /// is a body in the flow.
+    pub(super) fn has_effect(self, robot: &Robot) -> bool {
+        self != Self::Drag || robot.head.shape == HeadShape::Local
+    }
 
     /// Returns the name on the command line.
     pub fn name(self) -> &'static str {
