@@ -2,7 +2,7 @@
 
 use crate::common::prove;
 use sim::body::closure::Closure;
-use sim::params::Robot;
+use sim::params::{Robot, Tank};
 use sim::profile::SpeedProfile;
 use sim::sample::Sample;
 use sim::trial::{Options, Summary, Trial};
@@ -64,6 +64,21 @@ fn full_lies_near_the_experiment() {
     prove("full (50, 10): |pitch| 3.29 to 4.96 deg within 20 %", outside(a[1], 3.29, 4.96, 0.2), 1.0);
     prove("full (0, 45): |yaw| against 56.22 deg", (b[0] / 56.22 - 1.0).abs(), 0.25);
     prove("full (-90, 90): tilt of the axis against 16 deg", (d[3] / 16.0 - 1.0).abs(), 0.25);
+}
+
+/// The one printed measurement, by the robot that has nothing fitted to it: its tether is calibrated at (90, 90) rpm.
+#[test]
+fn physical_lies_at_the_experiment() {
+    let mut in_tank = Robot::default();
+    in_tank.tank = Some(Tank::published());
+    for (name, robot, pitch_bound) in [("physical", Robot::default(), 0.15), ("physical in the tank", in_tank, 0.1)] {
+        let profile = SpeedProfile::constant([50.0, 10.0], 120.0).expect("a profile");
+        let mut trial = Trial::new(&robot, Closure::Full, profile, Options::default()).expect("parameters");
+        let [yaw, pitch, _] = trial.finish().expect("a run").steady.attitude.map(|level| level.mean.abs().to_degrees());
+        println!("{name} at (50, 10): yaw {yaw:.2}, pitch {pitch:.2} deg");
+        prove(&format!("{name} (50, 10): yaw against the experiment"), (yaw / 67.95 - 1.0).abs(), 0.05);
+        prove(&format!("{name} (50, 10): pitch against the experiment"), (pitch / 4.96 - 1.0).abs(), pitch_bound);
+    }
 }
 
 #[test]
