@@ -19,23 +19,24 @@
 //!
 //! # Where the time goes
 //!
-//! Shares of the processor's time for (90, 90) rpm from equal angles, without contact, (90, 60) with light contact and (-90, -80), where the
-//! flagella mesh; closure `full`, published robot, AVX-512.
+//! Shares of the processor's time, closure `full`, AVX-512: robot `published` at (90, 90) rpm without contact, at (90, 60)
+//! with light contact and at (-90, -80), where the flagella mesh; robot `physical` at (90, 90).
 //!
-//! | part | free | light | hard |
-//! | --- | --- | --- | --- |
-//! | residuals, `Flagellum::update_residual` | 31 % | 31 % | 31 % |
-//! | of these and of the compliance: flow of far segments, `Targets::add_flow` | 24 % | 25 % | 25 % |
-//! | frames and elastic forces, `StepProblem::update_forces` | 8 % | 8 % | 8 % |
-//! | products with the frozen inverse, `Flagellum::precondition` | 12 % | 12 % | 10 % |
-//! | compliance to contact forces, `Flagellum::compliance_columns` | 0 % | 3 % | 7 % |
-//! | search for close edges, `BroadPhase::search` | 10 % | 12 % | 6 % |
-//! | least gap of every step, `BroadPhase::least_distance` | 10 % | 6 % | 3 % |
-//! | moving the shapes, `Flagellum::apply` | 4 % | 4 % | 5 % |
-//! | frozen inverses, `Equations::invert` | 2 % | 1 % | 0 % |
+//! | part | free | light | hard | `physical` |
+//! | --- | --- | --- | --- | --- |
+//! | residuals, `Flagellum::update_residual` | 29 % | 32 % | 21 % | 31 % |
+//! | of these, of the compliance and of the surroundings: flow of points, `Targets::add_flow` | 22 % | 25 % | 16 % | 30 % |
+//! | frames and elastic forces, `StepProblem::update_forces` | 8 % | 9 % | 5 % | 9 % |
+//! | products with the frozen inverse, `Flagellum::precondition` | 13 % | 11 % | 11 % | 12 % |
+//! | compliance to contact forces, `Flagellum::compliance_columns` | 0 % | 4 % | 8 % | 0 % |
+//! | search for close edges, `BroadPhase::search` | 10 % | 8 % | 5 % | 7 % |
+//! | least gap of every step, `BroadPhase::least_distance` | 10 % | 4 % | 2 % | 5 % |
+//! | moving the shapes, `Flagellum::apply` | 3 % | 3 % | 3 % | 2 % |
+//! | frozen inverses, `Equations::invert` | 4 % | 3 % | 16 % | 3 % |
+//! | flow of the head, `Surroundings::update` | 0 % | 0 % | 0 % | 14 % |
 //!
 //! Printed, for one column, by
-//! `perf record --call-graph dwarf,4096 -F 997 -e cpu-clock target/release/examples/point 90 90 full 300` and
+//! `perf record --call-graph dwarf,4096 -F 997 -e cpu-clock target/release/examples/point 90 90 full 120 published` and
 //! `perf report --children --no-inline -g none`; the rest is spread over the sweep itself.
 
 mod accept;
