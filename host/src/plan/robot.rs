@@ -123,7 +123,8 @@ mod tests {
     #[test]
     fn every_mistake_is_named_with_its_line_and_its_cure() {
         let toml = "a robot file is a TOML file in UTF-8; host/plans/robot-published.toml has every key";
-        let tables = "write one of `base`, `flagellum`, `fluid`, `head`, `tank`, `joint`, `contact`, `solver`, or leave it out";
+        let tables =
+            "write one of `base`, `flagellum`, `fluid`, `head`, `tank`, `joint`, `contact`, `solver`, or leave it out";
         for (text, message, cure) in [
             ("[base]\nmass_kg = \"94\"\n", "my.toml:2:11: mass_kg cannot be \"94\"", "give a number"),
             (

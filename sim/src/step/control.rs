@@ -39,6 +39,9 @@ const EASY_SWEEPS: u32 = 9;
 const EASY_STEPS: u32 = 2;
 /// Angle of easy steps before the next one is longer, rad, where free motion has needed shorter ones: two turns.
 const EASY_ANGLE: f64 = 4.0 * PI;
+/// Halvings from which on steps in contact, too, are tried with inverses of their own. Before that, shorter steps help
+/// them more.
+const CONTACT_LEVEL: u32 = 4;
 /// Steps after contact in which motion is not yet free.
 const POST_CONTACT_STEPS: u32 = 40;
 /// Steps after contact in which the prediction takes one point less: the motion had a kink.
@@ -116,7 +119,9 @@ impl StepControl {
                     self.succeeded(solver, &report, length * fastest(attempt.motors.map(|m| m.speed)));
                     return Ok(report);
                 }
-                Err(StepFailure::Stalled { .. } | StepFailure::Diverged) if !self.own_inverses => {
+                Err(StepFailure::Stalled { .. } | StepFailure::Diverged)
+                    if !self.own_inverses && (state.pairs.is_empty() || self.level >= CONTACT_LEVEL) =>
+                {
                     self.own_inverses = true;
                 }
                 Err(failure) if self.level >= halvings => {

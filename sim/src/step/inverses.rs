@@ -2,15 +2,14 @@
 //!
 //! An inverse in the frames of [`super::corotated`] serves a rod that has turned and bent since, but not without limit: a soft
 //! flagellum that buckles has other equations than its helix at rest. So [`State`](crate::state::State) has the shapes about
-//! which the equations are linearised. They are those at rest until the sweeps of a step become many, and then those of that
-//! step; a step that fails is tried again with those that are predicted for its end. An inverse depends on these shapes and
+//! which the equations are linearised. They are those at rest until the sweeps of a step without contact become many, and then
+//! those of that step; a step that fails is tried again with those that are predicted for its end. An inverse depends on these shapes and
 //! its [`Key`] only, and a restored state goes on bit for bit.
 //!
 //! Inverses at rest serve for hundreds of steps and are dense. Those of other shapes serve for some, and their construction
 //! counts: they stay factors in single precision, of equations with a coarser mobility. `cargo bench -p sim --bench trials --
 //! soft` prints how many of them soft flagella need, and `sim/docs/cost.md` has its table. The mean cost since the last new
-//! shapes decides, not the number of sweeps alone: where contact makes the sweeps many, new shapes do not help, and the mean
-//! rises until they are left alone.
+//! shapes decides, not the number of sweeps alone. Where contact makes the sweeps many, new shapes do not help.
 
 use super::model::Model;
 use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
@@ -49,11 +48,12 @@ impl Linearisation {
     }
 
     /// Records a step of some sweeps that ended with the shapes `rods`, and goes over to them when the sweeps were many.
-    pub fn record(&mut self, sweeps: u32, rods: &[RodState; 2]) {
+    /// `contact`: whether rods pressed on each other; then contact makes the sweeps many.
+    pub fn record(&mut self, sweeps: u32, contact: bool, rods: &[RodState; 2]) {
         let sweeps = u64::from(sweeps);
         self.steps += 1;
         self.sweeps += sweeps;
-        if sweeps >= MANY_SWEEPS && sweeps * self.steps > self.sweeps {
+        if !contact && sweeps >= MANY_SWEEPS && sweeps * self.steps > self.sweeps {
             *self = Self::new(rods.clone());
         }
     }
