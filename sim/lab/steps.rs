@@ -1,7 +1,7 @@
 //! Errors of means by the time steps: default steps against much shorter ones, at twelve points of both senses.
 //!
 //! `cargo run --release -p sim --example steps` prints the table of `sim/docs/cost.md`; speeds in rpm after `--` select one
-//! point.
+//! point, and a name after them another robot than `published`.
 //!
 //! Speeds are multiples of 10 rpm, so every beat of the two motors repeats after [`PERIOD`]. Means are taken over the whole
 //! periods of the second half of a run, when the slow mode of the flagella (10 to 18 s) has decayed; their scatter is the
@@ -116,9 +116,8 @@ fn processor_s() -> Option<f64> {
     text.split_whitespace().next()?.parse::<f64>().ok().map(|nanoseconds| 1e-9 * nanoseconds)
 }
 
-/// The published robot with steps whose error is a seventh of the default, over `times`.
-fn tight(times: f64) -> Robot {
-    let mut robot = Robot::published();
+/// A robot with steps whose error is a seventh of the default, over `times`.
+fn tight(mut robot: Robot, times: f64) -> Robot {
     robot.solver.step_error = 1e-4 / times;
     robot.solver.step_rad = 0.15 / times;
     robot.solver.tolerance = 2.5e-3 / times;
@@ -127,22 +126,24 @@ fn tight(times: f64) -> Robot {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let chosen: Vec<f64> = std::env::args().skip(1).map(|a| a.parse()).collect::<Result<_, _>>()?;
-    let points = match chosen.as_slice() {
-        [one, two] => vec![[*one, *two]],
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let points = match arguments.as_slice() {
+        [one, two, ..] => vec![[one.parse()?, two.parse()?]],
         _ => POINTS.to_vec(),
     };
+    let name = arguments.get(2).map_or("published", String::as_str);
+    let robot = Robot::built_in(name).ok_or_else(|| format!("{name}: no such robot"))?;
     println!(
         "| speeds rpm | contact | larger thrust mN, yaw, pitch, roll deg | thrust error (scatter) | yaw error | tilt error (scatter) | steps | sweeps a step | real-time factor | tight: thrust, yaw, tilt error |"
     );
     println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     for rpm in points {
-        let usual = run(&Robot::published(), rpm)?;
+        let usual = run(&robot, rpm)?;
         let mut seconds = usual.seconds;
         for _ in 1..REPEATS {
-            seconds = seconds.min(run(&Robot::published(), rpm)?.seconds);
+            seconds = seconds.min(run(&robot, rpm)?.seconds);
         }
-        let (shorter, shortest) = (run(&tight(1.0), rpm)?, run(&tight(2.0), rpm)?);
+        let (shorter, shortest) = (run(&tight(robot.clone(), 1.0), rpm)?, run(&tight(robot.clone(), 2.0), rpm)?);
         let [thrust, yaw, tilt] = usual.errors(&shortest);
         let still = shorter.errors(&shortest);
         let scatter = 100.0 * usual.scatter(0).max(usual.scatter(1)) / shortest.largest_thrust();

@@ -6,10 +6,12 @@
 //! those of that step; a step that fails is tried again with those that are predicted for its end. An inverse depends on these shapes and
 //! its [`Key`] only, and a restored state goes on bit for bit.
 //!
-//! Inverses at rest serve for hundreds of steps and are dense. Those of other shapes serve for some, and their construction
-//! counts: they stay factors in single precision, of equations with a coarser mobility. `cargo bench -p sim --bench trials --
-//! soft` prints how many of them soft flagella need, and `sim/docs/cost.md` has its table. The mean cost since the last new
-//! shapes decides, not the number of sweeps alone. Where contact makes the sweeps many, new shapes do not help.
+//! Inverses at rest serve for hundreds of steps and are dense. So are those of the shapes that free motion goes over to when
+//! its steps have long needed a sweep too many: drag on their spin bends and twists flagella far from rest, and they keep that
+//! shape. Inverses of other shapes serve for some steps, and their construction counts: they stay factors in single precision,
+//! of equations with a coarser mobility. `cargo bench -p sim --bench trials -- soft` prints how many of them soft flagella
+//! need, and `sim/docs/cost.md` has its table. The mean cost since the last new shapes decides, not the number of sweeps alone.
+//! Where contact makes the sweeps many, new shapes do not help.
 
 use super::model::Model;
 use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
@@ -31,6 +33,11 @@ const RENEWAL_SWEEPS: u64 = 30;
 /// Fewer sweeps than this are no reason for new shapes: contact and the base need some with any inverse.
 const MANY_SWEEPS: u64 = 8;
 
+/// Half sweeps of a step of free motion that are no excess: a moving base takes two sweeps, and some steps three.
+const ENOUGH: u64 = 5;
+/// Excess after which free motion gets new shapes, in half sweeps: about the cost of a few dense inverses.
+const LARGEST_EXCESS: u64 = 300;
+
 /// The shapes about which the equations of both rods are linearised, and how they have served.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Linearisation {
@@ -39,22 +46,30 @@ pub struct Linearisation {
     steps: u64,
     /// Sweeps taken with them, and [`RENEWAL_SWEEPS`].
     sweeps: u64,
+    /// Half sweeps above [`ENOUGH`] since the last contact; it falls in steps with fewer.
+    excess: u64,
+    /// How often in a row an excess has chosen them: each time it must be twice as large, as new shapes may not help.
+    renewals: u32,
 }
 
 impl Linearisation {
     /// About some shapes.
     pub fn new(rods: [RodState; 2]) -> Self {
-        Self { rods, steps: 0, sweeps: RENEWAL_SWEEPS }
+        Self { rods, steps: 0, sweeps: RENEWAL_SWEEPS, excess: 0, renewals: 0 }
     }
 
-    /// Records a step of some sweeps that ended with the shapes `rods`, and goes over to them when the sweeps were many.
-    /// `contact`: whether rods pressed on each other; then contact makes the sweeps many.
-    pub fn record(&mut self, sweeps: u32, contact: bool, rods: &[RodState; 2]) {
+    /// Records a step of some sweeps that ended with the shapes `rods`, and in free motion (`free`) goes over to them when the
+    /// sweeps were many, or a little too many for long.
+    pub fn record(&mut self, sweeps: u32, free: bool, rods: &[RodState; 2]) {
         let sweeps = u64::from(sweeps);
         self.steps += 1;
         self.sweeps += sweeps;
-        if !contact && sweeps >= MANY_SWEEPS && sweeps * self.steps > self.sweeps {
+        if free && sweeps >= MANY_SWEEPS && sweeps * self.steps > self.sweeps {
             *self = Self::new(rods.clone());
+        }
+        self.excess = if free { (self.excess + 2 * sweeps).saturating_sub(ENOUGH) } else { 0 };
+        if self.excess > LARGEST_EXCESS << self.renewals {
+            *self = Self { renewals: self.renewals + 1, ..Self::new(rods.clone()) };
         }
     }
 }
@@ -101,7 +116,7 @@ impl Cache {
         let mut find = |k: usize| {
             let slot = if shared { 0 } else { k };
             let key = Key::new(step.kappa(k), step.motors[k].speed);
-            self.find_one(slot, &about.rods[k], key, &model.rods[k], FluidParams::new(&model.robot))
+            self.find_one(slot, &about.rods[k], about.renewals > 0, key, &model.rods[k], FluidParams::new(&model.robot))
         };
         Some([find(0)?, find(1)?])
     }
@@ -110,12 +125,13 @@ impl Cache {
         &mut self,
         slot: usize,
         at: &RodState,
+        lasting: bool,
         key: Key,
         rod: &Rod,
         fluid: FluidParams,
     ) -> Option<Arc<Preconditioner>> {
         if self.rods[slot].as_ref().is_none_or(|kept| kept.at != *at) {
-            let wanted = if at.shape.nodes == rod.shape { Use::Lasting } else { Use::Passing };
+            let wanted = if lasting || at.shape.nodes == rod.shape { Use::Lasting } else { Use::Passing };
             let equations = Equations::new(rod, at, fluid, wanted);
             self.rods[slot] = Some(Kept { at: at.clone(), equations, inverses: Vec::new() });
         }
@@ -131,5 +147,53 @@ impl Cache {
         let inverse = Arc::new(inverse);
         kept.inverses.push((key, inverse.clone()));
         Some(inverse)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::Robot;
+    use crate::state::State;
+
+    fn at_rest() -> State {
+        let robot = Robot::default();
+        let edges = robot.flagellum.edges();
+        let rods = [0, 1].map(|k| {
+            Rod::stress_free(robot.flagellum.helix(k).nodes(edges), robot.flagellum.stiffness()).clamped_at_foot()
+        });
+        State::at_rest(&rods, 1.0)
+    }
+
+    /// Returns the steps with `sweeps` after which new shapes are chosen, of 3000.
+    fn renewals(sweeps: impl Fn(u32) -> u32, free: bool) -> Vec<u32> {
+        let mut state = at_rest();
+        for rod in &mut state.rods {
+            rod.shape.angles[1] = 0.1;
+        }
+        let mut renewals = 0;
+        let mut steps = Vec::new();
+        for step in 0..3000 {
+            state.linearisation.record(sweeps(step), free, &state.rods);
+            if state.linearisation.renewals != renewals {
+                renewals = state.linearisation.renewals;
+                assert_eq!(state.linearisation.rods, state.rods);
+                steps.push(step);
+            }
+        }
+        steps
+    }
+
+    #[test]
+    fn free_motion_with_a_sweep_too_many_gets_new_shapes_ever_more_rarely() {
+        let steps = renewals(|_| 3, true);
+        let waits: Vec<u32> = steps.windows(2).map(|s| s[1] - s[0]).collect();
+        assert_eq!((steps[0], waits), (300, vec![601, 1201]));
+    }
+
+    #[test]
+    fn shapes_stay_about_contact_and_where_few_steps_need_more_sweeps() {
+        assert_eq!(renewals(|_| 4, false), []);
+        assert_eq!(renewals(|step| 2 + step % 2, true), []);
     }
 }

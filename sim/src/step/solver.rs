@@ -104,7 +104,7 @@ impl Solver {
         if let Some(own) = own {
             state.linearisation = own;
         }
-        state.linearisation.record(report.sweeps, report.touching > 0, &state.rods);
+        state.linearisation.record(report.sweeps, report.touching == 0, &state.rods);
         Ok(report)
     }
 }
