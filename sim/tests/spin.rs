@@ -3,7 +3,9 @@
 use crate::common::prove;
 use sim::body::{closure::Closure, shaft::MotorState};
 use sim::params::Robot;
+use sim::profile::SpeedProfile;
 use sim::step::{Solver, StepControl};
+use sim::trial::{Options, Trial};
 use std::f64::consts::PI;
 
 /// Axial torque of flagellum 1 on a held base after 2 s at 30 rpm, N m, and the share of the arc that points along the
@@ -36,4 +38,16 @@ fn a_stiff_flagellum_feels_the_couple_of_a_round_rod() {
         ((without - with) / couple - 1.0).abs(),
         1e-3,
     );
+}
+
+#[test]
+fn free_motion_of_the_physical_robot_takes_little_more_than_two_sweeps_a_step() {
+    // About the shapes at rest it takes 3.0 and 2.7.
+    for rpm in [[90.0, 90.0], [-90.0, 90.0]] {
+        let profile = SpeedProfile::constant(rpm, 60.0).expect("a profile");
+        let mut trial = Trial::new(&Robot::default(), Closure::Full, profile, Options::default()).expect("parameters");
+        let summary = trial.finish().expect("a run");
+        let sweeps = summary.newton_iterations as f64 / summary.steps as f64;
+        prove(&format!("sweeps a step at ({}, {})", rpm[0], rpm[1]), sweeps, 2.5);
+    }
 }
