@@ -22,6 +22,8 @@ fn a_cut_first_channel_is_a_stall() {
     stops(&mut host, "C1 of encoder 1 cut at 50 rpm", 1.5, &[Fault::Motor1Stalled, Fault::Encoder1Failed]);
 }
 
+/// A spike shortly before a true edge takes its place: the edge is dated up to 60 us early, 1.2 % of the 5 ms over which the
+/// speed is measured.
 #[test]
 fn spikes_do_not_change_the_speed() {
     for rpm in [30.0, 90.0] {
@@ -31,16 +33,17 @@ fn spikes_do_not_change_the_speed() {
             let before = watch(&mut host, 0, rpm, 1000);
             host.inject(&format!("spikes=100,{line}"));
             let speeds = watch(&mut host, 0, rpm, 3000);
+            let allowed = f64::max(0.5, 0.012 * rpm);
             row(
                 format!("100 spikes/s on line {line} at {rpm} rpm"),
                 format!(
                     "true within {:.2} rpm, told within {:.2}, for {} ms of 3 s by more than 1",
                     speeds.worst, speeds.worst_measured, speeds.wrong_ms
                 ),
-                format!("0.5 rpm more than without ({:.2}, {:.2})", before.worst, before.worst_measured),
+                format!("{allowed:.2} rpm more than without ({:.2}, {:.2})", before.worst, before.worst_measured),
             );
             assert_eq!(host.fault(), Fault::None);
-            assert!(speeds.worst < before.worst + 0.5 && speeds.worst_measured < before.worst_measured + 0.5);
+            assert!(speeds.worst < before.worst + 0.5 && speeds.worst_measured < before.worst_measured + allowed);
         }
     }
 }
