@@ -69,8 +69,7 @@ fn full_lies_near_the_experiment() {
 /// The one printed measurement, by the robot that has nothing fitted to it: its tether is calibrated at (90, 90) rpm.
 #[test]
 fn physical_lies_at_the_experiment() {
-    let mut in_tank = Robot::default();
-    in_tank.tank = Some(Tank::published());
+    let in_tank = Robot { tank: Some(Tank::published()), ..Robot::default() };
     for (name, robot, pitch_bound) in [("physical", Robot::default(), 0.15), ("physical in the tank", in_tank, 0.1)] {
         let profile = SpeedProfile::constant([50.0, 10.0], 120.0).expect("a profile");
         let mut trial = Trial::new(&robot, Closure::Full, profile, Options::default()).expect("parameters");
