@@ -1,6 +1,5 @@
 //! Signals: interruption by the user, and limits on the size of files.
 
-use crate::commands::INTERRUPTED;
 use miette::{IntoDiagnostic, WrapErr};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::{flag, low_level};
@@ -12,6 +11,9 @@ use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
+
+/// The exit code of a program that the user has interrupted.
+pub(crate) const INTERRUPTED: u8 = 130;
 
 /// A Ctrl-C that follows another one sooner is the same: wrappers pass on the signal that the terminal has sent already.
 const SAME: Duration = Duration::from_millis(500);

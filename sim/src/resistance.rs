@@ -14,11 +14,11 @@
 
 use crate::V3;
 use crate::body::shaft::Shaft;
+use crate::fluid::Line;
 use crate::fluid::head::{RigidSurface, rigid_motions, stokeslet};
 use crate::fluid::mobility::{mobility, nodal_lengths};
 use crate::fluid::segment::segment_flow;
 use crate::fluid::stokeslet_factor;
-use crate::fluid::surroundings::Line;
 use crate::fluid::tank::TankFlow;
 use crate::params::{ParamError, Robot};
 use nalgebra::{DMatrix, Matrix3, UnitQuaternion};

@@ -6,8 +6,8 @@ use sim::V3;
 use sim::fluid::head::{POINTS, surface_points};
 use sim::fluid::walls::{Images, Plane, Walls};
 use sim::fluid::{
-    coarse::Coarse, far::gauss_rule, mobility::mobility, reflections::Reflections, stokeslet_factor,
-    surroundings::Line, tank::TankFlow,
+    Line, coarse::Coarse, far::gauss_rule, mobility::mobility, reflections::Reflections, stokeslet_factor,
+    tank::TankFlow,
 };
 use sim::params::{Face, HeadShape, Robot, Tank};
 use sim::resistance::resistance;

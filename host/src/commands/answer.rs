@@ -1,5 +1,6 @@
 //! The result of a command, and its output: stdout, stderr and the exit code.
 
+use crate::signals::INTERRUPTED;
 use crate::text::{is_unprintable, printable};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
@@ -22,9 +23,6 @@ pub enum Outcome {
 /// The diagnostic code of wrong use, with exit code 2 instead of 1. To be given as
 /// `#[diagnostic(code(wrong_use))]`, or as `code = WRONG_USE` in [`miette::miette!`].
 pub const WRONG_USE: &str = "wrong_use";
-
-/// The exit code of [`Outcome::Interrupted`].
-pub(crate) const INTERRUPTED: u8 = 130;
 
 /// The result of a command.
 #[derive(Debug)]

@@ -17,7 +17,6 @@ mod settings;
 mod simulate;
 mod virtual_board;
 
-pub(crate) use answer::INTERRUPTED;
 pub use answer::{Answer, Outcome, WRONG_USE};
 
 use crate::signals;

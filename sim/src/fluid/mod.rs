@@ -21,9 +21,19 @@ pub mod surroundings;
 pub mod tank;
 pub mod walls;
 
+use crate::V3;
 use std::f64::consts::PI;
 
 /// Returns 1/(8 pi mu) in 1/(Pa s), the factor of every Stokeslet.
 pub fn stokeslet_factor(viscosity: f64) -> f64 {
     1.0 / (8.0 * PI * viscosity)
+}
+
+/// A flagellum in the body frame, as the surroundings see it.
+#[derive(Clone, Debug, Default)]
+pub struct Line {
+    /// Nodes, m.
+    pub nodes: Vec<V3>,
+    /// Force density on the fluid at the nodes, N/m.
+    pub density: Vec<V3>,
 }

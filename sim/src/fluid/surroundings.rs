@@ -10,6 +10,7 @@
 //! on it as one point force each, the longer the farther away. Both ways its regularisation is that of the flagella, whose
 //! lines stand for round rods with it, so the coupling is reciprocal.
 
+use super::Line;
 use super::far::{Sources, Targets, gauss_rule};
 use super::head::RigidSurface;
 use super::stokeslet_factor;
@@ -30,15 +31,6 @@ const AGREED: f64 = 0.05;
 /// Exchanges between the head's forces and the images in a sweep, at most: each leaves the share of the head's width in the
 /// distance of the walls.
 const EXCHANGES: u32 = 10;
-
-/// A flagellum in the body frame, as the surroundings see it.
-#[derive(Clone, Debug, Default)]
-pub struct Line {
-    /// Nodes, m.
-    pub nodes: Vec<V3>,
-    /// Force density on the fluid at the nodes, N/m.
-    pub density: Vec<V3>,
-}
 
 /// What surrounds the flagella, and the flow of it.
 #[derive(Clone, Debug)]

@@ -5,10 +5,10 @@
 //! closer together the nearer a wall is. The matrix between these points is kept until they have moved. What
 //! the images in single walls leave out is a polynomial ([`super::reflections`]).
 
+use super::Line;
 use super::coarse::Coarse;
 use super::reflections::Reflections;
 use super::stokeslet_factor;
-use super::surroundings::Line;
 use super::walls::{Images, Walls};
 use crate::V3;
 use crate::params::{Robot, Tank};

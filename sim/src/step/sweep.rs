@@ -10,8 +10,9 @@ use super::problem::StepProblem;
 use super::report::StepFailure;
 use super::unknowns;
 use crate::body::Body;
+use crate::fluid::Line;
 use crate::fluid::far::Sources;
-use crate::fluid::surroundings::{Line, Surroundings};
+use crate::fluid::surroundings::Surroundings;
 
 /// The sweep that looks for new pairs: after the first one the shapes are nearly right.
 const SEARCH_SWEEP: u32 = 1;
