@@ -133,6 +133,9 @@ impl Surroundings {
         }
         self.targets.set(&self.nodes);
         let Self { head, tank, .. } = self;
+        if let Some(tank) = tank {
+            tank.set_flagella(lines, &body.attitude);
+        }
         if let Some(head) = head {
             head.set_flow(&self.sources, self.epsilon);
             match tank {
@@ -141,7 +144,6 @@ impl Surroundings {
                 }
                 Some(tank) => {
                     // Until they agree: a flow that depended on earlier sweeps would spoil their acceleration.
-                    tank.set_flagella(lines, &body.attitude);
                     for _ in 0..EXCHANGES {
                         tank.respond(&head.forces, &body.attitude);
                         if head.respond(tank.at_head(), body.rate, self.factor) < self.agreed {
@@ -153,7 +155,7 @@ impl Surroundings {
             self.targets.add_flow(&head.sources, self.epsilon);
         }
         if let Some(tank) = tank {
-            tank.update(lines, head.as_ref().map_or(&[], |head| &head.forces), &body.attitude);
+            tank.respond(head.as_ref().map_or(&[], |head| &head.forces), &body.attitude);
         }
         let images = self.tank.as_ref().map(TankFlow::flow);
         let mut change = 0f64;
