@@ -2,7 +2,7 @@
 
 #![allow(clippy::needless_range_loop)]
 
-use crate::common::{noise, prove};
+use crate::common::{frames_and_gradient, noise, prove};
 use nalgebra::UnitQuaternion;
 use sim::V3;
 use sim::body::{closure::Closure, shaft::MotorState, shaft::Shaft};
@@ -10,7 +10,7 @@ use sim::contact::distance::segment_distance;
 use sim::fluid::{far::Precision, mobility::mobility};
 use sim::params::{BUILT_IN, Robot};
 use sim::profile::{Phases, SpeedProfile};
-use sim::rod::{Rod, frames::Frames, helix::Handedness, spin::SpinDrag};
+use sim::rod::{Rod, helix::Handedness, spin::SpinDrag};
 use sim::state::State;
 use sim::step::{Solver, StepControl, StepReport};
 use sim::trial::{Checkpoint, Options, Trial};
@@ -82,10 +82,7 @@ fn balance(name: &str, robot: &Robot) {
         for k in 0..2 {
             let rod = &solver.model().rods[k];
             let shape = &state.rods[k].shape;
-            let mut frames = Frames::new(rod.nodes());
-            frames.update(&state.rods[k].frames, &shape.nodes, &shape.angles);
-            let mut gradient = vec![0.0; 4 * rod.nodes()];
-            rod.gradient(&frames, &shape.angles, &mut gradient);
+            let (frames, gradient) = frames_and_gradient(solver, state, k);
             let shaft = Shaft::new(robot.shaft_feet()[k], state.motors[k].angle);
             let tangent = frames.tangent.at(0);
             // The clamped edge also takes the couple of the fluid on its own spin.

@@ -1,37 +1,20 @@
 //! The head and the flagella in one flow, step by step: against dense solutions, and by momentum.
 
-use crate::common::prove;
+use crate::common::{frames_and_gradient, prove, run_steps};
 use nalgebra::{DVector, UnitQuaternion};
 use sim::V3;
-use sim::body::{closure::Closure, shaft::MotorState, shaft::Shaft};
+use sim::body::{closure::Closure, shaft::Shaft};
 use sim::fluid::{head::RigidSurface, segment::segment_flow, stokeslet_factor};
 use sim::params::Robot;
 use sim::resistance::resistance;
-use sim::rod::frames::Frames;
 use sim::state::State;
-use sim::step::{Solver, StepControl, StepReport};
-use std::f64::consts::PI;
-
-/// Runs a robot at constant speeds, calling `each` after every step.
-fn run(robot: &Robot, closure: Closure, rpm: [f64; 2], end: f64, mut each: impl FnMut(&Solver, &State, &StepReport)) {
-    let mut solver = Solver::new(robot, closure).expect("parameters");
-    let mut state = solver.at_rest();
-    let motors = |t: f64| rpm.map(|r| MotorState { angle: r * PI / 30.0 * t, speed: r * PI / 30.0 });
-    let mut control = StepControl::default();
-    while state.time < end {
-        let report = control.advance(&mut solver, &mut state, end, &motors).expect("a step");
-        each(&solver, &state, &report);
-    }
-}
+use sim::step::Solver;
 
 /// Nodes and force densities on the fluid of a flagellum without contact in the body frame, from its elastic forces.
 fn line(solver: &Solver, state: &State, k: usize) -> (Vec<V3>, Vec<V3>) {
     let (model, shape) = (solver.model(), &state.rods[k].shape);
     let rod = &model.rods[k];
-    let mut frames = Frames::new(rod.nodes());
-    frames.update(&state.rods[k].frames, &shape.nodes, &shape.angles);
-    let mut gradient = vec![0.0; 4 * rod.nodes()];
-    rod.gradient(&frames, &shape.angles, &mut gradient);
+    let (_, gradient) = frames_and_gradient(solver, state, k);
     let shaft = Shaft::new(model.feet[k], state.motors[k].angle);
     let weight = model.down(&state.body) * model.robot.net_weight();
     let nodes = shape.nodes.iter().map(|x| shaft.point_to_body(*x)).collect();
@@ -80,7 +63,7 @@ fn the_load_on_the_head_is_that_of_the_dense_solution() {
         let (mut force_error, mut moment_error, mut force, mut moment) = (0f64, 0f64, 0f64, 0f64);
         let mut robot = Robot::default();
         robot.solver.tolerance = 1e-4;
-        run(&robot, closure, rpm, 3.0, |solver, state, report| {
+        run_steps(&robot, closure, rpm, 3.0, |solver, state, report| {
             let [f, m] = dense_load(solver, state);
             (force, moment) = (force.max(f.norm()), moment.max(m.norm()));
             if state.time < 0.5 {
@@ -89,7 +72,8 @@ fn the_load_on_the_head_is_that_of_the_dense_solution() {
             }
             force_error = force_error.max((report.head.force - f).norm());
             moment_error = moment_error.max((report.head.moment - m).norm());
-        });
+        })
+        .expect("steps");
         println!("largest force {:.3} mN, moment {:.4} mN m", force * 1e3, moment * 1e3);
         prove(
             &format!("{closure:?}: force on the head at every step against dense, relative"),
@@ -109,7 +93,7 @@ fn moments_on_the_base_balance() {
     let robot = Robot::default();
     let inertia = V3::from(robot.base.inertia_kg_m2);
     let (mut worst, mut largest, mut head, mut before) = (0f64, 0f64, 0f64, (0.0, V3::zeros()));
-    run(&robot, Closure::Full, [50.0, -30.0], 6.0, |_, state, report| {
+    run_steps(&robot, Closure::Full, [50.0, -30.0], 6.0, |_, state, report| {
         let body = &state.body;
         let up = body.attitude.inverse_transform_vector(&V3::z());
         let righting = robot.base.mass_kg * robot.base.gravity_m_s2 * robot.base.mass_centre_below_joint_m;
@@ -127,7 +111,8 @@ fn moments_on_the_base_balance() {
             largest = largest.max(report.fluid[0].moment.norm());
             head = head.max(report.head.moment.norm());
         }
-    });
+    })
+    .expect("steps");
     assert!(head > 1e-3 * largest, "the head takes part");
     prove("head in the flow: sum of the moments on the base, over that of a flagellum", worst / largest, 1e-2);
 }
@@ -141,7 +126,7 @@ fn stiff_flagella_have_the_resistance_of_rigid_ones() {
     robot.solver.tolerance = 1e-4;
     let rpm = [50.0, -30.0];
     let mut last = None;
-    run(&robot, Closure::Held, rpm, 0.5, |_, state, report| last = Some((state.motors, *report)));
+    run_steps(&robot, Closure::Held, rpm, 0.5, |_, state, report| last = Some((state.motors, *report))).expect("steps");
     let (motors, report) = last.expect("a step");
     let rigid = resistance(&robot, &motors.map(|m| m.angle)).expect("parameters");
     let mut motion = DVector::zeros(18);
@@ -180,7 +165,7 @@ fn a_mirrored_robot_with_a_head_mirrors_its_attitude() {
         let mut robot = Robot::default();
         robot.flagellum.handedness = [handedness; 2];
         let mut attitude = UnitQuaternion::identity();
-        run(&robot, Closure::Full, rpm, 3.0, |_, state, _| attitude = state.body.attitude);
+        run_steps(&robot, Closure::Full, rpm, 3.0, |_, state, _| attitude = state.body.attitude).expect("steps");
         attitude
     };
     let right = end(Handedness::Right, [50.0, 10.0]);

@@ -1,49 +1,21 @@
 //! The robot in a tank, step by step: momentum, rigid solutions, symmetry, and walls that it touches.
 
-use crate::common::prove;
+use crate::common::{frames_and_gradient, prove, run_steps};
 use nalgebra::DVector;
 use sim::V3;
 use sim::body::{closure::Closure, shaft::MotorState, shaft::Shaft};
-use sim::params::{Face, Head, Robot, Tank};
+use sim::params::{Head, Robot, Tank};
 use sim::profile::{Phases, SpeedProfile};
 use sim::resistance::resistance;
-use sim::rod::frames::Frames;
 use sim::state::State;
-use sim::step::{Solver, StepControl, StepError, StepFailure, StepReport};
+use sim::step::{Solver, StepControl, StepFailure, StepReport};
 use sim::trial::{Checkpoint, Options, Trial};
 use std::f64::consts::PI;
 
 /// A robot with a head in the publication's tank, 70 mm from its corner at the least x and y.
 fn in_a_corner() -> Robot {
-    let tank = Tank {
-        length_m: 1.22,
-        width_m: 0.45,
-        height_m: 0.515,
-        joint_m: [0.07, 0.07],
-        joint_depth_m: 0.14,
-        walls: Face::ALL[..5].to_vec(),
-        free_surface: true,
-    };
+    let tank = Tank { joint_m: [0.07, 0.07], ..Tank::published() };
     Robot { head: Head::default(), tank: Some(tank), ..Robot::published() }
-}
-
-/// Runs a robot at constant speeds, calling `each` after every step.
-fn run(
-    robot: &Robot,
-    closure: Closure,
-    rpm: [f64; 2],
-    end: f64,
-    mut each: impl FnMut(&Solver, &State, &StepReport),
-) -> Result<(), StepError> {
-    let mut solver = Solver::new(robot, closure).expect("parameters");
-    let mut state = solver.at_rest();
-    let motors = |t: f64| rpm.map(|r| MotorState { angle: r * PI / 30.0 * t, speed: r * PI / 30.0 });
-    let mut control = StepControl::default();
-    while state.time < end {
-        let report = control.advance(&mut solver, &mut state, end, &motors)?;
-        each(&solver, &state, &report);
-    }
-    Ok(())
 }
 
 /// Force of flagellum `k` on its clamp and its moment about the joint, body axes, from the elastic forces at the clamp's own
@@ -51,10 +23,7 @@ fn run(
 fn clamp_load(solver: &Solver, state: &State, k: usize) -> [V3; 2] {
     let (model, shape) = (solver.model(), &state.rods[k].shape);
     let rod = &model.rods[k];
-    let mut frames = Frames::new(rod.nodes());
-    frames.update(&state.rods[k].frames, &shape.nodes, &shape.angles);
-    let mut gradient = vec![0.0; 4 * rod.nodes()];
-    rod.gradient(&frames, &shape.angles, &mut gradient);
+    let (frames, gradient) = frames_and_gradient(solver, state, k);
     let shaft = Shaft::new(model.feet[k], state.motors[k].angle);
     let weight = shaft.to_shaft(model.down(&state.body)) * model.robot.net_weight();
     let mut load = [V3::zeros(), frames.tangent.at(0) * -gradient[3]];
@@ -79,7 +48,7 @@ fn momentum_closes_at_every_step() {
     let inertia = V3::from(robot.base.inertia_kg_m2);
     let (mut force_error, mut moment_error, mut base_error) = (0f64, 0f64, 0f64);
     let (mut force_size, mut moment_size, mut touching, mut before) = (0f64, 0f64, 0, (0.0, V3::zeros()));
-    let outcome = run(&robot, Closure::Full, [90.0, 60.0], 8.0, |solver, state, report| {
+    let outcome = run_steps(&robot, Closure::Full, [90.0, 60.0], 8.0, |solver, state, report| {
         touching += report.touching;
         let body = &state.body;
         let up = body.attitude.inverse_transform_vector(&V3::z());
@@ -119,7 +88,7 @@ fn stiff_flagella_have_the_resistance_of_rigid_ones() {
     robot.solver.tolerance = 1e-4;
     let mut last = None;
     let keep = |_: &Solver, state: &State, report: &StepReport| last = Some((state.motors, *report));
-    run(&robot, Closure::Held, [50.0, -30.0], 0.5, keep).expect("steps");
+    run_steps(&robot, Closure::Held, [50.0, -30.0], 0.5, keep).expect("steps");
     let (motors, report) = last.expect("a step");
     let rigid = resistance(&robot, &motors.map(|m| m.angle)).expect("parameters");
     println!("reciprocity error in a tank: {:.1e}", rigid.reciprocity_error);
@@ -201,7 +170,7 @@ fn a_robot_that_tilts_to_a_wall_fails_clearly() {
     let mut robot = in_a_corner();
     let tank = robot.tank.as_mut().expect("a tank");
     (tank.length_m, tank.width_m, tank.joint_m) = (0.11, 0.11, [0.055, 0.055]);
-    let error = run(&robot, Closure::Full, [-90.0, 90.0], 60.0, |_, _, _| {}).expect_err("a wall");
+    let error = run_steps(&robot, Closure::Full, [-90.0, 90.0], 60.0, |_, _, _| {}).expect_err("a wall");
     assert_eq!(error.failure, StepFailure::TouchesTank);
     assert!(error.time > 1.0, "{error}");
     println!("{error}");

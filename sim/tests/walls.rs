@@ -9,7 +9,7 @@ use sim::fluid::{
     Line, coarse::Coarse, far::gauss_rule, mobility::mobility, reflections::Reflections, stokeslet_factor,
     tank::TankFlow,
 };
-use sim::params::{Face, HeadShape, Robot, Tank};
+use sim::params::{HeadShape, Robot, Tank};
 use sim::resistance::resistance;
 use std::f64::consts::PI;
 
@@ -243,18 +243,6 @@ fn rod_beside_a_wall() {
     }
 }
 
-fn tank() -> Tank {
-    Tank {
-        length_m: 1.22,
-        width_m: 0.45,
-        height_m: 0.515,
-        joint_m: [0.61, 0.225],
-        joint_depth_m: 0.14,
-        walls: Face::ALL[..5].to_vec(),
-        free_surface: true,
-    }
-}
-
 /// Places and forces of four Gauss points an edge, for a density that is linear on each edge.
 fn gauss_points(nodes: &[V3], density: &[V3]) -> (Vec<V3>, Vec<V3>) {
     let points = nodes.windows(2).zip(density.windows(2)).flat_map(|(x, f)| {
@@ -271,7 +259,7 @@ fn coarse_points_keep_the_flow_of_a_tank() {
     // Two flagella that turn rigidly, against the images of Gauss points at every node. Nearest node: so far from a wall.
     let robot = Robot::default();
     let (n, feet, epsilon) = (robot.flagellum.edges() + 1, robot.shaft_feet(), robot.epsilon());
-    let walls = tank().boundaries();
+    let walls = Tank::published().boundaries();
     for (place, shift, strides) in [
         ("in the middle", V3::zeros(), &[(1, 1e-3), (4, 1e-3)][..]),
         ("60 mm from a wall", V3::y() * (0.225 - 0.06889), &[(1, 3e-3), (3, 3e-3)]),
@@ -333,7 +321,7 @@ fn tank_flow_is_that_of_all_images() {
     for (place, joint_m, joint_depth_m) in
         [("in the middle", [0.61, 0.225], 0.14), ("near a wall and the surface", [0.7, 0.1], 0.03)]
     {
-        let tank = Tank { joint_m, joint_depth_m, ..tank() };
+        let tank = Tank { joint_m, joint_depth_m, ..Tank::published() };
         let walls = tank.boundaries();
         let lines = robot.shaft_feet().map(|foot| {
             let nodes: Vec<V3> = robot.flagellum.helix(0).nodes(49).iter().map(|x| x + foot).collect();
@@ -387,7 +375,7 @@ fn a_robot_anywhere_in_a_tank_dissipates() {
     for (joint_m, joint_depth_m) in
         [([0.61, 0.225], 0.14), ([0.3, 0.15], 0.14), ([0.61, 0.1], 0.25), ([0.07, 0.07], 0.05)]
     {
-        let robot = Robot { tank: Some(Tank { joint_m, joint_depth_m, ..tank() }), ..Robot::default() };
+        let robot = Robot { tank: Some(Tank { joint_m, joint_depth_m, ..Tank::published() }), ..Robot::default() };
         let found = resistance(&robot, &[0.0, 0.0]).expect("parameters");
         let least = found.matrix.symmetric_eigenvalues().min();
         println!(

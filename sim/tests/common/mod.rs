@@ -4,7 +4,13 @@
 #![allow(dead_code)]
 
 use sim::V3;
+use sim::body::{closure::Closure, shaft::MotorState};
+use sim::params::Robot;
+use sim::rod::frames::Frames;
+use sim::state::State;
+use sim::step::{Solver, StepControl, StepError, StepReport};
 use std::collections::HashMap;
+use std::f64::consts::PI;
 
 /// Adds a row to the table and asserts that the measured value is within its bound.
 pub fn prove(check: &str, measured: f64, bound: f64) {
@@ -19,6 +25,35 @@ pub fn noise(seed: &mut u64) -> f64 {
     *seed ^= *seed >> 7;
     *seed ^= *seed << 17;
     (*seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+}
+
+/// Runs a robot from rest at constant speeds, calling `each` after every step.
+pub fn run_steps(
+    robot: &Robot,
+    closure: Closure,
+    rpm: [f64; 2],
+    end: f64,
+    mut each: impl FnMut(&Solver, &State, &StepReport),
+) -> Result<(), StepError> {
+    let mut solver = Solver::new(robot, closure).expect("parameters");
+    let mut state = solver.at_rest();
+    let motors = |t: f64| rpm.map(|r| MotorState { angle: r * PI / 30.0 * t, speed: r * PI / 30.0 });
+    let mut control = StepControl::default();
+    while state.time < end {
+        let report = control.advance(&mut solver, &mut state, end, &motors)?;
+        each(&solver, &state, &report);
+    }
+    Ok(())
+}
+
+/// Frames of flagellum `k` and the gradient of its elastic energy, four slots a node.
+pub fn frames_and_gradient(solver: &Solver, state: &State, k: usize) -> (Frames, Vec<f64>) {
+    let (rod, shape) = (&solver.model().rods[k], &state.rods[k].shape);
+    let mut frames = Frames::new(rod.nodes());
+    frames.update(&state.rods[k].frames, &shape.nodes, &shape.angles);
+    let mut gradient = vec![0.0; 4 * rod.nodes()];
+    rod.gradient(&frames, &shape.angles, &mut gradient);
+    (frames, gradient)
 }
 
 fn read(folder: &str, name: &str) -> String {
