@@ -19,6 +19,16 @@ impl From<ClosureName> for Closure {
     }
 }
 
+/// Reads two values with a comma between them, each by `one`; `form`: what to give instead of anything else.
+pub fn pair<T, E: From<&'static str>>(
+    text: &str,
+    form: &'static str,
+    one: impl Fn(&str) -> Result<T, E>,
+) -> Result<[T; 2], E> {
+    let (first, second) = text.split_once(',').ok_or(form)?;
+    Ok([one(first.trim())?, one(second.trim())?])
+}
+
 /// Returns the default number of parallel trials.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)

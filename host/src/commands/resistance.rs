@@ -1,5 +1,6 @@
 //! `biflag resistance`: prints the resistance matrix of the rigid robot.
 
+use super::options::pair;
 use super::{Answer, Outcome, WRONG_USE};
 use crate::plan::robot;
 use serde::Serialize;
@@ -30,12 +31,11 @@ pub struct Args {
 struct Phase([f64; 2]);
 
 fn phase(text: &str) -> Result<Phase, String> {
-    let one = |text: &str| match text.trim().parse::<f64>() {
+    let one = |text: &str| match text.parse::<f64>() {
         Ok(degrees) if degrees.is_finite() => Ok(degrees),
         _ => Err(format!("{text:?} is not an angle")),
     };
-    let (first, second) = text.split_once(',').ok_or("give two angles in degrees, such as 0,90")?;
-    Ok(Phase([one(first)?, one(second)?]))
+    pair(text, "give two angles in degrees, such as 0,90", one).map(Phase)
 }
 
 #[derive(Serialize)]

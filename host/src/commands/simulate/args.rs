@@ -1,6 +1,6 @@
 //! The arguments of `biflag simulate`.
 
-use super::super::options::ClosureName;
+use super::super::options::{ClosureName, pair};
 use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
 use protocol::units::CentiRpm;
 use std::path::PathBuf;
@@ -69,11 +69,10 @@ pub struct Speeds(pub [CentiRpm; 2]);
 
 fn speeds(text: &str) -> Result<Speeds, String> {
     let one = |text: &str| {
-        let rpm: f64 = text.trim().parse().map_err(|_| format!("{text:?} is not a speed"))?;
+        let rpm: f64 = text.parse().map_err(|_| format!("{text:?} is not a speed"))?;
         plan::board_speed(rpm).map_err(|(what, cure)| format!("{what}; {cure}"))
     };
-    let (w1, w2) = text.split_once(',').ok_or("give two speeds in rpm, such as 50,10")?;
-    Ok(Speeds([one(w1)?, one(w2)?]))
+    pair(text, "give two speeds in rpm, such as 50,10", one).map(Speeds)
 }
 
 /// Starting angles of both motors, degrees.
@@ -82,12 +81,11 @@ pub struct StartAngles(pub [f64; 2]);
 
 fn phase(text: &str) -> Result<StartAngles, String> {
     let form = "give two angles from -360 to 360 degrees, such as 0,90";
-    let one = |text: &str| {
-        let deg: f64 = text.trim().parse().map_err(|_| form)?;
-        if (-360.0..=360.0).contains(&deg) { Ok(deg) } else { Err(form) }
+    let one = |text: &str| match text.parse() {
+        Ok(deg) if (-360.0..=360.0).contains(&deg) => Ok(deg),
+        _ => Err(form.to_owned()),
     };
-    let (first, second) = text.split_once(',').ok_or(form)?;
-    Ok(StartAngles([one(first)?, one(second)?]))
+    pair(text, form, one).map(StartAngles)
 }
 
 fn duration(text: &str) -> Result<f64, String> {
