@@ -25,7 +25,7 @@ impl Progress {
         if plain {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         } else {
-            let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}, {eta} left");
+            let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}, {eta} left{prefix}");
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.enable_steady_tick(Duration::from_millis(250));
         }
@@ -43,6 +43,12 @@ impl Progress {
         self.bar.set_message(message);
     }
 
+    /// Shows figures of the current trial below the bar of a terminal; an empty text removes them.
+    pub fn figures(&self, text: &str) {
+        let text = line(text);
+        self.bar.set_prefix(if text.is_empty() { text } else { format!("\n{text}") });
+    }
+
     /// Shows the progress in the current trial.
     pub fn within(&self, trial_s: f64) {
         self.within_s.set(trial_s);
@@ -53,6 +59,7 @@ impl Progress {
     pub fn end_trial(&mut self, trial_s: f64) {
         self.done_s += trial_s;
         self.within(0.0);
+        self.figures("");
     }
 
     /// Prints a line above the bar.

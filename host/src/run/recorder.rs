@@ -59,11 +59,16 @@ impl Recorder {
         self.log.tap(tap);
     }
 
-    /// Records a frame of the board. `board_time_us` is the board's clock, unwrapped.
+    /// Records a frame of the board. `board_time_us` is the board's clock, unwrapped. Returns the attitude for viewers.
     ///
     /// # Errors
     /// [`LogError::Write`].
-    pub fn frame(&mut self, frame: &Telemetry, board_time_us: u64, host: SystemTime) -> Result<(), LogError> {
+    pub fn frame(
+        &mut self,
+        frame: &Telemetry,
+        board_time_us: u64,
+        host: SystemTime,
+    ) -> Result<UnitQuaternion<f64>, LogError> {
         let time_s = self.log.board_time(board_time_us, host) as f64 * 1e-6;
         let message = self.converter.telemetry(frame, board_time_us, time_s);
         if frame.state == State::Running {
@@ -75,7 +80,8 @@ impl Recorder {
         self.collect(|collector| collector.telemetry(&message));
         self.log.message(&message, host)?;
         let attitude = self.levelled(message.attitude.unwrap_or_default(), time_s);
-        self.log.message(&draw::attitude(&attitude, self.log.time_ns(time_s)), host)
+        self.log.message(&draw::attitude(&attitude, self.log.time_ns(time_s)), host)?;
+        Ok(attitude)
     }
 
     fn collect(&mut self, add: impl FnOnce(&mut Collector)) {
