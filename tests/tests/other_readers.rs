@@ -120,6 +120,8 @@ fn python_lists_the_channels_and_decodes_every_message() {
     println!("{decoded}");
     assert_eq!(decoded["counts"]["/telemetry"], 1000);
     assert_eq!(decoded["counts"]["/attitude"], 1000);
+    // The robot as its encoders say, twenty times a second.
+    assert_eq!(decoded["counts"]["/flagella"], 100);
     for channel in ["/raw", "/command", "/event"] {
         assert!(decoded["counts"][channel].as_u64().unwrap() > 0, "{channel}");
     }

@@ -71,7 +71,6 @@ pub(super) fn run(
     let mut recorder = Recorder {
         trial: kept,
         board,
-        rod_radius_m: model.robot.flagellum.rod_radius_m,
         schedule: &course.schedule,
         taken: 0,
         bundling: BundlingHistory::default(),
@@ -109,7 +108,6 @@ enum Flow {
 struct Recorder<'a> {
     trial: run::Recorder,
     board: IdealBoard,
-    rod_radius_m: f64,
     schedule: &'a Schedule,
     /// Number of events that have passed.
     taken: usize,
@@ -156,7 +154,7 @@ impl Recorder<'_> {
         let frame = self.board.telemetry(self.index, sample, angular_acceleration, setpoint);
         let host = instant(sample.time_s);
         self.trial.frame(&frame, IdealBoard::clock_us(sample.time_s), host)?;
-        self.trial.sample(sample, self.rod_radius_m, host)?;
+        self.trial.sample(sample, host)?;
         self.index += 1;
         Ok(())
     }
