@@ -32,6 +32,7 @@ pub mod fluid;
 mod lanes;
 mod linear;
 pub mod params;
+pub mod periodic;
 pub mod phase;
 pub mod profile;
 pub mod resistance;
