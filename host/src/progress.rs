@@ -1,5 +1,6 @@
 //! Progress on stderr, as a bar on a terminal and as lines elsewhere.
 
+use crate::colour;
 use crate::text::{line, printable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::cell::Cell;
@@ -64,7 +65,7 @@ impl Progress {
 
     /// Prints a line above the bar.
     pub fn line(&self, text: &str) {
-        self.bar.suspend(|| drop(writeln!(std::io::stderr(), "{}", printable(text))));
+        self.bar.suspend(|| colour::eprint(&format!("{}\n", printable(text))));
     }
 
     /// Removes the bar.
