@@ -27,9 +27,9 @@ setup:
 firmware: setup
 	@sh firmware/build.sh
 
-# One command for both programs, and one profile for programs and tests: each crate is compiled once.
+# One command for both programs and the Python module, and one profile for programs and tests: each crate is compiled once.
 build: firmware
-	$(CARGO) build --release --locked -p host -p virtual-nano --bins
+	$(CARGO) build --release --locked -p host -p virtual-nano -p biflag-python --bins --lib
 
 # Exit code 3: done with warnings, which do not end the demo.
 demo: build

@@ -13,6 +13,7 @@ use std::time::Duration;
 pub struct Progress {
     bar: ProgressBar,
     plain: bool,
+    quiet: bool,
     total_s: f64,
     done_s: f64,
     within_s: Cell<f64>,
@@ -30,7 +31,19 @@ impl Progress {
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.enable_steady_tick(Duration::from_millis(250));
         }
-        Self { bar, plain, total_s, done_s: 0.0, within_s: Cell::new(0.0) }
+        Self { bar, plain, quiet: false, total_s, done_s: 0.0, within_s: Cell::new(0.0) }
+    }
+
+    /// Returns a progress that nobody sees.
+    pub fn quiet() -> Self {
+        Self {
+            bar: ProgressBar::hidden(),
+            plain: false,
+            quiet: true,
+            total_s: 0.0,
+            done_s: 0.0,
+            within_s: Cell::new(0.0),
+        }
     }
 
     /// Shows the phase of a trial.
@@ -65,7 +78,15 @@ impl Progress {
 
     /// Prints a line above the bar.
     pub fn line(&self, text: &str) {
-        self.bar.suspend(|| colour::eprint(&format!("{}\n", printable(text))));
+        if !self.quiet {
+            self.bar.suspend(|| {
+                colour::eprint(&format!(
+                    "{}
+",
+                    printable(text)
+                ))
+            });
+        }
     }
 
     /// Removes the bar.

@@ -112,6 +112,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let count = done.fetch_add(1, Ordering::Relaxed) + 1;
         // The number of simulations is unknown in advance.
         lock(&progress).within(count.min(simulations - 1) as f64);
+        true
     };
     let read = |log: &PathBuf| -> miette::Result<FitTrial> {
         Ok(FitTrial::new(&Data::read(log, Want { hash: true, ..Want::default() })?)?)

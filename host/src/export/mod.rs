@@ -2,7 +2,7 @@
 
 mod csv;
 mod parquet;
-mod table;
+pub mod table;
 
 use crate::session::{Session, SessionError};
 use crate::trial::{Data, Want, Zeroed};
