@@ -10,12 +10,12 @@
 
 pub mod board;
 mod error;
-mod expand;
-mod file;
+pub(crate) mod expand;
+pub(crate) mod file;
 mod hand_turn;
 pub mod robot;
 mod schedule;
-mod source;
+pub(crate) mod source;
 
 pub use board::BoardSettings;
 pub use error::PlanError;
