@@ -29,6 +29,7 @@ pub mod accuracy;
 pub mod body;
 pub mod contact;
 pub mod fluid;
+pub mod groups;
 mod lanes;
 mod linear;
 pub mod params;
