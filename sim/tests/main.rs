@@ -12,6 +12,7 @@ mod head;
 mod helices;
 mod params;
 mod peer;
+mod periodic;
 mod phase;
 mod published;
 mod resistance;
