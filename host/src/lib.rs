@@ -4,6 +4,7 @@
 //! into a [`session`] folder. All further commands read logs through [`trial`].
 
 pub mod attitude;
+mod colour;
 pub mod commands;
 mod draw;
 pub mod export;

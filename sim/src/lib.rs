@@ -33,6 +33,7 @@ pub mod groups;
 mod lanes;
 mod linear;
 pub mod params;
+pub mod periodic;
 pub mod phase;
 pub mod profile;
 pub mod resistance;

@@ -2,7 +2,7 @@
 
 pub(crate) mod csv;
 pub(crate) mod parquet;
-pub(crate) mod table;
+pub mod table;
 
 use crate::session::{Session, SessionError};
 use crate::trial::{Data, Want, Zeroed};

@@ -9,28 +9,33 @@ use std::ops::Range;
 
 /// A column.
 #[derive(Clone, PartialEq, Debug)]
-pub(crate) struct Column {
+pub struct Column {
     /// Name, with the unit.
     pub name: Cow<'static, str>,
     /// The unit alone, for the column's metadata; empty where the table has none.
     pub unit: &'static str,
     /// Description, for the header.
     pub about: &'static str,
+    /// One value a row.
     pub values: Values,
 }
 
 /// The values of a column.
 #[derive(Clone, PartialEq, Debug)]
-pub(crate) enum Values {
+pub enum Values {
     /// Real numbers that were measured, which CSV rounds to nine decimals; NaN is a missing value.
     Real(Vec<f64>),
     /// Real numbers with all their digits; NaN is a missing value.
     Exact(Vec<f64>),
+    /// Integers.
     Int(Vec<i64>),
+    /// Texts.
     Text(Vec<String>),
 }
 
 impl Values {
+    /// Returns the number of rows.
+    #[allow(clippy::len_without_is_empty)]
     pub fn len(&self) -> usize {
         match self {
             Self::Real(values) | Self::Exact(values) => values.len(),
@@ -42,13 +47,15 @@ impl Values {
 
 /// A table with its header.
 #[derive(Clone, PartialEq, Debug)]
-pub(crate) struct Table {
+pub struct Table {
     /// Header lines about the whole table.
     pub header: Vec<String>,
+    /// The columns, of equal length.
     pub columns: Vec<Column>,
 }
 
 impl Table {
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, |column| column.values.len())
     }
@@ -98,7 +105,7 @@ const FORCE_COLUMNS: [(&str, &str); FORCES] = [
 ];
 
 /// Returns the table of a trial: one row per reading of the sensor, or per sample of the model.
-pub(super) fn trial(data: &Data) -> Table {
+pub fn trial(data: &Data) -> Table {
     let zeroed = Zeroed::new(data);
     let run_s = data.times.run.start;
     let rows = rows(data, &zeroed);
@@ -233,21 +240,20 @@ fn origin(origin: Origin) -> &'static str {
 }
 
 /// A row of the table of a session's trials.
-pub(super) struct Summary {
-    pub name: String,
-    pub speeds_rpm: [f64; 2],
-    pub repeat: u32,
-    pub complete: bool,
-    pub angles: Option<Angles>,
-    pub settle_s: Option<f64>,
-    pub lost: u64,
-    pub log: String,
-    /// File of the trial.
-    pub file: String,
+pub struct Summary {
+    name: String,
+    speeds_rpm: [f64; 2],
+    repeat: u32,
+    complete: bool,
+    angles: Option<Angles>,
+    settle_s: Option<f64>,
+    lost: u64,
+    log: String,
+    file: String,
 }
 
 impl Summary {
-    /// `trial` is that of the plan; the log may have lost it.
+    /// `trial` is that of the plan, because the log may have lost it; `file` is where the trial was exported to.
     pub fn new(trial: &Trial, data: &Data, file: String) -> Self {
         let zeroed = Zeroed::new(data);
         Self {
@@ -265,7 +271,7 @@ impl Summary {
 }
 
 /// Returns the table of a session: one row per trial.
-pub(super) fn session(name: &str, trials: &[Summary]) -> Table {
+pub fn session(name: &str, trials: &[Summary]) -> Table {
     let real = |name: &'static str, about, value: &dyn Fn(&Summary) -> Option<f64>| Column {
         name: name.into(),
         unit: "",

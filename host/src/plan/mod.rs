@@ -15,6 +15,7 @@ pub(crate) mod file;
 mod hand_turn;
 pub mod robot;
 mod schedule;
+mod shipped;
 pub(crate) mod source;
 
 pub use board::BoardSettings;
@@ -24,6 +25,7 @@ pub use file::{MAX_PHASE_S, MIN_RUN_S};
 pub use hand_turn::{Axis, HandTurn};
 pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
 pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint};
+pub use shipped::Shipped;
 
 use protocol::units::CentiRpm;
 use serde::{Deserialize, Serialize};
@@ -166,7 +168,7 @@ impl Default for Phases {
 }
 
 impl Plan {
-    /// Reads and checks a plan and the robot file that it names.
+    /// Reads and checks a plan and the robot file that it names: files, or those inside the program ([`Shipped`]).
     ///
     /// # Errors
     /// [`PlanError`].
@@ -174,8 +176,7 @@ impl Plan {
         let text = file::KIND.read(path)?;
         let mut plan = Self::parse(&text, &path.display().to_string())?;
         if !BUILT_IN.contains(&plan.robot.name.as_str()) {
-            let path = path.parent().unwrap_or(Path::new("")).join(&plan.robot.name);
-            plan.robot.text = robot::load(&path)?.text;
+            plan.robot.text = robot::load(&robot::named_by(path, &plan.robot.name))?.text;
         }
         Ok(plan)
     }

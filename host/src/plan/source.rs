@@ -1,6 +1,6 @@
 //! A TOML file with its name: reads it into types, and describes every mistake in plain words with its line.
 
-use super::PlanError;
+use super::{PlanError, Shipped};
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, Error};
 use std::fmt::{Display, LowerExp};
@@ -34,10 +34,15 @@ pub(crate) struct Source<'a> {
 }
 
 impl FileKind {
-    /// Reads the text of a file of this kind.
+    /// Reads the text of a file of this kind: the file at `path`, or else the one of this name inside the program.
     pub fn read(&self, path: &Path) -> Result<String, PlanError> {
         let mut text = String::new();
         let read = File::open(path).and_then(|file| file.take(LONGEST_FILE + 1).read_to_string(&mut text));
+        if read.as_ref().is_err_and(|error| matches!(error.kind(), ErrorKind::NotFound | ErrorKind::IsADirectory))
+            && let Some(file) = Shipped::find(path)
+        {
+            return Ok(file.text.to_owned());
+        }
         match read {
             Ok(length) if length as u64 <= LONGEST_FILE => Ok(text),
             Err(source) if source.kind() != ErrorKind::InvalidData => {

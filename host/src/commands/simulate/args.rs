@@ -10,14 +10,14 @@ use std::path::PathBuf;
 #[command(
     override_usage = "biflag simulate [OPTIONS] <PLAN>\n       biflag simulate [OPTIONS] --speeds <W1,W2> --duration <S>\n       biflag simulate [OPTIONS] --from <LOG|SESSION>",
     after_help = "Examples:\n  \
-    biflag simulate host/plans/published-points.toml --out points\n  \
+    biflag simulate published-points --out points\n  \
     biflag simulate --speeds=-90,90 --duration 120 --closure lumped\n  \
     biflag simulate --speeds 90,90 --phase 0,90 --duration 120\n  \
     biflag simulate --from glycerin --robot fitted.toml --out fitted\n\
     The logs do not depend on --jobs, --shard or interruptions."
 )]
 pub struct Args {
-    /// The plan: a TOML file (see `biflag record --help` for an example).
+    /// The plan: a TOML file (see `biflag record --help` for an example), or the name of one inside biflag (`biflag plans`).
     #[arg(
         required_unless_present_any = ["speeds", "duration", "from"],
         conflicts_with_all = ["speeds", "duration", "phase", "from"]
