@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 /// 24 short points, of which the eight with a spacing of 0.4 are impossible.
-const PLAN: &str = "[session]\nname = \"short\"\n[trial]\nrun = 0.4\nphases = 2\n[vary]\n\"group.spacing\" = [0.4, 1, 1.5]\n\
+const PLAN: &str = "[session]\nname = \"short\"\n[trial]\nrun = 0.4\nmethod = \"trial\"\nphases = 2\n[vary]\n\"group.spacing\" = [0.4, 1, 1.5]\n\
                     \"fluid.viscosity_pa_s\" = { from = 0.5, to = 2, count = 2, scale = \"log\" }\n\
                     [speeds]\npairs = [[50, 10], [0, 45], [-90, 90], [60, 60]]\n";
 
@@ -49,7 +49,7 @@ fn parse(text: &str) -> Result<SweepPlan, PlanError> {
 #[test]
 fn plan_of_the_help_is_valid() {
     let plan = parse(host::sweep::EXAMPLE).unwrap();
-    assert_eq!((plan.points(), plan.phases, plan.run_s, plan.method), (3 * 7 * 190, 4, 120.0, Method::Trial));
+    assert_eq!((plan.points(), plan.phases, plan.run_s, plan.method), (3 * 7 * 190, 4, 120.0, Method::Steady));
     let dotted =
         parse("[vary]\nfluid.viscosity_pa_s = [1, 2]\ngroup.pitch = [0.9]\n[speeds]\npairs = [[1, 2]]").unwrap();
     assert_eq!(dotted.points(), 2, "keys without quotes");
@@ -322,7 +322,7 @@ fn damaged_and_foreign_parts_are_noticed() {
 
 #[test]
 fn sobol_design_fills_speeds_and_robots() {
-    let plan = "[session]\nname = \"sobol\"\n[trial]\nrun = 0.1\n[vary]\ndesign = { sobol = 32, seed = 7 }\n\
+    let plan = "[session]\nname = \"sobol\"\n[trial]\nrun = 0.1\nmethod = \"trial\"\n[vary]\ndesign = { sobol = 32, seed = 7 }\n\
                 \"speeds.w1_rpm\" = { from = -90, to = 90 }\n\"speeds.w2_rpm\" = { from = 0, to = 90 }\n\
                 \"group.stiffness\" = { from = 0.5, to = 2, scale = \"log\" }\n";
     let bench = bench(plan);
@@ -336,7 +336,7 @@ fn sobol_design_fills_speeds_and_robots() {
 
 #[test]
 fn one_at_a_time_has_the_robot_itself_once() {
-    let plan = "[session]\nname = \"one\"\n[trial]\nrun = 0.1\n[vary]\ndesign = \"one at a time\"\n\
+    let plan = "[session]\nname = \"one\"\n[trial]\nrun = 0.1\nmethod = \"trial\"\n[vary]\ndesign = \"one at a time\"\n\
                 \"group.stiffness\" = [0.5, 2]\n\"group.radius\" = [0.8]\n[speeds]\npairs = [[50, 10], [-50, 10]]\n";
     let bench = bench(plan);
     expect(&biflag(bench.path(), &["sweep", "plan.toml"]), 0);

@@ -94,7 +94,7 @@ csv = pandas.read_csv(f"{folder}/table.csv", comment="#")
 pl = polars.read_parquet(f"{folder}/table.parquet")
 pl_csv = polars.read_csv(f"{folder}/table.csv", comment_prefix="#")
 numbers = pd.select_dtypes("number").columns
-assert list(pd.columns) == list(csv.columns) == pl.columns == pl_csv.columns == list(columns), columns
+assert list(pd.columns) == list(csv.columns) == pl.columns == pl_csv.columns and set(pd.columns) == set(columns)
 pandas.testing.assert_frame_equal(pd[numbers], csv[numbers], check_exact=True, check_dtype=False)
 assert pl.select("yaw_deg").to_series().to_list() == pl_csv.select("yaw_deg").to_series().to_list()
 ok = pd[pd.status == "ok"]
@@ -273,7 +273,7 @@ fn rerun_reads_attitude_and_flagella() {
 #[test]
 fn python_reads_the_table_of_a_sweep() {
     let bench = Bench::new();
-    let plan = "[trial]\nrun = 0.4\n[vary]\n\"group.stiffness\" = [1, 2]\n\"group.spacing\" = [0.4, 1]\n\
+    let plan = "[trial]\nrun = 0.4\nmethod = \"trial\"\n[vary]\n\"group.stiffness\" = [1, 2]\n\"group.spacing\" = [0.4, 1]\n\
                 [speeds]\ngrid = { w1 = [-50, 50, 50], w2 = [10, 20, 10] }\n";
     bench.file("plan.toml", plan);
     bench.run(["sweep", "plan.toml"]).expect_code(3);

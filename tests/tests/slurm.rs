@@ -13,7 +13,7 @@ const PACKAGES: [&str; 7] =
     ["slurmctld", "slurmd", "slurm-client", "slurm-wlm-basic-plugins", "libmunge2", "liblua5.1-0", "libhwloc15"];
 
 /// Points that take about 20 s of one core.
-const PLAN: &str = "[session]\nname = \"cluster\"\n[trial]\nrun = 60\n[vary]\n\"group.stiffness\" = [0.5, 1, 2]\n\
+const PLAN: &str = "[session]\nname = \"cluster\"\n[trial]\nrun = 60\nmethod = \"trial\"\n[vary]\n\"group.stiffness\" = [0.5, 1, 2]\n\
                     \"group.spacing\" = [0.4, 1]\n[speeds]\ngrid = { w1 = [-80, 80, 40], w2 = [20, 80, 30] }\n";
 
 /// Returns the folder with Slurm's programs, or why there is none.

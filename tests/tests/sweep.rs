@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use tests::{Bench, Run, signal};
 
 /// 48 points over robots and speeds, with impossible ones among them.
-const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\nrun = 4\nphases = 2\n[vary]\n\
+const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\nrun = 4\nmethod = \"trial\"\nphases = 2\n[vary]\n\
                     \"group.spacing\" = [0.5, 1, 1.5]\n\"group.stiffness\" = [0.5, 2]\n\
                     [speeds]\ngrid = { w1 = [-60, 60, 40], w2 = [20, 60, 40] }\n";
 

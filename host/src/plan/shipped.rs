@@ -45,12 +45,15 @@ impl Shipped {
 mod tests {
     use super::*;
     use crate::plan::{Plan, robot};
+    use crate::sweep::SweepPlan;
 
     #[test]
     fn each_is_a_plan_or_a_robot() {
         for file in Shipped::all() {
             if file.is_robot() {
                 robot::parse(file.text, file.name).unwrap();
+            } else if file.name == "groups" {
+                SweepPlan::load(Path::new(file.name)).unwrap();
             } else {
                 // With the robot file that it names, which is found by its name too.
                 Plan::load(Path::new(file.name)).unwrap();

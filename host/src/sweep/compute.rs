@@ -5,26 +5,46 @@ use super::point::Point;
 use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
 use sim::params::Robot;
+use sim::periodic::{self, SolveError};
 use sim::phase::{self, Ratio};
 use sim::profile::{Phases, SpeedProfile};
 use sim::trial::{Options, Summary, Trial};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// What a steady state is.
+/// What a steady state is, the steadiest first.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Kind {
-    /// The means of the attitude do not change any more.
+    /// The motion repeats with the common period of the motors.
+    Steady,
+    /// Of a trial: the means of the attitude do not change any more.
     Settled,
-    /// They still change at the end of the run.
+    /// The motion was not found to repeat, but the means of the attitude do not change any more.
+    Beating,
+    /// Of a trial: the means still change at the end of the run.
     Unsettled,
+    /// The motion was not found to repeat, and its means still change at the end of the run.
+    NotFound,
 }
 
 impl Kind {
     /// Returns the name in the table.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Steady => "steady",
             Self::Settled => "settled",
+            Self::Beating => "beating",
             Self::Unsettled => "unsettled",
+            Self::NotFound => "not_found",
+        }
+    }
+}
+
+impl From<periodic::Kind> for Kind {
+    fn from(kind: periodic::Kind) -> Self {
+        match kind {
+            periodic::Kind::Steady => Self::Steady,
+            periodic::Kind::Beating => Self::Beating,
+            periodic::Kind::NotFound => Self::NotFound,
         }
     }
 }
@@ -108,8 +128,12 @@ fn compute(point: &Point, recipe: &Recipe, goes_on: &dyn Fn() -> bool) -> Result
             1 => error,
             _ => format!("starting at {} and {} degrees: {error}", start[0], start[1]),
         };
-        let Method::Trial = recipe.method;
-        match trial(robot, point.speeds_rpm, recipe.run_s, start.map(f64::to_radians), goes_on).map_err(described)? {
+        let run = Run { robot, rpm: point.speeds_rpm, start_rad: start.map(f64::to_radians), run_s: recipe.run_s };
+        let state = match recipe.method {
+            Method::Steady => run.solved(goes_on),
+            Method::Trial => run.tried(goes_on),
+        };
+        match state.map_err(described)? {
             Some(state) => states.push(state),
             None => return Ok(None),
         }
@@ -121,37 +145,53 @@ fn compute(point: &Point, recipe: &Recipe, goes_on: &dyn Fn() -> bool) -> Result
     Ok(Some(steady))
 }
 
-/// Runs a trial from rest to its end.
-fn trial(
-    robot: &Robot,
-    speeds_rpm: [f64; 2],
+/// A point at one starting phase.
+struct Run<'a> {
+    robot: &'a Robot,
+    rpm: [f64; 2],
+    start_rad: [f64; 2],
     run_s: f64,
-    start: [f64; 2],
-    goes_on: &dyn Fn() -> bool,
-) -> Result<Option<Steady>, String> {
-    let phases = Phases { calibrate: 0.0, preroll: 0.0, run: run_s, decay: 0.0, ..Phases::default() };
-    let profile = SpeedProfile::phases(&phases, speeds_rpm).map_err(|error| error.to_string())?;
-    // The steady state needs no samples; a few a second are enough to ask whether to go on.
-    let options = Options { rate_hz: 2.0, shapes: false };
-    let trial = Trial::new(robot, Closure::Full, profile.from_angles(start), options);
-    let mut trial = trial.map_err(|error| error.to_string())?;
-    for sample in trial.by_ref() {
-        sample.map_err(|error| error.to_string())?;
-        if !goes_on() {
-            return Ok(None);
+}
+
+impl Run<'_> {
+    /// Solves for the steady state.
+    fn solved(&self, goes_on: &dyn Fn() -> bool) -> Result<Option<Steady>, String> {
+        let &Self { robot, rpm, start_rad, run_s } = self;
+        match periodic::solve(robot, Closure::Full, rpm, start_rad, run_s, &|_| goes_on()) {
+            Ok(found) => Ok(Some(Steady::new(found.kind.into(), &found.summary))),
+            Err(SolveError::Interrupted) => Ok(None),
+            Err(error) => Err(error.to_string()),
         }
     }
-    // The last sample may be before the end.
-    Ok(Some(Steady::of_trial(&trial.finish().map_err(|error| error.to_string())?)))
+
+    /// Runs a trial from rest to its end.
+    fn tried(&self, goes_on: &dyn Fn() -> bool) -> Result<Option<Steady>, String> {
+        let phases = Phases { calibrate: 0.0, preroll: 0.0, run: self.run_s, decay: 0.0, ..Phases::default() };
+        let profile = SpeedProfile::phases(&phases, self.rpm).map_err(|error| error.to_string())?;
+        // The steady state needs no samples; a few a second are enough to ask whether to go on.
+        let options = Options { rate_hz: 2.0, shapes: false };
+        let trial = Trial::new(self.robot, Closure::Full, profile.from_angles(self.start_rad), options);
+        let mut trial = trial.map_err(|error| error.to_string())?;
+        for sample in trial.by_ref() {
+            sample.map_err(|error| error.to_string())?;
+            if !goes_on() {
+                return Ok(None);
+            }
+        }
+        // The last sample may be before the end.
+        let summary = trial.finish().map_err(|error| error.to_string())?;
+        let kind = if summary.steady.settled { Kind::Settled } else { Kind::Unsettled };
+        Ok(Some(Steady::new(kind, &summary)))
+    }
 }
 
 impl Steady {
-    fn of_trial(summary: &Summary) -> Self {
+    fn new(kind: Kind, summary: &Summary) -> Self {
         let steady = &summary.steady;
         let [yaw, pitch, roll] = steady.attitude.map(|level| level.mean);
         let tilt = (pitch.cos() * roll.cos()).clamp(-1.0, 1.0).acos();
         Self {
-            kind: if steady.settled { Kind::Settled } else { Kind::Unsettled },
+            kind,
             phases: 1,
             angles_deg: [yaw, pitch, roll, tilt].map(f64::to_degrees),
             spread_deg: [0.0; 4],
@@ -181,7 +221,7 @@ fn mean(states: &[Steady]) -> Steady {
         values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
     };
     Steady {
-        kind: states.iter().map(|state| state.kind).max().unwrap_or(Kind::Unsettled),
+        kind: states.iter().map(|state| state.kind).max().unwrap_or(Kind::NotFound),
         phases: states.len() as u32,
         angles_deg: [0, 1, 2, 3].map(|i| mean(&|state| state.angles_deg[i])),
         spread_deg: [0, 1, 2, 3].map(|i| spread(&|state| state.angles_deg[i])),
@@ -225,12 +265,14 @@ mod tests {
         let plan =
             crate::sweep::SweepPlan::parse(text, "plan.toml", &|name| Ok(crate::plan::RobotFile::built_in(name)));
         let point = crate::sweep::Sweep::new(plan.unwrap(), String::new()).unwrap().point(0);
-        let recipe = Recipe { method: Method::Trial, run_s: 1.0, phases: 1 };
-        let outcome = Outcome::of(&point, &recipe, &|| panic!("index {}", 7)).unwrap();
-        let wanted = "the solver panicked, which is a fault of the program: index 7";
-        assert_eq!(outcome, Outcome::Failed(wanted.to_owned()));
-        assert_eq!(Outcome::of(&point, &recipe, &|| false), None, "interrupted");
-        assert!(matches!(Outcome::of(&point, &recipe, &|| true), Some(Outcome::Ok(steady)) if steady.is_finite()));
+        for method in [Method::Steady, Method::Trial] {
+            let recipe = Recipe { method, run_s: 1.0, phases: 1 };
+            let outcome = Outcome::of(&point, &recipe, &|| panic!("index {}", 7)).unwrap();
+            let wanted = "the solver panicked, which is a fault of the program: index 7";
+            assert_eq!(outcome, Outcome::Failed(wanted.to_owned()));
+            assert_eq!(Outcome::of(&point, &recipe, &|| false), None, "interrupted");
+            assert!(matches!(Outcome::of(&point, &recipe, &|| true), Some(Outcome::Ok(steady)) if steady.is_finite()));
+        }
     }
 
     #[test]

@@ -37,7 +37,8 @@ robot = "physical"       # or "published", or a robot file
 # design = "one at a time", or { sobol = 10000, seed = 7 }, instead of all combinations
 
 [trial]
-run = 120                # seconds, at most
+run = 120                # seconds of the trial that is run where no motion is found that repeats
+method = "steady"        # or "trial": every point runs that long
 phases = 4               # starting phases of the flagella, where the ratio of the speeds makes them matter
 
 [speeds]                 # rpm; every robot runs at each pair
@@ -51,6 +52,8 @@ pub const MAX_POINTS: u64 = 10_000_000;
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
+    /// The motion that repeats is solved for; where there is none, the trial is run.
+    Steady,
     /// The run from rest, whose last seconds are averaged.
     Trial,
 }
@@ -59,6 +62,7 @@ impl Method {
     /// Returns the name in a plan.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Steady => "steady",
             Self::Trial => "trial",
         }
     }
@@ -71,7 +75,7 @@ pub struct SweepPlan {
     pub name: String,
     /// The robot that varies.
     pub robot: RobotFile,
-    /// Duration of a run, s.
+    /// Duration of a trial, s.
     pub run_s: f64,
     /// How each point is computed.
     pub method: Method,
@@ -101,7 +105,7 @@ const DESIGN: &str = "give \"all combinations\", \"one at a time\" or { sobol = 
 
 fn help(key: &str) -> Option<&'static str> {
     Some(match key {
-        "method" => "give \"trial\"",
+        "method" => "give \"steady\" or \"trial\"",
         "phases" => "give a whole number from 1 to 360: at how many starting phases a point runs where they matter",
         "run" => "give seconds as a plain number, such as run = 120",
         "vary" => "write it as a table: [vary]",
@@ -161,8 +165,7 @@ impl SweepPlan {
             if BUILT_IN.contains(&name) {
                 return Ok(RobotFile::built_in(name));
             }
-            let folder = path.parent().unwrap_or(Path::new(""));
-            Ok(RobotFile { name: name.to_owned(), text: robot::load(&folder.join(name))?.text })
+            Ok(RobotFile { name: name.to_owned(), text: robot::load(&robot::named_by(path, name))?.text })
         })
     }
 
@@ -201,7 +204,7 @@ impl SweepPlan {
             name: session.name.map_or("sweep".to_owned(), |name| name.into_inner().trim().to_owned()),
             robot: robot_file,
             run_s,
-            method: file.trial.method.map_or(Method::Trial, Spanned::into_inner),
+            method: file.trial.method.map_or(Method::Steady, Spanned::into_inner),
             phases,
             speeds_rpm,
             axes,

@@ -149,7 +149,11 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
         values: Values::Int(rows.iter().map(|row| row.steady().map_or(0, |steady| steady.phases.into())).collect()),
     });
     let kind = |row: &Row| row.steady().map_or("", |steady| steady.kind.name()).to_owned();
-    columns.push(text("kind", "what the state is: `settled`, or `unsettled` at the end of the run", &kind));
+    columns.push(text(
+        "kind",
+        "what the state is; method steady: `steady`, `beating` or `not_found`; method trial: `settled` or `unsettled`",
+        &kind,
+    ));
     let status = |row: &Row| if row.steady().is_some() { "ok" } else { "failed" }.to_owned();
     columns.push(text("status", "`ok`, or `failed`: then all results are empty", &status));
     columns.push(text("reason", "why the point failed", &|row| match &row.outcome {
@@ -159,7 +163,7 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     let plan = &sweep.plan;
     let header = vec![
         format!("biflag {}: sweep {}", sweep.model, plan.name),
-        format!("robot {}, method {}, runs of {} s", plan.robot.name, plan.method.name(), plan.run_s),
+        format!("robot {}, method {}, trials of {} s", plan.robot.name, plan.method.name(), plan.run_s),
         "angles rotate body axes into world axes: yaw about z, then pitch about y, then roll about x".to_owned(),
     ];
     Table { header, columns }

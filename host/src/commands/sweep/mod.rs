@@ -107,6 +107,8 @@ fn slurm(args: &SlurmArgs) -> miette::Result<Answer> {
     let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let absolute = |path: &Path| std::path::absolute(path).into_diagnostic().wrap_err("the current folder");
     let program: PathBuf = std::env::current_exe().into_diagnostic().wrap_err("the path of this program")?;
-    let script = sweep::script(&program, &absolute(&args.plan)?, &absolute(&folder)?, args.shards.into(), &plan.name);
+    // A plan that is no file is inside the program.
+    let file = if args.plan.exists() { absolute(&args.plan)? } else { args.plan.clone() };
+    let script = sweep::script(&program, &file, &absolute(&folder)?, args.shards.into(), &plan.name);
     Answer::new(Outcome::Done, &serde_json::json!({ "script": script }), script)
 }
