@@ -12,7 +12,7 @@ NAMES = ("license", "licence", "copying", "notice", "copyright", "unlicense")
 
 
 def cargo(*arguments: str) -> str:
-    return subprocess.run(["cargo", *arguments], check=True, capture_output=True, text=True).stdout
+    return subprocess.run(["cargo", *arguments], check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
 def main(packages: list[str]) -> None:
