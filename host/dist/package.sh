@@ -38,9 +38,10 @@ completions zsh zsh/vendor-completions _biflag
 completions fish fish/vendor_completions.d biflag.fish
 $biflag man "$stage/share/man/man1" > /dev/null
 gzip -9n "$stage"/share/man/man1/*
-cp README.md LICENSE-MIT LICENSE-APACHE sim/virtual-nano/LICENSE-GPL host/dist/copyright "$doc"
+cp CHANGELOG.md LICENSE-MIT LICENSE-APACHE sim/virtual-nano/LICENSE-GPL host/dist/copyright "$doc"
 cp host/plans/*.toml "$doc/plans"
-python3 host/dist/libraries.py host virtual-nano > "$doc/libraries"
+cp -RL host/book/src "$doc/book"
+python3 host/dist/libraries.py host virtual-nano firmware > "$doc/libraries"
 
 # The archive: unpack it anywhere, or into ~/.local.
 archive=$name-$version-linux-$(uname -m)
