@@ -17,6 +17,7 @@ pub mod report;
 pub mod run;
 pub mod session;
 pub mod signals;
+pub mod sweep;
 pub mod text;
 pub mod trial;
 pub mod twin;

@@ -7,6 +7,7 @@ mod common;
 mod contact;
 mod elastic;
 mod fluid;
+mod groups;
 mod hard_cases;
 mod head;
 mod helices;

@@ -18,6 +18,7 @@ mod report;
 mod resistance;
 mod settings;
 mod simulate;
+mod sweep;
 mod virtual_board;
 
 pub use answer::{Answer, Outcome, WRONG_USE};
@@ -62,6 +63,7 @@ enum Command {
     Info(info::Args),
     Resistance(resistance::Args),
     Simulate(simulate::Args),
+    Sweep(sweep::Args),
     Compare(compare::Args),
     Calibrate(calibrate::Args),
     Report(report::Args),
@@ -86,6 +88,7 @@ pub fn run() -> ExitCode {
         Command::Record(args) => record::run(&args),
         Command::Resistance(args) => resistance::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Sweep(args) => sweep::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Live(args) => live::run(&args),

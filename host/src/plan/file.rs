@@ -14,7 +14,7 @@ pub const MAX_PHASE_S: f64 = 86_400.0;
 /// The shortest run, seconds: one tick of the board.
 pub const MIN_RUN_S: f64 = 1.0 / protocol::TICK_HZ as f64;
 
-pub(super) const KIND: FileKind = FileKind {
+pub(crate) const KIND: FileKind = FileKind {
     noun: "plan",
     example: "`biflag record --help` shows one",
     tables: &["session", "trial", "speeds", "board", "reverse", "hand_turn", "grid"],
@@ -128,7 +128,7 @@ fn no_span_default<T: Default>() -> Spanned<T> {
 
 pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
     let source = Source { kind: &KIND, text, name };
-    let file: PlanFile = source.read()?;
+    let file: PlanFile = source.read().map_err(|error| if is_of_sweep(text) { sweep_only(&source) } else { error })?;
     let phases = phases(&file.trial, &source)?;
     let reverse = reverse(&file.trial, &source)?;
     let hand_turn = hand_turn(&file.trial, &source)?;
@@ -171,6 +171,16 @@ pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
         hand_turn,
         text: text.to_owned(),
     })
+}
+
+/// Returns whether this is the plan of a sweep.
+fn is_of_sweep(text: &str) -> bool {
+    toml::from_str::<toml::Table>(text).is_ok_and(|table| table.contains_key("vary"))
+}
+
+fn sweep_only(source: &Source) -> PlanError {
+    let at = source.text.find("[vary").unwrap_or_default();
+    source.error(at..at, "a plan with [vary] is that of a sweep", "run it with `biflag sweep`, or leave [vary] out")
 }
 
 fn phases(table: &TrialTable, source: &Source) -> Result<Phases, PlanError> {

@@ -10,13 +10,13 @@
 
 pub mod board;
 mod error;
-mod expand;
-mod file;
+pub(crate) mod expand;
+pub(crate) mod file;
 mod hand_turn;
 pub mod robot;
 mod schedule;
 mod shipped;
-mod source;
+pub(crate) mod source;
 
 pub use board::BoardSettings;
 pub use error::PlanError;

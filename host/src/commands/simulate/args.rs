@@ -1,6 +1,6 @@
 //! The arguments of `biflag simulate`.
 
-use super::super::options::{ClosureName, pair};
+use super::super::options::{ClosureName, Shard, pair, shard};
 use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
 use protocol::units::CentiRpm;
 use std::path::PathBuf;
@@ -100,18 +100,4 @@ fn duration(text: &str) -> Result<f64, String> {
 fn rate(text: &str) -> Result<f64, String> {
     let hertz: f64 = text.parse().map_err(|_| "give samples per second")?;
     if (0.01..=1000.0).contains(&hertz) { Ok(hertz) } else { Err("give 0.01 to 1000 samples per second".into()) }
-}
-
-/// Every `of`-th trial, starting with `first`, counted from 0.
-#[derive(Clone, Copy, Debug)]
-pub struct Shard {
-    pub first: usize,
-    pub of: usize,
-}
-
-fn shard(text: &str) -> Result<Shard, String> {
-    let form = "give the number of the shard and the number of shards, such as 1/8";
-    let (number, of) = text.split_once('/').ok_or(form)?;
-    let (number, of): (usize, usize) = (number.parse().map_err(|_| form)?, of.parse().map_err(|_| form)?);
-    if (1..=of).contains(&number) { Ok(Shard { first: number - 1, of }) } else { Err(form.into()) }
 }

@@ -1,8 +1,8 @@
 //! `biflag simulate PLAN`: simulates the trials of a plan, or one pair of speeds.
 
-use super::super::options::cores;
+use super::super::options::{Shard, cores};
 use super::super::{Answer, Outcome, WRONG_USE};
-use super::args::{Args, Shard, Speeds, StartAngles};
+use super::args::{Args, Speeds, StartAngles};
 use super::output::{Row, Simulated, SimulatedTrial};
 use crate::plan::robot;
 use crate::plan::{Plan, Trial};

@@ -14,7 +14,7 @@ mod trial;
 pub use batch::{Batch, Job, ModelRun};
 pub use error::ModelError;
 pub use phases::{PhaseMeans, note_on_phases};
-pub use trial::{Course, Watch};
+pub use trial::{Course, Watch, write_log};
 
 use crate::plan::Plan;
 use biflag_log::ModelMeta;

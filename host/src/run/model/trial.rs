@@ -57,46 +57,35 @@ pub(super) fn run(
     (attempt, path): (u32, &Path),
     watch: Watch,
 ) -> Result<SteadyMeta, ModelError> {
-    let profile = course.profile.clone();
-    let mut solved = sim::trial::Trial::new(&model.robot, model.closure, profile, model.options)?;
-    let board = IdealBoard::new(&model.robot, model.settings);
-    let board_meta = board::to_log(&board.info(), &model.settings);
-    let epoch = SystemTime::UNIX_EPOCH;
-    let start = run::start(plan, trial, attempt, Origin::Model, Some(board_meta), epoch);
-    let mut kept = run::Recorder::create(path, &start, model.settings, epoch)?;
-    kept.model(model.meta())?;
-    if let Some(replay) = &course.replay {
-        kept.log.meta(replay)?;
+    let mut solved = sim::trial::Trial::new(&model.robot, model.closure, course.profile.clone(), model.options)?;
+    let mut recorder = Recorder::start(model, plan, trial, course, (attempt, path))?;
+    match recorder.record(solved.by_ref(), watch)? {
+        Flow::Interrupted => Err(ModelError::Interrupted),
+        Flow::Failed(error) => {
+            let mut summary = Summary { reason: error.to_string(), ..Summary::default() };
+            recorder.finish(&mut summary)?;
+            Err(ModelError::Step { trial: trial.name.clone(), error })
+        }
+        Flow::Done => Ok(recorder.complete(&solved.summary())?),
     }
-    let mut recorder = Recorder {
-        trial: kept,
-        board,
-        rod_radius_m: model.robot.flagellum.rod_radius_m,
-        schedule: &course.schedule,
-        taken: 0,
-        bundling: BundlingHistory::default(),
-        index: 0,
-    };
-    let failure = match recorder.record(&mut solved, watch)? {
-        Flow::Interrupted => return Err(ModelError::Interrupted),
-        Flow::Failed(error) => Some(error),
-        Flow::Done => None,
-    };
-    let mut summary = Summary::default();
-    summary.link.samples = recorder.index;
-    if let Some(error) = failure {
-        summary.reason = error.to_string();
-        recorder.trial.finish(&mut summary)?;
-        return Err(ModelError::Step { trial: trial.name.clone(), error });
-    }
-    let steady = SteadyMeta::new(&solved.summary(), std::mem::take(&mut recorder.bundling.changes));
-    recorder.trial.log.meta(&steady)?;
-    summary.end = End::Complete;
-    summary.yaw_deg = Some(steady.yaw_deg);
-    summary.pitch_deg = Some(steady.pitch_deg);
-    summary.roll_deg = Some(steady.roll_deg);
-    recorder.trial.finish(&mut summary)?;
-    Ok(steady)
+}
+
+/// Writes the log of a trial that was computed already to `path`, which must not exist.
+///
+/// # Errors
+/// [`ModelError::Log`].
+pub fn write_log(
+    model: &Model,
+    plan: &Plan,
+    trial: &Trial,
+    course: &Course,
+    (samples, summary): (&[Sample], &sim::trial::Summary),
+    path: &Path,
+) -> Result<(), ModelError> {
+    let mut recorder = Recorder::start(model, plan, trial, course, (1, path))?;
+    recorder.record(samples.iter().cloned().map(Ok), &|_| true)?;
+    recorder.complete(summary)?;
+    Ok(())
 }
 
 /// How the recording ended.
@@ -109,7 +98,6 @@ enum Flow {
 struct Recorder<'a> {
     trial: run::Recorder,
     board: IdealBoard,
-    rod_radius_m: f64,
     schedule: &'a Schedule,
     /// Number of events that have passed.
     taken: usize,
@@ -118,9 +106,60 @@ struct Recorder<'a> {
     index: u64,
 }
 
-impl Recorder<'_> {
-    fn record(&mut self, solved: &mut sim::trial::Trial, watch: Watch) -> Result<Flow, LogError> {
-        let mut samples = solved.by_ref().peekable();
+impl<'a> Recorder<'a> {
+    fn start(
+        model: &Model,
+        plan: &Plan,
+        trial: &Trial,
+        course: &'a Course,
+        (attempt, path): (u32, &Path),
+    ) -> Result<Self, LogError> {
+        let board = IdealBoard::new(&model.robot, model.settings);
+        let board_meta = board::to_log(&board.info(), &model.settings);
+        let epoch = SystemTime::UNIX_EPOCH;
+        let start = run::start(plan, trial, attempt, Origin::Model, Some(board_meta), epoch);
+        let mut kept = run::Recorder::create(path, &start, model.settings, epoch)?;
+        kept.model(model.meta())?;
+        if let Some(replay) = &course.replay {
+            kept.log.meta(replay)?;
+        }
+        Ok(Self {
+            trial: kept,
+            board,
+            schedule: &course.schedule,
+            taken: 0,
+            bundling: BundlingHistory::default(),
+            index: 0,
+        })
+    }
+
+    /// Ends the log with the steady state.
+    fn complete(mut self, computed: &sim::trial::Summary) -> Result<SteadyMeta, LogError> {
+        let steady = SteadyMeta::new(computed, std::mem::take(&mut self.bundling.changes));
+        self.trial.log.meta(&steady)?;
+        let mut summary = Summary {
+            end: End::Complete,
+            yaw_deg: Some(steady.yaw_deg),
+            pitch_deg: Some(steady.pitch_deg),
+            roll_deg: Some(steady.roll_deg),
+            ..Summary::default()
+        };
+        self.finish(&mut summary)?;
+        Ok(steady)
+    }
+
+    fn finish(self, summary: &mut Summary) -> Result<(), LogError> {
+        summary.link.samples = self.index;
+        self.trial.finish(summary)?;
+        Ok(())
+    }
+
+    fn record(
+        &mut self,
+        samples: impl Iterator<Item = Result<Sample, StepError>>,
+        watch: Watch,
+    ) -> Result<Flow, LogError> {
+        let mut samples = samples.peekable();
         let mut before: Option<(f64, Vector3<f64>)> = None;
         while let Some(sample) = samples.next() {
             let sample = match sample {
@@ -156,7 +195,7 @@ impl Recorder<'_> {
         let frame = self.board.telemetry(self.index, sample, angular_acceleration, setpoint);
         let host = instant(sample.time_s);
         self.trial.frame(&frame, IdealBoard::clock_us(sample.time_s), host)?;
-        self.trial.sample(sample, self.rod_radius_m, host)?;
+        self.trial.sample(sample, host)?;
         self.index += 1;
         Ok(())
     }

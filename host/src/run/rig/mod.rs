@@ -7,6 +7,7 @@ pub mod fault_log;
 mod health;
 mod image;
 pub mod preflight;
+mod readout;
 mod recorder;
 mod schedule;
 pub mod self_test;
