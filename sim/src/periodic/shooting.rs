@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 /// Simulated time in which the motion decays by itself before the first step, s, at least.
 const DECAY_S: f64 = 6.0;
 /// Simulated time of a search, s.
-const PATIENCE_S: f64 = 48.0;
+const PATIENCE_S: f64 = 54.0;
 /// Time between samples of the slow coordinates, s, about.
 const SAMPLE_S: f64 = 0.5;
 /// Samples that are left out after a start from rest or a move: fast modes are still in them.
@@ -68,15 +68,17 @@ pub fn shoot(
     let mut last_distance = f64::INFINITY;
     loop {
         let start = trial.checkpoint();
-        let began_s = period * paths.len() as f64;
+        let began_s = trial.state().time;
         let mut path = vec![slow::coordinates(trial.solver(), trial.state())];
         for sample in 1..=samples {
-            if run(&mut trial, began_s + interval * sample as f64, watch)?.is_err() {
+            // The last one ends with the profile: rounding must not leave a sliver of time.
+            let until = if sample < samples { began_s + interval * sample as f64 } else { f64::INFINITY };
+            if run(&mut trial, until, watch)?.is_err() {
                 return Ok(Outcome::Failed { simulated_s: began_s });
             }
             path.push(slow::coordinates(trial.solver(), trial.state()));
         }
-        let simulated_s = began_s + period;
+        let simulated_s = trial.state().time;
         let end = path[samples];
         if let Some(before) = paths.last() {
             modes.record(&before[SKIPPED..], &path[SKIPPED..]);
@@ -84,8 +86,9 @@ pub fn shoot(
         paths.push(path);
         let mut state = trial.state().clone();
         if simulated_s >= DECAY_S.max(1.5 * period) {
-            let (from, step) = (paths[paths.len() - 1][0], step(&paths, modes.newton(samples)));
-            let distance = attitude(&step);
+            let from = paths[paths.len() - 1][0];
+            let [newton, step] = steps(&paths, modes.newton(samples));
+            let distance = attitude(&newton).max(attitude(&step));
             if distance < TOLERANCE {
                 let mut summary = trial.summary();
                 (summary.steady.settled, summary.steady.settle_s) = (true, 0.0);
@@ -108,10 +111,10 @@ pub fn shoot(
     }
 }
 
-/// Returns the step from the start of the last period to the motion that repeats, not finite where a direction does not
-/// decay. `newton`: what makes a step of the change of a period.
-fn step(paths: &[Vec<Slow>], newton: Option<Map>) -> Slow {
-    let Some(newton) = newton else { return Slow::repeat(f64::NAN) };
+/// Returns the step from the start of the last period to the motion that repeats, by that period alone and by the last
+/// ones; not finite where a direction does not decay. `newton`: what makes a step of the change of a period.
+fn steps(paths: &[Vec<Slow>], newton: Option<Map>) -> [Slow; 2] {
+    let Some(newton) = newton else { return [Slow::repeat(f64::NAN); 2] };
     let ends = |path: &Vec<Slow>| (path[0], path[path.len() - 1]);
     let mut anderson = Anderson::default();
     // The first period has the start from rest.
@@ -120,7 +123,8 @@ fn step(paths: &[Vec<Slow>], newton: Option<Map>) -> Slow {
         anderson.record(from.as_slice(), target.as_slice().to_vec(), &[1.0; COORDINATES]);
     }
     let (from, to) = ends(&paths[paths.len() - 1]);
-    anderson.combine().map_or(newton * (to - from), |target| Slow::from_column_slice(&target) - from)
+    let alone = newton * (to - from);
+    [alone, anderson.combine().map_or(alone, |target| Slow::from_column_slice(&target) - from)]
 }
 
 /// Returns the largest of the attitude's angles, rad.
