@@ -64,6 +64,7 @@ proof: build
 	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
 	$(CARGO) test --release --locked -p tests --test attitude_chain --test twin --test report -- --ignored --nocapture
 	$(CARGO) bench --locked -p sim --bench trials
+	$(CARGO) run --release --locked -p sim --example steady -- physical 2
 
 hostile: build
 	KILLS=$(KILLS) $(CARGO) test --release --locked -p tests --test interruption killed -- --nocapture

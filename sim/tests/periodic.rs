@@ -25,16 +25,16 @@ fn solve(rpm: [f64; 2], start_deg: [f64; 2]) -> periodic::Periodic {
 fn solved_states_are_those_that_trials_end_in() {
     for (rpm, start, kind, allowed_deg) in [
         ([50.0, 10.0], [0.0, 0.0], Kind::Steady, 0.1),
-        ([-60.0, 40.0], [0.0, 0.0], Kind::Steady, 0.1),
+        ([-60.0, 60.0], [0.0, 0.0], Kind::Steady, 0.1),
         ([90.0, 90.0], [0.0, 0.0], Kind::Steady, 0.1),
-        ([0.0, 45.0], [0.0, 0.0], Kind::Steady, 0.1),
+        ([0.0, 30.0], [0.0, 0.0], Kind::Steady, 0.1),
         // The phase decides to which side a flagellum that stands leans the robot.
-        ([0.0, 45.0], [180.0, 0.0], Kind::Steady, 0.1),
+        ([0.0, 30.0], [180.0, 0.0], Kind::Steady, 0.1),
         ([0.0, 0.0], [0.0, 0.0], Kind::Steady, 0.1),
         // No common period.
         ([37.0, 53.0], [0.0, 0.0], Kind::Beating, 0.1),
         // The flagella touch in each turn.
-        ([-90.0, 20.0], [0.0, 0.0], Kind::Steady, 0.1),
+        ([-60.0, 0.0], [0.0, 0.0], Kind::Steady, 0.1),
     ] {
         let (solved, trial) = (solve(rpm, start), trial(rpm, start));
         let [yaw, pitch, roll] = [0, 1, 2]
@@ -51,7 +51,7 @@ fn solved_states_are_those_that_trials_end_in() {
 
 #[test]
 fn a_motion_that_repeats_costs_less_than_half_of_a_trial() {
-    for rpm in [[50.0, 10.0], [90.0, 90.0], [0.0, 45.0]] {
+    for rpm in [[50.0, 10.0], [90.0, 90.0], [0.0, 30.0]] {
         prove(&format!("simulated time at {rpm:?}, s"), solve(rpm, [0.0; 2]).simulated_s, 0.5 * LONGEST_S);
     }
 }

@@ -74,7 +74,7 @@ pub fn shoot(
             // The last one ends with the profile: rounding must not leave a sliver of time.
             let until = if sample < samples { began_s + interval * sample as f64 } else { f64::INFINITY };
             if run(&mut trial, until, watch)?.is_err() {
-                return Ok(Outcome::Failed { simulated_s: began_s });
+                return Ok(Outcome::Failed { simulated_s: trial.state().time });
             }
             path.push(slow::coordinates(trial.solver(), trial.state()));
         }
