@@ -5,7 +5,7 @@ BIN := target/release
 DEMO := target/demo
 KILLS ?= 1000
 
-.PHONY: help setup build firmware demo test proof hostile mutants lint doc dist dist-test clean
+.PHONY: help setup build firmware demo test proof hostile mutants lint doc book dist dist-test clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
@@ -14,6 +14,7 @@ help:
 	@echo "make hostile   $(KILLS) kills of a recording, a log changed at every byte, spoilt lines, lost frames; an hour"
 	@echo "make mutants   changes of protocol and firmware that their tests do not notice; half an hour on two free cores"
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
+	@echo "make book      the book as HTML, in target/book"
 	@echo "make dist      a Debian package and an archive that need no compiler, in target/dist"
 	@echo "make dist-test both in a plain Debian 12, as root; some minutes"
 	@echo "make lint      format and lint checks"
@@ -84,6 +85,10 @@ lint: setup
 
 doc: setup
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps --locked
+
+book:
+	@command -v mdbook >/dev/null || $(CARGO) install --locked mdbook
+	mdbook build host/book
 
 dist: build
 	@sh firmware/setup.sh dist

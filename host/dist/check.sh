@@ -71,8 +71,7 @@ decay = 2
 [speeds]
 pairs = [[50, 10]]
 END
-# The trial is too short to be steady.
-expect 3 biflag record plan.toml --virtual --out recorded
+expect 0 biflag record plan.toml --virtual --out recorded
 expect 0 biflag info recorded
 expect 0 biflag simulate published-points --out points
 expect 0 biflag simulate --speeds=50,10 --duration 60 --robot robot-tank --out tank

@@ -12,7 +12,7 @@ NAMES = ("license", "licence", "copying", "notice", "copyright", "unlicense")
 
 
 def cargo(*arguments: str) -> str:
-    return subprocess.run(["cargo", *arguments], check=True, capture_output=True, text=True).stdout
+    return subprocess.run(["cargo", *arguments], check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
 def main(packages: list[str]) -> None:
@@ -20,7 +20,10 @@ def main(packages: list[str]) -> None:
     crates = {f"{crate['name']} {crate['version']}": crate for crate in metadata["packages"]}
     names: set[str] = set()
     for package in packages:
-        tree = cargo("tree", "--locked", "--edges", "normal", "--prefix", "none", "--package", package, "--format", "{p}")
+        # The firmware is inside biflag, and is no program of this computer.
+        target = ["--target", "all"] if package == "firmware" else []
+        format = ["--edges", "normal", "--prefix", "none", "--format", "{p}"]
+        tree = cargo("tree", "--locked", *format, "--package", package, *target)
         names |= {" ".join(line.split()[:2]).replace(" v", " ") for line in tree.splitlines() if line}
     for name in sorted(names):
         crate = crates[name]

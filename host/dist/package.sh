@@ -18,7 +18,9 @@ date=$(git log -1 --format=%cd --date=format:%Y%m%d%H%M%S)
 full=$version+git$date.$(echo "$commit" | tr - .)
 
 rm -rf "$out/stage"
-stage=$out/stage/usr
+# Where Debian's tools look for a package.
+package=$out/stage/debian/$name
+stage=$package/usr
 doc=$stage/share/doc/$name
 mkdir -p "$stage/bin" "$doc/plans" "$stage/share/man/man1"
 
@@ -36,9 +38,10 @@ completions zsh zsh/vendor-completions _biflag
 completions fish fish/vendor_completions.d biflag.fish
 $biflag man "$stage/share/man/man1" > /dev/null
 gzip -9n "$stage"/share/man/man1/*
-cp README.md LICENSE-MIT LICENSE-APACHE sim/virtual-nano/LICENSE-GPL host/dist/copyright "$doc"
+cp CHANGELOG.md LICENSE-MIT LICENSE-APACHE sim/virtual-nano/LICENSE-GPL host/dist/copyright "$doc"
 cp host/plans/*.toml "$doc/plans"
-python3 host/dist/libraries.py host virtual-nano > "$doc/libraries"
+cp -RL host/book/src "$doc/book"
+python3 host/dist/libraries.py host virtual-nano firmware > "$doc/libraries"
 
 # The archive: unpack it anywhere, or into ~/.local.
 archive=$name-$version-linux-$(uname -m)
@@ -51,18 +54,18 @@ tar -C "$out/stage" --owner=0 --group=0 --sort=name -czf "$out/$archive.tar.gz" 
 
 # The Debian package.
 gzip -9n "$doc/libraries"
-mkdir -p "$out/stage/usr/lib/udev/rules.d" "$out/stage/DEBIAN" "$out/stage/debian"
-cp host/dist/60-biflag.rules "$out/stage/usr/lib/udev/rules.d"
+mkdir -p "$stage/lib/udev/rules.d" "$package/DEBIAN"
+cp host/dist/60-biflag.rules "$stage/lib/udev/rules.d"
 # dpkg-shlibdeps wants a source package's control file.
 printf 'Source: %s\n\nPackage: %s\nArchitecture: any\n' $name $name > "$out/stage/debian/control"
-libraries=$(cd "$out/stage" && dpkg-shlibdeps -O usr/bin/biflag usr/bin/vnano | sed 's/shlibs:Depends=//')
-rm -r "$out/stage/debian"
-cat > "$out/stage/DEBIAN/control" <<END
+programs="debian/$name/usr/bin/biflag debian/$name/usr/bin/vnano"
+libraries=$(cd "$out/stage" && dpkg-shlibdeps -O $programs | sed 's/shlibs:Depends=//')
+cat > "$package/DEBIAN/control" <<END
 Package: $name
 Version: $full
 Architecture: $arch
 Maintainer: Biflag contributors <biflag@localhost>
-Installed-Size: $(du -sk "$out/stage/usr" | cut -f 1)
+Installed-Size: $(du -sk "$stage" | cut -f 1)
 Depends: $libraries, avrdude
 Section: science
 Priority: optional
@@ -72,7 +75,7 @@ Description: records, simulates and compares trials of a two-flagella robot
  both. vnano is the robot's board, emulated, with which all of this runs
  without hardware.
 END
-cat > "$out/stage/DEBIAN/postinst" <<'END'
+cat > "$package/DEBIAN/postinst" <<'END'
 #!/bin/sh
 set -e
 # Boards that are plugged in get the rule too.
@@ -81,19 +84,16 @@ if [ "$1" = configure ] && command -v udevadm > /dev/null; then
     udevadm trigger --subsystem-match=tty --action=change || true
 fi
 END
-chmod 755 "$out/stage/DEBIAN/postinst"
-(cd "$out/stage" && find usr -type f | sort | xargs md5sum > DEBIAN/md5sums)
-mkdir "$out/stage/package"
-mv "$out/stage/usr" "$out/stage/DEBIAN" "$out/stage/package"
-dpkg-deb --root-owner-group -Zxz --build "$out/stage/package" "$out/${name}_${full}_$arch.deb" > /dev/null
+chmod 755 "$package/DEBIAN/postinst"
+(cd "$package" && find usr -type f | sort | xargs md5sum > DEBIAN/md5sums)
+dpkg-deb --root-owner-group -Zxz --build "$package" "$out/${name}_${full}_$arch.deb" > /dev/null
 
-strip -o "$out/stage/biflag" $biflag
 start=$(date +%s%N)
 for _ in $(seq 100); do
-    "$out/stage/biflag" --version > /dev/null
+    "$stage/bin/biflag" --version > /dev/null
 done
 end=$(date +%s%N)
-echo "biflag, stripped: $(stat -c %s "$out/stage/biflag") bytes; vnano: $(stat -c %s "$out/stage/package/usr/bin/vnano") bytes"
+echo "stripped: biflag $(stat -c %s "$stage/bin/biflag") bytes, vnano $(stat -c %s "$stage/bin/vnano") bytes"
 echo "biflag --version: $(((end - start) / 100000)) us, mean of 100 starts"
 rm -r "$out/stage"
 ls -l "$out"/$name[-_]*

@@ -26,6 +26,7 @@
 #![allow(clippy::needless_range_loop)]
 
 pub mod accuracy;
+mod anderson;
 pub mod body;
 pub mod contact;
 pub mod fluid;

@@ -13,6 +13,7 @@ mod head;
 mod helices;
 mod params;
 mod peer;
+mod periodic;
 mod phase;
 mod published;
 mod resistance;

@@ -49,7 +49,7 @@ pub use meta::{
     BoardMeta, CalibrationMeta, ClockMeta, End, FORMAT, FaultMeta, Identity, LevelMeta, Origin, PlanMeta, RecoveryMeta,
     ReplayMeta, RobotMeta, Summary, TrialMeta,
 };
-pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
+pub use model_meta::{Method, ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, TrialClock, check, last_meta, summary};
 pub use recover::{Recovery, recover};
 pub use scan::{Condition, Loss};

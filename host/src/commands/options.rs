@@ -1,5 +1,6 @@
 //! Options shared by several commands.
 
+use biflag_log::Method;
 use sim::body::closure::Closure;
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
@@ -15,6 +16,21 @@ impl From<ClosureName> for Closure {
             ClosureName::Full => Self::Full,
             ClosureName::Lumped => Self::Lumped,
             ClosureName::Paper => Self::Paper,
+        }
+    }
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+pub enum MethodName {
+    Trial,
+    Steady,
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Trial => Self::Trial,
+            MethodName::Steady => Self::Steady,
         }
     }
 }

@@ -27,6 +27,7 @@ pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
 pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint};
 pub use shipped::Shipped;
 
+use biflag_log::Method;
 use protocol::units::CentiRpm;
 use serde::{Deserialize, Serialize};
 use sim::params::BUILT_IN;
@@ -72,6 +73,8 @@ pub struct Plan {
     pub trials: Vec<Trial>,
     /// Settings to write to the board before the first trial.
     pub board: BoardSettings,
+    /// How a model computes the trials.
+    pub method: Method,
     /// The turn that the user makes by hand during the run.
     pub hand_turn: Option<HandTurn>,
     /// The content of the file.

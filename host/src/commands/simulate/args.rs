@@ -1,6 +1,6 @@
 //! The arguments of `biflag simulate`.
 
-use super::super::options::{ClosureName, Shard, pair, shard};
+use super::super::options::{ClosureName, MethodName, Shard, pair, shard};
 use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
 use protocol::units::CentiRpm;
 use std::path::PathBuf;
@@ -13,6 +13,7 @@ use std::path::PathBuf;
     biflag simulate published-points --out points\n  \
     biflag simulate --speeds=-90,90 --duration 120 --closure lumped\n  \
     biflag simulate --speeds 90,90 --phase 0,90 --duration 120\n  \
+    biflag simulate --speeds 37,53 --duration 120 --method steady\n  \
     biflag simulate --from glycerin --robot fitted.toml --out fitted\n\
     The logs do not depend on --jobs, --shard or interruptions."
 )]
@@ -35,6 +36,13 @@ pub struct Args {
     /// Angles of motors 1 and 2 at the start of the run at these speeds, in degrees, such as `0,90`; by default 0,0.
     #[arg(long, value_name = "DEG,DEG", value_parser = phase, allow_hyphen_values = true, requires = "speeds")]
     pub phase: Option<StartAngles>,
+    /// `trial` simulates each trial; `steady` solves for the motion that it ends in, several times faster.
+    ///
+    /// By default that of the plan, or `trial`. With `steady` the log has one period of the motion, as a trial without other
+    /// phases; where the motion is not found to repeat, the whole trial is simulated. `kind` in the output says which:
+    /// `steady`, `beating` (the means of the trial's last two windows agree) or `not_found`.
+    #[arg(long, value_enum, conflicts_with = "from")]
+    pub method: Option<MethodName>,
     /// Coupling of the flagella to the base: `full`, with forces in both directions; `lumped`, the published couples
     /// with reaction torques; or `paper`, the equations as printed, whose yaw never settles.
     ///

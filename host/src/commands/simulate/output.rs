@@ -7,6 +7,7 @@ use biflag_log::SteadyMeta;
 use protocol::units::CentiRpm;
 use serde::Serialize;
 use sim::contact::bundling::Bundling;
+use sim::periodic::Kind;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -121,6 +122,7 @@ impl fmt::Display for SimulatedTrial {
         let [yaw, pitch, roll] = [yaw_deg, pitch_deg, roll_deg].map(|deg| text::decimal(*deg, 2));
         write!(f, ": yaw {yaw}°, pitch {pitch}°, roll {roll}°")?;
         match steady.settled {
+            _ if steady.kind == Some(Kind::Steady) => {}
             true => write!(f, ", settled after {settle_s:.0} s")?,
             false => write!(f, ", not settled")?,
         }

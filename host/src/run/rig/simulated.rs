@@ -4,7 +4,7 @@ use super::RecordError;
 use super::virtual_nano::{TruthSample, VirtualError, VirtualNano};
 use crate::plan::Plan;
 use crate::run::Recorder;
-use biflag_log::{ModelMeta, SensorMeta};
+use biflag_log::{Method, ModelMeta, SensorMeta};
 use miette::{IntoDiagnostic, WrapErr};
 use protocol::TICK_HZ;
 use sim::body::closure::Closure;
@@ -40,7 +40,8 @@ impl SimulatedRobot {
         let robot = plan.robot.parse()?;
         let parameters = toml::to_string(&robot).into_diagnostic().wrap_err("the robot's parameters")?;
         let sensor = SensorMeta { seed, ..nano.sensor().clone() };
-        let model = ModelMeta { closure: Closure::Full, rate_hz: RATE_HZ, shapes: true, parameters };
+        let model =
+            ModelMeta { closure: Closure::Full, method: Method::Trial, rate_hz: RATE_HZ, shapes: true, parameters };
         Ok(Self { nano: RefCell::new(nano), model, sensor })
     }
 }
