@@ -62,12 +62,13 @@ proof: build
 	@sh firmware/setup.sh test
 	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test all hard_cases -- --nocapture
 	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
-	$(CARGO) test --release --locked -p tests --test attitude_chain --test twin --test report -- --ignored --nocapture
+	$(CARGO) test --release --locked -p tests --test attitude_chain --test twin --test report --test sweep -- --ignored --nocapture
 	$(CARGO) bench --locked -p sim --bench trials
 	$(CARGO) run --release --locked -p sim --example steady -- physical 2
 
 hostile: build
 	KILLS=$(KILLS) $(CARGO) test --release --locked -p tests --test interruption killed -- --nocapture
+	KILLS=50 $(CARGO) test --release --locked -p tests --test sweep killed -- --nocapture
 	EVERY_BYTE=1 $(CARGO) test --release --locked -p tests --test every_byte -- --nocapture
 	LINES=100 $(CARGO) test --release --locked -p tests --test spoilt_line only -- --nocapture
 	FRAMES=1000000 $(CARGO) test --release --locked -p tests --test link at_random -- --nocapture

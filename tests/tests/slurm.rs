@@ -12,8 +12,8 @@ use tests::Bench;
 const PACKAGES: [&str; 7] =
     ["slurmctld", "slurmd", "slurm-client", "slurm-wlm-basic-plugins", "libmunge2", "liblua5.1-0", "libhwloc15"];
 
-/// Points that take about 20 s of one core.
-const PLAN: &str = "[session]\nname = \"cluster\"\n[trial]\nrun = 60\nmethod = \"trial\"\n[vary]\n\"group.stiffness\" = [0.5, 1, 2]\n\
+/// Points that take about half a minute of one core.
+const PLAN: &str = "[session]\nname = \"cluster\"\n[trial]\nrun = 180\nmethod = \"trial\"\n[vary]\n\"group.stiffness\" = [0.5, 1, 2]\n\
                     \"group.spacing\" = [0.4, 1]\n[speeds]\ngrid = { w1 = [-80, 80, 40], w2 = [20, 80, 30] }\n";
 
 /// Returns the folder with Slurm's programs, or why there is none.
@@ -173,8 +173,8 @@ fn wait_for(what: &str, cluster: &Cluster, seconds: u64, mut is_true: impl FnMut
     }
 }
 
-/// Three shards on two nodes, in an array of two jobs: the second node dies while it computes, its job moves to the first
-/// one, and the merged table has the same bytes as that of one program.
+/// Three shards on two nodes, in an array of two jobs. While they compute, the job on the first node is warned of its time
+/// limit, and the second node dies: both queue again, and the merged table has the same bytes as that of one program.
 #[test]
 fn a_node_that_dies_changes_no_byte() {
     let programs = match unpacked() {
@@ -203,8 +203,15 @@ fn a_node_that_dies_changes_no_byte() {
     });
     let before = status().json()["done"].as_u64().unwrap();
     let killed = cluster.kill(2);
-    println!("after {before} of 90 points node 2 is killed with {killed} processes");
-    assert!(killed >= 3 && before < 60, "the daemon, its step and the worker: {killed}");
+    let warned = cluster.output("squeue", &["-h", "-t", "R", "-w", "n1", "-o", "%i"]).trim().to_owned();
+    cluster.output("scancel", &["--batch", "--signal=USR1", &warned]);
+    println!(
+        "after {before} of 90 points node 2 is killed with {killed} processes, and job {warned} on node 1 is warned"
+    );
+    assert!(killed >= 3 && before < 90, "the daemon, its step and the worker: {killed}");
+    wait_for("the warned job to queue again", &cluster, 60, || {
+        cluster.output("squeue", &["-h", "-j", &warned, "-o", "%t"]).trim() == "PD"
+    });
     let table = bench.path().join("shared/table.parquet");
     let begun = Instant::now();
     wait_for("the merged table", &cluster, 240, || cluster.output("squeue", &["-h"]).is_empty() && table.exists());

@@ -80,7 +80,7 @@ impl Points {
 
 /// What a sweep's parts hold.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Progress {
+pub struct Counts {
     /// The points that are done, failed ones too.
     pub done: Points,
     /// How many of them failed.
@@ -182,11 +182,11 @@ impl Folder {
         record.index < self.sweep.plan.points() && self.sweep.name(record.index) == record.name
     }
 
-    /// Reads how far a part of the points is.
+    /// Reads how far the points of a shard are.
     ///
     /// # Errors
     /// A part cannot be read.
-    pub fn progress(&self, shard: Shard) -> Result<Progress, SweepError> {
+    pub fn counts(&self, shard: Shard) -> Result<Counts, SweepError> {
         let (mut done, mut failed) = (Points::none(self.sweep.plan.points()), 0);
         let damaged = self.read(
             |name| shard.has(name),
@@ -196,7 +196,7 @@ impl Folder {
                 }
             },
         )?;
-        Ok(Progress { done, failed, rate: self.rate()?, damaged })
+        Ok(Counts { done, failed, rate: self.rate()?, damaged })
     }
 
     /// Returns the points a second of all workers that are at work.

@@ -24,7 +24,7 @@ pub use axis::{Axis, Range, Scale, Values};
 pub use compute::{Kind, Outcome, Recipe, Steady};
 pub use design::Design;
 pub use error::SweepError;
-pub use folder::{Folder, Points, Progress, model};
+pub use folder::{Counts, Folder, Points, model};
 pub use key::{Group, Key};
 pub use merge::Merged;
 pub use part::Record;

@@ -37,7 +37,7 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
     let path = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let folder = Folder::of_plan(&path, plan)?;
     let shard = args.shard.map_or(Shard::ALL, |shard| Shard { index: shard.first as u64, of: shard.of as u64 });
-    let before = folder.progress(shard)?;
+    let before = folder.counts(shard)?;
     if before.done.count() > 0 && !args.resume {
         return Err(SweepError::Exists { folder: path }.into());
     }
@@ -86,14 +86,14 @@ fn merge(path: &Path) -> miette::Result<Answer> {
 
 fn status(path: &Path) -> miette::Result<Answer> {
     let folder = Folder::open(path)?;
-    let progress = folder.progress(Shard::ALL)?;
-    let (points, done) = (folder.sweep.plan.points(), progress.done.count());
+    let counts = folder.counts(Shard::ALL)?;
+    let (points, done) = (folder.sweep.plan.points(), counts.done.count());
     let table = Some(sweep::parquet_path(path)).filter(|table| table.exists());
     let csv = Some(sweep::csv_path(path)).filter(|table| table.exists());
-    let warnings = progress.damaged.iter().map(|part| damaged(part)).collect();
+    let warnings = counts.damaged.iter().map(|part| damaged(part)).collect();
     let missing = points - done;
-    let swept = Swept { table, csv, points, done, missing, failed: progress.failed, warnings };
-    let time_left_s = if missing == 0 { Some(0.0) } else { progress.rate.map(|rate| missing as f64 / rate) };
+    let swept = Swept { table, csv, points, done, missing, failed: counts.failed, warnings };
+    let time_left_s = if missing == 0 { Some(0.0) } else { counts.rate.map(|rate| missing as f64 / rate) };
     let status = Status { swept, time_left_s };
     Answer::new(Outcome::Done, &status, status.text(path))
 }

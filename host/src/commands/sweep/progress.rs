@@ -1,7 +1,7 @@
 //! The progress of a sweep on stderr.
 
 use crate::progress::{self, Progress};
-use crate::sweep::{self, Outcome, Record};
+use crate::sweep::{Counts, Outcome, Record};
 use crate::text::count;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -27,7 +27,7 @@ struct Counted {
 
 impl Counter {
     /// Starts with the points that were done `before`.
-    pub fn new(name: &str, points: u64, before: &sweep::Progress) -> Self {
+    pub fn new(name: &str, points: u64, before: &Counts) -> Self {
         let (done, failed) = (before.done.count(), before.failed);
         let progress = Mutex::new(Progress::new((points - done) as f64));
         let counted = Mutex::new(Counted { done, failed, before: done, shown: Instant::now() });
