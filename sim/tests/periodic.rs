@@ -3,7 +3,7 @@
 use crate::common::prove;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::periodic::{self, Kind, SolveError};
+use sim::periodic::{self, Kind, SolveError, TOLERANCE};
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 
@@ -67,7 +67,8 @@ fn the_period_gives_the_results_again() {
     let again = trial.summary();
     for i in 0..3 {
         let (a, b) = (again.steady.attitude[i].mean, summary.steady.attitude[i].mean);
-        assert!((a - b).abs() < 1e-12, "{a} {b}");
+        // Other steps, so not the same bits: far below the tolerance by which the motion was found.
+        prove("period run again: difference of the attitude over the tolerance", (a - b).abs() / TOLERANCE, 1e-3);
     }
 }
 
