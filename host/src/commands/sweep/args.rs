@@ -14,7 +14,7 @@ use std::path::PathBuf;
         biflag sweep groups --out groups\n  \
         biflag sweep plan.toml --shard 1/3 --out softer; biflag sweep merge softer\n\
         The table is table.parquet and table.csv in the folder, one row a point; it does not depend on --jobs, --shard or \
-        interruptions. host/docs/sweep.md describes its columns and how to use a cluster.\n\nA plan:\n\n{EXAMPLE}"
+        interruptions. host/book/src/sweep.md describes its columns and how to use a cluster.\n\nA plan:\n\n{EXAMPLE}"
     )
 )]
 pub struct Args {
