@@ -94,3 +94,10 @@ fn impossible_input_and_an_interruption_are_errors() {
     let wrong = periodic::solve(&heavy, Closure::Full, [1.0, 90.0], [0.0; 2], 120.0, &|_| true);
     assert!(matches!(wrong, Err(SolveError::Parameter(_))));
 }
+
+/// Near (70, 10) rpm a trial lingers by a motion that repeats and is not stable: 1.5 degrees of yaw from where it ends.
+#[test]
+fn motion_that_is_not_stable_is_not_steady() {
+    let found = periodic::solve(&Robot::default(), Closure::Full, [70.0, 10.0], [0.0; 2], 120.0, &|_| true).unwrap();
+    assert_ne!(found.kind, Kind::Steady, "{found:?}");
+}
