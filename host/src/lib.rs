@@ -4,6 +4,7 @@
 //! into a [`session`] folder. All further commands read logs through [`trial`].
 
 pub mod attitude;
+mod colour;
 pub mod commands;
 mod draw;
 pub mod export;
@@ -16,6 +17,7 @@ pub mod report;
 pub mod run;
 pub mod session;
 pub mod signals;
+pub mod sweep;
 pub mod text;
 pub mod trial;
 pub mod twin;

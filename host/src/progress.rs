@@ -1,5 +1,6 @@
 //! Progress on stderr, as a bar on a terminal and as lines elsewhere.
 
+use crate::colour;
 use crate::text::{line, printable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::cell::Cell;
@@ -26,7 +27,7 @@ impl Progress {
         if plain {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         } else {
-            let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}, {eta} left");
+            let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}, {eta} left{prefix}");
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.enable_steady_tick(Duration::from_millis(250));
         }
@@ -56,6 +57,12 @@ impl Progress {
         self.bar.set_message(message);
     }
 
+    /// Shows figures of the current trial below the bar of a terminal; an empty text removes them.
+    pub fn figures(&self, text: &str) {
+        let text = line(text);
+        self.bar.set_prefix(if text.is_empty() { text } else { format!("\n{text}") });
+    }
+
     /// Shows the progress in the current trial.
     pub fn within(&self, trial_s: f64) {
         self.within_s.set(trial_s);
@@ -66,12 +73,19 @@ impl Progress {
     pub fn end_trial(&mut self, trial_s: f64) {
         self.done_s += trial_s;
         self.within(0.0);
+        self.figures("");
     }
 
     /// Prints a line above the bar.
     pub fn line(&self, text: &str) {
         if !self.quiet {
-            self.bar.suspend(|| drop(writeln!(std::io::stderr(), "{}", printable(text))));
+            self.bar.suspend(|| {
+                colour::eprint(&format!(
+                    "{}
+",
+                    printable(text)
+                ))
+            });
         }
     }
 

@@ -124,6 +124,11 @@ impl DenseOutput {
         self.records.truncate(within.max(1) + POINTS - 1);
     }
 
+    /// Returns the newest step.
+    pub fn newest(&self) -> Option<&StepRecord> {
+        self.records.front()
+    }
+
     /// Removes earlier steps: the motion has a corner here.
     pub fn restart(&mut self) {
         self.records.truncate(1);

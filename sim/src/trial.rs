@@ -166,12 +166,7 @@ impl Trial {
         Self::begin(Solver::new(robot, closure)?, SpeedProfile::open(0.0), options, DenseOutput::reaching(reach))
     }
 
-    fn begin(
-        mut solver: Solver,
-        profile: SpeedProfile,
-        options: Options,
-        dense: DenseOutput,
-    ) -> Result<Self, ParamError> {
+    fn begin(solver: Solver, profile: SpeedProfile, options: Options, dense: DenseOutput) -> Result<Self, ParamError> {
         if !RATES.contains(&options.rate_hz) {
             return Err(ParamError {
                 key: "rate_hz",
@@ -184,6 +179,31 @@ impl Trial {
         let mut state = solver.at_rest();
         state.time = profile.start();
         state.motors = profile.motors(state.time);
+        let mut trial = Self::from(solver, profile, options, dense, (state, StepControl::default()));
+        trial.record(&StepReport::default());
+        Ok(trial)
+    }
+
+    /// Returns the trial that follows this one over another profile, which starts where this one ended, from this state.
+    /// Results and samples are those of the new profile alone.
+    pub(crate) fn followed_by(self, profile: SpeedProfile, state: State) -> Self {
+        let profile = profile.from_angles(phase(&self.solver));
+        let last = self.progress.dense.newest().copied();
+        let control = self.progress.control;
+        let mut trial = Self::from(self.solver, profile, self.options, DenseOutput::default(), (state, control));
+        if let Some(StepRecord { forces, contact, .. }) = last {
+            trial.keep(forces, contact);
+        }
+        trial
+    }
+
+    fn from(
+        mut solver: Solver,
+        profile: SpeedProfile,
+        options: Options,
+        dense: DenseOutput,
+        (state, control): (State, StepControl),
+    ) -> Self {
         let gap = solver.least_distance(&state) - 2.0 * solver.model().robot.flagellum.rod_radius_m;
         let [start, stop] = profile.run();
         let progress = Checkpoint {
@@ -204,11 +224,9 @@ impl Trial {
                 error: 0.0,
             },
             state,
-            control: StepControl::default(),
+            control,
         };
-        let mut trial = Self { solver, start: profile.start(), profile, options, progress, failed: false };
-        trial.record(&StepReport::default());
-        Ok(trial)
+        Self { solver, start: profile.start(), profile, options, progress, failed: false }
     }
 
     /// Restores a checkpoint of the same robot, closure, profile and options; the trial goes on bit for bit.
@@ -294,11 +312,31 @@ impl Trial {
         Ok(self.summary())
     }
 
+    /// Sets the output; for a trial that has given no sample.
+    pub(crate) fn set_options(&mut self, options: Options) {
+        self.options = options;
+    }
+
+    /// Returns the profile, with the angles of the helices.
+    pub(crate) fn profile(&self) -> &SpeedProfile {
+        &self.profile
+    }
+
+    /// Returns the least distance of the centre lines in a state, m.
+    pub(crate) fn least_distance(&mut self, state: &State) -> f64 {
+        self.solver.least_distance(state)
+    }
+
     /// Takes one step of the solver.
     fn advance(&mut self) -> Result<(), StepError> {
+        self.advance_towards(self.profile.end())
+    }
+
+    /// Takes one step of the solver, not beyond `latest` (s).
+    pub(crate) fn advance_towards(&mut self, latest: f64) -> Result<(), StepError> {
         let time = self.progress.state.time;
         let [start, stop] = self.profile.run();
-        let until = [Some(start), Some(stop), self.profile.next_jump(time), Some(self.profile.end())]
+        let until = [Some(start), Some(stop), self.profile.next_jump(time), Some(self.profile.end()), Some(latest)]
             .into_iter()
             .flatten()
             .filter(|t| *t > time)
@@ -336,18 +374,7 @@ impl Trial {
         });
         let distance = self.solver.least_distance(&self.progress.state);
         let gap = distance - 2.0 * self.solver.model().robot.flagellum.rod_radius_m;
-        let [start, stop] = self.profile.run();
         let progress = &mut self.progress;
-        let state = &progress.state;
-        progress.dense.push(StepRecord {
-            time: state.time,
-            attitude: state.body.attitude,
-            yaw: state.body.yaw,
-            rate: state.body.rate,
-            motors: state.motors,
-            forces,
-            contact: report.touching > 0,
-        });
         progress.gap = progress.gap.min(gap);
         progress.last_gap = gap;
         progress.sweeps += report.sweeps;
@@ -358,8 +385,25 @@ impl Trial {
         totals.sweeps += u64::from(report.sweeps);
         totals.error = totals.error.max(report.error);
         if report.touching > 0 && totals.first_contact.is_none() {
-            totals.first_contact = Some(state.time);
+            totals.first_contact = Some(progress.state.time);
         }
+        self.keep(forces, report.touching > 0);
+    }
+
+    /// Keeps the state and these forces for samples and for the steady state.
+    fn keep(&mut self, forces: [ForceRecord; 2], contact: bool) {
+        let [start, stop] = self.profile.run();
+        let progress = &mut self.progress;
+        let state = &progress.state;
+        progress.dense.push(StepRecord {
+            time: state.time,
+            attitude: state.body.attitude,
+            yaw: state.body.yaw,
+            rate: state.body.rate,
+            motors: state.motors,
+            forces,
+            contact,
+        });
         if state.time >= start && state.time <= stop {
             let [_, pitch, roll] = euler_zyx(&state.body.attitude);
             let force = |k: usize| forces[k].smooth + forces[k].contact;

@@ -39,7 +39,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     dict.set_item("complete", data.is_complete())?;
     dict.set_item("warnings", warnings(&data, &zeroed))?;
     dict.set_item("columns", columns(py, &rows)?)?;
-    dict.set_item("about", rows.columns.iter().map(|c| (c.name, c.about)).collect::<Vec<_>>())?;
+    dict.set_item("about", rows.columns.iter().map(|c| (c.name.to_string(), c.about)).collect::<Vec<_>>())?;
     dict.set_item("notes", &rows.header)?;
     let mut steady = json::value(&zeroed.angles())?;
     if let (Some(steady), Some(own)) = (steady.as_object_mut(), &zeroed.steady) {
@@ -130,12 +130,12 @@ pub fn read_session(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>
     Ok(dict)
 }
 
+/// Names of columns, and what they hold.
+type About = Vec<(String, &'static str)>;
+
 /// Returns the table of the trials of a session that have a log, with the steady angles.
 #[pyfunction]
-pub fn session_table(
-    py: Python<'_>,
-    path: PathBuf,
-) -> PyResult<(Bound<'_, PyDict>, Vec<(&'static str, &'static str)>)> {
+pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDict>, About)> {
     let rows = interruptible(py, |stop| {
         let of = |error: &dyn miette::Diagnostic| Failure::of_file(&path, error);
         let session = Session::open(&path).map_err(|error| of(&error))?;
@@ -150,16 +150,18 @@ pub fn session_table(
     })?;
     let columns = columns(py, &rows)?;
     columns.del_item("file")?;
-    Ok((columns, rows.columns.iter().map(|column| (column.name, column.about)).collect()))
+    Ok((columns, rows.columns.iter().map(|column| (column.name.to_string(), column.about)).collect()))
 }
 
 fn columns<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     for column in &table.columns {
         match &column.values {
-            Values::Real(values) => dict.set_item(column.name, values.clone().into_pyarray(py))?,
-            Values::Int(values) => dict.set_item(column.name, values.clone().into_pyarray(py))?,
-            Values::Text(values) => dict.set_item(column.name, values)?,
+            Values::Real(values) | Values::Exact(values) => {
+                dict.set_item(&*column.name, values.clone().into_pyarray(py))?
+            }
+            Values::Int(values) => dict.set_item(&*column.name, values.clone().into_pyarray(py))?,
+            Values::Text(values) => dict.set_item(&*column.name, values)?,
         }
     }
     Ok(dict)

@@ -57,6 +57,7 @@ impl Simulated {
             trials: vec![trial.clone()],
             board: BoardSettings::default(),
             hand_turn: None,
+            method: biflag_log::Method::Trial,
             text: String::new(),
         };
         let model = Model::new(robot.params.clone(), Settings::DEFAULT, self.closure, self.options);

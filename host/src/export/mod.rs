@@ -1,7 +1,7 @@
 //! Exports trials and sessions to other formats, with the same values as in all commands and pages.
 
-mod csv;
-mod parquet;
+pub(crate) mod csv;
+pub(crate) mod parquet;
 pub mod table;
 
 use crate::session::{Session, SessionError};

@@ -4,13 +4,16 @@ use crate::attitude::{Euler, Reading, rotation};
 use crate::plan::Trial;
 use crate::trial::{Angles, Data, FORCES, Zeroed};
 use biflag_log::Origin;
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// A column.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Column {
     /// Name, with the unit.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
+    /// The unit alone, for the column's metadata; empty where the table has none.
+    pub unit: &'static str,
     /// Description, for the header.
     pub about: &'static str,
     /// One value a row.
@@ -20,8 +23,10 @@ pub struct Column {
 /// The values of a column.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Values {
-    /// Real numbers; NaN is a missing value.
+    /// Real numbers that were measured, which CSV rounds to nine decimals; NaN is a missing value.
     Real(Vec<f64>),
+    /// Real numbers with all their digits; NaN is a missing value.
+    Exact(Vec<f64>),
     /// Integers.
     Int(Vec<i64>),
     /// Texts.
@@ -33,7 +38,7 @@ impl Values {
     #[allow(clippy::len_without_is_empty)]
     pub fn len(&self) -> usize {
         match self {
-            Self::Real(values) => values.len(),
+            Self::Real(values) | Self::Exact(values) => values.len(),
             Self::Int(values) => values.len(),
             Self::Text(values) => values.len(),
         }
@@ -105,13 +110,15 @@ pub fn trial(data: &Data) -> Table {
     let run_s = data.times.run.start;
     let rows = rows(data, &zeroed);
     let real = |(name, about): (&'static str, &'static str), value: &dyn Fn(&Row) -> f64| Column {
-        name,
+        name: name.into(),
+        unit: "",
         about,
         values: Values::Real(rows.iter().map(value).collect()),
     };
     let mut columns = vec![real(PLACE[0], &|row| row.time_s - run_s)];
     columns.push(Column {
-        name: PLACE[1].0,
+        name: PLACE[1].0.into(),
+        unit: "",
         about: PLACE[1].1,
         values: Values::Text(rows.iter().map(|row| phase(data, row.frame_s).to_owned()).collect()),
     });
@@ -265,18 +272,21 @@ impl Summary {
 
 /// Returns the table of a session: one row per trial.
 pub fn session(name: &str, trials: &[Summary]) -> Table {
-    let real = |name, about, value: &dyn Fn(&Summary) -> Option<f64>| Column {
-        name,
+    let real = |name: &'static str, about, value: &dyn Fn(&Summary) -> Option<f64>| Column {
+        name: name.into(),
+        unit: "",
         about,
         values: Values::Real(trials.iter().map(|trial| value(trial).unwrap_or(f64::NAN)).collect()),
     };
-    let text = |name, about, value: &dyn Fn(&Summary) -> String| Column {
-        name,
+    let text = |name: &'static str, about, value: &dyn Fn(&Summary) -> String| Column {
+        name: name.into(),
+        unit: "",
         about,
         values: Values::Text(trials.iter().map(value).collect()),
     };
-    let int = |name, about, value: &dyn Fn(&Summary) -> i64| Column {
-        name,
+    let int = |name: &'static str, about, value: &dyn Fn(&Summary) -> i64| Column {
+        name: name.into(),
+        unit: "",
         about,
         values: Values::Int(trials.iter().map(value).collect()),
     };

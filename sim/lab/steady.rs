@@ -1,0 +1,121 @@
+//! Steady states that are solved for, against trials of 120 s.
+//!
+//! `cargo run --release -p sim --example steady -- physical 2` (robot, threads): all points of the published map, w1 in
+//! -90..90 rpm, w2 in 0..90 rpm, step 10. Pairs of speeds after it select others. Times are those of the processor, of both
+//! in one run, so that other load does not count.
+
+use sim::body::closure::Closure;
+use sim::params::Robot;
+use sim::periodic::{self, Periodic};
+use sim::profile::SpeedProfile;
+use sim::trial::{Options, Summary, Trial};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Duration of a trial, s.
+const TRIAL_S: f64 = 120.0;
+/// Difference above which a point is listed, deg.
+const ALLOWED_DEG: f64 = 0.1;
+
+struct Row {
+    rpm: [f64; 2],
+    solved: Periodic,
+    trial: Summary,
+    /// Processor's time of the two, s.
+    used_s: [f64; 2],
+}
+
+impl Row {
+    /// Differences of yaw and tilt, deg.
+    fn differences(&self) -> [f64; 2] {
+        let [yaw, pitch, roll] = [0, 1, 2]
+            .map(|i| (self.solved.summary.steady.attitude[i].mean - self.trial.steady.attitude[i].mean).to_degrees());
+        [yaw.abs(), pitch.hypot(roll)]
+    }
+}
+
+/// Returns the processor's time of this thread, s.
+fn processor_s() -> f64 {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("the kernel's statistics of this thread");
+    text.split_whitespace().next().and_then(|field| field.parse::<f64>().ok()).expect("a time") * 1e-9
+}
+
+fn row(robot: &Robot, rpm: [f64; 2]) -> Row {
+    let start = processor_s();
+    let solved = periodic::solve(robot, Closure::Full, rpm, [0.0; 2], TRIAL_S, &|_| true).expect("a steady state");
+    let middle = processor_s();
+    let profile = SpeedProfile::constant(rpm, TRIAL_S).expect("a profile");
+    let mut trial = Trial::new(robot, Closure::Full, profile, Options::default()).expect("parameters");
+    let trial = trial.finish().expect("a run");
+    Row { rpm, solved, trial, used_s: [middle - start, processor_s() - middle] }
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let robot = Robot::built_in(arguments.first().map_or("physical", String::as_str)).expect("physical or published");
+    let threads: usize = arguments.get(1).map_or(2, |count| count.parse().expect("a number of threads"));
+    let named: Vec<[f64; 2]> = arguments.iter().skip(2).map(|text| point(text)).collect();
+    let map = (-9..=9).flat_map(|i| (0..=9).map(move |j| [10.0 * f64::from(i), 10.0 * f64::from(j)])).collect();
+    let points: Vec<[f64; 2]> = if named.is_empty() { map } else { named };
+    let next = AtomicUsize::new(0);
+    let rows = Mutex::new(Vec::new());
+    println!(
+        "w1_rpm,w2_rpm,kind,simulated_s,period_s,yaw_deg,pitch_deg,roll_deg,contact_share,trial_settled,trial_settle_s,trial_contact_share,yaw_difference_deg,tilt_difference_deg,solve_s,trial_s"
+    );
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while let Some(rpm) = points.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let row = row(&robot, *rpm);
+                    print(&row);
+                    rows.lock().expect("no panic").push(row);
+                }
+            });
+        }
+    });
+    let rows = rows.into_inner().expect("no panic");
+    summarise(&rows);
+}
+
+fn print(row: &Row) {
+    let Row { rpm: [w1, w2], solved, trial, used_s: [solve_s, trial_s] } = row;
+    let [yaw, pitch, roll] = solved.summary.steady.attitude.map(|level| level.mean.to_degrees());
+    let [yaw_difference, tilt_difference] = row.differences();
+    println!(
+        "{w1},{w2},{:?},{:.1},{:.3},{yaw:.3},{pitch:.3},{roll:.3},{:.3},{},{:.1},{:.3},{yaw_difference:.3},{tilt_difference:.3},{solve_s:.3},{trial_s:.3}",
+        solved.kind,
+        solved.simulated_s,
+        solved.period_s.unwrap_or(f64::NAN),
+        solved.summary.contact_share,
+        trial.steady.settled,
+        trial.steady.settle_s,
+        trial.contact_share,
+    );
+}
+
+fn summarise(rows: &[Row]) {
+    let used = |which: usize| rows.iter().map(|row| row.used_s[which]).sum::<f64>();
+    eprintln!(
+        "{} points; processor's time {:.1} s for steady states, {:.1} s for trials: {:.2} times",
+        rows.len(),
+        used(0),
+        used(1),
+        used(1) / used(0)
+    );
+    let settled = rows.iter().filter(|row| row.trial.steady.settled).count();
+    let off: Vec<&Row> = rows.iter().filter(|row| row.differences().into_iter().any(|d| d > ALLOWED_DEG)).collect();
+    eprintln!("{settled} trials settled; {} points differ by more than {ALLOWED_DEG} deg:", off.len());
+    for row in off {
+        let [yaw, tilt] = row.differences();
+        eprintln!(
+            "  {:?}: yaw {yaw:.3}, tilt {tilt:.3} deg, {:?}, trial settled {}",
+            row.rpm, row.solved.kind, row.trial.steady.settled
+        );
+    }
+}
+
+/// Returns the speeds of `50,10`, rpm.
+fn point(text: &str) -> [f64; 2] {
+    let speed = |text: &str| text.parse().expect("a speed in rpm");
+    text.split_once(',').map(|(w1, w2)| [speed(w1), speed(w2)]).expect("two speeds in rpm, such as 50,10")
+}

@@ -1,0 +1,222 @@
+//! The motion that a trial at constant speeds ends in, solved for instead of waited for.
+//!
+//! ```
+//! use sim::{body::closure::Closure, params::Robot, periodic};
+//!
+//! let found = periodic::solve(&Robot::default(), Closure::Full, [50.0, 10.0], [0.0; 2], 120.0, &|_| true)?;
+//! println!("{:?} after {:.0} s: {:?}", found.kind, found.simulated_s, found.summary.steady.attitude);
+//! # Ok::<(), periodic::SolveError>(())
+//! ```
+//!
+//! The unknown is the state at the start of a common period of both motors, and the motion repeats where the period leaves
+//! it as it was: shooting, as for any periodic orbit. Of the state only the attitude and the bend of each flagellum decay in
+//! more than a second (`slow`); the rest follows them within the period. So a period is a map of these seven coordinates y,
+//! and with its derivative M its change F(y) gives a Newton step, (I - M)⁻¹ F. M comes from the periods themselves
+//! (`modes`), and Anderson acceleration over the last of them makes up for what it is off. A step moves the state and its past in the slow coordinates, and the ordinary solver goes on from there.
+//!
+//! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration: the results are those of the period, by the ordinary solver and
+//! the ordinary steady window. Where that does not happen, or the motors have no common period of 12 s or less, the ordinary
+//! simulation goes on until the means of two windows agree. `sim/docs/steady.md` has the comparison with trials.
+
+mod modes;
+mod period;
+mod shooting;
+mod slow;
+
+use crate::body::closure::Closure;
+use crate::params::{ParamError, Robot};
+use crate::profile::{ProfileError, SpeedProfile};
+use crate::steady::whole_turns;
+use crate::step::StepError;
+use crate::trial::{Checkpoint, Options, Summary, Trial};
+use serde::{Deserialize, Serialize};
+use shooting::{Outcome, shoot};
+use std::f64::consts::PI;
+
+/// Largest distance of yaw, pitch and roll from those of the motion that repeats, as the last period tells it, rad.
+pub const TOLERANCE: f64 = 0.05 * PI / 180.0;
+
+/// Largest difference of yaw, pitch and roll between the means of two windows that agree, rad.
+const AGREEMENT: f64 = 0.1 * PI / 180.0;
+
+/// What a motion is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// It repeats with the common period of the motors.
+    Steady,
+    /// It was not found to repeat, but the means of its last two windows agree.
+    Beating,
+    /// Not even its means agree.
+    NotFound,
+}
+
+impl Kind {
+    /// Returns what a motion is that was not found to repeat, by whether its trial has settled.
+    pub fn of_trial(settled: bool) -> Self {
+        if settled { Self::Beating } else { Self::NotFound }
+    }
+}
+
+/// A steady state that was solved for.
+#[derive(Clone, Debug)]
+pub struct Periodic {
+    /// What it is.
+    pub kind: Kind,
+    /// Results of the period, or of the last window where the motion was not found to repeat. The way there is not in
+    /// them: the time to settle is 0 s.
+    pub summary: Summary,
+    /// The period, s.
+    pub period_s: Option<f64>,
+    /// Everything that was simulated, s.
+    pub simulated_s: f64,
+}
+
+/// Why there is no steady state.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// An impossible parameter.
+    #[error(transparent)]
+    Parameter(#[from] ParamError),
+    /// Impossible speeds or duration.
+    #[error(transparent)]
+    Profile(#[from] ProfileError),
+    /// A step of the trial that fails.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// `watch` has ended it.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// Called with the simulated time (s) as it goes on; `false` ends it.
+pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
+
+/// Solves for the steady state of a robot whose motors turn at constant speeds.
+///
+/// `rpm`: speeds of the motors; `start_rad`: their angles at the start, on which it depends which of several steady states
+/// is found ([`crate::phase`]); `longest_s`: duration of the simulation where the motion is not found to repeat.
+///
+/// # Errors
+/// Impossible parameters, speeds or duration, a trial that fails, and [`SolveError::Interrupted`]. A failing step of the
+/// search is not an error: the trial is run from its start.
+pub fn solve(
+    robot: &Robot,
+    closure: Closure,
+    rpm: [f64; 2],
+    start_rad: [f64; 2],
+    longest_s: f64,
+    watch: Watch,
+) -> Result<Periodic, SolveError> {
+    let whole = SpeedProfile::constant(rpm, longest_s)?.from_angles(start_rad);
+    match shoot(robot, closure, rpm, start_rad, watch)? {
+        Outcome::Found { orbit, simulated_s } => {
+            let Orbit { summary, period_s, .. } = *orbit;
+            Ok(Periodic { kind: Kind::Steady, summary, period_s: Some(period_s), simulated_s })
+        }
+        Outcome::Lost { trial, simulated_s } if simulated_s < longest_s => {
+            follow(*trial, &whole, simulated_s, simulated_s, watch)
+        }
+        Outcome::Lost { simulated_s, .. } | Outcome::Failed { simulated_s } => {
+            let trial = Trial::new(robot, closure, whole.clone(), Options::default())?;
+            follow(trial, &whole, 0.0, simulated_s, watch)
+        }
+    }
+}
+
+/// Simulates on, window by window, to the end of a profile or until the means of two windows agree. `from_s`: time that the
+/// trial has come to, s; `simulated_s`: all that was simulated.
+fn follow(
+    mut trial: Trial,
+    whole: &SpeedProfile,
+    mut from_s: f64,
+    mut simulated_s: f64,
+    watch: Watch,
+) -> Result<Periodic, SolveError> {
+    let window = whole_turns(whole.target(), whole.end());
+    let mut before: Option<[f64; 3]> = None;
+    loop {
+        let left = whole.end() - from_s;
+        let duration = if left < 1.5 * window { left } else { window };
+        let state = trial.state().clone();
+        trial = trial.followed_by(whole.between(from_s, from_s + duration)?, state);
+        run(&mut trial, f64::INFINITY, &|time| watch(simulated_s + time - from_s))??;
+        simulated_s += trial.state().time - from_s;
+        from_s = trial.state().time;
+        let mut summary = trial.summary();
+        let means = summary.steady.attitude.map(|level| level.mean);
+        let near = |allowed: fn(f64) -> f64| {
+            before.is_some_and(|before| (0..3).all(|i| (means[i] - before[i]).abs() <= allowed(means[i])))
+        };
+        if near(|_| AGREEMENT) || from_s >= whole.end() - window * 1e-6 {
+            // As for a trial: half a degree or 1 %.
+            summary.steady.settled = near(|mean| 0.5f64.to_radians().max(0.01 * mean.abs()));
+            summary.steady.settle_s = 0.0;
+            summary.simulated_s = simulated_s;
+            let kind = Kind::of_trial(summary.steady.settled);
+            return Ok(Periodic { kind, summary, period_s: None, simulated_s });
+        }
+        before = Some(means);
+    }
+}
+
+/// Result of a search for a motion that repeats.
+#[derive(Clone, Debug)]
+pub struct Search {
+    /// The motion, if it was found.
+    pub orbit: Option<Orbit>,
+    /// Simulated time, s.
+    pub simulated_s: f64,
+}
+
+/// A motion that repeats.
+#[derive(Clone, Debug)]
+pub struct Orbit {
+    trial: Trial,
+    /// The start of the period.
+    start: Checkpoint,
+    /// Results of the period.
+    pub summary: Summary,
+    /// The period, s.
+    pub period_s: f64,
+}
+
+impl Orbit {
+    /// Returns the trial of the period at its start. Run, it gives samples as `options` say, and the results again.
+    pub fn into_trial(mut self, options: Options) -> Trial {
+        self.trial.restore(self.start);
+        self.trial.set_options(options);
+        self.trial
+    }
+}
+
+/// Searches for the motion that repeats; see [`solve`], which simulates on where there is none.
+///
+/// # Errors
+/// Impossible parameters or speeds, and [`SolveError::Interrupted`].
+pub fn search(
+    robot: &Robot,
+    closure: Closure,
+    rpm: [f64; 2],
+    start_rad: [f64; 2],
+    watch: Watch,
+) -> Result<Search, SolveError> {
+    Ok(match shoot(robot, closure, rpm, start_rad, watch)? {
+        Outcome::Found { orbit, simulated_s } => Search { orbit: Some(*orbit), simulated_s },
+        Outcome::Lost { simulated_s, .. } | Outcome::Failed { simulated_s } => Search { orbit: None, simulated_s },
+    })
+}
+
+/// Runs a trial up to a time (s).
+fn run(trial: &mut Trial, until: f64, watch: Watch) -> Result<Result<(), StepError>, SolveError> {
+    let until = until.min(trial.profile().end());
+    while trial.state().time < until {
+        if !watch(trial.state().time) {
+            return Err(SolveError::Interrupted);
+        }
+        if let Err(error) = trial.advance_towards(until) {
+            return Ok(Err(error));
+        }
+    }
+    Ok(Ok(()))
+}
