@@ -126,9 +126,8 @@ fn target(args: &Args) -> miette::Result<Target> {
         return Err(miette::miette!(
             code = WRONG_USE,
             help = "give two of --yaw, --pitch, --roll, --tilt and --thrust, such as --yaw 60 --pitch=-2",
-            "two speeds give two quantities, and {} {} named",
-            wanted.len(),
-            if wanted.len() == 1 { "is" } else { "are" }
+            "two speeds give two quantities, and {} is named",
+            if wanted.is_empty() { "none" } else { "one" }
         ));
     }
     for (quantity, value) in &wanted {
