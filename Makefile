@@ -5,7 +5,7 @@ BIN := target/release
 DEMO := target/demo
 KILLS ?= 1000
 
-.PHONY: help setup build firmware demo test proof hostile mutants lint doc clean
+.PHONY: help setup build firmware demo test proof hostile mutants lint doc book dist dist-test clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
@@ -14,6 +14,9 @@ help:
 	@echo "make hostile   $(KILLS) kills of a recording, a log changed at every byte, spoilt lines, lost frames; an hour"
 	@echo "make mutants   changes of protocol and firmware that their tests do not notice; half an hour on two free cores"
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
+	@echo "make book      the book as HTML, in target/book"
+	@echo "make dist      a Debian package and an archive that need no compiler, in target/dist"
+	@echo "make dist-test both in a plain Debian 12, as root; some minutes"
 	@echo "make lint      format and lint checks"
 	@echo "make doc       the documentation for contributors"
 	@echo "make setup     install the system packages that the others need"
@@ -25,22 +28,31 @@ setup:
 firmware: setup
 	@sh firmware/build.sh
 
-# One command for both programs, and one profile for programs and tests: each crate is compiled once.
+# One command for both programs and the Python module, and one profile for programs and tests: each crate is compiled once.
 build: firmware
-	$(CARGO) build --release --locked -p host -p virtual-nano --bins
+	$(CARGO) build --release --locked -p host -p virtual-nano -p biflag-python --bins --lib
 
 # Exit code 3: done with warnings, which do not end the demo.
 demo: build
 	@rm -rf $(DEMO)
-	@echo "A real sensor, turned by hand through 720 degrees about z and recorded; its counts replayed through the real firmware:"
-	$(BIN)/biflag record host/plans/hand-turn-z.toml --virtual=tests/data/mpu6050/rotate-z-720.csv --out $(DEMO)/hand-turn
-	@echo "Two trials on the emulated board with the simulated robot behind it:"
-	$(BIN)/biflag record host/plans/demo.toml --virtual --out $(DEMO)/robot
-	@echo "The robot's parameters, fitted to these trials:"
-	$(BIN)/biflag calibrate $(DEMO)/robot -o $(DEMO)/fitted.toml --fit tether,righting || [ $$? = 3 ]
-	@echo "The trials compared with the model with these parameters:"
-	$(BIN)/biflag compare $(DEMO)/robot --robot $(DEMO)/fitted.toml || [ $$? = 3 ]
-	@echo "Open $(DEMO)/robot/compare.html in a browser, and the logs in Foxglove or PlotJuggler."
+	@echo "\n1. A real sensor was turned by hand through 720 degrees about z. Its counts are replayed through the real firmware:"
+	@$(BIN)/biflag record host/plans/hand-turn-z.toml --virtual=tests/data/mpu6050/rotate-z-720.csv --out $(DEMO)/hand-turn
+	@echo "\n2. A robot in glycerin, simulated behind the emulated board. Its viscosity and tether are hidden from what follows:"
+	@$(BIN)/biflag record host/plans/demo.toml --virtual --out $(DEMO)/robot
+	@echo "\n3. The default robot disagrees with these trials:"
+	@$(BIN)/biflag compare $(DEMO)/robot --robot physical || [ $$? = 3 ]
+	@mv $(DEMO)/robot/compare.html $(DEMO)/robot/compare-before.html
+	@echo "\n4. A fit that starts from the default robot finds what was hidden:"
+	@$(BIN)/biflag calibrate $(DEMO)/robot --robot physical --fit viscosity,tether -o $(DEMO)/fitted.toml || [ $$? = 3 ]
+	@echo "The hidden values were:"
+	@grep = host/plans/robot-hidden.toml
+	@echo "\n5. The fitted robot agrees:"
+	@$(BIN)/biflag compare $(DEMO)/robot --robot $(DEMO)/fitted.toml || [ $$? = 3 ]
+	@echo "\n6. Soft flagella wrap round each other, and unwrap when motor 2 reverses after 35 s:"
+	@$(BIN)/biflag simulate host/plans/bundling.toml --shapes --out $(DEMO)/bundling || [ $$? = 3 ]
+	@$(BIN)/biflag report $(DEMO)/bundling || [ $$? = 3 ]
+	@echo "\nOpen in a browser: $(DEMO)/robot/compare-before.html, $(DEMO)/robot/compare.html, $(DEMO)/bundling/report.html."
+	@echo "Foxglove, Rerun and PlotJuggler open the logs (*.mcap) beside them."
 
 test: build
 	@sh firmware/setup.sh test
@@ -50,11 +62,13 @@ proof: build
 	@sh firmware/setup.sh test
 	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test all hard_cases -- --nocapture
 	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
-	$(CARGO) test --release --locked -p tests --test attitude_chain --test twin --test report -- --ignored --nocapture
+	$(CARGO) test --release --locked -p tests --test attitude_chain --test twin --test report --test sweep -- --ignored --nocapture
 	$(CARGO) bench --locked -p sim --bench trials
+	$(CARGO) run --release --locked -p sim --example steady -- physical 2
 
 hostile: build
 	KILLS=$(KILLS) $(CARGO) test --release --locked -p tests --test interruption killed -- --nocapture
+	KILLS=50 $(CARGO) test --release --locked -p tests --test sweep killed -- --nocapture
 	EVERY_BYTE=1 $(CARGO) test --release --locked -p tests --test every_byte -- --nocapture
 	LINES=100 $(CARGO) test --release --locked -p tests --test spoilt_line only -- --nocapture
 	FRAMES=1000000 $(CARGO) test --release --locked -p tests --test link at_random -- --nocapture
@@ -72,6 +86,17 @@ lint: setup
 
 doc: setup
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps --locked
+
+book:
+	@command -v mdbook >/dev/null || $(CARGO) install --locked mdbook
+	mdbook build host/book
+
+dist: build
+	@sh firmware/setup.sh dist
+	@sh host/dist/package.sh
+
+dist-test: dist
+	@sh host/dist/test.sh
 
 clean:
 	$(CARGO) clean

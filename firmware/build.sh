@@ -61,7 +61,11 @@ $cargo build --locked --profile avr --bin firmware --target-dir "$root/target" >
 # Tests build in parallel and load the image meanwhile: replace it atomically, and only if it has changed.
 built=$root/target/avr-none/avr/firmware.elf
 image=$root/target/firmware.elf
-if ! cmp -s "$built" "$image"; then
+# Without symbols: the image that goes into `biflag`.
+stripped=$root/target/firmware.stripped.elf
+if ! cmp -s "$built" "$image" || [ ! -f "$stripped" ]; then
+    avr-strip -o "$stripped.$$.tmp" "$built"
+    mv "$stripped.$$.tmp" "$stripped"
     cp "$built" "$image.$$.tmp"
     mv "$image.$$.tmp" "$image"
 fi

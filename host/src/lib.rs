@@ -5,6 +5,7 @@
 
 pub mod aim;
 pub mod attitude;
+mod colour;
 pub mod commands;
 mod draw;
 pub mod export;
@@ -17,6 +18,7 @@ pub mod report;
 pub mod run;
 pub mod session;
 pub mod signals;
+pub mod sweep;
 pub mod text;
 pub mod trial;
 pub mod twin;

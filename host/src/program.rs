@@ -9,6 +9,9 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Commit that the program was built from, with `-dirty` if the working tree had changes.
 pub const GIT_HASH: &str = env!("BIFLAG_GIT_HASH");
 
+/// Version and commit, as `biflag --version` prints them.
+pub const FULL_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("BIFLAG_GIT_HASH"), ")");
+
 /// Returns the identity record for logs of this program. That of a modelled trial has no date, because its log does not
 /// depend on it.
 pub fn identity(origin: Origin, time: SystemTime) -> Identity {

@@ -1,5 +1,6 @@
 //! Progress on stderr, as a bar on a terminal and as lines elsewhere.
 
+use crate::colour;
 use crate::text::{line, printable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::cell::Cell;
@@ -12,6 +13,7 @@ use std::time::Duration;
 pub struct Progress {
     bar: ProgressBar,
     plain: bool,
+    quiet: bool,
     total_s: f64,
     done_s: f64,
     within_s: Cell<f64>,
@@ -25,11 +27,23 @@ impl Progress {
         if plain {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         } else {
-            let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}, {eta} left");
+            let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}, {eta} left{prefix}");
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.enable_steady_tick(Duration::from_millis(250));
         }
-        Self { bar, plain, total_s, done_s: 0.0, within_s: Cell::new(0.0) }
+        Self { bar, plain, quiet: false, total_s, done_s: 0.0, within_s: Cell::new(0.0) }
+    }
+
+    /// Returns a progress that nobody sees.
+    pub fn quiet() -> Self {
+        Self {
+            bar: ProgressBar::hidden(),
+            plain: false,
+            quiet: true,
+            total_s: 0.0,
+            done_s: 0.0,
+            within_s: Cell::new(0.0),
+        }
     }
 
     /// Shows the phase of a trial.
@@ -43,6 +57,12 @@ impl Progress {
         self.bar.set_message(message);
     }
 
+    /// Shows figures of the current trial below the bar of a terminal; an empty text removes them.
+    pub fn figures(&self, text: &str) {
+        let text = line(text);
+        self.bar.set_prefix(if text.is_empty() { text } else { format!("\n{text}") });
+    }
+
     /// Shows the progress in the current trial.
     pub fn within(&self, trial_s: f64) {
         self.within_s.set(trial_s);
@@ -53,11 +73,20 @@ impl Progress {
     pub fn end_trial(&mut self, trial_s: f64) {
         self.done_s += trial_s;
         self.within(0.0);
+        self.figures("");
     }
 
     /// Prints a line above the bar.
     pub fn line(&self, text: &str) {
-        self.bar.suspend(|| drop(writeln!(std::io::stderr(), "{}", printable(text))));
+        if !self.quiet {
+            self.bar.suspend(|| {
+                colour::eprint(&format!(
+                    "{}
+",
+                    printable(text)
+                ))
+            });
+        }
     }
 
     /// Removes the bar.

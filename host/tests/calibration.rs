@@ -130,7 +130,7 @@ fn fit(seed: u64, speeds: &[[f64; 2]]) -> (Hidden, Calibration) {
     let trials: Vec<_> = speeds.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
     let request = Request { robot: None, closure: None, parameters: Vec::new(), jobs: 2 };
     let trials = trials.iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
-    (hidden, calibrate(trials, &request, &|| {}).unwrap())
+    (hidden, calibrate(trials, &request, &|| true).unwrap())
 }
 
 /// Number of intervals that contain the truth, for each parameter and for all at once.
@@ -203,7 +203,7 @@ fn viscosity_of_a_mixture_starts_from_the_logged_temperature() {
         Hidden { robot: Robot::published(), mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] }.trial(SPEEDS[0], &mut draw);
     assert_eq!(trial.temperature_c, seen);
     let request = Request { robot: Some(robot), closure: None, parameters: vec![Parameter::Viscosity], jobs: 1 };
-    let calibration = calibrate(vec![FitTrial::new(&trial).unwrap()], &request, &|| {}).unwrap();
+    let calibration = calibrate(vec![FitTrial::new(&trial).unwrap()], &request, &|| true).unwrap();
     let [viscosity] = calibration.parameters.as_slice() else { panic!("{calibration:?}") };
     assert_eq!(viscosity.start, at(seen).viscosity_pa_s());
     assert!(calibration.warnings.iter().any(|text| text.contains("99.0 % glycerol at the sensor's 20.0 °C")));
@@ -224,7 +224,7 @@ fn calibration_finds_the_phases_of_the_flagella() {
         let trials = trials.iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
         let start = Some(Robot::published());
         let request = Request { robot: start, closure: None, parameters: vec![Parameter::Phase], jobs: 2 };
-        let calibration = calibrate(trials, &request, &|| {}).unwrap();
+        let calibration = calibrate(trials, &request, &|| true).unwrap();
         assert_eq!(
             calibration.parameters.iter().map(|estimate| estimate.name).collect::<Vec<_>>(),
             ["phase", "phase-both"]
@@ -267,7 +267,7 @@ fn a_phase_that_does_not_matter_or_is_not_one_is_refused() {
         let trials = trials[range].iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
         let start = Some(Robot::published());
         let request = Request { robot: start, closure: None, parameters: vec![Parameter::Phase], jobs: 1 };
-        let error = calibrate(trials, &request, &|| {}).unwrap_err().to_string();
+        let error = calibrate(trials, &request, &|| true).unwrap_err().to_string();
         assert!(error.contains(reason), "{error}");
     }
 }

@@ -13,6 +13,7 @@ mod plan;
 mod plans;
 mod resistance;
 mod simulate;
+mod sweep;
 mod twin;
 
 /// A file that is no module here would be no test.

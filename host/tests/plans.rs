@@ -2,6 +2,7 @@
 
 use host::plan::Plan;
 use host::plan::robot;
+use host::sweep::SweepPlan;
 use sim::params::Robot;
 use std::path::{Path, PathBuf};
 
@@ -40,9 +41,17 @@ fn shipped_plans_load_with_their_robots() {
     let mut plans = 0;
     for entry in std::fs::read_dir(shipped("")).unwrap() {
         let path = entry.unwrap().path();
-        if !path.file_name().unwrap().to_string_lossy().starts_with("robot-") {
-            Plan::load(&path).unwrap();
-            plans += 1;
+        match path.file_name().unwrap().to_str().unwrap() {
+            name if name.starts_with("robot-") => {}
+            "groups.toml" => {
+                assert_eq!(SweepPlan::load(&path).unwrap().points(), 3990);
+                let error = Plan::load(&path).unwrap_err().to_string();
+                assert!(error.ends_with("a plan with [vary] is that of a sweep"), "{error}");
+            }
+            _ => {
+                Plan::load(&path).unwrap();
+                plans += 1;
+            }
         }
     }
     assert!(plans >= 3);

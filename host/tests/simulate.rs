@@ -369,3 +369,60 @@ fn solver_failure_keeps_the_log_and_the_other_trials() {
     let info = json(&biflag(folder, &["info", "short/001_w1+50_w2+10.mcap", "--json"]));
     assert_eq!((&info["end"], &info["clean"]), (&"failed".into(), &true.into()));
 }
+
+#[test]
+fn steady_states_are_solved_for_and_their_logs_hold_one_period() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let args = ["simulate", "--speeds", "0,45", "--duration", "120"];
+    let answer = |rest: &[&str]| {
+        let output = biflag(folder, &[&args, rest].concat());
+        expect(&output, 0);
+        json(&output)["trials"][0].clone()
+    };
+    let solved = answer(&["--method", "steady", "--json", "--out", "solved"]);
+    let whole = answer(&["--json", "--out", "whole"]);
+    assert_eq!((&solved["kind"], &whole["kind"]), (&"steady".into(), &serde_json::Value::Null));
+    for key in ["yaw_deg", "pitch_deg", "roll_deg"] {
+        let [a, b] = [&solved, &whole].map(|trial| trial[key].as_f64().unwrap());
+        assert!((a - b).abs() < 0.1, "{key}: {a} {b}");
+    }
+    assert!(solved["simulated_s"].as_f64().unwrap() < 60.0, "{solved}");
+    let mut reader = Reader::open(&folder.join(solved["log"].as_str().unwrap())).unwrap();
+    let times: Vec<f64> = (reader.by_ref())
+        .filter_map(|message| match message.unwrap().body {
+            Body::Telemetry(frame) => Some(frame.time_s),
+            _ => None,
+        })
+        .collect();
+    let trial = reader.meta::<biflag_log::TrialMeta>().unwrap();
+    assert_eq!((trial.calibrate_s, trial.preroll_s, trial.decay_s), (0.0, 0.0, 0.0));
+    // Two turns at 45 rpm.
+    assert!((trial.run_s - 8.0 / 3.0).abs() < 1e-9 && times[0].abs() < 1e-9, "{times:?}");
+    assert!((times[times.len() - 1] - trial.run_s).abs() < 0.051, "{times:?}");
+    assert_eq!(reader.meta::<ModelMeta>().unwrap().method, biflag_log::Method::Steady);
+
+    let other = biflag(folder, &[args.as_slice(), &["--out", "solved", "--resume"]].concat());
+    expect(&other, 2);
+}
+
+#[test]
+fn a_plan_asks_for_steady_states() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let plan = |trial: &str| {
+        std::fs::write(folder.join("p.toml"), format!("[trial]\n{trial}\n[speeds]\npairs = [[0, 45]]\n")).unwrap();
+    };
+    plan("method = \"steady\"\nphases = 2");
+    let output = biflag(folder, &["simulate", "p.toml", "--out", "phases", "--json"]);
+    expect(&output, 0);
+    let mean = &json(&output)["trials"][0];
+    assert_eq!(mean["kind"], "steady");
+    // Which way the flagellum that stands points leans the robot.
+    assert!(mean["phase_spread_deg"][1].as_f64().unwrap() > 0.5, "{mean}");
+
+    plan("method = \"steady\"\nreverse = { motor = 2, after = 35 }");
+    expect(&biflag(folder, &["simulate", "p.toml", "--out", "reverse"]), 2);
+    plan("method = \"quick\"");
+    expect(&biflag(folder, &["simulate", "p.toml", "--out", "quick"]), 2);
+}

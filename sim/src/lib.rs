@@ -18,7 +18,8 @@
 //! is left out.
 //!
 //! `sim/docs/proof.md` lists how each part is verified, `sim/docs/valleys.md` where the valleys of the published
-//! map lie and why, and what the starting [`phase`] changes, `sim/docs/cost.md` the cost per edge and per case. `sim/lab` has the programs that make their tables.
+//! map lie and why, and what the starting [`phase`] changes, `sim/docs/cost.md` the cost per edge and per case,
+//! `sim/docs/steady.md` how steady states are solved for ([`periodic`]). `sim/lab` has the programs that make their tables.
 //!
 //! No files, no printing, no threads: trials are independent and may run side by side.
 #![forbid(unsafe_code)]
@@ -26,9 +27,11 @@
 #![allow(clippy::needless_range_loop)]
 
 pub mod accuracy;
+mod anderson;
 pub mod body;
 pub mod contact;
 pub mod fluid;
+pub mod groups;
 mod lanes;
 mod linear;
 pub mod params;

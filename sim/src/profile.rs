@@ -195,6 +195,16 @@ impl SpeedProfile {
         Self::from_points(&[(0.0, rpm), (duration, rpm)])
     }
 
+    /// Returns the part of constant speeds between two times (s), with the angles of the whole.
+    ///
+    /// # Errors
+    /// Times without a duration.
+    pub(crate) fn between(&self, start: f64, end: f64) -> Result<Self, ProfileError> {
+        let motors = self.motors(start);
+        let rpm = motors.map(|motor| motor.speed * 30.0 / PI);
+        Ok(Self::from_points(&[(start, rpm), (end, rpm)])?.from_angles(motors.map(|motor| motor.angle)))
+    }
+
     /// Returns the phases of a trial at the speeds `rpm`.
     ///
     /// # Errors

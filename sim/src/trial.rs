@@ -312,6 +312,11 @@ impl Trial {
         Ok(self.summary())
     }
 
+    /// Sets the output; for a trial that has given no sample.
+    pub(crate) fn set_options(&mut self, options: Options) {
+        self.options = options;
+    }
+
     /// Returns the profile, with the angles of the helices.
     pub(crate) fn profile(&self) -> &SpeedProfile {
         &self.profile

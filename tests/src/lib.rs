@@ -3,6 +3,7 @@
 
 pub mod browser;
 mod cable;
+pub mod markdown;
 mod viewer;
 
 pub use cable::Cable;

@@ -258,3 +258,34 @@ fn drawn_messages_have_their_log_time() {
         assert!(attitudes >= 40 && shapes >= 40, "{attitudes} attitudes and {shapes} shapes in {}", log.display());
     }
 }
+
+/// The shipped layouts of Foxglove and PlotJuggler show fields that the log has.
+#[test]
+fn layouts_name_fields_that_exist() {
+    let layouts = Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/layouts");
+    let foxglove: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(layouts.join("foxglove.json")).unwrap()).unwrap();
+    let mut paths = Vec::new();
+    for panel in foxglove["configById"].as_object().unwrap().values() {
+        paths.extend(
+            panel["paths"].as_array().into_iter().flatten().map(|path| path["value"].as_str().unwrap().to_owned()),
+        );
+        paths.extend(panel["topics"].as_object().into_iter().flat_map(|topics| topics.keys().cloned()));
+        paths.extend(panel["topicPath"].as_str().map(str::to_owned));
+    }
+    let plotjuggler = std::fs::read_to_string(layouts.join("plotjuggler.xml")).unwrap();
+    paths.extend(plotjuggler.split("curve name=\"").skip(1).map(|rest| rest.split('"').next().unwrap().to_owned()));
+    assert!(paths.len() > 15, "{paths:?}");
+    for path in paths {
+        let mut parts = path.trim_start_matches('/').split(['/', '.']);
+        let topic = format!("/{}", parts.next().unwrap());
+        let channel = CHANNELS.iter().find(|channel| channel.topic == topic).unwrap_or_else(|| panic!("{path}"));
+        let set = prost_types::FileDescriptorSet::decode(channel.descriptors).unwrap();
+        let mut message = channel.schema.rsplit('.').next().unwrap().to_owned();
+        for part in parts {
+            let of = set.file.iter().flat_map(|file| &file.message_type).find(|of| *of.name() == message).unwrap();
+            let field = of.field.iter().find(|field| field.name() == part).unwrap_or_else(|| panic!("{path}"));
+            message = field.type_name().rsplit('.').next().unwrap().to_owned();
+        }
+    }
+}

@@ -82,6 +82,32 @@ print(json.dumps({
 }))
 "#;
 
+/// Script that reads the table of a sweep in pandas, polars and xarray, and prints what each has found.
+const SWEEP: &str = r##"
+import json, sys
+import pandas, polars, pyarrow.parquet, xarray
+
+folder = sys.argv[1]
+columns = json.loads(pyarrow.parquet.read_schema(f"{folder}/table.parquet").metadata[b"columns"])
+pd = pandas.read_parquet(f"{folder}/table.parquet")
+csv = pandas.read_csv(f"{folder}/table.csv", comment="#")
+pl = polars.read_parquet(f"{folder}/table.parquet")
+pl_csv = polars.read_csv(f"{folder}/table.csv", comment_prefix="#")
+numbers = pd.select_dtypes("number").columns
+assert list(pd.columns) == list(csv.columns) == pl.columns == pl_csv.columns and set(pd.columns) == set(columns)
+pandas.testing.assert_frame_equal(pd[numbers], csv[numbers], check_exact=True, check_dtype=False)
+assert pl.select("yaw_deg").to_series().to_list() == pl_csv.select("yaw_deg").to_series().to_list()
+ok = pd[pd.status == "ok"]
+grid = xarray.Dataset.from_dataframe(ok.set_index(["w1_rpm", "w2_rpm", "group_stiffness_relative"])[["yaw_deg", "tilt_deg"]])
+for name in grid:
+    grid[name].attrs.update(columns[name])
+point = grid.sel(w1_rpm=50, w2_rpm=10, group_stiffness_relative=2)
+print(json.dumps({
+    "rows": len(pl), "failed": pl.filter(polars.col("status") == "failed").height, "null": int(pd.yaw_deg.isna().sum()),
+    "sizes": dict(grid.sizes), "units": grid.yaw_deg.attrs["unit"], "yaw": point.yaw_deg.item(), "unit": columns["force1_z_n"],
+}))
+"##;
+
 /// Returns the Python of a virtual environment with these packages, which is kept between runs.
 fn python(name: &str, packages: &[&str]) -> PathBuf {
     let venv = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
@@ -120,6 +146,8 @@ fn python_lists_the_channels_and_decodes_every_message() {
     println!("{decoded}");
     assert_eq!(decoded["counts"]["/telemetry"], 1000);
     assert_eq!(decoded["counts"]["/attitude"], 1000);
+    // The robot as its encoders say, twenty times a second.
+    assert_eq!(decoded["counts"]["/flagella"], 100);
     for channel in ["/raw", "/command", "/event"] {
         assert!(decoded["counts"][channel].as_u64().unwrap() > 0, "{channel}");
     }
@@ -239,6 +267,25 @@ fn rerun_reads_attitude_and_flagella() {
     }
     println!("{attitudes} transforms, {clouds} clouds, {scenes} scenes and {yaws} states are the same in Rerun");
     assert_eq!((attitudes, clouds, scenes, yaws), (41, 41, 41, 41));
+}
+
+/// The table of a sweep has the same numbers, units and missing values in each of the usual readers.
+#[test]
+fn python_reads_the_table_of_a_sweep() {
+    let bench = Bench::new();
+    let plan = "[trial]\nrun = 0.4\nmethod = \"trial\"\n[vary]\n\"group.stiffness\" = [1, 2]\n\"group.spacing\" = [0.4, 1]\n\
+                [speeds]\ngrid = { w1 = [-50, 50, 50], w2 = [10, 20, 10] }\n";
+    bench.file("plan.toml", plan);
+    bench.run(["sweep", "plan.toml"]).expect_code(3);
+    let python = python("tables", &["pandas==3.1.1", "polars==2.1.0", "pyarrow==26.0.1", "xarray==2026.9.0"]);
+    let output = Command::new(python).args(["-c", SWEEP, "sweep"]).current_dir(bench.path()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let read: Value = serde_json::from_slice(&output.stdout).unwrap();
+    println!("{read}");
+    assert_eq!((&read["rows"], &read["failed"], &read["null"]), (&24.into(), &12.into(), &12.into()));
+    assert_eq!(read["sizes"], serde_json::json!({ "w1_rpm": 3, "w2_rpm": 2, "group_stiffness_relative": 2 }));
+    assert_eq!((&read["units"], &read["unit"]["unit"]), (&"deg".into(), &"N".into()));
+    assert!(read["yaw"].as_f64().unwrap().abs() > 1e-3, "{read}");
 }
 
 /// Compares with single precision, which Rerun uses for coordinates.

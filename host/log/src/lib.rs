@@ -11,7 +11,7 @@
 //! | `/truth` | `biflag.Truth` | models only: attitude and shafts, unrounded |
 //! | `/forces` | `biflag.Forces` | models only: forces and torques of the flagella, gaps, contact |
 //! | `/nodes` | `biflag.Nodes` | models only, if requested: the centre lines of the flagella |
-//! | `/flagella` | `foxglove.SceneUpdate` | the centre lines as lines for viewers |
+//! | `/flagella` | `foxglove.SceneUpdate` | base and flagella for viewers; without a model, undeformed flagella at the measured angles |
 //! | `/flagella_points` | `foxglove.PointCloud` | the centre lines as points, for viewers that cannot draw lines |
 //!
 //! The log holds measured or computed values; estimates (zero, drift, uncertainty) are made when it is read. Logs of
@@ -49,7 +49,7 @@ pub use meta::{
     BoardMeta, CalibrationMeta, ClockMeta, End, FORMAT, FaultMeta, Identity, LevelMeta, Origin, PlanMeta, RecoveryMeta,
     ReplayMeta, RobotMeta, Summary, TrialMeta,
 };
-pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
+pub use model_meta::{Method, ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, TrialClock, check, last_meta, summary};
 pub use recover::{Recovery, recover};
 pub use scan::{Condition, Loss};

@@ -5,9 +5,21 @@ use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::contact::history::BundlingChange;
 use sim::params::Robot;
+use sim::periodic::Kind;
 use sim::rod::spin::LEAST_SPIN_DRAG;
 use sim::trial::Summary;
 use std::borrow::Cow;
+
+/// How the model computes the steady state of a trial.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// By the trial itself.
+    #[default]
+    Trial,
+    /// By [`sim::periodic`]: the log has one period of the motion that repeats, or the whole trial where none was found.
+    Steady,
+}
 
 /// The model that computed a trial.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
@@ -15,6 +27,8 @@ use std::borrow::Cow;
 pub struct ModelMeta {
     /// The closure: how the flagella act on the base.
     pub closure: Closure,
+    /// Method.
+    pub method: Method,
     /// Samples per second.
     pub rate_hz: f64,
     /// Whether the shapes of the flagella are in the log.
@@ -108,6 +122,9 @@ pub struct SteadyMeta {
     pub newton_iterations: u64,
     /// Simulated time.
     pub simulated_s: f64,
+    /// What the motion is, with [`Method::Steady`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<Kind>,
 }
 
 impl SteadyMeta {
@@ -133,6 +150,7 @@ impl SteadyMeta {
             contact_share: summary.contact_share,
             newton_iterations: summary.newton_iterations,
             simulated_s: summary.simulated_s,
+            kind: None,
         }
     }
 }

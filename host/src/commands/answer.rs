@@ -1,5 +1,6 @@
 //! The result of a command, and its output: stdout, stderr and the exit code.
 
+use crate::colour;
 use crate::signals::INTERRUPTED;
 use crate::text::{is_unprintable, printable};
 use miette::{Diagnostic, Report};
@@ -57,7 +58,7 @@ impl Answer {
         if let (Some(json), serde_json::Value::Object(error)) = (answer.json.as_object_mut(), error_json(report)) {
             json.extend(error);
         }
-        let _ = write!(std::io::stderr(), "{}", describe(report.as_ref()));
+        colour::eprint(&describe(report.as_ref()));
         Ok(answer)
     }
 }
@@ -69,7 +70,7 @@ pub(super) fn finish(result: miette::Result<Answer>, json: bool) -> ExitCode {
         Ok(answer) if json => escaped(&answer.json),
         Ok(answer) => printable(&answer.text),
         Err(report) => {
-            let _ = write!(std::io::stderr(), "{}", describe(report.as_ref()));
+            colour::eprint(&describe(report.as_ref()));
             if json { escaped(&error_json(report)) } else { String::new() }
         }
     };
@@ -92,7 +93,7 @@ pub(super) fn not_parsed(error: &clap::Error, json: bool) -> ExitCode {
 fn print(output: &str, code: u8) -> ExitCode {
     match output.trim_end() {
         "" => ExitCode::from(code),
-        output => end(writeln!(std::io::stdout(), "{output}"), code),
+        output => end(colour::print(&format!("{output}\n")), code),
     }
 }
 

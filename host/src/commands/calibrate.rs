@@ -112,6 +112,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let count = done.fetch_add(1, Ordering::Relaxed) + 1;
         // The number of simulations is unknown in advance.
         lock(&progress).within(count.min(simulations - 1) as f64);
+        true
     };
     let read = |log: &PathBuf| -> miette::Result<FitTrial> {
         Ok(FitTrial::new(&Data::read(log, Want { hash: true, ..Want::default() })?)?)
@@ -136,17 +137,21 @@ fn write(path: &Path, text: &str) -> std::io::Result<()> {
     draft.publish(path)
 }
 
+/// Formats a value of a parameter, with an exponent only where it needs one.
+fn figure(value: f64) -> String {
+    if (0.01..1e4).contains(&value.abs()) { format!("{value:.4}") } else { format!("{value:.3e}") }
+}
+
 fn describe(calibration: &Calibration, out: &Path) -> String {
-    let mut text = String::new();
+    let mut text = format!("{:<10} {:>11} {:>11} {:>25}  unit\n", "parameter", "start", "fitted", "95 % interval");
     // Writing to a string cannot fail.
     for p in &calibration.parameters {
         let [low, high] = p.interval_95;
+        let [start, value, low, high] = [p.start, p.value, low, high].map(figure);
+        let _ = write!(text, "{:<10} {start:>11} {value:>11} {low:>11} to {high:>10}  {}", p.name, p.unit);
         let model = p.model_error.map_or_else(String::new, |error| format!("; error of the model ± {error:.1e}"));
-        let _ = writeln!(
-            text,
-            "{:<10} {:>11.4e} ± {:.1e} {:<8} (95 %: {low:.4e} to {high:.4e}{model}; start {:.4e})",
-            p.name, p.value, p.std_error, p.unit, p.start
-        );
+        text += &model;
+        text.push('\n');
     }
     let mount = &calibration.mounting;
     let _ = writeln!(

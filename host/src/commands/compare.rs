@@ -120,6 +120,7 @@ fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget
         options: Options { rate_hz: REPLAY_HZ, shapes: source.logs.len() <= SHAPES_UP_TO },
         any_rate: true,
         jobs,
+        quiet: false,
     };
     let folder = source.replay_folder();
     let session = Session::resume(&folder, &source.plan)?;

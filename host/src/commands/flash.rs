@@ -10,14 +10,14 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Build the firmware if needed, write it through the board's bootloader, and check that it runs.
+/// Write the firmware through the board's bootloader and check that it runs. In the repository, build it first.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example: biflag flash --port /dev/ttyUSB0")]
 pub struct Args {
     /// The board's serial port; not needed if only one board is plugged in.
     #[arg(long)]
     port: Option<String>,
-    /// Write this image instead of building it.
+    /// Write this image instead of the one inside biflag.
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
 }
@@ -36,10 +36,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     link::probe_port(&port)?;
     let claim = Claim::take(&port)?;
     let progress = spinner();
-    progress.set_message("building the firmware");
+    progress.set_message("preparing the firmware");
     let image = match &args.firmware {
         Some(elf) => Image::read(elf)?,
-        None => Image::build()?,
+        None => Image::of_program()?,
     };
     progress.set_message(format!("writing {}", image.commit()));
     let baud = rig::flash(&port, &image.elf, |baud, _| {

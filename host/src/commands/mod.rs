@@ -4,30 +4,35 @@ mod aim;
 mod answer;
 mod calibrate;
 mod compare;
+mod completions;
 mod doctor;
 mod export;
 mod flash;
 mod info;
 mod live;
+mod man;
 mod options;
+mod plans;
 mod record;
 mod recover;
 mod report;
 mod resistance;
 mod settings;
 mod simulate;
+mod sweep;
 mod virtual_board;
 
 pub use answer::{Answer, Outcome, WRONG_USE};
 
+use crate::colour;
+use crate::program::FULL_VERSION;
 use crate::signals;
-use clap::{Parser, Subcommand};
-use std::io::Write;
+use clap::{CommandFactory, Parser, Subcommand};
 use std::process::ExitCode;
 
 /// Record trials of the two-flagella robot, simulate them, and compare both.
 #[derive(Parser, Debug)]
-#[command(name = "biflag", version, arg_required_else_help = true, after_help = AFTER_HELP)]
+#[command(name = "biflag", version = FULL_VERSION, arg_required_else_help = true, after_help = AFTER_HELP)]
 struct Cli {
     /// Print one JSON object on stdout, and nothing else.
     #[arg(long, global = true)]
@@ -37,8 +42,8 @@ struct Cli {
 }
 
 const AFTER_HELP: &str = "Example: record a plan on the emulated board and compare it with the model
-  biflag record host/plans/demo.toml --virtual --out demo
-  biflag compare demo
+  biflag record demo --virtual --out my-demo
+  biflag compare my-demo
 
 Exit codes:
     0  done
@@ -53,17 +58,21 @@ enum Command {
     Doctor(doctor::Args),
     Flash(flash::Args),
     Settings(settings::Args),
+    Plans(plans::Args),
     Record(record::Args),
     Live(live::Args),
     Info(info::Args),
     Resistance(resistance::Args),
     Simulate(simulate::Args),
+    Sweep(sweep::Args),
     Compare(compare::Args),
     Calibrate(calibrate::Args),
     Aim(aim::Args),
     Report(report::Args),
     Export(export::Args),
     Recover(recover::Args),
+    Completions(completions::Args),
+    Man(man::Args),
 }
 
 /// Runs the program with its command line.
@@ -77,9 +86,11 @@ pub fn run() -> ExitCode {
         Command::Doctor(args) => doctor::run(&args),
         Command::Flash(args) => flash::run(&args),
         Command::Settings(args) => settings::run(&args),
+        Command::Plans(args) => plans::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Resistance(args) => resistance::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Sweep(args) => sweep::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Aim(args) => aim::run(&args),
@@ -88,22 +99,31 @@ pub fn run() -> ExitCode {
         Command::Recover(args) => recover::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Completions(args) => completions::run(&args, Cli::command()),
+        Command::Man(args) => man::run(&args, Cli::command()),
     };
     answer::finish(result, cli.json)
 }
 
 /// Prints to standard error, whose reader may be gone.
 fn say(text: &str) {
-    let _ = std::io::stderr().write_all(text.as_bytes());
+    colour::eprint(text);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn each_command_has_an_example() {
+        for command in Cli::command().get_subcommands() {
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(help.contains(&format!("biflag {}", command.get_name())), "{}: {help}", command.get_name());
+        }
     }
 }

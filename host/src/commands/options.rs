@@ -1,5 +1,6 @@
 //! Options shared by several commands.
 
+use biflag_log::Method;
 use sim::body::closure::Closure;
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
@@ -19,6 +20,21 @@ impl From<ClosureName> for Closure {
     }
 }
 
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+pub enum MethodName {
+    Trial,
+    Steady,
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Trial => Self::Trial,
+            MethodName::Steady => Self::Steady,
+        }
+    }
+}
+
 /// Reads two values with a comma between them, each by `one`; `form`: what to give instead of anything else.
 pub fn pair<T, E: From<&'static str>>(
     text: &str,
@@ -27,6 +43,21 @@ pub fn pair<T, E: From<&'static str>>(
 ) -> Result<[T; 2], E> {
     let (first, second) = text.split_once(',').ok_or(form)?;
     Ok([one(first.trim())?, one(second.trim())?])
+}
+
+/// A part of the work: the one with index `first`, from 0, of `of` parts.
+#[derive(Clone, Copy, Debug)]
+pub struct Shard {
+    pub first: usize,
+    pub of: usize,
+}
+
+/// Reads a shard, which is counted from 1.
+pub fn shard(text: &str) -> Result<Shard, String> {
+    let form = "give the number of the shard and the number of shards, such as 1/8";
+    let (number, of) = text.split_once('/').ok_or(form)?;
+    let (number, of): (usize, usize) = (number.parse().map_err(|_| form)?, of.parse().map_err(|_| form)?);
+    if (1..=of).contains(&number) { Ok(Shard { first: number - 1, of }) } else { Err(form.into()) }
 }
 
 /// Returns the default number of parallel trials.

@@ -4,7 +4,7 @@ use super::{Answer, Outcome, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::board;
-use crate::plan::{EXAMPLE, Plan, Trial};
+use crate::plan::{EXAMPLE, Plan, Trial, robot};
 use crate::progress::Progress;
 use crate::run;
 use crate::run::rig::board_copy::BoardCopies;
@@ -14,15 +14,16 @@ use crate::signals::interruption;
 use crate::text::decimal;
 use crate::trial::{Data, Want, Zeroed};
 use biflag_log::{BoardMeta, End, LinkStats, Origin, Summary};
-use miette::Report;
+use miette::{IntoDiagnostic, Report, WrapErr};
 use protocol::Command;
 use serde::Serialize;
-use sim::params::BUILT_IN;
 use std::fmt;
+use std::io::Write;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::SystemTime;
+use tempfile::{NamedTempFile, TempPath};
 
 /// Run the trials of a plan on the rig and write a log of each.
 #[derive(clap::Args, Debug)]
@@ -30,7 +31,7 @@ use std::time::SystemTime;
     "Example: biflag record plan.toml --port /dev/ttyUSB0 --out glycerin-day-1\n\nA plan:\n\n{EXAMPLE}"
 ))]
 pub struct Args {
-    /// The plan: a TOML file like the one below.
+    /// The plan: a TOML file like the one below, or the name of one inside biflag (`biflag plans`).
     plan: PathBuf,
     /// The serial port of the board; not needed if only one board is plugged in.
     #[arg(long, conflicts_with = "virtual")]
@@ -278,17 +279,29 @@ fn seed(args: &Args, plan: &Plan) -> u64 {
 fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Result<VirtualNano> {
     let mut arguments = vec!["--speed".into(), args.speed.clone().into()];
     arguments.extend(["--seed".into(), seed(args, plan).to_string().into()]);
+    let robot_file;
     match imu {
         Some(imu) => arguments.extend(["--imu".into(), imu.clone().into_os_string()]),
         None => {
-            let robot = match plan.robot.name.as_str() {
-                name if BUILT_IN.contains(&name) => PathBuf::from(name),
-                name => args.plan.parent().unwrap_or(Path::new("")).join(name),
+            let path = match plan.robot.text.as_str() {
+                "" => PathBuf::from(&plan.robot.name),
+                _ => robot::named_by(&args.plan, &plan.robot.name),
             };
-            arguments.extend(["--robot".into(), robot.into_os_string()]);
+            let is_inside = !plan.robot.text.is_empty() && !path.exists();
+            robot_file = is_inside.then(|| temporary(&plan.robot.text)).transpose()?;
+            arguments.extend(["--robot".into(), robot_file.as_deref().unwrap_or(&path).as_os_str().to_owned()]);
         }
     }
     virtual_board::start(arguments, &args.faults)
+}
+
+/// Writes the text of a robot file inside this program to a file, for the emulated board to read.
+fn temporary(text: &str) -> miette::Result<TempPath> {
+    let written = NamedTempFile::with_suffix(".toml").and_then(|mut file| {
+        file.write_all(text.as_bytes())?;
+        Ok(file.into_temp_path())
+    });
+    written.into_diagnostic().wrap_err("the robot cannot be written to a temporary file")
 }
 
 impl RecordedTrial {

@@ -8,10 +8,10 @@ use std::ffi::OsString;
 /// What the board's program says first when an option has a wrong value.
 const INVALID_VALUE: &str = "error: invalid value";
 
-/// Starts the emulated board with the firmware of this repository, these arguments and these faults.
+/// Starts the emulated board with the firmware that belongs to this program, these arguments and these faults.
 pub(super) fn start(mut arguments: Vec<OsString>, faults: &[String]) -> miette::Result<VirtualNano> {
-    let image = Image::build()?;
-    arguments.extend(["--firmware".into(), image.elf.into_os_string()]);
+    let image = Image::of_program()?;
+    arguments.extend(["--firmware".into(), image.elf.clone().into_os_string()]);
     for fault in faults {
         arguments.extend(["--fault".into(), fault.into()]);
     }

@@ -3,26 +3,52 @@
 use super::table::{Table, Values};
 use std::io::{Result, Write};
 
-pub(super) fn write(table: &Table, mut target: impl Write) -> Result<()> {
-    for line in &table.header {
-        writeln!(target, "# {}", line.replace(['\n', '\r'], " "))?;
+pub(super) fn write(table: &Table, target: impl Write) -> Result<()> {
+    let mut writer = Writer::new(table, target)?;
+    writer.rows(table)?;
+    writer.close()
+}
+
+/// Writes a table in parts.
+pub(crate) struct Writer<W: Write> {
+    rows: csv::Writer<W>,
+}
+
+impl<W: Write> Writer<W> {
+    /// Writes the header of tables like this one.
+    pub fn new(table: &Table, mut target: W) -> Result<Self> {
+        for line in &table.header {
+            writeln!(target, "# {}", line.replace(['\n', '\r'], " "))?;
+        }
+        for column in table.columns.iter().filter(|column| !column.about.is_empty()) {
+            let unit = if column.unit.is_empty() { String::new() } else { format!(" [{}]", column.unit) };
+            writeln!(target, "# {}{unit}: {}", column.name, column.about)?;
+        }
+        let mut rows = csv::Writer::from_writer(target);
+        rows.write_record(table.columns.iter().map(|column| column.name.as_ref()))?;
+        Ok(Self { rows })
     }
-    for column in table.columns.iter().filter(|column| !column.about.is_empty()) {
-        writeln!(target, "# {}: {}", column.name, column.about)?;
+
+    /// Writes rows of the same columns.
+    pub fn rows(&mut self, table: &Table) -> Result<()> {
+        for row in 0..table.rows() {
+            self.rows.write_record(table.columns.iter().map(|column| cell(&column.values, row)))?;
+        }
+        Ok(())
     }
-    let mut writer = csv::Writer::from_writer(target);
-    writer.write_record(table.columns.iter().map(|column| column.name))?;
-    for row in 0..table.rows() {
-        writer.write_record(table.columns.iter().map(|column| cell(&column.values, row)))?;
+
+    /// Ends the table.
+    pub fn close(mut self) -> Result<()> {
+        self.rows.flush()
     }
-    writer.flush()
 }
 
 fn cell(values: &Values, row: usize) -> String {
     match values {
-        Values::Real(values) if values[row].is_nan() => String::new(),
+        Values::Real(values) | Values::Exact(values) if values[row].is_nan() => String::new(),
         // Nine decimals exceed the resolution of every sensor and avoid the noise of binary fractions.
         Values::Real(values) => ((values[row] * 1e9).round() / 1e9).to_string(),
+        Values::Exact(values) => values[row].to_string(),
         Values::Int(values) => values[row].to_string(),
         Values::Text(values) => values[row].clone(),
     }

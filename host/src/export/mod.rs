@@ -1,8 +1,8 @@
 //! Exports trials and sessions to other formats, with the same values as in all commands and pages.
 
-mod csv;
-mod parquet;
-mod table;
+pub(crate) mod csv;
+pub(crate) mod parquet;
+pub mod table;
 
 use crate::session::{Session, SessionError};
 use crate::trial::{Data, Want, Zeroed};

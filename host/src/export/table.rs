@@ -4,31 +4,41 @@ use crate::attitude::{Euler, Reading, rotation};
 use crate::plan::Trial;
 use crate::trial::{Angles, Data, FORCES, Zeroed};
 use biflag_log::Origin;
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// A column.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) struct Column {
+pub struct Column {
     /// Name, with the unit.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
+    /// The unit alone, for the column's metadata; empty where the table has none.
+    pub unit: &'static str,
     /// Description, for the header.
     pub about: &'static str,
+    /// One value a row.
     pub values: Values,
 }
 
 /// The values of a column.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Values {
-    /// Real numbers; NaN is a missing value.
+pub enum Values {
+    /// Real numbers that were measured, which CSV rounds to nine decimals; NaN is a missing value.
     Real(Vec<f64>),
+    /// Real numbers with all their digits; NaN is a missing value.
+    Exact(Vec<f64>),
+    /// Integers.
     Int(Vec<i64>),
+    /// Texts.
     Text(Vec<String>),
 }
 
 impl Values {
+    /// Returns the number of rows.
+    #[allow(clippy::len_without_is_empty)]
     pub fn len(&self) -> usize {
         match self {
-            Self::Real(values) => values.len(),
+            Self::Real(values) | Self::Exact(values) => values.len(),
             Self::Int(values) => values.len(),
             Self::Text(values) => values.len(),
         }
@@ -37,13 +47,15 @@ impl Values {
 
 /// A table with its header.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) struct Table {
+pub struct Table {
     /// Header lines about the whole table.
     pub header: Vec<String>,
+    /// The columns, of equal length.
     pub columns: Vec<Column>,
 }
 
 impl Table {
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, |column| column.values.len())
     }
@@ -93,18 +105,20 @@ const FORCE_COLUMNS: [(&str, &str); FORCES] = [
 ];
 
 /// Returns the table of a trial: one row per reading of the sensor, or per sample of the model.
-pub(super) fn trial(data: &Data) -> Table {
+pub fn trial(data: &Data) -> Table {
     let zeroed = Zeroed::new(data);
     let run_s = data.times.run.start;
     let rows = rows(data, &zeroed);
     let real = |(name, about): (&'static str, &'static str), value: &dyn Fn(&Row) -> f64| Column {
-        name,
+        name: name.into(),
+        unit: "",
         about,
         values: Values::Real(rows.iter().map(value).collect()),
     };
     let mut columns = vec![real(PLACE[0], &|row| row.time_s - run_s)];
     columns.push(Column {
-        name: PLACE[1].0,
+        name: PLACE[1].0.into(),
+        unit: "",
         about: PLACE[1].1,
         values: Values::Text(rows.iter().map(|row| phase(data, row.frame_s).to_owned()).collect()),
     });
@@ -226,21 +240,20 @@ fn origin(origin: Origin) -> &'static str {
 }
 
 /// A row of the table of a session's trials.
-pub(super) struct Summary {
-    pub name: String,
-    pub speeds_rpm: [f64; 2],
-    pub repeat: u32,
-    pub complete: bool,
-    pub angles: Option<Angles>,
-    pub settle_s: Option<f64>,
-    pub lost: u64,
-    pub log: String,
-    /// File of the trial.
-    pub file: String,
+pub struct Summary {
+    name: String,
+    speeds_rpm: [f64; 2],
+    repeat: u32,
+    complete: bool,
+    angles: Option<Angles>,
+    settle_s: Option<f64>,
+    lost: u64,
+    log: String,
+    file: String,
 }
 
 impl Summary {
-    /// `trial` is that of the plan; the log may have lost it.
+    /// `trial` is that of the plan, because the log may have lost it; `file` is where the trial was exported to.
     pub fn new(trial: &Trial, data: &Data, file: String) -> Self {
         let zeroed = Zeroed::new(data);
         Self {
@@ -258,19 +271,22 @@ impl Summary {
 }
 
 /// Returns the table of a session: one row per trial.
-pub(super) fn session(name: &str, trials: &[Summary]) -> Table {
-    let real = |name, about, value: &dyn Fn(&Summary) -> Option<f64>| Column {
-        name,
+pub fn session(name: &str, trials: &[Summary]) -> Table {
+    let real = |name: &'static str, about, value: &dyn Fn(&Summary) -> Option<f64>| Column {
+        name: name.into(),
+        unit: "",
         about,
         values: Values::Real(trials.iter().map(|trial| value(trial).unwrap_or(f64::NAN)).collect()),
     };
-    let text = |name, about, value: &dyn Fn(&Summary) -> String| Column {
-        name,
+    let text = |name: &'static str, about, value: &dyn Fn(&Summary) -> String| Column {
+        name: name.into(),
+        unit: "",
         about,
         values: Values::Text(trials.iter().map(value).collect()),
     };
-    let int = |name, about, value: &dyn Fn(&Summary) -> i64| Column {
-        name,
+    let int = |name: &'static str, about, value: &dyn Fn(&Summary) -> i64| Column {
+        name: name.into(),
+        unit: "",
         about,
         values: Values::Int(trials.iter().map(value).collect()),
     };

@@ -9,7 +9,12 @@ use thiserror::Error;
 pub enum PlanError {
     /// The file cannot be read.
     #[error("{}: the {noun} cannot be read", path.display())]
-    #[diagnostic(code(wrong_use), help("check the path; a path in a plan is relative to the plan's folder"))]
+    #[diagnostic(
+        code(wrong_use),
+        help(
+            "check the path; a path in a plan is relative to the plan's folder; `biflag plans` lists those inside biflag"
+        )
+    )]
     Read {
         /// The file.
         path: PathBuf,

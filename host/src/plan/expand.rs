@@ -11,7 +11,7 @@ use toml::Spanned;
 /// `[speeds]`.
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields, default)]
-pub(super) struct SpeedsTable {
+pub(crate) struct SpeedsTable {
     pairs: Vec<Spanned<Exactly<f64, 2>>>,
     grid: Option<GridTable>,
 }
@@ -87,6 +87,12 @@ pub(super) fn expand(list: &SpeedList, source: &Source) -> Result<Vec<Trial>, Pl
         }
     }
     Ok(trials)
+}
+
+/// Returns every pair of speeds of a table once, in the order of the file.
+pub(crate) fn speeds(table: &Spanned<SpeedsTable>, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanError> {
+    let (span, start, phases) = (table.span(), Start::Unset, Phases::default());
+    pairs(&SpeedList { table: table.get_ref(), span, repeats: 1, seed: None, phases, reverse: None, start }, source)
 }
 
 /// Returns every pair of speeds once, in the order of the file.

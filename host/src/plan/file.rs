@@ -4,6 +4,7 @@ use super::board::{self, BoardSettings};
 use super::expand::{GRID_AXIS, SpeedList, SpeedsTable, Start, expand};
 use super::source::{Exactly, FileKind, Source, number};
 use super::{HandTurn, MAX_TRIALS, PHYSICAL, Phases, Plan, PlanError, Reverse, RobotFile};
+use biflag_log::Method;
 use serde::Deserialize;
 use std::ops::Range;
 use toml::Spanned;
@@ -14,7 +15,7 @@ pub const MAX_PHASE_S: f64 = 86_400.0;
 /// The shortest run, seconds: one tick of the board.
 pub const MIN_RUN_S: f64 = 1.0 / protocol::TICK_HZ as f64;
 
-pub(super) const KIND: FileKind = FileKind {
+pub(crate) const KIND: FileKind = FileKind {
     noun: "plan",
     example: "`biflag record --help` shows one",
     tables: &["session", "trial", "speeds", "board", "reverse", "hand_turn", "grid"],
@@ -42,6 +43,7 @@ fn help(key: &str) -> Option<&'static str> {
             "give the starting angles of motors 1 and 2 in degrees, -360 to 360, such as phase_deg = [0, 90]"
         }
         "phases" => "give a whole number from 1 to 360: at how many starting phases each pair of speeds runs",
+        "method" => "give \"trial\", or \"steady\" to solve for the steady state of a model",
         "motor" => "give 1 or 2",
         "after" => "give seconds after the start of the run as a plain number",
         "pairs" => "give a list of pairs in rpm, such as pairs = [[50, 10]]",
@@ -99,6 +101,7 @@ struct TrialTable {
     hand_turn: Option<Spanned<HandTurn>>,
     phase_deg: Option<Spanned<Exactly<f64, 2>>>,
     phases: Option<Spanned<i64>>,
+    method: Spanned<Method>,
 }
 
 /// The motor that reverses, and the time in seconds after the start of the run.
@@ -113,7 +116,17 @@ impl Default for TrialTable {
     fn default() -> Self {
         let Phases { calibrate_s, preroll_s, run_s, decay_s } = Phases::default();
         let [calibrate, preroll, run, decay] = [calibrate_s, preroll_s, run_s, decay_s].map(no_span);
-        Self { calibrate, preroll, run, decay, reverse: None, hand_turn: None, phase_deg: None, phases: None }
+        Self {
+            calibrate,
+            preroll,
+            run,
+            decay,
+            reverse: None,
+            hand_turn: None,
+            phase_deg: None,
+            phases: None,
+            method: no_span(Method::Trial),
+        }
     }
 }
 
@@ -128,11 +141,12 @@ fn no_span_default<T: Default>() -> Spanned<T> {
 
 pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
     let source = Source { kind: &KIND, text, name };
-    let file: PlanFile = source.read()?;
+    let file: PlanFile = source.read().map_err(|error| if is_of_sweep(text) { sweep_only(&source) } else { error })?;
     let phases = phases(&file.trial, &source)?;
     let reverse = reverse(&file.trial, &source)?;
     let hand_turn = hand_turn(&file.trial, &source)?;
     let start = start(&file.trial, &source)?;
+    let method = method(&file.trial, &source)?;
     let session = file.session;
     let wrong = |span: Range<usize>, what: &str, cure: &str| Err(source.error(span, what, cure));
 
@@ -168,9 +182,20 @@ pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
         seed,
         trials: expand(&list, &source)?,
         board: file.board,
+        method,
         hand_turn,
         text: text.to_owned(),
     })
+}
+
+/// Returns whether this is the plan of a sweep.
+fn is_of_sweep(text: &str) -> bool {
+    toml::from_str::<toml::Table>(text).is_ok_and(|table| table.contains_key("vary"))
+}
+
+fn sweep_only(source: &Source) -> PlanError {
+    let at = source.text.find("[vary").unwrap_or_default();
+    source.error(at..at, "a plan with [vary] is that of a sweep", "run it with `biflag sweep`, or leave [vary] out")
 }
 
 fn phases(table: &TrialTable, source: &Source) -> Result<Phases, PlanError> {
@@ -209,6 +234,15 @@ fn hand_turn(table: &TrialTable, source: &Source) -> Result<Option<HandTurn>, Pl
         return Err(source.out_of_range(spanned.span(), "degrees", number(turn.degrees)));
     }
     Ok(Some(turn))
+}
+
+fn method(table: &TrialTable, source: &Source) -> Result<Method, PlanError> {
+    let method = *table.method.get_ref();
+    if method == Method::Steady && table.reverse.is_some() {
+        let what = "a steady state has no reversal";
+        return Err(source.error(table.method.span(), what, "leave out reverse, or method"));
+    }
+    Ok(method)
 }
 
 /// Most starting phases of a pair of speeds.

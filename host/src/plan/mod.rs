@@ -10,12 +10,13 @@
 
 pub mod board;
 mod error;
-mod expand;
-mod file;
+pub(crate) mod expand;
+pub(crate) mod file;
 mod hand_turn;
 pub mod robot;
 mod schedule;
-mod source;
+mod shipped;
+pub(crate) mod source;
 
 pub use board::BoardSettings;
 pub use error::PlanError;
@@ -24,7 +25,9 @@ pub use file::{MAX_PHASE_S, MIN_RUN_S};
 pub use hand_turn::{Axis, HandTurn};
 pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
 pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint};
+pub use shipped::Shipped;
 
+use biflag_log::Method;
 use protocol::units::CentiRpm;
 use serde::{Deserialize, Serialize};
 use sim::params::BUILT_IN;
@@ -70,6 +73,8 @@ pub struct Plan {
     pub trials: Vec<Trial>,
     /// Settings to write to the board before the first trial.
     pub board: BoardSettings,
+    /// How a model computes the trials.
+    pub method: Method,
     /// The turn that the user makes by hand during the run.
     pub hand_turn: Option<HandTurn>,
     /// The content of the file.
@@ -166,7 +171,7 @@ impl Default for Phases {
 }
 
 impl Plan {
-    /// Reads and checks a plan and the robot file that it names.
+    /// Reads and checks a plan and the robot file that it names: files, or those inside the program ([`Shipped`]).
     ///
     /// # Errors
     /// [`PlanError`].
@@ -174,8 +179,7 @@ impl Plan {
         let text = file::KIND.read(path)?;
         let mut plan = Self::parse(&text, &path.display().to_string())?;
         if !BUILT_IN.contains(&plan.robot.name.as_str()) {
-            let path = path.parent().unwrap_or(Path::new("")).join(&plan.robot.name);
-            plan.robot.text = robot::load(&path)?.text;
+            plan.robot.text = robot::load(&robot::named_by(path, &plan.robot.name))?.text;
         }
         Ok(plan)
     }

@@ -3,11 +3,11 @@
 //! Keys, units, defaults and sources stand beside the fields of [`sim::params::Robot`], and in
 //! `host/plans/robot-published.toml`. A key that is left out has its value of the robot `physical`.
 
-use super::PlanError;
 use super::source::{FileKind, Source, number};
+use super::{PlanError, Shipped};
 use biflag_log::RobotMeta;
 use sim::params::{BUILT_IN, Robot};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The built-in robot that is meant where none is named.
 pub const PHYSICAL: &str = "physical";
@@ -49,10 +49,19 @@ impl RobotFile {
 
 const KIND: FileKind = FileKind {
     noun: "robot file",
-    example: "host/plans/robot-published.toml has every key",
+    example: "`biflag plans robot-published` prints one with every key",
     tables: &["base", "flagellum", "fluid", "head", "tank", "joint", "contact", "solver", "glycerol"],
     help: |_| None,
 };
+
+/// Returns the path of the robot file that the plan at `plan` calls `name`: in the plan's folder, or inside the program.
+pub fn named_by(plan: &Path, name: &str) -> PathBuf {
+    let beside = plan.parent().unwrap_or(Path::new("")).join(name);
+    match Shipped::find(Path::new(name)) {
+        Some(_) if !beside.exists() => PathBuf::from(name),
+        _ => beside,
+    }
+}
 
 /// Returns the built-in robot of this name; reads and checks any other as a robot file, which must set something.
 ///
@@ -122,7 +131,7 @@ mod tests {
 
     #[test]
     fn every_mistake_is_named_with_its_line_and_its_cure() {
-        let toml = "a robot file is a TOML file in UTF-8; host/plans/robot-published.toml has every key";
+        let toml = "a robot file is a TOML file in UTF-8; `biflag plans robot-published` prints one with every key";
         let tables =
             "write one of `base`, `flagellum`, `fluid`, `head`, `tank`, `joint`, `contact`, `solver`, or leave it out";
         for (text, message, cure) in [

@@ -1,6 +1,6 @@
 //! A TOML file with its name: reads it into types, and describes every mistake in plain words with its line.
 
-use super::PlanError;
+use super::{PlanError, Shipped};
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, Error};
 use std::fmt::{Display, LowerExp};
@@ -14,7 +14,7 @@ use toml::de::{DeTable, DeValue};
 const LONGEST_FILE: u64 = 4 << 20;
 
 /// A kind of file, and the meaning of its keys.
-pub(super) struct FileKind {
+pub(crate) struct FileKind {
     /// The word for the file in messages.
     pub noun: &'static str,
     /// A hint at an example.
@@ -26,7 +26,7 @@ pub(super) struct FileKind {
 }
 
 /// A file's text and name.
-pub(super) struct Source<'a> {
+pub(crate) struct Source<'a> {
     pub kind: &'static FileKind,
     pub text: &'a str,
     /// The name of the file in messages.
@@ -34,10 +34,15 @@ pub(super) struct Source<'a> {
 }
 
 impl FileKind {
-    /// Reads the text of a file of this kind.
+    /// Reads the text of a file of this kind: the file at `path`, or else the one of this name inside the program.
     pub fn read(&self, path: &Path) -> Result<String, PlanError> {
         let mut text = String::new();
         let read = File::open(path).and_then(|file| file.take(LONGEST_FILE + 1).read_to_string(&mut text));
+        if read.as_ref().is_err_and(|error| matches!(error.kind(), ErrorKind::NotFound | ErrorKind::IsADirectory))
+            && let Some(file) = Shipped::find(path)
+        {
+            return Ok(file.text.to_owned());
+        }
         match read {
             Ok(length) if length as u64 <= LONGEST_FILE => Ok(text),
             Err(source) if source.kind() != ErrorKind::InvalidData => {
@@ -246,7 +251,7 @@ fn without_unit(value: &str) -> Option<&str> {
 }
 
 /// Formats a number for a message: very large and very small ones in scientific notation.
-pub(super) fn number<T: Into<f64> + Copy + Display + LowerExp>(value: T) -> String {
+pub(crate) fn number<T: Into<f64> + Copy + Display + LowerExp>(value: T) -> String {
     let size = value.into().abs();
     if size.is_finite() && size != 0.0 && !(1e-4..1e7).contains(&size) {
         format!("{value:e}")
@@ -257,7 +262,7 @@ pub(super) fn number<T: Into<f64> + Copy + Display + LowerExp>(value: T) -> Stri
 
 /// A list of `N` values; serde itself ignores surplus values of an array.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Exactly<T, const N: usize>(pub [T; N]);
+pub(crate) struct Exactly<T, const N: usize>(pub [T; N]);
 
 impl<'de, T: Deserialize<'de>, const N: usize> Deserialize<'de> for Exactly<T, N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -267,7 +272,7 @@ impl<'de, T: Deserialize<'de>, const N: usize> Deserialize<'de> for Exactly<T, N
 }
 
 /// For `#[serde(deserialize_with)]` on an optional array.
-pub(super) fn optional_array<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
+pub(crate) fn optional_array<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
     deserializer: D,
 ) -> Result<Option<[T; N]>, D::Error> {
     Ok(Option::<Exactly<T, N>>::deserialize(deserializer)?.map(|list| list.0))

@@ -149,13 +149,24 @@ fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, ReportErr
         Some(view) => view,
         None => view(log, ByteBudget::of_trials(1))?,
     };
+    put(out, &page_of_log(&view), 1, view.warnings.len())
+}
+
+/// Returns the page of a log as text, within the budget of a page with so many trials.
+///
+/// # Errors
+/// [`LogError`].
+pub fn html(log: &Path, trials: usize) -> Result<String, LogError> {
+    Ok(printable(&page_of_log(&view(log, ByteBudget::of_trials(trials))?).0))
+}
+
+fn page_of_log(view: &View) -> Markup {
     let id = session_page::anchor(0);
     let body = html! {
-        main { (trial_section::section(&view, &id, false)) }
-        (footer(&view))
+        main { (trial_section::section(view, &id, false)) }
+        (footer(view))
     };
-    let page = document::page(&trial_section::title(&view), "one", &body, &data(&view, &id));
-    put(out, &page, 1, view.warnings.len())
+    document::page(&trial_section::title(view), "one", &body, &data(view, &id))
 }
 
 fn of_session(

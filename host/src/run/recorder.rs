@@ -1,7 +1,8 @@
 //! Records a running trial, of the rig or of a model, into its log and into memory.
 
 use crate::attitude::{Leveller, RestForce, rotation};
-use crate::draw;
+use crate::draw::{self, Drawing};
+use crate::plan::RobotFile;
 use crate::run::rig::preflight::AtRest;
 use crate::trial::{Angles, Collector, Records, Want, Zeroed};
 use biflag_log::schema::biflag::Quaternion;
@@ -14,6 +15,7 @@ use nalgebra::UnitQuaternion;
 use protocol::units::{Count, STANDARD_GRAVITY_MPS2};
 use protocol::{Calibration, Settings, State, TICK_HZ, Telemetry};
 use sim::sample::Sample;
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -33,7 +35,14 @@ pub struct Recorder {
     leveller: Option<Leveller>,
     /// Proportional gain of the board's attitude filter, 1/s.
     filter_gain: f64,
+    /// Draws the robot for viewers.
+    drawing: Option<Drawing>,
+    /// Frames of the board so far.
+    frames: u32,
 }
+
+/// Frames from one drawing of a robot without a model to the next: 20 drawings a second.
+const FRAMES_A_DRAWING: u32 = TICK_HZ as u32 / 20;
 
 impl Recorder {
     /// Starts a log at `path`, which must not exist. `settings` are those of the board; `time` is the host's clock.
@@ -51,6 +60,8 @@ impl Recorder {
             clipped: None,
             leveller: None,
             filter_gain: settings.attitude_kp.into(),
+            drawing: RobotFile::of_log(Some(start.robot.clone())).parse().ok().map(|robot| Drawing::new(&robot)),
+            frames: 0,
         })
     }
 
@@ -59,11 +70,16 @@ impl Recorder {
         self.log.tap(tap);
     }
 
-    /// Records a frame of the board. `board_time_us` is the board's clock, unwrapped.
+    /// Records a frame of the board. `board_time_us` is the board's clock, unwrapped. Returns the attitude for viewers.
     ///
     /// # Errors
     /// [`LogError::Write`].
-    pub fn frame(&mut self, frame: &Telemetry, board_time_us: u64, host: SystemTime) -> Result<(), LogError> {
+    pub fn frame(
+        &mut self,
+        frame: &Telemetry,
+        board_time_us: u64,
+        host: SystemTime,
+    ) -> Result<UnitQuaternion<f64>, LogError> {
         let time_s = self.log.board_time(board_time_us, host) as f64 * 1e-6;
         let message = self.converter.telemetry(frame, board_time_us, time_s);
         if frame.state == State::Running {
@@ -75,7 +91,17 @@ impl Recorder {
         self.collect(|collector| collector.telemetry(&message));
         self.log.message(&message, host)?;
         let attitude = self.levelled(message.attitude.unwrap_or_default(), time_s);
-        self.log.message(&draw::attitude(&attitude, self.log.time_ns(time_s)), host)
+        let log_time_ns = self.log.time_ns(time_s);
+        self.log.message(&draw::attitude(&attitude, log_time_ns), host)?;
+        // A model has the shape of the flagella; otherwise only their angles are known.
+        if let (Some(drawing), None) = (&self.drawing, &self.records.model)
+            && self.frames.is_multiple_of(FRAMES_A_DRAWING)
+        {
+            let angles = [&message.motor1, &message.motor2].map(|motor| motor.as_ref().map_or(0.0, |m| m.turns * TAU));
+            self.log.message(&drawing.rigid(log_time_ns, angles), host)?;
+        }
+        self.frames = self.frames.wrapping_add(1);
+        Ok(attitude)
     }
 
     fn collect(&mut self, add: impl FnOnce(&mut Collector)) {
@@ -92,11 +118,11 @@ impl Recorder {
         }
     }
 
-    /// Records the unrounded state of a modelled robot. `rod_radius_m` is the radius of the flagella's rods.
+    /// Records the unrounded state of a modelled robot.
     ///
     /// # Errors
     /// [`LogError::Write`].
-    pub fn sample(&mut self, state: &Sample, rod_radius_m: f64, host: SystemTime) -> Result<(), LogError> {
+    pub fn sample(&mut self, state: &Sample, host: SystemTime) -> Result<(), LogError> {
         let (truth, forces) = (sample::truth(state), sample::forces(state));
         self.collect(|collector| collector.truth(&truth));
         self.log.message_at(state.time_s, &truth, host)?;
@@ -105,7 +131,9 @@ impl Recorder {
             self.log.message_at(state.time_s, &nodes, host)?;
             // Viewers need the same clock as that of the attitude to place the flagella.
             let log_time_ns = self.log.time_ns(state.time_s);
-            self.log.message_at(state.time_s, &draw::scene(log_time_ns, lines, rod_radius_m), host)?;
+            if let Some(drawing) = &self.drawing {
+                self.log.message_at(state.time_s, &drawing.deformed(log_time_ns, lines), host)?;
+            }
             self.log.message_at(state.time_s, &draw::points(log_time_ns, lines), host)?;
         }
         Ok(())

@@ -292,8 +292,13 @@ fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
 /// Returns the default folder of a plan's session: the plan's name, with characters replaced that do not suit a
 /// folder's name.
 pub fn default_folder(plan: &Plan) -> PathBuf {
+    folder_named(&plan.name)
+}
+
+/// Returns a folder's path from a plan's name, which may hold anything.
+pub fn folder_named(name: &str) -> PathBuf {
     let fit = |c: char| if c.is_alphanumeric() || "-_+.".contains(c) { c } else { '-' };
-    let name: String = plan.name.chars().map(fit).take(60).collect();
+    let name: String = name.chars().map(fit).take(60).collect();
     let name = name.trim_matches(['.', '-']);
     PathBuf::from(if name.is_empty() { "session" } else { name })
 }

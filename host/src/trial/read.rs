@@ -12,28 +12,26 @@ impl Data {
     /// # Errors
     /// [`LogError`] if the file is not a biflag log or cannot be read.
     pub fn read(path: &Path, want: Want) -> Result<Self, LogError> {
+        let reader = Reader::open(path)?;
+        let format = reader.meta().map_or(FORMAT, |identity: Identity| identity.format);
         let mut channels = vec!["/telemetry", "/event", "/truth", "/dropout", "/command"];
         if want.forces {
             channels.push("/forces");
         }
         if want.shapes > 0 {
-            channels.extend(["/nodes", "/flagella"]);
+            // Logs of format 1 contain the flagella only as lines for viewers.
+            channels.push(if format == 1 { "/flagella" } else { "/nodes" });
         }
-        let mut reader = Reader::open(path)?.only(channels);
+        let mut reader = reader.only(channels);
         if want.hash {
             reader = reader.hashing();
         }
-        let format = reader.meta().map_or(FORMAT, |identity: Identity| identity.format);
         let mut collector = Collector::new(want, format);
-        let (mut clock, mut has_nodes) = (TrialClock::default(), false);
+        let mut clock = TrialClock::default();
         for message in reader.by_ref() {
             let message = message?;
             clock.see(&message);
-            has_nodes |= matches!(message.body, Body::Nodes(_));
-            // Logs of format 1 contain the flagella only as lines for viewers.
-            if !(has_nodes && matches!(message.body, Body::Flagella(_))) {
-                take(&mut collector, &message, clock.time_s(&message));
-            }
+            take(&mut collector, &message, clock.time_s(&message));
         }
         let mut data = collector.finish(path, Records::of(&reader));
         data.channels = reader.counts().clone();

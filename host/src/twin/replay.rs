@@ -34,6 +34,8 @@ pub struct Settings {
     pub any_rate: bool,
     /// Number of trials computed in parallel.
     pub jobs: usize,
+    /// Whether nothing is printed.
+    pub quiet: bool,
 }
 
 /// A trial and its replay.
@@ -112,7 +114,8 @@ pub fn replay<T: Send>(
     };
     let robot_of_plan = settings.robot.clone().unwrap_or_else(|| source.plan.robot.clone());
     let plan = Plan { robot: robot_of_plan, ..source.plan.clone() };
-    let progress = Progress::new(source.logs.iter().map(|(trial, _)| trial.phases.total_s()).sum());
+    let total_s = source.logs.iter().map(|(trial, _)| trial.phases.total_s()).sum();
+    let progress = if settings.quiet { Progress::quiet() } else { Progress::new(total_s) };
     progress.phase(&crate::text::count(source.logs.len(), "replay"), &format!("{} at a time", settings.jobs));
     let progress = Mutex::new(progress);
     let batch = Batch::new(session, &progress, interrupted);

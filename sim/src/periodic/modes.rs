@@ -8,7 +8,7 @@
 use super::slow::{COORDINATES, Slow};
 use nalgebra::SMatrix;
 
-type Map = SMatrix<f64, COORDINATES, COORDINATES>;
+pub type Map = SMatrix<f64, COORDINATES, COORDINATES>;
 
 /// Time constant of directions in which no difference was seen, s.
 const ASSUMED_S: f64 = 6.0;
@@ -47,10 +47,9 @@ impl Modes {
         now.try_inverse().map_or(Map::identity(), |inverse| ahead * inverse)
     }
 
-    /// Returns the Newton step of a period of this many intervals that has changed the coordinates by `change`: not finite
-    /// where a direction does not decay.
-    pub fn newton(&self, intervals: usize, change: Slow) -> Slow {
-        let period = self.map().pow(intervals as u32);
-        (Map::identity() - period).try_inverse().map_or(Slow::repeat(f64::NAN), |inverse| inverse * change)
+    /// Returns what makes of the change that a period of this many intervals makes the Newton step; `None` where a
+    /// direction does not decay.
+    pub fn newton(&self, intervals: usize) -> Option<Map> {
+        (Map::identity() - self.map().pow(intervals as u32)).try_inverse()
     }
 }

@@ -13,7 +13,7 @@
 //!
 //! `preconditioner` has the frozen inverses that correct a flagellum in a sweep, as `panels` or `factors`; `inverses` chooses
 //! the shapes they are built at, `corotated` takes them along with the flagellum, `compliance` makes of them the response to
-//! contact, and `anderson` accelerates slow iterations. `model` is what never
+//! contact, and `crate::anderson` accelerates slow iterations. `model` is what never
 //! changes about a robot. The flow between the rods and the base's rate are inside the iteration: extrapolating either is
 //! unstable at every step.
 //!
@@ -40,7 +40,6 @@
 //! `perf report --children --no-inline -g none`; the rest is spread over the sweep itself.
 
 mod accept;
-mod anderson;
 mod body;
 mod compliance;
 mod contact;

@@ -1,6 +1,5 @@
 //! The sweeps of a step: flagellum 1, flagellum 2, contact, base, until all of them agree.
 
-use super::anderson::Anderson;
 use super::body::BodySolve;
 use super::contact::{ContactChange, Contacts};
 use super::converge::{Changes, Convergence, SweepErrors, Verdict};
@@ -9,6 +8,7 @@ use super::model::Model;
 use super::problem::StepProblem;
 use super::report::StepFailure;
 use super::unknowns;
+use crate::anderson::Anderson;
 use crate::body::Body;
 use crate::fluid::Line;
 use crate::fluid::far::Sources;

@@ -5,8 +5,9 @@ mod session;
 
 use super::{Answer, Outcome, settings};
 use crate::link::{self, Link, LinkError};
+use crate::program::FULL_VERSION;
 use crate::run::rig::board_copy::BoardCopies;
-use crate::run::rig::{VirtualNano, commit_text, fault_log, preflight, source_folder};
+use crate::run::rig::{Image, VirtualNano, commit_text, fault_log, in_repository, preflight, source_folder};
 use miette::Diagnostic;
 use serde::Serialize;
 use std::fmt::Write;
@@ -69,8 +70,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         return Err(error.into());
     }
     let tools = [
-        ("biflag", Ok(format!("{}, protocol {}", env!("CARGO_PKG_VERSION"), protocol::VERSION))),
-        ("AVR toolchain", toolchain()),
+        ("biflag", Ok(format!("{FULL_VERSION}, protocol {}", protocol::VERSION))),
+        firmware_source(),
         ("avrdude", avrdude()),
         ("emulated board", emulated_board()),
     ];
@@ -108,6 +109,16 @@ fn check(name: String, finding: Finding) -> Check {
     match finding {
         Ok(detail) => Check { name, ok: true, detail, cure: String::new() },
         Err((detail, cure)) => Check { name, ok: false, detail, cure },
+    }
+}
+
+/// Returns the check of where the board's firmware comes from: a toolchain in the repository, otherwise this program.
+fn firmware_source() -> (&'static str, Finding) {
+    match Image::embedded_commit() {
+        Some((git_hash, git_dirty)) if !in_repository() => {
+            ("firmware", Ok(format!("{}, inside biflag", commit_text(git_hash, git_dirty))))
+        }
+        _ => ("AVR toolchain", toolchain()),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The arguments of `biflag simulate`.
 
-use super::super::options::{ClosureName, pair};
+use super::super::options::{ClosureName, MethodName, Shard, pair, shard};
 use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
 use protocol::units::CentiRpm;
 use std::path::PathBuf;
@@ -10,14 +10,15 @@ use std::path::PathBuf;
 #[command(
     override_usage = "biflag simulate [OPTIONS] <PLAN>\n       biflag simulate [OPTIONS] --speeds <W1,W2> --duration <S>\n       biflag simulate [OPTIONS] --from <LOG|SESSION>",
     after_help = "Examples:\n  \
-    biflag simulate host/plans/published-points.toml --out points\n  \
+    biflag simulate published-points --out points\n  \
     biflag simulate --speeds=-90,90 --duration 120 --closure lumped\n  \
     biflag simulate --speeds 90,90 --phase 0,90 --duration 120\n  \
+    biflag simulate --speeds 37,53 --duration 120 --method steady\n  \
     biflag simulate --from glycerin --robot fitted.toml --out fitted\n\
     The logs do not depend on --jobs, --shard or interruptions."
 )]
 pub struct Args {
-    /// The plan: a TOML file (see `biflag record --help` for an example).
+    /// The plan: a TOML file (see `biflag record --help` for an example), or the name of one inside biflag (`biflag plans`).
     #[arg(
         required_unless_present_any = ["speeds", "duration", "from"],
         conflicts_with_all = ["speeds", "duration", "phase", "from"]
@@ -35,6 +36,13 @@ pub struct Args {
     /// Angles of motors 1 and 2 at the start of the run at these speeds, in degrees, such as `0,90`; by default 0,0.
     #[arg(long, value_name = "DEG,DEG", value_parser = phase, allow_hyphen_values = true, requires = "speeds")]
     pub phase: Option<StartAngles>,
+    /// `trial` simulates each trial; `steady` solves for the motion that it ends in, several times faster.
+    ///
+    /// By default that of the plan, or `trial`. With `steady` the log has one period of the motion, as a trial without other
+    /// phases; where the motion is not found to repeat, the whole trial is simulated. `kind` in the output says which:
+    /// `steady`, `beating` (the means of the trial's last two windows agree) or `not_found`.
+    #[arg(long, value_enum, conflicts_with = "from")]
+    pub method: Option<MethodName>,
     /// Coupling of the flagella to the base: `full`, with forces in both directions; `lumped`, the published couples
     /// with reaction torques; or `paper`, the equations as printed, whose yaw never settles.
     ///
@@ -100,18 +108,4 @@ fn duration(text: &str) -> Result<f64, String> {
 fn rate(text: &str) -> Result<f64, String> {
     let hertz: f64 = text.parse().map_err(|_| "give samples per second")?;
     if (0.01..=1000.0).contains(&hertz) { Ok(hertz) } else { Err("give 0.01 to 1000 samples per second".into()) }
-}
-
-/// Every `of`-th trial, starting with `first`, counted from 0.
-#[derive(Clone, Copy, Debug)]
-pub struct Shard {
-    pub first: usize,
-    pub of: usize,
-}
-
-fn shard(text: &str) -> Result<Shard, String> {
-    let form = "give the number of the shard and the number of shards, such as 1/8";
-    let (number, of) = text.split_once('/').ok_or(form)?;
-    let (number, of): (usize, usize) = (number.parse().map_err(|_| form)?, of.parse().map_err(|_| form)?);
-    if (1..=of).contains(&number) { Ok(Shard { first: number - 1, of }) } else { Err(form.into()) }
 }

@@ -6,6 +6,8 @@ use crate::text;
 use biflag_log::SteadyMeta;
 use protocol::units::CentiRpm;
 use serde::Serialize;
+use sim::contact::bundling::Bundling;
+use sim::periodic::Kind;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -120,12 +122,23 @@ impl fmt::Display for SimulatedTrial {
         let [yaw, pitch, roll] = [yaw_deg, pitch_deg, roll_deg].map(|deg| text::decimal(*deg, 2));
         write!(f, ": yaw {yaw}°, pitch {pitch}°, roll {roll}°")?;
         match steady.settled {
+            _ if steady.kind == Some(Kind::Steady) => {}
             true => write!(f, ", settled after {settle_s:.0} s")?,
             false => write!(f, ", not settled")?,
         }
         if let Some(wall_s) = self.wall_s {
             write!(f, "; {:.0} times real time", steady.simulated_s / wall_s)?;
         }
-        Ok(())
+        write!(f, "{}", bundling(steady))
     }
+}
+
+/// Describes when the flagella came together and parted, on a line of its own; empty if they never bundled.
+fn bundling(steady: &SteadyMeta) -> String {
+    let changes = &steady.bundling_changes;
+    if changes.iter().all(|change| change.bundling != Bundling::Bundled) {
+        return String::new();
+    }
+    let parts = changes.iter().map(|change| format!("{} from {:.1} s", text::word(&change.bundling), change.time_s));
+    format!("\n  the flagella are {}", parts.collect::<Vec<_>>().join(", "))
 }

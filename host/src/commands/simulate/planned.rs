@@ -1,8 +1,8 @@
 //! `biflag simulate PLAN`: simulates the trials of a plan, or one pair of speeds.
 
-use super::super::options::cores;
+use super::super::options::{Shard, cores};
 use super::super::{Answer, Outcome, WRONG_USE};
-use super::args::{Args, Shard, Speeds, StartAngles};
+use super::args::{Args, Speeds, StartAngles};
 use super::output::{Row, Simulated, SimulatedTrial};
 use crate::plan::robot;
 use crate::plan::{Plan, Trial};
@@ -12,7 +12,7 @@ use crate::run::model::{Batch, Course, Job, Model, ModelError, note_on_phases};
 use crate::session::{self, Session, SessionError, Sharing};
 use crate::signals::interruption;
 use crate::text;
-use biflag_log::{Identity, ModelMeta, Origin};
+use biflag_log::{Identity, Method, ModelMeta, Origin};
 use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
 use sim::trial::Options;
@@ -106,6 +106,13 @@ fn plan(args: &Args) -> miette::Result<Plan> {
     if let Some(path) = &args.robot {
         plan.robot = robot::load(path)?;
     }
+    if let Some(method) = args.method {
+        plan.method = method.into();
+    }
+    if plan.method == Method::Steady && plan.trials.iter().any(|trial| trial.reverse.is_some()) {
+        let help = "leave out --method, or reverse in the plan";
+        return Err(miette::miette!(code = WRONG_USE, help = help, "a steady state has no reversal"));
+    }
     Ok(plan)
 }
 
@@ -159,6 +166,8 @@ fn computed_before(trial: &Trial, log: &Path, model: &Model) -> miette::Result<S
 fn difference(then: &ModelMeta, now: &ModelMeta) -> String {
     if then.closure != now.closure {
         format!("the closure {}", format!("{:?}", then.closure).to_lowercase())
+    } else if then.method != now.method {
+        format!("the method {}", format!("{:?}", then.method).to_lowercase())
     } else if then.rate_hz != now.rate_hz {
         format!("{} samples per second", then.rate_hz)
     } else if then.shapes != now.shapes {

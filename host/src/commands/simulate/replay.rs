@@ -50,6 +50,7 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
         options: Options { rate_hz: args.rate, shapes: args.shapes },
         any_rate: false,
         jobs: args.jobs.map_or_else(cores, usize::from),
+        quiet: false,
     };
     let folder = args.out.clone().unwrap_or_else(|| source.replay_folder());
     let session =

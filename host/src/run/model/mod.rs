@@ -14,10 +14,10 @@ mod trial;
 pub use batch::{Batch, Job, ModelRun};
 pub use error::ModelError;
 pub use phases::{PhaseMeans, note_on_phases};
-pub use trial::{Course, Watch};
+pub use trial::{Course, Watch, write_log};
 
 use crate::plan::Plan;
-use biflag_log::ModelMeta;
+use biflag_log::{Method, ModelMeta};
 use protocol::Settings;
 use protocol::units::AxisMap;
 use sim::body::closure::Closure;
@@ -48,16 +48,19 @@ impl Model {
     /// [`crate::plan::PlanError`], and [`crate::plan::board::BoardSettingsError`].
     pub fn of_plan(plan: &Plan, closure: Closure, options: Options) -> miette::Result<Self> {
         let robot = plan.robot.parse()?;
-        Ok(Self::new(robot, plan.board.apply(Settings::DEFAULT)?, closure, options))
+        let mut model = Self::new(robot, plan.board.apply(Settings::DEFAULT)?, closure, options);
+        model.meta.method = plan.method;
+        Ok(model)
     }
 
-    /// Creates the model of a checked robot. Its board has these settings, except for the sensor's axes and bias.
+    /// Creates the model of a checked robot, which computes whole trials. Its board has these settings, except for the sensor's axes and bias.
     pub fn new(robot: Robot, board: Settings, closure: Closure, options: Options) -> Self {
         // Numbers, flags, names and short lists all have a form in TOML.
         let parameters = toml::to_string(&robot).unwrap_or_default();
         let ideal = AxisMap::IDENTITY;
         let settings = Settings { gyro_axes: ideal, accel_axes: ideal, gyro_bias: [0.0; 3], ..board };
-        let meta = ModelMeta { closure, rate_hz: options.rate_hz, shapes: options.shapes, parameters };
+        let meta =
+            ModelMeta { closure, method: Method::Trial, rate_hz: options.rate_hz, shapes: options.shapes, parameters };
         Self { robot, closure, options, settings, meta }
     }
 

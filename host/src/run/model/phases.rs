@@ -56,6 +56,7 @@ impl PhaseMeans {
             contact_share: mean(&|s| s.contact_share),
             newton_iterations: phases.iter().map(|s| s.newton_iterations).sum(),
             simulated_s: phases.iter().map(|s| s.simulated_s).sum(),
+            kind: phases.iter().filter_map(|s| s.kind).max(),
         };
         let phase_spread_deg = angles.map(|angle| largest(&angle) - least(&angle));
         Self { name, w1_rpm, w2_rpm, phases: phases.len(), steady, phase_spread_deg }

@@ -5,11 +5,12 @@ use super::{Model, ModelError};
 use crate::plan::board;
 use crate::plan::{Change, Phase, Phases, Plan, Schedule, Setpoint, Trial};
 use crate::run;
-use biflag_log::{End, EventKind, LogError, Origin, ReplayMeta, SteadyMeta, Summary};
+use biflag_log::{End, EventKind, LogError, Method, Origin, ReplayMeta, SteadyMeta, Summary};
 use nalgebra::Vector3;
 use protocol::units::CentiRpm;
 use protocol::{Calibration, State, TICK_HZ};
 use sim::contact::history::{BundlingChange, BundlingHistory};
+use sim::periodic::{self, Kind, SolveError};
 use sim::profile::{self, SpeedProfile};
 use sim::sample::Sample;
 use sim::step::StepError;
@@ -47,7 +48,8 @@ impl Course {
     }
 }
 
-/// Computes a trial, writes its log to `path`, and ends it with the steady state. If the solver fails, the log's
+/// Computes a trial, writes its log to `path`, and ends it with the steady state. With [`Method::Steady`] the log has one
+/// period of the motion that the trial ends in, or the trial if none is found. If the solver fails, the log's
 /// summary states the reason; the log of an interrupted trial is left incomplete.
 pub(super) fn run(
     model: &Model,
@@ -57,46 +59,84 @@ pub(super) fn run(
     (attempt, path): (u32, &Path),
     watch: Watch,
 ) -> Result<SteadyMeta, ModelError> {
-    let profile = course.profile.clone();
-    let mut solved = sim::trial::Trial::new(&model.robot, model.closure, profile, model.options)?;
-    let board = IdealBoard::new(&model.robot, model.settings);
-    let board_meta = board::to_log(&board.info(), &model.settings);
-    let epoch = SystemTime::UNIX_EPOCH;
-    let start = run::start(plan, trial, attempt, Origin::Model, Some(board_meta), epoch);
-    let mut kept = run::Recorder::create(path, &start, model.settings, epoch)?;
-    kept.model(model.meta())?;
-    if let Some(replay) = &course.replay {
-        kept.log.meta(replay)?;
-    }
-    let mut recorder = Recorder {
-        trial: kept,
-        board,
-        rod_radius_m: model.robot.flagellum.rod_radius_m,
-        schedule: &course.schedule,
-        taken: 0,
-        bundling: BundlingHistory::default(),
-        index: 0,
-    };
-    let failure = match recorder.record(&mut solved, watch)? {
+    let Prepared { mut solved, trial, schedule, searched_s, found } = prepare(model, trial, course, watch)?;
+    let start_s = if found { solved.state().time } else { 0.0 };
+    let mut recorder =
+        Recorder::start(model, plan, &trial, (&schedule, course.replay.as_ref()), start_s, (attempt, path))?;
+    match recorder.record(solved.by_ref(), &|time_s| watch(searched_s + time_s))? {
         Flow::Interrupted => return Err(ModelError::Interrupted),
-        Flow::Failed(error) => Some(error),
-        Flow::Done => None,
-    };
-    let mut summary = Summary::default();
-    summary.link.samples = recorder.index;
-    if let Some(error) = failure {
-        summary.reason = error.to_string();
-        recorder.trial.finish(&mut summary)?;
-        return Err(ModelError::Step { trial: trial.name.clone(), error });
+        Flow::Failed(error) => {
+            let mut summary = Summary { reason: error.to_string(), ..Summary::default() };
+            recorder.finish(&mut summary)?;
+            return Err(ModelError::Step { trial: trial.name, error });
+        }
+        Flow::Done => {}
     }
-    let steady = SteadyMeta::new(&solved.summary(), std::mem::take(&mut recorder.bundling.changes));
-    recorder.trial.log.meta(&steady)?;
-    summary.end = End::Complete;
-    summary.yaw_deg = Some(steady.yaw_deg);
-    summary.pitch_deg = Some(steady.pitch_deg);
-    summary.roll_deg = Some(steady.roll_deg);
-    recorder.trial.finish(&mut summary)?;
+    let mut steady = recorder.steady(&solved.summary());
+    if model.meta().method == Method::Steady {
+        let kind = if found { Kind::Steady } else { Kind::of_trial(steady.settled) };
+        let settled = steady.settled || found;
+        steady = SteadyMeta { settled, simulated_s: searched_s + steady.simulated_s, kind: Some(kind), ..steady };
+        if found {
+            steady.settle_s = 0.0;
+        }
+    }
+    recorder.complete(&steady)?;
     Ok(steady)
+}
+
+/// Writes the log of a trial that was computed already to `path`, which must not exist.
+///
+/// # Errors
+/// [`ModelError::Log`].
+pub fn write_log(
+    model: &Model,
+    plan: &Plan,
+    trial: &Trial,
+    course: &Course,
+    (samples, summary): (&[Sample], &sim::trial::Summary),
+    path: &Path,
+) -> Result<(), ModelError> {
+    let mut recorder = Recorder::start(model, plan, trial, (&course.schedule, course.replay.as_ref()), 0.0, (1, path))?;
+    recorder.record(samples.iter().cloned().map(Ok), &|_| true)?;
+    let steady = recorder.steady(summary);
+    recorder.complete(&steady)?;
+    Ok(())
+}
+
+/// A trial before it is recorded.
+struct Prepared {
+    solved: sim::trial::Trial,
+    /// The trial that the log has: of a motion that repeats it has one period.
+    trial: Trial,
+    schedule: Schedule,
+    /// Time that was simulated before, s.
+    searched_s: f64,
+    /// Whether it is a motion that repeats.
+    found: bool,
+}
+
+/// Prepares a trial, or the period of the motion that it ends in.
+fn prepare(model: &Model, trial: &Trial, course: &Course, watch: Watch) -> Result<Prepared, ModelError> {
+    let mut searched_s = 0.0;
+    if model.meta().method == Method::Steady {
+        let (speeds, start) = (trial.speeds.map(CentiRpm::rpm), trial.phase_deg.unwrap_or_default());
+        let search = periodic::search(&model.robot, model.closure, speeds, start.map(f64::to_radians), watch);
+        let search = search.map_err(|error| match error {
+            SolveError::Interrupted => ModelError::Interrupted,
+            error => ModelError::Steady { trial: trial.name.clone(), error },
+        })?;
+        searched_s = search.simulated_s;
+        if let Some(orbit) = search.orbit {
+            let phases = Phases { calibrate_s: 0.0, preroll_s: 0.0, run_s: orbit.period_s, decay_s: 0.0 };
+            let trial = Trial { phases, ..trial.clone() };
+            let (solved, schedule) = (orbit.into_trial(model.options), Schedule::planned(&trial));
+            return Ok(Prepared { solved, trial, schedule, searched_s, found: true });
+        }
+    }
+    let profile = course.profile.clone();
+    let solved = sim::trial::Trial::new(&model.robot, model.closure, profile, model.options)?;
+    Ok(Prepared { solved, trial: trial.clone(), schedule: course.schedule.clone(), searched_s, found: false })
 }
 
 /// How the recording ended.
@@ -109,8 +149,9 @@ enum Flow {
 struct Recorder<'a> {
     trial: run::Recorder,
     board: IdealBoard,
-    rod_radius_m: f64,
     schedule: &'a Schedule,
+    /// Time of the solver at the start of the trial, s.
+    start_s: f64,
     /// Number of events that have passed.
     taken: usize,
     bundling: BundlingHistory,
@@ -118,15 +159,64 @@ struct Recorder<'a> {
     index: u64,
 }
 
-impl Recorder<'_> {
-    fn record(&mut self, solved: &mut sim::trial::Trial, watch: Watch) -> Result<Flow, LogError> {
-        let mut samples = solved.by_ref().peekable();
+impl<'a> Recorder<'a> {
+    fn start(
+        model: &Model,
+        plan: &Plan,
+        trial: &Trial,
+        (schedule, replay): (&'a Schedule, Option<&ReplayMeta>),
+        start_s: f64,
+        (attempt, path): (u32, &Path),
+    ) -> Result<Self, LogError> {
+        let board = IdealBoard::new(&model.robot, model.settings);
+        let board_meta = board::to_log(&board.info(), &model.settings);
+        let epoch = SystemTime::UNIX_EPOCH;
+        let start = run::start(plan, trial, attempt, Origin::Model, Some(board_meta), epoch);
+        let mut kept = run::Recorder::create(path, &start, model.settings, epoch)?;
+        kept.model(model.meta())?;
+        if let Some(replay) = replay {
+            kept.log.meta(replay)?;
+        }
+        Ok(Self { trial: kept, board, schedule, start_s, taken: 0, bundling: BundlingHistory::default(), index: 0 })
+    }
+
+    /// Returns the steady state of what was recorded.
+    fn steady(&mut self, computed: &sim::trial::Summary) -> SteadyMeta {
+        SteadyMeta::new(computed, std::mem::take(&mut self.bundling.changes))
+    }
+
+    /// Ends the log with the steady state.
+    fn complete(mut self, steady: &SteadyMeta) -> Result<(), LogError> {
+        self.trial.log.meta(steady)?;
+        let mut summary = Summary {
+            end: End::Complete,
+            yaw_deg: Some(steady.yaw_deg),
+            pitch_deg: Some(steady.pitch_deg),
+            roll_deg: Some(steady.roll_deg),
+            ..Summary::default()
+        };
+        self.finish(&mut summary)
+    }
+
+    fn finish(self, summary: &mut Summary) -> Result<(), LogError> {
+        summary.link.samples = self.index;
+        self.trial.finish(summary)?;
+        Ok(())
+    }
+
+    fn record(
+        &mut self,
+        samples: impl Iterator<Item = Result<Sample, StepError>>,
+        watch: Watch,
+    ) -> Result<Flow, LogError> {
+        let mut samples = samples.peekable();
         let mut before: Option<(f64, Vector3<f64>)> = None;
         while let Some(sample) = samples.next() {
             let sample = match sample {
                 Ok(sample) => sample,
                 Err(error) => return Ok(Flow::Failed(error)),
             };
+            let sample = Sample { time_s: sample.time_s - self.start_s, ..sample };
             if !watch(sample.time_s.max(0.0)) {
                 return Ok(Flow::Interrupted);
             }
@@ -137,7 +227,7 @@ impl Recorder<'_> {
             let sample = Sample { time_s: sample.time_s.max(0.0), ..sample };
             let now = (sample.time_s, Vector3::from(sample.rate_rad_s));
             let after = samples.peek().and_then(|next| next.as_ref().ok());
-            let after = after.map(|next| (next.time_s, Vector3::from(next.rate_rad_s)));
+            let after = after.map(|next| (next.time_s - self.start_s, Vector3::from(next.rate_rad_s)));
             self.keep(&sample, change(before.unwrap_or(now), after.unwrap_or(now)))?;
             before = Some(now);
         }
@@ -156,7 +246,7 @@ impl Recorder<'_> {
         let frame = self.board.telemetry(self.index, sample, angular_acceleration, setpoint);
         let host = instant(sample.time_s);
         self.trial.frame(&frame, IdealBoard::clock_us(sample.time_s), host)?;
-        self.trial.sample(sample, self.rod_radius_m, host)?;
+        self.trial.sample(sample, host)?;
         self.index += 1;
         Ok(())
     }

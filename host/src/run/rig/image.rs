@@ -1,18 +1,22 @@
-//! Firmware images: builds them, and reads the commit that they were built from.
+//! Firmware images: where they come from, and the commit that they were built from.
 
 use miette::Diagnostic;
 use std::fmt;
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use tempfile::TempPath;
 use thiserror::Error;
 
 /// Marker in the image, followed by the first eight digits of the commit, a `+` or a space for a working tree with or
 /// without changes, and the version of the protocol.
 const MARKER: &[u8] = b"biflag-firmware:";
 
+/// The image inside this program; empty if the program was built without one.
+const EMBEDDED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/firmware.elf"));
+
 /// A firmware image.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Image {
     /// The ELF file.
     pub elf: PathBuf,
@@ -20,6 +24,8 @@ pub struct Image {
     pub git_hash: [u8; 4],
     /// Whether the working tree had changes.
     pub git_dirty: bool,
+    /// Removes the file of the image inside the program when it is no longer used.
+    _temporary: Option<TempPath>,
 }
 
 /// Why there is no firmware image.
@@ -38,10 +44,14 @@ pub enum ImageError {
     #[error("{0}: is not a firmware image of the robot")]
     #[diagnostic(code(wrong_use), help("leave out --firmware to build the right one"))]
     NotOurs(PathBuf),
-    /// The firmware's source is missing.
-    #[error("{0}: the firmware's source is missing")]
-    #[diagnostic(help("run the biflag that was built in the repository, or name an image with --firmware"))]
+    /// The program has no image, and the firmware's source is missing.
+    #[error("this biflag was built without a firmware image, and the firmware's source is not in {0}")]
+    #[diagnostic(help("build biflag with `make build`, or name an image with --firmware"))]
     NoSource(PathBuf),
+    /// The image inside the program could not be written to a file.
+    #[error("the firmware image cannot be written to a temporary file")]
+    #[diagnostic(help("make room in the folder for temporary files, or set TMPDIR to another one"))]
+    NotWritten(#[source] io::Error),
     /// The build failed.
     #[error("building the firmware failed: {0}")]
     #[diagnostic(help("run `make setup` in the repository, then `sh firmware/build.sh`"))]
@@ -56,7 +66,32 @@ impl Image {
     pub fn read(elf: &Path) -> Result<Self, ImageError> {
         let bytes = std::fs::read(elf).map_err(|source| ImageError::Unreadable { path: elf.to_owned(), source })?;
         let (git_hash, git_dirty) = marked_commit(&bytes).ok_or_else(|| ImageError::NotOurs(elf.to_owned()))?;
-        Ok(Self { elf: elf.to_owned(), git_hash, git_dirty })
+        Ok(Self { elf: elf.to_owned(), git_hash, git_dirty, _temporary: None })
+    }
+
+    /// Returns the image that belongs to this program: built from source if the program is in its repository, otherwise the
+    /// one inside the program.
+    ///
+    /// # Errors
+    /// As [`Image::build`], or [`ImageError::NotWritten`].
+    pub fn of_program() -> Result<Self, ImageError> {
+        match Self::embedded_commit() {
+            Some(commit) if !in_repository() => Self::extract(commit).map_err(ImageError::NotWritten),
+            _ => Self::build(),
+        }
+    }
+
+    /// Returns the commit of the image inside the program.
+    pub fn embedded_commit() -> Option<([u8; 4], bool)> {
+        marked_commit(EMBEDDED)
+    }
+
+    /// Writes the image inside the program to a temporary file.
+    fn extract((git_hash, git_dirty): ([u8; 4], bool)) -> io::Result<Self> {
+        let mut file = tempfile::Builder::new().prefix("biflag-firmware-").suffix(".elf").tempfile()?;
+        file.write_all(EMBEDDED)?;
+        let path = file.into_temp_path();
+        Ok(Self { elf: path.to_path_buf(), git_hash, git_dirty, _temporary: Some(path) })
     }
 
     /// Builds the image from source. This is quick if nothing changed.
@@ -99,6 +134,15 @@ pub fn commit_text(git_hash: [u8; 4], git_dirty: bool) -> String {
     digits + if git_dirty { "+" } else { "" }
 }
 
+/// Returns whether this program is in the repository that it was built in, and not a copy elsewhere.
+pub fn in_repository() -> bool {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("");
+    match (std::env::current_exe(), root.canonicalize()) {
+        (Ok(program), Ok(root)) => program.starts_with(root),
+        _ => false,
+    }
+}
+
 /// Returns the folder of the firmware's source in the repository that this program was built in.
 pub fn source_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("firmware")
@@ -121,6 +165,16 @@ mod tests {
         assert_eq!(marked_commit(b"biflag-firmware:00000000 1").unwrap(), ([0; 4], false));
         assert_eq!(marked_commit(b"biflag-firmware:c0ffee"), None);
         assert_eq!(marked_commit(b"another program"), None);
+    }
+
+    #[test]
+    fn the_image_inside_the_program_is_a_file_while_it_is_used() {
+        let commit = Image::embedded_commit().expect("an image, which `make build` puts into the program");
+        let image = Image::extract(commit).unwrap();
+        let elf = image.elf.clone();
+        assert_eq!(Image::read(&elf).unwrap().commit(), image.commit());
+        drop(image);
+        assert!(!elf.exists());
     }
 
     #[test]

@@ -7,6 +7,7 @@ pub mod fault_log;
 mod health;
 mod image;
 pub mod preflight;
+mod readout;
 mod recorder;
 mod schedule;
 pub mod self_test;
@@ -16,7 +17,7 @@ mod virtual_nano;
 
 pub use avrdude::{BOOTLOADER_BAUDS, FlashError, flash};
 pub use error::{RecordError, fault_cure, fault_text};
-pub use image::{Image, ImageError, commit_text, source_folder};
+pub use image::{Image, ImageError, commit_text, in_repository, source_folder};
 pub use simulated::SimulatedRobot;
 pub use trial::{RigRun, RunContext, run};
 pub use virtual_nano::{VirtualError, VirtualNano};

@@ -1,6 +1,7 @@
 //! Records everything that arrives over the link while a trial runs.
 
 use super::health::Health;
+use super::readout::Readout;
 use super::simulated::TruthRecorder;
 use super::{RecordError, fault_text};
 use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
@@ -59,6 +60,7 @@ pub(super) struct Recorder<'a> {
     pub(super) health: Health,
     /// Speeds over the last second.
     speeds: VecDeque<[CentiRpm; 2]>,
+    readout: Readout,
     interrupted: &'a AtomicBool,
     /// Records the ground truth of a simulated robot.
     truth: Option<TruthRecorder<'a>>,
@@ -90,6 +92,7 @@ impl<'a> Recorder<'a> {
             monitor: Monitor::default(),
             health: Health::default(),
             speeds: VecDeque::new(),
+            readout: Readout::default(),
             interrupted,
             truth,
             pending: None,
@@ -154,10 +157,14 @@ impl<'a> Recorder<'a> {
     }
 
     /// Records until the frame for which `ends` returns true, which belongs to the next phase. Returns it.
-    pub(super) fn record_until(&mut self, mut ends: impl FnMut(&Frame) -> bool) -> Result<Frame, RecordError> {
+    /// `ends` is also given the readout of the frames before.
+    pub(super) fn record_until(
+        &mut self,
+        mut ends: impl FnMut(&Frame, &Readout) -> bool,
+    ) -> Result<Frame, RecordError> {
         loop {
             let frame = self.pending_or_next()?;
-            if ends(&frame) {
+            if ends(&frame, &self.readout) {
                 self.pending = Some(frame);
                 return Ok(frame);
             }
@@ -286,9 +293,11 @@ impl<'a> Recorder<'a> {
         [0, 1].map(|motor| CentiRpm((sum(motor) / count) as i16))
     }
 
-    /// Measures the vertical while the robot hangs at rest.
+    /// Measures the vertical while the robot hangs at rest. The yaw of the readout is relative to this time.
     pub(super) fn level(&mut self) -> Result<(), RecordError> {
-        Ok(self.trial.level(SystemTime::now())?)
+        self.trial.level(SystemTime::now())?;
+        self.readout.zero_yaw();
+        Ok(())
     }
 
     /// Records an event at the current time.
@@ -382,7 +391,8 @@ impl<'a> Recorder<'a> {
             Arrival::Repeated => return Ok(()),
         }
         self.health.frame(&frame.telemetry);
-        self.trial.frame(&frame.telemetry, frame.board_us, frame.host)?;
+        let attitude = self.trial.frame(&frame.telemetry, frame.board_us, frame.host)?;
+        self.readout.frame(&attitude, &frame.telemetry, self.monitor.stats().lost);
         self.reached_us = Some(frame.board_us);
         if self.speeds.len() == usize::from(TICK_HZ) {
             self.speeds.pop_front();

@@ -4,7 +4,7 @@ use super::RecordError;
 use super::virtual_nano::{TruthSample, VirtualError, VirtualNano};
 use crate::plan::Plan;
 use crate::run::Recorder;
-use biflag_log::{ModelMeta, SensorMeta};
+use biflag_log::{Method, ModelMeta, SensorMeta};
 use miette::{IntoDiagnostic, WrapErr};
 use protocol::TICK_HZ;
 use sim::body::closure::Closure;
@@ -25,7 +25,6 @@ const TICK_US: u32 = 1_000_000 / TICK_HZ as u32;
 #[derive(Debug)]
 pub struct SimulatedRobot {
     nano: RefCell<VirtualNano>,
-    rod_radius_m: f64,
     /// The model's metadata, for the logs.
     pub model: ModelMeta,
     /// The sensor's errors, for the logs.
@@ -41,8 +40,9 @@ impl SimulatedRobot {
         let robot = plan.robot.parse()?;
         let parameters = toml::to_string(&robot).into_diagnostic().wrap_err("the robot's parameters")?;
         let sensor = SensorMeta { seed, ..nano.sensor().clone() };
-        let model = ModelMeta { closure: Closure::Full, rate_hz: RATE_HZ, shapes: true, parameters };
-        Ok(Self { nano: RefCell::new(nano), rod_radius_m: robot.flagellum.rod_radius_m, model, sensor })
+        let model =
+            ModelMeta { closure: Closure::Full, method: Method::Trial, rate_hz: RATE_HZ, shapes: true, parameters };
+        Ok(Self { nano: RefCell::new(nano), model, sensor })
     }
 }
 
@@ -91,7 +91,7 @@ impl<'a> TruthRecorder<'a> {
             }
             let Some(time_us) = until_us.saturating_add_signed(later_us).checked_sub(begun_us) else { continue };
             sample.time_s = time_us as f64 * 1e-6;
-            trial.sample(&sample, self.robot.rod_radius_m, host)?;
+            trial.sample(&sample, host)?;
         }
         Ok(())
     }

@@ -224,15 +224,23 @@ fn phases(
     Ok(())
 }
 
-/// Records until the frame for which `ends` returns true, showing the progress.
+/// Interval at which the figures of a trial are shown anew, on the board's clock, µs.
+const FIGURES_US: u64 = 200_000;
+
+/// Records until the frame for which `ends` returns true, showing the progress and the latest figures.
 fn record_until(
     recorder: &mut Recorder,
     context: &RunContext,
     ends: impl Fn(&Frame) -> bool,
 ) -> Result<Frame, RecordError> {
     let begun_us = recorder.begun_us();
-    recorder.record_until(|frame| {
+    let mut shown_us = 0;
+    recorder.record_until(|frame, readout| {
         context.progress.within(frame.board_us.saturating_sub(begun_us) as f64 * 1e-6);
+        if frame.board_us >= shown_us + FIGURES_US {
+            shown_us = frame.board_us;
+            context.progress.figures(&readout.to_string());
+        }
         ends(frame)
     })
 }

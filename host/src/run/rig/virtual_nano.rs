@@ -14,6 +14,9 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use thiserror::Error;
 
+/// Name of the board's program.
+const PROGRAM: &str = "vnano";
+
 /// Longest wait for a response. The program answers within milliseconds, unless it is stopped.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -25,8 +28,8 @@ const END_TIMEOUT: Duration = Duration::from_secs(5);
 #[derive(Debug, Error, Diagnostic)]
 pub enum VirtualError {
     /// The program does not exist.
-    #[error("the emulated board is not built: {0} does not exist")]
-    #[diagnostic(help("build it with `make build` in the repository"))]
+    #[error("the program of the emulated board is missing: neither {0} nor a vnano on the PATH")]
+    #[diagnostic(help("build it with `make build` in the repository, or copy vnano beside biflag"))]
     NotBuilt(PathBuf),
     /// The program could not be started.
     #[error("the emulated board did not start: {0}")]
@@ -160,13 +163,19 @@ impl VirtualNano {
         }
     }
 
-    /// Returns the path of the board's program, which is in the folder of this program.
+    /// Returns the path of the board's program, which is in the folder of this program or on the `PATH`.
     ///
     /// # Errors
     /// [`VirtualError::NotBuilt`].
     pub fn program() -> Result<PathBuf, VirtualError> {
-        let path = std::env::current_exe().unwrap_or_default().with_file_name("vnano");
-        if path.is_file() { Ok(path) } else { Err(VirtualError::NotBuilt(path)) }
+        let beside = std::env::current_exe().unwrap_or_default().with_file_name(PROGRAM);
+        let search = std::env::var_os("PATH").unwrap_or_default();
+        let mut others = std::env::split_paths(&search).map(|folder| folder.join(PROGRAM));
+        match others.find(|path| path.is_file()) {
+            _ if beside.is_file() => Ok(beside),
+            Some(path) => Ok(path),
+            None => Err(VirtualError::NotBuilt(beside)),
+        }
     }
 
     /// Waits for a response; `None` if none comes in time or the program has ended.

@@ -150,19 +150,25 @@ pub struct Calibration {
     pub robot: Robot,
 }
 
-/// Fits parameters of a robot to trials. `progress` is called after each simulation of a trial.
+/// Fits parameters of a robot to trials. `progress` is called after each simulation of a trial; returning `false` stops the
+/// fit.
 ///
 /// # Errors
-/// [`TwinError::Robot`] if the robot of the first trial is invalid, [`TwinError::Fit`] if the fit does not converge.
+/// [`TwinError::Robot`] if the robot of the first trial is invalid, [`TwinError::Fit`] if the fit does not converge or is
+/// stopped.
 pub fn calibrate(
     trials: Vec<FitTrial>,
     request: &Request,
-    progress: &(dyn Fn() + Sync),
+    progress: &(dyn Fn() -> bool + Sync),
 ) -> Result<Calibration, TwinError> {
     pool(request.jobs)?.install(|| fit(trials, request, progress))
 }
 
-fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync)) -> Result<Calibration, TwinError> {
+fn fit(
+    mut trials: Vec<FitTrial>,
+    request: &Request,
+    progress: &(dyn Fn() -> bool + Sync),
+) -> Result<Calibration, TwinError> {
     let Some(first) = trials.first_mut() else {
         return Err(failed("there are no trials", "name the logs of one or more trials"));
     };
@@ -193,7 +199,7 @@ fn fit(mut trials: Vec<FitTrial>, request: &Request, progress: &(dyn Fn() + Sync
     let simulations = std::sync::atomic::AtomicUsize::new(0);
     let simulated = |count: usize| {
         simulations.fetch_add(count, std::sync::atomic::Ordering::Relaxed);
-        progress();
+        progress()
     };
     let mut requested = request.parameters.clone();
     if requested.is_empty() {

@@ -32,8 +32,8 @@ pub(super) struct Problem<'a> {
     pub closure: Closure,
     pub parameters: &'a [Parameter],
     pub whiteners: &'a [[Whitener; 3]],
-    /// Called after each simulation of a trial.
-    pub simulated: &'a (dyn Fn(usize) + Sync),
+    /// Called after each simulation of a trial; with `false`, no more are made.
+    pub simulated: &'a (dyn Fn(usize) -> bool + Sync),
     moved: Vec<f64>,
     /// The model's blocks of the trials; `None` if the solver failed.
     modelled: Option<Vec<Blocks>>,
@@ -44,7 +44,7 @@ impl<'a> Problem<'a> {
         (trials, start, closure): (&'a [FitTrial], &'a Robot, Closure),
         parameters: &'a [Parameter],
         whiteners: &'a [[Whitener; 3]],
-        simulated: &'a (dyn Fn(usize) + Sync),
+        simulated: &'a (dyn Fn(usize) -> bool + Sync),
         moved: Vec<f64>,
     ) -> Self {
         let mut problem = Self { trials, start, closure, parameters, whiteners, simulated, moved, modelled: None };
@@ -84,8 +84,8 @@ impl<'a> Problem<'a> {
     pub fn misfit(&self, trial: usize, robot: &Robot) -> f64 {
         let FitTrial { measured, .. } = &self.trials[trial];
         let modelled = self.trials[trial].modelled(robot, self.closure);
-        (self.simulated)(1);
-        let Some(modelled) = modelled else { return f64::INFINITY };
+        let goes_on = (self.simulated)(1);
+        let Some(modelled) = modelled.filter(|_| goes_on) else { return f64::INFINITY };
         let square = |k: usize| -> f64 {
             let errors: Vec<f64> = modelled[k].iter().zip(&measured[k]).map(|(a, b)| a - b).collect();
             self.whiteners[trial][k].whiten(&errors).iter().map(|error| error * error).sum()
@@ -100,8 +100,8 @@ impl<'a> Problem<'a> {
         let robot = self.robot(start, moved);
         let one = |trial: &FitTrial| {
             let blocks = trial.modelled(&robot, self.closure);
-            (self.simulated)(1);
-            blocks
+            let goes_on = (self.simulated)(1);
+            blocks.filter(|_| goes_on)
         };
         self.trials.par_iter().map(one).collect()
     }

@@ -1,0 +1,96 @@
+"""Simulators that are stepped from outside."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import _biflag
+from ._biflag import Robot
+from ._trial import Closure, Floats
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """State of a robot at one time. Units and axes are those of :class:`Trial`."""
+
+    time: float
+    yaw: float
+    pitch: float
+    roll: float
+    attitude: Floats
+    """Shape (4,)."""
+    rates: Floats
+    """Shape (3,)."""
+    speeds: Floats
+    """Shape (2,)."""
+    turns: Floats
+    """Shape (2,)."""
+    forces: Floats
+    """Shape (2, 3)."""
+    torques: Floats
+    """Shape (2,)."""
+    gap: float
+    """Distance of the flagella's surfaces now, m."""
+    shapes: Floats
+    """Shape (2, nodes, 3)."""
+
+
+class Simulator:
+    """A robot in its fluid that is advanced step by step, with speeds that are not known in advance."""
+
+    def __init__(self, robot: Robot, *, closure: Closure = "full") -> None:
+        self._simulators = _biflag.Simulators(robot, 1, closure, 1)
+        self.robot = robot
+        """The robot."""
+
+    def reset(self, seed: int | None = None) -> State:
+        """Puts the robot back to rest at time 0, and returns its state.
+
+        With a seed, the flagella start at random angles about their shafts, as on a rig; without one at those of the
+        robot.
+        """
+        phase = start_phase(seed)
+        self._simulators.reset(0, phase)
+        return self.state
+
+    def step(self, speeds: Sequence[float] | Floats, dt: float) -> State:
+        """Advances by ``dt`` seconds and returns the state.
+
+        Args:
+            speeds: Speeds of motors 1 and 2 in rpm. The motors reach them within 0.25 s, or at the end of a shorter step.
+            dt: Length in s, at most 60.
+
+        Raises:
+            ParameterError: An argument is impossible.
+            Error: The solver fails; reset or restore the simulator.
+        """
+        self._simulators.step([speeds], dt)
+        return self.state
+
+    @property
+    def state(self) -> State:
+        """The state now."""
+        return State(**self._simulators.state(0))
+
+    def save(self) -> bytes:
+        """Returns all that the next steps depend on."""
+        return self._simulators.save(0)
+
+    def restore(self, saved: bytes) -> State:
+        """Puts the robot back to what :meth:`save` returned, and returns its state.
+
+        The simulator goes on bit for bit, also in another process, if its robot and closure are the same.
+        """
+        self._simulators.restore(0, saved)
+        return self.state
+
+
+def start_phase(seed: int | None) -> tuple[float, float]:
+    """Returns the angles of both flagella at the start, degrees: zero without a seed."""
+    if seed is None:
+        return (0.0, 0.0)
+    one, two = np.random.default_rng(seed).uniform(0.0, 360.0, 2)
+    return (float(one), float(two))

@@ -1,0 +1,45 @@
+//! The Python module: a door to the simulator and to what logs hold.
+//!
+//! The package `biflag` (`python/biflag`) has the classes that users see; this library computes for them, with the
+//! interpreter's lock released, and hands over numpy arrays. Arrays are not copied on their way to Python.
+
+mod batch;
+mod closure;
+mod failure;
+mod interrupt;
+mod json;
+mod log;
+mod page;
+mod robot;
+mod simulate;
+mod simulator;
+mod speeds;
+mod steady;
+mod twin;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _biflag {
+    #[pymodule_export]
+    use crate::batch::simulate_batch;
+    #[pymodule_export]
+    use crate::log::{html, read_log, read_session, session_table};
+    #[pymodule_export]
+    use crate::robot::Robot;
+    #[pymodule_export]
+    use crate::simulate::{Simulated, simulate};
+    #[pymodule_export]
+    use crate::simulator::Simulators;
+    #[pymodule_export]
+    use crate::twin::{calibrate, compare};
+
+    use host::program::{GIT_HASH, VERSION};
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", VERSION)?;
+        module.add("__commit__", GIT_HASH)
+    }
+}

@@ -1,0 +1,168 @@
+//! What a log holds, with the values that all commands and pages show.
+
+use crate::failure::Failure;
+use crate::interrupt::interruptible;
+use crate::json;
+use crate::robot::Robot;
+use biflag_log::End;
+use host::export::table::{self, Summary, Table, Values};
+use host::plan::RobotFile;
+use host::session::Session;
+use host::trial::{Data, Want, Zeroed};
+use numpy::IntoPyArray;
+use numpy::ndarray::Array4;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::prelude::*;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// The most shapes of the flagella that are read: a quarter of an hour of them.
+const SHAPES: usize = 15_000;
+
+/// Reads a log, even a damaged one, and returns what it holds as a dictionary.
+#[pyfunction]
+pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
+    let want = Want { forces: true, shapes: SHAPES, hash: false };
+    let read = |_: &_| {
+        let data = Data::read(&path, want).map_err(|error| Failure::of_file(&path, &error))?;
+        let zeroed = Zeroed::new(&data);
+        let rows = table::trial(&data);
+        Ok((data, zeroed, rows))
+    };
+    let (data, zeroed, rows) = interruptible(py, read)?;
+    let (trial, run_s) = (data.trial(), data.times.run.start);
+    let dict = PyDict::new(py);
+    dict.set_item("name", trial.name)?;
+    dict.set_item("speeds_rpm", (trial.w1_rpm, trial.w2_rpm))?;
+    dict.set_item("origin", json::object(py, &json::value(&data.origin())?)?)?;
+    dict.set_item("complete", data.is_complete())?;
+    dict.set_item("warnings", warnings(&data, &zeroed))?;
+    dict.set_item("columns", columns(py, &rows)?)?;
+    dict.set_item("about", rows.columns.iter().map(|c| (c.name.to_string(), c.about)).collect::<Vec<_>>())?;
+    dict.set_item("notes", &rows.header)?;
+    let mut steady = json::value(&zeroed.angles())?;
+    if let (Some(steady), Some(own)) = (steady.as_object_mut(), &zeroed.steady) {
+        steady.insert("settle_s".to_owned(), json!(own.settle_s));
+        steady.insert("tilt_uncertainty_deg".to_owned(), json!(own.tilt_uncertainty_deg));
+    }
+    dict.set_item("steady", json::object(py, &steady)?)?;
+    let phases = [("preroll", &data.times.preroll), ("run", &data.times.run), ("decay", &data.times.decay)];
+    let phases = phases.map(|(name, range)| (name, (range.start - run_s, range.end - run_s)));
+    dict.set_item("phases", phases.to_vec())?;
+    let kind = |event: &host::trial::Event| format!("{:?}", event.kind).to_lowercase();
+    let events = data.events.iter().map(|event| (event.time_s - run_s, kind(event), event.text.clone()));
+    dict.set_item("events", events.collect::<Vec<_>>())?;
+    dict.set_item("link", json::object(py, &json::value(&data.link)?)?)?;
+    let file = RobotFile::of_log(data.records.robot.clone());
+    let robot = data.robot().ok().map(|params| match &data.records.model {
+        Some(_) => Robot::of_params(params, &file.name),
+        None => Robot { params, file },
+    });
+    dict.set_item("robot", robot.map(|robot| Py::new(py, robot)).transpose()?)?;
+    let records = json!({
+        "identity": data.records.identity,
+        "plan": data.records.plan,
+        "board": data.records.board,
+        "model": data.records.model,
+        "calibration": data.records.calibration,
+        "level": data.records.level,
+        "replay": data.records.replay,
+        "summary": data.records.summary,
+    });
+    dict.set_item("records", json::object(py, &records)?)?;
+    let shapes = data.shapes.all();
+    if let Some(nodes) = shapes.first().map(|shape| shape.lines[0].len()) {
+        let times: Vec<f64> = shapes.iter().map(|shape| shape.time_s - run_s).collect();
+        let flat: Vec<f64> = shapes.iter().flat_map(|shape| shape.lines.iter().flatten().flatten().copied()).collect();
+        let shapes = Array4::from_shape_vec((times.len(), 2, nodes, 3), flat)
+            .map_err(|error| Failure::parameter("shapes", error.to_string()))?;
+        dict.set_item("shapes", shapes.into_pyarray(py))?;
+        dict.set_item("shape_times", times.into_pyarray(py))?;
+    }
+    Ok(dict)
+}
+
+fn warnings(data: &Data, zeroed: &Zeroed) -> Vec<String> {
+    let mut warnings = data.check().unwrap_or_else(|error| vec![error.reason]);
+    warnings.extend(zeroed.warnings.iter().cloned());
+    warnings
+}
+
+/// Returns the page of a log, in a few hundred kilobytes.
+#[pyfunction]
+pub fn html(py: Python<'_>, path: PathBuf) -> PyResult<String> {
+    interruptible(py, |_| page(&path))
+}
+
+/// A notebook of some pages stays small with a tenth of the largest page for each.
+const PAGES: usize = 10;
+
+/// Returns the page of a log.
+///
+/// # Errors
+/// A file that is not a log.
+pub fn page(path: &std::path::Path) -> Result<String, Failure> {
+    host::report::html(path, PAGES).map_err(|error| Failure::of_file(path, &error))
+}
+
+/// Reads a session folder, and returns its name, its plan and its trials with their logs.
+#[pyfunction]
+pub fn read_session(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
+    let (session, states) = interruptible(py, |_| {
+        let session = Session::open(&path).map_err(|error| Failure::of_file(&path, &error))?;
+        let states = session.intact_states().map_err(|error| Failure::of_file(&path, &error))?;
+        Ok((session, states))
+    })?;
+    let plan = session.plan();
+    let dict = PyDict::new(py);
+    dict.set_item("name", &plan.name)?;
+    dict.set_item("plan", &plan.text)?;
+    let trials = PyDict::new(py);
+    for state in &states {
+        let complete = |attempt: &host::session::Attempt| {
+            attempt.losses.is_empty() && attempt.summary.as_ref().is_some_and(|summary| summary.end == End::Complete)
+        };
+        let log = state.best().map(|attempt| (attempt.path.clone(), complete(attempt)));
+        trials.set_item(&state.trial.name, log)?;
+    }
+    dict.set_item("trials", trials)?;
+    Ok(dict)
+}
+
+/// Names of columns, and what they hold.
+type About = Vec<(String, &'static str)>;
+
+/// Returns the table of the trials of a session that have a log, with the steady angles.
+#[pyfunction]
+pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDict>, About)> {
+    let rows = interruptible(py, |stop| {
+        let of = |error: &dyn miette::Diagnostic| Failure::of_file(&path, error);
+        let session = Session::open(&path).map_err(|error| of(&error))?;
+        let states = session.intact_states().map_err(|error| of(&error))?;
+        let read = |state: &host::session::TrialState| {
+            let attempt = state.best().filter(|_| !stop.load(std::sync::atomic::Ordering::Relaxed))?;
+            let data = Data::read(&attempt.path, Want::default()).ok()?;
+            Some(Summary::new(&state.trial, &data, String::new()))
+        };
+        let summaries: Vec<_> = states.par_iter().filter_map(read).collect();
+        Ok(table::session(&session.plan().name, &summaries))
+    })?;
+    let columns = columns(py, &rows)?;
+    columns.del_item("file")?;
+    Ok((columns, rows.columns.iter().map(|column| (column.name.to_string(), column.about)).collect()))
+}
+
+fn columns<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    for column in &table.columns {
+        match &column.values {
+            Values::Real(values) | Values::Exact(values) => {
+                dict.set_item(&*column.name, values.clone().into_pyarray(py))?
+            }
+            Values::Int(values) => dict.set_item(&*column.name, values.clone().into_pyarray(py))?,
+            Values::Text(values) => dict.set_item(&*column.name, values)?,
+        }
+    }
+    Ok(dict)
+}

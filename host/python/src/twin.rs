@@ -1,0 +1,159 @@
+//! Comparison of recordings with the model, and fits of its parameters.
+
+use crate::closure;
+use crate::failure::Failure;
+use crate::interrupt::interruptible;
+use crate::json;
+use crate::robot::Robot;
+use host::session::{Session, Sharing};
+use host::trial::{Data, Want};
+use host::twin::calibrate::{FitTrial, Parameter, Request, calibrate as fit_trials, to_toml};
+use host::twin::{self, Compared, OnMismatch, Pairs, Replayed, Source, TwinError};
+use numpy::IntoPyArray;
+use numpy::ndarray::Array2;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::prelude::*;
+use sim::trial::Options;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Sampling rate of replays, as `biflag compare` has it.
+const REPLAY_HZ: f64 = 20.0;
+
+/// Compares the trials of a log or session with their replays in the model, or with those of another session. Returns the
+/// comparison and, by the names of the trials, both attitudes over time.
+#[pyfunction]
+#[pyo3(signature = (measured, modelled, robot, closure, anyway, jobs))]
+pub fn compare<'py>(
+    py: Python<'py>,
+    measured: PathBuf,
+    modelled: Option<PathBuf>,
+    robot: Option<&Bound<'py, Robot>>,
+    closure: Option<&str>,
+    anyway: bool,
+    jobs: Option<usize>,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyDict>)> {
+    let closure = closure.map(closure::parse).transpose()?;
+    let robot = robot.map(|robot| robot.get().file.clone());
+    let jobs = cores(jobs)?;
+    let on_mismatch = match (robot.is_some() || closure.is_some(), anyway) {
+        (true, _) => OnMismatch::Accept,
+        (_, true) => OnMismatch::Warn,
+        _ => OnMismatch::Reject,
+    };
+    if modelled.is_some() && (robot.is_some() || closure.is_some()) {
+        let reason = "leave it out: the other session has a model of its own";
+        return Err(Failure::parameter(if robot.is_some() { "robot" } else { "closure" }, reason).into());
+    }
+    let (comparison, points) = interruptible(py, |stop| {
+        let result = match &modelled {
+            Some(modelled) => sessions(&measured, modelled, on_mismatch, jobs),
+            None => {
+                let options = Options { rate_hz: REPLAY_HZ, shapes: false };
+                let settings = twin::Settings { closure, robot, options, any_rate: true, jobs, quiet: true };
+                replays(&measured, &settings, on_mismatch, stop)
+            }
+        };
+        result.map_err(|error| Failure::of(error.as_ref()))
+    })?;
+    let series = PyDict::new(py);
+    for (trial, points) in comparison.trials.iter().zip(points) {
+        let columns = PyDict::new(py);
+        let one = |value: &dyn Fn(&twin::Point) -> f64| points.iter().map(value).collect::<Vec<_>>().into_pyarray(py);
+        let angles = |value: &dyn Fn(&twin::Point) -> [f64; 3]| {
+            Array2::from(points.iter().map(value).collect::<Vec<_>>()).into_pyarray(py)
+        };
+        columns.set_item("time", one(&|point| point.time_s))?;
+        columns.set_item("measured", angles(&|point| point.measured_deg))?;
+        columns.set_item("modelled", angles(&|point| point.modelled_deg))?;
+        columns.set_item("yaw_uncertainty", one(&|point| point.yaw_uncertainty_deg))?;
+        series.set_item(&trial.name, columns)?;
+    }
+    Ok((json::object(py, &json::value(&comparison)?)?, series))
+}
+
+type Result<T> = std::result::Result<T, Box<dyn miette::Diagnostic + Send + Sync>>;
+type Comparisons = (twin::SessionComparison, Vec<Vec<twin::Point>>);
+
+fn sessions(measured: &Path, modelled: &Path, on_mismatch: OnMismatch, jobs: usize) -> Result<Comparisons> {
+    let pairs = Pairs::of(measured, modelled)?;
+    let points = |_: &Data, _: &Data, compared: &Compared| compared.points.clone();
+    Ok(twin::compare_pairs(&pairs, Want::default(), on_mismatch, jobs, &points)?)
+}
+
+fn replays(
+    measured: &Path,
+    settings: &twin::Settings,
+    on_mismatch: OnMismatch,
+    stop: &AtomicBool,
+) -> Result<Comparisons> {
+    let source = Source::open(measured)?;
+    let folder = source.replay_folder();
+    let session = Session::resume(&folder, &source.plan)?;
+    let _lock = session.lock(Sharing::Alone)?;
+    let compare = |replayed: &Replayed, a: Data| -> std::result::Result<_, TwinError> {
+        let b = Data::read(&replayed.log, Want::default())?;
+        let Compared { comparison, points, .. } = twin::compare(&a, &b, on_mismatch)?;
+        Ok((comparison, points))
+    };
+    let replays = twin::replay(&source, &session, settings, Want::default(), stop, &|_| String::new(), &compare)?;
+    let (mut results, mut skipped) = (Vec::new(), replays.skipped);
+    for (replayed, compared) in replays.trials {
+        let name = replayed.trial.name;
+        match replayed.result {
+            Ok(_) => results.push((name, compared)),
+            Err(reason) => skipped.push(twin::Skipped { name, reason: format!("the solver failed: {reason}") }),
+        }
+    }
+    Ok(twin::sum_up([&source.path, &folder], results, skipped, on_mismatch)?)
+}
+
+/// Fits parameters of a robot to logs. Returns the fit, the fitted robot and the text of its file.
+#[pyfunction]
+#[pyo3(signature = (logs, fit, robot, closure, jobs))]
+pub fn calibrate<'py>(
+    py: Python<'py>,
+    logs: Vec<PathBuf>,
+    fit: Vec<String>,
+    robot: Option<&Bound<'py, Robot>>,
+    closure: Option<&str>,
+    jobs: Option<usize>,
+) -> PyResult<(Bound<'py, PyAny>, Robot, String)> {
+    let parse = |name: &String| name.parse::<Parameter>().map_err(|reason| Failure::parameter("fit", reason));
+    let parameters = fit.iter().map(parse).collect::<std::result::Result<_, _>>()?;
+    let robot = robot.map(|robot| robot.get().params.clone());
+    let closure = closure.map(closure::parse).transpose()?;
+    let request = Request { robot, closure, parameters, jobs: cores(jobs)? };
+    let calibration = interruptible(py, |stop| {
+        let mut files = Vec::new();
+        for path in &logs {
+            let source = |error: TwinError| Failure::of_file(path, &error);
+            if path.is_dir() {
+                files.extend(Source::open(path).map_err(source)?.logs.into_iter().map(|(_, log)| log));
+            } else {
+                files.push(path.clone());
+            }
+        }
+        let read = |log: &PathBuf| {
+            let data = Data::read(log, Want { hash: true, ..Want::default() });
+            let data = data.map_err(|error| Failure::of_file(log, &error))?;
+            FitTrial::new(&data).map_err(|error| Failure::of_file(log, &error))
+        };
+        let trials = files.par_iter().map(read).collect::<std::result::Result<Vec<_>, _>>()?;
+        let goes_on = || !stop.load(Ordering::Relaxed);
+        fit_trials(trials, &request, &goes_on).map_err(|error| Failure::of(&error))
+    })?;
+    let text = to_toml(&calibration);
+    let fitted = Robot::of_params(calibration.robot.clone(), "fitted");
+    Ok((json::object(py, &json::value(&calibration)?)?, fitted, text))
+}
+
+/// Returns the number of trials to compute at a time.
+fn cores(jobs: Option<usize>) -> std::result::Result<usize, Failure> {
+    match jobs {
+        Some(0) => Err(Failure::parameter("threads", "must be at least 1")),
+        Some(jobs) => Ok(jobs),
+        None => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
+    }
+}

@@ -1,0 +1,43 @@
+//! `biflag plans`: the plans and robot files inside the program.
+
+use super::answer::WRONG_USE;
+use super::{Answer, Outcome};
+use crate::plan::Shipped;
+use miette::miette;
+use serde_json::json;
+use std::fmt::Write;
+use std::path::Path;
+
+/// List the plans and robot files inside biflag, or print one of them.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:\n  \
+    biflag plans\n  \
+    biflag plans published-points > my-plan.toml\n  \
+    biflag simulate published-points --robot robot-tank\n\
+    Where a command takes a plan or a robot file, it takes one of these names too. A file of the same name comes first.")]
+pub struct Args {
+    /// Print this one.
+    name: Option<String>,
+}
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    if let Some(name) = &args.name {
+        let file = Shipped::find(Path::new(name)).ok_or_else(|| {
+            miette!(code = WRONG_USE, help = "`biflag plans` lists them", "no plan or robot file is called {name:?}")
+        })?;
+        return Answer::new(Outcome::Done, &json!({ "name": file.name, "text": file.text }), file.text);
+    }
+    let (robots, plans): (Vec<Shipped>, Vec<Shipped>) = Shipped::all().partition(Shipped::is_robot);
+    let width = Shipped::all().map(|file| file.name.len()).max().unwrap_or_default();
+    let mut text = String::new();
+    for (title, files) in [("Plans", &plans), ("Robot files", &robots)] {
+        let _ = writeln!(text, "{title}:");
+        for file in files {
+            let _ = writeln!(text, "  {:width$}  {}", file.name, file.about());
+        }
+    }
+    let list = |files: &[Shipped]| -> Vec<_> {
+        files.iter().map(|file| json!({ "name": file.name, "about": file.about() })).collect()
+    };
+    Answer::new(Outcome::Done, &json!({ "plans": list(&plans), "robots": list(&robots) }), text)
+}

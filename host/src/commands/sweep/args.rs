@@ -1,0 +1,69 @@
+//! The arguments of `biflag sweep`.
+
+use super::super::options::{Shard, shard};
+use crate::sweep::EXAMPLE;
+use std::path::PathBuf;
+
+/// Compute the steady states of many points, over speeds, parameters of the robot and groups, into one table.
+#[derive(clap::Args, Debug)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = format!(
+        "Examples:\n  \
+        biflag sweep groups --out groups\n  \
+        biflag sweep plan.toml --shard 1/3 --out softer; biflag sweep merge softer\n\
+        The table is table.parquet and table.csv in the folder, one row a point; it does not depend on --jobs, --shard or \
+        interruptions. host/docs/sweep.md describes its columns and how to use a cluster.\n\nA plan:\n\n{EXAMPLE}"
+    )
+)]
+pub struct Args {
+    #[command(subcommand)]
+    pub action: Option<Action>,
+    /// The plan: a TOML file like the one below.
+    #[arg(required = true)]
+    pub plan: Option<PathBuf>,
+    /// Compute the I-th of N parts of the points, without the table. Shards may share a folder.
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<Shard>,
+    /// Number of points that are computed at the same time; by default the number of cores.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+    /// The folder; by default named after the plan.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Go on with a sweep, skipping the points that are done.
+    #[arg(long)]
+    pub resume: bool,
+}
+
+#[derive(clap::Subcommand, Debug)]
+pub enum Action {
+    /// Write the table of a sweep whose shards are done.
+    Merge {
+        /// The folder of the sweep.
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
+    /// Print how far a sweep is: points done, missing and failed, and the time left.
+    Status {
+        /// The folder of the sweep.
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
+    /// Print a script that runs a sweep on a cluster with Slurm: a job array over the shards, then the merge.
+    Slurm(SlurmArgs),
+}
+
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Example: biflag sweep slurm plan.toml --shards 64 > sweep.sh; bash sweep.sh")]
+pub struct SlurmArgs {
+    /// The plan, in a folder that all nodes see.
+    pub plan: PathBuf,
+    /// Number of shards.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub shards: u32,
+    /// The folder of the sweep, which all nodes see; by default named after the plan.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}

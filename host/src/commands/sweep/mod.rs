@@ -1,0 +1,114 @@
+//! `biflag sweep`: computes many points into one table.
+
+mod args;
+mod output;
+mod progress;
+
+pub use args::Args;
+
+use super::options::cores;
+use super::{Answer, Outcome};
+use crate::session;
+use crate::signals::interruption;
+use crate::sweep::{self, Folder, Shard, SweepError, SweepPlan};
+use crate::text::count;
+use args::{Action, SlurmArgs};
+use miette::{IntoDiagnostic, WrapErr};
+use output::{Status, Swept};
+use progress::Counter;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    match (&args.action, &args.plan) {
+        (Some(Action::Merge { folder }), _) => merge(folder),
+        (Some(Action::Status { folder }), _) => status(folder),
+        (Some(Action::Slurm(args)), _) => slurm(args),
+        (None, Some(plan)) => compute(args, plan),
+        (None, None) => {
+            Err(miette::miette!(code = super::WRONG_USE, help = "see biflag sweep --help", "no plan is given"))
+        }
+    }
+}
+
+fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
+    let interrupted = interruption()?;
+    let plan = SweepPlan::load(plan)?;
+    let path = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
+    let folder = Folder::of_plan(&path, plan)?;
+    let shard = args.shard.map_or(Shard::ALL, |shard| Shard { index: shard.first as u64, of: shard.of as u64 });
+    let before = folder.counts(shard)?;
+    if before.done.count() > 0 && !args.resume {
+        return Err(SweepError::Exists { folder: path }.into());
+    }
+    let points = folder.points(shard);
+    let counter = Counter::new(&folder.sweep.plan.name, points, &before);
+    let jobs = args.jobs.map_or_else(cores, usize::from);
+    let worked = folder.work(shard, &before.done, jobs, &interrupted, &|record| counter.count(record));
+    let (done, failed) = counter.finish();
+    worked?;
+    let swept = Swept { table: None, csv: None, points, done, missing: points - done, failed, warnings: Vec::new() };
+    if interrupted.load(Ordering::Relaxed) && done < points {
+        let text = format!(
+            "{}: interrupted after {done} of {}, go on with --resume",
+            path.display(),
+            count(points as usize, "point")
+        );
+        return Answer::new(Outcome::Interrupted, &swept, text);
+    }
+    match args.shard {
+        Some(_) => swept.answer(&path),
+        None => merge(&path),
+    }
+}
+
+fn merge(path: &Path) -> miette::Result<Answer> {
+    let folder = Folder::open(path)?;
+    let merged = folder.merge()?;
+    let points = folder.sweep.plan.points();
+    let mut warnings: Vec<_> = merged.damaged.iter().map(|part| damaged(part)).collect();
+    if merged.different > 0 {
+        let points = count(merged.different as usize, "point");
+        warnings
+            .push(format!("{points} computed twice with different results, as on different processors: one is kept"));
+    }
+    let swept = Swept {
+        table: Some(sweep::parquet_path(path)),
+        csv: Some(sweep::csv_path(path)),
+        points,
+        done: merged.done,
+        missing: points - merged.done,
+        failed: merged.failed,
+        warnings,
+    };
+    swept.answer(path)
+}
+
+fn status(path: &Path) -> miette::Result<Answer> {
+    let folder = Folder::open(path)?;
+    let counts = folder.counts(Shard::ALL)?;
+    let (points, done) = (folder.sweep.plan.points(), counts.done.count());
+    let table = Some(sweep::parquet_path(path)).filter(|table| table.exists());
+    let csv = Some(sweep::csv_path(path)).filter(|table| table.exists());
+    let warnings = counts.damaged.iter().map(|part| damaged(part)).collect();
+    let missing = points - done;
+    let swept = Swept { table, csv, points, done, missing, failed: counts.failed, warnings };
+    let time_left_s = if missing == 0 { Some(0.0) } else { counts.rate.map(|rate| missing as f64 / rate) };
+    let status = Status { swept, time_left_s };
+    Answer::new(Outcome::Done, &status, status.text(path))
+}
+
+fn damaged(part: &Path) -> String {
+    format!("{}: cut off or damaged, its remaining points are missing", part.display())
+}
+
+fn slurm(args: &SlurmArgs) -> miette::Result<Answer> {
+    let plan = SweepPlan::load(&args.plan)?;
+    let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
+    let absolute = |path: &Path| std::path::absolute(path).into_diagnostic().wrap_err("the current folder");
+    let program: PathBuf = std::env::current_exe().into_diagnostic().wrap_err("the path of this program")?;
+    // A plan that is no file is inside the program.
+    let file = if args.plan.exists() { absolute(&args.plan)? } else { args.plan.clone() };
+    let script = sweep::script(&program, &file, &absolute(&folder)?, args.shards.into(), &plan.name);
+    Answer::new(Outcome::Done, &serde_json::json!({ "script": script }), script)
+}

@@ -1,0 +1,63 @@
+//! The progress of a sweep on stderr.
+
+use crate::progress::{self, Progress};
+use crate::sweep::{Counts, Outcome, Record};
+use crate::text::count;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// Time between two lines, or two texts of the bar.
+const INTERVAL: Duration = Duration::from_secs(5);
+
+/// Counts points and shows them; a point counts as a second of the bar.
+pub struct Counter {
+    name: String,
+    points: u64,
+    progress: Mutex<Progress>,
+    counted: Mutex<Counted>,
+}
+
+struct Counted {
+    done: u64,
+    failed: u64,
+    /// Points that were done before.
+    before: u64,
+    shown: Instant,
+}
+
+impl Counter {
+    /// Starts with the points that were done `before`.
+    pub fn new(name: &str, points: u64, before: &Counts) -> Self {
+        let (done, failed) = (before.done.count(), before.failed);
+        let progress = Mutex::new(Progress::new((points - done) as f64));
+        let counted = Mutex::new(Counted { done, failed, before: done, shown: Instant::now() });
+        let counter = Self { name: name.to_owned(), points, progress, counted };
+        counter.show(done, failed);
+        counter
+    }
+
+    /// Counts a point.
+    pub fn count(&self, record: &Record) {
+        let mut counted = self.counted.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        counted.done += 1;
+        counted.failed += u64::from(matches!(record.outcome, Outcome::Failed(_)));
+        progress::lock(&self.progress).within((counted.done - counted.before) as f64);
+        if counted.shown.elapsed() > INTERVAL {
+            counted.shown = Instant::now();
+            self.show(counted.done, counted.failed);
+        }
+    }
+
+    fn show(&self, done: u64, failed: u64) {
+        let failures = if failed > 0 { format!(", {failed} failed") } else { String::new() };
+        let state = format!("{done} of {}{failures}", count(self.points as usize, "point"));
+        progress::lock(&self.progress).phase(&self.name, &state);
+    }
+
+    /// Removes the bar; returns the points done and failed, with those from before.
+    pub fn finish(self) -> (u64, u64) {
+        progress::lock(&self.progress).finish();
+        let counted = self.counted.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        (counted.done, counted.failed)
+    }
+}

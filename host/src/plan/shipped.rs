@@ -1,0 +1,74 @@
+//! The plans and robot files that are inside the program, from the folder `host/plans`.
+
+use std::path::Path;
+
+/// A plan or robot file.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Shipped {
+    /// Its name, without `.toml`.
+    pub name: &'static str,
+    /// Its content.
+    pub text: &'static str,
+}
+
+/// Names and contents, in the order of the names.
+const FILES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/shipped.rs"));
+
+impl Shipped {
+    /// Returns all files, in the order of their names.
+    pub fn all() -> impl Iterator<Item = Self> {
+        FILES.iter().map(|&(name, text)| Self { name, text })
+    }
+
+    /// Returns the file of this name, with or without `.toml`. A path with a folder names none.
+    pub fn find(path: &Path) -> Option<Self> {
+        let name = path.to_str()?;
+        let name = name.strip_suffix(".toml").unwrap_or(name);
+        Self::all().find(|file| file.name == name)
+    }
+
+    /// Returns whether it is a robot file.
+    pub fn is_robot(&self) -> bool {
+        self.name.starts_with("robot-")
+    }
+
+    /// Returns the first sentence of the comment at its head.
+    pub fn about(&self) -> String {
+        let lines = self.text.lines().map_while(|line| line.strip_prefix("# "));
+        let comment = lines.collect::<Vec<_>>().join(" ");
+        let end = comment.find(". ").map_or(comment.len(), |end| end + 1);
+        comment[..end].to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::{Plan, robot};
+    use crate::sweep::SweepPlan;
+
+    #[test]
+    fn each_is_a_plan_or_a_robot() {
+        for file in Shipped::all() {
+            if file.is_robot() {
+                robot::parse(file.text, file.name).unwrap();
+            } else if file.name == "groups" {
+                SweepPlan::load(Path::new(file.name)).unwrap();
+            } else {
+                // With the robot file that it names, which is found by its name too.
+                Plan::load(Path::new(file.name)).unwrap();
+            }
+            assert!(file.about().ends_with('.'), "{}: {}", file.name, file.about());
+        }
+        assert!(Shipped::all().any(|file| file.is_robot()) && !Shipped::all().all(|file| file.is_robot()));
+    }
+
+    #[test]
+    fn they_are_found_by_name_alone() {
+        let points = Shipped::find(Path::new("published-points")).unwrap();
+        assert_eq!(Shipped::find(Path::new("published-points.toml")), Some(points));
+        for other in ["./published-points.toml", "plans/published-points.toml", "published-points.json", "", ".toml"] {
+            assert_eq!(Shipped::find(Path::new(other)), None, "{other}");
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! The values that a key of `[vary]` takes.
+
+use super::key::Key;
+
+/// A key and its values.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Axis {
+    /// What varies.
+    pub key: Key,
+    /// Its values.
+    pub values: Values,
+}
+
+/// The values of an axis.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Values {
+    /// A list.
+    List(Vec<f64>),
+    /// Evenly spaced values from the first to the last one.
+    Range(Range),
+}
+
+/// A range of values.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Range {
+    /// The least value.
+    pub from: f64,
+    /// The largest value.
+    pub to: f64,
+    /// Number of values; 0 in a Sobol design, which chooses its own.
+    pub count: u64,
+    /// How they are spaced.
+    pub scale: Scale,
+}
+
+/// How the values of a range are spaced.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Scale {
+    /// By equal differences.
+    Linear,
+    /// By equal ratios.
+    Log,
+}
+
+impl Values {
+    /// Returns how many there are.
+    pub fn count(&self) -> u64 {
+        match self {
+            Self::List(values) => values.len() as u64,
+            Self::Range(range) => range.count,
+        }
+    }
+
+    /// Returns the value at an index below the count.
+    pub fn value(&self, index: u64) -> f64 {
+        match self {
+            Self::List(values) => values[index as usize],
+            Self::Range(range) => range.at(index as f64 / (range.count - 1) as f64),
+        }
+    }
+}
+
+impl Range {
+    /// Returns the value at a share, 0 to 1, of the way.
+    pub fn at(&self, share: f64) -> f64 {
+        let Self { from, to, .. } = *self;
+        match (share, self.scale) {
+            (0.0, _) => from,
+            (1.0, _) => to,
+            (share, Scale::Linear) => rounded(from + (to - from) * share),
+            (share, Scale::Log) => rounded(from * (to / from).powf(share)),
+        }
+    }
+}
+
+/// Rounds to twelve significant digits. The last digits of a power depend on the system's library, and a point's name must
+/// not.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.11e}").parse().unwrap_or(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn values(from: f64, to: f64, count: u64, scale: Scale) -> Vec<f64> {
+        let values = Values::Range(Range { from, to, count, scale });
+        (0..values.count()).map(|index| values.value(index)).collect()
+    }
+
+    #[test]
+    fn ranges_hold_both_ends() {
+        assert_eq!(values(0.1, 0.7, 4, Scale::Linear), [0.1, 0.3, 0.5, 0.7]);
+        assert_eq!(values(0.5, 2.0, 3, Scale::Log), [0.5, 1.0, 2.0]);
+        assert_eq!(values(0.5, 2.0, 7, Scale::Log)[1], 0.629960524947);
+        assert_eq!(values(-90.0, 90.0, 2, Scale::Linear), [-90.0, 90.0]);
+    }
+}

@@ -1,0 +1,70 @@
+//! Errors of sweeps.
+
+use crate::plan::PlanError;
+use miette::Diagnostic;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Why a sweep could not go on.
+#[derive(Error, Diagnostic, Debug)]
+pub enum SweepError {
+    /// The folder, or a file in it, cannot be used.
+    #[error("{}: cannot be used", path.display())]
+    #[diagnostic(help(
+        "check that the folder is readable and writable, and that the disk has space; then go on with --resume"
+    ))]
+    Io {
+        /// The folder or file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The folder has points already.
+    #[error("{}: already has points of this sweep", folder.display())]
+    #[diagnostic(code(wrong_use), help("go on with --resume, or name another folder with --out"))]
+    Exists {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The folder has the sweep of another plan.
+    #[error("{}: is a sweep of another {difference}", folder.display())]
+    #[diagnostic(code(wrong_use), help("name another folder with --out"))]
+    Other {
+        /// The folder.
+        folder: PathBuf,
+        /// What differs.
+        difference: &'static str,
+    },
+    /// The folder has no sweep.
+    #[error("{}: is not the folder of a sweep", folder.display())]
+    #[diagnostic(code(wrong_use), help("name a folder that `biflag sweep PLAN` has made"))]
+    NotASweep {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The manifest cannot be read.
+    #[error("{}: {reason}", path.display())]
+    #[diagnostic(help("copy the file from another shard's folder, or begin again in another folder with --out"))]
+    Manifest {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The plan is wrong.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Plan(#[from] PlanError),
+    /// The threads could not be started.
+    #[error("cannot start the threads: {0}")]
+    #[diagnostic(help("use fewer threads with --jobs"))]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+impl SweepError {
+    /// Returns a function from an error of the system to the error of a path.
+    pub fn at(path: &Path) -> impl FnOnce(std::io::Error) -> Self + use<> {
+        let path = path.to_owned();
+        |source| Self::Io { path, source }
+    }
+}

@@ -1,0 +1,204 @@
+//! What a sweep varies: a number of the robot's file, a group, or a speed.
+
+use sim::groups::Groups;
+use sim::params::Robot;
+use toml::Value;
+
+/// A quantity that varies.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Key {
+    /// A dotted key of the robot's file.
+    Robot(String),
+    /// A group, in multiples of its published value.
+    Group(Group),
+    /// The speed of motor 1 or 2 (index 0 or 1), rpm.
+    Speed(usize),
+}
+
+/// One of the four groups of [`Groups`].
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Group {
+    /// omega mu l^4/(E I).
+    Stiffness,
+    /// d/l.
+    Spacing,
+    /// pitch/L.
+    Pitch,
+    /// R/L.
+    Radius,
+}
+
+/// Keys that follow from the contour length, and with it from the groups `pitch` and `radius`.
+const OF_THE_CONTOUR: [&str; 9] = [
+    "flagellum.young_pa",
+    "flagellum.density_kg_m3",
+    "flagellum.edge_length_m",
+    "base.motor_distance_m",
+    "base.mass_centre_below_joint_m",
+    "joint.tether_full_nm_per_rad",
+    "joint.tether_lumped_nm_per_rad",
+    "joint.viscous_nms",
+    "joint.coulomb_nm",
+];
+
+impl Group {
+    /// All groups, in the order of the table.
+    pub const ALL: [Self; 4] = [Self::Stiffness, Self::Spacing, Self::Pitch, Self::Radius];
+
+    /// Returns the key in a plan.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stiffness => "group.stiffness",
+            Self::Spacing => "group.spacing",
+            Self::Pitch => "group.pitch",
+            Self::Radius => "group.radius",
+        }
+    }
+
+    /// Returns the value of the group.
+    pub fn of(self, groups: &Groups) -> f64 {
+        match self {
+            Self::Stiffness => groups.stiffness,
+            Self::Spacing => groups.spacing,
+            Self::Pitch => groups.pitch,
+            Self::Radius => groups.radius,
+        }
+    }
+
+    /// Sets the group to a multiple of its published value.
+    pub fn set(self, groups: &mut Groups, multiple: f64) {
+        let value = multiple * self.of(&Groups::of(&Robot::published()));
+        match self {
+            Self::Stiffness => groups.stiffness = value,
+            Self::Spacing => groups.spacing = value,
+            Self::Pitch => groups.pitch = value,
+            Self::Radius => groups.radius = value,
+        }
+    }
+
+    /// Returns whether a robot with another value of this group has another value of this key of its file.
+    pub fn moves(self, key: &str) -> bool {
+        match self {
+            Self::Stiffness => key == "flagellum.young_pa",
+            Self::Spacing => key == "base.motor_distance_m",
+            Self::Pitch => key == "flagellum.pitch_m" || OF_THE_CONTOUR.contains(&key),
+            Self::Radius => key == "flagellum.helix_radius_m" || OF_THE_CONTOUR.contains(&key),
+        }
+    }
+}
+
+impl Key {
+    /// Returns the key of this name, if it is a group, a speed, or a number that the robot has.
+    pub fn parse(name: &str, robot: &Value) -> Option<Self> {
+        let group = Group::ALL.into_iter().find(|group| group.name() == name).map(Self::Group);
+        let speed = ["speeds.w1_rpm", "speeds.w2_rpm"].iter().position(|speed| *speed == name).map(Self::Speed);
+        let number = || number(robot, name).map(|_| Self::Robot(name.to_owned()));
+        group.or(speed).or_else(number)
+    }
+
+    /// Returns the group that it is, if it is one.
+    pub fn group(&self) -> Option<Group> {
+        match self {
+            Self::Group(group) => Some(*group),
+            _ => None,
+        }
+    }
+
+    /// Returns the name in a plan.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Robot(key) => key,
+            Self::Group(group) => group.name(),
+            Self::Speed(0) => "speeds.w1_rpm",
+            Self::Speed(_) => "speeds.w2_rpm",
+        }
+    }
+}
+
+/// Returns the value at a dotted key of a robot's file.
+pub fn value<'v>(robot: &'v Value, key: &str) -> Option<&'v Value> {
+    key.split('.').try_fold(robot, |value, part| value.get(part))
+}
+
+/// Returns the number at a dotted key.
+pub fn number(robot: &Value, key: &str) -> Option<f64> {
+    match value(robot, key)? {
+        Value::Float(number) => Some(*number),
+        Value::Integer(number) => Some(*number as f64),
+        _ => None,
+    }
+}
+
+/// Sets the number at a dotted key that the robot has. A key for whole numbers takes whole numbers.
+pub fn set(robot: &mut Value, key: &str, number: f64) {
+    let target = key.split('.').try_fold(robot, |value, part| value.get_mut(part));
+    match target {
+        Some(Value::Float(target)) => *target = number,
+        Some(Value::Integer(target)) => *target = number as i64,
+        _ => {}
+    }
+}
+
+/// Returns every key with a number, dotted.
+pub fn numbers(robot: &Value) -> Vec<String> {
+    let mut keys = Vec::new();
+    for (name, value) in robot.as_table().into_iter().flatten() {
+        match value {
+            Value::Float(_) | Value::Integer(_) => keys.push(name.clone()),
+            Value::Table(_) => keys.extend(numbers(value).into_iter().map(|key| format!("{name}.{key}"))),
+            _ => {}
+        }
+    }
+    keys
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn physical() -> Value {
+        Value::try_from(Robot::default()).unwrap()
+    }
+
+    #[test]
+    fn every_number_of_a_robot_is_a_key() {
+        let keys = numbers(&physical());
+        for key in ["fluid.viscosity_pa_s", "flagellum.young_pa", "solver.sweeps", "joint.coulomb_nm"] {
+            assert!(keys.iter().any(|name| name == key), "{key}");
+            assert_eq!(Key::parse(key, &physical()), Some(Key::Robot(key.to_owned())));
+        }
+        for key in ["fluid", "fluid.viscosity", "head.shape", "tank.length_m", "group.size", "flagellum.phase_deg"] {
+            assert_eq!(Key::parse(key, &physical()), None, "{key}");
+        }
+    }
+
+    #[test]
+    fn a_key_is_set_with_its_type() {
+        let mut robot = physical();
+        set(&mut robot, "fluid.viscosity_pa_s", 0.8);
+        set(&mut robot, "solver.sweeps", 30.0);
+        let robot: Robot = robot.try_into().unwrap();
+        assert_eq!((robot.fluid.viscosity_pa_s, robot.solver.sweeps), (0.8, 30));
+    }
+
+    /// What a group is said to move is what differs in the robot.
+    #[test]
+    fn a_group_moves_what_it_says() {
+        let like = Robot {
+            joint: sim::params::Joint { viscous_nms: 1e-6, coulomb_nm: 1e-6, ..Default::default() },
+            ..Default::default()
+        };
+        let before = Value::try_from(&like).unwrap();
+        for group in Group::ALL {
+            // A smaller pitch or radius shortens the turns, and with them the edges.
+            let mut groups = Groups::of(&like);
+            group.set(&mut groups, 0.8);
+            let after = Value::try_from(groups.robot(&like, 1.0, 1.0)).unwrap();
+            for key in numbers(&before) {
+                let [old, new] = [&before, &after].map(|robot| number(robot, &key).unwrap());
+                let moved = (new - old).abs() > 1e-9 * old.abs();
+                assert_eq!(moved, group.moves(&key), "{group:?} {key}: {old} {new}");
+            }
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Merges the parts of a sweep into one table, sorted by the names of the points.
+//!
+//! The table's bytes depend on the plan and the results alone: neither on how many workers have computed the points, in
+//! which order, nor on how often they were killed. Names are hashes and so spread evenly; the table is written in blocks of
+//! neighbouring names, one row group each, and each block is collected in a pass over the parts. So memory does not grow
+//! with the number of points.
+
+use super::SweepError;
+use super::folder::{Folder, Points};
+use super::part::Record;
+use super::point::Name;
+use super::table::table;
+use super::{Outcome, csv_path, parquet_path};
+use crate::export::{csv, parquet};
+use biflag_log::atomic_file;
+use std::io::{Error, Write};
+use std::path::PathBuf;
+
+/// Rows of a block, about.
+const BLOCK: u64 = 16_384;
+
+/// What was merged.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Merged {
+    /// Number of rows.
+    pub done: u64,
+    /// How many of them are points that failed.
+    pub failed: u64,
+    /// Points that were computed several times with different results, as on computers of different types. The table has
+    /// one of them, chosen by its bytes.
+    pub different: u64,
+    /// Parts that are cut off or damaged.
+    pub damaged: Vec<PathBuf>,
+}
+
+impl Folder {
+    /// Writes the table of all points that are done.
+    ///
+    /// # Errors
+    /// A part cannot be read, or a file cannot be written.
+    pub fn merge(&self) -> Result<Merged, SweepError> {
+        let (table, text) = (parquet_path(&self.path), csv_path(&self.path));
+        let mut merged = None;
+        let written = atomic_file::replace(&table, |parquet| {
+            atomic_file::replace(&text, |csv| {
+                merged = Some(self.write(parquet, csv)?);
+                Ok(())
+            })
+        });
+        written.map_err(SweepError::at(&table))?;
+        Ok(merged.unwrap_or(Merged { done: 0, failed: 0, different: 0, damaged: Vec::new() }))
+    }
+
+    fn write(&self, parquet: impl Write + Send, csv: impl Write) -> Result<Merged, Error> {
+        let points = self.sweep.plan.points();
+        let empty = table(&self.sweep, Vec::new());
+        let (mut parquet, mut csv) = (parquet::Writer::new(&empty, parquet)?, csv::Writer::new(&empty, csv)?);
+        let mut merged = Merged { done: 0, failed: 0, different: 0, damaged: Vec::new() };
+        let mut done = Points::none(points);
+        let blocks = points.div_ceil(BLOCK);
+        for block in 0..blocks {
+            let mut records = Vec::new();
+            merged.damaged = self
+                .read(|name| block_of(name, blocks) == block, |record| records.push(record))
+                .map_err(Error::other)?;
+            merged.different += sort(&mut records)?;
+            for record in &records {
+                done.add(record.index);
+                merged.failed += u64::from(matches!(record.outcome, Outcome::Failed(_)));
+            }
+            if !records.is_empty() {
+                let rows = table(&self.sweep, records);
+                parquet.rows(&rows)?;
+                csv.rows(&rows)?;
+            }
+        }
+        merged.done = done.count();
+        parquet.close()?;
+        csv.close()?;
+        Ok(merged)
+    }
+}
+
+/// Returns the block of a name: `blocks` equal intervals of all names.
+fn block_of(name: &Name, blocks: u64) -> u64 {
+    (u128::from(name.number()) * u128::from(blocks) >> 64) as u64
+}
+
+/// Sorts results by name and leaves one of each point. Returns how many points had different results.
+fn sort(records: &mut Vec<Record>) -> Result<u64, Error> {
+    let mut keyed = Vec::with_capacity(records.len());
+    for record in records.drain(..) {
+        let mut bytes = [0; 2048];
+        let length = postcard::to_slice(&record.outcome, &mut bytes).map_err(Error::other)?.len();
+        keyed.push((record.name, record.index, bytes[..length].to_vec(), record));
+    }
+    keyed.sort_by(|a, b| (a.0, a.1, &a.2).cmp(&(b.0, b.1, &b.2)));
+    let mut different = 0;
+    keyed.dedup_by(|b, a| {
+        let same_point = (a.0, a.1) == (b.0, b.1);
+        different += u64::from(same_point && a.2 != b.2);
+        same_point
+    });
+    records.extend(keyed.into_iter().map(|(.., record)| record));
+    Ok(different)
+}

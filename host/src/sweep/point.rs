@@ -1,0 +1,164 @@
+//! The points of a sweep: each is made from its index, and named by the hash of all that it depends on.
+
+use super::SweepPlan;
+use super::key::{self, Group, Key};
+use crate::plan::PlanError;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use sim::groups::Groups;
+use sim::params::Robot;
+use std::fmt;
+use toml::Value;
+
+/// A point's name: the first half of the SHA-256 of its inputs and of the model's version.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub struct Name(pub [u8; 16]);
+
+impl Name {
+    /// Returns a number that is spread evenly over points, in the order of names.
+    pub fn number(&self) -> u64 {
+        let [a, b, c, d, e, f, g, h, ..] = self.0;
+        u64::from_be_bytes([a, b, c, d, e, f, g, h])
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// The part of a sweep's points that one program computes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Shard {
+    /// Which part, from 0.
+    pub index: u64,
+    /// How many parts.
+    pub of: u64,
+}
+
+impl Shard {
+    /// All points.
+    pub const ALL: Self = Self { index: 0, of: 1 };
+
+    /// Returns whether a point belongs to this part. Neighbours in a plan are often hard alike; names spread them.
+    pub fn has(&self, name: &Name) -> bool {
+        name.number() % self.of == self.index
+    }
+}
+
+/// A plan with its robot and the version of the model: all that its points depend on.
+#[derive(Clone, Debug)]
+pub struct Sweep {
+    /// The plan.
+    pub plan: SweepPlan,
+    /// Version of the program that computes the points.
+    pub model: String,
+    /// The robot that varies, with all its keys.
+    robot: Value,
+    /// Hash of all that the points have in common.
+    common: Sha256,
+}
+
+/// One point.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Point {
+    /// Its place in the plan.
+    pub index: u64,
+    /// Its name.
+    pub name: Name,
+    /// Speeds of motors 1 and 2, rpm.
+    pub speeds_rpm: [f64; 2],
+    /// Value of each axis of the plan; of a key that is not changed, that of the robot.
+    pub values: Vec<f64>,
+    /// The groups over those of the robot `published`, in the order of [`Group::ALL`].
+    pub multiples: [f64; 4],
+    /// The robot, which may be impossible, or why its keys do not take the values.
+    pub robot: Result<Robot, String>,
+}
+
+impl Sweep {
+    /// Creates the sweep of a plan with the model of this version.
+    ///
+    /// # Errors
+    /// [`PlanError::Invalid`] if the robot's file is wrong.
+    pub fn new(plan: SweepPlan, model: String) -> Result<Self, PlanError> {
+        // Numbers, flags, names and short lists all have a form in TOML.
+        let robot = Value::try_from(plan.robot.parse()?).unwrap_or(Value::Table(toml::Table::new()));
+        let mut common = Sha256::new();
+        for text in ["biflag sweep 1", &model, &robot.to_string(), plan.method.name()] {
+            common.update((text.len() as u64).to_le_bytes());
+            common.update(text);
+        }
+        common.update(plan.run_s.to_le_bytes());
+        common.update((plan.phases as u64).to_le_bytes());
+        Ok(Self { plan, model, robot, common })
+    }
+
+    /// Returns the name of a point, without the cost of its robot.
+    pub fn name(&self, index: u64) -> Name {
+        let (speeds_rpm, values) = self.inputs(index);
+        let mut hash = self.common.clone();
+        speeds_rpm.iter().for_each(|rpm| hash.update(rpm.to_le_bytes()));
+        for (axis, value) in self.plan.axes.iter().zip(values) {
+            if let (Key::Robot(_) | Key::Group(_), Some(value)) = (&axis.key, value) {
+                hash.update(axis.key.name());
+                hash.update([0]);
+                hash.update(value.to_le_bytes());
+            }
+        }
+        let mut name = [0; 16];
+        name.copy_from_slice(&hash.finalize()[..16]);
+        Name(name)
+    }
+
+    /// Returns a point. Keys of the robot's file are set first, then the groups.
+    pub fn point(&self, index: u64) -> Point {
+        let (speeds_rpm, inputs) = self.inputs(index);
+        let axes = || self.plan.axes.iter().zip(&inputs);
+        let mut keys = self.robot.clone();
+        for (axis, value) in axes() {
+            if let (Key::Robot(key), Some(value)) = (&axis.key, value) {
+                key::set(&mut keys, key, *value);
+            }
+        }
+        let robot: Result<Robot, toml::de::Error> = keys.clone().try_into();
+        let mut robot = robot.map_err(|error| error.message().to_owned());
+        let mut multiples = [f64::NAN; 4];
+        if let Ok(robot) = &mut robot {
+            let (mut groups, published) = (Groups::of(robot), Groups::of(&Robot::published()));
+            multiples = Group::ALL.map(|group| group.of(&groups) / group.of(&published));
+            let set: Vec<_> = axes().filter_map(|(axis, value)| Some((axis.key.group()?, (*value)?))).collect();
+            for (group, multiple) in &set {
+                group.set(&mut groups, *multiple);
+                multiples[*group as usize] = *multiple;
+            }
+            if !set.is_empty() {
+                *robot = groups.robot(robot, 1.0, 1.0);
+            }
+        }
+        let value = |axis: &Key| match axis {
+            Key::Robot(key) => key::number(&keys, key).unwrap_or(f64::NAN),
+            Key::Group(group) => multiples[*group as usize],
+            Key::Speed(motor) => speeds_rpm[*motor],
+        };
+        let values = self.plan.axes.iter().map(|axis| value(&axis.key)).collect();
+        Point { index, name: self.name(index), speeds_rpm, values, multiples, robot }
+    }
+
+    /// Returns the speeds of a point (rpm), and what it sets of each axis.
+    fn inputs(&self, index: u64) -> ([f64; 2], Vec<Option<f64>>) {
+        let plan = &self.plan;
+        let pairs = plan.speeds_rpm.len() as u64;
+        if pairs > 0 {
+            let values = plan.design.values(&plan.axes, index / pairs);
+            return (plan.speeds_rpm[(index % pairs) as usize], values);
+        }
+        let values = plan.design.values(&plan.axes, index);
+        let speed = |motor| {
+            let at = plan.axes.iter().position(|axis| axis.key == Key::Speed(motor));
+            at.and_then(|at| values[at]).unwrap_or(0.0)
+        };
+        ([speed(0), speed(1)], values)
+    }
+}

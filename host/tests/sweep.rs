@@ -1,0 +1,366 @@
+//! End-to-end tests of `sweep`: the plan's errors, the table, shards, exit codes.
+
+use host::plan::{PlanError, RobotFile};
+use host::sweep::{Method, SweepPlan};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// 24 short points, of which the eight with a spacing of 0.4 are impossible.
+const PLAN: &str = "[session]\nname = \"short\"\n[trial]\nrun = 0.4\nmethod = \"trial\"\nphases = 2\n[vary]\n\"group.spacing\" = [0.4, 1, 1.5]\n\
+                    \"fluid.viscosity_pa_s\" = { from = 0.5, to = 2, count = 2, scale = \"log\" }\n\
+                    [speeds]\npairs = [[50, 10], [0, 45], [-90, 90], [60, 60]]\n";
+
+fn biflag(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_biflag")).current_dir(folder).args(args).output().unwrap()
+}
+
+#[track_caller]
+fn expect(output: &Output, code: i32) -> Value {
+    assert_eq!(output.status.code(), Some(code), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap_or_default()
+}
+
+fn bench(plan: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("plan.toml"), plan).unwrap();
+    folder
+}
+
+fn tables(folder: &Path) -> [Vec<u8>; 2] {
+    ["table.parquet", "table.csv"].map(|name| std::fs::read(folder.join(name)).unwrap())
+}
+
+/// Returns the rows of the table as CSV.
+fn rows(folder: &Path) -> Vec<BTreeMap<String, String>> {
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(folder.join("table.csv")).unwrap();
+    reader.deserialize().map(Result::unwrap).collect()
+}
+
+fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
+    row[column].parse().unwrap_or_else(|_| panic!("{column} of {row:?}"))
+}
+
+fn parse(text: &str) -> Result<SweepPlan, PlanError> {
+    SweepPlan::parse(text, "plan.toml", &|name| Ok(RobotFile::built_in(name)))
+}
+
+#[test]
+fn plan_of_the_help_is_valid() {
+    let plan = parse(host::sweep::EXAMPLE).unwrap();
+    assert_eq!((plan.points(), plan.phases, plan.run_s, plan.method), (3 * 7 * 190, 4, 120.0, Method::Steady));
+    let dotted =
+        parse("[vary]\nfluid.viscosity_pa_s = [1, 2]\ngroup.pitch = [0.9]\n[speeds]\npairs = [[1, 2]]").unwrap();
+    assert_eq!(dotted.points(), 2, "keys without quotes");
+}
+
+#[test]
+fn every_mistake_is_named_with_its_cure() {
+    let many = "\"group.pitch\" = { from = 1, to = 2, count = 1000000 }\n\"group.radius\" = { from = 1, to = 2, count = 1000000 }";
+    for (vary, what, cure) in [
+        ("\"fluid.viscosity\" = [1]", "2:21: unknown key `fluid.viscosity`", "fluid.viscosity_pa_s"),
+        ("\"group.size\" = [1]", "2:16: unknown key `group.size`", "write one of group.stiffness"),
+        ("viscosity = [1]", "unknown key `viscosity`", "a key of the robot's file, such as \"fluid.viscosity_pa_s\""),
+        ("\"head.shape\" = [\"local\"]", "head.shape is not a number but \"cylinder\"", "a plan of its own"),
+        ("\"tank.length_m\" = [1]", "unknown key `tank.length_m`", "write a key"),
+        ("\"group.pitch\" = []", "group.pitch has no values", "give a list such as"),
+        ("\"group.pitch\" = [1, \"2\"]", "group.pitch cannot hold \"2\"", "give a list"),
+        ("\"group.pitch\" = [1, 2, 1.0]", "group.pitch has 1 twice", "leave one"),
+        ("\"group.pitch\" = [1, nan]", "group.pitch cannot hold nan", "give a list"),
+        ("\"group.pitch\" = [0]", "group.pitch cannot be 0", "above 0"),
+        ("\"group.pitch\" = 1", "group.pitch cannot be 1", "give a list"),
+        ("\"group.pitch\" = { from = 1, to = 2 }", "group.pitch needs a count", "count = 7"),
+        ("\"group.pitch\" = { from = 1, count = 2 }", "group.pitch needs from and to", "give a list"),
+        (
+            "\"group.pitch\" = { from = 2, to = 2, count = 3 }",
+            "the range of group.pitch from 2 to 2 is empty",
+            "smaller",
+        ),
+        (
+            "\"group.pitch\" = { from = 2, to = 1, count = 3 }",
+            "the range of group.pitch from 2 to 1 is empty",
+            "smaller",
+        ),
+        ("\"group.pitch\" = { from = 1, to = 2, count = 1 }", "the count of group.pitch cannot be 1", "2 or more"),
+        ("\"group.pitch\" = { from = 1, to = 2, step = 1 }", "unknown key `step` in group.pitch", "give a list"),
+        ("\"group.pitch\" = { from = 1, to = 2, count = 2, scale = \"cubic\" }", "the scale of group.pitch", "\"log\""),
+        ("\"head.centre_m\" = [1]", "head.centre_m is not a number but [0.0, 0.0, -0.01425]", "vary numbers alone"),
+        (
+            "\"base.mass_centre_below_joint_m\" = { from = -1, to = 2, count = 2, scale = \"log\" }",
+            "the range of base.mass_centre_below_joint_m from -1 has no logarithm",
+            "above 0",
+        ),
+        ("\"solver.sweeps\" = [20, 25.5]", "solver.sweeps takes whole numbers alone", "whole numbers"),
+        (
+            "\"group.stiffness\" = [2]\n\"flagellum.young_pa\" = [1e6]",
+            "flagellum.young_pa follows from group.stiffness",
+            "vary either flagellum.young_pa or group.stiffness",
+        ),
+        (
+            "\"group.radius\" = [2]\n\"joint.tether_full_nm_per_rad\" = [1e-4]",
+            "joint.tether_full_nm_per_rad follows from group.radius",
+            "vary either",
+        ),
+        ("\"joint.tether_lumped_nm_per_rad\" = [1e-4]", "has no effect", "joint.tether_full_nm_per_rad"),
+        (many, "the plan has 1e12 points, more than 10000000", "fewer values"),
+        ("design = \"all\"", "the design is not known", "\"one at a time\""),
+        ("design = { sobol = 0 }", "sobol cannot be 0", "from 1 to 10000000"),
+        ("design = { sobol = 10, seeds = 1 }", "the design is not known", "seed = 7"),
+        (
+            "design = { sobol = 10 }\n\"group.pitch\" = [1]",
+            "group.pitch cannot be a list in a Sobol design",
+            "from = 0.5",
+        ),
+        (
+            "design = { sobol = 10 }\n\"group.pitch\" = { from = 1, to = 2, count = 3 }",
+            "group.pitch has a count in a Sobol design",
+            "leave count out",
+        ),
+        (
+            "design = { sobol = 10 }\n\"solver.sweeps\" = { from = 20, to = 30 }",
+            "solver.sweeps takes whole numbers",
+            "another design",
+        ),
+        (
+            "design = \"one at a time\"\n\"group.pitch\" = [0.5, 1]",
+            "group.pitch = 1 is the robot's own value",
+            "leave it out",
+        ),
+        (
+            "\"speeds.w1_rpm\" = [1]\n\"speeds.w2_rpm\" = [1]",
+            "the speeds stand in [speeds] and in [vary]",
+            "leave one of them out",
+        ),
+    ] {
+        let text = format!("[vary]\n{vary}\n[speeds]\npairs = [[50, 10]]\n");
+        let Err(PlanError::Invalid { place, what: found, cure: fix }) = parse(&text) else {
+            panic!("{vary} is accepted")
+        };
+        let message = format!("{place}: {found}");
+        assert!(message.contains(what) && fix.contains(cure), "{vary}: {message}; {fix}");
+    }
+    for (text, what, cure) in [
+        ("[vary]\n\"speeds.w1_rpm\" = [1, 2]\n", "speeds.w1_rpm varies alone", "vary speeds.w2_rpm too"),
+        ("[vary]\n\"group.pitch\" = [1]\n", "the plan has no trials", "pairs = [[50, 10]]"),
+        (
+            "[vary]\n\"speeds.w1_rpm\" = [100]\n\"speeds.w2_rpm\" = [1]\n",
+            "100 rpm is beyond ±90 rpm",
+            "give -90 to 90 rpm",
+        ),
+        ("[trial]\nphases = 0\n[speeds]\npairs = [[1, 2]]\n", "phases cannot be 0", "from 1 to 360"),
+        ("[trial]\nrun = 0\n[speeds]\npairs = [[1, 2]]\n", "run cannot be 0", "plain number"),
+        ("[trial]\nmethod = \"fast\"\n[speeds]\npairs = [[1, 2]]\n", "method cannot be \"fast\"", "\"trial\""),
+        ("[trial]\npreroll = 5\n[speeds]\npairs = [[1, 2]]\n", "unknown key `preroll`", "`run`"),
+        ("vary = 3\n[speeds]\npairs = [[1, 2]]\n", "vary cannot be 3", "[vary]"),
+        ("[speeds]\npairs = [[1, 2, 3]]\n", "pairs cannot be [[1, 2, 3]]", "pairs = [[50, 10]]"),
+    ] {
+        let Err(PlanError::Invalid { place, what: found, cure: fix }) = parse(text) else {
+            panic!("{text} is accepted")
+        };
+        let message = format!("{place}: {found}");
+        assert!(message.contains(what) && fix.contains(cure), "{text}: {message}; {fix}");
+    }
+    let mixture = "[vary]\n\"fluid.viscosity_pa_s\" = [1]\n[speeds]\npairs = [[1, 2]]\n";
+    let glycerol = "[fluid]\nglycerol = { mass_fraction = 0.99, temperature_c = 22 }\n";
+    let robot = |name: &str| Ok(RobotFile { name: name.to_owned(), text: glycerol.to_owned() });
+    let robot_is = format!("[session]\nrobot = \"mine.toml\"\n{mixture}");
+    let error = SweepPlan::parse(&robot_is, "plan.toml", &robot).unwrap_err().to_string();
+    assert!(error.ends_with("fluid.viscosity_pa_s has no effect"), "{error}");
+}
+
+#[test]
+fn wrong_plan_and_wrong_folder_are_wrong_use() {
+    let bench = bench("[vary]\n\"group.pitch\" = []\n[speeds]\npairs = [[50, 10]]\n");
+    let folder = bench.path();
+    for args in [&["sweep", "plan.toml"][..], &["sweep", "merge", "."], &["sweep", "status", "none"], &["sweep"]] {
+        let output = biflag(folder, args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 1, "nothing was made");
+}
+
+/// Every point is a row: with its groups, lengths, and a result like that of `simulate`, or with the reason.
+#[test]
+fn every_point_is_a_row() {
+    let bench = bench(PLAN);
+    let folder = bench.path();
+    let answer = expect(&biflag(folder, &["sweep", "plan.toml", "--json"]), 3);
+    let table = serde_json::json!("short/table.parquet");
+    for (key, value) in
+        [("table", table), ("points", 24.into()), ("done", 24.into()), ("missing", 0.into()), ("failed", 8.into())]
+    {
+        assert_eq!(answer[key], value, "{key}");
+    }
+    let rows = rows(&folder.join("short"));
+    assert_eq!(rows.len(), 24);
+    assert!(rows.windows(2).all(|pair| pair[0]["point"] < pair[1]["point"]), "sorted by name");
+    for row in &rows {
+        let is_ok = row["group_spacing_relative"] != "0.4";
+        assert_eq!(row["status"], if is_ok { "ok" } else { "failed" });
+        assert_eq!(row["yaw_deg"].is_empty(), !is_ok);
+        assert_eq!(row["reason"].starts_with("base.motor_distance_m = "), !is_ok, "{row:?}");
+        let spacing = number(row, "motor_distance_m") / number(row, "contour_length_m");
+        assert!((spacing / number(row, "group_spacing") - 1.0).abs() < 1e-12);
+        assert_eq!(
+            (row["fluid_viscosity_pa_s"].as_str(), row["group_pitch_relative"].as_str()),
+            (row["viscosity_pa_s"].as_str(), "1")
+        );
+        // At 50 and 10 rpm the phase does not matter.
+        let phases = if row["w1_rpm"] == "50" { "1" } else { "2" };
+        assert!(!is_ok || row["phases"] == phases, "{row:?}");
+    }
+    let row = rows
+        .iter()
+        .find(|row| row["w1_rpm"] == "50" && row["group_spacing_relative"] == "1" && row["viscosity_pa_s"] == "2");
+    std::fs::write(folder.join("thick.toml"), "[fluid]\nviscosity_pa_s = 2\n").unwrap();
+    let simulate =
+        ["simulate", "--speeds=50,10", "--duration", "0.4", "--robot", "thick.toml", "--json", "--out", "one"];
+    let trial = expect(&biflag(folder, &simulate), 3)["trials"][0].clone();
+    let row = row.unwrap();
+    for (column, wanted) in [
+        ("yaw_deg", &trial["yaw_deg"]),
+        ("pitch_deg", &trial["pitch_deg"]),
+        ("roll_deg", &trial["roll_deg"]),
+        ("force1_x_n", &trial["force1_n"][0]),
+        ("force2_z_n", &trial["force2_n"][2]),
+        ("axial_torque2_nm", &trial["axial_torque_nm"][1]),
+        ("contact_share", &trial["contact_share"]),
+        ("min_gap_m", &trial["min_gap_m"]),
+    ] {
+        let wanted = wanted.as_f64().unwrap();
+        assert!((number(row, column) - wanted).abs() <= 1e-12 * wanted.abs(), "{column}: {row:?} {trial}");
+    }
+    let header = std::fs::read_to_string(folder.join("short/table.csv")).unwrap();
+    for line in header.lines().filter_map(|line| line.strip_prefix("# ")) {
+        println!("{line}");
+    }
+    assert!(header.contains("# force1_z_n [N]: thrust of flagellum 1"), "{header}");
+}
+
+#[test]
+fn table_does_not_depend_on_jobs_shards_or_order() {
+    let bench = bench(PLAN);
+    let folder = bench.path();
+    expect(&biflag(folder, &["sweep", "plan.toml", "--jobs", "1", "--out", "one"]), 3);
+    let wanted = tables(&folder.join("one"));
+    for shards in [1, 3, 8] {
+        let out = format!("of{shards}");
+        let (mut points, mut failed) = (0, 0);
+        for shard in (1..=shards).rev() {
+            let args = ["sweep", "plan.toml", "--shard", &format!("{shard}/{shards}"), "--out", &out, "--json"];
+            let output = biflag(folder, &args);
+            let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+            let here = answer["failed"].as_u64().unwrap();
+            assert_eq!(output.status.code(), Some(if here > 0 { 3 } else { 0 }));
+            assert_eq!((&answer["table"], &answer["missing"]), (&Value::Null, &0.into()));
+            points += answer["points"].as_u64().unwrap();
+            failed += here;
+        }
+        assert_eq!((points, failed), (24, 8), "each point belongs to one shard");
+        let status = expect(&biflag(folder, &["sweep", "status", &out, "--json"]), 0);
+        assert_eq!((&status["done"], &status["missing"], &status["failed"]), (&24.into(), &0.into(), &8.into()));
+        expect(&biflag(folder, &["sweep", "merge", &out]), 3);
+        assert!(tables(&folder.join(&out)) == wanted, "{shards} shards");
+    }
+}
+
+#[test]
+fn a_sweep_goes_on_where_it_ended_and_only_when_asked() {
+    let bench = bench(PLAN);
+    let folder = bench.path();
+    expect(&biflag(folder, &["sweep", "plan.toml", "--shard", "1/2"]), 3);
+    let again = biflag(folder, &["sweep", "plan.toml", "--shard", "1/2"]);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("go on with --resume"));
+
+    let status = expect(&biflag(folder, &["sweep", "status", "short", "--json"]), 0);
+    let (done, missing) = (status["done"].as_u64().unwrap(), status["missing"].as_u64().unwrap());
+    assert!(done > 0 && missing > 0 && done + missing == 24, "{status}");
+    assert_eq!((&status["table"], &status["time_left_s"]), (&Value::Null, &Value::Null));
+    let merged = expect(&biflag(folder, &["sweep", "merge", "short", "--json"]), 3);
+    assert_eq!(merged["missing"], missing);
+    assert_eq!(rows(&folder.join("short")).len() as u64, done, "a table of what is there");
+
+    let whole = expect(&biflag(folder, &["sweep", "plan.toml", "--resume", "--json"]), 3);
+    assert_eq!((&whole["done"], &whole["missing"]), (&24.into(), &0.into()));
+    expect(&biflag(folder, &["sweep", "plan.toml", "--out", "other"]), 3);
+    assert!(tables(&folder.join("short")) == tables(&folder.join("other")));
+
+    std::fs::write(folder.join("plan.toml"), PLAN.replace("0.4, 1, 1.5", "0.4, 1, 1.6")).unwrap();
+    let other = biflag(folder, &["sweep", "plan.toml", "--resume"]);
+    assert_eq!(other.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&other.stderr).contains("a sweep of another plan"));
+}
+
+/// A part that was cut off, changed, or copied from another sweep costs its points and nothing else.
+#[test]
+fn damaged_and_foreign_parts_are_noticed() {
+    let bench = bench(PLAN);
+    let folder = bench.path();
+    expect(&biflag(folder, &["sweep", "plan.toml"]), 3);
+    let wanted = tables(&folder.join("short"));
+    let part = |sweep: &str| {
+        let entries = std::fs::read_dir(folder.join(sweep)).unwrap().map(|entry| entry.unwrap().path());
+        entries.into_iter().find(|path| path.extension().is_some_and(|end| end == "part")).unwrap()
+    };
+    let whole = part("short");
+    let bytes = std::fs::read(&whole).unwrap();
+    std::fs::write(&whole, &bytes[..bytes.len() / 2]).unwrap();
+    let merged = expect(&biflag(folder, &["sweep", "merge", "short", "--json"]), 3);
+    assert!(merged["missing"].as_u64().unwrap() >= 10, "{merged}");
+    assert!(merged["warnings"][0].as_str().unwrap().contains("cut off or damaged"), "{merged}");
+
+    std::fs::write(folder.join("other.toml"), PLAN.replace("run = 0.4", "run = 0.5").replace("short", "other"))
+        .unwrap();
+    expect(&biflag(folder, &["sweep", "other.toml", "--shard", "1/3"]), 3);
+    std::fs::copy(part("other"), folder.join("short/part-0000000000000000.part")).unwrap();
+    let whole = expect(&biflag(folder, &["sweep", "plan.toml", "--resume", "--json"]), 3);
+    assert_eq!((&whole["done"], &whole["missing"]), (&24.into(), &0.into()));
+    assert!(tables(&folder.join("short")) == wanted);
+}
+
+#[test]
+fn sobol_design_fills_speeds_and_robots() {
+    let plan = "[session]\nname = \"sobol\"\n[trial]\nrun = 0.1\nmethod = \"trial\"\n[vary]\ndesign = { sobol = 32, seed = 7 }\n\
+                \"speeds.w1_rpm\" = { from = -90, to = 90 }\n\"speeds.w2_rpm\" = { from = 0, to = 90 }\n\
+                \"group.stiffness\" = { from = 0.5, to = 2, scale = \"log\" }\n";
+    let bench = bench(plan);
+    expect(&biflag(bench.path(), &["sweep", "plan.toml"]), 0);
+    let rows = rows(&bench.path().join("sobol"));
+    assert_eq!(rows.len(), 32);
+    for (column, middle) in [("w1_rpm", 0.0), ("w2_rpm", 45.0), ("group_stiffness_relative", 1.0)] {
+        assert_eq!(rows.iter().filter(|row| number(row, column) < middle).count(), 16, "{column}");
+    }
+}
+
+#[test]
+fn one_at_a_time_has_the_robot_itself_once() {
+    let plan = "[session]\nname = \"one\"\n[trial]\nrun = 0.1\nmethod = \"trial\"\n[vary]\ndesign = \"one at a time\"\n\
+                \"group.stiffness\" = [0.5, 2]\n\"group.radius\" = [0.8]\n[speeds]\npairs = [[50, 10], [-50, 10]]\n";
+    let bench = bench(plan);
+    expect(&biflag(bench.path(), &["sweep", "plan.toml"]), 0);
+    let rows = rows(&bench.path().join("one"));
+    let mut found: Vec<_> = rows
+        .iter()
+        .filter(|row| row["w1_rpm"] == "50")
+        .map(|row| (row["group_stiffness_relative"].as_str(), row["group_radius_relative"].as_str()))
+        .collect();
+    found.sort();
+    assert_eq!((rows.len(), found), (8, vec![("0.5", "1"), ("1", "0.8"), ("1", "1"), ("2", "1")]));
+}
+
+#[test]
+fn slurm_script_is_a_valid_shell_script() {
+    let bench = bench(&PLAN.replace("\"short\"", "\"it's short\""));
+    let output = biflag(bench.path(), &["sweep", "slurm", "plan.toml", "--shards", "12"]);
+    assert_eq!(output.status.code(), Some(0));
+    std::fs::write(bench.path().join("sweep.sh"), &output.stdout).unwrap();
+    let checked = Command::new("bash").args(["-n", "sweep.sh"]).current_dir(bench.path()).output().unwrap();
+    assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
+    let script = String::from_utf8(output.stdout).unwrap();
+    for part in ["--requeue", "--signal=B:USR1@120", "--array=", "afterany", "MaxArraySize", "it-s-short", "SHARDS=12"]
+    {
+        assert!(script.contains(part), "{part} is not in {script}");
+    }
+}

@@ -1,0 +1,95 @@
+//! Steady states that are solved for, against trials of 120 s.
+
+use crate::common::prove;
+use sim::body::closure::Closure;
+use sim::params::Robot;
+use sim::periodic::{self, Kind, SolveError};
+use sim::profile::SpeedProfile;
+use sim::trial::{Options, Summary, Trial};
+
+const LONGEST_S: f64 = 120.0;
+
+fn trial(rpm: [f64; 2], start_deg: [f64; 2]) -> Summary {
+    let start = start_deg.map(f64::to_radians);
+    let profile = SpeedProfile::constant(rpm, LONGEST_S).expect("a profile").from_angles(start);
+    let mut trial = Trial::new(&Robot::default(), Closure::Full, profile, Options::default()).expect("parameters");
+    trial.finish().expect("a run")
+}
+
+fn solve(rpm: [f64; 2], start_deg: [f64; 2]) -> periodic::Periodic {
+    let start = start_deg.map(f64::to_radians);
+    periodic::solve(&Robot::default(), Closure::Full, rpm, start, LONGEST_S, &|_| true).expect("a steady state")
+}
+
+#[test]
+fn solved_states_are_those_that_trials_end_in() {
+    for (rpm, start, kind, allowed_deg) in [
+        ([50.0, 10.0], [0.0, 0.0], Kind::Steady, 0.1),
+        ([-60.0, 60.0], [0.0, 0.0], Kind::Steady, 0.1),
+        ([90.0, 90.0], [0.0, 0.0], Kind::Steady, 0.1),
+        ([0.0, 30.0], [0.0, 0.0], Kind::Steady, 0.1),
+        // The phase decides to which side a flagellum that stands leans the robot.
+        ([0.0, 30.0], [180.0, 0.0], Kind::Steady, 0.1),
+        ([0.0, 0.0], [0.0, 0.0], Kind::Steady, 0.1),
+        // No common period.
+        ([37.0, 53.0], [0.0, 0.0], Kind::Beating, 0.1),
+        // The flagella touch in each turn.
+        ([-60.0, 0.0], [0.0, 0.0], Kind::Steady, 0.1),
+    ] {
+        let (solved, trial) = (solve(rpm, start), trial(rpm, start));
+        let [yaw, pitch, roll] = [0, 1, 2]
+            .map(|i| (solved.summary.steady.attitude[i].mean - trial.steady.attitude[i].mean).to_degrees().abs());
+        println!("{rpm:?} from {start:?} deg: {:?} after {:.0} s", solved.kind, solved.simulated_s);
+        assert_eq!((solved.kind, solved.summary.steady.settled), (kind, true), "{rpm:?} {start:?}");
+        prove(&format!("steady state of {rpm:?}: yaw against the trial, deg"), yaw, allowed_deg);
+        prove(&format!("steady state of {rpm:?}: tilt against the trial, deg"), pitch.hypot(roll), allowed_deg);
+        let thrust = |summary: &Summary, k: usize| summary.steady.force[k][2].mean * 1e3;
+        let off = (0..2).map(|k| (thrust(&solved.summary, k) - thrust(&trial, k)).abs()).fold(0.0, f64::max);
+        prove(&format!("steady state of {rpm:?}: thrusts against the trial, mN"), off, 0.1);
+    }
+}
+
+#[test]
+fn a_motion_that_repeats_costs_less_than_half_of_a_trial() {
+    for rpm in [[50.0, 10.0], [90.0, 90.0], [0.0, 30.0]] {
+        prove(&format!("simulated time at {rpm:?}, s"), solve(rpm, [0.0; 2]).simulated_s, 0.5 * LONGEST_S);
+    }
+}
+
+#[test]
+fn the_period_gives_the_results_again() {
+    let search = periodic::search(&Robot::default(), Closure::Full, [0.0, 45.0], [0.0; 2], &|_| true);
+    let orbit = search.expect("no failure").orbit.expect("a motion that repeats");
+    let (summary, period_s) = (orbit.summary.clone(), orbit.period_s);
+    let mut trial = orbit.into_trial(Options { rate_hz: 50.0, shapes: false });
+    let times: Vec<f64> = trial.by_ref().map(|sample| sample.expect("a sample").time_s).collect();
+    assert!((times[times.len() - 1] - times[0] - period_s).abs() < 0.021, "{period_s}");
+    let again = trial.summary();
+    for i in 0..3 {
+        let (a, b) = (again.steady.attitude[i].mean, summary.steady.attitude[i].mean);
+        assert!((a - b).abs() < 1e-12, "{a} {b}");
+    }
+}
+
+#[test]
+fn a_closure_that_never_settles_is_not_found() {
+    let robot = Robot::published();
+    let solved = periodic::solve(&robot, Closure::Paper, [50.0, 10.0], [0.0; 2], 60.0, &|_| true).expect("a run");
+    assert_eq!((solved.kind, solved.summary.steady.settled), (Kind::NotFound, false));
+    prove("never settled: simulated time beyond the longest, s", (solved.simulated_s - 60.0).max(0.0), 60.0);
+}
+
+#[test]
+fn impossible_input_and_an_interruption_are_errors() {
+    let robot = Robot::default();
+    let solve = |rpm, longest_s, go_on: bool| {
+        periodic::solve(&robot, Closure::Full, rpm, [0.0; 2], longest_s, &|_| go_on).map(|found| found.kind)
+    };
+    assert!(matches!(solve([f64::NAN, 0.0], 120.0, true), Err(SolveError::Profile(_))));
+    assert!(matches!(solve([50.0, 10.0], 0.0, true), Err(SolveError::Profile(_))));
+    assert_eq!(solve([50.0, 10.0], 120.0, false), Err(SolveError::Interrupted));
+    let mut heavy = robot.clone();
+    heavy.base.mass_kg = -1.0;
+    let wrong = periodic::solve(&heavy, Closure::Full, [1.0, 90.0], [0.0; 2], 120.0, &|_| true);
+    assert!(matches!(wrong, Err(SolveError::Parameter(_))));
+}

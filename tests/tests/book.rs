@@ -1,0 +1,195 @@
+//! The book and the other pages: links lead somewhere, and every command of the book works.
+
+use host::run::rig::VirtualNano;
+use rustix::process::Signal;
+use std::collections::BTreeSet;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
+use tests::markdown::Page;
+use tests::{program, signal, wait_for_line};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
+}
+
+fn book() -> PathBuf {
+    root().join("host/book/src")
+}
+
+fn page(path: &Path) -> Page {
+    Page::parse(&fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())))
+}
+
+/// All Markdown pages under a folder, but what was built.
+fn pages(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
+        if path.is_dir() && !path.is_symlink() && !name.starts_with('.') && name != "target" {
+            found.extend(pages(&path));
+        } else if path.extension().is_some_and(|kind| kind == "md") {
+            found.push(path);
+        }
+    }
+    found
+}
+
+#[test]
+fn every_link_leads_somewhere() {
+    let mut wrong = Vec::new();
+    let mut count = 0;
+    for path in pages(root()) {
+        let this = page(&path);
+        for link in this.links.iter().filter(|link| !link.contains("://")) {
+            count += 1;
+            let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() { path.clone() } else { path.parent().unwrap().join(file) };
+            let is_anchor = || anchor.is_empty() || page(&target).anchors.contains(anchor);
+            // What is not in the book's folder is not in the book.
+            let is_in_book = || !path.starts_with(book()) || Path::new(file).components().count() <= 1;
+            if !target.exists() || !is_anchor() || !is_in_book() {
+                wrong.push(format!("{}: {link}", path.display()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(count > 30, "{count} links");
+}
+
+#[test]
+fn every_page_is_in_the_summary_or_in_a_page() {
+    let summary = page(&book().join("SUMMARY.md"));
+    let listed: BTreeSet<String> = summary.links.into_iter().collect();
+    let mut files = BTreeSet::new();
+    for path in pages(&book()) {
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        let text = fs::read_to_string(&path).unwrap();
+        for include in text.split("{{#include ").skip(1) {
+            let included = include.split("}}").next().unwrap();
+            assert!(book().join(included).exists(), "{name} includes {included}");
+            files.remove(included);
+            files.insert(format!("included {included}"));
+        }
+        files.insert(name);
+    }
+    let is_included = |name: &String| files.contains(&format!("included {name}"));
+    let chapters = files.iter().filter(|name| !name.starts_with("included ") && *name != "SUMMARY.md");
+    assert_eq!(listed, chapters.filter(|name| !is_included(name)).cloned().collect());
+}
+
+/// A folder in which the commands of a page run, and the board on which they do.
+struct Reader {
+    folder: TempDir,
+    nano: Option<VirtualNano>,
+}
+
+impl Reader {
+    fn new() -> Self {
+        Self { folder: TempDir::new().unwrap(), nano: None }
+    }
+
+    /// Returns the port of a board that is new: it has a bootloader and no program.
+    fn port(&mut self) -> String {
+        let new = || VirtualNano::start(&program("vnano"), ["--bootloader", "optiboot"]).unwrap();
+        self.nano.get_or_insert_with(new).port().to_owned()
+    }
+
+    /// Follows a page: writes its files, and runs its commands one after the other. They end with exit code 0 or 3, unless the
+    /// comment after them says another.
+    fn follow(&mut self, name: &str) -> usize {
+        let mut count = 0;
+        for code in page(&book().join(name)).code {
+            if let Some(file) = code.file {
+                // Other tests may delay the pings to the board for longer than the usual deadline.
+                let text = code.text.clone() + "[board]\ndeadline_ms = 5000\n";
+                fs::write(self.folder.path().join(file), text).unwrap();
+            }
+            if code.language != "sh" {
+                continue;
+            }
+            for line in code.text.lines() {
+                let (command, comment) = line.split_once(" #").unwrap_or((line, ""));
+                let command = command.trim();
+                if command.starts_with("biflag ") {
+                    let codes: &[i32] = match comment.trim() {
+                        "exit code 1" => &[1],
+                        _ if command.starts_with("biflag live") => &[130],
+                        _ => &[0, 3],
+                    };
+                    self.run(command, codes);
+                    count += 1;
+                } else {
+                    let word = command.split(' ').next().unwrap();
+                    assert!(["sudo", "mkdir", "tar", "make", "cargo"].contains(&word), "{name}: what is {line:?}?");
+                }
+            }
+        }
+        println!("{name}: {count} commands");
+        count
+    }
+
+    /// Runs a command in a shell. The emulated board stands for the one that is plugged in.
+    fn run(&mut self, line: &str, codes: &[i32]) {
+        let words: Vec<&str> = line.split(' ').collect();
+        let has = |word: &str| words.iter().any(|other| other.starts_with(word));
+        let needs_board = match words[1] {
+            "flash" | "settings" => true,
+            "record" => !has("--virtual"),
+            "doctor" => has("--motors"),
+            _ => false,
+        };
+        let mut line = line.to_owned();
+        if has("/dev/ttyUSB0") {
+            line = line.replace("/dev/ttyUSB0", &self.port());
+        } else if needs_board {
+            let verb = format!("biflag {}", words[1]);
+            line = line.replacen(&verb, &format!("{verb} --port {}", self.port()), 1);
+        }
+        if has("--motors") {
+            // Nobody is there to answer.
+            line += " --yes";
+        }
+        println!("$ {line}");
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("exec {line}")]).current_dir(self.folder.path());
+        let programs = program("biflag").parent().unwrap().to_owned();
+        shell.env("PATH", format!("{}:{}", programs.display(), std::env::var("PATH").unwrap()));
+        shell.env("XDG_CONFIG_HOME", self.folder.path().join("config"));
+        shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = shell.spawn().unwrap();
+        if words[1] == "live" {
+            wait_for_line(&mut child, "ws://");
+            signal(&child, Signal::INT);
+        }
+        let output = child.wait_with_output().unwrap();
+        let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        let code = output.status.code();
+        assert!(code.is_some_and(|code| codes.contains(&code)), "{line}: {code:?}\n{said}");
+    }
+}
+
+#[test]
+fn commands_of_the_introduction_and_the_log() {
+    assert!(Reader::new().follow("introduction.md") >= 2);
+    assert!(Reader::new().follow("log.md") >= 5);
+}
+
+#[test]
+fn commands_of_the_tutorial() {
+    assert!(Reader::new().follow("tutorial.md") >= 12);
+}
+
+#[test]
+fn commands_at_the_bench() {
+    assert!(Reader::new().follow("bench.md") >= 12);
+}
+
+#[test]
+fn commands_about_the_model() {
+    assert!(Reader::new().follow("model.md") >= 8);
+    assert!(Reader::new().follow("published.md") >= 4);
+}

@@ -1,0 +1,181 @@
+//! Sweeps that are killed and interrupted, their memory, and their cost.
+
+use rustix::process::Signal;
+use std::path::Path;
+use std::process::Child;
+use std::time::{Duration, Instant};
+use tests::{Bench, Run, signal};
+
+/// 48 points over robots and speeds, with impossible ones among them.
+const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\nrun = 4\nmethod = \"trial\"\nphases = 2\n[vary]\n\
+                    \"group.spacing\" = [0.5, 1, 1.5]\n\"group.stiffness\" = [0.5, 2]\n\
+                    [speeds]\ngrid = { w1 = [-60, 60, 40], w2 = [20, 60, 40] }\n";
+
+fn tables(sweep: &Path) -> [Vec<u8>; 2] {
+    ["table.parquet", "table.csv"].map(|name| std::fs::read(sweep.join(name)).unwrap())
+}
+
+/// Returns the points that a sweep has.
+fn done(bench: &Bench, sweep: &str) -> u64 {
+    bench.run(["sweep", "status", sweep, "--json"]).expect_code(0).json()["done"].as_u64().unwrap()
+}
+
+/// Numbers that look random, of a seed.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0 % end
+    }
+}
+
+/// `kill -9` at random moments, as often as `KILLS` says: the table has the same bytes as without.
+#[test]
+fn killed_shards_give_the_same_table() {
+    let kills = std::env::var("KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(6);
+    let bench = Bench::new();
+    bench.file("plan.toml", PLAN);
+    let begun = Instant::now();
+    bench.run(["sweep", "plan.toml", "--out", "serial", "--jobs", "1"]).expect_code(3);
+    let whole = begun.elapsed();
+    let wanted = tables(&bench.path().join("serial"));
+    let mut random = Random(0x5EED_0000_0000_0007);
+    let mut killed = 0;
+    for (round, shards) in [1, 3, 8].into_iter().enumerate() {
+        let out = format!("of{shards}");
+        let start = |shard: u64| {
+            let shard = format!("{shard}/{shards}");
+            bench.start(["sweep", "plan.toml", "--shard", &shard, "--resume", "--out", &out])
+        };
+        let share = kills / 3 + usize::from(round < kills % 3);
+        for _ in 0..share {
+            let mut child = start(1 + random.below(shards));
+            let micros = whole.as_micros() as u64 / shards;
+            std::thread::sleep(Duration::from_micros(random.below(micros.max(1))));
+            // A shard without anything left to do may have ended.
+            if child.try_wait().unwrap().is_none() {
+                signal(&child, Signal::KILL);
+                killed += 1;
+            }
+            child.wait().unwrap();
+        }
+        let before = done(&bench, &out);
+        for shard in 1..=shards {
+            let run = Run::of(start(shard));
+            assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
+        }
+        bench.run(["sweep", "merge", &out]).expect_code(3);
+        assert!(tables(&bench.path().join(&out)) == wanted, "{shards} shards");
+        println!("{shards} shards: {before} of 48 points were done after {share} kills, the table is the same");
+    }
+    println!("{killed} of {kills} kills came before the end");
+    assert!(killed * 2 >= kills, "the kills come too late: {killed} of {kills}");
+}
+
+#[test]
+fn ctrl_c_keeps_what_is_done() {
+    let bench = Bench::new();
+    bench.file("plan.toml", PLAN);
+    bench.run(["sweep", "plan.toml", "--out", "whole"]).expect_code(3);
+    let child = bench.start(["sweep", "plan.toml", "--out", "cut", "--json"]);
+    let begun = Instant::now();
+    while !bench.path().join("cut/sweep.toml").exists() || done(&bench, "cut") < 3 {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no points");
+    }
+    signal(&child, Signal::INT);
+    let run = Run::of(child).expect_code(130);
+    let kept = run.json()["done"].as_u64().unwrap();
+    assert!((3..48).contains(&kept), "{kept}");
+    assert_eq!(done(&bench, "cut"), kept);
+    let names: Vec<_> = std::fs::read_dir(bench.path().join("cut")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert!(!names.iter().any(|name| name.to_string_lossy().ends_with(".open")), "{names:?}");
+    bench.run(["sweep", "plan.toml", "--out", "cut", "--resume"]).expect_code(3);
+    assert!(tables(&bench.path().join("cut")) == tables(&bench.path().join("whole")));
+}
+
+/// Returns the peak memory of a child, MB.
+fn peak_mb(mut child: Child) -> f64 {
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak_kb = 0.0f64;
+    loop {
+        let text = std::fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        peak_kb = peak_kb.max(line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok()).unwrap_or(0.0));
+        if let Some(status) = child.try_wait().unwrap() {
+            assert_eq!(status.code(), Some(3));
+            return peak_kb / 1024.0;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Four times as many points, impossible ones that cost nothing else, need no more memory, to compute them as to merge them.
+#[test]
+fn memory_does_not_grow_with_the_points() {
+    let bench = Bench::new();
+    let peaks = [20_000, 80_000].map(|count| {
+        let plan = format!(
+            "[vary]\n\"group.spacing\" = {{ from = 0.1, to = 0.4, count = {count} }}\n[speeds]\npairs = [[50, 10]]\n"
+        );
+        let (plan, out) = (bench.file("plan.toml", &plan), format!("out{count}"));
+        let peak = peak_mb(bench.start(["sweep", plan.to_str().unwrap(), "--out", &out]));
+        println!("{count} points: peak memory {peak:.1} MB");
+        peak
+    });
+    assert!(peaks[0] > 1.0 && peaks[0] < 120.0, "{peaks:?}");
+    assert!(peaks[1] < 1.15 * peaks[0], "{peaks:?}");
+}
+
+/// Robots and speeds all over: every point is a row, without a panic or a number that is none. Prints the cost of speeds
+/// alone and of robots that all differ.
+#[test]
+#[ignore = "takes half an hour; make proof"]
+fn ten_thousand_points_are_rows() {
+    let count: u64 = std::env::var("POINTS").ok().and_then(|points| points.parse().ok()).unwrap_or(10_000);
+    let speeds = "\"speeds.w1_rpm\" = { from = -90, to = 90 }\n\"speeds.w2_rpm\" = { from = 0, to = 90 }\n";
+    let robots = "\"group.stiffness\" = { from = 0.1, to = 10, scale = \"log\" }\n\
+                  \"group.spacing\" = { from = 0.4, to = 2.5 }\n\"group.pitch\" = { from = 0.3, to = 2 }\n\
+                  \"group.radius\" = { from = 0.3, to = 2 }\n\"fluid.viscosity_pa_s\" = { from = 0.3, to = 3, scale = \"log\" }\n";
+    let bench = Bench::new();
+    for (name, axes) in [("speeds alone", speeds.to_owned()), ("robots that all differ", format!("{speeds}{robots}"))] {
+        let plan = format!("[trial]\nrun = 12\n[vary]\ndesign = {{ sobol = {count}, seed = 7 }}\n{axes}");
+        let plan = bench.file("plan.toml", &plan);
+        let out = name.replace(' ', "-");
+        let begun = Instant::now();
+        let mut child = bench.start(["sweep", plan.to_str().unwrap(), "--out", &out, "--json"]);
+        let said = child.stderr.take().unwrap();
+        let said = std::thread::spawn(move || std::io::read_to_string(said).unwrap());
+        let status = format!("/proc/{}/status", child.id());
+        let mut peak_kb = 0.0f64;
+        while child.try_wait().unwrap().is_none() {
+            let text = std::fs::read_to_string(&status).unwrap_or_default();
+            let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+            peak_kb =
+                peak_kb.max(line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok()).unwrap_or(0.0));
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let seconds = begun.elapsed().as_secs_f64();
+        let run = Run::of(child);
+        let said = said.join().unwrap();
+        assert!(!said.contains("panicked"), "{said}");
+        let answer = run.json();
+        let failed = answer["failed"].as_u64().unwrap();
+        assert_eq!((answer["done"].as_u64(), answer["missing"].as_u64()), (Some(count), Some(0)), "{answer}");
+        let folder = bench.path().join(&out);
+        let text = std::fs::read_to_string(folder.join("table.csv")).unwrap();
+        let rows: Vec<&str> = text.lines().filter(|line| !line.starts_with('#')).skip(1).collect();
+        assert_eq!(rows.len() as u64, count);
+        assert!(rows.iter().all(|row| !row.contains("NaN") && !row.contains("inf,")));
+        assert!(!text.contains("panicked") && !text.contains("not a finite number"));
+        let bytes = std::fs::metadata(folder.join("table.parquet")).unwrap().len();
+        println!(
+            "{name}: {count} points, {failed} failed, {:.2} points a second, peak memory {:.0} MB, {} bytes a row in Parquet",
+            count as f64 / seconds,
+            peak_kb / 1024.0,
+            bytes / count
+        );
+    }
+}
