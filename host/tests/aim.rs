@@ -171,7 +171,8 @@ fn two_hundred_random_attitudes_are_met() {
             let [w1, w2] = solution.state.rpm();
             (w1 - rpm[0]).hypot(w2 - rpm[1])
         };
-        let nearest = aimed.solutions.iter().chain(&aimed.nearest).min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap();
+        let nearest =
+            aimed.solutions.iter().chain(&aimed.nearest).min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap();
         println!(
             "| {:?} | {:.2} | {:.2} | {} | {:?} | {miss:.2} | {:.2} |",
             rpm,

@@ -61,7 +61,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut rows = rows.into_inner()?;
     rows.sort_by_key(|(w1, w2, _)| (*w1, *w2));
     let version = env!("CARGO_PKG_VERSION");
-    println!("# steady states of the robot {name} by sim {version}, closure full, the mean of {phases} starting phases where");
+    println!(
+        "# steady states of the robot {name} by sim {version}, closure full, the mean of {phases} starting phases where"
+    );
     println!("# the ratio of the speeds makes the phase matter; without w1 < w2, which is the mirror image");
     println!("# cargo run --release -p sim --example steady_map -- {step} {phases} {name}");
     println!("w1_rpm,w2_rpm,yaw_deg,pitch_deg,roll_deg,force1_z_n,force2_z_n,contact_share,min_gap_m");

@@ -34,7 +34,8 @@ fn a_fitted_robot_takes_the_attitudes_that_it_is_asked_for() {
     hidden.joint.tether_full_nm_per_rad = 6e-4;
     let bench = Bench::new();
     bench.file("hidden.toml", "[fluid]\nviscosity_pa_s = 0.85\n[joint]\ntether_full_nm_per_rad = 6e-4\n");
-    let head = "[session]\nrobot = \"hidden.toml\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 5\npreroll = 20\n";
+    let head =
+        "[session]\nrobot = \"hidden.toml\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 5\npreroll = 20\n";
     bench.file(
         "known.toml",
         &format!("{head}run = 60\ndecay = 30\n[speeds]\npairs = [[50, 10], [-90, 80], [0, 45], [70, 60]]\n"),

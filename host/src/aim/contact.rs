@@ -57,8 +57,8 @@ pub fn nearest_change(model: &Model, table: &Table, state: &State) -> Result<Opt
 fn differs(model: &Model, rpm: [f64; 2], touches: bool) -> Result<bool, AimError> {
     let starts = if Ratio::of(rpm).is_some() { phase::starts(rpm, PHASES) } else { vec![[0.0; 2]] };
     for start in starts {
-        match model.at(rpm, start) {
-            Ok(state) if state.touches() != touches => return Ok(true),
+        match model.touches(rpm, start) {
+            Ok(other) if other != touches => return Ok(true),
             Err(AimError::Interrupted) => return Err(AimError::Interrupted),
             _ => {}
         }

@@ -12,7 +12,9 @@ pub enum AimError {
     #[error("{}: the table cannot be read: {reason}", path.display())]
     #[diagnostic(
         code(wrong_use),
-        help("give the table of `biflag sweep`: CSV or Parquet with the columns w1_rpm, w2_rpm, yaw_deg, pitch_deg, roll_deg")
+        help(
+            "give the table of `biflag sweep`: CSV or Parquet with the columns w1_rpm, w2_rpm, yaw_deg, pitch_deg, roll_deg"
+        )
     )]
     Table {
         /// The file.

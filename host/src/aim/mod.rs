@@ -167,10 +167,8 @@ fn describe(
     target: &Target,
     state: &State,
 ) -> Result<Solution, AimError> {
-    let (interval, contact_change) = rayon::join(
-        || Interval::about(model, errors, state),
-        || contact::nearest_change(model, table, state),
-    );
+    let (interval, contact_change) =
+        rayon::join(|| Interval::about(model, errors, state), || contact::nearest_change(model, table, state));
     let Attitude { yaw_deg, pitch_deg, roll_deg, .. } = state.attitude;
     Ok(Solution {
         state: *state,

@@ -7,6 +7,8 @@ use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::params::Robot;
 use sim::periodic::{self, Kind, Periodic, SolveError};
+use sim::profile::SpeedProfile;
+use sim::trial::{Options, Trial};
 
 /// Duration of the trial where the motion is not found to repeat, s: that of a plan's run unless the plan says otherwise.
 pub const TRIAL_S: f64 = 120.0;
@@ -83,5 +85,30 @@ impl Model<'_> {
             contact_share: summary.contact_share,
             min_gap_m: summary.min_gap_m,
         })
+    }
+
+    /// Returns whether the flagella touch at some time of a trial at these speeds. The trial ends at their first contact,
+    /// whose steps take most of the time.
+    ///
+    /// # Errors
+    /// [`AimError::Model`] and [`AimError::Interrupted`].
+    pub fn touches(&self, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<bool, AimError> {
+        let failed = |source: SolveError| AimError::Model { rpm, source };
+        let profile = SpeedProfile::constant(rpm, TRIAL_S).map_err(|error| failed(error.into()))?;
+        let profile = profile.from_angles(start_deg.map(f64::to_radians));
+        let options = Options { rate_hz: 1.0, shapes: false };
+        let mut trial =
+            Trial::new(self.robot, Closure::Full, profile, options).map_err(|error| failed(error.into()))?;
+        while let Some(sample) = trial.next() {
+            sample.map_err(|error| failed(error.into()))?;
+            if !(self.goes_on)() {
+                return Err(AimError::Interrupted);
+            }
+            if trial.summary().first_contact_s.is_some() {
+                break;
+            }
+        }
+        (self.solved)();
+        Ok(trial.summary().first_contact_s.is_some())
     }
 }

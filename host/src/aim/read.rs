@@ -30,9 +30,7 @@ const ROBOT: [RobotColumn; 9] = [
     ("motor_distance_m", |robot| robot.base.motor_distance_m),
     ("young_pa", |robot| robot.flagellum.young_pa),
     ("viscosity_pa_s", |robot| robot.fluid.viscosity()),
-    ("righting_nm", |robot| {
-        robot.base.mass_kg * robot.base.gravity_m_s2 * robot.base.mass_centre_below_joint_m
-    }),
+    ("righting_nm", |robot| robot.base.mass_kg * robot.base.gravity_m_s2 * robot.base.mass_centre_below_joint_m),
     ("tether_nm_per_rad", |robot| robot.joint.tether_full_nm_per_rad),
 ];
 
@@ -145,7 +143,16 @@ mod tests {
         assert!(table.rows().iter().any(|row| row.touches == Some(true)));
         // Between its rows.
         let between = table.about([52.5, 12.5]).at([52.5, 12.5]);
-        assert!((between.yaw_deg - 0.25 * (at(50.0, 10.0).yaw_deg + at(50.0, 15.0).yaw_deg + at(55.0, 10.0).yaw_deg + at(55.0, 15.0).yaw_deg)).abs() < 1.0);
+        assert!(
+            (between.yaw_deg
+                - 0.25
+                    * (at(50.0, 10.0).yaw_deg
+                        + at(50.0, 15.0).yaw_deg
+                        + at(55.0, 10.0).yaw_deg
+                        + at(55.0, 15.0).yaw_deg))
+                .abs()
+                < 1.0
+        );
     }
 
     #[test]

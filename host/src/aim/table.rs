@@ -49,15 +49,15 @@ impl Table {
         for i in 0..rows.len() {
             let Row { rpm: [w1, w2], attitude, touches } = rows[i];
             if rows.iter().all(|row| distance(row.rpm, [w2, w1]) > 1e-6) {
-                let attitude =
-                    Attitude { pitch_deg: -attitude.pitch_deg, roll_deg: -attitude.roll_deg, ..attitude };
+                let attitude = Attitude { pitch_deg: -attitude.pitch_deg, roll_deg: -attitude.roll_deg, ..attitude };
                 rows.push(Row { rpm: [w2, w1], attitude, touches });
             }
         }
         let range = |value: &dyn Fn(&Row) -> f64| {
-            let (low, high) = rows.iter().map(value).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-                (low.min(value), high.max(value))
-            });
+            let (low, high) = rows
+                .iter()
+                .map(value)
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
             high - low
         };
         let area = range(&|row| row.rpm[0]) * range(&|row| row.rpm[1]);

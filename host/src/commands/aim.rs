@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Find the speeds at which the robot takes an attitude, each verified by the model.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
-    biflag aim --yaw 60 --pitch=-2\n  \
+    biflag aim --yaw=-67 --pitch=-4\n  \
     biflag aim --yaw=-100 --tilt 5 --robot fitted.toml -o plan.toml && biflag record plan.toml\n\
     Two speeds give two quantities: name two of them, or more that agree. A yaw is met modulo 360 degrees.\n\
     Exit code 3: not reachable; the nearest attitude is printed.")]
@@ -125,7 +125,7 @@ fn target(args: &Args) -> miette::Result<Target> {
     if wanted.len() < 2 {
         return Err(miette::miette!(
             code = WRONG_USE,
-            help = "give two of --yaw, --pitch, --roll, --tilt and --thrust, such as --yaw 60 --pitch=-2",
+            help = "give two of --yaw, --pitch, --roll, --tilt and --thrust, such as --yaw=-67 --pitch=-4",
             "two speeds give two quantities, and {} is named",
             if wanted.is_empty() { "none" } else { "one" }
         ));
@@ -191,7 +191,9 @@ fn describe(robot: &str, target: &Target, aimed: &Aimed) -> String {
     let wanted = describe_target(target);
     let mut text = match &aimed.nearest {
         None => format!("{wanted}: {}, robot {robot}\n", count(aimed.solutions.len(), "solution")),
-        Some(_) => format!("{wanted}: not reachable with the robot {robot} within ±90 rpm; the nearest attitude found\n"),
+        Some(_) => {
+            format!("{wanted}: not reachable with the robot {robot} within ±90 rpm; the nearest attitude found\n")
+        }
     };
     for solution in aimed.solutions.iter().chain(&aimed.nearest) {
         text += &describe_solution(solution);
@@ -214,22 +216,32 @@ fn describe_solution(solution: &Solution) -> String {
     ];
     // Writing to a string cannot fail.
     for (name, value, [low, high], axis) in angles {
-        let _ = write!(
-            text,
-            "  {name:<6} {:>8}°  95 % {} to {}",
-            decimal(value, 2),
-            decimal(low, 2),
-            decimal(high, 2)
-        );
+        let _ = write!(text, "  {name:<6} {:>8}°  95 % {} to {}", decimal(value, 2), decimal(low, 2), decimal(high, 2));
         let spread = interval.phase_spread_deg[axis];
-        text += &if spread > 0.0 { format!(", {} of it by the starting phase\n", decimal(spread, 2)) } else { "\n".into() };
+        text +=
+            &if spread > 0.0 { format!(", {} of it by the starting phase\n", decimal(spread, 2)) } else { "\n".into() };
     }
     let error = decimal(solution.error_deg, 2);
-    let _ = writeln!(text, "  tilt   {:>8}°  thrust {} mN, misses by {error}°", decimal(solution.tilt_deg, 2), decimal(1e3 * thrust_n, 2));
+    let _ = writeln!(
+        text,
+        "  tilt   {:>8}°  thrust {} mN, misses by {error}°",
+        decimal(solution.tilt_deg, 2),
+        decimal(1e3 * thrust_n, 2)
+    );
     let some = if interval.contact_by_phase { ", at other starting phases not so" } else { "" };
     let change = solution.contact_change.map_or("no change found".to_owned(), |change| {
-        format!("changes {} rpm away, at {}, {}", decimal(change.rpm, 0), decimal(change.at_rpm[0], 0), decimal(change.at_rpm[1], 0))
+        format!(
+            "changes {} rpm away, at {}, {}",
+            decimal(change.rpm, 0),
+            decimal(change.at_rpm[0], 0),
+            decimal(change.at_rpm[1], 0)
+        )
     });
-    let _ = writeln!(text, "  flagella {}{some}, least gap {} mm; {change}", word(&state.contact), decimal(1e3 * state.min_gap_m, 1));
+    let _ = writeln!(
+        text,
+        "  flagella {}{some}, least gap {} mm; {change}",
+        word(&state.contact),
+        decimal(1e3 * state.min_gap_m, 1)
+    );
     text
 }
