@@ -62,7 +62,8 @@ proof: build
 	@sh firmware/setup.sh test
 	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test all hard_cases -- --nocapture
 	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
-	$(CARGO) test --release --locked -p tests --test attitude_chain --test twin --test report --test sweep -- --ignored --nocapture
+	AIM_CASES=200 $(CARGO) test --release --locked -p host --test all aim -- --ignored --nocapture
+	$(CARGO) test --release --locked -p tests --test aim --test attitude_chain --test twin --test report --test sweep -- --ignored --nocapture
 	$(CARGO) bench --locked -p sim --bench trials
 	$(CARGO) run --release --locked -p sim --example steady -- physical 2
 

@@ -3,6 +3,7 @@
 //! A [`plan`] lists trials. [`run`] runs them on the rig or in the simulator and writes their logs ([`biflag_log`])
 //! into a [`session`] folder. All further commands read logs through [`trial`].
 
+pub mod aim;
 pub mod attitude;
 mod colour;
 pub mod commands;

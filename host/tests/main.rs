@@ -2,6 +2,7 @@
 //!
 //! `cargo test -p host --test all NAME` runs the tests whose path has NAME in it, such as one file's.
 
+mod aim;
 mod calibration;
 mod commands;
 mod drift;

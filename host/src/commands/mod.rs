@@ -1,5 +1,6 @@
 //! The command line. Each command has a file with a function from its arguments to an [`Answer`].
 
+mod aim;
 mod answer;
 mod calibrate;
 mod compare;
@@ -66,6 +67,7 @@ enum Command {
     Sweep(sweep::Args),
     Compare(compare::Args),
     Calibrate(calibrate::Args),
+    Aim(aim::Args),
     Report(report::Args),
     Export(export::Args),
     Recover(recover::Args),
@@ -91,6 +93,7 @@ pub fn run() -> ExitCode {
         Command::Sweep(args) => sweep::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
+        Command::Aim(args) => aim::run(&args),
         Command::Live(args) => live::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Recover(args) => recover::run(&args),

@@ -21,7 +21,7 @@ mod phase;
 mod problem;
 mod uncertainty;
 
-pub use file::to_toml;
+pub use file::{StdError, std_errors, to_toml};
 pub use parameter::Parameter;
 use parameter::wrapped;
 

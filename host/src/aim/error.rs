@@ -1,0 +1,43 @@
+//! Why there is no answer.
+
+use miette::Diagnostic;
+use sim::periodic::SolveError;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Why there is no answer.
+#[derive(Error, Diagnostic, Debug)]
+pub enum AimError {
+    /// The table cannot be read.
+    #[error("{}: the table cannot be read: {reason}", path.display())]
+    #[diagnostic(
+        code(wrong_use),
+        help(
+            "give the table of `biflag sweep`: CSV or Parquet with the columns w1_rpm, w2_rpm, yaw_deg, pitch_deg, roll_deg"
+        )
+    )]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The table has too few speeds.
+    #[error("the table has {rows} steady states of one robot, mirror images included")]
+    #[diagnostic(code(wrong_use), help("give a table with at least ten steady states that differ in both speeds"))]
+    TooSmall {
+        /// Number of rows.
+        rows: usize,
+    },
+    /// The model of the robot fails at all speeds that were tried.
+    #[error("the model of this robot has no steady state at {} and {} rpm", rpm[0], rpm[1])]
+    Model {
+        /// The speeds.
+        rpm: [f64; 2],
+        /// Why.
+        source: SolveError,
+    },
+    /// The user has ended it.
+    #[error("interrupted")]
+    Interrupted,
+}

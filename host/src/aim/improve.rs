@@ -1,0 +1,194 @@
+//! Speeds that bring an attitude nearer to a target: Gauss and Newton's steps within bounds, with Broyden's derivatives.
+//!
+//! A value of the model takes a tenth of a second or more and has an error of some hundredths of a degree, so differences for
+//! derivatives would cost most of the time. The derivatives of the table are a start, and each value corrects them (Broyden
+//! 1965, Math. Comput. 19, 577). The general least squares of `levenberg-marquardt`, with which parameters are fitted, need
+//! derivatives at every point and know no bounds.
+
+use super::error::AimError;
+use super::quantity::{Attitude, Target, largest};
+use nalgebra::{DMatrix, DVector};
+use protocol::units::CentiRpm;
+
+/// A miss of all values that is not improved, degrees.
+pub const CLOSE: f64 = 0.1;
+
+/// Largest step of a speed at first, rpm.
+const FIRST_STEP: f64 = 20.0;
+/// Smallest step that is tried, rpm.
+const LAST_STEP: f64 = 0.05;
+/// Most values of a search.
+const VALUES: usize = 9;
+/// Least gain that a step promises: in degrees, and as a share of the miss.
+const GAIN: [f64; 2] = [0.03, 0.01];
+
+/// The best speeds of a search.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Best<T> {
+    /// The speeds.
+    pub rpm: [f64; 2],
+    /// What is there.
+    pub state: T,
+    /// Largest miss of a value, degrees.
+    pub error: f64,
+}
+
+/// What is asked for, and the thrust that counts as much as a degree, N.
+#[derive(Clone, Copy, Debug)]
+pub struct Goal<'a> {
+    /// What is asked for.
+    pub target: &'a Target,
+    /// N.
+    pub thrust_step_n: f64,
+}
+
+/// A point of a search.
+struct Point<T> {
+    rpm: [f64; 2],
+    state: T,
+    values: DVector<f64>,
+    misses: DVector<f64>,
+}
+
+/// Improves speeds until their values miss the target by less than [`CLOSE`], or no step promises to be nearer.
+///
+/// `derivatives`: of the values by the speeds at the start, 1/rpm; `value`: returns the attitude at speeds, and whatever
+/// the caller wants to keep of it.
+///
+/// # Errors
+/// Those of `value` at the start; elsewhere only [`AimError::Interrupted`].
+pub fn improve<T>(
+    goal: Goal,
+    start: [f64; 2],
+    mut derivatives: DMatrix<f64>,
+    mut value: impl FnMut([f64; 2]) -> Result<(Attitude, T), AimError>,
+) -> Result<Best<T>, AimError> {
+    let mut point = |rpm: [f64; 2]| -> Result<Point<T>, AimError> {
+        let (attitude, state) = value(rpm)?;
+        let values = goal.target.values(&attitude, goal.thrust_step_n).into();
+        let misses = goal.target.misses(&attitude, goal.thrust_step_n).into();
+        Ok(Point { rpm, state, values, misses })
+    };
+    let mut best = point(on_board(start))?;
+    let mut longest = FIRST_STEP;
+    for _ in 1..VALUES {
+        let miss = best.misses.norm();
+        if best.misses.amax() < CLOSE || longest < LAST_STEP {
+            break;
+        }
+        let step = step(&derivatives, &best.misses, bounds(best.rpm, longest));
+        let left = (&best.misses - &derivatives * DVector::from_column_slice(&step)).norm();
+        let rpm = on_board([0, 1].map(|k| best.rpm[k] + step[k]));
+        let taken = DVector::from_iterator(2, (0..2).map(|k| rpm[k] - best.rpm[k]));
+        if miss - left < GAIN[0].max(GAIN[1] * miss) || taken.norm() == 0.0 {
+            break;
+        }
+        let next = match point(rpm) {
+            Ok(next) => next,
+            Err(AimError::Interrupted) => return Err(AimError::Interrupted),
+            // The model fails there: nearer by.
+            Err(_) => {
+                longest = 0.5 * taken.amax();
+                continue;
+            }
+        };
+        let unforeseen = &next.values - &best.values - &derivatives * &taken;
+        derivatives += unforeseen * taken.transpose() / taken.norm_squared();
+        if next.misses.norm() < miss {
+            longest = longest.max(2.0 * taken.amax());
+            best = next;
+        } else {
+            longest = 0.5 * taken.amax();
+        }
+    }
+    Ok(Best { rpm: best.rpm, error: largest(best.misses.as_slice()), state: best.state })
+}
+
+/// Returns the nearest speeds that a board can turn at, rpm.
+pub fn on_board(rpm: [f64; 2]) -> [f64; 2] {
+    let limit = CentiRpm::LIMIT.rpm();
+    rpm.map(|rpm| CentiRpm::from_rpm(rpm.clamp(-limit, limit)).rpm())
+}
+
+/// Returns the least and the largest change of each speed: of at most `longest`, and to speeds of the board.
+fn bounds(rpm: [f64; 2], longest: f64) -> [[f64; 2]; 2] {
+    let limit = CentiRpm::LIMIT.rpm();
+    rpm.map(|rpm| [(-limit - rpm).max(-longest), (limit - rpm).min(longest)])
+}
+
+/// Returns the step within bounds after which the least is missed, if values are linear.
+fn step(derivatives: &DMatrix<f64>, misses: &DVector<f64>, bounds: [[f64; 2]; 2]) -> [f64; 2] {
+    let columns = [0, 1].map(|k| derivatives.column(k).into_owned());
+    let product = |a: usize, b: usize| columns[a].dot(&columns[b]);
+    let determinant = product(0, 0) * product(1, 1) - product(0, 1).powi(2);
+    let right = [columns[0].dot(misses), columns[1].dot(misses)];
+    let free = [
+        (product(1, 1) * right[0] - product(0, 1) * right[1]) / determinant,
+        (product(0, 0) * right[1] - product(0, 1) * right[0]) / determinant,
+    ];
+    if (0..2).all(|k| free[k] >= bounds[k][0] && free[k] <= bounds[k][1]) {
+        return free;
+    }
+    // A least square beyond the bounds has its least within them on one of the four sides.
+    let mut least = ([0.0; 2], misses.norm());
+    for k in 0..2 {
+        for side in bounds[k] {
+            let other = 1 - k;
+            let rest = misses - &columns[k] * side;
+            let along = columns[other].dot(&rest) / product(other, other).max(f64::MIN_POSITIVE);
+            let along = along.clamp(bounds[other][0], bounds[other][1]);
+            let left = (rest - &columns[other] * along).norm();
+            if left < least.1 {
+                let mut step = [side; 2];
+                step[other] = along;
+                least = (step, left);
+            }
+        }
+    }
+    least.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aim::quantity::Quantity;
+
+    /// A smooth map without a model: yaw falls with the sum of the speeds, pitch with their difference.
+    fn attitude([w1, w2]: [f64; 2]) -> Attitude {
+        let (sum, difference) = (w1 + w2, w1 - w2);
+        Attitude {
+            yaw_deg: -sum - 2e-3 * sum * sum,
+            pitch_deg: -0.1 * difference + 1e-4 * difference * sum,
+            ..Attitude::default()
+        }
+    }
+
+    fn search(yaw: f64, pitch: f64, start: [f64; 2], derivatives: &[f64]) -> (Best<()>, usize) {
+        let target = Target { wanted: vec![(Quantity::Yaw, yaw), (Quantity::Pitch, pitch)] };
+        let goal = Goal { target: &target, thrust_step_n: 1.0 };
+        let mut values = 0;
+        let derivatives = DMatrix::from_row_slice(2, 2, derivatives);
+        let best = improve(goal, start, derivatives, |rpm| {
+            values += 1;
+            Ok((attitude(rpm), ()))
+        });
+        (best.unwrap(), values)
+    }
+
+    #[test]
+    fn a_target_within_the_bounds_is_met_with_few_values() {
+        let wanted = attitude([40.0, -20.0]);
+        let (best, values) = search(wanted.yaw_deg + 360.0, wanted.pitch_deg, [35.0, -10.0], &[-1.0, -1.0, -0.1, 0.1]);
+        assert!(best.error < CLOSE && values <= 5, "{best:?}, {values} values");
+        // Derivatives that are 50 % too large are corrected.
+        let (best, values) = search(wanted.yaw_deg, wanted.pitch_deg, [50.0, 0.0], &[-1.5, -1.5, -0.15, 0.15]);
+        assert!(best.error < CLOSE && values <= 8, "{best:?}, {values} values");
+    }
+
+    #[test]
+    fn a_target_beyond_the_bounds_ends_at_them() {
+        let (best, _) = search(0.0, -40.0, [60.0, -60.0], &[-1.0, -1.0, -0.1, 0.1]);
+        assert_eq!(best.rpm, [90.0, -90.0]);
+        assert!((best.error - 22.0).abs() < 0.1, "{best:?}");
+    }
+}

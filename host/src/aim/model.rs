@@ -1,0 +1,114 @@
+//! The model of a robot, asked for its steady state at pairs of speeds.
+
+use super::error::AimError;
+use super::quantity::Attitude;
+use serde::Serialize;
+use sim::body::closure::Closure;
+use sim::contact::bundling::Bundling;
+use sim::params::Robot;
+use sim::periodic::{self, Kind, Periodic, SolveError};
+use sim::profile::SpeedProfile;
+use sim::trial::{Options, Trial};
+
+/// Duration of the trial where the motion is not found to repeat, s: that of a plan's run unless the plan says otherwise.
+pub const TRIAL_S: f64 = 120.0;
+
+/// A robot, and who watches.
+#[derive(Clone, Copy)]
+pub struct Model<'a> {
+    /// The robot, checked.
+    pub robot: &'a Robot,
+    /// Returns whether to go on.
+    pub goes_on: &'a (dyn Fn() -> bool + Sync),
+    /// Is called after each steady state.
+    pub solved: &'a (dyn Fn() + Sync),
+}
+
+/// A steady state of the model.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug)]
+pub struct State {
+    /// Speed of flagellum 1.
+    pub w1_rpm: f64,
+    /// Speed of flagellum 2.
+    pub w2_rpm: f64,
+    /// Its attitude and thrust.
+    #[serde(flatten)]
+    pub attitude: Attitude,
+    /// Whether it repeats.
+    pub kind: Kind,
+    /// Whether the flagella are apart, touch, or are wound round each other at some time.
+    pub contact: Bundling,
+    /// Share of the time in which they touch.
+    pub contact_share: f64,
+    /// Least gap between their surfaces.
+    pub min_gap_m: f64,
+}
+
+impl State {
+    /// Returns the speeds, rpm.
+    pub fn rpm(&self) -> [f64; 2] {
+        [self.w1_rpm, self.w2_rpm]
+    }
+
+    /// Returns whether the flagella touch.
+    pub fn touches(&self) -> bool {
+        self.contact != Bundling::Apart
+    }
+}
+
+impl Model<'_> {
+    /// Returns the steady state at these speeds, of motors that start at these angles (deg).
+    ///
+    /// # Errors
+    /// [`AimError::Model`] and [`AimError::Interrupted`].
+    pub fn at(&self, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<State, AimError> {
+        self.of(self.robot, rpm, start_deg)
+    }
+
+    /// The same for another robot.
+    pub fn of(&self, robot: &Robot, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<State, AimError> {
+        let start = start_deg.map(f64::to_radians);
+        let watch = |_| (self.goes_on)();
+        let found = periodic::solve(robot, Closure::Full, rpm, start, TRIAL_S, &watch);
+        (self.solved)();
+        let Periodic { kind, summary, .. } = found.map_err(|source| match source {
+            SolveError::Interrupted => AimError::Interrupted,
+            source => AimError::Model { rpm, source },
+        })?;
+        let [w1_rpm, w2_rpm] = rpm;
+        Ok(State {
+            w1_rpm,
+            w2_rpm,
+            attitude: Attitude::of(&summary),
+            kind,
+            contact: summary.bundling,
+            contact_share: summary.contact_share,
+            min_gap_m: summary.min_gap_m,
+        })
+    }
+
+    /// Returns whether the flagella touch at some time of a trial at these speeds. The trial ends at their first contact,
+    /// whose steps take most of the time.
+    ///
+    /// # Errors
+    /// [`AimError::Model`] and [`AimError::Interrupted`].
+    pub fn touches(&self, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<bool, AimError> {
+        let failed = |source: SolveError| AimError::Model { rpm, source };
+        let profile = SpeedProfile::constant(rpm, TRIAL_S).map_err(|error| failed(error.into()))?;
+        let profile = profile.from_angles(start_deg.map(f64::to_radians));
+        let options = Options { rate_hz: 1.0, shapes: false };
+        let mut trial =
+            Trial::new(self.robot, Closure::Full, profile, options).map_err(|error| failed(error.into()))?;
+        while let Some(sample) = trial.next() {
+            sample.map_err(|error| failed(error.into()))?;
+            if !(self.goes_on)() {
+                return Err(AimError::Interrupted);
+            }
+            if trial.summary().first_contact_s.is_some() {
+                break;
+            }
+        }
+        (self.solved)();
+        Ok(trial.summary().first_contact_s.is_some())
+    }
+}

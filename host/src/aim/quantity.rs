@@ -1,0 +1,128 @@
+//! What can be asked of the robot: angles of its attitude, and its thrust.
+
+use serde::Serialize;
+use sim::trial::Summary;
+
+/// A steady attitude, with the thrust.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
+pub struct Attitude {
+    /// Mean yaw, unwrapped.
+    pub yaw_deg: f64,
+    /// Mean pitch.
+    pub pitch_deg: f64,
+    /// Mean roll.
+    pub roll_deg: f64,
+    /// Mean thrust of both flagella, along z_B.
+    pub thrust_n: f64,
+}
+
+impl Attitude {
+    /// Returns the steady attitude of a trial.
+    pub fn of(summary: &Summary) -> Self {
+        let [yaw_deg, pitch_deg, roll_deg] = summary.steady.attitude.map(|level| level.mean.to_degrees());
+        let thrust_n = summary.steady.force.iter().map(|force| force[2].mean).sum();
+        Self { yaw_deg, pitch_deg, roll_deg, thrust_n }
+    }
+
+    /// Returns the angle between the robot's axis and the vertical, degrees.
+    pub fn tilt_deg(&self) -> f64 {
+        (self.pitch_deg.to_radians().cos() * self.roll_deg.to_radians().cos()).acos().to_degrees()
+    }
+}
+
+/// A quantity that can be asked for.
+#[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]
+#[serde(rename_all = "lowercase")]
+pub enum Quantity {
+    /// Yaw, modulo 360 degrees.
+    Yaw,
+    /// Pitch.
+    Pitch,
+    /// Roll.
+    Roll,
+    /// Angle between the robot's axis and the vertical.
+    Tilt,
+    /// Thrust of both flagella.
+    Thrust,
+}
+
+impl Quantity {
+    /// Returns its value, degrees or N.
+    pub fn of(self, attitude: &Attitude) -> f64 {
+        match self {
+            Self::Yaw => attitude.yaw_deg,
+            Self::Pitch => attitude.pitch_deg,
+            Self::Roll => attitude.roll_deg,
+            Self::Tilt => attitude.tilt_deg(),
+            Self::Thrust => attitude.thrust_n,
+        }
+    }
+}
+
+/// What is asked for: values of at least two quantities.
+#[derive(Serialize, Clone, PartialEq, Debug)]
+pub struct Target {
+    /// The quantities and their values, degrees or N.
+    pub wanted: Vec<(Quantity, f64)>,
+}
+
+impl Target {
+    /// Returns the quantities of an attitude that are asked for: degrees, and the thrust in steps of `thrust_step_n`.
+    pub fn values(&self, attitude: &Attitude, thrust_step_n: f64) -> Vec<f64> {
+        let scaled = |quantity: Quantity| match quantity {
+            Quantity::Thrust => attitude.thrust_n / thrust_step_n,
+            _ => quantity.of(attitude),
+        };
+        self.wanted.iter().map(|(quantity, _)| scaled(*quantity)).collect()
+    }
+
+    /// Returns what each of the values lacks, the yaw by the shorter way round.
+    pub fn misses(&self, attitude: &Attitude, thrust_step_n: f64) -> Vec<f64> {
+        let values = self.values(attitude, thrust_step_n);
+        let miss = |((quantity, wanted), value): (&(Quantity, f64), f64)| match quantity {
+            Quantity::Yaw => wrapped(wanted - value),
+            Quantity::Thrust => wanted / thrust_step_n - value,
+            _ => wanted - value,
+        };
+        self.wanted.iter().zip(values).map(miss).collect()
+    }
+
+    /// Returns the largest miss of an angle, degrees.
+    pub fn error_deg(&self, attitude: &Attitude) -> f64 {
+        let angles = Self { wanted: self.wanted.iter().copied().filter(|(q, _)| *q != Quantity::Thrust).collect() };
+        largest(&angles.misses(attitude, 1.0))
+    }
+
+    /// Returns the miss of the thrust, N; `None` if it is not asked for.
+    pub fn error_n(&self, attitude: &Attitude) -> Option<f64> {
+        let (_, wanted) = self.wanted.iter().find(|(quantity, _)| *quantity == Quantity::Thrust)?;
+        Some((wanted - attitude.thrust_n).abs())
+    }
+}
+
+/// Returns the largest of these sizes.
+pub fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
+}
+
+/// Returns the same angle (deg) within half a turn of zero.
+fn wrapped(deg: f64) -> f64 {
+    deg - 360.0 * (deg / 360.0).round()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_yaw_is_met_by_any_number_of_turns_more() {
+        let target = Target { wanted: vec![(Quantity::Yaw, 175.0), (Quantity::Tilt, 5.0)] };
+        let attitude = Attitude { yaw_deg: -184.0, pitch_deg: 3.0, roll_deg: -4.0, thrust_n: 0.01 };
+        let misses = target.misses(&attitude, 1.0);
+        assert!((misses[0] + 1.0).abs() < 1e-9, "{misses:?}");
+        // Pitch and roll of a small tilt add up as squares.
+        assert!(misses[1].abs() < 0.01, "{misses:?}");
+        assert!((target.error_deg(&attitude) - 1.0).abs() < 1e-9);
+        assert_eq!(target.error_n(&attitude), None);
+    }
+}

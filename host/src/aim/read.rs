@@ -1,0 +1,193 @@
+//! Reads tables of steady states: the shipped map, and those of `biflag sweep`.
+
+use super::error::AimError;
+use super::quantity::Attitude;
+use super::table::{Row, Table};
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::Field;
+use sim::params::Robot;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// The map of the robot `physical`; its first lines say which command wrote it.
+const SHIPPED: &str = include_str!("map.csv");
+
+/// Columns that every table has.
+const NEEDED: [&str; 5] = ["w1_rpm", "w2_rpm", "yaw_deg", "pitch_deg", "roll_deg"];
+/// Columns of the thrusts and the contact.
+const OPTIONAL: [&str; 3] = ["force1_z_n", "force2_z_n", "contact_share"];
+
+/// A column that tells robots apart: its name, and its value for a robot.
+type RobotColumn = (&'static str, fn(&Robot) -> f64);
+
+/// The columns of a sweep's table that tell its robots apart.
+const ROBOT: [RobotColumn; 9] = [
+    ("axial_length_m", |robot| robot.flagellum.axial_length_m),
+    ("pitch_m", |robot| robot.flagellum.pitch_m),
+    ("helix_radius_m", |robot| robot.flagellum.helix_radius_m),
+    ("rod_radius_m", |robot| robot.flagellum.rod_radius_m),
+    ("motor_distance_m", |robot| robot.base.motor_distance_m),
+    ("young_pa", |robot| robot.flagellum.young_pa),
+    ("viscosity_pa_s", |robot| robot.fluid.viscosity()),
+    ("righting_nm", |robot| robot.base.mass_kg * robot.base.gravity_m_s2 * robot.base.mass_centre_below_joint_m),
+    ("tether_nm_per_rad", |robot| robot.joint.tether_full_nm_per_rad),
+];
+
+/// Robots whose distances differ by less are the same one, but for rounding.
+const SAME: f64 = 1e-6;
+
+/// Returns the shipped map of the robot `physical`.
+///
+/// # Errors
+/// None that a release has: a test reads the map.
+pub fn shipped() -> Result<Table, AimError> {
+    let path = Path::new("map.csv");
+    let broken = |reason: String| AimError::Table { path: path.to_owned(), reason };
+    Table::new(rows(&csv_columns(SHIPPED.as_bytes()).map_err(broken)?, &Robot::default()).map_err(broken)?)
+}
+
+/// Reads a table, CSV or Parquet. Of a table with several robots it takes the states of the one that is nearest to `robot`:
+/// least squares of the logarithms of their parameters' ratios.
+///
+/// # Errors
+/// [`AimError::Table`] and [`AimError::TooSmall`].
+pub fn load(path: &Path, robot: &Robot) -> Result<Table, AimError> {
+    let wrong = |reason: String| AimError::Table { path: path.to_owned(), reason };
+    let is_parquet = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("parquet"));
+    let file = File::open(path).map_err(|error| wrong(error.to_string()))?;
+    let columns = if is_parquet { parquet_columns(file) } else { csv_columns(file) };
+    Table::new(rows(&columns.map_err(wrong)?, robot).map_err(wrong)?)
+}
+
+/// Columns of numbers with their names. A value that is none is NaN.
+type Columns = Vec<(String, Vec<f64>)>;
+
+fn csv_columns(source: impl Read) -> Result<Columns, String> {
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(source);
+    let names = reader.headers().map_err(|error| error.to_string())?;
+    let mut columns: Columns = names.iter().map(|name| (name.to_owned(), Vec::new())).collect();
+    for record in reader.records() {
+        let record = record.map_err(|error| error.to_string())?;
+        for ((_, values), text) in columns.iter_mut().zip(&record) {
+            values.push(text.parse().unwrap_or(f64::NAN));
+        }
+    }
+    Ok(columns)
+}
+
+fn parquet_columns(file: File) -> Result<Columns, String> {
+    let reader = SerializedFileReader::new(file).map_err(|error| error.to_string())?;
+    let mut columns: Columns = Vec::new();
+    for row in reader.get_row_iter(None).map_err(|error| error.to_string())? {
+        let row = row.map_err(|error| error.to_string())?;
+        for (at, (name, field)) in row.get_column_iter().enumerate() {
+            let value = match field {
+                Field::Double(value) => *value,
+                Field::Float(value) => f64::from(*value),
+                Field::Int(value) => f64::from(*value),
+                Field::Long(value) => *value as f64,
+                _ => f64::NAN,
+            };
+            match columns.get_mut(at) {
+                Some((_, values)) => values.push(value),
+                None => columns.push((name.clone(), vec![value])),
+            }
+        }
+    }
+    Ok(columns)
+}
+
+/// Returns the rows of the nearest robot, without those whose attitude is missing.
+fn rows(columns: &Columns, robot: &Robot) -> Result<Vec<Row>, String> {
+    let column = |name: &str| columns.iter().find(|(other, _)| other == name).map(|(_, values)| values);
+    let needed = NEEDED.map(|name| column(name).ok_or_else(|| format!("it has no column {name}")));
+    let [w1, w2, yaw, pitch, roll] = needed;
+    let needed = [w1?, w2?, yaw?, pitch?, roll?];
+    let [force1, force2, contact] = OPTIONAL.map(column);
+    let robots: Vec<(&Vec<f64>, f64)> =
+        ROBOT.into_iter().filter_map(|(name, value)| Some((column(name)?, value(robot)))).collect();
+    let unlike = |i: usize| -> f64 {
+        let ratios = robots.iter().map(|(values, own)| (values[i] / own).ln().powi(2));
+        ratios.filter(|square| square.is_finite()).sum()
+    };
+    let whole = (0..needed[0].len()).filter(|i| needed.iter().all(|values| values[*i].is_finite()));
+    let found: Vec<(f64, Row)> = whole
+        .map(|i| {
+            let [w1, w2, yaw_deg, pitch_deg, roll_deg] = needed.map(|values| values[i]);
+            let thrust_n = [force1, force2].into_iter().flatten().map(|values| values[i]).sum();
+            let touches = contact.map(|values| values[i]).filter(|share| share.is_finite()).map(|share| share > 0.0);
+            let attitude = Attitude { yaw_deg, pitch_deg, roll_deg, thrust_n };
+            (unlike(i), Row { rpm: [w1, w2], attitude, touches })
+        })
+        .collect();
+    let nearest = found.iter().map(|(unlike, _)| *unlike).fold(f64::INFINITY, f64::min);
+    Ok(found.into_iter().filter(|(unlike, _)| *unlike <= nearest + SAME).map(|(_, row)| row).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aim::quantity::{Quantity, Target};
+
+    #[test]
+    fn the_shipped_map_is_whole_and_mirrored() {
+        let table = shipped().unwrap();
+        let at = |w1: f64, w2: f64| table.rows().iter().find(|row| row.rpm == [w1, w2]).unwrap().attitude;
+        let (one, other) = (at(50.0, 10.0), at(10.0, 50.0));
+        assert!(one.pitch_deg < -3.0 && one.yaw_deg < -60.0, "{one:?}");
+        assert_eq!(
+            (one.yaw_deg, one.pitch_deg, one.roll_deg, one.thrust_n),
+            (other.yaw_deg, -other.pitch_deg, -other.roll_deg, other.thrust_n)
+        );
+        assert!(table.rows().iter().any(|row| row.touches == Some(true)));
+        // Between its rows.
+        let between = table.about([52.5, 12.5]).at([52.5, 12.5]);
+        assert!(
+            (between.yaw_deg
+                - 0.25
+                    * (at(50.0, 10.0).yaw_deg
+                        + at(50.0, 15.0).yaw_deg
+                        + at(55.0, 10.0).yaw_deg
+                        + at(55.0, 15.0).yaw_deg))
+                .abs()
+                < 1.0
+        );
+    }
+
+    #[test]
+    fn of_several_robots_the_nearest_counts() {
+        let mut text = "# a sweep\nw1_rpm,w2_rpm,viscosity_pa_s,yaw_deg,pitch_deg,roll_deg,status\n".to_owned();
+        for (viscosity, yaw) in [(1.0, 1.0), (1.2, 2.0)] {
+            for (w1, w2) in (0..4).flat_map(|i| (0..4).map(move |j| (10.0 * f64::from(i), 10.0 * f64::from(j)))) {
+                text += &format!("{w1},{w2},{viscosity},{},{},0,ok\n", yaw * (w1 + w2), w1 - w2);
+            }
+        }
+        text += "90,90,1.0,,,,failed\n";
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.csv");
+        std::fs::write(&path, text).unwrap();
+        let mut robot = Robot::default();
+        robot.fluid.viscosity_pa_s = 1.15;
+        let table = load(&path, &robot).unwrap();
+        assert_eq!(table.rows().len(), 16);
+        let target = Target { wanted: vec![(Quantity::Yaw, 61.0), (Quantity::Pitch, 9.0)] };
+        assert_eq!(table.nearest(&target)[0].rpm, [20.0, 10.0]);
+        let local = table.about([20.0, 10.0]);
+        let [dw1, dw2] = [0, 1].map(|k| local.derivatives(&target, 1.0)[(0, k)]);
+        assert!((dw1 - 2.0).abs() < 1e-6 && (dw2 - 2.0).abs() < 1e-6, "{dw1} {dw2}");
+    }
+
+    #[test]
+    fn what_is_no_table_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in [("a.csv", "w1_rpm,w2_rpm\n1,2\n"), ("a.parquet", "no"), ("b.csv", "")] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            assert!(matches!(load(&path, &Robot::default()), Err(AimError::Table { .. })), "{name}");
+        }
+        let path = folder.path().join("c.csv");
+        std::fs::write(&path, "w1_rpm,w2_rpm,yaw_deg,pitch_deg,roll_deg\n1,2,3,4,5\n").unwrap();
+        assert!(matches!(load(&path, &Robot::default()), Err(AimError::TooSmall { rows: 2 })));
+    }
+}

@@ -1,0 +1,247 @@
+//! `biflag aim`: finds the speeds of an attitude.
+
+use super::{Answer, Outcome, WRONG_USE};
+use crate::aim::{self, AimError, Aimed, Attitude, Model, Quantity, Solution, Target};
+use crate::plan::robot;
+use crate::progress::{Progress, lock};
+use crate::signals::interruption;
+use crate::text::{count, decimal, word};
+use crate::twin::calibrate::std_errors;
+use biflag_log::atomic_file::Draft;
+use miette::{IntoDiagnostic, WrapErr};
+use serde::Serialize;
+use sim::params::BUILT_IN;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Find the speeds at which the robot takes an attitude, each verified by the model.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:\n  \
+    biflag aim --yaw=-67 --pitch=-4\n  \
+    biflag aim --yaw=-100 --tilt 5 --robot fitted.toml -o plan.toml && biflag record plan.toml\n\
+    Two speeds give two quantities: name two of them, or more that agree. A yaw is met modulo 360 degrees.\n\
+    Exit code 3: not reachable; the nearest attitude is printed.")]
+pub struct Args {
+    /// Steady yaw, degrees.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    yaw: Option<f64>,
+    /// Steady pitch, degrees.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pitch: Option<f64>,
+    /// Steady roll, degrees.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    roll: Option<f64>,
+    /// Angle between the robot's axis and the vertical, degrees.
+    #[arg(long, value_name = "DEG")]
+    tilt: Option<f64>,
+    /// Thrust of both flagella along the robot's axis, N.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    thrust: Option<f64>,
+    /// The robot file, such as one of `calibrate`, whose standard errors count; `physical` or `published`.
+    #[arg(long, value_name = "FILE|NAME", default_value = robot::PHYSICAL)]
+    robot: PathBuf,
+    /// The table that proposes speeds, CSV or Parquet, as `sweep` writes it; by default the map of the robot `physical`.
+    #[arg(long, value_name = "FILE")]
+    table: Option<PathBuf>,
+    /// The plan to write, which must not exist: a trial at each pair of speeds.
+    #[arg(short, long, value_name = "PLAN")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Printed<'a> {
+    robot: &'a str,
+    wanted: Vec<Wanted>,
+    #[serde(flatten)]
+    aimed: &'a Aimed,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    plan: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Wanted {
+    quantity: Quantity,
+    value: f64,
+}
+
+/// Number of steady states of a typical answer, to estimate the remaining time.
+const USUAL_STATES: usize = 20;
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    let target = target(args)?;
+    if let Some(out) = &args.out {
+        check(out)?;
+    }
+    let file = robot::load(&args.robot)?;
+    let robot = file.parse()?;
+    let table = args.table.as_deref().map_or_else(aim::shipped, |path| aim::load(path, &robot))?;
+    let errors = std_errors(&file.text);
+
+    let interrupted = interruption()?;
+    let progress = Progress::new(USUAL_STATES as f64);
+    progress.phase(&describe_target(&target), "asking the model");
+    let (progress, done) = (Mutex::new(progress), AtomicUsize::new(0));
+    let goes_on = || !interrupted.load(Ordering::Relaxed);
+    let solved = || {
+        let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+        lock(&progress).within(count.min(USUAL_STATES - 1) as f64);
+    };
+    let model = Model { robot: &robot, goes_on: &goes_on, solved: &solved };
+    let aimed = aim::aim(&model, &errors, &table, &target);
+    lock(&progress).finish();
+    let wanted = || target.wanted.iter().map(|(quantity, value)| Wanted { quantity: *quantity, value: *value });
+    let aimed = match aimed {
+        Err(AimError::Interrupted) => {
+            return Answer::new(Outcome::Interrupted, &serde_json::json!({ "interrupted": true }), "interrupted");
+        }
+        aimed => aimed?,
+    };
+    let mut text = describe(&file.name, &target, &aimed);
+    let plan = match &args.out {
+        Some(out) if aimed.reachable => {
+            write_plan(out, &args.robot, &target, &aimed.solutions)?;
+            let _ = write!(text, "\nplan {}", out.display());
+            Some(out.display().to_string())
+        }
+        _ => None,
+    };
+    let outcome = if aimed.reachable { Outcome::Done } else { Outcome::WithLoss };
+    Answer::new(outcome, &Printed { robot: &file.name, wanted: wanted().collect(), aimed: &aimed, plan }, text)
+}
+
+/// Returns what the user asks for.
+fn target(args: &Args) -> miette::Result<Target> {
+    let asked = [
+        (Quantity::Yaw, args.yaw),
+        (Quantity::Pitch, args.pitch),
+        (Quantity::Roll, args.roll),
+        (Quantity::Tilt, args.tilt),
+        (Quantity::Thrust, args.thrust),
+    ];
+    let wanted: Vec<_> = asked.into_iter().filter_map(|(quantity, value)| Some((quantity, value?))).collect();
+    if wanted.len() < 2 {
+        return Err(miette::miette!(
+            code = WRONG_USE,
+            help = "give two of --yaw, --pitch, --roll, --tilt and --thrust, such as --yaw=-67 --pitch=-4",
+            "two speeds give two quantities, and {} is named",
+            if wanted.is_empty() { "none" } else { "one" }
+        ));
+    }
+    for (quantity, value) in &wanted {
+        let range = match quantity {
+            Quantity::Yaw => -36_000.0..=36_000.0,
+            Quantity::Pitch => -90.0..=90.0,
+            Quantity::Roll => -180.0..=180.0,
+            Quantity::Tilt => 0.0..=180.0,
+            Quantity::Thrust => -1e3..=1e3,
+        };
+        if !range.contains(value) {
+            let help = format!("give {} to {}", range.start(), range.end());
+            return Err(miette::miette!(code = WRONG_USE, help = help, "--{} cannot be {value}", word(quantity)));
+        }
+    }
+    Ok(Target { wanted })
+}
+
+/// Checks that the plan can be written, before the model is asked.
+fn check(out: &Path) -> miette::Result<()> {
+    if out.exists() {
+        let help = "name another file with -o, or move this one away";
+        return Err(miette::miette!(code = WRONG_USE, help = help, "{}: already exists", out.display()));
+    }
+    Draft::create(out).map(drop).map_err(|error| {
+        let help = "name a file in a folder that exists and is writable";
+        miette::miette!(code = WRONG_USE, help = help, "{}: cannot be written: {error}", out.display())
+    })
+}
+
+fn write_plan(out: &Path, robot: &Path, target: &Target, solutions: &[Solution]) -> miette::Result<()> {
+    let failed = || format!("{}: cannot be written", out.display());
+    let name = out.file_stem().unwrap_or_default().to_string_lossy();
+    let text = aim::plan(&name, &robot_of_plan(out, robot), &describe_target(target), solutions);
+    let mut draft = Draft::create(out).into_diagnostic().wrap_err_with(failed)?;
+    draft.file.write_all(text.as_bytes()).into_diagnostic().wrap_err_with(failed)?;
+    draft.publish(out).into_diagnostic().wrap_err_with(failed)
+}
+
+/// Returns how a plan names the robot: a file in its own folder by its name, any other by its whole path.
+fn robot_of_plan(out: &Path, robot: &Path) -> String {
+    if robot.to_str().is_some_and(|name| BUILT_IN.contains(&name)) {
+        return robot.display().to_string();
+    }
+    let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
+    match robot.file_name() {
+        Some(name) if folder(out) == folder(robot) => name.to_string_lossy().into_owned(),
+        _ => std::path::absolute(robot).unwrap_or_else(|_| robot.to_owned()).display().to_string(),
+    }
+}
+
+fn describe_target(target: &Target) -> String {
+    let parts = target.wanted.iter().map(|(quantity, value)| match quantity {
+        Quantity::Thrust => format!("thrust {value} N"),
+        _ => format!("{} {value}°", word(quantity)),
+    });
+    parts.collect::<Vec<_>>().join(", ")
+}
+
+fn describe(robot: &str, target: &Target, aimed: &Aimed) -> String {
+    let wanted = describe_target(target);
+    let mut text = match &aimed.nearest {
+        None => format!("{wanted}: {}, robot {robot}\n", count(aimed.solutions.len(), "solution")),
+        Some(_) => {
+            format!("{wanted}: not reachable with the robot {robot} within ±90 rpm; the nearest attitude found\n")
+        }
+    };
+    for solution in aimed.solutions.iter().chain(&aimed.nearest) {
+        text += &describe_solution(solution);
+    }
+    if let Some(first) = aimed.solutions.iter().chain(&aimed.nearest).next() {
+        let [yaw, pitch, _] = first.model_error_deg.map(|deg| decimal(deg, 1));
+        let _ = write!(text, "note: what the model leaves out may add {yaw}° in yaw and {pitch}° in pitch and roll");
+    }
+    text
+}
+
+fn describe_solution(solution: &Solution) -> String {
+    let Solution { state, interval, .. } = solution;
+    let Attitude { yaw_deg, pitch_deg, roll_deg, thrust_n } = state.attitude;
+    let mut text = format!("\nw1 {}, w2 {} rpm\n", decimal(state.w1_rpm, 2), decimal(state.w2_rpm, 2));
+    let angles = [
+        ("yaw", yaw_deg, interval.yaw_ci_deg, 0),
+        ("pitch", pitch_deg, interval.pitch_ci_deg, 1),
+        ("roll", roll_deg, interval.roll_ci_deg, 2),
+    ];
+    // Writing to a string cannot fail.
+    for (name, value, [low, high], axis) in angles {
+        let _ = write!(text, "  {name:<6} {:>8}°  95 % {} to {}", decimal(value, 2), decimal(low, 2), decimal(high, 2));
+        let spread = interval.phase_spread_deg[axis];
+        text +=
+            &if spread > 0.0 { format!(", {} of it by the starting phase\n", decimal(spread, 2)) } else { "\n".into() };
+    }
+    let error = decimal(solution.error_deg, 2);
+    let _ = writeln!(
+        text,
+        "  tilt   {:>8}°  thrust {} mN, misses by {error}°",
+        decimal(solution.tilt_deg, 2),
+        decimal(1e3 * thrust_n, 2)
+    );
+    let some = if interval.contact_by_phase { ", at other starting phases not so" } else { "" };
+    let change = solution.contact_change.map_or("no change found".to_owned(), |change| {
+        format!(
+            "changes {} rpm away, at {}, {}",
+            decimal(change.rpm, 0),
+            decimal(change.at_rpm[0], 0),
+            decimal(change.at_rpm[1], 0)
+        )
+    });
+    let _ = writeln!(
+        text,
+        "  flagella {}{some}, least gap {} mm; {change}",
+        word(&state.contact),
+        decimal(1e3 * state.min_gap_m, 1)
+    );
+    text
+}
