@@ -128,7 +128,8 @@ fn memory_does_not_grow_with_the_points() {
         peak
     });
     assert!(peaks[0] > 1.0 && peaks[0] < 120.0, "{peaks:?}");
-    assert!(peaks[1] < 1.3 * peaks[0], "{peaks:?}");
+    // In proportion it would be three times as much.
+    assert!(peaks[1] < 1.5 * peaks[0], "{peaks:?}");
 }
 
 /// Robots and speeds all over: every point is a row, without a panic or a number that is none. Prints the cost of speeds
