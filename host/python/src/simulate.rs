@@ -32,7 +32,7 @@ pub struct Simulated {
     bundling: Vec<BundlingChange>,
 }
 
-/// Simulates a trial. `speeds`: see [`speeds::profile`].
+/// Simulates a trial. `speeds`: see `speeds::profile`.
 #[pyfunction]
 #[pyo3(signature = (robot, speeds, duration, closure, rate_hz, shapes, phase_deg))]
 #[allow(clippy::too_many_arguments)]
