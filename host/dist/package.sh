@@ -41,6 +41,7 @@ gzip -9n "$stage"/share/man/man1/*
 cp CHANGELOG.md LICENSE-MIT LICENSE-APACHE sim/virtual-nano/LICENSE-GPL host/dist/copyright "$doc"
 cp host/plans/*.toml "$doc/plans"
 cp -RL host/book/src "$doc/book"
+cp -R host/layouts "$doc"
 python3 host/dist/libraries.py host virtual-nano firmware > "$doc/libraries"
 
 # The archive: unpack it anywhere, or into ~/.local.

@@ -1,7 +1,8 @@
 //! End-to-end tests of `sweep`: the plan's errors, the table, shards, exit codes.
 
+use biflag_log::Method;
 use host::plan::{PlanError, RobotFile};
-use host::sweep::{Method, SweepPlan};
+use host::sweep::SweepPlan;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;

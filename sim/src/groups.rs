@@ -1,6 +1,6 @@
 //! The four groups that carry a map of speeds to other robots, and the robots that have given groups.
 //!
-//! The publication (Hao, Zalavadia, Jawed, ICRA 2024, arXiv 2405.02291) names them: omega mu l^4/(E I), d/l, pitch/L and R/L
+//! The publication (Hao, Zalavadia, Jawed, RoboSoft 2024, arXiv 2405.02291) names them: omega mu l^4/(E I), d/l, pitch/L and R/L
 //! with the contour length l and the axial length L of a flagellum. Without inertia of the fluid, two robots with the same
 //! groups, the same ratios of all other lengths to L, and the same moments over mu omega l^3 turn alike: their angles are
 //! those of each other at the same speeds.

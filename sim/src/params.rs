@@ -1,7 +1,7 @@
 //! Every parameter of a robot, its fluid and the solver: unit, default, source, effect of a bad value.
 //!
 //! Keys carry their unit where they have one; everything is SI. The defaults are the robot `physical`: the
-//! published robot (Hao, Zalavadia, Jawed, ICRA 2024, arXiv 2405.02291, "the publication" below) with round rods.
+//! published robot (Hao, Zalavadia, Jawed, RoboSoft 2024, arXiv 2405.02291, "the publication" below) with round rods.
 //! [`Robot::published`] has the laboratory's choices, by which the published angles are met. [`Robot::validate`]
 //! names the key and the reason of an impossible value; unknown keys fail when a file is read.
 //!

@@ -3,7 +3,7 @@
 use crate::common::prove;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::periodic::{self, Kind, SolveError};
+use sim::periodic::{self, Kind, SolveError, TOLERANCE};
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 
@@ -67,7 +67,8 @@ fn the_period_gives_the_results_again() {
     let again = trial.summary();
     for i in 0..3 {
         let (a, b) = (again.steady.attitude[i].mean, summary.steady.attitude[i].mean);
-        assert!((a - b).abs() < 1e-12, "{a} {b}");
+        // Other steps, so not the same bits: far below the tolerance by which the motion was found.
+        prove("period run again: difference of the attitude over the tolerance", (a - b).abs() / TOLERANCE, 1e-3);
     }
 }
 
@@ -92,4 +93,11 @@ fn impossible_input_and_an_interruption_are_errors() {
     heavy.base.mass_kg = -1.0;
     let wrong = periodic::solve(&heavy, Closure::Full, [1.0, 90.0], [0.0; 2], 120.0, &|_| true);
     assert!(matches!(wrong, Err(SolveError::Parameter(_))));
+}
+
+/// Near (70, 10) rpm a trial lingers by a motion that repeats and is not stable: 1.5 degrees of yaw from where it ends.
+#[test]
+fn motion_that_is_not_stable_is_not_steady() {
+    let found = periodic::solve(&Robot::default(), Closure::Full, [70.0, 10.0], [0.0; 2], 120.0, &|_| true).unwrap();
+    assert_ne!(found.kind, Kind::Steady, "{found:?}");
 }

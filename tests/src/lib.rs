@@ -4,9 +4,11 @@
 pub mod browser;
 mod cable;
 pub mod markdown;
+mod python;
 mod viewer;
 
 pub use cable::Cable;
+pub use python::python;
 pub use viewer::{Seen, Viewer};
 
 use host::run::rig::VirtualNano;

@@ -104,8 +104,11 @@ impl Reader {
         let mut count = 0;
         for code in page(&book().join(name)).code {
             if let Some(file) = code.file {
-                // Other tests may delay the pings to the board for longer than the usual deadline.
-                let text = code.text.clone() + "[board]\ndeadline_ms = 5000\n";
+                let mut text = code.text.clone();
+                if name == "bench.md" {
+                    // Other tests may delay the pings to the board for longer than the usual deadline.
+                    text += "[board]\ndeadline_ms = 5000\n";
+                }
                 fs::write(self.folder.path().join(file), text).unwrap();
             }
             if code.language != "sh" {
@@ -172,6 +175,7 @@ impl Reader {
     }
 }
 
+/// The commands of `sweep.md` are those of the tests `sweep` and `slurm`.
 #[test]
 fn commands_of_the_introduction_and_the_log() {
     assert!(Reader::new().follow("introduction.md") >= 2);

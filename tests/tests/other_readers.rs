@@ -3,7 +3,6 @@
 use biflag_log::schema::foxglove;
 use biflag_log::{Body, Reader};
 use serde_json::Value;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tests::{Bench, nano};
@@ -110,21 +109,7 @@ print(json.dumps({
 
 /// Returns the Python of a virtual environment with these packages, which is kept between runs.
 fn python(name: &str, packages: &[&str]) -> PathBuf {
-    let venv = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    // Tests of one program run at the same time: the first that comes makes the environment, the others wait for it.
-    let lock = File::create(venv.with_extension("lock")).unwrap();
-    lock.lock().unwrap();
-    let python = venv.join("bin/python");
-    let ready = venv.join("ready");
-    let wanted = packages.join("\n");
-    if std::fs::read_to_string(&ready).is_ok_and(|installed| installed == wanted) {
-        return python;
-    }
-    let run = |command: &mut Command| assert!(command.status().unwrap().success(), "{command:?}");
-    run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&venv));
-    run(Command::new(&python).args(["-m", "pip", "install", "-q"]).args(packages));
-    std::fs::write(ready, wanted).unwrap();
-    python
+    tests::python(&Path::new(env!("CARGO_TARGET_TMPDIR")).join(name), Path::new("python3"), packages)
 }
 
 #[test]

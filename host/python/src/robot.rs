@@ -140,16 +140,20 @@ fn to_toml(params: &params::Robot) -> String {
     toml::to_string(params).unwrap_or_default()
 }
 
-/// Sets the value of a dotted key.
+/// Sets or removes the value of a dotted key.
 fn put(table: &mut Table, key: &str, value: Option<Value>) -> Result<(), Failure> {
-    let (first, rest) = key.split_once('.').map_or((key, None), |(first, rest)| (first, Some(rest)));
-    match (rest, value) {
-        (None, Some(value)) => drop(table.insert(first.to_owned(), value)),
-        (None, None) => drop(table.remove(first)),
-        (Some(rest), value) => match table.entry(first).or_insert_with(|| Value::Table(Table::new())) {
-            Value::Table(inner) => put(inner, rest, value)?,
-            _ => return Err(Failure::parameter(key, format!("{first} is not a table"))),
-        },
+    let mut parts: Vec<&str> = key.split('.').collect();
+    let name = parts.pop().unwrap_or_default();
+    let mut table = table;
+    for part in parts {
+        table = match table.entry(part).or_insert_with(|| Value::Table(Table::new())) {
+            Value::Table(inner) => inner,
+            _ => return Err(Failure::parameter(key, format!("{part} is not a table"))),
+        };
+    }
+    match value {
+        Some(value) => drop(table.insert(name.to_owned(), value)),
+        None => drop(table.remove(name)),
     }
     Ok(())
 }

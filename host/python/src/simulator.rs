@@ -124,8 +124,14 @@ impl Simulators {
         Ok(py.detach(|| simulator.reset(phase_deg.map(f64::to_radians)))?)
     }
 
-    /// Advances every robot by `dt` seconds with its row of speeds (rpm), and returns yaw, pitch, roll and rates of each.
-    fn step<'py>(&mut self, py: Python<'py>, speeds: &Bound<'py, PyAny>, dt: f64) -> PyResult<Bound<'py, PyAny>> {
+    /// Advances every robot by `dt` seconds with its row of speeds (rpm). Returns yaw, pitch, roll and rates of each, and why
+    /// the solver failed, empty where it did not.
+    fn step<'py>(
+        &mut self,
+        py: Python<'py>,
+        speeds: &Bound<'py, PyAny>,
+        dt: f64,
+    ) -> PyResult<(Bound<'py, PyAny>, Vec<String>)> {
         let pairs = speeds::pairs(speeds)?;
         let (simulators, pool) = (&mut self.simulators, &self.pool);
         if pairs.len() != simulators.len() {
@@ -136,14 +142,18 @@ impl Simulators {
             let reason = format!("{dt} s must be above 0 and at most {LONGEST_STEP_S} s");
             return Err(Failure::parameter("dt", reason).into());
         }
-        py.detach(|| match pool {
-            Some(pool) => pool.install(|| {
-                simulators.par_iter_mut().zip(&pairs).try_for_each(|(simulator, rpm)| simulator.step(*rpm, dt))
-            }),
-            None => simulators.iter_mut().zip(&pairs).try_for_each(|(simulator, rpm)| simulator.step(*rpm, dt)),
-        })?;
+        for rpm in &pairs {
+            speeds::constant(*rpm, dt, [0.0; 2])?;
+        }
+        let one = |(simulator, rpm): (&mut Simulator, &[f64; 2])| {
+            simulator.step(*rpm, dt).map_or_else(|failure| failure.to_string(), |()| String::new())
+        };
+        let failures = py.detach(|| match pool {
+            Some(pool) => pool.install(|| simulators.par_iter_mut().zip(&pairs).with_max_len(1).map(one).collect()),
+            None => simulators.iter_mut().zip(&pairs).map(one).collect(),
+        });
         py.check_signals()?;
-        self.poses(py)
+        Ok((self.poses(py)?, failures))
     }
 
     /// Returns yaw, pitch, roll (degrees) and rates (degrees/s) of each robot.

@@ -1,53 +1,15 @@
 //! Computes one point: its steady state, averaged over the starting phases, or the reason why there is none.
 
-use super::Method;
 use super::point::Point;
+use biflag_log::Method;
 use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::periodic::{self, SolveError};
+use sim::periodic::{self, Kind, SolveError};
 use sim::phase::{self, Ratio};
 use sim::profile::{Phases, SpeedProfile};
 use sim::trial::{Options, Summary, Trial};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-
-/// What a steady state is, the steadiest first.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub enum Kind {
-    /// The motion repeats with the common period of the motors.
-    Steady,
-    /// Of a trial: the means of the attitude do not change any more.
-    Settled,
-    /// The motion was not found to repeat, but the means of the attitude do not change any more.
-    Beating,
-    /// Of a trial: the means still change at the end of the run.
-    Unsettled,
-    /// The motion was not found to repeat, and its means still change at the end of the run.
-    NotFound,
-}
-
-impl Kind {
-    /// Returns the name in the table.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Steady => "steady",
-            Self::Settled => "settled",
-            Self::Beating => "beating",
-            Self::Unsettled => "unsettled",
-            Self::NotFound => "not_found",
-        }
-    }
-}
-
-impl From<periodic::Kind> for Kind {
-    fn from(kind: periodic::Kind) -> Self {
-        match kind {
-            periodic::Kind::Steady => Self::Steady,
-            periodic::Kind::Beating => Self::Beating,
-            periodic::Kind::NotFound => Self::NotFound,
-        }
-    }
-}
 
 /// The steady state of a point: means over its starting phases.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
@@ -84,7 +46,7 @@ pub enum Outcome {
 pub struct Recipe {
     /// The method.
     pub method: Method,
-    /// Duration of a run, s.
+    /// Duration of a trial, or of the longest simulation, s.
     pub run_s: f64,
     /// Number of starting phases where they matter.
     pub phases: usize,
@@ -158,7 +120,7 @@ impl Run<'_> {
     fn solved(&self, goes_on: &dyn Fn() -> bool) -> Result<Option<Steady>, String> {
         let &Self { robot, rpm, start_rad, run_s } = self;
         match periodic::solve(robot, Closure::Full, rpm, start_rad, run_s, &|_| goes_on()) {
-            Ok(found) => Ok(Some(Steady::new(found.kind.into(), &found.summary))),
+            Ok(found) => Ok(Some(Steady::new(found.kind, &found.summary))),
             Err(SolveError::Interrupted) => Ok(None),
             Err(error) => Err(error.to_string()),
         }
@@ -180,8 +142,7 @@ impl Run<'_> {
         }
         // The last sample may be before the end.
         let summary = trial.finish().map_err(|error| error.to_string())?;
-        let kind = if summary.steady.settled { Kind::Settled } else { Kind::Unsettled };
-        Ok(Some(Steady::new(kind, &summary)))
+        Ok(Some(Steady::new(Kind::of_trial(summary.steady.settled), &summary)))
     }
 }
 
@@ -251,11 +212,11 @@ mod tests {
 
     #[test]
     fn phases_are_averaged() {
-        let mean = mean(&[state(Kind::Unsettled, 10.0, 1e-3), state(Kind::Settled, 16.0, -1e-4)]);
-        assert_eq!((mean.kind, mean.phases), (Kind::Unsettled, 2));
+        let mean = mean(&[state(Kind::NotFound, 10.0, 1e-3), state(Kind::Steady, 16.0, -1e-4)]);
+        assert_eq!((mean.kind, mean.phases), (Kind::NotFound, 2));
         assert_eq!((mean.angles_deg, mean.spread_deg), ([13.0, 1.0, 2.0, 3.0], [6.0, 0.0, 0.0, 0.0]));
         assert_eq!((mean.contact_share, mean.min_gap_m), (0.25, -1e-4));
-        let nan = state(Kind::Settled, f64::NAN, 1.0);
+        let nan = state(Kind::Steady, f64::NAN, 1.0);
         assert!(mean.is_finite() && !nan.is_finite());
     }
 

@@ -83,7 +83,7 @@ impl Folder {
 
 /// Returns the block of a name: `blocks` equal intervals of all names.
 fn block_of(name: &Name, blocks: u64) -> u64 {
-    (u128::from(name.number()) * u128::from(blocks) >> 64) as u64
+    ((u128::from(name.number()) * u128::from(blocks)) >> 64) as u64
 }
 
 /// Sorts results by name and leaves one of each point. Returns how many points had different results.

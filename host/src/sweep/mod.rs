@@ -2,7 +2,7 @@
 //!
 //! A [`SweepPlan`] says what varies. Its points are never listed: each is made from its index ([`Sweep::point`]) and named
 //! by the hash of all that it depends on. Workers compute shards of the points, chosen by these names, and append results to
-//! parts in a [`Folder`], which are merged into one table, in Parquet and CSV. `host/docs/sweep.md` describes the columns,
+//! parts in a [`Folder`], which are merged into one table, in Parquet and CSV. `host/book/src/sweep.md` describes the columns,
 //! and how to run the shards on a cluster.
 
 mod axis;
@@ -21,14 +21,14 @@ mod table;
 mod worker;
 
 pub use axis::{Axis, Range, Scale, Values};
-pub use compute::{Kind, Outcome, Recipe, Steady};
+pub use compute::{Outcome, Recipe, Steady};
 pub use design::Design;
 pub use error::SweepError;
 pub use folder::{Counts, Folder, Points, model};
 pub use key::{Group, Key};
 pub use merge::Merged;
 pub use part::Record;
-pub use plan::{EXAMPLE, MAX_POINTS, Method, SweepPlan};
+pub use plan::{EXAMPLE, MAX_POINTS, SweepPlan};
 pub use point::{Name, Point, Shard, Sweep};
 pub use slurm::script;
 

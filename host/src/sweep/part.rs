@@ -119,8 +119,12 @@ pub struct PartReader {
     /// When the worker started, seconds after 1970.
     pub started_s: u64,
     points: u64,
-    ended: bool,
+    /// Whether there are no more frames to read.
+    at_end: bool,
+    /// Whether its worker has closed it.
     closed: bool,
+    /// Whether its last frame was read.
+    whole: bool,
 }
 
 impl PartReader {
@@ -133,7 +137,7 @@ impl PartReader {
         let mut magic = [0; MAGIC.len()];
         let is_part = read_whole(&mut file, &mut magic)? && magic == MAGIC;
         let closed = path.extension() == Some(OsStr::new(CLOSED));
-        let mut reader = Self { file, started_s: 0, points: 0, ended: !is_part, closed };
+        let mut reader = Self { file, started_s: 0, points: 0, at_end: !is_part, closed, whole: false };
         if let Some(Entry::Started(seconds)) = reader.entry()? {
             reader.started_s = seconds;
         }
@@ -150,8 +154,8 @@ impl PartReader {
                 self.points += 1;
                 Ok(Some(record))
             }
-            Some(Entry::Ended(points)) if points == self.points => {
-                self.closed = false;
+            Some(Entry::Ended(points)) => {
+                self.whole = points == self.points;
                 Ok(None)
             }
             _ => Ok(None),
@@ -160,13 +164,13 @@ impl PartReader {
 
     /// Returns whether a part that its worker has closed is cut off or damaged, after its last point was read.
     pub fn is_damaged(&self) -> bool {
-        self.closed
+        self.closed && !self.whole
     }
 
     fn entry(&mut self) -> Result<Option<Entry>> {
         let mut head = [0; 8];
-        if self.ended || !read_whole(&mut self.file, &mut head)? {
-            self.ended = true;
+        if self.at_end || !read_whole(&mut self.file, &mut head)? {
+            self.at_end = true;
             return Ok(None);
         }
         let [length, checksum] =
@@ -179,7 +183,7 @@ impl PartReader {
         {
             entry = postcard::from_bytes(content).ok();
         }
-        self.ended = entry.is_none();
+        self.at_end = entry.is_none();
         Ok(entry)
     }
 }

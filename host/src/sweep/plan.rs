@@ -17,8 +17,9 @@ use super::sobol;
 use crate::plan::expand::{SpeedsTable, speeds};
 use crate::plan::source::{FileKind, Source, number};
 use crate::plan::{MAX_PHASE_S, MIN_RUN_S, PHYSICAL, PlanError, RobotFile, file, robot};
+use biflag_log::Method;
 use protocol::units::CentiRpm;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use sim::groups::Groups;
 use sim::params::{BUILT_IN, Robot};
 use std::collections::BTreeMap;
@@ -37,8 +38,8 @@ robot = "physical"       # or "published", or a robot file
 # design = "one at a time", or { sobol = 10000, seed = 7 }, instead of all combinations
 
 [trial]
-run = 120                # seconds of the trial that is run where no motion is found that repeats
-method = "steady"        # or "trial": every point runs that long
+run = 120                # seconds, at most
+method = "steady"        # solves for the steady state; "trial" runs every point that long
 phases = 4               # starting phases of the flagella, where the ratio of the speeds makes them matter
 
 [speeds]                 # rpm; every robot runs at each pair
@@ -48,26 +49,6 @@ grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
 /// The most points of a sweep.
 pub const MAX_POINTS: u64 = 10_000_000;
 
-/// How a point is computed.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
-#[serde(rename_all = "lowercase")]
-pub enum Method {
-    /// The motion that repeats is solved for; where there is none, the trial is run.
-    Steady,
-    /// The run from rest, whose last seconds are averaged.
-    Trial,
-}
-
-impl Method {
-    /// Returns the name in a plan.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Steady => "steady",
-            Self::Trial => "trial",
-        }
-    }
-}
-
 /// A sweep's plan, checked.
 #[derive(Clone, PartialEq, Debug)]
 pub struct SweepPlan {
@@ -75,7 +56,7 @@ pub struct SweepPlan {
     pub name: String,
     /// The robot that varies.
     pub robot: RobotFile,
-    /// Duration of a trial, s.
+    /// Duration of a trial, s; with the method `steady` of the longest simulation where no motion was found to repeat.
     pub run_s: f64,
     /// How each point is computed.
     pub method: Method,

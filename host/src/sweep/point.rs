@@ -3,6 +3,7 @@
 use super::SweepPlan;
 use super::key::{self, Group, Key};
 use crate::plan::PlanError;
+use crate::text::word;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use sim::groups::Groups;
@@ -86,7 +87,7 @@ impl Sweep {
         // Numbers, flags, names and short lists all have a form in TOML.
         let robot = Value::try_from(plan.robot.parse()?).unwrap_or(Value::Table(toml::Table::new()));
         let mut common = Sha256::new();
-        for text in ["biflag sweep 1", &model, &robot.to_string(), plan.method.name()] {
+        for text in ["biflag sweep 1", &model, &robot.to_string(), &word(&plan.method)] {
             common.update((text.len() as u64).to_le_bytes());
             common.update(text);
         }
@@ -149,12 +150,11 @@ impl Sweep {
     /// Returns the speeds of a point (rpm), and what it sets of each axis.
     fn inputs(&self, index: u64) -> ([f64; 2], Vec<Option<f64>>) {
         let plan = &self.plan;
-        let pairs = plan.speeds_rpm.len() as u64;
-        if pairs > 0 {
-            let values = plan.design.values(&plan.axes, index / pairs);
-            return (plan.speeds_rpm[(index % pairs) as usize], values);
+        let pairs = plan.speeds_rpm.len().max(1) as u64;
+        let values = plan.design.values(&plan.axes, index / pairs);
+        if let Some(pair) = plan.speeds_rpm.get((index % pairs) as usize) {
+            return (*pair, values);
         }
-        let values = plan.design.values(&plan.axes, index);
         let speed = |motor| {
             let at = plan.axes.iter().position(|axis| axis.key == Key::Speed(motor));
             at.and_then(|at| values[at]).unwrap_or(0.0)

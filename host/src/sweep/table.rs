@@ -5,8 +5,10 @@ use super::key::{Group, Key};
 use super::part::Record;
 use super::point::{Point, Sweep};
 use crate::export::table::{Column, Table, Values};
+use crate::text::word;
 use sim::groups::Groups;
 use sim::params::Robot;
+use sim::periodic::Kind;
 
 /// A row.
 struct Row {
@@ -75,7 +77,12 @@ const STEADY: [Real<Steady>; 18] = [
     ("force2_z_n", "N", "thrust of flagellum 2", |s| s.force_n[1][2]),
     ("axial_torque1_nm", "N m", "reaction torque of flagellum 1 on the base about its shaft", |s| s.torque_nm[0]),
     ("axial_torque2_nm", "N m", "reaction torque of flagellum 2 on the base about its shaft", |s| s.torque_nm[1]),
-    ("contact_share", "1", "share of the time in which the flagella touch", |s| s.contact_share),
+    (
+        "contact_share",
+        "1",
+        "share of the time in which the flagella touch: of the period, or of the time that was averaged last, or of a trial",
+        |s| s.contact_share,
+    ),
     ("min_gap_m", "m", "least gap between the flagella's surfaces over all phases, negative if they overlap", |s| {
         s.min_gap_m
     }),
@@ -148,10 +155,10 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
         about: "number of starting phases; 0 if the point failed",
         values: Values::Int(rows.iter().map(|row| row.steady().map_or(0, |steady| steady.phases.into())).collect()),
     });
-    let kind = |row: &Row| row.steady().map_or("", |steady| steady.kind.name()).to_owned();
+    let kind = |row: &Row| row.steady().map_or("", |steady| name(steady.kind)).to_owned();
     columns.push(text(
         "kind",
-        "what the state is; method steady: `steady`, `beating` or `not_found`; method trial: `settled` or `unsettled`",
+        "`steady`: the motion repeats; `beating`: it was not found to, but its means do not change; `not_found`: they still do",
         &kind,
     ));
     let status = |row: &Row| if row.steady().is_some() { "ok" } else { "failed" }.to_owned();
@@ -163,10 +170,19 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     let plan = &sweep.plan;
     let header = vec![
         format!("biflag {}: sweep {}", sweep.model, plan.name),
-        format!("robot {}, method {}, trials of {} s", plan.robot.name, plan.method.name(), plan.run_s),
+        format!("robot {}, method {}, at most {} s", plan.robot.name, word(&plan.method), plan.run_s),
         "angles rotate body axes into world axes: yaw about z, then pitch about y, then roll about x".to_owned(),
     ];
     Table { header, columns }
+}
+
+/// Returns the name of a kind of steady state, as in the JSON of `simulate`.
+fn name(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Steady => "steady",
+        Kind::Beating => "beating",
+        Kind::NotFound => "not_found",
+    }
 }
 
 /// Returns the unit of a key of the robot's file, from its name.

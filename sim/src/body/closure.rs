@@ -2,7 +2,7 @@
 //!
 //! # The closure `paper`
 //!
-//! The equations as the publication prints them (Hao, Zalavadia, Jawed, ICRA 2024), to the letter. With F1, F2 the
+//! The equations as the publication prints them (Hao, Zalavadia, Jawed, RoboSoft 2024), to the letter. With F1, F2 the
 //! forces of the flagella on the base in body axes, from flagella whose base is held still, d the distance of
 //! the shafts, m g r_m the righting moment, theta the pitch, w the angular velocity in body axes and
 //! C = 2 pi mu C_r r_h^3 the base's drag:

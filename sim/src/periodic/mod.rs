@@ -182,7 +182,8 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// Returns the trial of the period at its start. Run, it gives samples as `options` say, and the results again.
+    /// Returns the trial of the period at its start. Run, it gives samples as `options` say, and the results again but for
+    /// the solver's errors: the search also ends a step at each of its own samples, the trial does not.
     pub fn into_trial(mut self, options: Options) -> Trial {
         self.trial.restore(self.start);
         self.trial.set_options(options);

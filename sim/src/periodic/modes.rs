@@ -47,6 +47,11 @@ impl Modes {
         now.try_inverse().map_or(Map::identity(), |inverse| ahead * inverse)
     }
 
+    /// Returns whether a difference in some direction grows: the motion is not stable, or not known well enough.
+    pub fn grow(&self) -> bool {
+        self.map().complex_eigenvalues().iter().any(|value| value.norm() > 1.0)
+    }
+
     /// Returns what makes of the change that a period of this many intervals makes the Newton step; `None` where a
     /// direction does not decay.
     pub fn newton(&self, intervals: usize) -> Option<Map> {

@@ -89,7 +89,8 @@ pub fn shoot(
             let from = paths[paths.len() - 1][0];
             let [newton, step] = steps(&paths, modes.newton(samples));
             let distance = attitude(&newton).max(attitude(&step));
-            if distance < TOLERANCE {
+            let is_near = distance < TOLERANCE;
+            if is_near && !modes.grow() {
                 let mut summary = trial.summary();
                 (summary.steady.settled, summary.steady.settle_s) = (true, 0.0);
                 let orbit = Box::new(Orbit { trial, start, summary, period_s: period });
@@ -98,9 +99,10 @@ pub fn shoot(
             if simulated_s + period > PATIENCE_S {
                 return Ok(Outcome::Lost { trial: Box::new(trial), simulated_s });
             }
-            // After a step that did not help, and before one that cannot be true, the motion decays by itself for a period.
+            // After a step that did not help, before one that cannot be true, and near a motion that seems not to be stable, a
+            // period passes without a step: the motion decays by itself, or leaves what is not stable.
             let longest = (end - from).amax() / (1.0 - (-period / SLOWEST_S).exp());
-            if distance < last_distance.min(longest) {
+            if !is_near && distance < last_distance.min(longest) {
                 state = moved_apart(&mut trial, &(from + step - end));
                 last_distance = distance;
             } else {

@@ -3,18 +3,30 @@
 >>> import biflag
 >>> trial = biflag.simulate(biflag.Robot.published(), (50, 10), 120)
 >>> trial.steady.yaw_deg
+
+Angles are in degrees, speeds in rpm, all else is SI. `biflag.gym` has environments for gymnasium.
 """
 
 from ._biflag import Robot, __commit__, __version__
 from ._errors import Error, ParameterError
+from ._recording import Angles, Event, Recording, Session, read_log, read_session
 from ._simulator import Simulator, State
 from ._table import Table
 from ._trial import Steady, Trial, simulate, simulate_batch
+from ._twin import Calibration, ComparedTrial, Comparison, Estimate, calibrate, compare
 
 __all__ = [
+    "Angles",
+    "Calibration",
+    "ComparedTrial",
+    "Comparison",
     "Error",
+    "Estimate",
+    "Event",
     "ParameterError",
+    "Recording",
     "Robot",
+    "Session",
     "Simulator",
     "State",
     "Steady",
@@ -22,6 +34,10 @@ __all__ = [
     "Trial",
     "__commit__",
     "__version__",
+    "calibrate",
+    "compare",
+    "read_log",
+    "read_session",
     "simulate",
     "simulate_batch",
 ]

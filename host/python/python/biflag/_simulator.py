@@ -9,6 +9,7 @@ import numpy as np
 
 from . import _biflag
 from ._biflag import Robot
+from ._errors import Error
 from ._trial import Closure, Floats
 
 
@@ -67,7 +68,9 @@ class Simulator:
             ParameterError: An argument is impossible.
             Error: The solver fails; reset or restore the simulator.
         """
-        self._simulators.step([speeds], dt)
+        _, failures = self._simulators.step(np.asarray(speeds)[np.newaxis], dt)
+        if failures[0]:
+            raise Error(failures[0], "solver", failures[0])
         return self.state
 
     @property

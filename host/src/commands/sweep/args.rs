@@ -11,16 +11,16 @@ use std::path::PathBuf;
     subcommand_negates_reqs = true,
     after_help = format!(
         "Examples:\n  \
-        biflag sweep groups --out groups\n  \
+        biflag sweep groups --out groups-of-robots\n  \
         biflag sweep plan.toml --shard 1/3 --out softer; biflag sweep merge softer\n\
         The table is table.parquet and table.csv in the folder, one row a point; it does not depend on --jobs, --shard or \
-        interruptions. host/docs/sweep.md describes its columns and how to use a cluster.\n\nA plan:\n\n{EXAMPLE}"
+        interruptions. host/book/src/sweep.md describes its columns and how to use a cluster.\n\nA plan:\n\n{EXAMPLE}"
     )
 )]
 pub struct Args {
     #[command(subcommand)]
     pub action: Option<Action>,
-    /// The plan: a TOML file like the one below.
+    /// The plan: a TOML file like the one below, or the name of one inside biflag (`biflag plans`).
     #[arg(required = true)]
     pub plan: Option<PathBuf>,
     /// Compute the I-th of N parts of the points, without the table. Shards may share a folder.

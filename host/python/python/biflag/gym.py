@@ -1,0 +1,207 @@
+"""Environments for gymnasium: reach an attitude and hold it.
+
+>>> import gymnasium
+>>> import biflag.gym
+>>> environment = gymnasium.make("biflag/Attitude-v0")
+>>> many = gymnasium.make_vec("biflag/Attitude-v0", num_envs=16, vectorization_mode="vector_entry_point")
+
+The second one computes its robots side by side on all cores.
+
+A step lasts half a second. The action has the speeds of motors 1 and 2, from -1 to 1 times 90 rpm. The observation has yaw, pitch and roll in degrees,
+the angular velocity in body axes in degrees/s, and the wanted yaw and pitch. The reward is the negative error in degrees,
+the larger one of yaw and pitch. A new episode starts upright and at rest, with flagella at random angles; its wanted attitude
+is near one that random speeds give, unless ``options={"attitude": (yaw, pitch)}`` names another. An episode ends after 240
+steps, or if the solver fails, which ``info["failure"]`` then says.
+
+The robot swings by some degrees with each turn of its flagella, at any speeds. What can be held is the mean over some turns.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import gymnasium
+import numpy as np
+from gymnasium import Space
+from gymnasium.envs.registration import register
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from . import _biflag
+from ._biflag import Robot
+from ._errors import ParameterError
+from ._trial import Closure, Floats
+
+__all__ = ["AttitudeEnv", "AttitudeVectorEnv"]
+
+MAX_SPEED_RPM = 90.0
+
+MAX_STEPS = 240
+
+LIMITS = np.array([7200.0, 90.0, 180.0, 3600.0, 3600.0, 3600.0, 7200.0, 90.0])
+"""Largest observations; a yaw beyond 20 turns stays there."""
+
+WANTED_SPEED_RPM = 60.0
+
+YAW_PER_RPM = -1.0
+"""Steady yaw over the sum of both speeds, about, degrees."""
+
+PITCH_PER_RPM = -0.09
+"""Steady pitch over the difference of both speeds, about, degrees."""
+
+FAILED_REWARD = -180.0
+
+
+class AttitudeEnv(gymnasium.Env[Floats, Floats]):
+    """One robot that is to reach an attitude and to hold it."""
+
+    metadata: dict[str, Any] = {"render_modes": []}
+
+    def __init__(self, robot: Robot | None = None, *, closure: Closure = "full", dt: float = 0.5) -> None:
+        self.observation_space = observation_space()
+        self.action_space = action_space()
+        self.dt = dt
+        self._simulators = _biflag.Simulators(robot or Robot.physical(), 1, closure, 1)
+        self._wanted = np.zeros(2)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        super().reset(seed=seed)
+        self._wanted = wanted(self.np_random, options)
+        self._simulators.reset(0, random_phase(self.np_random))
+        return self._observed(), {}
+
+    def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        _, failures = self._simulators.step(speeds_rpm(action)[np.newaxis], self.dt)
+        observation = self._observed()
+        error = float(errors(observation))
+        info: dict[str, Any] = {"error_deg": error}
+        if failures[0]:
+            info["failure"] = failures[0]
+            return observation, FAILED_REWARD, True, False, info
+        return observation, -error, False, False, info
+
+    def _observed(self) -> Floats:
+        observed: Floats = observations(self._simulators.poses(), self._wanted[np.newaxis])[0]
+        return observed
+
+
+class AttitudeVectorEnv(VectorEnv[Floats, Floats, Floats]):
+    """Robots that are computed side by side. An episode that has ended starts anew with the next step."""
+
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        max_episode_steps: int = MAX_STEPS,
+        robot: Robot | None = None,
+        *,
+        closure: Closure = "full",
+        dt: float = 0.5,
+        threads: int | None = None,
+    ) -> None:
+        self.num_envs = num_envs
+        self.single_observation_space = observation_space()
+        self.single_action_space = action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.dt = dt
+        self.max_episode_steps = max_episode_steps
+        self._simulators = _biflag.Simulators(robot or Robot.physical(), num_envs, closure, threads)
+        self._wanted = np.zeros((num_envs, 2))
+        self._steps = np.zeros(num_envs, dtype=np.int64)
+        self._ended = np.zeros(num_envs, dtype=np.bool_)
+        self._randoms = [np.random.default_rng() for _ in range(num_envs)]
+        self._options: dict[str, Any] | None = None
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        if seed is not None:
+            seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
+            self._randoms = [np.random.default_rng(one) for one in seeds]
+        self._options = options
+        for i in range(self.num_envs):
+            self._begin(i)
+        return self._observed(), {}
+
+    def step(self, actions: Floats) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
+        begun = self._ended.copy()
+        # A robot at rest that starts anew does not move in this step.
+        speeds = np.where(begun[:, np.newaxis], 0.0, speeds_rpm(actions))
+        _, failures = self._simulators.step(speeds, self.dt)
+        for i in np.flatnonzero(begun):
+            self._begin(int(i))
+        observation = self._observed()
+        error = errors(observation)
+        failed = np.array([bool(failure) for failure in failures]) & ~begun
+        self._steps[~begun] += 1
+        truncated = (self._steps >= self.max_episode_steps) & ~begun & ~failed
+        reward = np.where(begun, 0.0, np.where(failed, FAILED_REWARD, -error))
+        self._ended = failed | truncated
+        info: dict[str, Any] = {"error_deg": error}
+        if failed.any():
+            info["failure"] = np.array(failures, dtype=object)
+            info["_failure"] = failed
+        return observation, reward, failed, truncated, info
+
+    def _begin(self, i: int) -> None:
+        self._wanted[i] = wanted(self._randoms[i], self._options)
+        self._simulators.reset(i, random_phase(self._randoms[i]))
+        self._steps[i] = 0
+
+    def _observed(self) -> Floats:
+        return observations(self._simulators.poses(), self._wanted)
+
+
+def observation_space() -> Space[Floats]:
+    return cast("Space[Floats]", Box(-LIMITS, LIMITS, dtype=np.float64))
+
+
+def action_space() -> Space[Floats]:
+    return cast("Space[Floats]", Box(-1.0, 1.0, (2,), dtype=np.float64))
+
+
+def speeds_rpm(actions: Floats) -> Floats:
+    return MAX_SPEED_RPM * np.asarray(actions, dtype=np.float64)
+
+
+def observations(poses: Floats, wanted: Floats) -> Floats:
+    return np.clip(np.hstack([poses, wanted]), -LIMITS, LIMITS)
+
+
+def errors(observation: Floats) -> Floats:
+    """Returns the larger error of yaw and pitch, degrees."""
+    largest: Floats = np.abs(observation[..., :2] - observation[..., 6:8]).max(axis=-1)
+    return largest
+
+
+def wanted(random: np.random.Generator, options: dict[str, Any] | None) -> Floats:
+    """Returns the wanted yaw and pitch, degrees."""
+    if options is not None and "attitude" in options:
+        reason = f"{options['attitude']!r} is not a yaw and a pitch in degrees"
+        try:
+            attitude = np.asarray(options["attitude"], dtype=np.float64)
+        except ValueError:
+            attitude = np.full(2, np.nan)
+        if attitude.shape != (2,) or not np.isfinite(attitude).all():
+            raise ParameterError(f"attitude: {reason}", "attitude", reason)
+        return attitude
+    one, two = random.uniform(-WANTED_SPEED_RPM, WANTED_SPEED_RPM, 2)
+    return np.array([YAW_PER_RPM * (one + two), PITCH_PER_RPM * (one - two)])
+
+
+def random_phase(random: np.random.Generator) -> tuple[float, float]:
+    one, two = random.uniform(0.0, 360.0, 2)
+    return (float(one), float(two))
+
+
+register(
+    id="biflag/Attitude-v0",
+    entry_point="biflag.gym:AttitudeEnv",
+    vector_entry_point="biflag.gym:AttitudeVectorEnv",
+    max_episode_steps=MAX_STEPS,
+)

@@ -1,0 +1,63 @@
+"""Many trials side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import biflag
+import numpy as np
+import pytest
+from conftest import biflag_json
+
+ROBOT = biflag.Robot.published()
+PAIRS = [(w1, w2) for w1 in (-90.0, 0.0, 60.0) for w2 in (0.0, 45.0, 90.0)]
+PLAN = """
+[session]
+name = "map"
+robot = "published"
+[trial]
+calibrate = 0
+preroll = 0
+run = 15
+decay = 0
+[speeds]
+pairs = {pairs}
+"""
+
+
+def test_values_are_those_of_the_command_line(tmp_path: Path) -> None:
+    plan = tmp_path / "map.toml"
+    plan.write_text(PLAN.format(pairs=[list(pair) for pair in PAIRS]))
+    theirs = biflag_json("simulate", str(plan), "--out", str(tmp_path / "map"))["trials"]
+    table = biflag.simulate_batch(ROBOT, PAIRS, 15)
+    assert table.rows == len(theirs) == len(PAIRS)
+    for i, row in enumerate(theirs):
+        assert (table["w1_rpm"][i], table["w2_rpm"][i]) == (row["w1_rpm"], row["w2_rpm"])
+        for name in ("yaw_deg", "pitch_deg", "roll_deg", "settled", "min_gap_m", "contact_share", "newton_iterations"):
+            assert table[name][i] == row[name], (name, row["name"])
+        assert table["force2_x_n"][i] == row["force2_n"][0]
+        assert table["axial_torque1_nm"][i] == row["axial_torque_nm"][0]
+        assert table["bundling"][i] == row["bundling"].lower()
+    assert "yaw_deg" in table._repr_html_()
+
+
+def test_threads_change_nothing() -> None:
+    one, two = (biflag.simulate_batch(ROBOT, PAIRS[:3], 5, threads=threads) for threads in (1, 2))
+    for name in one:
+        assert one[name].tolist() == two[name].tolist(), name
+    for threads in (0, -1):
+        with pytest.raises((biflag.ParameterError, OverflowError)):
+            biflag.simulate_batch(ROBOT, PAIRS, 5, threads=threads)
+
+
+def test_a_failed_trial_is_a_row_with_its_reason() -> None:
+    fragile = ROBOT.replace({"solver.halvings": 2, "solver.sweeps": 5})
+    table = biflag.simulate_batch(fragile, [(5, 5), (-90, -90)], 5)
+    assert table["error"][0] == "" and np.isfinite(table["yaw_deg"][0])
+    assert "no step" in table["error"][1] and np.isnan(table["yaw_deg"][1]) and not table["settled"][1]
+
+
+def test_wrong_shapes_are_refused() -> None:
+    for speeds in ((50, 10), [(1, 2, 3)], []):
+        with pytest.raises(biflag.ParameterError, match="speeds"):
+            biflag.simulate_batch(ROBOT, speeds, 5)

@@ -1,0 +1,83 @@
+"""Environments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium")
+
+import biflag  # noqa: E402
+import biflag.gym  # noqa: E402
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+NAME = "biflag/Attitude-v0"
+
+
+def many(count: int, **options: Any) -> Any:
+    return gymnasium.make_vec(NAME, num_envs=count, vectorization_mode="vector_entry_point", **options)
+
+
+def test_environment_passes_the_checks_of_gymnasium() -> None:
+    check_env(gymnasium.make(NAME).unwrapped)
+
+
+def test_vector_environment_is_many_single_ones() -> None:
+    together, options = many(3, threads=2), {"attitude": (40.0, 3.0)}
+    observations, _ = together.reset(seed=5, options=options)
+    alone = [gymnasium.make(NAME) for _ in range(3)]
+    for i, environment in enumerate(alone):
+        environment.reset(seed=5 + i, options=options)
+    together.action_space.seed(1)
+    for _ in range(4):
+        actions = together.action_space.sample()
+        observations, rewards, ended, truncated, info = together.step(actions)
+        for i, environment in enumerate(alone):
+            observation, reward, *_ = environment.step(actions[i])
+            assert observation.tolist() == observations[i].tolist() and reward == rewards[i]
+        assert not ended.any() and not truncated.any() and (info["error_deg"] == -rewards).all()
+
+
+def test_an_episode_that_has_ended_starts_anew() -> None:
+    environment = many(2, max_episode_steps=2)
+    first, _ = environment.reset(seed=1)
+    forward = np.full((2, 2), 0.5)
+    assert not environment.step(forward)[3].any()
+    assert environment.step(forward)[3].all()
+    observations, rewards, ended, truncated, _ = environment.step(forward)
+    assert (observations[:, :6] == 0).all() and (rewards == 0).all() and not ended.any() and not truncated.any()
+    assert (observations[:, 6:] != first[:, 6:]).any(), "another attitude is wanted"
+    with pytest.raises(biflag.ParameterError, match="attitude"):
+        environment.reset(options={"attitude": "up"})
+
+
+def test_a_solver_that_fails_ends_the_episode() -> None:
+    fragile = biflag.Robot.physical().replace({"solver.halvings": 0, "solver.sweeps": 2})
+    environment = gymnasium.make(NAME, robot=fragile)
+    environment.reset(seed=1)
+    _, reward, ended, _, info = environment.step(np.ones(2))
+    assert ended and reward == -180 and "no step" in info["failure"]
+
+
+def test_integral_control_holds_an_attitude() -> None:
+    """A sensitivity that is measured in the model once, and integration of the error."""
+    robot, wanted, step = biflag.Robot.physical(), np.array([40.0, 3.0]), 8.0
+    near = np.array([-40.0, 10.0])
+    table = biflag.simulate_batch(robot, near + step * np.array([[0, 0], [1, 0], [0, 1]]), 40)
+    angles = np.column_stack([table["yaw_deg"], table["pitch_deg"]])
+    sensitivity = (angles[1:] - angles[0]).T / step
+    inverse = np.linalg.inv(sensitivity)
+    environment = gymnasium.make(NAME)
+    observation, _ = environment.reset(seed=0, options={"attitude": tuple(wanted)})
+    speeds, seen = near + inverse @ (wanted - angles[0]), []
+    for _ in range(240):
+        speeds = np.clip(speeds + 0.02 * inverse @ (wanted - observation[:2]), -90, 90)
+        observation, *_ = environment.step(speeds / 90)
+        seen.append(observation[:2])
+    # Means over 12 s, as steady values are, from the first minute on.
+    means = np.array([np.mean(seen[i : i + 24], axis=0) for i in range(120, 240 - 24 + 1)])
+    worst = np.abs(means - wanted).max(axis=0)
+    print(f"from 60 s on, means over 12 s are within {worst[0]:.2f} deg of the yaw and {worst[1]:.2f} deg of the pitch")
+    assert worst.max() < 1.0
