@@ -5,6 +5,7 @@
 mod calibration;
 mod commands;
 mod drift;
+mod figure;
 mod format1;
 mod handshake;
 mod hostile_logs;

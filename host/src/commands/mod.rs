@@ -6,6 +6,7 @@ mod compare;
 mod completions;
 mod doctor;
 mod export;
+mod figure;
 mod flash;
 mod info;
 mod live;
@@ -67,6 +68,7 @@ enum Command {
     Compare(compare::Args),
     Calibrate(calibrate::Args),
     Report(report::Args),
+    Figure(figure::Args),
     Export(export::Args),
     Recover(recover::Args),
     Completions(completions::Args),
@@ -95,6 +97,7 @@ pub fn run() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Figure(args) => figure::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Completions(args) => completions::run(&args, Cli::command()),
         Command::Man(args) => man::run(&args, Cli::command()),
