@@ -3,12 +3,14 @@
 CARGO := cargo
 BIN := target/release
 DEMO := target/demo
+PUBLISHED := target/published
 KILLS ?= 1000
 
-.PHONY: help setup build firmware demo test proof hostile mutants lint doc book dist dist-test clean
+.PHONY: help setup build firmware demo published test proof hostile mutants lint doc book dist dist-test clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
+	@echo "make published the figures of the publication by the model, and its printed numbers beside ours"
 	@echo "make test      all tests"
 	@echo "make proof     long checks: fits to robots with unknown parameters, 10000 random cases, speed; two hours"
 	@echo "make hostile   $(KILLS) kills of a recording, a log changed at every byte, spoilt lines, lost frames; an hour"
@@ -53,6 +55,17 @@ demo: build
 	@$(BIN)/biflag report $(DEMO)/bundling || [ $$? = 3 ]
 	@echo "\nOpen in a browser: $(DEMO)/robot/compare-before.html, $(DEMO)/robot/compare.html, $(DEMO)/bundling/report.html."
 	@echo "Foxglove, Rerun and PlotJuggler open the logs (*.mcap) beside them."
+
+# With the publication's own model, the closure `lumped`.
+published: build
+	@rm -rf $(PUBLISHED)
+	$(BIN)/biflag simulate host/plans/published-points.toml --closure lumped --out $(PUBLISHED)/points || [ $$? = 3 ]
+	@echo "The publication prints: (50, 10) rpm: |yaw| 67.95 measured, 60.76 simulated, |pitch| 4.96 measured, 3.29 simulated;"
+	@echo "(0, 45): |yaw| 56.22, |pitch| 3.45 simulated; (90, 90): |yaw| 180; (-90, 90): |pitch| 16, degrees."
+	$(BIN)/biflag simulate host/plans/published-map.toml --closure lumped --out $(PUBLISHED)/map || [ $$? = 3 ]
+	$(BIN)/biflag figure trial $(PUBLISHED)/points/001_w1+50_w2+10.mcap -o $(PUBLISHED)/trial.pdf
+	$(BIN)/biflag figure forces $(PUBLISHED)/points/001_w1+50_w2+10.mcap --time 100,112 -o $(PUBLISHED)/forces.pdf
+	$(BIN)/biflag figure map $(PUBLISHED)/map -o $(PUBLISHED)/map.pdf
 
 test: build
 	@sh firmware/setup.sh test

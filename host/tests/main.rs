@@ -6,6 +6,7 @@ mod aim;
 mod calibration;
 mod commands;
 mod drift;
+mod figure;
 mod format1;
 mod handshake;
 mod hostile_logs;

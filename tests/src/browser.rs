@@ -37,7 +37,7 @@ impl Browser {
         // The protocol uses descriptors 3 and 4.
         let mut child = Command::new("sh")
             .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh", "chromium", "--headless"])
-            .args(["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"])
+            .args(["--no-sandbox", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-sync"])
             .args(["--disable-background-networking", "--disable-component-update", "--remote-debugging-pipe"])
             .arg(format!("--user-data-dir={}", profile.path().display()))
             .stdin(Stdio::piped())
@@ -98,7 +98,9 @@ impl Browser {
         match message["method"].as_str().unwrap_or_default() {
             "Runtime.exceptionThrown" => self.problems.push(params["exceptionDetails"].to_string()),
             "Runtime.consoleAPICalled" => self.problems.push(params["args"].to_string()),
-            "Log.entryAdded" => self.problems.push(params["entry"].to_string()),
+            "Log.entryAdded" if !is_of_software_webgl(&params["entry"]) => {
+                self.problems.push(params["entry"].to_string());
+            }
             "Page.javascriptDialogOpening" => self.problems.push(format!("a dialog: {params}")),
             "Network.requestWillBeSent" => {
                 self.requests.push(params["request"]["url"].as_str().unwrap_or_default().to_owned());
@@ -183,6 +185,16 @@ impl Browser {
         }
     }
 
+    /// Returns what axe-core finds inaccessible on the page: each rule that is violated, and the elements.
+    pub fn inaccessible(&mut self) -> Vec<String> {
+        self.evaluate(include_str!("../data/axe/axe.min.js"));
+        let found = self.evaluate(
+            "axe.run().then(({ violations }) => violations.flatMap(({ id, nodes }) => \
+             nodes.map(({ html, failureSummary }) => `${id}: ${html} ${failureSummary}`)))",
+        );
+        found.as_array().expect("a list").iter().map(|one| one.as_str().unwrap_or_default().to_owned()).collect()
+    }
+
     /// Sets the size of the window; a phone has a touch screen.
     pub fn window(&mut self, width: u32, height: u32, phone: bool) {
         let scale = if phone { 3 } else { 1 };
@@ -212,6 +224,15 @@ impl Browser {
         let pdf = self.call("Page.printToPDF", paper);
         save(&pdf, file);
     }
+}
+
+/// Returns whether an entry of the console is that of the driver which stands in for a graphics card: it reports that each
+/// picture of WebGL is copied, for any page with WebGL.
+fn is_of_software_webgl(entry: &Value) -> bool {
+    let text = entry["text"].as_str().unwrap_or_default();
+    entry["source"] == "rendering"
+        && text.contains("GL Driver Message (OpenGL, Performance")
+        && text.contains("ReadPixels")
 }
 
 fn save(answer: &Value, file: &Path) {

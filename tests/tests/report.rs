@@ -47,8 +47,9 @@ fn printed(browser: &mut Browser, name: &str) -> String {
 fn is_quiet(browser: &Browser, page: &Path) {
     assert!(browser.problems.is_empty(), "{:#?}", browser.problems);
     let address = format!("file://{}", page.display());
-    // A link within the page adds its anchor.
-    let foreign = browser.requests.iter().filter(|request| request.split('#').next() != Some(&address));
+    // A link within the page adds its anchor, and a chart becomes a picture through a file that the page has made.
+    let own = |request: &str| request.split('#').next() == Some(&address) || request.starts_with("blob:");
+    let foreign = browser.requests.iter().filter(|request| !own(request));
     assert_eq!(foreign.count(), 0, "{:?}", browser.requests);
 }
 
@@ -96,6 +97,11 @@ fn trial_page_shows_the_values_of_the_log() {
     let before = view(&mut browser);
     browser.click(".play");
     wait_until("the time advances", || browser.number("[data-out^=time]").unwrap() > 5.1);
+    let rate = browser.evaluate(
+        "new Promise((done) => { let frames = 0; const end = performance.now() + 1000; const count = () => { frames += 1; \
+         if (performance.now() < end) requestAnimationFrame(count); else done(frames); }; count(); })",
+    );
+    println!("played at {rate} frames a second, drawn without a graphics card");
     assert!(view(&mut browser) != before);
     browser.evaluate("document.querySelector('.scene canvas').focus()");
     browser.key(" ", 32);
@@ -128,8 +134,10 @@ fn trial_page_shows_the_values_of_the_log() {
     browser.picture(&picture("trial-zoomed.png"));
     browser.click(".zoom-all");
 
+    assert_eq!(browser.inaccessible(), [""; 0]);
     browser.dark(true);
     browser.picture(&picture("trial-dark.png"));
+    assert_eq!(browser.inaccessible(), [""; 0]);
     browser.dark(false);
 
     browser.window(360, 740, true);
@@ -206,8 +214,8 @@ fn session_page_shows_its_map_and_opens_its_trials() {
     println!("a session of {} kB: opened in {} ms", page.metadata().unwrap().len() / 1000, took.as_millis());
     assert_eq!(browser.text("h1"), "a small map");
     assert_eq!(browser.evaluate("document.querySelectorAll('table.trials tbody tr').length"), json!(28));
-    assert_eq!(browser.evaluate("document.querySelectorAll('.maps svg').length"), json!(2));
-    assert_eq!(browser.evaluate("document.querySelectorAll('.maps svg a').length"), json!(56));
+    assert_eq!(browser.evaluate("document.querySelectorAll('.maps svg').length"), json!(4));
+    assert_eq!(browser.evaluate("document.querySelectorAll('.maps svg a').length"), json!(112));
     browser.picture(&picture("session-light.png"));
 
     // A cell of the map is a link to its trial.
@@ -222,9 +230,10 @@ fn session_page_shows_its_map_and_opens_its_trials() {
 
     // Sorted by the yaw.
     browser.click("th:nth-child(4) button");
-    let order = browser.evaluate("[...document.querySelectorAll('tbody tr td:nth-child(4)')].map((c) => Number(c.dataset.key)).every((v, i, all) => i === 0 || all[i - 1] <= v)");
+    let order = browser.evaluate("[...document.querySelectorAll('table.trials tbody tr td:nth-child(4)')].map((c) => Number(c.dataset.key)).every((v, i, all) => i === 0 || all[i - 1] <= v)");
     assert_eq!(order, json!(true));
 
+    assert_eq!(browser.inaccessible(), [""; 0]);
     browser.dark(true);
     browser.picture(&picture("session-dark.png"));
     browser.dark(false);
@@ -324,16 +333,203 @@ fn comparison_is_printed_with_the_robot_of_its_model() {
         ("viscosity_pa_s = 1.2345", 2),
         ("pairs = [[50, 10], [-90, 90]]", 1),
         ("Notes", 1),
-        // The drawn texts: the scale of the yaw at both robots, and the phase in eight charts and elsewhere.
+        // The drawn texts: the scale of the yaw at both robots, and the phase in fourteen charts and elsewhere.
         ("180°", 2),
-        ("preroll", 8 + 5),
+        ("preroll", 14 + 5),
     ] {
         assert_eq!(text.matches(words).count(), count, "{words}: {text}");
     }
     // Chromium shrinks a page that is wider than the paper.
     browser.call("Emulation.setEmulatedMedia", json!({ "media": "print" }));
     browser.window(688, 900, false);
-    assert_eq!(browser.evaluate("document.documentElement.scrollWidth"), json!(688), "the page fits the paper");
+    let fits = "document.documentElement.scrollWidth <= innerWidth && innerWidth";
+    assert_eq!(browser.evaluate(fits), json!(688), "the page fits the paper");
+    is_quiet(&browser, &page);
+}
+
+/// Saves every figure of the page in every format; returns title, format, type, size and text of each file.
+const SAVE_ALL: &str = "(async () => {
+    const files = [];
+    const make = URL.createObjectURL;
+    let done;
+    HTMLAnchorElement.prototype.click = function () { done(this.download); };
+    for (const button of document.querySelectorAll('section:not([hidden]) [data-save], .maps [data-save]')) {
+        let last;
+        URL.createObjectURL = (file) => { last = file; return make.call(URL, file); };
+        const name = await new Promise((resolve) => { done = resolve; button.click(); });
+        const text = button.dataset.save === 'png' ? '' : await last.text();
+        const wrong = button.dataset.save === 'svg' && new DOMParser().parseFromString(text, 'image/svg+xml').querySelector('parsererror');
+        files.push({ name, format: button.dataset.save, type: last.type, size: last.size, text: wrong ? wrong.textContent : text });
+    }
+    return files;
+})()";
+
+#[test]
+fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_saved() {
+    let bench = Bench::new();
+    bench.file(
+        "plan.toml",
+        "[trial]\ncalibrate = 0\npreroll = 1\nrun = 8\ndecay = 1\n[speeds]\npairs = [[50, 10], [-90, 90], [0, 45], [90, 0], [45, 45], [-45, 20]]\n",
+    );
+    bench.file("thick.toml", "[fluid]\nviscosity_pa_s = 1.5\n");
+    bench.run(["simulate", "plan.toml", "--shapes", "--out", "s"]);
+    let answer = bench.run(["compare", "s", "--robot", "thick.toml", "--json"]).json();
+    let page = bench.path().join(answer["report"].as_str().unwrap());
+    let mut browser = Browser::start();
+    browser.window(1400, 900, false);
+    browser.open(&page);
+    browser.evaluate("location.hash = 'trial-2'");
+    browser.evaluate("new Promise((done) => setTimeout(done, 100)).then(() => 0)");
+    let shown = "section:not([hidden])";
+
+    // The answer is above everything else; the residuals are below each angle.
+    assert!(browser.text(&format!("{shown} .answer")).starts_with("Yaw differs by "));
+    let order = format!(
+        "document.querySelector('{shown} .answer').compareDocumentPosition(document.querySelector('{shown} .tiles')) & 4"
+    );
+    assert_eq!(browser.evaluate(&order), json!(4));
+    let charts = browser
+        .evaluate(&format!("[...document.querySelectorAll('{shown} [data-chart]')].map((c) => c.dataset.chart)"));
+    let expected = json!([
+        "yaw",
+        "error_yaw",
+        "pitch",
+        "error_pitch",
+        "roll",
+        "error_roll",
+        "motors",
+        "force_z",
+        "force_x",
+        "force_y",
+        "gap",
+        "winding"
+    ]);
+    assert_eq!(charts, expected);
+    // Where each value of the model's parameters comes from.
+    let sources = browser.text("details:has(table thead)");
+    assert!(sources.contains("fluid.viscosity_pa_s1.5thick.tomlDynamic viscosity"), "{sources}");
+    assert!(sources.contains("base.mass_kg0.094physicalMass, kg"), "{sources}");
+
+    // Ghost and forces can be hidden, and the robot seen from above.
+    let press = |browser: &mut Browser, selector: &str| {
+        browser.evaluate(&format!("document.querySelector('{shown} {selector}').click()"));
+    };
+    let whole = view(&mut browser);
+    press(&mut browser, "[data-show=ghost]");
+    let alone = view(&mut browser);
+    press(&mut browser, "[data-show=forces]");
+    let bare = view(&mut browser);
+    press(&mut browser, "[data-look=top]");
+    let top = view(&mut browser);
+    assert!(whole != alone && alone != bare && bare != top);
+
+    // The legend hides a curve, and the address opens the same view again.
+    let chart = format!("document.querySelector('{shown} [data-chart=yaw] canvas').toDataURL()");
+    let both = browser.evaluate(&chart);
+    press(&mut browser, "[data-curve=model]");
+    assert_eq!(
+        browser.evaluate(&format!("document.querySelector('{shown} [data-curve=model]').ariaPressed")),
+        json!("false")
+    );
+    let hidden = browser.evaluate(&chart);
+    assert!(both != hidden);
+    scrub(&mut browser, 4.25);
+    let seen = view(&mut browser);
+    browser.evaluate("new Promise((done) => setTimeout(done, 400)).then(() => 0)");
+    let address = browser.evaluate("location.hash").as_str().unwrap().to_owned();
+    assert!(address.starts_with("#trial-2&t=4.25&hide=model&off=ghost,forces&look=top"), "{address}");
+    browser.evaluate("location.reload()");
+    browser.evaluate("new Promise((done) => setTimeout(done, 1500)).then(() => 0)");
+    assert_eq!(browser.evaluate("location.hash"), json!(address));
+    assert!((browser.number(&format!("{shown} [data-out^=time]")).unwrap() - 4.25).abs() < 0.01);
+    assert!(view(&mut browser) == seen);
+
+    // Every figure can be saved; a table has the numbers of its chart.
+    let files = browser.evaluate(SAVE_ALL);
+    let files = files.as_array().unwrap();
+    // Seven figures and eight maps in three formats, and the view of the robot.
+    assert_eq!(files.len(), 7 * 3 + 8 * 3 + 1);
+    for file in files {
+        let text = file["text"].as_str().unwrap();
+        let (kind, least) = match file["format"].as_str().unwrap() {
+            "png" => ("image/png", 5_000),
+            "svg" => ("image/svg+xml", 2_000),
+            _ => ("text/csv", 100),
+        };
+        assert_eq!(file["type"], kind);
+        assert!(file["size"].as_u64().unwrap() > least, "{file}");
+        match file["format"].as_str().unwrap() {
+            "svg" => assert!(text.starts_with("<svg ") && text.contains("<path") && !text.contains("NaN"), "{file}"),
+            "csv" => assert!(
+                text.lines().all(|line| line.split(',').count() == text.lines().next().unwrap().split(',').count())
+            ),
+            _ => {}
+        }
+    }
+    let csv = |name: &str| {
+        let file = files.iter().find(|file| file["format"] == "csv" && file["name"].as_str().unwrap().contains(name));
+        file.unwrap_or_else(|| panic!("{name}"))["text"].as_str().unwrap().to_owned()
+    };
+    let yaw = csv("Yaw");
+    assert!(yaw.starts_with("time_s,yaw_deg,model_yaw_deg,error_yaw_deg\n"), "{}", &yaw[..200]);
+    for line in yaw.lines().skip(1) {
+        let row: Vec<f64> = line.split(',').map(|value| value.parse().unwrap()).collect();
+        assert!((row[2] - row[1] - row[3]).abs() < 0.02, "{line}");
+    }
+    assert!(csv("Forces").starts_with("time_s,z1_mn,z2_mn,contact,x1_mn,x2_mn,y1_mn,y2_mn\n"));
+    assert_eq!(csv("Steady_yaw").lines().count(), 7);
+    assert_eq!(browser.inaccessible(), [""; 0]);
+    is_quiet(&browser, &page);
+}
+
+#[test]
+fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
+    let bench = Bench::new();
+    let mut table =
+        String::from("# a sweep\npoint,w1_rpm,w2_rpm,viscosity_pa_s,young_pa,stiffness,yaw_deg,tilt_deg,status\n");
+    for (i, w1) in [-90.0, 0.0, 90.0].into_iter().enumerate() {
+        for w2 in [10.0, 20.0, 50.0, 90.0] {
+            for viscosity in [0.5, 1.0, 2.0] {
+                for young in [1e6, 2e6] {
+                    let failed = i == 0 && w2 == 10.0;
+                    let yaw = if failed { String::new() } else { format!("{}", w1 * viscosity - w2 * young * 1e-6) };
+                    let line = format!("p,{w1},{w2},{viscosity},{young},{},{yaw},{w2},ok\n", viscosity / young);
+                    table += &line;
+                }
+            }
+        }
+    }
+    bench.file("table.csv", &table);
+    let page = report(&bench, "table.csv", 0);
+    let mut browser = Browser::start();
+    browser.window(1280, 900, false);
+    browser.open(&page);
+    let sliders = "[...document.querySelectorAll('.sliders label')].map((label) => label.textContent)";
+    let marks = "[...document.querySelectorAll('.sweep [data-at]')].map((mark) => mark.dataset.at)";
+    // The stiffness follows from the viscosity and Young's modulus.
+    assert_eq!(browser.evaluate(sliders), json!(["viscosity_pa_s 1", "young_pa 2000000"]));
+    let shown = browser.evaluate(marks);
+    assert_eq!(shown.as_array().unwrap().len(), 11, "one point has no yaw: {shown}");
+    assert_eq!(shown[10], "90,90,-90");
+    browser.picture(&picture("sweep.png"));
+    // The first step of the slider is half the viscosity.
+    browser.evaluate("document.querySelector('.sliders input').focus()");
+    browser.key("Home", 36);
+    assert_eq!(browser.evaluate(marks)[10], "90,90,-135");
+    // Another axis, and another result.
+    browser.evaluate(
+        "for (const [name, value] of [['x', 'viscosity_pa_s'], ['value', 'tilt_deg']]) { \
+         const select = document.querySelector(`[name=${name}]`); select.value = value; select.dispatchEvent(new Event('change')); }",
+    );
+    assert_eq!(browser.evaluate(sliders), json!(["w1_rpm 0", "young_pa 2000000"]));
+    assert_eq!(browser.evaluate(marks).as_array().unwrap().len(), 12);
+    assert_eq!(browser.text(".sweep figure h3"), "tilt_deg over viscosity_pa_s and w2_rpm");
+    assert_eq!(browser.inaccessible(), [""; 0]);
+    browser.dark(true);
+    assert_eq!(browser.inaccessible(), [""; 0]);
+    browser.window(390, 800, true);
+    browser.open(&page);
+    assert!(browser.evaluate("document.documentElement.scrollWidth") == json!(390), "the page fits a phone");
     is_quiet(&browser, &page);
 }
 

@@ -54,6 +54,11 @@ impl Euler {
     }
 }
 
+/// Returns the tilt: the angle between the body's z axis and the vertical, degrees.
+pub fn tilt_deg(pitch_deg: f64, roll_deg: f64) -> f64 {
+    (pitch_deg.to_radians().cos() * roll_deg.to_radians().cos()).acos().to_degrees()
+}
+
 /// Returns the rotation of a quaternion `[w, x, y, z]`, which need not be normalised.
 pub fn rotation([w, x, y, z]: [f64; 4]) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))

@@ -127,9 +127,9 @@ fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget
     let _lock = session.lock(Sharing::Alone)?;
     let want = report::want(budget);
     let compare = |replayed: &Replayed, a: Data| -> Result<_, TwinError> {
-        // The page shows the shapes of the replay if the recording has none.
+        // The page shows the shapes and the forces of the replay if the recording has none.
         let shapes = if a.shapes.is_empty() { want.shapes } else { 0 };
-        let b = Data::read(&replayed.log, Want { shapes, ..want })?;
+        let b = Data::read(&replayed.log, Want { shapes, forces: a.forces.is_empty(), ..want })?;
         let compared = twin::compare(&a, &b, on_mismatch)?;
         let view = View::new(&a, Some((&compared, &b)), budget);
         Ok((compared.comparison, view))

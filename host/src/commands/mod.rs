@@ -7,6 +7,7 @@ mod compare;
 mod completions;
 mod doctor;
 mod export;
+mod figure;
 mod flash;
 mod info;
 mod live;
@@ -69,6 +70,7 @@ enum Command {
     Calibrate(calibrate::Args),
     Aim(aim::Args),
     Report(report::Args),
+    Figure(figure::Args),
     Export(export::Args),
     Recover(recover::Args),
     Completions(completions::Args),
@@ -98,6 +100,7 @@ pub fn run() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Figure(args) => figure::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Completions(args) => completions::run(&args, Cli::command()),
         Command::Man(args) => man::run(&args, Cli::command()),

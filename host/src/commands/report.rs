@@ -8,7 +8,7 @@ use crate::twin::{self, OnMismatch, Pairs};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Write an HTML page about a log or a session: charts, a 3-D view of the robot, results, parameters.
+/// Write an HTML page about a log, a session or a sweep's table: charts, a 3-D view of the robot, results, maps.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag report glycerin/001_w1+50_w2+10.mcap\n  \
@@ -16,8 +16,8 @@ use std::path::PathBuf;
     The page is a single self-contained file. An existing page is replaced, any other file is not.\n\
     `biflag compare` writes a page that compares a trial with its replay in the model.")]
 pub struct Args {
-    /// A log, or a session folder.
-    #[arg(value_name = "LOG|SESSION")]
+    /// A log, a session folder, or the table of a sweep (.parquet, .csv).
+    #[arg(value_name = "LOG|SESSION|TABLE")]
     path: PathBuf,
     /// A log or session to show for comparison: a model, or other trials at the same speeds.
     #[arg(long, value_name = "LOG|SESSION")]

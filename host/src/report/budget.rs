@@ -1,7 +1,7 @@
 //! How much of a trial a page has room for.
 
 /// Room for the data of all trials, bytes. With the scripts and the texts, a page stays below 10 MB.
-const DATA_BYTES: usize = 7_000_000;
+pub(super) const DATA_BYTES: usize = 6_400_000;
 
 /// The most events that a page lists and marks.
 pub(super) const MAX_EVENTS: usize = 200;
@@ -44,6 +44,6 @@ mod tests {
     #[test]
     fn a_page_of_many_trials_lists_fewer_events() {
         assert_eq!(ByteBudget::of_trials(1).events(), MAX_EVENTS);
-        assert_eq!(ByteBudget::of_trials(190).events(), 36);
+        assert_eq!(ByteBudget::of_trials(190).events(), 33);
     }
 }

@@ -8,24 +8,33 @@ pub(super) const GENERATOR: &str = concat!("biflag ", env!("CARGO_PKG_VERSION"))
 
 const STYLE: [&str; 2] = [include_str!("assets/uPlot.min.css"), include_str!("assets/page.css")];
 
-const SCRIPTS: [&str; 7] = [
+const SCRIPTS: [&str; 14] = [
     include_str!("assets/sharp.js"),
     include_str!("assets/uPlot.iife.min.js"),
     include_str!("assets/data.js"),
+    include_str!("assets/charts.js"),
     include_str!("assets/chart.js"),
+    include_str!("assets/gl.js"),
+    include_str!("assets/mesh.js"),
+    include_str!("assets/robot.js"),
     include_str!("assets/scene.js"),
+    include_str!("assets/address.js"),
+    include_str!("assets/save.js"),
     include_str!("assets/player.js"),
+    include_str!("assets/sweep.js"),
     include_str!("assets/page.js"),
 ];
 
 /// Returns a page. `kind` is the class of its body, `data` the elements that the scripts read.
 ///
 /// maud escapes every text. As a second defence, the policy in the head only runs scripts with a nonce that the author of
-/// a log cannot know, and blocks all network access.
+/// a log cannot know, and blocks all network access. A chart becomes a PNG through a picture that the page has made itself
+/// (`blob:`).
 pub(super) fn page(title: &str, kind: &str, body: &Markup, data: &Markup) -> Markup {
     let nonce = nonce();
     let policy = format!(
-        "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+        "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; img-src blob:; base-uri 'none'; \
+         form-action 'none'"
     );
     html! {
         (DOCTYPE)

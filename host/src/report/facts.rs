@@ -1,5 +1,6 @@
 //! The provenance of a trial: plan, board, model, versions, and the files behind it.
 
+use super::parameters;
 use super::text::{clip, degrees, number, plain, word};
 use super::view::View;
 use biflag_log::Identity;
@@ -22,14 +23,17 @@ pub(super) fn facts(view: &View, shared: bool) -> Markup {
 pub(super) fn files(view: &View) -> Markup {
     let records = &view.records;
     let mut files = Vec::new();
+    let mut tables = Vec::new();
     if let Some(model) = &view.model_robot {
         let closure = word(&model.closure);
-        files.push((format!("Model: parameters of the robot {}, closure {closure}", model.name), &model.parameters));
+        let name = format!("Model: parameters of the robot {}, closure {closure}", model.name);
+        tables.push((name, &model.parameters, model.name.as_str(), model.file.as_str()));
         files.push((format!("Model: robot file {}", model.name), &model.file));
     }
     if let Some(model) = &records.model {
         let whose = if view.is_model() { "this log’s model" } else { "the emulated robot" };
-        files.push((format!("Parameters of {whose}"), &model.parameters));
+        let (name, file) = records.robot.as_ref().map_or(("", ""), |robot| (&robot.name, &robot.text));
+        tables.push((format!("Parameters of {whose}: robot {name}"), &model.parameters, name, file));
     }
     if let Some(robot) = &records.robot {
         files.push((format!("Robot file {} of the plan", robot.name), &robot.text));
@@ -41,6 +45,15 @@ pub(super) fn files(view: &View) -> Markup {
         files.push(("Plan".to_owned(), &plan.text));
     }
     html! {
+        @for (title, text, name, file) in tables {
+            @if !text.is_empty() {
+                details {
+                    summary { (clip(&title, 200)) }
+                    (parameters::table(text, name, file))
+                    pre { (clip(text, LONGEST_FILE)) }
+                }
+            }
+        }
         @for (name, text) in files {
             @if !text.is_empty() { details { summary { (clip(&name, 200)) } pre { (clip(text, LONGEST_FILE)) } } }
         }

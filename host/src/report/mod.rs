@@ -1,7 +1,7 @@
 //! The report of a trial or a session: a single self-contained HTML file to open from disk, send and print.
 //!
 //! The charts are drawn by [uPlot](https://github.com/leeoniya/uPlot) 1.6.32 (MIT), which is in `assets` as published:
-//! 51 kB of a page of at most 10 MB. The view of the robot is drawn on a plain canvas, which needs no WebGL and prints.
+//! 51 kB of a page of at most 10 MB. The view of the robot is drawn by WebGL 2, or as lines in a browser without it.
 //!
 //! All text from a log or a plan is escaped; `document::page` describes the second defence.
 
@@ -10,8 +10,10 @@ mod curves;
 mod document;
 mod facts;
 mod heat_map;
+mod parameters;
 mod session_page;
 mod shapes;
+mod sweep_page;
 mod table;
 mod text;
 mod trial_section;
@@ -65,6 +67,15 @@ pub enum ReportError {
         /// Why.
         source: std::io::Error,
     },
+    /// The file is no table of a sweep.
+    #[error("{}: cannot be shown as a table: {reason}", path.display())]
+    #[diagnostic(code(wrong_use), help("name a log, a session folder, or the table that `biflag sweep` writes"))]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
     /// The log cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -111,7 +122,7 @@ impl Kind {
 
 /// What of a log is read for a page within this budget.
 pub fn want(budget: ByteBudget) -> Want {
-    Want { shapes: budget.frames(), ..Want::default() }
+    Want { forces: true, shapes: budget.frames(), ..Want::default() }
 }
 
 /// The budget of each trial on the page of a log or session.
@@ -127,7 +138,7 @@ fn with_logs(states: &[TrialState]) -> usize {
     states.iter().filter(|state| !state.attempts.is_empty()).count()
 }
 
-/// Writes the page of a log or of a session's folder. `comparison` and the `views` of the trials are those that a comparison
+/// Writes the page of a log, of a session's folder, or of the table of a sweep. `comparison` and the `views` of the trials are those that a comparison
 /// has already made; other trials are read from their logs.
 ///
 /// # Errors
@@ -141,6 +152,9 @@ pub fn write(
 ) -> Result<Written, ReportError> {
     let out = out.map_or_else(|| kind.place(path), Path::to_owned);
     check(&out)?;
+    if sweep_page::is_table(path) {
+        return sweep_page::write(path, &out);
+    }
     if path.is_dir() { of_session(&Session::open(path)?, comparison, views, &out) } else { of_log(path, views, &out) }
 }
 
@@ -238,8 +252,8 @@ fn footer(view: &View) -> Markup {
     html! {
         footer {
             p {
-                "The attitude is the rotation Rz(ψ) Ry(θ) Rx(φ) from body to world axes, with yaw ψ, pitch θ and roll φ. A positive yaw is \
-                 counter-clockwise seen from above. Steady values are means over whole turns of the flagella at the end of the run, \
+                "The attitude is the rotation Rz(ψ) Ry(θ) Rx(φ) from body to world axes, with yaw ψ, pitch θ and roll φ; the tilt β is \
+                 the angle between the robot’s axis and the vertical. A positive yaw is counter-clockwise seen from above. Steady values are means over whole turns of the flagella at the end of the run, \
                  about 12 s. "
                 (zero)
             }

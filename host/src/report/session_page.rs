@@ -3,8 +3,9 @@
 use super::facts::files;
 use super::heat_map::{self, Map, Point};
 use super::text::{clip, count, number, plain, word};
-use super::trial_section::{tile, warnings};
+use super::trial_section::{answer, tile, warnings};
 use super::view::View;
+use crate::attitude::tilt_deg;
 use crate::plan::Plan;
 use crate::twin::SessionComparison;
 use biflag_log::LinkStats;
@@ -67,8 +68,10 @@ pub(super) fn overview(
             span { (folder.display()) }
         }
         @if !plan.note.is_empty() { p.note { (clip(&plan.note, 4_000)) } }
+        @if let Some(comparison) = comparison {
+            (answer(&comparison.verdict, comparison.trials.iter().all(|trial| trial.findings.is_empty())))
+        }
         (tiles(&views, rows.len(), comparison))
-        @if let Some(comparison) = comparison && !comparison.verdict.is_empty() { p.verdict { (clip(&comparison.verdict, 600)) } }
         (warnings(notes(rows, comparison, has_charts).iter().map(String::as_str)))
         (maps(rows))
         h2 #trials { "Trials" }
@@ -127,12 +130,20 @@ fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
     notes
 }
 
+/// The maps of a session: the index of the angle, its name and its symbol.
+const MAPS: [(usize, &str, &str); 4] =
+    [(0, "Steady yaw", "|ψ|"), (1, "Steady pitch", "|θ|"), (2, "Steady roll", "|φ|"), (TILT, "Steady tilt", "β")];
+
+/// The tilt follows yaw, pitch and roll.
+const TILT: usize = 3;
+
 fn maps(rows: &[Row]) -> Markup {
     let points = |angle: usize, modelled: bool| -> Vec<Point> {
         let point = |(i, row): (usize, &Row)| {
             let view = row.view()?;
             let steady = view.steady?;
-            let value_deg = if modelled { steady.modelled_deg?[angle] } else { steady.angles_deg[angle] }.abs();
+            let angles = if modelled { steady.modelled_deg? } else { steady.angles_deg };
+            let value_deg = if angle == TILT { tilt_deg(angles[1], angles[2]) } else { angles[angle].abs() };
             let anchor = (!view.data.is_null()).then(|| anchor(i));
             Some(Point { speeds_rpm: row.speeds_rpm, value_deg, anchor })
         };
@@ -150,7 +161,7 @@ fn maps(rows: &[Row]) -> Markup {
     html! {
         h2 { "Steady attitude over both speeds" }
         div.maps {
-            @for (angle, name, symbol) in [(0, "Steady yaw", "|ψ|"), (1, "Steady pitch", "|θ|")] {
+            @for (angle, name, symbol) in MAPS {
                 @let [own_points, model_points] = [points(angle, false), points(angle, true)];
                 // The maps of an angle share their colour scale.
                 @let scale_deg = heat_map::largest(&own_points).max(heat_map::largest(&model_points));
@@ -158,7 +169,11 @@ fn maps(rows: &[Row]) -> Markup {
                     @if !points.is_empty() {
                         @let title = format!("{name} {symbol}, {whose}");
                         @let map = Map { title: &title, symbol, points, scale_deg };
-                        figure { h3 { (title) } (map.svg()) figcaption { (map.caption()) } }
+                        figure {
+                            div.head { h3 { (title) } }
+                            (map.svg())
+                            figcaption { (map.caption()) }
+                        }
                     }
                 }
             }

@@ -33,12 +33,17 @@ pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
                 h1 id={ (id) "-title" } { (title(view)) }
             }
             (about(view, shared))
+            @if let Some(comparison) = &view.comparison { (answer(&comparison.verdict, comparison.findings.is_empty())) }
             (tiles(view))
             (warnings(view.warnings.iter().map(|warning| warning.text.as_str())))
             @if has_data {
                 div.bench {
                     div.stage { (scene(view)) (player(view)) (readout(view)) }
-                    div.charts { (charts(view)) }
+                    div.charts {
+                        // Below the title of a page, the charts are a part of their own.
+                        @if !shared { h2.unseen { "Over time" } }
+                        (charts(view))
+                    }
                 }
             }
             (events(view))
@@ -114,8 +119,16 @@ fn tiles(view: &View) -> Markup {
                 }))
             }
         }
-        @if let Some(comparison) = &view.comparison && !comparison.verdict.is_empty() {
-            p.verdict { (clip(&comparison.verdict, 600)) }
+    }
+}
+
+/// What a comparison has found, as a sentence; nothing if it has found nothing.
+pub(super) fn answer(verdict: &str, agrees: bool) -> Markup {
+    let mut letters = verdict.chars();
+    let first = letters.next().map(|letter| letter.to_uppercase().to_string()).unwrap_or_default();
+    html! {
+        @if !first.is_empty() {
+            p.answer.agrees[agrees].differs[!agrees] { (clip(&format!("{first}{}.", letters.as_str()), 600)) }
         }
     }
 }
@@ -149,28 +162,34 @@ pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
 
 fn scene(view: &View) -> Markup {
     let whose = if view.borrowed_shapes { "the model’s log" } else { "the log" };
-    let pointers = if view.comparison.is_some() {
-        let own = if view.is_model() { "yaw of this log" } else { "measured yaw" };
-        format!("The solid pointer is the {own}; the dashed one is the yaw of the model.")
-    } else {
-        "The pointer is the yaw.".to_owned()
+    let compared = view.comparison.is_some();
+    let robots = match (compared, view.is_model()) {
+        (true, false) => "Solid: the measured attitude; ghost: the attitude of the model. ",
+        (true, true) => "Solid: the attitude of this log; ghost: that of the other one. ",
+        (false, _) => "",
     };
+    let forces = if view.borrowed_forces { "the model’s forces" } else { "the forces" };
+    let looks = [("perspective", "3-D"), ("top", "Top"), ("front", "Front"), ("side", "Side")];
     html! {
         figure.scene {
-            canvas tabindex="0" role="img"
+            canvas.view3d tabindex="0" role="img"
                 aria-label="The robot: base, motors and both flagella at the selected time. Arrow keys rotate the view, plus and minus zoom, Home resets it, space plays." {}
             div.tools role="group" aria-label="View" {
+                @for (look, name) in looks { button type="button" data-look=(look) { (name) } }
+                @if compared { button type="button" aria-pressed="true" data-show="ghost" { "Model" } }
+                @if view.curves.has_forces { button type="button" aria-pressed="true" data-show="forces" { "Forces" } }
                 button.view-in type="button" aria-label="Zoom in" { "+" }
                 button.view-out type="button" aria-label="Zoom out" { "−" }
-                button.home type="button" { "Reset view" }
             }
             figcaption {
+                (robots)
                 @if view.curves.shapes_per_s > 0.0 {
                     "Shapes of the flagella from " (whose) ", " (number(view.curves.shapes_per_s, 1)) " per second, interpolated in the frame of the shaft. "
                 } @else {
                     "The log has no shapes: the flagella are drawn as rigid helices that turn with their shafts. "
                 }
-                (pointers) span.screen { " Drag to rotate, or use the arrow keys, + and −." }
+                @if view.curves.has_forces { "Arrows: " (forces) " of the flagella on the base. " }
+                "The pointers on the ring are the yaw." span.screen { " Drag to rotate, or use the arrow keys, + and −." }
             }
         }
     }
@@ -216,59 +235,52 @@ fn readout(view: &View) -> Markup {
                         @if view.has_truth { td {} }
                     }
                 }
+                @if view.curves.has_forces {
+                    @for (name, column) in [("Thrust of flagellum 1, mN", "z1"), ("Thrust of flagellum 2, mN", "z2"), ("Least gap, mm", "gap")] {
+                        tr {
+                            th scope="row" { (name) }
+                            @let (own, model) = (out(&format!("forces {column} 2")), html! { td {} });
+                            @if view.borrowed_forces { (model) (own) } @else { (own) @if view.comparison.is_some() { (model) } }
+                            @if view.has_truth { td {} }
+                        }
+                    }
+                }
             }
         }
     }
 }
 
-/// An entry of a legend: the classes of its key, and its text.
-struct Entry(&'static str, String);
+/// An entry of a legend: the classes of its key, its text, and the curve that it shows and hides.
+struct Entry(&'static str, String, &'static str);
+
+impl Entry {
+    fn new(look: &'static str, text: &str, curve: &'static str) -> Self {
+        Self(look, text.to_owned(), curve)
+    }
+
+    fn range(width_s: Option<f64>) -> Option<Self> {
+        width_s.map(|width_s| Self("block c-range", format!("range of {} s (line: mean)", number(width_s, 2)), ""))
+    }
+}
 
 fn charts(view: &View) -> Markup {
-    let entry = |look, text: &str| Entry(look, text.to_owned());
-    let range = |width_s: Option<f64>| {
-        width_s.map(|width_s| Entry("block c-range", format!("range of {} s (line: mean)", number(width_s, 2))))
-    };
-    let angle_entries = |with_uncertainty: bool| {
-        let mut entries = vec![entry("c-measured", view.own_name())];
-        if view.comparison.is_some() {
-            entries.push(entry("dash c-model", "model"));
-        }
-        if view.has_truth {
-            entries.push(entry("dots c-truth", "truth"));
-        }
-        entries.extend(range(view.curves.attitude_range_s));
-        if with_uncertainty && view.curves.has_uncertainty {
-            entries.push(entry("edges c-measured", "95 % uncertainty"));
-        }
-        entries
-    };
-    let motors = [
-        entry("c-flagellum1", "flagellum 1"),
-        entry("c-flagellum2", "flagellum 2"),
-        entry("dash c-ink", "target 1"),
-        entry("dots c-ink", "target 2"),
-    ];
-    let motors: Vec<Entry> = motors.into_iter().chain(range(view.curves.motors_range_s)).collect();
-    let seconds = view.data["link"]["width_s"].as_u64().unwrap_or(1);
-    let per = if seconds > 1 { format!("{seconds} s") } else { "second".to_owned() };
-    let link = [
-        entry("c-measured", "samples received"),
-        entry("block c-bad", "lost"),
-        entry("block c-model", "retries"),
-        entry("block c-flagellum1", "board errors"),
-    ];
     html! {
         div.tools role="group" aria-label="Time axis" {
             button.zoom-in type="button" aria-label="Zoom in" { "+" }
             button.zoom-out type="button" aria-label="Zoom out" { "−" }
             button.zoom-all type="button" { "Whole trial" }
         }
-        (chart("yaw", "Yaw ψ from the start of the run, °", &angle_entries(true)))
-        (chart("pitch", "Pitch θ, °", &angle_entries(false)))
-        (chart("roll", "Roll φ, °", &angle_entries(false)))
-        (chart("motors", "Speed of the flagella, rpm", &motors))
-        @if !view.is_model() { (chart("link", &format!("Link, count per {per}"), &link)) }
+        @for (name, error, title) in [
+            ("yaw", "error_yaw", "Yaw ψ from the start of the run, °"),
+            ("pitch", "error_pitch", "Pitch θ, °"),
+            ("roll", "error_roll", "Roll φ, °"),
+        ] {
+            @let charts = if view.comparison.is_some() { vec![name, error] } else { vec![name] };
+            (chart(&charts, title, &angle_entries(view, name == "yaw")))
+        }
+        (chart(&["motors"], "Speed of the flagella, rpm", &motor_entries(view)))
+        @if view.curves.has_forces { (force_charts(view)) }
+        @if !view.is_model() { (link_chart(view)) }
         p.meta.small {
             @if view.curves.attitude_range_s.is_some() || view.curves.motors_range_s.is_some() {
                 "A shaded band is the range of the values in the time that the legend states, and its line their mean. The values \
@@ -276,19 +288,85 @@ fn charts(view: &View) -> Markup {
             } @else {
                 "The charts show every sample."
             }
-            span.screen { " Drag across a chart to zoom in, double-click to see the whole trial, click to select a time." }
+            span.screen {
+                " Drag across a chart to zoom in, double-click to see the whole trial, click to select a time. The legends hide \
+                 curves, and the address of the page keeps the view."
+            }
         }
     }
 }
 
-fn chart(name: &str, title: &str, entries: &[Entry]) -> Markup {
+fn angle_entries(view: &View, is_yaw: bool) -> Vec<Entry> {
+    let mut entries = vec![Entry::new("c-measured", view.own_name(), "own")];
+    if view.comparison.is_some() {
+        entries.push(Entry::new("dash c-model", "model", "model"));
+    }
+    if view.has_truth {
+        entries.push(Entry::new("dots c-truth", "truth", "truth"));
+    }
+    entries.extend(Entry::range(view.curves.attitude_range_s));
+    if is_yaw && view.curves.has_uncertainty {
+        entries.push(Entry::new("edges c-measured", "95 % uncertainty", "uncertainty"));
+    }
+    if view.comparison.is_some() {
+        entries.push(Entry::new("c-model", "below: model minus measured", ""));
+    }
+    entries
+}
+
+fn motor_entries(view: &View) -> Vec<Entry> {
+    let curves = [
+        Entry::new("c-flagellum1", "flagellum 1", "speed1"),
+        Entry::new("c-flagellum2", "flagellum 2", "speed2"),
+        Entry::new("dash c-ink", "target 1", "target1"),
+        Entry::new("dots c-ink", "target 2", "target2"),
+    ];
+    curves.into_iter().chain(Entry::range(view.curves.motors_range_s)).collect()
+}
+
+fn force_charts(view: &View) -> Markup {
+    let of_model = if view.borrowed_forces { ", model" } else { "" };
+    let contact = || Entry::new("block c-contact", "in contact", "");
+    let range = || Entry::range(view.curves.forces_range_s);
+    let with = |curves: Vec<Entry>| -> Vec<Entry> { curves.into_iter().chain([contact()]).chain(range()).collect() };
+    let forces =
+        vec![Entry::new("c-flagellum1", "flagellum 1", "force1"), Entry::new("c-flagellum2", "flagellum 2", "force2")];
+    let title = format!("Forces on the base{of_model}: thrust z, below x and y (body axes), mN");
+    html! {
+        (chart(&["force_z", "force_x", "force_y"], &title, &with(forces)))
+        (chart(&["gap"], &format!("Least gap of the flagella{of_model}, mm"), &with(vec![Entry::new("c-measured", "least gap", "gap")])))
+        (chart(&["winding"], &format!("Winding of the flagella around each other{of_model}, turns"), &with(vec![Entry::new("c-measured", "winding", "winding")])))
+    }
+}
+
+fn link_chart(view: &View) -> Markup {
+    let seconds = view.data["link"]["width_s"].as_u64().unwrap_or(1);
+    let per = if seconds > 1 { format!("{seconds} s") } else { "second".to_owned() };
+    let entries = [
+        Entry::new("c-measured", "samples received", "received"),
+        Entry::new("block c-bad", "lost", "lost"),
+        Entry::new("block c-model", "retries", "retries"),
+        Entry::new("block c-flagellum1", "board errors", "board"),
+    ];
+    chart(&["link"], &format!("Link, count per {per}"), &entries)
+}
+
+fn chart(names: &[&str], title: &str, entries: &[Entry]) -> Markup {
     html! {
         figure role="group" aria-label={ (title) ". The values at the selected time are in the table beside the robot." } {
             figcaption {
                 h3 { (title) }
-                div.legend { @for Entry(look, text) in entries { span { i class={ "key " (look) } {} span { (text) } } " " } }
+                div.legend {
+                    @for Entry(look, text, curve) in entries {
+                        @let key = html! { i class={ "key " (look) } {} span { (text) } };
+                        @if curve.is_empty() { span { (key) } } @else {
+                            button type="button" aria-pressed="true" data-curve=(curve) { (key) }
+                        }
+                        " "
+                    }
+                }
             }
-            div data-chart=(name) aria-hidden="true" {}
+            @for name in names { div data-chart=(name) aria-hidden="true" {} }
         }
     }
 }

@@ -76,8 +76,9 @@ pub struct View {
     pub(super) warnings: Vec<Warning>,
     /// How the curves and the shapes were cut down to their room.
     pub(super) curves: Curves,
-    /// Whether the shapes are those of the log that the trial is compared with.
+    /// Whether shapes and forces are those of the log that the trial is compared with.
     pub(super) borrowed_shapes: bool,
+    pub(super) borrowed_forces: bool,
     pub(super) has_truth: bool,
     /// Whether the trial ended as planned and its log is intact.
     pub(super) is_complete: bool,
@@ -109,6 +110,7 @@ impl View {
             more_events: data.more_events + data.events.len().saturating_sub(budget.events()),
             curves: Curves::default(),
             borrowed_shapes: data.shapes.is_empty() && other.is_some_and(|other| !other.shapes.is_empty()),
+            borrowed_forces: data.forces.is_empty() && other.is_some_and(|other| !other.forces.is_empty()),
             has_truth: !data.truth.is_empty() && !data.is_model(),
             is_complete: data.is_complete(),
             data: Value::Null,
@@ -120,9 +122,7 @@ impl View {
             model_robot: other.and_then(|other| ModelRobot::new(&other.records)),
         };
         if budget.is_enough() {
-            let shapes_of = other.filter(|_| view.borrowed_shapes).unwrap_or(data);
-            (view.data, view.curves) =
-                Curves::fit(data, shapes_of, zeroed, compared.map(|(compared, _)| compared), budget);
+            (view.data, view.curves) = Curves::fit(data, zeroed, compared, budget);
             view.data["own"] = view.own_name().into();
         }
         view

@@ -2,45 +2,6 @@
 // selected time.
 "use strict";
 
-/** What each chart draws: columns of a table, their names, colours and styles. */
-biflag.CHARTS = {
-  yaw: { table: "attitude", unit: "°", decimals: 2, height: 220, lines: biflag_angle("yaw"), uncertainty: "uncertainty" },
-  pitch: { table: "attitude", unit: "°", decimals: 2, height: 160, lines: biflag_angle("pitch") },
-  roll: { table: "attitude", unit: "°", decimals: 2, height: 160, lines: biflag_angle("roll") },
-  motors: {
-    table: "motors",
-    unit: " rpm",
-    decimals: 1,
-    height: 170,
-    lines: [
-      { name: "speed1", label: "flagellum 1", colour: "flagellum1", width: 2 },
-      { name: "speed2", label: "flagellum 2", colour: "flagellum2", width: 2 },
-      { name: "target1", label: "target 1", colour: "ink", width: 1, dash: [6, 10] },
-      { name: "target2", label: "target 2", colour: "ink", width: 1, dash: [2, 8] },
-    ],
-  },
-  link: {
-    table: "link",
-    unit: "",
-    decimals: 0,
-    height: 150,
-    lines: [
-      { name: "received", label: "received", colour: "measured", width: 1.5, stepped: true },
-      { name: "lost", label: "lost", colour: "bad", bars: true },
-      { name: "retries", label: "retries", colour: "model", bars: true },
-      { name: "board", label: "board errors", colour: "flagellum1", bars: true },
-    ],
-  },
-};
-
-function biflag_angle(name) {
-  return [
-    { name, colour: "measured", width: 2 },
-    { name: "model_" + name, label: "model", colour: "model", width: 2, dash: [8, 4] },
-    { name: "true_" + name, label: "truth", colour: "truth", width: 1.5, dash: [2, 3] },
-  ];
-}
-
 const MARKS = { fault: ["bad", "▲"], warning: ["model", "△"], retry: ["model", "↻"], note: ["soft", "•"] };
 
 biflag.Chart = class {
@@ -48,14 +9,19 @@ biflag.Chart = class {
   constructor(element, name, trial) {
     this.element = element;
     this.trial = trial;
+    this.name = name;
     this.spec = biflag.CHARTS[name];
     const table = trial.tables[this.spec.table];
     /** The samples, or the stretches if there are too many samples. */
     this.table = table.ranges ?? table;
-    this.lines = this.spec.lines.filter((line) => this.table[line.name]);
-    // Bars of zero height only hide the other lines.
-    this.lines = this.lines.filter((line) => !line.bars || this.table[line.name].some((n) => n > 0));
+    if (this.spec.error) this.errors = this.errorsOfRun();
     this.build();
+  }
+
+  /** The curves that the log has and the legend does not hide. Bars of zero height only hide other curves. */
+  get lines() {
+    const isThere = (line) => this.table[line.name] && (!line.bars || this.table[line.name].some((n) => n > 0));
+    return this.spec.lines.filter((line) => isThere(line) && !this.trial.hidden.has(line.key ?? line.name));
   }
 
   /** Draws the chart anew, in the present colours and width. */
@@ -74,12 +40,12 @@ biflag.Chart = class {
       series.push({ ...edge, width: 0 }, { ...edge, width: 0 });
       bands.push({ series: [data.length - 2, data.length - 1], fill: biflag.colour(line.colour) + "48" });
     }
-    if (table[spec.uncertainty]) {
-      const [middle, uncertainty] = [table[this.lines[0].name], table[spec.uncertainty]];
-      const limit = (sign) => middle.map((v, i) => (v === null || uncertainty[i] === null ? null : v + sign * uncertainty[i]));
-      data.push(limit(1), limit(-1));
+    const limits = this.limits();
+    if (limits) {
+      data.push(...limits);
       const thin = { ...edge, stroke: biflag.colour("measured"), width: 1, dash: [3, 3] };
       series.push({ ...thin }, { ...thin });
+      bands.push({ series: [data.length - 2, data.length - 1], fill: biflag.colour("measured") + "22" });
     }
     const axis = {
       stroke: biflag.colour("soft"),
@@ -87,18 +53,18 @@ biflag.Chart = class {
       grid: { stroke: biflag.colour("grid"), width: 1 },
       ticks: { show: false },
     };
-    const sign = (_, values) => values.map((v) => (v === null ? "" : String(Number(v.toFixed(6))).replace("-", "−") + spec.unit.trim().replace("rpm", "")));
+    const sign = (_, values) => values.map((v) => (v === null ? "" : String(Number(v.toFixed(6))).replace("-", "−") + (spec.unit === "°" ? "°" : "")));
     const options = {
       width: this.width(),
       height: this.height(),
       legend: { show: false },
-      padding: [20, 22, 0, 0],
+      padding: [this.isStrip ? 6 : 20, 22, 0, 0],
       bands,
       series,
       scales: { x: { time: false }, y: { range: (_, low, high) => this.span(low, high) } },
       axes: [
         { ...axis, values: (_, values) => values.map((v) => v + " s"), space: 60, size: 30 },
-        { ...axis, values: sign, size: 52, space: 34 },
+        { ...axis, values: sign, size: 52, space: this.isStrip ? 20 : 34 },
       ],
       cursor: {
         y: false,
@@ -126,6 +92,36 @@ biflag.Chart = class {
     this.plot.over.append(this.needle, this.tooltip);
     this.zoom(range && range.min !== null ? [range.min, range.max] : null);
     this.point(this.trial.time);
+  }
+
+  /** A low chart below another one repeats neither the phases nor the marks. */
+  get isStrip() {
+    return this.spec.strip || this.spec.error;
+  }
+
+  /** The limits of the 95 % uncertainty about the measured curve, or about zero for an error; null without them. */
+  limits() {
+    const { spec, table } = this;
+    const uncertainty = table[spec.uncertainty];
+    const middle = table[spec.lines[0].name];
+    if (!uncertainty || !middle || this.trial.hidden.has("uncertainty")) return null;
+    const limit = (sign) => middle.map((v, i) => (v === null || uncertainty[i] === null ? null : (spec.error ? 0 : v) + sign * uncertainty[i]));
+    return [limit(1), limit(-1)];
+  }
+
+  /** The smallest and the largest error from the start of the run on, with the uncertainty about zero. */
+  errorsOfRun() {
+    const { table, spec, trial } = this;
+    const start = trial.data.phases.find(([name]) => name === "run")?.[1] ?? 0;
+    const { name } = spec.lines[0];
+    let [low, high] = [0, 0];
+    table.time.forEach((time, i) => {
+      if (time < start) return;
+      const uncertainty = table[spec.uncertainty]?.[i] ?? 0;
+      low = Math.min(low, -uncertainty, (table[name + "_low"] ?? table[name])[i] ?? 0);
+      high = Math.max(high, uncertainty, (table[name + "_high"] ?? table[name])[i] ?? 0);
+    });
+    return [low, high];
   }
 
   series(line) {
@@ -162,7 +158,9 @@ biflag.Chart = class {
   /** Limits of the axis: some room about the values, and at least a degree, so that noise looks like noise. */
   span(low, high) {
     if (low === null || high === null) return [0, 1];
-    const least = this.spec.unit === "°" ? 1 : 2;
+    // Before the run, an error says nothing: the filter may still settle, and neither attitude has its zero.
+    if (this.spec.error) [low, high] = [Math.max(low, Math.min(high, this.errors[0])), Math.min(high, Math.max(low, this.errors[1]))];
+    const least = this.spec.least;
     const missing = Math.max(0, least - (high - low)) / 2;
     const room = 0.06 * Math.max(high - low, least);
     return this.spec.table === "link" ? [0, Math.max(1, high * 1.1)] : [low - missing - room, high + missing + room];
@@ -195,6 +193,18 @@ biflag.Chart = class {
     if (inside) this.needle.style.transform = `translateX(${x}px)`;
   }
 
+  /** Shades the time in which the flagella touch. */
+  contact(u, x) {
+    const { ctx, bbox } = u;
+    const { time, contact, width = 0 } = this.table;
+    ctx.fillStyle = biflag.colour("contact");
+    for (let i = 0; i < time.length; i++) {
+      if (!contact[i]) continue;
+      const [from, to] = width ? [time[i] - width / 2, time[i] + width / 2] : [time[i], time[i + 1] ?? time[i]];
+      ctx.fillRect(x(from), bbox.top, Math.max(x(to) - x(from), 1), bbox.height);
+    }
+  }
+
   phases(u) {
     const { ctx, bbox } = u;
     const x = (t) => Math.min(Math.max(u.valToPos(t, "x", true), bbox.left), bbox.left + bbox.width);
@@ -208,11 +218,12 @@ biflag.Chart = class {
         ctx.fillStyle = biflag.colour("run");
         ctx.fillRect(left, bbox.top, right - left, bbox.height);
       }
-      if (right - left > ctx.measureText(name).width + 4 * devicePixelRatio) {
+      if (!this.isStrip && right - left > ctx.measureText(name).width + 4 * devicePixelRatio) {
         ctx.fillStyle = biflag.colour("soft");
         ctx.fillText(name, left, bbox.top - 16 * devicePixelRatio);
       }
     }
+    if (this.spec.contact) this.contact(u, x);
     ctx.restore();
   }
 
@@ -235,8 +246,48 @@ biflag.Chart = class {
         ctx.lineTo(x, bbox.top + bbox.height);
         ctx.stroke();
       }
-      ctx.fillText(sign, x, bbox.top + devicePixelRatio);
+      if (!this.isStrip) ctx.fillText(sign, x, bbox.top + devicePixelRatio);
     }
     ctx.restore();
+  }
+
+  /** The plot as the elements of an SVG: axes, phases, contact, bands and curves. */
+  svg() {
+    const { plot, spec, table } = this;
+    const { left, top, width, height } = Object.fromEntries(Object.entries(plot.bbox).map(([key, value]) => [key, value / devicePixelRatio]));
+    const place = (value, scale) => plot.valToPos(value, scale) + (scale === "x" ? left : top);
+    const clip = (t) => Math.min(Math.max(place(t, "x"), left), left + width);
+    const parts = [];
+    const block = (from, to, colour) => parts.push(`<rect x="${clip(from).toFixed(1)}" y="${top}" width="${Math.max(clip(to) - clip(from), 0).toFixed(1)}" height="${height}" fill="${colour}"/>`);
+    for (const [name, from, to] of this.trial.data.phases) if (name === "run") block(from, to, biflag.colour("run"));
+    if (spec.contact) table.time.forEach((time, i) => table.contact[i] && block(time, table.time[i + 1] ?? time, biflag.colour("contact")));
+    for (const [i, axis] of plot.axes.entries()) {
+      axis._splits.forEach((split, k) => {
+        const label = axis._values[k];
+        const at = place(split, i ? "y" : "x").toFixed(1);
+        const line = i ? `M${left} ${at}h${width}` : `M${at} ${top}v${height}`;
+        const words = i ? `x="${left - 6}" y="${Number(at) + 4}" text-anchor="end"` : `x="${at}" y="${top + height + 18}" text-anchor="middle"`;
+        parts.push(`<path d="${line}" stroke="${biflag.colour("grid")}"/><text ${words}>${label ?? ""}</text>`);
+      });
+    }
+    const id = `clip-${this.trial.id}-${this.name}`;
+    parts.push(`<clipPath id="${id}"><rect x="${left}" y="${top}" width="${width}" height="${height}"/></clipPath><g clip-path="url(#${id})" fill="none">`);
+    const path = (values) => {
+      let [d, pen] = ["", "M"];
+      values.forEach((value, i) => {
+        if (value === null) return void (pen = "M");
+        d += `${pen}${place(table.time[i], "x").toFixed(1)} ${place(value, "y").toFixed(2)}`;
+        pen = "L";
+      });
+      return d;
+    };
+    const drawn = [...this.lines.map((line) => [line, table[line.name]]), ...(this.limits() ?? []).map((values) => [{ colour: "measured", width: 1, dash: [3, 3] }, values])];
+    for (const [line, values] of drawn) {
+      const [low, high] = [table[line.name + "_low"], table[line.name + "_high"]];
+      for (const edge of [low, high].filter(Boolean)) parts.push(`<path d="${path(edge)}" stroke="${biflag.colour(line.colour)}" stroke-opacity="0.35"/>`);
+      const dash = line.dash ? ` stroke-dasharray="${line.dash}"` : "";
+      parts.push(`<path d="${path(values)}" stroke="${biflag.colour(line.colour)}" stroke-width="${line.width ?? 2}" stroke-linejoin="round"${dash}/>`);
+    }
+    return parts.join("") + "</g>";
   }
 };

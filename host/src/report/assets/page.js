@@ -26,7 +26,7 @@
   }
 
   const follow = () => {
-    const section = sections.find((other) => "#" + other.id === location.hash);
+    const section = sections.find((other) => other.id === biflag.Address.section());
     open(section);
     section?.scrollIntoView();
   };
@@ -61,6 +61,8 @@
   };
   addEventListener("beforeprint", () => paper(true));
   addEventListener("afterprint", () => paper(false));
+
+  for (const maps of document.querySelectorAll(".maps")) biflag.addSaveButtons(maps);
 
   for (const button of document.querySelectorAll("th button")) {
     button.addEventListener("click", () => {

@@ -9,8 +9,8 @@ biflag.Trial = class {
     this.tables = {
       attitude: biflag.table(this.data.attitude),
       motors: biflag.table(this.data.motors),
-      turns: biflag.table({ time: this.data.turns.time, one: this.data.turns.one, two: this.data.turns.two }),
     };
+    if (this.data.forces) this.tables.forces = biflag.table(this.data.forces);
     if (this.data.link) {
       const { width_s: width, ...bars } = this.data.link;
       this.tables.link = { time: bars.received.map((_, i) => i * width), ...bars };
@@ -20,9 +20,12 @@ biflag.Trial = class {
     // The attitude is steady at the end of the run, before the next phase.
     this.time = run ? Math.max(run[1], run[2] - 0.01) : this.end;
     this.fresh = true;
+    /** The curves that the legend hides. */
+    this.hidden = new Set();
     this.find();
     this.scene = new biflag.Scene(section.querySelector(".scene canvas"), this);
     this.charts = [...section.querySelectorAll("[data-chart]")].map((place) => new biflag.Chart(place, place.dataset.chart, this));
+    biflag.Address.restore(this);
     new ResizeObserver(() => this.resize()).observe(section.querySelector(".charts"));
     this.show();
   }
@@ -37,16 +40,48 @@ biflag.Trial = class {
     for (const [selector, act] of Object.entries({
       ".view-in": () => this.scene.zoom(1.2),
       ".view-out": () => this.scene.zoom(1 / 1.2),
-      ".home": () => this.scene.home(),
       ".zoom-in": () => this.zoomBy(0.5),
       ".zoom-out": () => this.zoomBy(2),
       ".zoom-all": () => this.zoom(null),
     })) one(selector).addEventListener("click", act);
+    const each = (selector, act) => this.section.querySelectorAll(selector).forEach((element) => element.addEventListener("click", () => act(element)));
+    each("[data-look]", (button) => this.scene.look(button.dataset.look));
+    each("[data-show]", (button) => this.toggleSolid(button.dataset.show));
+    each("[data-curve]", (button) => this.toggleCurve(button.dataset.curve));
+    biflag.addSaveButtons(this.section, this);
     for (const link of this.section.querySelectorAll("[data-seek]")) link.addEventListener("click", () => this.seek(Number(link.dataset.seek)));
   }
 
   value(table, column, time) {
     return biflag.at(this.tables[table].time, this.tables[table][column], time);
+  }
+
+  /** Shows or hides the ghost or the forces. */
+  toggleSolid(name) {
+    this.scene.shown[name] = !this.scene.shown[name];
+    this.pressed();
+    this.changed();
+  }
+
+  /** Shows or hides a curve in all charts that have it. */
+  toggleCurve(key) {
+    if (!this.hidden.delete(key)) this.hidden.add(key);
+    this.pressed();
+    for (const chart of this.charts) chart.build();
+    this.changed();
+  }
+
+  /** Puts the buttons of legends and views into the state of what they show. */
+  pressed() {
+    const press = (selector, is) => this.section.querySelectorAll(selector).forEach((button) => button.setAttribute("aria-pressed", is(button)));
+    press("[data-curve]", (button) => !this.hidden.has(button.dataset.curve));
+    press("[data-show]", (button) => this.scene.shown[button.dataset.show]);
+  }
+
+  /** After the view has changed: draws it, and puts it into the page's address. */
+  changed() {
+    this.scene.draw(this.time);
+    biflag.Address.keep(this);
   }
 
   toggle() {
@@ -56,6 +91,9 @@ biflag.Trial = class {
       this.fresh = false;
       this.last = null;
       requestAnimationFrame((now) => this.step(now));
+    } else {
+      biflag.Address.keep(this);
+      this.scene.draw(this.time);
     }
     this.button.classList.toggle("playing", this.playing);
     this.button.setAttribute("aria-label", this.playing ? "Pause" : "Play");
@@ -74,6 +112,7 @@ biflag.Trial = class {
     this.fresh = false;
     this.time = Math.min(Math.max(time, 0), this.end);
     this.show();
+    biflag.Address.keep(this);
   }
 
   /** Everything that follows the time. */
@@ -100,10 +139,6 @@ biflag.Trial = class {
     if (!this.playing && this.charts) this.read(time ?? this.time);
   }
 
-  redraw() {
-    this.scene.draw(this.time);
-  }
-
   /** The range of time that the charts show; `null`: the whole trial. */
   zoom(range) {
     this.range = range && range[1] - range[0] > 0.02 ? [Math.max(0, range[0]), Math.min(this.end, range[1])] : null;
@@ -111,6 +146,7 @@ biflag.Trial = class {
       chart.zoom(this.range);
       chart.plot.setSelect({ left: 0, width: 0 }, false);
     }
+    biflag.Address.keep(this);
     queueMicrotask(() => this.charts.forEach((chart) => chart.point(this.time)));
   }
 
@@ -129,6 +165,7 @@ biflag.Trial = class {
   /** Draws everything in the present colours. */
   repaint() {
     for (const chart of this.charts) chart.build();
+    this.scene.paint();
     this.scene.draw(this.time);
   }
 };

@@ -6,6 +6,7 @@
 mod axis;
 
 use super::text::{degrees, number, plain};
+use crate::viridis::colour;
 use axis::Axis;
 use maud::{Markup, html};
 
@@ -29,21 +30,6 @@ pub(super) struct Map<'a> {
     /// Value at the upper end of the colour scale, which begins at zero.
     pub scale_deg: f64,
 }
-
-/// Viridis (van der Walt and Smith, matplotlib) in eleven steps: even in lightness, and for any colour vision.
-const VIRIDIS: [[u8; 3]; 11] = [
-    [68, 1, 84],
-    [72, 36, 117],
-    [65, 68, 135],
-    [53, 95, 141],
-    [42, 120, 142],
-    [33, 145, 140],
-    [34, 168, 132],
-    [68, 191, 112],
-    [122, 209, 81],
-    [189, 223, 38],
-    [253, 231, 37],
-];
 
 /// Fewer points make no map.
 const LEAST_POINTS: usize = 6;
@@ -88,7 +74,8 @@ impl Map<'_> {
         let plot = Plot::new(across, down);
         let scale = if self.scale_deg > 0.0 { self.scale_deg } else { 1.0 };
         html! {
-            svg viewBox={ "0 0 " (WIDTH) " " (short(plot.bottom + 42.0)) } role="group" aria-label=(self.title) {
+            svg viewBox={ "0 0 " (WIDTH) " " (short(plot.bottom + 42.0)) } role="group" aria-label=(self.title)
+                data-x="w1_rpm" data-y="w2_rpm" data-value={ (self.symbol) "_deg" } {
                 (plot.background())
                 @for point in self.points { (mark(point, scale, &plot)) }
                 (plot.labels())
@@ -203,13 +190,16 @@ impl Plot {
 fn mark(point: &Point, scale_deg: f64, plot: &Plot) -> Markup {
     let [w1, w2] = point.speeds_rpm;
     let text = format!("w1 {}, w2 {} rpm: {}", plain(w1), plain(w2), degrees(point.value_deg, 2));
+    let at = format!("{w1},{w2},{:.6}", point.value_deg);
     let (x, y, fill) = (plot.x(w1), plot.y(w2), colour(point.value_deg / scale_deg));
     let shape = match plot.cell() {
         Some([width, height]) => html! {
-            rect x=(short(x - 0.5 * width + 0.5)) y=(short(y - 0.5 * height + 0.5)) width=(short(width - 1.0))
+            rect data-at=(at) x=(short(x - 0.5 * width + 0.5)) y=(short(y - 0.5 * height + 0.5)) width=(short(width - 1.0))
                 height=(short(height - 1.0)) fill=(fill) { title { (text) } }
         },
-        None => html! { circle cx=(short(x)) cy=(short(y)) r=(DOT_RADIUS) fill=(fill) { title { (text) } } },
+        None => {
+            html! { circle data-at=(at) cx=(short(x)) cy=(short(y)) r=(DOT_RADIUS) fill=(fill) { title { (text) } } }
+        }
     };
     match &point.anchor {
         Some(anchor) => html! { a href={ "#" (anchor) } aria-label=(text) { (shape) } },
@@ -230,20 +220,6 @@ fn colour_scale(scale_deg: f64, symbol: &str, bottom: f64) -> Markup {
             text x=(short(left + 17.0)) y=(short(bottom - share * (height - 9.0))) { (number(share * scale_deg, decimals)) }
         }
     }
-}
-
-/// The colour of a share of the scale; grey for a missing value.
-fn colour(share: f64) -> String {
-    if !share.is_finite() {
-        return "#999999".to_owned();
-    }
-    let place = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f64;
-    let i = (place as usize).min(VIRIDIS.len() - 2);
-    let mix = |k: usize| {
-        let (a, b) = (f64::from(VIRIDIS[i][k]), f64::from(VIRIDIS[i + 1][k]));
-        (a + (b - a) * (place - i as f64)).round() as u8
-    };
-    format!("#{:02x}{:02x}{:02x}", mix(0), mix(1), mix(2))
 }
 
 /// A coordinate to a tenth.

@@ -1,0 +1,245 @@
+//! Maps of a quantity over two others: cells and contours where the points lie on a grid, and dots elsewhere.
+
+use super::panel::{Axis, Panel, tick_text};
+use super::sheet::{Anchor, FONT_PT, INK, MM, Sheet, Stroke, short};
+use crate::viridis::colour;
+
+/// The most cells along an axis: more are too small to see.
+const MAX_CELLS: usize = 80;
+
+/// A value at a point of both axes.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Point {
+    pub at: [f64; 2],
+    pub value: f64,
+}
+
+/// One map: a surface, for instance of the model, and points over it, for instance measured ones.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Map<'a> {
+    pub title: &'a str,
+    pub surface: &'a [Point],
+    pub points: &'a [Point],
+}
+
+/// Values on a grid: `values[j][i]` at `xs[i]` and `ys[j]`; NaN where there is none.
+#[derive(Clone, PartialEq, Debug)]
+struct Grid {
+    xs: Vec<f64>,
+    ys: Vec<f64>,
+    values: Vec<Vec<f64>>,
+}
+
+/// Draws maps over the same axes, two in a row.
+pub(super) fn draw(maps: &[Map], labels: [&str; 2], width_mm: f64) -> String {
+    let mut sheet = Sheet::new(width_mm);
+    let (left, right, top, under) = (8.5 * MM, 8.5 * MM, 5.0 * MM, 8.0 * MM);
+    let column = 0.5 * sheet.width;
+    let width = column - left - right;
+    let height = width * 0.9;
+    for (i, map) in maps.iter().enumerate() {
+        let all = || map.surface.iter().chain(map.points);
+        let [x, y] = [0, 1].map(|k| extent(&all().map(|point| point.at[k]).collect::<Vec<_>>(), labels[k]));
+        let panel = Panel {
+            x,
+            y,
+            left: left + (i % 2) as f64 * column,
+            top: top + (i / 2) as f64 * (top + height + under),
+            width,
+            height,
+        };
+        one(&mut sheet, map, &panel);
+    }
+    let rows = maps.len().div_ceil(2) as f64;
+    sheet.svg(rows * (top + height + under) + 1.0 * MM)
+}
+
+/// Returns an axis over values: half a cell beyond the outermost.
+fn extent(values: &[f64], label: &str) -> Axis {
+    let sorted = distinct(values);
+    let [low, high] = [sorted[0], sorted[sorted.len() - 1]];
+    let room = if sorted.len() > 1 && sorted.len() <= MAX_CELLS {
+        0.5 * (high - low) / (sorted.len() - 1) as f64
+    } else {
+        0.05 * (high - low)
+    };
+    let room = if room > 0.0 { room } else { 0.5 };
+    Axis::new(low - room, high + room, label)
+}
+
+fn distinct(values: &[f64]) -> Vec<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    sorted
+}
+
+fn one(sheet: &mut Sheet, map: &Map, panel: &Panel) {
+    let values = || map.surface.iter().chain(map.points).map(|point| point.value).filter(|value| value.is_finite());
+    let most = values().fold(0.0, f64::max);
+    let least = values().fold(most, f64::min).min(0.0);
+    let scale = Axis::new(least, if most > least { most } else { least + 1.0 }, "");
+    let shade = |value: f64| colour((value - scale.low) / (scale.high - scale.low));
+    let levels = scale.ticks(4.0);
+    sheet.text(panel.left, panel.top - 0.5 * FONT_PT, Anchor::Start, map.title);
+    match Grid::of(map.surface) {
+        Some(grid) => {
+            grid.cells(sheet, panel, &shade);
+            for level in levels.iter().filter(|level| **level > scale.low) {
+                let d = grid.contour(*level, |x, y| panel.at(x, y));
+                sheet.path(&d, Stroke("#ffffff", 0.7, ""));
+            }
+        }
+        None => {
+            for Point { at: [x, y], value } in map.surface {
+                sheet.dot(panel.at(*x, *y), 1.7, &shade(*value), Stroke("none", 0.0, ""));
+            }
+        }
+    }
+    for Point { at: [x, y], value } in map.points {
+        sheet.dot(panel.at(*x, *y), 2.0, &shade(*value), Stroke("#ffffff", 0.8, ""));
+        sheet.dot(panel.at(*x, *y), 2.4, "none", Stroke(INK, 0.4, ""));
+    }
+    frame(sheet, panel);
+    colour_bar(sheet, panel, &scale, &levels, &shade);
+}
+
+fn frame(sheet: &mut Sheet, panel: &Panel) {
+    panel.border(sheet);
+    let (across, up) = (panel.x.ticks(4.0), panel.y.ticks(5.0));
+    let bottom = panel.bottom();
+    for value in &across {
+        let [x, _] = panel.at(*value, panel.y.low);
+        sheet.path(&format!("M{} {}v2", short(x), short(bottom)), Stroke(INK, 0.5, ""));
+        sheet.text(x, bottom + 1.35 * FONT_PT, Anchor::Middle, &tick_text(*value, &across));
+    }
+    for value in &up {
+        let [_, y] = panel.at(panel.x.low, *value);
+        sheet.path(&format!("M{} {}h-2", short(panel.left), short(y)), Stroke(INK, 0.5, ""));
+        sheet.text(panel.left - 3.0, y + 0.35 * FONT_PT, Anchor::End, &tick_text(*value, &up));
+    }
+    sheet.text(panel.left + 0.5 * panel.width, bottom + 2.5 * FONT_PT, Anchor::Middle, &panel.x.label);
+    sheet.upright(panel.left - 16.0, panel.top + 0.5 * panel.height, &panel.y.label);
+}
+
+fn colour_bar(sheet: &mut Sheet, panel: &Panel, scale: &Axis, levels: &[f64], shade: &dyn Fn(f64) -> String) {
+    const STEPS: usize = 64;
+    let (left, width) = (panel.left + panel.width + 3.0, 5.0);
+    let step = panel.height / STEPS as f64;
+    for i in 0..STEPS {
+        let value = scale.low + (i as f64 + 0.5) / STEPS as f64 * (scale.high - scale.low);
+        sheet.rect([left, panel.bottom() - (i + 1) as f64 * step], [width, step + 0.3], &shade(value));
+    }
+    for level in levels {
+        let y = panel.bottom() - (level - scale.low) / (scale.high - scale.low) * panel.height;
+        sheet.path(&format!("M{} {}h{width}", short(left), short(y)), Stroke("#ffffff", 0.5, ""));
+        sheet.text(left + width + 1.5, y + 0.35 * FONT_PT, Anchor::Start, &tick_text(*level, levels));
+    }
+}
+
+impl Grid {
+    /// Returns the grid of points if most of its nodes have one; `None` for scattered points.
+    fn of(points: &[Point]) -> Option<Self> {
+        let [xs, ys] = [0, 1].map(|k| distinct(&points.iter().map(|point| point.at[k]).collect::<Vec<_>>()));
+        let nodes = xs.len() * ys.len();
+        if xs.len() < 2 || ys.len() < 2 || xs.len() > MAX_CELLS || ys.len() > MAX_CELLS || 2 * points.len() < nodes {
+            return None;
+        }
+        let mut values = vec![vec![f64::NAN; xs.len()]; ys.len()];
+        for Point { at: [x, y], value } in points {
+            values[ys.partition_point(|other| other < y)][xs.partition_point(|other| other < x)] = *value;
+        }
+        Some(Self { xs, ys, values })
+    }
+
+    /// Fills the cell of each node; between two nodes is a border.
+    fn cells(&self, sheet: &mut Sheet, panel: &Panel, shade: &dyn Fn(f64) -> String) {
+        let borders = |nodes: &[f64], low: f64, high: f64| -> Vec<f64> {
+            let between = nodes.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
+            std::iter::once(low).chain(between).chain([high]).collect()
+        };
+        let (across, up) = (borders(&self.xs, panel.x.low, panel.x.high), borders(&self.ys, panel.y.low, panel.y.high));
+        for (j, row) in self.values.iter().enumerate() {
+            for (i, value) in row.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+                let ([left, bottom], [right, top]) = (panel.at(across[i], up[j]), panel.at(across[i + 1], up[j + 1]));
+                // Cells overlap a little, so that no background shows between them.
+                sheet.rect([left, top], [right - left + 0.15, bottom - top + 0.15], &shade(*value));
+            }
+        }
+    }
+
+    /// Returns the line of one level as a path, by linear interpolation between the nodes; `at` places a point.
+    fn contour(&self, level: f64, at: impl Fn(f64, f64) -> [f64; 2]) -> String {
+        let mut d = String::new();
+        for j in 0..self.ys.len() - 1 {
+            for i in 0..self.xs.len() - 1 {
+                let corner = |[di, dj]: [usize; 2]| ([self.xs[i + di], self.ys[j + dj]], self.values[j + dj][i + di]);
+                let corners = [[0, 0], [1, 0], [1, 1], [0, 1]].map(corner);
+                if corners.iter().any(|(_, value)| !value.is_finite()) {
+                    continue;
+                }
+                let crossing = |k: usize| {
+                    let ((a, low), (b, high)) = (corners[k], corners[(k + 1) % 4]);
+                    let share = (level - low) / (high - low);
+                    ((low < level) != (high < level)).then(|| [0, 1].map(|axis| a[axis] + share * (b[axis] - a[axis])))
+                };
+                let mut crossings: Vec<[f64; 2]> = (0..4).filter_map(crossing).collect();
+                let middle = corners.iter().map(|(_, value)| value).sum::<f64>() / 4.0;
+                // At a saddle, the middle tells which corners belong together.
+                if crossings.len() == 4 && (middle < level) == (corners[0].1 < level) {
+                    crossings.rotate_left(1);
+                }
+                for pair in crossings.chunks_exact(2) {
+                    let [from, to] = [pair[0], pair[1]].map(|[x, y]| at(x, y));
+                    d += &format!("M{} {}L{} {}", short(from[0]), short(from[1]), short(to[0]), short(to[1]));
+                }
+            }
+        }
+        d
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(value: impl Fn(f64, f64) -> f64) -> Vec<Point> {
+        let node = |i: i32, j: i32| [f64::from(i) * 10.0, f64::from(j) * 5.0];
+        let all = (0..9).flat_map(|i| (0..7).map(move |j| node(i, j)));
+        all.map(|at| Point { at, value: value(at[0], at[1]) }).collect()
+    }
+
+    #[test]
+    fn a_contour_of_a_plane_is_its_line() {
+        let grid = Grid::of(&points(|x, y| x + 2.0 * y)).unwrap();
+        let d = grid.contour(33.0, |x, y| [x, y]);
+        let numbers: Vec<f64> =
+            d.split(['M', 'L', ' ']).filter(|part| !part.is_empty()).map(|part| part.parse().unwrap()).collect();
+        assert!(numbers.len() >= 4 * 6);
+        for point in numbers.as_chunks::<2>().0 {
+            assert!((point[0] + 2.0 * point[1] - 33.0).abs() < 0.02, "{point:?}");
+        }
+        assert_eq!(grid.contour(1e3, |x, y| [x, y]), "");
+    }
+
+    #[test]
+    fn a_contour_round_a_summit_closes() {
+        let grid = Grid::of(&points(|x, y| -((x - 41.0) / 10.0).powi(2) - ((y - 14.0) / 5.0).powi(2))).unwrap();
+        let d = grid.contour(-3.0, |x, y| [x, y]);
+        let mut ends = std::collections::BTreeMap::<String, u32>::new();
+        for segment in d.split('M').filter(|segment| !segment.is_empty()) {
+            segment.split('L').for_each(|end| *ends.entry(end.to_owned()).or_default() += 1);
+        }
+        assert!(ends.len() > 8 && ends.values().all(|count| *count == 2), "{ends:?}");
+    }
+
+    #[test]
+    fn scattered_points_are_no_grid() {
+        let scattered: Vec<_> =
+            (0..30).map(|i| Point { at: [f64::from(i) * 1.1, f64::from(i * i % 17)], value: 1.0 }).collect();
+        assert_eq!(Grid::of(&scattered), None);
+        let mut holes = points(|x, _| x);
+        holes.truncate(50);
+        assert!(Grid::of(&holes).unwrap().values.iter().flatten().any(|value| value.is_nan()));
+    }
+}

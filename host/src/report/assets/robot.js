@@ -1,0 +1,82 @@
+// The robot's body and flagella in body axes: z is up, and the robot hangs from the joint at the origin. In the frame of its
+// shaft, a flagellum changes slowly: the page stores few shapes in that frame and turns them with the shaft.
+"use strict";
+
+biflag.Robot = class {
+  constructor({ shift_s, turns, shapes, body }) {
+    this.shift = shift_s;
+    this.body = body;
+    this.turns = biflag.table(turns);
+    const numbers = new Int16Array(biflag.bytes(shapes.i16));
+    this.shapes = { ...shapes, time: biflag.numbers(shapes.time), numbers, each: shapes.nodes * 3 };
+    this.feet = shapes.feet_m;
+  }
+
+  get reach() {
+    return this.body.height_m + this.body.length_m;
+  }
+
+  /** Centre line of flagellum `k` at a time of the page. */
+  line(k, time) {
+    const { shapes, turns } = this;
+    const t = time - this.shift;
+    const i = biflag.before(shapes.time, t);
+    const j = Math.min(i + 1, shapes.time.length - 1);
+    const share = j > i ? Math.min(Math.max((t - shapes.time[i]) / (shapes.time[j] - shapes.time[i]), 0), 1) : 0;
+    const angle = 2 * Math.PI * (biflag.at(turns.time, k ? turns.two : turns.one, t) ?? 0);
+    const [c, s] = [Math.cos(angle), Math.sin(angle)];
+    const foot = this.feet[k];
+    const points = [];
+    for (let n = 0; n < shapes.nodes; n++) {
+      const part = (frame, axis) => shapes.numbers[(2 * frame + k) * shapes.each + 3 * n + axis];
+      const [x, y, z] = [0, 1, 2].map((axis) => shapes.unit_m * (part(i, axis) * (1 - share) + part(j, axis) * share));
+      points.push([foot[0] + c * x - s * y, foot[1] + s * x + c * y, foot[2] + z]);
+    }
+    return biflag.smooth(points, shapes.nodes > 40 ? 2 : 4);
+  }
+
+  /** The joint, the base, the motors and their brackets. `colour` turns a name into a colour. */
+  base(colour) {
+    const { radius_m: radius, height_m: height } = this.body;
+    const mesh = new biflag.Mesh();
+    const grey = colour("base");
+    mesh.cylinder([0, 0], radius, -height, 0, grey, 48);
+    const ball = Array.from({ length: 9 }, (_, i) => [0.3 * radius * Math.sin((i * Math.PI) / 8), -0.3 * radius * Math.cos((i * Math.PI) / 8)]);
+    mesh.lathe([0, 0, 0.2 * radius], [0, 0, 1], ball, grey, 24);
+    for (const [k, [x]] of this.feet.entries()) {
+      mesh.cylinder([x, 0], 0.42 * radius, -height, -0.2 * height, colour(`flagellum${k + 1}`), 28);
+      const side = Math.sign(x) || 1;
+      const [a, b] = [side * 0.9 * radius, x - side * 0.3 * radius].sort((p, q) => p - q);
+      for (const z of [-0.85 * height, -0.4 * height]) {
+        if (b > a) mesh.box([a, -0.25 * radius, z - 0.09 * height], [b, 0.25 * radius, z + 0.09 * height], grey);
+      }
+    }
+    return mesh;
+  }
+
+  /** Both flagella with their shafts. */
+  rods(lines, colour) {
+    const mesh = new biflag.Mesh();
+    for (const [k, line] of lines.entries()) {
+      mesh.tube([this.feet[k], line[0]], 0.5 * this.body.rod_radius_m, colour("base"));
+      mesh.tube(line, this.body.rod_radius_m, colour(`flagellum${k + 1}`));
+    }
+    return mesh;
+  }
+
+  /** The forces of the flagella on the base (mN, or null), each beside the foot of its shaft. */
+  arrows(forces, metres_per_mn, colour) {
+    const mesh = new biflag.Mesh();
+    for (const [k, force] of forces.entries()) {
+      if (force.includes(null)) continue;
+      mesh.arrow(this.foot(k), force.map((part) => part * metres_per_mn), 0.7 * this.body.rod_radius_m, colour("force"));
+    }
+    return mesh;
+  }
+
+  /** Where the arrow of a force begins. */
+  foot(k) {
+    const [x, y, z] = this.feet[k];
+    return [x + (Math.sign(x) || 1) * 0.9 * this.body.radius_m, y, z];
+  }
+};
