@@ -69,7 +69,7 @@ impl Interval {
             },
         );
         let (phases, slopes) = (phases?, slopes?);
-        let std_error_deg = [0, 1, 2].map(|i| slopes.iter().map(|slope| slope[i].powi(2)).sum::<f64>().sqrt());
+        let std_error_deg = [0, 1, 2].map(|i| slopes.iter().fold(0.0, |sum: f64, slope| sum + slope[i].powi(2)).sqrt());
         let contact_by_phase = phases.iter().any(|phase| phase.touches() != state.touches());
         let all: Vec<[f64; 3]> = [state].into_iter().chain(&phases).map(|state| angles(&state.attitude)).collect();
         let ranges = [0, 1, 2].map(|i| range(&all.iter().map(|angles| angles[i]).collect::<Vec<_>>()));

@@ -39,7 +39,7 @@ const WORTH: f64 = 5.0;
 /// Most speeds that the model improves.
 const STARTS: usize = 4;
 /// Speeds closer than this are one, rpm.
-const APART: f64 = 1.5;
+const APART: f64 = 4.0;
 /// Difference of speeds for derivatives of the model, rpm.
 const DIFFERENCE: f64 = 2.0;
 
