@@ -36,7 +36,7 @@ pub(super) fn draw(trials: &[Comparison], width_mm: f64) -> String {
             height: size,
         };
         panel.frame(&mut sheet, true);
-        sheet.upright(panel.left - left + 0.9 * FONT_PT, panel.top + 0.5 * size, &panel.y.label);
+        sheet.upright(panel.left - left + 1.1 * FONT_PT, panel.top + 0.5 * size, &panel.y.label);
         panel.curve(&mut sheet, &[[axis.low; 2], [axis.high; 2]], Stroke(INK, 0.5, "2 1.5"));
         let square = marks.iter().map(|mark| (mark.at[1] - mark.at[0]).powi(2)).sum::<f64>();
         let rms = (square / marks.len().max(1) as f64).sqrt();
