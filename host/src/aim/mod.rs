@@ -1,7 +1,7 @@
 //! Speeds for an attitude: the map of a robot read backwards.
 //!
 //! A [`Table`] proposes speeds: the shipped map of the robot `physical`, or that of a sweep. The model of the robot improves
-//! them ([`improve`]) and answers: every attitude that is returned is a steady state of the model at those very speeds, and
+//! them (`improve`) and answers: every attitude that is returned is a steady state of the model at those very speeds, and
 //! the table's values never are. So a table of another robot costs time, not truth.
 
 mod contact;
