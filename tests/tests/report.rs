@@ -531,6 +531,26 @@ fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
     browser.open(&page);
     assert!(browser.evaluate("document.documentElement.scrollWidth") == json!(390), "the page fits a phone");
     is_quiet(&browser, &page);
+
+    // Of one input at a time, not every combination was computed.
+    let mut table = String::from("point,w1_rpm,w2_rpm,viscosity_pa_s,young_pa,yaw_deg,status\n");
+    for (viscosity, young) in [(1.0, 1e6), (0.5, 1e6), (2.0, 1e6), (1.0, 2e6)] {
+        for (w1, w2) in [(0.0, 10.0), (0.0, 20.0), (30.0, 10.0), (30.0, 20.0)] {
+            table += &format!("p,{w1},{w2},{viscosity},{young},{},ok\n", w1 * viscosity - w2 * young * 1e-6);
+        }
+    }
+    bench.file("single.csv", &table);
+    browser.open(&report(&bench, "single.csv", 0));
+    for (slider, key, expected) in [
+        (0, ("Home", 36), ["viscosity_pa_s 0.5", "young_pa 1000000"]),
+        (1, ("End", 35), ["viscosity_pa_s 1", "young_pa 2000000"]),
+        (0, ("End", 35), ["viscosity_pa_s 2", "young_pa 1000000"]),
+    ] {
+        browser.evaluate(&format!("document.querySelectorAll('.sliders input')[{slider}].focus()"));
+        browser.key(key.0, key.1);
+        assert_eq!(browser.evaluate(sliders), json!(expected));
+        assert_eq!(browser.evaluate(marks).as_array().unwrap().len(), 4, "{expected:?}");
+    }
 }
 
 /// Runs `biflag`; returns how long it took, s, and its peak memory, MB.

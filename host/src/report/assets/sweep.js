@@ -27,6 +27,14 @@ biflag.SweepMap = class {
     return Array.from({ length: 10 }, (_, i) => ({ from: at(i / 10), to: at((i + 1) / 10) }));
   }
 
+  /** The step that most points have, the middle one of equals: in a sweep of one input at a time, that of the robot itself. */
+  static commonest(values, steps) {
+    const counts = new Map();
+    for (const value of values) counts.set(value, (counts.get(value) ?? 0) + 1);
+    const count = ({ from }) => counts.get(from) ?? 0;
+    return steps.reduce((best, step, i) => (count(step) > count(steps[best]) ? i : best), steps.length >> 1);
+  }
+
   static text(value) {
     return String(Number(value.toPrecision(4))).replace("-", "−");
   }
@@ -46,18 +54,22 @@ biflag.SweepMap = class {
       // Scattered points have no common values: at first all are shown.
       const isScattered = input.steps[0].from !== input.steps[0].to;
       const slider = Object.assign(document.createElement("input"), { type: "range", min: isScattered ? -1 : 0, max: input.steps.length - 1 });
-      slider.value = input.step ??= isScattered ? -1 : input.steps.length >> 1;
+      input.usual = isScattered ? -1 : biflag.SweepMap.commonest(input.values, input.steps);
+      input.step ??= input.usual;
       slider.addEventListener("input", () => {
         input.step = Number(slider.value);
-        show();
+        // Not every combination was computed: then only this input leaves its usual value.
+        if (!this.rows().length) for (const other of others) if (other !== input) other.step = other.usual;
+        for (const other of others) other.show();
         this.draw();
       });
-      const show = () => {
+      input.show = () => {
+        slider.value = input.step;
         const step = input.steps[input.step];
         const { text } = biflag.SweepMap;
         output.textContent = !step ? "all" : step.from === step.to ? text(step.from) : `${text(step.from)} to ${text(step.to)}`;
       };
-      show();
+      input.show();
       label.append(`${input.name} `, slider, output);
       return label;
     }));
