@@ -7,7 +7,6 @@ dist=$PWD/target/dist
 base=$dist/debian-12
 root=$dist/root
 bootloaders=/usr/share/arduino/hardware/arduino/avr/bootloaders
-mirror=http://deb.debian.org/debian
 
 if [ "$(id -u)" != 0 ]; then
     echo "A root of Debian can only be made as root: run \`sudo make dist-test\`." >&2
@@ -16,7 +15,7 @@ fi
 
 if [ ! -d "$base" ]; then
     rm -rf "$base.partial"
-    debootstrap --variant=minbase bookworm "$base.partial" "$mirror" > "$dist/debootstrap.log"
+    debootstrap --variant=minbase bookworm "$base.partial" > "$dist/debootstrap.log"
     # What both tests need that is no part of Biflag.
     cp /etc/resolv.conf "$base.partial/etc/resolv.conf"
     chroot "$base.partial" apt-get install -y -qq --no-install-recommends avrdude >> "$dist/debootstrap.log" 2>&1

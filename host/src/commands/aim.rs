@@ -1,18 +1,15 @@
 //! `biflag aim`: finds the speeds of an attitude.
 
-use super::{Answer, Outcome, WRONG_USE};
+use super::{Answer, Outcome, WRONG_USE, new_file};
 use crate::aim::{self, AimError, Aimed, Attitude, Model, Quantity, Solution, Target};
 use crate::plan::robot;
 use crate::progress::{Progress, lock};
 use crate::signals::interruption;
 use crate::text::{count, decimal, word};
 use crate::twin::calibrate::std_errors;
-use biflag_log::atomic_file::Draft;
-use miette::{IntoDiagnostic, WrapErr};
 use serde::Serialize;
 use sim::params::BUILT_IN;
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -73,7 +70,7 @@ const USUAL_STATES: usize = 20;
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let target = target(args)?;
     if let Some(out) = &args.out {
-        check(out)?;
+        new_file::check(out)?;
     }
     let file = robot::load(&args.robot)?;
     let robot = file.parse()?;
@@ -146,25 +143,10 @@ fn target(args: &Args) -> miette::Result<Target> {
     Ok(Target { wanted })
 }
 
-/// Checks that the plan can be written, before the model is asked.
-fn check(out: &Path) -> miette::Result<()> {
-    if out.exists() {
-        let help = "name another file with -o, or move this one away";
-        return Err(miette::miette!(code = WRONG_USE, help = help, "{}: already exists", out.display()));
-    }
-    Draft::create(out).map(drop).map_err(|error| {
-        let help = "name a file in a folder that exists and is writable";
-        miette::miette!(code = WRONG_USE, help = help, "{}: cannot be written: {error}", out.display())
-    })
-}
-
 fn write_plan(out: &Path, robot: &Path, target: &Target, solutions: &[Solution]) -> miette::Result<()> {
-    let failed = || format!("{}: cannot be written", out.display());
     let name = out.file_stem().unwrap_or_default().to_string_lossy();
     let text = aim::plan(&name, &robot_of_plan(out, robot), &describe_target(target), solutions);
-    let mut draft = Draft::create(out).into_diagnostic().wrap_err_with(failed)?;
-    draft.file.write_all(text.as_bytes()).into_diagnostic().wrap_err_with(failed)?;
-    draft.publish(out).into_diagnostic().wrap_err_with(failed)
+    new_file::write(out, &text)
 }
 
 /// Returns how a plan names the robot: a file in its own folder by its name, any other by its whole path.

@@ -1,19 +1,16 @@
 //! `biflag calibrate`: fits a robot's parameters to its trials.
 
 use super::options::{ClosureName, cores};
-use super::{Answer, Outcome, WRONG_USE};
+use super::{Answer, Outcome, new_file};
 use crate::plan::robot;
 use crate::progress::{Progress, lock};
 use crate::text;
 use crate::trial::{Data, Want};
 use crate::twin::Source;
 use crate::twin::calibrate::{self, Calibration, FitTrial, Parameter, Request};
-use biflag_log::atomic_file::Draft;
-use miette::{IntoDiagnostic, WrapErr};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -66,19 +63,7 @@ const USUAL_PARAMETERS: usize = 4;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     // Check first that the file can be written, because a fit may take an hour.
-    if args.out.exists() {
-        let help = "name another file with -o, or move this one away";
-        return Err(miette::miette!(code = WRONG_USE, help = help, "{}: already exists", args.out.display()));
-    }
-    if let Err(error) = Draft::create(&args.out) {
-        let help = "name a file in a folder that exists and is writable";
-        return Err(miette::miette!(
-            code = WRONG_USE,
-            help = help,
-            "{}: cannot be written: {error}",
-            args.out.display()
-        ));
-    }
+    new_file::check(&args.out)?;
     let mut parameters = args.fit.clone();
     let mut seen = Vec::new();
     parameters.retain(|parameter| {
@@ -122,19 +107,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     lock(&progress).finish();
     let calibration = fitted?;
 
-    write(&args.out, &calibrate::to_toml(&calibration))
-        .into_diagnostic()
-        .wrap_err_with(|| format!("{}: cannot be written", args.out.display()))?;
+    new_file::write(&args.out, &calibrate::to_toml(&calibration))?;
     let is_good = calibration.warnings.is_empty() && calibration.cannot_tell.is_empty();
     let outcome = if is_good { Outcome::Done } else { Outcome::WithLoss };
     let text = describe(&calibration, &args.out);
     Answer::new(outcome, &Calibrated { calibration: &calibration, robot: &args.out }, text)
-}
-
-fn write(path: &Path, text: &str) -> std::io::Result<()> {
-    let mut draft = Draft::create(path)?;
-    draft.file.write_all(text.as_bytes())?;
-    draft.publish(path)
 }
 
 /// Formats a value of a parameter, with an exponent only where it needs one.

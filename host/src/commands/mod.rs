@@ -12,6 +12,7 @@ mod flash;
 mod info;
 mod live;
 mod man;
+mod new_file;
 mod options;
 mod plans;
 mod record;
