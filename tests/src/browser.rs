@@ -112,8 +112,18 @@ impl Browser {
 
     /// Opens a file from disk; returns how long it took to load, run and draw.
     pub fn open(&mut self, file: &Path) -> Duration {
+        self.load("Page.navigate", json!({ "url": format!("file://{}", file.display()) }))
+    }
+
+    /// Opens the same address once more.
+    pub fn reload(&mut self) {
+        self.load("Page.reload", json!({}));
+    }
+
+    /// Calls a method that loads a page, and waits until that page has run and been drawn.
+    fn load(&mut self, method: &str, params: Value) -> Duration {
         let begun = Instant::now();
-        self.call("Page.navigate", json!({ "url": format!("file://{}", file.display()) }));
+        self.call(method, params);
         while self.receive("load")["method"] != "Page.loadEventFired" {}
         // The second frame is drawn after the scripts have started.
         self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))).then(() => 0)");

@@ -438,8 +438,7 @@ fn comparison_has_the_answer_first_and_every_chart_can_be_hidden_linked_and_save
     browser.evaluate("new Promise((done) => setTimeout(done, 400)).then(() => 0)");
     let address = browser.evaluate("location.hash").as_str().unwrap().to_owned();
     assert!(address.starts_with("#trial-2&t=4.25&hide=model&off=ghost,forces&look=top"), "{address}");
-    browser.evaluate("location.reload()");
-    browser.evaluate("new Promise((done) => setTimeout(done, 1500)).then(() => 0)");
+    browser.reload();
     assert_eq!(browser.evaluate("location.hash"), json!(address));
     assert!((browser.number(&format!("{shown} [data-out^=time]")).unwrap() - 4.25).abs() < 0.01);
     assert!(view(&mut browser) == seen);
