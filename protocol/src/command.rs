@@ -1,0 +1,95 @@
+//! What the host asks of the board.
+
+use crate::settings::Settings;
+use crate::units::{CentiRpm, Duty, Micros};
+use serde::{Deserialize, Serialize};
+
+/// A command with a number, which its answer repeats.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub struct Request {
+    /// Differs from the number of the request before, unless this repeats it.
+    pub seq: u8,
+    /// The command.
+    pub command: Command,
+}
+
+/// The requests of the host.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub enum Command {
+    /// Handshake: asks for [`Info`](crate::Info). Always the first variant, encoded as the byte 0.
+    Hello,
+    /// Turn flagella 1 and 2 at these speeds, each within [`CentiRpm::LIMIT`].
+    SetSpeeds([CentiRpm; 2]),
+    /// Motors off. Always accepted.
+    Stop,
+    /// Stream telemetry at a rate that divides [`TICK_HZ`](crate::TICK_HZ); 0 ends the stream.
+    Stream {
+        /// Frames per second.
+        rate_hz: u8,
+    },
+    /// Average the gyroscope at rest and use the mean as its bias. Motors must be off.
+    CalibrateGyro {
+        /// 100 to 60000.
+        #[serde(with = "crate::fixed::u16")]
+        duration_ms: u16,
+    },
+    /// Read the result of the last calibration.
+    ReadCalibration,
+    /// Read the settings in force.
+    ReadSettings,
+    /// Use these settings until the next reset. Motors must be off.
+    WriteSettings(Settings),
+    /// Save the settings in force to EEPROM.
+    SaveSettings,
+    /// Read the board's clock.
+    Ping,
+    /// Clear the latched fault. Refused while its cause lasts.
+    ClearFault,
+    /// Store one set-point of the schedule. Refused while a schedule runs.
+    SetPoint {
+        /// 0 to [`MAX_SET_POINTS`] - 1.
+        index: u8,
+        /// The set-point.
+        point: SetPoint,
+    },
+    /// Run the first `count` set-points. Their ticks must increase, and the last one must have both motors off.
+    StartSchedule {
+        /// 1 to [`MAX_SET_POINTS`].
+        count: u8,
+        /// The board's clock at tick 0 of the schedule, in the next 10 minutes. The first tick of the control loop at or
+        /// after it is tick 0.
+        at: Micros,
+    },
+    /// Drive the motors open-loop, for the self-test of the wiring; then turn them off. Motors must be off. The board
+    /// watches the deadline meanwhile, and not what the encoders say.
+    Drive {
+        /// Duties of motors 1 and 2.
+        duty: [Duty; 2],
+        /// 1 to [`MAX_DRIVE_MS`].
+        #[serde(with = "crate::fixed::u16")]
+        duration_ms: u16,
+    },
+    /// Read an entry of the fault log.
+    ReadFault {
+        /// 0 is the latest one; up to [`FAULT_RECORDS`](crate::FAULT_RECORDS) - 1.
+        index: u8,
+    },
+}
+
+/// Largest number of set-points in a schedule.
+pub const MAX_SET_POINTS: u8 = 16;
+
+/// Longest open-loop drive, ms.
+pub const MAX_DRIVE_MS: u16 = 2000;
+
+/// What begins at a tick of a schedule.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct SetPoint {
+    /// Ticks from the start of the schedule.
+    #[serde(with = "crate::fixed::u32")]
+    pub tick: u32,
+    /// Target speeds of flagella 1 and 2 from then on, each within [`CentiRpm::LIMIT`].
+    pub speeds: [CentiRpm; 2],
+    /// The number that the telemetry carries from then on; the host chooses it, not 0.
+    pub phase: u8,
+}

@@ -1,0 +1,101 @@
+//! Faults, and the log of them.
+
+use crate::units::{CentiRpm, Duty, Micros};
+use serde::{Deserialize, Serialize};
+use serde_repr::{Deserialize_repr, Serialize_repr};
+
+/// A fault. The first one stays until it is cleared.
+#[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[repr(u8)]
+pub enum Fault {
+    /// No fault.
+    #[default]
+    None,
+    /// No frame came from the host within the motors' deadline.
+    LinkLost,
+    /// The program hung and was restarted.
+    Hang,
+    /// The program panicked and was restarted.
+    Panic,
+    /// The IMU does not acknowledge.
+    ImuSilent,
+    /// The IMU's bus is stuck, and clock pulses did not free it.
+    ImuBusStuck,
+    /// The IMU has no new data.
+    ImuFrozen,
+    /// The IMU loses its configuration again and again.
+    ImuLostConfig,
+    /// The board's supply is below [`MIN_SUPPLY_MV`].
+    SupplyLow,
+    /// Motor 1 has a duty that turns it freely, and hardly moves.
+    Motor1Stalled,
+    /// The same for motor 2.
+    Motor2Stalled,
+    /// Motor 1 turns against its duty.
+    Motor1Runaway,
+    /// The same for motor 2.
+    Motor2Runaway,
+    /// Motor 1 draws more than it can bear (estimated from duty and speed).
+    Motor1Overloaded,
+    /// The same for motor 2.
+    Motor2Overloaded,
+    /// The direction of encoder 1 changes from edge to edge: one of its channels is dead.
+    Encoder1Failed,
+    /// The same for encoder 2.
+    Encoder2Failed,
+    /// Encoder 1 has more edges than the motor can make.
+    Encoder1Noisy,
+    /// The same for encoder 2.
+    Encoder2Noisy,
+}
+
+impl Fault {
+    /// Every fault, in the order of its number on the wire, and in the fault log.
+    pub const ALL: [Self; 19] = [
+        Self::None,
+        Self::LinkLost,
+        Self::Hang,
+        Self::Panic,
+        Self::ImuSilent,
+        Self::ImuBusStuck,
+        Self::ImuFrozen,
+        Self::ImuLostConfig,
+        Self::SupplyLow,
+        Self::Motor1Stalled,
+        Self::Motor2Stalled,
+        Self::Motor1Runaway,
+        Self::Motor2Runaway,
+        Self::Motor1Overloaded,
+        Self::Motor2Overloaded,
+        Self::Encoder1Failed,
+        Self::Encoder2Failed,
+        Self::Encoder1Noisy,
+        Self::Encoder2Noisy,
+    ];
+}
+
+/// Supply of the board below which the motors stop, millivolts: below it the motors' bridge and the sensor's regulator are
+/// outside of their data sheets.
+pub const MIN_SUPPLY_MV: u16 = 4300;
+
+/// An entry of the fault log, which survives resets and loss of power.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct FaultRecord {
+    /// [`Info::boot_count`](crate::Info::boot_count) of the start after which it occurred.
+    #[serde(with = "crate::fixed::u16")]
+    pub boot: u16,
+    /// The board's clock.
+    pub time: Micros,
+    /// The fault.
+    pub fault: Fault,
+    /// Duties of the bridges at that time.
+    pub duty: [Duty; 2],
+    /// Measured speeds.
+    pub speed: [CentiRpm; 2],
+    /// Where the program hung: the address in flash, bytes. 0 for other faults, or if it is not known.
+    #[serde(with = "crate::fixed::u16")]
+    pub program_counter: u16,
+}
+
+/// Entries of the fault log.
+pub const FAULT_RECORDS: u8 = 8;
