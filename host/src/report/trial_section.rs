@@ -59,6 +59,7 @@ pub(super) fn title(view: &View) -> String {
 
 fn about(view: &View, shared: bool) -> Markup {
     let (plan, identity) = (&view.records.plan, &view.records.identity);
+    let reversal = view.records.trial.as_ref().and_then(|trial| trial.reverse_motor.zip(trial.reverse_after_s));
     html! {
         p.meta {
             @if let Some(identity) = identity { span { (origin(identity.origin)) } }
@@ -70,6 +71,9 @@ fn about(view: &View, shared: bool) -> Markup {
                 span { (clip(created.split('.').next().unwrap_or(created), 40).replace('T', " ")) }
             }
             span { (number(view.duration_s, 1)) " s" }
+            @if let Some((motor, after_s)) = reversal {
+                span { "motor " (motor) " reverses " (number(after_s, 1)) " s after the start of the run" }
+            }
         }
         @if let Some(plan) = plan && !shared && !plan.note.is_empty() { p.note { (clip(&plan.note, LONGEST_NOTE)) } }
     }

@@ -194,10 +194,15 @@ biflag.Scene = class {
     [ctx.strokeStyle, ctx.lineWidth, ctx.lineJoin] = [this.css.card, 3, "round"];
     forces.forEach((force, k) => {
       if (force.includes(null)) return;
-      const tip = robot.foot(k).map((x, i) => x + 1.12 * force[i] * this.metresPerMn());
-      const [x, y] = project(biflag.turned(turn, tip));
+      const foot = robot.foot(k);
+      const tip = foot.map((x, i) => x + 1.12 * force[i] * this.metresPerMn());
+      const [x0] = project(biflag.turned(turn, foot));
+      const [x1, y] = project(biflag.turned(turn, tip));
+      // Beside the arrow and away from the robot's axis, so that the words cover neither.
+      const isLeft = x0 < this.canvas.clientWidth / 2;
+      const x = isLeft ? Math.min(x0, x1) - 6 : Math.max(x0, x1) + 6;
       ctx.fillStyle = this.css.force;
-      ctx.textAlign = x < this.canvas.clientWidth / 2 ? "right" : "left";
+      ctx.textAlign = isLeft ? "right" : "left";
       const words = `F${"₁₂"[k]} ${biflag.format(Math.hypot(...force), 1)} mN`;
       ctx.strokeText(words, x, y);
       ctx.fillText(words, x, y);
