@@ -14,13 +14,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Find the speeds at which the robot takes an attitude, each verified by the model.
+/// Find motor speeds for a wanted attitude, verified by the model.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag aim --yaw=-67 --pitch=-4\n  \
     biflag aim --yaw=-100 --tilt 5 --robot fitted.toml -o plan.toml && biflag record plan.toml\n\
-    Two speeds give two quantities: name two of them, or more that agree. A yaw is met modulo 360 degrees.\n\
-    Exit code 3: not reachable; the nearest attitude is printed.")]
+    Two speeds determine two quantities: give two, or more if they are consistent. Yaw is matched modulo 360 degrees.\n\
+    If the attitude is not reachable, the nearest one is printed, with exit code 3.")]
 pub struct Args {
     /// Steady yaw, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
@@ -37,13 +37,14 @@ pub struct Args {
     /// Thrust of both flagella along the robot's axis, N.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     thrust: Option<f64>,
-    /// The robot file, such as one of `calibrate`, whose standard errors count; `physical` or `published`.
+    /// The robot: a robot file, `physical` or `published`. The intervals include the standard errors in a file from
+    /// `calibrate`.
     #[arg(long, value_name = "FILE|NAME", default_value = robot::PHYSICAL)]
     robot: PathBuf,
-    /// The table that proposes speeds, CSV or Parquet, as `sweep` writes it; by default the map of the robot `physical`.
+    /// The table of a sweep (CSV or Parquet) with the initial speeds; by default the map of the robot `physical`.
     #[arg(long, value_name = "FILE")]
     table: Option<PathBuf>,
-    /// The plan to write, which must not exist: a trial at each pair of speeds.
+    /// The plan to write, with a trial at each pair of speeds; it must not exist yet.
     #[arg(short, long, value_name = "PLAN")]
     out: Option<PathBuf>,
 }

@@ -26,20 +26,20 @@ pub struct Args {
     /// Logs or session folders.
     #[arg(required = true)]
     logs: Vec<PathBuf>,
-    /// The robot file to write, which must not exist.
+    /// The robot file to write, which must not exist yet.
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
-    /// The parameters to fit: tether, righting, drag, viscosity, young, mount-yaw, phase; by default all except young and
-    /// phase.
+    /// The parameters to fit: tether, righting, drag, viscosity, young, mount-yaw, phase; by default all except young
+    /// and phase.
     ///
-    /// `phase`: angles of the flagella where the encoders are at zero, for logs of one start of the board at equal or simple
-    /// speeds.
+    /// `phase` fits the angles of the flagella at zero encoder counts. It needs logs from one start of the board, at
+    /// speeds that are equal or in a simple ratio.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fit: Vec<Parameter>,
-    /// The robot to start from, a file, `physical` or `published`; by default the robot of the first log.
+    /// The robot to start from (a robot file, `physical` or `published`); by default the robot of the first log.
     #[arg(long, value_name = "FILE|NAME")]
     robot: Option<PathBuf>,
-    /// The closure; by default that of the first log's model, or `full`.
+    /// The closure; by default the closure of the first log's model, or `full`.
     #[arg(long, value_enum)]
     closure: Option<ClosureName>,
     /// Number of parallel simulations; by default the number of cores.

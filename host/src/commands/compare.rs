@@ -25,15 +25,15 @@ use std::path::PathBuf;
 pub struct Args {
     /// The measurement: a log, or a session folder.
     a: PathBuf,
-    /// The log or session to compare it with; by default its replay.
+    /// The log or session to compare it with; by default the replay of A in the model.
     b: Option<PathBuf>,
     /// Compare despite different robots, closures or speeds.
     #[arg(long)]
     anyway: bool,
-    /// Replay with this robot file, `physical` or `published`, instead of the robot in the log.
+    /// Replay with this robot (a robot file, `physical` or `published`) instead of the robot in the log.
     #[arg(long, value_name = "FILE|NAME", conflicts_with = "b")]
     robot: Option<PathBuf>,
-    /// Replay with this closure; by default that of the log's model, or `full`.
+    /// Replay with this closure; by default the closure of the log's model, or `full`.
     #[arg(long, value_enum, conflicts_with = "b")]
     closure: Option<ClosureName>,
     /// Number of parallel trials; by default the number of cores.

@@ -14,7 +14,7 @@ use std::path::PathBuf;
     biflag figure forces glycerin-replay/001_w1+50_w2+10.mcap --time 50,56 -o forces.pdf\n  \
     biflag figure map glycerin --against map -o map.pdf\n  \
     biflag figure scatter glycerin --against glycerin-replay -o scatter.svg\n\
-    All text has 7 pt at the printed width. A PNG has 600 pixels per inch.")]
+    Text is 7 pt at the printed width. A PNG has 600 pixels per inch.")]
 pub struct Args {
     #[command(subcommand)]
     subject: Subject,
@@ -22,7 +22,7 @@ pub struct Args {
 
 #[derive(Subcommand, Debug)]
 enum Subject {
-    /// Yaw, pitch and roll over a trial, with the 95 % band and the residuals of a model.
+    /// Draw yaw, pitch and roll over a trial, with the 95 % band and the residuals of a model.
     Trial {
         /// The log.
         #[arg(value_name = "LOG")]
@@ -30,35 +30,35 @@ enum Subject {
         /// A log of the same trial, usually its replay in the model.
         #[arg(long, value_name = "LOG")]
         against: Option<PathBuf>,
-        /// The time to show, in seconds from the start of the run; by default the whole trial.
+        /// The time range to show, in seconds from the start of the run; by default the whole trial.
         #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]
         time: Option<[f64; 2]>,
         #[command(flatten)]
         paper: Paper,
     },
-    /// Forces of both flagella on the base over a trial of the model.
+    /// Draw the forces of both flagella on the base over a trial of the model.
     Forces {
         /// The log.
         #[arg(value_name = "LOG")]
         log: PathBuf,
-        /// The time to show, in seconds from the start of the run; by default the whole trial.
+        /// The time range to show, in seconds from the start of the run; by default the whole trial.
         #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]
         time: Option<[f64; 2]>,
         #[command(flatten)]
         paper: Paper,
     },
-    /// Maps of |yaw|, |pitch|, |roll| and tilt over both speeds.
+    /// Draw maps of |yaw|, |pitch|, |roll| and tilt over both speeds.
     Map {
         /// The session.
         #[arg(value_name = "SESSION")]
         session: PathBuf,
-        /// A session whose map is drawn below the points of the first.
+        /// A session whose map is drawn behind the points of the first.
         #[arg(long, value_name = "SESSION")]
         against: Option<PathBuf>,
         #[command(flatten)]
         paper: Paper,
     },
-    /// Predicted against measured steady angles, with bars.
+    /// Draw predicted against measured steady angles, with error bars.
     Scatter {
         /// The measured session.
         #[arg(value_name = "SESSION")]
@@ -74,7 +74,7 @@ enum Subject {
 /// The paper that a figure is for.
 #[derive(clap::Args, Debug)]
 struct Paper {
-    /// The file to write; its ending is the format: .svg, .pdf or .png.
+    /// The file to write; its extension selects the format: .svg, .pdf or .png.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Printed width.

@@ -10,14 +10,14 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Write the firmware through the board's bootloader and check that it runs. In the repository, build it first.
+/// Write the firmware through the board's bootloader and check that it runs. In the repository, this builds it first.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example: biflag flash --port /dev/ttyUSB0")]
 pub struct Args {
     /// The board's serial port; not needed if only one board is plugged in.
     #[arg(long)]
     port: Option<String>,
-    /// Write this image instead of the one inside biflag.
+    /// Write this ELF image instead of the firmware inside biflag.
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
 }

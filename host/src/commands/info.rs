@@ -11,7 +11,7 @@ use serde_json::json;
 use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
 
-/// Show the content of a log or a session: trials, steady angles, link, condition.
+/// Show the content of a log or a session: trials, steady angles, link errors, damage.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  biflag info glycerin/001_w1+50_w2+10.mcap\n  \
     biflag info glycerin")]

@@ -23,10 +23,10 @@ use std::sync::atomic::AtomicBool;
     `biflag record PLAN --live`."
 )]
 pub struct Args {
-    /// The log.
+    /// The log to play.
     #[arg(required_unless_present = "port", conflicts_with = "port")]
     log: Option<PathBuf>,
-    /// The serial port of the board.
+    /// The serial port of the board to watch.
     #[arg(long)]
     port: Option<String>,
     /// Playback speed relative to real time.

@@ -14,9 +14,9 @@ use std::path::Path;
     biflag plans\n  \
     biflag plans published-points > my-plan.toml\n  \
     biflag simulate published-points --robot robot-tank\n\
-    Where a command takes a plan or a robot file, it takes one of these names too. A file of the same name comes first.")]
+    Commands that take a plan or a robot file also take one of these names. A file of the same name takes precedence.")]
 pub struct Args {
-    /// Print this one.
+    /// The plan or robot file to print.
     name: Option<String>,
 }
 

@@ -47,11 +47,11 @@ pub struct Args {
     /// Seed of the errors of the emulated sensor; by default the plan's seed, or 1.
     #[arg(long, requires = "virtual")]
     seed: Option<u64>,
-    /// A fault of the emulated board, from its start or from a time of its own on, such as `blocked=2@30`; may be
-    /// repeated. `help` lists them.
+    /// Simulate a fault of the emulated board, from its start or from a second of its clock, such as `blocked=2@30`;
+    /// may be repeated. `help` lists the faults.
     #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]", requires = "virtual")]
     faults: Vec<String>,
-    /// Serve the recording to Foxglove at this address.
+    /// Serve the recording to Foxglove at this address, by default 127.0.0.1:8765.
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = live::ADDRESS)]
     live: Option<SocketAddr>,
     /// The session folder; by default named after the plan.

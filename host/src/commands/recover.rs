@@ -20,7 +20,7 @@ pub struct Args {
     /// A log, or a session folder.
     #[arg(value_name = "LOG|SESSION")]
     path: PathBuf,
-    /// The log to write, which must not exist [default: LOG with .recovered.mcap].
+    /// The log to write, which must not exist yet [default: LOG with .recovered.mcap].
     #[arg(short, long)]
     output: Option<PathBuf>,
 }

@@ -22,7 +22,8 @@ pub struct Args {
     /// A log or session to show for comparison: a model, or other trials at the same speeds.
     #[arg(long, value_name = "LOG|SESSION")]
     against: Option<PathBuf>,
-    /// The page; by default LOG.html or SESSION/report.html, with --against LOG.compare.html or SESSION/compare.html.
+    /// The page to write; by default LOG.html or SESSION/report.html, with --against LOG.compare.html or
+    /// SESSION/compare.html.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }

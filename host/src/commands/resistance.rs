@@ -10,14 +10,14 @@ use std::f64::consts::PI;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Print what it takes to move the robot's rigid parts through the fluid, at rest: a resistance matrix.
+/// Print the resistance matrix of the robot's parts, as rigid bodies in the fluid.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag resistance --phase 0,90\n  \
     biflag resistance --robot published --json\n\
-    The parts are the base and each flagellum, rigid; head and tank are included. `matrix` has six rows and columns a part,\n\
-    force and then moment, velocity and then angular velocity, in SI units and body axes: what each part exerts on the\n\
-    fluid when each moves. The base moves about the joint, a flagellum about the foot of its shaft.")]
+    The parts are the base and the two flagella; head and tank are included. `matrix` has six rows and six columns\n\
+    per part: the force and then the moment that the part exerts on the fluid, and its velocity and then its angular\n\
+    velocity, in SI units and body axes. The base moves about the joint, a flagellum about the foot of its shaft.")]
 pub struct Args {
     /// The robot file, `physical` or `published`.
     #[arg(long, value_name = "FILE|NAME", default_value = robot::PHYSICAL)]

@@ -8,20 +8,20 @@ use miette::{IntoDiagnostic, WrapErr};
 use protocol::{Command, Reply, Settings};
 use std::path::PathBuf;
 
-/// Print the board's settings as TOML, or save others to its EEPROM.
+/// Print the board's settings as TOML, or save new ones in its EEPROM.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example: biflag settings > board.toml; biflag settings --write board.toml")]
 pub struct Args {
     /// The board's serial port; not needed if only one board is plugged in.
     #[arg(long)]
     port: Option<String>,
-    /// Save the settings in this file; settings that are not in the file are unchanged.
+    /// Save the settings from this file in the board's EEPROM; settings that are not in the file stay unchanged.
     #[arg(long, value_name = "FILE", group = "change")]
     write: Option<PathBuf>,
-    /// Save the settings that this computer has kept of the board with this board_id.
+    /// Restore the settings of the board with this board_id from the copy on this computer.
     #[arg(long, value_name = "ID", group = "change")]
     restore: Option<u16>,
-    /// Save the settings of a new board: those in force, with an unused board_id.
+    /// Give a new board an unused board_id, and save its present settings.
     #[arg(long, group = "change")]
     new: bool,
 }

@@ -72,7 +72,7 @@ const KINDS: &[Kind] = &[
     Kind {
         name: "spikes",
         values: &[("RATE", 100.0), MOTOR, CHANNEL],
-        meaning: "so many spikes of 3 us a second on an encoder line",
+        meaning: "RATE spikes of 3 us per second on an encoder line",
         make: |v| v.disturbed(1, Disturbance::Spikes { rate_hz: v.within(0, 0.1, 1e5)? }),
     },
     Kind {
@@ -84,7 +84,7 @@ const KINDS: &[Kind] = &[
     Kind {
         name: "uneven-poles",
         values: &[("PERCENT", 20.0), MOTOR],
-        meaning: "the encoder's north poles are so much longer than half a period",
+        meaning: "the encoder's north poles are PERCENT longer than half a period",
         make: |v| Ok(Fault::UnevenPoles { fraction: v.percent(0, 45.0)?, motor: v.motor(1)? }),
     },
     Kind {
@@ -96,13 +96,13 @@ const KINDS: &[Kind] = &[
     Kind {
         name: "slips",
         values: &[MOTOR],
-        meaning: "a flagellum is blocked, and slips by an edge of each channel a second",
+        meaning: "a blocked flagellum slips: one edge of each encoder channel per second",
         make: |v| Ok(Fault::Held { motor: v.motor(0)?, rotor: Rotor::Slips }),
     },
     Kind {
         name: "stiction",
         values: &[("PERCENT", 25.0), MOTOR],
-        meaning: "the gear sticks: so much of full voltage starts the motor from rest",
+        meaning: "the gear sticks: the motor starts from rest at PERCENT of full voltage",
         make: |v| Ok(Fault::Stiction { fraction: v.percent(0, 100.0)?, motor: v.motor(1)? }),
     },
     Kind {
@@ -120,13 +120,13 @@ const KINDS: &[Kind] = &[
     Kind {
         name: "motor-supply-off",
         values: &[],
-        meaning: "the motors' 6 V are off",
+        meaning: "the 6 V supply of the motors is off",
         make: |_| Ok(Fault::MotorSupplyOff),
     },
     Kind {
         name: "nack",
         values: &[("BYTE", 0.0), ("COUNT", 1.0)],
-        meaning: "the sensor does not acknowledge that byte of the next COUNT transactions",
+        meaning: "the sensor does not acknowledge byte BYTE of the next COUNT transactions",
         make: |v| {
             Ok(Fault::Imu(ImuFault::Nack {
                 at: At::byte(v.byte(0)?),
@@ -143,7 +143,7 @@ const KINDS: &[Kind] = &[
     Kind {
         name: "stuck",
         values: &[("CLOCKS", 0.0)],
-        meaning: "the sensor holds SDA low until so many pulses on SCL, with 0 for ever",
+        meaning: "the sensor holds SDA low for CLOCKS pulses on SCL, for ever if 0",
         make: |v| {
             let clocks = Some(v.byte(0)?).filter(|clocks| *clocks > 0);
             Ok(Fault::Imu(ImuFault::Stuck { at: At::now(), clocks }))
@@ -152,7 +152,7 @@ const KINDS: &[Kind] = &[
     Kind {
         name: "frozen",
         values: &[],
-        meaning: "the sensor's data stay the same",
+        meaning: "the sensor's data do not change",
         make: |_| Ok(Fault::Imu(ImuFault::Frozen)),
     },
     Kind {
@@ -170,73 +170,73 @@ const KINDS: &[Kind] = &[
     Kind {
         name: "sensor-clock",
         values: &[("PERCENT", 1.0)],
-        meaning: "the sensor's oscillator is so much too fast",
+        meaning: "the sensor's oscillator is PERCENT too fast",
         make: |v| Ok(Fault::SensorClock { fraction: v.percent(0, 20.0)? }),
     },
     Kind {
         name: "scale",
         values: &[("PERCENT", 3.0)],
-        meaning: "both sensors read so much too much",
+        meaning: "gyroscope and accelerometer read PERCENT too much",
         make: |v| Ok(Fault::Scale { fraction: v.percent(0, 50.0)? }),
     },
     Kind {
         name: "askew",
         values: &[("PERCENT", 2.0)],
-        meaning: "each axis of both sensors reads so much of the next",
+        meaning: "each axis of gyroscope and accelerometer also reads PERCENT of the next axis",
         make: |v| Ok(Fault::Askew { fraction: v.percent(0, 50.0)? }),
     },
     Kind {
         name: "spin",
         values: &[("DPS", 3000.0)],
-        meaning: "the sensor turns about z beside everything else: beyond its range it clips",
+        meaning: "the sensor also turns about z, by DPS degrees per second; readings beyond its range are clipped",
         make: |v| Ok(Fault::Spin { dps: v.within(0, -1e5, 1e5)? }),
     },
     Kind {
         name: "bus-rise",
         values: &[("MICROSECONDS", 2.0)],
-        meaning: "SCL and SDA rise slowly, which makes every bit so much longer",
+        meaning: "SCL and SDA rise slowly: every bit takes MICROSECONDS longer",
         make: |v| Ok(Fault::BusRise { us: v.within(0, 0.0, 1e4)? }),
     },
     Kind {
         name: "supply",
         values: &[("MILLIVOLT", 4100.0)],
-        meaning: "the supply of the chip",
+        meaning: "the chip's supply voltage is MILLIVOLT",
         make: |v| Ok(Fault::Supply { mv: v.within(0, 0.0, 6000.0)? as u32 }),
     },
     Kind {
         name: "brown-out",
         values: &[("MILLISECONDS", 50.0)],
-        meaning: "the supply falls to 2 V for a while, which resets the chip",
+        meaning: "the supply falls to 2 V for MILLISECONDS, which resets the chip",
         make: |v| Ok(Fault::BrownOut { ms: v.within(0, 0.001, 1e5)? }),
     },
     Kind {
         name: "bandgap",
         values: &[("MILLIVOLT", 1200.0)],
-        meaning: "the chip's bandgap reference; the data sheet allows 1000 to 1200",
+        meaning: "the chip's bandgap reference is MILLIVOLT; the data sheet allows 1000 to 1200",
         make: |v| Ok(Fault::Bandgap { mv: v.within(0, 100.0, 5000.0)? as u32 }),
     },
     Kind {
         name: "resonator",
         values: &[("PERCENT", 0.5)],
-        meaning: "the board's clock is so much too fast",
+        meaning: "the board's clock is PERCENT too fast",
         make: |v| Ok(Fault::Resonator { fraction: v.percent(0, 5.0)? }),
     },
     Kind {
         name: "hang",
         values: &[("INTERRUPTS", 1.0)],
-        meaning: "the program goes into an endless loop, with interrupts on (1) or off (0)",
+        meaning: "the firmware enters an endless loop, with interrupts on (1) or off (0)",
         make: |v| Ok(Fault::Hang { interrupts: v.within(0, 0.0, 1.0)? == 1.0 }),
     },
     Kind {
         name: "busy",
         values: &[("MILLISECONDS", 12.0)],
-        meaning: "the program is kept from its work for a while, with interrupts on",
+        meaning: "the firmware is blocked for MILLISECONDS, with interrupts on",
         make: |v| Ok(Fault::Busy { ms: v.within(0, 0.001, 1e5)? }),
     },
     Kind {
         name: "usb",
         values: &[("MILLISECONDS", 16.0), ("BYTES", 32.0)],
-        meaning: "the USB bridge collects packets of so many bytes, for so long at most",
+        meaning: "the USB bridge collects packets of BYTES bytes, for at most MILLISECONDS",
         make: |v| Ok(Fault::Usb { latency_ms: v.within(0, 0.0, 255.0)?, packet: v.within(1, 1.0, 4096.0)? as usize }),
     },
 ];
@@ -281,7 +281,7 @@ impl Values {
 
 /// Returns the list of all faults, one a line.
 pub fn help() -> String {
-    let mut text = String::from("Faults, with their values and what these are if not given:\n\n");
+    let mut text = String::from("Faults and their values, with defaults in brackets:\n\n");
     for Kind { name, values, meaning, .. } in KINDS {
         let join = |parts: Vec<String>| if parts.is_empty() { String::new() } else { format!("={}", parts.join(",")) };
         let names = join(values.iter().map(|(name, _)| (*name).to_owned()).collect());
@@ -292,7 +292,7 @@ pub fn help() -> String {
         // Writing to a string does not fail.
         let _ = writeln!(text, "  {name}{names}\n      {meaning}{defaults}");
     }
-    text + "\nWith @SECONDS after it a fault begins at that time of the board, otherwise at once.\n"
+    text + "\nNAME@SECONDS starts a fault at that time of the board's clock; otherwise it starts at once.\n"
 }
 
 impl FromStr for Fault {

@@ -23,8 +23,8 @@ use virtual_nano::{Board, BoardOptions, Image};
 
 /// The robot's Arduino Nano, emulated.
 ///
-/// Prints {"event":"ready","port":"/dev/pts/N","sensor":{...}}, then replies to each line on standard input with a line of JSON. Ends with
-/// `quit` or at the end of standard input.
+/// Prints {"event":"ready","port":"/dev/pts/N","sensor":{...}}, then replies to each line on standard input with a
+/// line of JSON. It ends on `quit` or at the end of standard input.
 ///
 /// `vnano --fault help` lists the faults.
 ///
@@ -38,25 +38,25 @@ struct Arguments {
     /// A bootloader and no program; opening the port resets the board
     #[arg(long)]
     bootloader: Option<BootloaderName>,
-    /// A recording for the sensor to play; without it and a robot the sensor lies still
+    /// A recording for the sensor to play; without --imu and --robot the sensor is at rest
     #[arg(long, value_name = "FILE.csv")]
     imu: Option<PathBuf>,
-    /// The simulated robot behind the board: a robot's file, `physical` or `published`
+    /// The simulated robot behind the board: a robot file, `physical` or `published`
     #[arg(long, value_name = "FILE.toml|NAME", conflicts_with = "imu")]
     robot: Option<PathBuf>,
-    /// The board's seconds per second, or `max`
+    /// Speed relative to real time: a factor, or `max`
     #[arg(long, default_value = "1", value_name = "1|FACTOR|max")]
     speed: Speed,
-    /// Seed of the sensor's noise, bias and drift, and of damage on the line
+    /// Seed of the sensor's noise, bias and drift, and of damage on the serial line
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// WHO_AM_I of the sensor: 0x68, or 0x70 for a common clone
     #[arg(long, default_value = "0x68", value_parser = parse_byte)]
     who_am_i: u8,
-    /// A fault from the start, or from a time of the board on; may be repeated. `help` lists them
+    /// Simulate a fault, from the start or from a second of the board's clock; may be repeated. `help` lists the faults
     #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]")]
     faults: Vec<Timed>,
-    /// Keeps the EEPROM in this file, 1024 bytes
+    /// File that keeps the EEPROM, 1024 bytes
     #[arg(long, value_name = "FILE")]
     eeprom: Option<PathBuf>,
 }

@@ -14,13 +14,13 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// Check toolchain, avrdude, ports, permissions and boards, the wiring of the motors, or a session, with fixes.
+/// Check toolchain, avrdude, ports, permissions and boards, the wiring of the motors, or a session; suggest fixes.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  biflag doctor\n  biflag doctor --motors\n  biflag doctor glycerin\n\n\
-    --motors turns each motor both ways, at up to full speed: keep the flagella clear. It finds swapped or cut wires,\n\
-    says what to change, and saves what the settings can correct.")]
+    --motors turns each motor in both directions, at up to full duty: keep the flagella clear. It finds swapped and\n\
+    cut wires, says what to change, and saves settings that correct the error where possible.")]
 pub struct Args {
-    /// Check that the logs of this session are whole, instead of tools and boards.
+    /// Check that the logs of this session are intact, instead of tools and boards.
     #[arg(value_name = "SESSION", conflicts_with_all = ["port", "motors"])]
     session: Option<PathBuf>,
     /// Check only this port instead of all ports.
@@ -29,13 +29,13 @@ pub struct Args {
     /// Turn the motors to test them, the encoders and their wiring.
     #[arg(long)]
     motors: bool,
-    /// Ask nothing: save the settings that the test of the motors found.
+    /// Ask nothing: take the motors' directions for correct, and save the settings that the test found.
     #[arg(long, requires = "motors")]
     yes: bool,
     /// Test the motors of the emulated board.
     #[arg(long = "virtual", requires = "motors", conflicts_with = "port")]
     r#virtual: bool,
-    /// A fault of the emulated board, such as `encoder-swapped=2`; may be repeated. `help` lists them.
+    /// Simulate a fault of the emulated board, such as `encoder-swapped=2`; may be repeated. `help` lists the faults.
     #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]", requires = "virtual")]
     faults: Vec<String>,
 }

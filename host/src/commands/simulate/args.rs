@@ -36,17 +36,18 @@ pub struct Args {
     /// Angles of motors 1 and 2 at the start of the run at these speeds, in degrees, such as `0,90`; by default 0,0.
     #[arg(long, value_name = "DEG,DEG", value_parser = phase, allow_hyphen_values = true, requires = "speeds")]
     pub phase: Option<StartAngles>,
-    /// `trial` simulates each trial; `steady` solves for the motion that it ends in, several times faster.
+    /// `trial` simulates each trial; `steady` solves for its final motion, about three times faster if that motion
+    /// repeats.
     ///
-    /// By default that of the plan, or `trial`. With `steady` the log has one period of the motion, as a trial without other
-    /// phases; where the motion is not found to repeat, the whole trial is simulated. `kind` in the output says which:
-    /// `steady`, `beating` (the means of the trial's last two windows agree) or `not_found`.
+    /// The default is the plan's method, or `trial`. With `steady` the log contains one period of the motion and no
+    /// other phases. If no repeating motion is found, the whole trial is simulated. `kind` in the output is `steady`,
+    /// `beating` (the means over the trial's last two windows agree) or `not_found`.
     #[arg(long, value_enum, conflicts_with = "from")]
     pub method: Option<MethodName>,
     /// Coupling of the flagella to the base: `full`, with forces in both directions; `lumped`, the published couples
     /// with reaction torques; or `paper`, the equations as printed, whose yaw never settles.
     ///
-    /// By default `full`; with `--from`, that of the log's model if it has one.
+    /// The default is `full`; with `--from`, the closure of the log's model if it has one.
     #[arg(long, value_enum)]
     pub closure: Option<ClosureName>,
     /// The robot file, `physical` or `published`, instead of the robot of the plan or the log.

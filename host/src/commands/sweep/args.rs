@@ -4,7 +4,7 @@ use super::super::options::{Shard, shard};
 use crate::sweep::EXAMPLE;
 use std::path::PathBuf;
 
-/// Compute the steady states of many points, over speeds, parameters of the robot and groups, into one table.
+/// Compute a table of steady states over speeds, robot parameters and dimensionless groups.
 #[derive(clap::Args, Debug)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -13,8 +13,9 @@ use std::path::PathBuf;
         "Examples:\n  \
         biflag sweep groups --out groups-of-robots\n  \
         biflag sweep plan.toml --shard 1/3 --out softer; biflag sweep merge softer\n\
-        The table is table.parquet and table.csv in the folder, one row a point; it does not depend on --jobs, --shard or \
-        interruptions. host/book/src/sweep.md describes its columns and how to use a cluster.\n\nA plan:\n\n{EXAMPLE}"
+        The table (table.parquet and table.csv in the folder) has one row per point. It does not depend on --jobs, \
+        --shard or interruptions. The book describes its columns and how to use a cluster (host/book/src/sweep.md).\n\n\
+        A plan:\n\n{EXAMPLE}"
     )
 )]
 pub struct Args {
@@ -23,16 +24,16 @@ pub struct Args {
     /// The plan: a TOML file like the one below, or the name of one inside biflag (`biflag plans`).
     #[arg(required = true)]
     pub plan: Option<PathBuf>,
-    /// Compute the I-th of N parts of the points, without the table. Shards may share a folder.
+    /// Compute the I-th of N parts of the points, and write no table. Shards may share a folder.
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<Shard>,
-    /// Number of points that are computed at the same time; by default the number of cores.
+    /// Number of parallel points; by default the number of cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub jobs: Option<u16>,
     /// The folder; by default named after the plan.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Go on with a sweep, skipping the points that are done.
+    /// Continue a sweep, skipping the points that are done.
     #[arg(long)]
     pub resume: bool,
 }
@@ -45,7 +46,7 @@ pub enum Action {
         #[arg(value_name = "DIR")]
         folder: PathBuf,
     },
-    /// Print how far a sweep is: points done, missing and failed, and the time left.
+    /// Print the progress of a sweep: points done, missing and failed, and the time left.
     Status {
         /// The folder of the sweep.
         #[arg(value_name = "DIR")]
@@ -58,12 +59,12 @@ pub enum Action {
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example: biflag sweep slurm plan.toml --shards 64 > sweep.sh; bash sweep.sh")]
 pub struct SlurmArgs {
-    /// The plan, in a folder that all nodes see.
+    /// The plan, in a folder that all nodes share.
     pub plan: PathBuf,
     /// Number of shards.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub shards: u32,
-    /// The folder of the sweep, which all nodes see; by default named after the plan.
+    /// The folder of the sweep, which all nodes share; by default named after the plan.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
