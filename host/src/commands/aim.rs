@@ -183,7 +183,7 @@ fn describe(robot: &str, target: &Target, aimed: &Aimed) -> String {
     }
     if let Some(first) = aimed.solutions.iter().chain(&aimed.nearest).next() {
         let [yaw, pitch, _] = first.model_error_deg.map(|deg| decimal(deg, 1));
-        let _ = write!(text, "note: what the model leaves out may add {yaw}° in yaw and {pitch}° in pitch and roll");
+        let _ = write!(text, "note: the error of the model may add {yaw}° in yaw and {pitch}° in pitch and roll");
     }
     text
 }
@@ -201,8 +201,11 @@ fn describe_solution(solution: &Solution) -> String {
     for (name, value, [low, high], axis) in angles {
         let _ = write!(text, "  {name:<6} {:>8}°  95 % {} to {}", decimal(value, 2), decimal(low, 2), decimal(high, 2));
         let spread = interval.phase_spread_deg[axis];
-        text +=
-            &if spread > 0.0 { format!(", {} of it by the starting phase\n", decimal(spread, 2)) } else { "\n".into() };
+        text += &if spread > 0.0 {
+            format!(", of which {}° by the starting phase\n", decimal(spread, 2))
+        } else {
+            "\n".into()
+        };
     }
     let error = decimal(solution.error_deg, 2);
     let _ = writeln!(
@@ -211,10 +214,10 @@ fn describe_solution(solution: &Solution) -> String {
         decimal(solution.tilt_deg, 2),
         decimal(1e3 * thrust_n, 2)
     );
-    let some = if interval.contact_by_phase { ", at other starting phases not so" } else { "" };
-    let change = solution.contact_change.map_or("no change found".to_owned(), |change| {
+    let some = if interval.contact_by_phase { " (not at all starting phases)" } else { "" };
+    let change = solution.contact_change.map_or("no change of contact found".to_owned(), |change| {
         format!(
-            "changes {} rpm away, at {}, {}",
+            "contact changes {} rpm away, at ({}, {}) rpm",
             decimal(change.rpm, 0),
             decimal(change.at_rpm[0], 0),
             decimal(change.at_rpm[1], 0)
@@ -222,7 +225,7 @@ fn describe_solution(solution: &Solution) -> String {
     });
     let _ = writeln!(
         text,
-        "  flagella {}{some}, least gap {} mm; {change}",
+        "  flagella {}{some}, smallest gap {} mm; {change}",
         word(&state.contact),
         decimal(1e3 * state.min_gap_m, 1)
     );

@@ -1,37 +1,38 @@
-//! How much of a trial a page has room for.
+//! How much data of a trial a page can hold.
 
-/// Room for the data of all trials, bytes. With the scripts and the texts, a page stays below 10 MB.
+/// Most bytes of data of all trials on a page. With the scripts and the texts, a page stays below 10 MB.
 pub(super) const DATA_BYTES: usize = 6_400_000;
 
 /// The most events that a page lists and marks.
 pub(super) const MAX_EVENTS: usize = 200;
 
-/// The room for the data of a trial on a page, bytes of text.
+/// The most bytes of text for the data of a trial on a page.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ByteBudget(pub(super) usize);
 
 impl ByteBudget {
-    /// An equal share of a page for each of so many trials. A page of one trial opens faster below the limit.
+    /// Returns an equal share of a page for each of `trials` trials. One trial gets less than a page, which opens
+    /// faster.
     pub fn of_trials(trials: usize) -> Self {
         Self((DATA_BYTES / trials.max(1)).min(3_500_000))
     }
 
-    /// Whether there is room for charts at all.
+    /// Returns whether the budget is enough for charts.
     pub(super) fn is_enough(self) -> bool {
         self.0 >= 8_000
     }
 
-    /// The room for curves; what they leave, and at least as much as this leaves, is for the shapes.
+    /// Returns the bytes for curves. Shapes get the rest of the budget, and what the curves do not use.
     pub(super) fn series(self) -> usize {
         self.0 / 4 * 3
     }
 
-    /// How many events to list.
+    /// Returns how many events to list.
     pub(super) fn events(self) -> usize {
         (self.0 / 1_000).min(MAX_EVENTS)
     }
 
-    /// How many shapes are worth reading.
+    /// Returns the largest number of shapes to read.
     pub fn frames(self) -> usize {
         self.0 / 400
     }

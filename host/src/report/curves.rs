@@ -1,7 +1,7 @@
 //! The curves, shapes and marks of a trial as data for the page's script, within its [`ByteBudget`].
 //!
-//! A table that has no room for all of its samples keeps evenly chosen ones, which the playback shows, and the range and
-//! the mean of every stretch, which the charts draw.
+//! If not all samples of a table fit, the page keeps evenly chosen samples for the playback, and for the charts the
+//! range and the mean over intervals of equal length.
 
 use super::budget::{ByteBudget, MAX_EVENTS};
 use super::shapes;
@@ -17,10 +17,10 @@ use std::ops::Range;
 /// The most bars of the link's chart.
 const MAX_BARS: usize = 400;
 
-/// The most rows of the turns: a straight line between two of them is at most a few degrees off.
+/// The most rows of motor angles: linear interpolation between two rows is at most a few degrees off.
 const MAX_TURNS: usize = 4_000;
 
-/// Text of a row of the turns: three numbers in 32 bits.
+/// Bytes of text of a row of motor angles: three numbers of 32 bits.
 const TURNS_ROW_BYTES: usize = 16;
 
 const fn ranged(name: &'static str) -> Column {
@@ -65,10 +65,10 @@ const FORCES: [Column; 9] = [
 
 const MOTORS: [Column; 4] = [mean("target1"), ranged("speed1"), mean("target2"), ranged("speed2")];
 
-/// How the curves and the shapes were cut down to their room.
+/// How the curves and the shapes were reduced to fit the budget.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct Curves {
-    /// Time between two samples of the attitude.
+    /// Time between two samples of the attitude, s.
     pub sample_s: f64,
     /// Length of the stretches whose range the charts of the attitude show; `None` if they show every sample.
     pub attitude_range_s: Option<f64>,
@@ -83,8 +83,8 @@ pub(super) struct Curves {
 }
 
 impl Curves {
-    /// Returns the data of a trial's page, and how it was cut down. Shapes and forces come from the trial's own log, or
-    /// from the one that it is compared with if only that has them.
+    /// Returns the data of a trial's page, and how it was reduced. Shapes and forces come from the trial's own log, or
+    /// from the log that it is compared with if only that log has them.
     pub fn fit(
         data: &Data,
         zeroed: &Zeroed,
@@ -108,7 +108,7 @@ impl Curves {
             None => alone(zeroed, data),
         };
         let forces = forces(forces_of, shift_s(forces_of));
-        // Where there are no forces, their room is the attitude's.
+        // Without forces, the attitude gets their share.
         let shares = if forces.is_empty() { [70, 0] } else { [50, 20] };
         let [attitude_bytes, forces_bytes] = shares.map(|share| budget.series() / 100 * share);
         let attitude = fitted(&attitude.broken_at_gaps(), &ATTITUDE, attitude_bytes);
@@ -128,7 +128,7 @@ impl Curves {
         });
         let rest =
             budget.0.saturating_sub(page.to_string().len() + budget.series() / 10).max(budget.0 - budget.series());
-        // The robot, and the one of the other log if that has shapes of its own.
+        // The robot, and the robot of the other log if that log has its own shapes.
         let ghost = other.filter(|other| other.path != shapes_of.path && !other.shapes.is_empty());
         let shown: Vec<&Data> = std::iter::once(shapes_of).chain(ghost).collect();
         let turns_bytes = budget.series() / 100 * 10;
@@ -236,7 +236,7 @@ fn phases(data: &Data) -> Vec<(String, f64, f64)> {
     (0..begins.len()).filter(shown).map(|i| (clip(&begins[i].text, 20), span(i).start, span(i).end)).collect()
 }
 
-/// An event's mark in the charts: its time, its kind and its first words. Only what went wrong and notes are marked.
+/// Returns an event's mark in the charts: its time, its kind and its first words. Only problems and notes are marked.
 fn mark(event: &Event) -> Option<(f64, &'static str, String)> {
     let kind = match event.kind {
         Kind::Fault => "fault",
@@ -248,7 +248,7 @@ fn mark(event: &Event) -> Option<(f64, &'static str, String)> {
     Some((event.time_s, kind, clip(&event.text, 80)))
 }
 
-/// The link over time, in as many bars as a chart has room for.
+/// Returns the link over time, in at most [`MAX_BARS`] bars.
 fn link(seconds: &[LinkSecond]) -> Value {
     let width = seconds.len().div_ceil(MAX_BARS).max(1);
     let bars = |of: fn(&LinkSecond) -> u32| -> Vec<u64> {

@@ -27,9 +27,9 @@ const SCRIPTS: [&str; 14] = [
 
 /// Returns a page. `kind` is the class of its body, `data` the elements that the scripts read.
 ///
-/// maud escapes every text. As a second defence, the policy in the head only runs scripts with a nonce that the author of
-/// a log cannot know, and blocks all network access. A chart becomes a PNG through a picture that the page has made itself
-/// (`blob:`).
+/// maud escapes every text. As a second defence, the content security policy only runs scripts with a nonce that the
+/// author of a log cannot know, and blocks all network access. It allows images from `blob:`, which the page needs to
+/// save a chart as PNG.
 pub(super) fn page(title: &str, kind: &str, body: &Markup, data: &Markup) -> Markup {
     let nonce = nonce();
     let policy = format!(

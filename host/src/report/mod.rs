@@ -38,13 +38,13 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 use warnings::Warning;
 
-/// The most trials of a session that are printed in full; of more, only the one that is open.
+/// The most trials of a session that are all printed; of a larger session, only the open trial is printed.
 const MAX_PRINTED: usize = 20;
 
 /// Why a page was not written.
 #[derive(Error, Diagnostic, Debug)]
 pub enum ReportError {
-    /// The name is taken by a file that is no report.
+    /// The name belongs to a file that is not a report.
     #[error("{}: already exists and is not a report of biflag", path.display())]
     #[diagnostic(code(wrong_use), help("name another file with --out"))]
     NotOurs {
@@ -58,7 +58,7 @@ pub enum ReportError {
         /// The file.
         path: PathBuf,
     },
-    /// It could not be written.
+    /// The page could not be written.
     #[error("{}: cannot be written", path.display())]
     #[diagnostic(help("check that the folder exists and is writable, and that the disk has space"))]
     Write {
@@ -67,7 +67,7 @@ pub enum ReportError {
         /// Why.
         source: std::io::Error,
     },
-    /// The file is no table of a sweep.
+    /// The file is not the table of a sweep.
     #[error("{}: cannot be shown as a table: {reason}", path.display())]
     #[diagnostic(code(wrong_use), help("name a log, a session folder, or the table that `biflag sweep` writes"))]
     Table {
@@ -120,7 +120,7 @@ impl Kind {
     }
 }
 
-/// What of a log is read for a page within this budget.
+/// Returns what to read of a log for a page within this budget.
 pub fn want(budget: ByteBudget) -> Want {
     Want { forces: true, shapes: budget.frames(), ..Want::default() }
 }
@@ -138,8 +138,9 @@ fn with_logs(states: &[TrialState]) -> usize {
     states.iter().filter(|state| !state.attempts.is_empty()).count()
 }
 
-/// Writes the page of a log, of a session's folder, or of the table of a sweep. `comparison` and the `views` of the trials are those that a comparison
-/// has already made; other trials are read from their logs.
+/// Writes the page of a log, of a session folder, or of the table of a sweep.
+///
+/// `comparison` and `views` are the results of a comparison, if there is one; other trials are read from their logs.
 ///
 /// # Errors
 /// [`ReportError`].
@@ -215,7 +216,7 @@ fn of_session(
         header {
             (session_page::overview(session.folder(), session.plan(), &rows, comparison, budget.is_enough()))
             @if shown().count() > MAX_PRINTED {
-                p.meta.paper-only { "The trial that is open on the screen is printed below, if there is one." }
+                p.meta.paper-only { "Only the trial that is open on the screen is printed below." }
             }
         }
         main { @if budget.is_enough() { @for (id, view) in shown() { (trial_section::section(view, &id, true)) } } }
@@ -247,14 +248,16 @@ fn footer(view: &View) -> Markup {
     } else if view.is_model() {
         "The robot of the model starts upright with a yaw of zero."
     } else {
-        "The yaw is relative to the end of the phase before the run. The drift of the gyroscope is removed if still phases show it."
+        "Yaw is zero at the end of the phase before the run. The drift of the gyroscope is removed if still \
+         phases allow its estimation."
     };
     html! {
         footer {
             p {
-                "The attitude is the rotation Rz(ψ) Ry(θ) Rx(φ) from body to world axes, with yaw ψ, pitch θ and roll φ; the tilt β is \
-                 the angle between the robot’s axis and the vertical. A positive yaw is counter-clockwise seen from above. Steady values are means over whole turns of the flagella at the end of the run, \
-                 about 12 s. "
+                "The attitude is the rotation Rz(ψ) Ry(θ) Rx(φ) from body to world axes, with yaw ψ, pitch θ and roll \
+                 φ; the tilt β is the angle between the robot’s axis and the vertical. Positive yaw is \
+                 counter-clockwise seen from above. Steady values are means over whole turns of the flagella in about \
+                 the last 12 s of the run. "
                 (zero)
             }
             p { "Written by " (document::GENERATOR) " (" (GIT_HASH) "). Charts by uPlot 1.6.32, © 2022 Leon Sorokin, MIT licence." }

@@ -1,4 +1,4 @@
-//! The parameters of a robot as a table: each value, what it means, and where it comes from.
+//! The parameters of a robot as a table: value, source and meaning of each.
 //!
 //! Meanings and sources are the comments of the robot file `robot-published`, which has every key, and of the robot's own
 //! file.
@@ -26,12 +26,13 @@ struct Row {
     source: String,
 }
 
-/// Returns the table of `parameters`, a robot file with every key in force, of which `file` (named `name`) sets some.
+/// Returns the table of `parameters`, a robot file with all keys. `file`, named `name`, is the robot file that sets
+/// some of them.
 pub(super) fn table(parameters: &str, name: &str, file: &str) -> Markup {
     html! {
         div.scroll tabindex="0" role="region" aria-label={ "Parameters of the robot " (clip(name, 100)) } {
             table.facts {
-                thead { tr { th scope="col" { "Parameter" } th scope="col" { "Value" } th scope="col" { "From" } th scope="col" { "Meaning" } } }
+                thead { tr { th scope="col" { "Parameter" } th scope="col" { "Value" } th scope="col" { "Source" } th scope="col" { "Meaning" } } }
                 tbody {
                     @for Row { key, value, meaning, source } in rows(parameters, name, file) {
                         tr { td { (clip(&key, 100)) } td { (clip(&value, 100)) } td { (clip(&source, 300)) } td { (meaning) } }
@@ -80,7 +81,7 @@ fn flat(text: &str) -> BTreeMap<String, Value> {
     all
 }
 
-/// Returns the comment above each key; keys below each other share it.
+/// Returns the comment above each key; successive keys share the comment above the first.
 fn comments(text: &str) -> BTreeMap<String, String> {
     let (mut all, mut table, mut comment, mut is_used) = (BTreeMap::new(), String::new(), Vec::new(), false);
     for line in text.lines().map(str::trim) {

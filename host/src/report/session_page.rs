@@ -21,7 +21,7 @@ pub(super) struct Row {
     pub state: RowState,
 }
 
-/// What there is to show of a trial.
+/// State of a trial on the page.
 #[derive(Clone, Debug)]
 pub(super) enum RowState {
     /// It is on the page.
@@ -124,7 +124,7 @@ fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
     }
     if !has_charts {
         let text =
-            "The session has too many trials for charts on one page. `biflag report LOG` draws those of one trial.";
+            "The session has too many trials for charts on a page. `biflag report LOG` draws the charts of one trial.";
         notes.push(text.to_owned());
     }
     notes

@@ -13,10 +13,10 @@ use std::f64::consts::TAU;
 /// Resolution of the coordinates, m.
 const UNIT_M: f64 = 1e-5;
 
-/// With less room than this per trial, bytes, every second node is left out.
+/// With a budget below this, bytes per trial, every second node is left out.
 const TIGHT: usize = 150_000;
 
-/// Returns the data of the page's script in about `text_bytes` of text; without shapes, the helices at rest.
+/// Returns the shapes as data of the page's script, in about `text_bytes` bytes; without shapes, the helices at rest.
 pub(super) fn page(shapes: &Shapes, robot: &Robot, text_bytes: usize) -> Value {
     let feet = robot.shaft_feet();
     let rest;

@@ -1,6 +1,6 @@
-//! The page of a swept table: a map of one of its results over two of its inputs, the other inputs as sliders.
+//! The page of a sweep's table: a map of one result over two inputs, with a slider for each other input.
 //!
-//! An input is a column of numbers before the first result that says something the inputs before it do not: a table also
+//! An input is a column of numbers before the first result that does not follow from the inputs before it. A table also
 //! has columns that follow from its inputs, such as lengths from groups.
 
 use super::ReportError;
@@ -26,7 +26,7 @@ struct Column {
     values: Vec<f64>,
 }
 
-/// Returns whether a path is that of a table.
+/// Returns whether the extension of a path is that of a table.
 pub(super) fn is_table(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "parquet" || extension == "csv")
 }
@@ -34,7 +34,7 @@ pub(super) fn is_table(path: &Path) -> bool {
 /// Writes the page of a table.
 ///
 /// # Errors
-/// [`ReportError::Table`] if the file is no table with two inputs and a result.
+/// [`ReportError::Table`] if the file is not a table with two inputs and a result.
 pub(super) fn write(path: &Path, out: &Path) -> Result<Written, ReportError> {
     let wrong = |reason: String| ReportError::Table { path: path.to_owned(), reason };
     let is_parquet = path.extension().is_some_and(|extension| extension == "parquet");
@@ -44,7 +44,7 @@ pub(super) fn write(path: &Path, out: &Path) -> Result<Written, ReportError> {
     let (before, results) = columns.split_at(at);
     let inputs = inputs(before);
     if inputs.len() < 2 {
-        return Err(wrong("fewer than two inputs vary in it".to_owned()));
+        return Err(wrong("fewer than two inputs vary".to_owned()));
     }
     let rows = results[0].values.len();
     // Four bytes a number are five and a third of text.
@@ -78,15 +78,15 @@ fn body(title: &str, rows: usize, every: usize, inputs: &[String], results: &[St
         main {
             h1 { (clip(title, 200)) }
             p.meta {
-                span { "swept table of " (count(rows, "point", "points")) }
+                span { "table of a sweep with " (count(rows, "point", "points")) }
                 span { (count(inputs.len(), "input", "inputs")) ": " (inputs.join(", ")) }
-                @if every > 1 { span { "the page shows one of " (every) } }
+                @if every > 1 { span { "the page shows one of every " (every) " points" } }
             }
             section.sweep data-data="sweep-data" {
                 div.choices {
                     (choice("value", "Result", results, 0))
-                    (choice("x", "Across", inputs, 0))
-                    (choice("y", "Up", inputs, 1))
+                    (choice("x", "Horizontal axis", inputs, 0))
+                    (choice("y", "Vertical axis", inputs, 1))
                 }
                 div.sliders {}
                 h2.unseen { "Map" }
@@ -97,13 +97,13 @@ fn body(title: &str, rows: usize, every: usize, inputs: &[String], results: &[St
     }
 }
 
-/// Returns the columns that tell points apart which those before them do not.
+/// Returns the columns that distinguish points which the columns before them do not distinguish.
 fn inputs(columns: &[Column]) -> Vec<&Column> {
     let mut chosen: Vec<&Column> = Vec::new();
     let mut told = 1;
     for column in columns {
         let rows = column.values.len();
-        // In seven digits: what is computed from the same inputs may differ in its last ones.
+        // Seven digits: results of the same inputs may differ in their last digits.
         let point = |i: usize| -> Vec<u32> {
             chosen.iter().chain([&column]).map(|column| (column.values[i] as f32).to_bits()).collect()
         };
@@ -116,7 +116,7 @@ fn inputs(columns: &[Column]) -> Vec<&Column> {
     chosen
 }
 
-/// Returns the columns that are numbers; a text that is none becomes NaN, and a column of texts is left out.
+/// Returns the columns with numbers. A cell that is not a number becomes NaN; a column without numbers is left out.
 fn numeric(names: Vec<String>, cells: Vec<Vec<Option<f64>>>) -> Vec<Column> {
     let has_number = |cells: &Vec<Option<f64>>| cells.iter().any(Option::is_some);
     let columns = names.into_iter().zip(cells).filter(|(_, cells)| has_number(cells));

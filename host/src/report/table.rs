@@ -1,4 +1,4 @@
-//! Quantities over time, and as much of them as a page has room for.
+//! Quantities over time, reduced to fit on a page.
 
 use crate::attitude::Columns;
 use base64::Engine;
@@ -21,12 +21,12 @@ pub(super) struct Column {
     pub has_range: bool,
 }
 
-/// A table cut down to the size of its room on the page.
+/// A table reduced to fit on the page.
 #[derive(Clone, Debug)]
 pub(super) struct Fitted<const N: usize> {
-    /// All samples, or evenly chosen ones: each row is a real one.
+    /// All samples, or evenly chosen ones. Each row is a row of the original table.
     pub samples: Columns<N>,
-    /// What the charts draw where the samples are not all there.
+    /// What the charts draw if not all samples are kept.
     pub ranges: Option<Ranges<N>>,
 }
 
@@ -115,7 +115,7 @@ impl<const N: usize> Fitted<N> {
         page.into()
     }
 
-    /// Length of a stretch; `None` where all samples are there.
+    /// Returns the length of a stretch; `None` if all samples are kept.
     pub fn range_s(&self) -> Option<f64> {
         self.ranges.as_ref().map(|ranges| ranges.width_s)
     }
@@ -140,7 +140,7 @@ pub(super) fn times(values: &[f64]) -> Value {
     }
 }
 
-/// Returns the interval of evenly spaced times.
+/// Returns the interval of evenly spaced times; `None` if they are not evenly spaced.
 fn even(times: &[f64]) -> Option<f64> {
     let [first, .., last] = times else { return None };
     let step = (last - first) / (times.len() - 1) as f64;

@@ -16,8 +16,8 @@ pub(super) fn data_id(id: &str) -> String {
     format!("{id}-data")
 }
 
-/// Returns the section of a trial with the anchor `id`. With `shared`, what all trials of a session have in common is left
-/// out.
+/// Returns the section of a trial with the anchor `id`. With `shared`, the section leaves out what all trials of a
+/// session have in common.
 pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
     let has_data = !view.data.is_null();
     html! {
@@ -115,7 +115,7 @@ fn tiles(view: &View) -> Markup {
             }
             @if let Some(model) = &view.records.steady {
                 (tile("Settling time", &if model.settled { format!("{} s", number(model.settle_s, 0)) } else { "not settled".to_owned() },
-                    &html! { "flagella " (word(&model.bundling)) ", least distance " (number(model.min_gap_m * 1e3, 1)) " mm" }))
+                    &html! { "flagella " (word(&model.bundling)) ", smallest gap " (number(model.min_gap_m * 1e3, 1)) " mm" }))
             }
             @if !is_model {
                 (tile("Frames lost", &link.lost.to_string(), &html! {
@@ -126,7 +126,7 @@ fn tiles(view: &View) -> Markup {
     }
 }
 
-/// What a comparison has found, as a sentence; nothing if it has found nothing.
+/// The verdict of a comparison as a sentence; empty without a verdict.
 pub(super) fn answer(verdict: &str, agrees: bool) -> Markup {
     let mut letters = verdict.chars();
     let first = letters.next().map(|letter| letter.to_uppercase().to_string()).unwrap_or_default();
@@ -193,7 +193,7 @@ fn scene(view: &View) -> Markup {
                     "The log has no shapes: the flagella are drawn as rigid helices that turn with their shafts. "
                 }
                 @if view.curves.has_forces { "Arrows: " (forces) " of the flagella on the base. " }
-                "The pointers on the ring are the yaw." span.screen { " Drag to rotate, or use the arrow keys, + and −." }
+                "The pointers on the ring show the yaw." span.screen { " Drag to rotate, or use the arrow keys, + and −." }
             }
         }
     }
@@ -240,7 +240,7 @@ fn readout(view: &View) -> Markup {
                     }
                 }
                 @if view.curves.has_forces {
-                    @for (name, column) in [("Thrust of flagellum 1, mN", "z1"), ("Thrust of flagellum 2, mN", "z2"), ("Least gap, mm", "gap")] {
+                    @for (name, column) in [("Thrust of flagellum 1, mN", "z1"), ("Thrust of flagellum 2, mN", "z2"), ("Smallest gap, mm", "gap")] {
                         tr {
                             th scope="row" { (name) }
                             @let (own, model) = (out(&format!("forces {column} 2")), html! { td {} });
@@ -287,14 +287,15 @@ fn charts(view: &View) -> Markup {
         @if !view.is_model() { (link_chart(view)) }
         p.meta.small {
             @if view.curves.attitude_range_s.is_some() || view.curves.motors_range_s.is_some() {
-                "A shaded band is the range of the values in the time that the legend states, and its line their mean. The values \
-                 beside the robot are samples " (number(view.curves.sample_s, 2)) " s apart, linearly interpolated."
+                "A shaded band is the range of the values in each interval of the length in the legend; the line is \
+                 their mean. The values beside the robot are interpolated between samples "
+                (number(view.curves.sample_s, 2)) " s apart."
             } @else {
                 "The charts show every sample."
             }
             span.screen {
-                " Drag across a chart to zoom in, double-click to see the whole trial, click to select a time. The legends hide \
-                 curves, and the address of the page keeps the view."
+                " Drag across a chart to zoom in, double-click to see the whole trial, click to select a time. \
+                 Click an entry of a legend to hide its curve. The address of the page stores the view."
             }
         }
     }
@@ -338,7 +339,7 @@ fn force_charts(view: &View) -> Markup {
     let title = format!("Forces on the base{of_model}: thrust z, below x and y (body axes), mN");
     html! {
         (chart(&["force_z", "force_x", "force_y"], &title, &with(forces)))
-        (chart(&["gap"], &format!("Least gap of the flagella{of_model}, mm"), &with(vec![Entry::new("c-measured", "least gap", "gap")])))
+        (chart(&["gap"], &format!("Smallest gap of the flagella{of_model}, mm"), &with(vec![Entry::new("c-measured", "smallest gap", "gap")])))
         (chart(&["winding"], &format!("Winding of the flagella around each other{of_model}, turns"), &with(vec![Entry::new("c-measured", "winding", "winding")])))
     }
 }

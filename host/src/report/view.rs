@@ -1,7 +1,7 @@
 //! A trial as the page shows it: figures and warnings as text, and series and shapes as data for the page's script.
 //!
-//! What the page needs of a trial is all taken here, in [`View::new`], in `curves` and in `warnings`, so that the trial
-//! itself need not stay in memory.
+//! [`View::new`], `curves` and `warnings` extract everything that the page needs, so that the trial itself need not
+//! stay in memory.
 
 use super::budget::ByteBudget;
 use super::curves::Curves;
@@ -74,9 +74,9 @@ pub struct View {
     /// How many events are not listed.
     pub(super) more_events: usize,
     pub(super) warnings: Vec<Warning>,
-    /// How the curves and the shapes were cut down to their room.
+    /// How the curves and the shapes were reduced to fit the budget.
     pub(super) curves: Curves,
-    /// Whether shapes and forces are those of the log that the trial is compared with.
+    /// Whether the shapes come from the log that the trial is compared with; the same for the forces.
     pub(super) borrowed_shapes: bool,
     pub(super) borrowed_forces: bool,
     pub(super) has_truth: bool,
@@ -148,7 +148,7 @@ impl View {
     }
 }
 
-/// Returns at most `most` events in the order of time: first of all phases, faults and warnings.
+/// Returns at most `most` events in the order of time. Phases, faults and warnings take precedence over others.
 fn most_important(events: Vec<Event>, most: usize) -> Vec<Event> {
     let is_important = |event: &Event| matches!(event.kind, Kind::Phase | Kind::Fault | Kind::Warning);
     let (mut kept, others): (Vec<Event>, Vec<Event>) = events.into_iter().partition(is_important);

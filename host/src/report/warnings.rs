@@ -1,4 +1,4 @@
-//! What a reader must know before trusting the figures of a trial.
+//! Warnings about a trial, for the reader of its page.
 
 use super::text::{clip, count};
 use crate::trial::{Angles, Data};

@@ -1,5 +1,5 @@
-// What each chart draws: columns of a table, their names, colours and styles. `key` joins curves that the legend hides
-// together, `least` is the smallest span of the axis, so that noise looks like noise.
+// What each chart draws: columns of a table, their names, colours and styles. A legend entry hides all curves with its
+// `key`. `least` is the smallest span of the axis, so that noise is not enlarged to fill it.
 "use strict";
 
 {
@@ -66,7 +66,7 @@
     force_z: force("z", false),
     force_x: force("x", true),
     force_y: force("y", true),
-    gap: touch("gap", "least gap", " mm", 1),
+    gap: touch("gap", "smallest gap", " mm", 1),
     winding: touch("winding", "winding", " turns", 0.1),
     link: {
       table: "link",
