@@ -1,12 +1,13 @@
-//! How far the model's steady angles may be from those of the robot in its tank, besides numerical errors.
+//! Modelling errors of the steady angles, relative to the robot in its tank; numerical errors are not included.
 //!
-//! Every figure is the measured effect of something that the parameters leave out, or of the line model itself against
-//! resolved surfaces, rounded up: the largest at the four published points with flagella that start alike.
-//! `sim/docs/accuracy.md` has the tables and the commands that print them.
+//! Each figure is the measured effect of something that the parameters leave out, or the error of the line model
+//! against resolved surfaces. It is the largest effect at the four published points with equal starting angles, rounded
+//! up. `sim/docs/accuracy.md` has the tables and the commands that print them.
 
 use crate::params::Robot;
 
-/// Below this regularisation, in rod radii, the fluid sees a rod that is much thinner than the real one; e^(1/2) is right.
+/// Below this regularisation, in rod radii, the flow is that of a much thinner rod. The value of a round rod is
+/// e^(1/2).
 const THIN_RADII: f64 = 1.3;
 /// Below this share of a round rod's couple the rods spin freely.
 const FREE_SPIN: f64 = 0.5;
@@ -19,9 +20,9 @@ const THIN: Cause = Cause { what: "thin rods", yaw: 0.14, tilt: 0.25 };
 const SPIN: Cause = Cause { what: "no drag on the rods' spin", yaw: 0.19, tilt: 0.03 };
 /// Both.
 const THIN_SPIN: Cause = Cause { what: "thin rods without drag on their spin", yaw: 0.35, tilt: 0.25 };
-/// A head that has a drag and no flow.
+/// A head with a drag coefficient and no flow.
 const HEAD: Cause = Cause { what: "no flow about the head", yaw: 0.01, tilt: 0.02 };
-/// A fluid without bounds, for a robot in the published tank.
+/// An unbounded fluid, for a robot in the published tank.
 const WALLS: Cause = Cause { what: "no walls", yaw: 0.04, tilt: 0.4 };
 
 /// An effect, and the relative error that it leaves in the steady angles.
@@ -79,7 +80,7 @@ impl ModelError {
         [self.yaw() * yaw.abs(), tilt, tilt]
     }
 
-    /// Independent causes add up as squares.
+    /// Errors of independent causes add as squares.
     fn total(&self, of: impl Fn(&Cause) -> f64) -> f64 {
         self.causes.iter().map(|cause| of(cause).powi(2)).sum::<f64>().sqrt()
     }

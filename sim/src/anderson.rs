@@ -1,6 +1,6 @@
 //! Anderson acceleration of a slowly converging iteration (Walker and Ni 2011).
 //!
-//! The last few iterates are combined so that the weighted change of a sweep becomes smallest.
+//! Combines the last few iterates so that the weighted change of a sweep is smallest.
 
 use crate::linear::solve;
 
@@ -42,7 +42,7 @@ impl Anderson {
         }
     }
 
-    /// Returns the combined iterate, `None` with too few iterates or when the combination is useless.
+    /// Returns the combined iterate; `None` with too few iterates, or if the coefficients are too large.
     pub fn combine(&self) -> Option<Vec<f64>> {
         let newest = self.iterates.len().checked_sub(1).filter(|n| *n > 0)?;
         let last = &self.changes[newest];

@@ -1,9 +1,9 @@
-//! The four groups that carry a map of speeds to other robots, and the robots that have given groups.
+//! The four dimensionless groups by which a map of speeds applies to other robots, and robots with given groups.
 //!
-//! The publication (Hao, Zalavadia, Jawed, RoboSoft 2024, arXiv 2405.02291) names them: omega mu l^4/(E I), d/l, pitch/L and R/L
-//! with the contour length l and the axial length L of a flagellum. Without inertia of the fluid, two robots with the same
-//! groups, the same ratios of all other lengths to L, and the same moments over mu omega l^3 turn alike: their angles are
-//! those of each other at the same speeds.
+//! The publication (Hao, Zalavadia, Jawed, RoboSoft 2024, arXiv 2405.02291) names them: omega mu l^4/(E I), d/l,
+//! pitch/L and R/L with the contour length l and the axial length L of a flagellum. Without inertia of the fluid, two
+//! robots with the same groups, the same ratios of all other lengths to L, and the same moments over mu omega l^3 have
+//! the same angles at the same speeds.
 
 use crate::params::Robot;
 use crate::rod::Stiffness;
@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 /// The speed of the motors in [`Groups::stiffness`], rpm: the largest of the published map.
 pub const SPEED_RPM: f64 = 90.0;
 
-/// The four groups of a robot, all without a unit.
+/// The four groups of a robot, dimensionless.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Groups {
     /// omega mu l^4/(E I) at [`SPEED_RPM`]: viscous over elastic forces. Larger values are softer flagella.
@@ -42,11 +42,11 @@ impl Groups {
     /// Returns the robot with these groups that is otherwise similar to `like`, `size` times as large in a fluid
     /// `viscosity` times as viscous.
     ///
-    /// Pitch and radius of the helix follow from L, with them the contour length l; from l the distance of the shafts and
-    /// Young's modulus. All other lengths keep their ratio to L. The righting moment, the tether, the friction of the joint
-    /// and the inertia (over omega) keep their ratio to mu omega l^3, the net weight of a rod's length its ratio to
-    /// mu omega l: the first through the mass centre, the last through the density of the rods. A turn of the helix has at
-    /// least as many edges as that of `like`. A mixture of glycerol becomes its viscosity and density.
+    /// Pitch and radius of the helix follow from L, with them the contour length l; from l the distance of the shafts
+    /// and Young's modulus. All other lengths keep their ratio to L. The righting moment, the tether, the friction of
+    /// the joint and the inertia (over omega) keep their ratio to mu omega l^3, the net weight of a rod's length its
+    /// ratio to mu omega l: the first through the mass centre, the last through the density of the rods. A turn of the
+    /// helix has at least as many edges as that of `like`. A glycerol mixture is replaced by its viscosity and density.
     ///
     /// The robot may be impossible, see [`Robot::validate`].
     pub fn robot(&self, like: &Robot, size: f64, viscosity: f64) -> Robot {

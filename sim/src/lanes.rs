@@ -1,7 +1,7 @@
 //! Registers of several numbers with operators, for formulas that run over many nodes.
 //!
-//! A thin cover over [`pulp`], which picks the machine's vector instructions at run time: formulas keep
-//! their shape, and every operation is one instruction.
+//! A thin wrapper of [`pulp`], which selects the machine's vector instructions at run time. Every operation is one
+//! instruction.
 
 use crate::V3;
 use pulp::Simd;
@@ -116,7 +116,7 @@ impl<S: Simd> Wide<S> {
     }
 }
 
-/// The leading bits of a revolution: products with small whole numbers are exact.
+/// The leading bits of 2 pi: products with small whole numbers are exact.
 const TAU_HIGH: f64 = 6.283_185_243_606_567;
 const SINE: [f64; 8] = [
     1.0,
@@ -239,7 +239,7 @@ impl<S: Simd> Mul<Wide<S>> for Wide3<S> {
 #[derive(Clone, Debug, Default)]
 pub struct Vectors([Vec<f64>; 3]);
 
-/// Length of an array that registers are read from and written to at every place below `count`.
+/// Returns the padded length of an array of `count` entries: whole registers can be read and written at each of them.
 pub fn padded(count: usize) -> usize {
     count.div_ceil(PADDING) * PADDING + PADDING
 }

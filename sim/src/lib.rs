@@ -10,12 +10,12 @@
 //! the robot's axis. Positive speed is counter-clockwise seen from above; a right-handed helix then
 //! pushes towards its clamp.
 //!
-//! Not modelled: inertia of fluid and rods (the Reynolds number is about 0.3 at 90 rpm), and the flow that a rod makes by
-//! its spin. A line of regularised Stokeslets moves like a round rod of exp(-1/2) times the regularisation: the rod itself
-//! with the robot `physical`, one of 0.62 times its radius with `published`, whose rods also spin without drag. Against the
-//! resolved surface of a rigid published flagellum the torque is 4 % low with `physical`, 35 % with `published`
-//! (`published_helix_with_its_surface_resolved` in `sim/tests/helices.rs`). `sim/docs/accuracy.md` has the sizes of all that
-//! is left out.
+//! Not modelled: inertia of fluid and rods (the Reynolds number is about 0.3 at 90 rpm), and the flow that a rod makes
+//! by its spin. A line of regularised Stokeslets has the drag of a round rod whose radius is exp(-1/2) times the
+//! regularisation: the radius of the rod for the robot `physical`, 0.62 times that radius for `published`, whose rods
+//! also spin without drag. Against the resolved surface of a rigid published flagellum the torque is 4 % low with
+//! `physical`, 35 % with `published` (`published_helix_with_its_surface_resolved` in `sim/tests/helices.rs`).
+//! `sim/docs/accuracy.md` lists the sources of error and their sizes.
 //!
 //! `sim/docs/proof.md` lists how each part is verified, `sim/docs/valleys.md` where the valleys of the published
 //! map lie and why, and what the starting [`phase`] changes, `sim/docs/cost.md` the cost per edge and per case,

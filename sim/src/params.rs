@@ -120,8 +120,8 @@ pub struct Flagellum {
     pub axial_length_m: f64,
     /// Winding of flagellum 1 and 2 (right, publication).
     pub handedness: [Handedness; 2],
-    /// Angle of helix 1 and 2 about +z_B where its motor is at zero, in degrees (0). A motor's zero is where its
-    /// encoder began to count, so on a rig it is known only after it was fitted.
+    /// Angle of helix 1 and 2 about +z_B at zero motor angle, in degrees (0). The motor angle is zero where the encoder
+    /// began to count, so on a rig this parameter must be fitted.
     pub phase_deg: [f64; 2],
     /// Young's modulus in Pa (1.255e6, publication). Lower values let the flagella bend, buckle and bundle.
     pub young_pa: f64,
@@ -189,9 +189,10 @@ pub struct Fluid {
     /// [`crate::rod::spin::LEAST_SPIN_DRAG`] of it.
     pub spin_drag: f64,
     /// Regularisation of the Stokeslets in rod radii (`physical`: 1.6487, `published`: 1.03; the publication gives
-    /// none). A line of regularised Stokeslets moves along and across like a round rod of exp(-1/2) times the
-    /// regularisation: in slender-body theory the drag across a rod of radius a and length 2L is 8 pi mu/(2 ln(2L/a) + 1) a metre,
-    /// and 8 pi mu/(2 ln(2L/eps) + 2) for the line; along, 8 pi mu/(4 ln(2L/a) - 2) and 8 pi mu/(4 ln(2L/eps)).
+    /// none). A line of regularised Stokeslets has the drag of a round rod whose radius is exp(-1/2) times the
+    /// regularisation eps. In slender-body theory, the drag per metre across a rod of radius a and length 2L is 8 pi
+    /// mu/(2 ln(2L/a) + 1), and 8 pi mu/(2 ln(2L/eps) + 2) for the line; along it, 8 pi mu/(4 ln(2L/a) - 2) and 8 pi
+    /// mu/(4 ln(2L/eps)).
     pub regularisation_radii: f64,
 }
 

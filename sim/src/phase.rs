@@ -1,15 +1,16 @@
-//! Starting phases: where in their turn the flagella stand when a run begins.
+//! Starting phases: the angles of the flagella at the start of a run.
 //!
-//! Where one flagellum makes p turns for q of the other, the angle q a1 - p a2 of their motors does not change, and with it
-//! all that they do to each other: other starting angles are another steady state. Two flagella at equal speeds keep their
-//! phase and never touch or touch in each turn; one that stands next to one that turns leans the robot to another side.
-//! Where no small p and q come near the ratio of the speeds, every phase comes up in turn and the means do not depend on it.
+//! If one flagellum makes p turns while the other makes q, the phase q a1 - p a2 of their motor angles stays constant,
+//! and so does the interaction of the flagella: other starting angles lead to another steady state. Two flagella at
+//! equal speeds either never touch or touch in each turn, depending on their phase. A flagellum that stands still
+//! beside a turning one tilts the robot in a direction that depends on its angle. If no small p and q approximate the
+//! ratio of the speeds, all phases occur in turn, and the means do not depend on the starting phase.
 
 use crate::steady::WINDOW;
 use std::fmt;
 
-/// Largest sum of the turns of both flagella of a ratio that counts as simple. Over six phases the yaw of the published
-/// robot, whose flagella touch there, spreads over 0.8 degrees at (60, 90) rpm and over 0.1 at (60, 80)
+/// Largest p + q of a simple ratio. Over six phases the yaw of the published robot, whose flagella touch there, spreads
+/// over 0.8 degrees at (60, 90) rpm and over 0.1 at (60, 80)
 /// (`cargo run --release -p sim --example phases -- published 6 60,90 60,80`).
 const SIMPLE: i32 = 5;
 
@@ -21,8 +22,8 @@ pub struct Ratio {
 }
 
 impl Ratio {
-    /// Returns the simple ratio that two speeds (rpm) have, or nearly have: the angle that a ratio keeps makes less than a
-    /// turn in the longest steady window. `None` where there is none, and where neither flagellum turns.
+    /// Returns the exact or nearly simple ratio of two speeds (rpm). Nearly means that the phase changes by less than a
+    /// turn within the longest steady window. `None` without such a ratio, and if neither flagellum turns.
     pub fn of(rpm: [f64; 2]) -> Option<Self> {
         let slip = |[p, q]: [i32; 2]| (f64::from(q) * rpm[0] - f64::from(p) * rpm[1]).abs() * WINDOW / 60.0;
         let turning = |rpm: f64| rpm.abs() * WINDOW / 60.0 >= 1.0;
@@ -34,7 +35,7 @@ impl Ratio {
             .map(|turns| Self { turns })
     }
 
-    /// Returns the number of the flagellum that stands, 1 or 2.
+    /// Returns the number of the flagellum that stands still, 1 or 2.
     pub fn standing(self) -> Option<usize> {
         self.turns.iter().position(|turns| *turns == 0).map(|k| k + 1)
     }
@@ -48,8 +49,8 @@ impl fmt::Display for Ratio {
 }
 
 /// Returns the starting angles of both motors (deg) of `count` runs at these speeds (rpm), evenly over all phases that
-/// differ. Flagellum 2 starts elsewhere, over the part of a turn after which the same phases come again; beside a flagellum
-/// 1 that stands, flagellum 1 does.
+/// differ. The starting angle of flagellum 2 varies over the part of a turn after which the phases repeat; if flagellum
+/// 1 stands still, its own angle varies instead.
 pub fn starts(rpm: [f64; 2], count: usize) -> Vec<[f64; 2]> {
     let [p, q] = rpm.map(|rpm| (rpm.abs() * 100.0).round() as u32);
     let common = gcd(p, q);

@@ -1,13 +1,13 @@
 //! Speeds of both motors over time: the phases of a trial, ramps, or the record of a rig.
 //!
-//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral. Where the motors
-//! are not the simulator's own, a profile is extended while it is run ([`SpeedProfile::open`]).
+//! Speeds are linear between points; two points at one time are a jump. Angles are the exact integral. If the motors
+//! are outside of the simulator, the profile is extended during the run ([`SpeedProfile::open`]).
 
 use crate::body::shaft::MotorState;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// Why points are no profile.
+/// Why points are not a profile.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProfileError {
     /// Fewer than two points, or no time between the first and the last.
@@ -19,7 +19,7 @@ pub enum ProfileError {
         /// Index of the point.
         index: usize,
     },
-    /// Its time is before that of the point before it.
+    /// The time of a point is before that of the previous point.
     #[error("point {index} lies before the one before it")]
     Unordered {
         /// Index of the point.
@@ -41,7 +41,7 @@ pub enum ProfileError {
         /// Its end, s.
         end: f64,
     },
-    /// A speed far beyond slow motion in a viscous fluid.
+    /// A speed is too large for slow motion in a viscous fluid.
     #[error("point {index}: {rpm:.0} rpm is beyond {limit:.0} rpm")]
     TooFast {
         /// Index of the point.
@@ -115,7 +115,7 @@ impl SpeedProfile {
     /// Measured speeds should be smoothed first: a step's formula takes the speed at its end for that of the step.
     ///
     /// # Errors
-    /// Points that are no profile: see [`ProfileError`].
+    /// Points that are not a valid profile, see [`ProfileError`].
     pub fn from_points(points: &[(f64, [f64; 2])]) -> Result<Self, ProfileError> {
         let mut built: Vec<Point> = Vec::with_capacity(points.len());
         for (index, (time, rpm)) in points.iter().enumerate() {
@@ -159,9 +159,9 @@ impl SpeedProfile {
         }
     }
 
-    /// Returns the same speeds with the target speeds of the run (rpm), which decide the length of the steady window instead
-    /// of the speeds at its end. Measured speeds scatter about their target, and with them whether a revolution more fits
-    /// into the window.
+    /// Sets the target speeds of the run (rpm), from which the length of the steady window then follows instead of from
+    /// the speeds at its end. Measured speeds scatter about their target, so the number of revolutions in the window
+    /// could vary with them.
     pub fn with_target(mut self, rpm: [f64; 2]) -> Self {
         self.target = Some(rpm.map(|rpm| rpm * PI / 30.0));
         self
@@ -208,7 +208,7 @@ impl SpeedProfile {
     /// Returns the phases of a trial at the speeds `rpm`.
     ///
     /// # Errors
-    /// Durations or a reversal that make no profile.
+    /// Durations or a reversal that are not valid, see [`ProfileError`].
     pub fn phases(phases: &Phases, rpm: [f64; 2]) -> Result<Self, ProfileError> {
         let start = phases.calibrate + phases.preroll;
         let stop = start + phases.run;
@@ -285,8 +285,8 @@ impl SpeedProfile {
         self.run
     }
 
-    /// Returns angles and speeds of both motors at a time (s). Beyond the ends the speed is that of the end; at a jump it
-    /// is that after it.
+    /// Returns angles and speeds of both motors at a time (s). Beyond the ends the speed is that of the nearest end; at
+    /// a jump it is the speed after the jump.
     pub fn motors(&self, time: f64) -> [MotorState; 2] {
         let after = self.points.partition_point(|p| p.time <= time);
         let Some(before) = self.points.get(after.wrapping_sub(1)) else {

@@ -9,8 +9,8 @@
 //! SI, body axes. Rows and columns are six a part, in the order of the parts: velocity (force) and then angular velocity
 //! (torque), of the base about the joint, and of a flagellum about the foot of its shaft.
 //!
-//! The exact matrix is symmetric (reciprocal theorem). That of collocated segments is so only up to the error of their
-//! discretisation, which [`Resistance::reciprocity_error`] states; the matrix is its symmetric part.
+//! The exact matrix is symmetric (reciprocal theorem). The matrix of collocated segments is symmetric only up to the
+//! discretisation error, which [`Resistance::reciprocity_error`] gives; the returned matrix is its symmetric part.
 
 use crate::V3;
 use crate::body::shaft::Shaft;
@@ -28,7 +28,7 @@ use nalgebra::{DMatrix, Matrix3, UnitQuaternion};
 pub struct Resistance {
     /// Force and torque on the fluid (N, N m) for velocity and angular velocity (m/s, rad/s), symmetric.
     pub matrix: DMatrix<f64>,
-    /// The same before it was made symmetric: what the steps of a trial have where the flagella are rigid.
+    /// The matrix before symmetrisation, as the steps of a trial with rigid flagella have it.
     pub collocated: DMatrix<f64>,
     /// The largest difference of two entries that the reciprocal theorem makes equal, before they were made so, over the
     /// geometric mean of the diagonal entries of their row and column.
@@ -40,8 +40,8 @@ pub fn parts(flagella: usize) -> Vec<String> {
     std::iter::once("base".into()).chain((1..=flagella).map(|k| format!("flagellum {k}"))).collect()
 }
 
-/// Returns the resistance of a robot at rest whose motors are at these angles, rad. With fewer angles than motors, the last
-/// flagella are not there.
+/// Returns the resistance of a robot at rest whose motors are at these angles, rad. With fewer angles than motors, the
+/// last flagella are left out.
 ///
 /// # Errors
 /// An impossible parameter, or one with which the fluid's equations are singular.

@@ -1,4 +1,4 @@
-//! Samples of a trial, and dense output: values between steps as exact as at them.
+//! Samples of a trial, and dense output: values between steps, as accurate as those at the steps.
 //!
 //! Steps are longer than the intervals of samples. Values in between are interpolated from the last four steps in the time
 //! formulas' own basis, exact for {1, t, cos wt, sin wt} with the speed w of the motor that drives them.
@@ -39,7 +39,7 @@ pub struct Sample {
     pub contact_force_n: [[f64; 3]; 2],
     /// Reaction torques on the base about the shafts in N m.
     pub axial_torque_nm: [f64; 2],
-    /// Least distance of the flagella's surfaces since the last sample in m, negative when they overlap.
+    /// Smallest gap between the flagella's surfaces since the last sample in m, negative if they overlap.
     pub min_gap_m: f64,
     /// Largest overlap since the last sample in m.
     pub max_penetration_m: f64,
@@ -81,7 +81,7 @@ pub struct StepRecord {
     pub motors: [MotorState; 2],
     /// Forces of both flagella.
     pub forces: [ForceRecord; 2],
-    /// Whether any pair pressed.
+    /// Whether any pair of edges was in contact.
     pub contact: bool,
 }
 
@@ -89,7 +89,7 @@ pub struct StepRecord {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DenseOutput {
     records: VecDeque<StepRecord>,
-    /// How far behind the newest step values are wanted, s; the last four steps are kept in any case.
+    /// How far before the newest step values can be asked for, s; at least the last four steps are kept.
     #[serde(default)]
     reach: f64,
 }
@@ -110,7 +110,7 @@ pub struct Interpolated {
 }
 
 impl DenseOutput {
-    /// For values up to `reach` seconds before the newest step.
+    /// Creates dense output with values up to `reach` seconds before the newest step.
     pub fn reaching(reach: f64) -> Self {
         Self { reach, ..Self::default() }
     }

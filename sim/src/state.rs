@@ -1,7 +1,8 @@
-//! The state of a robot: rods, motors, base and contact, and the past that the time formulas take.
+//! The state of a robot: rods, motors, base and contact, and the earlier steps that the time formulas use.
 //!
-//! A state can be saved and restored. Together with its [`StepControl`](crate::step::StepControl) a run that goes on from
-//! it is the same bit for bit, as all else in the solver is scratch or a function of the parameters.
+//! A state can be saved and restored. A run that continues from a state and its
+//! [`StepControl`](crate::step::StepControl) gives the same bits: everything else in the solver is scratch memory or a
+//! function of the parameters.
 
 use crate::V3;
 use crate::body::{Body, shaft::MotorState};
@@ -46,7 +47,7 @@ pub struct RodState {
     pub frames: ReferenceFrames,
 }
 
-/// An earlier step, as the time formulas take it.
+/// An earlier step, as the time formulas use it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Past {
     /// Time in s.
@@ -81,7 +82,7 @@ pub struct State {
 }
 
 impl State {
-    /// Robot upright, flagella free of stress, all at rest, at time 0. `contact_stiffness` in N/m.
+    /// Returns a robot at rest at time 0: upright, with stress-free flagella. `contact_stiffness` in N/m.
     pub fn at_rest(rods: &[Rod; 2], contact_stiffness: f64) -> Self {
         let rods =
             [0, 1].map(|k: usize| RodState { shape: Shape::at_rest(&rods[k]), frames: rods[k].rest_frames.clone() });
@@ -97,7 +98,8 @@ impl State {
         }
     }
 
-    /// Clears the past, for instance after a jump of a motor's speed: the next step starts anew.
+    /// Clears the past, for instance after a jump of a motor's speed, so that the next step starts without earlier
+    /// points.
     pub fn restart(&mut self) {
         self.past.clear();
     }

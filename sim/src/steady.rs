@@ -21,10 +21,10 @@ pub const WINDOW: f64 = 12.0;
 /// Length of the blocks that time the settling, s, about.
 const BLOCK: f64 = 2.0;
 
-/// Shortest window over the longest: below it more whole revolutions are not worth fewer values.
+/// Shortest window, as a share of the longest: a shorter window would average over too few values.
 const SHORTEST: f64 = 0.6;
 
-/// Part of a revolution of the slower motor that does not count as one too many or too few.
+/// Fraction of a revolution of the slower motor by which the window may miss a whole number.
 const WHOLE: f64 = 1e-6;
 
 /// Number of quantities: yaw, pitch, roll (rad), force of flagellum 1 and 2 on the base (N,
@@ -61,9 +61,10 @@ pub struct Steady {
 
 /// Returns the length of the steady window, s, for motors at these speeds in a run of `run_s`.
 ///
-/// It is a whole number of revolutions of the faster motor, between 60 % and all of [`WINDOW`] or of a shorter run, at
-/// which the slower motor is nearest to a whole number of its own; of several equally good lengths the longest. A motor
-/// that makes no revolution in that time does not count. Without any that counts it is [`WINDOW`] or the run.
+/// The length is a whole number of revolutions of the faster motor, between 60 % and 100 % of [`WINDOW`], or of the run
+/// if that is shorter. Among these lengths it is the one at which the slower motor is nearest to a whole number of
+/// revolutions; among equally good ones, the longest. A motor that makes no full revolution in that time is ignored. If
+/// both are ignored, the length is [`WINDOW`] or the run.
 pub fn whole_turns(speeds_rad_s: [f64; 2], run_s: f64) -> f64 {
     let longest = WINDOW.min(run_s);
     let mut periods: Vec<f64> = speeds_rad_s.iter().filter(|s| s.abs() > 1e-6).map(|s| TAU / s.abs()).collect();
@@ -111,7 +112,7 @@ impl SteadyCollector {
         Self { start, window, recent: VecDeque::new(), block, block_end: start + block, blocks: Vec::new() }
     }
 
-    /// Adds values at a time of the run (s). Times do not go back; those before the start are left out.
+    /// Adds values at a time of the run (s). Times must not decrease; values before the start are ignored.
     pub fn push(&mut self, time: f64, values: [f64; CHANNELS]) {
         if time < self.start {
             return;

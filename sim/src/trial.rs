@@ -13,12 +13,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A trial keeps a window of its past only: its memory does not grow with its length, but for one pair of numbers every
-//! two seconds.
+//! A trial keeps only a window of its past. Its memory grows with its length by one pair of numbers every two seconds.
 //!
-//! Where the motors are not the simulator's own, for instance those of an emulated board, their speeds are not known in
-//! advance. Then a trial is open: it is extended by the speeds of a short window, runs to its end, and gives values at any
-//! time in between.
+//! If the motors are outside of the simulator, for instance those of an emulated board, their speeds are not known in
+//! advance. Such a trial is open: it is extended by the speeds of a short window, runs to the end of the window, and
+//! gives values at any time in between.
 //!
 //! ```
 //! use sim::{params::Robot, body::closure::Closure, trial::{Options, Trial}};
@@ -89,10 +88,10 @@ pub struct Summary {
     pub step_error_m: f64,
 }
 
-/// Everything that the rest of a trial depends on besides its parameters.
+/// A checkpoint: everything besides the parameters on which the rest of a trial depends.
 ///
-/// A trial that is restored from it goes on bit for bit, if its format keeps every bit of a number (JSON of serde_json
-/// with the feature `float_roundtrip` does).
+/// A restored trial gives the same bits as the uninterrupted one if the file format keeps every bit of a number. JSON
+/// by serde_json with the feature `float_roundtrip` does.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     state: State,
@@ -140,7 +139,7 @@ fn phase(solver: &Solver) -> [f64; 2] {
     solver.model().robot.flagellum.phase_deg.map(f64::to_radians)
 }
 
-/// A sample this much behind the end, s, is the last one: times of samples are rounded.
+/// A sample at most this much after the end, s, is still the last sample: times of samples are rounded.
 const END_ROUNDING: f64 = 1e-9;
 
 /// Bounds of the sampling rate, 1/s.
@@ -304,7 +303,7 @@ impl Trial {
     /// Runs to the end without samples and returns the results.
     ///
     /// # Errors
-    /// A step that fails however short it is.
+    /// A step that fails at every length.
     pub fn finish(&mut self) -> Result<Summary, StepError> {
         while self.progress.state.time < self.profile.end() {
             self.advance()?;
@@ -312,7 +311,7 @@ impl Trial {
         Ok(self.summary())
     }
 
-    /// Sets the output; for a trial that has given no sample.
+    /// Sets the output. The trial must not have given a sample yet.
     pub(crate) fn set_options(&mut self, options: Options) {
         self.options = options;
     }

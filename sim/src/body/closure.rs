@@ -14,9 +14,9 @@
 //! M_z = (F1y - F2y) d/2 - C w_z
 //! ```
 //!
-//! The righting moment has the sign that rights. What they give at the published points, closure by closure, with the
-//! robot `published` (`cargo run --release -p sim --example closures`; both helices start at the same angle; rates are
-//! means of the last minute of 240 s):
+//! The righting moment is written with its restoring sign. The table has the results of the three closures at the
+//! published points for the robot `published` (`cargo run --release -p sim --example closures`; both helices start at
+//! the same angle; rates are means of the last minute of 240 s):
 //!
 //! | speeds rpm | closure | yaw at 120 s | at 240 s, deg | rate about z_B, deg/s | by drag alone | tilt, deg | settled |
 //! | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -33,16 +33,16 @@
 //! | (-90, 90) | Lumped | 35.1 | 35.1 | 0.000 |  | 16.8 to 16.8 | true |
 //! | (-90, 90) | Paper | 829.7 | 1660.0 | 6.113 | 6.113 | 26.8 to 47.8 | false |
 //!
-//! They cannot settle, for three reasons.
+//! The printed equations have no steady state, for three reasons.
 //!
-//! - Nothing in them resists a yaw *angle*. Lateral forces are sinusoids, but their mean over a revolution is not zero, so the
+//! - No term resists a yaw *angle*. Lateral forces are sinusoids, but their mean over a revolution is not zero, so the
 //!   couple (F1y - F2y) d/2 has a mean as well; the only other term is drag, and w_z goes to that mean over C. The time
-//!   J_z/C is a quarter of a second: after it the base spins at that rate for ever. In the tank something else holds the
-//!   yaw, the sensor's cable for one; `full` and `lumped` have one stiffness for it, and it is the one constant that is
-//!   calibrated.
-//! - Nothing in them rights a *roll*. A base that spins about z_B carries its tilt from pitch into roll and back, where
-//!   no moment answers, so the axis does not settle either: it tumbles, at three of the four points nearly upside down
-//!   and back. (Where it does, the Euler yaw increases faster than the base rotates about z_B.)
+//!   J_z/C is a quarter of a second: after it the base spins at that rate for ever. In the real tank something else
+//!   resists the yaw, such as the sensor's cable. `full` and `lumped` model it by one stiffness, the only calibrated
+//!   constant.
+//! - No term resists a *roll*. In a base that spins about z_B the tilt changes from pitch to roll and back, and no
+//!   moment acts on the roll. So the axis does not settle either: it tumbles, at three of the four points nearly upside
+//!   down and back. (Where it does, the Euler yaw increases faster than the base rotates about z_B.)
 //! - C is the drag of the base alone. The drag of the flagella about the joint, which is far larger, is left out, and so
 //!   are the reaction torques about the helix axes, the largest part of the yaw moment.
 //!

@@ -3,11 +3,11 @@
 //! Body axes, about the joint. M holds the righting moment r_com x m g, the tether, the joint's friction and the drag of
 //! the base; which of them count depends on the closure.
 //!
-//! The tether has the energy K tau^2/2 in its twist tau: the rotation about the vertical that is left when the base is put
-//! upright the shortest way, 2 atan2(q_z, q_w) and full turns. A cable that bends the same in all directions is twisted by
-//! it; the Euler yaw, which differs from it by half the product of pitch and roll, would prefer the x axis to the y axis.
-//! Its moment is minus the energy's gradient. For an angular velocity w in body axes the twist changes by
-//! w . (up + z_B)/(1 + up . z_B), with the vertical up (from dq/dt = q w/2).
+//! The tether has the energy K tau^2/2. Its twist tau is the rotation about the vertical that remains after the base is
+//! turned upright by the smallest rotation: 2 atan2(q_z, q_w) plus full turns. This is the twist of a cable with the
+//! same bending stiffness in all directions. The Euler yaw differs from it by half the product of pitch and roll, and
+//! would treat the x and y axes differently. Its moment is minus the energy's gradient. For an angular velocity w in
+//! body axes the twist changes by w . (up + z_B)/(1 + up . z_B), with the vertical up (from dq/dt = q w/2).
 
 use super::Body;
 use super::attitude::{euler_zyx, unwrap};
@@ -35,8 +35,8 @@ pub struct RigidBase {
 /// Rate in rad/s below which Coulomb friction is smoothed: 0.01 degrees a second, far below any rate of a trial.
 const SLIP: f64 = 0.01 * PI / 180.0;
 
-/// Least of 1 + up . z_B in the twist's gradient, which has no bound upside down: within 18 degrees of it the tether lets
-/// go.
+/// Lower limit of 1 + up . z_B in the twist's gradient, which is unbounded for a base that is upside down. Within 18
+/// degrees of that attitude the tether moment is reduced.
 const LEAST_SUM: f64 = 0.05;
 
 /// Returns the twist of the tether, rad.
@@ -77,7 +77,7 @@ impl RigidBase {
         }
     }
 
-    /// Returns the moment of everything but the flagella's loads, N m.
+    /// Returns the sum of all moments except those of the flagella, N m.
     pub fn moment(&self, body: &Body) -> V3 {
         let mut moment = -(self.drag * body.rate);
         if self.closure == Closure::Paper {

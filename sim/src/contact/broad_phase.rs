@@ -18,7 +18,8 @@ pub struct BroadPhase {
     middles: [[Vec<f64>; 3]; 2],
     /// Longest edge, m.
     longest: f64,
-    /// How much farther than asked a list reaches, m: it serves until the rods have moved so far.
+    /// Skin of a list, m: the list reaches this much farther than asked, and stays valid until the rods have moved that
+    /// far.
     skin: f64,
     /// One for each of [`ROD_PAIRS`].
     lists: [Option<NeighbourList>; 3],
@@ -31,7 +32,7 @@ struct NeighbourList {
     lines: Lines,
     /// Pairs of edges that were close.
     edges: Vec<[usize; 2]>,
-    /// All other pairs were farther apart than this, m.
+    /// Lower bound of the distance of all other pairs, m.
     cutoff: f64,
 }
 

@@ -7,15 +7,15 @@
 
 use crate::linear::solve as solve_equations;
 
-/// Pivots without progress before they are done one by one.
+/// Number of block pivots without progress after which rows are exchanged one at a time.
 const PATIENCE: u32 = 3;
-/// Least diagonal entry that a row is divided by: rough columns may make one negative.
+/// Smallest diagonal entry to divide by; inaccurate columns may make an entry negative.
 const LEAST_DIAGONAL: f64 = 1e-9;
 /// Sweeps of projected Gauss-Seidel.
 const SWEEPS: usize = 300;
 
-/// Solves the problem for `l`, which holds a start. `matrix`: row by row, with a positive diagonal; `tolerance`: error of
-/// b + C l.
+/// Solves the problem for `l`, which holds the initial guess. `matrix`: row by row, with a positive diagonal;
+/// `tolerance`: error of b + C l.
 pub fn solve(matrix: &[f64], b: &[f64], l: &mut [f64], tolerance: f64) {
     if principal_pivoting(matrix, b, l, tolerance) {
         return;

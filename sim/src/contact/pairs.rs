@@ -29,12 +29,12 @@ pub struct Pair {
 /// Nodes of both rods in the body frame.
 pub type Lines = [Vec<V3>; 2];
 
-/// Centre lines nearer than this, m, have no direction between them.
+/// Below this distance, m, the direction between centre lines is undefined.
 const COINCIDENT: f64 = 1e-12;
 /// A normal that deviates from the one before by more than about 100 degrees (the cosine) has changed its side. One near
 /// 90 degrees is a contact that slides over the end of an edge.
 const FLIPPED: f64 = -0.2;
-/// Contact slides by less than this many edges in a step; a force is not handed over farther.
+/// A force is handed over to a new pair at most this many edges away: contact slides less in a step.
 const SLIDE_EDGES: f64 = 3.0;
 /// Only pairs within this many contact distances show on which side the rods are.
 const SIDE_DISTANCES: f64 = 1.5;

@@ -1,7 +1,9 @@
-//! Few points that stand for many, where a flow is smooth: forces are gathered to them and velocities spread from them.
+//! Coarse points that represent many fine points in a smooth flow: forces are gathered to them, velocities interpolated
+//! from them.
 //!
-//! A fine point takes its velocity from the coarse points near it by polynomial interpolation, and forces go to the coarse
-//! points with the weights of their places. So total forces are kept, and moments as far as the interpolation is exact.
+//! A fine point takes its velocity from the coarse points near it by polynomial interpolation, and forces go to the
+//! coarse points with the weights of their places. This preserves total forces, and moments as far as the interpolation
+//! is exact.
 
 use super::far::gauss_rule;
 use crate::V3;
@@ -34,10 +36,10 @@ impl Cubic<'_> {
 }
 
 impl Coarse {
-    /// Between the nodes of a line, about equally far apart, and about every `stride`-th of them: at least four, or all.
+    /// Returns the weights between the nodes of a line and coarse points, and the nodes that are coarse points: about
+    /// every `stride`-th node, at least four, or all. Nodes must be about equally far apart.
     ///
-    /// Velocities are those of the nodes, forces those of linear densities, spread over the adjacent edges. Returns the
-    /// weights and the nodes that are coarse points.
+    /// Velocities are given at the nodes; forces are linear densities, integrated over the adjacent edges.
     pub fn line(nodes: usize, stride: usize) -> (Self, Vec<usize>) {
         let last = nodes - 1;
         let intervals = last.div_ceil(stride.max(1)).max(3).min(last);
@@ -77,7 +79,7 @@ impl Coarse {
         (Self { count: 8, gather: terms.clone(), spread: terms }, (0..8).map(corner).collect())
     }
 
-    /// Every point of a body stands for itself.
+    /// Returns weights with which each point of a body is its own coarse point.
     pub fn identity(count: usize) -> Self {
         let terms: Vec<Term> = (0..count).map(|i| (i, i, 1.0)).collect();
         Self { count, gather: terms.clone(), spread: terms }

@@ -1,12 +1,13 @@
 //! The surface of a rigid body as regularised point forces, and its resistance.
 //!
-//! Method of regularised Stokeslets (Cortez 2001; Cortez, Fauci, Medovikov 2005): point forces F_j on the closed surface make
-//! the flow 8 pi mu u(x_i) = sum over j of (1/R + e^2/R^3) F_j + (x_i - x_j).F_j (x_i - x_j)/R^3 at each of its points, with
-//! R^2 = |x_i - x_j|^2 + e^2. It is the velocity of the surface; the matrix of this system is symmetric, positive and
-//! constant in the body frame, so it is inverted once.
+//! Method of regularised Stokeslets (Cortez 2001; Cortez, Fauci, Medovikov 2005): point forces F_j on the closed
+//! surface make the flow 8 pi mu u(x_i) = sum over j of (1/R + e^2/R^3) F_j + (x_i - x_j).F_j (x_i - x_j)/R^3 at each
+//! of its points, with R^2 = |x_i - x_j|^2 + e^2. This flow must equal the velocity of the surface. The matrix of the
+//! system is symmetric, positive definite and constant in the body frame, so it is inverted once.
 //!
-//! A point stands for a cell of the surface, and its regularisation is a fixed share of the cell's width: the flow of a point
-//! in its own cell is then nearly the mean flow of a force spread over it, and the error falls with the width.
+//! A point represents a cell of the surface, and its regularisation is a fixed share of the cell's width. The flow of a
+//! point in its own cell is then nearly the mean flow of a force spread over the cell, and the error decreases with the
+//! width.
 //!
 //! Units SI, body frame. The axis of all shapes is parallel to z.
 
@@ -22,9 +23,10 @@ pub const POINTS: usize = 40;
 /// Regularisation over the width of a cell. With it and [`INSET`] a sphere of any number of points has its translational and its
 /// rotational resistance within 1 %.
 const EPSILON: f64 = 0.42;
-/// Depth of the points under the surface over the distance of neighbours: what they move is a little larger than they are.
+/// Depth of the points under the surface, relative to the distance between neighbours. The body in the flow is slightly
+/// larger than the hull of its points.
 const INSET: f64 = 0.06;
-/// The same for a cylinder, where a ring of points lies on each edge: no point stands for more of a body than these.
+/// The same for a cylinder, with a ring of points on each edge; these points represent the largest part of the body.
 const INSET_OF_EDGES: f64 = 0.09;
 
 /// A point of a surface.
@@ -36,8 +38,9 @@ pub struct SurfacePoint {
     pub area: f64,
 }
 
-/// Returns about `count` points, well spread on the surface of a head: rings about its axis, about as far apart as the points
-/// of a ring. They are symmetric in both planes through the axis, as the robot is. Empty for a head that is no body.
+/// Returns about `count` points, well spread on the surface of a head: rings about its axis, about as far apart as the
+/// points of a ring. They are symmetric in both planes through the axis, as the robot is. Empty for a head that is not
+/// a body in the flow.
 pub fn surface_points(head: &Head, count: usize) -> Vec<SurfacePoint> {
     let (a, c) = (head.radius_m, head.half_length());
     let width_for = |area: f64| (area / count as f64).sqrt();
@@ -143,7 +146,7 @@ pub struct RigidSurface {
 }
 
 impl RigidSurface {
-    /// Returns the head of a robot, `None` where it is no body in the flow.
+    /// Returns the head of a robot; `None` if it is not a body in the flow.
     ///
     /// # Errors
     /// A head whose points are too close to tell them apart.

@@ -1,9 +1,8 @@
 //! Stokes flow about the centre lines: regularised Stokeslet segments.
 //!
-//! Units SI; any frame that is at rest in the sense of orientation will do, as the flow of an
-//! unbounded fluid does not depend on how the axes point. The force density f (N/m, on the fluid) is
-//! linear on each segment between its nodes, u = M f. Equations: Cortez 2018 (*Regularized Stokeslet
-//! segments*).
+//! SI units, in any set of axes: the flow of an unbounded fluid does not depend on their directions. The force density
+//! f (N/m, on the fluid) is linear on each segment between its nodes, u = M f. Equations: Cortez 2018 (*Regularized
+//! Stokeslet segments*).
 //!
 //! [`segment`] has the exact integrals, [`mobility`] the dense matrix, and [`near`] with [`far`] the
 //! fast product: exact segments within a few edges on the same rod, Gauss points for all others. [`head`] is a rigid body in

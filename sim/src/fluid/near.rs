@@ -43,7 +43,8 @@ pub struct NearBand {
 }
 
 impl NearBand {
-    /// For a rod of `nodes` nodes, exact within `reach` edges, with `gauss_points` a segment to take off.
+    /// Returns the band of a rod of `nodes` nodes, exact within `reach` edges, from which a Gauss rule of
+    /// `gauss_points` points per segment is subtracted.
     pub fn new(nodes: usize, reach: usize, gauss_points: usize) -> Self {
         let rows = nodes.div_ceil(PADDING) * PADDING;
         let length = rows + 2 * reach + 2;
@@ -62,7 +63,7 @@ impl NearBand {
         }
     }
 
-    /// Recomputes the band at a shape (length `nodes`), 1/(8 pi mu) included.
+    /// Recomputes the band at a shape (length `nodes`), including the factor 1/(8 pi mu).
     pub fn assemble(&mut self, shape: &[V3], epsilon: f64, viscosity: f64) {
         let (n, reach) = (self.nodes, self.reach);
         // Beyond the ends the line is straight: its numbers stay finite, and the mask drops them.

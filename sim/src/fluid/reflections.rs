@@ -1,10 +1,10 @@
-//! The flow that the images in single walls leave out: what the walls of a tank reflect of each other's images.
+//! The flow that images in single walls leave out: the reflections of these images in the other walls of a tank.
 //!
-//! Superposed images subtract too much. Midway between two walls a force along them loses 12 % too much of its flow, and in a
-//! closed tank a robot's sideways mobility would not even be positive. The remainder is a smooth flow without forces in the
-//! tank. It is found once, world axes: point forces behind each wall (method of fundamental solutions) cancel what the
-//! superposed images leave on it, in as many points (least squares); between points about the robot the result is a polynomial in the place
-//! of the force and of the flow.
+//! The sum of the images in single walls subtracts too much flow. Midway between two walls a force along them loses 12
+//! % too much of its flow, and in a closed tank a robot's sideways mobility would not even be positive. The remainder
+//! is a smooth flow without forces in the tank. It is found once, world axes: point forces behind each wall (method of
+//! fundamental solutions) cancel what the superposed images leave on it, in as many points (least squares); between
+//! points about the robot the result is a polynomial in the place of the force and of the flow.
 
 use super::head::stokeslet;
 use super::walls::{Plane, Walls};
@@ -13,7 +13,8 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 
 /// Points on all walls, at most.
 const POINTS: f64 = 250.0;
-/// Damping of the least squares, over the mean square of a force's flow: of no matter but for forces that make no flow.
+/// Damping of the least squares, relative to the mean square of a force's flow. It matters only for forces that cause
+/// no flow.
 const DAMPING: f64 = 1e-9;
 /// How far a wall reaches where no other one ends it, in distances from the robot's middle.
 const OPEN: f64 = 8.0;

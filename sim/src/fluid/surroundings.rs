@@ -1,4 +1,4 @@
-//! The flow that the flagella share with what else is in the fluid: the rigid head and the walls of the tank.
+//! The flow between the flagella and the other bodies in the fluid: the rigid head and the walls of the tank.
 //!
 //! The forces of the head's points on the fluid are F = R (u_rigid - u), with the resistance R of [`RigidSurface`], the velocity
 //! of the rigid body at its points and the flow u of the flagella there. Their own flow acts on the flagella's nodes, and
@@ -6,9 +6,9 @@
 //!
 //! A tank adds the flow of the images of all these forces ([`super::tank`]), at the flagella and at the head.
 //!
-//! Units SI, body frame, where the head is constant. The flow between a flagellum and the head is smooth: groups of edges act
-//! on it as one point force each, the longer the farther away. Both ways its regularisation is that of the flagella, whose
-//! lines stand for round rods with it, so the coupling is reciprocal.
+//! Units SI, body frame, where the head is constant. The flow between a flagellum and the head is smooth: groups of
+//! edges act on it as one point force each, the longer the farther away. In both directions it has the regularisation
+//! of the flagella, with which a line represents a round rod, so the coupling is reciprocal.
 
 use super::Line;
 use super::far::{Sources, Targets, gauss_rule};
@@ -32,7 +32,7 @@ const AGREED: f64 = 0.05;
 /// distance of the walls.
 const EXCHANGES: u32 = 10;
 
-/// What surrounds the flagella, and the flow of it.
+/// The head, the tank, and their flow at the flagella.
 #[derive(Clone, Debug)]
 pub struct Surroundings {
     head: Option<HeadFlow>,
@@ -58,11 +58,11 @@ struct HeadFlow {
     /// Torque on the fluid for a unit angular velocity, about the joint.
     drag: Matrix3<f64>,
     targets: Targets,
-    /// Velocity of the surface against the flow of all else at its points, three numbers a point.
+    /// Velocity of the surface relative to the flow of everything else, three numbers per point.
     slip: Vec<f64>,
     /// Forces on the fluid, likewise.
     forces: Vec<f64>,
-    /// Those before.
+    /// The forces before the last update.
     before: Vec<f64>,
     sources: Sources,
     load: Load,
@@ -101,12 +101,12 @@ impl Surroundings {
         }
     }
 
-    /// Returns whether there is nothing, and no flow.
+    /// Returns whether there is neither head nor tank.
     pub fn is_empty(&self) -> bool {
         self.head.is_none() && self.tank.is_none()
     }
 
-    /// Starts a step: forgets the last one's flow and computes it anew.
+    /// Starts a step: discards the flow of the last step and recomputes it.
     pub fn begin(&mut self, lines: &[Line], body: &Body) {
         if let Some(tank) = &mut self.tank {
             tank.begin(lines, &body.attitude);
@@ -180,8 +180,8 @@ impl Surroundings {
         self.head.as_ref().map_or(Load::default(), |head| head.load)
     }
 
-    /// Returns the moment (N m) on the head of the flow of all else: its moment without that of its own rotation, which
-    /// [`crate::body::joint::RigidBase`] has.
+    /// Returns the moment (N m) on the head by the flow of everything else. The moment by the head's own rotation is
+    /// not included; [`crate::body::joint::RigidBase`] has it.
     pub fn induced_moment(&self) -> V3 {
         self.head.as_ref().map_or(V3::zeros(), |head| head.load.moment + head.drag * head.rate)
     }

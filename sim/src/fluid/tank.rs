@@ -1,9 +1,9 @@
 //! The flow of a tank's walls and surface about a robot that turns in it: the images of all its forces, at all its points.
 //!
-//! Body axes in and out, world axes within, where the tank stands still. Images are at least twice as far away as the wall,
-//! and so smooth: they act between every few nodes of a flagellum and eight points of the head ([`super::coarse`]), the
-//! closer together the nearer a wall is. The matrix between these points is kept until they have moved. What
-//! the images in single walls leave out is a polynomial ([`super::reflections`]).
+//! Body axes in and out, world axes within, where the tank stands still. Images are at least twice as far away as the
+//! wall, so their flow is smooth. It is computed between every few nodes of a flagellum and eight points of the head
+//! ([`super::coarse`]); the nodes are closer together near a wall. The matrix between these points is kept until they
+//! have moved. What the images in single walls leave out is a polynomial ([`super::reflections`]).
 
 use super::Line;
 use super::coarse::Coarse;
@@ -17,7 +17,7 @@ use nalgebra::UnitQuaternion;
 /// Length between coarse nodes over the distance of the nearest wall and over a turn of the helix, at most: errors are then
 /// below 1 % of the images' flow.
 const SPACING: f64 = 0.25;
-/// Distance of the nearest wall over the size of the head from which on eight points stand for it.
+/// Distance of the nearest wall, relative to the size of the head, above which eight points represent the head.
 const FAR_HEAD: f64 = 1.0;
 /// Distance that a point may move, over that of the nearest wall, before the matrix is computed anew.
 const MOVED: f64 = 2e-3;
@@ -37,7 +37,7 @@ pub struct TankFlow {
     head: CoarseSurface,
     /// Coarse points of all flagella, then of the head, world axes, m.
     points: Vec<V3>,
-    /// Those of the matrix.
+    /// The coarse points for which the matrix was computed.
     assembled: Vec<V3>,
     /// Distance of the nearest wall or surface, m.
     clearance: f64,
@@ -50,7 +50,7 @@ pub struct TankFlow {
     flow: Vec<V3>,
 }
 
-/// The nodes that stand for those of a flagellum.
+/// The coarse nodes of a flagellum.
 #[derive(Clone, Debug)]
 struct CoarseNodes {
     /// Half of the adjacent edges, m: forces of the nodes over their densities.

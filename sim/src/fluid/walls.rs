@@ -10,15 +10,16 @@
 //! ```
 //!
 //! This is the image of Ainley, Durkin, Embid, Boindala and Cortez 2008 (*The method of images for regularized
-//! Stokeslets*), collected: with the Stokeslet of [`super::far`] the flow vanishes at the wall to rounding for every eps,
-//! eps = 0 is Blake's image (1971), and force and velocity may change places (reciprocity).
+//! Stokeslets*), collected: with the Stokeslet of [`super::far`] the flow vanishes at the wall to rounding for every
+//! eps, eps = 0 is Blake's image (1971), and force and velocity may be exchanged (reciprocity).
 //!
 //! A free surface that stays plane reflects: the image of a force is its mirror image, and the walls are mirrored as well,
 //! so that the surface has neither a normal velocity nor shear, whatever walls stand on it.
 //!
-//! Each wall reflects the forces and their mirror images, but not the images in other walls. Where two walls face each
-//! other that is too much: midway between them by 12 % for a force along them (Faxen 1922: a small sphere's drag grows by
-//! 1.004 radii over the distance; two images give 2 x 9/16). [`super::reflections`] has the rest.
+//! Each wall reflects the forces and their mirror images, but not the images in other walls. Between two walls that
+//! face each other the sum is too large: midway between them by 12 % for a force along them (Faxen 1922: a small
+//! sphere's drag grows by 1.004 radii over the distance; two images give 2 x 9/16). [`super::reflections`] has the
+//! rest.
 
 use crate::V3;
 use crate::lanes::{PADDING, Wide};
@@ -54,7 +55,7 @@ pub struct Walls {
 }
 
 impl Walls {
-    /// `surface`: height of a free surface, m.
+    /// Returns the boundaries of a fluid. `surface`: height of a free surface, m.
     pub fn new(mut planes: Vec<Plane>, surface: Option<f64>) -> Self {
         if let Some(surface) = surface {
             let floors: Vec<Plane> = planes.iter().filter(|p| p.axis == 2).copied().collect();

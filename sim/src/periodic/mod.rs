@@ -1,4 +1,4 @@
-//! The motion that a trial at constant speeds ends in, solved for instead of waited for.
+//! Solves for the final motion of a trial at constant speeds, without simulating its transient.
 //!
 //! ```
 //! use sim::{body::closure::Closure, params::Robot, periodic};
@@ -8,15 +8,17 @@
 //! # Ok::<(), periodic::SolveError>(())
 //! ```
 //!
-//! The unknown is the state at the start of a common period of both motors, and the motion repeats where the period leaves
-//! it as it was: shooting, as for any periodic orbit. Of the state only the attitude and the bend of each flagellum decay in
-//! more than a second (`slow`); the rest follows them within the period. So a period is a map of these seven coordinates y,
-//! and with its derivative M its change F(y) gives a Newton step, (I - M)⁻¹ F. M comes from the periods themselves
-//! (`modes`), and Anderson acceleration over the last of them makes up for what it is off. A step moves the state and its past in the slow coordinates, and the ordinary solver goes on from there.
+//! The unknown is the state at the start of a common period of both motors. The motion repeats if the state is the same
+//! after the period: this is shooting, as for any periodic orbit. Only the attitude and the bend of each flagellum
+//! decay in more than a second (`slow`); the rest of the state follows them within the period. So a period maps seven
+//! coordinates y. With its derivative M and the change F(y) over a period, a Newton step is (I - M)⁻¹ F. M is estimated
+//! from the periods themselves (`modes`), and Anderson acceleration over the last periods corrects its error. A step
+//! moves the state and its past in the slow coordinates; the ordinary solver continues from there.
 //!
-//! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration: the results are those of the period, by the ordinary solver and
-//! the ordinary steady window. Where that does not happen, or the motors have no common period of 12 s or less, the ordinary
-//! simulation goes on until the means of two windows agree. `sim/docs/steady.md` has the comparison with trials.
+//! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration. The results are means
+//! over the last period, by the ordinary solver and the ordinary steady window. If no motion is found, or if the motors
+//! have no common period of 12 s or less, the ordinary simulation continues until the means over two windows agree.
+//! `sim/docs/steady.md` has the comparison with trials.
 
 mod modes;
 mod period;
@@ -33,38 +35,38 @@ use serde::{Deserialize, Serialize};
 use shooting::{Outcome, shoot};
 use std::f64::consts::PI;
 
-/// Largest distance of yaw, pitch and roll from those of the motion that repeats, as the last period tells it, rad.
+/// Largest difference of yaw, pitch and roll from those of the repeating motion, estimated from the last period, rad.
 pub const TOLERANCE: f64 = 0.05 * PI / 180.0;
 
 /// Largest difference of yaw, pitch and roll between the means of two windows that agree, rad.
 const AGREEMENT: f64 = 0.1 * PI / 180.0;
 
-/// What a motion is.
+/// Kind of a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// It repeats with the common period of the motors.
     Steady,
-    /// It was not found to repeat, but the means of its last two windows agree.
+    /// No repeating motion was found, but the means over the last two windows agree.
     Beating,
-    /// Not even its means agree.
+    /// No repeating motion was found, and the means do not agree.
     NotFound,
 }
 
 impl Kind {
-    /// Returns what a motion is that was not found to repeat, by whether its trial has settled.
+    /// Returns the kind of a motion that does not repeat, from whether its trial has settled.
     pub fn of_trial(settled: bool) -> Self {
         if settled { Self::Beating } else { Self::NotFound }
     }
 }
 
-/// A steady state that was solved for.
+/// The result of [`solve`].
 #[derive(Clone, Debug)]
 pub struct Periodic {
-    /// What it is.
+    /// Kind of the motion.
     pub kind: Kind,
-    /// Results of the period, or of the last window where the motion was not found to repeat. The way there is not in
-    /// them: the time to settle is 0 s.
+    /// Results of the period, or of the last window if no repeating motion was found. They do not include the
+    /// transient: the settling time is 0 s.
     pub summary: Summary,
     /// The period, s.
     pub period_s: Option<f64>,
@@ -94,8 +96,8 @@ pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
 
 /// Solves for the steady state of a robot whose motors turn at constant speeds.
 ///
-/// `rpm`: speeds of the motors; `start_rad`: their angles at the start, on which it depends which of several steady states
-/// is found ([`crate::phase`]); `longest_s`: duration of the simulation where the motion is not found to repeat.
+/// `rpm`: speeds of the motors; `start_rad`: their angles at the start, which select one of several steady states
+/// ([`crate::phase`]); `longest_s`: duration of the simulation if no repeating motion is found.
 ///
 /// # Errors
 /// Impossible parameters, speeds or duration, a trial that fails, and [`SolveError::Interrupted`]. A failing step of the
@@ -182,8 +184,8 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// Returns the trial of the period at its start. Run, it gives samples as `options` say, and the results again but for
-    /// the solver's errors: the search also ends a step at each of its own samples, the trial does not.
+    /// Returns a trial over the period, at its start. It gives samples as set by `options`. Its results differ from
+    /// `summary` by the solver's error, because the search also ends a step at each of its own samples.
     pub fn into_trial(mut self, options: Options) -> Trial {
         self.trial.restore(self.start);
         self.trial.set_options(options);
@@ -191,7 +193,7 @@ impl Orbit {
     }
 }
 
-/// Searches for the motion that repeats; see [`solve`], which simulates on where there is none.
+/// Searches for the repeating motion. [`solve`] also simulates on if there is none.
 ///
 /// # Errors
 /// Impossible parameters or speeds, and [`SolveError::Interrupted`].

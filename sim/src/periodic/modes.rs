@@ -1,9 +1,9 @@
-//! How the slow coordinates decay, from the motion itself.
+//! Estimates the decay of the slow coordinates from the motion.
 //!
-//! Two stretches of a motion that pass the same angles of the motors differ by what decays, and by nothing that turns with
-//! the motors. The difference obeys a linear law, d(t + h) = B d(t), and B is fitted to its samples by least squares: the
-//! dynamic mode decomposition (Schmid 2010, J. Fluid Mech. 656, 5). Directions in which no difference was seen keep a
-//! common decay that is assumed.
+//! Two periods of a motion pass the same motor angles, so their difference contains only decaying parts and nothing
+//! that turns with the motors. The difference obeys a linear law, d(t + h) = B d(t), and B is fitted to its samples by
+//! least squares: the dynamic mode decomposition (Schmid 2010, J. Fluid Mech. 656, 5). Directions without an observed
+//! difference get an assumed common decay.
 
 use super::slow::{COORDINATES, Slow};
 use nalgebra::SMatrix;
@@ -52,7 +52,7 @@ impl Modes {
         self.map().complex_eigenvalues().iter().any(|value| value.norm() > 1.0)
     }
 
-    /// Returns what makes of the change that a period of this many intervals makes the Newton step; `None` where a
+    /// Returns the map (I - M)⁻¹ from the change over a period of `intervals` intervals to the Newton step; `None` if a
     /// direction does not decay.
     pub fn newton(&self, intervals: usize) -> Option<Map> {
         (Map::identity() - self.map().pow(intervals as u32)).try_inverse()

@@ -1,4 +1,4 @@
-//! The slow coordinates of a robot: what takes seconds to decay.
+//! The slow coordinates of a robot, which take seconds to decay.
 //!
 //! [yaw, pitch, roll, bend 1 about x_B and y_B, bend 2 about x_B and y_B], all in rad. The attitude settles against the
 //! drag of the flagella, and each flagellum bends as a whole, as a cantilever in its first mode. All other modes of the
@@ -54,8 +54,8 @@ pub fn coordinates(solver: &Solver, state: &State) -> Slow {
     Slow::from([state.body.yaw, pitch, roll, x1, y1, x2, y2])
 }
 
-/// Returns a state with its slow coordinates changed by `change`, together with its past: as if it had always been
-/// there. `profile`: of its motors.
+/// Returns a state whose slow coordinates, and those of its past, are changed by `change`. `profile`: speeds of the
+/// motors.
 pub fn moved(state: &State, change: &Slow, profile: &SpeedProfile) -> State {
     let mut out = state.clone();
     let turned = |attitude: &UnitQuaternion<f64>| {

@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Handedness {
-    /// As a common screw: turned counter-clockwise seen from above it pushes up, towards its clamp.
+    /// As a common screw. Turned counter-clockwise seen from above, the helix pushes up, towards its clamp.
     #[default]
     Right,
     /// The mirror image.

@@ -81,8 +81,8 @@ impl Rod {
     /// Returns a rod that is free of stress in the given shape (m): its natural curvature and twist are those of the
     /// shape, where every elastic force vanishes to rounding.
     ///
-    /// Needs three nodes or more, no two neighbours in the same place and no edge that folds back
-    /// onto its neighbour; [`crate::params`] makes sure of it for a robot.
+    /// The shape must have at least three nodes, no two neighbours in the same place, and no edge that folds back onto
+    /// its neighbour; [`crate::params`] ensures this for a robot.
     pub fn stress_free(shape: Vec<V3>, stiffness: Stiffness) -> Self {
         let n = shape.len();
         let rest_length: Vec<f64> = shape.windows(2).map(|p| (p[1] - p[0]).norm()).collect();

@@ -9,8 +9,8 @@
 
 use crate::params::Robot;
 
-/// Least drag on changes of the spin in the shaft's frame, as a share of a round rod's: without it twist has no time of its
-/// own, and where it snaps (soft flagella driven against their winding) no solution.
+/// Smallest drag on changes of the spin in the shaft's frame, as a share of a round rod's. Without drag, twist has no
+/// time constant, and no solution exists where it snaps (soft flagella driven against their winding).
 pub const LEAST_SPIN_DRAG: f64 = 0.02;
 
 /// Drag on the spin of a rod, N m s a metre and radian.
@@ -23,7 +23,7 @@ pub struct SpinDrag {
 }
 
 impl SpinDrag {
-    /// That of a robot's flagella.
+    /// Returns the drag on the spin of a robot's flagella.
     pub fn new(robot: &Robot) -> Self {
         let round = robot.round_spin_drag();
         let share = robot.fluid.spin_drag;

@@ -1,4 +1,4 @@
-//! What bending and twist at a node reach: two edges, three nodes and two angles.
+//! The degrees of freedom that bending and twist at a node depend on: two edges, three nodes and two angles.
 //!
 //! In slots of four a node that is a block of 11: x_{i-1}, theta_{i-1}, x_i, theta_i, x_{i+1}.
 

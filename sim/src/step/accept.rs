@@ -1,4 +1,5 @@
-//! Acceptance of a solved step: finite numbers and no passage; then its loads and the new state.
+//! Acceptance of a solved step: checks for finite numbers and for rods that passed through each other; then its loads
+//! and the new state.
 
 use super::body::BodySolve;
 use super::formula::POINTS;

@@ -1,17 +1,19 @@
-//! The frozen inverses: where they are built, and which are kept.
+//! The frozen inverses: the shapes at which they are built, and which inverses are kept.
 //!
-//! An inverse in the frames of [`super::corotated`] serves a rod that has turned and bent since, but not without limit: a soft
-//! flagellum that buckles has other equations than its helix at rest. So [`State`](crate::state::State) has the shapes about
-//! which the equations are linearised. They are those at rest until the sweeps of a step without contact become many, and then
-//! those of that step; a step that fails is tried again with those that are predicted for its end. An inverse depends on these shapes and
-//! its [`Key`] only, and a restored state goes on bit for bit.
+//! An inverse in the frames of [`super::corotated`] stays useful for a rod that has turned and bent since, within
+//! limits: the equations of a buckled soft flagellum differ from those of its helix at rest. So
+//! [`State`](crate::state::State) has the shapes about which the equations are linearised. They are those at rest until
+//! the sweeps of a step without contact become many, and then those of that step; a step that fails is tried again with
+//! those that are predicted for its end. An inverse depends on these shapes and its [`Key`] only, and a restored state
+//! goes on bit for bit.
 //!
-//! Inverses at rest serve for hundreds of steps and are dense. So are those of the shapes that free motion goes over to when
-//! its steps have long needed a sweep too many: drag on their spin bends and twists flagella far from rest, and they keep that
-//! shape. Inverses of other shapes serve for some steps, and their construction counts: they stay factors in single precision,
-//! of equations with a coarser mobility. `cargo bench -p sim --bench trials -- soft` prints how many of them soft flagella
-//! need, and `sim/docs/cost.md` has its table. The mean cost since the last new shapes decides, not the number of sweeps alone.
-//! Where contact makes the sweeps many, new shapes do not help.
+//! Inverses at rest serve for hundreds of steps and are dense. Free motion whose steps have needed one sweep too many
+//! for a long time also changes to dense inverses, at its present shapes: drag on the spin bends and twists the
+//! flagella far from rest, and they keep that shape. Inverses at other shapes are used for few steps, so their
+//! construction must be cheap: they stay factors in single precision, of equations with a coarser mobility.
+//! `cargo bench -p sim --bench trials -- soft` prints how many of them soft flagella need, and `sim/docs/cost.md` has
+//! its table. The mean cost since the last new shapes decides, not the number of sweeps alone. Where contact makes the
+//! sweeps many, new shapes do not help.
 
 use super::model::Model;
 use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};

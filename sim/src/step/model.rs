@@ -1,4 +1,4 @@
-//! What never changes about a robot: its parameters, its rods at rest, its base and the limits of contact.
+//! The constant data of a robot: its parameters, its rods at rest, its base and the limits of contact.
 
 use super::limits::Limits;
 use crate::V3;
@@ -68,7 +68,7 @@ impl Model {
         self.robot.flagellum.helix_radius_m.max(self.robot.flagellum.rod_radius_m)
     }
 
-    /// Returns what surrounds the flagella in the fluid, before any step.
+    /// Returns the head and the tank in the fluid, in their initial state.
     pub fn surroundings(&self) -> Surroundings {
         let line = |k: usize| {
             let shaft = Shaft::new(self.feet[k], 0.0);
@@ -78,7 +78,7 @@ impl Model {
         Surroundings::new(&self.robot, self.head.as_ref(), &lines)
     }
 
-    /// Returns how the flagella's base moves: as the body does, or not at all where it is held for them.
+    /// Returns the motion of the clamps: that of the body, or none with a one-way closure.
     pub fn flagella_base(&self, body: &Body) -> Body {
         if self.two_way() { *body } else { Body::default() }
     }
