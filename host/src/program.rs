@@ -29,7 +29,7 @@ pub fn identity(origin: Origin, time: SystemTime) -> Identity {
     }
 }
 
-/// Returns a time as text. A clock that is millennia wrong gives the last time that can be written.
+/// Returns a time as text; a time out of range gives the last time that can be written.
 pub fn timestamp(time: SystemTime) -> String {
     jiff::Timestamp::try_from(time).unwrap_or(jiff::Timestamp::MAX).to_string()
 }

@@ -1,4 +1,5 @@
-//! The nearest speeds with another contact of the flagella: the table tells where, and the model whether.
+//! The nearest speeds at which contact of the flagella begins or ends. The table proposes candidates, and the model
+//! verifies them.
 
 use super::error::AimError;
 use super::improve::on_board;
@@ -7,9 +8,9 @@ use super::table::{Table, distance};
 use serde::Serialize;
 use sim::phase::{self, Ratio};
 
-/// Starting phases that are tried where the phase matters.
+/// Number of starting phases to try at speeds where the phase matters.
 const PHASES: usize = 4;
-/// A change of contact is found to within this, rpm.
+/// Accuracy of the speeds of a change of contact, rpm.
 const RESOLUTION: f64 = 4.0;
 
 /// The nearest change of contact.
@@ -17,11 +18,11 @@ const RESOLUTION: f64 = 4.0;
 pub struct ContactChange {
     /// Distance in the plane of both speeds, to within 2 rpm.
     pub rpm: f64,
-    /// The speeds there.
+    /// The speeds of the change.
     pub at_rpm: [f64; 2],
 }
 
-/// Returns the nearest change of contact; `None` if the table has none, or the model does not agree with it.
+/// Returns the nearest change of contact; `None` if the table has none, or if the model does not confirm it.
 ///
 /// # Errors
 /// [`AimError::Interrupted`].
@@ -52,8 +53,8 @@ pub fn nearest_change(model: &Model, table: &Table, state: &State) -> Result<Opt
     Ok(Some(ContactChange { rpm: far, at_rpm: along(far) }))
 }
 
-/// Returns whether flagella touch at these speeds, at any starting phase, if others do not, or the other way round. Where the
-/// model fails nothing is known, and nothing differs.
+/// Returns whether contact at these speeds, at any of the tried starting phases, differs from `touches`. A failure of
+/// the model does not count as a difference.
 fn differs(model: &Model, rpm: [f64; 2], touches: bool) -> Result<bool, AimError> {
     let starts = if Ratio::of(rpm).is_some() { phase::starts(rpm, PHASES) } else { vec![[0.0; 2]] };
     for start in starts {

@@ -1,25 +1,26 @@
-//! Speeds that bring an attitude nearer to a target: Gauss and Newton's steps within bounds, with Broyden's derivatives.
+//! Improves speeds towards a target attitude: Gauss-Newton steps within bounds, with Broyden's updates of the
+//! derivatives.
 //!
-//! A value of the model takes a tenth of a second or more and has an error of some hundredths of a degree, so differences for
-//! derivatives would cost most of the time. The derivatives of the table are a start, and each value corrects them (Broyden
-//! 1965, Math. Comput. 19, 577). The general least squares of `levenberg-marquardt`, with which parameters are fitted, need
-//! derivatives at every point and know no bounds.
+//! An evaluation of the model takes a tenth of a second or more and has an error of some hundredths of a degree, so
+//! finite differences would take most of the time. The derivatives start with those of the table, and each evaluation
+//! corrects them (Broyden 1965, Math. Comput. 19, 577). The crate `levenberg-marquardt`, with which parameters are
+//! fitted, needs derivatives at every point and has no bounds.
 
 use super::error::AimError;
 use super::quantity::{Attitude, Target, largest};
 use nalgebra::{DMatrix, DVector};
 use protocol::units::CentiRpm;
 
-/// A miss of all values that is not improved, degrees.
+/// Error of all values below which the search ends, degrees.
 pub const CLOSE: f64 = 0.1;
 
 /// Largest step of a speed at first, rpm.
 const FIRST_STEP: f64 = 20.0;
 /// Smallest step that is tried, rpm.
 const LAST_STEP: f64 = 0.05;
-/// Most values of a search.
+/// Most evaluations of the model in a search.
 const VALUES: usize = 9;
-/// Least gain that a step promises: in degrees, and as a share of the miss.
+/// Smallest predicted improvement of a step: in degrees, and as a share of the error.
 const GAIN: [f64; 2] = [0.03, 0.01];
 
 /// The best speeds of a search.
@@ -27,9 +28,9 @@ const GAIN: [f64; 2] = [0.03, 0.01];
 pub struct Best<T> {
     /// The speeds.
     pub rpm: [f64; 2],
-    /// What is there.
+    /// The evaluation at these speeds.
     pub state: T,
-    /// Largest miss of a value, degrees.
+    /// Largest error of a value, degrees.
     pub error: f64,
 }
 
@@ -50,10 +51,10 @@ struct Point<T> {
     misses: DVector<f64>,
 }
 
-/// Improves speeds until their values miss the target by less than [`CLOSE`], or no step promises to be nearer.
+/// Improves speeds until all errors are below [`CLOSE`], or until no step is predicted to reduce them.
 ///
-/// `derivatives`: of the values by the speeds at the start, 1/rpm; `value`: returns the attitude at speeds, and whatever
-/// the caller wants to keep of it.
+/// `derivatives`: initial derivatives of the values with respect to the speeds, 1/rpm; `value`: returns the attitude at
+/// given speeds, and data for the caller.
 ///
 /// # Errors
 /// Those of `value` at the start; elsewhere only [`AimError::Interrupted`].
@@ -116,7 +117,7 @@ fn bounds(rpm: [f64; 2], longest: f64) -> [[f64; 2]; 2] {
     rpm.map(|rpm| [(-limit - rpm).max(-longest), (limit - rpm).min(longest)])
 }
 
-/// Returns the step within bounds after which the least is missed, if values are linear.
+/// Returns the step within bounds that minimises the error of linear values.
 fn step(derivatives: &DMatrix<f64>, misses: &DVector<f64>, bounds: [[f64; 2]; 2]) -> [f64; 2] {
     let columns = [0, 1].map(|k| derivatives.column(k).into_owned());
     let product = |a: usize, b: usize| columns[a].dot(&columns[b]);

@@ -1,12 +1,12 @@
-//! How far the attitude at given speeds may be from the predicted one: the starting phase of the flagella, and the standard
-//! errors of the robot's parameters.
+//! Intervals of a predicted attitude, from the starting phase of the flagella and the standard errors of the robot's
+//! parameters.
 //!
-//! Phases: where the ratio of the speeds makes the phase matter ([`sim::phase`]) the model is asked at some more of them. A
-//! steady angle changes with the phase nearly as a sine, whose extremes are between the phases asked.
+//! Phases: at speeds where the phase matters ([`sim::phase`]), the model is evaluated at several phases. A steady angle
+//! changes with the phase nearly as a sine, whose extremes may lie between these phases.
 //!
-//! Parameters: linear propagation of their standard errors, as if they were independent. Errors of one fit are not: what
-//! raises the yaw in one parameter is mostly taken back by another, so that the interval is rather too wide. What the model
-//! leaves out is not in it ([`sim::accuracy`]).
+//! Parameters: linear propagation of their standard errors, as if they were independent. Errors of one fit are
+//! correlated: their effects on the yaw partly cancel, so the interval is too wide rather than too narrow. It does not
+//! include the error of the model ([`sim::accuracy`]).
 
 use super::error::AimError;
 use super::model::{Model, State};
@@ -18,13 +18,14 @@ use sim::params::Robot;
 use sim::phase::{self, Ratio};
 use std::f64::consts::TAU;
 
-/// Starting phases that the model is asked for.
+/// Number of starting phases to evaluate.
 const PHASES: usize = 4;
 /// Relative change of a parameter for derivatives: far above the solver's error, and small enough to be linear.
 const CHANGE: f64 = 0.02;
-/// Part of a value by which that of the file and that of its standard error may differ: the latter is rounded.
+/// Relative difference below which the value of a parameter and the rounded value beside its standard error are the
+/// same.
 const ROUNDED: f64 = 1e-4;
-/// 95 % quantile of a normal deviate's size.
+/// 95 % quantile of the magnitude of a normal deviate.
 const NORMAL_95: f64 = 1.96;
 /// Error of the solver in steady angles, degrees: solutions with tolerances of 0.02 and 0.001 differ by no more.
 const SOLVER_DEG: f64 = 0.1;
@@ -38,7 +39,7 @@ pub struct Interval {
     pub pitch_ci_deg: [f64; 2],
     /// Of the roll.
     pub roll_ci_deg: [f64; 2],
-    /// Largest less smallest yaw, pitch and roll of the starting phases.
+    /// Largest minus smallest yaw, pitch and roll over the starting phases.
     pub phase_spread_deg: [f64; 3],
     /// Standard errors of yaw, pitch and roll from those of the parameters.
     pub std_error_deg: [f64; 3],
@@ -86,7 +87,7 @@ fn angles(attitude: &Attitude) -> [f64; 3] {
     [attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg]
 }
 
-/// Returns the least and the largest of a value that was sampled evenly over its period, extremes between samples included:
+/// Returns the minimum and the maximum of a value that was sampled evenly over its period. Extremes between samples are
 /// those of its first harmonic.
 fn range(samples: &[f64]) -> [f64; 2] {
     let low = samples.iter().copied().fold(f64::INFINITY, f64::min);
@@ -104,8 +105,8 @@ fn range(samples: &[f64]) -> [f64; 2] {
     [low.min(mean - amplitude), high.max(mean + amplitude)]
 }
 
-/// Returns the robot with the parameter of a standard error larger by [`CHANGE`]; `None` for a phase, which is not a positive
-/// number, and for a value that was changed after the fit.
+/// Returns the robot with one parameter increased by [`CHANGE`]; `None` for a phase, which need not be positive, and
+/// for a value that was changed after the fit.
 fn shifted(robot: &Robot, error: &StdError) -> Option<Robot> {
     let mut whole = toml::Value::try_from(robot).ok()?;
     let (table, key) = error.key.split_once('.')?;

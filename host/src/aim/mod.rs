@@ -1,8 +1,8 @@
-//! Speeds for an attitude: the map of a robot read backwards.
+//! Finds motor speeds for an attitude: the inverse of a robot's map.
 //!
-//! A [`Table`] proposes speeds: the shipped map of the robot `physical`, or that of a sweep. The model of the robot improves
-//! them (`improve`) and answers: every attitude that is returned is a steady state of the model at those very speeds, and
-//! the table's values never are. So a table of another robot costs time, not truth.
+//! A [`Table`] gives initial speeds: the built-in map of the robot `physical`, or that of a sweep. The model of the
+//! robot refines them (`improve`). Every returned attitude is a steady state of the model at the returned speeds, never
+//! a value of the table. So the table of another robot costs time, but not accuracy.
 
 mod contact;
 mod error;
@@ -31,19 +31,19 @@ use serde::Serialize;
 use sim::accuracy::ModelError;
 use table::distance;
 
-/// Largest miss of a solution, degrees.
+/// Largest error of a solution, degrees.
 pub const REACHED: f64 = 0.3;
 
-/// Speeds of the table that miss the target by less than this, degrees, are worth the model.
+/// Speeds of the table whose error is below this, degrees, are refined with the model.
 const WORTH: f64 = 5.0;
-/// Most speeds that the model improves.
+/// Largest number of initial speeds to refine.
 const STARTS: usize = 4;
-/// Speeds closer than this are one, rpm.
+/// Speeds closer than this count as the same, rpm.
 const APART: f64 = 4.0;
 /// Difference of speeds for derivatives of the model, rpm.
 const DIFFERENCE: f64 = 2.0;
 
-/// Speeds, and what the model says of them.
+/// Speeds and their steady state in the model.
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Solution {
     /// The steady state.
@@ -54,18 +54,18 @@ pub struct Solution {
     /// 95 % intervals.
     #[serde(flatten)]
     pub interval: Interval,
-    /// What the model leaves out, in yaw, pitch and roll; it is not in the intervals ([`sim::accuracy`]).
+    /// Error of the model in yaw, pitch and roll; it is not in the intervals ([`sim::accuracy`]).
     pub model_error_deg: [f64; 3],
-    /// Largest miss of the angles that are asked for.
+    /// Largest error of the wanted angles.
     pub error_deg: f64,
-    /// Miss of the thrust, if it is asked for.
+    /// Error of the thrust, if it is wanted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_n: Option<f64>,
     /// Where the flagella begin or cease to touch.
     pub contact_change: Option<ContactChange>,
 }
 
-/// The answer.
+/// Result of [`aim`].
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Aimed {
     /// Whether there are solutions.
@@ -144,7 +144,7 @@ fn propose(table: &Table, goal: Goal) -> Result<Vec<[f64; 2]>, AimError> {
     Ok(starts)
 }
 
-/// Returns the derivatives of the values by the speeds of the model itself, 1/rpm.
+/// Returns the model's own derivatives of the values with respect to the speeds, 1/rpm.
 fn derivatives(model: &Model, goal: Goal, state: &State) -> Result<DMatrix<f64>, AimError> {
     let values = |state: &State| goal.target.values(&state.attitude, goal.thrust_step_n);
     let own = values(state);

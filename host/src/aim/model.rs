@@ -1,4 +1,4 @@
-//! The model of a robot, asked for its steady state at pairs of speeds.
+//! The model of a robot, evaluated for its steady states at pairs of speeds.
 
 use super::error::AimError;
 use super::quantity::Attitude;
@@ -10,10 +10,10 @@ use sim::periodic::{self, Kind, Periodic, SolveError};
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 
-/// Duration of the trial where the motion is not found to repeat, s: that of a plan's run unless the plan says otherwise.
+/// Duration of the trial if no repeating motion is found, s: the default run of a plan.
 pub const TRIAL_S: f64 = 120.0;
 
-/// A robot, and who watches.
+/// A robot with the caller's callbacks.
 #[derive(Clone, Copy)]
 pub struct Model<'a> {
     /// The robot, checked.
@@ -40,7 +40,7 @@ pub struct State {
     pub contact: Bundling,
     /// Share of the time in which they touch.
     pub contact_share: f64,
-    /// Least gap between their surfaces.
+    /// Smallest gap between their surfaces.
     pub min_gap_m: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What can be asked of the robot: angles of its attitude, and its thrust.
+//! Quantities that can be wanted: angles of the attitude, and the thrust.
 
 use serde::Serialize;
 use sim::trial::Summary;
@@ -76,7 +76,7 @@ impl Target {
         self.wanted.iter().map(|(quantity, _)| scaled(*quantity)).collect()
     }
 
-    /// Returns what each of the values lacks, the yaw by the shorter way round.
+    /// Returns the error of each value; that of the yaw by the shorter way round.
     pub fn misses(&self, attitude: &Attitude, thrust_step_n: f64) -> Vec<f64> {
         let values = self.values(attitude, thrust_step_n);
         let miss = |((quantity, wanted), value): (&(Quantity, f64), f64)| match quantity {

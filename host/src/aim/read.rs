@@ -18,10 +18,10 @@ const NEEDED: [&str; 5] = ["w1_rpm", "w2_rpm", "yaw_deg", "pitch_deg", "roll_deg
 /// Columns of the thrusts and the contact.
 const OPTIONAL: [&str; 3] = ["force1_z_n", "force2_z_n", "contact_share"];
 
-/// A column that tells robots apart: its name, and its value for a robot.
+/// A column that distinguishes robots: its name, and its value for a robot.
 type RobotColumn = (&'static str, fn(&Robot) -> f64);
 
-/// The columns of a sweep's table that tell its robots apart.
+/// The columns of a sweep's table that distinguish its robots.
 const ROBOT: [RobotColumn; 9] = [
     ("axial_length_m", |robot| robot.flagellum.axial_length_m),
     ("pitch_m", |robot| robot.flagellum.pitch_m),
@@ -34,13 +34,13 @@ const ROBOT: [RobotColumn; 9] = [
     ("tether_nm_per_rad", |robot| robot.joint.tether_full_nm_per_rad),
 ];
 
-/// Robots whose distances differ by less are the same one, but for rounding.
+/// Robots whose distances differ by less than this are the same, except for rounding.
 const SAME: f64 = 1e-6;
 
 /// Returns the shipped map of the robot `physical`.
 ///
 /// # Errors
-/// None that a release has: a test reads the map.
+/// None in a release: a test reads the map.
 pub fn shipped() -> Result<Table, AimError> {
     let path = Path::new("map.csv");
     let broken = |reason: String| AimError::Table { path: path.to_owned(), reason };
@@ -60,7 +60,7 @@ pub fn load(path: &Path, robot: &Robot) -> Result<Table, AimError> {
     Table::new(rows(&columns.map_err(wrong)?, robot).map_err(wrong)?)
 }
 
-/// Columns of numbers with their names. A value that is none is NaN.
+/// Columns of numbers with their names. A cell that is not a number is NaN.
 type Columns = Vec<(String, Vec<f64>)>;
 
 fn csv_columns(source: impl Read) -> Result<Columns, String> {

@@ -1,7 +1,7 @@
-//! A table of steady states over the speeds of both motors. It proposes speeds, and the model answers.
+//! A table of steady states over the speeds of both motors, which gives the initial speeds.
 //!
-//! Rows are anywhere in the plane of speeds. Between them a quadratic polynomial is fitted to the nearest rows, with weights
-//! that fall with the distance: local regression (Cleveland 1979, J. Am. Stat. Assoc. 74, 829).
+//! Rows may be anywhere in the plane of speeds. Between them a quadratic polynomial is fitted to the nearest rows, with
+//! weights that fall with the distance: local regression (Cleveland 1979, J. Am. Stat. Assoc. 74, 829).
 
 use super::error::AimError;
 use super::quantity::{Attitude, Target};

@@ -35,7 +35,7 @@ impl From<MethodName> for Method {
     }
 }
 
-/// Reads two values with a comma between them, each by `one`; `form`: what to give instead of anything else.
+/// Parses two values with a comma between them, each with `one`. `form`: the error for text of another form.
 pub fn pair<T, E: From<&'static str>>(
     text: &str,
     form: &'static str,

@@ -1,7 +1,7 @@
 //! Figures for a paper: drawn as SVG at the printed width, with all text of 7 pt.
 //!
-//! Curves are drawn by a few functions of our own: the figures need two linear axes, curves, bands, dots and cells, and
-//! the exact size of everything on paper, which the plotting libraries for Rust do not give (they place text by pixels).
+//! Figures are drawn by own functions. They need two linear axes, curves, bands, dots and cells, and exact sizes on
+//! paper, which the plotting libraries for Rust do not offer (they place text by pixels).
 
 mod forces;
 mod map;
@@ -44,7 +44,7 @@ pub enum FigureError {
         /// The log.
         path: PathBuf,
     },
-    /// Nothing of the trial lies in the time to show.
+    /// The trial has no data in the time range.
     #[error("{}: nothing to draw in this time", path.display())]
     #[diagnostic(code(wrong_use), help("name a time within the trial, counted from the start of its run"))]
     Nothing {

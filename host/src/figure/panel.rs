@@ -17,8 +17,8 @@ impl Axis {
         Self { low, high, label: label.to_owned() }
     }
 
-    /// Creates an axis over all finite values with some room, and at least of the span `least`, so that noise looks like
-    /// noise.
+    /// Creates an axis over all finite values with a margin, and with at least the span `least`, so that noise is not
+    /// enlarged to fill it.
     pub fn about(values: impl Iterator<Item = f64>, least: f64, label: &str) -> Self {
         let finite = values.filter(|value| value.is_finite());
         let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
@@ -42,7 +42,7 @@ impl Axis {
     }
 }
 
-/// Returns a tick's text: as few decimals as tell the ticks apart.
+/// Returns a tick's label, with as few decimals as distinguish the ticks.
 pub(super) fn tick_text(value: f64, ticks: &[f64]) -> String {
     let step = ticks.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
     let decimals = if step.is_finite() { (-step.log10() - 1e-6).ceil().clamp(0.0, 6.0) as usize } else { 0 };
@@ -128,7 +128,7 @@ impl Panel {
     }
 
     /// Returns at most four points of each tenth of a point of the width: the first, the last and the extremes, so that
-    /// no wobble is lost and none appears.
+    /// every oscillation is kept and none is added.
     fn thinned(&self, points: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let column = |x: f64| (self.x.share(x) * self.width * 10.0).floor() as i64;
         let mut thin = Vec::new();

@@ -5,11 +5,11 @@
 //!         ◄════════   keep-alive, retries ◄── requests                            ◄──
 //! ```
 //!
-//! The thread blocks on nothing but the port, so a slow disk delays neither the pings that feed the motors' deadline nor
-//! the reading of a byte. It pings only
+//! The thread blocks only on the port, so a slow disk delays neither the reception of bytes nor the pings that keep the
+//! motors running. It pings only
 //!
-//! - while the program is alive: it has asked for an event or sent a request within the last five seconds;
-//! - while the board is heard: a frame of telemetry has come within the last second, or without a stream, an answer.
+//! - while the program is alive, that is, has asked for an event or sent a request within the last five seconds;
+//! - while the board sends: a frame of telemetry, or without a stream an answer, has come within the last second.
 //!
 //! Otherwise the board stops its motors at their deadline.
 

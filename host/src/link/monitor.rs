@@ -63,7 +63,7 @@ impl Monitor {
         self.last.is_some_and(|last| telemetry.seq.0 == last.0.wrapping_add(1))
     }
 
-    /// Counts a frame that could not be read. Consecutive ones are one resync.
+    /// Counts a frame that could not be read. Consecutive unreadable frames count as one resync.
     pub fn damaged(&mut self, error: FrameError) {
         self.stats.crc_errors += u64::from(error == FrameError::Crc);
         self.stats.resyncs += u64::from(!self.out_of_step);

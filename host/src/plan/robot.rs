@@ -1,7 +1,7 @@
 //! The robot: a built-in one by its name, or a file with the parameters of the model that differ from `physical`.
 //!
-//! Keys, units, defaults and sources stand beside the fields of [`sim::params::Robot`], and in
-//! `host/plans/robot-published.toml`. A key that is left out has its value of the robot `physical`.
+//! Keys, units, defaults and sources are documented at the fields of [`sim::params::Robot`] and in
+//! `host/plans/robot-published.toml`. A key that is left out has the value of the robot `physical`.
 
 use super::source::{FileKind, Source, number};
 use super::{PlanError, Shipped};
@@ -9,10 +9,10 @@ use biflag_log::RobotMeta;
 use sim::params::{BUILT_IN, Robot};
 use std::path::{Path, PathBuf};
 
-/// The built-in robot that is meant where none is named.
+/// The default robot, which is built in.
 pub const PHYSICAL: &str = "physical";
 
-/// The built-in robot with the laboratory's choices, see [`Robot::published`].
+/// The built-in robot with the laboratory's modelling choices, see [`Robot::published`].
 pub const PUBLISHED: &str = "published";
 
 /// A robot, as plans, sessions and logs keep it.
@@ -30,7 +30,8 @@ impl RobotFile {
         Self { name: name.to_owned(), text: String::new() }
     }
 
-    /// Returns the robot of a log. One that names none was written before `physical` existed: it is the published one.
+    /// Returns the robot of a log. A log without a robot was written before `physical` existed: its robot is
+    /// `published`.
     pub fn of_log(record: Option<RobotMeta>) -> Self {
         match record {
             Some(RobotMeta { name, text }) if !name.is_empty() => Self { name, text },

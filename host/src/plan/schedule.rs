@@ -1,4 +1,4 @@
-//! The course of a trial: what happens when, on the rig as in the model.
+//! The schedule of a trial, the same on the rig and in the model.
 
 use super::{Phases, Reverse, Trial};
 use protocol::units::CentiRpm;
@@ -15,7 +15,7 @@ pub enum Phase {
     Run,
     /// The motors are off.
     Decay,
-    /// The trial is over.
+    /// End of the trial.
     End,
 }
 
@@ -63,7 +63,7 @@ pub enum Change {
     Reversal(Reverse),
 }
 
-/// A moment at which the board gets a new set-point.
+/// An event of the schedule, at which the board gets a new set-point.
 #[derive(Clone, PartialEq, Debug)]
 pub struct ScheduledEvent {
     /// The trial's clock.
@@ -103,7 +103,7 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// The schedule of a trial as its plan has it. Phases without a length are left out.
+    /// Returns the planned schedule of a trial. Phases without a duration are left out.
     pub fn planned(trial: &Trial) -> Self {
         let Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
         let mut start_s = 0.0;
@@ -119,7 +119,7 @@ impl Schedule {
         Self::of_phases(phases, trial)
     }
 
-    /// The schedule of a trial whose phases began at these times.
+    /// Returns the schedule of a trial whose phases began at these times.
     pub fn of_phases(phases: impl IntoIterator<Item = (Phase, f64)>, trial: &Trial) -> Self {
         let mut events = Vec::new();
         for (phase, start_s) in phases {
@@ -132,14 +132,15 @@ impl Schedule {
         Self { events }
     }
 
-    /// What the board does by itself: everything after the calibration, each with its tick from there on.
+    /// Returns the events that the board runs by itself, everything after the calibration, each with its tick from the
+    /// end of the calibration.
     pub fn ticks(&self) -> impl Iterator<Item = (u32, &ScheduledEvent)> {
         let timed = || self.events.iter().filter(|event| event.change != Change::Phase(Phase::Calibrate));
         let first_s = timed().next().map_or(0.0, |event| event.start_s);
         timed().map(move |event| (((event.start_s - first_s) * f64::from(TICK_HZ)).round() as u32, event))
     }
 
-    /// The schedule as the board gets it. Of two events in one tick, the later one counts.
+    /// Returns the set-points to send to the board. Of two events in one tick, only the later is sent.
     pub fn set_points(&self) -> Vec<SetPoint> {
         let mut points: Vec<SetPoint> = Vec::new();
         let mut number = 0;
@@ -153,7 +154,7 @@ impl Schedule {
         points
     }
 
-    /// When the trial ends, s.
+    /// Returns the end of the trial, s.
     pub fn end_s(&self) -> f64 {
         self.events.last().map_or(0.0, |event| event.start_s)
     }

@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::path::Path;
 use toml::de::{DeTable, DeValue};
 
-/// Longest file that is read, bytes. A longer one, or a device without an end, is of another kind.
+/// Longest file that is read, bytes. Longer files and endless devices are refused as another kind of file.
 const LONGEST_FILE: u64 = 4 << 20;
 
 /// A kind of file, and the meaning of its keys.

@@ -1,4 +1,4 @@
-//! Computes one point: its steady state, averaged over the starting phases, or the reason why there is none.
+//! Computes one point: its steady state, averaged over the starting phases, or the reason of its failure.
 
 use super::point::Point;
 use biflag_log::Method;
@@ -20,7 +20,7 @@ pub struct Steady {
     pub phases: u32,
     /// Yaw, pitch, roll and tilt, degrees.
     pub angles_deg: [f64; 4],
-    /// Largest less smallest of each over the phases.
+    /// Largest minus smallest value of each over the phases.
     pub spread_deg: [f64; 4],
     /// Force of flagellum 1 and 2 on the base, body axes, N; z is the thrust.
     pub force_n: [[f64; 3]; 2],
@@ -28,7 +28,7 @@ pub struct Steady {
     pub torque_nm: [f64; 2],
     /// Share of the run with contact.
     pub contact_share: f64,
-    /// Least gap of the surfaces, negative if they overlap, m.
+    /// Smallest gap between the surfaces, negative if they overlap, m.
     pub min_gap_m: f64,
 }
 
@@ -64,7 +64,7 @@ impl Outcome {
 
     /// Computes a point. Returns `None` as soon as `goes_on` returns `false`.
     ///
-    /// As a last resort a panic of the solver is caught, so that it costs no other point; the reason says so.
+    /// A panic of the solver is caught, so that other points are still computed; the reason names it.
     pub fn of(point: &Point, recipe: &Recipe, goes_on: &dyn Fn() -> bool) -> Option<Self> {
         let caught = catch_unwind(AssertUnwindSafe(|| compute(point, recipe, goes_on)));
         match caught {
@@ -173,8 +173,8 @@ impl Steady {
     }
 }
 
-/// Returns the means over the starting phases, of which there is at least one: the least gap of all, and the kind of the
-/// least steady one.
+/// Returns the means over the starting phases, of which there is at least one. The gap is the smallest of all, the kind
+/// that of the least steady phase.
 fn mean(states: &[Steady]) -> Steady {
     let mean = |value: &dyn Fn(&Steady) -> f64| states.iter().map(value).sum::<f64>() / states.len() as f64;
     let spread = |value: &dyn Fn(&Steady) -> f64| {

@@ -14,13 +14,13 @@ pub enum Design {
     Sobol {
         /// How many.
         count: u32,
-        /// Which: other seeds are other points, as evenly spread.
+        /// The seed; other seeds give other points, as evenly spread.
         seed: u64,
     },
 }
 
 impl Design {
-    /// Returns the number of combinations, which may be beyond all integers.
+    /// Returns the number of combinations, which may exceed the range of integers.
     pub fn count(&self, axes: &[Axis]) -> f64 {
         let counts = axes.iter().map(|axis| axis.values.count() as f64);
         match self {
@@ -30,8 +30,8 @@ impl Design {
         }
     }
 
-    /// Returns the value of each axis in a combination, with an index below the count; `None` where an axis keeps what the
-    /// robot has.
+    /// Returns the value of each axis in the combination with this index, below the count; `None` for an axis that
+    /// keeps the robot's value.
     pub fn values(&self, axes: &[Axis], index: u64) -> Vec<Option<f64>> {
         match self {
             Self::AllCombinations => {

@@ -8,8 +8,8 @@
 //!   table.csv        the same
 //! ```
 //!
-//! Any number of workers, on any computers, write into one folder, each into a part of its own. Parts may also be written
-//! into folders of their own and copied into one.
+//! Any number of workers, on any computers, can write into one folder; each writes its own part. Parts can also be
+//! written into separate folders and copied into one.
 
 use super::part::{self, PartReader, Record};
 use super::point::{Name, Shard, Sweep};
@@ -54,12 +54,12 @@ pub struct Points {
 }
 
 impl Points {
-    /// Returns no points of a plan with this many.
+    /// Returns the empty set for a plan with this many points.
     pub fn none(of: u64) -> Self {
         Self { bits: vec![0; of.div_ceil(64) as usize], count: 0 }
     }
 
-    /// Returns whether a point is among them.
+    /// Returns whether the set contains a point.
     pub fn has(&self, index: u64) -> bool {
         self.bits.get((index / 64) as usize).is_some_and(|word| word >> (index % 64) & 1 == 1)
     }
@@ -78,7 +78,7 @@ impl Points {
     }
 }
 
-/// What a sweep's parts hold.
+/// State of a sweep, from its parts.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Counts {
     /// The points that are done, failed ones too.
@@ -147,7 +147,7 @@ impl Folder {
         Ok(Self { path: path.to_owned(), sweep: Sweep::new(plan, model)? })
     }
 
-    /// Calls `with` for every result of this sweep in the parts that is wanted by its name, in no order; one point may come
+    /// Calls `with` for every result of this sweep whose name is wanted, in no particular order; a point may occur
     /// several times. Returns closed parts that are cut off or damaged.
     ///
     /// # Errors
@@ -177,12 +177,12 @@ impl Folder {
         Ok(damaged)
     }
 
-    /// Returns whether a result is one of this sweep: parts of others may have been copied here.
+    /// Returns whether a result belongs to this sweep: parts of other sweeps may have been copied here.
     fn has(&self, record: &Record) -> bool {
         record.index < self.sweep.plan.points() && self.sweep.name(record.index) == record.name
     }
 
-    /// Reads how far the points of a shard are.
+    /// Reads the progress of a shard.
     ///
     /// # Errors
     /// A part cannot be read.

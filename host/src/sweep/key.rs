@@ -76,7 +76,7 @@ impl Group {
         }
     }
 
-    /// Returns whether a robot with another value of this group has another value of this key of its file.
+    /// Returns whether changing this group changes this key of the robot file.
     pub fn moves(self, key: &str) -> bool {
         match self {
             Self::Stiffness => key == "flagellum.young_pa",
@@ -88,7 +88,7 @@ impl Group {
 }
 
 impl Key {
-    /// Returns the key of this name, if it is a group, a speed, or a number that the robot has.
+    /// Returns the key of this name; `None` if it is neither a group, nor a speed, nor a numeric key of the robot.
     pub fn parse(name: &str, robot: &Value) -> Option<Self> {
         let group = Group::ALL.into_iter().find(|group| group.name() == name).map(Self::Group);
         let speed = ["speeds.w1_rpm", "speeds.w2_rpm"].iter().position(|speed| *speed == name).map(Self::Speed);
@@ -96,7 +96,7 @@ impl Key {
         group.or(speed).or_else(number)
     }
 
-    /// Returns the group that it is, if it is one.
+    /// Returns the group, if the key is one.
     pub fn group(&self) -> Option<Group> {
         match self {
             Self::Group(group) => Some(*group),

@@ -1,9 +1,9 @@
 //! Merges the parts of a sweep into one table, sorted by the names of the points.
 //!
-//! The table's bytes depend on the plan and the results alone: neither on how many workers have computed the points, in
-//! which order, nor on how often they were killed. Names are hashes and so spread evenly; the table is written in blocks of
-//! neighbouring names, one row group each, and each block is collected in a pass over the parts. So memory does not grow
-//! with the number of points.
+//! The bytes of the table depend only on the plan and the results, not on the number of workers, the order of their
+//! results, or interruptions. Names are hashes and therefore evenly distributed. The table is written in blocks of
+//! neighbouring names, one row group each, and each block is collected in a pass over the parts, so memory does not
+//! grow with the number of points.
 
 use super::SweepError;
 use super::folder::{Folder, Points};
@@ -26,8 +26,8 @@ pub struct Merged {
     pub done: u64,
     /// How many of them are points that failed.
     pub failed: u64,
-    /// Points that were computed several times with different results, as on computers of different types. The table has
-    /// one of them, chosen by its bytes.
+    /// Number of points that were computed several times with different results, for instance on processors of
+    /// different types. The table has one of these results, chosen by its bytes.
     pub different: u64,
     /// Parts that are cut off or damaged.
     pub damaged: Vec<PathBuf>,

@@ -1,9 +1,9 @@
 //! Sweeps: one table of steady states over speeds, parameters of the robot and groups.
 //!
-//! A [`SweepPlan`] says what varies. Its points are never listed: each is made from its index ([`Sweep::point`]) and named
-//! by the hash of all that it depends on. Workers compute shards of the points, chosen by these names, and append results to
-//! parts in a [`Folder`], which are merged into one table, in Parquet and CSV. `host/book/src/sweep.md` describes the columns,
-//! and how to run the shards on a cluster.
+//! A [`SweepPlan`] says what varies. Its points are not stored: each is computed from its index ([`Sweep::point`]) and
+//! named by a hash of everything that it depends on. Workers compute shards of the points, chosen by these names, and
+//! append results to parts in a [`Folder`], which are merged into one table, in Parquet and CSV.
+//! `host/book/src/sweep.md` describes the columns, and how to run the shards on a cluster.
 
 mod axis;
 mod compute;

@@ -5,10 +5,10 @@
 //! part-3f9c0a7be1d24586.part    once it has ended
 //! ```
 //!
-//! A part begins with [`MAGIC`]; then come frames: length and CRC-32 of the content (4 bytes each, little-endian), and the
-//! content, an [`Entry`] in postcard's format. A frame is written at once, so a killed worker loses the points in work alone;
-//! a frame that is torn, by a crash of the computer or a full disk, ends the part. The last frame of a closed part counts
-//! its points, so that a part that was cut off on its way to another computer is noticed.
+//! A part begins with [`MAGIC`]; then come frames: length and CRC-32 of the content (4 bytes each, little-endian), and
+//! the content, an [`Entry`] in postcard's format. A frame is written in one call, so a killed worker loses only the
+//! points that it was computing. A frame torn by a crash of the computer or a full disk ends the part. The last frame
+//! of a closed part has the number of its points, so that a part that was cut off during copying is detected.
 
 use super::compute::Outcome;
 use super::point::Name;
@@ -48,7 +48,7 @@ pub struct Record {
     pub index: u64,
     /// Its name.
     pub name: Name,
-    /// What came out.
+    /// Its result.
     pub outcome: Outcome,
 }
 
@@ -144,7 +144,7 @@ impl PartReader {
         Ok(reader)
     }
 
-    /// Returns the next point; `None` at the end, and where the rest is torn.
+    /// Returns the next point; `None` at the end, and at a torn frame.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -213,8 +213,8 @@ pub fn parts(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(parts)
 }
 
-/// Returns whether a worker is at work on a part. Where the file system has no locks, one that has written within the last
-/// minutes is taken to be.
+/// Returns whether a worker is at work on a part. On a file system without locks, a worker that has written within the
+/// last minutes counts as at work.
 pub fn is_active(part: &Path) -> bool {
     if part.extension() != Some(OsStr::new(OPEN)) {
         return false;

@@ -56,7 +56,7 @@ pub struct SweepPlan {
     pub name: String,
     /// The robot that varies.
     pub robot: RobotFile,
-    /// Duration of a trial, s; with the method `steady` of the longest simulation where no motion was found to repeat.
+    /// Duration of a trial, s; with the method `steady`, of the longest simulation if no repeating motion is found.
     pub run_s: f64,
     /// How each point is computed.
     pub method: Method,
@@ -363,7 +363,7 @@ fn axis(
     Ok(Axis { key, values })
 }
 
-/// Returns the value of a key in the robot that does not vary: of a group as a multiple, of a speed none.
+/// Returns the value of a key in the unchanged robot: of a group as a multiple; `None` for a speed.
 fn own_value(key: &Key, robot: &Robot, robot_value: &Value) -> f64 {
     match key {
         Key::Robot(name) => key::number(robot_value, name).unwrap_or(f64::NAN),

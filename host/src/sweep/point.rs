@@ -1,4 +1,4 @@
-//! The points of a sweep: each is made from its index, and named by the hash of all that it depends on.
+//! The points of a sweep. Each is computed from its index, and named by a hash of everything that it depends on.
 
 use super::SweepPlan;
 use super::key::{self, Group, Key};
@@ -16,7 +16,7 @@ use toml::Value;
 pub struct Name(pub [u8; 16]);
 
 impl Name {
-    /// Returns a number that is spread evenly over points, in the order of names.
+    /// Returns a number that is evenly distributed over the points and increases with their names.
     pub fn number(&self) -> u64 {
         let [a, b, c, d, e, f, g, h, ..] = self.0;
         u64::from_be_bytes([a, b, c, d, e, f, g, h])
@@ -42,7 +42,8 @@ impl Shard {
     /// All points.
     pub const ALL: Self = Self { index: 0, of: 1 };
 
-    /// Returns whether a point belongs to this part. Neighbours in a plan are often hard alike; names spread them.
+    /// Returns whether a point belongs to this part. Neighbours in a plan often take equally long; selecting by name
+    /// distributes them over the shards.
     pub fn has(&self, name: &Name) -> bool {
         name.number() % self.of == self.index
     }
@@ -70,11 +71,11 @@ pub struct Point {
     pub name: Name,
     /// Speeds of motors 1 and 2, rpm.
     pub speeds_rpm: [f64; 2],
-    /// Value of each axis of the plan; of a key that is not changed, that of the robot.
+    /// Value of each axis of the plan; the robot's value for a key that is not changed.
     pub values: Vec<f64>,
     /// The groups over those of the robot `published`, in the order of [`Group::ALL`].
     pub multiples: [f64; 4],
-    /// The robot, which may be impossible, or why its keys do not take the values.
+    /// The robot, which may be invalid, or the reason why its keys do not accept the values.
     pub robot: Result<Robot, String>,
 }
 

@@ -1,4 +1,4 @@
-//! Sobol's sequence: points that fill a box evenly, each known from its index alone.
+//! Sobol's sequence: points that fill a box evenly, each computed from its index.
 //!
 //! Direction numbers: Joe and Kuo 2008, SIAM J. Sci. Comput. 30, 2635 (`new-joe-kuo-6`), in the order of the Gray code
 //! (Antonov and Saleev 1979). A seed shifts all points by exclusive or, which keeps their even distribution.

@@ -19,8 +19,8 @@ impl Folder {
         (0..points).filter(|index| shard.has(&self.sweep.name(*index))).count() as u64
     }
 
-    /// Computes the points of a shard that are not done, and calls `each` with every result. Ends early, with all results
-    /// that are there in its part, when `interrupted` is set.
+    /// Computes the points of a shard that are not done, and calls `each` with every result. When `interrupted` is set,
+    /// ends early with all finished results in its part.
     ///
     /// # Errors
     /// The part cannot be written.

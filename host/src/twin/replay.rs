@@ -53,8 +53,8 @@ pub struct Replayed {
     pub wall_s: Option<f64>,
     /// Warnings about the log.
     pub warnings: Vec<String>,
-    /// Whether the result depends on angles of the flagella that the encoders do not know: they count from where the
-    /// flagella stood when the board started.
+    /// Whether the result depends on the helix angles, which the encoders do not measure: they count from the start of
+    /// the board.
     pub needs_phase: bool,
 }
 
@@ -70,7 +70,7 @@ pub struct Replays<T> {
 }
 
 impl<T> Replays<T> {
-    /// Returns what a user should know about angles of the flagella that the encoders do not know.
+    /// Returns a note for the user about helix angles that the encoders do not measure.
     pub fn note_on_phases(&self) -> Option<String> {
         let mut needing = self.trials.iter().filter(|(replayed, _)| replayed.needs_phase);
         let (first, _) = needing.next()?;

@@ -1,9 +1,9 @@
 //! Runs trials in the simulator, with the same logs as those of the rig.
 //!
 //! The log of a modelled trial gets its name when it is complete. Until then it has a temporary name, so that a killed
-//! run leaves no incomplete log, and a resumed session computes the trial again. Its content depends on plan, robot and
-//! program alone: trials share no state while they run, and no log contains the host's clock (see [`biflag_log`]). The
-//! last digits may differ between processor types.
+//! run leaves no incomplete log, and a resumed session computes the trial again. Its content depends only on plan,
+//! robot, options and program: trials share no state while they run, and no log contains the host's clock (see
+//! [`biflag_log`]). The last digits may differ between processor types.
 
 mod batch;
 mod board;

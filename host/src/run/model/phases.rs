@@ -1,4 +1,4 @@
-//! Means and spreads of modelled trials over their starting phases, and what a user should know about phases.
+//! Means and spreads of modelled trials over their starting phases, and a note about phases for the user.
 
 use crate::plan::Trial;
 use crate::text::{count, decimal};
@@ -19,11 +19,12 @@ pub struct PhaseMeans {
     pub w2_rpm: f64,
     /// Number of starting phases.
     pub phases: usize,
-    /// Means of the angles, forces, torques and the share of contact; the least gap, the largest overlap, the closest
-    /// state and the longest settling; sums of iterations and times. `settled`: whether all are.
+    /// Means of the angles, forces, torques and the share of contact; the smallest gap, the largest overlap, the
+    /// closest state and the longest settling time; sums of iterations and times. `settled` is true if all phases have
+    /// settled.
     #[serde(flatten)]
     pub steady: SteadyMeta,
-    /// Largest less smallest yaw, pitch and roll.
+    /// Largest minus smallest yaw, pitch and roll.
     pub phase_spread_deg: [f64; 3],
 }
 
@@ -75,8 +76,8 @@ impl fmt::Display for PhaseMeans {
     }
 }
 
-/// Returns what a user should know about the starting phases of modelled trials: how much they change where that was
-/// computed, or else at which trials they matter.
+/// Returns a note for the user on the starting phases of modelled trials: their effect if it was computed, else the
+/// trials in which they matter.
 pub fn note_on_phases<'a>(trials: &[Trial], means: impl Iterator<Item = &'a PhaseMeans>) -> Option<String> {
     let widest = |mean: &PhaseMeans| mean.phase_spread_deg.into_iter().fold(0.0, f64::max);
     if let Some(mean) = means.max_by(|a, b| widest(a).total_cmp(&widest(b))) {

@@ -48,9 +48,9 @@ impl Course {
     }
 }
 
-/// Computes a trial, writes its log to `path`, and ends it with the steady state. With [`Method::Steady`] the log has one
-/// period of the motion that the trial ends in, or the trial if none is found. If the solver fails, the log's
-/// summary states the reason; the log of an interrupted trial is left incomplete.
+/// Computes a trial, writes its log to `path`, and ends it with the steady state. With [`Method::Steady`] the log has
+/// one period of the trial's final motion, or the whole trial if none is found. If the solver fails, the log's summary
+/// states the reason; the log of an interrupted trial is left incomplete.
 pub(super) fn run(
     model: &Model,
     plan: &Plan,

@@ -1,4 +1,5 @@
-//! Checks before the motors turn. A check that fails refuses the trial, with what to do; `--resume` continues.
+//! Checks before the motors turn. If a check fails, the trial is refused and the error says what to do; `--resume`
+//! continues.
 //!
 //! | when | what |
 //! | --- | --- |
@@ -29,14 +30,14 @@ const FORCE_TOLERANCE_G: f64 = 0.15;
 /// half a per cent.
 const DRIFT_LIMIT_PPM: f64 = 10_000.0;
 
-/// Pings from which on their rate is known well enough.
+/// Number of pings from which the clock rate is known well enough.
 const LEAST_PINGS: u32 = 10;
 
 /// Bytes of log a second, of the rig and of the emulated board with its robot's shapes: twice what was measured.
 const RIG_BYTES_PER_S: f64 = 80e3;
 const SIMULATED_BYTES_PER_S: f64 = 250e3;
 
-/// Room that stays free, bytes.
+/// Reserve of disk space that stays free, bytes.
 const RESERVE_BYTES: f64 = 50e6;
 
 /// The board measures its supply once a second.

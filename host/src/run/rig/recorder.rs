@@ -27,8 +27,8 @@ pub struct Frame {
 /// Length of the board's tick, µs.
 pub(super) const TICK_US: u64 = 1_000_000 / TICK_HZ as u64;
 
-/// Longest time for which a frame waits for its phase to be followed while an answer is awaited. With the interval at which
-/// the log is flushed it is less than the half second that may be lost.
+/// Longest time that a frame is held back while an answer is awaited. Together with the flush interval of the log it is
+/// less than the half second of data that may be lost.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
 
 /// Interval at which an awaited answer is looked for, that of the link's thread.
@@ -43,7 +43,7 @@ pub(super) enum Keep {
     Answers,
 }
 
-/// Returns the first of two failures, or the fault, which explains more than any other.
+/// Returns the first of two failures; a fault takes precedence, because it explains more.
 pub(super) fn first_failure(first: Result<(), RecordError>, next: Result<(), RecordError>) -> Result<(), RecordError> {
     match (&first, &next) {
         (Err(RecordError::Faulted(_)), _) => first,

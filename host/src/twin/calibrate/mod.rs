@@ -11,8 +11,9 @@
 //! on the first moments of a motion more than the accuracy of model and clocks allows: a delay of 5 ms then changed the
 //! tether by 3 %. The size and correlation of the residuals, as a first-order autoregressive process for each angle,
 //! enter the standard errors, which hold for any weights of the fit (White 1980, Econometrica 48, 817; Seber and Wild
-//! 2003, Nonlinear Regression, chapter 6). The solver's error is added to them. What the model leaves out is the same in all
-//! trials and no scatter shows it: its effect on each parameter stands beside the standard error ([`Estimate::model_error`]).
+//! 2003, Nonlinear Regression, chapter 6). The solver's error is added to them. The error of the model is the same in
+//! all trials and does not show in their scatter; its effect on each parameter is given beside the standard error
+//! ([`Estimate::model_error`]).
 
 mod data;
 mod file;
@@ -84,8 +85,8 @@ pub struct Estimate {
     pub value: f64,
     /// Standard error from the noise of the measurement and the solver.
     pub std_error: f64,
-    /// By how much what the model leaves out ([`sim::accuracy`]) may have changed the value; `None` if all trials are of a
-    /// model or a simulated robot, which has no such error.
+    /// Possible change of the value by the error of the model ([`sim::accuracy`]); `None` if all trials are of a model
+    /// or a simulated robot, which have no such error.
     pub model_error: Option<f64>,
     /// 95 % confidence interval: lower and upper bound. It does not contain the model's error.
     pub interval_95: [f64; 2],
@@ -143,7 +144,7 @@ pub struct Calibration {
     pub simulations: usize,
     /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// What the user should know besides.
+    /// Notes for the user.
     pub notes: Vec<String>,
     /// The fitted robot.
     #[serde(skip)]

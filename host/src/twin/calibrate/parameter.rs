@@ -19,9 +19,9 @@ pub enum Parameter {
     Young,
     /// Angle by which the sensor is rotated in the body about the vertical.
     MountYaw,
-    /// Angle of flagellum 2 less that of flagellum 1 where both encoders are at zero.
+    /// Angle of flagellum 2 minus that of flagellum 1 at zero encoder counts.
     Phase,
-    /// Angle of flagellum 1 there, with which flagellum 2 turns.
+    /// Angle of flagellum 1 at zero encoder counts; flagellum 2 turns with it.
     PhaseBoth,
 }
 

@@ -1,10 +1,10 @@
 //! The phases of the flagella: when they can be fitted, and where their fit starts.
 //!
-//! The encoders count from where the flagella stood when the board started, so the angles of the helices are known but for
-//! a constant each. The steady state of a trial at a simple ratio of speeds depends on one combination of them
-//! ([`sim::phase`]), and as an angle: least squares would end in the next minimum. So each trial is simulated at phases
-//! around the turn first. Trials of one ratio tell the angle that it keeps; the other one shows only in how the motion
-//! starts.
+//! The encoders count from the angles at which the board started, so each helix angle is known up to a constant. The
+//! steady state of a trial at a simple ratio of speeds depends periodically on one combination of these constants
+//! ([`sim::phase`]), so least squares could end in a local minimum. Therefore each trial is first simulated at phases
+//! around the turn. Trials of one ratio determine the phase of that ratio; the other combination affects only the start
+//! of the motion.
 
 use super::data::FitTrial;
 use super::problem::Problem;
@@ -49,7 +49,7 @@ pub(super) fn unknown(trials: &[FitTrial], start: &Robot, parameters: &[Paramete
     })
 }
 
-/// Returns the start of a problem with the phases, of those around the turn, at which its trials fit best; `None` if no
+/// Returns the initial values of a fit, with the phases around the turn at which the trials fit best; `None` if no
 /// phase is fitted.
 pub(super) fn nearest(problem: &Problem) -> Option<Robot> {
     if !problem.parameters.contains(&Parameter::Phase) {
@@ -79,7 +79,7 @@ pub(super) fn nearest(problem: &Problem) -> Option<Robot> {
     starts.into_iter().zip(totals).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(robot, _)| robot)
 }
 
-/// Returns the steps of both flagella by which the angle that a ratio keeps changes by `step`.
+/// Returns the angles by which both flagella turn to change the phase of a ratio by `step`.
 fn alone(ratio: Ratio, step: i32) -> [f64; 2] {
     match ratio.turns {
         [0, q] => [f64::from(step) / f64::from(q), 0.0],

@@ -1,4 +1,4 @@
-//! Drives a motor open-loop and measures what its encoder, the other one and the gyroscope say.
+//! Drives a motor open-loop and measures the response of both encoders and the gyroscope.
 
 use crate::link::{Event, Link, LinkError};
 use crate::run::rig::RecordError;
@@ -10,7 +10,7 @@ use std::time::Duration;
 /// Time before a drive whose readings are compared with those of the drive, s.
 const BEFORE_S: f64 = 0.1;
 
-/// The motors rest when no encoder moves for so long, s.
+/// Duration without motion of both encoders after which the motors count as at rest, s.
 const REST_S: f64 = 0.15;
 
 /// Longest wait for the motors to come to rest, s.
@@ -19,7 +19,7 @@ const REST_TIMEOUT_S: f64 = 3.0;
 /// Length of the windows in each of which a steady motion moves the encoder, s.
 const WINDOW_S: f64 = 0.1;
 
-/// Changes of an encoder's position from which on it alternates rather than trembles.
+/// Number of changes of an encoder's position above which it alternates rather than trembles.
 const ALTERNATIONS: u32 = 10;
 
 /// A board whose motors can be driven open-loop.
@@ -181,8 +181,8 @@ impl Travel {
         }
     }
 
-    /// Returns whether the position goes forth and back: the edges of one channel are counted, and the other channel,
-    /// which tells the direction, does not change.
+    /// Returns whether the position goes back and forth: one channel has edges, and the other channel, which gives the
+    /// direction, does not change.
     pub fn alternates(&self) -> bool {
         self.changes >= ALTERNATIONS && self.counts.unsigned_abs() <= self.changes / 4
     }
@@ -193,8 +193,8 @@ impl Travel {
     }
 }
 
-/// Returns the slope of the line through the positions that has the least squares, counts a frame. The board takes an edge
-/// that has just come in the next frame, so that the first and the last position alone are up to seven counts off.
+/// Returns the least-squares slope of the positions, counts per frame. The board may count the latest edges only in the
+/// next frame, so a difference of the first and the last position could be off by up to seven counts.
 fn slope(positions: &[i32]) -> f64 {
     let middle = (positions.len() as f64 - 1.0) / 2.0;
     let (mut products, mut squares) = (0.0, 0.0);

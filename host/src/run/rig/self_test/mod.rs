@@ -1,8 +1,8 @@
-//! The self-test of motors and encoders: drives each motor open-loop, low duty first, both ways, and compares what the
-//! encoders say with what they should.
+//! The self-test of motors and encoders: drives each motor open-loop in both directions, at low duty first, and
+//! compares the encoder readings with the expected ones.
 //!
-//! The program cannot see the flagella. From the encoders alone, swapped leads of a motor look the same as swapped channels
-//! of its encoder; the user's eye tells them apart ([`correction`]).
+//! From the encoders alone, swapped leads of a motor look the same as swapped channels of its encoder. The user, who
+//! sees the flagella, distinguishes the two ([`correction`]).
 
 mod drive;
 
@@ -78,8 +78,8 @@ impl MotorTest {
         Self { finding, moving_duty: [None; 2], full_rpm: [0.0; 2], glitches: 0 }
     }
 
-    /// Returns the duty for [`Settings::moving_duty`]: half as much again as the measured one, and at least 20 more, so
-    /// that a motor in a thicker fluid is not taken for a stalled one.
+    /// Returns the duty for [`Settings::moving_duty`]: the measured one plus 50 %, and at least plus 20, so that a
+    /// motor in a more viscous fluid is not taken for stalled.
     pub fn moving_setting(&self) -> Option<u8> {
         let measured = u16::from(self.moving_duty[0]?.max(self.moving_duty[1]?));
         Some((measured * 3 / 2).max(measured + 20).min(255) as u8)
