@@ -23,7 +23,7 @@ pub struct GyroAverage {
 
 #[derive(Clone, Copy, Debug, Default)]
 struct AxisSums {
-    /// The first reading, subtracted from all others: sums of small numbers lose no digits.
+    /// The first reading, subtracted from all others, because sums of small numbers lose no digits.
     first: i16,
     sum: i32,
     square_sum: f32,

@@ -1,8 +1,10 @@
-//! A motor's encoder: which edges are motion, and the speed of the flagellum from their times.
+//! A motor's encoder: separates edges by motion from noise, and computes the speed of the flagellum from the times of
+//! the edges.
 //!
-//! Every edge of channel 1 interrupts, and channel 2 gives its direction. A spike on the line makes two edges within
-//! [`SPIKE_US`], which cancel each other: the second takes the first one's count and time back. Where the spike follows a
-//! true edge, this takes that edge back, and the end of the spike takes its place. Longer pulses count both ways.
+//! Every edge of channel 1 interrupts, and channel 2 gives its direction. A spike on the line causes two edges within
+//! [`SPIKE_US`], which cancel each other: the second edge undoes the count and the time of the first. If the spike
+//! follows a true edge, its beginning undoes that edge, and its end takes the place of the edge. Longer pulses count in
+//! both directions.
 //!
 //! With 602 counts per revolution, one count in a tick of 5 ms is 20 rpm: counting edges per tick would resolve 20 rpm.
 //! The time between edges resolves a thousandth. It is measured between edges to the same level of channel 1, because the
@@ -27,10 +29,10 @@ pub const SPIKE_US: u32 = 60;
 /// takes it.
 const SETTLED_US: u32 = 2 * SPIKE_US;
 
-/// Interrupts of an encoder between two ticks above which it is noise: the motor at full voltage makes 7.
+/// Number of interrupts of an encoder between two ticks above which they are noise: the motor at full voltage causes 7.
 pub const MAX_INTERRUPTS: u8 = 24;
 
-/// By how much the longer of the magnet's poles may exceed the mean.
+/// Largest relative difference of a magnet pole's length from the mean.
 const LONG_POLE: f32 = 1.25;
 
 /// An edge of channel 1.
@@ -103,12 +105,12 @@ impl Edges {
     }
 }
 
-/// What an encoder says about a tick.
+/// The motion of an encoder in a tick.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Motion {
     /// Speed.
     pub speed: CentiRpm,
-    /// Counts by which the position has changed.
+    /// Change of the position, counts.
     pub counts: i8,
     /// Edges that are motion, in either direction; -1 if one of an earlier tick was none.
     pub edges: i8,
@@ -125,9 +127,9 @@ pub struct Encoder {
     still: bool,
     /// At the last edge, in hundredths of rpm.
     speed: f32,
-    /// What the last tick said.
+    /// The motion in the last tick.
     told: CentiRpm,
-    /// Whether the last tick left its edges to this one.
+    /// Whether the edges of the last tick are counted in this one.
     deferred: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What a motor under speed control must not do: stall, run away, overheat, or hide its motion from its encoder.
+//! Faults of a motor under speed control: stall, runaway, overload, and a failed encoder.
 //!
 //! | finding | rule |
 //! | --- | --- |
@@ -38,10 +38,11 @@ const COOLING: u32 = 12;
 
 /// Watches one motor.
 ///
-/// The heat of the winding is the square of its current, less what it gives away. The current is taken as the duty less
-/// what the speed itself makes up for, in steps of the duty: 255 for the motor that is blocked at full voltage. A current
-/// of 128 (half the speed without load, at full voltage) reaches the limit after 12 s, 178 after 5 s, 255 after 2.4 s. At
-/// 90 rpm even full voltage makes no more than 80, which may last: no load is too much for a motor that keeps this speed.
+/// The heat of the winding grows with the square of its current, and decays by cooling. The current is estimated as the
+/// duty minus the duty that the speed corresponds to, in steps of the duty: 255 for a motor that is blocked at full
+/// voltage. A current of 128 (half the speed without load, at full voltage) reaches the limit after 12 s, 178 after 5
+/// s, 255 after 2.4 s. At 90 rpm even full voltage gives a current of at most 80, which may last: a motor that keeps
+/// this speed cannot be overloaded.
 #[derive(Debug, Default)]
 pub struct Guard {
     heat: u32,
@@ -57,7 +58,7 @@ pub struct Guard {
 }
 
 impl Guard {
-    /// Advances one tick. Returns what is wrong as the fault of motor 1 and that of motor 2.
+    /// Advances one tick. Returns a finding as the corresponding faults of motors 1 and 2.
     #[inline(never)]
     pub fn check(&mut self, duty: Duty, target: CentiRpm, motion: &Motion, moving_duty: u8) -> [Fault; 2] {
         // In the direction of the duty.

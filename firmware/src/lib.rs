@@ -10,9 +10,9 @@
 //! | [`imu`] | the MPU6050: set-up, one reading per tick, failures |
 //! | [`calibration`] | the gyroscope's bias, averaged at rest |
 //! | [`attitude`] | the filter that turns rates and gravity into a quaternion |
-//! | [`encoder`] | which edges of an encoder are motion, and the speed of its flagellum |
+//! | [`encoder`] | the edges of an encoder that are motion, and the speed of its flagellum |
 //! | [`motor`] | the bridges, speed control |
-//! | [`guard`] | what a motor must not do |
+//! | [`guard`] | stall, runaway, overload, failed encoder |
 //! | [`schedule`] | the speeds of a trial over its ticks |
 //! | [`link`] | requests in, answers and telemetry out, the deadline |
 //! | [`storage`], [`settings`], [`fault_log`] | the EEPROM: its bytes, settings and the number of starts, the last faults |

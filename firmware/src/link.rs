@@ -15,7 +15,7 @@ const PONG: u8 = 11;
 
 /// Bytes to send, up to [`OUTBOX`] - 1; the serial port takes them.
 pub trait Outbox {
-    /// Returns how many bytes have room.
+    /// Returns the number of free bytes.
     fn room(&self) -> u8;
 
     /// Adds bytes, for which there is room.
@@ -102,7 +102,7 @@ impl Link {
         }
     }
 
-    /// Returns the answer to repeat if `request` repeats the one before.
+    /// Returns the previous answer if `request` repeats the previous request.
     pub fn repetition(&self, request: &Request) -> Option<Answer> {
         // A new host may begin with the number with which the one before ended.
         self.last

@@ -1,5 +1,5 @@
-//! The schedule of a trial: the speeds of both motors over the board's ticks, so that what the robot does does not depend
-//! on how busy the host is.
+//! The schedule of a trial: the speeds of both motors over the board's ticks. The motion of the robot then does not
+//! depend on the load of the host.
 
 use protocol::units::{CentiRpm, Micros};
 use protocol::{MAX_SET_POINTS, SetPoint};

@@ -25,7 +25,7 @@ const COUNTS: u16 = 8;
 /// A counter that was never written.
 const BLANK: u16 = u16::MAX;
 
-/// The layout of the settings, which the number in the memory tells.
+/// The layout of the settings, identified by the number in the memory.
 const LAYOUT: u8 = 2;
 /// The second byte of every stored frame. Firmware of protocol version 1 stored the settings as it received them, with the
 /// number of the request and this number of the command.
@@ -79,7 +79,7 @@ impl<S: Storage> Store<S> {
         false
     }
 
-    /// Begins a save. One that is in progress goes on: the host repeats its request more often than a failing save takes.
+    /// Begins a save. A save in progress continues: the host repeats its request more often than a failing save takes.
     pub fn begin_save(&mut self) {
         self.writes.get_or_insert(0);
     }

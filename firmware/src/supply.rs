@@ -1,11 +1,12 @@
-//! The board's supply, measured as the chip's bandgap reference in parts of it (ATmega328P, section 23.5.2).
+//! The board's supply, from a measurement of the chip's bandgap reference relative to the supply (ATmega328P, section
+//! 23.5.2).
 
 use protocol::units::Millivolts;
 use protocol::{Fault, MIN_SUPPLY_MV};
 
 use crate::round_to_i16;
 
-/// Readings below the limit in a row until it is a fault, so that a spike on the supply is none.
+/// Number of successive readings below the limit that are a fault, so that a spike on the supply is not.
 const LOW_READINGS: u8 = 2;
 
 /// The supply over time.

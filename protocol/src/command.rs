@@ -1,13 +1,13 @@
-//! What the host asks of the board.
+//! Requests from the host to the board.
 
 use crate::settings::Settings;
 use crate::units::{CentiRpm, Duty, Micros};
 use serde::{Deserialize, Serialize};
 
-/// A command with a number, which its answer repeats.
+/// A command with a sequence number, which the answer repeats.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
 pub struct Request {
-    /// Differs from the number of the request before, unless this repeats it.
+    /// Sequence number: differs from that of the previous request, unless this request repeats it.
     pub seq: u8,
     /// The command.
     pub command: Command,
@@ -60,8 +60,8 @@ pub enum Command {
         /// after it is tick 0.
         at: Micros,
     },
-    /// Drive the motors open-loop, for the self-test of the wiring; then turn them off. Motors must be off. The board
-    /// watches the deadline meanwhile, and not what the encoders say.
+    /// Drive the motors open-loop, for the self-test of the wiring; then turn them off. Motors must be off. During the
+    /// drive the board checks the deadline, but not the encoders.
     Drive {
         /// Duties of motors 1 and 2.
         duty: [Duty; 2],
@@ -82,7 +82,7 @@ pub const MAX_SET_POINTS: u8 = 16;
 /// Longest open-loop drive, ms.
 pub const MAX_DRIVE_MS: u16 = 2000;
 
-/// What begins at a tick of a schedule.
+/// A set-point: speeds and phase from a tick of the schedule on.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct SetPoint {
     /// Ticks from the start of the schedule.

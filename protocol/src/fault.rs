@@ -4,7 +4,7 @@ use crate::units::{CentiRpm, Duty, Micros};
 use serde::{Deserialize, Serialize};
 use serde_repr::{Deserialize_repr, Serialize_repr};
 
-/// A fault. The first one stays until it is cleared.
+/// A fault. The first fault stays latched until it is cleared.
 #[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
 #[repr(u8)]
 pub enum Fault {
@@ -23,11 +23,11 @@ pub enum Fault {
     ImuBusStuck,
     /// The IMU has no new data.
     ImuFrozen,
-    /// The IMU loses its configuration again and again.
+    /// The IMU loses its configuration repeatedly.
     ImuLostConfig,
     /// The board's supply is below [`MIN_SUPPLY_MV`].
     SupplyLow,
-    /// Motor 1 has a duty that turns it freely, and hardly moves.
+    /// Motor 1 hardly moves although its duty turns a free motor.
     Motor1Stalled,
     /// The same for motor 2.
     Motor2Stalled,
@@ -35,7 +35,7 @@ pub enum Fault {
     Motor1Runaway,
     /// The same for motor 2.
     Motor2Runaway,
-    /// Motor 1 draws more than it can bear (estimated from duty and speed).
+    /// The current of motor 1, estimated from duty and speed, would overheat its winding.
     Motor1Overloaded,
     /// The same for motor 2.
     Motor2Overloaded,
@@ -43,7 +43,7 @@ pub enum Fault {
     Encoder1Failed,
     /// The same for encoder 2.
     Encoder2Failed,
-    /// Encoder 1 has more edges than the motor can make.
+    /// Encoder 1 has more edges than the motor can cause.
     Encoder1Noisy,
     /// The same for encoder 2.
     Encoder2Noisy,

@@ -6,9 +6,9 @@
 //! └──────────────────────────────────────┘
 //! ```
 //!
-//! A zero byte ends a frame and occurs nowhere else, so a receiver that starts anywhere, or has lost bytes, is in step
-//! again after at most one frame. The CRC (polynomial 0x1021 reflected, start and final XOR 0xFFFF) detects every burst of
-//! up to 16 bits and misses one in 65536 of other errors.
+//! A zero byte ends a frame and occurs nowhere else, so a receiver that starts anywhere, or has lost bytes, is
+//! synchronised again after at most one frame. The CRC (polynomial 0x1021 reflected, start and final XOR 0xFFFF)
+//! detects every burst of up to 16 bits and misses one in 65536 of other errors.
 //!
 //! A frame is shorter than 255 bytes, so that COBS is one chain of distances from zero to zero and works in place: on the
 //! board this takes a third of the time of a CRC and a COBS encoder that take byte after byte.

@@ -1,4 +1,4 @@
-//! What the board answers.
+//! Replies from the board to the host.
 
 use crate::fault::FaultRecord;
 use crate::settings::Settings;
@@ -11,9 +11,9 @@ use serde_repr::{Deserialize_repr, Serialize_repr};
 pub enum Reply {
     /// To [`Command::Hello`](crate::Command::Hello).
     Info(Info),
-    /// Done; begun, where it takes time.
+    /// Done, or begun if the command takes time.
     Done,
-    /// Not done.
+    /// The command was not carried out.
     Refused(Refusal),
     /// To [`Command::ReadSettings`](crate::Command::ReadSettings).
     Settings(Settings),

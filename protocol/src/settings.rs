@@ -1,4 +1,4 @@
-//! What the board knows of its robot.
+//! The settings that the board keeps of its robot.
 
 use crate::units::{AccelRange, AxisMap, GyroRange, Millivolts};
 use serde::{Deserialize, Serialize};
@@ -53,8 +53,8 @@ pub struct Settings {
 impl Settings {
     /// The published robot, with the published speed gains.
     ///
-    /// Its encoders give 12 counts per motor revolution when both edges of both channels count, before a gear of 100.37;
-    /// the board counts both edges of one channel.
+    /// Its encoders have 12 edges per motor revolution on both channels together, before a gear of 100.37:1. The board
+    /// counts both edges of one channel, so there are 602 counts per revolution of a flagellum.
     pub const DEFAULT: Self = Self {
         board_id: 0,
         gyro_range: GyroRange::Dps250,
