@@ -124,7 +124,7 @@ fn target(args: &Args) -> miette::Result<Target> {
         return Err(miette::miette!(
             code = WRONG_USE,
             help = "give two of --yaw, --pitch, --roll, --tilt and --thrust, such as --yaw=-67 --pitch=-4",
-            "two speeds give two quantities, and {} is named",
+            "two quantities are needed, and {} is given",
             if wanted.is_empty() { "none" } else { "one" }
         ));
     }

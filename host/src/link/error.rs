@@ -57,7 +57,7 @@ pub enum LinkError {
     },
     /// The port failed.
     #[error("{path}: {source}")]
-    #[diagnostic(help("unplug and replug the board and try again; `biflag doctor` tells more"))]
+    #[diagnostic(help("unplug and replug the board and try again; `biflag doctor` shows more"))]
     Port {
         /// The port.
         path: String,
@@ -185,7 +185,7 @@ fn refusal_cure(refusal: Refusal) -> &'static str {
 
 fn present(available: &[String]) -> String {
     match available {
-        [] => "no board is plugged in; `biflag doctor` tells more".into(),
+        [] => "no board is plugged in; `biflag doctor` shows more".into(),
         ports => format!("available: {}", ports.join(", ")),
     }
 }

@@ -239,7 +239,7 @@ fn hand_turn(table: &TrialTable, source: &Source) -> Result<Option<HandTurn>, Pl
 fn method(table: &TrialTable, source: &Source) -> Result<Method, PlanError> {
     let method = *table.method.get_ref();
     if method == Method::Steady && table.reverse.is_some() {
-        let what = "a steady state has no reversal";
+        let what = "the method `steady` cannot compute a reversal";
         return Err(source.error(table.method.span(), what, "leave out reverse, or method"));
     }
     Ok(method)

@@ -110,8 +110,8 @@ fn test(
     }
     checks.extend(judgements(&tests));
     if assumed {
-        let detail = "taken as right: seen from above, a flagellum with a positive speed turns counter-clockwise; the \
-                      program cannot see it, so look once, or run this test in a terminal";
+        let detail = "not tested: the program assumes that, seen from above, a positive speed turns the flagellum \
+                      counter-clockwise; check this once by eye, or run this test in a terminal";
         checks.push(check("direction".into(), Ok(detail.into())));
     }
     if tests.iter().all(|test| test.finding.is_usable()) {
@@ -161,7 +161,7 @@ fn judge(motor: usize, test: &MotorTest) -> super::Finding {
     match test.finding {
         Finding::Agrees | Finding::Opposes if forwards.min(backwards) < FASTEST_TRIAL_RPM => Err((
             format!("only {speeds}"),
-            "trials at 90 rpm are out of reach: check the motors' 6 V supply, and what brakes the flagellum".into(),
+            "trials at 90 rpm are not possible: check the motors' 6 V supply, and what brakes the flagellum".into(),
         )),
         Finding::Agrees | Finding::Opposes => {
             let counts = if test.finding == Finding::Agrees { "" } else { "; the encoder counts against the duty" };
@@ -177,7 +177,7 @@ fn judge(motor: usize, test: &MotorTest) -> super::Finding {
             format!("check the wires of {} and {}", WAY_PINS[motor][0], WAY_PINS[motor][1]),
         ),
         Finding::DirectionDead => wrong(
-            "its encoder counts forth and back: channel C2 does not change",
+            "its encoder counts back and forth: channel C2 does not change",
             format!("check the wire from the encoder's C2 to {}", DIRECTION_PINS[motor]),
         ),
         Finding::OtherEncoder => wrong(

@@ -110,8 +110,8 @@ fn plan(args: &Args) -> miette::Result<Plan> {
         plan.method = method.into();
     }
     if plan.method == Method::Steady && plan.trials.iter().any(|trial| trial.reverse.is_some()) {
-        let help = "leave out --method, or reverse in the plan";
-        return Err(miette::miette!(code = WRONG_USE, help = help, "a steady state has no reversal"));
+        let help = "leave out --method, or remove reverse from the plan";
+        return Err(miette::miette!(code = WRONG_USE, help = help, "the method `steady` cannot compute a reversal"));
     }
     Ok(plan)
 }

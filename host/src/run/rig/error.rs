@@ -67,7 +67,7 @@ pub fn fault_text(fault: Fault) -> &'static str {
         Fault::ImuSilent => "the IMU does not respond",
         Fault::ImuBusStuck => "the IMU's bus is stuck",
         Fault::ImuFrozen => "the IMU has no new data",
-        Fault::ImuLostConfig => "the IMU loses its configuration again and again",
+        Fault::ImuLostConfig => "the IMU loses its configuration repeatedly",
         Fault::SupplyLow => "the board's supply is below 4.3 V",
         Fault::Motor1Stalled => "motor 1 is stalled: it is driven but hardly turns",
         Fault::Motor2Stalled => "motor 2 is stalled: it is driven but hardly turns",
@@ -77,8 +77,8 @@ pub fn fault_text(fault: Fault) -> &'static str {
         Fault::Motor2Overloaded => "motor 2 is overloaded: it is driven hard but turns slowly",
         Fault::Encoder1Failed => "encoder 1 counts forwards and backwards in turn",
         Fault::Encoder2Failed => "encoder 2 counts forwards and backwards in turn",
-        Fault::Encoder1Noisy => "encoder 1 has more edges than its motor can make",
-        Fault::Encoder2Noisy => "encoder 2 has more edges than its motor can make",
+        Fault::Encoder1Noisy => "encoder 1 has more edges than its motor can cause",
+        Fault::Encoder2Noisy => "encoder 2 has more edges than its motor can cause",
     }
 }
 
@@ -133,7 +133,7 @@ fn jump_cure(cause: Option<ResetCause>) -> &'static str {
 
 fn silence_text(cause: &Option<ResetCause>, bytes: usize) -> String {
     match (cause, bytes) {
-        (None, 1..) => format!(": only {bytes} bytes that are no telemetry came for a second"),
+        (None, 1..) => format!(": in one second it sent {bytes} bytes and no telemetry"),
         _ => restart_text(cause),
     }
 }

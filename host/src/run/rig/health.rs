@@ -42,7 +42,7 @@ impl Health {
         }
         if self.glitches > 0 {
             warnings.push(format!(
-                "the encoders' lines had {} edges that are no motion: keep them away from the motors' leads, and check \
+                "the encoders' lines had {} edges that are not motion: keep them away from the motors' leads, and check \
                  their ground",
                 self.glitches
             ));

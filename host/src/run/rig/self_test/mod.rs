@@ -96,7 +96,7 @@ pub fn run(
     mut progress: impl FnMut(&str),
 ) -> Result<[MotorTest; 2], RecordError> {
     let mut test = |motor| {
-        progress(&format!("testing motor {}: it turns both ways, at most at full duty", motor + 1));
+        progress(&format!("testing motor {}: it turns in both directions, at up to full duty", motor + 1));
         match test_motor(board, motor, settings) {
             Err(RecordError::Faulted(fault)) if motor_of(fault).is_some() => Ok(MotorTest::of(Finding::Faulted(fault))),
             result => result,
