@@ -65,7 +65,7 @@ pub struct Solution {
     pub contact_change: Option<ContactChange>,
 }
 
-/// Result of [`aim`].
+/// Result of [`aim()`].
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Aimed {
     /// Whether there are solutions.
