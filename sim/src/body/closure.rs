@@ -16,7 +16,8 @@
 //!
 //! The righting moment is written with its restoring sign. The table has the results of the three closures at the
 //! published points for the robot `published` (`cargo run --release -p sim --example closures`; both helices start at
-//! the same angle; rates are means of the last minute of 240 s):
+//! the same angle; yaw is the value at that time and not a mean over whole turns; rates are means and tilts ranges of
+//! the last minute of 240 s):
 //!
 //! | speeds rpm | closure | yaw at 120 s | at 240 s, deg | rate about z_B, deg/s | by drag alone | tilt, deg | settled |
 //! | --- | --- | --- | --- | --- | --- | --- | --- |
