@@ -61,7 +61,7 @@ def test_the_table_is_that_of_the_command_line(tmp_path: Path) -> None:
     assert {name: own[name].tolist() for name in own} == {name: ours[name].tolist() for name in ours}
     text = biflag.read_sweep(tmp_path / "ours" / "table.csv")
     assert {name: text[name].tolist() for name in text} == {name: ours[name].tolist() for name in ours}
-    assert set(ours["kind"][ours["w1_rpm"] == 50]) == {"steady"} and ours["phases"].dtype.kind == "i"
+    assert "steady" in ours["kind"] and ours["phases"].dtype.kind == "i" and (ours["status"] == "ok").all()
     assert ours.about["viscosity_pa_s"] == "dynamic viscosity, mu"
 
 
