@@ -116,6 +116,12 @@ fn push(values: &mut Values, field: &Field) {
         Field::Float(value) => f64::from(*value),
         Field::Int(value) => f64::from(*value),
         Field::Long(value) => *value as f64,
+        Field::Byte(value) => f64::from(*value),
+        Field::UByte(value) => f64::from(*value),
+        Field::Short(value) => f64::from(*value),
+        Field::UShort(value) => f64::from(*value),
+        Field::UInt(value) => f64::from(*value),
+        Field::ULong(value) => *value as f64,
         _ => f64::NAN,
     };
     match (values, field) {
