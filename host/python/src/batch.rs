@@ -3,22 +3,27 @@
 use crate::closure;
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
+use crate::method;
 use crate::robot::Robot;
 use crate::simulate;
 use crate::speeds;
 use crate::steady::NUMBERS;
-use biflag_log::SteadyMeta;
+use crate::threads;
+use biflag_log::{Method, SteadyMeta};
+use host::run::model::Motion;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
-use sim::trial::{Options, Trial};
+use sim::periodic::Kind;
+use sim::trial::Options;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Simulates trials at constant speeds on `threads` threads, all cores if it is `None`, and returns columns by their
-/// names. A trial that the solver cannot end has NaN in its row, and the reason.
+/// names. With the method "steady" it solves for the states that they end in. A trial that the solver cannot end has NaN in
+/// its row, and the reason.
 #[pyfunction]
-#[pyo3(signature = (robot, speeds, duration, closure, rate_hz, phase_deg, threads))]
+#[pyo3(signature = (robot, speeds, duration, closure, method, rate_hz, phase_deg, threads))]
 #[allow(clippy::too_many_arguments)]
 pub fn simulate_batch<'py>(
     py: Python<'py>,
@@ -26,43 +31,37 @@ pub fn simulate_batch<'py>(
     speeds: &Bound<'py, PyAny>,
     duration: f64,
     closure: &str,
+    method: &str,
     rate_hz: f64,
     phase_deg: [f64; 2],
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let closure = closure::parse(closure)?;
-    let params = &robot.get().params;
+    let (closure, method) = (closure::parse(closure)?, method::parse(method)?);
     let pairs = speeds::pairs(speeds)?;
-    let options = Options { rate_hz, shapes: false };
+    let model = simulate::model(&robot.get().params, closure, method, Options { rate_hz, shapes: false });
     let angles = phase_deg.map(f64::to_radians);
     // What is wrong with the arguments is wrong for all trials.
     let profiles = pairs.iter().map(|rpm| speeds::constant(*rpm, duration, angles)).collect::<Result<Vec<_>, _>>()?;
-    let one = |profile: &_, stop: &AtomicBool| -> Result<SteadyMeta, Failure> {
-        let trial = Trial::new(params, closure, Clone::clone(profile), options)?;
-        simulate::steady(trial, stop)
+    let one = |i: usize, stop: &AtomicBool| -> Result<SteadyMeta, Failure> {
+        let goes_on = |_| !stop.load(Ordering::Relaxed);
+        simulate::steady(Motion::new(&model, &profiles[i], pairs[i], angles, &goes_on)?, stop)
     };
-    let pool = pool(threads)?;
+    let pool = threads::pool(threads)?;
     let results: Vec<Result<SteadyMeta, Failure>> = interruptible(py, |stop| {
         let all = || {
-            profiles.par_iter().map(|profile| {
-                if stop.load(Ordering::Relaxed) { Ok(SteadyMeta::default()) } else { one(profile, stop) }
-            })
+            (0..pairs.len())
+                .into_par_iter()
+                .map(|i| if stop.load(Ordering::Relaxed) { Err(Failure::interrupted()) } else { one(i, stop) })
         };
         Ok(pool.install(|| all().with_max_len(1).collect()))
     })?;
-    columns(py, &pairs, &results)
-}
-
-/// Returns a pool of threads, one for each core if the number is not given.
-///
-/// # Errors
-/// A number that is not possible.
-pub fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool, Failure> {
-    if threads == Some(0) {
-        return Err(Failure::parameter("threads", "must be at least 1"));
+    let table = columns(py, &pairs, &results)?;
+    if method == Method::Steady {
+        let kind = |steady: &SteadyMeta| steady.kind.map_or("", Kind::name);
+        let kinds = results.iter().map(|result| result.as_ref().map_or("", kind));
+        table.set_item("kind", kinds.collect::<Vec<_>>())?;
     }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
-    pool.map_err(|error| Failure::parameter("threads", error.to_string()))
+    Ok(table)
 }
 
 fn columns<'py>(

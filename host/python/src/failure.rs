@@ -1,9 +1,13 @@
 //! Failures, found while the interpreter's lock is released, and the Python exceptions that they become.
 
+use host::aim::AimError;
 use host::plan::PlanError;
+use host::sweep::SweepError;
+use host::text::word;
 use miette::Diagnostic;
 use pyo3::prelude::*;
 use sim::params::ParamError;
+use sim::periodic::SolveError;
 use sim::profile::ProfileError;
 use sim::step::StepError;
 use std::path::Path;
@@ -30,6 +34,16 @@ impl Failure {
     pub fn parameter(key: &str, reason: impl Into<String>) -> Self {
         let reason = reason.into();
         Self { class: PARAMETER, text: format!("{key}: {reason}"), key: key.to_owned(), reason, help: String::new() }
+    }
+
+    /// Returns something that failed: `key` is what is concerned.
+    pub fn new(key: &str, reason: impl Into<String>) -> Self {
+        Self { class: ERROR, ..Self::parameter(key, reason) }
+    }
+
+    /// Returns the failure of work that was told to stop; the exception of the signal takes its place.
+    pub fn interrupted() -> Self {
+        Self::new("work", "interrupted")
     }
 
     /// Returns the failure of an operation on a file.
@@ -78,6 +92,55 @@ impl From<StepError> for Failure {
     fn from(error: StepError) -> Self {
         let text = error.to_string();
         Self { class: ERROR, reason: text.clone(), text, key: "solver".to_owned(), help: String::new() }
+    }
+}
+
+impl From<SolveError> for Failure {
+    fn from(error: SolveError) -> Self {
+        match error {
+            SolveError::Parameter(error) => error.into(),
+            SolveError::Profile(error) => error.into(),
+            SolveError::Step(error) => error.into(),
+            SolveError::Interrupted => Self::interrupted(),
+        }
+    }
+}
+
+impl From<AimError> for Failure {
+    fn from(error: AimError) -> Self {
+        match &error {
+            AimError::TooFew { .. } => Self {
+                help: "give two of yaw, pitch, roll, tilt and thrust, or more that agree".to_owned(),
+                ..Self::of(&error)
+            },
+            AimError::OutOfRange { quantity, value, range } => {
+                let reason = format!("cannot be {value}; give {} to {}", range.start(), range.end());
+                Self::parameter(&word(quantity), reason)
+            }
+            AimError::Table { .. } | AimError::TooSmall { .. } => Self { key: "table".to_owned(), ..Self::of(&error) },
+            AimError::Model { .. } => Self { key: "solver".to_owned(), ..Self::of(&error) },
+            AimError::Interrupted => Self::interrupted(),
+        }
+    }
+}
+
+impl From<SweepError> for Failure {
+    fn from(error: SweepError) -> Self {
+        let help = |help: &str, failure: Self| Self { help: help.to_owned(), ..failure };
+        match error {
+            SweepError::Plan(error) => error.into(),
+            SweepError::Other { .. } | SweepError::Exists { .. } => {
+                help("name another folder", Self { key: "out".to_owned(), ..Self::of(&error) })
+            }
+            SweepError::Manifest { ref path, .. } => help("begin again in another folder", Self::of_file(path, &error)),
+            SweepError::Io { ref path, .. } => help(
+                "check that the folder is readable and writable, and that the disk has space; then go on",
+                Self::of_file(path, &error),
+            ),
+            SweepError::NotASweep { ref folder } => Self::of_file(folder, &error),
+            SweepError::Table { ref path, .. } => Self::of_file(path, &error),
+            SweepError::Threads(_) => Self { key: "threads".to_owned(), ..Self::of(&error) },
+        }
     }
 }
 

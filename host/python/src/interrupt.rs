@@ -19,6 +19,18 @@ pub fn interruptible<T: Send>(
     py: Python<'_>,
     work: impl FnOnce(&AtomicBool) -> Result<T, Failure> + Send,
 ) -> PyResult<T> {
+    watched(py, |_| Ok(()), work)
+}
+
+/// The same, and calls `look` from time to time, whose exception ends the work as a signal does.
+///
+/// # Errors
+/// The exception of a signal or of `look`, or that of the work.
+pub fn watched<'py, T: Send>(
+    py: Python<'py>,
+    mut look: impl FnMut(Python<'py>) -> PyResult<()>,
+    work: impl FnOnce(&AtomicBool) -> Result<T, Failure> + Send,
+) -> PyResult<T> {
     let (stop, done) = (AtomicBool::new(false), AtomicBool::new(false));
     let waiting = thread::current();
     thread::scope(|scope| {
@@ -31,7 +43,7 @@ pub fn interruptible<T: Send>(
         let mut signal = Ok(());
         while signal.is_ok() && !done.load(Ordering::Acquire) && !worker.is_finished() {
             py.detach(|| thread::park_timeout(SIGNALS));
-            signal = py.check_signals();
+            signal = py.check_signals().and_then(|()| look(py));
         }
         stop.store(signal.is_err(), Ordering::Relaxed);
         let result = py.detach(|| worker.join());

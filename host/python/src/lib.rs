@@ -3,24 +3,32 @@
 //! The package `biflag` (`python/biflag`) has the classes that users see; this library computes for them, with the
 //! interpreter's lock released, and hands over numpy arrays. Arrays are not copied on their way to Python.
 
+mod aim;
 mod batch;
 mod closure;
 mod failure;
 mod interrupt;
 mod json;
 mod log;
+mod method;
+mod new_file;
 mod page;
 mod robot;
 mod simulate;
 mod simulator;
 mod speeds;
 mod steady;
+mod sweep;
+mod table;
+mod threads;
 mod twin;
 
 use pyo3::prelude::*;
 
 #[pymodule]
 mod _biflag {
+    #[pymodule_export]
+    use crate::aim::{Answer, aim};
     #[pymodule_export]
     use crate::batch::simulate_batch;
     #[pymodule_export]
@@ -31,6 +39,8 @@ mod _biflag {
     use crate::simulate::{Simulated, simulate};
     #[pymodule_export]
     use crate::simulator::Simulators;
+    #[pymodule_export]
+    use crate::sweep::{read_sweep, sweep};
     #[pymodule_export]
     use crate::twin::{calibrate, compare};
 

@@ -3,9 +3,11 @@
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
 use crate::json;
+use crate::page;
 use crate::robot::Robot;
+use crate::table::{About, about, columns};
 use biflag_log::End;
-use host::export::table::{self, Summary, Table, Values};
+use host::export::table::{self, Summary};
 use host::plan::RobotFile;
 use host::session::Session;
 use host::trial::{Data, Want, Zeroed};
@@ -39,7 +41,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     dict.set_item("complete", data.is_complete())?;
     dict.set_item("warnings", warnings(&data, &zeroed))?;
     dict.set_item("columns", columns(py, &rows)?)?;
-    dict.set_item("about", rows.columns.iter().map(|c| (c.name.to_string(), c.about)).collect::<Vec<_>>())?;
+    dict.set_item("about", about(&rows))?;
     dict.set_item("notes", &rows.header)?;
     let mut steady = json::value(&zeroed.angles())?;
     if let (Some(steady), Some(own)) = (steady.as_object_mut(), &zeroed.steady) {
@@ -92,18 +94,7 @@ fn warnings(data: &Data, zeroed: &Zeroed) -> Vec<String> {
 /// Returns the page of a log, in a few hundred kilobytes.
 #[pyfunction]
 pub fn html(py: Python<'_>, path: PathBuf) -> PyResult<String> {
-    interruptible(py, |_| page(&path))
-}
-
-/// A notebook of some pages stays small with a tenth of the largest page for each.
-const PAGES: usize = 10;
-
-/// Returns the page of a log.
-///
-/// # Errors
-/// A file that is not a log.
-pub fn page(path: &std::path::Path) -> Result<String, Failure> {
-    host::report::html(path, PAGES).map_err(|error| Failure::of_file(path, &error))
+    interruptible(py, |_| page::of_log(&path))
 }
 
 /// Reads a session folder, and returns its name, its plan and its trials with their logs.
@@ -130,9 +121,6 @@ pub fn read_session(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>
     Ok(dict)
 }
 
-/// Names of columns, and what they hold.
-type About = Vec<(String, &'static str)>;
-
 /// Returns the table of the trials of a session that have a log, with the steady angles.
 #[pyfunction]
 pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDict>, About)> {
@@ -150,19 +138,5 @@ pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDic
     })?;
     let columns = columns(py, &rows)?;
     columns.del_item("file")?;
-    Ok((columns, rows.columns.iter().map(|column| (column.name.to_string(), column.about)).collect()))
-}
-
-fn columns<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
-    for column in &table.columns {
-        match &column.values {
-            Values::Real(values) | Values::Exact(values) => {
-                dict.set_item(&*column.name, values.clone().into_pyarray(py))?
-            }
-            Values::Int(values) => dict.set_item(&*column.name, values.clone().into_pyarray(py))?,
-            Values::Text(values) => dict.set_item(&*column.name, values)?,
-        }
-    }
-    Ok(dict)
+    Ok((columns, about(&rows)))
 }

@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use crate::json;
 use host::plan::{PHYSICAL, PUBLISHED, RobotFile, robot};
+use host::twin::calibrate::std_errors;
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyInt, PyMapping, PySequence, PyString, PyTuple, PyType};
@@ -23,7 +24,7 @@ impl Robot {
         Ok(Self { params: file.parse()?, file })
     }
 
-    /// Returns the robot of parameters that were computed or changed.
+    /// Returns the robot of parameters that were computed.
     pub fn of_params(params: params::Robot, name: &str) -> Self {
         let text = to_toml(&params);
         Self { params, file: RobotFile { name: name.to_owned(), text } }
@@ -82,12 +83,13 @@ impl Robot {
         let params = self.with(&values)?;
         params.validate().map_err(Failure::from)?;
         let base = self.file.name.trim_end_matches(" (changed)");
-        Ok(Self::of_params(params, &format!("{base} (changed)")))
+        let (name, text) = (format!("{base} (changed)"), with_std_errors(&params, &self.file.text));
+        Ok(Self { params, file: RobotFile { name, text } })
     }
 
-    /// Returns every parameter as the text of a robot file.
+    /// Returns every parameter as the text of a robot file, with the standard errors of those that were fitted.
     fn to_toml(&self) -> String {
-        to_toml(&self.params)
+        with_std_errors(&self.params, &self.file.text)
     }
 
     /// Returns every parameter as a dictionary of tables.
@@ -114,7 +116,7 @@ impl Robot {
     fn __hash__(&self) -> u64 {
         use std::hash::{DefaultHasher, Hash, Hasher};
         let mut hasher = DefaultHasher::new();
-        self.to_toml().hash(&mut hasher);
+        to_toml(&self.params).hash(&mut hasher);
         hasher.finish()
     }
 
@@ -138,6 +140,12 @@ impl Robot {
 
 fn to_toml(params: &params::Robot) -> String {
     toml::to_string(params).unwrap_or_default()
+}
+
+/// Returns the text of a robot file with the standard errors that another one, `fitted`, says.
+fn with_std_errors(params: &params::Robot, fitted: &str) -> String {
+    let lines = fitted.lines().filter(|line| !std_errors(line).is_empty());
+    lines.map(|line| format!("{line}\n")).collect::<String>() + &to_toml(params)
 }
 
 /// Sets or removes the value of a dotted key.

@@ -1,40 +1,45 @@
-//! One trial: its samples as arrays.
+//! One trial: its samples as arrays, its log and its page.
 
 use crate::closure;
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
 use crate::json;
+use crate::method;
 use crate::page;
 use crate::robot::Robot;
 use crate::speeds;
-use biflag_log::SteadyMeta;
+use biflag_log::{Method, SteadyMeta};
+use host::plan::{BoardSettings, Phases, Plan, Trial};
+use host::run::model::{Model, Motion, write_log};
 use numpy::IntoPyArray;
 use numpy::ndarray::{Array1, Array2, Array3, Array4};
+use protocol::Settings;
+use protocol::units::CentiRpm;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sim::body::closure::Closure;
-use sim::contact::history::{BundlingChange, BundlingHistory};
-use sim::profile::SpeedProfile;
+use sim::contact::history::BundlingHistory;
 use sim::sample::Sample;
-use sim::trial::{Options, Summary, Trial};
-use std::path::PathBuf;
+use sim::trial::Options;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A trial that was computed.
+/// A trial that was computed, or one period of the motion that it ends in.
 #[pyclass(frozen, module = "biflag._biflag")]
 pub struct Simulated {
-    pub robot: Py<Robot>,
-    pub closure: Closure,
-    pub options: Options,
-    pub profile: SpeedProfile,
-    pub samples: Vec<Sample>,
-    pub summary: Summary,
-    bundling: Vec<BundlingChange>,
+    robot: Py<Robot>,
+    model: Model,
+    /// Speeds at its end.
+    rpm: [f64; 2],
+    /// Its duration.
+    run_s: f64,
+    samples: Vec<Sample>,
+    steady: SteadyMeta,
 }
 
 /// Simulates a trial. `speeds`: see `speeds::profile`.
 #[pyfunction]
-#[pyo3(signature = (robot, speeds, duration, closure, rate_hz, shapes, phase_deg))]
+#[pyo3(signature = (robot, speeds, duration, closure, method, rate_hz, shapes, phase_deg))]
 #[allow(clippy::too_many_arguments)]
 pub fn simulate(
     py: Python<'_>,
@@ -42,23 +47,38 @@ pub fn simulate(
     speeds: &Bound<'_, PyAny>,
     duration: Option<f64>,
     closure: &str,
+    method: &str,
     rate_hz: f64,
     shapes: bool,
     phase_deg: [f64; 2],
 ) -> PyResult<Simulated> {
-    let closure = closure::parse(closure)?;
-    let (profile, _) = speeds::profile(speeds, duration, phase_deg.map(f64::to_radians))?;
-    let options = Options { rate_hz, shapes };
-    let params = &robot.get().params;
-    let (samples, summary, bundling) =
-        interruptible(py, |stop| run(Trial::new(params, closure, profile.clone(), options)?, stop))?;
-    Ok(Simulated { robot, closure, options, profile, samples, summary, bundling })
+    let (closure, method) = (closure::parse(closure)?, method::parse(method)?);
+    let angles = phase_deg.map(f64::to_radians);
+    let (profile, constant) = speeds::profile(speeds, duration, angles)?;
+    if method == Method::Steady && constant.is_none() {
+        let reason = "\"steady\" needs constant speeds: give two numbers as `speeds`";
+        return Err(Failure::parameter("method", reason).into());
+    }
+    let model = model(&robot.get().params, closure, method, Options { rate_hz, shapes });
+    let rpm = constant.unwrap_or_else(|| profile.target().map(rpm));
+    let (samples, steady, period_s) = interruptible(py, |stop| {
+        let goes_on = |_| !stop.load(Ordering::Relaxed);
+        run(Motion::new(&model, &profile, rpm, angles, &goes_on)?, stop)
+    })?;
+    let run_s = period_s.unwrap_or(profile.end());
+    Ok(Simulated { robot, model, rpm, run_s, samples, steady })
 }
 
-/// Runs a trial to its end, or until `stop` is set.
-fn run(mut trial: Trial, stop: &AtomicBool) -> Result<(Vec<Sample>, Summary, Vec<BundlingChange>), Failure> {
+/// Returns the model of a robot, with a board that nothing is asked of.
+pub fn model(robot: &sim::params::Robot, closure: Closure, method: Method, options: Options) -> Model {
+    Model::new(robot.clone(), Settings::DEFAULT, closure, options).by(method)
+}
+
+/// Runs a motion to its end, or until `stop` is set. Returns its samples, the steady state, and the period of one that
+/// repeats (s).
+fn run(mut motion: Motion, stop: &AtomicBool) -> Result<(Vec<Sample>, SteadyMeta, Option<f64>), Failure> {
     let (mut samples, mut history) = (Vec::new(), BundlingHistory::default());
-    for sample in trial.by_ref() {
+    for sample in motion.by_ref() {
         let sample = sample?;
         history.push(sample.time_s, sample.bundling);
         samples.push(sample);
@@ -66,21 +86,21 @@ fn run(mut trial: Trial, stop: &AtomicBool) -> Result<(Vec<Sample>, Summary, Vec
             break;
         }
     }
-    Ok((samples, trial.summary(), history.changes))
+    Ok((samples, motion.steady(history.changes), motion.period_s))
 }
 
-/// Returns the steady state of a trial, without its samples.
+/// Returns the steady state of a motion, without its samples.
 ///
 /// # Errors
 /// A step that the solver cannot take.
-pub fn steady(mut trial: Trial, stop: &AtomicBool) -> Result<SteadyMeta, Failure> {
-    for sample in trial.by_ref() {
+pub fn steady(mut motion: Motion, stop: &AtomicBool) -> Result<SteadyMeta, Failure> {
+    for sample in motion.by_ref() {
         sample?;
         if stop.load(Ordering::Relaxed) {
             break;
         }
     }
-    Ok(SteadyMeta::new(&trial.summary(), Vec::new()))
+    Ok(motion.steady(Vec::new()))
 }
 
 #[pymethods]
@@ -120,7 +140,7 @@ impl Simulated {
 
     /// Returns the steady state as a dictionary.
     fn steady<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        json::object(py, &json::value(&SteadyMeta::new(&self.summary, self.bundling.clone()))?)
+        json::object(py, &json::value(&self.steady)?)
     }
 
     /// Writes the log of the trial.
@@ -130,7 +150,41 @@ impl Simulated {
 
     /// Returns the page of the trial.
     fn html(&self, py: Python<'_>) -> PyResult<String> {
-        interruptible(py, |_| page::html(self))
+        interruptible(py, |_| page::of_unsaved(&self.name(), |log| self.write(log)))
+    }
+}
+
+impl Simulated {
+    fn name(&self) -> String {
+        let [w1, w2] = self.rpm.map(|rpm| (rpm * 100.0).round() / 100.0);
+        format!("w1{w1:+}_w2{w2:+}")
+    }
+
+    /// Writes the log to `path`, which must not exist.
+    fn write(&self, path: &Path) -> Result<(), Failure> {
+        let trial = Trial {
+            name: self.name(),
+            index: 0,
+            repeat: 1,
+            speeds: self.rpm.map(CentiRpm::from_rpm),
+            phases: Phases { calibrate_s: 0.0, preroll_s: 0.0, run_s: self.run_s, decay_s: 0.0 },
+            reverse: None,
+            phase_deg: None,
+        };
+        let plan = Plan {
+            name: "python".to_owned(),
+            operator: String::new(),
+            note: "simulated from Python".to_owned(),
+            robot: self.robot.get().file.clone(),
+            seed: None,
+            trials: vec![trial.clone()],
+            board: BoardSettings::default(),
+            hand_turn: None,
+            method: self.model.meta().method,
+            text: String::new(),
+        };
+        write_log(&self.model, &plan, &trial, (&self.samples, &self.steady), path)
+            .map_err(|error| Failure::of_file(path, &error))
     }
 }
 

@@ -1,10 +1,10 @@
 //! Simulators that are stepped from outside, with speeds that are not known in advance.
 
-use crate::batch::pool;
 use crate::closure;
 use crate::failure::Failure;
 use crate::robot::Robot;
 use crate::speeds;
+use crate::threads;
 use numpy::IntoPyArray;
 use numpy::ndarray::Array2;
 use pyo3::prelude::*;
@@ -105,7 +105,7 @@ impl Simulators {
         let closure: Closure = closure::parse(closure)?;
         let solver = Solver::new(&robot.get().params, closure)?;
         let simulators = (0..count).map(|_| Simulator::new(solver.clone(), [0.0; 2])).collect::<Result<_, _>>()?;
-        let pool = if count > 1 && threads != Some(1) { Some(pool(threads)?) } else { None };
+        let pool = if count > 1 && threads != Some(1) { Some(threads::pool(threads)?) } else { None };
         Ok(Self { robot, simulators, pool })
     }
 

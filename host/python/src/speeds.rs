@@ -11,7 +11,7 @@ const INTERVAL_S: f64 = 0.01;
 /// Longest trial, s: longer ones are a mistake in the unit.
 const LONGEST_S: f64 = 1e6;
 
-/// Returns the profile of the motors from time 0 on, which start at `angles_rad`, and whether the speeds are constant.
+/// Returns the profile of the motors from time 0 on, which start at `angles_rad`, and the speeds (rpm) if they are constant.
 ///
 /// # Errors
 /// [`Failure`] for speeds or a duration that make none, and any exception of a function.
@@ -19,16 +19,19 @@ pub fn profile(
     speeds: &Bound<'_, PyAny>,
     duration_s: Option<f64>,
     angles_rad: [f64; 2],
-) -> PyResult<(SpeedProfile, bool)> {
+) -> PyResult<(SpeedProfile, Option<[f64; 2]>)> {
     if speeds.is_callable() {
         let points = evaluated(speeds, required(duration_s)?)?;
-        return Ok((of_points(&points, angles_rad)?, false));
+        return Ok((of_points(&points, angles_rad)?, None));
     }
     let array = array(speeds)?;
     let shape = array.shape().to_vec();
     let values = array.as_array();
     let profile = match shape[..] {
-        [2] => return Ok((constant([values[[0]], values[[1]]], required(duration_s)?, angles_rad)?, true)),
+        [2] => {
+            let rpm = [values[[0]], values[[1]]];
+            return Ok((constant(rpm, required(duration_s)?, angles_rad)?, Some(rpm)));
+        }
         [count, 2] if count > 1 => {
             let interval = required(duration_s)? / (count - 1) as f64;
             let point = |i: usize| (i as f64 * interval, [values[[i, 0]], values[[i, 1]]]);
@@ -51,7 +54,7 @@ pub fn profile(
             return Err(Failure::parameter("speeds", reason).into());
         }
     };
-    Ok((profile, false))
+    Ok((profile, None))
 }
 
 /// Returns constant speeds (rpm). The motors reach them as in a trial of a plan.

@@ -5,6 +5,8 @@ use crate::failure::Failure;
 use crate::interrupt::interruptible;
 use crate::json;
 use crate::robot::Robot;
+use crate::threads;
+use host::plan::RobotFile;
 use host::session::{Session, Sharing};
 use host::trial::{Data, Want};
 use host::twin::calibrate::{FitTrial, Parameter, Request, calibrate as fit_trials, to_toml};
@@ -36,7 +38,7 @@ pub fn compare<'py>(
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyDict>)> {
     let closure = closure.map(closure::parse).transpose()?;
     let robot = robot.map(|robot| robot.get().file.clone());
-    let jobs = cores(jobs)?;
+    let jobs = threads::count(jobs)?;
     let on_mismatch = match (robot.is_some() || closure.is_some(), anyway) {
         (true, _) => OnMismatch::Accept,
         (_, true) => OnMismatch::Warn,
@@ -124,7 +126,7 @@ pub fn calibrate<'py>(
     let parameters = fit.iter().map(parse).collect::<std::result::Result<_, _>>()?;
     let robot = robot.map(|robot| robot.get().params.clone());
     let closure = closure.map(closure::parse).transpose()?;
-    let request = Request { robot, closure, parameters, jobs: cores(jobs)? };
+    let request = Request { robot, closure, parameters, jobs: threads::count(jobs)? };
     let calibration = interruptible(py, |stop| {
         let mut files = Vec::new();
         for path in &logs {
@@ -145,15 +147,8 @@ pub fn calibrate<'py>(
         fit_trials(trials, &request, &goes_on).map_err(|error| Failure::of(&error))
     })?;
     let text = to_toml(&calibration);
-    let fitted = Robot::of_params(calibration.robot.clone(), "fitted");
+    // The text has the standard errors of the parameters.
+    let file = RobotFile { name: "fitted".to_owned(), text: text.clone() };
+    let fitted = Robot { params: calibration.robot.clone(), file };
     Ok((json::object(py, &json::value(&calibration)?)?, fitted, text))
-}
-
-/// Returns the number of trials to compute at a time.
-fn cores(jobs: Option<usize>) -> std::result::Result<usize, Failure> {
-    match jobs {
-        Some(0) => Err(Failure::parameter("threads", "must be at least 1")),
-        Some(jobs) => Ok(jobs),
-        None => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
-    }
 }

@@ -41,6 +41,20 @@ def test_values_are_those_of_the_command_line(tmp_path: Path) -> None:
     assert "yaw_deg" in table._repr_html_()
 
 
+def test_steady_states_are_those_of_the_command_line(tmp_path: Path) -> None:
+    pairs = [(50.0, 10.0), (0.0, 45.0), (37.0, 53.0)]
+    plan = tmp_path / "map.toml"
+    plan.write_text(PLAN.format(pairs=[list(pair) for pair in pairs]))
+    theirs = biflag_json("simulate", str(plan), "--method", "steady", "--out", str(tmp_path / "map"))["trials"]
+    table = biflag.simulate_batch(ROBOT, pairs, 15, method="steady")
+    for i, row in enumerate(theirs):
+        for name in ("kind", "yaw_deg", "roll_deg", "settled", "settle_s", "window_s", "newton_iterations", "simulated_s"):
+            assert table[name][i] == row[name], (name, row["name"])
+        assert table["force1_z_n"][i] == row["force1_n"][2]
+    assert table["kind"].tolist() == ["steady", "steady", "not_found"]
+    assert "kind" not in biflag.simulate_batch(ROBOT, [(0, 0)], 1)
+
+
 def test_threads_change_nothing() -> None:
     one, two = (biflag.simulate_batch(ROBOT, PAIRS[:3], 5, threads=threads) for threads in (1, 2))
     for name in one:
@@ -61,3 +75,5 @@ def test_wrong_shapes_are_refused() -> None:
     for speeds in ((50, 10), [(1, 2, 3)], []):
         with pytest.raises(biflag.ParameterError, match="speeds"):
             biflag.simulate_batch(ROBOT, speeds, 5)
+    with pytest.raises(biflag.ParameterError, match="method"):
+        biflag.simulate_batch(ROBOT, PAIRS, 5, method="fast")  # type: ignore[arg-type]

@@ -31,6 +31,23 @@ def test_values_are_those_of_the_command_line(trial: biflag.Trial, tmp_path: Pat
         assert getattr(trial.steady, name).tolist() == theirs[name]
 
 
+def test_a_period_is_that_of_the_command_line(tmp_path: Path) -> None:
+    session = tmp_path / "session"
+    arguments = ("--speeds=50,10", "--duration", "60", "--robot", "published", "--method", "steady")
+    theirs = biflag_json("simulate", *arguments, "--out", str(session))["trials"][0]
+    period = biflag.simulate(ROBOT, (50, 10), 60, method="steady")
+    assert period.steady.kind == theirs["kind"] == "steady" and theirs["settled"] and period.steady.settled
+    for name in ("yaw_deg", "pitch_deg", "window_s", "min_gap_m", "simulated_s"):
+        assert getattr(period.steady, name) == theirs[name], name
+    assert period.time[0] == 0 and period.time[-1] == pytest.approx(6), "the common period of 50 and 10 rpm is 6 s"
+    period.save(tmp_path / "period.mcap")
+    kept, command = biflag.read_log(tmp_path / "period.mcap"), biflag.read_log(theirs["log"])
+    for name in ("time_s", "phase", "yaw_deg", "force1_z_n", "winding_turns"):
+        assert kept.table[name].tolist() == command.table[name].tolist(), name
+    assert kept.records["model"]["method"] == command.records["model"]["method"] == "steady"
+    assert biflag.simulate(ROBOT, (50, 10), 1).steady.kind is None
+
+
 def test_arrays_fit_together(trial: biflag.Trial) -> None:
     n = 20 * 20 + 1
     assert trial.time.shape == (n,) and trial.forces.shape == (n, 2, 3) and trial.torques.shape == (n, 2)
@@ -77,6 +94,9 @@ def test_speeds_may_be_an_array_or_a_function() -> None:
         ("speeds", {"speeds": lambda t: t, "duration": 1}),
         ("rate_hz", {"speeds": (50, 10), "duration": 1, "rate_hz": 0}),
         ("closure", {"speeds": (50, 10), "duration": 1, "closure": "half"}),
+        ("method", {"speeds": (50, 10), "duration": 1, "method": "fast"}),
+        ("method", {"speeds": np.zeros((5, 2)), "duration": 1, "method": "steady"}),
+        ("rate_hz", {"speeds": (50, 10), "duration": 1, "method": "steady", "rate_hz": 0}),
     ],
 )
 def test_impossible_arguments_are_named(key: str, arguments: dict[str, object]) -> None:

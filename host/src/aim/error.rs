@@ -1,13 +1,37 @@
 //! Why there is no answer.
 
+use super::quantity::Quantity;
+use crate::text::word;
 use miette::Diagnostic;
 use sim::periodic::SolveError;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use thiserror::Error;
 
 /// Why there is no answer.
 #[derive(Error, Diagnostic, Debug)]
 pub enum AimError {
+    /// Fewer than two quantities are asked for.
+    #[error("two speeds give two quantities, and {} is named", if *named == 0 { "none" } else { "one" })]
+    #[diagnostic(
+        code(wrong_use),
+        help("give two of --yaw, --pitch, --roll, --tilt and --thrust, such as --yaw=-67 --pitch=-4")
+    )]
+    TooFew {
+        /// How many.
+        named: usize,
+    },
+    /// A quantity cannot have this value.
+    #[error("{} cannot be {value}", word(quantity))]
+    #[diagnostic(code(wrong_use), help("give {} to {}", range.start(), range.end()))]
+    OutOfRange {
+        /// The quantity.
+        quantity: Quantity,
+        /// The value.
+        value: f64,
+        /// Its possible values.
+        range: RangeInclusive<f64>,
+    },
     /// The table cannot be read.
     #[error("{}: the table cannot be read: {reason}", path.display())]
     #[diagnostic(

@@ -20,7 +20,7 @@ pub use interval::Interval;
 pub use model::{Model, State};
 pub use plan::plan;
 pub use quantity::{Attitude, Quantity, Target};
-pub use read::{load, shipped};
+pub use read::{Columns, load, of_columns, shipped};
 pub use table::Table;
 
 use crate::twin::calibrate::StdError;

@@ -1,15 +1,18 @@
 //! Writes a plan with the speeds that were found.
 
-use super::Solution;
+use super::{Solution, Target};
 use crate::plan::Phases;
+use sim::params::BUILT_IN;
 use std::fmt::Write;
+use std::path::Path;
 
-/// Returns a plan of the solutions' speeds, one trial each, that `record` and `simulate` run.
+/// Returns the text of a plan of the solutions' speeds, one trial each, that `record` and `simulate` run.
 ///
-/// `name`: of the session; `robot`: name of a built-in robot, or path of its file from the plan's folder; `wanted`: what the
-/// speeds are for.
-pub fn plan(name: &str, robot: &str, wanted: &str, solutions: &[Solution]) -> String {
-    let mut text = format!("# Speeds for {} of the robot {}:\n", comment(wanted), comment(robot));
+/// `out`: the plan's file, after which the session is named; `robot`: name of a built-in robot, or path of its file.
+pub fn plan(out: &Path, robot: &Path, target: &Target, solutions: &[Solution]) -> String {
+    let name = out.file_stem().unwrap_or_default().to_string_lossy();
+    let robot = named_in(out, robot);
+    let mut text = format!("# Speeds for {target} of the robot {}:\n", comment(&robot));
     for Solution { state, interval, .. } in solutions {
         let (attitude, [yaw, pitch, roll]) =
             (&state.attitude, [interval.yaw_ci_deg, interval.pitch_ci_deg, interval.roll_ci_deg]);
@@ -32,7 +35,7 @@ pub fn plan(name: &str, robot: &str, wanted: &str, solutions: &[Solution]) -> St
     }
     let Phases { calibrate_s, preroll_s, run_s, decay_s } = Phases::default();
     let pairs: Vec<_> = solutions.iter().map(|s| format!("[{}, {}]", s.state.w1_rpm, s.state.w2_rpm)).collect();
-    let [name, robot] = [name, robot].map(|text| toml::Value::String(text.to_owned()));
+    let [name, robot] = [&*name, &*robot].map(|text| toml::Value::String(text.to_owned()));
     let _ = write!(
         text,
         "\n[session]\nname = {name}\nrobot = {robot}\n\n[trial]\ncalibrate = {calibrate_s}\npreroll = {preroll_s}\n\
@@ -40,6 +43,18 @@ pub fn plan(name: &str, robot: &str, wanted: &str, solutions: &[Solution]) -> St
         pairs.join(", ")
     );
     text
+}
+
+/// Returns how a plan names the robot: a file in its own folder by its name, any other by its whole path.
+fn named_in(plan: &Path, robot: &Path) -> String {
+    if robot.to_str().is_some_and(|name| BUILT_IN.contains(&name)) {
+        return robot.display().to_string();
+    }
+    let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
+    match robot.file_name() {
+        Some(name) if folder(plan) == folder(robot) => name.to_string_lossy().into_owned(),
+        _ => std::path::absolute(robot).unwrap_or_else(|_| robot.to_owned()).display().to_string(),
+    }
 }
 
 /// Returns text for a line of a comment.

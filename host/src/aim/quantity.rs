@@ -1,7 +1,11 @@
 //! Quantities that can be wanted: angles of the attitude, and the thrust.
 
+use super::error::AimError;
+use crate::text::word;
 use serde::Serialize;
 use sim::trial::Summary;
+use std::fmt;
+use std::ops::RangeInclusive;
 
 /// A steady attitude, with the thrust.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
@@ -57,6 +61,17 @@ impl Quantity {
             Self::Thrust => attitude.thrust_n,
         }
     }
+
+    /// Returns the values that can be asked for, degrees or N.
+    fn range(self) -> RangeInclusive<f64> {
+        match self {
+            Self::Yaw => -36_000.0..=36_000.0,
+            Self::Pitch => -90.0..=90.0,
+            Self::Roll => -180.0..=180.0,
+            Self::Tilt => 0.0..=180.0,
+            Self::Thrust => -1e3..=1e3,
+        }
+    }
 }
 
 /// What is asked for: values of at least two quantities.
@@ -67,6 +82,21 @@ pub struct Target {
 }
 
 impl Target {
+    /// Returns the target of these quantities and their values, degrees or N; one without a value is not asked for.
+    ///
+    /// # Errors
+    /// [`AimError::TooFew`] and [`AimError::OutOfRange`].
+    pub fn new(asked: impl IntoIterator<Item = (Quantity, Option<f64>)>) -> Result<Self, AimError> {
+        let wanted: Vec<_> = asked.into_iter().filter_map(|(quantity, value)| Some((quantity, value?))).collect();
+        if wanted.len() < 2 {
+            return Err(AimError::TooFew { named: wanted.len() });
+        }
+        match wanted.iter().find(|(quantity, value)| !quantity.range().contains(value)) {
+            Some(&(quantity, value)) => Err(AimError::OutOfRange { quantity, value, range: quantity.range() }),
+            None => Ok(Self { wanted }),
+        }
+    }
+
     /// Returns the quantities of an attitude that are asked for: degrees, and the thrust in steps of `thrust_step_n`.
     pub fn values(&self, attitude: &Attitude, thrust_step_n: f64) -> Vec<f64> {
         let scaled = |quantity: Quantity| match quantity {
@@ -100,6 +130,16 @@ impl Target {
     }
 }
 
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parts = self.wanted.iter().map(|(quantity, value)| match quantity {
+            Quantity::Thrust => format!("thrust {value} N"),
+            _ => format!("{} {value}°", word(quantity)),
+        });
+        f.write_str(&parts.collect::<Vec<_>>().join(", "))
+    }
+}
+
 /// Returns the largest of these sizes.
 pub fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
@@ -113,6 +153,19 @@ fn wrapped(deg: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_target_has_two_possible_values() {
+        let target = |pitch, thrust| {
+            Target::new([(Quantity::Yaw, Some(-67.0)), (Quantity::Pitch, pitch), (Quantity::Thrust, thrust)])
+        };
+        assert_eq!(target(Some(-4.0), Some(0.01)).unwrap().to_string(), "yaw -67°, pitch -4°, thrust 0.01 N");
+        assert!(matches!(target(None, None), Err(AimError::TooFew { named: 1 })));
+        for value in [90.5, f64::NAN] {
+            let error = target(Some(value), None).unwrap_err();
+            assert_eq!(error.to_string(), format!("pitch cannot be {value}"));
+        }
+    }
 
     #[test]
     fn a_yaw_is_met_by_any_number_of_turns_more() {

@@ -3,12 +3,9 @@
 use super::error::AimError;
 use super::quantity::Attitude;
 use super::table::{Row, Table};
-use parquet::file::reader::{FileReader, SerializedFileReader};
-use parquet::record::Field;
+use crate::{export, sweep};
 use sim::params::Robot;
-use std::fs::File;
-use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The map of the robot `physical`; its first lines say which command wrote it.
 const SHIPPED: &str = include_str!("map.csv");
@@ -44,7 +41,8 @@ const SAME: f64 = 1e-6;
 pub fn shipped() -> Result<Table, AimError> {
     let path = Path::new("map.csv");
     let broken = |reason: String| AimError::Table { path: path.to_owned(), reason };
-    Table::new(rows(&csv_columns(SHIPPED.as_bytes()).map_err(broken)?, &Robot::default()).map_err(broken)?)
+    let map = sweep::of_csv(SHIPPED).map_err(broken)?;
+    Table::new(rows(&numbers(&map), &Robot::default()).map_err(broken)?)
 }
 
 /// Reads a table, CSV or Parquet. Of a table with several robots it takes the states of the one that is nearest to `robot`:
@@ -54,48 +52,23 @@ pub fn shipped() -> Result<Table, AimError> {
 /// [`AimError::Table`] and [`AimError::TooSmall`].
 pub fn load(path: &Path, robot: &Robot) -> Result<Table, AimError> {
     let wrong = |reason: String| AimError::Table { path: path.to_owned(), reason };
-    let is_parquet = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("parquet"));
-    let file = File::open(path).map_err(|error| wrong(error.to_string()))?;
-    let columns = if is_parquet { parquet_columns(file) } else { csv_columns(file) };
-    Table::new(rows(&columns.map_err(wrong)?, robot).map_err(wrong)?)
+    let table = sweep::columns_of(path).map_err(wrong)?;
+    Table::new(rows(&numbers(&table), robot).map_err(wrong)?)
 }
 
-/// Columns of numbers with their names. A cell that is not a number is NaN.
-type Columns = Vec<(String, Vec<f64>)>;
-
-fn csv_columns(source: impl Read) -> Result<Columns, String> {
-    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(source);
-    let names = reader.headers().map_err(|error| error.to_string())?;
-    let mut columns: Columns = names.iter().map(|name| (name.to_owned(), Vec::new())).collect();
-    for record in reader.records() {
-        let record = record.map_err(|error| error.to_string())?;
-        for ((_, values), text) in columns.iter_mut().zip(&record) {
-            values.push(text.parse().unwrap_or(f64::NAN));
-        }
-    }
-    Ok(columns)
+/// Returns the table of columns that were read already, such as those of a sweep; see [`load`].
+///
+/// # Errors
+/// [`AimError::Table`] and [`AimError::TooSmall`].
+pub fn of_columns(columns: &Columns, robot: &Robot) -> Result<Table, AimError> {
+    Table::new(rows(columns, robot).map_err(|reason| AimError::Table { path: PathBuf::from("table"), reason })?)
 }
 
-fn parquet_columns(file: File) -> Result<Columns, String> {
-    let reader = SerializedFileReader::new(file).map_err(|error| error.to_string())?;
-    let mut columns: Columns = Vec::new();
-    for row in reader.get_row_iter(None).map_err(|error| error.to_string())? {
-        let row = row.map_err(|error| error.to_string())?;
-        for (at, (name, field)) in row.get_column_iter().enumerate() {
-            let value = match field {
-                Field::Double(value) => *value,
-                Field::Float(value) => f64::from(*value),
-                Field::Int(value) => f64::from(*value),
-                Field::Long(value) => *value as f64,
-                _ => f64::NAN,
-            };
-            match columns.get_mut(at) {
-                Some((_, values)) => values.push(value),
-                None => columns.push((name.clone(), vec![value])),
-            }
-        }
-    }
-    Ok(columns)
+/// Columns of numbers with their names, of equal length. A value that is none is NaN.
+pub type Columns = Vec<(String, Vec<f64>)>;
+
+fn numbers(table: &export::table::Table) -> Columns {
+    table.columns.iter().map(|column| (column.name.to_string(), column.values.numbers())).collect()
 }
 
 /// Returns the rows of the nearest robot, without those whose attitude is missing.

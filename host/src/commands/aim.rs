@@ -1,6 +1,6 @@
 //! `biflag aim`: finds the speeds of an attitude.
 
-use super::{Answer, Outcome, WRONG_USE, new_file};
+use super::{Answer, Outcome, new_file};
 use crate::aim::{self, AimError, Aimed, Attitude, Model, Quantity, Solution, Target};
 use crate::plan::robot;
 use crate::progress::{Progress, lock};
@@ -8,9 +8,8 @@ use crate::signals::interruption;
 use crate::text::{count, decimal, word};
 use crate::twin::calibrate::std_errors;
 use serde::Serialize;
-use sim::params::BUILT_IN;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -80,7 +79,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 
     let interrupted = interruption()?;
     let progress = Progress::new(USUAL_STATES as f64);
-    progress.phase(&describe_target(&target), "asking the model");
+    progress.phase(&target.to_string(), "asking the model");
     let (progress, done) = (Mutex::new(progress), AtomicUsize::new(0));
     let goes_on = || !interrupted.load(Ordering::Relaxed);
     let solved = || {
@@ -100,7 +99,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let mut text = describe(&file.name, &target, &aimed);
     let plan = match &args.out {
         Some(out) if aimed.reachable => {
-            write_plan(out, &args.robot, &target, &aimed.solutions)?;
+            new_file::write(out, &aim::plan(out, &args.robot, &target, &aimed.solutions))?;
             let _ = write!(text, "\nplan {}", out.display());
             Some(out.display().to_string())
         }
@@ -111,71 +110,21 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 }
 
 /// Returns what the user asks for.
-fn target(args: &Args) -> miette::Result<Target> {
-    let asked = [
+fn target(args: &Args) -> Result<Target, AimError> {
+    Target::new([
         (Quantity::Yaw, args.yaw),
         (Quantity::Pitch, args.pitch),
         (Quantity::Roll, args.roll),
         (Quantity::Tilt, args.tilt),
         (Quantity::Thrust, args.thrust),
-    ];
-    let wanted: Vec<_> = asked.into_iter().filter_map(|(quantity, value)| Some((quantity, value?))).collect();
-    if wanted.len() < 2 {
-        return Err(miette::miette!(
-            code = WRONG_USE,
-            help = "give two of --yaw, --pitch, --roll, --tilt and --thrust, such as --yaw=-67 --pitch=-4",
-            "two quantities are needed, and {} is given",
-            if wanted.is_empty() { "none" } else { "one" }
-        ));
-    }
-    for (quantity, value) in &wanted {
-        let range = match quantity {
-            Quantity::Yaw => -36_000.0..=36_000.0,
-            Quantity::Pitch => -90.0..=90.0,
-            Quantity::Roll => -180.0..=180.0,
-            Quantity::Tilt => 0.0..=180.0,
-            Quantity::Thrust => -1e3..=1e3,
-        };
-        if !range.contains(value) {
-            let help = format!("give {} to {}", range.start(), range.end());
-            return Err(miette::miette!(code = WRONG_USE, help = help, "--{} cannot be {value}", word(quantity)));
-        }
-    }
-    Ok(Target { wanted })
-}
-
-fn write_plan(out: &Path, robot: &Path, target: &Target, solutions: &[Solution]) -> miette::Result<()> {
-    let name = out.file_stem().unwrap_or_default().to_string_lossy();
-    let text = aim::plan(&name, &robot_of_plan(out, robot), &describe_target(target), solutions);
-    new_file::write(out, &text)
-}
-
-/// Returns how a plan names the robot: a file in its own folder by its name, any other by its whole path.
-fn robot_of_plan(out: &Path, robot: &Path) -> String {
-    if robot.to_str().is_some_and(|name| BUILT_IN.contains(&name)) {
-        return robot.display().to_string();
-    }
-    let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
-    match robot.file_name() {
-        Some(name) if folder(out) == folder(robot) => name.to_string_lossy().into_owned(),
-        _ => std::path::absolute(robot).unwrap_or_else(|_| robot.to_owned()).display().to_string(),
-    }
-}
-
-fn describe_target(target: &Target) -> String {
-    let parts = target.wanted.iter().map(|(quantity, value)| match quantity {
-        Quantity::Thrust => format!("thrust {value} N"),
-        _ => format!("{} {value}°", word(quantity)),
-    });
-    parts.collect::<Vec<_>>().join(", ")
+    ])
 }
 
 fn describe(robot: &str, target: &Target, aimed: &Aimed) -> String {
-    let wanted = describe_target(target);
     let mut text = match &aimed.nearest {
-        None => format!("{wanted}: {}, robot {robot}\n", count(aimed.solutions.len(), "solution")),
+        None => format!("{target}: {}, robot {robot}\n", count(aimed.solutions.len(), "solution")),
         Some(_) => {
-            format!("{wanted}: not reachable with the robot {robot} within ±90 rpm; the nearest attitude found\n")
+            format!("{target}: not reachable with the robot {robot} within ±90 rpm; the nearest attitude found\n")
         }
     };
     for solution in aimed.solutions.iter().chain(&aimed.nearest) {

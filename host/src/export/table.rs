@@ -13,9 +13,9 @@ pub struct Column {
     /// Name, with the unit.
     pub name: Cow<'static, str>,
     /// The unit alone, for the column's metadata; empty where the table has none.
-    pub unit: &'static str,
+    pub unit: Cow<'static, str>,
     /// Description, for the header.
-    pub about: &'static str,
+    pub about: Cow<'static, str>,
     /// One value a row.
     pub values: Values,
 }
@@ -34,6 +34,15 @@ pub enum Values {
 }
 
 impl Values {
+    /// Returns the values as real numbers; of texts those that are numbers, and NaN for the others.
+    pub fn numbers(&self) -> Vec<f64> {
+        match self {
+            Self::Real(values) | Self::Exact(values) => values.clone(),
+            Self::Int(values) => values.iter().map(|value| *value as f64).collect(),
+            Self::Text(values) => values.iter().map(|text| text.parse().unwrap_or(f64::NAN)).collect(),
+        }
+    }
+
     /// Returns the number of rows.
     #[allow(clippy::len_without_is_empty)]
     pub fn len(&self) -> usize {
@@ -111,15 +120,15 @@ pub fn trial(data: &Data) -> Table {
     let rows = rows(data, &zeroed);
     let real = |(name, about): (&'static str, &'static str), value: &dyn Fn(&Row) -> f64| Column {
         name: name.into(),
-        unit: "",
-        about,
+        unit: "".into(),
+        about: about.into(),
         values: Values::Real(rows.iter().map(value).collect()),
     };
     let mut columns = vec![real(PLACE[0], &|row| row.time_s - run_s)];
     columns.push(Column {
         name: PLACE[1].0.into(),
-        unit: "",
-        about: PLACE[1].1,
+        unit: "".into(),
+        about: PLACE[1].1.into(),
         values: Values::Text(rows.iter().map(|row| phase(data, row.frame_s).to_owned()).collect()),
     });
     for k in 0..3 {
@@ -272,22 +281,22 @@ impl Summary {
 
 /// Returns the table of a session: one row per trial.
 pub fn session(name: &str, trials: &[Summary]) -> Table {
-    let real = |name: &'static str, about, value: &dyn Fn(&Summary) -> Option<f64>| Column {
+    let real = |name: &'static str, about: &'static str, value: &dyn Fn(&Summary) -> Option<f64>| Column {
         name: name.into(),
-        unit: "",
-        about,
+        unit: "".into(),
+        about: about.into(),
         values: Values::Real(trials.iter().map(|trial| value(trial).unwrap_or(f64::NAN)).collect()),
     };
-    let text = |name: &'static str, about, value: &dyn Fn(&Summary) -> String| Column {
+    let text = |name: &'static str, about: &'static str, value: &dyn Fn(&Summary) -> String| Column {
         name: name.into(),
-        unit: "",
-        about,
+        unit: "".into(),
+        about: about.into(),
         values: Values::Text(trials.iter().map(value).collect()),
     };
-    let int = |name: &'static str, about, value: &dyn Fn(&Summary) -> i64| Column {
+    let int = |name: &'static str, about: &'static str, value: &dyn Fn(&Summary) -> i64| Column {
         name: name.into(),
-        unit: "",
-        about,
+        unit: "".into(),
+        about: about.into(),
         values: Values::Int(trials.iter().map(value).collect()),
     };
     let angle = |value: fn(&Angles) -> Option<f64>| move |trial: &Summary| trial.angles.as_ref().and_then(value);

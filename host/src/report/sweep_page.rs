@@ -8,12 +8,11 @@ use super::budget::DATA_BYTES;
 use super::table::single;
 use super::text::{clip, count, json_for_script};
 use super::{Written, document, put};
+use crate::export::table::Table;
+use crate::sweep;
 use maud::{Markup, PreEscaped, html};
-use parquet::file::reader::{FileReader, SerializedFileReader};
-use parquet::record::Field;
 use serde_json::{Value, json};
 use std::collections::HashSet;
-use std::fs::File;
 use std::path::Path;
 
 /// The first column of results; all numbers before it may be inputs.
@@ -37,8 +36,7 @@ pub(super) fn is_table(path: &Path) -> bool {
 /// [`ReportError::Table`] if the file is not a table with two inputs and a result.
 pub(super) fn write(path: &Path, out: &Path) -> Result<Written, ReportError> {
     let wrong = |reason: String| ReportError::Table { path: path.to_owned(), reason };
-    let is_parquet = path.extension().is_some_and(|extension| extension == "parquet");
-    let columns = if is_parquet { of_parquet(path) } else { of_csv(path) }.map_err(wrong)?;
+    let columns = numeric(sweep::columns_of(path).map_err(wrong)?);
     let at = columns.iter().position(|column| column.name == FIRST_RESULT);
     let at = at.ok_or_else(|| wrong(format!("it has no column {FIRST_RESULT}")))?;
     let (before, results) = columns.split_at(at);
@@ -116,59 +114,14 @@ fn inputs(columns: &[Column]) -> Vec<&Column> {
     chosen
 }
 
-/// Returns the columns with numbers. A cell that is not a number becomes NaN; a column without numbers is left out.
-fn numeric(names: Vec<String>, cells: Vec<Vec<Option<f64>>>) -> Vec<Column> {
-    let has_number = |cells: &Vec<Option<f64>>| cells.iter().any(Option::is_some);
-    let columns = names.into_iter().zip(cells).filter(|(_, cells)| has_number(cells));
-    let column = |(name, cells): (String, Vec<Option<f64>>)| Column {
-        name,
-        values: cells.into_iter().map(|cell| cell.unwrap_or(f64::NAN)).collect(),
-    };
-    columns.map(column).collect()
-}
-
-fn of_csv(path: &Path) -> Result<Vec<Column>, String> {
-    let text = |error: csv::Error| error.to_string();
-    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(path).map_err(text)?;
-    let names: Vec<String> = reader.headers().map_err(text)?.iter().map(str::to_owned).collect();
-    let mut cells = vec![Vec::new(); names.len()];
-    for record in reader.records() {
-        for (column, cell) in cells.iter_mut().zip(record.map_err(text)?.iter()) {
-            column.push(cell.parse().ok().filter(|value: &f64| value.is_finite()));
-        }
-    }
-    Ok(numeric(names, cells))
-}
-
-fn of_parquet(path: &Path) -> Result<Vec<Column>, String> {
-    let file = File::open(path).map_err(|error| error.to_string())?;
-    let reader = SerializedFileReader::new(file).map_err(|error| error.to_string())?;
-    let schema = reader.metadata().file_metadata().schema_descr();
-    let names: Vec<String> = schema.columns().iter().map(|column| column.name().to_owned()).collect();
-    let mut cells = vec![Vec::new(); names.len()];
-    for row in reader.get_row_iter(None).map_err(|error| error.to_string())? {
-        let row = row.map_err(|error| error.to_string())?;
-        for (column, (_, field)) in cells.iter_mut().zip(row.get_column_iter()) {
-            column.push(number(field).filter(|value| value.is_finite()));
-        }
-    }
-    Ok(numeric(names, cells))
-}
-
-fn number(field: &Field) -> Option<f64> {
-    match field {
-        Field::Double(value) => Some(*value),
-        Field::Float(value) => Some(f64::from(*value)),
-        Field::Int(value) => Some(f64::from(*value)),
-        Field::UInt(value) => Some(f64::from(*value)),
-        Field::Long(value) => Some(*value as f64),
-        Field::ULong(value) => Some(*value as f64),
-        Field::Short(value) => Some(f64::from(*value)),
-        Field::UShort(value) => Some(f64::from(*value)),
-        Field::Byte(value) => Some(f64::from(*value)),
-        Field::UByte(value) => Some(f64::from(*value)),
-        _ => None,
-    }
+/// Returns the columns that are numbers; a text that is none becomes NaN, and a column of texts is left out.
+fn numeric(table: Table) -> Vec<Column> {
+    let finite = |value: f64| if value.is_finite() { value } else { f64::NAN };
+    let columns = table.columns.into_iter().map(|column| Column {
+        values: column.values.numbers().into_iter().map(finite).collect(),
+        name: column.name.into_owned(),
+    });
+    columns.filter(|column| column.values.iter().any(|value| value.is_finite())).collect()
 }
 
 #[cfg(test)]
@@ -185,7 +138,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sweep.csv");
         std::fs::write(&path, TABLE).unwrap();
-        let columns = of_csv(&path).unwrap();
+        let columns = numeric(sweep::columns_of(&path).unwrap());
         let names: Vec<_> = columns.iter().map(|column| column.name.as_str()).collect();
         assert_eq!(names, ["w1_rpm", "w2_rpm", "length_m", "group", "same", "yaw_deg", "tilt_deg"]);
         let chosen: Vec<_> = inputs(&columns[..5]).iter().map(|column| column.name.as_str()).collect();

@@ -51,6 +51,15 @@ pub enum SweepError {
         /// Why.
         reason: String,
     },
+    /// The table cannot be read.
+    #[error("{}: the table cannot be read: {reason}", path.display())]
+    #[diagnostic(code(wrong_use), help("name the table of a sweep: table.parquet or table.csv in its folder"))]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
     /// The plan is wrong.
     #[error(transparent)]
     #[diagnostic(transparent)]

@@ -11,6 +11,7 @@ use super::part::Record;
 use super::point::Name;
 use super::table::table;
 use super::{Outcome, csv_path, parquet_path};
+use crate::export::table::Table;
 use crate::export::{csv, parquet};
 use biflag_log::atomic_file;
 use std::io::{Error, Write};
@@ -49,6 +50,19 @@ impl Folder {
         });
         written.map_err(SweepError::at(&table))?;
         Ok(merged.unwrap_or(Merged { done: 0, failed: 0, different: 0, damaged: Vec::new() }))
+    }
+
+    /// Returns the table of all points that are done, and what [`Self::merge`] tells of it.
+    ///
+    /// # Errors
+    /// A part cannot be read.
+    pub fn table(&self) -> Result<(Table, Merged), SweepError> {
+        let mut records = Vec::new();
+        let damaged = self.read(|_| true, |record| records.push(record))?;
+        let different = sort(&mut records).map_err(SweepError::at(&self.path))?;
+        let failed = records.iter().filter(|record| matches!(record.outcome, Outcome::Failed(_))).count();
+        let merged = Merged { done: records.len() as u64, failed: failed as u64, different, damaged };
+        Ok((table(&self.sweep, records), merged))
     }
 
     fn write(&self, parquet: impl Write + Send, csv: impl Write) -> Result<Merged, Error> {

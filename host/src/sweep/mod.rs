@@ -15,6 +15,7 @@ mod merge;
 mod part;
 mod plan;
 mod point;
+mod read;
 mod slurm;
 mod sobol;
 mod table;
@@ -30,6 +31,7 @@ pub use merge::Merged;
 pub use part::Record;
 pub use plan::{EXAMPLE, MAX_POINTS, SweepPlan};
 pub use point::{Name, Point, Shard, Sweep};
+pub use read::{columns_of, of_csv, read_table};
 pub use slurm::script;
 
 use std::path::{Path, PathBuf};

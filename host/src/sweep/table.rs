@@ -8,7 +8,6 @@ use crate::export::table::{Column, Table, Values};
 use crate::text::word;
 use sim::groups::Groups;
 use sim::params::Robot;
-use sim::periodic::Kind;
 
 /// A row.
 struct Row {
@@ -116,16 +115,16 @@ impl Row {
 pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     let rows = records.into_iter().map(|record| Row::new(sweep.point(record.index), record.outcome));
     let rows: Vec<Row> = rows.collect();
-    let text = |name: &'static str, about, value: &dyn Fn(&Row) -> String| Column {
+    let text = |name: &'static str, about: &'static str, value: &dyn Fn(&Row) -> String| Column {
         name: name.into(),
-        unit: "",
-        about,
+        unit: "".into(),
+        about: about.into(),
         values: Values::Text(rows.iter().map(value).collect()),
     };
-    let real = |name: String, unit, about, value: &dyn Fn(&Row) -> f64| Column {
+    let real = |name: String, unit: &'static str, about: &'static str, value: &dyn Fn(&Row) -> f64| Column {
         name: name.into(),
-        unit,
-        about,
+        unit: unit.into(),
+        about: about.into(),
         values: Values::Exact(rows.iter().map(value).collect()),
     };
     let named =
@@ -151,11 +150,11 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     }
     columns.push(Column {
         name: "phases".into(),
-        unit: "1",
-        about: "number of starting phases; 0 if the point failed",
+        unit: "1".into(),
+        about: "number of starting phases; 0 if the point failed".into(),
         values: Values::Int(rows.iter().map(|row| row.steady().map_or(0, |steady| steady.phases.into())).collect()),
     });
-    let kind = |row: &Row| row.steady().map_or("", |steady| name(steady.kind)).to_owned();
+    let kind = |row: &Row| row.steady().map_or("", |steady| steady.kind.name()).to_owned();
     columns.push(text(
         "kind",
         "`steady`: the motion repeats; `beating`: it was not found to, but its means do not change; `not_found`: they still do",
@@ -174,15 +173,6 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
         "angles rotate body axes into world axes: yaw about z, then pitch about y, then roll about x".to_owned(),
     ];
     Table { header, columns }
-}
-
-/// Returns the name of a kind of steady state, as in the JSON of `simulate`.
-fn name(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Steady => "steady",
-        Kind::Beating => "beating",
-        Kind::NotFound => "not_found",
-    }
 }
 
 /// Returns the unit of a key of the robot's file, from its name.

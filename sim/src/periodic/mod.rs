@@ -58,6 +58,15 @@ impl Kind {
     pub fn of_trial(settled: bool) -> Self {
         if settled { Self::Beating } else { Self::NotFound }
     }
+
+    /// Returns its name, as in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Steady => "steady",
+            Self::Beating => "beating",
+            Self::NotFound => "not_found",
+        }
+    }
 }
 
 /// The result of [`solve`].

@@ -7,19 +7,23 @@
 Angles are in degrees, speeds in rpm, all else is SI. `biflag.gym` has environments for gymnasium.
 """
 
+from ._aim import Aimed, ContactChange, Solution, aim
 from ._biflag import Robot, __commit__, __version__
 from ._errors import Error, ParameterError
 from ._recording import Angles, Event, Recording, Session, read_log, read_session
 from ._simulator import Simulator, State
+from ._sweep import read_sweep, sweep
 from ._table import Table
 from ._trial import Steady, Trial, simulate, simulate_batch
 from ._twin import Calibration, ComparedTrial, Comparison, Estimate, calibrate, compare
 
 __all__ = [
+    "Aimed",
     "Angles",
     "Calibration",
     "ComparedTrial",
     "Comparison",
+    "ContactChange",
     "Error",
     "Estimate",
     "Event",
@@ -28,16 +32,20 @@ __all__ = [
     "Robot",
     "Session",
     "Simulator",
+    "Solution",
     "State",
     "Steady",
     "Table",
     "Trial",
     "__commit__",
     "__version__",
+    "aim",
     "calibrate",
     "compare",
     "read_log",
     "read_session",
+    "read_sweep",
     "simulate",
     "simulate_batch",
+    "sweep",
 ]

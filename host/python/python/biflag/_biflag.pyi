@@ -1,6 +1,6 @@
 """The compiled part of the package."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, final
 
@@ -8,19 +8,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "Answer",
     "Robot",
     "Simulated",
     "Simulators",
     "__commit__",
     "__version__",
+    "aim",
     "calibrate",
     "compare",
     "html",
     "read_log",
     "read_session",
+    "read_sweep",
     "session_table",
     "simulate",
     "simulate_batch",
+    "sweep",
 ]
 
 __version__: str
@@ -57,6 +61,12 @@ class Simulated:
     def html(self) -> str: ...
 
 @final
+class Answer:
+    def record(self) -> dict[str, Any]: ...
+    def target(self) -> str: ...
+    def save_plan(self, path: str | PathLike[str]) -> None: ...
+
+@final
 class Simulators:
     def __new__(cls, robot: Robot, count: int, closure: str, threads: int | None) -> Simulators: ...
     @property
@@ -73,6 +83,7 @@ def simulate(
     speeds: object,
     duration: float | None,
     closure: str,
+    method: str,
     rate_hz: float,
     shapes: bool,
     phase_deg: Sequence[float],
@@ -82,6 +93,7 @@ def simulate_batch(
     speeds: ArrayLike,
     duration: float,
     closure: str,
+    method: str,
     rate_hz: float,
     phase_deg: Sequence[float],
     threads: int | None,
@@ -105,3 +117,20 @@ def calibrate(
     closure: str | None,
     jobs: int | None,
 ) -> tuple[dict[str, Any], Robot, str]: ...
+def aim(
+    robot: Robot,
+    yaw: float | None,
+    pitch: float | None,
+    roll: float | None,
+    tilt: float | None,
+    thrust: float | None,
+    table: str | PathLike[str] | Sequence[tuple[str, Sequence[float]]] | None,
+    threads: int | None,
+) -> Answer: ...
+def sweep(
+    plan: str | PathLike[str],
+    out: str | PathLike[str],
+    threads: int | None,
+    progress: Callable[[int, int], object] | None,
+) -> tuple[dict[str, Any], list[tuple[str, str]], list[str]]: ...
+def read_sweep(path: str | PathLike[str]) -> tuple[dict[str, Any], list[tuple[str, str]], list[str]]: ...

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Floats: TypeAlias = NDArray[np.float64]
 Closure: TypeAlias = Literal["full", "lumped", "paper"]
+Method: TypeAlias = Literal["trial", "steady"]
 Speeds: TypeAlias = ArrayLike | Callable[[float], Sequence[float] | Floats]
 
 AXES = ("x", "y", "z")
@@ -29,6 +30,8 @@ AXES = ("x", "y", "z")
 @dataclass(frozen=True, eq=False)
 class Steady:
     """Steady state of a simulated trial: means over whole turns of the flagella at the end of the run, about 12 s.
+
+    With the method "steady" they are means over one period of the motion, if it repeats.
 
     Forces and torques are those of the flagella on the base, in body axes; the thrust is the z component.
     """
@@ -55,6 +58,9 @@ class Steady:
     """Share of the run with contact."""
     newton_iterations: int
     simulated_s: float
+    kind: str | None = None
+    """With the method "steady": "steady" if the motion repeats, "beating" if it was not found to but its means do not change,
+    and "not_found" if they still do."""
 
     @classmethod
     def _of(cls, record: dict[str, Any]) -> Steady:
@@ -184,6 +190,7 @@ def simulate(
     duration: float | None = None,
     *,
     closure: Closure = "full",
+    method: Method = "trial",
     rate_hz: float = 20.0,
     shapes: bool = False,
     phase_deg: tuple[float, float] = (0.0, 0.0),
@@ -198,6 +205,8 @@ def simulate(
             Between given times the speeds change linearly.
         duration: Duration in s; left out if ``speeds`` has times.
         closure: How the flagella act on the base: "full", "lumped" or "paper".
+        method: "trial" simulates the whole duration. "steady" solves for the motion that a trial at constant speeds ends
+            in, and returns one period of it; where no motion is found to repeat it returns the whole trial.
         rate_hz: Samples a second.
         shapes: Whether the trial has the centre lines of the flagella.
         phase_deg: Angles of the motors at the start, degrees.
@@ -206,7 +215,7 @@ def simulate(
         ParameterError: An argument is impossible.
         Error: The solver fails.
     """
-    simulated = _biflag.simulate(robot, speeds, duration, closure, rate_hz, shapes, phase_deg)
+    simulated = _biflag.simulate(robot, speeds, duration, closure, method, rate_hz, shapes, phase_deg)
     arrays = simulated.arrays()
     lines = arrays.pop("shapes", None)
     steady = Steady._of(simulated.steady())
@@ -219,6 +228,7 @@ def simulate_batch(
     duration: float = 120.0,
     *,
     closure: Closure = "full",
+    method: Method = "trial",
     rate_hz: float = 20.0,
     phase_deg: tuple[float, float] = (0.0, 0.0),
     threads: int | None = None,
@@ -233,6 +243,9 @@ def simulate_batch(
         speeds: Speeds of motors 1 and 2 in rpm, shape (n, 2).
         duration: Duration of each trial in s.
         closure: How the flagella act on the base: "full", "lumped" or "paper".
+        method: "trial" simulates the whole duration. "steady" solves for the motion that each trial ends in, in a fraction
+            of the time; the column ``kind`` says what was found: "steady", a motion that repeats; or, by the whole trial,
+            "beating" if its means do not change, and "not_found" if they still do.
         rate_hz: Samples a second in which the state of the flagella, ``bundling``, is looked at.
         phase_deg: Angles of the motors at the start, degrees.
         threads: Number of threads; all cores if left out.
@@ -240,4 +253,5 @@ def simulate_batch(
     Raises:
         ParameterError: An argument is impossible.
     """
-    return Table(_biflag.simulate_batch(robot, speeds, duration, closure, rate_hz, phase_deg, threads))
+    columns = _biflag.simulate_batch(robot, speeds, duration, closure, method, rate_hz, phase_deg, threads)
+    return Table(columns)

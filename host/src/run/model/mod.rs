@@ -8,11 +8,13 @@
 mod batch;
 mod board;
 mod error;
+mod motion;
 mod phases;
 mod trial;
 
 pub use batch::{Batch, Job, ModelRun};
 pub use error::ModelError;
+pub use motion::Motion;
 pub use phases::{PhaseMeans, note_on_phases};
 pub use trial::{Course, Watch, write_log};
 
@@ -48,9 +50,8 @@ impl Model {
     /// [`crate::plan::PlanError`], and [`crate::plan::board::BoardSettingsError`].
     pub fn of_plan(plan: &Plan, closure: Closure, options: Options) -> miette::Result<Self> {
         let robot = plan.robot.parse()?;
-        let mut model = Self::new(robot, plan.board.apply(Settings::DEFAULT)?, closure, options);
-        model.meta.method = plan.method;
-        Ok(model)
+        let model = Self::new(robot, plan.board.apply(Settings::DEFAULT)?, closure, options);
+        Ok(model.by(plan.method))
     }
 
     /// Creates the model of a checked robot, which computes whole trials. Its board has these settings, except for the sensor's axes and bias.
@@ -62,6 +63,12 @@ impl Model {
         let meta =
             ModelMeta { closure, method: Method::Trial, rate_hz: options.rate_hz, shapes: options.shapes, parameters };
         Self { robot, closure, options, settings, meta }
+    }
+
+    /// Returns the model that computes trials by this method.
+    pub fn by(mut self, method: Method) -> Self {
+        self.meta.method = method;
+        self
     }
 
     /// Returns the model's metadata record.

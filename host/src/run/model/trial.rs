@@ -1,16 +1,16 @@
 //! Runs one trial in the simulator, writing the solver's samples into the log.
 
 use super::board::IdealBoard;
-use super::{Model, ModelError};
+use super::{Model, ModelError, Motion};
 use crate::plan::board;
 use crate::plan::{Change, Phase, Phases, Plan, Schedule, Setpoint, Trial};
 use crate::run;
-use biflag_log::{End, EventKind, LogError, Method, Origin, ReplayMeta, SteadyMeta, Summary};
+use biflag_log::{End, EventKind, LogError, Origin, ReplayMeta, SteadyMeta, Summary};
 use nalgebra::Vector3;
 use protocol::units::CentiRpm;
 use protocol::{Calibration, State, TICK_HZ};
 use sim::contact::history::{BundlingChange, BundlingHistory};
-use sim::periodic::{self, Kind, SolveError};
+use sim::periodic::SolveError;
 use sim::profile::{self, SpeedProfile};
 use sim::sample::Sample;
 use sim::step::StepError;
@@ -48,9 +48,8 @@ impl Course {
     }
 }
 
-/// Computes a trial, writes its log to `path`, and ends it with the steady state. With [`Method::Steady`] the log has
-/// one period of the trial's final motion, or the whole trial if none is found. If the solver fails, the log's summary
-/// states the reason; the log of an interrupted trial is left incomplete.
+/// Computes a trial, writes its log to `path`, and ends it with the steady state. The log has what [`Motion`] says. If the
+/// solver fails, the log's summary states the reason; the log of an interrupted trial is left incomplete.
 pub(super) fn run(
     model: &Model,
     plan: &Plan,
@@ -59,33 +58,37 @@ pub(super) fn run(
     (attempt, path): (u32, &Path),
     watch: Watch,
 ) -> Result<SteadyMeta, ModelError> {
-    let Prepared { mut solved, trial, schedule, searched_s, found } = prepare(model, trial, course, watch)?;
-    let start_s = if found { solved.state().time } else { 0.0 };
-    let mut recorder =
-        Recorder::start(model, plan, &trial, (&schedule, course.replay.as_ref()), start_s, (attempt, path))?;
-    match recorder.record(solved.by_ref(), &|time_s| watch(searched_s + time_s))? {
+    let (speeds, start) = (trial.speeds.map(CentiRpm::rpm), trial.phase_deg.unwrap_or_default().map(f64::to_radians));
+    let motion = Motion::new(model, &course.profile, speeds, start, watch);
+    let mut motion = motion.map_err(|error| match error {
+        SolveError::Interrupted => ModelError::Interrupted,
+        SolveError::Parameter(error) => error.into(),
+        error => ModelError::Steady { trial: trial.name.clone(), error },
+    })?;
+    let recorded = motion.period_s.map(|run_s| {
+        let phases = Phases { calibrate_s: 0.0, preroll_s: 0.0, run_s, decay_s: 0.0 };
+        let trial = Trial { phases, ..trial.clone() };
+        (Schedule::planned(&trial), trial)
+    });
+    let (schedule, trial) = recorded.as_ref().map_or((&course.schedule, trial), |(schedule, trial)| (schedule, trial));
+    let mut recorder = Recorder::start(model, plan, trial, (schedule, course.replay.as_ref()), (attempt, path))?;
+    let searched_s = motion.searched_s;
+    match recorder.record(&mut motion, &|time_s| watch(searched_s + time_s))? {
         Flow::Interrupted => return Err(ModelError::Interrupted),
         Flow::Failed(error) => {
             let mut summary = Summary { reason: error.to_string(), ..Summary::default() };
             recorder.finish(&mut summary)?;
-            return Err(ModelError::Step { trial: trial.name, error });
+            return Err(ModelError::Step { trial: trial.name.clone(), error });
         }
         Flow::Done => {}
     }
-    let mut steady = recorder.steady(&solved.summary());
-    if model.meta().method == Method::Steady {
-        let kind = if found { Kind::Steady } else { Kind::of_trial(steady.settled) };
-        let settled = steady.settled || found;
-        steady = SteadyMeta { settled, simulated_s: searched_s + steady.simulated_s, kind: Some(kind), ..steady };
-        if found {
-            steady.settle_s = 0.0;
-        }
-    }
+    let steady = motion.steady(std::mem::take(&mut recorder.bundling.changes));
     recorder.complete(&steady)?;
     Ok(steady)
 }
 
-/// Writes the log of a trial that was computed already to `path`, which must not exist.
+/// Writes the log of a planned trial that was computed already to `path`, which must not exist. With
+/// [`Method::Steady`](biflag_log::Method::Steady) the trial's run is the period.
 ///
 /// # Errors
 /// [`ModelError::Log`].
@@ -93,50 +96,14 @@ pub fn write_log(
     model: &Model,
     plan: &Plan,
     trial: &Trial,
-    course: &Course,
-    (samples, summary): (&[Sample], &sim::trial::Summary),
+    (samples, steady): (&[Sample], &SteadyMeta),
     path: &Path,
 ) -> Result<(), ModelError> {
-    let mut recorder = Recorder::start(model, plan, trial, (&course.schedule, course.replay.as_ref()), 0.0, (1, path))?;
+    let schedule = Schedule::planned(trial);
+    let mut recorder = Recorder::start(model, plan, trial, (&schedule, None), (1, path))?;
     recorder.record(samples.iter().cloned().map(Ok), &|_| true)?;
-    let steady = recorder.steady(summary);
-    recorder.complete(&steady)?;
+    recorder.complete(steady)?;
     Ok(())
-}
-
-/// A trial before it is recorded.
-struct Prepared {
-    solved: sim::trial::Trial,
-    /// The trial that the log has: of a motion that repeats it has one period.
-    trial: Trial,
-    schedule: Schedule,
-    /// Time that was simulated before, s.
-    searched_s: f64,
-    /// Whether it is a motion that repeats.
-    found: bool,
-}
-
-/// Prepares a trial, or the period of the motion that it ends in.
-fn prepare(model: &Model, trial: &Trial, course: &Course, watch: Watch) -> Result<Prepared, ModelError> {
-    let mut searched_s = 0.0;
-    if model.meta().method == Method::Steady {
-        let (speeds, start) = (trial.speeds.map(CentiRpm::rpm), trial.phase_deg.unwrap_or_default());
-        let search = periodic::search(&model.robot, model.closure, speeds, start.map(f64::to_radians), watch);
-        let search = search.map_err(|error| match error {
-            SolveError::Interrupted => ModelError::Interrupted,
-            error => ModelError::Steady { trial: trial.name.clone(), error },
-        })?;
-        searched_s = search.simulated_s;
-        if let Some(orbit) = search.orbit {
-            let phases = Phases { calibrate_s: 0.0, preroll_s: 0.0, run_s: orbit.period_s, decay_s: 0.0 };
-            let trial = Trial { phases, ..trial.clone() };
-            let (solved, schedule) = (orbit.into_trial(model.options), Schedule::planned(&trial));
-            return Ok(Prepared { solved, trial, schedule, searched_s, found: true });
-        }
-    }
-    let profile = course.profile.clone();
-    let solved = sim::trial::Trial::new(&model.robot, model.closure, profile, model.options)?;
-    Ok(Prepared { solved, trial: trial.clone(), schedule: course.schedule.clone(), searched_s, found: false })
 }
 
 /// How the recording ended.
@@ -150,8 +117,6 @@ struct Recorder<'a> {
     trial: run::Recorder,
     board: IdealBoard,
     schedule: &'a Schedule,
-    /// Time of the solver at the start of the trial, s.
-    start_s: f64,
     /// Number of events that have passed.
     taken: usize,
     bundling: BundlingHistory,
@@ -165,7 +130,6 @@ impl<'a> Recorder<'a> {
         plan: &Plan,
         trial: &Trial,
         (schedule, replay): (&'a Schedule, Option<&ReplayMeta>),
-        start_s: f64,
         (attempt, path): (u32, &Path),
     ) -> Result<Self, LogError> {
         let board = IdealBoard::new(&model.robot, model.settings);
@@ -177,12 +141,7 @@ impl<'a> Recorder<'a> {
         if let Some(replay) = replay {
             kept.log.meta(replay)?;
         }
-        Ok(Self { trial: kept, board, schedule, start_s, taken: 0, bundling: BundlingHistory::default(), index: 0 })
-    }
-
-    /// Returns the steady state of what was recorded.
-    fn steady(&mut self, computed: &sim::trial::Summary) -> SteadyMeta {
-        SteadyMeta::new(computed, std::mem::take(&mut self.bundling.changes))
+        Ok(Self { trial: kept, board, schedule, taken: 0, bundling: BundlingHistory::default(), index: 0 })
     }
 
     /// Ends the log with the steady state.
@@ -216,7 +175,6 @@ impl<'a> Recorder<'a> {
                 Ok(sample) => sample,
                 Err(error) => return Ok(Flow::Failed(error)),
             };
-            let sample = Sample { time_s: sample.time_s - self.start_s, ..sample };
             if !watch(sample.time_s.max(0.0)) {
                 return Ok(Flow::Interrupted);
             }
@@ -227,7 +185,7 @@ impl<'a> Recorder<'a> {
             let sample = Sample { time_s: sample.time_s.max(0.0), ..sample };
             let now = (sample.time_s, Vector3::from(sample.rate_rad_s));
             let after = samples.peek().and_then(|next| next.as_ref().ok());
-            let after = after.map(|next| (next.time_s - self.start_s, Vector3::from(next.rate_rad_s)));
+            let after = after.map(|next| (next.time_s, Vector3::from(next.rate_rad_s)));
             self.keep(&sample, change(before.unwrap_or(now), after.unwrap_or(now)))?;
             before = Some(now);
         }

@@ -1,0 +1,105 @@
+//! Speeds for an attitude.
+
+use crate::failure::Failure;
+use crate::interrupt::interruptible;
+use crate::json;
+use crate::new_file;
+use crate::robot::Robot;
+use crate::threads;
+use host::aim::{Aimed, Columns, Model, Quantity, Table, Target, load, of_columns, plan, shipped};
+use host::twin::calibrate::std_errors;
+use pyo3::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+/// A table that proposes speeds.
+#[derive(FromPyObject)]
+pub enum Proposals {
+    File(PathBuf),
+    Columns(Columns),
+}
+
+/// The answer for a target.
+#[pyclass(frozen, module = "biflag._biflag")]
+pub struct Answer {
+    robot: Py<Robot>,
+    target: Target,
+    aimed: Aimed,
+}
+
+/// Finds the speeds at which a robot takes an attitude.
+#[pyfunction]
+#[pyo3(signature = (robot, yaw, pitch, roll, tilt, thrust, table, threads))]
+#[allow(clippy::too_many_arguments)]
+pub fn aim(
+    py: Python<'_>,
+    robot: Py<Robot>,
+    yaw: Option<f64>,
+    pitch: Option<f64>,
+    roll: Option<f64>,
+    tilt: Option<f64>,
+    thrust: Option<f64>,
+    table: Option<Proposals>,
+    threads: Option<usize>,
+) -> PyResult<Answer> {
+    let target = Target::new([
+        (Quantity::Yaw, yaw),
+        (Quantity::Pitch, pitch),
+        (Quantity::Roll, roll),
+        (Quantity::Tilt, tilt),
+        (Quantity::Thrust, thrust),
+    ]);
+    let target = target.map_err(Failure::from)?;
+    let Robot { params, file } = robot.get();
+    let pool = threads::pool(threads)?;
+    let aimed = interruptible(py, |stop| {
+        let table: Table = match &table {
+            None => shipped()?,
+            Some(Proposals::File(path)) => load(path, params)?,
+            Some(Proposals::Columns(columns)) => of_columns(columns, params)?,
+        };
+        let goes_on = || !stop.load(Ordering::Relaxed);
+        let model = Model { robot: params, goes_on: &goes_on, solved: &|| {} };
+        Ok(pool.install(|| host::aim::aim(&model, &std_errors(&file.text), &table, &target))?)
+    })?;
+    Ok(Answer { robot, target, aimed })
+}
+
+#[pymethods]
+impl Answer {
+    /// Returns the answer as a dictionary.
+    fn record<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        json::object(py, &json::value(&self.aimed)?)
+    }
+
+    /// Returns what was asked for.
+    fn target(&self) -> String {
+        self.target.to_string()
+    }
+
+    /// Writes a plan of the solutions, which must not exist. A robot that is in no file gets one beside it.
+    fn save_plan(&self, path: PathBuf) -> Result<(), Failure> {
+        if !self.aimed.reachable {
+            return Err(Failure::new("plan", format!("no speeds were found for {}", self.target)));
+        }
+        new_file::check(&path)?;
+        let robot = self.robot_file(&path)?;
+        new_file::write(&path, &plan(&path, &robot, &self.target, &self.aimed.solutions))
+    }
+}
+
+impl Answer {
+    /// Returns the name of the built-in robot, or the path of the robot's file, which is written beside the plan if there is
+    /// none.
+    fn robot_file(&self, plan: &Path) -> Result<PathBuf, Failure> {
+        let file = &self.robot.get().file;
+        let own = PathBuf::from(&file.name);
+        if file.text.is_empty() || std::fs::read_to_string(&own).is_ok_and(|text| text == file.text) {
+            return Ok(own);
+        }
+        let stem = plan.file_stem().unwrap_or_default().to_string_lossy();
+        let beside = plan.with_file_name(format!("{stem}-robot.toml"));
+        new_file::write(&beside, &file.text)?;
+        Ok(beside)
+    }
+}

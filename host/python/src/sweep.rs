@@ -1,0 +1,121 @@
+//! Sweeps: tables of steady states over speeds, parameters and groups.
+
+use crate::failure::Failure;
+use crate::interrupt::{interruptible, watched};
+use crate::table::{self, About};
+use crate::threads;
+use host::export::table::Table;
+use host::plan::{PlanError, robot};
+use host::sweep::{Folder, Merged, Points, Record, Shard, SweepPlan, read_table};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// The columns of a table, what they hold, and warnings for the user.
+type Answer<'py> = (Bound<'py, PyDict>, About, Vec<String>);
+
+/// Computes the points of a plan that a folder does not have yet, writes their table there, and returns it. `plan`: the text
+/// of a plan if it has several lines, or else its path or its name inside the program; `progress` is called with the number
+/// of points that are done and of all.
+#[pyfunction]
+#[pyo3(signature = (plan, out, threads, progress))]
+pub fn sweep<'py>(
+    py: Python<'py>,
+    plan: PathBuf,
+    out: PathBuf,
+    threads: Option<usize>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Answer<'py>> {
+    let jobs = threads::count(threads)?;
+    let plan = read_plan(&plan).map_err(Failure::from)?;
+    let (folder, before) = interruptible(py, |_| {
+        let folder = Folder::of_plan(&out, plan)?;
+        let before = folder.counts(Shard::ALL)?.done;
+        Ok((folder, before))
+    })?;
+    let points = folder.sweep.plan.points();
+    let (done, mut shown) = (AtomicU64::new(before.count()), None);
+    let show = |_: Python<'py>| {
+        let now = Some(done.load(Ordering::Relaxed));
+        match &progress {
+            Some(call) if shown != now => {
+                shown = now;
+                call.call1((now, points)).map(drop)
+            }
+            _ => Ok(()),
+        }
+    };
+    let answer = watched(py, show, |stop| compute(&folder, &before, jobs, stop, &done))?;
+    if let Some(call) = &progress {
+        call.call1((done.into_inner(), points))?;
+    }
+    to_python(py, answer)
+}
+
+/// Returns the table of all points of a sweep's folder that are done, or reads the file of a table.
+#[pyfunction]
+pub fn read_sweep(py: Python<'_>, path: PathBuf) -> PyResult<Answer<'_>> {
+    let answer = interruptible(py, |_| {
+        if !path.is_dir() {
+            return Ok((read_table(&path)?, Vec::new()));
+        }
+        of_folder(&Folder::open(&path)?)
+    })?;
+    to_python(py, answer)
+}
+
+fn read_plan(plan: &Path) -> Result<SweepPlan, PlanError> {
+    match plan.to_str().filter(|text| text.contains('\n')) {
+        Some(text) => SweepPlan::parse(text, "plan", &|name| robot::load(Path::new(name))),
+        None => SweepPlan::load(plan),
+    }
+}
+
+/// Computes the points that are not done, merges all, and returns their table.
+fn compute(
+    folder: &Folder,
+    before: &Points,
+    jobs: usize,
+    stop: &AtomicBool,
+    done: &AtomicU64,
+) -> Result<(Table, Vec<String>), Failure> {
+    let points = folder.sweep.plan.points();
+    if before.count() < points {
+        let count = |_: &Record| {
+            done.fetch_add(1, Ordering::Relaxed);
+        };
+        folder.work(Shard::ALL, before, jobs, stop, &count)?;
+    }
+    if stop.load(Ordering::Relaxed) {
+        return Err(Failure::interrupted());
+    }
+    folder.merge()?;
+    of_folder(folder)
+}
+
+/// Returns the table of the points that are done, and warnings.
+fn of_folder(folder: &Folder) -> Result<(Table, Vec<String>), Failure> {
+    let (table, merged) = folder.table()?;
+    Ok((table, warnings(folder, &merged)))
+}
+
+/// Returns what the rows do not say by themselves.
+fn warnings(folder: &Folder, merged: &Merged) -> Vec<String> {
+    let (points, Merged { done, different, .. }) = (folder.sweep.plan.points(), merged);
+    let folder = folder.path.display();
+    let mut warnings = Vec::new();
+    if *done < points {
+        warnings.push(format!("{folder}: {done} of {points} points are done"));
+    }
+    if *different > 0 {
+        warnings.push(format!(
+            "{folder}: {different} points were computed twice with different results, as on different processors: one is kept"
+        ));
+    }
+    warnings
+}
+
+fn to_python(py: Python<'_>, (rows, warnings): (Table, Vec<String>)) -> PyResult<Answer<'_>> {
+    Ok((table::columns(py, &rows)?, table::about(&rows), warnings))
+}

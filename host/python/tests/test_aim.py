@@ -1,0 +1,109 @@
+"""Speeds for an attitude."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import biflag
+import numpy as np
+import pytest
+from conftest import biflag_json
+
+# As `biflag calibrate` writes it.
+FITTED = """\
+# viscosity (fluid.viscosity_pa_s): 9.50000e-1 Pa s, standard error 2.0e-2, 95 % 9.1e-1 to 9.9e-1; it was 1.0e0
+
+[fluid]
+viscosity_pa_s = 0.95
+"""
+
+
+def plain(value: Any) -> Any:
+    """Returns a value with lists for tuples, as JSON has it."""
+    if isinstance(value, dict):
+        return {key: plain(inner) for key, inner in value.items()}
+    return [plain(inner) for inner in value] if isinstance(value, (list, tuple)) else value
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("aim") / "robot.toml"
+    path.write_text(FITTED)
+    return path
+
+
+@pytest.fixture(scope="module")
+def aimed(robot: Path) -> biflag.Aimed:
+    return biflag.aim(biflag.Robot.load(robot), yaw=-100, tilt=5)
+
+
+def test_solutions_and_plan_are_those_of_the_command_line(robot: Path, aimed: biflag.Aimed) -> None:
+    plan = robot.with_name("there.toml")
+    theirs = biflag_json("aim", "--yaw=-100", "--tilt=5", "--robot", str(robot), "-o", str(plan))
+    assert aimed.reachable and theirs["reachable"] and len(aimed.solutions) == len(theirs["solutions"])
+    for ours, other in zip(aimed.solutions, theirs["solutions"], strict=True):
+        other["contact"] = other["contact"].lower()
+        assert plain(asdict(ours)) == {"error_n": None, **other}
+        assert ours.std_error_deg[0] > 0.1, "the standard error of the file counts"
+    text = plan.read_text()
+    plan.unlink()
+    aimed.save_plan(plan)
+    assert plan.read_text() == text and not plan.with_name("there-robot.toml").exists()
+    with pytest.raises(biflag.Error, match="already exists") as caught:
+        aimed.save_plan(plan)
+    assert caught.value.key == str(plan)
+
+
+def test_an_answer_shows_itself(aimed: biflag.Aimed) -> None:
+    best = aimed.solutions[0]
+    page = aimed._repr_html_()
+    assert "yaw -100°, tilt 5°: " in page and f"<td>{best.w1_rpm:.5g}</td>" in page and "solution" in repr(aimed)
+    table = aimed.table()
+    assert table.rows == len(aimed.solutions) and table["yaw_low_deg"][0] == best.yaw_ci_deg[0]
+
+
+def test_a_robot_keeps_its_standard_errors(robot: Path, aimed: biflag.Aimed, tmp_path: Path) -> None:
+    changed = biflag.Robot.load(robot).replace({"base.mass_kg": 0.095})
+    line = FITTED.splitlines()[0]
+    for kept in (changed, pickle.loads(pickle.dumps(changed)), biflag.Robot.from_toml(changed.to_toml())):
+        assert kept == changed and hash(kept) == hash(changed) and kept.to_toml().startswith(line + "\n")
+    # A table of another robot proposes speeds; a robot that is in no file gets one beside the plan.
+    speeds = [(w1, w2) for w1 in (40, 60, 80) for w2 in (20, 40, 60)]
+    batch = biflag.simulate_batch(biflag.Robot.physical(), speeds, 30, method="steady")
+    table = biflag.Table({name: batch[name] for name in ("w1_rpm", "w2_rpm", "yaw_deg", "pitch_deg", "roll_deg", "error")})
+    other = biflag.aim(changed, yaw=-100, tilt=5, table=table)
+    assert other.reachable and other.solutions[0].std_error_deg[0] > 0.1
+    near = [max(abs(np.subtract(one.speeds, solution.speeds))) for one in other.solutions for solution in aimed.solutions]
+    assert min(near) < 5
+    other.save_plan(tmp_path / "plan.toml")
+    assert biflag.Robot.load(tmp_path / "plan-robot.toml") == changed
+    assert 'robot = "plan-robot.toml"' in (tmp_path / "plan.toml").read_text()
+
+
+def test_an_attitude_out_of_reach_has_a_nearest_one(tmp_path: Path) -> None:
+    aimed = biflag.aim(biflag.Robot.physical(), pitch=30, roll=30)
+    assert not aimed.reachable and not aimed.solutions and aimed.nearest is not None
+    assert aimed.nearest.error_deg > 10 and "not reachable" in repr(aimed) and aimed.table().rows == 1
+    with pytest.raises(biflag.Error, match="no speeds"):
+        aimed.save_plan(tmp_path / "plan.toml")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("key", "arguments"),
+    [
+        ("", {"yaw": 60}),
+        ("pitch", {"yaw": 60, "pitch": 91}),
+        ("yaw", {"yaw": float("nan"), "tilt": 1}),
+        ("table", {"yaw": 60, "pitch": 1, "table": "none.csv"}),
+        ("table", {"yaw": 60, "pitch": 1, "table": biflag.Table({"w1_rpm": [1.0], "w2_rpm": [2.0]})}),
+        ("threads", {"yaw": 60, "pitch": 1, "threads": 0}),
+    ],
+)
+def test_mistakes_are_named(key: str, arguments: dict[str, Any]) -> None:
+    with pytest.raises(biflag.ParameterError) as caught:
+        biflag.aim(biflag.Robot.physical(), **arguments)
+    assert caught.value.key == key and caught.value.reason

@@ -1,0 +1,185 @@
+//! Reads tables of steady states: those of sweeps, and others with such columns.
+
+use super::SweepError;
+use crate::export::table::{Column, Table, Values};
+use parquet::basic::{Repetition, Type as Physical};
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::Field;
+use serde_json::Value;
+use std::fs::File;
+use std::path::Path;
+
+/// The column that every table of a sweep has.
+const POINT: &str = "point";
+
+/// Reads the table of a sweep, Parquet or CSV. Of a CSV all numbers are real ones.
+///
+/// # Errors
+/// [`SweepError::Table`].
+pub fn read_table(path: &Path) -> Result<Table, SweepError> {
+    let wrong = |reason: String| SweepError::Table { path: path.to_owned(), reason };
+    let table = columns_of(path).map_err(wrong)?;
+    match table.columns.iter().any(|column| column.name == POINT) {
+        true => Ok(table),
+        false => Err(wrong(format!("it has no column {POINT}"))),
+    }
+}
+
+/// Reads any table, Parquet or CSV.
+///
+/// # Errors
+/// Why it cannot be read.
+pub fn columns_of(path: &Path) -> Result<Table, String> {
+    let is_parquet = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("parquet"));
+    match is_parquet {
+        true => of_parquet(File::open(path).map_err(|error| error.to_string())?),
+        false => of_csv(&std::fs::read_to_string(path).map_err(|error| error.to_string())?),
+    }
+}
+
+/// Returns the table of a CSV's text. Its comments say the units; a column without a comment holds numbers if all its values
+/// are numbers.
+///
+/// # Errors
+/// Why it cannot be read.
+pub fn of_csv(text: &str) -> Result<Table, String> {
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+    let names = reader.headers().map_err(|error| error.to_string())?.clone();
+    let mut cells = vec![Vec::new(); names.len()];
+    for record in reader.records() {
+        let record = record.map_err(|error| error.to_string())?;
+        for (column, cell) in cells.iter_mut().zip(&record) {
+            column.push(cell.to_owned());
+        }
+    }
+    let mut header: Vec<&str> = text.lines().map_while(|line| line.strip_prefix("# ")).collect();
+    let columns = names.iter().zip(cells).map(|(name, cells)| {
+        let at = header.iter().position(|line| described(line, name).is_some());
+        let line = at.map(|at| header.remove(at));
+        let about = line.and_then(|line| described(line, name));
+        let is_number = match about {
+            Some((unit, _)) => !unit.is_empty(),
+            None => cells.iter().all(|cell| cell.is_empty() || cell.parse::<f64>().is_ok()),
+        };
+        let numbers = || cells.iter().map(|cell| cell.parse().unwrap_or(f64::NAN)).collect();
+        let values = if is_number { Values::Exact(numbers()) } else { Values::Text(cells) };
+        let (unit, about) = about.unwrap_or_default();
+        Column { name: name.to_owned().into(), unit: unit.to_owned().into(), about: about.to_owned().into(), values }
+    });
+    let columns = columns.collect();
+    Ok(Table { header: header.into_iter().map(str::to_owned).collect(), columns })
+}
+
+/// Returns the unit and the description that a comment says of a column.
+fn described<'a>(comment: &'a str, name: &str) -> Option<(&'a str, &'a str)> {
+    let rest = comment.strip_prefix(name)?;
+    match rest.strip_prefix(" [") {
+        Some(rest) => rest.split_once("]: "),
+        None => rest.strip_prefix(": ").map(|about| ("", about)),
+    }
+}
+
+fn of_parquet(file: File) -> Result<Table, String> {
+    let text = |error: parquet::errors::ParquetError| error.to_string();
+    let reader = SerializedFileReader::new(file).map_err(text)?;
+    let meta = reader.metadata().file_metadata();
+    let noted = |key: &str| meta.key_value_metadata()?.iter().find(|entry| entry.key == key)?.value.clone();
+    let columns: Value = noted("columns").and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
+    let header = noted("about").unwrap_or_default();
+    let mut table = Table { header: header.lines().map(str::to_owned).collect(), columns: Vec::new() };
+    for column in meta.schema_descr().columns() {
+        let name = column.name();
+        let about = |key: &str| columns[name][key].as_str().unwrap_or_default().to_owned();
+        let is_whole = column.self_type().get_basic_info().repetition() == Repetition::REQUIRED;
+        let values = match column.physical_type() {
+            Physical::BYTE_ARRAY => Values::Text(Vec::new()),
+            Physical::INT32 | Physical::INT64 if is_whole => Values::Int(Vec::new()),
+            _ => Values::Exact(Vec::new()),
+        };
+        table.header.retain(|line| described(line, name).is_none());
+        let (unit, about) = (about("unit").into(), about("about").into());
+        table.columns.push(Column { name: name.to_owned().into(), unit, about, values });
+    }
+    for row in reader.get_row_iter(None).map_err(text)? {
+        let row = row.map_err(text)?;
+        for (column, (_, field)) in table.columns.iter_mut().zip(row.get_column_iter()) {
+            push(&mut column.values, field);
+        }
+    }
+    Ok(table)
+}
+
+/// Adds a value to a column of its type. What is neither text nor number is missing.
+fn push(values: &mut Values, field: &Field) {
+    let number = match field {
+        Field::Double(value) => *value,
+        Field::Float(value) => f64::from(*value),
+        Field::Int(value) => f64::from(*value),
+        Field::Long(value) => *value as f64,
+        Field::Byte(value) => f64::from(*value),
+        Field::UByte(value) => f64::from(*value),
+        Field::Short(value) => f64::from(*value),
+        Field::UShort(value) => f64::from(*value),
+        Field::UInt(value) => f64::from(*value),
+        Field::ULong(value) => *value as f64,
+        _ => f64::NAN,
+    };
+    match (values, field) {
+        (Values::Text(values), Field::Str(text)) => values.push(text.clone()),
+        (Values::Text(values), _) => values.push(String::new()),
+        (Values::Int(values), Field::Long(value)) => values.push(*value),
+        (Values::Int(values), _) => values.push(number as i64),
+        (Values::Real(values) | Values::Exact(values), _) => values.push(number),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::export::{csv, parquet};
+
+    #[test]
+    fn tables_are_read_as_they_were_written() {
+        let column = |name: &'static str, unit: &'static str, values| Column {
+            name: name.into(),
+            unit: unit.into(),
+            about: "what: it [is]".into(),
+            values,
+        };
+        let table = Table {
+            header: vec!["biflag 1: sweep test".to_owned()],
+            columns: vec![
+                // A name that could be a number.
+                column("point", "", Values::Text(vec!["12e4".to_owned(), "77".to_owned()])),
+                column("yaw_deg", "deg", Values::Exact(vec![0.1 + 0.2, -1e-300])),
+                column("phases", "1", Values::Int(vec![4, 1])),
+                column("reason", "", Values::Text(vec![String::new(); 2])),
+            ],
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let (text, binary) = (folder.path().join("table.csv"), folder.path().join("table.parquet"));
+        csv::Writer::new(&table, File::create(&text).unwrap())
+            .and_then(|mut csv| csv.rows(&table).and(csv.close()))
+            .unwrap();
+        let mut writer = parquet::Writer::new(&table, File::create(&binary).unwrap()).unwrap();
+        writer.rows(&table).unwrap();
+        writer.close().unwrap();
+        assert_eq!(read_table(&binary).unwrap(), table);
+        let mut real = table;
+        real.columns[2].values = Values::Exact(vec![4.0, 1.0]);
+        assert_eq!(read_table(&text).unwrap(), real);
+    }
+
+    #[test]
+    fn without_comments_numbers_are_told_by_their_values() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.csv");
+        std::fs::write(&path, "w1_rpm,yaw_deg,status\n1,,ok\n2,-0.5,ok\n").unwrap();
+        let table = columns_of(&path).unwrap();
+        let Values::Exact(yaw) = &table.columns[1].values else { panic!("{table:?}") };
+        assert!(yaw[0].is_nan() && yaw[1] == -0.5);
+        assert_eq!(table.columns[2].values, Values::Text(vec!["ok".to_owned(); 2]));
+        let error = read_table(&path).unwrap_err().to_string();
+        assert!(error.ends_with("table.csv: the table cannot be read: it has no column point"), "{error}");
+    }
+}
