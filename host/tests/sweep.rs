@@ -270,7 +270,9 @@ fn table_does_not_depend_on_jobs_shards_or_order() {
 fn a_sweep_goes_on_where_it_ended_and_only_when_asked() {
     let bench = bench(PLAN);
     let folder = bench.path();
-    expect(&biflag(folder, &["sweep", "plan.toml", "--shard", "1/2"]), 3);
+    // Points belong to a shard by their names, which depend on the commit; so may its failing points.
+    let half = biflag(folder, &["sweep", "plan.toml", "--shard", "1/2"]);
+    assert!(matches!(half.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&half.stderr));
     let again = biflag(folder, &["sweep", "plan.toml", "--shard", "1/2"]);
     assert_eq!(again.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&again.stderr).contains("go on with --resume"));
@@ -314,7 +316,7 @@ fn damaged_and_foreign_parts_are_noticed() {
 
     std::fs::write(folder.join("other.toml"), PLAN.replace("run = 0.4", "run = 0.5").replace("short", "other"))
         .unwrap();
-    expect(&biflag(folder, &["sweep", "other.toml", "--shard", "1/3"]), 3);
+    expect(&biflag(folder, &["sweep", "other.toml"]), 3);
     std::fs::copy(part("other"), folder.join("short/part-0000000000000000.part")).unwrap();
     let whole = expect(&biflag(folder, &["sweep", "plan.toml", "--resume", "--json"]), 3);
     assert_eq!((&whole["done"], &whole["missing"]), (&24.into(), &0.into()));
