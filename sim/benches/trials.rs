@@ -208,7 +208,7 @@ fn growth() {
     );
     println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
     let mut points = vec![];
-    for edges in [25usize, 50, 100, 200, 400] {
+    for edges in [25usize, 50, 100, 150, 200] {
         let mut robot = Robot::published();
         let length = robot.flagellum.helix(0).contour_length() / edges as f64;
         robot.flagellum.edge_length_m = length.min(robot.flagellum.edge_length_m);

@@ -168,7 +168,7 @@ impl NeighbourList {
     fn holds(&self, shapes: [&[V3]; 2], limit: f64) -> bool {
         let moved = |k: usize| {
             let squares = shapes[k].iter().zip(&self.shapes[k]).map(|(a, b)| (a - b).norm_squared());
-            squares.fold(0.0, f64::max).sqrt()
+            squares.fold(0.0, |largest, square| if square > largest { square } else { largest }).sqrt()
         };
         let first = moved(0);
         let second = if shapes[1].is_empty() { first } else { moved(1) };
