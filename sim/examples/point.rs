@@ -1,10 +1,10 @@
 //! One operating point: the steady attitude of the robot at two motor speeds, and what it cost to compute.
 //!
 //! `cargo run --release -p sim --example point -- 50 10 full 120 published`: speeds in rpm, closure, duration in s, robot; then,
-//! if wanted, another shape of its head, such as `cylinder`.
+//! if wanted, another shape of its head, such as `cylinder`, and `tank` for the publication's tank about it.
 
 use sim::body::closure::Closure;
-use sim::params::{HeadShape, Robot};
+use sim::params::{HeadShape, Robot, Tank};
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::error::Error;
@@ -33,6 +33,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         Some("sphere") => HeadShape::Sphere,
         Some("spheroid") => HeadShape::Spheroid,
         Some(other) => return Err(format!("{other}: no such shape of a head").into()),
+    };
+    robot.tank = match arguments.get(6).map(String::as_str) {
+        None => robot.tank,
+        Some("tank") => Some(Tank::published()),
+        Some(other) => return Err(format!("{other}: not `tank`").into()),
     };
     let profile = SpeedProfile::constant(rpm, number(3, 120.0)?)?;
     let mut trial = Trial::new(&robot, closure, profile, Options { rate_hz: 0.1, shapes: false })?;

@@ -99,3 +99,33 @@ fn gauss_jordan(matrix: &mut [f64], size: usize) -> bool {
     }
     matrix.iter().all(|v| v.is_finite())
 }
+
+/// Writes the product of a square matrix, column by column, with a vector to `out`; their size is a multiple of three.
+pub fn multiply(columns: &[f64], vector: &[f64], out: &mut [f64]) {
+    Arch::new().dispatch(Product { columns, vector, out });
+}
+
+/// Compiles [`multiply`] for the machine's vector instructions.
+struct Product<'a> {
+    columns: &'a [f64],
+    vector: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl WithSimd for Product<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let size = self.out.len();
+        self.out.fill(0.0);
+        // Three columns at once: `out` is read and written less often.
+        for (columns, x) in self.columns.chunks_exact(3 * size).zip(self.vector.chunks_exact(3)) {
+            let (a, rest) = columns.split_at(size);
+            let (b, c) = rest.split_at(size);
+            for (((out, a), b), c) in self.out.iter_mut().zip(a).zip(b).zip(c) {
+                *out += a * x[0] + b * x[1] + c * x[2];
+            }
+        }
+    }
+}

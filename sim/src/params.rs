@@ -294,7 +294,7 @@ pub struct Contact {
     /// Largest penetration in m (1e-5): stiffness follows from it. Smaller costs little.
     pub tolerance_m: f64,
     /// Coefficient of friction of the rods' surfaces, see [`crate::contact::friction`] (0: wet silicone in glycerin). With
-    /// friction some steps of flagella that mesh or unwrap cannot be solved.
+    /// friction some steps of flagella that unwrap cannot be solved.
     pub friction: f64,
     /// Sliding speed in m/s below which friction sticks (1e-4).
     pub slip_speed_m_s: f64,

@@ -52,7 +52,7 @@ fn a_soft_pair_bundles_and_unwraps() {
     prove("bundle: largest penetration over the tolerance", summary.max_penetration_m / robot.contact.tolerance_m, 1.0);
 }
 
-/// The reversal is left out: rods that unwrap against friction stick and snap, and steps fail.
+/// The reversal is left out: while the rods unwrap they stick and snap, and with a coefficient of 0.1 or more a step fails.
 #[test]
 fn a_bundle_with_friction_holds() {
     let mut robot = soft_robot();
@@ -90,6 +90,23 @@ fn two_way_contact_in_the_hard_quadrant() {
         );
         prove(
             &format!("full, ({}, {}): largest penetration over the tolerance", rpm[0], rpm[1]),
+            summary.max_penetration_m / robot.contact.tolerance_m,
+            1.0,
+        );
+    }
+}
+
+/// Both senses negative: the flagella stick and snap past each other once a beat.
+#[test]
+fn flagella_mesh_with_friction() {
+    for (name, mut robot, seconds) in [("published", Robot::published(), 20.0), ("physical", Robot::default(), 8.0)] {
+        robot.contact.friction = 0.3;
+        let profile = SpeedProfile::constant([-80.0, -20.0], seconds).expect("a profile");
+        let mut trial = Trial::new(&robot, Closure::Full, profile, Options::default()).expect("parameters");
+        let summary = trial.finish().expect("a run");
+        assert!(summary.contact_share > 0.3, "{name}: in contact {} of the time", summary.contact_share);
+        prove(
+            &format!("{name} meshes with friction: largest penetration over the tolerance"),
             summary.max_penetration_m / robot.contact.tolerance_m,
             1.0,
         );

@@ -135,7 +135,7 @@ fn flow_midway_between_two_walls() {
     let faxen = -1.004 * 4.0 / 3.0;
     let error = (along(&two) / faxen - 1.0).abs();
     println!("midway between two walls: superposed images against Faxen, {error:.3}");
-    let mut reflections = Reflections::new(&two, [V3::repeat(-0.5), V3::repeat(0.5)]).expect("two walls");
+    let mut reflections = Reflections::new(&two, &two, [V3::repeat(-0.5), V3::repeat(0.5)]).expect("two walls");
     let mut rest = [V3::zeros()];
     reflections.set_points(&[at]);
     reflections.add_flow(&[V3::x()], &mut rest);
@@ -352,7 +352,7 @@ fn tank_flow_is_that_of_all_images() {
         let mut images = Images::default();
         images.assemble(&walls, &targets, &sources, robot.epsilon());
         images.multiply(&strengths);
-        let mut reflections = Reflections::new(&walls, tank.space_of(&robot)).expect("several walls");
+        let mut reflections = Reflections::new(&walls, &walls, tank.space_of(&robot)).expect("several walls");
         let mut rest = vec![V3::zeros(); sources.len() + targets.len()];
         let forces = [strengths, vec![V3::zeros(); targets.len()]].concat();
         reflections.set_points(&[sources.clone(), targets.clone()].concat());

@@ -1,7 +1,7 @@
 //! The search for close edges: midpoints first, Verlet lists between searches.
 //!
 //! Body frame, m. Edges of both rods, and of one rod with itself beyond the arc length within which its own helix is
-//! closer than two radii.
+//! closer than two radii. Whether a rod still has the shape of its list is seen in its shaft frame, where it does not turn.
 
 use super::distance::segment_distance;
 use super::pairs::{Lines, Pair};
@@ -23,13 +23,15 @@ pub struct BroadPhase {
     skin: f64,
     /// One for each of [`ROD_PAIRS`].
     lists: [Option<NeighbourList>; 3],
+    /// Edges of both rods that were the nearest when last asked: they bound the least distance.
+    nearest: [usize; 2],
 }
 
 /// A Verlet list of two rods: as long as they have moved less than the skin, no other edges are close.
 #[derive(Clone, Debug)]
 struct NeighbourList {
-    /// Shapes that it was made at.
-    lines: Lines,
+    /// Shapes that it was made at: both rods in the body frame, or one rod in a frame of its own and nothing.
+    shapes: [Vec<V3>; 2],
     /// Pairs of edges that were close.
     edges: Vec<[usize; 2]>,
     /// Lower bound of the distance of all other pairs, m.
@@ -68,7 +70,7 @@ impl BroadPhase {
             let padded = rods[k].edges().div_ceil(LANES) * LANES;
             std::array::from_fn(|_| vec![AWAY; padded])
         });
-        Self { exclusion, middles, longest: 0.0, skin: radius, lists: [None, None, None] }
+        Self { exclusion, middles, longest: 0.0, skin: radius, lists: [None, None, None], nearest: [0; 2] }
     }
 
     fn load(&mut self, lines: &Lines) {
@@ -85,10 +87,11 @@ impl BroadPhase {
         self.longest = self.longest.sqrt();
     }
 
-    /// Returns the pairs of edges whose distance is below `limit` (m), without forces.
-    pub fn search(&mut self, lines: &Lines, limit: f64) -> Vec<Pair> {
+    /// Returns the pairs of edges whose distance is below `limit` (m), without forces. `own`: the nodes of each rod in a frame
+    /// in which it moves little, such as its shaft frame, m.
+    pub fn search(&mut self, lines: &Lines, own: [&[V3]; 2], limit: f64) -> Vec<Pair> {
         for (list, rods) in self.lists.iter_mut().zip(ROD_PAIRS) {
-            if list.as_ref().is_some_and(|list| !list.holds(lines, rods, limit)) {
+            if list.as_ref().is_some_and(|list| !list.holds(shapes(lines, own, rods), limit)) {
                 *list = None;
             }
         }
@@ -99,7 +102,9 @@ impl BroadPhase {
         let mut pairs = Vec::new();
         let reach = (limit + self.longest).powi(2);
         for (which, rods) in ROD_PAIRS.into_iter().enumerate() {
-            let list = self.lists[which].take().unwrap_or_else(|| self.list(lines, rods, limit + self.skin));
+            let list = self.lists[which]
+                .take()
+                .unwrap_or_else(|| self.list(shapes(lines, own, rods), rods, limit + self.skin));
             for &edges in &list.edges {
                 let [a, b] = [0, 1].map(|k| self.middle(rods[k], edges[k]));
                 if (a - b).norm_squared() < reach {
@@ -119,47 +124,55 @@ impl BroadPhase {
         V3::new(x[edge], y[edge], z[edge])
     }
 
-    /// Lists the edges of two rods that are closer than `reach` (m).
-    fn list(&self, lines: &Lines, [a, b]: [usize; 2], reach: f64) -> NeighbourList {
+    /// Lists the edges of two rods that are closer than `reach` (m). `shapes`: what [`NeighbourList::holds`] compares.
+    fn list(&self, shapes: [&[V3]; 2], [a, b]: [usize; 2], reach: f64) -> NeighbourList {
         let mut edges = Vec::new();
         let exclusion = (a == b).then_some(self.exclusion[a]);
         let (first, second) = (&self.middles[a], &self.middles[b]);
         let found = |i, j| edges.push([i, j]);
         let search = Close { first, second, exclusion, reach: reach + self.longest, found };
         let cutoff = (pulp::Arch::new().dispatch(search) - self.longest).max(reach);
-        NeighbourList { lines: lines.clone(), edges, cutoff }
+        NeighbourList { shapes: shapes.map(<[V3]>::to_vec), edges, cutoff }
     }
 
     /// Returns the least distance of the two rods' centre lines, m.
     pub fn least_distance(&mut self, lines: &Lines) -> f64 {
         self.load(lines);
+        let apart = |[i, j]: [usize; 2]| {
+            let (a, b) = (&lines[0], &lines[1]);
+            segment_distance(a[i], a[i + 1], b[j], b[j + 1]).separation.norm()
+        };
         let mut candidates: Vec<[usize; 2]> = Vec::new();
         let (first, second) = (&self.middles[0], &self.middles[1]);
-        let exclusion = None;
-        let search = Close { first, second, exclusion, reach: 0.0, found: |_, _| {} };
-        let nearest = pulp::Arch::new().dispatch(search);
         // Somewhat more, so that rounding does not lose the nearest pair.
-        let reach = (nearest + self.longest) * (1.0 + 1e-12);
+        let reach = (apart(self.nearest) + self.longest) * (1.0 + 1e-12);
         let found = |i, j| candidates.push([i, j]);
-        pulp::Arch::new().dispatch(Close { first, second, exclusion, reach, found });
-        (candidates.into_iter())
-            .map(|[i, j]| {
-                let (a, b) = (&lines[0], &lines[1]);
-                segment_distance(a[i], a[i + 1], b[j], b[j + 1]).separation.norm()
-            })
-            .fold(f64::INFINITY, |best, next| if next < best { next } else { best })
+        pulp::Arch::new().dispatch(Close { first, second, exclusion: None, reach, found });
+        let mut least = f64::INFINITY;
+        for edges in candidates {
+            let distance = apart(edges);
+            if distance < least {
+                (least, self.nearest) = (distance, edges);
+            }
+        }
+        least
     }
 }
 
+/// Returns the nodes by which a list of two rods is judged: of one rod with itself those in its own frame.
+fn shapes<'a>(lines: &'a Lines, own: [&'a [V3]; 2], [a, b]: [usize; 2]) -> [&'a [V3]; 2] {
+    if a == b { [own[a], &[]] } else { [&lines[a], &lines[b]] }
+}
+
 impl NeighbourList {
-    /// Returns whether no edges but those listed can be closer than `limit` (m) now.
-    fn holds(&self, lines: &Lines, rods: [usize; 2], limit: f64) -> bool {
+    /// Returns whether no edges but those listed can be closer than `limit` (m) now. `shapes`: see [`shapes`].
+    fn holds(&self, shapes: [&[V3]; 2], limit: f64) -> bool {
         let moved = |k: usize| {
-            let squares = lines[k].iter().zip(&self.lines[k]).map(|(a, b)| (a - b).norm_squared());
-            squares.fold(0.0, f64::max).sqrt()
+            let squares = shapes[k].iter().zip(&self.shapes[k]).map(|(a, b)| (a - b).norm_squared());
+            squares.fold(0.0, |largest, square| if square > largest { square } else { largest }).sqrt()
         };
-        let first = moved(rods[0]);
-        let second = if rods[1] == rods[0] { first } else { moved(rods[1]) };
+        let first = moved(0);
+        let second = if shapes[1].is_empty() { first } else { moved(1) };
         // A shape with a NaN in it has no distances.
         self.cutoff.is_finite() && self.cutoff - first - second > limit
     }

@@ -9,8 +9,8 @@
 //! centre line, [`Pair::couple`](super::pairs::Pair::couple), which twists and bends the rods. The change of the forces in
 //! a sweep is one of its errors.
 //!
-//! Not solved at every step: rods that mesh (both senses negative, coefficient 0.3) or unwrap against friction stick and
-//! snap, and the trial may end with a step that cannot be made.
+//! Not solved at every step: soft flagella that unwrap when one motor reverses stick and snap, and with a coefficient of 0.1
+//! or more the trial ends with a step that cannot be made (0.05 passes). Flagella that mesh, both senses negative, pass with 0.3.
 
 use crate::V3;
 

@@ -7,9 +7,11 @@
 //! points about the robot the result is a polynomial in the place of the force and of the flow.
 
 use super::head::stokeslet;
-use super::walls::{Plane, Walls};
+use super::walls::{Images, Plane, Walls};
 use crate::V3;
-use nalgebra::{DMatrix, DVector, Matrix3};
+use crate::linear::multiply;
+use nalgebra::{DMatrix, Matrix3};
+use pulp::{Simd, WithSimd};
 
 /// Points on all walls, at most.
 const POINTS: f64 = 250.0;
@@ -30,16 +32,16 @@ const SAMPLES: usize = 5;
 pub struct Reflections {
     centre: V3,
     half: V3,
-    /// Coefficients of the flow for those of the forces, three for each monomial.
+    /// Coefficients of the flow for those of the forces: of all monomials along x, then y, then z.
     matrix: DMatrix<f64>,
     /// Monomials at the points, one point after the other.
     values: Vec<f64>,
 }
 
 impl Reflections {
-    /// `robot`: least and largest corner of the box in which the robot is, m. `None` where a single wall or surface leaves
-    /// nothing.
-    pub fn new(walls: &Walls, robot: [V3; 2]) -> Option<Self> {
+    /// `near`: the walls without those images whose flow is wanted here, too; `robot`: least and largest corner of the box in
+    /// which the robot is, m. `None` where a single wall or surface leaves nothing: its image is all.
+    pub fn new(walls: &Walls, near: &Walls, robot: [V3; 2]) -> Option<Self> {
         if walls.planes().len() + usize::from(walls.surface().is_some()) < 2 {
             return None;
         }
@@ -85,9 +87,15 @@ impl Reflections {
         let damping = DAMPING * normal.trace() / normal.nrows() as f64;
         normal += DMatrix::identity(normal.nrows(), normal.nrows()) * damping;
         let samples = grid(robot);
-        let slip = blocks(&points, &samples, &|x, y| stokeslet(x - y, 0.0) + walls.tensor(x, y, 0.0));
-        let strengths = normal.cholesky()?.solve(&(across * slip));
-        let between = blocks(&samples, &sources, &flow) * strengths * -1.0;
+        let mut slip = blocks(&points, &samples, &|x, y| stokeslet(x - y, 0.0));
+        let mut images = Images::default();
+        images.assemble(walls, &points, &samples, 0.0);
+        images.add_to(&mut slip, 1.0);
+        let mut far = DMatrix::zeros(3 * samples.len(), 3 * samples.len());
+        for (walls, sign) in [(walls, 1.0), (near, -1.0)] {
+            images.assemble(walls, &samples, &samples, 0.0);
+            images.add_to(&mut far, sign);
+        }
 
         let mut fitted = Self {
             centre: middle,
@@ -99,9 +107,14 @@ impl Reflections {
         let values = std::mem::take(&mut fitted.values);
         let values = DMatrix::from_row_slice(samples.len(), values.len() / samples.len(), &values);
         let fit = values.pseudo_inverse(1e-12).ok()?.kronecker(&Matrix3::identity());
-        let matrix = &fit * between * fit.transpose();
+        // Polynomials first: they are fewer than the samples.
+        let strengths = normal.cholesky()?.solve(&(across * (slip * fit.transpose())));
+        let matrix = &fit * (far * fit.transpose() - blocks(&samples, &sources, &flow) * strengths);
         // The exact flow is reciprocal.
-        fitted.matrix = (&matrix + matrix.transpose()) * 0.5;
+        let matrix = (&matrix + matrix.transpose()) * 0.5;
+        let count = matrix.nrows() / 3;
+        let of = |i: usize| 3 * (i % count) + i / count;
+        fitted.matrix = DMatrix::from_fn(3 * count, 3 * count, |i, j| matrix[(of(i), of(j))]);
         Some(fitted)
     }
 
@@ -116,27 +129,64 @@ impl Reflections {
 
     /// Adds the flow of forces (N) at the points to the flow there, without the factor 1/(8 pi mu): N/m.
     pub fn add_flow(&self, forces: &[V3], flow: &mut [V3]) {
-        let count = self.matrix.nrows() / 3;
-        let mut moments = DVector::zeros(3 * count);
-        for (values, f) in self.values.chunks_exact(count).zip(forces) {
-            for (moment, value) in moments.as_mut_slice().chunks_exact_mut(3).zip(values) {
-                for a in 0..3 {
-                    moment[a] += f[a] * value;
-                }
-            }
-        }
-        let coefficients = &self.matrix * moments;
-        for (values, u) in self.values.chunks_exact(count).zip(flow) {
-            for (coefficient, value) in coefficients.as_slice().chunks_exact(3).zip(values) {
-                for a in 0..3 {
-                    u[a] += coefficient[a] * value;
-                }
-            }
-        }
+        let (mut moments, mut coefficients) = (vec![0.0; self.matrix.nrows()], vec![0.0; self.matrix.nrows()]);
+        pulp::Arch::new().dispatch(Gather { values: &self.values, forces, moments: &mut moments });
+        multiply(self.matrix.as_slice(), &moments, &mut coefficients);
+        pulp::Arch::new().dispatch(Spread { values: &self.values, coefficients: &coefficients, flow });
     }
 
     fn scaled(&self, x: V3) -> V3 {
         (x - self.centre).component_div(&self.half)
+    }
+}
+
+/// Adds forces times the monomials at their places; compiled for the machine's vector instructions.
+struct Gather<'a> {
+    values: &'a [f64],
+    forces: &'a [V3],
+    moments: &'a mut [f64],
+}
+
+impl WithSimd for Gather<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let count = self.moments.len() / 3;
+        for (values, force) in self.values.chunks_exact(count).zip(self.forces) {
+            for (moments, f) in self.moments.chunks_exact_mut(count).zip(force.as_slice()) {
+                for (moment, value) in moments.iter_mut().zip(values) {
+                    *moment += f * value;
+                }
+            }
+        }
+    }
+}
+
+/// Adds polynomials at the points to the flow there; compiled likewise.
+struct Spread<'a> {
+    values: &'a [f64],
+    coefficients: &'a [f64],
+    flow: &'a mut [V3],
+}
+
+impl WithSimd for Spread<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let count = self.coefficients.len() / 3;
+        for (values, u) in self.values.chunks_exact(count).zip(self.flow) {
+            for (coefficients, u) in self.coefficients.chunks_exact(count).zip(u.as_mut_slice()) {
+                let (wide, rest) = S::as_simd_f64s(values);
+                let (wide_of, rest_of) = S::as_simd_f64s(coefficients);
+                let mut sum = simd.splat_f64s(0.0);
+                for (value, coefficient) in wide.iter().zip(wide_of) {
+                    sum = simd.mul_add_e_f64s(*value, *coefficient, sum);
+                }
+                *u += simd.reduce_sum_f64s(sum) + rest.iter().zip(rest_of).map(|(v, c)| v * c).sum::<f64>();
+            }
+        }
     }
 }
 

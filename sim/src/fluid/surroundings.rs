@@ -18,9 +18,9 @@ use super::tank::TankFlow;
 use crate::V3;
 use crate::body::Body;
 use crate::body::closure::Load;
+use crate::linear::multiply;
 use crate::params::Robot;
 use nalgebra::Matrix3;
-use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
 /// Length of a group of edges over its distance from the head, at most, unless it is a single edge.
@@ -153,9 +153,8 @@ impl Surroundings {
                 }
             }
             self.targets.add_flow(&head.sources, self.epsilon);
-        }
-        if let Some(tank) = tank {
-            tank.respond(head.as_ref().map_or(&[], |head| &head.forces), &body.attitude);
+        } else if let Some(tank) = tank {
+            tank.respond(&[], &body.attitude);
         }
         let images = self.tank.as_ref().map(TankFlow::flow);
         let mut change = 0f64;
@@ -207,7 +206,7 @@ impl HeadFlow {
         }
         std::mem::swap(&mut self.forces, &mut self.before);
         let columns = self.surface.resistance.as_slice();
-        Arch::new().dispatch(Product { columns, vector: &self.slip, out: &mut self.forces });
+        multiply(columns, &self.slip, &mut self.forces);
         self.sources.clear();
         self.load = Load::default();
         self.rate = rate;
@@ -263,30 +262,5 @@ fn push_groups(line: &Line, groups: &[Range<usize>], sources: &mut Sources) {
             total += length;
         }
         sources.push(place / total, force);
-    }
-}
-
-/// The product of a square matrix, column by column, with a vector.
-struct Product<'a> {
-    columns: &'a [f64],
-    vector: &'a [f64],
-    out: &'a mut [f64],
-}
-
-impl WithSimd for Product<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let size = self.out.len();
-        self.out.fill(0.0);
-        // Three columns at once: a vector has three numbers a point.
-        for (columns, x) in self.columns.chunks_exact(3 * size).zip(self.vector.chunks_exact(3)) {
-            let (a, rest) = columns.split_at(size);
-            let (b, c) = rest.split_at(size);
-            for (((out, a), b), c) in self.out.iter_mut().zip(a).zip(b).zip(c) {
-                *out += a * x[0] + b * x[1] + c * x[2];
-            }
-        }
     }
 }

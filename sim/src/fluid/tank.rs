@@ -3,7 +3,8 @@
 //! Body axes in and out, world axes within, where the tank stands still. Images are at least twice as far away as the
 //! wall, so their flow is smooth. It is computed between every few nodes of a flagellum and eight points of the head
 //! ([`super::coarse`]); the nodes are closer together near a wall. The matrix between these points is kept until they
-//! have moved. What the images in single walls leave out is a polynomial ([`super::reflections`]).
+//! have moved. Images that are far away, and what the images in single walls leave out, are a polynomial
+//! ([`super::reflections`]).
 
 use super::Line;
 use super::coarse::Coarse;
@@ -26,7 +27,9 @@ const MOVED: f64 = 2e-3;
 #[derive(Clone, Debug)]
 pub struct TankFlow {
     walls: Walls,
-    /// What the images in single walls leave out.
+    /// Those whose images are summed.
+    near: Walls,
+    /// Other images, and what the images in single walls leave out.
     reflections: Option<Reflections>,
     epsilon: f64,
     factor: f64,
@@ -73,11 +76,14 @@ struct CoarseSurface {
 impl TankFlow {
     /// `at_rest`: nodes of the flagella in the body frame; `head`: points of the head's surface, none without a head; m.
     pub fn new(robot: &Robot, tank: &Tank, at_rest: &[Vec<V3>], head: &[V3]) -> Self {
-        let walls = tank.boundaries();
+        let (walls, space) = (tank.boundaries(), tank.space_of(robot));
+        let near = walls.near(space);
+        let reflections = Reflections::new(&walls, &near, space);
         let helix = robot.flagellum.helix(0);
         let count = at_rest.iter().map(Vec::len).sum::<usize>() + head.len();
         Self {
-            reflections: Reflections::new(&walls, tank.space_of(robot)),
+            near: if reflections.is_some() { near } else { walls.clone() },
+            reflections,
             walls,
             epsilon: robot.epsilon(),
             factor: stokeslet_factor(robot.fluid.viscosity()),
@@ -199,7 +205,7 @@ impl TankFlow {
     }
 
     fn assemble(&mut self) {
-        self.images.assemble(&self.walls, &self.points, &self.points, self.epsilon);
+        self.images.assemble(&self.near, &self.points, &self.points, self.epsilon);
         self.assembled.clone_from(&self.points);
     }
 }

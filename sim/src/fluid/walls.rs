@@ -19,11 +19,11 @@
 //! Each wall reflects the forces and their mirror images, but not the images in other walls. Between two walls that
 //! face each other the sum is too large: midway between them by 12 % for a force along them (Faxen 1922: a small
 //! sphere's drag grows by 1.004 radii over the distance; two images give 2 x 9/16). [`super::reflections`] has the
-//! rest.
+//! rest, and the images that are far from the robot; [`Walls::near`] has the others.
 
 use crate::V3;
 use crate::lanes::{PADDING, Wide};
-use nalgebra::Matrix3;
+use nalgebra::{DMatrix, Matrix3};
 use pulp::{Simd, WithSimd};
 
 /// A plane wall across an axis of the world.
@@ -50,9 +50,14 @@ impl Plane {
 pub struct Walls {
     /// The walls; with a free surface also their mirror images.
     planes: Vec<Plane>,
+    /// Those of them that have images of the forces' mirror images.
+    of_mirrored: Vec<Plane>,
     /// Height of the free surface, m.
     surface: Option<f64>,
 }
+
+/// Distance of images from all places of the robot, over half the width of its space, from which on they are far.
+const FAR: f64 = 2.1;
 
 impl Walls {
     /// Returns the boundaries of a fluid. `surface`: height of a free surface, m.
@@ -61,7 +66,31 @@ impl Walls {
             let floors: Vec<Plane> = planes.iter().filter(|p| p.axis == 2).copied().collect();
             planes.extend(floors.iter().map(|p| Plane { at: 2.0 * surface - p.at, side: -p.side, ..*p }));
         }
-        Self { planes, surface }
+        let of_mirrored = if surface.is_some() { planes.clone() } else { Vec::new() };
+        Self { planes, of_mirrored, surface }
+    }
+
+    /// Returns the same without the images in walls that are far from all places of a robot between two corners (m): their flow
+    /// there is smooth.
+    pub fn near(&self, [low, high]: [V3; 2]) -> Self {
+        let width = (high - low).max();
+        let is_near = |mirrors: &[(usize, f64)]| {
+            let [mut from, mut to] = [low, high];
+            for (axis, at) in mirrors {
+                (from[*axis], to[*axis]) = (2.0 * at - to[*axis], 2.0 * at - from[*axis]);
+            }
+            let gap = V3::from_fn(|axis, _| (from[axis] - high[axis]).max(low[axis] - to[axis]).max(0.0));
+            gap.norm() < FAR * 0.5 * width
+        };
+        let chosen = |planes: &[Plane], mirrors: &[(usize, f64)]| {
+            planes.iter().filter(|p| is_near(&[mirrors, &[(p.axis, p.at)]].concat())).copied().collect()
+        };
+        let mirrored = self.surface.map(|at| (2, at));
+        Self {
+            planes: chosen(&self.planes, &[]),
+            of_mirrored: chosen(&self.of_mirrored, mirrored.as_slice()),
+            surface: self.surface,
+        }
     }
 
     /// Returns the walls; with a free surface also their mirror images.
@@ -89,8 +118,8 @@ impl Walls {
     }
 
     #[inline(always)]
-    fn add<S: Simd>(&self, simd: S, x: [Wide<S>; 3], y: V3, e2: f64, sum: &mut [Wide<S>; 9]) {
-        for plane in &self.planes {
+    fn add<S: Simd>(simd: S, planes: &[Plane], x: [Wide<S>; 3], y: V3, e2: f64, sum: &mut [Wide<S>; 9]) {
+        for plane in planes {
             match plane.axis {
                 0 => blake::<S, 0>(simd, plane, x, y, e2, sum),
                 1 => blake::<S, 1>(simd, plane, x, y, e2, sum),
@@ -185,6 +214,19 @@ impl Images {
         pulp::Arch::new().dispatch(Assemble { images: self, walls, sources, e2: epsilon * epsilon });
     }
 
+    /// Adds the matrix times a factor to another one, with three rows a target and three columns a source.
+    pub fn add_to(&self, matrix: &mut DMatrix<f64>, factor: f64) {
+        let targets = matrix.nrows() / 3;
+        for (j, columns) in self.columns.chunks_exact(9).enumerate() {
+            for (entry, column) in columns.iter().enumerate() {
+                let (b, a) = (entry / 3, entry % 3);
+                for (i, value) in column[..targets].iter().enumerate() {
+                    matrix[(3 * i + a, 3 * j + b)] += value * factor;
+                }
+            }
+        }
+    }
+
     /// Computes the flow of forces (N) at the sources; [`Images::flow`] returns it.
     pub fn multiply(&mut self, forces: &[V3]) {
         pulp::Arch::new().dispatch(Multiply { images: self, forces });
@@ -219,13 +261,13 @@ impl WithSimd for Assemble<'_> {
                 let mut sum = [zero; 9];
                 if let Some(surface) = walls.surface {
                     let reflected = V3::new(source.x, source.y, 2.0 * surface - source.z);
-                    walls.add(simd, at, reflected, e2, &mut sum);
+                    Walls::add(simd, &walls.of_mirrored, at, reflected, e2, &mut sum);
                     for entry in &mut sum[6..] {
                         *entry = -*entry;
                     }
                     mirror(simd, at, reflected, e2, &mut sum);
                 }
-                walls.add(simd, at, *source, e2, &mut sum);
+                Walls::add(simd, &walls.planes, at, *source, e2, &mut sum);
                 for (column, entry) in columns.iter_mut().zip(sum) {
                     entry.store(column, block);
                 }

@@ -28,7 +28,7 @@ pub fn check(sweeps: &mut Sweeps, problem: &StepProblem, body: &BodySolve) -> Re
     if model.limits.enabled {
         let before = lines(model, problem.state);
         let radius = model.robot.flagellum.rod_radius_m;
-        if sweeps.contacts.passed_through(&before, problem.state, radius) {
+        if sweeps.contacts.passed_through(&sweeps.flagella, &before, problem.state, radius) {
             return Err(StepFailure::PassedThrough);
         }
     }

@@ -77,7 +77,11 @@ impl Contacts {
     pub fn begin(&mut self, problem: &StepProblem, flagella: &mut [Flagellum; 2]) {
         let (limits, edge) = (&problem.model.limits, problem.model.rods[0].rest_length[0]);
         self.update_lines(flagella, &problem.step.shafts);
-        let found = if limits.enabled { self.broad_phase.search(&self.lines, limits.watched) } else { Vec::new() };
+        let found = if limits.enabled {
+            self.broad_phase.search(&self.lines, shapes(flagella), limits.watched)
+        } else {
+            Vec::new()
+        };
         self.pairs = pairs::warm_start(&problem.state.pairs, found, edge, limits.distance);
         self.columns.clear();
         self.columns.resize(self.pairs.len(), None);
@@ -93,7 +97,7 @@ impl Contacts {
             return 0;
         }
         self.update_lines(flagella, &problem.step.shafts);
-        let found = self.broad_phase.search(&self.lines, limits.watched);
+        let found = self.broad_phase.search(&self.lines, shapes(flagella), limits.watched);
         let overlapping = pairs::extend(&mut self.pairs, found, limits.distance, limits.overlap);
         self.columns.resize(self.pairs.len(), None);
         overlapping
@@ -195,8 +199,8 @@ impl Contacts {
     }
 
     /// Returns whether rods went through each other since the shapes `before` (body frame, m).
-    pub fn passed_through(&mut self, before: &Lines, state: &State, radius: f64) -> bool {
-        let close = self.broad_phase.search(&self.lines, PASSAGE_RADII * radius);
+    pub fn passed_through(&mut self, flagella: &[Flagellum; 2], before: &Lines, state: &State, radius: f64) -> bool {
+        let close = self.broad_phase.search(&self.lines, shapes(flagella), PASSAGE_RADII * radius);
         pairs::passed_through(before, &self.lines, &close, radius)
             || pairs::passed_through(before, &self.lines, &state.pairs, radius)
     }
@@ -329,6 +333,11 @@ impl Contacts {
             })
             .fold(0.0, f64::max)
     }
+}
+
+/// Returns the nodes of both rods, shaft frames, m.
+fn shapes(flagella: &[Flagellum; 2]) -> [&[V3]; 2] {
+    [&flagella[0].shape.nodes, &flagella[1].shape.nodes]
 }
 
 /// Returns the displacement of the surfaces of a pair by the twist that the friction of it and of its neighbours makes, m/N.
