@@ -11,7 +11,7 @@ rows=$(grep -E '(holds|FAILS) \|$' "$out" | grep -o '|.*' | LC_ALL=C sort)
 cat <<HEAD
 # Figures of the checks
 
-\`sh sim/docs/figures.sh\` printed this page: all $(echo "$rows" | wc -l) rows that \`cargo test -p sim -- --nocapture\` prints, by name.
+\`sh sim/docs/figures.sh\` printed this page: all $(echo "$rows" | wc -l) rows that \`cargo test --release -p sim -- --nocapture\` prints, by name.
 [proof.md](proof.md) says what each is compared with. Rounding depends on the width of the vector instructions, so the last
 digits of small numbers differ from one processor to another; here $(lscpu | sed -n 's/^Model name: *//p')$(grep -q avx512f /proc/cpuinfo && echo ', AVX-512').
 

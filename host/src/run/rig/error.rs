@@ -88,9 +88,11 @@ pub fn fault_cure(fault: Fault) -> &'static str {
         Fault::None => "nothing is wrong",
         Fault::LinkLost => "close programs that load this computer, or increase the board's deadline_ms",
         Fault::Hang | Fault::Panic => "please report this and attach the log",
-        Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen | Fault::ImuLostConfig => {
-            "check the MPU6050's wiring (SCL on A5, SDA on A4) and power supply"
+        Fault::ImuSilent | Fault::ImuBusStuck => {
+            "check the MPU6050's wiring (SCL on A5, SDA on A4), and keep it away from the motors' leads"
         }
+        Fault::ImuFrozen => "switch the MPU6050's power off and on",
+        Fault::ImuLostConfig => "check the MPU6050's power supply",
         Fault::SupplyLow => {
             "check the USB cable, that the motors have a supply of their own, and the setting bandgap_mv"
         }
