@@ -187,7 +187,7 @@ biflag.Scene = class {
     ctx.lineCap = "butt";
   }
 
-  /** The strengths of the forces, at the points of their arrows. */
+  /** The strengths of the forces, beside the feet of their arrows. */
   names({ ctx, project }, robot, forces, turn) {
     this.write(ctx, "left", "middle");
     // A rim of the background keeps the words legible in front of the robot.
@@ -196,8 +196,8 @@ biflag.Scene = class {
       if (force.includes(null)) return;
       const foot = robot.foot(k);
       const tip = foot.map((x, i) => x + 1.12 * force[i] * this.metresPerMn());
-      const [x0] = project(biflag.turned(turn, foot));
-      const [x1, y] = project(biflag.turned(turn, tip));
+      const [x0, y] = project(biflag.turned(turn, foot));
+      const [x1] = project(biflag.turned(turn, tip));
       // Beside the arrow and away from the robot's axis, so that the words cover neither.
       const isLeft = x0 < this.canvas.clientWidth / 2;
       const x = isLeft ? Math.min(x0, x1) - 6 : Math.max(x0, x1) + 6;
