@@ -7,7 +7,8 @@
 //! fitted, needs derivatives at every point and has no bounds.
 
 use super::error::AimError;
-use super::quantity::{Attitude, Target, largest};
+use super::quantity::Attitude;
+use super::target::{Target, largest};
 use nalgebra::{DMatrix, DVector};
 use protocol::units::CentiRpm;
 

@@ -13,15 +13,17 @@ mod plan;
 mod quantity;
 mod read;
 mod table;
+mod target;
 
 pub use contact::ContactChange;
 pub use error::AimError;
 pub use interval::Interval;
 pub use model::{Model, State};
 pub use plan::plan;
-pub use quantity::{Attitude, Quantity, Target};
+pub use quantity::{Attitude, Quantity};
 pub use read::{Columns, load, of_columns, shipped};
 pub use table::Table;
+pub use target::Target;
 
 use crate::twin::calibrate::StdError;
 use improve::{Best, Goal, improve};

@@ -1,10 +1,7 @@
 //! Quantities that can be wanted: angles of the attitude, and the thrust.
 
-use super::error::AimError;
-use crate::text::word;
 use serde::Serialize;
 use sim::trial::Summary;
-use std::fmt;
 use std::ops::RangeInclusive;
 
 /// A steady attitude, with the thrust.
@@ -63,7 +60,7 @@ impl Quantity {
     }
 
     /// Returns the values that can be asked for, degrees or N.
-    fn range(self) -> RangeInclusive<f64> {
+    pub fn range(self) -> RangeInclusive<f64> {
         match self {
             Self::Yaw => -36_000.0..=36_000.0,
             Self::Pitch => -90.0..=90.0,
@@ -71,111 +68,5 @@ impl Quantity {
             Self::Tilt => 0.0..=180.0,
             Self::Thrust => -1e3..=1e3,
         }
-    }
-}
-
-/// What is asked for: values of at least two quantities.
-#[derive(Serialize, Clone, PartialEq, Debug)]
-pub struct Target {
-    /// The quantities and their values, degrees or N.
-    pub wanted: Vec<(Quantity, f64)>,
-}
-
-impl Target {
-    /// Returns the target of these quantities and their values, degrees or N; one without a value is not asked for.
-    ///
-    /// # Errors
-    /// [`AimError::TooFew`] and [`AimError::OutOfRange`].
-    pub fn new(asked: impl IntoIterator<Item = (Quantity, Option<f64>)>) -> Result<Self, AimError> {
-        let wanted: Vec<_> = asked.into_iter().filter_map(|(quantity, value)| Some((quantity, value?))).collect();
-        if wanted.len() < 2 {
-            return Err(AimError::TooFew { named: wanted.len() });
-        }
-        match wanted.iter().find(|(quantity, value)| !quantity.range().contains(value)) {
-            Some(&(quantity, value)) => Err(AimError::OutOfRange { quantity, value, range: quantity.range() }),
-            None => Ok(Self { wanted }),
-        }
-    }
-
-    /// Returns the quantities of an attitude that are asked for: degrees, and the thrust in steps of `thrust_step_n`.
-    pub fn values(&self, attitude: &Attitude, thrust_step_n: f64) -> Vec<f64> {
-        let scaled = |quantity: Quantity| match quantity {
-            Quantity::Thrust => attitude.thrust_n / thrust_step_n,
-            _ => quantity.of(attitude),
-        };
-        self.wanted.iter().map(|(quantity, _)| scaled(*quantity)).collect()
-    }
-
-    /// Returns the error of each value; that of the yaw by the shorter way round.
-    pub fn misses(&self, attitude: &Attitude, thrust_step_n: f64) -> Vec<f64> {
-        let values = self.values(attitude, thrust_step_n);
-        let miss = |((quantity, wanted), value): (&(Quantity, f64), f64)| match quantity {
-            Quantity::Yaw => wrapped(wanted - value),
-            Quantity::Thrust => wanted / thrust_step_n - value,
-            _ => wanted - value,
-        };
-        self.wanted.iter().zip(values).map(miss).collect()
-    }
-
-    /// Returns the largest miss of an angle, degrees.
-    pub fn error_deg(&self, attitude: &Attitude) -> f64 {
-        let angles = Self { wanted: self.wanted.iter().copied().filter(|(q, _)| *q != Quantity::Thrust).collect() };
-        largest(&angles.misses(attitude, 1.0))
-    }
-
-    /// Returns the miss of the thrust, N; `None` if it is not asked for.
-    pub fn error_n(&self, attitude: &Attitude) -> Option<f64> {
-        let (_, wanted) = self.wanted.iter().find(|(quantity, _)| *quantity == Quantity::Thrust)?;
-        Some((wanted - attitude.thrust_n).abs())
-    }
-}
-
-impl fmt::Display for Target {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let parts = self.wanted.iter().map(|(quantity, value)| match quantity {
-            Quantity::Thrust => format!("thrust {value} N"),
-            _ => format!("{} {value}°", word(quantity)),
-        });
-        f.write_str(&parts.collect::<Vec<_>>().join(", "))
-    }
-}
-
-/// Returns the largest of these sizes.
-pub fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
-}
-
-/// Returns the same angle (deg) within half a turn of zero.
-fn wrapped(deg: f64) -> f64 {
-    deg - 360.0 * (deg / 360.0).round()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_target_has_two_possible_values() {
-        let target = |pitch, thrust| {
-            Target::new([(Quantity::Yaw, Some(-67.0)), (Quantity::Pitch, pitch), (Quantity::Thrust, thrust)])
-        };
-        assert_eq!(target(Some(-4.0), Some(0.01)).unwrap().to_string(), "yaw -67°, pitch -4°, thrust 0.01 N");
-        assert!(matches!(target(None, None), Err(AimError::TooFew { named: 1 })));
-        for value in [90.5, f64::NAN] {
-            let error = target(Some(value), None).unwrap_err();
-            assert_eq!(error.to_string(), format!("pitch cannot be {value}"));
-        }
-    }
-
-    #[test]
-    fn a_yaw_is_met_by_any_number_of_turns_more() {
-        let target = Target { wanted: vec![(Quantity::Yaw, 175.0), (Quantity::Tilt, 5.0)] };
-        let attitude = Attitude { yaw_deg: -184.0, pitch_deg: 3.0, roll_deg: -4.0, thrust_n: 0.01 };
-        let misses = target.misses(&attitude, 1.0);
-        assert!((misses[0] + 1.0).abs() < 1e-9, "{misses:?}");
-        // Pitch and roll of a small tilt add up as squares.
-        assert!(misses[1].abs() < 0.01, "{misses:?}");
-        assert!((target.error_deg(&attitude) - 1.0).abs() < 1e-9);
-        assert_eq!(target.error_n(&attitude), None);
     }
 }

@@ -101,7 +101,8 @@ fn rows(columns: &Columns, robot: &Robot) -> Result<Vec<Row>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::aim::quantity::{Quantity, Target};
+    use crate::aim::quantity::Quantity;
+    use crate::aim::target::Target;
 
     #[test]
     fn the_shipped_map_is_whole_and_mirrored() {

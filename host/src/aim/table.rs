@@ -4,7 +4,8 @@
 //! weights that fall with the distance: local regression (Cleveland 1979, J. Am. Stat. Assoc. 74, 829).
 
 use super::error::AimError;
-use super::quantity::{Attitude, Target};
+use super::quantity::Attitude;
+use super::target::Target;
 use nalgebra::{DMatrix, SMatrix, SVector};
 
 /// Terms of a quadratic polynomial of two variables.
