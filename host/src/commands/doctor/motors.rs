@@ -6,7 +6,7 @@ use crate::link::{self, Link, LinkError};
 use crate::plan::{BoardSettings, PUBLISHED};
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::self_test::{self, Board, Drive, Finding, MotorTest};
-use crate::run::rig::{RecordError, fault_cure, fault_text, preflight};
+use crate::run::rig::{GLITCHES_ALLOWED, RecordError, fault_cure, fault_text, preflight};
 use crate::signals::interruption;
 use protocol::{Command, MAX_DRIVE_MS, Settings};
 use std::io::IsTerminal;
@@ -16,9 +16,6 @@ use std::time::Duration;
 
 /// Speed at full duty below which a motor cannot be relied on for the fastest trials, rpm.
 const FASTEST_TRIAL_RPM: f64 = 90.0;
-
-/// Edges in the whole test that may be too close to be motion.
-const GLITCHES_ALLOWED: u32 = 10;
 
 /// A difference of the moving duty that is not worth writing.
 const SAME_DUTY: u8 = 20;
@@ -133,7 +130,7 @@ fn judgements(tests: &[MotorTest; 2]) -> Vec<Check> {
                     otherwise swap the encoders' leads (C1 and C2 of one with those of the other)";
         return vec![check("motors".into(), Err((detail.into(), cure.into())))];
     }
-    let glitches: u32 = tests.iter().map(|test| test.glitches).sum();
+    let glitches: u64 = tests.iter().map(|test| u64::from(test.glitches)).sum();
     let mut checks: Vec<_> = tests
         .iter()
         .enumerate()

@@ -17,6 +17,7 @@ mod virtual_nano;
 
 pub use avrdude::{BOOTLOADER_BAUDS, FlashError, flash};
 pub use error::{RecordError, fault_cure, fault_text};
+pub use health::GLITCHES_ALLOWED;
 pub use image::{Image, ImageError, commit_text, in_repository, source_folder};
 pub use simulated::SimulatedRobot;
 pub use trial::{RigRun, RunContext, run};
