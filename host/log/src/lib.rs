@@ -26,12 +26,14 @@
 
 pub mod atomic_file;
 mod chunk;
+mod condition;
 mod convert;
 mod disk;
 mod error;
 mod meta;
 mod model_meta;
 mod reader;
+mod record;
 mod recover;
 pub mod sample;
 mod scan;
@@ -43,6 +45,7 @@ mod table;
 mod tests;
 mod writer;
 
+pub use condition::{Condition, Loss};
 pub use convert::{CommandRecord, Converter, EventKind, event};
 pub use error::LogError;
 pub use meta::{
@@ -52,7 +55,6 @@ pub use meta::{
 pub use model_meta::{Method, ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, TrialClock, check, last_meta, summary};
 pub use recover::{Recovery, recover};
-pub use scan::{Condition, Loss};
 pub use stats::LinkStats;
 pub use table::{Meta, Table};
 pub use writer::{Start, Tap, Writer};

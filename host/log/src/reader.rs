@@ -3,8 +3,9 @@
 use super::LogError;
 use super::PROFILE;
 use super::chunk::{Chunk, Entry};
+use super::condition::{Condition, Loss};
 use super::meta::{FORMAT, Identity, Summary};
-use super::scan::{Condition, Loss, Piece, Scanner, last_table};
+use super::scan::{Piece, Scanner, last_table};
 use super::schema::{self, LogMessage, biflag, foxglove};
 use super::source::Source;
 use super::table::{self, Meta, Table};

@@ -3,9 +3,10 @@
 use super::LogError;
 use super::atomic_file::Draft;
 use super::chunk::{Entry, MAX_RECORD};
+use super::condition::{Condition, Loss};
 use super::meta::RecoveryMeta;
 use super::reader::{identify, open};
-use super::scan::{Condition, Loss, Piece, Scanner};
+use super::scan::{Piece, Scanner};
 use super::schema;
 use super::source::Source;
 use super::table::{Meta, to_table};

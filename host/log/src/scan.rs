@@ -7,64 +7,21 @@
 //! Other programs may rewrite a log as another valid MCAP file: without CRCs, without chunks or an index, with records of
 //! their own. The library in the header tells such a file from an original, in which any of this is damage.
 
-use super::PROFILE;
 use super::chunk::{Chunk, MAX_RECORD, stated_size, unpack, unpack_beginning};
-use super::meta;
-use super::table::{Table, has_crc, is_intact};
+use super::condition::{Condition, Loss};
+use super::record::{
+    FOOTER, HEAD, IndexState, RawRecord, check_index, header, is_attachment, is_message_index, is_metadata,
+    is_original, metadata,
+};
+use super::table::Table;
 use mcap::MAGIC;
-use mcap::records::{Header, Metadata, Record, op};
+use mcap::records::{Header, Record, op};
 use std::io::{self, Read, Seek, SeekFrom};
 
-/// Length of the head of a record: operation code and length.
-const HEAD: u64 = 9;
-/// Length of the footer record.
-const FOOTER: u64 = HEAD + 20;
 /// Number of bytes read at once in the search for a record.
 const BLOCK: u64 = 64 << 10;
 /// Number of bytes of a record that show whether it can be a chunk or metadata.
 const BEGINNING: u64 = 256;
-
-/// The condition of a log.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Condition {
-    /// Intact to the last byte.
-    Clean,
-    /// Rewritten by another program, and whole: every record up to the end can be read. Changes to a file without CRCs
-    /// do not show.
-    Rewritten,
-    /// The end is missing.
-    CutOff,
-    /// Bytes were changed or lost before the end.
-    Damaged,
-}
-
-impl Condition {
-    /// Returns whether nothing of the log is missing.
-    pub fn is_whole(self) -> bool {
-        matches!(self, Self::Clean | Self::Rewritten)
-    }
-}
-
-/// A place in a log that cannot be read.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Loss {
-    /// Offset of the first byte.
-    pub offset: u64,
-    /// Number of bytes.
-    pub bytes: u64,
-    /// What was lost.
-    pub what: &'static str,
-}
-
-impl std::fmt::Display for Loss {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { offset, bytes, what } = self;
-        match bytes {
-            0 => write!(f, "{what} (at byte {offset})"),
-            _ => write!(f, "{what} ({bytes} bytes at byte {offset})"),
-        }
-    }
-}
 
 /// Returns the last metadata record called `name`; `None` if the log is incomplete, or has no such record. In most logs
 /// this reads only a few kilobytes, by the index at the end.
@@ -88,18 +45,6 @@ pub(super) enum Piece {
     Metadata(String, Table),
     /// The offset and the length of the record, which may be longer than others.
     Attachment(u64, u64),
-}
-
-/// A record as stored in the file, including its head.
-struct RawRecord {
-    op: u8,
-    bytes: Vec<u8>,
-}
-
-impl RawRecord {
-    fn body(&self) -> &[u8] {
-        self.bytes.get(HEAD as usize..).unwrap_or_default()
-    }
 }
 
 /// The scanner. It holds one record at a time.
@@ -462,95 +407,4 @@ impl<R: Read + Seek> Scanner<R> {
         self.source.read_exact(&mut bytes)?;
         Ok(bytes)
     }
-}
-
-/// Returns whether the library in a header is biflag's.
-fn is_original(header: &Header) -> bool {
-    header.library.split(' ').next() == Some(PROFILE)
-}
-
-/// Parses a metadata record: one of biflag with its CRC, or one of another program.
-fn metadata(body: &[u8]) -> Option<(String, Table)> {
-    // The parser allows extra bytes after the table; here they mean that the record's length is damaged.
-    match mcap::parse_record(op::METADATA, body) {
-        Ok(Record::Metadata(Metadata { name, metadata }))
-            if metadata_length(&name, &metadata) == body.len()
-                && (is_intact(&name, &metadata) || !has_crc(&metadata) && !meta::NAMES.contains(&name.as_str())) =>
-        {
-            Some((name, metadata))
-        }
-        _ => None,
-    }
-}
-
-/// Returns whether a metadata record of `length` bytes can have this beginning.
-fn is_metadata(beginning: &[u8], length: u64) -> bool {
-    let body = beginning.get(HEAD as usize..).unwrap_or_default();
-    let Some((name, rest)) = body.split_first_chunk() else { return false };
-    let name_length = u64::from(u32::from_le_bytes(*name));
-    let table = usize::try_from(name_length).ok().and_then(|name_length| rest.get(name_length..)?.first_chunk());
-    // The length of the table is beyond the beginning if the name is very long.
-    table.is_some_and(|table| 8 + name_length + u64::from(u32::from_le_bytes(*table)) == length)
-}
-
-/// Returns whether an attachment of `length` bytes can have this beginning.
-fn is_attachment(beginning: &[u8], length: u64) -> bool {
-    let data_length = || {
-        // The times of its logging and its creation.
-        let (name, rest) = beginning.get(16..)?.split_first_chunk()?;
-        let (media_type, rest) = rest.get(u32::from_le_bytes(*name) as usize..)?.split_first_chunk()?;
-        let rest = rest.get(u32::from_le_bytes(*media_type) as usize..)?;
-        let (data, rest) = rest.split_first_chunk()?;
-        u64::from_le_bytes(*data).checked_add((beginning.len() - rest.len()) as u64 + 4)
-    };
-    data_length() == Some(length)
-}
-
-/// Parses a header, which must be exactly as long as its texts.
-fn header(body: &[u8]) -> Option<Header> {
-    match mcap::parse_record(op::HEADER, body) {
-        Ok(Record::Header(header)) if 8 + header.profile.len() + header.library.len() == body.len() => Some(header),
-        _ => None,
-    }
-}
-
-/// Returns the length of a metadata record. Four bytes of length precede every text and the table.
-fn metadata_length(name: &str, table: &Table) -> usize {
-    8 + name.len() + table.iter().map(|(key, value)| 8 + key.len() + value.len()).sum::<usize>()
-}
-
-/// Returns whether a message index is as long as it states.
-fn is_message_index(body: &[u8]) -> bool {
-    match body {
-        [_, _, a, b, c, d, entries @ ..] => entries.len() as u64 == u64::from(u32::from_le_bytes([*a, *b, *c, *d])),
-        _ => false,
-    }
-}
-
-/// The index at the end of a log.
-#[derive(Clone, Copy, Default)]
-struct IndexState {
-    /// The CRC holds and the index is complete.
-    intact: bool,
-    /// The file ends with the magic, as a complete log does.
-    complete: bool,
-}
-
-/// Checks the index of a file that biflag wrote, or of another one, which extends from the end of the data at `start` to the end of the file.
-fn check_index(index: &[u8], start: u64, is_original: bool) -> IndexState {
-    let end = FOOTER as usize + MAGIC.len();
-    let Some(summary_length) = index.len().checked_sub(end) else { return IndexState::default() };
-    let (summary, footer) = index.split_at(summary_length);
-    let complete = footer.ends_with(MAGIC);
-    let broken = IndexState { intact: false, complete };
-    let Some((head, [0x14, 0, 0, 0, 0, 0, 0, 0, fields @ ..])) = footer.split_first() else { return broken };
-    let Some((starts, [a, b, c, d, ..])) = fields.split_at_checked(16) else { return broken };
-    let mut crc = crc32fast::Hasher::new();
-    crc.update(summary);
-    crc.update(&footer[..FOOTER as usize - 4]);
-    let saved = u32::from_le_bytes([*a, *b, *c, *d]);
-    // In files of other programs the CRC and the index may be missing.
-    let is_there = starts.starts_with(&start.to_le_bytes()) || !is_original && starts.starts_with(&[0; 8]);
-    let holds = *head == op::FOOTER && is_there && (saved == crc.finalize() || !is_original && saved == 0);
-    IndexState { intact: holds && complete, complete }
 }
