@@ -21,7 +21,7 @@
 //!
 //! # Tests
 //!
-//! Each module tests its own arithmetic. `tests/app.rs` and `tests/guard.rs` run the application on a bench with a sensor,
+//! Each module tests its own arithmetic. `tests/app` and `tests/guard.rs` run the application on a bench with a sensor,
 //! motors and a host; `tests/imu.rs` asserts every transaction of the sensor's bus; `sim/virtual-nano` runs the image.
 //!
 //! `make mutants` changes each operator, return value, match arm and condition of this library and of `protocol`, one at a
