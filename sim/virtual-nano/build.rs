@@ -5,7 +5,10 @@ use std::path::Path;
 fn main() {
     println!("cargo:rerun-if-changed=shim");
     cc::Build::new()
-        .files(["nano", "pins", "twi", "uart", "watchdog", "eeprom", "supply"].map(|name| format!("shim/{name}.c")))
+        .files(
+            ["nano", "chain", "pins", "twi", "uart", "watchdog", "eeprom", "supply"]
+                .map(|name| format!("shim/{name}.c")),
+        )
         .opt_level(2)
         .flag("-Wno-unused-parameter")
         .warnings_into_errors(false)

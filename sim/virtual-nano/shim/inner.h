@@ -117,6 +117,7 @@ static inline void replace_io(nano_t *nano, uint16_t address, avr_io_read_t read
 
 // Calls `write` in place of the register's callback, which it finds in its `struct chained`.
 void chain(nano_t *nano, uint16_t address, avr_io_write_t write);
+
 static inline void write_inner(avr_t *avr, avr_io_addr_t address, uint8_t value, struct chained *chained)
 {
 	chained->inner(avr, address, value, chained->param);
@@ -138,5 +139,7 @@ void eeprom_attach(nano_t *nano);
 void eeprom_reset(nano_t *nano);
 void supply_attach(nano_t *nano);
 void supply_reset(nano_t *nano);
+// Returns whether the brown-out detector has begun or ended a reset, which the chip must then be put into.
+int supply_set(nano_t *nano, uint32_t vcc_mv, uint32_t bandgap_mv);
 
 #endif

@@ -44,19 +44,6 @@ static void write_then_bus(avr_t *avr, avr_io_addr_t address, uint8_t value, voi
 	bus_lines_changed(chained->nano);
 }
 
-static void plain_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) { avr->data[address] = value; }
-
-void chain(nano_t *nano, uint16_t address, avr_io_write_t write)
-{
-	avr_io_write_t inner = nano->avr->io[AVR_DATA_TO_IO(address)].w.c;
-	struct chained *chained = &nano->chains[nano->chain_count++];
-	chained->nano = nano;
-	chained->inner = inner ? inner : plain_write;
-	chained->param = nano->avr->io[AVR_DATA_TO_IO(address)].w.param;
-	nano->avr->io[AVR_DATA_TO_IO(address)].w.c = write;
-	nano->avr->io[AVR_DATA_TO_IO(address)].w.param = chained;
-}
-
 static void mark_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
 {
 	nano_t *nano = param;
@@ -303,6 +290,12 @@ enum nano_state nano_run_until(nano_t *nano, uint64_t cycle)
 			return NANO_CRASHED;
 	}
 	return NANO_RUNS;
+}
+
+void nano_set_supply(nano_t *nano, uint32_t vcc_mv, uint32_t bandgap_mv)
+{
+	if (supply_set(nano, vcc_mv, bandgap_mv))
+		nano_reset(nano, nano->start, NANO_RESET_BROWN_OUT);
 }
 
 uint64_t nano_cycle(const nano_t *nano) { return now(nano); }

@@ -35,21 +35,17 @@ void supply_attach(nano_t *nano)
 {
 	chain(nano, REG_ADMUX, admux_write);
 	chain(nano, REG_ADCSRA, adcsra_write);
-	nano_set_supply(nano, 5000, 1100);
+	supply_set(nano, 5000, 1100);
 }
 
 void supply_reset(nano_t *nano) { nano->supply.selected = now(nano); }
 
-void nano_set_supply(nano_t *nano, uint32_t vcc_mv, uint32_t bandgap_mv)
+int supply_set(nano_t *nano, uint32_t vcc_mv, uint32_t bandgap_mv)
 {
 	avr_t *avr = nano->avr;
 	avr->vcc = avr->avcc = avr->aref = vcc_mv;
 	nano->supply.bandgap_mv = bandgap_mv;
-	if (!nano->supply.off && vcc_mv < BROWN_OUT_MV) {
-		nano->supply.off = 1;
-		nano_reset(nano, nano->start, NANO_RESET_BROWN_OUT);
-	} else if (nano->supply.off && vcc_mv > BROWN_OUT_MV + HYSTERESIS_MV) {
-		nano->supply.off = 0;
-		nano_reset(nano, nano->start, NANO_RESET_BROWN_OUT);
-	}
+	int was_off = nano->supply.off;
+	nano->supply.off = vcc_mv < BROWN_OUT_MV || (was_off && vcc_mv <= BROWN_OUT_MV + HYSTERESIS_MV);
+	return nano->supply.off != was_off;
 }
