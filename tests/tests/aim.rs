@@ -61,7 +61,7 @@ fn a_fitted_robot_takes_the_attitudes_that_it_is_asked_for() {
     }
     let pairs: Vec<_> = solutions.iter().map(|s| format!("[{}, {}]", s["w1_rpm"], s["w2_rpm"])).collect();
     // The trials need different speeds, and keep their order.
-    bench.file("asked.toml", &format!("{head}run = 120\ndecay = 0\n[speeds]\npairs = [{}]\n", pairs.join(", ")));
+    bench.file("asked.toml", &format!("{head}run = 120\ndecay = 30\n[speeds]\npairs = [{}]\n", pairs.join(", ")));
     let recorded = answer(&bench, &["record", "asked.toml", "--virtual", "--seed", "8", "--out", "asked", "--json"]);
     let trials = recorded["trials"].as_array().unwrap();
     assert_eq!(trials.len(), ATTITUDES);
