@@ -250,7 +250,7 @@ fn groups(line: &[V3], points: &[V3]) -> Vec<Range<usize>> {
 fn push_groups(line: &Line, groups: &[Range<usize>], sources: &mut Sources) {
     for group in groups {
         if group.len() == 1 {
-            sources.push_edges(&line.nodes, &line.density, group.clone(), gauss_rule(2));
+            sources.push_edges(group.clone(), gauss_rule(2), |i| line.nodes[i], |i| line.density[i]);
             continue;
         }
         let (mut force, mut place, mut total) = (V3::zeros(), V3::zeros(), 0.0);
