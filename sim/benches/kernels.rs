@@ -45,7 +45,7 @@ fn far_flow_of_both_rods(bencher: Bencher, precision: Precision) {
     let density = vec![V3::new(0.1, 0.2, 0.3); rod.nodes()];
     let (mut sources, mut targets) = (Sources::default(), Targets::new(rod.nodes(), precision));
     for _ in 0..2 {
-        sources.push_edges(&rod.shape, &density, 0..rod.edges(), gauss_rule(2));
+        sources.push_edges(0..rod.edges(), gauss_rule(2), |i| rod.shape[i], |i| density[i]);
     }
     bencher.bench_local(|| {
         targets.set(black_box(&rod.shape));

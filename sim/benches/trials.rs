@@ -195,7 +195,7 @@ fn own_flow(robot: &Robot, edges: usize) -> f64 {
     let nodes = robot.flagellum.helix(0).nodes(edges);
     let density = vec![V3::new(0.1, 0.2, 0.3); nodes.len()];
     let (mut sources, mut targets) = (Sources::default(), Targets::new(nodes.len(), Precision::Single));
-    sources.push_edges(&nodes, &density, 0..edges, gauss_rule(2));
+    sources.push_edges(0..edges, gauss_rule(2), |i| nodes[i], |i| density[i]);
     seconds(|| {
         targets.set(black_box(&nodes));
         targets.add_flow(&sources, robot.epsilon());

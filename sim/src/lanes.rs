@@ -68,6 +68,24 @@ impl<S: Simd> Wide<S> {
         self + Self::all(self.simd, 1.0)
     }
 
+    /// The smaller number in each lane; that of `other` where one is a NaN.
+    #[inline(always)]
+    pub fn min(self, other: Self) -> Self {
+        Self { value: self.simd.min_f64s(self.value, other.value), ..self }
+    }
+
+    /// The least number.
+    #[inline(always)]
+    pub fn least(self) -> f64 {
+        self.simd.reduce_min_f64s(self.value)
+    }
+
+    /// Whether any number is below that of `bound`.
+    #[inline(always)]
+    pub fn any_below(self, bound: Self) -> bool {
+        self.simd.first_true_m64s(self.simd.less_than_f64s(self.value, bound.value)) < S::F64_LANES
+    }
+
     /// Sum of the terms c_k self^k, lowest first.
     #[inline(always)]
     fn polynomial(self, terms: &[f64]) -> Self {
@@ -248,6 +266,19 @@ impl Vectors {
     /// Zero vectors.
     pub fn new(count: usize) -> Self {
         Self(std::array::from_fn(|_| vec![0.0; padded(count)]))
+    }
+
+    /// Sets the first `count` vectors, and makes room for them.
+    #[inline(always)]
+    pub fn fill(&mut self, count: usize, value: impl Fn(usize) -> V3) {
+        for axis in &mut self.0 {
+            axis.resize(padded(count).max(axis.len()), 0.0);
+        }
+        let [x, y, z] = self.0.each_mut().map(|axis| &mut axis[..count]);
+        for i in 0..count {
+            let value = value(i);
+            (x[i], y[i], z[i]) = (value.x, value.y, value.z);
+        }
     }
 
     /// A vector.

@@ -29,6 +29,7 @@
 pub mod accuracy;
 mod anderson;
 pub mod body;
+mod cholesky;
 pub mod contact;
 pub mod fluid;
 pub mod groups;

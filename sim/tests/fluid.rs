@@ -97,7 +97,7 @@ fn fast_product_matches_the_dense_matrix() {
         near.assemble(&nodes, EPSILON, 1.0);
         near.multiply(&density);
         let (mut sources, mut targets) = (Sources::default(), Targets::new(50, Precision::Single));
-        sources.push_edges(&nodes, &density, 0..49, gauss_rule(points));
+        sources.push_edges(0..49, gauss_rule(points), |i| nodes[i], |i| density[i]);
         targets.set(&nodes);
         targets.add_flow(&sources, EPSILON);
         let worst = (0..50)

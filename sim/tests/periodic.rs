@@ -34,7 +34,8 @@ fn solved_states_are_those_that_trials_end_in() {
         // No common period.
         ([37.0, 53.0], [0.0, 0.0], Kind::Beating, 0.1),
         // The flagella touch in each turn.
-        ([-60.0, 0.0], [0.0, 0.0], Kind::Steady, 0.1),
+        ([80.0, 40.0], [0.0, 0.0], Kind::Steady, 0.1),
+        ([-60.0, -60.0], [0.0, 0.0], Kind::Steady, 0.1),
     ] {
         let (solved, trial) = (solve(rpm, start), trial(rpm, start));
         let [yaw, pitch, roll] = [0, 1, 2]

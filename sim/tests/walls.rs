@@ -138,7 +138,9 @@ fn flow_midway_between_two_walls() {
     let mut reflections = Reflections::new(&two, &two, [V3::repeat(-0.5), V3::repeat(0.5)]).expect("two walls");
     let mut rest = [V3::zeros()];
     reflections.set_points(&[at]);
-    reflections.add_flow(&[V3::x()], &mut rest);
+    let mut moments = Vec::new();
+    reflections.add_moments(0, &[V3::x()], &mut moments);
+    reflections.add_flow(&moments, &mut rest);
     let error = ((along(&two) + rest[0].x) / faxen - 1.0).abs();
     prove("midway between two walls: images and reflections against Faxen", error, 0.01);
 }
@@ -221,7 +223,7 @@ fn rod_beside_a_wall() {
             for b in 0..3 {
                 let mut forces = vec![V3::zeros(); line.len()];
                 forces[j][b] = weight;
-                images.multiply(&forces);
+                images.multiply(0, &forces);
                 for i in 0..line.len() {
                     for a in 0..3 {
                         matrix[(3 * i + a, 3 * j + b)] += images.flow(i)[a] * stokeslet_factor(1.0);
@@ -285,7 +287,7 @@ fn coarse_points_keep_the_flow_of_a_tank() {
         }
         let mut fine = Images::default();
         fine.assemble(&walls, &all, &sources, epsilon);
-        fine.multiply(&strengths);
+        fine.multiply(0, &strengths);
         let largest = (0..2 * n).fold(0.0, |a, i| fine.flow(i).norm().max(a));
         for (stride, bound) in strides {
             let (coarse, picks) = Coarse::line(n, *stride);
@@ -298,7 +300,7 @@ fn coarse_points_keep_the_flow_of_a_tank() {
             }
             let mut images = Images::default();
             images.assemble(&walls, &points, &points, epsilon);
-            images.multiply(&forces);
+            images.multiply(0, &forces);
             let mut flow = vec![V3::zeros(); all.len()];
             for (k, flow) in flow.chunks_exact_mut(n).enumerate() {
                 coarse.spread(|c| images.flow(k * coarse.count() + c), flow);
@@ -351,12 +353,14 @@ fn tank_flow_is_that_of_all_images() {
         let targets: Vec<V3> = at_rest.concat().iter().chain(&head).map(|x| attitude * x).collect();
         let mut images = Images::default();
         images.assemble(&walls, &targets, &sources, robot.epsilon());
-        images.multiply(&strengths);
+        images.multiply(0, &strengths);
         let mut reflections = Reflections::new(&walls, &walls, tank.space_of(&robot)).expect("several walls");
         let mut rest = vec![V3::zeros(); sources.len() + targets.len()];
         let forces = [strengths, vec![V3::zeros(); targets.len()]].concat();
         reflections.set_points(&[sources.clone(), targets.clone()].concat());
-        reflections.add_flow(&forces, &mut rest);
+        let mut moments = Vec::new();
+        reflections.add_moments(0, &forces, &mut moments);
+        reflections.add_flow(&moments, &mut rest);
         let exact = |i: usize| {
             attitude.inverse_transform_vector(&(images.flow(i) + rest[sources.len() + i])) * stokeslet_factor(1.0)
         };

@@ -6,6 +6,7 @@
 use super::distance::segment_distance;
 use super::pairs::{Lines, Pair};
 use crate::V3;
+use crate::lanes::{PADDING, Wide, Wide3};
 use crate::rod::Rod;
 use pulp::{Simd, WithSimd};
 
@@ -40,8 +41,6 @@ struct NeighbourList {
 
 /// The rods with each other and with themselves.
 const ROD_PAIRS: [[usize; 2]; 3] = [[0, 1], [0, 0], [1, 1]];
-/// Midpoints compared at once; every vector width divides it.
-const LANES: usize = 8;
 /// Edges of a rod whose own helix brings them within this many radii never count as close.
 const OWN_RADII: f64 = 2.5;
 /// Padding of the midpoint arrays lies this far away, m.
@@ -67,7 +66,7 @@ impl BroadPhase {
             smooth.max(own) + 1
         });
         let middles = [0, 1].map(|k| {
-            let padded = rods[k].edges().div_ceil(LANES) * LANES;
+            let padded = rods[k].edges().div_ceil(PADDING) * PADDING;
             std::array::from_fn(|_| vec![AWAY; padded])
         });
         Self { exclusion, middles, longest: 0.0, skin: radius, lists: [None, None, None], nearest: [0; 2] }
@@ -155,6 +154,10 @@ impl BroadPhase {
                 (least, self.nearest) = (distance, edges);
             }
         }
+        if self.lists[0].as_ref().is_none_or(|list| list.edges.is_empty()) {
+            // Nothing is close: the next search may need no look at the midpoints.
+            self.lists[0] = Some(NeighbourList { shapes: lines.clone(), edges: Vec::new(), cutoff: least });
+        }
         least
     }
 }
@@ -167,12 +170,17 @@ fn shapes<'a>(lines: &'a Lines, own: [&'a [V3]; 2], [a, b]: [usize; 2]) -> [&'a 
 impl NeighbourList {
     /// Returns whether no edges but those listed can be closer than `limit` (m) now. `shapes`: see [`shapes`].
     fn holds(&self, shapes: [&[V3]; 2], limit: f64) -> bool {
-        let moved = |k: usize| {
-            let squares = shapes[k].iter().zip(&self.shapes[k]).map(|(a, b)| (a - b).norm_squared());
+        let moved = |k: usize, shift: V3| {
+            let squares = shapes[k].iter().zip(&self.shapes[k]).map(|(a, b)| (a - b - shift).norm_squared());
             squares.fold(0.0, |largest, square| if square > largest { square } else { largest }).sqrt()
         };
-        let first = moved(0);
-        let second = if shapes[1].is_empty() { first } else { moved(1) };
+        let [first, second] = if shapes[1].is_empty() {
+            // A shift of the whole rod brings none of its edges closer to each other.
+            let middle = shapes[0].len() / 2;
+            [moved(0, shapes[0][middle] - self.shapes[0][middle]); 2]
+        } else {
+            [0, 1].map(|k| moved(k, V3::zeros()))
+        };
         // A shape with a NaN in it has no distances.
         self.cutoff.is_finite() && self.cutoff - first - second > limit
     }
@@ -191,55 +199,39 @@ impl<F: FnMut(usize, usize)> WithSimd for Close<'_, F> {
     type Output = f64;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> f64 {
-        let Close { first, second, exclusion, reach, found } = self;
-        close_midpoints(first, second, exclusion, reach, found)
-    }
-}
-
-#[inline(always)]
-fn close_midpoints(
-    first: &[Vec<f64>; 3],
-    second: &[Vec<f64>; 3],
-    exclusion: Option<usize>,
-    reach: f64,
-    mut found: impl FnMut(usize, usize),
-) -> f64 {
-    let limit = reach * reach;
-    let mut least = f64::INFINITY;
-    for i in 0..first[0].len() {
-        let [x, y, z] = [first[0][i], first[1][i], first[2][i]];
-        if x == AWAY {
-            break;
-        }
-        let start = match exclusion {
-            Some(gap) => i + gap,
-            None => 0,
-        };
-        for block in (start / LANES * LANES..second[0].len()).step_by(LANES) {
-            let (bx, by, bz) =
-                (&second[0][block..block + LANES], &second[1][block..block + LANES], &second[2][block..block + LANES]);
-            let mut squares = [0.0; LANES];
-            for k in 0..LANES {
-                let (dx, dy, dz) = (bx[k] - x, by[k] - y, bz[k] - z);
-                squares[k] = dx * dx + dy * dy + dz * dz;
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let Close { first, second, exclusion, reach, mut found } = self;
+        let [x, y, z] = second;
+        let limit = Wide::all(simd, reach * reach);
+        let mut smallest = Wide::all(simd, f64::INFINITY);
+        let mut squares = [0.0; PADDING];
+        for i in 0..first[0].len() {
+            if first[0][i] == AWAY {
+                break;
             }
-            if block < start {
-                squares[..start - block].fill(f64::INFINITY);
-            }
-            let mut smallest = squares[0];
-            for k in 1..LANES {
-                smallest = if squares[k] < smallest { squares[k] } else { smallest };
-            }
-            least = least.min(smallest);
-            if smallest < limit {
-                for (k, square) in squares.iter().enumerate() {
-                    if *square < limit {
-                        found(i, block + k);
+            let [x0, y0, z0] = [first[0][i], first[1][i], first[2][i]];
+            let middle = Wide3([Wide::all(simd, x0), Wide::all(simd, y0), Wide::all(simd, z0)]);
+            let start = exclusion.map_or(0, |gap| i + gap);
+            for block in (start / S::F64_LANES * S::F64_LANES..x.len()).step_by(S::F64_LANES) {
+                let at = [Wide::load(simd, x, block), Wide::load(simd, y, block), Wide::load(simd, z, block)];
+                let apart = Wide3(at) - middle;
+                let mut square = apart.dot(apart);
+                if block < start {
+                    square.store(&mut squares, 0);
+                    squares[..start - block].fill(f64::INFINITY);
+                    square = Wide::load(simd, &squares, 0);
+                }
+                smallest = square.min(smallest);
+                if square.any_below(limit) {
+                    square.store(&mut squares, 0);
+                    for k in 0..S::F64_LANES {
+                        if squares[k] < reach * reach {
+                            found(i, block + k);
+                        }
                     }
                 }
             }
         }
+        smallest.least().sqrt()
     }
-    least.sqrt()
 }

@@ -4,9 +4,12 @@
 //! R^2 = |x - y|^2 + eps^2 (Cortez 2001). In single precision twice as many pairs fit into a vector register.
 
 use crate::V3;
+use crate::lanes::{PADDING, Vectors, Wide};
+use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
-/// Targets are padded to a multiple of this, so that every vector width divides them.
+/// Points are padded to a multiple of this, so that every vector width divides them.
 const LANES: usize = 16;
 
 /// Returns the Gauss-Legendre rule of 2, 3 or 4 points on [0, 1]: (point, weight).
@@ -41,29 +44,83 @@ pub enum Precision {
 /// Point forces, coordinates in m and strengths in N.
 #[derive(Clone, Debug, Default)]
 pub struct Sources {
-    points: Vec<[f64; 6]>,
+    count: usize,
+    /// x, y and z of the points, then of their forces; what follows the points is scratch.
+    columns: [Vec<f64>; 6],
+    /// Nodes and densities of the line that is added.
+    line: [Vectors; 2],
 }
 
 impl Sources {
     /// Removes all points.
     pub fn clear(&mut self) {
-        self.points.clear();
+        self.count = 0;
     }
 
     /// Adds a point.
     #[inline(always)]
     pub fn push(&mut self, at: V3, force: V3) {
-        self.points.push([at.x, at.y, at.z, force.x, force.y, force.z]);
+        self.make_room(1);
+        for axis in 0..3 {
+            self.columns[axis][self.count] = at[axis];
+            self.columns[3 + axis][self.count] = force[axis];
+        }
+        self.count += 1;
     }
 
-    /// Adds the Gauss points of the edges `edges` of a line with a linear nodal density (N/m).
-    pub fn push_edges(&mut self, nodes: &[V3], density: &[V3], edges: std::ops::Range<usize>, rule: &[(f64, f64)]) {
-        for e in edges {
-            let (x, dx) = (nodes[e], nodes[e + 1] - nodes[e]);
-            let (f, df) = (density[e], density[e + 1] - density[e]);
-            let length = dx.norm();
-            for (point, weight) in rule {
-                self.push(x + dx * *point, (f + df * *point) * (weight * length));
+    /// Adds the Gauss points of the edges `edges` of a line. `node` and `density`: place (m) and force density (N/m, linear
+    /// between nodes) of a node.
+    #[inline(always)]
+    pub fn push_edges(
+        &mut self,
+        edges: Range<usize>,
+        rule: &[(f64, f64)],
+        node: impl Fn(usize) -> V3,
+        density: impl Fn(usize) -> V3,
+    ) {
+        self.line[0].fill(edges.len() + 1, |i| node(edges.start + i));
+        self.line[1].fill(edges.len() + 1, |i| density(edges.start + i));
+        self.make_room(rule.len() * edges.len());
+        for gauss in rule {
+            pulp::Arch::new().dispatch(Expand { sources: self, edges: edges.len(), gauss: *gauss });
+            self.count += edges.len();
+        }
+    }
+
+    /// Makes room for more points, and for whole registers after them.
+    #[inline(always)]
+    fn make_room(&mut self, more: usize) {
+        let wanted = self.count + more + PADDING;
+        if self.columns[0].len() < wanted {
+            for column in &mut self.columns {
+                column.resize(2 * wanted, 0.0);
+            }
+        }
+    }
+}
+
+/// Writes one Gauss point of each edge of the line behind the points; compiled for the machine's vector instructions.
+struct Expand<'a> {
+    sources: &'a mut Sources,
+    edges: usize,
+    gauss: (f64, f64),
+}
+
+impl WithSimd for Expand<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Sources { count, columns, line: [nodes, density] } = self.sources;
+        let (point, weight) = (Wide::all(simd, self.gauss.0), self.gauss.1);
+        for e in (0..self.edges).step_by(S::F64_LANES) {
+            let (x, f) = (nodes.load(simd, e), density.load(simd, e));
+            let (dx, df) = (nodes.load(simd, e + 1) - x, density.load(simd, e + 1) - f);
+            let share = dx.dot(dx).sqrt().scaled(weight);
+            let (at, force) = (dx.times_plus(point, x), df.times_plus(point, f) * share);
+            for axis in 0..3 {
+                at.0[axis].store(&mut columns[axis], *count + e);
+                force.0[axis].store(&mut columns[3 + axis], *count + e);
             }
         }
     }
@@ -99,8 +156,12 @@ impl Targets {
     /// Adds the flow of point forces, without the factor 1/(8 pi mu): N/m.
     pub fn add_flow(&mut self, sources: &Sources, epsilon: f64) {
         match &mut self.0 {
-            Points::Single(targets) => targets.add_flow(&sources.points, epsilon),
-            Points::Double(targets) => targets.add_flow(&sources.points, epsilon),
+            Points::Single(targets) => {
+                targets.add_flow(sources.columns.each_ref().map(|column| &column[..sources.count]), epsilon)
+            }
+            Points::Double(targets) => {
+                targets.add_flow(sources.columns.each_ref().map(|column| &column[..sources.count]), epsilon)
+            }
         }
     }
 
@@ -116,7 +177,7 @@ impl Targets {
 
 /// The sum in one precision: scalar type, its vectors and their operations.
 macro_rules! kernel {
-    ($name:ident, $scalar:ident, $view:ident, $view_mut:ident, $lanes:ident, $splat:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $fma:ident) => {
+    ($name:ident, $scalar:ident, $vector:ident, $view:ident, $view_mut:ident, $lanes:ident, $splat:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $fma:ident, $reduce:ident) => {
         mod $name {
             use super::LANES;
             use crate::V3;
@@ -127,14 +188,15 @@ macro_rules! kernel {
                 count: usize,
                 at: [Vec<$scalar>; 3],
                 flow: [Vec<$scalar>; 3],
-                converted: Vec<[$scalar; 6]>,
+                /// The sources, padded with points without a force.
+                sources: [Vec<$scalar>; 6],
             }
 
             impl Points {
                 pub(super) fn new(count: usize) -> Self {
                     let padded = count.div_ceil(LANES) * LANES;
                     let zeros = || std::array::from_fn(|_| vec![0.0; padded]);
-                    Self { count, at: zeros(), flow: zeros(), converted: Vec::new() }
+                    Self { count, at: zeros(), flow: zeros(), sources: Default::default() }
                 }
 
                 pub(super) fn set(&mut self, points: &[V3]) {
@@ -146,10 +208,14 @@ macro_rules! kernel {
                     }
                 }
 
-                pub(super) fn add_flow(&mut self, sources: &[[f64; 6]], epsilon: f64) {
-                    self.converted.clear();
-                    self.converted.extend(sources.iter().map(|s| s.map(|v| v as $scalar)));
-                    pulp::Arch::new().dispatch(Sum { points: self, e2: (epsilon * epsilon) as $scalar });
+                pub(super) fn add_flow(&mut self, sources: [&[f64]; 6], epsilon: f64) {
+                    let count = sources[0].len();
+                    for (converted, column) in self.sources.iter_mut().zip(sources) {
+                        converted.clear();
+                        converted.extend(column.iter().map(|v| *v as $scalar));
+                        converted.resize(count.div_ceil(LANES) * LANES, 0.0);
+                    }
+                    pulp::Arch::new().dispatch(Sum { points: self, count, e2: (epsilon * epsilon) as $scalar });
                 }
 
                 #[inline(always)]
@@ -160,6 +226,8 @@ macro_rules! kernel {
 
             struct Sum<'a> {
                 points: &'a mut Points,
+                /// Sources without their padding.
+                count: usize,
                 e2: $scalar,
             }
 
@@ -168,37 +236,68 @@ macro_rules! kernel {
 
                 #[inline(always)]
                 fn with_simd<S: Simd>(self, simd: S) {
-                    let [x, y, z] = &self.points.at;
-                    let (x, y, z) = (S::$view(x).0, S::$view(y).0, S::$view(z).0);
-                    let [ux, uy, uz] = &mut self.points.flow;
-                    let (ux, uy, uz) = (S::$view_mut(ux).0, S::$view_mut(uy).0, S::$view_mut(uz).0);
-                    let (e2, one) = (simd.$splat(self.e2), simd.$splat(1.0));
-                    for block in 0..self.points.count.div_ceil(S::$lanes) {
-                        let (px, py, pz) = (x[block], y[block], z[block]);
-                        let (mut sx, mut sy, mut sz) = (ux[block], uy[block], uz[block]);
-                        for source in &self.points.converted {
-                            // Spelled out: a closure would be compiled without the vector instructions.
-                            let dx = simd.$sub(px, simd.$splat(source[0]));
-                            let dy = simd.$sub(py, simd.$splat(source[1]));
-                            let dz = simd.$sub(pz, simd.$splat(source[2]));
-                            let fx = simd.$splat(source[3]);
-                            let fy = simd.$splat(source[4]);
-                            let fz = simd.$splat(source[5]);
-                            let r2 = simd.$fma(dx, dx, simd.$fma(dy, dy, simd.$fma(dz, dz, e2)));
-                            let inverse = simd.$div(one, simd.$sqrt(r2));
-                            let cubed = simd.$mul(simd.$mul(inverse, inverse), inverse);
-                            let dot = simd.$fma(dx, fx, simd.$fma(dy, fy, simd.$mul(dz, fz)));
-                            let along = simd.$mul(dot, cubed);
-                            let direct = simd.$fma(e2, cubed, inverse);
-                            sx = simd.$fma(direct, fx, simd.$fma(along, dx, sx));
-                            sy = simd.$fma(direct, fy, simd.$fma(along, dy, sy));
-                            sz = simd.$fma(direct, fz, simd.$fma(along, dz, sz));
+                    let Points { count: targets, at: [x, y, z], flow: [ux, uy, uz], sources } = self.points;
+                    let [sx, sy, sz, fx, fy, fz] = sources;
+                    let e2 = simd.$splat(self.e2);
+                    // Registers of targets; the last targets, if they fill no more than half of one, meet registers of sources.
+                    let blocks = (2 * *targets + S::$lanes - 1) / (2 * S::$lanes);
+                    {
+                        let count = self.count;
+                        let (sx, sy, sz) = (&sx[..count], &sy[..count], &sz[..count]);
+                        let (fx, fy, fz) = (&fx[..count], &fy[..count], &fz[..count]);
+                        let (x, y, z) = (S::$view(x).0, S::$view(y).0, S::$view(z).0);
+                        let (ux, uy, uz) = (S::$view_mut(ux).0, S::$view_mut(uy).0, S::$view_mut(uz).0);
+                        for block in 0..blocks {
+                            let at = [x[block], y[block], z[block]];
+                            let mut sum = [ux[block], uy[block], uz[block]];
+                            for j in 0..count {
+                                let from = [simd.$splat(sx[j]), simd.$splat(sy[j]), simd.$splat(sz[j])];
+                                let force = [simd.$splat(fx[j]), simd.$splat(fy[j]), simd.$splat(fz[j])];
+                                sum = add(simd, at, from, force, e2, sum);
+                            }
+                            [ux[block], uy[block], uz[block]] = sum;
                         }
-                        ux[block] = sx;
-                        uy[block] = sy;
-                        uz[block] = sz;
+                    }
+                    let (sx, sy, sz) = (S::$view(sx).0, S::$view(sy).0, S::$view(sz).0);
+                    let (fx, fy, fz) = (S::$view(fx).0, S::$view(fy).0, S::$view(fz).0);
+                    for i in blocks * S::$lanes..*targets {
+                        let at = [simd.$splat(x[i]), simd.$splat(y[i]), simd.$splat(z[i])];
+                        let mut sum = [simd.$splat(0.0); 3];
+                        for j in 0..sx.len() {
+                            sum = add(simd, at, [sx[j], sy[j], sz[j]], [fx[j], fy[j], fz[j]], e2, sum);
+                        }
+                        ux[i] += simd.$reduce(sum[0]);
+                        uy[i] += simd.$reduce(sum[1]);
+                        uz[i] += simd.$reduce(sum[2]);
                     }
                 }
+            }
+
+            /// Adds the flow of point forces to a sum, lane by lane.
+            #[inline(always)]
+            fn add<S: Simd>(
+                simd: S,
+                at: [S::$vector; 3],
+                from: [S::$vector; 3],
+                [fx, fy, fz]: [S::$vector; 3],
+                e2: S::$vector,
+                [sx, sy, sz]: [S::$vector; 3],
+            ) -> [S::$vector; 3] {
+                // Spelled out: a closure would be compiled without the vector instructions.
+                let dx = simd.$sub(at[0], from[0]);
+                let dy = simd.$sub(at[1], from[1]);
+                let dz = simd.$sub(at[2], from[2]);
+                let r2 = simd.$fma(dx, dx, simd.$fma(dy, dy, simd.$fma(dz, dz, e2)));
+                let inverse = simd.$div(simd.$splat(1.0), simd.$sqrt(r2));
+                let cubed = simd.$mul(simd.$mul(inverse, inverse), inverse);
+                let dot = simd.$fma(dx, fx, simd.$fma(dy, fy, simd.$mul(dz, fz)));
+                let along = simd.$mul(dot, cubed);
+                let direct = simd.$fma(e2, cubed, inverse);
+                [
+                    simd.$fma(direct, fx, simd.$fma(along, dx, sx)),
+                    simd.$fma(direct, fy, simd.$fma(along, dy, sy)),
+                    simd.$fma(direct, fz, simd.$fma(along, dz, sz)),
+                ]
             }
         }
     };
@@ -207,6 +306,7 @@ macro_rules! kernel {
 kernel!(
     single,
     f32,
+    f32s,
     as_simd_f32s,
     as_mut_simd_f32s,
     F32_LANES,
@@ -215,11 +315,13 @@ kernel!(
     mul_f32s,
     div_f32s,
     sqrt_f32s,
-    mul_add_e_f32s
+    mul_add_e_f32s,
+    reduce_sum_f32s
 );
 kernel!(
     double,
     f64,
+    f64s,
     as_simd_f64s,
     as_mut_simd_f64s,
     F64_LANES,
@@ -228,5 +330,6 @@ kernel!(
     mul_f64s,
     div_f64s,
     sqrt_f64s,
-    mul_add_e_f64s
+    mul_add_e_f64s,
+    reduce_sum_f64s
 );

@@ -9,6 +9,7 @@
 use super::head::stokeslet;
 use super::walls::{Images, Plane, Walls};
 use crate::V3;
+use crate::cholesky::whiten;
 use crate::linear::multiply;
 use nalgebra::{DMatrix, Matrix3};
 use pulp::{Simd, WithSimd};
@@ -81,11 +82,6 @@ impl Reflections {
             matrix
         };
         let behind = blocks(&points, &sources, &flow);
-        // The library's product with a transpose is far slower than this.
-        let across = behind.transpose();
-        let mut normal = &across * &behind;
-        let damping = DAMPING * normal.trace() / normal.nrows() as f64;
-        normal += DMatrix::identity(normal.nrows(), normal.nrows()) * damping;
         let samples = grid(robot);
         let mut slip = blocks(&points, &samples, &|x, y| stokeslet(x - y, 0.0));
         let mut images = Images::default();
@@ -108,8 +104,13 @@ impl Reflections {
         let values = DMatrix::from_row_slice(samples.len(), values.len() / samples.len(), &values);
         let fit = values.pseudo_inverse(1e-12).ok()?.kronecker(&Matrix3::identity());
         // Polynomials first: they are fewer than the samples.
-        let strengths = normal.cholesky()?.solve(&(across * (slip * fit.transpose())));
-        let matrix = &fit * (far * fit.transpose() - blocks(&samples, &sources, &flow) * strengths);
+        let size = fit.nrows();
+        let mut rows = DMatrix::zeros(2 * size, behind.ncols());
+        rows.rows_mut(0, size).copy_from(&(&fit * blocks(&samples, &sources, &flow)));
+        rows.rows_mut(size, size).copy_from(&((slip * fit.transpose()).transpose() * &behind));
+        let rows = whiten(&behind, &rows, DAMPING)?;
+        let cancelled = rows.rows(0, size) * rows.rows(size, size).transpose();
+        let matrix = &fit * (far * fit.transpose()) - cancelled;
         // The exact flow is reciprocal.
         let matrix = (&matrix + matrix.transpose()) * 0.5;
         let count = matrix.nrows() / 3;
@@ -127,11 +128,17 @@ impl Reflections {
         }
     }
 
-    /// Adds the flow of forces (N) at the points to the flow there, without the factor 1/(8 pi mu): N/m.
-    pub fn add_flow(&self, forces: &[V3], flow: &mut [V3]) {
-        let (mut moments, mut coefficients) = (vec![0.0; self.matrix.nrows()], vec![0.0; self.matrix.nrows()]);
-        pulp::Arch::new().dispatch(Gather { values: &self.values, forces, moments: &mut moments });
-        multiply(self.matrix.as_slice(), &moments, &mut coefficients);
+    /// Adds the moments of forces (N), sums with each monomial at their places, for the points from `first` on.
+    pub fn add_moments(&self, first: usize, forces: &[V3], moments: &mut Vec<f64>) {
+        moments.resize(self.matrix.nrows(), 0.0);
+        let values = &self.values[first * moments.len() / 3..];
+        pulp::Arch::new().dispatch(Gather { values, forces, moments });
+    }
+
+    /// Adds the flow of forces with these moments to the flow at the points, without the factor 1/(8 pi mu): N/m.
+    pub fn add_flow(&self, moments: &[f64], flow: &mut [V3]) {
+        let mut coefficients = vec![0.0; moments.len()];
+        multiply(self.matrix.as_slice(), moments, &mut coefficients);
         pulp::Arch::new().dispatch(Spread { values: &self.values, coefficients: &coefficients, flow });
     }
 

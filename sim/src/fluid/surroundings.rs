@@ -26,7 +26,7 @@ use std::ops::Range;
 /// Length of a group of edges over its distance from the head, at most, unless it is a single edge.
 const GROUP_LENGTH: f64 = 0.25;
 
-/// Change of the head's forces, relative, below which they agree with the images of all forces, in tolerances of the solver.
+/// Error of the head's forces, relative, below which they agree with the images of all forces, in tolerances of the solver.
 const AGREED: f64 = 0.05;
 /// Exchanges between the head's forces and the images in a sweep, at most: each leaves the share of the head's width in the
 /// distance of the walls.
@@ -49,6 +49,8 @@ pub struct Surroundings {
     factor: f64,
     /// [`AGREED`], of the robot's tolerance.
     agreed: f64,
+    /// Share of the error that an exchange between head and images leaves, as seen in the step.
+    left: f64,
 }
 
 /// The head and what changes about it.
@@ -96,6 +98,7 @@ impl Surroundings {
             nodes: vec![V3::zeros(); count],
             flow: vec![V3::zeros(); count],
             agreed: AGREED * robot.solver.tolerance,
+            left: 1.0,
             epsilon: robot.epsilon(),
             factor: stokeslet_factor(robot.fluid.viscosity()),
         }
@@ -114,6 +117,7 @@ impl Surroundings {
         if let Some(head) = &mut self.head {
             head.forces.fill(0.0);
         }
+        self.left = 1.0;
         self.update(lines, body);
     }
 
@@ -144,9 +148,14 @@ impl Surroundings {
                 }
                 Some(tank) => {
                     // Until they agree: a flow that depended on earlier sweeps would spoil their acceleration.
+                    let mut last = None;
                     for _ in 0..EXCHANGES {
                         tank.respond(&head.forces, &body.attitude);
-                        if head.respond(tank.at_head(), body.rate, self.factor) < self.agreed {
+                        let change = head.respond(tank.at_head(), body.rate, self.factor);
+                        if let Some(last) = last.replace(change) {
+                            self.left = (change / last).min(1.0);
+                        }
+                        if change * self.left < self.agreed {
                             break;
                         }
                     }
@@ -250,7 +259,7 @@ fn groups(line: &[V3], points: &[V3]) -> Vec<Range<usize>> {
 fn push_groups(line: &Line, groups: &[Range<usize>], sources: &mut Sources) {
     for group in groups {
         if group.len() == 1 {
-            sources.push_edges(&line.nodes, &line.density, group.clone(), gauss_rule(2));
+            sources.push_edges(group.clone(), gauss_rule(2), |i| line.nodes[i], |i| line.density[i]);
             continue;
         }
         let (mut force, mut place, mut total) = (V3::zeros(), V3::zeros(), 0.0);

@@ -44,9 +44,10 @@ pub struct TankFlow {
     assembled: Vec<V3>,
     /// Distance of the nearest wall or surface, m.
     clearance: f64,
-    /// Forces of the flagella's coarse points, body axes, N.
-    of_flagella: Vec<V3>,
+    /// Forces of coarse points, of the flagella or of the head, world axes, N.
     forces: Vec<V3>,
+    /// Flow of the images of the flagella's forces at the coarse points, world axes, and their moments.
+    of_flagella: (Vec<V3>, Vec<f64>),
     /// World axes in, body axes out.
     coarse_flow: Vec<V3>,
     images: Images,
@@ -94,8 +95,8 @@ impl TankFlow {
             points: Vec::new(),
             assembled: Vec::new(),
             clearance: 0.0,
-            of_flagella: Vec::new(),
             forces: Vec::new(),
+            of_flagella: (Vec::new(), Vec::new()),
             coarse_flow: Vec::new(),
             images: Images::default(),
             flow: vec![V3::zeros(); count],
@@ -123,7 +124,8 @@ impl TankFlow {
 
     /// Returns the least distances of the flagella's nodes and of the head's points from walls and surface, m.
     fn clearances(&self, lines: &[Line], attitude: &UnitQuaternion<f64>) -> [f64; 2] {
-        let least = |clearance: f64, x: &V3| clearance.min(self.walls.clearance(attitude * x));
+        let to_world = attitude.to_rotation_matrix();
+        let least = |clearance: f64, x: &V3| clearance.min(self.walls.clearance(to_world * x));
         let nodes = lines.iter().flat_map(|line| &line.nodes);
         [nodes.fold(f64::INFINITY, least), self.head.surface.iter().fold(f64::INFINITY, least)]
     }
@@ -142,35 +144,43 @@ impl TankFlow {
         if self.points.iter().zip(&self.assembled).any(|(x, y)| (x - y).norm() > bound) {
             self.assemble();
         }
+        self.forces.clear();
+        for (flagellum, line) in self.flagella.iter().zip(lines) {
+            let start = self.forces.len();
+            self.forces.resize(start + flagellum.picks.len(), V3::zeros());
+            let own = &mut self.forces[start..];
+            flagellum.coarse.gather(|i| line.density[i] * flagellum.nodal_length[i], own);
+        }
+        self.rotate_forces(attitude);
+        self.images.multiply(0, &self.forces);
+        let (flow, moments) = &mut self.of_flagella;
+        flow.clear();
+        flow.extend((0..self.points.len()).map(|i| self.images.flow(i)));
+        moments.clear();
         if let Some(reflections) = &mut self.reflections {
             reflections.set_points(&self.points);
-        }
-        self.of_flagella.clear();
-        for (flagellum, line) in self.flagella.iter().zip(lines) {
-            let start = self.of_flagella.len();
-            self.of_flagella.resize(start + flagellum.picks.len(), V3::zeros());
-            let own = &mut self.of_flagella[start..];
-            flagellum.coarse.gather(|i| line.density[i] * flagellum.nodal_length[i], own);
+            reflections.add_moments(0, &self.forces, moments);
         }
     }
 
     /// Updates the flow for these forces of the head's points.
     pub fn respond(&mut self, head_forces: &[f64], attitude: &UnitQuaternion<f64>) {
-        self.forces.clone_from(&self.of_flagella);
-        self.forces.resize(self.points.len(), V3::zeros());
-        let own = &mut self.forces[self.of_flagella.len()..];
-        self.head.coarse.gather(|i| V3::from_column_slice(&head_forces[3 * i..3 * i + 3]), own);
-        let (to_world, to_body) = (attitude.to_rotation_matrix(), attitude.inverse().to_rotation_matrix());
-        for force in &mut self.forces {
-            *force = to_world * *force;
-        }
-        self.images.multiply(&self.forces);
+        let first = self.points.len() - self.head.points.len();
+        self.forces.clear();
+        self.forces.resize(self.head.points.len(), V3::zeros());
+        self.head.coarse.gather(|i| V3::from_column_slice(&head_forces[3 * i..3 * i + 3]), &mut self.forces);
+        self.rotate_forces(attitude);
+        self.images.multiply(first, &self.forces);
 
+        let (of_flagella, moments) = &self.of_flagella;
         self.coarse_flow.clear();
-        self.coarse_flow.extend((0..self.points.len()).map(|i| self.images.flow(i)));
+        self.coarse_flow.extend(of_flagella.iter().enumerate().map(|(i, flow)| flow + self.images.flow(i)));
         if let Some(reflections) = &self.reflections {
-            reflections.add_flow(&self.forces, &mut self.coarse_flow);
+            let mut moments = moments.clone();
+            reflections.add_moments(first, &self.forces, &mut moments);
+            reflections.add_flow(&moments, &mut self.coarse_flow);
         }
+        let to_body = attitude.inverse().to_rotation_matrix();
         for flow in &mut self.coarse_flow {
             *flow = to_body * *flow * self.factor;
         }
@@ -195,13 +205,22 @@ impl TankFlow {
         &self.flow[self.flow.len() - self.head.surface.len()..]
     }
 
+    /// Takes forces from body axes to world axes.
+    fn rotate_forces(&mut self, attitude: &UnitQuaternion<f64>) {
+        let to_world = attitude.to_rotation_matrix();
+        for force in &mut self.forces {
+            *force = to_world * *force;
+        }
+    }
+
     /// Moves the coarse points.
     fn place(&mut self, lines: &[Line], attitude: &UnitQuaternion<f64>) {
+        let to_world = attitude.to_rotation_matrix();
         self.points.clear();
         for (flagellum, line) in self.flagella.iter().zip(lines) {
-            self.points.extend(flagellum.picks.iter().map(|i| attitude * line.nodes[*i]));
+            self.points.extend(flagellum.picks.iter().map(|i| to_world * line.nodes[*i]));
         }
-        self.points.extend(self.head.points.iter().map(|x| attitude * x));
+        self.points.extend(self.head.points.iter().map(|x| to_world * x));
     }
 
     fn assemble(&mut self) {

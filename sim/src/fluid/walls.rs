@@ -114,7 +114,7 @@ impl Walls {
     pub fn tensor(&self, x: V3, y: V3, epsilon: f64) -> Matrix3<f64> {
         let mut images = Images::default();
         images.assemble(self, &[x], &[y], epsilon);
-        Matrix3::from_fn(|a, b| images.columns[3 * b + a][0])
+        Matrix3::from_fn(|a, b| images.columns[(3 * b + a) * PADDING])
     }
 
     #[inline(always)]
@@ -191,8 +191,9 @@ fn mirror<S: Simd>(simd: S, x: [Wide<S>; 3], y: V3, e2: f64, sum: &mut [Wide<S>;
 /// The matrix of image flows between points, and its product with forces.
 #[derive(Clone, Debug, Default)]
 pub struct Images {
-    /// For every source nine columns over the targets, 3 b + a as in [`blake`], padded to whole registers.
-    columns: Vec<Vec<f64>>,
+    /// For every source nine columns over the targets, 3 b + a as in [`blake`], padded to whole registers, one after the
+    /// other.
+    columns: Vec<f64>,
     at: [Vec<f64>; 3],
     flow: [Vec<f64>; 3],
 }
@@ -207,18 +208,16 @@ impl Images {
             at.extend((0..padded).map(|i| targets[i.min(targets.len() - 1)][axis]));
             flow.resize(padded, 0.0);
         }
-        self.columns.resize(9 * sources.len(), Vec::new());
-        for column in &mut self.columns {
-            column.resize(padded, 0.0);
-        }
+        self.columns.resize(9 * padded * sources.len(), 0.0);
         pulp::Arch::new().dispatch(Assemble { images: self, walls, sources, e2: epsilon * epsilon });
     }
 
     /// Adds the matrix times a factor to another one, with three rows a target and three columns a source.
     pub fn add_to(&self, matrix: &mut DMatrix<f64>, factor: f64) {
         let targets = matrix.nrows() / 3;
-        for (j, columns) in self.columns.chunks_exact(9).enumerate() {
-            for (entry, column) in columns.iter().enumerate() {
+        let padded = self.at[0].len();
+        for (j, columns) in self.columns.chunks_exact(9 * padded).enumerate() {
+            for (entry, column) in columns.chunks_exact(padded).enumerate() {
                 let (b, a) = (entry / 3, entry % 3);
                 for (i, value) in column[..targets].iter().enumerate() {
                     matrix[(3 * i + a, 3 * j + b)] += value * factor;
@@ -227,9 +226,9 @@ impl Images {
         }
     }
 
-    /// Computes the flow of forces (N) at the sources; [`Images::flow`] returns it.
-    pub fn multiply(&mut self, forces: &[V3]) {
-        pulp::Arch::new().dispatch(Multiply { images: self, forces });
+    /// Computes the flow of forces (N) at the sources from `first` on; [`Images::flow`] returns it.
+    pub fn multiply(&mut self, first: usize, forces: &[V3]) {
+        pulp::Arch::new().dispatch(Multiply { images: self, first, forces });
     }
 
     /// Returns the flow at a target after [`Images::multiply`], without the factor 1/(8 pi mu): N/m.
@@ -255,8 +254,9 @@ impl WithSimd for Assemble<'_> {
         let Self { images, walls, sources, e2 } = self;
         let [x, y, z] = &images.at;
         let zero = Wide::all(simd, 0.0);
-        for (source, columns) in sources.iter().zip(images.columns.chunks_exact_mut(9)) {
-            for block in (0..x.len()).step_by(S::F64_LANES) {
+        let padded = x.len();
+        for (source, columns) in sources.iter().zip(images.columns.chunks_exact_mut(9 * padded)) {
+            for block in (0..padded).step_by(S::F64_LANES) {
                 let at = [Wide::load(simd, x, block), Wide::load(simd, y, block), Wide::load(simd, z, block)];
                 let mut sum = [zero; 9];
                 if let Some(surface) = walls.surface {
@@ -268,8 +268,8 @@ impl WithSimd for Assemble<'_> {
                     mirror(simd, at, reflected, e2, &mut sum);
                 }
                 Walls::add(simd, &walls.planes, at, *source, e2, &mut sum);
-                for (column, entry) in columns.iter_mut().zip(sum) {
-                    entry.store(column, block);
+                for (entry, value) in sum.into_iter().enumerate() {
+                    value.store(columns, entry * padded + block);
                 }
             }
         }
@@ -279,6 +279,7 @@ impl WithSimd for Assemble<'_> {
 /// Compiles the product for the machine's vector instructions.
 struct Multiply<'a> {
     images: &'a mut Images,
+    first: usize,
     forces: &'a [V3],
 }
 
@@ -287,17 +288,23 @@ impl WithSimd for Multiply<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { images, forces } = self;
-        for block in (0..images.at[0].len()).step_by(S::F64_LANES) {
-            let mut sums = [Wide::all(simd, 0.0); 3];
-            for (force, columns) in forces.iter().zip(images.columns.chunks_exact(9)) {
-                for (entry, column) in columns.iter().enumerate() {
-                    let (b, a) = (entry / 3, entry % 3);
-                    sums[a] = Wide::load(simd, column, block).times_plus(Wide::all(simd, force[b]), sums[a]);
+        let Self { images, first, forces } = self;
+        let padded = images.at[0].len();
+        let columns = &images.columns[9 * padded * first..];
+        for block in (0..padded).step_by(S::F64_LANES) {
+            // By the axis of the force: one sum for all would wait for each of its terms.
+            let mut sums = [[Wide::all(simd, 0.0); 3]; 3];
+            for (force, columns) in forces.iter().zip(columns.chunks_exact(9 * padded)) {
+                for b in 0..3 {
+                    let force = Wide::all(simd, force[b]);
+                    for a in 0..3 {
+                        let entry = Wide::load(simd, columns, (3 * b + a) * padded + block);
+                        sums[b][a] = entry.times_plus(force, sums[b][a]);
+                    }
                 }
             }
-            for (flow, sum) in images.flow.iter_mut().zip(sums) {
-                sum.store(flow, block);
+            for (a, flow) in images.flow.iter_mut().enumerate() {
+                (sums[0][a] + sums[1][a] + sums[2][a]).store(flow, block);
             }
         }
     }

@@ -36,8 +36,9 @@ impl Column {
 /// Returns the columns of some pairs.
 pub fn columns(pairs: &[&Pair], flagella: &mut [Flagellum; 2], problem: &StepProblem) -> Vec<Column> {
     let mut flows = [Vec::new(), Vec::new()];
+    let mut seen = [Sources::default(), Sources::default()];
     for pair in pairs {
-        for (flows, flow) in flows.iter_mut().zip(flow_of_pair(pair, flagella, problem)) {
+        for (flows, flow) in flows.iter_mut().zip(flow_of_pair(pair, flagella, problem, &mut seen)) {
             flows.push(flow);
         }
     }
@@ -47,8 +48,13 @@ pub fn columns(pairs: &[&Pair], flagella: &mut [Flagellum; 2], problem: &StepPro
     pairs.iter().zip(first).zip(second).map(column).collect()
 }
 
-/// Returns the flow (m/s, shaft frames) at the nodes of both rods for a unit normal force in a pair.
-fn flow_of_pair(pair: &Pair, flagella: &mut [Flagellum; 2], problem: &StepProblem) -> [Vec<V3>; 2] {
+/// Returns the flow (m/s, shaft frames) at the nodes of both rods for a unit normal force in a pair. `seen`: scratch.
+fn flow_of_pair(
+    pair: &Pair,
+    flagella: &mut [Flagellum; 2],
+    problem: &StepProblem,
+    seen: &mut [Sources; 2],
+) -> [Vec<V3>; 2] {
     let (rods, shafts) = (&problem.model.rods, &problem.step.shafts);
     let mut density: [Vec<V3>; 2] = [0, 1].map(|k| vec![V3::zeros(); rods[k].nodes()]);
     for (rod, node, weight) in pair.weights() {
@@ -57,7 +63,7 @@ fn flow_of_pair(pair: &Pair, flagella: &mut [Flagellum; 2], problem: &StepProble
         }
     }
     // Gauss points of the edges that carry the density, in both shaft frames.
-    let mut seen = [Sources::default(), Sources::default()];
+    seen.iter_mut().for_each(Sources::clear);
     for (k, density) in density.iter().enumerate() {
         let nodes = &flagella[k].shape.nodes;
         let loaded = |e: usize| density[e] != V3::zeros() || density[e + 1] != V3::zeros();
@@ -68,7 +74,7 @@ fn flow_of_pair(pair: &Pair, flagella: &mut [Flagellum; 2], problem: &StepProble
             for (point, weight) in flagella[k].rule() {
                 let (at, force) = (x + dx * *point, (f + df * *point) * (weight * length));
                 let body = (shafts[k].point_to_body(at), shafts[k].to_body(force));
-                for (shaft, sources) in shafts.iter().zip(&mut seen) {
+                for (shaft, sources) in shafts.iter().zip(seen.iter_mut()) {
                     sources.push(shaft.point_to_shaft(body.0), shaft.to_shaft(body.1));
                 }
             }

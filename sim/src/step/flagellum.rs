@@ -57,7 +57,6 @@ pub struct Flagellum {
     gradient: Vec<f64>,
     near: NearBand,
     targets: Targets,
-    sources: Sources,
     /// The residual in the frames of the frozen inverse.
     reference: Vec<f32>,
     product: Vec<f32>,
@@ -86,7 +85,6 @@ impl Flagellum {
             gradient: vec![0.0; 4 * n],
             near: NearBand::new(n, robot.solver.near_edges as usize, points),
             targets: Targets::new(n, robot.solver.far_field),
-            sources: Sources::default(),
             reference: vec![0.0; 4 * n - 2],
             product: vec![0.0; Panels::padded(4 * n - 2)],
             rule: gauss_rule(points),
@@ -118,20 +116,17 @@ impl Flagellum {
         }
     }
 
+    /// Adds this rod's far field.
+    pub fn push_own_sources(&self, sources: &mut Sources) {
+        let (nodes, density) = (&self.shape.nodes, &self.density);
+        sources.push_edges(0..nodes.len() - 1, self.rule, |i| nodes[i], |i| density[i]);
+    }
+
     /// Adds this rod's far field as seen from another shaft frame.
     pub fn push_sources(&self, own: &Shaft, other: &Shaft, sources: &mut Sources) {
-        let n = self.shape.nodes.len();
-        let at = |i: usize| other.point_to_shaft(own.point_to_body(self.shape.nodes[i]));
-        let force = |i: usize| other.to_shaft(own.to_body(self.density[i]));
-        let (mut x, mut f) = (at(0), force(0));
-        for e in 0..n - 1 {
-            let (x1, f1) = (at(e + 1), force(e + 1));
-            let length = self.frames.length[e];
-            for (point, weight) in self.rule {
-                sources.push(x + (x1 - x) * *point, (f + (f1 - f) * *point) * (weight * length));
-            }
-            (x, f) = (x1, f1);
-        }
+        let (nodes, density) = (&self.shape.nodes, &self.density);
+        let node = |i: usize| other.point_to_shaft(own.point_to_body(nodes[i]));
+        sources.push_edges(0..nodes.len() - 1, self.rule, node, |i| other.to_shaft(own.to_body(density[i])));
     }
 
     /// Writes nodes and force densities in the body frame.
@@ -144,17 +139,14 @@ impl Flagellum {
 
     /// Updates the residual and returns its size in m/s.
     ///
-    /// `other`: far field of the other rod, in this shaft frame; `lever`: velocity in m/s that a twist error of one
-    /// radian counts for.
+    /// `sources`: far field of both rods, in this shaft frame; `lever`: velocity in m/s that a twist error of one radian
+    /// counts for.
     #[inline(never)] // so that a profile shows it
-    pub fn update_residual(&mut self, rod: &Rod, motion: &Kinematics, other: &Sources, lever: f64) -> f64 {
+    pub fn update_residual(&mut self, rod: &Rod, motion: &Kinematics, sources: &Sources, lever: f64) -> f64 {
         let n = rod.nodes();
         self.near.multiply(&self.density);
-        self.sources.clear();
-        self.sources.push_edges(&self.shape.nodes, &self.density, 0..n - 1, self.rule);
         self.targets.set(&self.shape.nodes);
-        self.targets.add_flow(&self.sources, self.epsilon);
-        self.targets.add_flow(other, self.epsilon);
+        self.targets.add_flow(sources, self.epsilon);
         let factor = stokeslet_factor(self.viscosity);
         let inverse = 1.0 / motion.kappa;
         let mut largest = 0f64;

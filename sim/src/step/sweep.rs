@@ -28,7 +28,7 @@ pub struct Sweeps {
     pub surroundings: Surroundings,
     /// Both flagella in the body frame, as the surroundings see them.
     lines: Vec<Line>,
-    /// Far field of the other flagellum.
+    /// Far field of both flagella.
     sources: Sources,
     anderson: Anderson,
     /// Weights of the unknowns, made when they are needed.
@@ -146,6 +146,7 @@ impl Sweeps {
         for k in 0..2 {
             let other = 1 - k;
             self.sources.clear();
+            self.flagella[k].push_own_sources(&mut self.sources);
             self.flagella[other].push_sources(&shafts[other], &shafts[k], &mut self.sources);
             let flagellum = &mut self.flagella[k];
             let size = flagellum.update_residual(&problem.model.rods[k], &motion[k], &self.sources, lever);
