@@ -1,8 +1,12 @@
 //! Finds motor speeds for an attitude: the inverse of a robot's map.
 //!
 //! A [`Table`] gives initial speeds: the built-in map of the robot `physical`, or that of a sweep. The model of the
-//! robot refines them (`improve`). Every returned attitude is a steady state of the model at the returned speeds, never
-//! a value of the table. So the table of another robot costs time, but not accuracy.
+//! robot refines them (`improve`), first by its steady states and then by whole trials. Every returned attitude is that at
+//! the end of a whole trial of the model at the returned speeds, never a value of the table. So the table of another robot
+//! costs time, but not accuracy.
+//!
+//! Where the flagella touch, a trial takes ten times as long as elsewhere, and the attitude may depend on the speeds
+//! irregularly. Speeds at which they touch are tried if there is no solution at others.
 
 mod contact;
 mod error;
@@ -33,11 +37,17 @@ use serde::Serialize;
 use sim::accuracy::ModelError;
 use table::distance;
 
-/// Largest error of a solution, degrees.
-pub const REACHED: f64 = 0.3;
+/// Largest error of a solution in a whole trial, degrees.
+pub const REACHED: f64 = 0.5;
 
+/// Error of a whole trial below which speeds are not refined further, degrees.
+const GOOD: f64 = 0.3;
+/// Error of steady states below which they are near enough for whole trials, degrees.
+const CLOSE: f64 = 0.1;
 /// Speeds of the table whose error is below this, degrees, are refined with the model.
 const WORTH: f64 = 5.0;
+/// Speeds whose error in the table exceeds the least one by this, degrees, are refined after the others.
+const LIKELY: f64 = 1.0;
 /// Largest number of initial speeds to refine.
 const STARTS: usize = 4;
 /// Speeds closer than this count as the same, rpm.
@@ -48,7 +58,7 @@ const DIFFERENCE: f64 = 2.0;
 /// Speeds and their steady state in the model.
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Solution {
-    /// The steady state.
+    /// The steady state, with the attitude of the trial.
     #[serde(flatten)]
     pub state: State,
     /// Angle between the robot's axis and the vertical.
@@ -79,56 +89,73 @@ pub struct Aimed {
     pub nearest: Option<Solution>,
 }
 
+/// Speeds to refine.
+struct Start {
+    rpm: [f64; 2],
+    rank: Rank,
+    /// Whether the flagella touch in the table.
+    touches: bool,
+}
+
+/// Speeds of a later rank are refined if none of the earlier ones meet the target.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Rank {
+    /// The error in the table is about the least; first where the flagella are apart.
+    Likely { touches: bool },
+    /// The others.
+    Unlikely,
+}
+
+/// Refined speeds.
+#[derive(Clone)]
+struct Found {
+    /// The whole trial.
+    trial: Best<State>,
+    /// The steady state at the same speeds, if it was solved for.
+    steady: Option<State>,
+}
+
 /// Finds speeds for a target. `errors`: standard errors of the robot's parameters.
 ///
 /// # Errors
 /// [`AimError::Model`] if the model fails wherever it was tried, and [`AimError::Interrupted`].
 pub fn aim(model: &Model, errors: &[StdError], table: &Table, target: &Target) -> Result<Aimed, AimError> {
-    let goal = Goal { target, thrust_step_n: table.thrust_step_n() };
+    let goal = Goal { target, thrust_step_n: table.thrust_step_n(), close: GOOD };
     let starts = propose(table, goal)?;
-    let by_model = |start: [f64; 2], derivatives: DMatrix<f64>| {
-        improve(goal, start, derivatives, |rpm| model.at(rpm, [0.0; 2]).map(|state| (state.attitude, state)))
-    };
-    let from_table = |start: &[f64; 2]| {
-        let derivatives = table.about(*start).derivatives(target, goal.thrust_step_n);
-        by_model(*start, derivatives)
-    };
-    let mut found: Vec<Best<State>> = Vec::new();
+    let mut found: Vec<Found> = Vec::new();
     let mut failed = None;
-    for result in starts.par_iter().map(from_table).collect::<Vec<_>>() {
-        match result {
-            Ok(best) => found.push(best),
-            Err(AimError::Interrupted) => return Err(AimError::Interrupted),
-            Err(error) => failed = Some(error),
+    for group in starts.chunk_by(|a, b| a.rank == b.rank) {
+        for result in group.par_iter().map(|start| refine(model, table, goal, start)).collect::<Vec<_>>() {
+            match result {
+                Ok(refined) => found.push(refined),
+                Err(AimError::Interrupted) => return Err(AimError::Interrupted),
+                Err(error) => failed = Some(error),
+            }
+        }
+        if found.iter().any(|found| found.trial.error <= REACHED) {
+            break;
         }
     }
-    found.sort_by(|a, b| a.error.total_cmp(&b.error));
-    let Some(mut best) = found.first().cloned() else {
+    found.sort_by(|a, b| a.trial.error.total_cmp(&b.trial.error));
+    let Some(best) = found.first().cloned() else {
         return Err(failed.unwrap_or(AimError::TooSmall { rows: table.rows().len() }));
     };
-    if best.error > REACHED {
-        // The derivatives of the table may be those of another robot.
-        let again = by_model(best.rpm, derivatives(model, goal, &best.state)?)?;
-        if again.error < best.error {
-            best = again;
-        }
-        found = vec![best.clone()];
-    }
-    let mut solutions: Vec<Best<State>> = Vec::new();
-    for candidate in found.into_iter().filter(|candidate| candidate.error <= REACHED) {
-        if solutions.iter().all(|other| distance(other.rpm, candidate.rpm) > APART) {
+    let mut solutions: Vec<Found> = Vec::new();
+    for candidate in found.into_iter().filter(|candidate| candidate.trial.error <= REACHED) {
+        if solutions.iter().all(|other| distance(other.trial.rpm, candidate.trial.rpm) > APART) {
             solutions.push(candidate);
         }
     }
-    let describe = |best: &Best<State>| describe(model, errors, table, target, &best.state);
+    let describe = |found: &Found| describe(model, errors, table, target, found);
     let solutions: Vec<Solution> = solutions.par_iter().map(describe).collect::<Result<_, _>>()?;
     let reachable = !solutions.is_empty();
     let nearest = if reachable { None } else { Some(describe(&best)?) };
     Ok(Aimed { reachable, solutions, nearest })
 }
 
-/// Returns speeds that meet the target in the table, or come near, the best first.
-fn propose(table: &Table, goal: Goal) -> Result<Vec<[f64; 2]>, AimError> {
+/// Returns speeds that meet the target in the table, or come near, those to refine first at the front.
+fn propose(table: &Table, goal: Goal) -> Result<Vec<Start>, AimError> {
+    let goal = Goal { close: CLOSE, ..goal };
     let in_table = |row: [f64; 2]| {
         let derivatives = table.about(row).derivatives(goal.target, goal.thrust_step_n);
         improve(goal, row, derivatives, |rpm| Ok((table.about(rpm).at(rpm), ())))
@@ -136,18 +163,46 @@ fn propose(table: &Table, goal: Goal) -> Result<Vec<[f64; 2]>, AimError> {
     let rows = table.nearest(goal.target);
     let mut found: Vec<Best<()>> = rows.into_par_iter().map(|row| in_table(row.rpm)).collect::<Result<_, _>>()?;
     found.sort_by(|a, b| a.error.total_cmp(&b.error));
-    let mut starts: Vec<[f64; 2]> = Vec::new();
-    for best in found {
-        let is_worth = starts.is_empty() || best.error < WORTH;
-        if is_worth && starts.len() < STARTS && starts.iter().all(|start| distance(*start, best.rpm) > APART) {
-            starts.push(best.rpm);
+    let least = found.first().map_or(0.0, |best| best.error);
+    let mut starts: Vec<Start> = Vec::new();
+    for Best { rpm, error, .. } in found {
+        let is_worth = starts.is_empty() || error < WORTH;
+        if is_worth && starts.len() < STARTS && starts.iter().all(|start| distance(start.rpm, rpm) > APART) {
+            let touches = table.touches(rpm);
+            let rank = if error > least + LIKELY { Rank::Unlikely } else { Rank::Likely { touches } };
+            starts.push(Start { rpm, rank, touches });
         }
     }
+    starts.sort_by_key(|start| start.rank);
     Ok(starts)
 }
 
+/// Refines speeds with the model.
+fn refine(model: &Model, table: &Table, goal: Goal, start: &Start) -> Result<Found, AimError> {
+    let mut derivatives = table.about(start.rpm).derivatives(goal.target, goal.thrust_step_n);
+    let mut rpm = start.rpm;
+    let mut steady = None;
+    // Steady states cost half as much as trials, except where the flagella touch: there both often take the whole time.
+    if !start.touches {
+        let by_steady = |rpm: [f64; 2]| model.at(rpm, [0.0; 2]).map(|state| (state.attitude, state));
+        let near = improve(Goal { close: CLOSE, ..goal }, rpm, derivatives, by_steady)?;
+        (rpm, derivatives, steady) = (near.rpm, near.derivatives, Some(near.state));
+    }
+    let by_trial = |rpm: [f64; 2]| model.trial(rpm).map(|state| (state.attitude, state));
+    let mut trial = improve(goal, rpm, derivatives, by_trial)?;
+    if trial.error > REACHED && !trial.state.touches() {
+        // The derivatives of the table may be those of another robot.
+        let again = improve(goal, trial.rpm, own_derivatives(model, goal, &trial.state)?, by_trial)?;
+        if again.error < trial.error {
+            trial = again;
+        }
+    }
+    steady = steady.filter(|steady| steady.rpm() == trial.rpm);
+    Ok(Found { trial, steady })
+}
+
 /// Returns the model's own derivatives of the values with respect to the speeds, 1/rpm.
-fn derivatives(model: &Model, goal: Goal, state: &State) -> Result<DMatrix<f64>, AimError> {
+fn own_derivatives(model: &Model, goal: Goal, state: &State) -> Result<DMatrix<f64>, AimError> {
     let values = |state: &State| goal.target.values(&state.attitude, goal.thrust_step_n);
     let own = values(state);
     let columns: Vec<(f64, Vec<f64>)> = [0, 1]
@@ -156,7 +211,7 @@ fn derivatives(model: &Model, goal: Goal, state: &State) -> Result<DMatrix<f64>,
             let mut rpm = state.rpm();
             let change = if rpm[k] > 0.0 { -DIFFERENCE } else { DIFFERENCE };
             rpm[k] += change;
-            Ok((change, values(&model.at(rpm, [0.0; 2])?)))
+            Ok((change, values(&model.trial(rpm)?)))
         })
         .collect::<Result<_, AimError>>()?;
     Ok(DMatrix::from_fn(own.len(), 2, |i, k| (columns[k].1[i] - own[i]) / columns[k].0))
@@ -167,18 +222,24 @@ fn describe(
     errors: &[StdError],
     table: &Table,
     target: &Target,
-    state: &State,
+    found: &Found,
 ) -> Result<Solution, AimError> {
-    let (interval, contact_change) =
-        rayon::join(|| Interval::about(model, errors, state), || contact::nearest_change(model, table, state));
-    let Attitude { yaw_deg, pitch_deg, roll_deg, .. } = state.attitude;
+    let trial = &found.trial.state;
+    let about = || -> Result<(State, Interval), AimError> {
+        let steady = found.steady.map_or_else(|| model.at(trial.rpm(), [0.0; 2]), Ok)?;
+        Ok((State { attitude: trial.attitude, ..steady }, Interval::about(model, errors, &steady, &trial.attitude)?))
+    };
+    let (about, contact_change) = rayon::join(about, || contact::nearest_change(model, table, trial));
+    let (state, interval) = about?;
+    let attitude = state.attitude;
+    let Attitude { yaw_deg, pitch_deg, roll_deg, .. } = attitude;
     Ok(Solution {
-        state: *state,
-        tilt_deg: state.attitude.tilt_deg(),
-        interval: interval?,
+        state,
+        tilt_deg: attitude.tilt_deg(),
+        interval,
         model_error_deg: ModelError::of(model.robot).of_angles_deg([yaw_deg, pitch_deg, roll_deg]),
-        error_deg: target.error_deg(&state.attitude),
-        error_n: target.error_n(&state.attitude),
+        error_deg: target.error_deg(&attitude),
+        error_n: target.error_n(&attitude),
         contact_change: contact_change?,
     })
 }
