@@ -5,7 +5,7 @@
 //! the end of a whole trial of the model at the returned speeds, never a value of the table. So the table of another robot
 //! costs time, but not accuracy.
 //!
-//! Where the flagella touch, a trial takes ten times as long as elsewhere, and the attitude may depend on the speeds
+//! Where the flagella touch, a trial takes several times as long as elsewhere, and the attitude may depend on the speeds
 //! irregularly. Speeds at which they touch are tried if there is no solution at others.
 
 mod contact;
@@ -35,6 +35,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::Serialize;
 use sim::accuracy::ModelError;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use table::distance;
 
 /// Largest error of a solution in a whole trial, degrees.
@@ -92,18 +93,17 @@ pub struct Aimed {
 /// Speeds to refine.
 struct Start {
     rpm: [f64; 2],
-    rank: Rank,
+    /// Whether the error in the table is more than the least one by more than [`LIKELY`].
+    is_unlikely: bool,
     /// Whether the flagella touch in the table.
     touches: bool,
 }
 
-/// Speeds of a later rank are refined if none of the earlier ones meet the target.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Rank {
-    /// The error in the table is about the least; first where the flagella are apart.
-    Likely { touches: bool },
-    /// The others.
-    Unlikely,
+impl Start {
+    /// Starts of a later rank are refined if none of the earlier ones meet the target.
+    fn rank(&self) -> [bool; 2] {
+        [self.is_unlikely, self.touches]
+    }
 }
 
 /// Refined speeds.
@@ -124,8 +124,13 @@ pub fn aim(model: &Model, errors: &[StdError], table: &Table, target: &Target) -
     let starts = propose(table, goal)?;
     let mut found: Vec<Found> = Vec::new();
     let mut failed = None;
-    for group in starts.chunk_by(|a, b| a.rank == b.rank) {
-        for result in group.par_iter().map(|start| refine(model, table, goal, start)).collect::<Vec<_>>() {
+    for group in starts.chunk_by(|a, b| a.rank() == b.rank()) {
+        let refined = if group[0].touches {
+            refine_touching(model, table, goal, group)?
+        } else {
+            group.par_iter().map(|start| refine(model, table, goal, start)).collect()
+        };
+        for result in refined {
             match result {
                 Ok(refined) => found.push(refined),
                 Err(AimError::Interrupted) => return Err(AimError::Interrupted),
@@ -168,28 +173,20 @@ fn propose(table: &Table, goal: Goal) -> Result<Vec<Start>, AimError> {
     for Best { rpm, error, .. } in found {
         let is_worth = starts.is_empty() || error < WORTH;
         if is_worth && starts.len() < STARTS && starts.iter().all(|start| distance(start.rpm, rpm) > APART) {
-            let touches = table.touches(rpm);
-            let rank = if error > least + LIKELY { Rank::Unlikely } else { Rank::Likely { touches } };
-            starts.push(Start { rpm, rank, touches });
+            starts.push(Start { rpm, is_unlikely: error > least + LIKELY, touches: table.touches(rpm) });
         }
     }
-    starts.sort_by_key(|start| start.rank);
+    starts.sort_by_key(Start::rank);
     Ok(starts)
 }
 
-/// Refines speeds with the model.
+/// Refines speeds at which the flagella are apart, by steady states and then by whole trials.
 fn refine(model: &Model, table: &Table, goal: Goal, start: &Start) -> Result<Found, AimError> {
-    let mut derivatives = table.about(start.rpm).derivatives(goal.target, goal.thrust_step_n);
-    let mut rpm = start.rpm;
-    let mut steady = None;
-    // Steady states cost half as much as trials, except where the flagella touch: there both often take the whole time.
-    if !start.touches {
-        let by_steady = |rpm: [f64; 2]| model.at(rpm, [0.0; 2]).map(|state| (state.attitude, state));
-        let near = improve(Goal { close: CLOSE, ..goal }, rpm, derivatives, by_steady)?;
-        (rpm, derivatives, steady) = (near.rpm, near.derivatives, Some(near.state));
-    }
+    let derivatives = table.about(start.rpm).derivatives(goal.target, goal.thrust_step_n);
+    let by_steady = |rpm: [f64; 2]| model.at(rpm, [0.0; 2]).map(|state| (state.attitude, state));
+    let steady = improve(Goal { close: CLOSE, ..goal }, start.rpm, derivatives, by_steady)?;
     let by_trial = |rpm: [f64; 2]| model.trial(rpm).map(|state| (state.attitude, state));
-    let mut trial = improve(goal, rpm, derivatives, by_trial)?;
+    let mut trial = improve(goal, steady.rpm, steady.derivatives, by_trial)?;
     if trial.error > REACHED && !trial.state.touches() {
         // The derivatives of the table may be those of another robot.
         let again = improve(goal, trial.rpm, own_derivatives(model, goal, &trial.state)?, by_trial)?;
@@ -197,8 +194,41 @@ fn refine(model: &Model, table: &Table, goal: Goal, start: &Start) -> Result<Fou
             trial = again;
         }
     }
-    steady = steady.filter(|steady| steady.rpm() == trial.rpm);
+    let steady = Some(steady.state).filter(|steady| steady.rpm() == trial.rpm);
     Ok(Found { trial, steady })
+}
+
+/// Refines speeds at which the flagella touch, up to the first ones that meet the target; those after them are interrupted.
+/// By trials alone: steady states often take as long there.
+///
+/// # Errors
+/// [`AimError::Interrupted`] by the user.
+fn refine_touching(
+    model: &Model,
+    table: &Table,
+    goal: Goal,
+    starts: &[Start],
+) -> Result<Vec<Result<Found, AimError>>, AimError> {
+    // The attitude scatters there from one pair of speeds to the next, so a solution is not improved further.
+    let goal = Goal { close: REACHED, ..goal };
+    let first = AtomicUsize::new(starts.len());
+    let refine = |(i, start): (usize, &Start)| {
+        let goes_on = || (model.goes_on)() && i <= first.load(Ordering::Relaxed);
+        let model = Model { goes_on: &goes_on, ..*model };
+        let derivatives = table.about(start.rpm).derivatives(goal.target, goal.thrust_step_n);
+        let trial = improve(goal, start.rpm, derivatives, |rpm| model.trial(rpm).map(|state| (state.attitude, state)))?;
+        if trial.error <= REACHED {
+            first.fetch_min(i, Ordering::Relaxed);
+        }
+        Ok(Found { trial, steady: None })
+    };
+    let mut refined: Vec<_> = starts.par_iter().enumerate().map(refine).collect();
+    if !(model.goes_on)() {
+        return Err(AimError::Interrupted);
+    }
+    // Whether a later one has come to its end is chance.
+    refined.truncate(first.into_inner() + 1);
+    Ok(refined)
 }
 
 /// Returns the model's own derivatives of the values with respect to the speeds, 1/rpm.
