@@ -17,7 +17,7 @@ const FIRST_STEP: f64 = 20.0;
 /// Smallest step that is tried, rpm.
 const LAST_STEP: f64 = 0.05;
 /// Most evaluations of the model in a search.
-const VALUES: usize = 9;
+pub const VALUES: usize = 9;
 /// Length of a step of which an update corrects the derivatives by half, rpm: the differences over much shorter ones are errors.
 const TELLING_STEP: f64 = 0.5;
 /// Smallest predicted improvement of a step: in degrees, and as a share of the error.
@@ -45,6 +45,8 @@ pub struct Goal<'a> {
     pub thrust_step_n: f64,
     /// Error of all values below which the search ends, degrees.
     pub close: f64,
+    /// Most evaluations in the search.
+    pub values: usize,
 }
 
 /// A point of a search.
@@ -76,7 +78,7 @@ pub fn improve<T>(
     };
     let mut best = point(on_board(start))?;
     let mut longest = FIRST_STEP;
-    for _ in 1..VALUES {
+    for _ in 1..goal.values {
         let miss = best.misses.norm();
         if best.misses.amax() < goal.close || longest < LAST_STEP {
             break;
@@ -172,7 +174,7 @@ mod tests {
 
     fn search(yaw: f64, pitch: f64, start: [f64; 2], derivatives: &[f64]) -> (Best<()>, usize) {
         let target = Target { wanted: vec![(Quantity::Yaw, yaw), (Quantity::Pitch, pitch)] };
-        let goal = Goal { target: &target, thrust_step_n: 1.0, close: CLOSE };
+        let goal = Goal { target: &target, thrust_step_n: 1.0, close: CLOSE, values: VALUES };
         let mut values = 0;
         let derivatives = DMatrix::from_row_slice(2, 2, derivatives);
         let best = improve(goal, start, derivatives, |rpm| {

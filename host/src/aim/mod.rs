@@ -30,7 +30,7 @@ pub use table::Table;
 pub use target::Target;
 
 use crate::twin::calibrate::StdError;
-use improve::{Best, Goal, improve};
+use improve::{Best, Goal, VALUES, improve};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -51,6 +51,8 @@ const WORTH: f64 = 5.0;
 const LIKELY: f64 = 1.0;
 /// Largest number of initial speeds to refine.
 const STARTS: usize = 4;
+/// Most trials from the same initial speeds where the flagella touch.
+const TRIALS: usize = 5;
 /// Speeds closer than this count as the same, rpm.
 const APART: f64 = 4.0;
 /// Difference of speeds for derivatives of the model, rpm.
@@ -120,7 +122,7 @@ struct Found {
 /// # Errors
 /// [`AimError::Model`] if the model fails wherever it was tried, and [`AimError::Interrupted`].
 pub fn aim(model: &Model, errors: &[StdError], table: &Table, target: &Target) -> Result<Aimed, AimError> {
-    let goal = Goal { target, thrust_step_n: table.thrust_step_n(), close: GOOD };
+    let goal = Goal { target, thrust_step_n: table.thrust_step_n(), close: GOOD, values: VALUES };
     let starts = propose(table, goal)?;
     let mut found: Vec<Found> = Vec::new();
     let mut failed = None;
@@ -210,7 +212,7 @@ fn refine_touching(
     starts: &[Start],
 ) -> Result<Vec<Result<Found, AimError>>, AimError> {
     // The attitude scatters there from one pair of speeds to the next, so a solution is not improved further.
-    let goal = Goal { close: REACHED, ..goal };
+    let goal = Goal { close: REACHED, values: TRIALS, ..goal };
     let first = AtomicUsize::new(starts.len());
     let refine = |(i, start): (usize, &Start)| {
         let goes_on = || (model.goes_on)() && i <= first.load(Ordering::Relaxed);
