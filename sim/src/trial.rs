@@ -38,6 +38,7 @@ use crate::body::attitude::euler_zyx;
 use crate::body::closure::Closure;
 use crate::body::shaft::MotorState;
 use crate::contact::bundling::{Bundling, winding};
+use crate::contact::pairs::Lines;
 use crate::params::{ParamError, Robot};
 use crate::profile::{ProfileError, SpeedProfile};
 use crate::sample::{DenseOutput, ForceRecord, Interpolated, Sample, StepRecord, shapes_at};
@@ -386,6 +387,12 @@ impl Trial {
         if report.touching > 0 && totals.first_contact.is_none() {
             totals.first_contact = Some(progress.state.time);
         }
+        // Only flagella in contact can be wound, and those that were need no closer look.
+        if report.touching > 0 && totals.bundling != Bundling::Bundled {
+            let state = &self.progress.state;
+            let lines = shapes_at(state, state.time, &state.motors, &self.solver.model().robot.shaft_feet());
+            self.progress.summary.bundling = Bundling::classify(true, self.winding(&lines));
+        }
         self.keep(forces, report.touching > 0);
     }
 
@@ -415,6 +422,13 @@ impl Trial {
         }
     }
 
+    /// Returns how many times the axes of the helices of these shapes wind round each other.
+    fn winding(&self, lines: &Lines) -> f64 {
+        let flagellum = &self.solver.model().robot.flagellum;
+        let coil = (flagellum.edges() as f64 * flagellum.pitch_m / flagellum.axial_length_m).round() as usize;
+        winding(lines, coil)
+    }
+
     fn sample_time(&self, index: u64) -> f64 {
         self.start + index as f64 / self.options.rate_hz
     }
@@ -423,15 +437,10 @@ impl Trial {
         let between = self.progress.dense.at(time)?;
         let motors = self.profile.motors(time);
         let lines = shapes_at(&self.progress.state, time, &motors, &self.solver.model().robot.shaft_feet());
-        let flagellum = &self.solver.model().robot.flagellum;
-        let coil = (flagellum.edges() as f64 * flagellum.pitch_m / flagellum.axial_length_m).round() as usize;
-        let winding_turns = winding(&lines, coil);
+        let winding_turns = self.winding(&lines);
         let bundling = Bundling::classify(between.contact, winding_turns);
         let motor_angle_rad = self.without_phase(motors).map(|m| m.angle);
         let progress = &mut self.progress;
-        if bundling as u8 > progress.summary.bundling as u8 {
-            progress.summary.bundling = bundling;
-        }
         let plain = |v: V3| [v.x, v.y, v.z];
         let q = between.attitude;
         let sample = Sample {

@@ -5,6 +5,7 @@ use super::error::AimError;
 use super::improve::on_board;
 use super::model::{Model, State};
 use super::table::{Table, distance};
+use rayon::prelude::*;
 use serde::Serialize;
 use sim::phase::{self, Ratio};
 
@@ -35,19 +36,28 @@ pub fn nearest_change(model: &Model, table: &Table, state: &State) -> Result<Opt
     let away = distance(other.rpm, rpm);
     let along = |far: f64| on_board([0, 1].map(|k| rpm[k] + (other.rpm[k] - rpm[k]) * far / away));
     let differs = |far: f64| differs(model, along(far), state.touches());
-    // In the table nothing nearer than a row differs.
+    // In the table nothing nearer than a row differs. That is verified at the end, and only where nothing else has shown it.
     let mut same = (away - 1.5 * table.spacing_rpm()).max(0.0);
+    let mut is_verified = same == 0.0;
     let mut changed = away;
-    let (far, near) = rayon::join(|| differs(changed), || if same > 0.0 { differs(same) } else { Ok(false) });
+    let mut next = 0.5 * (same + changed);
+    let (far, middle) = rayon::join(|| differs(changed), || differs(next));
     if !far? {
         return Ok(None);
     }
-    if near? {
-        (same, changed) = (0.0, same);
-    }
-    while changed - same > RESOLUTION {
-        let middle = 0.5 * (same + changed);
-        if differs(middle)? { changed = middle } else { same = middle }
+    let mut is_changed = middle?;
+    loop {
+        match (is_changed, next == same) {
+            (true, true) => (same, is_verified, changed) = (0.0, true, next),
+            (true, false) => changed = next,
+            (false, _) => (same, is_verified) = (next, true),
+        }
+        let is_narrow = changed - same <= RESOLUTION;
+        if is_narrow && is_verified {
+            break;
+        }
+        next = if is_narrow { same } else { 0.5 * (same + changed) };
+        is_changed = differs(next)?;
     }
     let far = 0.5 * (same + changed);
     Ok(Some(ContactChange { rpm: far, at_rpm: along(far) }))
@@ -57,12 +67,10 @@ pub fn nearest_change(model: &Model, table: &Table, state: &State) -> Result<Opt
 /// the model does not count as a difference.
 fn differs(model: &Model, rpm: [f64; 2], touches: bool) -> Result<bool, AimError> {
     let starts = if Ratio::of(rpm).is_some() { phase::starts(rpm, PHASES) } else { vec![[0.0; 2]] };
-    for start in starts {
-        match model.touches(rpm, start) {
-            Ok(other) if other != touches => return Ok(true),
-            Err(AimError::Interrupted) => return Err(AimError::Interrupted),
-            _ => {}
-        }
-    }
-    Ok(false)
+    let different = |start: &[f64; 2]| match model.touches(rpm, *start) {
+        Ok(other) if other != touches => Some(Ok(true)),
+        Err(AimError::Interrupted) => Some(Err(AimError::Interrupted)),
+        _ => None,
+    };
+    starts.par_iter().find_map_any(different).unwrap_or(Ok(false))
 }

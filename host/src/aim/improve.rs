@@ -12,15 +12,14 @@ use super::target::{Target, largest};
 use nalgebra::{DMatrix, DVector};
 use protocol::units::CentiRpm;
 
-/// Error of all values below which the search ends, degrees.
-pub const CLOSE: f64 = 0.1;
-
 /// Largest step of a speed at first, rpm.
 const FIRST_STEP: f64 = 20.0;
 /// Smallest step that is tried, rpm.
 const LAST_STEP: f64 = 0.05;
 /// Most evaluations of the model in a search.
-const VALUES: usize = 9;
+pub const VALUES: usize = 9;
+/// Length of a step of which an update corrects the derivatives by half, rpm: the differences over much shorter ones are errors.
+const TELLING_STEP: f64 = 0.5;
 /// Smallest predicted improvement of a step: in degrees, and as a share of the error.
 const GAIN: [f64; 2] = [0.03, 0.01];
 
@@ -33,15 +32,21 @@ pub struct Best<T> {
     pub state: T,
     /// Largest error of a value, degrees.
     pub error: f64,
+    /// Derivatives of the values with respect to the speeds, 1/rpm, as corrected by the search.
+    pub derivatives: DMatrix<f64>,
 }
 
-/// What is asked for, and the thrust that counts as much as a degree, N.
+/// What is asked for, and how nearly.
 #[derive(Clone, Copy, Debug)]
 pub struct Goal<'a> {
     /// What is asked for.
     pub target: &'a Target,
-    /// N.
+    /// The thrust that counts as much as a degree, N.
     pub thrust_step_n: f64,
+    /// Error of all values below which the search ends, degrees.
+    pub close: f64,
+    /// Most evaluations in the search.
+    pub values: usize,
 }
 
 /// A point of a search.
@@ -52,7 +57,7 @@ struct Point<T> {
     misses: DVector<f64>,
 }
 
-/// Improves speeds until all errors are below [`CLOSE`], or until no step is predicted to reduce them.
+/// Improves speeds until all errors are below [`Goal::close`], or until no step is predicted to reduce them.
 ///
 /// `derivatives`: initial derivatives of the values with respect to the speeds, 1/rpm; `value`: returns the attitude at
 /// given speeds, and data for the caller.
@@ -73,9 +78,9 @@ pub fn improve<T>(
     };
     let mut best = point(on_board(start))?;
     let mut longest = FIRST_STEP;
-    for _ in 1..VALUES {
+    for _ in 1..goal.values {
         let miss = best.misses.norm();
-        if best.misses.amax() < CLOSE || longest < LAST_STEP {
+        if best.misses.amax() < goal.close || longest < LAST_STEP {
             break;
         }
         let step = step(&derivatives, &best.misses, bounds(best.rpm, longest));
@@ -95,7 +100,7 @@ pub fn improve<T>(
             }
         };
         let unforeseen = &next.values - &best.values - &derivatives * &taken;
-        derivatives += unforeseen * taken.transpose() / taken.norm_squared();
+        derivatives += unforeseen * taken.transpose() / (taken.norm_squared() + TELLING_STEP * TELLING_STEP);
         if next.misses.norm() < miss {
             longest = longest.max(2.0 * taken.amax());
             best = next;
@@ -103,7 +108,7 @@ pub fn improve<T>(
             longest = 0.5 * taken.amax();
         }
     }
-    Ok(Best { rpm: best.rpm, error: largest(best.misses.as_slice()), state: best.state })
+    Ok(Best { rpm: best.rpm, error: largest(best.misses.as_slice()), state: best.state, derivatives })
 }
 
 /// Returns the nearest speeds that a board can turn at, rpm.
@@ -155,6 +160,8 @@ mod tests {
     use super::*;
     use crate::aim::quantity::Quantity;
 
+    const CLOSE: f64 = 0.1;
+
     /// A smooth map without a model: yaw falls with the sum of the speeds, pitch with their difference.
     fn attitude([w1, w2]: [f64; 2]) -> Attitude {
         let (sum, difference) = (w1 + w2, w1 - w2);
@@ -167,7 +174,7 @@ mod tests {
 
     fn search(yaw: f64, pitch: f64, start: [f64; 2], derivatives: &[f64]) -> (Best<()>, usize) {
         let target = Target { wanted: vec![(Quantity::Yaw, yaw), (Quantity::Pitch, pitch)] };
-        let goal = Goal { target: &target, thrust_step_n: 1.0 };
+        let goal = Goal { target: &target, thrust_step_n: 1.0, close: CLOSE, values: VALUES };
         let mut values = 0;
         let derivatives = DMatrix::from_row_slice(2, 2, derivatives);
         let best = improve(goal, start, derivatives, |rpm| {

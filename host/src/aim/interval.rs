@@ -48,11 +48,12 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Returns the interval about a state of the model at starting angles of zero.
+    /// Returns the interval about a steady state of the model at starting angles of zero, and about `trial`, the attitude at the
+    /// end of a whole trial at the same speeds.
     ///
     /// # Errors
     /// [`AimError::Model`] and [`AimError::Interrupted`].
-    pub fn about(model: &Model, errors: &[StdError], state: &State) -> Result<Self, AimError> {
+    pub fn about(model: &Model, errors: &[StdError], state: &State, trial: &Attitude) -> Result<Self, AimError> {
         let rpm = state.rpm();
         let starts = if Ratio::of(rpm).is_some() { phase::starts(rpm, PHASES) } else { Vec::new() };
         let shifted = errors.iter().filter_map(|error| Some((shifted(model.robot, error)?, error)));
@@ -74,9 +75,10 @@ impl Interval {
         let contact_by_phase = phases.iter().any(|phase| phase.touches() != state.touches());
         let all: Vec<[f64; 3]> = [state].into_iter().chain(&phases).map(|state| angles(&state.attitude)).collect();
         let ranges = [0, 1, 2].map(|i| range(&all.iter().map(|angles| angles[i]).collect::<Vec<_>>()));
+        let trial = angles(trial);
         let [yaw_ci_deg, pitch_ci_deg, roll_ci_deg] = [0, 1, 2].map(|i| {
             let beside = (NORMAL_95 * std_error_deg[i]).hypot(SOLVER_DEG);
-            [ranges[i][0] - beside, ranges[i][1] + beside]
+            [ranges[i][0].min(trial[i]) - beside, ranges[i][1].max(trial[i]) + beside]
         });
         let phase_spread_deg = ranges.map(|[low, high]| high - low);
         Ok(Self { yaw_ci_deg, pitch_ci_deg, roll_ci_deg, phase_spread_deg, std_error_deg, contact_by_phase })

@@ -8,10 +8,13 @@ use sim::contact::bundling::Bundling;
 use sim::params::Robot;
 use sim::periodic::{self, Kind, Periodic, SolveError};
 use sim::profile::SpeedProfile;
-use sim::trial::{Options, Trial};
+use sim::trial::{Options, Summary, Trial};
 
 /// Duration of the trial if no repeating motion is found, s: the default run of a plan.
 pub const TRIAL_S: f64 = 120.0;
+
+/// Rate at which a trial is looked at, 1/s of simulated time.
+const CHECK_HZ: f64 = 0.5;
 
 /// A robot with the caller's callbacks.
 #[derive(Clone, Copy)]
@@ -45,6 +48,18 @@ pub struct State {
 }
 
 impl State {
+    fn of([w1_rpm, w2_rpm]: [f64; 2], kind: Kind, summary: &Summary) -> Self {
+        Self {
+            w1_rpm,
+            w2_rpm,
+            attitude: Attitude::of(summary),
+            kind,
+            contact: summary.bundling,
+            contact_share: summary.contact_share,
+            min_gap_m: summary.min_gap_m,
+        }
+    }
+
     /// Returns the speeds, rpm.
     pub fn rpm(&self) -> [f64; 2] {
         [self.w1_rpm, self.w2_rpm]
@@ -75,28 +90,53 @@ impl Model<'_> {
             SolveError::Interrupted => AimError::Interrupted,
             source => AimError::Model { rpm, source },
         })?;
-        let [w1_rpm, w2_rpm] = rpm;
-        Ok(State {
-            w1_rpm,
-            w2_rpm,
-            attitude: Attitude::of(&summary),
-            kind,
-            contact: summary.bundling,
-            contact_share: summary.contact_share,
-            min_gap_m: summary.min_gap_m,
-        })
+        Ok(State::of(rpm, kind, &summary))
+    }
+
+    /// Returns the state at the end of a whole trial at these speeds, of motors that start at angles of zero. Its contact is
+    /// that of the whole trial.
+    ///
+    /// # Errors
+    /// [`AimError::Model`] and [`AimError::Interrupted`].
+    pub fn trial(&self, rpm: [f64; 2]) -> Result<State, AimError> {
+        let summary = self.run(rpm, [0.0; 2], |_| true)?;
+        Ok(State::of(rpm, Kind::of_trial(summary.steady.settled), &summary))
     }
 
     /// Returns whether the flagella touch at some time of a trial at these speeds. The trial ends at their first contact,
-    /// whose steps take most of the time.
+    /// whose steps take most of the time, or when the means of two steady windows agree.
     ///
     /// # Errors
     /// [`AimError::Model`] and [`AimError::Interrupted`].
     pub fn touches(&self, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<bool, AimError> {
+        let mut before: Option<Summary> = None;
+        let goes_on = |trial: &Trial| {
+            let now = trial.summary();
+            if now.first_contact_s.is_some() {
+                return false;
+            }
+            let passed = now.simulated_s - before.as_ref().map_or(0.0, |before| before.simulated_s);
+            if passed < now.steady.window_s {
+                return true;
+            }
+            let agrees = before.as_ref().is_some_and(|before| periodic::agree(&before.steady, &now.steady));
+            before = Some(now);
+            !agrees
+        };
+        Ok(self.run(rpm, start_deg, goes_on)?.first_contact_s.is_some())
+    }
+
+    /// Returns the results of a trial that runs to its end or as long as `goes_on`.
+    fn run(
+        &self,
+        rpm: [f64; 2],
+        start_deg: [f64; 2],
+        mut goes_on: impl FnMut(&Trial) -> bool,
+    ) -> Result<Summary, AimError> {
         let failed = |source: SolveError| AimError::Model { rpm, source };
         let profile = SpeedProfile::constant(rpm, TRIAL_S).map_err(|error| failed(error.into()))?;
         let profile = profile.from_angles(start_deg.map(f64::to_radians));
-        let options = Options { rate_hz: 1.0, shapes: false };
+        let options = Options { rate_hz: CHECK_HZ, shapes: false };
         let mut trial =
             Trial::new(self.robot, Closure::Full, profile, options).map_err(|error| failed(error.into()))?;
         while let Some(sample) = trial.next() {
@@ -104,11 +144,11 @@ impl Model<'_> {
             if !(self.goes_on)() {
                 return Err(AimError::Interrupted);
             }
-            if trial.summary().first_contact_s.is_some() {
+            if !goes_on(&trial) {
                 break;
             }
         }
         (self.solved)();
-        Ok(trial.summary().first_contact_s.is_some())
+        Ok(trial.summary())
     }
 }

@@ -85,6 +85,11 @@ impl Table {
         self.thrust_step_n
     }
 
+    /// Returns whether the flagella touch at the row nearest to these speeds.
+    pub fn touches(&self, rpm: [f64; 2]) -> bool {
+        self.next_to(rpm, 1).into_iter().any(|(_, row)| self.rows[row].touches == Some(true))
+    }
+
     /// Returns the rows that are nearer to the target than all rows next to them, the nearest one first.
     pub fn nearest(&self, target: &Target) -> Vec<Row> {
         let misses: Vec<f64> = self.rows.iter().map(|row| self.miss(target, &row.attitude)).collect();

@@ -28,7 +28,7 @@ mod slow;
 use crate::body::closure::Closure;
 use crate::params::{ParamError, Robot};
 use crate::profile::{ProfileError, SpeedProfile};
-use crate::steady::whole_turns;
+use crate::steady::{Level, Steady, whole_turns};
 use crate::step::StepError;
 use crate::trial::{Checkpoint, Options, Summary, Trial};
 use serde::{Deserialize, Serialize};
@@ -135,6 +135,11 @@ pub fn solve(
     }
 }
 
+/// Returns whether the mean yaw, pitch and roll of two windows differ by less than 0.1 degrees: the motion has settled.
+pub fn agree(one: &Steady, other: &Steady) -> bool {
+    one.attitude.iter().zip(&other.attitude).all(|(a, b)| (a.mean - b.mean).abs() <= AGREEMENT)
+}
+
 /// Simulates on, window by window, to the end of a profile or until the means of two windows agree. `from_s`: time that the
 /// trial has come to, s; `simulated_s`: all that was simulated.
 fn follow(
@@ -145,7 +150,7 @@ fn follow(
     watch: Watch,
 ) -> Result<Periodic, SolveError> {
     let window = whole_turns(whole.target(), whole.end());
-    let mut before: Option<[f64; 3]> = None;
+    let mut before: Option<Steady> = None;
     loop {
         let left = whole.end() - from_s;
         let duration = if left < 1.5 * window { left } else { window };
@@ -155,19 +160,18 @@ fn follow(
         simulated_s += trial.state().time - from_s;
         from_s = trial.state().time;
         let mut summary = trial.summary();
-        let means = summary.steady.attitude.map(|level| level.mean);
-        let near = |allowed: fn(f64) -> f64| {
-            before.is_some_and(|before| (0..3).all(|i| (means[i] - before[i]).abs() <= allowed(means[i])))
-        };
-        if near(|_| AGREEMENT) || from_s >= whole.end() - window * 1e-6 {
+        let has_settled = before.as_ref().is_some_and(|before| agree(before, &summary.steady));
+        if has_settled || from_s >= whole.end() - window * 1e-6 {
             // As for a trial: half a degree or 1 %.
-            summary.steady.settled = near(|mean| 0.5f64.to_radians().max(0.01 * mean.abs()));
+            let near = |a: Level, b: Level| (a.mean - b.mean).abs() <= 0.5f64.to_radians().max(0.01 * a.mean.abs());
+            let levels = |before: &Steady| (0..3).all(|i| near(summary.steady.attitude[i], before.attitude[i]));
+            summary.steady.settled = before.as_ref().is_some_and(levels);
             summary.steady.settle_s = 0.0;
             summary.simulated_s = simulated_s;
             let kind = Kind::of_trial(summary.steady.settled);
             return Ok(Periodic { kind, summary, period_s: None, simulated_s });
         }
-        before = Some(means);
+        before = Some(summary.steady);
     }
 }
 
