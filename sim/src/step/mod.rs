@@ -20,23 +20,23 @@
 //! # Where the time goes
 //!
 //! Shares of the processor's time, closure `full`, AVX-512: robot `published` at (90, 90) rpm without contact, at (90, 60)
-//! with light contact and at (-90, -80), where the flagella mesh; robot `physical` at (90, 90).
+//! with light contact and at (-90, -80), where the flagella mesh; robot `physical` at (90, 90). Trials of 1200 s, and of 120 s
+//! at (-90, -80).
 //!
 //! | part | free | light | hard | `physical` |
 //! | --- | --- | --- | --- | --- |
-//! | residuals, `Flagellum::update_residual` | 29 % | 32 % | 21 % | 31 % |
-//! | of these, of the compliance and of the surroundings: flow of points, `Targets::add_flow` | 22 % | 25 % | 16 % | 30 % |
-//! | frames and elastic forces, `StepProblem::update_forces` | 8 % | 9 % | 5 % | 9 % |
-//! | products with the frozen inverse, `Flagellum::precondition` | 13 % | 11 % | 11 % | 12 % |
-//! | compliance to contact forces, `Flagellum::compliance_columns` | 0 % | 4 % | 8 % | 0 % |
-//! | search for close edges, `BroadPhase::search` | 10 % | 8 % | 5 % | 7 % |
-//! | least gap of every step, `BroadPhase::least_distance` | 10 % | 4 % | 2 % | 5 % |
-//! | moving the shapes, `Flagellum::apply` | 3 % | 3 % | 3 % | 2 % |
-//! | frozen inverses, `Equations::invert` | 4 % | 3 % | 16 % | 3 % |
-//! | flow of the head, `Surroundings::update` | 0 % | 0 % | 0 % | 14 % |
+//! | residuals, with the flow of the rods, `Flagellum::update_residual` | 30 % | 31 % | 25 % | 25 % |
+//! | frames and elastic forces, `StepProblem::update_forces` | 10 % | 9 % | 7 % | 10 % |
+//! | products with the frozen inverse, `Flagellum::precondition` | 13 % | 13 % | 12 % | 12 % |
+//! | compliance to contact forces, `Flagellum::compliance_columns` | 0 % | 3 % | 8 % | 0 % |
+//! | search for close edges, `BroadPhase::search` | 8 % | 8 % | 8 % | 7 % |
+//! | least gap of every step, `BroadPhase::least_distance` | 8 % | 2 % | 2 % | 5 % |
+//! | moving the shapes, `Flagellum::apply` | 3 % | 5 % | 5 % | 3 % |
+//! | frozen inverses, `Equations::invert` | 1 % | 0 % | 1 % | 1 % |
+//! | flow of the head, `Surroundings::update` | 0 % | 0 % | 0 % | 13 % |
 //!
 //! Printed, for one column, by
-//! `perf record --call-graph dwarf,4096 -F 997 -e cpu-clock target/release/examples/point 90 90 full 120 published` and
+//! `perf record --call-graph dwarf,4096 -F 997 -e cpu-clock target/release/examples/point 90 90 full 1200 published` and
 //! `perf report --children --no-inline -g none`; the rest is spread over the sweep itself.
 
 mod accept;
