@@ -13,7 +13,8 @@
 //! decay in more than a second (`slow`); the rest of the state follows them within the period. So a period maps seven
 //! coordinates y. With its derivative M and the change F(y) over a period, a Newton step is (I - M)⁻¹ F. M is estimated
 //! from the periods themselves (`modes`), and Anderson acceleration over the last periods corrects its error. A step
-//! moves the state and its past in the slow coordinates; the ordinary solver continues from there.
+//! moves the state and its past in the slow coordinates; the ordinary solver continues from there. Where the two
+//! estimates of a step differ much, or M has a direction that grows, a period passes without a step.
 //!
 //! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration. The results are means
 //! over the last period, by the ordinary solver and the ordinary steady window. If no motion is found, or if the motors
@@ -106,7 +107,8 @@ pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
 /// Solves for the steady state of a robot whose motors turn at constant speeds.
 ///
 /// `rpm`: speeds of the motors; `start_rad`: their angles at the start, which select one of several steady states
-/// ([`crate::phase`]); `longest_s`: duration of the simulation if no repeating motion is found.
+/// ([`crate::phase`]); `longest_s`: duration of the simulation if no repeating motion is found; a search that ends late
+/// is followed by at least two windows.
 ///
 /// # Errors
 /// Impossible parameters, speeds or duration, a trial that fails, and [`SolveError::Interrupted`]. A failing step of the
@@ -210,7 +212,7 @@ impl Orbit {
     }
 }
 
-/// Searches for the repeating motion. [`solve`] also simulates on if there is none.
+/// Searches for the repeating motion, for 54 s or four fifths of `longest_s`. [`solve`] also simulates on if there is none.
 ///
 /// # Errors
 /// Impossible parameters or speeds, and [`SolveError::Interrupted`].

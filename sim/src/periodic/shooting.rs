@@ -93,16 +93,9 @@ pub fn shoot(
     loop {
         trial.set_accuracy(if is_coarse { &coarse } else { &ordinary });
         let start = trial.checkpoint();
-        let began_s = trial.state().time;
-        let mut path = vec![slow::coordinates(trial.solver(), trial.state())];
-        for sample in 1..=samples {
-            // The last one ends with the profile: rounding must not leave a sliver of time.
-            let until = if sample < samples { began_s + interval * sample as f64 } else { f64::INFINITY };
-            if run(&mut trial, until, watch)?.is_err() {
-                return Ok(Outcome::Failed { simulated_s: trial.state().time });
-            }
-            path.push(slow::coordinates(trial.solver(), trial.state()));
-        }
+        let Some(path) = sampled(&mut trial, samples, interval, watch)? else {
+            return Ok(Outcome::Failed { simulated_s: trial.state().time });
+        };
         let simulated_s = trial.state().time;
         let (from, end) = (path[0], path[samples]);
         if let Some(before) = paths.last() {
@@ -118,7 +111,7 @@ pub fn shoot(
             let is_stable = !modes.grow();
             // With the assumed decay, too: small differences tell little of the true one.
             let assumed = attitude(&(end - from)) / (1.0 - (-period / ASSUMED_S).exp());
-            let is_found = distance.max(assumed) < TOLERANCE && !is_coarse && paths.len() > 1;
+            let is_found = distance < TOLERANCE && assumed < TOLERANCE && !is_coarse && paths.len() > 1;
             resting_s = if is_found { resting_s + period } else { 0.0 };
             if resting_s > 0.0 && (is_stable || resting_s > RESTING_S) {
                 let mut summary = trial.summary();
@@ -148,6 +141,22 @@ pub fn shoot(
         is_coarse = next_is_coarse;
         trial = trial.followed_by(profile(simulated_s)?, state);
     }
+}
+
+/// Runs a trial to its end and returns its slow coordinates at the start and at the ends of `count` intervals (s); `None` if a
+/// step fails.
+fn sampled(trial: &mut Trial, count: usize, interval: f64, watch: Watch) -> Result<Option<Vec<Slow>>, SolveError> {
+    let start = trial.state().time;
+    let mut path = vec![slow::coordinates(trial.solver(), trial.state())];
+    for sample in 1..=count {
+        // The last one ends with the profile: rounding must not leave a sliver of time.
+        let until = if sample < count { start + interval * sample as f64 } else { f64::INFINITY };
+        if run(trial, until, watch)?.is_err() {
+            return Ok(None);
+        }
+        path.push(slow::coordinates(trial.solver(), trial.state()));
+    }
+    Ok(Some(path))
 }
 
 /// Returns the step from the start of the last period to the motion that repeats, by that period alone and by the last
