@@ -39,7 +39,7 @@ use crate::body::closure::Closure;
 use crate::body::shaft::MotorState;
 use crate::contact::bundling::{Bundling, winding};
 use crate::contact::pairs::Lines;
-use crate::params::{ParamError, Robot};
+use crate::params::{ParamError, Robot, SolverSettings};
 use crate::profile::{ProfileError, SpeedProfile};
 use crate::sample::{DenseOutput, ForceRecord, Interpolated, Sample, StepRecord, shapes_at};
 use crate::state::State;
@@ -315,6 +315,11 @@ impl Trial {
     /// Sets the output. The trial must not have given a sample yet.
     pub(crate) fn set_options(&mut self, options: Options) {
         self.options = options;
+    }
+
+    /// Sets the lengths and the tolerance of the steps to come.
+    pub(crate) fn set_accuracy(&mut self, settings: &SolverSettings) {
+        self.solver.set_accuracy(settings);
     }
 
     /// Returns the profile, with the angles of the helices.

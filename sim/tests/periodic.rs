@@ -61,7 +61,7 @@ fn a_motion_that_repeats_costs_less_than_half_of_a_trial() {
 
 #[test]
 fn the_period_gives_the_results_again() {
-    let search = periodic::search(&Robot::default(), Closure::Full, [0.0, 45.0], [0.0; 2], &|_| true);
+    let search = periodic::search(&Robot::default(), Closure::Full, [0.0, 45.0], [0.0; 2], LONGEST_S, &|_| true);
     let orbit = search.expect("no failure").orbit.expect("a motion that repeats");
     let (summary, period_s) = (orbit.summary.clone(), orbit.period_s);
     let mut trial = orbit.into_trial(Options { rate_hz: 50.0, shapes: false });
@@ -96,11 +96,4 @@ fn impossible_input_and_an_interruption_are_errors() {
     heavy.base.mass_kg = -1.0;
     let wrong = periodic::solve(&heavy, Closure::Full, [1.0, 90.0], [0.0; 2], 120.0, &|_| true);
     assert!(matches!(wrong, Err(SolveError::Parameter(_))));
-}
-
-/// Near (70, 10) rpm a trial lingers by a motion that repeats and is not stable: 1.5 degrees of yaw from where it ends.
-#[test]
-fn motion_that_is_not_stable_is_not_steady() {
-    let found = periodic::solve(&Robot::default(), Closure::Full, [70.0, 10.0], [0.0; 2], 120.0, &|_| true).unwrap();
-    assert_ne!(found.kind, Kind::Steady, "{found:?}");
 }

@@ -13,7 +13,8 @@
 //! decay in more than a second (`slow`); the rest of the state follows them within the period. So a period maps seven
 //! coordinates y. With its derivative M and the change F(y) over a period, a Newton step is (I - M)⁻¹ F. M is estimated
 //! from the periods themselves (`modes`), and Anderson acceleration over the last periods corrects its error. A step
-//! moves the state and its past in the slow coordinates; the ordinary solver continues from there.
+//! moves the state and its past in the slow coordinates; the ordinary solver continues from there. Where the two
+//! estimates of a step differ much, or M has a direction that grows, a period passes without a step.
 //!
 //! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration. The results are means
 //! over the last period, by the ordinary solver and the ordinary steady window. If no motion is found, or if the motors
@@ -106,7 +107,8 @@ pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
 /// Solves for the steady state of a robot whose motors turn at constant speeds.
 ///
 /// `rpm`: speeds of the motors; `start_rad`: their angles at the start, which select one of several steady states
-/// ([`crate::phase`]); `longest_s`: duration of the simulation if no repeating motion is found.
+/// ([`crate::phase`]); `longest_s`: duration of the simulation if no repeating motion is found; a search that ends late
+/// is followed by at least two windows.
 ///
 /// # Errors
 /// Impossible parameters, speeds or duration, a trial that fails, and [`SolveError::Interrupted`]. A failing step of the
@@ -120,12 +122,16 @@ pub fn solve(
     watch: Watch,
 ) -> Result<Periodic, SolveError> {
     let whole = SpeedProfile::constant(rpm, longest_s)?.from_angles(start_rad);
-    match shoot(robot, closure, rpm, start_rad, watch)? {
+    match shoot(robot, closure, rpm, start_rad, longest_s, watch)? {
         Outcome::Found { orbit, simulated_s } => {
             let Orbit { summary, period_s, .. } = *orbit;
             Ok(Periodic { kind: Kind::Steady, summary, period_s: Some(period_s), simulated_s })
         }
         Outcome::Lost { trial, simulated_s } if simulated_s < longest_s => {
+            // At least two windows: it takes as many to see whether their means agree.
+            let window = whole_turns(whole.target(), longest_s);
+            let end = longest_s.max(simulated_s + 2.0 * window);
+            let whole = SpeedProfile::constant(rpm, end)?.from_angles(start_rad);
             follow(*trial, &whole, simulated_s, simulated_s, watch)
         }
         Outcome::Lost { simulated_s, .. } | Outcome::Failed { simulated_s } => {
@@ -206,7 +212,7 @@ impl Orbit {
     }
 }
 
-/// Searches for the repeating motion. [`solve`] also simulates on if there is none.
+/// Searches for the repeating motion, for 54 s or four fifths of `longest_s`. [`solve`] also simulates on if there is none.
 ///
 /// # Errors
 /// Impossible parameters or speeds, and [`SolveError::Interrupted`].
@@ -215,9 +221,10 @@ pub fn search(
     closure: Closure,
     rpm: [f64; 2],
     start_rad: [f64; 2],
+    longest_s: f64,
     watch: Watch,
 ) -> Result<Search, SolveError> {
-    Ok(match shoot(robot, closure, rpm, start_rad, watch)? {
+    Ok(match shoot(robot, closure, rpm, start_rad, longest_s, watch)? {
         Outcome::Found { orbit, simulated_s } => Search { orbit: Some(*orbit), simulated_s },
         Outcome::Lost { simulated_s, .. } | Outcome::Failed { simulated_s } => Search { orbit: None, simulated_s },
     })
@@ -235,4 +242,27 @@ fn run(trial: &mut Trial, until: f64, watch: Watch) -> Result<Result<(), StepErr
         }
     }
     Ok(Ok(()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Near (70, 10) rpm there are two stable motions and one between them that is not stable, with a yaw of -85.05 degrees.
+    #[test]
+    fn a_motion_that_is_steady_is_stable() {
+        let rpm = [70.0, 10.0];
+        let search = search(&Robot::default(), Closure::Full, rpm, [0.0; 2], 120.0, &|_| true).expect("no failure");
+        let Orbit { trial, summary, .. } = search.orbit.expect("a motion that repeats");
+        let [before, ..] = summary.steady.attitude;
+        assert!((before.mean.to_degrees() + 85.05).abs() > 0.5, "{before:?}");
+        // A difference from what is not stable would have grown by a factor of 50 after ten periods.
+        let (from_s, state) = (trial.state().time, trial.state().clone());
+        let whole = SpeedProfile::constant(rpm, from_s + 60.0).expect("a profile");
+        let rest = whole.between(from_s, from_s + 60.0).expect("a profile");
+        let after = trial.followed_by(rest, state).finish().expect("a run").steady.attitude;
+        for (before, after) in summary.steady.attitude.iter().zip(&after) {
+            assert!((after.mean - before.mean).to_degrees().abs() < 0.1, "{before:?} {after:?}");
+        }
+    }
 }

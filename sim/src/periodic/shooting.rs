@@ -1,11 +1,11 @@
 //! Shooting: periods of the ordinary solver, and steps between them in the slow coordinates.
 
-use super::modes::{Map, Modes};
+use super::modes::{ASSUMED_S, Map, Modes};
 use super::slow::{self, COORDINATES, Slow};
 use super::{Orbit, SolveError, TOLERANCE, Watch, period, run};
 use crate::anderson::Anderson;
 use crate::body::closure::Closure;
-use crate::params::Robot;
+use crate::params::{Robot, SolverSettings};
 use crate::profile::{ProfileError, SpeedProfile};
 use crate::state::State;
 use crate::step::Solver;
@@ -14,8 +14,20 @@ use std::f64::consts::PI;
 
 /// Simulated time in which the motion decays by itself before the first step, s, at least.
 const DECAY_S: f64 = 6.0;
-/// Simulated time of a search, s.
+/// Simulated time of a search, s, at least, ...
 const PATIENCE_S: f64 = 54.0;
+/// ... and as a share of the longest simulation.
+const PATIENCE: f64 = 0.8;
+/// Share of the search after which all periods have the ordinary accuracy.
+const COARSE: f64 = 0.8;
+/// Time without a move after which a motion that stays as it is counts as stable, s.
+const RESTING_S: f64 = 8.0;
+/// Bound of a step's error in coarse periods, over the ordinary one.
+const COARSE_ERROR: f64 = 10.0;
+/// Tolerance of a step's iteration in coarse periods, over the ordinary one ...
+const COARSE_TOLERANCE: f64 = 5.0;
+/// ... and at most: with more, steps fail.
+const LARGEST_TOLERANCE: f64 = 0.1;
 /// Time between samples of the slow coordinates, s, about.
 const SAMPLE_S: f64 = 0.5;
 /// Samples that are left out after a start from rest or a move: fast modes are still in them.
@@ -24,6 +36,12 @@ const SKIPPED: usize = 2;
 const COMBINED: usize = 5;
 /// Longest time constant that is believed, s: it bounds the steps.
 const SLOWEST_S: f64 = 60.0;
+/// Longest step, rad: where a longer one seems right, the motion is not yet near enough to be linear.
+const LONGEST: f64 = 20.0 * PI / 180.0;
+/// Largest difference of the two estimates of a step, over the longer one.
+const DIFFERENCE: f64 = 0.7;
+/// A step shorter than this, rad, ends the coarse periods: their own error is of this size.
+const CLOSE: f64 = 1.0 * PI / 180.0;
 /// Halvings of a move that would make the flagella overlap.
 const HALVINGS: i32 = 5;
 
@@ -37,7 +55,10 @@ pub enum Outcome {
     Failed { simulated_s: f64 },
 }
 
-/// Searches for the motion that repeats.
+/// Searches for the motion that repeats. `longest_s`: duration of the simulation if there is none.
+///
+/// Most of the search needs no great accuracy. Periods in which the flagella touch have coarse steps, at about half the
+/// cost, until the motion is close.
 ///
 /// # Errors
 /// Impossible parameters or speeds, and [`SolveError::Interrupted`].
@@ -46,6 +67,7 @@ pub fn shoot(
     closure: Closure,
     rpm: [f64; 2],
     start_rad: [f64; 2],
+    longest_s: f64,
     watch: Watch,
 ) -> Result<Outcome, SolveError> {
     let speeds = rpm.map(|rpm| rpm * PI / 30.0);
@@ -61,56 +83,80 @@ pub fn shoot(
         let angles = [0, 1].map(|k| start_rad[k] + speeds[k] * time);
         Ok(SpeedProfile::from_points(&[(time, rpm), (time + period, rpm)])?.from_angles(angles))
     };
-    let solver = Solver::new(&with_even_steps(robot, speeds, interval), closure)?;
-    let mut trial = Trial::with_solver(solver, profile(0.0)?, Options::default())?;
-    let mut modes = Modes::new(interval);
+    let mut trial = Trial::with_solver(Solver::new(robot, closure)?, profile(0.0)?, Options::default())?;
+    let ordinary = with_even_steps(&robot.solver, speeds, interval);
+    let coarse = with_coarse_steps(&ordinary);
+    let mut modes = Modes::new(interval, period);
     let mut paths: Vec<Vec<Slow>> = Vec::new();
-    let mut last_distance = f64::INFINITY;
+    let patience_s = PATIENCE_S.max(PATIENCE * longest_s);
+    let (mut is_coarse, mut was_close, mut resting_s) = (true, false, 0.0);
     loop {
+        trial.set_accuracy(if is_coarse { &coarse } else { &ordinary });
         let start = trial.checkpoint();
-        let began_s = trial.state().time;
-        let mut path = vec![slow::coordinates(trial.solver(), trial.state())];
-        for sample in 1..=samples {
-            // The last one ends with the profile: rounding must not leave a sliver of time.
-            let until = if sample < samples { began_s + interval * sample as f64 } else { f64::INFINITY };
-            if run(&mut trial, until, watch)?.is_err() {
-                return Ok(Outcome::Failed { simulated_s: trial.state().time });
-            }
-            path.push(slow::coordinates(trial.solver(), trial.state()));
-        }
+        let Some(path) = sampled(&mut trial, samples, interval, watch)? else {
+            return Ok(Outcome::Failed { simulated_s: trial.state().time });
+        };
         let simulated_s = trial.state().time;
-        let end = path[samples];
+        let (from, end) = (path[0], path[samples]);
         if let Some(before) = paths.last() {
             modes.record(&before[SKIPPED..], &path[SKIPPED..]);
         }
         paths.push(path);
         let mut state = trial.state().clone();
+        let touches = trial.summary().contact_share > 0.0;
+        let mut next_is_coarse = touches && !was_close;
         if simulated_s >= DECAY_S.max(1.5 * period) {
-            let from = paths[paths.len() - 1][0];
             let [newton, step] = steps(&paths, modes.newton(samples));
             let distance = attitude(&newton).max(attitude(&step));
-            let is_near = distance < TOLERANCE;
-            if is_near && !modes.grow() {
+            let is_stable = !modes.grow();
+            // With the assumed decay, too: small differences tell little of the true one.
+            let assumed = attitude(&(end - from)) / (1.0 - (-period / ASSUMED_S).exp());
+            let is_found = distance < TOLERANCE && assumed < TOLERANCE && !is_coarse && paths.len() > 1;
+            resting_s = if is_found { resting_s + period } else { 0.0 };
+            if resting_s > 0.0 && (is_stable || resting_s > RESTING_S) {
                 let mut summary = trial.summary();
                 (summary.steady.settled, summary.steady.settle_s) = (true, 0.0);
                 let orbit = Box::new(Orbit { trial, start, summary, period_s: period });
                 return Ok(Outcome::Found { orbit, simulated_s });
             }
-            if simulated_s + period > PATIENCE_S {
+            if simulated_s + period > patience_s {
+                trial.set_accuracy(&ordinary);
                 return Ok(Outcome::Lost { trial: Box::new(trial), simulated_s });
             }
-            // After a step that did not help, before one that cannot be true, and near a motion that seems not to be stable, a
-            // period passes without a step: the motion decays by itself, or leaves what is not stable.
-            let longest = (end - from).amax() / (1.0 - (-period / SLOWEST_S).exp());
-            if !is_near && distance < last_distance.min(longest) {
+            let is_close = distance < CLOSE;
+            // Where no step is to be trusted, a period passes without one: the motion decays by itself, or leaves what is not
+            // stable.
+            let longest = LONGEST.min((end - from).amax() / (1.0 - (-period / SLOWEST_S).exp()));
+            let agree = attitude(&(newton - step)) <= DIFFERENCE * distance;
+            let is_plausible = distance >= TOLERANCE && distance < longest && agree;
+            if is_stable && (is_plausible || is_coarse && is_close) {
                 state = moved_apart(&mut trial, &(from + step - end));
-                last_distance = distance;
-            } else {
-                last_distance = f64::INFINITY;
+            }
+            if next_is_coarse && (is_close || simulated_s > COARSE * patience_s) {
+                (next_is_coarse, was_close) = (false, true);
+                // Coarse periods end elsewhere.
+                paths.clear();
             }
         }
+        is_coarse = next_is_coarse;
         trial = trial.followed_by(profile(simulated_s)?, state);
     }
+}
+
+/// Runs a trial to its end and returns its slow coordinates at the start and at the ends of `count` intervals (s); `None` if a
+/// step fails.
+fn sampled(trial: &mut Trial, count: usize, interval: f64, watch: Watch) -> Result<Option<Vec<Slow>>, SolveError> {
+    let start = trial.state().time;
+    let mut path = vec![slow::coordinates(trial.solver(), trial.state())];
+    for sample in 1..=count {
+        // The last one ends with the profile: rounding must not leave a sliver of time.
+        let until = if sample < count { start + interval * sample as f64 } else { f64::INFINITY };
+        if run(trial, until, watch)?.is_err() {
+            return Ok(None);
+        }
+        path.push(slow::coordinates(trial.solver(), trial.state()));
+    }
+    Ok(Some(path))
 }
 
 /// Returns the step from the start of the last period to the motion that repeats, by that period alone and by the last
@@ -119,8 +165,7 @@ fn steps(paths: &[Vec<Slow>], newton: Option<Map>) -> [Slow; 2] {
     let Some(newton) = newton else { return [Slow::repeat(f64::NAN); 2] };
     let ends = |path: &Vec<Slow>| (path[0], path[path.len() - 1]);
     let mut anderson = Anderson::default();
-    // The first period has the start from rest.
-    for (from, to) in paths.iter().skip(1).rev().take(COMBINED).rev().map(ends) {
+    for (from, to) in paths.iter().rev().take(COMBINED).rev().map(ends) {
         let target = from + newton * (to - from);
         anderson.record(from.as_slice(), target.as_slice().to_vec(), &[1.0; COORDINATES]);
     }
@@ -148,12 +193,15 @@ fn moved_apart(trial: &mut Trial, change: &Slow) -> State {
     state
 }
 
-/// Returns the robot with steps of which a whole number makes this time (s): they need no step of another length at its end.
-fn with_even_steps(robot: &Robot, speeds: [f64; 2], time: f64) -> Robot {
-    let mut robot = robot.clone();
+/// Returns settings with steps of which a whole number makes this time (s): they need no step of another length at its end.
+fn with_even_steps(settings: &SolverSettings, speeds: [f64; 2], time: f64) -> SolverSettings {
     let fastest = speeds[0].abs().max(speeds[1].abs()).max((speeds[0] - speeds[1]).abs());
-    let settings = &mut robot.solver;
     let longest = settings.longest_step_s.min(settings.step_rad / fastest.max(1e-9));
-    settings.longest_step_s = time / (time / longest - 1e-9).ceil();
-    robot
+    SolverSettings { longest_step_s: time / (time / longest - 1e-9).ceil(), ..settings.clone() }
+}
+
+/// Returns settings that are less accurate about contact. The length of free steps stays, and with it the solver's inverses.
+fn with_coarse_steps(settings: &SolverSettings) -> SolverSettings {
+    let tolerance = (settings.tolerance * COARSE_TOLERANCE).min(LARGEST_TOLERANCE).max(settings.tolerance);
+    SolverSettings { step_error: settings.step_error * COARSE_ERROR, tolerance, ..settings.clone() }
 }

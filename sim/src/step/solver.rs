@@ -12,7 +12,7 @@ use super::time_step::{Attempt, TimeStep};
 use super::truncation;
 use crate::body::closure::Closure;
 use crate::contact::pairs::Lines;
-use crate::params::{ParamError, Robot};
+use crate::params::{ParamError, Robot, SolverSettings};
 use crate::rod::Rod;
 use crate::state::{RodState, State};
 
@@ -56,6 +56,13 @@ impl Solver {
     /// Returns the robot, prepared.
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// Sets the lengths and the tolerance of the steps to come; all other settings stay.
+    pub(crate) fn set_accuracy(&mut self, settings: &SolverSettings) {
+        let SolverSettings { step_error, step_rad, longest_step_s, tolerance, .. } = *settings;
+        let own = &mut self.model.robot.solver;
+        *own = SolverSettings { step_error, step_rad, longest_step_s, tolerance, ..own.clone() };
     }
 
     /// Returns the number of frozen inverses built so far.

@@ -40,7 +40,8 @@ impl Motion {
         let trial = Trial::new(robot, *closure, profile.clone(), *options)?;
         let mut motion = Self { trial, method, period_s: None, searched_s: 0.0, start_s: 0.0 };
         if method == Method::Steady {
-            let search = periodic::search(robot, *closure, rpm, start_rad, watch)?;
+            let [start_s, stop_s] = profile.run();
+            let search = periodic::search(robot, *closure, rpm, start_rad, stop_s - start_s, watch)?;
             motion.searched_s = search.simulated_s;
             if let Some(orbit) = search.orbit {
                 motion.period_s = Some(orbit.period_s);
