@@ -155,13 +155,10 @@ impl Targets {
 
     /// Adds the flow of point forces, without the factor 1/(8 pi mu): N/m.
     pub fn add_flow(&mut self, sources: &Sources, epsilon: f64) {
+        let columns = sources.columns.each_ref().map(|column| &column[..sources.count]);
         match &mut self.0 {
-            Points::Single(targets) => {
-                targets.add_flow(sources.columns.each_ref().map(|column| &column[..sources.count]), epsilon)
-            }
-            Points::Double(targets) => {
-                targets.add_flow(sources.columns.each_ref().map(|column| &column[..sources.count]), epsilon)
-            }
+            Points::Single(targets) => targets.add_flow(columns, epsilon),
+            Points::Double(targets) => targets.add_flow(columns, epsilon),
         }
     }
 

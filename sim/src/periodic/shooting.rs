@@ -89,7 +89,7 @@ pub fn shoot(
     let mut modes = Modes::new(interval, period);
     let mut paths: Vec<Vec<Slow>> = Vec::new();
     let patience_s = PATIENCE_S.max(PATIENCE * longest_s);
-    let (mut is_coarse, mut was_close, mut resting_s) = (true, false, 0.0);
+    let (mut is_coarse, mut may_be_coarse, mut resting_s) = (true, true, 0.0);
     loop {
         trial.set_accuracy(if is_coarse { &coarse } else { &ordinary });
         let start = trial.checkpoint();
@@ -103,8 +103,7 @@ pub fn shoot(
         }
         paths.push(path);
         let mut state = trial.state().clone();
-        let touches = trial.summary().contact_share > 0.0;
-        let mut next_is_coarse = touches && !was_close;
+        let mut next_is_coarse = may_be_coarse && trial.summary().contact_share > 0.0;
         if simulated_s >= DECAY_S.max(1.5 * period) {
             let [newton, step] = steps(&paths, modes.newton(samples));
             let distance = attitude(&newton).max(attitude(&step));
@@ -133,7 +132,7 @@ pub fn shoot(
                 state = moved_apart(&mut trial, &(from + step - end));
             }
             if next_is_coarse && (is_close || simulated_s > COARSE * patience_s) {
-                (next_is_coarse, was_close) = (false, true);
+                (next_is_coarse, may_be_coarse) = (false, false);
                 // Coarse periods end elsewhere.
                 paths.clear();
             }
