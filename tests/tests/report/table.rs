@@ -1,0 +1,77 @@
+//! Tests of the page of a swept table.
+
+use super::{is_quiet, picture, report};
+use serde_json::json;
+use tests::Bench;
+use tests::browser::Browser;
+
+#[test]
+fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
+    let bench = Bench::new();
+    let mut table =
+        String::from("# a sweep\npoint,w1_rpm,w2_rpm,viscosity_pa_s,young_pa,stiffness,yaw_deg,tilt_deg,status\n");
+    for (i, w1) in [-90.0, 0.0, 90.0].into_iter().enumerate() {
+        for w2 in [10.0, 20.0, 50.0, 90.0] {
+            for viscosity in [0.5, 1.0, 2.0] {
+                for young in [1e6, 2e6] {
+                    let failed = i == 0 && w2 == 10.0;
+                    let yaw = if failed { String::new() } else { format!("{}", w1 * viscosity - w2 * young * 1e-6) };
+                    let line = format!("p,{w1},{w2},{viscosity},{young},{},{yaw},{w2},ok\n", viscosity / young);
+                    table += &line;
+                }
+            }
+        }
+    }
+    bench.file("table.csv", &table);
+    let page = report(&bench, "table.csv", 0);
+    let mut browser = Browser::start();
+    browser.window(1280, 900, false);
+    browser.open(&page);
+    let sliders = "[...document.querySelectorAll('.sliders label')].map((label) => label.textContent)";
+    let marks = "[...document.querySelectorAll('.sweep [data-at]')].map((mark) => mark.dataset.at)";
+    // The stiffness follows from the viscosity and Young's modulus.
+    assert_eq!(browser.evaluate(sliders), json!(["viscosity_pa_s 1", "young_pa 2000000"]));
+    let shown = browser.evaluate(marks);
+    assert_eq!(shown.as_array().unwrap().len(), 11, "one point has no yaw: {shown}");
+    assert_eq!(shown[10], "90,90,-90");
+    browser.picture(&picture("sweep.png"));
+    // The first step of the slider is half the viscosity.
+    browser.evaluate("document.querySelector('.sliders input').focus()");
+    browser.key("Home", 36);
+    assert_eq!(browser.evaluate(marks)[10], "90,90,-135");
+    // Another axis, and another result.
+    browser.evaluate(
+        "for (const [name, value] of [['x', 'viscosity_pa_s'], ['value', 'tilt_deg']]) { \
+         const select = document.querySelector(`[name=${name}]`); select.value = value; select.dispatchEvent(new Event('change')); }",
+    );
+    assert_eq!(browser.evaluate(sliders), json!(["w1_rpm 0", "young_pa 2000000"]));
+    assert_eq!(browser.evaluate(marks).as_array().unwrap().len(), 12);
+    assert_eq!(browser.text(".sweep figure h3"), "tilt_deg over viscosity_pa_s and w2_rpm");
+    assert_eq!(browser.inaccessible(), [""; 0]);
+    browser.dark(true);
+    assert_eq!(browser.inaccessible(), [""; 0]);
+    browser.window(390, 800, true);
+    browser.open(&page);
+    assert!(browser.evaluate("document.documentElement.scrollWidth") == json!(390), "the page fits a phone");
+    is_quiet(&browser, &page);
+
+    // Of one input at a time, not every combination was computed.
+    let mut table = String::from("point,w1_rpm,w2_rpm,viscosity_pa_s,young_pa,yaw_deg,status\n");
+    for (viscosity, young) in [(1.0, 1e6), (0.5, 1e6), (2.0, 1e6), (1.0, 2e6)] {
+        for (w1, w2) in [(0.0, 10.0), (0.0, 20.0), (30.0, 10.0), (30.0, 20.0)] {
+            table += &format!("p,{w1},{w2},{viscosity},{young},{},ok\n", w1 * viscosity - w2 * young * 1e-6);
+        }
+    }
+    bench.file("single.csv", &table);
+    browser.open(&report(&bench, "single.csv", 0));
+    for (slider, key, expected) in [
+        (0, ("Home", 36), ["viscosity_pa_s 0.5", "young_pa 1000000"]),
+        (1, ("End", 35), ["viscosity_pa_s 1", "young_pa 2000000"]),
+        (0, ("End", 35), ["viscosity_pa_s 2", "young_pa 1000000"]),
+    ] {
+        browser.evaluate(&format!("document.querySelectorAll('.sliders input')[{slider}].focus()"));
+        browser.key(key.0, key.1);
+        assert_eq!(browser.evaluate(sliders), json!(expected));
+        assert_eq!(browser.evaluate(marks).as_array().unwrap().len(), 4, "{expected:?}");
+    }
+}
