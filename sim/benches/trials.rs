@@ -31,7 +31,7 @@ fn run_for(duration_s: f64, robot: &Robot, closure: Closure, rpm: [f64; 2]) -> (
     let mut trial = Trial::new(robot, closure, profile, Options::default()).expect("parameters");
     let start = processor_s();
     let summary = trial.finish().expect("a run");
-    (summary, processor_s() - start, trial.solver().inverses_built())
+    (summary, processor_s() - start, trial.solver().inverses_used())
 }
 
 /// Largest difference of the mean thrusts, over the larger thrust.
@@ -225,13 +225,13 @@ fn growth() {
             first += 1;
         }
         // After the start no new inverse is needed: its cost is the rest of the start's time.
-        let (warm, built, begun_s) = (processor_s() - start, solver.inverses_built(), state.time);
+        let (warm, built, begun_s) = (processor_s() - start, solver.inverses_used(), state.time);
         let (start, mut sweeps) = (processor_s(), 0);
         let steps = if edges > 150 { 25 } else { 100 };
         for _ in 0..steps {
             sweeps += control.advance(&mut solver, &mut state, FAR, &motors).expect("a step").sweeps;
         }
-        assert_eq!(solver.inverses_built(), built, "the steps that are timed need no inverse");
+        assert_eq!(solver.inverses_used(), built, "the steps that are timed need no inverse");
         let step = (processor_s() - start) / f64::from(steps);
         let length_s = (state.time - begun_s) / f64::from(steps);
         let inverse = (warm - f64::from(first) * step).max(0.0) / built as f64;

@@ -68,7 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         summary.simulated_s / wall_s,
         summary.steps,
         summary.newton_iterations as f64 / summary.steps as f64,
-        trial.solver().inverses_built(),
+        trial.solver().inverses_used(),
         100.0 * summary.contact_share,
         summary.min_gap_m * 1e3,
         summary.largest_contact_n * 1e3

@@ -8,7 +8,7 @@ use crate::lanes::{Wide, Wide3, padded};
 use pulp::{Simd, WithSimd};
 
 /// Numbers of a rod at rest that the gradient uses, padded.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct AtRest {
     inverse_length: Vec<f64>,
     inverse_voronoi_length: Vec<f64>,

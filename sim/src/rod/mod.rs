@@ -54,7 +54,7 @@ impl Stiffness {
 }
 
 /// A rod: its stress-free shape and its stiffness.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Rod {
     /// Stress-free nodes in m.
     pub shape: Vec<V3>,

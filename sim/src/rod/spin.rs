@@ -14,7 +14,7 @@ use crate::params::Robot;
 pub const LEAST_SPIN_DRAG: f64 = 0.02;
 
 /// Drag on the spin of a rod, N m s a metre and radian.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpinDrag {
     /// On the rotation of the shaft's frame.
     pub frame: f64,

@@ -7,7 +7,7 @@
 //! those that are predicted for its end. An inverse depends on these shapes and its [`Key`] only, and a restored state
 //! goes on bit for bit.
 //!
-//! Inverses at rest serve for hundreds of steps and are dense. Free motion whose steps have needed one sweep too many
+//! Inverses at rest serve for hundreds of steps and are dense; all solvers of equal flagella share them (`rest`). Free motion whose steps have needed one sweep too many
 //! for a long time also changes to dense inverses, at its present shapes: drag on the spin bends and twists the
 //! flagella far from rest, and they keep that shape. Inverses at other shapes are used for few steps, so their
 //! construction must be cheap: they stay factors in single precision, of equations with a coarser mobility.
@@ -17,6 +17,7 @@
 
 use super::model::Model;
 use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
+use super::rest::Rest;
 use super::time_step::TimeStep;
 use crate::rod::Rod;
 use crate::state::RodState;
@@ -78,7 +79,7 @@ impl Linearisation {
 
 /// What an inverse depends on besides the shape, rounded to a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Key {
+pub struct Key {
     /// Index on the logarithmic grid of kappa.
     kappa: i32,
     /// Index on the grid of the spin.
@@ -87,9 +88,14 @@ struct Key {
 
 impl Key {
     /// `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
-    fn new(kappa: f64, speed: f64) -> Self {
+    pub fn new(kappa: f64, speed: f64) -> Self {
         let index = (kappa.ln() / KAPPA_GRID.ln()).round() as i32;
         Self { kappa: index, spin: (speed / kappa / SPIN_GRID).round() as i32 }
+    }
+
+    /// Returns the inverse of these equations at its grid values; `None` when the matrix is singular.
+    pub fn invert(self, equations: &Equations, rod: &Rod) -> Option<Preconditioner> {
+        equations.invert(rod, KAPPA_GRID.powi(self.kappa), f64::from(self.spin) * SPIN_GRID)
     }
 }
 
@@ -97,16 +103,42 @@ impl Key {
 #[derive(Clone, Debug)]
 struct Kept {
     at: RodState,
-    equations: Equations,
+    source: Source,
     inverses: Vec<(Key, Arc<Preconditioner>)>,
+}
+
+/// Where the inverses for a shape come from.
+#[derive(Clone, Debug)]
+enum Source {
+    /// The shape at rest.
+    Rest(Arc<Rest>),
+    /// Another shape.
+    Own(Box<Equations>),
+}
+
+impl Source {
+    fn new(rod: &Rod, at: &RodState, fluid: FluidParams, lasting: bool) -> Self {
+        if at.shape.nodes == rod.shape {
+            return Self::Rest(Rest::of(rod, at, fluid));
+        }
+        let wanted = if lasting { Use::Lasting } else { Use::Passing };
+        Self::Own(Box::new(Equations::new(rod, at, fluid, wanted)))
+    }
+
+    fn inverse(&self, rod: &Rod, key: Key) -> Option<Arc<Preconditioner>> {
+        match self {
+            Self::Rest(rest) => rest.inverse(key),
+            Self::Own(equations) => key.invert(equations, rod).map(Arc::new),
+        }
+    }
 }
 
 /// Inverses of both rods for the present shapes.
 #[derive(Clone, Debug, Default)]
 pub struct Cache {
     rods: [Option<Kept>; 2],
-    /// Inverses built so far.
-    pub built: usize,
+    /// Inverses used so far.
+    pub used: usize,
 }
 
 impl Cache {
@@ -133,20 +165,18 @@ impl Cache {
         fluid: FluidParams,
     ) -> Option<Arc<Preconditioner>> {
         if self.rods[slot].as_ref().is_none_or(|kept| kept.at != *at) {
-            let wanted = if lasting || at.shape.nodes == rod.shape { Use::Lasting } else { Use::Passing };
-            let equations = Equations::new(rod, at, fluid, wanted);
-            self.rods[slot] = Some(Kept { at: at.clone(), equations, inverses: Vec::new() });
+            let source = Source::new(rod, at, fluid, lasting);
+            self.rods[slot] = Some(Kept { at: at.clone(), source, inverses: Vec::new() });
         }
         let kept = self.rods[slot].as_mut()?;
         if let Some((_, known)) = kept.inverses.iter().find(|(k, _)| *k == key) {
             return Some(known.clone());
         }
-        let inverse = kept.equations.invert(rod, KAPPA_GRID.powi(key.kappa), f64::from(key.spin) * SPIN_GRID)?;
-        self.built += 1;
+        let inverse = kept.source.inverse(rod, key)?;
+        self.used += 1;
         if kept.inverses.len() == KEPT {
             kept.inverses.remove(0);
         }
-        let inverse = Arc::new(inverse);
         kept.inverses.push((key, inverse.clone()));
         Some(inverse)
     }

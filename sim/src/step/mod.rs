@@ -12,7 +12,7 @@
 //! | `accept`, `truncation` | the checks that let the step count, its loads, its error, the new state |
 //!
 //! `preconditioner` has the frozen inverses that correct a flagellum in a sweep, as `panels` or `factors`; `inverses` chooses
-//! the shapes they are built at, `corotated` takes them along with the flagellum, `compliance` makes of them the response to
+//! the shapes they are built at, `rest` shares those at rest, `corotated` takes them along with the flagellum, `compliance` makes of them the response to
 //! contact, and `crate::anderson` accelerates slow iterations. `model` is what never
 //! changes about a robot. The flow between the rods and the base's rate are inside the iteration: extrapolating either is
 //! unstable at every step.
@@ -57,6 +57,7 @@ mod preconditioner;
 mod predict;
 mod problem;
 mod report;
+mod rest;
 mod solver;
 mod sweep;
 mod time_step;

@@ -19,7 +19,7 @@ use crate::state::RodState;
 use nalgebra::{DMatrix, Matrix6};
 
 /// Parameters of the fluid about one rod.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FluidParams {
     /// Regularisation, m.
     pub epsilon: f64,

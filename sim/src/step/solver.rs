@@ -65,9 +65,9 @@ impl Solver {
         *own = SolverSettings { step_error, step_rad, longest_step_s, tolerance, ..own.clone() };
     }
 
-    /// Returns the number of frozen inverses built so far.
-    pub fn inverses_built(&self) -> usize {
-        self.cache.built
+    /// Returns the number of frozen inverses used so far.
+    pub fn inverses_used(&self) -> usize {
+        self.cache.used
     }
 
     /// Returns the nodes of both flagella in the body frame, m.

@@ -1,0 +1,110 @@
+//! Inverses at rest, which all solvers of equal flagella share.
+//!
+//! The trials of a map are trials of one robot, and a short trial or a search for a steady state spends a tenth of its
+//! time on inverses at rest. They depend on the flagellum, the fluid and their [`Key`] alone, so it does not matter to a
+//! result which trial has built them.
+
+use super::inverses::Key;
+use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
+use crate::rod::Rod;
+use crate::state::RodState;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Flagella whose inverses are kept after their last solver: two for each of two robots.
+const FLAGELLA: usize = 4;
+/// Inverses kept for one flagellum: the published map needs 55.
+const KEPT: usize = 64;
+/// Most nodes of a flagellum that is shared. With more the inverses take too much memory (0.4 MB each for 80 nodes).
+const LARGEST: usize = 80;
+
+/// The last flagella, the latest one first.
+static FLAGELLA_AT_REST: Mutex<Vec<Arc<Rest>>> = Mutex::new(Vec::new());
+
+/// A flagellum at rest, with its inverses.
+#[derive(Debug)]
+pub struct Rest {
+    rod: Rod,
+    fluid: FluidParams,
+    at: RodState,
+    equations: Equations,
+    inverses: Mutex<Vec<(Key, Arc<Preconditioner>)>>,
+}
+
+impl Rest {
+    /// Returns the inverses of a rod in this state, at rest: those of an equal one, if there is one.
+    pub fn of(rod: &Rod, at: &RodState, fluid: FluidParams) -> Arc<Self> {
+        let same = |rest: &Arc<Self>| rest.rod == *rod && rest.fluid == fluid && rest.at == *at;
+        let known = lock(&FLAGELLA_AT_REST).iter().find(|rest| same(rest)).cloned();
+        let rest = known.unwrap_or_else(|| {
+            let (rod, at) = (rod.clone(), at.clone());
+            let equations = Equations::new(&rod, &at, fluid, Use::Lasting);
+            Arc::new(Self { rod, fluid, at, equations, inverses: Mutex::default() })
+        });
+        if rod.nodes() <= LARGEST {
+            let mut all = lock(&FLAGELLA_AT_REST);
+            all.retain(|rest| !same(rest));
+            all.insert(0, rest.clone());
+            all.truncate(FLAGELLA);
+        }
+        rest
+    }
+
+    /// Returns an inverse; `None` if its matrix is singular.
+    pub fn inverse(&self, key: Key) -> Option<Arc<Preconditioner>> {
+        if let Some((_, known)) = lock(&self.inverses).iter().find(|(k, _)| *k == key) {
+            return Some(known.clone());
+        }
+        // Not under the lock: others need not wait, and rarely build the same one.
+        let inverse = Arc::new(key.invert(&self.equations, &self.rod)?);
+        let mut inverses = lock(&self.inverses);
+        if inverses.len() == KEPT {
+            inverses.remove(0);
+        }
+        inverses.push((key, inverse.clone()));
+        Some(inverse)
+    }
+}
+
+/// Locks it, also after a panic of another thread: what is inside is whole at any time.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::Robot;
+    use crate::state::State;
+
+    fn rest(robot: &Robot) -> Arc<Rest> {
+        let rods = [0, 1].map(|k| {
+            let nodes = robot.flagellum.helix(k).nodes(robot.flagellum.edges());
+            Rod::stress_free(nodes, robot.flagellum.stiffness()).clamped_at_foot()
+        });
+        let state = State::at_rest(&rods, 1.0);
+        Rest::of(&rods[0], &state.rods[0], FluidParams::new(robot))
+    }
+
+    #[test]
+    fn equal_robots_share_their_inverses_and_others_do_not() {
+        // Of this test alone: others run at the same time.
+        let mut robot = Robot::default();
+        robot.fluid.viscosity_pa_s = 0.7531;
+        let one = rest(&robot);
+        let key = Key::new(10.0, 3.0);
+        let inverse = one.inverse(key).expect("regular");
+        assert!(Arc::ptr_eq(&inverse, &one.inverse(key).expect("regular")));
+        assert!(!Arc::ptr_eq(&inverse, &one.inverse(Key::new(10.0, 9.0)).expect("regular")));
+        let mut other = robot.clone();
+        other.flagellum.pitch_m *= 1.001;
+        assert!(!Arc::ptr_eq(&one, &rest(&other)));
+        other = robot.clone();
+        other.fluid.viscosity_pa_s *= 1.001;
+        assert!(!Arc::ptr_eq(&one, &rest(&other)));
+        for i in 0..2 * FLAGELLA {
+            other.fluid.viscosity_pa_s = 0.8 + 1e-3 * i as f64;
+            rest(&other);
+        }
+        assert!(lock(&FLAGELLA_AT_REST).len() <= FLAGELLA);
+    }
+}
