@@ -6,7 +6,7 @@
 
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::periodic;
+use sim::periodic::{self, Problem};
 use sim::phase::{self, Ratio};
 use sim::trial::Summary;
 use std::error::Error;
@@ -24,8 +24,9 @@ fn row(robot: &Robot, rpm: [f64; 2], phases: usize) -> Result<[f64; 7], periodic
     let starts = if Ratio::of(rpm).is_some() { phase::starts(rpm, phases) } else { vec![[0.0; 2]] };
     let mut found: Vec<Summary> = Vec::new();
     for start in starts {
-        let start = start.map(f64::to_radians);
-        found.push(periodic::solve(robot, Closure::Full, rpm, start, TRIAL_S, &|_| true)?.summary);
+        let start_rad = start.map(f64::to_radians);
+        let problem = Problem { robot, closure: Closure::Full, rpm, start_rad, longest_s: TRIAL_S, output: None };
+        found.push(periodic::solve(&problem, &|_| true)?.summary);
     }
     let mean = |value: &dyn Fn(&Summary) -> f64| found.iter().map(value).sum::<f64>() / found.len() as f64;
     let angle = |k: usize| mean(&|s| s.steady.attitude[k].mean.to_degrees());

@@ -6,7 +6,7 @@
 
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::periodic::{self, Periodic};
+use sim::periodic::{self, Kind, Periodic, Problem};
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 use std::sync::Mutex;
@@ -42,7 +42,8 @@ fn processor_s() -> f64 {
 
 fn row(robot: &Robot, rpm: [f64; 2]) -> Row {
     let start = processor_s();
-    let solved = periodic::solve(robot, Closure::Full, rpm, [0.0; 2], TRIAL_S, &|_| true).expect("a steady state");
+    let problem = Problem { robot, closure: Closure::Full, rpm, start_rad: [0.0; 2], longest_s: TRIAL_S, output: None };
+    let solved = periodic::solve(&problem, &|_| true).expect("a steady state");
     let middle = processor_s();
     let profile = SpeedProfile::constant(rpm, TRIAL_S).expect("a profile");
     let mut trial = Trial::new(robot, Closure::Full, profile, Options::default()).expect("parameters");
@@ -85,7 +86,7 @@ fn print(row: &Row) {
         "{w1},{w2},{:?},{:.1},{:.3},{yaw:.3},{pitch:.3},{roll:.3},{:.3},{},{:.1},{:.3},{yaw_difference:.3},{tilt_difference:.3},{solve_s:.3},{trial_s:.3}",
         solved.kind,
         solved.simulated_s,
-        solved.period_s.unwrap_or(f64::NAN),
+        if solved.kind == Kind::Steady { solved.duration_s } else { f64::NAN },
         solved.summary.contact_share,
         trial.steady.settled,
         trial.steady.settle_s,

@@ -312,11 +312,6 @@ impl Trial {
         Ok(self.summary())
     }
 
-    /// Sets the output. The trial must not have given a sample yet.
-    pub(crate) fn set_options(&mut self, options: Options) {
-        self.options = options;
-    }
-
     /// Sets the lengths and the tolerance of the steps to come.
     pub(crate) fn set_accuracy(&mut self, settings: &SolverSettings) {
         self.solver.set_accuracy(settings);
@@ -434,8 +429,17 @@ impl Trial {
         winding(lines, coil)
     }
 
-    fn sample_time(&self, index: u64) -> f64 {
-        self.start + index as f64 / self.options.rate_hz
+    /// Returns the time of the next sample; `None` after the last one.
+    fn next_sample(&self) -> Option<f64> {
+        let (time, end) = (self.start + self.progress.next as f64 / self.options.rate_hz, self.profile.end());
+        (!self.failed && time <= end + END_ROUNDING).then(|| time.min(end))
+    }
+
+    /// Returns the next sample if its time has passed, without a step of the solver.
+    pub(crate) fn passed(&mut self) -> Option<Sample> {
+        let time = self.next_sample().filter(|time| *time <= self.progress.state.time)?;
+        self.progress.next += 1;
+        self.sample(time)
     }
 
     fn sample(&mut self, time: f64) -> Option<Sample> {
@@ -478,11 +482,7 @@ impl Iterator for Trial {
     type Item = Result<Sample, StepError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let time = self.sample_time(self.progress.next);
-        if self.failed || time > self.profile.end() + END_ROUNDING {
-            return None;
-        }
-        let time = time.min(self.profile.end());
+        let time = self.next_sample()?;
         while self.progress.state.time < time {
             if let Err(error) = self.advance() {
                 return Some(Err(error));

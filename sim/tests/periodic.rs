@@ -3,7 +3,7 @@
 use crate::common::prove;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::periodic::{self, Kind, SolveError, TOLERANCE};
+use sim::periodic::{self, Kind, Periodic, Problem, SolveError};
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 
@@ -16,9 +16,14 @@ fn trial(rpm: [f64; 2], start_deg: [f64; 2]) -> Summary {
     trial.finish().expect("a run")
 }
 
-fn solve(rpm: [f64; 2], start_deg: [f64; 2]) -> periodic::Periodic {
-    let start = start_deg.map(f64::to_radians);
-    periodic::solve(&Robot::default(), Closure::Full, rpm, start, LONGEST_S, &|_| true).expect("a steady state")
+fn problem(robot: &Robot, rpm: [f64; 2]) -> Problem<'_> {
+    Problem { robot, closure: Closure::Full, rpm, start_rad: [0.0; 2], longest_s: LONGEST_S, output: None }
+}
+
+fn solve(rpm: [f64; 2], start_deg: [f64; 2]) -> Periodic {
+    let robot = Robot::default();
+    let problem = Problem { start_rad: start_deg.map(f64::to_radians), ..problem(&robot, rpm) };
+    periodic::solve(&problem, &|_| true).expect("a steady state")
 }
 
 #[test]
@@ -59,25 +64,33 @@ fn a_motion_that_repeats_costs_less_than_half_of_a_trial() {
 }
 
 #[test]
-fn the_period_gives_the_results_again() {
-    let search = periodic::search(&Robot::default(), Closure::Full, [0.0, 45.0], [0.0; 2], LONGEST_S, &|_| true);
-    let orbit = search.expect("no failure").orbit.expect("a motion that repeats");
-    let (summary, period_s) = (orbit.summary.clone(), orbit.period_s);
-    let mut trial = orbit.into_trial(Options { rate_hz: 50.0, shapes: false });
-    let times: Vec<f64> = trial.by_ref().map(|sample| sample.expect("a sample").time_s).collect();
-    assert!((times[times.len() - 1] - times[0] - period_s).abs() < 0.021, "{period_s}");
-    let again = trial.summary();
-    for i in 0..3 {
-        let (a, b) = (again.steady.attitude[i].mean, summary.steady.attitude[i].mean);
-        // Other steps, so not the same bits: far below the tolerance by which the motion was found.
-        prove("period run again: difference of the attitude over the tolerance", (a - b).abs() / TOLERANCE, 1e-3);
+fn samples_are_those_of_the_results() {
+    // A motion that repeats, one without a common period, and one that is searched for in vain.
+    for (rpm, longest_s) in [([0.0, 45.0], LONGEST_S), ([37.0, 53.0], LONGEST_S), ([-80.0, 50.0], 60.0)] {
+        let robot = Robot::default();
+        let output = Some(Options { rate_hz: 50.0, shapes: true });
+        let problem = Problem { longest_s, ..problem(&robot, rpm) };
+        let plain = periodic::solve(&problem, &|_| true).expect("a steady state");
+        let solved = periodic::solve(&Problem { output, ..problem }, &|_| true).expect("a steady state");
+        assert_eq!((solved.kind, solved.summary), (plain.kind, plain.summary.clone()), "samples change no result");
+        assert!(plain.samples.is_empty());
+        let samples = &solved.samples;
+        assert_eq!(samples.len(), (solved.duration_s * 50.0 + 1e-6) as usize + 1, "{rpm:?}");
+        for (i, sample) in samples.iter().enumerate() {
+            assert!((sample.time_s - i as f64 / 50.0).abs() < 1e-9, "{rpm:?}: sample {i} at {} s", sample.time_s);
+            assert!(sample.shapes_m.is_some());
+        }
+        let yaw: f64 = samples.windows(2).map(|pair| 0.5 * (pair[0].yaw_rad + pair[1].yaw_rad)).sum();
+        let off = yaw / (samples.len() - 1) as f64 - plain.summary.steady.attitude[0].mean;
+        prove(&format!("samples at {rpm:?}: mean yaw off the result, deg"), off.to_degrees().abs(), 0.05);
     }
 }
 
 #[test]
 fn a_closure_that_never_settles_is_not_found() {
     let robot = Robot::published();
-    let solved = periodic::solve(&robot, Closure::Paper, [50.0, 10.0], [0.0; 2], 60.0, &|_| true).expect("a run");
+    let never = Problem { closure: Closure::Paper, longest_s: 60.0, ..problem(&robot, [50.0, 10.0]) };
+    let solved = periodic::solve(&never, &|_| true).expect("a run");
     assert_eq!((solved.kind, solved.summary.steady.settled), (Kind::NotFound, false));
     prove("never settled: simulated time beyond the longest, s", (solved.simulated_s - 60.0).max(0.0), 60.0);
 }
@@ -86,13 +99,13 @@ fn a_closure_that_never_settles_is_not_found() {
 fn impossible_input_and_an_interruption_are_errors() {
     let robot = Robot::default();
     let solve = |rpm, longest_s, go_on: bool| {
-        periodic::solve(&robot, Closure::Full, rpm, [0.0; 2], longest_s, &|_| go_on).map(|found| found.kind)
+        periodic::solve(&Problem { longest_s, ..problem(&robot, rpm) }, &|_| go_on).map(|found| found.kind)
     };
     assert!(matches!(solve([f64::NAN, 0.0], 120.0, true), Err(SolveError::Profile(_))));
     assert!(matches!(solve([50.0, 10.0], 0.0, true), Err(SolveError::Profile(_))));
     assert_eq!(solve([50.0, 10.0], 120.0, false), Err(SolveError::Interrupted));
     let mut heavy = robot.clone();
     heavy.base.mass_kg = -1.0;
-    let wrong = periodic::solve(&heavy, Closure::Full, [1.0, 90.0], [0.0; 2], 120.0, &|_| true);
+    let wrong = periodic::solve(&problem(&heavy, [1.0, 90.0]), &|_| true);
     assert!(matches!(wrong, Err(SolveError::Parameter(_))));
 }

@@ -17,7 +17,7 @@ pub enum Method {
     /// By the trial itself.
     #[default]
     Trial,
-    /// By [`sim::periodic`]: the log has one period of the motion that repeats, or the whole trial where none was found.
+    /// By [`sim::periodic`]: the log has one period of the motion that repeats, or its last window where none was found.
     Steady,
 }
 

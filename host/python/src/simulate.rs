@@ -24,7 +24,7 @@ use sim::trial::Options;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A trial that was computed, or one period of the motion that it ends in.
+/// A trial that was computed, or the last period or window of the motion that it ends in.
 #[pyclass(frozen, module = "biflag._biflag")]
 pub struct Simulated {
     robot: Py<Robot>,
@@ -61,11 +61,11 @@ pub fn simulate(
     }
     let model = model(&robot.get().params, closure, method, Options { rate_hz, shapes });
     let rpm = constant.unwrap_or_else(|| profile.target().map(rpm));
-    let (samples, steady, period_s) = interruptible(py, |stop| {
+    let (samples, steady, duration_s) = interruptible(py, |stop| {
         let goes_on = |_| !stop.load(Ordering::Relaxed);
         run(Motion::new(&model, &profile, rpm, angles, &goes_on)?, stop)
     })?;
-    let run_s = period_s.unwrap_or(profile.end());
+    let run_s = duration_s.unwrap_or(profile.end());
     Ok(Simulated { robot, model, rpm, run_s, samples, steady })
 }
 
@@ -74,8 +74,8 @@ pub fn model(robot: &sim::params::Robot, closure: Closure, method: Method, optio
     Model::new(robot.clone(), Settings::DEFAULT, closure, options).by(method)
 }
 
-/// Runs a motion to its end, or until `stop` is set. Returns its samples, the steady state, and the period of one that
-/// repeats (s).
+/// Runs a motion to its end, or until `stop` is set. Returns its samples, the steady state, and the duration of a steady
+/// state's samples (s).
 fn run(mut motion: Motion, stop: &AtomicBool) -> Result<(Vec<Sample>, SteadyMeta, Option<f64>), Failure> {
     let (mut samples, mut history) = (Vec::new(), BundlingHistory::default());
     for sample in motion.by_ref() {
@@ -86,7 +86,7 @@ fn run(mut motion: Motion, stop: &AtomicBool) -> Result<(Vec<Sample>, SteadyMeta
             break;
         }
     }
-    Ok((samples, motion.steady(history.changes), motion.period_s))
+    Ok((samples, motion.steady(history.changes), motion.duration_s()))
 }
 
 /// Returns the steady state of a motion, without its samples.

@@ -6,7 +6,7 @@ use serde::Serialize;
 use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::params::Robot;
-use sim::periodic::{self, Kind, Periodic, SolveError};
+use sim::periodic::{self, Kind, Periodic, Problem, SolveError};
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 
@@ -82,9 +82,9 @@ impl Model<'_> {
 
     /// The same for another robot.
     pub fn of(&self, robot: &Robot, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<State, AimError> {
-        let start = start_deg.map(f64::to_radians);
-        let watch = |_| (self.goes_on)();
-        let found = periodic::solve(robot, Closure::Full, rpm, start, TRIAL_S, &watch);
+        let start_rad = start_deg.map(f64::to_radians);
+        let problem = Problem { robot, closure: Closure::Full, rpm, start_rad, longest_s: TRIAL_S, output: None };
+        let found = periodic::solve(&problem, &|_| (self.goes_on)());
         (self.solved)();
         let Periodic { kind, summary, .. } = found.map_err(|source| match source {
             SolveError::Interrupted => AimError::Interrupted,

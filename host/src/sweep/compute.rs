@@ -5,7 +5,7 @@ use biflag_log::Method;
 use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::periodic::{self, Kind, SolveError};
+use sim::periodic::{self, Kind, Problem, SolveError};
 use sim::phase::{self, Ratio};
 use sim::profile::{Phases, SpeedProfile};
 use sim::trial::{Options, Summary, Trial};
@@ -119,7 +119,8 @@ impl Run<'_> {
     /// Solves for the steady state.
     fn solved(&self, goes_on: &dyn Fn() -> bool) -> Result<Option<Steady>, String> {
         let &Self { robot, rpm, start_rad, run_s } = self;
-        match periodic::solve(robot, Closure::Full, rpm, start_rad, run_s, &|_| goes_on()) {
+        let problem = Problem { robot, closure: Closure::Full, rpm, start_rad, longest_s: run_s, output: None };
+        match periodic::solve(&problem, &|_| goes_on()) {
             Ok(found) => Ok(Some(Steady::new(found.kind, &found.summary))),
             Err(SolveError::Interrupted) => Ok(None),
             Err(error) => Err(error.to_string()),

@@ -1,9 +1,17 @@
 //! Solves for the final motion of a trial at constant speeds, without simulating its transient.
 //!
 //! ```
-//! use sim::{body::closure::Closure, params::Robot, periodic};
+//! use sim::{body::closure::Closure, params::Robot, periodic::{self, Problem}};
 //!
-//! let found = periodic::solve(&Robot::default(), Closure::Full, [50.0, 10.0], [0.0; 2], 120.0, &|_| true)?;
+//! let problem = Problem {
+//!     robot: &Robot::default(),
+//!     closure: Closure::Full,
+//!     rpm: [50.0, 10.0],
+//!     start_rad: [0.0; 2],
+//!     longest_s: 120.0,
+//!     output: None,
+//! };
+//! let found = periodic::solve(&problem, &|_| true)?;
 //! println!("{:?} after {:.0} s: {:?}", found.kind, found.simulated_s, found.summary.steady.attitude);
 //! # Ok::<(), periodic::SolveError>(())
 //! ```
@@ -29,9 +37,10 @@ mod slow;
 use crate::body::closure::Closure;
 use crate::params::{ParamError, Robot};
 use crate::profile::{ProfileError, SpeedProfile};
+use crate::sample::Sample;
 use crate::steady::{Level, Steady, whole_turns};
 use crate::step::StepError;
-use crate::trial::{Checkpoint, Options, Summary, Trial};
+use crate::trial::{Options, Summary, Trial};
 use serde::{Deserialize, Serialize};
 use shooting::{Outcome, shoot};
 use std::f64::consts::PI;
@@ -70,6 +79,24 @@ impl Kind {
     }
 }
 
+/// A robot whose motors turn at constant speeds.
+#[derive(Clone, Debug)]
+pub struct Problem<'a> {
+    /// The robot.
+    pub robot: &'a Robot,
+    /// How the flagella act on the base.
+    pub closure: Closure,
+    /// Speeds of the motors, rpm.
+    pub rpm: [f64; 2],
+    /// Angles of the motors at the start, rad. They select one of several steady states ([`crate::phase`]).
+    pub start_rad: [f64; 2],
+    /// Duration of the simulation if no repeating motion is found, s. A search that ends late is followed by at least two
+    /// windows.
+    pub longest_s: f64,
+    /// Output of the samples; `None` for no samples.
+    pub output: Option<Options>,
+}
+
 /// The result of [`solve`].
 #[derive(Clone, Debug)]
 pub struct Periodic {
@@ -78,8 +105,10 @@ pub struct Periodic {
     /// Results of the period, or of the last window if no repeating motion was found. They do not include the
     /// transient: the settling time is 0 s.
     pub summary: Summary,
-    /// The period, s.
-    pub period_s: Option<f64>,
+    /// Samples of the period or of the last window, with times from 0.
+    pub samples: Vec<Sample>,
+    /// Duration of the period or of the last window, s.
+    pub duration_s: f64,
     /// Everything that was simulated, s.
     pub simulated_s: f64,
 }
@@ -104,39 +133,29 @@ pub enum SolveError {
 /// Called with the simulated time (s) as it goes on; `false` ends it.
 pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
 
-/// Solves for the steady state of a robot whose motors turn at constant speeds.
-///
-/// `rpm`: speeds of the motors; `start_rad`: their angles at the start, which select one of several steady states
-/// ([`crate::phase`]); `longest_s`: duration of the simulation if no repeating motion is found; a search that ends late
-/// is followed by at least two windows.
+/// Solves for the steady state.
 ///
 /// # Errors
 /// Impossible parameters, speeds or duration, a trial that fails, and [`SolveError::Interrupted`]. A failing step of the
 /// search is not an error: the trial is run from its start.
-pub fn solve(
-    robot: &Robot,
-    closure: Closure,
-    rpm: [f64; 2],
-    start_rad: [f64; 2],
-    longest_s: f64,
-    watch: Watch,
-) -> Result<Periodic, SolveError> {
+pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
+    let Problem { robot, closure, rpm, start_rad, longest_s, output } = *problem;
     let whole = SpeedProfile::constant(rpm, longest_s)?.from_angles(start_rad);
-    match shoot(robot, closure, rpm, start_rad, longest_s, watch)? {
-        Outcome::Found { orbit, simulated_s } => {
-            let Orbit { summary, period_s, .. } = *orbit;
-            Ok(Periodic { kind: Kind::Steady, summary, period_s: Some(period_s), simulated_s })
+    match shoot(problem, watch)? {
+        Outcome::Found { trial, samples } => {
+            let simulated_s = trial.state().time;
+            Ok(periodic(Kind::Steady, &trial, samples, simulated_s))
         }
         Outcome::Lost { trial, simulated_s } if simulated_s < longest_s => {
             // At least two windows: it takes as many to see whether their means agree.
             let window = whole_turns(whole.target(), longest_s);
             let end = longest_s.max(simulated_s + 2.0 * window);
             let whole = SpeedProfile::constant(rpm, end)?.from_angles(start_rad);
-            follow(*trial, &whole, simulated_s, simulated_s, watch)
+            follow(*trial, &whole, simulated_s, output.is_some(), watch)
         }
         Outcome::Lost { simulated_s, .. } | Outcome::Failed { simulated_s } => {
-            let trial = Trial::new(robot, closure, whole.clone(), Options::default())?;
-            follow(trial, &whole, 0.0, simulated_s, watch)
+            let trial = Trial::new(robot, closure, whole.clone(), output.unwrap_or_default())?;
+            follow(trial, &whole, simulated_s, output.is_some(), watch)
         }
     }
 }
@@ -146,94 +165,66 @@ pub fn agree(one: &Steady, other: &Steady) -> bool {
     one.attitude.iter().zip(&other.attitude).all(|(a, b)| (a.mean - b.mean).abs() <= AGREEMENT)
 }
 
-/// Simulates on, window by window, to the end of a profile or until the means of two windows agree. `from_s`: time that the
-/// trial has come to, s; `simulated_s`: all that was simulated.
+/// Simulates on, window by window, to the end of a profile or until the means of two windows agree. `searched_s`: simulated
+/// time of the search.
 fn follow(
     mut trial: Trial,
     whole: &SpeedProfile,
-    mut from_s: f64,
-    mut simulated_s: f64,
+    searched_s: f64,
+    has_output: bool,
     watch: Watch,
 ) -> Result<Periodic, SolveError> {
     let window = whole_turns(whole.target(), whole.end());
-    let mut before: Option<Steady> = None;
+    let before_s = searched_s - trial.state().time;
+    let mut last: Option<Steady> = None;
     loop {
+        let from_s = trial.state().time;
         let left = whole.end() - from_s;
         let duration = if left < 1.5 * window { left } else { window };
         let state = trial.state().clone();
         trial = trial.followed_by(whole.between(from_s, from_s + duration)?, state);
-        run(&mut trial, f64::INFINITY, &|time| watch(simulated_s + time - from_s))??;
-        simulated_s += trial.state().time - from_s;
-        from_s = trial.state().time;
-        let mut summary = trial.summary();
-        let has_settled = before.as_ref().is_some_and(|before| agree(before, &summary.steady));
-        if has_settled || from_s >= whole.end() - window * 1e-6 {
+        let mut samples = Vec::new();
+        run(&mut trial, f64::INFINITY, has_output.then_some(&mut samples), &|time| watch(before_s + time))??;
+        let summary = trial.summary();
+        let has_settled = last.as_ref().is_some_and(|last| agree(last, &summary.steady));
+        if has_settled || trial.state().time >= whole.end() - window * 1e-6 {
             // As for a trial: half a degree or 1 %.
             let near = |a: Level, b: Level| (a.mean - b.mean).abs() <= 0.5f64.to_radians().max(0.01 * a.mean.abs());
-            let levels = |before: &Steady| (0..3).all(|i| near(summary.steady.attitude[i], before.attitude[i]));
-            summary.steady.settled = before.as_ref().is_some_and(levels);
-            summary.steady.settle_s = 0.0;
-            summary.simulated_s = simulated_s;
-            let kind = Kind::of_trial(summary.steady.settled);
-            return Ok(Periodic { kind, summary, period_s: None, simulated_s });
+            let levels = |last: &Steady| (0..3).all(|i| near(summary.steady.attitude[i], last.attitude[i]));
+            let kind = Kind::of_trial(last.as_ref().is_some_and(levels));
+            return Ok(periodic(kind, &trial, samples, before_s + trial.state().time));
         }
-        before = Some(summary.steady);
+        last = Some(summary.steady);
     }
 }
 
-/// Result of a search for a motion that repeats.
-#[derive(Clone, Debug)]
-pub struct Search {
-    /// The motion, if it was found.
-    pub orbit: Option<Orbit>,
-    /// Simulated time, s.
-    pub simulated_s: f64,
-}
-
-/// A motion that repeats.
-#[derive(Clone, Debug)]
-pub struct Orbit {
-    trial: Trial,
-    /// The start of the period.
-    start: Checkpoint,
-    /// Results of the period.
-    pub summary: Summary,
-    /// The period, s.
-    pub period_s: f64,
-}
-
-impl Orbit {
-    /// Returns a trial over the period, at its start. It gives samples as set by `options`. Its results differ from
-    /// `summary` by the solver's error, because the search also ends a step at each of its own samples.
-    pub fn into_trial(mut self, options: Options) -> Trial {
-        self.trial.restore(self.start);
-        self.trial.set_options(options);
-        self.trial
+/// Returns the result whose last period or window is this trial.
+fn periodic(kind: Kind, trial: &Trial, mut samples: Vec<Sample>, simulated_s: f64) -> Periodic {
+    let mut summary = trial.summary();
+    let duration_s = std::mem::replace(&mut summary.simulated_s, simulated_s);
+    (summary.steady.settled, summary.steady.settle_s) = (kind != Kind::NotFound, 0.0);
+    let start_s = trial.state().time - duration_s;
+    for sample in &mut samples {
+        sample.time_s -= start_s;
     }
+    Periodic { kind, summary, samples, duration_s, simulated_s }
 }
 
-/// Searches for the repeating motion, for 54 s or four fifths of `longest_s`. [`solve`] also simulates on if there is none.
-///
-/// # Errors
-/// Impossible parameters or speeds, and [`SolveError::Interrupted`].
-pub fn search(
-    robot: &Robot,
-    closure: Closure,
-    rpm: [f64; 2],
-    start_rad: [f64; 2],
-    longest_s: f64,
+/// Runs a trial up to a time (s), with its samples if they are wanted.
+fn run(
+    trial: &mut Trial,
+    until: f64,
+    mut samples: Option<&mut Vec<Sample>>,
     watch: Watch,
-) -> Result<Search, SolveError> {
-    Ok(match shoot(robot, closure, rpm, start_rad, longest_s, watch)? {
-        Outcome::Found { orbit, simulated_s } => Search { orbit: Some(*orbit), simulated_s },
-        Outcome::Lost { simulated_s, .. } | Outcome::Failed { simulated_s } => Search { orbit: None, simulated_s },
-    })
-}
-
-/// Runs a trial up to a time (s).
-fn run(trial: &mut Trial, until: f64, watch: Watch) -> Result<Result<(), StepError>, SolveError> {
+) -> Result<Result<(), StepError>, SolveError> {
     let until = until.min(trial.profile().end());
-    while trial.state().time < until {
+    loop {
+        if let Some(samples) = &mut samples {
+            samples.extend(std::iter::from_fn(|| trial.passed()));
+        }
+        if trial.state().time >= until {
+            return Ok(Ok(()));
+        }
         if !watch(trial.state().time) {
             return Err(SolveError::Interrupted);
         }
@@ -241,7 +232,6 @@ fn run(trial: &mut Trial, until: f64, watch: Watch) -> Result<Result<(), StepErr
             return Ok(Err(error));
         }
     }
-    Ok(Ok(()))
 }
 
 #[cfg(test)]
@@ -252,16 +242,24 @@ mod tests {
     #[test]
     fn a_motion_that_is_steady_is_stable() {
         let rpm = [70.0, 10.0];
-        let search = search(&Robot::default(), Closure::Full, rpm, [0.0; 2], 120.0, &|_| true).expect("no failure");
-        let Orbit { trial, summary, .. } = search.orbit.expect("a motion that repeats");
-        let [before, ..] = summary.steady.attitude;
-        assert!((before.mean.to_degrees() + 85.05).abs() > 0.5, "{before:?}");
+        let problem = Problem {
+            robot: &Robot::default(),
+            closure: Closure::Full,
+            rpm,
+            start_rad: [0.0; 2],
+            longest_s: 120.0,
+            output: None,
+        };
+        let outcome = shoot(&problem, &|_| true).expect("no failure");
+        let Outcome::Found { trial, .. } = outcome else { panic!("no motion that repeats") };
+        let before = trial.summary().steady.attitude;
+        assert!((before[0].mean.to_degrees() + 85.05).abs() > 0.5, "{before:?}");
         // A difference from what is not stable would have grown by a factor of 50 after ten periods.
         let (from_s, state) = (trial.state().time, trial.state().clone());
         let whole = SpeedProfile::constant(rpm, from_s + 60.0).expect("a profile");
         let rest = whole.between(from_s, from_s + 60.0).expect("a profile");
         let after = trial.followed_by(rest, state).finish().expect("a run").steady.attitude;
-        for (before, after) in summary.steady.attitude.iter().zip(&after) {
+        for (before, after) in before.iter().zip(&after) {
             assert!((after.mean - before.mean).to_degrees().abs() < 0.1, "{before:?} {after:?}");
         }
     }

@@ -1,15 +1,15 @@
 //! Shooting: periods of the ordinary solver, and steps between them in the slow coordinates.
 
 use super::modes::{ASSUMED_S, Map, Modes};
-use super::slow::{self, COORDINATES, Slow};
-use super::{Orbit, SolveError, TOLERANCE, Watch, period, run};
+use super::slow::{self, ANGLES, COORDINATES, Slow};
+use super::{Problem, SolveError, TOLERANCE, Watch, period, run};
 use crate::anderson::Anderson;
-use crate::body::closure::Closure;
-use crate::params::{Robot, SolverSettings};
+use crate::params::SolverSettings;
 use crate::profile::{ProfileError, SpeedProfile};
+use crate::sample::Sample;
 use crate::state::State;
 use crate::step::Solver;
-use crate::trial::{Options, Trial};
+use crate::trial::Trial;
 use std::f64::consts::PI;
 
 /// Simulated time in which the motion decays by itself before the first step, s, at least.
@@ -38,38 +38,32 @@ const COMBINED: usize = 5;
 const SLOWEST_S: f64 = 60.0;
 /// Longest step, rad: where a longer one seems right, the motion is not yet near enough to be linear.
 const LONGEST: f64 = 20.0 * PI / 180.0;
-/// Largest difference of the two estimates of a step, over the longer one.
+/// Largest difference of the two estimates of a step, over the longer one, for a move by the whole step ...
 const DIFFERENCE: f64 = 0.7;
+/// ... and by half of it.
+const LARGEST_DIFFERENCE: f64 = 0.85;
 /// A step shorter than this, rad, ends the coarse periods: their own error is of this size.
 const CLOSE: f64 = 1.0 * PI / 180.0;
-/// Halvings of a move that would make the flagella overlap.
-const HALVINGS: i32 = 5;
 
 /// How a search ends.
 pub enum Outcome {
-    /// With a motion that repeats.
-    Found { orbit: Box<Orbit>, simulated_s: f64 },
+    /// With a motion that repeats: the trial is its last period.
+    Found { trial: Box<Trial>, samples: Vec<Sample> },
     /// Without one, at the end of a trial.
     Lost { trial: Box<Trial>, simulated_s: f64 },
     /// Where there is nothing to search for, or a step failed.
     Failed { simulated_s: f64 },
 }
 
-/// Searches for the motion that repeats. `longest_s`: duration of the simulation if there is none.
+/// Searches for the motion that repeats.
 ///
 /// Most of the search needs no great accuracy. Periods in which the flagella touch have coarse steps, at about half the
 /// cost, until the motion is close.
 ///
 /// # Errors
 /// Impossible parameters or speeds, and [`SolveError::Interrupted`].
-pub fn shoot(
-    robot: &Robot,
-    closure: Closure,
-    rpm: [f64; 2],
-    start_rad: [f64; 2],
-    longest_s: f64,
-    watch: Watch,
-) -> Result<Outcome, SolveError> {
+pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
+    let Problem { robot, closure, rpm, start_rad, longest_s, output } = *problem;
     let speeds = rpm.map(|rpm| rpm * PI / 30.0);
     let Some(period) = period::common(speeds) else {
         // What is impossible is an error here, too.
@@ -77,13 +71,13 @@ pub fn shoot(
         robot.validate()?;
         return Ok(Outcome::Failed { simulated_s: 0.0 });
     };
-    let samples = (period / SAMPLE_S).round() as usize;
-    let interval = period / samples as f64;
+    let intervals = (period / SAMPLE_S).round() as usize;
+    let interval = period / intervals as f64;
     let profile = |time: f64| -> Result<SpeedProfile, ProfileError> {
         let angles = [0, 1].map(|k| start_rad[k] + speeds[k] * time);
         Ok(SpeedProfile::from_points(&[(time, rpm), (time + period, rpm)])?.from_angles(angles))
     };
-    let mut trial = Trial::with_solver(Solver::new(robot, closure)?, profile(0.0)?, Options::default())?;
+    let mut trial = Trial::with_solver(Solver::new(robot, closure)?, profile(0.0)?, output.unwrap_or_default())?;
     let ordinary = with_even_steps(&robot.solver, speeds, interval);
     let coarse = with_coarse_steps(&ordinary);
     let mut modes = Modes::new(interval, period);
@@ -92,12 +86,13 @@ pub fn shoot(
     let (mut is_coarse, mut may_be_coarse, mut resting_s) = (true, true, 0.0);
     loop {
         trial.set_accuracy(if is_coarse { &coarse } else { &ordinary });
-        let start = trial.checkpoint();
-        let Some(path) = sampled(&mut trial, samples, interval, watch)? else {
+        // Coarse periods are never the result.
+        let mut output = (output.is_some() && !is_coarse).then(Vec::new);
+        let Some(path) = path(&mut trial, intervals, interval, output.as_mut(), watch)? else {
             return Ok(Outcome::Failed { simulated_s: trial.state().time });
         };
         let simulated_s = trial.state().time;
-        let (from, end) = (path[0], path[samples]);
+        let (from, end) = (path[0], path[intervals]);
         if let Some(before) = paths.last() {
             modes.record(&before[SKIPPED..], &path[SKIPPED..]);
         }
@@ -105,7 +100,7 @@ pub fn shoot(
         let mut state = trial.state().clone();
         let mut next_is_coarse = may_be_coarse && trial.summary().contact_share > 0.0;
         if simulated_s >= DECAY_S.max(1.5 * period) {
-            let [newton, step] = steps(&paths, modes.newton(samples));
+            let [newton, step] = steps(&paths, modes.newton(intervals));
             let distance = attitude(&newton).max(attitude(&step));
             let is_stable = !modes.grow();
             // With the assumed decay, too: small differences tell little of the true one.
@@ -113,10 +108,7 @@ pub fn shoot(
             let is_found = distance < TOLERANCE && assumed < TOLERANCE && !is_coarse && paths.len() > 1;
             resting_s = if is_found { resting_s + period } else { 0.0 };
             if resting_s > 0.0 && (is_stable || resting_s > RESTING_S) {
-                let mut summary = trial.summary();
-                (summary.steady.settled, summary.steady.settle_s) = (true, 0.0);
-                let orbit = Box::new(Orbit { trial, start, summary, period_s: period });
-                return Ok(Outcome::Found { orbit, simulated_s });
+                return Ok(Outcome::Found { trial: Box::new(trial), samples: output.unwrap_or_default() });
             }
             if simulated_s + period > patience_s {
                 trial.set_accuracy(&ordinary);
@@ -126,10 +118,11 @@ pub fn shoot(
             // Where no step is to be trusted, a period passes without one: the motion decays by itself, or leaves what is not
             // stable.
             let longest = LONGEST.min((end - from).amax() / (1.0 - (-period / SLOWEST_S).exp()));
-            let agree = attitude(&(newton - step)) <= DIFFERENCE * distance;
-            let is_plausible = distance >= TOLERANCE && distance < longest && agree;
+            let difference = attitude(&(newton - step)) / distance;
+            let is_plausible = distance >= TOLERANCE && distance < longest && difference <= LARGEST_DIFFERENCE;
             if is_stable && (is_plausible || is_coarse && is_close) {
-                state = moved_apart(&mut trial, &(from + step - end));
+                let share = if difference <= DIFFERENCE { 1.0 } else { 0.5 };
+                state = moved(&mut trial, &((from + step - end) * share));
             }
             if next_is_coarse && (is_close || simulated_s > COARSE * patience_s) {
                 (next_is_coarse, may_be_coarse) = (false, false);
@@ -144,13 +137,19 @@ pub fn shoot(
 
 /// Runs a trial to its end and returns its slow coordinates at the start and at the ends of `count` intervals (s); `None` if a
 /// step fails.
-fn sampled(trial: &mut Trial, count: usize, interval: f64, watch: Watch) -> Result<Option<Vec<Slow>>, SolveError> {
+fn path(
+    trial: &mut Trial,
+    count: usize,
+    interval: f64,
+    mut samples: Option<&mut Vec<Sample>>,
+    watch: Watch,
+) -> Result<Option<Vec<Slow>>, SolveError> {
     let start = trial.state().time;
     let mut path = vec![slow::coordinates(trial.solver(), trial.state())];
     for sample in 1..=count {
         // The last one ends with the profile: rounding must not leave a sliver of time.
         let until = if sample < count { start + interval * sample as f64 } else { f64::INFINITY };
-        if run(trial, until, watch)?.is_err() {
+        if run(trial, until, samples.as_deref_mut(), watch)?.is_err() {
             return Ok(None);
         }
         path.push(slow::coordinates(trial.solver(), trial.state()));
@@ -175,21 +174,22 @@ fn steps(paths: &[Vec<Slow>], newton: Option<Map>) -> [Slow; 2] {
 
 /// Returns the largest of the attitude's angles, rad.
 fn attitude(step: &Slow) -> f64 {
-    step.fixed_rows::<3>(0).amax()
+    step.fixed_rows::<ANGLES>(0).amax()
 }
 
-/// Returns the state of a trial moved in its slow coordinates, by less where its flagella would overlap.
-fn moved_apart(trial: &mut Trial, change: &Slow) -> State {
+/// Returns the state of a trial moved in its slow coordinates; in its attitude alone where flagella with other bends would
+/// overlap more. The bends of flagella that lean on each other follow the attitude.
+fn moved(trial: &mut Trial, change: &Slow) -> State {
     let touching = 2.0 * trial.solver().model().robot.flagellum.rod_radius_m;
     let state = trial.state().clone();
     let least = trial.least_distance(&state).min(touching);
-    for halvings in 0..HALVINGS {
-        let moved = slow::moved(&state, &(change * 0.5f64.powi(halvings)), trial.profile());
-        if trial.least_distance(&moved) >= least {
-            return moved;
-        }
+    let moved = slow::moved(&state, change, trial.profile());
+    if trial.least_distance(&moved) >= least {
+        return moved;
     }
-    state
+    let mut turn = Slow::zeros();
+    turn.fixed_rows_mut::<ANGLES>(0).copy_from(&change.fixed_rows::<ANGLES>(0));
+    slow::moved(&state, &turn, trial.profile())
 }
 
 /// Returns settings with steps of which a whole number makes this time (s): they need no step of another length at its end.

@@ -17,6 +17,8 @@ use nalgebra::{Rotation3, SVector, UnitQuaternion};
 
 /// Number of coordinates.
 pub const COORDINATES: usize = 7;
+/// Number of those that are the attitude; they come first.
+pub const ANGLES: usize = 3;
 /// A point in the slow coordinates.
 pub type Slow = SVector<f64, COORDINATES>;
 

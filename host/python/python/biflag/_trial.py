@@ -206,7 +206,7 @@ def simulate(
         duration: Duration in s; left out if ``speeds`` has times.
         closure: How the flagella act on the base: "full", "lumped" or "paper".
         method: "trial" simulates the whole duration. "steady" solves for the motion that a trial at constant speeds ends
-            in, and returns one period of it; where no motion is found to repeat it returns the whole trial.
+            in, and returns one period of it, or its last window if no motion is found to repeat.
         rate_hz: Samples a second.
         shapes: Whether the trial has the centre lines of the flagella.
         phase_deg: Angles of the motors at the start, degrees.
@@ -244,8 +244,8 @@ def simulate_batch(
         duration: Duration of each trial in s.
         closure: How the flagella act on the base: "full", "lumped" or "paper".
         method: "trial" simulates the whole duration. "steady" solves for the motion that each trial ends in, in a fraction
-            of the time; the column ``kind`` says what was found: "steady", a motion that repeats; or, by the whole trial,
-            "beating" if its means do not change, and "not_found" if they still do.
+            of the time; the column ``kind`` says what was found: "steady", a motion that repeats; or "beating" if the means
+            over successive windows agree, and "not_found" if they do not.
         rate_hz: Samples a second in which the state of the flagella, ``bundling``, is looked at.
         phase_deg: Angles of the motors at the start, degrees.
         threads: Number of threads; all cores if left out.

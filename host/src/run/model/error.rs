@@ -4,7 +4,6 @@ use crate::session::SessionError;
 use biflag_log::LogError;
 use miette::Diagnostic;
 use sim::params::ParamError;
-use sim::periodic::SolveError;
 use sim::profile::ProfileError;
 use sim::step::StepError;
 use std::path::PathBuf;
@@ -38,15 +37,6 @@ pub enum ModelError {
         trial: String,
         /// Why.
         error: ProfileError,
-    },
-    /// The search for the steady state failed.
-    #[error("trial {trial}: {error}")]
-    #[diagnostic(help("try --method trial"))]
-    Steady {
-        /// The trial.
-        trial: String,
-        /// Why.
-        error: SolveError,
     },
     /// The log could not be written.
     #[error(transparent)]

@@ -2,7 +2,7 @@
 //!
 //! The log of a modelled trial gets its name when it is complete. Until then it has a temporary name, so that a killed
 //! run leaves no incomplete log, and a resumed session computes the trial again. Its content depends only on plan,
-//! robot, options and program: trials share no state while they run, and no log contains the host's clock (see
+//! robot, options and program: trials share nothing that changes a result, and no log contains the host's clock (see
 //! [`biflag_log`]). The last digits may differ between processor types.
 
 mod batch;

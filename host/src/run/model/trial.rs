@@ -59,26 +59,32 @@ pub(super) fn run(
     watch: Watch,
 ) -> Result<SteadyMeta, ModelError> {
     let (speeds, start) = (trial.speeds.map(CentiRpm::rpm), trial.phase_deg.unwrap_or_default().map(f64::to_radians));
+    let failed = |error| ModelError::Step { trial: trial.name.clone(), error };
     let motion = Motion::new(model, &course.profile, speeds, start, watch);
-    let mut motion = motion.map_err(|error| match error {
-        SolveError::Interrupted => ModelError::Interrupted,
-        SolveError::Parameter(error) => error.into(),
-        error => ModelError::Steady { trial: trial.name.clone(), error },
-    })?;
-    let recorded = motion.period_s.map(|run_s| {
+    let mut motion = match motion {
+        Ok(motion) => motion,
+        Err(SolveError::Interrupted) => return Err(ModelError::Interrupted),
+        Err(SolveError::Parameter(error)) => return Err(error.into()),
+        Err(SolveError::Profile(error)) => return Err(ModelError::Profile { trial: trial.name.clone(), error }),
+        Err(SolveError::Step(error)) => {
+            let replay = course.replay.as_ref();
+            Recorder::start(model, plan, trial, (&course.schedule, replay), (attempt, path))?.fail(&error)?;
+            return Err(failed(error));
+        }
+    };
+    let recorded = motion.duration_s().map(|run_s| {
         let phases = Phases { calibrate_s: 0.0, preroll_s: 0.0, run_s, decay_s: 0.0 };
         let trial = Trial { phases, ..trial.clone() };
         (Schedule::planned(&trial), trial)
     });
     let (schedule, trial) = recorded.as_ref().map_or((&course.schedule, trial), |(schedule, trial)| (schedule, trial));
     let mut recorder = Recorder::start(model, plan, trial, (schedule, course.replay.as_ref()), (attempt, path))?;
-    let searched_s = motion.searched_s;
-    match recorder.record(&mut motion, &|time_s| watch(searched_s + time_s))? {
+    let simulated_s = motion.simulated_s();
+    match recorder.record(&mut motion, &|time_s| watch(simulated_s.max(time_s)))? {
         Flow::Interrupted => return Err(ModelError::Interrupted),
         Flow::Failed(error) => {
-            let mut summary = Summary { reason: error.to_string(), ..Summary::default() };
-            recorder.finish(&mut summary)?;
-            return Err(ModelError::Step { trial: trial.name.clone(), error });
+            recorder.fail(&error)?;
+            return Err(failed(error));
         }
         Flow::Done => {}
     }
@@ -155,6 +161,11 @@ impl<'a> Recorder<'a> {
             ..Summary::default()
         };
         self.finish(&mut summary)
+    }
+
+    /// Ends the log with the failure of the solver.
+    fn fail(self, error: &StepError) -> Result<(), LogError> {
+        self.finish(&mut Summary { reason: error.to_string(), ..Summary::default() })
     }
 
     fn finish(self, summary: &mut Summary) -> Result<(), LogError> {
