@@ -267,6 +267,7 @@ names! {
 mod tests {
     use super::*;
     use crate::table::{from_table, is_intact, to_table};
+    use sim::periodic::Kind;
 
     #[test]
     fn metadata_record_round_trips_as_text() {
@@ -294,6 +295,16 @@ mod tests {
         assert_eq!(from_table(&table), Some(board.clone()));
         table.remove("faults");
         assert_eq!(from_table(&table), Some(BoardMeta { faults: Vec::new(), ..board }));
+    }
+
+    #[test]
+    fn kind_of_a_steady_state_round_trips_and_is_left_out_of_a_trial() {
+        for kind in [None, Some(Kind::Steady), Some(Kind::Beating), Some(Kind::NotFound)] {
+            let steady = SteadyMeta { yaw_deg: -63.7, kind, ..SteadyMeta::default() };
+            let table = to_table(&steady);
+            assert_eq!(table.get("kind").map(String::as_str), kind.map(Kind::name));
+            assert_eq!(from_table(&table), Some(steady));
+        }
     }
 
     #[test]

@@ -52,6 +52,10 @@ pub(super) fn from_table<M: Meta>(table: &Table) -> Option<M> {
             *value = if value.is_string() { Value::String(text.clone()) } else { serde_json::from_str(text).ok()? };
         }
     }
+    // Fields that are left out of the default value are text.
+    for (key, text) in table {
+        object.entry(key).or_insert_with(|| Value::String(text.clone()));
+    }
     serde_json::from_value(Value::Object(object)).ok()
 }
 
