@@ -362,12 +362,15 @@ fn solver_failure_keeps_the_log_and_the_other_trials() {
     let folder = bench.path();
     std::fs::write(folder.join("hard.toml"), "[solver]\nsweeps = 2\nhalvings = 0\nstep_rad = 1.1\ntolerance = 1e-7\n")
         .unwrap();
-    let output = biflag(folder, &["simulate", "plan.toml", "--robot", "hard.toml", "--json"]);
-    expect(&output, 1);
-    let error = json(&output)["trials"][0]["error"].as_str().unwrap().to_owned();
-    assert!(error.contains("001_w1+50_w2+10: no step from") && error.contains("solver.halvings"), "{error}");
-    let info = json(&biflag(folder, &["info", "short/001_w1+50_w2+10.mcap", "--json"]));
-    assert_eq!((&info["end"], &info["clean"]), (&"failed".into(), &true.into()));
+    for method in ["trial", "steady"] {
+        let args = ["simulate", "plan.toml", "--robot", "hard.toml", "--method", method, "--out", method, "--json"];
+        let output = biflag(folder, &args);
+        expect(&output, 1);
+        let error = json(&output)["trials"][0]["error"].as_str().unwrap().to_owned();
+        assert!(error.contains("001_w1+50_w2+10: no step from") && error.contains("solver.halvings"), "{error}");
+        let info = json(&biflag(folder, &["info", &format!("{method}/001_w1+50_w2+10.mcap"), "--json"]));
+        assert_eq!((&info["end"], &info["clean"]), (&"failed".into(), &true.into()), "{method}");
+    }
 }
 
 #[test]
@@ -404,6 +407,24 @@ fn steady_states_are_solved_for_and_their_logs_hold_one_period() {
 
     let other = biflag(folder, &[args.as_slice(), &["--out", "solved", "--resume"]].concat());
     expect(&other, 2);
+}
+
+#[test]
+fn the_log_of_a_motion_that_does_not_repeat_holds_its_last_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let args = ["simulate", "--speeds", "37,53", "--duration", "60", "--method", "steady", "--json", "--out", "window"];
+    let output = biflag(folder, &args);
+    expect(&output, 0);
+    let solved = json(&output)["trials"][0].clone();
+    assert_eq!(solved["kind"], "beating");
+    let log = solved["log"].as_str().unwrap();
+    let trial = biflag_log::last_meta::<biflag_log::TrialMeta>(&folder.join(log)).unwrap().unwrap();
+    assert!((trial.run_s - solved["window_s"].as_f64().unwrap()).abs() < 1e-6, "{solved}");
+    let info = biflag(folder, &["info", log]);
+    expect(&info, 0);
+    let info = String::from_utf8_lossy(&info.stdout).into_owned();
+    assert!(info.contains("beating") && !info.contains("settled"), "{info}");
 }
 
 #[test]

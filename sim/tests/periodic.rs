@@ -36,7 +36,7 @@ fn solved_states_are_those_that_trials_end_in() {
         // The phase decides to which side a flagellum that stands leans the robot.
         ([0.0, 30.0], [180.0, 0.0], Kind::Steady, 0.1),
         ([0.0, 0.0], [0.0, 0.0], Kind::Steady, 0.1),
-        // No common period.
+        // A common period of 11.3 s, too long for the search.
         ([37.0, 53.0], [0.0, 0.0], Kind::Beating, 0.1),
         // The flagella touch in each turn.
         ([80.0, 40.0], [0.0, 0.0], Kind::Steady, 0.1),
@@ -65,8 +65,16 @@ fn a_motion_that_repeats_costs_less_than_half_of_a_trial() {
 
 #[test]
 fn samples_are_those_of_the_results() {
-    // A motion that repeats, one without a common period, and one that is searched for in vain.
-    for (rpm, longest_s) in [([0.0, 45.0], LONGEST_S), ([37.0, 53.0], LONGEST_S), ([-80.0, 50.0], 60.0)] {
+    for (rpm, longest_s) in [
+        // A motion that repeats.
+        ([0.0, 45.0], LONGEST_S),
+        // Searches in vain that end before the trial and after it.
+        ([37.0, 53.0], 80.0),
+        ([37.0, 53.0], 15.0),
+        // No common period, and runs of some windows and of less than one and a half.
+        ([1.0, 90.0], 40.0),
+        ([90.0, 47.0], 15.0),
+    ] {
         let robot = Robot::default();
         let output = Some(Options { rate_hz: 50.0, shapes: true });
         let problem = Problem { longest_s, ..problem(&robot, rpm) };
@@ -74,6 +82,13 @@ fn samples_are_those_of_the_results() {
         let solved = periodic::solve(&Problem { output, ..problem }, &|_| true).expect("a steady state");
         assert_eq!((solved.kind, solved.summary), (plain.kind, plain.summary.clone()), "samples change no result");
         assert!(plain.samples.is_empty());
+        println!(
+            "{rpm:?}, {longest_s} s: {:?} after {:.1} s, {:.2} s",
+            plain.kind, plain.simulated_s, plain.duration_s
+        );
+        let window_s = plain.summary.steady.window_s;
+        assert!((plain.duration_s - window_s).abs() < 1e-6, "{rpm:?}: the means are over {window_s} s");
+        assert!(plain.summary.first_contact_s.is_none_or(|time| (0.0..=plain.duration_s).contains(&time)));
         let samples = &solved.samples;
         assert_eq!(samples.len(), (solved.duration_s * 50.0 + 1e-6) as usize + 1, "{rpm:?}");
         for (i, sample) in samples.iter().enumerate() {

@@ -17,7 +17,8 @@ pub enum Method {
     /// By the trial itself.
     #[default]
     Trial,
-    /// By [`sim::periodic`]: the log has one period of the motion that repeats, or its last window where none was found.
+    /// By [`sim::periodic`]: the log has one period of the motion that repeats or, where none was found, the last window that was
+    /// simulated.
     Steady,
 }
 
@@ -86,7 +87,7 @@ pub struct SensorMeta {
 }
 
 /// Steady state of a modelled trial, from the solver's unrounded values. Means are taken over the end of the run
-/// ([`sim::steady`]).
+/// ([`sim::steady`]). With [`Method::Steady`] the run is the period or window in the log.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
 pub struct SteadyMeta {
@@ -100,7 +101,7 @@ pub struct SteadyMeta {
     pub window_s: f64,
     /// Whether the mean attitude agrees with that of the previous window.
     pub settled: bool,
-    /// Time from the start of the run after which yaw and pitch stay near their means.
+    /// Time from the start of the run after which yaw and pitch stay near their means; 0 with [`Method::Steady`].
     pub settle_s: f64,
     /// Mean force of flagellum 1 on the base, body axes, including contact.
     pub force1_n: [f64; 3],
@@ -108,7 +109,7 @@ pub struct SteadyMeta {
     pub force2_n: [f64; 3],
     /// Mean reaction torques on the base about the shafts.
     pub axial_torque_nm: [f64; 2],
-    /// Smallest distance between the flagella's surfaces during the trial; negative if they overlap.
+    /// Smallest distance between the flagella's surfaces in the log; negative if they overlap.
     pub min_gap_m: f64,
     /// Largest overlap.
     pub max_penetration_m: f64,
@@ -118,9 +119,9 @@ pub struct SteadyMeta {
     pub bundling_changes: Vec<BundlingChange>,
     /// Fraction of the run with contact.
     pub contact_share: f64,
-    /// Total number of solver iterations.
+    /// Number of solver iterations for the log.
     pub newton_iterations: u64,
-    /// Simulated time.
+    /// Simulated time, that of the search included.
     pub simulated_s: f64,
     /// What the motion is, with [`Method::Steady`].
     #[serde(skip_serializing_if = "Option::is_none")]

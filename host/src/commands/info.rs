@@ -102,8 +102,11 @@ fn describe(path: &Path, data: &Data, angles: Option<&Angles>) -> String {
     lines.add("duration", format!("{:.3} s", data.duration_s));
     lines.add("link", data.link);
     if let Some(steady) = &records.steady {
-        let settled = if steady.settled { format!("after {:.0} s", steady.settle_s) } else { "no".to_owned() };
-        lines.add("settled", settled);
+        match steady.kind {
+            Some(kind) => lines.add("motion", kind.name().replace('_', " ")),
+            None if steady.settled => lines.add("settled", format!("after {:.0} s", steady.settle_s)),
+            None => lines.add("settled", "no"),
+        }
         lines.add("flagella", format!("{}, smallest gap {:.2} mm", word(&steady.bundling), steady.min_gap_m * 1e3));
     }
     if let Some(angles) = angles {

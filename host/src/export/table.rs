@@ -312,7 +312,11 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
         real("roll_deg", "steady roll", &angle(|angles| Some(angles.roll_deg))),
         real("yaw_drift_deg", "drift removed from the steady yaw", &angle(|angles| angles.drift_deg)),
         real("window_s", "length of the averaging window", &angle(|angles| Some(angles.steady_s))),
-        real("settle_s", "settling time of yaw and pitch; empty if they did not settle", &|trial| trial.settle_s),
+        real(
+            "settle_s",
+            "settling time of yaw and pitch; empty if they did not settle or the model solved for the steady state",
+            &|trial| trial.settle_s,
+        ),
         int("lost", "telemetry frames lost", &|trial| trial.lost.try_into().unwrap_or(i64::MAX)),
         text("log", "log of the trial", &|trial| trial.log.clone()),
         text("file", "file of the trial in this folder", &|trial| trial.file.clone()),

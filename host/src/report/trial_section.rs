@@ -5,7 +5,7 @@ use super::text::{clip, count, degrees, number, speeds, word};
 use super::view::{Steady, View};
 use crate::trial::Event;
 use biflag_log::schema::biflag::event::Kind;
-use biflag_log::{Identity, Origin};
+use biflag_log::{Identity, Origin, SteadyMeta};
 use maud::{Markup, html};
 
 /// The longest note that is shown.
@@ -114,8 +114,7 @@ fn tiles(view: &View) -> Markup {
                 }))
             }
             @if let Some(model) = &view.records.steady {
-                (tile("Settling time", &if model.settled { format!("{} s", number(model.settle_s, 0)) } else { "not settled".to_owned() },
-                    &html! { "flagella " (word(&model.bundling)) ", smallest gap " (number(model.min_gap_m * 1e3, 1)) " mm" }))
+                (settling(model, &html! { "flagella " (word(&model.bundling)) ", smallest gap " (number(model.min_gap_m * 1e3, 1)) " mm" }))
             }
             @if !is_model {
                 (tile("Frames lost", &link.lost.to_string(), &html! {
@@ -123,6 +122,15 @@ fn tiles(view: &View) -> Markup {
                 }))
             }
         }
+    }
+}
+
+/// The tile of the settling time; of the kind of motion if the model has solved for it.
+fn settling(model: &SteadyMeta, note: &Markup) -> Markup {
+    match model.kind {
+        Some(kind) => tile("Motion", &kind.name().replace('_', " "), note),
+        None if model.settled => tile("Settling time", &format!("{} s", number(model.settle_s, 0)), note),
+        None => tile("Settling time", "not settled", note),
     }
 }
 

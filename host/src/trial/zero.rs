@@ -53,7 +53,9 @@ pub struct Steady {
     pub drift_deg: Option<f64>,
     /// The time over which the angles are averaged: see [`sim::steady`].
     pub window: Range<f64>,
-    /// When yaw and pitch had settled, s from the start of the run; `None` if they had not.
+    /// Whether yaw and pitch had settled.
+    pub settled: bool,
+    /// When they had, s from the start of the run; not known where the model has solved for the steady state.
     pub settle_s: Option<f64>,
 }
 
@@ -246,7 +248,7 @@ impl Zeroed {
             drift_deg: steady.drift_deg,
             still_after_s: (!self.is_model).then(|| after.map_or(0.0, |still| still.end - still.start)),
             steady_s: steady.window.end - steady.window.start,
-            settled: steady.settle_s.is_some(),
+            settled: steady.settled,
             turned_deg: self.turned_deg,
         })
     }
@@ -272,14 +274,15 @@ impl Zeroed {
         let window = run.end - steady.window_s..run.end;
         let middle = 0.5 * (window.start + window.end);
         let own = data.records.steady.as_ref().filter(|_| self.is_model);
-        let (angles_deg, settle_s, window) = match own {
-            Some(SteadyMeta { yaw_deg, pitch_deg, roll_deg, settled, settle_s, window_s, .. }) => {
+        let (angles_deg, settled, settle_s, window) = match own {
+            Some(SteadyMeta { yaw_deg, pitch_deg, roll_deg, settled, settle_s, window_s, kind, .. }) => {
                 let window = run.end - window_s..run.end;
-                ([*yaw_deg, *pitch_deg, *roll_deg], settled.then_some(*settle_s), window)
+                let settle_s = (*settled && kind.is_none()).then_some(*settle_s);
+                ([*yaw_deg, *pitch_deg, *roll_deg], *settled, settle_s, window)
             }
             None => {
                 let angles = steady.attitude.map(|level| level.mean.to_degrees());
-                (angles, steady.settled.then_some(steady.settle_s), window)
+                (angles, steady.settled, steady.settled.then_some(steady.settle_s), window)
             }
         };
         Some(Steady {
@@ -288,6 +291,7 @@ impl Zeroed {
             tilt_uncertainty_deg: self.tilt_uncertainty(window.end - window.start),
             drift_deg: (!self.is_model).then(|| self.yaw_drift(middle)),
             window,
+            settled,
             settle_s,
         })
     }

@@ -22,7 +22,8 @@
 //! coordinates y. With its derivative M and the change F(y) over a period, a Newton step is (I - M)⁻¹ F. M is estimated
 //! from the periods themselves (`modes`), and Anderson acceleration over the last periods corrects its error. A step
 //! moves the state and its past in the slow coordinates; the ordinary solver continues from there. Where the two
-//! estimates of a step differ much, or M has a direction that grows, a period passes without a step.
+//! estimates of a step differ, half a step is made; where they differ much, or M has a direction that grows, a period passes
+//! without a step.
 //!
 //! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration. The results are means
 //! over the last period, by the ordinary solver and the ordinary steady window. If no motion is found, or if the motors
@@ -50,6 +51,9 @@ pub const TOLERANCE: f64 = 0.05 * PI / 180.0;
 
 /// Largest difference of yaw, pitch and roll between the means of two windows that agree, rad.
 const AGREEMENT: f64 = 0.1 * PI / 180.0;
+
+/// Part of a window that counts as none.
+const ROUNDING: f64 = 1e-6;
 
 /// Kind of a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -90,8 +94,8 @@ pub struct Problem<'a> {
     pub rpm: [f64; 2],
     /// Angles of the motors at the start, rad. They select one of several steady states ([`crate::phase`]).
     pub start_rad: [f64; 2],
-    /// Duration of the simulation if no repeating motion is found, s. A search that ends late is followed by at least two
-    /// windows.
+    /// Duration of the simulation if no repeating motion is found, s. A search that ends late in it is followed by at least two
+    /// windows; after a search that ends later, the trial is run again from its start.
     pub longest_s: f64,
     /// Output of the samples; `None` for no samples.
     pub output: Option<Options>,
@@ -165,8 +169,7 @@ pub fn agree(one: &Steady, other: &Steady) -> bool {
     one.attitude.iter().zip(&other.attitude).all(|(a, b)| (a.mean - b.mean).abs() <= AGREEMENT)
 }
 
-/// Simulates on, window by window, to the end of a profile or until the means of two windows agree. `searched_s`: simulated
-/// time of the search.
+/// Simulates on to the end of a profile or until the means of two windows agree. `searched_s`: simulated time of the search.
 fn follow(
     mut trial: Trial,
     whole: &SpeedProfile,
@@ -176,18 +179,23 @@ fn follow(
 ) -> Result<Periodic, SolveError> {
     let window = whole_turns(whole.target(), whole.end());
     let before_s = searched_s - trial.state().time;
+    let watch = |time: f64| watch(before_s + time);
+    let left = whole.end() - trial.state().time;
+    let mut windows = (left / window + ROUNDING).floor();
+    if left - windows * window > ROUNDING * window {
+        // What is left over comes first, so that the last window is a whole one.
+        trial = continued(trial, whole, windows * window)?;
+        run(&mut trial, f64::INFINITY, None, &watch)??;
+    }
     let mut last: Option<Steady> = None;
     loop {
-        let from_s = trial.state().time;
-        let left = whole.end() - from_s;
-        let duration = if left < 1.5 * window { left } else { window };
-        let state = trial.state().clone();
-        trial = trial.followed_by(whole.between(from_s, from_s + duration)?, state);
+        windows -= 1.0;
+        trial = continued(trial, whole, windows * window)?;
         let mut samples = Vec::new();
-        run(&mut trial, f64::INFINITY, has_output.then_some(&mut samples), &|time| watch(before_s + time))??;
+        run(&mut trial, f64::INFINITY, has_output.then_some(&mut samples), &watch)??;
         let summary = trial.summary();
         let has_settled = last.as_ref().is_some_and(|last| agree(last, &summary.steady));
-        if has_settled || trial.state().time >= whole.end() - window * 1e-6 {
+        if has_settled || windows < 0.5 {
             // As for a trial: half a degree or 1 %.
             let near = |a: Level, b: Level| (a.mean - b.mean).abs() <= 0.5f64.to_radians().max(0.01 * a.mean.abs());
             let levels = |last: &Steady| (0..3).all(|i| near(summary.steady.attitude[i], last.attitude[i]));
@@ -198,12 +206,19 @@ fn follow(
     }
 }
 
+/// Returns the trial that goes on up to this time before the end of a profile, s.
+fn continued(trial: Trial, whole: &SpeedProfile, left_s: f64) -> Result<Trial, ProfileError> {
+    let state = trial.state().clone();
+    Ok(trial.followed_by(whole.between(state.time, whole.end() - left_s)?, state))
+}
+
 /// Returns the result whose last period or window is this trial.
 fn periodic(kind: Kind, trial: &Trial, mut samples: Vec<Sample>, simulated_s: f64) -> Periodic {
     let mut summary = trial.summary();
     let duration_s = std::mem::replace(&mut summary.simulated_s, simulated_s);
     (summary.steady.settled, summary.steady.settle_s) = (kind != Kind::NotFound, 0.0);
     let start_s = trial.state().time - duration_s;
+    summary.first_contact_s = summary.first_contact_s.map(|time| time - start_s);
     for sample in &mut samples {
         sample.time_s -= start_s;
     }

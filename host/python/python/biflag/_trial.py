@@ -31,7 +31,7 @@ AXES = ("x", "y", "z")
 class Steady:
     """Steady state of a simulated trial: means over whole turns of the flagella at the end of the run, about 12 s.
 
-    With the method "steady" they are means over one period of the motion, if it repeats.
+    With the method "steady" everything is of one period of the motion or, if it does not repeat, of the last window.
 
     Forces and torques are those of the flagella on the base, in body axes; the thrust is the z component.
     """
@@ -44,13 +44,13 @@ class Steady:
     settled: bool
     """Whether the mean attitude agrees with that of the window before."""
     settle_s: float
-    """Time from which on yaw and pitch stay near their means."""
+    """Time from which on yaw and pitch stay near their means; 0 with the method "steady"."""
     force1_n: Floats
     force2_n: Floats
     axial_torque_nm: Floats
     """Reaction torques on the base about both shafts."""
     min_gap_m: float
-    """Least distance of the flagella's surfaces over the whole trial, negative if they overlap."""
+    """Least distance of the flagella's surfaces in the samples' time, negative if they overlap."""
     max_penetration_m: float
     bundling: str
     """The closest state of the flagella: apart, touching or bundled."""
@@ -206,7 +206,7 @@ def simulate(
         duration: Duration in s; left out if ``speeds`` has times.
         closure: How the flagella act on the base: "full", "lumped" or "paper".
         method: "trial" simulates the whole duration. "steady" solves for the motion that a trial at constant speeds ends
-            in, and returns one period of it, or its last window if no motion is found to repeat.
+            in, and returns one period of it or, if none is found to repeat, the last window that was simulated.
         rate_hz: Samples a second.
         shapes: Whether the trial has the centre lines of the flagella.
         phase_deg: Angles of the motors at the start, degrees.

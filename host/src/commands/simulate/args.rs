@@ -41,7 +41,7 @@ pub struct Args {
     ///
     /// The default is the plan's method, or `trial`. With `steady` the log contains one period of the motion and no
     /// other phases. If no repeating motion is found, the simulation continues until the means over two steady windows
-    /// agree or to the duration of the run, and the log contains the last window. `kind` in the output is `steady`,
+    /// agree or the run ends, and the log contains the last window. `kind` in the output is `steady`,
     /// `beating` (the means agree) or `not_found`.
     #[arg(long, value_enum, conflicts_with = "from")]
     pub method: Option<MethodName>,

@@ -121,10 +121,11 @@ impl fmt::Display for SimulatedTrial {
         let SteadyMeta { yaw_deg, pitch_deg, roll_deg, settle_s, .. } = steady;
         let [yaw, pitch, roll] = [yaw_deg, pitch_deg, roll_deg].map(|deg| text::decimal(*deg, 2));
         write!(f, ": yaw {yaw}°, pitch {pitch}°, roll {roll}°")?;
-        match steady.settled {
-            _ if steady.kind == Some(Kind::Steady) => {}
-            true => write!(f, ", settled after {settle_s:.0} s")?,
-            false => write!(f, ", not settled")?,
+        match steady.kind {
+            Some(Kind::Steady) => {}
+            Some(Kind::Beating) => write!(f, ", beating")?,
+            None if steady.settled => write!(f, ", settled after {settle_s:.0} s")?,
+            Some(Kind::NotFound) | None => write!(f, ", not settled")?,
         }
         if let Some(wall_s) = self.wall_s {
             write!(f, "; {:.0} times real time", steady.simulated_s / wall_s)?;

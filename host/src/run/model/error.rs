@@ -18,7 +18,9 @@ pub enum ModelError {
     Interrupted,
     /// The solver failed.
     #[error("trial {trial}: {error}")]
-    #[diagnostic(help("the log ends there; change the robot's file as suggested and pass it with --robot"))]
+    #[diagnostic(help(
+        "the log has what was recorded until then; change the robot's file as suggested and pass it with --robot"
+    ))]
     Step {
         /// The trial.
         trial: String,

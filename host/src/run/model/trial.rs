@@ -94,7 +94,7 @@ pub(super) fn run(
 }
 
 /// Writes the log of a planned trial that was computed already to `path`, which must not exist. With
-/// [`Method::Steady`](biflag_log::Method::Steady) the trial's run is the period.
+/// [`Method::Steady`](biflag_log::Method::Steady) the trial's run is the period or the last window.
 ///
 /// # Errors
 /// [`ModelError::Log`].
