@@ -204,13 +204,38 @@ fn preflight_refuses_and_resume_continues() {
     assert_eq!(logs(&session).len(), 4);
 }
 
-/// A robot that still swings from the trial before is not calibrated.
+/// A robot that still swings from the trial before is calibrated again when it has come to rest.
+#[test]
+fn a_robot_that_swings_is_calibrated_again() {
+    let bench = Bench::new();
+    let plan = bench.file(
+        "plan.toml",
+        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 8\npreroll = 0\nrun = 3\ndecay = 0\n\
+         [speeds]\npairs = [[90, 90], [30, 0]]\n",
+    );
+    let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--json"]).expect_code(0);
+    assert!(
+        run.stderr.contains("the board moved during the calibration of the gyroscope; calibration 2 begins"),
+        "{}",
+        run.stderr
+    );
+    let trials = run.json()["trials"].as_array().unwrap().clone();
+    assert!(trials.len() == 2 && trials.iter().all(|trial| trial["complete"] == true), "{trials:?}");
+    let session = bench.path().join("bench");
+    assert!(logs(&session).len() > 2, "an attempt that fails keeps its log");
+    let info = bench.run(["info", session.to_str().unwrap()]);
+    assert!(info.stdout.contains("bench: 2 of 2 trials complete"), "{}", info.stdout);
+}
+
+/// A robot that never comes to rest ends the session after three calibrations.
 #[test]
 fn a_moving_robot_is_refused() {
     let bench = Bench::new();
-    let plan = calibrated_plan(&bench, "[90, 90], [30, 0]");
-    let run = bench.run(["record", &plan, "--virtual"]);
+    let plan = calibrated_plan(&bench, "[30, 0], [0, 30]");
+    let run = bench.run(["record", &plan, "--virtual", "--fault", "spin=50"]);
     expect_error(&run, 1, &["the board moved during the calibration", "let the robot come to rest", "--resume"]);
+    assert!(run.stderr.contains("calibration 3 begins"), "{}", run.stderr);
+    assert_eq!(logs(&bench.path().join("bench")).len(), 3);
 }
 
 /// Logs of a plan that the disk has no room for are not begun.

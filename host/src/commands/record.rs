@@ -8,6 +8,7 @@ use crate::plan::{EXAMPLE, Plan, Trial, robot};
 use crate::progress::Progress;
 use crate::run;
 use crate::run::rig::board_copy::BoardCopies;
+use crate::run::rig::preflight::PreflightError;
 use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, preflight};
 use crate::session::{self, Session, Sharing};
 use crate::signals::interruption;
@@ -24,6 +25,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::SystemTime;
 use tempfile::{NamedTempFile, TempPath};
+
+/// How often the gyroscope is calibrated for a trial before the session ends because the robot moves.
+const CALIBRATIONS: usize = 3;
 
 /// Run the trials of a plan on the rig and write a log of each.
 #[derive(clap::Args, Debug)]
@@ -171,7 +175,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             link: &link,
             progress: &progress,
             interrupted: &interrupted,
-            tap: live.as_ref().map(Live::tap),
+            tap: None,
             player: player.as_mut(),
             robot: robot.as_ref(),
         };
@@ -187,7 +191,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
                 break;
             }
         }
-        let (path, run) = match run_trial(&mut context, &session, trial, &plan, origin) {
+        let (path, run) = match run_trial(&mut context, &session, trial, &plan, origin, live.as_ref()) {
             Ok(run) => run,
             Err(report) => {
                 failure = Some(report);
@@ -230,8 +234,31 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     }
 }
 
-/// Runs a trial and writes its log.
+/// Runs a trial and writes its log. A robot that moves during the calibration has two more attempts to come to rest,
+/// because a session of many hours should not end with one push of the table. Each attempt has a log.
 fn run_trial(
+    context: &mut RunContext,
+    session: &Session,
+    trial: &Trial,
+    plan: &Plan,
+    origin: Origin,
+    live: Option<&Live>,
+) -> miette::Result<(PathBuf, RigRun)> {
+    let mut calibrations = 1;
+    loop {
+        context.tap = live.map(Live::tap);
+        let (path, run) = run_attempt(context, session, trial, plan, origin)?;
+        let moved = matches!(run.error, Some(RecordError::Preflight(PreflightError::Moved)));
+        if !moved || calibrations == CALIBRATIONS {
+            return Ok((path, run));
+        }
+        calibrations += 1;
+        context.progress.line(&format!("{}: {}; calibration {calibrations} begins", trial.name, PreflightError::Moved));
+    }
+}
+
+/// Runs a trial once.
+fn run_attempt(
     context: &mut RunContext,
     session: &Session,
     trial: &Trial,

@@ -7,14 +7,16 @@
 //! those that are predicted for its end. An inverse depends on these shapes and its [`Key`] only, and a restored state
 //! goes on bit for bit.
 //!
-//! Inverses at rest serve for hundreds of steps and are dense; all solvers of equal flagella share them (`rest`). Free motion whose steps have needed one sweep too many
-//! for a long time also changes to dense inverses, at its present shapes: drag on the spin bends and twists the
-//! flagella far from rest, and they keep that shape. Inverses at other shapes are used for few steps, so their
-//! construction must be cheap: they stay factors in single precision, of equations with a coarser mobility.
+//! Inverses at rest serve for hundreds of steps and are dense; all solvers of equal flagella share them (`rest`). Free
+//! motion whose steps have needed one sweep too many for a long time also changes to dense inverses, at its present
+//! shapes: drag on the spin bends and twists the flagella far from rest, and they keep that shape. Inverses at other
+//! shapes are used for few steps, so their construction must be cheap: they stay factors in single precision, of
+//! equations with a coarser mobility.
 //! `cargo bench -p sim --bench trials -- soft` prints how many of them soft flagella need, and `sim/docs/cost.md` has
 //! its table. The mean cost since the last new shapes decides, not the number of sweeps alone. Where contact makes the
 //! sweeps many, new shapes do not help.
 
+use super::key::Key;
 use super::model::Model;
 use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
 use super::rest::Rest;
@@ -24,10 +26,6 @@ use crate::state::RodState;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Ratio of neighbouring grid values of kappa.
-const KAPPA_GRID: f64 = 1.25;
-/// Distance of neighbouring grid values of the spin, rad.
-const SPIN_GRID: f64 = 0.1;
 /// Inverses kept for one shape; a ramp visits many keys, a steady trial two to ten.
 const KEPT: usize = 24;
 /// New shapes cost about as much as this many sweeps: those of a step with more sweeps than have been taken on average since
@@ -74,28 +72,6 @@ impl Linearisation {
         if self.excess > LARGEST_EXCESS << self.renewals {
             *self = Self { renewals: self.renewals + 1, ..Self::new(rods.clone()) };
         }
-    }
-}
-
-/// What an inverse depends on besides the shape, rounded to a grid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Key {
-    /// Index on the logarithmic grid of kappa.
-    kappa: i32,
-    /// Index on the grid of the spin.
-    spin: i32,
-}
-
-impl Key {
-    /// `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
-    pub fn new(kappa: f64, speed: f64) -> Self {
-        let index = (kappa.ln() / KAPPA_GRID.ln()).round() as i32;
-        Self { kappa: index, spin: (speed / kappa / SPIN_GRID).round() as i32 }
-    }
-
-    /// Returns the inverse of these equations at its grid values; `None` when the matrix is singular.
-    pub fn invert(self, equations: &Equations, rod: &Rod) -> Option<Preconditioner> {
-        equations.invert(rod, KAPPA_GRID.powi(self.kappa), f64::from(self.spin) * SPIN_GRID)
     }
 }
 

@@ -50,6 +50,7 @@ mod factors;
 mod flagellum;
 pub mod formula;
 mod inverses;
+mod key;
 mod limits;
 mod model;
 mod panels;

@@ -4,7 +4,7 @@
 //! time on inverses at rest. They depend on the flagellum, the fluid and their [`Key`] alone, so it does not matter to a
 //! result which trial has built them.
 
-use super::inverses::Key;
+use super::key::Key;
 use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
 use crate::rod::Rod;
 use crate::state::RodState;

@@ -1,0 +1,31 @@
+//! What tells two inverses of one shape apart: the length of a step and the speed of the motor, rounded to a grid.
+
+use super::preconditioner::{Equations, Preconditioner};
+use crate::rod::Rod;
+
+/// Ratio of neighbouring grid values of kappa.
+const KAPPA_GRID: f64 = 1.25;
+/// Distance of neighbouring grid values of the spin, rad.
+const SPIN_GRID: f64 = 0.1;
+
+/// What an inverse depends on besides the shape, rounded to a grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Key {
+    /// Index on the logarithmic grid of kappa.
+    kappa: i32,
+    /// Index on the grid of the spin.
+    spin: i32,
+}
+
+impl Key {
+    /// `kappa` = a_0/step in 1/s and the motor's speed in rad/s.
+    pub fn new(kappa: f64, speed: f64) -> Self {
+        let index = (kappa.ln() / KAPPA_GRID.ln()).round() as i32;
+        Self { kappa: index, spin: (speed / kappa / SPIN_GRID).round() as i32 }
+    }
+
+    /// Returns the inverse of these equations at its grid values; `None` when the matrix is singular.
+    pub fn invert(self, equations: &Equations, rod: &Rod) -> Option<Preconditioner> {
+        equations.invert(rod, KAPPA_GRID.powi(self.kappa), f64::from(self.spin) * SPIN_GRID)
+    }
+}
