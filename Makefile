@@ -76,16 +76,16 @@ proof: build
 	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test all hard_cases -- --nocapture
 	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
 	AIM_CASES=200 $(CARGO) test --release --locked -p host --test all aim -- --ignored --nocapture
-	$(CARGO) test --release --locked -p tests --test aim --test attitude_chain --test twin --test report --test sweep -- --ignored --nocapture
+	$(CARGO) test --release --locked -p tests --test all -- --ignored --nocapture
 	$(CARGO) bench --locked -p sim --bench trials
 	$(CARGO) run --release --locked -p sim --example steady -- physical 2
 
 hostile: build
-	KILLS=$(KILLS) $(CARGO) test --release --locked -p tests --test interruption killed -- --nocapture
-	KILLS=50 $(CARGO) test --release --locked -p tests --test sweep killed -- --nocapture
+	KILLS=$(KILLS) $(CARGO) test --release --locked -p tests --test all interruption::killed -- --nocapture
+	KILLS=50 $(CARGO) test --release --locked -p tests --test all sweep::killed -- --nocapture
 	EVERY_BYTE=1 $(CARGO) test --release --locked -p tests --test every_byte -- --nocapture
-	LINES=100 $(CARGO) test --release --locked -p tests --test spoilt_line only -- --nocapture
-	FRAMES=1000000 $(CARGO) test --release --locked -p tests --test link at_random -- --nocapture
+	LINES=100 $(CARGO) test --release --locked -p tests --test all spoilt_line::only -- --nocapture
+	FRAMES=1000000 $(CARGO) test --release --locked -p tests --test all link::frames_dropped_at_random -- --nocapture
 	PHASES=1000 $(CARGO) test --release --locked -p virtual-nano --test link silent_host -- --nocapture
 	BIFLAG_DAMAGE=100000000 $(CARGO) test --release --locked -p protocol --test wire damage -- --nocapture
 

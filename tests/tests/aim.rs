@@ -25,7 +25,7 @@ fn number(value: &Value, key: &str) -> f64 {
 }
 
 /// Fits a hidden robot to four recordings, asks for the speeds of ten of its attitudes, and records these:
-/// `cargo test --release -p tests --test aim -- --ignored --nocapture`, a quarter of an hour on two cores.
+/// `cargo test --release -p tests --test all aim -- --ignored --nocapture`, a quarter of an hour on two cores.
 #[test]
 #[ignore = "takes a quarter of an hour"]
 fn a_fitted_robot_takes_the_attitudes_that_it_is_asked_for() {

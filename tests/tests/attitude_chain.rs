@@ -122,7 +122,7 @@ fn simulator_failure_ends_the_trial_with_its_reason() {
     assert!(reader.counts()["/telemetry"] > 300 && reader.counts()["/truth"] > 80, "{:?}", reader.counts());
 }
 
-/// The four published points, each with 25 sensors: `cargo test --release -p tests --test attitude_chain -- --ignored
+/// The four published points, each with 25 sensors: `cargo test --release -p tests --test all attitude_chain -- --ignored
 /// --nocapture`, three quarters of an hour on two cores.
 #[test]
 #[ignore = "takes three quarters of an hour"]

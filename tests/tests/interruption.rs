@@ -139,7 +139,7 @@ struct Killed {
 }
 
 /// A recording that is killed at any time loses at most the last half second; `--resume` repeats no complete trial and
-/// leaves none out. `KILLS=1000 cargo test --release -p tests --test interruption killed` runs more than the usual 50.
+/// leaves none out. `KILLS=1000 cargo test --release -p tests --test all interruption::killed` runs more than the usual 50.
 #[test]
 fn killed_recording_loses_at_most_half_a_second_and_no_trial() {
     let kills = std::env::var("KILLS").map_or(50, |kills| kills.parse().expect("KILLS is a number"));

@@ -59,7 +59,7 @@ fn dropped_frames_are_counted() {
     assert_eq!(trial["crc_errors"], 0);
 }
 
-/// `FRAMES=1000000 cargo test --release -p tests --test link at_random -- --nocapture` records more than the usual 8000.
+/// `FRAMES=1000000 cargo test --release -p tests --test all link::frames_dropped_at_random -- --nocapture` records more than the usual 8000.
 #[test]
 fn frames_dropped_at_random_are_counted_exactly() {
     let frames: u64 = std::env::var("FRAMES").map_or(8000, |frames| frames.parse().expect("FRAMES is a number"));

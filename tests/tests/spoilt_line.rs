@@ -123,7 +123,7 @@ fn case(number: u64) -> String {
     format!("{what}: motors off after {turned_s:.2} s, ended after {ended_s:.2} s")
 }
 
-/// `LINES=100 cargo test --release -p tests --test spoilt_line only -- --nocapture` runs more than the usual 10.
+/// `LINES=100 cargo test --release -p tests --test all spoilt_line::only -- --nocapture` runs more than the usual 10.
 #[test]
 fn only_telemetry_keeps_the_motors_turning() {
     let count: u64 = std::env::var("LINES").map_or(10, |count| count.parse().expect("LINES is a number"));

@@ -85,7 +85,7 @@ fn replay_agrees_with_the_recording_only_in_the_same_fluid() {
 }
 
 /// Recovers the parameters of four robots, each up to 20 % from the published one, from three recorded trials each:
-/// `cargo test --release -p tests --test twin -- --ignored --nocapture`, a quarter of an hour on two cores.
+/// `cargo test --release -p tests --test all twin -- --ignored --nocapture`, a quarter of an hour on two cores.
 #[test]
 #[ignore = "takes a quarter of an hour"]
 fn calibration_recovers_four_robots_from_recordings() {

@@ -320,7 +320,7 @@ fn measured(bench: &Bench, arguments: &[&str]) -> (Run, f64, f64) {
 }
 
 /// Reports 75 trials of 120 s at 20 Hz with shapes, then replays, compares and reports them.
-/// `cargo test -p tests --test report -- --ignored --nocapture`
+/// `cargo test -p tests --test all report -- --ignored --nocapture`
 #[test]
 #[ignore = "the simulation takes some minutes"]
 fn long_session_is_reported_in_a_minute_and_a_gigabyte() {
