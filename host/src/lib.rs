@@ -19,6 +19,7 @@ pub mod report;
 pub mod run;
 pub mod session;
 pub mod signals;
+mod split_mix;
 pub mod sweep;
 pub mod text;
 pub mod trial;

@@ -95,9 +95,9 @@ impl Progress {
     }
 }
 
-/// Locks the progress shared by several threads, even if one of them panicked.
-pub fn lock(progress: &Mutex<Progress>) -> MutexGuard<'_, Progress> {
-    progress.lock().unwrap_or_else(PoisonError::into_inner)
+/// Locks what several threads share, even if one of them panicked.
+pub fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn milliseconds(seconds: f64) -> u64 {

@@ -12,7 +12,7 @@ fn flash_through(bootloader: &str, baud: u64) {
     let flashed = run.json();
     println!("{flashed}");
     assert_eq!(flashed["baud"], baud);
-    assert_eq!(flashed["firmware"], Image::read(&image).unwrap().commit());
+    assert_eq!(flashed["firmware"], Image::read(&image).unwrap().commit);
     assert_eq!(flashed["protocol"], protocol::VERSION);
 }
 

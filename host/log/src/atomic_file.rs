@@ -5,7 +5,7 @@
 
 use std::ffi::OsStr;
 use std::fs::File;
-use std::io::{BufWriter, Error, ErrorKind, Result};
+use std::io::{BufWriter, Error, ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
 
 /// Writes a draft beside `path` and renames it to `path`. A link at `path` is replaced, not followed, so that links in
@@ -23,6 +23,16 @@ pub fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<(
     file.into_inner()?;
     draft.file.sync_all()?;
     std::fs::rename(&draft.path, path)
+}
+
+/// Writes a new file at `path`, which must not exist.
+///
+/// # Errors
+/// [`ErrorKind::AlreadyExists`], or the file cannot be written.
+pub fn create(path: &Path, text: &str) -> Result<()> {
+    let mut draft = Draft::create(path)?;
+    draft.file.write_all(text.as_bytes())?;
+    draft.publish(path)
 }
 
 /// The draft of a file. It is removed when it is dropped.
@@ -67,8 +77,7 @@ impl Draft {
             }
             other => other?,
         }
-        // Not every file system can sync a folder.
-        let _ = File::open(folder_of(path)).and_then(|folder| folder.sync_all());
+        sync_folder_of(path);
         Ok(())
     }
 }
@@ -110,6 +119,11 @@ fn drafted(path: &Path) -> Option<&OsStr> {
     process.file_stem()
 }
 
+/// Syncs the folder of a file, so that its name is on the disk. Not every file system can sync a folder.
+pub fn sync_folder_of(path: &Path) {
+    let _ = File::open(folder_of(path)).and_then(|folder| folder.sync_all());
+}
+
 fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -117,7 +131,6 @@ fn folder_of(path: &Path) -> &Path {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Write;
 
     #[test]
     fn links_are_replaced_not_followed() {

@@ -1,6 +1,7 @@
 //! A file that is written and synced in the background, so that a slow disk does not delay the trial.
 
 use super::LogError;
+use super::atomic_file::sync_folder_of;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -14,9 +15,7 @@ use std::time::{Duration, Instant};
 pub(super) fn create_file(path: &Path) -> Result<File, LogError> {
     let file = File::options().read(true).write(true).create_new(true).open(path);
     let file = file.map_err(|source| LogError::creating(path, source))?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // Not every file system can sync a folder; the file's own content is synced in any case.
-    let _ = File::open(folder).and_then(|folder| folder.sync_all());
+    sync_folder_of(path);
     Ok(file)
 }
 

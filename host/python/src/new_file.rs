@@ -1,8 +1,7 @@
 //! Text files that must not exist yet.
 
 use crate::failure::Failure;
-use biflag_log::atomic_file::Draft;
-use std::io::Write;
+use biflag_log::atomic_file;
 use std::path::Path;
 
 /// Checks that there is no such file.
@@ -19,10 +18,6 @@ pub fn check(path: &Path) -> Result<(), Failure> {
 /// A file that exists, or cannot be written.
 pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
     check(path)?;
-    let write = || {
-        let mut draft = Draft::create(path)?;
-        draft.file.write_all(text.as_bytes())?;
-        draft.publish(path)
-    };
-    write().map_err(|error| Failure::new(&path.display().to_string(), format!("cannot be written: {error}")))
+    atomic_file::create(path, text)
+        .map_err(|error| Failure::new(&path.display().to_string(), format!("cannot be written: {error}")))
 }

@@ -71,7 +71,7 @@ pub fn simulate(
 
 /// Returns the model of a robot, with a board that nothing is asked of.
 pub fn model(robot: &sim::params::Robot, closure: Closure, method: Method, options: Options) -> Model {
-    Model::new(robot.clone(), Settings::DEFAULT, closure, options).by(method)
+    Model::new(robot.clone(), Settings::DEFAULT, closure, method, options)
 }
 
 /// Runs a motion to its end, or until `stop` is set. Returns its samples, the steady state, and the duration of a steady

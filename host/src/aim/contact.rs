@@ -3,14 +3,11 @@
 
 use super::error::AimError;
 use super::improve::on_board;
-use super::model::{Model, State};
+use super::model::{Model, State, starts};
 use super::table::{Table, distance};
 use rayon::prelude::*;
 use serde::Serialize;
-use sim::phase::{self, Ratio};
 
-/// Number of starting phases to try at speeds where the phase matters.
-const PHASES: usize = 4;
 /// Accuracy of the speeds of a change of contact, rpm.
 const RESOLUTION: f64 = 4.0;
 
@@ -66,11 +63,10 @@ pub fn nearest_change(model: &Model, table: &Table, state: &State) -> Result<Opt
 /// Returns whether contact at these speeds, at any of the tried starting phases, differs from `touches`. A failure of
 /// the model does not count as a difference.
 fn differs(model: &Model, rpm: [f64; 2], touches: bool) -> Result<bool, AimError> {
-    let starts = if Ratio::of(rpm).is_some() { phase::starts(rpm, PHASES) } else { vec![[0.0; 2]] };
     let different = |start: &[f64; 2]| match model.touches(rpm, *start) {
         Ok(other) if other != touches => Some(Ok(true)),
         Err(AimError::Interrupted) => Some(Err(AimError::Interrupted)),
         _ => None,
     };
-    starts.par_iter().find_map_any(different).unwrap_or(Ok(false))
+    starts(rpm).par_iter().find_map_any(different).unwrap_or(Ok(false))
 }

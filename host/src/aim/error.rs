@@ -65,3 +65,13 @@ pub enum AimError {
     #[error("interrupted")]
     Interrupted,
 }
+
+impl AimError {
+    /// Converts an error of the model at these speeds (rpm).
+    pub(super) fn at(rpm: [f64; 2], source: SolveError) -> Self {
+        match source {
+            SolveError::Interrupted => Self::Interrupted,
+            source => Self::Model { rpm, source },
+        }
+    }
+}

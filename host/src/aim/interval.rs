@@ -9,17 +9,14 @@
 //! include the error of the model ([`sim::accuracy`]).
 
 use super::error::AimError;
-use super::model::{Model, State};
+use super::model::{Model, State, starts};
 use super::quantity::Attitude;
 use crate::twin::calibrate::StdError;
 use rayon::prelude::*;
 use serde::Serialize;
 use sim::params::Robot;
-use sim::phase::{self, Ratio};
 use std::f64::consts::TAU;
 
-/// Number of starting phases to evaluate.
-const PHASES: usize = 4;
 /// Relative change of a parameter for derivatives: far above the solver's error, and small enough to be linear.
 const CHANGE: f64 = 0.02;
 /// Relative difference below which the value of a parameter and the rounded value beside its standard error are the
@@ -55,15 +52,14 @@ impl Interval {
     /// [`AimError::Model`] and [`AimError::Interrupted`].
     pub fn about(model: &Model, errors: &[StdError], state: &State, trial: &Attitude) -> Result<Self, AimError> {
         let rpm = state.rpm();
-        let starts = if Ratio::of(rpm).is_some() { phase::starts(rpm, PHASES) } else { Vec::new() };
         let shifted = errors.iter().filter_map(|error| Some((shifted(model.robot, error)?, error)));
         let shifted: Vec<_> = shifted.collect();
         let (phases, slopes) = rayon::join(
-            || starts.par_iter().skip(1).map(|start| model.at(rpm, *start)).collect::<Result<Vec<_>, _>>(),
+            || starts(rpm).par_iter().skip(1).map(|start| model.at(rpm, *start)).collect::<Result<Vec<_>, _>>(),
             || {
                 let slope = |(robot, error): &(Robot, &StdError)| -> Result<[f64; 3], AimError> {
-                    let moved = angles(&model.of(robot, rpm, [0.0; 2])?.attitude);
-                    let own = angles(&state.attitude);
+                    let moved = model.of(robot, rpm, [0.0; 2])?.attitude.angles_deg();
+                    let own = state.attitude.angles_deg();
                     let steps = error.std_error / error.value.abs() / CHANGE;
                     Ok([0, 1, 2].map(|i| (moved[i] - own[i]) * steps))
                 };
@@ -73,9 +69,9 @@ impl Interval {
         let (phases, slopes) = (phases?, slopes?);
         let std_error_deg = [0, 1, 2].map(|i| slopes.iter().fold(0.0, |sum: f64, slope| sum + slope[i].powi(2)).sqrt());
         let contact_by_phase = phases.iter().any(|phase| phase.touches() != state.touches());
-        let all: Vec<[f64; 3]> = [state].into_iter().chain(&phases).map(|state| angles(&state.attitude)).collect();
+        let all: Vec<[f64; 3]> = [state].into_iter().chain(&phases).map(|state| state.attitude.angles_deg()).collect();
         let ranges = [0, 1, 2].map(|i| range(&all.iter().map(|angles| angles[i]).collect::<Vec<_>>()));
-        let trial = angles(trial);
+        let trial = trial.angles_deg();
         let [yaw_ci_deg, pitch_ci_deg, roll_ci_deg] = [0, 1, 2].map(|i| {
             let beside = (NORMAL_95 * std_error_deg[i]).hypot(SOLVER_DEG);
             [ranges[i][0].min(trial[i]) - beside, ranges[i][1].max(trial[i]) + beside]
@@ -83,10 +79,6 @@ impl Interval {
         let phase_spread_deg = ranges.map(|[low, high]| high - low);
         Ok(Self { yaw_ci_deg, pitch_ci_deg, roll_ci_deg, phase_spread_deg, std_error_deg, contact_by_phase })
     }
-}
-
-fn angles(attitude: &Attitude) -> [f64; 3] {
-    [attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg]
 }
 
 /// Returns the minimum and the maximum of a value that was sampled evenly over its period. Extremes between samples are

@@ -264,12 +264,11 @@ fn describe(
     let (about, contact_change) = rayon::join(about, || contact::nearest_change(model, table, trial));
     let (state, interval) = about?;
     let attitude = state.attitude;
-    let Attitude { yaw_deg, pitch_deg, roll_deg, .. } = attitude;
     Ok(Solution {
         state,
         tilt_deg: attitude.tilt_deg(),
         interval,
-        model_error_deg: ModelError::of(model.robot).of_angles_deg([yaw_deg, pitch_deg, roll_deg]),
+        model_error_deg: ModelError::of(model.robot).of_angles_deg(attitude.angles_deg()),
         error_deg: target.error_deg(&attitude),
         error_n: target.error_n(&attitude),
         contact_change: contact_change?,

@@ -7,11 +7,15 @@ use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::params::Robot;
 use sim::periodic::{self, Kind, Periodic, Problem, SolveError};
+use sim::phase::{self, Ratio};
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 
 /// Duration of the trial if no repeating motion is found, s: the default run of a plan.
 pub const TRIAL_S: f64 = 120.0;
+
+/// Number of starting phases to evaluate at speeds where the phase matters.
+const PHASES: usize = 4;
 
 /// Rate at which a trial is looked at, 1/s of simulated time.
 const CHECK_HZ: f64 = 0.5;
@@ -86,10 +90,7 @@ impl Model<'_> {
         let problem = Problem { robot, closure: Closure::Full, rpm, start_rad, longest_s: TRIAL_S, output: None };
         let found = periodic::solve(&problem, &|_| (self.goes_on)());
         (self.solved)();
-        let Periodic { kind, summary, .. } = found.map_err(|source| match source {
-            SolveError::Interrupted => AimError::Interrupted,
-            source => AimError::Model { rpm, source },
-        })?;
+        let Periodic { kind, summary, .. } = found.map_err(|error| AimError::at(rpm, error))?;
         Ok(State::of(rpm, kind, &summary))
     }
 
@@ -99,7 +100,7 @@ impl Model<'_> {
     /// # Errors
     /// [`AimError::Model`] and [`AimError::Interrupted`].
     pub fn trial(&self, rpm: [f64; 2]) -> Result<State, AimError> {
-        let summary = self.run(rpm, [0.0; 2], |_| true)?;
+        let summary = self.run(rpm, [0.0; 2], |_| true).map_err(|error| AimError::at(rpm, error))?;
         Ok(State::of(rpm, Kind::of_trial(summary.steady.settled), &summary))
     }
 
@@ -123,7 +124,8 @@ impl Model<'_> {
             before = Some(now);
             !agrees
         };
-        Ok(self.run(rpm, start_deg, goes_on)?.first_contact_s.is_some())
+        let summary = self.run(rpm, start_deg, goes_on).map_err(|error| AimError::at(rpm, error))?;
+        Ok(summary.first_contact_s.is_some())
     }
 
     /// Returns the results of a trial that runs to its end or as long as `goes_on`.
@@ -132,17 +134,14 @@ impl Model<'_> {
         rpm: [f64; 2],
         start_deg: [f64; 2],
         mut goes_on: impl FnMut(&Trial) -> bool,
-    ) -> Result<Summary, AimError> {
-        let failed = |source: SolveError| AimError::Model { rpm, source };
-        let profile = SpeedProfile::constant(rpm, TRIAL_S).map_err(|error| failed(error.into()))?;
-        let profile = profile.from_angles(start_deg.map(f64::to_radians));
+    ) -> Result<Summary, SolveError> {
+        let profile = SpeedProfile::constant(rpm, TRIAL_S)?.from_angles(start_deg.map(f64::to_radians));
         let options = Options { rate_hz: CHECK_HZ, shapes: false };
-        let mut trial =
-            Trial::new(self.robot, Closure::Full, profile, options).map_err(|error| failed(error.into()))?;
+        let mut trial = Trial::new(self.robot, Closure::Full, profile, options)?;
         while let Some(sample) = trial.next() {
-            sample.map_err(|error| failed(error.into()))?;
+            sample?;
             if !(self.goes_on)() {
-                return Err(AimError::Interrupted);
+                return Err(SolveError::Interrupted);
             }
             if !goes_on(&trial) {
                 break;
@@ -151,4 +150,10 @@ impl Model<'_> {
         (self.solved)();
         Ok(trial.summary())
     }
+}
+
+/// Returns the starting angles (deg) at which speeds are evaluated: zero first, and alone where the phase does not
+/// matter.
+pub fn starts(rpm: [f64; 2]) -> Vec<[f64; 2]> {
+    phase::starts(rpm, if Ratio::of(rpm).is_some() { PHASES } else { 1 })
 }

@@ -1,9 +1,8 @@
 //! Writes a plan with the speeds that were found.
 
-use super::{Solution, Target};
+use super::{Attitude, Solution, Target};
 use crate::plan::Phases;
 use sim::params::BUILT_IN;
-use std::fmt::Write;
 use std::path::Path;
 
 /// Returns the text of a plan of the solutions' speeds, one trial each, that `record` and `simulate` run.
@@ -14,30 +13,19 @@ pub fn plan(out: &Path, robot: &Path, target: &Target, solutions: &[Solution]) -
     let robot = named_in(out, robot);
     let mut text = format!("# Speeds for {target} of the robot {}:\n", comment(&robot));
     for Solution { state, interval, .. } in solutions {
-        let (attitude, [yaw, pitch, roll]) =
-            (&state.attitude, [interval.yaw_ci_deg, interval.pitch_ci_deg, interval.roll_ci_deg]);
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            text,
-            "#   {}, {} rpm: yaw {:.2} ({:.2} to {:.2}), pitch {:.2} ({:.2} to {:.2}), roll {:.2} ({:.2} to {:.2}) deg",
-            state.w1_rpm,
-            state.w2_rpm,
-            attitude.yaw_deg,
-            yaw[0],
-            yaw[1],
-            attitude.pitch_deg,
-            pitch[0],
-            pitch[1],
-            attitude.roll_deg,
-            roll[0],
-            roll[1]
-        );
+        let Attitude { yaw_deg, pitch_deg, roll_deg, .. } = state.attitude;
+        let angles = [
+            ("yaw", yaw_deg, interval.yaw_ci_deg),
+            ("pitch", pitch_deg, interval.pitch_ci_deg),
+            ("roll", roll_deg, interval.roll_ci_deg),
+        ];
+        let angles = angles.map(|(name, deg, [low, high])| format!("{name} {deg:.2} ({low:.2} to {high:.2})"));
+        text += &format!("#   {}, {} rpm: {} deg\n", state.w1_rpm, state.w2_rpm, angles.join(", "));
     }
     let Phases { calibrate_s, preroll_s, run_s, decay_s } = Phases::default();
     let pairs: Vec<_> = solutions.iter().map(|s| format!("[{}, {}]", s.state.w1_rpm, s.state.w2_rpm)).collect();
     let [name, robot] = [&*name, &*robot].map(|text| toml::Value::String(text.to_owned()));
-    let _ = write!(
-        text,
+    text += &format!(
         "\n[session]\nname = {name}\nrobot = {robot}\n\n[trial]\ncalibrate = {calibrate_s}\npreroll = {preroll_s}\n\
          run = {run_s}\ndecay = {decay_s}\n\n[speeds]\npairs = [{}]\n",
         pairs.join(", ")

@@ -1,5 +1,6 @@
 //! Quantities that can be wanted: angles of the attitude, and the thrust.
 
+use crate::attitude::tilt_deg;
 use serde::Serialize;
 use sim::trial::Summary;
 use std::ops::RangeInclusive;
@@ -27,7 +28,12 @@ impl Attitude {
 
     /// Returns the angle between the robot's axis and the vertical, degrees.
     pub fn tilt_deg(&self) -> f64 {
-        (self.pitch_deg.to_radians().cos() * self.roll_deg.to_radians().cos()).acos().to_degrees()
+        tilt_deg(self.pitch_deg, self.roll_deg)
+    }
+
+    /// Returns yaw, pitch and roll, degrees.
+    pub fn angles_deg(&self) -> [f64; 3] {
+        [self.yaw_deg, self.pitch_deg, self.roll_deg]
     }
 }
 

@@ -5,31 +5,13 @@ use super::quantity::Attitude;
 use super::table::{Row, Table};
 use crate::{export, sweep};
 use sim::params::Robot;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The map of the robot `physical`; its first lines say which command wrote it.
 const SHIPPED: &str = include_str!("map.csv");
 
-/// Columns that every table has.
-const NEEDED: [&str; 5] = ["w1_rpm", "w2_rpm", "yaw_deg", "pitch_deg", "roll_deg"];
-/// Columns of the thrusts and the contact.
-const OPTIONAL: [&str; 3] = ["force1_z_n", "force2_z_n", "contact_share"];
-
-/// A column that distinguishes robots: its name, and its value for a robot.
-type RobotColumn = (&'static str, fn(&Robot) -> f64);
-
-/// The columns of a sweep's table that distinguish its robots.
-const ROBOT: [RobotColumn; 9] = [
-    ("axial_length_m", |robot| robot.flagellum.axial_length_m),
-    ("pitch_m", |robot| robot.flagellum.pitch_m),
-    ("helix_radius_m", |robot| robot.flagellum.helix_radius_m),
-    ("rod_radius_m", |robot| robot.flagellum.rod_radius_m),
-    ("motor_distance_m", |robot| robot.base.motor_distance_m),
-    ("young_pa", |robot| robot.flagellum.young_pa),
-    ("viscosity_pa_s", |robot| robot.fluid.viscosity()),
-    ("righting_nm", |robot| robot.base.mass_kg * robot.base.gravity_m_s2 * robot.base.mass_centre_below_joint_m),
-    ("tether_nm_per_rad", |robot| robot.joint.tether_full_nm_per_rad),
-];
+/// Columns of a sweep's robots that follow from the others, which alone say how far two robots are apart.
+const DERIVED: [&str; 2] = ["contour_length_m", "bend_nm2"];
 
 /// Robots whose distances differ by less than this are the same, except for rounding.
 const SAME: f64 = 1e-6;
@@ -39,10 +21,8 @@ const SAME: f64 = 1e-6;
 /// # Errors
 /// None in a release: a test reads the map.
 pub fn shipped() -> Result<Table, AimError> {
-    let path = Path::new("map.csv");
-    let broken = |reason: String| AimError::Table { path: path.to_owned(), reason };
-    let map = sweep::of_csv(SHIPPED).map_err(broken)?;
-    Table::new(rows(&numbers(&map), &Robot::default()).map_err(broken)?)
+    let rows = sweep::of_csv(SHIPPED).and_then(|map| rows(&numbers(&map), &Robot::default()));
+    of_rows(rows, Path::new("map.csv"))
 }
 
 /// Reads a table, CSV or Parquet. Of a table with several robots it takes the states of the one that is nearest to `robot`:
@@ -51,9 +31,7 @@ pub fn shipped() -> Result<Table, AimError> {
 /// # Errors
 /// [`AimError::Table`] and [`AimError::TooSmall`].
 pub fn load(path: &Path, robot: &Robot) -> Result<Table, AimError> {
-    let wrong = |reason: String| AimError::Table { path: path.to_owned(), reason };
-    let table = sweep::columns_of(path).map_err(wrong)?;
-    Table::new(rows(&numbers(&table), robot).map_err(wrong)?)
+    of_rows(sweep::columns_of(path).and_then(|table| rows(&numbers(&table), robot)), path)
 }
 
 /// Returns the table of columns that were read already, such as those of a sweep; see [`load`].
@@ -61,7 +39,12 @@ pub fn load(path: &Path, robot: &Robot) -> Result<Table, AimError> {
 /// # Errors
 /// [`AimError::Table`] and [`AimError::TooSmall`].
 pub fn of_columns(columns: &Columns, robot: &Robot) -> Result<Table, AimError> {
-    Table::new(rows(columns, robot).map_err(|reason| AimError::Table { path: PathBuf::from("table"), reason })?)
+    of_rows(rows(columns, robot), Path::new("table"))
+}
+
+/// Returns the table of these rows of the file `path`, or the error why there are none.
+fn of_rows(rows: Result<Vec<Row>, String>, path: &Path) -> Result<Table, AimError> {
+    Table::new(rows.map_err(|reason| AimError::Table { path: path.to_owned(), reason })?)
 }
 
 /// Columns of numbers with their names, of equal length. A value that is none is NaN.
@@ -74,12 +57,13 @@ fn numbers(table: &export::table::Table) -> Columns {
 /// Returns the rows of the nearest robot, without those whose attitude is missing.
 fn rows(columns: &Columns, robot: &Robot) -> Result<Vec<Row>, String> {
     let column = |name: &str| columns.iter().find(|(other, _)| other == name).map(|(_, values)| values);
-    let needed = NEEDED.map(|name| column(name).ok_or_else(|| format!("it has no column {name}")));
-    let [w1, w2, yaw, pitch, roll] = needed;
-    let needed = [w1?, w2?, yaw?, pitch?, roll?];
-    let [force1, force2, contact] = OPTIONAL.map(column);
-    let robots: Vec<(&Vec<f64>, f64)> =
-        ROBOT.into_iter().filter_map(|(name, value)| Some((column(name)?, value(robot)))).collect();
+    let needed = |name: &str| column(name).ok_or_else(|| format!("it has no column {name}"));
+    let needed = [needed("w1_rpm")?, needed("w2_rpm")?, needed("yaw_deg")?, needed("pitch_deg")?, needed("roll_deg")?];
+    let [force1, force2, contact] = ["force1_z_n", "force2_z_n", "contact_share"].map(column);
+    let robots: Vec<(&Vec<f64>, f64)> = (sweep::ROBOT.iter())
+        .filter(|(name, ..)| !DERIVED.contains(name))
+        .filter_map(|(name, .., value)| Some((column(name)?, value(robot))))
+        .collect();
     let unlike = |i: usize| -> f64 {
         let ratios = robots.iter().map(|(values, own)| (values[i] / own).ln().powi(2));
         ratios.filter(|square| square.is_finite()).sum()

@@ -41,9 +41,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Some(elf) => Image::read(elf)?,
         None => Image::of_program()?,
     };
-    progress.set_message(format!("writing {}", image.commit()));
-    let baud = rig::flash(&port, &image.elf, |baud, _| {
-        progress.set_message(format!("writing {} at {baud} bit/s", image.commit()));
+    progress.set_message(format!("writing {}", image.commit));
+    let baud = rig::flash(&port, &image.elf, |baud| {
+        progress.set_message(format!("writing {} at {baud} bit/s", image.commit));
     })?;
     progress.set_message("waiting for the firmware to start");
     drop(claim);
@@ -51,11 +51,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     progress.finish_and_clear();
     let info = link.info();
     let running = commit_text(info.git_hash, info.git_dirty);
-    if running != image.commit() {
+    if running != image.commit {
         return Err(miette!(
             help = "unplug and replug the board, then flash again",
             "the board on {port} was written with {} but runs {running}",
-            image.commit()
+            image.commit
         ));
     }
     let text = format!("{port} runs firmware {running}, protocol {}, written at {baud} bit/s", info.protocol);

@@ -1,9 +1,8 @@
 //! The text file that a command writes, which must not exist.
 
 use super::WRONG_USE;
-use biflag_log::atomic_file::Draft;
+use biflag_log::atomic_file::{self, Draft};
 use miette::{Context, IntoDiagnostic};
-use std::io::Write;
 use std::path::Path;
 
 /// Checks that the file can be written, before work that may take an hour.
@@ -26,10 +25,6 @@ pub fn check(path: &Path) -> miette::Result<()> {
 /// # Errors
 /// A file that cannot be written.
 pub fn write(path: &Path, text: &str) -> miette::Result<()> {
-    let write = || {
-        let mut draft = Draft::create(path)?;
-        draft.file.write_all(text.as_bytes())?;
-        draft.publish(path)
-    };
-    write().into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))
+    let written = atomic_file::create(path, text);
+    written.into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))
 }

@@ -129,7 +129,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     };
     prepare(&link, &plan)?;
     // This comes last, so that no folder is created if the board does not respond.
-    let folder = args.out.clone().unwrap_or_else(|| session::default_folder(&plan));
+    let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let session = match args.resume {
         true => Session::resume(&folder, &plan)?,
         false => Session::create(&folder, &plan)?,

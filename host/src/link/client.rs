@@ -1,13 +1,14 @@
 //! The link as the program uses it: open it, send requests, receive events.
 
 use super::port;
-use super::worker::{Answer, Event, PendingRequest, Received, Worker};
+use super::worker::{Event, Exchange, PendingRequest, Received, Worker};
 use super::{Claim, LinkError};
+use crate::progress::lock;
 use protocol::frame::FrameError;
 use protocol::{Command, Info, Reply, SCHEMA, VERSION};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -16,9 +17,8 @@ use std::time::{Duration, Instant, SystemTime};
 pub struct Link {
     path: String,
     opened: SystemTime,
-    begun: Instant,
-    /// Time of the last heartbeat, ms since the link was opened.
-    alive: Arc<AtomicU64>,
+    /// Time of the last heartbeat.
+    alive: Arc<Mutex<Instant>>,
     info: Info,
     requests: Sender<PendingRequest>,
     events: Receiver<Received>,
@@ -29,8 +29,7 @@ pub struct Link {
 /// A request whose answer is awaited.
 #[derive(Debug)]
 pub struct Asked {
-    command: Command,
-    answer: Receiver<Answer>,
+    answer: Receiver<Exchange>,
 }
 
 impl Link {
@@ -56,7 +55,7 @@ impl Link {
         let (requests, pending) = channel();
         let (sender, events) = channel();
         let opened = SystemTime::now();
-        let alive = Arc::new(AtomicU64::new(0));
+        let alive = Arc::new(Mutex::new(Instant::now()));
         let worker = Worker::new(port, pending, sender, alive.clone());
         let thread = std::thread::Builder::new()
             .name("link".into())
@@ -65,7 +64,6 @@ impl Link {
         let mut link = Self {
             path: path.to_owned(),
             opened,
-            begun: Instant::now(),
             alive,
             info: Info::default(),
             requests,
@@ -98,8 +96,7 @@ impl Link {
     /// [`LinkError::NoAnswer`], [`LinkError::Refused`] or [`LinkError::Closed`].
     pub fn ask(&self, command: Command) -> Result<Reply, LinkError> {
         let asked = self.send(command)?;
-        let answer = asked.answer.recv();
-        self.outcome(&asked.command, answer.ok())
+        self.outcome(asked.answer.recv().ok())
     }
 
     /// Sends a request without waiting for the answer, which [`Link::answer`] returns.
@@ -111,27 +108,30 @@ impl Link {
         let (sender, answer) = channel();
         let sent = self.requests.send(PendingRequest { command, answer: sender });
         sent.map_err(|_| self.closed())?;
-        Ok(Asked { command, answer })
+        Ok(Asked { answer })
     }
 
     /// Returns the answer to a request; `None` as long as it is awaited.
     pub fn answer(&self, asked: &Asked) -> Option<Result<Reply, LinkError>> {
         match asked.answer.try_recv() {
             Err(TryRecvError::Empty) => None,
-            answer => Some(self.outcome(&asked.command, answer.ok())),
+            exchange => Some(self.outcome(exchange.ok())),
         }
     }
 
-    /// Returns the outcome of a request from the thread's answer; `None` if the thread has ended.
-    fn outcome(&self, command: &Command, answer: Option<Answer>) -> Result<Reply, LinkError> {
-        match answer.ok_or_else(|| self.closed())? {
-            Ok(Reply::Refused(refusal)) => Err(LinkError::Refused { command: name(command), refusal }),
-            Ok(reply) => Ok(reply),
-            Err(attempts) => Err(LinkError::NoAnswer { path: self.path.clone(), command: name(command), attempts }),
+    /// Returns the outcome of an exchange; there is none if the thread has ended.
+    fn outcome(&self, exchange: Option<Exchange>) -> Result<Reply, LinkError> {
+        let Exchange { request, reply, attempts, .. } = exchange.ok_or_else(|| self.closed())?;
+        let command = || name(&request.command);
+        match reply {
+            Some(Reply::Refused(refusal)) => Err(LinkError::Refused { command: command(), refusal }),
+            Some(reply) => Ok(reply),
+            None => Err(LinkError::NoAnswer { path: self.path.clone(), command: command(), attempts }),
         }
     }
 
-    fn closed(&self) -> LinkError {
+    /// Returns the error for a port that is gone.
+    pub fn closed(&self) -> LinkError {
         LinkError::Closed { path: self.path.clone() }
     }
 
@@ -147,8 +147,7 @@ impl Link {
     }
 
     fn heartbeat(&self) {
-        let now = u64::try_from(self.begun.elapsed().as_millis()).unwrap_or(u64::MAX);
-        self.alive.store(now, Ordering::Relaxed);
+        *lock(&self.alive) = Instant::now();
     }
 
     /// Returns the error for an answer that does not fit the request.

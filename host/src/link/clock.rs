@@ -1,8 +1,9 @@
 //! The board's clock: unwrapped, and compared with the host's.
 
+use biflag_log::ClockMeta;
 use protocol::units::Micros;
 use std::collections::VecDeque;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 /// Unwraps the board's clock, which wraps every 71.6 minutes.
 #[derive(Debug, Clone, Default)]
@@ -52,19 +53,6 @@ struct Ping {
     round_trip_s: f64,
 }
 
-/// Linear fit of the host's clock to the board's: `host_s = offset_s + board_s * rate`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ClockMap {
-    /// Host time at board time 0, s since the link was opened.
-    pub offset_s: f64,
-    /// Host seconds per board second.
-    pub rate: f64,
-    /// Root mean square of the residuals, s.
-    pub residual_s: f64,
-    /// Number of pings in the fit.
-    pub pings: usize,
-}
-
 impl PingClock {
     const KEPT: usize = 4096;
 
@@ -78,8 +66,8 @@ impl PingClock {
     }
 
     /// Returns the least-squares fit over the faster half of the pings: a slow answer tells little about when the board
-    /// read its clock. `None` with fewer than ten pings.
-    pub fn fit(&self) -> Option<ClockMap> {
+    /// read its clock. `opened` is when the link was opened. `None` with fewer than ten pings.
+    pub fn fit(&self, opened: SystemTime) -> Option<ClockMeta> {
         if self.pings.len() < 10 {
             return None;
         }
@@ -95,10 +83,17 @@ impl PingClock {
             return None;
         }
         let product: f64 = pings.iter().map(|ping| (board(ping) - mean_board) * (ping.host_s - mean_host)).sum();
+        // The host's clock is `offset_s + board_s * rate`, s since the link was opened.
         let rate = product / square;
         let offset_s = mean_host - rate * mean_board;
         let left: f64 = pings.iter().map(|ping| (ping.host_s - offset_s - rate * board(ping)).powi(2)).sum();
-        Some(ClockMap { offset_s, rate, residual_s: (left / n).sqrt(), pings: pings.len() })
+        let opened_ns = i64::try_from(opened.duration_since(SystemTime::UNIX_EPOCH).ok()?.as_nanos()).ok()?;
+        Some(ClockMeta {
+            pings: pings.len() as u32,
+            offset_ns: opened_ns.saturating_add((offset_s * 1e9) as i64),
+            drift_ppm: (1.0 / rate - 1.0) * 1e6,
+            residual_us: (left / n).sqrt() * 1e6,
+        })
     }
 }
 
@@ -136,14 +131,14 @@ mod tests {
             let slow = if i % 3 == 0 { 0.02 } else { 0.001 };
             clock.add(board_us, Duration::from_secs_f64(host - 0.0005), Duration::from_secs_f64(host - 0.0005 + slow));
         }
-        let fit = clock.fit().unwrap();
-        assert!((fit.rate - 1.00005).abs() < 1e-7, "{fit:?}");
-        assert!((fit.offset_s - 3.0).abs() < 1e-4, "{fit:?}");
-        assert!(fit.residual_s < 1e-6, "{fit:?}");
+        let fit = clock.fit(SystemTime::UNIX_EPOCH).unwrap();
+        assert!((fit.drift_ppm + 49.9975).abs() < 0.1, "{fit:?}");
+        assert!((fit.offset_ns - 3_000_000_000).abs() < 100_000, "{fit:?}");
+        assert!(fit.residual_us < 1.0, "{fit:?}");
     }
 
     #[test]
     fn too_few_pings_give_no_fit() {
-        assert_eq!(PingClock::default().fit(), None);
+        assert_eq!(PingClock::default().fit(SystemTime::UNIX_EPOCH), None);
     }
 }

@@ -157,8 +157,7 @@ pub enum LinkError {
     },
 }
 
-/// Returns the text of a refusal.
-pub fn refusal_text(refusal: Refusal) -> &'static str {
+fn refusal_text(refusal: Refusal) -> &'static str {
     match refusal {
         Refusal::OutOfRange => "a value is outside of its range",
         Refusal::Faulted => "a fault is latched",

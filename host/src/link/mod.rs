@@ -23,8 +23,8 @@ mod worker;
 
 pub use claim::Claim;
 pub use client::{Asked, Link};
-pub use clock::{BoardClock, ClockMap, PingClock};
-pub use error::{LinkError, refusal_text};
+pub use clock::{BoardClock, PingClock};
+pub use error::LinkError;
 pub use monitor::{Arrival, Gap, Monitor};
 pub use port::{choose as choose_port, probe as probe_port, robots as robot_ports};
 pub use worker::{Event, Exchange, Received};

@@ -36,10 +36,7 @@ pub fn robots() -> Vec<String> {
 /// # Errors
 /// [`LinkError::NoBoard`] or [`LinkError::SeveralBoards`].
 pub fn choose(named: Option<&str>) -> Result<String, LinkError> {
-    if let Some(name) = named {
-        return Ok(name.to_owned());
-    }
-    the_only(robots())
+    named.map_or_else(|| the_only(robots()), |name| Ok(name.to_owned()))
 }
 
 fn the_only(mut available: Vec<String>) -> Result<String, LinkError> {
@@ -81,14 +78,13 @@ pub(super) fn open(path: &str) -> Result<Box<dyn SerialPort>, LinkError> {
     let port = serialport::new(path, protocol::BAUD)
         .timeout(READ_TIMEOUT)
         .open()
-        .map_err(|error| classify(path, io::Error::from(error)))?;
+        .map_err(|error| classify(path, error.into()))?;
     // An answer to the program before must not be taken for the answer to the first request.
-    port.clear(ClearBuffer::Input).map_err(|error| classify(path, io::Error::from(error)))?;
+    port.clear(ClearBuffer::Input).map_err(|error| classify(path, error.into()))?;
     Ok(port)
 }
 
 pub(super) fn classify(path: &str, source: io::Error) -> LinkError {
-    const BUSY: i32 = 16;
     match source.kind() {
         // Another program was quicker, which `serialport` reports as a missing port.
         io::ErrorKind::NotFound if Path::new(path).exists() => busy(path),
@@ -96,7 +92,6 @@ pub(super) fn classify(path: &str, source: io::Error) -> LinkError {
         io::ErrorKind::PermissionDenied => LinkError::NotPermitted { path: path.to_owned(), group: group_of(path) },
         io::ErrorKind::IsADirectory => LinkError::NotSerial { path: path.to_owned(), available: robots() },
         io::ErrorKind::ResourceBusy => busy(path),
-        _ if source.raw_os_error() == Some(BUSY) => busy(path),
         _ => LinkError::Port { path: path.to_owned(), source },
     }
 }

@@ -1,14 +1,14 @@
 //! The thread that owns the port: it sends requests with retries, pings the board, decodes what comes, and passes it on.
 
+use crate::progress::lock;
 use protocol::frame::{Accumulator, FrameError, MAX_FRAME, encode};
 use protocol::units::Micros;
 use protocol::{Command, Message, Reply, Request, Telemetry};
 use serialport::SerialPort;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime};
 
 /// An event with its times.
@@ -60,11 +60,8 @@ pub struct Exchange {
 /// A request that waits to be sent.
 pub(super) struct PendingRequest {
     pub(super) command: Command,
-    pub(super) answer: Sender<Answer>,
+    pub(super) answer: Sender<Exchange>,
 }
-
-/// The reply, or the number of attempts without one.
-pub(super) type Answer = Result<Reply, u32>;
 
 /// Time after each attempt before the next.
 const BACK_OFF: [Duration; 5] = [
@@ -92,8 +89,8 @@ pub(super) struct Worker {
     requests: Receiver<PendingRequest>,
     waiting: VecDeque<PendingRequest>,
     events: Sender<Received>,
-    /// Time of the program's last heartbeat, ms since the link was opened.
-    alive: Arc<AtomicU64>,
+    /// Time of the program's last heartbeat.
+    alive: Arc<Mutex<Instant>>,
     begun: Instant,
     accumulator: Accumulator,
     in_flight: Option<InFlight>,
@@ -115,11 +112,9 @@ pub(super) struct Worker {
 
 /// The request that waits for its answer.
 struct InFlight {
-    request: Request,
-    answer: Option<Sender<Answer>>,
-    attempts: u32,
-    sent: SystemTime,
-    sent_at: Duration,
+    exchange: Exchange,
+    /// Who waits for it; nobody for a ping.
+    answer: Option<Sender<Exchange>>,
     retry_at: Instant,
 }
 
@@ -131,7 +126,7 @@ impl Worker {
         port: Box<dyn SerialPort>,
         requests: Receiver<PendingRequest>,
         events: Sender<Received>,
-        alive: Arc<AtomicU64>,
+        alive: Arc<Mutex<Instant>>,
     ) -> Self {
         let begun = Instant::now();
         Self {
@@ -193,8 +188,7 @@ impl Worker {
     /// Returns whether the program is alive. A hung program must not keep the motors turning: without pings the board
     /// stops them.
     fn is_program_alive(&self) -> bool {
-        let alive = Duration::from_millis(self.alive.load(Ordering::Relaxed));
-        self.begun.elapsed() < alive + HANG_TIMEOUT
+        lock(&self.alive).elapsed() < HANG_TIMEOUT
     }
 
     /// Returns whether the board was heard in the last second. While it streams, noise and answers are not enough: only
@@ -241,11 +235,11 @@ impl Worker {
         }
     }
 
-    fn begin(&mut self, command: Command, answer: Option<Sender<Answer>>) -> Result<(), Disconnected> {
+    fn begin(&mut self, command: Command, answer: Option<Sender<Exchange>>) -> Result<(), Disconnected> {
         let (sent, sent_at) = (SystemTime::now(), self.begun.elapsed());
         let request = self.send(command)?;
-        self.in_flight =
-            Some(InFlight { request, answer, attempts: 1, sent, sent_at, retry_at: Instant::now() + BACK_OFF[0] });
+        let exchange = Exchange { request, attempts: 1, reply: None, sent, sent_at };
+        self.in_flight = Some(InFlight { exchange, answer, retry_at: Instant::now() + BACK_OFF[0] });
         Ok(())
     }
 
@@ -256,23 +250,24 @@ impl Worker {
         if Instant::now() < in_flight.retry_at {
             return Ok(());
         }
-        let Some(wait) = BACK_OFF.get(in_flight.attempts as usize).filter(|_| in_flight.answer.is_some()) else {
+        let Some(wait) = BACK_OFF.get(in_flight.exchange.attempts as usize).filter(|_| in_flight.answer.is_some())
+        else {
             if let Some(in_flight) = self.in_flight.take() {
                 self.finish(in_flight, None);
             }
             return Ok(());
         };
-        in_flight.attempts += 1;
+        in_flight.exchange.attempts += 1;
         in_flight.retry_at = Instant::now() + *wait;
-        let request = in_flight.request;
+        let request = in_flight.exchange.request;
         self.write(&request)
     }
 
     fn answered(&mut self, to: u8, reply: Reply) {
-        if let Some(in_flight) = self.in_flight.take_if(|in_flight| in_flight.request.seq == to) {
+        if let Some(in_flight) = self.in_flight.take_if(|in_flight| in_flight.exchange.request.seq == to) {
             self.handshake_done |= matches!(reply, Reply::Info(_));
             let was_streaming = self.streaming;
-            if let (Command::Stream { rate_hz }, Reply::Done) = (in_flight.request.command, reply) {
+            if let (Command::Stream { rate_hz }, Reply::Done) = (in_flight.exchange.request.command, reply) {
                 self.streaming = rate_hz > 0;
             }
             if !(was_streaming && self.streaming) {
@@ -283,11 +278,11 @@ impl Worker {
     }
 
     fn finish(&mut self, in_flight: InFlight, reply: Option<Reply>) {
-        let InFlight { request, answer, attempts, sent, sent_at, .. } = in_flight;
-        self.emit(Event::Exchange(Exchange { request, attempts, reply, sent, sent_at }));
-        if let Some(answer) = answer {
+        let exchange = Exchange { reply, ..in_flight.exchange };
+        self.emit(Event::Exchange(exchange));
+        if let Some(answer) = in_flight.answer {
             // An interrupted program no longer waits for it.
-            let _ = answer.send(reply.ok_or(attempts));
+            let _ = answer.send(exchange);
         }
     }
 

@@ -47,7 +47,7 @@ pub fn watch(link: &Link, settings: Settings, live: &Live, interrupted: &AtomicB
                 stream.event(EventKind::Warning, &format!("a frame was damaged: {error}"));
             }
             Event::Silent { .. } => return Err(WatchError::Silent { port: link.path().to_owned() }),
-            Event::Closed => return Err(LinkError::Closed { path: link.path().to_owned() }.into()),
+            Event::Closed => return Err(link.closed().into()),
             Event::Raw(_) | Event::Exchange(_) => {}
         }
     }

@@ -7,63 +7,54 @@ use miette::Diagnostic;
 use protocol::units::{AccelRange, Axis, AxisMap, GyroRange};
 use protocol::{Info, Settings};
 use serde::{Deserialize, Serialize};
+use std::fmt::{Display, LowerExp};
+use std::ops::RangeInclusive;
 use std::path::Path;
 use thiserror::Error;
 
 /// Settings to put in force; a setting that is left out keeps its value. Units and meaning as in [`Settings`].
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct BoardSettings {
     /// A number to tell boards apart.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub board_id: Option<u16>,
     /// 250, 500, 1000 or 2000 °/s.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub gyro_range_dps: Option<u16>,
     /// 2, 4, 8 or 16 g.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub accel_range_g: Option<u8>,
     /// 0 (260 Hz) to 6 (5 Hz).
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub low_pass: Option<u8>,
     /// The sensor's axis that reads each body axis, such as `["-x", "+y", "+z"]`.
-    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "optional_array")]
     pub gyro_axes: Option<[String; 3]>,
     /// The same for the accelerometer.
-    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "optional_array")]
     pub accel_axes: Option<[String; 3]>,
     /// Mean reading at rest, counts, sensor axes.
-    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "optional_array")]
     pub gyro_bias_counts: Option<[f32; 3]>,
     /// 1/s.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub attitude_kp: Option<f32>,
     /// 1/s².
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub attitude_ki: Option<f32>,
     /// Duty steps per rpm.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_kp: Option<f32>,
     /// Duty steps per rpm and second.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_ki: Option<f32>,
     /// Encoder counts per revolution of a flagellum.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub counts_per_turn: Option<f32>,
     /// Whether a positive duty turns motors 1 and 2 backwards.
-    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "optional_array")]
     pub motor_reversed: Option<[bool; 2]>,
     /// Whether the encoders of motors 1 and 2 count backwards.
-    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "optional_array")]
     pub encoder_reversed: Option<[bool; 2]>,
     /// Longest silence of the host while the motors turn, ms.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub deadline_ms: Option<u16>,
     /// Duties above which motors 1 and 2 turn if nothing holds them, of 255.
-    #[serde(default, deserialize_with = "optional_array", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "optional_array")]
     pub moving_duty: Option<[u8; 2]>,
     /// The chip's reference voltage, mV.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub bandgap_mv: Option<u16>,
 }
 
@@ -160,68 +151,42 @@ impl BoardSettings {
     /// The first setting that is out of its range.
     pub fn apply(&self, base: Settings) -> Result<Settings, BoardSettingsError> {
         let mut settings = base;
-        let wrong = |key, value: String| Err(BoardSettingsError { key, value });
+        let wrong = |key, value: String| BoardSettingsError { key, value };
         set(&mut settings.board_id, self.board_id);
         if let Some(dps) = self.gyro_range_dps {
-            match GyroRange::ALL.into_iter().find(|range| range.full_scale_dps() == dps) {
-                Some(range) => settings.gyro_range = range,
-                None => return wrong("gyro_range_dps", dps.to_string()),
-            }
+            let range = GyroRange::ALL.into_iter().find(|range| range.full_scale_dps() == dps);
+            settings.gyro_range = range.ok_or_else(|| wrong("gyro_range_dps", dps.to_string()))?;
         }
         if let Some(g) = self.accel_range_g {
-            match AccelRange::ALL.into_iter().find(|range| range.full_scale_g() == g) {
-                Some(range) => settings.accel_range = range,
-                None => return wrong("accel_range_g", g.to_string()),
-            }
+            let range = AccelRange::ALL.into_iter().find(|range| range.full_scale_g() == g);
+            settings.accel_range = range.ok_or_else(|| wrong("accel_range_g", g.to_string()))?;
         }
-        set(&mut settings.low_pass, self.low_pass);
-        if settings.low_pass > 6 {
-            return wrong("low_pass", settings.low_pass.to_string());
-        }
+        set_within("low_pass", &mut settings.low_pass, self.low_pass, 0..=6)?;
         for (key, names, axes) in [
             ("gyro_axes", &self.gyro_axes, &mut settings.gyro_axes),
             ("accel_axes", &self.accel_axes, &mut settings.accel_axes),
         ] {
             if let Some(names) = names {
-                match axis_map(names) {
-                    Some(map) => *axes = map,
-                    None => return wrong(key, format!("{names:?}")),
-                }
+                *axes = axis_map(names).ok_or_else(|| wrong(key, format!("{names:?}")))?;
             }
         }
         set(&mut settings.gyro_bias, self.gyro_bias_counts);
         if settings.gyro_bias.iter().any(|bias| !(-32768.0..=32767.0).contains(bias)) {
-            return wrong("gyro_bias_counts", format!("[{}]", settings.gyro_bias.map(number).join(", ")));
+            return Err(wrong("gyro_bias_counts", format!("[{}]", settings.gyro_bias.map(number).join(", "))));
         }
-        for (key, value, gain) in [
-            ("attitude_kp", self.attitude_kp, &mut settings.attitude_kp),
-            ("attitude_ki", self.attitude_ki, &mut settings.attitude_ki),
-            ("speed_kp", self.speed_kp, &mut settings.speed_kp),
-            ("speed_ki", self.speed_ki, &mut settings.speed_ki),
-        ] {
-            set(gain, value);
-            if !(0.0..=1000.0).contains(gain) {
-                return wrong(key, number(*gain));
-            }
-        }
-        set(&mut settings.counts_per_turn, self.counts_per_turn);
-        if !(1.0..=100_000.0).contains(&settings.counts_per_turn) {
-            return wrong("counts_per_turn", number(settings.counts_per_turn));
-        }
+        set_within("attitude_kp", &mut settings.attitude_kp, self.attitude_kp, 0.0..=1000.0)?;
+        set_within("attitude_ki", &mut settings.attitude_ki, self.attitude_ki, 0.0..=1000.0)?;
+        set_within("speed_kp", &mut settings.speed_kp, self.speed_kp, 0.0..=1000.0)?;
+        set_within("speed_ki", &mut settings.speed_ki, self.speed_ki, 0.0..=1000.0)?;
+        set_within("counts_per_turn", &mut settings.counts_per_turn, self.counts_per_turn, 1.0..=100_000.0)?;
         set(&mut settings.motor_reversed, self.motor_reversed);
         set(&mut settings.encoder_reversed, self.encoder_reversed);
-        set(&mut settings.deadline_ms, self.deadline_ms);
-        if !(50..=5000).contains(&settings.deadline_ms) {
-            return wrong("deadline_ms", settings.deadline_ms.to_string());
-        }
+        set_within("deadline_ms", &mut settings.deadline_ms, self.deadline_ms, 50..=5000)?;
         set(&mut settings.moving_duty, self.moving_duty);
         if settings.moving_duty.contains(&0) {
-            return wrong("moving_duty", format!("{:?}", settings.moving_duty));
+            return Err(wrong("moving_duty", format!("{:?}", settings.moving_duty)));
         }
-        set(&mut settings.bandgap.0, self.bandgap_mv);
-        if !(1000..=1200).contains(&settings.bandgap.0) {
-            return wrong("bandgap_mv", settings.bandgap.0.to_string());
-        }
+        set_within("bandgap_mv", &mut settings.bandgap.0, self.bandgap_mv, 1000..=1200)?;
         Ok(settings)
     }
 
@@ -238,6 +203,17 @@ fn set<T: Copy>(setting: &mut T, value: Option<T>) {
     if let Some(value) = value {
         *setting = value;
     }
+}
+
+/// Sets a number that must be within a range, also where it keeps its value.
+fn set_within<T: Into<f64> + Copy + Display + LowerExp + PartialOrd>(
+    key: &'static str,
+    setting: &mut T,
+    value: Option<T>,
+    range: RangeInclusive<T>,
+) -> Result<(), BoardSettingsError> {
+    set(setting, value);
+    if range.contains(setting) { Ok(()) } else { Err(BoardSettingsError { key, value: number(*setting) }) }
 }
 
 fn axis_map(names: &[String; 3]) -> Option<AxisMap> {

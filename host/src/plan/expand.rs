@@ -2,6 +2,7 @@
 
 use super::source::{Exactly, Source, number};
 use super::{MAX_TRIALS, Phases, PlanError, Reverse, Trial};
+use crate::split_mix::split_mix;
 use protocol::units::CentiRpm;
 use serde::Deserialize;
 use std::collections::HashSet;
@@ -25,9 +26,8 @@ struct GridTable {
 }
 
 /// The input of [`expand`].
-pub(super) struct SpeedList<'a> {
-    pub table: &'a SpeedsTable,
-    pub span: Range<usize>,
+pub(super) struct TrialList<'a> {
+    pub speeds: Option<&'a Spanned<SpeedsTable>>,
     pub repeats: u32,
     pub seed: Option<u64>,
     pub phases: Phases,
@@ -63,8 +63,9 @@ impl Start {
 }
 
 /// Returns the trials in the order in which they run.
-pub(super) fn expand(list: &SpeedList, source: &Source) -> Result<Vec<Trial>, PlanError> {
-    let pairs = pairs(list, source)?;
+pub(super) fn expand(list: &TrialList, source: &Source) -> Result<Vec<Trial>, PlanError> {
+    let trials_a_pair = (list.repeats as usize).saturating_mul(list.start.count());
+    let pairs = pairs(list.speeds, trials_a_pair, list.reverse, source)?;
     let mut order: Vec<([CentiRpm; 2], u32)> =
         (1..=list.repeats).flat_map(|repeat| pairs.iter().map(move |speeds| (*speeds, repeat))).collect();
     if let Some(seed) = list.seed {
@@ -89,20 +90,22 @@ pub(super) fn expand(list: &SpeedList, source: &Source) -> Result<Vec<Trial>, Pl
     Ok(trials)
 }
 
-/// Returns every pair of speeds of a table once, in the order of the file.
-pub(crate) fn speeds(table: &Spanned<SpeedsTable>, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanError> {
-    let (span, start, phases) = (table.span(), Start::Unset, Phases::default());
-    pairs(&SpeedList { table: table.get_ref(), span, repeats: 1, seed: None, phases, reverse: None, start }, source)
-}
-
-/// Returns every pair of speeds once, in the order of the file.
-fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanError> {
+/// Returns every pair of speeds of a table once, in the order of the file, each for this number of trials.
+pub(crate) fn pairs(
+    speeds: Option<&Spanned<SpeedsTable>>,
+    trials_a_pair: usize,
+    reverse: Option<Reverse>,
+    source: &Source,
+) -> Result<Vec<[CentiRpm; 2]>, PlanError> {
+    let none = Spanned::new(0..0, SpeedsTable::default());
+    let speeds = speeds.unwrap_or(&none);
+    let table = speeds.get_ref();
     let mut pairs = Vec::new();
-    for pair in &list.table.pairs {
+    for pair in &table.pairs {
         let Exactly([w1, w2]) = *pair.get_ref();
         pairs.push(([speed(w1, pair.span(), source)?, speed(w2, pair.span(), source)?], pair.span()));
     }
-    if let Some(grid) = &list.table.grid {
+    if let Some(grid) = &table.grid {
         let (w1, w2) = (Axis::new(&grid.w1, "w1", source)?, Axis::new(&grid.w2, "w2", source)?);
         let count = w1.count.saturating_mul(w2.count);
         if count > MAX_TRIALS {
@@ -119,25 +122,20 @@ fn pairs(list: &SpeedList, source: &Source) -> Result<Vec<[CentiRpm; 2]>, PlanEr
     }
     if pairs.is_empty() {
         let cure = "give speeds, such as [speeds] pairs = [[50, 10]]";
-        return Err(source.error(list.span.clone(), "the plan has no trials", cure));
+        return Err(source.error(speeds.span(), "the plan has no trials", cure));
     }
-    let count = pairs.len().saturating_mul(list.repeats as usize).saturating_mul(list.start.count());
+    let count = pairs.len().saturating_mul(trials_a_pair);
     if count > MAX_TRIALS {
-        return Err(too_many(count, list.span.clone(), source));
+        return Err(too_many(count, speeds.span(), source));
     }
     let mut seen = HashSet::new();
     for (pair, span) in &pairs {
-        if let Some(Reverse { motor, .. }) = list.reverse.filter(|reverse| reverse.of(*pair) == *pair) {
-            let [w1, w2] = pair.map(CentiRpm::rpm);
-            let cure = "leave these speeds out, or reverse the other motor";
-            return Err(source.error(
-                span.clone(),
-                format!("motor {motor} does not turn at {w1}, {w2} rpm, so it cannot reverse"),
-                cure,
-            ));
+        let [w1, w2] = pair.map(CentiRpm::rpm);
+        if let Some(Reverse { motor, .. }) = reverse.filter(|reverse| reverse.of(*pair) == *pair) {
+            let what = format!("motor {motor} does not turn at {w1}, {w2} rpm, so it cannot reverse");
+            return Err(source.error(span.clone(), what, "leave these speeds out, or reverse the other motor"));
         }
         if !seen.insert(*pair) {
-            let [w1, w2] = pair.map(CentiRpm::rpm);
             let cure = "leave one out; to run every pair several times, set repeats";
             return Err(source.error(span.clone(), format!("the speeds {w1}, {w2} are listed twice"), cure));
         }
@@ -214,18 +212,10 @@ pub fn board_speed(rpm: f64) -> Result<CentiRpm, (String, String)> {
     Ok(speed)
 }
 
-/// Fisher-Yates shuffle with SplitMix64. The names of a session's files depend on the order, so it must not change with
-/// the version of a library.
+/// Fisher-Yates shuffle. The names of a session's files depend on the order, so it must never change.
 fn shuffle<T>(items: &mut [T], seed: u64) {
-    let mut state = seed;
-    let mut next = || {
-        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    };
-    for end in (1..items.len()).rev() {
+    for (end, place) in (1..items.len()).rev().zip(1..) {
         // The bias of the remainder is below 1e-15 for lists this short.
-        items.swap(end, (next() % (end as u64 + 1)) as usize);
+        items.swap(end, (split_mix(seed, place) % (end as u64 + 1)) as usize);
     }
 }

@@ -1,12 +1,11 @@
 //! The plan's file: its tables, and the check of every value.
 
 use super::board::{self, BoardSettings};
-use super::expand::{GRID_AXIS, SpeedList, SpeedsTable, Start, expand};
+use super::expand::{GRID_AXIS, SpeedsTable, Start, TrialList, expand};
 use super::source::{Exactly, FileKind, Source, number};
 use super::{HandTurn, MAX_TRIALS, PHYSICAL, Phases, Plan, PlanError, Reverse, RobotFile};
 use biflag_log::Method;
 use serde::Deserialize;
-use std::ops::Range;
 use toml::Spanned;
 
 /// The longest phase of a trial, seconds: a day.
@@ -14,6 +13,9 @@ pub const MAX_PHASE_S: f64 = 86_400.0;
 
 /// The shortest run, seconds: one tick of the board.
 pub const MIN_RUN_S: f64 = 1.0 / protocol::TICK_HZ as f64;
+
+/// Most starting phases of a pair of speeds.
+const MAX_PHASES: i64 = 360;
 
 pub(crate) const KIND: FileKind = FileKind {
     noun: "plan",
@@ -60,48 +62,34 @@ struct PlanFile {
     session: SessionTable,
     #[serde(default)]
     trial: TrialTable,
-    #[serde(default = "no_span_default")]
-    speeds: Spanned<SpeedsTable>,
+    speeds: Option<Spanned<SpeedsTable>>,
     #[serde(default)]
     board: BoardSettings,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields, default)]
 struct SessionTable {
-    name: Spanned<String>,
+    name: Option<Spanned<String>>,
     operator: String,
     note: String,
-    robot: Spanned<String>,
+    robot: Option<Spanned<String>>,
     seed: Option<Spanned<i64>>,
-    repeats: Spanned<i64>,
+    repeats: Option<Spanned<i64>>,
 }
 
-impl Default for SessionTable {
-    fn default() -> Self {
-        Self {
-            name: no_span("session".to_owned()),
-            operator: String::new(),
-            note: String::new(),
-            robot: no_span(PHYSICAL.to_owned()),
-            seed: None,
-            repeats: no_span(1),
-        }
-    }
-}
-
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields, default)]
 struct TrialTable {
-    calibrate: Spanned<f64>,
-    preroll: Spanned<f64>,
-    run: Spanned<f64>,
-    decay: Spanned<f64>,
+    calibrate: Option<Spanned<f64>>,
+    preroll: Option<Spanned<f64>>,
+    run: Option<Spanned<f64>>,
+    decay: Option<Spanned<f64>>,
     reverse: Option<Spanned<ReverseTable>>,
     hand_turn: Option<Spanned<HandTurn>>,
     phase_deg: Option<Spanned<Exactly<f64, 2>>>,
     phases: Option<Spanned<i64>>,
-    method: Spanned<Method>,
+    method: Option<Spanned<Method>>,
 }
 
 /// The motor that reverses, and the time in seconds after the start of the run.
@@ -112,94 +100,80 @@ struct ReverseTable {
     after: f64,
 }
 
-impl Default for TrialTable {
-    fn default() -> Self {
-        let Phases { calibrate_s, preroll_s, run_s, decay_s } = Phases::default();
-        let [calibrate, preroll, run, decay] = [calibrate_s, preroll_s, run_s, decay_s].map(no_span);
-        Self {
-            calibrate,
-            preroll,
-            run,
-            decay,
-            reverse: None,
-            hand_turn: None,
-            phase_deg: None,
-            phases: None,
-            method: no_span(Method::Trial),
+impl Plan {
+    /// Reads a plan from its text; errors call the file `name`. The robot file is not read.
+    ///
+    /// # Errors
+    /// [`PlanError::Invalid`].
+    pub fn parse(text: &str, name: &str) -> Result<Self, PlanError> {
+        let source = Source { kind: &KIND, text, name };
+        let file: PlanFile = source.read().map_err(|error| of_sweep(&source).unwrap_or(error))?;
+        let phases = phases(&file.trial, &source)?;
+        let reverse = reverse(&file.trial, phases.run_s, &source)?;
+        let hand_turn = hand_turn(&file.trial, &source)?;
+        let start = start(&file.trial, &source)?;
+        let method = method(&file.trial, &source)?;
+        let session = file.session;
+
+        if let Some(name) = session.name.as_ref().filter(|name| name.get_ref().trim().is_empty()) {
+            let cure = "give it a name, or leave the key out";
+            return Err(source.error(name.span(), "the name of the session is empty", cure));
         }
+        if let Some(robot) = session.robot.as_ref().filter(|robot| robot.get_ref().is_empty()) {
+            let cure = "give \"physical\", \"published\", or the path of a robot file";
+            return Err(source.error(robot.span(), "the name of the robot is empty", cure));
+        }
+        let possible = |repeats: &i64| (1..=MAX_TRIALS as i64).contains(repeats).then_some(*repeats as u32);
+        let repeats = source.checked(&session.repeats, "repeats", possible)?.unwrap_or(1);
+        let seed = source.checked(&session.seed, "seed", |seed| u64::try_from(*seed).ok())?;
+        file.board.check(&source, &["board"])?;
+
+        let list = TrialList { speeds: file.speeds.as_ref(), repeats, seed, phases, reverse, start };
+        Ok(Self {
+            name: session.name.map_or("session".to_owned(), |name| name.get_ref().trim().to_owned()),
+            operator: session.operator,
+            note: session.note,
+            robot: RobotFile::built_in(session.robot.as_ref().map_or(PHYSICAL, |robot| robot.get_ref())),
+            seed,
+            trials: expand(&list, &source)?,
+            board: file.board,
+            method,
+            hand_turn,
+            text: text.to_owned(),
+        })
+    }
+
+    /// Checks that a rig can run the plan, which is the file `name`: it cannot set the angles at which flagella start.
+    ///
+    /// # Errors
+    /// [`PlanError::Invalid`].
+    pub fn check_for_rig(&self, name: &str) -> Result<(), PlanError> {
+        if self.trials.iter().all(|trial| trial.phase_deg.is_none()) {
+            return Ok(());
+        }
+        let source = Source { kind: &KIND, text: &self.text, name };
+        let table = self.text.parse::<toml::Table>().ok();
+        let has_phases = table.and_then(|table| table.get("trial")?.get("phases").map(|_| ())).is_some();
+        let key = if has_phases { "phases" } else { "phase_deg" };
+        let what = format!("{key} cannot be set on a rig, where the flagella start as they stand");
+        let cure = "leave it out, or run the plan with `biflag simulate`; a replay of the recording starts at the angles \
+                    of the encoders";
+        Err(source.error_at(["trial", key], what, cure))
     }
 }
 
-/// A default: a value without a source location. It is never wrong.
-fn no_span<T>(value: T) -> Spanned<T> {
-    Spanned::new(0..0, value)
-}
-
-fn no_span_default<T: Default>() -> Spanned<T> {
-    no_span(T::default())
-}
-
-pub(super) fn parse(text: &str, name: &str) -> Result<Plan, PlanError> {
-    let source = Source { kind: &KIND, text, name };
-    let file: PlanFile = source.read().map_err(|error| if is_of_sweep(text) { sweep_only(&source) } else { error })?;
-    let phases = phases(&file.trial, &source)?;
-    let reverse = reverse(&file.trial, &source)?;
-    let hand_turn = hand_turn(&file.trial, &source)?;
-    let start = start(&file.trial, &source)?;
-    let method = method(&file.trial, &source)?;
-    let session = file.session;
-    let wrong = |span: Range<usize>, what: &str, cure: &str| Err(source.error(span, what, cure));
-
-    if session.name.get_ref().trim().is_empty() {
-        return wrong(session.name.span(), "the name of the session is empty", "give it a name, or leave the key out");
-    }
-    let robot = session.robot.get_ref();
-    if robot.is_empty() {
-        let cure = "give \"physical\", \"published\", or the path of a robot file";
-        return wrong(session.robot.span(), "the name of the robot is empty", cure);
-    }
-    let repeats = *session.repeats.get_ref();
-    let repeats = u32::try_from(repeats).ok().filter(|repeats| (1..=MAX_TRIALS).contains(&(*repeats as usize)));
-    let Some(repeats) = repeats else {
-        return Err(source.out_of_range(session.repeats.span(), "repeats", session.repeats.get_ref()));
-    };
-    let seed = match &session.seed {
-        None => None,
-        Some(seed) => match u64::try_from(*seed.get_ref()) {
-            Ok(value) => Some(value),
-            Err(_) => return Err(source.out_of_range(seed.span(), "seed", seed.get_ref())),
-        },
-    };
-    file.board.check(&source, &["board"])?;
-
-    let list =
-        SpeedList { table: file.speeds.get_ref(), span: file.speeds.span(), repeats, seed, phases, reverse, start };
-    Ok(Plan {
-        name: session.name.get_ref().trim().to_owned(),
-        operator: session.operator,
-        note: session.note,
-        robot: RobotFile::built_in(robot),
-        seed,
-        trials: expand(&list, &source)?,
-        board: file.board,
-        method,
-        hand_turn,
-        text: text.to_owned(),
-    })
-}
-
-/// Returns whether this is the plan of a sweep.
-fn is_of_sweep(text: &str) -> bool {
-    toml::from_str::<toml::Table>(text).is_ok_and(|table| table.contains_key("vary"))
-}
-
-fn sweep_only(source: &Source) -> PlanError {
+/// Returns the error for the plan of a sweep, if it is one.
+fn of_sweep(source: &Source) -> Option<PlanError> {
+    source.text.parse::<toml::Table>().ok()?.get("vary")?;
     let at = source.text.find("[vary").unwrap_or_default();
-    source.error(at..at, "a plan with [vary] is that of a sweep", "run it with `biflag sweep`, or leave [vary] out")
+    let cure = "run it with `biflag sweep`, or leave [vary] out";
+    Some(source.error(at..at, "a plan with [vary] is that of a sweep", cure))
 }
 
 fn phases(table: &TrialTable, source: &Source) -> Result<Phases, PlanError> {
-    let check = |value: &Spanned<f64>, name: &str| {
+    let default = Phases::default();
+    let check = |value: &Option<Spanned<f64>>, name: &str, default_s: f64| {
+        let Some(value) = value else { return Ok(default_s) };
         let seconds = *value.get_ref();
         let wrong = match seconds {
             s if !s.is_finite() => "is not a duration",
@@ -211,18 +185,19 @@ fn phases(table: &TrialTable, source: &Source) -> Result<Phases, PlanError> {
         Err(source.error(value.span(), format!("{name} = {} {wrong}", number(seconds)), cure))
     };
     let phases = Phases {
-        calibrate_s: check(&table.calibrate, "calibrate")?,
-        preroll_s: check(&table.preroll, "preroll")?,
-        run_s: check(&table.run, "run")?,
-        decay_s: check(&table.decay, "decay")?,
+        calibrate_s: check(&table.calibrate, "calibrate", default.calibrate_s)?,
+        preroll_s: check(&table.preroll, "preroll", default.preroll_s)?,
+        run_s: check(&table.run, "run", default.run_s)?,
+        decay_s: check(&table.decay, "decay", default.decay_s)?,
     };
-    if phases.calibrate_s != 0.0 && !(0.1..=60.0).contains(&phases.calibrate_s) {
-        return Err(source.out_of_range(table.calibrate.span(), "calibrate", number(phases.calibrate_s)));
+    let is_possible = |calibrate_s: &f64| *calibrate_s == 0.0 || (0.1..=60.0).contains(calibrate_s);
+    if let Some(calibrate) = table.calibrate.as_ref().filter(|value| !is_possible(value.get_ref())) {
+        return Err(source.out_of_range(calibrate.span(), "calibrate", number(phases.calibrate_s)));
     }
-    if phases.run_s < MIN_RUN_S {
+    if let Some(run) = table.run.as_ref().filter(|run| *run.get_ref() < MIN_RUN_S) {
         let what = format!("run = {} is shorter than a tick of the board", number(phases.run_s));
         let cure = format!("give at least {MIN_RUN_S} s; for a trial at rest, give the speeds [0, 0]");
-        return Err(source.error(table.run.span(), what, cure));
+        return Err(source.error(run.span(), what, cure));
     }
     Ok(phases)
 }
@@ -237,26 +212,19 @@ fn hand_turn(table: &TrialTable, source: &Source) -> Result<Option<HandTurn>, Pl
 }
 
 fn method(table: &TrialTable, source: &Source) -> Result<Method, PlanError> {
-    let method = *table.method.get_ref();
-    if method == Method::Steady && table.reverse.is_some() {
+    let Some(method) = &table.method else { return Ok(Method::Trial) };
+    if *method.get_ref() == Method::Steady && table.reverse.is_some() {
         let what = "the method `steady` cannot compute a reversal";
-        return Err(source.error(table.method.span(), what, "leave out reverse, or method"));
+        return Err(source.error(method.span(), what, "leave out reverse, or method"));
     }
-    Ok(method)
+    Ok(*method.get_ref())
 }
-
-/// Most starting phases of a pair of speeds.
-const MAX_PHASES: i64 = 360;
 
 fn start(table: &TrialTable, source: &Source) -> Result<Start, PlanError> {
     match (&table.phase_deg, &table.phases) {
         (Some(angles), Some(_)) => {
-            let what = "phase_deg and phases cannot both be set";
-            Err(source.error(
-                angles.span(),
-                what,
-                "give one starting phase or the number of phases, and leave the other out",
-            ))
+            let cure = "give one starting phase or the number of phases, and leave the other out";
+            Err(source.error(angles.span(), "phase_deg and phases cannot both be set", cure))
         }
         (Some(spanned), None) => {
             let Exactly(angles) = *spanned.get_ref();
@@ -265,39 +233,24 @@ fn start(table: &TrialTable, source: &Source) -> Result<Start, PlanError> {
                 None => Ok(Start::At(angles)),
             }
         }
-        (None, Some(spanned)) => match *spanned.get_ref() {
-            count @ 1..=MAX_PHASES => Ok(Start::Phases(count as usize)),
-            count => Err(source.out_of_range(spanned.span(), "phases", count)),
-        },
-        (None, None) => Ok(Start::Unset),
+        (None, phases) => Ok(count_of_phases(phases, source)?.map_or(Start::Unset, Start::Phases)),
     }
 }
 
-/// Refuses a plan with starting phases: motors of a rig are where they were left.
-pub(super) fn check_for_rig(plan: &Plan, name: &str) -> Result<(), PlanError> {
-    if plan.trials.iter().all(|trial| trial.phase_deg.is_none()) {
-        return Ok(());
-    }
-    let source = Source { kind: &KIND, text: &plan.text, name };
-    let table = plan.text.parse::<toml::Table>().ok();
-    let has_phases = table.and_then(|table| table.get("trial")?.get("phases").map(|_| ())).is_some();
-    let key = if has_phases { "phases" } else { "phase_deg" };
-    let what = format!("{key} cannot be set on a rig, where the flagella start as they stand");
-    let cure = "leave it out, or run the plan with `biflag simulate`; a replay of the recording starts at the angles of the \
-                encoders";
-    Err(source.error_at(["trial", key], what, cure))
+/// Returns the number of starting phases, if the plan sets it.
+pub(crate) fn count_of_phases(phases: &Option<Spanned<i64>>, source: &Source) -> Result<Option<usize>, PlanError> {
+    source.checked(phases, "phases", |count| (1..=MAX_PHASES).contains(count).then_some(*count as usize))
 }
 
-fn reverse(table: &TrialTable, source: &Source) -> Result<Option<Reverse>, PlanError> {
+fn reverse(table: &TrialTable, run_s: f64, source: &Source) -> Result<Option<Reverse>, PlanError> {
     let Some(spanned) = &table.reverse else { return Ok(None) };
     let ReverseTable { motor, after } = *spanned.get_ref();
-    let run = *table.run.get_ref();
     let Some(motor) = u8::try_from(motor).ok().filter(|motor| (1..=2).contains(motor)) else {
         return Err(source.out_of_range(spanned.span(), "motor", motor));
     };
-    if !(after > 0.0 && after < run) {
-        let what = format!("after = {} is not within the run of {} s", number(after), number(run));
-        return Err(source.error(spanned.span(), what, format!("give seconds between 0 and {}", number(run))));
+    if !(after > 0.0 && after < run_s) {
+        let what = format!("after = {} is not within the run of {} s", number(after), number(run_s));
+        return Err(source.error(spanned.span(), what, format!("give seconds between 0 and {}", number(run_s))));
     }
     Ok(Some(Reverse { motor, after_s: after }))
 }

@@ -29,8 +29,6 @@ pub use shipped::Shipped;
 
 use biflag_log::Method;
 use protocol::units::CentiRpm;
-use serde::{Deserialize, Serialize};
-use sim::params::BUILT_IN;
 use std::path::Path;
 
 /// An example of a plan with every table.
@@ -110,7 +108,7 @@ impl Trial {
 }
 
 /// A motor that reverses during the run, at the same speed.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Reverse {
     /// Number of the motor, 1 or 2.
     pub motor: u8,
@@ -135,7 +133,7 @@ impl Reverse {
 }
 
 /// Durations of the phases of a trial, in their order, seconds.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Phases {
     /// Calibration of the gyroscope, at rest; 0 keeps the bias in the board's settings.
     pub calibrate_s: f64,
@@ -151,16 +149,6 @@ impl Phases {
     /// Returns the duration of the trial, seconds.
     pub fn total_s(&self) -> f64 {
         self.calibrate_s + self.preroll_s + self.run_s + self.decay_s
-    }
-
-    /// Returns the time at which the motors start, seconds from the end of the calibration.
-    pub fn run_start_s(&self) -> f64 {
-        self.preroll_s
-    }
-
-    /// Returns the time at which the motors stop, seconds from the end of the calibration.
-    pub fn run_end_s(&self) -> f64 {
-        self.preroll_s + self.run_s
     }
 }
 
@@ -178,30 +166,7 @@ impl Plan {
     pub fn load(path: &Path) -> Result<Self, PlanError> {
         let text = file::KIND.read(path)?;
         let mut plan = Self::parse(&text, &path.display().to_string())?;
-        if !BUILT_IN.contains(&plan.robot.name.as_str()) {
-            plan.robot.text = robot::load(&robot::named_by(path, &plan.robot.name))?.text;
-        }
+        plan.robot = robot::of_plan(path, &plan.robot.name)?;
         Ok(plan)
-    }
-
-    /// Reads a plan from its text; errors call the file `name`. The robot file is not read.
-    ///
-    /// # Errors
-    /// [`PlanError::Invalid`].
-    pub fn parse(text: &str, name: &str) -> Result<Self, PlanError> {
-        file::parse(text, name)
-    }
-
-    /// Checks that a rig can run the plan, which is the file `name`: it cannot set the angles at which flagella start.
-    ///
-    /// # Errors
-    /// [`PlanError::Invalid`].
-    pub fn check_for_rig(&self, name: &str) -> Result<(), PlanError> {
-        file::check_for_rig(self, name)
-    }
-
-    /// Returns the duration of all trials, seconds.
-    pub fn total_s(&self) -> f64 {
-        self.trials.iter().map(|trial| trial.phases.total_s()).sum()
     }
 }

@@ -55,6 +55,14 @@ const KIND: FileKind = FileKind {
     help: |_| None,
 };
 
+/// Returns the robot that the plan at `plan` calls `name`.
+pub(crate) fn of_plan(plan: &Path, name: &str) -> Result<RobotFile, PlanError> {
+    if BUILT_IN.contains(&name) {
+        return Ok(RobotFile::built_in(name));
+    }
+    Ok(RobotFile { name: name.to_owned(), text: load(&named_by(plan, name))?.text })
+}
+
 /// Returns the path of the robot file that the plan at `plan` calls `name`: in the plan's folder, or inside the program.
 pub fn named_by(plan: &Path, name: &str) -> PathBuf {
     let beside = plan.parent().unwrap_or(Path::new("")).join(name);

@@ -8,6 +8,7 @@ use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::ops::Range;
 use std::path::Path;
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// Longest file that is read, bytes. Longer files and endless devices are refused as another kind of file.
@@ -106,6 +107,18 @@ impl Source<'_> {
     /// Returns the error for a value that `key` cannot have.
     pub fn out_of_range(&self, span: Range<usize>, key: &str, value: impl Display) -> PlanError {
         self.error(span, format!("{key} cannot be {value}"), (self.kind.help)(key).unwrap_or_default())
+    }
+
+    /// Returns what `convert` makes of a value, and the error that `key` cannot have this value if it makes nothing.
+    pub fn checked<T: Display, U>(
+        &self,
+        value: &Option<Spanned<T>>,
+        key: &str,
+        convert: impl FnOnce(&T) -> Option<U>,
+    ) -> Result<Option<U>, PlanError> {
+        let Some(value) = value else { return Ok(None) };
+        let converted = convert(value.get_ref()).map(Some);
+        converted.ok_or_else(|| self.out_of_range(value.span(), key, value.get_ref()))
     }
 
     /// Returns an error at the value of the key at `path`, or at no line if the file does not set the key.

@@ -3,10 +3,10 @@
 use super::SessionError;
 use crate::plan::{PHYSICAL, PUBLISHED, Plan};
 use crate::program;
-use biflag_log::atomic_file::Draft;
+use biflag_log::atomic_file;
 use serde::{Deserialize, Serialize};
 use sim::params::BUILT_IN;
-use std::io::{ErrorKind, Write};
+use std::io::ErrorKind;
 use std::path::Path;
 use std::time::SystemTime;
 
@@ -60,11 +60,7 @@ impl Manifest {
         let path = folder.join(MANIFEST);
         let text = toml::to_string(self)
             .map_err(|error| SessionError::Manifest { path: path.clone(), reason: error.to_string() })?;
-        let written = Draft::create(&path).and_then(|mut draft| {
-            draft.file.write_all(text.as_bytes())?;
-            draft.publish(&path)
-        });
-        written.map_err(|source| match source.kind() {
+        atomic_file::create(&path, &text).map_err(|source| match source.kind() {
             ErrorKind::AlreadyExists => SessionError::Exists { folder: folder.to_owned() },
             _ => SessionError::Io { path, source },
         })

@@ -106,16 +106,15 @@ impl Session {
     /// [`SessionError::Exists`], [`SessionError::Io`].
     pub fn create(folder: &Path, plan: &Plan) -> Result<Self, SessionError> {
         std::fs::create_dir_all(folder).map_err(|source| SessionError::creating(folder, source))?;
-        let session = Self { folder: folder.to_owned(), plan: plan.clone() };
         // A log is assigned to a trial by its name, so a log of another session could be mistaken for one of this
         // session.
         if !folder.join(MANIFEST).exists()
-            && let Some(log) = session.log_names()?.into_iter().next()
+            && let Some(log) = log_names(folder)?.into_iter().next()
         {
             return Err(SessionError::StrayLog { folder: folder.to_owned(), log });
         }
         Manifest::new(plan).write(folder)?;
-        Ok(session)
+        Ok(Self { folder: folder.to_owned(), plan: plan.clone() })
     }
 
     /// Continues the session of `plan` in `folder`, or starts it if there is none.
@@ -157,7 +156,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
     pub fn states(&self) -> Result<Vec<TrialState>, SessionError> {
-        let names = self.log_names()?;
+        let names = log_names(&self.folder)?;
         self.plan.trials.iter().map(|trial| self.state_among(trial, &names)).collect()
     }
 
@@ -188,7 +187,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
     pub fn state(&self, trial: &Trial) -> Result<TrialState, SessionError> {
-        self.state_among(trial, &self.log_names()?)
+        self.state_among(trial, &log_names(&self.folder)?)
     }
 
     /// Returns the number and the path of the next attempt at a trial. Nothing is there yet, whatever bears the name of a
@@ -207,10 +206,6 @@ impl Session {
             path: self.folder.clone(),
             source: std::io::Error::other(format!("too many attempts at {}", trial.name)),
         })
-    }
-
-    fn log_names(&self) -> Result<Vec<String>, SessionError> {
-        log_names(&self.folder)
     }
 
     fn state_among(&self, trial: &Trial, names: &[String]) -> Result<TrialState, SessionError> {
@@ -289,13 +284,8 @@ fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
     }
 }
 
-/// Returns the default folder of a plan's session: the plan's name, with characters replaced that do not suit a
-/// folder's name.
-pub fn default_folder(plan: &Plan) -> PathBuf {
-    folder_named(&plan.name)
-}
-
-/// Returns a folder's path from a plan's name, which may hold anything.
+/// Returns the default folder of a plan with this name, which may hold anything: characters that do not suit a folder's
+/// name are replaced.
 pub fn folder_named(name: &str) -> PathBuf {
     let fit = |c: char| if c.is_alphanumeric() || "-_+.".contains(c) { c } else { '-' };
     let name: String = name.chars().map(fit).take(60).collect();

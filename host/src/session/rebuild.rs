@@ -1,7 +1,7 @@
 //! Rebuilds a session whose manifest is lost or damaged from its logs, each of which has the plan and the robot.
 
 use super::manifest::Manifest;
-use super::{MANIFEST, Session, SessionError, described, difference};
+use super::{MANIFEST, Session, SessionError, described, difference, log_names};
 use crate::plan::{Plan, RobotFile};
 use biflag_log::atomic_file::sweep;
 use biflag_log::{LogError, PlanMeta, Reader, RobotMeta};
@@ -32,7 +32,7 @@ pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
         Ok(session) => {
             // A program that is writing into the session has its own drafts.
             sweep(folder);
-            let logs = session.log_names()?.len();
+            let logs = log_names(folder)?.len();
             return Ok(Rebuilt { session, written: false, kept: None, logs, unreadable: Vec::new() });
         }
         Err(SessionError::NotASession { .. }) => false,
@@ -40,16 +40,12 @@ pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
         Err(error) => return Err(error),
     };
     let (mut plan, mut logs, mut unreadable) = (None::<(PathBuf, Plan)>, 0, Vec::new());
-    for name in super::log_names(folder)? {
+    for name in log_names(folder)? {
         let log = folder.join(name);
         let found = match plan_of(&log) {
-            Ok(Some(found)) => found,
-            Ok(None) => {
-                unreadable.push(format!("{}: the record of its plan cannot be read", log.display()));
-                continue;
-            }
-            Err(error) => {
-                unreadable.push(described(&error));
+            Ok(found) => found,
+            Err(reason) => {
+                unreadable.push(reason);
                 continue;
             }
         };
@@ -75,11 +71,14 @@ pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
     Ok(Rebuilt { session: Session::open(folder)?, written: true, kept, logs, unreadable })
 }
 
-/// Returns the plan in a log with its robot; `None` if the log does not have both.
-fn plan_of(log: &Path) -> Result<Option<Plan>, LogError> {
-    let mut reader = Reader::open(log)?;
-    let (meta, robot): (Option<PlanMeta>, Option<RobotMeta>) = (reader.read_until()?, reader.read_until()?);
-    let (Some(meta), Some(robot)) = (meta, robot) else { return Ok(None) };
-    let plan = Plan::parse(&meta.text, "the plan").ok();
-    Ok(plan.map(|plan| Plan { robot: RobotFile::of_log(Some(robot)), ..plan }))
+/// Returns the plan in a log with its robot, or the reason why the log does not have both.
+fn plan_of(log: &Path) -> Result<Plan, String> {
+    let read = || -> Result<(Option<PlanMeta>, Option<RobotMeta>), LogError> {
+        let mut reader = Reader::open(log)?;
+        Ok((reader.read_until()?, reader.read_until()?))
+    };
+    let (meta, robot) = read().map_err(|error| described(&error))?;
+    let plan = meta.and_then(|meta| Plan::parse(&meta.text, "the plan").ok()).zip(robot);
+    let (plan, robot) = plan.ok_or_else(|| format!("{}: the record of its plan cannot be read", log.display()))?;
+    Ok(Plan { robot: RobotFile::of_log(Some(robot)), ..plan })
 }

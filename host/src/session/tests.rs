@@ -207,7 +207,7 @@ fn default_folder_name_is_safe() {
         ("Glyzerin 30 °C", "Glyzerin-30--C"),
     ] {
         let plan = plan(&format!("[session]\nname = \"{name}\"\n[speeds]\npairs = [[50, 10]]"));
-        let folder = default_folder(&plan);
+        let folder = folder_named(&plan.name);
         assert_eq!(folder, Path::new(expected), "{name}");
         assert_eq!(folder.components().count(), 1);
         assert!(plan.trials[0].name.chars().all(|c| c.is_ascii_alphanumeric() || "_+-.".contains(c)));

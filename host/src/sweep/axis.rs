@@ -58,6 +58,19 @@ impl Values {
             Self::Range(range) => range.at(index as f64 / (range.count - 1) as f64),
         }
     }
+
+    /// Returns all values; none in a Sobol design.
+    pub fn all(&self) -> impl Iterator<Item = f64> {
+        (0..self.count()).map(|index| self.value(index))
+    }
+
+    /// Returns the values that bound the others: those of a list, or the ends of a range.
+    pub fn bounds(&self) -> Vec<f64> {
+        match self {
+            Self::List(values) => values.clone(),
+            Self::Range(range) => vec![range.from, range.to],
+        }
+    }
 }
 
 impl Range {
@@ -84,8 +97,7 @@ mod tests {
     use super::*;
 
     fn values(from: f64, to: f64, count: u64, scale: Scale) -> Vec<f64> {
-        let values = Values::Range(Range { from, to, count, scale });
-        (0..values.count()).map(|index| values.value(index)).collect()
+        Values::Range(Range { from, to, count, scale }).all().collect()
     }
 
     #[test]

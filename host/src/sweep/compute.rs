@@ -1,10 +1,10 @@
 //! Computes one point: its steady state, averaged over the starting phases, or the reason of its failure.
 
+use super::SweepPlan;
 use super::point::Point;
 use biflag_log::Method;
 use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
-use sim::params::Robot;
 use sim::periodic::{self, Kind, Problem, SolveError};
 use sim::phase::{self, Ratio};
 use sim::profile::{Phases, SpeedProfile};
@@ -41,32 +41,34 @@ pub enum Outcome {
     Failed(String),
 }
 
-/// How a point is computed.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Recipe {
-    /// The method.
-    pub method: Method,
-    /// Duration of a trial, or of the longest simulation, s.
-    pub run_s: f64,
-    /// Number of starting phases where they matter.
-    pub phases: usize,
-}
-
 /// Longest reason that is kept, bytes.
 const LONGEST_REASON: usize = 400;
 
 impl Outcome {
+    /// Returns the steady state; `None` if the point cannot be computed.
+    pub fn steady(&self) -> Option<&Steady> {
+        match self {
+            Self::Ok(steady) => Some(steady),
+            Self::Failed(_) => None,
+        }
+    }
+
+    /// Returns whether the point cannot be computed.
+    pub fn is_failed(&self) -> bool {
+        self.steady().is_none()
+    }
+
     /// Returns the outcome of a failure.
     pub fn failed(reason: &str) -> Self {
         let end = reason.floor_char_boundary(LONGEST_REASON);
         Self::Failed(reason[..end].replace(['\n', '\r', '\t'], " "))
     }
 
-    /// Computes a point. Returns `None` as soon as `goes_on` returns `false`.
+    /// Computes a point as a plan says. Returns `None` as soon as `goes_on` returns `false`.
     ///
     /// A panic of the solver is caught, so that other points are still computed; the reason names it.
-    pub fn of(point: &Point, recipe: &Recipe, goes_on: &dyn Fn() -> bool) -> Option<Self> {
-        let caught = catch_unwind(AssertUnwindSafe(|| compute(point, recipe, goes_on)));
+    pub fn of(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Option<Self> {
+        let caught = catch_unwind(AssertUnwindSafe(|| compute(point, plan, goes_on)));
         match caught {
             Ok(Ok(steady)) => steady.map(Self::Ok),
             Ok(Err(reason)) => Some(Self::failed(&reason)),
@@ -79,25 +81,24 @@ impl Outcome {
     }
 }
 
-fn compute(point: &Point, recipe: &Recipe, goes_on: &dyn Fn() -> bool) -> Result<Option<Steady>, String> {
+fn compute(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Result<Option<Steady>, String> {
     let robot = point.robot.as_ref().map_err(String::clone)?;
     robot.validate().map_err(|error| error.to_string())?;
-    let matters = Ratio::of(point.speeds_rpm).is_some();
-    let starts = phase::starts(point.speeds_rpm, if matters { recipe.phases } else { 1 });
+    let rpm = point.speeds_rpm;
+    let starts = phase::starts(rpm, if Ratio::of(rpm).is_some() { plan.phases } else { 1 });
     let mut states = Vec::new();
     for start in &starts {
-        let described = |error: String| match starts.len() {
-            1 => error,
-            _ => format!("starting at {} and {} degrees: {error}", start[0], start[1]),
+        let start_rad = start.map(f64::to_radians);
+        let problem = Problem { robot, closure: Closure::Full, rpm, start_rad, longest_s: plan.run_s, output: None };
+        let state = match plan.method {
+            Method::Steady => solved(&problem, goes_on),
+            Method::Trial => tried(&problem, goes_on),
         };
-        let run = Run { robot, rpm: point.speeds_rpm, start_rad: start.map(f64::to_radians), run_s: recipe.run_s };
-        let state = match recipe.method {
-            Method::Steady => run.solved(goes_on),
-            Method::Trial => run.tried(goes_on),
-        };
-        match state.map_err(described)? {
-            Some(state) => states.push(state),
-            None => return Ok(None),
+        match state {
+            Ok(state) => states.push(state),
+            Err(SolveError::Interrupted) => return Ok(None),
+            Err(error) if starts.len() == 1 => return Err(error.to_string()),
+            Err(error) => return Err(format!("starting at {} and {} degrees: {error}", start[0], start[1])),
         }
     }
     let steady = mean(&states);
@@ -107,44 +108,28 @@ fn compute(point: &Point, recipe: &Recipe, goes_on: &dyn Fn() -> bool) -> Result
     Ok(Some(steady))
 }
 
-/// A point at one starting phase.
-struct Run<'a> {
-    robot: &'a Robot,
-    rpm: [f64; 2],
-    start_rad: [f64; 2],
-    run_s: f64,
+/// Solves for the steady state.
+fn solved(problem: &Problem, goes_on: &dyn Fn() -> bool) -> Result<Steady, SolveError> {
+    let found = periodic::solve(problem, &|_| goes_on())?;
+    Ok(Steady::new(found.kind, &found.summary))
 }
 
-impl Run<'_> {
-    /// Solves for the steady state.
-    fn solved(&self, goes_on: &dyn Fn() -> bool) -> Result<Option<Steady>, String> {
-        let &Self { robot, rpm, start_rad, run_s } = self;
-        let problem = Problem { robot, closure: Closure::Full, rpm, start_rad, longest_s: run_s, output: None };
-        match periodic::solve(&problem, &|_| goes_on()) {
-            Ok(found) => Ok(Some(Steady::new(found.kind, &found.summary))),
-            Err(SolveError::Interrupted) => Ok(None),
-            Err(error) => Err(error.to_string()),
+/// Runs a trial from rest to its end, as long as a solution would take at most.
+fn tried(problem: &Problem, goes_on: &dyn Fn() -> bool) -> Result<Steady, SolveError> {
+    let phases = Phases { run: problem.longest_s, ..Phases::default() };
+    let profile = SpeedProfile::phases(&phases, problem.rpm)?.from_angles(problem.start_rad);
+    // The steady state needs no samples; a few a second are enough to ask whether to go on.
+    let options = Options { rate_hz: 2.0, shapes: false };
+    let mut trial = Trial::new(problem.robot, problem.closure, profile, options)?;
+    for sample in trial.by_ref() {
+        sample?;
+        if !goes_on() {
+            return Err(SolveError::Interrupted);
         }
     }
-
-    /// Runs a trial from rest to its end.
-    fn tried(&self, goes_on: &dyn Fn() -> bool) -> Result<Option<Steady>, String> {
-        let phases = Phases { calibrate: 0.0, preroll: 0.0, run: self.run_s, decay: 0.0, ..Phases::default() };
-        let profile = SpeedProfile::phases(&phases, self.rpm).map_err(|error| error.to_string())?;
-        // The steady state needs no samples; a few a second are enough to ask whether to go on.
-        let options = Options { rate_hz: 2.0, shapes: false };
-        let trial = Trial::new(self.robot, Closure::Full, profile.from_angles(self.start_rad), options);
-        let mut trial = trial.map_err(|error| error.to_string())?;
-        for sample in trial.by_ref() {
-            sample.map_err(|error| error.to_string())?;
-            if !goes_on() {
-                return Ok(None);
-            }
-        }
-        // The last sample may be before the end.
-        let summary = trial.finish().map_err(|error| error.to_string())?;
-        Ok(Some(Steady::new(Kind::of_trial(summary.steady.settled), &summary)))
-    }
+    // The last sample may be before the end.
+    let summary = trial.finish()?;
+    Ok(Steady::new(Kind::of_trial(summary.steady.settled), &summary))
 }
 
 impl Steady {
@@ -224,16 +209,15 @@ mod tests {
     #[test]
     fn a_panic_is_the_reason_of_its_point_alone() {
         let text = "[trial]\nrun = 1\n[speeds]\npairs = [[50, 10]]";
-        let plan =
-            crate::sweep::SweepPlan::parse(text, "plan.toml", &|name| Ok(crate::plan::RobotFile::built_in(name)));
-        let point = crate::sweep::Sweep::new(plan.unwrap(), String::new()).unwrap().point(0);
+        let plan = SweepPlan::parse(text, "plan.toml", &|name| Ok(crate::plan::RobotFile::built_in(name))).unwrap();
+        let point = crate::sweep::Sweep::new(plan.clone(), String::new()).unwrap().point(0);
         for method in [Method::Steady, Method::Trial] {
-            let recipe = Recipe { method, run_s: 1.0, phases: 1 };
-            let outcome = Outcome::of(&point, &recipe, &|| panic!("index {}", 7)).unwrap();
+            let plan = SweepPlan { method, ..plan.clone() };
+            let outcome = Outcome::of(&point, &plan, &|| panic!("index {}", 7)).unwrap();
             let wanted = "the solver panicked, which is a fault of the program: index 7";
             assert_eq!(outcome, Outcome::Failed(wanted.to_owned()));
-            assert_eq!(Outcome::of(&point, &recipe, &|| false), None, "interrupted");
-            assert!(matches!(Outcome::of(&point, &recipe, &|| true), Some(Outcome::Ok(steady)) if steady.is_finite()));
+            assert_eq!(Outcome::of(&point, &plan, &|| false), None, "interrupted");
+            assert!(matches!(Outcome::of(&point, &plan, &|| true), Some(Outcome::Ok(steady)) if steady.is_finite()));
         }
     }
 

@@ -3,6 +3,9 @@
 use super::axis::{Axis, Values};
 use super::sobol;
 
+/// The most points of a sweep.
+pub const MAX_POINTS: u64 = 10_000_000;
+
 /// How the values of the axes are combined.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Design {

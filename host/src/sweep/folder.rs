@@ -13,12 +13,12 @@
 
 use super::part::{self, PartReader, Record};
 use super::point::{Name, Shard, Sweep};
-use super::{Outcome, SweepError, SweepPlan};
+use super::{SweepError, SweepPlan};
 use crate::plan::RobotFile;
 use crate::program;
-use biflag_log::atomic_file::Draft;
+use biflag_log::atomic_file;
 use serde::{Deserialize, Serialize};
-use std::io::{ErrorKind, Write};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Name of the manifest.
@@ -113,11 +113,7 @@ impl Folder {
         if !file.exists() {
             let text = toml::to_string(&manifest)
                 .map_err(|error| SweepError::Manifest { path: file.clone(), reason: error.to_string() })?;
-            let written = Draft::create(&file).and_then(|mut draft| {
-                draft.file.write_all(text.as_bytes())?;
-                draft.publish(&file)
-            });
-            match written {
+            match atomic_file::create(&file, &text) {
                 // Another worker has just made it.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 other => other.map_err(SweepError::at(&file))?,
@@ -192,7 +188,7 @@ impl Folder {
             |name| shard.has(name),
             |record| {
                 if done.add(record.index) {
-                    failed += u64::from(matches!(record.outcome, Outcome::Failed(_)));
+                    failed += u64::from(record.outcome.is_failed());
                 }
             },
         )?;

@@ -28,6 +28,9 @@ pub enum Group {
     Radius,
 }
 
+/// The keys of the speeds in a plan.
+pub const SPEEDS: [&str; 2] = ["speeds.w1_rpm", "speeds.w2_rpm"];
+
 /// Keys that follow from the contour length, and with it from the groups `pitch` and `radius`.
 const OF_THE_CONTOUR: [&str; 9] = [
     "flagellum.young_pa",
@@ -91,7 +94,7 @@ impl Key {
     /// Returns the key of this name; `None` if it is neither a group, nor a speed, nor a numeric key of the robot.
     pub fn parse(name: &str, robot: &Value) -> Option<Self> {
         let group = Group::ALL.into_iter().find(|group| group.name() == name).map(Self::Group);
-        let speed = ["speeds.w1_rpm", "speeds.w2_rpm"].iter().position(|speed| *speed == name).map(Self::Speed);
+        let speed = SPEEDS.iter().position(|speed| *speed == name).map(Self::Speed);
         let number = || number(robot, name).map(|_| Self::Robot(name.to_owned()));
         group.or(speed).or_else(number)
     }
@@ -109,8 +112,7 @@ impl Key {
         match self {
             Self::Robot(key) => key,
             Self::Group(group) => group.name(),
-            Self::Speed(0) => "speeds.w1_rpm",
-            Self::Speed(_) => "speeds.w2_rpm",
+            Self::Speed(motor) => SPEEDS[*motor],
         }
     }
 }
@@ -122,7 +124,12 @@ pub fn value<'v>(robot: &'v Value, key: &str) -> Option<&'v Value> {
 
 /// Returns the number at a dotted key.
 pub fn number(robot: &Value, key: &str) -> Option<f64> {
-    match value(robot, key)? {
+    real(value(robot, key)?)
+}
+
+/// Returns a value that is a number.
+pub fn real(value: &Value) -> Option<f64> {
+    match value {
         Value::Float(number) => Some(*number),
         Value::Integer(number) => Some(*number as f64),
         _ => None,

@@ -10,7 +10,7 @@ use super::folder::{Folder, Points};
 use super::part::Record;
 use super::point::Name;
 use super::table::table;
-use super::{Outcome, csv_path, parquet_path};
+use super::{csv_path, parquet_path};
 use crate::export::table::Table;
 use crate::export::{csv, parquet};
 use biflag_log::atomic_file;
@@ -21,7 +21,7 @@ use std::path::PathBuf;
 const BLOCK: u64 = 16_384;
 
 /// What was merged.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct Merged {
     /// Number of rows.
     pub done: u64,
@@ -41,15 +41,15 @@ impl Folder {
     /// A part cannot be read, or a file cannot be written.
     pub fn merge(&self) -> Result<Merged, SweepError> {
         let (table, text) = (parquet_path(&self.path), csv_path(&self.path));
-        let mut merged = None;
+        let mut merged = Merged::default();
         let written = atomic_file::replace(&table, |parquet| {
             atomic_file::replace(&text, |csv| {
-                merged = Some(self.write(parquet, csv)?);
+                merged = self.write(parquet, csv)?;
                 Ok(())
             })
         });
         written.map_err(SweepError::at(&table))?;
-        Ok(merged.unwrap_or(Merged { done: 0, failed: 0, different: 0, damaged: Vec::new() }))
+        Ok(merged)
     }
 
     /// Returns the table of all points that are done, and what [`Self::merge`] tells of it.
@@ -60,7 +60,7 @@ impl Folder {
         let mut records = Vec::new();
         let damaged = self.read(|_| true, |record| records.push(record))?;
         let different = sort(&mut records).map_err(SweepError::at(&self.path))?;
-        let failed = records.iter().filter(|record| matches!(record.outcome, Outcome::Failed(_))).count();
+        let failed = records.iter().filter(|record| record.outcome.is_failed()).count();
         let merged = Merged { done: records.len() as u64, failed: failed as u64, different, damaged };
         Ok((table(&self.sweep, records), merged))
     }
@@ -69,7 +69,7 @@ impl Folder {
         let points = self.sweep.plan.points();
         let empty = table(&self.sweep, Vec::new());
         let (mut parquet, mut csv) = (parquet::Writer::new(&empty, parquet)?, csv::Writer::new(&empty, csv)?);
-        let mut merged = Merged { done: 0, failed: 0, different: 0, damaged: Vec::new() };
+        let mut merged = Merged::default();
         let mut done = Points::none(points);
         let blocks = points.div_ceil(BLOCK);
         for block in 0..blocks {
@@ -80,7 +80,7 @@ impl Folder {
             merged.different += sort(&mut records)?;
             for record in &records {
                 done.add(record.index);
-                merged.failed += u64::from(matches!(record.outcome, Outcome::Failed(_)));
+                merged.failed += u64::from(record.outcome.is_failed());
             }
             if !records.is_empty() {
                 let rows = table(&self.sweep, records);

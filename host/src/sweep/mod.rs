@@ -19,20 +19,22 @@ mod read;
 mod slurm;
 mod sobol;
 mod table;
+mod vary;
 mod worker;
 
 pub use axis::{Axis, Range, Scale, Values};
-pub use compute::{Outcome, Recipe, Steady};
-pub use design::Design;
+pub use compute::{Outcome, Steady};
+pub use design::{Design, MAX_POINTS};
 pub use error::SweepError;
 pub use folder::{Counts, Folder, Points, model};
 pub use key::{Group, Key};
 pub use merge::Merged;
 pub use part::Record;
-pub use plan::{EXAMPLE, MAX_POINTS, SweepPlan};
+pub use plan::{EXAMPLE, SweepPlan};
 pub use point::{Name, Point, Shard, Sweep};
 pub use read::{columns_of, of_csv, read_table};
 pub use slurm::script;
+pub(crate) use table::ROBOT;
 
 use std::path::{Path, PathBuf};
 

@@ -168,13 +168,12 @@ impl PartReader {
     }
 
     fn entry(&mut self) -> Result<Option<Entry>> {
-        let mut head = [0; 8];
-        if self.at_end || !read_whole(&mut self.file, &mut head)? {
+        let mut head = [[0; 4]; 2];
+        if self.at_end || !read_whole(&mut self.file, head.as_flattened_mut())? {
             self.at_end = true;
             return Ok(None);
         }
-        let [length, checksum] =
-            [0, 4].map(|at| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]));
+        let [length, checksum] = head.map(u32::from_le_bytes);
         let mut buffer = [0; LONGEST];
         let mut entry = None;
         if let Some(content) = buffer.get_mut(..length as usize)

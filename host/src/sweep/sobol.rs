@@ -3,6 +3,8 @@
 //! Direction numbers: Joe and Kuo 2008, SIAM J. Sci. Comput. 30, 2635 (`new-joe-kuo-6`), in the order of the Gray code
 //! (Antonov and Saleev 1979). A seed shifts all points by exclusive or, which keeps their even distribution.
 
+use crate::split_mix::split_mix;
+
 /// Largest number of dimensions.
 pub const DIMENSIONS: usize = 20;
 
@@ -56,12 +58,9 @@ fn directions(dimension: usize) -> [u32; 32] {
     v
 }
 
-/// Returns the shift of a dimension: SplitMix64 of the seed.
+/// Returns the shift of a dimension, which depends on the seed.
 fn shift(dimension: usize, seed: u64) -> u32 {
-    let z = seed.wrapping_add((dimension as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    ((z ^ (z >> 31)) >> 32) as u32
+    (split_mix(seed, dimension as u64 + 1) >> 32) as u32
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use crate::export::table::{Column, Table, Values};
 use crate::text::word;
 use sim::groups::Groups;
 use sim::params::Robot;
+use std::borrow::Cow;
 
 /// A row.
 struct Row {
@@ -36,7 +37,8 @@ const GROUPS: [Real<Row>; 8] = [
     ("group_radius_relative", "1", "group_radius over that of the robot `published`", |row| row.multiples[3]),
 ];
 
-const ROBOT: [Real<Robot>; 11] = [
+/// The columns that describe the robot.
+pub(crate) const ROBOT: [Real<Robot>; 11] = [
     ("axial_length_m", "m", "axial length of a flagellum, L", |robot| robot.flagellum.axial_length_m),
     ("contour_length_m", "m", "contour length of a flagellum, l", |robot| robot.flagellum.helix(0).contour_length()),
     ("pitch_m", "m", "pitch of the helix", |robot| robot.flagellum.pitch_m),
@@ -102,65 +104,45 @@ impl Row {
             outcome,
         }
     }
-
-    fn steady(&self) -> Option<&Steady> {
-        match &self.outcome {
-            Outcome::Ok(steady) => Some(steady),
-            Outcome::Failed(_) => None,
-        }
-    }
 }
 
 /// Returns the table of these results.
 pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     let rows = records.into_iter().map(|record| Row::new(sweep.point(record.index), record.outcome));
     let rows: Vec<Row> = rows.collect();
-    let text = |name: &'static str, about: &'static str, value: &dyn Fn(&Row) -> String| Column {
-        name: name.into(),
-        unit: "".into(),
-        about: about.into(),
-        values: Values::Text(rows.iter().map(value).collect()),
+    let text = |name: &'static str, about, value: &dyn Fn(&Row) -> String| {
+        column(name, "", about, Values::Text(rows.iter().map(value).collect()))
     };
-    let real = |name: String, unit: &'static str, about: &'static str, value: &dyn Fn(&Row) -> f64| Column {
-        name: name.into(),
-        unit: unit.into(),
-        about: about.into(),
-        values: Values::Exact(rows.iter().map(value).collect()),
-    };
-    let named =
-        |name: &'static str, unit, about, value: &dyn Fn(&Row) -> f64| real(name.to_owned(), unit, about, value);
+    let exact = |value: &dyn Fn(&Row) -> f64| Values::Exact(rows.iter().map(value).collect());
+    let real = |name: &'static str, unit, about, value: &dyn Fn(&Row) -> f64| column(name, unit, about, exact(value));
 
     let mut columns = vec![
         text("point", "name of the point: hash of its inputs and of the model's version", &|row| row.name.clone()),
-        named("w1_rpm", "rpm", "speed of flagellum 1, counter-clockwise seen from above", &|row| row.speeds_rpm[0]),
-        named("w2_rpm", "rpm", "speed of flagellum 2", &|row| row.speeds_rpm[1]),
+        real("w1_rpm", "rpm", "speed of flagellum 1, counter-clockwise seen from above", &|row| row.speeds_rpm[0]),
+        real("w2_rpm", "rpm", "speed of flagellum 2", &|row| row.speeds_rpm[1]),
     ];
     for (at, axis) in sweep.plan.axes.iter().enumerate() {
         if let Key::Robot(key) = &axis.key {
             let about = "key of the robot's file, which varies";
-            columns.push(real(key.replace('.', "_"), unit(key), about, &|row| row.values[at]));
+            columns.push(column(key.replace('.', "_"), unit(key), about, exact(&|row| row.values[at])));
         }
     }
-    columns.extend(GROUPS.map(|(name, unit, about, value)| named(name, unit, about, &value)));
+    columns.extend(GROUPS.map(|(name, unit, about, value)| real(name, unit, about, &value)));
     for (at, (name, unit, about, _)) in ROBOT.into_iter().enumerate() {
-        columns.push(named(name, unit, about, &|row| row.robot[at]));
+        columns.push(real(name, unit, about, &|row| row.robot[at]));
     }
     for (name, unit, about, value) in STEADY {
-        columns.push(named(name, unit, about, &|row| row.steady().map_or(f64::NAN, value)));
+        columns.push(real(name, unit, about, &|row| row.outcome.steady().map_or(f64::NAN, value)));
     }
-    columns.push(Column {
-        name: "phases".into(),
-        unit: "1".into(),
-        about: "number of starting phases; 0 if the point failed".into(),
-        values: Values::Int(rows.iter().map(|row| row.steady().map_or(0, |steady| steady.phases.into())).collect()),
-    });
-    let kind = |row: &Row| row.steady().map_or("", |steady| steady.kind.name()).to_owned();
+    let phases = rows.iter().map(|row| row.outcome.steady().map_or(0, |steady| steady.phases.into())).collect();
+    columns.push(column("phases", "1", "number of starting phases; 0 if the point failed", Values::Int(phases)));
+    let kind = |row: &Row| row.outcome.steady().map_or("", |steady| steady.kind.name()).to_owned();
     columns.push(text(
         "kind",
         "`steady`: the motion repeats; `beating`: it was not found to, but its means do not change; `not_found`: they still do",
         &kind,
     ));
-    let status = |row: &Row| if row.steady().is_some() { "ok" } else { "failed" }.to_owned();
+    let status = |row: &Row| if row.outcome.is_failed() { "failed" } else { "ok" }.to_owned();
     columns.push(text("status", "`ok`, or `failed`: then all results are empty", &status));
     columns.push(text("reason", "why the point failed", &|row| match &row.outcome {
         Outcome::Ok(_) => String::new(),
@@ -173,6 +155,10 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
         "angles rotate body axes into world axes: yaw about z, then pitch about y, then roll about x".to_owned(),
     ];
     Table { header, columns }
+}
+
+fn column(name: impl Into<Cow<'static, str>>, unit: &'static str, about: &'static str, values: Values) -> Column {
+    Column { name: name.into(), unit: unit.into(), about: about.into(), values }
 }
 
 /// Returns the unit of a key of the robot's file, from its name.

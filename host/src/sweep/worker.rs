@@ -1,10 +1,11 @@
 //! A worker: computes the points of a shard on several threads, and appends them to a part of its own.
 
 use super::SweepError;
-use super::compute::{Outcome, Recipe};
+use super::compute::Outcome;
 use super::folder::{Folder, Points};
 use super::part::{PartWriter, Record};
 use super::point::Shard;
+use crate::progress::lock;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -33,13 +34,12 @@ impl Folder {
         each: &(dyn Fn(&Record) + Sync),
     ) -> Result<(), SweepError> {
         let plan = &self.sweep.plan;
-        let recipe = Recipe { method: plan.method, run_s: plan.run_s, phases: plan.phases };
         let part = Mutex::new(PartWriter::create(&self.path).map_err(SweepError::at(&self.path))?);
         let broken = Mutex::new(None);
         let goes_on = || !interrupted.load(Ordering::Relaxed) && lock(&broken).is_none();
         let one = |index: u64| {
             let point = self.sweep.point(index);
-            let Some(outcome) = Outcome::of(&point, &recipe, &goes_on) else { return };
+            let Some(outcome) = Outcome::of(&point, plan, &goes_on) else { return };
             let record = Record { index, name: point.name, outcome };
             each(&record);
             if let Err(error) = lock(&part).push(record) {
@@ -55,9 +55,4 @@ impl Folder {
         let part = part.into_inner().unwrap_or_else(PoisonError::into_inner);
         broken.map_or_else(|| part.close(), Err).map_err(SweepError::at(&self.path))
     }
-}
-
-/// Locks what several threads share, even if one of them panicked.
-fn lock<T>(shared: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }

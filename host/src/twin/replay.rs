@@ -10,7 +10,7 @@ use crate::progress::Progress;
 use crate::run::model::{Batch, Course, Job, Model, ModelError, ModelRun};
 use crate::session::Session;
 use crate::trial::{Data, Want};
-use biflag_log::{Identity, ModelMeta, Origin, ReplayMeta, SteadyMeta, last_meta};
+use biflag_log::{Identity, Method, ModelMeta, Origin, ReplayMeta, SteadyMeta, last_meta};
 use protocol::units::CentiRpm;
 use rayon::prelude::*;
 use sim::body::closure::Closure;
@@ -195,7 +195,7 @@ fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Setting
     let needs_phase = simple && data.origin() == Origin::Rig && robot.flagellum.phase_deg == [0.0; 2];
     let own = data.records.model.as_ref().map(|model| model.closure);
     let closure = settings.closure.or(own).unwrap_or(Closure::Full);
-    let model = Model::new(robot, data.settings().unwrap_or_default(), closure, settings.options);
+    let model = Model::new(robot, data.settings().unwrap_or_default(), closure, Method::Trial, settings.options);
     Ok(Prepared { model, course, warnings, needs_phase })
 }
 

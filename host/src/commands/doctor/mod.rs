@@ -115,9 +115,7 @@ fn check(name: String, finding: Finding) -> Check {
 /// Returns the check of where the board's firmware comes from: a toolchain in the repository, otherwise this program.
 fn firmware_source() -> (&'static str, Finding) {
     match Image::embedded_commit() {
-        Some((git_hash, git_dirty)) if !in_repository() => {
-            ("firmware", Ok(format!("{}, inside biflag", commit_text(git_hash, git_dirty))))
-        }
+        Some(commit) if !in_repository() => ("firmware", Ok(format!("{commit}, inside biflag"))),
         _ => ("AVR toolchain", toolchain()),
     }
 }

@@ -30,7 +30,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Some(Shard { first, of }) => plan.trials.iter().skip(first).step_by(of).collect(),
         None => plan.trials.iter().collect(),
     };
-    let folder = args.out.clone().unwrap_or_else(|| session::default_folder(&plan));
+    let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let session = open(&folder, &plan, &mine, args)?;
 
     let _lock = session.lock(if args.shard.is_some() { Sharing::WithShards } else { Sharing::Alone })?;

@@ -1,7 +1,7 @@
 //! The progress of a sweep on stderr.
 
-use crate::progress::{self, Progress};
-use crate::sweep::{Counts, Outcome, Record};
+use crate::progress::{Progress, lock};
+use crate::sweep::{Counts, Record};
 use crate::text::count;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -38,10 +38,10 @@ impl Counter {
 
     /// Counts a point.
     pub fn count(&self, record: &Record) {
-        let mut counted = self.counted.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut counted = lock(&self.counted);
         counted.done += 1;
-        counted.failed += u64::from(matches!(record.outcome, Outcome::Failed(_)));
-        progress::lock(&self.progress).within((counted.done - counted.before) as f64);
+        counted.failed += u64::from(record.outcome.is_failed());
+        lock(&self.progress).within((counted.done - counted.before) as f64);
         if counted.shown.elapsed() > INTERVAL {
             counted.shown = Instant::now();
             self.show(counted.done, counted.failed);
@@ -51,12 +51,12 @@ impl Counter {
     fn show(&self, done: u64, failed: u64) {
         let failures = if failed > 0 { format!(", {failed} failed") } else { String::new() };
         let state = format!("{done} of {}{failures}", count(self.points as usize, "point"));
-        progress::lock(&self.progress).phase(&self.name, &state);
+        lock(&self.progress).phase(&self.name, &state);
     }
 
     /// Removes the bar; returns the points done and failed, with those from before.
     pub fn finish(self) -> (u64, u64) {
-        progress::lock(&self.progress).finish();
+        lock(&self.progress).finish();
         let counted = self.counted.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
         (counted.done, counted.failed)
     }

@@ -5,6 +5,7 @@ use crate::plan::{Plan, Trial};
 use crate::progress::{Progress, lock};
 use crate::session::{Session, UNFINISHED};
 use biflag_log::SteadyMeta;
+use biflag_log::atomic_file::sync_folder_of;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -82,22 +83,6 @@ impl<'a> Batch<'a> {
     /// # Errors
     /// [`ModelError::Interrupted`], and if the log cannot be written or the trial cannot be started.
     pub fn compute(&self, job: &Job, line: &(dyn Fn(&ModelRun) -> String + Sync)) -> Result<ModelRun, ModelError> {
-        let run = self.trial(job)?;
-        lock(self.progress).line(&line(&run));
-        Ok(run)
-    }
-
-    /// Counts a trial of `trial_s` seconds as done without computing it.
-    pub fn pass(&self, trial_s: f64) {
-        self.advance((trial_s * 1e3) as u64);
-    }
-
-    fn advance(&self, passed_ms: u64) {
-        let all_ms = self.simulated_ms.fetch_add(passed_ms, Ordering::Relaxed) + passed_ms;
-        lock(self.progress).within(all_ms as f64 * 1e-3);
-    }
-
-    fn trial(&self, job: &Job) -> Result<ModelRun, ModelError> {
         let trial = job.trial;
         let begun = Instant::now();
         let (attempt, log) = self.session.next_attempt(trial)?;
@@ -113,7 +98,9 @@ impl<'a> Batch<'a> {
         match result {
             Ok(_) | Err(ModelError::Step { .. }) => {
                 put_in_place(&unfinished, &log)?;
-                Ok(ModelRun { trial: trial.clone(), log, wall_s: begun.elapsed().as_secs_f64(), result })
+                let run = ModelRun { trial: trial.clone(), log, wall_s: begun.elapsed().as_secs_f64(), result };
+                lock(self.progress).line(&line(&run));
+                Ok(run)
             }
             Err(error) => {
                 remove(&unfinished)?;
@@ -121,14 +108,22 @@ impl<'a> Batch<'a> {
             }
         }
     }
+
+    /// Counts a trial of `trial_s` seconds as done without computing it.
+    pub fn pass(&self, trial_s: f64) {
+        self.advance((trial_s * 1e3) as u64);
+    }
+
+    fn advance(&self, passed_ms: u64) {
+        let all_ms = self.simulated_ms.fetch_add(passed_ms, Ordering::Relaxed) + passed_ms;
+        lock(self.progress).within(all_ms as f64 * 1e-3);
+    }
 }
 
 /// Gives a finished log its name, and syncs the folder.
 fn put_in_place(unfinished: &Path, log: &Path) -> Result<(), ModelError> {
     std::fs::rename(unfinished, log).map_err(|source| ModelError::Place { path: log.to_owned(), source })?;
-    let folder = log.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // Not every file system can sync a folder.
-    let _ = std::fs::File::open(folder).and_then(|folder| folder.sync_all());
+    sync_folder_of(log);
     Ok(())
 }
 

@@ -4,6 +4,7 @@ use crate::session::SessionError;
 use biflag_log::LogError;
 use miette::Diagnostic;
 use sim::params::ParamError;
+use sim::periodic::SolveError;
 use sim::profile::ProfileError;
 use sim::step::StepError;
 use std::path::PathBuf;
@@ -61,4 +62,17 @@ pub enum ModelError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Session(#[from] SessionError),
+}
+
+impl ModelError {
+    /// Converts an error of the solver in this trial.
+    pub(super) fn of(trial: &str, error: SolveError) -> Self {
+        let trial = trial.to_owned();
+        match error {
+            SolveError::Interrupted => Self::Interrupted,
+            SolveError::Parameter(error) => Self::Parameter(error),
+            SolveError::Profile(error) => Self::Profile { trial, error },
+            SolveError::Step(error) => Self::Step { trial, error },
+        }
+    }
 }

@@ -16,7 +16,7 @@ pub use batch::{Batch, Job, ModelRun};
 pub use error::ModelError;
 pub use motion::Motion;
 pub use phases::{PhaseMeans, note_on_phases};
-pub use trial::{Course, Watch, write_log};
+pub use trial::{Course, write_log};
 
 use crate::plan::Plan;
 use biflag_log::{Method, ModelMeta};
@@ -50,25 +50,17 @@ impl Model {
     /// [`crate::plan::PlanError`], and [`crate::plan::board::BoardSettingsError`].
     pub fn of_plan(plan: &Plan, closure: Closure, options: Options) -> miette::Result<Self> {
         let robot = plan.robot.parse()?;
-        let model = Self::new(robot, plan.board.apply(Settings::DEFAULT)?, closure, options);
-        Ok(model.by(plan.method))
+        Ok(Self::new(robot, plan.board.apply(Settings::DEFAULT)?, closure, plan.method, options))
     }
 
-    /// Creates the model of a checked robot, which computes whole trials. Its board has these settings, except for the sensor's axes and bias.
-    pub fn new(robot: Robot, board: Settings, closure: Closure, options: Options) -> Self {
+    /// Creates the model of a checked robot. Its board has these settings, except for the sensor's axes and bias.
+    pub fn new(robot: Robot, board: Settings, closure: Closure, method: Method, options: Options) -> Self {
         // Numbers, flags, names and short lists all have a form in TOML.
         let parameters = toml::to_string(&robot).unwrap_or_default();
         let ideal = AxisMap::IDENTITY;
         let settings = Settings { gyro_axes: ideal, accel_axes: ideal, gyro_bias: [0.0; 3], ..board };
-        let meta =
-            ModelMeta { closure, method: Method::Trial, rate_hz: options.rate_hz, shapes: options.shapes, parameters };
+        let meta = ModelMeta { closure, method, rate_hz: options.rate_hz, shapes: options.shapes, parameters };
         Self { robot, closure, options, settings, meta }
-    }
-
-    /// Returns the model that computes trials by this method.
-    pub fn by(mut self, method: Method) -> Self {
-        self.meta.method = method;
-        self
     }
 
     /// Returns the model's metadata record.

@@ -1,10 +1,10 @@
 //! The motion that a modelled trial records: the trial from its start, or with [`Method::Steady`] the last period or window
 //! of the motion that it ends in.
 
-use super::{Model, Watch};
+use super::Model;
 use biflag_log::{Method, SteadyMeta};
 use sim::contact::history::BundlingChange;
-use sim::periodic::{self, Periodic, Problem, SolveError};
+use sim::periodic::{self, Periodic, Problem, SolveError, Watch};
 use sim::profile::SpeedProfile;
 use sim::sample::Sample;
 use sim::step::StepError;

@@ -10,15 +10,12 @@ use nalgebra::Vector3;
 use protocol::units::CentiRpm;
 use protocol::{Calibration, State, TICK_HZ};
 use sim::contact::history::{BundlingChange, BundlingHistory};
-use sim::periodic::SolveError;
+use sim::periodic::{SolveError, Watch};
 use sim::profile::{self, SpeedProfile};
 use sim::sample::Sample;
 use sim::step::StepError;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
-
-/// Called with the trial's time as it progresses; returning `false` stops the trial.
-pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
 
 /// The course of a modelled trial: its schedule, and the speeds of its motors.
 #[derive(Clone, Debug)]
@@ -42,7 +39,7 @@ impl Course {
         let reverse = trial.reverse.map(|r| profile::Reverse { motor: usize::from(r.motor) - 1, after: r.after_s });
         let phases = profile::Phases { calibrate, preroll, run, decay, reverse, ..profile::Phases::default() };
         let profile = SpeedProfile::phases(&phases, trial.speeds.map(CentiRpm::rpm))
-            .map_err(|error| ModelError::Profile { trial: trial.name.clone(), error })?
+            .map_err(|error| ModelError::of(&trial.name, error.into()))?
             .from_angles(trial.phase_deg.unwrap_or_default().map(f64::to_radians));
         Ok(Self { schedule: Schedule::planned(trial), profile, replay: None })
     }
@@ -59,17 +56,14 @@ pub(super) fn run(
     watch: Watch,
 ) -> Result<SteadyMeta, ModelError> {
     let (speeds, start) = (trial.speeds.map(CentiRpm::rpm), trial.phase_deg.unwrap_or_default().map(f64::to_radians));
-    let failed = |error| ModelError::Step { trial: trial.name.clone(), error };
-    let motion = Motion::new(model, &course.profile, speeds, start, watch);
-    let mut motion = match motion {
+    let replay = course.replay.as_ref();
+    let mut motion = match Motion::new(model, &course.profile, speeds, start, watch) {
         Ok(motion) => motion,
-        Err(SolveError::Interrupted) => return Err(ModelError::Interrupted),
-        Err(SolveError::Parameter(error)) => return Err(error.into()),
-        Err(SolveError::Profile(error)) => return Err(ModelError::Profile { trial: trial.name.clone(), error }),
-        Err(SolveError::Step(error)) => {
-            let replay = course.replay.as_ref();
-            Recorder::start(model, plan, trial, (&course.schedule, replay), (attempt, path))?.fail(&error)?;
-            return Err(failed(error));
+        Err(error) => {
+            if let SolveError::Step(error) = &error {
+                Recorder::start(model, plan, trial, (&course.schedule, replay), (attempt, path))?.fail(error)?;
+            }
+            return Err(ModelError::of(&trial.name, error));
         }
     };
     let recorded = motion.duration_s().map(|run_s| {
@@ -78,15 +72,13 @@ pub(super) fn run(
         (Schedule::planned(&trial), trial)
     });
     let (schedule, trial) = recorded.as_ref().map_or((&course.schedule, trial), |(schedule, trial)| (schedule, trial));
-    let mut recorder = Recorder::start(model, plan, trial, (schedule, course.replay.as_ref()), (attempt, path))?;
+    let mut recorder = Recorder::start(model, plan, trial, (schedule, replay), (attempt, path))?;
     let simulated_s = motion.simulated_s();
-    match recorder.record(&mut motion, &|time_s| watch(simulated_s.max(time_s)))? {
-        Flow::Interrupted => return Err(ModelError::Interrupted),
-        Flow::Failed(error) => {
-            recorder.fail(&error)?;
-            return Err(failed(error));
+    if let Err(error) = recorder.record(&mut motion, &|time_s| watch(simulated_s.max(time_s))) {
+        if let ModelError::Step { error, .. } = &error {
+            recorder.fail(error)?;
         }
-        Flow::Done => {}
+        return Err(error);
     }
     let steady = motion.steady(std::mem::take(&mut recorder.bundling.changes));
     recorder.complete(&steady)?;
@@ -112,15 +104,10 @@ pub fn write_log(
     Ok(())
 }
 
-/// How the recording ended.
-enum Flow {
-    Done,
-    Interrupted,
-    Failed(StepError),
-}
-
 struct Recorder<'a> {
     trial: run::Recorder,
+    /// The name of the trial.
+    name: &'a str,
     board: IdealBoard,
     schedule: &'a Schedule,
     /// Number of events that have passed.
@@ -134,7 +121,7 @@ impl<'a> Recorder<'a> {
     fn start(
         model: &Model,
         plan: &Plan,
-        trial: &Trial,
+        trial: &'a Trial,
         (schedule, replay): (&'a Schedule, Option<&ReplayMeta>),
         (attempt, path): (u32, &Path),
     ) -> Result<Self, LogError> {
@@ -147,7 +134,8 @@ impl<'a> Recorder<'a> {
         if let Some(replay) = replay {
             kept.log.meta(replay)?;
         }
-        Ok(Self { trial: kept, board, schedule, taken: 0, bundling: BundlingHistory::default(), index: 0 })
+        let (name, bundling) = (&trial.name, BundlingHistory::default());
+        Ok(Self { trial: kept, name, board, schedule, taken: 0, bundling, index: 0 })
     }
 
     /// Ends the log with the steady state.
@@ -178,16 +166,13 @@ impl<'a> Recorder<'a> {
         &mut self,
         samples: impl Iterator<Item = Result<Sample, StepError>>,
         watch: Watch,
-    ) -> Result<Flow, LogError> {
+    ) -> Result<(), ModelError> {
         let mut samples = samples.peekable();
         let mut before: Option<(f64, Vector3<f64>)> = None;
         while let Some(sample) = samples.next() {
-            let sample = match sample {
-                Ok(sample) => sample,
-                Err(error) => return Ok(Flow::Failed(error)),
-            };
+            let sample = sample.map_err(|error| ModelError::of(self.name, error.into()))?;
             if !watch(sample.time_s.max(0.0)) {
-                return Ok(Flow::Interrupted);
+                return Err(ModelError::Interrupted);
             }
             // The sum of steps reaches zero only within rounding errors.
             if sample.time_s < -1e-6 {
@@ -200,8 +185,7 @@ impl<'a> Recorder<'a> {
             self.keep(&sample, change(before.unwrap_or(now), after.unwrap_or(now)))?;
             before = Some(now);
         }
-        self.event(self.schedule.end_s(), EventKind::Phase, Phase::End.name())?;
-        Ok(Flow::Done)
+        Ok(self.event(self.schedule.end_s(), EventKind::Phase, Phase::End.name())?)
     }
 
     fn keep(&mut self, sample: &Sample, angular_acceleration: Vector3<f64>) -> Result<(), LogError> {

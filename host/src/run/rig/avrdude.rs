@@ -1,13 +1,13 @@
 //! Writes a firmware image with avrdude through the bootloader.
 
 use miette::Diagnostic;
-use std::io::{self, Read};
+use std::io;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 use thiserror::Error;
 
 /// Speeds of the Nano's bootloaders, bit/s: optiboot, and the old one that is still common on clones.
-pub const BOOTLOADER_BAUDS: [u32; 2] = [115_200, 57_600];
+const BOOTLOADER_BAUDS: [u32; 2] = [115_200, 57_600];
 
 /// Limits the wait at a wrong speed to 15 s instead of 60 s; avrdude before 7.0 does not support it.
 const FEW_ATTEMPTS: [&str; 2] = ["-x", "attempts=3"];
@@ -33,23 +33,22 @@ pub enum FlashError {
     },
 }
 
-/// Writes the image, trying the speed of each bootloader; `progress` is called with the speed and each piece of
-/// avrdude's output. Returns the speed that worked.
+/// Writes the image, trying the speed of each bootloader; `progress` is called with the speed of each attempt. Returns
+/// the speed that worked.
 ///
 /// # Errors
 /// [`FlashError`].
-pub fn flash(port: &str, elf: &Path, mut progress: impl FnMut(u32, &str)) -> Result<u32, FlashError> {
+pub fn flash(port: &str, elf: &Path, mut progress: impl FnMut(u32)) -> Result<u32, FlashError> {
     let mut said = String::new();
     let mut options: &[&str] = &FEW_ATTEMPTS;
     let mut bauds = BOOTLOADER_BAUDS.into_iter().peekable();
     while let Some(baud) = bauds.peek().copied() {
-        said.clear();
-        if run(port, elf, baud, options, |text| {
-            said.push_str(text);
-            progress(baud, text);
-        })? {
+        progress(baud);
+        let output = run(port, elf, baud, options)?;
+        if output.status.success() {
             return Ok(baud);
         }
+        said = String::from_utf8_lossy(&output.stderr).into_owned();
         if !options.is_empty() && said.contains("extended parameter") {
             options = &[];
         } else {
@@ -59,25 +58,16 @@ pub fn flash(port: &str, elf: &Path, mut progress: impl FnMut(u32, &str)) -> Res
     Err(FlashError::NoBootloader { port: port.to_owned(), said: said.trim().to_owned() })
 }
 
-fn run(port: &str, elf: &Path, baud: u32, options: &[&str], mut hear: impl FnMut(&str)) -> Result<bool, FlashError> {
-    let mut child = Command::new("avrdude")
+fn run(port: &str, elf: &Path, baud: u32, options: &[&str]) -> Result<Output, FlashError> {
+    let avrdude = Command::new("avrdude")
         .args(["-c", "arduino", "-p", "m328p", "-D", "-P", port, "-b", &baud.to_string()])
         .args(options)
         .arg("-U")
         .arg(format!("flash:w:{}:e", elf.display()))
         .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .map_err(|error| match error.kind() {
-            io::ErrorKind::NotFound => FlashError::NotInstalled,
-            _ => FlashError::NotRun(error),
-        })?;
-    if let Some(mut stderr) = child.stderr.take() {
-        let mut buffer = [0; 256];
-        while let Ok(read @ 1..) = stderr.read(&mut buffer) {
-            hear(&String::from_utf8_lossy(&buffer[..read]));
-        }
-    }
-    Ok(child.wait().map_err(FlashError::NotRun)?.success())
+        .output();
+    avrdude.map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => FlashError::NotInstalled,
+        _ => FlashError::NotRun(error),
+    })
 }

@@ -1,7 +1,6 @@
 //! Firmware images: where they come from, and the commit that they were built from.
 
 use miette::Diagnostic;
-use std::fmt;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -20,10 +19,8 @@ const EMBEDDED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/firmware.elf")
 pub struct Image {
     /// The ELF file.
     pub elf: PathBuf,
-    /// First four bytes of the commit; zero if it is unknown.
-    pub git_hash: [u8; 4],
-    /// Whether the working tree had changes.
-    pub git_dirty: bool,
+    /// The commit that it was built from, as [`commit_text`] says it.
+    pub commit: String,
     /// Removes the file of the image inside the program when it is no longer used.
     _temporary: Option<TempPath>,
 }
@@ -65,8 +62,8 @@ impl Image {
     /// [`ImageError::Unreadable`] or [`ImageError::NotOurs`].
     pub fn read(elf: &Path) -> Result<Self, ImageError> {
         let bytes = std::fs::read(elf).map_err(|source| ImageError::Unreadable { path: elf.to_owned(), source })?;
-        let (git_hash, git_dirty) = marked_commit(&bytes).ok_or_else(|| ImageError::NotOurs(elf.to_owned()))?;
-        Ok(Self { elf: elf.to_owned(), git_hash, git_dirty, _temporary: None })
+        let commit = marked_commit(&bytes).ok_or_else(|| ImageError::NotOurs(elf.to_owned()))?;
+        Ok(Self { elf: elf.to_owned(), commit, _temporary: None })
     }
 
     /// Returns the image that belongs to this program: built from source if the program is in its repository, otherwise the
@@ -82,16 +79,16 @@ impl Image {
     }
 
     /// Returns the commit of the image inside the program.
-    pub fn embedded_commit() -> Option<([u8; 4], bool)> {
+    pub fn embedded_commit() -> Option<String> {
         marked_commit(EMBEDDED)
     }
 
     /// Writes the image inside the program to a temporary file.
-    fn extract((git_hash, git_dirty): ([u8; 4], bool)) -> io::Result<Self> {
+    fn extract(commit: String) -> io::Result<Self> {
         let mut file = tempfile::Builder::new().prefix("biflag-firmware-").suffix(".elf").tempfile()?;
         file.write_all(EMBEDDED)?;
         let path = file.into_temp_path();
-        Ok(Self { elf: path.to_path_buf(), git_hash, git_dirty, _temporary: Some(path) })
+        Ok(Self { elf: path.to_path_buf(), commit, _temporary: Some(path) })
     }
 
     /// Builds the image from source. This is quick if nothing changed.
@@ -115,20 +112,9 @@ impl Image {
         let stdout = String::from_utf8_lossy(&output.stdout);
         Self::read(Path::new(stdout.lines().last().unwrap_or_default().trim()))
     }
-
-    /// Returns the commit as text: `c0ffee12`, or `c0ffee12+` with changes.
-    pub fn commit(&self) -> String {
-        commit_text(self.git_hash, self.git_dirty)
-    }
 }
 
-impl fmt::Display for Image {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} ({})", self.elf.display(), self.commit())
-    }
-}
-
-/// Formats a commit: eight digits, and a `+` if the working tree had changes.
+/// Formats a commit: `c0ffee12`, or `c0ffee12+` if the working tree had changes. Zeros are an unknown commit.
 pub fn commit_text(git_hash: [u8; 4], git_dirty: bool) -> String {
     let digits: String = git_hash.iter().map(|byte| format!("{byte:02x}")).collect();
     digits + if git_dirty { "+" } else { "" }
@@ -148,11 +134,11 @@ pub fn source_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("firmware")
 }
 
-fn marked_commit(bytes: &[u8]) -> Option<([u8; 4], bool)> {
+fn marked_commit(bytes: &[u8]) -> Option<String> {
     let start = bytes.windows(MARKER.len()).position(|window| window == MARKER)? + MARKER.len();
     let digits = std::str::from_utf8(bytes.get(start..start + 8)?).ok()?;
     let hash = u32::from_str_radix(digits, 16).ok()?;
-    Some((hash.to_be_bytes(), bytes.get(start + 8) == Some(&b'+')))
+    Some(commit_text(hash.to_be_bytes(), bytes.get(start + 8) == Some(&b'+')))
 }
 
 #[cfg(test)]
@@ -161,8 +147,8 @@ mod tests {
 
     #[test]
     fn the_commit_is_read_from_the_marker() {
-        assert_eq!(marked_commit(b"..biflag-firmware:c0ffee12+1..").unwrap(), ([0xc0, 0xff, 0xee, 0x12], true));
-        assert_eq!(marked_commit(b"biflag-firmware:00000000 1").unwrap(), ([0; 4], false));
+        assert_eq!(marked_commit(b"..biflag-firmware:c0ffee12+1..").unwrap(), "c0ffee12+");
+        assert_eq!(marked_commit(b"biflag-firmware:00000000 1").unwrap(), "00000000");
         assert_eq!(marked_commit(b"biflag-firmware:c0ffee"), None);
         assert_eq!(marked_commit(b"another program"), None);
     }
@@ -172,7 +158,7 @@ mod tests {
         let commit = Image::embedded_commit().expect("an image, which `make build` puts into the program");
         let image = Image::extract(commit).unwrap();
         let elf = image.elf.clone();
-        assert_eq!(Image::read(&elf).unwrap().commit(), image.commit());
+        assert_eq!(Image::read(&elf).unwrap().commit, image.commit);
         drop(image);
         assert!(!elf.exists());
     }

@@ -12,10 +12,11 @@ mod recorder;
 mod schedule;
 pub mod self_test;
 mod simulated;
+mod stream;
 mod trial;
 mod virtual_nano;
 
-pub use avrdude::{BOOTLOADER_BAUDS, FlashError, flash};
+pub use avrdude::{FlashError, flash};
 pub use error::{RecordError, fault_cure, fault_text};
 pub use health::GLITCHES_ALLOWED;
 pub use image::{Image, ImageError, commit_text, in_repository, source_folder};

@@ -7,15 +7,15 @@
 //! | before each trial | room on the disk for the rest of the plan ([`room`]), the board's supply ([`supply`]) |
 //! | at the end of each calibration | gyroscope still, 1 g, no clipping, the board's clock ([`at_rest`]) |
 
-use super::RecordError;
 use super::board_copy::BoardCopies;
-use crate::link::{Event, Link, LinkError};
+use super::{RecordError, stream};
+use crate::link::Link;
 use biflag_log::ClockMeta;
 use miette::Diagnostic;
-use protocol::units::{Micros, Millivolts};
+use protocol::units::Millivolts;
 use protocol::{Calibration, Command, TICK_HZ};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use thiserror::Error;
 
@@ -159,35 +159,18 @@ pub fn room(folder: &Path, seconds: f64, is_simulated: bool) -> Result<(), Prefl
 pub fn supply(link: &Link, interrupted: &AtomicBool) -> Result<(), RecordError> {
     link.command(Command::Stream { rate_hz: TICK_HZ })?;
     let supply = first_supply(link, interrupted);
-    link.command(Command::Stream { rate_hz: 0 })?;
-    // What has come so far is not of the next trial.
-    while let Some(received) = link.next(Duration::ZERO) {
-        if matches!(received.event, Event::Closed) {
-            break;
-        }
-    }
+    stream::end(link)?;
     let supply = supply?;
     if supply < LEAST_SUPPLY { Err(PreflightError::SupplyLow(supply).into()) } else { Ok(()) }
 }
 
 fn first_supply(link: &Link, interrupted: &AtomicBool) -> Result<Millivolts, RecordError> {
-    let mut first: Option<Micros> = None;
-    loop {
-        if interrupted.load(Ordering::Relaxed) {
-            return Err(RecordError::Interrupted);
-        }
-        match link.next(Duration::from_millis(20)).map(|received| received.event) {
-            Some(Event::Closed) => return Err(LinkError::Closed { path: link.path().to_owned() }.into()),
-            Some(Event::Telemetry(frame)) => {
-                let waited_us = u128::from(frame.time.since(*first.get_or_insert(frame.time)));
-                if frame.supply.0 != 0 || waited_us > SUPPLY_TIMEOUT.as_micros() {
-                    return Ok(frame.supply);
-                }
-            }
-            Some(Event::Silent { bytes }) => return Err(RecordError::Silent { cause: None, bytes }),
-            _ => {}
-        }
+    let mut frame = stream::next_frame(link, interrupted)?;
+    let first = frame.time;
+    while frame.supply.0 == 0 && u128::from(frame.time.since(first)) <= SUPPLY_TIMEOUT.as_micros() {
+        frame = stream::next_frame(link, interrupted)?;
     }
+    Ok(frame.supply)
 }
 
 /// What was recorded while the robot was at rest.
@@ -220,12 +203,9 @@ pub fn at_rest(
     if let Some(force_g) = rest.force_g.filter(|force_g| (force_g - 1.0).abs() > FORCE_TOLERANCE_G) {
         return Err(PreflightError::NotGravity { force_g });
     }
-    match clock {
-        Some(ClockMeta { pings, drift_ppm, .. })
-            if *pings >= LEAST_PINGS && drift_ppm.abs() > DRIFT_LIMIT_PPM && !port.starts_with("/dev/pts/") =>
-        {
-            Err(PreflightError::ClockDrift { drift_ppm: *drift_ppm })
-        }
+    let is_known = |clock: &&ClockMeta| clock.pings >= LEAST_PINGS && !port.starts_with("/dev/pts/");
+    match clock.filter(is_known).map(|clock| clock.drift_ppm) {
+        Some(drift_ppm) if drift_ppm.abs() > DRIFT_LIMIT_PPM => Err(PreflightError::ClockDrift { drift_ppm }),
         _ => Ok(()),
     }
 }

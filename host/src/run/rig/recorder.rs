@@ -256,8 +256,8 @@ impl<'a> Recorder<'a> {
     /// Records an event; a telemetry frame waits.
     fn take_frame(&mut self, received: Received) -> Result<(), RecordError> {
         if let Some((telemetry, host)) = self.take(received)? {
-            let frame = self.frame(telemetry, host).ok_or(RecordError::ClockJumped(None))?;
-            self.waiting.push_back(frame);
+            let board_us = self.clock.unwrap(telemetry.time).ok_or(RecordError::ClockJumped(None))?;
+            self.waiting.push_back(Frame { board_us, host, telemetry });
         }
         Ok(())
     }
@@ -378,11 +378,6 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Adds the time to a frame; returns `None` if the board's clock jumped.
-    fn frame(&mut self, telemetry: Telemetry, host: SystemTime) -> Option<Frame> {
-        Some(Frame { board_us: self.clock.unwrap(telemetry.time)?, host, telemetry })
-    }
-
     /// Records a frame of the trial.
     fn keep(&mut self, frame: Frame) -> Result<(), RecordError> {
         match self.monitor.frame(&frame.telemetry) {
@@ -435,20 +430,13 @@ impl<'a> Recorder<'a> {
                 }
             }
             Event::Silent { bytes } => return Err(RecordError::Silent { cause: None, bytes }),
-            Event::Closed => return Err(LinkError::Closed { path: self.link.path().to_owned() }.into()),
+            Event::Closed => return Err(self.link.closed().into()),
         }
         Ok(None)
     }
 
     /// Returns the board's clock relative to the host's, if there were enough pings.
     pub(super) fn clock(&self) -> Option<ClockMeta> {
-        let fit = self.pings.fit()?;
-        let opened = self.link.opened().duration_since(SystemTime::UNIX_EPOCH).ok()?;
-        Some(ClockMeta {
-            pings: u32::try_from(fit.pings).unwrap_or(u32::MAX),
-            offset_ns: i64::try_from(opened.as_nanos()).ok()?.saturating_add((fit.offset_s * 1e9) as i64),
-            drift_ppm: (1.0 / fit.rate - 1.0) * 1e6,
-            residual_us: fit.residual_s * 1e6,
-        })
+        self.pings.fit(self.link.opened())
     }
 }

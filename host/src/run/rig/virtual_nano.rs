@@ -6,6 +6,7 @@ use miette::Diagnostic;
 use serde::Deserialize;
 use serde_json::Value;
 use sim::sample::Sample;
+use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -76,12 +77,7 @@ impl VirtualNano {
     ///
     /// # Errors
     /// [`VirtualError::NotStarted`] with the output of the program.
-    pub fn start<I, S>(program: &Path, arguments: I) -> Result<Self, VirtualError>
-    where
-        I: IntoIterator<Item = S>,
-        S: AsRef<std::ffi::OsStr>,
-    {
-        let not_started = |reason: String| VirtualError::NotStarted(reason);
+    pub fn start(program: &Path, arguments: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Result<Self, VirtualError> {
         let mut child = Command::new(program)
             .args(arguments)
             .stdin(Stdio::piped())
@@ -90,26 +86,20 @@ impl VirtualNano {
             // Ctrl-C on the terminal is for this program, which still needs the board to end the trial.
             .process_group(0)
             .spawn()
-            .map_err(|error| not_started(format!("{}: {error}", program.display())))?;
+            .map_err(|error| VirtualError::NotStarted(format!("{}: {error}", program.display())))?;
         let control = child.stdin.take();
-        let stdout = child.stdout.take().ok_or_else(|| not_started("it has no output".into()))?;
+        let stdout = child.stdout.take().ok_or_else(|| VirtualError::NotStarted("it has no output".into()))?;
         let mut nano =
             Self { child, control, answers: lines(stdout), port: String::new(), sensor: SensorMeta::default() };
         let ready = nano.hear(START_TIMEOUT).unwrap_or_default();
-        match ready["port"].as_str() {
-            Some(port) => {
-                nano.port = port.to_owned();
-                nano.sensor = serde_json::from_value(ready["sensor"].clone()).unwrap_or_default();
-            }
-            None => {
-                let _ = nano.child.kill();
-                let mut said = String::new();
-                if let Some(mut stderr) = nano.child.stderr.take() {
-                    let _ = std::io::Read::read_to_string(&mut stderr, &mut said);
-                }
-                return Err(not_started(said.trim().to_owned()));
-            }
-        }
+        let Some(port) = ready["port"].as_str() else {
+            let _ = nano.child.kill();
+            let said = nano.child.stderr.take().map(std::io::read_to_string);
+            let said = said.and_then(Result::ok).unwrap_or_default();
+            return Err(VirtualError::NotStarted(said.trim().to_owned()));
+        };
+        nano.port = port.to_owned();
+        nano.sensor = serde_json::from_value(ready["sensor"].clone()).unwrap_or_default();
         // Later warnings of the program go to this program's standard error, so that the pipe does not fill up.
         if let Some(stderr) = nano.child.stderr.take() {
             std::thread::spawn(move || {
@@ -170,12 +160,9 @@ impl VirtualNano {
     pub fn program() -> Result<PathBuf, VirtualError> {
         let beside = std::env::current_exe().unwrap_or_default().with_file_name(PROGRAM);
         let search = std::env::var_os("PATH").unwrap_or_default();
-        let mut others = std::env::split_paths(&search).map(|folder| folder.join(PROGRAM));
-        match others.find(|path| path.is_file()) {
-            _ if beside.is_file() => Ok(beside),
-            Some(path) => Ok(path),
-            None => Err(VirtualError::NotBuilt(beside)),
-        }
+        let others = std::env::split_paths(&search).map(|folder| folder.join(PROGRAM));
+        let found = std::iter::once(beside.clone()).chain(others).find(|path| path.is_file());
+        found.ok_or(VirtualError::NotBuilt(beside))
     }
 
     /// Waits for a response; `None` if none comes in time or the program has ended.
@@ -188,11 +175,7 @@ impl VirtualNano {
 fn lines(output: ChildStdout) -> Receiver<String> {
     let (sender, lines) = channel();
     std::thread::spawn(move || {
-        for line in BufReader::new(output).lines().map_while(Result::ok) {
-            if sender.send(line).is_err() {
-                return;
-            }
-        }
+        BufReader::new(output).lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
     });
     lines
 }

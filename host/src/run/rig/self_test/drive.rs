@@ -1,11 +1,10 @@
 //! Drives a motor open-loop and measures the response of both encoders and the gyroscope.
 
-use crate::link::{Event, Link, LinkError};
-use crate::run::rig::RecordError;
+use crate::link::{Link, LinkError};
+use crate::run::rig::{RecordError, stream};
 use protocol::units::Duty;
 use protocol::{Command, Fault, MAX_DRIVE_MS, State, TICK_HZ, Telemetry};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::sync::atomic::AtomicBool;
 
 /// Time before a drive whose readings are compared with those of the drive, s.
 const BEFORE_S: f64 = 0.1;
@@ -60,12 +59,7 @@ impl Drive for Board<'_> {
         let driven = self.frames_of(motor, duty, duration_ms.min(MAX_DRIVE_MS));
         // Whatever failed, the motors are off and the stream does not fill the memory while the user reads.
         self.link.command(Command::Stop)?;
-        self.link.command(Command::Stream { rate_hz: 0 })?;
-        while let Some(received) = self.link.next(Duration::ZERO) {
-            if matches!(received.event, Event::Closed) {
-                break;
-            }
-        }
+        stream::end(self.link)?;
         driven
     }
 }
@@ -98,20 +92,8 @@ impl Board<'_> {
     }
 
     fn frame(&self) -> Result<Telemetry, RecordError> {
-        loop {
-            if self.interrupted.load(Ordering::Relaxed) {
-                return Err(RecordError::Interrupted);
-            }
-            match self.link.next(Duration::from_millis(20)).map(|received| received.event) {
-                Some(Event::Telemetry(frame)) if frame.fault == Fault::None => return Ok(frame),
-                Some(Event::Telemetry(frame)) => return Err(RecordError::Faulted(frame.fault)),
-                Some(Event::Closed) => {
-                    return Err(LinkError::Closed { path: self.link.path().to_owned() }.into());
-                }
-                Some(Event::Silent { bytes }) => return Err(RecordError::Silent { cause: None, bytes }),
-                _ => {}
-            }
-        }
+        let frame = stream::next_frame(self.link, self.interrupted)?;
+        if frame.fault == Fault::None { Ok(frame) } else { Err(RecordError::Faulted(frame.fault)) }
     }
 }
 
