@@ -3,12 +3,10 @@
 use crate::colour;
 use crate::text::{line, printable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::cell::Cell;
 use std::io::{IsTerminal, Write};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Progress in seconds of all trials.
+/// Progress in seconds of all trials. Threads may share it.
 #[derive(Debug)]
 pub struct Progress {
     bar: ProgressBar,
@@ -16,7 +14,6 @@ pub struct Progress {
     quiet: bool,
     total_s: f64,
     done_s: f64,
-    within_s: Cell<f64>,
 }
 
 impl Progress {
@@ -31,26 +28,19 @@ impl Progress {
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.enable_steady_tick(Duration::from_millis(250));
         }
-        Self { bar, plain, quiet: false, total_s, done_s: 0.0, within_s: Cell::new(0.0) }
+        Self { bar, plain, quiet: false, total_s, done_s: 0.0 }
     }
 
     /// Returns a progress that nobody sees.
     pub fn quiet() -> Self {
-        Self {
-            bar: ProgressBar::hidden(),
-            plain: false,
-            quiet: true,
-            total_s: 0.0,
-            done_s: 0.0,
-            within_s: Cell::new(0.0),
-        }
+        Self { bar: ProgressBar::hidden(), plain: false, quiet: true, total_s: 0.0, done_s: 0.0 }
     }
 
     /// Shows the phase of a trial.
     pub fn phase(&self, trial: &str, phase: &str) {
         let message = line(&format!("{trial}: {phase}"));
         if self.plain {
-            let percent = 100.0 * (self.done_s + self.within_s.get()) / self.total_s.max(f64::MIN_POSITIVE);
+            let percent = 0.1 * self.bar.position() as f64 / self.total_s.max(f64::MIN_POSITIVE);
             // A closed standard error must not end a trial.
             let _ = writeln!(std::io::stderr(), "{percent:3.0} % {message}");
         }
@@ -65,7 +55,6 @@ impl Progress {
 
     /// Shows the progress in the current trial.
     pub fn within(&self, trial_s: f64) {
-        self.within_s.set(trial_s);
         self.bar.set_position(milliseconds(self.done_s + trial_s));
     }
 
@@ -79,13 +68,7 @@ impl Progress {
     /// Prints a line above the bar.
     pub fn line(&self, text: &str) {
         if !self.quiet {
-            self.bar.suspend(|| {
-                colour::eprint(&format!(
-                    "{}
-",
-                    printable(text)
-                ))
-            });
+            self.bar.suspend(|| colour::eprint(&format!("{}\n", printable(text))));
         }
     }
 
@@ -93,11 +76,6 @@ impl Progress {
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }
-}
-
-/// Locks what several threads share, even if one of them panicked.
-pub fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn milliseconds(seconds: f64) -> u64 {

@@ -1,6 +1,6 @@
 //! Formats words, numbers, paths and foreign text for messages and pages.
 
-use biflag_log::ClockMeta;
+use biflag_log::{ClockMeta, Origin};
 use serde::Serializer;
 use std::path::Path;
 
@@ -44,6 +44,15 @@ pub fn path<S: Serializer>(path: impl AsRef<Path>, serializer: S) -> Result<S::O
     serializer.serialize_str(&path.as_ref().to_string_lossy())
 }
 
+/// Says where a trial ran.
+pub fn origin(origin: Origin) -> &'static str {
+    match origin {
+        Origin::Rig => "measured on the rig",
+        Origin::VirtualRig => "measured on the emulated board",
+        Origin::Model => "computed by the model",
+    }
+}
+
 /// Returns text that may be shown: names and notes of plans and logs may hold anything. Characters that move the cursor,
 /// colour the terminal or change the direction of the text are escaped. Line ends and tabs stay.
 pub fn printable(text: &str) -> String {
@@ -59,8 +68,20 @@ pub fn line(text: &str) -> String {
     printable(text).replace('\n', " ")
 }
 
+/// Formats JSON without these characters and without any that control a terminal. They are within strings, where JSON
+/// can escape them.
+pub fn json_without(value: &serde_json::Value, characters: &[char]) -> String {
+    let mut text = String::new();
+    for c in value.to_string().chars() {
+        // All of them have four hexadecimal digits.
+        let is_unwanted = is_unprintable(c) || characters.contains(&c);
+        if is_unwanted { text += &format!("\\u{:04x}", u32::from(c)) } else { text.push(c) }
+    }
+    text
+}
+
 /// Returns whether a character controls a terminal or the direction of text.
-pub fn is_unprintable(c: char) -> bool {
+fn is_unprintable(c: char) -> bool {
     let is_direction =
         matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     is_direction || c.is_control() && c != '\n' && c != '\t'

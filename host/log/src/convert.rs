@@ -1,5 +1,6 @@
 //! Converts the board's messages to those of the log.
 
+use super::schema::biflag::event::Kind;
 use super::schema::biflag::{self, Counts, Motor, QuaternionQ15, Vector};
 use nalgebra::{Quaternion, UnitQuaternion};
 use protocol::frame::{MAX_FRAME, encode};
@@ -22,27 +23,6 @@ pub struct CommandRecord {
     pub sent: SystemTime,
     /// Time of the reply, or of giving up.
     pub ended: SystemTime,
-}
-
-/// The kind of an event.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum EventKind {
-    /// A phase begins; the text is its name: `calibrate`, `preroll`, `run`, `decay`, `end`.
-    Phase,
-    /// The board's state changed.
-    State,
-    /// A fault was latched or cleared.
-    Fault,
-    /// A request was sent again.
-    Retry,
-    /// The gyroscope was calibrated.
-    Calibration,
-    /// The clocks were compared.
-    Clock,
-    /// A warning for the user.
-    Warning,
-    /// Anything else.
-    Note,
 }
 
 /// Converts the board's telemetry from counts to physical units.
@@ -139,18 +119,7 @@ pub(super) fn command(record: &CommandRecord) -> biflag::Command {
 }
 
 /// Converts an event to the log's message.
-pub fn event(kind: EventKind, text: &str) -> biflag::Event {
-    use biflag::event::Kind;
-    let kind = match kind {
-        EventKind::Phase => Kind::Phase,
-        EventKind::State => Kind::State,
-        EventKind::Fault => Kind::Fault,
-        EventKind::Retry => Kind::Retry,
-        EventKind::Calibration => Kind::Calibration,
-        EventKind::Clock => Kind::Clock,
-        EventKind::Warning => Kind::Warning,
-        EventKind::Note => Kind::Note,
-    };
+pub fn event(kind: Kind, text: &str) -> biflag::Event {
     biflag::Event { kind: kind.into(), text: text.to_owned() }
 }
 

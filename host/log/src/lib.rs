@@ -46,7 +46,7 @@ mod tests;
 mod writer;
 
 pub use condition::{Condition, Loss};
-pub use convert::{CommandRecord, Converter, EventKind, event};
+pub use convert::{CommandRecord, Converter, event};
 pub use error::LogError;
 pub use meta::{
     BoardMeta, CalibrationMeta, ClockMeta, End, FORMAT, FaultMeta, Identity, LevelMeta, Origin, PlanMeta, RecoveryMeta,
@@ -55,6 +55,10 @@ pub use meta::{
 pub use model_meta::{Method, ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, TrialClock, check, last_meta, summary};
 pub use recover::{Recovery, recover};
+/// The kind of an event: a phase begins (the text is its name), the board's state changed, a fault was latched or
+/// cleared, a request was sent again, the gyroscope was calibrated, the clocks were compared, a warning for the user,
+/// or a note on anything else.
+pub use schema::biflag::event::Kind as EventKind;
 pub use stats::LinkStats;
 pub use table::{Meta, Table};
 pub use writer::{Start, Tap, Writer};

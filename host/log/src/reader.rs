@@ -9,7 +9,6 @@ use super::scan::{Piece, Scanner, last_table};
 use super::schema::{self, LogMessage, biflag, foxglove};
 use super::source::Source;
 use super::table::{self, Meta, Table};
-use mcap::records::MessageHeader;
 use prost::Message as _;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -238,11 +237,6 @@ impl Reader {
         self.scanner.losses()
     }
 
-    /// Returns the path of the file.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// Returns the program that wrote the file, if it was not biflag.
     pub fn rewritten_by(&self) -> Option<&str> {
         let header = self.scanner.header().filter(|_| !self.scanner.is_original())?;
@@ -283,7 +277,13 @@ impl Reader {
                 let wanted = self.only.as_ref().is_none_or(|only| only.contains(&topic.as_str()));
                 let body = wanted.then(|| Body::decode(&topic, schema, data));
                 *self.counts.entry(topic.clone()).or_default() += 1;
-                return body.map(|body| message(topic, &header, body));
+                return body.map(|body| Message {
+                    topic,
+                    sequence: header.sequence,
+                    log_time_ns: header.log_time,
+                    publish_time_ns: header.publish_time,
+                    body,
+                });
             }
         }
         None
@@ -296,16 +296,6 @@ enum Step {
     Message(Message),
     Other,
     End,
-}
-
-fn message(topic: String, header: &MessageHeader, body: Body) -> Message {
-    Message {
-        topic,
-        sequence: header.sequence,
-        log_time_ns: header.log_time,
-        publish_time_ns: header.publish_time,
-        body,
-    }
 }
 
 impl Iterator for Reader {

@@ -2,7 +2,7 @@
 
 use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Result, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Result, Seek, SeekFrom};
 
 /// A file that is read mostly from its beginning to its end.
 #[derive(Debug)]
@@ -32,20 +32,14 @@ impl Source {
 
     /// Returns the SHA-256 of the complete file in hexadecimal.
     pub fn sha256(&mut self) -> Result<String> {
-        let Digested { mut hasher, end } = self.digest.take().unwrap_or_default();
-        self.file.seek(SeekFrom::Start(end))?;
-        let mut rest = BufReader::with_capacity(1 << 16, &self.file);
-        loop {
-            let bytes = rest.fill_buf()?;
-            if bytes.is_empty() {
-                break;
-            }
-            hasher.update(bytes);
-            let count = bytes.len();
-            rest.consume(count);
-        }
-        self.file.seek(SeekFrom::Start(self.at))?;
-        Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+        let at = self.at;
+        // Reading hashes the rest of the file.
+        self.at = self.digest.get_or_insert_default().end;
+        self.seek(SeekFrom::Start(self.at))?;
+        io::copy(&mut BufReader::with_capacity(1 << 16, &mut *self), &mut io::sink())?;
+        self.seek(SeekFrom::Start(at))?;
+        let digest = self.digest.take().unwrap_or_default();
+        Ok(digest.hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
     }
 }
 

@@ -1,9 +1,9 @@
 //! Writes a log while the trial runs.
 
-use super::convert::{self, CommandRecord, EventKind};
+use super::convert::{self, CommandRecord};
 use super::disk::{self, Disk, create_file};
 use super::meta::{BoardMeta, CalibrationMeta, Identity, Origin, PlanMeta, RobotMeta, Summary, TrialMeta};
-use super::schema::{self, ChannelSpec, LogMessage, biflag};
+use super::schema::{self, ChannelSpec, LogMessage, biflag, biflag::event::Kind};
 use super::table::{Meta, to_table};
 use super::{LONGEST_TRIAL_S, LogError, PROFILE};
 use protocol::Calibration;
@@ -166,7 +166,7 @@ impl Writer {
     ///
     /// # Errors
     /// [`LogError::Write`].
-    pub fn event(&mut self, kind: EventKind, text: &str, host: SystemTime) -> Result<(), LogError> {
+    pub fn event(&mut self, kind: Kind, text: &str, host: SystemTime) -> Result<(), LogError> {
         self.message(&convert::event(kind, text), host)
     }
 
@@ -179,7 +179,7 @@ impl Writer {
         let [x, y, z] = bias_counts;
         let moved = if still { "" } else { "; the sensor moved, so the previous bias is kept" };
         let text = format!("bias {x:.2} {y:.2} {z:.2} counts, noise {noise_counts}, {samples} readings{moved}");
-        self.event(EventKind::Calibration, &text, host)?;
+        self.event(Kind::Calibration, &text, host)?;
         self.meta(&CalibrationMeta { still, bias_counts, noise_counts, samples })
     }
 

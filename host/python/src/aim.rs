@@ -3,10 +3,10 @@
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
 use crate::json;
-use crate::new_file;
 use crate::robot::Robot;
 use crate::threads;
 use host::aim::{Aimed, Columns, Model, Quantity, Table, Target, load, of_columns, plan, shipped};
+use host::output;
 use host::twin::calibrate::std_errors;
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
@@ -69,7 +69,7 @@ pub fn aim(
 impl Answer {
     /// Returns the answer as a dictionary.
     fn record<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        json::object(py, &json::value(&self.aimed)?)
+        json::record(py, &self.aimed)
     }
 
     /// Returns what was asked for.
@@ -82,9 +82,9 @@ impl Answer {
         if !self.aimed.reachable {
             return Err(Failure::new("plan", format!("no speeds were found for {}", self.target)));
         }
-        new_file::check(&path)?;
+        output::check_new(&path)?;
         let robot = self.robot_file(&path)?;
-        new_file::write(&path, &plan(&path, &robot, &self.target, &self.aimed.solutions))
+        Ok(output::write_new(&path, &plan(&path, &robot, &self.target, &self.aimed.solutions))?)
     }
 }
 
@@ -99,7 +99,7 @@ impl Answer {
         }
         let stem = plan.file_stem().unwrap_or_default().to_string_lossy();
         let beside = plan.with_file_name(format!("{stem}-robot.toml"));
-        new_file::write(&beside, &file.text)?;
+        output::write_new(&beside, &file.text)?;
         Ok(beside)
     }
 }

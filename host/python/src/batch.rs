@@ -1,9 +1,8 @@
 //! Many trials side by side: their steady states as columns.
 
-use crate::closure;
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
-use crate::method;
+use crate::names;
 use crate::robot::Robot;
 use crate::simulate;
 use crate::speeds;
@@ -36,7 +35,7 @@ pub fn simulate_batch<'py>(
     phase_deg: [f64; 2],
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (closure, method) = (closure::parse(closure)?, method::parse(method)?);
+    let (closure, method) = (names::closure(closure)?, names::method(method)?);
     let pairs = speeds::pairs(speeds)?;
     let model = simulate::model(&robot.get().params, closure, method, Options { rate_hz, shapes: false });
     let angles = phase_deg.map(f64::to_radians);

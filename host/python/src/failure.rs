@@ -1,6 +1,7 @@
 //! Failures, found while the interpreter's lock is released, and the Python exceptions that they become.
 
 use host::aim::AimError;
+use host::output::OutputError;
 use host::plan::PlanError;
 use host::sweep::SweepError;
 use host::text::word;
@@ -141,6 +142,14 @@ impl From<SweepError> for Failure {
             SweepError::Table { ref path, .. } => Self::of_file(path, &error),
             SweepError::Threads(_) => Self { key: "threads".to_owned(), ..Self::of(&error) },
         }
+    }
+}
+
+impl From<OutputError> for Failure {
+    fn from(error: OutputError) -> Self {
+        let (OutputError::Exists { path } | OutputError::Folder { path, .. } | OutputError::Write { path, .. }) =
+            &error;
+        Self::of_file(path, &error)
     }
 }
 

@@ -6,6 +6,14 @@ use pyo3::types::PyDict;
 use serde::Serialize;
 use serde_json::Value;
 
+/// Returns a record as a Python object.
+///
+/// # Errors
+/// A record that JSON cannot hold, and an exception of Python.
+pub fn record<'py>(py: Python<'py>, record: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    object(py, &value(record)?)
+}
+
 /// Returns a record as JSON.
 ///
 /// # Errors

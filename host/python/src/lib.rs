@@ -5,13 +5,11 @@
 
 mod aim;
 mod batch;
-mod closure;
 mod failure;
 mod interrupt;
 mod json;
 mod log;
-mod method;
-mod new_file;
+mod names;
 mod page;
 mod robot;
 mod simulate;

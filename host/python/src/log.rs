@@ -6,7 +6,6 @@ use crate::json;
 use crate::page;
 use crate::robot::Robot;
 use crate::table::{About, about, columns};
-use biflag_log::End;
 use host::export::table::{self, Summary};
 use host::plan::RobotFile;
 use host::session::Session;
@@ -37,7 +36,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("name", trial.name)?;
     dict.set_item("speeds_rpm", (trial.w1_rpm, trial.w2_rpm))?;
-    dict.set_item("origin", json::object(py, &json::value(&data.origin())?)?)?;
+    dict.set_item("origin", json::record(py, &data.origin())?)?;
     dict.set_item("complete", data.is_complete())?;
     dict.set_item("warnings", warnings(&data, &zeroed))?;
     dict.set_item("columns", columns(py, &rows)?)?;
@@ -55,7 +54,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let kind = |event: &host::trial::Event| format!("{:?}", event.kind).to_lowercase();
     let events = data.events.iter().map(|event| (event.time_s - run_s, kind(event), event.text.clone()));
     dict.set_item("events", events.collect::<Vec<_>>())?;
-    dict.set_item("link", json::object(py, &json::value(&data.link)?)?)?;
+    dict.set_item("link", json::record(py, &data.link)?)?;
     let file = RobotFile::of_log(data.records.robot.clone());
     let robot = data.robot().ok().map(|params| match &data.records.model {
         Some(_) => Robot::of_params(params, &file.name),
@@ -111,10 +110,7 @@ pub fn read_session(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>
     dict.set_item("plan", &plan.text)?;
     let trials = PyDict::new(py);
     for state in &states {
-        let complete = |attempt: &host::session::Attempt| {
-            attempt.losses.is_empty() && attempt.summary.as_ref().is_some_and(|summary| summary.end == End::Complete)
-        };
-        let log = state.best().map(|attempt| (attempt.path.clone(), complete(attempt)));
+        let log = state.best().map(|attempt| (attempt.path.clone(), state.complete().is_some()));
         trials.set_item(&state.trial.name, log)?;
     }
     dict.set_item("trials", trials)?;

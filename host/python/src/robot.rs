@@ -94,7 +94,7 @@ impl Robot {
 
     /// Returns every parameter as a dictionary of tables.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        json::object(py, &json::value(&self.params)?)
+        json::record(py, &self.params)
     }
 
     /// Name of the built-in robot or of its file.

@@ -1,10 +1,9 @@
 //! One trial: its samples as arrays, its log and its page.
 
-use crate::closure;
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
 use crate::json;
-use crate::method;
+use crate::names;
 use crate::page;
 use crate::robot::Robot;
 use crate::speeds;
@@ -52,7 +51,7 @@ pub fn simulate(
     shapes: bool,
     phase_deg: [f64; 2],
 ) -> PyResult<Simulated> {
-    let (closure, method) = (closure::parse(closure)?, method::parse(method)?);
+    let (closure, method) = (names::closure(closure)?, names::method(method)?);
     let angles = phase_deg.map(f64::to_radians);
     let (profile, constant) = speeds::profile(speeds, duration, angles)?;
     if method == Method::Steady && constant.is_none() {
@@ -140,7 +139,7 @@ impl Simulated {
 
     /// Returns the steady state as a dictionary.
     fn steady<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        json::object(py, &json::value(&self.steady)?)
+        json::record(py, &self.steady)
     }
 
     /// Writes the log of the trial.

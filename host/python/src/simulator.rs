@@ -1,7 +1,7 @@
 //! Simulators that are stepped from outside, with speeds that are not known in advance.
 
-use crate::closure;
 use crate::failure::Failure;
+use crate::names;
 use crate::robot::Robot;
 use crate::speeds;
 use crate::threads;
@@ -102,7 +102,7 @@ impl Simulators {
     #[new]
     #[pyo3(signature = (robot, count, closure, threads))]
     fn new(robot: Py<Robot>, count: usize, closure: &str, threads: Option<usize>) -> Result<Self, Failure> {
-        let closure: Closure = closure::parse(closure)?;
+        let closure: Closure = names::closure(closure)?;
         let solver = Solver::new(&robot.get().params, closure)?;
         let simulators = (0..count).map(|_| Simulator::new(solver.clone(), [0.0; 2])).collect::<Result<_, _>>()?;
         let pool = if count > 1 && threads != Some(1) { Some(threads::pool(threads)?) } else { None };

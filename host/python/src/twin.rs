@@ -1,9 +1,9 @@
 //! Comparison of recordings with the model, and fits of its parameters.
 
-use crate::closure;
 use crate::failure::Failure;
 use crate::interrupt::interruptible;
 use crate::json;
+use crate::names;
 use crate::robot::Robot;
 use crate::threads;
 use host::plan::RobotFile;
@@ -20,9 +20,6 @@ use sim::trial::Options;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Sampling rate of replays, as `biflag compare` has it.
-const REPLAY_HZ: f64 = 20.0;
-
 /// Compares the trials of a log or session with their replays in the model, or with those of another session. Returns the
 /// comparison and, by the names of the trials, both attitudes over time.
 #[pyfunction]
@@ -36,7 +33,7 @@ pub fn compare<'py>(
     anyway: bool,
     jobs: Option<usize>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyDict>)> {
-    let closure = closure.map(closure::parse).transpose()?;
+    let closure = closure.map(names::closure).transpose()?;
     let robot = robot.map(|robot| robot.get().file.clone());
     let jobs = threads::count(jobs)?;
     let on_mismatch = match (robot.is_some() || closure.is_some(), anyway) {
@@ -52,12 +49,12 @@ pub fn compare<'py>(
         let result = match &modelled {
             Some(modelled) => sessions(&measured, modelled, on_mismatch, jobs),
             None => {
-                let options = Options { rate_hz: REPLAY_HZ, shapes: false };
+                let options = Options { rate_hz: twin::REPLAY_HZ, shapes: false };
                 let settings = twin::Settings { closure, robot, options, any_rate: true, jobs, quiet: true };
                 replays(&measured, &settings, on_mismatch, stop)
             }
         };
-        result.map_err(|error| Failure::of(error.as_ref()))
+        result.map_err(|error| Failure::of(&error))
     })?;
     let series = PyDict::new(py);
     for (trial, points) in comparison.trials.iter().zip(points) {
@@ -72,16 +69,15 @@ pub fn compare<'py>(
         columns.set_item("yaw_uncertainty", one(&|point| point.yaw_uncertainty_deg))?;
         series.set_item(&trial.name, columns)?;
     }
-    Ok((json::object(py, &json::value(&comparison)?)?, series))
+    Ok((json::record(py, &comparison)?, series))
 }
 
-type Result<T> = std::result::Result<T, Box<dyn miette::Diagnostic + Send + Sync>>;
 type Comparisons = (twin::SessionComparison, Vec<Vec<twin::Point>>);
 
-fn sessions(measured: &Path, modelled: &Path, on_mismatch: OnMismatch, jobs: usize) -> Result<Comparisons> {
+fn sessions(measured: &Path, modelled: &Path, on_mismatch: OnMismatch, jobs: usize) -> Result<Comparisons, TwinError> {
     let pairs = Pairs::of(measured, modelled)?;
     let points = |_: &Data, _: &Data, compared: &Compared| compared.points.clone();
-    Ok(twin::compare_pairs(&pairs, Want::default(), on_mismatch, jobs, &points)?)
+    twin::compare_pairs(&pairs, Want::default(), on_mismatch, jobs, &points)
 }
 
 fn replays(
@@ -89,26 +85,18 @@ fn replays(
     settings: &twin::Settings,
     on_mismatch: OnMismatch,
     stop: &AtomicBool,
-) -> Result<Comparisons> {
+) -> Result<Comparisons, TwinError> {
     let source = Source::open(measured)?;
     let folder = source.replay_folder();
     let session = Session::resume(&folder, &source.plan)?;
     let _lock = session.lock(Sharing::Alone)?;
-    let compare = |replayed: &Replayed, a: Data| -> std::result::Result<_, TwinError> {
+    let compare = |replayed: &Replayed, a: Data| {
         let b = Data::read(&replayed.log, Want::default())?;
         let Compared { comparison, points, .. } = twin::compare(&a, &b, on_mismatch)?;
         Ok((comparison, points))
     };
     let replays = twin::replay(&source, &session, settings, Want::default(), stop, &|_| String::new(), &compare)?;
-    let (mut results, mut skipped) = (Vec::new(), replays.skipped);
-    for (replayed, compared) in replays.trials {
-        let name = replayed.trial.name;
-        match replayed.result {
-            Ok(_) => results.push((name, compared)),
-            Err(reason) => skipped.push(twin::Skipped { name, reason: format!("the solver failed: {reason}") }),
-        }
-    }
-    Ok(twin::sum_up([&source.path, &folder], results, skipped, on_mismatch)?)
+    replays.sum_up([&source.path, &folder], on_mismatch)
 }
 
 /// Fits parameters of a robot to logs. Returns the fit, the fitted robot and the text of its file.
@@ -123,26 +111,17 @@ pub fn calibrate<'py>(
     jobs: Option<usize>,
 ) -> PyResult<(Bound<'py, PyAny>, Robot, String)> {
     let parse = |name: &String| name.parse::<Parameter>().map_err(|reason| Failure::parameter("fit", reason));
-    let parameters = fit.iter().map(parse).collect::<std::result::Result<_, _>>()?;
+    let parameters = fit.iter().map(parse).collect::<Result<_, _>>()?;
     let robot = robot.map(|robot| robot.get().params.clone());
-    let closure = closure.map(closure::parse).transpose()?;
+    let closure = closure.map(names::closure).transpose()?;
     let request = Request { robot, closure, parameters, jobs: threads::count(jobs)? };
     let calibration = interruptible(py, |stop| {
         let mut files = Vec::new();
         for path in &logs {
-            let source = |error: TwinError| Failure::of_file(path, &error);
-            if path.is_dir() {
-                files.extend(Source::open(path).map_err(source)?.logs.into_iter().map(|(_, log)| log));
-            } else {
-                files.push(path.clone());
-            }
+            files.extend(twin::logs(path).map_err(|error| Failure::of_file(path, &error))?);
         }
-        let read = |log: &PathBuf| {
-            let data = Data::read(log, Want { hash: true, ..Want::default() });
-            let data = data.map_err(|error| Failure::of_file(log, &error))?;
-            FitTrial::new(&data).map_err(|error| Failure::of_file(log, &error))
-        };
-        let trials = files.par_iter().map(read).collect::<std::result::Result<Vec<_>, _>>()?;
+        let read = |log: &PathBuf| FitTrial::read(log).map_err(|error| Failure::of_file(log, &error));
+        let trials = files.par_iter().map(read).collect::<Result<Vec<_>, _>>()?;
         let goes_on = || !stop.load(Ordering::Relaxed);
         fit_trials(trials, &request, &goes_on).map_err(|error| Failure::of(&error))
     })?;
@@ -150,5 +129,5 @@ pub fn calibrate<'py>(
     // The text has the standard errors of the parameters.
     let file = RobotFile { name: "fitted".to_owned(), text: text.clone() };
     let fitted = Robot { params: calibration.robot.clone(), file };
-    Ok((json::object(py, &json::value(&calibration)?)?, fitted, text))
+    Ok((json::record(py, &calibration)?, fitted, text))
 }

@@ -62,15 +62,47 @@ impl Phase {
     fn decay(yaw: Track, range: Range<f64>) -> Option<Self> {
         let blocks = blocks(yaw, &range, MIN_SWING_BLOCKS)?;
         let steady = about_mean(&blocks);
-        let fit = DecayFit::fit(&blocks, range.end - range.start)?;
+        let (time_constant_s, fit) = Self::returning(&blocks, &range)?;
         let floor = ANGLE_WALK_FLOOR.powi(2) / BLOCK_S;
         // F-test at about 90 %.
         let swings = 0.5 * (steady.0 - fit.scatter.0) > 3.0 * (fit.scatter.0 / fit.scatter.1).max(floor);
         if !swings {
             return Self::still(yaw, range);
         }
-        let within = fit.time_constant_s > FASTEST_S && fit.time_constant_s < SLOWEST * (range.end - range.start);
-        within.then_some(Self { rate: fit.rate, relative_variance: fit.relative_variance, scatter: fit.scatter, range })
+        let within = time_constant_s > FASTEST_S && time_constant_s < SLOWEST * (range.end - range.start);
+        within.then_some(fit)
+    }
+
+    /// Fits r + A exp(-t/τ) to a return to rest, by trying many time constants; the other parameters are linear.
+    /// Returns the time constant too, s.
+    fn returning(blocks: &[f64], range: &Range<f64>) -> Option<(f64, Self)> {
+        const TRIED: u32 = 60;
+        let ratio = SLOWEST * (range.end - range.start) / FASTEST_S;
+        let tried = (0..=TRIED).map(|i| FASTEST_S * ratio.powf(f64::from(i) / f64::from(TRIED)));
+        let all =
+            tried.filter_map(|time_constant_s| Some((time_constant_s, Self::with(blocks, range, time_constant_s)?)));
+        all.min_by(|(_, a), (_, b)| a.scatter.0.total_cmp(&b.scatter.0))
+    }
+
+    fn with(blocks: &[f64], range: &Range<f64>, time_constant_s: f64) -> Option<Self> {
+        let passed = |i: usize| i as f64 * BLOCK_S / time_constant_s;
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector2::zeros());
+        for (i, rate) in blocks.iter().enumerate() {
+            let decay = (-passed(i)).exp();
+            right += Vector2::new(1.0, decay) * *rate;
+            let row = Vector3::new(1.0, decay, decay * passed(i));
+            normal += row * row.transpose();
+        }
+        let solution = normal.fixed_view::<2, 2>(0, 0).try_inverse()? * right;
+        let left = |(i, rate): (usize, &f64)| (rate - solution.x - solution.y * (-passed(i)).exp()).powi(2);
+        let squares = blocks.iter().enumerate().map(left).sum();
+        Some(Self {
+            range: range.clone(),
+            rate: solution.x,
+            // The time constant is a parameter too. The amplitude does not affect the variance of the rate.
+            relative_variance: normal.try_inverse()?[(0, 0)] / BLOCK_S,
+            scatter: (squares, blocks.len() as f64 - 3.0),
+        })
     }
 
     /// Applies a Gaussian prior on the change of the bias since `before`, because a fit to a short time is uncertain.
@@ -103,46 +135,6 @@ fn about_mean(blocks: &[f64]) -> (f64, f64) {
     let count = blocks.len() as f64;
     let mean = blocks.iter().sum::<f64>() / count;
     (blocks.iter().map(|rate| (rate - mean).powi(2)).sum(), count - 1.0)
-}
-
-/// The fit r + A exp(-t/τ) to a return to rest.
-struct DecayFit {
-    rate: f64,
-    relative_variance: f64,
-    time_constant_s: f64,
-    scatter: (f64, f64),
-}
-
-impl DecayFit {
-    /// Fits by trying many time constants; the other parameters are linear.
-    fn fit(blocks: &[f64], length_s: f64) -> Option<Self> {
-        const TRIED: u32 = 60;
-        let ratio = SLOWEST * length_s / FASTEST_S;
-        let all =
-            (0..=TRIED).filter_map(|i| Self::with(blocks, FASTEST_S * ratio.powf(f64::from(i) / f64::from(TRIED))));
-        all.min_by(|a, b| a.scatter.0.total_cmp(&b.scatter.0))
-    }
-
-    fn with(blocks: &[f64], time_constant_s: f64) -> Option<Self> {
-        let passed = |i: usize| i as f64 * BLOCK_S / time_constant_s;
-        let (mut normal, mut right) = (Matrix3::zeros(), Vector2::zeros());
-        for (i, rate) in blocks.iter().enumerate() {
-            let decay = (-passed(i)).exp();
-            right += Vector2::new(1.0, decay) * *rate;
-            let row = Vector3::new(1.0, decay, decay * passed(i));
-            normal += row * row.transpose();
-        }
-        let solution = normal.fixed_view::<2, 2>(0, 0).try_inverse()? * right;
-        let left = |(i, rate): (usize, &f64)| (rate - solution.x - solution.y * (-passed(i)).exp()).powi(2);
-        let squares = blocks.iter().enumerate().map(left).sum();
-        Some(Self {
-            rate: solution.x,
-            // The time constant is a parameter too. The amplitude does not affect the variance of the rate.
-            relative_variance: normal.try_inverse()?[(0, 0)] / BLOCK_S,
-            time_constant_s,
-            scatter: (squares, blocks.len() as f64 - 3.0),
-        })
-    }
 }
 
 /// Returns the angle random walk and its degrees of freedom.

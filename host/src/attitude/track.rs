@@ -57,10 +57,7 @@ impl<const N: usize> Columns<N> {
 
     /// Returns the range from the first to the last time; empty without rows.
     pub fn span(&self) -> Range<f64> {
-        match (self.time_s.first(), self.time_s.last()) {
-            (Some(first), Some(last)) => *first..*last,
-            _ => 0.0..0.0,
-        }
+        span(&self.time_s)
     }
 
     /// Returns the values at a time (see [`Track::at`]); NaN without rows.
@@ -108,6 +105,10 @@ impl<const N: usize> Columns<N> {
     }
 }
 
+fn span(times: &[f64]) -> Range<f64> {
+    times.first().zip(times.last()).map_or(0.0..0.0, |(first, last)| *first..*last)
+}
+
 /// One quantity over time.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Track<'a> {
@@ -120,10 +121,7 @@ pub struct Track<'a> {
 impl Track<'_> {
     /// Returns the range from the first to the last time; empty without rows.
     pub fn span(&self) -> Range<f64> {
-        match (self.time_s.first(), self.time_s.last()) {
-            (Some(first), Some(last)) => *first..*last,
-            _ => 0.0..0.0,
-        }
+        span(self.time_s)
     }
 
     /// Returns the value at a time by linear interpolation; beyond the ends, the value at the end.

@@ -1,16 +1,16 @@
 //! `biflag aim`: finds the speeds of an attitude.
 
-use super::{Answer, Outcome, new_file};
+use super::{Answer, Outcome};
 use crate::aim::{self, AimError, Aimed, Attitude, Model, Quantity, Solution, Target};
+use crate::output;
 use crate::plan::robot;
-use crate::progress::{Progress, lock};
+use crate::progress::Progress;
 use crate::signals::interruption;
 use crate::text::{count, decimal, word};
 use crate::twin::calibrate::std_errors;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Find motor speeds for a wanted attitude, verified by the model.
@@ -70,7 +70,7 @@ const USUAL_STATES: usize = 20;
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let target = target(args)?;
     if let Some(out) = &args.out {
-        new_file::check(out)?;
+        output::check_new(out)?;
     }
     let file = robot::load(&args.robot)?;
     let robot = file.parse()?;
@@ -80,16 +80,15 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let interrupted = interruption()?;
     let progress = Progress::new(USUAL_STATES as f64);
     progress.phase(&target.to_string(), "asking the model");
-    let (progress, done) = (Mutex::new(progress), AtomicUsize::new(0));
+    let done = AtomicUsize::new(0);
     let goes_on = || !interrupted.load(Ordering::Relaxed);
     let solved = || {
         let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-        lock(&progress).within(count.min(USUAL_STATES - 1) as f64);
+        progress.within(count.min(USUAL_STATES - 1) as f64);
     };
     let model = Model { robot: &robot, goes_on: &goes_on, solved: &solved };
     let aimed = aim::aim(&model, &errors, &table, &target);
-    lock(&progress).finish();
-    let wanted = || target.wanted.iter().map(|(quantity, value)| Wanted { quantity: *quantity, value: *value });
+    progress.finish();
     let aimed = match aimed {
         Err(AimError::Interrupted) => {
             return Answer::new(Outcome::Interrupted, &serde_json::json!({ "interrupted": true }), "interrupted");
@@ -99,14 +98,15 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let mut text = describe(&file.name, &target, &aimed);
     let plan = match &args.out {
         Some(out) if aimed.reachable => {
-            new_file::write(out, &aim::plan(out, &args.robot, &target, &aimed.solutions))?;
+            output::write_new(out, &aim::plan(out, &args.robot, &target, &aimed.solutions))?;
             let _ = write!(text, "\nplan {}", out.display());
             Some(out.display().to_string())
         }
         _ => None,
     };
     let outcome = if aimed.reachable { Outcome::Done } else { Outcome::WithLoss };
-    Answer::new(outcome, &Printed { robot: &file.name, wanted: wanted().collect(), aimed: &aimed, plan }, text)
+    let wanted = target.wanted.iter().map(|&(quantity, value)| Wanted { quantity, value }).collect();
+    Answer::new(outcome, &Printed { robot: &file.name, wanted, aimed: &aimed, plan }, text)
 }
 
 /// Returns what the user asks for.

@@ -2,7 +2,7 @@
 
 use crate::colour;
 use crate::signals::INTERRUPTED;
-use crate::text::{is_unprintable, printable};
+use crate::text::{json_without, printable};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
 use std::io::Write;
@@ -46,9 +46,7 @@ impl Answer {
             .map_err(|error| miette::miette!("the answer cannot be written as JSON: {error}"))?;
         Ok(Self { outcome, json, text: text.into() })
     }
-}
 
-impl Answer {
     /// Creates an answer with the part that was done before the error `report`, which is printed and added to the JSON.
     ///
     /// # Errors
@@ -110,14 +108,9 @@ fn end(printed: std::io::Result<()>, code: u8) -> ExitCode {
     }
 }
 
-/// Formats JSON without characters that control a terminal. They are within strings, where JSON can escape them.
+/// Formats JSON without characters that control a terminal.
 fn escaped(value: &serde_json::Value) -> String {
-    let mut text = String::new();
-    for c in value.to_string().chars() {
-        // All of them have four hexadecimal digits.
-        if is_unprintable(c) { text += &format!("\\u{:04x}", u32::from(c)) } else { text.push(c) }
-    }
-    text
+    json_without(value, &[])
 }
 
 fn exit_code(result: &miette::Result<Answer>) -> u8 {

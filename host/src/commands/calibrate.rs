@@ -1,12 +1,12 @@
 //! `biflag calibrate`: fits a robot's parameters to its trials.
 
 use super::options::{ClosureName, cores};
-use super::{Answer, Outcome, new_file};
+use super::{Answer, Outcome};
+use crate::output;
 use crate::plan::robot;
-use crate::progress::{Progress, lock};
+use crate::progress::Progress;
 use crate::text;
-use crate::trial::{Data, Want};
-use crate::twin::Source;
+use crate::twin;
 use crate::twin::calibrate::{self, Calibration, FitTrial, Parameter, Request};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -63,26 +63,20 @@ const USUAL_PARAMETERS: usize = 4;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     // Check first that the file can be written, because a fit may take an hour.
-    new_file::check(&args.out)?;
-    let mut parameters = args.fit.clone();
-    let mut seen = Vec::new();
-    parameters.retain(|parameter| {
-        !seen.contains(parameter) && {
-            seen.push(*parameter);
-            true
+    output::check_new(&args.out)?;
+    let mut parameters = Vec::new();
+    for parameter in &args.fit {
+        if !parameters.contains(parameter) {
+            parameters.push(*parameter);
         }
-    });
+    }
     let robot = match &args.robot {
         Some(path) => Some(robot::load(path)?.parse()?),
         None => None,
     };
     let mut logs = Vec::new();
     for path in &args.logs {
-        if path.is_dir() {
-            logs.extend(Source::open(path)?.logs.into_iter().map(|(_, log)| log));
-        } else {
-            logs.push(path.clone());
-        }
+        logs.extend(twin::logs(path)?);
     }
     let jobs = args.jobs.map_or_else(cores, usize::from);
     let request = Request { robot, closure: args.closure.map(Into::into), parameters, jobs };
@@ -91,23 +85,19 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let simulations = USUAL_ROUNDS * (fitted + 1) * logs.len();
     let progress = Progress::new(simulations as f64);
     progress.phase(&text::count(logs.len(), "trial"), &text::count(fitted, "parameter"));
-    let progress = std::sync::Mutex::new(progress);
     let done = AtomicUsize::new(0);
     let simulated = || {
         let count = done.fetch_add(1, Ordering::Relaxed) + 1;
         // The number of simulations is unknown in advance.
-        lock(&progress).within(count.min(simulations - 1) as f64);
+        progress.within(count.min(simulations - 1) as f64);
         true
     };
-    let read = |log: &PathBuf| -> miette::Result<FitTrial> {
-        Ok(FitTrial::new(&Data::read(log, Want { hash: true, ..Want::default() })?)?)
-    };
-    let trials: Vec<_> = logs.par_iter().map(read).collect::<miette::Result<_>>()?;
+    let trials: Vec<_> = logs.par_iter().map(|log| FitTrial::read(log)).collect::<Result<_, _>>()?;
     let fitted = calibrate::calibrate(trials, &request, &simulated);
-    lock(&progress).finish();
+    progress.finish();
     let calibration = fitted?;
 
-    new_file::write(&args.out, &calibrate::to_toml(&calibration))?;
+    output::write_new(&args.out, &calibrate::to_toml(&calibration))?;
     let is_good = calibration.warnings.is_empty() && calibration.cannot_tell.is_empty();
     let outcome = if is_good { Outcome::Done } else { Outcome::WithLoss };
     let text = describe(&calibration, &args.out);

@@ -8,7 +8,7 @@ use crate::session::{Session, Sharing};
 use crate::signals::interruption;
 use crate::text::{count, decimal, signed};
 use crate::trial::{Data, Want};
-use crate::twin::{self, Comparison, OnMismatch, Pairs, Replayed, SessionComparison, Source, TwinError};
+use crate::twin::{self, Comparison, OnMismatch, Pairs, Replayed, SessionComparison, Source};
 use serde::Serialize;
 use sim::trial::Options;
 use std::fmt::Write;
@@ -40,9 +40,6 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
 }
-
-/// Sampling rate of the replays. The fastest wobble takes half a second.
-const REPLAY_HZ: f64 = 20.0;
 
 /// Largest number of trials whose replays contain the shapes of the flagella, because the size of the page is limited.
 const SHAPES_UP_TO: usize = 8;
@@ -117,7 +114,7 @@ fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget
     let settings = twin::Settings {
         closure: args.closure.map(Into::into),
         robot: args.robot.as_deref().map(robot::load).transpose()?,
-        options: Options { rate_hz: REPLAY_HZ, shapes: source.logs.len() <= SHAPES_UP_TO },
+        options: Options { rate_hz: twin::REPLAY_HZ, shapes: source.logs.len() <= SHAPES_UP_TO },
         any_rate: true,
         jobs,
         quiet: false,
@@ -126,7 +123,7 @@ fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget
     let session = Session::resume(&folder, &source.plan)?;
     let _lock = session.lock(Sharing::Alone)?;
     let want = report::want(budget);
-    let compare = |replayed: &Replayed, a: Data| -> Result<_, TwinError> {
+    let compare = |replayed: &Replayed, a: Data| {
         // The page shows the shapes and the forces of the replay if the recording has none.
         let shapes = if a.shapes.is_empty() { want.shapes } else { 0 };
         let b = Data::read(&replayed.log, Want { shapes, forces: a.forces.is_empty(), ..want })?;
@@ -135,20 +132,12 @@ fn replays(args: &Args, jobs: usize, on_mismatch: OnMismatch, budget: ByteBudget
         Ok((compared.comparison, view))
     };
     let line = |run: &crate::run::model::ModelRun| run.trial.name.clone();
-    let mut replays = twin::replay(&source, &session, &settings, want, &interrupted, &line, &compare)?;
+    let replays = twin::replay(&source, &session, &settings, want, &interrupted, &line, &compare)?;
     if replays.interrupted {
         return Ok(Compared::Interrupted(folder));
     }
     let notes = replays.note_on_phases().into_iter().collect();
-    let mut results = Vec::new();
-    for (replayed, compared) in replays.trials {
-        let name = replayed.trial.name;
-        match replayed.result {
-            Ok(_) => results.push((name, compared)),
-            Err(reason) => replays.skipped.push(twin::Skipped { name, reason: format!("the solver failed: {reason}") }),
-        }
-    }
-    let (comparison, views) = twin::sum_up([&source.path, &folder], results, replays.skipped, on_mismatch)?;
+    let (comparison, views) = replays.sum_up([&source.path, &folder], on_mismatch)?;
     Ok(Compared::Done(Box::new(comparison), views, notes))
 }
 

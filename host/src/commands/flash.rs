@@ -3,7 +3,7 @@
 use super::{Answer, Outcome};
 use crate::link::{self, Claim, Link};
 use crate::run::rig::{self, Image, commit_text};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget};
 use miette::miette;
 use serde::Serialize;
 use std::io::IsTerminal;
@@ -70,6 +70,5 @@ fn spinner() -> ProgressBar {
     } else {
         bar.set_draw_target(ProgressDrawTarget::hidden());
     }
-    bar.set_style(ProgressStyle::default_spinner());
     bar
 }

@@ -166,7 +166,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     let mut text = format!("{}: {complete} of {trials} complete\n", text::line(&session.plan().name));
     let mut trials = Vec::new();
     for row in &rows {
-        let (state, attempt) = (&row.state, row.attempt());
+        let (state, attempt) = (&row.state, row.state.best());
         let summary = attempt.and_then(|attempt| attempt.summary.as_ref());
         link += row.link;
         let [w1_rpm, w2_rpm] = state.trial.speeds.map(|speed| speed.rpm());
@@ -218,15 +218,11 @@ impl Row {
         let last = state.attempts.last().and_then(|last| Data::read(&last.path, Want::default()).ok());
         Self { state, angles: None, link: last.map(|data| data.link).unwrap_or_default() }
     }
-
-    fn attempt(&self) -> Option<&Attempt> {
-        self.state.best()
-    }
 }
 
 /// Formats the state of a trial of a session.
 fn line(row: &Row, hand_turn: Option<HandTurn>) -> String {
-    match row.attempt() {
+    match row.state.best() {
         None => "not run yet".to_owned(),
         Some(Attempt { losses, .. }) if !losses.is_empty() => {
             format!("damaged, --resume repeats the trial; lost: {}", losses.join("; "))

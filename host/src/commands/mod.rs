@@ -12,7 +12,6 @@ mod flash;
 mod info;
 mod live;
 mod man;
-mod new_file;
 mod options;
 mod plans;
 mod record;
@@ -26,7 +25,6 @@ mod virtual_board;
 
 pub use answer::{Answer, Outcome, WRONG_USE};
 
-use crate::colour;
 use crate::program::FULL_VERSION;
 use crate::signals;
 use clap::{CommandFactory, Parser, Subcommand};
@@ -107,11 +105,6 @@ pub fn run() -> ExitCode {
         Command::Man(args) => man::run(&args, Cli::command()),
     };
     answer::finish(result, cli.json)
-}
-
-/// Prints to standard error, whose reader may be gone.
-fn say(text: &str) {
-    colour::eprint(text);
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Options shared by several commands.
 
+use crate::sweep::Shard;
 use biflag_log::Method;
 use sim::body::closure::Closure;
 
@@ -45,19 +46,12 @@ pub fn pair<T, E: From<&'static str>>(
     Ok([one(first.trim())?, one(second.trim())?])
 }
 
-/// A part of the work: the one with index `first`, from 0, of `of` parts.
-#[derive(Clone, Copy, Debug)]
-pub struct Shard {
-    pub first: usize,
-    pub of: usize,
-}
-
 /// Reads a shard, which is counted from 1.
 pub fn shard(text: &str) -> Result<Shard, String> {
     let form = "give the number of the shard and the number of shards, such as 1/8";
     let (number, of) = text.split_once('/').ok_or(form)?;
-    let (number, of): (usize, usize) = (number.parse().map_err(|_| form)?, of.parse().map_err(|_| form)?);
-    if (1..=of).contains(&number) { Ok(Shard { first: number - 1, of }) } else { Err(form.into()) }
+    let (number, of): (u64, u64) = (number.parse().map_err(|_| form)?, of.parse().map_err(|_| form)?);
+    if (1..=of).contains(&number) { Ok(Shard { index: number - 1, of }) } else { Err(form.into()) }
 }
 
 /// Returns the default number of parallel trials.

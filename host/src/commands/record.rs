@@ -165,10 +165,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if let Some(live) = &live {
         progress.line(&live.invitation());
     }
-    let mut failure = None;
+    let (mut stopped, mut failure) = (None, None);
     for (done, trial) in todo.iter().enumerate() {
         if interrupted.load(Ordering::Relaxed) {
-            outcome = Outcome::Interrupted;
+            stopped = Some(RecordError::Interrupted);
             break;
         }
         let mut context = RunContext {
@@ -180,16 +180,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             robot: robot.as_ref(),
         };
         let rest_s = todo[done..].iter().map(|trial| trial.phases.total_s()).sum();
-        match check_trial(&context, &recorded.session, rest_s) {
-            Ok(()) => {}
-            Err(RecordError::Interrupted) => {
-                outcome = Outcome::Interrupted;
-                break;
-            }
-            Err(error) => {
-                failure = Some(Report::from(error));
-                break;
-            }
+        if let Err(error) = check_trial(&context, &recorded.session, rest_s) {
+            stopped = Some(error);
+            break;
         }
         let (path, run) = match run_trial(&mut context, &session, trial, &plan, origin, live.as_ref()) {
             Ok(run) => run,
@@ -214,17 +207,15 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             outcome = Outcome::WithLoss;
         }
         recorded.trials.push(row);
-        match run.error {
-            None => {}
-            Some(RecordError::Interrupted) => {
-                outcome = Outcome::Interrupted;
-                break;
-            }
-            Some(error) => {
-                failure = Some(Report::from(error));
-                break;
-            }
+        if run.error.is_some() {
+            stopped = run.error;
+            break;
         }
+    }
+    match stopped {
+        None => {}
+        Some(RecordError::Interrupted) => outcome = Outcome::Interrupted,
+        Some(error) => failure = Some(Report::from(error)),
     }
     progress.finish();
     recorded.trials.sort_by(|a, b| a.name.cmp(&b.name));

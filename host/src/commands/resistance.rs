@@ -24,18 +24,15 @@ pub struct Args {
     robot: PathBuf,
     /// Angles of motors 1 and 2 in degrees; write `--phase=-90,0` if the first is negative.
     #[arg(long, value_name = "DEG,DEG", value_parser = phase, allow_hyphen_values = true, default_value = "0,0")]
-    phase: Phase,
+    phase: [f64; 2],
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Phase([f64; 2]);
-
-fn phase(text: &str) -> Result<Phase, String> {
+fn phase(text: &str) -> Result<[f64; 2], String> {
     let one = |text: &str| match text.parse::<f64>() {
         Ok(degrees) if degrees.is_finite() => Ok(degrees),
         _ => Err(format!("{text:?} is not an angle")),
     };
-    pair(text, "give two angles in degrees, such as 0,90", one).map(Phase)
+    pair(text, "give two angles in degrees, such as 0,90", one)
 }
 
 #[derive(Serialize)]
@@ -50,7 +47,7 @@ struct Printed<'a> {
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let file = robot::load(&args.robot)?;
     let robot = file.parse()?;
-    let Phase(phase_deg) = args.phase;
+    let phase_deg = args.phase;
     let found = resistance(&robot, &phase_deg.map(f64::to_radians)).map_err(|error| {
         miette::miette!(code = WRONG_USE, help = "correct the robot file", "{}: {error}", file.name)
     })?;

@@ -1,6 +1,7 @@
 //! `biflag settings`: reads and writes the settings in the board's EEPROM.
 
-use super::{Answer, Outcome, say};
+use super::{Answer, Outcome};
+use crate::colour;
 use crate::link::{self, Link, LinkError};
 use crate::plan::board::{self, BoardSettings};
 use crate::run::rig::board_copy::BoardCopies;
@@ -44,7 +45,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     } else {
         notes.push("these are not in the board's EEPROM: it forgets them at the next reset".to_owned());
     }
-    notes.iter().for_each(|note| say(&format!("note: {note}\n")));
+    notes.iter().for_each(|note| colour::eprint(&format!("note: {note}\n")));
     let file = BoardSettings::all(&settings);
     let text = toml::to_string(&file).into_diagnostic().wrap_err("settings of the board")?;
     Answer::new(Outcome::Done, &file, text)

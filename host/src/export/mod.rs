@@ -4,9 +4,10 @@ pub(crate) mod csv;
 pub(crate) mod parquet;
 pub mod table;
 
+use crate::output::{self, OutputError};
 use crate::session::{Session, SessionError};
 use crate::trial::{Data, Want, Zeroed};
-use biflag_log::{LogError, atomic_file};
+use biflag_log::LogError;
 use miette::Diagnostic;
 use nalgebra::UnitQuaternion;
 use std::fs::File;
@@ -59,22 +60,10 @@ pub enum ExportError {
     #[error("a session cannot be exported as a trajectory")]
     #[diagnostic(code(wrong_use), help("export it as csv or parquet, or name a log"))]
     NotOfSessions,
-    /// The folder of the file does not exist.
-    #[error("{}: cannot be written: there is no such folder", path.display())]
-    #[diagnostic(code(wrong_use), help("name a file in a folder that exists with -o"))]
-    NoFolder {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The file could not be written.
-    #[error("{}: cannot be written", path.display())]
-    #[diagnostic(help("check that the folder exists and is writable, and that the disk has space"))]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    /// The file cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Output(#[from] OutputError),
     /// The log cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -126,7 +115,7 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
         let path = output.to_owned();
         match source.kind() {
             ErrorKind::AlreadyExists | ErrorKind::NotADirectory => ExportError::Exists { path },
-            _ => ExportError::Write { path, source },
+            _ => OutputError::Write { path, source }.into(),
         }
     })?;
     let table = output.join(format!("trials.{}", format.extension()));
@@ -189,13 +178,7 @@ fn write(
     if !replace && output.symlink_metadata().is_ok() {
         return Err(ExportError::Exists { path: output.to_owned() });
     }
-    atomic_file::replace(output, content).map_err(|source| {
-        let path = output.to_owned();
-        match source.kind() {
-            ErrorKind::NotFound | ErrorKind::NotADirectory => ExportError::NoFolder { path },
-            _ => ExportError::Write { path, source },
-        }
-    })
+    Ok(output::replace(output, content)?)
 }
 
 /// Writes the corrected attitude over the trial's clock; returns the number of rows.

@@ -26,16 +26,11 @@ pub(crate) struct Writer<W: Write + Send> {
 impl<W: Write + Send> Writer<W> {
     /// Starts a file for tables like this one.
     pub fn new(table: &Table, target: W) -> io::Result<Self> {
-        let file = start(table, target).map_err(io::Error::other)?;
-        Ok(Self { file })
+        Ok(Self { file: start(table, target)? })
     }
 
     /// Writes rows of the same columns.
     pub fn rows(&mut self, table: &Table) -> io::Result<()> {
-        self.try_rows(table).map_err(io::Error::other)
-    }
-
-    fn try_rows(&mut self, table: &Table) -> Result<(), ParquetError> {
         let mut group = self.file.next_row_group()?;
         for column in &table.columns {
             let Some(mut target) = group.next_column()? else { break };
@@ -55,12 +50,14 @@ impl<W: Write + Send> Writer<W> {
             }
             target.close()?;
         }
-        group.close().map(drop)
+        group.close()?;
+        Ok(())
     }
 
     /// Ends the file.
     pub fn close(self) -> io::Result<()> {
-        self.file.close().map(drop).map_err(io::Error::other)
+        self.file.close()?;
+        Ok(())
     }
 }
 

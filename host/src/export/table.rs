@@ -2,8 +2,8 @@
 
 use crate::attitude::{Euler, Reading, rotation};
 use crate::plan::Trial;
+use crate::text::origin;
 use crate::trial::{Angles, Data, FORCES, Zeroed};
-use biflag_log::Origin;
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -18,6 +18,13 @@ pub struct Column {
     pub about: Cow<'static, str>,
     /// One value a row.
     pub values: Values,
+}
+
+impl Column {
+    /// Returns a column of a table whose names have the units.
+    fn new(name: &'static str, about: &'static str, values: Values) -> Self {
+        Self { name: name.into(), unit: "".into(), about: about.into(), values }
+    }
 }
 
 /// The values of a column.
@@ -70,9 +77,6 @@ impl Table {
     }
 }
 
-const PLACE: [(&str, &str); 2] =
-    [("time_s", "time from the start of the run, s"), ("phase", "calibrate, preroll, run, decay or end")];
-
 const ANGLES: [(&str, &str); 8] = [
     ("yaw_deg", "yaw about the vertical, unwrapped, offset and drift removed"),
     ("pitch_deg", "pitch about the y axis after the yaw, offset removed"),
@@ -118,19 +122,14 @@ pub fn trial(data: &Data) -> Table {
     let zeroed = Zeroed::new(data);
     let run_s = data.times.run.start;
     let rows = rows(data, &zeroed);
-    let real = |(name, about): (&'static str, &'static str), value: &dyn Fn(&Row) -> f64| Column {
-        name: name.into(),
-        unit: "".into(),
-        about: about.into(),
-        values: Values::Real(rows.iter().map(value).collect()),
+    let real = |(name, about): (&'static str, &'static str), value: &dyn Fn(&Row) -> f64| {
+        Column::new(name, about, Values::Real(rows.iter().map(value).collect()))
     };
-    let mut columns = vec![real(PLACE[0], &|row| row.time_s - run_s)];
-    columns.push(Column {
-        name: PLACE[1].0.into(),
-        unit: "".into(),
-        about: PLACE[1].1.into(),
-        values: Values::Text(rows.iter().map(|row| phase(data, row.frame_s).to_owned()).collect()),
-    });
+    let phases = rows.iter().map(|row| phase(data, row.frame_s).to_owned()).collect();
+    let mut columns = vec![
+        real(("time_s", "time from the start of the run, s"), &|row| row.time_s - run_s),
+        Column::new("phase", "calibrate, preroll, run, decay or end", Values::Text(phases)),
+    ];
     for k in 0..3 {
         columns.push(real(ANGLES[k], &|row| row.angles_deg.map_or(f64::NAN, |angles| angles[k])));
     }
@@ -240,14 +239,6 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
     lines
 }
 
-fn origin(origin: Origin) -> &'static str {
-    match origin {
-        Origin::Rig => "measured on the rig",
-        Origin::VirtualRig => "measured on the emulated board",
-        Origin::Model => "computed by the model",
-    }
-}
-
 /// A row of the table of a session's trials.
 pub struct Summary {
     name: String,
@@ -281,23 +272,15 @@ impl Summary {
 
 /// Returns the table of a session: one row per trial.
 pub fn session(name: &str, trials: &[Summary]) -> Table {
-    let real = |name: &'static str, about: &'static str, value: &dyn Fn(&Summary) -> Option<f64>| Column {
-        name: name.into(),
-        unit: "".into(),
-        about: about.into(),
-        values: Values::Real(trials.iter().map(|trial| value(trial).unwrap_or(f64::NAN)).collect()),
+    let real = |name, about, value: &dyn Fn(&Summary) -> Option<f64>| {
+        let values = trials.iter().map(|trial| value(trial).unwrap_or(f64::NAN));
+        Column::new(name, about, Values::Real(values.collect()))
     };
-    let text = |name: &'static str, about: &'static str, value: &dyn Fn(&Summary) -> String| Column {
-        name: name.into(),
-        unit: "".into(),
-        about: about.into(),
-        values: Values::Text(trials.iter().map(value).collect()),
+    let text = |name, about, value: &dyn Fn(&Summary) -> String| {
+        Column::new(name, about, Values::Text(trials.iter().map(value).collect()))
     };
-    let int = |name: &'static str, about: &'static str, value: &dyn Fn(&Summary) -> i64| Column {
-        name: name.into(),
-        unit: "".into(),
-        about: about.into(),
-        values: Values::Int(trials.iter().map(value).collect()),
+    let int = |name, about, value: &dyn Fn(&Summary) -> i64| {
+        Column::new(name, about, Values::Int(trials.iter().map(value).collect()))
     };
     let angle = |value: fn(&Angles) -> Option<f64>| move |trial: &Summary| trial.angles.as_ref().and_then(value);
     let columns = vec![

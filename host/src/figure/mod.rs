@@ -14,6 +14,7 @@ mod trial;
 pub use output::Format;
 
 use crate::attitude::tilt_deg;
+use crate::output::OutputError;
 use crate::session::{Session, SessionError};
 use crate::trial::{Data, Want, Zeroed};
 use crate::twin::{self, OnMismatch, Pairs, TwinError};
@@ -65,15 +66,10 @@ pub enum FigureError {
         /// Why.
         reason: String,
     },
-    /// It could not be written.
-    #[error("{}: cannot be written", path.display())]
-    #[diagnostic(help("check that the folder exists and is writable, and that the disk has space"))]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    /// Its file cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Output(#[from] OutputError),
     /// A log cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]

@@ -4,7 +4,7 @@
 //! Helvetica, whose letters are as wide.
 
 use super::FigureError;
-use biflag_log::atomic_file;
+use crate::output;
 use resvg::{tiny_skia, usvg};
 use std::io::Write;
 use std::path::Path;
@@ -74,6 +74,5 @@ pub(super) fn encode(svg: &str, format: Format) -> Result<Vec<u8>, FigureError> 
 /// [`FigureError`].
 pub(super) fn write(svg: &str, path: &Path) -> Result<(), FigureError> {
     let content = encode(svg, Format::of(path)?)?;
-    atomic_file::replace(path, |file| file.write_all(&content))
-        .map_err(|source| FigureError::Write { path: path.to_owned(), source })
+    Ok(output::replace(path, |file| file.write_all(&content))?)
 }

@@ -2,6 +2,7 @@
 
 use super::sheet::{Anchor, FONT_PT, GRID, INK, Sheet, Stroke, short};
 use crate::text::decimal;
+use crate::ticks;
 
 /// A linear axis.
 #[derive(Clone, Debug)]
@@ -29,12 +30,7 @@ impl Axis {
 
     /// Returns round values, at most about `most`.
     pub fn ticks(&self, most: f64) -> Vec<f64> {
-        let least = (self.high - self.low) / most.max(1.0);
-        let decade = 10_f64.powf(least.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0].map(|k| k * decade).into_iter().find(|step| *step >= least * (1.0 - 1e-9));
-        let step = step.unwrap_or(10.0 * decade);
-        let first = (self.low / step - 1e-9).ceil() as i64;
-        (first..).map(|i| i as f64 * step).take_while(|value| *value <= self.high + 1e-9 * step).collect()
+        ticks::round(self.low, self.high, (self.high - self.low) / most.max(1.0))
     }
 
     fn share(&self, value: f64) -> f64 {
@@ -70,7 +66,7 @@ impl Panel {
         self.top + self.height
     }
 
-    /// Draws grid lines and frame, the ticks of the y axis, and with `times` those of the x axis.
+    /// Draws grid lines and frame, the ticks of the y axis, and with `has_x` those of the x axis.
     pub fn frame(&self, sheet: &mut Sheet, has_x: bool) {
         let (right, bottom) = (self.left + self.width, self.bottom());
         let (across, up) = (self.x.ticks(self.width / 26.0), self.y.ticks(self.height / 13.0));

@@ -3,7 +3,7 @@
 use super::FigureError;
 use super::panel::{Axis, Panel};
 use super::sheet::{MEASURED, MM, MODEL, Sheet, Stroke};
-use crate::trial::{Data, Zeroed};
+use crate::trial::Data;
 use crate::twin::Compared;
 
 const ANGLES: [&str; 3] = ["Yaw ψ (°)", "Pitch θ (°)", "Roll φ (°)"];
@@ -34,15 +34,7 @@ pub(super) fn draw(
     time_s: Option<[f64; 2]>,
     width_mm: f64,
 ) -> Result<String, FigureError> {
-    let own;
-    let zeroed = match compared {
-        Some(compared) => &compared.measured,
-        None => {
-            own = Zeroed::new(data);
-            &own
-        }
-    };
-    let mut samples = samples(zeroed, compared);
+    let mut samples = samples(data, compared);
     samples.retain(|sample| time_s.is_none_or(|[from, to]| (from..=to).contains(&sample.time_s)));
     if samples.is_empty() {
         return Err(FigureError::Nothing { path: data.path.clone() });
@@ -106,20 +98,18 @@ pub(super) fn draw(
             if has_band {
                 panel.band(&mut sheet, &around(|_, _| 0.0), MEASURED);
             }
-            panel.curve(
-                &mut sheet,
-                &curve(|sample, k| sample.model_deg[k] - sample.own_deg[k]),
-                Stroke(MODEL, 0.7, ""),
-            );
+            panel.curve(&mut sheet, &curve(residual), Stroke(MODEL, 0.7, ""));
         }
         top += panel.height + GAP_MM * MM;
     }
     Ok(sheet.svg(top + 5.0 * MM))
 }
 
-fn samples(zeroed: &Zeroed, compared: Option<&Compared>) -> Vec<Sample> {
-    // The band of pitch and roll is that of a mean over a block of 2 s, the shortest whose noise is known.
-    let tilt = zeroed.tilt_uncertainty(0.0).filter(|_| !is_exact(zeroed)).unwrap_or([f64::NAN; 2]);
+fn samples(data: &Data, compared: Option<&Compared>) -> Vec<Sample> {
+    let zeroed = Compared::measured_or_own(compared, data);
+    // The band of pitch and roll is that of a mean over a block of 2 s, the shortest whose noise is known. The angles
+    // of a model have no uncertainty.
+    let tilt = zeroed.tilt_uncertainty(0.0).filter(|_| !data.is_model()).unwrap_or([f64::NAN; 2]);
     let uncertainty = |yaw: Option<f64>| [yaw.filter(|deg| *deg > 0.0).unwrap_or(f64::NAN), tilt[0], tilt[1]];
     match compared {
         Some(compared) => {
@@ -142,9 +132,4 @@ fn samples(zeroed: &Zeroed, compared: Option<&Compared>) -> Vec<Sample> {
             times.iter().enumerate().map(sample).collect()
         }
     }
-}
-
-/// Whether the angles are those of a model, which have no uncertainty.
-fn is_exact(zeroed: &Zeroed) -> bool {
-    zeroed.tilt_uncertainty(0.0) == Some([0.0; 2])
 }

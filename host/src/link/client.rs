@@ -3,7 +3,7 @@
 use super::port;
 use super::worker::{Event, Exchange, PendingRequest, Received, Worker};
 use super::{Claim, LinkError};
-use crate::progress::lock;
+use crate::lock::lock;
 use protocol::frame::FrameError;
 use protocol::{Command, Info, Reply, SCHEMA, VERSION};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,6 +1,6 @@
 //! The thread that owns the port: it sends requests with retries, pings the board, decodes what comes, and passes it on.
 
-use crate::progress::lock;
+use crate::lock::lock;
 use protocol::frame::{Accumulator, FrameError, MAX_FRAME, encode};
 use protocol::units::Micros;
 use protocol::{Command, Message, Reply, Request, Telemetry};

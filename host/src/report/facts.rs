@@ -1,8 +1,9 @@
 //! The provenance of a trial: plan, board, model, versions, and the files behind it.
 
 use super::parameters;
-use super::text::{clip, degrees, number, plain, word};
-use super::view::View;
+use super::text::{clip, degrees, number, plain};
+use super::view::{ModelRobot, View};
+use crate::text::word;
 use biflag_log::Identity;
 use maud::{Markup, html};
 
@@ -24,11 +25,10 @@ pub(super) fn files(view: &View) -> Markup {
     let records = &view.records;
     let mut files = Vec::new();
     let mut tables = Vec::new();
-    if let Some(model) = &view.model_robot {
-        let closure = word(&model.closure);
-        let name = format!("Model: parameters of the robot {}, closure {closure}", model.name);
-        tables.push((name, &model.parameters, model.name.as_str(), model.file.as_str()));
-        files.push((format!("Model: robot file {}", model.name), &model.file));
+    if let Some(ModelRobot { robot, model, .. }) = &view.model_robot {
+        let title = format!("Model: parameters of the robot {}, closure {}", robot.name, word(&model.closure));
+        tables.push((title, &model.parameters, robot.name.as_str(), robot.text.as_str()));
+        files.push((format!("Model: robot file {}", robot.name), &robot.text));
     }
     if let Some(model) = &records.model {
         let whose = if view.is_model() { "this log’s model" } else { "the emulated robot" };
@@ -65,10 +65,10 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
     let mut facts = vec![("Log", view.log.display().to_string())];
     if let Some(comparison) = &view.comparison {
         facts.push(("Compared with", comparison.modelled.display().to_string()));
-        if let Some(model) = &view.model_robot {
-            facts.push(("Robot of the model", format!("{}, closure {}", model.name, word(&model.closure))));
-            if let Some(source) = &model.replay_of {
-                facts.push(("Model driven by", format!("the measured speeds in {source}")));
+        if let Some(ModelRobot { robot, model, replay }) = &view.model_robot {
+            facts.push(("Robot of the model", format!("{}, closure {}", robot.name, word(&model.closure))));
+            if let Some(replay) = replay {
+                facts.push(("Model driven by", format!("the measured speeds in {}", replay.source)));
             }
         }
         facts.push(("Offset removed, measured", angles(comparison.measured_zero_deg)));

@@ -23,17 +23,18 @@ mod warnings;
 pub use budget::ByteBudget;
 pub use view::View;
 
+use crate::output::{self, OutputError};
 use crate::program::GIT_HASH;
 use crate::session::{Session, SessionError, TrialState};
 use crate::text::printable;
 use crate::trial::{Data, Want};
 use crate::twin::{SessionComparison, Skipped};
-use biflag_log::{LogError, atomic_file};
+use biflag_log::LogError;
 use maud::{Markup, PreEscaped, html};
 use miette::Diagnostic;
 use rayon::prelude::*;
 use session_page::{Row, RowState};
-use std::io::{ErrorKind, Read, Write};
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use warnings::Warning;
@@ -51,22 +52,10 @@ pub enum ReportError {
         /// The file.
         path: PathBuf,
     },
-    /// The folder of the page does not exist.
-    #[error("{}: cannot be written: there is no such folder", path.display())]
-    #[diagnostic(code(wrong_use), help("name a file in a folder that exists with --out"))]
-    NoFolder {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The page could not be written.
-    #[error("{}: cannot be written", path.display())]
-    #[diagnostic(help("check that the folder exists and is writable, and that the disk has space"))]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    /// The page cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Output(#[from] OutputError),
     /// The file is not the table of a sweep.
     #[error("{}: cannot be shown as a table: {reason}", path.display())]
     #[diagnostic(code(wrong_use), help("name a log, a session folder, or the table that `biflag sweep` writes"))]
@@ -267,30 +256,23 @@ fn footer(view: &View) -> Markup {
 
 /// Checks that a page may be written there: nothing is there, or an older page.
 fn check(out: &Path) -> Result<(), ReportError> {
-    let refused = || ReportError::NotOurs { path: out.to_owned() };
     match std::fs::symlink_metadata(out) {
         Err(_) => Ok(()),
-        Ok(found) if !found.is_file() => Err(refused()),
-        Ok(_) => {
-            let mut head = Vec::new();
-            let file = std::fs::File::open(out).map_err(|_| refused())?;
-            file.take(400).read_to_end(&mut head).map_err(|_| refused())?;
-            let head = String::from_utf8_lossy(&head);
-            if head.contains(r#"<meta name="generator" content="biflag "#) { Ok(()) } else { Err(refused()) }
-        }
+        Ok(found) if found.is_file() && is_page(out).unwrap_or(false) => Ok(()),
+        Ok(_) => Err(ReportError::NotOurs { path: out.to_owned() }),
     }
+}
+
+fn is_page(path: &Path) -> std::io::Result<bool> {
+    let mut head = Vec::new();
+    std::fs::File::open(path)?.take(400).read_to_end(&mut head)?;
+    Ok(String::from_utf8_lossy(&head).contains(r#"<meta name="generator" content="biflag "#))
 }
 
 fn put(out: &Path, page: &Markup, trials: usize, warnings: usize) -> Result<Written, ReportError> {
     // Texts of plans and logs may hold anything.
     let text = printable(&page.0);
-    atomic_file::replace(out, |file| file.write_all(text.as_bytes())).map_err(|source| {
-        let path = out.to_owned();
-        match source.kind() {
-            ErrorKind::NotFound | ErrorKind::NotADirectory => ReportError::NoFolder { path },
-            _ => ReportError::Write { path, source },
-        }
-    })?;
+    output::replace(out, |file| file.write_all(text.as_bytes()))?;
     Ok(Written { html: out.to_owned(), bytes: text.len() as u64, trials, warnings })
 }
 

@@ -2,11 +2,12 @@
 
 use super::facts::files;
 use super::heat_map::{self, Map, Point};
-use super::text::{clip, count, number, plain, word};
+use super::text::{clip, count, number, plain};
 use super::trial_section::{answer, tile, warnings};
-use super::view::View;
+use super::view::{ModelRobot, View};
 use crate::attitude::tilt_deg;
 use crate::plan::Plan;
+use crate::text::word;
 use crate::twin::SessionComparison;
 use biflag_log::LinkStats;
 use maud::{Markup, html};
@@ -62,8 +63,8 @@ pub(super) fn overview(
             span { "session of " (count(rows.len(), "trial", "trials")) }
             @if !plan.operator.is_empty() { span { (clip(&plan.operator, 200)) } }
             span { "robot " (clip(&plan.robot.name, 200)) }
-            @if let Some(model) = first.and_then(|view| view.model_robot.as_ref()) {
-                span { "compared with the model of robot " (clip(&model.name, 200)) ", closure " (word(&model.closure)) }
+            @if let Some(ModelRobot { robot, model, .. }) = first.and_then(|view| view.model_robot.as_ref()) {
+                span { "compared with the model of robot " (clip(&robot.name, 200)) ", closure " (word(&model.closure)) }
             }
             span { (folder.display()) }
         }

@@ -111,7 +111,8 @@ fn other_files_are_not_replaced() {
     assert!(matches!(write(&path, Kind::Report, None, Vec::new(), None), Err(ReportError::NotOurs { .. })));
     assert!(!folder.path().join("elsewhere").exists());
     let nowhere = folder.path().join("no/such/folder.html");
-    assert!(matches!(write(&path, Kind::Report, None, Vec::new(), Some(&nowhere)), Err(ReportError::NoFolder { .. })));
+    let no_folder = write(&path, Kind::Report, None, Vec::new(), Some(&nowhere));
+    assert!(matches!(no_folder, Err(ReportError::Output(OutputError::Folder { .. }))));
 }
 
 /// Returns how many elements of a kind a page has.

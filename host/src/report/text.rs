@@ -1,6 +1,6 @@
 //! Numbers and texts as the page shows them.
 
-use crate::text::is_unprintable;
+use crate::text::{decimal, json_without};
 
 /// Degrees with so many decimals and a proper minus sign.
 pub(super) fn degrees(value: f64, decimals: usize) -> String {
@@ -12,10 +12,7 @@ pub(super) fn number(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return "–".to_owned();
     }
-    let text = format!("{:.decimals$}", value.abs());
-    // What rounds to zero has no sign.
-    let is_zero = text.bytes().all(|byte| matches!(byte, b'0' | b'.'));
-    if value < 0.0 && !is_zero { format!("−{text}") } else { text }
+    decimal(value, decimals).replace('-', "−")
 }
 
 /// A pair of speeds.
@@ -45,20 +42,7 @@ pub(super) fn clip(text: &str, most: usize) -> String {
 
 /// JSON for a `<script>` element, without any character that could end the element or begin another.
 pub(super) fn json_for_script(value: &serde_json::Value) -> String {
-    let mut text = String::new();
-    for c in value.to_string().chars() {
-        match c {
-            '<' | '>' | '&' | '\'' => text += &format!("\\u{:04x}", u32::from(c)),
-            c if is_unprintable(c) => text += &format!("\\u{:04x}", u32::from(c)),
-            _ => text.push(c),
-        }
-    }
-    text
-}
-
-/// A value's name in JSON, with spaces.
-pub(super) fn word(value: &impl serde::Serialize) -> String {
-    serde_json::to_value(value).ok().and_then(|name| Some(name.as_str()?.replace('_', " "))).unwrap_or_default()
+    json_without(value, &['<', '>', '&', '\''])
 }
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
 //! A trial on the page: its results, the view of the robot, its charts, its events and its provenance.
 
 use super::facts::facts;
-use super::text::{clip, count, degrees, number, speeds, word};
+use super::text::{clip, count, degrees, number, speeds};
 use super::view::{Steady, View};
-use crate::trial::Event;
+use crate::text::{origin, word};
 use biflag_log::schema::biflag::event::Kind;
-use biflag_log::{Identity, Origin, SteadyMeta};
+use biflag_log::{Identity, SteadyMeta};
 use maud::{Markup, html};
 
 /// The longest note that is shown.
@@ -76,14 +76,6 @@ fn about(view: &View, shared: bool) -> Markup {
             }
         }
         @if let Some(plan) = plan && !shared && !plan.note.is_empty() { p.note { (clip(&plan.note, LONGEST_NOTE)) } }
-    }
-}
-
-fn origin(origin: Origin) -> &'static str {
-    match origin {
-        Origin::Rig => "measured on the rig",
-        Origin::VirtualRig => "measured on the emulated board",
-        Origin::Model => "computed by the model",
     }
 }
 
@@ -385,7 +377,7 @@ fn chart(names: &[&str], title: &str, entries: &[Entry]) -> Markup {
 }
 
 fn events(view: &View) -> Markup {
-    let shown: Vec<&Event> = view.events.iter().collect();
+    let shown = &view.events;
     let bad = shown.iter().any(|event| matches!(event.kind, Kind::Fault | Kind::Warning));
     html! {
         @if !shown.is_empty() {
@@ -395,7 +387,7 @@ fn events(view: &View) -> Markup {
                     @for event in shown {
                         tr {
                             th { button.seek type="button" data-seek=(event.time_s) { (number(event.time_s, 2)) " s" } }
-                            td { (kind(event.kind)) }
+                            td { (format!("{:?}", event.kind).to_lowercase()) }
                             td { (clip(&event.text, 300)) }
                         }
                     }
@@ -403,18 +395,5 @@ fn events(view: &View) -> Markup {
                 @if view.more_events > 0 { p.meta { "and " (view.more_events) " more" } }
             }
         }
-    }
-}
-
-fn kind(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Note => "note",
-        Kind::Phase => "phase",
-        Kind::State => "state",
-        Kind::Fault => "fault",
-        Kind::Retry => "retry",
-        Kind::Calibration => "calibration",
-        Kind::Clock => "clock",
-        Kind::Warning => "warning",
     }
 }

@@ -6,12 +6,11 @@
 use super::budget::ByteBudget;
 use super::curves::Curves;
 use super::warnings::{Warning, warnings};
-use crate::trial::{Angles, Data, Event, Records, Zeroed};
+use crate::trial::{Angles, Data, Event, Records};
 use crate::twin::{Compared, Comparison};
 use biflag_log::schema::biflag::event::Kind;
-use biflag_log::{LinkStats, Origin};
+use biflag_log::{LinkStats, ModelMeta, Origin, ReplayMeta, RobotMeta};
 use serde_json::Value;
-use sim::body::closure::Closure;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -29,31 +28,18 @@ pub(super) struct Steady {
 /// The robot and the closure that the model's curves beside a trial were computed with.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct ModelRobot {
-    /// `published`, or the file's name.
-    pub name: String,
-    /// The file, with the comments that state its origin.
-    pub file: String,
-    /// Every parameter in force, as a robot's file.
-    pub parameters: String,
-    pub closure: Closure,
+    /// Its file, with the comments that state the origin of the parameters.
+    pub robot: RobotMeta,
+    pub model: ModelMeta,
     /// The log whose measured speeds drove the model, if it was a replay.
-    pub replay_of: Option<String>,
+    pub replay: Option<ReplayMeta>,
 }
 
 impl ModelRobot {
     /// From the metadata of the modelled log; `None` if no model computed it.
     pub fn new(records: &Records) -> Option<Self> {
-        if records.origin() != Origin::Model {
-            return None;
-        }
-        let (model, robot) = (records.model.clone()?, records.robot.clone().unwrap_or_default());
-        Some(Self {
-            name: robot.name,
-            file: robot.text,
-            parameters: model.parameters,
-            closure: model.closure,
-            replay_of: records.replay.as_ref().map(|replay| replay.source.clone()),
-        })
+        let model = records.model.clone().filter(|_| records.origin() == Origin::Model)?;
+        Some(Self { robot: records.robot.clone().unwrap_or_default(), model, replay: records.replay.clone() })
     }
 }
 
@@ -89,14 +75,7 @@ pub struct View {
 impl View {
     /// Fits a trial into `budget`, beside the trial that it is compared with.
     pub fn new(data: &Data, compared: Option<(&Compared, &Data)>, budget: ByteBudget) -> Self {
-        let own;
-        let zeroed = match compared {
-            Some((compared, _)) => &compared.measured,
-            None => {
-                own = Zeroed::new(data);
-                &own
-            }
-        };
+        let zeroed = Compared::measured_or_own(compared.map(|(compared, _)| compared), data);
         let other = compared.map(|(_, other)| other);
         let comparison = compared.map(|(compared, _)| &compared.comparison);
         let (trial, angles) = (data.trial(), zeroed.angles());
@@ -122,7 +101,7 @@ impl View {
             model_robot: other.and_then(|other| ModelRobot::new(&other.records)),
         };
         if budget.is_enough() {
-            (view.data, view.curves) = Curves::fit(data, zeroed, compared, budget);
+            (view.data, view.curves) = Curves::fit(data, &zeroed, compared, budget);
             view.data["own"] = view.own_name().into();
         }
         view

@@ -5,7 +5,7 @@ use super::compute::Outcome;
 use super::folder::{Folder, Points};
 use super::part::{PartWriter, Record};
 use super::point::Shard;
-use crate::progress::lock;
+use crate::lock::lock;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};

@@ -15,7 +15,7 @@ use std::path::Path;
 const MAX_EVENTS: usize = 2_000;
 
 /// The part of a trial that has been read or recorded so far.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Collector {
     want: Want,
     format: u32,
@@ -45,27 +45,7 @@ pub struct Collector {
 impl Collector {
     /// Creates an empty collector for a log of this format.
     pub fn new(want: Want, format: u32) -> Self {
-        Self {
-            want,
-            format,
-            readings: Vec::new(),
-            calibrated: 0,
-            motors: Columns::default(),
-            truth: Columns::default(),
-            forces: Columns::default(),
-            shapes: Shapes::new(want.shapes),
-            events: Vec::new(),
-            more_events: 0,
-            phases: Vec::new(),
-            link: LinkStats::default(),
-            link_seconds: Vec::new(),
-            counters: None,
-            ordered_s: None,
-            fault: None,
-            frames: 0,
-            temperature_sum: 0.0,
-            last_s: None,
-        }
+        Self { want, format, shapes: Shapes::new(want.shapes), ..Self::default() }
     }
 
     /// Adds a frame of telemetry.

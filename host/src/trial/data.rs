@@ -6,8 +6,8 @@ use crate::attitude::{Columns, Reading};
 use crate::plan::{PlanError, RobotFile, board, robot};
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
-    BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, LevelMeta, LinkStats, Loss, Meta, ModelMeta,
-    Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RobotMeta, SensorMeta, Start, SteadyMeta, Summary, TrialMeta,
+    BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, LevelMeta, LinkStats, Loss, ModelMeta, Origin,
+    PlanMeta, Reader, RecoveryMeta, ReplayMeta, RobotMeta, SensorMeta, Start, SteadyMeta, Summary, TrialMeta,
 };
 use protocol::Settings;
 use protocol::units::CentiRpm;
@@ -71,24 +71,21 @@ pub struct Records {
 impl Records {
     /// Returns the records that a reader has found so far.
     pub(super) fn of(reader: &Reader) -> Self {
-        fn get<M: Meta>(reader: &Reader) -> Option<M> {
-            reader.meta()
-        }
         Self {
-            identity: get(reader),
-            plan: get(reader),
-            trial: get(reader),
-            robot: get(reader),
-            board: get(reader),
-            model: get(reader),
-            sensor: get(reader),
-            steady: get(reader),
-            calibration: get(reader),
-            level: get(reader),
-            clock: get(reader),
-            recovery: get(reader),
-            replay: get(reader),
-            summary: get(reader),
+            identity: reader.meta(),
+            plan: reader.meta(),
+            trial: reader.meta(),
+            robot: reader.meta(),
+            board: reader.meta(),
+            model: reader.meta(),
+            sensor: reader.meta(),
+            steady: reader.meta(),
+            calibration: reader.meta(),
+            level: reader.meta(),
+            clock: reader.meta(),
+            recovery: reader.meta(),
+            replay: reader.meta(),
+            summary: reader.meta(),
         }
     }
 

@@ -14,8 +14,8 @@ pub struct Shape {
     pub lines: [Vec<[f64; 3]>; 2],
 }
 
-/// A series of at most `most` shapes. When it is full, every other shape is removed.
-#[derive(Clone, Debug)]
+/// A series of at most `most` shapes, by default none. When it is full, every other shape is removed.
+#[derive(Clone, Debug, Default)]
 pub struct Shapes {
     most: usize,
     least_s: f64,

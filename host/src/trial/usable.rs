@@ -21,13 +21,16 @@ pub struct Unusable {
 const NO_TRIAL: &str = "name the log of a trial run by `biflag record` or `biflag simulate`";
 const REPEAT: &str = "repeat the trial with `biflag record PLAN --resume`";
 
+fn unusable<T>(reason: impl Into<String>, help: &'static str) -> Result<T, Unusable> {
+    Err(Unusable { reason: reason.into(), help })
+}
+
 impl Data {
     /// Checks that the trial has a run with encoders. Returns warnings for the user.
     ///
     /// # Errors
     /// [`Unusable`].
     pub fn check(&self) -> Result<Vec<String>, Unusable> {
-        let unusable = |reason: &str, help| Err(Unusable { reason: reason.to_owned(), help });
         if self.records.trial.is_none() {
             return unusable("the record of its trial cannot be read", NO_TRIAL);
         }
@@ -40,8 +43,8 @@ impl Data {
             return unusable("its motors never ran", REPEAT);
         }
         if run.end - run.start < SHORTEST_RUN_S {
-            let reason = format!("its motors ran for only {:.1} s", (run.end - run.start).max(0.0));
-            return Err(Unusable { reason, help: REPEAT });
+            let ran_s = (run.end - run.start).max(0.0);
+            return unusable(format!("its motors ran for only {ran_s:.1} s"), REPEAT);
         }
         let mut warnings = Vec::new();
         let protocols = self.records.identity.as_ref().map(|identity| identity.protocol);
@@ -98,10 +101,8 @@ impl Data {
             let turns = &self.motors.values[4 + k];
             let turned = turns[last] - turns[first];
             if target.abs() > 0.5 && turns.iter().all(|value| *value == turns[first]) {
-                return Err(Unusable {
-                    reason: format!("the encoder of motor {} did not move at a target of {} rpm", k + 1, speed.rpm()),
-                    help: "check the motor and its encoder, then repeat the trial",
-                });
+                let reason = format!("the encoder of motor {} did not move at a target of {} rpm", k + 1, speed.rpm());
+                return unusable(reason, "check the motor and its encoder, then repeat the trial");
             }
             if (turned - target).abs() > 0.1 * target.abs().max(1.0) {
                 warnings.push(format!(

@@ -8,7 +8,7 @@
 
 use super::data::Data;
 use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Series, Track, rotation};
-use biflag_log::{LevelMeta, SteadyMeta, Summary};
+use biflag_log::{SteadyMeta, Summary};
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::units::{CentiRpm, LOW_PASS};
 use serde::Serialize;
@@ -197,7 +197,7 @@ impl Zeroed {
         {
             warnings.push(format!("the robot was not still before the run: its tilt changed by {strayed:.1} degrees"));
         }
-        let level = data.records.level.as_ref().filter(|level| level.used).map(level_of);
+        let level = level_of(data);
         let levelled_away = level.map_or([0.0; 2], |level| level.angles_deg());
         let turned_deg = series.turned_deg();
         let Columns { time_s, values: [mut yaw, pitch, roll] } = series.angles_deg;
@@ -364,7 +364,7 @@ fn levelled(data: &Data) -> Vec<(f64, Reading)> {
     let settings = data.settings();
     let delay_s = settings.map_or(0.0, |settings| LOW_PASS[usize::from(settings.low_pass).min(LOW_PASS.len() - 1)].1);
     let mut readings = data.readings[data.calibrated..].to_vec();
-    if let Some(level) = data.records.level.as_ref().filter(|level| level.used).map(level_of) {
+    if let Some(level) = level_of(data) {
         let run_s = data.phases.iter().find(|(name, _)| name == "run").map_or(f64::INFINITY, |(_, start)| *start);
         let mut leveller = Leveller::new(&level, settings.unwrap_or_default().attitude_kp.into());
         for (time, reading) in &mut readings {
@@ -380,8 +380,10 @@ fn levelled(data: &Data) -> Vec<(f64, Reading)> {
     readings
 }
 
-fn level_of(meta: &LevelMeta) -> Level {
-    Level { up: Vector3::from(meta.up), force_g: meta.force_g }
+/// Returns the level that is removed from the attitude, if there is one.
+fn level_of(data: &Data) -> Option<Level> {
+    let level = data.records.level.as_ref().filter(|level| level.used)?;
+    Some(Level { up: Vector3::from(level.up), force_g: level.force_g })
 }
 
 /// Returns the mean attitude over a range of time. The attitudes must be within a few degrees of each other.

@@ -9,6 +9,7 @@ use super::{TwinError, shift};
 use crate::trial::{Data, Steady, Unusable, Zeroed};
 use serde::Serialize;
 use sim::accuracy::ModelError;
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 /// Shortest common time of two runs that can be compared, s.
@@ -157,6 +158,13 @@ pub struct Compared {
     pub measured: Zeroed,
     /// Both attitudes over time, 20 points per second, from the still phase to the end of their common time.
     pub points: Vec<Point>,
+}
+
+impl Compared {
+    /// Returns the attitude of a trial: the measured one of its comparison, if there is one.
+    pub(crate) fn measured_or_own<'a>(compared: Option<&'a Self>, data: &Data) -> Cow<'a, Zeroed> {
+        compared.map_or_else(|| Cow::Owned(Zeroed::new(data)), |compared| Cow::Borrowed(&compared.measured))
+    }
 }
 
 /// Compares a trial with another one, which is modelled or measured.

@@ -54,17 +54,6 @@ pub enum TwinError {
         /// How to fix it.
         help: &'static str,
     },
-    /// A file could not be read or written.
-    #[error("{}: {what}", path.display())]
-    #[diagnostic(help("check that the path exists, and that it is readable and writable"))]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// The operation that failed.
-        what: &'static str,
-        /// Why.
-        source: std::io::Error,
-    },
     /// A log cannot be read.
     #[error(transparent)]
     #[diagnostic(transparent)]

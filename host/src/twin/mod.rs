@@ -17,6 +17,6 @@ mod speeds;
 
 pub use compare::{Compared, Comparison, Finding, OnMismatch, Point, SessionComparison, Skipped, compare};
 pub use error::TwinError;
-pub use replay::{Replayed, Replays, Settings, replay};
-pub use session::{Pairs, compare_pairs, sum_up};
-pub use source::Source;
+pub use replay::{REPLAY_HZ, Replayed, Replays, Settings, replay};
+pub use session::{Pairs, compare_pairs};
+pub use source::{Source, logs};

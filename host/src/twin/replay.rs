@@ -18,8 +18,10 @@ use sim::params::Robot;
 use sim::phase::Ratio;
 use sim::trial::Options;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
+
+/// Sampling rate of replays to compare with. The fastest wobble takes half a second.
+pub const REPLAY_HZ: f64 = 20.0;
 
 /// Settings of a replay.
 #[derive(Clone, Debug)]
@@ -89,7 +91,8 @@ impl<T> Replays<T> {
 /// One trial of a source.
 enum Outcome<T> {
     Replayed(Box<Replayed>, T),
-    Skipped(Skipped, TwinError),
+    /// The name of the trial, and why it was skipped.
+    Skipped(String, TwinError),
     Interrupted,
 }
 
@@ -117,19 +120,13 @@ pub fn replay<T: Send>(
     let total_s = source.logs.iter().map(|(trial, _)| trial.phases.total_s()).sum();
     let progress = if settings.quiet { Progress::quiet() } else { Progress::new(total_s) };
     progress.phase(&crate::text::count(source.logs.len(), "replay"), &format!("{} at a time", settings.jobs));
-    let progress = Mutex::new(progress);
     let batch = Batch::new(session, &progress, interrupted);
     let one = |(trial, path): &(Trial, PathBuf)| {
-        let skip = |error: TwinError| {
-            Ok(Outcome::Skipped(Skipped { name: trial.name.clone(), reason: error.to_string() }, error))
-        };
-        let data = match Data::read(path, Want { hash: true, ..want }) {
-            Ok(data) => data,
-            Err(error) => return skip(error.into()),
-        };
-        let Prepared { model, course, warnings, needs_phase } = match prepare(trial, &data, &robot, settings) {
+        let data = Data::read(path, Want { hash: true, ..want }).map_err(TwinError::from);
+        let prepared = data.and_then(|data| Ok((prepare(trial, &data, &robot, settings)?, data)));
+        let (Prepared { model, course, warnings, needs_phase }, data) = match prepared {
             Ok(prepared) => prepared,
-            Err(error) => return skip(error),
+            Err(error) => return Ok(Outcome::Skipped(trial.name.clone(), error)),
         };
         let replayed = |log, result, wall_s| Replayed {
             trial: trial.clone(),
@@ -156,13 +153,13 @@ pub fn replay<T: Send>(
     };
     let outcomes: Result<Vec<_>, TwinError> =
         pool(settings.jobs)?.install(|| source.logs.iter().par_bridge().map(one).collect());
-    crate::progress::lock(&progress).finish();
+    progress.finish();
     let mut replays = Replays { trials: Vec::new(), skipped: source.skipped.clone(), interrupted: false };
     for outcome in outcomes? {
         match outcome {
             Outcome::Replayed(replayed, made) => replays.trials.push((*replayed, made)),
             Outcome::Skipped(_, error) if source.logs.len() == 1 => return Err(error),
-            Outcome::Skipped(skipped, _) => replays.skipped.push(skipped),
+            Outcome::Skipped(name, error) => replays.skipped.push(Skipped { name, reason: error.to_string() }),
             Outcome::Interrupted => replays.interrupted = true,
         }
     }

@@ -1,7 +1,7 @@
 //! Compares sessions trial by trial, in parallel, with a few trials in memory at a time.
 
 use super::replay::pool;
-use super::{Compared, Comparison, OnMismatch, SessionComparison, Skipped, Source, TwinError, compare};
+use super::{Compared, Comparison, OnMismatch, Replays, SessionComparison, Skipped, Source, TwinError, compare};
 use crate::plan::Trial;
 use crate::text;
 use crate::trial::{Data, Want};
@@ -95,11 +95,26 @@ pub fn compare_pairs<T: Send>(
 /// The comparison of a trial, with the caller's result for it.
 type Named<T> = (String, Result<(Comparison, T), TwinError>);
 
+impl<T> Replays<Result<(Comparison, T), TwinError>> {
+    /// Summarises the comparisons of recordings with these replays, between the paths of both.
+    ///
+    /// # Errors
+    /// [`TwinError`] if no trial could be compared, or if the first reason applies to all trials.
+    pub fn sum_up(self, paths: [&Path; 2], on_mismatch: OnMismatch) -> Result<(SessionComparison, Vec<T>), TwinError> {
+        let (mut results, mut skipped) = (Vec::new(), self.skipped);
+        for (replayed, compared) in self.trials {
+            let name = replayed.trial.name;
+            match replayed.result {
+                Ok(_) => results.push((name, compared)),
+                Err(reason) => skipped.push(Skipped { name, reason: format!("the solver failed: {reason}") }),
+            }
+        }
+        sum_up(paths, results, skipped, on_mismatch)
+    }
+}
+
 /// Summarises the comparisons of a session.
-///
-/// # Errors
-/// [`TwinError`] if no trial could be compared, or if the first reason applies to all trials.
-pub fn sum_up<T>(
+fn sum_up<T>(
     [a, b]: [&Path; 2],
     results: Vec<Named<T>>,
     mut skipped: Vec<Skipped>,

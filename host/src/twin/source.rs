@@ -6,6 +6,18 @@ use crate::session::{MANIFEST, Session};
 use biflag_log::{PlanMeta, Reader, TrialMeta};
 use std::path::{Path, PathBuf};
 
+/// Returns the logs of a session folder, or the log itself.
+///
+/// # Errors
+/// [`TwinError::Session`].
+pub fn logs(path: &Path) -> Result<Vec<PathBuf>, TwinError> {
+    if path.is_dir() {
+        Ok(Source::session(path)?.logs.into_iter().map(|(_, log)| log).collect())
+    } else {
+        Ok(vec![path.to_owned()])
+    }
+}
+
 /// The logs of a session, or one log.
 #[derive(Clone, Debug)]
 pub struct Source {

@@ -10,6 +10,7 @@ use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{Image, VirtualNano, commit_text, fault_log, in_repository, preflight, source_folder};
 use miette::Diagnostic;
 use serde::Serialize;
+use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::Command;
@@ -46,11 +47,6 @@ struct Check {
     ok: bool,
     detail: String,
     cure: String,
-}
-
-#[derive(Debug, Default, Serialize)]
-struct Report {
-    checks: Vec<Check>,
 }
 
 /// What was found, or the problem and its fix.
@@ -102,7 +98,7 @@ fn answer(checks: Vec<Check>, on_problem: Outcome) -> miette::Result<Answer> {
         }
     }
     let outcome = if checks.iter().all(|check| check.ok) { Outcome::Done } else { on_problem };
-    Answer::new(outcome, &Report { checks }, text)
+    Answer::new(outcome, &json!({ "checks": checks }), text)
 }
 
 fn check(name: String, finding: Finding) -> Check {

@@ -1,7 +1,8 @@
 //! `biflag doctor --motors`: the self-test of motors and encoders, and the settings that follow from it.
 
-use super::{Args, Check, Report, answer, board, check};
-use crate::commands::{Answer, Outcome, say, settings, virtual_board};
+use super::{Args, Check, answer, board, check};
+use crate::colour;
+use crate::commands::{Answer, Outcome, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::plan::{BoardSettings, PUBLISHED};
 use crate::run::rig::board_copy::BoardCopies;
@@ -9,6 +10,7 @@ use crate::run::rig::self_test::{self, Board, Drive, Finding, MotorTest};
 use crate::run::rig::{GLITCHES_ALLOWED, RecordError, fault_cure, fault_text, preflight};
 use crate::signals::interruption;
 use protocol::{Command, MAX_DRIVE_MS, Settings};
+use serde_json::json;
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -49,7 +51,7 @@ pub(super) fn run(args: &Args) -> miette::Result<Answer> {
     let copies = if nano.is_some() { None } else { BoardCopies::of_user() };
     match test(args, &port, copies.as_ref(), &interrupted) {
         Err(RecordError::Interrupted) | Err(RecordError::Link(LinkError::Interrupted)) => {
-            Answer::new(Outcome::Interrupted, &Report::default(), "interrupted")
+            Answer::new(Outcome::Interrupted, &json!({ "checks": [] }), "interrupted")
         }
         Err(RecordError::Faulted(fault)) => {
             Err(miette::miette!(help = fault_cure(fault), "the board stopped the test: {}", fault_text(fault)))
@@ -82,7 +84,7 @@ fn test(
     let settings = settings::read(&link)?;
     preflight::supply(&link, interrupted)?;
     let mut board = Board { link: &link, interrupted };
-    let mut tests = self_test::run(&mut board, &settings, |what| say(&format!("{what}\n")))?;
+    let mut tests = self_test::run(&mut board, &settings, |what| colour::eprint(&format!("{what}\n")))?;
     let mut wanted = settings;
     let mut assumed = false;
     for (motor, test) in tests.iter_mut().enumerate() {
@@ -216,7 +218,7 @@ fn watch(board: &mut Board, motor: usize, test: &MotorTest) -> Result<Option<boo
     }
     let duty = test.moving_setting().unwrap_or(SHOWN_DUTY).max(SHOWN_DUTY);
     loop {
-        say(&format!("Watch flagellum {} from above: it turns for two seconds.\n", motor + 1));
+        colour::eprint(&format!("Watch flagellum {} from above: it turns for two seconds.\n", motor + 1));
         board.drive(motor, duty.into(), MAX_DRIVE_MS)?;
         match ask("Did it turn counter-clockwise? y, n, or r to see it again", board.interrupted)?.as_str() {
             "y" | "yes" => return Ok(Some(true)),
@@ -269,7 +271,7 @@ fn is_interactive() -> bool {
 
 /// Asks the user and returns the answer in small letters. Motors are off.
 fn ask(question: &str, interrupted: &AtomicBool) -> Result<String, RecordError> {
-    say(&format!("{question}: "));
+    colour::eprint(&format!("{question}: "));
     let (sender, answers) = channel();
     // A signal does not end the reading of a line, so another thread waits for it.
     std::thread::spawn(move || {

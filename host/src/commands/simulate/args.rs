@@ -1,7 +1,8 @@
 //! The arguments of `biflag simulate`.
 
-use super::super::options::{ClosureName, MethodName, Shard, pair, shard};
+use super::super::options::{ClosureName, MethodName, pair, shard};
 use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
+use crate::sweep::Shard;
 use protocol::units::CentiRpm;
 use std::path::PathBuf;
 
@@ -29,13 +30,13 @@ pub struct Args {
     pub from: Option<PathBuf>,
     /// Speeds of flagella 1 and 2 in rpm instead of a plan; write `--speeds=-90,90` if the first is negative.
     #[arg(long, value_name = "W1,W2", value_parser = speeds, allow_hyphen_values = true, requires = "duration")]
-    pub speeds: Option<Speeds>,
+    pub speeds: Option<[CentiRpm; 2]>,
     /// Duration of the run at these speeds, in seconds.
     #[arg(long, value_name = "S", value_parser = duration, requires = "speeds")]
     pub duration: Option<f64>,
     /// Angles of motors 1 and 2 at the start of the run at these speeds, in degrees, such as `0,90`; by default 0,0.
     #[arg(long, value_name = "DEG,DEG", value_parser = phase, allow_hyphen_values = true, requires = "speeds")]
-    pub phase: Option<StartAngles>,
+    pub phase: Option<[f64; 2]>,
     /// `trial` simulates each trial; `steady` solves for its final motion, about three times faster if that motion
     /// repeats.
     ///
@@ -74,28 +75,21 @@ pub struct Args {
     pub resume: bool,
 }
 
-#[derive(Clone, Copy, Debug)]
-pub struct Speeds(pub [CentiRpm; 2]);
-
-fn speeds(text: &str) -> Result<Speeds, String> {
+fn speeds(text: &str) -> Result<[CentiRpm; 2], String> {
     let one = |text: &str| {
         let rpm: f64 = text.parse().map_err(|_| format!("{text:?} is not a speed"))?;
         plan::board_speed(rpm).map_err(|(what, cure)| format!("{what}; {cure}"))
     };
-    pair(text, "give two speeds in rpm, such as 50,10", one).map(Speeds)
+    pair(text, "give two speeds in rpm, such as 50,10", one)
 }
 
-/// Starting angles of both motors, degrees.
-#[derive(Clone, Copy, Debug)]
-pub struct StartAngles(pub [f64; 2]);
-
-fn phase(text: &str) -> Result<StartAngles, String> {
+fn phase(text: &str) -> Result<[f64; 2], String> {
     let form = "give two angles from -360 to 360 degrees, such as 0,90";
     let one = |text: &str| match text.parse() {
         Ok(deg) if (-360.0..=360.0).contains(&deg) => Ok(deg),
         _ => Err(form.to_owned()),
     };
-    pair(text, form, one).map(StartAngles)
+    pair(text, form, one)
 }
 
 fn duration(text: &str) -> Result<f64, String> {

@@ -10,6 +10,7 @@ use sim::contact::bundling::Bundling;
 use sim::periodic::Kind;
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 #[derive(Debug, Serialize)]
 pub struct Simulated {
@@ -20,6 +21,12 @@ pub struct Simulated {
     pub trials: Vec<Row>,
     /// What the values do not say by themselves.
     pub notes: Vec<String>,
+}
+
+/// Returns the ratio of simulated to wall time since `begun`, and its text; none if nothing was simulated.
+pub fn real_time(begun: Instant, simulated_s: f64) -> (Option<f64>, String) {
+    let factor = (simulated_s > 0.0).then(|| simulated_s / begun.elapsed().as_secs_f64());
+    (factor, factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time")))
 }
 
 /// A trial, or all trials at a pair of speeds that start at different phases.

@@ -1,23 +1,23 @@
 //! `biflag simulate PLAN`: simulates the trials of a plan, or one pair of speeds.
 
-use super::super::options::{Shard, cores};
+use super::super::options::cores;
 use super::super::{Answer, Outcome, WRONG_USE};
-use super::args::{Args, Speeds, StartAngles};
-use super::output::{Row, Simulated, SimulatedTrial};
+use super::args::Args;
+use super::output::{Row, Simulated, SimulatedTrial, real_time};
 use crate::plan::robot;
 use crate::plan::{Plan, Trial};
 use crate::program;
-use crate::progress::{Progress, lock};
+use crate::progress::Progress;
 use crate::run::model::{Batch, Course, Job, Model, ModelError, note_on_phases};
 use crate::session::{self, Session, SessionError, Sharing};
 use crate::signals::interruption;
+use crate::sweep::Shard;
 use crate::text;
-use biflag_log::{Identity, Method, ModelMeta, Origin};
+use biflag_log::{Identity, Method, ModelMeta, Origin, last_meta};
 use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
 use sim::trial::Options;
 use std::path::Path;
-use std::sync::Mutex;
 use std::time::Instant;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
@@ -27,7 +27,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let options = Options { rate_hz: args.rate, shapes: args.shapes };
     let model = Model::of_plan(&plan, args.closure.map_or(Closure::Full, Closure::from), options)?;
     let mine: Vec<&Trial> = match args.shard {
-        Some(Shard { first, of }) => plan.trials.iter().skip(first).step_by(of).collect(),
+        Some(Shard { index, of }) => plan.trials.iter().skip(index as usize).step_by(of as usize).collect(),
         None => plan.trials.iter().collect(),
     };
     let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
@@ -47,17 +47,15 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
     let count = todo.len();
     progress.phase(&text::count(count, "trial"), &format!("{jobs} at a time"));
-    let progress = Mutex::new(progress);
     let work = |trial| Ok(Job { trial, course: Course::planned(trial)?, model: &model, plan: session.plan() });
     let work: Vec<_> = todo.into_iter().map(work).collect::<Result<_, ModelError>>()?;
     let batch = Batch::new(&session, &progress, &interrupted);
     let runs = batch.run(&work, jobs, &|run| SimulatedTrial::from(run).to_string());
-    lock(&progress).finish();
+    progress.finish();
     let runs = runs?;
 
-    let wall_s = begun.elapsed().as_secs_f64();
     let simulated_s: f64 = runs.iter().filter_map(|run| Some(run.result.as_ref().ok()?.simulated_s)).sum();
-    let real_time_factor = (simulated_s > 0.0).then(|| simulated_s / wall_s);
+    let (real_time_factor, speed) = real_time(begun, simulated_s);
     let done = runs.len();
     trials.extend(runs.iter().map(SimulatedTrial::from));
     trials.sort_by(|a, b| a.name.cmp(&b.name));
@@ -70,7 +68,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     } else {
         Outcome::Done
     };
-    let speed = real_time_factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time"));
     let rest = if done < count { "; interrupted, continue with --resume" } else { "" };
     let trials = Row::of(session.plan(), trials);
     let means = trials.iter().filter_map(Row::mean);
@@ -90,9 +87,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 fn plan(args: &Args) -> miette::Result<Plan> {
     let mut plan = match (&args.plan, args.speeds, args.duration) {
         (Some(path), ..) => Plan::load(path)?,
-        (None, Some(Speeds(speeds)), Some(run)) => {
+        (None, Some(speeds), Some(run)) => {
             let [w1, w2] = speeds.map(CentiRpm::rpm);
-            let (phase, suffix) = args.phase.map_or_else(Default::default, |StartAngles([one, two])| {
+            let (phase, suffix) = args.phase.map_or_else(Default::default, |[one, two]| {
                 (format!("phase_deg = [{one}, {two}]\n"), format!("_p{one}_{two}"))
             });
             let text = format!(
@@ -139,35 +136,28 @@ fn open(folder: &Path, plan: &Plan, mine: &[&Trial], args: &Args) -> miette::Res
 
 /// Returns a trial that was computed by an earlier run of the same model.
 fn computed_before(trial: &Trial, log: &Path, model: &Model) -> miette::Result<SimulatedTrial> {
-    let help = "name another folder with --out, or continue as the session began";
-    if !biflag_log::last_meta::<Identity>(log)?.is_some_and(|identity| program::wrote(&identity)) {
-        let what = "by another version of biflag";
-        return Err(miette::miette!(code = WRONG_USE, help = help, "{}: computed {what}", log.display()));
+    let differs = |how: &str| {
+        let help = "name another folder with --out, or continue as the session began";
+        Err(miette::miette!(code = WRONG_USE, help = help, "{}: {how}", log.display()))
+    };
+    if !last_meta::<Identity>(log)?.is_some_and(|identity| program::wrote(&identity)) {
+        return differs("computed by another version of biflag");
     }
-    match biflag_log::last_meta::<ModelMeta>(log)? {
-        Some(meta) if meta == *model.meta() => {}
-        Some(meta) => {
-            let what = difference(&meta, model.meta());
-            return Err(miette::miette!(code = WRONG_USE, help = help, "{}: computed with {what}", log.display()));
+    match last_meta::<ModelMeta>(log)? {
+        Some(meta) if meta == *model.meta() => {
+            Ok(SimulatedTrial { steady: last_meta(log)?, ..SimulatedTrial::new(trial, log) })
         }
-        None => {
-            return Err(miette::miette!(
-                code = WRONG_USE,
-                help = help,
-                "{}: was not computed by the model",
-                log.display()
-            ));
-        }
+        Some(meta) => differs(&format!("computed with {}", difference(&meta, model.meta()))),
+        None => differs("was not computed by the model"),
     }
-    Ok(SimulatedTrial { steady: biflag_log::last_meta(log)?, ..SimulatedTrial::new(trial, log) })
 }
 
 /// Describes the difference between the model of a log and the current one.
 fn difference(then: &ModelMeta, now: &ModelMeta) -> String {
     if then.closure != now.closure {
-        format!("the closure {}", format!("{:?}", then.closure).to_lowercase())
+        format!("the closure {}", text::word(&then.closure))
     } else if then.method != now.method {
-        format!("the method {}", format!("{:?}", then.method).to_lowercase())
+        format!("the method {}", text::word(&then.method))
     } else if then.rate_hz != now.rate_hz {
         format!("{} samples per second", then.rate_hz)
     } else if then.shapes != now.shapes {

@@ -3,7 +3,7 @@
 use super::super::options::cores;
 use super::super::{Answer, Outcome};
 use super::args::Args;
-use super::output::{Row, Simulated, SimulatedTrial};
+use super::output::{Row, Simulated, SimulatedTrial, real_time};
 use crate::plan::robot;
 use crate::session::{Session, Sharing};
 use crate::signals::interruption;
@@ -59,25 +59,22 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     let line = |run: &_| SimulatedTrial::from(run).to_string();
     let replays = twin::replay(&source, &session, &settings, Want::default(), &interrupted, &line, &|_, _| ())?;
 
-    let wall_s = begun.elapsed().as_secs_f64();
-    let computed = replays.trials.iter().map(|(trial, ())| trial).filter(|trial| trial.wall_s.is_some());
+    let replayed = || replays.trials.iter().map(|(trial, ())| trial);
+    let computed = replayed().filter(|trial| trial.wall_s.is_some());
     let simulated_s: f64 = computed.clone().filter_map(|trial| Some(trial.result.as_ref().ok()?.simulated_s)).sum();
-    let real_time_factor = (simulated_s > 0.0).then(|| simulated_s / wall_s);
+    let (real_time_factor, speed) = real_time(begun, simulated_s);
     let settled = |trial: &Replayed| trial.result.as_ref().is_ok_and(|steady| steady.settled);
-    let outcome = if replays.trials.iter().any(|(trial, ())| trial.result.is_err()) {
+    let outcome = if replayed().any(|trial| trial.result.is_err()) {
         Outcome::Failed
     } else if replays.interrupted {
         Outcome::Interrupted
-    } else if !replays.skipped.is_empty()
-        || replays.trials.iter().any(|(trial, ())| !trial.warnings.is_empty() || !settled(trial))
-    {
+    } else if !replays.skipped.is_empty() || replayed().any(|trial| !trial.warnings.is_empty() || !settled(trial)) {
         Outcome::WithLoss
     } else {
         Outcome::Done
     };
     let rest = if replays.interrupted { "; interrupted, continue with --resume" } else { "" };
     let count = computed.count();
-    let speed = real_time_factor.map_or(String::new(), |factor| format!(", {factor:.0} times real time"));
     let mut lines = format!("session {}: {} replayed{speed}{rest}", folder.display(), text::count(count, "trial"));
     lines += &warning_lines(&replays);
     let notes: Vec<_> = replays.note_on_phases().into_iter().collect();
@@ -90,9 +87,9 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
             ..SimulatedTrial::new(&trial.trial, &trial.log)
         })
     };
-    let trials = replays.trials.iter().map(|(trial, ())| row(trial)).collect();
+    let trials = replayed().map(row).collect();
     let simulated = Simulated { session: folder, real_time_factor, trials, notes };
-    let warned = replays.trials.iter().map(|(trial, ())| trial).filter(|trial| !trial.warnings.is_empty());
+    let warned = replayed().filter(|trial| !trial.warnings.is_empty());
     let warnings =
         warned.map(|trial| Warnings { name: trial.trial.name.clone(), warnings: trial.warnings.clone() }).collect();
     Answer::new(outcome, &ReplayedSession { simulated, skipped: replays.skipped, warnings }, lines)

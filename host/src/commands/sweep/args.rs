@@ -1,7 +1,7 @@
 //! The arguments of `biflag sweep`.
 
-use super::super::options::{Shard, shard};
-use crate::sweep::EXAMPLE;
+use super::super::options::shard;
+use crate::sweep::{EXAMPLE, Shard};
 use std::path::PathBuf;
 
 /// Compute a table of steady states over speeds, robot parameters and dimensionless groups.

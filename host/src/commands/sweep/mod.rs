@@ -36,7 +36,7 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
     let plan = SweepPlan::load(plan)?;
     let path = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let folder = Folder::of_plan(&path, plan)?;
-    let shard = args.shard.map_or(Shard::ALL, |shard| Shard { index: shard.first as u64, of: shard.of as u64 });
+    let shard = args.shard.unwrap_or(Shard::ALL);
     let before = folder.counts(shard)?;
     if before.done.count() > 0 && !args.resume {
         return Err(SweepError::Exists { folder: path }.into());
@@ -73,8 +73,8 @@ fn merge(path: &Path) -> miette::Result<Answer> {
             .push(format!("{points} computed twice with different results, as on different processors: one is kept"));
     }
     let swept = Swept {
-        table: Some(sweep::parquet_path(path)),
-        csv: Some(sweep::csv_path(path)),
+        table: Some(shown(&sweep::parquet_path(path))),
+        csv: Some(shown(&sweep::csv_path(path))),
         points,
         done: merged.done,
         missing: points - merged.done,
@@ -88,14 +88,18 @@ fn status(path: &Path) -> miette::Result<Answer> {
     let folder = Folder::open(path)?;
     let counts = folder.counts(Shard::ALL)?;
     let (points, done) = (folder.sweep.plan.points(), counts.done.count());
-    let table = Some(sweep::parquet_path(path)).filter(|table| table.exists());
-    let csv = Some(sweep::csv_path(path)).filter(|table| table.exists());
+    let [table, csv] =
+        [sweep::parquet_path(path), sweep::csv_path(path)].map(|file| file.exists().then(|| shown(&file)));
     let warnings = counts.damaged.iter().map(|part| damaged(part)).collect();
     let missing = points - done;
     let swept = Swept { table, csv, points, done, missing, failed: counts.failed, warnings };
     let time_left_s = if missing == 0 { Some(0.0) } else { counts.rate.map(|rate| missing as f64 / rate) };
     let status = Status { swept, time_left_s };
     Answer::new(Outcome::Done, &status, status.text(path))
+}
+
+fn shown(path: &Path) -> String {
+    path.display().to_string()
 }
 
 fn damaged(part: &Path) -> String {

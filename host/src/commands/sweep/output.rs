@@ -2,17 +2,15 @@
 
 use super::super::{Answer, Outcome};
 use crate::text::count;
-use serde::{Serialize, Serializer};
-use std::path::{Path, PathBuf};
+use serde::Serialize;
+use std::path::Path;
 
 #[derive(Debug, Serialize)]
 pub struct Swept {
     /// The table as Parquet; `null` where it was not written, as by a shard.
-    #[serde(serialize_with = "optional_path")]
-    pub table: Option<PathBuf>,
+    pub table: Option<String>,
     /// The table as CSV.
-    #[serde(serialize_with = "optional_path")]
-    pub csv: Option<PathBuf>,
+    pub csv: Option<String>,
     /// Number of points of the plan, or of the shard.
     pub points: u64,
     /// How many of them have a result, failed ones too.
@@ -30,13 +28,6 @@ pub struct Status {
     pub time_left_s: Option<f64>,
 }
 
-fn optional_path<S: Serializer>(path: &Option<PathBuf>, serializer: S) -> Result<S::Ok, S::Error> {
-    match path {
-        Some(path) => crate::text::path(path, serializer),
-        None => serializer.serialize_none(),
-    }
-}
-
 impl Swept {
     pub fn answer(&self, folder: &Path) -> miette::Result<Answer> {
         let is_whole = self.missing == 0 && self.failed == 0 && self.warnings.is_empty();
@@ -52,7 +43,7 @@ impl Swept {
             }
         }
         if let Some(table) = &self.table {
-            text += &format!("; table {}", table.display());
+            text += &format!("; table {table}");
         }
         self.warnings.iter().for_each(|warning| text += &format!("\nwarning: {warning}"));
         text

@@ -1,6 +1,7 @@
 //! The progress of a sweep on stderr.
 
-use crate::progress::{Progress, lock};
+use crate::lock::lock;
+use crate::progress::Progress;
 use crate::sweep::{Counts, Record};
 use crate::text::count;
 use std::sync::Mutex;
@@ -13,7 +14,7 @@ const INTERVAL: Duration = Duration::from_secs(5);
 pub struct Counter {
     name: String,
     points: u64,
-    progress: Mutex<Progress>,
+    progress: Progress,
     counted: Mutex<Counted>,
 }
 
@@ -29,7 +30,7 @@ impl Counter {
     /// Starts with the points that were done `before`.
     pub fn new(name: &str, points: u64, before: &Counts) -> Self {
         let (done, failed) = (before.done.count(), before.failed);
-        let progress = Mutex::new(Progress::new((points - done) as f64));
+        let progress = Progress::new((points - done) as f64);
         let counted = Mutex::new(Counted { done, failed, before: done, shown: Instant::now() });
         let counter = Self { name: name.to_owned(), points, progress, counted };
         counter.show(done, failed);
@@ -41,7 +42,7 @@ impl Counter {
         let mut counted = lock(&self.counted);
         counted.done += 1;
         counted.failed += u64::from(record.outcome.is_failed());
-        lock(&self.progress).within((counted.done - counted.before) as f64);
+        self.progress.within((counted.done - counted.before) as f64);
         if counted.shown.elapsed() > INTERVAL {
             counted.shown = Instant::now();
             self.show(counted.done, counted.failed);
@@ -51,12 +52,12 @@ impl Counter {
     fn show(&self, done: u64, failed: u64) {
         let failures = if failed > 0 { format!(", {failed} failed") } else { String::new() };
         let state = format!("{done} of {}{failures}", count(self.points as usize, "point"));
-        lock(&self.progress).phase(&self.name, &state);
+        self.progress.phase(&self.name, &state);
     }
 
     /// Removes the bar; returns the points done and failed, with those from before.
     pub fn finish(self) -> (u64, u64) {
-        lock(&self.progress).finish();
+        self.progress.finish();
         let counted = self.counted.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
         (counted.done, counted.failed)
     }

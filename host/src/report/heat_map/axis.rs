@@ -1,6 +1,7 @@
 //! The axis of a map: the nodes of a grid, or a range of speeds.
 
 use super::Point;
+use crate::ticks;
 use protocol::units::CentiRpm;
 
 /// The most cells along an axis: more are too small to see.
@@ -60,14 +61,7 @@ impl Axis {
                 let zero = (0..count).find(|i| node(*i).abs() < 1e-6).unwrap_or(0);
                 (0..count).filter(|i| i % every == zero % every).map(node).collect()
             }
-            Self::Range { from_rpm, to_rpm } => {
-                let least = spacing / length * (to_rpm - from_rpm);
-                let decade = 10_f64.powf(least.log10().floor());
-                let step = [1.0, 2.0, 5.0].map(|k| k * decade).into_iter().find(|step| *step >= least);
-                let step = step.unwrap_or(10.0 * decade);
-                let first = (from_rpm / step).ceil() as i64;
-                (first..).map(|i| i as f64 * step).take_while(|speed| *speed <= to_rpm).collect()
-            }
+            Self::Range { from_rpm, to_rpm } => ticks::round(from_rpm, to_rpm, spacing / length * (to_rpm - from_rpm)),
         }
     }
 }

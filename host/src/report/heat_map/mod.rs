@@ -146,8 +146,8 @@ impl Plot {
     /// The outlines of all cells, or the frame of a map of dots with the lines of its ticks.
     fn background(&self) -> Markup {
         let mut lines = String::new();
+        let (right, bottom) = (self.right(), self.bottom);
         if let Some([width, height]) = self.cell() {
-            let (right, bottom) = (self.right(), self.bottom);
             let mut x = LEFT;
             while x < right + 0.5 * width {
                 lines += &format!("M{} {}V{}", short(x), short(TOP), short(bottom));
@@ -159,7 +159,6 @@ impl Plot {
                 y += height;
             }
         } else {
-            let (right, bottom) = (self.right(), self.bottom);
             lines += &format!("M{LEFT} {TOP}H{right}V{}H{LEFT}Z", short(bottom));
             for speed in self.across.ticks(right - LEFT, 34.0) {
                 lines += &format!("M{} {TOP}V{}", short(self.x(speed)), short(bottom));

@@ -2,13 +2,12 @@
 
 use super::{Course, Model, ModelError, trial};
 use crate::plan::{Plan, Trial};
-use crate::progress::{Progress, lock};
+use crate::progress::Progress;
 use crate::session::{Session, UNFINISHED};
 use biflag_log::SteadyMeta;
 use biflag_log::atomic_file::sync_folder_of;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -29,7 +28,7 @@ pub struct Batch<'a> {
     /// The session that the logs are written to.
     session: &'a Session,
     /// Shows the simulated time of all trials together.
-    progress: &'a Mutex<Progress>,
+    progress: &'a Progress,
     /// Set when the user interrupts the program.
     interrupted: &'a AtomicBool,
     simulated_ms: AtomicU64,
@@ -50,7 +49,7 @@ pub struct ModelRun {
 
 impl<'a> Batch<'a> {
     /// Creates a batch without computing anything.
-    pub fn new(session: &'a Session, progress: &'a Mutex<Progress>, interrupted: &'a AtomicBool) -> Self {
+    pub fn new(session: &'a Session, progress: &'a Progress, interrupted: &'a AtomicBool) -> Self {
         Self { session, progress, interrupted, simulated_ms: AtomicU64::new(0) }
     }
 
@@ -99,7 +98,7 @@ impl<'a> Batch<'a> {
             Ok(_) | Err(ModelError::Step { .. }) => {
                 put_in_place(&unfinished, &log)?;
                 let run = ModelRun { trial: trial.clone(), log, wall_s: begun.elapsed().as_secs_f64(), result };
-                lock(self.progress).line(&line(&run));
+                self.progress.line(&line(&run));
                 Ok(run)
             }
             Err(error) => {
@@ -116,7 +115,7 @@ impl<'a> Batch<'a> {
 
     fn advance(&self, passed_ms: u64) {
         let all_ms = self.simulated_ms.fetch_add(passed_ms, Ordering::Relaxed) + passed_ms;
-        lock(self.progress).within(all_ms as f64 * 1e-3);
+        self.progress.within(all_ms as f64 * 1e-3);
     }
 }
 

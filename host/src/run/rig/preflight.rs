@@ -101,8 +101,7 @@ pub enum PreflightError {
     /// The board's clock or this computer's is wrong.
     #[error("the board's clock runs {:+.1} % against this computer's", *.drift_ppm * 1e-4)]
     #[diagnostic(help(
-        "close programs that load this computer; if it stays so, the board's resonator is defective: use another board; \
-         then continue with --resume"
+        "close programs that load this computer; if it stays so, the board's resonator is defective: use another board"
     ))]
     ClockDrift {
         /// [`ClockMeta::drift_ppm`].

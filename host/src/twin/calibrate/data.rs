@@ -1,8 +1,7 @@
 //! A trial prepared for a fit: means of yaw, pitch and roll over short blocks, and the speeds that drive the model.
 
 use super::super::{TwinError, speeds};
-use crate::plan::PlanError;
-use crate::trial::{Data, Unusable, Zeroed};
+use crate::trial::{Data, Unusable, Want, Zeroed};
 use biflag_log::Origin;
 use nalgebra::{DMatrix, DVector, Dyn, linalg::Cholesky};
 use protocol::units::CentiRpm;
@@ -11,7 +10,7 @@ use sim::params::Robot;
 use sim::phase::Ratio;
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Length of the blocks, s. Yaw and pitch change over seconds, and a block is most of a turn of a slow motor.
 pub(super) const BLOCK_S: f64 = 0.5;
@@ -46,7 +45,7 @@ pub struct FitTrial {
     /// Whether it measured a real robot.
     pub(super) is_real: bool,
     /// Its robot and the closure of its model.
-    pub(super) robot: Result<Robot, PlanError>,
+    pub(super) robot: Result<Robot, TwinError>,
     pub(super) closure: Option<Closure>,
     /// The ratio of the speeds, if it is simple: the phase of the flagella matters.
     pub(super) ratio: Option<Ratio>,
@@ -70,6 +69,14 @@ pub struct FitTrial {
 }
 
 impl FitTrial {
+    /// Reads the log of a trial and prepares it.
+    ///
+    /// # Errors
+    /// [`TwinError::Log`], and those of [`Self::new`].
+    pub fn read(log: &Path) -> Result<Self, TwinError> {
+        Self::new(&Data::read(log, Want { hash: true, ..Want::default() })?)
+    }
+
     /// Prepares a trial.
     ///
     /// # Errors
@@ -106,7 +113,7 @@ impl FitTrial {
             askew_deg: [zeroed.zero_deg[1], zeroed.zero_deg[2]],
             warnings,
             is_real: data.is_real(),
-            robot: data.robot(),
+            robot: data.robot().map_err(|source| TwinError::robot(data, source)),
             closure: data.records.model.as_ref().map(|model| model.closure),
             ratio: Ratio::of(data.speeds().map(CentiRpm::rpm)),
             is_of_rig: data.origin() == Origin::Rig,

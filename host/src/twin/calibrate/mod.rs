@@ -40,6 +40,7 @@ use sim::accuracy::ModelError;
 use sim::body::closure::Closure;
 use sim::params::Robot;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use uncertainty::Response;
 
 /// Relative change of the parameters below which the fit has converged: a fraction of a standard error.
@@ -174,8 +175,6 @@ fn fit(
         return Err(failed("there are no trials", "name the logs of one or more trials"));
     };
     let first_robot = std::mem::replace(&mut first.robot, Ok(Robot::default()));
-    let first_robot =
-        first_robot.map_err(|source| TwinError::Robot { path: first.path.clone(), source: Box::new(source) });
     let first_closure = first.closure;
     let mut warnings: Vec<String> =
         trials.iter().flat_map(|trial| trial.warnings.iter().map(|text| format!("{}: {text}", trial.name))).collect();
@@ -197,9 +196,9 @@ fn fit(
         ));
     }
 
-    let simulations = std::sync::atomic::AtomicUsize::new(0);
-    let simulated = |count: usize| {
-        simulations.fetch_add(count, std::sync::atomic::Ordering::Relaxed);
+    let simulations = AtomicUsize::new(0);
+    let simulated = || {
+        simulations.fetch_add(1, Ordering::Relaxed);
         progress()
     };
     let mut requested = request.parameters.clone();
@@ -214,15 +213,14 @@ fn fit(
     let parameters = phase::with_both(&requested, &trials)?;
     let parameters = parameters.as_slice();
     let whiteners = whiteners(&trials, [Correlated::guess(); 3])?;
-    let unmoved = || vec![0.0; parameters.len()];
     let given = (trials.as_slice(), &start, closure);
-    let problem = Problem::new(given, parameters, &whiteners, &simulated, unmoved());
+    let problem = Problem::new(given, parameters, &whiteners, &simulated);
     let Some(errors_before) = problem.errors() else {
         return Err(failed("the solver fails with the initial parameters", "start from another robot with --robot"));
     };
     let near = phase::nearest(&problem);
     let problem = match &near {
-        Some(near) => Problem::new((&trials, near, closure), parameters, &whiteners, &simulated, unmoved()),
+        Some(near) => Problem::new((&trials, near, closure), parameters, &whiteners, &simulated),
         None => problem,
     };
     let fitted_from = near.as_ref().unwrap_or(&start);

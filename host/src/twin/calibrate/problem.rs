@@ -33,7 +33,7 @@ pub(super) struct Problem<'a> {
     pub parameters: &'a [Parameter],
     pub whiteners: &'a [[Whitener; 3]],
     /// Called after each simulation of a trial; with `false`, no more are made.
-    pub simulated: &'a (dyn Fn(usize) -> bool + Sync),
+    pub simulated: &'a (dyn Fn() -> bool + Sync),
     moved: Vec<f64>,
     /// The model's blocks of the trials; `None` if the solver failed.
     modelled: Option<Vec<Blocks>>,
@@ -44,9 +44,9 @@ impl<'a> Problem<'a> {
         (trials, start, closure): (&'a [FitTrial], &'a Robot, Closure),
         parameters: &'a [Parameter],
         whiteners: &'a [[Whitener; 3]],
-        simulated: &'a (dyn Fn(usize) -> bool + Sync),
-        moved: Vec<f64>,
+        simulated: &'a (dyn Fn() -> bool + Sync),
     ) -> Self {
+        let moved = vec![0.0; parameters.len()];
         let mut problem = Self { trials, start, closure, parameters, whiteners, simulated, moved, modelled: None };
         problem.modelled = problem.model(problem.start, &problem.moved);
         problem
@@ -69,27 +69,15 @@ impl<'a> Problem<'a> {
     /// Returns the errors of each trial, modelled minus measured, degrees.
     pub fn errors(&self) -> Option<Vec<Blocks>> {
         let modelled = self.mounted(self.modelled.as_ref()?, &self.moved);
-        Some(
-            modelled
-                .into_iter()
-                .zip(self.trials)
-                .map(|(blocks, trial)| {
-                    [0, 1, 2].map(|k| blocks[k].iter().zip(&trial.measured[k]).map(|(a, b)| a - b).collect())
-                })
-                .collect(),
-        )
+        Some(modelled.iter().zip(self.trials).map(|(blocks, trial)| difference(blocks, &trial.measured)).collect())
     }
 
     /// Returns the sum of the squared residuals of one trial with another robot; infinite if the solver fails.
     pub fn misfit(&self, trial: usize, robot: &Robot) -> f64 {
-        let FitTrial { measured, .. } = &self.trials[trial];
-        let modelled = self.trials[trial].modelled(robot, self.closure);
-        let goes_on = (self.simulated)(1);
-        let Some(modelled) = modelled.filter(|_| goes_on) else { return f64::INFINITY };
-        let square = |k: usize| -> f64 {
-            let errors: Vec<f64> = modelled[k].iter().zip(&measured[k]).map(|(a, b)| a - b).collect();
-            self.whiteners[trial][k].whiten(&errors).iter().map(|error| error * error).sum()
-        };
+        let Some(modelled) = self.simulate(&self.trials[trial], robot) else { return f64::INFINITY };
+        let errors = difference(&modelled, &self.trials[trial].measured);
+        let square =
+            |k: usize| -> f64 { self.whiteners[trial][k].whiten(&errors[k]).iter().map(|error| error * error).sum() };
         (0..3).map(square).sum()
     }
 
@@ -98,12 +86,13 @@ impl<'a> Problem<'a> {
             return None;
         }
         let robot = self.robot(start, moved);
-        let one = |trial: &FitTrial| {
-            let blocks = trial.modelled(&robot, self.closure);
-            let goes_on = (self.simulated)(1);
-            blocks.filter(|_| goes_on)
-        };
-        self.trials.par_iter().map(one).collect()
+        self.trials.par_iter().map(|trial| self.simulate(trial, &robot)).collect()
+    }
+
+    fn simulate(&self, trial: &FitTrial, robot: &Robot) -> Option<Blocks> {
+        let blocks = trial.modelled(robot, self.closure);
+        let goes_on = (self.simulated)();
+        blocks.filter(|_| goes_on)
     }
 
     /// Returns the attitude measured by a sensor that is rotated about the vertical in the body.
@@ -123,6 +112,11 @@ impl<'a> Problem<'a> {
         });
         DVector::from_vec(values.collect())
     }
+}
+
+/// Returns the errors of a trial, modelled minus measured, degrees.
+fn difference(modelled: &Blocks, measured: &Blocks) -> Blocks {
+    [0, 1, 2].map(|k| modelled[k].iter().zip(&measured[k]).map(|(a, b)| a - b).collect())
 }
 
 /// Returns the blocks of a sensor that is rotated by `yaw` (rad) about z in the body.
