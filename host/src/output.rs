@@ -1,6 +1,6 @@
-//! A file that a command writes. It is complete or not there at all, and what prevents it is one error in all commands.
+//! Files that commands write: each is written whole or not at all.
 
-use biflag_log::atomic_file::{self, Draft};
+use biflag_log::atomic_file::{self, Draft, folder_of};
 use miette::Diagnostic;
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind};
@@ -17,7 +17,7 @@ pub enum OutputError {
         /// The file.
         path: PathBuf,
     },
-    /// The folder of the file does not exist or takes no files.
+    /// The path does not name a file, or its folder does not exist or is not writable.
     #[error("{}: cannot be written: {reason}", path.display())]
     #[diagnostic(code(wrong_use), help("name a file in a folder that exists and is writable"))]
     Folder {
@@ -38,30 +38,40 @@ pub enum OutputError {
 }
 
 impl OutputError {
-    fn new(path: &Path, source: io::Error) -> Self {
+    /// Returns why the file at `path` is not written.
+    pub fn new(path: &Path, source: io::Error) -> Self {
         let path = path.to_owned();
         match source.kind() {
             ErrorKind::AlreadyExists => Self::Exists { path },
-            ErrorKind::NotFound | ErrorKind::NotADirectory => {
+            ErrorKind::NotFound | ErrorKind::NotADirectory if !folder_of(&path).is_dir() => {
                 Self::Folder { path, reason: "there is no such folder".to_owned() }
+            }
+            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+                Self::Folder { path, reason: source.to_string() }
             }
             _ => Self::Write { path, source },
         }
     }
 }
 
+/// Refuses a path that cannot become a file.
+fn check_name(path: &Path) -> Result<(), OutputError> {
+    let is_folder = path.as_os_str().as_encoded_bytes().ends_with(b"/") || path.file_name().is_none() || path.is_dir();
+    let refused = || OutputError::Folder { path: path.to_owned(), reason: "it is not the name of a file".to_owned() };
+    if is_folder { Err(refused()) } else { Ok(()) }
+}
+
 /// Checks that a new file can be written, before work that may take an hour.
 ///
 /// # Errors
-/// [`OutputError::Exists`], [`OutputError::Folder`].
+/// [`OutputError`].
 pub fn check_new(path: &Path) -> Result<(), OutputError> {
-    if path.exists() {
+    check_name(path)?;
+    // A link to nothing is in the way, too.
+    if path.symlink_metadata().is_ok() {
         return Err(OutputError::Exists { path: path.to_owned() });
     }
-    Draft::create(path).map(drop).map_err(|source| match OutputError::new(path, source) {
-        OutputError::Write { path, source } => OutputError::Folder { path, reason: source.to_string() },
-        other => other,
-    })
+    Draft::create(path).map(drop).map_err(|source| OutputError::new(path, source))
 }
 
 /// Writes a text to a file that must not exist.
@@ -69,6 +79,7 @@ pub fn check_new(path: &Path) -> Result<(), OutputError> {
 /// # Errors
 /// [`OutputError`].
 pub fn write_new(path: &Path, text: &str) -> Result<(), OutputError> {
+    check_name(path)?;
     atomic_file::create(path, text).map_err(|source| OutputError::new(path, source))
 }
 
@@ -77,5 +88,30 @@ pub fn write_new(path: &Path, text: &str) -> Result<(), OutputError> {
 /// # Errors
 /// [`OutputError`]; an older file is unchanged then.
 pub fn replace(path: &Path, content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), OutputError> {
+    check_name(path)?;
     atomic_file::replace(path, content).map_err(|source| OutputError::new(path, source))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_cannot_be_written_is_refused_before_the_work() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("old"), "").unwrap();
+        std::os::unix::fs::symlink(at("nothing"), at("link")).unwrap();
+        std::fs::create_dir(at("folder")).unwrap();
+        for name in ["old", "link"] {
+            assert!(matches!(check_new(&at(name)), Err(OutputError::Exists { .. })), "{name}");
+        }
+        for path in [PathBuf::new(), at("new/"), at("folder"), at("folder/.."), at("missing/new")] {
+            for result in [check_new(&path), write_new(&path, ""), replace(&path, |_| Ok(()))] {
+                assert!(matches!(result, Err(OutputError::Folder { .. })), "{path:?}: {result:?}");
+            }
+        }
+        check_new(&at("new")).unwrap();
+        assert!(!at("new").exists());
+    }
 }

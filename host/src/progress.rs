@@ -6,7 +6,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
-/// Progress in seconds of all trials. Threads may share it.
+/// Progress of a command, in seconds of its trials or in another unit. Threads may share it.
 #[derive(Debug)]
 pub struct Progress {
     bar: ProgressBar,

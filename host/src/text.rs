@@ -73,8 +73,8 @@ pub fn line(text: &str) -> String {
 pub fn json_without(value: &serde_json::Value, characters: &[char]) -> String {
     let mut text = String::new();
     for c in value.to_string().chars() {
-        // All of them have four hexadecimal digits.
         let is_unwanted = is_unprintable(c) || characters.contains(&c);
+        // Four hexadecimal digits are enough for all of them.
         if is_unwanted { text += &format!("\\u{:04x}", u32::from(c)) } else { text.push(c) }
     }
     text

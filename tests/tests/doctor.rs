@@ -195,13 +195,13 @@ fn preflight_refuses_and_resume_continues() {
     record(&["the accelerometer reads 1.", " g at rest instead of 1 g"]);
     nano.control("fault clear").unwrap();
     nano.control("fault spin=3000").unwrap();
-    record(&["the sensor was at the end of its range in "]);
+    record(&["calibration 3 begins", "the sensor was at the end of its range in "]);
     nano.control("fault clear").unwrap();
     nano.control("fault scale=3").unwrap();
     let done = bench.run(["record", &plan, "--resume", "--port", &port, "--json"]).expect_code(0).json();
     assert!(done["trials"].as_array().unwrap().iter().all(|trial| trial["complete"] == true), "{done}");
-    // Two refused attempts have a log that says why; the third is whole.
-    assert_eq!(logs(&session).len(), 4);
+    // The refused attempts have a log that says why: one for the acceleration, three for the range. Two trials are whole.
+    assert_eq!(logs(&session).len(), 6);
 }
 
 /// A robot that still swings from the trial before is calibrated again when it has come to rest.

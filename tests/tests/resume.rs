@@ -36,9 +36,9 @@ fn expect_complete(run: &Run, trials: usize) {
 #[test]
 fn session_has_one_writer_and_resumes_after_a_kill() {
     let bench = Bench::new();
-    // Long enough for the two commands that are refused.
+    // Long enough for the two commands that are refused, on a busy machine too.
     let plan = bench.file("plan.toml", &plan(0.0, 10.0));
-    let [mut first, second] = [nano(["--speed", "2"]), nano(["--speed", "4"])];
+    let [mut first, second] = [nano(["--speed", "1"]), nano(["--speed", "4"])];
     let port = first.port().to_owned();
     let recording = bench.start(record(&plan, &port, &[]));
     wait_for_logs(&bench.path().join("session"), 1);

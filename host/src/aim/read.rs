@@ -10,7 +10,7 @@ use std::path::Path;
 /// The map of the robot `physical`; its first lines say which command wrote it.
 const SHIPPED: &str = include_str!("map.csv");
 
-/// Columns of a sweep's robots that follow from the others, which alone say how far two robots are apart.
+/// Columns of a sweep's robots that follow from other columns. They do not count in the distance of two robots.
 const DERIVED: [&str; 2] = ["contour_length_m", "bend_nm2"];
 
 /// Robots whose distances differ by less than this are the same, except for rounding.

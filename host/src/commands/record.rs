@@ -8,7 +8,6 @@ use crate::plan::{EXAMPLE, Plan, Trial, robot};
 use crate::progress::Progress;
 use crate::run;
 use crate::run::rig::board_copy::BoardCopies;
-use crate::run::rig::preflight::PreflightError;
 use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, preflight};
 use crate::session::{self, Session, Sharing};
 use crate::signals::interruption;
@@ -26,7 +25,7 @@ use std::sync::atomic::Ordering;
 use std::time::SystemTime;
 use tempfile::{NamedTempFile, TempPath};
 
-/// How often the gyroscope is calibrated for a trial before the session ends because the robot moves.
+/// The most attempts to calibrate the gyroscope for a trial. After them, a robot that still moves ends the session.
 const CALIBRATIONS: usize = 3;
 
 /// Run the trials of a plan on the rig and write a log of each.
@@ -192,9 +191,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             }
         };
         progress.end_trial(trial.phases.total_s());
-        let mut row = RecordedTrial::new(trial, path, &run.summary);
-        row.turned_deg = run.angles.map(|angles| angles.turned_deg);
-        (row.warnings, row.notes) = (run.warnings, run.notes);
+        let mut row = RecordedTrial::of_run(trial, path, &run);
         if let (Some(turn), Some(turned_deg)) = (plan.hand_turn, row.turned_deg) {
             let (verdict, agrees) = turn.verdict(turned_deg);
             row.hand_turn = Some(verdict);
@@ -226,7 +223,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 }
 
 /// Runs a trial and writes its log. A robot that moves during the calibration has two more attempts to come to rest,
-/// because a session of many hours should not end with one push of the table. Each attempt has a log.
+/// because a session of many hours should not end with one push of the table. Each attempt has a log and a line.
 fn run_trial(
     context: &mut RunContext,
     session: &Session,
@@ -238,13 +235,21 @@ fn run_trial(
     let mut calibrations = 1;
     loop {
         context.tap = live.map(Live::tap);
-        let (path, run) = run_attempt(context, session, trial, plan, origin)?;
-        let moved = matches!(run.error, Some(RecordError::Preflight(PreflightError::Moved)));
-        if !moved || calibrations == CALIBRATIONS {
+        let (path, mut run) = run_attempt(context, session, trial, plan, origin)?;
+        let refused = match &run.error {
+            Some(RecordError::Preflight(refused)) if refused.may_pass_at_rest() => refused.to_string(),
+            _ => return Ok((path, run)),
+        };
+        if calibrations == CALIBRATIONS {
+            return Ok((path, run));
+        }
+        if context.interrupted.load(Ordering::Relaxed) {
+            run.error = Some(RecordError::Interrupted);
             return Ok((path, run));
         }
         calibrations += 1;
-        context.progress.line(&format!("{}: {}; calibration {calibrations} begins", trial.name, PreflightError::Moved));
+        context.progress.line(&RecordedTrial::of_run(trial, path, &run).to_string());
+        context.progress.line(&format!("{}: {refused}; calibration {calibrations} begins", trial.name));
     }
 }
 
@@ -323,6 +328,16 @@ fn temporary(text: &str) -> miette::Result<TempPath> {
 }
 
 impl RecordedTrial {
+    /// Returns the row of a trial of this run.
+    fn of_run(trial: &Trial, log: PathBuf, run: &RigRun) -> Self {
+        Self {
+            turned_deg: run.angles.as_ref().map(|angles| angles.turned_deg),
+            warnings: run.warnings.clone(),
+            notes: run.notes.clone(),
+            ..Self::new(trial, log, &run.summary)
+        }
+    }
+
     fn new(trial: &Trial, log: PathBuf, summary: &Summary) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
         Self {

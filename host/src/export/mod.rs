@@ -115,7 +115,7 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
         let path = output.to_owned();
         match source.kind() {
             ErrorKind::AlreadyExists | ErrorKind::NotADirectory => ExportError::Exists { path },
-            _ => OutputError::Write { path, source }.into(),
+            _ => OutputError::new(&path, source).into(),
         }
     })?;
     let table = output.join(format!("trials.{}", format.extension()));

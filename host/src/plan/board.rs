@@ -205,7 +205,7 @@ fn set<T: Copy>(setting: &mut T, value: Option<T>) {
     }
 }
 
-/// Sets a number that must be within a range, also where it keeps its value.
+/// Sets a number if there is a value for it. The range is checked even if the number stays.
 fn set_within<T: Into<f64> + Copy + Display + LowerExp + PartialOrd>(
     key: &'static str,
     setting: &mut T,

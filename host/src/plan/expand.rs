@@ -64,8 +64,8 @@ impl Start {
 
 /// Returns the trials in the order in which they run.
 pub(super) fn expand(list: &TrialList, source: &Source) -> Result<Vec<Trial>, PlanError> {
-    let trials_a_pair = (list.repeats as usize).saturating_mul(list.start.count());
-    let pairs = pairs(list.speeds, trials_a_pair, list.reverse, source)?;
+    let trials_per_pair = (list.repeats as usize).saturating_mul(list.start.count());
+    let pairs = pairs(list.speeds, trials_per_pair, list.reverse, source)?;
     let mut order: Vec<([CentiRpm; 2], u32)> =
         (1..=list.repeats).flat_map(|repeat| pairs.iter().map(move |speeds| (*speeds, repeat))).collect();
     if let Some(seed) = list.seed {
@@ -90,10 +90,11 @@ pub(super) fn expand(list: &TrialList, source: &Source) -> Result<Vec<Trial>, Pl
     Ok(trials)
 }
 
-/// Returns every pair of speeds of a table once, in the order of the file, each for this number of trials.
+/// Returns every pair of speeds of a table once, in the order of the file. `trials_per_pair` counts towards the limit of
+/// trials.
 pub(crate) fn pairs(
     speeds: Option<&Spanned<SpeedsTable>>,
-    trials_a_pair: usize,
+    trials_per_pair: usize,
     reverse: Option<Reverse>,
     source: &Source,
 ) -> Result<Vec<[CentiRpm; 2]>, PlanError> {
@@ -124,7 +125,7 @@ pub(crate) fn pairs(
         let cure = "give speeds, such as [speeds] pairs = [[50, 10]]";
         return Err(source.error(speeds.span(), "the plan has no trials", cure));
     }
-    let count = pairs.len().saturating_mul(trials_a_pair);
+    let count = pairs.len().saturating_mul(trials_per_pair);
     if count > MAX_TRIALS {
         return Err(too_many(count, speeds.span(), source));
     }

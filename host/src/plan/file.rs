@@ -115,10 +115,7 @@ impl Plan {
         let method = method(&file.trial, &source)?;
         let session = file.session;
 
-        if let Some(name) = session.name.as_ref().filter(|name| name.get_ref().trim().is_empty()) {
-            let cure = "give it a name, or leave the key out";
-            return Err(source.error(name.span(), "the name of the session is empty", cure));
-        }
+        let name = source.session_name(session.name, "session")?;
         if let Some(robot) = session.robot.as_ref().filter(|robot| robot.get_ref().is_empty()) {
             let cure = "give \"physical\", \"published\", or the path of a robot file";
             return Err(source.error(robot.span(), "the name of the robot is empty", cure));
@@ -130,7 +127,7 @@ impl Plan {
 
         let list = TrialList { speeds: file.speeds.as_ref(), repeats, seed, phases, reverse, start };
         Ok(Self {
-            name: session.name.map_or("session".to_owned(), |name| name.get_ref().trim().to_owned()),
+            name,
             operator: session.operator,
             note: session.note,
             robot: RobotFile::built_in(session.robot.as_ref().map_or(PHYSICAL, |robot| robot.get_ref())),

@@ -96,6 +96,18 @@ impl Source<'_> {
         })
     }
 
+    /// Returns the name of a session or sweep, without the space about it.
+    pub fn session_name(&self, name: Option<Spanned<String>>, default: &str) -> Result<String, PlanError> {
+        match name {
+            None => Ok(default.to_owned()),
+            Some(name) if name.get_ref().trim().is_empty() => {
+                let cure = "give it a name, or leave the key out";
+                Err(self.error(name.span(), "the name of the session is empty", cure))
+            }
+            Some(name) => Ok(name.get_ref().trim().to_owned()),
+        }
+    }
+
     /// Returns an error at `span`.
     pub fn error(&self, span: Range<usize>, what: impl Into<String>, cure: impl Into<String>) -> PlanError {
         let before = &self.text[..self.text.floor_char_boundary(span.start)];
@@ -109,7 +121,7 @@ impl Source<'_> {
         self.error(span, format!("{key} cannot be {value}"), (self.kind.help)(key).unwrap_or_default())
     }
 
-    /// Returns what `convert` makes of a value, and the error that `key` cannot have this value if it makes nothing.
+    /// Converts the value of a key that may be missing. It is out of range where `convert` returns `None`.
     pub fn checked<T: Display, U>(
         &self,
         value: &Option<Spanned<T>>,

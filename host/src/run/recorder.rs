@@ -6,10 +6,9 @@ use crate::plan::RobotFile;
 use crate::run::rig::preflight::AtRest;
 use crate::trial::{Angles, Collector, Records, Want, Zeroed};
 use biflag_log::schema::biflag::Quaternion;
-use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
     CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, ModelMeta, Origin, Start, Summary, Tap, Writer,
-    event, sample,
+    sample,
 };
 use nalgebra::UnitQuaternion;
 use protocol::units::{Count, STANDARD_GRAVITY_MPS2};
@@ -145,7 +144,7 @@ impl Recorder {
     /// [`LogError::Write`].
     pub fn event(&mut self, kind: EventKind, text: &str, host: SystemTime) -> Result<(), LogError> {
         let time_s = self.log.time_s();
-        self.collect(|collector| collector.event(time_s, event(kind, text).kind(), text));
+        self.collect(|collector| collector.event(time_s, kind, text));
         self.log.event(kind, text, host)
     }
 
@@ -176,7 +175,7 @@ impl Recorder {
     pub fn calibration(&mut self, calibration: &Calibration, host: SystemTime) -> Result<(), LogError> {
         self.converter.calibrate(calibration);
         let time_s = self.log.time_s();
-        self.collect(|collector| collector.event(time_s, Kind::Calibration, ""));
+        self.collect(|collector| collector.event(time_s, EventKind::Calibration, ""));
         self.log.calibration(calibration, host)
     }
 

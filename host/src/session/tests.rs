@@ -197,7 +197,7 @@ fn invalid_session_folders_are_rejected() {
 }
 
 #[test]
-fn default_folder_name_is_safe() {
+fn folder_named_after_a_plan_is_safe() {
     for (name, expected) in [
         ("../../etc/passwd", "etc-passwd"),
         ("/", "session"),

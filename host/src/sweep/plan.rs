@@ -140,9 +140,7 @@ impl SweepPlan {
         let source = Source { kind: &KIND, text, name };
         let file: SweepFile = source.read()?;
         let session = file.session;
-        if let Some(name) = session.name.as_ref().filter(|name| name.get_ref().trim().is_empty()) {
-            return Err(source.error(name.span(), "the name of the session is empty", "give it a name"));
-        }
+        let session_name = source.session_name(session.name, "sweep")?;
         let robot_file = robot(session.robot.as_ref().map_or(PHYSICAL, |robot| robot.get_ref()))?;
         let run_s = run_s(&file.trial, &source)?;
         let phases = count_of_phases(&file.trial.phases, &source)?.unwrap_or(1);
@@ -160,7 +158,7 @@ impl SweepPlan {
             }
         };
         let plan = Self {
-            name: session.name.map_or("sweep".to_owned(), |name| name.into_inner().trim().to_owned()),
+            name: session_name,
             robot: robot_file,
             run_s,
             method: file.trial.method.map_or(Method::Steady, Spanned::into_inner),

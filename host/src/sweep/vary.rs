@@ -151,7 +151,7 @@ fn axis(
     Ok(Axis { key, values })
 }
 
-/// Returns the value of a key in the unchanged robot: of a group as a multiple; `None` for a speed.
+/// Returns the value of a key in the unchanged robot: of a group as a multiple; NaN for a speed.
 fn own_value(key: &Key, robot: &Robot, robot_value: &Value) -> f64 {
     match key {
         Key::Robot(name) => key::number(robot_value, name).unwrap_or(f64::NAN),

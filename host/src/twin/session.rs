@@ -96,7 +96,7 @@ pub fn compare_pairs<T: Send>(
 type Named<T> = (String, Result<(Comparison, T), TwinError>);
 
 impl<T> Replays<Result<(Comparison, T), TwinError>> {
-    /// Summarises the comparisons of recordings with these replays, between the paths of both.
+    /// Summarises comparisons of recordings with these replays. `paths`: the sessions of both.
     ///
     /// # Errors
     /// [`TwinError`] if no trial could be compared, or if the first reason applies to all trials.

@@ -114,7 +114,8 @@ class Aimed:
         is written beside the plan.
 
         Raises:
-            Error: There is no solution, or the file exists or cannot be written.
+            ParameterError: The file exists, or its folder does not exist or is not writable.
+            Error: There is no solution, or the file cannot be written.
         """
         self._answer.save_plan(path)
 

@@ -209,6 +209,13 @@ pub fn at_rest(
     }
 }
 
+impl PreflightError {
+    /// Returns whether a push or a swing may be the cause: the same robot passes when it is at rest.
+    pub fn may_pass_at_rest(&self) -> bool {
+        matches!(self, Self::Moved | Self::Clipped { .. })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

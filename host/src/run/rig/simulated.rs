@@ -1,12 +1,12 @@
 //! The simulated robot behind the emulated board, whose unrounded state is recorded with the board's telemetry.
 
 use super::RecordError;
+use super::recorder::TICK_US;
 use super::virtual_nano::{TruthSample, VirtualError, VirtualNano};
 use crate::plan::Plan;
 use crate::run::Recorder;
 use biflag_log::{Method, ModelMeta, SensorMeta};
 use miette::{IntoDiagnostic, WrapErr};
-use protocol::TICK_HZ;
 use sim::body::closure::Closure;
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -17,9 +17,6 @@ const RATE_HZ: f64 = 50.0;
 
 /// Interval at which samples are fetched. A killed recording loses this much more of the ground truth.
 const INTERVAL: Duration = Duration::from_millis(50);
-
-/// Length of the board's tick, µs.
-const TICK_US: u32 = 1_000_000 / TICK_HZ as u32;
 
 /// An emulated board with a simulated robot behind it.
 #[derive(Debug)]
@@ -70,7 +67,7 @@ impl<'a> TruthRecorder<'a> {
             self.ask()?;
         }
         let shapes = self.ahead.iter().filter(|sample| sample.sample.shapes_m.is_some());
-        Ok(shapes.filter_map(|sample| sample.board_us).any(|sample_us| since_tick(sample_us) < TICK_US))
+        Ok(shapes.filter_map(|sample| sample.board_us).any(|sample_us| u64::from(since_tick(sample_us)) < TICK_US))
     }
 
     /// Records the samples up to `until_us` of the board's clock in a trial that began at `begun_us`. Fetches more

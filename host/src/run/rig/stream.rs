@@ -24,7 +24,7 @@ pub(super) fn next_frame(link: &Link, interrupted: &AtomicBool) -> Result<Teleme
     }
 }
 
-/// Ends the telemetry and discards what has come: it is not of the next trial.
+/// Ends the telemetry and discards what has already arrived.
 ///
 /// # Errors
 /// As [`Link::command`].
