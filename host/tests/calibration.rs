@@ -117,7 +117,8 @@ impl Hidden {
                 ..biflag::Telemetry::default()
             });
         }
-        let trial = TrialMeta { w1_rpm: speeds[0], w2_rpm: speeds[1], ..TrialMeta::default() };
+        let [w1_rpm, w2_rpm] = speeds;
+        let trial = TrialMeta { w1_rpm, w2_rpm, calibrate_s: PHASES.calibrate, ..TrialMeta::default() };
         let records = Records { trial: Some(trial), ..Records::default() };
         collector.finish(format!("{speeds:?}").as_ref(), records)
     }

@@ -3,6 +3,8 @@
 use host::attitude::{Columns, Drift, Reading, Series};
 use std::path::Path;
 
+/// Duration of the calibration, whose noise does not reach the yaw of an upright robot, s.
+const CALIBRATE_S: f64 = 5.0;
 const PREROLL_S: f64 = 20.0;
 const RUN_S: f64 = 120.0;
 const DECAY_S: f64 = 30.0;
@@ -60,9 +62,9 @@ fn over_all_windows(Recorded { yaw, temperature_c }: &Recorded, motion: impl Fn(
             let attitude = [half.cos(), 0.0, 0.0, half.sin()];
             trial.push(*time, &Reading { attitude, temperature_c: temperature_c[i], ..Reading::default() });
         }
-        let drift = Drift::estimate(&trial, start..run, stop..end).unwrap();
+        let drift = Drift::estimate(&trial, start..run, stop..end, CALIBRATE_S).unwrap();
         let error = yaw.at(stop).unwrap() - yaw.at(run).unwrap() - drift.between(run, stop);
-        let uncertainty = drift.uncertainty(run, stop);
+        let uncertainty = drift.uncertainty(run, stop).unwrap();
         squares += error * error;
         largest = largest.max(error.abs());
         covered += i32::from(error.abs() <= uncertainty);

@@ -159,6 +159,26 @@ fn speeds_give_a_session_of_one_trial() {
     assert_eq!((&info["model"]["closure"], &info["steady"]["settled"]), (&"full".into(), &false.into()));
 }
 
+/// The steady state is that of the whole run, although the last sample at 1 Hz comes 0.9 s before its end.
+#[test]
+fn steady_state_does_not_depend_on_the_rate() {
+    let bench = bench();
+    let [one, twenty] = ["1", "20"].map(|rate| {
+        let args = ["simulate", "--speeds=50,10", "--duration", "6.9", "--rate", rate, "--out", rate, "--json"];
+        let output = biflag(bench.path(), &args);
+        expect(&output, 3);
+        let answer = json(&output);
+        let info = json(&biflag(bench.path(), &["info", answer["trials"][0]["log"].as_str().unwrap(), "--json"]));
+        ["yaw_deg", "pitch_deg", "roll_deg"].map(|angle| {
+            assert_eq!(answer["trials"][0][angle], info["angles"][angle]);
+            info["angles"][angle].as_f64().unwrap()
+        })
+    });
+    for (one, twenty) in one.iter().zip(twenty) {
+        assert!((one - twenty).abs() < 0.01, "{one} {twenty}");
+    }
+}
+
 #[test]
 fn flagella_start_at_the_phase_that_is_asked_for() {
     let bench = bench();

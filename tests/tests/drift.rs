@@ -41,13 +41,13 @@ fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
     let mut from = 20.0;
     while from + 150.0 < RUN_S {
         let to = from + 120.0;
-        let drift = Drift::estimate(&series, from - 20.0..from, to..to + 30.0).unwrap();
+        let drift = Drift::estimate(&series, from - 20.0..from, to..to + 30.0, 5.0).unwrap();
         let moved = yaw.at(to).unwrap() - yaw.at(from).unwrap();
         let error: f64 = moved - drift.between(from, to);
         let plain = moved - 120.0 * yaw.rate(from - 20.0..from).unwrap();
         square += error * error;
         plain_square += plain * plain;
-        covered += u32::from(error.abs() <= drift.uncertainty(from, to));
+        covered += u32::from(error.abs() <= drift.uncertainty(from, to).unwrap());
         windows += 1;
         from += 1.0;
     }

@@ -17,6 +17,10 @@
 //!   W² T³ / 12. With the temperature, W is [`BIAS_WALK`] and a share of the bias' observed change; without it, all of
 //!   the change.
 //!
+//! The biases about x and y are found in still phases that are longer than the filter's settling. If no phase is, they
+//! are those of the calibration, with the noise of its mean; without a calibration they are unknown, and so is the
+//! uncertainty of the yaw.
+//!
 //! With only one still phase, the bias is that of the phase, with a random walk of [`BIAS_WALK`] from then on and the
 //! usual change for the warming of the sensor.
 //!
@@ -79,6 +83,9 @@ pub struct Drift {
     /// Angle random walk, °/√s.
     pub angle_walk: f64,
     degrees_of_freedom: f64,
+    /// Ratio of the variance of the biases about x and y to that of the angle random walk, 1/s, if no still phase shows
+    /// them: 0 if one does, `None` if they are unknown.
+    lateral_variance: Option<f64>,
     /// Whether the bias is assumed to follow the temperature.
     follows_temperature: bool,
     /// See [`integral`].
@@ -87,8 +94,9 @@ pub struct Drift {
 
 impl Drift {
     /// Estimates the drift from the still phase before a run, and from the part of the phase after it in which the
-    /// robot is still. Returns `None` if neither is long enough.
-    pub fn estimate(series: &Series, before: Range<f64>, after: Range<f64>) -> Option<Self> {
+    /// robot is still. Returns `None` if neither is long enough. `calibrate_s`: duration of the gyroscope's calibration,
+    /// which ended at the start of the phase; 0 for none.
+    pub fn estimate(series: &Series, before: Range<f64>, after: Range<f64>, calibrate_s: f64) -> Option<Self> {
         let calibrated_s = before.start;
         let before = Phase::still(series.yaw(), before);
         let after = match &before {
@@ -98,11 +106,17 @@ impl Drift {
         };
         let phases: Vec<_> = before.into_iter().chain(after).collect();
         let (angle_walk, degrees_of_freedom) = noise(&phases)?;
-        let lateral: Option<Vec<[f64; 2]>> = (phases.iter())
+        let lateral: Vec<Option<[f64; 2]>> = (phases.iter())
             .map(|phase| series.lateral_bias(phase.range.start.max(calibrated_s + SETTLED_S)..phase.range.end))
             .collect();
+        // A phase that is too short has the bias of the other one.
+        let shown = lateral.iter().flatten().next().copied();
+        let lateral_variance = match shown {
+            None if !series.learns_bias() => (calibrate_s > 0.0).then(|| 1.0 / calibrate_s),
+            _ => Some(0.0),
+        };
         let estimate = |(i, phase): (usize, &Phase)| {
-            let [x, y] = lateral.as_ref().map_or([0.0; 2], |lateral| lateral[i]);
+            let [x, y] = lateral[i].or(shown).unwrap_or_default();
             BiasEstimate {
                 middle_s: phase.middle(),
                 rates: [x, y, phase.rate],
@@ -115,6 +129,7 @@ impl Drift {
             still: phases.into_iter().map(|phase| phase.range).collect(),
             angle_walk,
             degrees_of_freedom,
+            lateral_variance,
             follows_temperature: false,
             integrals: Columns::default(),
         };
@@ -182,14 +197,28 @@ impl Drift {
         self.change(integral::DRIFT, from_s, to_s)
     }
 
+    /// Returns the ratio of the variance of the biases about x and y to that of the angle random walk, 1/s; 0 if a still
+    /// phase shows them, `None` if they are unknown.
+    pub fn lateral_variance(&self) -> Option<f64> {
+        self.lateral_variance
+    }
+
+    /// Returns the integrals of the vertical's components along the body's x and y from one time to another, s.
+    pub fn lean(&self, from_s: f64, to_s: f64) -> [f64; 2] {
+        let [x, y, _] = integral::VERTICAL;
+        [self.change(x, from_s, to_s), self.change(y, from_s, to_s)]
+    }
+
     /// Returns the standard deviation of the effect of the sensor's usual warming since the first still phase on a
     /// rotation from one time to another, degrees. It is fully correlated between all times.
     pub fn warming(&self, from_s: f64, to_s: f64) -> f64 {
         BIAS_SPREAD * self.change(integral::WARMING, from_s, to_s)
     }
 
-    /// Returns the 95 % uncertainty of a rotation measured from one time to another, degrees.
-    pub fn uncertainty(&self, from_s: f64, to_s: f64) -> f64 {
+    /// Returns the 95 % uncertainty of a rotation measured from one time to another, degrees; `None` if the biases
+    /// about x and y are unknown.
+    pub fn uncertainty(&self, from_s: f64, to_s: f64) -> Option<f64> {
+        let lateral_variance = self.lateral_variance?;
         let length = to_s - from_s;
         let walk = self.angle_walk.powi(2);
         let mean = |integral: usize| if length > 0.0 { self.change(integral, from_s, to_s) / length } else { 0.0 };
@@ -218,9 +247,10 @@ impl Drift {
                 let warming = self.warming(from_s, to_s).powi(2);
                 walk * length + of_rates(first.relative_variance) + BIAS_WALK.powi(2) * reach.powi(3) / 3.0 + warming
             }
-            _ => return f64::INFINITY,
+            _ => f64::INFINITY,
         };
-        student_95(self.degrees_of_freedom) * variance.sqrt()
+        let lateral = walk * lateral_variance * length.powi(2) * (parts[0] + parts[1]);
+        Some(student_95(self.degrees_of_freedom) * (variance + lateral).sqrt())
     }
 }
 
@@ -285,7 +315,7 @@ mod tests {
 
     /// Returns the drift over the run, and its residual.
     fn left(series: &Series) -> (Drift, f64) {
-        let drift = Drift::estimate(series, 0.0..20.0, 140.0..170.0).unwrap();
+        let drift = Drift::estimate(series, 0.0..20.0, 140.0..170.0, 5.0).unwrap();
         assert_eq!(drift.still.len(), 2);
         let measured = series.yaw().at(139.0).unwrap() - series.yaw().at(19.9).unwrap();
         let left = measured - drift.between(19.9, 139.0);
@@ -315,7 +345,7 @@ mod tests {
         ] {
             let (drift, left) = left(&trial(|_| bias, |t| leans(t, lean[0], lean[1]), |_| 25.0));
             assert!(left.abs() < 0.02, "{left} at {bias:?}, {lean:?}");
-            assert!(drift.uncertainty(19.9, 139.0) < 1.0);
+            assert!(drift.uncertainty(19.9, 139.0).unwrap() < 1.0);
         }
     }
 
@@ -327,7 +357,7 @@ mod tests {
         let (drift, left) = left(&series);
         // Linear interpolation in time would leave a residual of a degree.
         assert!(left.abs() < 0.05, "{left}");
-        assert!(drift.uncertainty(19.9, 139.0) < 1.0, "{}", drift.uncertainty(19.9, 139.0));
+        assert!(drift.uncertainty(19.9, 139.0).unwrap() < 1.0, "{}", drift.uncertainty(19.9, 139.0).unwrap());
     }
 
     #[test]
@@ -335,20 +365,41 @@ mod tests {
         let bias = |_| [0.0, 0.0, 0.02];
         let unknown = |warming: f64| {
             let series = trial(bias, |_| [0.0; 2], |t| 25.0 + warming * t / 170.0);
-            let drift = Drift::estimate(&series, 0.0..20.0, 170.0..170.0).unwrap();
+            let drift = Drift::estimate(&series, 0.0..20.0, 170.0..170.0, 5.0).unwrap();
             assert_eq!(drift.still.len(), 1);
-            drift.uncertainty(19.9, 139.0)
+            drift.uncertainty(19.9, 139.0).unwrap()
         };
         // 0.03 °/s per °C times a mean warming of 0.33 °C times 119 s.
         assert!(unknown(0.0) < 1.0 && unknown(0.8) > 2.0, "{} {}", unknown(0.0), unknown(0.8));
     }
 
+    /// Still phases of 12 s are too short for the biases about x and y, of which the yaw of a leaning robot has a share.
+    #[test]
+    fn lateral_biases_that_no_phase_shows_are_in_the_uncertainty() {
+        let lean = |t| leans(t, 9.0, 0.0);
+        let uncertainty = |bias: f64, calibrate_s: f64| {
+            let series = trial(|_| [bias, 0.0, 0.02], lean, |_| 25.0);
+            let drift = Drift::estimate(&series, 8.0..20.0, 170.0..170.0, calibrate_s).unwrap();
+            let measured = series.yaw().at(139.0).unwrap() - series.yaw().at(19.9).unwrap();
+            (measured - drift.between(19.9, 139.0), drift.uncertainty(19.9, 139.0))
+        };
+        let (left, unknown) = uncertainty(1.0, 0.0);
+        assert!(left.abs() > 10.0 && unknown.is_none(), "{left} {unknown:?}");
+        // A calibration of 5 s of a sensor with an angle random walk of 0.005 °/√s leaves 0.002 °/s.
+        let (left, known) = uncertainty(0.002, 5.0);
+        assert!(left.abs() < known.unwrap(), "{left} {known:?}");
+        let seen = trial(|_| [1.0, 0.0, 0.02], lean, |_| 25.0);
+        let drift = Drift::estimate(&seen, 8.0..20.0, 140.0..170.0, 0.0).unwrap();
+        let left = seen.yaw().at(139.0).unwrap() - seen.yaw().at(19.9).unwrap() - drift.between(19.9, 139.0);
+        assert!(left.abs() < drift.uncertainty(19.9, 139.0).unwrap(), "the phase after the run shows them: {left}");
+    }
+
     #[test]
     fn short_phases_give_no_estimate() {
         let mut series = Series::default();
-        assert_eq!(Drift::estimate(&series, 0.0..20.0, 140.0..170.0), None);
+        assert_eq!(Drift::estimate(&series, 0.0..20.0, 140.0..170.0, 5.0), None);
         series.push(0.0, &Reading::default());
         series.push(5.0, &Reading::default());
-        assert_eq!(Drift::estimate(&series, 0.0..5.0, 5.0..5.0), None);
+        assert_eq!(Drift::estimate(&series, 0.0..5.0, 5.0..5.0, 5.0), None);
     }
 }

@@ -72,6 +72,11 @@ impl Series {
         self.temperature_c.track(0)
     }
 
+    /// Returns whether the board's filter estimates the gyroscope's bias.
+    pub(super) fn learns_bias(&self) -> bool {
+        self.learns_bias
+    }
+
     /// Returns the bias about the body's x and y while the robot hangs upright, °/s; `None` if the time is too short,
     /// or if the frames have no rates.
     pub(super) fn lateral_bias(&self, range: Range<f64>) -> Option<[f64; 2]> {

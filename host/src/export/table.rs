@@ -7,6 +7,9 @@ use crate::trial::{Angles, Data, FORCES, Zeroed};
 use std::borrow::Cow;
 use std::ops::Range;
 
+/// Times that differ by less are the same, s: the board's clock counts microseconds.
+const SAME_S: f64 = 4e-6;
+
 /// A column.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Column {
@@ -140,9 +143,10 @@ pub fn trial(data: &Data) -> Table {
     for k in 0..3 {
         columns.push(real(ANGLES[5 + k], &|row| row.board_deg[k]));
     }
-    let frame = |row: &Row| data.motors.time_s.partition_point(|time| *time < row.frame_s - 1e-9);
     for (k, about) in MOTORS.into_iter().enumerate() {
-        columns.push(real(about, &|row| data.motors.values[k].get(frame(row)).copied().unwrap_or(f64::NAN)));
+        columns.push(real(about, &|row| {
+            index_at(&data.motors.time_s, row.frame_s).map_or(f64::NAN, |i| data.motors.values[k][i])
+        }));
     }
     if !data.is_model() {
         columns.push(real(("temperature_c", "temperature of the sensor"), &|row| row.temperature_c));
@@ -168,12 +172,16 @@ struct Row {
 }
 
 fn rows(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
-    // Each reading since the calibration has one row of angles.
+    // Each reading since the calibration has one row of angles. Those of a model are messages of their own, and damage to
+    // its log may take one without the other.
     let first = if data.is_model() { 0 } else { data.calibrated };
     let shift_s = data.readings.get(first).zip(zeroed.angles_deg.time_s.first()).map_or(0.0, |((t, _), s)| s - t);
     let row = |(i, (frame_s, reading)): (usize, &(f64, Reading))| {
         let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&rotation(reading.attitude));
-        let at = i.checked_sub(first).filter(|at| *at < zeroed.angles_deg.len());
+        let at = match data.is_model() {
+            true => index_at(&zeroed.angles_deg.time_s, *frame_s),
+            false => i.checked_sub(first).filter(|at| *at < zeroed.angles_deg.len()),
+        };
         Row {
             time_s: at.map_or(frame_s + shift_s, |at| zeroed.angles_deg.time_s[at]),
             frame_s: *frame_s,
@@ -185,6 +193,12 @@ fn rows(data: &Data, zeroed: &Zeroed) -> Vec<Row> {
     data.readings.iter().enumerate().map(row).collect()
 }
 
+/// Returns the index of a time, except for rounding.
+fn index_at(times_s: &[f64], time_s: f64) -> Option<usize> {
+    let index = times_s.partition_point(|time| *time < time_s - SAME_S);
+    times_s.get(index).is_some_and(|time| (time - time_s).abs() <= SAME_S).then_some(index)
+}
+
 fn phase(data: &Data, time_s: f64) -> &str {
     let time_s = time_s + 1e-9;
     let times = &data.times;
@@ -194,7 +208,11 @@ fn phase(data: &Data, time_s: f64) -> &str {
         }
     }
     let before = data.phases.iter().rev().find(|(_, start_s)| *start_s <= time_s);
-    before.map_or("", |(name, _)| name.as_str())
+    match before.map(|(name, _)| name.as_str()) {
+        // A fault has stopped the motors.
+        Some("run") if time_s > times.run.end + SAME_S && times.has_run() => "decay",
+        name => name.unwrap_or_default(),
+    }
 }
 
 fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
@@ -306,4 +324,46 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
     ];
     let header = vec![format!("biflag {}: session {name}", crate::program::VERSION)];
     Table { header, columns }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trial::{Collector, Records, Want};
+    use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry, Truth, event::Kind};
+    use biflag_log::{FORMAT, Identity, Origin};
+
+    /// Damage to the log of a model may take the truth of a sample and leave its frame, or the other way round.
+    #[test]
+    fn values_of_different_times_are_never_in_one_row() {
+        let mut collector = Collector::new(Want::default(), FORMAT);
+        collector.event(0.0, Kind::Phase, "run");
+        for i in 0..10 {
+            let time_s = 0.05 * f64::from(i);
+            let motor = Some(Motor { target_rpm: 50.0, turns: time_s, ..Motor::default() });
+            let attitude = Some(Quaternion { w: 1.0, ..Quaternion::default() });
+            let frame =
+                Telemetry { time_s, attitude, imu_fresh: true, motor1: motor, motor2: motor, ..Telemetry::default() };
+            if i != 3 {
+                collector.telemetry(&frame);
+            }
+            if i != 6 {
+                collector.truth(&Truth { time_s, yaw_deg: time_s, ..Truth::default() });
+            }
+        }
+        let identity = Some(Identity { origin: Origin::Model, ..Identity::default() });
+        let data = collector.finish("log".as_ref(), Records { identity, ..Records::default() });
+        let table = trial(&data);
+        let column = |name: &str| match &table.columns.iter().find(|column| column.name == name).unwrap().values {
+            Values::Real(values) => values.clone(),
+            _ => panic!("{name} is no number"),
+        };
+        let (times, yaw, turns) = (column("time_s"), column("yaw_deg"), column("turns1"));
+        assert_eq!(times.len(), 9);
+        for (i, time) in times.iter().enumerate() {
+            assert!((turns[i] - time).abs() < 1e-9, "turns {} at {time} s", turns[i]);
+            let is_lost = (time - 0.3).abs() < 1e-9;
+            assert!(if is_lost { yaw[i].is_nan() } else { (yaw[i] - time).abs() < 1e-9 }, "yaw {} at {time} s", yaw[i]);
+        }
+    }
 }

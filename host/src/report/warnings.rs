@@ -62,7 +62,7 @@ pub(super) fn warnings(data: &Data, angles: Option<&Angles>, comparison: Option<
         warn("not calibrated", text.to_owned());
     }
     if !data.is_model() && angles.is_some_and(|angles| angles.yaw_uncertainty_deg.is_none()) {
-        let text = "The uncertainty of the yaw is unknown: the trial has no still phase to estimate it from.";
+        let text = "The uncertainty of the yaw is unknown: the trial has no still phase that is long enough to estimate it from.";
         warn("yaw uncertainty unknown", text.to_owned());
     }
     for text in comparison.iter().flat_map(|comparison| &comparison.warnings) {

@@ -48,9 +48,17 @@ pub(super) fn times(marks: &Marks, warnings: &mut Vec<String>) -> Times {
         (Some(run), _) if marks.is_model => run,
         (Some(run), ordered) => ordered.unwrap_or(run),
         (None, Some(ordered)) => {
-            warnings.push("the start of the run is lost; the planned one is used".to_owned());
-            let planned = at("preroll").zip(marks.trial).map(|(i, trial)| start(i) + trial.preroll_s);
-            planned.map_or(ordered, |planned| planned.min(ordered))
+            let after = |name: &str, planned: fn(&TrialMeta) -> f64| Some(start(at(name)?) + planned(marks.trial?));
+            let planned = after("preroll", |trial| trial.preroll_s)
+                .or_else(|| after("calibrate", |trial| trial.calibrate_s + trial.preroll_s))
+                // The clock of a model starts with its trial.
+                .or_else(|| marks.trial.filter(|_| marks.is_model).map(|trial| trial.calibrate_s + trial.preroll_s));
+            let (used, start) = match planned {
+                Some(planned) => ("the planned one", planned.min(ordered)),
+                None => ("the first reading with a target speed", ordered),
+            };
+            warnings.push(format!("the start of the run is lost; {used} is used"));
+            start
         }
         (None, None) => return Times::default(),
     };
@@ -58,7 +66,8 @@ pub(super) fn times(marks: &Marks, warnings: &mut Vec<String>) -> Times {
     // Without the event of the decay, the end of the trial is not that of the run.
     let planned_end = marks.trial.filter(|trial| trial.decay_s > 0.0).map(|trial| run_start + trial.run_s);
     let after = later("decay").or_else(|| later("end").map(|end| planned_end.map_or(end, |run| run.min(end))));
-    let last = after.unwrap_or(end_s).min(end_s);
+    // A model's run lasts longer than its samples.
+    let last = after.map_or(end_s, |after| if marks.is_model { after } else { after.min(end_s) });
     let mut run_end = last;
     if let Some((time, fault)) = marks.fault
         && *time < run_end
@@ -107,6 +116,28 @@ mod tests {
         };
         let mut warnings = Vec::new();
         (times(&marks, &mut warnings), warnings)
+    }
+
+    /// A model's run is found without any event of its start, and lasts to its end, after the last sample.
+    #[test]
+    fn run_of_a_model_has_its_planned_start_and_its_whole_length() {
+        let trial = TrialMeta { run_s: 6.9, ..TrialMeta::default() };
+        let phases = [("end".to_owned(), 6.9)];
+        let mut marks = Marks {
+            phases: &phases,
+            ordered_s: Some(4.0),
+            fault: None,
+            trial: Some(&trial),
+            is_model: true,
+            summary: None,
+            end_s: 6.0,
+        };
+        let mut warnings = Vec::new();
+        assert_eq!(times(&marks, &mut warnings).run, 0.0..6.9);
+        assert_eq!(warnings, ["the start of the run is lost; the planned one is used"]);
+        marks.trial = None;
+        assert_eq!(times(&marks, &mut warnings).run, 4.0..6.9);
+        assert_eq!(warnings[1], "the start of the run is lost; the first reading with a target speed is used");
     }
 
     #[test]

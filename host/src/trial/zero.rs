@@ -186,7 +186,15 @@ impl Zeroed {
             let q = (rotation(reading.attitude) * askew.inverse()).into_inner();
             series.push(*time, &Reading { attitude: [q.w, q.i, q.j, q.k], ..*reading });
         }
-        let drift = if data.times.has_run() { Drift::estimate(&series, still, after) } else { None };
+        // A calibration in which the board moved is not used.
+        let is_calibrated = data.records.calibration.as_ref().is_none_or(|calibration| calibration.still);
+        let calibrate_s = if is_calibrated { data.trial().calibrate_s } else { 0.0 };
+        let drift = if data.times.has_run() { Drift::estimate(&series, still, after, calibrate_s) } else { None };
+        if drift.as_ref().is_some_and(|drift| drift.lateral_variance().is_none()) {
+            let text = "the gyroscope was not calibrated, and the still phases are too short to show its bias about the \
+                        body's x and y: the uncertainty of the yaw is unknown";
+            warnings.push(text.to_owned());
+        }
         let start = (mean_over.end - START_S).max(mean_over.start)..mean_over.end;
         let from_s = 0.5 * (start.start + start.end);
         let yaw_zero = if data.times.has_run() { series.yaw().mean(start).unwrap_or(0.0) } else { 0.0 };
@@ -276,7 +284,7 @@ impl Zeroed {
         let own = data.records.steady.as_ref().filter(|_| self.is_model);
         let (angles_deg, settled, settle_s, window) = match own {
             Some(SteadyMeta { yaw_deg, pitch_deg, roll_deg, settled, settle_s, window_s, kind, .. }) => {
-                let window = run.end - window_s..run.end;
+                let window = self.run.end - window_s..self.run.end;
                 let settle_s = (*settled && kind.is_none()).then_some(*settle_s);
                 ([*yaw_deg, *pitch_deg, *roll_deg], *settled, settle_s, window)
             }
@@ -296,12 +304,13 @@ impl Zeroed {
         })
     }
 
-    /// Returns the 95 % uncertainty of the yaw at a time, degrees; `None` without a still phase, 0 for a model.
+    /// Returns the 95 % uncertainty of the yaw at a time, degrees; `None` without a still phase or a known bias, 0 for a
+    /// model.
     pub fn yaw_uncertainty(&self, time_s: f64) -> Option<f64> {
         if self.is_model {
             return Some(0.0);
         }
-        let drift = self.drift.as_ref()?.uncertainty(self.from_s.min(time_s), self.from_s.max(time_s));
+        let drift = self.drift.as_ref()?.uncertainty(self.from_s.min(time_s), self.from_s.max(time_s))?;
         Some(drift.hypot(self.levelling_uncertainty(time_s)))
     }
 
@@ -338,6 +347,14 @@ impl Zeroed {
         // The floor is a 95 % bound; it covers a robot that still swings back a little.
         let zero = |deg: f64| deg * deg / independent + (0.5 * TILT_FLOOR_DEG).powi(2);
         Some((drift.angle_walk, still.end - still.start, scatter.map(zero)))
+    }
+
+    /// Returns the standard deviations of the effect on the yaw of biases about the body's x and y that no still phase
+    /// shows, degrees; `None` if they are unknown.
+    pub fn lateral(&self, time_s: f64) -> Option<[f64; 2]> {
+        let Some(drift) = &self.drift else { return Some([0.0; 2]) };
+        let rate = drift.angle_walk * drift.lateral_variance()?.sqrt();
+        Some(drift.lean(self.from_s, time_s).map(|lean| rate * lean))
     }
 
     /// Returns the drift that was removed from the yaw at a time, degrees.

@@ -169,10 +169,22 @@ fn sum_up<T>(
 /// Returns a summary of the findings of all trials.
 fn verdict(trials: &[Comparison]) -> String {
     let differing = trials.iter().filter(|trial| !trial.findings.is_empty()).count();
+    let is_unknown =
+        |trial: &&Comparison| trial.yaw_uncertainty_deg.is_none() || trial.tilt_uncertainty_deg.contains(&None);
+    let unknown = trials.iter().filter(is_unknown).count();
+    let all = text::count(trials.len(), "trial");
+    let of_unknown = match unknown {
+        0 => String::new(),
+        _ => format!("; the noise is unknown in {unknown} of {all}"),
+    };
     if differing == 0 {
-        return "model and measurement agree within noise in all trials".to_owned();
+        return match trials.len() - unknown {
+            0 => format!("the noise is unknown in all of {all}"),
+            _ if unknown == 0 => "model and measurement agree within noise in all trials".to_owned(),
+            known => format!("model and measurement agree within noise in {known} of {all}{of_unknown}"),
+        };
     }
-    let mut verdict = format!("{differing} of {} differ by more than the noise", text::count(trials.len(), "trial"));
+    let mut verdict = format!("{differing} of {all} differ by more than the noise");
     for angle in ["yaw", "pitch", "roll"] {
         let found: Vec<_> = trials.iter().flat_map(|trial| &trial.findings).filter(|f| f.angle == angle).collect();
         if let Some(worst) = found.iter().max_by(|a, b| a.error_deg.abs().total_cmp(&b.error_deg.abs())) {
@@ -180,5 +192,26 @@ fn verdict(trials: &[Comparison]) -> String {
             verdict += &format!("; {angle} in {found}, by at most {worst:.2}°");
         }
     }
-    verdict
+    verdict + &of_unknown
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agreement_is_claimed_only_where_the_noise_is_known() {
+        let known = Comparison {
+            yaw_uncertainty_deg: Some(1.0),
+            tilt_uncertainty_deg: [Some(0.1); 2],
+            ..Comparison::default()
+        };
+        let unknown = Comparison { yaw_uncertainty_deg: None, ..known.clone() };
+        assert_eq!(verdict(&[known.clone(), known.clone()]), "model and measurement agree within noise in all trials");
+        assert_eq!(verdict(&[unknown.clone(), unknown.clone()]), "the noise is unknown in all of 2 trials");
+        assert_eq!(
+            verdict(&[known, unknown]),
+            "model and measurement agree within noise in 1 of 2 trials; the noise is unknown in 1 of 2 trials"
+        );
+    }
 }

@@ -80,7 +80,11 @@ impl Iterator for Motion {
 
     fn next(&mut self) -> Option<Self::Item> {
         match &mut self.0 {
-            Source::Trial(trial) => trial.next(),
+            // After the last sample the steady state is that of the whole run.
+            Source::Trial(trial) => match trial.next() {
+                None => trial.finish().err().map(Err),
+                sample => sample,
+            },
             Source::Steady { samples, .. } => samples.next().map(Ok),
         }
     }

@@ -64,6 +64,8 @@ pub struct FitTrial {
     levelling: Vec<f64>,
     /// The same for the warming of the sensor.
     warming: Vec<f64>,
+    /// The same for the biases about the body's x and y.
+    lateral: Vec<[f64; 2]>,
     /// Variance of the zeros of pitch and roll.
     zero_variance: [f64; 2],
 }
@@ -104,6 +106,12 @@ impl FitTrial {
         let (yaw_walk, still_s, zero_variance) = zeroed
             .noise()
             .ok_or_else(|| unusable("has no still phase before the run, so the drift of its yaw is unknown"))?;
+        let lateral: Option<Vec<_>> = (0..count).map(|i| zeroed.lateral(middle(i))).collect();
+        let lateral = lateral.ok_or_else(|| TwinError::unusable(data, Unusable {
+            reason: "was recorded without a calibration of the gyroscope, and its still phase is too short to show the bias"
+                .to_owned(),
+            help: "calibrate the gyroscope before each trial, or begin with a still phase of 15 s or more",
+        }))?;
         let from = run.start - zeroed.from_s;
         Ok(Self {
             name: data.trial().name,
@@ -125,6 +133,7 @@ impl FitTrial {
             // A 95 % bound is two standard deviations.
             levelling: (0..count).map(|i| 0.5 * zeroed.levelling_uncertainty(middle(i))).collect(),
             warming: (0..count).map(|i| zeroed.warming(middle(i))).collect(),
+            lateral,
             yaw_walk,
             still_s,
             zero_variance,
@@ -180,7 +189,8 @@ impl FitTrial {
             let (a, b) = (self.times[i].min(self.times[j]), self.times[i].max(self.times[j]));
             let bias = bias_walk * since(a).powi(2) * (3.0 * since(b) - since(a)) / 6.0;
             let common = self.levelling[i] * self.levelling[j] + self.warming[i] * self.warming[j];
-            walk * (a + a * b / self.still_s) + bias + common
+            let lateral: f64 = self.lateral[i].iter().zip(self.lateral[j]).map(|(a, b)| a * b).sum();
+            walk * (a + a * b / self.still_s) + bias + common + lateral
         })
     }
 
