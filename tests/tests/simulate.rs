@@ -36,14 +36,14 @@ fn simulate(plan: &Path, more: &[&str]) -> Vec<String> {
     arguments.iter().chain(more).map(|argument| (*argument).to_owned()).collect()
 }
 
-/// Returns the peak memory of a child, MB, and its exit code.
+/// Returns the peak of the memory that a child allocated, MB, and its exit code. How many pages of its program file are
+/// in memory besides depends on what else the computer does.
 fn peak_mb(mut child: Child) -> (f64, Option<i32>) {
     let status = format!("/proc/{}/status", child.id());
     let mut peak_kb = 0.0f64;
     loop {
-        // The kernel records the peak; only a peak in the last few milliseconds is missed.
         let text = std::fs::read_to_string(&status).unwrap_or_default();
-        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let line = text.lines().find_map(|line| line.strip_prefix("RssAnon:"));
         let kb = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok());
         peak_kb = peak_kb.max(kb.unwrap_or(0.0));
         if let Some(status) = child.try_wait().unwrap() {
