@@ -382,7 +382,8 @@ fn levelled(data: &Data) -> Vec<(f64, Reading)> {
     let delay_s = settings.map_or(0.0, |settings| LOW_PASS[usize::from(settings.low_pass).min(LOW_PASS.len() - 1)].1);
     let mut readings = data.readings[data.calibrated..].to_vec();
     if let Some(level) = level_of(data) {
-        let run_s = data.phases.iter().find(|(name, _)| name == "run").map_or(f64::INFINITY, |(_, start)| *start);
+        let begun = data.phases.iter().find(|(name, _)| name == "run").map(|(_, start)| *start);
+        let run_s = begun.or(data.times.has_run().then_some(data.times.run.start)).unwrap_or(f64::INFINITY);
         let mut leveller = Leveller::new(&level, settings.unwrap_or_default().attitude_kp.into());
         for (time, reading) in &mut readings {
             let attitude = rotation(reading.attitude);

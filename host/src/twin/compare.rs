@@ -261,7 +261,7 @@ fn compare_zeroed(
     let mut error = [0, 1, 2].map(|k| steady_modelled_deg[k] - steady_measured_deg[k]);
     // The yaw may have made full turns in a long gap of the telemetry.
     let turns = (error[0] / 360.0).round();
-    if turns != 0.0 && a.has_long_gap() {
+    if turns != 0.0 && (a.has_long_gap() || b.has_long_gap()) {
         warnings.push(format!("the yaw is assumed to have made {turns} full turns while telemetry was missing"));
         error[0] -= 360.0 * turns;
         steady_modelled_deg[0] -= 360.0 * turns;

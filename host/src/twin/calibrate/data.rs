@@ -95,6 +95,10 @@ impl FitTrial {
             return Err(unusable("contains no attitude in its run"));
         }
         warnings.extend(zeroed.warnings.iter().cloned());
+        if data.has_long_gap() {
+            warnings
+                .push("the yaw may lack a full turn, because telemetry is missing for more than a second".to_owned());
+        }
         let run = &zeroed.run;
         let end = zeroed.span().end.min(data.duration_s);
         let count = ((end - run.start) / BLOCK_S).floor() as usize;
