@@ -212,6 +212,40 @@ fn viscosity_of_a_mixture_starts_from_the_logged_temperature() {
     assert!((viscosity.value - 1.0).abs() < 0.05, "{viscosity:?}");
 }
 
+/// A fit from a start that is too far is refused at its limit, or says that it did not move.
+#[test]
+fn a_start_that_is_too_far_is_reported() {
+    let mut draw = Draw(3);
+    let hidden = Hidden { robot: Robot::published(), mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] };
+    let trial = hidden.trial(SPEEDS[0], &mut draw);
+    let fit = |robot: &Robot, parameter| {
+        let robot = Some(robot.clone());
+        let request = Request { robot, closure: None, parameters: vec![parameter], jobs: 2 };
+        calibrate(vec![FitTrial::new(&trial).unwrap()], &request, &|| true)
+    };
+    let mut robot = Robot::published();
+    robot.fluid.viscosity_pa_s *= 15.0;
+    let fitted = fit(&robot, Parameter::Viscosity).unwrap();
+    assert!(fitted.warnings.iter().any(|text| text.contains("did not leave its start")), "{fitted:?}");
+    // Fifteen times the tether would balance it.
+    let said = fit(&robot, Parameter::Tether).unwrap_err().to_string();
+    assert!(said.contains("tether would change by more than a factor of ten"), "{said}");
+}
+
+/// The sensor may be mounted at any angle about the vertical.
+#[test]
+fn a_sensor_that_looks_backwards_is_found() {
+    let mut draw = Draw(5);
+    let hidden = Hidden { robot: Robot::published(), mount_yaw_deg: 175.0, mount_tilt_deg: [0.0; 2] };
+    let trials: Vec<_> = SPEEDS.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
+    let trials = trials.iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
+    let robot = Some(Robot::published());
+    let request = Request { robot, closure: None, parameters: vec![Parameter::MountYaw], jobs: 2 };
+    let calibration = calibrate(trials, &request, &|| true).unwrap();
+    let [mount] = calibration.parameters.as_slice() else { panic!("{calibration:?}") };
+    assert!((mount.value - 175.0).abs() < 3.0 || (mount.value + 185.0).abs() < 3.0, "{mount:?}");
+}
+
 /// A phase is an angle, so the fit has to find it from anywhere.
 #[test]
 fn calibration_finds_the_phases_of_the_flagella() {

@@ -102,6 +102,7 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         (&["trial", a, "--time", "3,1", "-o", "x.svg"], "the earlier one first"),
         (&["trial", a, "--width-mm", "5", "-o", "x.svg"], "between 60 and 400 mm"),
         (&["trial", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),
+        (&["forces", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),
     ] {
         let output = biflag(folder, &[&["figure"], args].concat());
         let text = String::from_utf8_lossy(&output.stderr).into_owned();

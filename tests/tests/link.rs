@@ -59,6 +59,20 @@ fn dropped_frames_are_counted() {
     assert_eq!(trial["crc_errors"], 0);
 }
 
+/// Frames are missing up to the end of the trial and beyond: those of the trial are counted.
+#[test]
+fn frames_dropped_at_the_end_are_counted() {
+    let trial = spoilt(|nano| {
+        let ticks = |nano: &mut VirtualNano| nano.control("status").unwrap()["ticks"].as_u64().unwrap();
+        let begun = ticks(nano);
+        wait_until("the end is near", || ticks(nano) - begun >= 3600);
+        nano.control("drop 500").unwrap();
+    });
+    let count = |key: &str| trial[key].as_u64().unwrap();
+    assert!(count("lost") > 0 && count("lost") < 500, "{trial}");
+    assert_eq!(count("samples") + count("lost"), 4000, "{trial}");
+}
+
 /// `FRAMES=1000000 cargo test --release -p tests --test all link::frames_dropped_at_random -- --nocapture` records more than the usual 8000.
 #[test]
 fn frames_dropped_at_random_are_counted_exactly() {

@@ -12,10 +12,12 @@ use host::session::Session;
 use host::trial::{Data, Want, Zeroed};
 use numpy::IntoPyArray;
 use numpy::ndarray::Array4;
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 use serde_json::json;
+use std::ffi::CString;
 use std::path::PathBuf;
 
 /// The most shapes of the flagella that are read: a quarter of an hour of them.
@@ -120,18 +122,25 @@ pub fn read_session(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>
 /// Returns the table of the trials of a session that have a log, with the steady angles.
 #[pyfunction]
 pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDict>, About)> {
-    let rows = interruptible(py, |stop| {
+    let (rows, unreadable) = interruptible(py, |stop| {
         let of = |error: &dyn miette::Diagnostic| Failure::of_file(&path, error);
         let session = Session::open(&path).map_err(|error| of(&error))?;
         let states = session.intact_states().map_err(|error| of(&error))?;
         let read = |state: &host::session::TrialState| {
             let attempt = state.best().filter(|_| !stop.load(std::sync::atomic::Ordering::Relaxed))?;
-            let data = Data::read(&attempt.path, Want::default()).ok()?;
-            Some(Summary::new(&state.trial, &data, String::new()))
+            let data =
+                Data::read(&attempt.path, Want::default()).map_err(|error| format!("{}: {error}", state.trial.name));
+            Some(data.map(|data| Summary::new(&state.trial, &data, String::new())))
         };
-        let summaries: Vec<_> = states.par_iter().filter_map(read).collect();
-        Ok(table::session(&session.plan().name, &summaries))
+        let read: Vec<_> = states.par_iter().filter_map(read).collect();
+        let unreadable: Vec<String> = read.iter().filter_map(|one| one.as_ref().err().cloned()).collect();
+        let summaries: Vec<_> = read.into_iter().flatten().collect();
+        Ok((table::session(&session.plan().name, &summaries), unreadable))
     })?;
+    for text in unreadable {
+        let text = CString::new(format!("a trial is left out of the table: {text}").replace('\0', ""))?;
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)?;
+    }
     let columns = columns(py, &rows)?;
     columns.del_item("file")?;
     Ok((columns, about(&rows)))

@@ -30,6 +30,8 @@ pub struct Simulated {
     model: Model,
     /// Speeds at its end.
     rpm: [f64; 2],
+    /// Angles of the flagella at its start.
+    phase_deg: [f64; 2],
     /// Its duration.
     run_s: f64,
     samples: Vec<Sample>,
@@ -65,7 +67,7 @@ pub fn simulate(
         run(Motion::new(&model, &profile, rpm, angles, &goes_on)?, stop)
     })?;
     let run_s = duration_s.unwrap_or(profile.end());
-    Ok(Simulated { robot, model, rpm, run_s, samples, steady })
+    Ok(Simulated { robot, model, rpm, phase_deg, run_s, samples, steady })
 }
 
 /// Returns the model of a robot, with a board that nothing is asked of.
@@ -168,7 +170,7 @@ impl Simulated {
             speeds: self.rpm.map(CentiRpm::from_rpm),
             phases: Phases { calibrate_s: 0.0, preroll_s: 0.0, run_s: self.run_s, decay_s: 0.0 },
             reverse: None,
-            phase_deg: None,
+            phase_deg: (self.phase_deg != [0.0; 2]).then_some(self.phase_deg),
         };
         let plan = Plan {
             name: "python".to_owned(),

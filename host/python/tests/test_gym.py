@@ -53,6 +53,16 @@ def test_an_episode_that_has_ended_starts_anew() -> None:
         environment.reset(options={"attitude": "up"})
 
 
+def test_a_reset_after_an_episode_begins_at_once() -> None:
+    environment = many(2, max_episode_steps=2)
+    environment.reset(seed=1)
+    forward = np.full((2, 2), 0.5)
+    first = environment.step(forward)[0]
+    assert environment.step(forward)[3].all()
+    environment.reset(seed=1)
+    assert np.array_equal(environment.step(forward)[0], first)
+
+
 def test_a_solver_that_fails_ends_the_episode() -> None:
     fragile = biflag.Robot.physical().replace({"solver.halvings": 0, "solver.sweeps": 2})
     environment = gymnasium.make(NAME, robot=fragile)

@@ -254,16 +254,23 @@ impl Drift {
     }
 }
 
-/// Returns the two-sided 95 % quantile of Student's distribution (Abramowitz and Stegun 26.7.5; within 1 % for 4 or
-/// more degrees of freedom).
+/// Returns the two-sided 95 % quantile of Student's distribution (Abramowitz and Stegun 26.7.5; from their table 26.10
+/// between one and four degrees of freedom, where the series is too small).
 pub(crate) fn student_95(degrees_of_freedom: f64) -> f64 {
+    const FEW: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
+    let f = degrees_of_freedom.max(1.0);
+    if f < FEW.len() as f64 {
+        // The quantile falls about as a power of the freedom.
+        let (below, share) = (f as usize - 1, f.ln() - f.floor().ln());
+        let step = f.ceil().max(f.floor() + 1.0).ln() - f.floor().ln();
+        return FEW[below] * (FEW[below + 1] / FEW[below]).powf(share / step);
+    }
     let z = 1.959_964_f64;
     let terms = [
         (z.powi(3) + z) / 4.0,
         (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0,
         (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0,
     ];
-    let f = degrees_of_freedom.max(1.0);
     z + terms[0] / f + terms[1] / f.powi(2) + terms[2] / f.powi(3)
 }
 
@@ -275,7 +282,16 @@ mod tests {
 
     #[test]
     fn student_quantile_agrees_with_tables() {
-        for (freedom, expected) in [(4.0, 2.776), (8.0, 2.306), (23.0, 2.069), (1000.0, 1.962)] {
+        for (freedom, expected) in [
+            (1.0, 12.706),
+            (2.0, 4.303),
+            (3.0, 3.182),
+            (3.999, 2.776),
+            (4.0, 2.776),
+            (8.0, 2.306),
+            (23.0, 2.069),
+            (1000.0, 1.962),
+        ] {
             assert!((student_95(freedom) / expected - 1.0).abs() < 0.01, "{freedom}");
         }
     }

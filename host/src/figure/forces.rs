@@ -12,7 +12,8 @@ const PANEL_MM: f64 = 24.0;
 /// Draws the forces of a trial.
 ///
 /// # Errors
-/// [`FigureError::NoForces`] if the log has none: only a model knows them.
+/// [`FigureError::NoForces`] if the log has none: only a model knows them; [`FigureError::Nothing`] if no sample lies in the
+/// time.
 pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<String, FigureError> {
     if data.forces.is_empty() {
         return Err(FigureError::NoForces { path: data.path.clone() });
@@ -23,6 +24,9 @@ pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Resu
     let strokes = FLAGELLA.map(|colour| Stroke(colour, 0.8, ""));
     sheet.legend(LEFT_MM * MM, 3.2 * MM, &[(strokes[0], "flagellum 1"), (strokes[1], "flagellum 2")]);
     let [from, to] = time_s.unwrap_or([times[0] - start, times[times.len() - 1] - start]);
+    if !times.iter().any(|time| (from..=to).contains(&(time - start))) {
+        return Err(FigureError::Nothing { path: data.path.clone() });
+    }
     let x = Axis::new(from, to.max(from + 1e-3), "Time from the start of the run (s)");
     let mut top = 5.0 * MM;
     for (axis, label) in ["Force x (mN)", "Force y (mN)", "Force z (mN)"].into_iter().enumerate() {

@@ -13,14 +13,14 @@ mod trial;
 
 pub use output::Format;
 
-use crate::attitude::tilt_deg;
 use crate::output::OutputError;
 use crate::session::{Session, SessionError};
-use crate::trial::{Data, Want, Zeroed};
+use crate::trial::{AtSpeeds, Data, Want, Zeroed, mean_of_repeats};
 use crate::twin::{self, OnMismatch, Pairs, TwinError};
 use biflag_log::LogError;
 use map::{Map, Point};
 use miette::Diagnostic;
+use protocol::units::CentiRpm;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -116,7 +116,7 @@ pub fn forces(log: &Path, time_s: Option<[f64; 2]>, width_mm: f64, out: &Path) -
 }
 
 /// Writes maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, or its points over the map of
-/// `surface`.
+/// `surface`. A pair of speeds has the mean of its trials; trials that did not end as planned are left out.
 ///
 /// # Errors
 /// [`FigureError`].
@@ -131,7 +131,7 @@ pub fn map(session: &Path, surface: Option<&Path>, width_mm: f64, out: &Path) ->
         return Err(FigureError::NoMap { path: session.to_owned() });
     }
     let titles = ["|ψ| (°)", "|θ| (°)", "|φ| (°)", "tilt (°)"];
-    let values = |trials: &[SteadyTrial], k: usize| -> Vec<Point> {
+    let values = |trials: &[AtSpeeds<()>], k: usize| -> Vec<Point> {
         trials.iter().map(|trial| Point { at: trial.speeds_rpm, value: trial.magnitudes_deg()[k] }).collect()
     };
     let maps: Vec<_> = (0..titles.len()).map(|k| (values(&surface, k), values(&points, k))).collect();
@@ -152,32 +152,14 @@ pub fn scatter(measured: &Path, predicted: &Path, width_mm: f64, out: &Path) -> 
     output::write(&scatter::draw(&comparison.trials, width_mm), out)
 }
 
-/// The steady angles of a trial.
-#[derive(Clone, Copy, Debug)]
-struct SteadyTrial {
-    speeds_rpm: [f64; 2],
-    angles_deg: [f64; 3],
-}
-
-impl SteadyTrial {
-    /// Returns |yaw|, |pitch|, |roll| and the tilt.
-    fn magnitudes_deg(&self) -> [f64; 4] {
-        let [yaw, pitch, roll] = self.angles_deg;
-        [yaw.abs(), pitch.abs(), roll.abs(), tilt_deg(pitch, roll)]
-    }
-}
-
-/// Returns the steady angles of all trials of a session that have some.
-fn steady(session: &Path) -> Result<Vec<SteadyTrial>, FigureError> {
+/// Returns the steady angles of the trials of a session that ended as planned, by their speeds.
+fn steady(session: &Path) -> Result<Vec<AtSpeeds<()>>, FigureError> {
     let states = Session::open(session)?.intact_states()?;
-    let logs: Vec<_> = states.iter().filter_map(|state| Some((state.trial.speeds, &state.best()?.path))).collect();
-    let one = |(speeds, log): &([protocol::units::CentiRpm; 2], &PathBuf)| -> Result<Option<SteadyTrial>, FigureError> {
+    let logs: Vec<_> = states.iter().filter_map(|state| Some((state.trial.speeds, &state.complete()?.path))).collect();
+    let one = |(speeds, log): &([CentiRpm; 2], &PathBuf)| -> Result<_, FigureError> {
         let angles = Zeroed::new(&Data::read(log, Want::default())?).angles();
-        Ok(angles.map(|angles| SteadyTrial {
-            speeds_rpm: speeds.map(|speed| speed.rpm()),
-            angles_deg: [angles.yaw_deg, angles.pitch_deg, angles.roll_deg],
-        }))
+        Ok(angles.map(|a| (speeds.map(CentiRpm::rpm), [a.yaw_deg, a.pitch_deg, a.roll_deg], ())))
     };
     let trials: Result<Vec<_>, _> = logs.par_iter().map(one).collect();
-    Ok(trials?.into_iter().flatten().collect())
+    Ok(mean_of_repeats(trials?.into_iter().flatten()))
 }

@@ -63,6 +63,13 @@ impl Monitor {
         self.last.is_some_and(|last| telemetry.seq.0 == last.0.wrapping_add(1))
     }
 
+    /// Counts frames that are missing after the last one. Returns `None` if there are none.
+    pub fn missing(&mut self, count: u16) -> Option<Gap> {
+        let last = self.last.filter(|_| count > 0)?;
+        self.stats.lost += u64::from(count);
+        Some(Gap { first: Count(last.0.wrapping_add(1)), count })
+    }
+
     /// Counts a frame that could not be read. Consecutive unreadable frames count as one resync.
     pub fn damaged(&mut self, error: FrameError) {
         self.stats.crc_errors += u64::from(error == FrameError::Crc);

@@ -5,9 +5,9 @@ use super::heat_map::{self, Map, Point};
 use super::text::{clip, count, number, plain};
 use super::trial_section::{answer, tile, warnings};
 use super::view::{ModelRobot, View};
-use crate::attitude::tilt_deg;
 use crate::plan::Plan;
 use crate::text::word;
+use crate::trial::{AtSpeeds, mean_of_repeats};
 use crate::twin::SessionComparison;
 use biflag_log::LinkStats;
 use maud::{Markup, html};
@@ -131,24 +131,28 @@ fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool)
     notes
 }
 
-/// The maps of a session: the index of the angle, its name and its symbol.
+/// The maps of a session: the index in [`AtSpeeds::magnitudes_deg`], its name and its symbol.
 const MAPS: [(usize, &str, &str); 4] =
-    [(0, "Steady yaw", "|ψ|"), (1, "Steady pitch", "|θ|"), (2, "Steady roll", "|φ|"), (TILT, "Steady tilt", "β")];
-
-/// The tilt follows yaw, pitch and roll.
-const TILT: usize = 3;
+    [(0, "Steady yaw", "|ψ|"), (1, "Steady pitch", "|θ|"), (2, "Steady roll", "|φ|"), (3, "Steady tilt", "β")];
 
 fn maps(rows: &[Row]) -> Markup {
-    let points = |angle: usize, modelled: bool| -> Vec<Point> {
-        let point = |(i, row): (usize, &Row)| {
-            let view = row.view()?;
+    let means = [false, true].map(|modelled| {
+        let trial = |(i, row): (usize, &Row)| {
+            let view = row.view().filter(|view| view.is_complete)?;
             let steady = view.steady?;
             let angles = if modelled { steady.modelled_deg? } else { steady.angles_deg };
-            let value_deg = if angle == TILT { tilt_deg(angles[1], angles[2]) } else { angles[angle].abs() };
-            let anchor = (!view.data.is_null()).then(|| anchor(i));
-            Some(Point { speeds_rpm: row.speeds_rpm, value_deg, anchor })
+            Some((row.speeds_rpm, angles, (!view.data.is_null()).then(|| anchor(i))))
         };
-        heat_map::without_repeats(rows.iter().enumerate().filter_map(point))
+        mean_of_repeats(rows.iter().enumerate().filter_map(trial))
+    });
+    let points = |angle: usize, modelled: bool| -> Vec<Point> {
+        let means = means[usize::from(modelled)].iter();
+        let point = |mean: &AtSpeeds<Option<String>>| Point {
+            speeds_rpm: mean.speeds_rpm,
+            value_deg: mean.magnitudes_deg()[angle],
+            anchor: mean.first.clone(),
+        };
+        means.map(point).collect()
     };
     if !heat_map::is_map(&points(0, false)) {
         return html! {};
@@ -158,6 +162,10 @@ fn maps(rows: &[Row]) -> Markup {
         (false, _) => "measured",
         (true, false) => "model",
         (true, true) => "this session",
+    };
+    let of_repeats = match means[0].iter().any(|mean| mean.trials > 1) {
+        true => " Repeated trials: the magnitude of their mean.",
+        false => "",
     };
     html! {
         h2 { "Steady attitude over both speeds" }
@@ -173,7 +181,7 @@ fn maps(rows: &[Row]) -> Markup {
                         figure {
                             div.head { h3 { (title) } }
                             (map.svg())
-                            figcaption { (map.caption()) }
+                            figcaption { (map.caption()) (of_repeats) }
                         }
                     }
                 }

@@ -1,14 +1,15 @@
 //! The page of a sweep's table: a map of one result over two inputs, with a slider for each other input.
 //!
-//! An input is a column of numbers before the first result that does not follow from the inputs before it. A table also
-//! has columns that follow from its inputs, such as lengths from groups.
+//! Inputs are the speeds, and the keys of the robot's file or the groups that vary. In other tables an input is a column of
+//! numbers before the first result that does not follow from the inputs before it: a table also has columns that follow
+//! from its inputs, such as lengths from groups.
 
 use super::ReportError;
 use super::budget::DATA_BYTES;
 use super::table::single;
 use super::text::{clip, count, json_for_script};
 use super::{Written, document, put};
-use crate::export::table::Table;
+use crate::export::table::{self, Table};
 use crate::sweep;
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
@@ -22,7 +23,31 @@ const FIRST_RESULT: &str = "yaw_deg";
 #[derive(Clone, PartialEq, Debug)]
 struct Column {
     name: String,
+    kind: Kind,
     values: Vec<f64>,
+}
+
+/// What a column before the results is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Kind {
+    /// A speed, or a key of the robot's file that varies.
+    Axis,
+    /// A group over that of the robot `published`.
+    Group,
+    Other,
+}
+
+impl Kind {
+    fn of(column: &table::Column) -> Self {
+        let name = column.name.as_ref();
+        if column.about == sweep::VARIES || name == "w1_rpm" || name == "w2_rpm" {
+            Self::Axis
+        } else if name.starts_with("group_") && name.ends_with("_relative") {
+            Self::Group
+        } else {
+            Self::Other
+        }
+    }
 }
 
 /// Returns whether the extension of a path is that of a table.
@@ -95,29 +120,38 @@ fn body(title: &str, rows: usize, every: usize, inputs: &[String], results: &[St
     }
 }
 
-/// Returns the columns that distinguish points which the columns before them do not distinguish.
+/// Returns the inputs, in the order of the columns. Where each point of a design has a value of its own, a single column
+/// distinguishes all points; so the axes of a sweep come first.
 fn inputs(columns: &[Column]) -> Vec<&Column> {
-    let mut chosen: Vec<&Column> = Vec::new();
-    let mut told = 1;
-    for column in columns {
-        let rows = column.values.len();
-        // Seven digits: results of the same inputs may differ in their last digits.
-        let point = |i: usize| -> Vec<u32> {
-            chosen.iter().chain([&column]).map(|column| (column.values[i] as f32).to_bits()).collect()
-        };
-        let distinct = (0..rows).map(point).collect::<HashSet<_>>().len();
-        if distinct > told {
-            told = distinct;
-            chosen.push(column);
+    // Seven digits: results of the same inputs may differ in their last digits.
+    let distinct = |chosen: &[usize]| {
+        let rows = columns.first().map_or(0, |column| column.values.len());
+        let point = |i: usize| chosen.iter().map(|k| (columns[*k].values[i] as f32).to_bits()).collect::<Vec<_>>();
+        (0..rows).map(point).collect::<HashSet<_>>().len()
+    };
+    let varying = |kind: Kind| (0..columns.len()).filter(move |k| columns[*k].kind == kind && distinct(&[*k]) > 1);
+    let mut chosen: Vec<usize> = varying(Kind::Axis).collect();
+    // Without a key that varies, groups do.
+    if chosen.iter().all(|k| columns[*k].name.ends_with("_rpm")) {
+        chosen.extend(varying(Kind::Group));
+    }
+    let mut told = distinct(&chosen).max(1);
+    for k in 0..columns.len() {
+        let with: Vec<usize> = chosen.iter().copied().chain([k]).collect();
+        let tells = distinct(&with);
+        if tells > told {
+            (told, chosen) = (tells, with);
         }
     }
-    chosen
+    chosen.sort_unstable();
+    chosen.into_iter().map(|k| &columns[k]).collect()
 }
 
 /// Returns the columns that are numbers; a text that is none becomes NaN, and a column of texts is left out.
 fn numeric(table: Table) -> Vec<Column> {
     let finite = |value: f64| if value.is_finite() { value } else { f64::NAN };
     let columns = table.columns.into_iter().map(|column| Column {
+        kind: Kind::of(&column),
         values: column.values.numbers().into_iter().map(finite).collect(),
         name: column.name.into_owned(),
     });
@@ -150,6 +184,13 @@ mod tests {
         assert_eq!((written.trials, written.html.as_path()), (8, page.as_path()));
         let text = std::fs::read_to_string(&page).unwrap();
         assert!(text.contains("3 inputs: w1_rpm, w2_rpm, length_m") && text.contains("<option value=\"tilt_deg\">"));
+        // Each value of a Sobol design distinguishes all points; its columns say which of them vary by themselves.
+        let varies = |name: &str| format!("# {name} [1]: {}\n", sweep::VARIES);
+        let sobol =
+            "w1_rpm,w2_rpm,mu,tether,derived,yaw_deg\n50,10,0.8,1,1.6,1\n50,10,0.9,3,1.8,2\n50,10,1.1,2,2.2,3\n";
+        std::fs::write(&path, varies("mu") + &varies("tether") + sobol).unwrap();
+        write(&path, &page).unwrap();
+        assert!(std::fs::read_to_string(&page).unwrap().contains("2 inputs: mu, tether"));
         for (broken, reason) in
             [("x,y\n1,2\n", "no column yaw_deg"), ("a,yaw_deg\n1,2\n2,3\n", "fewer than two inputs")]
         {

@@ -142,7 +142,8 @@ fn steady(angles: Option<&Angles>, comparison: Option<&Comparison>) -> Option<St
     if let Some(comparison) = comparison {
         return Some(Steady {
             angles_deg: comparison.steady_measured_deg,
-            yaw_uncertainty_deg: comparison.yaw_uncertainty_deg,
+            // That of the comparison is the uncertainty of the difference.
+            yaw_uncertainty_deg: angles.and_then(|angles| angles.yaw_uncertainty_deg),
             modelled_deg: Some(comparison.steady_modelled_deg),
         });
     }

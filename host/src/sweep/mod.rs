@@ -35,6 +35,7 @@ pub use point::{Name, Point, Shard, Sweep};
 pub use read::{columns_of, of_csv, read_table};
 pub use slurm::script;
 pub(crate) use table::ROBOT;
+pub use table::VARIES;
 
 use std::path::{Path, PathBuf};
 

@@ -10,6 +10,9 @@ use sim::groups::Groups;
 use sim::params::Robot;
 use std::borrow::Cow;
 
+/// The description of the columns of the keys that vary.
+pub const VARIES: &str = "key of the robot's file, which varies";
+
 /// A row.
 struct Row {
     name: String,
@@ -123,7 +126,7 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     ];
     for (at, axis) in sweep.plan.axes.iter().enumerate() {
         if let Key::Robot(key) = &axis.key {
-            let about = "key of the robot's file, which varies";
+            let about = VARIES;
             columns.push(column(key.replace('.', "_"), unit(key), about, exact(&|row| row.values[at])));
         }
     }

@@ -92,7 +92,7 @@ class Trial:
     speeds: Floats
     """Speeds of both motors, rpm, shape (n, 2)."""
     turns: Floats
-    """Turns of both motors since the start, shape (n, 2)."""
+    """Angles of both flagella in turns, those of ``phase_deg`` at the start, shape (n, 2)."""
     forces: Floats
     """Force of flagellum 1 and 2 on the base, N, body axes, contact included, shape (n, 2, 3)."""
     contact_forces: Floats

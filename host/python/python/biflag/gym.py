@@ -124,6 +124,7 @@ class AttitudeVectorEnv(VectorEnv[Floats, Floats, Floats]):
             seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
             self._randoms = [np.random.default_rng(one) for one in seeds]
         self._options = options
+        self._ended[:] = False
         for i in range(self.num_envs):
             self._begin(i)
         return self._observed(), {}

@@ -196,13 +196,19 @@ biflag.Chart = class {
   /** Shades the time in which the flagella touch. */
   contact(u, x) {
     const { ctx, bbox } = u;
-    const { time, contact, width = 0 } = this.table;
+    const { time, contact } = this.table;
     ctx.fillStyle = biflag.colour("contact");
     for (let i = 0; i < time.length; i++) {
       if (!contact[i]) continue;
-      const [from, to] = width ? [time[i] - width / 2, time[i] + width / 2] : [time[i], time[i + 1] ?? time[i]];
+      const [from, to] = this.stretch(i);
       ctx.fillRect(x(from), bbox.top, Math.max(x(to) - x(from), 1), bbox.height);
     }
+  }
+
+  /** The time of a row: about its middle where rows are stretches of many samples, to the next sample elsewhere. */
+  stretch(i) {
+    const { time, width = 0 } = this.table;
+    return width ? [time[i] - width / 2, time[i] + width / 2] : [time[i], time[i + 1] ?? time[i]];
   }
 
   phases(u) {
@@ -260,7 +266,7 @@ biflag.Chart = class {
     const parts = [];
     const block = (from, to, colour) => parts.push(`<rect x="${clip(from).toFixed(1)}" y="${top}" width="${Math.max(clip(to) - clip(from), 0).toFixed(1)}" height="${height}" fill="${colour}"/>`);
     for (const [name, from, to] of this.trial.data.phases) if (name === "run") block(from, to, biflag.colour("run"));
-    if (spec.contact) table.time.forEach((time, i) => table.contact[i] && block(time, table.time[i + 1] ?? time, biflag.colour("contact")));
+    if (spec.contact) table.time.forEach((_, i) => table.contact[i] && block(...this.stretch(i), biflag.colour("contact")));
     for (const [i, axis] of plot.axes.entries()) {
       axis._splits.forEach((split, k) => {
         const label = axis._values[k];

@@ -47,21 +47,6 @@ pub(super) fn is_map(points: &[Point]) -> bool {
     points.len() >= LEAST_POINTS && differs(0) && differs(1)
 }
 
-/// Returns one point for all repeats of a pair of speeds: their mean, with the anchor of the first.
-pub(super) fn without_repeats(trials: impl Iterator<Item = Point>) -> Vec<Point> {
-    let mut points: Vec<(Point, f64)> = Vec::new();
-    for trial in trials {
-        match points.iter_mut().find(|(point, _)| point.speeds_rpm == trial.speeds_rpm) {
-            Some((point, count)) => {
-                *count += 1.0;
-                point.value_deg += (trial.value_deg - point.value_deg) / *count;
-            }
-            None => points.push((trial, 1.0)),
-        }
-    }
-    points.into_iter().map(|(point, _)| point).collect()
-}
-
 /// The largest value, for a scale that several maps share.
 pub(super) fn largest(points: &[Point]) -> f64 {
     points.iter().map(|point| point.value_deg).filter(|value| value.is_finite()).fold(0.0, f64::max)
@@ -248,15 +233,6 @@ mod tests {
     fn few_points_and_points_along_an_axis_make_no_map() {
         assert!(is_map(&points(4, 3)) && is_map(&points(2, 3)));
         assert!(!is_map(&points(12, 1)) && !is_map(&points(1, 12)) && !is_map(&points(2, 2)) && !is_map(&[]));
-    }
-
-    #[test]
-    fn repeats_share_a_point() {
-        let point =
-            |w1: f64, value_deg: f64| Point { speeds_rpm: [w1, 0.0], value_deg, anchor: Some(format!("{value_deg}")) };
-        let points = without_repeats([point(1.0, 2.0), point(2.0, 9.0), point(1.0, 4.0), point(1.0, 6.0)].into_iter());
-        let values: Vec<_> = points.iter().map(|point| (point.value_deg, point.anchor.as_deref())).collect();
-        assert_eq!(values, [(4.0, Some("2")), (9.0, Some("9"))]);
     }
 
     #[test]

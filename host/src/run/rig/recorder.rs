@@ -172,6 +172,21 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// Counts the frames that are missing between the last one and the tick at `end_us`, which ends the trial. The frame
+    /// after them is not of the trial.
+    pub(super) fn end_at(&mut self, end_us: u64) -> Result<(), RecordError> {
+        let (Some(first), Some(last_us)) = (&self.pending, self.reached_us) else { return Ok(()) };
+        if self.monitor.is_next(&first.telemetry) {
+            return Ok(());
+        }
+        let host = first.host;
+        let missing = ((end_us.saturating_sub(last_us) + TICK_US / 2) / TICK_US).saturating_sub(1);
+        if let Some(gap) = self.monitor.missing(u16::try_from(missing).unwrap_or(u16::MAX)) {
+            self.trial.dropout(gap.first.0, u32::from(gap.count), host)?;
+        }
+        Ok(())
+    }
+
     fn pending_or_next(&mut self) -> Result<Frame, RecordError> {
         self.pending.take().map_or_else(|| self.next_frame(), Ok)
     }

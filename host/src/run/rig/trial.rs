@@ -211,7 +211,9 @@ fn phases(
                     }
                     recorder.level()?;
                 }
-                if next != Phase::End {
+                if next == Phase::End {
+                    recorder.end_at(tick_us)?;
+                } else {
                     progress.phase(name, next.name());
                 }
                 recorder.change(EventKind::Phase, next.name(), tick_us)?;

@@ -166,6 +166,9 @@ pub fn calibrate(
     pool(request.jobs)?.install(|| fit(trials, request, progress))
 }
 
+/// RMS error of a fit that did not leave its start above which it is more than the model's own error, degrees.
+const STUCK_DEG: f64 = 10.0;
+
 fn fit(
     mut trials: Vec<FitTrial>,
     request: &Request,
@@ -225,7 +228,18 @@ fn fit(
     };
     let fitted_from = near.as_ref().unwrap_or(&start);
     let problem = minimise(problem)?;
+    let limited = problem.at_limit();
+    if !limited.is_empty() {
+        let reason = format!("{} would change by more than a factor of ten", limited.join(", "));
+        return Err(failed(&reason, "start from a robot that is nearer with --robot"));
+    }
     let errors = problem.errors().unwrap_or_default();
+    let rmse_after_deg = rms(errors.iter().flatten());
+    if !problem.has_moved() && rmse_after_deg > STUCK_DEG {
+        warnings.push(format!(
+            "the fit did not leave its start, where the RMS error is {rmse_after_deg:.0}°: start from another robot with --robot"
+        ));
+    }
     let rest = problem::correlations(&errors);
     let response = Response::new(&problem)?;
     let covariance = response.covariance(&self::whiteners(&trials, rest)?);
@@ -248,8 +262,8 @@ fn fit(
         .enumerate()
         .map(|(i, (parameter, (moved, deviation)))| {
             let value = |moved| parameter.value(fitted_from, closure, moved);
-            // A phase may have come round.
-            let turns = if parameter.is_phase() { value(*moved) - wrapped(value(*moved)) } else { 0.0 };
+            // An angle may have come round.
+            let turns = if parameter.is_angle() { value(*moved) - wrapped(value(*moved)) } else { 0.0 };
             let value = |moved| value(moved) - turns;
             Estimate {
                 name: parameter.name(),
@@ -280,7 +294,7 @@ fn fit(
         condition_number: eigenvalues.max() / eigenvalues.min().max(f64::MIN_POSITIVE),
         correlations: correlations.row_iter().map(|row| row.iter().copied().collect()).collect(),
         rmse_before_deg: rms(errors_before.iter().flatten()),
-        rmse_after_deg: rms(errors.iter().flatten()),
+        rmse_after_deg,
         mounting: mounting(&trials),
         trials: (0..trials.len()).map(fitted).collect(),
         closure,

@@ -19,8 +19,14 @@ const FD_STEP: f64 = 0.01;
 /// solver.
 const TOLERANCE: f64 = 1e-3;
 
-/// Largest change of a parameter from its start: a factor of ten, or more than half a turn.
+/// Largest change of the logarithm of a parameter from its start: a factor of ten.
 const MAX_LOG_CHANGE: f64 = 2.3;
+
+/// Largest change of an angle from its start, rad: more than half a turn either way, which reaches every angle.
+const MAX_TURN: f64 = 3.5;
+
+/// Share of the largest change from which a parameter counts as being at its limit.
+const AT_LIMIT: f64 = 0.95;
 
 /// Residual if the solver fails, large enough to make the fit turn back.
 const FAILED_RESIDUAL: f64 = 1e4;
@@ -57,6 +63,28 @@ impl<'a> Problem<'a> {
         &self.moved
     }
 
+    /// Returns the parameters that have moved as far from their start as they may, or nearly.
+    pub fn at_limit(&self) -> Vec<&'static str> {
+        let nearly: Vec<f64> = self.moved.iter().map(|moved| moved / AT_LIMIT).collect();
+        self.beyond(&nearly)
+    }
+
+    /// Returns whether a parameter has left its start.
+    pub fn has_moved(&self) -> bool {
+        self.moved.iter().any(|moved| moved.abs() > FD_STEP)
+    }
+
+    /// Returns the parameters that move further from their start than they may.
+    fn beyond(&self, moved: &[f64]) -> Vec<&'static str> {
+        let is_within = |parameter: &Parameter, moved: &f64| moved.abs() <= Self::limit(parameter);
+        let all = self.parameters.iter().zip(moved);
+        all.filter(|(parameter, moved)| !is_within(parameter, moved)).map(|(parameter, _)| parameter.name()).collect()
+    }
+
+    fn limit(parameter: &Parameter) -> f64 {
+        if parameter.is_angle() { MAX_TURN } else { MAX_LOG_CHANGE }
+    }
+
     /// Returns a robot with changed parameters.
     pub fn robot(&self, start: &Robot, moved: &[f64]) -> Robot {
         let mut robot = start.clone();
@@ -82,7 +110,7 @@ impl<'a> Problem<'a> {
     }
 
     fn model(&self, start: &Robot, moved: &[f64]) -> Option<Vec<Blocks>> {
-        if moved.iter().any(|moved| moved.abs() > MAX_LOG_CHANGE || !moved.is_finite()) {
+        if !self.beyond(moved).is_empty() {
             return None;
         }
         let robot = self.robot(start, moved);

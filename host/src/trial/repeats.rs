@@ -1,0 +1,57 @@
+//! Steady angles over the speeds of both flagella.
+
+use crate::attitude::tilt_deg;
+
+/// The steady angles at a pair of speeds: the mean of its trials.
+#[derive(Clone, PartialEq, Debug)]
+pub struct AtSpeeds<T> {
+    /// Speeds of the flagella.
+    pub speeds_rpm: [f64; 2],
+    /// Means of yaw, pitch and roll, with their signs.
+    pub angles_deg: [f64; 3],
+    /// Number of trials.
+    pub trials: usize,
+    /// What belongs to the first of them.
+    pub first: T,
+}
+
+impl<T> AtSpeeds<T> {
+    /// Returns the magnitudes of the mean yaw, pitch and roll, and the tilt of the mean attitude, degrees.
+    pub fn magnitudes_deg(&self) -> [f64; 4] {
+        let [yaw, pitch, roll] = self.angles_deg;
+        [yaw.abs(), pitch.abs(), roll.abs(), tilt_deg(pitch, roll)]
+    }
+}
+
+/// Returns the mean of the trials at each pair of speeds, in the order of the first ones. Each trial has its speeds (rpm),
+/// its steady yaw, pitch and roll (degrees), and anything.
+pub fn mean_of_repeats<T>(trials: impl Iterator<Item = ([f64; 2], [f64; 3], T)>) -> Vec<AtSpeeds<T>> {
+    let mut means: Vec<AtSpeeds<T>> = Vec::new();
+    for (speeds_rpm, angles_deg, first) in trials {
+        match means.iter_mut().find(|mean| mean.speeds_rpm == speeds_rpm) {
+            Some(mean) => {
+                mean.trials += 1;
+                for (mean_deg, deg) in mean.angles_deg.iter_mut().zip(angles_deg) {
+                    *mean_deg += (deg - *mean_deg) / mean.trials as f64;
+                }
+            }
+            None => means.push(AtSpeeds { speeds_rpm, angles_deg, trials: 1, first }),
+        }
+    }
+    means
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn repeats_have_one_mean_whose_magnitude_is_taken_last() {
+        let trial = |w1: f64, pitch: f64, name| ([w1, 0.0], [-90.0, pitch, 0.0], name);
+        let trials = [trial(1.0, 2.0, "a"), trial(2.0, 9.0, "b"), trial(1.0, -4.0, "c"), trial(1.0, 2.0, "d")];
+        let means = mean_of_repeats(trials.into_iter());
+        assert_eq!(means.iter().map(|mean| (mean.first, mean.trials)).collect::<Vec<_>>(), [("a", 3), ("b", 1)]);
+        assert_eq!(means[0].magnitudes_deg(), [90.0, 0.0, 0.0, 0.0]);
+        assert!((means[1].magnitudes_deg()[3] - 9.0).abs() < 1e-9);
+    }
+}
