@@ -19,9 +19,16 @@ use std::io::{BufRead, BufReader};
 use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::OnceLock;
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
+
+/// Waits until no other test holds this, and holds it: for tests that compute on all cores for long, and for those that
+/// need an answer in time from several boards at once.
+pub fn whole_computer() -> MutexGuard<'static, ()> {
+    static WHOLE: Mutex<()> = Mutex::new(());
+    WHOLE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A temporary folder to work in.
 pub struct Bench {

@@ -7,7 +7,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use tests::Bench;
+use tests::{Bench, whole_computer};
 
 const PACKAGES: [&str; 7] =
     ["slurmctld", "slurmd", "slurm-client", "slurm-wlm-basic-plugins", "libmunge2", "liblua5.1-0", "libhwloc15"];
@@ -181,6 +181,7 @@ fn a_node_that_dies_changes_no_byte() {
         Ok(programs) => programs,
         Err(reason) => return println!("skipped, Slurm cannot be unpacked here: {reason}"),
     };
+    let _computer = whole_computer();
     let bench = Bench::new();
     bench.file("plan.toml", PLAN);
     bench.run(["sweep", "plan.toml", "--out", "serial", "--jobs", "2"]).expect_code(3);

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 use std::time::{Duration, Instant};
-use tests::{Bench, Cable, Run, board_s, logs, nano, wait_for_logs};
+use tests::{Bench, Cable, Run, board_s, logs, nano, wait_for_logs, whole_computer};
 
 /// A pre-roll, so that a line can go bad before the motors turn.
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 60\ndecay = 0\n\
@@ -127,6 +127,7 @@ fn case(number: u64) -> String {
 #[test]
 fn only_telemetry_keeps_the_motors_turning() {
     let count: u64 = std::env::var("LINES").map_or(10, |count| count.parse().expect("LINES is a number"));
+    let _computer = whole_computer();
     std::thread::scope(|scope| {
         let workers: Vec<_> =
             (0..5).map(|first| scope.spawn(move || (first..count).step_by(5).map(case).collect::<Vec<_>>())).collect();
