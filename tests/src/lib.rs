@@ -24,10 +24,17 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Waits until no other test holds this, and holds it: for tests that compute on all cores for long, and for those that
-/// need an answer in time from several boards at once.
+/// measure times.
 pub fn whole_computer() -> MutexGuard<'static, ()> {
     static WHOLE: Mutex<()> = Mutex::new(());
     WHOLE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Returns a figure of the memory of a child as the kernel reports it in `/proc/PID/status`, kB; 0 once the child has ended.
+pub fn memory_kb(child: &Child, figure: &str) -> f64 {
+    let text = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
+    let value = text.lines().find_map(|line| line.strip_prefix(figure)?.strip_prefix(':'));
+    value.and_then(|value| value.split_whitespace().next()?.parse().ok()).unwrap_or(0.0)
 }
 
 /// A temporary folder to work in.

@@ -8,19 +8,14 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::channel;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-use tests::{Bench, Cable, Run, board_s, is_driven, logs, nano, pass, signal, wait_for_logs, wait_for_motion};
+use tests::{
+    Bench, Cable, Run, board_s, is_driven, logs, nano, pass, signal, wait_for_logs, wait_for_motion, whole_computer,
+};
 
 /// The motors' deadline is the longest one, because other programs may delay the pings.
 const PLAN: &str = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 9\ndecay = 0\n\
                     [speeds]\npairs = [[50, 10], [-30, 30]]\n";
-
-/// These tests measure times, so they run one after the other.
-fn alone() -> MutexGuard<'static, ()> {
-    static ALONE: Mutex<()> = Mutex::new(());
-    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 fn info(bench: &Bench, log: &Path) -> Value {
     bench.run(["info", log.to_str().unwrap(), "--json"]).json()
@@ -29,7 +24,7 @@ fn info(bench: &Bench, log: &Path) -> Value {
 /// Ctrl-C stops the motors and closes the log; `--resume` repeats that trial, but not the previous one.
 #[test]
 fn ctrl_c_stops_the_motors_and_resume_continues() {
-    let _alone = alone();
+    let _computer = whole_computer();
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
     let plan = plan.to_str().unwrap();
@@ -67,7 +62,7 @@ fn ctrl_c_stops_the_motors_and_resume_continues() {
 /// A pulled cable is an error within a second, and the log is intact.
 #[test]
 fn pulled_cable_ends_the_trial_within_a_second() {
-    let _alone = alone();
+    let _computer = whole_computer();
     let bench = Bench::new();
     let plan = bench.file("plan.toml", PLAN);
     let mut nano = nano(["--speed", "1"]);
@@ -90,7 +85,7 @@ fn pulled_cable_ends_the_trial_within_a_second() {
 /// What arrives while the board does not answer is written as soon as everything else.
 #[test]
 fn log_is_written_while_an_answer_is_awaited() {
-    let _alone = alone();
+    let _computer = whole_computer();
     let bench = Bench::new();
     let plan = bench.file("plan.toml", &PLAN.replace("calibrate = 0", "calibrate = 1"));
     let mut nano = nano(["--speed", "1"]);
@@ -144,7 +139,7 @@ struct Killed {
 fn killed_recording_loses_at_most_half_a_second_and_no_trial() {
     let kills = std::env::var("KILLS").map_or(50, |kills| kills.parse().expect("KILLS is a number"));
     let workers = 3;
-    let _alone = alone();
+    let _computer = whole_computer();
     let killed: Vec<Killed> = std::thread::scope(|scope| {
         let share = |worker| kills / workers + usize::from(worker < kills % workers);
         let run = |worker: usize| scope.spawn(move || kill_sessions(share(worker), worker as u64));

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Child;
 use std::time::{Duration, Instant};
-use tests::{Bench, Run, signal};
+use tests::{Bench, Run, memory_kb, signal};
 
 /// Twelve trials that take about a second together.
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 1\npreroll = 1\nrun = 30\ndecay = 3\n\
@@ -39,13 +39,9 @@ fn simulate(plan: &Path, more: &[&str]) -> Vec<String> {
 /// Returns the peak of the memory that a child allocated, MB, and its exit code. How many pages of its program file are
 /// in memory besides depends on what else the computer does.
 fn peak_mb(mut child: Child) -> (f64, Option<i32>) {
-    let status = format!("/proc/{}/status", child.id());
     let mut peak_kb = 0.0f64;
     loop {
-        let text = std::fs::read_to_string(&status).unwrap_or_default();
-        let line = text.lines().find_map(|line| line.strip_prefix("RssAnon:"));
-        let kb = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok());
-        peak_kb = peak_kb.max(kb.unwrap_or(0.0));
+        peak_kb = peak_kb.max(memory_kb(&child, "RssAnon"));
         if let Some(status) = child.try_wait().unwrap() {
             return (peak_kb / 1024.0, status.code());
         }

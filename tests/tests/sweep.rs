@@ -4,7 +4,7 @@ use rustix::process::Signal;
 use std::path::Path;
 use std::process::Child;
 use std::time::{Duration, Instant};
-use tests::{Bench, Run, signal};
+use tests::{Bench, Run, memory_kb, signal};
 
 /// 48 points over robots and speeds, with impossible ones among them.
 const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\nrun = 4\nmethod = \"trial\"\nphases = 2\n[vary]\n\
@@ -99,12 +99,9 @@ fn ctrl_c_keeps_what_is_done() {
 
 /// Returns the peak memory of a child, MB.
 fn peak_mb(mut child: Child) -> f64 {
-    let status = format!("/proc/{}/status", child.id());
     let mut peak_kb = 0.0f64;
     loop {
-        let text = std::fs::read_to_string(&status).unwrap_or_default();
-        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        peak_kb = peak_kb.max(line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok()).unwrap_or(0.0));
+        peak_kb = peak_kb.max(memory_kb(&child, "VmHWM"));
         if let Some(status) = child.try_wait().unwrap() {
             assert_eq!(status.code(), Some(3));
             return peak_kb / 1024.0;
@@ -151,13 +148,9 @@ fn ten_thousand_points_are_rows() {
         let mut child = bench.start(["sweep", plan.to_str().unwrap(), "--out", &out, "--json"]);
         let said = child.stderr.take().unwrap();
         let said = std::thread::spawn(move || std::io::read_to_string(said).unwrap());
-        let status = format!("/proc/{}/status", child.id());
         let mut peak_kb = 0.0f64;
         while child.try_wait().unwrap().is_none() {
-            let text = std::fs::read_to_string(&status).unwrap_or_default();
-            let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-            peak_kb =
-                peak_kb.max(line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok()).unwrap_or(0.0));
+            peak_kb = peak_kb.max(memory_kb(&child, "VmHWM"));
             std::thread::sleep(Duration::from_millis(20));
         }
         let seconds = begun.elapsed().as_secs_f64();

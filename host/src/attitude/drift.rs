@@ -197,16 +197,12 @@ impl Drift {
         self.change(integral::DRIFT, from_s, to_s)
     }
 
-    /// Returns the ratio of the variance of the biases about x and y to that of the angle random walk, 1/s; 0 if a still
-    /// phase shows them, `None` if they are unknown.
-    pub fn lateral_variance(&self) -> Option<f64> {
-        self.lateral_variance
-    }
-
-    /// Returns the integrals of the vertical's components along the body's x and y from one time to another, s.
-    pub fn lean(&self, from_s: f64, to_s: f64) -> [f64; 2] {
+    /// Returns the standard deviations of the effect on a rotation from one time to another of the biases about x and y
+    /// that no still phase shows, degrees. Each is fully correlated between all times. `None` if the biases are unknown.
+    pub fn lateral(&self, from_s: f64, to_s: f64) -> Option<[f64; 2]> {
+        let rate = self.angle_walk * self.lateral_variance?.sqrt();
         let [x, y, _] = integral::VERTICAL;
-        [self.change(x, from_s, to_s), self.change(y, from_s, to_s)]
+        Some([x, y].map(|part| rate * self.change(part, from_s, to_s)))
     }
 
     /// Returns the standard deviation of the effect of the sensor's usual warming since the first still phase on a
@@ -218,7 +214,7 @@ impl Drift {
     /// Returns the 95 % uncertainty of a rotation measured from one time to another, degrees; `None` if the biases
     /// about x and y are unknown.
     pub fn uncertainty(&self, from_s: f64, to_s: f64) -> Option<f64> {
-        let lateral_variance = self.lateral_variance?;
+        let lateral = self.lateral(from_s, to_s)?.map(|deg| deg * deg);
         let length = to_s - from_s;
         let walk = self.angle_walk.powi(2);
         let mean = |integral: usize| if length > 0.0 { self.change(integral, from_s, to_s) / length } else { 0.0 };
@@ -249,8 +245,7 @@ impl Drift {
             }
             _ => f64::INFINITY,
         };
-        let lateral = walk * lateral_variance * length.powi(2) * (parts[0] + parts[1]);
-        Some(student_95(self.degrees_of_freedom) * (variance + lateral).sqrt())
+        Some(student_95(self.degrees_of_freedom) * (variance + lateral[0] + lateral[1]).sqrt())
     }
 }
 
@@ -261,9 +256,8 @@ pub(crate) fn student_95(degrees_of_freedom: f64) -> f64 {
     let f = degrees_of_freedom.max(1.0);
     if f < FEW.len() as f64 {
         // The quantile falls about as a power of the freedom.
-        let (below, share) = (f as usize - 1, f.ln() - f.floor().ln());
-        let step = f.ceil().max(f.floor() + 1.0).ln() - f.floor().ln();
-        return FEW[below] * (FEW[below + 1] / FEW[below]).powf(share / step);
+        let (i, whole) = (f as usize - 1, f.floor());
+        return FEW[i] * (FEW[i + 1] / FEW[i]).powf((f / whole).ln() / ((whole + 1.0) / whole).ln());
     }
     let z = 1.959_964_f64;
     let terms = [

@@ -24,7 +24,7 @@ pub use expand::board_speed;
 pub use file::{MAX_PHASE_S, MIN_RUN_S};
 pub use hand_turn::{Axis, HandTurn};
 pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
-pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint};
+pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint, TICK_US};
 pub use shipped::Shipped;
 
 use biflag_log::Method;

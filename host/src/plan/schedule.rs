@@ -4,6 +4,9 @@ use super::{Phases, Reverse, Trial};
 use protocol::units::CentiRpm;
 use protocol::{SetPoint, State, TICK_HZ};
 
+/// Length of the board's tick, µs.
+pub const TICK_US: u64 = 1_000_000 / TICK_HZ as u64;
+
 /// A phase of a trial.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Phase {

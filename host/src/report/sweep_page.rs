@@ -30,8 +30,9 @@ struct Column {
 /// What a column before the results is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Kind {
-    /// A speed, or a key of the robot's file that varies.
-    Axis,
+    Speed,
+    /// A key of the robot's file that varies.
+    Key,
     /// A group over that of the robot `published`.
     Group,
     Other,
@@ -40,8 +41,10 @@ enum Kind {
 impl Kind {
     fn of(column: &table::Column) -> Self {
         let name = column.name.as_ref();
-        if column.about == sweep::VARIES || name == "w1_rpm" || name == "w2_rpm" {
-            Self::Axis
+        if column.about == sweep::VARIES {
+            Self::Key
+        } else if name == "w1_rpm" || name == "w2_rpm" {
+            Self::Speed
         } else if name.starts_with("group_") && name.ends_with("_relative") {
             Self::Group
         } else {
@@ -130,11 +133,9 @@ fn inputs(columns: &[Column]) -> Vec<&Column> {
         (0..rows).map(point).collect::<HashSet<_>>().len()
     };
     let varying = |kind: Kind| (0..columns.len()).filter(move |k| columns[*k].kind == kind && distinct(&[*k]) > 1);
-    let mut chosen: Vec<usize> = varying(Kind::Axis).collect();
-    // Without a key that varies, groups do.
-    if chosen.iter().all(|k| columns[*k].name.ends_with("_rpm")) {
-        chosen.extend(varying(Kind::Group));
-    }
+    // Where a key varies, the groups follow from it.
+    let of_robot = if varying(Kind::Key).next().is_some() { Kind::Key } else { Kind::Group };
+    let mut chosen: Vec<usize> = varying(Kind::Speed).chain(varying(of_robot)).collect();
     let mut told = distinct(&chosen).max(1);
     for k in 0..columns.len() {
         let with: Vec<usize> = chosen.iter().copied().chain([k]).collect();

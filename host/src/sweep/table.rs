@@ -126,8 +126,7 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     ];
     for (at, axis) in sweep.plan.axes.iter().enumerate() {
         if let Key::Robot(key) = &axis.key {
-            let about = VARIES;
-            columns.push(column(key.replace('.', "_"), unit(key), about, exact(&|row| row.values[at])));
+            columns.push(column(key.replace('.', "_"), unit(key), VARIES, exact(&|row| row.values[at])));
         }
     }
     columns.extend(GROUPS.map(|(name, unit, about, value)| real(name, unit, about, &value)));

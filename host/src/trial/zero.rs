@@ -190,7 +190,7 @@ impl Zeroed {
         let is_calibrated = data.records.calibration.as_ref().is_none_or(|calibration| calibration.still);
         let calibrate_s = if is_calibrated { data.trial().calibrate_s } else { 0.0 };
         let drift = if data.times.has_run() { Drift::estimate(&series, still, after, calibrate_s) } else { None };
-        if drift.as_ref().is_some_and(|drift| drift.lateral_variance().is_none()) {
+        if drift.as_ref().is_some_and(|drift| drift.lateral(run.start, run.end).is_none()) {
             let text = "the gyroscope was not calibrated, and the still phases are too short to show its bias about the \
                         body's x and y: the uncertainty of the yaw is unknown";
             warnings.push(text.to_owned());
@@ -352,9 +352,7 @@ impl Zeroed {
     /// Returns the standard deviations of the effect on the yaw of biases about the body's x and y that no still phase
     /// shows, degrees; `None` if they are unknown.
     pub fn lateral(&self, time_s: f64) -> Option<[f64; 2]> {
-        let Some(drift) = &self.drift else { return Some([0.0; 2]) };
-        let rate = drift.angle_walk * drift.lateral_variance()?.sqrt();
-        Some(drift.lean(self.from_s, time_s).map(|lean| rate * lean))
+        self.drift.as_ref().map_or(Some([0.0; 2]), |drift| drift.lateral(self.from_s, time_s))
     }
 
     /// Returns the drift that was removed from the yaw at a time, degrees.

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant, SystemTime};
 use tests::browser::Browser;
-use tests::{Bench, Run, wait_until};
+use tests::{Bench, Run, memory_kb, wait_until};
 
 fn picture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("report-pictures").join(name)
@@ -308,12 +308,9 @@ fn trial_of_a_large_session_is_drawn_with_ranges() {
 fn measured(bench: &Bench, arguments: &[&str]) -> (Run, f64, f64) {
     let begun = Instant::now();
     let mut child = bench.start(arguments);
-    let status = format!("/proc/{}/status", child.id());
     let mut peak_kb = 0.0_f64;
     while child.try_wait().unwrap().is_none() {
-        let text = std::fs::read_to_string(&status).unwrap_or_default();
-        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        peak_kb = peak_kb.max(line.and_then(|line| line.split_whitespace().next()?.parse().ok()).unwrap_or(0.0));
+        peak_kb = peak_kb.max(memory_kb(&child, "VmHWM"));
         std::thread::sleep(Duration::from_millis(5));
     }
     (Run::of(child), begun.elapsed().as_secs_f64(), peak_kb * 1e-3)

@@ -5,6 +5,7 @@ use super::readout::Readout;
 use super::simulated::TruthRecorder;
 use super::{RecordError, fault_text};
 use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
+use crate::plan::TICK_US;
 use crate::run;
 use biflag_log::{ClockMeta, CommandRecord, EventKind};
 use protocol::units::{CentiRpm, Micros};
@@ -23,9 +24,6 @@ pub struct Frame {
     /// The frame.
     pub telemetry: Telemetry,
 }
-
-/// Length of the board's tick, µs.
-pub(super) const TICK_US: u64 = 1_000_000 / TICK_HZ as u64;
 
 /// Longest time that a frame is held back while an answer is awaited. Together with the flush interval of the log it is
 /// less than the half second of data that may be lost.

@@ -1,8 +1,9 @@
 //! Hands a trial's schedule to the board, which then keeps the time by itself.
 
 use super::RecordError;
-use super::recorder::{Recorder, TICK_US};
+use super::recorder::Recorder;
 use crate::link::LinkError;
+use crate::plan::TICK_US;
 use protocol::units::Micros;
 use protocol::{Command, Refusal, SetPoint};
 

@@ -1,9 +1,8 @@
 //! The simulated robot behind the emulated board, whose unrounded state is recorded with the board's telemetry.
 
 use super::RecordError;
-use super::recorder::TICK_US;
 use super::virtual_nano::{TruthSample, VirtualError, VirtualNano};
-use crate::plan::Plan;
+use crate::plan::{Plan, TICK_US};
 use crate::run::Recorder;
 use biflag_log::{Method, ModelMeta, SensorMeta};
 use miette::{IntoDiagnostic, WrapErr};

@@ -1,10 +1,10 @@
 //! Runs one trial on the rig: calibrates, hands the schedule of rest, run and decay to the board, and records what it does.
 
-use super::recorder::{Frame, Keep, Recorder, TICK_US, first_failure};
+use super::recorder::{Frame, Keep, Recorder, first_failure};
 use super::simulated::{SimulatedRobot, TruthRecorder};
 use super::{RecordError, VirtualNano, preflight, schedule};
 use crate::link::Link;
-use crate::plan::{Change, Phase, Schedule, Trial};
+use crate::plan::{Change, Phase, Schedule, TICK_US, Trial};
 use crate::progress::Progress;
 use crate::run;
 use crate::trial::Angles;

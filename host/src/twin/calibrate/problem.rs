@@ -76,13 +76,11 @@ impl<'a> Problem<'a> {
 
     /// Returns the parameters that move further from their start than they may.
     fn beyond(&self, moved: &[f64]) -> Vec<&'static str> {
-        let is_within = |parameter: &Parameter, moved: &f64| moved.abs() <= Self::limit(parameter);
-        let all = self.parameters.iter().zip(moved);
-        all.filter(|(parameter, moved)| !is_within(parameter, moved)).map(|(parameter, _)| parameter.name()).collect()
-    }
-
-    fn limit(parameter: &Parameter) -> f64 {
-        if parameter.is_angle() { MAX_TURN } else { MAX_LOG_CHANGE }
+        let is_beyond = |(parameter, moved): &(&Parameter, &f64)| {
+            let limit = if parameter.is_angle() { MAX_TURN } else { MAX_LOG_CHANGE };
+            moved.abs() > limit || !moved.is_finite()
+        };
+        self.parameters.iter().zip(moved).filter(is_beyond).map(|(parameter, _)| parameter.name()).collect()
     }
 
     /// Returns a robot with changed parameters.
