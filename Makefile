@@ -5,8 +5,10 @@ BIN := target/release
 DEMO := target/demo
 PUBLISHED := target/published
 KILLS ?= 1000
+# Most tests wait for a board in real time.
+TEST_THREADS ?= $(shell expr 2 \* $$(nproc))
 
-.PHONY: help setup build firmware demo published test proof hostile mutants lint doc book dist dist-test clean
+.PHONY: help setup build build-demo firmware demo published test proof hostile mutants lint doc book dist dist-test clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
@@ -30,12 +32,22 @@ setup:
 firmware: setup
 	@sh firmware/build.sh
 
-# One command for both programs and the Python module, and one profile for programs and tests: each crate is compiled once.
-build: firmware
-	$(CARGO) build --release --locked -p host -p virtual-nano -p biflag-python --bins --lib
+# Builds the image and the programs at the same time. Then `biflag` takes the image in, which compiles one crate again.
+define BUILD
+@mkdir -p target
+@sh firmware/build.sh > target/firmware.log 2>&1 & image=$$!; \
+$(1) && { wait $$image || { cat target/firmware.log >&2; exit 1; }; } && $(1)
+endef
+
+build: setup
+	$(call BUILD,$(CARGO) build --release --locked -p host -p virtual-nano --bins)
+
+# Without the libraries for PDF and for viewers, which take a quarter of the build.
+build-demo: setup
+	$(call BUILD,$(CARGO) build --release --locked -p host -p virtual-nano --bins --no-default-features)
 
 # Exit code 3: done with warnings, which do not end the demo.
-demo: build
+demo: build-demo
 	@rm -rf $(DEMO)
 	@echo "\n1. A real sensor was turned by hand through 720 degrees about z. Its counts are replayed through the real firmware:"
 	@$(BIN)/biflag record host/plans/hand-turn-z.toml --virtual=tests/data/mpu6050/rotate-z-720.csv --out $(DEMO)/hand-turn
@@ -69,7 +81,8 @@ published: build
 
 test: build
 	@sh firmware/setup.sh test
-	$(CARGO) test --release --workspace --locked --no-fail-fast
+	$(CARGO) test --release --workspace --locked --no-fail-fast --lib --bins --tests -- --test-threads $(TEST_THREADS)
+	$(CARGO) test --release --workspace --locked --doc
 
 proof: build
 	@sh firmware/setup.sh test
@@ -77,6 +90,7 @@ proof: build
 	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
 	AIM_CASES=200 $(CARGO) test --release --locked -p host --test all aim -- --ignored --nocapture
 	$(CARGO) test --release --locked -p tests --test all -- --ignored --nocapture
+	RUN_S=650 $(CARGO) test --release --locked -p tests --test all drift -- --nocapture
 	$(CARGO) bench --locked -p sim --bench trials
 	$(CARGO) run --release --locked -p sim --example steady -- physical 2
 
@@ -86,7 +100,7 @@ hostile: build
 	EVERY_BYTE=1 $(CARGO) test --release --locked -p tests --test every_byte -- --nocapture
 	LINES=100 $(CARGO) test --release --locked -p tests --test all spoilt_line::only -- --nocapture
 	FRAMES=1000000 $(CARGO) test --release --locked -p tests --test all link::frames_dropped_at_random -- --nocapture
-	PHASES=1000 $(CARGO) test --release --locked -p virtual-nano --test link silent_host -- --nocapture
+	PHASES=1000 $(CARGO) test --release --locked -p virtual-nano --test all silent_host -- --nocapture
 	BIFLAG_DAMAGE=100000000 $(CARGO) test --release --locked -p protocol --test wire damage -- --nocapture
 
 # What is left out, and why: .cargo/mutants.toml. In the development profile, which compiles a change in a tenth of the time.
@@ -105,6 +119,8 @@ book:
 	@command -v mdbook >/dev/null || $(CARGO) install --locked mdbook
 	mdbook build host/book
 
+# What a build keeps for the next one is of no use here.
+dist: export CARGO_INCREMENTAL := 0
 dist: build
 	@sh firmware/setup.sh dist
 	@sh host/dist/package.sh

@@ -1,30 +1,21 @@
 //! The host side of the rig: the library behind the `biflag` program.
 //!
-//! A [`plan`] lists trials. [`run`] runs them on the rig or in the simulator and writes their logs ([`biflag_log`])
-//! into a [`session`] folder. All further commands read logs through [`trial`].
+//! The [`commands`] are here. What they command is in three crates, whose modules this one gives on, so that its users
+//! need no other: `study` (plans, trials, model runs, comparison), `page` (reports and figures) and `rig` (the board).
+//! Each crate's front page says why it is one.
 
-pub mod aim;
-pub mod attitude;
-mod colour;
 pub mod commands;
-mod draw;
-pub mod export;
-pub mod figure;
-pub mod link;
-pub mod live;
-mod lock;
-pub mod output;
-pub mod plan;
-pub mod program;
-pub mod progress;
-pub mod report;
-pub mod run;
-pub mod session;
+mod image;
 pub mod signals;
-mod split_mix;
-pub mod sweep;
-pub mod text;
-mod ticks;
-pub mod trial;
-pub mod twin;
-mod viridis;
+
+pub use page::{figure, report};
+pub use rig::{link, live};
+pub use study::{
+    aim, attitude, colour, export, lock, output, plan, program, progress, session, sweep, text, trial, twin,
+};
+
+/// Runs trials on the rig or in the model, which write the same kind of log.
+pub mod run {
+    pub use rig::run as rig;
+    pub use study::run::*;
+}

@@ -34,13 +34,13 @@ const LAST_WORDS: Duration = Duration::from_millis(500);
 /// If the system does not allow the program to handle a signal.
 pub fn interruption() -> miette::Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
-    let ignored = ignored();
+    let hears_ctrl_c = !is_ignored(SIGINT);
     for signal in [SIGINT, SIGTERM, SIGHUP] {
-        if !is_in(ignored, signal) {
+        if !is_ignored(signal) {
             flag::register(signal, Arc::clone(&interrupted)).into_diagnostic().wrap_err("Ctrl-C")?;
         }
     }
-    if !is_in(ignored, SIGINT) {
+    if hears_ctrl_c {
         end_at_second().into_diagnostic().wrap_err("Ctrl-C")?;
     }
     Ok(interrupted)
@@ -82,14 +82,10 @@ pub(crate) fn survive_file_limits() {
     let _ = flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }
 
-/// Returns the set of signals that this program was started to ignore, one bit each. It is known on Linux only; other
-/// systems give none.
-fn ignored() -> u64 {
+/// Returns whether this program ignores a signal, as it may have been started to. It is known on Linux only; other systems
+/// give `false`.
+pub fn is_ignored(signal: c_int) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
-}
-
-fn is_in(set: u64, signal: c_int) -> bool {
-    set & 1 << (signal - 1) != 0
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|set| set & 1 << (signal - 1) != 0)
 }

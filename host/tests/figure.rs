@@ -25,7 +25,7 @@ fn figure(folder: &Path, args: &[&str], file: &str) -> Vec<u8> {
 }
 
 fn tree(svg: &[u8]) -> usvg::Tree {
-    let font = concat!(env!("CARGO_MANIFEST_DIR"), "/src/figure/font/LiberationSans-Regular.ttf");
+    let font = concat!(env!("CARGO_MANIFEST_DIR"), "/page/src/figure/font/LiberationSans-Regular.ttf");
     let mut fonts = usvg::fontdb::Database::new();
     fonts.load_font_file(font).unwrap();
     let options = usvg::Options { dpi: 72.0, fontdb: Arc::new(fonts), ..usvg::Options::default() };

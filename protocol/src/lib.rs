@@ -1,5 +1,24 @@
 //! The protocol between the robot's Arduino Nano and the host.
 //!
+//! ```
+//! use protocol::frame::{Accumulator, MAX_FRAME, encode};
+//! use protocol::units::CentiRpm;
+//! use protocol::{Command, Request};
+//!
+//! // The host asks for speeds of 50 and -12.5 rpm ...
+//! let request = Request { seq: 7, command: Command::SetSpeeds([CentiRpm(5000), CentiRpm(-1250)]) };
+//! let mut buffer = [0; MAX_FRAME];
+//! let frame = encode(&request, &mut buffer)?;
+//!
+//! // ... and the board receives them byte by byte, in this case after a byte of noise.
+//! let mut inbox = Accumulator::default();
+//! assert!(inbox.push::<Request>(0xA5).is_none());
+//! assert!(inbox.push::<Request>(0).expect("a delimiter").is_err());
+//! let received = frame.iter().find_map(|byte| inbox.push::<Request>(*byte));
+//! assert_eq!(received, Some(Ok(request)));
+//! # Ok::<(), protocol::frame::FrameError>(())
+//! ```
+//!
 //! # Messages
 //!
 //! The host sends [`Request`]s, each with a [`Command`]; the board answers every request with one [`Reply`] and streams

@@ -1,6 +1,6 @@
 //! The map of a robot: its steady attitude, thrusts and contact over the speeds of both motors, as CSV.
 //!
-//! `cargo run --release -p sim --example steady_map -- 10 2 physical > host/src/aim/map.csv`: step of the speeds in rpm, number of
+//! `cargo run --release -p sim --example steady_map -- 10 2 physical > host/study/src/aim/map.csv`: step of the speeds in rpm, number of
 //! starting phases where the ratio of the speeds makes the phase matter, robot. All speeds from -90 to 90 rpm with w1 not
 //! below w2: a robot of two equal flagella has the same yaw and the opposite pitch and roll with its motors exchanged.
 

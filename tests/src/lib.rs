@@ -4,22 +4,25 @@
 pub mod browser;
 mod cable;
 pub mod markdown;
-mod python;
+pub mod python;
 mod viewer;
 
 pub use cable::Cable;
-pub use python::python;
 pub use viewer::{Seen, Viewer};
 
 use host::run::rig::VirtualNano;
+use host::signals::is_ignored;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT};
+use signal_hook::flag;
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
 use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, MutexGuard, Once, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -263,14 +266,32 @@ pub fn stalling_library(folder: &Path) -> PathBuf {
     library
 }
 
+/// Returns the folder of the repository.
+pub fn repository() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("a folder of the repository")
+}
+
 /// Returns the path of the firmware image.
 pub fn firmware() -> PathBuf {
-    built(Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("firmware.elf"))
+    built(repository().join("target/firmware.elf"))
 }
 
 /// Returns the path of a program of the release build. In a debug build the emulated board is too slow.
 pub fn program(name: &str) -> PathBuf {
-    built(Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("release").join(name))
+    hear_signals();
+    built(repository().join("target/release").join(name))
+}
+
+/// Lets the programs that tests start hear signals. A shell ignores Ctrl-C for what it runs in the background, and programs
+/// inherit that, unless the signal has a handler: then a program begins with the system's reaction.
+fn hear_signals() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        for signal in [SIGHUP, SIGINT, SIGQUIT].into_iter().filter(|signal| is_ignored(*signal)) {
+            // This process goes on without a reaction: nobody reads the flag.
+            flag::register(signal, Arc::new(AtomicBool::new(false))).expect("a handler");
+        }
+    });
 }
 
 fn built(path: PathBuf) -> PathBuf {

@@ -3,27 +3,19 @@
 use host::run::rig::{Image, VirtualNano};
 use tests::{Bench, firmware, nano, program};
 
-fn flash_through(bootloader: &str, baud: u64) {
+/// `standalone` flashes through the other bootloader, optiboot, at 115200 bit/s.
+#[test]
+fn flash_with_the_old_bootloader() {
     let bench = Bench::new();
-    let nano = VirtualNano::start(&program("vnano"), ["--bootloader", bootloader]).unwrap();
+    let nano = VirtualNano::start(&program("vnano"), ["--bootloader", "old"]).unwrap();
     let image = firmware();
     let run =
         bench.run(["flash", "--port", nano.port(), "--firmware", image.to_str().unwrap(), "--json"]).expect_code(0);
     let flashed = run.json();
     println!("{flashed}");
-    assert_eq!(flashed["baud"], baud);
+    assert_eq!(flashed["baud"], 57_600);
     assert_eq!(flashed["firmware"], Image::read(&image).unwrap().commit);
     assert_eq!(flashed["protocol"], protocol::VERSION);
-}
-
-#[test]
-fn flash_with_optiboot() {
-    flash_through("optiboot", 115_200);
-}
-
-#[test]
-fn flash_with_the_old_bootloader() {
-    flash_through("old", 57_600);
 }
 
 /// While avrdude uses the port, another biflag must not open it, because that would reset the board.

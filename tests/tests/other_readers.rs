@@ -3,8 +3,9 @@
 use biflag_log::schema::foxglove;
 use biflag_log::{Body, Reader};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
+use tests::python::newest_python;
 use tests::{Bench, nano};
 
 const DECODE: &str = r#"
@@ -107,11 +108,6 @@ print(json.dumps({
 }))
 "##;
 
-/// Returns the Python of a virtual environment with these packages, which is kept between runs.
-fn python(name: &str, packages: &[&str]) -> PathBuf {
-    tests::python(&Path::new(env!("CARGO_TARGET_TMPDIR")).join(name), Path::new("python3"), packages)
-}
-
 #[test]
 fn python_lists_the_channels_and_decodes_every_message() {
     let bench = Bench::new();
@@ -121,11 +117,7 @@ fn python_lists_the_channels_and_decodes_every_message() {
         .run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--json"])
         .expect_code(0);
     let log = run.json()["trials"][0]["log"].as_str().unwrap().to_owned();
-    let output = Command::new(python("python", &["mcap==1.6.0", "mcap-protobuf-support==0.6.0"]))
-        .args(["-c", DECODE, &log])
-        .current_dir(bench.path())
-        .output()
-        .unwrap();
+    let output = Command::new(newest_python()).args(["-c", DECODE, &log]).current_dir(bench.path()).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let decoded: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     println!("{decoded}");
@@ -151,7 +143,7 @@ fn log_rewritten_in_python_is_whole() {
     let info = |log: &Path| bench.run(["info", log.to_str().unwrap(), "--json"]).expect_code(0).json();
     let ours = info(&log);
     assert_eq!((&ours["clean"], &ours["rewritten_by"]), (&true.into(), &Value::Null));
-    let python = python("python", &["mcap==1.6.0", "mcap-protobuf-support==0.6.0"]);
+    let python = newest_python();
     for how in [
         &["zstd"][..],
         &["lz4"],
@@ -190,7 +182,7 @@ fn rerun_reads_attitude_and_flagella() {
     let simulate = ["simulate", "--speeds=50,10", "--duration", "2", "--shapes", "--out", "session", "--json"];
     let run = bench.run(simulate);
     let log = bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap());
-    let python = python("rerun", &["rerun-sdk==0.41.0"]);
+    let python = newest_python();
     let run = |command: &mut Command| {
         // Rerun writes its settings to the user's home folder.
         let home = ["HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME"].map(|name| (name, bench.path()));
@@ -262,7 +254,7 @@ fn python_reads_the_table_of_a_sweep() {
                 [speeds]\ngrid = { w1 = [-50, 50, 50], w2 = [10, 20, 10] }\n";
     bench.file("plan.toml", plan);
     bench.run(["sweep", "plan.toml"]).expect_code(3);
-    let python = python("tables", &["pandas==3.1.1", "polars==2.1.0", "pyarrow==26.0.1", "xarray==2026.9.0"]);
+    let python = newest_python();
     let output = Command::new(python).args(["-c", SWEEP, "sweep"]).current_dir(bench.path()).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let read: Value = serde_json::from_slice(&output.stdout).unwrap();

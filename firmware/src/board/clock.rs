@@ -22,25 +22,25 @@ static DUE: Mutex<Cell<u8>> = Mutex::new(Cell::new(0));
 pub fn start(timer: &TC1) {
     // SAFETY: any value is valid in these registers.
     unsafe {
-        timer.tccr1a().write(|write| write.bits(0));
-        timer.tcnt1().write(|write| write.bits(0));
-        timer.ocr1a().write(|write| write.bits(COUNTS_PER_TICK));
-        timer.tifr1().write(|write| write.bits(0xFF));
+        timer.tccr1a.write(|write| write.bits(0));
+        timer.tcnt1.write(|write| write.bits(0));
+        timer.ocr1a.write(|write| write.bits(COUNTS_PER_TICK));
+        timer.tifr1.write(|write| write.bits(0xFF));
     }
-    timer.timsk1().write(|write| write.toie1().set_bit().ocie1a().set_bit());
+    timer.timsk1.write(|write| write.toie1().set_bit().ocie1a().set_bit());
     // SAFETY: as above.
-    unsafe { timer.tccr1b().write(|write| write.bits(DIV_8)) };
+    unsafe { timer.tccr1b.write(|write| write.bits(DIV_8)) };
 }
 
 /// Allows the sleep of [`sleep_unless`]: idle mode, which stops the processor only (section 9.3).
 pub fn enable_sleep(cpu: &CPU) {
-    cpu.smcr().write(|write| write.se().set_bit());
+    cpu.smcr.write(|write| write.se().set_bit());
 }
 
 /// Stops the clock and the tick.
 pub fn disable(timer: &TC1) {
-    timer.timsk1().reset();
-    timer.tccr1b().reset();
+    timer.timsk1.reset();
+    timer.tccr1b.reset();
 }
 
 /// Returns the time.
@@ -53,11 +53,11 @@ pub fn now() -> Micros {
 pub fn now_within(cs: CriticalSection) -> Micros {
     // SAFETY: only reads, and both bytes of the counter with interrupts off, because they share a buffer with those of
     // the compare register.
-    let timer = unsafe { TC1::steal() };
-    let counter = timer.tcnt1().read().bits();
+    let timer = unsafe { &*TC1::ptr() };
+    let counter = timer.tcnt1.read().bits();
     let mut overflows = OVERFLOWS.borrow(cs).get();
     // An overflow whose interrupt has not run yet, unless it came after the counter was read.
-    if timer.tifr1().read().tov1().bit_is_set() && counter < 0x8000 {
+    if timer.tifr1.read().tov1().bit_is_set() && counter < 0x8000 {
         overflows = overflows.wrapping_add(1);
     }
     Micros((overflows << 15) | u32::from(counter >> 1))
@@ -67,7 +67,7 @@ pub fn now_within(cs: CriticalSection) -> Micros {
 #[inline(always)]
 pub fn counter() -> u16 {
     // SAFETY: only reads; as in `now_within`.
-    unsafe { TC1::steal() }.tcnt1().read().bits()
+    unsafe { &*TC1::ptr() }.tcnt1.read().bits()
 }
 
 /// Returns the time at which the counter was `counter`, less than a wrap ago.
@@ -107,9 +107,8 @@ fn TIMER1_OVF() {
 #[avr_device::interrupt(atmega328p)]
 fn TIMER1_COMPA() {
     // SAFETY: interrupts are off in an interrupt, and only here and at the start is the register written.
-    let (cs, timer) = unsafe { (CriticalSection::new(), TC1::steal()) };
-    // SAFETY: any value is valid.
-    timer.ocr1a().modify(|read, write| unsafe { write.bits(read.bits().wrapping_add(COUNTS_PER_TICK)) });
+    let (cs, timer) = unsafe { (CriticalSection::new(), &*TC1::ptr()) };
+    timer.ocr1a.modify(|read, write| write.bits(read.bits().wrapping_add(COUNTS_PER_TICK)));
     let due = DUE.borrow(cs);
     due.set(due.get().saturating_add(1));
 }

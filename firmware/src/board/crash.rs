@@ -29,8 +29,8 @@ static mut PROGRAM_COUNTER: MaybeUninit<u16> = MaybeUninit::uninit();
 /// Returns the crash that led to this start, if any, and clears the record. It is in GPIOR1, which no start-up code
 /// touches and every reset clears.
 pub fn take_record(cpu: &CPU) -> Option<Crash> {
-    let crash = Crash::from_record(cpu.gpior1().read().bits());
-    cpu.gpior1().reset();
+    let crash = Crash::from_record(cpu.gpior1.read().bits());
+    cpu.gpior1.reset();
     crash
 }
 
@@ -45,8 +45,8 @@ pub fn program_counter(crash: Option<Crash>) -> u16 {
 
 /// Returns and clears the hardware's reset flags. The watchdog cannot be stopped before its flag is cleared.
 pub fn take_reset_flags(cpu: &CPU) -> u8 {
-    let flags = cpu.mcusr().read().bits();
-    cpu.mcusr().reset();
+    let flags = cpu.mcusr.read().bits();
+    cpu.mcusr.reset();
     flags
 }
 
@@ -70,8 +70,8 @@ fn change(watchdog: &WDT, bits: u8) {
         asm::wdr();
         // SAFETY: the sequence of section 10.8; interrupts are off.
         unsafe {
-            watchdog.wdtcsr().write(|write| write.bits(CHANGE));
-            watchdog.wdtcsr().write(|write| write.bits(bits));
+            watchdog.wdtcsr.write(|write| write.bits(CHANGE));
+            watchdog.wdtcsr.write(|write| write.bits(bits));
         }
     });
 }
@@ -82,7 +82,7 @@ fn restart(crash: Crash) -> ! {
     // SAFETY: interrupts are off, and nothing runs after this but the start-up code, which sets up stack, data and
     // registers; main sets up the peripherals.
     unsafe {
-        CPU::steal().gpior1().write(|write| write.bits(crash as u8));
+        (*CPU::ptr()).gpior1.write(|write| write.bits(crash as u8));
         core::arch::asm!("jmp 0", options(noreturn));
     }
 }

@@ -18,29 +18,28 @@ impl Eeprom {
 
     fn select(&mut self, address: u16) {
         let mut polls_left = MAX_POLLS;
-        while self.0.eecr().read().eepe().bit_is_set() && polls_left > 0 {
+        while self.0.eecr.read().eepe().bit_is_set() && polls_left > 0 {
             polls_left -= 1;
         }
-        // SAFETY: no write is in progress; addresses beyond the end wrap.
-        self.0.eear().write(|write| unsafe { write.bits(address) });
+        // Addresses beyond the end wrap.
+        self.0.eear.write(|write| write.bits(address));
     }
 }
 
 impl Storage for Eeprom {
     fn read(&mut self, address: u16) -> u8 {
         self.select(address);
-        self.0.eecr().write(|write| write.eere().set_bit());
-        self.0.eedr().read().bits()
+        self.0.eecr.write(|write| write.eere().set_bit());
+        self.0.eedr.read().bits()
     }
 
     fn write(&mut self, address: u16, byte: u8) {
         self.select(address);
-        // SAFETY: any value is valid.
-        self.0.eedr().write(|write| unsafe { write.bits(byte) });
+        self.0.eedr.write(|write| write.bits(byte));
         // EEPE counts only within four cycles of EEMPE.
         interrupt::free(|_| {
-            self.0.eecr().write(|write| write.eempe().set_bit());
-            self.0.eecr().write(|write| write.eempe().set_bit().eepe().set_bit());
+            self.0.eecr.write(|write| write.eempe().set_bit());
+            self.0.eecr.write(|write| write.eempe().set_bit().eepe().set_bit());
         });
     }
 }

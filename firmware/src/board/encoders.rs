@@ -27,7 +27,7 @@ static EDGES: Mutex<Cell<[Edges; 2]>> = Mutex::new(Cell::new([Edges::new(); 2]))
 pub fn pull_up(port: &PORTD) {
     const CHANNELS: u8 = ENCODER_1.0 | ENCODER_1.1 | ENCODER_2.0 | ENCODER_2.1;
     // SAFETY: any value is valid in this register.
-    port.portd().modify(|read, write| unsafe { write.bits(read.bits() | CHANNELS) });
+    port.portd.modify(|read, write| unsafe { write.bits(read.bits() | CHANNELS) });
 }
 
 /// Starts counting, some time after [`pull_up`].
@@ -40,22 +40,22 @@ pub fn start(interrupts: &EXINT) {
     });
     // SAFETY: any value is valid in these registers.
     unsafe {
-        interrupts.eicra().write(|write| write.bits(ANY_EDGE));
-        interrupts.eifr().write(|write| write.bits(INT0_INT1));
-        interrupts.eimsk().write(|write| write.bits(INT0_INT1));
+        interrupts.eicra.write(|write| write.bits(ANY_EDGE));
+        interrupts.eifr.write(|write| write.bits(INT0_INT1));
+        interrupts.eimsk.write(|write| write.bits(INT0_INT1));
     }
 }
 
 /// Stops counting.
 pub fn disable(interrupts: &EXINT) {
-    interrupts.eimsk().reset();
+    interrupts.eimsk.reset();
 }
 
 /// Returns the edges up to now, and turns the interrupts of noisy encoders on again.
 pub fn take() -> [Edges; 2] {
     interrupt::free(|cs| {
         // SAFETY: only here and in the interrupts, which are off, is the register written; any value is valid in it.
-        unsafe { EXINT::steal().eimsk().write(|write| write.bits(INT0_INT1)) };
+        unsafe { (*EXINT::ptr()).eimsk.write(|write| write.bits(INT0_INT1)) };
         let edges = within(cs);
         let taken = *edges;
         edges.iter_mut().for_each(Edges::begin_tick);
@@ -83,7 +83,7 @@ fn within(cs: CriticalSection<'_>) -> &mut [Edges; 2] {
 #[inline(always)]
 fn levels() -> u8 {
     // SAFETY: the port is only read.
-    unsafe { PORTD::steal() }.pind().read().bits()
+    unsafe { &*PORTD::ptr() }.pind.read().bits()
 }
 
 #[avr_device::interrupt(atmega328p)]
@@ -93,7 +93,7 @@ fn INT1() {
     unsafe {
         let cs = CriticalSection::new();
         if edge(&mut within(cs)[0], port, clock::now_within(cs), ENCODER_1) {
-            EXINT::steal().eimsk().modify(|_, write| write.int1().clear_bit());
+            (*EXINT::ptr()).eimsk.modify(|_, write| write.int1().clear_bit());
         }
     }
 }
@@ -105,7 +105,7 @@ fn INT0() {
     unsafe {
         let cs = CriticalSection::new();
         if edge(&mut within(cs)[1], port, clock::now_within(cs), ENCODER_2) {
-            EXINT::steal().eimsk().modify(|_, write| write.int0().clear_bit());
+            (*EXINT::ptr()).eimsk.modify(|_, write| write.int0().clear_bit());
         }
     }
 }

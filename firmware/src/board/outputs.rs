@@ -33,12 +33,12 @@ pub fn motors(timers: (TC0, TC2), ports: (PORTB, PORTD)) -> Motors<Pin, Pwm> {
     all_off();
     // SAFETY: any value is valid in these registers.
     unsafe {
-        port_b.ddrb().modify(|read, write| write.bits(read.bits() | ON_B));
-        port_d.ddrd().modify(|read, write| write.bits(read.bits() | ON_D));
-        timer0.tccr0a().write(|write| write.bits(FAST_PWM));
-        timer0.tccr0b().write(|write| write.bits(TIMER0_DIV_64));
-        timer2.tccr2a().write(|write| write.bits(FAST_PWM));
-        timer2.tccr2b().write(|write| write.bits(TIMER2_DIV_64));
+        port_b.ddrb.modify(|read, write| write.bits(read.bits() | ON_B));
+        port_d.ddrd.modify(|read, write| write.bits(read.bits() | ON_D));
+        timer0.tccr0a.write(|write| write.bits(FAST_PWM));
+        timer0.tccr0b.write(|write| write.bits(TIMER0_DIV_64));
+        timer2.tccr2a.write(|write| write.bits(FAST_PWM));
+        timer2.tccr2b.write(|write| write.bits(TIMER2_DIV_64));
     }
     Motors::new([Bridge::new([AIN1, AIN2], Pwm::Timer0), Bridge::new([BIN1, BIN2], Pwm::Timer2)], STBY)
 }
@@ -48,13 +48,13 @@ pub fn all_off() {
     // SAFETY: called at start and before a restart, when nothing else writes to these registers; any value is valid in
     // them.
     unsafe {
-        let (timer0, timer2, port_b, port_d) = (TC0::steal(), TC2::steal(), PORTB::steal(), PORTD::steal());
-        timer0.ocr0a().write(|write| write.bits(0));
-        timer2.ocr2a().write(|write| write.bits(0));
-        timer0.tccr0a().write(|write| write.bits(FAST_PWM));
-        timer2.tccr2a().write(|write| write.bits(FAST_PWM));
-        port_b.portb().modify(|read, write| write.bits(read.bits() & !ON_B));
-        port_d.portd().modify(|read, write| write.bits(read.bits() & !ON_D));
+        let (timer0, timer2, port_b, port_d) = (&*TC0::ptr(), &*TC2::ptr(), &*PORTB::ptr(), &*PORTD::ptr());
+        timer0.ocr0a.write(|write| write.bits(0));
+        timer2.ocr2a.write(|write| write.bits(0));
+        timer0.tccr0a.write(|write| write.bits(FAST_PWM));
+        timer2.tccr2a.write(|write| write.bits(FAST_PWM));
+        port_b.portb.modify(|read, write| write.bits(read.bits() & !ON_B));
+        port_d.portd.modify(|read, write| write.bits(read.bits() & !ON_D));
     }
 }
 
@@ -96,8 +96,8 @@ impl Pin {
         // valid in them.
         unsafe {
             match self.port {
-                Port::B => PORTB::steal().portb().modify(|read, write| write.bits(change(read.bits()))),
-                Port::D => PORTD::steal().portd().modify(|read, write| write.bits(change(read.bits()))),
+                Port::B => (*PORTB::ptr()).portb.modify(|read, write| write.bits(change(read.bits()))),
+                Port::D => (*PORTD::ptr()).portd.modify(|read, write| write.bits(change(read.bits()))),
             };
         }
     }
@@ -128,14 +128,14 @@ impl SetDutyCycle for Pwm {
         unsafe {
             match self {
                 Self::Timer0 => {
-                    let timer = TC0::steal();
-                    timer.ocr0a().write(|write| write.bits(duty));
-                    timer.tccr0a().write(|write| write.bits(mode));
+                    let timer = &*TC0::ptr();
+                    timer.ocr0a.write(|write| write.bits(duty));
+                    timer.tccr0a.write(|write| write.bits(mode));
                 }
                 Self::Timer2 => {
-                    let timer = TC2::steal();
-                    timer.ocr2a().write(|write| write.bits(duty));
-                    timer.tccr2a().write(|write| write.bits(mode));
+                    let timer = &*TC2::ptr();
+                    timer.ocr2a.write(|write| write.bits(duty));
+                    timer.tccr2a.write(|write| write.bits(mode));
                 }
             }
         }

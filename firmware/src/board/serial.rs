@@ -94,17 +94,16 @@ fn after(place: u8) -> u8 {
 /// # Safety
 /// Only once, and with interrupts off.
 pub unsafe fn start(usart: &USART0) -> (Inbox, Outbox) {
-    usart.ucsr0a().write(|write| write.u2x0().set_bit());
-    // SAFETY: any value is valid.
-    usart.ubrr0().write(|write| unsafe { write.bits(DIVIDER) });
-    usart.ucsr0c().write(|write| write.ucsz0().chr8());
-    usart.ucsr0b().write(|write| write.rxcie0().set_bit().rxen0().set_bit().txen0().set_bit());
+    usart.ucsr0a.write(|write| write.u2x0().set_bit());
+    usart.ubrr0.write(|write| write.bits(DIVIDER));
+    usart.ucsr0c.write(|write| write.ucsz0().chr8());
+    usart.ucsr0b.write(|write| write.rxcie0().set_bit().rxen0().set_bit().txen0().set_bit());
     (Inbox(()), Outbox(()))
 }
 
 /// Stops the port.
 pub fn disable(usart: &USART0) {
-    usart.ucsr0b().reset();
+    usart.ucsr0b.reset();
 }
 
 /// Sends what is in the outbox.
@@ -112,7 +111,7 @@ pub fn send() {
     // The interrupt turns itself off when the queue is empty; if that happens between read and write, it finds the queue
     // empty again.
     // SAFETY: see above.
-    unsafe { USART0::steal() }.ucsr0b().modify(|_, write| write.udrie0().set_bit());
+    unsafe { &*USART0::ptr() }.ucsr0b.modify(|_, write| write.udrie0().set_bit());
 }
 
 /// Returns the time at which the last frame from the host ended, if that was less than 32 ms ago.
@@ -125,7 +124,7 @@ pub fn frame_end() -> Micros {
 fn USART_RX() {
     // SAFETY: interrupts are off in an interrupt; see the variables for who writes them.
     unsafe {
-        let byte = USART0::steal().udr0().read().bits();
+        let byte = (*USART0::ptr()).udr0.read().bits();
         if byte == 0 {
             FRAME_END = clock::counter();
             DROPPING = false;
@@ -150,13 +149,13 @@ fn USART_RX() {
 fn USART_UDRE() {
     // SAFETY: interrupts are off in an interrupt; see the variables for who writes them.
     unsafe {
-        let (usart, tail) = (USART0::steal(), SEND_TAIL);
+        let (usart, tail) = (&*USART0::ptr(), SEND_TAIL);
         if tail == (&raw const SEND_HEAD).read_volatile() {
-            usart.ucsr0b().modify(|_, write| write.udrie0().clear_bit());
+            usart.ucsr0b.modify(|_, write| write.udrie0().clear_bit());
             return;
         }
         let byte = (&raw const TO_SEND).cast::<u8>().add(usize::from(tail)).read_volatile();
-        usart.udr0().write(|write| write.bits(byte));
+        usart.udr0.write(|write| write.bits(byte));
         (&raw mut SEND_TAIL).write_volatile(after(tail));
     }
 }

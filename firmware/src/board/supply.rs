@@ -23,8 +23,8 @@ impl SupplyMonitor {
     pub fn new(registers: ADC) -> Self {
         // SAFETY: any value is valid in these registers.
         unsafe {
-            registers.admux().write(|write| write.bits(BANDGAP));
-            registers.adcsra().write(|write| write.bits(ENABLED));
+            registers.admux.write(|write| write.bits(BANDGAP));
+            registers.adcsra.write(|write| write.bits(ENABLED));
         }
         Self { registers, wait: INTERVAL }
     }
@@ -36,12 +36,12 @@ impl SupplyMonitor {
         match self.wait {
             1 => {
                 // SAFETY: any value is valid.
-                self.registers.adcsra().write(|write| unsafe { write.bits(ENABLED | START) });
+                self.registers.adcsra.write(|write| unsafe { write.bits(ENABLED | START) });
                 None
             }
             0 => {
                 self.wait = INTERVAL;
-                Some(self.registers.adc().read().bits())
+                Some(self.registers.adc.read().bits())
             }
             _ => None,
         }

@@ -8,5 +8,5 @@ use firmware::app::Stage;
 #[inline(always)]
 pub fn mark(stage: Stage) {
     // SAFETY: this register has no other user, and no effect.
-    unsafe { CPU::steal().gpior0().write(|write| write.bits(stage as u8)) };
+    unsafe { (*CPU::ptr()).gpior0.write(|write| write.bits(stage as u8)) };
 }

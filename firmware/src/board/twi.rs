@@ -90,7 +90,7 @@ impl Twi {
 
     fn control(&mut self, bits: u8) {
         // SAFETY: any value is valid.
-        self.registers.twcr().write(|write| unsafe { write.bits(bits | TWEN) });
+        self.registers.twcr.write(|write| unsafe { write.bits(bits | TWEN) });
     }
 
     /// Returns the longest time of a step, in counts of timer 0, which always runs for the PWM: nine bits, which are 22.5 or
@@ -106,7 +106,7 @@ impl Twi {
         loop {
             // The time is read first: an interrupt between the two is no delay of the bus.
             let passed = time().wrapping_sub(start);
-            if self.registers.twcr().read().bits() & mask != value {
+            if self.registers.twcr.read().bits() & mask != value {
                 return Ok(());
             }
             if passed > self.patience() {
@@ -119,12 +119,11 @@ impl Twi {
     fn step(&mut self, bits: u8) -> Result<u8, Error> {
         self.control(TWINT | bits);
         self.wait_while(TWINT, 0)?;
-        Ok(self.registers.twsr().read().bits() & 0xF8)
+        Ok(self.registers.twsr.read().bits() & 0xF8)
     }
 
     fn send(&mut self, byte: u8) -> Result<u8, Error> {
-        // SAFETY: any value is valid.
-        self.registers.twdr().write(|write| unsafe { write.bits(byte) });
+        self.registers.twdr.write(|write| write.bits(byte));
         self.step(0)
     }
 
@@ -173,7 +172,7 @@ impl Twi {
                         if self.step(acknowledge)? != expected {
                             return Err(Error::Bus);
                         }
-                        *byte = self.registers.twdr().read().bits();
+                        *byte = self.registers.twdr.read().bits();
                     }
                 }
             }
@@ -185,13 +184,13 @@ impl Twi {
     fn recover(&mut self) {
         // SAFETY: any value is valid in these registers.
         unsafe {
-            self.registers.twcr().write(|write| write.bits(0));
+            self.registers.twcr.write(|write| write.bits(0));
             // An output pulls its line low, an input releases it.
-            self.lines.portc().modify(|read, write| write.bits(read.bits() & !(SDA | SCL)));
+            self.lines.portc.modify(|read, write| write.bits(read.bits() & !(SDA | SCL)));
         }
         self.pull(SCL | SDA, 0);
         for _ in 0..9 {
-            if self.lines.pinc().read().bits() & SDA != 0 {
+            if self.lines.pinc.read().bits() & SDA != 0 {
                 break;
             }
             self.pull(SCL, SCL);
@@ -203,15 +202,15 @@ impl Twi {
         self.count_failure();
         // SAFETY: any value is valid in these registers.
         unsafe {
-            self.registers.twbr().write(|write| write.bits(self.twbr));
-            self.registers.twsr().write(|write| write.bits(0));
-            self.registers.twcr().write(|write| write.bits(TWEN));
+            self.registers.twbr.write(|write| write.bits(self.twbr));
+            self.registers.twsr.write(|write| write.bits(0));
+            self.registers.twcr.write(|write| write.bits(TWEN));
         }
     }
 
     /// Counts a bus error, and halves the speed if it is the likely reason.
     fn count_failure(&mut self) {
-        let are_high = self.lines.pinc().read().bits() & (SDA | SCL) == SDA | SCL;
+        let are_high = self.lines.pinc.read().bits() & (SDA | SCL) == SDA | SCL;
         self.failures = if are_high { self.failures.saturating_add(1) } else { 0 };
         if self.failures >= FAILURES {
             self.twbr = SLOW;
@@ -221,7 +220,7 @@ impl Twi {
     /// Of the lines in `mask`, pulls those in `low` and releases the others; then waits half a period.
     fn pull(&mut self, mask: u8, low: u8) {
         // SAFETY: any value is valid; interrupts do not use this port.
-        self.lines.ddrc().modify(|read, write| unsafe { write.bits(read.bits() & !mask | low) });
+        self.lines.ddrc.modify(|read, write| unsafe { write.bits(read.bits() & !mask | low) });
         avr_device::asm::delay_cycles(HALF_PULSE_CYCLES);
     }
 }
@@ -229,7 +228,7 @@ impl Twi {
 /// Returns the time in counts of 4 µs.
 fn time() -> u8 {
     // SAFETY: only reads.
-    unsafe { TC0::steal() }.tcnt0().read().bits()
+    unsafe { &*TC0::ptr() }.tcnt0.read().bits()
 }
 
 impl i2c::ErrorType for Twi {

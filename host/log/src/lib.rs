@@ -1,5 +1,31 @@
 //! The log of a trial: an MCAP file with protobuf messages, which standard tools can read.
 //!
+//! ```
+//! use biflag_log::schema::biflag::Truth;
+//! use biflag_log::{Body, Reader, Start, Summary, Writer};
+//! use std::time::SystemTime;
+//!
+//! # let folder = tempfile::tempdir()?;
+//! # let path = folder.path().join("turn.mcap");
+//! let mut log = Writer::create(&path, &Start::default(), SystemTime::now())?;
+//! for tick in 0..100 {
+//!     let time_s = 0.005 * f64::from(tick);
+//!     log.message_at(time_s, &Truth { time_s, yaw_deg: 6.0 * time_s, ..Truth::default() }, SystemTime::now())?;
+//! }
+//! log.finish(&Summary::default())?;
+//!
+//! let mut reader = Reader::open(&path)?;
+//! let mut yaw_deg = Vec::new();
+//! for message in reader.by_ref() {
+//!     if let Body::Truth(truth) = message?.body {
+//!         yaw_deg.push(truth.yaw_deg);
+//!     }
+//! }
+//! assert_eq!((yaw_deg.len(), yaw_deg[50]), (100, 1.5));
+//! assert!(reader.losses().is_empty());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! | channel | message | holds |
 //! | --- | --- | --- |
 //! | `/raw` | `biflag.RawBytes` | the bytes as received, so that a bug in the decoder never loses a trial |

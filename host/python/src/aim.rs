@@ -5,12 +5,12 @@ use crate::interrupt::interruptible;
 use crate::json;
 use crate::robot::Robot;
 use crate::threads;
-use host::aim::{Aimed, Columns, Model, Quantity, Table, Target, load, of_columns, plan, shipped};
-use host::output;
-use host::twin::calibrate::std_errors;
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
+use study::aim::{Aimed, Columns, Model, Quantity, Table, Target, load, of_columns, plan, shipped};
+use study::output;
+use study::twin::calibrate::std_errors;
 
 /// A table that proposes speeds.
 #[derive(FromPyObject)]
@@ -60,7 +60,7 @@ pub fn aim(
         };
         let goes_on = || !stop.load(Ordering::Relaxed);
         let model = Model { robot: params, goes_on: &goes_on, solved: &|| {} };
-        Ok(pool.install(|| host::aim::aim(&model, &std_errors(&file.text), &table, &target))?)
+        Ok(pool.install(|| study::aim::aim(&model, &std_errors(&file.text), &table, &target))?)
     })?;
     Ok(Answer { robot, target, aimed })
 }

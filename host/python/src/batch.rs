@@ -9,7 +9,6 @@ use crate::speeds;
 use crate::steady::NUMBERS;
 use crate::threads;
 use biflag_log::{Method, SteadyMeta};
-use host::run::model::Motion;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -17,6 +16,7 @@ use rayon::prelude::*;
 use sim::periodic::Kind;
 use sim::trial::Options;
 use std::sync::atomic::{AtomicBool, Ordering};
+use study::run::model::Motion;
 
 /// Simulates trials at constant speeds on `threads` threads, all cores if it is `None`, and returns columns by their
 /// names. With the method "steady" it solves for the states that they end in. A trial that the solver cannot end has NaN in

@@ -1,10 +1,5 @@
 //! Failures, found while the interpreter's lock is released, and the Python exceptions that they become.
 
-use host::aim::AimError;
-use host::output::OutputError;
-use host::plan::PlanError;
-use host::sweep::SweepError;
-use host::text::word;
 use miette::Diagnostic;
 use pyo3::prelude::*;
 use sim::params::ParamError;
@@ -12,6 +7,11 @@ use sim::periodic::SolveError;
 use sim::profile::ProfileError;
 use sim::step::StepError;
 use std::path::Path;
+use study::aim::AimError;
+use study::output::OutputError;
+use study::plan::PlanError;
+use study::sweep::SweepError;
+use study::text::word;
 
 /// Why a function failed.
 #[derive(Debug)]
@@ -69,7 +69,7 @@ impl Failure {
             }
             source = cause.source();
         }
-        let is_wrong_use = error.code().is_some_and(|code| code.to_string() == host::commands::WRONG_USE);
+        let is_wrong_use = error.code().is_some_and(|code| code.to_string() == study::WRONG_USE);
         let class = if is_wrong_use { PARAMETER } else { ERROR };
         let help = error.help().map(|help| help.to_string()).unwrap_or_default();
         Self { class, key: String::new(), reason: text.clone(), text, help }

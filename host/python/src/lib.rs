@@ -42,8 +42,8 @@ mod _biflag {
     #[pymodule_export]
     use crate::twin::{calibrate, compare};
 
-    use host::program::{GIT_HASH, VERSION};
     use pyo3::prelude::*;
+    use study::program::{GIT_HASH, VERSION};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -6,10 +6,6 @@ use crate::json;
 use crate::page;
 use crate::robot::Robot;
 use crate::table::{About, about, columns};
-use host::export::table::{self, Summary};
-use host::plan::RobotFile;
-use host::session::Session;
-use host::trial::{Data, Want, Zeroed};
 use numpy::IntoPyArray;
 use numpy::ndarray::Array4;
 use pyo3::exceptions::PyUserWarning;
@@ -19,6 +15,10 @@ use rayon::prelude::*;
 use serde_json::json;
 use std::ffi::CString;
 use std::path::PathBuf;
+use study::export::table::{self, Summary};
+use study::plan::RobotFile;
+use study::session::Session;
+use study::trial::{Data, Want, Zeroed};
 
 /// The most shapes of the flagella that are read: a quarter of an hour of them.
 const SHAPES: usize = 15_000;
@@ -53,7 +53,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let phases = [("preroll", &data.times.preroll), ("run", &data.times.run), ("decay", &data.times.decay)];
     let phases = phases.map(|(name, range)| (name, (range.start - run_s, range.end - run_s)));
     dict.set_item("phases", phases.to_vec())?;
-    let kind = |event: &host::trial::Event| format!("{:?}", event.kind).to_lowercase();
+    let kind = |event: &study::trial::Event| format!("{:?}", event.kind).to_lowercase();
     let events = data.events.iter().map(|event| (event.time_s - run_s, kind(event), event.text.clone()));
     dict.set_item("events", events.collect::<Vec<_>>())?;
     dict.set_item("link", json::record(py, &data.link)?)?;
@@ -126,7 +126,7 @@ pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDic
         let of = |error: &dyn miette::Diagnostic| Failure::of_file(&path, error);
         let session = Session::open(&path).map_err(|error| of(&error))?;
         let states = session.intact_states().map_err(|error| of(&error))?;
-        let read = |state: &host::session::TrialState| {
+        let read = |state: &study::session::TrialState| {
             let attempt = state.best().filter(|_| !stop.load(std::sync::atomic::Ordering::Relaxed))?;
             let data =
                 Data::read(&attempt.path, Want::default()).map_err(|error| format!("{}: {error}", state.trial.name));

@@ -11,7 +11,7 @@ const PAGES: usize = 10;
 /// # Errors
 /// A file that is not a log.
 pub fn of_log(path: &Path) -> Result<String, Failure> {
-    host::report::html(path, PAGES).map_err(|error| Failure::of_file(path, &error))
+    page::report::html(path, PAGES).map_err(|error| Failure::of_file(path, &error))
 }
 
 /// Returns the page of a log called `name` that has no file: `write` writes one for the time being.

@@ -2,13 +2,13 @@
 
 use crate::failure::Failure;
 use crate::json;
-use host::plan::{PHYSICAL, PUBLISHED, RobotFile, robot};
-use host::twin::calibrate::std_errors;
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyInt, PyMapping, PySequence, PyString, PyTuple, PyType};
 use sim::params;
 use std::path::PathBuf;
+use study::plan::{PHYSICAL, PUBLISHED, RobotFile, robot};
+use study::twin::calibrate::std_errors;
 use toml::{Table, Value};
 
 /// Parameters of a robot, its fluid and the solver. It never changes.

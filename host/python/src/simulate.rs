@@ -8,8 +8,6 @@ use crate::page;
 use crate::robot::Robot;
 use crate::speeds;
 use biflag_log::{Method, SteadyMeta};
-use host::plan::{BoardSettings, Phases, Plan, Trial};
-use host::run::model::{Model, Motion, write_log};
 use numpy::IntoPyArray;
 use numpy::ndarray::{Array1, Array2, Array3, Array4};
 use protocol::Settings;
@@ -22,6 +20,8 @@ use sim::sample::Sample;
 use sim::trial::Options;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use study::plan::{BoardSettings, Phases, Plan, Trial};
+use study::run::model::{Model, Motion, write_log};
 
 /// A trial that was computed, or the last period or window of the motion that it ends in.
 #[pyclass(frozen, module = "biflag._biflag")]

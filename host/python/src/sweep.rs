@@ -4,13 +4,13 @@ use crate::failure::Failure;
 use crate::interrupt::{interruptible, watched};
 use crate::table::{self, About};
 use crate::threads;
-use host::export::table::Table;
-use host::plan::{PlanError, robot};
-use host::sweep::{Folder, Merged, Points, Record, Shard, SweepPlan, read_table};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use study::export::table::Table;
+use study::plan::{PlanError, robot};
+use study::sweep::{Folder, Merged, Points, Record, Shard, SweepPlan, read_table};
 
 /// The columns of a table, what they hold, and warnings for the user.
 type Answer<'py> = (Bound<'py, PyDict>, About, Vec<String>);

@@ -1,9 +1,9 @@
 //! Tables of the library as numpy arrays.
 
-use host::export::table::{Table, Values};
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use study::export::table::{Table, Values};
 
 /// Names of columns, and what they hold.
 pub type About = Vec<(String, String)>;

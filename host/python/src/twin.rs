@@ -6,11 +6,6 @@ use crate::json;
 use crate::names;
 use crate::robot::Robot;
 use crate::threads;
-use host::plan::RobotFile;
-use host::session::{Session, Sharing};
-use host::trial::{Data, Want};
-use host::twin::calibrate::{FitTrial, Parameter, Request, calibrate as fit_trials, to_toml};
-use host::twin::{self, Compared, OnMismatch, Pairs, Replayed, Source, TwinError};
 use numpy::IntoPyArray;
 use numpy::ndarray::Array2;
 use pyo3::prelude::*;
@@ -19,6 +14,11 @@ use rayon::prelude::*;
 use sim::trial::Options;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use study::plan::RobotFile;
+use study::session::{Session, Sharing};
+use study::trial::{Data, Want};
+use study::twin::calibrate::{FitTrial, Parameter, Request, calibrate as fit_trials, to_toml};
+use study::twin::{self, Compared, OnMismatch, Pairs, Replayed, Source, TwinError};
 
 /// Compares the trials of a log or session with their replays in the model, or with those of another session. Returns the
 /// comparison and, by the names of the trials, both attitudes over time.

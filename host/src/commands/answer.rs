@@ -21,9 +21,7 @@ pub enum Outcome {
     Interrupted,
 }
 
-/// The diagnostic code of wrong use, with exit code 2 instead of 1. To be given as
-/// `#[diagnostic(code(wrong_use))]`, or as `code = WRONG_USE` in [`miette::miette!`].
-pub const WRONG_USE: &str = "wrong_use";
+pub use study::WRONG_USE;
 
 /// The result of a command.
 #[derive(Debug)]

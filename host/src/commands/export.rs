@@ -3,6 +3,7 @@
 use super::{Answer, Outcome};
 use crate::export::{Format, export_log, export_session};
 use crate::text::count;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -22,7 +23,7 @@ pub struct Args {
     #[arg(value_name = "LOG|SESSION")]
     path: PathBuf,
     /// The format.
-    #[arg(short, long, value_enum, default_value = "csv")]
+    #[arg(short, long, value_parser = formats(), default_value = "csv")]
     format: Format,
     /// The file to write, or for a session the folder [default: LOG with the format's extension, or SESSION-export].
     #[arg(short, long)]
@@ -30,6 +31,12 @@ pub struct Args {
     /// Replace existing files.
     #[arg(long)]
     force: bool,
+}
+
+fn formats() -> impl TypedValueParser<Value = Format> {
+    let values = Format::ALL.map(|format| PossibleValue::new(format.extension()).help(format.about()));
+    PossibleValuesParser::new(values)
+        .try_map(|name| Format::ALL.into_iter().find(|format| format.extension() == name).ok_or("no such format"))
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {

@@ -1,6 +1,7 @@
 //! `biflag flash`: writes the firmware to the board.
 
 use super::{Answer, Outcome};
+use crate::image;
 use crate::link::{self, Claim, Link};
 use crate::run::rig::{self, Image, commit_text};
 use indicatif::{ProgressBar, ProgressDrawTarget};
@@ -39,7 +40,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     progress.set_message("preparing the firmware");
     let image = match &args.firmware {
         Some(elf) => Image::read(elf)?,
-        None => Image::of_program()?,
+        None => image::of_program()?,
     };
     progress.set_message(format!("writing {}", image.commit));
     let baud = rig::flash(&port, &image.elf, |baud| {

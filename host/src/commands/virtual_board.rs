@@ -2,7 +2,8 @@
 
 use super::answer::WRONG_USE;
 use super::{Answer, Outcome};
-use crate::run::rig::{Image, VirtualError, VirtualNano};
+use crate::image;
+use crate::run::rig::{VirtualError, VirtualNano};
 use std::ffi::OsString;
 
 /// What the board's program says first when an option has a wrong value.
@@ -10,7 +11,7 @@ const INVALID_VALUE: &str = "error: invalid value";
 
 /// Starts the emulated board with the firmware that belongs to this program, these arguments and these faults.
 pub(super) fn start(mut arguments: Vec<OsString>, faults: &[String]) -> miette::Result<VirtualNano> {
-    let image = Image::of_program()?;
+    let image = image::of_program()?;
     arguments.extend(["--firmware".into(), image.elf.clone().into_os_string()]);
     for fault in faults {
         arguments.extend(["--fault".into(), fault.into()]);

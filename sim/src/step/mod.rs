@@ -1,5 +1,24 @@
 //! One implicit step of rods, fluid, contact and body together.
 //!
+//! ```
+//! use sim::body::{closure::Closure, shaft::MotorState};
+//! use sim::params::Robot;
+//! use sim::step::{Solver, StepControl};
+//!
+//! let mut solver = Solver::new(&Robot::default(), Closure::Full)?;
+//! let (mut state, mut control) = (solver.at_rest(), StepControl::default());
+//! // Motor 1 turns at 50 rpm, motor 2 stands.
+//! let speed = 50.0 * std::f64::consts::TAU / 60.0;
+//! let motors = |time: f64| [MotorState { angle: speed * time, speed }, MotorState { angle: 0.0, speed: 0.0 }];
+//! while state.time < 0.2 {
+//!     let report = control.advance(&mut solver, &mut state, 0.2, &motors)?;
+//!     println!("{:.4} s: {} sweeps, thrust {:.2e} N", state.time, report.sweeps, report.fluid[0].force.z);
+//! }
+//! // A right-handed helix that turns counter-clockwise pushes towards its clamp, and turns the base the other way.
+//! println!("rate of the base: {:?} rad/s", state.rate);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! [`StepControl`] chooses the length of a step and [`Solver`] takes it, from one [`State`](crate::state::State) to the
 //! next. A step goes through these parts:
 //!

@@ -32,9 +32,9 @@ const SLACK: Duration = Duration::from_millis(500);
 /// and five times the delay after which the start of a run counts as late.
 const LEAD_S: f64 = 0.040;
 
-/// The board does not wait for a host that is silent for this long: it has gone, or it waits for the board. It must be
-/// shorter than the host's last wait for an answer, 400 ms, because saving the settings takes the board longer than
-/// [`LEAD_S`].
+/// A host that is silent for this long has hung, or it waits for the board, or the machine is very busy: the board's time
+/// then passes as fast as ours, and the motors' deadline is that of a real board. It must be shorter than the host's last
+/// wait for an answer, 400 ms, because saving the settings takes the board longer than [`LEAD_S`].
 const PATIENCE: Duration = Duration::from_millis(200);
 
 /// Holds the board's time to a speed.
@@ -82,7 +82,16 @@ impl Pace {
             Speed::Factor(factor) => factor > 1.0,
             Speed::Max => true,
         };
-        faster && self.heard.is_some_and(|(at, then_s)| board_s > then_s + LEAD_S && at.elapsed() < PATIENCE)
+        faster
+            && self.heard.is_some_and(|(at, then_s)| {
+                let in_real_time_s = at.elapsed().saturating_sub(PATIENCE).as_secs_f64();
+                board_s > then_s + LEAD_S + in_real_time_s
+            })
+    }
+
+    /// The host has closed the port: nobody is waited for.
+    pub fn lose_host(&mut self) {
+        self.heard = None;
     }
 }
 
@@ -103,6 +112,13 @@ mod tests {
         assert!(ahead(Speed::Factor(2.0), true, 1.001 + LEAD_S));
         assert!(!ahead(Speed::Max, true, 0.999 + LEAD_S));
         assert!(!ahead(Speed::Max, false, 1.001 + LEAD_S), "nobody spoke yet");
+        let mut pace = Pace::new(Speed::Max, 0.0);
+        let long_ago = Instant::now().checked_sub(PATIENCE + Duration::from_secs(3)).unwrap();
+        pace.heard = Some((long_ago, 1.0));
+        assert!(!pace.is_ahead_of_host(3.9), "a silent host gets real time");
+        assert!(pace.is_ahead_of_host(9.0), "and no more");
+        pace.lose_host();
+        assert!(!pace.is_ahead_of_host(9.0), "nobody is there");
         assert!(!ahead(Speed::Factor(1.0), true, 1.001 + LEAD_S), "real time waits for nobody");
     }
 

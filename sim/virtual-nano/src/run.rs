@@ -112,6 +112,7 @@ impl Runner {
         if !self.port.is_open() {
             self.count.unheard += (self.pending.len() + from_board.len()) as u64;
             self.pending.clear();
+            self.pace.lose_host();
             return Ok(());
         }
         let ratio = f64::from(self.port.baud()?) / self.board.baud();

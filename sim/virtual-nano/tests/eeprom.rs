@@ -1,8 +1,6 @@
 //! Settings live in EEPROM: through a reset, and through damage.
 
-mod common;
-
-use common::Host;
+use crate::common::Host;
 use protocol::{Command, Reply, ResetCause, Settings};
 use virtual_nano::BoardOptions;
 

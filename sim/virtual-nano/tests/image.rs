@@ -1,8 +1,6 @@
 //! The program's cost in flash, memory and time, printed as a table.
 
-mod common;
-
-use common::{Host, TICK, firmware};
+use crate::common::{Host, TICK, firmware};
 use protocol::{Command, Fault, Settings};
 use virtual_nano::BoardOptions;
 

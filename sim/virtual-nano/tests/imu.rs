@@ -1,9 +1,7 @@
 //! The sensor as the real program reads it: recordings arrive unchanged, clones are named, and every fault at every byte
 //! of every transaction is noticed, reported, and got over or latched.
 
-mod common;
-
-use common::{Host, TICK_BUDGET};
+use crate::common::{Host, TICK_BUDGET};
 use protocol::units::{AccelRange, SensorCounts};
 use protocol::{Command, Fault, Settings};
 use std::path::Path;

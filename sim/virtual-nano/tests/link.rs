@@ -1,8 +1,6 @@
 //! The motors stop when the host falls silent, and when the program hangs.
 
-mod common;
-
-use common::{Host, MS, TICK};
+use crate::common::{Host, MS, TICK};
 use protocol::{Command, Fault, Reply, ResetCause, Settings, State};
 use virtual_nano::BoardOptions;
 use virtual_nano::imu::noise::Noise;

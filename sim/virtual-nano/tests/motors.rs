@@ -1,8 +1,6 @@
 //! Speed control on the modelled motors and encoders, and a motor that does not turn.
 
-mod common;
-
-use common::Host;
+use crate::common::Host;
 use protocol::{Command, Fault};
 use virtual_nano::BoardOptions;
 

@@ -1,8 +1,6 @@
 //! The program `vnano` as other programs use it.
 
-mod common;
-
-use common::firmware_path;
+use crate::common::firmware_path;
 use protocol::frame::{Accumulator, MAX_FRAME, encode};
 use protocol::{Command as Order, Info, Message, Reply, Request};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
@@ -275,26 +273,4 @@ fn the_eeprom_is_kept_in_a_file() {
         assert_eq!(info.boot_count, start);
         assert_eq!(vnano.end(), Some(0));
     }
-}
-
-#[test]
-fn avrdude_flashes_the_image_behind_both_bootloaders() {
-    let image = firmware_path();
-    let flash = |name: &str, baud: &str| {
-        let vnano = Vnano::start(&["--bootloader", name]);
-        let output = Command::new("avrdude")
-            .args(["-q", "-c", "arduino", "-p", "m328p", "-D", "-P", &vnano.port, "-b", baud])
-            .args(["-U", &format!("flash:w:{}:e", image.display())])
-            .output()
-            .expect("avrdude; install Debian's package avrdude");
-        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
-        let info = hello(&mut vnano.open(), HANDSHAKE).expect("no handshake after flashing");
-        assert_eq!(info.protocol, protocol::VERSION);
-        println!("{name}: flashed at {baud}, {info:?}");
-    };
-    std::thread::scope(|scope| {
-        let old = scope.spawn(|| flash("old", "57600"));
-        flash("optiboot", "115200");
-        old.join().unwrap();
-    });
 }

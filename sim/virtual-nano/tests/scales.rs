@@ -1,9 +1,7 @@
 //! Rates, accelerations, temperature and attitude of the real program at every range of the sensor, against a turntable
 //! whose sensor has the scales of its data sheet.
 
-mod common;
-
-use common::Host;
+use crate::common::Host;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use protocol::units::{AccelRange, GyroRange};
 use protocol::{Command, Settings, Telemetry};
@@ -28,7 +26,7 @@ fn turned(dps: f64, gyro_range: GyroRange, accel_range: AccelRange, run_ms: u64)
     let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
     host.order(Command::WriteSettings(Settings { gyro_range, accel_range, ..Settings::DEFAULT }));
     // Past the start and the delay of the filter.
-    host.run_ms((START_S * 1e3) as u64 + 100 - host.board.cycle() / common::MS);
+    host.run_ms((START_S * 1e3) as u64 + 100 - host.board.cycle() / crate::common::MS);
     host.telemetry.clear();
     host.run_ms(run_ms);
     host.telemetry.into_iter().map(|(_, telemetry)| telemetry).collect()

@@ -4,10 +4,11 @@ mod motors;
 mod session;
 
 use super::{Answer, Outcome, settings};
+use crate::image;
 use crate::link::{self, Link, LinkError};
 use crate::program::FULL_VERSION;
 use crate::run::rig::board_copy::BoardCopies;
-use crate::run::rig::{Image, VirtualNano, commit_text, fault_log, in_repository, preflight, source_folder};
+use crate::run::rig::{VirtualNano, commit_text, fault_log, in_repository, preflight, source_folder};
 use miette::Diagnostic;
 use serde::Serialize;
 use serde_json::json;
@@ -110,7 +111,7 @@ fn check(name: String, finding: Finding) -> Check {
 
 /// Returns the check of where the board's firmware comes from: a toolchain in the repository, otherwise this program.
 fn firmware_source() -> (&'static str, Finding) {
-    match Image::embedded_commit() {
+    match image::embedded_commit() {
         Some(commit) if !in_repository() => ("firmware", Ok(format!("{commit}, inside biflag"))),
         _ => ("AVR toolchain", toolchain()),
     }

@@ -1,7 +1,5 @@
 //! A host in the same process as the board: it speaks the protocol and knows every cycle.
 
-#![allow(dead_code)]
-
 use protocol::frame::{Accumulator, MAX_FRAME, encode};
 use protocol::units::CentiRpm;
 use protocol::{Command, Fault, Info, Message, Reply, Request, Telemetry};

@@ -102,7 +102,7 @@ fn a_slow_bus_is_read_more_slowly() {
             "no fault, 99 % fresh",
         );
         assert!(share >= 0.99 && host.fault() == Fault::None, "{:?}", host.last());
-        assert!(worst < super::common::TICK, "a tick of {worst} cycles");
+        assert!(worst < crate::common::TICK, "a tick of {worst} cycles");
     }
 }
 

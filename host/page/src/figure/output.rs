@@ -1,0 +1,55 @@
+//! A figure as a file: SVG, PDF or PNG.
+//!
+//! An SVG names its font; what shows it without that font takes Arial or Helvetica, whose letters are as wide.
+
+use super::{FigureError, print};
+use std::io::Write;
+use std::path::Path;
+use study::output;
+
+/// The format of a file.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Format {
+    /// Vectors, with editable text.
+    Svg,
+    /// Vectors, with the font inside.
+    Pdf,
+    /// Pixels, 600 per inch.
+    Png,
+}
+
+impl Format {
+    /// Returns the format that a file's name ends with.
+    ///
+    /// # Errors
+    /// [`FigureError::Format`].
+    pub fn of(path: &Path) -> Result<Self, FigureError> {
+        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+        match extension.to_ascii_lowercase().as_str() {
+            "svg" => Ok(Self::Svg),
+            "pdf" => Ok(Self::Pdf),
+            "png" => Ok(Self::Png),
+            _ => Err(FigureError::Format { path: path.to_owned() }),
+        }
+    }
+}
+
+/// Returns the content of a figure's file.
+///
+/// # Errors
+/// As [`print::convert`].
+pub(super) fn encode(svg: &str, format: Format) -> Result<Vec<u8>, FigureError> {
+    match format {
+        Format::Svg => Ok(svg.as_bytes().to_vec()),
+        Format::Pdf | Format::Png => print::convert(svg, format),
+    }
+}
+
+/// Writes a figure.
+///
+/// # Errors
+/// [`FigureError`].
+pub(super) fn write(svg: &str, path: &Path) -> Result<(), FigureError> {
+    let content = encode(svg, Format::of(path)?)?;
+    Ok(output::replace(path, |file| file.write_all(&content))?)
+}

@@ -1,0 +1,33 @@
+//! A figure as PDF or PNG, with the shapes of its font inside.
+
+use super::{FigureError, Format};
+use resvg::{tiny_skia, usvg};
+use std::sync::Arc;
+
+/// Liberation Sans 2.1.5 (SIL Open Font License 1.1).
+const FONT: &[u8] = include_bytes!("font/LiberationSans-Regular.ttf");
+
+/// Pixels of a PNG for each point: 600 dpi.
+const PNG_SCALE: f32 = 600.0 / 72.0;
+
+/// Converts a figure.
+///
+/// # Errors
+/// [`FigureError::Convert`] if the figure cannot be converted, for instance because a PNG would be too large.
+pub(super) fn convert(svg: &str, format: Format) -> Result<Vec<u8>, FigureError> {
+    let failed = |reason: String| FigureError::Convert { reason };
+    let mut fonts = usvg::fontdb::Database::new();
+    fonts.load_font_source(usvg::fontdb::Source::Binary(Arc::new(FONT)));
+    let options = usvg::Options { dpi: 72.0, fontdb: Arc::new(fonts), ..usvg::Options::default() };
+    let tree = usvg::Tree::from_str(svg, &options).map_err(|error| failed(error.to_string()))?;
+    if format == Format::Pdf {
+        let page = svg2pdf::PageOptions { dpi: 72.0 };
+        return svg2pdf::to_pdf(&tree, svg2pdf::ConversionOptions::default(), page)
+            .map_err(|error| failed(error.to_string()));
+    }
+    let [width, height] = [tree.size().width(), tree.size().height()].map(|pt| (pt * PNG_SCALE).round() as u32);
+    let pixels = tiny_skia::Pixmap::new(width, height);
+    let mut pixels = pixels.ok_or_else(|| failed(format!("{width} by {height} pixels are too many")))?;
+    resvg::render(&tree, tiny_skia::Transform::from_scale(PNG_SCALE, PNG_SCALE), &mut pixels.as_mut());
+    pixels.encode_png().map_err(|error| failed(error.to_string()))
+}

@@ -1,0 +1,131 @@
+//! The provenance of a trial: plan, board, model, versions, and the files behind it.
+
+use super::parameters;
+use super::text::{clip, degrees, number, plain};
+use super::view::{ModelRobot, View};
+use biflag_log::Identity;
+use maud::{Markup, html};
+use study::text::word;
+
+/// The longest file that is shown, in characters.
+const LONGEST_FILE: usize = 20_000;
+
+pub(super) fn facts(view: &View, shared: bool) -> Markup {
+    html! {
+        details {
+            summary { "Provenance" }
+            table.facts { @for (name, value) in provenance(view) { tr { th { (name) } td { (value) } } } }
+        }
+        @if !shared { (files(view)) }
+    }
+}
+
+/// The files behind a trial. All trials of a session share them.
+pub(super) fn files(view: &View) -> Markup {
+    let records = &view.records;
+    let mut files = Vec::new();
+    let mut tables = Vec::new();
+    if let Some(ModelRobot { robot, model, .. }) = &view.model_robot {
+        let title = format!("Model: parameters of the robot {}, closure {}", robot.name, word(&model.closure));
+        tables.push((title, &model.parameters, robot.name.as_str(), robot.text.as_str()));
+        files.push((format!("Model: robot file {}", robot.name), &robot.text));
+    }
+    if let Some(model) = &records.model {
+        let whose = if view.is_model() { "this log’s model" } else { "the emulated robot" };
+        let (name, file) = records.robot.as_ref().map_or(("", ""), |robot| (&robot.name, &robot.text));
+        tables.push((format!("Parameters of {whose}: robot {name}"), &model.parameters, name, file));
+    }
+    if let Some(robot) = &records.robot {
+        files.push((format!("Robot file {} of the plan", robot.name), &robot.text));
+    }
+    if let Some(board) = &records.board {
+        files.push(("Board settings".to_owned(), &board.settings));
+    }
+    if let Some(plan) = &records.plan {
+        files.push(("Plan".to_owned(), &plan.text));
+    }
+    html! {
+        @for (title, text, name, file) in tables {
+            @if !text.is_empty() {
+                details {
+                    summary { (clip(&title, 200)) }
+                    (parameters::table(text, name, file))
+                    pre { (clip(text, LONGEST_FILE)) }
+                }
+            }
+        }
+        @for (name, text) in files {
+            @if !text.is_empty() { details { summary { (clip(&name, 200)) } pre { (clip(text, LONGEST_FILE)) } } }
+        }
+    }
+}
+
+fn provenance(view: &View) -> Vec<(&'static str, String)> {
+    let records = &view.records;
+    let mut facts = vec![("Log", view.log.display().to_string())];
+    if let Some(comparison) = &view.comparison {
+        facts.push(("Compared with", comparison.modelled.display().to_string()));
+        if let Some(ModelRobot { robot, model, replay }) = &view.model_robot {
+            facts.push(("Robot of the model", format!("{}, closure {}", robot.name, word(&model.closure))));
+            if let Some(replay) = replay {
+                facts.push(("Model driven by", format!("the measured speeds in {}", replay.source)));
+            }
+        }
+        facts.push(("Offset removed, measured", angles(comparison.measured_zero_deg)));
+        facts.push(("Offset removed, model", angles(comparison.modelled_zero_deg)));
+        facts.push(("Yaw drift removed", degrees(comparison.yaw_drift_deg, 3)));
+        facts.push(("Time shift", format!("{} s", number(comparison.time_shift_s, 3))));
+    }
+    if let Some(trial) = &records.trial {
+        facts
+            .push(("Trial", format!("number {}, repeat {}, attempt {}", trial.index + 1, trial.repeat, trial.attempt)));
+        let [calibrate, preroll, run, decay] =
+            [trial.calibrate_s, trial.preroll_s, trial.run_s, trial.decay_s].map(plain);
+        facts.push(("Phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s")));
+        if let Some([one, two]) = trial.phase_deg.map(|phase| phase.map(plain)) {
+            facts.push(("Motors start at", format!("{one}° and {two}°")));
+        }
+    }
+    if let Some(identity) = &records.identity {
+        let Identity { host_version, host_git_hash, protocol, .. } = identity;
+        facts.push(("Recorded by", format!("biflag {host_version} ({host_git_hash}), protocol {protocol}")));
+    }
+    match (&records.model, &records.board) {
+        (Some(model), _) => {
+            let rate = plain(model.rate_hz);
+            facts.push(("Model", format!("closure {}, {rate} samples per second", word(&model.closure))));
+        }
+        (None, Some(board)) => {
+            let (version, hash) = (&board.firmware, &board.firmware_git_hash);
+            facts.push(("Firmware", format!("{version} ({hash}), protocol {}", board.protocol)));
+            facts.push((
+                "Board",
+                format!(
+                    "number {}, IMU {:#04x}, start {}, last reset by {}",
+                    board.board_id, board.imu_id, board.boot_count, board.reset_cause
+                ),
+            ));
+        }
+        (None, None) => {}
+    }
+    if let Some(robot) = &records.robot {
+        facts.push(("Robot of the recording", robot.name.clone()));
+    }
+    if let (Some(calibration), false) = (&records.calibration, view.is_model()) {
+        let [x, y, z] = calibration.bias_counts.map(|counts| number(counts.into(), 1));
+        facts.push(("Gyroscope bias", format!("{x}, {y}, {z} counts, from {} readings", calibration.samples)));
+    }
+    if let (Some(clock), false) = (&records.clock, view.is_model()) {
+        facts.push(("Clock of the board", study::text::clock(clock)));
+    }
+    if !view.is_model() {
+        facts.push(("Link", view.link.to_string()));
+    }
+    let counts: Vec<_> = view.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
+    facts.push(("Messages", counts.join(", ")));
+    facts.into_iter().map(|(name, value)| (name, clip(&value, 600))).collect()
+}
+
+fn angles([yaw, pitch, roll]: [f64; 3]) -> String {
+    format!("yaw {}, pitch {}, roll {}", degrees(yaw, 3), degrees(pitch, 3), degrees(roll, 3))
+}

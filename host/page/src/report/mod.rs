@@ -1,0 +1,280 @@
+//! The report of a trial or a session: a single self-contained HTML file to open from disk, send and print.
+//!
+//! The charts are drawn by [uPlot](https://github.com/leeoniya/uPlot) 1.6.32 (MIT), which is in `assets` as published:
+//! 51 kB of a page of at most 10 MB. The view of the robot is drawn by WebGL 2, or as lines in a browser without it.
+//!
+//! All text from a log or a plan is escaped; `document::page` describes the second defence.
+
+mod budget;
+mod curves;
+mod document;
+mod facts;
+mod heat_map;
+mod parameters;
+mod session_page;
+mod shapes;
+mod sweep_page;
+mod table;
+mod text;
+mod trial_section;
+mod view;
+mod warnings;
+
+pub use budget::ByteBudget;
+pub use view::View;
+
+use biflag_log::LogError;
+use maud::{Markup, PreEscaped, html};
+use miette::Diagnostic;
+use rayon::prelude::*;
+use session_page::{Row, RowState};
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use study::output::{self, OutputError};
+use study::program::GIT_HASH;
+use study::session::{Session, SessionError, TrialState};
+use study::text::printable;
+use study::trial::{Data, Want};
+use study::twin::{SessionComparison, Skipped};
+use thiserror::Error;
+use warnings::Warning;
+
+/// The most trials of a session that are all printed; of a larger session, only the open trial is printed.
+const MAX_PRINTED: usize = 20;
+
+/// Why a page was not written.
+#[derive(Error, Diagnostic, Debug)]
+pub enum ReportError {
+    /// The name belongs to a file that is not a report.
+    #[error("{}: already exists and is not a report of biflag", path.display())]
+    #[diagnostic(code(wrong_use), help("name another file with --out"))]
+    NotOurs {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The page cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Output(#[from] OutputError),
+    /// The file is not the table of a sweep.
+    #[error("{}: cannot be shown as a table: {reason}", path.display())]
+    #[diagnostic(code(wrong_use), help("name a log, a session folder, or the table that `biflag sweep` writes"))]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The log cannot be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Log(#[from] LogError),
+    /// The session cannot be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Session(#[from] SessionError),
+}
+
+/// A written page.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Written {
+    /// The file.
+    pub html: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// How many trials it shows.
+    pub trials: usize,
+    /// How many warnings it shows.
+    pub warnings: usize,
+}
+
+/// Which page is written. The two have different names, so that neither replaces the other.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Kind {
+    /// A log or a session by itself: `LOG.html`, or `report.html` in the session's folder.
+    Report,
+    /// Beside a model or another session: `LOG.compare.html`, or `compare.html` in the session's folder.
+    Comparison,
+}
+
+impl Kind {
+    /// The page's default place.
+    fn place(self, path: &Path) -> PathBuf {
+        match (self, path.is_dir()) {
+            (Self::Report, true) => path.join("report.html"),
+            (Self::Comparison, true) => path.join("compare.html"),
+            (Self::Report, false) => path.with_extension("html"),
+            (Self::Comparison, false) => path.with_extension("compare.html"),
+        }
+    }
+}
+
+/// Returns what to read of a log for a page within this budget.
+pub fn want(budget: ByteBudget) -> Want {
+    Want { forces: true, shapes: budget.frames(), ..Want::default() }
+}
+
+/// The budget of each trial on the page of a log or session.
+///
+/// # Errors
+/// [`SessionError`].
+pub fn budget(path: &Path) -> Result<ByteBudget, SessionError> {
+    let trials = if path.is_dir() { with_logs(&Session::open(path)?.states()?) } else { 1 };
+    Ok(ByteBudget::of_trials(trials))
+}
+
+fn with_logs(states: &[TrialState]) -> usize {
+    states.iter().filter(|state| !state.attempts.is_empty()).count()
+}
+
+/// Writes the page of a log, of a session folder, or of the table of a sweep.
+///
+/// `comparison` and `views` are the results of a comparison, if there is one; other trials are read from their logs.
+///
+/// # Errors
+/// [`ReportError`].
+pub fn write(
+    path: &Path,
+    kind: Kind,
+    comparison: Option<&SessionComparison>,
+    views: Vec<View>,
+    out: Option<&Path>,
+) -> Result<Written, ReportError> {
+    let out = out.map_or_else(|| kind.place(path), Path::to_owned);
+    check(&out)?;
+    if sweep_page::is_table(path) {
+        return sweep_page::write(path, &out);
+    }
+    if path.is_dir() { of_session(&Session::open(path)?, comparison, views, &out) } else { of_log(path, views, &out) }
+}
+
+fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, ReportError> {
+    let view = match views.into_iter().next() {
+        Some(view) => view,
+        None => view(log, ByteBudget::of_trials(1))?,
+    };
+    put(out, &page_of_log(&view), 1, view.warnings.len())
+}
+
+/// Returns the page of a log as text, within the budget of a page with so many trials.
+///
+/// # Errors
+/// [`LogError`].
+pub fn html(log: &Path, trials: usize) -> Result<String, LogError> {
+    Ok(printable(&page_of_log(&view(log, ByteBudget::of_trials(trials))?).0))
+}
+
+fn page_of_log(view: &View) -> Markup {
+    let id = session_page::anchor(0);
+    let body = html! {
+        main { (trial_section::section(view, &id, false)) }
+        (footer(view))
+    };
+    document::page(&trial_section::title(view), "one", &body, &data(view, &id))
+}
+
+fn of_session(
+    session: &Session,
+    comparison: Option<&SessionComparison>,
+    views: Vec<View>,
+    out: &Path,
+) -> Result<Written, ReportError> {
+    let states = session.intact_states()?;
+    let budget = ByteBudget::of_trials(with_logs(&states));
+    let row = |state: &TrialState| {
+        let trial = &state.trial;
+        let skipped = comparison.and_then(|comparison| comparison.skipped.iter().find(|one| one.name == trial.name));
+        let view = state.best().map(|attempt| match views.iter().find(|view| view.log == attempt.path) {
+            Some(view) => Ok(view.clone()),
+            None => view(&attempt.path, budget),
+        });
+        let state = match view {
+            None => RowState::Missing,
+            Some(Ok(mut view)) => {
+                let why = |skipped: &Skipped| format!("Not compared: {}.", text::clip(&skipped.reason, 300));
+                view.warnings.extend(skipped.map(|skipped| Warning::new("not compared", why(skipped))));
+                RowState::Shown(Box::new(view))
+            }
+            Some(Err(error)) => RowState::Unreadable(error.to_string()),
+        };
+        Row { name: trial.name.clone(), speeds_rpm: trial.speeds.map(|speed| speed.rpm()), state }
+    };
+    let rows: Vec<Row> = states.par_iter().map(row).collect();
+    let shown = || rows.iter().enumerate().filter_map(|(i, row)| Some((session_page::anchor(i), row.view()?)));
+    let body = html! {
+        header {
+            (session_page::overview(session.folder(), session.plan(), &rows, comparison, budget.is_enough()))
+            @if shown().count() > MAX_PRINTED {
+                p.meta.paper-only { "Only the trial that is open on the screen is printed below." }
+            }
+        }
+        main { @if budget.is_enough() { @for (id, view) in shown() { (trial_section::section(view, &id, true)) } } }
+        @if let Some((_, view)) = shown().next() { (footer(view)) }
+    };
+    let all_data = html! { @for (id, view) in shown() { (data(view, &id)) } };
+    let kind = if shown().count() <= MAX_PRINTED { "session print-all" } else { "session" };
+    let page = document::page(&text::clip(&session.plan().name, 200), kind, &body, &all_data);
+    let unreadable = rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count();
+    put(out, &page, shown().count(), unreadable + shown().map(|(_, view)| view.warnings.len()).sum::<usize>())
+}
+
+/// Reads a log for the page.
+fn view(log: &Path, budget: ByteBudget) -> Result<View, LogError> {
+    Ok(View::new(&Data::read(log, want(budget))?, None, budget))
+}
+
+fn data(view: &View, id: &str) -> Markup {
+    html! {
+        @if !view.data.is_null() {
+            script type="application/json" id=(trial_section::data_id(id)) { (PreEscaped(text::json_for_script(&view.data))) }
+        }
+    }
+}
+
+fn footer(view: &View) -> Markup {
+    let zero = if view.comparison.is_some() {
+        "Both attitudes are relative to the still phase before the run. Errors are model minus measured."
+    } else if view.is_model() {
+        "The robot of the model starts upright with a yaw of zero."
+    } else {
+        "Yaw is zero at the end of the phase before the run. The drift of the gyroscope is removed if still \
+         phases allow its estimation."
+    };
+    html! {
+        footer {
+            p {
+                "The attitude is the rotation Rz(ψ) Ry(θ) Rx(φ) from body to world axes, with yaw ψ, pitch θ and roll \
+                 φ; the tilt β is the angle between the robot’s axis and the vertical. Positive yaw is \
+                 counter-clockwise seen from above. Steady values are means over whole turns of the flagella in about \
+                 the last 12 s of the run. "
+                (zero)
+            }
+            p { "Written by " (document::GENERATOR) " (" (GIT_HASH) "). Charts by uPlot 1.6.32, © 2022 Leon Sorokin, MIT licence." }
+        }
+    }
+}
+
+/// Checks that a page may be written there: nothing is there, or an older page.
+fn check(out: &Path) -> Result<(), ReportError> {
+    match std::fs::symlink_metadata(out) {
+        Err(_) => Ok(()),
+        Ok(found) if found.is_file() && is_page(out).unwrap_or(false) => Ok(()),
+        Ok(_) => Err(ReportError::NotOurs { path: out.to_owned() }),
+    }
+}
+
+fn is_page(path: &Path) -> std::io::Result<bool> {
+    let mut head = Vec::new();
+    std::fs::File::open(path)?.take(400).read_to_end(&mut head)?;
+    Ok(String::from_utf8_lossy(&head).contains(r#"<meta name="generator" content="biflag "#))
+}
+
+fn put(out: &Path, page: &Markup, trials: usize, warnings: usize) -> Result<Written, ReportError> {
+    // Texts of plans and logs may hold anything.
+    let text = printable(&page.0);
+    output::replace(out, |file| file.write_all(text.as_bytes()))?;
+    Ok(Written { html: out.to_owned(), bytes: text.len() as u64, trials, warnings })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,264 @@
+//! The page of a session: its results as a whole, its maps, and the table of its trials.
+
+use super::facts::files;
+use super::heat_map::{self, Map, Point};
+use super::text::{clip, count, number, plain};
+use super::trial_section::{answer, tile, warnings};
+use super::view::{ModelRobot, View};
+use biflag_log::LinkStats;
+use maud::{Markup, html};
+use std::path::Path;
+use study::plan::Plan;
+use study::text::word;
+use study::trial::{AtSpeeds, mean_of_repeats};
+use study::twin::SessionComparison;
+
+/// A trial of a session.
+#[derive(Clone, Debug)]
+pub(super) struct Row {
+    /// Its name in the plan.
+    pub name: String,
+    pub speeds_rpm: [f64; 2],
+    pub state: RowState,
+}
+
+/// State of a trial on the page.
+#[derive(Clone, Debug)]
+pub(super) enum RowState {
+    /// It is on the page.
+    Shown(Box<View>),
+    /// It has no log yet.
+    Missing,
+    /// Its log cannot be read, and why.
+    Unreadable(String),
+}
+
+impl Row {
+    pub fn view(&self) -> Option<&View> {
+        match &self.state {
+            RowState::Shown(view) => Some(view),
+            _ => None,
+        }
+    }
+}
+
+/// Returns the anchor of the `i`-th trial.
+pub(super) fn anchor(i: usize) -> String {
+    format!("trial-{}", i + 1)
+}
+
+/// Everything above the trials.
+pub(super) fn overview(
+    folder: &Path,
+    plan: &Plan,
+    rows: &[Row],
+    comparison: Option<&SessionComparison>,
+    has_charts: bool,
+) -> Markup {
+    let views: Vec<&View> = rows.iter().filter_map(Row::view).collect();
+    let first = views.first();
+    html! {
+        h1 { (clip(&plan.name, 200)) }
+        p.meta {
+            span { "session of " (count(rows.len(), "trial", "trials")) }
+            @if !plan.operator.is_empty() { span { (clip(&plan.operator, 200)) } }
+            span { "robot " (clip(&plan.robot.name, 200)) }
+            @if let Some(ModelRobot { robot, model, .. }) = first.and_then(|view| view.model_robot.as_ref()) {
+                span { "compared with the model of robot " (clip(&robot.name, 200)) ", closure " (word(&model.closure)) }
+            }
+            span { (folder.display()) }
+        }
+        @if !plan.note.is_empty() { p.note { (clip(&plan.note, 4_000)) } }
+        @if let Some(comparison) = comparison {
+            (answer(&comparison.verdict, comparison.trials.iter().all(|trial| trial.findings.is_empty())))
+        }
+        (tiles(&views, rows.len(), comparison))
+        (warnings(notes(rows, comparison, has_charts).iter().map(String::as_str)))
+        (maps(rows))
+        h2 #trials { "Trials" }
+        (table(rows, has_charts))
+        @if let Some(view) = first { (files(view)) }
+    }
+}
+
+fn tiles(views: &[&View], trials: usize, comparison: Option<&SessionComparison>) -> Markup {
+    let mut link = LinkStats::default();
+    views.iter().for_each(|view| link += view.link);
+    let complete = views.iter().filter(|view| view.is_complete).count();
+    let error = |value: Option<f64>| number(value.unwrap_or(f64::NAN), 2) + "°";
+    html! {
+        dl.tiles {
+            (tile("Trials complete", &complete.to_string(), &html! { "of " (trials) }))
+            @if let Some(comparison) = comparison {
+                (tile("RMS error, yaw", &error(comparison.yaw_rmse_deg), &html! { "over the runs of " (count(comparison.trials.len(), "trial", "trials")) }))
+                (tile("RMS error, pitch", &error(comparison.pitch_rmse_deg), &html! { "roll " (error(comparison.roll_rmse_deg)) }))
+                @if let Some(steady) = comparison.steady_rms_error_deg {
+                    (tile("Steady error, yaw", &error(Some(steady[0])), &html! { "pitch " (error(Some(steady[1]))) ", RMS over the trials" }))
+                }
+            }
+            @if !views.iter().all(|view| view.is_model()) {
+                (tile("Frames lost", &link.lost.to_string(), &html! { "of " (link.samples + link.lost) " frames; " (count(link.retries, "retry", "retries")) }))
+            } @else {
+                (tile("Samples", &link.samples.to_string(), &html! { "computed by the model" }))
+            }
+        }
+    }
+}
+
+/// Warnings about the session as a whole.
+fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool) -> Vec<String> {
+    let mut notes = Vec::new();
+    let all = count(rows.len(), "trial", "trials");
+    let mut note = |what: &str, n: usize, more: &str| {
+        if n > 0 {
+            notes.push(format!("{what}: {n} of {all}.{more}"));
+        }
+    };
+    let views = || rows.iter().filter_map(Row::view);
+    note("No log yet", rows.iter().filter(|row| matches!(row.state, RowState::Missing)).count(), "");
+    note("Unreadable log", rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count(), "");
+    note("Not complete", views().filter(|view| !view.is_complete).count(), "");
+    let more = " Their angles are averages, not steady values.";
+    note("Not settled", views().filter(|view| !view.is_settled()).count(), more);
+    if let Some(comparison) = comparison {
+        note("Not compared", comparison.skipped.len(), " The reasons are in the table.");
+    }
+    if !has_charts {
+        let text =
+            "The session has too many trials for charts on a page. `biflag report LOG` draws the charts of one trial.";
+        notes.push(text.to_owned());
+    }
+    notes
+}
+
+/// The maps of a session: the index in [`AtSpeeds::magnitudes_deg`], its name and its symbol.
+const MAPS: [(usize, &str, &str); 4] =
+    [(0, "Steady yaw", "|ψ|"), (1, "Steady pitch", "|θ|"), (2, "Steady roll", "|φ|"), (3, "Steady tilt", "β")];
+
+fn maps(rows: &[Row]) -> Markup {
+    let means = [false, true].map(|modelled| {
+        let trial = |(i, row): (usize, &Row)| {
+            let view = row.view().filter(|view| view.is_complete)?;
+            let steady = view.steady?;
+            let angles = if modelled { steady.modelled_deg? } else { steady.angles_deg };
+            Some((row.speeds_rpm, angles, (!view.data.is_null()).then(|| anchor(i))))
+        };
+        mean_of_repeats(rows.iter().enumerate().filter_map(trial))
+    });
+    let points = |angle: usize, modelled: bool| -> Vec<Point> {
+        let means = means[usize::from(modelled)].iter();
+        let point = |mean: &AtSpeeds<Option<String>>| Point {
+            speeds_rpm: mean.speeds_rpm,
+            value_deg: mean.magnitudes_deg()[angle],
+            anchor: mean.first.clone(),
+        };
+        means.map(point).collect()
+    };
+    if !heat_map::is_map(&points(0, false)) {
+        return html! {};
+    }
+    let views = || rows.iter().filter_map(Row::view);
+    let own = match (views().all(View::is_model), views().any(|view| view.comparison.is_some())) {
+        (false, _) => "measured",
+        (true, false) => "model",
+        (true, true) => "this session",
+    };
+    let of_repeats = match means[0].iter().any(|mean| mean.trials > 1) {
+        true => " Repeated trials: the magnitude of their mean.",
+        false => "",
+    };
+    html! {
+        h2 { "Steady attitude over both speeds" }
+        div.maps {
+            @for (angle, name, symbol) in MAPS {
+                @let [own_points, model_points] = [points(angle, false), points(angle, true)];
+                // The maps of an angle share their colour scale.
+                @let scale_deg = heat_map::largest(&own_points).max(heat_map::largest(&model_points));
+                @for (points, whose) in [(&own_points, own), (&model_points, "model")] {
+                    @if !points.is_empty() {
+                        @let title = format!("{name} {symbol}, {whose}");
+                        @let map = Map { title: &title, symbol, points, scale_deg };
+                        figure {
+                            div.head { h3 { (title) } }
+                            (map.svg())
+                            figcaption { (map.caption()) (of_repeats) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A number in the table, with the key that it is sorted by.
+fn cell(value: Option<f64>, decimals: usize) -> Markup {
+    html! { td data-key=[value.filter(|value| value.is_finite())] { (value.map_or("–".to_owned(), |value| number(value, decimals))) } }
+}
+
+/// Which columns the table has.
+#[derive(Clone, Copy)]
+struct Columns {
+    charts: bool,
+    uncertainty: bool,
+    compared: bool,
+    link: bool,
+}
+
+fn table(rows: &[Row], has_charts: bool) -> Markup {
+    let any = |what: fn(&View) -> bool| rows.iter().filter_map(Row::view).any(what);
+    let columns = Columns {
+        charts: has_charts,
+        uncertainty: any(|view| view.steady.is_some_and(|steady| steady.yaw_uncertainty_deg > Some(0.0))),
+        compared: any(|view| view.comparison.is_some()),
+        link: any(|view| !view.is_model()),
+    };
+    let head = |text: &str| html! { th scope="col" { button type="button" { (text) } } };
+    html! {
+        div.scroll tabindex="0" role="region" aria-label="Table of the trials" {
+            table.trials {
+                thead { tr {
+                    th scope="col" { button type="button" { "Trial" } }
+                    (head("w1, rpm")) (head("w2, rpm"))
+                    (head("ψ, °")) @if columns.uncertainty { (head("± 95 %")) } (head("θ, °")) (head("φ, °"))
+                    @if columns.compared { (head("model ψ")) (head("model θ")) (head("error ψ")) (head("error θ")) (head("RMS ψ")) (head("RMS θ")) }
+                    @if columns.link { (head("lost")) }
+                    th.text scope="col" { "Notes" }
+                } }
+                tbody { @for (i, row) in rows.iter().enumerate() { (line(row, i, columns)) } }
+            }
+        }
+    }
+}
+
+fn line(row: &Row, i: usize, columns: Columns) -> Markup {
+    let anchor = anchor(i);
+    let view = row.view();
+    let steady = view.and_then(|view| view.steady);
+    let angle = |k: usize| steady.map(|steady| steady.angles_deg[k]);
+    let comparison = view.and_then(|view| view.comparison.as_ref());
+    html! {
+        tr data-trial=(anchor) {
+            td data-key=(i) {
+                @if columns.charts && view.is_some() { a href={ "#" (anchor) } { (clip(&row.name, 80)) } } @else { (clip(&row.name, 80)) }
+            }
+            td data-key=(row.speeds_rpm[0]) { (plain(row.speeds_rpm[0])) }
+            td data-key=(row.speeds_rpm[1]) { (plain(row.speeds_rpm[1])) }
+            (cell(angle(0), 2))
+            @if columns.uncertainty { (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg).filter(|deg| *deg > 0.0), 2)) }
+            (cell(angle(1), 2)) (cell(angle(2), 2))
+            @if columns.compared {
+                (cell(comparison.map(|c| c.steady_modelled_deg[0]), 2)) (cell(comparison.map(|c| c.steady_modelled_deg[1]), 2))
+                (cell(comparison.map(|c| c.steady_yaw_error_deg), 2)) (cell(comparison.map(|c| c.steady_pitch_error_deg), 2))
+                (cell(comparison.map(|c| c.yaw_rmse_deg), 2)) (cell(comparison.map(|c| c.pitch_rmse_deg), 2))
+            }
+            @if columns.link { (cell(view.map(|view| view.link.lost as f64), 0)) }
+            td.text {
+                @match &row.state {
+                    RowState::Shown(view) => { (view.warnings.iter().map(|warning| warning.brief.as_str()).collect::<Vec<_>>().join(", ")) }
+                    RowState::Missing => { "no log yet" }
+                    RowState::Unreadable(why) => { (clip(why, 300)) }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,399 @@
+//! A trial on the page: its results, the view of the robot, its charts, its events and its provenance.
+
+use super::facts::facts;
+use super::text::{clip, count, degrees, number, speeds};
+use super::view::{Steady, View};
+use biflag_log::schema::biflag::event::Kind;
+use biflag_log::{Identity, SteadyMeta};
+use maud::{Markup, html};
+use study::text::{origin, word};
+
+/// The longest note that is shown.
+const LONGEST_NOTE: usize = 4_000;
+
+/// Returns the id of the element with the data of a trial.
+pub(super) fn data_id(id: &str) -> String {
+    format!("{id}-data")
+}
+
+/// Returns the section of a trial with the anchor `id`. With `shared`, the section leaves out what all trials of a
+/// session have in common.
+pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
+    let has_data = !view.data.is_null();
+    html! {
+        section.trial id=(id) data-data=[has_data.then(|| data_id(id))] hidden[shared] aria-labelledby={ (id) "-title" } {
+            @if shared {
+                nav.tools aria-label="Trials" {
+                    button.previous type="button" { "← Previous" }
+                    button.next type="button" { "Next →" }
+                    a href="#trials" { "All trials ↑" }
+                }
+                h2 id={ (id) "-title" } { (title(view)) }
+            } @else {
+                h1 id={ (id) "-title" } { (title(view)) }
+            }
+            (about(view, shared))
+            @if let Some(comparison) = &view.comparison { (answer(&comparison.verdict, comparison.findings.is_empty())) }
+            (tiles(view))
+            (warnings(view.warnings.iter().map(|warning| warning.text.as_str())))
+            @if has_data {
+                div.bench {
+                    div.stage { (scene(view)) (player(view)) (readout(view)) }
+                    div.charts {
+                        // Below the title of a page, the charts are a part of their own.
+                        @if !shared { h2.unseen { "Over time" } }
+                        (charts(view))
+                    }
+                }
+            }
+            (events(view))
+            (facts(view, shared))
+        }
+    }
+}
+
+pub(super) fn title(view: &View) -> String {
+    let name = if view.name.is_empty() { "Trial" } else { &view.name };
+    format!("{} at {}", clip(name, 120), speeds(view.speeds_rpm))
+}
+
+fn about(view: &View, shared: bool) -> Markup {
+    let (plan, identity) = (&view.records.plan, &view.records.identity);
+    let reversal = view.records.trial.as_ref().and_then(|trial| trial.reverse_motor.zip(trial.reverse_after_s));
+    html! {
+        p.meta {
+            @if let Some(identity) = identity { span { (origin(identity.origin)) } }
+            @if let Some(plan) = plan && !shared {
+                span { "session " (clip(&plan.name, 200)) }
+                @if !plan.operator.is_empty() { span { (clip(&plan.operator, 200)) } }
+            }
+            @if let Some(Identity { created, .. }) = identity && !created.is_empty() {
+                span { (clip(created.split('.').next().unwrap_or(created), 40).replace('T', " ")) }
+            }
+            span { (number(view.duration_s, 1)) " s" }
+            @if let Some((motor, after_s)) = reversal {
+                span { "motor " (motor) " reverses " (number(after_s, 1)) " s after the start of the run" }
+            }
+        }
+        @if let Some(plan) = plan && !shared && !plan.note.is_empty() { p.note { (clip(&plan.note, LONGEST_NOTE)) } }
+    }
+}
+
+/// A result with its name and a remark.
+pub(super) fn tile(name: &str, big: &str, small: &Markup) -> Markup {
+    html! {
+        div.tile {
+            dt { (name) }
+            dd.big { (big) }
+            dd.small { (small) }
+        }
+    }
+}
+
+fn tiles(view: &View) -> Markup {
+    let link = view.link;
+    let is_model = view.is_model();
+    html! {
+        dl.tiles {
+            @if let Some(steady) = &view.steady {
+                @for (i, name) in ["Steady yaw ψ", "Steady pitch θ", "Steady roll φ"].into_iter().enumerate() {
+                    (steady_tile(name, steady, i))
+                }
+            }
+            @if let Some(comparison) = &view.comparison {
+                (tile("RMS error over the run", &degrees(comparison.yaw_rmse_deg, 2), &html! {
+                    "yaw; pitch " (degrees(comparison.pitch_rmse_deg, 2)) ", roll " (degrees(comparison.roll_rmse_deg, 2))
+                }))
+            }
+            @if let Some(model) = &view.records.steady {
+                (settling(model, &html! { "flagella " (word(&model.bundling)) ", smallest gap " (number(model.min_gap_m * 1e3, 1)) " mm" }))
+            }
+            @if !is_model {
+                (tile("Frames lost", &link.lost.to_string(), &html! {
+                    "of " (link.samples + link.lost) " frames; " (count(link.crc_errors, "CRC error", "CRC errors")) ", " (count(link.retries, "retry", "retries"))
+                }))
+            }
+        }
+    }
+}
+
+/// The tile of the settling time; of the kind of motion if the model has solved for it.
+fn settling(model: &SteadyMeta, note: &Markup) -> Markup {
+    match model.kind {
+        Some(kind) => tile("Motion", &kind.name().replace('_', " "), note),
+        None if model.settled => tile("Settling time", &format!("{} s", number(model.settle_s, 0)), note),
+        None => tile("Settling time", "not settled", note),
+    }
+}
+
+/// The verdict of a comparison as a sentence; empty without a verdict.
+pub(super) fn answer(verdict: &str, agrees: bool) -> Markup {
+    let mut letters = verdict.chars();
+    let first = letters.next().map(|letter| letter.to_uppercase().to_string()).unwrap_or_default();
+    html! {
+        @if !first.is_empty() {
+            p.answer.agrees[agrees].differs[!agrees] { (clip(&format!("{first}{}.", letters.as_str()), 600)) }
+        }
+    }
+}
+
+fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {
+    let angle = steady.angles_deg[i];
+    let uncertainty = if i == 0 { steady.yaw_uncertainty_deg.filter(|deg| *deg > 0.0) } else { None };
+    let spread = uncertainty.map(|deg| format!("± {} (95 %)", degrees(deg, 2)));
+    tile(
+        name,
+        &degrees(angle, 2),
+        &html! {
+            @if let Some(spread) = &spread { (spread) }
+            @if let Some(modelled) = steady.modelled_deg {
+                @if spread.is_some() { br; }
+                b { "model " (degrees(modelled[i], 2)) } ", error " (degrees(modelled[i] - angle, 2))
+            } @else if spread.is_none() { "mean at the end of the run" }
+        },
+    )
+}
+
+/// A list of warnings, if there are any.
+pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
+    let mut texts = texts.into_iter().peekable();
+    html! {
+        @if texts.peek().is_some() {
+            ul.warnings aria-label="Warnings" { @for text in texts { li { (text) } } }
+        }
+    }
+}
+
+fn scene(view: &View) -> Markup {
+    let whose = if view.borrowed_shapes { "the model’s log" } else { "the log" };
+    let compared = view.comparison.is_some();
+    let robots = match (compared, view.is_model()) {
+        (true, false) => "Solid: the measured attitude; ghost: the attitude of the model. ",
+        (true, true) => "Solid: the attitude of this log; ghost: that of the other one. ",
+        (false, _) => "",
+    };
+    let forces = if view.borrowed_forces { "the model’s forces" } else { "the forces" };
+    let looks = [("perspective", "3-D"), ("top", "Top"), ("front", "Front"), ("side", "Side")];
+    html! {
+        figure.scene {
+            canvas.view3d tabindex="0" role="img"
+                aria-label="The robot: base, motors and both flagella at the selected time. Arrow keys rotate the view, plus and minus zoom, Home resets it, space plays." {}
+            div.tools role="group" aria-label="View" {
+                @for (look, name) in looks { button type="button" data-look=(look) { (name) } }
+                @if compared { button type="button" aria-pressed="true" data-show="ghost" { "Model" } }
+                @if view.curves.has_forces { button type="button" aria-pressed="true" data-show="forces" { "Forces" } }
+                button.view-in type="button" aria-label="Zoom in" { "+" }
+                button.view-out type="button" aria-label="Zoom out" { "−" }
+            }
+            figcaption {
+                (robots)
+                @if view.curves.shapes_per_s > 0.0 {
+                    "Shapes of the flagella from " (whose) ", " (number(view.curves.shapes_per_s, 1)) " per second, interpolated in the frame of the shaft. "
+                } @else {
+                    "The log has no shapes: the flagella are drawn as rigid helices that turn with their shafts. "
+                }
+                @if view.curves.has_forces { "Arrows: " (forces) " of the flagella on the base. " }
+                "The pointers on the ring show the yaw." span.screen { " Drag to rotate, or use the arrow keys, + and −." }
+            }
+        }
+    }
+}
+
+fn player(view: &View) -> Markup {
+    html! {
+        div.player {
+            button.play type="button" aria-label="Play" {}
+            input.scrub type="range" min="0" max=(view.duration_s) step="0.01" value="0" aria-label="Time";
+            select.rate aria-label="Playback speed" {
+                @for rate in ["0.25", "1", "2", "5", "10"] { option value=(rate) selected[rate == "1"] { (rate) "×" } }
+            }
+        }
+    }
+}
+
+fn readout(view: &View) -> Markup {
+    let own = view.own_name();
+    let out = |what: &str| html! { td data-out=(what) { "–" } };
+    html! {
+        table.readout {
+            thead { tr {
+                th scope="col" { span data-out="time" {} " " span.meta data-out="phase" {} }
+                th scope="col" { (own) }
+                @if view.comparison.is_some() { th scope="col" { "model" } }
+                @if view.has_truth { th scope="col" { "truth" } }
+            } }
+            tbody {
+                @for (name, column) in [("Yaw ψ, °", "yaw"), ("Pitch θ, °", "pitch"), ("Roll φ, °", "roll")] {
+                    tr {
+                        th scope="row" { (name) }
+                        (out(&format!("attitude {column} 2")))
+                        @if view.comparison.is_some() { (out(&format!("attitude model_{column} 2"))) }
+                        @if view.has_truth { (out(&format!("attitude true_{column} 2"))) }
+                    }
+                }
+                @for i in 1..=2 {
+                    tr {
+                        th scope="row" { span class={ "key c-flagellum" (i) } {} "Flagellum " (i) ", rpm" }
+                        (out(&format!("motors speed{i} 1")))
+                        @if view.comparison.is_some() { td {} }
+                        @if view.has_truth { td {} }
+                    }
+                }
+                @if view.curves.has_forces {
+                    @for (name, column) in [("Thrust of flagellum 1, mN", "z1"), ("Thrust of flagellum 2, mN", "z2"), ("Smallest gap, mm", "gap")] {
+                        tr {
+                            th scope="row" { (name) }
+                            @let (own, model) = (out(&format!("forces {column} 2")), html! { td {} });
+                            @if view.borrowed_forces { (model) (own) } @else { (own) @if view.comparison.is_some() { (model) } }
+                            @if view.has_truth { td {} }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// An entry of a legend: the classes of its key, its text, and the curve that it shows and hides.
+struct Entry(&'static str, String, &'static str);
+
+impl Entry {
+    fn new(look: &'static str, text: &str, curve: &'static str) -> Self {
+        Self(look, text.to_owned(), curve)
+    }
+
+    fn range(width_s: Option<f64>) -> Option<Self> {
+        width_s.map(|width_s| Self("block c-range", format!("range of {} s (line: mean)", number(width_s, 2)), ""))
+    }
+}
+
+fn charts(view: &View) -> Markup {
+    html! {
+        div.tools role="group" aria-label="Time axis" {
+            button.zoom-in type="button" aria-label="Zoom in" { "+" }
+            button.zoom-out type="button" aria-label="Zoom out" { "−" }
+            button.zoom-all type="button" { "Whole trial" }
+        }
+        @for (name, error, title) in [
+            ("yaw", "error_yaw", "Yaw ψ from the start of the run, °"),
+            ("pitch", "error_pitch", "Pitch θ, °"),
+            ("roll", "error_roll", "Roll φ, °"),
+        ] {
+            @let charts = if view.comparison.is_some() { vec![name, error] } else { vec![name] };
+            (chart(&charts, title, &angle_entries(view, name == "yaw")))
+        }
+        (chart(&["motors"], "Speed of the flagella, rpm", &motor_entries(view)))
+        @if view.curves.has_forces { (force_charts(view)) }
+        @if !view.is_model() { (link_chart(view)) }
+        p.meta.small {
+            @if view.curves.attitude_range_s.is_some() || view.curves.motors_range_s.is_some() {
+                "A shaded band is the range of the values in each interval of the length in the legend; the line is \
+                 their mean. The values beside the robot are interpolated between samples "
+                (number(view.curves.sample_s, 2)) " s apart."
+            } @else {
+                "The charts show every sample."
+            }
+            span.screen {
+                " Drag across a chart to zoom in, double-click to see the whole trial, click to select a time. \
+                 Click an entry of a legend to hide its curve. The address of the page stores the view."
+            }
+        }
+    }
+}
+
+fn angle_entries(view: &View, is_yaw: bool) -> Vec<Entry> {
+    let mut entries = vec![Entry::new("c-measured", view.own_name(), "own")];
+    if view.comparison.is_some() {
+        entries.push(Entry::new("dash c-model", "model", "model"));
+    }
+    if view.has_truth {
+        entries.push(Entry::new("dots c-truth", "truth", "truth"));
+    }
+    entries.extend(Entry::range(view.curves.attitude_range_s));
+    if is_yaw && view.curves.has_uncertainty {
+        entries.push(Entry::new("edges c-measured", "95 % uncertainty", "uncertainty"));
+    }
+    if view.comparison.is_some() {
+        entries.push(Entry::new("c-model", "below: model minus measured", ""));
+    }
+    entries
+}
+
+fn motor_entries(view: &View) -> Vec<Entry> {
+    let curves = [
+        Entry::new("c-flagellum1", "flagellum 1", "speed1"),
+        Entry::new("c-flagellum2", "flagellum 2", "speed2"),
+        Entry::new("dash c-ink", "target 1", "target1"),
+        Entry::new("dots c-ink", "target 2", "target2"),
+    ];
+    curves.into_iter().chain(Entry::range(view.curves.motors_range_s)).collect()
+}
+
+fn force_charts(view: &View) -> Markup {
+    let of_model = if view.borrowed_forces { ", model" } else { "" };
+    let contact = || Entry::new("block c-contact", "in contact", "");
+    let range = || Entry::range(view.curves.forces_range_s);
+    let with = |curves: Vec<Entry>| -> Vec<Entry> { curves.into_iter().chain([contact()]).chain(range()).collect() };
+    let forces =
+        vec![Entry::new("c-flagellum1", "flagellum 1", "force1"), Entry::new("c-flagellum2", "flagellum 2", "force2")];
+    let title = format!("Forces on the base{of_model}: thrust z, below x and y (body axes), mN");
+    html! {
+        (chart(&["force_z", "force_x", "force_y"], &title, &with(forces)))
+        (chart(&["gap"], &format!("Smallest gap of the flagella{of_model}, mm"), &with(vec![Entry::new("c-measured", "smallest gap", "gap")])))
+        (chart(&["winding"], &format!("Winding of the flagella around each other{of_model}, turns"), &with(vec![Entry::new("c-measured", "winding", "winding")])))
+    }
+}
+
+fn link_chart(view: &View) -> Markup {
+    let seconds = view.data["link"]["width_s"].as_u64().unwrap_or(1);
+    let per = if seconds > 1 { format!("{seconds} s") } else { "second".to_owned() };
+    let entries = [
+        Entry::new("c-measured", "samples received", "received"),
+        Entry::new("block c-bad", "lost", "lost"),
+        Entry::new("block c-model", "retries", "retries"),
+        Entry::new("block c-flagellum1", "board errors", "board"),
+    ];
+    chart(&["link"], &format!("Link, count per {per}"), &entries)
+}
+
+fn chart(names: &[&str], title: &str, entries: &[Entry]) -> Markup {
+    html! {
+        figure role="group" aria-label={ (title) ". The values at the selected time are in the table beside the robot." } {
+            figcaption {
+                h3 { (title) }
+                div.legend {
+                    @for Entry(look, text, curve) in entries {
+                        @let key = html! { i class={ "key " (look) } {} span { (text) } };
+                        @if curve.is_empty() { span { (key) } } @else {
+                            button type="button" aria-pressed="true" data-curve=(curve) { (key) }
+                        }
+                        " "
+                    }
+                }
+            }
+            @for name in names { div data-chart=(name) aria-hidden="true" {} }
+        }
+    }
+}
+
+fn events(view: &View) -> Markup {
+    let shown = &view.events;
+    let bad = shown.iter().any(|event| matches!(event.kind, Kind::Fault | Kind::Warning));
+    html! {
+        @if !shown.is_empty() {
+            details open[bad] {
+                summary { "Events (" (shown.len() + view.more_events) ")" }
+                table.facts {
+                    @for event in shown {
+                        tr {
+                            th { button.seek type="button" data-seek=(event.time_s) { (number(event.time_s, 2)) " s" } }
+                            td { (format!("{:?}", event.kind).to_lowercase()) }
+                            td { (clip(&event.text, 300)) }
+                        }
+                    }
+                }
+                @if view.more_events > 0 { p.meta { "and " (view.more_events) " more" } }
+            }
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! A trial as the page shows it: figures and warnings as text, and series and shapes as data for the page's script.
+//!
+//! [`View::new`], `curves` and `warnings` extract everything that the page needs, so that the trial itself need not
+//! stay in memory.
+
+use super::budget::ByteBudget;
+use super::curves::Curves;
+use super::warnings::{Warning, warnings};
+use biflag_log::schema::biflag::event::Kind;
+use biflag_log::{LinkStats, ModelMeta, Origin, ReplayMeta, RobotMeta};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use study::trial::{Angles, Data, Event, Records};
+use study::twin::{Compared, Comparison};
+
+/// The steady angles of a trial.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(super) struct Steady {
+    /// Yaw, pitch, roll.
+    pub angles_deg: [f64; 3],
+    /// 95 % uncertainty of the yaw.
+    pub yaw_uncertainty_deg: Option<f64>,
+    /// The same angles of the model, if the trial is compared with one.
+    pub modelled_deg: Option<[f64; 3]>,
+}
+
+/// The robot and the closure that the model's curves beside a trial were computed with.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct ModelRobot {
+    /// Its file, with the comments that state the origin of the parameters.
+    pub robot: RobotMeta,
+    pub model: ModelMeta,
+    /// The log whose measured speeds drove the model, if it was a replay.
+    pub replay: Option<ReplayMeta>,
+}
+
+impl ModelRobot {
+    /// From the metadata of the modelled log; `None` if no model computed it.
+    pub fn new(records: &Records) -> Option<Self> {
+        let model = records.model.clone().filter(|_| records.origin() == Origin::Model)?;
+        Some(Self { robot: records.robot.clone().unwrap_or_default(), model, replay: records.replay.clone() })
+    }
+}
+
+/// A trial on the page.
+#[derive(Clone, Debug)]
+pub struct View {
+    pub(super) name: String,
+    pub(super) speeds_rpm: [f64; 2],
+    pub(super) log: PathBuf,
+    pub(super) records: Records,
+    pub(super) link: LinkStats,
+    pub(super) duration_s: f64,
+    pub(super) channels: BTreeMap<String, u64>,
+    pub(super) comparison: Option<Comparison>,
+    pub(super) model_robot: Option<ModelRobot>,
+    pub(super) steady: Option<Steady>,
+    pub(super) events: Vec<Event>,
+    /// How many events are not listed.
+    pub(super) more_events: usize,
+    pub(super) warnings: Vec<Warning>,
+    /// How the curves and the shapes were reduced to fit the budget.
+    pub(super) curves: Curves,
+    /// Whether the shapes come from the log that the trial is compared with; the same for the forces.
+    pub(super) borrowed_shapes: bool,
+    pub(super) borrowed_forces: bool,
+    pub(super) has_truth: bool,
+    /// Whether the trial ended as planned and its log is intact.
+    pub(super) is_complete: bool,
+    /// The data of the page's script; `null` if the page has no room for it.
+    pub(super) data: Value,
+}
+
+impl View {
+    /// Fits a trial into `budget`, beside the trial that it is compared with.
+    pub fn new(data: &Data, compared: Option<(&Compared, &Data)>, budget: ByteBudget) -> Self {
+        let zeroed = Compared::measured_or_own(compared.map(|(compared, _)| compared), data);
+        let other = compared.map(|(_, other)| other);
+        let comparison = compared.map(|(compared, _)| &compared.comparison);
+        let (trial, angles) = (data.trial(), zeroed.angles());
+        let mut view = Self {
+            name: trial.name,
+            speeds_rpm: [trial.w1_rpm, trial.w2_rpm],
+            log: data.path.clone(),
+            steady: steady(angles.as_ref(), comparison),
+            warnings: warnings(data, angles.as_ref(), comparison),
+            events: most_important(data.events.clone(), budget.events()),
+            more_events: data.more_events + data.events.len().saturating_sub(budget.events()),
+            curves: Curves::default(),
+            borrowed_shapes: data.shapes.is_empty() && other.is_some_and(|other| !other.shapes.is_empty()),
+            borrowed_forces: data.forces.is_empty() && other.is_some_and(|other| !other.forces.is_empty()),
+            has_truth: !data.truth.is_empty() && !data.is_model(),
+            is_complete: data.is_complete(),
+            data: Value::Null,
+            records: data.records.clone(),
+            link: data.link,
+            duration_s: data.duration_s,
+            channels: data.channels.clone(),
+            comparison: comparison.cloned(),
+            model_robot: other.and_then(|other| ModelRobot::new(&other.records)),
+        };
+        if budget.is_enough() {
+            (view.data, view.curves) = Curves::fit(data, &zeroed, compared, budget);
+            view.data["own"] = view.own_name().into();
+        }
+        view
+    }
+
+    /// Whether the attitude settled, as far as the log says.
+    pub(super) fn is_settled(&self) -> bool {
+        self.records.steady.as_ref().is_none_or(|steady| steady.settled)
+    }
+
+    /// Whether the trial was computed, not measured.
+    pub(super) fn is_model(&self) -> bool {
+        self.records.origin() == Origin::Model
+    }
+
+    /// What the trial's own angles are called, beside those of the model.
+    pub(super) fn own_name(&self) -> &'static str {
+        match (self.is_model(), self.comparison.is_some()) {
+            (false, _) => "measured",
+            (true, false) => "model",
+            (true, true) => "this log",
+        }
+    }
+}
+
+/// Returns at most `most` events in the order of time. Phases, faults and warnings take precedence over others.
+fn most_important(events: Vec<Event>, most: usize) -> Vec<Event> {
+    let is_important = |event: &Event| matches!(event.kind, Kind::Phase | Kind::Fault | Kind::Warning);
+    let (mut kept, others): (Vec<Event>, Vec<Event>) = events.into_iter().partition(is_important);
+    kept.truncate(most);
+    let room = most - kept.len();
+    kept.extend(others.into_iter().take(room));
+    kept.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    kept
+}
+
+fn steady(angles: Option<&Angles>, comparison: Option<&Comparison>) -> Option<Steady> {
+    if let Some(comparison) = comparison {
+        return Some(Steady {
+            angles_deg: comparison.steady_measured_deg,
+            // That of the comparison is the uncertainty of the difference.
+            yaw_uncertainty_deg: angles.and_then(|angles| angles.yaw_uncertainty_deg),
+            modelled_deg: Some(comparison.steady_modelled_deg),
+        });
+    }
+    angles.map(|angles| Steady {
+        angles_deg: [angles.yaw_deg, angles.pitch_deg, angles.roll_deg],
+        yaw_uncertainty_deg: angles.yaw_uncertainty_deg,
+        modelled_deg: None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_notes_hide_no_fault() {
+        let event = |i: u32, kind| Event { time_s: i.into(), kind, text: String::new() };
+        let notes = (0..100).map(|i| event(i, Kind::Note));
+        let events: Vec<Event> = notes.chain([event(100, Kind::Fault), event(101, Kind::Phase)]).collect();
+        let kept = most_important(events, 10);
+        let times: Vec<f64> = kept.iter().map(|event| event.time_s).collect();
+        assert_eq!(times, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 100.0, 101.0]);
+    }
+}

@@ -1,0 +1,234 @@
+//! The link as the program uses it: open it, send requests, receive events.
+
+use super::port;
+use super::worker::{Event, Exchange, PendingRequest, Received, Worker};
+use super::{Claim, LinkError};
+use protocol::frame::FrameError;
+use protocol::{Command, Info, Reply, SCHEMA, VERSION};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime};
+use study::lock::lock;
+
+/// An open link to a board that speaks this protocol. Closing it stops the motors.
+#[derive(Debug)]
+pub struct Link {
+    path: String,
+    opened: SystemTime,
+    /// Time of the last heartbeat.
+    alive: Arc<Mutex<Instant>>,
+    info: Info,
+    requests: Sender<PendingRequest>,
+    events: Receiver<Received>,
+    thread: Option<JoinHandle<()>>,
+    _claim: Claim,
+}
+
+/// A request whose answer is awaited.
+#[derive(Debug)]
+pub struct Asked {
+    answer: Receiver<Exchange>,
+}
+
+impl Link {
+    /// Time in which attempts of the handshake begin. Opening the port resets a Nano, and the older of its bootloaders
+    /// waits two seconds.
+    pub const HANDSHAKE: Duration = Duration::from_secs(4);
+
+    /// Opens the port and performs the handshake.
+    ///
+    /// # Errors
+    /// The port's errors, [`LinkError::Silent`], [`LinkError::OtherProgram`], [`LinkError::OtherVersion`] or [`LinkError::OtherSchema`].
+    pub fn open(path: &str) -> Result<Self, LinkError> {
+        Self::open_unless(path, &AtomicBool::new(false))
+    }
+
+    /// Opens the port and performs the handshake; `interrupted` aborts it.
+    ///
+    /// # Errors
+    /// As [`Link::open`], and [`LinkError::Interrupted`].
+    pub fn open_unless(path: &str, interrupted: &AtomicBool) -> Result<Self, LinkError> {
+        let claim = Claim::take(path)?;
+        let port = port::open(path)?;
+        let (requests, pending) = channel();
+        let (sender, events) = channel();
+        let opened = SystemTime::now();
+        let alive = Arc::new(Mutex::new(Instant::now()));
+        let worker = Worker::new(port, pending, sender, alive.clone());
+        let thread = std::thread::Builder::new()
+            .name("link".into())
+            .spawn(move || worker.run())
+            .map_err(|source| LinkError::Port { path: path.to_owned(), source })?;
+        let mut link = Self {
+            path: path.to_owned(),
+            opened,
+            alive,
+            info: Info::default(),
+            requests,
+            events,
+            thread: Some(thread),
+            _claim: claim,
+        };
+        link.info = link.handshake(interrupted)?;
+        Ok(link)
+    }
+
+    /// Returns the port.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// Returns when it was opened, on the host's wall clock.
+    pub fn opened(&self) -> SystemTime {
+        self.opened
+    }
+
+    /// Returns the board's answer to the handshake.
+    pub fn info(&self) -> &Info {
+        &self.info
+    }
+
+    /// Sends a request, several times if need be, and returns the answer.
+    ///
+    /// # Errors
+    /// [`LinkError::NoAnswer`], [`LinkError::Refused`] or [`LinkError::Closed`].
+    pub fn ask(&self, command: Command) -> Result<Reply, LinkError> {
+        let asked = self.send(command)?;
+        self.outcome(asked.answer.recv().ok())
+    }
+
+    /// Sends a request without waiting for the answer, which [`Link::answer`] returns.
+    ///
+    /// # Errors
+    /// [`LinkError::Closed`].
+    pub fn send(&self, command: Command) -> Result<Asked, LinkError> {
+        self.heartbeat();
+        let (sender, answer) = channel();
+        let sent = self.requests.send(PendingRequest { command, answer: sender });
+        sent.map_err(|_| self.closed())?;
+        Ok(Asked { answer })
+    }
+
+    /// Returns the answer to a request; `None` as long as it is awaited.
+    pub fn answer(&self, asked: &Asked) -> Option<Result<Reply, LinkError>> {
+        match asked.answer.try_recv() {
+            Err(TryRecvError::Empty) => None,
+            exchange => Some(self.outcome(exchange.ok())),
+        }
+    }
+
+    /// Returns the outcome of an exchange; there is none if the thread has ended.
+    fn outcome(&self, exchange: Option<Exchange>) -> Result<Reply, LinkError> {
+        let Exchange { request, reply, attempts, .. } = exchange.ok_or_else(|| self.closed())?;
+        let command = || name(&request.command);
+        match reply {
+            Some(Reply::Refused(refusal)) => Err(LinkError::Refused { command: command(), refusal }),
+            Some(reply) => Ok(reply),
+            None => Err(LinkError::NoAnswer { path: self.path.clone(), command: command(), attempts }),
+        }
+    }
+
+    /// Returns the error for a port that is gone.
+    pub fn closed(&self) -> LinkError {
+        LinkError::Closed { path: self.path.clone() }
+    }
+
+    /// Sends a request that is answered with [`Reply::Done`].
+    ///
+    /// # Errors
+    /// As [`Link::ask`].
+    pub fn command(&self, command: Command) -> Result<(), LinkError> {
+        match self.ask(command)? {
+            Reply::Done => Ok(()),
+            other => Err(self.wrong_answer(&command, &other)),
+        }
+    }
+
+    fn heartbeat(&self) {
+        *lock(&self.alive) = Instant::now();
+    }
+
+    /// Returns the error for an answer that does not fit the request.
+    pub fn wrong_answer(&self, command: &Command, answer: &Reply) -> LinkError {
+        LinkError::WrongAnswer { command: name(command), answer: format!("{answer:?}") }
+    }
+
+    /// Returns the next event, or `None` if none comes within `timeout`.
+    pub fn next(&self, timeout: Duration) -> Option<Received> {
+        self.heartbeat();
+        match self.events.recv_timeout(timeout) {
+            Ok(received) => Some(received),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                Some(Received { wall: SystemTime::now(), at: Duration::ZERO, event: Event::Closed })
+            }
+        }
+    }
+
+    fn handshake(&self, interrupted: &AtomicBool) -> Result<Info, LinkError> {
+        let begun = Instant::now();
+        let mut bytes = 0;
+        let mut frames = 0;
+        let mut other_version = None;
+        let mut asked_before = false;
+        while begun.elapsed() < Self::HANDSHAKE {
+            if interrupted.load(Ordering::Relaxed) {
+                return Err(LinkError::Interrupted);
+            }
+            let answer = self.ask(Command::Hello);
+            while let Ok(received) = self.events.try_recv() {
+                match received.event {
+                    Event::Raw(raw) => bytes += raw.len(),
+                    Event::Telemetry(_) => frames += 1,
+                    Event::Damaged(FrameError::UnknownMessage(Some(version))) => other_version = Some(version),
+                    _ => {}
+                }
+            }
+            match (answer, other_version) {
+                (Ok(Reply::Info(info)), _) if info.protocol == VERSION && info.schema == SCHEMA => return Ok(info),
+                (Ok(Reply::Info(info)), _) if info.protocol == VERSION => {
+                    return Err(LinkError::OtherSchema { path: self.path.clone() });
+                }
+                (Ok(Reply::Info(Info { protocol: theirs, .. })), _) | (_, Some(theirs)) => {
+                    return Err(LinkError::OtherVersion { path: self.path.clone(), theirs });
+                }
+                // The first number is by chance that of the request that a program before this one sent last: the board takes
+                // the handshake for its repetition, and answers that.
+                (Ok(_) | Err(LinkError::Refused { .. }), _) if !asked_before => {}
+                (Ok(other), _) => return Err(self.wrong_answer(&Command::Hello, &other)),
+                (Err(LinkError::NoAnswer { .. }), _) => {}
+                (Err(LinkError::Closed { path }), _) => return Err(LinkError::Vanished { path }),
+                (Err(error), _) => return Err(error),
+            }
+            asked_before = true;
+        }
+        let path = self.path.clone();
+        Err(match bytes {
+            0 => LinkError::Silent { path, waited: begun.elapsed() },
+            _ if frames > 0 => LinkError::RequestsIgnored { path },
+            bytes => LinkError::OtherProgram { path, bytes },
+        })
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        // The thread stops the motors when the channel of requests closes.
+        let (requests, _) = channel();
+        self.requests = requests;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn name(command: &Command) -> String {
+    match command {
+        Command::Hello => "the handshake".into(),
+        Command::SetSpeeds([w1, w2]) => format!("speeds of {} and {} rpm", w1.rpm(), w2.rpm()),
+        Command::WriteSettings(_) => "new settings".into(),
+        other => format!("{other:?}"),
+    }
+}

@@ -1,0 +1,315 @@
+//! The thread that owns the port: it sends requests with retries, pings the board, decodes what comes, and passes it on.
+
+use protocol::frame::{Accumulator, FrameError, MAX_FRAME, encode};
+use protocol::units::Micros;
+use protocol::{Command, Message, Reply, Request, Telemetry};
+use serialport::SerialPort;
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant, SystemTime};
+use study::lock::lock;
+
+/// An event with its times.
+#[derive(Debug)]
+pub struct Received {
+    /// Time on the host's wall clock.
+    pub wall: SystemTime,
+    /// Time since the link was opened.
+    pub at: Duration,
+    /// The event.
+    pub event: Event,
+}
+
+/// What happened on the link.
+#[derive(Debug)]
+pub enum Event {
+    /// Received bytes, unchanged.
+    Raw(Vec<u8>),
+    /// A frame of the stream.
+    Telemetry(Telemetry),
+    /// A frame that could not be read.
+    Damaged(FrameError),
+    /// A request was answered or abandoned.
+    Exchange(Exchange),
+    /// The board should be streaming, but no frame has come for a second. This is told once, until the next frame.
+    Silent {
+        /// Bytes that came in this time: noise, or answers to requests.
+        bytes: usize,
+    },
+    /// The port is gone. This is the last event.
+    Closed,
+}
+
+/// A request and its outcome.
+#[derive(Debug, Clone, Copy)]
+pub struct Exchange {
+    /// The request.
+    pub request: Request,
+    /// How many times it was sent.
+    pub attempts: u32,
+    /// The answer; `None` if none came in time.
+    pub reply: Option<Reply>,
+    /// When it was first sent, on the host's wall clock.
+    pub sent: SystemTime,
+    /// When it was first sent, since the link was opened.
+    pub sent_at: Duration,
+}
+
+/// A request that waits to be sent.
+pub(super) struct PendingRequest {
+    pub(super) command: Command,
+    pub(super) answer: Sender<Exchange>,
+}
+
+/// Time after each attempt before the next.
+const BACK_OFF: [Duration; 5] = [
+    Duration::from_millis(50),
+    Duration::from_millis(100),
+    Duration::from_millis(200),
+    Duration::from_millis(300),
+    Duration::from_millis(400),
+];
+
+/// Time between pings, which feed the motors' deadline (500 ms by default) and relate the two clocks. By the host's clock
+/// or by the board's, whichever is earlier: an emulated board may run faster than real time.
+const PING_EVERY: Duration = Duration::from_millis(20);
+
+/// Time without a frame after which the board no longer gets pings: motors that turn unseen must stop.
+const SILENCE: Duration = Duration::from_secs(1);
+
+/// Time without a heartbeat ([`super::Link::ask`], [`super::Link::next`]) after which the program counts as hung, and the
+/// board no longer gets pings. Logs are written on a thread of their own, so a slow disk delays no heartbeat; a terminal
+/// that does not take the program's output does.
+const HANG_TIMEOUT: Duration = Duration::from_secs(5);
+
+pub(super) struct Worker {
+    port: Box<dyn SerialPort>,
+    requests: Receiver<PendingRequest>,
+    waiting: VecDeque<PendingRequest>,
+    events: Sender<Received>,
+    /// Time of the program's last heartbeat.
+    alive: Arc<Mutex<Instant>>,
+    begun: Instant,
+    accumulator: Accumulator,
+    in_flight: Option<InFlight>,
+    seq: u8,
+    handshake_done: bool,
+    /// Whether the board was told to stream.
+    streaming: bool,
+    /// When the last frame of the stream came, or without a stream, the last answer.
+    heard: Instant,
+    /// Bytes received since then.
+    unheard: usize,
+    /// Whether its silence has been told.
+    silent: bool,
+    next_ping: Instant,
+    /// The board's clock in the last frame of its stream, and in the last one before something was sent.
+    board_time: Option<Micros>,
+    board_time_at_send: Option<Micros>,
+}
+
+/// The request that waits for its answer.
+struct InFlight {
+    exchange: Exchange,
+    /// Who waits for it; nobody for a ping.
+    answer: Option<Sender<Exchange>>,
+    retry_at: Instant,
+}
+
+/// The port is gone, or the program has closed the link.
+struct Disconnected;
+
+impl Worker {
+    pub(super) fn new(
+        port: Box<dyn SerialPort>,
+        requests: Receiver<PendingRequest>,
+        events: Sender<Received>,
+        alive: Arc<Mutex<Instant>>,
+    ) -> Self {
+        let begun = Instant::now();
+        Self {
+            port,
+            requests,
+            waiting: VecDeque::new(),
+            events,
+            alive,
+            begun,
+            accumulator: Accumulator::new(),
+            in_flight: None,
+            seq: first_seq(),
+            handshake_done: false,
+            streaming: false,
+            heard: begun,
+            unheard: 0,
+            silent: false,
+            next_ping: begun,
+            board_time: None,
+            board_time_at_send: None,
+        }
+    }
+
+    pub(super) fn run(mut self) {
+        while self.step().is_ok() {}
+        // However the link ended, stop the motors. If this is lost, the board's own deadline stops them.
+        let _ = self.send(Command::Stop);
+        self.emit(Event::Closed);
+    }
+
+    fn step(&mut self) -> Result<(), Disconnected> {
+        self.read()?;
+        loop {
+            match self.requests.try_recv() {
+                Ok(request) => self.waiting.push_back(request),
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) if self.waiting.is_empty() => return Err(Disconnected),
+                Err(TryRecvError::Disconnected) => break,
+            }
+        }
+        if self.in_flight.is_some() {
+            return self.retry();
+        }
+        if let Some(request) = self.waiting.pop_front() {
+            return self.begin(request.command, Some(request.answer));
+        }
+        if self.handshake_done && self.is_ping_due() && self.is_program_alive() && self.is_heard() {
+            return self.begin(Command::Ping, None);
+        }
+        Ok(())
+    }
+
+    fn is_ping_due(&self) -> bool {
+        let times = self.board_time.zip(self.board_time_at_send);
+        times.is_some_and(|(now, at_send)| u128::from(now.since(at_send)) >= PING_EVERY.as_micros())
+            || Instant::now() >= self.next_ping
+    }
+
+    /// Returns whether the program is alive. A hung program must not keep the motors turning: without pings the board
+    /// stops them.
+    fn is_program_alive(&self) -> bool {
+        lock(&self.alive).elapsed() < HANG_TIMEOUT
+    }
+
+    /// Returns whether the board was heard in the last second. While it streams, noise and answers are not enough: only
+    /// its frames tell what the motors do.
+    fn is_heard(&self) -> bool {
+        self.heard.elapsed() <= SILENCE
+    }
+
+    fn hear(&mut self) {
+        (self.heard, self.unheard, self.silent) = (Instant::now(), 0, false);
+    }
+
+    fn read(&mut self) -> Result<(), Disconnected> {
+        // If this program was stopped for a while, its port holds what came meanwhile; so silence lasts up to here.
+        let asked = Instant::now();
+        let mut buffer = [0; 1024];
+        match self.port.read(&mut buffer) {
+            Ok(0) => return Err(Disconnected),
+            Ok(read) => self.decode(&buffer[..read]),
+            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+            Err(_) => return Err(Disconnected),
+        }
+        if self.streaming && !self.silent && asked.saturating_duration_since(self.heard) > SILENCE {
+            self.silent = true;
+            self.emit(Event::Silent { bytes: self.unheard });
+        }
+        Ok(())
+    }
+
+    fn decode(&mut self, bytes: &[u8]) {
+        self.unheard += bytes.len();
+        self.emit(Event::Raw(bytes.to_vec()));
+        for byte in bytes {
+            match self.accumulator.push::<Message>(*byte) {
+                None => {}
+                Some(Ok(Message::Telemetry(telemetry))) => {
+                    self.hear();
+                    self.board_time = Some(telemetry.time);
+                    self.emit(Event::Telemetry(telemetry));
+                }
+                Some(Ok(Message::Reply { to, reply })) => self.answered(to, reply),
+                Some(Err(error)) => self.emit(Event::Damaged(error)),
+            }
+        }
+    }
+
+    fn begin(&mut self, command: Command, answer: Option<Sender<Exchange>>) -> Result<(), Disconnected> {
+        let (sent, sent_at) = (SystemTime::now(), self.begun.elapsed());
+        let request = self.send(command)?;
+        let exchange = Exchange { request, attempts: 1, reply: None, sent, sent_at };
+        self.in_flight = Some(InFlight { exchange, answer, retry_at: Instant::now() + BACK_OFF[0] });
+        Ok(())
+    }
+
+    /// Sends the request in flight again when it is time, and abandons it after the last attempt. Pings are not retried:
+    /// the next one is due soon.
+    fn retry(&mut self) -> Result<(), Disconnected> {
+        let Some(in_flight) = &mut self.in_flight else { return Ok(()) };
+        if Instant::now() < in_flight.retry_at {
+            return Ok(());
+        }
+        let Some(wait) = BACK_OFF.get(in_flight.exchange.attempts as usize).filter(|_| in_flight.answer.is_some())
+        else {
+            if let Some(in_flight) = self.in_flight.take() {
+                self.finish(in_flight, None);
+            }
+            return Ok(());
+        };
+        in_flight.exchange.attempts += 1;
+        in_flight.retry_at = Instant::now() + *wait;
+        let request = in_flight.exchange.request;
+        self.write(&request)
+    }
+
+    fn answered(&mut self, to: u8, reply: Reply) {
+        if let Some(in_flight) = self.in_flight.take_if(|in_flight| in_flight.exchange.request.seq == to) {
+            self.handshake_done |= matches!(reply, Reply::Info(_));
+            let was_streaming = self.streaming;
+            if let (Command::Stream { rate_hz }, Reply::Done) = (in_flight.exchange.request.command, reply) {
+                self.streaming = rate_hz > 0;
+            }
+            if !(was_streaming && self.streaming) {
+                self.hear();
+            }
+            self.finish(in_flight, Some(reply));
+        }
+    }
+
+    fn finish(&mut self, in_flight: InFlight, reply: Option<Reply>) {
+        let exchange = Exchange { reply, ..in_flight.exchange };
+        self.emit(Event::Exchange(exchange));
+        if let Some(answer) = in_flight.answer {
+            // An interrupted program no longer waits for it.
+            let _ = answer.send(exchange);
+        }
+    }
+
+    fn send(&mut self, command: Command) -> Result<Request, Disconnected> {
+        self.seq = self.seq.wrapping_add(1);
+        let request = Request { seq: self.seq, command };
+        self.write(&request)?;
+        Ok(request)
+    }
+
+    /// Writes the frame of a request. A leading delimiter ends what noise on the line left in the board's buffer.
+    fn write(&mut self, request: &Request) -> Result<(), Disconnected> {
+        let mut buffer = [0; MAX_FRAME];
+        let frame = encode(request, &mut buffer).map_err(|_| Disconnected)?;
+        self.next_ping = Instant::now() + PING_EVERY;
+        self.board_time_at_send = self.board_time;
+        let line = [&[0], &*frame].concat();
+        self.port.write_all(&line).map_err(|_| Disconnected)
+    }
+
+    fn emit(&mut self, event: Event) {
+        // A program that no longer listens also closes the channel of requests, which is seen next.
+        let _ = self.events.send(Received { wall: SystemTime::now(), at: self.begun.elapsed(), event });
+    }
+}
+
+/// Returns a first sequence number unlike that of the program before, whose last request the board remembers.
+fn first_seq() -> u8 {
+    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.subsec_micros() as u8)
+}

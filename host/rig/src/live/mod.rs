@@ -1,0 +1,22 @@
+//! Serves trials to viewers: the messages of a log, unchanged, over Foxglove's WebSocket protocol.
+//!
+//! The messages come from a trial that is being recorded ([`Live::tap`]), from a log ([`play`]), or from a board
+//! without recording ([`watch`]). Each viewer has its own queue, so that a slow or dead viewer loses messages but does
+//! not affect the trial or other viewers.
+
+mod board;
+mod error;
+mod playback;
+#[cfg(feature = "viewers")]
+mod server;
+#[cfg(not(feature = "viewers"))]
+#[path = "no_server.rs"]
+mod server;
+
+pub use board::{WatchError, watch};
+pub use error::LiveError;
+pub use playback::{Played, play, wait_for_viewer};
+pub use server::Live;
+
+/// The default address of viewers, reachable from this computer only.
+pub const ADDRESS: &str = "127.0.0.1:8765";

@@ -1,0 +1,25 @@
+//! Runs trials on the rig: the board with its motors and sensor, real or emulated.
+
+mod avrdude;
+pub mod board_copy;
+mod error;
+pub mod fault_log;
+mod health;
+mod image;
+pub mod preflight;
+mod readout;
+mod recorder;
+mod schedule;
+pub mod self_test;
+mod simulated;
+mod stream;
+mod trial;
+mod virtual_nano;
+
+pub use avrdude::{FlashError, flash};
+pub use error::{RecordError, fault_cure, fault_text};
+pub use health::GLITCHES_ALLOWED;
+pub use image::{Image, ImageError, commit_of_image, commit_text, in_repository, source_folder};
+pub use simulated::SimulatedRobot;
+pub use trial::{RigRun, RunContext, run};
+pub use virtual_nano::{VirtualError, VirtualNano};

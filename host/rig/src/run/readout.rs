@@ -1,0 +1,74 @@
+//! The latest figures of a running trial, for the terminal.
+
+use nalgebra::UnitQuaternion;
+use protocol::Telemetry;
+use std::fmt;
+use study::attitude::{Euler, Unwrap};
+use study::text::decimal;
+
+/// The latest figures of a running trial. The drift of the yaw is not known before the end, so these are not the angles
+/// that the trial ends with.
+#[derive(Debug, Default)]
+pub(super) struct Readout {
+    latest: Option<(Euler, Telemetry)>,
+    unwrap: Unwrap,
+    zero_deg: f64,
+    lost: u64,
+}
+
+impl Readout {
+    /// Takes over a frame: its attitude, levelled if the vertical is known, and the number of frames lost so far.
+    pub(super) fn frame(&mut self, attitude: &UnitQuaternion<f64>, telemetry: &Telemetry, lost: u64) {
+        let euler = Euler::of(attitude);
+        let yaw_deg = self.unwrap.next(euler.yaw_deg);
+        self.latest = Some((Euler { yaw_deg, ..euler }, *telemetry));
+        self.lost = lost;
+    }
+
+    /// Makes the latest yaw the zero of those that follow.
+    pub(super) fn zero_yaw(&mut self) {
+        self.zero_deg = self.latest.map_or(0.0, |(angles, _)| angles.yaw_deg);
+    }
+}
+
+/// Without a frame the text is empty.
+impl fmt::Display for Readout {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let Some((angles, telemetry)) = &self.latest else { return Ok(()) };
+        let yaw_deg = angles.yaw_deg - self.zero_deg;
+        for (name, angle) in [("yaw", yaw_deg), ("pitch", angles.pitch_deg), ("roll", angles.roll_deg)] {
+            write!(f, "{name} {:>6}°  ", decimal(angle, 1))?;
+        }
+        for (measured, target) in telemetry.speed.iter().zip(telemetry.target) {
+            write!(f, "{:>5} of {} rpm  ", decimal(measured.rpm(), 1), decimal(target.rpm(), 0))?;
+        }
+        write!(f, "{:.1} °C  {} lost", telemetry.temperature.celsius(), self.lost)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::units::{CentiRpm, TemperatureCounts};
+
+    #[test]
+    fn the_yaw_is_relative_to_the_zero_and_unwrapped() {
+        let mut readout = Readout::default();
+        assert_eq!(readout.to_string(), "");
+        let telemetry = Telemetry {
+            speed: [CentiRpm(5010), CentiRpm(-990)],
+            target: [CentiRpm(5000), CentiRpm(-1000)],
+            // 36.53 °C is zero counts (MPU-6000A register map, section 4.18).
+            temperature: TemperatureCounts(0),
+            ..Telemetry::default()
+        };
+        let turned = |yaw_deg: f64| UnitQuaternion::from_euler_angles(0.0, 0.1_f64.to_radians(), yaw_deg.to_radians());
+        readout.frame(&turned(170.0), &telemetry, 0);
+        readout.zero_yaw();
+        readout.frame(&turned(-170.0), &telemetry, 3);
+        assert_eq!(
+            readout.to_string(),
+            "yaw   20.0°  pitch    0.1°  roll    0.0°   50.1 of 50 rpm   -9.9 of -10 rpm  36.5 °C  3 lost"
+        );
+    }
+}

@@ -1,0 +1,455 @@
+//! Records everything that arrives over the link while a trial runs.
+
+use super::health::Health;
+use super::readout::Readout;
+use super::simulated::TruthRecorder;
+use super::{RecordError, fault_text};
+use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock, Received};
+use biflag_log::{ClockMeta, CommandRecord, EventKind};
+use protocol::units::{CentiRpm, Micros};
+use protocol::{Calibration, Command, Fault, Reply, Request, ResetCause, State, TICK_HZ, Telemetry};
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, SystemTime};
+use study::plan::TICK_US;
+use study::run;
+
+/// A telemetry frame with the board's time, unwrapped.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    /// Microseconds since the board's start.
+    pub board_us: u64,
+    /// When it was received, on the host's clock.
+    pub host: SystemTime,
+    /// The frame.
+    pub telemetry: Telemetry,
+}
+
+/// Longest time that a frame is held back while an answer is awaited. Together with the flush interval of the log it is
+/// less than the half second of data that may be lost.
+const LONGEST_WAIT: Duration = Duration::from_millis(100);
+
+/// Interval at which an awaited answer is looked for, that of the link's thread.
+const ANSWER_POLL: Duration = Duration::from_millis(2);
+
+/// Events to keep when the queue is drained.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Keep {
+    /// All events, including telemetry.
+    Frames,
+    /// All events except telemetry.
+    Answers,
+}
+
+/// Returns the first of two failures; a fault takes precedence, because it explains more.
+pub(super) fn first_failure(first: Result<(), RecordError>, next: Result<(), RecordError>) -> Result<(), RecordError> {
+    match (&first, &next) {
+        (Err(RecordError::Faulted(_)), _) => first,
+        (_, Err(RecordError::Faulted(_))) => next,
+        _ => first.and(next),
+    }
+}
+
+/// Writes received events into a log and tracks the trial's time.
+pub(super) struct Recorder<'a> {
+    pub(super) link: &'a Link,
+    pub(super) trial: run::Recorder,
+    pub(super) monitor: Monitor,
+    pub(super) health: Health,
+    /// Speeds over the last second.
+    speeds: VecDeque<[CentiRpm; 2]>,
+    readout: Readout,
+    interrupted: &'a AtomicBool,
+    /// Records the ground truth of a simulated robot.
+    truth: Option<TruthRecorder<'a>>,
+    /// The first frame of the next phase, already received.
+    pending: Option<Frame>,
+    /// Frames after it that came while an answer was awaited.
+    waiting: VecDeque<Frame>,
+    /// The last phase whose frames are recorded while an answer is awaited; `None` while frames are not of the trial.
+    recorded_phase: Option<u8>,
+    clock: BoardClock,
+    /// The board's clock at the trial's first frame, µs.
+    begun_us: u64,
+    /// The board's clock at the last recorded frame, µs; `None` before the first.
+    reached_us: Option<u64>,
+    pings: PingClock,
+    state: (State, Fault),
+}
+
+impl<'a> Recorder<'a> {
+    pub(super) fn new(
+        link: &'a Link,
+        trial: run::Recorder,
+        interrupted: &'a AtomicBool,
+        truth: Option<TruthRecorder<'a>>,
+    ) -> Self {
+        Self {
+            link,
+            trial,
+            monitor: Monitor::default(),
+            health: Health::default(),
+            speeds: VecDeque::new(),
+            readout: Readout::default(),
+            interrupted,
+            truth,
+            pending: None,
+            waiting: VecDeque::new(),
+            recorded_phase: None,
+            clock: BoardClock::default(),
+            begun_us: 0,
+            reached_us: None,
+            pings: PingClock::default(),
+            state: (State::Idle, Fault::None),
+        }
+    }
+
+    /// Starts the telemetry and begins the trial with the first frame that has a fresh reading of the sensor, which
+    /// takes a moment to start after new settings. A sensor that does not start causes a fault. The trial of a
+    /// simulated robot begins at a sample of its shape, so that its samples do not depend on the start of the
+    /// telemetry. Returns the board's clock at this frame, µs.
+    ///
+    /// Earlier telemetry is discarded: another program may have left the board streaming.
+    pub(super) fn begin(&mut self) -> Result<u64, RecordError> {
+        // What comes meanwhile may be from before a restart of the board, on another clock.
+        let (stopped, _) = self.exchange(Command::Stream { rate_hz: 0 });
+        stopped?;
+        match self.exchange(Command::ClearFault).0 {
+            // The cause persists; the first frame will state the fault.
+            Ok(_) | Err(LinkError::Refused { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+        while let Some(received) = self.link.next(Duration::ZERO) {
+            self.take(received)?;
+        }
+        self.waiting.clear();
+        self.clock = BoardClock::default();
+        self.pings = PingClock::default();
+        self.command(Command::Stream { rate_hz: TICK_HZ })?;
+        loop {
+            let frame = self.next_frame()?;
+            self.begun_us = frame.board_us;
+            if frame.telemetry.fault != Fault::None {
+                self.keep(frame)?;
+            }
+            if frame.telemetry.imu_fresh && self.is_sampled(&frame)? {
+                self.pending = Some(frame);
+                return Ok(frame.board_us);
+            }
+        }
+    }
+
+    /// Discards the frames before the tick at `start_us`, so that the trial begins there.
+    pub(super) fn skip_to(&mut self, start_us: u64) -> Result<(), RecordError> {
+        loop {
+            let frame = self.pending_or_next()?;
+            self.begun_us = self.tick_of(&frame, start_us);
+            if frame.telemetry.fault != Fault::None {
+                self.keep(frame)?;
+            }
+            if frame.board_us + TICK_US / 2 >= start_us {
+                self.pending = Some(frame);
+                return Ok(());
+            }
+        }
+    }
+
+    /// Records until the frame for which `ends` returns true, which belongs to the next phase. Returns it.
+    /// `ends` is also given the readout of the frames before.
+    pub(super) fn record_until(
+        &mut self,
+        mut ends: impl FnMut(&Frame, &Readout) -> bool,
+    ) -> Result<Frame, RecordError> {
+        loop {
+            let frame = self.pending_or_next()?;
+            if ends(&frame, &self.readout) {
+                self.pending = Some(frame);
+                return Ok(frame);
+            }
+            self.keep(frame)?;
+        }
+    }
+
+    /// Counts the frames that are missing between the last one and the tick at `end_us`, which ends the trial. The frame
+    /// after them is not of the trial.
+    pub(super) fn end_at(&mut self, end_us: u64) -> Result<(), RecordError> {
+        let (Some(first), Some(last_us)) = (&self.pending, self.reached_us) else { return Ok(()) };
+        if self.monitor.is_next(&first.telemetry) {
+            return Ok(());
+        }
+        let host = first.host;
+        let missing = ((end_us.saturating_sub(last_us) + TICK_US / 2) / TICK_US).saturating_sub(1);
+        if let Some(gap) = self.monitor.missing(u16::try_from(missing).unwrap_or(u16::MAX)) {
+            self.trial.dropout(gap.first.0, u32::from(gap.count), host)?;
+        }
+        Ok(())
+    }
+
+    fn pending_or_next(&mut self) -> Result<Frame, RecordError> {
+        self.pending.take().map_or_else(|| self.next_frame(), Ok)
+    }
+
+    /// Returns the time of the tick in which a phase began, given the first frame with its number. `planned_us` is the
+    /// tick of the schedule, for frames that were lost.
+    fn tick_of(&self, first: &Frame, planned_us: u64) -> u64 {
+        let is_late = first.board_us > planned_us + TICK_US / 2;
+        if is_late && !self.monitor.is_next(&first.telemetry) { planned_us } else { first.board_us }
+    }
+
+    /// Asks for the board's clock; returns it unwrapped. To be called after [`Recorder::begin`].
+    pub(super) fn board_now_us(&mut self) -> Result<u64, RecordError> {
+        match self.ask(Command::Ping)? {
+            Reply::Pong(now) => Ok(self.begun_us + u64::from(now.since(Micros(self.begun_us as u32)))),
+            other => Err(self.link.wrong_answer(&Command::Ping, &other).into()),
+        }
+    }
+
+    /// Returns the board's clock at the trial's first frame, µs.
+    pub(super) fn begun_us(&self) -> u64 {
+        self.begun_us
+    }
+
+    /// Sends a request that is answered with [`Reply::Done`].
+    pub(super) fn command(&mut self, command: Command) -> Result<(), RecordError> {
+        match self.ask(command)? {
+            Reply::Done => Ok(()),
+            other => Err(self.link.wrong_answer(&command, &other).into()),
+        }
+    }
+
+    /// Reads the result of the last calibration of the gyroscope.
+    pub(super) fn calibration(&mut self) -> Result<Calibration, RecordError> {
+        match self.ask(Command::ReadCalibration)? {
+            Reply::Calibration(calibration) => Ok(calibration),
+            other => Err(self.link.wrong_answer(&Command::ReadCalibration, &other).into()),
+        }
+    }
+
+    fn ask(&mut self, command: Command) -> Result<Reply, RecordError> {
+        let (answer, meanwhile) = self.exchange(command);
+        meanwhile?;
+        Ok(answer?)
+    }
+
+    /// Sends a request. Returns the answer, and the first failure in what came meanwhile, which is recorded: a board that
+    /// answers late must not delay the log. The exchange itself is logged when the link reports it.
+    pub(super) fn exchange(&mut self, command: Command) -> (Result<Reply, LinkError>, Result<(), RecordError>) {
+        let asked = match self.link.send(command) {
+            Ok(asked) => asked,
+            Err(error) => return (Err(error), Ok(())),
+        };
+        let mut meanwhile = Ok(());
+        loop {
+            if let Some(answer) = self.link.answer(&asked) {
+                return (answer, meanwhile);
+            }
+            // Only a schedule that has started has phases.
+            let has_started = self.waiting.back().is_some_and(|frame| frame.telemetry.phase > 0);
+            if matches!(command, Command::StartSchedule { .. }) && has_started {
+                return (Ok(Reply::Done), meanwhile);
+            }
+            let recorded = self.hear(ANSWER_POLL);
+            meanwhile = first_failure(meanwhile, recorded);
+        }
+    }
+
+    /// Records what comes within `timeout` while an answer is awaited. Frames wait for those who follow the phases, but
+    /// no longer than the log can.
+    fn hear(&mut self, timeout: Duration) -> Result<(), RecordError> {
+        let mut outcome = match self.link.next(timeout) {
+            Some(received) => self.take_frame(received),
+            None => Ok(()),
+        };
+        while let Some(frame) = self.overdue() {
+            outcome = first_failure(outcome, self.keep(frame));
+        }
+        outcome.and(Ok(self.trial.log.tick()?))
+    }
+
+    /// Records an event; a telemetry frame waits.
+    fn take_frame(&mut self, received: Received) -> Result<(), RecordError> {
+        if let Some((telemetry, host)) = self.take(received)? {
+            let board_us = self.clock.unwrap(telemetry.time).ok_or(RecordError::ClockJumped(None))?;
+            self.waiting.push_back(Frame { board_us, host, telemetry });
+        }
+        Ok(())
+    }
+
+    /// Takes the next frame if it has waited for too long.
+    fn overdue(&mut self) -> Option<Frame> {
+        let next = self.pending.as_ref().or(self.waiting.front())?;
+        // A wall clock that is set back makes it overdue as well.
+        let is_fresh = next.host.elapsed().is_ok_and(|age| age < LONGEST_WAIT);
+        if is_fresh || self.recorded_phase.is_none_or(|last| next.telemetry.phase > last) {
+            return None;
+        }
+        self.pending.take().or_else(|| self.waiting.pop_front())
+    }
+
+    /// Returns the cause of a restart of the board since the link was opened, if there was one.
+    pub(super) fn restart(&mut self) -> Option<ResetCause> {
+        match self.exchange(Command::Hello).0 {
+            Ok(Reply::Info(info)) if info.boot_count != self.link.info().boot_count => Some(info.reset_cause),
+            _ => None,
+        }
+    }
+
+    /// Sets the last phase whose frames are recorded while an answer is awaited; `None` while frames are not of the trial.
+    pub(super) fn record_meanwhile(&mut self, last_phase: Option<u8>) {
+        self.recorded_phase = last_phase;
+    }
+
+    /// Returns the mean speeds of the flagella over the last second.
+    pub(super) fn last_speeds(&self) -> [CentiRpm; 2] {
+        let count = self.speeds.len().max(1) as i32;
+        let sum = |motor: usize| self.speeds.iter().map(|speeds| i32::from(speeds[motor].0)).sum::<i32>();
+        [0, 1].map(|motor| CentiRpm((sum(motor) / count) as i16))
+    }
+
+    /// Measures the vertical while the robot hangs at rest. The yaw of the readout is relative to this time.
+    pub(super) fn level(&mut self) -> Result<(), RecordError> {
+        self.trial.level(SystemTime::now())?;
+        self.readout.zero_yaw();
+        Ok(())
+    }
+
+    /// Records an event at the current time.
+    pub(super) fn event(&mut self, kind: EventKind, text: &str) -> Result<(), RecordError> {
+        Ok(self.trial.event(kind, text, SystemTime::now())?)
+    }
+
+    /// Records what the frame that ended the previous phase begins; `planned_us` is its tick in the schedule.
+    pub(super) fn change(&mut self, kind: EventKind, text: &str, planned_us: u64) -> Result<(), RecordError> {
+        if let Some(frame) = &self.pending {
+            let tick_us = self.tick_of(frame, planned_us);
+            self.trial.log.board_time(tick_us, frame.host);
+        }
+        self.event(kind, text)
+    }
+
+    /// Records the events already received, without waiting: replies to the last commands and, after a failure, the
+    /// frames that the board sent in the meantime.
+    ///
+    /// # Errors
+    /// The first failure, after all is recorded; a fault before others.
+    pub(super) fn drain(&mut self, keep: Keep) -> Result<(), RecordError> {
+        let mut outcome = Ok(());
+        while let Some(received) = self.link.next(Duration::ZERO) {
+            if matches!(received.event, Event::Closed) {
+                break;
+            }
+            let taken = self.take_frame(received);
+            outcome = first_failure(outcome, taken);
+        }
+        if keep == Keep::Frames {
+            let waiting = std::mem::take(&mut self.waiting);
+            for frame in self.pending.take().into_iter().chain(waiting) {
+                outcome = first_failure(outcome, self.keep(frame));
+            }
+        }
+        outcome
+    }
+
+    /// Returns whether the shape of a simulated robot is sampled in this frame's tick; true without a simulated robot.
+    fn is_sampled(&mut self, frame: &Frame) -> Result<bool, RecordError> {
+        self.truth.as_mut().map_or(Ok(true), |truth| Ok(truth.has_shape_in(frame.board_us)?))
+    }
+
+    /// Records the ground truth of a simulated robot up to the last recorded frame.
+    fn keep_truth(&mut self) -> Result<(), RecordError> {
+        match (&mut self.truth, self.reached_us) {
+            (Some(truth), Some(until_us)) => truth.keep(&mut self.trial, (self.begun_us, until_us)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Records the ground truth up to the frame that ended the trial, so that the number of samples does not depend on
+    /// their times relative to the frames.
+    pub(super) fn end_truth(&mut self) -> Result<(), RecordError> {
+        if let Some(end) = &self.pending {
+            self.reached_us = self.reached_us.max(end.board_us.checked_sub(1));
+        }
+        if let Some(truth) = &mut self.truth {
+            truth.ask()?;
+        }
+        self.keep_truth()
+    }
+
+    fn next_frame(&mut self) -> Result<Frame, RecordError> {
+        loop {
+            if self.interrupted.load(Ordering::Relaxed) {
+                return Err(RecordError::Interrupted);
+            }
+            self.trial.log.tick()?;
+            self.keep_truth()?;
+            if let Some(frame) = self.waiting.pop_front() {
+                return Ok(frame);
+            }
+            if let Some(received) = self.link.next(Duration::from_millis(20)) {
+                self.take_frame(received)?;
+            }
+        }
+    }
+
+    /// Records a frame of the trial.
+    fn keep(&mut self, frame: Frame) -> Result<(), RecordError> {
+        match self.monitor.frame(&frame.telemetry) {
+            Arrival::Next => {}
+            Arrival::After(gap) => self.trial.dropout(gap.first.0, u32::from(gap.count), frame.host)?,
+            Arrival::Repeated => return Ok(()),
+        }
+        self.health.frame(&frame.telemetry);
+        let attitude = self.trial.frame(&frame.telemetry, frame.board_us, frame.host)?;
+        self.readout.frame(&attitude, &frame.telemetry, self.monitor.stats().lost);
+        self.reached_us = Some(frame.board_us);
+        if self.speeds.len() == usize::from(TICK_HZ) {
+            self.speeds.pop_front();
+        }
+        self.speeds.push_back(frame.telemetry.speed);
+        let now = (frame.telemetry.state, frame.telemetry.fault);
+        let before = std::mem::replace(&mut self.state, now);
+        if now.0 != before.0 {
+            self.trial.event(EventKind::State, &format!("{:?}", now.0), frame.host)?;
+        }
+        if now.1 != before.1 {
+            self.trial.event(EventKind::Fault, &format!("{:?}: {}", now.1, fault_text(now.1)), frame.host)?;
+        }
+        match now.1 {
+            Fault::None => Ok(()),
+            fault => Err(RecordError::Faulted(fault)),
+        }
+    }
+
+    /// Records an event. A telemetry frame is returned instead, with the time at which it was received.
+    fn take(&mut self, received: Received) -> Result<Option<(Telemetry, SystemTime)>, RecordError> {
+        let Received { wall: host, at, event } = received;
+        match event {
+            Event::Telemetry(telemetry) => return Ok(Some((telemetry, host))),
+            Event::Raw(bytes) => self.trial.log.raw(&bytes, host)?,
+            Event::Damaged(error) => {
+                self.monitor.damaged(error);
+                self.trial.event(EventKind::Warning, &format!("a frame was damaged: {error}"), host)?;
+            }
+            Event::Exchange(Exchange { request, attempts, reply, sent, sent_at }) => {
+                if let (Some(Reply::Pong(board)), 1) = (reply, attempts) {
+                    // After a restart the board's clock starts again, so the ping does not apply to the trial's clock.
+                    if let Some(board_us) = self.clock.unwrap(board) {
+                        self.pings.add(board_us, sent_at, at);
+                    }
+                } else {
+                    self.monitor.asked(attempts);
+                    let Request { seq, command } = request;
+                    self.trial.command(&CommandRecord { seq, command, attempts, reply, sent, ended: host })?;
+                }
+            }
+            Event::Silent { bytes } => return Err(RecordError::Silent { cause: None, bytes }),
+            Event::Closed => return Err(self.link.closed().into()),
+        }
+        Ok(None)
+    }
+
+    /// Returns the board's clock relative to the host's, if there were enough pings.
+    pub(super) fn clock(&self) -> Option<ClockMeta> {
+        self.pings.fit(self.link.opened())
+    }
+}

@@ -1,0 +1,53 @@
+//! Hands a trial's schedule to the board, which then keeps the time by itself.
+
+use super::RecordError;
+use super::recorder::Recorder;
+use crate::link::LinkError;
+use protocol::units::Micros;
+use protocol::{Command, Refusal, SetPoint};
+use study::plan::TICK_US;
+
+/// A schedule that cannot start as planned starts later by a multiple of this: the interval between the shapes of a
+/// simulated robot, whose samples thus have the same times in every trial.
+const GRID_US: u64 = 100_000;
+
+/// Time for a request to reach the board, by its clock. Doubled each time it was too short: this computer may be busy, and
+/// an emulated board's clock faster than real time.
+const LEAD_US: u64 = 40_000;
+const MAX_LEAD_US: u64 = 20_000_000;
+
+/// Sends the set-points to the board.
+///
+/// # Errors
+/// [`RecordError::Restarted`] if the board has restarted since the link was opened; the link's errors.
+pub(super) fn send(recorder: &mut Recorder, points: &[SetPoint]) -> Result<(), RecordError> {
+    refuse_restart(recorder)?;
+    (0..).zip(points).try_for_each(|(index, point)| recorder.command(Command::SetPoint { index, point: *point }))
+}
+
+/// A board that has restarted has lost the plan's settings and the set-points.
+fn refuse_restart(recorder: &mut Recorder) -> Result<(), RecordError> {
+    recorder.restart().map_or(Ok(()), |cause| Err(RecordError::Restarted(cause)))
+}
+
+/// Starts the first `count` set-points at `planned_us` of the board's clock, or as soon as possible after it. Returns the
+/// start.
+pub(super) fn start(recorder: &mut Recorder, count: usize, planned_us: u64) -> Result<u64, RecordError> {
+    let mut start_us = planned_us;
+    let mut lead_us = LEAD_US;
+    loop {
+        let late_us = (recorder.board_now_us()? + lead_us).saturating_sub(start_us);
+        start_us += late_us.next_multiple_of(GRID_US);
+        // Half a tick early, so that the tick at that time is the first one at or after it.
+        let at = Micros((start_us - TICK_US / 2) as u32);
+        match recorder.command(Command::StartSchedule { count: count as u8, at }) {
+            Err(RecordError::Link(LinkError::Refused { refusal: Refusal::NotASchedule, .. }))
+                if lead_us < MAX_LEAD_US =>
+            {
+                refuse_restart(recorder)?;
+                lead_us *= 2;
+            }
+            outcome => return outcome.map(|()| start_us),
+        }
+    }
+}

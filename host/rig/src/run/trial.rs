@@ -1,0 +1,283 @@
+//! Runs one trial on the rig: calibrates, hands the schedule of rest, run and decay to the board, and records what it does.
+
+use super::recorder::{Frame, Keep, Recorder, first_failure};
+use super::simulated::{SimulatedRobot, TruthRecorder};
+use super::{RecordError, VirtualNano, preflight, schedule};
+use crate::link::Link;
+use biflag_log::{End, EventKind, LogError, Start, Summary, Tap};
+use protocol::units::CentiRpm;
+use protocol::{Command, Fault, Settings, State, TICK_HZ};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, SystemTime};
+use study::plan::{Change, Phase, Schedule, TICK_US, Trial};
+use study::progress::Progress;
+use study::run;
+use study::trial::Angles;
+
+/// A trial that was run.
+#[derive(Debug)]
+pub struct RigRun {
+    /// The summary in its log.
+    pub summary: Summary,
+    /// Its steady angles; `None` if there is no attitude in the run.
+    pub angles: Option<Angles>,
+    /// Why it did not complete.
+    pub error: Option<RecordError>,
+    /// Warnings for the user.
+    pub warnings: Vec<String>,
+    /// What did not affect the data, but may be worth knowing.
+    pub notes: Vec<String>,
+}
+
+/// The board, the display and the viewers of a trial.
+pub struct RunContext<'a> {
+    /// The board.
+    pub link: &'a Link,
+    /// Shows every phase.
+    pub progress: &'a Progress,
+    /// Set when the user interrupts the program.
+    pub interrupted: &'a AtomicBool,
+    /// Called with every message of the log, for viewers.
+    pub tap: Option<Tap>,
+    /// The emulated board, if its sensor plays a recording during the run.
+    pub player: Option<&'a mut VirtualNano>,
+    /// The robot, if it is simulated.
+    pub robot: Option<&'a SimulatedRobot>,
+}
+
+/// Runs a trial and writes its log to `path`. `settings` are those of the board. The motors are stopped and the log is
+/// closed in every case.
+///
+/// # Errors
+/// [`LogError`] if the log cannot be started or completed.
+pub fn run(
+    context: &mut RunContext,
+    path: &Path,
+    start: &Start,
+    trial: &Trial,
+    settings: Settings,
+) -> Result<RigRun, LogError> {
+    let schedule = Schedule::planned(trial);
+    let mut kept = run::Recorder::create(path, start, settings, SystemTime::now())?;
+    if let Some(tap) = context.tap.take() {
+        kept.tap(tap);
+    }
+    if let Some(robot) = context.robot {
+        kept.model(&robot.model)?;
+        kept.log.meta(&robot.sensor)?;
+    }
+    let truth = context.robot.map(TruthRecorder::new);
+    let mut recorder = Recorder::new(context.link, kept, context.interrupted, truth);
+    let mut said = Said::default();
+    let phases = phases(&mut recorder, context, trial, &schedule, &mut said);
+    // After a failed write, further writes to the log fail as well.
+    let writable = !matches!(phases, Err(RecordError::Log(_)));
+    let mut error = stop(&mut recorder, phases, writable).err();
+    if writable {
+        if let Err(failure) = recorder.end_truth() {
+            error.get_or_insert(failure);
+        }
+        for text in recorder.health.warnings() {
+            said.warnings.push(text.clone());
+            recorder.trial.event(EventKind::Warning, &text, SystemTime::now())?;
+        }
+        let slowest = recorder.trial.log.slowest_write();
+        if slowest > SLOW_DISK {
+            let text = format!("the disk was slow: a write took {:.1} s; nothing was lost", slowest.as_secs_f64());
+            said.notes.push(text.clone());
+            recorder.trial.event(EventKind::Note, &text, SystemTime::now())?;
+        }
+        if let Some(clock) = recorder.clock() {
+            recorder.trial.log.meta(&clock)?;
+        }
+    }
+    let mut summary = Summary {
+        end: match error {
+            None => End::Complete,
+            Some(RecordError::Interrupted) => End::Aborted,
+            Some(RecordError::Faulted(_)) => End::Faulted,
+            Some(_) => End::Failed,
+        },
+        reason: error.as_ref().map(ToString::to_string).unwrap_or_default(),
+        link: recorder.monitor.stats(),
+        ..Summary::default()
+    };
+    let angles = if writable { recorder.trial.finish(&mut summary)? } else { recorder.trial.abandon() };
+    Ok(RigRun { summary, angles, error, warnings: said.warnings, notes: said.notes })
+}
+
+/// What the user is told at the end of a trial.
+#[derive(Default)]
+struct Said {
+    warnings: Vec<String>,
+    notes: Vec<String>,
+}
+
+/// Largest difference of a flagellum's speed from its target at the end of the run before a warning.
+const SPEED_TOLERANCE_RPM: f64 = 3.0;
+
+/// A write or sync that takes longer is worth a note: if the power failed meanwhile, this much would be lost.
+const SLOW_DISK: Duration = Duration::from_millis(500);
+
+/// The gyroscope's calibration ends this much before its phase, for the requests that start the schedule.
+const CALIBRATION_MARGIN_S: f64 = 0.2;
+
+/// Shortest calibration that the board can do, s.
+const SHORTEST_CALIBRATION_S: f64 = 0.1;
+
+/// Stops the motors and the stream, and records what came until then. If the link is gone, the board stops the motors at
+/// its deadline. Returns the outcome of the trial; `phases` is that of its phases.
+fn stop(recorder: &mut Recorder, phases: Result<(), RecordError>, writable: bool) -> Result<(), RecordError> {
+    let link = recorder.link;
+    if !writable {
+        let _ = link.command(Command::Stop).and_then(|()| link.command(Command::Stream { rate_hz: 0 }));
+        return phases;
+    }
+    let keep = if phases.is_err() { Keep::Frames } else { Keep::Answers };
+    recorder.record_meanwhile(phases.is_err().then_some(u8::MAX));
+    let (stopped, meanwhile) = recorder.exchange(Command::Stop);
+    let mut outcome = first_failure(phases, meanwhile);
+    if stopped.is_ok() {
+        let (_, meanwhile) = recorder.exchange(Command::Stream { rate_hz: 0 });
+        outcome = first_failure(outcome, meanwhile);
+        if let Err(RecordError::Silent { cause, .. } | RecordError::ClockJumped(cause)) = &mut outcome {
+            *cause = recorder.restart();
+        }
+    }
+    first_failure(outcome, recorder.drain(keep))
+}
+
+/// Runs the schedule of a trial. The board changes the speeds and numbers its phases; this follows them.
+fn phases(
+    recorder: &mut Recorder,
+    context: &mut RunContext,
+    trial: &Trial,
+    schedule: &Schedule,
+    said: &mut Said,
+) -> Result<(), RecordError> {
+    let (progress, name) = (context.progress, &trial.name);
+    if let Some(nano) = &mut context.player {
+        let _ = nano.control("rewind");
+    }
+    let points = schedule.set_points();
+    schedule::send(recorder, &points)?;
+    let count = points.len();
+    let begun_us = recorder.begin()?;
+    let start_us = if trial.phases.calibrate_s > 0.0 {
+        let calibrate_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
+        calibrate(recorder, context, trial, calibrate_s - CALIBRATION_MARGIN_S)?;
+        let planned_us = begun_us + (calibrate_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
+        // Before the start: a refusal must not come after motors that turn.
+        end_calibration(recorder)?;
+        let start_us = schedule::start(recorder, count, planned_us)?;
+        if start_us > planned_us {
+            let late_s = (start_us - planned_us) as f64 * 1e-6;
+            let text = format!("all that follows the calibration began {late_s:.1} s late: this computer was busy");
+            recorder.event(EventKind::Note, &text)?;
+            said.notes.push(text);
+        }
+        start_us
+    } else {
+        let start_us = schedule::start(recorder, count, begun_us)?;
+        recorder.skip_to(start_us)?;
+        start_us
+    };
+    let mut phase = Phase::Calibrate;
+    let mut target = [CentiRpm(0); 2];
+    for (tick, event) in schedule.ticks() {
+        let tick_us = start_us + u64::from(tick) * TICK_US;
+        let begins = |frame: &Frame| match event.change {
+            Change::Phase(next) => frame.telemetry.phase >= next.number(),
+            Change::Reversal(_) => frame.board_us + TICK_US / 2 >= tick_us,
+        };
+        let first = record_until(recorder, context, |frame| {
+            let Frame { telemetry, board_us, .. } = frame;
+            let is_off = telemetry.phase == 0 && telemetry.fault == Fault::None && *board_us > start_us + TICK_US;
+            begins(frame) || is_off
+        })?;
+        if !begins(&first) {
+            return Err(RecordError::OffSchedule);
+        }
+        if phase == Phase::Run && matches!(event.change, Change::Phase(_)) {
+            check_speeds(recorder, target, said)?;
+        }
+        match event.change {
+            Change::Phase(next) => {
+                if next == Phase::Run {
+                    if let Some(nano) = &mut context.player {
+                        // If the emulated board has ended, the link reports it.
+                        let _ = nano.control("play");
+                    }
+                    recorder.level()?;
+                }
+                if next == Phase::End {
+                    recorder.end_at(tick_us)?;
+                } else {
+                    progress.phase(name, next.name());
+                }
+                recorder.change(EventKind::Phase, next.name(), tick_us)?;
+                phase = next;
+            }
+            Change::Reversal(reverse) => recorder.change(EventKind::Note, &reverse.text(target), tick_us)?,
+        }
+        target = event.setpoint.target;
+    }
+    Ok(())
+}
+
+/// Interval at which the figures of a trial are shown anew, on the board's clock, µs.
+const FIGURES_US: u64 = 200_000;
+
+/// Records until the frame for which `ends` returns true, showing the progress and the latest figures.
+fn record_until(
+    recorder: &mut Recorder,
+    context: &RunContext,
+    ends: impl Fn(&Frame) -> bool,
+) -> Result<Frame, RecordError> {
+    let begun_us = recorder.begun_us();
+    let mut shown_us = 0;
+    recorder.record_until(|frame, readout| {
+        context.progress.within(frame.board_us.saturating_sub(begun_us) as f64 * 1e-6);
+        if frame.board_us >= shown_us + FIGURES_US {
+            shown_us = frame.board_us;
+            context.progress.figures(&readout.to_string());
+        }
+        ends(frame)
+    })
+}
+
+fn warn(recorder: &mut Recorder, said: &mut Said, text: String) -> Result<(), RecordError> {
+    recorder.event(EventKind::Warning, &text)?;
+    said.warnings.push(text);
+    Ok(())
+}
+
+fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2], said: &mut Said) -> Result<(), RecordError> {
+    for (flagellum, (target, measured)) in target.into_iter().zip(recorder.last_speeds()).enumerate() {
+        if (target.rpm() - measured.rpm()).abs() > SPEED_TOLERANCE_RPM {
+            let [measured, target] = [measured, target].map(CentiRpm::rpm);
+            warn(recorder, said, format!("flagellum {} turned at {measured} rpm instead of {target}", flagellum + 1))?;
+        }
+    }
+    Ok(())
+}
+
+/// Calibrates the gyroscope for `duration_s`; returns when the board has the result.
+fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial, duration_s: f64) -> Result<(), RecordError> {
+    context.progress.phase(&trial.name, Phase::Calibrate.name());
+    recorder.change(EventKind::Phase, Phase::Calibrate.name(), recorder.begun_us())?;
+    recorder.record_meanwhile(Some(Phase::Calibrate.number()));
+    let duration_ms = (duration_s * 1e3).round().min(60_000.0) as u16;
+    recorder.command(Command::CalibrateGyro { duration_ms })?;
+    let asked_us = recorder.board_now_us()?;
+    let is_over = |frame: &Frame| frame.board_us > asked_us && frame.telemetry.state != State::Calibrating;
+    record_until(recorder, context, |frame| is_over(frame) && frame.telemetry.fault == Fault::None).map(drop)
+}
+
+fn end_calibration(recorder: &mut Recorder) -> Result<(), RecordError> {
+    let calibration = recorder.calibration()?;
+    recorder.trial.calibration(&calibration, SystemTime::now())?;
+    let (rest, clock) = (recorder.trial.at_rest(), recorder.clock());
+    Ok(preflight::at_rest(&calibration, rest, clock.as_ref(), recorder.link.path())?)
+}

@@ -1,0 +1,195 @@
+//! The emulated board: a separate program (`vnano`), controlled over its standard input and output.
+
+use biflag_log::SensorMeta;
+use miette::Diagnostic;
+use serde::Deserialize;
+use serde_json::Value;
+use sim::sample::Sample;
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+use study::text::printable;
+use thiserror::Error;
+
+/// Name of the board's program.
+const PROGRAM: &str = "vnano";
+
+/// Longest wait for a response. The program answers within milliseconds, unless it is stopped.
+const TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Longest wait for the start of the program, which reads the image, and for its end.
+const START_TIMEOUT: Duration = Duration::from_secs(30);
+const END_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Errors of the emulated board.
+#[derive(Debug, Error, Diagnostic)]
+pub enum VirtualError {
+    /// The program does not exist.
+    #[error("the program of the emulated board is missing: neither {0} nor a vnano on the PATH")]
+    #[diagnostic(help("build it with `make build` in the repository, or copy vnano beside biflag"))]
+    NotBuilt(PathBuf),
+    /// The program could not be started.
+    #[error("the emulated board did not start: {0}")]
+    NotStarted(String),
+    /// The program ended or does not respond.
+    #[error("the emulated board no longer responds to `{0}`")]
+    Gone(String),
+    /// The program refused a command.
+    #[error("the emulated board refused `{command}`: {reason}")]
+    Refused {
+        /// The command.
+        command: String,
+        /// The reason.
+        reason: String,
+    },
+    /// The simulated robot behind it failed.
+    #[error("{0}")]
+    #[diagnostic(help("the log ends there; change the robot's file as suggested, and start another session with it"))]
+    Robot(String),
+}
+
+/// The state of the simulated robot at a time.
+#[derive(Clone, Deserialize, PartialEq, Debug)]
+pub struct TruthSample {
+    /// The board's clock, µs modulo 2^32; `None` before the board has started.
+    pub board_us: Option<u32>,
+    /// The state; its time is counted from power-on of the board.
+    pub sample: Sample,
+}
+
+/// A running emulated board. Dropping it ends its program.
+#[derive(Debug)]
+pub struct VirtualNano {
+    child: Child,
+    control: Option<ChildStdin>,
+    /// The lines that the program prints, from a thread of its own: a program that is stopped must not stop this one.
+    answers: Receiver<String>,
+    port: String,
+    sensor: SensorMeta,
+}
+
+impl VirtualNano {
+    /// Starts the board's program with these arguments (see `vnano --help`).
+    ///
+    /// # Errors
+    /// [`VirtualError::NotStarted`] with the output of the program.
+    pub fn start(program: &Path, arguments: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Result<Self, VirtualError> {
+        let mut child = Command::new(program)
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            // Ctrl-C on the terminal is for this program, which still needs the board to end the trial.
+            .process_group(0)
+            .spawn()
+            .map_err(|error| VirtualError::NotStarted(format!("{}: {error}", program.display())))?;
+        let control = child.stdin.take();
+        let stdout = child.stdout.take().ok_or_else(|| VirtualError::NotStarted("it has no output".into()))?;
+        let mut nano =
+            Self { child, control, answers: lines(stdout), port: String::new(), sensor: SensorMeta::default() };
+        let ready = nano.hear(START_TIMEOUT).unwrap_or_default();
+        let Some(port) = ready["port"].as_str() else {
+            let _ = nano.child.kill();
+            let said = nano.child.stderr.take().map(std::io::read_to_string);
+            let said = said.and_then(Result::ok).unwrap_or_default();
+            return Err(VirtualError::NotStarted(said.trim().to_owned()));
+        };
+        nano.port = port.to_owned();
+        nano.sensor = serde_json::from_value(ready["sensor"].clone()).unwrap_or_default();
+        // Later warnings of the program go to this program's standard error, so that the pipe does not fill up.
+        if let Some(stderr) = nano.child.stderr.take() {
+            std::thread::spawn(move || {
+                BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| {
+                    let _ = writeln!(std::io::stderr(), "{}", printable(&line));
+                })
+            });
+        }
+        Ok(nano)
+    }
+
+    /// Returns the pseudo-terminal that serves as the board's serial port.
+    pub fn port(&self) -> &str {
+        &self.port
+    }
+
+    /// Returns the errors of its sensor.
+    pub fn sensor(&self) -> &SensorMeta {
+        &self.sensor
+    }
+
+    /// Returns the samples of the simulated robot since the last call.
+    ///
+    /// # Errors
+    /// [`VirtualError::Robot`] if the simulator failed; otherwise as [`VirtualNano::control`].
+    pub fn truth(&mut self) -> Result<Vec<TruthSample>, VirtualError> {
+        let mut answer = self.control("truth").map_err(|error| match error {
+            VirtualError::Refused { reason, .. } => VirtualError::Robot(reason),
+            other => other,
+        })?;
+        serde_json::from_value(answer["samples"].take())
+            .map_err(|error| VirtualError::Robot(format!("the simulated robot's state cannot be read: {error}")))
+    }
+
+    /// Sends one control command and returns the program's response.
+    ///
+    /// # Errors
+    /// [`VirtualError::Gone`] or [`VirtualError::Refused`].
+    pub fn control(&mut self, command: &str) -> Result<Value, VirtualError> {
+        let gone = || VirtualError::Gone(command.to_owned());
+        let control = self.control.as_mut().ok_or_else(gone)?;
+        writeln!(control, "{command}").and_then(|()| control.flush()).map_err(|_| gone())?;
+        let Some(answer) = self.hear(TIMEOUT) else {
+            // An answer that comes late would be taken for that of the next command.
+            self.control = None;
+            return Err(gone());
+        };
+        match answer["error"].as_str() {
+            Some(reason) => Err(VirtualError::Refused { command: command.to_owned(), reason: reason.to_owned() }),
+            None => Ok(answer),
+        }
+    }
+
+    /// Returns the path of the board's program, which is in the folder of this program or on the `PATH`.
+    ///
+    /// # Errors
+    /// [`VirtualError::NotBuilt`].
+    pub fn program() -> Result<PathBuf, VirtualError> {
+        let beside = std::env::current_exe().unwrap_or_default().with_file_name(PROGRAM);
+        let search = std::env::var_os("PATH").unwrap_or_default();
+        let others = std::env::split_paths(&search).map(|folder| folder.join(PROGRAM));
+        let found = std::iter::once(beside.clone()).chain(others).find(|path| path.is_file());
+        found.ok_or(VirtualError::NotBuilt(beside))
+    }
+
+    /// Waits for a response; `None` if none comes in time or the program has ended.
+    fn hear(&mut self, timeout: Duration) -> Option<Value> {
+        serde_json::from_str(&self.answers.recv_timeout(timeout).ok()?).ok()
+    }
+}
+
+/// Reads lines on a thread, which ends with the program.
+fn lines(output: ChildStdout) -> Receiver<String> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        BufReader::new(output).lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+    });
+    lines
+}
+
+impl Drop for VirtualNano {
+    fn drop(&mut self) {
+        // The program ends with its standard input.
+        self.control = None;
+        let begun = Instant::now();
+        while matches!(self.child.try_wait(), Ok(None)) && begun.elapsed() < END_TIMEOUT {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        // One that is stopped does not end by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,81 @@
+//! Converts attitudes from quaternions to angles, and corrects them.
+//!
+//! Quaternions rotate body axes into world axes (Hamilton convention, scalar first). Euler angles are yaw about z, then
+//! pitch about the new y, then roll about the new x (MATLAB's `quat2eul`).
+
+mod drift;
+mod level;
+mod rest;
+mod series;
+mod track;
+
+pub use drift::Drift;
+pub use drift::{BIAS_WALK, student_95};
+pub use level::{Level, Leveller, RestForce};
+pub use series::Series;
+pub use track::{Columns, Track};
+
+use nalgebra::{Quaternion, UnitQuaternion};
+
+/// A reading of the sensor.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Reading {
+    /// Attitude from the board's filter, `[w, x, y, z]`, body to world.
+    pub attitude: [f64; 4],
+    /// Rates about the body's x and y with the calibrated bias removed, °/s.
+    pub lateral_dps: Option<[f64; 2]>,
+    /// Temperature of the sensor, °C.
+    pub temperature_c: f64,
+}
+
+impl Default for Reading {
+    /// Upright.
+    fn default() -> Self {
+        Self { attitude: [1.0, 0.0, 0.0, 0.0], lateral_dps: None, temperature_c: 0.0 }
+    }
+}
+
+/// Yaw, pitch and roll.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Euler {
+    /// About the world's z, degrees.
+    pub yaw_deg: f64,
+    /// About the y axis after the yaw, degrees.
+    pub pitch_deg: f64,
+    /// About the x axis after yaw and pitch, degrees.
+    pub roll_deg: f64,
+}
+
+impl Euler {
+    /// Returns the angles of an attitude, with yaw within ±180°.
+    pub fn of(attitude: &UnitQuaternion<f64>) -> Self {
+        let (roll, pitch, yaw) = attitude.euler_angles();
+        Self { yaw_deg: yaw.to_degrees(), pitch_deg: pitch.to_degrees(), roll_deg: roll.to_degrees() }
+    }
+}
+
+/// Returns the tilt: the angle between the body's z axis and the vertical, degrees.
+pub fn tilt_deg(pitch_deg: f64, roll_deg: f64) -> f64 {
+    (pitch_deg.to_radians().cos() * roll_deg.to_radians().cos()).acos().to_degrees()
+}
+
+/// Returns the rotation of a quaternion `[w, x, y, z]`, which need not be normalised.
+pub fn rotation([w, x, y, z]: [f64; 4]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+}
+
+/// Unwraps an angle.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Unwrap {
+    last: Option<f64>,
+}
+
+impl Unwrap {
+    /// Returns the unwrapped angle, which is within half a turn of the previous one, degrees.
+    pub fn next(&mut self, wrapped_deg: f64) -> f64 {
+        let turns = self.last.map_or(0.0, |last| ((last - wrapped_deg) / 360.0).round());
+        let angle = wrapped_deg + 360.0 * turns;
+        self.last = Some(angle);
+        angle
+    }
+}

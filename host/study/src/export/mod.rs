@@ -1,0 +1,213 @@
+//! Exports trials and sessions to other formats, with the same values as in all commands and pages.
+
+pub(crate) mod csv;
+pub(crate) mod parquet;
+pub mod table;
+
+use crate::output::{self, OutputError};
+use crate::session::{Session, SessionError};
+use crate::trial::{Data, Want, Zeroed};
+use biflag_log::LogError;
+use miette::Diagnostic;
+use nalgebra::UnitQuaternion;
+use std::fs::File;
+use std::io::{BufWriter, ErrorKind, Write};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use table::Summary;
+use thiserror::Error;
+
+/// An export format.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Format {
+    /// A CSV table with one row per frame. Header lines that begin with `#` state units and corrections.
+    Csv,
+    /// The same table as Apache Parquet.
+    Parquet,
+    /// The attitude as a trajectory in the TUM format: time, position (zero), quaternion x y z w.
+    Tum,
+}
+
+impl Format {
+    /// All formats.
+    pub const ALL: [Self; 3] = [Self::Csv, Self::Parquet, Self::Tum];
+
+    /// Returns a sentence about the format, for help texts.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Csv => {
+                "A CSV table with one row per frame. Header lines that begin with `#` state units and corrections"
+            }
+            Self::Parquet => "The same table as Apache Parquet",
+            Self::Tum => "The attitude as a trajectory in the TUM format: time, position (zero), quaternion x y z w",
+        }
+    }
+
+    /// Returns the file extension.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Csv => "csv",
+            Self::Parquet => "parquet",
+            Self::Tum => "tum",
+        }
+    }
+}
+
+/// Why an export failed.
+#[derive(Error, Diagnostic, Debug)]
+pub enum ExportError {
+    /// The file or folder already exists.
+    #[error("{}: already exists", path.display())]
+    #[diagnostic(code(wrong_use), help("name another one with -o, or replace it with --force"))]
+    Exists {
+        /// The file or folder.
+        path: PathBuf,
+    },
+    /// The output file is the log itself.
+    #[error("{}: is the log itself", path.display())]
+    #[diagnostic(code(wrong_use), help("name another file with -o"))]
+    Itself {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A session cannot be exported to a format of single trials.
+    #[error("a session cannot be exported as a trajectory")]
+    #[diagnostic(code(wrong_use), help("export it as csv or parquet, or name a log"))]
+    NotOfSessions,
+    /// The file cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Output(#[from] OutputError),
+    /// The log cannot be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Log(#[from] LogError),
+    /// The session cannot be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Session(#[from] SessionError),
+}
+
+/// Result of an export.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Exported {
+    /// The files written.
+    pub files: Vec<PathBuf>,
+    /// Number of rows of all trials.
+    pub rows: usize,
+    /// Logs that are cut off or damaged, with their losses.
+    pub damaged: Vec<String>,
+}
+
+const FORCES: Want = Want { forces: true, shapes: 0, hash: false };
+
+/// Exports a log to a file.
+///
+/// # Errors
+/// [`ExportError`]; an existing file is kept unless `replace` is set, and an unfinished one is removed.
+pub fn export_log(log: &Path, output: &Path, format: Format, replace: bool) -> Result<Exported, ExportError> {
+    if is_same(log, output) {
+        return Err(ExportError::Itself { path: output.to_owned() });
+    }
+    let data = Data::read(log, FORCES)?;
+    let rows = write_trial(&data, output, format, replace)?;
+    let damaged = if data.condition.is_whole() { Vec::new() } else { vec![log.display().to_string()] };
+    Ok(Exported { files: vec![output.to_owned()], rows, damaged })
+}
+
+/// Exports a session to a folder: one file per trial with a log, and a table of the trials, `trials.csv` or
+/// `trials.parquet`.
+///
+/// # Errors
+/// [`ExportError`]; existing files are kept unless `replace` is set.
+pub fn export_session(session: &Path, output: &Path, format: Format, replace: bool) -> Result<Exported, ExportError> {
+    if format == Format::Tum {
+        return Err(ExportError::NotOfSessions);
+    }
+    let session = Session::open(session)?;
+    std::fs::create_dir_all(output).map_err(|source| {
+        let path = output.to_owned();
+        match source.kind() {
+            ErrorKind::AlreadyExists | ErrorKind::NotADirectory => ExportError::Exists { path },
+            _ => OutputError::new(&path, source).into(),
+        }
+    })?;
+    let table = output.join(format!("trials.{}", format.extension()));
+    if !replace && table.exists() {
+        return Err(ExportError::Exists { path: table });
+    }
+    let mut exported = Exported::default();
+    let mut trials = Vec::new();
+    for state in session.intact_states()? {
+        let Some(attempt) = state.best() else { continue };
+        let data = match Data::read(&attempt.path, FORCES) {
+            Ok(data) => data,
+            Err(error) => {
+                exported.damaged.push(error.to_string());
+                continue;
+            }
+        };
+        if !data.condition.is_whole() {
+            exported.damaged.push(attempt.path.display().to_string());
+        }
+        let name = format!("{}.{}", state.trial.name, format.extension());
+        let file = output.join(&name);
+        exported.rows += write_trial(&data, &file, format, replace)?;
+        exported.files.push(file);
+        trials.push(Summary::new(&state.trial, &data, name));
+    }
+    write_table(&table::session(&session.plan().name, &trials), &table, format, replace)?;
+    exported.files.push(table);
+    Ok(exported)
+}
+
+/// Writes a trial and returns the number of rows.
+fn write_trial(data: &Data, output: &Path, format: Format, replace: bool) -> Result<usize, ExportError> {
+    if format == Format::Tum {
+        let mut rows = 0;
+        write(output, replace, |file| {
+            rows = tum(data, file)?;
+            Ok(())
+        })?;
+        return Ok(rows);
+    }
+    let table = table::trial(data);
+    write_table(&table, output, format, replace)?;
+    Ok(table.rows())
+}
+
+fn write_table(table: &table::Table, output: &Path, format: Format, replace: bool) -> Result<(), ExportError> {
+    write(output, replace, |file| match format {
+        Format::Parquet => parquet::write(table, file),
+        Format::Csv | Format::Tum => csv::write(table, file),
+    })
+}
+
+/// Writes a file through a draft beside it, so that no partial file is left.
+fn write(
+    output: &Path,
+    replace: bool,
+    content: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<(), ExportError> {
+    if !replace && output.symlink_metadata().is_ok() {
+        return Err(ExportError::Exists { path: output.to_owned() });
+    }
+    Ok(output::replace(output, content)?)
+}
+
+/// Writes the corrected attitude over the trial's clock; returns the number of rows.
+fn tum(data: &Data, target: &mut impl Write) -> std::io::Result<usize> {
+    let angles = Zeroed::new(data).angles_deg;
+    for (i, time_s) in angles.time_s.iter().enumerate() {
+        let [yaw, pitch, roll] = angles.row(i).map(f64::to_radians);
+        let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        writeln!(target, "{time_s:.6} 0 0 0 {:.9} {:.9} {:.9} {:.9}", q.i, q.j, q.k, q.w)?;
+    }
+    Ok(angles.len())
+}
+
+/// Returns whether two paths name the same file, also through links.
+fn is_same(one: &Path, other: &Path) -> bool {
+    let id = |path: &Path| std::fs::metadata(path).map(|meta| (meta.dev(), meta.ino()));
+    matches!((id(one), id(other)), (Ok(one), Ok(other)) if one == other)
+}

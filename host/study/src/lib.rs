@@ -1,0 +1,42 @@
+//! Trials from plan to result: everything that is computed about a trial without a board and without a page.
+//!
+//! A [`plan`] lists trials. The rig or the [model](run::model) runs them and writes their logs ([`biflag_log`]) into a
+//! [`session`] folder. Everything after that reads a log through [`trial`]: the comparison with the model and the fit
+//! ([`twin`]), tables ([`export`]). [`sweep`] and [`aim`] ask the model alone.
+//!
+//! It is a crate of its own because three programs share it: `biflag`, the Python module, and whatever a laboratory
+//! builds on it. None of them should compile a serial port or a web page to fit a viscosity. The seam to the crate `rig`
+//! is [`run::Recorder`], which takes a trial's messages wherever they come from; the seam to the crate `page` is
+//! [`trial::Data`] with [`trial::Zeroed`], and the comparisons made of them.
+//!
+//! | module | answers |
+//! | --- | --- |
+//! | [`plan`] | which trials, of which robot, in which order |
+//! | [`run`] | what a trial's log begins with; a trial in the model |
+//! | [`session`] | which trials of a folder are done |
+//! | [`trial`], [`attitude`] | what a log says: angles from a measured zero, with their uncertainty |
+//! | [`twin`] | whether experiment and model agree; which parameters make them agree |
+//! | [`sweep`], [`aim`] | steady states over many speeds and robots; speeds for an attitude |
+//! | [`export`], [`output`] | tables and files for other programs |
+
+pub mod aim;
+pub mod attitude;
+pub mod colour;
+pub mod draw;
+pub mod export;
+pub mod lock;
+pub mod output;
+pub mod plan;
+pub mod program;
+pub mod progress;
+pub mod run;
+pub mod session;
+mod split_mix;
+pub mod sweep;
+pub mod text;
+pub mod trial;
+pub mod twin;
+
+/// The diagnostic code of wrong use, which programs answer with exit code 2 instead of 1. To be given as
+/// `#[diagnostic(code(wrong_use))]`, or as `code = WRONG_USE` in [`miette::miette!`].
+pub const WRONG_USE: &str = "wrong_use";

@@ -1,0 +1,172 @@
+//! A plan: the TOML file that lists the trials of a session.
+//!
+//! ```
+//! let plan = study::plan::Plan::parse("[speeds]\npairs = [[50, 10]]\ngrid = { w1 = [0, 90, 45], w2 = [0, 0, 1] }", "p.toml")?;
+//! assert_eq!(plan.trials.len(), 4);
+//! assert_eq!(plan.trials[0].name, "001_w1+50_w2+10");
+//! assert_eq!(plan.trials[0].phases.run_s, 120.0);
+//! # Ok::<(), study::plan::PlanError>(())
+//! ```
+
+pub mod board;
+mod error;
+pub(crate) mod expand;
+pub(crate) mod file;
+mod hand_turn;
+pub mod robot;
+mod schedule;
+mod shipped;
+pub(crate) mod source;
+
+pub use board::BoardSettings;
+pub use error::PlanError;
+pub use expand::board_speed;
+pub use file::{MAX_PHASE_S, MIN_RUN_S};
+pub use hand_turn::{Axis, HandTurn};
+pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
+pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint, TICK_US};
+pub use shipped::Shipped;
+
+use biflag_log::Method;
+use protocol::units::CentiRpm;
+use std::path::Path;
+
+/// An example of a plan with every table.
+pub const EXAMPLE: &str = r#"[session]
+name = "glycerin"
+seed = 7                 # shuffles the order of the trials
+repeats = 1
+
+[trial]                  # seconds
+calibrate = 5            # gyroscope at rest; 0 keeps the bias in the board's settings
+preroll = 20
+run = 120
+decay = 30
+
+[speeds]                 # rpm, -90 to 90; pairs and a grid may both be given
+pairs = [[50, 15], [0, 45]]
+grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
+
+[board]                  # optional: settings that the board gets before the first trial
+deadline_ms = 500
+"#;
+
+/// The most trials that a plan may have.
+pub const MAX_TRIALS: usize = 10_000;
+
+/// A plan, checked and expanded.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Plan {
+    /// `[session] name`; the name of the session's folder unless the user says otherwise.
+    pub name: String,
+    /// Who runs it.
+    pub operator: String,
+    /// Anything worth knowing later.
+    pub note: String,
+    /// The robot.
+    pub robot: RobotFile,
+    /// Seed that shuffles the trials; `None` keeps the order of the file.
+    pub seed: Option<u64>,
+    /// The trials in the order in which they run.
+    pub trials: Vec<Trial>,
+    /// Settings to write to the board before the first trial.
+    pub board: BoardSettings,
+    /// How a model computes the trials.
+    pub method: Method,
+    /// The turn that the user makes by hand during the run.
+    pub hand_turn: Option<HandTurn>,
+    /// The content of the file.
+    pub text: String,
+}
+
+/// One trial.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Trial {
+    /// Unique in the session and a valid file name, such as `001_w1+50_w2+10`, `002_w1+50_w2+10_r2` or
+    /// `003_w1+90_w2+90_p3`, the third starting phase. The number is the position in the order.
+    pub name: String,
+    /// Position in the order, from 0.
+    pub index: usize,
+    /// Which repeat of the same speeds, from 1.
+    pub repeat: u32,
+    /// Speeds of flagella 1 and 2.
+    pub speeds: [CentiRpm; 2],
+    /// The duration of each phase.
+    pub phases: Phases,
+    /// A motor that reverses during the run.
+    pub reverse: Option<Reverse>,
+    /// Angles of motors 1 and 2 at the start of a modelled trial, degrees; `None` where the plan does not say, and models
+    /// start at zero.
+    pub phase_deg: Option<[f64; 2]>,
+}
+
+impl Trial {
+    /// Returns whether another trial differs from this one in its starting phase alone, or not at all.
+    pub fn is_at_the_phases_of(&self, other: &Self) -> bool {
+        (self.speeds, self.repeat) == (other.speeds, other.repeat)
+    }
+}
+
+/// A motor that reverses during the run, at the same speed.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Reverse {
+    /// Number of the motor, 1 or 2.
+    pub motor: u8,
+    /// Time of the reversal, seconds from the start of the run.
+    pub after_s: f64,
+}
+
+impl Reverse {
+    /// Returns the speeds after the reversal, given those before it.
+    pub fn of(&self, mut before: [CentiRpm; 2]) -> [CentiRpm; 2] {
+        if let Some(speed) = before.get_mut(usize::from(self.motor.wrapping_sub(1))) {
+            speed.0 = -speed.0;
+        }
+        before
+    }
+
+    /// Returns the text of the event in a log.
+    pub fn text(&self, speeds: [CentiRpm; 2]) -> String {
+        let [w1, w2] = self.of(speeds).map(CentiRpm::rpm);
+        format!("motor {} reverses: from here on {w1:+} and {w2:+} rpm", self.motor)
+    }
+}
+
+/// Durations of the phases of a trial, in their order, seconds.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Phases {
+    /// Calibration of the gyroscope, at rest; 0 keeps the bias in the board's settings.
+    pub calibrate_s: f64,
+    /// At rest before the motors turn.
+    pub preroll_s: f64,
+    /// At the trial's speeds.
+    pub run_s: f64,
+    /// Motors off.
+    pub decay_s: f64,
+}
+
+impl Phases {
+    /// Returns the duration of the trial, seconds.
+    pub fn total_s(&self) -> f64 {
+        self.calibrate_s + self.preroll_s + self.run_s + self.decay_s
+    }
+}
+
+impl Default for Phases {
+    fn default() -> Self {
+        Self { calibrate_s: 5.0, preroll_s: 20.0, run_s: 120.0, decay_s: 30.0 }
+    }
+}
+
+impl Plan {
+    /// Reads and checks a plan and the robot file that it names: files, or those inside the program ([`Shipped`]).
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn load(path: &Path) -> Result<Self, PlanError> {
+        let text = file::KIND.read(path)?;
+        let mut plan = Self::parse(&text, &path.display().to_string())?;
+        plan.robot = robot::of_plan(path, &plan.robot.name)?;
+        Ok(plan)
+    }
+}

@@ -1,0 +1,51 @@
+//! Runs trials: what the rig and the [model] share, so that both write the same kind of log, and the model's runs.
+
+pub mod model;
+mod recorder;
+
+pub use recorder::{AtRest, Recorder};
+
+use crate::plan::{Phases, Plan, Trial};
+use crate::program;
+use biflag_log::{BoardMeta, Origin, PlanMeta, RobotMeta, Start, TrialMeta};
+use std::time::SystemTime;
+
+/// Returns the first records of the log of a trial.
+pub fn start(
+    plan: &Plan,
+    trial: &Trial,
+    attempt: u32,
+    origin: Origin,
+    board: Option<BoardMeta>,
+    time: SystemTime,
+) -> Start {
+    let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
+    let Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
+    Start {
+        identity: program::identity(origin, time),
+        plan: PlanMeta {
+            name: plan.name.clone(),
+            operator: plan.operator.clone(),
+            note: plan.note.clone(),
+            trials: plan.trials.len(),
+            text: plan.text.clone(),
+        },
+        trial: TrialMeta {
+            name: trial.name.clone(),
+            index: trial.index,
+            repeat: trial.repeat,
+            attempt,
+            w1_rpm,
+            w2_rpm,
+            calibrate_s,
+            preroll_s,
+            run_s,
+            decay_s,
+            reverse_motor: trial.reverse.map(|reverse| reverse.motor),
+            reverse_after_s: trial.reverse.map(|reverse| reverse.after_s),
+            phase_deg: trial.phase_deg,
+        },
+        robot: RobotMeta { name: plan.robot.name.clone(), text: plan.robot.text.clone() },
+        board,
+    }
+}

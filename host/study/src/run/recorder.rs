@@ -1,0 +1,250 @@
+//! Records a running trial, of the rig or of a model, into its log and into memory.
+
+use crate::attitude::{Leveller, RestForce, rotation};
+use crate::draw::{self, Drawing};
+use crate::plan::RobotFile;
+use crate::trial::{Angles, Collector, Records, Want, Zeroed};
+use biflag_log::schema::biflag::Quaternion;
+use biflag_log::{
+    CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, ModelMeta, Origin, Start, Summary, Tap, Writer,
+    sample,
+};
+use nalgebra::UnitQuaternion;
+use protocol::units::{Count, STANDARD_GRAVITY_MPS2};
+use protocol::{Calibration, Settings, State, TICK_HZ, Telemetry};
+use sim::sample::Sample;
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+/// Writes a trial into its log, and collects it for the results at its end.
+pub struct Recorder {
+    path: PathBuf,
+    /// The log, for records that are not part of the results.
+    pub log: Writer,
+    records: Records,
+    /// `None` for a model: its results come from the solver, so its memory need not grow with the trial.
+    collector: Option<Collector>,
+    converter: Converter,
+    rest: RestForce,
+    /// The board's counts of clipped readings in the first frame and in the last one.
+    clipped: Option<[Count; 2]>,
+    /// Levels the attitude for viewers.
+    leveller: Option<Leveller>,
+    /// Proportional gain of the board's attitude filter, 1/s.
+    filter_gain: f64,
+    /// Draws the robot for viewers.
+    drawing: Option<Drawing>,
+    /// Frames of the board so far.
+    frames: u32,
+}
+
+/// What was recorded while the robot was at rest.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct AtRest {
+    /// Magnitude of the mean acceleration, in standard gravity; `None` if the rest was shorter than a second.
+    pub force_g: Option<f64>,
+    /// Readings at the end of the sensor's range.
+    pub clipped: u16,
+}
+
+/// Frames from one drawing of a robot without a model to the next: 20 drawings a second.
+const FRAMES_A_DRAWING: u32 = TICK_HZ as u32 / 20;
+
+impl Recorder {
+    /// Starts a log at `path`, which must not exist. `settings` are those of the board; `time` is the host's clock.
+    ///
+    /// # Errors
+    /// As [`Writer::create`].
+    pub fn create(path: &Path, start: &Start, settings: Settings, time: SystemTime) -> Result<Self, LogError> {
+        Ok(Self {
+            path: path.to_owned(),
+            log: Writer::create(path, start, time)?,
+            records: Records::of_start(start),
+            collector: (start.identity.origin != Origin::Model).then(|| Collector::new(Want::default(), FORMAT)),
+            converter: Converter::new(settings),
+            rest: RestForce::new(TICK_HZ),
+            clipped: None,
+            leveller: None,
+            filter_gain: settings.attitude_kp.into(),
+            drawing: RobotFile::of_log(Some(start.robot.clone())).parse().ok().map(|robot| Drawing::new(&robot)),
+            frames: 0,
+        })
+    }
+
+    /// Passes every message from here on to `tap` as well.
+    pub fn tap(&mut self, tap: Tap) {
+        self.log.tap(tap);
+    }
+
+    /// Records a frame of the board. `board_time_us` is the board's clock, unwrapped. Returns the attitude for viewers.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn frame(
+        &mut self,
+        frame: &Telemetry,
+        board_time_us: u64,
+        host: SystemTime,
+    ) -> Result<UnitQuaternion<f64>, LogError> {
+        let time_s = self.log.board_time(board_time_us, host) as f64 * 1e-6;
+        let message = self.converter.telemetry(frame, board_time_us, time_s);
+        if frame.state == State::Running {
+            self.rest.clear();
+        } else if let Some(force) = message.acceleration_mps2.filter(|_| frame.imu_fresh) {
+            self.rest.push([force.x, force.y, force.z]);
+        }
+        self.clipped = Some([self.clipped.map_or(frame.clipped, |[first, _]| first), frame.clipped]);
+        self.collect(|collector| collector.telemetry(&message));
+        self.log.message(&message, host)?;
+        let attitude = self.levelled(message.attitude.unwrap_or_default(), time_s);
+        let log_time_ns = self.log.time_ns(time_s);
+        self.log.message(&draw::attitude(&attitude, log_time_ns), host)?;
+        // A model has the shape of the flagella; otherwise only their angles are known.
+        if let (Some(drawing), None) = (&self.drawing, &self.records.model)
+            && self.frames.is_multiple_of(FRAMES_A_DRAWING)
+        {
+            let angles = [&message.motor1, &message.motor2].map(|motor| motor.as_ref().map_or(0.0, |m| m.turns * TAU));
+            self.log.message(&drawing.rigid(log_time_ns, angles), host)?;
+        }
+        self.frames = self.frames.wrapping_add(1);
+        Ok(attitude)
+    }
+
+    fn collect(&mut self, add: impl FnOnce(&mut Collector)) {
+        if let Some(collector) = &mut self.collector {
+            add(collector);
+        }
+    }
+
+    fn levelled(&mut self, q: Quaternion, time_s: f64) -> UnitQuaternion<f64> {
+        let attitude = rotation([q.w, q.x, q.y, q.z]);
+        match &mut self.leveller {
+            Some(leveller) => leveller.levelled(attitude, time_s),
+            None => attitude,
+        }
+    }
+
+    /// Records the unrounded state of a modelled robot.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn sample(&mut self, state: &Sample, host: SystemTime) -> Result<(), LogError> {
+        let (truth, forces) = (sample::truth(state), sample::forces(state));
+        self.collect(|collector| collector.truth(&truth));
+        self.log.message_at(state.time_s, &truth, host)?;
+        self.log.message_at(state.time_s, &forces, host)?;
+        if let (Some(nodes), Some(lines)) = (sample::nodes(state), &state.shapes_m) {
+            self.log.message_at(state.time_s, &nodes, host)?;
+            // Viewers need the same clock as that of the attitude to place the flagella.
+            let log_time_ns = self.log.time_ns(state.time_s);
+            if let Some(drawing) = &self.drawing {
+                self.log.message_at(state.time_s, &drawing.deformed(log_time_ns, lines), host)?;
+            }
+            self.log.message_at(state.time_s, &draw::points(log_time_ns, lines), host)?;
+        }
+        Ok(())
+    }
+
+    /// Records an event at the trial's current time.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn event(&mut self, kind: EventKind, text: &str, host: SystemTime) -> Result<(), LogError> {
+        let time_s = self.log.time_s();
+        self.collect(|collector| collector.event(time_s, kind, text));
+        self.log.event(kind, text, host)
+    }
+
+    /// Records a command and its reply.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn command(&mut self, record: &CommandRecord) -> Result<(), LogError> {
+        let time_s = self.log.time_s();
+        self.collect(|collector| collector.command(time_s, record.attempts));
+        self.log.command(record)
+    }
+
+    /// Records that `count` frames were lost, starting with the sequence number `first_seq`.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn dropout(&mut self, first_seq: u16, count: u32, host: SystemTime) -> Result<(), LogError> {
+        let time_s = self.log.time_s();
+        self.collect(|collector| collector.dropout(time_s, count));
+        self.log.dropout(first_seq, count, host)
+    }
+
+    /// Records the result of the gyroscope's calibration. Its bias is removed from all angular rates that follow.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn calibration(&mut self, calibration: &Calibration, host: SystemTime) -> Result<(), LogError> {
+        self.converter.calibrate(calibration);
+        let time_s = self.log.time_s();
+        self.collect(|collector| collector.event(time_s, EventKind::Calibration, ""));
+        self.log.calibration(calibration, host)
+    }
+
+    /// Returns what the trial has shown so far, with the motors off, about the sensor.
+    pub fn at_rest(&self) -> AtRest {
+        AtRest {
+            force_g: self.rest.level(STANDARD_GRAVITY_MPS2).map(|level| level.force_g),
+            clipped: self.clipped.map_or(0, |[first, last]| last.0.wrapping_sub(first.0)),
+        }
+    }
+
+    /// Measures the vertical while the robot hangs at rest, and records it. If the tilt is small enough to be the
+    /// accelerometer's bias, the attitude for viewers is levelled from here on.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn level(&mut self, host: SystemTime) -> Result<(), LogError> {
+        let Some(level) = self.rest.level(STANDARD_GRAVITY_MPS2) else { return Ok(()) };
+        let (used, tilt_deg) = (level.is_bias(), level.tilt_deg());
+        let text = if used {
+            format!("tilt at rest of {tilt_deg:.2}° removed as an offset of the accelerometer")
+        } else {
+            format!("tilt at rest of {tilt_deg:.2}° not removed: it is too large for an offset of the accelerometer")
+        };
+        self.event(EventKind::Note, &text, host)?;
+        let meta = LevelMeta { up: level.up.into(), force_g: level.force_g, tilt_deg, used };
+        self.log.meta(&meta)?;
+        self.records.level = Some(meta);
+        self.leveller = used.then(|| Leveller::new(&level, self.filter_gain));
+        Ok(())
+    }
+
+    /// Records the model that computes the trial.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn model(&mut self, model: &ModelMeta) -> Result<(), LogError> {
+        self.records.model = Some(model.clone());
+        self.log.meta(model)
+    }
+
+    /// Ends the log with `summary`, after adding the angles of a trial of the rig to it. Returns the angles.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn finish(self, summary: &mut Summary) -> Result<Option<Angles>, LogError> {
+        let records = Records { summary: Some(summary.clone()), ..self.records };
+        let angles = angles(self.collector, &self.path, records);
+        if let Some(angles) = &angles {
+            angles.fill(summary);
+        }
+        self.log.finish(summary)?;
+        Ok(angles)
+    }
+
+    /// Returns the angles of a trial whose log cannot be completed.
+    pub fn abandon(self) -> Option<Angles> {
+        angles(self.collector, &self.path, self.records)
+    }
+}
+
+fn angles(collector: Option<Collector>, path: &Path, records: Records) -> Option<Angles> {
+    Zeroed::new(&collector?.finish(path, records)).angles()
+}

@@ -1,0 +1,50 @@
+//! Sweeps: one table of steady states over speeds, parameters of the robot and groups.
+//!
+//! A [`SweepPlan`] says what varies. Its points are not stored: each is computed from its index ([`Sweep::point`]) and
+//! named by a hash of everything that it depends on. Workers compute shards of the points, chosen by these names, and
+//! append results to parts in a [`Folder`], which are merged into one table, in Parquet and CSV.
+//! `host/book/src/sweep.md` describes the columns, and how to run the shards on a cluster.
+
+mod axis;
+mod compute;
+mod design;
+mod error;
+mod folder;
+mod key;
+mod merge;
+mod part;
+mod plan;
+mod point;
+mod read;
+mod slurm;
+mod sobol;
+mod table;
+mod vary;
+mod worker;
+
+pub use axis::{Axis, Range, Scale, Values};
+pub use compute::{Outcome, Steady};
+pub use design::{Design, MAX_POINTS};
+pub use error::SweepError;
+pub use folder::{Counts, Folder, Points, model};
+pub use key::{Group, Key};
+pub use merge::Merged;
+pub use part::Record;
+pub use plan::{EXAMPLE, SweepPlan};
+pub use point::{Name, Point, Shard, Sweep};
+pub use read::{columns_of, of_csv, read_table};
+pub use slurm::script;
+pub use table::ROBOT;
+pub use table::VARIES;
+
+use std::path::{Path, PathBuf};
+
+/// Returns the path of the table in a sweep's folder, as Parquet.
+pub fn parquet_path(folder: &Path) -> PathBuf {
+    folder.join("table.parquet")
+}
+
+/// Returns the path of the same table as CSV.
+pub fn csv_path(folder: &Path) -> PathBuf {
+    folder.join("table.csv")
+}

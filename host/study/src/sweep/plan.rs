@@ -1,0 +1,193 @@
+//! A sweep's plan: the TOML file that says what varies, and how each point is computed.
+//!
+//! ```
+//! let plan = study::sweep::SweepPlan::parse(
+//!     "[vary]\n\"group.stiffness\" = [0.5, 1, 2]\n[speeds]\npairs = [[50, 10], [0, 45]]",
+//!     "plan.toml",
+//!     &|name| Ok(study::plan::RobotFile::built_in(name)),
+//! )?;
+//! assert_eq!(plan.points(), 6);
+//! # Ok::<(), study::plan::PlanError>(())
+//! ```
+
+use super::axis::Axis;
+use super::design::{Design, MAX_POINTS};
+use super::key::Key;
+use super::vary::{DESIGN, VALUES, vary};
+use crate::plan::expand::{SpeedsTable, pairs};
+use crate::plan::file::{self, count_of_phases};
+use crate::plan::source::{FileKind, Source, number};
+use crate::plan::{MAX_PHASE_S, MIN_RUN_S, PHYSICAL, PlanError, RobotFile, robot};
+use biflag_log::Method;
+use protocol::units::CentiRpm;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+use toml::{Spanned, Value};
+
+/// An example of a plan.
+pub const EXAMPLE: &str = r#"[session]
+name = "softer"
+robot = "physical"       # or "published", or a robot file
+
+[vary]                   # numbers of the robot's file, or groups as multiples of their published values
+"fluid.viscosity_pa_s" = [0.8, 1.0, 1.2]
+"group.stiffness" = { from = 0.5, to = 2.0, count = 7, scale = "log" }
+# design = "one at a time", or { sobol = 10000, seed = 7 }, instead of all combinations
+
+[trial]
+run = 120                # seconds, at most
+method = "steady"        # solves for the steady state; "trial" runs every point that long
+phases = 4               # starting phases of the flagella, where the ratio of the speeds makes them matter
+
+[speeds]                 # rpm; every robot runs at each pair
+grid = { w1 = [-90, 90, 10], w2 = [0, 90, 10] }
+"#;
+
+/// A sweep's plan, checked.
+#[derive(Clone, PartialEq, Debug)]
+pub struct SweepPlan {
+    /// `[session] name`; the name of the sweep's folder unless the user says otherwise.
+    pub name: String,
+    /// The robot that varies.
+    pub robot: RobotFile,
+    /// Duration of a trial, s; with the method `steady`, of the longest simulation if no repeating motion is found.
+    pub run_s: f64,
+    /// How each point is computed.
+    pub method: Method,
+    /// Number of starting phases where they matter.
+    pub phases: usize,
+    /// Pairs of speeds at which every robot runs, rpm; empty if the axes have the speeds.
+    pub speeds_rpm: Vec<[f64; 2]>,
+    /// What varies, in alphabetical order.
+    pub axes: Vec<Axis>,
+    /// How the values of the axes are combined.
+    pub design: Design,
+    /// The content of the file.
+    pub text: String,
+}
+
+const KIND: FileKind = FileKind {
+    noun: "plan",
+    example: "`biflag sweep --help` shows one",
+    tables: &["session", "trial", "speeds", "vary", "grid"],
+    help,
+};
+
+fn help(key: &str) -> Option<&'static str> {
+    Some(match key {
+        "method" => "give \"steady\" or \"trial\"",
+        "phases" => "give a whole number from 1 to 360: at how many starting phases a point runs where they matter",
+        "run" => "give seconds as a plain number, such as run = 120",
+        "vary" => "write it as a table: [vary]",
+        "design" => DESIGN,
+        "sobol" => "give the number of robots as a whole number from 1 to 10000000",
+        "from" | "to" | "count" | "scale" => VALUES,
+        _ => return (file::KIND.help)(key),
+    })
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SweepFile {
+    #[serde(default)]
+    session: SessionTable,
+    #[serde(default)]
+    trial: TrialTable,
+    speeds: Option<Spanned<SpeedsTable>>,
+    #[serde(default)]
+    vary: BTreeMap<String, Spanned<Value>>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+struct SessionTable {
+    name: Option<Spanned<String>>,
+    robot: Option<Spanned<String>>,
+    #[serde(rename = "note")]
+    _note: String,
+    #[serde(rename = "operator")]
+    _operator: String,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+struct TrialTable {
+    run: Option<Spanned<f64>>,
+    method: Option<Spanned<Method>>,
+    phases: Option<Spanned<i64>>,
+}
+
+impl SweepPlan {
+    /// Reads and checks a plan and the robot file that it names.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn load(path: &Path) -> Result<Self, PlanError> {
+        let text = KIND.read(path)?;
+        Self::parse(&text, &path.display().to_string(), &|name| robot::of_plan(path, name))
+    }
+
+    /// Reads a plan from its text; errors call the file `name`. `robot` gives the robot of a name in the plan.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn parse(
+        text: &str,
+        name: &str,
+        robot: &dyn Fn(&str) -> Result<RobotFile, PlanError>,
+    ) -> Result<Self, PlanError> {
+        let source = Source { kind: &KIND, text, name };
+        let file: SweepFile = source.read()?;
+        let session = file.session;
+        let session_name = source.session_name(session.name, "sweep")?;
+        let robot_file = robot(session.robot.as_ref().map_or(PHYSICAL, |robot| robot.get_ref()))?;
+        let run_s = run_s(&file.trial, &source)?;
+        let phases = count_of_phases(&file.trial.phases, &source)?.unwrap_or(1);
+        let (design, axes) = vary(&file.vary, &robot_file, &source)?;
+        let in_axes = axes.iter().any(|axis| matches!(axis.key, Key::Speed(_)));
+        let speeds_rpm = match &file.speeds {
+            Some(table) if in_axes => {
+                let what = "the speeds stand in [speeds] and in [vary]";
+                return Err(source.error(table.span(), what, "leave one of them out"));
+            }
+            None if in_axes => Vec::new(),
+            table => {
+                let pairs = pairs(table.as_ref(), 1, None, &source)?;
+                pairs.into_iter().map(|pair| pair.map(CentiRpm::rpm)).collect()
+            }
+        };
+        let plan = Self {
+            name: session_name,
+            robot: robot_file,
+            run_s,
+            method: file.trial.method.map_or(Method::Steady, Spanned::into_inner),
+            phases,
+            speeds_rpm,
+            axes,
+            design,
+            text: text.to_owned(),
+        };
+        let points = plan.design.count(&plan.axes) * plan.speeds_rpm.len().max(1) as f64;
+        if points > MAX_POINTS as f64 {
+            let first = file.vary.values().next().map_or(0..0, Spanned::span);
+            let what = format!("the plan has {} points, more than {MAX_POINTS}", number(points));
+            return Err(source.error(first, what, "give fewer values, or take a Sobol design: { sobol = 10000 }"));
+        }
+        Ok(plan)
+    }
+
+    /// Returns the number of points.
+    pub fn points(&self) -> u64 {
+        // At most MAX_POINTS.
+        self.design.count(&self.axes) as u64 * self.speeds_rpm.len().max(1) as u64
+    }
+}
+
+fn run_s(table: &TrialTable, source: &Source) -> Result<f64, PlanError> {
+    match &table.run {
+        None => Ok(120.0),
+        Some(run) if (MIN_RUN_S..=MAX_PHASE_S).contains(run.get_ref()) => Ok(*run.get_ref()),
+        Some(run) => Err(source.out_of_range(run.span(), "run", number(*run.get_ref()))),
+    }
+}

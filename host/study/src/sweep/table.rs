@@ -1,0 +1,218 @@
+//! The table of a sweep: one row a point.
+
+use super::compute::{Outcome, Steady};
+use super::key::{Group, Key};
+use super::part::Record;
+use super::point::{Point, Sweep};
+use crate::export::table::{Column, Table, Values};
+use crate::text::word;
+use sim::groups::Groups;
+use sim::params::Robot;
+use std::borrow::Cow;
+
+/// The description of the columns of the keys that vary.
+pub const VARIES: &str = "key of the robot's file, which varies";
+
+/// A row.
+struct Row {
+    name: String,
+    speeds_rpm: [f64; 2],
+    /// Value of each axis of the plan.
+    values: Vec<f64>,
+    groups: [f64; 4],
+    multiples: [f64; 4],
+    /// The columns of [`ROBOT`].
+    robot: [f64; ROBOT.len()],
+    outcome: Outcome,
+}
+
+/// A column of real numbers: name, unit, description, and value; a value that is not there is NaN.
+type Real<T> = (&'static str, &'static str, &'static str, fn(&T) -> f64);
+
+const GROUPS: [Real<Row>; 8] = [
+    ("group_stiffness", "1", "omega mu l^4/(E I) at 90 rpm, l: contour length of a flagellum", |row| row.groups[0]),
+    ("group_spacing", "1", "distance of the shafts over the contour length, d/l", |row| row.groups[1]),
+    ("group_pitch", "1", "pitch of the helix over its axial length, pitch/L", |row| row.groups[2]),
+    ("group_radius", "1", "radius of the helix over its axial length, R/L", |row| row.groups[3]),
+    ("group_stiffness_relative", "1", "group_stiffness over that of the robot `published`", |row| row.multiples[0]),
+    ("group_spacing_relative", "1", "group_spacing over that of the robot `published`", |row| row.multiples[1]),
+    ("group_pitch_relative", "1", "group_pitch over that of the robot `published`", |row| row.multiples[2]),
+    ("group_radius_relative", "1", "group_radius over that of the robot `published`", |row| row.multiples[3]),
+];
+
+/// The columns that describe the robot.
+pub const ROBOT: [Real<Robot>; 11] = [
+    ("axial_length_m", "m", "axial length of a flagellum, L", |robot| robot.flagellum.axial_length_m),
+    ("contour_length_m", "m", "contour length of a flagellum, l", |robot| robot.flagellum.helix(0).contour_length()),
+    ("pitch_m", "m", "pitch of the helix", |robot| robot.flagellum.pitch_m),
+    ("helix_radius_m", "m", "radius of the helix, R", |robot| robot.flagellum.helix_radius_m),
+    ("rod_radius_m", "m", "radius of the rod", |robot| robot.flagellum.rod_radius_m),
+    ("motor_distance_m", "m", "distance of the shafts, d", |robot| robot.base.motor_distance_m),
+    ("young_pa", "Pa", "Young's modulus, E", |robot| robot.flagellum.young_pa),
+    ("bend_nm2", "N m2", "bending stiffness, E I", |robot| robot.flagellum.stiffness().bend_nm2),
+    ("viscosity_pa_s", "Pa s", "dynamic viscosity, mu", |robot| robot.fluid.viscosity()),
+    (
+        "righting_nm",
+        "N m",
+        "righting moment at a tilt of 90 degrees: mass, gravity and the height of the joint",
+        |robot| robot.base.mass_kg * robot.base.gravity_m_s2 * robot.base.mass_centre_below_joint_m,
+    ),
+    ("tether_nm_per_rad", "N m/rad", "stiffness of the tether", |robot| robot.joint.tether_full_nm_per_rad),
+];
+
+const STEADY: [Real<Steady>; 18] = [
+    ("yaw_deg", "deg", "steady yaw about the vertical, unwrapped; mean over the phases, as all that follows", |s| {
+        s.angles_deg[0]
+    }),
+    ("pitch_deg", "deg", "steady pitch about the y axis after the yaw", |s| s.angles_deg[1]),
+    ("roll_deg", "deg", "steady roll about the x axis after yaw and pitch", |s| s.angles_deg[2]),
+    ("tilt_deg", "deg", "angle of the robot's axis to the vertical, from the steady pitch and roll", |s| {
+        s.angles_deg[3]
+    }),
+    ("yaw_spread_deg", "deg", "largest less smallest yaw of the starting phases; 0 for one phase", |s| s.spread_deg[0]),
+    ("pitch_spread_deg", "deg", "the same of the pitch", |s| s.spread_deg[1]),
+    ("roll_spread_deg", "deg", "the same of the roll", |s| s.spread_deg[2]),
+    ("tilt_spread_deg", "deg", "the same of the tilt", |s| s.spread_deg[3]),
+    ("force1_x_n", "N", "lateral force of flagellum 1 on the base along x, body axes", |s| s.force_n[0][0]),
+    ("force1_y_n", "N", "lateral force of flagellum 1 along y", |s| s.force_n[0][1]),
+    ("force1_z_n", "N", "thrust of flagellum 1: its force on the base along z", |s| s.force_n[0][2]),
+    ("force2_x_n", "N", "lateral force of flagellum 2 along x", |s| s.force_n[1][0]),
+    ("force2_y_n", "N", "lateral force of flagellum 2 along y", |s| s.force_n[1][1]),
+    ("force2_z_n", "N", "thrust of flagellum 2", |s| s.force_n[1][2]),
+    ("axial_torque1_nm", "N m", "reaction torque of flagellum 1 on the base about its shaft", |s| s.torque_nm[0]),
+    ("axial_torque2_nm", "N m", "reaction torque of flagellum 2 on the base about its shaft", |s| s.torque_nm[1]),
+    (
+        "contact_share",
+        "1",
+        "share of the time in which the flagella touch: of the period, or of the time that was averaged last, or of a trial",
+        |s| s.contact_share,
+    ),
+    ("min_gap_m", "m", "least gap between the flagella's surfaces over all phases, negative if they overlap", |s| {
+        s.min_gap_m
+    }),
+];
+
+impl Row {
+    /// The robot itself is not kept: it is larger than the row.
+    fn new(point: Point, outcome: Outcome) -> Self {
+        let robot = point.robot.as_ref();
+        let groups = robot.map(Groups::of).map(|groups| Group::ALL.map(|group| group.of(&groups)));
+        Self {
+            name: point.name.to_string(),
+            speeds_rpm: point.speeds_rpm,
+            groups: groups.unwrap_or([f64::NAN; 4]),
+            multiples: point.multiples,
+            robot: ROBOT.map(|(.., value)| robot.map_or(f64::NAN, value)),
+            values: point.values,
+            outcome,
+        }
+    }
+}
+
+/// Returns the table of these results.
+pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
+    let rows = records.into_iter().map(|record| Row::new(sweep.point(record.index), record.outcome));
+    let rows: Vec<Row> = rows.collect();
+    let text = |name: &'static str, about, value: &dyn Fn(&Row) -> String| {
+        column(name, "", about, Values::Text(rows.iter().map(value).collect()))
+    };
+    let exact = |value: &dyn Fn(&Row) -> f64| Values::Exact(rows.iter().map(value).collect());
+    let real = |name: &'static str, unit, about, value: &dyn Fn(&Row) -> f64| column(name, unit, about, exact(value));
+
+    let mut columns = vec![
+        text("point", "name of the point: hash of its inputs and of the model's version", &|row| row.name.clone()),
+        real("w1_rpm", "rpm", "speed of flagellum 1, counter-clockwise seen from above", &|row| row.speeds_rpm[0]),
+        real("w2_rpm", "rpm", "speed of flagellum 2", &|row| row.speeds_rpm[1]),
+    ];
+    for (at, axis) in sweep.plan.axes.iter().enumerate() {
+        if let Key::Robot(key) = &axis.key {
+            columns.push(column(key.replace('.', "_"), unit(key), VARIES, exact(&|row| row.values[at])));
+        }
+    }
+    columns.extend(GROUPS.map(|(name, unit, about, value)| real(name, unit, about, &value)));
+    for (at, (name, unit, about, _)) in ROBOT.into_iter().enumerate() {
+        columns.push(real(name, unit, about, &|row| row.robot[at]));
+    }
+    for (name, unit, about, value) in STEADY {
+        columns.push(real(name, unit, about, &|row| row.outcome.steady().map_or(f64::NAN, value)));
+    }
+    let phases = rows.iter().map(|row| row.outcome.steady().map_or(0, |steady| steady.phases.into())).collect();
+    columns.push(column("phases", "1", "number of starting phases; 0 if the point failed", Values::Int(phases)));
+    let kind = |row: &Row| row.outcome.steady().map_or("", |steady| steady.kind.name()).to_owned();
+    columns.push(text(
+        "kind",
+        "`steady`: the motion repeats; `beating`: it was not found to, but its means do not change; `not_found`: they still do",
+        &kind,
+    ));
+    let status = |row: &Row| if row.outcome.is_failed() { "failed" } else { "ok" }.to_owned();
+    columns.push(text("status", "`ok`, or `failed`: then all results are empty", &status));
+    columns.push(text("reason", "why the point failed", &|row| match &row.outcome {
+        Outcome::Ok(_) => String::new(),
+        Outcome::Failed(reason) => reason.clone(),
+    }));
+    let plan = &sweep.plan;
+    let header = vec![
+        format!("biflag {}: sweep {}", sweep.model, plan.name),
+        format!("robot {}, method {}, at most {} s", plan.robot.name, word(&plan.method), plan.run_s),
+        "angles rotate body axes into world axes: yaw about z, then pitch about y, then roll about x".to_owned(),
+    ];
+    Table { header, columns }
+}
+
+fn column(name: impl Into<Cow<'static, str>>, unit: &'static str, about: &'static str, values: Values) -> Column {
+    Column { name: name.into(), unit: unit.into(), about: about.into(), values }
+}
+
+/// Returns the unit of a key of the robot's file, from its name.
+fn unit(key: &str) -> &'static str {
+    const UNITS: [(&str, &str); 17] = [
+        ("_nm_per_rad", "N m/rad"),
+        ("_kg_m3", "kg/m3"),
+        ("_pa_s", "Pa s"),
+        ("_m_s2", "m/s2"),
+        ("_m_s", "m/s"),
+        ("_nms", "N m s"),
+        ("_nm", "N m"),
+        ("_kg", "kg"),
+        ("_pa", "Pa"),
+        ("_rad", "rad"),
+        ("_deg", "deg"),
+        ("temperature_c", "degC"),
+        ("_step_s", "s"),
+        ("_m", "m"),
+        ("_n", "N"),
+        ("_radii", "1"),
+        ("", "1"),
+    ];
+    UNITS.into_iter().find(|(end, _)| key.ends_with(end)).map_or("1", |(_, unit)| unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::key::numbers;
+    use super::*;
+
+    #[test]
+    fn units_follow_from_the_keys() {
+        for (key, wanted) in [
+            ("fluid.viscosity_pa_s", "Pa s"),
+            ("flagellum.young_pa", "Pa"),
+            ("flagellum.pitch_m", "m"),
+            ("contact.slip_speed_m_s", "m/s"),
+            ("base.gravity_m_s2", "m/s2"),
+            ("fluid.density_kg_m3", "kg/m3"),
+            ("joint.tether_full_nm_per_rad", "N m/rad"),
+            ("joint.viscous_nms", "N m s"),
+            ("solver.longest_step_s", "s"),
+            ("solver.sweeps", "1"),
+            ("flagellum.poisson", "1"),
+        ] {
+            assert_eq!(unit(key), wanted, "{key}");
+        }
+        let robot = toml::Value::try_from(Robot::default()).unwrap();
+        for key in numbers(&robot) {
+            let has_unit = key.ends_with("_m") || key.ends_with("_s") || key.ends_with("_kg");
+            assert!(!has_unit || unit(&key) != "1", "{key}");
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! The least squares problem: residuals of all trials, and their derivatives with respect to each parameter.
+
+use super::data::{Blocks, Correlated, FitTrial, Whitener};
+use super::parameter::Parameter;
+use levenberg_marquardt::LeastSquaresProblem;
+use nalgebra::storage::Owned;
+use nalgebra::{DMatrix, DVector, Dyn, Rotation3, Vector3};
+use rayon::prelude::*;
+use sim::body::closure::Closure;
+use sim::params::Robot;
+
+/// Step of the finite differences, a logarithm or radians: small enough for the model to be linear, and large compared
+/// with the solver's error.
+const FD_STEP: f64 = 0.01;
+
+/// The solver's tolerance for finite differences, which must exceed its error. Residuals use the tolerance of the
+/// robot: the solver's error is systematic (0.6 % of a tilt at 0.02), and the trial may have been computed by the same
+/// solver.
+const TOLERANCE: f64 = 1e-3;
+
+/// Largest change of the logarithm of a parameter from its start: a factor of ten.
+const MAX_LOG_CHANGE: f64 = 2.3;
+
+/// Largest change of an angle from its start, rad: more than half a turn either way, which reaches every angle.
+const MAX_TURN: f64 = 3.5;
+
+/// Share of the largest change from which a parameter counts as being at its limit.
+const AT_LIMIT: f64 = 0.95;
+
+/// Residual if the solver fails, large enough to make the fit turn back.
+const FAILED_RESIDUAL: f64 = 1e4;
+
+/// The trials, the robot, and its free parameters.
+pub(super) struct Problem<'a> {
+    pub trials: &'a [FitTrial],
+    pub start: &'a Robot,
+    pub closure: Closure,
+    pub parameters: &'a [Parameter],
+    pub whiteners: &'a [[Whitener; 3]],
+    /// Called after each simulation of a trial; with `false`, no more are made.
+    pub simulated: &'a (dyn Fn() -> bool + Sync),
+    moved: Vec<f64>,
+    /// The model's blocks of the trials; `None` if the solver failed.
+    modelled: Option<Vec<Blocks>>,
+}
+
+impl<'a> Problem<'a> {
+    pub fn new(
+        (trials, start, closure): (&'a [FitTrial], &'a Robot, Closure),
+        parameters: &'a [Parameter],
+        whiteners: &'a [[Whitener; 3]],
+        simulated: &'a (dyn Fn() -> bool + Sync),
+    ) -> Self {
+        let moved = vec![0.0; parameters.len()];
+        let mut problem = Self { trials, start, closure, parameters, whiteners, simulated, moved, modelled: None };
+        problem.modelled = problem.model(problem.start, &problem.moved);
+        problem
+    }
+
+    /// Returns the change of each parameter.
+    pub fn moved(&self) -> &[f64] {
+        &self.moved
+    }
+
+    /// Returns the parameters that have moved as far from their start as they may, or nearly.
+    pub fn at_limit(&self) -> Vec<&'static str> {
+        let nearly: Vec<f64> = self.moved.iter().map(|moved| moved / AT_LIMIT).collect();
+        self.beyond(&nearly)
+    }
+
+    /// Returns whether a parameter has left its start.
+    pub fn has_moved(&self) -> bool {
+        self.moved.iter().any(|moved| moved.abs() > FD_STEP)
+    }
+
+    /// Returns the parameters that move further from their start than they may.
+    fn beyond(&self, moved: &[f64]) -> Vec<&'static str> {
+        let is_beyond = |(parameter, moved): &(&Parameter, &f64)| {
+            let limit = if parameter.is_angle() { MAX_TURN } else { MAX_LOG_CHANGE };
+            moved.abs() > limit || !moved.is_finite()
+        };
+        self.parameters.iter().zip(moved).filter(is_beyond).map(|(parameter, _)| parameter.name()).collect()
+    }
+
+    /// Returns a robot with changed parameters.
+    pub fn robot(&self, start: &Robot, moved: &[f64]) -> Robot {
+        let mut robot = start.clone();
+        for (parameter, moved) in self.parameters.iter().zip(moved) {
+            parameter.put(&mut robot, self.closure, *moved);
+        }
+        robot
+    }
+
+    /// Returns the errors of each trial, modelled minus measured, degrees.
+    pub fn errors(&self) -> Option<Vec<Blocks>> {
+        let modelled = self.mounted(self.modelled.as_ref()?, &self.moved);
+        Some(modelled.iter().zip(self.trials).map(|(blocks, trial)| difference(blocks, &trial.measured)).collect())
+    }
+
+    /// Returns the sum of the squared residuals of one trial with another robot; infinite if the solver fails.
+    pub fn misfit(&self, trial: usize, robot: &Robot) -> f64 {
+        let Some(modelled) = self.simulate(&self.trials[trial], robot) else { return f64::INFINITY };
+        let errors = difference(&modelled, &self.trials[trial].measured);
+        let square =
+            |k: usize| -> f64 { self.whiteners[trial][k].whiten(&errors[k]).iter().map(|error| error * error).sum() };
+        (0..3).map(square).sum()
+    }
+
+    fn model(&self, start: &Robot, moved: &[f64]) -> Option<Vec<Blocks>> {
+        if !self.beyond(moved).is_empty() {
+            return None;
+        }
+        let robot = self.robot(start, moved);
+        self.trials.par_iter().map(|trial| self.simulate(trial, &robot)).collect()
+    }
+
+    fn simulate(&self, trial: &FitTrial, robot: &Robot) -> Option<Blocks> {
+        let blocks = trial.modelled(robot, self.closure);
+        let goes_on = (self.simulated)();
+        blocks.filter(|_| goes_on)
+    }
+
+    /// Returns the attitude measured by a sensor that is rotated about the vertical in the body.
+    fn mounted(&self, modelled: &[Blocks], moved: &[f64]) -> Vec<Blocks> {
+        let yaw =
+            self.parameters.iter().position(|parameter| *parameter == Parameter::MountYaw).map_or(0.0, |i| moved[i]);
+        if yaw == 0.0 {
+            return modelled.to_vec();
+        }
+        modelled.iter().map(|blocks| turned(blocks, yaw)).collect()
+    }
+
+    fn whitened(&self, errors: &[Blocks]) -> DVector<f64> {
+        let parts = errors.iter().zip(self.whiteners);
+        let values = parts.flat_map(|(blocks, whiteners)| {
+            blocks.iter().zip(whiteners).flat_map(|(block, whitener)| whitener.whiten(block))
+        });
+        DVector::from_vec(values.collect())
+    }
+}
+
+/// Returns the errors of a trial, modelled minus measured, degrees.
+fn difference(modelled: &Blocks, measured: &Blocks) -> Blocks {
+    [0, 1, 2].map(|k| modelled[k].iter().zip(&measured[k]).map(|(a, b)| a - b).collect())
+}
+
+/// Returns the blocks of a sensor that is rotated by `yaw` (rad) about z in the body.
+fn turned(blocks: &Blocks, yaw: f64) -> Blocks {
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
+    let mut result: Blocks = Default::default();
+    for ((psi, theta), phi) in blocks[0].iter().zip(&blocks[1]).zip(&blocks[2]) {
+        // Only the tilt changes: a rotation about z commutes with the yaw, which keeps its full turns.
+        let tilt = Rotation3::from_euler_angles(phi.to_radians(), theta.to_radians(), 0.0);
+        let (roll, pitch, rest) = (tilt * turn).euler_angles();
+        result[0].push(psi + (rest - yaw).to_degrees());
+        result[1].push(pitch.to_degrees());
+        result[2].push(roll.to_degrees());
+    }
+    result
+}
+
+/// Returns variance and correlation of the errors of each angle, over all trials.
+pub(super) fn correlations(errors: &[Blocks]) -> [Correlated; 3] {
+    [0, 1, 2].map(|k| Correlated::of(errors.iter().map(move |blocks| &blocks[k])))
+}
+
+impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, Dyn>;
+    type ParameterStorage = Owned<f64, Dyn>;
+
+    fn set_params(&mut self, moved: &DVector<f64>) {
+        self.moved = moved.as_slice().to_vec();
+        self.modelled = self.model(self.start, &self.moved);
+    }
+
+    fn params(&self) -> DVector<f64> {
+        DVector::from_column_slice(&self.moved)
+    }
+
+    fn residuals(&self) -> Option<DVector<f64>> {
+        match self.errors() {
+            Some(errors) => Some(self.whitened(&errors)),
+            None => Some(DVector::repeat(self.trials.iter().map(|trial| 3 * trial.blocks()).sum(), FAILED_RESIDUAL)),
+        }
+    }
+
+    fn jacobian(&self) -> Option<DMatrix<f64>> {
+        let mut tight = self.start.clone();
+        tight.solver.tolerance = tight.solver.tolerance.min(TOLERANCE);
+        let modelled = self.model(&tight, &self.moved)?;
+        let now = self.mounted(&modelled, &self.moved);
+        let changed = |i: usize, sign: f64| {
+            let mut moved = self.moved.clone();
+            moved[i] += sign * FD_STEP;
+            let modelled =
+                if self.parameters[i].is_of_the_robot() { self.model(&tight, &moved)? } else { modelled.clone() };
+            Some(self.mounted(&modelled, &moved))
+        };
+        let columns: Option<Vec<_>> = (0..self.parameters.len())
+            .into_par_iter()
+            .map(|i| {
+                // Near the limit of the model, one side may fail.
+                let (there, sign) = match changed(i, 1.0) {
+                    Some(there) => (there, 1.0),
+                    None => (changed(i, -1.0)?, -1.0),
+                };
+                let slope = |there: &Vec<f64>, here: &Vec<f64>| {
+                    there.iter().zip(here).map(|(there, here)| sign * (there - here) / FD_STEP).collect()
+                };
+                let slopes: Vec<Blocks> =
+                    there.iter().zip(&now).map(|(there, here)| [0, 1, 2].map(|k| slope(&there[k], &here[k]))).collect();
+                Some(self.whitened(&slopes))
+            })
+            .collect();
+        Some(DMatrix::from_columns(&columns?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rotated_sensor_exchanges_pitch_and_roll() {
+        let blocks = [vec![725.0], vec![4.0], vec![0.0]];
+        let quarter = turned(&blocks, std::f64::consts::FRAC_PI_2);
+        assert!((quarter[0][0] - 725.0).abs() < 1e-9 && quarter[1][0].abs() < 1e-9, "{quarter:?}");
+        assert!((quarter[2][0] - -4.0).abs() < 1e-9 || (quarter[2][0] - 4.0).abs() < 1e-9, "{quarter:?}");
+        let back = turned(&turned(&[vec![-400.0], vec![6.0], vec![-3.0]], 0.3), -0.3);
+        assert!(
+            (back[0][0] + 400.0).abs() < 1e-9 && (back[1][0] - 6.0).abs() < 1e-9 && (back[2][0] + 3.0).abs() < 1e-9
+        );
+    }
+}
