@@ -5,8 +5,6 @@ BIN := target/release
 DEMO := target/demo
 PUBLISHED := target/published
 KILLS ?= 1000
-# Most tests wait for a board in real time.
-TEST_THREADS ?= $(shell expr 2 \* $$(nproc))
 
 .PHONY: help setup build build-demo firmware demo published test proof hostile mutants lint doc book dist dist-test clean
 
@@ -81,7 +79,7 @@ published: build
 
 test: build
 	@sh firmware/setup.sh test
-	$(CARGO) test --release --workspace --locked --no-fail-fast --lib --bins --tests -- --test-threads $(TEST_THREADS)
+	$(CARGO) test --release --workspace --locked --no-fail-fast --lib --bins --tests
 	$(CARGO) test --release --workspace --locked --doc
 
 proof: build

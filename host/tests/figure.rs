@@ -58,12 +58,12 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
     let (a, b) = ("a/005_w1+0_w2+45.mcap", "b/005_w1+0_w2+45.mcap");
     for (args, words) in [
         (&["trial", a][..], &["Yaw ψ (°)", "Roll φ (°)", "model", "Time from the start of the run (s)"][..]),
-        (&["trial", a, "--against", b], &["Pitch θ (°)", "Δ (°)", "first", "model"]),
+        (&["trial", a, "--against", b], &["Pitch θ (°)", "Δ (°)", "first model", "second model"]),
         (&["trial", a, "--time", "-0.5,1"], &["−0.4", "1.0"]),
         (&["forces", a], &["Force x (mN)", "Force z (mN)", "flagellum 2"]),
         (&["map", "a"], &["|ψ| (°)", "|θ| (°)", "|φ| (°)", "tilt (°)", "ω₁ (rpm)", "ω₂ (rpm)"]),
         (&["map", "a", "--against", "b"], &["tilt (°)"]),
-        (&["scatter", "a", "--against", "b"], &["Measured yaw ψ (°)", "Predicted roll φ (°)"]),
+        (&["scatter", "a", "--against", "b"], &["First model yaw ψ (°)", "Second model roll φ (°)"]),
     ] {
         let svg = figure(folder, args, "figure.svg");
         let tree = tree(&svg);

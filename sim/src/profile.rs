@@ -59,6 +59,12 @@ pub const LARGEST_RPM: f64 = 10_000.0;
 /// Points that an extended profile keeps.
 const REMEMBERED: usize = 8;
 
+/// A motor that turned the other way at more than this share of its last speed has reversed. Measured speeds scatter.
+const REVERSED: f64 = 0.5;
+
+/// A motor whose target is slower than this, rad/s, stands: 1 rpm. What is measured of it is scatter.
+const STANDING: f64 = PI / 30.0;
+
 /// Durations of the phases of a trial, s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -307,6 +313,18 @@ impl SpeedProfile {
         })
     }
 
+    /// Returns the time of the run (s) after which no motor reverses: its start, unless one does.
+    pub fn last_reversal(&self) -> f64 {
+        let [start, stop] = self.run;
+        let last = self.motors(stop).map(|motor| motor.speed);
+        let turns = self.target().map(|speed| speed.abs() > STANDING);
+        let other_way =
+            |point: &Point| (0..2).any(|k| turns[k] && point.speed[k] * last[k] < -REVERSED * last[k] * last[k]);
+        let within = self.points.partition_point(|point| point.time < stop);
+        let end_of_ramp = |i: usize| self.points.get(i + 1).map_or(stop, |next| next.time.min(stop));
+        self.points[..within].iter().rposition(other_way).map_or(start, |i| end_of_ramp(i).max(start))
+    }
+
     /// Returns the time of the first jump of a speed after `time`, s.
     pub fn next_jump(&self, time: f64) -> Option<f64> {
         (self.points.windows(2))
@@ -319,6 +337,18 @@ impl SpeedProfile {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_reversal_is_found_and_scatter_is_none() {
+        let phases = Phases { preroll: 5.0, run: 40.0, decay: 10.0, ..Phases::default() };
+        let reversed = Phases { reverse: Some(Reverse { motor: 1, after: 37.0 }), ..phases };
+        let last = |phases: &Phases, rpm| SpeedProfile::phases(phases, rpm).unwrap().last_reversal();
+        assert_eq!(last(&phases, [47.3, -61.9]), 5.0);
+        assert_eq!(last(&reversed, [47.3, -61.9]), 42.5);
+        assert_eq!(last(&reversed, [47.3, 0.0]), 5.0, "a motor that stands");
+        let measured = [(0.0, [3.0, 0.4]), (1.0, [-0.9, -0.3]), (2.0, [2.9, 0.2]), (3.0, [3.1, -0.1])];
+        assert_eq!(SpeedProfile::from_points(&measured).unwrap().with_target([3.0, 0.0]).last_reversal(), 0.0);
+    }
 
     #[test]
     fn angles_are_the_integral_of_the_speeds() {

@@ -4,7 +4,7 @@
 //!
 //! 1. The window is the end of the run. Its length is at most [`WINDOW`], and such that it holds whole revolutions of both
 //!    motors as nearly as possible ([`whole_turns`]): the attitude swings with both, and a part of a revolution would bias
-//!    its mean.
+//!    its mean. It begins after the last reversal of a motor: a mean over both senses is no state.
 //! 2. A level is the mean over time in the window, by trapezia between the values, and half the range.
 //! 3. The run is settled when yaw, pitch and roll of the window agree with those of the window before.
 //! 4. The settling time is the end of the last block of about 2 s whose mean yaw or pitch is not yet near the final one.
@@ -96,6 +96,8 @@ struct Entry {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SteadyCollector {
     start: f64,
+    /// From here on no motor reverses.
+    from: f64,
     window: f64,
     recent: VecDeque<Entry>,
     block: f64,
@@ -106,15 +108,22 @@ pub struct SteadyCollector {
 impl SteadyCollector {
     /// For a run from `start` to `end` (s) whose motors have these speeds (rad/s) at its end.
     pub fn new(start: f64, end: f64, speeds_rad_s: [f64; 2]) -> Self {
-        let window = whole_turns(speeds_rad_s, end - start);
-        // Whole blocks make a window.
-        let block = window / (window / BLOCK).round().max(1.0);
-        Self { start, window, recent: VecDeque::new(), block, block_end: start + block, blocks: Vec::new() }
+        Self::after_reversal(start, start, end, speeds_rad_s)
     }
 
-    /// Adds values at a time of the run (s). Times must not decrease; values before the start are ignored.
+    /// The same for a run in which a motor reverses; `from` is the time (s) after which none does.
+    pub fn after_reversal(start: f64, from: f64, end: f64, speeds_rad_s: [f64; 2]) -> Self {
+        let from = from.clamp(start, end.max(start));
+        let window = whole_turns(speeds_rad_s, end - from);
+        // Whole blocks make a window.
+        let block = window / (window / BLOCK).round().max(1.0);
+        Self { start, from, window, recent: VecDeque::new(), block, block_end: from + block, blocks: Vec::new() }
+    }
+
+    /// Adds values at a time of the run (s). Times must not decrease; values before the start, or the last reversal, are
+    /// ignored.
     pub fn push(&mut self, time: f64, values: [f64; CHANNELS]) {
-        if time < self.start {
+        if time < self.from {
             return;
         }
         self.recent.push_back(Entry { time, values });
@@ -161,11 +170,11 @@ impl SteadyCollector {
 
     /// Returns the steady state of the run so far.
     pub fn steady(&self) -> Steady {
-        let end = self.recent.back().map_or(self.start, |e| e.time);
+        let end = self.recent.back().map_or(self.from, |e| e.time);
         let last = self.levels(end - self.window, end);
         let before = self.levels(end - 2.0 * self.window, end - self.window);
         // Two windows, but for the rounding of their length.
-        let enough = end - self.start >= 1.999 * self.window;
+        let enough = end - self.from >= 1.999 * self.window;
         let near =
             |a: f64, b: f64, degrees: f64, share: f64| (a - b).abs() <= degrees.to_radians().max(share * b.abs());
         let settled = enough && (0..3).all(|c| near(before[c].mean, last[c].mean, 0.5, 0.01));
@@ -178,7 +187,7 @@ impl SteadyCollector {
             force: [vector(3), vector(6)],
             axial_torque: [last[9], last[10]],
             settled,
-            settle_s: unsettled.map_or(0.0, |(time, _)| time - self.start),
+            settle_s: unsettled.map_or(self.from, |(time, _)| *time) - self.start,
         }
     }
 }
@@ -204,6 +213,20 @@ mod tests {
         let mut collector = SteadyCollector::new(3.0, 3.0, [0.0; 2]);
         collector.push(3.0, [0.5; CHANNELS]);
         assert_eq!(collector.steady().attitude[0], Level { mean: 0.5, amplitude: 0.0 });
+    }
+
+    /// The attitude of a motor that turned the other way until 3 s before the end is in no mean.
+    #[test]
+    fn a_window_begins_after_a_reversal() {
+        let mut collector = SteadyCollector::after_reversal(5.0, 42.0, 45.0, [5.3, -7.1]);
+        for i in 0..=4000 {
+            let time = 5.0 + 0.01 * f64::from(i);
+            collector.push(time, [if time < 42.0 { -1.0 } else { 2.0 }; CHANNELS]);
+        }
+        let steady = collector.steady();
+        assert_eq!(steady.attitude[0], Level { mean: 2.0, amplitude: 0.0 });
+        assert!(steady.window_s <= 3.0 && !steady.settled, "{steady:?}");
+        assert_eq!(steady.settle_s, 37.0);
     }
 
     #[test]

@@ -207,7 +207,7 @@ impl Trial {
         let gap = solver.least_distance(&state) - 2.0 * solver.model().robot.flagellum.rod_radius_m;
         let [start, stop] = profile.run();
         let progress = Checkpoint {
-            steady: SteadyCollector::new(start, stop, profile.target()),
+            steady: SteadyCollector::after_reversal(start, profile.last_reversal(), stop, profile.target()),
             dense,
             next: 0,
             gap,

@@ -87,6 +87,12 @@ fn is_unprintable(c: char) -> bool {
     is_direction || c.is_control() && c != '\n' && c != '\t'
 }
 
+/// Returns a sentence with a capital at its start.
+pub fn capitalised(sentence: &str) -> String {
+    let (first, rest) = sentence.split_at(sentence.len().min(1));
+    first.to_ascii_uppercase() + rest
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

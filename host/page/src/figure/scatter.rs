@@ -2,21 +2,30 @@
 
 use super::panel::{Axis, Panel};
 use super::sheet::{Anchor, FONT_PT, INK, MEASURED, MM, Sheet, Stroke, short};
-use study::text::decimal;
-use study::twin::Comparison;
+use study::text::{capitalised, decimal};
+use study::twin::{Comparison, Sides};
 
 const ANGLES: [&str; 3] = ["Yaw ψ (°)", "Pitch θ (°)", "Roll φ (°)"];
 
-/// Steady values of a trial: measured and predicted, with half the length of their bars; 0 where it is unknown.
+/// Fill and edge of a dot whose uncertainty is unknown: it has no bar, and must not look exact.
+const OPEN: (&str, Stroke) = ("#ffffff", Stroke(MEASURED, 0.7, ""));
+
+/// Steady values of a trial: measured and predicted, with half the length of their bars.
 #[derive(Clone, Copy, Debug)]
 struct Mark {
     at: [f64; 2],
     bars: [f64; 2],
+    /// Whether the uncertainty of the measurement is known.
+    is_known: bool,
 }
 
 /// Draws the trials of a comparison, a panel for each angle.
 pub(super) fn draw(trials: &[Comparison], width_mm: f64) -> String {
     let mut sheet = Sheet::new(width_mm);
+    let [own, other] = match trials.first().map_or(Sides::default(), |trial| trial.sides) {
+        Sides::MeasurementAndModel => ["measured", "predicted"],
+        sides => sides.names(),
+    };
     let (left, right, top, under) = (11.0 * MM, 1.5 * MM, 2.0 * MM, 9.5 * MM);
     // Three in a row where a panel is 30 mm wide at least.
     let columns = if sheet.width >= 3.0 * (left + right + 30.0 * MM) { 3 } else { 2 };
@@ -28,8 +37,8 @@ pub(super) fn draw(trials: &[Comparison], width_mm: f64) -> String {
         let axis = Axis::about(ends.flatten(), 1.0, "");
         let named = |of: &str| Axis { label: format!("{of} {}", label.to_lowercase()), ..axis.clone() };
         let panel = Panel {
-            x: named("Measured"),
-            y: named("Predicted"),
+            x: named(&capitalised(own)),
+            y: named(&capitalised(other)),
             left: left + (k % columns) as f64 * column,
             top: top + (k / columns) as f64 * (top + size + under),
             width: size,
@@ -40,14 +49,19 @@ pub(super) fn draw(trials: &[Comparison], width_mm: f64) -> String {
         panel.curve(&mut sheet, &[[axis.low; 2], [axis.high; 2]], Stroke(INK, 0.5, "2 1.5"));
         let square = marks.iter().map(|mark| (mark.at[1] - mark.at[0]).powi(2)).sum::<f64>();
         let rms = (square / marks.len().max(1) as f64).sqrt();
-        for Mark { at, bars } in marks {
+        let some_unknown = marks.iter().any(|mark| !mark.is_known);
+        for Mark { at, bars, is_known } in marks {
             let [x, y] = panel.at(at[0], at[1]);
             let [dx, dy] = [bars[0] / (axis.high - axis.low) * size, bars[1] / (axis.high - axis.low) * size];
             let bar =
                 |a: [f64; 2], b: [f64; 2]| format!("M{} {}L{} {}", short(a[0]), short(a[1]), short(b[0]), short(b[1]));
             sheet.path(&bar([x - dx, y], [x + dx, y]), Stroke(MEASURED, 0.6, ""));
             sheet.path(&bar([x, y - dy], [x, y + dy]), Stroke(MEASURED, 0.6, ""));
-            sheet.dot([x, y], 1.4, MEASURED, Stroke("#ffffff", 0.3, ""));
+            let (fill, edge) = if is_known { (MEASURED, Stroke("#ffffff", 0.3, "")) } else { OPEN };
+            sheet.dot([x, y], 1.4, fill, edge);
+        }
+        if some_unknown {
+            sheet.text(panel.left + 3.0, panel.top + 1.4 * FONT_PT, Anchor::Start, "open: uncertainty unknown");
         }
         let text = format!("RMS error {}°", decimal(rms, 2));
         sheet.text(panel.left + size - 3.0, panel.bottom() - 3.0, Anchor::End, &text);
@@ -62,5 +76,30 @@ fn mark(trial: &Comparison, k: usize) -> Mark {
         _ => trial.tilt_uncertainty_deg[k - 1],
     };
     let model = trial.model_error_deg.map_or(0.0, |error| error[k]);
-    Mark { at: [trial.steady_measured_deg[k], trial.steady_modelled_deg[k]], bars: [uncertainty.unwrap_or(0.0), model] }
+    Mark {
+        at: [trial.steady_measured_deg[k], trial.steady_modelled_deg[k]],
+        bars: [uncertainty.unwrap_or(0.0), model],
+        is_known: uncertainty.is_some(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unknown_uncertainty_is_an_open_dot_and_axes_have_the_names_of_the_sides() {
+        let known = Comparison {
+            yaw_uncertainty_deg: Some(0.4),
+            tilt_uncertainty_deg: [Some(0.1); 2],
+            ..Comparison::default()
+        };
+        let drawn = draw(&[known.clone()], 180.0);
+        assert!(drawn.contains("Measured yaw ψ (°)") && drawn.contains("Predicted roll φ (°)"));
+        assert!(!drawn.contains("uncertainty unknown"));
+        let unknown = Comparison { yaw_uncertainty_deg: None, sides: Sides::Recordings, ..known };
+        let drawn = draw(&[unknown], 180.0);
+        assert!(drawn.contains("First recording yaw ψ (°)") && drawn.contains("Second recording pitch θ (°)"));
+        assert_eq!(drawn.matches("open: uncertainty unknown").count(), 1, "in the panel of the yaw alone");
+    }
 }

@@ -42,11 +42,13 @@ pub(super) fn draw(
     let mut sheet = Sheet::new(width_mm);
     let own_stroke = Stroke(MEASURED, 0.9, "");
     let model_stroke = Stroke(MODEL, 0.9, "3 1.5");
-    let name = if data.is_model() { "model" } else { "measured" };
-    let mut legend = vec![(own_stroke, name)];
-    if compared.is_some() {
-        legend = vec![(own_stroke, if data.is_model() { "first" } else { name }), (model_stroke, "model")];
-    }
+    let mut legend = match compared {
+        Some(compared) => {
+            let [own, other] = compared.comparison.sides.names();
+            vec![(own_stroke, own), (model_stroke, other)]
+        }
+        None => vec![(own_stroke, if data.is_model() { "model" } else { "measured" })],
+    };
     let has_band = samples.iter().any(|sample| sample.uncertainty_deg[0] > 0.0);
     if has_band {
         legend.push((Stroke("#a9cbe0", 4.0, ""), "95 % uncertainty"));

@@ -71,8 +71,8 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
                 facts.push(("Model driven by", format!("the measured speeds in {}", replay.source)));
             }
         }
-        facts.push(("Offset removed, measured", angles(comparison.measured_zero_deg)));
-        facts.push(("Offset removed, model", angles(comparison.modelled_zero_deg)));
+        facts.push(("Offset removed, this log", angles(comparison.measured_zero_deg)));
+        facts.push(("Offset removed, the other log", angles(comparison.modelled_zero_deg)));
         facts.push(("Yaw drift removed", degrees(comparison.yaw_drift_deg, 3)));
         facts.push(("Time shift", format!("{} s", number(comparison.time_shift_s, 3))));
     }

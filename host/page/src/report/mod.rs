@@ -232,8 +232,9 @@ fn data(view: &View, id: &str) -> Markup {
 }
 
 fn footer(view: &View) -> Markup {
-    let zero = if view.comparison.is_some() {
-        "Both attitudes are relative to the still phase before the run. Errors are model minus measured."
+    let zero = if let Some(comparison) = &view.comparison {
+        let [own, other] = comparison.sides.names();
+        &format!("Both attitudes are relative to the still phase before the run. Errors are {other} minus {own}.")
     } else if view.is_model() {
         "The robot of the model starts upright with a yaw of zero."
     } else {

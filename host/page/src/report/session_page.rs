@@ -158,11 +158,8 @@ fn maps(rows: &[Row]) -> Markup {
         return html! {};
     }
     let views = || rows.iter().filter_map(Row::view);
-    let own = match (views().all(View::is_model), views().any(|view| view.comparison.is_some())) {
-        (false, _) => "measured",
-        (true, false) => "model",
-        (true, true) => "this session",
-    };
+    let own = views().next().map_or("measured", View::own_name);
+    let other = views().find_map(View::other_name).unwrap_or("model");
     let of_repeats = match means[0].iter().any(|mean| mean.trials > 1) {
         true => " Repeated trials: the magnitude of their mean.",
         false => "",
@@ -174,7 +171,7 @@ fn maps(rows: &[Row]) -> Markup {
                 @let [own_points, model_points] = [points(angle, false), points(angle, true)];
                 // The maps of an angle share their colour scale.
                 @let scale_deg = heat_map::largest(&own_points).max(heat_map::largest(&model_points));
-                @for (points, whose) in [(&own_points, own), (&model_points, "model")] {
+                @for (points, whose) in [(&own_points, own), (&model_points, other)] {
                     @if !points.is_empty() {
                         @let title = format!("{name} {symbol}, {whose}");
                         @let map = Map { title: &title, symbol, points, scale_deg };
@@ -200,7 +197,8 @@ fn cell(value: Option<f64>, decimals: usize) -> Markup {
 struct Columns {
     charts: bool,
     uncertainty: bool,
-    compared: bool,
+    /// What the trials are compared with, if they are.
+    compared: Option<&'static str>,
     link: bool,
 }
 
@@ -209,7 +207,7 @@ fn table(rows: &[Row], has_charts: bool) -> Markup {
     let columns = Columns {
         charts: has_charts,
         uncertainty: any(|view| view.steady.is_some_and(|steady| steady.yaw_uncertainty_deg > Some(0.0))),
-        compared: any(|view| view.comparison.is_some()),
+        compared: rows.iter().filter_map(Row::view).find_map(View::other_name),
         link: any(|view| !view.is_model()),
     };
     let head = |text: &str| html! { th scope="col" { button type="button" { (text) } } };
@@ -220,7 +218,7 @@ fn table(rows: &[Row], has_charts: bool) -> Markup {
                     th scope="col" { button type="button" { "Trial" } }
                     (head("w1, rpm")) (head("w2, rpm"))
                     (head("ψ, °")) @if columns.uncertainty { (head("± 95 %")) } (head("θ, °")) (head("φ, °"))
-                    @if columns.compared { (head("model ψ")) (head("model θ")) (head("error ψ")) (head("error θ")) (head("RMS ψ")) (head("RMS θ")) }
+                    @if let Some(other) = columns.compared { (head(&format!("{other} ψ"))) (head(&format!("{other} θ"))) (head("error ψ")) (head("error θ")) (head("RMS ψ")) (head("RMS θ")) }
                     @if columns.link { (head("lost")) }
                     th.text scope="col" { "Notes" }
                 } }
@@ -246,7 +244,7 @@ fn line(row: &Row, i: usize, columns: Columns) -> Markup {
             (cell(angle(0), 2))
             @if columns.uncertainty { (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg).filter(|deg| *deg > 0.0), 2)) }
             (cell(angle(1), 2)) (cell(angle(2), 2))
-            @if columns.compared {
+            @if columns.compared.is_some() {
                 (cell(comparison.map(|c| c.steady_modelled_deg[0]), 2)) (cell(comparison.map(|c| c.steady_modelled_deg[1]), 2))
                 (cell(comparison.map(|c| c.steady_yaw_error_deg), 2)) (cell(comparison.map(|c| c.steady_pitch_error_deg), 2))
                 (cell(comparison.map(|c| c.yaw_rmse_deg), 2)) (cell(comparison.map(|c| c.pitch_rmse_deg), 2))

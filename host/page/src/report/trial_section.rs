@@ -148,7 +148,7 @@ fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {
             @if let Some(spread) = &spread { (spread) }
             @if let Some(modelled) = steady.modelled_deg {
                 @if spread.is_some() { br; }
-                b { "model " (degrees(modelled[i], 2)) } ", error " (degrees(modelled[i] - angle, 2))
+                b { (steady.other_name) " " (degrees(modelled[i], 2)) } ", error " (degrees(modelled[i] - angle, 2))
             } @else if spread.is_none() { "mean at the end of the run" }
         },
     )
@@ -180,7 +180,7 @@ fn scene(view: &View) -> Markup {
                 aria-label="The robot: base, motors and both flagella at the selected time. Arrow keys rotate the view, plus and minus zoom, Home resets it, space plays." {}
             div.tools role="group" aria-label="View" {
                 @for (look, name) in looks { button type="button" data-look=(look) { (name) } }
-                @if compared { button type="button" aria-pressed="true" data-show="ghost" { "Model" } }
+                @if let Some(other) = view.other_name() { button type="button" aria-pressed="true" data-show="ghost" { (study::text::capitalised(other)) } }
                 @if view.curves.has_forces { button type="button" aria-pressed="true" data-show="forces" { "Forces" } }
                 button.view-in type="button" aria-label="Zoom in" { "+" }
                 button.view-out type="button" aria-label="Zoom out" { "−" }
@@ -219,7 +219,7 @@ fn readout(view: &View) -> Markup {
             thead { tr {
                 th scope="col" { span data-out="time" {} " " span.meta data-out="phase" {} }
                 th scope="col" { (own) }
-                @if view.comparison.is_some() { th scope="col" { "model" } }
+                @if let Some(other) = view.other_name() { th scope="col" { (other) } }
                 @if view.has_truth { th scope="col" { "truth" } }
             } }
             tbody {
@@ -303,8 +303,8 @@ fn charts(view: &View) -> Markup {
 
 fn angle_entries(view: &View, is_yaw: bool) -> Vec<Entry> {
     let mut entries = vec![Entry::new("c-measured", view.own_name(), "own")];
-    if view.comparison.is_some() {
-        entries.push(Entry::new("dash c-model", "model", "model"));
+    if let Some(other) = view.other_name() {
+        entries.push(Entry::new("dash c-model", other, "model"));
     }
     if view.has_truth {
         entries.push(Entry::new("dots c-truth", "truth", "truth"));
@@ -313,8 +313,8 @@ fn angle_entries(view: &View, is_yaw: bool) -> Vec<Entry> {
     if is_yaw && view.curves.has_uncertainty {
         entries.push(Entry::new("edges c-measured", "95 % uncertainty", "uncertainty"));
     }
-    if view.comparison.is_some() {
-        entries.push(Entry::new("c-model", "below: model minus measured", ""));
+    if let Some(other) = view.other_name() {
+        entries.push(Entry::new("c-model", &format!("below: {other} minus {}", view.own_name()), ""));
     }
     entries
 }

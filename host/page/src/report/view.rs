@@ -23,6 +23,8 @@ pub(super) struct Steady {
     pub yaw_uncertainty_deg: Option<f64>,
     /// The same angles of the model, if the trial is compared with one.
     pub modelled_deg: Option<[f64; 3]>,
+    /// What these are called.
+    pub other_name: &'static str,
 }
 
 /// The robot and the closure that the model's curves beside a trial were computed with.
@@ -117,13 +119,15 @@ impl View {
         self.records.origin() == Origin::Model
     }
 
-    /// What the trial's own angles are called, beside those of the model.
+    /// What the trial's own angles are called.
     pub(super) fn own_name(&self) -> &'static str {
-        match (self.is_model(), self.comparison.is_some()) {
-            (false, _) => "measured",
-            (true, false) => "model",
-            (true, true) => "this log",
-        }
+        let alone = if self.is_model() { "model" } else { "measured" };
+        self.comparison.as_ref().map_or(alone, |comparison| comparison.sides.names()[0])
+    }
+
+    /// What the angles are called that they are compared with.
+    pub(super) fn other_name(&self) -> Option<&'static str> {
+        self.comparison.as_ref().map(|comparison| comparison.sides.names()[1])
     }
 }
 
@@ -145,12 +149,14 @@ fn steady(angles: Option<&Angles>, comparison: Option<&Comparison>) -> Option<St
             // That of the comparison is the uncertainty of the difference.
             yaw_uncertainty_deg: angles.and_then(|angles| angles.yaw_uncertainty_deg),
             modelled_deg: Some(comparison.steady_modelled_deg),
+            other_name: comparison.sides.names()[1],
         });
     }
     angles.map(|angles| Steady {
         angles_deg: [angles.yaw_deg, angles.pitch_deg, angles.roll_deg],
         yaw_uncertainty_deg: angles.yaw_uncertainty_deg,
         modelled_deg: None,
+        other_name: "",
     })
 }
 

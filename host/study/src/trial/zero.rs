@@ -37,6 +37,9 @@ const BLOCK_S: f64 = 2.0;
 /// 0.1 degrees for a tilt of 5.
 const TILT_FLOOR_DEG: f64 = 0.1;
 
+/// Time in which a motor stops and turns the other way, s.
+const REVERSAL_S: f64 = 1.0;
+
 /// Largest change of the tilt at the end of a still phase, degrees.
 const STILL_DEG: f64 = 0.5;
 
@@ -268,7 +271,8 @@ impl Zeroed {
             return None;
         }
         let speeds = data.speeds().map(|speed| speed.rpm() * PI / 30.0);
-        let mut collector = SteadyCollector::new(run.start, run.end, speeds);
+        let reversed_s = data.reverse().map_or(run.start, |(_, after_s)| self.run.start + after_s + REVERSAL_S);
+        let mut collector = SteadyCollector::after_reversal(run.start, reversed_s, run.end, speeds);
         let times = &self.angles_deg.time_s;
         let inside = times.partition_point(|t| *t <= run.start)..times.partition_point(|t| *t < run.end);
         let ends = [run.start, run.end].map(|time| (time, self.at(time)));

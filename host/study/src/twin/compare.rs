@@ -6,6 +6,7 @@
 use super::compatibility::difference;
 use super::shift::RATE_HZ;
 use super::{TwinError, shift};
+use crate::text;
 use crate::trial::{Data, Steady, Unusable, Zeroed};
 use serde::Serialize;
 use sim::accuracy::ModelError;
@@ -71,10 +72,57 @@ pub struct Comparison {
     pub run_start_s: [f64; 2],
     /// Errors that exceed the noise.
     pub findings: Vec<Finding>,
+    /// What the two trials are.
+    pub sides: Sides,
     /// The findings as text.
     pub verdict: String,
     /// Warnings for the user.
     pub warnings: Vec<String>,
+}
+
+/// What two compared trials are. Neither two recordings nor two models are ever called a measurement and its model.
+#[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[serde(rename_all = "snake_case")]
+pub enum Sides {
+    /// A recording, and then a model.
+    #[default]
+    MeasurementAndModel,
+    /// A model, and then a recording.
+    ModelAndMeasurement,
+    /// Two recordings, of a rig or of an emulated board.
+    Recordings,
+    /// Two models; one may be the replay of the other.
+    Models,
+}
+
+impl Sides {
+    fn of(a: &Data, b: &Data) -> Self {
+        match (a.is_model(), b.is_model()) {
+            (true, true) => Self::Models,
+            (false, false) => Self::Recordings,
+            (true, false) => Self::ModelAndMeasurement,
+            (false, true) => Self::MeasurementAndModel,
+        }
+    }
+
+    /// Returns the subject of a sentence about both.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::MeasurementAndModel | Self::ModelAndMeasurement => "model and measurement",
+            Self::Recordings => "the two recordings",
+            Self::Models => "the two models",
+        }
+    }
+
+    /// Returns what both are called in legends and tables.
+    pub fn names(self) -> [&'static str; 2] {
+        match self {
+            Self::MeasurementAndModel => ["measured", "model"],
+            Self::ModelAndMeasurement => ["model", "measured"],
+            Self::Recordings => ["first recording", "second recording"],
+            Self::Models => ["first model", "second model"],
+        }
+    }
 }
 
 /// A steady error that exceeds the noise.
@@ -319,7 +367,8 @@ fn compare_zeroed(
         modelled_zero_deg: modelled.zero_deg,
         time_shift_s: shift_s,
         run_start_s: [measured.run.start, modelled.run.start],
-        verdict: verdict(&findings, allowed),
+        verdict: verdict(Sides::of(a, b), &findings, allowed),
+        sides: Sides::of(a, b),
         findings,
         warnings,
     };
@@ -343,7 +392,7 @@ fn findings(error: [f64; 3], allowed: [Option<f64>; 3], model: Option<[f64; 3]>)
     ["yaw", "pitch", "roll"].into_iter().enumerate().filter_map(|(k, angle)| one(k, angle)).collect()
 }
 
-fn verdict(findings: &[Finding], allowed: [Option<f64>; 3]) -> String {
+fn verdict(sides: Sides, findings: &[Finding], allowed: [Option<f64>; 3]) -> String {
     let unknown = ["yaw", "pitch", "roll"].into_iter().zip(allowed).filter(|(_, allowed)| allowed.is_none());
     let unknown: Vec<_> = unknown.map(|(angle, _)| angle).collect();
     let found: Vec<_> = findings
@@ -369,7 +418,7 @@ fn verdict(findings: &[Finding], allowed: [Option<f64>; 3]) -> String {
     } else if unknown.len() == 3 {
         String::new()
     } else {
-        "Model and measurement agree within noise".to_owned()
+        text::capitalised(&format!("{} agree within noise", sides.text()))
     };
     if !unknown.is_empty() {
         if !text.is_empty() {
@@ -390,14 +439,20 @@ mod tests {
         let found = findings([0.9, -0.8, 5.0], allowed, None);
         assert_eq!(found.len(), 1);
         assert_eq!(
-            verdict(&found, allowed),
+            verdict(Sides::default(), &found, allowed),
             "pitch differs by -0.80°, 4.0 times the noise; the noise of roll is unknown"
         );
-        assert_eq!(verdict(&[], [Some(1.0); 3]), "Model and measurement agree within noise");
-        assert_eq!(verdict(&[], [None; 3]), "the noise of yaw, pitch, roll is unknown");
-        assert_eq!(verdict(&findings([0.5, 0.0, 0.0], [Some(0.0); 3], None), [Some(0.0); 3]), "yaw differs by +0.50°");
-        let beside =
-            verdict(&findings([3.0, 0.9, 0.0], [Some(1.0), Some(0.1), Some(0.1)], Some([5.0, 0.5, 0.5])), allowed);
+        let agreement = |sides| verdict(sides, &[], [Some(1.0); 3]);
+        assert_eq!(agreement(Sides::MeasurementAndModel), "Model and measurement agree within noise");
+        assert_eq!(agreement(Sides::Recordings), "The two recordings agree within noise");
+        assert_eq!(agreement(Sides::Models), "The two models agree within noise");
+        assert_eq!(verdict(Sides::default(), &[], [None; 3]), "the noise of yaw, pitch, roll is unknown");
+        assert_eq!(
+            verdict(Sides::Models, &findings([0.5, 0.0, 0.0], [Some(0.0); 3], None), [Some(0.0); 3]),
+            "yaw differs by +0.50°"
+        );
+        let found = findings([3.0, 0.9, 0.0], [Some(1.0), Some(0.1), Some(0.1)], Some([5.0, 0.5, 0.5]));
+        let beside = verdict(Sides::default(), &found, allowed);
         assert!(
             beside.starts_with("yaw differs by +3.00°, 3.0 times the noise, within the model's error of 5.0°; "),
             "{beside}"

@@ -15,7 +15,7 @@ mod shift;
 mod source;
 mod speeds;
 
-pub use compare::{Compared, Comparison, Finding, OnMismatch, Point, SessionComparison, Skipped, compare};
+pub use compare::{Compared, Comparison, Finding, OnMismatch, Point, SessionComparison, Sides, Skipped, compare};
 pub use error::TwinError;
 pub use replay::{REPLAY_HZ, Replayed, Replays, Settings, replay};
 pub use session::{Pairs, compare_pairs};

@@ -168,6 +168,11 @@ fn sum_up<T>(
 
 /// Returns a summary of the findings of all trials.
 fn verdict(trials: &[Comparison]) -> String {
+    // Trials of a session may be of different kinds only after somebody has put logs into it.
+    let sides = match trials.split_first() {
+        Some((first, rest)) if rest.iter().all(|trial| trial.sides == first.sides) => first.sides.text(),
+        _ => "both sides",
+    };
     let differing = trials.iter().filter(|trial| !trial.findings.is_empty()).count();
     let is_unknown =
         |trial: &&Comparison| trial.yaw_uncertainty_deg.is_none() || trial.tilt_uncertainty_deg.contains(&None);
@@ -180,8 +185,8 @@ fn verdict(trials: &[Comparison]) -> String {
     if differing == 0 {
         return match trials.len() - unknown {
             0 => format!("the noise is unknown in all of {all}"),
-            _ if unknown == 0 => "model and measurement agree within noise in all trials".to_owned(),
-            known => format!("model and measurement agree within noise in {known} of {all}{of_unknown}"),
+            _ if unknown == 0 => format!("{sides} agree within noise in all trials"),
+            known => format!("{sides} agree within noise in {known} of {all}{of_unknown}"),
         };
     }
     let mut verdict = format!("{differing} of {all} differ by more than the noise");
@@ -198,6 +203,7 @@ fn verdict(trials: &[Comparison]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::twin::Sides;
 
     #[test]
     fn agreement_is_claimed_only_where_the_noise_is_known() {
@@ -209,6 +215,9 @@ mod tests {
         let unknown = Comparison { yaw_uncertainty_deg: None, ..known.clone() };
         assert_eq!(verdict(&[known.clone(), known.clone()]), "model and measurement agree within noise in all trials");
         assert_eq!(verdict(&[unknown.clone(), unknown.clone()]), "the noise is unknown in all of 2 trials");
+        let model = Comparison { sides: Sides::Models, ..known.clone() };
+        assert_eq!(verdict(&[model.clone(), model.clone()]), "the two models agree within noise in all trials");
+        assert_eq!(verdict(&[model, known.clone()]), "both sides agree within noise in all trials");
         assert_eq!(
             verdict(&[known, unknown]),
             "model and measurement agree within noise in 1 of 2 trials; the noise is unknown in 1 of 2 trials"
