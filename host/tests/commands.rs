@@ -78,10 +78,11 @@ fn session(folder: &Path) -> PathBuf {
 
 #[test]
 fn info_shows_the_content_of_a_log() {
+    // Three frames were lost, which every command says.
     let folder = tempfile::tempdir().unwrap();
     let log = session(folder.path());
     let output = biflag(&["info", path(&log), "--json"]);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(code(&output), 3, "{}", stderr(&output));
     let info = json(&output);
     assert_eq!(info["channels"]["/telemetry"], 4401);
     assert_eq!((info["samples"].as_u64(), info["lost"].as_u64()), (Some(4401), Some(3)));
@@ -137,7 +138,7 @@ fn cut_off_log_is_recovered() {
     let recovered = log.with_extension("recovered.mcap");
     assert_eq!(json(&output)["recovered"], path(&recovered));
     assert_eq!(json(&output)["losses"].as_array().unwrap().len(), 1);
-    assert_eq!(code(&biflag(&["info", path(&recovered)])), 0);
+    assert_eq!(code(&biflag(&["info", path(&recovered)])), 3);
 
     let output = biflag(&["recover", path(&log)]);
     assert_eq!(code(&output), 2);
@@ -205,7 +206,7 @@ fn export_has_the_angles_of_the_other_commands() {
     let folder = tempfile::tempdir().unwrap();
     let log = session(folder.path());
     let output = biflag(&["export", path(&log), "--format", "csv", "--json"]);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(code(&output), 3, "{}", stderr(&output));
     assert_eq!(json(&output)["rows"], 4401);
     let csv = std::fs::read_to_string(log.with_extension("csv")).unwrap();
     assert!(csv.starts_with("# biflag 0.1.0: trial 001_w1+50_w2+10 at 50 and 10 rpm\n"), "{}", &csv[..200]);
@@ -226,7 +227,7 @@ fn export_has_the_angles_of_the_other_commands() {
     assert!((mean - info["angles"]["yaw_deg"].as_f64().unwrap()).abs() < 0.01, "{mean}");
 
     let tum = folder.path().join("a.tum");
-    assert_eq!(code(&biflag(&["export", path(&log), "-f", "tum", "-o", path(&tum)])), 0);
+    assert_eq!(code(&biflag(&["export", path(&log), "-f", "tum", "-o", path(&tum)])), 3);
     let text = std::fs::read_to_string(&tum).unwrap();
     let last: Vec<f64> = text.lines().last().unwrap().split(' ').map(|cell| cell.parse().unwrap()).collect();
     // A yaw of 24 degrees.
@@ -244,7 +245,7 @@ fn session_is_exported_as_a_table_and_a_file_per_trial() {
     let log = session(folder.path());
     let session = log.parent().unwrap();
     let output = biflag(&["export", path(session), "--json"]);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(code(&output), 3, "{}", stderr(&output));
     let export = folder.path().join("short-export");
     assert_eq!(json(&output)["files"].as_array().unwrap().len(), 2);
     let trials = std::fs::read_to_string(export.join("trials.csv")).unwrap();
@@ -312,7 +313,7 @@ fn parquet_file_contains_the_same_table() {
     let folder = tempfile::tempdir().unwrap();
     let log = session(folder.path());
     for format in ["csv", "parquet"] {
-        assert_eq!(code(&biflag(&["export", path(&log), "-f", format])), 0);
+        assert_eq!(code(&biflag(&["export", path(&log), "-f", format])), 3);
     }
     let file = std::fs::File::open(log.with_extension("parquet")).unwrap();
     let reader = SerializedFileReader::new(file).unwrap();

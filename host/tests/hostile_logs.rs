@@ -7,11 +7,13 @@ use biflag_log::{
 use host::export::{Format, export_log};
 use host::plan::{Plan, board};
 use host::run::{self, Recorder};
+use host::session::Session;
 use host::trial::{Data, Want, Zeroed};
 use proptest::prelude::*;
 use protocol::units::{Count, Micros};
 use protocol::{Info, Settings, Telemetry};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::LazyLock;
 use std::time::{Duration, SystemTime};
 
@@ -146,6 +148,56 @@ fn intact_log_has_no_losses() {
     let folder = tempfile::tempdir().unwrap();
     abuse(folder.path(), &LOG);
     assert_eq!(read(&folder.path().join("a.mcap")).unwrap().1, (0..u32::from(FRAMES)).collect::<Vec<_>>());
+}
+
+/// A forged summary whose counters overflow every sum is damage for every command, in a log and in a session.
+#[test]
+fn forged_counters_are_damage_for_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = Plan::parse("[trial]\nrun = 12\n[speeds]\npairs = [[50, 10], [0, 45]]\n", "plan.toml").unwrap();
+    let session = Session::create(&folder.path().join("session"), &plan).unwrap();
+    let most = u64::MAX;
+    let link = LinkStats { samples: most, lost: most, repeated: most, crc_errors: most, resyncs: most, retries: most };
+    let host = SystemTime::UNIX_EPOCH + Duration::from_secs(1_700_000_000);
+    let mut log = PathBuf::new();
+    for trial in &plan.trials {
+        let (attempt, path) = session.next_attempt(trial).unwrap();
+        let board = board::to_log(&Info::default(), &Settings::DEFAULT);
+        let start = run::start(&plan, trial, attempt, Origin::Rig, Some(board), host);
+        let mut writer = Recorder::create(&path, &start, Settings::DEFAULT, host).unwrap();
+        writer.event(EventKind::Phase, "run", host).unwrap();
+        for i in 0..12 * 200u32 {
+            let telemetry = Telemetry { seq: Count(i as u16), time: Micros(i * 5000), ..Telemetry::default() };
+            writer.frame(&telemetry, u64::from(i) * 5000, host).unwrap();
+        }
+        // Two frames lost, and as many as the summary says.
+        writer.dropout(7, 2, host).unwrap();
+        writer.finish(&mut Summary { end: End::Complete, link, ..Summary::default() }).unwrap();
+        log = path;
+    }
+    let [log, session] = [&log, session.folder()].map(|path| path.to_str().unwrap());
+    for arguments in [
+        &["info", log][..],
+        &["info", session],
+        &["report", log],
+        &["report", session],
+        &["export", log],
+        &["export", session],
+        &["doctor", session],
+        &["compare", session],
+        &["simulate", "--from", log],
+        &["recover", log],
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_biflag")).current_dir(&folder).args(arguments).output().unwrap();
+        let [stdout, stderr] = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
+        println!("{arguments:?}: {:?}\n{stdout}{stderr}", output.status.code());
+        assert!(matches!(output.status.code(), Some(1..=3)), "{arguments:?} does not see the damage");
+        assert!(!stderr.contains("panicked"), "{arguments:?}");
+    }
+    let info = Command::new(env!("CARGO_BIN_EXE_biflag")).args(["info", log, "--json"]).output().unwrap();
+    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
+    assert_eq!((&info["samples"], &info["lost"], &info["clean"]), (&2400.into(), &2.into(), &false.into()));
+    assert!(info["losses"][0].as_str().unwrap().starts_with("a metadata record"), "{info}");
 }
 
 proptest! {

@@ -467,3 +467,25 @@ fn a_plan_asks_for_steady_states() {
     plan("method = \"quick\"");
     expect(&biflag(folder, &["simulate", "p.toml", "--out", "quick"]), 2);
 }
+
+/// The end of a trial without a decay is that of its run, to the last digit.
+#[test]
+fn model_without_a_decay_is_replayed_and_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for run_s in ["6.9", "15", "30", "60", "120"] {
+        let plan =
+            format!("[trial]\ncalibrate = 0\npreroll = 0\nrun = {run_s}\ndecay = 0\n[speeds]\npairs = [[50, 10]]\n");
+        std::fs::write(folder.join("plan.toml"), plan).unwrap();
+        let args = ["simulate", "plan.toml", "--closure", "lumped", "--out", run_s, "--json"];
+        let answer = biflag(folder, &args);
+        assert!(matches!(answer.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&answer.stderr));
+        let replayed = biflag(folder, &["simulate", "--from", run_s, "--json"]);
+        assert!(matches!(replayed.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&replayed.stderr));
+        let [own, again] = [&answer, &replayed].map(|output| json(output)["trials"][0]["pitch_deg"].as_f64().unwrap());
+        assert!((own - again).abs() < 1.0, "{run_s} s: {own} and {again}");
+        let compared = biflag(folder, &["compare", run_s, "--json"]);
+        expect(&compared, 0);
+        assert_eq!(json(&compared)["trials"].as_array().unwrap().len(), 1);
+    }
+}

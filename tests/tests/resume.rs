@@ -75,9 +75,9 @@ fn trial_interrupted_during_calibration_is_repeated() {
     let run = bench.run(record(&plan, &port, &["--resume"])).expect_code(0);
     expect_complete(&run, 2);
     let logs = logs(&bench.path().join("session"));
-    let info = |log: &Path| bench.run(["info", log.to_str().unwrap(), "--json"]).expect_code(0).json();
-    assert_eq!((logs.len(), &info(&logs[0])["end"]), (3, &"complete".into()), "attempt 2 sorts first: {logs:?}");
-    assert_eq!(info(&logs[1])["end"], "aborted");
+    let info = |log: &Path, code| bench.run(["info", log.to_str().unwrap(), "--json"]).expect_code(code).json();
+    assert_eq!((logs.len(), &info(&logs[0], 0)["end"]), (3, &"complete".into()), "attempt 2 sorts first: {logs:?}");
+    assert_eq!(info(&logs[1], 3)["end"], "aborted");
 }
 
 /// A calibration shorter than the board can do takes as long as the shortest, which is not the computer's fault.
@@ -236,4 +236,31 @@ fn full_disk_ends_the_trial_and_keeps_its_beginning() {
     assert!(info["samples"].as_u64().unwrap() > 200, "{info}");
     let run = bench.run(["recover", log.to_str().unwrap(), "--json"]).expect_code(3);
     assert!(run.json()["messages"].as_u64().unwrap() > 200, "{run:?}");
+}
+
+/// While a session is recorded, its log is not cut off, and no copy of its beginning is made.
+#[test]
+fn log_that_is_being_recorded_is_not_recovered() {
+    let bench = Bench::new();
+    let plan = bench.file("plan.toml", &plan(0.0, 10.0).replace("[50, 10], [-30, 30]", "[50, 10]"));
+    let mut nano = nano(["--speed", "1"]);
+    let port = nano.port().to_owned();
+    let recording = bench.start(record(&plan, &port, &[]));
+    wait_for_motion(&mut nano);
+    let session = bench.path().join("session");
+    let log = logs(&session).remove(0);
+    let run = bench.run(["recover", log.to_str().unwrap()]).expect_code(1);
+    assert!(run.stderr.contains(": is being recorded") && run.stderr.contains("wait for the end"), "{run:?}");
+    let run = bench.run(["recover", log.to_str().unwrap(), "--output", "copy.mcap"]).expect_code(1);
+    assert!(run.stderr.contains(": is being recorded"), "{run:?}");
+    let run = bench.run(["info", "session"]).expect_code(3);
+    assert!(run.stdout.contains("being recorded") && !run.stdout.contains("cut off"), "{run:?}");
+    assert_eq!(logs(&session), std::slice::from_ref(&log));
+
+    let run = Run::of(recording).expect_code(0);
+    expect_complete(&run, 1);
+    let run = bench.run(["recover", log.to_str().unwrap()]).expect_code(0);
+    assert!(run.stdout.contains("intact, nothing to recover"), "{run:?}");
+    let run = bench.run(["info", "session"]).expect_code(0);
+    assert!(!run.stdout.contains("being recorded"), "{run:?}");
 }

@@ -1,5 +1,6 @@
 //! Unpacking a chunk whose CRC holds.
 
+use super::record::parse;
 use mcap::records::{Channel, MessageHeader, Record, SchemaHeader};
 use std::io::Read;
 
@@ -55,7 +56,7 @@ fn split_record(records: &[u8]) -> Option<(Record<'_>, &[u8])> {
     let (body, rest) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
     // MCAP allows no other record in a chunk.
     let allowed = [op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(op);
-    let record = allowed.then(|| mcap::parse_record(*op, body).ok())??;
+    let record = allowed.then(|| parse(*op, body))??;
     Some((record, rest))
 }
 

@@ -118,6 +118,12 @@ pub enum LogError {
 }
 
 impl LogError {
+    /// Returns whether the file could not be read, which says nothing about its content: the same file may be an intact
+    /// log once its permissions or its disk are in order.
+    pub fn is_of_reading(&self) -> bool {
+        matches!(self, Self::Read { .. } | Self::Missing { .. })
+    }
+
     /// Converts an error of creating a log.
     pub(super) fn creating(path: &Path, source: std::io::Error) -> Self {
         let path = path.to_owned();
@@ -134,5 +140,30 @@ impl LogError {
             std::io::ErrorKind::NotFound => Self::Missing { path: path.to_owned() },
             _ => Self::Read { path: path.to_owned(), source },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::{Error, ErrorKind};
+
+    #[test]
+    fn file_that_cannot_be_read_is_told_from_a_damaged_one() {
+        let path = || PathBuf::from("a.mcap");
+        for kind in
+            [ErrorKind::PermissionDenied, ErrorKind::NotFound, ErrorKind::Other, ErrorKind::StaleNetworkFileHandle]
+        {
+            assert!(LogError::reading(&path(), Error::from(kind)).is_of_reading(), "{kind}");
+        }
+        let of_content = [
+            LogError::Empty { path: path() },
+            LogError::NothingLeft { path: path() },
+            LogError::NotMcap { path: path() },
+            LogError::NotOurs { path: path() },
+            LogError::NotAFile { path: path() },
+            LogError::Version { path: path(), found: 9, program: "9.0.0".to_owned() },
+        ];
+        assert!(!of_content.iter().any(LogError::is_of_reading));
     }
 }

@@ -94,3 +94,9 @@ pub const PROFILE: &str = "biflag";
 
 /// Longest trial, s (one week). A log with later times is damaged.
 pub const LONGEST_TRIAL_S: f64 = 7.0 * 86_400.0;
+
+/// Converts nanoseconds to seconds. The quotient is the number closest to the time, so that a time that was rounded to
+/// nanoseconds is the same again; a product with 1e-9 may lie after the end of the trial.
+fn seconds(time_ns: u64) -> f64 {
+    time_ns as f64 / 1e9
+}

@@ -1,7 +1,5 @@
 //! Reads a log message by message, holding one chunk in memory at a time.
 
-use super::LogError;
-use super::PROFILE;
 use super::chunk::{Chunk, Entry};
 use super::condition::{Condition, Loss};
 use super::meta::{FORMAT, Identity, Summary};
@@ -9,6 +7,7 @@ use super::scan::{Piece, Scanner, last_table};
 use super::schema::{self, LogMessage, biflag, foxglove};
 use super::source::Source;
 use super::table::{self, Meta, Table};
+use super::{LogError, PROFILE, seconds};
 use prost::Message as _;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -47,7 +46,7 @@ impl TrialClock {
 
     /// Returns the time of a message, s; 0 before the first telemetry frame.
     pub fn time_s(&self, message: &Message) -> f64 {
-        message.log_time_ns.saturating_sub(self.zero_ns.unwrap_or(message.log_time_ns)) as f64 * 1e-9
+        seconds(message.log_time_ns.saturating_sub(self.zero_ns.unwrap_or(message.log_time_ns)))
     }
 }
 

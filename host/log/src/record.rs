@@ -1,8 +1,8 @@
 //! Records of an MCAP file as bytes: whether they can be what they state, and what is in them.
 
 use super::PROFILE;
-use super::meta;
-use super::table::{Table, has_crc, is_intact};
+use super::meta::{self, Summary};
+use super::table::{Meta, Table, from_table, has_crc, is_intact};
 use mcap::MAGIC;
 use mcap::records::{Header, Metadata, Record, op};
 
@@ -28,18 +28,60 @@ pub(super) fn is_original(header: &Header) -> bool {
     header.library.split(' ').next() == Some(PROFILE)
 }
 
+/// Parses the body of a record; `None` if it is invalid. The lengths of its texts and its table are compared with the
+/// bytes that are there, because the parser asks for as much memory as a length states.
+pub(super) fn parse(op: u8, body: &[u8]) -> Option<Record<'_>> {
+    // Bytes before the texts, number of texts, and whether a table follows.
+    let (before, texts, has_table) = match op {
+        op::HEADER => (0, 2, false),
+        op::SCHEMA => (2, 2, false),
+        op::CHANNEL => (4, 2, true),
+        op::METADATA => (0, 1, true),
+        op::METADATA_INDEX => (16, 1, false),
+        op::ATTACHMENT => (16, 2, false),
+        op::MESSAGE => (0, 0, false),
+        // No other record is parsed.
+        _ => return None,
+    };
+    let mut rest = body.get(before..)?;
+    for _ in 0..texts {
+        (_, rest) = split_text(rest)?;
+    }
+    if has_table {
+        let (mut pairs, _) = split_text(rest)?;
+        while !pairs.is_empty() {
+            (_, pairs) = split_text(pairs)?;
+            (_, pairs) = split_text(pairs)?;
+        }
+    }
+    mcap::parse_record(op, body).ok()
+}
+
+/// Splits off bytes that follow their length.
+fn split_text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk()?;
+    rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
+}
+
 /// Parses a metadata record: one of biflag with its CRC, or one of another program.
 pub(super) fn metadata(body: &[u8]) -> Option<(String, Table)> {
     // The parser allows extra bytes after the table; here they mean that the record's length is damaged.
-    match mcap::parse_record(op::METADATA, body) {
-        Ok(Record::Metadata(Metadata { name, metadata }))
+    match parse(op::METADATA, body) {
+        Some(Record::Metadata(Metadata { name, metadata }))
             if metadata_length(&name, &metadata) == body.len()
-                && (is_intact(&name, &metadata) || !has_crc(&metadata) && !meta::NAMES.contains(&name.as_str())) =>
+                && (is_intact(&name, &metadata) || !has_crc(&metadata) && !meta::NAMES.contains(&name.as_str()))
+                && is_possible(&name, &metadata) =>
         {
             Some((name, metadata))
         }
         _ => None,
     }
+}
+
+/// Returns whether a metadata record can have been written by biflag. Sums over the counters of a possible summary do
+/// not overflow.
+fn is_possible(name: &str, table: &Table) -> bool {
+    name != Summary::NAME || from_table(table).is_none_or(|summary: Summary| summary.link.is_possible())
 }
 
 /// Returns whether a metadata record of `length` bytes can have this beginning.
@@ -67,8 +109,8 @@ pub(super) fn is_attachment(beginning: &[u8], length: u64) -> bool {
 
 /// Parses a header, which must be exactly as long as its texts.
 pub(super) fn header(body: &[u8]) -> Option<Header> {
-    match mcap::parse_record(op::HEADER, body) {
-        Ok(Record::Header(header)) if 8 + header.profile.len() + header.library.len() == body.len() => Some(header),
+    match parse(op::HEADER, body) {
+        Some(Record::Header(header)) if 8 + header.profile.len() + header.library.len() == body.len() => Some(header),
         _ => None,
     }
 }

@@ -6,13 +6,14 @@ use super::chunk::{Entry, MAX_RECORD};
 use super::condition::{Condition, Loss};
 use super::meta::RecoveryMeta;
 use super::reader::{identify, open};
+use super::record::parse;
 use super::scan::{Piece, Scanner};
 use super::schema;
 use super::source::Source;
 use super::table::{Meta, to_table};
 use super::writer::{add_channel, io_error, options};
 use mcap::Attachment;
-use mcap::records::{AttachmentHeader, MessageHeader, Metadata, Record};
+use mcap::records::{AttachmentHeader, MessageHeader, Metadata, Record, op};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
@@ -107,7 +108,7 @@ impl<W: Write + Seek> Copy<W> {
     fn attachment(&mut self, record: &[u8]) -> mcap::McapResult<()> {
         let body = record.get(9..).unwrap_or_default();
         // The scanner has checked the record.
-        if let Ok(Record::Attachment { header, data, .. }) = mcap::parse_record(mcap::records::op::ATTACHMENT, body) {
+        if let Some(Record::Attachment { header, data, .. }) = parse(op::ATTACHMENT, body) {
             let AttachmentHeader { log_time, create_time, name, media_type } = header;
             self.writer.attach(&Attachment { log_time, create_time, name, media_type, data })?;
         }

@@ -11,7 +11,7 @@ use super::chunk::{Chunk, MAX_RECORD, stated_size, unpack, unpack_beginning};
 use super::condition::{Condition, Loss};
 use super::record::{
     FOOTER, HEAD, IndexState, RawRecord, check_index, header, is_attachment, is_message_index, is_metadata,
-    is_original, metadata,
+    is_original, metadata, parse,
 };
 use super::table::Table;
 use mcap::MAGIC;
@@ -248,7 +248,7 @@ impl<R: Read + Seek> Scanner<R> {
         while let Some((op, length)) = rest.first_chunk().and_then(|head| self.plausible(head)) {
             let Some((record, after)) = rest.split_at_checked((HEAD + length) as usize) else { break };
             if op == op::METADATA_INDEX
-                && let Ok(Record::MetadataIndex(index)) = mcap::parse_record(op, &record[HEAD as usize..])
+                && let Some(Record::MetadataIndex(index)) = parse(op, &record[HEAD as usize..])
             {
                 found.push((index.name, index.offset));
             }

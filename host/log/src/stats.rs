@@ -3,6 +3,10 @@
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
+/// Largest counter of a trial: 10¹², over a million per second for the longest one. Sums over millions of trials fit into
+/// 64 bits.
+const MOST: u64 = 1_000_000_000_000;
+
 /// Link statistics of a trial.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[serde(default)]
@@ -26,16 +30,22 @@ impl LinkStats {
     pub fn is_lossless(&self) -> bool {
         self.lost == 0
     }
+
+    /// Returns whether a trial can have counted this many. Larger counters are those of a damaged or forged log.
+    pub(super) fn is_possible(&self) -> bool {
+        let Self { samples, lost, repeated, crc_errors, resyncs, retries } = *self;
+        [samples, lost, repeated, crc_errors, resyncs, retries].into_iter().all(|count| count <= MOST)
+    }
 }
 
 impl std::ops::AddAssign for LinkStats {
     fn add_assign(&mut self, other: Self) {
-        self.samples += other.samples;
-        self.lost += other.lost;
-        self.repeated += other.repeated;
-        self.crc_errors += other.crc_errors;
-        self.resyncs += other.resyncs;
-        self.retries += other.retries;
+        self.samples = self.samples.saturating_add(other.samples);
+        self.lost = self.lost.saturating_add(other.lost);
+        self.repeated = self.repeated.saturating_add(other.repeated);
+        self.crc_errors = self.crc_errors.saturating_add(other.crc_errors);
+        self.resyncs = self.resyncs.saturating_add(other.resyncs);
+        self.retries = self.retries.saturating_add(other.retries);
     }
 }
 

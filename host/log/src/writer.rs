@@ -5,7 +5,7 @@ use super::disk::{self, Disk, create_file};
 use super::meta::{BoardMeta, CalibrationMeta, Identity, Origin, PlanMeta, RobotMeta, Summary, TrialMeta};
 use super::schema::{self, ChannelSpec, LogMessage, biflag, biflag::event::Kind};
 use super::table::{Meta, to_table};
-use super::{LONGEST_TRIAL_S, LogError, PROFILE};
+use super::{LONGEST_TRIAL_S, LogError, PROFILE, seconds};
 use protocol::Calibration;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -136,7 +136,7 @@ impl Writer {
 
     /// Returns the trial's current time, s since its first frame.
     pub fn time_s(&self) -> f64 {
-        self.clock.first.map_or(0.0, |(_, first_ns)| self.clock.log_ns.saturating_sub(first_ns) as f64 * 1e-9)
+        self.clock.first.map_or(0.0, |(_, first_ns)| seconds(self.clock.log_ns.saturating_sub(first_ns)))
     }
 
     /// Returns the `log_time` that corresponds to `time_s` after the trial's first frame, ns since 1970. For messages

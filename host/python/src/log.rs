@@ -88,7 +88,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
 
 fn warnings(data: &Data, zeroed: &Zeroed) -> Vec<String> {
     let mut warnings = data.check().unwrap_or_else(|error| vec![error.reason]);
-    warnings.extend(zeroed.warnings.iter().cloned());
+    warnings.extend(zeroed.rest.iter().map(|finding| finding.text.clone()));
     warnings
 }
 

@@ -1,11 +1,12 @@
 //! `biflag info`: shows the content of a log or a session.
 
+use super::findings::{finding_json, finding_line};
 use super::{Answer, Outcome};
 use crate::plan::{HandTurn, Plan};
-use crate::session::{Attempt, Session, TrialState};
+use crate::session::{Attempt, Session, TrialState, is_in_use};
 use crate::text::{self, count, decimal, word};
-use crate::trial::{Angles, Data, Records, Want, Zeroed};
-use biflag_log::{Condition, End, LinkStats, Summary};
+use crate::trial::{Angles, Data, Finding, Records, Want, Zeroed, findings};
+use biflag_log::{Condition, End, LinkStats, LogError, Summary};
 use rayon::prelude::*;
 use serde_json::json;
 use std::fmt::{Display, Write};
@@ -26,7 +27,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 
 fn log(path: &Path) -> miette::Result<Answer> {
     let data = Data::read(path, Want::default())?;
-    let angles = Zeroed::new(&data).angles();
+    let zeroed = Zeroed::new(&data);
+    let (angles, findings) = (zeroed.angles(), findings(&data, &zeroed));
     let clean = data.condition.is_whole();
     let records = &data.records;
     let body = json!({
@@ -45,11 +47,16 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "trial": records.trial,
         "end": records.summary.as_ref().map(|summary| summary.end),
         "angles": angles,
+        "findings": findings.iter().map(|finding| finding_json(None, finding)).collect::<Vec<_>>(),
         "model": records.model,
         "steady": records.steady,
     });
-    let outcome = if clean { Outcome::Done } else { Outcome::WithLoss };
-    Answer::new(outcome, &body, describe(path, &data, angles.as_ref()))
+    let is_sound = clean && !findings.iter().any(|finding| finding.grave);
+    let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
+    let mut text = describe(path, &data, angles.as_ref());
+    // Writing to a string cannot fail.
+    findings.iter().for_each(|finding| _ = writeln!(text, "{}", finding_line(None, finding)));
+    Answer::new(outcome, &body, text)
 }
 
 /// Lines with a name and a value. Lines without a value are left out.
@@ -159,7 +166,8 @@ fn steady(angles: &Angles) -> String {
 
 fn session(folder: &Path) -> miette::Result<Answer> {
     let session = Session::open(folder)?;
-    let rows: Vec<_> = session.states()?.into_par_iter().map(Row::read).collect();
+    let rows: Vec<_> = session.states()?.into_par_iter().map(Row::read).collect::<Result<_, _>>()?;
+    let recorded = if is_in_use(folder) { recorded(&rows) } else { None };
     let complete = rows.iter().filter(|row| row.state.complete().is_some()).count();
     let mut link = LinkStats::default();
     let trials = count(rows.len(), "trial");
@@ -180,8 +188,12 @@ fn session(folder: &Path) -> miette::Result<Answer> {
             "losses": attempt.map(|attempt| &attempt.losses),
             "summary": summary,
             "angles": row.angles,
+            "findings": row.findings.iter().map(|finding| finding_json(None, finding)).collect::<Vec<_>>(),
         }));
-        let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(row, session.plan().hand_turn));
+        let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(row, session.plan().hand_turn, recorded));
+        for finding in row.findings.iter().filter(|finding| finding.grave) {
+            let _ = writeln!(text, "    {}", finding_line(None, finding));
+        }
     }
     let _ = writeln!(text, "{link}");
     let clean = complete == rows.len();
@@ -192,38 +204,57 @@ fn session(folder: &Path) -> miette::Result<Answer> {
         "clean": clean,
         "trials": trials,
     });
-    Answer::new(if clean { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+    let is_sound = clean && !rows.iter().flat_map(|row| &row.findings).any(|finding| finding.grave);
+    Answer::new(if is_sound { Outcome::Done } else { Outcome::WithLoss }, &body, text)
 }
 
 /// A trial of a session after reading its complete log.
 struct Row {
     state: TrialState,
     angles: Option<Angles>,
+    findings: Vec<Finding>,
     link: LinkStats,
 }
 
 impl Row {
     /// Reads the log of the last complete attempt, then of earlier ones until one is intact.
-    fn read(mut state: TrialState) -> Self {
+    fn read(mut state: TrialState) -> Result<Self, LogError> {
         while let Some(path) = state.complete().map(|attempt| attempt.path.clone()) {
             let losses = match Data::read(&path, Want::default()) {
                 Ok(data) if data.losses.is_empty() => {
-                    return Self { state, angles: Zeroed::new(&data).angles(), link: data.link };
+                    let zeroed = Zeroed::new(&data);
+                    let (angles, findings) = (zeroed.angles(), findings(&data, &zeroed));
+                    return Ok(Self { state, angles, findings, link: data.link });
                 }
                 Ok(data) => data.losses.iter().map(ToString::to_string).collect(),
+                Err(error) if error.is_of_reading() => return Err(error),
                 Err(error) => vec![error.to_string()],
             };
             state.damaged(&path, &losses);
         }
-        let last = state.attempts.last().and_then(|last| Data::read(&last.path, Want::default()).ok());
-        Self { state, angles: None, link: last.map(|data| data.link).unwrap_or_default() }
+        let last = state.attempts.last().map(|last| Data::read(&last.path, Want::default()));
+        let link = match last {
+            Some(Ok(data)) => data.link,
+            Some(Err(error)) if error.is_of_reading() => return Err(error),
+            Some(Err(_)) | None => LinkStats::default(),
+        };
+        Ok(Self { state, angles: None, findings: Vec::new(), link })
     }
 }
 
-/// Formats the state of a trial of a session.
-fn line(row: &Row, hand_turn: Option<HandTurn>) -> String {
+/// Returns the log that is being recorded: of those without a summary, the one that was written to last. The others are
+/// those of recordings that were killed.
+fn recorded(rows: &[Row]) -> Option<&Path> {
+    let open = rows.iter().filter_map(|row| row.state.best()).filter(|attempt| attempt.summary.is_none());
+    let written = |attempt: &&Attempt| attempt.path.metadata().and_then(|file| file.modified()).ok();
+    open.max_by_key(written).map(|attempt| attempt.path.as_path())
+}
+
+/// Formats the state of a trial of a session, one log of which may be `recorded` at present.
+fn line(row: &Row, hand_turn: Option<HandTurn>, recorded: Option<&Path>) -> String {
     match row.state.best() {
         None => "not run yet".to_owned(),
+        Some(Attempt { path, .. }) if recorded == Some(path) => "being recorded".to_owned(),
         Some(Attempt { losses, .. }) if !losses.is_empty() => {
             format!("damaged, --resume repeats the trial; lost: {}", losses.join("; "))
         }

@@ -8,6 +8,7 @@ mod completions;
 mod doctor;
 mod export;
 mod figure;
+mod findings;
 mod flash;
 mod info;
 mod live;

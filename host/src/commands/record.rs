@@ -12,7 +12,7 @@ use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, Vir
 use crate::session::{self, Session, Sharing};
 use crate::signals::interruption;
 use crate::text::decimal;
-use crate::trial::{Data, Want, Zeroed};
+use crate::trial::{Data, Want, Zeroed, findings};
 use biflag_log::{BoardMeta, End, LinkStats, Origin, Summary};
 use miette::{IntoDiagnostic, Report, WrapErr};
 use protocol::Command;
@@ -149,13 +149,18 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             continue;
         };
         let mut summary = attempt.summary.clone().unwrap_or_default();
-        if let Some(angles) = Zeroed::new(&Data::read(&attempt.path, Want::default())?).angles() {
+        let data = Data::read(&attempt.path, Want::default())?;
+        let zeroed = Zeroed::new(&data);
+        if let Some(angles) = zeroed.angles() {
             angles.fill(&mut summary);
         }
-        if !summary.link.is_lossless() {
+        let grave = findings(&data, &zeroed).into_iter().filter(|finding| finding.grave);
+        let warnings: Vec<_> = grave.map(|finding| finding.text).collect();
+        if !warnings.is_empty() {
             outcome = Outcome::WithLoss;
         }
-        recorded.trials.push(RecordedTrial::new(&state.trial, attempt.path.clone(), &summary));
+        let row = RecordedTrial::new(&state.trial, attempt.path.clone(), &summary);
+        recorded.trials.push(RecordedTrial { warnings, ..row });
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
     for note in note.into_iter().chain(note_of_copy) {

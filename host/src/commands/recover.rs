@@ -1,7 +1,7 @@
 //! `biflag recover`: writes an intact log from one that is cut off or damaged, and rebuilds a session's manifest.
 
 use super::{Answer, Outcome, WRONG_USE};
-use crate::session::{self, Rebuilt};
+use crate::session::{self, Rebuilt, SessionError};
 use crate::text::count;
 use biflag_log::{check, recover};
 use serde_json::json;
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Write an intact log from one that is cut off or damaged, or rebuild a session.toml that is lost or damaged.
 ///
 /// The damaged log is not changed. If the log is intact, nothing is written unless -o names a file. The session.toml of a
-/// folder is rebuilt from its logs, which hold the plan and the robot.
+/// folder is rebuilt from its logs, which hold the plan and the robot. Nothing is recovered while the session is recorded.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag recover glycerin/001_w1+50_w2+10.mcap\n  \
@@ -62,10 +62,19 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     Answer::new(if unreadable.is_empty() { Outcome::Done } else { Outcome::WithLoss }, &body, text)
 }
 
+/// Returns the folder of a log. A link to a log is followed, because its target is what may be recorded.
+fn folder_of(log: &Path) -> PathBuf {
+    let target = log.canonicalize().unwrap_or_else(|_| log.to_owned());
+    target.parent().unwrap_or(Path::new("")).to_owned()
+}
+
 fn log(args: &Args) -> miette::Result<Answer> {
     if args.output.is_none() && check(&args.path)?.is_empty() {
         let body = json!({ "log": args.path.to_string_lossy(), "recovered": null, "clean": true, "losses": [] });
         return Answer::new(Outcome::Done, &body, format!("{}: intact, nothing to recover", args.path.display()));
+    }
+    if session::is_in_use(&folder_of(&args.path)) {
+        return Err(SessionError::BeingRecorded { path: args.path.clone() }.into());
     }
     let output = args.output.clone().unwrap_or_else(|| args.path.with_extension("recovered.mcap"));
     let recovery = recover(&args.path, &output)?;

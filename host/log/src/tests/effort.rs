@@ -1,6 +1,51 @@
 //! Time and memory that reading takes, whatever the file states.
 
+use super::rewritten::{Rewriting, rewrite};
 use super::*;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+thread_local! {
+    /// The longest piece of memory that this thread has asked for.
+    static LONGEST: Cell<usize> = const { Cell::new(0) };
+}
+
+/// The system's allocator, which notes what is asked for.
+struct Watched;
+
+fn note(size: usize) {
+    // A thread that ends has no cell any more.
+    let _ = LONGEST.try_with(|longest| longest.set(longest.get().max(size)));
+}
+
+// SAFETY: every call is passed on to the system's allocator as it is.
+unsafe impl GlobalAlloc for Watched {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        note(layout.size());
+        // SAFETY: the caller's promises are those of the system's allocator.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        note(layout.size());
+        // SAFETY: as above.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        note(size);
+        // SAFETY: as above.
+        unsafe { System.realloc(memory, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static MEMORY: Watched = Watched;
 
 /// A file that counts what is read of it.
 struct Counting {
@@ -62,6 +107,37 @@ fn stated_lengths_allocate_nothing() {
             broken[at..at + 8].copy_from_slice(&length.to_le_bytes());
             let (_, longest) = effort(broken);
             assert!(longest <= log.len(), "{length} at {at}: a buffer of {longest} bytes");
+        }
+    }
+}
+
+/// The length of a text or a table in a record is compared with the record before memory is asked for.
+#[test]
+fn stated_lengths_of_texts_allocate_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    write(&path, 4);
+    let plain = Rewriting { chunks: false, crcs: false, index: true, lz4: false };
+    for log in [std::fs::read(&path).unwrap(), rewrite(&path, plain)] {
+        LONGEST.set(0);
+        effort(log.clone());
+        let usual = LONGEST.get();
+        // Every length that precedes a text, and some numbers that only look like one.
+        let is_length = |at: &usize| {
+            let (length, rest) = log[*at..].split_first_chunk().unwrap();
+            let text = rest.get(..u32::from_le_bytes(*length) as usize);
+            text.is_some_and(|text| !text.is_empty() && text.iter().all(u8::is_ascii_graphic))
+        };
+        let places: Vec<usize> = (mcap::MAGIC.len()..log.len() - 4).filter(is_length).collect();
+        assert!(places.len() > 50, "{} places", places.len());
+        for at in places {
+            let mut broken = log.clone();
+            broken[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
+            LONGEST.set(0);
+            let _ = scan::last_table(Cursor::new(&broken), Summary::NAME).unwrap();
+            effort(broken);
+            let longest = LONGEST.get();
+            assert!(longest <= usual.max(1 << 20), "a text at {at} of {}: {longest} bytes of memory", log.len());
         }
     }
 }

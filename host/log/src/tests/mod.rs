@@ -422,3 +422,58 @@ fn file_that_changes_while_it_is_written_is_an_error() {
         assert!(matches!(changed(case), Err(LogError::Changed { .. })));
     }
 }
+
+/// The time of an event is the one that it was written with, to the last digit.
+#[test]
+fn times_are_the_same_again() {
+    for time_s in [15.0, 30.0, 60.0, 120.0, 86_400.0, 6.9, 0.035] {
+        assert_eq!(seconds((time_s * 1e9) as u64), time_s);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let start = Start { identity: Identity { origin: Origin::Model, ..start().identity }, ..start() };
+    let mut writer = Writer::create(&path, &start, SystemTime::UNIX_EPOCH).unwrap();
+    let mut converter = Converter::new(Settings::DEFAULT);
+    writer.board_time(0, SystemTime::UNIX_EPOCH);
+    writer.message(&converter.telemetry(&frame(0), 0, 0.0), SystemTime::UNIX_EPOCH).unwrap();
+    for time_s in [30.0, 60.0, 120.0] {
+        writer.at(time_s);
+        assert_eq!(writer.time_s(), time_s);
+        writer.event(EventKind::Phase, "end", SystemTime::UNIX_EPOCH).unwrap();
+    }
+    writer.finish(&Summary::default()).unwrap();
+    let mut clock = TrialClock::default();
+    let times: Vec<f64> = (Reader::open(&path).unwrap().map(Result::unwrap))
+        .map(|message| {
+            clock.see(&message);
+            clock.time_s(&message)
+        })
+        .collect();
+    assert_eq!(times, [0.0, 30.0, 60.0, 120.0]);
+}
+
+/// A forged summary whose counters would overflow every sum is damage.
+#[test]
+fn summary_with_impossible_counters_is_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, copy] = ["a.mcap", "b.mcap"].map(|name| folder.path().join(name));
+    for most in [u64::MAX, u64::MAX / 2] {
+        for key in 0..6 {
+            let mut counters = [0; 6];
+            counters[key] = most;
+            let [samples, lost, repeated, crc_errors, resyncs, retries] = counters;
+            let link = LinkStats { samples, lost, repeated, crc_errors, resyncs, retries };
+            let _ = std::fs::remove_file(&path);
+            let writer = Writer::create(&path, &start(), host(0.0)).unwrap();
+            writer.finish(&Summary { end: End::Complete, link, ..Summary::default() }).unwrap();
+            assert_eq!(summary(&path).unwrap(), None, "{link:?}");
+            let losses = check(&path).unwrap();
+            assert_eq!(losses.iter().map(|loss| loss.what).collect::<Vec<_>>(), ["a metadata record"], "{link:?}");
+            let mut sum = link;
+            sum += link;
+            assert_eq!((sum.samples, sum.lost), (samples.saturating_mul(2), lost.saturating_mul(2)));
+        }
+    }
+    recover(&path, &copy).unwrap();
+    assert_eq!(check(&copy).unwrap(), []);
+}

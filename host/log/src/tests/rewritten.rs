@@ -4,17 +4,17 @@ use super::*;
 
 /// How another program writes a log.
 #[derive(Clone, Copy, Debug)]
-struct Rewriting {
-    chunks: bool,
-    crcs: bool,
-    index: bool,
-    lz4: bool,
+pub(super) struct Rewriting {
+    pub chunks: bool,
+    pub crcs: bool,
+    pub index: bool,
+    pub lz4: bool,
 }
 
 const LIBRARY: &str = "mcap go v1.7.0; biflag 0.1.0";
 
 /// Rewrites a log as another program may: with a file attached, metadata and a channel of its own, and an undefined record.
-fn rewrite(log: &Path, how: Rewriting) -> Vec<u8> {
+pub(super) fn rewrite(log: &Path, how: Rewriting) -> Vec<u8> {
     let record = |op: u8, body: &[u8]| [&[op][..], &(body.len() as u64).to_le_bytes(), body].concat();
     let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
     let crc = |bytes: &[u8]| if how.crcs { crc32fast::hash(bytes) } else { 0 }.to_le_bytes();

@@ -94,7 +94,7 @@ mod tests {
             tilt_uncertainty_deg: [Some(0.1); 2],
             ..Comparison::default()
         };
-        let drawn = draw(&[known.clone()], 180.0);
+        let drawn = draw(std::slice::from_ref(&known), 180.0);
         assert!(drawn.contains("Measured yaw ψ (°)") && drawn.contains("Predicted roll φ (°)"));
         assert!(!drawn.contains("uncertainty unknown"));
         let unknown = Comparison { yaw_uncertainty_deg: None, sides: Sides::Recordings, ..known };

@@ -218,7 +218,10 @@ fn table(rows: &[Row], has_charts: bool) -> Markup {
                     th scope="col" { button type="button" { "Trial" } }
                     (head("w1, rpm")) (head("w2, rpm"))
                     (head("ψ, °")) @if columns.uncertainty { (head("± 95 %")) } (head("θ, °")) (head("φ, °"))
-                    @if let Some(other) = columns.compared { (head(&format!("{other} ψ"))) (head(&format!("{other} θ"))) (head("error ψ")) (head("error θ")) (head("RMS ψ")) (head("RMS θ")) }
+                    @if let Some(name) = columns.compared {
+                        // Columns are narrow.
+                        @let other = if name == "model" { name } else { "other" };
+                        (head(&format!("{other} ψ"))) (head(&format!("{other} θ"))) (head("error ψ")) (head("error θ")) (head("RMS ψ")) (head("RMS θ")) }
                     @if columns.link { (head("lost")) }
                     th.text scope="col" { "Notes" }
                 } }

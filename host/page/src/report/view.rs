@@ -86,7 +86,7 @@ impl View {
             speeds_rpm: [trial.w1_rpm, trial.w2_rpm],
             log: data.path.clone(),
             steady: steady(angles.as_ref(), comparison),
-            warnings: warnings(data, angles.as_ref(), comparison),
+            warnings: warnings(data, &zeroed, angles.as_ref(), comparison),
             events: most_important(data.events.clone(), budget.events()),
             more_events: data.more_events + data.events.len().saturating_sub(budget.events()),
             curves: Curves::default(),

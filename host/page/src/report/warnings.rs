@@ -1,8 +1,10 @@
 //! Warnings about a trial, for the reader of its page.
 
 use super::text::{clip, count};
+use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End};
-use study::trial::{Angles, Data};
+use study::text::capitalised;
+use study::trial::{Angles, Data, Zeroed};
 use study::twin::Comparison;
 
 /// A warning on the page.
@@ -21,7 +23,12 @@ impl Warning {
 }
 
 /// Returns the warnings of a trial, and of its comparison.
-pub(super) fn warnings(data: &Data, angles: Option<&Angles>, comparison: Option<&Comparison>) -> Vec<Warning> {
+pub(super) fn warnings(
+    data: &Data,
+    zeroed: &Zeroed,
+    angles: Option<&Angles>,
+    comparison: Option<&Comparison>,
+) -> Vec<Warning> {
     let records = &data.records;
     let mut warnings = Vec::new();
     let mut warn = |brief: &str, text: String| warnings.push(Warning::new(brief, text));
@@ -51,7 +58,7 @@ pub(super) fn warnings(data: &Data, angles: Option<&Angles>, comparison: Option<
     }
     let link = data.link;
     if link.lost > 0 {
-        let all = count(link.lost + link.samples, "telemetry frame", "telemetry frames");
+        let all = count(link.lost.saturating_add(link.samples), "telemetry frame", "telemetry frames");
         warn(&format!("{} lost", link.lost), format!("Lost: {} of {all}.", link.lost));
     }
     if records.steady.as_ref().is_some_and(|steady| !steady.settled) {
@@ -64,6 +71,14 @@ pub(super) fn warnings(data: &Data, angles: Option<&Angles>, comparison: Option<
     if !data.is_model() && angles.is_some_and(|angles| angles.yaw_uncertainty_deg.is_none()) {
         let text = "The uncertainty of the yaw is unknown: the trial has no still phase that is long enough to estimate it from.";
         warn("yaw uncertainty unknown", text.to_owned());
+    }
+    // What the recorder saw.
+    for event in data.events.iter().filter(|event| event.kind == Kind::Warning) {
+        warn(&clip(&event.text, 80), clip(&event.text, 500));
+    }
+    // Those of a comparison are among its warnings.
+    for finding in zeroed.rest.iter().filter(|finding| finding.grave && comparison.is_none()) {
+        warn("not at rest", format!("{}; {}.", capitalised(&finding.text), finding.cure));
     }
     for text in comparison.iter().flat_map(|comparison| &comparison.warnings) {
         warn(&clip(text, 80), clip(text, 500));

@@ -12,7 +12,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, SystemTime};
 use study::plan::{Change, Phase, Schedule, TICK_US, Trial};
 use study::progress::Progress;
-use study::run;
+use study::run::{self, Measured};
 use study::trial::Angles;
 
 /// A trial that was run.
@@ -103,7 +103,12 @@ pub fn run(
         link: recorder.monitor.stats(),
         ..Summary::default()
     };
-    let angles = if writable { recorder.trial.finish(&mut summary)? } else { recorder.trial.abandon() };
+    let Measured { angles, rest } =
+        if writable { recorder.trial.finish(&mut summary)? } else { recorder.trial.abandon() };
+    for finding in rest {
+        let said = if finding.grave { &mut said.warnings } else { &mut said.notes };
+        said.push(format!("{}: {}", finding.text, finding.cure));
+    }
     Ok(RigRun { summary, angles, error, warnings: said.warnings, notes: said.notes })
 }
 

@@ -6,7 +6,7 @@ pub mod table;
 
 use crate::output::{self, OutputError};
 use crate::session::{Session, SessionError};
-use crate::trial::{Data, Want, Zeroed};
+use crate::trial::{Data, Finding, Want, Zeroed, findings};
 use biflag_log::LogError;
 use miette::Diagnostic;
 use nalgebra::UnitQuaternion;
@@ -97,6 +97,15 @@ pub struct Exported {
     pub rows: usize,
     /// Logs that are cut off or damaged, with their losses.
     pub damaged: Vec<String>,
+    /// Findings about the trials, each with the name of its log.
+    pub findings: Vec<(String, Finding)>,
+}
+
+impl Exported {
+    fn add_findings(&mut self, data: &Data) {
+        let log = data.path.display().to_string();
+        self.findings.extend(findings(data, &Zeroed::new(data)).into_iter().map(|finding| (log.clone(), finding)));
+    }
 }
 
 const FORCES: Want = Want { forces: true, shapes: 0, hash: false };
@@ -112,7 +121,9 @@ pub fn export_log(log: &Path, output: &Path, format: Format, replace: bool) -> R
     let data = Data::read(log, FORCES)?;
     let rows = write_trial(&data, output, format, replace)?;
     let damaged = if data.condition.is_whole() { Vec::new() } else { vec![log.display().to_string()] };
-    Ok(Exported { files: vec![output.to_owned()], rows, damaged })
+    let mut exported = Exported { files: vec![output.to_owned()], rows, damaged, findings: Vec::new() };
+    exported.add_findings(&data);
+    Ok(exported)
 }
 
 /// Exports a session to a folder: one file per trial with a log, and a table of the trials, `trials.csv` or
@@ -154,6 +165,7 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
         let file = output.join(&name);
         exported.rows += write_trial(&data, &file, format, replace)?;
         exported.files.push(file);
+        exported.add_findings(&data);
         trials.push(Summary::new(&state.trial, &data, name));
     }
     write_table(&table::session(&session.plan().name, &trials), &table, format, replace)?;

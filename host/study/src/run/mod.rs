@@ -3,7 +3,7 @@
 pub mod model;
 mod recorder;
 
-pub use recorder::{AtRest, Recorder};
+pub use recorder::{AtRest, Measured, Recorder};
 
 use crate::plan::{Phases, Plan, Trial};
 use crate::program;

@@ -3,7 +3,7 @@
 use crate::attitude::{Leveller, RestForce, rotation};
 use crate::draw::{self, Drawing};
 use crate::plan::RobotFile;
-use crate::trial::{Angles, Collector, Records, Want, Zeroed};
+use crate::trial::{Angles, Collector, Finding, Records, Want, Zeroed};
 use biflag_log::schema::biflag::Quaternion;
 use biflag_log::{
     CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, ModelMeta, Origin, Start, Summary, Tap, Writer,
@@ -225,26 +225,37 @@ impl Recorder {
         self.log.meta(model)
     }
 
-    /// Ends the log with `summary`, after adding the angles of a trial of the rig to it. Returns the angles.
+    /// Ends the log with `summary`, after adding the angles of a trial of the rig to it. Returns the results.
     ///
     /// # Errors
     /// [`LogError::Write`].
-    pub fn finish(self, summary: &mut Summary) -> Result<Option<Angles>, LogError> {
+    pub fn finish(self, summary: &mut Summary) -> Result<Measured, LogError> {
         let records = Records { summary: Some(summary.clone()), ..self.records };
-        let angles = angles(self.collector, &self.path, records);
-        if let Some(angles) = &angles {
+        let measured = measured(self.collector, &self.path, records);
+        if let Some(angles) = &measured.angles {
             angles.fill(summary);
         }
         self.log.finish(summary)?;
-        Ok(angles)
+        Ok(measured)
     }
 
-    /// Returns the angles of a trial whose log cannot be completed.
-    pub fn abandon(self) -> Option<Angles> {
-        angles(self.collector, &self.path, self.records)
+    /// Returns the results of a trial whose log cannot be completed.
+    pub fn abandon(self) -> Measured {
+        measured(self.collector, &self.path, self.records)
     }
 }
 
-fn angles(collector: Option<Collector>, path: &Path, records: Records) -> Option<Angles> {
-    Zeroed::new(&collector?.finish(path, records)).angles()
+/// The results of a trial of the rig; those of a model come from its solver.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Measured {
+    /// Its steady angles; `None` if there is no attitude in the run.
+    pub angles: Option<Angles>,
+    /// Findings about its still phases.
+    pub rest: Vec<Finding>,
+}
+
+fn measured(collector: Option<Collector>, path: &Path, records: Records) -> Measured {
+    let Some(collector) = collector else { return Measured::default() };
+    let zeroed = Zeroed::new(&collector.finish(path, records));
+    Measured { angles: zeroed.angles(), rest: zeroed.rest }
 }

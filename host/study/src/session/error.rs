@@ -83,6 +83,13 @@ pub enum SessionError {
         /// The folder.
         folder: PathBuf,
     },
+    /// The log, or the session, is being written, so that it cannot be recovered.
+    #[error("{}: is being recorded: another biflag is writing into the session", path.display())]
+    #[diagnostic(help("wait for the end of the recording; a log that is complete then needs no recovery"))]
+    BeingRecorded {
+        /// The log, or the folder of the session.
+        path: PathBuf,
+    },
     /// The session's trials ran in another place or with other settings.
     #[error("{}: its trials ran {was}, such as {}; the next ones would run {is}", folder.display(), log.display())]
     #[diagnostic(

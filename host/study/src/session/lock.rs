@@ -3,6 +3,8 @@
 use super::{MANIFEST, Session, SessionError};
 use biflag_log::atomic_file;
 use std::fs::{File, TryLockError};
+use std::path::Path;
+use std::time::Duration;
 
 /// End of the name of a log while a simulation writes it.
 pub const UNFINISHED: &str = ".mcap.unfinished";
@@ -22,6 +24,15 @@ pub struct Lock {
     _manifest: File,
 }
 
+/// Returns whether another program is writing into the session in `folder` alone, as `biflag record` does. Shards do not
+/// count: their logs get their names when they are complete. The lock is not kept, and nothing in the folder is changed;
+/// a folder without a manifest is not in use.
+pub fn is_in_use(folder: &Path) -> bool {
+    // Two programs that ask at the same time share the lock.
+    File::open(folder.join(MANIFEST))
+        .is_ok_and(|manifest| matches!(manifest.try_lock_shared(), Err(TryLockError::WouldBlock)))
+}
+
 impl Session {
     /// Locks the session for writing, and removes the drafts that killed programs left in it.
     ///
@@ -35,10 +46,16 @@ impl Session {
             .write(true)
             .open(&path)
             .map_err(|source| SessionError::Io { path: path.clone(), source })?;
-        let locked = match sharing {
+        let try_lock = || match sharing {
             Sharing::Alone => manifest.try_lock(),
             Sharing::WithShards => manifest.try_lock_shared(),
         };
+        let mut locked = try_lock();
+        if matches!(locked, Err(TryLockError::WouldBlock)) {
+            // Another program may only have asked whether the session is in use.
+            std::thread::sleep(Duration::from_millis(50));
+            locked = try_lock();
+        }
         match locked {
             Err(TryLockError::WouldBlock) => Err(SessionError::InUse { folder: self.folder().to_owned() }),
             // Not every file system supports locks. Without them, logs are still protected: they are never overwritten.

@@ -21,7 +21,7 @@ mod rebuild;
 mod rig;
 
 pub use error::SessionError;
-pub use lock::{Lock, Sharing, UNFINISHED};
+pub use lock::{Lock, Sharing, UNFINISHED, is_in_use};
 pub use manifest::MANIFEST;
 pub use rebuild::{Rebuilt, rebuild};
 
@@ -29,6 +29,7 @@ use crate::plan::{Plan, Trial};
 use biflag_log::{End, LogError, RecoveryMeta, Summary};
 use manifest::Manifest;
 use rayon::prelude::*;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// A session folder.
@@ -60,13 +61,17 @@ pub struct Attempt {
     pub losses: Vec<String>,
 }
 
+impl Attempt {
+    /// Returns whether the log's own summary says that all phases were completed, and no losses of it are known.
+    fn is_complete(&self) -> bool {
+        self.losses.is_empty() && self.summary.as_ref().is_some_and(|summary| summary.end == End::Complete)
+    }
+}
+
 impl TrialState {
-    /// Returns the last complete attempt. An attempt with losses is not complete, even if its log has a summary; the
-    /// losses are known from its recovered log or from a check.
+    /// Returns the last complete attempt. An attempt with losses is not complete, even if its log has a summary.
     pub fn complete(&self) -> Option<&Attempt> {
-        let lost = |number| self.attempts.iter().any(|attempt| attempt.number == number && !attempt.losses.is_empty());
-        let ended = |attempt: &&Attempt| attempt.summary.as_ref().is_some_and(|summary| summary.end == End::Complete);
-        self.attempts.iter().rev().filter(ended).find(|attempt| !lost(attempt.number))
+        self.attempts.iter().rev().find(|attempt| attempt.is_complete())
     }
 
     /// Returns the attempt that represents the trial: the last complete one, else the last one.
@@ -75,15 +80,29 @@ impl TrialState {
     }
 
     /// Checks the log of the last complete attempt, then of earlier ones until one is intact.
-    fn check(&mut self) {
+    fn check(&mut self) -> Result<(), LogError> {
         while let Some(path) = self.complete().map(|attempt| attempt.path.clone()) {
-            let losses: Vec<_> = match biflag_log::check(&path) {
-                Ok(losses) if losses.is_empty() => return,
-                Ok(losses) => losses.iter().map(ToString::to_string).collect(),
-                Err(error) => vec![described(&error)],
-            };
+            let losses = losses(&path)?;
+            if losses.is_empty() {
+                break;
+            }
             self.damaged(&path, &losses);
         }
+        Ok(())
+    }
+
+    /// Checks every log that ends as a complete one does and has a recovered copy with losses. If the log is damaged in
+    /// its middle, the copy shows what its end does not; if the log was still being written when it was copied, the copy
+    /// says nothing about it.
+    fn check_recovered(&mut self) -> Result<(), LogError> {
+        let has_losses: Vec<u32> =
+            (self.attempts.iter().filter(|attempt| !attempt.losses.is_empty())).map(|attempt| attempt.number).collect();
+        for attempt in &mut self.attempts {
+            if attempt.is_complete() && has_losses.contains(&attempt.number) {
+                attempt.losses = losses(&attempt.path)?;
+            }
+        }
+        Ok(())
     }
 
     /// Records the losses of a log.
@@ -167,7 +186,7 @@ impl Session {
     /// [`SessionError::Io`], [`SessionError::Log`].
     pub fn intact_states(&self) -> Result<Vec<TrialState>, SessionError> {
         let mut states = self.states()?;
-        states.par_iter_mut().filter(|state| state.attempts.len() > 1).for_each(TrialState::check);
+        states.par_iter_mut().filter(|state| state.attempts.len() > 1).try_for_each(TrialState::check)?;
         Ok(states)
     }
 
@@ -178,7 +197,7 @@ impl Session {
     /// [`SessionError::Io`], [`SessionError::Log`].
     pub fn checked_states(&self) -> Result<Vec<TrialState>, SessionError> {
         let mut states = self.states()?;
-        states.par_iter_mut().for_each(TrialState::check);
+        states.par_iter_mut().try_for_each(TrialState::check)?;
         Ok(states)
     }
 
@@ -216,15 +235,28 @@ impl Session {
             let path = self.folder.join(name);
             let number = attempt_number(&name[prefix.len()..]);
             let read = || Ok((biflag_log::last_meta::<RecoveryMeta>(&path)?, biflag_log::summary(&path)?));
-            // A log that cannot be read is the loss of this attempt alone.
             let (losses, summary) = match read() {
                 Ok((recovery, summary)) => (recovery.into_iter().map(|recovery| recovery.lost).collect(), summary),
-                Err::<_, LogError>(error) => (vec![described(&error)], None),
+                // What cannot be read may be a complete log, so it is neither lost nor repeated.
+                Err::<_, LogError>(error) if error.is_of_reading() => return Err(error.into()),
+                // What is no log is the loss of this attempt alone.
+                Err(error) => (vec![described(&error)], None),
             };
             attempts.push(Attempt { number, summary, losses, path });
         }
         attempts.sort_by_key(|attempt| attempt.number);
-        Ok(TrialState { trial: trial.clone(), attempts })
+        let mut state = TrialState { trial: trial.clone(), attempts };
+        state.check_recovered()?;
+        Ok(state)
+    }
+}
+
+/// Checks a log in full; returns descriptions of the parts that are lost.
+fn losses(path: &Path) -> Result<Vec<String>, LogError> {
+    match biflag_log::check(path) {
+        Ok(losses) => Ok(losses.iter().map(ToString::to_string).collect()),
+        Err(error) if error.is_of_reading() => Err(error),
+        Err(error) => Ok(vec![described(&error)]),
     }
 }
 
@@ -235,11 +267,13 @@ fn log_names(folder: &Path) -> Result<Vec<String>, SessionError> {
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let entry = entry.map_err(failed)?;
         // Logs of biflag have ASCII names.
-        if let Ok(name) = entry.file_name().into_string()
-            && name.ends_with(".mcap")
-            && entry.path().metadata().is_ok_and(|target| target.is_file())
-        {
-            names.push(name);
+        let Some(name) = entry.file_name().into_string().ok().filter(|name| name.ends_with(".mcap")) else { continue };
+        match entry.path().metadata() {
+            Ok(target) if target.is_file() => names.push(name),
+            Ok(_) => {}
+            // A link to nothing is no log.
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {}
+            Err(source) => return Err(SessionError::Io { path: entry.path(), source }),
         }
     }
     names.sort_unstable();

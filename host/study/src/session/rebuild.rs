@@ -1,7 +1,7 @@
 //! Rebuilds a session whose manifest is lost or damaged from its logs, each of which has the plan and the robot.
 
 use super::manifest::Manifest;
-use super::{MANIFEST, Session, SessionError, described, difference, log_names};
+use super::{MANIFEST, Session, SessionError, described, difference, is_in_use, log_names};
 use crate::plan::{Plan, RobotFile};
 use biflag_log::atomic_file::sweep;
 use biflag_log::{LogError, PlanMeta, Reader, RobotMeta};
@@ -26,7 +26,8 @@ pub struct Rebuilt {
 /// removed.
 ///
 /// # Errors
-/// [`SessionError::NothingToRebuild`], [`SessionError::DifferentPlans`], [`SessionError::Newer`], [`SessionError::Io`].
+/// [`SessionError::NothingToRebuild`], [`SessionError::DifferentPlans`], [`SessionError::Newer`],
+/// [`SessionError::BeingRecorded`], [`SessionError::Io`].
 pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
     let damaged = match Session::open(folder) {
         Ok(session) => {
@@ -39,6 +40,9 @@ pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
         Err(SessionError::Manifest { .. } | SessionError::Plan(_)) => true,
         Err(error) => return Err(error),
     };
+    if damaged && is_in_use(folder) {
+        return Err(SessionError::BeingRecorded { path: folder.to_owned() });
+    }
     let (mut plan, mut logs, mut unreadable) = (None::<(PathBuf, Plan)>, 0, Vec::new());
     for name in log_names(folder)? {
         let log = folder.join(name);

@@ -75,11 +75,11 @@ impl Collector {
         }
         let now = [frame.unsent, frame.imu_errors, frame.bad_frames, frame.missed_ticks];
         let grown = |(now, then): (u32, u32)| now.wrapping_sub(then) & 0xFFFF;
-        let counted: u32 = now.into_iter().zip(self.counters.unwrap_or(now)).map(grown).sum();
+        let counted = now.into_iter().zip(self.counters.unwrap_or(now)).map(grown).fold(0, u32::saturating_add);
         self.counters = Some(now);
         let second = self.second(time_s);
         second.received += 1;
-        second.board += counted;
+        second.board = second.board.saturating_add(counted);
     }
 
     /// Adds the unrounded state of a modelled robot.
@@ -135,15 +135,17 @@ impl Collector {
 
     /// Adds a number of lost telemetry frames.
     pub fn dropout(&mut self, time_s: f64, count: u32) {
-        self.link.lost += u64::from(count);
-        self.second(time_s).lost += count;
+        self.link.lost = self.link.lost.saturating_add(count.into());
+        let second = self.second(time_s);
+        second.lost = second.lost.saturating_add(count);
     }
 
     /// Adds a command that was sent `attempts` times.
     pub fn command(&mut self, time_s: f64, attempts: u32) {
         let retries = attempts.saturating_sub(1);
-        self.link.retries += u64::from(retries);
-        self.second(time_s).retries += retries;
+        self.link.retries = self.link.retries.saturating_add(retries.into());
+        let second = self.second(time_s);
+        second.retries = second.retries.saturating_add(retries);
     }
 
     /// Returns the trial with its metadata. The log is assumed to be intact.
@@ -220,5 +222,5 @@ impl Collector {
 fn link(counted: LinkStats, summed_up: Option<LinkStats>) -> LinkStats {
     let Some(summed_up) = summed_up else { return counted };
     let missing = summed_up.samples.saturating_sub(counted.samples);
-    LinkStats { samples: counted.samples, lost: summed_up.lost + missing, ..summed_up }
+    LinkStats { samples: counted.samples, lost: summed_up.lost.saturating_add(missing), ..summed_up }
 }

@@ -7,6 +7,7 @@
 mod bounds;
 mod collect;
 mod data;
+mod findings;
 mod read;
 mod repeats;
 mod shapes;
@@ -16,6 +17,7 @@ mod zero;
 pub use bounds::Times;
 pub use collect::Collector;
 pub use data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
+pub use findings::{Finding, FindingKind, findings};
 pub use repeats::{AtSpeeds, mean_of_repeats};
 pub use shapes::{Shape, Shapes};
 pub use usable::Unusable;

@@ -7,6 +7,7 @@
 //! upright with a yaw of zero, and there is no gyroscope to drift.
 
 use super::data::Data;
+use super::findings::{Finding, FindingKind};
 use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Series, Track, rotation};
 use biflag_log::{SteadyMeta, Summary};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -113,8 +114,8 @@ pub struct Zeroed {
     pub turned_deg: [f64; 3],
     /// The steady end of the run; `None` if there is no attitude in the run.
     pub steady: Option<Steady>,
-    /// Warnings for the user.
-    pub warnings: Vec<String>,
+    /// Findings about the still phases.
+    pub rest: Vec<Finding>,
     /// The tilt that levelling removed, degrees.
     levelled_deg: f64,
     is_model: bool,
@@ -152,7 +153,7 @@ impl Zeroed {
             drift: None,
             turned_deg: series.turned_deg(),
             steady: None,
-            warnings: Vec::new(),
+            rest: Vec::new(),
             levelled_deg: 0.0,
             is_model: true,
             tilt_scatter: None,
@@ -162,7 +163,7 @@ impl Zeroed {
     fn measured(data: &Data, after: Range<f64>) -> Self {
         let run = data.times.run.clone();
         let readings = levelled(data);
-        let mut warnings = Vec::new();
+        let mut rest = Vec::new();
         let first = readings.first().map_or(0.0, |(time, _)| *time);
         // If readings are lost before the run, the still phase ends with the last one.
         let last = readings.iter().rev().find(|(time, _)| *time <= run.start).map_or(run.start, |(time, _)| *time);
@@ -176,7 +177,7 @@ impl Zeroed {
             if data.times.has_run() && data.speeds() != [CentiRpm(0); 2] {
                 let text = "there is no still phase before the run: the zero is the attitude at its start, and the \
                             uncertainty of the yaw is unknown";
-                warnings.push(text.to_owned());
+                rest.push(Finding::slight(FindingKind::Rest, text, "give the plan a pre-roll of 20 s"));
             }
             (run.start..run.start, run.start - 0.1..run.start + 0.1)
         };
@@ -196,7 +197,7 @@ impl Zeroed {
         if drift.as_ref().is_some_and(|drift| drift.lateral(run.start, run.end).is_none()) {
             let text = "the gyroscope was not calibrated, and the still phases are too short to show its bias about the \
                         body's x and y: the uncertainty of the yaw is unknown";
-            warnings.push(text.to_owned());
+            rest.push(Finding::slight(FindingKind::Rest, text, "give the plan a calibration of 5 s"));
         }
         let start = (mean_over.end - START_S).max(mean_over.start)..mean_over.end;
         let from_s = 0.5 * (start.start + start.end);
@@ -206,7 +207,8 @@ impl Zeroed {
         if let Some(strayed) = has_still.then(|| strayed(tilts, &settled)).flatten()
             && strayed > STILL_DEG
         {
-            warnings.push(format!("the robot was not still before the run: its tilt changed by {strayed:.1} degrees"));
+            let text = format!("the robot was not still before the run: its tilt changed by {strayed:.1} degrees");
+            rest.push(Finding::grave(FindingKind::Rest, text, "let it hang for longer before the trial"));
         }
         let level = level_of(data);
         let levelled_away = level.map_or([0.0; 2], |level| level.angles_deg());
@@ -223,7 +225,7 @@ impl Zeroed {
             drift,
             turned_deg,
             steady: None,
-            warnings,
+            rest,
             levelled_deg: level.map_or(0.0, |level| level.tilt_deg()),
             is_model: false,
             tilt_scatter,
@@ -314,6 +316,10 @@ impl Zeroed {
         if self.is_model {
             return Some(0.0);
         }
+        // A zero that is no rest has no uncertainty that could be stated.
+        if self.rest.iter().any(|finding| finding.grave) {
+            return None;
+        }
         let drift = self.drift.as_ref()?.uncertainty(self.from_s.min(time_s), self.from_s.max(time_s))?;
         Some(drift.hypot(self.levelling_uncertainty(time_s)))
     }
@@ -369,6 +375,9 @@ impl Zeroed {
     pub fn tilt_uncertainty(&self, window_s: f64) -> Option<[f64; 2]> {
         if self.is_model {
             return Some([0.0; 2]);
+        }
+        if self.rest.iter().any(|finding| finding.grave) {
+            return None;
         }
         let (scatter, count) = self.tilt_scatter?;
         let means = BLOCK_S / window_s.max(BLOCK_S) + 1.0 / (count as f64).min(TILT_ZERO_S / BLOCK_S);

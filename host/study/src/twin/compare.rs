@@ -242,8 +242,9 @@ pub fn compare(a: &Data, b: &Data, on_mismatch: OnMismatch) -> Result<Compared, 
     };
     let sides = [zeroed(a)?, zeroed(b)?];
     let of_model = |text: &String| format!("{}: {text}", b.path.display());
-    warnings.extend(sides[0].0.warnings.iter().cloned());
-    warnings.extend(modelled_warnings.iter().chain(&sides[1].0.warnings).map(of_model));
+    let rest = |side: &Zeroed| side.rest.iter().map(|finding| finding.text.clone()).collect::<Vec<_>>();
+    warnings.extend(rest(&sides[0].0));
+    warnings.extend(modelled_warnings.iter().chain(&rest(&sides[1].0)).map(of_model));
     compare_zeroed(a, b, sides, warnings)
 }
 

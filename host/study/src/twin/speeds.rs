@@ -9,6 +9,7 @@ use super::TwinError;
 use crate::trial::Data;
 use sim::profile::SpeedProfile;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// Largest difference between spline and encoder, turns: one degree, which does not change the forces of a helix
 /// noticeably.
@@ -28,6 +29,9 @@ const REST_S: f64 = 40.0;
 
 /// Largest first speed that is noise of an encoder at rest, rpm.
 const MOVING_RPM: f64 = 0.5;
+
+/// Resolution of the board's clock, s.
+const CLOCK_S: f64 = 1e-6;
 
 /// Time and turns of both flagella.
 type Turns = (f64, [f64; 2]);
@@ -58,7 +62,7 @@ fn encoders(data: &Data) -> Vec<Turns> {
 }
 
 fn build(data: &Data, readings: &[Turns], rest_from_s: Option<f64>) -> Result<SpeedProfile, TwinError> {
-    let run = &data.times.run;
+    let run = within(&data.times.run, readings);
     let knots = knots(readings, run.start);
     let speeds = [0, 1].map(|k| Spline::fit(&knots, readings.iter().map(|(time, turns)| (*time, turns[k]))).speeds());
     let mut points: Vec<_> =
@@ -80,6 +84,14 @@ fn build(data: &Data, readings: &[Turns], rest_from_s: Option<f64>) -> Result<Sp
         let help = "check the encoders' counts in the log with `biflag export`";
         TwinError::Unusable { path: data.path.clone(), reason: error.to_string(), help }
     })
+}
+
+/// Returns the run without the part of a microsecond by which it may end after the last reading: the board's clock counts
+/// microseconds, and that of a model's phases nanoseconds. A run that begins after the last reading is empty.
+fn within(run: &Range<f64>, readings: &[Turns]) -> Range<f64> {
+    let last = readings.last().map_or(run.end, |(time, _)| *time);
+    let end = if run.end - last < CLOCK_S { run.end.min(last) } else { run.end };
+    if run.start < last { run.start..end } else { last..last }
 }
 
 /// Returns knots with which both splines are within the tolerance. One knot is at the start of the run.
@@ -269,6 +281,16 @@ mod tests {
         for (time, speed) in knots.iter().zip(&speeds) {
             assert!((speed - 0.5).abs() < 0.005, "{speed} at {time}");
         }
+    }
+
+    #[test]
+    fn run_ends_with_the_readings_if_only_a_rounding_is_between() {
+        let readings = encoder(|t| 0.5 * t, 30.0);
+        assert_eq!(within(&(0.0..30.000_000_000_000_004), &readings), 0.0..30.0);
+        assert_eq!(within(&(1.0..29.5), &readings), 1.0..29.5);
+        assert_eq!(within(&(1.0..30.9), &readings), 1.0..30.9, "a part of the run without readings is not left out");
+        // As many knots as seconds up to the run would fill the memory.
+        assert!(within(&(1e10..2e10), &readings).is_empty());
     }
 
     proptest! {

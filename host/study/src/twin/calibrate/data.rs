@@ -94,7 +94,7 @@ impl FitTrial {
         if zeroed.steady.is_none() {
             return Err(unusable("contains no attitude in its run"));
         }
-        warnings.extend(zeroed.warnings.iter().cloned());
+        warnings.extend(zeroed.rest.iter().map(|finding| finding.text.clone()));
         if data.has_long_gap() {
             warnings
                 .push("the yaw may lack a full turn, because telemetry is missing for more than a second".to_owned());
