@@ -1,9 +1,14 @@
 //! Recordings among other programs: shells that send signals, programs that touch the logs, limits, names, and text from
 //! elsewhere.
 
+use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{Winsize, tcsetwinsize};
 use serde_json::Value;
 use std::ffi::OsString;
+use std::fs::File;
+use std::io::{ErrorKind, PipeReader, PipeWriter, Read, Write};
 use std::os::unix::ffi::OsStringExt;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -158,7 +163,6 @@ fn log_that_is_changed_while_it_is_written_is_a_failure() {
         std::fs::File::options().write(true).open(log).unwrap().set_len(length).unwrap();
     };
     let overwrite = |log: &Path| {
-        use std::io::Write;
         std::fs::File::options().write(true).open(log).unwrap().write_all(&[b'x'; 100]).unwrap();
     };
     type Act<'a> = &'a (dyn Fn(&Path) + Sync);
@@ -340,4 +344,98 @@ fn output_that_cannot_be_there_is_wrong_use() {
         assert_eq!(run.code, Some(2), "{arguments:?}: {run:?}");
         assert!(run.stderr.contains("help: "), "{run:?}");
     }
+}
+
+/// Returns a pipe that is full, and that nobody reads while the first end exists.
+fn full_pipe() -> (PipeReader, PipeWriter) {
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    fcntl_setfl(&writer, OFlags::NONBLOCK).unwrap();
+    // Bytes still fit where a block does not.
+    for length in [4096, 1] {
+        let full = std::iter::repeat_with(|| writer.write(&[b'x'; 4096][..length])).find_map(Result::err).unwrap();
+        assert_eq!(full.kind(), ErrorKind::WouldBlock);
+    }
+    // A program that inherits the end would inherit the flag.
+    fcntl_setfl(&writer, OFlags::empty()).unwrap();
+    (reader, writer)
+}
+
+/// Starts a recording on a board whose stderr is `stderr`.
+fn record_onto(stderr: impl Into<Stdio>, bench: &Bench, plan: &Path, port: &str) -> Child {
+    let mut command = Command::new(program("biflag"));
+    command.arg("record").arg(plan).args(["--port", port, "--out", "session", "--json"]).current_dir(bench.path());
+    command.env("XDG_CONFIG_HOME", bench.path().join("config")).env("TERM", "xterm");
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(stderr).spawn().unwrap()
+}
+
+/// Panics unless a recording has all samples of a run of so many seconds.
+#[track_caller]
+fn expect_all_samples(run: Run, run_s: u64) {
+    let json = run.expect_code(0).json();
+    let trial = &json["trials"][0];
+    assert_eq!((&trial["complete"], &trial["lost"]), (&true.into(), &0.into()), "{json}");
+    assert_eq!(trial["samples"], 200 * run_s, "{json}");
+}
+
+/// A pipe that is full takes nothing, for as long as nobody reads it.
+#[test]
+fn stderr_that_nobody_reads_delays_no_recording() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(24.0, [50.0, 10.0]);
+    let nano = nano(["--speed", "4"]);
+    let (_reader, writer) = full_pipe();
+    let recording = record_onto(writer, &bench, &plan, nano.port());
+    expect_all_samples(wait(recording, Duration::from_secs(60)), 24);
+}
+
+/// Nor does it keep Ctrl-C from a recording.
+#[test]
+fn ctrl_c_ends_a_recording_whose_stderr_nobody_reads() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(60.0, [50.0, 10.0]);
+    let mut nano = nano(["--speed", "1"]);
+    let (_reader, writer) = full_pipe();
+    let recording = record_onto(writer, &bench, &plan, nano.port());
+    wait_for_motion(&mut nano);
+    signal(&recording, Signal::INT);
+    let interrupted = Instant::now();
+    wait_until("the motors stop", || !is_driven(&mut nano));
+    // The board's own deadline is later.
+    assert!(interrupted.elapsed() < Duration::from_secs(3), "{:?}", interrupted.elapsed());
+    let run = wait(recording, Duration::from_secs(10));
+    assert_eq!(run.code, Some(130), "{run:?}");
+    assert_eq!(end_of(&logs(&bench.path().join("session"))[0]), Some(biflag_log::End::Aborted));
+}
+
+/// Ctrl-S stops a terminal, and Ctrl-Q lets it go on with what it has missed.
+#[test]
+fn stopped_terminal_delays_no_recording() {
+    let bench = Bench::new();
+    let plan = bench.short_plan(24.0, [50.0, 10.0]);
+    let text = std::fs::read_to_string(&plan).unwrap().replace("deadline_ms = 5000", "deadline_ms = 2000");
+    std::fs::write(&plan, text).unwrap();
+    let mut nano = nano(["--speed", "2"]);
+    let keys = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+    grantpt(&keys).and_then(|()| unlockpt(&keys)).unwrap();
+    let path = PathBuf::from(OsString::from_vec(ptsname(&keys, Vec::new()).unwrap().into_bytes()));
+    let terminal = File::options().read(true).write(true).open(path).unwrap();
+    tcsetwinsize(&terminal, Winsize { ws_row: 24, ws_col: 100, ws_xpixel: 0, ws_ypixel: 0 }).unwrap();
+    let mut keys = File::from(keys);
+    let mut screen = keys.try_clone().unwrap();
+    let screen = std::thread::spawn(move || {
+        let mut shown = Vec::new();
+        // It ends with an error: nobody has the terminal open any more.
+        let _ = screen.read_to_end(&mut shown);
+        String::from_utf8_lossy(&shown).into_owned()
+    });
+    let recording = record_onto(terminal, &bench, &plan, nano.port());
+    wait_for_motion(&mut nano);
+    keys.write_all(b"\x13").unwrap();
+    // The board gets pings for five seconds more if the recorder hangs, and stops a second later.
+    std::thread::sleep(Duration::from_secs(9));
+    keys.write_all(b"\x11").unwrap();
+    expect_all_samples(wait(recording, Duration::from_secs(60)), 24);
+    let shown = screen.join().unwrap();
+    assert!(shown.contains("% 001_w1+50_w2+10: run, "), "{shown}");
+    assert!(shown.contains(" 0 lost"), "{shown}");
 }

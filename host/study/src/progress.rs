@@ -1,61 +1,112 @@
 //! Progress on stderr, as a bar on a terminal and as lines elsewhere.
+//!
+//! A write to stderr takes as long as its reader likes: for ever, once Ctrl-S has stopped the terminal or while nobody reads
+//! the pipe. A recording must go on meanwhile, so only the drawing thread of [`Progress`] writes. The others leave it what
+//! is to be shown, which takes no time.
 
 use crate::colour;
+use crate::lock::lock;
 use crate::text::{line, printable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::io::{IsTerminal, Write};
+use std::collections::VecDeque;
+use std::io::IsTerminal;
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread;
 use std::time::Duration;
 
-/// Progress of a command, in seconds of its trials or in another unit. Threads may share it.
+/// Time between two drawings of the bar.
+const INTERVAL: Duration = Duration::from_millis(200);
+
+/// Longest wait at the end for a line to be printed. It is long enough for a busy computer, and short enough for a user who
+/// has pressed Ctrl-C.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Progress of a command, in seconds of its trials or in another unit. Threads may share it, and no method waits for the
+/// terminal; only the end does, for a second without any progress at most.
 #[derive(Debug)]
 pub struct Progress {
-    bar: ProgressBar,
+    /// `None` if nobody sees it.
+    shared: Option<Arc<Shared>>,
     plain: bool,
-    quiet: bool,
     total_s: f64,
     done_s: f64,
+}
+
+/// What the drawing thread shares with the others. Nobody writes to the terminal while holding the lock.
+#[derive(Debug, Default)]
+struct Shared {
+    state: Mutex<State>,
+    /// There is something to draw.
+    news: Condvar,
+    /// Something was drawn.
+    drawn: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    bar: Bar,
+    /// Lines that are not printed yet.
+    lines: VecDeque<String>,
+    /// Counts what was drawn.
+    drawings: u64,
+    ends: bool,
+    /// The terminal hangs, and the others have stopped waiting for it.
+    given_up: bool,
+    /// Everything was drawn.
+    over: bool,
+}
+
+/// What the bar shows. Only the latest matters.
+#[derive(Clone, Debug, Default)]
+struct Bar {
+    position_ms: u64,
+    message: String,
+    figures: String,
 }
 
 impl Progress {
     /// Starts the progress of trials of `total_s` seconds in total.
     pub fn new(total_s: f64) -> Self {
-        let plain = !std::io::stderr().is_terminal();
-        let bar = ProgressBar::new(milliseconds(total_s));
-        if plain {
-            bar.set_draw_target(ProgressDrawTarget::hidden());
-        } else {
-            let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}, {eta} left{prefix}");
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-            bar.enable_steady_tick(Duration::from_millis(250));
+        match std::io::stderr().is_terminal() {
+            true => Self::on(Terminal::new(total_s), false, total_s),
+            false => Self::on(Plain, true, total_s),
         }
-        Self { bar, plain, quiet: false, total_s, done_s: 0.0 }
     }
 
     /// Returns a progress that nobody sees.
     pub fn quiet() -> Self {
-        Self { bar: ProgressBar::hidden(), plain: false, quiet: true, total_s: 0.0, done_s: 0.0 }
+        Self { shared: None, plain: false, total_s: 0.0, done_s: 0.0 }
+    }
+
+    /// Starts a progress on a screen; a `plain` one shows the phases as lines.
+    fn on(screen: impl Screen, plain: bool, total_s: f64) -> Self {
+        let shared = Arc::new(Shared::default());
+        let drawing = Arc::clone(&shared);
+        thread::spawn(move || draw(&drawing, screen));
+        Self { shared: Some(shared), plain, total_s, done_s: 0.0 }
     }
 
     /// Shows the phase of a trial.
     pub fn phase(&self, trial: &str, phase: &str) {
         let message = line(&format!("{trial}: {phase}"));
-        if self.plain {
-            let percent = 0.1 * self.bar.position() as f64 / self.total_s.max(f64::MIN_POSITIVE);
-            // A closed standard error must not end a trial.
-            let _ = writeln!(std::io::stderr(), "{percent:3.0} % {message}");
-        }
-        self.bar.set_message(message);
+        self.change(true, |state| {
+            if self.plain {
+                let percent = 0.1 * state.bar.position_ms as f64 / self.total_s.max(f64::MIN_POSITIVE);
+                state.lines.push_back(format!("{percent:3.0} % {message}"));
+            }
+            state.bar.message = message;
+        });
     }
 
     /// Shows figures of the current trial below the bar of a terminal; an empty text removes them.
     pub fn figures(&self, text: &str) {
-        let text = line(text);
-        self.bar.set_prefix(if text.is_empty() { text } else { format!("\n{text}") });
+        let figures = line(text);
+        self.change(false, |state| state.bar.figures = figures);
     }
 
     /// Shows the progress in the current trial.
     pub fn within(&self, trial_s: f64) {
-        self.bar.set_position(milliseconds(self.done_s + trial_s));
+        self.change(false, |state| state.bar.position_ms = milliseconds(self.done_s + trial_s));
     }
 
     /// Counts a trial of `trial_s` seconds as done.
@@ -67,17 +118,244 @@ impl Progress {
 
     /// Prints a line above the bar.
     pub fn line(&self, text: &str) {
-        if !self.quiet {
-            self.bar.suspend(|| colour::eprint(&format!("{}\n", printable(text))));
+        self.change(true, |state| state.lines.push_back(printable(text)));
+    }
+
+    /// Prints the lines that are left and removes the bar. Nothing is shown afterwards.
+    ///
+    /// What a terminal that hangs has not shown a second later is left to the drawing thread, so that the command can end.
+    pub fn finish(&self) {
+        let Some(shared) = &self.shared else { return };
+        let mut state = lock(&shared.state);
+        state.ends = true;
+        shared.news.notify_one();
+        while !state.over && !state.given_up {
+            let drawings = state.drawings;
+            let nothing_drawn = |state: &mut State| !state.over && state.drawings == drawings;
+            let waited = shared.drawn.wait_timeout_while(state, PATIENCE, nothing_drawn);
+            let timeout;
+            (state, timeout) = waited.unwrap_or_else(PoisonError::into_inner);
+            state.given_up = timeout.timed_out();
         }
     }
 
+    /// Changes what is to be shown: `now`, or in the next drawing.
+    fn change(&self, now: bool, change: impl FnOnce(&mut State)) {
+        let Some(shared) = &self.shared else { return };
+        change(&mut lock(&shared.state));
+        if now {
+            shared.news.notify_one();
+        }
+    }
+}
+
+/// The terminal is left without a bar, also by a command that an error ends.
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}
+
+/// Draws until the progress ends: the lines in their order, and the bar once there are no lines.
+fn draw(shared: &Shared, mut screen: impl Screen) {
+    let mut state = lock(&shared.state);
+    loop {
+        let (line, bar) = (state.lines.pop_front(), state.bar.clone());
+        let (ends, given_up) = (state.ends, state.given_up);
+        drop(state);
+        if given_up {
+            screen.leave();
+        }
+        match line {
+            Some(line) => screen.line(&line),
+            None if ends => break,
+            None => screen.show(&bar),
+        }
+        state = lock(&shared.state);
+        state.drawings += 1;
+        shared.drawn.notify_all();
+        if state.lines.is_empty() && !state.ends {
+            (state, _) = shared.news.wait_timeout(state, INTERVAL).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+    screen.clear();
+    drop(screen);
+    lock(&shared.state).over = true;
+    shared.drawn.notify_all();
+}
+
+/// Where the drawing thread draws.
+trait Screen: Send + 'static {
+    /// Prints a line above the bar.
+    fn line(&mut self, text: &str);
+
+    /// Draws the bar.
+    fn show(&mut self, bar: &Bar);
+
     /// Removes the bar.
-    pub fn finish(&self) {
+    fn clear(&mut self);
+
+    /// Leaves the bar as it is: other text may follow it now, which a drawing would remove.
+    fn leave(&mut self);
+}
+
+/// A file or a pipe, without a bar.
+struct Plain;
+
+impl Screen for Plain {
+    fn line(&mut self, text: &str) {
+        colour::eprint(&format!("{text}\n"));
+    }
+
+    fn show(&mut self, _: &Bar) {}
+
+    fn clear(&mut self) {}
+
+    fn leave(&mut self) {}
+}
+
+/// A terminal with a bar. Every method of the bar may wait for the terminal.
+struct Terminal {
+    bar: ProgressBar,
+    shown: Bar,
+}
+
+impl Terminal {
+    fn new(total_s: f64) -> Self {
+        let bar = ProgressBar::new(milliseconds(total_s));
+        let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}, {eta} left{prefix}");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        Self { bar, shown: Bar::default() }
+    }
+}
+
+impl Screen for Terminal {
+    fn line(&mut self, text: &str) {
+        self.bar.suspend(|| Plain.line(text));
+    }
+
+    fn show(&mut self, bar: &Bar) {
+        if bar.message != self.shown.message {
+            self.bar.set_message(bar.message.clone());
+        }
+        if bar.figures != self.shown.figures {
+            let text = &bar.figures;
+            self.bar.set_prefix(if text.is_empty() { String::new() } else { format!("\n{text}") });
+        }
+        // This draws, also without a change: the time that is left passes.
+        self.bar.update(|state| state.set_pos(bar.position_ms));
+        self.shown = bar.clone();
+    }
+
+    fn clear(&mut self) {
         self.bar.finish_and_clear();
+    }
+
+    fn leave(&mut self) {
+        self.bar.set_draw_target(ProgressDrawTarget::hidden());
     }
 }
 
 fn milliseconds(seconds: f64) -> u64 {
     (seconds * 1e3) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::{Receiver, Sender, channel};
+    use std::time::Instant;
+
+    /// A screen that tells what is drawn, after a wait for each line.
+    struct Told<W> {
+        told: Sender<String>,
+        wait: W,
+    }
+
+    impl<W: FnMut() + Send + 'static> Screen for Told<W> {
+        fn line(&mut self, text: &str) {
+            (self.wait)();
+            self.tell(text);
+        }
+
+        fn show(&mut self, bar: &Bar) {
+            self.tell(&format!("bar {} {} {}", bar.position_ms, bar.message, bar.figures));
+        }
+
+        fn clear(&mut self) {
+            self.tell("clear");
+        }
+
+        fn leave(&mut self) {
+            self.tell("leave");
+        }
+    }
+
+    impl<W> Told<W> {
+        fn tell(&self, text: &str) {
+            // The test may have ended.
+            let _ = self.told.send(text.to_owned());
+        }
+    }
+
+    fn told(wait: impl FnMut() + Send + 'static) -> (impl Screen, Receiver<String>) {
+        let (told, tells) = channel();
+        (Told { told, wait }, tells)
+    }
+
+    #[test]
+    fn slow_terminal_shows_all_lines_in_order_before_the_end() {
+        let (screen, tells) = told(|| thread::sleep(PATIENCE * 6 / 10));
+        let mut progress = Progress::on(screen, true, 20.0);
+        progress.line("note: first");
+        progress.phase("001", "rest");
+        progress.within(5.0);
+        progress.phase("001", "run");
+        progress.end_trial(10.0);
+        progress.line("001: result");
+        progress.finish();
+        let shown: Vec<_> = tells.try_iter().filter(|text| !text.starts_with("bar")).collect();
+        assert_eq!(shown, ["note: first", "  0 % 001: rest", " 25 % 001: run", "001: result", "clear"]);
+    }
+
+    #[test]
+    fn bar_shows_the_latest() {
+        let (screen, tells) = told(|| {});
+        let progress = Progress::on(screen, false, 20.0);
+        for tenth in 0..=50 {
+            progress.within(f64::from(tenth) / 10.0);
+            progress.figures(&format!("figure {tenth}"));
+        }
+        progress.phase("001", "run");
+        // The first drawing may have come before all of it.
+        let shown = tells.iter().take(100).find(|text| text.contains("figure 50"));
+        assert_eq!(shown.unwrap(), "bar 5000 001: run figure 50");
+    }
+
+    #[test]
+    fn stopped_terminal_delays_nobody() {
+        let (go_on, stopped) = channel::<()>();
+        let (screen, tells) = told(move || {
+            let _ = stopped.recv();
+        });
+        let progress = Progress::on(screen, false, 20.0);
+        let begun = Instant::now();
+        for count in 0..1000 {
+            progress.line(&count.to_string());
+            progress.figures("figures");
+            progress.within(1.0);
+            progress.phase("001", "run");
+        }
+        assert!(begun.elapsed() < PATIENCE, "{:?}", begun.elapsed());
+        progress.finish();
+        drop(progress);
+        assert!(begun.elapsed() < PATIENCE * 3, "{:?}", begun.elapsed());
+        assert!(tells.try_iter().all(|text| text.starts_with("bar")), "no line can have been printed");
+        // A terminal that goes on before the program has ended shows the lines, and draws and removes no bar among them.
+        drop(go_on);
+        let shown: Vec<_> = tells.iter().collect();
+        let left = (1..1000).flat_map(|count| ["leave".to_owned(), count.to_string()]);
+        let end = ["leave", "clear"].map(str::to_owned);
+        assert_eq!(shown, ["0".to_owned()].into_iter().chain(left).chain(end).collect::<Vec<_>>());
+    }
 }
