@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::net::TcpStream;
 use std::time::Duration;
-use tungstenite::{ClientRequestBuilder, Message, WebSocket};
+use tungstenite::{ClientRequestBuilder, Error, HandshakeError, Message, WebSocket};
 
 /// A viewer that has subscribed to every channel.
 pub struct Viewer {
@@ -28,10 +28,28 @@ pub enum Seen {
 impl Viewer {
     /// Connects to `url`, waits for `channels` channels, and subscribes to all of them.
     pub fn connect(url: &str, channels: usize) -> Self {
+        Self::connect_from(None, url, channels).expect("the server uses the protocol")
+    }
+
+    /// As [`Viewer::connect`], from a page or program of this `origin`.
+    ///
+    /// # Errors
+    /// The status and the text with which the server refuses it.
+    pub fn connect_from(origin: Option<&str>, url: &str, channels: usize) -> Result<Self, (u16, String)> {
         let stream = TcpStream::connect(url.strip_prefix("ws://").expect("a WebSocket")).expect("a server");
         stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a time limit");
-        let request = ClientRequestBuilder::new(url.parse().expect("a URL")).with_sub_protocol("foxglove.sdk.v1");
-        let (socket, _) = tungstenite::client(request, stream).expect("the server uses the protocol");
+        let mut request = ClientRequestBuilder::new(url.parse().expect("a URL")).with_sub_protocol("foxglove.sdk.v1");
+        if let Some(origin) = origin {
+            request = request.with_header("Origin", origin);
+        }
+        let socket = match tungstenite::client(request, stream) {
+            Ok((socket, _)) => socket,
+            Err(HandshakeError::Failure(Error::Http(refusal))) => {
+                let text = String::from_utf8_lossy(refusal.body().as_deref().unwrap_or_default()).into_owned();
+                return Err((refusal.status().as_u16(), text));
+            }
+            Err(error) => panic!("the handshake: {error}"),
+        };
         let mut viewer = Self { socket, channels: BTreeMap::new(), topics: BTreeMap::new() };
         while viewer.channels.len() < channels {
             let Message::Text(text) = viewer.socket.read().expect("an advertisement") else { continue };
@@ -45,7 +63,7 @@ impl Viewer {
         let subscriptions: Vec<Value> = viewer.topics.iter().map(ask).collect();
         let subscribe = json!({"op": "subscribe", "subscriptions": subscriptions}).to_string();
         viewer.socket.send(Message::text(subscribe)).expect("the server listens");
-        viewer
+        Ok(viewer)
     }
 
     /// Returns the next message.
@@ -53,10 +71,10 @@ impl Viewer {
         loop {
             let data = match self.socket.read() {
                 Ok(Message::Binary(data)) => data,
-                Ok(Message::Close(_)) | Err(tungstenite::Error::ConnectionClosed) => return Seen::End,
+                Ok(Message::Close(_)) | Err(Error::ConnectionClosed) => return Seen::End,
                 Ok(_) => continue,
                 // A server that exits resets the connection.
-                Err(tungstenite::Error::Io(error)) if error.kind() == std::io::ErrorKind::ConnectionReset => {
+                Err(Error::Io(error)) if error.kind() == std::io::ErrorKind::ConnectionReset => {
                     return Seen::End;
                 }
                 Err(error) => panic!("the server's end: {error}"),

@@ -135,6 +135,41 @@ fn dead_viewer_blocks_nothing() {
     drop(dead);
 }
 
+/// A page that the user has open in a browser cannot read the experiment, and Foxglove's pages and programs can.
+#[test]
+fn other_web_pages_are_refused() {
+    let bench = Bench::new();
+    let log = simulated(&bench, 60, &[]);
+    let mut playing = bench.start(["live", log.to_str().unwrap(), "--listen", "127.0.0.1:0"]);
+    let url = url(&mut playing);
+    for page in ["https://evil.example", "https://app.foxglove.dev.evil.example", "null"] {
+        let (status, text) = Viewer::connect_from(Some(page), &url, SHOWN).err().expect(page);
+        assert_eq!(status, 403, "{page}: {text}");
+        assert!(text.contains("may not read"), "{page}: {text}");
+    }
+    for origin in [None, Some("https://app.foxglove.dev"), Some("file://"), Some("http://localhost:8080")] {
+        let Ok(mut viewer) = Viewer::connect_from(origin, &url, SHOWN) else { panic!("{origin:?}") };
+        assert_ne!(viewer.read(), Seen::End, "{origin:?}");
+    }
+    signal(&playing, Signal::INT);
+    Run::of(playing).expect_code(130);
+}
+
+/// Viewers connect, and pages are refused, at an IPv6 address too.
+#[test]
+fn viewers_connect_over_ipv6() {
+    let live = match Live::listen("[::1]:0".parse().unwrap()) {
+        Ok(live) => live,
+        Err(_) if TcpListener::bind("[::1]:0").is_err() => return,
+        Err(error) => panic!("{error}"),
+    };
+    assert!(live.url().starts_with("ws://[::1]:"), "{}", live.url());
+    let viewer = Viewer::connect(&live.url(), SHOWN);
+    assert_eq!(viewer.channels.len(), SHOWN);
+    let (status, _) = Viewer::connect_from(Some("https://evil.example"), &live.url(), SHOWN).err().unwrap();
+    assert_eq!(status, 403);
+}
+
 /// A log with shapes arrives completely, at the requested speed, with self-contained schemas.
 #[test]
 fn log_is_played_at_the_requested_speed() {

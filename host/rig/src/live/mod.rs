@@ -2,10 +2,12 @@
 //!
 //! The messages come from a trial that is being recorded ([`Live::tap`]), from a log ([`play`]), or from a board
 //! without recording ([`watch`]). Each viewer has its own queue, so that a slow or dead viewer loses messages but does
-//! not affect the trial or other viewers.
+//! not affect the trial or other viewers. Web pages other than Foxglove's and this computer's are refused.
 
 mod board;
 mod error;
+#[cfg(feature = "viewers")]
+mod origin;
 mod playback;
 #[cfg(feature = "viewers")]
 mod server;

@@ -1,6 +1,7 @@
 //! The server for viewers.
 
 use super::LiveError;
+use super::origin::{Door, hidden_address};
 use biflag_log::Tap;
 use biflag_log::schema::{self, ChannelSpec, LogMessage, biflag};
 use foxglove::websocket::{Capability, ChannelView, Client, ServerListener};
@@ -8,8 +9,8 @@ use foxglove::{
     ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChannel, Schema, WebSocketServer, WebSocketServerHandle,
 };
 use std::collections::BTreeMap;
-use std::io::ErrorKind;
-use std::net::SocketAddr;
+use std::io::{self, ErrorKind};
+use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -29,6 +30,8 @@ pub struct Live(Arc<Server>);
 
 struct Server {
     address: SocketAddr,
+    /// Where viewers connect.
+    _door: Door,
     handle: Option<WebSocketServerHandle>,
     /// Keeps the context of the channels alive, which the server only borrows.
     _context: Arc<Context>,
@@ -57,11 +60,13 @@ impl Live {
     /// # Errors
     /// [`LiveError::Busy`], [`LiveError::Address`].
     pub fn listen(address: SocketAddr) -> Result<Self, LiveError> {
-        let failed = |error: FoxgloveError| match error {
-            FoxgloveError::Bind(error) if error.kind() == ErrorKind::AddrInUse => LiveError::Busy { address },
-            FoxgloveError::Bind(error) => LiveError::Address { address, reason: error.to_string() },
-            other => LiveError::Address { address, reason: other.to_string() },
+        let unusable = |error: io::Error| match error.kind() {
+            ErrorKind::AddrInUse => LiveError::Busy { address },
+            _ => LiveError::Address { address, reason: error.to_string() },
         };
+        let failed = |error: FoxgloveError| LiveError::Address { address, reason: error.to_string() };
+        let public = TcpListener::bind(address).map_err(unusable)?;
+        let port = public.local_addr().map_err(unusable)?.port();
         let context = Context::new();
         let channels = schema::CHANNELS
             .iter()
@@ -77,14 +82,11 @@ impl Live {
             .collect::<Result<_, _>>()
             .map_err(failed)?;
         let listener = Arc::new(Listener::default());
-        let host = match address {
-            SocketAddr::V4(v4) => v4.ip().to_string(),
-            SocketAddr::V6(v6) => format!("[{}]", v6.ip()),
-        };
+        let hidden = hidden_address();
         let handle = WebSocketServer::new()
             .name("biflag")
             .context(&context)
-            .bind(host, address.port())
+            .bind(hidden.to_string(), 0)
             // The trial's time differs from the viewer's: a log is older, and an emulated board may run faster than
             // real time.
             .capabilities([Capability::Time])
@@ -92,10 +94,20 @@ impl Live {
             .listener(listener.clone())
             .start_blocking()
             .map_err(failed)?;
-        let address = SocketAddr::new(address.ip(), handle.port());
+        let door = Door::open(public, SocketAddr::new(hidden.into(), handle.port())).map_err(unusable)?;
+        let address = SocketAddr::new(address.ip(), port);
         let (begun, broadcast_ms) = (Instant::now(), AtomicU64::new(0));
         let handle = Some(handle);
-        Ok(Self(Arc::new(Server { address, handle, _context: context, channels, listener, begun, broadcast_ms })))
+        Ok(Self(Arc::new(Server {
+            address,
+            _door: door,
+            handle,
+            _context: context,
+            channels,
+            listener,
+            begun,
+            broadcast_ms,
+        })))
     }
 
     /// Returns the address for viewers, such as `ws://127.0.0.1:8765`.

@@ -1,9 +1,11 @@
 //! Writes a firmware image with avrdude through the bootloader.
 
 use miette::Diagnostic;
-use std::io;
+use std::io::{self, BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
 use thiserror::Error;
 
 /// Speeds of the Nano's bootloaders, bit/s: optiboot, and the old one that is still common on clones.
@@ -11,6 +13,15 @@ const BOOTLOADER_BAUDS: [u32; 2] = [115_200, 57_600];
 
 /// Limits the wait at a wrong speed to 15 s instead of 60 s; avrdude before 7.0 does not support it.
 const FEW_ATTEMPTS: [&str; 2] = ["-x", "attempts=3"];
+
+/// Time limit of a run of avrdude. A write takes 5 s to 15 s, and a wrong speed 60 s at most ([`FEW_ATTEMPTS`]).
+const LIMIT: Duration = Duration::from_secs(90);
+
+/// Interval of the checks whether avrdude has ended.
+const CHECK_EVERY: Duration = Duration::from_millis(20);
+
+/// Longest wait for the rest of the output after the end.
+const LAST_LINES: Duration = Duration::from_secs(1);
 
 /// Why the image could not be written.
 #[derive(Debug, Error, Diagnostic)]
@@ -31,6 +42,23 @@ pub enum FlashError {
         /// The last output of avrdude.
         said: String,
     },
+    /// The bootloader fell silent in each attempt.
+    #[error(
+        "the bootloader on {port} stopped answering during the write, in two attempts at {baud} bit/s; output of \
+         avrdude:\n{said}"
+    )]
+    #[diagnostic(help(
+        "the board has no complete firmware now: flash it again. A bootloader waits one second for a busy computer: \
+         end programs that compute. If that does not help, check the cable, and unplug and replug the board"
+    ))]
+    Interrupted {
+        /// The port.
+        port: String,
+        /// The speed, bit/s.
+        baud: u32,
+        /// The last output of avrdude.
+        said: String,
+    },
 }
 
 /// Writes the image, trying the speed of each bootloader; `progress` is called with the speed of each attempt. Returns
@@ -38,36 +66,235 @@ pub enum FlashError {
 ///
 /// # Errors
 /// [`FlashError`].
-pub fn flash(port: &str, elf: &Path, mut progress: impl FnMut(u32)) -> Result<u32, FlashError> {
-    let mut said = String::new();
-    let mut options: &[&str] = &FEW_ATTEMPTS;
-    let mut bauds = BOOTLOADER_BAUDS.into_iter().peekable();
-    while let Some(baud) = bauds.peek().copied() {
-        progress(baud);
-        let output = run(port, elf, baud, options)?;
-        if output.status.success() {
-            return Ok(baud);
-        }
-        said = String::from_utf8_lossy(&output.stderr).into_owned();
-        if !options.is_empty() && said.contains("extended parameter") {
-            options = &[];
-        } else {
-            bauds.next();
-        }
-    }
-    Err(FlashError::NoBootloader { port: port.to_owned(), said: said.trim().to_owned() })
+pub fn flash(port: &str, elf: &Path, progress: impl FnMut(u32)) -> Result<u32, FlashError> {
+    flash_with(&|| Command::new("avrdude"), LIMIT, port, elf, progress)
 }
 
-fn run(port: &str, elf: &Path, baud: u32, options: &[&str]) -> Result<Output, FlashError> {
-    let avrdude = Command::new("avrdude")
+fn flash_with(
+    avrdude: &dyn Fn() -> Command,
+    limit: Duration,
+    port: &str,
+    elf: &Path,
+    mut progress: impl FnMut(u32),
+) -> Result<u32, FlashError> {
+    let mut last = String::new();
+    let mut options: &[&str] = &FEW_ATTEMPTS;
+    for baud in BOOTLOADER_BAUDS {
+        let mut stuck = 0;
+        loop {
+            progress(baud);
+            let Attempt { end, said } = run(avrdude(), limit, port, elf, baud, options)?;
+            last = said.trim().to_owned();
+            match end {
+                End::Exit(status) if status.success() => return Ok(baud),
+                End::Exit(_) if !options.is_empty() && said.contains("extended parameter") => options = &[],
+                End::Exit(_) => break,
+                // The board was reset too late or the computer was busy; the next attempt resets it again.
+                End::Silent | End::TimeLimit if stuck == 0 => stuck += 1,
+                // Only at the bootloader's own speed does a write begin.
+                End::Silent => return Err(FlashError::Interrupted { port: port.to_owned(), baud, said: last }),
+                End::TimeLimit => break,
+            }
+        }
+    }
+    Err(FlashError::NoBootloader { port: port.to_owned(), said: last })
+}
+
+/// A run of avrdude.
+struct Attempt {
+    end: End,
+    /// What it has written to its standard error.
+    said: String,
+}
+
+enum End {
+    /// It ended.
+    Exit(ExitStatus),
+    /// It was ended because the bootloader had stopped answering during the write. avrdude itself would go on with
+    /// every page, at 5 s each.
+    Silent,
+    /// It was ended at the time limit.
+    TimeLimit,
+}
+
+fn run(
+    mut avrdude: Command,
+    limit: Duration,
+    port: &str,
+    elf: &Path,
+    baud: u32,
+    options: &[&str],
+) -> Result<Attempt, FlashError> {
+    let mut child = avrdude
         .args(["-c", "arduino", "-p", "m328p", "-D", "-P", port, "-b", &baud.to_string()])
         .args(options)
         .arg("-U")
         .arg(format!("flash:w:{}:e", elf.display()))
         .stdin(Stdio::null())
-        .output();
-    avrdude.map_err(|error| match error.kind() {
-        io::ErrorKind::NotFound => FlashError::NotInstalled,
-        _ => FlashError::NotRun(error),
-    })
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(|error| match error.kind() {
+            io::ErrorKind::NotFound => FlashError::NotInstalled,
+            _ => FlashError::NotRun(error),
+        })?;
+    let attempt = watch(&mut child, limit);
+    if !matches!(attempt, Ok(Attempt { end: End::Exit(_), .. })) {
+        // Fails if it has just ended by itself.
+        let _ = child.kill();
+        child.wait().map_err(FlashError::NotRun)?;
+    }
+    attempt.map_err(FlashError::NotRun)
+}
+
+/// Waits until avrdude has ended, or should be ended.
+fn watch(child: &mut Child, limit: Duration) -> io::Result<Attempt> {
+    let until = Instant::now() + limit;
+    let lines = lines_of(child)?;
+    let mut said = String::new();
+    loop {
+        match lines.recv_timeout(CHECK_EVERY) {
+            Ok(line) => {
+                said.push_str(&line);
+                if is_silent(&line, &said) {
+                    return Ok(Attempt { end: End::Silent, said });
+                }
+            }
+            Err(error) => {
+                if let Some(status) = child.try_wait()? {
+                    // The pipe has closed with the child, unless another program has inherited it.
+                    while let Ok(line) = lines.recv_timeout(LAST_LINES) {
+                        said.push_str(&line);
+                    }
+                    return Ok(Attempt { end: End::Exit(status), said });
+                }
+                if error == RecvTimeoutError::Disconnected {
+                    std::thread::sleep(CHECK_EVERY);
+                }
+            }
+        }
+        if Instant::now() >= until {
+            said.push_str(&format!("\n(ended after {} s)\n", limit.as_secs_f64()));
+            return Ok(Attempt { end: End::TimeLimit, said });
+        }
+    }
+}
+
+/// Returns whether `line`, the last of what avrdude has `said`, reports that the bootloader stopped answering during
+/// the write. Before the write, avrdude itself gives up; after the verification, the image is complete.
+fn is_silent(line: &str, said: &str) -> bool {
+    let said = said.to_ascii_lowercase();
+    line.contains("not responding") && said.contains("writing") && !said.contains("verified")
+}
+
+/// Returns the lines of the child's standard error as they come. The thread that reads them ends with the pipe, which
+/// nobody waits for.
+fn lines_of(child: &mut Child) -> io::Result<Receiver<String>> {
+    let (sender, lines) = channel();
+    let Some(stderr) = child.stderr.take() else { return Ok(lines) };
+    std::thread::Builder::new().name("avrdude".into()).spawn(move || {
+        let mut stderr = BufReader::new(stderr);
+        let mut line = Vec::new();
+        while stderr.read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
+            if sender.send(String::from_utf8_lossy(&line).into_owned()).is_err() {
+                return;
+            }
+            line.clear();
+        }
+    })?;
+    Ok(lines)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SILENT: &str = "echo 'avrdude: stk500_recv(): programmer is not responding' >&2";
+
+    /// What happened with a shell script in place of avrdude: the result, the speeds tried, and the time taken. Its
+    /// `$try` counts the runs from 1, `$baud` is the speed, and `$few` whether few attempts were asked for.
+    fn flashed(limit: Duration, script: &str) -> (Result<u32, FlashError>, Vec<u32>, Duration) {
+        let folder = tempfile::tempdir().unwrap();
+        let port = folder.path().join("port");
+        let script = format!(
+            "baud=$9; few=no; [ \"${{10}}\" = -x ] && few=yes; echo >> \"$7\"; try=$(wc -l < \"$7\")\n{script}"
+        );
+        let avrdude = || {
+            let mut shell = Command::new("sh");
+            shell.args(["-c", &script, "avrdude"]);
+            shell
+        };
+        let (mut bauds, begun) = (Vec::new(), Instant::now());
+        let result =
+            flash_with(&avrdude, limit, port.to_str().unwrap(), Path::new("image.elf"), |baud| bauds.push(baud));
+        (result, bauds, begun.elapsed())
+    }
+
+    const LONG: Duration = Duration::from_secs(50);
+
+    #[test]
+    fn speeds_are_tried_one_after_the_other() {
+        let (result, bauds, _) = flashed(LONG, "[ $baud = 57600 ]");
+        assert_eq!((result.unwrap(), bauds), (57_600, vec![115_200, 57_600]));
+        let (result, bauds, _) = flashed(LONG, "echo 'not in sync' >&2; exit 1");
+        assert_eq!(bauds, [115_200, 57_600]);
+        assert!(matches!(&result, Err(FlashError::NoBootloader { said, .. }) if said == "not in sync"), "{result:?}");
+    }
+
+    #[test]
+    fn old_avrdude_is_run_without_the_option() {
+        let script = "[ $few = yes ] && { echo 'invalid extended parameter' >&2; exit 1; }; exit 0";
+        let (result, bauds, _) = flashed(LONG, script);
+        assert_eq!((result.unwrap(), bauds), (115_200, vec![115_200, 115_200]));
+    }
+
+    /// Its output is kept although a program that it started keeps the pipe open.
+    #[test]
+    fn hanging_avrdude_is_ended_and_run_again() {
+        let limit = Duration::from_millis(500);
+        let script = "echo begun $try at $baud >&2; [ $try -ge 3 ] && exit 0; sleep 25; exit 0";
+        let (result, bauds, took) = flashed(limit, script);
+        assert_eq!((result.unwrap(), bauds), (57_600, vec![115_200, 115_200, 57_600]));
+        assert!(took < Duration::from_secs(20), "{took:?}");
+        let (result, bauds, took) = flashed(limit, "echo begun $try at $baud >&2; exec 2>&-; sleep 25");
+        assert_eq!(bauds, [115_200, 115_200, 57_600, 57_600]);
+        let said = match result {
+            Err(FlashError::NoBootloader { said, .. }) => said,
+            other => panic!("{other:?}"),
+        };
+        assert!(said.starts_with("begun 4 at 57600") && said.ends_with("(ended after 0.5 s)"), "{said}");
+        assert!(took < Duration::from_secs(20), "{took:?}");
+    }
+
+    #[test]
+    fn silent_bootloader_is_written_again_at_its_speed() {
+        let silent = format!("printf 'avrdude: writing 9000 bytes flash ...\\nWriting | ###' >&2; {SILENT}; sleep 25");
+        let (result, bauds, took) = flashed(LONG, &format!("[ $try = 2 ] && exit 0; {silent}"));
+        assert_eq!((result.unwrap(), bauds), (115_200, vec![115_200, 115_200]));
+        assert!(took < Duration::from_secs(20), "{took:?}");
+        let (result, bauds, took) = flashed(LONG, &format!("[ $baud = 115200 ] && exit 1; {silent}"));
+        assert_eq!(bauds, [115_200, 57_600, 57_600]);
+        let error = result.unwrap_err();
+        assert!(matches!(error, FlashError::Interrupted { baud: 57_600, .. }), "{error:?}");
+        assert!(error.to_string().contains("stopped answering during the write"), "{error}");
+        assert!(error.to_string().ends_with("programmer is not responding"), "{error}");
+        assert!(took < Duration::from_secs(20), "{took:?}");
+    }
+
+    /// A wrong speed is given up by avrdude itself, and after the verification silence does no harm.
+    #[test]
+    fn silence_outside_of_the_write_is_not_an_interruption() {
+        let (result, bauds, _) = flashed(LONG, &format!("[ $baud = 57600 ] && exit 0; {SILENT}; exit 1"));
+        assert_eq!((result.unwrap(), bauds), (57_600, vec![115_200, 57_600]));
+        let verified = "echo 'avrdude: writing 9000 bytes flash ...\n9000 bytes of flash verified' >&2";
+        let (result, bauds, _) = flashed(LONG, &format!("{verified}; {SILENT}; exit 0"));
+        assert_eq!((result.unwrap(), bauds), (115_200, vec![115_200]));
+    }
+
+    #[test]
+    fn missing_avrdude_is_reported() {
+        let missing = || Command::new("/nowhere/avrdude");
+        let result = flash_with(&missing, LONG, "port", Path::new("image.elf"), |_| {});
+        assert!(matches!(result, Err(FlashError::NotInstalled)), "{result:?}");
+    }
 }
