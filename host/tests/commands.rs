@@ -236,7 +236,7 @@ fn export_has_the_angles_of_the_other_commands() {
     let output = biflag(&["export", path(&log), "-f", "tum", "-o", path(&tum)]);
     assert_eq!(code(&output), 2);
     assert!(stderr(&output).contains("--force"));
-    assert_eq!(code(&biflag(&["export", path(&log), "-f", "tum", "-o", path(&tum), "--force"])), 0);
+    assert_eq!(code(&biflag(&["export", path(&log), "-f", "tum", "-o", path(&tum), "--force"])), 3);
 }
 
 #[test]
