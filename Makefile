@@ -88,7 +88,6 @@ proof: build
 	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
 	AIM_CASES=200 $(CARGO) test --release --locked -p host --test all aim -- --ignored --nocapture
 	$(CARGO) test --release --locked -p tests --test all -- --ignored --nocapture
-	RUN_S=650 $(CARGO) test --release --locked -p tests --test all drift -- --nocapture
 	$(CARGO) bench --locked -p sim --bench trials
 	$(CARGO) run --release --locked -p sim --example steady -- physical 2
 

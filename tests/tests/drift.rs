@@ -1,4 +1,4 @@
-//! Drift of the yaw over minutes of data from a real sensor at rest, through the real firmware, and coverage of
+//! Drift of the yaw over eleven minutes of data from a real sensor at rest, through the real firmware, and coverage of
 //! the stated uncertainty.
 
 use host::attitude::{Drift, Series};
@@ -6,10 +6,7 @@ use host::trial::{Data, Want};
 use std::path::Path;
 use tests::{Bench, data};
 
-/// `RUN_S=650` is the whole recording. The test `drift` of `host` takes all of it, without the firmware.
-fn run_s() -> f64 {
-    std::env::var("RUN_S").map_or(230.0, |seconds| seconds.parse().expect("RUN_S is a number of seconds"))
-}
+const RUN_S: f64 = 650.0;
 
 /// Returns the attitude during the run as sent by the board.
 fn attitude(log: &Path) -> Series {
@@ -24,12 +21,11 @@ fn attitude(log: &Path) -> Series {
 
 #[test]
 fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
-    let run_s = run_s();
     let bench = Bench::new();
     let plan = bench.file(
         "plan.toml",
         &format!(
-            "[session]\nname = \"at rest\"\n[trial]\ncalibrate = 5\npreroll = 0\nrun = {run_s}\ndecay = 0\n\
+            "[session]\nname = \"at rest\"\n[trial]\ncalibrate = 5\npreroll = 0\nrun = {RUN_S}\ndecay = 0\n\
              [speeds]\npairs = [[0, 0]]\n[board]\naccel_range_g = 8\naccel_axes = [\"x\", \"y\", \"-z\"]\n"
         ),
     );
@@ -39,11 +35,11 @@ fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
     assert_eq!(trial["lost"], 0);
     let series = attitude(&bench.path().join(trial["log"].as_str().unwrap()));
     let yaw = series.yaw();
-    let on_board = (yaw.at(run_s - 1.0).unwrap() - yaw.at(0.0).unwrap()) / (run_s - 1.0) * 60.0;
+    let on_board = (yaw.at(RUN_S - 1.0).unwrap() - yaw.at(0.0).unwrap()) / (RUN_S - 1.0) * 60.0;
 
     let (mut square, mut plain_square, mut covered, mut windows) = (0.0, 0.0, 0, 0);
     let mut from = 20.0;
-    while from + 150.0 < run_s {
+    while from + 150.0 < RUN_S {
         let to = from + 120.0;
         let drift = Drift::estimate(&series, from - 20.0..from, to..to + 30.0, 5.0).unwrap();
         let moved = yaw.at(to).unwrap() - yaw.at(from).unwrap();
@@ -57,7 +53,7 @@ fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
     }
     let rms = (square / f64::from(windows)).sqrt();
     let share = f64::from(covered) / f64::from(windows);
-    println!("on-board yaw drift {on_board:.2} deg/min over {run_s} s");
+    println!("on-board yaw drift {on_board:.2} deg/min over {RUN_S} s");
     println!("{windows} windows of 120 s: reported yaw drifts {rms:.2} deg RMS");
     println!("(with the first still phase alone {:.2})", (plain_square / f64::from(windows)).sqrt());
     println!("stated uncertainty covers {:.1} %", 100.0 * share);
