@@ -7,6 +7,7 @@
 mod bounds;
 mod collect;
 mod data;
+mod finding;
 mod findings;
 mod read;
 mod repeats;
@@ -17,7 +18,8 @@ mod zero;
 pub use bounds::Times;
 pub use collect::Collector;
 pub use data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
-pub use findings::{Finding, FindingKind, findings};
+pub use finding::{Finding, FindingKind};
+pub use findings::findings;
 pub use repeats::{AtSpeeds, mean_of_repeats};
 pub use shapes::{Shape, Shapes};
 pub use usable::Unusable;

@@ -7,7 +7,7 @@
 //! upright with a yaw of zero, and there is no gyroscope to drift.
 
 use super::data::Data;
-use super::findings::{Finding, FindingKind};
+use super::finding::{Finding, FindingKind};
 use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Series, Track, rotation};
 use biflag_log::{SteadyMeta, Summary};
 use nalgebra::{UnitQuaternion, Vector3};
