@@ -30,7 +30,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let read = |_: &_| {
         let data = Data::read(&path, want).map_err(|error| Failure::of_file(&path, &error))?;
         let zeroed = Zeroed::new(&data);
-        let rows = table::trial(&data);
+        let rows = table::trial(&data, &zeroed);
         Ok((data, zeroed, rows))
     };
     let (data, zeroed, rows) = interruptible(py, read)?;
@@ -130,7 +130,7 @@ pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDic
             let attempt = state.best().filter(|_| !stop.load(std::sync::atomic::Ordering::Relaxed))?;
             let data =
                 Data::read(&attempt.path, Want::default()).map_err(|error| format!("{}: {error}", state.trial.name));
-            Some(data.map(|data| Summary::new(&state.trial, &data, String::new())))
+            Some(data.map(|data| Summary::new(&state.trial, &data, &Zeroed::new(&data), String::new())))
         };
         let read: Vec<_> = states.par_iter().filter_map(read).collect();
         let unreadable: Vec<String> = read.iter().filter_map(|one| one.as_ref().err().cloned()).collect();

@@ -1,8 +1,8 @@
 //! `biflag export`: exports trials to other formats.
 
-use super::findings::{finding_json, finding_line};
+use super::findings::finding_line;
 use super::{Answer, Outcome};
-use crate::export::{Format, export_log, export_session};
+use crate::export::{Format, LogFinding, export_log, export_session};
 use crate::text::count;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
@@ -55,7 +55,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let export = if is_session { export_session } else { export_log };
     let exported = export(&args.path, &output, args.format, args.force)?;
     let clean = exported.damaged.is_empty();
-    let is_sound = clean && !exported.findings.iter().any(|(_, finding)| finding.grave);
+    let is_sound = clean && !exported.findings.iter().any(|of_log| of_log.finding.grave);
     let body = json!({
         "log": args.path.to_string_lossy(),
         "format": args.format.extension(),
@@ -63,7 +63,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         "files": exported.files.iter().map(|file| file.to_string_lossy()).collect::<Vec<_>>(),
         "rows": exported.rows,
         "clean": clean,
-        "findings": exported.findings.iter().map(|(log, finding)| finding_json(Some(log), finding)).collect::<Vec<_>>(),
+        "findings": exported.findings,
     });
     let files = if is_session { format!("{}, ", count(exported.files.len(), "file")) } else { String::new() };
     let mut text = format!("{}: {files}{}\n", output.display(), count(exported.rows, "row"));
@@ -71,7 +71,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "warning: {log}: cut off or damaged; only what can be read was exported");
     }
-    for (log, finding) in &exported.findings {
+    for LogFinding { log, finding } in &exported.findings {
         let _ = writeln!(text, "{}", finding_line(Some(log), finding));
     }
     Answer::new(if is_sound { Outcome::Done } else { Outcome::WithLoss }, &body, text)

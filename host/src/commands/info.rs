@@ -1,6 +1,6 @@
 //! `biflag info`: shows the content of a log or a session.
 
-use super::findings::{finding_json, finding_line};
+use super::findings::finding_line;
 use super::{Answer, Outcome};
 use crate::plan::{HandTurn, Plan};
 use crate::session::{Attempt, Session, TrialState, is_in_use};
@@ -47,7 +47,7 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "trial": records.trial,
         "end": records.summary.as_ref().map(|summary| summary.end),
         "angles": angles,
-        "findings": findings.iter().map(|finding| finding_json(None, finding)).collect::<Vec<_>>(),
+        "findings": findings,
         "model": records.model,
         "steady": records.steady,
     });
@@ -188,7 +188,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
             "losses": attempt.map(|attempt| &attempt.losses),
             "summary": summary,
             "angles": row.angles,
-            "findings": row.findings.iter().map(|finding| finding_json(None, finding)).collect::<Vec<_>>(),
+            "findings": row.findings,
         }));
         let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(row, session.plan().hand_turn, recorded));
         for finding in row.findings.iter().filter(|finding| finding.grave) {

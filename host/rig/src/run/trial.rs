@@ -107,7 +107,7 @@ pub fn run(
         if writable { recorder.trial.finish(&mut summary)? } else { recorder.trial.abandon() };
     for finding in rest {
         let said = if finding.grave { &mut said.warnings } else { &mut said.notes };
-        said.push(format!("{}: {}", finding.text, finding.cure));
+        said.push(finding.to_string());
     }
     Ok(RigRun { summary, angles, error, warnings: said.warnings, notes: said.notes })
 }

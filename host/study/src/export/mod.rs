@@ -10,6 +10,7 @@ use crate::trial::{Data, Finding, Want, Zeroed, findings};
 use biflag_log::LogError;
 use miette::Diagnostic;
 use nalgebra::UnitQuaternion;
+use serde::Serialize;
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Write};
 use std::os::unix::fs::MetadataExt;
@@ -97,14 +98,25 @@ pub struct Exported {
     pub rows: usize,
     /// Logs that are cut off or damaged, with their losses.
     pub damaged: Vec<String>,
-    /// Findings about the trials, each with the name of its log.
-    pub findings: Vec<(String, Finding)>,
+    /// Findings about the trials.
+    pub findings: Vec<LogFinding>,
+}
+
+/// A finding about one of several logs.
+#[derive(Serialize, Clone, PartialEq, Eq, Debug)]
+pub struct LogFinding {
+    /// The log.
+    pub log: String,
+    /// The finding.
+    #[serde(flatten)]
+    pub finding: Finding,
 }
 
 impl Exported {
-    fn add_findings(&mut self, data: &Data) {
+    fn add_findings(&mut self, data: &Data, zeroed: &Zeroed) {
         let log = data.path.display().to_string();
-        self.findings.extend(findings(data, &Zeroed::new(data)).into_iter().map(|finding| (log.clone(), finding)));
+        let of_log = |finding| LogFinding { log: log.clone(), finding };
+        self.findings.extend(findings(data, zeroed).into_iter().map(of_log));
     }
 }
 
@@ -119,10 +131,11 @@ pub fn export_log(log: &Path, output: &Path, format: Format, replace: bool) -> R
         return Err(ExportError::Itself { path: output.to_owned() });
     }
     let data = Data::read(log, FORCES)?;
-    let rows = write_trial(&data, output, format, replace)?;
+    let zeroed = Zeroed::new(&data);
+    let rows = write_trial(&data, &zeroed, output, format, replace)?;
     let damaged = if data.condition.is_whole() { Vec::new() } else { vec![log.display().to_string()] };
     let mut exported = Exported { files: vec![output.to_owned()], rows, damaged, findings: Vec::new() };
-    exported.add_findings(&data);
+    exported.add_findings(&data, &zeroed);
     Ok(exported)
 }
 
@@ -163,10 +176,11 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
         }
         let name = format!("{}.{}", state.trial.name, format.extension());
         let file = output.join(&name);
-        exported.rows += write_trial(&data, &file, format, replace)?;
+        let zeroed = Zeroed::new(&data);
+        exported.rows += write_trial(&data, &zeroed, &file, format, replace)?;
         exported.files.push(file);
-        exported.add_findings(&data);
-        trials.push(Summary::new(&state.trial, &data, name));
+        exported.add_findings(&data, &zeroed);
+        trials.push(Summary::new(&state.trial, &data, &zeroed, name));
     }
     write_table(&table::session(&session.plan().name, &trials), &table, format, replace)?;
     exported.files.push(table);
@@ -174,16 +188,22 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
 }
 
 /// Writes a trial and returns the number of rows.
-fn write_trial(data: &Data, output: &Path, format: Format, replace: bool) -> Result<usize, ExportError> {
+fn write_trial(
+    data: &Data,
+    zeroed: &Zeroed,
+    output: &Path,
+    format: Format,
+    replace: bool,
+) -> Result<usize, ExportError> {
     if format == Format::Tum {
         let mut rows = 0;
         write(output, replace, |file| {
-            rows = tum(data, file)?;
+            rows = tum(zeroed, file)?;
             Ok(())
         })?;
         return Ok(rows);
     }
-    let table = table::trial(data);
+    let table = table::trial(data, zeroed);
     write_table(&table, output, format, replace)?;
     Ok(table.rows())
 }
@@ -208,8 +228,8 @@ fn write(
 }
 
 /// Writes the corrected attitude over the trial's clock; returns the number of rows.
-fn tum(data: &Data, target: &mut impl Write) -> std::io::Result<usize> {
-    let angles = Zeroed::new(data).angles_deg;
+fn tum(zeroed: &Zeroed, target: &mut impl Write) -> std::io::Result<usize> {
+    let angles = &zeroed.angles_deg;
     for (i, time_s) in angles.time_s.iter().enumerate() {
         let [yaw, pitch, roll] = angles.row(i).map(f64::to_radians);
         let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);

@@ -121,10 +121,9 @@ const FORCE_COLUMNS: [(&str, &str); FORCES] = [
 ];
 
 /// Returns the table of a trial: one row per reading of the sensor, or per sample of the model.
-pub fn trial(data: &Data) -> Table {
-    let zeroed = Zeroed::new(data);
+pub fn trial(data: &Data, zeroed: &Zeroed) -> Table {
     let run_s = data.times.run.start;
-    let rows = rows(data, &zeroed);
+    let rows = rows(data, zeroed);
     let real = |(name, about): (&'static str, &'static str), value: &dyn Fn(&Row) -> f64| {
         Column::new(name, about, Values::Real(rows.iter().map(value).collect()))
     };
@@ -156,7 +155,7 @@ pub fn trial(data: &Data) -> Table {
             columns.push(real(about, &|row| data.forces.track(k).at(row.time_s).unwrap_or(f64::NAN)));
         }
     }
-    Table { header: header(data, &zeroed), columns }
+    Table { header: header(data, zeroed), columns }
 }
 
 /// A row of the table of a trial.
@@ -272,15 +271,14 @@ pub struct Summary {
 
 impl Summary {
     /// `trial` is that of the plan, because the log may have lost it; `file` is where the trial was exported to.
-    pub fn new(trial: &Trial, data: &Data, file: String) -> Self {
-        let zeroed = Zeroed::new(data);
+    pub fn new(trial: &Trial, data: &Data, zeroed: &Zeroed, file: String) -> Self {
         Self {
             name: trial.name.clone(),
             speeds_rpm: trial.speeds.map(|speed| speed.rpm()),
             repeat: trial.repeat,
             complete: data.is_complete(),
             angles: zeroed.angles(),
-            settle_s: zeroed.steady.and_then(|steady| steady.settle_s),
+            settle_s: zeroed.steady.as_ref().and_then(|steady| steady.settle_s),
             lost: data.link.lost,
             log: data.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             file,
@@ -353,7 +351,7 @@ mod tests {
         }
         let identity = Some(Identity { origin: Origin::Model, ..Identity::default() });
         let data = collector.finish("log".as_ref(), Records { identity, ..Records::default() });
-        let table = trial(&data);
+        let table = trial(&data, &Zeroed::new(&data));
         let column = |name: &str| match &table.columns.iter().find(|column| column.name == name).unwrap().values {
             Values::Real(values) => values.clone(),
             _ => panic!("{name} is no number"),

@@ -1,6 +1,7 @@
 //! One finding about a trial.
 
 use serde::Serialize;
+use std::fmt;
 
 /// What a finding is about.
 #[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]
@@ -25,6 +26,14 @@ pub struct Finding {
     pub cure: String,
     /// Whether the trial's numbers may be wrong, so that commands exit with 3.
     pub grave: bool,
+}
+
+/// The finding with what to do about it, as the recorder writes its warnings.
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)?;
+        if self.cure.is_empty() { Ok(()) } else { write!(f, ": {}", self.cure) }
+    }
 }
 
 impl Finding {
