@@ -14,8 +14,8 @@
 //!     let report = control.advance(&mut solver, &mut state, 0.2, &motors)?;
 //!     println!("{:.4} s: {} sweeps, thrust {:.2e} N", state.time, report.sweeps, report.fluid[0].force.z);
 //! }
-//! // A right-handed helix that turns counter-clockwise pushes towards its clamp, and turns the base the other way.
-//! println!("rate of the base: {:?} rad/s", state.rate);
+//! // The flagellum turns counter-clockwise, and the base the other way.
+//! assert!(state.body.yaw < 0.0 && state.body.rate.z < 0.0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
