@@ -14,6 +14,7 @@
 //! | [`plan`] | which trials, of which robot, in which order |
 //! | [`run`] | what a trial's log begins with; a trial in the model |
 //! | [`session`] | which trials of a folder are done |
+//! | [`sensor`] | the errors of a sensor, from its data sheet or measured |
 //! | [`trial`], [`attitude`] | what a log says: angles from a measured zero, with their uncertainty |
 //! | [`twin`] | whether experiment and model agree; which parameters make them agree |
 //! | [`sweep`], [`aim`] | steady states over many speeds and robots; speeds for an attitude |
@@ -30,6 +31,7 @@ pub mod plan;
 pub mod program;
 pub mod progress;
 pub mod run;
+pub mod sensor;
 pub mod session;
 mod split_mix;
 pub mod sweep;

@@ -1,0 +1,78 @@
+//! What is known about a sensor: its errors with their uncertainties, from the data sheet or measured.
+//!
+//! Frame: the body axes, to which the board's settings turn the sensor's own. A reading contains
+//!
+//! ```text
+//! rate_read[i]  = (1 + scale[i]) rate[i]  + Σ cross[i][j] rate[j]  + Σ gyro_g[i][j] force[j] + bias[i] + noise
+//! force_read[i] = (1 + scale[i]) force[i] + Σ cross[i][j] force[j] + offset[i] + noise
+//! ```
+//!
+//! with j ≠ i in the sums over `cross`, and the specific force in units of standard gravity. The bias of the gyroscope is
+//! no part of it: every trial measures it again at rest.
+
+use serde::{Deserialize, Serialize};
+
+/// A quantity and its standard uncertainty.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
+pub struct Estimate {
+    /// The value.
+    pub value: f64,
+    /// Standard uncertainty, in the unit of the value.
+    pub u: f64,
+}
+
+impl Estimate {
+    /// Returns zero, known to lie within ±`limit` and no more: a rectangular distribution (GUM, 4.3.7).
+    pub const fn within(limit: f64) -> Self {
+        Self { value: 0.0, u: limit * INV_SQRT_3 }
+    }
+}
+
+const INV_SQRT_3: f64 = 0.577_350_269_189_625_8;
+
+/// The errors of a sensor.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Sensor {
+    /// Relative scale error of the gyroscope about each axis; positive if it reads too much.
+    pub gyro_scale: [Estimate; 3],
+    /// `[i][j]`: share of the rate about axis j that axis i reads. Zero for i = j.
+    pub gyro_cross: [[Estimate; 3]; 3],
+    /// `[i][j]`: rate that axis i reads per standard gravity along axis j, °/s/g.
+    pub gyro_g_dps: [[Estimate; 3]; 3],
+    /// Relative scale error of the accelerometer along each axis.
+    pub accel_scale: [Estimate; 3],
+    /// `[i][j]`: share of the force along axis j that axis i reads. Zero for i = j.
+    pub accel_cross: [[Estimate; 3]; 3],
+}
+
+/// Limits of the MPU-6000/6050's data sheet (PS-MPU-6000A, revision 3.4).
+mod data_sheet {
+    /// Section 6.1, sensitivity scale factor tolerance: ±3 %.
+    pub const GYRO_SCALE: f64 = 0.03;
+    /// Section 6.1, cross-axis sensitivity: ±2 %.
+    pub const GYRO_CROSS: f64 = 0.02;
+    /// Section 6.1, linear acceleration sensitivity: 0.1 °/s/g.
+    pub const GYRO_G_DPS: f64 = 0.1;
+    /// Section 6.2, initial calibration tolerance: ±3 %.
+    pub const ACCEL_SCALE: f64 = 0.03;
+    /// Section 6.2, cross-axis sensitivity: ±2 %.
+    pub const ACCEL_CROSS: f64 = 0.02;
+}
+
+impl Sensor {
+    /// Returns what the data sheet says about every part.
+    pub fn of_data_sheet() -> Self {
+        let cross = |limit: f64| {
+            std::array::from_fn(|i| {
+                std::array::from_fn(|j| if i == j { Estimate::default() } else { Estimate::within(limit) })
+            })
+        };
+        Self {
+            gyro_scale: [Estimate::within(data_sheet::GYRO_SCALE); 3],
+            gyro_cross: cross(data_sheet::GYRO_CROSS),
+            gyro_g_dps: [[Estimate::within(data_sheet::GYRO_G_DPS); 3]; 3],
+            accel_scale: [Estimate::within(data_sheet::ACCEL_SCALE); 3],
+            accel_cross: cross(data_sheet::ACCEL_CROSS),
+        }
+    }
+}
