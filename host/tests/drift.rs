@@ -1,6 +1,6 @@
 //! Residual drift of the yaw of a real MPU6050 at rest for 655 s, and coverage of the stated uncertainty.
 
-use host::attitude::{Columns, Drift, Reading, Series};
+use host::attitude::{Columns, Drift, Reading, Rest, Series, student_95};
 use std::path::Path;
 
 /// Duration of the calibration, whose noise does not reach the yaw of an upright robot, s.
@@ -62,9 +62,11 @@ fn over_all_windows(Recorded { yaw, temperature_c }: &Recorded, motion: impl Fn(
             let attitude = [half.cos(), 0.0, 0.0, half.sin()];
             trial.push(*time, &Reading { attitude, temperature_c: temperature_c[i], ..Reading::default() });
         }
-        let drift = Drift::estimate(&trial, start..run, stop..end, CALIBRATE_S).unwrap();
-        let error = yaw.at(stop).unwrap() - yaw.at(run).unwrap() - drift.between(run, stop);
-        let uncertainty = drift.uncertainty(run, stop).unwrap();
+        let rest = Rest { before: start..run, after: stop..end, calibrate_s: CALIBRATE_S, filter_s: 1.0 };
+        let drift = Drift::estimate(&trial, &rest, run).unwrap();
+        let error = yaw.at(stop).unwrap() - yaw.at(run).unwrap() - drift.at(stop);
+        let variance = drift.variance(stop).unwrap() + drift.noise_variance(stop);
+        let uncertainty = student_95(drift.degrees_of_freedom) * variance.sqrt();
         squares += error * error;
         largest = largest.max(error.abs());
         covered += i32::from(error.abs() <= uncertainty);

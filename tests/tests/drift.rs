@@ -1,7 +1,7 @@
 //! Drift of the yaw over eleven minutes of data from a real sensor at rest, through the real firmware, and coverage of
 //! the stated uncertainty.
 
-use host::attitude::{Drift, Series};
+use host::attitude::{Drift, Rest, Series, student_95};
 use host::trial::{Data, Want};
 use std::path::Path;
 use tests::{Bench, data};
@@ -41,13 +41,15 @@ fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
     let mut from = 20.0;
     while from + 150.0 < RUN_S {
         let to = from + 120.0;
-        let drift = Drift::estimate(&series, from - 20.0..from, to..to + 30.0, 5.0).unwrap();
+        let rest = Rest { before: from - 20.0..from, after: to..to + 30.0, calibrate_s: 5.0, filter_s: 1.0 };
+        let drift = Drift::estimate(&series, &rest, from).unwrap();
         let moved = yaw.at(to).unwrap() - yaw.at(from).unwrap();
-        let error: f64 = moved - drift.between(from, to);
+        let error: f64 = moved - drift.at(to);
         let plain = moved - 120.0 * yaw.rate(from - 20.0..from).unwrap();
         square += error * error;
         plain_square += plain * plain;
-        covered += u32::from(error.abs() <= drift.uncertainty(from, to).unwrap());
+        let variance = drift.variance(to).unwrap() + drift.noise_variance(to);
+        covered += u32::from(error.abs() <= student_95(drift.degrees_of_freedom) * variance.sqrt());
         windows += 1;
         from += 1.0;
     }

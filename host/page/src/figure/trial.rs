@@ -109,9 +109,10 @@ pub(super) fn draw(
 
 fn samples(data: &Data, compared: Option<&Compared>) -> Vec<Sample> {
     let zeroed = Compared::measured_or_own(compared, data);
-    // The band of pitch and roll is that of a mean over a block of 2 s, the shortest whose noise is known. The angles
-    // of a model have no uncertainty.
-    let tilt = zeroed.tilt_uncertainty(0.0).filter(|_| !data.is_model()).unwrap_or([f64::NAN; 2]);
+    // The band of pitch and roll is that of a mean over 2 s at the end of the run, the shortest time whose noise is known.
+    // The angles of a model have no uncertainty.
+    let last = zeroed.run.end - 2.0..zeroed.run.end;
+    let tilt = zeroed.tilt_uncertainty(&last).filter(|_| !data.is_model()).unwrap_or([f64::NAN; 2]);
     let uncertainty = |yaw: Option<f64>| [yaw.filter(|deg| *deg > 0.0).unwrap_or(f64::NAN), tilt[0], tilt[1]];
     match compared {
         Some(compared) => {

@@ -6,13 +6,17 @@
 mod drift;
 mod level;
 mod rest;
+mod rotations;
 mod series;
+mod smoother;
+mod student;
 mod track;
 
-pub use drift::Drift;
-pub use drift::{BIAS_WALK, student_95};
+pub use drift::{Drift, Rest};
 pub use level::{Level, Leveller, RestForce};
+pub use rotations::ROTATIONS;
 pub use series::Series;
+pub use student::student_95;
 pub use track::{Columns, Track};
 
 use nalgebra::{Quaternion, UnitQuaternion};

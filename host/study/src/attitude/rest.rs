@@ -1,170 +1,145 @@
-//! Estimates the gyroscope's bias from a robot at rest, or returning to rest.
+//! The noise of the gyroscope at rest, and the part of a return to rest that shows its bias.
 //!
 //! After a run the robot returns slowly to rest in the glycerin: with a time constant of 6 s the yaw still turns at
 //! some hundredths of a degree per second after half a minute, which is as fast as the drift. The motion is overdamped,
-//! so that one exponential remains at the end: the rate of the yaw is r + A exp(-t/τ), where r is the bias. It is
-//! fitted to the mean rates of blocks by least squares, from the earliest time at which the residuals are as small as
-//! the noise before the run.
+//! so that one exponential remains at the end: the rate of the yaw is r + A exp(-t/τ), where r is the bias. The part of
+//! the phase in which this holds is the longest one whose residuals are as small as the noise.
 
 use super::Track;
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2};
 use std::ops::Range;
 
-/// Length of the blocks, seconds.
+/// Length of the blocks, s.
 const BLOCK_S: f64 = 2.0;
 
-/// Minimum number of blocks of a still phase.
+/// Lengths of the blocks whose scatter gives the noise, s: many short ones, and those of the estimate, which see slow noise.
+const NOISE_BLOCKS_S: [f64; 2] = [0.5, BLOCK_S];
+
+/// Minimum number of blocks of a still phase, and of a return to rest.
 const MIN_BLOCKS: usize = 3;
+const MIN_SWING_BLOCKS: usize = 4;
 
-/// Minimum number of blocks to separate a return to rest from a bias.
-const MIN_SWING_BLOCKS: usize = 6;
+/// The largest number of blocks of a phase; a longer phase has longer blocks.
+const MOST_BLOCKS: f64 = 30.0;
 
-/// Smallest angle random walk, °/√s: the MPU-6000/6050's noise density of 0.005 °/s/√Hz (data sheet PS-MPU-6000A,
-/// section
-/// 6.1), one-sided, over √2.
-const ANGLE_WALK_FLOOR: f64 = 0.005 / std::f64::consts::SQRT_2;
+/// Angle random walk, °/√s: the MPU-6000/6050's noise density of 0.005 °/s/√Hz (data sheet PS-MPU-6000A, section 6.1),
+/// one-sided, over √2.
+const ANGLE_WALK: f64 = 0.005 / std::f64::consts::SQRT_2;
 
 /// Share of a phase that is skipped if it began with a motion, because faster motions may remain in the noise.
 const MARGIN: f64 = 0.25;
 
-/// Largest change of the bias during a trial, °/s: a third of the data sheet's limit for a warming of 1 °C.
-const BIAS_CHANGE: f64 = 0.1;
-
-/// Standard deviation of the change of the bias per °C of warming, °/s: a tenth of the same limit.
-pub(super) const BIAS_SPREAD: f64 = 0.03;
-
 /// Shortest time constant that the blocks resolve, s, and the longest, relative to the length of the phase.
 const FASTEST_S: f64 = 1.5;
-const SLOWEST: f64 = 0.4;
+const SLOWEST: f64 = 2.0;
 
-/// A phase in which the gyroscope's bias was estimated.
-pub(super) struct Phase {
-    pub range: Range<f64>,
-    /// Mean rate of the bias, °/s.
-    pub rate: f64,
-    /// Ratio of the variance of the rate to that of the angle random walk, 1/s.
-    pub relative_variance: f64,
-    /// Sum of the squared residuals of the blocks' rates, and their degrees of freedom.
-    scatter: (f64, f64),
-}
+/// Largest residual of a return to rest, relative to the noise.
+const QUIET: f64 = 1.4;
 
-impl Phase {
-    /// Estimates the bias at rest; returns `None` if the time is too short.
-    pub fn still(yaw: Track, range: Range<f64>) -> Option<Self> {
-        let span = yaw.span();
-        let range = range.start.max(span.start)..range.end.min(span.end);
-        let blocks = blocks(yaw, &range, MIN_BLOCKS)?;
-        let rate = yaw.rate(range.clone())?;
-        Some(Self { rate, relative_variance: 1.0 / (range.end - range.start), scatter: about_mean(&blocks), range })
-    }
+/// The scatter of rates: the sum of its squares, times the length of the blocks, and its degrees of freedom.
+type Scatter = (f64, f64);
 
-    /// Estimates the bias while the robot may still return to rest.
-    fn decay(yaw: Track, range: Range<f64>) -> Option<Self> {
-        let blocks = blocks(yaw, &range, MIN_SWING_BLOCKS)?;
-        let steady = about_mean(&blocks);
-        let (time_constant_s, fit) = Self::returning(&blocks, &range)?;
-        let floor = ANGLE_WALK_FLOOR.powi(2) / BLOCK_S;
-        // F-test at about 90 %.
-        let swings = 0.5 * (steady.0 - fit.scatter.0) > 3.0 * (fit.scatter.0 / fit.scatter.1).max(floor);
-        if !swings {
-            return Self::still(yaw, range);
-        }
-        let within = time_constant_s > FASTEST_S && time_constant_s < SLOWEST * (range.end - range.start);
-        within.then_some(fit)
-    }
+/// The angle random walk, from the scatter of rates at rest.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Noise([Scatter; NOISE_BLOCKS_S.len()]);
 
-    /// Fits r + A exp(-t/τ) to a return to rest, by trying many time constants; the other parameters are linear.
-    /// Returns the time constant too, s.
-    fn returning(blocks: &[f64], range: &Range<f64>) -> Option<(f64, Self)> {
-        const TRIED: u32 = 60;
-        let ratio = SLOWEST * (range.end - range.start) / FASTEST_S;
-        let tried = (0..=TRIED).map(|i| FASTEST_S * ratio.powf(f64::from(i) / f64::from(TRIED)));
-        let all =
-            tried.filter_map(|time_constant_s| Some((time_constant_s, Self::with(blocks, range, time_constant_s)?)));
-        all.min_by(|(_, a), (_, b)| a.scatter.0.total_cmp(&b.scatter.0))
-    }
-
-    fn with(blocks: &[f64], range: &Range<f64>, time_constant_s: f64) -> Option<Self> {
-        let passed = |i: usize| i as f64 * BLOCK_S / time_constant_s;
-        let (mut normal, mut right) = (Matrix3::zeros(), Vector2::zeros());
-        for (i, rate) in blocks.iter().enumerate() {
-            let decay = (-passed(i)).exp();
-            right += Vector2::new(1.0, decay) * *rate;
-            let row = Vector3::new(1.0, decay, decay * passed(i));
-            normal += row * row.transpose();
-        }
-        let solution = normal.fixed_view::<2, 2>(0, 0).try_inverse()? * right;
-        let left = |(i, rate): (usize, &f64)| (rate - solution.x - solution.y * (-passed(i)).exp()).powi(2);
-        let squares = blocks.iter().enumerate().map(left).sum();
-        Some(Self {
-            range: range.clone(),
-            rate: solution.x,
-            // The time constant is a parameter too. The amplitude does not affect the variance of the rate.
-            relative_variance: normal.try_inverse()?[(0, 0)] / BLOCK_S,
-            scatter: (squares, blocks.len() as f64 - 3.0),
-        })
-    }
-
-    /// Applies a Gaussian prior on the change of the bias since `before`, because a fit to a short time is uncertain.
-    fn shrunk_towards(self, before: &Phase, walk: f64) -> Self {
-        let usual = BIAS_SPREAD.powi(2);
-        let weight = usual / (usual + walk.powi(2) * self.relative_variance);
-        Self {
-            rate: before.rate + weight * (self.rate - before.rate),
-            relative_variance: weight * self.relative_variance,
-            ..self
+impl Noise {
+    /// Adds a phase in which the robot is still or returns to rest.
+    pub fn add(&mut self, yaw: Track, range: &Range<f64>) {
+        for ((squares, freedom), block_s) in self.0.iter_mut().zip(NOISE_BLOCKS_S) {
+            if let Some((more, count)) = scatter(yaw, range, block_s) {
+                *squares += more;
+                *freedom += count;
+            }
         }
     }
 
-    pub fn middle(&self) -> f64 {
-        0.5 * (self.range.start + self.range.end)
+    /// Returns the angle random walk, °/√s, and its degrees of freedom. It is at least that of the data sheet.
+    pub fn angle_walk(&self) -> (f64, f64) {
+        let each = self.0.iter().filter(|(_, freedom)| *freedom > 0.0);
+        let all = each.map(|(squares, freedom)| ((squares / freedom).sqrt(), *freedom));
+        let (walk, freedom) = all.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 1.0));
+        (walk.max(ANGLE_WALK), freedom)
     }
 }
 
-/// Returns the mean rates of blocks, the last of which ends with the range; `None` if there are fewer than `least`.
-fn blocks(yaw: Track, range: &Range<f64>, least: usize) -> Option<Vec<f64>> {
-    let count = ((range.end - range.start) / BLOCK_S + 1e-6).floor();
+/// Returns the blocks of a range, the last of which ends with it, with their mean rates, °/s; `None` if it is too short.
+pub(super) fn blocks_of(yaw: Track, range: &Range<f64>) -> Option<Vec<(Range<f64>, f64)>> {
+    blocks(yaw, range, BLOCK_S, MIN_BLOCKS)
+}
+
+fn blocks(yaw: Track, range: &Range<f64>, shortest_s: f64, least: usize) -> Option<Vec<(Range<f64>, f64)>> {
+    let length = shortest_s.max(shortest_s / BLOCK_S * (range.end - range.start) / MOST_BLOCKS);
+    let count = ((range.end - range.start) / length + 1e-6).floor();
     if count.is_nan() || count < least as f64 {
         return None;
     }
-    let begin = |i: usize| range.end - (count - i as f64) * BLOCK_S;
-    (0..count as usize).map(|i| yaw.rate(begin(i)..begin(i) + BLOCK_S)).collect()
-}
-
-fn about_mean(blocks: &[f64]) -> (f64, f64) {
-    let count = blocks.len() as f64;
-    let mean = blocks.iter().sum::<f64>() / count;
-    (blocks.iter().map(|rate| (rate - mean).powi(2)).sum(), count - 1.0)
-}
-
-/// Returns the angle random walk and its degrees of freedom.
-pub(super) fn noise(phases: &[Phase]) -> Option<(f64, f64)> {
-    let (sum, freedom) =
-        phases.iter().map(|phase| phase.scatter).fold((0.0, 0.0), |(sum, freedom), (s, f)| (sum + s, freedom + f));
-    (freedom > 0.0).then(|| ((sum / freedom * BLOCK_S).sqrt().max(ANGLE_WALK_FLOOR), freedom))
-}
-
-/// Returns the longest phase at the end of `range` in which the robot is still, or in which its return to rest can be
-/// separated from the bias: with residuals as small as before the run, and a plausible bias. The tolerance is three
-/// standard deviations.
-pub(super) fn after_run(yaw: Track, range: Range<f64>, before: &Phase) -> Option<Phase> {
-    let (walk, _) = noise(std::slice::from_ref(before))?;
-    let is_rest = |phase: &Phase| {
-        let (squares, freedom) = phase.scatter;
-        let quiet = (squares / freedom * BLOCK_S).sqrt() < 1.5 * walk;
-        let noise = walk.powi(2) * (phase.relative_variance + before.relative_variance) + BIAS_CHANGE.powi(2);
-        quiet && (phase.rate - before.rate).abs() < 3.0 * noise.sqrt()
+    let block = |i: usize| {
+        let end = range.end - (count - 1.0 - i as f64) * length;
+        end - length..end
     };
+    (0..count as usize).map(|i| Some((block(i), yaw.rate(block(i))?))).collect()
+}
+
+/// Returns the longest part at the end of `range` in which the robot is still, or in which one exponential describes its
+/// return to rest.
+pub(super) fn after_run(yaw: Track, range: Range<f64>, noise: &Noise) -> Option<Range<f64>> {
     let end = range.end.min(yaw.span().end);
+    let (walk, _) = noise.angle_walk();
+    let is_quiet = |part: &Range<f64>| {
+        let (squares, freedom) = scatter(yaw, part, BLOCK_S)?;
+        Some((squares / freedom).sqrt() < QUIET * walk)
+    };
     let mut start = range.start;
-    while end - start > MIN_SWING_BLOCKS as f64 * BLOCK_S {
-        if Phase::decay(yaw, start..end).is_some_and(|phase| is_rest(&phase)) {
-            let hidden = if start > range.start { MARGIN * (end - start) } else { 0.0 };
-            return Phase::decay(yaw, start + hidden..end)
-                .filter(is_rest)
-                .map(|phase| phase.shrunk_towards(before, walk));
+    while end - start >= MIN_SWING_BLOCKS as f64 * BLOCK_S {
+        if is_quiet(&(start..end)) == Some(true) {
+            // The motors take a moment to stop.
+            let hidden = if start > range.start { MARGIN * (end - start) } else { BLOCK_S };
+            // What is too short for a fit of its own is still a part of a good one.
+            return Some((start + hidden).min(end - MIN_BLOCKS as f64 * BLOCK_S)..end);
         }
         start += BLOCK_S / 2.0;
     }
     None
+}
+
+/// Returns the scatter of the rates of a return to rest about r + A exp(-t/τ).
+fn scatter(yaw: Track, range: &Range<f64>, block_s: f64) -> Option<Scatter> {
+    let blocks = blocks(yaw, range, block_s, MIN_SWING_BLOCKS)?;
+    let length = blocks[0].0.end - blocks[0].0.start;
+    let slowest_s = SLOWEST * (range.end - range.start);
+    let squares = least_squares(&blocks, [length / slowest_s, length / FASTEST_S])?;
+    Some((squares * length, blocks.len() as f64 - 3.0))
+}
+
+/// Returns the least sum of squared residuals for a decay per block within these bounds, in time constants.
+fn least_squares(blocks: &[(Range<f64>, f64)], [slow, fast]: [f64; 2]) -> Option<f64> {
+    const TRIED: u32 = 16;
+    const REFINED: u32 = 24;
+    let step = (fast / slow).ln() / f64::from(TRIED);
+    let tried = (0..=TRIED).map(|i| slow * (step * f64::from(i)).exp());
+    let of = |passed: f64| squares(blocks, passed).unwrap_or(f64::INFINITY);
+    let best = tried.min_by(|a, b| of(*a).total_cmp(&of(*b)))?;
+    // Ternary search between its neighbours.
+    let (mut low, mut high) = ((best.ln() - step).max(slow.ln()), (best.ln() + step).min(fast.ln()));
+    for _ in 0..REFINED {
+        let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+        if of(a.exp()) < of(b.exp()) { high = b } else { low = a }
+    }
+    Some(of(best).min(of((0.5 * (low + high)).exp()))).filter(|squares| squares.is_finite())
+}
+
+/// Returns the sum of the squared residuals for a decay by `passed` time constants per block.
+fn squares(blocks: &[(Range<f64>, f64)], passed: f64) -> Option<f64> {
+    let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
+    for (i, (_, rate)) in blocks.iter().enumerate() {
+        let row = Vector2::new(1.0, (-passed * i as f64).exp());
+        normal += row * row.transpose();
+        right += row * *rate;
+    }
+    let solution = normal.try_inverse()? * right;
+    let left = |(i, (_, rate)): (usize, &(Range<f64>, f64))| {
+        (rate - solution.x - solution.y * (-passed * i as f64).exp()).powi(2)
+    };
+    Some(blocks.iter().enumerate().map(left).sum())
 }

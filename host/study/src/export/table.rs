@@ -241,7 +241,7 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
             "each row is a frame; its angles are {:.1} ms older than its speeds and turns (the delay of the sensor's filter)",
             delay_s * 1e3
         ));
-        lines.push(match &zeroed.drift {
+        lines.push(match zeroed.drift() {
             Some(_) => "drift of the yaw removed, estimated from the still phases".to_owned(),
             None => "no drift removed: there is no still phase to estimate it from".to_owned(),
         });

@@ -7,8 +7,13 @@
 //! force_read[i] = (1 + scale[i]) force[i] + Σ cross[i][j] force[j] + offset[i] + noise
 //! ```
 //!
-//! with j ≠ i in the sums over `cross`, and the specific force in units of standard gravity. The bias of the gyroscope is
-//! no part of it: every trial measures it again at rest.
+//! with j ≠ i in the sums over `cross`, and the specific force in units of standard gravity. Biases and offsets are no part
+//! of it: every trial measures them again at rest. The sensor's axes are turned from the body's by small angles, the
+//! mounting: attitude_read = attitude · rotation(mounting).
+
+mod parameter;
+
+pub use parameter::{GROUPS, Group, PARAMETERS};
 
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +48,10 @@ pub struct Sensor {
     pub accel_scale: [Estimate; 3],
     /// `[i][j]`: share of the force along axis j that axis i reads. Zero for i = j.
     pub accel_cross: [[Estimate; 3]; 3],
+    /// Change of the accelerometer's offset with temperature, g/°C.
+    pub accel_drift_g_per_c: [Estimate; 3],
+    /// Rotation from the body's to the sensor's axes about x, y and z, degrees.
+    pub mounting_deg: [Estimate; 3],
 }
 
 /// Limits of the MPU-6000/6050's data sheet (PS-MPU-6000A, revision 3.4).
@@ -57,7 +66,12 @@ mod data_sheet {
     pub const ACCEL_SCALE: f64 = 0.03;
     /// Section 6.2, cross-axis sensitivity: ±2 %.
     pub const ACCEL_CROSS: f64 = 0.02;
+    /// Section 6.2, zero-G level change over temperature: ±35 mg over 0 to 70 °C for x and y, ±60 mg for z.
+    pub const ACCEL_DRIFT_G_PER_C: [f64; 3] = [0.035 / 35.0, 0.035 / 35.0, 0.060 / 35.0];
 }
+
+/// Limit of each mounting angle that nobody has measured, degrees: a board that is screwed on by eye.
+const MOUNTING_DEG: f64 = 2.0;
 
 impl Sensor {
     /// Returns what the data sheet says about every part.
@@ -73,6 +87,8 @@ impl Sensor {
             gyro_g_dps: [[Estimate::within(data_sheet::GYRO_G_DPS); 3]; 3],
             accel_scale: [Estimate::within(data_sheet::ACCEL_SCALE); 3],
             accel_cross: cross(data_sheet::ACCEL_CROSS),
+            accel_drift_g_per_c: data_sheet::ACCEL_DRIFT_G_PER_C.map(Estimate::within),
+            mounting_deg: [Estimate::within(MOUNTING_DEG); 3],
         }
     }
 }

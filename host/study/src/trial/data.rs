@@ -4,6 +4,7 @@ use super::bounds::Times;
 use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading};
 use crate::plan::{PlanError, RobotFile, board, robot};
+use crate::sensor::Sensor;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
     BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, LevelMeta, LinkStats, Loss, ModelMeta, Origin,
@@ -219,6 +220,11 @@ impl Data {
     pub fn reverse(&self) -> Option<(u8, f64)> {
         let trial = self.records.trial.as_ref()?;
         trial.reverse_motor.zip(trial.reverse_after_s)
+    }
+
+    /// Returns what is known about the sensor's errors.
+    pub fn sensor(&self) -> Sensor {
+        Sensor::of_data_sheet()
     }
 
     /// Returns the settings of the board.

@@ -5,17 +5,22 @@
 //! passes through the same [`Collector`] as one that is read from its log, so that both give the same results.
 
 mod bounds;
+mod budget;
+mod clock;
 mod collect;
 mod data;
+mod errors;
 mod finding;
 mod findings;
 mod read;
 mod repeats;
+mod sensitivity;
 mod shapes;
 mod usable;
 mod zero;
 
 pub use bounds::Times;
+pub use budget::{AngleTerm, Budget, CommonTo, Evaluation, Term};
 pub use collect::Collector;
 pub use data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
 pub use finding::{Finding, FindingKind};

@@ -6,11 +6,13 @@
 //! delays the attitude, so its times are moved back by that delay. A modelled attitude is exact: the robot starts
 //! upright with a yaw of zero, and there is no gyroscope to drift.
 
+use super::budget::{AngleTerm, Budget};
 use super::data::Data;
+use super::errors::{Errors, TiltZero, blocks};
 use super::finding::{Finding, FindingKind};
-use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Series, Track, rotation};
+use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, Track, rotation, tilt_deg};
 use biflag_log::{SteadyMeta, Summary};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use protocol::units::{CentiRpm, LOW_PASS};
 use serde::Serialize;
 use sim::steady::{CHANNELS, SteadyCollector};
@@ -25,18 +27,11 @@ const START_S: f64 = 1.0;
 /// is its scatter over the whole duration.
 const TILT_ZERO_S: f64 = 10.0;
 
+/// Smallest gain of the board's filter that is told from none, 1/s.
+const MIN_GAIN: f64 = 0.01;
+
 /// Longest gap between the last reading of the still phase and the start of the run, s.
 const MAX_GAP_S: f64 = 0.25;
-
-/// Length of the blocks whose scatter is the noise of a tilt, s.
-const BLOCK_S: f64 = 2.0;
-
-/// Smallest 95 % uncertainty of a mean tilt of a rig, degrees.
-///
-/// The zero removes the accelerometer's offsets, but not the errors that change with the tilt: its axes differ in
-/// sensitivity and are not exactly orthogonal (cross-axis sensitivity 2 %, MPU-6000A data sheet, section 6.2), which is
-/// 0.1 degrees for a tilt of 5.
-const TILT_FLOOR_DEG: f64 = 0.1;
 
 /// Time in which a motor stops and turns the other way, s.
 const REVERSAL_S: f64 = 1.0;
@@ -49,10 +44,10 @@ const STILL_DEG: f64 = 0.5;
 pub struct Steady {
     /// Yaw, pitch, roll.
     pub angles_deg: [f64; 3],
-    /// 95 % uncertainty of the yaw; `None` without a still phase, 0 for a model.
-    pub yaw_uncertainty_deg: Option<f64>,
-    /// 95 % uncertainty of pitch and roll; `None` without a still phase, 0 for a model.
-    pub tilt_uncertainty_deg: Option<[f64; 2]>,
+    /// Uncertainty of the yaw; `None` if unknown, empty for a model.
+    pub yaw: Option<Budget>,
+    /// Uncertainty of pitch and roll; `None` if unknown, empty for a model.
+    pub tilt: Option<[Budget; 2]>,
     /// The drift that was removed from the yaw; `None` for a model.
     pub drift_deg: Option<f64>,
     /// The time over which the angles are averaged: see [`sim::steady`].
@@ -68,13 +63,18 @@ pub struct Steady {
 pub struct Angles {
     /// Steady yaw relative to the rest before the run, corrected for drift.
     pub yaw_deg: f64,
-    /// 95 % uncertainty of the yaw from drift and noise of the gyroscope, and from the levelling; `None` for a model,
-    /// and without a still phase.
+    /// 95 % uncertainty of the yaw by its [`Budget`]; `None` for a model, and where it is unknown.
     pub yaw_uncertainty_deg: Option<f64>,
     /// Steady pitch.
     pub pitch_deg: f64,
+    /// Its 95 % uncertainty.
+    pub pitch_uncertainty_deg: Option<f64>,
     /// Steady roll.
     pub roll_deg: f64,
+    /// Its 95 % uncertainty.
+    pub roll_uncertainty_deg: Option<f64>,
+    /// Steady tilt: the angle between the robot's axis and the vertical.
+    pub tilt_deg: f64,
     /// The drift that was removed from the yaw; `None` for a model.
     pub drift_deg: Option<f64>,
     /// Duration for which the robot was still after the run; `None` for a model.
@@ -85,6 +85,16 @@ pub struct Angles {
     pub settled: bool,
     /// Angle turned about each body axis over the whole trial.
     pub turned_deg: [f64; 3],
+}
+
+impl Steady {
+    /// Returns the causes of uncertainty of all three angles.
+    pub fn budget(&self) -> Vec<AngleTerm> {
+        let tilt = |k: usize| self.tilt.as_ref().map(|tilt| &tilt[k]);
+        let of = [("yaw", self.yaw.as_ref()), ("pitch", tilt(0)), ("roll", tilt(1))];
+        let terms = of.into_iter().filter_map(|(angle, budget)| Some((angle, budget?)));
+        terms.flat_map(|(angle, budget)| budget.terms().iter().map(move |term| AngleTerm::new(angle, term))).collect()
+    }
 }
 
 impl Angles {
@@ -108,19 +118,16 @@ pub struct Zeroed {
     pub run: Range<f64>,
     /// Time at which the yaw is zero, s.
     pub from_s: f64,
-    /// Drift of the yaw; `None` without a still phase, and for a model.
-    pub drift: Option<Drift>,
     /// Angle turned about each body axis since the gyroscope was calibrated, degrees.
     pub turned_deg: [f64; 3],
     /// The steady end of the run; `None` if there is no attitude in the run.
     pub steady: Option<Steady>,
     /// Findings about the still phases.
     pub rest: Vec<Finding>,
-    /// The tilt that levelling removed, degrees.
-    levelled_deg: f64,
-    is_model: bool,
-    /// Standard deviation of the block means of pitch and roll in the still phase, and the number of blocks.
-    tilt_scatter: Option<([f64; 2], usize)>,
+    /// `None` for a model, which has none.
+    errors: Option<Errors>,
+    /// Uncertainty of the yaw at every second; empty if it is unknown.
+    yaw_uncertainty_deg: Columns<1>,
 }
 
 impl Zeroed {
@@ -138,6 +145,13 @@ impl Zeroed {
     fn with_end(data: &Data, after: Range<f64>) -> Self {
         let mut zeroed = if data.is_model() { Self::modelled(data) } else { Self::measured(data, after) };
         zeroed.steady = zeroed.steady(data);
+        let span = zeroed.span();
+        for second in 0..=(span.end - span.start).ceil() as usize {
+            let time = (span.start + second as f64).min(span.end);
+            if let Some(budget) = zeroed.yaw_budget(time) {
+                zeroed.yaw_uncertainty_deg.push(time, [budget.uncertainty_deg()]);
+            }
+        }
         zeroed
     }
 
@@ -150,13 +164,11 @@ impl Zeroed {
             zero_deg: [0.0; 3],
             run: data.times.run.clone(),
             from_s: data.times.run.start,
-            drift: None,
             turned_deg: series.turned_deg(),
             steady: None,
             rest: Vec::new(),
-            levelled_deg: 0.0,
-            is_model: true,
-            tilt_scatter: None,
+            errors: None,
+            yaw_uncertainty_deg: Columns::default(),
         }
     }
 
@@ -193,43 +205,49 @@ impl Zeroed {
         // A calibration in which the board moved is not used.
         let is_calibrated = data.records.calibration.as_ref().is_none_or(|calibration| calibration.still);
         let calibrate_s = if is_calibrated { data.trial().calibrate_s } else { 0.0 };
-        let drift = if data.times.has_run() { Drift::estimate(&series, still, after, calibrate_s) } else { None };
-        if drift.as_ref().is_some_and(|drift| drift.lateral(run.start, run.end).is_none()) {
+        let start = (mean_over.end - START_S).max(mean_over.start)..mean_over.end;
+        let from_s = 0.5 * (start.start + start.end);
+        let filter_s = data.settings().map_or(1.0, |settings| 1.0 / f64::from(settings.attitude_kp).max(MIN_GAIN));
+        let phases = Rest { before: still, after, calibrate_s, filter_s };
+        let drift = if data.times.has_run() { Drift::estimate(&series, &phases, from_s) } else { None };
+        if drift.as_ref().is_some_and(|drift| drift.variance(run.end).is_none()) {
             let text = "the gyroscope was not calibrated, and the still phases are too short to show its bias about the \
                         body's x and y: the uncertainty of the yaw is unknown";
             rest.push(Finding::slight(FindingKind::Rest, text, "give the plan a calibration of 5 s"));
         }
-        let start = (mean_over.end - START_S).max(mean_over.start)..mean_over.end;
-        let from_s = 0.5 * (start.start + start.end);
         let yaw_zero = if data.times.has_run() { series.yaw().mean(start).unwrap_or(0.0) } else { 0.0 };
         let tilts = [series.pitch(), series.roll()];
-        let tilt_scatter = if has_still { scatter(tilts, &settled) } else { None };
+        let tilt_zero = if has_still { TiltZero::of(tilts, &settled, &tilt_over) } else { None };
         if let Some(strayed) = has_still.then(|| strayed(tilts, &settled)).flatten()
             && strayed > STILL_DEG
         {
             let text = format!("the robot was not still before the run: its tilt changed by {strayed:.1} degrees");
             rest.push(Finding::grave(FindingKind::Rest, text, "let it hang for longer before the trial"));
         }
-        let level = level_of(data);
-        let levelled_away = level.map_or([0.0; 2], |level| level.angles_deg());
+        let levelled_away = level_of(data).map_or([0.0; 2], |level| level.angles_deg());
         let turned_deg = series.turned_deg();
-        let Columns { time_s, values: [mut yaw, pitch, roll] } = series.angles_deg;
-        for (time, yaw) in time_s.iter().zip(&mut yaw) {
-            *yaw -= yaw_zero + drift.as_ref().map_or(0.0, |drift| drift.between(from_s, *time));
+        let errors = Errors::new(data, &series, from_s, filter_s, drift, tilt_zero);
+        let mut angles_deg = series.angles_deg;
+        let [yaw, ..] = &mut angles_deg.values;
+        for (time, yaw) in angles_deg.time_s.iter().zip(yaw) {
+            *yaw -= yaw_zero + errors.drift.as_ref().map_or(0.0, |drift| drift.at(*time));
         }
+        errors.correct(&mut angles_deg);
         Self {
-            angles_deg: Columns { time_s, values: [yaw, pitch, roll] },
+            angles_deg,
             zero_deg: [yaw_zero, zero.pitch_deg + levelled_away[0], zero.roll_deg + levelled_away[1]],
             run,
             from_s,
-            drift,
             turned_deg,
             steady: None,
             rest,
-            levelled_deg: level.map_or(0.0, |level| level.tilt_deg()),
-            is_model: false,
-            tilt_scatter,
+            errors: Some(errors),
+            yaw_uncertainty_deg: Columns::default(),
         }
+    }
+
+    fn is_model(&self) -> bool {
+        self.errors.is_none()
     }
 
     /// Returns the time range of the angles.
@@ -252,14 +270,19 @@ impl Zeroed {
     pub fn angles(&self) -> Option<Angles> {
         let steady = self.steady.as_ref()?;
         let [yaw_deg, pitch_deg, roll_deg] = steady.angles_deg;
-        let after = self.drift.iter().flat_map(|drift| &drift.still).find(|still| still.start >= self.run.end);
+        let after = self.drift().into_iter().flat_map(|drift| &drift.still).find(|still| still.start >= self.run.end);
+        let measured = |budget: Option<&Budget>| budget.filter(|_| !self.is_model()).map(Budget::uncertainty_deg);
+        let tilt = |k: usize| measured(steady.tilt.as_ref().map(|tilt| &tilt[k]));
         Some(Angles {
             yaw_deg,
-            yaw_uncertainty_deg: steady.yaw_uncertainty_deg.filter(|_| !self.is_model),
+            yaw_uncertainty_deg: measured(steady.yaw.as_ref()),
             pitch_deg,
+            pitch_uncertainty_deg: tilt(0),
             roll_deg,
+            roll_uncertainty_deg: tilt(1),
+            tilt_deg: tilt_deg(pitch_deg, roll_deg),
             drift_deg: steady.drift_deg,
-            still_after_s: (!self.is_model).then(|| after.map_or(0.0, |still| still.end - still.start)),
+            still_after_s: (!self.is_model()).then(|| after.map_or(0.0, |still| still.end - still.start)),
             steady_s: steady.window.end - steady.window.start,
             settled: steady.settled,
             turned_deg: self.turned_deg,
@@ -287,7 +310,7 @@ impl Zeroed {
         let steady = collector.steady();
         let window = run.end - steady.window_s..run.end;
         let middle = 0.5 * (window.start + window.end);
-        let own = data.records.steady.as_ref().filter(|_| self.is_model);
+        let own = data.records.steady.as_ref().filter(|_| self.is_model());
         let (angles_deg, settled, settle_s, window) = match own {
             Some(SteadyMeta { yaw_deg, pitch_deg, roll_deg, settled, settle_s, window_s, kind, .. }) => {
                 let window = self.run.end - window_s..self.run.end;
@@ -301,88 +324,73 @@ impl Zeroed {
         };
         Some(Steady {
             angles_deg,
-            yaw_uncertainty_deg: self.yaw_uncertainty(middle),
-            tilt_uncertainty_deg: self.tilt_uncertainty(window.end - window.start),
-            drift_deg: (!self.is_model).then(|| self.yaw_drift(middle)),
+            yaw: self.yaw_budget(middle),
+            tilt: self.tilt_budgets(&window),
+            drift_deg: (!self.is_model()).then(|| self.yaw_drift(middle)),
             window,
             settled,
             settle_s,
         })
     }
 
-    /// Returns the 95 % uncertainty of the yaw at a time, degrees; `None` without a still phase or a known bias, 0 for a
-    /// model.
-    pub fn yaw_uncertainty(&self, time_s: f64) -> Option<f64> {
-        if self.is_model {
-            return Some(0.0);
-        }
+    /// Returns the causes of uncertainty of the yaw at a time; empty for a model, `None` without a still phase or a known
+    /// bias, and where a grave finding is about the rest.
+    pub fn yaw_budget(&self, time_s: f64) -> Option<Budget> {
+        self.budget(|errors| errors.yaw(&self.angles_deg, time_s))
+    }
+
+    /// Returns the causes of uncertainty of mean pitch and roll over a time; as [`Self::yaw_budget`].
+    pub fn tilt_budgets(&self, over: &Range<f64>) -> Option<[Budget; 2]> {
+        self.budget(|errors| errors.tilts(&self.angles_deg, over))
+    }
+
+    fn budget<T: Default>(&self, of: impl FnOnce(&Errors) -> Option<T>) -> Option<T> {
         // A zero that is no rest has no uncertainty that could be stated.
         if self.rest.iter().any(|finding| finding.grave) {
             return None;
         }
-        let drift = self.drift.as_ref()?.uncertainty(self.from_s.min(time_s), self.from_s.max(time_s))?;
-        Some(drift.hypot(self.levelling_uncertainty(time_s)))
+        self.errors.as_ref().map_or_else(|| Some(T::default()), of)
     }
 
-    /// Returns the 95 % uncertainty of the yaw at a time due to the levelling, degrees.
-    ///
-    /// The tilt at rest is attributed to the accelerometer's bias. The part of it that is due to the sensor's mounting
-    /// tilts the gyroscope too, so that the yaw of a leaning robot is wrong by up to the tilt times the sine of the
-    /// lean.
-    pub fn levelling_uncertainty(&self, time_s: f64) -> f64 {
-        let [_, pitch, roll] = self.at(time_s);
-        let upright = pitch.to_radians().cos() * roll.to_radians().cos();
-        self.levelled_deg * (1.0 - upright * upright).max(0.0).sqrt()
+    /// Returns the 95 % uncertainty of the yaw at a time, degrees, for curves: interpolated between seconds. 0 for a model,
+    /// `None` where [`Self::yaw_budget`] is.
+    pub fn yaw_uncertainty(&self, time_s: f64) -> Option<f64> {
+        self.yaw_uncertainty_deg.track(0).at(time_s)
     }
 
-    /// Returns the standard deviation of the effect on the yaw of the sensor's usual warming since the still phase,
-    /// degrees.
-    pub fn warming(&self, time_s: f64) -> f64 {
-        self.drift.as_ref().map_or(0.0, |drift| drift.warming(self.from_s, time_s))
+    /// Returns the 95 % uncertainty of mean pitch and roll over a time, degrees; as [`Self::yaw_uncertainty`].
+    pub fn tilt_uncertainty(&self, over: &Range<f64>) -> Option<[f64; 2]> {
+        Some(self.tilt_budgets(over)?.map(|budget| budget.uncertainty_deg()))
     }
 
-    /// Returns the angle random walk of the yaw (°/√s), the length of the still phase that gives its bias (s), and the
-    /// variances of the zeros of pitch and roll (degrees²); `None` without a still phase. A model counts as a quiet
-    /// sensor.
-    pub fn noise(&self) -> Option<(f64, f64, [f64; 2])> {
-        if self.is_model {
-            return Some((1e-4, 20.0, [1e-8; 2]));
+    /// Returns the covariances of yaw, pitch and roll between times due to the sensor, degrees²; `None` without a still
+    /// phase or a known bias.
+    pub fn covariances(&self, times: &[f64]) -> Option<[DMatrix<f64>; 3]> {
+        let Some(errors) = &self.errors else {
+            // A model counts as a quiet sensor.
+            let of = |deg2: f64| DMatrix::from_element(times.len(), times.len(), deg2);
+            return Some([1e-8; 3].map(of));
+        };
+        let (drift, zero) = (errors.drift.as_ref()?.covariance(times)?, errors.tilt_zero.as_ref()?);
+        let constant = |tilt: usize| DMatrix::from_element(times.len(), times.len(), zero.variance(tilt));
+        let mut all = [drift, constant(0), constant(1)];
+        let effects: Vec<_> = times.iter().map(|time| errors.effects(&self.angles_deg, *time)).collect();
+        for (angle, covariance) in all.iter_mut().enumerate() {
+            let columns = effects.first().map_or(0, |effect| effect[angle].len());
+            let effect = DMatrix::from_fn(times.len(), columns, |i, k| effects[i][angle][k]);
+            *covariance += &effect * effect.transpose();
         }
-        let drift = self.drift.as_ref()?;
-        let still = drift.still.first()?;
-        let (scatter, count) = self.tilt_scatter?;
-        // The filter's noise has a correlation time of about a second, so that neighbouring blocks are slightly
-        // correlated.
-        let independent = 0.5 * (count as f64).min(TILT_ZERO_S / BLOCK_S);
-        // The floor is a 95 % bound; it covers a robot that still swings back a little.
-        let zero = |deg: f64| deg * deg / independent + (0.5 * TILT_FLOOR_DEG).powi(2);
-        Some((drift.angle_walk, still.end - still.start, scatter.map(zero)))
-    }
-
-    /// Returns the standard deviations of the effect on the yaw of biases about the body's x and y that no still phase
-    /// shows, degrees; `None` if they are unknown.
-    pub fn lateral(&self, time_s: f64) -> Option<[f64; 2]> {
-        self.drift.as_ref().map_or(Some([0.0; 2]), |drift| drift.lateral(self.from_s, time_s))
+        Some(all)
     }
 
     /// Returns the drift that was removed from the yaw at a time, degrees.
     pub fn yaw_drift(&self, time_s: f64) -> f64 {
-        self.drift.as_ref().map_or(0.0, |drift| drift.between(self.from_s, time_s))
+        self.drift().map_or(0.0, |drift| drift.at(time_s))
     }
 
-    /// Returns the 95 % uncertainty of mean pitch and roll over `window_s`, degrees; `None` without a still phase, 0
-    /// for a model.
-    pub fn tilt_uncertainty(&self, window_s: f64) -> Option<[f64; 2]> {
-        if self.is_model {
-            return Some([0.0; 2]);
-        }
-        if self.rest.iter().any(|finding| finding.grave) {
-            return None;
-        }
-        let (scatter, count) = self.tilt_scatter?;
-        let means = BLOCK_S / window_s.max(BLOCK_S) + 1.0 / (count as f64).min(TILT_ZERO_S / BLOCK_S);
-        // Student's two-sided 95 % quantile for the blocks of a short still phase is near 2.5.
-        Some(scatter.map(|deg| (2.5 * deg * means.sqrt()).hypot(TILT_FLOOR_DEG)))
+    /// Returns the drift of the yaw; `None` without a still phase, and for a model.
+    pub fn drift(&self) -> Option<&Drift> {
+        self.errors.as_ref()?.drift.as_ref()
     }
 }
 
@@ -427,24 +435,6 @@ fn mean(readings: &[(f64, Reading)], range: &Range<f64>) -> Option<UnitQuaternio
             },
         );
     Some(UnitQuaternion::from_quaternion(sum))
-}
-
-/// Returns the mean of each block of a range, counted from its end.
-fn blocks(track: Track, range: &Range<f64>) -> Vec<f64> {
-    let count = ((range.end - range.start) / BLOCK_S + 1e-6).floor() as usize;
-    (0..count)
-        .filter_map(|i| track.mean(range.end - (i + 1) as f64 * BLOCK_S..range.end - i as f64 * BLOCK_S))
-        .collect()
-}
-
-fn scatter(tilts: [Track; 2], still: &Range<f64>) -> Option<([f64; 2], usize)> {
-    let blocks = tilts.map(|tilt| blocks(tilt, still));
-    let count = blocks[0].len();
-    let deviation = |means: &Vec<f64>| {
-        let mean = means.iter().sum::<f64>() / count as f64;
-        (means.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count as f64 - 1.0)).sqrt()
-    };
-    (count >= 3).then(|| (blocks.each_ref().map(deviation), count))
 }
 
 /// Returns the largest difference between two blocks.

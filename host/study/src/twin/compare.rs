@@ -321,8 +321,10 @@ fn compare_zeroed(
         (square / in_run.len() as f64).sqrt()
     };
     let middle_s = 0.5 * (window.start + window.end);
-    let yaw_uncertainty_deg = both(both_zeroed.map(|zeroed| zeroed.yaw_uncertainty(zeroed.run.start + middle_s)));
-    let tilts = both_zeroed.map(|zeroed| zeroed.tilt_uncertainty(window.end - window.start));
+    let of_yaw = |zeroed: &Zeroed| Some(zeroed.yaw_budget(zeroed.run.start + middle_s)?.uncertainty_deg());
+    let yaw_uncertainty_deg = both(both_zeroed.map(of_yaw));
+    let over = |zeroed: &Zeroed| zeroed.run.start + window.start..zeroed.run.start + window.end;
+    let tilts = both_zeroed.map(|zeroed| zeroed.tilt_uncertainty(&over(zeroed)));
     let tilt_uncertainty_deg = [0, 1].map(|k| both(tilts.map(|tilt| tilt.map(|tilt| tilt[k]))));
     let settle_ratio = match [measured_steady.settle_s, modelled_steady.settle_s] {
         [Some(measured), Some(modelled)] if same_length && measured > 0.0 && modelled > 0.0 => {

@@ -55,19 +55,8 @@ pub struct FitTrial {
     pub(super) board_start: Option<[u16; 2]>,
     pub(super) measured: Blocks,
     profile: SpeedProfile,
-    /// Centres of the blocks, s after the zero of the yaw.
-    times: Vec<f64>,
-    /// Angle random walk of the yaw, °/√s, and length of the still phase that gives the gyroscope's bias, s.
-    yaw_walk: f64,
-    still_s: f64,
-    /// Standard deviation of the effect of the levelling on the yaw, fully correlated between blocks, degrees.
-    levelling: Vec<f64>,
-    /// The same for the warming of the sensor.
-    warming: Vec<f64>,
-    /// The same for the biases about the body's x and y.
-    lateral: Vec<[f64; 2]>,
-    /// Variance of the zeros of pitch and roll.
-    zero_variance: [f64; 2],
+    /// Covariances of the blocks of yaw, pitch and roll due to the sensor alone, degrees².
+    sensor: [DMatrix<f64>; 3],
 }
 
 impl FitTrial {
@@ -107,16 +96,21 @@ impl FitTrial {
         let means = |track: crate::attitude::Track| {
             (0..count).map(|i| track.mean(block(i)).unwrap_or_default()).collect::<Vec<_>>()
         };
-        let (yaw_walk, still_s, zero_variance) = zeroed
-            .noise()
-            .ok_or_else(|| unusable("has no still phase before the run, so the drift of its yaw is unknown"))?;
-        let lateral: Option<Vec<_>> = (0..count).map(|i| zeroed.lateral(middle(i))).collect();
-        let lateral = lateral.ok_or_else(|| TwinError::unusable(data, Unusable {
-            reason: "was recorded without a calibration of the gyroscope, and its still phase is too short to show the bias"
-                .to_owned(),
-            help: "calibrate the gyroscope before each trial, or begin with a still phase of 15 s or more",
-        }))?;
-        let from = run.start - zeroed.from_s;
+        let drift = zeroed
+            .drift()
+            .ok_or_else(|| unusable("has no still phase before the run, so the drift of its yaw is unknown"))
+            .map(|drift| drift.variance(run.end).is_some());
+        let centres: Vec<f64> = (0..count).map(middle).collect();
+        let sensor = match zeroed.covariances(&centres) {
+            Some(sensor) => sensor,
+            None if !drift? => return Err(TwinError::unusable(data, Unusable {
+                reason: "was recorded without a calibration of the gyroscope, and its still phase is too short to show the \
+                         bias"
+                    .to_owned(),
+                help: "calibrate the gyroscope before each trial, or begin with a still phase of 15 s or more",
+            })),
+            None => return Err(unusable("has a still phase before the run that is too short")),
+        };
         Ok(Self {
             name: data.trial().name,
             path: data.path.clone(),
@@ -133,19 +127,12 @@ impl FitTrial {
                 .map(|board| [board.board_id, board.boot_count]),
             measured: zeroed.angles_deg.tracks().map(means),
             profile: speeds::profile_of_run(data, BLOCK_S / SAMPLES as f64)?,
-            times: (0..count).map(|i| from + (i as f64 + 0.5) * BLOCK_S).collect(),
-            // A 95 % bound is two standard deviations.
-            levelling: (0..count).map(|i| 0.5 * zeroed.levelling_uncertainty(middle(i))).collect(),
-            warming: (0..count).map(|i| zeroed.warming(middle(i))).collect(),
-            lateral,
-            yaw_walk,
-            still_s,
-            zero_variance,
+            sensor,
         })
     }
 
     pub(super) fn blocks(&self) -> usize {
-        self.times.len()
+        self.sensor[0].nrows()
     }
 
     /// Returns the model's blocks of the trial; `None` if the solver fails.
@@ -176,33 +163,11 @@ impl FitTrial {
         Some(blocks)
     }
 
-    /// Returns the covariance of the blocks of yaw, pitch or roll due to the sensor's noise alone, degrees².
-    ///
-    /// Yaw: the gyroscope's angle random walk; the change of the bias since the still phase by random walk and
-    /// temperature (see [`crate::attitude::Drift`]); and the levelling. Tilt: the zero, which is common to all blocks.
-    fn sensor_covariance(&self, angle: usize) -> DMatrix<f64> {
-        let count = self.blocks();
-        let walk = self.yaw_walk.powi(2);
-        let bias_walk = crate::attitude::BIAS_WALK.powi(2);
-        // The bias applies to the middle of the still phase.
-        let since = |t: f64| t + 0.5 * self.still_s;
-        DMatrix::from_fn(count, count, |i, j| {
-            if angle > 0 {
-                return self.zero_variance[angle - 1];
-            }
-            let (a, b) = (self.times[i].min(self.times[j]), self.times[i].max(self.times[j]));
-            let bias = bias_walk * since(a).powi(2) * (3.0 * since(b) - since(a)) / 6.0;
-            let common = self.levelling[i] * self.levelling[j] + self.warming[i] * self.warming[j];
-            let lateral: f64 = self.lateral[i].iter().zip(self.lateral[j]).map(|(a, b)| a * b).sum();
-            walk * (a + a * b / self.still_s) + bias + common + lateral
-        })
-    }
-
     /// Returns the factored covariance of the blocks due to the sensor, the solver, the clocks, and the remaining
     /// errors.
     pub(super) fn whitener(&self, angle: usize, rest: Correlated) -> Option<Whitener> {
         let count = self.blocks();
-        let mut covariance = self.sensor_covariance(angle);
+        let mut covariance = self.sensor[angle].clone();
         let turned = &self.measured[angle];
         let rate = |i: usize| (turned[(i + 1).min(count - 1)] - turned[i.saturating_sub(1)]) / (2.0 * BLOCK_S);
         let rates: Vec<f64> = (0..count).map(rate).collect();

@@ -1,0 +1,362 @@
+//! A Bayesian smoother for the gyroscope's bias about one axis, from the mean rates over stretches of rest.
+//!
+//! The rate at rest is a sum of independent Gaussian parts:
+//!
+//! - a constant bias;
+//! - its change with the sensor's temperature, proportional to the warming in the log;
+//! - a random walk, as increments between knots of time;
+//! - the robot's return to rest before the run, and the one after it: A exp(-t/τ) each;
+//! - white noise, of variance N²/L over a stretch of length L, where N is the angle random walk.
+//!
+//! The result is linear in the observed rates (Gaussian process regression: Rasmussen and Williams, Gaussian Processes for
+//! Machine Learning, 2006, eq. 2.25 and 2.26). The time constant τ and the sizes of both motions are not known: every
+//! combination of a list is weighted by the evidence that the rates give for it (eq. 2.30), and the results are mixed.
+//! So a return to rest that hides in the noise adds to the uncertainty what it may hide, and ten seconds of rest help by
+//! ten seconds' worth.
+
+use super::Track;
+use nalgebra::linalg::Cholesky;
+use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
+
+/// Standard deviation of the constant bias after the calibration, °/s.
+const BIAS_DPS: f64 = 1.0;
+
+/// Standard deviation of the change of the bias with temperature, °/s/°C: a tenth of what the data sheet's ±20 °/s over -40
+/// to 85 °C (PS-MPU-6000A, section 6.1) amounts to.
+const WARMING_DPS_PER_C: f64 = 0.03;
+
+/// Random walk of the bias, °/s/√s: about three times that of an MPU6050 at rest for 655 s.
+const BIAS_WALK: f64 = 3e-4;
+
+/// Shortest interval between the knots of the random walk, s, and the largest number of intervals.
+const KNOT_S: f64 = 2.0;
+const MOST_KNOTS: f64 = 100.0;
+
+/// Time constants of a return to rest that are tried first, s. More are tried between those of which the weights differ.
+const TIME_CONSTANTS_S: [f64; 7] = [1.5, 2.7, 5.0, 9.0, 16.0, 28.0, 50.0];
+const MOST_TIME_CONSTANTS: usize = 60;
+
+/// Standard deviations of the rate of a return to rest that are tried, °/s: at the start of the run, and after it.
+const MOTIONS_DPS: [f64; 4] = [0.0, 0.01, 0.1, 1.0];
+
+/// Prior weight of no motion, before the run and after it. Before it, the recorder has waited until the robot was still.
+const STILL_BEFORE: f64 = 0.99;
+const STILL_AFTER: f64 = 0.5;
+
+/// Combinations of less than this weight, relative to the best one, are left out.
+const LEAST_WEIGHT: f64 = 1e-3;
+
+/// The mean rate over a stretch of rest.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Stretch {
+    /// When it was.
+    pub range: Range<f64>,
+    /// Mean rate, °/s.
+    pub rate: f64,
+    /// Variance of the rate due to white noise, (°/s)².
+    pub variance: f64,
+}
+
+/// Where the robot may still have been moving.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Motions {
+    /// Start of the run: the end of the first return to rest, s.
+    pub run_s: f64,
+    /// Start of the rest after the run, s.
+    pub after_s: f64,
+}
+
+/// The rotation due to the bias, and its covariance, at each time of a grid. Zero at the reference time.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct Rotation {
+    /// Mean, degrees.
+    pub mean: DVector<f64>,
+    /// Covariance, degrees².
+    pub covariance: DMatrix<f64>,
+    /// Mean rate of the first return to rest at the start of the run and its standard deviation, °/s.
+    pub residual_dps: [f64; 2],
+}
+
+/// The terms of the rate: constant, warming, and increments of the random walk.
+struct Terms {
+    knots: Vec<f64>,
+    step_s: f64,
+    reference_c: f64,
+}
+
+impl Terms {
+    fn new(span: &Range<f64>, reference_c: f64) -> Self {
+        let length = span.end - span.start;
+        let step_s = KNOT_S.max(length / MOST_KNOTS);
+        let knots = (0..(length / step_s).ceil() as usize).map(|i| span.start + i as f64 * step_s).collect();
+        Self { knots, step_s, reference_c }
+    }
+
+    fn count(&self) -> usize {
+        2 + self.knots.len()
+    }
+
+    /// Returns the prior standard deviation of each term.
+    fn deviation(&self, term: usize) -> f64 {
+        match term {
+            0 => BIAS_DPS,
+            1 => WARMING_DPS_PER_C,
+            _ => BIAS_WALK * self.step_s.sqrt(),
+        }
+    }
+
+    /// Returns the mean of a term over a stretch of time, scaled to unit variance.
+    fn mean(&self, term: usize, range: &Range<f64>, temperature_c: f64) -> f64 {
+        let value = match term {
+            0 => 1.0,
+            1 => temperature_c - self.reference_c,
+            _ => {
+                // The increment is spread over its interval, so that the walk has no steps.
+                let (from, to) = (self.knots[term - 2], self.knots[term - 2] + self.step_s);
+                let ramp = |t: f64| {
+                    let inside = t.clamp(from, to) - from;
+                    0.5 * inside * inside / self.step_s + (t - to).max(0.0)
+                };
+                let length = range.end - range.start;
+                if length > 0.0 {
+                    (ramp(range.end) - ramp(range.start)) / length
+                } else {
+                    ((range.start.clamp(from, to) - from) / self.step_s).min(1.0)
+                }
+            }
+        };
+        value * self.deviation(term)
+    }
+}
+
+/// The times at which a rotation is wanted.
+pub(super) struct Target<'a> {
+    /// Times, ascending, s.
+    pub times: &'a [f64],
+    /// Component of the axis along the vertical at each of the times.
+    pub weights: &'a [f64],
+    /// The rotation is zero at this time, s.
+    pub from_s: f64,
+}
+
+/// Estimates the rotation that the bias about one axis causes. `motions` is `None` for an axis whose rates at rest have no
+/// motion in them. Returns `None` without stretches.
+pub(super) fn rotation(
+    stretches: &[Stretch],
+    temperature_c: Track,
+    target: &Target,
+    motions: Option<&Motions>,
+) -> Option<Rotation> {
+    let first = stretches.first()?;
+    let temperature = |range: &Range<f64>| temperature_c.mean(range.clone()).unwrap_or_default();
+    let span = first.range.start.min(*target.times.first()?)..stretches.last()?.range.end.max(*target.times.last()?);
+    let terms = Terms::new(&span, temperature(&first.range));
+    let (n, count) = (stretches.len(), terms.count());
+    // Rates about their mean, so that the prior of the constant is about what is seen.
+    let offset = stretches.iter().map(|stretch| stretch.rate).sum::<f64>() / n as f64;
+    let rates = DVector::from_iterator(n, stretches.iter().map(|stretch| stretch.rate - offset));
+    let seen = DMatrix::from_fn(n, count, |i, k| {
+        let range = &stretches[i].range;
+        terms.mean(k, range, if k == 1 { temperature(range) } else { 0.0 })
+    });
+    let wanted = integrals(&terms, target, temperature_c);
+    let noise = DMatrix::from_diagonal(&DVector::from_iterator(n, stretches.iter().map(|stretch| stretch.variance)));
+    let own = &seen * seen.transpose() + noise;
+    let cross = &wanted * seen.transpose();
+    let prior = &wanted * wanted.transpose();
+    let constant = DVector::from_fn(target.times.len(), |i, _| offset * wanted[(i, 0)] / BIAS_DPS);
+    let given = Given { stretches, rates, own, cross, prior, from_s: target.from_s };
+    let mut found = match motions {
+        Some(motions) => given.weigh_motions(motions),
+        None => given.weigh(&Tried::default()).into_iter().collect(),
+    };
+    let best = best_of(&found);
+    found.retain(|(weight, _)| weight - best > LEAST_WEIGHT.ln());
+    let total: f64 = found.iter().map(|(weight, _)| (weight - best).exp()).sum();
+    let shares = found.iter().map(|(weight, solved)| ((weight - best).exp() / total, solved));
+    let mixed = given.mix(shares);
+    Some(Rotation { mean: mixed.mean + constant, ..mixed })
+}
+
+/// Integrates each term, times the weight, from the reference time to each time of the target.
+fn integrals(terms: &Terms, target: &Target, temperature_c: Track) -> DMatrix<f64> {
+    let (times, rows, count) = (target.times, target.times.len(), terms.count());
+    let mut sums = DMatrix::zeros(rows, count);
+    let instant = |i: usize, k: usize| {
+        let warm = || temperature_c.at(times[i]).unwrap_or_default();
+        target.weights[i] * terms.mean(k, &(times[i]..times[i]), if k == 1 { warm() } else { 0.0 })
+    };
+    for k in 0..count {
+        let mut last = instant(0, k);
+        for i in 1..rows {
+            let next = instant(i, k);
+            sums[(i, k)] = sums[(i - 1, k)] + 0.5 * (last + next) * (times[i] - times[i - 1]);
+            last = next;
+        }
+        let column: Vec<f64> = sums.column(k).iter().copied().collect();
+        let zero = Track { time_s: times, value: &column }.at(target.from_s).unwrap_or_default();
+        sums.column_mut(k).add_scalar_mut(-zero);
+    }
+    sums
+}
+
+/// A combination of time constant and sizes of the motions.
+#[derive(Clone, Default)]
+struct Tried {
+    /// Logarithm of its prior weight.
+    log_prior: f64,
+    /// Rate of the first return to rest over each stretch, scaled to unit variance.
+    before: Vec<f64>,
+    time_constant_s: f64,
+    before_dps: f64,
+    run_s: f64,
+    after: Vec<f64>,
+}
+
+/// Returns the combinations of sizes for one time constant.
+fn motions_tried(stretches: &[Stretch], motions: &Motions, tau: f64) -> Vec<Tried> {
+    let is_after = |stretch: &Stretch| stretch.range.start >= motions.run_s;
+    let sizes = |after: bool| {
+        let is_seen = stretches.iter().any(|stretch| is_after(stretch) == after);
+        &MOTIONS_DPS[..if is_seen { MOTIONS_DPS.len() } else { 1 }]
+    };
+    let rate = |dps: f64, zero_s: f64, after: bool| {
+        let mean = |stretch: &Stretch| {
+            let Range { start, end } = stretch.range;
+            let part = |t: f64| (-(t - zero_s) / tau).exp();
+            if is_after(stretch) == after { dps * tau * (part(start) - part(end)) / (end - start) } else { 0.0 }
+        };
+        stretches.iter().map(mean).collect::<Vec<_>>()
+    };
+    let weight = |dps: f64, still: f64| if dps == 0.0 { still } else { (1.0 - still) / (MOTIONS_DPS.len() - 1) as f64 };
+    let pairs = sizes(false).iter().flat_map(|before| sizes(true).iter().map(move |after| (*before, *after)));
+    pairs
+        .map(|(before_dps, after_dps)| Tried {
+            log_prior: (weight(before_dps, STILL_BEFORE) * weight(after_dps, STILL_AFTER)).ln(),
+            before: rate(before_dps, motions.run_s, false),
+            after: rate(after_dps, motions.after_s, true),
+            time_constant_s: tau,
+            before_dps,
+            run_s: motions.run_s,
+        })
+        .collect()
+}
+
+/// Weighted combinations.
+type Weighed = Vec<(f64, Solved)>;
+
+fn best_of(weighed: &Weighed) -> f64 {
+    weighed.iter().map(|(weight, _)| *weight).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// What all combinations share.
+struct Given<'a> {
+    stretches: &'a [Stretch],
+    rates: DVector<f64>,
+    /// Covariance of the rates.
+    own: DMatrix<f64>,
+    /// Covariance of the wanted rotation with the rates.
+    cross: DMatrix<f64>,
+    /// Covariance of the wanted rotation.
+    prior: DMatrix<f64>,
+    from_s: f64,
+}
+
+/// One combination, with the covariance of the rates factored.
+struct Solved {
+    factored: Cholesky<f64, nalgebra::Dyn>,
+    /// Solution of the factored equations for the rates.
+    solved: DVector<f64>,
+    /// Rate of the first return to rest over each stretch, scaled to unit variance.
+    before: DVector<f64>,
+    /// What the robot turns back after the reference time, degrees, for unit amplitude.
+    turns_back_deg: f64,
+    residual_dps: [f64; 2],
+}
+
+impl Given<'_> {
+    /// Returns the weighted combinations of time constants and sizes. Time constants are added until the weights of
+    /// neighbours are of one order, where the weights are not negligible.
+    fn weigh_motions(&self, motions: &Motions) -> Weighed {
+        let weigh = |tau: f64| -> Weighed {
+            motions_tried(self.stretches, motions, tau).iter().filter_map(|tried| self.weigh(tried)).collect()
+        };
+        let mut all: Vec<(f64, Weighed)> = TIME_CONSTANTS_S.iter().map(|tau| (*tau, weigh(*tau))).collect();
+        loop {
+            let weights: Vec<f64> = all.iter().map(|(_, weighed)| best_of(weighed)).collect();
+            let least = weights.iter().copied().fold(f64::NEG_INFINITY, f64::max) + LEAST_WEIGHT.ln();
+            let middles: Vec<f64> = (0..all.len() - 1)
+                .filter(|i| weights[*i].max(weights[i + 1]) > least && (weights[*i] - weights[i + 1]).abs() > 1.0)
+                .map(|i| (all[i].0 * all[i + 1].0).sqrt())
+                .collect();
+            if middles.is_empty() || all.len() + middles.len() > MOST_TIME_CONSTANTS {
+                break;
+            }
+            all.extend(middles.into_iter().map(|tau| (tau, weigh(tau))));
+            all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        // The prior is even in the logarithm of the time constant.
+        let taus: Vec<f64> = all.iter().map(|(tau, _)| tau.ln()).collect();
+        let width = |i: usize| 0.5 * (taus[(i + 1).min(taus.len() - 1)] - taus[i.saturating_sub(1)]);
+        let widened = |(i, (_, weighed)): (usize, (f64, Weighed))| {
+            let more = width(i).ln();
+            weighed.into_iter().map(move |(weight, solved)| (weight + more, solved))
+        };
+        all.into_iter().enumerate().flat_map(widened).collect()
+    }
+
+    /// Returns the logarithm of the weight of a combination, not normalised.
+    fn weigh(&self, tried: &Tried) -> Option<(f64, Solved)> {
+        let mut own = self.own.clone();
+        let column = |values: &Vec<f64>| {
+            let mut column = DVector::zeros(self.stretches.len());
+            column.iter_mut().zip(values).for_each(|(entry, value)| *entry = *value);
+            column
+        };
+        let (before, after) = (column(&tried.before), column(&tried.after));
+        own += &before * before.transpose() + &after * after.transpose();
+        let factored = Cholesky::new(own)?;
+        let solved = factored.solve(&self.rates);
+        let determinant: f64 = factored.l_dirty().diagonal().iter().map(|value| value.ln()).sum();
+        let weight = tried.log_prior - 0.5 * self.rates.dot(&solved) - determinant;
+        let dps = tried.before_dps;
+        let tau = tried.time_constant_s;
+        let turns_back_deg = if dps > 0.0 { dps * tau * (-(self.from_s - tried.run_s) / tau).exp() } else { 0.0 };
+        let explained = before.dot(&factored.solve(&before));
+        let residual_dps = [dps * before.dot(&solved), dps * (1.0 - explained).max(0.0).sqrt()];
+        Some((weight, Solved { factored, solved, before, turns_back_deg, residual_dps }))
+    }
+
+    /// Returns mean and covariance of the wanted rotation over all combinations, each with its share.
+    ///
+    /// A combination changes the covariance of the rotation with the rates, C, by what the robot turns back: the same row
+    /// for all times. So all sums are over matrices of the rates alone.
+    fn mix<'s>(&self, shares: impl Iterator<Item = (f64, &'s Solved)>) -> Rotation {
+        let n = self.rates.len();
+        let (mut weights, mut explained) = (DVector::zeros(n), DMatrix::zeros(n, n));
+        let (mut turns_back, mut with_rates, mut square) = (0.0, DVector::zeros(n), 0.0);
+        let (mut residual, mut residual_square) = (0.0, 0.0);
+        for (share, Solved { factored, solved, before, turns_back_deg: back, residual_dps }) in shares {
+            let along = before.dot(solved);
+            let inverse = factored.solve(before);
+            weights.axpy(share, solved, 1.0);
+            explained += share * (factored.inverse() - solved * solved.transpose());
+            turns_back += share * back * along;
+            with_rates += share * *back * (&inverse - along * solved);
+            square += share * back * back * (1.0 - before.dot(&inverse) + along * along);
+            residual += share * residual_dps[0];
+            residual_square += share * (residual_dps[0].powi(2) + residual_dps[1].powi(2));
+        }
+        let mean = (&self.cross * weights).add_scalar(turns_back);
+        let along = &self.cross * with_rates;
+        let mut covariance = &self.prior - &self.cross * explained * self.cross.transpose() - &mean * mean.transpose();
+        for i in 0..mean.len() {
+            for j in 0..mean.len() {
+                covariance[(i, j)] += square - along[i] - along[j];
+            }
+        }
+        let residual_dps = [residual, (residual_square - residual * residual).max(0.0).sqrt()];
+        Rotation { mean, covariance, residual_dps }
+    }
+}

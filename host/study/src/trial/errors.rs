@@ -1,0 +1,197 @@
+//! What is known about the errors of a trial's angles: drift and noise from its still phases, and the sensor's errors.
+
+use super::budget::{Budget, Term};
+use super::clock;
+use super::data::Data;
+use super::sensitivity::{Sensitivity, Stated};
+use crate::attitude::{Columns, Drift, ROTATIONS, Series, Track};
+use crate::sensor::{Estimate, GROUPS, PARAMETERS};
+use std::ops::Range;
+
+/// Length of the blocks whose scatter is the noise of a tilt, s.
+const BLOCK_S: f64 = 2.0;
+
+/// Time around a moment over which its tilt is averaged, s: the robot wobbles with its flagella.
+const AROUND_S: f64 = 2.0;
+
+/// The zero of the tilt at rest.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct TiltZero {
+    /// Standard deviation of the block means of pitch and roll.
+    scatter_deg: [f64; 2],
+    /// Number of blocks whose scatter it is, and number of blocks in the zero.
+    blocks: [f64; 2],
+    /// Change of pitch and roll over the still phase beyond their scatter.
+    moved_deg: [f64; 2],
+}
+
+impl TiltZero {
+    /// Returns the noise of pitch and roll in a still phase whose last part, `zero`, gives the zero; `None` if the phase is
+    /// too short.
+    pub fn of(tilts: [Track; 2], still: &Range<f64>, zero: &Range<f64>) -> Option<Self> {
+        let blocks = tilts.map(|tilt| blocks(tilt, still));
+        let count = blocks[0].len();
+        let deviation = |means: &[f64]| {
+            let mean = means.iter().sum::<f64>() / means.len() as f64;
+            (means.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (means.len() as f64 - 1.0)).sqrt()
+        };
+        // Neighbours differ by noise alone, the ends by what the robot has moved, too.
+        let moved = |means: &[f64]| {
+            let noise = means.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>() / (count as f64 - 1.0);
+            ((means[0] - means[count - 1]).powi(2) - noise).max(0.0).sqrt()
+        };
+        (count >= 3).then(|| Self {
+            scatter_deg: blocks.each_ref().map(|means| deviation(means)),
+            blocks: [count as f64, ((zero.end - zero.start) / BLOCK_S).max(1.0)],
+            moved_deg: blocks.each_ref().map(|means| moved(means)),
+        })
+    }
+
+    /// Returns the causes of uncertainty of pitch (0) or roll (1) averaged over `window_s`.
+    fn terms(&self, tilt: usize, window_s: f64) -> [Term; 2] {
+        let [seen, in_zero] = self.blocks;
+        let u_deg = self.scatter_deg[tilt] * (BLOCK_S / window_s.max(BLOCK_S) + 1.0 / in_zero.min(seen)).sqrt();
+        // A return to rest that began before the still phase goes on by about as much as it has come.
+        [
+            Term::of_trial("noise", u_deg, seen - 1.0),
+            Term::of_trial("motion at rest", self.moved_deg[tilt] / 3f64.sqrt(), f64::INFINITY),
+        ]
+    }
+
+    /// Returns the variance of the zero of pitch (0) or roll (1), degrees².
+    pub fn variance(&self, tilt: usize) -> f64 {
+        let [seen, in_zero] = self.blocks;
+        // The filter's noise has a correlation time of about a second, so that neighbouring blocks are slightly
+        // correlated.
+        self.scatter_deg[tilt].powi(2) / (0.5 * in_zero.min(seen)) + self.moved_deg[tilt].powi(2) / 3.0
+    }
+}
+
+/// Returns the mean of each block of a range, counted from its end.
+pub(super) fn blocks(track: Track, range: &Range<f64>) -> Vec<f64> {
+    let count = ((range.end - range.start) / BLOCK_S + 1e-6).floor() as usize;
+    (0..count)
+        .filter_map(|i| track.mean(range.end - (i + 1) as f64 * BLOCK_S..range.end - i as f64 * BLOCK_S))
+        .collect()
+}
+
+/// The errors of a measured trial.
+#[derive(Clone, Debug)]
+pub(super) struct Errors {
+    /// `None` without a still phase.
+    pub drift: Option<Drift>,
+    /// `None` without a still phase.
+    pub tilt_zero: Option<TiltZero>,
+    rotations: Columns<ROTATIONS>,
+    at_zero: [f64; ROTATIONS],
+    temperature_c: Columns<1>,
+    zero_c: f64,
+    filter_s: f64,
+    parameters: [Estimate; PARAMETERS],
+    clock: Estimate,
+}
+
+impl Errors {
+    /// Collects what is known. The angles are zero around `from_s`.
+    pub fn new(
+        data: &Data,
+        series: &Series,
+        from_s: f64,
+        filter_s: f64,
+        drift: Option<Drift>,
+        tilt_zero: Option<TiltZero>,
+    ) -> Self {
+        let temperature_c = series.temperature();
+        Self {
+            drift,
+            tilt_zero,
+            rotations: series.rotations().clone(),
+            at_zero: series.rotations().at(from_s),
+            temperature_c: Columns { time_s: temperature_c.time_s.to_vec(), values: [temperature_c.value.to_vec()] },
+            zero_c: temperature_c.mean(from_s - AROUND_S..from_s + AROUND_S).unwrap_or_default(),
+            filter_s,
+            parameters: data.sensor().parameters(),
+            clock: clock::rate_error(data),
+        }
+    }
+
+    fn stated(&self, angles: &Columns<3>, over: &Range<f64>) -> Stated {
+        let middle = self.rotations.at(0.5 * (over.start + over.end));
+        let (first, last) = (self.rotations.at(over.start), self.rotations.at(over.end));
+        let length = (over.end - over.start).max(f64::MIN_POSITIVE);
+        Stated {
+            rotations: std::array::from_fn(|i| middle[i] - self.at_zero[i]),
+            tilt_deg: [1, 2].map(|k| angles.track(k).mean(over.clone()).unwrap_or_default()),
+            rates_dps: [18, 19, 20].map(|i| (last[i] - first[i]) / length),
+            warming_c: self.temperature_c.track(0).mean(over.clone()).unwrap_or_default() - self.zero_c,
+            filter_s: self.filter_s,
+        }
+    }
+
+    /// Returns the times around a moment, within the trial.
+    fn around(&self, time_s: f64) -> Range<f64> {
+        let span = self.rotations.span();
+        (time_s - AROUND_S).max(span.start)..(time_s + AROUND_S).min(span.end)
+    }
+
+    /// Subtracts the known errors of the sensor and of the clock from yaw, pitch and roll.
+    pub fn correct(&self, angles: &mut Columns<3>) {
+        let known = self.parameters.map(|parameter| parameter.value);
+        if self.clock.value == 0.0 && known.iter().all(|value| *value == 0.0) {
+            return;
+        }
+        let mut wrong = Columns::<3>::default();
+        for time in &self.rotations.time_s {
+            let stated = self.stated(angles, &self.around(*time));
+            let mut row = stated.sensitivity().map(|of| of.iter().zip(known).map(|(s, value)| s * value).sum::<f64>());
+            row[0] += stated.rotation_deg() * self.clock.value;
+            wrong.push(*time, row);
+        }
+        for (k, column) in angles.values.iter_mut().enumerate() {
+            let track = wrong.track(k);
+            for (time, angle) in angles.time_s.iter().zip(column) {
+                *angle -= track.at(*time).unwrap_or_default();
+            }
+        }
+    }
+
+    /// Returns the causes of uncertainty of the yaw at a time; `None` if the drift is unknown.
+    pub fn yaw(&self, angles: &Columns<3>, time_s: f64) -> Option<Budget> {
+        let drift = self.drift.as_ref()?;
+        let stated = self.stated(angles, &self.around(time_s));
+        let noise = Term::of_trial("gyroscope noise", drift.noise_variance(time_s).sqrt(), drift.degrees_of_freedom);
+        let bias = Term::of_trial("gyroscope bias", drift.variance(time_s)?.sqrt(), f64::INFINITY);
+        let clock = Term::of_sensor("clock", std::iter::once((stated.rotation_deg(), self.clock.u)));
+        Some(Budget::new([noise, bias].into_iter().chain(self.of_sensor(&stated.sensitivity(), 0)).chain([clock])))
+    }
+
+    /// Returns the causes of uncertainty of mean pitch and roll over a time; `None` if their zero is unknown.
+    pub fn tilts(&self, angles: &Columns<3>, over: &Range<f64>) -> Option<[Budget; 2]> {
+        let zero = self.tilt_zero.as_ref()?;
+        let stated = self.stated(angles, over);
+        let sensitivity = stated.sensitivity();
+        Some([0, 1].map(|tilt| {
+            let own = zero.terms(tilt, over.end - over.start);
+            Budget::new(own.into_iter().chain(self.of_sensor(&sensitivity, 1 + tilt)))
+        }))
+    }
+
+    /// Returns the derivatives of yaw, pitch and roll around a time by the sensor's errors and by the clock's, each times
+    /// the standard uncertainty of the error, degrees.
+    pub fn effects(&self, angles: &Columns<3>, time_s: f64) -> [Vec<f64>; 3] {
+        let stated = self.stated(angles, &self.around(time_s));
+        let clock = [stated.rotation_deg() * self.clock.u, 0.0, 0.0];
+        let sensitivity = stated.sensitivity();
+        std::array::from_fn(|angle| {
+            let each = sensitivity[angle].iter().zip(&self.parameters).map(|(s, parameter)| s * parameter.u);
+            each.chain([clock[angle]]).collect()
+        })
+    }
+
+    fn of_sensor(&self, sensitivity: &Sensitivity, angle: usize) -> impl Iterator<Item = Term> {
+        GROUPS.iter().map(move |group| {
+            let each = group.range.clone().map(|i| (sensitivity[angle][i], self.parameters[i].u));
+            Term::of_sensor(group.name, each)
+        })
+    }
+}
