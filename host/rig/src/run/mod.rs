@@ -22,4 +22,4 @@ pub use health::GLITCHES_ALLOWED;
 pub use image::{Image, ImageError, commit_of_image, commit_text, in_repository, source_folder};
 pub use simulated::SimulatedRobot;
 pub use trial::{RigRun, RunContext, run};
-pub use virtual_nano::{VirtualError, VirtualNano};
+pub use virtual_nano::{HandMovement, VirtualError, VirtualNano};

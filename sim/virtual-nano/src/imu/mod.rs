@@ -4,6 +4,7 @@
 //! Registers and their reset values: register map RM-MPU-6000A-00.
 
 pub mod fault;
+pub mod hand;
 pub mod noise;
 pub mod part;
 pub mod recording;

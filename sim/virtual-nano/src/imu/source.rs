@@ -1,5 +1,6 @@
-//! What the sensor measures: lying still, a recording, or the movement of the simulated robot.
+//! What the sensor measures: the movement of a hand, a recording, or the movement of the simulated robot.
 
+use super::hand::{Grip, Hand};
 use super::noise::Noise;
 use super::part::{Part, ROOM_C};
 use super::recording::{Recording, Sample};
@@ -18,6 +19,7 @@ pub struct Readout {
 }
 
 enum Kind {
+    Hand(Hand),
     Turntable(Turntable),
     Plant(Box<Plant>),
     Recording {
@@ -56,13 +58,12 @@ impl Turntable {
 }
 
 impl Source {
-    /// Lies still, z up, with the bias that the seed gives.
+    /// Lies still, z up, until a hand turns it, with the bias that the seed gives.
     pub fn still(seed: u64) -> Self {
         let mut noise = Noise::new(seed);
         let mut part = Part::drawn(&mut noise);
         part.warming_c = 0.0;
-        let table = Turntable { up: [0.0, 0.0, 1.0], dps: 0.0, start_s: 0.0 };
-        Self { kind: Kind::Turntable(table), noise, part, spin_dps: 0.0 }
+        Self { kind: Kind::Hand(Hand::new(Grip::default(), seed)), noise, part, spin_dps: 0.0 }
     }
 
     /// Sits on a turntable, without bias.
@@ -102,6 +103,19 @@ impl Source {
         }
     }
 
+    /// Returns the hand that holds the sensor, if one does.
+    pub fn hand_mut(&mut self) -> Option<&mut Hand> {
+        match &mut self.kind {
+            Kind::Hand(hand) => Some(hand),
+            _ => None,
+        }
+    }
+
+    /// Whether a hand moves the sensor at a time, or will move it later.
+    pub fn is_moving(&self, time_s: f64) -> bool {
+        matches!(&self.kind, Kind::Hand(hand) if hand.is_moving(time_s))
+    }
+
     /// Returns the simulated robot that the sensor sits on, if it does.
     pub fn plant_mut(&mut self) -> Option<&mut Plant> {
         match &mut self.kind {
@@ -137,6 +151,7 @@ impl Source {
     pub fn read(&mut self, time_s: f64, gyro: Range, accel: Range, low_pass: LowPass) -> Readout {
         let Self { kind, noise, part, spin_dps } = self;
         let (signal, is_noisy) = match kind {
+            Kind::Hand(hand) => (measure(part, noise, &hand.movement(time_s), time_s), true),
             Kind::Turntable(table) => (measure(part, noise, &table.movement(time_s), time_s), true),
             Kind::Plant(plant) => (measure(part, noise, &plant.movement(time_s - low_pass.delay_s), time_s), true),
             Kind::Recording { recording, started_s, play } => {
