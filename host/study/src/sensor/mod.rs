@@ -10,10 +10,26 @@
 //! with j ≠ i in the sums over `cross`, and the specific force in units of standard gravity. The bias of the gyroscope is
 //! no part of it: every trial measures it again at rest.
 
+mod file;
+mod least_squares;
+mod poses;
+mod reading;
+mod still;
+#[cfg(test)]
+mod synthetic;
+mod turn;
+
+pub use file::{AXES, FILE_NAME, MeasuredSensor, text_of};
+pub use poses::{PoseStep, PosesError, PosesResult, PosesWatch};
+pub use reading::RawReading;
+pub use still::{AxisNoise, StillError, StillResult, StillWatch};
+pub use turn::{TurnError, TurnPlan, TurnResult, TurnStep, TurnWatch};
+
 use serde::{Deserialize, Serialize};
 
 /// A quantity and its standard uncertainty.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
+#[serde(deny_unknown_fields)]
 pub struct Estimate {
     /// The value.
     pub value: f64,
