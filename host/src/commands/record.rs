@@ -1,6 +1,7 @@
 //! `biflag record`: records the trials of a plan on the rig.
 
-use super::{Answer, Outcome, settings, virtual_board};
+use super::virtual_board::SensorArgs;
+use super::{Answer, Outcome, WRONG_USE, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::board;
@@ -47,9 +48,8 @@ pub struct Args {
     /// Speed of the emulated board relative to real time: a factor, or `max`.
     #[arg(long, default_value = "max", requires = "virtual")]
     speed: String,
-    /// Seed of the errors of the emulated sensor; by default the plan's seed, or 1.
-    #[arg(long, requires = "virtual")]
-    seed: Option<u64>,
+    #[command(flatten)]
+    sensor: SensorArgs,
     /// Simulate a fault of the emulated board, from its start or from a second of its clock, such as `blocked=2@30`;
     /// may be repeated. `help` lists the faults.
     #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]", requires = "virtual")]
@@ -115,7 +115,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         None => link::choose_port(args.port.as_deref())?,
     };
     let (mut player, robot) = match (nano, &args.r#virtual) {
-        (Some(nano), Some(None)) => (None, Some(SimulatedRobot::new(nano, &plan, seed(args, &plan))?)),
+        (Some(nano), Some(None)) => (None, Some(SimulatedRobot::new(nano, &plan, args.sensor.seed(plan.seed))?)),
         (nano, _) => (nano, None),
     };
     let link = match Link::open_unless(&port, &interrupted) {
@@ -299,16 +299,16 @@ fn prepare(link: &Link, plan: &Plan) -> miette::Result<()> {
     Ok(())
 }
 
-fn seed(args: &Args, plan: &Plan) -> u64 {
-    args.seed.or(plan.seed).unwrap_or(1)
-}
-
 /// Starts the emulated board, with a recording for its sensor or with the plan's robot.
 fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Result<VirtualNano> {
     let mut arguments = vec!["--speed".into(), args.speed.clone().into()];
-    arguments.extend(["--seed".into(), seed(args, plan).to_string().into()]);
+    arguments.extend(args.sensor.arguments(plan.seed));
     let robot_file;
     match imu {
+        Some(imu) if args.sensor.is_chosen() => {
+            let imu = imu.display();
+            return Err(miette::miette!(code = WRONG_USE, "{imu} has its own sensor's errors: leave out --sensor"));
+        }
         Some(imu) => arguments.extend(["--imu".into(), imu.clone().into_os_string()]),
         None => {
             let path = match plan.robot.text.as_str() {

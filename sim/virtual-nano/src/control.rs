@@ -24,7 +24,9 @@
 use crate::board::Board;
 use crate::bridge::Drive;
 use crate::fault::Timed;
+use crate::imu::errors::Sensor;
 use crate::imu::hand::{Grip, Pose, Span, parse_axis};
+use crate::imu::sensor_file;
 use crate::mcu::RunState;
 use crate::motor::Motor;
 use crate::port::PortCount;
@@ -160,16 +162,11 @@ pub fn truth(line: &str, board: &mut Board) -> Value {
     json!({ "event": "truth", "samples": samples })
 }
 
-/// Returns the bias and drift of the board's sensor.
-pub fn sensor(board: &Board) -> Value {
-    let part = board.imu().source().part();
-    json!({
-        "gyro_bias_dps": part.gyro_bias_dps,
-        "gyro_drift_dps_per_c": part.gyro_drift_dps_per_c,
-        "accel_bias_g": part.accel_bias_g,
-        "accel_drift_g_per_c": part.accel_drift_g_per_c,
-        "warming_c": part.warming_c,
-    })
+/// Returns the errors of the board's sensor, and which of them were asked for.
+pub fn sensor(board: &Board, kind: &Sensor) -> Value {
+    let mut errors = sensor_file::to_json(board.imu().source().part().errors());
+    errors.insert("kind".to_owned(), json!(kind.to_string()));
+    errors.into()
 }
 
 /// Returns the reply to `status`.
