@@ -82,6 +82,11 @@ impl Settings {
     /// The largest scale error that the board corrects, of either sign: 10 %, three times the data sheet's tolerance.
     pub const GYRO_SCALE_LIMIT: f32 = 0.1;
 
+    /// Returns [`Settings::gyro_scale`] in body axes. A flipped axis has the same scale.
+    pub fn gyro_scale_in_body(&self) -> [f64; 3] {
+        self.gyro_axes.0.map(|axis| f64::from(self.gyro_scale[axis.index()]))
+    }
+
     /// Returns whether every value is in its range.
     pub fn is_valid(&self) -> bool {
         self.low_pass <= 6

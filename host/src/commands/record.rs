@@ -24,6 +24,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::SystemTime;
+use study::sensor::MeasuredSensor;
 use tempfile::{NamedTempFile, TempPath};
 
 /// The most attempts to calibrate the gyroscope for a trial. After them, a robot that still moves ends the session.
@@ -127,6 +128,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         None => check_settings(&link)?,
     };
     prepare(&link, &plan)?;
+    let note_of_sensor = check_sensor(&link, &plan)?;
     // This comes last, so that no folder is created if the board does not respond.
     let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let session = match args.resume {
@@ -163,7 +165,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         recorded.trials.push(RecordedTrial { warnings, ..row });
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    for note in note.into_iter().chain(note_of_copy) {
+    for note in note.into_iter().chain(note_of_copy).chain(note_of_sensor) {
         progress.line(&format!("note: {note}"));
     }
     if let Some(live) = &live {
@@ -297,6 +299,23 @@ fn prepare(link: &Link, plan: &Plan) -> miette::Result<()> {
         link.command(Command::WriteSettings(settings))?;
     }
     Ok(())
+}
+
+/// Refuses a sensor file of another board. Returns a note for the user if the plan names none.
+fn check_sensor(link: &Link, plan: &Plan) -> miette::Result<Option<String>> {
+    let Some(file) = &plan.sensor else {
+        let note = "the plan names no sensor file: the sensor's errors are those of the data sheet";
+        return Ok(Some(note.to_owned()));
+    };
+    match MeasuredSensor::parse(&file.text, &file.name)?.mismatch(&settings::read(link)?) {
+        Some(why) => Err(miette::miette!(
+            code = WRONG_USE,
+            help = "name the file of this board's sensor in the plan, or measure it with `biflag sensor`",
+            "{} is of another sensor: {why}",
+            file.name
+        )),
+        None => Ok(None),
+    }
 }
 
 /// Starts the emulated board, with a recording for its sensor or with the plan's robot.

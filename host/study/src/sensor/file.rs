@@ -256,6 +256,11 @@ impl MeasuredSensor {
         Some(format!("it holds for {key} = {was}, and the board has {key} = {is}"))
     }
 
+    /// Returns whether the gyroscope's scale about axis `i` was measured.
+    pub fn has_scale(&self, i: usize) -> bool {
+        self.get("gyro_scale", AXES[i]).is_some()
+    }
+
     /// Returns `prior` with what was measured in its place.
     pub fn over(&self, mut prior: Sensor) -> Sensor {
         for i in 0..3 {
