@@ -120,6 +120,30 @@ impl Part {
     }
 }
 
+/// Returns the record of a sensor's file.
+fn measured_sensor(sensor: &Sensor) -> MeasuredSensorMeta {
+    let mut text = "board_id = 0\ndate = \"2026-11-24\"\ngyro_axes = [\"x\", \"y\", \"z\"]\n\
+                    accel_axes = [\"x\", \"y\", \"z\"]\n"
+        .to_owned();
+    let names = ["x", "y", "z"];
+    let line = |key: &str, Estimate { value, u }: Estimate| format!("{key} = {{ value = {value:.9}, u = {u:.9} }}\n");
+    for (name, values) in [("gyro_scale", &sensor.gyro_scale), ("accel_scale", &sensor.accel_scale)] {
+        text += &format!("[{name}]\n");
+        (0..3).for_each(|i| text += &line(names[i], values[i]));
+    }
+    for (name, values, is_whole) in [
+        ("gyro_cross", &sensor.gyro_cross, false),
+        ("gyro_g_dps", &sensor.gyro_g_dps, true),
+        ("accel_cross", &sensor.accel_cross, false),
+    ] {
+        text += &format!("[{name}]\n");
+        let pairs = (0..9).map(|k| (k / 3, k % 3)).filter(|(i, j)| is_whole || i != j);
+        pairs.for_each(|(i, j)| text += &line(&format!("{}{}", names[i], names[j]), values[i][j]));
+    }
+    text += &format!("[mounting_deg]\n{}", line("z", sensor.mounting_deg[2]));
+    MeasuredSensorMeta { name: "sensor.toml".to_owned(), text }
+}
+
 /// Yaw, pitch and roll of a robot at the board's rate, from the start of its run, radians.
 struct Motion {
     angles: Vec<[f64; 3]>,

@@ -100,6 +100,16 @@ pub struct RobotMeta {
     pub text: String,
 }
 
+/// What was measured of the sensor before the trial.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Eq, Debug, Default)]
+#[serde(default)]
+pub struct MeasuredSensorMeta {
+    /// Name of the sensor's file, as in the plan.
+    pub name: String,
+    /// Text of the file.
+    pub text: String,
+}
+
 /// The board.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
@@ -260,7 +270,7 @@ macro_rules! names {
 names! {
     Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
     CalibrationMeta: "calibration", LevelMeta: "level", ClockMeta: "clock", Summary: "summary", RecoveryMeta: "recovery",
-    ModelMeta: "model", SensorMeta: "sensor", SteadyMeta: "steady", ReplayMeta: "replay",
+    MeasuredSensorMeta: "measured_sensor", ModelMeta: "model", SensorMeta: "sensor", SteadyMeta: "steady", ReplayMeta: "replay",
 }
 
 #[cfg(test)]

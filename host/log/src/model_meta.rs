@@ -68,22 +68,59 @@ impl ModelMeta {
     }
 }
 
-/// Errors of the emulated board's sensor. Its scale factors and axes are exact.
+/// Errors of the emulated board's sensor and clock.
+///
+/// Of the body's rate and specific force in the sensor's axes it reads, with j ≠ i in the sums over `cross`,
+///
+/// ```text
+/// rate_read[i]  = (1 + gyro_scale[i]) rate[i]   + Σ gyro_cross[i][j] rate[j]   + Σ gyro_g_dps[i][j] force[j] + bias + noise
+/// force_read[i] = (1 + accel_scale[i]) force[i] + Σ accel_cross[i][j] force[j]                               + bias + noise
+/// ```
+///
+/// Logs of older versions had scales, axes and clocks without error, and do not say the noise.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
 pub struct SensorMeta {
     /// Seed of the random errors.
     pub seed: u64,
+    /// Where the errors are from: `ideal`, `typical` or `file`; empty in older logs, which are `ideal`.
+    pub kind: String,
+    /// Relative scale error of the gyroscope about each axis; positive if it reads too much.
+    pub gyro_scale: [f64; 3],
+    /// `[i][j]`: share of the rate about axis j that axis i reads.
+    pub gyro_cross: [[f64; 3]; 3],
+    /// `[i][j]`: rate that axis i reads per standard gravity along axis j, °/s/g.
+    pub gyro_g_dps: [[f64; 3]; 3],
     /// Bias of the gyroscope at 25 °C.
     pub gyro_bias_dps: [f64; 3],
     /// Temperature coefficient of the gyroscope's bias.
     pub gyro_drift_dps_per_c: [f64; 3],
+    /// One-sided density of the gyroscope's white noise, °/s/√Hz.
+    pub gyro_noise_dps_per_rt_hz: f64,
+    /// Random walk of the gyroscope's bias, °/s/√s.
+    pub gyro_walk_dps_per_rt_s: f64,
+    /// Flicker noise of the gyroscope: the floor of its Allan deviation.
+    pub gyro_flicker_dps: [f64; 3],
+    /// Relative scale error of the accelerometer along each axis.
+    pub accel_scale: [f64; 3],
+    /// `[i][j]`: share of the force along axis j that axis i reads.
+    pub accel_cross: [[f64; 3]; 3],
     /// Bias of the accelerometer at 25 °C.
     pub accel_bias_g: [f64; 3],
     /// Temperature coefficient of the accelerometer's bias.
     pub accel_drift_g_per_c: [f64; 3],
+    /// One-sided density of the accelerometer's white noise, g/√Hz.
+    pub accel_noise_g_per_rt_hz: f64,
+    /// Rotation vector that turns the body axes into those of the sensor.
+    pub mounting_deg: [f64; 3],
     /// Final temperature of the sensor above that of the base.
     pub warming_c: f64,
+    /// Time constant with which the thermometer follows the sensor's temperature.
+    pub thermometer_lag_s: f64,
+    /// Relative error of the sensor's oscillator; positive if it is fast.
+    pub sample_clock_error: f64,
+    /// Relative error of the board's clock; positive if it is fast.
+    pub board_clock_error: f64,
 }
 
 /// Steady state of a modelled trial, from the solver's unrounded values. Means are taken over the end of the run
@@ -159,6 +196,25 @@ impl SteadyMeta {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::table::{from_table, to_table};
+
+    #[test]
+    fn sensor_errors_round_trip_and_older_logs_have_fewer() {
+        let sensor = SensorMeta {
+            kind: "typical".to_owned(),
+            gyro_cross: [[0.0, 0.01, -0.02], [0.003, 0.0, 0.0], [0.0, 1e-17, 0.0]],
+            gyro_g_dps: [[0.1, 0.0, 0.0], [0.0, -0.05, 0.0], [0.0, 0.0, 1.0 / 3.0]],
+            warming_c: 1.5,
+            board_clock_error: -0.0031,
+            ..SensorMeta::default()
+        };
+        let mut table = to_table(&sensor);
+        assert_eq!(from_table(&table), Some(sensor.clone()));
+        for key in ["kind", "gyro_cross", "gyro_g_dps", "board_clock_error"] {
+            assert!(table.remove(key).is_some(), "{key}");
+        }
+        assert_eq!(from_table(&table), Some(SensorMeta { warming_c: 1.5, ..SensorMeta::default() }));
+    }
 
     #[test]
     fn parameters_of_older_versions_keep_their_meaning() {

@@ -2,7 +2,9 @@
 
 use super::convert::{self, CommandRecord};
 use super::disk::{self, Disk, create_file};
-use super::meta::{BoardMeta, CalibrationMeta, Identity, Origin, PlanMeta, RobotMeta, Summary, TrialMeta};
+use super::meta::{
+    BoardMeta, CalibrationMeta, Identity, MeasuredSensorMeta, Origin, PlanMeta, RobotMeta, Summary, TrialMeta,
+};
 use super::schema::{self, ChannelSpec, LogMessage, biflag, biflag::event::Kind};
 use super::table::{Meta, to_table};
 use super::{LONGEST_TRIAL_S, LogError, PROFILE, seconds};
@@ -30,6 +32,8 @@ pub struct Start {
     pub robot: RobotMeta,
     /// The board, with its settings.
     pub board: Option<BoardMeta>,
+    /// What was measured of its sensor.
+    pub sensor: Option<MeasuredSensorMeta>,
 }
 
 /// A log being written.
@@ -79,6 +83,9 @@ impl Writer {
         writer.meta(&start.robot)?;
         if let Some(board) = &start.board {
             writer.meta(board)?;
+        }
+        if let Some(sensor) = &start.sensor {
+            writer.meta(sensor)?;
         }
         writer.flush()?;
         // A full disk is an error now, not when the motors turn.

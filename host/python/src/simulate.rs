@@ -177,6 +177,7 @@ impl Simulated {
             operator: String::new(),
             note: "simulated from Python".to_owned(),
             robot: self.robot.get().file.clone(),
+            sensor: None,
             seed: None,
             trials: vec![trial.clone()],
             board: BoardSettings::default(),

@@ -19,6 +19,7 @@ mod record;
 mod recover;
 mod report;
 mod resistance;
+mod sensor;
 mod settings;
 mod simulate;
 mod sweep;
@@ -59,6 +60,7 @@ enum Command {
     Doctor(doctor::Args),
     Flash(flash::Args),
     Settings(settings::Args),
+    Sensor(sensor::Args),
     Plans(plans::Args),
     Record(record::Args),
     Live(live::Args),
@@ -88,6 +90,7 @@ pub fn run() -> ExitCode {
         Command::Doctor(args) => doctor::run(&args),
         Command::Flash(args) => flash::run(&args),
         Command::Settings(args) => settings::run(&args),
+        Command::Sensor(args) => sensor::run(&args),
         Command::Plans(args) => plans::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Resistance(args) => resistance::run(&args),

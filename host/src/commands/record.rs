@@ -1,6 +1,7 @@
 //! `biflag record`: records the trials of a plan on the rig.
 
-use super::{Answer, Outcome, settings, virtual_board};
+use super::virtual_board::SensorArgs;
+use super::{Answer, Outcome, WRONG_USE, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::board;
@@ -23,6 +24,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::SystemTime;
+use study::sensor::MeasuredSensor;
 use tempfile::{NamedTempFile, TempPath};
 
 /// The most attempts to calibrate the gyroscope for a trial. After them, a robot that still moves ends the session.
@@ -47,9 +49,8 @@ pub struct Args {
     /// Speed of the emulated board relative to real time: a factor, or `max`.
     #[arg(long, default_value = "max", requires = "virtual")]
     speed: String,
-    /// Seed of the errors of the emulated sensor; by default the plan's seed, or 1.
-    #[arg(long, requires = "virtual")]
-    seed: Option<u64>,
+    #[command(flatten)]
+    sensor: SensorArgs,
     /// Simulate a fault of the emulated board, from its start or from a second of its clock, such as `blocked=2@30`;
     /// may be repeated. `help` lists the faults.
     #[arg(long = "fault", value_name = "NAME[=VALUE][@SECONDS]", requires = "virtual")]
@@ -115,7 +116,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         None => link::choose_port(args.port.as_deref())?,
     };
     let (mut player, robot) = match (nano, &args.r#virtual) {
-        (Some(nano), Some(None)) => (None, Some(SimulatedRobot::new(nano, &plan, seed(args, &plan))?)),
+        (Some(nano), Some(None)) => (None, Some(SimulatedRobot::new(nano, &plan, args.sensor.seed(plan.seed))?)),
         (nano, _) => (nano, None),
     };
     let link = match Link::open_unless(&port, &interrupted) {
@@ -127,6 +128,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         None => check_settings(&link)?,
     };
     prepare(&link, &plan)?;
+    let note_of_sensor = check_sensor(&link, &plan)?;
     // This comes last, so that no folder is created if the board does not respond.
     let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let session = match args.resume {
@@ -163,7 +165,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         recorded.trials.push(RecordedTrial { warnings, ..row });
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    for note in note.into_iter().chain(note_of_copy) {
+    for note in note.into_iter().chain(note_of_copy).chain(note_of_sensor) {
         progress.line(&format!("note: {note}"));
     }
     if let Some(live) = &live {
@@ -299,16 +301,33 @@ fn prepare(link: &Link, plan: &Plan) -> miette::Result<()> {
     Ok(())
 }
 
-fn seed(args: &Args, plan: &Plan) -> u64 {
-    args.seed.or(plan.seed).unwrap_or(1)
+/// Refuses a sensor file of another board. Returns a note for the user if the plan names none.
+fn check_sensor(link: &Link, plan: &Plan) -> miette::Result<Option<String>> {
+    let Some(file) = &plan.sensor else {
+        let note = "the plan names no sensor file: the sensor's errors are those of the data sheet";
+        return Ok(Some(note.to_owned()));
+    };
+    match MeasuredSensor::parse(&file.text, &file.name)?.mismatch(&settings::read(link)?) {
+        Some(why) => Err(miette::miette!(
+            code = WRONG_USE,
+            help = "name the file of this board's sensor in the plan, or measure it with `biflag sensor`",
+            "{} is of another sensor: {why}",
+            file.name
+        )),
+        None => Ok(None),
+    }
 }
 
 /// Starts the emulated board, with a recording for its sensor or with the plan's robot.
 fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Result<VirtualNano> {
     let mut arguments = vec!["--speed".into(), args.speed.clone().into()];
-    arguments.extend(["--seed".into(), seed(args, plan).to_string().into()]);
+    arguments.extend(args.sensor.arguments(plan.seed));
     let robot_file;
     match imu {
+        Some(imu) if args.sensor.is_chosen() => {
+            let imu = imu.display();
+            return Err(miette::miette!(code = WRONG_USE, "{imu} has its own sensor's errors: leave out --sensor"));
+        }
         Some(imu) => arguments.extend(["--imu".into(), imu.clone().into_os_string()]),
         None => {
             let path = match plan.robot.text.as_str() {

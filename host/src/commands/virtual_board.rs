@@ -6,6 +6,38 @@ use crate::image;
 use crate::run::rig::{VirtualError, VirtualNano};
 use std::ffi::OsString;
 
+/// Options of the emulated sensor, for commands with an option `--virtual`.
+#[derive(clap::Args, Debug)]
+pub(super) struct SensorArgs {
+    /// Errors of the emulated sensor and of the board's clock: `ideal` has exact scales, axes and clocks, and biases
+    /// that drift; `typical` draws all that the MPU6050's data sheet allows; a file gives each of them (`vnano --help`
+    /// says the default).
+    #[arg(long, value_name = "ideal|typical|FILE.toml", requires = "virtual")]
+    sensor: Option<String>,
+    /// Seed of the errors of the emulated sensor; by default the plan's seed, or 1.
+    #[arg(long, requires = "virtual")]
+    seed: Option<u64>,
+}
+
+impl SensorArgs {
+    /// Returns the seed; `seed_of_plan` is used if none was given.
+    pub(super) fn seed(&self, seed_of_plan: Option<u64>) -> u64 {
+        self.seed.or(seed_of_plan).unwrap_or(1)
+    }
+
+    /// Returns whether the errors were chosen.
+    pub(super) fn is_chosen(&self) -> bool {
+        self.sensor.is_some()
+    }
+
+    /// Returns the arguments for the board's program.
+    pub(super) fn arguments(&self, seed_of_plan: Option<u64>) -> Vec<OsString> {
+        let seed = ["--seed".into(), self.seed(seed_of_plan).to_string().into()];
+        let sensor = self.sensor.iter().flat_map(|sensor| ["--sensor".into(), sensor.into()]);
+        seed.into_iter().chain(sensor).collect()
+    }
+}
+
 /// What the board's program says first when an option has a wrong value.
 const INVALID_VALUE: &str = "error: invalid value";
 

@@ -100,6 +100,8 @@ impl Board {
             assert!(mcu.write_flash(*address, bytes), "an image that does not fit");
         }
         mcu.reset(start, ResetCause::PowerOn);
+        let clock_error = mcu.devices().imu.source().part().errors().board_clock_error;
+        mcu.devices_mut().resonator.set_error(0, clock_error);
         let state = RunState::Running;
         Ok(Self {
             mcu,

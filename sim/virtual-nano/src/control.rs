@@ -4,6 +4,9 @@
 //! | --- | --- |
 //! | `play` | plays the sensor's recording from its start |
 //! | `rewind` | holds the sensor at the start of its recording until the next `play` |
+//! | `turn AXIS DEGREES SECONDS` | a hand turns the sensor about its body axis `x`, `y` or `z` |
+//! | `pose UP SECONDS` | a hand turns the sensor, by the shortest way, until the body axis `UP` (`+x`, `-z`, ...) points up; an attitude `W,X,Y,Z` also does: the quaternion from body axes to the world's, whose z is up |
+//! | `hand STOP SWAY` | sets the errors of the hand: standard deviation of its stops, and amplitude of its sway, degrees about each axis |
 //! | `truth` | returns the robot's states since the last `truth`, fifty for each second of the board's time |
 //! | `status` | returns the state of chip, bridge, motors, bus and line |
 //! | `drop N` | drops the next N frames of the stream |
@@ -12,13 +15,22 @@
 //! | `fault clear` | ends all faults |
 //! | `reset` | pulls the reset pin |
 //! | `quit` | ends |
+//!
+//! `turn` and `pose` need a board without robot and recording. They return at once, with the board's times (s) at which
+//! the movement begins and ends, as `begin_s` and `end_s`, and the error of the stop about the body axes, as `off_deg`. A
+//! movement waits for those before. `status` says the board's time as `seconds`, and whether the hand has movements left
+//! as `moving`.
 
 use crate::board::Board;
 use crate::bridge::Drive;
 use crate::fault::Timed;
+use crate::imu::errors::Sensor;
+use crate::imu::hand::{Grip, Pose, Span, parse_axis};
+use crate::imu::sensor_file;
 use crate::mcu::RunState;
 use crate::motor::Motor;
 use crate::port::PortCount;
+use nalgebra::{Unit, Vector3};
 use serde_json::{Value, json};
 use std::str::FromStr;
 
@@ -29,6 +41,12 @@ pub enum Command {
     Play,
     /// `rewind`
     Rewind,
+    /// `turn AXIS DEGREES SECONDS`
+    Turn(Unit<Vector3<f64>>, f64, f64),
+    /// `pose UP SECONDS`
+    Pose(Pose, f64),
+    /// `hand STOP SWAY`
+    Hand(Grip),
     /// `truth`
     Truth,
     /// `status`
@@ -55,6 +73,14 @@ impl FromStr for Command {
         Ok(match words[..] {
             ["play"] => Self::Play,
             ["rewind"] => Self::Rewind,
+            ["turn", axis, degrees, seconds] => {
+                Self::Turn(parse_axis(axis)?, within("DEGREES", degrees, -1e5, 1e5)?, length_s(seconds)?)
+            }
+            ["pose", pose, seconds] => Self::Pose(pose.parse()?, length_s(seconds)?),
+            ["hand", stop, sway] => Self::Hand(Grip {
+                stop_deg: within("STOP", stop, 0.0, 20.0)?,
+                sway_deg: within("SWAY", sway, 0.0, 20.0)?,
+            }),
             ["truth"] => Self::Truth,
             ["status"] => Self::Status,
             ["drop", n] => Self::Drop(number(n)?),
@@ -72,6 +98,19 @@ fn number<N: FromStr>(word: &str) -> Result<N, String> {
     word.parse().map_err(|_| format!("{word:?} is not a number that fits here"))
 }
 
+fn within(what: &str, word: &str, low: f64, high: f64) -> Result<f64, String> {
+    let value: f64 = number(word)?;
+    match (low..=high).contains(&value) {
+        true => Ok(value),
+        false => Err(format!("{what} must be from {low} to {high}, not {value}")),
+    }
+}
+
+/// The duration of a movement.
+fn length_s(word: &str) -> Result<f64, String> {
+    within("SECONDS", word, 0.1, 3600.0)
+}
+
 /// Returns the reply to a command that asks for nothing.
 pub fn done(line: &str) -> Value {
     json!({ "event": "done", "command": line })
@@ -80,6 +119,30 @@ pub fn done(line: &str) -> Value {
 /// Returns the reply to a line that is no command or failed.
 pub fn error(line: &str, problem: &str) -> Value {
     json!({ "event": "error", "command": line, "error": problem })
+}
+
+/// Follows a command to the hand. Returns its reply.
+pub fn by_hand(line: &str, board: &mut Board, command: Command) -> Value {
+    let now_s = board.seconds();
+    let moved: Option<Option<Span>> = board.change_imu(|imu| {
+        let hand = imu.source_mut().hand_mut()?;
+        Some(match command {
+            Command::Turn(axis, angle_deg, length_s) => Some(hand.turn(now_s, axis, angle_deg, length_s)),
+            Command::Pose(pose, length_s) => Some(hand.pose(now_s, pose, length_s)),
+            Command::Hand(grip) => {
+                hand.set_grip(grip);
+                None
+            }
+            _ => None,
+        })
+    });
+    match moved {
+        None => error(line, "no hand holds the sensor; start without --robot and --imu"),
+        Some(None) => done(line),
+        Some(Some(Span { begin_s, end_s, off_deg })) => json!({
+            "event": "done", "command": line, "begin_s": begin_s, "end_s": end_s, "off_deg": off_deg,
+        }),
+    }
 }
 
 /// Returns the reply to `truth`: the simulator's samples, each with the program's clock in µs (`null` before its first
@@ -99,16 +162,11 @@ pub fn truth(line: &str, board: &mut Board) -> Value {
     json!({ "event": "truth", "samples": samples })
 }
 
-/// Returns the bias and drift of the board's sensor.
-pub fn sensor(board: &Board) -> Value {
-    let part = board.imu().source().part();
-    json!({
-        "gyro_bias_dps": part.gyro_bias_dps,
-        "gyro_drift_dps_per_c": part.gyro_drift_dps_per_c,
-        "accel_bias_g": part.accel_bias_g,
-        "accel_drift_g_per_c": part.accel_drift_g_per_c,
-        "warming_c": part.warming_c,
-    })
+/// Returns the errors of the board's sensor, and which of them were asked for.
+pub fn sensor(board: &Board, kind: &Sensor) -> Value {
+    let mut errors = sensor_file::to_json(board.imu().source().part().errors());
+    errors.insert("kind".to_owned(), json!(kind.to_string()));
+    errors.into()
 }
 
 /// Returns the reply to `status`.
@@ -125,6 +183,7 @@ pub fn status(board: &Board, port: &PortCount) -> Value {
         },
         "cycles": board.cycle(),
         "seconds": board.seconds(),
+        "moving": board.imu().source().is_moving(board.seconds()),
         "pwm": bridge.pwm,
         "bridge": bridge.drive.map(|drive| match drive {
             Drive::Coast => "coast",
@@ -162,6 +221,21 @@ mod tests {
         assert_eq!("  status ".parse(), Ok(Command::Status));
         assert_eq!("drop 12".parse(), Ok(Command::Drop(12)));
         assert!(matches!("fault blocked=2@1.5".parse(), Ok(Command::Fault(Timed { at_s: Some(1.5), .. }))));
+        for right in ["turn z 720 24", "turn x -12.5 0.5", "pose +x 3", "pose 0.7,0,-0.7,0 2.5", "hand 0 0"] {
+            assert!(right.parse::<Command>().is_ok(), "{right}");
+        }
+        for wrong in [
+            "turn w 1 1",
+            "turn z 720",
+            "turn z 720 0",
+            "turn z nan 3",
+            "pose x 1",
+            "pose +x -1",
+            "hand 1",
+            "hand -1 0",
+        ] {
+            assert!(wrong.parse::<Command>().is_err(), "{wrong}");
+        }
         for wrong in
             ["", "drop", "drop x", "drop -1", "fault", "fault jam", "fault nack 3", "fault nack=300", "statuss"]
         {

@@ -56,7 +56,8 @@ impl Board {
         self.swap_motors(false);
         self.change_imu(|imu| {
             imu.clear_faults();
-            imu.set_oscillator_error(0.0);
+            let error = imu.source().part().errors().sample_clock_error;
+            imu.set_oscillator_error(error);
             imu.source_mut().spin(0.0);
             let part = imu.source_mut().part_mut();
             (part.scale, part.askew) = (0.0, 0.0);
@@ -64,7 +65,7 @@ impl Board {
         self.set_bus_rise_us(0.0);
         self.set_supply_mv(SUPPLY_MV);
         self.set_bandgap_mv(BANDGAP_MV);
-        self.set_resonator_error(0.0);
+        self.set_resonator_error(self.imu().source().part().errors().board_clock_error);
         self.serial_mut().usb_mut().set_packets(0, 0.0);
     }
 }

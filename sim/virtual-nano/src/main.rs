@@ -12,6 +12,8 @@ use std::time::Duration;
 use virtual_nano::bootloader::Bootloader;
 use virtual_nano::control;
 use virtual_nano::fault::{self, Timed};
+use virtual_nano::imu::errors::Sensor;
+use virtual_nano::imu::hand::Grip;
 use virtual_nano::imu::part::ROOM_C;
 use virtual_nano::imu::recording::Recording;
 use virtual_nano::imu::source::Source;
@@ -47,7 +49,12 @@ struct Arguments {
     /// Speed relative to real time: a factor, or `max`
     #[arg(long, default_value = "1", value_name = "1|FACTOR|max")]
     speed: Speed,
-    /// Seed of the sensor's noise, bias and drift, and of damage on the serial line
+    /// Errors of the sensor and of the board's clock: `ideal` has exact scales, axes and clocks, and biases that drift;
+    /// `typical` draws all that the data sheet allows; a file gives each of them (its keys are in the documentation of
+    /// virtual_nano::imu::sensor_file)
+    #[arg(long, value_name = "ideal|typical|FILE.toml", default_value_t, conflicts_with = "imu")]
+    sensor: Sensor,
+    /// Seed of the sensor's errors and noise, of the hand, and of damage on the serial line
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// WHO_AM_I of the sensor: 0x68, or 0x70 for a common clone
@@ -99,12 +106,13 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     // First, so that the end of standard input ends the program whatever it does.
     let commands = commands();
+    let (errors, seed) = (arguments.sensor.errors(arguments.seed), arguments.seed);
     let source = match (&arguments.imu, &arguments.robot) {
-        (Some(path), _) => Source::recording(Recording::read(path)?, arguments.seed),
-        (None, Some(robot)) => Source::plant(read_robot(robot)?, arguments.seed),
-        (None, None) => Source::still(arguments.seed),
+        (Some(path), _) => Source::recording(Recording::read(path)?, seed),
+        (None, Some(robot)) => Source::plant(read_robot(robot)?, errors, seed),
+        (None, None) => Source::hand(Grip::default(), errors, seed),
     };
-    let options = BoardOptions { source, imu_id: arguments.who_am_i, seed: arguments.seed, ..BoardOptions::default() };
+    let options = BoardOptions { source, imu_id: arguments.who_am_i, seed, ..BoardOptions::default() };
     let mut board = match (&arguments.firmware, arguments.bootloader) {
         (_, Some(name)) => {
             let bootloader = match name {
@@ -134,7 +142,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         count: PortCount::default(),
     };
     let mut out = stdout().lock();
-    let sensor = control::sensor(&runner.board);
+    let sensor = control::sensor(&runner.board, &arguments.sensor);
     writeln!(out, "{}", json!({ "event": "ready", "port": runner.port.path(), "sensor": sensor }))?;
     out.flush()?;
     runner.run(&commands, &mut out)?;

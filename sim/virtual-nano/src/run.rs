@@ -89,6 +89,9 @@ impl Runner {
                 }
             }
             Command::Rewind => board.change_imu(|imu| imu.source_mut().rewind()),
+            Command::Turn(..) | Command::Pose(..) | Command::Hand(_) => {
+                return (control::by_hand(line, board, command), true);
+            }
             Command::Truth => return (control::truth(line, board), true),
             Command::Status => return (control::status(board, &self.count), true),
             Command::Drop(frames) => board.serial_mut().drop_frames(frames),

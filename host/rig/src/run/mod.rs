@@ -4,6 +4,7 @@ mod avrdude;
 pub mod board_copy;
 mod error;
 pub mod fault_log;
+mod follow;
 mod health;
 mod image;
 pub mod preflight;
@@ -18,8 +19,9 @@ mod virtual_nano;
 
 pub use avrdude::{FlashError, flash};
 pub use error::{RecordError, fault_cure, fault_text};
+pub use follow::{FollowError, Followed, follow};
 pub use health::GLITCHES_ALLOWED;
 pub use image::{Image, ImageError, commit_of_image, commit_text, in_repository, source_folder};
 pub use simulated::SimulatedRobot;
 pub use trial::{RigRun, RunContext, run};
-pub use virtual_nano::{VirtualError, VirtualNano};
+pub use virtual_nano::{HandMovement, VirtualError, VirtualNano};

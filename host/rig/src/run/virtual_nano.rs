@@ -61,6 +61,18 @@ pub struct TruthSample {
     pub sample: Sample,
 }
 
+/// A movement of the emulated hand that holds the sensor. Times are the board's, from its power-on.
+#[derive(Clone, Copy, Deserialize, PartialEq, Debug)]
+pub struct HandMovement {
+    /// Begin; movements before this one are waited for.
+    pub begin_s: f64,
+    /// End.
+    pub end_s: f64,
+    /// Error of the stop: the rotation vector from the nominal attitude to the real one, body axes. Errors of several
+    /// movements do not add up.
+    pub off_deg: [f64; 3],
+}
+
 /// A running emulated board. Dropping it ends its program.
 #[derive(Debug)]
 pub struct VirtualNano {
@@ -119,6 +131,49 @@ impl VirtualNano {
     /// Returns the errors of its sensor.
     pub fn sensor(&self) -> &SensorMeta {
         &self.sensor
+    }
+
+    /// Turns the sensor as by hand about its body axis `x`, `y` or `z`, within `length_s` of the board's time. Returns at
+    /// once. Only a board without robot and recording has a hand.
+    ///
+    /// # Errors
+    /// As [`VirtualNano::control`].
+    pub fn turn(&mut self, axis: char, angle_deg: f64, length_s: f64) -> Result<HandMovement, VirtualError> {
+        self.move_by_hand(&format!("turn {axis} {angle_deg} {length_s}"))
+    }
+
+    /// Turns the sensor as by hand into a pose, within `length_s` of the board's time. `pose` is the body axis that is to
+    /// point up, such as `+x` or `-z`, or the quaternion `W,X,Y,Z` from body axes to the world's. Returns at once.
+    ///
+    /// # Errors
+    /// As [`VirtualNano::control`].
+    pub fn pose(&mut self, pose: &str, length_s: f64) -> Result<HandMovement, VirtualError> {
+        self.move_by_hand(&format!("pose {pose} {length_s}"))
+    }
+
+    /// Sets the errors of the hand in later movements: standard deviation of the stops, and amplitude of the sway on the
+    /// way, both about each body axis.
+    ///
+    /// # Errors
+    /// As [`VirtualNano::control`].
+    pub fn set_hand(&mut self, stop_deg: f64, sway_deg: f64) -> Result<(), VirtualError> {
+        self.control(&format!("hand {stop_deg} {sway_deg}")).map(drop)
+    }
+
+    /// Returns whether the hand has movements left.
+    ///
+    /// # Errors
+    /// As [`VirtualNano::control`].
+    pub fn is_moving(&mut self) -> Result<bool, VirtualError> {
+        Ok(self.control("status")?["moving"].as_bool().unwrap_or_default())
+    }
+
+    fn move_by_hand(&mut self, command: &str) -> Result<HandMovement, VirtualError> {
+        let answer = self.control(command)?;
+        serde_json::from_value(answer).map_err(|error| VirtualError::Refused {
+            command: command.to_owned(),
+            reason: format!("its answer cannot be read: {error}"),
+        })
     }
 
     /// Returns the samples of the simulated robot since the last call.

@@ -4,7 +4,7 @@ use super::board::{self, BoardSettings};
 use super::expand::{GRID_AXIS, SpeedsTable, Start, TrialList, expand};
 use super::source::{Exactly, FileKind, Source, number};
 use super::{HandTurn, MAX_TRIALS, PHYSICAL, Phases, Plan, PlanError, Reverse, RobotFile};
-use biflag_log::Method;
+use biflag_log::{MeasuredSensorMeta, Method};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -29,6 +29,7 @@ fn help(key: &str) -> Option<&'static str> {
     Some(match key {
         "name" | "operator" | "note" => "give text in quotes",
         "robot" => "give \"physical\", \"published\", or the path of a robot file in quotes",
+        "sensor" => "give the path of a sensor file in quotes, such as \"sensor.toml\"; `biflag sensor` writes it",
         "seed" => "give a whole number from 0 to 9223372036854775807",
         "repeats" => "give a whole number from 1 to 10000: how often each pair of speeds runs",
         "calibrate" => "give seconds as a plain number: 0.1 to 60, or 0 to keep the bias that the board has",
@@ -74,6 +75,7 @@ struct SessionTable {
     operator: String,
     note: String,
     robot: Option<Spanned<String>>,
+    sensor: Option<Spanned<String>>,
     seed: Option<Spanned<i64>>,
     repeats: Option<Spanned<i64>>,
 }
@@ -101,7 +103,7 @@ struct ReverseTable {
 }
 
 impl Plan {
-    /// Reads a plan from its text; errors call the file `name`. The robot file is not read.
+    /// Reads a plan from its text; errors call the file `name`. The robot and sensor files are not read.
     ///
     /// # Errors
     /// [`PlanError::Invalid`].
@@ -120,6 +122,10 @@ impl Plan {
             let cure = "give \"physical\", \"published\", or the path of a robot file";
             return Err(source.error(robot.span(), "the name of the robot is empty", cure));
         }
+        if let Some(sensor) = session.sensor.as_ref().filter(|sensor| sensor.get_ref().is_empty()) {
+            let cure = help("sensor").unwrap_or_default();
+            return Err(source.error(sensor.span(), "the name of the sensor's file is empty", cure));
+        }
         let possible = |repeats: &i64| (1..=MAX_TRIALS as i64).contains(repeats).then_some(*repeats as u32);
         let repeats = source.checked(&session.repeats, "repeats", possible)?.unwrap_or(1);
         let seed = source.checked(&session.seed, "seed", |seed| u64::try_from(*seed).ok())?;
@@ -131,6 +137,7 @@ impl Plan {
             operator: session.operator,
             note: session.note,
             robot: RobotFile::built_in(session.robot.as_ref().map_or(PHYSICAL, |robot| robot.get_ref())),
+            sensor: session.sensor.map(|name| MeasuredSensorMeta { name: name.into_inner(), text: String::new() }),
             seed,
             trials: expand(&list, &source)?,
             board: file.board,

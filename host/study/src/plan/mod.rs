@@ -27,7 +27,8 @@ pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
 pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint, TICK_US};
 pub use shipped::Shipped;
 
-use biflag_log::Method;
+use crate::sensor::{self, MeasuredSensor};
+use biflag_log::{MeasuredSensorMeta, Method};
 use protocol::units::CentiRpm;
 use std::path::Path;
 
@@ -65,6 +66,8 @@ pub struct Plan {
     pub note: String,
     /// The robot.
     pub robot: RobotFile,
+    /// What was measured of the sensor: name and text of its file.
+    pub sensor: Option<MeasuredSensorMeta>,
     /// Seed that shuffles the trials; `None` keeps the order of the file.
     pub seed: Option<u64>,
     /// The trials in the order in which they run.
@@ -159,7 +162,7 @@ impl Default for Phases {
 }
 
 impl Plan {
-    /// Reads and checks a plan and the robot file that it names: files, or those inside the program ([`Shipped`]).
+    /// Reads and checks a plan and the robot and sensor files that it names: files, or those inside the program ([`Shipped`]).
     ///
     /// # Errors
     /// [`PlanError`].
@@ -167,6 +170,11 @@ impl Plan {
         let text = file::KIND.read(path)?;
         let mut plan = Self::parse(&text, &path.display().to_string())?;
         plan.robot = robot::of_plan(path, &plan.robot.name)?;
+        if let Some(sensor) = &mut plan.sensor {
+            let beside = path.parent().unwrap_or(Path::new("")).join(&sensor.name);
+            sensor.text = sensor::text_of(&beside)?;
+            MeasuredSensor::parse(&sensor.text, &beside.display().to_string())?;
+        }
         Ok(plan)
     }
 }

@@ -47,5 +47,6 @@ pub fn start(
         },
         robot: RobotMeta { name: plan.robot.name.clone(), text: plan.robot.text.clone() },
         board,
+        sensor: plan.sensor.clone().filter(|_| origin != Origin::Model),
     }
 }

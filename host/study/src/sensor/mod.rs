@@ -11,14 +11,28 @@
 //! of it: every trial measures them again at rest. The sensor's axes are turned from the body's by small angles, the
 //! mounting: attitude_read = attitude · rotation(mounting).
 
+mod file;
+mod least_squares;
 mod parameter;
+mod poses;
+mod reading;
+mod still;
+#[cfg(test)]
+mod synthetic;
+mod turn;
 
+pub use file::{AXES, FILE_NAME, MeasuredSensor, text_of};
 pub use parameter::{GROUPS, Group, PARAMETERS};
+pub use poses::{PoseStep, PosesError, PosesResult, PosesWatch};
+pub use reading::RawReading;
+pub use still::{AxisNoise, StillError, StillResult, StillWatch};
+pub use turn::{TurnError, TurnPlan, TurnResult, TurnStep, TurnWatch};
 
 use serde::{Deserialize, Serialize};
 
 /// A quantity and its standard uncertainty.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
+#[serde(deny_unknown_fields)]
 pub struct Estimate {
     /// The value.
     pub value: f64,
@@ -74,6 +88,22 @@ mod data_sheet {
 const MOUNTING_DEG: f64 = 2.0;
 
 impl Sensor {
+    /// Returns the errors that are left once the board divides its rates by one plus `scale`. An axis whose scale was not
+    /// measured, as told by `is_measured`, keeps its uncertainty: the board's value is all that is known of it.
+    pub fn corrected(mut self, scale: [f64; 3], is_measured: impl Fn(usize) -> bool) -> Self {
+        for i in 0..3 {
+            let divisor = 1.0 + scale[i];
+            if is_measured(i) {
+                let Estimate { value, u } = self.gyro_scale[i];
+                self.gyro_scale[i] = Estimate { value: (1.0 + value) / divisor - 1.0, u: u / divisor };
+            }
+            for estimate in self.gyro_cross[i].iter_mut().chain(&mut self.gyro_g_dps[i]) {
+                *estimate = Estimate { value: estimate.value / divisor, u: estimate.u / divisor };
+            }
+        }
+        self
+    }
+
     /// Returns what the data sheet says about every part.
     pub fn of_data_sheet() -> Self {
         let cross = |limit: f64| {

@@ -3,7 +3,7 @@
 use super::SessionError;
 use crate::plan::{PHYSICAL, PUBLISHED, Plan};
 use crate::program;
-use biflag_log::atomic_file;
+use biflag_log::{MeasuredSensorMeta, atomic_file};
 use serde::{Deserialize, Serialize};
 use sim::params::BUILT_IN;
 use std::io::ErrorKind;
@@ -35,6 +35,9 @@ pub(super) struct Manifest {
     /// Name of the robot or of its file.
     #[serde(default)]
     robot_name: Option<String>,
+    /// Text of the sensor's file, if the plan names one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sensor: Option<String>,
 }
 
 fn format() -> u32 {
@@ -51,6 +54,7 @@ impl Manifest {
             plan: plan.text.clone(),
             robot: Some(plan.robot.text.clone()),
             robot_name: Some(plan.robot.name.clone()),
+            sensor: plan.sensor.as_ref().map(|sensor| sensor.text.clone()),
         }
     }
 
@@ -89,6 +93,7 @@ impl Manifest {
     pub fn plan(self, folder: &Path) -> Result<Plan, SessionError> {
         let path = folder.join(MANIFEST);
         let mut plan = Plan::parse(&self.plan, &format!("plan in {}", path.display()))?;
+        plan.sensor = plan.sensor.zip(self.sensor).map(|(sensor, text)| MeasuredSensorMeta { text, ..sensor });
         match self.robot_name {
             Some(name) => plan.robot.name = name,
             // A manifest without the name was written before `physical` existed.

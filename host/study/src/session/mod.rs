@@ -311,6 +311,8 @@ fn difference(old: &Plan, new: &Plan) -> Option<&'static str> {
         Some("the speeds, starting phases, repeats or seed")
     } else if old.robot != new.robot {
         Some("the robot")
+    } else if old.sensor.as_ref().map(|file| &file.text) != new.sensor.as_ref().map(|file| &file.text) {
+        Some("the sensor's file")
     } else if old.board.of_the_data() != new.board.of_the_data() {
         Some("the settings of [board]")
     } else {

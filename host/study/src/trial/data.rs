@@ -4,11 +4,12 @@ use super::bounds::Times;
 use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading};
 use crate::plan::{PlanError, RobotFile, board, robot};
-use crate::sensor::Sensor;
+use crate::sensor::{MeasuredSensor, Sensor};
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
-    BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, LevelMeta, LinkStats, Loss, ModelMeta, Origin,
-    PlanMeta, Reader, RecoveryMeta, ReplayMeta, RobotMeta, SensorMeta, Start, SteadyMeta, Summary, TrialMeta,
+    BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, LevelMeta, LinkStats, Loss, MeasuredSensorMeta,
+    ModelMeta, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RobotMeta, SensorMeta, Start, SteadyMeta, Summary,
+    TrialMeta,
 };
 use protocol::Settings;
 use protocol::units::CentiRpm;
@@ -49,6 +50,8 @@ pub struct Records {
     pub robot: Option<RobotMeta>,
     /// The board.
     pub board: Option<BoardMeta>,
+    /// What was measured of the sensor before the trial.
+    pub measured_sensor: Option<MeasuredSensorMeta>,
     /// The model that computed the trial, or the robot behind an emulated board.
     pub model: Option<ModelMeta>,
     /// Errors of an emulated sensor.
@@ -78,6 +81,7 @@ impl Records {
             trial: reader.meta(),
             robot: reader.meta(),
             board: reader.meta(),
+            measured_sensor: reader.meta(),
             model: reader.meta(),
             sensor: reader.meta(),
             steady: reader.meta(),
@@ -92,13 +96,14 @@ impl Records {
 
     /// Returns the records at the start of a trial.
     pub fn of_start(start: &Start) -> Self {
-        let Start { identity, plan, trial, robot, board } = start.clone();
+        let Start { identity, plan, trial, robot, board, sensor } = start.clone();
         Self {
             identity: Some(identity),
             plan: Some(plan),
             trial: Some(trial),
             robot: Some(robot),
             board,
+            measured_sensor: sensor,
             ..Self::default()
         }
     }
@@ -222,14 +227,21 @@ impl Data {
         trial.reverse_motor.zip(trial.reverse_after_s)
     }
 
-    /// Returns what is known about the sensor's errors.
-    pub fn sensor(&self) -> Sensor {
-        Sensor::of_data_sheet()
-    }
-
     /// Returns the settings of the board.
     pub fn settings(&self) -> Option<Settings> {
         self.records.board.as_ref().and_then(board::of_log)
+    }
+
+    /// Returns what is known of the errors that the board's rates and forces contain: what was measured where the log has it,
+    /// the data sheet for all else, less what the board corrected.
+    pub fn sensor(&self) -> Sensor {
+        let sheet = Sensor::of_data_sheet();
+        let file = self.records.measured_sensor.as_ref();
+        let corrected = self.settings().map(|settings| settings.gyro_scale_in_body());
+        match file.and_then(|file| MeasuredSensor::parse(&file.text, &file.name).ok()) {
+            Some(measured) => measured.over(sheet).corrected(corrected.unwrap_or_default(), |i| measured.has_scale(i)),
+            None => sheet,
+        }
     }
 
     /// Returns the robot's parameters: those of the model, or on a rig those of the robot named in the plan.

@@ -3,12 +3,16 @@
 //!
 //! Registers and their reset values: register map RM-MPU-6000A-00.
 
+pub mod errors;
 pub mod fault;
+pub mod hand;
 pub mod noise;
 pub mod part;
 pub mod recording;
 pub mod scale;
+pub mod sensor_file;
 pub mod source;
+pub mod spectrum;
 
 use crate::mcu::BusAnswer;
 use fault::{Fault, Faults};
@@ -94,6 +98,7 @@ pub struct Mpu6050 {
 impl Mpu6050 {
     /// One that has just got power.
     pub fn new(id: u8, source: Source) -> Self {
+        let oscillator_error = source.part().errors().sample_clock_error;
         let mut part = Self {
             registers: [0; 128],
             id,
@@ -104,7 +109,7 @@ impl Mpu6050 {
             sample: None,
             reset_until_s: None,
             time_s: 0.0,
-            oscillator_error: 0.0,
+            oscillator_error,
             in_transaction: false,
             byte: 0,
             scl: true,
@@ -141,7 +146,7 @@ impl Mpu6050 {
         self.count.faults += 1;
     }
 
-    /// Makes its own oscillator too fast by a fraction.
+    /// Makes its own oscillator too fast by a fraction, instead of by that of its errors.
     pub fn set_oscillator_error(&mut self, fraction: f64) {
         self.oscillator_error = fraction;
     }

@@ -52,14 +52,19 @@ pub const RATE_UNFILTERED_HZ: f64 = 8000.0;
 /// The same with the filter on.
 pub const RATE_FILTERED_HZ: f64 = 1000.0;
 
-/// Noise of the gyroscope, °/s per root Hz (data sheet, section 6.1).
+/// Density of the gyroscope's noise, one-sided, °/s per root Hz (data sheet, section 6.1).
 pub const GYRO_NOISE_DPS: f64 = 0.005;
-/// Noise of the accelerometer, g per root Hz (data sheet, section 6.2).
+/// Density of the accelerometer's noise, one-sided, g per root Hz (data sheet, section 6.2).
 pub const ACCEL_NOISE_G: f64 = 400e-6;
 
 /// Returns the temperature's reading (register map, section 4.18).
 pub fn temperature_counts(celsius: f64) -> f64 {
     (celsius - 36.53) * 340.0
+}
+
+/// Returns the temperature of a reading, °C.
+pub fn celsius(counts: f64) -> f64 {
+    counts / 340.0 + 36.53
 }
 
 /// Rounds, and saturates as the part does.

@@ -1,9 +1,11 @@
-//! What the sensor measures: lying still, a recording, or the movement of the simulated robot.
+//! What the sensor measures: the movement of a hand, a recording, or the movement of the simulated robot.
 
+use super::errors::Errors;
+use super::hand::{Grip, Hand};
 use super::noise::Noise;
-use super::part::{Part, ROOM_C};
+use super::part::{Part, ROOM_C, Signal};
 use super::recording::{Recording, Sample};
-use super::scale::{ACCEL_NOISE_G, GYRO_NOISE_DPS, LowPass, Range, counts, temperature_counts};
+use super::scale::{LowPass, Range, celsius, counts, temperature_counts};
 use crate::plant::{Movement, Plant};
 
 /// One sample in counts, as the data registers have it.
@@ -18,6 +20,7 @@ pub struct Readout {
 }
 
 enum Kind {
+    Hand(Hand),
     Turntable(Turntable),
     Plant(Box<Plant>),
     Recording {
@@ -56,35 +59,35 @@ impl Turntable {
 }
 
 impl Source {
-    /// Lies still, z up, with the bias that the seed gives.
+    fn new(kind: Kind, errors: Errors, seed: u64) -> Self {
+        // Numbers of their own: those of the errors would show in the first noise.
+        let noise = Noise::new(seed ^ 0x4E4F_4953_4500_0000);
+        Self { kind, noise, part: Part::new(errors), spin_dps: 0.0 }
+    }
+
+    /// Lies still, z up, as warm as it will be, with the biases that the seed gives.
     pub fn still(seed: u64) -> Self {
-        let mut noise = Noise::new(seed);
-        let mut part = Part::drawn(&mut noise);
-        part.warming_c = 0.0;
-        let table = Turntable { up: [0.0, 0.0, 1.0], dps: 0.0, start_s: 0.0 };
-        Self { kind: Kind::Turntable(table), noise, part, spin_dps: 0.0 }
+        Self::hand(Grip::default(), Errors { warming_c: 0.0, ..Errors::ideal(seed) }, seed)
     }
 
-    /// Sits on a turntable, without bias.
+    /// Lies still, z up, until a hand turns it. The seed gives the noise and the hand's errors.
+    pub fn hand(grip: Grip, errors: Errors, seed: u64) -> Self {
+        Self::new(Kind::Hand(Hand::new(grip, seed)), errors, seed)
+    }
+
+    /// Sits on a turntable, without errors but noise.
     pub fn turntable(table: Turntable, seed: u64) -> Self {
-        Self { kind: Kind::Turntable(table), noise: Noise::new(seed), part: Part::ideal(), spin_dps: 0.0 }
+        Self::new(Kind::Turntable(table), Errors::default(), seed)
     }
 
-    /// Sits on a simulated robot, with the imperfections that the seed gives. The sensor's axes are the robot's.
-    pub fn plant(plant: Plant, seed: u64) -> Self {
-        let mut noise = Noise::new(seed);
-        let part = Part::drawn(&mut noise);
-        Self { kind: Kind::Plant(Box::new(plant)), noise, part, spin_dps: 0.0 }
+    /// Sits on a simulated robot. The seed gives the noise.
+    pub fn plant(plant: Plant, errors: Errors, seed: u64) -> Self {
+        Self::new(Kind::Plant(Box::new(plant)), errors, seed)
     }
 
     /// Holds the sensor at the start of the recording until [`Self::play`].
     pub fn recording(recording: Recording, seed: u64) -> Self {
-        Self {
-            kind: Kind::Recording { recording, started_s: None, play: false },
-            noise: Noise::new(seed),
-            part: Part::ideal(),
-            spin_dps: 0.0,
-        }
+        Self::new(Kind::Recording { recording, started_s: None, play: false }, Errors::default(), seed)
     }
 
     /// Starts the recording with the next sample. Returns its duration in s, `None` where there is none.
@@ -100,6 +103,19 @@ impl Source {
         if let Kind::Recording { started_s, play, .. } = &mut self.kind {
             (*started_s, *play) = (None, false);
         }
+    }
+
+    /// Returns the hand that holds the sensor, if one does.
+    pub fn hand_mut(&mut self) -> Option<&mut Hand> {
+        match &mut self.kind {
+            Kind::Hand(hand) => Some(hand),
+            _ => None,
+        }
+    }
+
+    /// Whether a hand moves the sensor at a time, or will move it later.
+    pub fn is_moving(&self, time_s: f64) -> bool {
+        matches!(&self.kind, Kind::Hand(hand) if hand.is_moving(time_s))
     }
 
     /// Returns the simulated robot that the sensor sits on, if it does.
@@ -137,8 +153,9 @@ impl Source {
     pub fn read(&mut self, time_s: f64, gyro: Range, accel: Range, low_pass: LowPass) -> Readout {
         let Self { kind, noise, part, spin_dps } = self;
         let (signal, is_noisy) = match kind {
-            Kind::Turntable(table) => (measure(part, noise, &table.movement(time_s), time_s), true),
-            Kind::Plant(plant) => (measure(part, noise, &plant.movement(time_s - low_pass.delay_s), time_s), true),
+            Kind::Hand(hand) => (part.measure(&hand.movement(time_s - low_pass.delay_s), time_s, noise), true),
+            Kind::Turntable(table) => (part.measure(&table.movement(time_s), time_s, noise), true),
+            Kind::Plant(plant) => (part.measure(&plant.movement(time_s - low_pass.delay_s), time_s, noise), true),
             Kind::Recording { recording, started_s, play } => {
                 if *play && started_s.is_none() {
                     *started_s = Some(time_s);
@@ -152,38 +169,19 @@ impl Source {
                 (recorded(recording, &sample), is_noisy)
             }
         };
-        let [gyro_noise, accel_noise] = match is_noisy {
-            true => [GYRO_NOISE_DPS * low_pass.gyro_hz.sqrt(), ACCEL_NOISE_G * low_pass.accel_hz.sqrt()],
-            false => [0.0; 2],
+        let (gyro_noise, accel_noise) = match is_noisy {
+            true => part.white(time_s, low_pass, noise),
+            false => ([0.0; 3], [0.0; 3]),
         };
         let [x, y, z] = signal.rate_dps;
-        let rate_dps = [x, y, z + *spin_dps].map(|dps| dps + gyro_noise * noise.normal());
-        let force_g = signal.force_g.map(|g| g + accel_noise * noise.normal());
+        let add = |values: [f64; 3], noise: [f64; 3]| std::array::from_fn(|i| values[i] + noise[i]);
+        let rate_dps: [f64; 3] = add([x, y, z + *spin_dps], gyro_noise);
+        let force_g: [f64; 3] = add(signal.force_g, accel_noise);
         Readout {
             accel: force_g.map(|g| counts(g * accel.counts_per_unit)),
             gyro: rate_dps.map(|dps| counts(dps * gyro.counts_per_unit)),
-            temperature: counts(signal.temperature),
+            temperature: counts(temperature_counts(signal.temperature_c)),
         }
-    }
-}
-
-/// What the sensor measures, before its noise and its range.
-struct Signal {
-    rate_dps: [f64; 3],
-    force_g: [f64; 3],
-    /// Counts.
-    temperature: f64,
-}
-
-/// What a part measures of a movement.
-fn measure(part: &mut Part, noise: &mut Noise, movement: &Movement, time_s: f64) -> Signal {
-    let temperature_c = part.temperature_c(time_s, movement.temperature_c);
-    let (gyro_bias, accel_bias) = part.bias(time_s, temperature_c, noise);
-    let add = |values: [f64; 3], bias: [f64; 3]| std::array::from_fn(|i| values[i] + bias[i]);
-    Signal {
-        rate_dps: add(part.distort(movement.rate_dps), gyro_bias),
-        force_g: add(part.distort(movement.specific_force_g), accel_bias),
-        temperature: temperature_counts(temperature_c),
     }
 }
 
@@ -191,7 +189,7 @@ fn recorded(recording: &Recording, sample: &Sample) -> Signal {
     Signal {
         rate_dps: sample.gyro.map(|x| x / recording.gyro_range.counts_per_unit),
         force_g: sample.accel.map(|x| x / recording.accel_range.counts_per_unit),
-        temperature: sample.temperature,
+        temperature_c: celsius(sample.temperature),
     }
 }
 
@@ -231,6 +229,42 @@ mod tests {
         assert_eq!((scaled.accel, scaled.gyro), ([200, -2188, -16344], [482, -527, -574]));
         assert_eq!(counts(1e6), i16::MAX);
         assert_eq!(counts(-1e6), i16::MIN);
+    }
+
+    /// The walk of the integrated readings, as counts and at the rate of the firmware's ticks, against the data sheet.
+    #[test]
+    fn the_integrated_rate_walks_as_the_data_sheets_density_says() {
+        const RATE_HZ: usize = 200;
+        for low_pass in [2, 3, 4] {
+            let mut source = Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: 0.0, start_s: 0.0 }, 5);
+            let (mut rate_squares, mut force_squares, mut seconds) = (0.0, 0.0, 0.0);
+            let mut sample = 0;
+            let mut turned_in_a_second = || {
+                let (mut angle, mut speed) = ([0.0; 3], [0.0; 3]);
+                for _ in 0..RATE_HZ {
+                    let time_s = sample as f64 / RATE_HZ as f64;
+                    sample += 1;
+                    let Readout { gyro, accel, .. } = source.read(time_s, GYRO[0], ACCEL[0], LOW_PASS[low_pass]);
+                    for i in 0..3 {
+                        angle[i] += f64::from(gyro[i]) / 131.0 / RATE_HZ as f64;
+                        speed[i] += (f64::from(accel[i]) / 16384.0 - f64::from(i == 2)) / RATE_HZ as f64;
+                    }
+                }
+                (angle, speed)
+            };
+            for _ in 0..1000 {
+                let (angle, speed) = turned_in_a_second();
+                rate_squares += angle.iter().map(|x| x * x).sum::<f64>();
+                force_squares += speed.iter().map(|x| x * x).sum::<f64>();
+                seconds += 3.0;
+            }
+            // One-sided density / √2 is the walk in a root of a second.
+            let density = |squares: f64| (2.0 * squares / seconds).sqrt();
+            let (gyro, accel) = (density(rate_squares), density(force_squares));
+            println!("filter {low_pass}: {gyro:.6} deg/s/sqrt(Hz), {accel:.2e} g/sqrt(Hz)");
+            assert!((gyro / 0.005 - 1.0).abs() < 0.06, "filter {low_pass}: {gyro}");
+            assert!((accel / 400e-6 - 1.0).abs() < 0.06, "filter {low_pass}: {accel}");
+        }
     }
 
     #[test]

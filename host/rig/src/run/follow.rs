@@ -1,0 +1,196 @@
+//! Follows the sensor of a board whose motors are off, for the measurement of the sensor itself: every reading goes to a
+//! function and into a log.
+
+use super::RecordError;
+use super::fault_text;
+use crate::link::{Arrival, BoardClock, Event, Exchange, Link, LinkError, Monitor, PingClock};
+use biflag_log::{Converter, EventKind, LinkStats, LogError, Writer};
+use miette::Diagnostic;
+use protocol::{Command, Fault, Reply, Settings, TICK_HZ, Telemetry};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant, SystemTime};
+use study::sensor::RawReading;
+use thiserror::Error;
+
+/// Interval of the pings that compare the clocks.
+const PING_INTERVAL: Duration = Duration::from_millis(250);
+
+/// Largest gap between two readings, s. In a longer one a turn of the hand is not known.
+const LONGEST_GAP_S: f64 = 0.25;
+
+/// Why the sensor could not be followed.
+#[derive(Debug, Error, Diagnostic)]
+pub enum FollowError {
+    /// The board, the link or the log.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Record(#[from] RecordError),
+    /// A reading at the end of the range.
+    #[error("a reading was at the end of the sensor's range")]
+    #[diagnostic(help("move the sensor more slowly, without a knock; its range is {range_dps} °/s (gyro_range_dps)"))]
+    Clipped {
+        /// Range of the gyroscope.
+        range_dps: u16,
+    },
+    /// Frames are missing.
+    #[error("{gap_s:.1} s of readings are missing")]
+    #[diagnostic(help("check the cable and close programs that load the computer, then start again"))]
+    Gap {
+        /// Length of the gap.
+        gap_s: f64,
+    },
+}
+
+impl From<LinkError> for FollowError {
+    fn from(error: LinkError) -> Self {
+        Self::Record(error.into())
+    }
+}
+
+impl From<LogError> for FollowError {
+    fn from(error: LogError) -> Self {
+        Self::Record(error.into())
+    }
+}
+
+/// What was followed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Followed {
+    /// Counts of the link.
+    pub link: LinkStats,
+    /// Relative rate error of the board's clock against the computer's; `None` if it is not known, as for an emulated board,
+    /// whose time has a speed of its own.
+    pub clock_error: Option<f64>,
+}
+
+/// Streams readings to `take` until it returns false. `settings` are those of the board.
+///
+/// # Errors
+/// [`FollowError`], and the error of `take`.
+pub fn follow<E: From<FollowError>>(
+    link: &Link,
+    settings: &Settings,
+    log: &mut Writer,
+    interrupted: &AtomicBool,
+    mut take: impl FnMut(&RawReading, &mut Writer) -> Result<bool, E>,
+) -> Result<Followed, E> {
+    let mut stream = Stream::start(link, settings, interrupted)?;
+    let outcome = loop {
+        match stream.next(log) {
+            Ok(None) => {}
+            Ok(Some(reading)) => match take(&reading, log) {
+                Ok(true) => {}
+                Ok(false) => break Ok(()),
+                Err(error) => break Err(error),
+            },
+            Err(error) => break Err(error.into()),
+        }
+    };
+    let ended = link.command(Command::Stream { rate_hz: 0 });
+    outcome?;
+    ended.map_err(FollowError::from)?;
+    let is_emulated = link.path().starts_with("/dev/pts/");
+    let clock = stream.pings.fit(link.opened()).filter(|_| !is_emulated);
+    Ok(Followed { link: stream.monitor.stats(), clock_error: clock.map(|clock| clock.drift_ppm * 1e-6) })
+}
+
+struct Stream<'a> {
+    link: &'a Link,
+    settings: &'a Settings,
+    interrupted: &'a AtomicBool,
+    converter: Converter,
+    clock: BoardClock,
+    monitor: Monitor,
+    pings: PingClock,
+    pinged: Instant,
+    last: Option<(Telemetry, f64)>,
+}
+
+impl<'a> Stream<'a> {
+    fn start(link: &'a Link, settings: &'a Settings, interrupted: &'a AtomicBool) -> Result<Self, FollowError> {
+        super::stream::end(link)?;
+        match link.command(Command::ClearFault) {
+            // The cause persists; the first frame will state the fault.
+            Ok(()) | Err(LinkError::Refused { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+        link.command(Command::Stream { rate_hz: TICK_HZ })?;
+        Ok(Self {
+            link,
+            settings,
+            interrupted,
+            converter: Converter::new(*settings),
+            clock: BoardClock::default(),
+            monitor: Monitor::default(),
+            pings: PingClock::default(),
+            pinged: Instant::now(),
+            last: None,
+        })
+    }
+
+    /// Waits a moment for the next reading.
+    fn next(&mut self, log: &mut Writer) -> Result<Option<RawReading>, FollowError> {
+        if self.interrupted.load(Ordering::Relaxed) {
+            return Err(RecordError::Interrupted.into());
+        }
+        if self.pinged.elapsed() >= PING_INTERVAL {
+            self.pinged = Instant::now();
+            // Its answer comes as an event.
+            self.link.send(Command::Ping)?;
+        }
+        let Some(received) = self.link.next(Duration::from_millis(20)) else {
+            log.tick()?;
+            return Ok(None);
+        };
+        match received.event {
+            Event::Telemetry(frame) => self.frame(&frame, received.wall, log),
+            Event::Exchange(Exchange { attempts: 1, reply: Some(Reply::Pong(board)), sent_at, .. }) => {
+                if let Some(board_us) = self.clock.unwrap(board) {
+                    self.pings.add(board_us, sent_at, received.at);
+                }
+                Ok(None)
+            }
+            Event::Damaged(error) => {
+                self.monitor.damaged(error);
+                Ok(None)
+            }
+            Event::Silent { bytes } => Err(RecordError::Silent { cause: None, bytes }.into()),
+            Event::Closed => Err(self.link.closed().into()),
+            Event::Raw(_) | Event::Exchange(_) => Ok(None),
+        }
+    }
+
+    fn frame(
+        &mut self,
+        frame: &Telemetry,
+        host: SystemTime,
+        log: &mut Writer,
+    ) -> Result<Option<RawReading>, FollowError> {
+        let arrival = self.monitor.frame(frame);
+        if arrival == Arrival::Repeated {
+            return Ok(None);
+        }
+        let board_us = self.clock.unwrap(frame.time).ok_or(RecordError::ClockJumped(None))?;
+        if let Arrival::After(gap) = arrival {
+            log.dropout(gap.first.0, gap.count.into(), host)?;
+        }
+        let time_s = log.board_time(board_us, host) as f64 * 1e-6;
+        log.message(&self.converter.telemetry(frame, board_us, time_s), host)?;
+        if frame.fault != Fault::None {
+            log.event(EventKind::Fault, &format!("{:?}: {}", frame.fault, fault_text(frame.fault)), host)?;
+            return Err(RecordError::Faulted(frame.fault).into());
+        }
+        if !frame.imu_fresh {
+            return Ok(None);
+        }
+        if let Some((last, last_s)) = self.last.replace((*frame, time_s)) {
+            if frame.clipped != last.clipped {
+                return Err(FollowError::Clipped { range_dps: self.settings.gyro_range.full_scale_dps() });
+            }
+            if time_s - last_s > LONGEST_GAP_S {
+                return Err(FollowError::Gap { gap_s: time_s - last_s });
+            }
+        }
+        Ok(Some(RawReading::of(frame, self.settings, time_s)))
+    }
+}

@@ -1,0 +1,130 @@
+//! The board on the bench: its link, its settings, the file of its sensor, and the log of the readings.
+
+use super::Common;
+use crate::commands::{settings, virtual_board};
+use crate::link::{self, Link, LinkError};
+use crate::output::OutputError;
+use crate::plan::board;
+use crate::program;
+use crate::run::rig::board_copy::BoardCopies;
+use crate::run::rig::{FollowError, Followed, RecordError, VirtualNano, follow};
+use crate::signals::interruption;
+use biflag_log::{End, Origin, PlanMeta, Start, Summary, TrialMeta, Writer};
+use miette::Report;
+use protocol::Settings;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::SystemTime;
+use study::sensor::{MeasuredSensor, RawReading};
+
+/// The board on the bench.
+pub struct Bench {
+    /// The emulated board.
+    pub nano: Option<VirtualNano>,
+    /// Whether the emulated board replays a recording.
+    pub is_replay: bool,
+    pub link: Link,
+    pub settings: Settings,
+    pub file: MeasuredSensor,
+    pub path: PathBuf,
+    pub log_path: PathBuf,
+    name: String,
+    interrupted: Arc<AtomicBool>,
+}
+
+impl Bench {
+    /// Opens the board for a measurement with this name, and the file of its sensor.
+    pub fn open(common: &Common, name: &str) -> miette::Result<Self> {
+        let interrupted = interruption()?;
+        let now = program::timestamp(SystemTime::now());
+        let stored = common.output.exists().then(|| MeasuredSensor::load(&common.output)).transpose()?;
+        let (nano, is_replay) = match &common.r#virtual {
+            Some(imu) => {
+                let mut arguments = common.sensor.arguments(None);
+                arguments.extend(["--speed".into(), "max".into()]);
+                if let Some(imu) = imu {
+                    arguments.extend(["--imu".into(), imu.clone().into_os_string()]);
+                }
+                (Some(virtual_board::start(arguments, &[])?), imu.is_some())
+            }
+            None => (None, false),
+        };
+        let port = match &nano {
+            Some(nano) => nano.port().to_owned(),
+            None => link::choose_port(common.port.as_deref())?,
+        };
+        let link = match Link::open_unless(&port, &interrupted) {
+            Err(LinkError::Interrupted) => return Err(RecordError::Interrupted.into()),
+            link => link?,
+        };
+        let settings = settings::read(&link)?;
+        let mut file = stored.unwrap_or_else(|| MeasuredSensor::new(&settings));
+        if let Some(why) = file.mismatch(&settings) {
+            let path = common.output.display();
+            return Err(miette::miette!(
+                code = study::WRONG_USE,
+                help = "name another file with -o, or move this one away",
+                "{path} cannot be continued: {why}"
+            ));
+        }
+        now.get(..10).unwrap_or_default().clone_into(&mut file.date);
+        let stamp: String = now.chars().take(19).filter(char::is_ascii_digit).collect();
+        let log_path = common.output.with_file_name(format!("sensor-{}-{stamp}.mcap", name.replace(' ', "-")));
+        let (path, name) = (common.output.clone(), format!("sensor {name}"));
+        Ok(Self { nano, is_replay, link, settings, file, path, log_path, name, interrupted })
+    }
+
+    /// Passes every reading to `take` until it returns false. The readings are in a log, also if the measurement fails.
+    pub fn follow(
+        &mut self,
+        mut take: impl FnMut(&RawReading, Option<&mut VirtualNano>) -> miette::Result<bool>,
+    ) -> miette::Result<Followed> {
+        let origin = if self.nano.is_some() { Origin::VirtualRig } else { Origin::Rig };
+        let start = Start {
+            identity: program::identity(origin, SystemTime::now()),
+            plan: PlanMeta { name: self.name.clone(), trials: 1, ..PlanMeta::default() },
+            trial: TrialMeta { name: self.name.replace(' ', "-"), repeat: 1, attempt: 1, ..TrialMeta::default() },
+            board: Some(board::to_log(self.link.info(), &self.settings)),
+            ..Start::default()
+        };
+        let mut log = Writer::create(&self.log_path, &start, SystemTime::now())?;
+        if let Some(nano) = &self.nano {
+            log.meta(nano.sensor())?;
+        }
+        let nano = &mut self.nano;
+        let followed = follow(&self.link, &self.settings, &mut log, &self.interrupted, |reading, _| {
+            take(reading, nano.as_mut()).map_err(Failure)
+        })
+        .map_err(|Failure(report)| report);
+        let summary = match &followed {
+            Ok(followed) => Summary { end: End::Complete, link: followed.link, ..Summary::default() },
+            Err(report) => Summary { end: End::Failed, reason: report.to_string(), ..Summary::default() },
+        };
+        log.finish(&summary)?;
+        followed
+    }
+
+    /// Writes the file of the sensor.
+    pub fn save(&self) -> miette::Result<()> {
+        Ok(self.file.save(&self.path).map_err(|error| OutputError::new(&self.path, error))?)
+    }
+
+    /// Saves the settings in the board's EEPROM; returns notes for the user. A board without an id gets one, which the file of
+    /// its sensor gets, too.
+    pub fn save_settings(&mut self) -> miette::Result<Vec<String>> {
+        let (saved, notes) = settings::save(&self.link, self.settings, BoardCopies::of_user().as_ref())?;
+        self.settings = saved;
+        self.file.board_id = saved.board_id;
+        Ok(notes)
+    }
+}
+
+/// An error of a reading's function.
+struct Failure(Report);
+
+impl From<FollowError> for Failure {
+    fn from(error: FollowError) -> Self {
+        Self(error.into())
+    }
+}

@@ -1,0 +1,132 @@
+//! `biflag sensor poses`: the accelerometer, and what gravity adds to the gyroscope, by six poses.
+
+use super::bench::Bench;
+use super::{Common, Measured, ended, finish, percent};
+use crate::commands::Answer;
+use crate::progress::Progress;
+use serde_json::{Map, json};
+use study::sensor::{AXES, Estimate, PoseStep, PosesResult, PosesWatch};
+use study::text::signed;
+
+/// Measure accelerometer, mounting and sensitivity to gravity: lay the sensor still with each axis up and down.
+#[derive(clap::Args, Debug)]
+#[command(
+    after_help = "Lay the board on each of its six sides on a flat, level table, in any order. No key is needed: the \
+    program sees which axis points up, and says which poses are missing.\n\nExample: biflag sensor poses"
+)]
+pub struct Args {
+    /// Time in each pose, s.
+    #[arg(long, default_value_t = 20.0, value_parser = parse_seconds)]
+    seconds: f64,
+    /// Each pose is exact within this, degrees.
+    #[arg(long, value_name = "DEGREES", default_value_t = 1.0, value_parser = parse_placement)]
+    placement: f64,
+    #[command(flatten)]
+    common: Common,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (5.0..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("give seconds, 5 to 3600".to_owned()),
+    }
+}
+
+fn parse_placement(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(angle) if (0.01..=10.0).contains(&angle) => Ok(angle),
+        _ => Err("give an angle in degrees, 0.01 to 10".to_owned()),
+    }
+}
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    let mut bench = match Bench::open(&args.common, "poses") {
+        Ok(bench) => bench,
+        Err(error) => return ended(error),
+    };
+    let is_replay = bench.is_replay;
+    let mut watch = PosesWatch::new(args.seconds);
+    let mut progress = Progress::new(6.0);
+    let (mut said, mut shown_s, mut left) = (String::new(), f64::NEG_INFINITY, 6);
+    let mut ordered = String::new();
+    let followed = bench.follow(|reading, nano| {
+        let step = watch.push(reading)?;
+        let now_left = watch.missing().len();
+        if now_left < left {
+            left = now_left;
+            progress.end_trial(1.0);
+        }
+        // The emulated hand lays the sensor into the next pose once the one before is done.
+        if let (PoseStep::Move { missing }, Some(nano), false) = (&step, nano, is_replay)
+            && missing[0] != ordered
+            && (left < 6 || reading.time_s > 2.0)
+        {
+            ordered.clone_from(&missing[0]);
+            nano.pose(&ordered, 2.0)?;
+        }
+        let (instruction, figures) = told(&step);
+        if instruction != said {
+            progress.phase("poses", &instruction);
+            said = instruction;
+        }
+        if reading.time_s > shown_s + 0.2 {
+            shown_s = reading.time_s;
+            progress.figures(&figures);
+        }
+        Ok(step != PoseStep::Done)
+    });
+    progress.finish();
+    let followed = match followed {
+        Ok(followed) => followed,
+        Err(error) => return ended(error),
+    };
+    let result = watch.result(args.placement)?;
+    result.enter(&mut bench.file);
+    let mut measured = described(&result);
+    if followed.link.lost > 0 {
+        measured.warnings.push(format!("{} frames were lost", followed.link.lost));
+    }
+    finish(&mut bench, measured)
+}
+
+fn told(step: &PoseStep) -> (String, String) {
+    match step {
+        PoseStep::Hold { up, left_s } => (format!("keep it still with {up} up"), format!("still, {left_s:.0} s to go")),
+        PoseStep::Move { missing } => {
+            let one_of = if missing.len() == 1 { "" } else { "one of " };
+            (format!("lay it with {one_of}{} up", missing.join(", ")), String::new())
+        }
+        PoseStep::Askew { missing } => (
+            format!("no axis points up; lay it on a side, with {} up", missing.join(" or ")),
+            "still, but askew".to_owned(),
+        ),
+        PoseStep::Done => ("done".to_owned(), String::new()),
+    }
+}
+
+fn described(result: &PosesResult) -> Measured {
+    let row = |title: &str, values: &[Estimate; 3], scale: f64, places: usize, unit: &str| {
+        let cells: Vec<_> = AXES
+            .iter()
+            .zip(values)
+            .map(|(axis, one)| {
+                format!("{axis} {} ± {:.places$}", signed(scale * one.value, places), 1.96 * scale * one.u)
+            })
+            .collect();
+        format!("{title}: {} {unit} (95 %)\n", cells.join(", "))
+    };
+    let mut text = row("scale of the accelerometer", &result.accel_scale, 100.0, 2, "%");
+    text += &row("offset of the accelerometer", &result.accel_offset_g, 1000.0, 1, "mg");
+    text += &row("mounting", &result.mounting_deg, 1.0, 2, "°");
+    for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+        let [a, b] = [AXES[i], AXES[j]];
+        text += &format!("share that {a} reads of {b}, and {b} of {a}: {}\n", percent(result.accel_cross[i][j]));
+    }
+    for (j, axis) in AXES.iter().enumerate() {
+        let column = [result.gyro_g_dps[0][j], result.gyro_g_dps[1][j], result.gyro_g_dps[2][j]];
+        text += &row(&format!("rates by gravity along {axis}"), &column, 1.0, 4, "°/s/g");
+    }
+    text += &format!("the bias changed by {:.4} °/s from pose to pose\n", result.drift_dps);
+    let json: Map<_, _> = [("drift_dps".to_owned(), json!(result.drift_dps))].into_iter().collect();
+    Measured { text, json, warnings: Vec::new() }
+}

@@ -1,0 +1,107 @@
+//! `biflag sensor still`: the gyroscope's noise, by a long rest.
+
+use super::bench::Bench;
+use super::{Common, Measured, ended, finish};
+use crate::commands::Answer;
+use crate::progress::Progress;
+use serde_json::{Map, json};
+use study::sensor::{AXES, StillResult, StillWatch};
+use study::text::signed;
+
+/// Measure the gyroscope's noise, the instability and walk of its bias, and its change with temperature: let it lie still.
+#[derive(clap::Args, Debug)]
+#[command(
+    after_help = "Let it warm up for five minutes first, or not, to measure how the bias changes with temperature.\n\n\
+    Example: biflag sensor still 3600"
+)]
+pub struct Args {
+    /// Length of the rest, s.
+    #[arg(default_value_t = 600.0, value_parser = parse_seconds)]
+    seconds: f64,
+    #[command(flatten)]
+    common: Common,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (30.0..=200_000.0).contains(&seconds) => Ok(seconds),
+        _ => Err("give seconds, 30 to 200000".to_owned()),
+    }
+}
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    let mut bench = match Bench::open(&args.common, "still") {
+        Ok(bench) => bench,
+        Err(error) => return ended(error),
+    };
+    let mut is_started = !bench.is_replay;
+    let mut watch = StillWatch::new(args.seconds);
+    let progress = Progress::new(args.seconds);
+    progress.phase("still", "let it lie still");
+    let mut shown_s = f64::NEG_INFINITY;
+    let followed = bench.follow(|reading, nano| {
+        if let (false, Some(nano)) = (is_started, nano) {
+            nano.control("play")?;
+            is_started = true;
+        }
+        let left_s = watch.push(reading)?;
+        if reading.time_s > shown_s + 0.5 {
+            shown_s = reading.time_s;
+            progress.within(args.seconds - left_s);
+            let [x, y, z] = reading.rate_dps;
+            progress
+                .figures(&format!("{left_s:.0} s to go; {x:.2}, {y:.2}, {z:.2} °/s, {:.2} °C", reading.temperature_c));
+        }
+        Ok(left_s > 0.0)
+    });
+    progress.finish();
+    let followed = match followed {
+        Ok(followed) => followed,
+        Err(error) => return ended(error),
+    };
+    let result = watch.result()?;
+    result.enter(&mut bench.file);
+    let mut measured = described(&result);
+    if followed.link.lost > 0 {
+        measured.warnings.push(format!("{} frames were lost", followed.link.lost));
+    }
+    finish(&mut bench, measured)
+}
+
+fn described(result: &StillResult) -> Measured {
+    let mut text = String::new();
+    let mut allan = Map::new();
+    for (name, noise) in AXES.iter().zip(&result.axes) {
+        let [walk, instability, drift] = [noise.walk_of_angle, noise.instability_dps, noise.walk_of_bias];
+        let at_most = if noise.has_minimum { "" } else { "at most " };
+        text += &format!(
+            "{name}: angle random walk {:.5} ± {:.5} °/√s, bias instability {at_most}{:.5} ± {:.5} °/s, walk of the bias \
+             {:.6} ± {:.6} °/s/√s (95 %)\n",
+            walk.value,
+            1.96 * walk.u,
+            instability.value,
+            1.96 * instability.u,
+            drift.value,
+            1.96 * drift.u
+        );
+        let points: Vec<_> = noise
+            .allan
+            .iter()
+            .map(|(tau_s, at)| json!({ "tau_s": tau_s, "deviation_dps": at.value, "u_dps": at.u }))
+            .collect();
+        allan.insert((*name).to_owned(), json!(points));
+    }
+    match &result.warming {
+        Some(warming) => {
+            let cells: Vec<_> = AXES
+                .iter()
+                .zip(warming)
+                .map(|(name, one)| format!("{name} {} ± {:.4}", signed(one.value, 4), 1.96 * one.u))
+                .collect();
+            text += &format!("bias by temperature: {} °/s/K (95 %)\n", cells.join(", "));
+        }
+        None => text += "the temperature hardly changed: its effect on the bias is not known\n",
+    }
+    let json = [("allan".to_owned(), json!(allan))].into_iter().collect();
+    Measured { text, json, warnings: Vec::new() }
+}

@@ -1,0 +1,233 @@
+//! `biflag sensor turn`: the gyroscope's scale about an axis, by turns of the hand.
+
+use super::bench::Bench;
+use super::{Common, Measured, ended, finish, percent};
+use crate::colour;
+use crate::commands::{Answer, WRONG_USE};
+use crate::progress::Progress;
+use protocol::Settings;
+use serde_json::json;
+use study::plan::Axis;
+use study::sensor::{AXES, TurnPlan, TurnResult, TurnStep, TurnWatch};
+
+/// Mean speed at which the emulated hand turns, °/s.
+const HAND_DPS: f64 = 60.0;
+
+/// Measure the gyroscope's scale: turn the sensor by hand about a vertical axis, forwards and back.
+#[derive(clap::Args, Debug)]
+#[command(
+    after_help = "Lay a straight edge of the sensor's board against a fixed edge on a flat table, with the axis \
+    vertical. Turn it by whole turns, back against the edge, and let it rest; then turn it back. No key is needed: the \
+    program sees when it rests and when it turns.\n\nExample: biflag sensor turn z --repeats 5"
+)]
+pub struct Args {
+    /// The body axis that is vertical.
+    #[arg(value_parser = parse_axis)]
+    axis: Axis,
+    /// Angle of each turn, degrees.
+    #[arg(default_value_t = 720.0, value_parser = parse_angle)]
+    degrees: f64,
+    /// Times to turn forwards and back.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
+    repeats: u16,
+    /// The angle between the marks is exact within this, degrees.
+    #[arg(long, value_name = "DEGREES", default_value_t = 1.0, value_parser = parse_angle)]
+    reference: f64,
+    /// Write the scale to the file alone, not to the board, which corrects its rates by it.
+    #[arg(long)]
+    no_board: bool,
+    #[command(flatten)]
+    common: Common,
+}
+
+fn parse_axis(text: &str) -> Result<Axis, String> {
+    match text {
+        "x" => Ok(Axis::X),
+        "y" => Ok(Axis::Y),
+        "z" => Ok(Axis::Z),
+        _ => Err("give x, y or z".to_owned()),
+    }
+}
+
+fn parse_angle(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(angle) if (0.01..=36_000.0).contains(&angle) => Ok(angle),
+        _ => Err("give an angle in degrees, 0.01 to 36000".to_owned()),
+    }
+}
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    let axis = args.axis as usize;
+    if args.degrees < 90.0 {
+        return Err(miette::miette!(code = WRONG_USE, help = "turn by 360° or more", "{}° are too few", args.degrees));
+    }
+    let plan = TurnPlan { axis, degrees: args.degrees, turns: 2 * usize::from(args.repeats) };
+    let mut bench = match Bench::open(&args.common, &format!("turn {}", AXES[axis])) {
+        Ok(bench) => bench,
+        Err(error) => return ended(error),
+    };
+    let mut watch = TurnWatch::new(plan);
+    let mut hand = Hand { plan, ordered: 0, is_replay: bench.is_replay };
+    if let Some(nano) = bench.nano.as_mut().filter(|_| axis != 2) {
+        nano.pose(&format!("+{}", AXES[axis]), 2.0)?;
+        // It comes into the pose before the first rest.
+    }
+    let mut progress = Progress::new(plan.turns as f64);
+    let name = format!("turn {}", AXES[axis]);
+    let mut said = String::new();
+    let mut shown_s = f64::NEG_INFINITY;
+    let followed = bench.follow(|reading, nano| {
+        let before = watch.count();
+        let step = watch.push(reading)?;
+        if watch.count() > before {
+            progress.end_trial(1.0);
+        }
+        if let Some(nano) = nano {
+            hand.follow(step, watch.count(), nano)?;
+        }
+        let instruction = instruction(step, &plan, watch.count());
+        if instruction != said {
+            progress.phase(&name, &instruction);
+            said = instruction;
+        }
+        if reading.time_s > shown_s + 0.2 {
+            shown_s = reading.time_s;
+            progress.figures(&figures(step));
+        }
+        Ok(step != TurnStep::Done)
+    });
+    progress.finish();
+    let followed = match followed {
+        Ok(followed) => followed,
+        Err(error) => return ended(error),
+    };
+    let result = watch.result(args.reference, &bench.file, followed.clock_error.unwrap_or_default())?;
+    result.enter(axis, &mut bench.file);
+    let mut measured = described(&result, &plan);
+    if followed.link.lost > 0 {
+        measured.warnings.push(format!("{} frames were lost", followed.link.lost));
+    }
+    let is_emulated = bench.nano.is_some();
+    if !args.no_board && !is_emulated {
+        correct(&mut bench, axis, &result, &mut measured)?;
+    }
+    finish(&mut bench, measured)
+}
+
+/// Writes the scale to the board.
+fn correct(bench: &mut Bench, axis: usize, result: &TurnResult, measured: &mut Measured) -> miette::Result<()> {
+    let scale = result.scale.value as f32;
+    if scale.abs() > Settings::GYRO_SCALE_LIMIT {
+        let limit = 100.0 * Settings::GYRO_SCALE_LIMIT;
+        measured.warnings.push(format!("the board corrects up to {limit} % only: the scale was not written to it"));
+        return Ok(());
+    }
+    let sensor_axis = bench.settings.gyro_axes.0[axis].index();
+    bench.settings.gyro_scale[sensor_axis] = scale;
+    for note in bench.save_settings()? {
+        colour::eprint(&format!("note: {note}\n"));
+    }
+    measured.text += "the board corrects its rates by it from here on (gyro_scale_error)\n";
+    Ok(())
+}
+
+fn instruction(step: TurnStep, plan: &TurnPlan, count: usize) -> String {
+    let number = format!("turn {} of {}", count + 1, plan.turns);
+    let degrees = plan.degrees;
+    let way = match (count, count % 2) {
+        (0, _) => "counter-clockwise, seen from above",
+        (_, 1) => "back",
+        _ => "forwards",
+    };
+    match step {
+        TurnStep::Rest { .. } => "keep it still against the edge".to_owned(),
+        TurnStep::Ready => format!("{number}: turn it by {degrees}° {way}, and let it rest against the edge"),
+        TurnStep::Turning { .. } => format!("{number}: it turns; go on to {degrees}°"),
+        TurnStep::Stopped { angle_deg } => format!("{number}: it stopped at {angle_deg:.0}°; go on to {degrees}°"),
+        TurnStep::Done => "done".to_owned(),
+    }
+}
+
+fn figures(step: TurnStep) -> String {
+    match step {
+        TurnStep::Rest { left_s } => format!("still, {left_s:.1} s to go"),
+        TurnStep::Ready => "still: ready to turn".to_owned(),
+        TurnStep::Turning { angle_deg } => format!("turning: {angle_deg:.1}°"),
+        TurnStep::Stopped { angle_deg } => format!("still at {angle_deg:.1}°"),
+        TurnStep::Done => String::new(),
+    }
+}
+
+/// Describes the result.
+fn described(result: &TurnResult, plan: &TurnPlan) -> Measured {
+    let axis = AXES[plan.axis];
+    let mut text = format!("scale of the gyroscope about {axis}: {} (95 %)\n", percent(result.scale));
+    let turned: Vec<_> = result.turned_deg.iter().map(|angle| study::text::signed(*angle, 2)).collect();
+    text += &format!("  turned {}° as read\n", turned.join(", "));
+    match (result.scatter_u, result.stops_deg) {
+        (Some(u), Some(stops)) => {
+            text += &format!(
+                "  the stops scatter by {stops:.2}°: ± {:.3} %, by Student's distribution with {} degrees of freedom\n",
+                196.0 * u,
+                result.freedom
+            );
+        }
+        _ => text += "  one turn alone has no scatter: how well it stopped at the mark is not known\n",
+    }
+    text += &format!("  the angle between the marks: ± {:.3} %\n", 196.0 * result.reference_u);
+    for (i, cross) in result.cross.iter().enumerate() {
+        if let Some(cross) = cross {
+            text += &format!("share of the rate about {axis} that {} reads: {}\n", AXES[i], percent(*cross));
+        }
+    }
+    let mut warnings = Vec::new();
+    if result.turned_deg.len() < plan.turns {
+        warnings.push(format!("{} of {} turns were made", result.turned_deg.len(), plan.turns));
+    }
+    if !result.is_consistent {
+        warnings.push(
+            "the first turn was clockwise, seen from above, or the settings gyro_axes and accel_axes contradict each other; \
+             the shares of the other axes are not known"
+                .to_owned(),
+        );
+    }
+    let json = json!({
+        "turned_deg": result.turned_deg,
+        "scatter_u": result.scatter_u,
+        "freedom": result.freedom,
+        "stops_deg": result.stops_deg,
+        "reference_u": result.reference_u,
+    });
+    let json = [("turns".to_owned(), json)].into_iter().collect();
+    Measured { text, json, warnings }
+}
+
+/// The hand of the emulated board.
+struct Hand {
+    plan: TurnPlan,
+    /// Turns ordered so far.
+    ordered: usize,
+    is_replay: bool,
+}
+
+impl Hand {
+    /// Turns the emulated sensor when the program says so.
+    fn follow(
+        &mut self,
+        step: TurnStep,
+        count: usize,
+        nano: &mut crate::run::rig::VirtualNano,
+    ) -> Result<(), crate::run::rig::VirtualError> {
+        if step != TurnStep::Ready || self.ordered > count || (self.is_replay && self.ordered > 0) {
+            return Ok(());
+        }
+        self.ordered += 1;
+        if self.is_replay {
+            return nano.control("play").map(drop);
+        }
+        let TurnPlan { axis, degrees, .. } = self.plan;
+        let sign = if count.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let name = AXES[axis].chars().next().unwrap_or('z');
+        nano.turn(name, sign * degrees, degrees / HAND_DPS).map(drop)
+    }
+}

@@ -1,0 +1,231 @@
+//! Six poses, one for each body axis up and down: the accelerometer's scale, offset and cross-axis terms, and what gravity
+//! adds to the rates of the gyroscope.
+//!
+//! With f_i(±j) the mean force along axis i in the pose with ±j up, the scale of axis i is half the difference of f_i(+i) and
+//! f_i(-i), its offset half their sum, and a_ij, half the difference of f_i(+j) and f_i(-j), is what i reads of j. The operator
+//! places the sensor by its edges, not exactly: a rotation of the sensor in the body appears in a_ij and a_ji with opposite
+//! signs, as the mounting; the mean of a_ij and a_ji is the cross-axis term of both.
+//!
+//! The mean rates in the six poses fit w_i = b_i + Σ g_ij n_j, where n is the direction of up: 18 values, 12 unknowns. What is
+//! left is the drift of the bias from pose to pose.
+
+use super::Estimate;
+use super::file::{AXES, MeasuredSensor, pair};
+use super::least_squares::{Fit, expanded};
+use super::reading::{Mean, RawReading, Rests};
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// Least cosine of an axis to the vertical in its pose: 18°.
+const UPRIGHT: f64 = 0.95;
+
+/// Longest time without a new pose, s.
+const PATIENCE_S: f64 = 120.0;
+
+/// The local gravity differs from the standard one by less than this, relative (9.780 to 9.833 m/s²).
+const LOCAL_GRAVITY: Estimate = Estimate::within(0.0028);
+
+/// The poses are not complete.
+#[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
+#[error("{} missing: {}", if missing.len() == 1 { "a pose is" } else { "poses are" }, missing.join(", "))]
+#[diagnostic(help(
+    "start again, and lay the sensor still with each axis up and down; no pose came for {PATIENCE_S:.0} s"
+))]
+pub struct PosesError {
+    /// The axes that have not pointed up.
+    pub missing: Vec<String>,
+}
+
+/// What the operator is to do, with the figures so far.
+#[derive(Clone, PartialEq, Debug)]
+pub enum PoseStep {
+    /// Keep this pose for so much longer.
+    Hold {
+        /// The axis that points up.
+        up: String,
+        /// Seconds.
+        left_s: f64,
+    },
+    /// Lay the sensor so that one of these points up.
+    Move {
+        /// The poses that are missing.
+        missing: Vec<String>,
+    },
+    /// The sensor is still in a pose that is none of the six.
+    Askew {
+        /// The poses that are missing.
+        missing: Vec<String>,
+    },
+    /// All are done.
+    Done,
+}
+
+/// Follows the poses as the readings come in.
+#[derive(Clone, Debug)]
+pub struct PosesWatch {
+    seconds: f64,
+    rests: Rests,
+    /// The mean of each pose: +x, -x, +y, -y, +z, -z.
+    poses: [Option<Mean>; 6],
+    /// When the last pose was completed, s.
+    since_s: Option<f64>,
+}
+
+fn name(pose: usize) -> String {
+    format!("{}{}", if pose.is_multiple_of(2) { "+" } else { "-" }, AXES[pose / 2])
+}
+
+impl PosesWatch {
+    /// Returns a watch of poses of so many seconds.
+    pub fn new(seconds: f64) -> Self {
+        Self { seconds, rests: Rests::default(), poses: [None; 6], since_s: None }
+    }
+
+    /// Adds a reading. Returns what the operator is to do.
+    ///
+    /// # Errors
+    /// [`PosesError`] if no further pose comes.
+    pub fn push(&mut self, reading: &RawReading) -> Result<PoseStep, PosesError> {
+        let since_s = *self.since_s.get_or_insert(reading.time_s);
+        self.rests.push(reading);
+        let missing = self.missing();
+        if missing.is_empty() {
+            return Ok(PoseStep::Done);
+        }
+        if reading.time_s - since_s > PATIENCE_S + self.seconds {
+            return Err(PosesError { missing });
+        }
+        let rest = *self.rests.rest();
+        if !self.rests.is_resting() || rest.count == 0.0 {
+            return Ok(PoseStep::Move { missing });
+        }
+        let Some(pose) = pose_of(&rest) else { return Ok(PoseStep::Askew { missing }) };
+        let left_s = self.seconds - rest.length_s();
+        if self.poses[pose].is_some() {
+            return Ok(PoseStep::Move { missing });
+        }
+        if left_s > 0.0 {
+            return Ok(PoseStep::Hold { up: name(pose), left_s });
+        }
+        self.poses[pose] = Some(rest);
+        self.since_s = Some(reading.time_s);
+        let missing = self.missing();
+        Ok(if missing.is_empty() { PoseStep::Done } else { PoseStep::Move { missing } })
+    }
+
+    /// Returns the poses that are missing.
+    pub fn missing(&self) -> Vec<String> {
+        (0..6).filter(|pose| self.poses[*pose].is_none()).map(name).collect()
+    }
+
+    /// Returns the result. `placement_deg`: each pose is exact within this.
+    ///
+    /// # Errors
+    /// [`PosesError`] if poses are missing.
+    pub fn result(&self, placement_deg: f64) -> Result<PosesResult, PosesError> {
+        let incomplete = || PosesError { missing: self.missing() };
+        let mut poses = [Mean::default(); 6];
+        for (pose, kept) in poses.iter_mut().zip(&self.poses) {
+            *pose = kept.ok_or_else(incomplete)?;
+        }
+        evaluate(&poses, placement_deg).ok_or_else(incomplete)
+    }
+}
+
+/// Returns the pose of a rest.
+fn pose_of(rest: &Mean) -> Option<usize> {
+    let length = rest.force_g.iter().map(|part| part * part).sum::<f64>().sqrt();
+    let axis = (0..3).find(|i| rest.force_g[*i].abs() > UPRIGHT * length)?;
+    Some(2 * axis + usize::from(rest.force_g[axis] < 0.0))
+}
+
+/// What six poses tell.
+#[derive(Clone, PartialEq, Debug)]
+pub struct PosesResult {
+    /// Relative scale error of the accelerometer.
+    pub accel_scale: [Estimate; 3],
+    /// Its offset, standard gravity.
+    pub accel_offset_g: [Estimate; 3],
+    /// `[i][j]`: share of the force along j that i reads. Zero for i = j.
+    pub accel_cross: [[Estimate; 3]; 3],
+    /// Rotation of the sensor in the body about its axes, degrees.
+    pub mounting_deg: [Estimate; 3],
+    /// `[i][j]`: rate that gyroscope i reads per standard gravity along j, °/s.
+    pub gyro_g_dps: [[Estimate; 3]; 3],
+    /// Scatter of the bias from pose to pose, °/s.
+    pub drift_dps: f64,
+}
+
+fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
+    let force = |i: usize, pose: usize| poses[pose].force_g[i];
+    let half_difference = |i: usize, j: usize| 0.5 * (force(i, 2 * j) - force(i, 2 * j + 1));
+    let placement = Estimate::within(placement_deg.to_radians()).u;
+    // Two placements are averaged in each half difference.
+    let tilt_u = placement / 2f64.sqrt();
+    // An axis that leans by θ reads the cosine: 1 - θ²/2, with the mean square of θ about two axes.
+    let cosine = placement * placement;
+    // What the others read in its poses: its lean to the vertical by the mounting, to which their cross-axis terms add.
+    let lean = |i: usize| (0..3).filter(|j| *j != i).map(|j| half_difference(j, i)).fold(0.0, f64::hypot);
+    let accel_scale = std::array::from_fn(|i| {
+        let value = half_difference(i, i) / (1.0 - cosine) - 1.0;
+        Estimate { value, u: LOCAL_GRAVITY.u.hypot(cosine).hypot(lean(i) * lean(i)) }
+    });
+    // Each of both forces has the cosine of its own placement, on top of a lean that both have, and noise far below it.
+    let accel_offset_g: [Estimate; 3] = std::array::from_fn(|i| {
+        let value = 0.5 * (force(i, 2 * i) + force(i, 2 * i + 1));
+        Estimate { value, u: cosine.hypot(lean(i) * tilt_u).hypot(1e-4) }
+    });
+    let mut accel_cross = [[Estimate::default(); 3]; 3];
+    let mut mounting_deg = [Estimate::default(); 3];
+    for k in 0..3 {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        let [a, b] = [half_difference(i, j), half_difference(j, i)];
+        let u = tilt_u / 2f64.sqrt();
+        let cross = Estimate { value: 0.5 * (a + b), u };
+        (accel_cross[i][j], accel_cross[j][i]) = (cross, cross);
+        // A sensor that is rotated by r about k reads r of j on i, and -r of i on j.
+        mounting_deg[k] = Estimate { value: (0.5 * (a - b)).to_degrees(), u: u.to_degrees() };
+    }
+    let rows: Vec<[f64; 4]> = poses
+        .iter()
+        .map(|pose| {
+            let force: [f64; 3] = std::array::from_fn(|i| pose.force_g[i] - accel_offset_g[i].value);
+            let length = force.iter().map(|part| part * part).sum::<f64>().sqrt();
+            let [x, y, z] = force.map(|part| part / length);
+            [1.0, x, y, z]
+        })
+        .collect();
+    let fit = |i: usize| Fit::new(&rows, &poses.map(|pose| pose.rate_dps[i]));
+    let fits = [fit(0)?, fit(1)?, fit(2)?];
+    // The axes drift alike, so their residuals are taken together.
+    let freedom = fits.iter().map(|fit| fit.freedom).sum::<usize>();
+    let drift_dps = (fits.iter().map(|fit| fit.squares).sum::<f64>() / freedom as f64).sqrt();
+    let gyro_g_dps = std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let noise = 0.5 * poses[2 * j].rate_u_dps()[i].hypot(poses[2 * j + 1].rate_u_dps()[i]);
+            let u = expanded(drift_dps * fits[i].factors[j + 1], freedom).max(noise);
+            Estimate { value: fits[i].values[j + 1], u }
+        })
+    });
+    Some(PosesResult { accel_scale, accel_offset_g, accel_cross, mounting_deg, gyro_g_dps, drift_dps })
+}
+
+impl PosesResult {
+    /// Enters the result into the file of the sensor.
+    pub fn enter(&self, file: &mut MeasuredSensor) {
+        for i in 0..3 {
+            file.set("accel_scale", AXES[i], self.accel_scale[i]);
+            file.set("accel_offset_g", AXES[i], self.accel_offset_g[i]);
+            file.set("mounting_deg", AXES[i], self.mounting_deg[i]);
+            for j in 0..3 {
+                file.set("gyro_g_dps", &pair(i, j), self.gyro_g_dps[i][j]);
+                if i != j {
+                    file.set("accel_cross", &pair(i, j), self.accel_cross[i][j]);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,314 @@
+//! A long rest: noise, instability and walk of the gyroscope's bias by the Allan deviation, and its change with temperature.
+//!
+//! The overlapping estimator of IEEE Std 952-2020, annex C, over bins of 0.1 s. With N the angle random walk, the deviation
+//! at short averaging times τ is N/√τ; its least value is 0.664 of the bias instability; a random walk K of the bias adds
+//! K √(τ/3). A deviation of n/m independent differences is known to 1/√(2 (n/m - 1)) of itself.
+
+use super::Estimate;
+use super::file::{AXES, MeasuredSensor};
+use super::least_squares::Fit;
+use super::reading::{Motion, RawReading, Rests};
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// Length of a bin, s.
+const BIN_S: f64 = 0.1;
+
+/// Averaging time from which the white noise is taken, s: longer than the delay of every filter, and shorter than the bias
+/// needs to change.
+const WHITE_S: f64 = 0.8;
+
+/// The longest averaging time is the rest divided by this.
+const LEAST_AVERAGES: usize = 8;
+
+/// Bins of one point of the bias against temperature.
+const POINT: usize = 100;
+
+/// Least change of temperature that tells something, K.
+const LEAST_KELVIN: f64 = 1.0;
+
+/// Longest wait for the sensor to come to rest, s.
+const PATIENCE_S: f64 = 60.0;
+
+/// The rest was no rest.
+#[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
+pub enum StillError {
+    /// It moved.
+    #[error("the sensor moved after {after_s:.0} of {seconds:.0} s")]
+    #[diagnostic(help("lay it where nobody walks or works, away from fans, and start again"))]
+    Moved {
+        /// Time at rest until then.
+        after_s: f64,
+        /// Time asked for.
+        seconds: f64,
+    },
+    /// It never came to rest.
+    #[error("the sensor was not still within {PATIENCE_S:.0} s")]
+    #[diagnostic(help("put it on a table that does not shake, and start again"))]
+    NeverStill,
+    /// The rest is too short.
+    #[error("{seconds:.0} s at rest are too short")]
+    #[diagnostic(help("give at least 30 s; 600 s and more tell the instability of the bias"))]
+    TooShort {
+        /// Its length.
+        seconds: f64,
+    },
+}
+
+/// Follows the rest as the readings come in.
+#[derive(Clone, Debug)]
+pub struct StillWatch {
+    seconds: f64,
+    rests: Rests,
+    first_s: Option<f64>,
+    begun_s: Option<f64>,
+    bin: Bin,
+    bins: Vec<Bin>,
+}
+
+/// Means over a bin.
+#[derive(Clone, Copy, Debug, Default)]
+struct Bin {
+    count: f64,
+    rate_dps: [f64; 3],
+    temperature_c: f64,
+}
+
+impl Bin {
+    fn push(&mut self, reading: &RawReading) {
+        self.count += 1.0;
+        let mix = |mean: &mut f64, value: f64| *mean += (value - *mean) / self.count;
+        for i in 0..3 {
+            mix(&mut self.rate_dps[i], reading.rate_dps[i]);
+        }
+        mix(&mut self.temperature_c, reading.temperature_c);
+    }
+}
+
+impl StillWatch {
+    /// Returns a watch of a rest of so many seconds.
+    pub fn new(seconds: f64) -> Self {
+        Self { seconds, rests: Rests::default(), first_s: None, begun_s: None, bin: Bin::default(), bins: Vec::new() }
+    }
+
+    /// Adds a reading. Returns the time left, s; 0 at the end.
+    ///
+    /// # Errors
+    /// [`StillError`].
+    pub fn push(&mut self, reading: &RawReading) -> Result<f64, StillError> {
+        let first_s = *self.first_s.get_or_insert(reading.time_s);
+        let motion = self.rests.push(reading);
+        let Some(begun_s) = self.begun_s else {
+            if self.rests.is_resting() && self.rests.rest().length_s() > 1.0 {
+                self.begun_s = Some(reading.time_s);
+            } else if reading.time_s - first_s > PATIENCE_S {
+                return Err(StillError::NeverStill);
+            }
+            return Ok(self.seconds);
+        };
+        let length_s = reading.time_s - begun_s;
+        if motion == Motion::Moving {
+            return Err(StillError::Moved { after_s: length_s, seconds: self.seconds });
+        }
+        // Bins without a reading repeat the last one, so that the time stays right.
+        while length_s >= (self.bins.len() + 1) as f64 * BIN_S {
+            let full = if self.bin.count > 0.0 { self.bin } else { self.bins.last().copied().unwrap_or_default() };
+            self.bins.push(full);
+            self.bin = Bin::default();
+        }
+        self.bin.push(reading);
+        Ok((self.seconds - length_s).max(0.0))
+    }
+
+    /// Returns the result.
+    ///
+    /// # Errors
+    /// [`StillError::TooShort`].
+    pub fn result(&self) -> Result<StillResult, StillError> {
+        let seconds = self.bins.len() as f64 * BIN_S;
+        let column = |i: usize| self.bins.iter().map(|bin| bin.rate_dps[i]).collect::<Vec<_>>();
+        let axis = |i: usize| AxisNoise::of(&column(i)).ok_or(StillError::TooShort { seconds });
+        Ok(StillResult { seconds, axes: [axis(0)?, axis(1)?, axis(2)?], warming: self.warming() })
+    }
+
+    /// Returns the change of each bias with temperature, °/s/K; `None` if the temperature did not change enough.
+    fn warming(&self) -> Option<[Estimate; 3]> {
+        let points: Vec<_> = self.bins.chunks_exact(POINT).collect();
+        let mean = |point: &[Bin], of: &dyn Fn(&Bin) -> f64| point.iter().map(of).sum::<f64>() / POINT as f64;
+        let warmth: Vec<f64> = points.iter().map(|point| mean(point, &|bin| bin.temperature_c)).collect();
+        let least = warmth.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = warmth.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        if most - least < LEAST_KELVIN || points.len() < 6 {
+            return None;
+        }
+        let rows: Vec<_> = warmth.iter().map(|celsius| [1.0, celsius - least]).collect();
+        let slope = |i: usize| {
+            let rates: Vec<f64> = points.iter().map(|point| mean(point, &|bin| bin.rate_dps[i])).collect();
+            let fit = Fit::new(&rows, &rates)?;
+            let left: Vec<f64> =
+                rows.iter().zip(&rates).map(|([_, x], rate)| rate - fit.values[0] - fit.values[1] * x).collect();
+            let lagged: f64 = left.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / fit.squares;
+            // Neighbours that walk together count for less.
+            let correlation = lagged.clamp(0.0, 0.95);
+            let longer = ((1.0 + correlation) / (1.0 - correlation)).sqrt();
+            Some(Estimate { value: fit.values[1], u: fit.scatter()? * fit.factors[1] * longer })
+        };
+        Some([slope(0)?, slope(1)?, slope(2)?])
+    }
+}
+
+/// What a long rest tells.
+#[derive(Clone, PartialEq, Debug)]
+pub struct StillResult {
+    /// Length of the rest, s.
+    pub seconds: f64,
+    /// Each axis.
+    pub axes: [AxisNoise; 3],
+    /// Change of each bias with temperature, °/s/K; `None` if the temperature did not change enough.
+    pub warming: Option<[Estimate; 3]>,
+}
+
+/// Noise of the gyroscope about an axis.
+#[derive(Clone, PartialEq, Debug)]
+pub struct AxisNoise {
+    /// Averaging times, s, with the Allan deviation, °/s.
+    pub allan: Vec<(f64, Estimate)>,
+    /// Angle random walk, °/√s.
+    pub walk_of_angle: Estimate,
+    /// Bias instability, °/s. An upper limit if the deviation still falls at the longest averaging time.
+    pub instability_dps: Estimate,
+    /// Whether the deviation has a least value before the longest averaging time.
+    pub has_minimum: bool,
+    /// Random walk of the bias, °/s/√s.
+    pub walk_of_bias: Estimate,
+}
+
+impl AxisNoise {
+    /// Returns the noise of rates in bins; `None` if there are too few.
+    fn of(rates_dps: &[f64]) -> Option<Self> {
+        let allan = allan_deviation(rates_dps);
+        let nearest = |(a, _): &&(f64, Estimate), (b, _): &&(f64, Estimate)| {
+            (a / WHITE_S).ln().abs().total_cmp(&(b / WHITE_S).ln().abs())
+        };
+        if allan.len() < 5 {
+            return None;
+        }
+        let (tau_s, at) = *allan.iter().min_by(nearest)?;
+        let walk_of_angle = Estimate { value: at.value * tau_s.sqrt(), u: at.u * tau_s.sqrt() };
+        let least = allan.iter().enumerate().min_by(|(_, a), (_, b)| a.1.value.total_cmp(&b.1.value))?;
+        let (place, (_, least)) = least;
+        let to_instability = 1.0 / 0.664;
+        let (tau_s, last) = *allan.last()?;
+        // What the white noise leaves of the variance at the longest time.
+        let square = 3.0 / tau_s * (last.value.powi(2) - walk_of_angle.value.powi(2) / tau_s);
+        let square_u = 3.0 / tau_s * 2.0 * last.value * last.u;
+        let value = square.max(0.0).sqrt();
+        let walk_of_bias = Estimate { value, u: square_u / (value + square_u.sqrt()) };
+        Some(Self {
+            walk_of_angle,
+            instability_dps: Estimate { value: least.value * to_instability, u: least.u * to_instability },
+            has_minimum: place + 1 < allan.len(),
+            walk_of_bias,
+            allan,
+        })
+    }
+}
+
+/// Returns the Allan deviation for averaging times in octaves.
+fn allan_deviation(rates_dps: &[f64]) -> Vec<(f64, Estimate)> {
+    let mut angle_deg = vec![0.0];
+    for rate in rates_dps {
+        angle_deg.push(angle_deg[angle_deg.len() - 1] + rate * BIN_S);
+    }
+    let lengths = std::iter::successors(Some(1usize), |m| Some(2 * m));
+    let points = lengths.take_while(|m| m * LEAST_AVERAGES <= rates_dps.len()).map(|m| {
+        let tau_s = m as f64 * BIN_S;
+        let windows = angle_deg.windows(2 * m + 1);
+        let count = windows.len() as f64;
+        let squares: f64 = windows.map(|angle| (angle[2 * m] - 2.0 * angle[m] + angle[0]).powi(2)).sum();
+        let value = (squares / (2.0 * count)).sqrt() / tau_s;
+        let differences = rates_dps.len() as f64 / m as f64 - 1.0;
+        (tau_s, Estimate { value, u: value / (2.0 * differences).sqrt() })
+    });
+    points.collect()
+}
+
+impl StillResult {
+    /// Enters the result into the file of the sensor.
+    pub fn enter(&self, file: &mut MeasuredSensor) {
+        for (i, axis) in AXES.iter().enumerate() {
+            let noise = &self.axes[i];
+            file.set("angle_random_walk_deg_per_root_s", axis, noise.walk_of_angle);
+            file.set("bias_instability_dps", axis, noise.instability_dps);
+            file.set("bias_walk_dps_per_root_s", axis, noise.walk_of_bias);
+            if let Some(warming) = &self.warming {
+                file.set("bias_dps_per_kelvin", axis, warming[i]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::synthetic::Random;
+
+    /// Returns a rest with white noise of this density and a walk of the bias, warming by 0.01 K/s if `warms`.
+    fn watch(density: f64, walk: f64, seconds: f64, kelvin_dps: f64) -> StillWatch {
+        let mut watch = StillWatch::new(seconds);
+        let mut random = Random::new(11);
+        let mut bias = [1.0, -0.5, 0.2];
+        let mut time_s = 0.0;
+        loop {
+            time_s += 0.005;
+            let warmer = if kelvin_dps == 0.0 { 0.0 } else { 0.01 * time_s };
+            let rate_dps = std::array::from_fn(|i| {
+                bias[i] += walk * 0.005f64.sqrt() * random.normal();
+                bias[i] + kelvin_dps * warmer + density / 0.005f64.sqrt() * random.normal()
+            });
+            let reading = RawReading { time_s, rate_dps, force_g: [0.0, 0.0, 1.0], temperature_c: 25.0 + warmer };
+            if watch.push(&reading).unwrap() == 0.0 {
+                return watch;
+            }
+        }
+    }
+
+    #[test]
+    fn white_noise_and_a_walk_are_found() {
+        let result = watch(0.005, 0.0, 600.0, 0.0).result().unwrap();
+        for axis in &result.axes {
+            assert!((axis.walk_of_angle.value - 0.005).abs() < 3.0 * axis.walk_of_angle.u, "{axis:?}");
+            assert!(axis.walk_of_angle.u < 0.0005 && axis.walk_of_bias.value < 3.0 * axis.walk_of_bias.u, "{axis:?}");
+        }
+        assert_eq!(result.warming, None);
+        let result = watch(0.005, 0.002, 600.0, 0.0).result().unwrap();
+        for axis in &result.axes {
+            assert!((axis.walk_of_bias.value - 0.002).abs() < 3.0 * axis.walk_of_bias.u, "{axis:?}");
+            assert!(axis.has_minimum && axis.walk_of_bias.u < 0.002, "{axis:?}");
+        }
+    }
+
+    #[test]
+    fn the_change_with_temperature_is_found() {
+        let warming = watch(0.005, 0.0, 400.0, 0.02).result().unwrap().warming.unwrap();
+        for slope in warming {
+            assert!((slope.value - 0.02).abs() < 4.0 * slope.u && slope.u < 0.002, "{slope:?}");
+        }
+    }
+
+    #[test]
+    fn a_push_and_a_short_rest_are_errors() {
+        let mut watch = watch(0.005, 0.0, 20.0, 0.0);
+        let last_s = watch.begun_s.unwrap() + 20.0;
+        let pushed = (0..200).find_map(|n| {
+            let reading = RawReading {
+                time_s: last_s + 0.005 * f64::from(n),
+                rate_dps: [30.0, 0.0, 0.0],
+                ..RawReading::default()
+            };
+            watch.push(&reading).err()
+        });
+        assert!(matches!(pushed, Some(StillError::Moved { .. })), "{pushed:?}");
+        assert!(matches!(StillWatch::new(5.0).result(), Err(StillError::TooShort { .. })));
+    }
+}

@@ -1,0 +1,507 @@
+//! Turns by hand about a vertical axis, forwards and back: the scale of the gyroscope about that axis.
+//!
+//! A turn lasts from a rest to a rest. The bias is that of both rests, interpolated over time, so that what gravity adds to the
+//! rates, which is the same all the way, is taken off as well. With y_m the angle that the sensor has turned by the m-th
+//! rest and p_m the angle of the mark there (0 or D), least squares fit
+//!
+//! ```text
+//! y_m = a + b m + (1 + s) p_m
+//! ```
+//!
+//! with the scale error s and a drift b a turn, which takes up what the rests tell badly of the bias. The scatter about it is
+//! that of the operator's hand at the marks; its degrees of freedom are the rests less three. The term b is left out of the
+//! fit of fewer than three turns.
+
+use super::file::{AXES, MeasuredSensor, pair};
+use super::least_squares::{Fit, expanded};
+use super::reading::{Mean, Motion, RawReading, Rests};
+use super::{Estimate, Sensor};
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// Least time of a rest, s.
+pub const REST_S: f64 = 3.0;
+
+/// Longest wait for the next turn, s.
+pub const PATIENCE_S: f64 = 60.0;
+
+/// Longest stop within a turn, s.
+const STOP_S: f64 = 20.0;
+
+/// Rest after a movement from which on it counts as over, s.
+const OVER_S: f64 = 1.0;
+
+/// Share by which a turn may differ from the angle asked for: the scale's tolerance, twice.
+const TOLERANCE: f64 = 0.06;
+
+/// A movement up to this angle is a jolt, degrees.
+const JOLT_DEG: f64 = 15.0;
+
+/// Least cosine of the axis to the vertical.
+const VERTICAL: f64 = 0.94;
+
+/// What is to be turned.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct TurnPlan {
+    /// The axis, 0 to 2.
+    pub axis: usize,
+    /// Angle of a turn.
+    pub degrees: f64,
+    /// Number of turns, forwards and back alternating.
+    pub turns: usize,
+}
+
+/// One turn, from the mean time of a rest to that of the next.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Turn {
+    /// Angle about each body axis as the sensor reads it, degrees.
+    pub angle_deg: [f64; 3],
+    /// Its standard uncertainty by the noise of the rests, degrees.
+    pub noise_deg: [f64; 3],
+    /// Duration, s.
+    pub length_s: f64,
+}
+
+/// What the operator is to do, with the figures so far.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum TurnStep {
+    /// Keep it still for this much longer.
+    Rest {
+        /// Seconds.
+        left_s: f64,
+    },
+    /// Turn it now.
+    Ready,
+    /// It turns.
+    Turning {
+        /// Angle so far about the axis, as read.
+        angle_deg: f64,
+    },
+    /// It stopped before the end of the turn.
+    Stopped {
+        /// Angle so far about the axis, as read.
+        angle_deg: f64,
+    },
+    /// All turns are done, or no further one came.
+    Done,
+}
+
+/// Why the turns cannot be used.
+#[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
+pub enum TurnError {
+    /// The axis is not vertical.
+    #[error("{axis} is not vertical: {up} points up")]
+    #[diagnostic(help(
+        "stand the sensor so that its {axis} axis points up or down, and start again; if it does, correct accel_axes in the \
+         board's settings"
+    ))]
+    NotVertical {
+        /// The axis.
+        axis: &'static str,
+        /// The one that points up.
+        up: String,
+    },
+    /// It turned about another axis.
+    #[error("the sensor turned by {other_deg:.0}° about {other}, and by {angle_deg:.0}° about {axis}")]
+    #[diagnostic(help(
+        "turn it about its {axis} axis, flat on the table; if you did, correct gyro_axes in the board's settings"
+    ))]
+    WrongAxis {
+        /// The axis asked for.
+        axis: &'static str,
+        /// The angle about it.
+        angle_deg: f64,
+        /// The other axis.
+        other: &'static str,
+        /// The angle about it.
+        other_deg: f64,
+    },
+    /// It turned the same way as before.
+    #[error("turn {number} went the wrong way: {angle_deg:.0}° instead of {wanted_deg:.0}°")]
+    #[diagnostic(help("turn forwards, then back by the same way, and so on; start again"))]
+    WrongWay {
+        /// Number of the turn, from 1.
+        number: usize,
+        /// Its angle so far.
+        angle_deg: f64,
+        /// The angle asked for.
+        wanted_deg: f64,
+    },
+    /// It stopped half way.
+    #[error("turn {number} stopped at {angle_deg:.0}° of {wanted_deg:.0}°")]
+    #[diagnostic(help(
+        "turn by the whole angle before you let it rest, or name the angle that you turn, such as `biflag sensor turn z 360`"
+    ))]
+    HalfWay {
+        /// Number of the turn, from 1.
+        number: usize,
+        /// Its angle.
+        angle_deg: f64,
+        /// The angle asked for.
+        wanted_deg: f64,
+    },
+    /// It turned too far.
+    #[error("turn {number} went on to {angle_deg:.0}° instead of {wanted_deg:.0}°")]
+    #[diagnostic(help("stop at the mark; start again"))]
+    TooFar {
+        /// Number of the turn, from 1.
+        number: usize,
+        /// Its angle so far.
+        angle_deg: f64,
+        /// The angle asked for.
+        wanted_deg: f64,
+    },
+    /// No turn came.
+    #[error("the sensor was not turned within {PATIENCE_S:.0} s")]
+    #[diagnostic(help("start again, and turn it when the program says so"))]
+    NoTurn,
+    /// It was never still.
+    #[error("the sensor was not still for {REST_S:.0} s within {PATIENCE_S:.0} s")]
+    #[diagnostic(help("put it on a table that does not shake, and start again"))]
+    NeverStill,
+}
+
+/// Follows the turns as the readings come in.
+#[derive(Clone, Debug)]
+pub struct TurnWatch {
+    plan: TurnPlan,
+    rests: Rests,
+    /// Readings from the beginning of the rest before a movement.
+    readings: Vec<RawReading>,
+    /// The rest before the present movement.
+    from: Option<Mean>,
+    /// Start of the present state, s.
+    since_s: Option<f64>,
+    /// Angle since the rest before, with its bias, degrees.
+    angle_deg: [f64; 3],
+    previous: Option<RawReading>,
+    turns: Vec<Turn>,
+    forces_g: Vec<[f64; 3]>,
+}
+
+impl TurnWatch {
+    /// Returns a watch before the first reading.
+    pub fn new(plan: TurnPlan) -> Self {
+        Self {
+            plan,
+            rests: Rests::default(),
+            readings: Vec::new(),
+            from: None,
+            since_s: None,
+            angle_deg: [0.0; 3],
+            previous: None,
+            turns: Vec::new(),
+            forces_g: Vec::new(),
+        }
+    }
+
+    /// Returns the number of turns so far.
+    pub fn count(&self) -> usize {
+        self.turns.len()
+    }
+
+    /// Returns the angle asked for of the next turn; the first one says which way is forwards.
+    fn wanted_deg(&self) -> f64 {
+        let forwards = self.turns.first().map_or(self.angle_deg[self.plan.axis], |turn| turn.angle_deg[self.plan.axis]);
+        let sign = if self.turns.len().is_multiple_of(2) { 1.0 } else { -1.0 };
+        sign * self.plan.degrees * forwards.signum()
+    }
+
+    /// Adds a reading. Returns what the operator is to do.
+    ///
+    /// # Errors
+    /// [`TurnError`].
+    pub fn push(&mut self, reading: &RawReading) -> Result<TurnStep, TurnError> {
+        let since_s = *self.since_s.get_or_insert(reading.time_s);
+        self.readings.push(*reading);
+        let motion = self.rests.push(reading);
+        let rest = *self.rests.rest();
+        if let (Some(from), Some(previous)) = (&self.from, self.previous) {
+            let dt = reading.time_s - previous.time_s;
+            for i in 0..3 {
+                self.angle_deg[i] += dt * (0.5 * (reading.rate_dps[i] + previous.rate_dps[i]) - from.rate_dps[i]);
+            }
+        }
+        self.previous = Some(*reading);
+        let is_resting = self.rests.is_resting();
+        let angle_deg = self.angle_deg[self.plan.axis];
+        let Some(from) = self.from else {
+            return self.rest_first(motion, &rest, is_resting, reading.time_s - since_s);
+        };
+        let is_moved = self.angle_deg.iter().any(|angle| angle.abs() > JOLT_DEG);
+        if !is_resting {
+            return if is_moved {
+                self.check_way().map(|()| TurnStep::Turning { angle_deg })
+            } else {
+                Ok(TurnStep::Ready)
+            };
+        }
+        if !is_moved {
+            return Ok(self.rest_again(motion, &rest));
+        }
+        if rest.length_s() < OVER_S {
+            return Ok(TurnStep::Turning { angle_deg });
+        }
+        let wanted_deg = self.wanted_deg();
+        let number = self.turns.len() + 1;
+        if (angle_deg - wanted_deg).abs() > self.plan.degrees * TOLERANCE {
+            if angle_deg.abs() > wanted_deg.abs() {
+                return Err(TurnError::TooFar { number, angle_deg, wanted_deg });
+            }
+            if rest.length_s() > STOP_S {
+                return Err(TurnError::HalfWay { number, angle_deg, wanted_deg });
+            }
+            return Ok(TurnStep::Stopped { angle_deg });
+        }
+        if rest.length_s() < REST_S {
+            return Ok(TurnStep::Rest { left_s: REST_S - rest.length_s() });
+        }
+        self.turns.push(turn(&self.readings, &from, &rest));
+        self.begin_at(rest);
+        Ok(if self.turns.len() < self.plan.turns { TurnStep::Ready } else { TurnStep::Done })
+    }
+
+    /// The first rest, which is to show the vertical.
+    fn rest_first(
+        &mut self,
+        motion: Motion,
+        rest: &Mean,
+        is_resting: bool,
+        waited_s: f64,
+    ) -> Result<TurnStep, TurnError> {
+        if motion == Motion::Moving {
+            self.readings.clear();
+        }
+        if !is_resting || rest.length_s() < REST_S {
+            if waited_s > PATIENCE_S {
+                return Err(TurnError::NeverStill);
+            }
+            let left_s = if is_resting { REST_S - rest.length_s() } else { REST_S };
+            return Ok(TurnStep::Rest { left_s });
+        }
+        let up = unit(rest.force_g);
+        if up[self.plan.axis].abs() < VERTICAL {
+            let highest = (0..3).max_by(|a, b| up[*a].abs().total_cmp(&up[*b].abs())).unwrap_or_default();
+            let sign = if up[highest] < 0.0 { "-" } else { "+" };
+            let axis = AXES[self.plan.axis];
+            return Err(TurnError::NotVertical { axis, up: format!("{sign}{}", AXES[highest]) });
+        }
+        self.begin_at(*rest);
+        Ok(TurnStep::Ready)
+    }
+
+    /// A rest that goes on, or that follows a jolt: the next turn begins at its end.
+    fn rest_again(&mut self, motion: Motion, rest: &Mean) -> TurnStep {
+        if motion == Motion::Still {
+            if rest.length_s() >= REST_S {
+                self.from = Some(*rest);
+                self.angle_deg = [0.0; 3];
+            }
+            if rest.length_s() > PATIENCE_S {
+                return TurnStep::Done;
+            }
+        }
+        match REST_S - rest.length_s() {
+            left_s if left_s > 0.0 => TurnStep::Rest { left_s },
+            _ => TurnStep::Ready,
+        }
+    }
+
+    fn begin_at(&mut self, rest: Mean) {
+        self.forces_g.push(rest.force_g);
+        self.from = Some(rest);
+        self.angle_deg = [0.0; 3];
+        self.readings.retain(|reading| reading.time_s >= rest.span_s[0]);
+    }
+
+    /// Refuses a turn about another axis or the wrong way, as soon as it shows.
+    fn check_way(&self) -> Result<(), TurnError> {
+        let TurnPlan { axis, degrees, .. } = self.plan;
+        let angle_deg = self.angle_deg[axis];
+        let other = (0..3).max_by(|a, b| self.angle_deg[*a].abs().total_cmp(&self.angle_deg[*b].abs())).unwrap_or(axis);
+        let other_deg = self.angle_deg[other];
+        if other != axis && other_deg.abs() > 45.0 && other_deg.abs() > 1.5 * angle_deg.abs() {
+            return Err(TurnError::WrongAxis { axis: AXES[axis], angle_deg, other: AXES[other], other_deg });
+        }
+        let (number, wanted_deg) = (self.turns.len() + 1, self.wanted_deg());
+        if angle_deg * wanted_deg.signum() < -2.0 * JOLT_DEG {
+            return Err(TurnError::WrongWay { number, angle_deg, wanted_deg });
+        }
+        if angle_deg.abs() > degrees * (1.0 + TOLERANCE) + 90.0 {
+            return Err(TurnError::TooFar { number, angle_deg, wanted_deg });
+        }
+        Ok(())
+    }
+
+    /// Returns the result of the turns so far. `reference_deg`: the angle of a turn lies within this of the nominal one.
+    /// `known`: what was known of the sensor before; `clock`: the rate error of the board's clock, relative.
+    ///
+    /// # Errors
+    /// [`TurnError::NoTurn`].
+    pub fn result(&self, reference_deg: f64, known: &MeasuredSensor, clock: f64) -> Result<TurnResult, TurnError> {
+        let forces = self.forces_g.len() as f64;
+        let mean = |i: usize| self.forces_g.iter().map(|force| force[i]).sum::<f64>() / forces;
+        let force_g = std::array::from_fn(mean);
+        evaluate(&self.plan, &self.turns, force_g, reference_deg, known, clock).ok_or(TurnError::NoTurn)
+    }
+}
+
+/// Integrates the rates from the middle of a rest to the middle of the next one, less the bias that goes linearly from that of
+/// the one to that of the other.
+fn turn(readings: &[RawReading], from: &Mean, to: &Mean) -> Turn {
+    let within = |reading: &&RawReading| (from.time_s..=to.time_s).contains(&reading.time_s);
+    let readings: Vec<_> = readings.iter().filter(within).collect();
+    let length_s = to.time_s - from.time_s;
+    let mut angle_deg = [0.0; 3];
+    for pair in readings.windows(2) {
+        let dt = pair[1].time_s - pair[0].time_s;
+        let share = (0.5 * (pair[0].time_s + pair[1].time_s) - from.time_s) / length_s;
+        for (i, angle) in angle_deg.iter_mut().enumerate() {
+            let bias = from.rate_dps[i] + share * (to.rate_dps[i] - from.rate_dps[i]);
+            *angle += dt * (0.5 * (pair[0].rate_dps[i] + pair[1].rate_dps[i]) - bias);
+        }
+    }
+    let [u_from, u_to] = [from.rate_u_dps(), to.rate_u_dps()];
+    let noise_deg = std::array::from_fn(|i| 0.5 * length_s * u_from[i].hypot(u_to[i]));
+    Turn { angle_deg, noise_deg, length_s }
+}
+
+/// What turns about an axis tell.
+#[derive(Clone, PartialEq, Debug)]
+pub struct TurnResult {
+    /// Relative scale error about the axis.
+    pub scale: Estimate,
+    /// Its uncertainty by the scatter of the turns; `None` without a degree of freedom.
+    pub scatter_u: Option<f64>,
+    /// Degrees of freedom of the scatter.
+    pub freedom: usize,
+    /// Its uncertainty by the angle of the marks.
+    pub reference_u: f64,
+    /// Standard deviation of the operator's stops at the marks, degrees.
+    pub stops_deg: Option<f64>,
+    /// For each other axis, the share of the rate about the axis that it reads.
+    pub cross: [Option<Estimate>; 3],
+    /// The angles as read, degrees.
+    pub turned_deg: Vec<f64>,
+    /// Whether the first turn was counter-clockwise, seen from above, by both sensors.
+    pub is_consistent: bool,
+}
+
+/// Evaluates turns. `force_g` is the mean specific force at the rests.
+///
+/// A turn by σD about the vertical u (σ = 1 counter-clockwise seen from above) reads, about axis i,
+/// k_i D = σ ((1 + s_i) u_i + Σ c_ij u_j) D. With a the axis that is about vertical, σ is the sign of k_a u_a.
+fn evaluate(
+    plan: &TurnPlan,
+    turns: &[Turn],
+    force_g: [f64; 3],
+    reference_deg: f64,
+    known: &MeasuredSensor,
+    clock: f64,
+) -> Option<TurnResult> {
+    let axis = plan.axis;
+    let (sheet, before) = (Sensor::of_data_sheet(), known.over(Sensor::of_data_sheet()));
+    let (up, up_u) = vertical(force_g, known);
+    let fits = [fit(plan, turns, 0)?, fit(plan, turns, 1)?, fit(plan, turns, 2)?];
+    let share = |i: usize| fits[i].values.last().map_or(0.0, |slope| slope / (1.0 + clock));
+    let spread = |i: usize| {
+        let deviation = fits[i].scatter()? * fits[i].factors.last()?;
+        Some(expanded(deviation, fits[i].freedom))
+    };
+    let noise = |i: usize| {
+        let squares: f64 = turns.iter().map(|turn| turn.noise_deg[i].powi(2)).sum();
+        squares.sqrt() / (turns.len() as f64 * plan.degrees)
+    };
+    let statistical = |i: usize| spread(i).unwrap_or(0.0).max(noise(i));
+    let sense = (share(axis) * up[axis]).signum();
+    let others = || (0..3).filter(|j| *j != axis);
+
+    // What the axis reads of the others because it leans, and how well that is known.
+    let leaned: f64 = others().map(|j| before.gyro_cross[axis][j].value * up[j]).sum();
+    let leaned_u: f64 = others().map(|j| before.gyro_cross[axis][j].u * up[j]).fold(0.0, f64::hypot);
+    let cosine_u: f64 = others().map(|j| up[j] * up_u[j]).fold(0.0, f64::hypot);
+    let reference_u = reference_deg / 3f64.sqrt() / plan.degrees;
+    let value = (share(axis) * sense - leaned) / up[axis] - 1.0;
+    let u = [statistical(axis), reference_u, leaned_u, cosine_u].into_iter().fold(0.0, f64::hypot);
+
+    let is_consistent = sense > 0.0;
+    let cross = std::array::from_fn(|i| {
+        (i != axis && is_consistent).then(|| {
+            let value = (share(i) - up[i]) / up[axis];
+            combined(Estimate { value, u: statistical(i).hypot(up_u[i]) }, sheet.gyro_cross[i][axis])
+        })
+    });
+    Some(TurnResult {
+        scale: Estimate { value, u },
+        scatter_u: spread(axis),
+        freedom: fits[axis].freedom,
+        reference_u,
+        stops_deg: fits[axis].scatter(),
+        cross,
+        turned_deg: turns.iter().map(|turn| turn.angle_deg[axis]).collect(),
+        is_consistent,
+    })
+}
+
+/// Fits the angle about axis i at the rests, see the module's documentation. The slope is the last coefficient.
+fn fit(plan: &TurnPlan, turns: &[Turn], i: usize) -> Option<Fit> {
+    let mut reached = vec![0.0];
+    for turn in turns {
+        reached.push(reached[reached.len() - 1] + turn.angle_deg[i]);
+    }
+    let mark = |m: usize| if m.is_multiple_of(2) { 0.0 } else { plan.degrees };
+    if turns.len() < 3 {
+        let rows: Vec<_> = (0..reached.len()).map(|m| [1.0, mark(m)]).collect();
+        return Fit::new(&rows, &reached);
+    }
+    let rows: Vec<_> = (0..reached.len()).map(|m| [1.0, m as f64, mark(m)]).collect();
+    Fit::new(&rows, &reached)
+}
+
+/// Zero-g output of the accelerometer, x, y, z (data sheet PS-MPU-6000A, section 6.2): ±50, ±50, ±80 mg, of which the largest
+/// is taken for every axis, because axes may be exchanged.
+const ZERO_G: Estimate = Estimate::within(0.08);
+
+/// Returns the direction of up in body axes, and its standard uncertainty across, from a force at rest and what is known of
+/// the accelerometer.
+fn vertical(force_g: [f64; 3], known: &MeasuredSensor) -> ([f64; 3], [f64; 3]) {
+    let sensor = known.over(Sensor::of_data_sheet());
+    let offset = |i: usize| known.get("accel_offset_g", AXES[i]).unwrap_or(ZERO_G);
+    let others = |i: usize| (0..3).filter(move |j| *j != i);
+    let force = std::array::from_fn(|i| {
+        let crossed: f64 = others(i).map(|j| sensor.accel_cross[i][j].value * force_g[j]).sum();
+        (force_g[i] - offset(i).value - crossed) / (1.0 + sensor.accel_scale[i].value)
+    });
+    let up = unit(force);
+    let u = std::array::from_fn(|i| {
+        let crossed = others(i).map(|j| sensor.accel_cross[i][j].u * up[j]).fold(0.0, f64::hypot);
+        offset(i).u.hypot(crossed).hypot(sensor.accel_scale[i].u * up[i])
+    });
+    (up, u)
+}
+
+fn unit(vector: [f64; 3]) -> [f64; 3] {
+    let length = vector.iter().map(|part| part * part).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+    vector.map(|part| part / length)
+}
+
+/// Returns the mean of a measured value and of what was known before, weighted by their uncertainties.
+fn combined(measured: Estimate, before: Estimate) -> Estimate {
+    let [a, b] = [measured.u, before.u].map(|u| u.powi(-2));
+    Estimate { value: (a * measured.value + b * before.value) / (a + b), u: (a + b).sqrt().recip() }
+}
+
+impl TurnResult {
+    /// Enters the result into the file of the sensor.
+    pub fn enter(&self, axis: usize, file: &mut MeasuredSensor) {
+        file.set("gyro_scale", AXES[axis], self.scale);
+        for i in 0..3 {
+            if let Some(cross) = self.cross[i] {
+                file.set("gyro_cross", &pair(i, axis), cross);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
