@@ -26,8 +26,8 @@ const BIAS_DPS: f64 = 1.0;
 /// to 85 °C (PS-MPU-6000A, section 6.1) amounts to.
 const WARMING_DPS_PER_C: f64 = 0.03;
 
-/// Random walk of the bias, °/s/√s: about three times that of an MPU6050 at rest for 655 s.
-const BIAS_WALK: f64 = 3e-4;
+/// Random walk of the bias, °/s/√s: five times that of an MPU6050 at rest for 655 s. Over a trial it stands for flicker, too.
+const BIAS_WALK: f64 = 5e-4;
 
 /// Shortest interval between the knots of the random walk, s, and the largest number of intervals.
 const KNOT_S: f64 = 2.0;

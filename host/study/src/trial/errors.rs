@@ -54,7 +54,7 @@ impl TiltZero {
         // A return to rest that began before the still phase goes on by about as much as it has come.
         [
             Term::of_trial("noise", u_deg, seen - 1.0),
-            Term::of_trial("motion at rest", self.moved_deg[tilt] / 3f64.sqrt(), f64::INFINITY),
+            Term::of_trial("motion at rest", self.moved_deg[tilt], f64::INFINITY),
         ]
     }
 
@@ -63,7 +63,7 @@ impl TiltZero {
         let [seen, in_zero] = self.blocks;
         // The filter's noise has a correlation time of about a second, so that neighbouring blocks are slightly
         // correlated.
-        self.scatter_deg[tilt].powi(2) / (0.5 * in_zero.min(seen)) + self.moved_deg[tilt].powi(2) / 3.0
+        self.scatter_deg[tilt].powi(2) / (0.5 * in_zero.min(seen)) + self.moved_deg[tilt].powi(2)
     }
 }
 
@@ -142,7 +142,8 @@ impl Errors {
         }
         let mut wrong = Columns::<3>::default();
         for time in &self.rotations.time_s {
-            let stated = self.stated(angles, &self.around(*time));
+            // The effect of the rates on the tilt is an upper bound: it is not corrected.
+            let stated = Stated { rates_dps: [0.0; 3], ..self.stated(angles, &self.around(*time)) };
             let mut row = stated.sensitivity().map(|of| of.iter().zip(known).map(|(s, value)| s * value).sum::<f64>());
             row[0] += stated.rotation_deg() * self.clock.value;
             wrong.push(*time, row);
