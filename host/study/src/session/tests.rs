@@ -21,7 +21,7 @@ fn attempt(session: &Session, trial: &Trial, end: Option<End>) -> PathBuf {
 
 fn attempt_on(session: &Session, trial: &Trial, end: Option<End>, origin: Origin, settings: Settings) -> PathBuf {
     let (number, path) = session.next_attempt(trial).unwrap();
-    let (board, time) = (board::to_log(&info(&settings), &settings), SystemTime::UNIX_EPOCH);
+    let (board, time) = (board::to_log(&info(&settings), &settings), SystemTime::now());
     let start = run::start(session.plan(), trial, number, origin, Some(board), time);
     let mut writer = Writer::create(&path, &start, time).unwrap();
     for text in ["one", "two", "three"] {

@@ -119,6 +119,8 @@ pub struct Zeroed {
     /// The tilt that levelling removed, degrees.
     levelled_deg: f64,
     is_model: bool,
+    /// Whether a finding takes all uncertainties away.
+    is_unsure: bool,
     /// Standard deviation of the block means of pitch and roll in the still phase, and the number of blocks.
     tilt_scatter: Option<([f64; 2], usize)>,
 }
@@ -138,6 +140,10 @@ impl Zeroed {
     fn with_end(data: &Data, after: Range<f64>) -> Self {
         let mut zeroed = if data.is_model() { Self::modelled(data) } else { Self::measured(data, after) };
         zeroed.steady = zeroed.steady(data);
+        zeroed.is_unsure = super::findings(data, &zeroed).iter().any(Finding::empties_uncertainty);
+        if let Some(steady) = zeroed.steady.as_mut().filter(|_| zeroed.is_unsure) {
+            (steady.yaw_uncertainty_deg, steady.tilt_uncertainty_deg) = (None, None);
+        }
         zeroed
     }
 
@@ -156,6 +162,7 @@ impl Zeroed {
             rest: Vec::new(),
             levelled_deg: 0.0,
             is_model: true,
+            is_unsure: false,
             tilt_scatter: None,
         }
     }
@@ -228,6 +235,7 @@ impl Zeroed {
             rest,
             levelled_deg: level.map_or(0.0, |level| level.tilt_deg()),
             is_model: false,
+            is_unsure: false,
             tilt_scatter,
         }
     }
@@ -313,12 +321,12 @@ impl Zeroed {
     /// Returns the 95 % uncertainty of the yaw at a time, degrees; `None` without a still phase or a known bias, 0 for a
     /// model.
     pub fn yaw_uncertainty(&self, time_s: f64) -> Option<f64> {
+        // A zero that is no rest, for one, has no uncertainty that could be stated.
+        if self.is_unsure {
+            return None;
+        }
         if self.is_model {
             return Some(0.0);
-        }
-        // A zero that is no rest has no uncertainty that could be stated.
-        if self.rest.iter().any(|finding| finding.grave) {
-            return None;
         }
         let drift = self.drift.as_ref()?.uncertainty(self.from_s.min(time_s), self.from_s.max(time_s))?;
         Some(drift.hypot(self.levelling_uncertainty(time_s)))
@@ -373,11 +381,11 @@ impl Zeroed {
     /// Returns the 95 % uncertainty of mean pitch and roll over `window_s`, degrees; `None` without a still phase, 0
     /// for a model.
     pub fn tilt_uncertainty(&self, window_s: f64) -> Option<[f64; 2]> {
+        if self.is_unsure {
+            return None;
+        }
         if self.is_model {
             return Some([0.0; 2]);
-        }
-        if self.rest.iter().any(|finding| finding.grave) {
-            return None;
         }
         let (scatter, count) = self.tilt_scatter?;
         let means = BLOCK_S / window_s.max(BLOCK_S) + 1.0 / (count as f64).min(TILT_ZERO_S / BLOCK_S);
