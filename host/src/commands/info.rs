@@ -175,7 +175,13 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     let mut trials = Vec::new();
     for row in &rows {
         let (state, attempt) = (&row.state, row.state.best());
-        let summary = attempt.and_then(|attempt| attempt.summary.as_ref());
+        // The numbers of the day of the recording may be better than they turned out to be.
+        let mut summary = attempt.and_then(|attempt| attempt.summary.clone());
+        match (&mut summary, &row.angles) {
+            (Some(summary), Some(angles)) => angles.fill(summary),
+            (Some(summary), None) => summary.yaw_uncertainty_deg = None,
+            (None, _) => {}
+        }
         link += row.link;
         let [w1_rpm, w2_rpm] = state.trial.speeds.map(|speed| speed.rpm());
         trials.push(json!({
