@@ -32,7 +32,7 @@ use protocol::units::CentiRpm;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use study::output::OutputError;
-use study::session::{Attempt, Session, SessionError};
+use study::session::{Attempt, Session, SessionError, TrialState};
 use study::trial::{AtSpeeds, Data, LogFinding, Want, Zeroed, findings, mean_of_repeats};
 use study::twin::{self, Compared, OnMismatch, Pairs, Source, TwinError};
 use thiserror::Error;
@@ -65,11 +65,13 @@ pub enum FigureError {
         path: PathBuf,
     },
     /// A map needs points at different speeds.
-    #[error("{}: no map: fewer than two speeds of a flagellum have steady angles", path.display())]
+    #[error("{}: no map: fewer than two speeds of a flagellum have steady angles{found}", path.display())]
     #[diagnostic(code(wrong_use), help("name a session whose trials differ in the speeds of both flagella"))]
     NoMap {
         /// The session.
         path: PathBuf,
+        /// What was found about its trials, if it is grave.
+        found: String,
     },
     /// A session has several trials.
     #[error("{}: is a session, and the figure shows one trial", path.display())]
@@ -230,7 +232,9 @@ pub fn map(session: &Path, surface: Option<&Path>, width_mm: f64, out: &Path) ->
     };
     let differs = |k: usize| surface.iter().chain(&points).any(|trial| trial.speeds_rpm[k] != surface[0].speeds_rpm[k]);
     if surface.is_empty() || !differs(0) || !differs(1) {
-        return Err(FigureError::NoMap { path: session.to_owned() });
+        let grave = remarks.findings.iter().filter(|of_log| of_log.finding.grave);
+        let found = grave.map(|of_log| format!("; {}: {}", of_log.log, of_log.finding)).collect();
+        return Err(FigureError::NoMap { path: session.to_owned(), found });
     }
     let titles = ["|ψ| (°)", "|θ| (°)", "|φ| (°)", "tilt (°)"];
     let values = |trials: &[AtSpeeds<()>], k: usize| -> Vec<Point> {
@@ -273,12 +277,19 @@ pub fn scatter(
 fn steady(session: &Path, remarks: &mut Remarks) -> Result<Vec<AtSpeeds<()>>, FigureError> {
     let states = Session::open(session)?.intact_states()?;
     remarks.findings.extend(states.iter().flat_map(|state| &state.left_out).cloned());
-    let logs: Vec<_> = states.iter().filter_map(|state| Some((state.trial.speeds, state.complete()?))).collect();
-    let one = |(speeds, log): &([CentiRpm; 2], &Attempt)| -> Result<_, FigureError> {
-        let data = log.read(Want::default())?;
+    let logs: Vec<_> = states.iter().filter_map(|state| Some((state, state.best()?))).collect();
+    let one = |(state, log): &(&TrialState, &Attempt)| -> Result<_, FigureError> {
+        let data = match log.read(Want::default()) {
+            // What is no log is no point of the map either.
+            Err(error) if state.complete().is_none() && !error.is_of_reading() => return Ok((None, Vec::new())),
+            data => data?,
+        };
         let zeroed = Zeroed::new(&data);
         let found = LogFinding::all_of(&data.path, findings(&data, &zeroed));
-        let angles = zeroed.angles().map(|a| (speeds.map(CentiRpm::rpm), [a.yaw_deg, a.pitch_deg, a.roll_deg], ()));
+        let speeds_rpm = state.trial.speeds.map(CentiRpm::rpm);
+        // A trial that did not end as planned has no steady angles; its findings say so.
+        let angles = zeroed.angles().filter(|_| state.complete().is_some());
+        let angles = angles.map(|a| (speeds_rpm, [a.yaw_deg, a.pitch_deg, a.roll_deg], ()));
         Ok((angles, found))
     };
     let read: Result<Vec<_>, _> = logs.par_iter().map(one).collect();

@@ -1,36 +1,41 @@
-//! `biflag doctor SESSION`: checks that every trial of a session has a whole log.
+//! `biflag doctor SESSION`: checks that every trial of a session has a whole log, and what the log says against it.
 
+use super::super::findings::finding_line;
 use super::{Check, Finding, check};
 use crate::session::{Session, TrialState};
-use crate::trial::{Want, Zeroed, findings};
+use crate::trial::{LogFinding, Want, Zeroed, findings};
 use biflag_log::End;
+use rayon::prelude::*;
 use std::path::Path;
 
-/// Checks each trial.
-pub(super) fn checks(folder: &Path) -> miette::Result<Vec<Check>> {
+/// Checks each trial; returns also the findings about all logs.
+pub(super) fn checks(folder: &Path) -> miette::Result<(Vec<Check>, Vec<LogFinding>)> {
     let states = Session::open(folder)?.checked_states()?;
-    states.iter().map(|state| Ok(check(format!("trial {}", state.trial.name), checked(state)?))).collect()
+    let one = |state: &TrialState| {
+        let found = found(state);
+        (check(format!("trial {}", state.trial.name), judged(trial(state), &found)), found)
+    };
+    let (checks, found): (Vec<_>, Vec<_>) = states.par_iter().map(one).collect();
+    Ok((checks, found.concat()))
 }
 
-/// Checks the log of a trial, and what it says against its own trial.
-fn checked(state: &TrialState) -> miette::Result<Finding> {
-    let log = match trial(state) {
-        Ok(log) => log,
-        broken => return Ok(broken),
-    };
-    let Some(attempt) = state.complete() else { return Ok(Ok(log)) };
-    let data = attempt.read(Want::default())?;
-    let found = findings(&data, &Zeroed::new(&data));
-    let left_out = state.left_out.iter().map(|of_log| &of_log.finding);
-    let grave: Vec<_> = found.iter().chain(left_out).filter(|finding| finding.grave).collect();
-    if grave.is_empty() {
-        return Ok(Ok(log));
+/// Returns the findings about the logs of a trial. What cannot be read at all is told by [`trial`].
+fn found(state: &TrialState) -> Vec<LogFinding> {
+    let data = state.best().and_then(|attempt| attempt.read(Want::default()).ok());
+    let of_log = data.map(|data| LogFinding::all_of(&data.path, findings(&data, &Zeroed::new(&data))));
+    of_log.into_iter().flatten().chain(state.left_out.iter().cloned()).collect()
+}
+
+/// Adds the findings to the result of a check: a trial with a grave one is not sound.
+fn judged(result: Finding, found: &[LogFinding]) -> Finding {
+    let lines = |detail: String| found.iter().fold(detail, |text, one| text + "\n" + &finding_line(None, &one.finding));
+    match result {
+        Ok(detail) => match found.iter().find(|one| one.finding.grave) {
+            Some(LogFinding { finding, .. }) => Err((lines(detail), finding.cure.clone())),
+            None => Ok(lines(detail)),
+        },
+        Err((detail, cure)) => Err((lines(detail), cure)),
     }
-    let join = |parts: Vec<&str>| parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ");
-    let texts = join(grave.iter().map(|finding| finding.text.as_str()).collect());
-    let mut cures: Vec<&str> = grave.iter().map(|finding| finding.cure.as_str()).collect();
-    cures.dedup();
-    Ok(Err((format!("{log}; {texts}"), join(cures))))
 }
 
 fn trial(state: &TrialState) -> Finding {
@@ -39,10 +44,7 @@ fn trial(state: &TrialState) -> Finding {
         let samples = attempt.summary.as_ref().map_or(0, |summary| summary.link.samples);
         return Ok(format!("{} is whole, {samples} samples", attempt.path.display()));
     }
-    let Some(last) = state.attempts.last() else {
-        let left_out: Vec<_> = state.left_out.iter().map(|of_log| format!("; {}", of_log.finding.text)).collect();
-        return Err((format!("not recorded yet{}", left_out.concat()), repeat));
-    };
+    let Some(last) = state.attempts.last() else { return Err(("not recorded yet".to_owned(), repeat)) };
     let path = last.path.display();
     let recover = format!("`biflag recover {path}` keeps what can be read; {repeat}");
     match &last.summary {

@@ -183,8 +183,11 @@ fn fit(
     // One spoilt trial is enough to move every parameter out of its interval.
     trials.retain(|trial| !trial.findings.iter().any(Finding::empties_uncertainty));
     let Some(first) = trials.first_mut() else {
-        if let Some(LogFinding { log, finding }) = findings.iter().find(|of_log| of_log.finding.grave) {
-            return Err(failed(&format!("no trial is sound: {log}: {finding}"), "name logs without grave findings"));
+        let grave: Vec<_> = findings.iter().filter(|of_log| of_log.finding.empties_uncertainty()).collect();
+        if !grave.is_empty() {
+            let texts: Vec<_> = grave.iter().map(|of_log| format!("{}: {}", of_log.log, of_log.finding)).collect();
+            let reason = format!("no trial is sound: {}", texts.join("; "));
+            return Err(failed(&reason, "name logs without grave findings"));
         }
         return Err(failed("there are no trials", "name the logs of one or more trials"));
     };
