@@ -65,12 +65,12 @@ fn as_of_a_rig_that_spoke(
     let trial: biflag_log::TrialMeta = reader.meta().unwrap();
     let plan = Plan::parse(&meta.text, "plan").unwrap();
     let trial = plan.trials.iter().find(|planned| planned.name == trial.name).unwrap();
-    let time = SystemTime::UNIX_EPOCH + Duration::from_secs(1_700_000_000);
+    let time = SystemTime::now();
     let board = board::to_log(&protocol::Info::default(), &protocol::Settings::DEFAULT);
     let start = run::start(&plan, trial, 1, Origin::Rig, Some(board), time);
     let mut log = Writer::create(rig, &start, time).unwrap();
     // The last record counts.
-    let created = "2023-11-14T22:13:20Z".to_owned();
+    let created = host::program::timestamp(time);
     log.meta(&Identity { format: FORMAT, protocol: version, origin: Origin::Rig, created, ..Identity::default() })
         .unwrap();
     for message in messages {

@@ -355,11 +355,11 @@ fn cosmetic_keys_may_be_missing_in_the_manifest() {
         let mut less = table.clone();
         less.remove(key);
         std::fs::write(&manifest, less.to_string()).unwrap();
-        assert_eq!(Session::open(folder.path()).unwrap(), session, "{key}");
+        assert_eq!(Session::open(folder.path()).unwrap().plan(), session.plan(), "{key}");
     }
     let only = toml::Table::from_iter([("plan".to_owned(), table["plan"].clone())]);
     std::fs::write(&manifest, only.to_string()).unwrap();
-    assert_eq!(Session::open(folder.path()).unwrap(), session);
+    assert_eq!(Session::open(folder.path()).unwrap().plan(), session.plan());
     let robot = "plan = \"[session]\\nrobot = 'soft.toml'\\n[speeds]\\npairs = [[1, 1]]\"\n";
     std::fs::write(&manifest, robot).unwrap();
     assert!(matches!(Session::open(folder.path()), Err(SessionError::Manifest { .. })));

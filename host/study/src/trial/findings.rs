@@ -6,7 +6,6 @@ use super::finding::{Finding, FindingKind};
 use super::zero::Zeroed;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End};
-use protocol::TICK_HZ;
 use protocol::units::CentiRpm;
 
 const REPEAT: &str = "repeat the trial";
@@ -16,6 +15,9 @@ const HAND_TURN: [CentiRpm; 2] = [CentiRpm(0); 2];
 
 /// Smallest share of the averaging time that must have telemetry.
 const LEAST_SHARE: f64 = 0.9;
+
+/// Time between readings that counts as missing telemetry, s: ten frames of a board.
+const GAP_S: f64 = 0.05;
 
 /// Smallest gain of the board's filter with which the tilt has settled where the zero is taken, 1/s.
 const LEAST_GAIN: f32 = 0.5;
@@ -40,9 +42,11 @@ fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
         found.push(Finding::slight(FindingKind::Window, text, "give the trial a longer run"));
     }
     if !data.is_model() && window_s > 0.0 {
-        let at = |time_s: f64| zeroed.angles_deg.time_s.partition_point(|time| *time < time_s);
-        let readings = (at(steady.window.end) - at(steady.window.start)) as f64;
-        let share = readings / (window_s * f64::from(TICK_HZ));
+        let times = &zeroed.angles_deg.time_s;
+        let inside = times.iter().filter(|time| steady.window.contains(time)).copied();
+        let ends = std::iter::once(steady.window.start).chain(inside).chain([steady.window.end]);
+        let missing_s: f64 = ends.clone().zip(ends.skip(1)).map(|(from, to)| to - from).filter(|s| *s > GAP_S).sum();
+        let share = 1.0 - missing_s / window_s;
         if share < LEAST_SHARE {
             let text = format!("only {:.0} % of the last {window_s:.1} s have telemetry", 100.0 * share);
             found.push(Finding::grave(FindingKind::Window, text, REPEAT));
