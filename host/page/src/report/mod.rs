@@ -297,7 +297,9 @@ struct Counts {
 }
 
 fn is_sound(view: &View) -> bool {
-    !view.warnings.iter().any(|warning| warning.is_grave)
+    // A model that has not settled was asked for a steady state that it does not have.
+    let settled = !view.is_model() || view.is_settled();
+    settled && !view.warnings.iter().any(|warning| warning.is_grave)
 }
 
 fn put(out: &Path, page: &Markup, counts: Counts, findings: Vec<LogFinding>) -> Result<Written, ReportError> {

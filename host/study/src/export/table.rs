@@ -322,11 +322,11 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
         int("sound", "0 if a finding is grave: the numbers may be wrong", &|trial| {
             (!trial.findings.iter().any(|finding| finding.grave)).into()
         }),
+        text("log", "log of the trial", &|trial| trial.log.clone()),
+        text("file", "file of the trial in this folder", &|trial| trial.file.clone()),
         text("findings", "what was found about the trial", &|trial| {
             trial.findings.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
         }),
-        text("log", "log of the trial", &|trial| trial.log.clone()),
-        text("file", "file of the trial in this folder", &|trial| trial.file.clone()),
     ];
     let header = vec![format!("biflag {}: session {name}", crate::program::VERSION)];
     Table { header, columns }

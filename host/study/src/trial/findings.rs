@@ -129,7 +129,7 @@ fn conduct(data: &Data) -> Vec<Finding> {
         found.push(slight(text, "use the version of biflag that recorded it"));
     }
     found.extend(data.warnings.iter().map(|text| grave(text.clone(), REPEAT)));
-    if data.times.has_run() && !data.motors.is_empty() {
+    if data.times.has_run() && !data.motors.is_empty() && !data.is_model() {
         let turns = data.encoders().unwrap_or_else(|error| vec![error.reason]);
         found.extend(turns.into_iter().map(|text| grave(text, "check the motor and its encoder")));
     }
