@@ -8,7 +8,7 @@
 //! ```
 
 use biflag_log::schema::biflag::{self, event::Kind};
-use biflag_log::{BoardMeta, FORMAT, TrialMeta};
+use biflag_log::{BoardMeta, End, FORMAT, Summary, TrialMeta};
 use host::trial::{Collector, Data, Records, Want};
 use host::twin::calibrate::{Calibration, Estimate, FitTrial, Parameter, Request, calibrate};
 use nalgebra::UnitQuaternion;
@@ -119,7 +119,8 @@ impl Hidden {
         }
         let [w1_rpm, w2_rpm] = speeds;
         let trial = TrialMeta { w1_rpm, w2_rpm, calibrate_s: PHASES.calibrate, ..TrialMeta::default() };
-        let records = Records { trial: Some(trial), ..Records::default() };
+        let summary = Some(Summary { end: End::Complete, ..Summary::default() });
+        let records = Records { trial: Some(trial), summary, ..Records::default() };
         collector.finish(format!("{speeds:?}").as_ref(), records)
     }
 }

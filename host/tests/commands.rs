@@ -40,8 +40,8 @@ fn session(folder: &Path) -> PathBuf {
     let session = Session::create(&folder.join("short"), &plan).unwrap();
     let trial = &plan.trials[0];
     let (attempt, log) = session.next_attempt(trial).unwrap();
-    let host =
-        |seconds: f64| SystemTime::UNIX_EPOCH + Duration::from_secs(1_700_000_000) + Duration::from_secs_f64(seconds);
+    let begun = SystemTime::now();
+    let host = |seconds: f64| begun + Duration::from_secs_f64(seconds);
     let info = Info { firmware: [0, 1, 0], imu_id: 0x68, ..Info::default() };
     let board = board::to_log(&info, &Settings::DEFAULT);
     let start = run::start(&plan, trial, attempt, Origin::VirtualRig, Some(board), host(0.0));

@@ -10,7 +10,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 
 /// The flagella of a modelled robot need 40 s to sag to their equilibrium.
 const PLAN: &str = "[session]\nname = \"short\"\n[trial]\ncalibrate = 40\npreroll = 12\nrun = 24\ndecay = 4\n\
@@ -65,12 +65,12 @@ fn as_of_a_rig_that_spoke(
     let trial: biflag_log::TrialMeta = reader.meta().unwrap();
     let plan = Plan::parse(&meta.text, "plan").unwrap();
     let trial = plan.trials.iter().find(|planned| planned.name == trial.name).unwrap();
-    let time = SystemTime::UNIX_EPOCH + Duration::from_secs(1_700_000_000);
+    let time = SystemTime::now();
     let board = board::to_log(&protocol::Info::default(), &protocol::Settings::DEFAULT);
     let start = run::start(&plan, trial, 1, Origin::Rig, Some(board), time);
     let mut log = Writer::create(rig, &start, time).unwrap();
     // The last record counts.
-    let created = "2023-11-14T22:13:20Z".to_owned();
+    let created = host::program::timestamp(time);
     log.meta(&Identity { format: FORMAT, protocol: version, origin: Origin::Rig, created, ..Identity::default() })
         .unwrap();
     for message in messages {
@@ -194,10 +194,10 @@ fn replay_of_a_modelled_session_reproduces_it() {
     std::fs::write(folder.join("thick.toml"), "[fluid]\nviscosity_pa_s = 1.2\n").unwrap();
     let compared = json(&biflag(folder, &["compare", "short", "--robot", "thick.toml", "--json"]), 0);
     for trial in compared["trials"].as_array().unwrap() {
-        assert!(!trial["findings"].as_array().unwrap().is_empty(), "{trial}");
+        assert!(!trial["differences"].as_array().unwrap().is_empty(), "{trial}");
         assert!(trial["verdict"].as_str().unwrap().contains("yaw differs by"), "{trial}");
     }
-    assert!(folder.join("short-replay/001_w1+50_w2+10.attempt2.mcap").exists());
+    assert!(folder.join("short-replay/attempts/001_w1+50_w2+10.attempt1.mcap").exists());
 }
 
 #[test]
@@ -212,7 +212,7 @@ fn comparison_removes_zero_and_drift_of_a_rigs_trial() {
         assert!(number(&trial["steady_yaw_error_deg"]).abs() < yaw, "{trial}");
         assert!(number(&trial["steady_pitch_error_deg"]).abs() < 0.1, "{trial}");
         assert!(number(&trial["pitch_rmse_deg"]) < 0.2, "{trial}");
-        assert_eq!(trial["findings"], serde_json::json!([]), "{trial}");
+        assert_eq!(trial["differences"], serde_json::json!([]), "{trial}");
         assert!((number(&trial["measured_zero_deg"][1]) - 1.5).abs() < 0.1, "{trial}");
     }
     std::fs::write(folder.join("thick.toml"), "[fluid]\nviscosity_pa_s = 1.2\n").unwrap();
@@ -238,7 +238,7 @@ fn comparison_removes_zero_and_drift_of_a_rigs_trial() {
         let out = args[args.len() - 1];
         assert!(expect(&biflag(folder, &["compare", "short", out]), 2).contains(reason));
         let anyway = json(&biflag(folder, &["compare", "short", out, "--anyway", "--json"]), 3);
-        assert!(!anyway["trials"][0]["findings"].as_array().unwrap().is_empty());
+        assert!(!anyway["trials"][0]["differences"].as_array().unwrap().is_empty());
     }
     expect(&biflag(folder, &["simulate", "--speeds=20,20", "--duration", "2", "--out", "other"]), 3);
     assert!(expect(&biflag(folder, &["compare", "rig", "other"]), 2).contains("no common trials"));
@@ -291,7 +291,8 @@ fn imperfect_logs_give_warnings_or_errors() {
     let model = folder.join("session/001_w1+50_w2+10.mcap");
     let compare = |name: &str, code: i32| json(&biflag(folder, &["compare", name, "--json"]), code);
     let warned = |compared: &Value, text: &str| {
-        let warnings = compared["trials"][0]["warnings"].to_string();
+        let trial = &compared["trials"][0];
+        let warnings = format!("{}{}", trial["findings"], trial["warnings"]);
         assert!(warnings.contains(text), "{warnings}");
     };
 

@@ -18,6 +18,7 @@ mod hostile;
 mod interruption;
 mod link;
 mod live;
+mod matrix;
 mod one_number;
 mod other_readers;
 mod python;

@@ -17,8 +17,8 @@ use std::ffi::CString;
 use std::path::PathBuf;
 use study::export::table::{self, Summary};
 use study::plan::RobotFile;
-use study::session::Session;
-use study::trial::{Data, Want, Zeroed};
+use study::session::{Attempt, Session};
+use study::trial::{Want, Zeroed, findings};
 
 /// The most shapes of the flagella that are read: a quarter of an hour of them.
 const SHAPES: usize = 15_000;
@@ -28,7 +28,7 @@ const SHAPES: usize = 15_000;
 pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let want = Want { forces: true, shapes: SHAPES, hash: false };
     let read = |_: &_| {
-        let data = Data::read(&path, want).map_err(|error| Failure::of_file(&path, &error))?;
+        let data = Attempt::of_log(&path).read(want).map_err(|error| Failure::of_file(&path, &error))?;
         let zeroed = Zeroed::new(&data);
         let rows = table::trial(&data, &zeroed);
         Ok((data, zeroed, rows))
@@ -40,7 +40,9 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     dict.set_item("speeds_rpm", (trial.w1_rpm, trial.w2_rpm))?;
     dict.set_item("origin", json::record(py, &data.origin())?)?;
     dict.set_item("complete", data.is_complete())?;
-    dict.set_item("warnings", warnings(&data, &zeroed))?;
+    let found = findings(&data, &zeroed);
+    dict.set_item("warnings", found.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+    dict.set_item("findings", json::record(py, &found)?)?;
     dict.set_item("columns", columns(py, &rows)?)?;
     dict.set_item("about", about(&rows))?;
     dict.set_item("notes", &rows.header)?;
@@ -86,12 +88,6 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     Ok(dict)
 }
 
-fn warnings(data: &Data, zeroed: &Zeroed) -> Vec<String> {
-    let mut warnings = data.check().unwrap_or_else(|error| vec![error.reason]);
-    warnings.extend(zeroed.rest.iter().map(|finding| finding.text.clone()));
-    warnings
-}
-
 /// Returns the page of a log, in a few hundred kilobytes.
 #[pyfunction]
 pub fn html(py: Python<'_>, path: PathBuf) -> PyResult<String> {
@@ -116,6 +112,8 @@ pub fn read_session(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>
         trials.set_item(&state.trial.name, log)?;
     }
     dict.set_item("trials", trials)?;
+    let left_out: Vec<_> = states.iter().flat_map(|state| &state.left_out).collect();
+    dict.set_item("left_out", json::record(py, &left_out)?)?;
     Ok(dict)
 }
 
@@ -128,8 +126,7 @@ pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDic
         let states = session.intact_states().map_err(|error| of(&error))?;
         let read = |state: &study::session::TrialState| {
             let attempt = state.best().filter(|_| !stop.load(std::sync::atomic::Ordering::Relaxed))?;
-            let data =
-                Data::read(&attempt.path, Want::default()).map_err(|error| format!("{}: {error}", state.trial.name));
+            let data = attempt.read(Want::default()).map_err(|error| format!("{}: {error}", state.trial.name));
             Some(data.map(|data| Summary::new(&state.trial, &data, &Zeroed::new(&data), String::new())))
         };
         let read: Vec<_> = states.par_iter().filter_map(read).collect();

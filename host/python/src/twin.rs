@@ -15,7 +15,7 @@ use sim::trial::Options;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use study::plan::RobotFile;
-use study::session::{Session, Sharing};
+use study::session::{Attempt, Session, Sharing};
 use study::trial::{Data, Want};
 use study::twin::calibrate::{FitTrial, Parameter, Request, calibrate as fit_trials, to_toml};
 use study::twin::{self, Compared, OnMismatch, Pairs, Replayed, Source, TwinError};
@@ -116,14 +116,18 @@ pub fn calibrate<'py>(
     let closure = closure.map(names::closure).transpose()?;
     let request = Request { robot, closure, parameters, jobs: threads::count(jobs)? };
     let calibration = interruptible(py, |stop| {
-        let mut files = Vec::new();
+        let (mut files, mut left_out) = (Vec::new(), Vec::new());
         for path in &logs {
-            files.extend(twin::logs(path).map_err(|error| Failure::of_file(path, &error))?);
+            let (of_path, without_trial) = twin::logs(path).map_err(|error| Failure::of_file(path, &error))?;
+            files.extend(of_path);
+            left_out.extend(without_trial);
         }
-        let read = |log: &PathBuf| FitTrial::read(log).map_err(|error| Failure::of_file(log, &error));
+        let read = |log: &Attempt| FitTrial::read(log).map_err(|error| Failure::of_file(&log.path, &error));
         let trials = files.par_iter().map(read).collect::<Result<Vec<_>, _>>()?;
         let goes_on = || !stop.load(Ordering::Relaxed);
-        fit_trials(trials, &request, &goes_on).map_err(|error| Failure::of(&error))
+        let mut calibration = fit_trials(trials, &request, &goes_on).map_err(|error| Failure::of(&error))?;
+        calibration.findings.extend(left_out);
+        Ok(calibration)
     })?;
     let text = to_toml(&calibration);
     // The text has the standard errors of the parameters.

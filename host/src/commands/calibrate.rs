@@ -1,11 +1,13 @@
 //! `biflag calibrate`: fits a robot's parameters to its trials.
 
+use super::findings::{are_slight, finding_line};
 use super::options::{ClosureName, cores};
 use super::{Answer, Outcome};
 use crate::output;
 use crate::plan::robot;
 use crate::progress::Progress;
 use crate::text;
+use crate::trial::LogFinding;
 use crate::twin;
 use crate::twin::calibrate::{self, Calibration, FitTrial, Parameter, Request};
 use rayon::prelude::*;
@@ -74,9 +76,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Some(path) => Some(robot::load(path)?.parse()?),
         None => None,
     };
-    let mut logs = Vec::new();
+    let (mut logs, mut left_out) = (Vec::new(), Vec::new());
     for path in &args.logs {
-        logs.extend(twin::logs(path)?);
+        let (of_path, without_trial) = twin::logs(path)?;
+        logs.extend(of_path);
+        left_out.extend(without_trial);
     }
     let jobs = args.jobs.map_or_else(cores, usize::from);
     let request = Request { robot, closure: args.closure.map(Into::into), parameters, jobs };
@@ -95,10 +99,12 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let trials: Vec<_> = logs.par_iter().map(|log| FitTrial::read(log)).collect::<Result<_, _>>()?;
     let fitted = calibrate::calibrate(trials, &request, &simulated);
     progress.finish();
-    let calibration = fitted?;
+    let mut calibration = fitted?;
+    calibration.findings.extend(left_out);
 
     output::write_new(&args.out, &calibrate::to_toml(&calibration))?;
-    let is_good = calibration.warnings.is_empty() && calibration.cannot_tell.is_empty();
+    let is_good =
+        calibration.warnings.is_empty() && calibration.cannot_tell.is_empty() && are_slight(&calibration.findings);
     let outcome = if is_good { Outcome::Done } else { Outcome::WithLoss };
     let text = describe(&calibration, &args.out);
     Answer::new(outcome, &Calibrated { calibration: &calibration, robot: &args.out }, text)
@@ -138,6 +144,9 @@ fn describe(calibration: &Calibration, out: &Path) -> String {
         "condition number of the correlations {:.0} (if large, the parameters are hardly separable)",
         calibration.condition_number
     );
+    for LogFinding { log, finding } in &calibration.findings {
+        let _ = writeln!(text, "{}", finding_line(Some(log), finding));
+    }
     for line in calibration.cannot_tell.iter().chain(&calibration.warnings) {
         let _ = writeln!(text, "warning: {line}");
     }

@@ -1,5 +1,6 @@
 //! `biflag compare`: compares experiment and model.
 
+use super::findings::finding_line;
 use super::options::{ClosureName, cores};
 use super::{Answer, Outcome, WRONG_USE};
 use crate::plan::robot;
@@ -84,10 +85,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         },
     };
     if comparison.trials.is_empty() {
-        let reasons: Vec<_> = comparison.skipped.iter().map(|trial| trial.reason.as_str()).collect();
+        let found = comparison.findings.iter().map(|of_log| of_log.finding.text.as_str());
+        let reasons: Vec<_> = comparison.skipped.iter().map(|trial| trial.reason.as_str()).chain(found).collect();
         return Err(miette::miette!(code = WRONG_USE, "nothing could be compared: {}", reasons.join("; ")));
     }
-    let is_whole = comparison.skipped.is_empty() && comparison.trials.iter().all(|trial| trial.warnings.is_empty());
+    let is_whole = comparison.is_sound();
     // The results are printed even if the page cannot be written.
     let (report, page) = match report::write(&args.a, Kind::Comparison, Some(&comparison), views, None) {
         Ok(written) => {
@@ -146,6 +148,10 @@ fn describe(comparison: &SessionComparison) -> String {
     for trial in &comparison.trials {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{}", line(trial));
+        for of_log in &trial.findings {
+            let log = Some(&of_log.log).filter(|log| trial.measured.as_os_str() != log.as_str());
+            let _ = writeln!(text, "  {}", finding_line(log.map(String::as_str), &of_log.finding));
+        }
         for warning in &trial.warnings {
             let _ = writeln!(text, "  warning: {warning}");
         }
@@ -156,6 +162,10 @@ fn describe(comparison: &SessionComparison) -> String {
         let [yaw, pitch, roll] = [yaw, pitch, roll].map(|deg| decimal(deg, 2));
         let trials = count(comparison.trials.len(), "trial");
         let _ = writeln!(text, "{trials}: RMSE yaw {yaw}°, pitch {pitch}°, roll {roll}°; {}", comparison.verdict);
+    }
+    let told = |log: &String| comparison.trials.iter().any(|trial| trial.findings.iter().any(|one| one.log == *log));
+    for of_log in comparison.findings.iter().filter(|of_log| !told(&of_log.log)) {
+        let _ = writeln!(text, "{}", finding_line(Some(&of_log.log), &of_log.finding));
     }
     for trial in &comparison.skipped {
         let _ = writeln!(text, "skipped: {}: {}", trial.name, trial.reason);

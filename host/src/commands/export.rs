@@ -1,8 +1,8 @@
 //! `biflag export`: exports trials to other formats.
 
-use super::findings::finding_line;
+use super::findings::{are_slight, lines_of_logs};
 use super::{Answer, Outcome};
-use crate::export::{Format, LogFinding, export_log, export_session};
+use crate::export::{Format, export_log, export_session};
 use crate::text::count;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
@@ -55,7 +55,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let export = if is_session { export_session } else { export_log };
     let exported = export(&args.path, &output, args.format, args.force)?;
     let clean = exported.damaged.is_empty();
-    let is_sound = clean && !exported.findings.iter().any(|of_log| of_log.finding.grave);
+    let is_sound = clean && are_slight(&exported.findings);
     let body = json!({
         "log": args.path.to_string_lossy(),
         "format": args.format.extension(),
@@ -71,8 +71,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "warning: {log}: cut off or damaged; only what can be read was exported");
     }
-    for LogFinding { log, finding } in &exported.findings {
-        let _ = writeln!(text, "{}", finding_line(Some(log), finding));
-    }
+    text += lines_of_logs(&exported.findings).trim_start();
     Answer::new(if is_sound { Outcome::Done } else { Outcome::WithLoss }, &body, text)
 }

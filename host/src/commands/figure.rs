@@ -1,8 +1,11 @@
 //! `biflag figure`: writes figures for a paper.
 
+use super::findings::{are_slight, lines_of_logs};
 use super::options::pair;
 use super::{Answer, Outcome};
+use crate::colour;
 use crate::figure::{self, COLUMN_MM};
+use crate::text::printable;
 use clap::Subcommand;
 use serde_json::json;
 use std::path::PathBuf;
@@ -11,6 +14,7 @@ use std::path::PathBuf;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag figure trial glycerin/001_w1+50_w2+10.mcap --against glycerin-replay/001_w1+50_w2+10.mcap -o trial.pdf\n  \
+    biflag figure trial glycerin 1 --against glycerin-replay -o trial.pdf\n  \
     biflag figure forces glycerin-replay/001_w1+50_w2+10.mcap --time 50,56 -o forces.pdf\n  \
     biflag figure map glycerin --against map -o map.pdf\n  \
     biflag figure scatter glycerin --against glycerin-replay -o scatter.svg\n\
@@ -24,12 +28,18 @@ pub struct Args {
 enum Subject {
     /// Draw yaw, pitch and roll over a trial, with the 95 % band and the residuals of a model.
     Trial {
-        /// The log.
-        #[arg(value_name = "LOG")]
+        /// The log, or a session folder with the number of the trial.
+        #[arg(value_name = "LOG|SESSION")]
         log: PathBuf,
+        /// The number of the trial in the session, from 1.
+        #[arg(value_name = "N")]
+        number: Option<usize>,
         /// A log of the same trial, usually its replay in the model.
-        #[arg(long, value_name = "LOG")]
+        #[arg(long, value_name = "LOG|SESSION")]
         against: Option<PathBuf>,
+        /// Draw trials of different robots, closures or speeds together.
+        #[arg(long)]
+        anyway: bool,
         /// The time range to show, in seconds from the start of the run; by default the whole trial.
         #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]
         time: Option<[f64; 2]>,
@@ -38,9 +48,12 @@ enum Subject {
     },
     /// Draw the forces of both flagella on the base over a trial of the model.
     Forces {
-        /// The log.
-        #[arg(value_name = "LOG")]
+        /// The log, or a session folder with the number of the trial.
+        #[arg(value_name = "LOG|SESSION")]
         log: PathBuf,
+        /// The number of the trial in the session, from 1.
+        #[arg(value_name = "N")]
+        number: Option<usize>,
         /// The time range to show, in seconds from the start of the run; by default the whole trial.
         #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]
         time: Option<[f64; 2]>,
@@ -66,6 +79,9 @@ enum Subject {
         /// The session of the model.
         #[arg(long, value_name = "SESSION")]
         against: PathBuf,
+        /// Draw trials of different robots or closures together.
+        #[arg(long)]
+        anyway: bool,
         #[command(flatten)]
         paper: Paper,
     },
@@ -94,24 +110,30 @@ fn width(text: &str) -> Result<f64, String> {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let paper = match &args.subject {
-        Subject::Trial { log, against, time, paper } => {
-            figure::trial(log, against.as_deref(), *time, paper.width_mm, &paper.output)?;
-            paper
+    let subject = |path, number: &Option<usize>| figure::Subject { path, number: *number };
+    let (paper, remarks) = match &args.subject {
+        Subject::Trial { log, number, against, anyway, time, paper } => {
+            let (subject, against) = (subject(log, number), against.as_deref());
+            (paper, figure::trial(subject, against, *anyway, *time, paper.width_mm, &paper.output)?)
         }
-        Subject::Forces { log, time, paper } => {
-            figure::forces(log, *time, paper.width_mm, &paper.output)?;
-            paper
+        Subject::Forces { log, number, time, paper } => {
+            (paper, figure::forces(subject(log, number), *time, paper.width_mm, &paper.output)?)
         }
         Subject::Map { session, against, paper } => {
-            figure::map(session, against.as_deref(), paper.width_mm, &paper.output)?;
-            paper
+            (paper, figure::map(session, against.as_deref(), paper.width_mm, &paper.output)?)
         }
-        Subject::Scatter { session, against, paper } => {
-            figure::scatter(session, against, paper.width_mm, &paper.output)?;
-            paper
+        Subject::Scatter { session, against, anyway, paper } => {
+            (paper, figure::scatter(session, against, *anyway, paper.width_mm, &paper.output)?)
         }
     };
     let file = paper.output.to_string_lossy();
-    Answer::new(Outcome::Done, &json!({ "files": [file] }), file.to_string())
+    let is_sound = are_slight(&remarks.findings) && remarks.warnings.is_empty();
+    let mut said = lines_of_logs(&remarks.findings);
+    remarks.warnings.iter().for_each(|warning| said += &format!("\nwarning: {warning}"));
+    // A script takes the name of the file from stdout.
+    if !said.is_empty() {
+        colour::eprint(&printable(&format!("{}\n", said.trim_start())));
+    }
+    let body = json!({ "files": [file], "findings": remarks.findings, "warnings": remarks.warnings });
+    Answer::new(if is_sound { Outcome::Done } else { Outcome::WithLoss }, &body, file.to_string())
 }

@@ -26,7 +26,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 }
 
 fn log(path: &Path) -> miette::Result<Answer> {
-    let data = Data::read(path, Want::default())?;
+    let data = Attempt::of_log(path).read(Want::default())?;
     let zeroed = Zeroed::new(&data);
     let (angles, findings) = (zeroed.angles(), findings(&data, &zeroed));
     let clean = data.condition.is_whole();
@@ -175,7 +175,13 @@ fn session(folder: &Path) -> miette::Result<Answer> {
     let mut trials = Vec::new();
     for row in &rows {
         let (state, attempt) = (&row.state, row.state.best());
-        let summary = attempt.and_then(|attempt| attempt.summary.as_ref());
+        // The numbers of the day of the recording may be better than they turned out to be.
+        let mut summary = attempt.and_then(|attempt| attempt.summary.clone());
+        match (&mut summary, &row.angles) {
+            (Some(summary), Some(angles)) => angles.fill(summary),
+            (Some(summary), None) => summary.yaw_uncertainty_deg = None,
+            (None, _) => {}
+        }
         link += row.link;
         let [w1_rpm, w2_rpm] = state.trial.speeds.map(|speed| speed.rpm());
         trials.push(json!({
@@ -189,9 +195,11 @@ fn session(folder: &Path) -> miette::Result<Answer> {
             "summary": summary,
             "angles": row.angles,
             "findings": row.findings,
+            "left_out": state.left_out,
         }));
         let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(row, session.plan().hand_turn, recorded));
-        for finding in row.findings.iter().filter(|finding| finding.grave) {
+        let left_out = state.left_out.iter().map(|of_log| &of_log.finding);
+        for finding in row.findings.iter().chain(left_out).filter(|finding| finding.grave) {
             let _ = writeln!(text, "    {}", finding_line(None, finding));
         }
     }
@@ -204,7 +212,8 @@ fn session(folder: &Path) -> miette::Result<Answer> {
         "clean": clean,
         "trials": trials,
     });
-    let is_sound = clean && !rows.iter().flat_map(|row| &row.findings).any(|finding| finding.grave);
+    let is_sound = |row: &Row| row.state.left_out.is_empty() && !row.findings.iter().any(|finding| finding.grave);
+    let is_sound = clean && rows.iter().all(is_sound);
     Answer::new(if is_sound { Outcome::Done } else { Outcome::WithLoss }, &body, text)
 }
 
@@ -219,8 +228,8 @@ struct Row {
 impl Row {
     /// Reads the log of the last complete attempt, then of earlier ones until one is intact.
     fn read(mut state: TrialState) -> Result<Self, LogError> {
-        while let Some(path) = state.complete().map(|attempt| attempt.path.clone()) {
-            let losses = match Data::read(&path, Want::default()) {
+        while let Some(attempt) = state.complete().cloned() {
+            let losses = match attempt.read(Want::default()) {
                 Ok(data) if data.losses.is_empty() => {
                     let zeroed = Zeroed::new(&data);
                     let (angles, findings) = (zeroed.angles(), findings(&data, &zeroed));
@@ -230,15 +239,15 @@ impl Row {
                 Err(error) if error.is_of_reading() => return Err(error),
                 Err(error) => vec![error.to_string()],
             };
-            state.damaged(&path, &losses);
+            state.damaged(&attempt.path, &losses);
         }
-        let last = state.attempts.last().map(|last| Data::read(&last.path, Want::default()));
-        let link = match last {
-            Some(Ok(data)) => data.link,
+        // What other commands take of a trial that is not complete, and what they say about it.
+        let (findings, link) = match state.attempts.last().map(|last| last.read(Want::default())) {
+            Some(Ok(data)) => (findings(&data, &Zeroed::new(&data)), data.link),
             Some(Err(error)) if error.is_of_reading() => return Err(error),
-            Some(Err(_)) | None => LinkStats::default(),
+            Some(Err(_)) | None => (Vec::new(), LinkStats::default()),
         };
-        Ok(Self { state, angles: None, findings: Vec::new(), link })
+        Ok(Self { state, angles: None, findings, link })
     }
 }
 

@@ -1,5 +1,6 @@
 //! `biflag record`: records the trials of a plan on the rig.
 
+use super::findings::finding_line;
 use super::virtual_board::SensorArgs;
 use super::{Answer, Outcome, WRONG_USE, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
@@ -13,7 +14,7 @@ use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, Vir
 use crate::session::{self, Session, Sharing};
 use crate::signals::interruption;
 use crate::text::decimal;
-use crate::trial::{Data, Want, Zeroed, findings};
+use crate::trial::{Finding, LogFinding, Want, Zeroed, findings};
 use biflag_log::{BoardMeta, End, LinkStats, Origin, Summary};
 use miette::{IntoDiagnostic, Report, WrapErr};
 use protocol::Command;
@@ -71,6 +72,8 @@ struct Recorded {
     #[serde(serialize_with = "crate::text::path")]
     session: PathBuf,
     trials: Vec<RecordedTrial>,
+    /// Findings about logs in the folder that are none of the session's.
+    left_out: Vec<LogFinding>,
 }
 
 #[derive(Debug, Serialize)]
@@ -91,9 +94,11 @@ struct RecordedTrial {
     /// The turn by hand in the plan, compared with the measured one; only for trials of this run.
     #[serde(skip_serializing_if = "Option::is_none")]
     hand_turn: Option<String>,
-    /// Warnings for the user; only for trials of this run.
+    /// Findings about the trial.
+    findings: Vec<Finding>,
+    /// The grave ones as text.
     warnings: Vec<String>,
-    /// What did not affect the data; only for trials of this run.
+    /// The others as text, and what did not affect the data.
     notes: Vec<String>,
     complete: bool,
 }
@@ -142,31 +147,35 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let board = board::to_log(link.info(), &settings::read(&link)?);
     let note = session.expect_same_rig(&states, origin, Some(&board))?;
 
-    let mut recorded = Recorded { session: folder, trials: Vec::new() };
+    let mut recorded = Recorded { session: folder, trials: Vec::new(), left_out: Vec::new() };
     let mut todo = Vec::new();
     let mut outcome = Outcome::Done;
     for state in states {
+        recorded.left_out.extend(state.left_out.iter().cloned());
         let Some(attempt) = state.complete() else {
             todo.push(state.trial);
             continue;
         };
         let mut summary = attempt.summary.clone().unwrap_or_default();
-        let data = Data::read(&attempt.path, Want::default())?;
+        let data = attempt.read(Want::default())?;
         let zeroed = Zeroed::new(&data);
         if let Some(angles) = zeroed.angles() {
             angles.fill(&mut summary);
         }
-        let grave = findings(&data, &zeroed).into_iter().filter(|finding| finding.grave);
-        let warnings: Vec<_> = grave.map(|finding| finding.text).collect();
-        if !warnings.is_empty() {
+        let row = RecordedTrial::new(&state.trial, attempt.path.clone(), &summary);
+        let row = row.with(findings(&data, &zeroed));
+        if !row.warnings.is_empty() {
             outcome = Outcome::WithLoss;
         }
-        let row = RecordedTrial::new(&state.trial, attempt.path.clone(), &summary);
-        recorded.trials.push(RecordedTrial { warnings, ..row });
+        recorded.trials.push(row);
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
     for note in note.into_iter().chain(note_of_copy).chain(note_of_sensor) {
         progress.line(&format!("note: {note}"));
+    }
+    for LogFinding { finding, .. } in &recorded.left_out {
+        progress.line(&finding_line(None, finding));
+        outcome = Outcome::WithLoss;
     }
     if let Some(live) = &live {
         progress.line(&live.invitation());
@@ -356,10 +365,18 @@ impl RecordedTrial {
     fn of_run(trial: &Trial, log: PathBuf, run: &RigRun) -> Self {
         Self {
             turned_deg: run.angles.as_ref().map(|angles| angles.turned_deg),
-            warnings: run.warnings.clone(),
             notes: run.notes.clone(),
             ..Self::new(trial, log, &run.summary)
         }
+        .with(run.findings.clone())
+    }
+
+    /// Adds the findings about the trial.
+    fn with(mut self, findings: Vec<Finding>) -> Self {
+        let (grave, slight): (Vec<_>, Vec<_>) = findings.iter().partition(|finding| finding.grave);
+        self.warnings.extend(grave.into_iter().map(ToString::to_string));
+        self.notes.extend(slight.into_iter().map(ToString::to_string));
+        Self { findings, ..self }
     }
 
     fn new(trial: &Trial, log: PathBuf, summary: &Summary) -> Self {
@@ -376,6 +393,7 @@ impl RecordedTrial {
             yaw_uncertainty_deg: summary.yaw_uncertainty_deg,
             turned_deg: None,
             hand_turn: None,
+            findings: Vec::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
             complete: summary.end == End::Complete,

@@ -1,5 +1,6 @@
 //! `biflag report`: writes an HTML page about a trial or a session.
 
+use super::findings::{are_slight, lines_of_logs};
 use super::options::cores;
 use super::{Answer, Outcome};
 use crate::report::{self, Kind, View};
@@ -44,12 +45,20 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             report::write(&args.path, Kind::Comparison, Some(&comparison), views, args.out.as_deref())?
         }
     };
-    let outcome = if written.warnings > 0 { Outcome::WithLoss } else { Outcome::Done };
+    let is_sound = written.is_sound && are_slight(&written.findings);
+    let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
     let warnings = match written.warnings {
         0 => String::new(),
         number => format!(", with {}", text::count(number, "warning")),
     };
-    let text = format!("{}: {:.1} MB{warnings}", written.html.display(), written.bytes as f64 * 1e-6);
-    let body = json!({ "html": written.html.to_string_lossy(), "bytes": written.bytes, "trials": written.trials, "warnings": written.warnings });
+    let text = format!("{}: {:.1} MB{warnings}", written.html.display(), written.bytes as f64 * 1e-6)
+        + &lines_of_logs(&written.findings);
+    let body = json!({
+        "html": written.html.to_string_lossy(),
+        "bytes": written.bytes,
+        "trials": written.trials,
+        "warnings": written.warnings,
+        "findings": written.findings,
+    });
     Answer::new(outcome, &body, text)
 }

@@ -32,9 +32,9 @@ use protocol::units::CentiRpm;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use study::output::OutputError;
-use study::session::{Session, SessionError};
-use study::trial::{AtSpeeds, Data, Want, Zeroed, mean_of_repeats};
-use study::twin::{self, OnMismatch, Pairs, TwinError};
+use study::session::{Attempt, Session, SessionError, TrialState};
+use study::trial::{AtSpeeds, Data, LogFinding, Want, Zeroed, findings, mean_of_repeats};
+use study::twin::{self, Compared, OnMismatch, Pairs, Source, TwinError};
 use thiserror::Error;
 
 /// Width of a column in many journals, mm.
@@ -65,11 +65,39 @@ pub enum FigureError {
         path: PathBuf,
     },
     /// A map needs points at different speeds.
-    #[error("{}: no map: fewer than two speeds of a flagellum have steady angles", path.display())]
+    #[error("{}: no map: fewer than two speeds of a flagellum have steady angles{found}", path.display())]
     #[diagnostic(code(wrong_use), help("name a session whose trials differ in the speeds of both flagella"))]
     NoMap {
         /// The session.
         path: PathBuf,
+        /// What was found about its trials, if it is grave.
+        found: String,
+    },
+    /// A session has several trials.
+    #[error("{}: is a session, and the figure shows one trial", path.display())]
+    #[diagnostic(
+        code(wrong_use),
+        help("name the trial by its number, such as `biflag figure trial SESSION 1`, or name its log")
+    )]
+    WhichTrial {
+        /// The session.
+        path: PathBuf,
+    },
+    /// A log has one trial.
+    #[error("{}: is no session folder, so that its trials have no numbers", path.display())]
+    #[diagnostic(code(wrong_use), help("leave the number out, or name the session's folder"))]
+    NoNumber {
+        /// The log.
+        path: PathBuf,
+    },
+    /// The session has no log of the trial.
+    #[error("{}: has no log of trial {number}", path.display())]
+    #[diagnostic(code(wrong_use), help("`biflag info {}` lists its trials", path.display()))]
+    NoTrial {
+        /// The session.
+        path: PathBuf,
+        /// Number of the trial.
+        number: usize,
     },
     /// It could not be converted.
     #[error("the figure cannot be converted: {reason}")]
@@ -100,35 +128,94 @@ pub enum FigureError {
     Twin(#[from] TwinError),
 }
 
+/// A trial to draw: its log, or its number in a session.
+#[derive(Clone, Copy, Debug)]
+pub struct Subject<'a> {
+    /// The log, or the session.
+    pub path: &'a Path,
+    /// Number of the trial in the session, from 1; `None` for a log.
+    pub number: Option<usize>,
+}
+
+impl Subject<'_> {
+    fn log(self) -> Result<Attempt, FigureError> {
+        let path = || self.path.to_owned();
+        match self.number {
+            None if self.path.is_dir() => Err(FigureError::WhichTrial { path: path() }),
+            None => Ok(Attempt::of_log(self.path)),
+            Some(_) if !self.path.is_dir() => Err(FigureError::NoNumber { path: path() }),
+            Some(number) => {
+                let states = Session::open(self.path)?.intact_states()?;
+                let state = number.checked_sub(1).and_then(|index| states.into_iter().nth(index));
+                let log = state.and_then(|state| state.best().cloned());
+                log.ok_or_else(|| FigureError::NoTrial { path: path(), number })
+            }
+        }
+    }
+}
+
+/// Whether trials of different robots, closures or speeds are drawn together.
+fn on_mismatch(anyway: bool) -> OnMismatch {
+    if anyway { OnMismatch::Warn } else { OnMismatch::Reject }
+}
+
+/// What is to be said about a figure.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Remarks {
+    /// Findings about the logs that it shows, and about those that it leaves out.
+    pub findings: Vec<LogFinding>,
+    /// Warnings about what is drawn together.
+    pub warnings: Vec<String>,
+}
+
 /// Writes the angles of a trial over time, beside those of `against` with their residuals. `time_s`: the time to show,
 /// from the start of the run; by default all of it.
 ///
 /// # Errors
 /// [`FigureError`].
 pub fn trial(
-    log: &Path,
+    subject: Subject,
     against: Option<&Path>,
+    anyway: bool,
     time_s: Option<[f64; 2]>,
     width_mm: f64,
     out: &Path,
-) -> Result<(), FigureError> {
+) -> Result<Remarks, FigureError> {
     Format::of(out)?;
-    let data = Data::read(log, Want { hash: true, ..Want::default() })?;
+    let data = subject.log()?.read(Want { hash: true, ..Want::default() })?;
     let compared = match against {
-        Some(other) => Some(twin::compare(&data, &Data::read(other, Want::default())?, OnMismatch::Accept)?),
+        Some(path) => {
+            let other = Subject { path, number: subject.number.filter(|_| path.is_dir()) };
+            let other = other.log()?.read(Want::default())?;
+            // The user may have replayed the trial with another robot.
+            let on_mismatch = if twin::is_replay_of(&other, &data) { OnMismatch::Accept } else { on_mismatch(anyway) };
+            Some(twin::compare(&data, &other, on_mismatch)?)
+        }
         None => None,
     };
-    output::write(&trial::draw(&data, compared.as_ref(), time_s, width_mm)?, out)
+    let remarks = match &compared {
+        Some(Compared { comparison, .. }) => {
+            Remarks { findings: comparison.findings.clone(), warnings: comparison.warnings.clone() }
+        }
+        None => Remarks { findings: of_data(&data), warnings: Vec::new() },
+    };
+    output::write(&trial::draw(&data, compared.as_ref(), time_s, width_mm)?, out)?;
+    Ok(remarks)
+}
+
+fn of_data(data: &Data) -> Vec<LogFinding> {
+    LogFinding::all_of(&data.path, findings(data, &Zeroed::new(data)))
 }
 
 /// Writes the forces of both flagella on the base over a trial of the model; `time_s` as in [`trial`].
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn forces(log: &Path, time_s: Option<[f64; 2]>, width_mm: f64, out: &Path) -> Result<(), FigureError> {
+pub fn forces(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
     Format::of(out)?;
-    let data = Data::read(log, Want { forces: true, ..Want::default() })?;
-    output::write(&forces::draw(&data, time_s, width_mm)?, out)
+    let data = subject.log()?.read(Want { forces: true, ..Want::default() })?;
+    output::write(&forces::draw(&data, time_s, width_mm)?, out)?;
+    Ok(Remarks { findings: of_data(&data), warnings: Vec::new() })
 }
 
 /// Writes maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, or its points over the map of
@@ -136,15 +223,18 @@ pub fn forces(log: &Path, time_s: Option<[f64; 2]>, width_mm: f64, out: &Path) -
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn map(session: &Path, surface: Option<&Path>, width_mm: f64, out: &Path) -> Result<(), FigureError> {
+pub fn map(session: &Path, surface: Option<&Path>, width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
     Format::of(out)?;
+    let mut remarks = Remarks::default();
     let (surface, points) = match surface {
-        Some(surface) => (steady(surface)?, steady(session)?),
-        None => (steady(session)?, Vec::new()),
+        Some(surface) => (steady(surface, &mut remarks)?, steady(session, &mut remarks)?),
+        None => (steady(session, &mut remarks)?, Vec::new()),
     };
     let differs = |k: usize| surface.iter().chain(&points).any(|trial| trial.speeds_rpm[k] != surface[0].speeds_rpm[k]);
     if surface.is_empty() || !differs(0) || !differs(1) {
-        return Err(FigureError::NoMap { path: session.to_owned() });
+        let grave = remarks.findings.iter().filter(|of_log| of_log.finding.grave);
+        let found = grave.map(|of_log| format!("; {}: {}", of_log.log, of_log.finding)).collect();
+        return Err(FigureError::NoMap { path: session.to_owned(), found });
     }
     let titles = ["|ψ| (°)", "|θ| (°)", "|φ| (°)", "tilt (°)"];
     let values = |trials: &[AtSpeeds<()>], k: usize| -> Vec<Point> {
@@ -153,29 +243,57 @@ pub fn map(session: &Path, surface: Option<&Path>, width_mm: f64, out: &Path) ->
     let maps: Vec<_> = (0..titles.len()).map(|k| (values(&surface, k), values(&points, k))).collect();
     let maps: Vec<Map> =
         titles.iter().zip(&maps).map(|(title, (surface, points))| Map { title, surface, points }).collect();
-    output::write(&map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], width_mm), out)
+    output::write(&map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], width_mm), out)?;
+    Ok(remarks)
 }
 
 /// Writes the predicted against the measured steady angles of a session.
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn scatter(measured: &Path, predicted: &Path, width_mm: f64, out: &Path) -> Result<(), FigureError> {
+pub fn scatter(
+    measured: &Path,
+    predicted: &Path,
+    anyway: bool,
+    width_mm: f64,
+    out: &Path,
+) -> Result<Remarks, FigureError> {
     Format::of(out)?;
     let pairs = Pairs::of(measured, predicted)?;
     let jobs = rayon::current_num_threads();
-    let (comparison, _) = twin::compare_pairs(&pairs, Want::default(), OnMismatch::Accept, jobs, &|_, _, _| ())?;
-    output::write(&scatter::draw(&comparison.trials, width_mm), out)
+    // Replays with another robot were asked for.
+    let are_replays = predicted == Source::open(measured)?.replay_folder();
+    let on_mismatch = if are_replays { OnMismatch::Accept } else { on_mismatch(anyway) };
+    let (comparison, _) = twin::compare_pairs(&pairs, Want::default(), on_mismatch, jobs, &|_, _, _| ())?;
+    output::write(&scatter::draw(&comparison.trials, width_mm), out)?;
+    let warned = comparison.trials.iter().flat_map(|trial| trial.warnings.iter().map(move |text| (&trial.name, text)));
+    let skipped = comparison.skipped.iter().map(|skipped| (&skipped.name, &skipped.reason));
+    let warnings = warned.chain(skipped).map(|(name, text)| format!("{name}: {text}")).collect();
+    Ok(Remarks { findings: comparison.findings, warnings })
 }
 
-/// Returns the steady angles of the trials of a session that ended as planned, by their speeds.
-fn steady(session: &Path) -> Result<Vec<AtSpeeds<()>>, FigureError> {
+/// Returns the steady angles of the trials of a session that ended as planned, by their speeds. Adds what is to be said
+/// about its logs.
+fn steady(session: &Path, remarks: &mut Remarks) -> Result<Vec<AtSpeeds<()>>, FigureError> {
     let states = Session::open(session)?.intact_states()?;
-    let logs: Vec<_> = states.iter().filter_map(|state| Some((state.trial.speeds, &state.complete()?.path))).collect();
-    let one = |(speeds, log): &([CentiRpm; 2], &PathBuf)| -> Result<_, FigureError> {
-        let angles = Zeroed::new(&Data::read(log, Want::default())?).angles();
-        Ok(angles.map(|a| (speeds.map(CentiRpm::rpm), [a.yaw_deg, a.pitch_deg, a.roll_deg], ())))
+    remarks.findings.extend(states.iter().flat_map(|state| &state.left_out).cloned());
+    let logs: Vec<_> = states.iter().filter_map(|state| Some((state, state.best()?))).collect();
+    let one = |(state, log): &(&TrialState, &Attempt)| -> Result<_, FigureError> {
+        let data = match log.read(Want::default()) {
+            // What is no log is no point of the map either.
+            Err(error) if state.complete().is_none() && !error.is_of_reading() => return Ok((None, Vec::new())),
+            data => data?,
+        };
+        let zeroed = Zeroed::new(&data);
+        let found = LogFinding::all_of(&data.path, findings(&data, &zeroed));
+        let speeds_rpm = state.trial.speeds.map(CentiRpm::rpm);
+        // A trial that did not end as planned has no steady angles; its findings say so.
+        let angles = zeroed.angles().filter(|_| state.complete().is_some());
+        let angles = angles.map(|a| (speeds_rpm, [a.yaw_deg, a.pitch_deg, a.roll_deg], ()));
+        Ok((angles, found))
     };
-    let trials: Result<Vec<_>, _> = logs.par_iter().map(one).collect();
-    Ok(mean_of_repeats(trials?.into_iter().flatten()))
+    let read: Result<Vec<_>, _> = logs.par_iter().map(one).collect();
+    let (trials, found): (Vec<_>, Vec<_>) = read?.into_iter().unzip();
+    remarks.findings.extend(found.into_iter().flatten());
+    Ok(mean_of_repeats(trials.into_iter().flatten()))
 }

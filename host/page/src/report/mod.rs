@@ -32,9 +32,9 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use study::output::{self, OutputError};
 use study::program::GIT_HASH;
-use study::session::{Session, SessionError, TrialState};
+use study::session::{Attempt, Session, SessionError, TrialState};
 use study::text::printable;
-use study::trial::{Data, Want};
+use study::trial::{LogFinding, Want};
 use study::twin::{SessionComparison, Skipped};
 use thiserror::Error;
 use warnings::Warning;
@@ -86,6 +86,10 @@ pub struct Written {
     pub trials: usize,
     /// How many warnings it shows.
     pub warnings: usize,
+    /// Findings about the logs that it shows, and about those that it leaves out.
+    pub findings: Vec<LogFinding>,
+    /// Whether nothing on it may be wrong.
+    pub is_sound: bool,
 }
 
 /// Which page is written. The two have different names, so that neither replaces the other.
@@ -151,9 +155,10 @@ pub fn write(
 fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, ReportError> {
     let view = match views.into_iter().next() {
         Some(view) => view,
-        None => view(log, ByteBudget::of_trials(1))?,
+        None => view(&Attempt::of_log(log), ByteBudget::of_trials(1))?,
     };
-    put(out, &page_of_log(&view), 1, view.warnings.len())
+    let counts = Counts { trials: 1, warnings: view.warnings.len(), is_sound: is_sound(&view) };
+    put(out, &page_of_log(&view), counts, view.findings)
 }
 
 /// Returns the page of a log as text, within the budget of a page with so many trials.
@@ -161,7 +166,7 @@ fn of_log(log: &Path, views: Vec<View>, out: &Path) -> Result<Written, ReportErr
 /// # Errors
 /// [`LogError`].
 pub fn html(log: &Path, trials: usize) -> Result<String, LogError> {
-    Ok(printable(&page_of_log(&view(log, ByteBudget::of_trials(trials))?).0))
+    Ok(printable(&page_of_log(&view(&Attempt::of_log(log), ByteBudget::of_trials(trials))?).0))
 }
 
 fn page_of_log(view: &View) -> Markup {
@@ -186,13 +191,17 @@ fn of_session(
         let skipped = comparison.and_then(|comparison| comparison.skipped.iter().find(|one| one.name == trial.name));
         let view = state.best().map(|attempt| match views.iter().find(|view| view.log == attempt.path) {
             Some(view) => Ok(view.clone()),
-            None => view(&attempt.path, budget),
+            None => view(attempt, budget),
         });
         let state = match view {
+            None if !state.left_out.is_empty() => RowState::Unreadable(
+                state.left_out.iter().map(|of_log| of_log.finding.to_string()).collect::<Vec<_>>().join("; "),
+            ),
             None => RowState::Missing,
             Some(Ok(mut view)) => {
                 let why = |skipped: &Skipped| format!("Not compared: {}.", text::clip(&skipped.reason, 300));
                 view.warnings.extend(skipped.map(|skipped| Warning::new("not compared", why(skipped))));
+                view.warnings.extend(state.left_out.iter().map(|of_log| Warning::of(&of_log.finding, None)));
                 RowState::Shown(Box::new(view))
             }
             Some(Err(error)) => RowState::Unreadable(error.to_string()),
@@ -215,12 +224,22 @@ fn of_session(
     let kind = if shown().count() <= MAX_PRINTED { "session print-all" } else { "session" };
     let page = document::page(&text::clip(&session.plan().name, 200), kind, &body, &all_data);
     let unreadable = rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count();
-    put(out, &page, shown().count(), unreadable + shown().map(|(_, view)| view.warnings.len()).sum::<usize>())
+    let left_out = states.iter().flat_map(|state| &state.left_out).cloned();
+    let mut findings: Vec<LogFinding> = shown().flat_map(|(_, view)| view.findings.clone()).chain(left_out).collect();
+    // A model may be the other side of several repeats.
+    let mut seen = std::collections::HashSet::new();
+    findings.retain(|one| seen.insert((one.log.clone(), one.finding.to_string())));
+    let counts = Counts {
+        trials: shown().count(),
+        warnings: unreadable + shown().map(|(_, view)| view.warnings.len()).sum::<usize>(),
+        is_sound: unreadable == 0 && shown().all(|(_, view)| is_sound(view)),
+    };
+    put(out, &page, counts, findings)
 }
 
 /// Reads a log for the page.
-fn view(log: &Path, budget: ByteBudget) -> Result<View, LogError> {
-    Ok(View::new(&Data::read(log, want(budget))?, None, budget))
+fn view(log: &Attempt, budget: ByteBudget) -> Result<View, LogError> {
+    Ok(View::new(&log.read(want(budget))?, None, budget))
 }
 
 fn data(view: &View, id: &str) -> Markup {
@@ -270,11 +289,25 @@ fn is_page(path: &Path) -> std::io::Result<bool> {
     Ok(String::from_utf8_lossy(&head).contains(r#"<meta name="generator" content="biflag "#))
 }
 
-fn put(out: &Path, page: &Markup, trials: usize, warnings: usize) -> Result<Written, ReportError> {
+/// What a page shows.
+struct Counts {
+    trials: usize,
+    warnings: usize,
+    is_sound: bool,
+}
+
+fn is_sound(view: &View) -> bool {
+    // A model that has not settled was asked for a steady state that it does not have.
+    let settled = !view.is_model() || view.is_settled();
+    settled && !view.warnings.iter().any(|warning| warning.is_grave)
+}
+
+fn put(out: &Path, page: &Markup, counts: Counts, findings: Vec<LogFinding>) -> Result<Written, ReportError> {
     // Texts of plans and logs may hold anything.
     let text = printable(&page.0);
     output::replace(out, |file| file.write_all(text.as_bytes()))?;
-    Ok(Written { html: out.to_owned(), bytes: text.len() as u64, trials, warnings })
+    let Counts { trials, warnings, is_sound } = counts;
+    Ok(Written { html: out.to_owned(), bytes: text.len() as u64, trials, warnings, findings, is_sound })
 }
 
 #[cfg(test)]

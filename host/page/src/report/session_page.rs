@@ -70,7 +70,7 @@ pub(super) fn overview(
         }
         @if !plan.note.is_empty() { p.note { (clip(&plan.note, 4_000)) } }
         @if let Some(comparison) = comparison {
-            (answer(&comparison.verdict, comparison.trials.iter().all(|trial| trial.findings.is_empty())))
+            (answer(&comparison.verdict, comparison.trials.iter().all(|trial| trial.differences.is_empty())))
         }
         (tiles(&views, rows.len(), comparison))
         (warnings(notes(rows, comparison, has_charts).iter().map(String::as_str)))

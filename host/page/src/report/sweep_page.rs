@@ -8,7 +8,7 @@ use super::ReportError;
 use super::budget::DATA_BYTES;
 use super::table::single;
 use super::text::{clip, count, json_for_script};
-use super::{Written, document, put};
+use super::{Counts, Written, document, put};
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 use std::collections::HashSet;
@@ -89,7 +89,12 @@ pub(super) fn write(path: &Path, out: &Path) -> Result<Written, ReportError> {
     };
     let data = json!({ "inputs": page(&inputs), "results": page(&results) });
     let data = html! { script type="application/json" id="sweep-data" { (PreEscaped(json_for_script(&data))) } };
-    put(out, &document::page(&clip(&title, 200), "one", &body, &data), rows, 0)
+    put(
+        out,
+        &document::page(&clip(&title, 200), "one", &body, &data),
+        Counts { trials: rows, warnings: 0, is_sound: true },
+        Vec::new(),
+    )
 }
 
 fn body(title: &str, rows: usize, every: usize, inputs: &[String], results: &[String]) -> Markup {

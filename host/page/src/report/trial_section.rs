@@ -33,7 +33,7 @@ pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
                 h1 id={ (id) "-title" } { (title(view)) }
             }
             (about(view, shared))
-            @if let Some(comparison) = &view.comparison { (answer(&comparison.verdict, comparison.findings.is_empty())) }
+            @if let Some(comparison) = &view.comparison { (answer(&comparison.verdict, comparison.differences.is_empty())) }
             (tiles(view))
             (warnings(view.warnings.iter().map(|warning| warning.text.as_str())))
             @if has_data {

@@ -11,7 +11,7 @@ use biflag_log::{LinkStats, ModelMeta, Origin, ReplayMeta, RobotMeta};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use study::trial::{Angles, Data, Event, Records};
+use study::trial::{Angles, Data, Event, FindingKind, LogFinding, Records, findings};
 use study::twin::{Compared, Comparison};
 
 /// The steady angles of a trial.
@@ -62,6 +62,7 @@ pub struct View {
     /// How many events are not listed.
     pub(super) more_events: usize,
     pub(super) warnings: Vec<Warning>,
+    pub(super) findings: Vec<LogFinding>,
     /// How the curves and the shapes were reduced to fit the budget.
     pub(super) curves: Curves,
     /// Whether the shapes come from the log that the trial is compared with; the same for the forces.
@@ -86,7 +87,11 @@ impl View {
             speeds_rpm: [trial.w1_rpm, trial.w2_rpm],
             log: data.path.clone(),
             steady: steady(angles.as_ref(), comparison),
-            warnings: warnings(data, &zeroed, angles.as_ref(), comparison),
+            warnings: warnings(data, &zeroed, comparison),
+            findings: match comparison {
+                Some(comparison) => comparison.findings.clone(),
+                None => LogFinding::all_of(&data.path, findings(data, &zeroed)),
+            },
             events: most_important(data.events.clone(), budget.events()),
             more_events: data.more_events + data.events.len().saturating_sub(budget.events()),
             curves: Curves::default(),
@@ -109,9 +114,9 @@ impl View {
         view
     }
 
-    /// Whether the attitude settled, as far as the log says.
+    /// Whether the attitude settled.
     pub(super) fn is_settled(&self) -> bool {
-        self.records.steady.as_ref().is_none_or(|steady| steady.settled)
+        !self.findings.iter().any(|of_log| of_log.finding.kind == FindingKind::Window)
     }
 
     /// Whether the trial was computed, not measured.

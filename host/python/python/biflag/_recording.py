@@ -74,7 +74,10 @@ class Recording:
     """One row a reading of the sensor, or a sample of the model: what ``biflag export`` writes."""
     notes: list[str]
     """What was corrected."""
+    findings: list[dict[str, Any]]
+    """What is to be said about the trial: kind, text, cure, and whether it is grave, so that the numbers may be wrong."""
     warnings: list[str]
+    """The findings as text."""
     events: list[Event]
     phases: dict[str, tuple[float, float]]
     """Start and end of preroll, run and decay, s."""
@@ -162,6 +165,8 @@ class Session(Mapping[str, Recording]):
         """The log of each trial that has one."""
         self.missing = [name for name in held["trials"] if name not in logs]
         """The trials without a log."""
+        self.left_out: list[dict[str, Any]] = held["left_out"]
+        """Findings about logs in the folder that are none of the session's: log, kind, text, cure, grave."""
         self.incomplete = [name for name, (_, complete) in logs.items() if not complete]
         """The trials whose log is not complete."""
 

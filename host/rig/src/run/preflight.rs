@@ -5,7 +5,7 @@
 //! | --- | --- |
 //! | before the first trial | the settings are in the board's EEPROM ([`settings`]) |
 //! | before each trial | room on the disk for the rest of the plan ([`room`]), the board's supply ([`supply`]) |
-//! | at the end of each calibration | gyroscope still, 1 g, no clipping, the board's clock ([`at_rest`]) |
+//! | at the end of each calibration | gyroscope still, 1 g, upright, no clipping, the board's clock ([`at_rest`]) |
 
 use super::board_copy::BoardCopies;
 use super::{RecordError, stream};
@@ -89,6 +89,15 @@ pub enum PreflightError {
     NotGravity {
         /// The mean acceleration, in standard gravity.
         force_g: f64,
+    },
+    /// The sensor's axes are not those of the settings.
+    #[error("the sensor is tilted by {tilt_deg:.1} degrees at rest, too much for a robot that hangs upright")]
+    #[diagnostic(help(
+        "set accel_axes and gyro_axes in [board] of the plan to the mounting of the sensor, and let the robot hang freely"
+    ))]
+    MountedAskew {
+        /// Angle between the mean acceleration and the robot's axis by the settings, degrees.
+        tilt_deg: f64,
     },
     /// Readings at the end of the sensor's range.
     #[error("the sensor was at the end of its range in {count} readings of the calibration")]
@@ -177,8 +186,8 @@ fn first_supply(link: &Link, interrupted: &AtomicBool) -> Result<Millivolts, Rec
 /// of the board: an emulated board, behind a pseudo-terminal, has a clock of its own speed.
 ///
 /// # Errors
-/// [`PreflightError::Moved`], [`PreflightError::Clipped`], [`PreflightError::NotGravity`] or
-/// [`PreflightError::ClockDrift`].
+/// [`PreflightError::Moved`], [`PreflightError::Clipped`], [`PreflightError::NotGravity`],
+/// [`PreflightError::MountedAskew`] or [`PreflightError::ClockDrift`].
 pub fn at_rest(
     calibration: &Calibration,
     rest: AtRest,
@@ -193,6 +202,9 @@ pub fn at_rest(
     }
     if let Some(force_g) = rest.force_g.filter(|force_g| (force_g - 1.0).abs() > FORCE_TOLERANCE_G) {
         return Err(PreflightError::NotGravity { force_g });
+    }
+    if let Some(tilt_deg) = rest.mounted_askew_deg {
+        return Err(PreflightError::MountedAskew { tilt_deg });
     }
     let is_known = |clock: &&ClockMeta| clock.pings >= LEAST_PINGS && !port.starts_with("/dev/pts/");
     match clock.filter(is_known).map(|clock| clock.drift_ppm) {
@@ -216,7 +228,7 @@ mod tests {
     fn a_sensor_at_rest_passes_and_each_fault_is_refused() {
         const PORT: &str = "/dev/ttyUSB0";
         let still = Calibration { still: true, ..Calibration::default() };
-        let good = AtRest { force_g: Some(1.08), clipped: 0 };
+        let good = AtRest { force_g: Some(1.08), ..AtRest::default() };
         let clock = ClockMeta { pings: 20, drift_ppm: 5000.0, ..ClockMeta::default() };
         assert_eq!(at_rest(&still, good, Some(&clock), PORT), Ok(()));
         assert_eq!(at_rest(&still, AtRest::default(), None, PORT), Ok(()), "too short a rest to know");
@@ -225,6 +237,8 @@ mod tests {
             let rest = AtRest { force_g: Some(force_g), ..good };
             assert_eq!(at_rest(&still, rest, None, PORT), Err(PreflightError::NotGravity { force_g }));
         }
+        let askew = AtRest { mounted_askew_deg: Some(91.8), ..good };
+        assert_eq!(at_rest(&still, askew, None, PORT), Err(PreflightError::MountedAskew { tilt_deg: 91.8 }));
         let clipped = AtRest { clipped: 3, ..good };
         assert_eq!(at_rest(&still, clipped, None, PORT), Err(PreflightError::Clipped { count: 3 }));
         let wrong = ClockMeta { drift_ppm: -20_000.0, ..clock };

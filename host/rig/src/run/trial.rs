@@ -13,7 +13,7 @@ use std::time::{Duration, SystemTime};
 use study::plan::{Change, Phase, Schedule, TICK_US, Trial};
 use study::progress::Progress;
 use study::run::{self, Measured};
-use study::trial::Angles;
+use study::trial::{Angles, Finding};
 
 /// A trial that was run.
 #[derive(Debug)]
@@ -24,8 +24,8 @@ pub struct RigRun {
     pub angles: Option<Angles>,
     /// Why it did not complete.
     pub error: Option<RecordError>,
-    /// Warnings for the user.
-    pub warnings: Vec<String>,
+    /// Findings about it, also in its log.
+    pub findings: Vec<Finding>,
     /// What did not affect the data, but may be worth knowing.
     pub notes: Vec<String>,
 }
@@ -79,7 +79,6 @@ pub fn run(
             error.get_or_insert(failure);
         }
         for text in recorder.health.warnings() {
-            said.warnings.push(text.clone());
             recorder.trial.event(EventKind::Warning, &text, SystemTime::now())?;
         }
         let slowest = recorder.trial.log.slowest_write();
@@ -103,19 +102,14 @@ pub fn run(
         link: recorder.monitor.stats(),
         ..Summary::default()
     };
-    let Measured { angles, rest } =
+    let Measured { angles, findings } =
         if writable { recorder.trial.finish(&mut summary)? } else { recorder.trial.abandon() };
-    for finding in rest {
-        let said = if finding.grave { &mut said.warnings } else { &mut said.notes };
-        said.push(finding.to_string());
-    }
-    Ok(RigRun { summary, angles, error, warnings: said.warnings, notes: said.notes })
+    Ok(RigRun { summary, angles, error, findings, notes: said.notes })
 }
 
 /// What the user is told at the end of a trial.
 #[derive(Default)]
 struct Said {
-    warnings: Vec<String>,
     notes: Vec<String>,
 }
 
@@ -174,7 +168,7 @@ fn phases(
         calibrate(recorder, context, trial, calibrate_s - CALIBRATION_MARGIN_S)?;
         let planned_us = begun_us + (calibrate_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
         // Before the start: a refusal must not come after motors that turn.
-        end_calibration(recorder)?;
+        end_calibration(recorder, trial.speeds != [CentiRpm(0); 2])?;
         let start_us = schedule::start(recorder, count, planned_us)?;
         if start_us > planned_us {
             let late_s = (start_us - planned_us) as f64 * 1e-6;
@@ -205,7 +199,7 @@ fn phases(
             return Err(RecordError::OffSchedule);
         }
         if phase == Phase::Run && matches!(event.change, Change::Phase(_)) {
-            check_speeds(recorder, target, said)?;
+            check_speeds(recorder, target)?;
         }
         match event.change {
             Change::Phase(next) => {
@@ -252,17 +246,12 @@ fn record_until(
     })
 }
 
-fn warn(recorder: &mut Recorder, said: &mut Said, text: String) -> Result<(), RecordError> {
-    recorder.event(EventKind::Warning, &text)?;
-    said.warnings.push(text);
-    Ok(())
-}
-
-fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2], said: &mut Said) -> Result<(), RecordError> {
+fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2]) -> Result<(), RecordError> {
     for (flagellum, (target, measured)) in target.into_iter().zip(recorder.last_speeds()).enumerate() {
         if (target.rpm() - measured.rpm()).abs() > SPEED_TOLERANCE_RPM {
             let [measured, target] = [measured, target].map(CentiRpm::rpm);
-            warn(recorder, said, format!("flagellum {} turned at {measured} rpm instead of {target}", flagellum + 1))?;
+            let text = format!("flagellum {} turned at {measured} rpm instead of {target}", flagellum + 1);
+            recorder.event(EventKind::Warning, &text)?;
         }
     }
     Ok(())
@@ -280,9 +269,11 @@ fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial, durat
     record_until(recorder, context, |frame| is_over(frame) && frame.telemetry.fault == Fault::None).map(drop)
 }
 
-fn end_calibration(recorder: &mut Recorder) -> Result<(), RecordError> {
+fn end_calibration(recorder: &mut Recorder, turns: bool) -> Result<(), RecordError> {
     let calibration = recorder.calibration()?;
     recorder.trial.calibration(&calibration, SystemTime::now())?;
-    let (rest, clock) = (recorder.trial.at_rest(), recorder.clock());
+    let (mut rest, clock) = (recorder.trial.at_rest(), recorder.clock());
+    // A sensor that is turned by hand may lie anyhow.
+    rest.mounted_askew_deg = rest.mounted_askew_deg.filter(|_| turns);
     Ok(preflight::at_rest(&calibration, rest, clock.as_ref(), recorder.link.path())?)
 }

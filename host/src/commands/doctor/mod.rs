@@ -55,7 +55,10 @@ type Finding = Result<String, (String, String)>;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     if let Some(folder) = &args.session {
-        return answer(session::checks(folder)?, Outcome::WithLoss);
+        let (checks, findings) = session::checks(folder)?;
+        let mut answer = answer(checks, Outcome::WithLoss)?;
+        answer.json["findings"] = json!(findings);
+        return Ok(answer);
     }
     if args.motors {
         return motors::run(args);

@@ -1,14 +1,41 @@
-//! `biflag doctor SESSION`: checks that every trial of a session has a whole log.
+//! `biflag doctor SESSION`: checks that every trial of a session has a whole log, and what the log says against it.
 
+use super::super::findings::finding_line;
 use super::{Check, Finding, check};
 use crate::session::{Session, TrialState};
+use crate::trial::{LogFinding, Want, Zeroed, findings};
 use biflag_log::End;
+use rayon::prelude::*;
 use std::path::Path;
 
-/// Checks each trial.
-pub(super) fn checks(folder: &Path) -> miette::Result<Vec<Check>> {
+/// Checks each trial; returns also the findings about all logs.
+pub(super) fn checks(folder: &Path) -> miette::Result<(Vec<Check>, Vec<LogFinding>)> {
     let states = Session::open(folder)?.checked_states()?;
-    Ok(states.iter().map(|state| check(format!("trial {}", state.trial.name), trial(state))).collect())
+    let one = |state: &TrialState| {
+        let found = found(state);
+        (check(format!("trial {}", state.trial.name), judged(trial(state), &found)), found)
+    };
+    let (checks, found): (Vec<_>, Vec<_>) = states.par_iter().map(one).collect();
+    Ok((checks, found.concat()))
+}
+
+/// Returns the findings about the logs of a trial. What cannot be read at all is told by [`trial`].
+fn found(state: &TrialState) -> Vec<LogFinding> {
+    let data = state.best().and_then(|attempt| attempt.read(Want::default()).ok());
+    let of_log = data.map(|data| LogFinding::all_of(&data.path, findings(&data, &Zeroed::new(&data))));
+    of_log.into_iter().flatten().chain(state.left_out.iter().cloned()).collect()
+}
+
+/// Adds the findings to the result of a check: a trial with a grave one is not sound.
+fn judged(result: Finding, found: &[LogFinding]) -> Finding {
+    let lines = |detail: String| found.iter().fold(detail, |text, one| text + "\n" + &finding_line(None, &one.finding));
+    match result {
+        Ok(detail) => match found.iter().find(|one| one.finding.grave) {
+            Some(LogFinding { finding, .. }) => Err((lines(detail), finding.cure.clone())),
+            None => Ok(lines(detail)),
+        },
+        Err((detail, cure)) => Err((lines(detail), cure)),
+    }
 }
 
 fn trial(state: &TrialState) -> Finding {

@@ -1,5 +1,6 @@
 //! `biflag simulate --from`: replays recorded trials in the model.
 
+use super::super::findings::{are_slight, lines_of_logs};
 use super::super::options::cores;
 use super::super::{Answer, Outcome};
 use super::args::Args;
@@ -8,7 +9,7 @@ use crate::plan::robot;
 use crate::session::{Session, Sharing};
 use crate::signals::interruption;
 use crate::text;
-use crate::trial::Want;
+use crate::trial::{LogFinding, Want};
 use crate::twin::{self, Replayed, Replays, Skipped, Source};
 use serde::Serialize;
 use sim::trial::Options;
@@ -20,24 +21,13 @@ struct ReplayedSession {
     #[serde(flatten)]
     simulated: Simulated,
     skipped: Vec<Skipped>,
-    warnings: Vec<Warnings>,
+    findings: Vec<LogFinding>,
 }
 
-/// Warnings about the log of a trial.
-#[derive(Serialize)]
-struct Warnings {
-    name: String,
-    warnings: Vec<String>,
-}
-
-/// Formats warnings about the logs, and the skipped trials, as lines.
-fn warning_lines(replays: &Replays<()>) -> String {
-    let warnings = replays
-        .trials
-        .iter()
-        .flat_map(|(trial, ())| trial.warnings.iter().map(|text| format!("\nwarning: {}: {text}", trial.trial.name)));
-    let skipped = replays.skipped.iter().map(|trial| format!("\nskipped: {}: {}", trial.name, trial.reason));
-    warnings.chain(skipped).collect()
+/// Returns the findings about the recordings, also those that belong to no trial.
+fn findings(replays: &Replays<()>) -> Vec<LogFinding> {
+    let of_trial = |(trial, ()): &(Replayed, ())| LogFinding::all_of(&trial.source, trial.findings.iter().cloned());
+    replays.trials.iter().flat_map(of_trial).chain(replays.left_out.iter().cloned()).collect()
 }
 
 pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
@@ -64,11 +54,12 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     let simulated_s: f64 = computed.clone().filter_map(|trial| Some(trial.result.as_ref().ok()?.simulated_s)).sum();
     let (real_time_factor, speed) = real_time(begun, simulated_s);
     let settled = |trial: &Replayed| trial.result.as_ref().is_ok_and(|steady| steady.settled);
+    let findings = findings(&replays);
     let outcome = if replayed().any(|trial| trial.result.is_err()) {
         Outcome::Failed
     } else if replays.interrupted {
         Outcome::Interrupted
-    } else if !replays.skipped.is_empty() || replayed().any(|trial| !trial.warnings.is_empty() || !settled(trial)) {
+    } else if !replays.skipped.is_empty() || replayed().any(|trial| !settled(trial)) || !are_slight(&findings) {
         Outcome::WithLoss
     } else {
         Outcome::Done
@@ -76,7 +67,8 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     let rest = if replays.interrupted { "; interrupted, continue with --resume" } else { "" };
     let count = computed.count();
     let mut lines = format!("session {}: {} replayed{speed}{rest}", folder.display(), text::count(count, "trial"));
-    lines += &warning_lines(&replays);
+    lines += &lines_of_logs(&findings);
+    lines.extend(replays.skipped.iter().map(|trial| format!("\nskipped: {}: {}", trial.name, trial.reason)));
     let notes: Vec<_> = replays.note_on_phases().into_iter().collect();
     lines.extend(notes.iter().map(|note| format!("\nnote: {note}")));
     let row = |trial: &Replayed| {
@@ -89,8 +81,5 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     };
     let trials = replayed().map(row).collect();
     let simulated = Simulated { session: folder, real_time_factor, trials, notes };
-    let warned = replayed().filter(|trial| !trial.warnings.is_empty());
-    let warnings =
-        warned.map(|trial| Warnings { name: trial.trial.name.clone(), warnings: trial.warnings.clone() }).collect();
-    Answer::new(outcome, &ReplayedSession { simulated, skipped: replays.skipped, warnings }, lines)
+    Answer::new(outcome, &ReplayedSession { simulated, skipped: replays.skipped, findings }, lines)
 }

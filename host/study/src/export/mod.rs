@@ -5,12 +5,11 @@ pub(crate) mod parquet;
 pub mod table;
 
 use crate::output::{self, OutputError};
-use crate::session::{Session, SessionError};
-use crate::trial::{Data, Finding, Want, Zeroed, findings};
+use crate::session::{Attempt, Session, SessionError};
+use crate::trial::{Data, LogFinding, Want, Zeroed, findings};
 use biflag_log::LogError;
 use miette::Diagnostic;
 use nalgebra::UnitQuaternion;
-use serde::Serialize;
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Write};
 use std::os::unix::fs::MetadataExt;
@@ -102,24 +101,6 @@ pub struct Exported {
     pub findings: Vec<LogFinding>,
 }
 
-/// A finding about one of several logs.
-#[derive(Serialize, Clone, PartialEq, Eq, Debug)]
-pub struct LogFinding {
-    /// The log.
-    pub log: String,
-    /// The finding.
-    #[serde(flatten)]
-    pub finding: Finding,
-}
-
-impl Exported {
-    fn add_findings(&mut self, data: &Data, zeroed: &Zeroed) {
-        let log = data.path.display().to_string();
-        let of_log = |finding| LogFinding { log: log.clone(), finding };
-        self.findings.extend(findings(data, zeroed).into_iter().map(of_log));
-    }
-}
-
 const FORCES: Want = Want { forces: true, shapes: 0, hash: false };
 
 /// Exports a log to a file.
@@ -130,12 +111,12 @@ pub fn export_log(log: &Path, output: &Path, format: Format, replace: bool) -> R
     if is_same(log, output) {
         return Err(ExportError::Itself { path: output.to_owned() });
     }
-    let data = Data::read(log, FORCES)?;
+    let data = Attempt::of_log(log).read(FORCES)?;
     let zeroed = Zeroed::new(&data);
     let rows = write_trial(&data, &zeroed, output, format, replace)?;
     let damaged = if data.condition.is_whole() { Vec::new() } else { vec![log.display().to_string()] };
     let mut exported = Exported { files: vec![output.to_owned()], rows, damaged, findings: Vec::new() };
-    exported.add_findings(&data, &zeroed);
+    exported.findings.extend(LogFinding::all_of(&data.path, findings(&data, &zeroed)));
     Ok(exported)
 }
 
@@ -163,8 +144,9 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
     let mut exported = Exported::default();
     let mut trials = Vec::new();
     for state in session.intact_states()? {
+        exported.findings.extend(state.left_out.iter().cloned());
         let Some(attempt) = state.best() else { continue };
-        let data = match Data::read(&attempt.path, FORCES) {
+        let data = match attempt.read(FORCES) {
             Ok(data) => data,
             Err(error) => {
                 exported.damaged.push(error.to_string());
@@ -179,7 +161,7 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
         let zeroed = Zeroed::new(&data);
         exported.rows += write_trial(&data, &zeroed, &file, format, replace)?;
         exported.files.push(file);
-        exported.add_findings(&data, &zeroed);
+        exported.findings.extend(LogFinding::all_of(&data.path, findings(&data, &zeroed)));
         trials.push(Summary::new(&state.trial, &data, &zeroed, name));
     }
     write_table(&table::session(&session.plan().name, &trials), &table, format, replace)?;

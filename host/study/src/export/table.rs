@@ -3,7 +3,7 @@
 use crate::attitude::{Euler, Reading, rotation};
 use crate::plan::Trial;
 use crate::text::origin;
-use crate::trial::{Angles, Data, FORCES, Zeroed};
+use crate::trial::{Angles, Data, FORCES, Finding, Zeroed, findings};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -265,6 +265,7 @@ pub struct Summary {
     angles: Option<Angles>,
     settle_s: Option<f64>,
     lost: u64,
+    findings: Vec<Finding>,
     log: String,
     file: String,
 }
@@ -280,6 +281,7 @@ impl Summary {
             angles: zeroed.angles(),
             settle_s: zeroed.steady.as_ref().and_then(|steady| steady.settle_s),
             lost: data.link.lost,
+            findings: findings(data, zeroed),
             log: data.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             file,
         }
@@ -317,8 +319,14 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
             &|trial| trial.settle_s,
         ),
         int("lost", "telemetry frames lost", &|trial| trial.lost.try_into().unwrap_or(i64::MAX)),
+        int("sound", "0 if a finding is grave: the numbers may be wrong", &|trial| {
+            (!trial.findings.iter().any(|finding| finding.grave)).into()
+        }),
         text("log", "log of the trial", &|trial| trial.log.clone()),
         text("file", "file of the trial in this folder", &|trial| trial.file.clone()),
+        text("findings", "what was found about the trial", &|trial| {
+            trial.findings.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+        }),
     ];
     let header = vec![format!("biflag {}: session {name}", crate::program::VERSION)];
     Table { header, columns }

@@ -19,8 +19,6 @@ pub fn start(
     board: Option<BoardMeta>,
     time: SystemTime,
 ) -> Start {
-    let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
-    let Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
     Start {
         identity: program::identity(origin, time),
         plan: PlanMeta {
@@ -30,23 +28,30 @@ pub fn start(
             trials: plan.trials.len(),
             text: plan.text.clone(),
         },
-        trial: TrialMeta {
-            name: trial.name.clone(),
-            index: trial.index,
-            repeat: trial.repeat,
-            attempt,
-            w1_rpm,
-            w2_rpm,
-            calibrate_s,
-            preroll_s,
-            run_s,
-            decay_s,
-            reverse_motor: trial.reverse.map(|reverse| reverse.motor),
-            reverse_after_s: trial.reverse.map(|reverse| reverse.after_s),
-            phase_deg: trial.phase_deg,
-        },
+        trial: trial_meta(trial, attempt),
         robot: RobotMeta { name: plan.robot.name.clone(), text: plan.robot.text.clone() },
         board,
         sensor: plan.sensor.clone().filter(|_| origin != Origin::Model),
+    }
+}
+
+/// Returns the record of a trial.
+pub(crate) fn trial_meta(trial: &Trial, attempt: u32) -> TrialMeta {
+    let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
+    let Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
+    TrialMeta {
+        name: trial.name.clone(),
+        index: trial.index,
+        repeat: trial.repeat,
+        attempt,
+        w1_rpm,
+        w2_rpm,
+        calibrate_s,
+        preroll_s,
+        run_s,
+        decay_s,
+        reverse_motor: trial.reverse.map(|reverse| reverse.motor),
+        reverse_after_s: trial.reverse.map(|reverse| reverse.after_s),
+        phase_deg: trial.phase_deg,
     }
 }

@@ -3,7 +3,7 @@
 use crate::attitude::{Leveller, RestForce, rotation};
 use crate::draw::{self, Drawing};
 use crate::plan::RobotFile;
-use crate::trial::{Angles, Collector, Finding, Records, Want, Zeroed};
+use crate::trial::{Angles, Collector, Finding, Records, Want, Zeroed, findings};
 use biflag_log::schema::biflag::Quaternion;
 use biflag_log::{
     CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, ModelMeta, Origin, Start, Summary, Tap, Writer,
@@ -44,6 +44,9 @@ pub struct Recorder {
 pub struct AtRest {
     /// Magnitude of the mean acceleration, in standard gravity; `None` if the rest was shorter than a second.
     pub force_g: Option<f64>,
+    /// Angle between the mean acceleration and the robot's axis, degrees; `None` if the rest was shorter than a second, or
+    /// if it may be an offset of the accelerometer.
+    pub mounted_askew_deg: Option<f64>,
     /// Readings at the end of the sensor's range.
     pub clipped: u16,
 }
@@ -189,8 +192,10 @@ impl Recorder {
 
     /// Returns what the trial has shown so far, with the motors off, about the sensor.
     pub fn at_rest(&self) -> AtRest {
+        let level = self.rest.level(STANDARD_GRAVITY_MPS2);
         AtRest {
-            force_g: self.rest.level(STANDARD_GRAVITY_MPS2).map(|level| level.force_g),
+            force_g: level.map(|level| level.force_g),
+            mounted_askew_deg: level.filter(|level| !level.is_bias()).map(|level| level.tilt_deg()),
             clipped: self.clipped.map_or(0, |[first, last]| last.0.wrapping_sub(first.0)),
         }
     }
@@ -250,12 +255,13 @@ impl Recorder {
 pub struct Measured {
     /// Its steady angles; `None` if there is no attitude in the run.
     pub angles: Option<Angles>,
-    /// Findings about its still phases.
-    pub rest: Vec<Finding>,
+    /// All findings about it.
+    pub findings: Vec<Finding>,
 }
 
 fn measured(collector: Option<Collector>, path: &Path, records: Records) -> Measured {
     let Some(collector) = collector else { return Measured::default() };
-    let zeroed = Zeroed::new(&collector.finish(path, records));
-    Measured { angles: zeroed.angles(), rest: zeroed.rest }
+    let data = collector.finish(path, records);
+    let zeroed = Zeroed::new(&data);
+    Measured { angles: zeroed.angles(), findings: findings(&data, &zeroed) }
 }

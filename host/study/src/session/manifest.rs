@@ -22,7 +22,7 @@ pub(super) struct Manifest {
     format: u32,
     /// When and by which program the session was started, for people.
     #[serde(default)]
-    created: String,
+    pub created: String,
     #[serde(default)]
     host_version: String,
     #[serde(default)]

@@ -8,13 +8,14 @@
 //!   001_w1+50_w2+10.recovered.mcap       the first attempt, recovered by `biflag recover`
 //! ```
 //!
-//! The state of a trial is determined from its logs alone. File names are made from the plan's numbers, so that no text
+//! The state of a trial is determined from its logs alone, and which trial a log holds from its content. File names are made from the plan's numbers, so that no text
 //! in a plan can lead to a path outside the folder.
 //!
 //! One program at a time writes into a session ([`Session::lock`]), and all of its trials run in the same place with
 //! the same settings ([`Session::expect_same_rig`]).
 
 mod error;
+mod identity;
 mod lock;
 mod manifest;
 mod rebuild;
@@ -26,6 +27,7 @@ pub use manifest::MANIFEST;
 pub use rebuild::{Rebuilt, rebuild};
 
 use crate::plan::{Plan, Trial};
+use crate::trial::{Data, Finding, LogFinding, Want};
 use biflag_log::{End, LogError, RecoveryMeta, Summary};
 use manifest::Manifest;
 use rayon::prelude::*;
@@ -37,6 +39,8 @@ use std::path::{Path, PathBuf};
 pub struct Session {
     folder: PathBuf,
     plan: Plan,
+    /// When it was started; empty if its manifest does not say so.
+    created: String,
 }
 
 /// The state of a trial.
@@ -46,6 +50,8 @@ pub struct TrialState {
     pub trial: Trial,
     /// Its logs, in order of the attempts.
     pub attempts: Vec<Attempt>,
+    /// Findings about logs that bear its name and are none of its attempts.
+    pub left_out: Vec<LogFinding>,
 }
 
 /// A log of a trial.
@@ -59,9 +65,24 @@ pub struct Attempt {
     pub summary: Option<Summary>,
     /// Descriptions of the parts that were lost: before the log was recovered, or found by checking the log.
     pub losses: Vec<String>,
+    /// Findings about the log among the others of its session.
+    pub identity: Vec<Finding>,
 }
 
 impl Attempt {
+    /// Returns the log at a path, with what the session in whose folder it is says about it.
+    pub fn of_log(path: &Path) -> Self {
+        Self { number: 1, path: path.to_owned(), summary: None, losses: Vec::new(), identity: identity::of_log(path) }
+    }
+
+    /// Reads the log, with the findings about it among the others of its session.
+    ///
+    /// # Errors
+    /// [`LogError`] if the file is not a biflag log or cannot be read.
+    pub fn read(&self, want: Want) -> Result<Data, LogError> {
+        Ok(Data { identity: self.identity.clone(), ..Data::read(&self.path, want)? })
+    }
+
     /// Returns whether the log's own summary says that all phases were completed, and no losses of it are known.
     fn is_complete(&self) -> bool {
         self.losses.is_empty() && self.summary.as_ref().is_some_and(|summary| summary.end == End::Complete)
@@ -132,8 +153,9 @@ impl Session {
         {
             return Err(SessionError::StrayLog { folder: folder.to_owned(), log });
         }
-        Manifest::new(plan).write(folder)?;
-        Ok(Self { folder: folder.to_owned(), plan: plan.clone() })
+        let manifest = Manifest::new(plan);
+        manifest.write(folder)?;
+        Ok(Self { folder: folder.to_owned(), plan: plan.clone(), created: manifest.created })
     }
 
     /// Continues the session of `plan` in `folder`, or starts it if there is none.
@@ -156,8 +178,9 @@ impl Session {
     /// # Errors
     /// [`SessionError::NotASession`], [`SessionError::Manifest`], [`SessionError::Plan`].
     pub fn open(folder: &Path) -> Result<Self, SessionError> {
-        let plan = Manifest::read(folder)?.plan(folder)?;
-        Ok(Self { folder: folder.to_owned(), plan })
+        let manifest = Manifest::read(folder)?;
+        let created = manifest.created.clone();
+        Ok(Self { folder: folder.to_owned(), plan: manifest.plan(folder)?, created })
     }
 
     /// Returns the folder.
@@ -175,8 +198,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
     pub fn states(&self) -> Result<Vec<TrialState>, SessionError> {
-        let names = log_names(&self.folder)?;
-        self.plan.trials.iter().map(|trial| self.state_among(trial, &names)).collect()
+        self.states_among(self.plan.trials.iter(), &log_names(&self.folder)?)
     }
 
     /// Returns the state of each trial, with a full check of the logs of trials that have more than one, so that an intact
@@ -201,12 +223,16 @@ impl Session {
         Ok(states)
     }
 
-    /// Returns the state of one trial.
+    /// Returns the state of one trial, from the logs that bear its name.
     ///
     /// # Errors
     /// [`SessionError::Io`], [`SessionError::Log`].
     pub fn state(&self, trial: &Trial) -> Result<TrialState, SessionError> {
-        self.state_among(trial, &log_names(&self.folder)?)
+        let prefix = format!("{}.", trial.name);
+        let mut names = log_names(&self.folder)?;
+        names.retain(|name| name.starts_with(&prefix));
+        let none = || TrialState { trial: trial.clone(), attempts: Vec::new(), left_out: Vec::new() };
+        Ok(self.states_among(std::iter::once(trial), &names)?.pop().unwrap_or_else(none))
     }
 
     /// Returns the number and the path of the next attempt at a trial. Nothing is there yet, whatever bears the name of a
@@ -227,27 +253,40 @@ impl Session {
         })
     }
 
-    fn state_among(&self, trial: &Trial, names: &[String]) -> Result<TrialState, SessionError> {
-        let prefix = format!("{}.", trial.name);
-        let first = names.partition_point(|name| *name < prefix);
-        let mut attempts = Vec::new();
-        for name in names[first..].iter().take_while(|name| name.starts_with(&prefix)) {
-            let path = self.folder.join(name);
-            let number = attempt_number(&name[prefix.len()..]);
-            let read = || Ok((biflag_log::last_meta::<RecoveryMeta>(&path)?, biflag_log::summary(&path)?));
-            let (losses, summary) = match read() {
-                Ok((recovery, summary)) => (recovery.into_iter().map(|recovery| recovery.lost).collect(), summary),
-                // What cannot be read may be a complete log, so it is neither lost nor repeated.
-                Err::<_, LogError>(error) if error.is_of_reading() => return Err(error.into()),
-                // What is no log is the loss of this attempt alone.
-                Err(error) => (vec![described(&error)], None),
-            };
-            attempts.push(Attempt { number, summary, losses, path });
+    /// Returns the states of trials of the plan, from these logs.
+    fn states_among<'a>(
+        &self,
+        trials: impl Iterator<Item = &'a Trial>,
+        names: &[String],
+    ) -> Result<Vec<TrialState>, SessionError> {
+        let mut sorted = identity::sort(self, names)?;
+        let mut states = Vec::new();
+        for trial in trials {
+            let mut attempts = Vec::new();
+            for (number, name) in std::mem::take(&mut sorted.attempts[trial.index]) {
+                attempts.push(self.attempt(number, &name, sorted.findings.remove(&name))?);
+            }
+            let left_out =
+                |name: &String| LogFinding::all_of(&self.folder.join(name), sorted.findings.get(name).cloned());
+            let left_out = sorted.left_out[trial.index].iter().flat_map(left_out).collect();
+            let mut state = TrialState { trial: trial.clone(), attempts, left_out };
+            state.check_recovered()?;
+            states.push(state);
         }
-        attempts.sort_by_key(|attempt| attempt.number);
-        let mut state = TrialState { trial: trial.clone(), attempts };
-        state.check_recovered()?;
-        Ok(state)
+        Ok(states)
+    }
+
+    fn attempt(&self, number: u32, name: &str, identity: Option<Finding>) -> Result<Attempt, LogError> {
+        let path = self.folder.join(name);
+        let read = || Ok((biflag_log::last_meta::<RecoveryMeta>(&path)?, biflag_log::summary(&path)?));
+        let (losses, summary) = match read() {
+            Ok((recovery, summary)) => (recovery.into_iter().map(|recovery| recovery.lost).collect(), summary),
+            // What cannot be read may be a complete log, so it is neither lost nor repeated.
+            Err::<_, LogError>(error) if error.is_of_reading() => return Err(error),
+            // What is no log is the loss of this attempt alone.
+            Err(error) => (vec![described(&error)], None),
+        };
+        Ok(Attempt { number, path, summary, losses, identity: identity.into_iter().collect() })
     }
 }
 

@@ -4,7 +4,7 @@ use super::manifest::Manifest;
 use super::{MANIFEST, Session, SessionError, described, difference, is_in_use, log_names};
 use crate::plan::{Plan, RobotFile};
 use biflag_log::atomic_file::sweep;
-use biflag_log::{LogError, PlanMeta, Reader, RobotMeta};
+use biflag_log::{Identity, LogError, PlanMeta, Reader, RobotMeta};
 use std::path::{Path, PathBuf};
 
 /// Result of rebuilding a session.
@@ -44,6 +44,7 @@ pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
         return Err(SessionError::BeingRecorded { path: folder.to_owned() });
     }
     let (mut plan, mut logs, mut unreadable) = (None::<(PathBuf, Plan)>, 0, Vec::new());
+    let mut created = None::<String>;
     for name in log_names(folder)? {
         let log = folder.join(name);
         let found = match plan_of(&log) {
@@ -54,6 +55,9 @@ pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
             }
         };
         logs += 1;
+        let of_log =
+            Reader::open(&log).ok().and_then(|reader| reader.meta()).map(|identity: Identity| identity.created);
+        created = created.into_iter().chain(of_log.filter(|created| !created.is_empty())).min();
         match &plan {
             None => plan = Some((log, found)),
             Some((one, first)) => {
@@ -71,7 +75,10 @@ pub fn rebuild(folder: &Path) -> Result<Rebuilt, SessionError> {
     if let Some(kept) = &kept {
         std::fs::rename(&manifest, kept).map_err(|source| SessionError::Io { path: manifest, source })?;
     }
-    Manifest::new(&plan).write(folder)?;
+    // The session began with its first log.
+    let mut manifest = Manifest::new(&plan);
+    manifest.created = created.unwrap_or(manifest.created);
+    manifest.write(folder)?;
     Ok(Rebuilt { session: Session::open(folder)?, written: true, kept, logs, unreadable })
 }
 

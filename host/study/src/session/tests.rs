@@ -21,7 +21,7 @@ fn attempt(session: &Session, trial: &Trial, end: Option<End>) -> PathBuf {
 
 fn attempt_on(session: &Session, trial: &Trial, end: Option<End>, origin: Origin, settings: Settings) -> PathBuf {
     let (number, path) = session.next_attempt(trial).unwrap();
-    let (board, time) = (board::to_log(&info(&settings), &settings), SystemTime::UNIX_EPOCH);
+    let (board, time) = (board::to_log(&info(&settings), &settings), SystemTime::now());
     let start = run::start(session.plan(), trial, number, origin, Some(board), time);
     let mut writer = Writer::create(&path, &start, time).unwrap();
     for text in ["one", "two", "three"] {
@@ -355,11 +355,11 @@ fn cosmetic_keys_may_be_missing_in_the_manifest() {
         let mut less = table.clone();
         less.remove(key);
         std::fs::write(&manifest, less.to_string()).unwrap();
-        assert_eq!(Session::open(folder.path()).unwrap(), session, "{key}");
+        assert_eq!(Session::open(folder.path()).unwrap().plan(), session.plan(), "{key}");
     }
     let only = toml::Table::from_iter([("plan".to_owned(), table["plan"].clone())]);
     std::fs::write(&manifest, only.to_string()).unwrap();
-    assert_eq!(Session::open(folder.path()).unwrap(), session);
+    assert_eq!(Session::open(folder.path()).unwrap().plan(), session.plan());
     let robot = "plan = \"[session]\\nrobot = 'soft.toml'\\n[speeds]\\npairs = [[1, 1]]\"\n";
     std::fs::write(&manifest, robot).unwrap();
     assert!(matches!(Session::open(folder.path()), Err(SessionError::Manifest { .. })));

@@ -191,6 +191,7 @@ impl Collector {
             losses: Vec::new(),
             sha256: None,
             warnings,
+            identity: Vec::new(),
         }
     }
 

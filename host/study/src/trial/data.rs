@@ -1,6 +1,7 @@
 //! The content of a log as columns over the trial's clock, and its metadata.
 
 use super::bounds::Times;
+use super::finding::Finding;
 use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading};
 use crate::plan::{PlanError, RobotFile, board, robot};
@@ -184,8 +185,10 @@ pub struct Data {
     pub losses: Vec<Loss>,
     /// SHA-256 of the file, if requested.
     pub sha256: Option<String>,
-    /// Warnings for the user about the run.
+    /// What shortened the run, or moved its start.
     pub warnings: Vec<String>,
+    /// Findings about the log among the others of its session: see [`crate::session`].
+    pub identity: Vec<Finding>,
 }
 
 impl Data {

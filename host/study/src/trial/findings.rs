@@ -1,32 +1,99 @@
 //! What a log says against its own trial: one list, made from the log alone, for every command to print.
 
+use super::axes;
 use super::data::Data;
 use super::finding::{Finding, FindingKind};
 use super::zero::Zeroed;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End};
+use protocol::units::CentiRpm;
 
 const REPEAT: &str = "repeat the trial";
 
+/// Speeds of a trial in which the sensor is turned by hand, and may be mounted anyhow.
+const HAND_TURN: [CentiRpm; 2] = [CentiRpm(0); 2];
+
+/// Smallest share of the averaging time that must have telemetry.
+const LEAST_SHARE: f64 = 0.9;
+
+/// Time between readings that counts as missing telemetry, s: ten frames of a board.
+const GAP_S: f64 = 0.05;
+
+/// Smallest gain of the board's filter with which the tilt has settled where the zero is taken, 1/s.
+const LEAST_GAIN: f32 = 0.5;
+
 /// Returns all findings about a trial.
 pub fn findings(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
-    let mut found = conduct(data);
+    let mut found = data.identity.clone();
+    found.extend(conduct(data));
+    found.extend(sensor(data));
     found.extend(zeroed.rest.iter().cloned());
-    if let Some(steady) = zeroed.steady.as_ref().filter(|steady| !steady.settled) {
-        let window_s = steady.window.end - steady.window.start;
+    found.extend(window(data, zeroed));
+    found
+}
+
+/// What the averaging time says.
+fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
+    let Some(steady) = &zeroed.steady else { return Vec::new() };
+    let mut found = Vec::new();
+    let window_s = steady.window.end - steady.window.start;
+    if !steady.settled {
         let text = format!("not settled: the angles are means over the last {window_s:.1} s, not steady values");
         found.push(Finding::slight(FindingKind::Window, text, "give the trial a longer run"));
+    }
+    if !data.is_model() && window_s > 0.0 {
+        let times = &zeroed.angles_deg.time_s;
+        let inside = times.iter().filter(|time| steady.window.contains(time)).copied();
+        let ends = std::iter::once(steady.window.start).chain(inside).chain([steady.window.end]);
+        let missing_s: f64 = ends.clone().zip(ends.skip(1)).map(|(from, to)| to - from).filter(|s| *s > GAP_S).sum();
+        let share = 1.0 - missing_s / window_s;
+        if share < LEAST_SHARE {
+            let text = format!("only {:.0} % of the last {window_s:.1} s have telemetry", 100.0 * share);
+            found.push(Finding::grave(FindingKind::Window, text, REPEAT));
+        }
+    }
+    found
+}
+
+/// What the trial says about the sensor's mounting and filter.
+fn sensor(data: &Data) -> Vec<Finding> {
+    let mut found = Vec::new();
+    if data.is_model() || data.speeds() == HAND_TURN || !data.times.has_run() {
+        return found;
+    }
+    if let Some(level) = data.records.level.as_ref().filter(|level| !level.used) {
+        let text =
+            format!("tilt at rest of {:.1} degrees, too large for an offset of the accelerometer", level.tilt_deg);
+        let cure = "set accel_axes and gyro_axes to the mounting of the sensor, let the robot hang freely, and repeat the trial";
+        found.push(Finding::grave(FindingKind::Rest, text, cure));
+    }
+    if let Some([found_deg, allowed_deg]) = axes::contradiction(data) {
+        let text = format!(
+            "gyroscope and accelerometer contradict each other: in the first seconds of the run they differ by \
+             {found_deg:.1} degrees of tilt, where {allowed_deg:.1} are possible"
+        );
+        let cure = "set gyro_axes and accel_axes to the same mounting of the sensor, and repeat the trial";
+        found.push(Finding::grave(FindingKind::Conduct, text, cure));
+    }
+    if let Some(gain) = data.settings().map(|settings| settings.attitude_kp).filter(|gain| *gain < LEAST_GAIN) {
+        let text =
+            format!("the board's filter follows gravity in {:.1} s (attitude_kp {gain}): the tilt lags", 1.0 / gain);
+        found.push(Finding::grave(FindingKind::Conduct, text, "set attitude_kp to 1, and repeat the trial"));
     }
     found
 }
 
 fn conduct(data: &Data) -> Vec<Finding> {
     let grave = |text: String, cure: &str| Finding::grave(FindingKind::Conduct, text, cure);
+    let slight = |text: String, cure: &str| Finding::slight(FindingKind::Conduct, text, cure);
     let mut found = Vec::new();
     match data.condition {
         Condition::Clean | Condition::Rewritten => {}
         Condition::CutOff => found.push(grave("the log is cut off; the rest is used".into(), REPEAT)),
-        Condition::Damaged => found.push(grave("the log is damaged; the rest is used".into(), REPEAT)),
+        Condition::Damaged => {
+            let lost: Vec<_> = data.losses.iter().map(ToString::to_string).collect();
+            found.push(grave(format!("the log is damaged ({}); the rest is used", lost.join("; ")), REPEAT));
+        }
     }
     let records = &data.records;
     if let Some(recovery) = records.recovery.as_ref().filter(|recovery| !recovery.lost.is_empty()) {
@@ -44,7 +111,27 @@ fn conduct(data: &Data) -> Vec<Finding> {
     }
     if data.link.lost > 0 {
         let all = data.link.lost.saturating_add(data.link.samples);
-        found.push(grave(format!("{} of {all} telemetry frames were lost", data.link.lost), "check the cable"));
+        let text = format!("{} of {all} telemetry frames were lost", data.link.lost);
+        // The board integrates the gyroscope, so that frames here and there take no angle with them.
+        found.push(Finding::loss(FindingKind::Conduct, text, "check the cable"));
+    }
+    if let Some(gaps) = data.gaps() {
+        found.push(slight(gaps, ""));
+    }
+    if data.has_long_gap() {
+        let text = "the yaw may lack a full turn: telemetry is missing for more than a second";
+        found.push(grave(text.to_owned(), REPEAT));
+    }
+    let protocols = records.identity.as_ref().map(|identity| identity.protocol);
+    // Logs of older protocols hold the same messages.
+    if let Some(newer) = protocols.filter(|found| *found > protocol::VERSION) {
+        let text = format!("recorded with protocol {newer}, of which this program knows {} at most", protocol::VERSION);
+        found.push(slight(text, "use the version of biflag that recorded it"));
+    }
+    found.extend(data.warnings.iter().map(|text| grave(text.clone(), REPEAT)));
+    if data.times.has_run() && !data.motors.is_empty() && !data.is_model() {
+        let turns = data.encoders().unwrap_or_else(|error| vec![error.reason]);
+        found.extend(turns.into_iter().map(|text| grave(text, "check the motor and its encoder")));
     }
     // What the recorder saw is in the log: a cure follows the colon.
     for event in data.events.iter().filter(|event| event.kind == Kind::Warning) {

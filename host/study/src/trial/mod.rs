@@ -4,6 +4,7 @@
 //! module; none of them reads logs, levels attitudes or removes drift in another way. A trial that is being recorded
 //! passes through the same [`Collector`] as one that is read from its log, so that both give the same results.
 
+mod axes;
 mod bounds;
 mod budget;
 mod clock;
@@ -23,7 +24,7 @@ pub use bounds::Times;
 pub use budget::{AngleTerm, Budget, CommonTo, Evaluation, Term};
 pub use collect::Collector;
 pub use data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
-pub use finding::{Finding, FindingKind};
+pub use finding::{Finding, FindingKind, LogFinding};
 pub use findings::findings;
 pub use repeats::{AtSpeeds, mean_of_repeats};
 pub use shapes::{Shape, Shapes};

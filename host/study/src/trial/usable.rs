@@ -1,7 +1,6 @@
 //! Checks whether a trial can be compared with a model.
 
 use super::data::Data;
-use biflag_log::Condition;
 
 /// Shortest interval between frames that counts as a gap, s: twenty frames of a board, or four of a model.
 const GAP_S: f64 = 0.21;
@@ -26,11 +25,11 @@ fn unusable<T>(reason: impl Into<String>, help: &'static str) -> Result<T, Unusa
 }
 
 impl Data {
-    /// Checks that the trial has a run with encoders. Returns warnings for the user.
+    /// Checks that the trial has a run with encoders, so that a model can follow it.
     ///
     /// # Errors
     /// [`Unusable`].
-    pub fn check(&self) -> Result<Vec<String>, Unusable> {
+    pub fn check(&self) -> Result<(), Unusable> {
         if self.records.trial.is_none() {
             return unusable("the record of its trial cannot be read", NO_TRIAL);
         }
@@ -46,30 +45,11 @@ impl Data {
             let ran_s = (run.end - run.start).max(0.0);
             return unusable(format!("its motors ran for only {ran_s:.1} s"), REPEAT);
         }
-        let mut warnings = Vec::new();
-        let protocols = self.records.identity.as_ref().map(|identity| identity.protocol);
-        // Logs of older protocols hold the same messages.
-        if let Some(found) = protocols.filter(|found| *found > protocol::VERSION) {
-            warnings.push(format!(
-                "it was recorded with protocol {found}, but this program uses {}; what is new in it is left out",
-                protocol::VERSION
-            ));
-        }
-        match self.condition {
-            Condition::Clean | Condition::Rewritten => {}
-            Condition::CutOff => warnings.push("the log is cut off; the rest is used".to_owned()),
-            Condition::Damaged => {
-                let lost: Vec<_> = self.losses.iter().map(ToString::to_string).collect();
-                warnings.push(format!("the log is damaged ({}); the rest is used", lost.join("; ")));
-            }
-        }
-        warnings.extend(self.warnings.iter().cloned());
-        warnings.extend(self.gaps());
-        warnings.extend(self.encoders()?);
-        Ok(warnings)
+        self.encoders().map(drop)
     }
 
-    fn gaps(&self) -> Option<String> {
+    /// Describes the gaps in the telemetry.
+    pub(super) fn gaps(&self) -> Option<String> {
         let times = &self.motors.time_s;
         let gaps: Vec<_> =
             times.windows(2).map(|pair| (pair[0], pair[1])).filter(|(from, to)| to - from > GAP_S).collect();
@@ -86,8 +66,8 @@ impl Data {
         })
     }
 
-    /// Checks the encoders, whose angles drive the model.
-    fn encoders(&self) -> Result<Vec<String>, Unusable> {
+    /// Checks the encoders, whose angles drive the model. Returns what differs from the plan.
+    pub(super) fn encoders(&self) -> Result<Vec<String>, Unusable> {
         let run = &self.times.run;
         let row = |time: f64| self.motors.time_s.partition_point(|t| *t < time).min(self.motors.len() - 1);
         let (first, last) = (row(run.start), row(run.end));

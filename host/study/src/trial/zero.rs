@@ -126,6 +126,8 @@ pub struct Zeroed {
     pub rest: Vec<Finding>,
     /// `None` for a model, which has none.
     errors: Option<Errors>,
+    /// Whether a finding takes all uncertainties away.
+    is_unsure: bool,
     /// Uncertainty of the yaw at every second; empty if it is unknown.
     yaw_uncertainty_deg: Columns<1>,
 }
@@ -145,6 +147,10 @@ impl Zeroed {
     fn with_end(data: &Data, after: Range<f64>) -> Self {
         let mut zeroed = if data.is_model() { Self::modelled(data) } else { Self::measured(data, after) };
         zeroed.steady = zeroed.steady(data);
+        zeroed.is_unsure = super::findings(data, &zeroed).iter().any(Finding::empties_uncertainty);
+        if let Some(steady) = zeroed.steady.as_mut().filter(|_| zeroed.is_unsure) {
+            (steady.yaw, steady.tilt) = (None, None);
+        }
         let span = zeroed.span();
         for second in 0..=(span.end - span.start).ceil() as usize {
             let time = (span.start + second as f64).min(span.end);
@@ -168,6 +174,7 @@ impl Zeroed {
             steady: None,
             rest: Vec::new(),
             errors: None,
+            is_unsure: false,
             yaw_uncertainty_deg: Columns::default(),
         }
     }
@@ -242,6 +249,7 @@ impl Zeroed {
             steady: None,
             rest,
             errors: Some(errors),
+            is_unsure: false,
             yaw_uncertainty_deg: Columns::default(),
         }
     }
@@ -334,7 +342,7 @@ impl Zeroed {
     }
 
     /// Returns the causes of uncertainty of the yaw at a time; empty for a model, `None` without a still phase or a known
-    /// bias, and where a grave finding is about the rest.
+    /// bias, and where a finding takes it away.
     pub fn yaw_budget(&self, time_s: f64) -> Option<Budget> {
         self.budget(|errors| errors.yaw(&self.angles_deg, time_s))
     }
@@ -345,8 +353,8 @@ impl Zeroed {
     }
 
     fn budget<T: Default>(&self, of: impl FnOnce(&Errors) -> Option<T>) -> Option<T> {
-        // A zero that is no rest has no uncertainty that could be stated.
-        if self.rest.iter().any(|finding| finding.grave) {
+        // A zero that is no rest, for one, has no uncertainty that could be stated.
+        if self.is_unsure {
             return None;
         }
         self.errors.as_ref().map_or_else(|| Some(T::default()), of)

@@ -7,7 +7,7 @@ use super::compatibility::difference;
 use super::shift::RATE_HZ;
 use super::{TwinError, shift};
 use crate::text;
-use crate::trial::{Data, Steady, Unusable, Zeroed};
+use crate::trial::{self, Data, LogFinding, Steady, Unusable, Zeroed};
 use serde::Serialize;
 use sim::accuracy::ModelError;
 use std::borrow::Cow;
@@ -71,12 +71,14 @@ pub struct Comparison {
     /// Start of both runs, each on the clock of its log.
     pub run_start_s: [f64; 2],
     /// Errors that exceed the noise.
-    pub findings: Vec<Finding>,
+    pub differences: Vec<Difference>,
+    /// Findings about both logs.
+    pub findings: Vec<LogFinding>,
     /// What the two trials are.
     pub sides: Sides,
-    /// The findings as text.
+    /// The differences as text.
     pub verdict: String,
-    /// Warnings for the user.
+    /// Warnings about the comparison itself.
     pub warnings: Vec<String>,
 }
 
@@ -127,7 +129,7 @@ impl Sides {
 
 /// A steady error that exceeds the noise.
 #[derive(Serialize, Clone, PartialEq, Debug, Default)]
-pub struct Finding {
+pub struct Difference {
     /// `yaw`, `pitch` or `roll`.
     pub angle: &'static str,
     /// The error.
@@ -147,7 +149,7 @@ pub struct Point {
     pub measured_deg: [f64; 3],
     /// The same for the model.
     pub modelled_deg: [f64; 3],
-    /// 95 % uncertainty of the measured yaw since the start of the run; 0 if it is unknown.
+    /// 95 % uncertainty of the measured yaw since the start of the run; NaN if it is unknown.
     pub yaw_uncertainty_deg: f64,
 }
 
@@ -172,8 +174,18 @@ pub struct SessionComparison {
     pub roll_rmse_deg: Option<f64>,
     /// The same for the steady errors of yaw, pitch and roll.
     pub steady_rms_error_deg: Option<[f64; 3]>,
-    /// The findings of all trials as text.
+    /// The differences of all trials as text.
     pub verdict: String,
+    /// Findings about all logs, also those that belong to no trial.
+    pub findings: Vec<LogFinding>,
+}
+
+impl SessionComparison {
+    /// Returns whether every trial was compared, and nothing is to be said against any.
+    pub fn is_sound(&self) -> bool {
+        let warned = self.trials.iter().any(|trial| !trial.warnings.is_empty());
+        self.skipped.is_empty() && !warned && !self.findings.iter().any(|of_log| of_log.finding.grave)
+    }
 }
 
 /// A trial that could not be compared.
@@ -222,8 +234,9 @@ impl Compared {
 /// run.
 pub fn compare(a: &Data, b: &Data, on_mismatch: OnMismatch) -> Result<Compared, TwinError> {
     let check = |data: &Data| data.check().map_err(|error| TwinError::unusable(data, error));
-    let mut warnings = check(a)?;
-    let modelled_warnings = check(b)?;
+    check(a)?;
+    check(b)?;
+    let mut warnings = Vec::new();
     if let Some(reason) = difference(a, b)? {
         match on_mismatch {
             OnMismatch::Reject => return Err(incomparable(a, b, reason, "compare them anyway with --anyway")),
@@ -241,11 +254,15 @@ pub fn compare(a: &Data, b: &Data, on_mismatch: OnMismatch) -> Result<Compared, 
         Ok::<_, TwinError>((zeroed, steady))
     };
     let sides = [zeroed(a)?, zeroed(b)?];
-    let of_model = |text: &String| format!("{}: {text}", b.path.display());
-    let rest = |side: &Zeroed| side.rest.iter().map(|finding| finding.text.clone()).collect::<Vec<_>>();
-    warnings.extend(rest(&sides[0].0));
-    warnings.extend(modelled_warnings.iter().chain(&rest(&sides[1].0)).map(of_model));
     compare_zeroed(a, b, sides, warnings)
+}
+
+/// Returns whether one log is the replay of another, whose hash was read.
+pub fn is_replay_of(replay: &Data, recording: &Data) -> bool {
+    match (&replay.records.replay, &recording.sha256) {
+        (Some(replay), Some(sha256)) => replay.source_sha256 == *sha256,
+        _ => false,
+    }
 }
 
 fn incomparable(a: &Data, b: &Data, reason: String, help: &'static str) -> TwinError {
@@ -286,11 +303,7 @@ fn compare_zeroed(
     }
     let measured_deg = angles(&measured, 0.0);
     let mut modelled_deg = angles(&modelled, 0.0);
-    let is_replay = match (&b.records.replay, &a.sha256) {
-        (Some(replay), Some(sha256)) => replay.source_sha256 == *sha256,
-        _ => false,
-    };
-    let shift_s = if is_replay { 0.0 } else { shift::of(&measured_deg, &modelled_deg) };
+    let shift_s = if is_replay_of(b, a) { 0.0 } else { shift::of(&measured_deg, &modelled_deg) };
     if shift_s != 0.0 {
         modelled_deg = angles(&modelled, shift_s);
     }
@@ -337,13 +350,15 @@ fn compare_zeroed(
         .then(|| b.robot().ok())
         .flatten()
         .map(|robot| ModelError::of(&robot).of_angles_deg(steady_modelled_deg));
-    let findings = findings(error, allowed, model_error_deg);
+    let differences = differences(error, allowed, model_error_deg);
+    let of_log = |data: &Data, zeroed: &Zeroed| LogFinding::all_of(&data.path, trial::findings(data, zeroed));
+    let findings = [of_log(a, &measured), of_log(b, &modelled)].concat();
     let points = (0..times.len())
         .map(|i| Point {
             time_s: times[i],
             measured_deg: measured_deg[i],
             modelled_deg: modelled_deg[i],
-            yaw_uncertainty_deg: measured.yaw_uncertainty(measured.run.start + times[i]).unwrap_or(0.0),
+            yaw_uncertainty_deg: measured.yaw_uncertainty(measured.run.start + times[i]).unwrap_or(f64::NAN),
         })
         .collect();
     let trial = a.trial();
@@ -370,8 +385,9 @@ fn compare_zeroed(
         modelled_zero_deg: modelled.zero_deg,
         time_shift_s: shift_s,
         run_start_s: [measured.run.start, modelled.run.start],
-        verdict: verdict(Sides::of(a, b), &findings, allowed),
+        verdict: verdict(Sides::of(a, b), &differences, allowed),
         sides: Sides::of(a, b),
+        differences,
         findings,
         warnings,
     };
@@ -386,22 +402,22 @@ fn both([one, other]: [Option<f64>; 2]) -> Option<f64> {
 /// Rounding error of the difference of two models, degrees.
 const ROUNDING_DEG: f64 = 0.01;
 
-fn findings(error: [f64; 3], allowed: [Option<f64>; 3], model: Option<[f64; 3]>) -> Vec<Finding> {
+fn differences(error: [f64; 3], allowed: [Option<f64>; 3], model: Option<[f64; 3]>) -> Vec<Difference> {
     let one = |k: usize, angle: &'static str| {
         let (error_deg, allowed_deg) = (error[k], allowed[k]?.max(ROUNDING_DEG));
         let model_error_deg = model.map(|model| model[k]);
-        (error_deg.abs() > allowed_deg).then_some(Finding { angle, error_deg, allowed_deg, model_error_deg })
+        (error_deg.abs() > allowed_deg).then_some(Difference { angle, error_deg, allowed_deg, model_error_deg })
     };
     ["yaw", "pitch", "roll"].into_iter().enumerate().filter_map(|(k, angle)| one(k, angle)).collect()
 }
 
-fn verdict(sides: Sides, findings: &[Finding], allowed: [Option<f64>; 3]) -> String {
+fn verdict(sides: Sides, differences: &[Difference], allowed: [Option<f64>; 3]) -> String {
     let unknown = ["yaw", "pitch", "roll"].into_iter().zip(allowed).filter(|(_, allowed)| allowed.is_none());
     let unknown: Vec<_> = unknown.map(|(angle, _)| angle).collect();
-    let found: Vec<_> = findings
+    let found: Vec<_> = differences
         .iter()
         .map(|finding| {
-            let Finding { angle, error_deg, allowed_deg, model_error_deg } = finding;
+            let Difference { angle, error_deg, allowed_deg, model_error_deg } = finding;
             let mut text = format!("{angle} differs by {error_deg:+.2}°");
             if *allowed_deg > ROUNDING_DEG {
                 text += &format!(", {:.1} times the noise", error_deg.abs() / allowed_deg);
@@ -439,7 +455,7 @@ mod tests {
     #[test]
     fn verdict_lists_errors_beyond_noise_and_unknown_noise() {
         let allowed = [Some(1.0), Some(0.2), None];
-        let found = findings([0.9, -0.8, 5.0], allowed, None);
+        let found = differences([0.9, -0.8, 5.0], allowed, None);
         assert_eq!(found.len(), 1);
         assert_eq!(
             verdict(Sides::default(), &found, allowed),
@@ -451,10 +467,10 @@ mod tests {
         assert_eq!(agreement(Sides::Models), "The two models agree within noise");
         assert_eq!(verdict(Sides::default(), &[], [None; 3]), "the noise of yaw, pitch, roll is unknown");
         assert_eq!(
-            verdict(Sides::Models, &findings([0.5, 0.0, 0.0], [Some(0.0); 3], None), [Some(0.0); 3]),
+            verdict(Sides::Models, &differences([0.5, 0.0, 0.0], [Some(0.0); 3], None), [Some(0.0); 3]),
             "yaw differs by +0.50°"
         );
-        let found = findings([3.0, 0.9, 0.0], [Some(1.0), Some(0.1), Some(0.1)], Some([5.0, 0.5, 0.5]));
+        let found = differences([3.0, 0.9, 0.0], [Some(1.0), Some(0.1), Some(0.1)], Some([5.0, 0.5, 0.5]));
         let beside = verdict(Sides::default(), &found, allowed);
         assert!(
             beside.starts_with("yaw differs by +3.00°, 3.0 times the noise, within the model's error of 5.0°; "),

@@ -10,12 +10,15 @@ mod compare;
 mod compatibility;
 mod error;
 mod replay;
+mod replay_folder;
 mod session;
 mod shift;
 mod source;
 mod speeds;
 
-pub use compare::{Compared, Comparison, Finding, OnMismatch, Point, SessionComparison, Sides, Skipped, compare};
+pub use compare::{
+    Compared, Comparison, Difference, OnMismatch, Point, SessionComparison, Sides, Skipped, compare, is_replay_of,
+};
 pub use error::TwinError;
 pub use replay::{REPLAY_HZ, Replayed, Replays, Settings, replay};
 pub use session::{Pairs, compare_pairs};

@@ -1,15 +1,16 @@
 //! Replays recorded trials in the simulator: their measured speeds drive a model with the parameters of their robot.
 //!
 //! Replays are written to a separate session beside the recorded one, with the same names. An existing replay of the
-//! same log with the same model is used again.
+//! same log with the same model is used again; others are moved into its folder `attempts`, so that the plain name is
+//! always the one that was used last.
 
-use super::{Skipped, Source, TwinError, speeds};
+use super::{Skipped, Source, TwinError, replay_folder, speeds};
 use crate::plan::{Phase, Plan, RobotFile, Schedule, Trial};
 use crate::program;
 use crate::progress::Progress;
 use crate::run::model::{Batch, Course, Job, Model, ModelError, ModelRun};
-use crate::session::Session;
-use crate::trial::{Data, Want};
+use crate::session::{Attempt, Session};
+use crate::trial::{Data, Finding, LogFinding, Want, Zeroed, findings};
 use biflag_log::{Identity, Method, ModelMeta, Origin, ReplayMeta, SteadyMeta, last_meta};
 use protocol::units::CentiRpm;
 use rayon::prelude::*;
@@ -53,8 +54,8 @@ pub struct Replayed {
     pub result: Result<SteadyMeta, String>,
     /// Wall time, s; `None` if the replay already existed.
     pub wall_s: Option<f64>,
-    /// Warnings about the log.
-    pub warnings: Vec<String>,
+    /// Findings about the recording.
+    pub findings: Vec<Finding>,
     /// Whether the result depends on the helix angles, which the encoders do not measure: they count from the start of
     /// the board.
     pub needs_phase: bool,
@@ -67,6 +68,8 @@ pub struct Replays<T> {
     pub trials: Vec<(Replayed, T)>,
     /// Trials that could not be replayed, with reasons.
     pub skipped: Vec<Skipped>,
+    /// Findings about logs that belong to no trial.
+    pub left_out: Vec<LogFinding>,
     /// Whether the user interrupted the replay.
     pub interrupted: bool,
 }
@@ -121,20 +124,20 @@ pub fn replay<T: Send>(
     let progress = if settings.quiet { Progress::quiet() } else { Progress::new(total_s) };
     progress.phase(&crate::text::count(source.logs.len(), "replay"), &format!("{} at a time", settings.jobs));
     let batch = Batch::new(session, &progress, interrupted);
-    let one = |(trial, path): &(Trial, PathBuf)| {
-        let data = Data::read(path, Want { hash: true, ..want }).map_err(TwinError::from);
+    let one = |(trial, attempt): &(Trial, Attempt)| {
+        let data = attempt.read(Want { hash: true, ..want }).map_err(TwinError::from);
         let prepared = data.and_then(|data| Ok((prepare(trial, &data, &robot, settings)?, data)));
-        let (Prepared { model, course, warnings, needs_phase }, data) = match prepared {
+        let (Prepared { model, course, findings, needs_phase }, data) = match prepared {
             Ok(prepared) => prepared,
             Err(error) => return Ok(Outcome::Skipped(trial.name.clone(), error)),
         };
         let replayed = |log, result, wall_s| Replayed {
             trial: trial.clone(),
-            source: path.clone(),
+            source: attempt.path.clone(),
             log,
             result,
             wall_s,
-            warnings,
+            findings,
             needs_phase,
         };
         let replayed = match cached_replay(session, trial, &model, &course, settings)? {
@@ -142,7 +145,7 @@ pub fn replay<T: Send>(
                 batch.pass(trial.phases.total_s());
                 replayed(log, Ok(steady), None)
             }
-            None => match batch.compute(&Job { trial, course, model: &model, plan: &plan }, line) {
+            None => match compute(&batch, session, &Job { trial, course, model: &model, plan: &plan }, line) {
                 Ok(run) => replayed(run.log, run.result.map_err(|error| error.to_string()), Some(run.wall_s)),
                 Err(ModelError::Interrupted) => return Ok(Outcome::Interrupted),
                 Err(error) => return Err(error.into()),
@@ -154,7 +157,12 @@ pub fn replay<T: Send>(
     let outcomes: Result<Vec<_>, TwinError> =
         pool(settings.jobs)?.install(|| source.logs.iter().par_bridge().map(one).collect());
     progress.finish();
-    let mut replays = Replays { trials: Vec::new(), skipped: source.skipped.clone(), interrupted: false };
+    let mut replays = Replays {
+        trials: Vec::new(),
+        skipped: source.skipped.clone(),
+        left_out: source.left_out.clone(),
+        interrupted: false,
+    };
     for outcome in outcomes? {
         match outcome {
             Outcome::Replayed(replayed, made) => replays.trials.push((*replayed, made)),
@@ -177,12 +185,13 @@ pub(super) fn pool(jobs: usize) -> Result<rayon::ThreadPool, TwinError> {
 struct Prepared {
     model: Model,
     course: Course,
-    warnings: Vec<String>,
+    findings: Vec<Finding>,
     needs_phase: bool,
 }
 
 fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Settings) -> Result<Prepared, TwinError> {
-    let warnings = data.check().map_err(|error| TwinError::unusable(data, error))?;
+    data.check().map_err(|error| TwinError::unusable(data, error))?;
+    let findings = findings(data, &Zeroed::new(data));
     let course = course(data, trial)?;
     let robot = match robot {
         Some(robot) => robot.clone(),
@@ -193,7 +202,7 @@ fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Setting
     let own = data.records.model.as_ref().map(|model| model.closure);
     let closure = settings.closure.or(own).unwrap_or(Closure::Full);
     let model = Model::new(robot, data.settings().unwrap_or_default(), closure, Method::Trial, settings.options);
-    Ok(Prepared { model, course, warnings, needs_phase })
+    Ok(Prepared { model, course, findings, needs_phase })
 }
 
 /// Returns the course of a recorded trial for the model. The run begins with the motors, shortly after the phase.
@@ -230,12 +239,23 @@ fn cached_replay(
         let same_program = last_meta::<Identity>(path)?.is_some_and(|then| program::wrote(&then));
         Ok(same_source && same_model && same_program)
     };
-    for attempt in session.state(trial)?.attempts.iter().rev() {
-        if is_same(&attempt.path)?
-            && let Some(steady) = last_meta::<SteadyMeta>(&attempt.path)?
+    for log in replay_folder::all(session, trial)? {
+        if is_same(&log)?
+            && let Some(steady) = last_meta::<SteadyMeta>(&log)?
         {
-            return Ok(Some((attempt.path.clone(), steady)));
+            return Ok(Some((replay_folder::put_first(session, trial, &log)?, steady)));
         }
     }
     Ok(None)
+}
+
+/// Computes a replay in the place of older ones.
+fn compute(
+    batch: &Batch,
+    session: &Session,
+    job: &Job,
+    line: &(dyn Fn(&ModelRun) -> String + Sync),
+) -> Result<ModelRun, ModelError> {
+    replay_folder::retire(session, job.trial)?;
+    batch.compute(job, line)
 }

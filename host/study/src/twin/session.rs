@@ -3,8 +3,9 @@
 use super::replay::pool;
 use super::{Compared, Comparison, OnMismatch, Replays, SessionComparison, Skipped, Source, TwinError, compare};
 use crate::plan::Trial;
+use crate::session::Attempt;
 use crate::text;
-use crate::trial::{Data, Want};
+use crate::trial::{Data, LogFinding, Want};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -15,12 +16,13 @@ pub struct Pairs {
     pub paths: [PathBuf; 2],
     pairs: Vec<Pair>,
     skipped: Vec<Skipped>,
+    left_out: Vec<LogFinding>,
 }
 
 #[derive(Clone, Debug)]
 struct Pair {
     name: String,
-    logs: [PathBuf; 2],
+    logs: [Attempt; 2],
 }
 
 impl Pairs {
@@ -33,9 +35,11 @@ impl Pairs {
         // Errors about single logs name the logs.
         if a.is_file() && b.is_file() {
             let name = a.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            return Ok(Self { pairs: vec![Pair { name, logs: paths.clone() }], paths, skipped: Vec::new() });
+            let logs = paths.each_ref().map(|path| Attempt::of_log(path));
+            return Ok(Self { pairs: vec![Pair { name, logs }], paths, skipped: Vec::new(), left_out: Vec::new() });
         }
         let (measured, modelled) = (Source::open(a)?, Source::open(b)?);
+        let left_out = [measured.left_out.clone(), modelled.left_out.clone()].concat();
         let mut skipped = measured.skipped.clone();
         let mut pairs = Vec::new();
         for (trial, log) in &measured.logs {
@@ -63,7 +67,7 @@ impl Pairs {
                 help: "name sessions with trials at the same speeds",
             });
         }
-        Ok(Self { paths, pairs, skipped })
+        Ok(Self { paths, pairs, skipped, left_out })
     }
 }
 
@@ -81,7 +85,7 @@ pub fn compare_pairs<T: Send>(
 ) -> Result<(SessionComparison, Vec<T>), TwinError> {
     let one = |Pair { name, logs: [a, b] }: &Pair| {
         let compared = || {
-            let (a, b) = (Data::read(a, Want { hash: true, ..want })?, Data::read(b, want)?);
+            let (a, b) = (a.read(Want { hash: true, ..want })?, b.read(want)?);
             let compared = compare(&a, &b, on_mismatch)?;
             let made = then(&a, &b, &compared);
             Ok((compared.comparison, made))
@@ -89,7 +93,8 @@ pub fn compare_pairs<T: Send>(
         (name.clone(), compared())
     };
     let results = pool(jobs)?.install(|| pairs.pairs.par_iter().map(one).collect());
-    sum_up(pairs.paths.each_ref().map(PathBuf::as_path), results, pairs.skipped.clone(), on_mismatch)
+    let paths = pairs.paths.each_ref().map(PathBuf::as_path);
+    sum_up(paths, results, (pairs.skipped.clone(), pairs.left_out.clone()), on_mismatch)
 }
 
 /// The comparison of a trial, with the caller's result for it.
@@ -109,7 +114,7 @@ impl<T> Replays<Result<(Comparison, T), TwinError>> {
                 Err(reason) => skipped.push(Skipped { name, reason: format!("the solver failed: {reason}") }),
             }
         }
-        sum_up(paths, results, skipped, on_mismatch)
+        sum_up(paths, results, (skipped, self.left_out), on_mismatch)
     }
 }
 
@@ -117,7 +122,7 @@ impl<T> Replays<Result<(Comparison, T), TwinError>> {
 fn sum_up<T>(
     [a, b]: [&Path; 2],
     results: Vec<Named<T>>,
-    mut skipped: Vec<Skipped>,
+    (mut skipped, left_out): (Vec<Skipped>, Vec<LogFinding>),
     on_mismatch: OnMismatch,
 ) -> Result<(SessionComparison, Vec<T>), TwinError> {
     let (mut trials, mut made) = (Vec::new(), Vec::new());
@@ -160,20 +165,21 @@ fn sum_up<T>(
             _ => None,
         },
         verdict: verdict(&trials),
+        findings: trials.iter().flat_map(|trial| &trial.findings).chain(&left_out).cloned().collect(),
         trials,
         skipped,
     };
     Ok((comparison, made))
 }
 
-/// Returns a summary of the findings of all trials.
+/// Returns a summary of the differences of all trials.
 fn verdict(trials: &[Comparison]) -> String {
     // Trials of a session may be of different kinds only after somebody has put logs into it.
     let sides = match trials.split_first() {
         Some((first, rest)) if rest.iter().all(|trial| trial.sides == first.sides) => first.sides.text(),
         _ => "both sides",
     };
-    let differing = trials.iter().filter(|trial| !trial.findings.is_empty()).count();
+    let differing = trials.iter().filter(|trial| !trial.differences.is_empty()).count();
     let is_unknown =
         |trial: &&Comparison| trial.yaw_uncertainty_deg.is_none() || trial.tilt_uncertainty_deg.contains(&None);
     let unknown = trials.iter().filter(is_unknown).count();
@@ -191,7 +197,7 @@ fn verdict(trials: &[Comparison]) -> String {
     }
     let mut verdict = format!("{differing} of {all} differ by more than the noise");
     for angle in ["yaw", "pitch", "roll"] {
-        let found: Vec<_> = trials.iter().flat_map(|trial| &trial.findings).filter(|f| f.angle == angle).collect();
+        let found: Vec<_> = trials.iter().flat_map(|trial| &trial.differences).filter(|f| f.angle == angle).collect();
         if let Some(worst) = found.iter().max_by(|a, b| a.error_deg.abs().total_cmp(&b.error_deg.abs())) {
             let (found, worst) = (text::count(found.len(), "trial"), worst.error_deg.abs());
             verdict += &format!("; {angle} in {found}, by at most {worst:.2}°");

@@ -2,19 +2,21 @@
 
 use super::{Skipped, TwinError};
 use crate::plan::{Plan, RobotFile, Trial};
-use crate::session::{MANIFEST, Session};
+use crate::session::{Attempt, MANIFEST, Session};
+use crate::trial::LogFinding;
 use biflag_log::{PlanMeta, Reader, TrialMeta};
 use std::path::{Path, PathBuf};
 
-/// Returns the logs of a session folder, or the log itself.
+/// Returns the logs of a session folder, or the log itself, and findings about logs that are left out.
 ///
 /// # Errors
 /// [`TwinError::Session`].
-pub fn logs(path: &Path) -> Result<Vec<PathBuf>, TwinError> {
+pub fn logs(path: &Path) -> Result<(Vec<Attempt>, Vec<LogFinding>), TwinError> {
     if path.is_dir() {
-        Ok(Source::session(path)?.logs.into_iter().map(|(_, log)| log).collect())
+        let source = Source::session(path)?;
+        Ok((source.logs.into_iter().map(|(_, log)| log).collect(), source.left_out))
     } else {
-        Ok(vec![path.to_owned()])
+        Ok((vec![Attempt::of_log(path)], Vec::new()))
     }
 }
 
@@ -26,7 +28,9 @@ pub struct Source {
     /// The plan of the logs.
     pub plan: Plan,
     /// Trials and their logs: the complete attempt, or else the last one.
-    pub logs: Vec<(Trial, PathBuf)>,
+    pub logs: Vec<(Trial, Attempt)>,
+    /// Findings about logs that belong to no trial.
+    pub left_out: Vec<LogFinding>,
     /// Trials without a log.
     pub skipped: Vec<Skipped>,
 }
@@ -42,14 +46,15 @@ impl Source {
 
     fn session(folder: &Path) -> Result<Self, TwinError> {
         let session = Session::open(folder)?;
-        let (mut logs, mut skipped) = (Vec::new(), Vec::new());
+        let (mut logs, mut left_out, mut skipped) = (Vec::new(), Vec::new(), Vec::new());
         for state in session.intact_states()? {
+            left_out.extend(state.left_out.iter().cloned());
             match state.best() {
-                Some(attempt) => logs.push((state.trial.clone(), attempt.path.clone())),
+                Some(attempt) => logs.push((state.trial.clone(), attempt.clone())),
                 None => skipped.push(Skipped { name: state.trial.name.clone(), reason: "it has no log".to_owned() }),
             }
         }
-        Ok(Self { path: folder.to_owned(), plan: session.plan().clone(), logs, skipped })
+        Ok(Self { path: folder.to_owned(), plan: session.plan().clone(), logs, left_out, skipped })
     }
 
     fn log(path: &Path) -> Result<Self, TwinError> {
@@ -68,7 +73,13 @@ impl Source {
         plan.robot = RobotFile::of_log(robot);
         let trial = plan.trials.iter().find(|trial| Some(&trial.name) == name.as_ref()).cloned();
         let trial = trial.ok_or_else(|| unusable("its trial is not in its plan"))?;
-        Ok(Self { path: path.to_owned(), plan, logs: vec![(trial, path.to_owned())], skipped: Vec::new() })
+        Ok(Self {
+            path: path.to_owned(),
+            plan,
+            logs: vec![(trial, Attempt::of_log(path))],
+            left_out: Vec::new(),
+            skipped: Vec::new(),
+        })
     }
 
     /// Returns the default folder for its replays: beside the session, or beside a log that is not in a session.

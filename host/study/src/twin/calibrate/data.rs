@@ -1,7 +1,8 @@
 //! A trial prepared for a fit: means of yaw, pitch and roll over short blocks, and the speeds that drive the model.
 
 use super::super::{TwinError, speeds};
-use crate::trial::{Data, Unusable, Want, Zeroed};
+use crate::session::Attempt;
+use crate::trial::{Data, Finding, Unusable, Want, Zeroed, findings};
 use biflag_log::Origin;
 use nalgebra::{DMatrix, DVector, Dyn, linalg::Cholesky};
 use protocol::units::CentiRpm;
@@ -10,7 +11,7 @@ use sim::params::Robot;
 use sim::phase::Ratio;
 use sim::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Length of the blocks, s. Yaw and pitch change over seconds, and a block is most of a turn of a slow motor.
 pub(super) const BLOCK_S: f64 = 0.5;
@@ -41,7 +42,8 @@ pub struct FitTrial {
     pub(super) temperature_c: f64,
     /// Mounting of the sensor: pitch and roll at rest, degrees.
     pub(super) askew_deg: [f64; 2],
-    pub(super) warnings: Vec<String>,
+    /// Findings about its log.
+    pub(super) findings: Vec<Finding>,
     /// Whether it measured a real robot.
     pub(super) is_real: bool,
     /// Its robot and the closure of its model.
@@ -64,8 +66,8 @@ impl FitTrial {
     ///
     /// # Errors
     /// [`TwinError::Log`], and those of [`Self::new`].
-    pub fn read(log: &Path) -> Result<Self, TwinError> {
-        Self::new(&Data::read(log, Want { hash: true, ..Want::default() })?)
+    pub fn read(log: &Attempt) -> Result<Self, TwinError> {
+        Self::new(&log.read(Want { hash: true, ..Want::default() })?)
     }
 
     /// Prepares a trial.
@@ -77,16 +79,11 @@ impl FitTrial {
             let help = "calibrate with trials that begin with a still phase of 10 s or more";
             TwinError::unusable(data, Unusable { reason: reason.to_owned(), help })
         };
-        let mut warnings = data.check().map_err(|error| TwinError::unusable(data, error))?;
+        data.check().map_err(|error| TwinError::unusable(data, error))?;
         // The decay is part of the fit, so the drift is estimated from the still phase before the run alone.
         let zeroed = Zeroed::from_rest(data);
         if zeroed.steady.is_none() {
             return Err(unusable("contains no attitude in its run"));
-        }
-        warnings.extend(zeroed.rest.iter().map(|finding| finding.text.clone()));
-        if data.has_long_gap() {
-            warnings
-                .push("the yaw may lack a full turn, because telemetry is missing for more than a second".to_owned());
         }
         let run = &zeroed.run;
         let end = zeroed.span().end.min(data.duration_s);
@@ -117,7 +114,7 @@ impl FitTrial {
             sha256: data.sha256.clone().unwrap_or_default(),
             temperature_c: data.temperature_c,
             askew_deg: [zeroed.zero_deg[1], zeroed.zero_deg[2]],
-            warnings,
+            findings: findings(data, &zeroed),
             is_real: data.is_real(),
             robot: data.robot().map_err(|source| TwinError::robot(data, source)),
             closure: data.records.model.as_ref().map(|model| model.closure),

@@ -101,6 +101,7 @@ mod tests {
             rmse_after_deg: 0.1,
             trials: Vec::new(),
             simulations: 8,
+            findings: Vec::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
             parameters: vec![

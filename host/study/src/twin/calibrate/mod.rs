@@ -22,6 +22,7 @@ mod phase;
 mod problem;
 mod uncertainty;
 
+use crate::trial::{Finding, LogFinding};
 pub use file::{StdError, std_errors, to_toml};
 pub use parameter::Parameter;
 use parameter::wrapped;
@@ -143,7 +144,9 @@ pub struct Calibration {
     pub closure: Closure,
     /// Total number of simulated trials.
     pub simulations: usize,
-    /// Warnings for the user.
+    /// Findings about the logs of the trials, also of those that are left out of the fit.
+    pub findings: Vec<LogFinding>,
+    /// Warnings about the fit itself.
     pub warnings: Vec<String>,
     /// Notes for the user.
     pub notes: Vec<String>,
@@ -174,13 +177,27 @@ fn fit(
     request: &Request,
     progress: &(dyn Fn() -> bool + Sync),
 ) -> Result<Calibration, TwinError> {
+    let all = trials.len();
+    let of_log = |trial: &FitTrial| LogFinding::all_of(&trial.path, trial.findings.iter().cloned());
+    let findings: Vec<LogFinding> = trials.iter().flat_map(of_log).collect();
+    // One spoilt trial is enough to move every parameter out of its interval.
+    trials.retain(|trial| !trial.findings.iter().any(Finding::empties_uncertainty));
     let Some(first) = trials.first_mut() else {
+        let grave: Vec<_> = findings.iter().filter(|of_log| of_log.finding.empties_uncertainty()).collect();
+        if !grave.is_empty() {
+            let texts: Vec<_> = grave.iter().map(|of_log| format!("{}: {}", of_log.log, of_log.finding)).collect();
+            let reason = format!("no trial is sound: {}", texts.join("; "));
+            return Err(failed(&reason, "name logs without grave findings"));
+        }
         return Err(failed("there are no trials", "name the logs of one or more trials"));
     };
     let first_robot = std::mem::replace(&mut first.robot, Ok(Robot::default()));
     let first_closure = first.closure;
-    let mut warnings: Vec<String> =
-        trials.iter().flat_map(|trial| trial.warnings.iter().map(|text| format!("{}: {text}", trial.name))).collect();
+    let mut warnings = Vec::new();
+    if trials.len() < all {
+        let left = all - trials.len();
+        warnings.push(format!("{} with grave findings left out of the fit", crate::text::count(left, "trial")));
+    }
     let mut start = match &request.robot {
         Some(robot) => robot.clone(),
         None => first_robot?,
@@ -299,6 +316,7 @@ fn fit(
         trials: (0..trials.len()).map(fitted).collect(),
         closure,
         simulations: simulations.into_inner(),
+        findings,
         warnings,
         notes: phase::unknown(&trials, &start, parameters).into_iter().collect(),
         robot,

@@ -1,0 +1,234 @@
+//! Which trial a log holds: its content says so, and a file's name decides nothing.
+//!
+//! A log belongs to the trial of the plan that its own records name. It is left out of the session, with a finding, if it
+//! is of another plan, of another place than most logs (rig, emulated board, model), of another board, older than the
+//! session, or a copy of another log. A log that bears the name of another trial is used as what it is, with a finding.
+
+use super::{Session, SessionError, attempt_number, difference, log_names};
+use crate::plan::{Plan, RobotFile};
+use crate::run::trial_meta;
+use crate::trial::{Finding, FindingKind};
+use biflag_log::{BoardMeta, Identity, LogError, Origin, PlanMeta, Reader, RecoveryMeta, RobotMeta, TrialMeta};
+use jiff::{SignedDuration, Timestamp};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+
+/// By how much a log may be older than its session: the computer's clock may have been set meanwhile.
+const CLOCK_STEP: SignedDuration = SignedDuration::from_mins(10);
+
+/// The logs of a session by their content.
+#[derive(Debug, Default)]
+pub(super) struct Sorted {
+    /// The logs of each trial of the plan: numbers of their attempts, and names of the files.
+    pub attempts: Vec<Vec<(u32, String)>>,
+    /// For each trial, the logs that are left out and bear its name.
+    pub left_out: Vec<Vec<String>>,
+    /// What was found about a log, by the name of its file.
+    pub findings: BTreeMap<String, Finding>,
+}
+
+/// What a log says about itself.
+#[derive(Debug, Default)]
+struct Known {
+    identity: Option<Identity>,
+    plan: Option<PlanMeta>,
+    trial: Option<TrialMeta>,
+    robot: Option<RobotMeta>,
+    board: Option<BoardMeta>,
+    is_recovered: bool,
+    /// Whether it is no log at all.
+    is_none: bool,
+}
+
+impl Known {
+    /// Reads the records at the start of a log, and the one about its recovery at its end.
+    fn read(log: &Path) -> Result<Self, LogError> {
+        let read = || -> Result<Self, LogError> {
+            let mut reader = Reader::open(log)?;
+            let trial = reader.read_until::<TrialMeta>()?;
+            let robot = reader.read_until::<RobotMeta>()?;
+            let identity: Option<Identity> = reader.meta();
+            let is_model = identity.as_ref().is_some_and(|identity| identity.origin == Origin::Model);
+            let board = if is_model { None } else { reader.read_until()? };
+            let is_recovered = biflag_log::last_meta::<RecoveryMeta>(log)?.is_some();
+            Ok(Self { plan: reader.meta(), identity, trial, robot, board, is_recovered, is_none: false })
+        };
+        match read() {
+            // A log that cannot be read may be whole.
+            Err(error) if error.is_of_reading() => Err(error),
+            Err(_) => Ok(Self { is_none: true, ..Self::default() }),
+            known => known,
+        }
+    }
+
+    fn origin(&self) -> Option<Origin> {
+        Some(self.identity.as_ref()?.origin)
+    }
+
+    fn created(&self) -> Option<Timestamp> {
+        self.identity.as_ref()?.created.parse().ok()
+    }
+
+    fn board_id(&self) -> Option<u16> {
+        self.board.as_ref().map(|board| board.board_id).filter(|id| *id != 0)
+    }
+
+    /// What no two logs have in common; `None` if it is not known.
+    fn key(&self) -> Option<(String, String, u32, bool)> {
+        let (identity, trial) = (self.identity.as_ref()?, self.trial.as_ref()?);
+        Some((identity.created.clone(), trial.name.clone(), trial.attempt, self.is_recovered))
+    }
+}
+
+/// Assigns logs to the trials of a session by their content.
+pub(super) fn sort(session: &Session, names: &[String]) -> Result<Sorted, SessionError> {
+    let (folder, plan) = (&session.folder, &session.plan);
+    let known: Result<Vec<Known>, LogError> = names.par_iter().map(|name| Known::read(&folder.join(name))).collect();
+    let logs: Vec<(&str, Known)> = names.iter().map(String::as_str).zip(known?).collect();
+    let by_name: HashMap<&str, usize> = plan.trials.iter().map(|trial| (trial.name.as_str(), trial.index)).collect();
+    let named = |name: &str| {
+        name.split_once('.').and_then(|(stem, _)| by_name.get(stem).copied()).or_else(|| longest(plan, name))
+    };
+    let mut sorted = Sorted {
+        attempts: vec![Vec::new(); plan.trials.len()],
+        left_out: vec![Vec::new(); plan.trials.len()],
+        findings: BTreeMap::new(),
+    };
+    let mut trials: Vec<Option<usize>> = logs.iter().map(|(_, known)| trial_of(plan, known)).collect();
+    let mut strange: Vec<Option<(String, &str)>> =
+        logs.iter().zip(&trials).map(|((_, known), trial)| of_other_plan(session, known, *trial)).collect();
+
+    let ours = |i: &usize, strange: &[Option<(String, &str)>]| strange[*i].is_none() && trials[*i].is_some();
+    let most_common = |of: &dyn Fn(&Known) -> Option<u32>,
+                       strange: &[Option<(String, &str)>]|
+     -> Option<(u32, String)> {
+        let mut counts: BTreeMap<u32, (usize, usize)> = BTreeMap::new();
+        for i in (0..logs.len()).filter(|i| ours(i, strange)) {
+            if let Some(value) = of(&logs[i].1) {
+                counts.entry(value).or_insert((0, i)).0 += 1;
+            }
+        }
+        // Of equally many, recordings come before models, and what comes first in the folder before others.
+        let best =
+            counts.into_iter().max_by_key(|(value, (count, first))| (*count, std::cmp::Reverse((*value, *first))))?;
+        Some((best.0, logs[best.1.1].0.to_owned()))
+    };
+    let origin = |known: &Known| known.origin().map(|origin| origin as u32);
+    if let Some((most, example)) = most_common(&origin, &strange) {
+        for i in 0..logs.len() {
+            let Some(own) = logs[i].1.origin().filter(|own| strange[i].is_none() && *own as u32 != most) else {
+                continue;
+            };
+            let text = format!("was {}, other than {example} and the rest of the session", crate::text::origin(own));
+            strange[i] = Some((text, "move it out of the session"));
+        }
+    }
+    let board = |known: &Known| known.board_id().map(u32::from);
+    if let Some((most, example)) = most_common(&board, &strange) {
+        for i in 0..logs.len() {
+            let Some(own) = logs[i].1.board_id().filter(|own| strange[i].is_none() && u32::from(*own) != most) else {
+                continue;
+            };
+            let text = format!("was recorded with board {own}, and {example} with board {most}");
+            strange[i] = Some((text, "move it out of the session"));
+        }
+    }
+    // Of copies, the one that bears the name of its trial is the log.
+    let mut first: HashMap<(String, String, u32, bool), usize> = HashMap::new();
+    let fits = |i: usize| trials[i].is_some() && named(logs[i].0) == trials[i];
+    let order = (0..logs.len()).filter(|i| fits(*i)).chain((0..logs.len()).filter(|i| !fits(*i)));
+    for i in order {
+        let Some(key) = logs[i].1.key().filter(|_| strange[i].is_none()) else { continue };
+        match first.get(&key) {
+            None => _ = first.insert(key, i),
+            Some(other) => {
+                strange[i] = Some((format!("is a copy of {}", logs[*other].0), "delete it, or repeat its trial"))
+            }
+        }
+    }
+    for (i, (name, known)) in logs.iter().enumerate() {
+        let of_name = named(name);
+        if let Some((text, cure)) = strange[i].take() {
+            let place = of_name.or(trials[i]).unwrap_or(0);
+            sorted.findings.insert((*name).to_owned(), identity(format!("{name} {text}; it is left out"), cure));
+            sorted.left_out[place].push((*name).to_owned());
+            continue;
+        }
+        // Without a record of its trial, only its name is left; a log that is no log is the loss of one attempt alone.
+        let Some(trial) = trials[i].take().or(of_name) else { continue };
+        let attempt = known.trial.as_ref().map(|trial| trial.attempt).filter(|attempt| *attempt > 0);
+        let suffix = name.strip_prefix(&format!("{}.", plan.trials[trial].name));
+        sorted.attempts[trial]
+            .push((attempt.unwrap_or_else(|| attempt_number(suffix.unwrap_or_default())), (*name).to_owned()));
+        if known.trial.is_none() && !known.is_none {
+            let text = format!("{name} does not say which trial it holds: the name of its file is believed");
+            sorted.findings.insert((*name).to_owned(), identity(text, "repeat the trial"));
+        } else if known.trial.is_some() && of_name != Some(trial) {
+            let own = &plan.trials[trial];
+            let [w1, w2] = own.speeds.map(|speed| speed.rpm());
+            let text = format!("{name} holds trial {} at {w1} and {w2} rpm, and is used as that", own.name);
+            sorted.findings.insert((*name).to_owned(), identity(text, "give it the name of its trial"));
+        }
+    }
+    sorted.attempts.iter_mut().for_each(|attempts| attempts.sort());
+    Ok(sorted)
+}
+
+fn identity(text: String, cure: &str) -> Finding {
+    Finding::grave(FindingKind::Identity, text, cure)
+}
+
+/// Returns the trial whose name begins the name of a file, where names have points.
+fn longest(plan: &Plan, name: &str) -> Option<usize> {
+    let fits =
+        plan.trials.iter().filter(|trial| name.strip_prefix(&trial.name).is_some_and(|rest| rest.starts_with('.')));
+    fits.max_by_key(|trial| trial.name.len()).map(|trial| trial.index)
+}
+
+/// Returns the trial of the plan that the records of a log name.
+fn trial_of(plan: &Plan, known: &Known) -> Option<usize> {
+    let meta = known.trial.as_ref()?;
+    let trial = plan.trials.get(meta.index)?;
+    (trial_meta(trial, meta.attempt) == *meta).then_some(meta.index)
+}
+
+/// Says why a log is not of a session's plan, or older than the session, with what to do.
+fn of_other_plan(session: &Session, known: &Known, trial: Option<usize>) -> Option<(String, &'static str)> {
+    let cure = "move it out of the session";
+    let own = known.trial.as_ref()?;
+    if trial.is_none() {
+        let TrialMeta { name, w1_rpm, w2_rpm, .. } = own;
+        let text = format!("holds trial {name} at {w1_rpm} and {w2_rpm} rpm of another plan than session.toml");
+        return Some((text, cure));
+    }
+    let is_model = known.origin() == Some(Origin::Model);
+    if let Some(meta) = known.plan.as_ref().filter(|meta| meta.text != session.plan.text)
+        && let Ok(plan) = Plan::parse(&meta.text, "the plan")
+    {
+        let plan = Plan { robot: session.plan.robot.clone(), ..plan };
+        if let Some(different) = difference(&session.plan, &plan) {
+            return Some((format!("is of another plan than session.toml: {different} differ"), cure));
+        }
+    }
+    // A replay may have another robot than its recording.
+    if !is_model && known.robot.is_some() && RobotFile::of_log(known.robot.clone()) != session.plan.robot {
+        return Some(("is of another robot than session.toml".to_owned(), cure));
+    }
+    let begun: Timestamp = session.created.parse().ok()?;
+    let created = known.created().filter(|created| *created + CLOCK_STEP < begun)?;
+    Some((format!("is of {created}, and the session began on {begun}"), cure))
+}
+
+/// Returns what is to be said about a log because of the session in whose folder it is.
+pub(super) fn of_log(log: &Path) -> Vec<Finding> {
+    let folder = match log.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let Some(name) = log.file_name().and_then(|name| name.to_str()) else { return Vec::new() };
+    // A folder that is no session, or whose logs cannot be read, says nothing about this one.
+    let Ok(session) = Session::open(folder) else { return Vec::new() };
+    let sorted = log_names(folder).and_then(|names| sort(&session, &names));
+    sorted.map_or_else(|_| Vec::new(), |mut sorted| sorted.findings.remove(name).into_iter().collect())
+}
