@@ -2,8 +2,8 @@
 
 use biflag_log::Origin;
 use host::trial::{Data, Want};
-use std::path::PathBuf;
-use tests::{Bench, Run, data, expect_error, logs, nano, wait_for_line};
+use std::io::{BufRead, BufReader};
+use tests::{Bench, Run, data, expect_error, logs, nano};
 
 /// A trial at rest, of a board whose sensor was measured.
 const PLAN: &str = "[session]\nname = \"s\"\nsensor = \"sensor.toml\"\n[board]\ndeadline_ms = 5000\n\
@@ -53,8 +53,8 @@ fn the_emulated_hand_measures_an_axis_and_the_log_of_a_trial_has_it() {
     let text = std::fs::read_to_string(&file).unwrap();
     std::fs::write(&file, text.replace("board_id = 0", "board_id = 9")).unwrap();
     expect_error(&record(&["--out", "other"]), 2, &["sensor.toml", "board 9"]);
-    std::fs::write(&file, text.replace("u = ", "v = ")).unwrap();
-    expect_error(&record(&["--out", "other"]), 2, &["sensor.toml:9:", "unknown key `v`"]);
+    std::fs::write(&file, text.replace("[gyro_scale]", "[gyro_skale]")).unwrap();
+    expect_error(&record(&["--out", "other"]), 2, &["sensor.toml:7:2", "unknown key `gyro_skale`"]);
     bench.file("plan.toml", &PLAN.replace("sensor = \"sensor.toml\"\n", ""));
     let run = record(&["--out", "none"]).expect_code(0);
     assert!(run.stderr.contains("the plan names no sensor file"), "{}", run.stderr);
@@ -66,10 +66,13 @@ fn the_board_gets_its_scale_and_keeps_its_other_settings() {
     let mut nano = nano(["--speed", "max", "--sensor", "typical", "--seed", "8"]);
     let port = nano.port().to_owned();
     let mut child = bench.start(["sensor", "turn", "z", "--repeats", "1", "--json", "--port", &port]);
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
     for (said, degrees) in [("turn 1 of 2: turn it by", 720.0), ("turn 2 of 2: turn it by", -720.0)] {
-        wait_for_line(&mut child, said);
+        let said = lines.by_ref().map(Result::unwrap).find(|line| line.contains(said));
+        assert!(said.is_some(), "the program ended");
         nano.turn('z', degrees, 12.5).unwrap();
     }
+    lines.for_each(drop);
     let run = Run::of(child).expect_code(0).json();
     let scale = run["sensor"]["scale"][2].as_f64().unwrap();
     let settings = bench.run(["settings", "--port", &port, "--json"]).expect_code(0).json();
@@ -77,6 +80,6 @@ fn the_board_gets_its_scale_and_keeps_its_other_settings() {
     assert!((settings["gyro_scale_error"][2].as_f64().unwrap() - scale).abs() < 1e-6 && scale != 0.0);
     assert_eq!(settings["gyro_scale_error"][0], 0.0);
     assert!(settings["board_id"].as_u64().unwrap() > 0);
-    let file = std::fs::read_to_string(bench.path().join(PathBuf::from("sensor.toml"))).unwrap();
+    let file = std::fs::read_to_string(bench.path().join("sensor.toml")).unwrap();
     assert!(file.contains(&format!("board_id = {}", settings["board_id"])), "{file}");
 }
