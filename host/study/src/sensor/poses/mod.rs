@@ -179,7 +179,7 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
     let sheet = Sensor::of_data_sheet();
     let mut accel_cross = [[Estimate::default(); 3]; 3];
     let mut mounting_deg = [Estimate::default(); 3];
-    for k in 0..3 {
+    for (k, mounting) in mounting_deg.iter_mut().enumerate() {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         let [a, b] = [half_difference(i, j), half_difference(j, i)];
         let u = tilt_u / 2f64.sqrt();
@@ -188,7 +188,7 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
         let cross = Estimate { value: 0.5 * (a + b), u };
         (accel_cross[i][j], accel_cross[j][i]) = (cross, cross);
         // A sensor that is rotated by r about k reads r of j on i, and -r of i on j.
-        mounting_deg[k] = Estimate { value: (0.5 * (a - b)).to_degrees(), u: u.to_degrees() };
+        *mounting = Estimate { value: (0.5 * (a - b)).to_degrees(), u: u.to_degrees() };
     }
     let rows: Vec<[f64; 4]> = poses
         .iter()
@@ -220,10 +220,10 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
 impl PosesResult {
     /// Enters the result into the file of the sensor.
     pub fn enter(&self, file: &mut MeasuredSensor) {
-        for i in 0..3 {
-            file.set("accel_scale", AXES[i], self.accel_scale[i]);
-            file.set("accel_offset_g", AXES[i], self.accel_offset_g[i]);
-            file.set("mounting_deg", AXES[i], self.mounting_deg[i]);
+        for (i, axis) in AXES.iter().enumerate() {
+            file.set("accel_scale", axis, self.accel_scale[i]);
+            file.set("accel_offset_g", axis, self.accel_offset_g[i]);
+            file.set("mounting_deg", axis, self.mounting_deg[i]);
             for j in 0..3 {
                 file.set("gyro_g_dps", &pair(i, j), self.gyro_g_dps[i][j]);
                 if i != j {
