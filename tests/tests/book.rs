@@ -193,6 +193,11 @@ fn commands_at_the_bench() {
 }
 
 #[test]
+fn commands_that_measure_the_sensor() {
+    assert!(Reader::new().follow("sensor.md") >= 6);
+}
+
+#[test]
 fn commands_about_the_model() {
     assert!(Reader::new().follow("model.md") >= 8);
     assert!(Reader::new().follow("published.md") >= 4);

@@ -24,6 +24,7 @@ mod other_readers;
 mod python;
 mod report;
 mod resume;
+mod sensor;
 mod simulate;
 mod slurm;
 mod spoilt_line;

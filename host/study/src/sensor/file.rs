@@ -263,13 +263,13 @@ impl MeasuredSensor {
 
     /// Returns `prior` with what was measured in its place.
     pub fn over(&self, mut prior: Sensor) -> Sensor {
-        for i in 0..3 {
+        for (i, axis) in AXES.iter().enumerate() {
             let put = |table: &str, key: &str, estimate: &mut Estimate| {
                 *estimate = self.get(table, key).unwrap_or(*estimate);
             };
-            put("gyro_scale", AXES[i], &mut prior.gyro_scale[i]);
-            put("accel_scale", AXES[i], &mut prior.accel_scale[i]);
-            put("mounting_deg", AXES[i], &mut prior.mounting_deg[i]);
+            put("gyro_scale", axis, &mut prior.gyro_scale[i]);
+            put("accel_scale", axis, &mut prior.accel_scale[i]);
+            put("mounting_deg", axis, &mut prior.mounting_deg[i]);
             for j in 0..3 {
                 let pair = pair(i, j);
                 put("gyro_cross", &pair, &mut prior.gyro_cross[i][j]);

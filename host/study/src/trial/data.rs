@@ -276,3 +276,48 @@ impl Data {
         !self.is_model() && self.readings[self.calibrated..].windows(2).any(|pair| pair[1].0 - pair[0].0 > 1.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::Estimate;
+    use crate::trial::Collector;
+    use biflag_log::FORMAT;
+    use protocol::Info;
+    use protocol::units::{Axis, AxisMap};
+    use std::path::Path;
+
+    /// Returns a trial on a board whose z axis of the gyroscope reads body axis y.
+    fn data(gyro_scale: [f32; 3], measured: &[(&str, &str, f64, f64)]) -> Data {
+        let gyro_axes = AxisMap([Axis::PlusX, Axis::MinusZ, Axis::PlusY]);
+        let settings = Settings { gyro_scale, gyro_axes, ..Settings::DEFAULT };
+        let mut file = MeasuredSensor::new(&settings);
+        for (table, key, value, u) in measured {
+            file.set(table, key, Estimate { value: *value, u: *u });
+        }
+        let sensor = MeasuredSensorMeta { name: "sensor.toml".to_owned(), text: file.to_toml() };
+        let records = Records {
+            board: Some(board::to_log(&Info::default(), &settings)),
+            measured_sensor: (!measured.is_empty()).then_some(sensor),
+            ..Records::default()
+        };
+        Collector::new(Want::default(), FORMAT).finish(Path::new("a.mcap"), records)
+    }
+
+    #[test]
+    fn errors_of_the_sensor_are_those_that_the_board_left() {
+        let measured = [("gyro_scale", "y", -0.021, 0.0005), ("gyro_cross", "yz", 0.01, 0.004)];
+        let sheet = Sensor::of_data_sheet();
+        assert_eq!(data([0.0; 3], &[]).sensor(), sheet);
+        assert_eq!(data([0.0, 0.0, -0.02], &[]).sensor(), sheet, "what the board corrects is not known better");
+        let sensor = data([0.0; 3], &measured).sensor();
+        assert!((sensor.gyro_scale[1].value + 0.021).abs() < 1e-12 && sensor.gyro_scale[1].u == 0.0005, "{sensor:?}");
+        assert_eq!(sensor.gyro_cross[1][2], Estimate { value: 0.01, u: 0.004 });
+        assert_eq!((sensor.gyro_scale[2], sensor.accel_scale), (sheet.gyro_scale[2], sheet.accel_scale));
+        // The board was given the value of an earlier measurement.
+        let sensor = data([0.0, 0.0, -0.02], &measured).sensor();
+        assert!((sensor.gyro_scale[1].value - (0.979 / 0.98 - 1.0)).abs() < 1e-8, "{sensor:?}");
+        assert!((sensor.gyro_scale[1].u - 0.0005 / 0.98).abs() < 1e-8);
+        assert!((sensor.gyro_cross[1][2].value - 0.01 / 0.98).abs() < 1e-8);
+    }
+}

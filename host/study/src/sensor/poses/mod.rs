@@ -4,15 +4,16 @@
 //! With f_i(±j) the mean force along axis i in the pose with ±j up, the scale of axis i is half the difference of f_i(+i) and
 //! f_i(-i), its offset half their sum, and a_ij, half the difference of f_i(+j) and f_i(-j), is what i reads of j. The operator
 //! places the sensor by its edges, not exactly: a rotation of the sensor in the body appears in a_ij and a_ji with opposite
-//! signs, as the mounting; the mean of a_ij and a_ji is the cross-axis term of both.
+//! signs, and so do cross-axis terms that differ. The mean of a_ij and a_ji is the cross-axis term of both, and half their
+//! difference the mounting; what the data sheet allows the terms to differ by is in the uncertainty of both.
 //!
 //! The mean rates in the six poses fit w_i = b_i + Σ g_ij n_j, where n is the direction of up: 18 values, 12 unknowns. What is
 //! left is the drift of the bias from pose to pose.
 
-use super::Estimate;
 use super::file::{AXES, MeasuredSensor, pair};
 use super::least_squares::{Fit, expanded};
 use super::reading::{Mean, RawReading, Rests};
+use super::{Estimate, Sensor};
 use miette::Diagnostic;
 use thiserror::Error;
 
@@ -175,16 +176,19 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
         let value = 0.5 * (force(i, 2 * i) + force(i, 2 * i + 1));
         Estimate { value, u: cosine.hypot(lean(i) * tilt_u).hypot(1e-4) }
     });
+    let sheet = Sensor::of_data_sheet();
     let mut accel_cross = [[Estimate::default(); 3]; 3];
     let mut mounting_deg = [Estimate::default(); 3];
-    for k in 0..3 {
+    for (k, mounting) in mounting_deg.iter_mut().enumerate() {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         let [a, b] = [half_difference(i, j), half_difference(j, i)];
         let u = tilt_u / 2f64.sqrt();
+        // Half the difference of two terms that the data sheet limits by themselves.
+        let u = u.hypot(sheet.accel_cross[i][j].u / 2f64.sqrt());
         let cross = Estimate { value: 0.5 * (a + b), u };
         (accel_cross[i][j], accel_cross[j][i]) = (cross, cross);
         // A sensor that is rotated by r about k reads r of j on i, and -r of i on j.
-        mounting_deg[k] = Estimate { value: (0.5 * (a - b)).to_degrees(), u: u.to_degrees() };
+        *mounting = Estimate { value: (0.5 * (a - b)).to_degrees(), u: u.to_degrees() };
     }
     let rows: Vec<[f64; 4]> = poses
         .iter()
@@ -200,11 +204,14 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
     // The axes drift alike, so their residuals are taken together.
     let freedom = fits.iter().map(|fit| fit.freedom).sum::<usize>();
     let drift_dps = (fits.iter().map(|fit| fit.squares).sum::<f64>() / freedom as f64).sqrt();
+    // The direction of gravity is known as well as the accelerometer's axes.
+    let direction_u = accel_cross[0][1].u.hypot(tilt_u);
+    let sensitivity = |i: usize| fits[i].values[1..].iter().copied().fold(0.0, f64::hypot);
     let gyro_g_dps = std::array::from_fn(|i| {
         std::array::from_fn(|j| {
             let noise = 0.5 * poses[2 * j].rate_u_dps()[i].hypot(poses[2 * j + 1].rate_u_dps()[i]);
-            let u = expanded(drift_dps * fits[i].factors[j + 1], freedom).max(noise);
-            Estimate { value: fits[i].values[j + 1], u }
+            let scatter = expanded(drift_dps * fits[i].factors[j + 1], freedom).max(noise);
+            Estimate { value: fits[i].values[j + 1], u: scatter.hypot(direction_u * sensitivity(i)) }
         })
     });
     Some(PosesResult { accel_scale, accel_offset_g, accel_cross, mounting_deg, gyro_g_dps, drift_dps })
@@ -213,10 +220,10 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
 impl PosesResult {
     /// Enters the result into the file of the sensor.
     pub fn enter(&self, file: &mut MeasuredSensor) {
-        for i in 0..3 {
-            file.set("accel_scale", AXES[i], self.accel_scale[i]);
-            file.set("accel_offset_g", AXES[i], self.accel_offset_g[i]);
-            file.set("mounting_deg", AXES[i], self.mounting_deg[i]);
+        for (i, axis) in AXES.iter().enumerate() {
+            file.set("accel_scale", axis, self.accel_scale[i]);
+            file.set("accel_offset_g", axis, self.accel_offset_g[i]);
+            file.set("mounting_deg", axis, self.mounting_deg[i]);
             for j in 0..3 {
                 file.set("gyro_g_dps", &pair(i, j), self.gyro_g_dps[i][j]);
                 if i != j {

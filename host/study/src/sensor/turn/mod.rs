@@ -37,8 +37,12 @@ const TOLERANCE: f64 = 0.06;
 /// A movement up to this angle is a jolt, degrees.
 const JOLT_DEG: f64 = 15.0;
 
-/// Least cosine of the axis to the vertical.
-const VERTICAL: f64 = 0.94;
+/// Least cosine of the axis to the vertical, as the accelerometer reads it: 14°.
+const VERTICAL: f64 = 0.97;
+
+/// The operator stands the axis upright, in a mounting, within this, rad: 3°. The accelerometer, if it is not measured, tells
+/// it worse.
+const UPRIGHT: Estimate = Estimate::within(0.052);
 
 /// What is to be turned.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -401,7 +405,7 @@ fn evaluate(
 ) -> Option<TurnResult> {
     let axis = plan.axis;
     let (sheet, before) = (Sensor::of_data_sheet(), known.over(Sensor::of_data_sheet()));
-    let (up, up_u) = vertical(force_g, known);
+    let (up, up_u) = vertical(force_g, axis, known);
     let fits = [fit(plan, turns, 0)?, fit(plan, turns, 1)?, fit(plan, turns, 2)?];
     let share = |i: usize| fits[i].values.last().map_or(0.0, |slope| slope / (1.0 + clock));
     let spread = |i: usize| {
@@ -463,8 +467,8 @@ fn fit(plan: &TurnPlan, turns: &[Turn], i: usize) -> Option<Fit> {
 const ZERO_G: Estimate = Estimate::within(0.08);
 
 /// Returns the direction of up in body axes, and its standard uncertainty across, from a force at rest and what is known of
-/// the accelerometer.
-fn vertical(force_g: [f64; 3], known: &MeasuredSensor) -> ([f64; 3], [f64; 3]) {
+/// the accelerometer. Body axis `axis` is about upright.
+fn vertical(force_g: [f64; 3], axis: usize, known: &MeasuredSensor) -> ([f64; 3], [f64; 3]) {
     let sensor = known.over(Sensor::of_data_sheet());
     let offset = |i: usize| known.get("accel_offset_g", AXES[i]).unwrap_or(ZERO_G);
     let others = |i: usize| (0..3).filter(move |j| *j != i);
@@ -473,11 +477,15 @@ fn vertical(force_g: [f64; 3], known: &MeasuredSensor) -> ([f64; 3], [f64; 3]) {
         (force_g[i] - offset(i).value - crossed) / (1.0 + sensor.accel_scale[i].value)
     });
     let up = unit(force);
-    let u = std::array::from_fn(|i| {
+    let u: [f64; 3] = std::array::from_fn(|i| {
         let crossed = others(i).map(|j| sensor.accel_cross[i][j].u * up[j]).fold(0.0, f64::hypot);
         offset(i).u.hypot(crossed).hypot(sensor.accel_scale[i].u * up[i])
     });
-    (up, u)
+    let across: [Estimate; 3] = std::array::from_fn(|i| combined(Estimate { value: up[i], u: u[i] }, UPRIGHT));
+    let squares: f64 = others(axis).map(|i| across[i].value.powi(2)).sum();
+    let upright = (1.0 - squares).max(0.0).sqrt() * up[axis].signum();
+    let direction = std::array::from_fn(|i| if i == axis { upright } else { across[i].value });
+    (direction, across.map(|across| across.u))
 }
 
 fn unit(vector: [f64; 3]) -> [f64; 3] {
