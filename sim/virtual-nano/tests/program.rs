@@ -145,6 +145,11 @@ fn its_first_line_has_the_sensors_errors() {
         (&given["kind"], &given["gyro_cross"]),
         (&json!("file"), &json!([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
     );
+    // What the help prints can be given.
+    let help = command(&["--sensor", "help"]).output().unwrap();
+    assert!(help.status.success());
+    std::fs::write(&file, help.stdout).unwrap();
+    assert_eq!(ready(file.to_str().unwrap(), "1")["gyro_cross"][0], json!([0.0, 0.007, -0.01]));
     let typical = ready("typical", "6");
     assert_eq!((&typical["kind"], typical == ready("typical", "6")), (&json!("typical"), true));
     assert_ne!(typical["gyro_scale"], ready("typical", "7")["gyro_scale"]);
