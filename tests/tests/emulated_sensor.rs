@@ -1,7 +1,7 @@
 //! A sensor with errors behind the emulated board, through the real firmware, the link and the log.
 
 use biflag_log::{Reader, SensorMeta};
-use tests::{Bench, Run, bare_nano, nano, wait_for_line};
+use tests::{Bench, Run, bare_nano, nano, program, wait_for_line};
 
 /// A hand turns the sensor by 720 deg while a trial is recorded: the log has the angle times scale and clock.
 #[test]
@@ -60,6 +60,18 @@ fn log_has_the_errors_that_the_seed_draws() {
     let ideal = log("ideal", "12");
     assert_eq!(ideal, SensorMeta { seed: 12, ..drawn("ideal", "12") });
     assert_eq!((ideal.gyro_bias_dps, ideal.gyro_scale), (typical.gyro_bias_dps, [0.0; 3]));
+}
+
+/// The emulated board knows no error that a log cannot hold.
+#[test]
+fn log_can_hold_every_error_of_the_emulated_sensor() {
+    let help = std::process::Command::new(program("vnano")).args(["--sensor", "help"]).output().unwrap();
+    let help = String::from_utf8(help.stdout).unwrap();
+    let is_name = |name: &&str| name.chars().all(|letter| letter.is_ascii_lowercase() || letter == '_');
+    let keys: Vec<&str> =
+        help.lines().filter_map(|line| line.split_once(" = ")).map(|line| line.0).filter(is_name).collect();
+    let meta = serde_json::to_value(SensorMeta::default()).unwrap();
+    assert!(keys.len() >= 18 && keys.iter().all(|key| meta.get(key).is_some()), "{keys:?} in {meta}");
 }
 
 /// Options of the emulated sensor that make no sense are wrong use, said in one line.
