@@ -11,6 +11,7 @@ mod book;
 mod busy_computer;
 mod doctor;
 mod drift;
+mod emulated_sensor;
 mod findings;
 mod flash;
 mod hand_turns;

@@ -107,6 +107,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if args.faults.iter().any(|fault| fault == "help") {
         return virtual_board::list_faults();
     }
+    if args.sensor.asks_for_help() {
+        return virtual_board::show_sensor();
+    }
     let interrupted = interruption()?;
     let plan = Plan::load(&args.plan)?;
     plan.check_for_rig(&args.plan.display().to_string())?;

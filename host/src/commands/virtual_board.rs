@@ -10,8 +10,8 @@ use std::ffi::OsString;
 #[derive(clap::Args, Debug)]
 pub(super) struct SensorArgs {
     /// Errors of the emulated sensor and of the board's clock: `ideal` has exact scales, axes and clocks, and biases
-    /// that drift; `typical` draws all that the MPU6050's data sheet allows; a file gives each of them (`vnano --help`
-    /// says the default).
+    /// that drift; `typical` draws all that the MPU6050's data sheet allows; a file gives each of them. `help` prints such
+    /// a file. `vnano --help` says the default.
     #[arg(long, value_name = "ideal|typical|FILE.toml", requires = "virtual")]
     sensor: Option<String>,
     /// Seed of the errors of the emulated sensor; by default the plan's seed, or 1.
@@ -28,6 +28,11 @@ impl SensorArgs {
     /// Returns whether the errors were chosen.
     pub(super) fn is_chosen(&self) -> bool {
         self.sensor.is_some()
+    }
+
+    /// Returns whether a file with all errors was asked for, which [`show_sensor`] prints.
+    pub(super) fn asks_for_help(&self) -> bool {
+        self.sensor.as_deref() == Some("help")
     }
 
     /// Returns the arguments for the board's program.
@@ -60,10 +65,20 @@ pub(super) fn start(mut arguments: Vec<OsString>, faults: &[String]) -> miette::
 
 /// Lists the faults that the emulated board knows.
 pub(super) fn list_faults() -> miette::Result<Answer> {
+    help_of("--fault", "faults")
+}
+
+/// Shows a file with all errors of the emulated sensor.
+pub(super) fn show_sensor() -> miette::Result<Answer> {
+    help_of("--sensor", "sensor")
+}
+
+/// Returns what the board's program says about the values of an option, under a key.
+fn help_of(option: &str, key: &str) -> miette::Result<Answer> {
     let output = std::process::Command::new(VirtualNano::program()?)
-        .args(["--fault", "help"])
+        .args([option, "help"])
         .output()
         .map_err(|error| VirtualError::NotStarted(error.to_string()))?;
     let text = String::from_utf8_lossy(&output.stdout).trim_end().to_owned();
-    Answer::new(Outcome::Done, &serde_json::json!({ "faults": text }), text)
+    Answer::new(Outcome::Done, &serde_json::json!({ key: text }), text)
 }

@@ -16,6 +16,7 @@ use virtual_nano::imu::errors::Sensor;
 use virtual_nano::imu::hand::Grip;
 use virtual_nano::imu::part::ROOM_C;
 use virtual_nano::imu::recording::Recording;
+use virtual_nano::imu::sensor_file;
 use virtual_nano::imu::source::Source;
 use virtual_nano::pace::{Pace, Speed};
 use virtual_nano::plant::Plant;
@@ -28,7 +29,7 @@ use virtual_nano::{Board, BoardOptions, Image};
 /// Prints {"event":"ready","port":"/dev/pts/N","sensor":{...}}, then replies to each line on standard input with a
 /// line of JSON. It ends on `quit` or at the end of standard input.
 ///
-/// `vnano --fault help` lists the faults.
+/// `vnano --fault help` lists the faults, `vnano --sensor help` prints a file for `--sensor`.
 ///
 /// Example: vnano --firmware target/firmware.elf --imu tests/data/mpu6050/rotate-z-720.csv
 #[derive(Parser)]
@@ -50,8 +51,7 @@ struct Arguments {
     #[arg(long, default_value = "1", value_name = "1|FACTOR|max")]
     speed: Speed,
     /// Errors of the sensor and of the board's clock: `ideal` has exact scales, axes and clocks, and biases that drift;
-    /// `typical` draws all that the data sheet allows; a file gives each of them (its keys are in the documentation of
-    /// virtual_nano::imu::sensor_file)
+    /// `typical` draws all that the data sheet allows; a file gives each of them. `help` prints such a file
     #[arg(long, value_name = "ideal|typical|FILE.toml", default_value_t, conflicts_with = "imu")]
     sensor: Sensor,
     /// Seed of the sensor's errors and noise, of the hand, and of damage on the serial line
@@ -90,9 +90,15 @@ const LAST_WORDS: Duration = Duration::from_secs(2);
 fn main() -> ExitCode {
     // Here, because clap would ask for the arguments that a board needs.
     let words: Vec<_> = std::env::args_os().collect();
-    if words.iter().any(|word| word == "--fault=help") || words.windows(2).any(|pair| pair == ["--fault", "help"]) {
-        print!("{}", fault::help());
-        return ExitCode::SUCCESS;
+    let asks_for_help = |option: &str| {
+        words.iter().any(|word| *word == *format!("{option}=help"))
+            || words.windows(2).any(|pair| pair == [option, "help"])
+    };
+    for (option, text) in [("--fault", fault::help()), ("--sensor", sensor_file::EXAMPLE.to_owned())] {
+        if asks_for_help(option) {
+            print!("{text}");
+            return ExitCode::SUCCESS;
+        }
     }
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,

@@ -10,3 +10,4 @@ mod link;
 mod motors;
 mod program;
 mod scales;
+mod sensor;

@@ -4,7 +4,7 @@ use crate::common::firmware_path;
 use protocol::frame::{Accumulator, MAX_FRAME, encode};
 use protocol::{Command as Order, Info, Message, Reply, Request};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -108,7 +108,11 @@ fn it_answers_commands_and_ends_with_its_input() {
     for line in ["fault clear", "fault hang", "reset"] {
         assert_eq!(vnano.ask(line)["event"], "done", "{line}");
     }
-    for line in ["play", "jump", "drop many", "fault jam", "fault blocked=3"] {
+    let turn = vnano.ask("turn z -90 3");
+    let length_s = turn["end_s"].as_f64().unwrap() - turn["begin_s"].as_f64().unwrap();
+    assert!((length_s - 3.0).abs() < 1e-9, "{turn}");
+    assert_eq!(vnano.ask("pose +x 1")["begin_s"], turn["end_s"], "waits for the turn");
+    for line in ["turn w 1 1", "pose up 1", "play", "jump", "drop many", "fault jam", "fault blocked=3"] {
         assert_eq!(vnano.ask(line)["event"], "error", "{line}");
     }
     let status = vnano.ask("status");
@@ -116,6 +120,39 @@ fn it_answers_commands_and_ends_with_its_input() {
     assert!(status["cycles"].as_u64().unwrap() > 0 && status["state"] == "running");
     drop(port);
     assert_eq!(vnano.end(), Some(0));
+}
+
+#[test]
+fn its_first_line_has_the_sensors_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("sensor.toml");
+    std::fs::write(&file, "mounting_deg = [0.5, -1, 0.25]\nboard_clock_error = 0.004").unwrap();
+    let image = firmware_path();
+    let ready = |sensor: &str, seed: &str| {
+        let mut child = command(&["--firmware", image.to_str().unwrap(), "--sensor", sensor, "--seed", seed])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        child.wait().unwrap();
+        serde_json::from_str::<Value>(&line).unwrap()["sensor"].clone()
+    };
+    let given = ready(file.to_str().unwrap(), "1");
+    assert_eq!((&given["mounting_deg"], &given["board_clock_error"]), (&json!([0.5, -1.0, 0.25]), &json!(0.004)));
+    assert_eq!(
+        (&given["kind"], &given["gyro_cross"]),
+        (&json!("file"), &json!([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
+    );
+    // What the help prints can be given.
+    let help = command(&["--sensor", "help"]).output().unwrap();
+    assert!(help.status.success());
+    std::fs::write(&file, help.stdout).unwrap();
+    assert_eq!(ready(file.to_str().unwrap(), "1")["gyro_cross"][0], json!([0.0, 0.007, -0.01]));
+    let typical = ready("typical", "6");
+    assert_eq!((&typical["kind"], typical == ready("typical", "6")), (&json!("typical"), true));
+    assert_ne!(typical["gyro_scale"], ready("typical", "7")["gyro_scale"]);
 }
 
 /// Ends within three seconds of the end of its standard input.
@@ -238,6 +275,7 @@ fn bad_input_is_named_and_has_its_exit_code() {
     let text = file("text.elf", b"not an image");
     let csv = file("short.csv", b"# accel full scale +-2 g\nt_s,ax,ay,az,gx,gy,gz,temp_c\n0,1,2,3\n");
     let eeprom = file("eeprom.bin", b"short");
+    let sensor = file("sensor.toml", b"gyro_scale = [0.01, 0.02, 3]\n");
     let host = env!("CARGO_BIN_EXE_vnano");
     for (arguments, code, message) in [
         (vec!["--firmware", "/nowhere.elf"], 1, "cannot read /nowhere.elf"),
@@ -252,6 +290,9 @@ fn bad_input_is_named_and_has_its_exit_code() {
         (vec!["--firmware", image, "--fault", "jam"], 2, "no fault is called \"jam\""),
         (vec!["--firmware", image, "--fault", "blocked=3"], 2, "MOTOR must be from 1 to 2, not 3"),
         (vec!["--firmware", image, "--who-am-i", "0x168"], 2, "byte"),
+        (vec!["--firmware", image, "--sensor", "usual"], 2, "usual: No such file"),
+        (vec!["--firmware", image, "--sensor", &sensor], 2, "sensor.toml: gyro_scale must be from -0.5 to 0.5, not 3"),
+        (vec!["--firmware", image, "--imu", &csv, "--sensor", "typical"], 2, "cannot be used with"),
     ] {
         let output = command(&arguments).stdin(Stdio::null()).output().unwrap();
         let stderr = String::from_utf8_lossy(&output.stderr);

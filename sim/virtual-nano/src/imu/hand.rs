@@ -32,7 +32,7 @@ pub struct Grip {
 impl Default for Grip {
     /// Assumed: a box with the board, turned on a table to a line drawn on it.
     fn default() -> Self {
-        Self { stop_deg: 0.5, sway_deg: 2.0 }
+        Self { stop_deg: 0.5, sway_deg: 0.5 }
     }
 }
 

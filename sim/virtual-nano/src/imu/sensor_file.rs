@@ -1,41 +1,11 @@
-//! A file with the errors of a sensor, TOML. Every key may be left out: then that error is none, and a noise is that of the
-//! data sheet. Shares are fractions: 0.02 is 2 %.
-//!
-//! ```
-//! # let text = r#"
-//! gyro_scale = [0.021, -0.004, 0.0135]             # reads 2.1 % too much about x
-//! gyro_cross = [                                   # axis x reads 0.7 % of the rate about y, ...
-//!     [0.0, 0.007, -0.01],
-//!     [0.002, 0.0, 0.0],
-//!     [-0.015, 0.0, 0.0],
-//! ]
-//! gyro_g_dps = [[0.05, 0, 0], [0, -0.1, 0], [0, 0, 0.02]] # deg/s per g: axis that reads, then axis of the force
-//! gyro_bias_dps = [1.3, -2.4, 0.2]                 # at 25 degC
-//! gyro_drift_dps_per_c = [0.02, 0.0, -0.03]
-//! gyro_noise_dps_per_rt_hz = 0.005                 # density of the white noise, one-sided
-//! gyro_walk_dps_per_rt_s = 1e-4                    # random walk of the bias
-//! gyro_flicker_dps = [0.004, 0.0, 0.0]             # 1/f noise: floor of its Allan deviation
-//! accel_scale = [0.0, 0.03, -0.01]
-//! accel_cross = [[0, 0.02, 0], [0, 0, 0], [-0.01, 0, 0]]
-//! accel_bias_g = [0.02, -0.04, 0.06]               # at 25 degC
-//! accel_drift_g_per_c = [4e-4, 0.0, -7e-4]
-//! accel_noise_g_per_rt_hz = 400e-6
-//! mounting_deg = [1.5, -0.5, 2.0]                  # rotation vector that turns the body axes into the sensor's
-//! warming_c = 1.5                                  # by its own power, within minutes
-//! thermometer_lag_s = 10.0                         # its reading follows the temperature with this time constant
-//! sample_clock_error = -0.004                      # the sensor's own oscillator is 0.4 % slow
-//! board_clock_error = 0.003                        # the board's clock is 0.3 % fast
-//! # "#;
-//! # let errors = virtual_nano::imu::sensor_file::parse(text)?;
-//! # let keys = virtual_nano::imu::sensor_file::to_json(&errors);
-//! # assert!(keys.keys().all(|key| text.contains(&format!("\n{key} = "))), "not all keys are in the example");
-//! # assert_eq!((errors.gyro_cross[0], errors.mounting_deg[2]), ([0.0, 0.007, -0.01], 2.0));
-//! # Ok::<(), String>(())
-//! ```
+//! A file with the errors of a sensor, TOML. [`EXAMPLE`] has every key with its meaning.
 
 use super::errors::Errors;
 use serde_json::{Map, Value, json};
 use std::path::Path;
+
+/// A file with every key; `vnano --sensor help` prints it.
+pub const EXAMPLE: &str = include_str!("sensor.toml");
 
 /// A key.
 struct Key {
@@ -170,6 +140,16 @@ mod tests {
             assert_eq!(parse(&text), Ok(errors));
         }
         assert_eq!(parse(""), Ok(Errors::default()));
+    }
+
+    #[test]
+    fn the_example_has_every_key_and_other_values_than_the_defaults() {
+        let (errors, defaults) = (to_json(&parse(EXAMPLE).unwrap()), to_json(&Errors::default()));
+        for (key, default) in defaults {
+            assert!(EXAMPLE.contains(&format!("\n{key} = ")), "{key}");
+            assert!(errors[&key] != default || key.contains("noise"), "{key}");
+        }
+        assert_eq!(errors["gyro_cross"][0], json!([0.0, 0.007, -0.01]));
     }
 
     #[test]
