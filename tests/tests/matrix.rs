@@ -46,6 +46,7 @@ impl Log {
             trial: reader.meta().unwrap(),
             robot: reader.meta().unwrap(),
             board: reader.meta(),
+            sensor: reader.meta(),
         };
         let others = (reader.meta(), reader.meta(), reader.meta(), reader.meta());
         Self { start, level: reader.meta(), summary: reader.meta().unwrap(), others, messages }

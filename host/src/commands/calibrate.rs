@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         progress.within(count.min(simulations - 1) as f64);
         true
     };
-    let trials: Vec<_> = logs.par_iter().map(|log| FitTrial::read(log)).collect::<Result<_, _>>()?;
+    let trials: Vec<_> = logs.par_iter().map(FitTrial::read).collect::<Result<_, _>>()?;
     let fitted = calibrate::calibrate(trials, &request, &simulated);
     progress.finish();
     let mut calibration = fitted?;

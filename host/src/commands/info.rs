@@ -5,12 +5,15 @@ use super::{Answer, Outcome};
 use crate::plan::{HandTurn, Plan};
 use crate::session::{Attempt, Session, TrialState, is_in_use};
 use crate::text::{self, count, decimal, word};
-use crate::trial::{Angles, Data, Finding, Records, Want, Zeroed, findings};
+use crate::trial::{Angles, Budget, Data, Finding, Records, Steady, Want, Zeroed, findings};
 use biflag_log::{Condition, End, LinkStats, LogError, Summary};
 use rayon::prelude::*;
 use serde_json::json;
 use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
+
+/// Smallest share of the variance that is shown of a cause.
+const LEAST_SHARE: f64 = 0.02;
 
 /// Show the content of a log or a session: trials, steady angles, link errors, damage.
 #[derive(clap::Args, Debug)]
@@ -47,13 +50,14 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "trial": records.trial,
         "end": records.summary.as_ref().map(|summary| summary.end),
         "angles": angles,
+        "budget": zeroed.steady.as_ref().map_or_else(Vec::new, Steady::budget),
         "findings": findings,
         "model": records.model,
         "steady": records.steady,
     });
     let is_sound = clean && !findings.iter().any(|finding| finding.grave);
     let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
-    let mut text = describe(path, &data, angles.as_ref());
+    let mut text = describe(path, &data, &zeroed);
     // Writing to a string cannot fail.
     findings.iter().for_each(|finding| _ = writeln!(text, "{}", finding_line(None, finding)));
     Answer::new(outcome, &body, text)
@@ -74,8 +78,9 @@ impl Lines {
     }
 }
 
-fn describe(path: &Path, data: &Data, angles: Option<&Angles>) -> String {
+fn describe(path: &Path, data: &Data, zeroed: &Zeroed) -> String {
     let records = &data.records;
+    let angles = zeroed.angles();
     let mut lines = Lines::default();
     lines.add("log", path.display());
     if let Some(identity) = &records.identity {
@@ -116,10 +121,16 @@ fn describe(path: &Path, data: &Data, angles: Option<&Angles>) -> String {
         }
         lines.add("flagella", format!("{}, smallest gap {:.2} mm", word(&steady.bundling), steady.min_gap_m * 1e3));
     }
-    if let Some(angles) = angles {
+    if let Some(angles) = &angles {
         match hand_turn(records) {
             Some(turn) => lines.add("hand turn", turn.verdict(angles.turned_deg).0),
-            None => lines.add("steady", steady(angles)),
+            None => {
+                lines.add("steady", steady(angles));
+                lines.add(
+                    "of the yaw's ±",
+                    zeroed.steady.as_ref().and_then(|steady| steady.yaw.as_ref()).map_or_else(String::new, shares),
+                );
+            }
         }
         let [x, y, z] = angles.turned_deg.map(|deg| decimal(deg, 1));
         lines.add("net angle", format!("{x}°, {y}°, {z}° about the body's x, y, z, over the whole log"));
@@ -158,10 +169,24 @@ fn hand_turn(records: &Records) -> Option<HandTurn> {
 
 /// Formats the steady angles as one line.
 fn steady(angles: &Angles) -> String {
-    let uncertainty = angles.yaw_uncertainty_deg.map_or_else(String::new, |deg| format!(" ± {deg:.2}°"));
-    let [yaw, pitch, roll] = [angles.yaw_deg, angles.pitch_deg, angles.roll_deg].map(|deg| decimal(deg, 2));
+    let stated = |angle: f64, uncertainty: Option<f64>| {
+        let uncertainty = uncertainty.map_or_else(String::new, |deg| format!(" ± {deg:.2}°"));
+        format!("{}°{uncertainty}", decimal(angle, 2))
+    };
     let settled = if angles.settled { "" } else { "; not settled" };
-    format!("yaw {yaw}°{uncertainty}, pitch {pitch}°, roll {roll}°{settled}")
+    format!(
+        "yaw {}, pitch {}, roll {}{settled}",
+        stated(angles.yaw_deg, angles.yaw_uncertainty_deg),
+        stated(angles.pitch_deg, angles.pitch_uncertainty_deg),
+        stated(angles.roll_deg, angles.roll_uncertainty_deg)
+    )
+}
+
+/// Formats the largest causes of an uncertainty as one line.
+fn shares(budget: &Budget) -> String {
+    let mut terms: Vec<_> = budget.terms().iter().filter(|term| term.share >= LEAST_SHARE).collect();
+    terms.sort_by(|a, b| b.share.total_cmp(&a.share));
+    terms.iter().map(|term| format!("{} {:.0} %", term.name, 100.0 * term.share)).collect::<Vec<_>>().join(", ")
 }
 
 fn session(folder: &Path) -> miette::Result<Answer> {

@@ -37,7 +37,13 @@ class Angles:
     pitch_deg: float
     roll_deg: float
     yaw_uncertainty_deg: float | None
-    """95 % uncertainty of the yaw; ``None`` for a model, and without a still phase."""
+    """95 % uncertainty of the yaw by its budget; ``None`` for a model, and where it is unknown."""
+    pitch_uncertainty_deg: float | None
+    """95 % uncertainty of the pitch."""
+    roll_uncertainty_deg: float | None
+    """95 % uncertainty of the roll."""
+    tilt_deg: float
+    """Angle between the robot's axis and the vertical."""
     tilt_uncertainty_deg: tuple[float, float] | None
     """95 % uncertainty of pitch and roll."""
     drift_deg: float | None
@@ -51,6 +57,8 @@ class Angles:
     """Time for which the robot was still after the run; ``None`` for a model."""
     turned_deg: tuple[float, float, float]
     """Angle turned about each body axis over the whole trial."""
+    budget: list[dict[str, Any]]
+    """Causes of the uncertainties: angle, name, type (A or B), u_deg, sensitivity, share and common_to."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -50,9 +50,9 @@ fn part(seed: u64) -> Hand {
 /// Returns what six poses tell of the accelerometer.
 fn posed(hand: &mut Hand) -> MeasuredSensor {
     let mut known = nothing();
-    for i in 0..3 {
+    for (i, axis) in AXES.iter().enumerate() {
         let value = hand.offset_g[i] + 0.0005 * hand.random.normal();
-        known.set("accel_offset_g", AXES[i], Estimate { value, u: 0.0005 });
+        known.set("accel_offset_g", axis, Estimate { value, u: 0.0005 });
         for j in (0..3).filter(|j| *j != i) {
             let value = hand.accel[(i, j)] + 0.005 * hand.random.normal();
             known.set("accel_cross", &pair(i, j), Estimate { value, u: 0.005 });
