@@ -213,7 +213,8 @@ fn viscosity_of_a_mixture_starts_from_the_logged_temperature() {
     assert!((viscosity.value - 1.0).abs() < 0.05, "{viscosity:?}");
 }
 
-/// A fit from a start that is too far is refused at its limit, or says that it did not move.
+/// A fit from a start that is too far is refused at its limit, or says that it did not move or tells nothing: a sensor with
+/// the errors of the data sheet cannot tell such a start from another.
 #[test]
 fn a_start_that_is_too_far_is_reported() {
     let mut draw = Draw(3);
@@ -227,7 +228,8 @@ fn a_start_that_is_too_far_is_reported() {
     let mut robot = Robot::published();
     robot.fluid.viscosity_pa_s *= 15.0;
     let fitted = fit(&robot, Parameter::Viscosity).unwrap();
-    assert!(fitted.warnings.iter().any(|text| text.contains("did not leave its start")), "{fitted:?}");
+    let stayed = fitted.warnings.iter().any(|text| text.contains("did not leave its start"));
+    assert!(stayed || fitted.cannot_tell.iter().any(|text| text.starts_with("viscosity")), "{fitted:?}");
     // Fifteen times the tether would balance it.
     let said = fit(&robot, Parameter::Tether).unwrap_err().to_string();
     assert!(said.contains("tether would change by more than a factor of ten"), "{said}");

@@ -190,7 +190,13 @@ fn longest(plan: &Plan, name: &str) -> Option<usize> {
 fn trial_of(plan: &Plan, known: &Known) -> Option<usize> {
     let meta = known.trial.as_ref()?;
     let trial = plan.trials.get(meta.index)?;
-    (trial_meta(trial, meta.attempt) == *meta).then_some(meta.index)
+    let mut planned = trial_meta(trial, meta.attempt);
+    if known.origin() == Some(Origin::Model) {
+        // The log of a steady state holds a period of it.
+        let TrialMeta { calibrate_s, preroll_s, run_s, decay_s, .. } = *meta;
+        planned = TrialMeta { calibrate_s, preroll_s, run_s, decay_s, ..planned };
+    }
+    (planned == *meta).then_some(meta.index)
 }
 
 /// Says why a log is not of a session's plan, or older than the session, with what to do.
