@@ -93,8 +93,8 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     settings: Settings,
     /// Hundredths of rpm per count per µs. Stored, like the next two, because a division costs 500 cycles.
     speed_scale: f32,
-    /// Half the angle of a tick per count of the gyroscope, rad, sensor axes; its scale errors are taken off.
-    half_turn_scale: [f32; 3],
+    /// Half the rad/s per count of the gyroscope.
+    half_rate_scale: f32,
     speed_gains: motor::Gains,
     /// The motors' deadline. Stored because it is looked at between any two bytes.
     deadline_us: u32,
@@ -135,7 +135,7 @@ where
             drive_ticks: 0,
             supply: Supply::default(),
             speed_scale: 0.0,
-            half_turn_scale: [0.0; 3],
+            half_rate_scale: 0.0,
             speed_gains: motor::Gains::default(),
             deadline_us: 0,
             settings: Settings::DEFAULT,
@@ -264,12 +264,11 @@ where
         if !self.telemetry.imu_fresh {
             return;
         }
-        let ticks = f32::from(core::mem::take(&mut self.ticks_behind));
-        let dt = ticks * TICK_S;
+        let dt = f32::from(core::mem::take(&mut self.ticks_behind)) * TICK_S;
+        let scale = self.half_rate_scale * dt;
         let mut half_turn = numbers(&self.telemetry.gyro);
-        for ((half_angle, bias), scale) in half_turn.iter_mut().zip(&self.settings.gyro_bias).zip(&self.half_turn_scale)
-        {
-            *half_angle = (*half_angle - bias) * (ticks * scale);
+        for (half_angle, bias) in half_turn.iter_mut().zip(&self.settings.gyro_bias) {
+            *half_angle = (*half_angle - bias) * scale;
         }
         let half_turn = in_body_axes(self.settings.gyro_axes, half_turn);
         let acceleration = in_body_axes(self.settings.accel_axes, numbers(&self.telemetry.accel));
@@ -399,10 +398,7 @@ where
 
     fn rescale(&mut self) {
         self.speed_scale = centi_rpm_scale(self.settings.counts_per_turn);
-        let half_tick = core::f32::consts::PI / 360.0 * TICK_S / self.settings.gyro_range.counts_per_dps();
-        for (scale, error) in self.half_turn_scale.iter_mut().zip(&self.settings.gyro_scale) {
-            *scale = half_tick / (1.0 + error);
-        }
+        self.half_rate_scale = core::f32::consts::PI / 360.0 / self.settings.gyro_range.counts_per_dps();
         self.deadline_us = u32::from(self.settings.deadline_ms) * 1000;
         self.speed_gains = motor::Gains::new(self.settings.speed_kp, self.settings.speed_ki);
     }

@@ -48,9 +48,6 @@ pub struct Settings {
     pub moving_duty: [u8; 2],
     /// The chip's bandgap voltage, 1000 to 1200 mV (its electrical characteristics), against which the supply is measured.
     pub bandgap: Millivolts,
-    /// Relative scale error of the gyroscope about each axis, sensor axes, within [`Settings::GYRO_SCALE_LIMIT`]. Positive if
-    /// it reads too much; the board divides the rates by one plus this.
-    pub gyro_scale: [f32; 3],
 }
 
 impl Settings {
@@ -76,16 +73,7 @@ impl Settings {
         deadline_ms: 500,
         moving_duty: [100; 2],
         bandgap: Millivolts(1100),
-        gyro_scale: [0.0; 3],
     };
-
-    /// The largest scale error that the board corrects, of either sign: 10 %, three times the data sheet's tolerance.
-    pub const GYRO_SCALE_LIMIT: f32 = 0.1;
-
-    /// Returns [`Settings::gyro_scale`] in body axes. A flipped axis has the same scale.
-    pub fn gyro_scale_in_body(&self) -> [f64; 3] {
-        self.gyro_axes.0.map(|axis| f64::from(self.gyro_scale[axis.index()]))
-    }
 
     /// Returns whether every value is in its range.
     pub fn is_valid(&self) -> bool {
@@ -101,7 +89,6 @@ impl Settings {
             && (50..=5000).contains(&self.deadline_ms)
             && self.moving_duty.iter().all(|duty| *duty > 0)
             && (1000..=1200).contains(&self.bandgap.0)
-            && self.gyro_scale.iter().all(|scale| is_within(scale.abs(), Self::GYRO_SCALE_LIMIT))
     }
 }
 
@@ -138,7 +125,6 @@ mod tests {
             deadline_ms: 50,
             moving_duty: [1; 2],
             bandgap: Millivolts(1000),
-            gyro_scale: [-0.1; 3],
             ..DEFAULT
         };
         let most = Settings {
@@ -152,7 +138,6 @@ mod tests {
             deadline_ms: 5000,
             moving_duty: [255; 2],
             bandgap: Millivolts(1200),
-            gyro_scale: [0.1; 3],
             ..DEFAULT
         };
         for settings in [DEFAULT, least, most] {
@@ -173,9 +158,6 @@ mod tests {
             Settings { moving_duty: [100, 0], ..DEFAULT },
             Settings { bandgap: Millivolts(999), ..DEFAULT },
             Settings { bandgap: Millivolts(1201), ..DEFAULT },
-            Settings { gyro_scale: [0.101, 0.0, 0.0], ..DEFAULT },
-            Settings { gyro_scale: [0.0, -0.101, 0.0], ..DEFAULT },
-            Settings { gyro_scale: [0.0, 0.0, f32::NAN], ..DEFAULT },
         ];
         for bias in [32769.0, -32769.0, f32::NAN, f32::INFINITY] {
             unfit.extend(

@@ -11,8 +11,8 @@ use protocol::units::Micros;
 
 use super::{CPU_HZ, clock};
 
-/// Size of the inbox, a power of two: the longest request, `WriteSettings`, and a short one, which may come during a tick.
-const INBOX: u8 = 128;
+/// Size of the inbox, a power of two: the longest request and a short one, which may come during a tick.
+const INBOX: u8 = 64;
 
 /// With U2X the rate is the crystal's frequency / 8 / (DIVIDER + 1).
 const DIVIDER: u16 = (CPU_HZ / 8 / BAUD) as u16 - 1;

@@ -136,22 +136,6 @@ fn the_attitude_follows_a_turn_and_the_axes_of_the_settings() {
 }
 
 #[test]
-fn the_scale_error_of_an_axis_is_taken_off_the_attitude() {
-    let mut bench = streaming();
-    // The body's axis y is the sensor's z, which reads 2 % too much of 90°/s; the corrections of the others are not used.
-    let axes = AxisMap(["+x", "+z", "-y"].map(|name| protocol::units::Axis::from_name(name).unwrap()));
-    let gyro_scale = [-0.1, 0.1, 0.02];
-    let settings = Settings { gyro_axes: axes, gyro_scale, attitude_kp: 0.0, ..Settings::DEFAULT };
-    bench.world.set_sample([0, 0, 16384], [0, 0, 12026]);
-    assert_eq!(bench.ask(Command::WriteSettings(settings)), Reply::Done);
-    bench.look();
-    bench.ticks(199);
-    let [w, x, y, z] = bench.look().attitude.to_f64();
-    let pitch = 2.0 * y.atan2(w).to_degrees();
-    assert!((pitch - 90.0).abs() < 0.2 && x.abs() < 1e-3 && z.abs() < 1e-3, "{pitch}");
-}
-
-#[test]
 fn missed_ticks_are_counted_and_made_up_for_in_the_attitude() {
     let mut bench = streaming();
     bench.ticks(10);

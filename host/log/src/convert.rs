@@ -48,9 +48,9 @@ impl Converter {
 
     /// Converts a frame to the log's message. `time_s` is the trial's clock.
     pub fn telemetry(&mut self, frame: &Telemetry, board_time_us: u64, time_s: f64) -> biflag::Telemetry {
-        let Settings { gyro_axes, accel_axes, gyro_range, accel_range, gyro_bias, gyro_scale, .. } = self.settings;
-        let per_dps = [0, 1, 2].map(|i| f64::from(gyro_range.counts_per_dps()) * (1.0 + f64::from(gyro_scale[i])));
-        let rates = [0, 1, 2].map(|i| (f64::from(frame.gyro[i].0) - f64::from(gyro_bias[i])) / per_dps[i]);
+        let Settings { gyro_axes, accel_axes, gyro_range, accel_range, gyro_bias, .. } = self.settings;
+        let per_dps = f64::from(gyro_range.counts_per_dps());
+        let rates = [0, 1, 2].map(|i| (f64::from(frame.gyro[i].0) - f64::from(gyro_bias[i])) / per_dps);
         let force = accel_axes.apply(frame.accel.map(|counts| accel_range.mps2(counts)));
         let [w, x, y, z] = frame.attitude.to_f64();
         let attitude = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));

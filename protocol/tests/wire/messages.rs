@@ -7,12 +7,7 @@ use protocol::*;
 
 /// Every message once, by its name in the documentation, as a frame.
 pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
-    let settings = Settings {
-        board_id: 0x1234,
-        gyro_bias: [-595.5, 6.25, 147.0],
-        gyro_scale: [0.0, 0.0036, -0.0213],
-        ..Settings::DEFAULT
-    };
+    let settings = Settings { board_id: 0x1234, gyro_bias: [-595.5, 6.25, 147.0], ..Settings::DEFAULT };
     let calibration = Calibration { still: true, bias: [-595.5, 6.25, 147.0], noise: 17, samples: 1000 };
     let record = FaultRecord {
         boot: 300,
@@ -140,13 +135,13 @@ prop_compose! {
         encoder_reversed in any::<[bool; 2]>(),
         deadline_ms in any::<u16>(),
         moving_duty in any::<[u8; 2]>(),
-        (bandgap, gyro_scale) in (any::<u16>().prop_map(Millivolts), any::<[f32; 3]>()),
+        bandgap in any::<u16>().prop_map(Millivolts),
     ) -> Settings {
         let [attitude_kp, attitude_ki, speed_kp, speed_ki, counts_per_turn] = gains;
         Settings {
             board_id, gyro_range, accel_range, low_pass, gyro_axes, accel_axes, gyro_bias, attitude_kp, attitude_ki,
             speed_kp, speed_ki, counts_per_turn, motor_reversed, encoder_reversed, deadline_ms, moving_duty,
-            bandgap, gyro_scale,
+            bandgap,
         }
     }
 }

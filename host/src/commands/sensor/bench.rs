@@ -6,7 +6,6 @@ use crate::link::{self, Link, LinkError};
 use crate::output::OutputError;
 use crate::plan::board;
 use crate::program;
-use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{FollowError, Followed, RecordError, VirtualNano, follow};
 use crate::signals::interruption;
 use biflag_log::{End, Origin, PlanMeta, Start, Summary, TrialMeta, Writer};
@@ -108,15 +107,6 @@ impl Bench {
     /// Writes the file of the sensor.
     pub fn save(&self) -> miette::Result<()> {
         Ok(self.file.save(&self.path).map_err(|error| OutputError::new(&self.path, error))?)
-    }
-
-    /// Saves the settings in the board's EEPROM; returns notes for the user. A board without an id gets one, which the file of
-    /// its sensor gets, too.
-    pub fn save_settings(&mut self) -> miette::Result<Vec<String>> {
-        let (saved, notes) = settings::save(&self.link, self.settings, BoardCopies::of_user().as_ref())?;
-        self.settings = saved;
-        self.file.board_id = saved.board_id;
-        Ok(notes)
     }
 }
 

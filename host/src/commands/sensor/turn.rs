@@ -2,10 +2,8 @@
 
 use super::bench::Bench;
 use super::{Common, Measured, ended, finish, percent};
-use crate::colour;
 use crate::commands::{Answer, WRONG_USE};
 use crate::progress::Progress;
-use protocol::Settings;
 use serde_json::json;
 use study::plan::Axis;
 use study::sensor::{AXES, TurnPlan, TurnResult, TurnStep, TurnWatch};
@@ -33,9 +31,6 @@ pub struct Args {
     /// The angle between the marks is exact within this, degrees.
     #[arg(long, value_name = "DEGREES", default_value_t = 1.0, value_parser = parse_angle)]
     reference: f64,
-    /// Write the scale to the file alone, not to the board, which corrects its rates by it.
-    #[arg(long)]
-    no_board: bool,
     #[command(flatten)]
     common: Common,
 }
@@ -107,28 +102,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if followed.link.lost > 0 {
         measured.warnings.push(format!("{} frames were lost", followed.link.lost));
     }
-    let is_emulated = bench.nano.is_some();
-    if !args.no_board && !is_emulated {
-        correct(&mut bench, axis, &result, &mut measured)?;
-    }
     finish(&mut bench, measured)
-}
-
-/// Writes the scale to the board.
-fn correct(bench: &mut Bench, axis: usize, result: &TurnResult, measured: &mut Measured) -> miette::Result<()> {
-    let scale = result.scale.value as f32;
-    if scale.abs() > Settings::GYRO_SCALE_LIMIT {
-        let limit = 100.0 * Settings::GYRO_SCALE_LIMIT;
-        measured.warnings.push(format!("the board corrects up to {limit} % only: the scale was not written to it"));
-        return Ok(());
-    }
-    let sensor_axis = bench.settings.gyro_axes.0[axis].index();
-    bench.settings.gyro_scale[sensor_axis] = scale;
-    for note in bench.save_settings()? {
-        colour::eprint(&format!("note: {note}\n"));
-    }
-    measured.text += "the board corrects its rates by it from here on (gyro_scale_error)\n";
-    Ok(())
 }
 
 fn instruction(step: TurnStep, plan: &TurnPlan, count: usize) -> String {

@@ -56,9 +56,6 @@ pub struct BoardSettings {
     pub moving_duty: Option<[u8; 2]>,
     /// The chip's reference voltage, mV.
     pub bandgap_mv: Option<u16>,
-    /// Relative scale error of the gyroscope that the board corrects, sensor axes.
-    #[serde(deserialize_with = "optional_array")]
-    pub gyro_scale_error: Option<[f32; 3]>,
 }
 
 /// A setting with a value that it cannot have.
@@ -91,9 +88,6 @@ pub(super) fn help(key: &str) -> Option<&'static str> {
         "deadline_ms" => "give a whole number of milliseconds from 50 to 5000",
         "moving_duty" => "give a whole number from 1 to 255 for motors 1 and 2, such as [60, 70]",
         "bandgap_mv" => "give a whole number of millivolts from 1000 to 1200",
-        "gyro_scale_error" => {
-            "give three relative errors, each from -0.1 to 0.1, such as [0, 0, -0.021]; `biflag sensor turn` measures them"
-        }
         _ => return None,
     })
 }
@@ -132,7 +126,6 @@ impl BoardSettings {
             deadline_ms: Some(settings.deadline_ms),
             moving_duty: Some(settings.moving_duty),
             bandgap_mv: Some(settings.bandgap.0),
-            gyro_scale_error: Some(settings.gyro_scale),
         }
     }
 
@@ -194,10 +187,6 @@ impl BoardSettings {
             return Err(wrong("moving_duty", format!("{:?}", settings.moving_duty)));
         }
         set_within("bandgap_mv", &mut settings.bandgap.0, self.bandgap_mv, 1000..=1200)?;
-        set(&mut settings.gyro_scale, self.gyro_scale_error);
-        if !settings.gyro_scale.iter().all(|error| error.abs() <= Settings::GYRO_SCALE_LIMIT) {
-            return Err(wrong("gyro_scale_error", format!("[{}]", settings.gyro_scale.map(number).join(", "))));
-        }
         Ok(settings)
     }
 
@@ -273,7 +262,6 @@ mod tests {
             motor_reversed: [true, false],
             moving_duty: [40, 255],
             bandgap: Millivolts(1060),
-            gyro_scale: [-0.1, 0.00003, -0.0213],
             ..Settings::DEFAULT
         };
         let text = BoardSettings::all(&settings).to_toml();
@@ -294,10 +282,6 @@ mod tests {
         assert_eq!(wrong.apply(base).unwrap_err().to_string(), "moving_duty cannot be [60, 0]");
         let wrong = BoardSettings { bandgap_mv: Some(999), ..BoardSettings::default() };
         assert_eq!(wrong.apply(base).unwrap_err().key, "bandgap_mv");
-        for error in [0.11, -0.11, f32::NAN, f32::INFINITY] {
-            let wrong = BoardSettings { gyro_scale_error: Some([0.0, error, 0.0]), ..BoardSettings::default() };
-            assert_eq!(wrong.apply(base).unwrap_err().key, "gyro_scale_error");
-        }
     }
 
     #[test]

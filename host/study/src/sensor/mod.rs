@@ -88,22 +88,6 @@ mod data_sheet {
 const MOUNTING_DEG: f64 = 2.0;
 
 impl Sensor {
-    /// Returns the errors that are left once the board divides its rates by one plus `scale`. An axis whose scale was not
-    /// measured, as told by `is_measured`, keeps its uncertainty: the board's value is all that is known of it.
-    pub fn corrected(mut self, scale: [f64; 3], is_measured: impl Fn(usize) -> bool) -> Self {
-        for (i, scale) in scale.into_iter().enumerate() {
-            let divisor = 1.0 + scale;
-            if is_measured(i) {
-                let Estimate { value, u } = self.gyro_scale[i];
-                self.gyro_scale[i] = Estimate { value: (1.0 + value) / divisor - 1.0, u: u / divisor };
-            }
-            for estimate in self.gyro_cross[i].iter_mut().chain(&mut self.gyro_g_dps[i]) {
-                *estimate = Estimate { value: estimate.value / divisor, u: estimate.u / divisor };
-            }
-        }
-        self
-    }
-
     /// Returns what the data sheet says about every part.
     pub fn of_data_sheet() -> Self {
         let cross = |limit: f64| {

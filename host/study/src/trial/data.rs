@@ -235,16 +235,13 @@ impl Data {
         self.records.board.as_ref().and_then(board::of_log)
     }
 
-    /// Returns what is known of the errors that the board's rates and forces contain: what was measured where the log has it,
-    /// the data sheet for all else, less what the board corrected.
+    /// Returns what is known of the errors of the sensor: what was measured where the log has it, the data sheet for all
+    /// else.
     pub fn sensor(&self) -> Sensor {
         let sheet = Sensor::of_data_sheet();
         let file = self.records.measured_sensor.as_ref();
-        let corrected = self.settings().map(|settings| settings.gyro_scale_in_body());
-        match file.and_then(|file| MeasuredSensor::parse(&file.text, &file.name).ok()) {
-            Some(measured) => measured.over(sheet).corrected(corrected.unwrap_or_default(), |i| measured.has_scale(i)),
-            None => sheet,
-        }
+        let measured = file.and_then(|file| MeasuredSensor::parse(&file.text, &file.name).ok());
+        measured.map_or_else(|| sheet.clone(), |measured| measured.over(sheet.clone()))
     }
 
     /// Returns the robot's parameters: those of the model, or on a rig those of the robot named in the plan.
@@ -288,9 +285,9 @@ mod tests {
     use std::path::Path;
 
     /// Returns a trial on a board whose z axis of the gyroscope reads body axis y.
-    fn data(gyro_scale: [f32; 3], measured: &[(&str, &str, f64, f64)]) -> Data {
+    fn data(measured: &[(&str, &str, f64, f64)]) -> Data {
         let gyro_axes = AxisMap([Axis::PlusX, Axis::MinusZ, Axis::PlusY]);
-        let settings = Settings { gyro_scale, gyro_axes, ..Settings::DEFAULT };
+        let settings = Settings { gyro_axes, ..Settings::DEFAULT };
         let mut file = MeasuredSensor::new(&settings);
         for (table, key, value, u) in measured {
             file.set(table, key, Estimate { value: *value, u: *u });
@@ -305,19 +302,18 @@ mod tests {
     }
 
     #[test]
-    fn errors_of_the_sensor_are_those_that_the_board_left() {
-        let measured = [("gyro_scale", "y", -0.021, 0.0005), ("gyro_cross", "yz", 0.01, 0.004)];
+    fn measured_errors_replace_those_of_the_data_sheet() {
         let sheet = Sensor::of_data_sheet();
-        assert_eq!(data([0.0; 3], &[]).sensor(), sheet);
-        assert_eq!(data([0.0, 0.0, -0.02], &[]).sensor(), sheet, "what the board corrects is not known better");
-        let sensor = data([0.0; 3], &measured).sensor();
+        assert_eq!(data(&[]).sensor(), sheet);
+        let sensor = data(&[
+            ("gyro_scale", "y", -0.021, 0.0005),
+            ("gyro_cross", "yz", 0.01, 0.004),
+            ("mounting_deg", "z", 1.5, 0.2),
+        ])
+        .sensor();
         assert!((sensor.gyro_scale[1].value + 0.021).abs() < 1e-12 && sensor.gyro_scale[1].u == 0.0005, "{sensor:?}");
         assert_eq!(sensor.gyro_cross[1][2], Estimate { value: 0.01, u: 0.004 });
+        assert_eq!(sensor.mounting_deg[2], Estimate { value: 1.5, u: 0.2 });
         assert_eq!((sensor.gyro_scale[2], sensor.accel_scale), (sheet.gyro_scale[2], sheet.accel_scale));
-        // The board was given the value of an earlier measurement.
-        let sensor = data([0.0, 0.0, -0.02], &measured).sensor();
-        assert!((sensor.gyro_scale[1].value - (0.979 / 0.98 - 1.0)).abs() < 1e-8, "{sensor:?}");
-        assert!((sensor.gyro_scale[1].u - 0.0005 / 0.98).abs() < 1e-8);
-        assert!((sensor.gyro_cross[1][2].value - 0.01 / 0.98).abs() < 1e-8);
     }
 }

@@ -58,8 +58,7 @@ impl Model {
         // Numbers, flags, names and short lists all have a form in TOML.
         let parameters = toml::to_string(&robot).unwrap_or_default();
         let ideal = AxisMap::IDENTITY;
-        let settings =
-            Settings { gyro_axes: ideal, accel_axes: ideal, gyro_bias: [0.0; 3], gyro_scale: [0.0; 3], ..board };
+        let settings = Settings { gyro_axes: ideal, accel_axes: ideal, gyro_bias: [0.0; 3], ..board };
         let meta = ModelMeta { closure, method, rate_hz: options.rate_hz, shapes: options.shapes, parameters };
         Self { robot, closure, options, settings, meta }
     }
