@@ -208,7 +208,8 @@ fn comparison_removes_zero_and_drift_of_a_rigs_trial() {
     let compared = json(&biflag(folder, &["compare", "rig", "--json"]), 0);
     for trial in compared["trials"].as_array().unwrap() {
         let yaw = number(&trial["yaw_uncertainty_deg"]);
-        assert!(yaw > 0.02 && yaw < 2.0, "{trial}");
+        // Most of it is the scale of a gyroscope that nobody has measured.
+        assert!(yaw > 1.0 && yaw < 3.0, "{trial}");
         assert!(number(&trial["steady_yaw_error_deg"]).abs() < yaw, "{trial}");
         assert!(number(&trial["steady_pitch_error_deg"]).abs() < 0.1, "{trial}");
         assert!(number(&trial["pitch_rmse_deg"]) < 0.2, "{trial}");
@@ -312,7 +313,7 @@ fn imperfect_logs_give_warnings_or_errors() {
 
     as_of_a_rig_that_spoke(9, &model, &folder.join("old.mcap"), true, |_| true);
     let compared = compare("old.mcap", 3);
-    warned(&compared, "it was recorded with protocol 9, but this program uses");
+    warned(&compared, "recorded with protocol 9, of which this program knows");
     assert!(number(&compared["trials"][0]["pitch_rmse_deg"]) < 0.2, "{compared}");
 
     let bytes = std::fs::read(&model).unwrap();

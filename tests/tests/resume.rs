@@ -95,7 +95,8 @@ fn shortest_calibration_is_no_delay() {
         println!("{trial}");
         assert_eq!(trial["complete"], true);
         let info = bench.run(["info", trial["log"].as_str().unwrap(), "--json"]).expect_code(0).json();
-        let is_in_time = trial["notes"].as_array().unwrap().is_empty();
+        let notes = trial["notes"].as_array().unwrap();
+        let is_in_time = !notes.iter().any(|note| note.as_str().unwrap().contains("late"));
         // 0.3 s of calibration, 1 s before the run, 6 s.
         assert!(!is_in_time || info["samples"] == 1460, "{info}");
         is_in_time

@@ -224,7 +224,10 @@ fn session(folder: &Path) -> miette::Result<Answer> {
         }));
         let _ = writeln!(text, "  {:<28} {}", state.trial.name, line(row, session.plan().hand_turn, recorded));
         let left_out = state.left_out.iter().map(|of_log| &of_log.finding);
-        for finding in row.findings.iter().chain(left_out).filter(|finding| finding.grave) {
+        // A log that is being recorded has no end yet.
+        let open = attempt.is_some_and(|attempt| recorded == Some(attempt.path.as_path()));
+        let own = if open { &[][..] } else { &row.findings };
+        for finding in own.iter().chain(left_out).filter(|finding| finding.grave) {
             let _ = writeln!(text, "    {}", finding_line(None, finding));
         }
     }

@@ -4,7 +4,7 @@
 mod comparison;
 mod table;
 
-use biflag_log::{Body, EventKind, Message, Origin, PlanMeta, Reader, Summary, TrialMeta};
+use biflag_log::{Body, EventKind, Message, ModelMeta, Origin, PlanMeta, Reader, Summary, TrialMeta, Writer};
 use host::plan::Plan;
 use host::run;
 use host::session::Session;
@@ -263,8 +263,23 @@ fn trial_of_a_large_session_is_drawn_with_ranges() {
     let map = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("host").join("plans/published-map.toml");
     let plan = Plan::parse(&std::fs::read_to_string(map).unwrap(), "map.toml").unwrap();
     let session = Session::create(&bench.path().join("map"), &plan).unwrap();
+    let mut reader = Reader::open(&log).unwrap();
+    let messages: Vec<Body> = reader.by_ref().map(|message| message.unwrap().body).collect();
+    let (model, summary): (ModelMeta, Summary) = (reader.meta().unwrap(), reader.meta().unwrap());
     for trial in &plan.trials {
-        std::fs::hard_link(&log, session.folder().join(format!("{}.mcap", trial.name))).unwrap();
+        let start = run::start(&plan, trial, 1, Origin::Model, None, SystemTime::UNIX_EPOCH);
+        let path = session.folder().join(format!("{}.mcap", trial.name));
+        let mut copy = Writer::create(&path, &start, SystemTime::UNIX_EPOCH).unwrap();
+        copy.meta(&model).unwrap();
+        for body in &messages {
+            let host = SystemTime::UNIX_EPOCH;
+            match body {
+                Body::Telemetry(frame) => copy.message_at(frame.time_s, &**frame, host).unwrap(),
+                Body::Truth(truth) => copy.message_at(truth.time_s, truth, host).unwrap(),
+                _ => {}
+            }
+        }
+        copy.finish(&summary).unwrap();
     }
     let trial = plan.trials.iter().position(|trial| trial.name.contains("w1-90_w2+90")).unwrap();
     let page = report(&bench, "map", 0);

@@ -6,17 +6,42 @@ use super::view::{ModelRobot, View};
 use biflag_log::Identity;
 use maud::{Markup, html};
 use study::text::word;
+use study::trial::AngleTerm;
 
 /// The longest file that is shown, in characters.
 const LONGEST_FILE: usize = 20_000;
 
 pub(super) fn facts(view: &View, shared: bool) -> Markup {
     html! {
+        @if !view.budget.is_empty() { (budget(view)) }
         details {
             summary { "Provenance" }
             table.facts { @for (name, value) in provenance(view) { tr { th { (name) } td { (value) } } } }
         }
         @if !shared { (files(view)) }
+    }
+}
+
+/// The causes of uncertainty of the steady angles.
+fn budget(view: &View) -> Markup {
+    let percent = |share: f64| format!("{} %", number(100.0 * share, 0));
+    html! {
+        details {
+            summary { "Uncertainty budget" }
+            table.facts {
+                tr { th { "angle" } th { "cause" } th { "type" } th { "standard uncertainty" } th { "share" } th { "common to" } }
+                @for AngleTerm { angle, term } in &view.budget {
+                    tr {
+                        td { (angle) }
+                        td { (term.name) }
+                        td { (word(&term.evaluation)) }
+                        td { (degrees(term.u_deg, 3)) }
+                        td { (percent(term.share)) }
+                        td { (word(&term.common_to)) }
+                    }
+                }
+            }
+        }
     }
 }
 

@@ -231,6 +231,17 @@ fn table(rows: &[Row], has_charts: bool) -> Markup {
     }
 }
 
+/// Returns the warnings of a trial in a few words each. Both sides of a comparison may have the same.
+fn briefs(view: &View) -> String {
+    let mut briefs: Vec<&str> = Vec::new();
+    for warning in &view.warnings {
+        if !briefs.contains(&warning.brief.as_str()) {
+            briefs.push(&warning.brief);
+        }
+    }
+    briefs.join(", ")
+}
+
 fn line(row: &Row, i: usize, columns: Columns) -> Markup {
     let anchor = anchor(i);
     let view = row.view();
@@ -255,7 +266,7 @@ fn line(row: &Row, i: usize, columns: Columns) -> Markup {
             @if columns.link { (cell(view.map(|view| view.link.lost as f64), 0)) }
             td.text {
                 @match &row.state {
-                    RowState::Shown(view) => { (view.warnings.iter().map(|warning| warning.brief.as_str()).collect::<Vec<_>>().join(", ")) }
+                    RowState::Shown(view) => { (briefs(view)) }
                     RowState::Missing => { "no log yet" }
                     RowState::Unreadable(why) => { (clip(why, 300)) }
                 }

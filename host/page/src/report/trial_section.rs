@@ -139,7 +139,8 @@ pub(super) fn answer(verdict: &str, agrees: bool) -> Markup {
 
 fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {
     let angle = steady.angles_deg[i];
-    let uncertainty = if i == 0 { steady.yaw_uncertainty_deg.filter(|deg| *deg > 0.0) } else { None };
+    let [pitch, roll] = steady.tilt_uncertainty_deg;
+    let uncertainty = [steady.yaw_uncertainty_deg, pitch, roll][i].filter(|deg| *deg > 0.0);
     let spread = uncertainty.map(|deg| format!("± {} (95 %)", degrees(deg, 2)));
     tile(
         name,

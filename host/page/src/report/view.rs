@@ -11,7 +11,7 @@ use biflag_log::{LinkStats, ModelMeta, Origin, ReplayMeta, RobotMeta};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use study::trial::{Angles, Data, Event, FindingKind, LogFinding, Records, findings};
+use study::trial::{AngleTerm, Angles, Data, Event, FindingKind, LogFinding, Records, findings};
 use study::twin::{Compared, Comparison};
 
 /// The steady angles of a trial.
@@ -21,6 +21,8 @@ pub(super) struct Steady {
     pub angles_deg: [f64; 3],
     /// 95 % uncertainty of the yaw.
     pub yaw_uncertainty_deg: Option<f64>,
+    /// 95 % uncertainties of pitch and roll.
+    pub tilt_uncertainty_deg: [Option<f64>; 2],
     /// The same angles of the model, if the trial is compared with one.
     pub modelled_deg: Option<[f64; 3]>,
     /// What these are called.
@@ -58,6 +60,8 @@ pub struct View {
     pub(super) comparison: Option<Comparison>,
     pub(super) model_robot: Option<ModelRobot>,
     pub(super) steady: Option<Steady>,
+    /// Causes of the uncertainty of the steady angles.
+    pub(super) budget: Vec<AngleTerm>,
     pub(super) events: Vec<Event>,
     /// How many events are not listed.
     pub(super) more_events: usize,
@@ -87,6 +91,7 @@ impl View {
             speeds_rpm: [trial.w1_rpm, trial.w2_rpm],
             log: data.path.clone(),
             steady: steady(angles.as_ref(), comparison),
+            budget: zeroed.steady.as_ref().map_or_else(Vec::new, study::trial::Steady::budget),
             warnings: warnings(data, &zeroed, comparison),
             findings: match comparison {
                 Some(comparison) => comparison.findings.clone(),
@@ -147,12 +152,17 @@ fn most_important(events: Vec<Event>, most: usize) -> Vec<Event> {
     kept
 }
 
+fn tilt(angles: &Angles) -> [Option<f64>; 2] {
+    [angles.pitch_uncertainty_deg, angles.roll_uncertainty_deg]
+}
+
 fn steady(angles: Option<&Angles>, comparison: Option<&Comparison>) -> Option<Steady> {
     if let Some(comparison) = comparison {
         return Some(Steady {
             angles_deg: comparison.steady_measured_deg,
             // That of the comparison is the uncertainty of the difference.
             yaw_uncertainty_deg: angles.and_then(|angles| angles.yaw_uncertainty_deg),
+            tilt_uncertainty_deg: angles.map(tilt).unwrap_or_default(),
             modelled_deg: Some(comparison.steady_modelled_deg),
             other_name: comparison.sides.names()[1],
         });
@@ -160,6 +170,7 @@ fn steady(angles: Option<&Angles>, comparison: Option<&Comparison>) -> Option<St
     angles.map(|angles| Steady {
         angles_deg: [angles.yaw_deg, angles.pitch_deg, angles.roll_deg],
         yaw_uncertainty_deg: angles.yaw_uncertainty_deg,
+        tilt_uncertainty_deg: tilt(angles),
         modelled_deg: None,
         other_name: "",
     })

@@ -2,7 +2,7 @@
 
 use super::text::clip;
 use study::text::capitalised;
-use study::trial::{Data, Finding, FindingKind, Zeroed, findings};
+use study::trial::{Data, Finding, Zeroed, findings};
 use study::twin::Comparison;
 
 /// A warning on the page.
@@ -24,14 +24,9 @@ impl Warning {
     /// Returns a finding as a warning; `log` names the log where it is not that of the page.
     pub fn of(finding: &Finding, log: Option<&str>) -> Self {
         let log = log.map_or_else(String::new, |log| format!("{log}: "));
-        let brief = match finding.kind {
-            FindingKind::Identity => "identity: ",
-            FindingKind::Conduct => "",
-            FindingKind::Rest => "rest: ",
-            FindingKind::Window => "window: ",
-        };
+        let brief = finding.text.split([':', ';']).next().unwrap_or_default();
         let text = clip(&format!("{}{}", log, capitalised(&finding.to_string())), 500);
-        Self { brief: clip(&format!("{brief}{}", finding.text), 80), text, is_grave: finding.grave }
+        Self { brief: clip(brief, 80), text, is_grave: finding.grave }
     }
 }
 

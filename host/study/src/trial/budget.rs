@@ -47,9 +47,10 @@ pub struct Term {
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct AngleTerm {
     /// `yaw`, `pitch` or `roll`.
-    angle: &'static str,
+    pub angle: &'static str,
+    /// The cause.
     #[serde(flatten)]
-    term: Term,
+    pub term: Term,
 }
 
 impl AngleTerm {

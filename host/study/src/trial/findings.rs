@@ -126,7 +126,7 @@ fn conduct(data: &Data) -> Vec<Finding> {
     // Logs of older protocols hold the same messages.
     if let Some(newer) = protocols.filter(|found| *found > protocol::VERSION) {
         let text = format!("recorded with protocol {newer}, of which this program knows {} at most", protocol::VERSION);
-        found.push(slight(text, "use the version of biflag that recorded it"));
+        found.push(grave(text, "use the version of biflag that recorded it"));
     }
     found.extend(data.warnings.iter().map(|text| grave(text.clone(), REPEAT)));
     if data.times.has_run() && !data.motors.is_empty() && !data.is_model() {

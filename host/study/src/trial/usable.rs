@@ -5,6 +5,9 @@ use super::data::Data;
 /// Shortest interval between frames that counts as a gap, s: twenty frames of a board, or four of a model.
 const GAP_S: f64 = 0.21;
 
+/// Time in which a motor comes up to its speed, and stops, s.
+const STARTING_S: f64 = 1.0;
+
 /// Shortest run that can be compared with a model, s.
 const SHORTEST_RUN_S: f64 = 1.0;
 
@@ -84,7 +87,7 @@ impl Data {
                 let reason = format!("the encoder of motor {} did not move at a target of {} rpm", k + 1, speed.rpm());
                 return unusable(reason, "check the motor and its encoder, then repeat the trial");
             }
-            if (turned - target).abs() > 0.1 * target.abs().max(1.0) {
+            if (turned - target).abs() > 0.1 * target.abs().max(1.0) + STARTING_S * speed.rpm().abs() / 60.0 {
                 warnings.push(format!(
                     "flagellum {} made {turned:.1} turns in the run, but the plan gives {target:.1}; the measured turns are used",
                     k + 1

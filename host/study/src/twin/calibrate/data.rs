@@ -93,9 +93,15 @@ impl FitTrial {
         let means = |track: crate::attitude::Track| {
             (0..count).map(|i| track.mean(block(i)).unwrap_or_default()).collect::<Vec<_>>()
         };
+        // Why there is no rest may be in the findings.
+        let findings = findings(data, &zeroed);
+        let grave: String =
+            findings.iter().filter(|finding| finding.grave).map(|finding| format!("; {}", finding.text)).collect();
         let drift = zeroed
             .drift()
-            .ok_or_else(|| unusable("has no still phase before the run, so the drift of its yaw is unknown"))
+            .ok_or_else(|| {
+                unusable(&format!("has no still phase before the run, so the drift of its yaw is unknown{grave}"))
+            })
             .map(|drift| drift.variance(run.end).is_some());
         let centres: Vec<f64> = (0..count).map(middle).collect();
         let sensor = match zeroed.covariances(&centres) {
@@ -103,10 +109,11 @@ impl FitTrial {
             None if !drift? => return Err(TwinError::unusable(data, Unusable {
                 reason: "was recorded without a calibration of the gyroscope, and its still phase is too short to show the \
                          bias"
-                    .to_owned(),
+                    .to_owned()
+                    + &grave,
                 help: "calibrate the gyroscope before each trial, or begin with a still phase of 15 s or more",
             })),
-            None => return Err(unusable("has a still phase before the run that is too short")),
+            None => return Err(unusable(&format!("has a still phase before the run that is too short{grave}"))),
         };
         Ok(Self {
             name: data.trial().name,
@@ -114,7 +121,7 @@ impl FitTrial {
             sha256: data.sha256.clone().unwrap_or_default(),
             temperature_c: data.temperature_c,
             askew_deg: [zeroed.zero_deg[1], zeroed.zero_deg[2]],
-            findings: findings(data, &zeroed),
+            findings,
             is_real: data.is_real(),
             robot: data.robot().map_err(|source| TwinError::robot(data, source)),
             closure: data.records.model.as_ref().map(|model| model.closure),
