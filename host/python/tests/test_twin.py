@@ -28,8 +28,8 @@ def test_another_robot_disagrees(recorded: Path) -> None:
     log = biflag.read_session(recorded).logs["001_w1+50_w2+10"]
     same = biflag.compare(log)
     other = biflag.compare(log, robot=biflag.Robot.physical())
-    assert not same.trials[0].record["findings"], same.verdict
-    assert "yaw" in {finding["angle"] for finding in other.trials[0].record["findings"]}
+    assert not same.trials[0].record["differences"], same.verdict
+    assert "yaw" in {difference["angle"] for difference in other.trials[0].record["differences"]}
 
 
 def test_a_fit_finds_the_hidden_robot(recorded: Path) -> None:

@@ -4,7 +4,9 @@
 mod comparison;
 mod table;
 
-use biflag_log::{Body, EventKind, Message, ModelMeta, Origin, PlanMeta, Reader, Summary, TrialMeta, Writer};
+use biflag_log::{
+    Body, EventKind, Message, ModelMeta, Origin, PlanMeta, Reader, Summary, TrialClock, TrialMeta, Writer,
+};
 use host::plan::Plan;
 use host::run;
 use host::session::Session;
@@ -264,18 +266,25 @@ fn trial_of_a_large_session_is_drawn_with_ranges() {
     let plan = Plan::parse(&std::fs::read_to_string(map).unwrap(), "map.toml").unwrap();
     let session = Session::create(&bench.path().join("map"), &plan).unwrap();
     let mut reader = Reader::open(&log).unwrap();
-    let messages: Vec<Body> = reader.by_ref().map(|message| message.unwrap().body).collect();
+    let mut clock = TrialClock::default();
+    let messages = reader.by_ref().map(|message| {
+        let message = message.unwrap();
+        clock.see(&message);
+        (clock.time_s(&message), message.body)
+    });
+    let messages: Vec<(f64, Body)> = messages.collect();
     let (model, summary): (ModelMeta, Summary) = (reader.meta().unwrap(), reader.meta().unwrap());
     for trial in &plan.trials {
         let start = run::start(&plan, trial, 1, Origin::Model, None, SystemTime::UNIX_EPOCH);
         let path = session.folder().join(format!("{}.mcap", trial.name));
         let mut copy = Writer::create(&path, &start, SystemTime::UNIX_EPOCH).unwrap();
         copy.meta(&model).unwrap();
-        for body in &messages {
+        for (time_s, body) in &messages {
             let host = SystemTime::UNIX_EPOCH;
             match body {
-                Body::Telemetry(frame) => copy.message_at(frame.time_s, &**frame, host).unwrap(),
-                Body::Truth(truth) => copy.message_at(truth.time_s, truth, host).unwrap(),
+                Body::Telemetry(frame) => copy.message_at(*time_s, &**frame, host).unwrap(),
+                Body::Truth(truth) => copy.message_at(*time_s, truth, host).unwrap(),
+                Body::Event(event) => copy.message_at(*time_s, event, host).unwrap(),
                 _ => {}
             }
         }
