@@ -8,7 +8,7 @@
 
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry, Vector};
-use biflag_log::{CalibrationMeta, ClockMeta, Identity, LevelMeta, MeasuredSensorMeta, TrialMeta};
+use biflag_log::{CalibrationMeta, ClockMeta, End, Identity, LevelMeta, MeasuredSensorMeta, Summary, TrialMeta};
 use firmware::attitude::{Attitude, Gains};
 use host::sensor::{Estimate, Sensor};
 use host::trial::{Collector, Records, Want, Zeroed};
@@ -63,6 +63,8 @@ struct Part {
     warming_c: f64,
     clock: f64,
     flicker_dps: f64,
+    /// The axis of the gyroscope that flickers.
+    flicker: Vector3<f64>,
 }
 
 impl Part {
@@ -77,6 +79,7 @@ impl Part {
             warming_c: 0.0,
             clock: 0.0,
             flicker_dps: 0.0,
+            flicker: Vector3::z(),
         }
     }
 
@@ -96,6 +99,7 @@ impl Part {
             warming_c: (1.5 * random.normal()).abs(),
             clock: random.within(0.005),
             flicker_dps: 0.0015,
+            flicker: Vector3::ith((3.0 * random.uniform()) as usize, 1.0),
         }
     }
 
@@ -215,7 +219,7 @@ fn trial(motion: &Motion, case: &Case, seed: u64) -> Option<Result> {
         let now = body(time_s);
         let warm = |t: f64| part.warming_c * (1.0 - (-(t - start_s) / 150.0).exp());
         bias += noise(1e-4 * TICK_S.sqrt());
-        // Flicker: walks of several correlation times about z.
+        // Flicker: walks of several correlation times about one axis.
         for (k, walk) in flicker.iter_mut().enumerate() {
             let share = TICK_S / 4f64.powi(k as i32 + 1);
             *walk += -share * *walk + part.flicker_dps * (2.0 * share).sqrt() * noise(1.0).x;
@@ -223,7 +227,7 @@ fn trial(motion: &Motion, case: &Case, seed: u64) -> Option<Result> {
         let up = now.inverse() * Vector3::z();
         let rate = (before.inverse() * now).scaled_axis() / (TICK_S / (1.0 + part.clock));
         let to_sensor = part.mounting.inverse();
-        let drift = part.bias_dps_per_c * warm(time_s) + Vector3::z() * flicker.iter().sum::<f64>();
+        let drift = part.bias_dps_per_c * warm(time_s) + part.flicker * flicker.iter().sum::<f64>();
         let seen_up = to_sensor * up;
         let rate_dps = part.gyro * (to_sensor * rate).map(f64::to_degrees) + part.gyro_g_dps * seen_up + bias + drift;
         let rate_dps = (rate_dps + noise(gyro_dps)).map(|rate| (rate * 131.0).round() / 131.0);
@@ -286,6 +290,7 @@ fn trial(motion: &Motion, case: &Case, seed: u64) -> Option<Result> {
         }),
         level: Some(level),
         clock: Some(clock),
+        summary: Some(Summary { end: End::Complete, ..Summary::default() }),
         calibration: Some(CalibrationMeta { still: true, ..CalibrationMeta::default() }),
         measured_sensor: case.is_measured.then(|| measured_sensor(&part.measured(&mut random))),
         ..Records::default()
@@ -336,6 +341,9 @@ fn main() {
                 let mut ratios: Vec<f64> = known.iter().map(|[ratio, _]| ratio.abs()).collect();
                 ratios.sort_by(f64::total_cmp);
                 let covered = 100.0 * ratios.partition_point(|ratio| *ratio <= 1.0) as f64 / ratios.len() as f64;
+                if ratios.is_empty() {
+                    return "no ±".to_owned();
+                }
                 let mean = known.iter().map(|[_, stated]| stated).sum::<f64>() / known.len() as f64;
                 format!("{covered:.0} %, {mean:.2}°, {:.2}", ratios[ratios.len() / 2])
             };
