@@ -24,8 +24,8 @@
 use crate::board::Board;
 use crate::bridge::Drive;
 use crate::fault::Timed;
-use crate::imu::errors::Sensor;
 use crate::imu::hand::{Grip, Pose, Span, parse_axis};
+use crate::imu::sensor::Sensor;
 use crate::imu::sensor_file;
 use crate::mcu::RunState;
 use crate::motor::Motor;

@@ -13,6 +13,7 @@ mod data;
 mod errors;
 mod finding;
 mod findings;
+mod judged;
 mod read;
 mod repeats;
 mod sensitivity;

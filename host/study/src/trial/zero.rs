@@ -133,32 +133,27 @@ pub struct Zeroed {
 }
 
 impl Zeroed {
-    /// Computes the attitude of a trial.
-    pub fn new(data: &Data) -> Self {
-        Self::with_end(data, data.times.decay.clone())
-    }
-
-    /// Computes the attitude of a trial with the drift of the still phase before the run alone.
-    pub fn from_rest(data: &Data) -> Self {
-        Self::with_end(data, data.duration_s..data.duration_s)
-    }
-
-    /// `after` is the time in which the robot may be still again.
-    fn with_end(data: &Data, after: Range<f64>) -> Self {
+    /// Computes the attitude of a trial. `after` is the time in which the robot may be still again.
+    pub(super) fn with_end(data: &Data, after: Range<f64>) -> Self {
         let mut zeroed = if data.is_model() { Self::modelled(data) } else { Self::measured(data, after) };
         zeroed.steady = zeroed.steady(data);
-        zeroed.is_unsure = super::findings(data, &zeroed).iter().any(Finding::empties_uncertainty);
-        if let Some(steady) = zeroed.steady.as_mut().filter(|_| zeroed.is_unsure) {
-            (steady.yaw, steady.tilt) = (None, None);
+        zeroed
+    }
+
+    /// Takes all uncertainties away, or computes that of the yaw over time.
+    pub(super) fn judge(&mut self, is_unsure: bool) {
+        self.is_unsure = is_unsure;
+        if is_unsure {
+            self.steady.iter_mut().for_each(|steady| (steady.yaw, steady.tilt) = (None, None));
+            return;
         }
-        let span = zeroed.span();
+        let span = self.span();
         for second in 0..=(span.end - span.start).ceil() as usize {
             let time = (span.start + second as f64).min(span.end);
-            if let Some(budget) = zeroed.yaw_budget(time) {
-                zeroed.yaw_uncertainty_deg.push(time, [budget.uncertainty_deg()]);
+            if let Some(budget) = self.yaw_budget(time) {
+                self.yaw_uncertainty_deg.push(time, [budget.uncertainty_deg()]);
             }
         }
-        zeroed
     }
 
     fn modelled(data: &Data) -> Self {

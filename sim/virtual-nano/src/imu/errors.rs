@@ -13,58 +13,9 @@
 
 use super::noise::Noise;
 use super::scale::{ACCEL_NOISE_G, GYRO_NOISE_DPS};
-use super::sensor_file;
-use std::fmt::{self, Display, Formatter};
-use std::path::Path;
-use std::str::FromStr;
-
-/// Which errors a sensor has.
-#[derive(Clone, PartialEq, Debug, Default)]
-pub enum Sensor {
-    /// Those of [`Errors::ideal`].
-    #[default]
-    Ideal,
-    /// Those of [`Errors::typical`].
-    Typical,
-    /// Those of a file.
-    Given(Box<Errors>),
-}
-
-impl Sensor {
-    /// Returns the errors, with this seed where they are drawn.
-    pub fn errors(&self, seed: u64) -> Errors {
-        match self {
-            Self::Ideal => Errors::ideal(seed),
-            Self::Typical => Errors::typical(seed),
-            Self::Given(errors) => Errors::clone(errors),
-        }
-    }
-}
-
-impl Display for Sensor {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Ideal => "ideal",
-            Self::Typical => "typical",
-            Self::Given(_) => "file",
-        })
-    }
-}
-
-impl FromStr for Sensor {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "ideal" => Ok(Self::Ideal),
-            "typical" => Ok(Self::Typical),
-            path => sensor_file::read(Path::new(path)).map(|errors| Self::Given(Box::new(errors))),
-        }
-    }
-}
 
 /// The errors of a sensor and of the board's clock. `Default` has none but the white noise of the data sheet. Their
-/// meanings and units are those of the keys of a [`sensor_file`].
+/// meanings and units are those of the keys of a `sensor_file`.
 #[derive(Clone, PartialEq, Debug)]
 #[expect(missing_docs, reason = "`sensor_file` says what each of them is")]
 pub struct Errors {

@@ -10,6 +10,7 @@ pub mod noise;
 pub mod part;
 pub mod recording;
 pub mod scale;
+pub mod sensor;
 pub mod sensor_file;
 pub mod source;
 pub mod spectrum;
