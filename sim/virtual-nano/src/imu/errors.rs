@@ -255,11 +255,4 @@ mod tests {
         assert_eq!(Errors::typical(7), Errors::typical(7));
         assert_ne!(Errors::typical(7), Errors::typical(8));
     }
-
-    #[test]
-    fn a_sensor_is_a_name_or_a_file() {
-        assert_eq!("typical".parse(), Ok(Sensor::Typical));
-        assert_eq!("ideal".parse(), Ok(Sensor::Ideal));
-        assert!("/nowhere.toml".parse::<Sensor>().is_err_and(|problem| problem.starts_with("/nowhere.toml: ")));
-    }
 }

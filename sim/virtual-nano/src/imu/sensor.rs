@@ -50,3 +50,15 @@ impl FromStr for Sensor {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sensor_is_a_name_or_a_file() {
+        assert_eq!("typical".parse(), Ok(Sensor::Typical));
+        assert_eq!("ideal".parse(), Ok(Sensor::Ideal));
+        assert!("/nowhere.toml".parse::<Sensor>().is_err_and(|problem| problem.starts_with("/nowhere.toml: ")));
+    }
+}
