@@ -14,5 +14,6 @@ mod plan;
 mod plans;
 mod resistance;
 mod simulate;
+mod still;
 mod sweep;
 mod twin;

@@ -40,6 +40,7 @@ pub mod periodic;
 pub mod phase;
 pub mod profile;
 pub mod resistance;
+pub mod return_to_rest;
 pub mod rod;
 pub mod sample;
 pub mod state;

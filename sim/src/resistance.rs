@@ -47,25 +47,35 @@ pub fn parts(flagella: usize) -> Vec<String> {
 /// An impossible parameter, or one with which the fluid's equations are singular.
 pub fn resistance(robot: &Robot, angles: &[f64]) -> Result<Resistance, ParamError> {
     robot.validate()?;
+    let flagella = flagella(robot, angles);
+    of_parts(robot, &flagella)?.ok_or_else(|| singular(robot))
+}
+
+/// A rigid flagellum in the body frame, m.
+pub(crate) struct Flagellum {
+    pub foot: V3,
+    pub nodes: Vec<V3>,
+}
+
+/// Returns the flagella at rest of motors at these angles, rad.
+pub(crate) fn flagella(robot: &Robot, angles: &[f64]) -> Vec<Flagellum> {
     let (feet, edges) = (robot.shaft_feet(), robot.flagellum.edges());
-    let flagella: Vec<Flagellum> = (feet.iter().zip(angles).enumerate())
+    (feet.iter().zip(angles).enumerate())
         .map(|(k, (foot, angle))| {
             let shaft = Shaft::new(*foot, *angle);
             let nodes = robot.flagellum.helix(k).nodes(edges);
             Flagellum { foot: *foot, nodes: nodes.iter().map(|x| shaft.point_to_body(*x)).collect() }
         })
-        .collect();
-    of_parts(robot, &flagella)?.ok_or(ParamError {
+        .collect()
+}
+
+/// Returns the error for equations of the fluid that are singular.
+pub(crate) fn singular(robot: &Robot) -> ParamError {
+    ParamError {
         key: "flagellum.edge_length_m",
         value: robot.flagellum.edge_length_m,
         reason: "the resistance of the rigid flagella cannot be computed with it".into(),
-    })
-}
-
-/// A rigid flagellum in the body frame, m.
-struct Flagellum {
-    foot: V3,
-    nodes: Vec<V3>,
+    }
 }
 
 fn of_parts(robot: &Robot, flagella: &[Flagellum]) -> Result<Option<Resistance>, ParamError> {
@@ -92,9 +102,7 @@ fn of_parts(robot: &Robot, flagella: &[Flagellum]) -> Result<Option<Resistance>,
     for x in points {
         place(*x, V3::zeros(), 0, 1.0);
     }
-    let mut mobility = coupled_mobility(robot, flagella, head.as_ref());
-    add_images(robot, flagella, points, &mut mobility);
-    let Some(forces) = mobility.lu().solve(&velocities) else {
+    let Some(forces) = forces(robot, flagella, head.as_ref(), &velocities) else {
         return Ok(None);
     };
     let mut matrix = loads * forces;
@@ -117,6 +125,19 @@ fn of_parts(robot: &Robot, flagella: &[Flagellum]) -> Result<Option<Resistance>,
         matrix: (&matrix + matrix.transpose()) * 0.5,
         collocated: matrix,
     }))
+}
+
+/// Returns the force densities (N/m) at all nodes and then the forces (N) at the head's points, on the fluid, for velocities
+/// there (m/s), one column a motion; `None` if the equations are singular.
+pub(crate) fn forces(
+    robot: &Robot,
+    flagella: &[Flagellum],
+    head: Option<&RigidSurface>,
+    velocities: &DMatrix<f64>,
+) -> Option<DMatrix<f64>> {
+    let mut mobility = coupled_mobility(robot, flagella, head);
+    add_images(robot, flagella, head.map_or(&[][..], |head| &head.points), &mut mobility);
+    mobility.lu().solve(velocities)
 }
 
 /// Returns the velocities (m/s) at all nodes and then the head's points for force densities (N/m) at the nodes and forces (N)

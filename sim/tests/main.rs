@@ -17,6 +17,7 @@ mod periodic;
 mod phase;
 mod published;
 mod resistance;
+mod return_to_rest;
 mod robot;
 mod rod;
 mod spin;

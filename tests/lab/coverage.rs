@@ -4,12 +4,14 @@
 //! `cargo run --release -p tests --example coverage -- 200`: sensors per line, three minutes a line on two cores for 200.
 //!
 //! The motion is that of the model at a point, with its decay; the sensor is made here, from the data sheet alone; the
-//! filter is that of the firmware. What follows is what reads every log: [`Collector`] and [`Zeroed`].
+//! filter is that of the firmware. What follows is what reads every log: [`Collector`] and [`Zeroed`]. A trial after a rest
+//! that was cut short begins with the wait of `record` ([`Still`]), or, as `rest_at_most = 0` has it, without.
 
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry, Vector};
 use biflag_log::{CalibrationMeta, ClockMeta, End, Identity, LevelMeta, MeasuredSensorMeta, Summary, TrialMeta};
 use firmware::attitude::{Attitude, Gains};
+use host::attitude::Still;
 use host::sensor::{Estimate, Sensor};
 use host::trial::{Collector, Records, Want, Zeroed};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -24,6 +26,10 @@ const TICK_S: f64 = 0.005;
 const CALIBRATE_S: f64 = 5.0;
 const PREROLL_S: f64 = 20.0;
 const RUN_S: f64 = 120.0;
+
+/// Interval at which `record` judges whether the robot is still, s, and its longest wait.
+const CHECK_S: f64 = 0.5;
+const LONGEST_WAIT_S: f64 = 300.0;
 
 /// A generator of random numbers: SplitMix64.
 struct Random(u64);
@@ -165,19 +171,29 @@ impl Motion {
         Self { angles: angles.collect(), run_s: RUN_S }
     }
 
-    /// Returns the angles at a time since the start of the run. `late_s`: time since the end of an earlier run like this one
-    /// at which the calibration began; infinite if the robot was at rest.
-    fn at(&self, time_s: f64, late_s: f64) -> [f64; 3] {
-        let index = |t: f64| ((t / TICK_S).round().max(0.0) as usize).min(self.angles.len() - 1);
-        let own = if time_s > 0.0 { self.angles[index(time_s)] } else { [0.0; 3] };
-        if late_s.is_infinite() {
-            return own;
-        }
+    /// Returns the angles at a time since the start of the run. `rest_s`: time from the end of an earlier run like this one to
+    /// the start of the run; infinite if the robot was at rest.
+    fn at(&self, time_s: f64, rest_s: f64) -> [f64; 3] {
+        let own = if time_s > 0.0 { self.angles[self.index(time_s)] } else { [0.0; 3] };
         // What is left of the earlier motion is added.
-        let since = self.run_s + late_s + time_s + CALIBRATE_S + PREROLL_S;
-        let left = if index(since) + 1 < self.angles.len() { self.angles[index(since)] } else { [0.0; 3] };
+        let left = self.left(rest_s + time_s);
         [0, 1, 2].map(|k| own[k] + left[k])
     }
+
+    /// Returns the angles at a time after the end of a run.
+    fn left(&self, since_s: f64) -> [f64; 3] {
+        let index = self.index(self.run_s + since_s);
+        if index + 1 < self.angles.len() { self.angles[index] } else { [0.0; 3] }
+    }
+
+    fn index(&self, time_s: f64) -> usize {
+        ((time_s / TICK_S).round().max(0.0) as usize).min(self.angles.len() - 1)
+    }
+}
+
+/// Returns the attitude at yaw, pitch and roll, radians.
+fn body([yaw, pitch, roll]: [f64; 3]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_euler_angles(roll, pitch, yaw)
 }
 
 /// Errors over the stated uncertainties of yaw, pitch and roll, and these uncertainties, degrees.
@@ -189,50 +205,100 @@ struct Case {
     is_typical: bool,
     is_measured: bool,
     decay_s: f64,
-    late_s: f64,
+    /// Rest after an earlier run; infinite if the robot was at rest.
+    rest_s: f64,
+    /// Whether the trial begins with a wait until the robot is still.
+    waits: bool,
+}
+
+/// A sensor that turns with the robot. Its errors go on through wait, calibration and trial.
+struct Imu {
+    part: Part,
+    random: Random,
+    bias: Vector3<f64>,
+    flicker: [f64; 4],
+    before: UnitQuaternion<f64>,
+    /// Time since it was switched on, s.
+    on_s: f64,
+}
+
+impl Imu {
+    fn new(part: Part, mut random: Random, at: UnitQuaternion<f64>) -> Self {
+        let bias = Vector3::from_fn(|_, _| 2.0 * random.normal());
+        Self { part, random, bias, flicker: [0.0; 4], before: at, on_s: 0.0 }
+    }
+
+    fn noise(&mut self, sd: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| sd * self.random.normal())
+    }
+
+    /// Returns by how much it has warmed since it was switched on, some seconds ago, °C.
+    fn warming_c(&self, ago_s: f64) -> f64 {
+        self.part.warming_c * (1.0 - (-(self.on_s - ago_s).max(0.0) / 150.0).exp())
+    }
+
+    /// Returns the rates, °/s, and the forces, g, of a tick at whose end the robot has this attitude.
+    fn read(&mut self, now: UnitQuaternion<f64>) -> [Vector3<f64>; 2] {
+        // 0.005 °/s/√Hz and 400 µg/√Hz, one-sided, up to 100 Hz.
+        let (gyro_dps, accel_g) = (0.05, 0.004);
+        // The board's tick is its own.
+        let passed_s = TICK_S / (1.0 + self.part.clock);
+        self.on_s += passed_s;
+        self.bias += self.noise(1e-4 * TICK_S.sqrt());
+        // Flicker: walks of several correlation times about one axis.
+        for k in 0..self.flicker.len() {
+            let share = TICK_S / 4f64.powi(k as i32 + 1);
+            let step = self.part.flicker_dps * (2.0 * share).sqrt() * self.random.normal();
+            self.flicker[k] += step - share * self.flicker[k];
+        }
+        let up = now.inverse() * Vector3::z();
+        let rate = (self.before.inverse() * now).scaled_axis() / passed_s;
+        self.before = now;
+        let to_sensor = self.part.mounting.inverse();
+        let warming = self.part.bias_dps_per_c * self.warming_c(0.0);
+        let drift = warming + self.part.flicker * self.flicker.iter().sum::<f64>();
+        let seen_up = to_sensor * up;
+        let turned = self.part.gyro * (to_sensor * rate).map(f64::to_degrees) + self.part.gyro_g_dps * seen_up;
+        let rate_dps = turned + self.bias + drift + self.noise(gyro_dps);
+        let force_g = self.part.accel * seen_up + self.part.accel_offset_g + self.noise(accel_g);
+        [rate_dps.map(|rate| (rate * 131.0).round() / 131.0), force_g]
+    }
 }
 
 fn trial(motion: &Motion, case: &Case, seed: u64) -> Option<Result> {
     let mut random = Random(seed);
     let part = if case.is_typical { Part::typical(&mut random) } else { Part::ideal() };
-    let mut noise = |sd: f64| Vector3::from_fn(|_, _| sd * random.normal());
-    // 0.005 °/s/√Hz and 400 µg/√Hz, one-sided, up to 100 Hz.
-    let (gyro_dps, accel_g) = (0.05, 0.004);
     let (mut attitude, mut collector) = (Attitude::default(), Collector::new(Want::default(), 2));
     let gains = Gains { kp: 1.0, ki: 0.0 };
-    let (mut bias, mut calibrated) = (noise(2.0), Vector3::zeros());
+    let mut calibrated = Vector3::zeros();
     let start_s = -CALIBRATE_S - PREROLL_S;
     let ticks = ((RUN_S + case.decay_s - start_s) / TICK_S) as usize;
     let calibration = (CALIBRATE_S / TICK_S) as usize;
-    let body = |time: f64| {
-        let [yaw, pitch, roll] = motion.at(time, case.late_s);
-        UnitQuaternion::from_euler_angles(roll, pitch, yaw)
-    };
-    let (mut before, mut sums, mut forces) = (body(start_s), Vector3::zeros(), Vec::new());
-    let mut flicker = [0.0; 4];
-    let mut window = Vec::new();
+    let measured = case.is_measured.then(|| measured_sensor(&part.measured(&mut random)));
+    let clock = part.clock;
+    let mut rest_s = case.rest_s;
+    let mut imu = Imu::new(part, random, body(motion.left(rest_s)));
+    if case.waits {
+        let mut still = Still::default();
+        for tick in 1.. {
+            let waited_s = f64::from(tick) * TICK_S;
+            let [rate_dps, force_g] = imu.read(body(motion.left(case.rest_s + waited_s / (1.0 + clock))));
+            still.push(waited_s, rate_dps.z, force_g.into());
+            let is_over =
+                tick % (CHECK_S / TICK_S) as u32 == 0 && still.motion().is_some_and(|motion| motion.is_still());
+            if is_over || waited_s > LONGEST_WAIT_S {
+                rest_s += waited_s / (1.0 + clock);
+                break;
+            }
+        }
+    }
+    rest_s -= start_s;
+    let (mut sums, mut forces, mut window) = (Vector3::zeros(), Vec::new(), Vec::new());
     collector.event(0.0, Kind::Phase, "calibrate");
     for tick in 0..ticks {
-        // The board's tick is its own.
-        let time_s = start_s + (tick + 1) as f64 * TICK_S / (1.0 + part.clock);
+        let time_s = start_s + (tick + 1) as f64 * TICK_S / (1.0 + clock);
         let clock_s = (tick + 1) as f64 * TICK_S;
-        let now = body(time_s);
-        let warm = |t: f64| part.warming_c * (1.0 - (-(t - start_s) / 150.0).exp());
-        bias += noise(1e-4 * TICK_S.sqrt());
-        // Flicker: walks of several correlation times about one axis.
-        for (k, walk) in flicker.iter_mut().enumerate() {
-            let share = TICK_S / 4f64.powi(k as i32 + 1);
-            *walk += -share * *walk + part.flicker_dps * (2.0 * share).sqrt() * noise(1.0).x;
-        }
-        let up = now.inverse() * Vector3::z();
-        let rate = (before.inverse() * now).scaled_axis() / (TICK_S / (1.0 + part.clock));
-        let to_sensor = part.mounting.inverse();
-        let drift = part.bias_dps_per_c * warm(time_s) + part.flicker * flicker.iter().sum::<f64>();
-        let seen_up = to_sensor * up;
-        let rate_dps = part.gyro * (to_sensor * rate).map(f64::to_degrees) + part.gyro_g_dps * seen_up + bias + drift;
-        let rate_dps = (rate_dps + noise(gyro_dps)).map(|rate| (rate * 131.0).round() / 131.0);
-        let force_g = part.accel * seen_up + part.accel_offset_g + noise(accel_g);
-        before = now;
+        let [rate_dps, force_g] = imu.read(body(motion.at(time_s, rest_s)));
         if tick < calibration {
             sums += rate_dps;
             if tick + 1 == calibration {
@@ -265,7 +331,7 @@ fn trial(motion: &Motion, case: &Case, seed: u64) -> Option<Result> {
             imu_fresh: true,
             attitude: Some(Quaternion { w, x, y, z }),
             angular_velocity_dps: Some(Vector { x: rate.x, y: rate.y, z: rate.z }),
-            temperature_c: 25.0 + warm(time_s - 3.0) + 0.08 * noise(1.0).x,
+            temperature_c: 25.0 + imu.warming_c(3.0) + 0.08 * imu.random.normal(),
             motor1: Some(motor),
             motor2: Some(motor),
             ..Telemetry::default()
@@ -276,7 +342,7 @@ fn trial(motion: &Motion, case: &Case, seed: u64) -> Option<Result> {
     let up = force.normalize();
     let tilt_deg = up.xy().norm().atan2(up.z).to_degrees();
     let level = LevelMeta { up: up.into(), force_g: force.norm(), tilt_deg, used: true };
-    let clock = ClockMeta { pings: 300, drift_ppm: part.clock * 1e6, residual_us: 300.0, ..ClockMeta::default() };
+    let clock = ClockMeta { pings: 300, drift_ppm: clock * 1e6, residual_us: 300.0, ..ClockMeta::default() };
     let records = Records {
         identity: Some(Identity { format: 2, ..Identity::default() }),
         trial: Some(TrialMeta {
@@ -292,7 +358,7 @@ fn trial(motion: &Motion, case: &Case, seed: u64) -> Option<Result> {
         clock: Some(clock),
         summary: Some(Summary { end: End::Complete, ..Summary::default() }),
         calibration: Some(CalibrationMeta { still: true, ..CalibrationMeta::default() }),
-        measured_sensor: case.is_measured.then(|| measured_sensor(&part.measured(&mut random))),
+        measured_sensor: measured,
         ..Records::default()
     };
     let data = collector.finish("coverage".as_ref(), records);
@@ -308,7 +374,14 @@ fn trial(motion: &Motion, case: &Case, seed: u64) -> Option<Result> {
 fn main() {
     let seeds: usize = std::env::args().nth(1).and_then(|count| count.parse().ok()).unwrap_or(20);
     let only = std::env::args().nth(2).unwrap_or_default();
-    let base = Case { name: "ideal", is_typical: false, is_measured: false, decay_s: 30.0, late_s: f64::INFINITY };
+    let base = Case {
+        name: "ideal",
+        is_typical: false,
+        is_measured: false,
+        decay_s: 30.0,
+        rest_s: f64::INFINITY,
+        waits: false,
+    };
     let typical = Case { name: "typical", is_typical: true, ..base };
     let cases = [
         base,
@@ -317,13 +390,14 @@ fn main() {
         Case { name: "decay of 20 s", is_measured: true, decay_s: 20.0, ..typical },
         Case { name: "decay of 10 s", is_measured: true, decay_s: 10.0, ..typical },
         Case { name: "no decay", is_measured: true, decay_s: 0.5, ..typical },
-        Case { name: "rest cut short, 3 s", is_measured: true, late_s: 3.0, ..typical },
-        Case { name: "rest cut short, 10 s", is_measured: true, late_s: 10.0, ..typical },
+        Case { name: "rest cut short, 3 s", is_measured: true, rest_s: 3.0, waits: true, ..typical },
+        Case { name: "rest cut short, 10 s", is_measured: true, rest_s: 10.0, waits: true, ..typical },
+        Case { name: "rest cut short, 3 s, without a wait", is_measured: true, rest_s: 3.0, ..typical },
     ];
     println!("{seeds} sensors; share of errors within ±, mean ±, median of |error| over ±");
     println!("| sensor and plan | rpm | yaw | pitch | roll |\n| --- | --- | --- | --- | --- |");
     for rpm in [[50.0, 10.0], [-90.0, 90.0], [90.0, 90.0], [0.0, 45.0]] {
-        let motion = Motion::of(rpm, 30.0);
+        let motion = Motion::of(rpm, 120.0);
         for case in cases.iter().filter(|case| case.name.contains(&only)) {
             let (next, all) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
             let work = || loop {

@@ -110,7 +110,7 @@ fn simulator_failure_ends_the_trial_with_its_reason() {
     let plan = bench.file(
         "plan.toml",
         "[session]\nrobot = \"hard.toml\"\n\
-         [board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 2\nrun = 20\ndecay = 0\n\
+         [board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 2\nrest_at_most = 0\nrun = 20\ndecay = 0\n\
          [speeds]\npairs = [[90, -90]]\n",
     );
     let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--out", "session", "--json"]).expect_code(1);

@@ -166,7 +166,7 @@ fn forgotten_settings_are_restored_from_the_copy() {
 
 fn calibrated_plan(bench: &Bench, trials: &str) -> String {
     let text = format!(
-        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 2\npreroll = 0\nrun = 2\ndecay = 0\n[speeds]\npairs = [{trials}]\n"
+        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 2\npreroll = 0\nrest_at_most = 0\nrun = 2\ndecay = 0\n[speeds]\npairs = [{trials}]\n"
     );
     bench.file("plan.toml", &text).to_str().unwrap().to_owned()
 }
@@ -204,13 +204,13 @@ fn preflight_refuses_and_resume_continues() {
     assert_eq!(logs(&session).len(), 6);
 }
 
-/// A robot that still swings from the trial before is calibrated again when it has come to rest.
+/// Without a wait, a robot that still swings from the trial before is calibrated again when it has come to rest.
 #[test]
 fn a_robot_that_swings_is_calibrated_again() {
     let bench = Bench::new();
     let plan = bench.file(
         "plan.toml",
-        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 8\npreroll = 0\nrun = 3\ndecay = 0\n\
+        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 8\npreroll = 0\nrest_at_most = 0\nrun = 3\ndecay = 0\n\
          [speeds]\npairs = [[90, 90], [30, 0]]\n",
     );
     let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--json"]).expect_code(0);

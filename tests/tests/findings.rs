@@ -56,7 +56,7 @@ fn a_rest_that_is_none_takes_the_uncertainty_away() {
     let plan = bench.file(
         "plan.toml",
         "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n\
-         [trial]\ncalibrate = 0\npreroll = 7\nrun = 8\ndecay = 0\n[speeds]\npairs = [[67.3, 88.1], [-51.7, 83.9]]\n",
+         [trial]\ncalibrate = 0\npreroll = 7\nrest_at_most = 0\nrun = 8\ndecay = 0\n[speeds]\npairs = [[67.3, 88.1], [-51.7, 83.9]]\n",
     );
     let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--json"]).expect_code(3);
     let trials = run.json()["trials"].as_array().unwrap().clone();

@@ -14,7 +14,7 @@ use tests::{
 };
 
 /// The motors' deadline is the longest one, because other programs may delay the pings.
-const PLAN: &str = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 9\ndecay = 0\n\
+const PLAN: &str = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 1\nrest_at_most = 0\nrun = 9\ndecay = 0\n\
                     [speeds]\npairs = [[50, 10], [-30, 30]]\n";
 
 fn info(bench: &Bench, log: &Path) -> Value {

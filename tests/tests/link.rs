@@ -136,7 +136,7 @@ fn real_time_has_no_losses() {
 #[test]
 fn motor_reverses_during_the_run() {
     let bench = Bench::new();
-    let plan = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 6\ndecay = 1\n\
+    let plan = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 1\nrest_at_most = 0\nrun = 6\ndecay = 1\n\
                 reverse = { motor = 2, after = 2.5 }\n[speeds]\npairs = [[50, 60]]\n";
     let plan = bench.file("plan.toml", plan);
     let nano = nano(["--speed", "max"]);

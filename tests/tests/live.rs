@@ -57,7 +57,7 @@ fn viewers_do_not_affect_a_recording() {
     // The viewers connect in the pre-roll.
     let plan = bench.file(
         "plan.toml",
-        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 20\nrun = 14\ndecay = 2\n\
+        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 20\nrest_at_most = 0\nrun = 14\ndecay = 2\n\
          [speeds]\npairs = [[50, 10]]\n",
     );
     let nano = nano(["--speed", "4"]);

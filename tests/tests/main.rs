@@ -24,6 +24,7 @@ mod one_number;
 mod other_readers;
 mod python;
 mod report;
+mod rest;
 mod resume;
 mod sensor;
 mod simulate;

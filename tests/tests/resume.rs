@@ -15,7 +15,7 @@ use tests::{
 /// The motors' deadline is the longest one, because other programs may delay the pings.
 fn plan(calibrate: f64, run: f64) -> String {
     format!(
-        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = {calibrate}\npreroll = 1\nrun = {run}\ndecay = 0\n\
+        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = {calibrate}\npreroll = 1\nrest_at_most = 0\nrun = {run}\ndecay = 0\n\
          [speeds]\npairs = [[50, 10], [-30, 30]]\n"
     )
 }
@@ -110,6 +110,7 @@ fn info_agrees_with_record() {
     let bench = Bench::new();
     // The still phases are long enough to estimate the drift.
     let still = plan(1.0, 14.0).replace("preroll = 1", "preroll = 12").replace("decay = 0", "decay = 12");
+    let still = still.replace("rest_at_most = 0", "rest_at_most = 60");
     let plan = bench.file("plan.toml", &still);
     // It waits for a computer that is busy.
     let nano = nano(["--speed", "max"]);
@@ -119,6 +120,9 @@ fn info_agrees_with_record() {
         for key in ["yaw_deg", "pitch_deg", "yaw_uncertainty_deg"] {
             let [said, says] = [trial, &info["angles"]].map(|angles| angles[key].as_f64().unwrap());
             assert!((said - says).abs() < 1e-6, "{key}: {said} and {says}");
+        }
+        for key in ["run_start_s", "run_end_s"] {
+            assert!(trial[key].as_f64().is_some() && trial[key] == info[key], "{key}: {trial} and {info}");
         }
     }
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use tests::{Bench, Cable, Run, board_s, logs, nano, wait_for_logs, whole_computer};
 
 /// A pre-roll, so that a line can go bad before the motors turn.
-const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrun = 60\ndecay = 0\n\
+const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrest_at_most = 0\nrun = 60\ndecay = 0\n\
                     [speeds]\npairs = [[50, 10]]\n";
 
 /// The motors' deadline by default, s.

@@ -76,7 +76,7 @@ pub use convert::{CommandRecord, Converter, event};
 pub use error::LogError;
 pub use meta::{
     BoardMeta, CalibrationMeta, ClockMeta, End, FORMAT, FaultMeta, Identity, LevelMeta, MeasuredSensorMeta, Origin,
-    PlanMeta, RecoveryMeta, ReplayMeta, RobotMeta, Summary, TrialMeta,
+    PlanMeta, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, Summary, TrialMeta,
 };
 pub use model_meta::{Method, ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, TrialClock, check, last_meta, summary};

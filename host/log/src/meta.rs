@@ -166,6 +166,22 @@ pub struct CalibrationMeta {
     pub samples: u16,
 }
 
+/// How the robot came to rest before the trial.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct RestMeta {
+    /// Whether it was still at the end of the wait.
+    pub still: bool,
+    /// How long the recorder waited.
+    pub waited_s: f64,
+    /// How long it would have waited at most.
+    pub at_most_s: f64,
+    /// Upper bound on the rate of the yaw at the end of the wait; `None` if the wait was too short to tell.
+    pub yaw_dps: Option<f64>,
+    /// The same of the tilt.
+    pub tilt_dps: Option<f64>,
+}
+
 /// The vertical measured by the accelerometer while the robot hung at rest before the run.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
 #[serde(default)]
@@ -269,7 +285,7 @@ macro_rules! names {
 
 names! {
     Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
-    CalibrationMeta: "calibration", LevelMeta: "level", ClockMeta: "clock", Summary: "summary", RecoveryMeta: "recovery",
+    CalibrationMeta: "calibration", RestMeta: "rest", LevelMeta: "level", ClockMeta: "clock", Summary: "summary", RecoveryMeta: "recovery",
     MeasuredSensorMeta: "measured_sensor", ModelMeta: "model", SensorMeta: "sensor", SteadyMeta: "steady", ReplayMeta: "replay",
 }
 

@@ -168,7 +168,7 @@ impl Simulated {
             index: 0,
             repeat: 1,
             speeds: self.rpm.map(CentiRpm::from_rpm),
-            phases: Phases { calibrate_s: 0.0, preroll_s: 0.0, run_s: self.run_s, decay_s: 0.0 },
+            phases: Phases::of_run(self.run_s),
             reverse: None,
             phase_deg: (self.phase_deg != [0.0; 2]).then_some(self.phase_deg),
         };

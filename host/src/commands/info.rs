@@ -49,6 +49,8 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "created": records.identity.as_ref().map(|identity| &identity.created),
         "trial": records.trial,
         "end": records.summary.as_ref().map(|summary| summary.end),
+        "run_start_s": data.times.run_s().map(|[start, _]| start),
+        "run_end_s": data.times.run_s().map(|[_, end]| end),
         "angles": angles,
         "budget": zeroed.steady.as_ref().map_or_else(Vec::new, Steady::budget),
         "findings": findings,
@@ -100,6 +102,7 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed) -> String {
         lines.add("starts at", t.phase_deg.map_or(String::new(), |[one, two]| format!("{one}° and {two}°")));
         lines.add("phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s"));
     }
+    lines.add("rest", records.rest.as_ref().map_or_else(String::new, text::rest));
     if let Some(model) = &records.model {
         let shapes = if model.shapes { ", with shapes" } else { "" };
         lines.add("model", format!("closure {}, {} samples per second{shapes}", word(&model.closure), model.rate_hz));

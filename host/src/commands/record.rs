@@ -89,6 +89,11 @@ struct RecordedTrial {
     pitch_deg: Option<f64>,
     roll_deg: Option<f64>,
     yaw_uncertainty_deg: Option<f64>,
+    /// Start of the run on the log's clock, which depends on how long the robot took to come to rest; `None` if the motors
+    /// never ran.
+    run_start_s: Option<f64>,
+    /// End of the run.
+    run_end_s: Option<f64>,
     /// Angle turned about each body axis over the whole trial; only for trials of this run.
     turned_deg: Option<[f64; 3]>,
     /// The turn by hand in the plan, compared with the measured one; only for trials of this run.
@@ -166,14 +171,14 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             angles.fill(&mut summary);
         }
         let row = RecordedTrial::new(&state.trial, attempt.path.clone(), &summary);
-        let row = row.with(findings(&data, &zeroed));
+        let row = row.ran(data.times.run_s()).with(findings(&data, &zeroed));
         if !row.warnings.is_empty() {
             outcome = Outcome::WithLoss;
         }
         recorded.trials.push(row);
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    for note in note.into_iter().chain(note_of_copy).chain(note_of_sensor) {
+    for note in note.into_iter().chain(note_of_copy).chain(note_of_sensor).chain(plan.note_on_rest()) {
         progress.line(&format!("note: {note}"));
     }
     for LogFinding { finding, .. } in &recorded.left_out {
@@ -371,7 +376,13 @@ impl RecordedTrial {
             notes: run.notes.clone(),
             ..Self::new(trial, log, &run.summary)
         }
+        .ran(run.run_s)
         .with(run.findings.clone())
+    }
+
+    /// Sets start and end of the run.
+    fn ran(self, run_s: Option<[f64; 2]>) -> Self {
+        Self { run_start_s: run_s.map(|[start, _]| start), run_end_s: run_s.map(|[_, end]| end), ..self }
     }
 
     /// Adds the findings about the trial.
@@ -394,6 +405,8 @@ impl RecordedTrial {
             pitch_deg: summary.pitch_deg,
             roll_deg: summary.roll_deg,
             yaw_uncertainty_deg: summary.yaw_uncertainty_deg,
+            run_start_s: None,
+            run_end_s: None,
             turned_deg: None,
             hand_turn: None,
             findings: Vec::new(),

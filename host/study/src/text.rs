@@ -1,6 +1,6 @@
 //! Formats words, numbers, paths and foreign text for messages and pages.
 
-use biflag_log::{ClockMeta, Origin};
+use biflag_log::{ClockMeta, Origin, RestMeta};
 use serde::Serializer;
 use std::path::Path;
 
@@ -31,6 +31,12 @@ pub fn clock(clock: &ClockMeta) -> String {
         drift => format!("{:.2} times real time", 1.0 + drift * 1e-6),
     };
     format!("{rate}, residual {:.0} µs, {}", clock.residual_us, count(clock.pings as usize, "ping"))
+}
+
+/// Describes how the robot came to rest before a trial.
+pub fn rest(rest: &RestMeta) -> String {
+    let state = if rest.still { "still" } else { "not still" };
+    format!("{state} after a wait of {:.1} s", rest.waited_s)
 }
 
 /// Returns the name of a value in JSON, with spaces instead of underscores.

@@ -128,7 +128,7 @@ impl RigidBase {
 }
 
 /// Returns the righting moment of a rigid flagellum's net weight for a unit sine of the tilt, N m: its mean over a revolution.
-fn flagellum_righting(robot: &Robot) -> f64 {
+pub(crate) fn flagellum_righting(robot: &Robot) -> f64 {
     let below = robot.base.height_m + 0.5 * robot.flagellum.axial_length_m;
     robot.net_weight() * robot.flagellum.helix(0).contour_length() * below
 }

@@ -5,7 +5,7 @@ use super::text::{clip, degrees, number, plain};
 use super::view::{ModelRobot, View};
 use biflag_log::Identity;
 use maud::{Markup, html};
-use study::text::word;
+use study::text::{rest as rest_text, word};
 use study::trial::AngleTerm;
 
 /// The longest file that is shown, in characters.
@@ -107,6 +107,9 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
         let [calibrate, preroll, run, decay] =
             [trial.calibrate_s, trial.preroll_s, trial.run_s, trial.decay_s].map(plain);
         facts.push(("Phases", format!("calibrate {calibrate} s, preroll {preroll} s, run {run} s, decay {decay} s")));
+        if let Some(rest) = &records.rest {
+            facts.push(("Rest before", rest_text(rest)));
+        }
         if let Some([one, two]) = trial.phase_deg.map(|phase| phase.map(plain)) {
             facts.push(("Motors start at", format!("{one}° and {two}°")));
         }

@@ -13,6 +13,7 @@ mod recorder;
 mod schedule;
 pub mod self_test;
 mod simulated;
+mod still;
 mod stream;
 mod trial;
 mod virtual_nano;

@@ -71,6 +71,8 @@ pub(super) struct Recorder<'a> {
     clock: BoardClock,
     /// The board's clock at the trial's first frame, µs.
     begun_us: u64,
+    /// The board's clock at the end of the wait for a still robot, µs: the start of the plan.
+    rested_us: u64,
     /// The board's clock at the last recorded frame, µs; `None` before the first.
     reached_us: Option<u64>,
     pings: PingClock,
@@ -98,6 +100,7 @@ impl<'a> Recorder<'a> {
             recorded_phase: None,
             clock: BoardClock::default(),
             begun_us: 0,
+            rested_us: 0,
             reached_us: None,
             pings: PingClock::default(),
             state: (State::Idle, Fault::None),
@@ -128,7 +131,7 @@ impl<'a> Recorder<'a> {
         self.command(Command::Stream { rate_hz: TICK_HZ })?;
         loop {
             let frame = self.next_frame()?;
-            self.begun_us = frame.board_us;
+            (self.begun_us, self.rested_us) = (frame.board_us, frame.board_us);
             if frame.telemetry.fault != Fault::None {
                 self.keep(frame)?;
             }
@@ -144,6 +147,7 @@ impl<'a> Recorder<'a> {
         loop {
             let frame = self.pending_or_next()?;
             self.begun_us = self.tick_of(&frame, start_us);
+            self.rested_us = self.begun_us;
             if frame.telemetry.fault != Fault::None {
                 self.keep(frame)?;
             }
@@ -204,9 +208,14 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Returns the board's clock at the trial's first frame, µs.
-    pub(super) fn begun_us(&self) -> u64 {
-        self.begun_us
+    /// Returns the board's clock at the start of the plan, µs.
+    pub(super) fn rested_us(&self) -> u64 {
+        self.rested_us
+    }
+
+    /// Ends the wait for a still robot at a time of the board's clock, µs.
+    pub(super) fn end_wait(&mut self, rested_us: u64) {
+        self.rested_us = rested_us;
     }
 
     /// Sends a request that is answered with [`Reply::Done`].

@@ -1,12 +1,12 @@
-//! Runs one trial on the rig: calibrates, hands the schedule of rest, run and decay to the board, and records what it does.
+//! Runs one trial on the rig: waits until the robot is still, calibrates, hands the schedule of rest, run and decay to the board, and records what it does.
 
 use super::recorder::{Frame, Keep, Recorder, first_failure};
 use super::simulated::{SimulatedRobot, TruthRecorder};
-use super::{RecordError, VirtualNano, preflight, schedule};
+use super::{RecordError, VirtualNano, preflight, schedule, still};
 use crate::link::Link;
 use biflag_log::{End, EventKind, LogError, Start, Summary, Tap};
 use protocol::units::CentiRpm;
-use protocol::{Command, Fault, Settings, State, TICK_HZ};
+use protocol::{Calibration, Command, Fault, Settings, State, TICK_HZ};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, SystemTime};
@@ -22,6 +22,8 @@ pub struct RigRun {
     pub summary: Summary,
     /// Its steady angles; `None` if there is no attitude in the run.
     pub angles: Option<Angles>,
+    /// Start and end of its run on the log's clock, s; `None` if its motors never ran.
+    pub run_s: Option<[f64; 2]>,
     /// Why it did not complete.
     pub error: Option<RecordError>,
     /// Findings about it, also in its log.
@@ -70,7 +72,7 @@ pub fn run(
     let truth = context.robot.map(TruthRecorder::new);
     let mut recorder = Recorder::new(context.link, kept, context.interrupted, truth);
     let mut said = Said::default();
-    let phases = phases(&mut recorder, context, trial, &schedule, &mut said);
+    let phases = phases(&mut recorder, context, trial, &schedule, &settings, &mut said);
     // After a failed write, further writes to the log fail as well.
     let writable = !matches!(phases, Err(RecordError::Log(_)));
     let mut error = stop(&mut recorder, phases, writable).err();
@@ -102,9 +104,9 @@ pub fn run(
         link: recorder.monitor.stats(),
         ..Summary::default()
     };
-    let Measured { angles, findings } =
+    let Measured { angles, run_s, findings } =
         if writable { recorder.trial.finish(&mut summary)? } else { recorder.trial.abandon() };
-    Ok(RigRun { summary, angles, error, findings, notes: said.notes })
+    Ok(RigRun { summary, angles, run_s, error, findings, notes: said.notes })
 }
 
 /// What the user is told at the end of a trial.
@@ -124,6 +126,11 @@ const CALIBRATION_MARGIN_S: f64 = 0.2;
 
 /// Shortest calibration that the board can do, s.
 const SHORTEST_CALIBRATION_S: f64 = 0.1;
+
+/// Tilt of the attitude, degrees, at which the board's filter has settled after a calibration, and the longest time that it
+/// gets, s: what one with a usual gain needs for a bias of 20 °/s.
+const SETTLED_DEG: f64 = 0.02;
+const LONGEST_SETTLING_S: f64 = 7.0;
 
 /// Stops the motors and the stream, and records what came until then. If the link is gone, the board stops the motors at
 /// its deadline. Returns the outcome of the trial; `phases` is that of its phases.
@@ -153,6 +160,7 @@ fn phases(
     context: &mut RunContext,
     trial: &Trial,
     schedule: &Schedule,
+    settings: &Settings,
     said: &mut Said,
 ) -> Result<(), RecordError> {
     let (progress, name) = (context.progress, &trial.name);
@@ -162,13 +170,16 @@ fn phases(
     let points = schedule.set_points();
     schedule::send(recorder, &points)?;
     let count = points.len();
-    let begun_us = recorder.begin()?;
+    recorder.begin()?;
+    let waits = still::wait(recorder, context, trial)?;
+    let begun_us = recorder.rested_us();
     let start_us = if trial.phases.calibrate_s > 0.0 {
         let calibrate_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
         calibrate(recorder, context, trial, calibrate_s - CALIBRATION_MARGIN_S)?;
-        let planned_us = begun_us + (calibrate_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
         // Before the start: a refusal must not come after motors that turn.
-        end_calibration(recorder, trial.speeds != [CentiRpm(0); 2])?;
+        let calibration = end_calibration(recorder, trial.speeds != [CentiRpm(0); 2])?;
+        let calibrated_s = calibrate_s + settling_s(settings, &calibration);
+        let planned_us = begun_us + (calibrated_s * f64::from(TICK_HZ)).round() as u64 * TICK_US;
         let start_us = schedule::start(recorder, count, planned_us)?;
         if start_us > planned_us {
             let late_s = (start_us - planned_us) as f64 * 1e-6;
@@ -179,13 +190,23 @@ fn phases(
         start_us
     } else {
         let start_us = schedule::start(recorder, count, begun_us)?;
-        recorder.skip_to(start_us)?;
+        if !waits {
+            recorder.skip_to(start_us)?;
+        }
         start_us
     };
     let mut phase = Phase::Calibrate;
+    let mut phase_us = start_us;
     let mut target = [CentiRpm(0); 2];
     for (tick, event) in schedule.ticks() {
         let tick_us = start_us + u64::from(tick) * TICK_US;
+        if phase == Phase::Decay
+            && trial.phases.rest_at_most_s > 0.0
+            && let Some(still_us) = still::decay(recorder, context, [phase_us, tick_us])?
+        {
+            recorder.end_at(still_us)?;
+            return recorder.change(EventKind::Phase, Phase::End.name(), still_us);
+        }
         let begins = |frame: &Frame| match event.change {
             Change::Phase(next) => frame.telemetry.phase >= next.number(),
             Change::Reversal(_) => frame.board_us + TICK_US / 2 >= tick_us,
@@ -216,7 +237,7 @@ fn phases(
                     progress.phase(name, next.name());
                 }
                 recorder.change(EventKind::Phase, next.name(), tick_us)?;
-                phase = next;
+                (phase, phase_us) = (next, tick_us);
             }
             Change::Reversal(reverse) => recorder.change(EventKind::Note, &reverse.text(target), tick_us)?,
         }
@@ -234,10 +255,10 @@ fn record_until(
     context: &RunContext,
     ends: impl Fn(&Frame) -> bool,
 ) -> Result<Frame, RecordError> {
-    let begun_us = recorder.begun_us();
+    let rested_us = recorder.rested_us();
     let mut shown_us = 0;
     recorder.record_until(|frame, readout| {
-        context.progress.within(frame.board_us.saturating_sub(begun_us) as f64 * 1e-6);
+        context.progress.within(frame.board_us.saturating_sub(rested_us) as f64 * 1e-6);
         if frame.board_us >= shown_us + FIGURES_US {
             shown_us = frame.board_us;
             context.progress.figures(&readout.to_string());
@@ -260,7 +281,7 @@ fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2]) -> Result<(), Re
 /// Calibrates the gyroscope for `duration_s`; returns when the board has the result.
 fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial, duration_s: f64) -> Result<(), RecordError> {
     context.progress.phase(&trial.name, Phase::Calibrate.name());
-    recorder.change(EventKind::Phase, Phase::Calibrate.name(), recorder.begun_us())?;
+    recorder.change(EventKind::Phase, Phase::Calibrate.name(), recorder.rested_us())?;
     recorder.record_meanwhile(Some(Phase::Calibrate.number()));
     let duration_ms = (duration_s * 1e3).round().min(60_000.0) as u16;
     recorder.command(Command::CalibrateGyro { duration_ms })?;
@@ -269,11 +290,23 @@ fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial, durat
     record_until(recorder, context, |frame| is_over(frame) && frame.telemetry.fault == Fault::None).map(drop)
 }
 
-fn end_calibration(recorder: &mut Recorder, turns: bool) -> Result<(), RecordError> {
+/// Returns the time in which the board's filter forgets the bias that it had before a calibration, whole tenths of a second:
+/// until then the attitude is tilted by the change of the bias over the filter's gain.
+fn settling_s(settings: &Settings, calibration: &Calibration) -> f64 {
+    let changes = calibration.bias.iter().zip(settings.gyro_bias).map(|(now, before)| (now - before).powi(2));
+    let change_dps = changes.sum::<f32>().sqrt() / settings.gyro_range.counts_per_dps();
+    let tilt_deg = f64::from(change_dps / settings.attitude_kp);
+    let settles_s = (tilt_deg / SETTLED_DEG).ln() / f64::from(settings.attitude_kp);
+    // A change of nothing settles at once; a filter without a gain never does.
+    (settles_s.max(0.0).min(LONGEST_SETTLING_S) * 10.0).ceil() / 10.0
+}
+
+fn end_calibration(recorder: &mut Recorder, turns: bool) -> Result<Calibration, RecordError> {
     let calibration = recorder.calibration()?;
     recorder.trial.calibration(&calibration, SystemTime::now())?;
     let (mut rest, clock) = (recorder.trial.at_rest(), recorder.clock());
     // A sensor that is turned by hand may lie anyhow.
     rest.mounted_askew_deg = rest.mounted_askew_deg.filter(|_| turns);
-    Ok(preflight::at_rest(&calibration, rest, clock.as_ref(), recorder.link.path())?)
+    preflight::at_rest(&calibration, rest, clock.as_ref(), recorder.link.path())?;
+    Ok(calibration)
 }

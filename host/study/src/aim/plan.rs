@@ -22,7 +22,7 @@ pub fn plan(out: &Path, robot: &Path, target: &Target, solutions: &[Solution]) -
         let angles = angles.map(|(name, deg, [low, high])| format!("{name} {deg:.2} ({low:.2} to {high:.2})"));
         text += &format!("#   {}, {} rpm: {} deg\n", state.w1_rpm, state.w2_rpm, angles.join(", "));
     }
-    let Phases { calibrate_s, preroll_s, run_s, decay_s } = Phases::default();
+    let Phases { calibrate_s, preroll_s, run_s, decay_s, .. } = Phases::default();
     let pairs: Vec<_> = solutions.iter().map(|s| format!("[{}, {}]", s.state.w1_rpm, s.state.w2_rpm)).collect();
     let [name, robot] = [&*name, &*robot].map(|text| toml::Value::String(text.to_owned()));
     text += &format!(

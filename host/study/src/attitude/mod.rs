@@ -9,6 +9,7 @@ mod rest;
 mod rotations;
 mod series;
 mod smoother;
+mod still;
 mod student;
 mod track;
 
@@ -16,6 +17,7 @@ pub use drift::{Drift, Rest};
 pub use level::{Level, Leveller, RestForce};
 pub use rotations::ROTATIONS;
 pub use series::Series;
+pub use still::{Motion, STILL_TILT_DPS, STILL_YAW_DPS, Still};
 pub use student::student_95;
 pub use track::{Columns, Track};
 

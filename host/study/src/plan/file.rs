@@ -34,6 +34,9 @@ fn help(key: &str) -> Option<&'static str> {
         "repeats" => "give a whole number from 1 to 10000: how often each pair of speeds runs",
         "calibrate" => "give seconds as a plain number: 0.1 to 60, or 0 to keep the bias that the board has",
         "preroll" => "give seconds as a plain number, such as preroll = 20",
+        "rest_at_most" => {
+            "give seconds as a plain number, such as rest_at_most = 300: the longest wait for a still robot; 0 for none"
+        }
         "run" => "give seconds as a plain number, such as run = 60",
         "decay" => "give seconds as a plain number, such as decay = 30",
         "reverse" => {
@@ -87,6 +90,7 @@ struct TrialTable {
     preroll: Option<Spanned<f64>>,
     run: Option<Spanned<f64>>,
     decay: Option<Spanned<f64>>,
+    rest_at_most: Option<Spanned<f64>>,
     reverse: Option<Spanned<ReverseTable>>,
     hand_turn: Option<Spanned<HandTurn>>,
     phase_deg: Option<Spanned<Exactly<f64, 2>>>,
@@ -189,6 +193,7 @@ fn phases(table: &TrialTable, source: &Source) -> Result<Phases, PlanError> {
         Err(source.error(value.span(), format!("{name} = {} {wrong}", number(seconds)), cure))
     };
     let phases = Phases {
+        rest_at_most_s: check(&table.rest_at_most, "rest_at_most", default.rest_at_most_s)?,
         calibrate_s: check(&table.calibrate, "calibrate", default.calibrate_s)?,
         preroll_s: check(&table.preroll, "preroll", default.preroll_s)?,
         run_s: check(&table.run, "run", default.run_s)?,

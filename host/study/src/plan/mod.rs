@@ -13,6 +13,7 @@ mod error;
 pub(crate) mod expand;
 pub(crate) mod file;
 mod hand_turn;
+mod rest;
 pub mod robot;
 mod schedule;
 mod shipped;
@@ -24,7 +25,7 @@ pub use expand::board_speed;
 pub use file::{MAX_PHASE_S, MIN_RUN_S};
 pub use hand_turn::{Axis, HandTurn};
 pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
-pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint, TICK_US};
+pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint, TICK_US, WAIT};
 pub use shipped::Shipped;
 
 use crate::sensor::{self, MeasuredSensor};
@@ -42,7 +43,8 @@ repeats = 1
 calibrate = 5            # gyroscope at rest; 0 keeps the bias in the board's settings
 preroll = 20
 run = 120
-decay = 30
+decay = 30               # ends earlier if the robot is still
+rest_at_most = 300       # longest wait for a still robot before the calibration
 
 [speeds]                 # rpm, -90 to 90; pairs and a grid may both be given
 pairs = [[50, 15], [0, 45]]
@@ -135,9 +137,12 @@ impl Reverse {
     }
 }
 
-/// Durations of the phases of a trial, in their order, seconds.
+/// Durations of the phases of a trial, in their order, seconds. On a rig, the trial begins with a wait until the robot is
+/// still, and the decay ends when it is.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Phases {
+    /// Longest wait before the calibration; 0 for none.
+    pub rest_at_most_s: f64,
     /// Calibration of the gyroscope, at rest; 0 keeps the bias in the board's settings.
     pub calibrate_s: f64,
     /// At rest before the motors turn.
@@ -149,7 +154,12 @@ pub struct Phases {
 }
 
 impl Phases {
-    /// Returns the duration of the trial, seconds.
+    /// Returns the phases of a run alone.
+    pub fn of_run(run_s: f64) -> Self {
+        Self { rest_at_most_s: 0.0, calibrate_s: 0.0, preroll_s: 0.0, run_s, decay_s: 0.0 }
+    }
+
+    /// Returns the planned duration of the trial without a wait, seconds.
     pub fn total_s(&self) -> f64 {
         self.calibrate_s + self.preroll_s + self.run_s + self.decay_s
     }
@@ -157,7 +167,7 @@ impl Phases {
 
 impl Default for Phases {
     fn default() -> Self {
-        Self { calibrate_s: 5.0, preroll_s: 20.0, run_s: 120.0, decay_s: 30.0 }
+        Self { rest_at_most_s: 300.0, calibrate_s: 5.0, preroll_s: 20.0, run_s: 120.0, decay_s: 30.0 }
     }
 }
 

@@ -7,6 +7,9 @@ use protocol::{SetPoint, State, TICK_HZ};
 /// Length of the board's tick, µs.
 pub const TICK_US: u64 = 1_000_000 / TICK_HZ as u64;
 
+/// Name in a log of the time before a trial's first phase, in which the recorder waits until the robot is still.
+pub const WAIT: &str = "wait";
+
 /// A phase of a trial.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Phase {
@@ -108,7 +111,7 @@ pub struct Schedule {
 impl Schedule {
     /// Returns the planned schedule of a trial. Phases without a duration are left out.
     pub fn planned(trial: &Trial) -> Self {
-        let Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
+        let Phases { calibrate_s, preroll_s, run_s, decay_s, .. } = trial.phases;
         let mut start_s = 0.0;
         let mut phases = Vec::new();
         let lengths = [calibrate_s, preroll_s, run_s, decay_s];

@@ -38,7 +38,7 @@ pub fn start(
 /// Returns the record of a trial.
 pub(crate) fn trial_meta(trial: &Trial, attempt: u32) -> TrialMeta {
     let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
-    let Phases { calibrate_s, preroll_s, run_s, decay_s } = trial.phases;
+    let Phases { calibrate_s, preroll_s, run_s, decay_s, .. } = trial.phases;
     TrialMeta {
         name: trial.name.clone(),
         index: trial.index,

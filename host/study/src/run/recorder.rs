@@ -1,13 +1,13 @@
 //! Records a running trial, of the rig or of a model, into its log and into memory.
 
-use crate::attitude::{Leveller, RestForce, rotation};
+use crate::attitude::{Leveller, Motion, RestForce, Still, rotation};
 use crate::draw::{self, Drawing};
 use crate::plan::RobotFile;
 use crate::trial::{Angles, Collector, Finding, Records, Want, Zeroed, findings};
 use biflag_log::schema::biflag::Quaternion;
 use biflag_log::{
-    CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, ModelMeta, Origin, Start, Summary, Tap, Writer,
-    sample,
+    CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, ModelMeta, Origin, RestMeta, Start, Summary, Tap,
+    Writer, sample,
 };
 use nalgebra::UnitQuaternion;
 use protocol::units::{Count, STANDARD_GRAVITY_MPS2};
@@ -27,6 +27,7 @@ pub struct Recorder {
     collector: Option<Collector>,
     converter: Converter,
     rest: RestForce,
+    still: Still,
     /// The board's counts of clipped readings in the first frame and in the last one.
     clipped: Option<[Count; 2]>,
     /// Levels the attitude for viewers.
@@ -67,6 +68,7 @@ impl Recorder {
             collector: (start.identity.origin != Origin::Model).then(|| Collector::new(Want::default(), FORMAT)),
             converter: Converter::new(settings),
             rest: RestForce::new(TICK_HZ),
+            still: Still::default(),
             clipped: None,
             leveller: None,
             filter_gain: settings.attitude_kp.into(),
@@ -94,8 +96,11 @@ impl Recorder {
         let message = self.converter.telemetry(frame, board_time_us, time_s);
         if frame.state == State::Running {
             self.rest.clear();
-        } else if let Some(force) = message.acceleration_mps2.filter(|_| frame.imu_fresh) {
-            self.rest.push([force.x, force.y, force.z]);
+            self.still.clear();
+        } else if let (Some(force), true) = (message.acceleration_mps2, frame.imu_fresh) {
+            let force = [force.x, force.y, force.z];
+            self.rest.push(force);
+            self.still.push(time_s, message.angular_velocity_dps.unwrap_or_default().z, force);
         }
         self.clipped = Some([self.clipped.map_or(frame.clipped, |[first, _]| first), frame.clipped]);
         self.collect(|collector| collector.telemetry(&message));
@@ -185,9 +190,26 @@ impl Recorder {
     /// [`LogError::Write`].
     pub fn calibration(&mut self, calibration: &Calibration, host: SystemTime) -> Result<(), LogError> {
         self.converter.calibrate(calibration);
+        // From here on the rates have another bias.
+        self.still.clear();
         let time_s = self.log.time_s();
         self.collect(|collector| collector.event(time_s, EventKind::Calibration, ""));
         self.log.calibration(calibration, host)
+    }
+
+    /// Returns the bounds on the motion of the robot at rest at present; `None` if the motors have been off for too short a
+    /// time.
+    pub fn motion(&self) -> Option<Motion> {
+        self.still.motion()
+    }
+
+    /// Records how the robot came to rest.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn waited(&mut self, rest: &RestMeta) -> Result<(), LogError> {
+        self.records.rest = Some(*rest);
+        self.log.meta(rest)
     }
 
     /// Returns what the trial has shown so far, with the motors off, about the sensor.
@@ -255,6 +277,8 @@ impl Recorder {
 pub struct Measured {
     /// Its steady angles; `None` if there is no attitude in the run.
     pub angles: Option<Angles>,
+    /// Start and end of its run, s; `None` if its motors never ran.
+    pub run_s: Option<[f64; 2]>,
     /// All findings about it.
     pub findings: Vec<Finding>,
 }
@@ -263,5 +287,5 @@ fn measured(collector: Option<Collector>, path: &Path, records: Records) -> Meas
     let Some(collector) = collector else { return Measured::default() };
     let data = collector.finish(path, records);
     let zeroed = Zeroed::new(&data);
-    Measured { angles: zeroed.angles(), findings: findings(&data, &zeroed) }
+    Measured { angles: zeroed.angles(), run_s: data.times.run_s(), findings: findings(&data, &zeroed) }
 }

@@ -19,6 +19,11 @@ impl Times {
     pub fn has_run(&self) -> bool {
         self.run.end > self.run.start
     }
+
+    /// Returns start and end of the run; `None` if the trial did not reach it.
+    pub fn run_s(&self) -> Option<[f64; 2]> {
+        self.has_run().then_some([self.run.start, self.run.end])
+    }
 }
 
 /// Entries of a log that mark its phases.

@@ -9,8 +9,8 @@ use crate::sensor::{MeasuredSensor, Sensor};
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
     BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, LevelMeta, LinkStats, Loss, MeasuredSensorMeta,
-    ModelMeta, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RobotMeta, SensorMeta, Start, SteadyMeta, Summary,
-    TrialMeta,
+    ModelMeta, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, SensorMeta, Start, SteadyMeta,
+    Summary, TrialMeta,
 };
 use protocol::Settings;
 use protocol::units::CentiRpm;
@@ -61,6 +61,8 @@ pub struct Records {
     pub steady: Option<SteadyMeta>,
     /// The gyroscope's calibration.
     pub calibration: Option<CalibrationMeta>,
+    /// How the robot came to rest before the trial.
+    pub rest: Option<RestMeta>,
     /// The vertical at rest.
     pub level: Option<LevelMeta>,
     /// The clocks of board and host.
@@ -87,6 +89,7 @@ impl Records {
             sensor: reader.meta(),
             steady: reader.meta(),
             calibration: reader.meta(),
+            rest: reader.meta(),
             level: reader.meta(),
             clock: reader.meta(),
             recovery: reader.meta(),

@@ -4,6 +4,7 @@ use super::axes;
 use super::data::Data;
 use super::finding::{Finding, FindingKind};
 use super::zero::Zeroed;
+use crate::attitude::Motion;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End};
 use protocol::units::CentiRpm;
@@ -19,6 +20,10 @@ const LEAST_SHARE: f64 = 0.9;
 /// Time between readings that counts as missing telemetry, s: ten frames of a board.
 const GAP_S: f64 = 0.05;
 
+/// Bound on the motion after a wait, relative to the limits of a still robot, up to which the fit of the return to rest
+/// covers what is left.
+const RESIDUAL: f64 = 4.0;
+
 /// Smallest gain of the board's filter with which the tilt has settled where the zero is taken, 1/s.
 const LEAST_GAIN: f32 = 0.5;
 
@@ -27,9 +32,30 @@ pub fn findings(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     let mut found = data.identity.clone();
     found.extend(conduct(data));
     found.extend(sensor(data));
+    found.extend(wait(data));
     found.extend(zeroed.rest.iter().cloned());
     found.extend(window(data, zeroed));
     found
+}
+
+/// What the recorder saw of the rest before the trial.
+fn wait(data: &Data) -> Option<Finding> {
+    let rest = data.records.rest.as_ref().filter(|rest| !rest.still)?;
+    let waited_s = rest.waited_s;
+    let cure = "let the robot come to rest, or give the plan a longer rest_at_most";
+    let (Some(yaw_dps), Some(tilt_dps)) = (rest.yaw_dps, rest.tilt_dps) else {
+        let text = format!("the wait of {waited_s:.1} s was too short to tell whether the robot was still");
+        return Some(Finding::slight(FindingKind::Rest, text, cure));
+    };
+    let motion = Motion { yaw_dps, tilt_dps };
+    let text = format!(
+        "the robot was not still after a wait of {waited_s:.1} s: its yaw turned at up to {yaw_dps:.2} °/s, its tilt at up \
+         to {tilt_dps:.2} °/s"
+    );
+    Some(match motion.relative() > RESIDUAL {
+        true => Finding::grave(FindingKind::Rest, text, cure),
+        false => Finding::slight(FindingKind::Rest, text, cure),
+    })
 }
 
 /// What the averaging time says.

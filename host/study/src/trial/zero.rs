@@ -39,6 +39,15 @@ const REVERSAL_S: f64 = 1.0;
 /// Largest change of the tilt at the end of a still phase, degrees.
 const STILL_DEG: f64 = 0.5;
 
+/// Time at the end of a still phase over which its rate is compared with the calibration, s.
+const COMPARED_S: f64 = 5.0;
+
+/// Largest rate at rest after a calibration, °/s: the bias drifts by hundredths in so short a time.
+const CALIBRATED_DPS: f64 = 0.1;
+
+/// Largest rate at the start of the run, °/s, up to which the fit of the return to rest is trusted.
+const RETURN_DPS: f64 = 0.2;
+
 /// The mean attitude at the end of the run.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Steady {
@@ -226,6 +235,7 @@ impl Zeroed {
             let text = format!("the robot was not still before the run: its tilt changed by {strayed:.1} degrees");
             rest.push(Finding::grave(FindingKind::Rest, text, "let it hang for longer before the trial"));
         }
+        rest.extend(moved_before(data, &series, &phases.before, drift.as_ref(), calibrate_s > 0.0));
         let levelled_away = level_of(data).map_or([0.0; 2], |level| level.angles_deg());
         let turned_deg = series.turned_deg();
         let errors = Errors::new(data, &series, from_s, filter_s, drift, tilt_zero);
@@ -438,6 +448,36 @@ fn mean(readings: &[(f64, Reading)], range: &Range<f64>) -> Option<UnitQuaternio
             },
         );
     Some(UnitQuaternion::from_quaternion(sum))
+}
+
+/// Says whether the robot moved in the calibration, or still turned when the run began.
+fn moved_before(
+    data: &Data,
+    series: &Series,
+    still: &Range<f64>,
+    drift: Option<&Drift>,
+    is_calibrated: bool,
+) -> Option<Finding> {
+    if data.speeds() == [CentiRpm(0); 2] {
+        // A sensor that is turned by hand.
+        return None;
+    }
+    let cure = "let the robot come to rest before the trial: see rest_at_most in the plan";
+    let grave = |text: String| Some(Finding::grave(FindingKind::Rest, text, cure));
+    if is_calibrated && still.end - still.start >= START_S {
+        let end = (still.end - COMPARED_S).max(still.start)..still.end;
+        let dps = series.yaw().rate(end).unwrap_or_default().abs();
+        if dps > CALIBRATED_DPS {
+            return grave(format!(
+                "the robot was not still during the calibration or after it: the yaw turned at {dps:.2} °/s at rest"
+            ));
+        }
+    }
+    let [dps, u] = drift.map_or([0.0; 2], |drift| drift.residual_dps);
+    if dps.abs() - 2.0 * u > RETURN_DPS {
+        return grave(format!("the yaw still turned at {:.2} °/s when the run began", dps.abs()));
+    }
+    None
 }
 
 /// Returns the largest difference between two blocks.

@@ -35,7 +35,7 @@ impl Course {
     /// # Errors
     /// [`ModelError::Profile`].
     pub fn planned(trial: &Trial) -> Result<Self, ModelError> {
-        let Phases { calibrate_s: calibrate, preroll_s: preroll, run_s: run, decay_s: decay } = trial.phases;
+        let Phases { calibrate_s: calibrate, preroll_s: preroll, run_s: run, decay_s: decay, .. } = trial.phases;
         let reverse = trial.reverse.map(|r| profile::Reverse { motor: usize::from(r.motor) - 1, after: r.after_s });
         let phases = profile::Phases { calibrate, preroll, run, decay, reverse, ..profile::Phases::default() };
         let profile = SpeedProfile::phases(&phases, trial.speeds.map(CentiRpm::rpm))
@@ -67,8 +67,7 @@ pub(super) fn run(
         }
     };
     let recorded = motion.duration_s().map(|run_s| {
-        let phases = Phases { calibrate_s: 0.0, preroll_s: 0.0, run_s, decay_s: 0.0 };
-        let trial = Trial { phases, ..trial.clone() };
+        let trial = Trial { phases: Phases::of_run(run_s), ..trial.clone() };
         (Schedule::planned(&trial), trial)
     });
     let (schedule, trial) = recorded.as_ref().map_or((&course.schedule, trial), |(schedule, trial)| (schedule, trial));
