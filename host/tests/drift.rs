@@ -1,6 +1,7 @@
 //! Residual drift of the yaw of a real MPU6050 at rest for 655 s, and coverage of the stated uncertainty.
 
 use host::attitude::{Columns, Drift, Reading, Rest, Series, student_95};
+use host::sensor::Sensor;
 use std::path::Path;
 
 /// Duration of the calibration, whose noise does not reach the yaw of an upright robot, s.
@@ -62,7 +63,13 @@ fn over_all_windows(Recorded { yaw, temperature_c }: &Recorded, motion: impl Fn(
             let attitude = [half.cos(), 0.0, 0.0, half.sin()];
             trial.push(*time, &Reading { attitude, temperature_c: temperature_c[i], ..Reading::default() });
         }
-        let rest = Rest { before: start..run, after: stop..end, calibrate_s: CALIBRATE_S, filter_s: 1.0 };
+        let rest = Rest {
+            before: start..run,
+            after: stop..end,
+            calibrate_s: CALIBRATE_S,
+            filter_s: 1.0,
+            bias_walk_dps_per_root_s: Sensor::of_data_sheet().bias_walk_dps_per_root_s,
+        };
         let drift = Drift::estimate(&trial, &rest, run).unwrap();
         let error = yaw.at(stop).unwrap() - yaw.at(run).unwrap() - drift.at(stop);
         let variance = drift.variance(stop).unwrap() + drift.noise_variance(stop);

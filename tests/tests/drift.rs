@@ -2,6 +2,7 @@
 //! the stated uncertainty.
 
 use host::attitude::{Drift, Rest, Series, student_95};
+use host::sensor::Sensor;
 use host::trial::{Data, Want};
 use std::path::Path;
 use tests::{Bench, data};
@@ -37,11 +38,18 @@ fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
     let yaw = series.yaw();
     let on_board = (yaw.at(RUN_S - 1.0).unwrap() - yaw.at(0.0).unwrap()) / (RUN_S - 1.0) * 60.0;
 
+    let sensor = Sensor::of_data_sheet();
     let (mut square, mut plain_square, mut covered, mut windows) = (0.0, 0.0, 0, 0);
     let mut from = 20.0;
     while from + 150.0 < RUN_S {
         let to = from + 120.0;
-        let rest = Rest { before: from - 20.0..from, after: to..to + 30.0, calibrate_s: 5.0, filter_s: 1.0 };
+        let rest = Rest {
+            before: from - 20.0..from,
+            after: to..to + 30.0,
+            calibrate_s: 5.0,
+            filter_s: 1.0,
+            bias_walk_dps_per_root_s: sensor.bias_walk_dps_per_root_s,
+        };
         let drift = Drift::estimate(&series, &rest, from).unwrap();
         let moved = yaw.at(to).unwrap() - yaw.at(from).unwrap();
         let error: f64 = moved - drift.at(to);

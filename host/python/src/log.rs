@@ -48,9 +48,7 @@ pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     dict.set_item("notes", &rows.header)?;
     let mut steady = json::value(&zeroed.angles())?;
     if let (Some(steady), Some(own)) = (steady.as_object_mut(), &zeroed.steady) {
-        let tilt = own.tilt.as_ref().map(|tilt| tilt.each_ref().map(|budget| budget.uncertainty_deg()));
         steady.insert("settle_s".to_owned(), json!(own.settle_s));
-        steady.insert("tilt_uncertainty_deg".to_owned(), json!(tilt));
         steady.insert("budget".to_owned(), json!(own.budget()));
     }
     dict.set_item("steady", json::object(py, &steady)?)?;

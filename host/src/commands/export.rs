@@ -12,8 +12,8 @@ use std::path::PathBuf;
 /// Export a trial, or all trials of a session, as a table or a trajectory.
 ///
 /// A table has one row per frame, with the same angles as in the other commands: relative to the zero before the run,
-/// with the drift of the gyroscope removed. A session becomes a folder with one file per trial and a table of the
-/// trials.
+/// with the drift of the gyroscope removed. Its header has the budget of the steady angles. A session becomes a folder
+/// with one file per trial, a table of the trials, and a table of their budgets.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag export glycerin/001_w1+50_w2+10.mcap\n  \

@@ -5,7 +5,7 @@ use super::{Answer, Outcome};
 use crate::plan::{HandTurn, Plan};
 use crate::session::{Attempt, Session, TrialState, is_in_use};
 use crate::text::{self, count, decimal, word};
-use crate::trial::{Angles, Budget, Data, Finding, Records, Steady, Want, Zeroed, findings};
+use crate::trial::{AngleTerm, Angles, Budget, Data, Finding, Records, Want, Zeroed, findings};
 use biflag_log::{Condition, End, LinkStats, LogError, Summary};
 use rayon::prelude::*;
 use serde_json::json;
@@ -52,7 +52,7 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "run_start_s": data.times.run_s().map(|[start, _]| start),
         "run_end_s": data.times.run_s().map(|[_, end]| end),
         "angles": angles,
-        "budget": zeroed.steady.as_ref().map_or_else(Vec::new, Steady::budget),
+        "budget": budget_of(angles.as_ref()),
         "findings": findings,
         "model": records.model,
         "steady": records.steady,
@@ -128,7 +128,7 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed) -> String {
         match hand_turn(records) {
             Some(turn) => lines.add("hand turn", turn.verdict(angles.turned_deg).0),
             None => {
-                lines.add("steady", steady(angles));
+                lines.add("steady", angles);
                 lines.add(
                     "of the yaw's ±",
                     zeroed.steady.as_ref().and_then(|steady| steady.yaw.as_ref()).map_or_else(String::new, shares),
@@ -170,19 +170,8 @@ fn hand_turn(records: &Records) -> Option<HandTurn> {
     Plan::parse(&plan.text, &plan.name).ok()?.hand_turn
 }
 
-/// Formats the steady angles as one line.
-fn steady(angles: &Angles) -> String {
-    let stated = |angle: f64, uncertainty: Option<f64>| {
-        let uncertainty = uncertainty.map_or_else(String::new, |deg| format!(" ± {deg:.2}°"));
-        format!("{}°{uncertainty}", decimal(angle, 2))
-    };
-    let settled = if angles.settled { "" } else { "; not settled" };
-    format!(
-        "yaw {}, pitch {}, roll {}{settled}",
-        stated(angles.yaw_deg, angles.yaw_uncertainty_deg),
-        stated(angles.pitch_deg, angles.pitch_uncertainty_deg),
-        stated(angles.roll_deg, angles.roll_uncertainty_deg)
-    )
+fn budget_of(angles: Option<&Angles>) -> &[AngleTerm] {
+    angles.map_or(&[], |angles| &angles.budget)
 }
 
 /// Formats the largest causes of an uncertainty as one line.
@@ -222,6 +211,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
             "losses": attempt.map(|attempt| &attempt.losses),
             "summary": summary,
             "angles": row.angles,
+            "budget": budget_of(row.angles.as_ref()),
             "findings": row.findings,
             "left_out": state.left_out,
         }));
@@ -303,7 +293,7 @@ fn line(row: &Row, hand_turn: Option<HandTurn>, recorded: Option<&Path>) -> Stri
             Some(summary) if summary.end == End::Complete => {
                 let angles = row.angles.as_ref().map_or_else(String::new, |angles| match hand_turn {
                     Some(turn) => format!(", {}", turn.verdict(angles.turned_deg).0),
-                    None => format!(", {}", steady(angles)),
+                    None => format!(", {angles}"),
                 });
                 format!("{}, {} lost{angles}", count(summary.link.samples as usize, "sample"), summary.link.lost)
             }

@@ -14,11 +14,12 @@ use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, Vir
 use crate::session::{self, Session, Sharing};
 use crate::signals::interruption;
 use crate::text::decimal;
-use crate::trial::{Finding, LogFinding, Want, Zeroed, findings};
+use crate::trial::{AngleTerm, Angles, Finding, LogFinding, Want, Zeroed, findings};
 use biflag_log::{BoardMeta, End, LinkStats, Origin, Summary};
 use miette::{IntoDiagnostic, Report, WrapErr};
 use protocol::Command;
-use serde::Serialize;
+use serde::ser::Error as _;
+use serde::{Serialize, Serializer};
 use std::fmt;
 use std::io::Write;
 use std::net::SocketAddr;
@@ -85,17 +86,16 @@ struct RecordedTrial {
     log: PathBuf,
     #[serde(flatten)]
     link: LinkStats,
-    yaw_deg: Option<f64>,
-    pitch_deg: Option<f64>,
-    roll_deg: Option<f64>,
-    yaw_uncertainty_deg: Option<f64>,
     /// Start of the run on the log's clock, which depends on how long the robot took to come to rest; `None` if the motors
     /// never ran.
     run_start_s: Option<f64>,
     /// End of the run.
     run_end_s: Option<f64>,
-    /// Angle turned about each body axis over the whole trial; only for trials of this run.
-    turned_deg: Option<[f64; 3]>,
+    /// Its steady angles; `None` if there is no attitude in the run.
+    #[serde(flatten, serialize_with = "angles_or_nulls")]
+    angles: Option<Angles>,
+    /// The causes of their uncertainties.
+    budget: Vec<AngleTerm>,
     /// The turn by hand in the plan, compared with the measured one; only for trials of this run.
     #[serde(skip_serializing_if = "Option::is_none")]
     hand_turn: Option<String>,
@@ -153,7 +153,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let origin = if args.r#virtual.is_some() { Origin::VirtualRig } else { Origin::Rig };
     let states = session.checked_states()?;
     let board = board::to_log(link.info(), &settings::read(&link)?);
-    let note = session.expect_same_rig(&states, origin, Some(&board))?;
+    let note = session.expect_same_rig(&states, origin, Some(&board), robot.as_ref().map(|robot| &robot.sensor))?;
 
     let mut recorded = Recorded { session: folder, trials: Vec::new(), left_out: Vec::new() };
     let mut todo = Vec::new();
@@ -164,13 +164,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             todo.push(state.trial);
             continue;
         };
-        let mut summary = attempt.summary.clone().unwrap_or_default();
+        let summary = attempt.summary.clone().unwrap_or_default();
         let data = attempt.read(Want::default())?;
         let zeroed = Zeroed::new(&data);
-        if let Some(angles) = zeroed.angles() {
-            angles.fill(&mut summary);
-        }
-        let row = RecordedTrial::new(&state.trial, attempt.path.clone(), &summary);
+        let row = RecordedTrial::new(&state.trial, attempt.path.clone(), &summary, zeroed.angles());
         let row = row.ran(data.times.run_s()).with(findings(&data, &zeroed));
         if !row.warnings.is_empty() {
             outcome = Outcome::WithLoss;
@@ -216,8 +213,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         };
         progress.end_trial(trial.phases.total_s());
         let mut row = RecordedTrial::of_run(trial, path, &run);
-        if let (Some(turn), Some(turned_deg)) = (plan.hand_turn, row.turned_deg) {
-            let (verdict, agrees) = turn.verdict(turned_deg);
+        if let (Some(turn), Some(angles)) = (plan.hand_turn, &row.angles) {
+            let (verdict, agrees) = turn.verdict(angles.turned_deg);
             row.hand_turn = Some(verdict);
             if !agrees {
                 row.warnings.push("the sensor did not measure the turn made by hand".to_owned());
@@ -335,6 +332,15 @@ fn check_sensor(link: &Link, plan: &Plan) -> miette::Result<Option<String>> {
     }
 }
 
+/// Serialises the angles into the row of their trial; `null` for each where there are none.
+fn angles_or_nulls<S: Serializer>(angles: &Option<Angles>, serializer: S) -> Result<S::Ok, S::Error> {
+    let Some(angles) = angles else {
+        let keys = serde_json::to_value(Angles::default()).map_err(S::Error::custom)?;
+        return serializer.collect_map(keys.as_object().into_iter().flat_map(|keys| keys.keys().map(|key| (key, ()))));
+    };
+    angles.serialize(serializer)
+}
+
 /// Starts the emulated board, with a recording for its sensor or with the plan's robot.
 fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Result<VirtualNano> {
     let mut arguments = vec!["--speed".into(), args.speed.clone().into()];
@@ -371,13 +377,8 @@ fn temporary(text: &str) -> miette::Result<TempPath> {
 impl RecordedTrial {
     /// Returns the row of a trial of this run.
     fn of_run(trial: &Trial, log: PathBuf, run: &RigRun) -> Self {
-        Self {
-            turned_deg: run.angles.as_ref().map(|angles| angles.turned_deg),
-            notes: run.notes.clone(),
-            ..Self::new(trial, log, &run.summary)
-        }
-        .ran(run.run_s)
-        .with(run.findings.clone())
+        let row = Self::new(trial, log, &run.summary, run.angles.clone());
+        Self { notes: run.notes.clone(), ..row }.ran(run.run_s).with(run.findings.clone())
     }
 
     /// Sets start and end of the run.
@@ -393,7 +394,7 @@ impl RecordedTrial {
         Self { findings, ..self }
     }
 
-    fn new(trial: &Trial, log: PathBuf, summary: &Summary) -> Self {
+    fn new(trial: &Trial, log: PathBuf, summary: &Summary, angles: Option<Angles>) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
         Self {
             name: trial.name.clone(),
@@ -401,13 +402,10 @@ impl RecordedTrial {
             w2_rpm,
             log,
             link: summary.link,
-            yaw_deg: summary.yaw_deg,
-            pitch_deg: summary.pitch_deg,
-            roll_deg: summary.roll_deg,
-            yaw_uncertainty_deg: summary.yaw_uncertainty_deg,
             run_start_s: None,
             run_end_s: None,
-            turned_deg: None,
+            budget: angles.as_ref().map(|angles| angles.budget.clone()).unwrap_or_default(),
+            angles,
             hand_turn: None,
             findings: Vec::new(),
             warnings: Vec::new(),
@@ -420,17 +418,15 @@ impl RecordedTrial {
 impl fmt::Display for RecordedTrial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.name, self.link)?;
-        let turned = || self.turned_deg.filter(|_| self.w1_rpm == 0.0 && self.w2_rpm == 0.0);
-        if let Some(verdict) = &self.hand_turn {
-            write!(f, "; {verdict}")?;
-        } else if let Some([x, y, z]) = turned().map(|turned| turned.map(|deg| decimal(deg, 1))) {
-            write!(f, "; turned {x}°, {y}°, {z}° about x, y, z")?;
-        } else if let (Some(yaw), Some(pitch), Some(roll)) = (self.yaw_deg, self.pitch_deg, self.roll_deg) {
-            write!(f, "; yaw {}°", decimal(yaw, 2))?;
-            if let Some(uncertainty) = self.yaw_uncertainty_deg {
-                write!(f, " ± {uncertainty:.2}°")?;
+        let is_still = self.w1_rpm == 0.0 && self.w2_rpm == 0.0;
+        match (&self.hand_turn, &self.angles) {
+            (Some(verdict), _) => write!(f, "; {verdict}")?,
+            (None, Some(angles)) if is_still => {
+                let [x, y, z] = angles.turned_deg.map(|deg| decimal(deg, 1));
+                write!(f, "; turned {x}°, {y}°, {z}° about x, y, z")?;
             }
-            write!(f, ", pitch {}°, roll {}°", decimal(pitch, 2), decimal(roll, 2))?;
+            (None, Some(angles)) => write!(f, "; {angles}")?,
+            (None, None) => {}
         }
         if !self.complete {
             write!(f, "; not complete")?;

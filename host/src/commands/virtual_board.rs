@@ -9,12 +9,13 @@ use std::ffi::OsString;
 /// Options of the emulated sensor, for commands with an option `--virtual`.
 #[derive(clap::Args, Debug)]
 pub(super) struct SensorArgs {
-    /// Errors of the emulated sensor and of the board's clock: `ideal` has exact scales, axes and clocks, and biases
-    /// that drift; `typical` draws all that the MPU6050's data sheet allows; a file gives each of them. `help` prints such
-    /// a file. `vnano --help` says the default.
+    /// Errors of the emulated sensor and of the board's clock [default: typical]: `typical` draws all that the MPU6050's
+    /// data sheet allows; `ideal` has exact scales, axes and clocks, and biases that drift; a file gives each of them.
+    /// `help` prints such a file.
     #[arg(long, value_name = "ideal|typical|FILE.toml", requires = "virtual")]
     sensor: Option<String>,
-    /// Seed of the errors of the emulated sensor; by default the plan's seed, or 1.
+    /// Seed of the errors of the emulated sensor: the same seed is the same part, in every trial and command. By default
+    /// the plan's seed, or 1.
     #[arg(long, requires = "virtual")]
     seed: Option<u64>,
 }

@@ -50,8 +50,8 @@ struct Arguments {
     /// Speed relative to real time: a factor, or `max`
     #[arg(long, default_value = "1", value_name = "1|FACTOR|max")]
     speed: Speed,
-    /// Errors of the sensor and of the board's clock: `ideal` has exact scales, axes and clocks, and biases that drift;
-    /// `typical` draws all that the data sheet allows; a file gives each of them. `help` prints such a file
+    /// Errors of the sensor and of the board's clock: `typical` draws all that the data sheet allows; `ideal` has exact
+    /// scales, axes and clocks, and biases that drift; a file gives each of them. `help` prints such a file
     #[arg(long, value_name = "ideal|typical|FILE.toml", default_value_t, conflicts_with = "imu")]
     sensor: Sensor,
     /// Seed of the sensor's errors and noise, of the hand, and of damage on the serial line

@@ -44,8 +44,8 @@ class Angles:
     """95 % uncertainty of the roll."""
     tilt_deg: float
     """Angle between the robot's axis and the vertical."""
-    tilt_uncertainty_deg: tuple[float, float] | None
-    """95 % uncertainty of pitch and roll."""
+    tilt_uncertainty_deg: float | None
+    """95 % uncertainty of the tilt."""
     drift_deg: float | None
     """The drift that was removed from the yaw; ``None`` for a model."""
     settled: bool

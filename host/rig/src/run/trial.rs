@@ -90,7 +90,7 @@ pub fn run(
             recorder.trial.event(EventKind::Note, &text, SystemTime::now())?;
         }
         if let Some(clock) = recorder.clock() {
-            recorder.trial.log.meta(&clock)?;
+            recorder.trial.clock(&clock)?;
         }
     }
     let mut summary = Summary {

@@ -104,6 +104,12 @@ impl Bench {
         followed
     }
 
+    /// Returns the rate error of the clock of the emulated board. It has a speed of its own, and none to be compared with; it
+    /// would otherwise be part of the sensor's scale, and a trial in real time would correct it a second time.
+    pub fn emulated_clock_error(&self) -> f64 {
+        self.nano.as_ref().map_or(0.0, |nano| nano.sensor().board_clock_error)
+    }
+
     /// Writes the file of the sensor.
     pub fn save(&self) -> miette::Result<()> {
         Ok(self.file.save(&self.path).map_err(|error| OutputError::new(&self.path, error))?)

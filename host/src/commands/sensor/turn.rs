@@ -96,7 +96,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Ok(followed) => followed,
         Err(error) => return ended(error),
     };
-    let result = watch.result(args.reference, &bench.file, followed.clock_error.unwrap_or_default())?;
+    let clock_error = followed.clock_error.unwrap_or_else(|| bench.emulated_clock_error());
+    let result = watch.result(args.reference, &bench.file, clock_error)?;
     result.enter(axis, &mut bench.file);
     let mut measured = described(&result, &plan);
     if followed.link.lost > 0 {

@@ -1,5 +1,6 @@
 //! The result of `biflag simulate`.
 
+use crate::attitude::tilt_deg;
 use crate::plan::{Plan, Trial};
 use crate::run::model::{ModelRun, PhaseMeans};
 use crate::text;
@@ -41,6 +42,8 @@ pub enum Row {
 pub struct MeanTrial {
     #[serde(flatten)]
     pub means: PhaseMeans,
+    /// The angle between the vertical and the robot's axis at the mean pitch and roll.
+    pub tilt_deg: f64,
     /// `null` if a trial was computed by an earlier run.
     pub wall_s: Option<f64>,
     /// The trial of each starting phase.
@@ -65,7 +68,9 @@ impl Row {
             let steady: Vec<_> = starts.iter().filter_map(|start| start.steady.clone()).collect();
             if all > 1 && steady.len() == all {
                 let wall_s = starts.iter().map(|start| start.wall_s).sum();
-                rows.push(Self::Mean(MeanTrial { means: PhaseMeans::new(trial, &steady), wall_s, starts }));
+                let means = PhaseMeans::new(trial, &steady);
+                let tilt_deg = tilt(&means.steady);
+                rows.push(Self::Mean(MeanTrial { means, tilt_deg, wall_s, starts }));
             } else {
                 rows.extend(starts.into_iter().map(Self::One));
             }
@@ -93,6 +98,8 @@ pub struct SimulatedTrial {
     pub log: PathBuf,
     #[serde(flatten)]
     pub steady: Option<SteadyMeta>,
+    /// The angle between the robot's axis and the vertical; `null` where there is no steady state.
+    pub tilt_deg: Option<f64>,
     /// `null` if the trial was computed by an earlier run.
     pub wall_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -103,18 +110,24 @@ impl SimulatedTrial {
     pub fn new(trial: &Trial, log: &Path) -> Self {
         let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
         let (name, phase_deg, log) = (trial.name.clone(), trial.phase_deg, log.to_owned());
-        Self { name, w1_rpm, w2_rpm, phase_deg, log, steady: None, wall_s: None, error: None }
+        Self { name, w1_rpm, w2_rpm, phase_deg, log, steady: None, tilt_deg: None, wall_s: None, error: None }
     }
+
+    /// Sets the steady state.
+    pub fn with(self, steady: Option<SteadyMeta>) -> Self {
+        Self { tilt_deg: steady.as_ref().map(tilt), steady, ..self }
+    }
+}
+
+fn tilt(steady: &SteadyMeta) -> f64 {
+    tilt_deg(steady.pitch_deg, steady.roll_deg)
 }
 
 impl From<&ModelRun> for SimulatedTrial {
     fn from(run: &ModelRun) -> Self {
-        Self {
-            steady: run.result.as_ref().ok().cloned(),
-            wall_s: Some(run.wall_s),
-            error: run.result.as_ref().err().map(ToString::to_string),
-            ..Self::new(&run.trial, &run.log)
-        }
+        let error = run.result.as_ref().err().map(ToString::to_string);
+        let trial = Self { wall_s: Some(run.wall_s), error, ..Self::new(&run.trial, &run.log) };
+        trial.with(run.result.as_ref().ok().cloned())
     }
 }
 

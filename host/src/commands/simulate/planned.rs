@@ -34,7 +34,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let session = open(&folder, &plan, &mine, args)?;
 
     let _lock = session.lock(if args.shard.is_some() { Sharing::WithShards } else { Sharing::Alone })?;
-    session.expect_same_rig(&session.states()?, Origin::Model, None)?;
+    session.expect_same_rig(&session.states()?, Origin::Model, None, None)?;
     let mut trials = Vec::new();
     let mut todo = Vec::new();
     for trial in mine {
@@ -144,9 +144,7 @@ fn computed_before(trial: &Trial, log: &Path, model: &Model) -> miette::Result<S
         return differs("computed by another version of biflag");
     }
     match last_meta::<ModelMeta>(log)? {
-        Some(meta) if meta == *model.meta() => {
-            Ok(SimulatedTrial { steady: last_meta(log)?, ..SimulatedTrial::new(trial, log) })
-        }
+        Some(meta) if meta == *model.meta() => Ok(SimulatedTrial::new(trial, log).with(last_meta(log)?)),
         Some(meta) => differs(&format!("computed with {}", difference(&meta, model.meta()))),
         None => differs("was not computed by the model"),
     }

@@ -73,10 +73,9 @@ pub fn run(args: &Args, from: &Path) -> miette::Result<Answer> {
     lines.extend(notes.iter().map(|note| format!("\nnote: {note}")));
     let row = |trial: &Replayed| {
         Row::One(SimulatedTrial {
-            steady: trial.result.as_ref().ok().cloned(),
             wall_s: trial.wall_s,
             error: trial.result.as_ref().err().cloned(),
-            ..SimulatedTrial::new(&trial.trial, &trial.log)
+            ..SimulatedTrial::new(&trial.trial, &trial.log).with(trial.result.as_ref().ok().cloned())
         })
     };
     let trials = replayed().map(row).collect();

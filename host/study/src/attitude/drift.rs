@@ -63,6 +63,8 @@ pub struct Rest {
     pub calibrate_s: f64,
     /// Time constant of the board's filter, s.
     pub filter_s: f64,
+    /// Random walk of the gyroscope's bias about each axis.
+    pub bias_walk_dps_per_root_s: [f64; 3],
 }
 
 impl Drift {
@@ -86,13 +88,15 @@ impl Drift {
         let step = (span.end - span.start) / count.max(1) as f64;
         let times: Vec<f64> = (0..=count).map(|i| span.start + i as f64 * step).collect();
         let weights = verticals(series, &times, step.max(GRID_S));
-        let target = |axis: usize| Target { times: &times, weights: &weights[axis], from_s };
+        let walk = rest.bias_walk_dps_per_root_s;
+        let target = |axis: usize| Target { times: &times, weights: &weights[axis], from_s, walk: walk[axis] };
         let variance = angle_walk.powi(2);
         let stretches: Vec<Stretch> = (still.iter())
             .filter_map(|range| blocks_of(yaw, range))
             .flat_map(|blocks| {
                 blocks.into_iter().map(|(range, rate)| Stretch {
                     variance: variance / (range.end - range.start),
+                    tilt_dps: tilt_dps(series, &range),
                     rate,
                     range,
                 })
@@ -181,10 +185,15 @@ fn verticals(series: &Series, times: &[f64], around_s: f64) -> [Vec<f64>; 3] {
     parts
 }
 
+/// Returns the mean rates of pitch and roll over a time, °/s.
+fn tilt_dps(series: &Series, range: &Range<f64>) -> [f64; 2] {
+    [series.pitch(), series.roll()].map(|tilt| tilt.rate(range.clone()).unwrap_or_default())
+}
+
 /// Returns the mean biases about the body's x and y over each still phase, or of the calibration if no phase shows them.
 fn lateral_stretches(series: &Series, rest: &Rest, still: &[Range<f64>], variance: f64) -> Vec<[Stretch; 2]> {
     let both = |range: Range<f64>, rates: [f64; 2], variance: f64| {
-        rates.map(|rate| Stretch { range: range.clone(), rate, variance })
+        rates.map(|rate| Stretch { tilt_dps: tilt_dps(series, &range), range: range.clone(), rate, variance })
     };
     let calibrated_s = rest.before.start;
     let settled = |range: &Range<f64>| range.start.max(calibrated_s + SETTLED * rest.filter_s)..range.end;
@@ -211,7 +220,7 @@ mod tests {
     const FROM_S: f64 = 19.5;
 
     fn rest(before: Range<f64>, after: Range<f64>, calibrate_s: f64) -> Rest {
-        Rest { before, after, calibrate_s, filter_s: 1.0 }
+        Rest { before, after, calibrate_s, filter_s: 1.0, bias_walk_dps_per_root_s: [5e-4; 3] }
     }
 
     /// Returns the drift at the end of the run and its 95 % uncertainty, if it is known.

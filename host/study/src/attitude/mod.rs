@@ -17,6 +17,7 @@ pub use drift::{Drift, Rest};
 pub use level::{Level, Leveller, RestForce};
 pub use rotations::ROTATIONS;
 pub use series::Series;
+pub use smoother::WARMING_DPS_PER_C;
 pub use still::{Motion, STILL_TILT_DPS, STILL_YAW_DPS, Still};
 pub use student::student_95;
 pub use track::{Columns, Track};

@@ -17,8 +17,8 @@ pub struct Series {
     temperature_c: Columns<1>,
     /// Whether the board's filter estimates the gyroscope's bias itself.
     learns_bias: bool,
-    /// Integrals of the rates about the body's x and y minus roll and pitch, degrees. For a robot that hangs upright
-    /// they grow with the bias. Empty if the frames have no rates.
+    /// Integrals of the rates about the body's x and y, minus the angles by which the attitude turned about them, degrees.
+    /// They grow with the bias, which the board's filter holds back. Empty if the frames have no rates.
     gyro_minus_attitude_deg: Columns<2>,
     /// Integrals of the rates about the body's x and y, degrees.
     turned_lateral_deg: [f64; 2],
@@ -42,16 +42,17 @@ impl Series {
         let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&attitude);
         self.angles_deg.push(time_s, [self.unwrap.next(yaw_deg), pitch_deg, roll_deg]);
         self.temperature_c.push(time_s, [reading.temperature_c]);
+        if let Some(last) = self.last.replace(attitude) {
+            // The rotation is relative to the previous body axes.
+            self.turned += (last.inverse() * attitude).scaled_axis();
+        }
         if let Some(rates) = reading.lateral_dps {
             for (sum, rate) in self.turned_lateral_deg.iter_mut().zip(rates) {
                 *sum += rate * passed_s;
             }
-            let [x, y] = self.turned_lateral_deg;
-            self.gyro_minus_attitude_deg.push(time_s, [x - roll_deg, y - pitch_deg]);
-        }
-        if let Some(last) = self.last.replace(attitude) {
-            // The rotation is relative to the previous body axes.
-            self.turned += (last.inverse() * attitude).scaled_axis();
+            let [x, y, _] = self.turned_deg();
+            let lateral = self.turned_lateral_deg;
+            self.gyro_minus_attitude_deg.push(time_s, [lateral[0] - x, lateral[1] - y]);
         }
     }
 
@@ -85,7 +86,7 @@ impl Series {
         self.learns_bias
     }
 
-    /// Returns the bias about the body's x and y while the robot hangs upright, °/s; `None` if the time is too short,
+    /// Returns the bias about the body's x and y, °/s; `None` if the time is too short,
     /// or if the frames have no rates.
     pub(super) fn lateral_bias(&self, range: Range<f64>) -> Option<[f64; 2]> {
         if self.learns_bias || range.end - range.start < LEAST_LATERAL_S {

@@ -6,6 +6,7 @@
 //! - its change with the sensor's temperature, proportional to the warming in the log;
 //! - a random walk, as increments between knots of time;
 //! - the robot's return to rest before the run, and the one after it: A exp(-t/τ) each;
+//! - a share of the rates at which the tilt returns to rest, which takes the yaw along and which the axis reads besides;
 //! - white noise, of variance N²/L over a stretch of length L, where N is the angle random walk.
 //!
 //! The result is linear in the observed rates (Gaussian process regression: Rasmussen and Williams, Gaussian Processes for
@@ -24,10 +25,7 @@ const BIAS_DPS: f64 = 1.0;
 
 /// Standard deviation of the change of the bias with temperature, °/s/°C: a tenth of what the data sheet's ±20 °/s over -40
 /// to 85 °C (PS-MPU-6000A, section 6.1) amounts to.
-const WARMING_DPS_PER_C: f64 = 0.03;
-
-/// Random walk of the bias, °/s/√s: five times that of an MPU6050 at rest for 655 s. Over a trial it stands for flicker, too.
-const BIAS_WALK: f64 = 5e-4;
+pub const WARMING_DPS_PER_C: f64 = 0.03;
 
 /// Shortest interval between the knots of the random walk, s, and the largest number of intervals.
 const KNOT_S: f64 = 2.0;
@@ -44,6 +42,11 @@ const MOTIONS_DPS: [f64; 4] = [0.0, 0.01, 0.1, 1.0];
 const STILL_BEFORE: f64 = 0.99;
 const STILL_AFTER: f64 = 0.5;
 
+/// Standard deviation of the share of the tilt's rates that the rate about an axis has at rest. The robot's yaw follows its
+/// returning tilt by up to 0.03 of its rate (`cargo run --release -p sim --example return_to_rest`), and the data sheet allows
+/// cross-axis terms of 0.02 and scale errors of 0.03 (PS-MPU-6000A, section 6.1).
+const TILT_SHARE: f64 = 0.03;
+
 /// Combinations of less than this weight, relative to the best one, are left out.
 const LEAST_WEIGHT: f64 = 1e-3;
 
@@ -56,6 +59,8 @@ pub(super) struct Stretch {
     pub rate: f64,
     /// Variance of the rate due to white noise, (°/s)².
     pub variance: f64,
+    /// Mean rates of pitch and roll, °/s.
+    pub tilt_dps: [f64; 2],
 }
 
 /// Where the robot may still have been moving.
@@ -83,14 +88,16 @@ struct Terms {
     knots: Vec<f64>,
     step_s: f64,
     reference_c: f64,
+    /// Random walk of the bias, °/s/√s.
+    walk: f64,
 }
 
 impl Terms {
-    fn new(span: &Range<f64>, reference_c: f64) -> Self {
+    fn new(span: &Range<f64>, reference_c: f64, walk: f64) -> Self {
         let length = span.end - span.start;
         let step_s = KNOT_S.max(length / MOST_KNOTS);
         let knots = (0..(length / step_s).ceil() as usize).map(|i| span.start + i as f64 * step_s).collect();
-        Self { knots, step_s, reference_c }
+        Self { knots, step_s, reference_c, walk }
     }
 
     fn count(&self) -> usize {
@@ -102,7 +109,7 @@ impl Terms {
         match term {
             0 => BIAS_DPS,
             1 => WARMING_DPS_PER_C,
-            _ => BIAS_WALK * self.step_s.sqrt(),
+            _ => self.walk * self.step_s.sqrt(),
         }
     }
 
@@ -138,6 +145,8 @@ pub(super) struct Target<'a> {
     pub weights: &'a [f64],
     /// The rotation is zero at this time, s.
     pub from_s: f64,
+    /// Random walk of the bias about the axis, °/s/√s.
+    pub walk: f64,
 }
 
 /// Estimates the rotation that the bias about one axis causes. `motions` is `None` for an axis whose rates at rest have no
@@ -151,7 +160,7 @@ pub(super) fn rotation(
     let first = stretches.first()?;
     let temperature = |range: &Range<f64>| temperature_c.mean(range.clone()).unwrap_or_default();
     let span = first.range.start.min(*target.times.first()?)..stretches.last()?.range.end.max(*target.times.last()?);
-    let terms = Terms::new(&span, temperature(&first.range));
+    let terms = Terms::new(&span, temperature(&first.range), target.walk);
     let (n, count) = (stretches.len(), terms.count());
     // Rates about their mean, so that the prior of the constant is about what is seen.
     let offset = stretches.iter().map(|stretch| stretch.rate).sum::<f64>() / n as f64;
@@ -162,7 +171,8 @@ pub(super) fn rotation(
     });
     let wanted = integrals(&terms, target, temperature_c);
     let noise = DMatrix::from_diagonal(&DVector::from_iterator(n, stretches.iter().map(|stretch| stretch.variance)));
-    let own = &seen * seen.transpose() + noise;
+    let tilts = DMatrix::from_fn(n, 2, |i, k| TILT_SHARE * stretches[i].tilt_dps[k]);
+    let own = &seen * seen.transpose() + &tilts * tilts.transpose() + noise;
     let cross = &wanted * seen.transpose();
     let prior = &wanted * wanted.transpose();
     let constant = DVector::from_fn(target.times.len(), |i, _| offset * wanted[(i, 0)] / BIAS_DPS);

@@ -120,8 +120,8 @@ pub fn export_log(log: &Path, output: &Path, format: Format, replace: bool) -> R
     Ok(exported)
 }
 
-/// Exports a session to a folder: one file per trial with a log, and a table of the trials, `trials.csv` or
-/// `trials.parquet`.
+/// Exports a session to a folder: one file per trial with a log, a table of the trials, `trials.csv` or `trials.parquet`,
+/// and one of the causes of their uncertainties, `budget.csv` or `budget.parquet`.
 ///
 /// # Errors
 /// [`ExportError`]; existing files are kept unless `replace` is set.
@@ -137,9 +137,9 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
             _ => OutputError::new(&path, source).into(),
         }
     })?;
-    let table = output.join(format!("trials.{}", format.extension()));
-    if !replace && table.exists() {
-        return Err(ExportError::Exists { path: table });
+    let [table, budget] = ["trials", "budget"].map(|name| output.join(format!("{name}.{}", format.extension())));
+    if let Some(path) = [&table, &budget].into_iter().find(|path| !replace && path.exists()) {
+        return Err(ExportError::Exists { path: path.clone() });
     }
     let mut exported = Exported::default();
     let mut trials = Vec::new();
@@ -164,8 +164,11 @@ pub fn export_session(session: &Path, output: &Path, format: Format, replace: bo
         exported.findings.extend(LogFinding::all_of(&data.path, findings(&data, &zeroed)));
         trials.push(Summary::new(&state.trial, &data, &zeroed, name));
     }
-    write_table(&table::session(&session.plan().name, &trials), &table, format, replace)?;
-    exported.files.push(table);
+    let name = &session.plan().name;
+    for (file, table) in [(table, table::session(name, &trials)), (budget, table::budget(name, &trials))] {
+        write_table(&table, &file, format, replace)?;
+        exported.files.push(file);
+    }
     Ok(exported)
 }
 

@@ -2,8 +2,8 @@
 
 use crate::attitude::{Euler, Reading, rotation};
 use crate::plan::Trial;
-use crate::text::origin;
-use crate::trial::{Angles, Data, FORCES, Finding, Zeroed, findings};
+use crate::text::{origin, word};
+use crate::trial::{AngleTerm, Angles, Data, FORCES, Finding, Term, Zeroed, findings};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -246,12 +246,28 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
             None => "no drift removed: there is no still phase to estimate it from".to_owned(),
         });
     }
-    if let (Some(Angles { yaw_deg, pitch_deg, roll_deg, .. }), Some(steady)) = (zeroed.angles(), &zeroed.steady) {
+    if let (Some(angles), Some(steady)) = (zeroed.angles(), &zeroed.steady) {
         let Range { start, end } = steady.window;
         let [from, to] = [start, end].map(|time| time - zeroed.run.start);
+        let Angles { yaw_deg, pitch_deg, roll_deg, tilt_deg, .. } = &angles;
         lines.push(format!(
-            "steady, from {from:.3} to {to:.3} s: yaw {yaw_deg:.4}, pitch {pitch_deg:.4}, roll {roll_deg:.4} deg"
+            "steady, from {from:.3} to {to:.3} s: yaw {yaw_deg:.4}, pitch {pitch_deg:.4}, roll {roll_deg:.4}, tilt \
+             {tilt_deg:.4} deg"
         ));
+        let of = [
+            ("yaw", angles.yaw_uncertainty_deg),
+            ("pitch", angles.pitch_uncertainty_deg),
+            ("roll", angles.roll_uncertainty_deg),
+            ("tilt", angles.tilt_uncertainty_deg),
+        ];
+        let known: Vec<_> = of.iter().filter_map(|(angle, deg)| Some(format!("{angle} {:.4}", (*deg)?))).collect();
+        if !known.is_empty() {
+            lines.push(format!("95 % uncertainty of the steady angles: {} deg", known.join(", ")));
+        }
+        // Serialising names and numbers cannot fail.
+        if let Some(budget) = serde_json::to_string(&angles.budget).ok().filter(|_| !angles.budget.is_empty()) {
+            lines.push(format!("budget of the steady angles: {budget}"));
+        }
     }
     lines
 }
@@ -310,7 +326,15 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
         real("yaw_deg", "steady yaw: mean over the end of the run", &angle(|angles| Some(angles.yaw_deg))),
         real("yaw_uncertainty_deg", "its 95 % uncertainty", &angle(|angles| angles.yaw_uncertainty_deg)),
         real("pitch_deg", "steady pitch", &angle(|angles| Some(angles.pitch_deg))),
+        real("pitch_uncertainty_deg", "its 95 % uncertainty", &angle(|angles| angles.pitch_uncertainty_deg)),
         real("roll_deg", "steady roll", &angle(|angles| Some(angles.roll_deg))),
+        real("roll_uncertainty_deg", "its 95 % uncertainty", &angle(|angles| angles.roll_uncertainty_deg)),
+        real(
+            "tilt_deg",
+            "steady tilt: the angle between the robot's axis and the vertical",
+            &angle(|angles| Some(angles.tilt_deg)),
+        ),
+        real("tilt_uncertainty_deg", "its 95 % uncertainty", &angle(|angles| angles.tilt_uncertainty_deg)),
         real("yaw_drift_deg", "drift removed from the steady yaw", &angle(|angles| angles.drift_deg)),
         real("window_s", "length of the averaging window", &angle(|angles| Some(angles.steady_s))),
         real(
@@ -328,8 +352,42 @@ pub fn session(name: &str, trials: &[Summary]) -> Table {
             trial.findings.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
         }),
     ];
-    let header = vec![format!("biflag {}: session {name}", crate::program::VERSION)];
-    Table { header, columns }
+    Table { header: session_header(name), columns }
+}
+
+fn session_header(name: &str) -> Vec<String> {
+    vec![format!("biflag {}: session {name}", crate::program::VERSION)]
+}
+
+/// Returns the table of the causes of uncertainty in a session: one row per trial, angle and cause.
+pub fn budget(name: &str, trials: &[Summary]) -> Table {
+    let budget = |trial: &Summary| trial.angles.as_ref().map_or_else(Vec::new, |angles| angles.budget.clone());
+    let rows: Vec<(&str, AngleTerm)> =
+        trials.iter().flat_map(|trial| budget(trial).into_iter().map(|term| (trial.name.as_str(), term))).collect();
+    let real = |name, about, value: &dyn Fn(&Term) -> f64| {
+        Column::new(name, about, Values::Real(rows.iter().map(|(_, of)| value(&of.term)).collect()))
+    };
+    let text = |name, about, value: &dyn Fn(&AngleTerm) -> String| {
+        Column::new(name, about, Values::Text(rows.iter().map(|(_, of)| value(of)).collect()))
+    };
+    let names = rows.iter().map(|(trial, _)| (*trial).to_owned()).collect();
+    let columns = vec![
+        Column::new("trial", "name of the trial", Values::Text(names)),
+        text("angle", "yaw, pitch, roll or tilt", &|of| of.angle.to_owned()),
+        text("name", "the cause of uncertainty", &|of| of.term.name.to_owned()),
+        text("type", "A: from the scatter of readings, B: from other knowledge (JCGM 100:2008)", &|of| {
+            word(&of.term.evaluation)
+        }),
+        real("u_deg", "standard uncertainty that it gives the angle", &|term| term.u_deg),
+        real("sensitivity", "degrees of the angle per unit of the cause, where it is a quantity of its own", &|term| {
+            term.sensitivity.unwrap_or(f64::NAN)
+        }),
+        real("share", "share of the variance of the angle", &|term| term.share),
+        text("common_to", "which angles have the same error: those of the trial, or of the sensor", &|of| {
+            word(&of.term.common_to)
+        }),
+    ];
+    Table { header: session_header(name), columns }
 }
 
 #[cfg(test)]

@@ -6,8 +6,8 @@ use crate::plan::RobotFile;
 use crate::trial::{Angles, Collector, Finding, Records, Want, Zeroed, findings};
 use biflag_log::schema::biflag::Quaternion;
 use biflag_log::{
-    CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, ModelMeta, Origin, RestMeta, Start, Summary, Tap,
-    Writer, sample,
+    ClockMeta, CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, ModelMeta, Origin, RestMeta, Start,
+    Summary, Tap, Writer, sample,
 };
 use nalgebra::UnitQuaternion;
 use protocol::units::{Count, STANDARD_GRAVITY_MPS2};
@@ -241,6 +241,15 @@ impl Recorder {
         self.records.level = Some(meta);
         self.leveller = used.then(|| Leveller::new(&level, self.filter_gain));
         Ok(())
+    }
+
+    /// Records how the board's clock runs.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn clock(&mut self, clock: &ClockMeta) -> Result<(), LogError> {
+        self.records.clock = Some(*clock);
+        self.log.meta(clock)
     }
 
     /// Records the model that computes the trial.

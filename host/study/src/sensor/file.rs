@@ -12,6 +12,7 @@ use protocol::Settings;
 use protocol::units::{Axis, AxisMap};
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::f64::consts::SQRT_2;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
@@ -130,6 +131,18 @@ fn help(key: &str) -> Option<&'static str> {
         }
         _ => return None,
     })
+}
+
+/// Averaging time at which a walk has the Allan deviation of a flicker, s: about half the time from the rest before a run to
+/// the rest after it.
+const FLICKER_S: f64 = 60.0;
+
+/// Returns the random walk of a bias that has both a walk and flicker, of this instability: a walk N has the Allan deviation
+/// N √(τ/3), and the floor of flicker is 0.664 times the instability (IEEE 952-1997, annex C).
+fn walk_with_flicker(walk: Estimate, instability: Estimate) -> f64 {
+    // A short rest hardly tells them.
+    let [walk, instability] = [walk, instability].map(|of| of.value.hypot(of.u));
+    walk.hypot(0.664 * instability * (3.0 / FLICKER_S).sqrt())
 }
 
 /// The file as it is written.
@@ -261,8 +274,9 @@ impl MeasuredSensor {
         self.get("gyro_scale", AXES[i]).is_some()
     }
 
-    /// Returns `prior` with what was measured in its place.
-    pub fn over(&self, mut prior: Sensor) -> Sensor {
+    /// Returns what is known of the sensor: what was measured, and the data sheet for all else.
+    pub fn known(&self) -> Sensor {
+        let mut prior = self.prior();
         for (i, axis) in AXES.iter().enumerate() {
             let put = |table: &str, key: &str, estimate: &mut Estimate| {
                 *estimate = self.get(table, key).unwrap_or(*estimate);
@@ -270,6 +284,11 @@ impl MeasuredSensor {
             put("gyro_scale", axis, &mut prior.gyro_scale[i]);
             put("accel_scale", axis, &mut prior.accel_scale[i]);
             put("mounting_deg", axis, &mut prior.mounting_deg[i]);
+            let noise = |table| self.get(table, axis);
+            if let (Some(walk), Some(instability)) = (noise("bias_walk_dps_per_root_s"), noise("bias_instability_dps"))
+            {
+                prior.bias_walk_dps_per_root_s[i] = walk_with_flicker(walk, instability);
+            }
             for j in 0..3 {
                 let pair = pair(i, j);
                 put("gyro_cross", &pair, &mut prior.gyro_cross[i][j]);
@@ -278,6 +297,19 @@ impl MeasuredSensor {
             }
         }
         prior
+    }
+
+    /// Returns the data sheet in the axes of this sensor. Poses say that the sensor is mounted so that the cross-axis terms of
+    /// its accelerometer are symmetric; by as much as they are not within its package, the axes of its gyroscope are turned.
+    pub(super) fn prior(&self) -> Sensor {
+        let mut sheet = Sensor::of_data_sheet();
+        if self.tables.contains_key("mounting_deg") {
+            for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).filter(|(i, j)| i != j) {
+                let turned = sheet.accel_cross[i][j].u / SQRT_2;
+                sheet.gyro_cross[i][j].u = sheet.gyro_cross[i][j].u.hypot(turned);
+            }
+        }
+        sheet
     }
 
     /// Returns the text of the file.
@@ -388,7 +420,7 @@ mod tests {
     #[test]
     fn what_was_not_measured_is_of_the_data_sheet() {
         let sheet = Sensor::of_data_sheet();
-        let known = sensor().over(sheet.clone());
+        let known = sensor().known();
         assert_eq!(known.gyro_scale[2], Estimate { value: -0.0213, u: 0.00045 });
         assert_eq!(known.gyro_scale[0], sheet.gyro_scale[0]);
         assert_eq!(known.gyro_cross[0][2].value, 0.0071);

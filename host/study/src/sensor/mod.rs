@@ -66,6 +66,8 @@ pub struct Sensor {
     pub accel_drift_g_per_c: [Estimate; 3],
     /// Rotation from the body's to the sensor's axes about x, y and z, degrees.
     pub mounting_deg: [Estimate; 3],
+    /// Random walk of the gyroscope's bias about each axis that stands for its flicker, too.
+    pub bias_walk_dps_per_root_s: [f64; 3],
 }
 
 /// Limits of the MPU-6000/6050's data sheet (PS-MPU-6000A, revision 3.4).
@@ -83,6 +85,10 @@ mod data_sheet {
     /// Section 6.2, zero-G level change over temperature: ±35 mg over 0 to 70 °C for x and y, ±60 mg for z.
     pub const ACCEL_DRIFT_G_PER_C: [f64; 3] = [0.035 / 35.0, 0.035 / 35.0, 0.060 / 35.0];
 }
+
+/// Random walk of a gyroscope's bias that nobody has measured, °/s/√s: five times that of an MPU6050 at rest for 655 s. Over a
+/// trial it stands for flicker, too.
+const BIAS_WALK: f64 = 5e-4;
 
 /// Limit of each mounting angle that nobody has measured, degrees: a board that is screwed on by eye.
 const MOUNTING_DEG: f64 = 2.0;
@@ -103,6 +109,7 @@ impl Sensor {
             accel_cross: cross(data_sheet::ACCEL_CROSS),
             accel_drift_g_per_c: data_sheet::ACCEL_DRIFT_G_PER_C.map(Estimate::within),
             mounting_deg: [Estimate::within(MOUNTING_DEG); 3],
+            bias_walk_dps_per_root_s: [BIAS_WALK; 3],
         }
     }
 }

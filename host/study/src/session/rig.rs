@@ -1,15 +1,15 @@
 //! Checks that all trials of a session run in the same place with the same settings.
 
 use super::{Session, SessionError, TrialState};
-use biflag_log::{BoardMeta, Identity, Origin};
+use biflag_log::{BoardMeta, Identity, Origin, SensorMeta};
 
 /// Settings that do not affect the measurement: those of the wiring make the speeds right, and the id is compared by itself.
 const NOT_COMPARED: [&str; 7] =
     ["board_id", "gyro_bias_counts", "deadline_ms", "moving_duty", "bandgap_mv", "motor_reversed", "encoder_reversed"];
 
 impl Session {
-    /// Checks that the next trials run in the same place and with the same settings as the last complete one. Returns a
-    /// note for the user.
+    /// Checks that the next trials run in the same place, with the same settings and with the same emulated sensor as the
+    /// last complete one. Returns a note for the user.
     ///
     /// # Errors
     /// [`SessionError::OtherRig`], [`SessionError::Log`].
@@ -18,6 +18,7 @@ impl Session {
         states: &[TrialState],
         origin: Origin,
         board: Option<&BoardMeta>,
+        sensor: Option<&SensorMeta>,
     ) -> Result<Option<String>, SessionError> {
         let Some(last) = states.iter().filter_map(TrialState::complete).next_back() else { return Ok(None) };
         let other = |was: String, is: String| {
@@ -28,6 +29,11 @@ impl Session {
             && identity.origin != origin
         {
             return other(place(identity.origin).to_owned(), place(origin).to_owned());
+        }
+        if let (Some(before), Some(now)) = (biflag_log::last_meta::<SensorMeta>(&last.path)?, sensor)
+            && before != *now
+        {
+            return other(emulated(&before), emulated(now));
         }
         let (Some(before), Some(now)) = (biflag_log::last_meta::<BoardMeta>(&last.path)?, board) else {
             return Ok(None);
@@ -56,6 +62,11 @@ fn place(origin: Origin) -> &'static str {
         Origin::VirtualRig => "on the emulated board",
         Origin::Model => "in the model",
     }
+}
+
+fn emulated(sensor: &SensorMeta) -> String {
+    let kind = if sensor.kind.is_empty() { "ideal" } else { &sensor.kind };
+    format!("with the emulated sensor {kind:?} of seed {}", sensor.seed)
 }
 
 /// Returns the first setting that differs, as `key = value` before and now.

@@ -3,7 +3,7 @@
 use super::*;
 use crate::plan::{PUBLISHED, RobotFile, board};
 use crate::run;
-use biflag_log::{ClockMeta, EventKind, Origin, Writer};
+use biflag_log::{ClockMeta, EventKind, Origin, SensorMeta, Writer};
 use protocol::{Info, Settings};
 use std::time::SystemTime;
 
@@ -201,13 +201,33 @@ fn session_is_locked_for_one_program_or_for_shards() {
 }
 
 #[test]
+fn session_continues_only_with_the_same_emulated_sensor() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = two_trials();
+    let session = Session::create(folder.path(), &plan).unwrap();
+    let part = SensorMeta { seed: 7, kind: "typical".to_owned(), gyro_scale: [0.02; 3], ..SensorMeta::default() };
+    let (_, path) = session.next_attempt(&plan.trials[0]).unwrap();
+    let start = run::start(session.plan(), &plan.trials[0], 1, Origin::VirtualRig, None, SystemTime::now());
+    let mut writer = Writer::create(&path, &start, SystemTime::now()).unwrap();
+    writer.meta(&part).unwrap();
+    writer.finish(&Summary { end: End::Complete, ..Summary::default() }).unwrap();
+
+    let go_on =
+        |part: &SensorMeta| session.expect_same_rig(&session.states().unwrap(), Origin::VirtualRig, None, Some(part));
+    assert!(go_on(&part).is_ok());
+    let other = SensorMeta { seed: 8, gyro_scale: [0.01; 3], ..part };
+    let refused = go_on(&other).unwrap_err().to_string();
+    assert!(refused.contains("typical\" of seed 7") && refused.contains("of seed 8"), "{refused}");
+}
+
+#[test]
 fn session_continues_only_on_the_same_rig_and_settings() {
     let folder = tempfile::tempdir().unwrap();
     let plan = two_trials();
     let session = Session::create(folder.path(), &plan).unwrap();
     let settings = Settings { board_id: 3, ..Settings::DEFAULT };
     let go_on = |origin, settings: Settings, info: Info| {
-        session.expect_same_rig(&session.states().unwrap(), origin, Some(&board::to_log(&info, &settings)))
+        session.expect_same_rig(&session.states().unwrap(), origin, Some(&board::to_log(&info, &settings)), None)
     };
     let refused = |origin, settings: Settings| match go_on(origin, settings, info(&settings)) {
         Err(error @ SessionError::OtherRig { .. }) => error.to_string(),

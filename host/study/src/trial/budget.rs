@@ -46,7 +46,7 @@ pub struct Term {
 /// A cause of uncertainty of one of several angles.
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct AngleTerm {
-    /// `yaw`, `pitch` or `roll`.
+    /// `yaw`, `pitch`, `roll` or `tilt`.
     pub angle: &'static str,
     /// The cause.
     #[serde(flatten)]

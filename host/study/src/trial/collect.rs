@@ -1,6 +1,7 @@
 //! Accumulates a trial from its messages, while its log is read or written.
 
 use super::bounds;
+use super::clock;
 use super::data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
 use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading};
@@ -168,7 +169,7 @@ impl Collector {
             }
             calibrated => calibrated,
         };
-        Data {
+        clock::correct(Data {
             path: path.to_owned(),
             link: link(self.link, records.summary.as_ref().map(|summary| summary.link)),
             times,
@@ -192,7 +193,7 @@ impl Collector {
             sha256: None,
             warnings,
             identity: Vec::new(),
-        }
+        })
     }
 
     /// Returns the sensor's reading in a frame, with the attitude as sent by the board; `None` if it has no attitude.

@@ -143,7 +143,8 @@ pub struct LinkSecond {
     pub board: u32,
 }
 
-/// A trial, read from its log. Times are seconds since its first frame.
+/// A trial, read from its log. Times are seconds since its first frame, by the board's clock; where pings have measured the
+/// rate of that clock, times and speeds are corrected.
 #[derive(Clone, Debug)]
 pub struct Data {
     /// Path of the log.
@@ -241,10 +242,9 @@ impl Data {
     /// Returns what is known of the errors of the sensor: what was measured where the log has it, the data sheet for all
     /// else.
     pub fn sensor(&self) -> Sensor {
-        let sheet = Sensor::of_data_sheet();
         let file = self.records.measured_sensor.as_ref();
         let measured = file.and_then(|file| MeasuredSensor::parse(&file.text, &file.name).ok());
-        measured.map_or_else(|| sheet.clone(), |measured| measured.over(sheet.clone()))
+        measured.map_or_else(Sensor::of_data_sheet, |measured| measured.known())
     }
 
     /// Returns the robot's parameters: those of the model, or on a rig those of the robot named in the plan.

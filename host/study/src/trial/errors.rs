@@ -3,9 +3,10 @@
 use super::budget::{Budget, Term};
 use super::clock;
 use super::data::Data;
-use super::sensitivity::{Sensitivity, Stated};
-use crate::attitude::{Columns, Drift, ROTATIONS, Series, Track};
+use super::sensitivity::Stated;
+use crate::attitude::{Columns, Drift, ROTATIONS, Series, Track, WARMING_DPS_PER_C};
 use crate::sensor::{Estimate, GROUPS, PARAMETERS};
+use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
 /// Length of the blocks whose scatter is the noise of a tilt, s.
@@ -47,14 +48,16 @@ impl TiltZero {
         })
     }
 
-    /// Returns the causes of uncertainty of pitch (0) or roll (1) averaged over `window_s`.
-    fn terms(&self, tilt: usize, window_s: f64) -> [Term; 2] {
+    /// Returns the causes of uncertainty of an angle averaged over `window_s`, of which `gradient` are the derivatives by
+    /// pitch and roll.
+    fn terms(&self, gradient: [f64; 2], window_s: f64) -> [Term; 2] {
         let [seen, in_zero] = self.blocks;
-        let u_deg = self.scatter_deg[tilt] * (BLOCK_S / window_s.max(BLOCK_S) + 1.0 / in_zero.min(seen)).sqrt();
+        let of = |deg: [f64; 2]| (gradient[0] * deg[0]).hypot(gradient[1] * deg[1]);
+        let u_deg = of(self.scatter_deg) * (BLOCK_S / window_s.max(BLOCK_S) + 1.0 / in_zero.min(seen)).sqrt();
         // A return to rest that began before the still phase goes on by about as much as it has come.
         [
             Term::of_trial("noise", u_deg, seen - 1.0),
-            Term::of_trial("motion at rest", self.moved_deg[tilt], f64::INFINITY),
+            Term::of_trial("motion at rest", of(self.moved_deg), f64::INFINITY),
         ]
     }
 
@@ -88,6 +91,9 @@ pub(super) struct Errors {
     zero_c: f64,
     filter_s: f64,
     parameters: [Estimate; PARAMETERS],
+    /// Random walk of the gyroscope's bias, °/s/√s.
+    bias_walk: [f64; 3],
+    from_s: f64,
     clock: Estimate,
 }
 
@@ -101,7 +107,7 @@ impl Errors {
         drift: Option<Drift>,
         tilt_zero: Option<TiltZero>,
     ) -> Self {
-        let temperature_c = series.temperature();
+        let (temperature_c, sensor) = (series.temperature(), data.sensor());
         Self {
             drift,
             tilt_zero,
@@ -110,8 +116,10 @@ impl Errors {
             temperature_c: Columns { time_s: temperature_c.time_s.to_vec(), values: [temperature_c.value.to_vec()] },
             zero_c: temperature_c.mean(from_s - AROUND_S..from_s + AROUND_S).unwrap_or_default(),
             filter_s,
-            parameters: data.sensor().parameters(),
-            clock: clock::rate_error(data),
+            parameters: sensor.parameters(),
+            bias_walk: sensor.bias_walk_dps_per_root_s,
+            from_s,
+            clock: clock::rate_error(data.records.clock.as_ref(), data.duration_s),
         }
     }
 
@@ -163,18 +171,31 @@ impl Errors {
         let noise = Term::of_trial("gyroscope noise", drift.noise_variance(time_s).sqrt(), drift.degrees_of_freedom);
         let bias = Term::of_trial("gyroscope bias", drift.variance(time_s)?.sqrt(), f64::INFINITY);
         let clock = Term::of_sensor("clock", std::iter::once((stated.rotation_deg(), self.clock.u)));
-        Some(Budget::new([noise, bias].into_iter().chain(self.of_sensor(&stated.sensitivity(), 0)).chain([clock])))
+        let [of_yaw, ..] = stated.sensitivity();
+        Some(Budget::new([noise, bias].into_iter().chain(self.of_sensor(&of_yaw)).chain([clock])))
     }
 
-    /// Returns the causes of uncertainty of mean pitch and roll over a time; `None` if their zero is unknown.
-    pub fn tilts(&self, angles: &Columns<3>, over: &Range<f64>) -> Option<[Budget; 2]> {
+    /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time; `None` if their zero is unknown.
+    pub fn tilts(&self, angles: &Columns<3>, over: &Range<f64>) -> Option<[Budget; 3]> {
         let zero = self.tilt_zero.as_ref()?;
         let stated = self.stated(angles, over);
-        let sensitivity = stated.sensitivity();
-        Some([0, 1].map(|tilt| {
-            let own = zero.terms(tilt, over.end - over.start);
-            Budget::new(own.into_iter().chain(self.of_sensor(&sensitivity, 1 + tilt)))
+        let [_, of_pitch, of_roll] = stated.sensitivity();
+        let [bias_of_pitch, bias_of_roll] = stated.tilts_by_bias();
+        let bias_dps = self.bias_since_zero_dps(&stated, 0.5 * (over.start + over.end));
+        Some([[1.0, 0.0], [0.0, 1.0], tilt_gradient(stated.tilt_deg)].map(|gradient| {
+            let own = zero.terms(gradient, over.end - over.start);
+            let sensitivity = std::array::from_fn(|i| gradient[0] * of_pitch[i] + gradient[1] * of_roll[i]);
+            let by_axis = |i: usize| (gradient[0] * bias_of_pitch[i] + gradient[1] * bias_of_roll[i]) * bias_dps[i];
+            let bias_deg = [0, 1, 2].map(by_axis).into_iter().fold(0.0, f64::hypot);
+            let bias = Term::of_trial("gyroscope bias", bias_deg, f64::INFINITY);
+            Budget::new(own.into_iter().chain([bias]).chain(self.of_sensor(&sensitivity)))
         }))
+    }
+
+    /// Returns the standard deviation by which the bias about each axis has changed since the zero, °/s.
+    fn bias_since_zero_dps(&self, stated: &Stated, time_s: f64) -> [f64; 3] {
+        let walked = (time_s - self.from_s).abs().sqrt();
+        self.bias_walk.map(|walk| (walk * walked).hypot(WARMING_DPS_PER_C * stated.warming_c))
     }
 
     /// Returns the derivatives of yaw, pitch and roll around a time by the sensor's errors and by the clock's, each times
@@ -189,10 +210,19 @@ impl Errors {
         })
     }
 
-    fn of_sensor(&self, sensitivity: &Sensitivity, angle: usize) -> impl Iterator<Item = Term> {
+    /// Returns the causes in the sensor; `sensitivity`: the derivative of the angle by each of its errors.
+    fn of_sensor(&self, sensitivity: &[f64; PARAMETERS]) -> impl Iterator<Item = Term> {
         GROUPS.iter().map(move |group| {
-            let each = group.range.clone().map(|i| (sensitivity[angle][i], self.parameters[i].u));
+            let each = group.range.clone().map(|i| (sensitivity[i], self.parameters[i].u));
             Term::of_sensor(group.name, each)
         })
     }
+}
+
+/// Returns the derivatives of the tilt ([`crate::attitude::tilt_deg`]) by pitch and roll.
+fn tilt_gradient(tilt_deg: [f64; 2]) -> [f64; 2] {
+    let [pitch, roll] = tilt_deg.map(f64::to_radians);
+    let sine = (pitch.cos() * roll.cos()).acos().sin();
+    // Upright, every direction is as good.
+    if sine == 0.0 { [FRAC_1_SQRT_2; 2] } else { [pitch.sin() * roll.cos() / sine, pitch.cos() * roll.sin() / sine] }
 }

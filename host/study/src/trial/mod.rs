@@ -4,6 +4,7 @@
 //! module; none of them reads logs, levels attitudes or removes drift in another way. A trial that is being recorded
 //! passes through the same [`Collector`] as one that is read from its log, so that both give the same results.
 
+mod angles;
 mod axes;
 mod bounds;
 mod budget;
@@ -21,6 +22,7 @@ mod shapes;
 mod usable;
 mod zero;
 
+pub use angles::{Angles, Steady};
 pub use bounds::Times;
 pub use budget::{AngleTerm, Budget, CommonTo, Evaluation, Term};
 pub use collect::Collector;
@@ -30,4 +32,4 @@ pub use findings::findings;
 pub use repeats::{AtSpeeds, mean_of_repeats};
 pub use shapes::{Shape, Shapes};
 pub use usable::Unusable;
-pub use zero::{Angles, Steady, Zeroed};
+pub use zero::Zeroed;

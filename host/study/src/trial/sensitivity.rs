@@ -31,26 +31,43 @@ pub(super) struct Stated {
 
 /// Derivatives of yaw, pitch and roll by each of a sensor's errors ([`crate::sensor::Sensor::parameters`]), degrees per
 /// unit.
-pub(super) type Sensitivity = [[f64; PARAMETERS]; 3];
+type Sensitivity = [[f64; PARAMETERS]; 3];
 
 impl Stated {
+    /// Returns up in body axes.
+    fn up(&self) -> Vector3<f64> {
+        let [pitch, roll] = self.tilt_deg.map(f64::to_radians);
+        Vector3::new(-pitch.sin(), pitch.cos() * roll.sin(), pitch.cos() * roll.cos())
+    }
+
+    /// Returns degrees of pitch and roll for a small change of up, which remains a unit vector.
+    fn tilt(&self, moved: Vector3<f64>) -> [f64; 2] {
+        let up = self.up();
+        let moved = moved - up * up.dot(&moved);
+        let across = up.y * up.y + up.z * up.z;
+        [-moved.x / across.sqrt(), (up.z * moved.y - up.y * moved.z) / across].map(f64::to_degrees)
+    }
+
+    /// Returns the change of up for a lasting error of 1 °/s of the rate about an axis.
+    fn turned(&self, i: usize) -> Vector3<f64> {
+        self.up().cross(&Vector3::ith(i, 1.0)) * self.filter_s.to_radians()
+    }
+
+    /// Returns the derivatives of pitch and roll by a bias about each axis that was not there at rest, degrees per °/s.
+    pub fn tilts_by_bias(&self) -> [[f64; 3]; 2] {
+        let by = [0, 1, 2].map(|i| self.tilt(self.turned(i)));
+        [0, 1].map(|k| by.map(|tilts| tilts[k]))
+    }
+
     /// Returns the derivatives.
     pub fn sensitivity(&self) -> Sensitivity {
-        let [pitch, roll] = self.tilt_deg.map(f64::to_radians);
-        let up = Vector3::new(-pitch.sin(), pitch.cos() * roll.sin(), pitch.cos() * roll.cos());
-        let change = up - Vector3::z();
-        // Degrees of pitch and roll for a small change of up, which remains a unit vector.
-        let tilt = |moved: Vector3<f64>| {
-            let moved = moved - up * up.dot(&moved);
-            let across = up.y * up.y + up.z * up.z;
-            [-moved.x / pitch.cos(), (up.z * moved.y - up.y * moved.z) / across].map(f64::to_degrees)
-        };
+        let pitch = self.tilt_deg[0].to_radians();
+        let change = self.up() - Vector3::z();
         let axis = |i: usize| Vector3::ith(i, 1.0);
-        // Up for a lasting error of 1 °/s of one axis.
-        let turned = |i: usize| up.cross(&axis(i)) * self.filter_s.to_radians();
+        let turned = |i: usize| self.turned(i);
         let mut of = [[0.0; PARAMETERS]; 3];
         let mut set = |parameter: usize, turned_deg: f64, moved: Vector3<f64>| {
-            let [pitch_deg, roll_deg] = tilt(moved);
+            let [pitch_deg, roll_deg] = self.tilt(moved);
             // Rate about the vertical: yaw' - sin pitch roll'.
             let yaw_deg = turned_deg + pitch.sin() * roll_deg;
             [yaw_deg, pitch_deg, roll_deg].into_iter().zip(&mut of).for_each(|(value, row)| row[parameter] = value);

@@ -6,15 +6,15 @@
 //! delays the attitude, so its times are moved back by that delay. A modelled attitude is exact: the robot starts
 //! upright with a yaw of zero, and there is no gyroscope to drift.
 
-use super::budget::{AngleTerm, Budget};
+use super::angles::{Angles, Steady};
+use super::budget::Budget;
 use super::data::Data;
 use super::errors::{Errors, TiltZero, blocks};
 use super::finding::{Finding, FindingKind};
 use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, Track, rotation, tilt_deg};
-use biflag_log::{SteadyMeta, Summary};
+use biflag_log::SteadyMeta;
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use protocol::units::{CentiRpm, LOW_PASS};
-use serde::Serialize;
 use sim::steady::{CHANNELS, SteadyCollector};
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -47,74 +47,6 @@ const CALIBRATED_DPS: f64 = 0.1;
 
 /// Largest rate at the start of the run, °/s, up to which the fit of the return to rest is trusted.
 const RETURN_DPS: f64 = 0.2;
-
-/// The mean attitude at the end of the run.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Steady {
-    /// Yaw, pitch, roll.
-    pub angles_deg: [f64; 3],
-    /// Uncertainty of the yaw; `None` if unknown, empty for a model.
-    pub yaw: Option<Budget>,
-    /// Uncertainty of pitch and roll; `None` if unknown, empty for a model.
-    pub tilt: Option<[Budget; 2]>,
-    /// The drift that was removed from the yaw; `None` for a model.
-    pub drift_deg: Option<f64>,
-    /// The time over which the angles are averaged: see [`sim::steady`].
-    pub window: Range<f64>,
-    /// Whether yaw and pitch had settled.
-    pub settled: bool,
-    /// When they had, s from the start of the run; not known where the model has solved for the steady state.
-    pub settle_s: Option<f64>,
-}
-
-/// The steady angles of a trial, as stated by every command.
-#[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
-pub struct Angles {
-    /// Steady yaw relative to the rest before the run, corrected for drift.
-    pub yaw_deg: f64,
-    /// 95 % uncertainty of the yaw by its [`Budget`]; `None` for a model, and where it is unknown.
-    pub yaw_uncertainty_deg: Option<f64>,
-    /// Steady pitch.
-    pub pitch_deg: f64,
-    /// Its 95 % uncertainty.
-    pub pitch_uncertainty_deg: Option<f64>,
-    /// Steady roll.
-    pub roll_deg: f64,
-    /// Its 95 % uncertainty.
-    pub roll_uncertainty_deg: Option<f64>,
-    /// Steady tilt: the angle between the robot's axis and the vertical.
-    pub tilt_deg: f64,
-    /// The drift that was removed from the yaw; `None` for a model.
-    pub drift_deg: Option<f64>,
-    /// Duration for which the robot was still after the run; `None` for a model.
-    pub still_after_s: Option<f64>,
-    /// Time over which the angles are averaged.
-    pub steady_s: f64,
-    /// Whether yaw and pitch had settled before that time.
-    pub settled: bool,
-    /// Angle turned about each body axis over the whole trial.
-    pub turned_deg: [f64; 3],
-}
-
-impl Steady {
-    /// Returns the causes of uncertainty of all three angles.
-    pub fn budget(&self) -> Vec<AngleTerm> {
-        let tilt = |k: usize| self.tilt.as_ref().map(|tilt| &tilt[k]);
-        let of = [("yaw", self.yaw.as_ref()), ("pitch", tilt(0)), ("roll", tilt(1))];
-        let terms = of.into_iter().filter_map(|(angle, budget)| Some((angle, budget?)));
-        terms.flat_map(|(angle, budget)| budget.terms().iter().map(move |term| AngleTerm::new(angle, term))).collect()
-    }
-}
-
-impl Angles {
-    /// Copies the angles into a summary.
-    pub fn fill(&self, summary: &mut Summary) {
-        summary.yaw_deg = Some(self.yaw_deg);
-        summary.yaw_uncertainty_deg = self.yaw_uncertainty_deg;
-        summary.pitch_deg = Some(self.pitch_deg);
-        summary.roll_deg = Some(self.roll_deg);
-    }
-}
 
 /// The attitude of a trial relative to its zero. Times are those of the log.
 #[derive(Clone, Debug)]
@@ -219,7 +151,8 @@ impl Zeroed {
         let start = (mean_over.end - START_S).max(mean_over.start)..mean_over.end;
         let from_s = 0.5 * (start.start + start.end);
         let filter_s = data.settings().map_or(1.0, |settings| 1.0 / f64::from(settings.attitude_kp).max(MIN_GAIN));
-        let phases = Rest { before: still, after, calibrate_s, filter_s };
+        let bias_walk_dps_per_root_s = data.sensor().bias_walk_dps_per_root_s;
+        let phases = Rest { before: still, after, calibrate_s, filter_s, bias_walk_dps_per_root_s };
         let drift = if data.times.has_run() { Drift::estimate(&series, &phases, from_s) } else { None };
         if drift.as_ref().is_some_and(|drift| drift.variance(run.end).is_none()) {
             let text = "the gyroscope was not calibrated, and the still phases are too short to show its bias about the \
@@ -294,11 +227,13 @@ impl Zeroed {
             roll_deg,
             roll_uncertainty_deg: tilt(1),
             tilt_deg: tilt_deg(pitch_deg, roll_deg),
+            tilt_uncertainty_deg: tilt(2),
             drift_deg: steady.drift_deg,
             still_after_s: (!self.is_model()).then(|| after.map_or(0.0, |still| still.end - still.start)),
             steady_s: steady.window.end - steady.window.start,
             settled: steady.settled,
             turned_deg: self.turned_deg,
+            budget: steady.budget(),
         })
     }
 
@@ -352,8 +287,8 @@ impl Zeroed {
         self.budget(|errors| errors.yaw(&self.angles_deg, time_s))
     }
 
-    /// Returns the causes of uncertainty of mean pitch and roll over a time; as [`Self::yaw_budget`].
-    pub fn tilt_budgets(&self, over: &Range<f64>) -> Option<[Budget; 2]> {
+    /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time; as [`Self::yaw_budget`].
+    pub fn tilt_budgets(&self, over: &Range<f64>) -> Option<[Budget; 3]> {
         self.budget(|errors| errors.tilts(&self.angles_deg, over))
     }
 
@@ -373,7 +308,8 @@ impl Zeroed {
 
     /// Returns the 95 % uncertainty of mean pitch and roll over a time, degrees; as [`Self::yaw_uncertainty`].
     pub fn tilt_uncertainty(&self, over: &Range<f64>) -> Option<[f64; 2]> {
-        Some(self.tilt_budgets(over)?.map(|budget| budget.uncertainty_deg()))
+        let [pitch, roll, _] = self.tilt_budgets(over)?;
+        Some([pitch.uncertainty_deg(), roll.uncertainty_deg()])
     }
 
     /// Returns the covariances of yaw, pitch and roll between times due to the sensor, degrees²; `None` without a still

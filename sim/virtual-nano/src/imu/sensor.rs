@@ -10,9 +10,9 @@ use std::str::FromStr;
 #[derive(Clone, PartialEq, Debug, Default)]
 pub enum Sensor {
     /// Those of [`Errors::ideal`].
-    #[default]
     Ideal,
     /// Those of [`Errors::typical`].
+    #[default]
     Typical,
     /// Those of a file.
     Given(Box<Errors>),

@@ -4,16 +4,17 @@
 //! With f_i(±j) the mean force along axis i in the pose with ±j up, the scale of axis i is half the difference of f_i(+i) and
 //! f_i(-i), its offset half their sum, and a_ij, half the difference of f_i(+j) and f_i(-j), is what i reads of j. The operator
 //! places the sensor by its edges, not exactly: a rotation of the sensor in the body appears in a_ij and a_ji with opposite
-//! signs, and so do cross-axis terms that differ. The mean of a_ij and a_ji is the cross-axis term of both, and half their
-//! difference the mounting; what the data sheet allows the terms to differ by is in the uncertainty of both.
+//! signs, and so do cross-axis terms that differ. Nothing can tell them apart, and nothing needs to: the mounting is by
+//! definition the rotation with which the cross-axis terms are symmetric. Their mean is the cross-axis term of both, and half
+//! their difference the mounting. Turns measure the gyroscope's axes relative to these.
 //!
 //! The mean rates in the six poses fit w_i = b_i + Σ g_ij n_j, where n is the direction of up: 18 values, 12 unknowns. What is
 //! left is the drift of the bias from pose to pose.
 
+use super::Estimate;
 use super::file::{AXES, MeasuredSensor, pair};
 use super::least_squares::{Fit, expanded};
 use super::reading::{Mean, RawReading, Rests};
-use super::{Estimate, Sensor};
 use miette::Diagnostic;
 use thiserror::Error;
 
@@ -176,15 +177,12 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
         let value = 0.5 * (force(i, 2 * i) + force(i, 2 * i + 1));
         Estimate { value, u: cosine.hypot(lean(i) * tilt_u).hypot(1e-4) }
     });
-    let sheet = Sensor::of_data_sheet();
     let mut accel_cross = [[Estimate::default(); 3]; 3];
     let mut mounting_deg = [Estimate::default(); 3];
     for (k, mounting) in mounting_deg.iter_mut().enumerate() {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         let [a, b] = [half_difference(i, j), half_difference(j, i)];
         let u = tilt_u / 2f64.sqrt();
-        // Half the difference of two terms that the data sheet limits by themselves.
-        let u = u.hypot(sheet.accel_cross[i][j].u / 2f64.sqrt());
         let cross = Estimate { value: 0.5 * (a + b), u };
         (accel_cross[i][j], accel_cross[j][i]) = (cross, cross);
         // A sensor that is rotated by r about k reads r of j on i, and -r of i on j.

@@ -48,9 +48,12 @@ fn intervals_contain_the_truth() {
             let j = (i + 1) % 3;
             count(0, result.accel_scale[i], hand.accel[(i, i)]);
             count(1, result.accel_offset_g[i], hand.offset_g[i]);
-            count(2, result.accel_cross[i][j], hand.accel[(i, j)]);
-            // The sensor's axes are the body's, rotated by the mounting.
-            count(3, result.mounting_deg[i], mounting[i].to_degrees());
+            // The sensor's axes are the body's, rotated by the mounting with which the cross-axis terms are symmetric: a
+            // rotation r about k reads r of j on i, where i, j, k is a cycle, and -r of i on j.
+            let k = (i + 2) % 3;
+            let [a, b] = [hand.accel[(i, j)], hand.accel[(j, i)]];
+            count(2, result.accel_cross[i][j], 0.5 * (a + b));
+            count(3, result.mounting_deg[k], (mounting[k] + 0.5 * (a - b)).to_degrees());
             count(4, result.gyro_g_dps[i][j], hand.gyro_g_dps[(i, j)]);
             assert!(result.gyro_g_dps[i][j].u < 0.01 && result.accel_cross[i][j].u < 0.01);
         }

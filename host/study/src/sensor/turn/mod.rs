@@ -12,10 +12,10 @@
 //! that of the operator's hand at the marks; its degrees of freedom are the rests less three. The term b is left out of the
 //! fit of fewer than three turns.
 
+use super::Estimate;
 use super::file::{AXES, MeasuredSensor, pair};
 use super::least_squares::{Fit, expanded};
 use super::reading::{Mean, Motion, RawReading, Rests};
-use super::{Estimate, Sensor};
 use miette::Diagnostic;
 use thiserror::Error;
 
@@ -404,7 +404,7 @@ fn evaluate(
     clock: f64,
 ) -> Option<TurnResult> {
     let axis = plan.axis;
-    let (sheet, before) = (Sensor::of_data_sheet(), known.over(Sensor::of_data_sheet()));
+    let (sheet, before) = (known.prior(), known.known());
     let (up, up_u) = vertical(force_g, axis, known);
     let fits = [fit(plan, turns, 0)?, fit(plan, turns, 1)?, fit(plan, turns, 2)?];
     let share = |i: usize| fits[i].values.last().map_or(0.0, |slope| slope / (1.0 + clock));
@@ -469,7 +469,7 @@ const ZERO_G: Estimate = Estimate::within(0.08);
 /// Returns the direction of up in body axes, and its standard uncertainty across, from a force at rest and what is known of
 /// the accelerometer. Body axis `axis` is about upright.
 fn vertical(force_g: [f64; 3], axis: usize, known: &MeasuredSensor) -> ([f64; 3], [f64; 3]) {
-    let sensor = known.over(Sensor::of_data_sheet());
+    let sensor = known.known();
     let offset = |i: usize| known.get("accel_offset_g", AXES[i]).unwrap_or(ZERO_G);
     let others = |i: usize| (0..3).filter(move |j| *j != i);
     let force = std::array::from_fn(|i| {

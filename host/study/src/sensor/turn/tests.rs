@@ -1,4 +1,5 @@
 use super::*;
+use crate::sensor::Sensor;
 use crate::sensor::synthetic::Hand;
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::Settings;

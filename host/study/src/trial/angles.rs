@@ -1,0 +1,99 @@
+//! The steady angles of a trial, as every command states them.
+
+use super::budget::{AngleTerm, Budget};
+use crate::text::decimal;
+use biflag_log::Summary;
+use serde::Serialize;
+use std::fmt;
+use std::ops::Range;
+
+/// The mean attitude at the end of the run.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Steady {
+    /// Yaw, pitch, roll.
+    pub angles_deg: [f64; 3],
+    /// Uncertainty of the yaw; `None` if unknown, empty for a model.
+    pub yaw: Option<Budget>,
+    /// Uncertainty of pitch, roll and tilt; `None` if unknown, empty for a model.
+    pub tilt: Option<[Budget; 3]>,
+    /// The drift that was removed from the yaw; `None` for a model.
+    pub drift_deg: Option<f64>,
+    /// The time over which the angles are averaged: see [`sim::steady`].
+    pub window: Range<f64>,
+    /// Whether yaw and pitch had settled.
+    pub settled: bool,
+    /// When they had, s from the start of the run; not known where the model has solved for the steady state.
+    pub settle_s: Option<f64>,
+}
+
+/// The steady angles of a trial, as stated by every command.
+#[derive(Serialize, Clone, PartialEq, Debug, Default)]
+pub struct Angles {
+    /// Steady yaw relative to the rest before the run, corrected for drift.
+    pub yaw_deg: f64,
+    /// 95 % uncertainty of the yaw by its [`Budget`]; `None` for a model, and where it is unknown.
+    pub yaw_uncertainty_deg: Option<f64>,
+    /// Steady pitch.
+    pub pitch_deg: f64,
+    /// Its 95 % uncertainty.
+    pub pitch_uncertainty_deg: Option<f64>,
+    /// Steady roll.
+    pub roll_deg: f64,
+    /// Its 95 % uncertainty.
+    pub roll_uncertainty_deg: Option<f64>,
+    /// Steady tilt: the angle between the robot's axis and the vertical.
+    pub tilt_deg: f64,
+    /// Its 95 % uncertainty, to first order: a tilt that is smaller cannot be told from none.
+    pub tilt_uncertainty_deg: Option<f64>,
+    /// The drift that was removed from the yaw; `None` for a model.
+    pub drift_deg: Option<f64>,
+    /// Duration for which the robot was still after the run; `None` for a model.
+    pub still_after_s: Option<f64>,
+    /// Time over which the angles are averaged.
+    pub steady_s: f64,
+    /// Whether yaw and pitch had settled before that time.
+    pub settled: bool,
+    /// Angle turned about each body axis over the whole trial.
+    pub turned_deg: [f64; 3],
+    /// The causes of the uncertainties; empty for a model, and where they are unknown.
+    #[serde(skip)]
+    pub budget: Vec<AngleTerm>,
+}
+
+impl Steady {
+    /// Returns the causes of uncertainty of all angles.
+    pub fn budget(&self) -> Vec<AngleTerm> {
+        let tilt = |k: usize| self.tilt.as_ref().map(|tilt| &tilt[k]);
+        let of = [("yaw", self.yaw.as_ref()), ("pitch", tilt(0)), ("roll", tilt(1)), ("tilt", tilt(2))];
+        let terms = of.into_iter().filter_map(|(angle, budget)| Some((angle, budget?)));
+        terms.flat_map(|(angle, budget)| budget.terms().iter().map(move |term| AngleTerm::new(angle, term))).collect()
+    }
+}
+
+impl Angles {
+    /// Copies the angles into a summary.
+    pub fn fill(&self, summary: &mut Summary) {
+        summary.yaw_deg = Some(self.yaw_deg);
+        summary.yaw_uncertainty_deg = self.yaw_uncertainty_deg;
+        summary.pitch_deg = Some(self.pitch_deg);
+        summary.roll_deg = Some(self.roll_deg);
+    }
+}
+
+/// Yaw, pitch and roll, each with its uncertainty where it is known.
+impl fmt::Display for Angles {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let of = [
+            ("yaw", self.yaw_deg, self.yaw_uncertainty_deg),
+            ("pitch", self.pitch_deg, self.pitch_uncertainty_deg),
+            ("roll", self.roll_deg, self.roll_uncertainty_deg),
+        ];
+        for (i, (name, angle, uncertainty)) in of.into_iter().enumerate() {
+            write!(f, "{}{name} {}°", if i == 0 { "" } else { ", " }, decimal(angle, 2))?;
+            if let Some(uncertainty) = uncertainty {
+                write!(f, " ± {uncertainty:.2}°")?;
+            }
+        }
+        if self.settled { Ok(()) } else { f.write_str("; not settled") }
+    }
+}
