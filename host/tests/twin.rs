@@ -195,7 +195,7 @@ fn replay_of_a_modelled_session_reproduces_it() {
     let compared = json(&biflag(folder, &["compare", "short", "--robot", "thick.toml", "--json"]), 0);
     for trial in compared["trials"].as_array().unwrap() {
         assert!(!trial["differences"].as_array().unwrap().is_empty(), "{trial}");
-        assert!(trial["verdict"].as_str().unwrap().contains("yaw differs by"), "{trial}");
+        assert!(trial["verdict"].as_str().unwrap().starts_with("Yaw differs by"), "{trial}");
     }
     assert!(folder.join("short-replay/attempts/001_w1+50_w2+10.attempt1.mcap").exists());
 }
@@ -219,7 +219,7 @@ fn comparison_removes_zero_and_drift_of_a_rigs_trial() {
     std::fs::write(folder.join("thick.toml"), "[fluid]\nviscosity_pa_s = 1.2\n").unwrap();
     let compared = json(&biflag(folder, &["compare", "rig", "--robot", "thick.toml", "--json"]), 0);
     let verdict = compared["trials"][0]["verdict"].as_str().unwrap();
-    assert!(verdict.contains("times the noise") && verdict.starts_with("yaw differs by"), "{verdict}");
+    assert!(verdict.contains("times the measured ±") && verdict.starts_with("Yaw differs by"), "{verdict}");
 
     // Compared with the session that it was made from, and with an unrelated one.
     let direct = json(&biflag(folder, &["compare", "rig", "short", "--json"]), 0);

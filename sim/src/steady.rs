@@ -24,6 +24,10 @@ const BLOCK: f64 = 2.0;
 /// Shortest window, as a share of the longest: a shorter window would average over too few values.
 const SHORTEST: f64 = 0.6;
 
+/// An angle is near its final value within this, degrees, or within this share of the value.
+const NEAR_DEG: f64 = 1.0;
+const NEAR_SHARE: f64 = 0.05;
+
 /// Fraction of a revolution of the slower motor by which the window may miss a whole number.
 const WHOLE: f64 = 1e-6;
 
@@ -57,6 +61,11 @@ pub struct Steady {
     /// Time from the start of the run after which the means of all blocks have yaw and pitch within the larger of one
     /// degree and 5 % of the final ones, s.
     pub settle_s: f64,
+}
+
+/// Returns the distance from its final value, degrees, within which a yaw or pitch counts as settled.
+pub fn settled_within_deg(final_deg: f64) -> f64 {
+    NEAR_DEG.max(NEAR_SHARE * final_deg.abs())
 }
 
 /// Returns the length of the steady window, s, for motors at these speeds in a run of `run_s`.
@@ -178,8 +187,9 @@ impl SteadyCollector {
         let near =
             |a: f64, b: f64, degrees: f64, share: f64| (a - b).abs() <= degrees.to_radians().max(share * b.abs());
         let settled = enough && (0..3).all(|c| near(before[c].mean, last[c].mean, 0.5, 0.01));
-        let unsettled =
-            (self.blocks.iter()).rev().find(|(_, means)| !(0..2).all(|c| near(means[c], last[c].mean, 1.0, 0.05)));
+        let unsettled = (self.blocks.iter())
+            .rev()
+            .find(|(_, means)| !(0..2).all(|c| near(means[c], last[c].mean, NEAR_DEG, NEAR_SHARE)));
         let vector = |c: usize| [last[c], last[c + 1], last[c + 2]];
         Steady {
             window_s: self.window,

@@ -5,6 +5,7 @@ pub mod browser;
 mod cable;
 pub mod markdown;
 pub mod python;
+pub mod synthetic_rig;
 mod viewer;
 
 pub use cable::Cable;

@@ -12,6 +12,7 @@ mod busy_computer;
 mod doctor;
 mod drift;
 mod emulated_sensor;
+mod false_alarms;
 mod findings;
 mod flash;
 mod hand_turns;

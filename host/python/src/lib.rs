@@ -30,7 +30,7 @@ mod _biflag {
     #[pymodule_export]
     use crate::batch::simulate_batch;
     #[pymodule_export]
-    use crate::log::{html, read_log, read_session, session_table};
+    use crate::log::{html, read_log, read_session, session_repeats, session_table};
     #[pymodule_export]
     use crate::robot::Robot;
     #[pymodule_export]

@@ -18,7 +18,7 @@ use std::path::PathBuf;
 use study::export::table::{self, Summary};
 use study::plan::RobotFile;
 use study::session::{Attempt, Session};
-use study::trial::{Want, Zeroed, findings};
+use study::trial::{Repeat, Want, Zeroed, findings, scatter_of_repeats};
 
 /// The most shapes of the flagella that are read: a quarter of an hour of them.
 const SHAPES: usize = 15_000;
@@ -141,4 +141,21 @@ pub fn session_table(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyDic
     let columns = columns(py, &rows)?;
     columns.del_item("file")?;
     Ok((columns, about(&rows)))
+}
+
+/// Returns the scatter of the repeats of a session beside their budget.
+#[pyfunction]
+pub fn session_repeats(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
+    let repeats = interruptible(py, |_| {
+        let of = |error: &dyn miette::Diagnostic| Failure::of_file(&path, error);
+        let session = Session::open(&path).map_err(|error| of(&error))?;
+        let states = session.intact_states().map_err(|error| of(&error))?;
+        let read = |state: &study::session::TrialState| {
+            let data = state.complete()?.read(Want::default()).ok()?;
+            Repeat::new(&data, &Zeroed::new(&data))
+        };
+        let trials: Vec<Repeat> = states.par_iter().filter_map(read).collect();
+        Ok(scatter_of_repeats(trials.iter()))
+    })?;
+    json::record(py, &repeats)
 }

@@ -9,7 +9,9 @@ use crate::session::{Session, Sharing};
 use crate::signals::interruption;
 use crate::text::{count, decimal, signed};
 use crate::trial::{Data, Want};
-use crate::twin::{self, Comparison, OnMismatch, Pairs, Replayed, SessionComparison, Source};
+use crate::twin::{
+    self, AngleComparison, Comparison, OnMismatch, Pairs, Replayed, SessionAngle, SessionComparison, Source,
+};
 use serde::Serialize;
 use sim::trial::Options;
 use std::fmt::Write;
@@ -161,7 +163,11 @@ fn describe(comparison: &SessionComparison) -> String {
         let [yaw, pitch, roll] = rmse.map(Option::unwrap_or_default);
         let [yaw, pitch, roll] = [yaw, pitch, roll].map(|deg| decimal(deg, 2));
         let trials = count(comparison.trials.len(), "trial");
-        let _ = writeln!(text, "{trials}: RMSE yaw {yaw}°, pitch {pitch}°, roll {roll}°; {}", comparison.verdict);
+        let _ = writeln!(text, "{trials}: RMSE yaw {yaw}°, pitch {pitch}°, roll {roll}°{}", together(comparison));
+        let _ = writeln!(text, "  {}.", comparison.verdict);
+        for name in comparison.chance.iter().flat_map(|chance| &chance.beyond) {
+            let _ = writeln!(text, "  beyond chance: {name}");
+        }
     }
     let told = |log: &String| comparison.trials.iter().any(|trial| trial.findings.iter().any(|one| one.log == *log));
     for of_log in comparison.findings.iter().filter(|of_log| !told(&of_log.log)) {
@@ -173,31 +179,43 @@ fn describe(comparison: &SessionComparison) -> String {
     text
 }
 
+/// Formats the mean errors of the trials of a session.
+fn together(comparison: &SessionComparison) -> String {
+    let mean = |angle: &SessionAngle| {
+        format!("{} {}° ± {:.2}°", angle.angle, signed(angle.mean_error_deg, 2), angle.mean_uncertainty_deg)
+    };
+    match comparison.angles.iter().map(mean).collect::<Vec<_>>() {
+        none if none.is_empty() => String::new(),
+        means => format!("; mean steady error {}", means.join(", ")),
+    }
+}
+
 fn line(trial: &Comparison) -> String {
-    let rmse = [trial.yaw_rmse_deg, trial.pitch_rmse_deg, trial.roll_rmse_deg].map(|deg| decimal(deg, 2));
-    let error = [trial.steady_yaw_error_deg, trial.steady_pitch_error_deg, trial.steady_roll_error_deg];
-    let error = error.map(|deg| signed(deg, 2));
-    let measured = trial.steady_measured_deg.map(|deg| decimal(deg, 2));
-    let uncertainty = trial.yaw_uncertainty_deg.filter(|deg| *deg > 0.0);
-    let uncertainty = uncertainty.map_or_else(String::new, |deg| format!(" ± {deg:.2}°"));
-    let settle = trial.settle_ratio.map_or_else(String::new, |ratio| format!(", settling time ratio {ratio:.2}"));
+    let each = |of: &dyn Fn(&AngleComparison) -> String| {
+        trial.angles().map(|angle| format!("{} {}", angle.angle, of(angle))).join(", ")
+    };
+    let measured = each(&|angle| format!("{}°", decimal(angle.measured_deg, 2)));
+    let error = each(&|angle| format!("{}°{}", signed(angle.error_deg, 2), parts(angle)));
+    let rmse = each(&|angle| format!("{}°", decimal(angle.rmse_deg, 2)));
+    let settle = trial.settling.ratio.map_or_else(String::new, |ratio| format!(", settling time ratio {ratio:.2}"));
     let shift = match trial.time_shift_s {
         0.0 => String::new(),
         shift => format!(", time shift {} s", signed(shift, 2)),
     };
-    format!(
-        "{}: steady yaw {}°, pitch {}°, roll {}°; error yaw {}°{uncertainty}, pitch {}°, roll {}°; \
-         RMSE yaw {}°, pitch {}°, roll {}°{settle}{shift}\n  {}.",
-        trial.name,
-        measured[0],
-        measured[1],
-        measured[2],
-        error[0],
-        error[1],
-        error[2],
-        rmse[0],
-        rmse[1],
-        rmse[2],
-        trial.verdict
-    )
+    let gaps = match trial.compared_share {
+        share if share < 0.999 => format!(", over {:.1} % of the run", 100.0 * share),
+        _ => String::new(),
+    };
+    format!("{}: steady {measured}; error {error}; RMSE {rmse}{gaps}{settle}{shift}\n  {}.", trial.name, trial.verdict)
+}
+
+/// Formats the uncertainty of a steady error by its parts, where there is any.
+fn parts(angle: &AngleComparison) -> String {
+    let model = angle.model_error_deg.map_or_else(String::new, |deg| format!(", model {deg:.2}°"));
+    match angle.uncertainty {
+        Some(all) if all.total_deg > 0.0 => {
+            format!(" ± {:.2}° (noise {:.2}°, sensor {:.2}°{model})", all.total_deg, all.noise_deg, all.sensor_deg)
+        }
+        _ => String::new(),
+    }
 }

@@ -5,7 +5,10 @@ use super::{Answer, Outcome};
 use crate::plan::{HandTurn, Plan};
 use crate::session::{Attempt, Session, TrialState, is_in_use};
 use crate::text::{self, count, decimal, word};
-use crate::trial::{AngleTerm, Angles, Budget, Data, Finding, Records, Want, Zeroed, findings};
+use crate::trial::{
+    AngleTerm, Angles, Budget, Data, Finding, Records, Repeat, Repeats, Want, Zeroed, findings,
+    scatter_of_repeats,
+};
 use biflag_log::{Condition, End, LinkStats, LogError, Summary};
 use rayon::prelude::*;
 use serde_json::json;
@@ -224,6 +227,8 @@ fn session(folder: &Path) -> miette::Result<Answer> {
             let _ = writeln!(text, "    {}", finding_line(None, finding));
         }
     }
+    let repeats = scatter_of_repeats(rows.iter().filter_map(|row| row.repeat.as_ref()));
+    repeats.iter().for_each(|set| text += &scatter(set));
     let _ = writeln!(text, "{link}");
     let clean = complete == rows.len();
     let body = json!({
@@ -232,6 +237,7 @@ fn session(folder: &Path) -> miette::Result<Answer> {
         "lost": link.lost,
         "clean": clean,
         "trials": trials,
+        "repeats": repeats,
     });
     let is_sound = |row: &Row| row.state.left_out.is_empty() && !row.findings.iter().any(|finding| finding.grave);
     let is_sound = clean && rows.iter().all(is_sound);
@@ -244,6 +250,8 @@ struct Row {
     angles: Option<Angles>,
     findings: Vec<Finding>,
     link: LinkStats,
+    /// The trial as one of several at its speeds.
+    repeat: Option<Repeat>,
 }
 
 impl Row {
@@ -254,7 +262,8 @@ impl Row {
                 Ok(data) if data.losses.is_empty() => {
                     let zeroed = Zeroed::new(&data);
                     let (angles, findings) = (zeroed.angles(), findings(&data, &zeroed));
-                    return Ok(Self { state, angles, findings, link: data.link });
+                    let repeat = Repeat::new(&data, &zeroed);
+                    return Ok(Self { state, angles, findings, link: data.link, repeat });
                 }
                 Ok(data) => data.losses.iter().map(ToString::to_string).collect(),
                 Err(error) if error.is_of_reading() => return Err(error),
@@ -268,8 +277,23 @@ impl Row {
             Some(Err(error)) if error.is_of_reading() => return Err(error),
             Some(Err(_)) | None => (Vec::new(), LinkStats::default()),
         };
-        Ok(Self { state, angles: None, findings, link })
+        Ok(Self { state, angles: None, findings, link, repeat: None })
     }
+}
+
+/// Formats the scatter of repeats as a line, with a line for each angle whose budget does not explain it.
+fn scatter(repeats: &Repeats) -> String {
+    let angles = repeats
+        .angles
+        .iter()
+        .map(|one| format!("{} {:.2}° (budget {:.2}°)", one.angle, one.scatter_deg, one.budget_deg));
+    let angles = match angles.collect::<Vec<_>>() {
+        known if known.is_empty() => "their uncertainty is unknown".to_owned(),
+        known => format!("scatter of {}", known.join(", ")),
+    };
+    let remarks = repeats.angles.iter().filter_map(|one| Some(format!("    {}\n", one.remark()?)));
+    let trials = count(repeats.trials.len(), "repeat");
+    format!("  {trials} at {}: {angles}\n{}", repeats.speeds(), remarks.collect::<String>())
 }
 
 /// Returns the log that is being recorded: of those without a summary, the one that was written to last. The others are

@@ -34,6 +34,7 @@ pub mod run;
 pub mod sensor;
 pub mod session;
 mod split_mix;
+pub mod statistics;
 pub mod sweep;
 pub mod text;
 pub mod trial;

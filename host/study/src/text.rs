@@ -9,6 +9,16 @@ pub fn count(number: usize, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
+/// Joins words: `yaw, pitch and roll`.
+pub fn listed(words: &[impl AsRef<str>]) -> String {
+    let words: Vec<&str> = words.iter().map(AsRef::as_ref).collect();
+    match words.as_slice() {
+        [] => String::new(),
+        [one] => (*one).to_owned(),
+        [most @ .., last] => format!("{} and {last}", most.join(", ")),
+    }
+}
+
 /// Formats a number with this number of decimals. Zero has no sign, also after rounding.
 pub fn decimal(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
@@ -114,6 +124,7 @@ mod tests {
     fn numbers_are_formatted() {
         assert_eq!([decimal(-0.001, 2), decimal(-0.006, 2), decimal(2.449, 1)], ["0.00", "-0.01", "2.4"]);
         assert_eq!([signed(0.001, 2), signed(0.5, 2), signed(-0.5, 2)], ["0.00", "+0.50", "-0.50"]);
+        assert_eq!([listed(&["a"]), listed(&["a", "b", "c"]), listed(&[""; 0])], ["a", "a, b and c", ""]);
         assert_eq!([count(1, "trial"), count(0, "trial"), count(75, "trial")], ["1 trial", "0 trials", "75 trials"]);
     }
 }

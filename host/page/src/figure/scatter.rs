@@ -71,33 +71,36 @@ pub(super) fn draw(trials: &[Comparison], width_mm: f64) -> String {
 }
 
 fn mark(trial: &Comparison, k: usize) -> Mark {
-    let uncertainty = match k {
-        0 => trial.yaw_uncertainty_deg,
-        _ => trial.tilt_uncertainty_deg[k - 1],
-    };
-    let model = trial.model_error_deg.map_or(0.0, |error| error[k]);
+    let angle = trial.angles()[k];
     Mark {
-        at: [trial.steady_measured_deg[k], trial.steady_modelled_deg[k]],
-        bars: [uncertainty.unwrap_or(0.0), model],
-        is_known: uncertainty.is_some(),
+        at: [angle.measured_deg, angle.modelled_deg],
+        bars: [
+            angle.uncertainty.map_or(0.0, |uncertainty| uncertainty.total_deg),
+            angle.model_error_deg.unwrap_or_default(),
+        ],
+        is_known: angle.uncertainty.is_some(),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use study::twin::{AngleComparison, Uncertainty};
 
     #[test]
     fn an_unknown_uncertainty_is_an_open_dot_and_axes_have_the_names_of_the_sides() {
-        let known = Comparison {
-            yaw_uncertainty_deg: Some(0.4),
-            tilt_uncertainty_deg: [Some(0.1); 2],
-            ..Comparison::default()
+        let angle = |total_deg: f64| {
+            let mut angle = AngleComparison::default();
+            angle.uncertainty = Some(Uncertainty { total_deg, ..Uncertainty::default() });
+            angle
         };
+        let mut known = Comparison::default();
+        (known.yaw, known.pitch, known.roll) = (angle(0.4), angle(0.1), angle(0.1));
         let drawn = draw(std::slice::from_ref(&known), 180.0);
         assert!(drawn.contains("Measured yaw ψ (°)") && drawn.contains("Predicted roll φ (°)"));
         assert!(!drawn.contains("uncertainty unknown"));
-        let unknown = Comparison { yaw_uncertainty_deg: None, sides: Sides::Recordings, ..known };
+        let mut unknown = known;
+        (unknown.yaw, unknown.sides) = (AngleComparison::default(), Sides::Recordings);
         let drawn = draw(&[unknown], 180.0);
         assert!(drawn.contains("First recording yaw ψ (°)") && drawn.contains("Second recording pitch θ (°)"));
         assert_eq!(drawn.matches("open: uncertainty unknown").count(), 1, "in the panel of the yaw alone");

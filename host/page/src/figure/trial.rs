@@ -14,9 +14,6 @@ const ANGLE_MM: f64 = 24.0;
 const RESIDUAL_MM: f64 = 11.0;
 const GAP_MM: f64 = 3.0;
 
-/// Time between readings through which no line is drawn, s.
-const GAP_S: f64 = 0.25;
-
 /// What is drawn of a trial: measured and modelled angles at a time from the start of the run, and the measurement's 95 %
 /// uncertainty; NaN where there is none.
 #[derive(Clone, Copy, Debug)]
@@ -117,13 +114,6 @@ fn samples(data: &Data, compared: Option<&Compared>) -> Vec<Sample> {
     let last = zeroed.run.end - 2.0..zeroed.run.end;
     let tilt = zeroed.tilt_uncertainty(&last).filter(|_| !data.is_model()).unwrap_or([f64::NAN; 2]);
     let uncertainty = |yaw: Option<f64>| [yaw.filter(|deg| *deg > 0.0).unwrap_or(f64::NAN), tilt[0], tilt[1]];
-    let times = &zeroed.angles_deg.time_s;
-    // Samples of a model may be any time apart.
-    let is_in_gap = |time_s: f64| {
-        let after = times.partition_point(|time| *time < time_s);
-        let around = after.checked_sub(1).and_then(|before| Some(times.get(after)? - times[before]));
-        !data.is_model() && around.is_some_and(|apart_s| apart_s > GAP_S)
-    };
     match compared {
         Some(compared) => {
             let sample = |point: &study::twin::Point| Sample {
@@ -132,13 +122,7 @@ fn samples(data: &Data, compared: Option<&Compared>) -> Vec<Sample> {
                 model_deg: point.modelled_deg,
                 uncertainty_deg: uncertainty(Some(point.yaw_uncertainty_deg)),
             };
-            let broken = |mut sample: Sample| {
-                if is_in_gap(sample.time_s + zeroed.run.start) {
-                    sample.own_deg = [f64::NAN; 3];
-                }
-                sample
-            };
-            compared.points.iter().map(sample).map(broken).collect()
+            compared.points.iter().map(sample).collect()
         }
         None => {
             // No line is drawn through a gap.

@@ -8,9 +8,11 @@
 mod budget;
 mod curves;
 mod document;
+mod errors;
 mod facts;
 mod heat_map;
 mod parameters;
+mod repeats;
 mod session_page;
 mod shapes;
 mod sweep_page;

@@ -2,6 +2,7 @@
 
 use super::facts::files;
 use super::heat_map::{self, Map, Point};
+use super::repeats;
 use super::text::{clip, count, number, plain};
 use super::trial_section::{answer, tile, warnings};
 use super::view::{ModelRobot, View};
@@ -10,7 +11,7 @@ use maud::{Markup, html};
 use std::path::Path;
 use study::plan::Plan;
 use study::text::word;
-use study::trial::{AtSpeeds, mean_of_repeats};
+use study::trial::{AtSpeeds, mean_of_repeats, scatter_of_repeats};
 use study::twin::SessionComparison;
 
 /// A trial of a session.
@@ -70,13 +71,14 @@ pub(super) fn overview(
         }
         @if !plan.note.is_empty() { p.note { (clip(&plan.note, 4_000)) } }
         @if let Some(comparison) = comparison {
-            (answer(&comparison.verdict, comparison.trials.iter().all(|trial| trial.differences.is_empty())))
+            (answer(&comparison.verdict, comparison.agrees()))
         }
         (tiles(&views, rows.len(), comparison))
         (warnings(notes(rows, comparison, has_charts).iter().map(String::as_str)))
         (maps(rows))
+        (repeats::section(&scatter_of_repeats(views.iter().filter_map(|view| view.repeat.as_ref()))))
         h2 #trials { "Trials" }
-        (table(rows, has_charts))
+        (table(rows, comparison, has_charts))
         @if let Some(view) = first { (files(view)) }
     }
 }
@@ -202,7 +204,7 @@ struct Columns {
     link: bool,
 }
 
-fn table(rows: &[Row], has_charts: bool) -> Markup {
+fn table(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool) -> Markup {
     let any = |what: fn(&View) -> bool| rows.iter().filter_map(Row::view).any(what);
     let columns = Columns {
         charts: has_charts,
@@ -225,15 +227,26 @@ fn table(rows: &[Row], has_charts: bool) -> Markup {
                     @if columns.link { (head("lost")) }
                     th.text scope="col" { "Notes" }
                 } }
-                tbody { @for (i, row) in rows.iter().enumerate() { (line(row, i, columns)) } }
+                tbody { @for (i, row) in rows.iter().enumerate() { (line(row, i, comparison, columns)) } }
             }
         }
     }
 }
 
-/// Returns the warnings of a trial in a few words each. Both sides of a comparison may have the same.
-fn briefs(view: &View) -> String {
-    let mut briefs: Vec<&str> = Vec::new();
+/// Returns whether a trial differs from what it is compared with, in a few words.
+fn verdict(view: &View, session: Option<&SessionComparison>) -> Option<&'static str> {
+    let trial = session?.trials.iter().find(|trial| trial.name == view.name)?;
+    match (trial.differences.is_empty(), trial.transients_agree()) {
+        (false, _) if trial.is_beyond_chance => Some("differs, beyond chance"),
+        (false, _) => Some("differs"),
+        (true, false) => Some("transient differs"),
+        (true, true) => None,
+    }
+}
+
+/// Returns the verdict and the warnings of a trial in a few words each. Both sides of a comparison may have the same.
+fn briefs(view: &View, verdict: Option<&'static str>) -> String {
+    let mut briefs: Vec<&str> = verdict.into_iter().collect();
     for warning in &view.warnings {
         if !briefs.contains(&warning.brief.as_str()) {
             briefs.push(&warning.brief);
@@ -242,7 +255,7 @@ fn briefs(view: &View) -> String {
     briefs.join(", ")
 }
 
-fn line(row: &Row, i: usize, columns: Columns) -> Markup {
+fn line(row: &Row, i: usize, session: Option<&SessionComparison>, columns: Columns) -> Markup {
     let anchor = anchor(i);
     let view = row.view();
     let steady = view.and_then(|view| view.steady);
@@ -259,14 +272,14 @@ fn line(row: &Row, i: usize, columns: Columns) -> Markup {
             @if columns.uncertainty { (cell(steady.and_then(|steady| steady.yaw_uncertainty_deg).filter(|deg| *deg > 0.0), 2)) }
             (cell(angle(1), 2)) (cell(angle(2), 2))
             @if columns.compared.is_some() {
-                (cell(comparison.map(|c| c.steady_modelled_deg[0]), 2)) (cell(comparison.map(|c| c.steady_modelled_deg[1]), 2))
-                (cell(comparison.map(|c| c.steady_yaw_error_deg), 2)) (cell(comparison.map(|c| c.steady_pitch_error_deg), 2))
-                (cell(comparison.map(|c| c.yaw_rmse_deg), 2)) (cell(comparison.map(|c| c.pitch_rmse_deg), 2))
+                (cell(comparison.map(|c| c.yaw.modelled_deg), 2)) (cell(comparison.map(|c| c.pitch.modelled_deg), 2))
+                (cell(comparison.map(|c| c.yaw.error_deg), 2)) (cell(comparison.map(|c| c.pitch.error_deg), 2))
+                (cell(comparison.map(|c| c.yaw.rmse_deg), 2)) (cell(comparison.map(|c| c.pitch.rmse_deg), 2))
             }
             @if columns.link { (cell(view.map(|view| view.link.lost as f64), 0)) }
             td.text {
                 @match &row.state {
-                    RowState::Shown(view) => { (briefs(view)) }
+                    RowState::Shown(view) => { (briefs(view, verdict(view, session))) }
                     RowState::Missing => { "no log yet" }
                     RowState::Unreadable(why) => { (clip(why, 300)) }
                 }

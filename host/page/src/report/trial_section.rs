@@ -1,5 +1,6 @@
 //! A trial on the page: its results, the view of the robot, its charts, its events and its provenance.
 
+use super::errors;
 use super::facts::facts;
 use super::text::{clip, count, degrees, number, speeds};
 use super::view::{Steady, View};
@@ -33,7 +34,7 @@ pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
                 h1 id={ (id) "-title" } { (title(view)) }
             }
             (about(view, shared))
-            @if let Some(comparison) = &view.comparison { (answer(&comparison.verdict, comparison.differences.is_empty())) }
+            @if let Some(comparison) = &view.comparison { (answer(&comparison.verdict, comparison.agrees())) }
             (tiles(view))
             (warnings(view.warnings.iter().map(|warning| warning.text.as_str())))
             @if has_data {
@@ -46,6 +47,7 @@ pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
                     }
                 }
             }
+            @if let Some(comparison) = &view.comparison { (errors::table(comparison)) }
             (events(view))
             (facts(view, shared))
         }
@@ -101,8 +103,8 @@ fn tiles(view: &View) -> Markup {
                 }
             }
             @if let Some(comparison) = &view.comparison {
-                (tile("RMS error over the run", &degrees(comparison.yaw_rmse_deg, 2), &html! {
-                    "yaw; pitch " (degrees(comparison.pitch_rmse_deg, 2)) ", roll " (degrees(comparison.roll_rmse_deg, 2))
+                (tile("RMS error over the run", &degrees(comparison.yaw.rmse_deg, 2), &html! {
+                    "yaw; pitch " (degrees(comparison.pitch.rmse_deg, 2)) ", roll " (degrees(comparison.roll.rmse_deg, 2))
                 }))
             }
             @if let Some(model) = &view.records.steady {
@@ -128,12 +130,8 @@ fn settling(model: &SteadyMeta, note: &Markup) -> Markup {
 
 /// The verdict of a comparison as a sentence; empty without a verdict.
 pub(super) fn answer(verdict: &str, agrees: bool) -> Markup {
-    let mut letters = verdict.chars();
-    let first = letters.next().map(|letter| letter.to_uppercase().to_string()).unwrap_or_default();
     html! {
-        @if !first.is_empty() {
-            p.answer.agrees[agrees].differs[!agrees] { (clip(&format!("{first}{}.", letters.as_str()), 600)) }
-        }
+        @if !verdict.is_empty() { p.answer.agrees[agrees].differs[!agrees] { (clip(&format!("{verdict}."), 1_000)) } }
     }
 }
 

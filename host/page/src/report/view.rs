@@ -11,7 +11,7 @@ use biflag_log::{LinkStats, ModelMeta, Origin, ReplayMeta, RobotMeta};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use study::trial::{AngleTerm, Angles, Data, Event, FindingKind, LogFinding, Records, findings};
+use study::trial::{AngleTerm, Angles, Data, Event, FindingKind, LogFinding, Records, Repeat, findings};
 use study::twin::{Compared, Comparison};
 
 /// The steady angles of a trial.
@@ -62,6 +62,8 @@ pub struct View {
     pub(super) steady: Option<Steady>,
     /// Causes of the uncertainty of the steady angles.
     pub(super) budget: Vec<AngleTerm>,
+    /// The trial as one of several at its speeds.
+    pub(super) repeat: Option<Repeat>,
     pub(super) events: Vec<Event>,
     /// How many events are not listed.
     pub(super) more_events: usize,
@@ -92,6 +94,7 @@ impl View {
             log: data.path.clone(),
             steady: steady(angles.as_ref(), comparison),
             budget: zeroed.steady.as_ref().map_or_else(Vec::new, study::trial::Steady::budget),
+            repeat: Repeat::new(data, &zeroed),
             warnings: warnings(data, &zeroed, comparison),
             findings: match comparison {
                 Some(comparison) => comparison.findings.clone(),
@@ -159,11 +162,11 @@ fn tilt(angles: &Angles) -> [Option<f64>; 2] {
 fn steady(angles: Option<&Angles>, comparison: Option<&Comparison>) -> Option<Steady> {
     if let Some(comparison) = comparison {
         return Some(Steady {
-            angles_deg: comparison.steady_measured_deg,
+            angles_deg: comparison.measured_deg(),
             // That of the comparison is the uncertainty of the difference.
             yaw_uncertainty_deg: angles.and_then(|angles| angles.yaw_uncertainty_deg),
             tilt_uncertainty_deg: angles.map(tilt).unwrap_or_default(),
-            modelled_deg: Some(comparison.steady_modelled_deg),
+            modelled_deg: Some(comparison.modelled_deg()),
             other_name: comparison.sides.names()[1],
         });
     }

@@ -192,6 +192,11 @@ class Session(Mapping[str, Recording]):
         columns, about = _biflag.session_table(self.path)
         return Table(columns, dict(about))
 
+    def repeats(self) -> list[dict[str, Any]]:
+        """Returns the scatter of trials at the same speeds beside their budget: what ``biflag info --json`` has as repeats."""
+        repeats: list[dict[str, Any]] = _biflag.session_repeats(self.path)
+        return repeats
+
     def __repr__(self) -> str:
         return f"<biflag.Session {self.name} of {len(self.logs) + len(self.missing)} trials, {len(self.logs)} with a log>"
 

@@ -26,17 +26,26 @@ class ComparedTrial:
     time: Floats
     """Time from the start of the run, s, shape (n,)."""
     measured: Floats
-    """Measured yaw, pitch and roll in degrees, shape (n, 3)."""
+    """Measured yaw, pitch and roll in degrees, shape (n, 3); NaN in a gap of the log."""
     modelled: Floats
     """The same of the model."""
     yaw_uncertainty: Floats
     """95 % uncertainty of the measured yaw, degrees, shape (n,)."""
     record: dict[str, Any]
-    """Everything that ``biflag compare --json`` has of the trial: yaw_rmse_deg, steady_yaw_error_deg, findings and more."""
+    """Everything that ``biflag compare --json`` has of the trial: yaw_rmse_deg, steady_yaw_error_deg, findings and more.
+
+    ``record["angles"]`` has the errors of yaw, pitch and roll with the parts of their uncertainty: noise, sensor, and the
+    error of the model.
+    """
+
+    @property
+    def agrees(self) -> bool:
+        """Whether neither steady angles nor transients differ by more than their uncertainty."""
+        return bool(self.record["agrees"])
 
     @property
     def verdict(self) -> str:
-        """Whether they differ by more than the noise."""
+        """What differs, what agrees within what, and what limits it."""
         return str(self.record["verdict"])
 
 
@@ -52,6 +61,13 @@ class Comparison:
     def verdict(self) -> str:
         """The findings of all trials."""
         return str(self.record["verdict"])
+
+    @property
+    def chance(self) -> dict[str, Any] | None:
+        """How many differences chance explains: tests, alarms, expected_alarms, and the trials beyond; ``None`` between
+        models."""
+        chance: dict[str, Any] | None = self.record["chance"]
+        return chance
 
     def table(self) -> Table:
         """Returns a table with one row a trial."""

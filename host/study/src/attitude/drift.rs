@@ -32,6 +32,11 @@ const TILT_NOISE: f64 = 4.0;
 /// Time constants of the filter in which it settles after a calibration.
 const SETTLED: f64 = 10.0;
 
+/// Time constants of the filter after which its settling turns the yaw no more. Until the calibration the filter leans by
+/// the gyroscope's bias; from there it moves to the lean that the accelerometer's offset causes, and the area of the path
+/// turns the yaw by some hundredths of a degree.
+const YAW_SETTLED: f64 = 5.0;
+
 /// The drift of the yaw since a reference time.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Drift {
@@ -67,13 +72,21 @@ pub struct Rest {
     pub bias_walk_dps_per_root_s: [f64; 3],
 }
 
+impl Rest {
+    /// Returns the start of the still phase without the settling of the filter, but at most in its middle.
+    fn settled_before(&self, first_s: f64) -> f64 {
+        let start = self.before.start.max(first_s);
+        (start + YAW_SETTLED * self.filter_s).min(0.5 * (start + self.before.end)).max(start)
+    }
+}
+
 impl Drift {
     /// Estimates the drift since `from_s`, which is at the end of the still phase. Returns `None` if that phase is too
     /// short.
     pub fn estimate(series: &Series, rest: &Rest, from_s: f64) -> Option<Self> {
         let yaw = series.yaw();
         let span = yaw.span();
-        let before = rest.before.start.max(span.start)..rest.before.end.min(span.end);
+        let before = rest.settled_before(span.start)..rest.before.end.min(span.end);
         blocks_of(yaw, &before)?;
         let mut noise = Noise::default();
         noise.add(yaw, &before);

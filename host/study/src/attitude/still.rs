@@ -16,7 +16,7 @@ use std::collections::VecDeque;
 pub const STILL_YAW_DPS: f64 = 0.05;
 
 /// Largest rate of the tilt of a still robot, °/s.
-pub const STILL_TILT_DPS: f64 = 0.02;
+pub const STILL_TILT_DPS: f64 = 0.01;
 
 /// Length of the blocks of readings, s.
 const BLOCK_S: f64 = 0.5;

@@ -72,14 +72,30 @@ impl<const N: usize> Columns<N> {
         (!steps.is_empty()).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
     }
 
+    /// Returns the longest interval between rows that is no gap.
+    fn longest_step_s(&self) -> Option<f64> {
+        Some(GAP_S.max(GAP_INTERVALS * self.interval_s()?))
+    }
+
+    /// Returns whether each of the times is not within a gap, where a value would be interpolated.
+    pub fn are_seen(&self, times: impl Iterator<Item = f64>) -> Vec<bool> {
+        let longest_s = self.longest_step_s().unwrap_or(f64::INFINITY);
+        let is_seen = |time: f64| {
+            let after = self.time_s.partition_point(|t| *t <= time);
+            let Some(before) = after.checked_sub(1).map(|before| self.time_s[before]) else { return true };
+            before == time || self.time_s.get(after).is_none_or(|after| after - before <= longest_s)
+        };
+        times.map(is_seen).collect()
+    }
+
     /// Returns the columns with a row of NaN in each gap, so that no line is drawn across it.
     #[must_use]
     pub fn broken_at_gaps(&self) -> Self {
-        let Some(usual) = self.interval_s() else { return self.clone() };
+        let Some(longest_s) = self.longest_step_s() else { return self.clone() };
         let mut broken = Self::default();
         for (i, time) in self.time_s.iter().enumerate() {
             if let Some(last) = broken.time_s.last()
-                && time - last > GAP_S.max(GAP_INTERVALS * usual)
+                && time - last > longest_s
             {
                 broken.push(0.5 * (last + time), [f64::NAN; N]);
             }
@@ -226,6 +242,7 @@ mod tests {
         let broken = gap.broken_at_gaps();
         assert_eq!(broken.len(), 5);
         assert!(broken.values[0][3].is_nan() && broken.values[0][4] == 4.0);
+        assert_eq!(gap.are_seen([0.0, 0.015, 0.02, 1.0, 5.0, 9.0].into_iter()), [true, true, true, false, true, true]);
         assert!(Columns::<1>::default().broken_at_gaps().is_empty());
         assert!(broken.sampled(2).values[0].iter().any(|value| value.is_nan()), "few samples keep the gap");
     }

@@ -55,7 +55,7 @@ pub struct AngleTerm {
 
 impl AngleTerm {
     /// Returns the cause of an angle.
-    pub(super) fn new(angle: &'static str, term: &Term) -> Self {
+    pub(crate) fn new(angle: &'static str, term: &Term) -> Self {
         Self { angle, term: term.clone() }
     }
 }
@@ -90,6 +90,12 @@ impl Budget {
     pub fn sensor_u_deg(&self) -> f64 {
         let common = self.terms.iter().filter(|term| term.common_to == CommonTo::Sensor);
         common.map(|term| term.u_deg.powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Returns the causes that other trials of the sensor do not have.
+    #[must_use]
+    pub fn of_trial(&self) -> Self {
+        Self::new(self.terms.iter().filter(|term| term.common_to == CommonTo::Trial).cloned())
     }
 
     /// Returns the effective degrees of freedom by the formula of Welch and Satterthwaite (GUM, G.2b).

@@ -14,9 +14,18 @@ const RESONATOR: f64 = 0.005;
 const LEAST_PINGS: u32 = 10;
 const LARGEST: f64 = 0.02;
 
-/// Returns the relative error of the board's clock; positive if it runs fast. `duration_s` is that of the trial.
-pub(super) fn rate_error(clock: Option<&ClockMeta>, duration_s: f64) -> Estimate {
-    let unknown = Estimate::within(RESONATOR);
+/// The rate error of a board's clock.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct ClockRate {
+    /// Relative error; positive if the clock runs fast.
+    pub error: Estimate,
+    /// Whether this trial's pings measured it. If not, all trials of the board have the same error.
+    pub is_measured: bool,
+}
+
+/// Returns the rate error of the board's clock. `duration_s` is that of the trial.
+pub(super) fn rate(clock: Option<&ClockMeta>, duration_s: f64) -> ClockRate {
+    let unknown = ClockRate { error: Estimate::within(RESONATOR), is_measured: false };
     let Some(clock) = clock.filter(|clock| clock.pings >= LEAST_PINGS) else { return unknown };
     let value = clock.drift_ppm * 1e-6;
     if value.is_nan() || value.abs() > LARGEST || duration_s <= 0.0 {
@@ -24,12 +33,12 @@ pub(super) fn rate_error(clock: Option<&ClockMeta>, duration_s: f64) -> Estimate
     }
     // Slope of a line through pings that are spread evenly.
     let u = clock.residual_us * 1e-6 / duration_s * (12.0 / f64::from(clock.pings)).sqrt();
-    if u < unknown.u { Estimate { value, u } } else { unknown }
+    if u < unknown.error.u { ClockRate { error: Estimate { value, u }, is_measured: true } } else { unknown }
 }
 
 /// Corrects times and speeds of a trial by the rate of the board's clock, where it was measured.
 pub(super) fn correct(mut data: Data) -> Data {
-    let true_s = 1.0 / (1.0 + rate_error(data.records.clock.as_ref(), data.duration_s).value);
+    let true_s = 1.0 / (1.0 + rate(data.records.clock.as_ref(), data.duration_s).error.value);
     if true_s == 1.0 {
         return data;
     }
@@ -99,7 +108,7 @@ mod tests {
         let emulated = ClockMeta { pings: 300, drift_ppm: 9e6, ..ClockMeta::default() };
         for clock in [emulated, ClockMeta { pings: 3, drift_ppm: 9000.0, ..ClockMeta::default() }] {
             assert_eq!(trial(clock).duration_s, 10.0);
-            let error = rate_error(Some(&clock), 10.0);
+            let error = rate(Some(&clock), 10.0).error;
             assert!(error.value == 0.0 && (error.u - 0.005 / 3f64.sqrt()).abs() < 1e-12);
         }
     }

@@ -1,19 +1,25 @@
 //! What is known about the errors of a trial's angles: drift and noise from its still phases, and the sensor's errors.
 
-use super::budget::{Budget, Term};
-use super::clock;
+use super::budget::{Budget, CommonTo, Term};
+use super::causes::{Causes, OverTime};
+use super::clock::{self, ClockRate};
 use super::data::Data;
 use super::sensitivity::Stated;
 use crate::attitude::{Columns, Drift, ROTATIONS, Series, Track, WARMING_DPS_PER_C};
 use crate::sensor::{Estimate, GROUPS, PARAMETERS};
+use nalgebra::DMatrix;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
 /// Length of the blocks whose scatter is the noise of a tilt, s.
-const BLOCK_S: f64 = 2.0;
+pub const BLOCK_S: f64 = 2.0;
 
 /// Time around a moment over which its tilt is averaged, s: the robot wobbles with its flagella.
 const AROUND_S: f64 = 2.0;
+
+/// The derivatives of pitch and of roll by pitch and roll.
+const PITCH: [f64; 2] = [1.0, 0.0];
+const ROLL: [f64; 2] = [0.0, 1.0];
 
 /// The zero of the tilt at rest.
 #[derive(Clone, PartialEq, Debug)]
@@ -94,7 +100,16 @@ pub(super) struct Errors {
     /// Random walk of the gyroscope's bias, °/s/√s.
     bias_walk: [f64; 3],
     from_s: f64,
-    clock: Estimate,
+    clock: ClockRate,
+}
+
+/// What one standard uncertainty of each error gives yaw, pitch and roll, degrees.
+struct Effects {
+    /// Errors that all trials of the sensor have in common: [`crate::sensor::Sensor::parameters`], then the clock unless the
+    /// trial has measured it.
+    common: [Vec<f64>; 3],
+    /// The clock that the trial has measured, on the yaw.
+    measured_clock: f64,
 }
 
 impl Errors {
@@ -119,7 +134,7 @@ impl Errors {
             parameters: sensor.parameters(),
             bias_walk: sensor.bias_walk_dps_per_root_s,
             from_s,
-            clock: clock::rate_error(data.records.clock.as_ref(), data.duration_s),
+            clock: clock::rate(data.records.clock.as_ref(), data.duration_s),
         }
     }
 
@@ -145,7 +160,7 @@ impl Errors {
     /// Subtracts the known errors of the sensor and of the clock from yaw, pitch and roll.
     pub fn correct(&self, angles: &mut Columns<3>) {
         let known = self.parameters.map(|parameter| parameter.value);
-        if self.clock.value == 0.0 && known.iter().all(|value| *value == 0.0) {
+        if self.clock.error.value == 0.0 && known.iter().all(|value| *value == 0.0) {
             return;
         }
         let mut wrong = Columns::<3>::default();
@@ -153,7 +168,7 @@ impl Errors {
             // The effect of the rates on the tilt is an upper bound: it is not corrected.
             let stated = Stated { rates_dps: [0.0; 3], ..self.stated(angles, &self.around(*time)) };
             let mut row = stated.sensitivity().map(|of| of.iter().zip(known).map(|(s, value)| s * value).sum::<f64>());
-            row[0] += stated.rotation_deg() * self.clock.value;
+            row[0] += stated.rotation_deg() * self.clock.error.value;
             wrong.push(*time, row);
         }
         for (k, column) in angles.values.iter_mut().enumerate() {
@@ -166,13 +181,12 @@ impl Errors {
 
     /// Returns the causes of uncertainty of the yaw at a time; `None` if the drift is unknown.
     pub fn yaw(&self, angles: &Columns<3>, time_s: f64) -> Option<Budget> {
-        let drift = self.drift.as_ref()?;
+        let own = self.drift_terms(time_s)?;
         let stated = self.stated(angles, &self.around(time_s));
-        let noise = Term::of_trial("gyroscope noise", drift.noise_variance(time_s).sqrt(), drift.degrees_of_freedom);
-        let bias = Term::of_trial("gyroscope bias", drift.variance(time_s)?.sqrt(), f64::INFINITY);
-        let clock = Term::of_sensor("clock", std::iter::once((stated.rotation_deg(), self.clock.u)));
+        let clock = self.clock_term(stated.rotation_deg() * self.clock.error.u);
+        let clock = Term { sensitivity: Some(stated.rotation_deg().abs()), ..clock };
         let [of_yaw, ..] = stated.sensitivity();
-        Some(Budget::new([noise, bias].into_iter().chain(self.of_sensor(&of_yaw)).chain([clock])))
+        Some(Budget::new(own.into_iter().chain(self.of_sensor(&of_yaw)).chain([clock])))
     }
 
     /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time; `None` if their zero is unknown.
@@ -180,34 +194,92 @@ impl Errors {
         let zero = self.tilt_zero.as_ref()?;
         let stated = self.stated(angles, over);
         let [_, of_pitch, of_roll] = stated.sensitivity();
-        let [bias_of_pitch, bias_of_roll] = stated.tilts_by_bias();
-        let bias_dps = self.bias_since_zero_dps(&stated, 0.5 * (over.start + over.end));
-        Some([[1.0, 0.0], [0.0, 1.0], tilt_gradient(stated.tilt_deg)].map(|gradient| {
+        let middle_s = 0.5 * (over.start + over.end);
+        Some([PITCH, ROLL, tilt_gradient(stated.tilt_deg)].map(|gradient| {
             let own = zero.terms(gradient, over.end - over.start);
             let sensitivity = std::array::from_fn(|i| gradient[0] * of_pitch[i] + gradient[1] * of_roll[i]);
-            let by_axis = |i: usize| (gradient[0] * bias_of_pitch[i] + gradient[1] * bias_of_roll[i]) * bias_dps[i];
-            let bias_deg = [0, 1, 2].map(by_axis).into_iter().fold(0.0, f64::hypot);
-            let bias = Term::of_trial("gyroscope bias", bias_deg, f64::INFINITY);
+            let bias = self.bias_term(&stated, middle_s, gradient);
             Budget::new(own.into_iter().chain([bias]).chain(self.of_sensor(&sensitivity)))
         }))
     }
 
-    /// Returns the standard deviation by which the bias about each axis has changed since the zero, °/s.
-    fn bias_since_zero_dps(&self, stated: &Stated, time_s: f64) -> [f64; 3] {
+    /// Returns the uncertainty of pitch, roll or tilt due to the bias's change since the zero. `gradient`: the derivatives
+    /// of the angle by pitch and roll.
+    fn bias_term(&self, stated: &Stated, time_s: f64, gradient: [f64; 2]) -> Term {
         let walked = (time_s - self.from_s).abs().sqrt();
-        self.bias_walk.map(|walk| (walk * walked).hypot(WARMING_DPS_PER_C * stated.warming_c))
+        let bias_dps = self.bias_walk.map(|walk| (walk * walked).hypot(WARMING_DPS_PER_C * stated.warming_c));
+        let [of_pitch, of_roll] = stated.tilts_by_bias();
+        let by_axis = |i: usize| (gradient[0] * of_pitch[i] + gradient[1] * of_roll[i]) * bias_dps[i];
+        Term::of_trial("gyroscope bias", [0, 1, 2].map(by_axis).into_iter().fold(0.0, f64::hypot), f64::INFINITY)
     }
 
-    /// Returns the derivatives of yaw, pitch and roll around a time by the sensor's errors and by the clock's, each times
-    /// the standard uncertainty of the error, degrees.
-    pub fn effects(&self, angles: &Columns<3>, time_s: f64) -> [Vec<f64>; 3] {
-        let stated = self.stated(angles, &self.around(time_s));
-        let clock = [stated.rotation_deg() * self.clock.u, 0.0, 0.0];
+    /// Returns the causes of uncertainty of mean yaw, pitch and roll over a time, with the sign of each error of the sensor.
+    pub fn causes(&self, angles: &Columns<3>, over: &Range<f64>) -> [Option<Causes>; 3] {
+        let middle_s = 0.5 * (over.start + over.end);
+        let Effects { common: [of_yaw, ..], measured_clock } = self.effects(angles, &self.around(middle_s));
+        let Effects { common: [_, of_pitch, of_roll], .. } = self.effects(angles, over);
+        let yaw = self.drift_terms(middle_s).map(|own| {
+            let clock = (measured_clock != 0.0).then(|| self.clock_term(measured_clock));
+            Causes { own: own.into_iter().chain(clock).collect(), effects_deg: of_yaw }
+        });
+        let tilt = |gradient: [f64; 2], effects_deg: Vec<f64>| {
+            let own = self.tilt_zero.as_ref()?.terms(gradient, over.end - over.start);
+            let bias = self.bias_term(&self.stated(angles, over), middle_s, gradient);
+            Some(Causes { own: own.into_iter().chain([bias]).collect(), effects_deg })
+        };
+        [yaw, tilt(PITCH, of_pitch), tilt(ROLL, of_roll)]
+    }
+
+    /// Returns the uncertainty of yaw, pitch and roll over times; `None` without a still phase or a known bias.
+    pub fn over_time(&self, angles: &Columns<3>, times: &[f64]) -> Option<[OverTime; 3]> {
+        let (drift, zero) = (self.drift.as_ref()?.covariance(times)?, self.tilt_zero.as_ref()?);
+        let constant = |tilt: usize| DMatrix::from_element(times.len(), times.len(), zero.variance(tilt));
+        let mut own = [drift, constant(0), constant(1)];
+        let effects: Vec<_> = times.iter().map(|time| self.effects(angles, &self.around(*time))).collect();
+        let of_trial = |time: &f64, effects: &Effects| {
+            let stated = self.stated(angles, &self.around(*time));
+            let [pitch, roll] = [PITCH, ROLL].map(|gradient| self.bias_term(&stated, *time, gradient).u_deg);
+            [effects.measured_clock, pitch, roll]
+        };
+        let wholly: Vec<_> = times.iter().zip(&effects).map(|(time, effects)| of_trial(time, effects)).collect();
+        for (angle, own) in own.iter_mut().enumerate() {
+            for i in 0..times.len() {
+                for j in 0..times.len() {
+                    own[(i, j)] += wholly[i][angle] * wholly[j][angle];
+                }
+            }
+        }
+        let blocks = [0.0, zero.scatter_deg[0].powi(2), zero.scatter_deg[1].powi(2)];
+        let mut each = own.into_iter().zip(blocks).enumerate().map(|(angle, (own, block_variance))| OverTime {
+            own,
+            effects: DMatrix::from_fn(times.len(), PARAMETERS + 1, |i, k| effects[i].common[angle][k]),
+            block_variance,
+        });
+        Some([each.next()?, each.next()?, each.next()?])
+    }
+
+    fn effects(&self, angles: &Columns<3>, over: &Range<f64>) -> Effects {
+        let stated = self.stated(angles, over);
+        let clock = stated.rotation_deg() * self.clock.error.u;
+        let [common_clock, measured_clock] = if self.clock.is_measured { [0.0, clock] } else { [clock, 0.0] };
         let sensitivity = stated.sensitivity();
-        std::array::from_fn(|angle| {
+        let common = std::array::from_fn(|angle| {
             let each = sensitivity[angle].iter().zip(&self.parameters).map(|(s, parameter)| s * parameter.u);
-            each.chain([clock[angle]]).collect()
-        })
+            each.chain([if angle == 0 { common_clock } else { 0.0 }]).collect()
+        });
+        Effects { common, measured_clock }
+    }
+
+    /// Returns what the trial's own gyroscope noise and bias do to the yaw.
+    fn drift_terms(&self, time_s: f64) -> Option<[Term; 2]> {
+        let drift = self.drift.as_ref()?;
+        let noise = Term::of_trial("gyroscope noise", drift.noise_variance(time_s).sqrt(), drift.degrees_of_freedom);
+        Some([noise, Term::of_trial("gyroscope bias", drift.variance(time_s)?.sqrt(), f64::INFINITY)])
+    }
+
+    fn clock_term(&self, u_deg: f64) -> Term {
+        let common_to = if self.clock.is_measured { CommonTo::Trial } else { CommonTo::Sensor };
+        Term { common_to, ..Term::of_sensor("clock", std::iter::once((u_deg, 1.0))) }
     }
 
     /// Returns the causes in the sensor; `sensitivity`: the derivative of the angle by each of its errors.

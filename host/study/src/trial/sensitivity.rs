@@ -8,7 +8,9 @@
 //!   turns up by u × δω τ.
 //! - Accelerometer: an error of the force at rest is part of the zero; what changes with the tilt remains, so that a
 //!   matrix S of errors turns up by S (u - z).
-//! - Mounting by a small rotation μ: the rotation about the vertical is wrong by (u - z) · μ, and up by (u - z) × μ.
+//! - Mounting by a small rotation μ: the rotation about the vertical is wrong by (u - z) · μ, and up by (u - z) × μ. The
+//!   lean at rest, z × μ, is removed as an offset of the accelerometer, which lags by τ in the world; that of the mounting
+//!   does not lag, so that at a rate ω up is wrong by τ ω × (z × μ) besides.
 
 use crate::attitude::ROTATIONS;
 use crate::sensor::PARAMETERS;
@@ -65,6 +67,7 @@ impl Stated {
         let change = self.up() - Vector3::z();
         let axis = |i: usize| Vector3::ith(i, 1.0);
         let turned = |i: usize| self.turned(i);
+        let rate = Vector3::from(self.rates_dps.map(f64::to_radians));
         let mut of = [[0.0; PARAMETERS]; 3];
         let mut set = |parameter: usize, turned_deg: f64, moved: Vector3<f64>| {
             let [pitch_deg, roll_deg] = self.tilt(moved);
@@ -76,7 +79,8 @@ impl Stated {
             set(i, self.rotations[4 * i], turned(i) * self.rates_dps[i]);
             set(21 + i, 0.0, axis(i) * change[i]);
             set(33 + i, 0.0, axis(i) * self.warming_c);
-            set(36 + i, change[i], change.cross(&axis(i)) * 1f64.to_radians());
+            let lag = rate.cross(&Vector3::z().cross(&axis(i))) * self.filter_s;
+            set(36 + i, change[i], (change.cross(&axis(i)) + lag) * 1f64.to_radians());
             for j in 0..3 {
                 set(12 + 3 * i + j, self.rotations[9 + 3 * i + j], turned(i) * change[j]);
                 if i != j {
@@ -162,6 +166,16 @@ mod tests {
                 );
             }
         }
+    }
+
+    /// A robot that turns at half a radian per second, its sensor turned about the body's x by a degree: the lean about x is
+    /// removed where it was a second ago.
+    #[test]
+    fn mounting_does_not_lag_as_an_offset_does() {
+        let turning = Stated { tilt_deg: [0.0; 2], rates_dps: [0.0, 0.0, 0.5_f64.to_degrees()], ..stated() };
+        let of = turning.sensitivity();
+        assert!((of[1][36].abs() - 0.5).abs() < 1e-9 && of[2][36].abs() < 1e-9, "{} {}", of[1][36], of[2][36]);
+        assert_eq!((of[1][38], of[2][38]), (0.0, 0.0));
     }
 
     #[test]

@@ -8,6 +8,7 @@
 
 use super::angles::{Angles, Steady};
 use super::budget::Budget;
+use super::causes::{Causes, OverTime};
 use super::data::Data;
 use super::errors::{Errors, TiltZero, blocks};
 use super::finding::{Finding, FindingKind};
@@ -320,16 +321,26 @@ impl Zeroed {
             let of = |deg2: f64| DMatrix::from_element(times.len(), times.len(), deg2);
             return Some([1e-8; 3].map(of));
         };
-        let (drift, zero) = (errors.drift.as_ref()?.covariance(times)?, errors.tilt_zero.as_ref()?);
-        let constant = |tilt: usize| DMatrix::from_element(times.len(), times.len(), zero.variance(tilt));
-        let mut all = [drift, constant(0), constant(1)];
-        let effects: Vec<_> = times.iter().map(|time| errors.effects(&self.angles_deg, *time)).collect();
-        for (angle, covariance) in all.iter_mut().enumerate() {
-            let columns = effects.first().map_or(0, |effect| effect[angle].len());
-            let effect = DMatrix::from_fn(times.len(), columns, |i, k| effects[i][angle][k]);
-            *covariance += &effect * effect.transpose();
+        Some(errors.over_time(&self.angles_deg, times)?.map(|angle| angle.covariance()))
+    }
+
+    /// Returns the causes of uncertainty of mean yaw, pitch and roll over a time; none for a model, `None` as for
+    /// [`Self::yaw_budget`].
+    pub(crate) fn causes(&self, over: &Range<f64>) -> [Option<Causes>; 3] {
+        match &self.errors {
+            _ if self.is_unsure => [None, None, None],
+            Some(errors) => errors.causes(&self.angles_deg, over),
+            None => std::array::from_fn(|_| Some(Causes::default())),
         }
-        Some(all)
+    }
+
+    /// Returns the uncertainty of yaw, pitch and roll over times; exact for a model, `None` as for [`Self::yaw_budget`].
+    pub(crate) fn over_time(&self, times: &[f64]) -> Option<[OverTime; 3]> {
+        match &self.errors {
+            _ if self.is_unsure => None,
+            Some(errors) => errors.over_time(&self.angles_deg, times),
+            None => Some(std::array::from_fn(|_| OverTime::exact(times.len()))),
+        }
     }
 
     /// Returns the drift that was removed from the yaw at a time, degrees.

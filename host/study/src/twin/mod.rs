@@ -7,19 +7,18 @@
 
 pub mod calibrate;
 mod compare;
-mod compatibility;
 mod error;
 mod replay;
 mod replay_folder;
 mod session;
-mod shift;
 mod source;
 mod speeds;
 
 pub use compare::{
-    Compared, Comparison, Difference, OnMismatch, Point, SessionComparison, Sides, Skipped, compare, is_replay_of,
+    AngleComparison, Compared, Comparison, Difference, Limit, OnMismatch, Point, Settling, Sides, Transient,
+    Uncertainty, compare, is_replay_of,
 };
 pub use error::TwinError;
 pub use replay::{REPLAY_HZ, Replayed, Replays, Settings, replay};
-pub use session::{Pairs, compare_pairs};
+pub use session::{Chance, Pairs, SessionAngle, SessionComparison, Skipped, compare_pairs};
 pub use source::{Source, logs};

@@ -1,7 +1,7 @@
 //! Checks whether two trials have the same robot, model and speeds, so that they can be compared.
 
-use super::TwinError;
 use crate::trial::Data;
+use crate::twin::TwinError;
 use sim::params::Robot;
 
 /// Returns the reason why two trials should not be compared, if there is one.

@@ -1,10 +1,15 @@
 //! Compares sessions trial by trial, in parallel, with a few trials in memory at a time.
 
+mod comparison;
+mod together;
+mod verdict;
+
+pub use comparison::{Chance, SessionAngle, SessionComparison, Skipped};
+
 use super::replay::pool;
-use super::{Compared, Comparison, OnMismatch, Replays, SessionComparison, Skipped, Source, TwinError, compare};
+use super::{AngleComparison, Compared, Comparison, OnMismatch, Replays, Source, TwinError, compare};
 use crate::plan::Trial;
 use crate::session::Attempt;
-use crate::text;
 use crate::trial::{Data, LogFinding, Want};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -149,84 +154,27 @@ fn sum_up<T>(
         let sum: f64 = trials.iter().map(|trial| of(trial).powi(2)).sum();
         (!trials.is_empty()).then(|| (sum / trials.len() as f64).sqrt())
     };
-    let steady = [
-        rms(&|trial| trial.steady_yaw_error_deg),
-        rms(&|trial| trial.steady_pitch_error_deg),
-        rms(&|trial| trial.steady_roll_error_deg),
-    ];
+    let rms_of = |of: fn(&AngleComparison) -> f64| [0, 1, 2].map(|k| rms(&|trial| of(trial.angles()[k])));
+    let steady_rms_error_deg = match rms_of(|angle| angle.error_deg) {
+        [Some(yaw), Some(pitch), Some(roll)] => Some([yaw, pitch, roll]),
+        _ => None,
+    };
+    let [yaw_rmse_deg, pitch_rmse_deg, roll_rmse_deg] = rms_of(|angle| angle.rmse_deg);
+    let chance = together::chance(&mut trials);
+    let angles = together::angles(&trials);
     let comparison = SessionComparison {
         measured: a.to_owned(),
         modelled: b.to_owned(),
-        yaw_rmse_deg: rms(&|trial| trial.yaw_rmse_deg),
-        pitch_rmse_deg: rms(&|trial| trial.pitch_rmse_deg),
-        roll_rmse_deg: rms(&|trial| trial.roll_rmse_deg),
-        steady_rms_error_deg: match steady {
-            [Some(yaw), Some(pitch), Some(roll)] => Some([yaw, pitch, roll]),
-            _ => None,
-        },
-        verdict: verdict(&trials),
+        yaw_rmse_deg,
+        pitch_rmse_deg,
+        roll_rmse_deg,
+        steady_rms_error_deg,
+        verdict: verdict::verdict(&trials, &angles, chance.as_ref()),
+        angles,
+        chance,
         findings: trials.iter().flat_map(|trial| &trial.findings).chain(&left_out).cloned().collect(),
         trials,
         skipped,
     };
     Ok((comparison, made))
-}
-
-/// Returns a summary of the differences of all trials.
-fn verdict(trials: &[Comparison]) -> String {
-    // Trials of a session may be of different kinds only after somebody has put logs into it.
-    let sides = match trials.split_first() {
-        Some((first, rest)) if rest.iter().all(|trial| trial.sides == first.sides) => first.sides.text(),
-        _ => "both sides",
-    };
-    let differing = trials.iter().filter(|trial| !trial.differences.is_empty()).count();
-    let is_unknown =
-        |trial: &&Comparison| trial.yaw_uncertainty_deg.is_none() || trial.tilt_uncertainty_deg.contains(&None);
-    let unknown = trials.iter().filter(is_unknown).count();
-    let all = text::count(trials.len(), "trial");
-    let of_unknown = match unknown {
-        0 => String::new(),
-        _ => format!("; the noise is unknown in {unknown} of {all}"),
-    };
-    if differing == 0 {
-        return match trials.len() - unknown {
-            0 => format!("the noise is unknown in all of {all}"),
-            _ if unknown == 0 => format!("{sides} agree within noise in all trials"),
-            known => format!("{sides} agree within noise in {known} of {all}{of_unknown}"),
-        };
-    }
-    let mut verdict = format!("{differing} of {all} differ by more than the noise");
-    for angle in ["yaw", "pitch", "roll"] {
-        let found: Vec<_> = trials.iter().flat_map(|trial| &trial.differences).filter(|f| f.angle == angle).collect();
-        if let Some(worst) = found.iter().max_by(|a, b| a.error_deg.abs().total_cmp(&b.error_deg.abs())) {
-            let (found, worst) = (text::count(found.len(), "trial"), worst.error_deg.abs());
-            verdict += &format!("; {angle} in {found}, by at most {worst:.2}°");
-        }
-    }
-    verdict + &of_unknown
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::twin::Sides;
-
-    #[test]
-    fn agreement_is_claimed_only_where_the_noise_is_known() {
-        let known = Comparison {
-            yaw_uncertainty_deg: Some(1.0),
-            tilt_uncertainty_deg: [Some(0.1); 2],
-            ..Comparison::default()
-        };
-        let unknown = Comparison { yaw_uncertainty_deg: None, ..known.clone() };
-        assert_eq!(verdict(&[known.clone(), known.clone()]), "model and measurement agree within noise in all trials");
-        assert_eq!(verdict(&[unknown.clone(), unknown.clone()]), "the noise is unknown in all of 2 trials");
-        let model = Comparison { sides: Sides::Models, ..known.clone() };
-        assert_eq!(verdict(&[model.clone(), model.clone()]), "the two models agree within noise in all trials");
-        assert_eq!(verdict(&[model, known.clone()]), "both sides agree within noise in all trials");
-        assert_eq!(
-            verdict(&[known, unknown]),
-            "model and measurement agree within noise in 1 of 2 trials; the noise is unknown in 1 of 2 trials"
-        );
-    }
 }

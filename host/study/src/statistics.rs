@@ -1,0 +1,141 @@
+//! Distributions for tests: how large a scatter or a difference is by chance alone.
+
+use libm::lgamma;
+use nalgebra::DMatrix;
+
+/// Degrees of freedom beyond which a distribution is that of infinitely many.
+const MANY: f64 = 1e6;
+
+/// Returns the probability of a ratio of a difference to its standard uncertainty that is as large or larger, of either
+/// sign, by Student's distribution (Abramowitz and Stegun 26.7.1 and 26.5.27).
+pub fn student_p_value(ratio: f64, degrees_of_freedom: f64) -> f64 {
+    let freedom = degrees_of_freedom.clamp(1.0, MANY);
+    incomplete_beta(freedom / (freedom + ratio * ratio), 0.5 * freedom, 0.5)
+}
+
+/// Returns the quantile of the ratio of a variance with `degrees_of_freedom` to its expectation, which is itself known with
+/// `known_with` degrees of freedom: Fisher's F, or chi squared over its degrees of freedom where that is infinite.
+pub fn variance_ratio(probability: f64, degrees_of_freedom: f64, known_with: f64) -> f64 {
+    let (one, two) = (degrees_of_freedom.clamp(1.0, MANY), known_with.clamp(1.0, MANY));
+    // Abramowitz and Stegun 26.6.2.
+    let below = |ratio: f64| 1.0 - incomplete_beta(two / (two + one * ratio), 0.5 * two, 0.5 * one);
+    // Bisection of the logarithm.
+    let (mut low, mut high) = (-60.0_f64, 60.0_f64);
+    while high - low > 1e-12 {
+        let middle = 0.5 * (low + high);
+        if below(middle.exp()) < probability { low = middle } else { high = middle }
+    }
+    (0.5 * (low + high)).exp()
+}
+
+/// Returns the regularised incomplete beta function by its continued fraction (Abramowitz and Stegun 26.5.8), evaluated from
+/// the front (Lentz 1976).
+fn incomplete_beta(x: f64, a: f64, b: f64) -> f64 {
+    /// The fraction converges in about the square root of the larger parameter.
+    const MOST_TERMS: u32 = 10_000;
+    const TINY: f64 = 1e-300;
+    if x <= 0.0 || x >= 1.0 {
+        return if x <= 0.0 { 0.0 } else { 1.0 };
+    }
+    // It converges fast on this side of the mean alone.
+    if x > (a + 1.0) / (a + b + 2.0) {
+        return 1.0 - incomplete_beta(1.0 - x, b, a);
+    }
+    let front = (lgamma(a + b) - lgamma(a) - lgamma(b) + a * x.ln() + b * (-x).ln_1p()).exp() / a;
+    let away_from_zero = |value: f64| if value.abs() < TINY { TINY } else { value };
+    let (mut fraction, mut c, mut d) = (1.0, 1.0, 0.0);
+    for i in 0..MOST_TERMS {
+        let m = f64::from(i / 2);
+        let term = match i {
+            0 => 1.0,
+            _ if i % 2 == 0 => m * (b - m) * x / ((a + 2.0 * m - 1.0) * (a + 2.0 * m)),
+            _ => -(a + m) * (a + b + m) * x / ((a + 2.0 * m) * (a + 2.0 * m + 1.0)),
+        };
+        d = 1.0 / away_from_zero(1.0 + term * d);
+        c = away_from_zero(1.0 + term / c);
+        fraction *= c * d;
+        if (c * d - 1.0).abs() < 1e-14 {
+            break;
+        }
+    }
+    front * (fraction - 1.0)
+}
+
+/// The root mean square of values of a known covariance.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct ExpectedRms {
+    /// What 95 of 100 draws stay below.
+    pub bound: f64,
+    /// Number of independent values with the same scatter of the mean square; correlated values are fewer than they seem.
+    pub independent: f64,
+}
+
+impl ExpectedRms {
+    /// Returns that of values with this covariance, which is known with `known_with` degrees of freedom. The sum of squares
+    /// is approximated by a multiple of chi squared with the same mean and variance (Satterthwaite 1946).
+    pub fn new(covariance: &DMatrix<f64>, known_with: f64) -> Self {
+        let (trace, squares) = (covariance.trace(), covariance.norm_squared());
+        if trace <= 0.0 {
+            return Self::default();
+        }
+        let independent = trace * trace / squares;
+        let mean_square = trace / covariance.nrows() as f64;
+        Self { bound: (mean_square * variance_ratio(0.95, independent, known_with)).sqrt(), independent }
+    }
+}
+
+/// Returns which differences chance does not explain, by the probability of each: of those that are returned, at most one in
+/// twenty is expected to be chance (Benjamini and Hochberg 1995).
+pub fn beyond_chance(p_values: &[f64]) -> Vec<bool> {
+    let mut ascending: Vec<f64> = p_values.iter().copied().filter(|p| p.is_finite()).collect();
+    ascending.sort_by(f64::total_cmp);
+    let tests = ascending.len() as f64;
+    let limit = ascending.iter().enumerate().rev().find(|(i, p)| **p <= 0.05 * (i + 1) as f64 / tests);
+    p_values.iter().map(|p| limit.is_some_and(|(_, limit)| p <= limit)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Abramowitz and Stegun, tables 26.8 to 26.10.
+    #[test]
+    fn quantiles_are_those_of_tables() {
+        for (freedom, known_with, probability, expected) in [
+            (1.0, f64::INFINITY, 0.95, 3.841),
+            (4.0, f64::INFINITY, 0.975, 11.143 / 4.0),
+            (4.0, f64::INFINITY, 0.025, 0.484 / 4.0),
+            (2.0, 8.0, 0.95, 4.459),
+            (1.0, 4.0, 0.95, 7.709),
+        ] {
+            let found = variance_ratio(probability, freedom, known_with);
+            assert!((found / expected - 1.0).abs() < 2e-3, "{freedom}, {known_with}: {found}");
+        }
+        for (ratio, freedom) in [(12.706, 1.0), (2.776, 4.0), (1.960, f64::INFINITY)] {
+            assert!((student_p_value(-ratio, freedom) - 0.05).abs() < 1e-4, "{freedom}");
+        }
+    }
+
+    #[test]
+    fn values_that_move_together_are_one() {
+        let together = ExpectedRms::new(&DMatrix::from_element(50, 50, 0.04), f64::INFINITY);
+        assert!(
+            (together.independent - 1.0).abs() < 1e-9 && (together.bound - 0.2 * 1.960).abs() < 1e-3,
+            "{together:?}"
+        );
+        let apart = ExpectedRms::new(&DMatrix::from_diagonal_element(50, 50, 0.04), f64::INFINITY);
+        assert!((apart.independent - 50.0).abs() < 1e-9 && apart.bound < 0.2 * 1.17, "{apart:?}");
+        assert_eq!(ExpectedRms::new(&DMatrix::zeros(3, 3), 4.0), ExpectedRms::default());
+    }
+
+    #[test]
+    fn one_alarm_in_twenty_tests_is_chance() {
+        let mut p_values = vec![0.5; 19];
+        p_values.push(0.03);
+        assert!(!beyond_chance(&p_values).contains(&true));
+        p_values[0] = 1e-4;
+        assert_eq!(beyond_chance(&p_values).iter().filter(|flagged| **flagged).count(), 1);
+        assert_eq!(beyond_chance(&[0.04, 0.045, f64::NAN]), [true, true, false]);
+        assert!(beyond_chance(&[]).is_empty());
+    }
+}

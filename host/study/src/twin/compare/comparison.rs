@@ -1,0 +1,246 @@
+//! The result of a comparison.
+
+use super::sensor_key::SensorKey;
+use super::sides::Sides;
+use crate::statistics;
+use crate::trial::{AngleTerm, LogFinding};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Rounding error of the difference of two models, degrees.
+pub(super) const ROUNDING_DEG: f64 = 0.01;
+
+/// A trial compared with its model, or with another trial at the same speeds. [`super::json`] has its keys.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Comparison {
+    /// Name of the measured trial.
+    pub name: String,
+    /// Speed of flagellum 1.
+    pub w1_rpm: f64,
+    /// Speed of flagellum 2.
+    pub w2_rpm: f64,
+    /// The measured log.
+    pub measured: PathBuf,
+    /// The modelled log.
+    pub modelled: PathBuf,
+    /// The yaw of both.
+    pub yaw: AngleComparison,
+    /// The pitch of both.
+    pub pitch: AngleComparison,
+    /// The roll of both.
+    pub roll: AngleComparison,
+    /// When both settled.
+    pub settling: Settling,
+    /// Share of the run in which both attitudes are known; the rest is in gaps of a log.
+    pub compared_share: f64,
+    /// Drift that was removed from the measured steady yaw.
+    pub yaw_drift_deg: f64,
+    /// Yaw, pitch and roll in the still phase before the run, which were subtracted as the zero.
+    pub measured_zero_deg: [f64; 3],
+    /// The same for the model.
+    pub modelled_zero_deg: [f64; 3],
+    /// Time by which the model was shifted to match the measurement, in addition to aligning the start of the motors.
+    pub time_shift_s: f64,
+    /// Start of both runs, each on the clock of its log.
+    pub run_start_s: [f64; 2],
+    /// Causes of the uncertainty of the steady errors.
+    pub budget: Vec<AngleTerm>,
+    /// Steady errors beyond their uncertainty.
+    pub differences: Vec<Difference>,
+    /// Whether chance explains these neither, as often as the session has tested: see [`super::super::session`].
+    pub is_beyond_chance: bool,
+    /// Findings about both logs.
+    pub findings: Vec<LogFinding>,
+    /// What the two trials are.
+    pub sides: Sides,
+    /// The differences as text.
+    pub verdict: String,
+    /// Warnings about the comparison itself.
+    pub warnings: Vec<String>,
+    /// The sensors of both; trials of the same ones have the same errors.
+    pub(in crate::twin) sensors: [Option<SensorKey>; 2],
+}
+
+impl Comparison {
+    /// Returns the comparisons of yaw, pitch and roll.
+    pub fn angles(&self) -> [&AngleComparison; 3] {
+        [&self.yaw, &self.pitch, &self.roll]
+    }
+
+    /// Returns the measured steady yaw, pitch and roll, degrees.
+    pub fn measured_deg(&self) -> [f64; 3] {
+        self.angles().map(|angle| angle.measured_deg)
+    }
+
+    /// Returns the modelled steady yaw, pitch and roll, degrees.
+    pub fn modelled_deg(&self) -> [f64; 3] {
+        self.angles().map(|angle| angle.modelled_deg)
+    }
+
+    /// Returns whether neither steady angles nor transients differ.
+    pub fn agrees(&self) -> bool {
+        self.differences.is_empty() && self.transients_agree()
+    }
+
+    /// Returns whether the transients do not differ, as far as they are judged.
+    pub fn transients_agree(&self) -> bool {
+        !self.settling.differs && !self.angles().iter().any(|angle| angle.transient.is_some_and(Transient::differs))
+    }
+}
+
+/// An angle of a trial beside that of its model, or of another trial.
+#[derive(Serialize, Clone, PartialEq, Debug, Default)]
+pub struct AngleComparison {
+    /// `yaw`, `pitch` or `roll`.
+    pub angle: &'static str,
+    /// Measured steady angle: the mean over the end of the run ([`sim::steady`]), relative to the zero before it.
+    pub measured_deg: f64,
+    /// The same for the model.
+    pub modelled_deg: f64,
+    /// Modelled minus measured steady angle.
+    pub error_deg: f64,
+    /// 95 % uncertainty of the error by what was measured; zero between models, `None` if it is unknown.
+    pub uncertainty: Option<Uncertainty>,
+    /// Error of the model's own steady angle, from what it leaves out ([`sim::accuracy`]); `None` where the measured trial is
+    /// a model's or a simulated robot's, or the other one is measured.
+    pub model_error_deg: Option<f64>,
+    /// What limits the comparison: the largest of the three.
+    pub limited_by: Option<Limit>,
+    /// Whether the error is within the model's own, which is larger than the uncertainty: the angle cannot refute the model.
+    pub cannot_refute: bool,
+    /// Root mean square of the error over the run, without the gaps of both logs.
+    pub rmse_deg: f64,
+    /// The error of the transient; `None` where it is not judged.
+    pub transient: Option<Transient>,
+    /// What one standard uncertainty of each error of the sensors gives the error, degrees.
+    #[serde(skip)]
+    pub(in crate::twin) effects_deg: Vec<f64>,
+    /// Standard uncertainty of the second trial's own, which comparisons of several trials with it have in common, degrees.
+    #[serde(skip)]
+    pub(in crate::twin) other_u_deg: f64,
+}
+
+impl AngleComparison {
+    /// Sets what follows from the errors and uncertainties.
+    pub(super) fn judged(mut self) -> Self {
+        self.limited_by = self.limit();
+        self.cannot_refute = match (self.uncertainty, self.model_error_deg) {
+            (Some(uncertainty), Some(model)) => model > uncertainty.total_deg && self.error_deg.abs() <= model,
+            _ => false,
+        };
+        self
+    }
+
+    /// Returns the steady error if it is beyond its uncertainty.
+    pub(super) fn difference(&self) -> Option<Difference> {
+        let allowed_deg = self.uncertainty?.total_deg.max(ROUNDING_DEG);
+        let Self { angle, error_deg, model_error_deg, .. } = *self;
+        (error_deg.abs() > allowed_deg).then_some(Difference { angle, error_deg, allowed_deg, model_error_deg })
+    }
+
+    /// Returns the probability of a steady error as large or larger by chance; `None` if it is not known by chance.
+    pub(in crate::twin) fn p_value(&self) -> Option<f64> {
+        let uncertainty = self.uncertainty.filter(|uncertainty| uncertainty.total_deg > ROUNDING_DEG)?;
+        Some(statistics::student_p_value(self.error_deg / uncertainty.u_deg, uncertainty.degrees_of_freedom))
+    }
+
+    fn limit(&self) -> Option<Limit> {
+        let Uncertainty { noise_deg, sensor_deg, .. } = self.uncertainty?;
+        let parts = [
+            (Limit::Noise, noise_deg),
+            (Limit::Sensor, sensor_deg),
+            (Limit::Model, self.model_error_deg.unwrap_or_default()),
+        ];
+        let (limit, deg) = parts.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        (deg > ROUNDING_DEG).then_some(limit)
+    }
+}
+
+/// The part that limits a comparison.
+#[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug)]
+#[serde(rename_all = "snake_case")]
+pub enum Limit {
+    /// Noise and drift of the trial: longer rests and repeats help.
+    Noise,
+    /// The sensor's errors, which are common to its trials: measuring it helps.
+    Sensor,
+    /// The model's own error.
+    Model,
+}
+
+/// The 95 % uncertainty of a steady error, by its parts.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
+pub struct Uncertainty {
+    /// Part of the trials: noise and drift.
+    pub noise_deg: f64,
+    /// Part that is common to all trials of the sensors.
+    pub sensor_deg: f64,
+    /// Both: the smallest difference that the trials could show.
+    pub total_deg: f64,
+    /// Standard uncertainty.
+    #[serde(skip)]
+    pub u_deg: f64,
+    /// Its degrees of freedom.
+    #[serde(skip)]
+    pub degrees_of_freedom: f64,
+}
+
+/// The error of a transient: what is left of the error before the steady end of the run, once the steady error is explained
+/// as the uncertainty explains it best.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
+pub struct Transient {
+    /// Its root mean square.
+    pub residual_deg: f64,
+    /// What 95 of 100 equal transients stay below, with the tolerance of the model's speeds.
+    pub allowed_deg: f64,
+    /// Number of independent samples in it: drift makes neighbours alike.
+    pub independent_samples: f64,
+    /// The model's own error of the angle over the same time, root mean square; see [`AngleComparison::model_error_deg`].
+    pub model_error_deg: Option<f64>,
+}
+
+impl Transient {
+    /// Returns whether it is larger than allowed.
+    pub fn differs(self) -> bool {
+        self.residual_deg > self.allowed_deg
+    }
+}
+
+/// When the attitudes settled.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
+pub struct Settling {
+    /// Measured, from the start of the run; `None` if it did not.
+    pub measured_s: Option<f64>,
+    /// The same for the model.
+    pub modelled_s: Option<f64>,
+    /// Ratio of the modelled to the measured settling time; `None` if one of them did not settle, or settled at once.
+    pub ratio: Option<f64>,
+    /// Whether they differ by more than the uncertainty of both allows.
+    pub differs: bool,
+}
+
+/// A steady error beyond its uncertainty.
+#[derive(Serialize, Clone, PartialEq, Debug, Default)]
+pub struct Difference {
+    /// `yaw`, `pitch` or `roll`.
+    pub angle: &'static str,
+    /// The error.
+    pub error_deg: f64,
+    /// Its 95 % uncertainty.
+    pub allowed_deg: f64,
+    /// The model's own error, see [`AngleComparison::model_error_deg`].
+    pub model_error_deg: Option<f64>,
+}
+
+/// Both attitudes at one time.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Point {
+    /// Time from the start of the run.
+    pub time_s: f64,
+    /// Measured yaw (unwrapped), pitch and roll relative to their zero, with drift removed; NaN in a gap of the log.
+    pub measured_deg: [f64; 3],
+    /// The same for the model.
+    pub modelled_deg: [f64; 3],
+    /// 95 % uncertainty of the measured yaw since the start of the run; NaN if it is unknown.
+    pub yaw_uncertainty_deg: f64,
+}

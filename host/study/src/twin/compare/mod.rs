@@ -1,0 +1,174 @@
+//! Compares measured and modelled attitude over a trial.
+//!
+//! Both are put on a common clock, which is zero when the motors start, and referred to the still phase before the run
+//! ([`Zeroed`]). Errors are modelled minus measured values. Steady states and transients are judged each by themselves.
+
+mod aligned;
+mod comparison;
+mod compatibility;
+mod json;
+mod pair;
+mod sensor_key;
+mod shift;
+mod sides;
+mod steady;
+mod transient;
+mod verdict;
+
+pub use comparison::{AngleComparison, Comparison, Difference, Limit, Point, Settling, Transient, Uncertainty};
+pub use pair::is_replay_of;
+pub use sides::Sides;
+
+use super::TwinError;
+use crate::trial::{self, AngleTerm, Data, LogFinding, Zeroed};
+use aligned::Aligned;
+use compatibility::difference;
+use pair::{Pair, Side};
+use sim::accuracy::ModelError;
+use std::borrow::Cow;
+use steady::{ErrorCauses, SteadyPair};
+use transient::{Blocks, settling};
+
+const ANGLES: [&str; 3] = ["yaw", "pitch", "roll"];
+
+/// How to handle trials of different robots or closures.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum OnMismatch {
+    /// Refuse to compare them.
+    #[default]
+    Reject,
+    /// Compare them with a warning.
+    Warn,
+    /// Compare them without a warning: the user named the other robot or closure.
+    Accept,
+}
+
+/// A comparison with the data that the page shows.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// The results.
+    pub comparison: Comparison,
+    /// The measured attitude.
+    pub measured: Zeroed,
+    /// Both attitudes over time, 20 points per second, from the still phase to the end of their common time.
+    pub points: Vec<Point>,
+}
+
+impl Compared {
+    /// Returns the attitude of a trial: the measured one of its comparison, if there is one.
+    pub fn measured_or_own<'a>(compared: Option<&'a Self>, data: &Data) -> Cow<'a, Zeroed> {
+        compared.map_or_else(|| Cow::Owned(Zeroed::new(data)), |compared| Cow::Borrowed(&compared.measured))
+    }
+}
+
+/// Compares a trial with another one, which is modelled or measured.
+///
+/// # Errors
+/// [`TwinError::Incomparable`] if the trials do not match or overlap, [`TwinError::Unusable`] if one of them has no
+/// run.
+pub fn compare(a: &Data, b: &Data, on_mismatch: OnMismatch) -> Result<Compared, TwinError> {
+    let pair = Pair::new(a, b)?;
+    let mut warnings = Vec::new();
+    if let Some(reason) = difference(a, b)? {
+        match on_mismatch {
+            OnMismatch::Reject => return Err(incomparable(a, b, reason, "compare them anyway with --anyway")),
+            OnMismatch::Warn => warnings.push(reason),
+            OnMismatch::Accept => {}
+        }
+    }
+    let apart = || incomparable(a, b, "their runs do not overlap".to_owned(), "name logs whose runs overlap");
+    let mut aligned = Aligned::new(&pair).ok_or_else(apart)?;
+    if let Some([one, other]) = aligned.lengths_s {
+        let common_s = aligned.common_s;
+        warnings.push(format!("the runs last {one:.1} s and {other:.1} s; the first {common_s:.1} s are compared"));
+    }
+    let mut steady = SteadyPair::new(&pair, &aligned);
+    let turns = steady.missing_turns(&pair);
+    if turns != 0.0 {
+        warnings.push(format!("the yaw is assumed to have made {turns} full turns while telemetry was missing"));
+        steady.modelled_deg[0] -= 360.0 * turns;
+        aligned.turn_back(turns);
+    }
+    let points = points(&pair.measured, &aligned);
+    let comparison = result(&pair, &aligned, &steady, warnings);
+    Ok(Compared { comparison, points, measured: pair.measured.zeroed })
+}
+
+fn incomparable(a: &Data, b: &Data, reason: String, help: &'static str) -> TwinError {
+    TwinError::Incomparable { measured: a.path.clone(), modelled: b.path.clone(), reason, help }
+}
+
+/// Collects the result of a comparison.
+fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<String>) -> Comparison {
+    let Pair { measured, modelled } = pair;
+    let (a, b) = (measured.data, modelled.data);
+    let model = (a.is_real() && b.is_model()).then(|| b.robot().ok()).flatten().map(|robot| ModelError::of(&robot));
+    let model_error_deg = model.as_ref().map(|model| model.of_angles_deg(steady.modelled_deg));
+    let blocks = Blocks::new(pair, aligned, &steady.window);
+    let causes = steady.causes(pair);
+    let angle = |k: usize| {
+        let causes = causes[k].as_ref();
+        let uncertainty = causes.map(|causes| Uncertainty::of(&causes.budget));
+        let transient = blocks.as_ref().zip(uncertainty);
+        AngleComparison {
+            angle: ANGLES[k],
+            measured_deg: steady.measured_deg[k],
+            modelled_deg: steady.modelled_deg[k],
+            error_deg: steady.error_deg()[k],
+            uncertainty,
+            model_error_deg: model_error_deg.map(|deg| deg[k]),
+            rmse_deg: aligned.rmse_deg(k),
+            transient: transient.and_then(|(blocks, uncertainty)| blocks.transient(k, uncertainty, model.as_ref())),
+            effects_deg: causes.map_or_else(Vec::new, |causes| causes.effects_deg.clone()),
+            other_u_deg: causes.map_or(0.0, |causes| causes.other_u_deg),
+            ..AngleComparison::default()
+        }
+        .judged()
+    };
+    let (yaw, pitch, roll) = (angle(0), angle(1), angle(2));
+    let differences = [&yaw, &pitch, &roll].into_iter().filter_map(AngleComparison::difference).collect();
+    let terms = |(angle, causes): (&'static str, &Option<ErrorCauses>)| {
+        let terms = causes.iter().flat_map(|causes| causes.budget.terms());
+        terms.map(|term| AngleTerm::new(angle, term)).collect::<Vec<_>>()
+    };
+    let findings_of = |side: &Side| LogFinding::all_of(&side.data.path, trial::findings(side.data, &side.zeroed));
+    let trial = a.trial();
+    let middle_s = measured.zeroed.run.start + 0.5 * (steady.window.start + steady.window.end);
+    let comparison = Comparison {
+        name: trial.name,
+        w1_rpm: trial.w1_rpm,
+        w2_rpm: trial.w2_rpm,
+        measured: a.path.clone(),
+        modelled: b.path.clone(),
+        yaw,
+        pitch,
+        roll,
+        settling: settling(pair, aligned, blocks.as_ref()),
+        compared_share: aligned.share(),
+        yaw_drift_deg: measured.zeroed.yaw_drift(middle_s),
+        measured_zero_deg: measured.zeroed.zero_deg,
+        modelled_zero_deg: modelled.zeroed.zero_deg,
+        time_shift_s: aligned.shift_s,
+        run_start_s: [measured.zeroed.run.start, modelled.zeroed.run.start],
+        budget: ANGLES.into_iter().zip(&causes).flat_map(terms).collect(),
+        differences,
+        is_beyond_chance: false,
+        findings: [findings_of(measured), findings_of(modelled)].concat(),
+        sides: Sides::of(a, b),
+        verdict: String::new(),
+        warnings,
+        sensors: pair.sensors(),
+    };
+    Comparison { verdict: verdict::verdict(&comparison), ..comparison }
+}
+
+fn points(measured: &Side, aligned: &Aligned) -> Vec<Point> {
+    let Side { zeroed, .. } = measured;
+    let point = |i: usize| Point {
+        time_s: aligned.times_s[i],
+        measured_deg: aligned.measured_deg[i],
+        modelled_deg: aligned.modelled_deg[i],
+        yaw_uncertainty_deg: zeroed.yaw_uncertainty(zeroed.run.start + aligned.times_s[i]).unwrap_or(f64::NAN),
+    };
+    (0..aligned.times_s.len()).map(point).collect()
+}

@@ -1,0 +1,49 @@
+//! What two compared trials are called.
+
+use crate::trial::Data;
+use serde::Serialize;
+
+/// What two compared trials are. Neither two recordings nor two models are ever called a measurement and its model.
+#[derive(Serialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[serde(rename_all = "snake_case")]
+pub enum Sides {
+    /// A recording, and then a model.
+    #[default]
+    MeasurementAndModel,
+    /// A model, and then a recording.
+    ModelAndMeasurement,
+    /// Two recordings, of a rig or of an emulated board.
+    Recordings,
+    /// Two models; one may be the replay of the other.
+    Models,
+}
+
+impl Sides {
+    pub(super) fn of(a: &Data, b: &Data) -> Self {
+        match (a.is_model(), b.is_model()) {
+            (true, true) => Self::Models,
+            (false, false) => Self::Recordings,
+            (true, false) => Self::ModelAndMeasurement,
+            (false, true) => Self::MeasurementAndModel,
+        }
+    }
+
+    /// Returns the subject of a sentence about both.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::MeasurementAndModel | Self::ModelAndMeasurement => "model and measurement",
+            Self::Recordings => "the two recordings",
+            Self::Models => "the two models",
+        }
+    }
+
+    /// Returns what both are called in legends and tables.
+    pub fn names(self) -> [&'static str; 2] {
+        match self {
+            Self::MeasurementAndModel => ["measured", "model"],
+            Self::ModelAndMeasurement => ["model", "measured"],
+            Self::Recordings => ["first recording", "second recording"],
+            Self::Models => ["first model", "second model"],
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! The steady angles of both trials, and the uncertainty of their difference.
+
+use super::aligned::Aligned;
+use super::comparison::Uncertainty;
+use super::pair::{Pair, Side};
+use crate::attitude::student_95;
+use crate::trial::{Budget, Causes};
+use std::ops::Range;
+
+/// Steady yaw, pitch and roll of both trials: means over the same time.
+pub(super) struct SteadyPair {
+    /// That time, from the start of the run, s.
+    pub window: Range<f64>,
+    pub measured_deg: [f64; 3],
+    pub modelled_deg: [f64; 3],
+}
+
+/// The causes of uncertainty of a steady error.
+pub(super) struct ErrorCauses {
+    pub budget: Budget,
+    /// See [`Causes::effects_deg`].
+    pub effects_deg: Vec<f64>,
+    /// Standard uncertainty of the second trial's own.
+    pub other_u_deg: f64,
+}
+
+impl SteadyPair {
+    /// Returns the steady angles of each trial; for runs of different lengths, means over the end of the shorter one.
+    pub fn new(pair: &Pair, aligned: &Aligned) -> Self {
+        let Pair { measured, modelled } = pair;
+        let Range { start, end } = measured.steady.window;
+        if aligned.lengths_s.is_none() {
+            let from_s = measured.zeroed.run.start;
+            return Self {
+                window: start - from_s..end - from_s,
+                measured_deg: measured.steady.angles_deg,
+                modelled_deg: modelled.steady.angles_deg,
+            };
+        }
+        let common_s = aligned.common_s;
+        let window = common_s - (end - start).min(common_s)..common_s;
+        let mean = |side: &Side, shift_s: f64| {
+            let over = side.on_clock(&(window.start - shift_s..window.end - shift_s));
+            side.zeroed.angles_deg.tracks().map(|track| track.mean(over.clone()).unwrap_or_default())
+        };
+        Self { measured_deg: mean(measured, 0.0), modelled_deg: mean(modelled, aligned.shift_s), window }
+    }
+
+    /// Returns the modelled minus the measured angles.
+    pub fn error_deg(&self) -> [f64; 3] {
+        [0, 1, 2].map(|k| self.modelled_deg[k] - self.measured_deg[k])
+    }
+
+    /// Returns the turns by which the yaws differ because telemetry is missing; 0 without long gaps.
+    pub fn missing_turns(&self, pair: &Pair) -> f64 {
+        let has_long_gap = pair.measured.data.has_long_gap() || pair.modelled.data.has_long_gap();
+        if has_long_gap { (self.error_deg()[0] / 360.0).round() } else { 0.0 }
+    }
+
+    /// Returns the causes of uncertainty of the errors of yaw, pitch and roll; `None` where they are unknown.
+    pub fn causes(&self, pair: &Pair) -> [Option<ErrorCauses>; 3] {
+        let is_same = pair.is_of_one_sensor();
+        let of = |side: &Side| side.zeroed.causes(&side.on_clock(&self.window));
+        let (measured, modelled) = (of(&pair.measured), of(&pair.modelled));
+        [0, 1, 2].map(|k| {
+            let (one, other) = (measured[k].as_ref()?, modelled[k].as_ref()?);
+            let both = Causes::of_difference(one, other, is_same);
+            Some(ErrorCauses {
+                budget: both.budget(),
+                effects_deg: both.effects_deg,
+                other_u_deg: Budget::new(other.own.iter().cloned()).u_deg(),
+            })
+        })
+    }
+}
+
+impl Uncertainty {
+    /// Returns the parts of a budget.
+    pub(super) fn of(budget: &Budget) -> Self {
+        Self {
+            noise_deg: budget.of_trial().uncertainty_deg(),
+            sensor_deg: student_95(f64::INFINITY) * budget.sensor_u_deg(),
+            total_deg: budget.uncertainty_deg(),
+            u_deg: budget.u_deg(),
+            degrees_of_freedom: budget.degrees_of_freedom(),
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! Whether two attitudes approach their steady ends alike.
+//!
+//! The run is divided into blocks of some seconds, over which the wobble of the robot with its flagella averages out. Let r
+//! be the errors of the blocks and C their covariance by what is known of the measurement: drift, noise, and the sensor's
+//! errors, which make neighbours alike. The mean of r over the steady end, d, is judged by itself. What it explains of the
+//! other blocks is their regression on it, C w / (wᵀ C w) d, where w averages over the steady end; a scale error of the
+//! gyroscope, for one, is in all blocks in proportion to their yaw. What is left, r - C w / (wᵀ C w) d, is independent of d,
+//! and its covariance is C - C w wᵀ C / (wᵀ C w) (conditional normal distribution). Its root mean square is compared with
+//! what that covariance allows ([`ExpectedRms`]), plus the tolerance of the model.
+
+use super::aligned::Aligned;
+use super::comparison::{Settling, Transient, Uncertainty};
+use super::pair::Pair;
+use crate::statistics::ExpectedRms;
+use crate::trial::{BLOCK_S, OverTime};
+use nalgebra::{DMatrix, DVector};
+use sim::accuracy::ModelError;
+use sim::steady::settled_within_deg;
+use std::ops::Range;
+
+/// The most blocks; a longer run has longer ones.
+const MOST_BLOCKS: f64 = 200.0;
+
+/// Fewest blocks before the steady end of a run whose transient is judged.
+const LEAST_BLOCKS: usize = 3;
+
+/// Smallest share of a block in which both attitudes are known.
+const LEAST_SHARE: f64 = 0.5;
+
+/// Error of a replayed transient that is not the robot's, degrees: the speeds are those of the encoders between their
+/// counts, and start and time shift are known to some hundredths of a second.
+pub(super) const TOLERANCE_DEG: f64 = 0.1;
+
+/// Half width of a 95 % interval over the standard deviation.
+const NORMAL_95: f64 = 1.96;
+
+/// Means over a part of the run.
+struct Block {
+    /// From the start of the run, s.
+    middle_s: f64,
+    measured_deg: [f64; 3],
+    modelled_deg: [f64; 3],
+    /// Whether it is in the steady end of the run.
+    is_steady: bool,
+}
+
+/// The run in blocks, with the covariances of their errors.
+pub(super) struct Blocks {
+    blocks: Vec<Block>,
+    length_s: f64,
+    /// Of yaw, pitch and roll; `None` if the uncertainty of one of both attitudes is unknown.
+    covariances: Option<[DMatrix<f64>; 3]>,
+}
+
+impl Blocks {
+    /// Divides the common run, whose steady end is `window`; `None` if it is too short.
+    pub fn new(pair: &Pair, aligned: &Aligned, window: &Range<f64>) -> Option<Self> {
+        let length_s = BLOCK_S.max(window.end / MOST_BLOCKS);
+        let count = (window.end / length_s + 1e-6).floor() as usize;
+        let block = |i: usize| {
+            let end_s = window.end - (count - 1 - i) as f64 * length_s;
+            let part = |time: f64| aligned.times_s.partition_point(|t| *t < time);
+            let part = part(end_s - length_s)..part(end_s);
+            let known =
+                part.clone().filter(|i| (aligned.measured_deg[*i][0] + aligned.modelled_deg[*i][0]).is_finite());
+            let known: Vec<usize> = known.collect();
+            let mean = |angles: &[[f64; 3]]| {
+                [0, 1, 2].map(|k| known.iter().map(|i| angles[*i][k]).sum::<f64>() / known.len() as f64)
+            };
+            let middle_s = end_s - 0.5 * length_s;
+            (known.len() as f64 >= LEAST_SHARE * part.len().max(1) as f64).then(|| Block {
+                middle_s,
+                measured_deg: mean(&aligned.measured_deg),
+                modelled_deg: mean(&aligned.modelled_deg),
+                is_steady: middle_s > window.start,
+            })
+        };
+        let blocks: Vec<Block> = (0..count).filter_map(block).collect();
+        let steady = blocks.iter().filter(|block| block.is_steady).count();
+        if steady == 0 || blocks.len() - steady < LEAST_BLOCKS {
+            return None;
+        }
+        let times = |run_start_s: f64, shift_s: f64| -> Vec<f64> {
+            blocks.iter().map(|block| run_start_s + block.middle_s - shift_s).collect()
+        };
+        let (one, other) = (&pair.measured.zeroed, &pair.modelled.zeroed);
+        let over_time = |shift_s: f64| {
+            let one = one.over_time(&times(one.run.start, 0.0))?;
+            Some((one, other.over_time(&times(other.run.start, shift_s))?))
+        };
+        let is_same = pair.is_of_one_sensor();
+        let shorter = BLOCK_S / length_s;
+        let covariances = over_time(aligned.shift_s)
+            .map(|(one, other)| [0, 1, 2].map(|k| OverTime::of_difference(&one[k], &other[k], is_same, shorter)));
+        Some(Self { blocks, length_s, covariances })
+    }
+
+    /// Judges the transient of an angle (0 to 2: yaw, pitch, roll). `uncertainty`: that of its steady error.
+    pub fn transient(&self, angle: usize, uncertainty: Uncertainty, model: Option<&ModelError>) -> Option<Transient> {
+        let covariance = &self.covariances.as_ref()?[angle];
+        let count = self.blocks.len();
+        let errors =
+            DVector::from_fn(count, |i, _| self.blocks[i].modelled_deg[angle] - self.blocks[i].measured_deg[angle]);
+        let steady = self.blocks.iter().filter(|block| block.is_steady).count() as f64;
+        let weights = DVector::from_fn(count, |i, _| if self.blocks[i].is_steady { 1.0 / steady } else { 0.0 });
+        let along = covariance * &weights;
+        let variance = weights.dot(&along);
+        // Between models there is nothing that an error could explain.
+        let explained = if variance > 0.0 { &along / variance } else { DVector::zeros(count) };
+        let left = &errors - &explained * weights.dot(&errors);
+        let covariance = covariance - &explained * along.transpose();
+        let before = self.blocks.iter().position(|block| block.is_steady).unwrap_or(count);
+        let left = left.rows(0, before);
+        let expected =
+            ExpectedRms::new(&covariance.view((0, 0), (before, before)).into_owned(), uncertainty.degrees_of_freedom);
+        let model_error_deg = model.map(|model| {
+            let squares =
+                self.blocks[..before].iter().map(|block| model.of_angles_deg(block.modelled_deg)[angle].powi(2));
+            (squares.sum::<f64>() / before as f64).sqrt()
+        });
+        Some(Transient {
+            residual_deg: left.norm() / (before as f64).sqrt(),
+            allowed_deg: expected.bound + TOLERANCE_DEG,
+            independent_samples: expected.independent,
+            model_error_deg,
+        })
+    }
+
+    /// Returns whether the attitudes settle at different times: not within a block of each other, whatever of its
+    /// uncertainty each block has on which side of the limit.
+    fn settle_apart(&self) -> bool {
+        let [one, other] = [|block: &Block| block.measured_deg, |block: &Block| block.modelled_deg]
+            .map(|of: fn(&Block) -> [f64; 3]| self.settled_between(of));
+        let (Some(one), Some(other)) = (one, other) else { return false };
+        one.start > other.end + self.length_s || other.start > one.end + self.length_s
+    }
+
+    /// Returns the earliest and the latest time at which yaw and pitch may have settled; `None` if it is unknown.
+    fn settled_between(&self, of: fn(&Block) -> [f64; 3]) -> Option<Range<f64>> {
+        let covariances = self.covariances.as_ref()?;
+        let steady: Vec<usize> = (0..self.blocks.len()).filter(|i| self.blocks[*i].is_steady).collect();
+        let mean = |value: &dyn Fn(usize) -> f64| steady.iter().map(|i| value(*i)).sum::<f64>() / steady.len() as f64;
+        // Distance from the final value beyond the limit, and its uncertainty.
+        let beyond = |i: usize, angle: usize| {
+            let covariance = &covariances[angle];
+            let last = mean(&|j| of(&self.blocks[j])[angle]);
+            let variance =
+                covariance[(i, i)] - 2.0 * mean(&|j| covariance[(i, j)]) + mean(&|j| mean(&|k| covariance[(j, k)]));
+            let margin = NORMAL_95 * variance.max(0.0).sqrt() + TOLERANCE_DEG;
+            ((of(&self.blocks[i])[angle] - last).abs() - settled_within_deg(last), margin)
+        };
+        let settled_s = |is_unsettled: &dyn Fn(f64, f64) -> bool| {
+            let unsettled = |i: &usize| {
+                [0, 1].into_iter().any(|angle| {
+                    let (distance, margin) = beyond(*i, angle);
+                    is_unsettled(distance, margin)
+                })
+            };
+            let before = (0..self.blocks.len()).rev().filter(|i| !self.blocks[*i].is_steady);
+            before.into_iter().find(unsettled).map_or(0.0, |i| self.blocks[i].middle_s + 0.5 * self.length_s)
+        };
+        Some(settled_s(&|distance, margin| distance > margin)..settled_s(&|distance, margin| distance > -margin))
+    }
+}
+
+/// Returns when both attitudes settled. `blocks`: none for a run that is too short.
+pub(super) fn settling(pair: &Pair, aligned: &Aligned, blocks: Option<&Blocks>) -> Settling {
+    let [measured_s, modelled_s] = [&pair.measured, &pair.modelled].map(|side| side.steady.settle_s);
+    if aligned.lengths_s.is_some() {
+        return Settling { measured_s, modelled_s, ratio: None, differs: false };
+    }
+    let ratio = match [measured_s, modelled_s] {
+        [Some(measured), Some(modelled)] if measured > 0.0 && modelled > 0.0 => Some(modelled / measured),
+        _ => None,
+    };
+    let both = measured_s.is_some() && modelled_s.is_some();
+    Settling { measured_s, modelled_s, ratio, differs: both && blocks.is_some_and(Blocks::settle_apart) }
+}

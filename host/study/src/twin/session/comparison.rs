@@ -1,0 +1,100 @@
+//! The result of a session's comparison.
+
+use crate::trial::LogFinding;
+use crate::twin::Comparison;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// A session compared with its model, or with another session.
+#[derive(Serialize, Clone, PartialEq, Debug, Default)]
+pub struct SessionComparison {
+    /// Folder of the measured session, or the measured log.
+    #[serde(serialize_with = "crate::text::path")]
+    pub measured: PathBuf,
+    /// The same for the model.
+    #[serde(serialize_with = "crate::text::path")]
+    pub modelled: PathBuf,
+    /// The compared trials, in the order of the measured session.
+    pub trials: Vec<Comparison>,
+    /// Measured trials that were not compared, with reasons.
+    pub skipped: Vec<Skipped>,
+    /// Root mean square of all trials' yaw errors over their runs; `None` without trials.
+    pub yaw_rmse_deg: Option<f64>,
+    /// The same for pitch.
+    pub pitch_rmse_deg: Option<f64>,
+    /// The same for roll.
+    pub roll_rmse_deg: Option<f64>,
+    /// The same for the steady errors of yaw, pitch and roll.
+    pub steady_rms_error_deg: Option<[f64; 3]>,
+    /// The steady errors of all trials together; empty where their uncertainty is not known.
+    pub angles: Vec<SessionAngle>,
+    /// How many differences chance explains; `None` where nothing is left to chance.
+    pub chance: Option<Chance>,
+    /// The differences of all trials as text.
+    pub verdict: String,
+    /// Findings about all logs, also those that belong to no trial.
+    pub findings: Vec<LogFinding>,
+}
+
+impl SessionComparison {
+    /// Returns whether every trial was compared, and nothing is to be said against any.
+    pub fn is_sound(&self) -> bool {
+        let warned = self.trials.iter().any(|trial| !trial.warnings.is_empty());
+        self.skipped.is_empty() && !warned && !self.findings.iter().any(|of_log| of_log.finding.grave)
+    }
+
+    /// Returns whether no trial differs, nor do all of them together.
+    pub fn agrees(&self) -> bool {
+        self.trials.iter().all(Comparison::agrees) && !self.angles.iter().any(SessionAngle::differs)
+    }
+}
+
+/// The steady errors of an angle in all trials. Errors of the sensor are common to its trials, so that they do not average
+/// out.
+#[derive(Serialize, Clone, PartialEq, Debug, Default)]
+pub struct SessionAngle {
+    /// `yaw`, `pitch` or `roll`.
+    pub angle: &'static str,
+    /// Number of trials whose uncertainty is known.
+    pub trials: usize,
+    /// Mean error.
+    pub mean_error_deg: f64,
+    /// Its 95 % uncertainty.
+    pub mean_uncertainty_deg: f64,
+    /// Root mean square of the errors.
+    pub rms_error_deg: f64,
+    /// What 95 of 100 sessions without a difference stay below.
+    pub rms_allowed_deg: f64,
+    /// Number of independent trials with the same scatter of the mean square.
+    pub independent_trials: f64,
+}
+
+impl SessionAngle {
+    /// Returns whether mean or scatter is larger than its uncertainty.
+    pub fn differs(&self) -> bool {
+        self.mean_error_deg.abs() > self.mean_uncertainty_deg || self.rms_error_deg > self.rms_allowed_deg
+    }
+}
+
+/// How many differences of steady angles chance explains.
+#[derive(Serialize, Clone, PartialEq, Debug, Default)]
+pub struct Chance {
+    /// Number of tests: angles whose uncertainty is known.
+    pub tests: usize,
+    /// Differences that were found.
+    pub alarms: usize,
+    /// Differences that are expected if there are none: one in twenty tests.
+    pub expected_alarms: f64,
+    /// Trials with a difference that chance does not explain in so many tests
+    /// ([`crate::statistics::beyond_chance`]).
+    pub beyond: Vec<String>,
+}
+
+/// A trial that could not be compared.
+#[derive(Serialize, Clone, PartialEq, Eq, Debug, Default)]
+pub struct Skipped {
+    /// The trial.
+    pub name: String,
+    /// Why.
+    pub reason: String,
+}

@@ -1,0 +1,163 @@
+//! How often `compare` finds a difference where there is none, and how often it finds one of the fluid's viscosity; and how
+//! often repeats scatter as their budget says.
+//!
+//! `cargo run --release -p tests --example false_alarms -- 100`: trials per point; `model`, `viscosity`, `recordings` or
+//! `repeats` after it prints one of the tables. Every trial has another sensor with errors within the data sheet, measured as
+//! well as three measurements by hand measure it at best.
+
+use host::trial::{Judgement, Repeat, Zeroed, scatter_of_repeats};
+use host::twin::{Comparison, OnMismatch, compare};
+use sim::params::Robot;
+use std::time::Instant;
+use tests::synthetic_rig::{Motion, Part, Phases, Random, Rig, each};
+
+const PHASES: Phases = Phases { calibrate_s: 5.0, preroll_s: 20.0, run_s: 120.0, decay_s: 30.0 };
+
+/// The published points, and speeds as motors and fits have them.
+const POINTS: [[f64; 2]; 6] = [[50.0, 10.0], [-90.0, 90.0], [90.0, 90.0], [0.0, 45.0], [37.3, 52.9], [-45.96, 63.73]];
+
+/// Changes of the viscosity that are looked for.
+const CHANGES: [f64; 3] = [0.01, 0.02, 0.05];
+
+/// Repeats of a set.
+const REPEATS: usize = 3;
+
+fn motion(rpm: [f64; 2], viscosity: f64) -> Motion {
+    let mut robot = Robot::default();
+    robot.fluid.viscosity_pa_s *= 1.0 + viscosity;
+    Motion::of(&robot, rpm, PHASES)
+}
+
+/// Draws a rig whose sensor was measured, and the random numbers that are left.
+fn rig(seed: usize) -> (Rig, Random) {
+    let mut random = Random(7000 + seed as u64);
+    let part = Part::typical(&mut random);
+    let measured = Some(part.measured(&mut random));
+    (Rig { part, measured, late_s: f64::INFINITY }, random)
+}
+
+fn against_model(seeds: usize, truth: &Motion, model: &Motion) -> Vec<Comparison> {
+    let model = model.model();
+    each(seeds, |seed| {
+        let (rig, mut random) = rig(seed);
+        let recording = rig.record(truth, &mut random);
+        compare(&recording.data, &model, OnMismatch::Warn).expect("comparable trials").comparison
+    })
+}
+
+fn against_each_other(seeds: usize, truth: &Motion, is_one_sensor: bool) -> Vec<Comparison> {
+    each(seeds, |seed| {
+        let (mut one, mut random) = rig(seed);
+        one.measured = None;
+        let other = if is_one_sensor { one.clone() } else { Rig { measured: None, ..rig(seed + 50_000).0 } };
+        let mut logs = [&one, &other].map(|rig| rig.record(truth, &mut random).data);
+        for (log, rig) in logs.iter_mut().zip([1, if is_one_sensor { 1 } else { 2 }]) {
+            log.records.board = Some(biflag_log::BoardMeta { board_id: rig, ..Default::default() });
+        }
+        compare(&logs[0], &logs[1], OnMismatch::Warn).expect("comparable trials").comparison
+    })
+}
+
+fn percent(all: &[Comparison], of: impl Fn(&Comparison) -> bool) -> f64 {
+    100.0 * all.iter().filter(|one| of(one)).count() as f64 / all.len() as f64
+}
+
+/// Shares of trials whose steady yaw, pitch and roll differ, and mean ±.
+fn steady(all: &[Comparison]) -> String {
+    let cell = |k: usize| {
+        let differs = |one: &Comparison| {
+            let name = one.angles()[k].angle;
+            one.differences.iter().any(|difference| difference.angle == name)
+        };
+        let mean =
+            all.iter().filter_map(|one| Some(one.angles()[k].uncertainty?.total_deg)).sum::<f64>() / all.len() as f64;
+        format!("{:.0} %, ±{mean:.2}°", percent(all, differs))
+    };
+    format!("{} | {} | {}", cell(0), cell(1), cell(2))
+}
+
+/// Shares of trials whose transients differ.
+fn transients(all: &[Comparison]) -> String {
+    let cell = |k: usize| {
+        let of = |one: &Comparison| one.angles()[k].transient;
+        let mut residuals: Vec<f64> = all.iter().filter_map(|one| Some(of(one)?.residual_deg)).collect();
+        let allowed = all.iter().filter_map(|one| Some(of(one)?.allowed_deg)).sum::<f64>() / all.len() as f64;
+        residuals.sort_by(f64::total_cmp);
+        let median = residuals.get(residuals.len() / 2).copied().unwrap_or(f64::NAN);
+        let differs = percent(all, |one| of(one).is_some_and(|transient| transient.differs()));
+        format!("{differs:.0} %, {median:.2} of {allowed:.2}°")
+    };
+    let settling = percent(all, |one| one.settling.differs);
+    format!("{} | {} | {} | {settling:.0} %", cell(0), cell(1), cell(2))
+}
+
+/// Shares of sets of repeats whose yaw, pitch and roll scatter as their budget says.
+fn scatter(sets: usize, truth: &Motion) -> String {
+    let judged = each(sets, |seed| {
+        let (rig, mut random) = rig(seed);
+        let repeat = |_| {
+            let data = rig.record(truth, &mut random).data;
+            Repeat::new(&data, &Zeroed::new(&data)).expect("a measured trial")
+        };
+        let trials: Vec<Repeat> = (0..REPEATS).map(repeat).collect();
+        let [set] = scatter_of_repeats(trials.iter()).try_into().expect("one set");
+        set.angles
+    });
+    let cell = |k: usize| {
+        let share = |judgement: Judgement| {
+            100.0 * judged.iter().filter(|set| set[k].judgement == judgement).count() as f64 / judged.len() as f64
+        };
+        format!("{:.0} % more, {:.0} % less", share(Judgement::More), share(Judgement::Less))
+    };
+    format!("{} | {} | {}", cell(0), cell(1), cell(2))
+}
+
+fn main() {
+    let argument = |i: usize| std::env::args().nth(i);
+    let seeds: usize = argument(1).and_then(|count| count.parse().ok()).unwrap_or(20);
+    let only = argument(2);
+    let is_wanted = |part: &str| only.as_deref().is_none_or(|only| only == part);
+    let begun = Instant::now();
+    let motions = POINTS.map(|rpm| (format!("({}, {})", rpm[0], rpm[1]), motion(rpm, 0.0)));
+    if is_wanted("model") {
+        println!("{seeds} trials a point, each with another measured sensor; share that differs, mean ± of an angle\n");
+        println!("| compared with | rpm | yaw | pitch | roll |\n| --- | --- | --- | --- | --- |");
+        let mut rows = Vec::new();
+        for (point, truth) in &motions {
+            let same = against_model(seeds, truth, truth);
+            println!("| its own model | {point} | {} |", steady(&same));
+            rows.push(format!("| {point} | {} |", transients(&same)));
+        }
+        println!("\nTheir transients: share that differs, median error of the allowed\n");
+        println!("| rpm | yaw | pitch | roll | settling time |\n| --- | --- | --- | --- | --- |");
+        rows.iter().for_each(|row| println!("{row}"));
+    }
+    if is_wanted("viscosity") {
+        println!("\nShare that differs where the model has less viscosity, in any angle; mean ± of an angle\n");
+        println!("| less viscosity | rpm | yaw | pitch | roll | any |\n| --- | --- | --- | --- | --- | --- |");
+        for ((point, model), rpm) in motions.iter().zip(POINTS) {
+            for change in CHANGES {
+                let all = against_model(seeds, &motion(rpm, change), model);
+                let any = percent(&all, |one| !one.differences.is_empty());
+                println!("| {:.0} % | {point} | {} | {any:.0} % |", 100.0 * change, steady(&all));
+            }
+        }
+    }
+    if is_wanted("recordings") {
+        println!("\nTwo recordings of one motion; the sensors were not measured\n");
+        println!("| recorded by | rpm | yaw | pitch | roll |\n| --- | --- | --- | --- | --- |");
+        for (point, truth) in &motions {
+            for (name, is_one_sensor) in [("one sensor", true), ("two sensors", false)] {
+                println!("| {name} | {point} | {} |", steady(&against_each_other(seeds, truth, is_one_sensor)));
+            }
+        }
+    }
+    if is_wanted("repeats") {
+        println!("\nScatter of {REPEATS} repeats: share beyond the interval of the budget\n");
+        println!("| rpm | yaw | pitch | roll |\n| --- | --- | --- | --- |");
+        for (point, truth) in &motions {
+            println!("| {point} | {} |", scatter(seeds, truth));
+        }
+    }
+    println!("\n{:.0} s", begun.elapsed().as_secs_f64());
+}

@@ -1,0 +1,35 @@
+//! Trials of a rig that is computed: the motion of the model, a sensor drawn from its data sheet, and the filter of the
+//! firmware. Nothing of the sensor is taken from what reads the logs.
+
+mod motion;
+mod part;
+mod random;
+mod recording;
+
+pub use motion::{Motion, Phases};
+pub use part::Part;
+pub use random::Random;
+pub use recording::{Recording, Rig};
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Interval of the board's frames, s.
+const TICK_S: f64 = 0.005;
+
+/// Calls a function with the numbers from 0 to `count`, on both cores, and returns its results in their order.
+pub fn each<T: Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let (next, all) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    let work = || loop {
+        let i = next.fetch_add(1, Ordering::Relaxed);
+        if i >= count {
+            return;
+        }
+        let made = of(i);
+        all.lock().expect("no panic").push((i, made));
+    };
+    std::thread::scope(|scope| (0..2).for_each(|_| drop(scope.spawn(work))));
+    let mut all = all.into_inner().expect("no panic");
+    all.sort_by_key(|(i, _)| *i);
+    all.into_iter().map(|(_, made)| made).collect()
+}
