@@ -6,7 +6,7 @@
 //! AIM_CASES=200 cargo test --release -p host --test all aim -- --ignored --nocapture
 //! ```
 
-use host::aim::{self, Aimed, Attitude, Model, Quantity, Target};
+use host::aim::{self, Aimed, Attitude, Known, Model, Quantity, Target};
 use serde_json::Value;
 use sim::body::closure::Closure;
 use sim::params::Robot;
@@ -31,8 +31,9 @@ fn yaw_and_pitch(attitude: &Attitude) -> Target {
 }
 
 fn aimed(target: &Target) -> Aimed {
-    let model = Model { robot: &Robot::default(), goes_on: &|| true, solved: &|| {} };
-    aim::aim(&model, &[], &aim::shipped().unwrap(), target).unwrap()
+    let robot = Robot::default();
+    let model = Model { robot: &robot, goes_on: &|| true, solved: &|| {} };
+    aim::aim(&model, &Known::new(&robot, None), &aim::shipped().unwrap(), target).unwrap()
 }
 
 fn biflag(args: &[&str]) -> (Output, Value) {
@@ -85,11 +86,17 @@ fn exchanged_motors_lean_the_robot_to_the_other_side() {
     }
 }
 
+/// A robot whose viscosity is fitted to some 2 %, most of it by the scatter of a few independent residuals.
+const FITTED: &str = "[fluid]\nviscosity_pa_s = 1.1\n\n# made by hand\n[fit]\nclosure = \"full\"\n\
+    fitted_to = \"simulation\"\nis_described = true\ndegrees_of_freedom = 2.7\ncovariance = [[4.84e-4]]\n\
+    scatter_covariance = [[4.4e-4]]\n\n[[fit.parameters]]\nname = \"viscosity\"\nkey = \"fluid.viscosity_pa_s\"\n\
+    unit = \"Pa s\"\nstart = 1.0\nvalue = 1.1\nstd_error = 0.022\ninterval_95 = [1.03, 1.17]\n";
+
 #[test]
 fn a_plan_has_the_speeds_and_the_robot() {
     let folder = tempfile::tempdir().unwrap();
     let (robot, out) = (folder.path().join("thick.toml"), folder.path().join("plan.toml"));
-    std::fs::write(&robot, "# viscosity (fluid.viscosity_pa_s): 1.10000e0 Pa s, standard error 2.2e-2, 95 % 1 to 2; it was 1\n[fluid]\nviscosity_pa_s = 1.1\n").unwrap();
+    std::fs::write(&robot, FITTED).unwrap();
     let args = ["--yaw=-40", "--pitch", "2", "--robot", path(&robot), "-o", path(&out)];
     let (output, json) = biflag(&args);
     assert_eq!(output.status.code(), Some(0), "{json}");
@@ -97,8 +104,11 @@ fn a_plan_has_the_speeds_and_the_robot() {
     // The yaw is nearly proportional to the viscosity, whose standard error is 2 %.
     let error = first["std_error_deg"][0].as_f64().unwrap();
     assert!(error > 0.4 && error < 1.2, "{first:#}");
+    assert_eq!((&json["confidence"], &json["doubts"]), (&0.95.into(), &serde_json::json!([])));
+    // Student's quantile for the 2.7 degrees of freedom of nine tenths of the variance is 3.2.
     let ci: Vec<f64> = first["yaw_ci_deg"].as_array().unwrap().iter().map(|bound| bound.as_f64().unwrap()).collect();
-    assert!(ci[1] - ci[0] > 2.0 * 1.9 * error, "{first:#}");
+    assert!(ci[1] - ci[0] > 2.0 * 3.0 * error && ci[1] - ci[0] < 2.0 * 3.6 * error, "{first:#}");
+    assert!(first["model_error_deg"].is_null(), "a simulation has no error of the model: {first:#}");
 
     let plan = host::plan::Plan::load(&out).unwrap();
     assert_eq!(plan.trials.len(), json["solutions"].as_array().unwrap().len());
@@ -109,6 +119,54 @@ fn a_plan_has_the_speeds_and_the_robot() {
     let (output, json) = biflag(&args);
     assert_eq!(output.status.code(), Some(2), "{json}");
     assert!(json["error"].as_str().unwrap().contains("already exists"), "{json}");
+}
+
+/// What is known of a robot survives a program that knows nothing but TOML. Where it is not known, nothing is called a 95 %
+/// interval.
+#[test]
+fn intervals_are_those_of_the_fit_or_have_no_confidence() {
+    let folder = tempfile::tempdir().unwrap();
+    let aimed = |text: &str| {
+        let robot = folder.path().join("robot.toml");
+        std::fs::write(&robot, text).unwrap();
+        let (output, json) = biflag(&["--yaw=-40", "--pitch", "2", "--robot", path(&robot)]);
+        (output.status.code().unwrap(), json)
+    };
+    let (_, fitted) = aimed(FITTED);
+    let reformatted = toml::to_string_pretty(&FITTED.parse::<toml::Table>().unwrap()).unwrap();
+    assert!(reformatted != FITTED && !reformatted.contains('#'));
+    let (code, same) = aimed(&reformatted);
+    assert_eq!((code, &same["solutions"]), (0, &fitted["solutions"]));
+
+    let reason = |json: &Value| json["doubts"][0]["reason"].as_str().unwrap_or_default().to_owned();
+    let real = FITTED.replace("simulation", "robot");
+    let (code, real) = aimed(&real);
+    assert_eq!((code, &real["confidence"]), (0, &0.95.into()));
+    let width = |json: &Value| {
+        let bound = |i: usize| json["solutions"][0]["pitch_ci_deg"][i].as_f64().unwrap();
+        bound(1) - bound(0)
+    };
+    let of_model = real["solutions"][0]["model_error_deg"][1].as_f64().unwrap();
+    assert!(of_model > 1.0 && width(&real) > 2.0 * of_model && width(&fitted) < of_model, "{real:#}");
+
+    let old = "# viscosity (fluid.viscosity_pa_s): 1.10000e0 Pa s, standard error 2.2e-2, 95 % 1 to 2; it was 1\n\
+               [fluid]\nviscosity_pa_s = 1.1\n";
+    for (text, code, words) in [
+        (old, 3, "an earlier version"),
+        ("[fluid]\nviscosity_pa_s = 1.1\n", 0, "were not fitted"),
+        (&FITTED.replace("\"full\"", "\"lumped\""), 3, "for the closure lumped"),
+    ] {
+        let (found, json) = aimed(text);
+        assert_eq!((found, &json["confidence"]), (code, &Value::Null), "{json:#}");
+        assert!(reason(&json).contains(words), "{json:#}");
+        assert!(!json["solutions"][0]["yaw_ci_deg"].is_null());
+    }
+    let (code, json) = aimed(&FITTED.replace("degrees_of_freedom = 2.7", "degrees_of_freedom = -1.0"));
+    assert_eq!(code, 2, "{json}");
+    assert!(
+        json["error"].as_str().unwrap().contains("robot.toml:9:22: [fit] degrees_of_freedom: -1 is less than 1"),
+        "{json}"
+    );
 }
 
 #[test]

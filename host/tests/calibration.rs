@@ -8,18 +8,21 @@
 //! ```
 
 use biflag_log::schema::biflag::{self, event::Kind};
-use biflag_log::{BoardMeta, End, FORMAT, Summary, TrialMeta};
+use biflag_log::{BoardMeta, End, FORMAT, ModelMeta, Summary, TrialMeta};
 use host::trial::{Collector, Data, Records, Want};
+use host::twin::TwinError;
 use host::twin::calibrate::{Calibration, Estimate, FitTrial, Parameter, Request, calibrate};
-use nalgebra::UnitQuaternion;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use sim::body::closure::Closure;
-use sim::params::{Glycerol, Robot};
+use sim::params::{Glycerol, Robot, Tank};
 use sim::profile::{Phases, SpeedProfile};
+use sim::sample::Sample;
 use sim::trial::{Options, Trial};
 use std::f64::consts::TAU;
 
 /// During the calibration phase the flagella sag to their equilibrium.
 const PHASES: Phases = Phases { calibrate: 40.0, preroll: 20.0, run: 40.0, decay: 15.0, ramp: 0.25, reverse: None };
+const RATE_HZ: f64 = 100.0;
 const SPEEDS: [[f64; 2]; 3] = [[50.0, 10.0], [-90.0, 90.0], [0.0, 45.0]];
 
 /// A linear congruential generator (Knuth's MMIX): the same draws on every machine.
@@ -37,11 +40,68 @@ impl Draw {
     }
 }
 
-/// The parameters that a fit must recover.
+/// Systematic errors of a sensor.
+struct Part {
+    gyro: Matrix3<f64>,
+    /// Rate per standard gravity, °/s.
+    gyro_g_dps: Matrix3<f64>,
+    accel: Matrix3<f64>,
+}
+
+impl Part {
+    fn ideal() -> Self {
+        Self { gyro: Matrix3::identity(), gyro_g_dps: Matrix3::zeros(), accel: Matrix3::identity() }
+    }
+
+    /// Returns a part within the limits of PS-MPU-6000A revision 3.4, sections 6.1 and 6.2.
+    fn typical(draw: &mut Draw) -> Self {
+        let mut matrix = |diagonal: f64, others: f64| {
+            Matrix3::from_fn(
+                |i, j| if i == j { draw.within(-diagonal, diagonal) } else { draw.within(-others, others) },
+            )
+        };
+        let (gyro, accel) = (Matrix3::identity() + matrix(0.03, 0.02), Matrix3::identity() + matrix(0.03, 0.02));
+        Self { gyro, gyro_g_dps: matrix(0.1, 0.1), accel }
+    }
+
+    /// Returns the attitude by the board's filter from the readings of the part, whose calibration at rest has removed what
+    /// gravity adds to the rates there.
+    fn attitudes(&self, truth: &[UnitQuaternion<f64>], step_s: f64) -> Vec<UnitQuaternion<f64>> {
+        const KP: f64 = 1.0;
+        let up = |attitude: &UnitQuaternion<f64>| attitude.inverse() * Vector3::z();
+        let rest = up(&truth[0]);
+        let mut seen = UnitQuaternion::rotation_between(&(self.accel * rest), &Vector3::z()).unwrap() * truth[0];
+        let mut all = vec![seen];
+        for pair in truth.windows(2) {
+            let rate = (pair[0].inverse() * pair[1]).scaled_axis() / step_s;
+            let of_gravity = (self.gyro_g_dps * (up(&pair[1]) - rest)).map(f64::to_radians);
+            let correction = (self.accel * up(&pair[1])).normalize().cross(&up(&seen)) * KP;
+            seen *= UnitQuaternion::from_scaled_axis((self.gyro * rate + of_gravity + correction) * step_s);
+            all.push(seen);
+        }
+        all
+    }
+}
+
+/// The parameters that a fit must recover, and the sensor.
 struct Hidden {
     robot: Robot,
     mount_yaw_deg: f64,
     mount_tilt_deg: [f64; 2],
+    part: Part,
+    temperature_c: f64,
+}
+
+impl Default for Hidden {
+    fn default() -> Self {
+        Self {
+            robot: Robot::published(),
+            mount_yaw_deg: 0.0,
+            mount_tilt_deg: [0.0; 2],
+            part: Part::ideal(),
+            temperature_c: 20.0,
+        }
+    }
 }
 
 impl Hidden {
@@ -53,7 +113,7 @@ impl Hidden {
         robot.base.rotational_drag *= draw.within(0.8, 1.2);
         robot.fluid.viscosity_pa_s *= draw.within(0.8, 1.2);
         let mount_tilt_deg = [draw.within(-2.0, 2.0), draw.within(-2.0, 2.0)];
-        Self { robot, mount_yaw_deg: draw.within(-5.0, 5.0), mount_tilt_deg }
+        Self { robot, mount_yaw_deg: draw.within(-5.0, 5.0), mount_tilt_deg, ..Self::default() }
     }
 
     fn value(&self, estimate: &Estimate) -> f64 {
@@ -67,14 +127,24 @@ impl Hidden {
         }
     }
 
-    /// Simulates a trial as measured by a board at 100 Hz. The gyroscope's bias after calibration, its walk and the
+    /// Simulates a trial as measured by a board at 100 Hz.
+    fn trial(&self, speeds: [f64; 2], draw: &mut Draw) -> Data {
+        self.measured(speeds, &self.motion(speeds), draw)
+    }
+
+    /// Returns the motion of the robot from the pre-roll on, at 100 Hz.
+    fn motion(&self, speeds: [f64; 2]) -> Vec<Sample> {
+        let profile = SpeedProfile::phases(&PHASES, speeds).unwrap();
+        let options = Options { rate_hz: RATE_HZ, shapes: false };
+        let samples = Trial::new(&self.robot, Closure::Full, profile, options).unwrap().map(Result::unwrap);
+        samples.filter(|sample| sample.time_s >= PHASES.calibrate).collect()
+    }
+
+    /// Returns the trial that a board measures of a motion. The gyroscope's bias after calibration, its walk and the
     /// random walk of the angle are those of an MPU6050; the noise of the tilts has a correlation time of a second,
     /// like the filter's.
-    fn trial(&self, speeds: [f64; 2], draw: &mut Draw) -> Data {
-        let profile = SpeedProfile::phases(&PHASES, speeds).unwrap();
-        let rate_hz = 100.0;
-        let step: f64 = 1.0 / rate_hz;
-        let options = Options { rate_hz, shapes: false };
+    fn measured(&self, speeds: [f64; 2], motion: &[Sample], draw: &mut Draw) -> Data {
+        let step = 1.0 / RATE_HZ;
         let deg = |deg: f64| deg.to_radians();
         let mount = UnitQuaternion::from_euler_angles(0.0, 0.0, deg(self.mount_yaw_deg));
         let (mut yaw, mut bias, mut tilt) = (draw.within(-180.0, 180.0), draw.within(-0.05, 0.05), [0.0; 2]);
@@ -83,34 +153,30 @@ impl Hidden {
         for (time_s, phase) in [(0.0, "preroll"), (20.0, "run"), (60.0, "decay"), (75.0, "end")] {
             collector.event(time_s, Kind::Phase, phase);
         }
-        for sample in Trial::new(&self.robot, Closure::Full, profile, options).unwrap() {
-            let sample = sample.unwrap();
-            let time_s = sample.time_s - PHASES.calibrate;
-            if time_s < 0.0 {
-                continue;
-            }
+        let truth = motion.iter().map(|sample| {
+            let [w, x, y, z] = sample.attitude;
+            UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z)) * mount
+        });
+        let attitudes = self.part.attitudes(&truth.collect::<Vec<_>>(), step);
+        for (sample, attitude) in motion.iter().zip(attitudes) {
             bias += 2e-4 * step.sqrt() * draw.normal();
             yaw += bias * step + 0.005 * step.sqrt() * draw.normal();
             for tilt in &mut tilt {
                 *tilt += -*tilt * step + noise * (2.0 * step).sqrt() * draw.normal();
             }
-            let [w, x, y, z] = sample.attitude;
-            let truth = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
             let [pitch, roll] = [0, 1].map(|k| deg(tilt[k] + self.mount_tilt_deg[k]));
             let seen = UnitQuaternion::from_euler_angles(0.0, 0.0, deg(yaw))
-                * truth
-                * mount
+                * attitude
                 * UnitQuaternion::from_euler_angles(roll, pitch, 0.0);
             let q15 = |part: f64| (part * 32768.0).round() / 32768.0;
-            let attitude = [seen.w, seen.i, seen.j, seen.k].map(q15);
-            let [w, x, y, z] = attitude;
+            let [w, x, y, z] = [seen.w, seen.i, seen.j, seen.k].map(q15);
             let [motor1, motor2] = sample.motor_angle_rad.map(|angle| {
                 Some(biflag::Motor { turns: (angle / TAU * 1204.44).round() / 1204.44, ..biflag::Motor::default() })
             });
             collector.telemetry(&biflag::Telemetry {
-                time_s,
+                time_s: sample.time_s - PHASES.calibrate,
                 attitude: Some(biflag::Quaternion { w, x, y, z }),
-                temperature_c: 20.0,
+                temperature_c: self.temperature_c,
                 imu_fresh: true,
                 motor1,
                 motor2,
@@ -118,9 +184,17 @@ impl Hidden {
             });
         }
         let [w1_rpm, w2_rpm] = speeds;
-        let trial = TrialMeta { w1_rpm, w2_rpm, calibrate_s: PHASES.calibrate, ..TrialMeta::default() };
+        let trial = TrialMeta {
+            name: format!("{w1_rpm}, {w2_rpm} rpm"),
+            w1_rpm,
+            w2_rpm,
+            calibrate_s: PHASES.calibrate,
+            ..TrialMeta::default()
+        };
         let summary = Some(Summary { end: End::Complete, ..Summary::default() });
-        let records = Records { trial: Some(trial), summary, ..Records::default() };
+        // A simulated robot, against which the model has no error.
+        let model = Some(ModelMeta::default());
+        let records = Records { trial: Some(trial), summary, model, ..Records::default() };
         collector.finish(format!("{speeds:?}").as_ref(), records)
     }
 }
@@ -130,9 +204,13 @@ fn fit(seed: u64, speeds: &[[f64; 2]]) -> (Hidden, Calibration) {
     draw.normal();
     let hidden = Hidden::draw(&mut draw);
     let trials: Vec<_> = speeds.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
-    let request = Request { robot: None, closure: None, parameters: Vec::new(), jobs: 2 };
-    let trials = trials.iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
-    (hidden, calibrate(trials, &request, &|| true).unwrap())
+    (hidden, fitted(&Robot::published(), &[], &trials).unwrap())
+}
+
+/// Fits parameters to trials from a robot on.
+fn fitted(start: &Robot, parameters: &[Parameter], trials: &[Data]) -> Result<Calibration, TwinError> {
+    let request = Request { robot: Some(start.clone()), closure: None, parameters: parameters.to_vec(), jobs: 2 };
+    calibrate(trials.iter().map(|trial| FitTrial::new(trial).unwrap()).collect(), &request, &|| true)
 }
 
 /// Number of intervals that contain the truth, for each parameter and for all at once.
@@ -195,22 +273,94 @@ fn calibration_recovers_hidden_robots() {
     assert!(calibration.rmse_after_deg < 0.1 * calibration.rmse_before_deg);
 }
 
+/// A sensor has one scale error in all of its trials, which more trials do not average; other boards have others.
 #[test]
-fn viscosity_of_a_mixture_starts_from_the_logged_temperature() {
-    let (seen, at) = (20.0, |temperature_c| Glycerol { mass_fraction: 0.99, temperature_c });
+fn errors_of_a_sensor_are_common_to_its_trials() {
+    let mut draw = Draw(11);
+    let (mut robot, part) = (Robot::published(), Part::typical(&mut draw));
+    robot.fluid.viscosity_pa_s = 0.9137;
+    robot.joint.tether_full_nm_per_rad *= 1.0713;
+    let hidden = Hidden { robot, part, ..Hidden::default() };
+    let speeds = [[50.3, 10.7], [-71.9, 83.6]];
+    let motions = speeds.map(|speeds| hidden.motion(speeds));
+    let mut trials: Vec<Data> = (0..4).map(|i| hidden.measured(speeds[i % 2], &motions[i % 2], &mut draw)).collect();
+    let parameters = [Parameter::Viscosity, Parameter::Tether];
+    let relative = |calibration: &Calibration| {
+        let estimates = calibration.parameters.iter();
+        estimates.map(|estimate| estimate.std_error / estimate.value).collect::<Vec<_>>()
+    };
+
+    let two = fitted(&Robot::published(), &parameters, &trials[..2]).unwrap();
+    for (estimate, truth) in
+        two.parameters.iter().zip([0.9137, 1.0713 * Robot::published().joint.tether_full_nm_per_rad])
+    {
+        let [low, high] = estimate.interval_95;
+        println!("{} {:.4e} (truth {truth:.4e}), {low:.4e} to {high:.4e}", estimate.name, estimate.value);
+        assert!((low..=high).contains(&truth), "{estimate:?}");
+    }
+    assert!(two.misfits.is_empty() && two.cannot_tell.is_empty(), "{two:?}");
+    let copies: Vec<Data> = [0, 1, 0, 1].map(|i| trials[i].clone()).to_vec();
+    let copied = fitted(&Robot::published(), &parameters, &copies).unwrap();
+    assert_eq!(copied.parameters, two.parameters, "a copy is no evidence");
+    assert_eq!(copied.warnings.iter().filter(|text| text.contains("the same recording")).count(), 2, "{copied:?}");
+
+    let four = fitted(&Robot::published(), &parameters, &trials).unwrap();
+    for (board_id, trial) in trials.iter_mut().enumerate() {
+        trial.records.board = Some(BoardMeta { board_id: 1 + board_id as u16, ..BoardMeta::default() });
+    }
+    let boards = fitted(&Robot::published(), &parameters, &trials).unwrap();
+    let [two, four, boards] = [two, four, boards].each_ref().map(relative);
+    println!("standard errors, relative: 2 trials {two:.4?}, 4 trials {four:.4?}, 4 boards {boards:.4?}");
+    assert!(four[0] > 0.9 * two[0] && four[0] <= 1.01 * two[0], "the sensor's errors remain");
+    assert!(boards[0] < 0.8 * four[0], "those of four boards are averaged");
+
+    let mounted = [Parameter::Viscosity, Parameter::MountYaw];
+    let error = fitted(&Robot::published(), &mounted, &trials).unwrap_err().to_string();
+    assert!(error.contains("mount-yaw is the mounting of one sensor, and the trials are of 4 boards"), "{error}");
+}
+
+/// A robot in a tank, fitted by one in an unbounded fluid: whatever tether and viscosity are, the tilts do not fit.
+#[test]
+fn wrong_model_is_named() {
+    let mut draw = Draw(12);
+    let part = Part::typical(&mut draw);
+    let robot = Robot { tank: Some(Tank::published()), ..Robot::default() };
+    let hidden = Hidden { robot, part, ..Hidden::default() };
+    let trials = [[50.3, 10.7], [-71.9, 83.6]].map(|speeds| hidden.trial(speeds, &mut draw));
+    let fit = |start: &Robot| fitted(start, &[Parameter::Viscosity, Parameter::Tether], &trials).unwrap();
+    let wrong = fit(&Robot::default());
+    println!("{:#?}", wrong.misfits);
+    assert!(wrong.misfits.iter().any(|text| text.contains("residual of the roll")), "{wrong:?}");
+    assert!(wrong.misfits.last().unwrap().contains("the model does not describe these trials"), "{wrong:?}");
+    assert!(!wrong.fit().is_described);
+}
+
+#[test]
+fn each_trial_has_the_viscosity_of_its_temperature() {
+    let at = |temperature_c| Glycerol { mass_fraction: 0.99, temperature_c };
+    let trial = |temperature_c, speeds, draw: &mut Draw| {
+        let mut robot = Robot::published();
+        // What is measured is a little thinner than the mixture.
+        robot.fluid.viscosity_pa_s = 0.96 * at(temperature_c).viscosity_pa_s();
+        Hidden { robot, temperature_c, ..Hidden::default() }.trial(speeds, draw)
+    };
+    let mut draw = Draw(3);
+    let trials = [trial(19.3, SPEEDS[0], &mut draw), trial(24.7, SPEEDS[2], &mut draw)];
+    assert_eq!(trials[1].temperature_c, 24.7);
     let mut robot = Robot::published();
     robot.fluid.glycerol = Some(at(5.0));
-    let mut draw = Draw(3);
-    let trial =
-        Hidden { robot: Robot::published(), mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] }.trial(SPEEDS[0], &mut draw);
-    assert_eq!(trial.temperature_c, seen);
-    let request = Request { robot: Some(robot), closure: None, parameters: vec![Parameter::Viscosity], jobs: 1 };
-    let calibration = calibrate(vec![FitTrial::new(&trial).unwrap()], &request, &|| true).unwrap();
+    let calibration = fitted(&robot, &[Parameter::Viscosity], &trials).unwrap();
     let [viscosity] = calibration.parameters.as_slice() else { panic!("{calibration:?}") };
-    assert_eq!(viscosity.start, at(seen).viscosity_pa_s());
-    assert!(calibration.warnings.iter().any(|text| text.contains("99.0 % glycerol at the sensor's 20.0 °C")));
+    assert_eq!(viscosity.start, at(22.0).viscosity_pa_s());
+    let text = calibration.warnings.join("\n");
+    assert!(
+        text.contains("99.0 % glycerol at the sensor's mean 22.0 °C") && text.contains("19.3 °C to 24.7 °C"),
+        "{text}"
+    );
     assert!(calibration.robot.fluid.glycerol.is_none(), "the fitted value replaces the mixture");
-    assert!((viscosity.value - 1.0).abs() < 0.05, "{viscosity:?}");
+    println!("{:.4} of the mixture, standard error {:.4}", viscosity.value / viscosity.start, viscosity.std_error);
+    assert!((viscosity.value / viscosity.start - 0.96).abs() < 0.02, "{viscosity:?}");
+    assert!(calibration.misfits.is_empty(), "{calibration:?}");
 }
 
 /// A fit from a start that is too far is refused at its limit, or says that it did not move or tells nothing: a sensor with
@@ -218,13 +368,9 @@ fn viscosity_of_a_mixture_starts_from_the_logged_temperature() {
 #[test]
 fn a_start_that_is_too_far_is_reported() {
     let mut draw = Draw(3);
-    let hidden = Hidden { robot: Robot::published(), mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] };
+    let hidden = Hidden::default();
     let trial = hidden.trial(SPEEDS[0], &mut draw);
-    let fit = |robot: &Robot, parameter| {
-        let robot = Some(robot.clone());
-        let request = Request { robot, closure: None, parameters: vec![parameter], jobs: 2 };
-        calibrate(vec![FitTrial::new(&trial).unwrap()], &request, &|| true)
-    };
+    let fit = |robot: &Robot, parameter| fitted(robot, &[parameter], std::slice::from_ref(&trial));
     let mut robot = Robot::published();
     robot.fluid.viscosity_pa_s *= 15.0;
     let fitted = fit(&robot, Parameter::Viscosity).unwrap();
@@ -243,12 +389,9 @@ fn a_start_that_is_too_far_is_reported() {
 #[test]
 fn a_sensor_that_looks_backwards_is_found() {
     let mut draw = Draw(5);
-    let hidden = Hidden { robot: Robot::published(), mount_yaw_deg: 175.0, mount_tilt_deg: [0.0; 2] };
+    let hidden = Hidden { mount_yaw_deg: 175.0, ..Hidden::default() };
     let trials: Vec<_> = SPEEDS.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
-    let trials = trials.iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
-    let robot = Some(Robot::published());
-    let request = Request { robot, closure: None, parameters: vec![Parameter::MountYaw], jobs: 2 };
-    let calibration = calibrate(trials, &request, &|| true).unwrap();
+    let calibration = fitted(&Robot::published(), &[Parameter::MountYaw], &trials).unwrap();
     let [mount] = calibration.parameters.as_slice() else { panic!("{calibration:?}") };
     assert!((mount.value - 175.0).abs() < 3.0 || (mount.value + 185.0).abs() < 3.0, "{mount:?}");
 }
@@ -261,12 +404,9 @@ fn calibration_finds_the_phases_of_the_flagella() {
         let mut draw = Draw(7);
         let mut robot = Robot::published();
         robot.flagellum.phase_deg = phase_deg;
-        let hidden = Hidden { robot, mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] };
+        let hidden = Hidden { robot, ..Hidden::default() };
         let trials: Vec<_> = speeds.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
-        let trials = trials.iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
-        let start = Some(Robot::published());
-        let request = Request { robot: start, closure: None, parameters: vec![Parameter::Phase], jobs: 2 };
-        let calibration = calibrate(trials, &request, &|| true).unwrap();
+        let calibration = fitted(&Robot::published(), &[Parameter::Phase], &trials).unwrap();
         assert_eq!(
             calibration.parameters.iter().map(|estimate| estimate.name).collect::<Vec<_>>(),
             ["phase", "phase-both"]
@@ -300,16 +440,13 @@ fn calibration_finds_the_phases_of_the_flagella() {
 #[test]
 fn a_phase_that_does_not_matter_or_is_not_one_is_refused() {
     let mut draw = Draw(8);
-    let hidden = Hidden { robot: Robot::published(), mount_yaw_deg: 0.0, mount_tilt_deg: [0.0; 2] };
+    let hidden = Hidden::default();
     let board = |boot_count| Some(BoardMeta { board_id: 1, boot_count, ..BoardMeta::default() });
     let mut trials = [[50.0, 10.0], [90.0, 0.0], [90.0, 0.0]].map(|speeds| hidden.trial(speeds, &mut draw));
     trials[1].records.board = board(4);
     trials[2].records.board = board(5);
     for (range, reason) in [(0..1, "does not matter at the speeds"), (1..3, "come from 2 starts of the board")] {
-        let trials = trials[range].iter().map(|trial| FitTrial::new(trial).unwrap()).collect();
-        let start = Some(Robot::published());
-        let request = Request { robot: start, closure: None, parameters: vec![Parameter::Phase], jobs: 1 };
-        let error = calibrate(trials, &request, &|| true).unwrap_err().to_string();
+        let error = fitted(&Robot::published(), &[Parameter::Phase], &trials[range]).unwrap_err().to_string();
         assert!(error.contains(reason), "{error}");
     }
 }

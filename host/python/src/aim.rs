@@ -8,9 +8,8 @@ use crate::threads;
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
-use study::aim::{Aimed, Columns, Model, Quantity, Table, Target, load, of_columns, plan, shipped};
+use study::aim::{Aimed, Columns, Known, Model, Quantity, Table, Target, load, of_columns, plan, shipped};
 use study::output;
-use study::twin::calibrate::std_errors;
 
 /// A table that proposes speeds.
 #[derive(FromPyObject)]
@@ -60,7 +59,8 @@ pub fn aim(
         };
         let goes_on = || !stop.load(Ordering::Relaxed);
         let model = Model { robot: params, goes_on: &goes_on, solved: &|| {} };
-        Ok(pool.install(|| study::aim::aim(&model, &std_errors(&file.text), &table, &target))?)
+        let known = Known::new(params, file.fit()?);
+        Ok(pool.install(|| study::aim::aim(&model, &known, &table, &target))?)
     })?;
     Ok(Answer { robot, target, aimed })
 }

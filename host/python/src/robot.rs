@@ -7,8 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyInt, PyMapping, PySequence, PyString, PyTuple, PyType};
 use sim::params;
 use std::path::PathBuf;
-use study::plan::{PHYSICAL, PUBLISHED, RobotFile, robot};
-use study::twin::calibrate::std_errors;
+use study::plan::{PHYSICAL, PUBLISHED, RobotFile, robot, with_fit};
 use toml::{Table, Value};
 
 /// Parameters of a robot, its fluid and the solver. It never changes.
@@ -28,6 +27,11 @@ impl Robot {
     pub fn of_params(params: params::Robot, name: &str) -> Self {
         let text = to_toml(&params);
         Self { params, file: RobotFile { name: name.to_owned(), text } }
+    }
+
+    /// Returns the text of a robot file with other parameters and this robot's fit.
+    fn text_of(&self, params: &params::Robot) -> Result<String, Failure> {
+        Ok(with_fit(params, self.file.fit()?.as_ref()))
     }
 
     /// Returns the parameters with other values.
@@ -83,13 +87,13 @@ impl Robot {
         let params = self.with(&values)?;
         params.validate().map_err(Failure::from)?;
         let base = self.file.name.trim_end_matches(" (changed)");
-        let (name, text) = (format!("{base} (changed)"), with_std_errors(&params, &self.file.text));
+        let (name, text) = (format!("{base} (changed)"), self.text_of(&params)?);
         Ok(Self { params, file: RobotFile { name, text } })
     }
 
-    /// Returns every parameter as the text of a robot file, with the standard errors of those that were fitted.
-    fn to_toml(&self) -> String {
-        with_std_errors(&self.params, &self.file.text)
+    /// Returns every parameter as the text of a robot file, with what is known of those that were fitted.
+    fn to_toml(&self) -> Result<String, Failure> {
+        self.text_of(&self.params)
     }
 
     /// Returns every parameter as a dictionary of tables.
@@ -127,7 +131,7 @@ impl Robot {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let rebuild = PyType::new::<Self>(py).getattr("_of_file")?;
-        let text = if self.file.text.is_empty() { String::new() } else { self.to_toml() };
+        let text = if self.file.text.is_empty() { String::new() } else { self.to_toml()? };
         Ok((rebuild, (self.file.name.as_str(), text).into_pyobject(py)?))
     }
 
@@ -140,12 +144,6 @@ impl Robot {
 
 fn to_toml(params: &params::Robot) -> String {
     toml::to_string(params).unwrap_or_default()
-}
-
-/// Returns the text of a robot file with the standard errors that another one, `fitted`, says.
-fn with_std_errors(params: &params::Robot, fitted: &str) -> String {
-    let lines = fitted.lines().filter(|line| !std_errors(line).is_empty());
-    lines.map(|line| format!("{line}\n")).collect::<String>() + &to_toml(params)
 }
 
 /// Sets or removes the value of a dotted key.

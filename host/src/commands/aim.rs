@@ -1,13 +1,12 @@
 //! `biflag aim`: finds the speeds of an attitude.
 
 use super::{Answer, Outcome};
-use crate::aim::{self, AimError, Aimed, Attitude, Model, Quantity, Solution, Target};
+use crate::aim::{self, AimError, Aimed, Attitude, Doubt, Known, Model, Quantity, Solution, Target};
 use crate::output;
 use crate::plan::robot;
 use crate::progress::Progress;
 use crate::signals::interruption;
 use crate::text::{count, decimal, word};
-use crate::twin::calibrate::std_errors;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -36,8 +35,8 @@ pub struct Args {
     /// Thrust of both flagella along the robot's axis, N.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     thrust: Option<f64>,
-    /// The robot: a robot file, `physical` or `published`. The intervals include the standard errors in a file from
-    /// `calibrate`.
+    /// The robot: a robot file, `physical` or `published`. 95 % intervals need a file from `calibrate`, which has the
+    /// covariance of its fit.
     #[arg(long, value_name = "FILE|NAME", default_value = robot::PHYSICAL)]
     robot: PathBuf,
     /// The table of a sweep (CSV or Parquet) with the initial speeds; by default the map of the robot `physical`.
@@ -75,7 +74,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let file = robot::load(&args.robot)?;
     let robot = file.parse()?;
     let table = args.table.as_deref().map_or_else(aim::shipped, |path| aim::load(path, &robot))?;
-    let errors = std_errors(&file.text);
+    let known = Known::new(&robot, file.fit()?);
 
     let interrupted = interruption()?;
     let progress = Progress::new(USUAL_STATES as f64);
@@ -87,7 +86,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         progress.within(count.min(USUAL_STATES - 1) as f64);
     };
     let model = Model { robot: &robot, goes_on: &goes_on, solved: &solved };
-    let aimed = aim::aim(&model, &errors, &table, &target);
+    let aimed = aim::aim(&model, &known, &table, &target);
     progress.finish();
     let aimed = match aimed {
         Err(AimError::Interrupted) => {
@@ -104,7 +103,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
         _ => None,
     };
-    let outcome = if aimed.reachable { Outcome::Done } else { Outcome::WithLoss };
+    let is_sound = aimed.reachable && !aimed.doubts.iter().any(|doubt| doubt.is_grave);
+    let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
     let wanted = target.wanted.iter().map(|&(quantity, value)| Wanted { quantity, value }).collect();
     Answer::new(outcome, &Printed { robot: &file.name, wanted, aimed: &aimed, plan }, text)
 }
@@ -128,16 +128,19 @@ fn describe(robot: &str, target: &Target, aimed: &Aimed) -> String {
         }
     };
     for solution in aimed.solutions.iter().chain(&aimed.nearest) {
-        text += &describe_solution(solution);
+        text += &describe_solution(solution, aimed.confidence);
     }
-    if let Some(first) = aimed.solutions.iter().chain(&aimed.nearest).next() {
-        let [yaw, pitch, _] = first.model_error_deg.map(|deg| decimal(deg, 1));
-        let _ = write!(text, "note: the error of the model may add {yaw}° in yaw and {pitch}° in pitch and roll");
+    for Doubt { reason, is_grave } in &aimed.doubts {
+        let label = if *is_grave { "warning" } else { "note" };
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{label}: these are no 95 % intervals: {reason}");
     }
+    text.truncate(text.trim_end().len());
     text
 }
 
-fn describe_solution(solution: &Solution) -> String {
+fn describe_solution(solution: &Solution, confidence: Option<f64>) -> String {
+    let within = confidence.map_or("within".to_owned(), |confidence| format!("{:.0} %", 100.0 * confidence));
     let Solution { state, interval, .. } = solution;
     let Attitude { yaw_deg, pitch_deg, roll_deg, thrust_n } = state.attitude;
     let mut text = format!("\nw1 {}, w2 {} rpm\n", decimal(state.w1_rpm, 2), decimal(state.w2_rpm, 2));
@@ -148,13 +151,14 @@ fn describe_solution(solution: &Solution) -> String {
     ];
     // Writing to a string cannot fail.
     for (name, value, [low, high], axis) in angles {
-        let _ = write!(text, "  {name:<6} {:>8}°  95 % {} to {}", decimal(value, 2), decimal(low, 2), decimal(high, 2));
-        let spread = interval.phase_spread_deg[axis];
-        text += &if spread > 0.0 {
-            format!(", of which {}° by the starting phase\n", decimal(spread, 2))
-        } else {
-            "\n".into()
-        };
+        let _ =
+            write!(text, "  {name:<6} {:>8}°  {within} {} to {}", decimal(value, 2), decimal(low, 2), decimal(high, 2));
+        let model = interval.model_error_deg.map_or(0.0, |error| error[axis]);
+        let parts =
+            [(interval.phase_spread_deg[axis], "", "the starting phase"), (model, "± ", "the error of the model")];
+        let parts = parts.iter().filter(|(deg, ..)| *deg > 0.005);
+        let parts: Vec<_> = parts.map(|(deg, sign, of)| format!("{sign}{}° by {of}", decimal(*deg, 2))).collect();
+        text += &if parts.is_empty() { "\n".to_owned() } else { format!(", with {}\n", parts.join(" and ")) };
     }
     let error = decimal(solution.error_deg, 2);
     let _ = writeln!(

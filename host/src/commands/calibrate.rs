@@ -103,16 +103,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     calibration.findings.extend(left_out);
 
     output::write_new(&args.out, &calibrate::to_toml(&calibration))?;
-    let is_good =
-        calibration.warnings.is_empty() && calibration.cannot_tell.is_empty() && are_slight(&calibration.findings);
+    let is_good = calibration.is_sound() && are_slight(&calibration.findings);
     let outcome = if is_good { Outcome::Done } else { Outcome::WithLoss };
     let text = describe(&calibration, &args.out);
     Answer::new(outcome, &Calibrated { calibration: &calibration, robot: &args.out }, text)
-}
-
-/// Formats a value of a parameter, with an exponent only where it needs one.
-fn figure(value: f64) -> String {
-    if (0.01..1e4).contains(&value.abs()) { format!("{value:.4}") } else { format!("{value:.3e}") }
 }
 
 fn describe(calibration: &Calibration, out: &Path) -> String {
@@ -120,9 +114,10 @@ fn describe(calibration: &Calibration, out: &Path) -> String {
     // Writing to a string cannot fail.
     for p in &calibration.parameters {
         let [low, high] = p.interval_95;
-        let [start, value, low, high] = [p.start, p.value, low, high].map(figure);
+        let [start, value, low, high] = [p.start, p.value, low, high].map(text::figure);
         let _ = write!(text, "{:<10} {start:>11} {value:>11} {low:>11} to {high:>10}  {}", p.name, p.unit);
-        let model = p.model_error.map_or_else(String::new, |error| format!("; error of the model ± {error:.1e}"));
+        let model =
+            p.model_error.map_or_else(String::new, |error| format!("; ± {error:.1e} of it by the error of the model"));
         text += &model;
         text.push('\n');
     }
@@ -147,7 +142,7 @@ fn describe(calibration: &Calibration, out: &Path) -> String {
     for LogFinding { log, finding } in &calibration.findings {
         let _ = writeln!(text, "{}", finding_line(Some(log), finding));
     }
-    for line in calibration.cannot_tell.iter().chain(&calibration.warnings) {
+    for line in calibration.cannot_tell.iter().chain(&calibration.misfits).chain(&calibration.warnings) {
         let _ = writeln!(text, "warning: {line}");
     }
     for line in &calibration.notes {

@@ -6,8 +6,7 @@ use crate::plan::{HandTurn, Plan};
 use crate::session::{Attempt, Session, TrialState, is_in_use};
 use crate::text::{self, count, decimal, word};
 use crate::trial::{
-    AngleTerm, Angles, Budget, Data, Finding, Records, Repeat, Repeats, Want, Zeroed, findings,
-    scatter_of_repeats,
+    AngleTerm, Angles, Budget, Data, Finding, Records, Repeat, Repeats, Want, Zeroed, findings, scatter_of_repeats,
 };
 use biflag_log::{Condition, End, LinkStats, LogError, Summary};
 use rayon::prelude::*;

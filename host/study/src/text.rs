@@ -26,6 +26,11 @@ pub fn decimal(value: f64, decimals: usize) -> String {
     if is_zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
+/// Formats a value with four decimals, with an exponent only where it needs one.
+pub fn figure(value: f64) -> String {
+    if (0.01..1e4).contains(&value.abs()) { format!("{value:.4}") } else { format!("{value:.3e}") }
+}
+
 /// Formats a number like [`decimal`], with a sign unless it is zero.
 pub fn signed(value: f64, decimals: usize) -> String {
     let text = decimal(value, decimals);

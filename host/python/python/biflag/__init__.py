@@ -7,7 +7,7 @@
 Angles are in degrees, speeds in rpm, all else is SI. `biflag.gym` has environments for gymnasium.
 """
 
-from ._aim import Aimed, ContactChange, Solution, aim
+from ._aim import Aimed, ContactChange, Doubt, Solution, aim
 from ._biflag import Robot, __commit__, __version__
 from ._errors import Error, ParameterError
 from ._recording import Angles, Event, Recording, Session, read_log, read_session
@@ -24,6 +24,7 @@ __all__ = [
     "ComparedTrial",
     "Comparison",
     "ContactChange",
+    "Doubt",
     "Error",
     "Estimate",
     "Event",

@@ -42,15 +42,16 @@ class Solution:
     """"steady" if the motion repeats, "beating" if it was not found to but its means do not change, and "not_found" if they
     still do."""
     yaw_ci_deg: tuple[float, float]
-    """95 % interval, from the standard errors of the robot's file, the starting phase and the solver."""
+    """Interval from the covariance of the robot's fit, the starting phase, the error of the model and the solver;
+    :attr:`Aimed.confidence` says whether it is a 95 % interval."""
     pitch_ci_deg: tuple[float, float]
     roll_ci_deg: tuple[float, float]
     phase_spread_deg: tuple[float, float, float]
     """Largest less smallest yaw, pitch and roll of the starting phases."""
     std_error_deg: tuple[float, float, float]
     """Standard errors of yaw, pitch and roll from those of the robot's file."""
-    model_error_deg: tuple[float, float, float]
-    """What the model leaves out, in yaw, pitch and roll; it is not in the intervals."""
+    model_error_deg: tuple[float, float, float] | None
+    """What the model leaves out, in yaw, pitch and roll; ``None`` if the robot was fitted to a simulation."""
     contact: str
     """Whether the flagella are apart, touching or bundled."""
     contact_share: float
@@ -79,6 +80,15 @@ class Solution:
         return cls(**{**record, **tuples, "contact": record["contact"].lower(), "contact_change": change})
 
 
+@dataclass(frozen=True)
+class Doubt:
+    """Why the intervals have no stated confidence."""
+
+    reason: str
+    is_grave: bool
+    """Whether something should be done about it."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Aimed:
     """Speeds at which a robot takes an attitude. In a notebook it shows itself as a table."""
@@ -89,6 +99,10 @@ class Aimed:
     """Speeds at which the target is met, the nearest first."""
     nearest: Solution | None
     """The nearest attitude that was found, if there is no solution."""
+    confidence: float | None
+    """Confidence of the intervals, 0.95; ``None`` where it cannot be stated."""
+    doubts: list[Doubt]
+    """Why it cannot."""
     target: str
     """What was asked for."""
     robot: Robot
@@ -137,8 +151,8 @@ ABOUT = {
     "tilt_deg": "angle between the robot's axis and the vertical",
     "thrust_n": "thrust of both flagella along the robot's axis",
     "error_deg": "largest miss of the angles that were asked for",
-    "yaw_low_deg": "lower end of the 95 % interval",
-    "yaw_high_deg": "upper end of the 95 % interval",
+    "yaw_low_deg": "lower end of the interval",
+    "yaw_high_deg": "upper end of the interval",
     "contact": "whether the flagella are apart, touching or bundled",
     "contact_change_rpm": "distance to the nearest speeds with another contact",
 }
@@ -160,7 +174,7 @@ def aim(
     Two speeds give two quantities: name two of them, or more that agree.
 
     Args:
-        robot: The robot. The standard errors of one that was fitted, or of its file, count in the intervals.
+        robot: The robot. 95 % intervals need one that was fitted, or its file.
         yaw: Steady yaw in degrees; it is met modulo 360.
         pitch: Steady pitch in degrees.
         roll: Steady roll in degrees.
@@ -182,6 +196,8 @@ def aim(
         reachable=record["reachable"],
         solutions=[Solution._of(one) for one in record["solutions"]],
         nearest=Solution._of(nearest) if nearest else None,
+        confidence=record["confidence"],
+        doubts=[Doubt(**doubt) for doubt in record["doubts"]],
         target=answer.target(),
         robot=robot,
         _answer=answer,

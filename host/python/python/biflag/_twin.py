@@ -90,10 +90,11 @@ class Estimate:
     start: float
     value: float
     std_error: float
-    """Standard error from the noise of the measurement and the solver."""
+    """Standard error from the noise of the measurement, the errors of the sensor and the solver."""
     model_error: float | None
-    """By how much what the model leaves out may have changed the value."""
+    """By how much what the model leaves out may have changed the value; ``None`` for trials of a simulation."""
     interval_95: tuple[float, float]
+    """With the error of the model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,11 +108,11 @@ class Calibration:
     rmse_before_deg: float
     rmse_after_deg: float
     warnings: list[str]
-    """What the trials cannot tell, and further warnings."""
+    """What the trials cannot tell, residuals that the noise does not explain, and further warnings."""
     record: dict[str, Any]
     """Everything that ``biflag calibrate --json`` has."""
     text: str
-    """The robot file that ``biflag calibrate`` writes, with the origin of each value."""
+    """The robot file that ``biflag calibrate`` writes, with the covariance of the fit."""
 
 
 def compare(
@@ -175,7 +176,7 @@ def calibrate(
         parameters=estimates,
         rmse_before_deg=record["rmse_before_deg"],
         rmse_after_deg=record["rmse_after_deg"],
-        warnings=record["cannot_tell"] + record["warnings"],
+        warnings=record["cannot_tell"] + record["misfits"] + record["warnings"],
         record=record,
         text=text,
     )

@@ -1,17 +1,20 @@
-//! Intervals of a predicted attitude, from the starting phase of the flagella and the standard errors of the robot's
-//! parameters.
+//! Intervals of a predicted attitude, from the starting phase of the flagella, the covariance of the fitted parameters, and
+//! the errors of the model and of the solver.
 //!
 //! Phases: at speeds where the phase matters ([`sim::phase`]), the model is evaluated at several phases. A steady angle
 //! changes with the phase nearly as a sine, whose extremes may lie between these phases.
 //!
-//! Parameters: linear propagation of their standard errors, as if they were independent. Errors of one fit are
-//! correlated: their effects on the yaw partly cancel, so the interval is too wide rather than too narrow. It does not
-//! include the error of the model ([`sim::accuracy`]).
+//! Parameters: linear propagation of their covariance, with Student's quantile for the effective degrees of freedom (GUM,
+//! G.2b). The half width of the 95 % interval that follows, the model's error ([`sim::accuracy`]) and the solver's add up
+//! as squares. A fit absorbs a part of the model's error; how much at other speeds is not known, so the whole counts.
 
 use super::error::AimError;
+use super::known::Known;
 use super::model::{Model, State, starts};
 use super::quantity::Attitude;
-use crate::twin::calibrate::StdError;
+use crate::attitude::student_95;
+use crate::plan::Fit;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
 use sim::params::Robot;
@@ -19,15 +22,10 @@ use std::f64::consts::TAU;
 
 /// Relative change of a parameter for derivatives: far above the solver's error, and small enough to be linear.
 const CHANGE: f64 = 0.02;
-/// Relative difference below which the value of a parameter and the rounded value beside its standard error are the
-/// same.
-const ROUNDED: f64 = 1e-4;
-/// 95 % quantile of the magnitude of a normal deviate.
-const NORMAL_95: f64 = 1.96;
 /// Error of the solver in steady angles, degrees: solutions with tolerances of 0.02 and 0.001 differ by no more.
 const SOLVER_DEG: f64 = 0.1;
 
-/// 95 % intervals of the angles, and their parts.
+/// Intervals of the angles, and their parts. They are 95 % intervals if [`Known::confidence`] says so.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug)]
 pub struct Interval {
     /// Of the yaw: lower and upper bound.
@@ -40,6 +38,8 @@ pub struct Interval {
     pub phase_spread_deg: [f64; 3],
     /// Standard errors of yaw, pitch and roll from those of the parameters.
     pub std_error_deg: [f64; 3],
+    /// Error of the model in yaw, pitch and roll; `None` if the robot was fitted to a simulation.
+    pub model_error_deg: Option<[f64; 3]>,
     /// Whether the flagella touch at some starting phases only.
     pub contact_by_phase: bool,
 }
@@ -50,34 +50,44 @@ impl Interval {
     ///
     /// # Errors
     /// [`AimError::Model`] and [`AimError::Interrupted`].
-    pub fn about(model: &Model, errors: &[StdError], state: &State, trial: &Attitude) -> Result<Self, AimError> {
+    pub fn about(model: &Model, known: &Known, state: &State, trial: &Attitude) -> Result<Self, AimError> {
         let rpm = state.rpm();
-        let shifted = errors.iter().filter_map(|error| Some((shifted(model.robot, error)?, error)));
-        let shifted: Vec<_> = shifted.collect();
+        let changes = known.fit.as_ref().map_or_else(Vec::new, |fit| changes(model.robot, fit));
+        let own = state.attitude.angles_deg();
         let (phases, slopes) = rayon::join(
             || starts(rpm).par_iter().skip(1).map(|start| model.at(rpm, *start)).collect::<Result<Vec<_>, _>>(),
             || {
-                let slope = |(robot, error): &(Robot, &StdError)| -> Result<[f64; 3], AimError> {
-                    let moved = model.of(robot, rpm, [0.0; 2])?.attitude.angles_deg();
-                    let own = state.attitude.angles_deg();
-                    let steps = error.std_error / error.value.abs() / CHANGE;
-                    Ok([0, 1, 2].map(|i| (moved[i] - own[i]) * steps))
+                let slope = |change: &Change| -> Result<[f64; 3], AimError> {
+                    let moved = model.of(&change.robot, rpm, [0.0; 2])?.attitude.angles_deg();
+                    Ok([0, 1, 2].map(|i| (moved[i] - own[i]) / change.by))
                 };
-                shifted.par_iter().map(slope).collect::<Result<Vec<_>, _>>()
+                changes.par_iter().map(slope).collect::<Result<Vec<_>, _>>()
             },
         );
         let (phases, slopes) = (phases?, slopes?);
-        let std_error_deg = [0, 1, 2].map(|i| slopes.iter().fold(0.0, |sum: f64, slope| sum + slope[i].powi(2)).sqrt());
         let contact_by_phase = phases.iter().any(|phase| phase.touches() != state.touches());
         let all: Vec<[f64; 3]> = [state].into_iter().chain(&phases).map(|state| state.attitude.angles_deg()).collect();
         let ranges = [0, 1, 2].map(|i| range(&all.iter().map(|angles| angles[i]).collect::<Vec<_>>()));
+        let model_error_deg = known.model_error.as_ref().map(|error| error.of_angles_deg(trial.angles_deg()));
+        let spread = [0, 1, 2].map(|i| {
+            let slopes: Vec<f64> = slopes.iter().map(|slope| slope[i]).collect();
+            known.fit.as_ref().map_or([0.0; 2], |fit| propagated(fit, &changes, &slopes))
+        });
         let trial = trial.angles_deg();
         let [yaw_ci_deg, pitch_ci_deg, roll_ci_deg] = [0, 1, 2].map(|i| {
-            let beside = (NORMAL_95 * std_error_deg[i]).hypot(SOLVER_DEG);
+            let [_, half] = spread[i];
+            let beside = half.hypot(SOLVER_DEG).hypot(model_error_deg.map_or(0.0, |error| error[i]));
             [ranges[i][0].min(trial[i]) - beside, ranges[i][1].max(trial[i]) + beside]
         });
-        let phase_spread_deg = ranges.map(|[low, high]| high - low);
-        Ok(Self { yaw_ci_deg, pitch_ci_deg, roll_ci_deg, phase_spread_deg, std_error_deg, contact_by_phase })
+        Ok(Self {
+            yaw_ci_deg,
+            pitch_ci_deg,
+            roll_ci_deg,
+            phase_spread_deg: ranges.map(|[low, high]| high - low),
+            std_error_deg: spread.map(|[std_error, _]| std_error),
+            model_error_deg,
+            contact_by_phase,
+        })
     }
 }
 
@@ -99,23 +109,50 @@ fn range(samples: &[f64]) -> [f64; 2] {
     [low.min(mean - amplitude), high.max(mean + amplitude)]
 }
 
-/// Returns the robot with one parameter increased by [`CHANGE`]; `None` for a phase, which need not be positive, and
-/// for a value that was changed after the fit.
-fn shifted(robot: &Robot, error: &StdError) -> Option<Robot> {
-    let mut whole = toml::Value::try_from(robot).ok()?;
-    let (table, key) = error.key.split_once('.')?;
-    let value = whole.get_mut(table)?.get_mut(key)?;
-    let own = value.as_float()?;
-    if (own - error.value).abs() > ROUNDED * own.abs() || own == 0.0 {
-        return None;
-    }
-    *value = toml::Value::Float(own * (1.0 + CHANGE));
-    whole.try_into().ok()
+/// A robot with one parameter changed.
+struct Change {
+    /// Place of the parameter in the fit.
+    parameter: usize,
+    robot: Robot,
+    /// The change, in the unit of the parameter.
+    by: f64,
+}
+
+/// Returns the robot with each fitted parameter increased by [`CHANGE`]: those that are single numbers of its file. The
+/// angles of the flagella are not: the intervals hold for all of them.
+fn changes(robot: &Robot, fit: &Fit) -> Vec<Change> {
+    let changed = |(parameter, key): (usize, &String)| {
+        let mut whole = toml::Value::try_from(robot).ok()?;
+        let (table, key) = key.split_once('.')?;
+        let value = whole.get_mut(table)?.get_mut(key)?;
+        let by = CHANGE * value.as_float().filter(|value| *value != 0.0)?;
+        *value = toml::Value::Float(value.as_float()? + by);
+        Some(Change { parameter, robot: whole.try_into().ok()?, by })
+    };
+    let keys = fit.parameters.iter().enumerate().filter_map(|(i, parameter)| Some((i, parameter.key.as_ref()?)));
+    keys.filter_map(changed).collect()
+}
+
+/// Returns the standard error and the half width of the 95 % interval of an angle. `slopes`: its derivatives by the changed
+/// parameters.
+fn propagated(fit: &Fit, changes: &[Change], slopes: &[f64]) -> [f64; 2] {
+    let slopes = DVector::from_column_slice(slopes);
+    let variance = |matrix: &[Vec<f64>]| {
+        let places = |i: usize| changes[i].parameter;
+        let of_changes = DMatrix::from_fn(slopes.len(), slopes.len(), |i, j| matrix[places(i)][places(j)]);
+        slopes.dot(&(of_changes * &slopes)).max(0.0)
+    };
+    let (all, scatter) = (variance(&fit.covariance), variance(&fit.scatter_covariance));
+    let degrees_of_freedom =
+        if scatter > 0.0 { fit.degrees_of_freedom * (all / scatter).powi(2) } else { f64::INFINITY };
+    [all.sqrt(), student_95(degrees_of_freedom) * all.sqrt()]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::{FittedParameter, FittedTo};
+    use sim::body::closure::Closure;
 
     #[test]
     fn extremes_between_phases_are_found() {
@@ -127,12 +164,49 @@ mod tests {
     }
 
     #[test]
-    fn a_standard_error_counts_for_the_value_that_it_was_fitted_to() {
-        let robot = Robot::default();
-        let error = |key: &str, value| StdError { key: key.to_owned(), value, std_error: 0.1 };
-        let thick = shifted(&robot, &error("fluid.viscosity_pa_s", 1.0)).unwrap();
-        assert_eq!(thick.fluid.viscosity_pa_s, 1.02);
-        assert_eq!(shifted(&robot, &error("fluid.viscosity_pa_s", 1.1)), None);
-        assert_eq!(shifted(&robot, &error("flagellum.phase_deg", 30.0)), None);
+    fn errors_that_cancel_in_an_angle_do_so_in_its_interval() {
+        let parameter = |name: &str, key: &str, value: f64| FittedParameter {
+            name: name.to_owned(),
+            key: Some(key.to_owned()),
+            unit: String::new(),
+            start: value,
+            value,
+            std_error: 0.1 * value,
+            interval_95: [0.8 * value, 1.2 * value],
+            model_error: None,
+        };
+        let (viscosity, tether) = (1.0, 5e-4);
+        let product = 0.01 * viscosity * tether;
+        let fit = Fit {
+            closure: Closure::Full,
+            fitted_to: FittedTo::Simulation,
+            is_described: true,
+            temperature_c: Some(20.0),
+            degrees_of_freedom: 1.0,
+            // The trials have determined the ratio alone.
+            covariance: vec![
+                vec![0.01 * viscosity * viscosity, 0.99 * product],
+                vec![0.99 * product, 0.01 * tether * tether],
+            ],
+            scatter_covariance: vec![vec![0.0; 2]; 2],
+            lacks_correlations: false,
+            parameters: vec![
+                parameter("viscosity", "fluid.viscosity_pa_s", viscosity),
+                parameter("tether", "joint.tether_full_nm_per_rad", tether),
+            ],
+        };
+        let mut robot = Robot::default();
+        robot.joint.tether_full_nm_per_rad = tether;
+        let changes = changes(&robot, &fit);
+        assert_eq!(changes[0].robot.fluid.viscosity_pa_s, 1.02);
+        assert!((changes[1].by - 1e-5).abs() < 1e-12 && changes.len() == 2);
+        // A yaw of 100 degrees in proportion to the viscosity over the tether.
+        let slopes = [100.0 / viscosity, -100.0 / tether];
+        let [std_error, half] = propagated(&fit, &changes, &slopes);
+        assert!((std_error - 100.0 * (2.0 * 0.01f64 * 0.01).sqrt()).abs() < 1e-9, "{std_error}");
+        assert!((half / std_error - 1.96).abs() < 0.01);
+        // One degree of freedom has the quantile 12.7.
+        let few = Fit { scatter_covariance: fit.covariance.clone(), ..fit };
+        assert!((propagated(&few, &changes, &slopes)[1] / std_error - 12.7).abs() < 0.1);
     }
 }

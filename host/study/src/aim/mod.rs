@@ -12,6 +12,7 @@ mod contact;
 mod error;
 mod improve;
 mod interval;
+mod known;
 mod model;
 mod plan;
 mod quantity;
@@ -22,6 +23,7 @@ mod target;
 pub use contact::ContactChange;
 pub use error::AimError;
 pub use interval::Interval;
+pub use known::{Doubt, Known};
 pub use model::{Model, State};
 pub use plan::plan;
 pub use quantity::{Attitude, Quantity};
@@ -29,12 +31,10 @@ pub use read::{Columns, load, of_columns, shipped};
 pub use table::Table;
 pub use target::Target;
 
-use crate::twin::calibrate::StdError;
 use improve::{Best, Goal, VALUES, improve};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::Serialize;
-use sim::accuracy::ModelError;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use table::distance;
 
@@ -66,11 +66,9 @@ pub struct Solution {
     pub state: State,
     /// Angle between the robot's axis and the vertical.
     pub tilt_deg: f64,
-    /// 95 % intervals.
+    /// Intervals of the angles.
     #[serde(flatten)]
     pub interval: Interval,
-    /// Error of the model in yaw, pitch and roll; it is not in the intervals ([`sim::accuracy`]).
-    pub model_error_deg: [f64; 3],
     /// Largest error of the wanted angles.
     pub error_deg: f64,
     /// Error of the thrust, if it is wanted.
@@ -85,6 +83,10 @@ pub struct Solution {
 pub struct Aimed {
     /// Whether there are solutions.
     pub reachable: bool,
+    /// Confidence of the intervals; `None` where it cannot be stated.
+    pub confidence: Option<f64>,
+    /// Why it cannot.
+    pub doubts: Vec<Doubt>,
     /// Speeds at which the target is met, the nearest first.
     pub solutions: Vec<Solution>,
     /// The nearest attitude that was found, if there is no solution.
@@ -117,11 +119,11 @@ struct Found {
     steady: Option<State>,
 }
 
-/// Finds speeds for a target. `errors`: standard errors of the robot's parameters.
+/// Finds speeds for a target. `known`: what is known about the robot's parameters.
 ///
 /// # Errors
 /// [`AimError::Model`] if the model fails wherever it was tried, and [`AimError::Interrupted`].
-pub fn aim(model: &Model, errors: &[StdError], table: &Table, target: &Target) -> Result<Aimed, AimError> {
+pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target) -> Result<Aimed, AimError> {
     let goal = Goal { target, thrust_step_n: table.thrust_step_n(), close: GOOD, values: VALUES };
     let starts = propose(table, goal)?;
     let mut found: Vec<Found> = Vec::new();
@@ -153,11 +155,12 @@ pub fn aim(model: &Model, errors: &[StdError], table: &Table, target: &Target) -
             solutions.push(candidate);
         }
     }
-    let describe = |found: &Found| describe(model, errors, table, target, found);
+    let describe = |found: &Found| describe(model, known, table, target, found);
     let solutions: Vec<Solution> = solutions.par_iter().map(describe).collect::<Result<_, _>>()?;
     let reachable = !solutions.is_empty();
     let nearest = if reachable { None } else { Some(describe(&best)?) };
-    Ok(Aimed { reachable, solutions, nearest })
+    let (confidence, doubts) = (known.confidence(), known.doubts.clone());
+    Ok(Aimed { reachable, confidence, doubts, solutions, nearest })
 }
 
 /// Returns speeds that meet the target in the table, or come near, those to refine first at the front.
@@ -249,17 +252,11 @@ fn own_derivatives(model: &Model, goal: Goal, state: &State) -> Result<DMatrix<f
     Ok(DMatrix::from_fn(own.len(), 2, |i, k| (columns[k].1[i] - own[i]) / columns[k].0))
 }
 
-fn describe(
-    model: &Model,
-    errors: &[StdError],
-    table: &Table,
-    target: &Target,
-    found: &Found,
-) -> Result<Solution, AimError> {
+fn describe(model: &Model, known: &Known, table: &Table, target: &Target, found: &Found) -> Result<Solution, AimError> {
     let trial = &found.trial.state;
     let about = || -> Result<(State, Interval), AimError> {
         let steady = found.steady.map_or_else(|| model.at(trial.rpm(), [0.0; 2]), Ok)?;
-        Ok((State { attitude: trial.attitude, ..steady }, Interval::about(model, errors, &steady, &trial.attitude)?))
+        Ok((State { attitude: trial.attitude, ..steady }, Interval::about(model, known, &steady, &trial.attitude)?))
     };
     let (about, contact_change) = rayon::join(about, || contact::nearest_change(model, table, trial));
     let (state, interval) = about?;
@@ -268,7 +265,6 @@ fn describe(
         state,
         tilt_deg: attitude.tilt_deg(),
         interval,
-        model_error_deg: ModelError::of(model.robot).of_angles_deg(attitude.angles_deg()),
         error_deg: target.error_deg(&attitude),
         error_n: target.error_n(&attitude),
         contact_change: contact_change?,

@@ -4,9 +4,10 @@
 //! `host/plans/robot-published.toml`. A key that is left out has the value of the robot `physical`.
 
 use super::source::{FileKind, Source, number};
-use super::{PlanError, Shipped};
+use super::{Fit, PlanError, Shipped};
 use biflag_log::RobotMeta;
-use sim::params::{BUILT_IN, Robot};
+use serde::Deserialize;
+use sim::params::{BUILT_IN, Base, Contact, Flagellum, Fluid, Head, Joint, Robot, SolverSettings, Tank};
 use std::path::{Path, PathBuf};
 
 /// The default robot, which is built in.
@@ -46,14 +47,38 @@ impl RobotFile {
     pub fn parse(&self) -> Result<Robot, PlanError> {
         Robot::built_in(&self.name).map_or_else(|| parse(&self.text, &self.name), Ok)
     }
+
+    /// Returns what the file says about the fit of its parameters.
+    ///
+    /// # Errors
+    /// [`PlanError::Invalid`].
+    pub fn fit(&self) -> Result<Option<Fit>, PlanError> {
+        let (_, fit) = read(&self.text, &self.name)?;
+        Ok(fit.or_else(|| Fit::of_comments(&self.text)))
+    }
 }
 
 const KIND: FileKind = FileKind {
     noun: "robot file",
     example: "`biflag plans robot-published` prints one with every key",
-    tables: &["base", "flagellum", "fluid", "head", "tank", "joint", "contact", "solver", "glycerol"],
+    tables: &["base", "flagellum", "fluid", "head", "tank", "joint", "contact", "solver", "glycerol", "fit"],
     help: |_| None,
 };
+
+/// A robot file.
+#[derive(Deserialize, Default)]
+#[serde(default, deny_unknown_fields)]
+struct File {
+    base: Base,
+    flagellum: Flagellum,
+    fluid: Fluid,
+    head: Head,
+    tank: Option<Tank>,
+    joint: Joint,
+    contact: Contact,
+    solver: SolverSettings,
+    fit: Option<Fit>,
+}
 
 /// Returns the robot that the plan at `plan` calls `name`.
 pub(crate) fn of_plan(plan: &Path, name: &str) -> Result<RobotFile, PlanError> {
@@ -94,8 +119,13 @@ pub fn load(path: &Path) -> Result<RobotFile, PlanError> {
 /// # Errors
 /// [`PlanError::Invalid`].
 pub fn parse(text: &str, name: &str) -> Result<Robot, PlanError> {
+    Ok(read(text, name)?.0)
+}
+
+fn read(text: &str, name: &str) -> Result<(Robot, Option<Fit>), PlanError> {
     let source = Source { kind: &KIND, text, name };
-    let robot: Robot = source.read()?;
+    let File { base, flagellum, fluid, head, tank, joint, contact, solver, fit } = source.read()?;
+    let robot = Robot { base, flagellum, fluid, head, tank, joint, contact, solver };
     robot.validate().map_err(|error| {
         let what = format!("{} = {}: {}", error.key, number(error.value), error.reason);
         let cure = format!(
@@ -104,7 +134,10 @@ pub fn parse(text: &str, name: &str) -> Result<Robot, PlanError> {
         );
         source.error_at(error.key.split('.'), what, cure)
     })?;
-    Ok(robot)
+    if let Some(fit) = &fit {
+        fit.check(&source, &robot)?;
+    }
+    Ok((robot, fit))
 }
 
 #[cfg(test)]
@@ -141,8 +174,7 @@ mod tests {
     #[test]
     fn every_mistake_is_named_with_its_line_and_its_cure() {
         let toml = "a robot file is a TOML file in UTF-8; `biflag plans robot-published` prints one with every key";
-        let tables =
-            "write one of `base`, `flagellum`, `fluid`, `head`, `tank`, `joint`, `contact`, `solver`, or leave it out";
+        let tables = "write one of `base`, `flagellum`, `fluid`, `head`, `tank`, `joint`, `contact`, `solver`, `fit`, or leave it out";
         for (text, message, cure) in [
             ("[base]\nmass_kg = \"94\"\n", "my.toml:2:11: mass_kg cannot be \"94\"", "give a number"),
             (

@@ -22,7 +22,7 @@ mod synthetic;
 mod turn;
 
 pub use file::{AXES, FILE_NAME, MeasuredSensor, text_of};
-pub use parameter::{GROUPS, Group, PARAMETERS};
+pub use parameter::{GROUPS, Group, MOUNTING_YAW, PARAMETERS};
 pub use poses::{PoseStep, PosesError, PosesResult, PosesWatch};
 pub use reading::RawReading;
 pub use still::{AxisNoise, StillError, StillResult, StillWatch};

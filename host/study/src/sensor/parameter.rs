@@ -26,6 +26,9 @@ pub const GROUPS: [Group; 7] = [
     Group { name: "mounting", range: 36..39 },
 ];
 
+/// Place of the rotation of the sensor in the body about the vertical.
+pub const MOUNTING_YAW: usize = GROUPS[6].range.start + 2;
+
 impl Sensor {
     /// Returns all errors in the order of [`GROUPS`].
     pub fn parameters(&self) -> [Estimate; PARAMETERS] {

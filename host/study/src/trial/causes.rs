@@ -2,11 +2,9 @@
 //! has neither twice what both have in common.
 
 use super::budget::{Budget, Term};
+use super::errors::SENSOR_ERRORS;
 use crate::sensor::{GROUPS, PARAMETERS};
 use nalgebra::DMatrix;
-
-/// Number of errors that all trials of a sensor have in common: the sensor's, and its board's clock.
-const COMMON: usize = PARAMETERS + 1;
 
 /// The causes of uncertainty of an angle.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -33,11 +31,11 @@ impl Causes {
     /// Returns the causes as a budget.
     pub fn budget(&self) -> Budget {
         let of_sensors = |range: std::ops::Range<usize>| {
-            let each = self.effects_deg.chunks(COMMON).flat_map(|sensor| &sensor[range.clone()]);
+            let each = self.effects_deg.chunks(SENSOR_ERRORS).flat_map(|sensor| &sensor[range.clone()]);
             each.map(|effect| effect.powi(2)).sum::<f64>().sqrt()
         };
         let groups = GROUPS.iter().map(|group| (group.name, group.range.clone()));
-        let common = groups.chain([("clock", PARAMETERS..COMMON)]).map(|(name, range)| Term {
+        let common = groups.chain([("clock", PARAMETERS..SENSOR_ERRORS)]).map(|(name, range)| Term {
             sensitivity: None,
             ..Term::of_sensor(name, std::iter::once((of_sensors(range), 1.0)))
         });
@@ -78,12 +76,7 @@ impl OverTime {
     /// Returns that of an angle without uncertainty.
     pub fn exact(times: usize) -> Self {
         let zeros = |columns: usize| DMatrix::zeros(times, columns);
-        Self { own: zeros(times), effects: zeros(COMMON), block_variance: 0.0 }
-    }
-
-    /// Returns the covariance of the angle between the times, degrees².
-    pub fn covariance(&self) -> DMatrix<f64> {
-        &self.own + &self.effects * self.effects.transpose()
+        Self { own: zeros(times), effects: zeros(SENSOR_ERRORS), block_variance: 0.0 }
     }
 
     /// Returns the covariance of the difference of two angles' means over blocks around the times, degrees². `noise`: the
@@ -108,7 +101,7 @@ mod tests {
     use std::f64::consts::SQRT_2;
 
     fn causes(noise_deg: f64, scale_deg: f64) -> Causes {
-        let mut effects_deg = vec![0.0; COMMON];
+        let mut effects_deg = vec![0.0; SENSOR_ERRORS];
         effects_deg[2] = scale_deg;
         effects_deg[PARAMETERS] = 0.5 * scale_deg;
         Causes { own: vec![Term::of_trial("noise", noise_deg, 4.0)], effects_deg }
@@ -142,13 +135,13 @@ mod tests {
     fn covariance_over_time_cancels_as_the_budget_does() {
         let at = |scale: [f64; 2]| OverTime {
             own: DMatrix::from_element(2, 2, 0.09),
-            effects: DMatrix::from_fn(2, COMMON, |i, k| if k == 2 { scale[i] } else { 0.0 }),
+            effects: DMatrix::from_fn(2, SENSOR_ERRORS, |i, k| if k == 2 { scale[i] } else { 0.0 }),
             block_variance: 0.01,
         };
         let (one, other) = (at([1.0, 2.0]), at([1.0, 2.2]));
         let same = OverTime::of_difference(&one, &other, true, 1.0);
         assert!((same[(0, 0)] - 0.20).abs() < 1e-12 && (same[(1, 1)] - 0.24).abs() < 1e-12, "{same}");
         let model = OverTime::of_difference(&one, &OverTime::exact(2), false, 0.5);
-        assert!((model[(0, 1)] - one.covariance()[(0, 1)]).abs() < 1e-12);
+        assert!((model[(0, 1)] - (&one.own + &one.effects * one.effects.transpose())[(0, 1)]).abs() < 1e-12);
     }
 }

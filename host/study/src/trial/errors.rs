@@ -21,6 +21,15 @@ const AROUND_S: f64 = 2.0;
 const PITCH: [f64; 2] = [1.0, 0.0];
 const ROLL: [f64; 2] = [0.0, 1.0];
 
+/// Number of errors that all trials of a sensor share: those of [`crate::sensor::Sensor::parameters`], and the rate of the
+/// board's clock.
+pub const SENSOR_ERRORS: usize = PARAMETERS + 1;
+
+/// Returns the name of one of them, as budgets have it.
+pub fn sensor_error(index: usize) -> &'static str {
+    GROUPS.iter().find(|group| group.range.contains(&index)).map_or("clock", |group| group.name)
+}
+
 /// The zero of the tilt at rest.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct TiltZero {
@@ -252,7 +261,7 @@ impl Errors {
         let blocks = [0.0, zero.scatter_deg[0].powi(2), zero.scatter_deg[1].powi(2)];
         let mut each = own.into_iter().zip(blocks).enumerate().map(|(angle, (own, block_variance))| OverTime {
             own,
-            effects: DMatrix::from_fn(times.len(), PARAMETERS + 1, |i, k| effects[i].common[angle][k]),
+            effects: DMatrix::from_fn(times.len(), SENSOR_ERRORS, |i, k| effects[i].common[angle][k]),
             block_variance,
         });
         Some([each.next()?, each.next()?, each.next()?])

@@ -30,7 +30,9 @@ pub use budget::{AngleTerm, Budget, CommonTo, Evaluation, Term};
 pub(crate) use causes::{Causes, OverTime};
 pub use collect::Collector;
 pub use data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
-pub(crate) use errors::BLOCK_S;
+#[cfg(test)]
+pub(crate) use errors::SENSOR_ERRORS;
+pub(crate) use errors::{BLOCK_S, sensor_error};
 pub use finding::{Finding, FindingKind, LogFinding};
 pub use findings::findings;
 pub use repeats::{AtSpeeds, mean_of_repeats};

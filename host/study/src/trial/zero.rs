@@ -14,7 +14,7 @@ use super::errors::{Errors, TiltZero, blocks};
 use super::finding::{Finding, FindingKind};
 use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, Track, rotation, tilt_deg};
 use biflag_log::SteadyMeta;
-use nalgebra::{DMatrix, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use protocol::units::{CentiRpm, LOW_PASS};
 use sim::steady::{CHANNELS, SteadyCollector};
 use std::f64::consts::PI;
@@ -311,17 +311,6 @@ impl Zeroed {
     pub fn tilt_uncertainty(&self, over: &Range<f64>) -> Option<[f64; 2]> {
         let [pitch, roll, _] = self.tilt_budgets(over)?;
         Some([pitch.uncertainty_deg(), roll.uncertainty_deg()])
-    }
-
-    /// Returns the covariances of yaw, pitch and roll between times due to the sensor, degrees²; `None` without a still
-    /// phase or a known bias.
-    pub fn covariances(&self, times: &[f64]) -> Option<[DMatrix<f64>; 3]> {
-        let Some(errors) = &self.errors else {
-            // A model counts as a quiet sensor.
-            let of = |deg2: f64| DMatrix::from_element(times.len(), times.len(), deg2);
-            return Some([1e-8; 3].map(of));
-        };
-        Some(errors.over_time(&self.angles_deg, times)?.map(|angle| angle.covariance()))
     }
 
     /// Returns the causes of uncertainty of mean yaw, pitch and roll over a time; none for a model, `None` as for

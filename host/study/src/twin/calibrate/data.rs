@@ -1,10 +1,12 @@
 //! A trial prepared for a fit: means of yaw, pitch and roll over short blocks, and the speeds that drive the model.
 
 use super::super::{TwinError, speeds};
+use super::Blocks;
+use super::errors::{SensorId, TrialErrors};
+use super::fluid::FluidRatio;
 use crate::session::Attempt;
 use crate::trial::{Data, Finding, Unusable, Want, Zeroed, findings};
 use biflag_log::Origin;
-use nalgebra::{DMatrix, DVector, Dyn, linalg::Cholesky};
 use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
 use sim::params::Robot;
@@ -14,24 +16,10 @@ use sim::trial::{Options, Trial};
 use std::path::PathBuf;
 
 /// Length of the blocks, s. Yaw and pitch change over seconds, and a block is most of a turn of a slow motor.
-pub(super) const BLOCK_S: f64 = 0.5;
+const BLOCK_S: f64 = 0.5;
 
 /// Number of the model's samples per block.
 const SAMPLES: usize = 10;
-
-/// Standard deviation of the remaining error of a block assumed by the weights of the fit, degrees.
-const GUESS_DEG: f64 = 0.1;
-
-/// Standard deviation of the difference between the clocks of attitude and motors, s: about the error of the delay of
-/// the sensor's filter.
-const TIMING_S: f64 = 0.002;
-
-/// Relative standard deviation of the solver's error of an angle: mean forces have an error of some tenths of a per
-/// cent from tolerance and steps.
-const SOLVER_ERROR: f64 = 0.005;
-
-/// Yaw, pitch and roll of every block, degrees.
-pub(super) type Blocks = [Vec<f64>; 3];
 
 /// A trial prepared for a fit.
 #[derive(Debug)]
@@ -56,9 +44,10 @@ pub struct FitTrial {
     /// Number of the board, and which of its starts, from which its encoders count.
     pub(super) board_start: Option<[u16; 2]>,
     pub(super) measured: Blocks,
+    pub(super) errors: TrialErrors,
+    /// Its fluid over that of the fitted robot.
+    pub(super) fluid: FluidRatio,
     profile: SpeedProfile,
-    /// Covariances of the blocks of yaw, pitch and roll due to the sensor alone, degrees².
-    sensor: [DMatrix<f64>; 3],
 }
 
 impl FitTrial {
@@ -104,8 +93,8 @@ impl FitTrial {
             })
             .map(|drift| drift.variance(run.end).is_some());
         let centres: Vec<f64> = (0..count).map(middle).collect();
-        let sensor = match zeroed.covariances(&centres) {
-            Some(sensor) => sensor,
+        let errors = match zeroed.over_time(&centres) {
+            Some(errors) => errors,
             None if !drift? => return Err(TwinError::unusable(data, Unusable {
                 reason: "was recorded without a calibration of the gyroscope, and its still phase is too short to show the \
                          bias"
@@ -115,6 +104,7 @@ impl FitTrial {
             })),
             None => return Err(unusable(&format!("has a still phase before the run that is too short{grave}"))),
         };
+        let measured = zeroed.angles_deg.tracks().map(means);
         Ok(Self {
             name: data.trial().name,
             path: data.path.clone(),
@@ -129,18 +119,29 @@ impl FitTrial {
             is_of_rig: data.origin() == Origin::Rig,
             board_start: (data.records.board.as_ref().filter(|_| !data.is_model()))
                 .map(|board| [board.board_id, board.boot_count]),
-            measured: zeroed.angles_deg.tracks().map(means),
+            errors: TrialErrors::new(SensorId::of(data), errors, &measured, BLOCK_S),
+            measured,
+            fluid: FluidRatio::default(),
             profile: speeds::profile_of_run(data, BLOCK_S / SAMPLES as f64)?,
-            sensor,
         })
     }
 
     pub(super) fn blocks(&self) -> usize {
-        self.sensor[0].nrows()
+        self.measured[0].len()
+    }
+
+    /// Returns whether both are the same recording: a copy, or one that was recovered or cut.
+    pub(super) fn is_copy_of(&self, other: &Self) -> bool {
+        let same = |(one, other): (&Vec<f64>, &Vec<f64>)| {
+            let count = one.len().min(other.len());
+            one[..count] == other[..count]
+        };
+        self.measured.iter().zip(&other.measured).all(same)
     }
 
     /// Returns the model's blocks of the trial; `None` if the solver fails.
     pub(super) fn modelled(&self, robot: &Robot, closure: Closure) -> Option<Blocks> {
+        let robot = &self.fluid.of(robot);
         let rate_hz = SAMPLES as f64 / BLOCK_S;
         let options = Options { rate_hz, shapes: false };
         let mut blocks: Blocks = Default::default();
@@ -165,111 +166,5 @@ impl FitTrial {
             block.resize(self.blocks(), last);
         }
         Some(blocks)
-    }
-
-    /// Returns the factored covariance of the blocks due to the sensor, the solver, the clocks, and the remaining
-    /// errors.
-    pub(super) fn whitener(&self, angle: usize, rest: Correlated) -> Option<Whitener> {
-        let count = self.blocks();
-        let mut covariance = self.sensor[angle].clone();
-        let turned = &self.measured[angle];
-        let rate = |i: usize| (turned[(i + 1).min(count - 1)] - turned[i.saturating_sub(1)]) / (2.0 * BLOCK_S);
-        let rates: Vec<f64> = (0..count).map(rate).collect();
-        for i in 0..count {
-            for j in 0..count {
-                covariance[(i, j)] += SOLVER_ERROR.powi(2) * turned[i] * turned[j];
-                covariance[(i, j)] += TIMING_S.powi(2) * rates[i] * rates[j];
-                covariance[(i, j)] += rest.variance * rest.step.powi(i.abs_diff(j) as i32);
-            }
-        }
-        Some(Whitener(Cholesky::new(covariance)?))
-    }
-}
-
-/// Correlated errors of successive blocks: an autoregressive process of first order.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Correlated {
-    /// Variance, degrees².
-    pub variance: f64,
-    /// Correlation from one block to the next.
-    pub step: f64,
-}
-
-impl Correlated {
-    /// Returns the assumption before the first fit.
-    pub fn guess() -> Self {
-        Self { variance: GUESS_DEG.powi(2), step: 0.0 }
-    }
-
-    /// Estimates variance and correlation from the residuals of trials.
-    pub fn of<'a>(residuals: impl Iterator<Item = &'a Vec<f64>> + Clone) -> Self {
-        let sum = |of: &dyn Fn(&[f64]) -> f64| residuals.clone().map(|residual| of(residual)).sum::<f64>();
-        let count = sum(&|residual| residual.len() as f64);
-        let squares = sum(&|residual| residual.iter().map(|value| value * value).sum());
-        let products = sum(&|residual| residual.windows(2).map(|pair| pair[0] * pair[1]).sum());
-        // The rounding of the attitude, 1/32768, is the smallest error.
-        let variance = (squares / count.max(1.0)).max(1e-6);
-        let step = if squares > 0.0 { (products / squares).clamp(0.0, 0.995) } else { 0.0 };
-        Self { variance, step }
-    }
-
-    /// Returns the number of independent blocks with the same information as `count` correlated ones.
-    pub fn independent(&self, count: usize) -> f64 {
-        count as f64 * (1.0 - self.step) / (1.0 + self.step)
-    }
-}
-
-/// The factored covariance of errors.
-pub(super) struct Whitener(Cholesky<f64, Dyn>);
-
-impl Whitener {
-    /// Returns the number of errors.
-    pub fn count(&self) -> usize {
-        self.0.l_dirty().nrows()
-    }
-
-    /// Multiplies by the transposed inverse of the factor.
-    pub fn whiten_transposed(&self, values: &mut DVector<f64>) {
-        self.0.l_dirty().tr_solve_lower_triangular_mut(values);
-    }
-
-    /// Multiplies by the transposed factor: the squared norm of the result is the variance of the weighted sum of
-    /// errors.
-    pub fn spread(&self, values: &DVector<f64>) -> DVector<f64> {
-        self.0.l().tr_mul(values)
-    }
-
-    /// Transforms errors to independent ones of variance 1.
-    pub fn whiten(&self, values: &[f64]) -> Vec<f64> {
-        let mut column = DVector::from_column_slice(values);
-        // The factor of a positive definite matrix has no zeros on its diagonal.
-        self.0.l_dirty().solve_lower_triangular_mut(&mut column);
-        column.as_slice().to_vec()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn correlation_of_residuals_is_estimated() {
-        // A process of first order with a step of 0.9 and a standard deviation of 0.3, from a fixed generator.
-        let mut state = 1u64;
-        let mut uniform = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1u64 << 53) as f64
-        };
-        let mut normal = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
-        let mut value = 0.0;
-        let residuals: Vec<f64> = (0..20_000)
-            .map(|_| {
-                value = 0.9 * value + 0.3 * (1.0f64 - 0.81).sqrt() * normal();
-                value
-            })
-            .collect();
-        let found = Correlated::of([residuals].iter());
-        assert!((found.step - 0.9).abs() < 0.01 && (found.variance.sqrt() - 0.3).abs() < 0.02, "{found:?}");
-        assert!((found.independent(1900) - 100.0).abs() < 15.0);
     }
 }

@@ -4,45 +4,60 @@
 //! of the decay, and the model is fitted to them by the Levenberg-Marquardt method. Parameters are fitted as logarithms
 //! relative to their start, angles in radians.
 //!
+//! The errors of a sensor (scale, axes, sensitivity to gravity, mounting, the clock of its board) are the same in all of
+//! its trials, so that more trials do not average them. They are estimated together with the parameters, with the data
+//! sheet or the sensor's own measurement as the prior: generalised least squares with the covariance of all trials
+//! ([`weights`]). Different boards have independent errors.
+//!
 //! Successive residuals are correlated, and standard errors that ignored this would be several times too small. The fit
-//! weights blocks by the errors of the sensor (the random walk of the yaw, the walk of the gyroscope's bias since the
-//! still phase, the levelling, the zeros), of the solver and of the clocks, and by an assumed remaining error, as if it
-//! were independent. Weights with the true correlation of the remaining error would be more efficient, but would rely
-//! on the first moments of a motion more than the accuracy of model and clocks allows: a delay of 5 ms then changed the
-//! tether by 3 %. The size and correlation of the residuals, as a first-order autoregressive process for each angle,
-//! enter the standard errors, which hold for any weights of the fit (White 1980, Econometrica 48, 817; Seber and Wild
-//! 2003, Nonlinear Regression, chapter 6). The solver's error is added to them. The error of the model is the same in
-//! all trials and does not show in their scatter; its effect on each parameter is given beside the standard error
-//! ([`Estimate::model_error`]).
+//! weights blocks by the errors of the sensor (also those of the trial alone: the random walk of the yaw, the walk of the
+//! gyroscope's bias since the still phase, the levelling, the zeros), of the solver and of the clocks, and by an assumed
+//! remaining error, as if it were independent. Weights with the true correlation of the remaining error would be more
+//! efficient, but would rely on the first moments of a motion more than the accuracy of model and clocks allows: a delay
+//! of 5 ms then changed the tether by 3 %. The size and correlation of the residuals, as a first-order autoregressive
+//! process for each angle, enter the standard errors, which hold for any weights of the fit (White 1980, Econometrica 48,
+//! 817; Seber and Wild 2003, Nonlinear Regression, chapter 6). The solver's error is added to them.
+//!
+//! The error of the model is the same in all trials and does not show in their scatter. Its effect on each parameter
+//! ([`Estimate::model_error`]) is part of the interval, but not of the standard error.
 
 mod data;
+mod errors;
 mod file;
+mod fluid;
+mod judge;
 mod parameter;
 mod phase;
 mod problem;
+mod result;
+mod select;
 mod uncertainty;
+mod weights;
 
-use crate::trial::{Finding, LogFinding};
-pub use file::{StdError, std_errors, to_toml};
+pub use data::FitTrial;
+pub use file::to_toml;
+pub use judge::MAX_FACTOR;
 pub use parameter::Parameter;
-use parameter::wrapped;
+pub use result::{Calibration, Estimate, Fitted, Mounting};
 
 use super::TwinError;
 use super::replay::pool;
 use crate::attitude::student_95;
-pub use data::FitTrial;
-use data::{Correlated, Whitener};
+use crate::trial::LogFinding;
+use errors::Correlated;
 use levenberg_marquardt::LevenbergMarquardt;
 use nalgebra::DMatrix;
-use problem::Problem;
-use rayon::prelude::*;
-use serde::Serialize;
+use parameter::wrapped;
+use problem::{Given, Problem};
 use sim::accuracy::ModelError;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use uncertainty::Response;
+use uncertainty::{Causes, Response};
+use weights::Weights;
+
+/// Yaw, pitch and roll of every block of a trial, degrees.
+type Blocks = [Vec<f64>; 3];
 
 /// Relative change of the parameters below which the fit has converged: a fraction of a standard error.
 const PRECISION: f64 = 1e-3;
@@ -50,14 +65,14 @@ const PRECISION: f64 = 1e-3;
 /// Maximum number of evaluations per parameter.
 const MAX_EVALS_PER_PARAM: usize = 20;
 
-/// Largest correlation of two parameters that are separable.
-const MAX_CORRELATION: f64 = 0.95;
+/// Standard deviation of the remaining error of a block assumed by the weights of the fit, degrees.
+const ASSUMED_REST_DEG: f64 = 0.1;
 
-/// Largest relative standard error of a parameter that counts as determined.
-const MAX_REL_ERROR: f64 = 0.2;
+/// RMS error of a fit that did not leave its start above which it is more than the model's own error, degrees.
+const STUCK_DEG: f64 = 10.0;
 
-/// Largest standard error of a phase that counts as determined, degrees.
-const MAX_PHASE_ERROR_DEG: f64 = 20.0;
+/// Step that least squares would still take, in standard errors, above which the fit has not ended at the minimum.
+const LEFT_TO_GO: f64 = 1.0;
 
 /// The settings of a fit.
 #[derive(Debug)]
@@ -70,89 +85,6 @@ pub struct Request {
     pub parameters: Vec<Parameter>,
     /// Number of simulations in parallel.
     pub jobs: usize,
-}
-
-/// A fitted parameter.
-#[derive(Serialize, Clone, PartialEq, Debug)]
-pub struct Estimate {
-    /// Its name.
-    pub name: &'static str,
-    /// Key in the robot's file.
-    pub key: Option<&'static str>,
-    /// Unit.
-    pub unit: &'static str,
-    /// The value that the fit started from.
-    pub start: f64,
-    /// The fitted value.
-    pub value: f64,
-    /// Standard error from the noise of the measurement and the solver.
-    pub std_error: f64,
-    /// Possible change of the value by the error of the model ([`sim::accuracy`]); `None` if all trials are of a model
-    /// or a simulated robot, which have no such error.
-    pub model_error: Option<f64>,
-    /// 95 % confidence interval: lower and upper bound. It does not contain the model's error.
-    pub interval_95: [f64; 2],
-}
-
-/// A trial used by the fit.
-#[derive(Serialize, Clone, PartialEq, Debug)]
-pub struct Fitted {
-    /// Its name.
-    pub name: String,
-    /// Path of its log.
-    #[serde(serialize_with = "crate::text::path")]
-    pub log: PathBuf,
-    /// SHA-256 of the log.
-    pub sha256: String,
-    /// Root mean square errors of yaw, pitch and roll with the initial parameters.
-    pub rmse_before_deg: [f64; 3],
-    /// The same with the fitted parameters.
-    pub rmse_after_deg: [f64; 3],
-}
-
-/// Mounting of the sensor in the body, from the still phases.
-#[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
-pub struct Mounting {
-    /// Mean pitch at rest.
-    pub pitch_deg: f64,
-    /// Mean roll at rest.
-    pub roll_deg: f64,
-    /// Standard errors of both, from the scatter between trials; `None` for a single trial.
-    pub std_error_deg: Option<[f64; 2]>,
-}
-
-/// Result of a fit.
-#[derive(Serialize, Clone, PartialEq, Debug)]
-pub struct Calibration {
-    /// The parameters.
-    pub parameters: Vec<Estimate>,
-    /// Correlations of their errors, in the same order.
-    pub correlations: Vec<Vec<f64>>,
-    /// Condition number of the correlations; it is large if a combination of parameters is nearly undetermined.
-    pub condition_number: f64,
-    /// Descriptions of the parameters that the data cannot separate or determine.
-    pub cannot_tell: Vec<String>,
-    /// Root mean square of all errors with the initial parameters.
-    pub rmse_before_deg: f64,
-    /// The same with the fitted parameters.
-    pub rmse_after_deg: f64,
-    /// Mounting of the sensor in the body.
-    pub mounting: Mounting,
-    /// The trials.
-    pub trials: Vec<Fitted>,
-    /// The closure of the fit.
-    pub closure: Closure,
-    /// Total number of simulated trials.
-    pub simulations: usize,
-    /// Findings about the logs of the trials, also of those that are left out of the fit.
-    pub findings: Vec<LogFinding>,
-    /// Warnings about the fit itself.
-    pub warnings: Vec<String>,
-    /// Notes for the user.
-    pub notes: Vec<String>,
-    /// The fitted robot.
-    #[serde(skip)]
-    pub robot: Robot,
 }
 
 /// Fits parameters of a robot to trials. `progress` is called after each simulation of a trial; returning `false` stops the
@@ -169,87 +101,32 @@ pub fn calibrate(
     pool(request.jobs)?.install(|| fit(trials, request, progress))
 }
 
-/// RMS error of a fit that did not leave its start above which it is more than the model's own error, degrees.
-const STUCK_DEG: f64 = 10.0;
-
 fn fit(
-    mut trials: Vec<FitTrial>,
+    trials: Vec<FitTrial>,
     request: &Request,
     progress: &(dyn Fn() -> bool + Sync),
 ) -> Result<Calibration, TwinError> {
-    let all = trials.len();
-    let of_log = |trial: &FitTrial| LogFinding::all_of(&trial.path, trial.findings.iter().cloned());
-    let findings: Vec<LogFinding> = trials.iter().flat_map(of_log).collect();
-    // One spoilt trial is enough to move every parameter out of its interval.
-    trials.retain(|trial| !trial.findings.iter().any(Finding::empties_uncertainty));
-    let Some(first) = trials.first_mut() else {
-        let grave: Vec<_> = findings.iter().filter(|of_log| of_log.finding.empties_uncertainty()).collect();
-        if !grave.is_empty() {
-            let texts: Vec<_> = grave.iter().map(|of_log| format!("{}: {}", of_log.log, of_log.finding)).collect();
-            let reason = format!("no trial is sound: {}", texts.join("; "));
-            return Err(failed(&reason, "name logs without grave findings"));
-        }
-        return Err(failed("there are no trials", "name the logs of one or more trials"));
-    };
-    let first_robot = std::mem::replace(&mut first.robot, Ok(Robot::default()));
-    let first_closure = first.closure;
+    let all_of = |trial: &FitTrial| LogFinding::all_of(&trial.path, trial.findings.iter().cloned());
+    let findings: Vec<LogFinding> = trials.iter().flat_map(all_of).collect();
     let mut warnings = Vec::new();
-    if trials.len() < all {
-        let left = all - trials.len();
-        warnings.push(format!("{} with grave findings left out of the fit", crate::text::count(left, "trial")));
-    }
-    let mut start = match &request.robot {
-        Some(robot) => robot.clone(),
-        None => first_robot?,
-    };
-    let closure = request.closure.or(first_closure).unwrap_or(Closure::Full);
-    if let Some(mixture) = start.fluid.glycerol.as_mut() {
-        mixture.temperature_c = trials.iter().map(|trial| trial.temperature_c).sum::<f64>() / trials.len() as f64;
-        let (share, celsius) = (mixture.mass_fraction, mixture.temperature_c);
-        start.fluid.viscosity_pa_s = start.fluid.viscosity();
-        start.fluid.density_kg_m3 = start.fluid.density();
-        start.fluid.glycerol = None;
-        warnings.push(format!(
-            "the initial viscosity is that of {:.1} % glycerol at the sensor's {celsius:.1} °C: {:.3} Pa s",
-            100.0 * share,
-            start.fluid.viscosity_pa_s
-        ));
-    }
+    let mut trials = select::usable(trials, &findings, &mut warnings)?;
+    let (mut start, closure) = select::start(&mut trials, request, &mut warnings)?;
+    warnings.extend(fluid::at_temperatures(&mut trials, &mut start.fluid));
+    let parameters = select::parameters(&mut trials, &start, &request.parameters, &mut warnings)?;
 
     let simulations = AtomicUsize::new(0);
     let simulated = || {
         simulations.fetch_add(1, Ordering::Relaxed);
         progress()
     };
-    let mut requested = request.parameters.clone();
-    if requested.is_empty() {
-        requested = Parameter::usual(&start);
-    }
-    for without in requested.extract_if(.., |parameter| !parameter.has_effect(&start)) {
-        let name = without.name();
-        warnings
-            .push(format!("{name} is not fitted: the head is a body in the flow, and the model does not depend on it"));
-    }
-    let parameters = phase::with_both(&requested, &trials)?;
-    let parameters = parameters.as_slice();
-    let whiteners = whiteners(&trials, [Correlated::guess(); 3])?;
-    let given = (trials.as_slice(), &start, closure);
-    let problem = Problem::new(given, parameters, &whiteners, &simulated);
+    let weights = Weights::new(&trials.iter().map(|trial| &trial.errors).collect::<Vec<_>>(), ASSUMED_REST_DEG)?;
+    let given = Given { trials: &trials, closure, parameters: &parameters, weights: &weights, simulated: &simulated };
+    let problem = Problem::new(given, &start);
     let Some(errors_before) = problem.errors() else {
         return Err(failed("the solver fails with the initial parameters", "start from another robot with --robot"));
     };
     let near = phase::nearest(&problem);
-    let problem = match &near {
-        Some(near) => Problem::new((&trials, near, closure), parameters, &whiteners, &simulated),
-        None => problem,
-    };
-    let fitted_from = near.as_ref().unwrap_or(&start);
-    let problem = minimise(problem)?;
-    let limited = problem.at_limit();
-    if !limited.is_empty() {
-        let reason = format!("{} would change by more than a factor of ten", limited.join(", "));
-        return Err(failed(&reason, "start from a robot that is nearer with --robot"));
-    }
+    let problem = minimise(near.as_ref().map_or(problem, |near| Problem::new(given, near)))?;
     let errors = problem.errors().unwrap_or_default();
     let rmse_after_deg = rms(errors.iter().flatten());
     if !problem.has_moved() && rmse_after_deg > STUCK_DEG {
@@ -257,46 +134,13 @@ fn fit(
             "the fit did not leave its start, where the RMS error is {rmse_after_deg:.0}°: start from another robot with --robot"
         ));
     }
-    let rest = problem::correlations(&errors);
-    let response = Response::new(&problem)?;
-    let covariance = response.covariance(&self::whiteners(&trials, rest)?);
-    let robot = problem.robot(fitted_from, problem.moved());
-    let model_errors = trials.iter().any(|trial| trial.is_real).then(|| response.model_errors(&ModelError::of(&robot)));
 
-    // The fitted parameters absorb a part of the residuals.
-    let blocks: usize = trials.iter().map(FitTrial::blocks).sum();
-    let independent: f64 = rest.iter().map(|rest| rest.independent(blocks)).sum();
-    let freedom = (independent - parameters.len() as f64).max(1.0);
-    let dof_correction = (independent / freedom).sqrt();
-    let deviation = |(i, parameter): (usize, &Parameter)| {
-        (dof_correction * covariance[(i, i)].max(0.0).sqrt()).hypot(parameter.solver_error())
-    };
-    let deviations: Vec<f64> = parameters.iter().enumerate().map(deviation).collect();
-    let quantile = student_95(freedom);
-    let estimates: Vec<_> = parameters
-        .iter()
-        .zip(problem.moved().iter().zip(&deviations))
-        .enumerate()
-        .map(|(i, (parameter, (moved, deviation)))| {
-            let value = |moved| parameter.value(fitted_from, closure, moved);
-            // An angle may have come round.
-            let turns = if parameter.is_angle() { value(*moved) - wrapped(value(*moved)) } else { 0.0 };
-            let value = |moved| value(moved) - turns;
-            Estimate {
-                name: parameter.name(),
-                key: parameter.key(closure),
-                unit: parameter.unit(),
-                start: parameter.value(&start, closure, 0.0),
-                value: value(*moved),
-                std_error: parameter.error(value(*moved), *deviation),
-                model_error: model_errors.as_ref().map(|errors| parameter.error(value(*moved), errors[i])),
-                interval_95: [-1.0, 1.0].map(|side| value(moved + side * quantile * deviation)),
-            }
-        })
-        .collect();
-    let correlations = DMatrix::from_fn(parameters.len(), parameters.len(), |i, j| {
-        covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()
-    });
+    let robot = problem.robot(problem.start, problem.moved());
+    let model_error = ModelError::of(&robot);
+    let spread = Spread::of(&problem, &errors, &model_error)?;
+    warnings.extend(spread.left_to_go(&parameters));
+    let estimates = estimates(&problem, &start, &spread);
+    let correlations = correlations(&spread.covariance);
     let eigenvalues = correlations.clone().symmetric_eigenvalues();
     let fitted = |i: usize| Fitted {
         name: trials[i].name.clone(),
@@ -305,74 +149,149 @@ fn fit(
         rmse_before_deg: errors_before[i].each_ref().map(|block| rms(std::iter::once(block))),
         rmse_after_deg: errors[i].each_ref().map(|block| rms(std::iter::once(block))),
     };
+    let in_units = |matrix: &DMatrix<f64>| {
+        let per: Vec<f64> =
+            estimates.iter().zip(&parameters).map(|(e, parameter)| parameter.error(e.value, 1.0)).collect();
+        rows(&DMatrix::from_fn(per.len(), per.len(), |i, j| matrix[(i, j)] * per[i] * per[j]))
+    };
+    let wide = judge::wide_quantiles(&estimates, &spread.quantiles, spread.degrees_of_freedom);
     Ok(Calibration {
-        cannot_tell: cannot_tell(&estimates, &correlations, parameters),
+        cannot_tell: judge::cannot_tell(&estimates, &correlations, &parameters),
+        misfits: judge::misfits(&trials, &weights, &errors, &model_error),
+        covariance: in_units(&spread.covariance),
+        scatter_covariance: in_units(&spread.scatter),
+        degrees_of_freedom: spread.degrees_of_freedom,
         parameters: estimates,
         condition_number: eigenvalues.max() / eigenvalues.min().max(f64::MIN_POSITIVE),
-        correlations: correlations.row_iter().map(|row| row.iter().copied().collect()).collect(),
+        correlations: rows(&correlations),
         rmse_before_deg: rms(errors_before.iter().flatten()),
         rmse_after_deg,
         mounting: mounting(&trials),
         trials: (0..trials.len()).map(fitted).collect(),
+        temperature_c: fluid::mean_c(&trials),
         closure,
-        simulations: simulations.into_inner(),
+        simulations: simulations.load(Ordering::Relaxed),
         findings,
         warnings,
-        notes: phase::unknown(&trials, &start, parameters).into_iter().collect(),
+        notes: phase::unknown(&trials, &start, &parameters).into_iter().chain(wide).collect(),
         robot,
     })
+}
+
+/// The uncertainty of the fitted parameters, in the fit's variables.
+struct Spread {
+    /// Covariance of all errors but the model's.
+    covariance: DMatrix<f64>,
+    /// The part of the scatter of the residuals.
+    scatter: DMatrix<f64>,
+    /// Degrees of freedom of the scatter.
+    degrees_of_freedom: f64,
+    /// Quantile of each parameter, with its effective degrees of freedom.
+    quantiles: Vec<f64>,
+    /// Possible change of each parameter by the model's error; `None` for simulated robots.
+    model_errors: Option<Vec<f64>>,
+    /// The step that least squares would take next.
+    next_step: Vec<f64>,
+}
+
+impl Spread {
+    fn of(problem: &Problem, errors: &[Blocks], model_error: &ModelError) -> Result<Self, TwinError> {
+        let Given { trials, parameters, weights, .. } = problem.given;
+        let response = Response::new(problem)?;
+        // What the sensor explains is no scatter.
+        let scatter = Correlated::of_angles(&weights.without_sensors(errors));
+        let Causes { scatter: by_scatter, stated } = response.covariance(&scatter);
+        // The fitted parameters absorb a part of the residuals.
+        let blocks: usize = trials.iter().map(FitTrial::blocks).sum();
+        let independent: f64 = scatter.iter().map(|scatter| scatter.independent(blocks)).sum();
+        let degrees_of_freedom = (independent - parameters.len() as f64).max(1.0);
+        let scatter = by_scatter * (independent / degrees_of_freedom).max(1.0);
+        let mut covariance = stated + &scatter;
+        for (i, parameter) in parameters.iter().enumerate() {
+            covariance[(i, i)] += parameter.solver_error().powi(2);
+        }
+        // Welch and Satterthwaite (GUM, G.2b): all other causes are of type B.
+        let effective = |i: usize| degrees_of_freedom * (covariance[(i, i)] / scatter[(i, i)]).powi(2);
+        Ok(Self {
+            quantiles: (0..parameters.len()).map(|i| student_95(effective(i))).collect(),
+            model_errors: trials.iter().any(|trial| trial.is_real).then(|| response.model_errors(model_error)),
+            next_step: response.change(errors).iter().map(|change| -change).collect(),
+            covariance,
+            scatter,
+            degrees_of_freedom,
+        })
+    }
+
+    fn deviation(&self, i: usize) -> f64 {
+        self.covariance[(i, i)].max(0.0).sqrt()
+    }
+
+    /// Returns a warning about parameters that have not reached the minimum.
+    fn left_to_go(&self, parameters: &[Parameter]) -> Option<String> {
+        let is_short = |i: &usize| self.next_step[*i].abs() > LEFT_TO_GO * self.deviation(*i);
+        let short: Vec<_> = (0..parameters.len()).filter(is_short).map(|i| parameters[i].name()).collect();
+        (!short.is_empty()).then(|| {
+            format!(
+                "the fit has not reached its minimum in {}: fit again with --robot from the robot file that it writes",
+                short.join(", ")
+            )
+        })
+    }
+}
+
+/// Returns the fitted parameters. `start`: the robot before any phase was tried.
+fn estimates(problem: &Problem, start: &Robot, spread: &Spread) -> Vec<Estimate> {
+    let Given { parameters, closure, .. } = problem.given;
+    let one = |(i, parameter): (usize, &Parameter)| {
+        let value = parameter.value(problem.start, closure, problem.moved()[i]);
+        // An angle may have come round.
+        let value = if parameter.is_angle() { wrapped(value) } else { value };
+        let deviation = spread.deviation(i);
+        let model_error = spread.model_errors.as_ref().map(|errors| errors[i]);
+        let half = (spread.quantiles[i] * deviation).hypot(model_error.unwrap_or_default());
+        Estimate {
+            name: parameter.name(),
+            key: parameter.key(closure),
+            unit: parameter.unit(),
+            start: parameter.value(start, closure, 0.0),
+            value,
+            std_error: parameter.error(value, deviation),
+            model_error: model_error.map(|error| parameter.error(value, error)),
+            interval_95: parameter.bounds(value, half),
+        }
+    };
+    parameters.iter().enumerate().map(one).collect()
+}
+
+fn correlations(covariance: &DMatrix<f64>) -> DMatrix<f64> {
+    DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| {
+        covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()
+    })
+}
+
+fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }
 
 fn failed(reason: &str, help: &'static str) -> TwinError {
     TwinError::Fit { reason: reason.to_owned(), help }
 }
 
-fn whiteners(trials: &[FitTrial], rest: [Correlated; 3]) -> Result<Vec<[Whitener; 3]>, TwinError> {
-    let one = |trial: &FitTrial| match [0, 1, 2].map(|k| trial.whitener(k, rest[k])) {
-        [Some(yaw), Some(pitch), Some(roll)] => Ok([yaw, pitch, roll]),
-        _ => Err(failed("the noise of a trial has no valid covariance", "leave out trials whose logs are damaged")),
-    };
-    trials.par_iter().map(one).collect()
-}
-
+/// # Errors
+/// [`TwinError::Fit`] if there is no minimum near the start.
 fn minimise(problem: Problem) -> Result<Problem, TwinError> {
     let method = LevenbergMarquardt::new().with_tol(PRECISION).with_patience(MAX_EVALS_PER_PARAM);
     let (problem, report) = method.minimize(problem);
-    if report.termination.was_successful() {
-        return Ok(problem);
+    if !report.termination.was_successful() {
+        let reason = format!("{:?} after {} evaluations", report.termination, report.number_of_evaluations);
+        return Err(failed(&reason, "fit fewer parameters with --fit, or use trials at other speeds"));
     }
-    let reason = format!("{:?} after {} evaluations", report.termination, report.number_of_evaluations);
-    Err(failed(&reason, "fit fewer parameters with --fit, or use trials at other speeds"))
-}
-
-fn cannot_tell(estimates: &[Estimate], correlations: &DMatrix<f64>, parameters: &[Parameter]) -> Vec<String> {
-    let mut said = Vec::new();
-    for i in 0..estimates.len() {
-        for j in 0..i {
-            let correlation = correlations[(i, j)];
-            if correlation.abs() > MAX_CORRELATION {
-                let (one, other) = (estimates[j].name, estimates[i].name);
-                let mixture = match correlation > 0.0 {
-                    _ if parameters[i].is_angle() || parameters[j].is_angle() => "combination",
-                    true => "ratio",
-                    false => "product",
-                };
-                said.push(format!(
-                    "{one} and {other} are hardly separable (correlation {correlation:+.3}): the trials determine their {mixture}"
-                ));
-            }
-        }
+    let limited = problem.at_limit();
+    if !limited.is_empty() {
+        let reason = format!("{} would change by more than a factor of ten", limited.join(", "));
+        return Err(failed(&reason, "start from a robot that is nearer with --robot"));
     }
-    for (estimate, parameter) in estimates.iter().zip(parameters) {
-        if parameter.is_phase() && estimate.std_error > MAX_PHASE_ERROR_DEG {
-            said.push(format!("{} is known to only {:.0}° (standard error)", estimate.name, estimate.std_error));
-        }
-        let share = estimate.std_error / estimate.value.abs();
-        if !parameter.is_angle() && share > MAX_REL_ERROR {
-            said.push(format!("{} is known to only {:.0} % (standard error)", estimate.name, 100.0 * share));
-        }
-    }
-    said
+    Ok(problem)
 }
 
 fn rms<'a>(blocks: impl Iterator<Item = &'a Vec<f64>>) -> f64 {

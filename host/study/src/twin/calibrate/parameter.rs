@@ -148,6 +148,13 @@ impl Parameter {
         if self.is_angle() { moved_error.to_degrees() } else { value * moved_error }
     }
 
+    /// Returns the bounds of an interval about the value, given its half width in the fit's variable.
+    pub(super) fn bounds(self, value: f64, half: f64) -> [f64; 2] {
+        let bound =
+            |side: f64| if self.is_angle() { value + (side * half).to_degrees() } else { value * (side * half).exp() };
+        [bound(-1.0), bound(1.0)]
+    }
+
     /// Sets the parameter of a robot.
     pub(super) fn put(self, robot: &mut Robot, closure: Closure, moved: f64) {
         if let Some(place) = self.place(robot, closure) {

@@ -52,11 +52,11 @@ pub(super) fn unknown(trials: &[FitTrial], start: &Robot, parameters: &[Paramete
 /// Returns the initial values of a fit, with the phases around the turn at which the trials fit best; `None` if no
 /// phase is fitted.
 pub(super) fn nearest(problem: &Problem) -> Option<Robot> {
-    if !problem.parameters.contains(&Parameter::Phase) {
+    if !problem.given.parameters.contains(&Parameter::Phase) {
         return None;
     }
     let trials: Vec<(usize, Ratio)> =
-        (0..problem.trials.len()).filter_map(|i| Some((i, problem.trials[i].ratio?))).collect();
+        (0..problem.given.trials.len()).filter_map(|i| Some((i, problem.given.trials[i].ratio?))).collect();
     let misfits = |(i, ratio): &(usize, Ratio)| -> Vec<f64> {
         let at = |step: i32| problem.misfit(*i, &turned(problem.start, alone(*ratio, step)));
         (0..STEPS).into_par_iter().map(at).collect()
@@ -74,7 +74,7 @@ pub(super) fn nearest(problem: &Problem) -> Option<Robot> {
     let later = if is_only { 0..STEPS } else { 0..1 };
     let starts: Vec<Robot> =
         later.map(|step| turned(problem.start, [one + p * step, two + q * step].map(f64::from))).collect();
-    let total = |robot: &Robot| (0..problem.trials.len()).map(|i| problem.misfit(i, robot)).sum::<f64>();
+    let total = |robot: &Robot| (0..problem.given.trials.len()).map(|i| problem.misfit(i, robot)).sum::<f64>();
     let totals: Vec<f64> = starts.par_iter().map(total).collect();
     starts.into_iter().zip(totals).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(robot, _)| robot)
 }

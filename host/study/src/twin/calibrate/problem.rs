@@ -1,7 +1,9 @@
 //! The least squares problem: residuals of all trials, and their derivatives with respect to each parameter.
 
-use super::data::{Blocks, Correlated, FitTrial, Whitener};
+use super::Blocks;
+use super::data::FitTrial;
 use super::parameter::Parameter;
+use super::weights::Weights;
 use levenberg_marquardt::LeastSquaresProblem;
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn, Rotation3, Vector3};
@@ -30,29 +32,29 @@ const AT_LIMIT: f64 = 0.95;
 /// Residual if the solver fails, large enough to make the fit turn back.
 const FAILED_RESIDUAL: f64 = 1e4;
 
-/// The trials, the robot, and its free parameters.
-pub(super) struct Problem<'a> {
+/// What a fit is given, whatever it starts from.
+#[derive(Clone, Copy)]
+pub(super) struct Given<'a> {
     pub trials: &'a [FitTrial],
-    pub start: &'a Robot,
     pub closure: Closure,
     pub parameters: &'a [Parameter],
-    pub whiteners: &'a [[Whitener; 3]],
+    pub weights: &'a Weights,
     /// Called after each simulation of a trial; with `false`, no more are made.
     pub simulated: &'a (dyn Fn() -> bool + Sync),
+}
+
+/// The trials, the robot, and its free parameters.
+pub(super) struct Problem<'a> {
+    pub given: Given<'a>,
+    pub start: &'a Robot,
     moved: Vec<f64>,
     /// The model's blocks of the trials; `None` if the solver failed.
     modelled: Option<Vec<Blocks>>,
 }
 
 impl<'a> Problem<'a> {
-    pub fn new(
-        (trials, start, closure): (&'a [FitTrial], &'a Robot, Closure),
-        parameters: &'a [Parameter],
-        whiteners: &'a [[Whitener; 3]],
-        simulated: &'a (dyn Fn() -> bool + Sync),
-    ) -> Self {
-        let moved = vec![0.0; parameters.len()];
-        let mut problem = Self { trials, start, closure, parameters, whiteners, simulated, moved, modelled: None };
+    pub fn new(given: Given<'a>, start: &'a Robot) -> Self {
+        let mut problem = Self { moved: vec![0.0; given.parameters.len()], given, start, modelled: None };
         problem.modelled = problem.model(problem.start, &problem.moved);
         problem
     }
@@ -79,14 +81,14 @@ impl<'a> Problem<'a> {
             let limit = if parameter.is_angle() { MAX_TURN } else { MAX_LOG_CHANGE };
             moved.abs() > limit || !moved.is_finite()
         };
-        self.parameters.iter().zip(moved).filter(is_beyond).map(|(parameter, _)| parameter.name()).collect()
+        self.given.parameters.iter().zip(moved).filter(is_beyond).map(|(parameter, _)| parameter.name()).collect()
     }
 
     /// Returns a robot with changed parameters.
     pub fn robot(&self, start: &Robot, moved: &[f64]) -> Robot {
         let mut robot = start.clone();
-        for (parameter, moved) in self.parameters.iter().zip(moved) {
-            parameter.put(&mut robot, self.closure, *moved);
+        for (parameter, moved) in self.given.parameters.iter().zip(moved) {
+            parameter.put(&mut robot, self.given.closure, *moved);
         }
         robot
     }
@@ -94,16 +96,45 @@ impl<'a> Problem<'a> {
     /// Returns the errors of each trial, modelled minus measured, degrees.
     pub fn errors(&self) -> Option<Vec<Blocks>> {
         let modelled = self.mounted(self.modelled.as_ref()?, &self.moved);
-        Some(modelled.iter().zip(self.trials).map(|(blocks, trial)| difference(blocks, &trial.measured)).collect())
+        Some(
+            modelled.iter().zip(self.given.trials).map(|(blocks, trial)| difference(blocks, &trial.measured)).collect(),
+        )
     }
 
     /// Returns the sum of the squared residuals of one trial with another robot; infinite if the solver fails.
     pub fn misfit(&self, trial: usize, robot: &Robot) -> f64 {
-        let Some(modelled) = self.simulate(&self.trials[trial], robot) else { return f64::INFINITY };
-        let errors = difference(&modelled, &self.trials[trial].measured);
-        let square =
-            |k: usize| -> f64 { self.whiteners[trial][k].whiten(&errors[k]).iter().map(|error| error * error).sum() };
-        (0..3).map(square).sum()
+        let Some(modelled) = self.simulate(&self.given.trials[trial], robot) else {
+            return f64::INFINITY;
+        };
+        self.given.weights.square(trial, &difference(&modelled, &self.given.trials[trial].measured))
+    }
+
+    /// Returns the derivatives of the errors with respect to each parameter; `None` if the solver fails.
+    pub fn slopes(&self) -> Option<Vec<Vec<Blocks>>> {
+        let mut tight = self.start.clone();
+        tight.solver.tolerance = tight.solver.tolerance.min(TOLERANCE);
+        let modelled = self.model(&tight, &self.moved)?;
+        let now = self.mounted(&modelled, &self.moved);
+        let changed = |i: usize, sign: f64| {
+            let mut moved = self.moved.clone();
+            moved[i] += sign * FD_STEP;
+            let is_of_robot = self.given.parameters[i].is_of_the_robot();
+            let modelled = if is_of_robot { self.model(&tight, &moved)? } else { modelled.clone() };
+            Some(self.mounted(&modelled, &moved))
+        };
+        let slopes = |i: usize| {
+            // Near the limit of the model, one side may fail.
+            let (there, sign) = match changed(i, 1.0) {
+                Some(there) => (there, 1.0),
+                None => (changed(i, -1.0)?, -1.0),
+            };
+            let slope = |there: &Vec<f64>, here: &Vec<f64>| {
+                there.iter().zip(here).map(|(there, here)| sign * (there - here) / FD_STEP).collect()
+            };
+            let of_trial = |(there, here): (&Blocks, &Blocks)| [0, 1, 2].map(|k| slope(&there[k], &here[k]));
+            Some(there.iter().zip(&now).map(of_trial).collect())
+        };
+        (0..self.given.parameters.len()).into_par_iter().map(slopes).collect()
     }
 
     fn model(&self, start: &Robot, moved: &[f64]) -> Option<Vec<Blocks>> {
@@ -111,31 +142,27 @@ impl<'a> Problem<'a> {
             return None;
         }
         let robot = self.robot(start, moved);
-        self.trials.par_iter().map(|trial| self.simulate(trial, &robot)).collect()
+        self.given.trials.par_iter().map(|trial| self.simulate(trial, &robot)).collect()
     }
 
     fn simulate(&self, trial: &FitTrial, robot: &Robot) -> Option<Blocks> {
-        let blocks = trial.modelled(robot, self.closure);
-        let goes_on = (self.simulated)();
+        let blocks = trial.modelled(robot, self.given.closure);
+        let goes_on = (self.given.simulated)();
         blocks.filter(|_| goes_on)
     }
 
     /// Returns the attitude measured by a sensor that is rotated about the vertical in the body.
     fn mounted(&self, modelled: &[Blocks], moved: &[f64]) -> Vec<Blocks> {
-        let yaw =
-            self.parameters.iter().position(|parameter| *parameter == Parameter::MountYaw).map_or(0.0, |i| moved[i]);
+        let yaw = self
+            .given
+            .parameters
+            .iter()
+            .position(|parameter| *parameter == Parameter::MountYaw)
+            .map_or(0.0, |i| moved[i]);
         if yaw == 0.0 {
             return modelled.to_vec();
         }
         modelled.iter().map(|blocks| turned(blocks, yaw)).collect()
-    }
-
-    fn whitened(&self, errors: &[Blocks]) -> DVector<f64> {
-        let parts = errors.iter().zip(self.whiteners);
-        let values = parts.flat_map(|(blocks, whiteners)| {
-            blocks.iter().zip(whiteners).flat_map(|(block, whitener)| whitener.whiten(block))
-        });
-        DVector::from_vec(values.collect())
     }
 }
 
@@ -159,11 +186,6 @@ fn turned(blocks: &Blocks, yaw: f64) -> Blocks {
     result
 }
 
-/// Returns variance and correlation of the errors of each angle, over all trials.
-pub(super) fn correlations(errors: &[Blocks]) -> [Correlated; 3] {
-    [0, 1, 2].map(|k| Correlated::of(errors.iter().map(move |blocks| &blocks[k])))
-}
-
 impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     type ResidualStorage = Owned<f64, Dyn>;
     type JacobianStorage = Owned<f64, Dyn, Dyn>;
@@ -179,41 +201,15 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     }
 
     fn residuals(&self) -> Option<DVector<f64>> {
-        match self.errors() {
-            Some(errors) => Some(self.whitened(&errors)),
-            None => Some(DVector::repeat(self.trials.iter().map(|trial| 3 * trial.blocks()).sum(), FAILED_RESIDUAL)),
-        }
+        Some(match self.errors() {
+            Some(errors) => self.given.weights.whiten(&errors),
+            None => DVector::repeat(self.given.weights.count(), FAILED_RESIDUAL),
+        })
     }
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {
-        let mut tight = self.start.clone();
-        tight.solver.tolerance = tight.solver.tolerance.min(TOLERANCE);
-        let modelled = self.model(&tight, &self.moved)?;
-        let now = self.mounted(&modelled, &self.moved);
-        let changed = |i: usize, sign: f64| {
-            let mut moved = self.moved.clone();
-            moved[i] += sign * FD_STEP;
-            let modelled =
-                if self.parameters[i].is_of_the_robot() { self.model(&tight, &moved)? } else { modelled.clone() };
-            Some(self.mounted(&modelled, &moved))
-        };
-        let columns: Option<Vec<_>> = (0..self.parameters.len())
-            .into_par_iter()
-            .map(|i| {
-                // Near the limit of the model, one side may fail.
-                let (there, sign) = match changed(i, 1.0) {
-                    Some(there) => (there, 1.0),
-                    None => (changed(i, -1.0)?, -1.0),
-                };
-                let slope = |there: &Vec<f64>, here: &Vec<f64>| {
-                    there.iter().zip(here).map(|(there, here)| sign * (there - here) / FD_STEP).collect()
-                };
-                let slopes: Vec<Blocks> =
-                    there.iter().zip(&now).map(|(there, here)| [0, 1, 2].map(|k| slope(&there[k], &here[k]))).collect();
-                Some(self.whitened(&slopes))
-            })
-            .collect();
-        Some(DMatrix::from_columns(&columns?))
+        let columns: Vec<_> = self.slopes()?.iter().map(|slopes| self.given.weights.whiten(slopes)).collect();
+        Some(DMatrix::from_columns(&columns))
     }
 }
 

@@ -1,20 +1,24 @@
 //! How errors of the measurement and of the model change the fitted parameters.
 
-use super::data::Whitener;
+use super::errors::{Correlated, TrialErrors};
 use super::problem::Problem;
-use super::{TwinError, failed};
-use levenberg_marquardt::LeastSquaresProblem;
+use super::{Blocks, TwinError, failed};
 use nalgebra::{DMatrix, DVector};
 use sim::accuracy::ModelError;
 
 /// The fit's linear response to errors of its data.
 pub(super) struct Response<'a, 'b> {
     problem: &'a Problem<'b>,
-    /// Weighted derivatives, each column scaled to length one.
-    derivatives: DMatrix<f64>,
-    scale: Vec<f64>,
-    /// Inverse of the product of the derivatives.
-    inverse: DMatrix<f64>,
+    /// For each parameter, its change for an error of each block, 1/degree.
+    gains: Vec<Vec<Blocks>>,
+}
+
+/// Covariance of the fitted parameters in the fit's variables, by its causes.
+pub(super) struct Causes {
+    /// The scatter of the residuals.
+    pub scatter: DMatrix<f64>,
+    /// The errors that are stated for the sensor, the clocks and the solver.
+    pub stated: DMatrix<f64>,
 }
 
 impl<'a, 'b> Response<'a, 'b> {
@@ -22,34 +26,60 @@ impl<'a, 'b> Response<'a, 'b> {
     /// [`TwinError::Fit`] if the trials do not determine all parameters.
     pub fn new(problem: &'a Problem<'b>) -> Result<Self, TwinError> {
         let blind = || failed("the trials do not determine all parameters", "fit fewer parameters with --fit");
-        let jacobian = problem.jacobian().ok_or_else(blind)?;
-        let jacobian = DMatrix::from_column_slice(jacobian.nrows(), jacobian.ncols(), jacobian.as_slice());
-        let scale: Vec<f64> = jacobian.column_iter().map(|column| column.norm()).collect();
-        if scale.iter().any(|norm| *norm == 0.0 || !norm.is_finite()) {
+        let slopes = problem.slopes().ok_or_else(blind)?;
+        let weighted: Vec<Vec<Blocks>> = slopes.iter().map(|slopes| problem.given.weights.solve(slopes)).collect();
+        let count = slopes.len();
+        let product = DMatrix::from_fn(count, count, |i, j| dot(&slopes[i], &weighted[j]));
+        let scale: Vec<f64> = (0..count).map(|i| product[(i, i)].sqrt()).collect();
+        if scale.iter().any(|scale| *scale == 0.0 || !scale.is_finite()) {
             return Err(blind());
         }
-        let derivatives = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| jacobian[(i, j)] / scale[j]);
-        let inverse = (derivatives.transpose() * &derivatives).cholesky().ok_or_else(blind)?.inverse();
-        Ok(Self { problem, derivatives, scale, inverse })
+        let scaled = DMatrix::from_fn(count, count, |i, j| product[(i, j)] / (scale[i] * scale[j]));
+        let inverse = scaled.cholesky().ok_or_else(blind)?.inverse();
+        let gain = |i: usize| {
+            let mut gain: Vec<Blocks> =
+                weighted[0].iter().map(|blocks| blocks.clone().map(|b| vec![0.0; b.len()])).collect();
+            for (j, weighted) in weighted.iter().enumerate() {
+                let share = inverse[(i, j)] / (scale[i] * scale[j]);
+                for (sum, value) in values_mut(&mut gain).zip(values(weighted)) {
+                    *sum += share * value;
+                }
+            }
+            gain
+        };
+        Ok(Self { problem, gains: (0..count).map(gain).collect() })
     }
 
-    /// Returns the covariance of the fitted parameters for errors with the covariance `noise`, for any weights of the fit.
-    pub fn covariance(&self, noise: &[[Whitener; 3]]) -> DMatrix<f64> {
-        // Effect of each error on each parameter, scaled by the covariance of the errors.
-        let mut spread = self.derivatives.clone();
-        let mut first = 0;
-        for (weights, noise) in self.problem.whiteners.iter().flatten().zip(noise.iter().flatten()) {
-            let count = weights.count();
-            for j in 0..spread.ncols() {
-                let mut part = spread.view((first, j), (count, 1)).column(0).into_owned();
-                weights.whiten_transposed(&mut part);
-                spread.view_mut((first, j), (count, 1)).copy_from(&noise.spread(&part));
+    /// Returns the covariance of the parameters. It holds for any weights of the fit.
+    pub fn covariance(&self, scatter: &[Correlated; 3]) -> Causes {
+        let trials = self.problem.given.trials;
+        let of_sensors: Vec<Vec<DVector<f64>>> =
+            self.gains.iter().map(|gain| self.problem.given.weights.of_sensors(gain)).collect();
+        let by = |of: &dyn Fn(usize, usize) -> f64| {
+            let mut matrix = DMatrix::zeros(self.gains.len(), self.gains.len());
+            for i in 0..self.gains.len() {
+                for j in 0..=i {
+                    matrix[(i, j)] = of(i, j);
+                    matrix[(j, i)] = matrix[(i, j)];
+                }
             }
-            first += count;
+            matrix
+        };
+        let pairs = |i: usize, j: usize| {
+            let gains = self.gains[i].iter().zip(&self.gains[j]);
+            gains.enumerate().flat_map(|(t, (one, other))| (0..3).map(move |k| (t, k, &one[k], &other[k])))
+        };
+        let own = |errors: &TrialErrors, k: usize, one: &[f64], other: &[f64]| {
+            DVector::from_column_slice(one).dot(&(&errors.own[k] * DVector::from_column_slice(other)))
+        };
+        Causes {
+            scatter: by(&|i, j| pairs(i, j).map(|(_, k, one, other)| scatter[k].covariance(one, other)).sum()),
+            stated: by(&|i, j| {
+                let of_trials: f64 = pairs(i, j).map(|(t, k, one, other)| own(&trials[t].errors, k, one, other)).sum();
+                let of_sensors: f64 = of_sensors[i].iter().zip(&of_sensors[j]).map(|(one, other)| one.dot(other)).sum();
+                of_trials + of_sensors
+            }),
         }
-        let covariance = &self.inverse * (spread.transpose() * spread) * &self.inverse;
-        let scale = &self.scale;
-        DMatrix::from_fn(scale.len(), scale.len(), |i, j| covariance[(i, j)] / (scale[i] * scale[j]))
     }
 
     /// Returns by how much the model's own errors may have changed each parameter, in the fit's variables.
@@ -57,19 +87,30 @@ impl<'a, 'b> Response<'a, 'b> {
     /// They are the same in all trials, because the same effects are left out: the response to an error of the yaw in
     /// proportion to the yaw, and to one of the tilt in proportion to the tilt, added up as squares.
     pub fn model_errors(&self, error: &ModelError) -> Vec<f64> {
-        let yaw = self.shift([error.yaw(), 0.0, 0.0]);
-        let tilt = self.shift([0.0, error.tilt(), error.tilt()]);
+        let share = |shares: [f64; 3]| {
+            let of_trial =
+                |measured: &Blocks| [0, 1, 2].map(|k| measured[k].iter().map(|deg| shares[k] * deg).collect());
+            self.change(&self.problem.given.trials.iter().map(|trial| of_trial(&trial.measured)).collect::<Vec<_>>())
+        };
+        let yaw = share([error.yaw(), 0.0, 0.0]);
+        let tilt = share([0.0, error.tilt(), error.tilt()]);
         yaw.iter().zip(&tilt).map(|(yaw, tilt)| yaw.hypot(*tilt)).collect()
     }
 
-    /// Returns the change of the parameters by errors of yaw, pitch and roll in proportion to the measured angles.
-    fn shift(&self, shares: [f64; 3]) -> DVector<f64> {
-        let angles = self.problem.trials.iter().flat_map(|trial| trial.measured.iter().zip(shares));
-        let errors = angles.zip(self.problem.whiteners.iter().flatten()).flat_map(|((angle, share), weights)| {
-            weights.whiten(&angle.iter().map(|deg| share * deg).collect::<Vec<_>>())
-        });
-        let errors = DVector::from_iterator(self.derivatives.nrows(), errors);
-        let scaled = &self.inverse * (self.derivatives.transpose() * errors);
-        DVector::from_iterator(self.scale.len(), scaled.iter().zip(&self.scale).map(|(value, scale)| value / scale))
+    /// Returns the change of each parameter by errors of the data.
+    pub fn change(&self, errors: &[Blocks]) -> Vec<f64> {
+        self.gains.iter().map(|gain| dot(gain, errors)).collect()
     }
+}
+
+fn values(blocks: &[Blocks]) -> impl Iterator<Item = &f64> {
+    blocks.iter().flatten().flatten()
+}
+
+fn values_mut(blocks: &mut [Blocks]) -> impl Iterator<Item = &mut f64> {
+    blocks.iter_mut().flatten().flatten()
+}
+
+fn dot(one: &[Blocks], other: &[Blocks]) -> f64 {
+    values(one).zip(values(other)).map(|(a, b)| a * b).sum()
 }

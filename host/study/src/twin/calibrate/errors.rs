@@ -1,0 +1,162 @@
+//! The errors of the blocks of a trial: those of the sensor, of the solver and of the clocks, and what remains.
+
+use super::Blocks;
+use crate::sensor::MOUNTING_YAW;
+use crate::trial::OverTime;
+use biflag_log::Origin;
+use nalgebra::DMatrix;
+
+/// Standard deviation of the difference between the clocks of attitude and motors, s: about the error of the delay of
+/// the sensor's filter.
+const TIMING_S: f64 = 0.002;
+
+/// Relative standard deviation of the solver's error of an angle: mean forces have an error of some tenths of a per
+/// cent from tolerance and steps.
+const SOLVER_ERROR: f64 = 0.005;
+
+/// Which sensor measured a trial. Trials of one sensor have its errors in common.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub(super) struct SensorId {
+    /// The board's number; 0 for all boards that were not given one.
+    pub board_id: u16,
+    /// An emulated board has another sensor for each seed.
+    pub seed: Option<u64>,
+    /// The text of the sensor's file. What a measurement has left of the errors is independent of what they were.
+    pub measured: String,
+}
+
+impl SensorId {
+    /// Returns the sensor of a trial; `None` for a model.
+    pub fn of(data: &crate::trial::Data) -> Option<Self> {
+        let records = &data.records;
+        (data.origin() != Origin::Model).then(|| Self {
+            board_id: records.board.as_ref().map_or(0, |board| board.board_id),
+            seed: records.sensor.as_ref().map(|sensor| sensor.seed),
+            measured: records.measured_sensor.as_ref().map(|file| file.text.clone()).unwrap_or_default(),
+        })
+    }
+}
+
+/// The stated errors of yaw, pitch and roll of a trial's blocks.
+#[derive(Clone, PartialEq, Debug)]
+pub(super) struct TrialErrors {
+    /// The sensor; `None` for a model.
+    pub sensor: Option<SensorId>,
+    /// Covariance of the trial's own errors, degrees².
+    pub own: [DMatrix<f64>; 3],
+    /// Effects of the sensor's errors, see [`OverTime::effects`].
+    pub of_sensor: [DMatrix<f64>; 3],
+}
+
+impl TrialErrors {
+    /// Adds the errors of solver and clocks to those of the sensor. `block_s`: length of a block.
+    pub fn new(sensor: Option<SensorId>, errors: [OverTime; 3], measured: &Blocks, block_s: f64) -> Self {
+        // A model counts as a quiet sensor.
+        let quiet_deg2 = if sensor.is_none() { 1e-8 } else { 0.0 };
+        let own = [0, 1, 2].map(|k| {
+            let (turned, last) = (&measured[k], measured[k].len().saturating_sub(1));
+            let rate = |i: usize| (turned[(i + 1).min(last)] - turned[i.saturating_sub(1)]) / (2.0 * block_s);
+            let of_model = |i: usize, j: usize| {
+                SOLVER_ERROR.powi(2) * turned[i] * turned[j] + TIMING_S.powi(2) * rate(i) * rate(j)
+            };
+            DMatrix::from_fn(turned.len(), turned.len(), |i, j| errors[k].own[(i, j)] + quiet_deg2 + of_model(i, j))
+        });
+        Self { sensor, own, of_sensor: errors.map(|errors| errors.effects) }
+    }
+
+    /// Leaves out the mounting of the sensor about the vertical, which is fitted instead.
+    pub fn without_mounting_yaw(&mut self) {
+        for effects in self.of_sensor.iter_mut().filter(|effects| effects.ncols() > MOUNTING_YAW) {
+            effects.column_mut(MOUNTING_YAW).fill(0.0);
+        }
+    }
+}
+
+/// Correlated errors of successive blocks: an autoregressive process of first order.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Correlated {
+    /// Variance, degrees².
+    pub variance: f64,
+    /// Correlation from one block to the next.
+    pub step: f64,
+}
+
+impl Correlated {
+    /// Returns the scatter of the residuals of each angle, over all trials.
+    pub fn of_angles(residuals: &[Blocks]) -> [Self; 3] {
+        [0, 1, 2].map(|k| Self::of(residuals.iter().map(move |blocks| &blocks[k])))
+    }
+
+    /// Estimates variance and correlation from the residuals of trials.
+    fn of<'a>(residuals: impl Iterator<Item = &'a Vec<f64>> + Clone) -> Self {
+        let sum = |of: &dyn Fn(&[f64]) -> f64| residuals.clone().map(|residual| of(residual)).sum::<f64>();
+        let count = sum(&|residual| residual.len() as f64);
+        let squares = sum(&|residual| residual.iter().map(|value| value * value).sum());
+        let products = sum(&|residual| residual.windows(2).map(|pair| pair[0] * pair[1]).sum());
+        // The rounding of the attitude, 1/32768, is the smallest error.
+        let variance = (squares / count.max(1.0)).max(1e-6);
+        let step = if squares > 0.0 { (products / squares).clamp(0.0, 0.995) } else { 0.0 };
+        Self { variance, step }
+    }
+
+    /// Returns the number of independent blocks with the same information as `count` correlated ones.
+    pub fn independent(&self, count: usize) -> f64 {
+        count as f64 * (1.0 - self.step) / (1.0 + self.step)
+    }
+
+    /// Returns the covariance of two weighted sums of the errors of successive blocks, degrees².
+    pub fn covariance(&self, one: &[f64], other: &[f64]) -> f64 {
+        // The products with the blocks before, and with those after.
+        let pass = |weights: &mut dyn Iterator<Item = (f64, f64)>| {
+            let (mut before, mut sum) = (0.0, 0.0);
+            for (a, b) in weights {
+                sum += a * before;
+                before = self.step * (before + b);
+            }
+            sum
+        };
+        let pairs = || one.iter().copied().zip(other.iter().copied());
+        let same: f64 = pairs().map(|(a, b)| a * b).sum();
+        self.variance * (same + pass(&mut pairs()) + pass(&mut pairs().rev()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn correlation_of_residuals_is_estimated() {
+        // A process of first order with a step of 0.9 and a standard deviation of 0.3, from a fixed generator.
+        let mut state = 1u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let mut normal = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        let mut value = 0.0;
+        let residuals: Vec<f64> = (0..20_000)
+            .map(|_| {
+                value = 0.9 * value + 0.3 * (1.0f64 - 0.81).sqrt() * normal();
+                value
+            })
+            .collect();
+        let found = Correlated::of([residuals].iter());
+        assert!((found.step - 0.9).abs() < 0.01 && (found.variance.sqrt() - 0.3).abs() < 0.02, "{found:?}");
+        assert!((found.independent(1900) - 100.0).abs() < 15.0);
+    }
+
+    #[test]
+    fn weighted_sums_have_the_covariance_of_all_pairs() {
+        let scatter = Correlated { variance: 0.49, step: 0.83 };
+        let one: Vec<f64> = (0..7).map(|i| f64::from(i).sin()).collect();
+        let other: Vec<f64> = (0..7).map(|i| (2.3 * f64::from(i)).cos()).collect();
+        let mut expected = 0.0;
+        for (i, a) in one.iter().enumerate() {
+            for (j, b) in other.iter().enumerate() {
+                expected += 0.49 * 0.83f64.powi(i.abs_diff(j) as i32) * a * b;
+            }
+        }
+        assert!((scatter.covariance(&one, &other) - expected).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,77 @@
+//! The fluid of each trial: a mixture of glycerol has the viscosity of the temperature at which a trial was run.
+
+use super::data::FitTrial;
+use crate::text::count;
+use sim::params::{Fluid, Glycerol, Robot};
+
+/// Difference of the sensor's temperature between trials above which the viscosity of glycerol has changed by more than a
+/// tenth, °C.
+const SAME_C: f64 = 1.5;
+
+/// Viscosity and density of the fluid of a trial, over those of the fitted robot.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct FluidRatio {
+    viscosity: f64,
+    density: f64,
+}
+
+impl Default for FluidRatio {
+    fn default() -> Self {
+        Self { viscosity: 1.0, density: 1.0 }
+    }
+}
+
+impl FluidRatio {
+    /// Returns the robot in the fluid of the trial.
+    pub fn of(&self, robot: &Robot) -> Robot {
+        let mut robot = robot.clone();
+        robot.fluid.viscosity_pa_s *= self.viscosity;
+        robot.fluid.density_kg_m3 *= self.density;
+        robot
+    }
+}
+
+/// Returns the mean temperature of the sensor in all trials, °C.
+pub(super) fn mean_c(trials: &[FitTrial]) -> f64 {
+    trials.iter().map(|trial| trial.temperature_c).sum::<f64>() / trials.len() as f64
+}
+
+/// Replaces a mixture by its viscosity and density at the mean temperature of all trials, and gives each trial its own over
+/// these. Returns a warning about the temperatures.
+pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Option<String> {
+    let mean_c = mean_c(trials);
+    let celsius = trials.iter().map(|trial| trial.temperature_c);
+    let (least, most) = celsius.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), c| (a.min(c), b.max(c)));
+    let Some(mixture) = fluid.glycerol.take() else {
+        let real = trials.iter().any(|trial| trial.is_real);
+        return (real && most - least > SAME_C).then(|| {
+            format!(
+                "the sensor had {least:.1} °C to {most:.1} °C, and the viscosity of glycerol changes by some 8 % per °C: \
+                 all trials are fitted with one viscosity, unless the robot has a mixture under [fluid.glycerol]"
+            )
+        });
+    };
+    let at = |temperature_c: f64| Glycerol { temperature_c, ..mixture };
+    fluid.viscosity_pa_s = at(mean_c).viscosity_pa_s();
+    fluid.density_kg_m3 = at(mean_c).density_kg_m3();
+    for trial in trials.iter_mut() {
+        let own = at(trial.temperature_c);
+        trial.fluid = FluidRatio {
+            viscosity: own.viscosity_pa_s() / fluid.viscosity_pa_s,
+            density: own.density_kg_m3() / fluid.density_kg_m3,
+        };
+    }
+    let share = 100.0 * mixture.mass_fraction;
+    let viscosity = fluid.viscosity_pa_s;
+    Some(if most - least > 0.1 {
+        format!(
+            "the initial viscosity is that of {share:.1} % glycerol at the sensor's mean {mean_c:.1} °C: {viscosity:.3} Pa s; \
+             each of {} has that of its own temperature, {least:.1} °C to {most:.1} °C",
+            count(trials.len(), "trial")
+        )
+    } else {
+        format!(
+            "the initial viscosity is that of {share:.1} % glycerol at the sensor's {mean_c:.1} °C: {viscosity:.3} Pa s"
+        )
+    })
+}

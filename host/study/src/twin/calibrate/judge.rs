@@ -1,0 +1,158 @@
+//! What a fit cannot tell, and where its model does not describe the trials.
+
+use super::data::FitTrial;
+use super::errors::TrialErrors;
+use super::result::Estimate;
+use super::weights::Weights;
+use super::{ASSUMED_REST_DEG, Blocks, Parameter};
+use crate::text;
+use nalgebra::DMatrix;
+use sim::accuracy::ModelError;
+
+/// Largest correlation of two parameters that are separable.
+const MAX_CORRELATION: f64 = 0.95;
+
+/// Largest ratio of a bound of the interval to the value of a parameter that counts as determined.
+pub const MAX_FACTOR: f64 = 1.5;
+
+/// Largest half width of the interval of an angle that counts as determined, degrees.
+const MAX_ANGLE_DEG: f64 = 40.0;
+
+/// Ratio of the residuals of a trial to their noise above which the model does not describe the trial. In trials that the
+/// model describes it is about 1.
+const MISFIT: f64 = 5.0;
+
+/// Number of misfits that are named.
+const NAMED: usize = 4;
+
+/// Error of a sensor, in its standard uncertainties, above which it is no longer believed.
+const SENSOR_LIMIT: f64 = 4.0;
+
+/// Quantile above which it is said how many standard errors an interval has.
+const USUAL_QUANTILE: f64 = 3.0;
+
+/// Returns descriptions of the parameters that cannot be separated or are not determined.
+pub(super) fn cannot_tell(
+    estimates: &[Estimate],
+    correlations: &DMatrix<f64>,
+    parameters: &[Parameter],
+) -> Vec<String> {
+    let mut said = Vec::new();
+    for i in 0..estimates.len() {
+        for j in 0..i {
+            let correlation = correlations[(i, j)];
+            if correlation.abs() > MAX_CORRELATION {
+                let (one, other) = (estimates[j].name, estimates[i].name);
+                let mixture = match correlation > 0.0 {
+                    _ if parameters[i].is_angle() || parameters[j].is_angle() => "combination",
+                    true => "ratio",
+                    false => "product",
+                };
+                said.push(format!(
+                    "{one} and {other} are hardly separable (correlation {correlation:+.3}): the trials determine their {mixture}"
+                ));
+            }
+        }
+    }
+    for (Estimate { name, unit, value, interval_95: [low, high], .. }, parameter) in estimates.iter().zip(parameters) {
+        let is_known = if parameter.is_angle() {
+            high - low < 2.0 * MAX_ANGLE_DEG
+        } else {
+            high / value < MAX_FACTOR && value / low < MAX_FACTOR
+        };
+        if !is_known {
+            let [low, high] = [low, high].map(|bound| text::figure(*bound));
+            said.push(format!("{name} is not determined: its 95 % interval is {low} to {high} {unit}"));
+        }
+    }
+    said
+}
+
+/// Returns descriptions of residuals that are much larger than the noise, and for a real robot than the model's error beside
+/// it. `errors`: modelled minus measured, degrees.
+pub(super) fn misfits(
+    trials: &[FitTrial],
+    weights: &Weights,
+    errors: &[Blocks],
+    model_error: &ModelError,
+) -> Vec<String> {
+    let left = weights.without_sensors(errors);
+    let mut found: Vec<(f64, String)> = Vec::new();
+    for (trial, left) in trials.iter().zip(&left) {
+        for (k, angle) in ["yaw", "pitch", "roll"].into_iter().enumerate() {
+            let [residual_deg, noise_deg] = residual_and_noise(&trial.errors, k, &left[k]);
+            let of_model_deg = if trial.is_real { model_error_deg(model_error, trial, k) } else { 0.0 };
+            let ratio = residual_deg / noise_deg;
+            if residual_deg > MISFIT * noise_deg + of_model_deg {
+                let text = format!(
+                    "{}: the residual of the {angle} is {residual_deg:.2}° RMS, {ratio:.0} times its noise",
+                    trial.name
+                );
+                found.push((ratio, text));
+            }
+        }
+    }
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut said: Vec<String> = found.iter().take(NAMED).map(|(_, text)| text.clone()).collect();
+    if found.len() > NAMED {
+        said.push(format!("residuals of {} more angles are more than {MISFIT} times their noise", found.len() - NAMED));
+    }
+    for sensor in weights.sensors(errors) {
+        let Some((name, error)) = sensor.each.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else { continue };
+        if error.abs() > SENSOR_LIMIT {
+            said.push(format!(
+                "the fit takes an error of the sensor ({name}) to be {:.0} times its standard uncertainty, for {} and the \
+                 other trials of its board",
+                error.abs(),
+                trials[sensor.trial].name
+            ));
+        }
+    }
+    if !said.is_empty() {
+        said.push(
+            "the model does not describe these trials, whatever these parameters are, and the intervals do not hold: \
+             compare tank, head and flagella of the robot file with the robot, and check the trials"
+                .to_owned(),
+        );
+    }
+    said
+}
+
+/// Returns root mean squares of the residuals of an angle and of their noise, degrees.
+fn residual_and_noise(errors: &TrialErrors, angle: usize, residuals: &[f64]) -> [f64; 2] {
+    let noise = errors.own[angle].diagonal().iter().map(|variance| variance + ASSUMED_REST_DEG.powi(2)).sum::<f64>();
+    let square = residuals.iter().map(|residual| residual * residual).sum::<f64>();
+    [square, noise].map(|sum| (sum / residuals.len().max(1) as f64).sqrt())
+}
+
+/// Returns the root mean square of the model's error of an angle, degrees.
+fn model_error_deg(error: &ModelError, trial: &FitTrial, angle: usize) -> f64 {
+    let [yaw, pitch, roll] = &trial.measured;
+    let each =
+        yaw.iter().zip(pitch).zip(roll).map(|((yaw, pitch), roll)| error.of_angles_deg([*yaw, *pitch, *roll])[angle]);
+    (each.map(|deg| deg * deg).sum::<f64>() / yaw.len().max(1) as f64).sqrt()
+}
+
+/// Returns notes about intervals that are much wider than twice the standard error. `quantiles`: of each parameter.
+pub(super) fn wide_quantiles(estimates: &[Estimate], quantiles: &[f64], degrees_of_freedom: f64) -> Option<String> {
+    let wide: Vec<String> = (estimates.iter().zip(quantiles))
+        .filter(|(_, quantile)| **quantile > USUAL_QUANTILE)
+        .map(|(estimate, quantile)| format!("{} {quantile:.1}", estimate.name))
+        .collect();
+    (!wide.is_empty()).then(|| {
+        format!(
+            "the residuals are so correlated that they count as {} beyond the parameters, so the 95 % intervals reach more \
+             than 2 standard errors to either side (Student's distribution): {}",
+            independent_values(degrees_of_freedom),
+            wide.join(", ")
+        )
+    })
+}
+
+fn independent_values(degrees_of_freedom: f64) -> String {
+    if degrees_of_freedom < 1.5 {
+        "one independent value".to_owned()
+    } else {
+        format!("{degrees_of_freedom:.0} independent values")
+    }
+}

@@ -1,0 +1,134 @@
+//! The result of a fit.
+
+use crate::plan::{Fit, FittedParameter, FittedTo};
+use crate::trial::LogFinding;
+use serde::Serialize;
+use sim::body::closure::Closure;
+use sim::params::Robot;
+use std::path::PathBuf;
+
+/// A fitted parameter.
+#[derive(Serialize, Clone, PartialEq, Debug)]
+pub struct Estimate {
+    /// Its name.
+    pub name: &'static str,
+    /// Key in the robot's file.
+    pub key: Option<&'static str>,
+    /// Unit.
+    pub unit: &'static str,
+    /// The value that the fit started from.
+    pub start: f64,
+    /// The fitted value.
+    pub value: f64,
+    /// Standard error from the noise of the measurement, the errors of the sensor and the solver.
+    pub std_error: f64,
+    /// Possible change of the value by the error of the model ([`sim::accuracy`]); `None` if all trials are of a model
+    /// or a simulated robot, which have no such error.
+    pub model_error: Option<f64>,
+    /// 95 % confidence interval: lower and upper bound. It contains the model's error.
+    pub interval_95: [f64; 2],
+}
+
+/// A trial used by the fit.
+#[derive(Serialize, Clone, PartialEq, Debug)]
+pub struct Fitted {
+    /// Its name.
+    pub name: String,
+    /// Path of its log.
+    #[serde(serialize_with = "crate::text::path")]
+    pub log: PathBuf,
+    /// SHA-256 of the log.
+    pub sha256: String,
+    /// Root mean square errors of yaw, pitch and roll with the initial parameters.
+    pub rmse_before_deg: [f64; 3],
+    /// The same with the fitted parameters.
+    pub rmse_after_deg: [f64; 3],
+}
+
+/// Mounting of the sensor in the body, from the still phases.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
+pub struct Mounting {
+    /// Mean pitch at rest.
+    pub pitch_deg: f64,
+    /// Mean roll at rest.
+    pub roll_deg: f64,
+    /// Standard errors of both, from the scatter between trials; `None` for a single trial.
+    pub std_error_deg: Option<[f64; 2]>,
+}
+
+/// Result of a fit.
+#[derive(Serialize, Clone, PartialEq, Debug)]
+pub struct Calibration {
+    /// The parameters.
+    pub parameters: Vec<Estimate>,
+    /// Covariance of their errors, in the same order: the unit of a row times that of a column.
+    pub covariance: Vec<Vec<f64>>,
+    /// The part of the covariance that is estimated from the scatter of the residuals.
+    pub scatter_covariance: Vec<Vec<f64>>,
+    /// Degrees of freedom of that part.
+    pub degrees_of_freedom: f64,
+    /// Correlations of the errors.
+    pub correlations: Vec<Vec<f64>>,
+    /// Condition number of the correlations; it is large if a combination of parameters is nearly undetermined.
+    pub condition_number: f64,
+    /// Descriptions of the parameters that the data cannot separate or determine.
+    pub cannot_tell: Vec<String>,
+    /// Descriptions of residuals that the noise does not explain.
+    pub misfits: Vec<String>,
+    /// Root mean square of all errors with the initial parameters.
+    pub rmse_before_deg: f64,
+    /// The same with the fitted parameters.
+    pub rmse_after_deg: f64,
+    /// Mounting of the sensor in the body.
+    pub mounting: Mounting,
+    /// The trials.
+    pub trials: Vec<Fitted>,
+    /// Mean temperature of the sensor.
+    pub temperature_c: f64,
+    /// The closure of the fit.
+    pub closure: Closure,
+    /// Total number of simulated trials.
+    pub simulations: usize,
+    /// Findings about the logs of the trials, also of those that are left out of the fit.
+    pub findings: Vec<LogFinding>,
+    /// Warnings about the fit itself.
+    pub warnings: Vec<String>,
+    /// Notes for the user.
+    pub notes: Vec<String>,
+    /// The fitted robot.
+    #[serde(skip)]
+    pub robot: Robot,
+}
+
+impl Calibration {
+    /// Returns what the robot's file says about the fit.
+    pub fn fit(&self) -> Fit {
+        let of = |estimate: &Estimate| FittedParameter {
+            name: estimate.name.to_owned(),
+            key: estimate.key.map(str::to_owned),
+            unit: estimate.unit.to_owned(),
+            start: estimate.start,
+            value: estimate.value,
+            std_error: estimate.std_error,
+            interval_95: estimate.interval_95,
+            model_error: estimate.model_error,
+        };
+        let is_real = self.parameters.iter().any(|estimate| estimate.model_error.is_some());
+        Fit {
+            closure: self.closure,
+            fitted_to: if is_real { FittedTo::Robot } else { FittedTo::Simulation },
+            is_described: self.misfits.is_empty(),
+            temperature_c: Some(self.temperature_c),
+            degrees_of_freedom: self.degrees_of_freedom,
+            covariance: self.covariance.clone(),
+            scatter_covariance: self.scatter_covariance.clone(),
+            lacks_correlations: false,
+            parameters: self.parameters.iter().map(of).collect(),
+        }
+    }
+
+    /// Returns whether the fit has neither warnings nor anything that it cannot tell.
+    pub fn is_sound(&self) -> bool {
+        self.warnings.is_empty() && self.cannot_tell.is_empty() && self.misfits.is_empty()
+    }
+}
