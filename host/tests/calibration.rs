@@ -273,47 +273,49 @@ fn calibration_recovers_hidden_robots() {
     assert!(calibration.rmse_after_deg < 0.1 * calibration.rmse_before_deg);
 }
 
-/// A sensor has one scale error in all of its trials, which more trials do not average; other boards have others.
 #[test]
-fn errors_of_a_sensor_are_common_to_its_trials() {
+fn typical_sensor_is_in_the_intervals_and_a_copy_is_no_evidence() {
     let mut draw = Draw(11);
     let (mut robot, part) = (Robot::published(), Part::typical(&mut draw));
     robot.fluid.viscosity_pa_s = 0.9137;
     robot.joint.tether_full_nm_per_rad *= 1.0713;
+    let truths = [robot.fluid.viscosity_pa_s, robot.joint.tether_full_nm_per_rad];
     let hidden = Hidden { robot, part, ..Hidden::default() };
-    let speeds = [[50.3, 10.7], [-71.9, 83.6]];
-    let motions = speeds.map(|speeds| hidden.motion(speeds));
-    let mut trials: Vec<Data> = (0..4).map(|i| hidden.measured(speeds[i % 2], &motions[i % 2], &mut draw)).collect();
-    let parameters = [Parameter::Viscosity, Parameter::Tether];
-    let relative = |calibration: &Calibration| {
-        let estimates = calibration.parameters.iter();
-        estimates.map(|estimate| estimate.std_error / estimate.value).collect::<Vec<_>>()
-    };
-
-    let two = fitted(&Robot::published(), &parameters, &trials[..2]).unwrap();
-    for (estimate, truth) in
-        two.parameters.iter().zip([0.9137, 1.0713 * Robot::published().joint.tether_full_nm_per_rad])
-    {
+    let trials = [[50.3, 10.7], [-71.9, 83.6]].map(|speeds| hidden.trial(speeds, &mut draw));
+    let fit =
+        |trials: &[Data]| fitted(&Robot::published(), &[Parameter::Viscosity, Parameter::Tether], trials).unwrap();
+    let two = fit(&trials);
+    for (estimate, truth) in two.parameters.iter().zip(truths) {
         let [low, high] = estimate.interval_95;
         println!("{} {:.4e} (truth {truth:.4e}), {low:.4e} to {high:.4e}", estimate.name, estimate.value);
         assert!((low..=high).contains(&truth), "{estimate:?}");
     }
-    assert!(two.misfits.is_empty() && two.cannot_tell.is_empty(), "{two:?}");
-    let copies: Vec<Data> = [0, 1, 0, 1].map(|i| trials[i].clone()).to_vec();
-    let copied = fitted(&Robot::published(), &parameters, &copies).unwrap();
-    assert_eq!(copied.parameters, two.parameters, "a copy is no evidence");
+    assert!(two.misfits.is_empty() && two.cannot_tell.is_empty() && two.warnings.is_empty(), "{two:?}");
+    let copied = fit(&[0, 1, 0, 1].map(|i: usize| trials[i].clone()));
+    assert_eq!(copied.parameters, two.parameters);
     assert_eq!(copied.warnings.iter().filter(|text| text.contains("the same recording")).count(), 2, "{copied:?}");
+}
 
-    let four = fitted(&Robot::published(), &parameters, &trials).unwrap();
-    for (board_id, trial) in trials.iter_mut().enumerate() {
-        trial.records.board = Some(BoardMeta { board_id: 1 + board_id as u16, ..BoardMeta::default() });
+/// A sensor has the same errors in all of its trials, and more trials do not average them; other boards have others.
+#[test]
+fn errors_of_a_sensor_are_common_to_its_trials() {
+    let mut draw = Draw(13);
+    let hidden = Hidden { part: Part::typical(&mut draw), ..Hidden::default() };
+    let speeds = [61.3, -18.7];
+    let motion = hidden.motion(speeds);
+    let mut trials: Vec<Data> = (0..4).map(|_| hidden.measured(speeds, &motion, &mut draw)).collect();
+    let fit = |trials: &[Data]| {
+        let calibration = fitted(&Robot::published(), &[Parameter::Righting], trials).unwrap();
+        calibration.parameters[0].std_error / calibration.parameters[0].value
+    };
+    let [one, four] = [1, 4].map(|count| fit(&trials[..count]));
+    for (i, trial) in trials.iter_mut().enumerate() {
+        trial.records.board = Some(BoardMeta { board_id: 1 + i as u16, ..BoardMeta::default() });
     }
-    let boards = fitted(&Robot::published(), &parameters, &trials).unwrap();
-    let [two, four, boards] = [two, four, boards].each_ref().map(relative);
-    println!("standard errors, relative: 2 trials {two:.4?}, 4 trials {four:.4?}, 4 boards {boards:.4?}");
-    assert!(four[0] > 0.9 * two[0] && four[0] <= 1.01 * two[0], "the sensor's errors remain");
-    assert!(boards[0] < 0.8 * four[0], "those of four boards are averaged");
-
+    let boards = fit(&trials);
+    println!("righting, relative standard error: 1 trial {one:.4}, 4 trials {four:.4}, of 4 boards {boards:.4}");
+    assert!(four > 0.7 * one, "the sensor's errors remain");
+    assert!(boards < 0.65 * one, "those of four boards are averaged, and the solver's remains");
     let mounted = [Parameter::Viscosity, Parameter::MountYaw];
     let error = fitted(&Robot::published(), &mounted, &trials).unwrap_err().to_string();
     assert!(error.contains("mount-yaw is the mounting of one sensor, and the trials are of 4 boards"), "{error}");
@@ -346,12 +348,12 @@ fn each_trial_has_the_viscosity_of_its_temperature() {
     };
     let mut draw = Draw(3);
     let trials = [trial(19.3, SPEEDS[0], &mut draw), trial(24.7, SPEEDS[2], &mut draw)];
-    assert_eq!(trials[1].temperature_c, 24.7);
+    assert!((trials[1].temperature_c - 24.7).abs() < 1e-6);
     let mut robot = Robot::published();
     robot.fluid.glycerol = Some(at(5.0));
     let calibration = fitted(&robot, &[Parameter::Viscosity], &trials).unwrap();
     let [viscosity] = calibration.parameters.as_slice() else { panic!("{calibration:?}") };
-    assert_eq!(viscosity.start, at(22.0).viscosity_pa_s());
+    assert!((viscosity.start / at(22.0).viscosity_pa_s() - 1.0).abs() < 1e-6);
     let text = calibration.warnings.join("\n");
     assert!(
         text.contains("99.0 % glycerol at the sensor's mean 22.0 °C") && text.contains("19.3 °C to 24.7 °C"),
@@ -363,8 +365,8 @@ fn each_trial_has_the_viscosity_of_its_temperature() {
     assert!(calibration.misfits.is_empty(), "{calibration:?}");
 }
 
-/// A fit from a start that is too far is refused at its limit, or says that it did not move or tells nothing: a sensor with
-/// the errors of the data sheet cannot tell such a start from another.
+/// A fit from a start that is too far is refused at its limit, or says that it did not move, tells nothing, or does not
+/// describe the trial.
 #[test]
 fn a_start_that_is_too_far_is_reported() {
     let mut draw = Draw(3);
@@ -374,14 +376,13 @@ fn a_start_that_is_too_far_is_reported() {
     let mut robot = Robot::published();
     robot.fluid.viscosity_pa_s *= 15.0;
     let fitted = fit(&robot, Parameter::Viscosity).unwrap();
-    let stayed = fitted.warnings.iter().any(|text| text.contains("did not leave its start"));
-    assert!(stayed || fitted.cannot_tell.iter().any(|text| text.starts_with("viscosity")), "{fitted:?}");
+    assert!(!fitted.is_sound(), "{fitted:?}");
     // Fifteen times the tether would balance it.
     match fit(&robot, Parameter::Tether) {
         Err(error) => {
             assert!(error.to_string().contains("tether would change by more than a factor of ten"), "{error}")
         }
-        Ok(fitted) => assert!(fitted.cannot_tell.iter().any(|text| text.starts_with("tether")), "{fitted:?}"),
+        Ok(fitted) => assert!(fitted.misfits.iter().any(|text| text.contains("residual of the yaw")), "{fitted:?}"),
     }
 }
 

@@ -247,7 +247,10 @@ fn session_is_exported_as_a_table_and_a_file_per_trial() {
     let output = biflag(&["export", path(session), "--json"]);
     assert_eq!(code(&output), 3, "{}", stderr(&output));
     let export = folder.path().join("short-export");
-    assert_eq!(json(&output)["files"].as_array().unwrap().len(), 2);
+    assert_eq!(json(&output)["files"].as_array().unwrap().len(), 3);
+    // Three frames are lost, but the uncertainty stands, with its causes.
+    let budget = std::fs::read_to_string(export.join("budget.csv")).unwrap();
+    assert!(column(&budget, "trial").iter().all(|trial| trial == "001_w1+50_w2+10"), "{budget}");
     let trials = std::fs::read_to_string(export.join("trials.csv")).unwrap();
     assert_eq!(column(&trials, "trial"), ["001_w1+50_w2+10"]);
     assert_eq!((column(&trials, "lost"), column(&trials, "complete")), (vec!["3".to_owned()], vec!["1".to_owned()]));

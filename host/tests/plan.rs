@@ -179,7 +179,7 @@ fn errors_in_the_trial_table_have_line_and_help() {
         (
             "runs = 3",
             "4:1: unknown key `runs`",
-            "write one of `calibrate`, `preroll`, `run`, `decay`, `reverse`, `hand_turn`, `phase_deg`, `phases`, `method`, \
+            "write one of `calibrate`, `preroll`, `run`, `decay`, `rest_at_most`, `reverse`, `hand_turn`, `phase_deg`, `phases`, `method`, \
              or leave it out",
         ),
         ("phase_deg = 90", "4:13: phase_deg cannot be 90", PHASE),

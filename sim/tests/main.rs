@@ -18,6 +18,7 @@ mod phase;
 mod published;
 mod resistance;
 mod return_to_rest;
+mod returning_tilt;
 mod robot;
 mod rod;
 mod spin;

@@ -5,7 +5,8 @@
 //!
 //! The motion is that of the model at a point, with its decay; the sensor is made here ([`part`]), from the data sheet alone,
 //! and measured on a bench made here, too ([`bench`]), by what evaluates the commands `biflag sensor`; the filter is that of
-//! the firmware. What follows is what reads every log: [`Collector`] and [`Zeroed`].
+//! the firmware. What follows is what reads every log: [`Collector`] and [`Zeroed`]. A trial after a rest that was cut short
+//! begins with the wait of `record` ([`Still`]), or, as `rest_at_most = 0` has it, without.
 
 mod bench;
 mod part;
@@ -14,6 +15,7 @@ use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry, Vector};
 use biflag_log::{CalibrationMeta, ClockMeta, End, Identity, LevelMeta, MeasuredSensorMeta, Summary, TrialMeta};
 use firmware::attitude::{Attitude, Gains};
+use host::attitude::Still;
 use host::trial::{Collector, Records, Want, Zeroed};
 use nalgebra::{UnitQuaternion, Vector3};
 use part::{Part, Powered, Random, TICK_S};
@@ -27,6 +29,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const CALIBRATE_S: f64 = 5.0;
 const PREROLL_S: f64 = 20.0;
 const RUN_S: f64 = 120.0;
+
+/// Interval at which `record` judges whether the robot is still, s, and its longest wait.
+const CHECK_S: f64 = 0.5;
+const LONGEST_WAIT_S: f64 = 300.0;
 
 /// Yaw, pitch and roll of a robot at the board's rate, from the start of its run, radians.
 struct Motion {
@@ -48,15 +54,23 @@ impl Motion {
     /// Returns the angles at a time since the start of the run. `late_s`: time since the end of an earlier run like this one
     /// at which the calibration began; infinite if the robot was at rest.
     fn at(&self, time_s: f64, late_s: f64) -> [f64; 3] {
-        let index = |t: f64| ((t / TICK_S).round().max(0.0) as usize).min(self.angles.len() - 1);
-        let own = if time_s > 0.0 { self.angles[index(time_s)] } else { [0.0; 3] };
+        let own = if time_s > 0.0 { self.angles[self.index(time_s)] } else { [0.0; 3] };
         if late_s.is_infinite() {
             return own;
         }
         // What is left of the earlier motion is added.
-        let since = self.run_s + late_s + time_s + CALIBRATE_S + PREROLL_S;
-        let left = if index(since) + 1 < self.angles.len() { self.angles[index(since)] } else { [0.0; 3] };
+        let left = self.left(late_s + time_s + CALIBRATE_S + PREROLL_S);
         [0, 1, 2].map(|k| own[k] + left[k])
+    }
+
+    /// Returns the angles at a time after the end of a run.
+    fn left(&self, since_s: f64) -> [f64; 3] {
+        let index = self.index(self.run_s + since_s);
+        if index + 1 < self.angles.len() { self.angles[index] } else { [0.0; 3] }
+    }
+
+    fn index(&self, time_s: f64) -> usize {
+        ((time_s / TICK_S).round().max(0.0) as usize).min(self.angles.len() - 1)
     }
 }
 
@@ -90,7 +104,10 @@ struct Case {
     lot: Lot,
     is_measured: bool,
     decay_s: f64,
+    /// Time since the end of an earlier run; infinite if the robot was at rest.
     late_s: f64,
+    /// Whether the trial begins with a wait until the robot is still.
+    waits: bool,
 }
 
 /// A sensor, and what is known of it once it was measured.
@@ -111,6 +128,28 @@ impl Sensor {
     }
 }
 
+/// Returns the attitude at yaw, pitch and roll, radians.
+fn body([yaw, pitch, roll]: [f64; 3]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_euler_angles(roll, pitch, yaw)
+}
+
+/// Waits until the robot is still. Returns how long it took, s.
+fn wait(powered: &mut Powered, motion: &Motion, late_s: f64) -> f64 {
+    let (mut still, mut before) = (Still::default(), body(motion.left(late_s)));
+    for tick in 1.. {
+        let passed_s = powered.next_s();
+        let now = body(motion.left(late_s + passed_s));
+        let part::Reading { rate_dps, force_g, .. } = powered.read(before, now);
+        before = now;
+        still.push(f64::from(tick) * TICK_S, rate_dps.z, force_g.into());
+        let is_over = tick % (CHECK_S / TICK_S) as u32 == 0 && still.motion().is_some_and(|motion| motion.is_still());
+        if is_over || passed_s > LONGEST_WAIT_S {
+            return passed_s;
+        }
+    }
+    unreachable!("the wait ends")
+}
+
 fn trial(motion: &Motion, case: &Case, Sensor { part, measured }: &Sensor, seed: u64) -> Option<Result> {
     let mut random = Random(seed ^ 0x7472_6961_6c00);
     let clock_error = part.clock + 1e-5 * random.normal();
@@ -121,16 +160,14 @@ fn trial(motion: &Motion, case: &Case, Sensor { part, measured }: &Sensor, seed:
     let start_s = -CALIBRATE_S - PREROLL_S;
     let ticks = ((RUN_S + case.decay_s - start_s) / TICK_S) as usize;
     let calibration = (CALIBRATE_S / TICK_S) as usize;
-    let body = |time: f64| {
-        let [yaw, pitch, roll] = motion.at(time, case.late_s);
-        UnitQuaternion::from_euler_angles(roll, pitch, yaw)
-    };
+    let waited_s = if case.waits { wait(&mut powered, motion, case.late_s) } else { 0.0 };
+    let body = |time: f64| body(motion.at(time, case.late_s + waited_s));
     let (mut before, mut sums, mut forces) = (body(start_s), Vector3::zeros(), Vec::new());
     let mut window = Vec::new();
     collector.event(0.0, Kind::Phase, "calibrate");
     for tick in 0..ticks {
         // The board's tick is its own.
-        let time_s = start_s + powered.next_s();
+        let time_s = start_s + powered.next_s() - waited_s;
         let clock_s = (tick + 1) as f64 * TICK_S;
         let now = body(time_s);
         let part::Reading { rate_dps, force_g, temperature_c } = powered.read(before, now);
@@ -229,7 +266,8 @@ fn each<T: Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
 fn main() {
     let seeds: usize = std::env::args().nth(1).and_then(|count| count.parse().ok()).unwrap_or(20);
     let only = std::env::args().nth(2).unwrap_or_default();
-    let base = Case { name: "ideal", lot: Lot::Ideal, is_measured: true, decay_s: 30.0, late_s: f64::INFINITY };
+    let base =
+        Case { name: "ideal", lot: Lot::Ideal, is_measured: true, decay_s: 30.0, late_s: f64::INFINITY, waits: false };
     let typical = Case { name: "typical", lot: Lot::Typical, is_measured: false, ..base };
     let edge = Case { name: "edge", lot: Lot::Edge, ..typical };
     let cases = [
@@ -241,8 +279,9 @@ fn main() {
         Case { name: "decay of 20 s", is_measured: true, decay_s: 20.0, ..typical },
         Case { name: "decay of 10 s", is_measured: true, decay_s: 10.0, ..typical },
         Case { name: "no decay", is_measured: true, decay_s: 0.5, ..typical },
-        Case { name: "rest cut short, 3 s", is_measured: true, late_s: 3.0, ..typical },
-        Case { name: "rest cut short, 10 s", is_measured: true, late_s: 10.0, ..typical },
+        Case { name: "rest cut short, 3 s", is_measured: true, late_s: 3.0, waits: true, ..typical },
+        Case { name: "rest cut short, 10 s", is_measured: true, late_s: 10.0, waits: true, ..typical },
+        Case { name: "rest cut short, 3 s, without a wait", is_measured: true, late_s: 3.0, ..typical },
     ];
     // A sensor is measured once, for all trials.
     let drawn = |lot| (lot, each(seeds, |seed| Sensor::new(lot, 1000 + seed as u64)));
@@ -252,7 +291,7 @@ fn main() {
     println!("| sensor and plan | rpm | yaw | pitch | roll |\n| --- | --- | --- | --- | --- |");
     let mut means = Vec::new();
     for rpm in [[50.0, 10.0], [-90.0, 90.0], [90.0, 90.0], [0.0, 45.0], [37.3, -61.7], [-23.45, 71.6]] {
-        let motion = Motion::of(rpm, 30.0);
+        let motion = Motion::of(rpm, 120.0);
         for case in cases.iter().filter(|case| case.name.contains(&only)) {
             let (_, sensors) = lots.iter().find(|(lot, _)| *lot == case.lot).expect("every lot");
             let all = each(seeds, |seed| trial(&motion, case, &sensors[seed], 1000 + seed as u64));

@@ -5,13 +5,12 @@
 //! `repeats` after it prints one of the tables. Every trial has another sensor with errors within the data sheet, measured as
 //! well as three measurements by hand measure it at best.
 
+use host::plan::Phases;
 use host::trial::{Judgement, Repeat, Zeroed, scatter_of_repeats};
 use host::twin::{Comparison, OnMismatch, compare};
 use sim::params::Robot;
 use std::time::Instant;
-use tests::synthetic_rig::{Motion, Part, Phases, Random, Rig, each};
-
-const PHASES: Phases = Phases { calibrate_s: 5.0, preroll_s: 20.0, run_s: 120.0, decay_s: 30.0 };
+use tests::synthetic_rig::{Motion, Part, Random, Rig, each};
 
 /// The published points, and speeds as motors and fits have them.
 const POINTS: [[f64; 2]; 6] = [[50.0, 10.0], [-90.0, 90.0], [90.0, 90.0], [0.0, 45.0], [37.3, 52.9], [-45.96, 63.73]];
@@ -25,7 +24,7 @@ const REPEATS: usize = 3;
 fn motion(rpm: [f64; 2], viscosity: f64) -> Motion {
     let mut robot = Robot::default();
     robot.fluid.viscosity_pa_s *= 1.0 + viscosity;
-    Motion::of(&robot, rpm, PHASES)
+    Motion::of(&robot, rpm, Phases::default())
 }
 
 /// Draws a rig whose sensor was measured, and the random numbers that are left.

@@ -1,8 +1,9 @@
 //! How often a comparison finds a difference where there is none. The example `false_alarms` prints more.
 
+use host::plan::Phases;
 use host::twin::{Comparison, OnMismatch, compare};
 use sim::params::Robot;
-use tests::synthetic_rig::{Motion, Part, Phases, Random, Rig, each};
+use tests::synthetic_rig::{Motion, Part, Random, Rig, each};
 use tests::whole_computer;
 
 const TRIALS: usize = 100;
@@ -13,7 +14,7 @@ const TRIALS: usize = 100;
 #[ignore = "takes a minute"]
 fn same_robot_differs_by_chance_alone() {
     let _whole = whole_computer();
-    let phases = Phases { calibrate_s: 5.0, preroll_s: 20.0, run_s: 120.0, decay_s: 30.0 };
+    let phases = Phases::default();
     let points = [[50.0, 10.0], [-90.0, 90.0], [90.0, 90.0], [0.0, 45.0], [37.3, 52.9], [-45.96, 63.73]];
     let mut all = Vec::new();
     for (i, rpm) in points.into_iter().enumerate() {

@@ -63,8 +63,9 @@ fn eight_trials_without_time_to_rest_are_within_their_uncertainty() {
             }
         }
     }
-    println!("{} of {} outside: {outside:?}", outside.len(), 2 * 2 * 3 * 8 * 3);
-    assert!(outside.iter().all(|text| !text.contains("yaw")), "{outside:?}");
+    let count = 2 * 2 * 3 * 8 * 3;
+    println!("{} of {count} outside: {outside:?}", outside.len());
+    assert!(20 * outside.len() <= count, "more than one in twenty outside a 95 % interval: {outside:?}");
 }
 
 /// The same plan with and without the wait.

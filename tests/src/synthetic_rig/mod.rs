@@ -6,7 +6,7 @@ mod part;
 mod random;
 mod recording;
 
-pub use motion::{Motion, Phases};
+pub use motion::Motion;
 pub use part::Part;
 pub use random::Random;
 pub use recording::{Recording, Rig};

@@ -4,6 +4,7 @@ use super::TICK_S;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{Motor, Telemetry, Truth};
 use biflag_log::{End, Identity, ModelMeta, Origin, Summary, TrialMeta};
+use host::plan::Phases;
 use host::trial::{Collector, Data, Records, Want};
 use sim::body::closure::Closure;
 use sim::params::Robot;
@@ -12,26 +13,6 @@ use sim::trial::{Options, Trial};
 
 /// Frames of the board for each sample of a model's log.
 const TICKS_A_SAMPLE: usize = 10;
-
-/// Durations of the phases of a trial, s.
-#[derive(Clone, Copy, Debug)]
-pub struct Phases {
-    /// Calibration of the gyroscope.
-    pub calibrate_s: f64,
-    /// Rest before the run.
-    pub preroll_s: f64,
-    /// Run.
-    pub run_s: f64,
-    /// Rest after it.
-    pub decay_s: f64,
-}
-
-impl Phases {
-    /// Returns the start of the trial, counted from the start of the run, s.
-    pub fn start_s(&self) -> f64 {
-        -self.calibrate_s - self.preroll_s
-    }
-}
 
 /// Yaw, pitch and roll of a robot at the board's rate, from the start of its run, radians.
 #[derive(Debug)]
@@ -66,9 +47,14 @@ impl Motion {
             return own;
         }
         // What is left of the earlier motion is added.
-        let since = self.phases.run_s + late_s + time_s - self.phases.start_s();
+        let since = self.phases.run_s + late_s + time_s - self.start_s();
         let left = if index(since) + 1 < self.angles.len() { self.angles[index(since)] } else { [0.0; 3] };
         [0, 1, 2].map(|k| own[k] + left[k])
+    }
+
+    /// Returns the start of the trial, counted from the start of the run, s.
+    pub fn start_s(&self) -> f64 {
+        -self.phases.calibrate_s - self.phases.preroll_s
     }
 
     /// Returns the record of the trial.

@@ -1,13 +1,14 @@
 //! A recording of a motion by a sensor, through the filter of the firmware.
 
 use super::TICK_S;
-use super::motion::{Motion, Phases};
+use super::motion::Motion;
 use super::part::Part;
 use super::random::Random;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{Quaternion, Telemetry, Vector};
 use biflag_log::{CalibrationMeta, ClockMeta, End, Identity, LevelMeta, MeasuredSensorMeta, Origin, Summary};
 use firmware::attitude::{Attitude, Gains};
+use host::plan::Phases;
 use host::trial::{Collector, Data, Records, Want};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::ops::Range;
@@ -53,7 +54,7 @@ impl Rig {
         let (mut attitude, mut collector) = (Attitude::default(), Collector::new(Want::default(), 2));
         let gains = Gains { kp: 1.0, ki: 0.0 };
         let (mut bias, mut calibrated) = (noise(2.0), Vector3::zeros());
-        let start_s = motion.phases.start_s();
+        let start_s = motion.start_s();
         let ticks = ((run_s + decay_s - start_s) / TICK_S) as usize;
         let calibration = (calibrate_s / TICK_S) as usize;
         let body = |time: f64| {

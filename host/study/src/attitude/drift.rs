@@ -76,6 +76,10 @@ impl Rest {
     /// Returns the start of the still phase without the settling of the filter, but at most in its middle.
     fn settled_before(&self, first_s: f64) -> f64 {
         let start = self.before.start.max(first_s);
+        // Without a calibration the filter leans as before.
+        if self.calibrate_s == 0.0 {
+            return start;
+        }
         (start + YAW_SETTLED * self.filter_s).min(0.5 * (start + self.before.end)).max(start)
     }
 }

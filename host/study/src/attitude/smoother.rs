@@ -43,7 +43,7 @@ const STILL_BEFORE: f64 = 0.99;
 const STILL_AFTER: f64 = 0.5;
 
 /// Standard deviation of the share of the tilt's rates that the rate about an axis has at rest. The robot's yaw follows its
-/// returning tilt by up to 0.03 of its rate (`cargo run --release -p sim --example return_to_rest`), and the data sheet allows
+/// returning tilt by some hundredths of its rate (`cargo test --release -p sim --test all returning_tilt -- --nocapture`), and the data sheet allows
 /// cross-axis terms of 0.02 and scale errors of 0.03 (PS-MPU-6000A, section 6.1).
 const TILT_SHARE: f64 = 0.03;
 

@@ -127,7 +127,7 @@ impl Fit {
         for (i, parameter) in self.parameters.iter().enumerate() {
             let FittedParameter { name, key, value, std_error, .. } = parameter;
             if let Some(key) = key
-                && !table.as_ref().is_some_and(|table| value_of(table, key).is_some())
+                && table.as_ref().is_none_or(|table| value_of(table, key).is_none())
             {
                 return wrong("parameters", format!("{key} is not a number of a robot file"));
             }
@@ -138,7 +138,7 @@ impl Fit {
                 return wrong("parameters", format!("{name} = {value} with a standard error of {std_error}"));
             }
         }
-        if !(self.degrees_of_freedom >= 1.0) {
+        if self.degrees_of_freedom.is_nan() || self.degrees_of_freedom < 1.0 {
             return wrong("degrees_of_freedom", format!("{} is less than 1", self.degrees_of_freedom));
         }
         for (key, matrix) in [("covariance", &self.covariance), ("scatter_covariance", &self.scatter_covariance)] {

@@ -133,18 +133,6 @@ fn help(key: &str) -> Option<&'static str> {
     })
 }
 
-/// Averaging time at which a walk has the Allan deviation of a flicker, s: about half the time from the rest before a run to
-/// the rest after it.
-const FLICKER_S: f64 = 60.0;
-
-/// Returns the random walk of a bias that has both a walk and flicker, of this instability: a walk N has the Allan deviation
-/// N √(τ/3), and the floor of flicker is 0.664 times the instability (IEEE 952-1997, annex C).
-fn walk_with_flicker(walk: Estimate, instability: Estimate) -> f64 {
-    // A short rest hardly tells them.
-    let [walk, instability] = [walk, instability].map(|of| of.value.hypot(of.u));
-    walk.hypot(0.664 * instability * (3.0 / FLICKER_S).sqrt())
-}
-
 /// The file as it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -284,10 +272,9 @@ impl MeasuredSensor {
             put("gyro_scale", axis, &mut prior.gyro_scale[i]);
             put("accel_scale", axis, &mut prior.accel_scale[i]);
             put("mounting_deg", axis, &mut prior.mounting_deg[i]);
-            let noise = |table| self.get(table, axis);
-            if let (Some(walk), Some(instability)) = (noise("bias_walk_dps_per_root_s"), noise("bias_instability_dps"))
-            {
-                prior.bias_walk_dps_per_root_s[i] = walk_with_flicker(walk, instability);
+            // It has the Allan deviation of the longest averaging time, and so that of flicker. A short rest hardly tells it.
+            if let Some(walk) = self.get("bias_walk_dps_per_root_s", axis) {
+                prior.bias_walk_dps_per_root_s[i] = walk.value.hypot(walk.u);
             }
             for j in 0..3 {
                 let pair = pair(i, j);

@@ -1,6 +1,6 @@
 //! The keys of a comparison in JSON. Those of `biflag compare --json` that other programs rely on are flat.
 
-use super::comparison::{AngleComparison, Comparison, Difference, Settling};
+use super::comparison::{AngleComparison, Comparison, Difference, Settling, Transient};
 use super::sides::Sides;
 use crate::trial::{AngleTerm, LogFinding};
 use serde::{Serialize, Serializer};
@@ -56,7 +56,7 @@ impl Serialize for Comparison {
             [Some(yaw), Some(pitch), Some(roll)] => Some([yaw, pitch, roll]),
             _ => None,
         };
-        let transient = |angle: &&&AngleComparison| angle.transient.is_some_and(super::Transient::differs);
+        let transient = |angle: &&&AngleComparison| angle.transient.is_some_and(Transient::differs);
         let keys = Keys {
             name: &self.name,
             w1_rpm: self.w1_rpm,
