@@ -257,7 +257,7 @@ fn each<T: Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
             all.lock().expect("no panic").push((number, result));
         }
     };
-    std::thread::scope(|scope| (0..2).for_each(|_| drop(scope.spawn(&work))));
+    std::thread::scope(|scope| (0..2).for_each(|_| drop(scope.spawn(work))));
     let mut all = all.into_inner().expect("no panic");
     all.sort_by_key(|(number, _)| *number);
     all.into_iter().map(|(_, result)| result).collect()

@@ -59,7 +59,7 @@ impl Motion {
 
     /// Returns the record of the trial.
     pub(super) fn trial(&self) -> TrialMeta {
-        let Phases { calibrate_s, preroll_s, run_s, decay_s } = self.phases;
+        let Phases { calibrate_s, preroll_s, run_s, decay_s, .. } = self.phases;
         let [w1_rpm, w2_rpm] = self.rpm;
         TrialMeta { w1_rpm, w2_rpm, calibrate_s, preroll_s, run_s, decay_s, ..TrialMeta::default() }
     }

@@ -298,7 +298,8 @@ fn settling_s(settings: &Settings, calibration: &Calibration) -> f64 {
     let tilt_deg = f64::from(change_dps / settings.attitude_kp);
     let settles_s = (tilt_deg / SETTLED_DEG).ln() / f64::from(settings.attitude_kp);
     // A change of nothing settles at once; a filter without a gain never does.
-    (settles_s.max(0.0).min(LONGEST_SETTLING_S) * 10.0).ceil() / 10.0
+    let settles_s = if settles_s > 0.0 { settles_s.min(LONGEST_SETTLING_S) } else { 0.0 };
+    (settles_s * 10.0).ceil() / 10.0
 }
 
 fn end_calibration(recorder: &mut Recorder, turns: bool) -> Result<Calibration, RecordError> {
