@@ -13,7 +13,9 @@ mod part;
 
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{Motor, Quaternion, Telemetry, Vector};
-use biflag_log::{CalibrationMeta, ClockMeta, End, Identity, LevelMeta, MeasuredSensorMeta, Summary, TrialMeta};
+use biflag_log::{
+    CalibrationMeta, ClockMeta, End, Identity, LevelMeta, MeasuredSensorMeta, RestMeta, Summary, TrialMeta,
+};
 use firmware::attitude::{Attitude, Gains};
 use host::attitude::Still;
 use host::trial::{Collector, Records, Want, Zeroed};
@@ -133,8 +135,8 @@ fn body([yaw, pitch, roll]: [f64; 3]) -> UnitQuaternion<f64> {
     UnitQuaternion::from_euler_angles(roll, pitch, yaw)
 }
 
-/// Waits until the robot is still. Returns how long it took, s.
-fn wait(powered: &mut Powered, motion: &Motion, late_s: f64) -> f64 {
+/// Waits until the robot is still. Returns how long it took, s, and what `record` writes into the log.
+fn wait(powered: &mut Powered, motion: &Motion, late_s: f64) -> (f64, Option<RestMeta>) {
     let (mut still, mut before) = (Still::default(), body(motion.left(late_s)));
     for tick in 1.. {
         let passed_s = powered.next_s();
@@ -142,9 +144,15 @@ fn wait(powered: &mut Powered, motion: &Motion, late_s: f64) -> f64 {
         let part::Reading { rate_dps, force_g, .. } = powered.read(before, now);
         before = now;
         still.push(f64::from(tick) * TICK_S, rate_dps.z, force_g.into());
-        let is_over = tick % (CHECK_S / TICK_S) as u32 == 0 && still.motion().is_some_and(|motion| motion.is_still());
-        if is_over || passed_s > LONGEST_WAIT_S {
-            return passed_s;
+        let is_due = tick % (CHECK_S / TICK_S) as u32 == 0;
+        let motion = if is_due { still.motion() } else { None };
+        if let Some(motion) = motion.filter(|motion| motion.is_still()) {
+            let (yaw_dps, tilt_dps) = (Some(motion.yaw_dps), Some(motion.tilt_dps));
+            // The log begins with the calibration here.
+            return (passed_s, Some(RestMeta { still: true, yaw_dps, tilt_dps, ..RestMeta::default() }));
+        }
+        if passed_s > LONGEST_WAIT_S {
+            return (passed_s, None);
         }
     }
     unreachable!("the wait ends")
@@ -160,7 +168,7 @@ fn trial(motion: &Motion, case: &Case, Sensor { part, measured }: &Sensor, seed:
     let start_s = -CALIBRATE_S - PREROLL_S;
     let ticks = ((RUN_S + case.decay_s - start_s) / TICK_S) as usize;
     let calibration = (CALIBRATE_S / TICK_S) as usize;
-    let waited_s = if case.waits { wait(&mut powered, motion, case.late_s) } else { 0.0 };
+    let (waited_s, rest) = if case.waits { wait(&mut powered, motion, case.late_s) } else { (0.0, None) };
     let body = |time: f64| body(motion.at(time, case.late_s + waited_s));
     let (mut before, mut sums, mut forces) = (body(start_s), Vector3::zeros(), Vec::new());
     let mut window = Vec::new();
@@ -227,6 +235,7 @@ fn trial(motion: &Motion, case: &Case, Sensor { part, measured }: &Sensor, seed:
             decay_s: case.decay_s,
             ..TrialMeta::default()
         }),
+        rest,
         level: Some(level),
         clock: Some(clock),
         summary: Some(Summary { end: End::Complete, ..Summary::default() }),

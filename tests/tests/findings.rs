@@ -1,6 +1,5 @@
 //! What `record` knew of a trial, every later command tells, with the exit code that follows.
 
-use serde_json::Value;
 use tests::{Bench, Run, nano};
 
 /// Returns the grave findings about the log of the first trial in a command's answer.
@@ -47,27 +46,4 @@ fn a_clipped_gyroscope_is_told_by_every_command() {
             || page.contains("end of the sensor&#39;s range")
             || page.contains("end of the sensor's range")
     );
-}
-
-/// The robot still swings from the trial before: its zero is none, and no ± may claim to know it.
-#[test]
-fn a_rest_that_is_none_takes_the_uncertainty_away() {
-    let bench = Bench::new();
-    let plan = bench.file(
-        "plan.toml",
-        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n\
-         [trial]\ncalibrate = 0\npreroll = 7\nrest_at_most = 0\nrun = 8\ndecay = 0\n[speeds]\npairs = [[67.3, 88.1], [-51.7, 83.9]]\n",
-    );
-    let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--json"]).expect_code(3);
-    let trials = run.json()["trials"].as_array().unwrap().clone();
-    let [first, second] = trials.as_slice() else { panic!("{trials:?}") };
-    assert_eq!(first["warnings"], serde_json::json!([]), "the robot hangs still before the first trial");
-    assert!(second["warnings"].to_string().contains("was not still before the run"), "{second}");
-    assert_eq!(second["yaw_uncertainty_deg"], Value::Null, "{second}");
-    let log = second["log"].as_str().unwrap();
-    let info = bench.run(["info", log, "--json"]).expect_code(3);
-    assert_eq!(info.json()["angles"]["yaw_uncertainty_deg"], Value::Null);
-    assert!(grave(&info).iter().any(|text| text.starts_with("\"rest\": ")), "{info:?}");
-    assert!(!bench.run(["info", log]).stdout.contains('±'));
-    bench.run(["info", first["log"].as_str().unwrap(), "--json"]).expect_code(0);
 }

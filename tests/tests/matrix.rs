@@ -3,7 +3,7 @@
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{Dropout, Event, Vector};
 use biflag_log::{
-    Body, CalibrationMeta, ClockMeta, End, LevelMeta, ModelMeta, Reader, SensorMeta, Start, Summary, Writer,
+    Body, CalibrationMeta, ClockMeta, End, LevelMeta, ModelMeta, Reader, RestMeta, SensorMeta, Start, Summary, Writer,
 };
 use serde_json::Value;
 use std::fmt::Write;
@@ -24,6 +24,7 @@ const LOGS: [&str; 2] = ["001_w1+67.3_w2-41.5.mcap", "002_w1-67.3_w2+41.5.mcap"]
 struct Log {
     start: Start,
     level: Option<LevelMeta>,
+    rest: Option<RestMeta>,
     summary: Summary,
     others: (Option<CalibrationMeta>, Option<ClockMeta>, Option<ModelMeta>, Option<SensorMeta>),
     /// Time and content of each message.
@@ -49,7 +50,7 @@ impl Log {
             sensor: reader.meta(),
         };
         let others = (reader.meta(), reader.meta(), reader.meta(), reader.meta());
-        Self { start, level: reader.meta(), summary: reader.meta().unwrap(), others, messages }
+        Self { start, level: reader.meta(), rest: reader.meta(), summary: reader.meta().unwrap(), others, messages }
     }
 
     fn write(self, path: &Path) {
@@ -60,6 +61,7 @@ impl Log {
         sensor.iter().for_each(|meta| log.meta(meta).unwrap());
         calibration.iter().for_each(|meta| log.meta(meta).unwrap());
         self.level.iter().for_each(|meta| log.meta(meta).unwrap());
+        self.rest.iter().for_each(|meta| log.meta(meta).unwrap());
         clock.iter().for_each(|meta| log.meta(meta).unwrap());
         log.board_time(0, host);
         for (time_s, body) in &self.messages {
@@ -306,6 +308,17 @@ const SPOILT: &[Spoilt] = &[
                             (c * q.w - s * q.y, c * q.x + s * q.z, c * q.y + s * q.w, c * q.z - s * q.x);
                     }
                 });
+            });
+        },
+    },
+    Spoilt {
+        how: "a wait that ended in a motion",
+        said: "was not still after a wait",
+        verdict: Verdict::Grave,
+        spoil: |session, _| {
+            edit(session, |log| {
+                let rest = log.rest.as_mut().unwrap();
+                (rest.still, rest.yaw_dps) = (false, Some(0.73));
             });
         },
     },

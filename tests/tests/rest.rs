@@ -1,6 +1,6 @@
 //! Rest is measured: a plan without time to come to rest gives angles within their ± of the truth of the emulated robot.
 
-use host::trial::{Data, Want, Zeroed, findings};
+use host::trial::{Data, Want, Zeroed};
 use serde_json::Value;
 use std::path::Path;
 use tests::Bench;
@@ -16,14 +16,14 @@ fn plan(bench: &Bench, trial: &str, pairs: &str) -> String {
 }
 
 /// Returns the errors of yaw, pitch and roll against the truth in the log, and their stated uncertainties.
-fn errors(log: &Path) -> [[Option<f64>; 2]; 3] {
+fn errors(log: &Path) -> [(f64, Option<f64>); 3] {
     let data = Data::read(log, Want::default()).unwrap();
     let zeroed = Zeroed::new(&data);
     let (steady, angles) = (zeroed.steady.as_ref().unwrap(), zeroed.angles().unwrap());
     let stated = [angles.yaw_uncertainty_deg, angles.pitch_uncertainty_deg, angles.roll_uncertainty_deg];
     std::array::from_fn(|k| {
         let truth = data.truth.track(k).mean(steady.window.clone()).unwrap();
-        [Some(steady.angles_deg[k] - truth), stated[k]]
+        (steady.angles_deg[k] - truth, stated[k])
     })
 }
 
@@ -52,10 +52,10 @@ fn eight_trials_without_time_to_rest_are_within_their_uncertainty() {
                 for trial in &trials {
                     let log = bench.path().join(trial["log"].as_str().unwrap());
                     let rows = errors(&log);
-                    let shown = rows.map(|[error, stated]| format!("{:+.3} ± {:.3}", error.unwrap(), stated.unwrap()));
+                    let shown = rows.map(|(error, stated)| format!("{error:+.3} ± {:.3}", stated.unwrap()));
                     println!("{sensor} {seed} {}: {}", trial["name"], shown.join(", "));
-                    for (angle, [error, stated]) in ["yaw", "pitch", "roll"].iter().zip(rows) {
-                        if error.unwrap().abs() > stated.unwrap() {
+                    for (angle, (error, stated)) in ["yaw", "pitch", "roll"].iter().zip(rows) {
+                        if error.abs() > stated.unwrap() {
                             outside.push(format!("{sensor} {seed} {} {angle}", trial["name"]));
                         }
                     }
@@ -66,9 +66,11 @@ fn eight_trials_without_time_to_rest_are_within_their_uncertainty() {
     let count = 2 * 2 * 3 * 8 * 3;
     println!("{} of {count} outside: {outside:?}", outside.len());
     assert!(20 * outside.len() <= count, "more than one in twenty outside a 95 % interval: {outside:?}");
+    assert!(!outside.iter().any(|text| text.starts_with("ideal") && text.ends_with("yaw")), "{outside:?}");
 }
 
-/// The same plan with and without the wait.
+/// The same plan with the wait and without: the robot still swings from the trial before, its zero is none, and no ± may
+/// claim to know it.
 #[test]
 fn a_trial_waits_until_the_robot_is_still() {
     let bench = Bench::new();
@@ -85,8 +87,8 @@ fn a_trial_waits_until_the_robot_is_still() {
     for trial in &trials {
         let run_s = trial["run_end_s"].as_f64().unwrap() - trial["run_start_s"].as_f64().unwrap();
         assert!((run_s - 8.0).abs() < 0.02, "{trial}");
-        for [error, stated] in errors(&bench.path().join(trial["log"].as_str().unwrap())) {
-            assert!(error.unwrap().abs() < stated.unwrap(), "{trial}");
+        for (error, stated) in errors(&bench.path().join(trial["log"].as_str().unwrap())) {
+            assert!(error.abs() < stated.unwrap(), "{trial}");
         }
     }
 
@@ -100,7 +102,6 @@ fn a_trial_waits_until_the_robot_is_still() {
     );
     assert_eq!(second["yaw_uncertainty_deg"], Value::Null, "{second}");
     let log = second["log"].as_str().unwrap();
-    bench.run(["info", log]).expect_code(3);
-    let data = Data::read(&bench.path().join(log), Want::default()).unwrap();
-    println!("{:?}", findings(&data, &Zeroed::new(&data)));
+    let info = bench.run(["info", log]).expect_code(3).stdout;
+    assert!(info.contains("was not still during the calibration") && !info.contains('±'), "{info}");
 }

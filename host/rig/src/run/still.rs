@@ -5,10 +5,10 @@
 
 use super::RecordError;
 use super::recorder::Recorder;
-use super::trial::RunContext;
 use biflag_log::{EventKind, RestMeta};
 use study::attitude::{Motion, STILL_TILT_DPS, STILL_YAW_DPS};
 use study::plan::{Phase, Phases, TICK_US, Trial, WAIT};
+use study::progress::Progress;
 use study::text::decimal;
 
 /// Interval at which the motion is judged, µs: a multiple of the interval between the shapes of a simulated robot, whose
@@ -18,13 +18,13 @@ const GRID_S: f64 = 0.1;
 
 /// Waits until the robot is still or the plan's longest wait is over, so that the calibration does not fall into a motion.
 /// Returns whether the trial has begun with a wait: a plan without a calibration and a pre-roll asks for no rest.
-pub(super) fn wait(recorder: &mut Recorder, context: &RunContext, trial: &Trial) -> Result<bool, RecordError> {
+pub(super) fn wait(recorder: &mut Recorder, progress: &Progress, trial: &Trial) -> Result<bool, RecordError> {
     let Phases { rest_at_most_s, calibrate_s, preroll_s, .. } = trial.phases;
     if rest_at_most_s == 0.0 || calibrate_s + preroll_s == 0.0 {
         return Ok(false);
     }
     let begun_us = recorder.rested_us();
-    context.progress.phase(&trial.name, "wait until still");
+    progress.phase(&trial.name, "wait until still");
     recorder.change(EventKind::Phase, WAIT, begun_us)?;
     recorder.record_meanwhile(Some(Phase::Calibrate.number()));
     let longest_us = (rest_at_most_s / GRID_S).ceil() as u64 * (GRID_S * 1e6) as u64;
@@ -33,7 +33,7 @@ pub(super) fn wait(recorder: &mut Recorder, context: &RunContext, trial: &Trial)
         waited_us = (waited_us + CHECK_US).min(longest_us);
         record_until(recorder, begun_us + waited_us, |_| false)?;
         let motion = recorder.trial.motion();
-        context.progress.figures(&motion.map_or_else(String::new, |motion| text(&motion)));
+        progress.figures(&motion.map_or_else(String::new, |motion| text(&motion)));
         let still = motion.is_some_and(|motion| motion.is_still());
         if still || waited_us == longest_us {
             break (still, motion);
@@ -54,7 +54,7 @@ pub(super) fn wait(recorder: &mut Recorder, context: &RunContext, trial: &Trial)
 /// was; `None` if it was not before the end.
 pub(super) fn decay(
     recorder: &mut Recorder,
-    context: &RunContext,
+    progress: &Progress,
     [begun_us, end_us]: [u64; 2],
 ) -> Result<Option<u64>, RecordError> {
     let mut check_us = begun_us + CHECK_US;
@@ -63,9 +63,9 @@ pub(super) fn decay(
         if is_over(record_until(recorder, check_us, is_over)?) {
             return Ok(None);
         }
-        context.progress.within((check_us - recorder.rested_us()) as f64 * 1e-6);
+        progress.within((check_us - recorder.rested_us()) as f64 * 1e-6);
         if let Some(motion) = recorder.trial.motion() {
-            context.progress.figures(&text(&motion));
+            progress.figures(&text(&motion));
             if motion.is_still() {
                 return Ok(Some(check_us));
             }

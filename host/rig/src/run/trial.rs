@@ -171,7 +171,7 @@ fn phases(
     schedule::send(recorder, &points)?;
     let count = points.len();
     recorder.begin()?;
-    let waits = still::wait(recorder, context, trial)?;
+    let waits = still::wait(recorder, context.progress, trial)?;
     let begun_us = recorder.rested_us();
     let start_us = if trial.phases.calibrate_s > 0.0 {
         let calibrate_s = trial.phases.calibrate_s.max(SHORTEST_CALIBRATION_S + CALIBRATION_MARGIN_S);
@@ -202,7 +202,7 @@ fn phases(
         let tick_us = start_us + u64::from(tick) * TICK_US;
         if phase == Phase::Decay
             && trial.phases.rest_at_most_s > 0.0
-            && let Some(still_us) = still::decay(recorder, context, [phase_us, tick_us])?
+            && let Some(still_us) = still::decay(recorder, context.progress, [phase_us, tick_us])?
         {
             recorder.end_at(still_us)?;
             return recorder.change(EventKind::Phase, Phase::End.name(), still_us);

@@ -37,14 +37,14 @@ pub(super) struct TiltZero {
     scatter_deg: [f64; 2],
     /// Number of blocks whose scatter it is, and number of blocks in the zero.
     blocks: [f64; 2],
-    /// Change of pitch and roll over the still phase beyond their scatter.
+    /// Change of pitch and roll over the still phase beyond their scatter, or what the wait before it left open.
     moved_deg: [f64; 2],
 }
 
 impl TiltZero {
     /// Returns the noise of pitch and roll in a still phase whose last part, `zero`, gives the zero; `None` if the phase is
-    /// too short.
-    pub fn of(tilts: [Track; 2], still: &Range<f64>, zero: &Range<f64>) -> Option<Self> {
+    /// too short. `left_deg`: standard deviation of the return to rest that was left then.
+    pub fn of(tilts: [Track; 2], still: &Range<f64>, zero: &Range<f64>, left_deg: f64) -> Option<Self> {
         let blocks = tilts.map(|tilt| blocks(tilt, still));
         let count = blocks[0].len();
         let deviation = |means: &[f64]| {
@@ -59,7 +59,7 @@ impl TiltZero {
         (count >= 3).then(|| Self {
             scatter_deg: blocks.each_ref().map(|means| deviation(means)),
             blocks: [count as f64, ((zero.end - zero.start) / BLOCK_S).max(1.0)],
-            moved_deg: blocks.each_ref().map(|means| moved(means)),
+            moved_deg: blocks.each_ref().map(|means| moved(means).max(left_deg)),
         })
     }
 

@@ -46,6 +46,10 @@ const COMPARED_S: f64 = 5.0;
 /// Largest rate at rest after a calibration, °/s: the bias drifts by hundredths in so short a time.
 const CALIBRATED_DPS: f64 = 0.1;
 
+/// Time constant of the tilt's return to rest, s: 10 to 12 s for the robots `physical` and `published`
+/// ([`sim::return_to_rest`]).
+const RIGHTING_S: f64 = 12.0;
+
 /// Largest rate at the start of the run, °/s, up to which the fit of the return to rest is trusted.
 const RETURN_DPS: f64 = 0.2;
 
@@ -162,7 +166,8 @@ impl Zeroed {
         }
         let yaw_zero = if data.times.has_run() { series.yaw().mean(start).unwrap_or(0.0) } else { 0.0 };
         let tilts = [series.pitch(), series.roll()];
-        let tilt_zero = if has_still { TiltZero::of(tilts, &settled, &tilt_over) } else { None };
+        let tilt_zero =
+            if has_still { TiltZero::of(tilts, &settled, &tilt_over, left_deg(data, &tilt_over)) } else { None };
         if let Some(strayed) = has_still.then(|| strayed(tilts, &settled)).flatten()
             && strayed > STILL_DEG
         {
@@ -384,6 +389,17 @@ fn mean(readings: &[(f64, Reading)], range: &Range<f64>) -> Option<UnitQuaternio
             },
         );
     Some(UnitQuaternion::from_quaternion(sum))
+}
+
+/// Returns the standard deviation of the tilt that may be left in the zero, given how still the recorder found the robot,
+/// degrees; 0 if it did not wait.
+fn left_deg(data: &Data, zero: &Range<f64>) -> f64 {
+    let Some((rest, tilt_dps)) = data.records.rest.as_ref().and_then(|rest| Some((rest, rest.tilt_dps?))) else {
+        return 0.0;
+    };
+    let passed_s = 0.5 * (zero.start + zero.end) - rest.waited_s;
+    // The bound is two standard deviations.
+    0.5 * tilt_dps * RIGHTING_S * (-passed_s.max(0.0) / RIGHTING_S).exp()
 }
 
 /// Says whether the robot moved in the calibration, or still turned when the run began.
