@@ -204,7 +204,8 @@ fn preflight_refuses_and_resume_continues() {
     assert_eq!(logs(&session).len(), 6);
 }
 
-/// Without a wait, a robot that still swings from the trial before is calibrated again when it has come to rest.
+/// Without a wait, a robot that still swings from the trial before is calibrated again when it has come to rest. It may
+/// still creep then, too slowly for the board to notice: exit code 3.
 #[test]
 fn a_robot_that_swings_is_calibrated_again() {
     let bench = Bench::new();
@@ -213,7 +214,8 @@ fn a_robot_that_swings_is_calibrated_again() {
         "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 8\npreroll = 0\nrest_at_most = 0\nrun = 3\ndecay = 0\n\
          [speeds]\npairs = [[90, 90], [30, 0]]\n",
     );
-    let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--json"]).expect_code(0);
+    let run = bench.run(["record", plan.to_str().unwrap(), "--virtual", "--json"]);
+    assert!(matches!(run.code, Some(0 | 3)), "{run:?}");
     assert!(
         run.stderr.contains("the board moved during the calibration of the gyroscope; calibration 2 begins"),
         "{}",

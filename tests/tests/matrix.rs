@@ -84,6 +84,11 @@ impl Log {
         }
     }
 
+    fn run_start_s(&self) -> f64 {
+        let begins = |body: &Body| matches!(body, Body::Event(event) if event.text == "run");
+        self.messages.iter().find(|(_, body)| begins(body)).unwrap().0
+    }
+
     /// Removes the frames between two times, with the message that says so.
     fn lose(&mut self, from_s: f64, to_s: f64) {
         let before = self.messages.len();
@@ -260,7 +265,12 @@ const SPOILT: &[Spoilt] = &[
         how: "telemetry lost in the averaging time",
         said: "have telemetry",
         verdict: Verdict::Grave,
-        spoil: |session, _| edit(session, |log| log.lose(18.0, 23.0)),
+        spoil: |session, _| {
+            edit(session, |log| {
+                let end_s = log.messages.last().unwrap().0;
+                log.lose(end_s - 8.0, end_s - 3.0);
+            });
+        },
     },
     Spoilt {
         how: "gyro_axes other than accel_axes",
@@ -299,9 +309,10 @@ const SPOILT: &[Spoilt] = &[
         verdict: Verdict::Grave,
         spoil: |session, _| {
             edit(session, |log| {
+                let run_s = log.run_start_s();
                 log.frames(|frame| {
                     // A pitch that grows by a third of a degree a second until the run.
-                    let half = (frame.time_s.min(14.0) / 3.0).to_radians() / 2.0;
+                    let half = (frame.time_s.min(run_s) / 3.0).to_radians() / 2.0;
                     if let Some(q) = &mut frame.attitude {
                         let (c, s) = (half.cos(), half.sin());
                         (q.w, q.x, q.y, q.z) =

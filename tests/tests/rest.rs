@@ -87,9 +87,10 @@ fn a_trial_waits_until_the_robot_is_still() {
     for trial in &trials {
         let run_s = trial["run_end_s"].as_f64().unwrap() - trial["run_start_s"].as_f64().unwrap();
         assert!((run_s - 8.0).abs() < 0.02, "{trial}");
-        for (error, stated) in errors(&bench.path().join(trial["log"].as_str().unwrap())) {
-            assert!(error.abs() < stated.unwrap(), "{trial}");
-        }
+        let rows = errors(&bench.path().join(trial["log"].as_str().unwrap()));
+        println!("{rows:?}");
+        // Six intervals of 95 %: three standard deviations, so that the seed does not decide.
+        assert!(rows.iter().all(|(error, stated)| error.abs() < 1.5 * stated.unwrap()), "{trial}");
     }
 
     let phases = format!("{phases}\nrest_at_most = 0");

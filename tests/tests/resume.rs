@@ -97,8 +97,9 @@ fn shortest_calibration_is_no_delay() {
         let info = bench.run(["info", trial["log"].as_str().unwrap(), "--json"]).expect_code(0).json();
         let notes = trial["notes"].as_array().unwrap();
         let is_in_time = !notes.iter().any(|note| note.as_str().unwrap().contains("late"));
-        // 0.3 s of calibration, 1 s before the run, 6 s.
-        assert!(!is_in_time || info["samples"] == 1460, "{info}");
+        // 0.3 s of calibration, then up to 7 s in which the board's filter settles, 1 s before the run, 6 s.
+        let settled = info["samples"].as_u64().unwrap() - 1460;
+        assert!(!is_in_time || settled <= 1400 && settled.is_multiple_of(20), "{info}");
         is_in_time
     };
     assert!((0..5).any(is_in_time), "always late");

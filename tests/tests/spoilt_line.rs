@@ -117,6 +117,8 @@ fn case(number: u64) -> String {
     // The line may go bad before the board has the schedule; a board that hears nothing may say so before this side does.
     let said = ["the board stopped sending", "did not answer", "it received nothing from the host"];
     assert!(said.iter().any(|said| run.stderr.contains(said)), "{what}: {run:?}");
+    let findings = run.json()["trials"][0]["findings"].as_array().unwrap().len();
+    assert!(findings < 10, "{what}: thousands of damaged frames are one finding, not {findings}");
     let log = logs(&session).remove(0);
     let info = bench.run(["info", log.to_str().unwrap(), "--json"]).json();
     assert!(info["clean"] == true && (info["end"] == "failed" || info["end"] == "faulted"), "{what}: {info}");

@@ -79,11 +79,11 @@ fn link_runs(recording: &Child) -> u64 {
     schedule.and_then(|text| text.split_whitespace().nth(2)?.parse().ok()).unwrap_or(NO_LINK)
 }
 
-/// Records a trial of two seconds.
+/// Records a trial of two seconds with a board whose clock is exact: each recording has its own clock otherwise.
 fn record(slow_down: impl FnOnce(&mut Child)) -> Times {
     let bench = Bench::new();
     let plan = bench.short_plan(2.0, [50.0, 10.0]);
-    let arguments = ["record", plan.to_str().unwrap(), "--virtual", "--out", "session", "--json"];
+    let arguments = ["record", plan.to_str().unwrap(), "--virtual", "--sensor", "ideal", "--out", "session", "--json"];
     let mut recording = bench.start(arguments);
     slow_down(&mut recording);
     let run = Run::of(recording).expect_code(0);

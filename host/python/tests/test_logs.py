@@ -47,7 +47,8 @@ def test_a_recording_tells_what_happened(recorded: Path) -> None:
     recording = biflag.read_session(recorded)["001_w1+50_w2+10"]
     assert recording.speeds_rpm == (50, 10) and recording.phases["run"][0] == 0
     assert recording.phases["run"][1] == pytest.approx(24, abs=0.1)
-    assert [event.text for event in recording.events if event.kind == "phase"][:3] == ["calibrate", "preroll", "run"]
+    phases = [event.text for event in recording.events if event.kind == "phase"]
+    assert phases[:4] == ["wait", "calibrate", "preroll", "run"]
     assert recording.link["samples"] > 8_000 and recording.link["lost"] == 0
     assert recording.records["plan"]["name"] == "tank" and recording.robot is not None
     assert recording.robot["fluid.viscosity_pa_s"] == 0.8

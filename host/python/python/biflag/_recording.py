@@ -141,8 +141,6 @@ def read_log(path: str | PathLike[str]) -> Recording:
     held = _biflag.read_log(path)
     columns, about, steady = held.pop("columns"), held.pop("about"), held.pop("steady")
     if steady is not None:
-        tilt = steady["tilt_uncertainty_deg"]
-        steady["tilt_uncertainty_deg"] = tilt and tuple(tilt)
         steady["turned_deg"] = tuple(steady["turned_deg"])
     held["events"] = [Event(*event) for event in held["events"]]
     held["phases"] = dict(held["phases"])

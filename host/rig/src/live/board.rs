@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use study::attitude::rotation;
 use study::draw;
+use study::trial::DAMAGED_FRAME;
 use thiserror::Error;
 
 /// Why watching the board ended.
@@ -44,7 +45,7 @@ pub fn watch(link: &Link, settings: Settings, live: &Live, interrupted: &AtomicB
             Event::Telemetry(telemetry) => stream.frame(&telemetry, received.wall),
             Event::Damaged(error) => {
                 stream.monitor.damaged(error);
-                stream.event(EventKind::Warning, &format!("a frame was damaged: {error}"));
+                stream.event(EventKind::Warning, &format!("{DAMAGED_FRAME}: {error}"));
             }
             Event::Silent { .. } => return Err(WatchError::Silent { port: link.path().to_owned() }),
             Event::Closed => return Err(link.closed().into()),

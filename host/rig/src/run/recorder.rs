@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
 use study::plan::TICK_US;
 use study::run;
+use study::trial::DAMAGED_FRAME;
 
 /// A telemetry frame with the board's time, unwrapped.
 #[derive(Debug, Clone, Copy)]
@@ -437,7 +438,7 @@ impl<'a> Recorder<'a> {
             Event::Raw(bytes) => self.trial.log.raw(&bytes, host)?,
             Event::Damaged(error) => {
                 self.monitor.damaged(error);
-                self.trial.event(EventKind::Warning, &format!("a frame was damaged: {error}"), host)?;
+                self.trial.event(EventKind::Warning, &format!("{DAMAGED_FRAME}: {error}"), host)?;
             }
             Event::Exchange(Exchange { request, attempts, reply, sent, sent_at }) => {
                 if let (Some(Reply::Pong(board)), 1) = (reply, attempts) {

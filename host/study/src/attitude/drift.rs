@@ -16,7 +16,7 @@
 //! During the run, noise adds an angle random walk: a standard deviation of N √t after a time t. N is estimated from the
 //! scatter of the mean rates of blocks at rest, and is at least that of the data sheet.
 
-use super::rest::{Noise, after_run, blocks_of};
+use super::rest::{Noise, SHORTEST_REST_S, after_run, blocks_of};
 use super::smoother::{Motions, Rotation, Stretch, Target, rotation};
 use super::{Columns, Series, Track};
 use nalgebra::{DMatrix, DVector};
@@ -73,14 +73,15 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Returns the start of the still phase without the settling of the filter, but at most in its middle.
+    /// Returns the start of the still phase without the settling of the filter, but with the shortest rest that tells a
+    /// rate.
     fn settled_before(&self, first_s: f64) -> f64 {
         let start = self.before.start.max(first_s);
         // Without a calibration the filter leans as before.
         if self.calibrate_s == 0.0 {
             return start;
         }
-        (start + YAW_SETTLED * self.filter_s).min(0.5 * (start + self.before.end)).max(start)
+        (start + YAW_SETTLED * self.filter_s).min(self.before.end - SHORTEST_REST_S).max(start)
     }
 }
 

@@ -19,6 +19,9 @@ const NOISE_BLOCKS_S: [f64; 2] = [0.5, BLOCK_S];
 const MIN_BLOCKS: usize = 3;
 const MIN_SWING_BLOCKS: usize = 4;
 
+/// Duration of the shortest rest that gives a rate, s.
+pub(super) const SHORTEST_REST_S: f64 = MIN_BLOCKS as f64 * BLOCK_S;
+
 /// The largest number of blocks of a phase; a longer phase has longer blocks.
 const MOST_BLOCKS: f64 = 30.0;
 

@@ -11,6 +11,9 @@ use protocol::units::CentiRpm;
 
 const REPEAT: &str = "repeat the trial";
 
+/// How the warning of a damaged frame begins in a log. A bad line brings many of them.
+pub const DAMAGED_FRAME: &str = "a frame was damaged";
+
 /// Speeds of a trial in which the sensor is turned by hand, and may be mounted anyhow.
 const HAND_TURN: [CentiRpm; 2] = [CentiRpm(0); 2];
 
@@ -159,8 +162,15 @@ fn conduct(data: &Data) -> Vec<Finding> {
         let turns = data.encoders().unwrap_or_else(|error| vec![error.reason]);
         found.extend(turns.into_iter().map(|text| grave(text, "check the motor and its encoder")));
     }
+    let warnings = || data.events.iter().filter(|event| event.kind == Kind::Warning);
+    let damaged = warnings().filter(|event| event.text.starts_with(DAMAGED_FRAME)).count();
+    if damaged > 0 {
+        // A damaged frame of telemetry is a lost one.
+        let text = format!("{damaged} {} damaged on the line", if damaged == 1 { "frame was" } else { "frames were" });
+        found.push(Finding::loss(FindingKind::Conduct, text, "check the cable"));
+    }
     // What the recorder saw is in the log: a cure follows the colon.
-    for event in data.events.iter().filter(|event| event.kind == Kind::Warning) {
+    for event in warnings().filter(|event| !event.text.starts_with(DAMAGED_FRAME)) {
         let (text, cure) = event.text.split_once(": ").unwrap_or((&event.text, ""));
         found.push(grave(text.to_owned(), cure));
     }

@@ -34,7 +34,7 @@ pub use data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
 pub(crate) use errors::SENSOR_ERRORS;
 pub(crate) use errors::{BLOCK_S, sensor_error};
 pub use finding::{Finding, FindingKind, LogFinding};
-pub use findings::findings;
+pub use findings::{DAMAGED_FRAME, findings};
 pub use repeats::{AtSpeeds, mean_of_repeats};
 pub use scatter::{Judgement, Repeat, Repeats, Scatter, scatter_of_repeats};
 pub use shapes::{Shape, Shapes};
