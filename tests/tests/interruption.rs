@@ -121,7 +121,7 @@ fn log_is_written_while_an_answer_is_awaited() {
 }
 
 /// Three trials, so that kills also hit the time between two of them.
-const KILLED: &str = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 0.2\nrun = 1.2\ndecay = 0.1\n\
+const KILLED: &str = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 0.2\nrest_at_most = 0\nrun = 1.2\ndecay = 0.1\n\
                       [speeds]\npairs = [[50, 10], [-30, 30], [0, 45]]\n";
 
 /// What came of the kills of one session.
