@@ -8,7 +8,6 @@ mod commands;
 mod drift;
 mod figure;
 mod format1;
-mod handshake;
 mod hostile_logs;
 mod plan;
 mod plans;

@@ -38,6 +38,15 @@ pub fn newest_python() -> PathBuf {
     environment(&interpreter, &[&package[..], &["tests/requirements.txt"]].concat())
 }
 
+/// Returns a command that runs a program of an environment, and compiles the modules that it imports once for all runs.
+pub fn command(program: &Path) -> Command {
+    let mut command = Command::new(program);
+    command
+        .env_remove("PYTHONDONTWRITEBYTECODE")
+        .env("PYTHONPYCACHEPREFIX", repository().join("target/tmp/python-cache"));
+    command
+}
+
 /// Returns the Python of a virtual environment, made by `interpreter` with the packages in these files of the repository. It
 /// is kept between runs.
 pub fn environment(interpreter: &Path, requirements: &[&str]) -> PathBuf {
@@ -57,7 +66,8 @@ pub fn environment(interpreter: &Path, requirements: &[&str]) -> PathBuf {
     let run = |command: &mut Command| assert!(command.status().expect("Python").success(), "{command:?}");
     run(Command::new(interpreter).args(["-m", "venv", "--clear"]).arg(&venv));
     let named = files.flat_map(|file| ["-r".into(), file]);
-    run(Command::new(&python).args(["-m", "pip", "install", "-q"]).args(named));
+    // Compiling every module of every package would take as long as the rest. `command` keeps those that are used.
+    run(Command::new(&python).args(["-m", "pip", "install", "-q", "--no-compile"]).args(named));
     std::fs::write(ready, wanted).expect("an environment");
     python
 }

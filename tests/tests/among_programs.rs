@@ -85,7 +85,7 @@ fn second_ctrl_c_ends_a_recording_whose_disk_hangs() {
     let mut command = Command::new(program("biflag"));
     command.args(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session"]);
     // It begins to hang in the trial, and would for ten minutes.
-    command.env("LD_PRELOAD", stalling_library(bench.path())).env("STALL_MS", "600000").env("STALL_AFTER_MS", "6000");
+    command.env("LD_PRELOAD", stalling_library(bench.path())).env("STALL_MS", "600000").env("STALL_AFTER_MS", "4000");
     command.env("XDG_CONFIG_HOME", bench.path().join("config")).current_dir(bench.path());
     let command = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut recording = command.spawn().unwrap();
@@ -381,11 +381,11 @@ fn expect_all_samples(run: Run, run_s: u64) {
 #[test]
 fn stderr_that_nobody_reads_delays_no_recording() {
     let bench = Bench::new();
-    let plan = bench.short_plan(24.0, [50.0, 10.0]);
+    let plan = bench.short_plan(16.0, [50.0, 10.0]);
     let nano = nano(["--speed", "4"]);
     let (_reader, writer) = full_pipe();
     let recording = record_onto(writer, &bench, &plan, nano.port());
-    expect_all_samples(wait(recording, Duration::from_secs(60)), 24);
+    expect_all_samples(wait(recording, Duration::from_secs(60)), 16);
 }
 
 /// Nor does it keep Ctrl-C from a recording.
@@ -411,7 +411,7 @@ fn ctrl_c_ends_a_recording_whose_stderr_nobody_reads() {
 #[test]
 fn stopped_terminal_delays_no_recording() {
     let bench = Bench::new();
-    let plan = bench.short_plan(24.0, [50.0, 10.0]);
+    let plan = bench.short_plan(20.0, [50.0, 10.0]);
     let text = std::fs::read_to_string(&plan).unwrap().replace("deadline_ms = 5000", "deadline_ms = 2000");
     std::fs::write(&plan, text).unwrap();
     let mut nano = nano(["--speed", "2"]);
@@ -434,7 +434,7 @@ fn stopped_terminal_delays_no_recording() {
     // The board gets pings for five seconds more if the recorder hangs, and stops a second later.
     std::thread::sleep(Duration::from_secs(9));
     keys.write_all(b"\x11").unwrap();
-    expect_all_samples(wait(recording, Duration::from_secs(60)), 24);
+    expect_all_samples(wait(recording, Duration::from_secs(60)), 20);
     let shown = screen.join().unwrap();
     assert!(shown.contains("% 001_w1+50_w2+10: run, "), "{shown}");
     assert!(shown.contains(" 0 lost"), "{shown}");

@@ -9,7 +9,7 @@ fn turn_by_hand_is_logged_with_the_errors_of_scale_and_clock() {
     const ANGLE_DEG: f64 = 720.0;
     let bench = Bench::new();
     let sensor = bench.file("sensor.toml", "gyro_scale = [0.02, -0.01, -0.0165]\nboard_clock_error = 0.0035\n");
-    let plan = bench.short_plan(60.0, [0.0, 0.0]);
+    let plan = bench.short_plan(30.0, [0.0, 0.0]);
     let mut nano = nano(["--speed", "4", "--sensor", sensor.to_str().unwrap()]);
     assert_eq!(nano.sensor().gyro_scale, [0.02, -0.01, -0.0165]);
     // A hand that sways cones, and the rate about z is then not the whole turn.

@@ -29,10 +29,10 @@ fn wait_for_count(nano: &mut VirtualNano, count: &str, frames: u64) {
     wait_until("the frames are spoilt", || nano.control("status").unwrap()[count] == frames);
 }
 
-/// Records 20 s (4000 frames) at four times real time, and calls `spoil` when they have begun; returns the trial.
+/// Records 10 s (2000 frames) at four times real time, and calls `spoil` when they have begun; returns the trial.
 fn spoilt(spoil: impl FnOnce(&mut VirtualNano)) -> Value {
     let bench = Bench::new();
-    let plan = bench.short_plan(20.0, [0.0, 0.0]);
+    let plan = bench.short_plan(10.0, [0.0, 0.0]);
     let mut nano = nano(["--speed", "4"]);
     let port = nano.port().to_owned();
     let mut recording = bench.start(["record", plan.to_str().unwrap(), "--port", &port, "--json"]);
@@ -55,7 +55,7 @@ fn dropped_frames_are_counted() {
         }
     });
     assert_eq!(trial["lost"], dropped);
-    assert_eq!(trial["samples"], 4000 - dropped);
+    assert_eq!(trial["samples"], 2000 - dropped);
     assert_eq!(trial["crc_errors"], 0);
 }
 
@@ -65,18 +65,18 @@ fn frames_dropped_at_the_end_are_counted() {
     let trial = spoilt(|nano| {
         let ticks = |nano: &mut VirtualNano| nano.control("status").unwrap()["ticks"].as_u64().unwrap();
         let begun = ticks(nano);
-        wait_until("the end is near", || ticks(nano) - begun >= 3800);
+        wait_until("the end is near", || ticks(nano) - begun >= 1800);
         nano.control("drop 300").unwrap();
     });
     let count = |key: &str| trial[key].as_u64().unwrap();
     assert!(count("lost") > 0 && count("lost") < 300, "{trial}");
-    assert_eq!(count("samples") + count("lost"), 4000, "{trial}");
+    assert_eq!(count("samples") + count("lost"), 2000, "{trial}");
 }
 
-/// `FRAMES=1000000 cargo test --release -p tests --test all link::frames_dropped_at_random -- --nocapture` records more than the usual 8000.
+/// `FRAMES=1000000 cargo test --release -p tests --test all link::frames_dropped_at_random -- --nocapture` records more than the usual 5000.
 #[test]
 fn frames_dropped_at_random_are_counted_exactly() {
-    let frames: u64 = std::env::var("FRAMES").map_or(8000, |frames| frames.parse().expect("FRAMES is a number"));
+    let frames: u64 = std::env::var("FRAMES").map_or(5000, |frames| frames.parse().expect("FRAMES is a number"));
     let bench = Bench::new();
     let plan = bench.short_plan(frames as f64 / 200.0, [0.0, 0.0]);
     let mut nano = nano(["--speed", "max"]);
@@ -118,18 +118,18 @@ fn damaged_byte_loses_one_frame() {
     });
     assert_eq!(trial["lost"], 1);
     assert_eq!(trial["resyncs"], 1);
-    assert_eq!(trial["samples"], 3999);
+    assert_eq!(trial["samples"], 1999);
 }
 
 /// Telemetry in real time is complete too.
 #[test]
 fn real_time_has_no_losses() {
     let bench = Bench::new();
-    let plan = bench.short_plan(10.0, [-90.0, 90.0]);
+    let plan = bench.short_plan(4.0, [-90.0, 90.0]);
     let nano = nano(["--speed", "1"]);
     let run = bench.run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--json"]).expect_code(0);
     let trial = &run.json()["trials"][0];
-    assert_eq!((&trial["samples"], &trial["lost"]), (&2000.into(), &0.into()), "{trial}");
+    assert_eq!((&trial["samples"], &trial["lost"]), (&800.into(), &0.into()), "{trial}");
 }
 
 /// A motor reverses at the planned time of the board's clock, and its flagellum follows.

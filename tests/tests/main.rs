@@ -16,6 +16,7 @@ mod false_alarms;
 mod findings;
 mod flash;
 mod hand_turns;
+mod handshake;
 mod hostile;
 mod interruption;
 mod link;

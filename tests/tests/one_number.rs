@@ -86,6 +86,7 @@ fn ask(bench: &Bench, session: &str, first: &Value, tolerance_of_rows: f64) {
         println!("{log}: {expected:?}");
         let of_log = run(&["info", log, "--json"]).json();
         assert_eq!(angles(&of_log["angles"]), expected, "info of the log");
+        assert_eq!(of_log["angles"]["yaw_uncertainty_deg"], trial["yaw_uncertainty_deg"], "info of the log");
         assert_eq!(angles(&of_session["trials"][i]["angles"]), expected, "info of the session");
         assert_eq!(angles(&of_session["trials"][i]["summary"]), expected, "the summary in the log");
         let measured: Vec<f64> = (compared["trials"][i]["steady_measured_deg"].as_array().unwrap().iter())

@@ -5,7 +5,7 @@ use biflag_log::{Body, Reader};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
-use tests::python::newest_python;
+use tests::python::{command, newest_python};
 use tests::{Bench, nano};
 
 const DECODE: &str = r#"
@@ -117,7 +117,7 @@ fn python_lists_the_channels_and_decodes_every_message() {
         .run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--json"])
         .expect_code(0);
     let log = run.json()["trials"][0]["log"].as_str().unwrap().to_owned();
-    let output = Command::new(newest_python()).args(["-c", DECODE, &log]).current_dir(bench.path()).output().unwrap();
+    let output = command(&newest_python()).args(["-c", DECODE, &log]).current_dir(bench.path()).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let decoded: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     println!("{decoded}");
@@ -154,7 +154,7 @@ fn log_rewritten_in_python_is_whole() {
         &["none", "unchunked", "no-index", "no-crc"],
     ] {
         let theirs = bench.path().join("theirs.mcap");
-        let mut rewrite = Command::new(&python);
+        let mut rewrite = command(&python);
         rewrite.args(["-c", REWRITE]).args([&log, &theirs]).args(how);
         let output = rewrite.output().unwrap();
         assert!(output.status.success(), "{how:?}: {}", String::from_utf8_lossy(&output.stderr));
@@ -190,8 +190,8 @@ fn rerun_reads_attitude_and_flagella() {
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         output.stdout
     };
-    run(Command::new(python.with_file_name("rerun")).args(["mcap", "convert", "-o", "log.rrd"]).arg(&log));
-    let rerun: Value = serde_json::from_slice(&run(Command::new(python).args(["-c", RERUN, "log.rrd"]))).unwrap();
+    run(command(&python.with_file_name("rerun")).args(["mcap", "convert", "-o", "log.rrd"]).arg(&log));
+    let rerun: Value = serde_json::from_slice(&run(command(&python).args(["-c", RERUN, "log.rrd"]))).unwrap();
 
     let (mut attitudes, mut clouds, mut scenes, mut yaws) = (0, 0, 0, 0);
     for message in Reader::open(&log).unwrap().map(Result::unwrap) {
@@ -255,7 +255,7 @@ fn python_reads_the_table_of_a_sweep() {
     bench.file("plan.toml", plan);
     bench.run(["sweep", "plan.toml"]).expect_code(3);
     let python = newest_python();
-    let output = Command::new(python).args(["-c", SWEEP, "sweep"]).current_dir(bench.path()).output().unwrap();
+    let output = command(&python).args(["-c", SWEEP, "sweep"]).current_dir(bench.path()).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let read: Value = serde_json::from_slice(&output.stdout).unwrap();
     println!("{read}");

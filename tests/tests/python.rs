@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
-use tests::python::{environment, newest_python, pythons};
+use tests::python::{command, environment, newest_python, pythons};
 use tests::{Bench, repository};
 
 fn project() -> PathBuf {
@@ -14,7 +14,7 @@ fn project() -> PathBuf {
 #[track_caller]
 fn run(what: &str, command: &mut Command) {
     let begun = Instant::now();
-    let output = command.env("PYTHONDONTWRITEBYTECODE", "1").output().unwrap();
+    let output = command.output().unwrap();
     let text = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).concat();
     assert!(output.status.success(), "{what}: {command:?}\n{text}");
     println!("{what}: {:.0} s", begun.elapsed().as_secs_f64());
@@ -39,13 +39,16 @@ fn package_builds_and_works_on_the_oldest_and_the_newest_python() {
     println!("{}: {size:.1} MB", wheel.file_name().unwrap().display());
 
     let install = |python: &Path| {
-        let mut pip = Command::new(python);
-        run("pip install", pip.args(["-m", "pip", "install", "-q", "--no-deps", "--force-reinstall"]).arg(&wheel));
+        let mut pip = command(python);
+        run(
+            "pip install",
+            pip.args(["-m", "pip", "install", "-q", "--no-deps", "--no-compile", "--force-reinstall"]).arg(&wheel),
+        );
     };
     let pytest = |python: &Path, arguments: &[&str], folder: &str| {
         let folder = bench.path().join(folder);
         std::fs::create_dir_all(&folder).unwrap();
-        let mut pytest = Command::new(python);
+        let mut pytest = command(python);
         pytest.args(["-m", "pytest", "-q", "-s"]).args(arguments).current_dir(project());
         pytest.env("BIFLAG_TEST_FOLDER", folder);
         run(&format!("pytest {arguments:?}"), &mut pytest);
@@ -55,7 +58,13 @@ fn package_builds_and_works_on_the_oldest_and_the_newest_python() {
         install(&python);
         pytest(&python, &["tests"], "newest");
         pytest(&python, &["--nbmake", "--nbmake-timeout=300", "notebooks"], "newest");
-        let tool = |name: &str| Command::new(python.with_file_name(name));
+        // What it knows of numpy and pandas serves all three.
+        let types = bench.path().join("types");
+        let tool = |name: &str| {
+            let mut tool = command(&python.with_file_name(name));
+            tool.env("MYPY_CACHE_DIR", &types);
+            tool
+        };
         run("mypy of the package", tool("mypy").args(["--strict", "-p", "biflag"]).current_dir(bench.path()));
         run("mypy of its tests", tool("mypy").args(["--strict", "conftest.py", "tests"]).current_dir(project()));
         run("stubtest", tool("stubtest").arg("biflag._biflag").current_dir(bench.path()));
