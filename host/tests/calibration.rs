@@ -398,7 +398,7 @@ fn a_start_that_is_too_far_is_reported() {
 fn a_sensor_that_looks_backwards_is_found() {
     let mut draw = Draw(5);
     let hidden = Hidden { mount_yaw_deg: 175.0, ..Hidden::default() };
-    let trials: Vec<_> = SPEEDS.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
+    let trials = [hidden.trial(SPEEDS[1], &mut draw)];
     let calibration = fitted(&Robot::published(), &[Parameter::MountYaw], &trials).unwrap();
     let [mount] = calibration.parameters.as_slice() else { panic!("{calibration:?}") };
     assert!((mount.value - 175.0).abs() < 3.0 || (mount.value + 185.0).abs() < 3.0, "{mount:?}");
@@ -407,8 +407,18 @@ fn a_sensor_that_looks_backwards_is_found() {
 /// A phase is an angle, so the fit has to find it from anywhere.
 #[test]
 fn calibration_finds_the_phases_of_the_flagella() {
-    for (phase_deg, speeds) in [([70.0, -130.0], vec![[60.0, 60.0], [90.0, 0.0]]), ([-100.0, 50.0], vec![[0.0, 90.0]])]
-    {
+    find_phases(&[([-100.0, 50.0], vec![[0.0, 90.0]])]);
+}
+
+#[test]
+#[ignore = "half a minute: part of `make proof`"]
+fn calibration_finds_the_phases_in_two_trials() {
+    find_phases(&[([70.0, -130.0], vec![[60.0, 60.0], [90.0, 0.0]])]);
+}
+
+fn find_phases(cases: &[([f64; 2], Vec<[f64; 2]>)]) {
+    for (phase_deg, speeds) in cases {
+        let phase_deg = *phase_deg;
         let mut draw = Draw(7);
         let mut robot = Robot::published();
         robot.flagellum.phase_deg = phase_deg;
