@@ -7,7 +7,7 @@
 //! The errors of a sensor (scale, axes, sensitivity to gravity, mounting, the clock of its board) are the same in all of
 //! its trials, so that more trials do not average them. They are estimated together with the parameters, with the data
 //! sheet or the sensor's own measurement as the prior: generalised least squares with the covariance of all trials
-//! ([`weights`]). Different boards have independent errors.
+//! (`weights.rs`). Different boards have independent errors.
 //!
 //! Successive residuals are correlated, and standard errors that ignored this would be several times too small. The fit
 //! weights blocks by the errors of the sensor (also those of the trial alone: the random walk of the yaw, the walk of the

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// Rounding error of the difference of two models, degrees.
 pub(super) const ROUNDING_DEG: f64 = 0.01;
 
-/// A trial compared with its model, or with another trial at the same speeds. [`super::json`] has its keys.
+/// A trial compared with its model, or with another trial at the same speeds. `json.rs` has its keys.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Comparison {
     /// Name of the measured trial.
@@ -47,7 +47,7 @@ pub struct Comparison {
     pub budget: Vec<AngleTerm>,
     /// Steady errors beyond their uncertainty.
     pub differences: Vec<Difference>,
-    /// Whether chance explains these neither, as often as the session has tested: see [`super::super::session`].
+    /// Whether chance explains these neither, as often as the session has tested: see `twin/session`.
     pub is_beyond_chance: bool,
     /// Findings about both logs.
     pub findings: Vec<LogFinding>,
