@@ -8,7 +8,7 @@
 //! ```
 
 use biflag_log::schema::biflag::{self, event::Kind};
-use biflag_log::{BoardMeta, End, FORMAT, ModelMeta, Summary, TrialMeta};
+use biflag_log::{BoardMeta, Condition, End, FORMAT, ModelMeta, Summary, TrialMeta};
 use host::trial::{Collector, Data, Records, Want};
 use host::twin::TwinError;
 use host::twin::calibrate::{Calibration, Estimate, FitTrial, Parameter, Request, calibrate};
@@ -294,6 +294,13 @@ fn typical_sensor_is_in_the_intervals_and_a_copy_is_no_evidence() {
     let copied = fit(&[0, 1, 0, 1].map(|i: usize| trials[i].clone()));
     assert_eq!(copied.parameters, two.parameters);
     assert_eq!(copied.warnings.iter().filter(|text| text.contains("the same recording")).count(), 2, "{copied:?}");
+
+    let cut_off = Data { condition: Condition::CutOff, ..hidden.trial([37.3, -61.9], &mut draw) };
+    let with_spoilt = fit(&[cut_off.clone(), trials[0].clone(), trials[1].clone()]);
+    assert_eq!(with_spoilt.parameters, two.parameters);
+    assert_eq!(with_spoilt.warnings, ["1 trial with grave findings left out of the fit"]);
+    let none = fitted(&Robot::published(), &[], &[cut_off]).unwrap_err().to_string();
+    assert!(none.contains("no trial is sound") && none.contains("the log is cut off"), "{none}");
 }
 
 /// A sensor has the same errors in all of its trials, and more trials do not average them; other boards have others.
