@@ -8,10 +8,16 @@
 //! ```
 
 use biflag_log::schema::biflag::{self, event::Kind};
+<<<<<<< HEAD
 use biflag_log::{BoardMeta, Condition, End, FORMAT, ModelMeta, Summary, TrialMeta};
 use host::trial::{Collector, Data, Records, Want};
 use host::twin::TwinError;
+=======
+use biflag_log::{BoardMeta, End, FORMAT, Identity, ModelMeta, Origin, Summary, TrialMeta};
+use host::trial::{Collector, Data, Records, Want, Zeroed};
+>>>>>>> rods
 use host::twin::calibrate::{Calibration, Estimate, FitTrial, Parameter, Request, calibrate};
+use host::twin::{OnMismatch, TwinError, compare};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use sim::body::closure::Closure;
 use sim::params::{Glycerol, Robot, Tank};
@@ -342,6 +348,41 @@ fn wrong_model_is_named() {
     assert!(wrong.misfits.iter().any(|text| text.contains("residual of the roll")), "{wrong:?}");
     assert!(wrong.misfits.last().unwrap().contains("the model does not describe these trials"), "{wrong:?}");
     assert!(!wrong.fit().is_described);
+}
+
+/// Lines miss more of the swirl of a thick rod than of a thin one: verdicts and intervals of a trial of a real robot have the
+/// error of its own rods.
+#[test]
+fn error_of_the_model_is_that_of_the_robots_rods() {
+    let [thin, thick] = [0.0021, 0.0043].map(|rod_radius_m| {
+        let mut robot = Robot { tank: Some(Tank::published()), ..Robot::default() };
+        robot.flagellum.rod_radius_m = rod_radius_m;
+        let mut draw = Draw(14);
+        let hidden = Hidden { robot: robot.clone(), ..Hidden::default() };
+        let mut measured = hidden.trial([50.3, 10.7], &mut draw);
+        let mut modelled = measured.clone();
+        measured.records.model = None;
+        // A model that moves as the robot does.
+        let angles_deg = Zeroed::new(&measured).angles_deg;
+        for (i, time_s) in angles_deg.time_s.iter().enumerate() {
+            let [yaw, pitch, roll] = [0, 1, 2].map(|k| angles_deg.values[k][i]);
+            modelled.truth.push(*time_s, [yaw, pitch, roll, 0.0, 0.0]);
+        }
+        let parameters = toml::to_string(&robot).unwrap();
+        modelled.records.model = Some(ModelMeta { parameters, ..ModelMeta::default() });
+        modelled.records.identity = Some(Identity { origin: Origin::Model, ..Identity::default() });
+        let compared = compare(&measured, &modelled, OnMismatch::Accept).unwrap().comparison;
+        let of_compare =
+            compared.pitch.model_error_deg.unwrap() / compared.pitch.modelled_deg.hypot(compared.roll.modelled_deg);
+        let fit = fitted(&robot, &[Parameter::Righting], &[measured]).unwrap();
+        let righting = &fit.parameters[0];
+        let of_fit = righting.model_error.unwrap() / righting.value;
+        println!("rod radius {rod_radius_m} m: tilt of compare {of_compare:.3}, righting of calibrate {of_fit:.3}");
+        [of_compare, of_fit]
+    });
+    // The error of the tilt more than doubles. How much of it righting takes up depends on how the robot's tilt answers to it.
+    assert!(thin[0] > 0.1 && thick[0] > 0.27 && thick[0] > 2.0 * thin[0], "compare: {thin:?} {thick:?}");
+    assert!(thin[1] > 0.05 && thick[1] > 1.5 * thin[1], "calibrate: {thin:?} {thick:?}");
 }
 
 #[test]
