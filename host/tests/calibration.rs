@@ -8,14 +8,8 @@
 //! ```
 
 use biflag_log::schema::biflag::{self, event::Kind};
-<<<<<<< HEAD
-use biflag_log::{BoardMeta, Condition, End, FORMAT, ModelMeta, Summary, TrialMeta};
-use host::trial::{Collector, Data, Records, Want};
-use host::twin::TwinError;
-=======
-use biflag_log::{BoardMeta, End, FORMAT, Identity, ModelMeta, Origin, Summary, TrialMeta};
+use biflag_log::{BoardMeta, Condition, End, FORMAT, Identity, ModelMeta, Origin, Summary, TrialMeta};
 use host::trial::{Collector, Data, Records, Want, Zeroed};
->>>>>>> rods
 use host::twin::calibrate::{Calibration, Estimate, FitTrial, Parameter, Request, calibrate};
 use host::twin::{OnMismatch, TwinError, compare};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
