@@ -37,7 +37,7 @@ fn comparison_of_format_1_logs_is_unchanged() {
     expect(&trial["run_start_s"][0], 9.035_006, 1e-9);
     // It stated an uncertainty all the same.
     assert_eq!(trial["tilt_uncertainty_deg"], serde_json::json!([null, null]));
-    assert!(trial["findings"].to_string().contains("was not still before the run"), "{trial}");
+    assert!(trial["findings"].to_string().contains("filter had not settled before the run"), "{trial}");
     // That program also subtracted a zero from the model.
     expect(&trial["yaw_rmse_deg"], 4.671_885_452, 0.02);
     expect(&trial["pitch_rmse_deg"], 0.956_608_448, 0.4);

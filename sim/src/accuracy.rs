@@ -1,10 +1,11 @@
 //! Modelling errors of the steady angles, relative to the robot in its tank; numerical errors are not included.
 //!
-//! Each figure is the measured effect of something that the parameters leave out, or the error of the line model
-//! against resolved surfaces. It is the largest effect at the four published points with equal starting angles, rounded
-//! up. `sim/docs/accuracy.md` has the tables and the commands that print them.
+//! Each figure is the measured effect of something that the parameters leave out: the largest effect at the four published
+//! points with equal starting angles, rounded up. The error of rods as lines follows the robot's flagella.
+//! `sim/docs/accuracy.md` has the tables and the commands that print them.
 
 use crate::params::Robot;
+use std::f64::consts::TAU;
 
 /// Below this regularisation, in rod radii, the flow is that of a much thinner rod. The value of a round rod is
 /// e^(1/2).
@@ -12,8 +13,13 @@ const THIN_RADII: f64 = 1.3;
 /// Below this share of a round rod's couple the rods spin freely.
 const FREE_SPIN: f64 = 0.5;
 
-/// Rods as lines with the couple of their spin, and edges of 5 mm, against resolved surfaces.
-const LINES: Cause = Cause { what: "rods as lines", yaw: 0.05, tilt: 0.1 };
+/// Error of the yaw by rods as lines, and edges of 5 mm.
+const LINES_YAW: f64 = 0.05;
+/// Distance from a helix's centre line, over the length of a turn of it, within which a rod of slender-body theory has its
+/// own flow (Lighthill 1976, SIAM Rev. 18, 161).
+const NEAR: f64 = 0.09;
+/// The theory needs rods that are thinner than the flow about them: below this logarithm it has no drag to offer.
+const LEAST_LOGARITHM: f64 = 0.2;
 /// A regularisation of 1.03 rod radii.
 const THIN: Cause = Cause { what: "thin rods", yaw: 0.14, tilt: 0.25 };
 /// No drag on the spin of the rods about their centre lines.
@@ -47,13 +53,13 @@ impl ModelError {
     /// Returns the error of the model with these parameters.
     pub fn of(robot: &Robot) -> Self {
         let (thin, free) = (robot.fluid.regularisation_radii < THIN_RADII, robot.fluid.spin_drag < FREE_SPIN);
-        let rods = match (thin, free) {
-            (false, false) => LINES,
-            (true, false) => THIN,
-            (false, true) => SPIN,
-            (true, true) => THIN_SPIN,
-        };
-        let mut causes = vec![rods];
+        let mut causes = vec![Self::of_lines(robot)];
+        causes.extend(match (thin, free) {
+            (false, false) => None,
+            (true, false) => Some(THIN),
+            (false, true) => Some(SPIN),
+            (true, true) => Some(THIN_SPIN),
+        });
         if !robot.head.is_resolved() {
             causes.push(HEAD);
         }
@@ -61,6 +67,26 @@ impl ModelError {
             causes.push(WALLS);
         }
         Self { causes }
+    }
+
+    /// Returns the error by rods as lines. Lines have the forces of a flagellum, and the torque of the couples by which it
+    /// turns the fluid about its rod, but not their flow. The mean swirl about a flagellum is that of its whole torque, and
+    /// drives the mean lateral force of the other one, from which most of the mean tilt comes: both are too small by the share
+    /// of these couples in the torque. This bounds it from above.
+    ///
+    /// The couple of a rod of radius a that turns at 1 rad/s about its own centre line is 4 π μ a² per length; a rod at an
+    /// angle to the axis needs less. The torque of its centre line about the helix's axis is that of resistive-force theory,
+    /// with Lighthill's coefficients.
+    pub fn of_lines(robot: &Robot) -> Cause {
+        let flagellum = &robot.flagellum;
+        let (radius, advance) = (flagellum.helix_radius_m, flagellum.pitch_m / TAU);
+        let arm = radius.hypot(advance);
+        let logarithm = (2.0 * NEAR * TAU * arm / flagellum.rod_radius_m).ln().max(LEAST_LOGARITHM);
+        // Drags per length along the rod and across it, over the viscosity.
+        let [along, across] = [TAU / logarithm, 2.0 * TAU / (logarithm + 0.5)];
+        let line = (radius / arm).powi(2) * (along * radius * radius + across * advance * advance);
+        let couple = 2.0 * TAU * flagellum.rod_radius_m.powi(2);
+        Cause { what: "rods as lines", yaw: LINES_YAW, tilt: couple / (couple + line) }
     }
 
     /// Returns the relative error of the steady yaw.
@@ -73,17 +99,29 @@ impl ModelError {
         self.total(|cause| cause.tilt)
     }
 
-    /// Returns the errors in degrees of a yaw, pitch and roll in degrees. Pitch and roll have an error in proportion to the
-    /// whole tilt, because the error may have another direction than the tilt.
-    pub fn of_angles_deg(&self, [yaw, pitch, roll]: [f64; 3]) -> [f64; 3] {
-        let tilt = self.tilt() * pitch.hypot(roll);
-        [self.yaw() * yaw.abs(), tilt, tilt]
+    /// Returns the errors of the model in degrees where the robot has this yaw, pitch and roll in degrees. Pitch and roll
+    /// have an error in proportion to the whole tilt, because the error may have another direction than the tilt.
+    pub fn of_angles_deg(&self, angles_deg: [f64; 3]) -> [f64; 3] {
+        in_proportion([self.yaw(), self.tilt()], angles_deg)
+    }
+
+    /// Returns the same where the model has these angles. An error of a share e of the robot's angle is up to e / (1 - e) of
+    /// the model's, which is the smaller one if the model leaves out what moves the robot.
+    pub fn of_modelled_deg(&self, angles_deg: [f64; 3]) -> [f64; 3] {
+        let of_model = |share: f64| share / (1.0 - share);
+        let shares = [self.total(|cause| of_model(cause.yaw)), self.total(|cause| of_model(cause.tilt))];
+        in_proportion(shares, angles_deg)
     }
 
     /// Errors of independent causes add as squares.
     fn total(&self, of: impl Fn(&Cause) -> f64) -> f64 {
         self.causes.iter().map(|cause| of(cause).powi(2)).sum::<f64>().sqrt()
     }
+}
+
+fn in_proportion([of_yaw, of_tilt]: [f64; 2], [yaw, pitch, roll]: [f64; 3]) -> [f64; 3] {
+    let tilt = of_tilt * pitch.hypot(roll);
+    [of_yaw * yaw.abs(), tilt, tilt]
 }
 
 #[cfg(test)]
@@ -101,6 +139,34 @@ mod tests {
         let [free, in_tank] = [error(|_| {}), error(|robot| robot.tank = Some(Tank::published()))];
         assert!(in_tank.yaw() < free.yaw() && in_tank.tilt() < 0.5 * free.tilt());
         assert!(ModelError::of(&Robot::published()).yaw() > 5.0 * free.yaw());
-        assert_eq!(in_tank.of_angles_deg([-100.0, 3.0, -4.0]), [5.0, 0.5, 0.5]);
+        // As `host/book/src/compare.md` says.
+        assert_eq!((100.0 * free.of_modelled_deg([0.0, 1.0, 0.0])[1]).round(), 73.0);
+        let tilt = 5.0 * ModelError::of_lines(&Robot::default()).tilt;
+        assert_eq!(in_tank.of_angles_deg([-100.0, 3.0, -4.0]), [5.0, tilt, tilt]);
+    }
+
+    #[test]
+    fn thick_rods_have_the_larger_error_and_a_small_angle_of_the_model_may_be_a_large_one() {
+        let error = |rod_radius_m: f64| {
+            let mut robot = Robot::default();
+            robot.tank = Some(Tank::published());
+            robot.flagellum.rod_radius_m = rod_radius_m;
+            ModelError::of(&robot)
+        };
+        let radii = [0.002, 0.003, 0.0075].map(|radius_m| {
+            let error = error(radius_m);
+            println!("rods of radius {radius_m} m: tilt {:.3}", error.tilt());
+            error
+        });
+        assert!(radii.windows(2).all(|pair| pair[1].tilt() > 1.4 * pair[0].tilt()), "{radii:?}");
+        for error in radii {
+            let robot = [-100.0, 3.0, -4.0];
+            // The model that has all of the error: its angles are the robot's less it.
+            let model = [1.0 - error.yaw(), 1.0 - error.tilt(), 1.0 - error.tilt()];
+            let modelled = [0, 1, 2].map(|k| model[k] * robot[k]);
+            for (one, other) in error.of_angles_deg(robot).iter().zip(error.of_modelled_deg(modelled)) {
+                assert!((one - other).abs() < 1e-9, "{one} {other}");
+            }
+        }
     }
 }

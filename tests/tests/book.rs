@@ -156,6 +156,10 @@ impl Reader {
             // Nobody is there to answer.
             line += " --yes";
         }
+        if line.starts_with("biflag sensor turn") {
+            // One turn each way stands for three.
+            line += " --repeats 1";
+        }
         println!("$ {line}");
         let mut shell = Command::new("sh");
         shell.args(["-c", &format!("exec {line}")]).current_dir(self.folder.path());

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use tests::{Bench, Run, memory_kb, signal};
 
 /// Twelve trials that take about a second together.
-const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 1\npreroll = 1\nrun = 30\ndecay = 3\n\
+const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 1\npreroll = 1\nrun = 14\ndecay = 3\n\
                     [speeds]\ngrid = { w1 = [-60, 60, 40], w2 = [20, 80, 30] }\n";
 
 /// Returns every file of a session except its manifest, which contains the start time.
@@ -53,7 +53,7 @@ fn peak_mb(mut child: Child) -> (f64, Option<i32>) {
 #[test]
 fn memory_does_not_grow_with_the_trial() {
     let bench = Bench::new();
-    let peaks = [120, 480].map(|duration| {
+    let peaks = [60, 240].map(|duration| {
         let (duration, out) = (duration.to_string(), format!("out{duration}"));
         let running = bench.start([
             "simulate",

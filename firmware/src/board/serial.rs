@@ -133,15 +133,17 @@ fn USART_RX() {
             return;
         }
         let head = HEAD;
-        let next = (head + 1) % INBOX;
+        // One place stays empty.
+        let room = (&raw const TAIL).read_volatile().wrapping_sub(head).wrapping_sub(1) % INBOX;
         // A frame without room is dropped to its end, which leaves the frames before and after it whole. What of it is in
-        // the inbox is damaged, which its CRC reveals.
-        if next == (&raw const TAIL).read_volatile() {
-            DROPPING = true;
+        // the inbox is damaged, which its CRC reveals. The last place is for its delimiter: otherwise that of the next frame
+        // would complete an order whose time has passed.
+        if room < 1 + u8::from(byte != 0) {
+            DROPPING = byte != 0;
             return;
         }
         (&raw mut RECEIVED).cast::<u8>().add(usize::from(head)).write_volatile(byte);
-        (&raw mut HEAD).write_volatile(next);
+        (&raw mut HEAD).write_volatile((head + 1) % INBOX);
     }
 }
 

@@ -46,6 +46,33 @@ fn a_refused_order_keeps_the_motors_off_while_the_fault_lasts() {
     assert_eq!(host.board.bridge().pwm, [0, 0]);
 }
 
+/// A host that sends many requests at once fills the inbox. What finds no room is lost, and never carried out late: a `Stop`
+/// after a silence must not complete an order that was cut off before it.
+#[test]
+fn a_stop_never_carries_out_an_order_that_found_no_room() {
+    let mut random = Noise::new(29);
+    let mut host = Host::ready(BoardOptions::default());
+    let mut lost = 0;
+    for round in 0..60 {
+        let pings = 7 + round % 6;
+        host.run_until(host.board.cycle() + random.next_u64() % TICK);
+        for _ in 0..pings {
+            host.send(Command::Ping);
+        }
+        let order = host.send(Command::SetSpeeds([protocol::units::CentiRpm(2345); 2]));
+        host.run_ms(60);
+        let carried_out = host.answered(order);
+        lost += u32::from(!carried_out);
+        let state = if carried_out { State::Running } else { State::Idle };
+        assert_eq!(host.last().state, state, "round {round}: {pings} pings and an order");
+        host.order(Command::Stop);
+        host.run_ms(20);
+        assert_eq!((host.last().state, host.board.bridge().pwm), (State::Idle, [0, 0]), "round {round}");
+    }
+    println!("{lost} of 60 orders found no room");
+    assert!((1..60).contains(&lost), "{lost} of 60 orders found no room");
+}
+
 #[test]
 fn a_hang_stops_both_motors_within_a_watchdog_period_and_the_board_comes_back() {
     /// The program's watchdog, and the tick in which it may have been fed after the hang was asked for.

@@ -68,7 +68,7 @@ impl Interval {
         let contact_by_phase = phases.iter().any(|phase| phase.touches() != state.touches());
         let all: Vec<[f64; 3]> = [state].into_iter().chain(&phases).map(|state| state.attitude.angles_deg()).collect();
         let ranges = [0, 1, 2].map(|i| range(&all.iter().map(|angles| angles[i]).collect::<Vec<_>>()));
-        let model_error_deg = known.model_error.as_ref().map(|error| error.of_angles_deg(trial.angles_deg()));
+        let model_error_deg = known.model_error.as_ref().map(|error| error.of_modelled_deg(trial.angles_deg()));
         let spread = [0, 1, 2].map(|i| {
             let slopes: Vec<f64> = slopes.iter().map(|slope| slope[i]).collect();
             known.fit.as_ref().map_or([0.0; 2], |fit| propagated(fit, &changes, &slopes))

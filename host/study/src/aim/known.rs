@@ -132,6 +132,12 @@ mod tests {
             let [Doubt { reason, is_grave: true }] = known.doubts.as_slice() else { panic!("{known:?}") };
             assert!(reason.contains(words), "{reason}");
         }
+        let tilt = |rod_radius_m: f64| {
+            let mut robot = robot.clone();
+            robot.flagellum.rod_radius_m = rod_radius_m;
+            Known::new(&robot, Some(fit(|fit| fit.fitted_to = FittedTo::Robot))).model_error.unwrap().tilt()
+        };
+        assert!(tilt(0.0062) > 1.1 * tilt(0.0021), "lines miss more of the flow of thick rods");
         let unfitted = Known::new(&robot, None);
         assert!(unfitted.confidence().is_none() && unfitted.model_error.is_some() && !unfitted.doubts[0].is_grave);
     }

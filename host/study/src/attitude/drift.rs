@@ -29,7 +29,7 @@ const MOST_INTERVALS: f64 = 100.0;
 /// Ratio of the variance of the rates about x and y at rest to that about z: they also contain the noise of the tilt.
 const TILT_NOISE: f64 = 4.0;
 
-/// Time constants of the filter in which it settles after a calibration.
+/// Time constants of the filter in which it settles.
 const SETTLED: f64 = 10.0;
 
 /// Time constants of the filter after which its settling turns the yaw no more. Until the calibration the filter leans by
@@ -73,15 +73,18 @@ pub struct Rest {
 }
 
 impl Rest {
+    /// Returns the time from which on the filter has settled for so many of its time constants. It settles anew after a
+    /// calibration; without one it has run since `first_s`, the start of the log, at least.
+    fn settled_s(&self, first_s: f64, time_constants: f64) -> f64 {
+        let from_s = if self.calibrate_s > 0.0 { self.before.start } else { first_s };
+        from_s + time_constants * self.filter_s
+    }
+
     /// Returns the start of the still phase without the settling of the filter, but with the shortest rest that tells a
     /// rate.
     fn settled_before(&self, first_s: f64) -> f64 {
         let start = self.before.start.max(first_s);
-        // Without a calibration the filter leans as before.
-        if self.calibrate_s == 0.0 {
-            return start;
-        }
-        (start + YAW_SETTLED * self.filter_s).min(self.before.end - SHORTEST_REST_S).max(start)
+        self.settled_s(first_s, YAW_SETTLED).min(self.before.end - SHORTEST_REST_S).max(start)
     }
 }
 
@@ -213,8 +216,8 @@ fn lateral_stretches(series: &Series, rest: &Rest, still: &[Range<f64>], varianc
     let both = |range: Range<f64>, rates: [f64; 2], variance: f64| {
         rates.map(|rate| Stretch { tilt_dps: tilt_dps(series, &range), range: range.clone(), rate, variance })
     };
-    let calibrated_s = rest.before.start;
-    let settled = |range: &Range<f64>| range.start.max(calibrated_s + SETTLED * rest.filter_s)..range.end;
+    let settled_s = rest.settled_s(series.yaw().span().start, SETTLED);
+    let settled = |range: &Range<f64>| range.start.max(settled_s)..range.end;
     let shown: Vec<_> = (still.iter().map(settled))
         .filter_map(|range| {
             let rates = series.lateral_bias(range.clone())?;
@@ -223,7 +226,7 @@ fn lateral_stretches(series: &Series, rest: &Rest, still: &[Range<f64>], varianc
         })
         .collect();
     if shown.is_empty() && rest.calibrate_s > 0.0 && !series.learns_bias() {
-        let range = calibrated_s - rest.calibrate_s..calibrated_s;
+        let range = rest.before.start - rest.calibrate_s..rest.before.start;
         return vec![both(range, [0.0; 2], variance / rest.calibrate_s)];
     }
     shown
@@ -376,20 +379,23 @@ mod tests {
         assert!(all[4] < 0.7 * all[0], "{all:?}");
     }
 
-    /// Still phases of 12 s are too short for the biases about x and y, of which the yaw of a leaning robot has a share.
+    /// Still phases of 12 s are too short for the biases about x and y, of which the yaw of a leaning robot has a share,
+    /// unless the filter had settled before them.
     #[test]
     fn lateral_biases_that_no_phase_shows_are_in_the_uncertainty() {
         let lean = |t| leans(t, 9.0, 0.0);
-        let uncertainty = |bias: f64, calibrate_s: f64| {
+        let uncertainty = |bias: f64, before: Range<f64>, calibrate_s: f64| {
             let series = trial(|_| [bias, 0.0, 0.02], lean, |_| 25.0);
-            let drift = Drift::estimate(&series, &rest(8.0..20.0, 170.0..170.0, calibrate_s), FROM_S).unwrap();
+            let drift = Drift::estimate(&series, &rest(before, 170.0..170.0, calibrate_s), FROM_S).unwrap();
             let (at_end, uncertainty) = end(&drift);
             (turned(&series) - at_end, uncertainty)
         };
-        let (left, unknown) = uncertainty(1.0, 0.0);
+        let (left, unknown) = uncertainty(1.0, 0.0..12.0, 0.0);
         assert!(left.abs() > 10.0 && unknown.is_none(), "{left} {unknown:?}");
+        let (left, known) = uncertainty(1.0, 8.0..20.0, 0.0);
+        assert!(left.abs() < known.unwrap(), "{left} {known:?}");
         // A calibration of 5 s of a sensor with an angle random walk of 0.005 °/√s leaves 0.002 °/s.
-        let (left, known) = uncertainty(0.002, 5.0);
+        let (left, known) = uncertainty(0.002, 8.0..20.0, 5.0);
         assert!(left.abs() < known.unwrap(), "{left} {known:?}");
         let seen = trial(|_| [1.0, 0.0, 0.02], lean, |_| 25.0);
         let drift = Drift::estimate(&seen, &rest(8.0..20.0, 140.0..170.0, 0.0), FROM_S).unwrap();

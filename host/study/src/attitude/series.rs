@@ -92,6 +92,13 @@ impl Series {
         if self.learns_bias || range.end - range.start < LEAST_LATERAL_S {
             return None;
         }
+        self.held_back_dps(range)
+    }
+
+    /// Returns the rates about the body's x and y that the board's filter holds back: those of the gyroscope less those of the
+    /// attitude, °/s. They are constant once the filter has settled, however the robot moves. `None` if the frames have no
+    /// rates.
+    pub(crate) fn held_back_dps(&self, range: Range<f64>) -> Option<[f64; 2]> {
         let [x, y] = self.gyro_minus_attitude_deg.tracks().map(|track| track.slope(range.clone()));
         Some([x?, y?])
     }

@@ -5,14 +5,12 @@ use super::causes::{Causes, OverTime};
 use super::clock::{self, ClockRate};
 use super::data::Data;
 use super::sensitivity::Stated;
-use crate::attitude::{Columns, Drift, ROTATIONS, Series, Track, WARMING_DPS_PER_C};
+use super::tilt_zero::TiltZero;
+use crate::attitude::{Columns, Drift, ROTATIONS, Series, WARMING_DPS_PER_C};
 use crate::sensor::{Estimate, GROUPS, PARAMETERS};
 use nalgebra::DMatrix;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
-
-/// Length of the blocks whose scatter is the noise of a tilt, s.
-pub const BLOCK_S: f64 = 2.0;
 
 /// Time around a moment over which its tilt is averaged, s: the robot wobbles with its flagella.
 const AROUND_S: f64 = 2.0;
@@ -28,69 +26,6 @@ pub const SENSOR_ERRORS: usize = PARAMETERS + 1;
 /// Returns the name of one of them, as budgets have it.
 pub fn sensor_error(index: usize) -> &'static str {
     GROUPS.iter().find(|group| group.range.contains(&index)).map_or("clock", |group| group.name)
-}
-
-/// The zero of the tilt at rest.
-#[derive(Clone, PartialEq, Debug)]
-pub(super) struct TiltZero {
-    /// Standard deviation of the block means of pitch and roll.
-    scatter_deg: [f64; 2],
-    /// Number of blocks whose scatter it is, and number of blocks in the zero.
-    blocks: [f64; 2],
-    /// Change of pitch and roll over the still phase beyond their scatter, or what the wait before it left open.
-    moved_deg: [f64; 2],
-}
-
-impl TiltZero {
-    /// Returns the noise of pitch and roll in a still phase whose last part, `zero`, gives the zero; `None` if the phase is
-    /// too short. `left_deg`: standard deviation of the return to rest that was left then.
-    pub fn of(tilts: [Track; 2], still: &Range<f64>, zero: &Range<f64>, left_deg: f64) -> Option<Self> {
-        let blocks = tilts.map(|tilt| blocks(tilt, still));
-        let count = blocks[0].len();
-        let deviation = |means: &[f64]| {
-            let mean = means.iter().sum::<f64>() / means.len() as f64;
-            (means.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (means.len() as f64 - 1.0)).sqrt()
-        };
-        // Neighbours differ by noise alone, the ends by what the robot has moved, too.
-        let moved = |means: &[f64]| {
-            let noise = means.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>() / (count as f64 - 1.0);
-            ((means[0] - means[count - 1]).powi(2) - noise).max(0.0).sqrt()
-        };
-        (count >= 3).then(|| Self {
-            scatter_deg: blocks.each_ref().map(|means| deviation(means)),
-            blocks: [count as f64, ((zero.end - zero.start) / BLOCK_S).max(1.0)],
-            moved_deg: blocks.each_ref().map(|means| moved(means).max(left_deg)),
-        })
-    }
-
-    /// Returns the causes of uncertainty of an angle averaged over `window_s`, of which `gradient` are the derivatives by
-    /// pitch and roll.
-    fn terms(&self, gradient: [f64; 2], window_s: f64) -> [Term; 2] {
-        let [seen, in_zero] = self.blocks;
-        let of = |deg: [f64; 2]| (gradient[0] * deg[0]).hypot(gradient[1] * deg[1]);
-        let u_deg = of(self.scatter_deg) * (BLOCK_S / window_s.max(BLOCK_S) + 1.0 / in_zero.min(seen)).sqrt();
-        // A return to rest that began before the still phase goes on by about as much as it has come.
-        [
-            Term::of_trial("noise", u_deg, seen - 1.0),
-            Term::of_trial("motion at rest", of(self.moved_deg), f64::INFINITY),
-        ]
-    }
-
-    /// Returns the variance of the zero of pitch (0) or roll (1), degrees².
-    pub fn variance(&self, tilt: usize) -> f64 {
-        let [seen, in_zero] = self.blocks;
-        // The filter's noise has a correlation time of about a second, so that neighbouring blocks are slightly
-        // correlated.
-        self.scatter_deg[tilt].powi(2) / (0.5 * in_zero.min(seen)) + self.moved_deg[tilt].powi(2)
-    }
-}
-
-/// Returns the mean of each block of a range, counted from its end.
-pub(super) fn blocks(track: Track, range: &Range<f64>) -> Vec<f64> {
-    let count = ((range.end - range.start) / BLOCK_S + 1e-6).floor() as usize;
-    (0..count)
-        .filter_map(|i| track.mean(range.end - (i + 1) as f64 * BLOCK_S..range.end - i as f64 * BLOCK_S))
-        .collect()
 }
 
 /// The errors of a measured trial.
@@ -258,7 +193,7 @@ impl Errors {
                 }
             }
         }
-        let blocks = [0.0, zero.scatter_deg[0].powi(2), zero.scatter_deg[1].powi(2)];
+        let blocks = [0.0, zero.block_variance(0), zero.block_variance(1)];
         let mut each = own.into_iter().zip(blocks).enumerate().map(|(angle, (own, block_variance))| OverTime {
             own,
             effects: DMatrix::from_fn(times.len(), SENSOR_ERRORS, |i, k| effects[i].common[angle][k]),

@@ -18,9 +18,12 @@ mod findings;
 mod judged;
 mod read;
 mod repeats;
+mod rest;
+mod righting;
 mod scatter;
 mod sensitivity;
 mod shapes;
+mod tilt_zero;
 mod usable;
 mod zero;
 
@@ -32,11 +35,12 @@ pub use collect::Collector;
 pub use data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
 #[cfg(test)]
 pub(crate) use errors::SENSOR_ERRORS;
-pub(crate) use errors::{BLOCK_S, sensor_error};
+pub(crate) use errors::sensor_error;
 pub use finding::{Finding, FindingKind, LogFinding};
 pub use findings::{DAMAGED_FRAME, findings};
 pub use repeats::{AtSpeeds, mean_of_repeats};
 pub use scatter::{Judgement, Repeat, Repeats, Scatter, scatter_of_repeats};
 pub use shapes::{Shape, Shapes};
+pub(crate) use tilt_zero::BLOCK_S;
 pub use usable::Unusable;
 pub use zero::Zeroed;

@@ -10,23 +10,18 @@ use super::angles::{Angles, Steady};
 use super::budget::Budget;
 use super::causes::{Causes, OverTime};
 use super::data::Data;
-use super::errors::{Errors, TiltZero, blocks};
-use super::finding::{Finding, FindingKind};
-use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, Track, rotation, tilt_deg};
+use super::errors::Errors;
+use super::finding::Finding;
+use super::rest::{self, START_S};
+use super::righting::Righting;
+use super::tilt_zero::{TiltZero, end_of};
+use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, rotation, tilt_deg};
 use biflag_log::SteadyMeta;
 use nalgebra::{UnitQuaternion, Vector3};
-use protocol::units::{CentiRpm, LOW_PASS};
+use protocol::units::LOW_PASS;
 use sim::steady::{CHANNELS, SteadyCollector};
 use std::f64::consts::PI;
 use std::ops::Range;
-
-/// The zero of the yaw is its mean over this duration at the end of the still phase, s.
-const START_S: f64 = 1.0;
-
-/// The zero of the tilt is its mean over this duration at the end of the still phase, but at most over its second half,
-/// s: earlier the robot may still swing, and the filter settles after the gyroscope's calibration. The noise of the tilt
-/// is its scatter over the whole duration.
-const TILT_ZERO_S: f64 = 10.0;
 
 /// Smallest gain of the board's filter that is told from none, 1/s.
 const MIN_GAIN: f64 = 0.01;
@@ -36,22 +31,6 @@ const MAX_GAP_S: f64 = 0.25;
 
 /// Time in which a motor stops and turns the other way, s.
 const REVERSAL_S: f64 = 1.0;
-
-/// Largest change of the tilt at the end of a still phase, degrees.
-const STILL_DEG: f64 = 0.5;
-
-/// Time at the end of a still phase over which its rate is compared with the calibration, s.
-const COMPARED_S: f64 = 5.0;
-
-/// Largest rate at rest after a calibration, °/s: the bias drifts by hundredths in so short a time.
-const CALIBRATED_DPS: f64 = 0.1;
-
-/// Time constant of the tilt's return to rest, s: 10 to 12 s for the robots `physical` and `published`
-/// ([`sim::return_to_rest`]).
-const RIGHTING_S: f64 = 12.0;
-
-/// Largest rate at the start of the run, °/s, up to which the fit of the return to rest is trusted.
-const RETURN_DPS: f64 = 0.2;
 
 /// The attitude of a trial relative to its zero. Times are those of the log.
 #[derive(Clone, Debug)]
@@ -123,22 +102,16 @@ impl Zeroed {
     fn measured(data: &Data, after: Range<f64>) -> Self {
         let run = data.times.run.clone();
         let readings = levelled(data);
-        let mut rest = Vec::new();
         let first = readings.first().map_or(0.0, |(time, _)| *time);
         // If readings are lost before the run, the still phase ends with the last one.
         let last = readings.iter().rev().find(|(time, _)| *time <= run.start).map_or(run.start, |(time, _)| *time);
         let rest_end = if run.start - last > MAX_GAP_S { last } else { run.start };
         let still = data.times.preroll.start.max(first).min(rest_end)..rest_end;
         let has_still = still.end - still.start >= START_S;
-        let settled = (still.end - TILT_ZERO_S).max(still.start)..still.end;
+        let settled = end_of(&still);
         let (mean_over, tilt_over) = if has_still {
             (still.clone(), settled.start.max(0.5 * (still.start + still.end))..still.end)
         } else {
-            if data.times.has_run() && data.speeds() != [CentiRpm(0); 2] {
-                let text = "there is no still phase before the run: the zero is the attitude at its start, and the \
-                            uncertainty of the yaw is unknown";
-                rest.push(Finding::slight(FindingKind::Rest, text, "give the plan a pre-roll of 20 s"));
-            }
             (run.start..run.start, run.start - 0.1..run.start + 0.1)
         };
         let tilt = if data.times.has_run() { mean(&readings, &tilt_over) } else { None };
@@ -159,22 +132,10 @@ impl Zeroed {
         let bias_walk_dps_per_root_s = data.sensor().bias_walk_dps_per_root_s;
         let phases = Rest { before: still, after, calibrate_s, filter_s, bias_walk_dps_per_root_s };
         let drift = if data.times.has_run() { Drift::estimate(&series, &phases, from_s) } else { None };
-        if drift.as_ref().is_some_and(|drift| drift.variance(run.end).is_none()) {
-            let text = "the gyroscope was not calibrated, and the still phases are too short to show its bias about the \
-                        body's x and y: the uncertainty of the yaw is unknown";
-            rest.push(Finding::slight(FindingKind::Rest, text, "give the plan a calibration of 5 s"));
-        }
         let yaw_zero = if data.times.has_run() { series.yaw().mean(start).unwrap_or(0.0) } else { 0.0 };
         let tilts = [series.pitch(), series.roll()];
-        let tilt_zero =
-            if has_still { TiltZero::of(tilts, &settled, &tilt_over, left_deg(data, &tilt_over)) } else { None };
-        if let Some(strayed) = has_still.then(|| strayed(tilts, &settled)).flatten()
-            && strayed > STILL_DEG
-        {
-            let text = format!("the robot was not still before the run: its tilt changed by {strayed:.1} degrees");
-            rest.push(Finding::grave(FindingKind::Rest, text, "let it hang for longer before the trial"));
-        }
-        rest.extend(moved_before(data, &series, &phases.before, drift.as_ref(), calibrate_s > 0.0));
+        let tilt_zero = if has_still { TiltZero::of(tilts, &settled, &tilt_over, Righting::of(data)) } else { None };
+        let rest = rest::findings(data, &series, &phases, has_still, drift.as_ref());
         let levelled_away = level_of(data).map_or([0.0; 2], |level| level.angles_deg());
         let turned_deg = series.turned_deg();
         let errors = Errors::new(data, &series, from_s, filter_s, drift, tilt_zero);
@@ -389,55 +350,4 @@ fn mean(readings: &[(f64, Reading)], range: &Range<f64>) -> Option<UnitQuaternio
             },
         );
     Some(UnitQuaternion::from_quaternion(sum))
-}
-
-/// Returns the standard deviation of the tilt that may be left in the zero, given how still the recorder found the robot,
-/// degrees; 0 if it did not wait.
-fn left_deg(data: &Data, zero: &Range<f64>) -> f64 {
-    let Some((rest, tilt_dps)) = data.records.rest.as_ref().and_then(|rest| Some((rest, rest.tilt_dps?))) else {
-        return 0.0;
-    };
-    let passed_s = 0.5 * (zero.start + zero.end) - rest.waited_s;
-    // The bound is two standard deviations.
-    0.5 * tilt_dps * RIGHTING_S * (-passed_s.max(0.0) / RIGHTING_S).exp()
-}
-
-/// Says whether the robot moved in the calibration, or still turned when the run began.
-fn moved_before(
-    data: &Data,
-    series: &Series,
-    still: &Range<f64>,
-    drift: Option<&Drift>,
-    is_calibrated: bool,
-) -> Option<Finding> {
-    if data.speeds() == [CentiRpm(0); 2] {
-        // A sensor that is turned by hand.
-        return None;
-    }
-    let cure = "let the robot come to rest before the trial: see rest_at_most in the plan";
-    let grave = |text: String| Some(Finding::grave(FindingKind::Rest, text, cure));
-    if is_calibrated && still.end - still.start >= START_S {
-        let end = (still.end - COMPARED_S).max(still.start)..still.end;
-        let dps = series.yaw().rate(end).unwrap_or_default().abs();
-        if dps > CALIBRATED_DPS {
-            return grave(format!(
-                "the robot was not still during the calibration or after it: the yaw turned at {dps:.2} °/s at rest"
-            ));
-        }
-    }
-    let [dps, u] = drift.map_or([0.0; 2], |drift| drift.residual_dps);
-    if dps.abs() - 2.0 * u > RETURN_DPS {
-        return grave(format!("the yaw still turned at {:.2} °/s when the run began", dps.abs()));
-    }
-    None
-}
-
-/// Returns the largest difference between two blocks.
-fn strayed(tilts: [Track; 2], still: &Range<f64>) -> Option<f64> {
-    let range = |values: Vec<f64>| {
-        let low = values.iter().copied().reduce(f64::min)?;
-        values.into_iter().reduce(f64::max).map(|high| high - low)
-    };
-    let [pitch, roll] = tilts.map(|tilt| range(blocks(tilt, still)));
-    Some(pitch?.max(roll?))
 }

@@ -130,6 +130,11 @@ impl Host {
         self.replies.len() as u64
     }
 
+    /// Takes the reply to a request; returns whether there was one.
+    pub fn answered(&mut self, seq: u8) -> bool {
+        self.replies.drain(..).any(|(to, _)| to == seq)
+    }
+
     /// Sends a request and runs until its reply.
     pub fn ask(&mut self, command: Command) -> Reply {
         self.try_ask(command, 1000).unwrap_or_else(|| panic!("no answer to {command:?}"))

@@ -5,7 +5,7 @@ use super::Blocks;
 use super::errors::{SensorId, TrialErrors};
 use super::fluid::FluidRatio;
 use crate::session::Attempt;
-use crate::trial::{Data, Finding, Unusable, Want, Zeroed, findings};
+use crate::trial::{Data, Finding, OverTime, Unusable, Want, Zeroed, findings};
 use biflag_log::Origin;
 use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
@@ -82,27 +82,24 @@ impl FitTrial {
         let means = |track: crate::attitude::Track| {
             (0..count).map(|i| track.mean(block(i)).unwrap_or_default()).collect::<Vec<_>>()
         };
-        // Why there is no rest may be in the findings.
         let findings = findings(data, &zeroed);
-        let grave: String =
-            findings.iter().filter(|finding| finding.grave).map(|finding| format!("; {}", finding.text)).collect();
-        let drift = zeroed
-            .drift()
-            .ok_or_else(|| {
-                unusable(&format!("has no still phase before the run, so the drift of its yaw is unknown{grave}"))
-            })
-            .map(|drift| drift.variance(run.end).is_some());
         let centres: Vec<f64> = (0..count).map(middle).collect();
         let errors = match zeroed.over_time(&centres) {
             Some(errors) => errors,
-            None if !drift? => return Err(TwinError::unusable(data, Unusable {
-                reason: "was recorded without a calibration of the gyroscope, and its still phase is too short to show the \
-                         bias"
-                    .to_owned()
-                    + &grave,
-                help: "calibrate the gyroscope before each trial, or begin with a still phase of 15 s or more",
-            })),
-            None => return Err(unusable(&format!("has a still phase before the run that is too short{grave}"))),
+            // The fit leaves the trial out, and says why: see [`super::select`].
+            None if findings.iter().any(Finding::empties_uncertainty) => {
+                std::array::from_fn(|_| OverTime::exact(count))
+            }
+            None => return Err(match zeroed.drift().map(|drift| drift.variance(run.end)) {
+                None => unusable("has no still phase before the run, so the drift of its yaw is unknown"),
+                Some(Some(_)) => unusable("has a still phase before the run that is too short"),
+                Some(None) => TwinError::unusable(data, Unusable {
+                    reason: "was recorded without a calibration of the gyroscope, and its still phase is too short to show \
+                             the bias"
+                        .to_owned(),
+                    help: "calibrate the gyroscope before each trial, or begin with a still phase of 15 s or more",
+                }),
+            }),
         };
         let measured = zeroed.angles_deg.tracks().map(means);
         Ok(Self {

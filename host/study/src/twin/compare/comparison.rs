@@ -82,6 +82,11 @@ impl Comparison {
         self.differences.is_empty() && self.transients_agree()
     }
 
+    /// Returns whether a transient is judged: the run is long enough, and the uncertainty known.
+    pub fn judges_transients(&self) -> bool {
+        self.angles().iter().any(|angle| angle.transient.is_some())
+    }
+
     /// Returns whether the transients do not differ, as far as they are judged.
     pub fn transients_agree(&self) -> bool {
         !self.settling.differs && !self.angles().iter().any(|angle| angle.transient.is_some_and(Transient::differs))

@@ -103,7 +103,7 @@ fn result(pair: &Pair, aligned: &Aligned, steady: &SteadyPair, warnings: Vec<Str
     let Pair { measured, modelled } = pair;
     let (a, b) = (measured.data, modelled.data);
     let model = (a.is_real() && b.is_model()).then(|| b.robot().ok()).flatten().map(|robot| ModelError::of(&robot));
-    let model_error_deg = model.as_ref().map(|model| model.of_angles_deg(steady.modelled_deg));
+    let model_error_deg = model.as_ref().map(|model| model.of_modelled_deg(steady.modelled_deg));
     let blocks = Blocks::new(pair, aligned, &steady.window);
     let causes = steady.causes(pair);
     let angle = |k: usize| {

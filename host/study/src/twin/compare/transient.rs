@@ -115,7 +115,7 @@ impl Blocks {
             ExpectedRms::new(&covariance.view((0, 0), (before, before)).into_owned(), uncertainty.degrees_of_freedom);
         let model_error_deg = model.map(|model| {
             let squares =
-                self.blocks[..before].iter().map(|block| model.of_angles_deg(block.modelled_deg)[angle].powi(2));
+                self.blocks[..before].iter().map(|block| model.of_modelled_deg(block.modelled_deg)[angle].powi(2));
             (squares.sum::<f64>() / before as f64).sqrt()
         });
         Some(Transient {

@@ -56,19 +56,14 @@ fn agreement(comparison: &Comparison, agreeing: &[&AngleComparison]) -> Option<S
         let verb = if names.len() == 1 { "agrees" } else { "agree" };
         return Some(format!("{} {verb} within {}", listed(&names), within(|_| String::new())));
     }
-    let is_whole = comparison.transients_agree() && is_judged(comparison);
+    let is_whole = comparison.transients_agree() && comparison.judges_transients();
     let subject = if is_whole { comparison.sides.text().to_owned() } else { "the steady states".to_owned() };
     let smallest = if is_exact { "" } else { ", the smallest differences that this trial could show" };
     Some(format!("{subject} agree within {}{smallest}", within(|angle| format!(" of {angle}"))))
 }
 
-/// Returns whether a transient was judged.
-fn is_judged(comparison: &Comparison) -> bool {
-    comparison.angles().iter().any(|angle| angle.transient.is_some())
-}
-
 fn transients(comparison: &Comparison, is_known: bool) -> Option<String> {
-    if !is_judged(comparison) {
+    if !comparison.judges_transients() {
         return is_known.then(|| "the run is too short to judge the transients".to_owned());
     }
     if comparison.transients_agree() {

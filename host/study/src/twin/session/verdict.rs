@@ -36,15 +36,16 @@ fn differing(trials: &[Comparison]) -> String {
     let steady = trials.iter().filter(|trial| !trial.differences.is_empty()).count();
     let transient = trials.iter().filter(|trial| !trial.transients_agree()).count();
     if steady == 0 {
-        let known = |trial: &&Comparison| trial.angles().iter().all(|angle| angle.uncertainty.is_some());
-        let known = trials.iter().filter(known).count();
+        let is_known = |trial: &Comparison| trial.angles().iter().all(|angle| angle.uncertainty.is_some());
+        let known = trials.iter().filter(|trial| is_known(trial)).count();
         let number = if known == trials.len() { format!("all of {all}") } else { format!("{known} of {all}") };
         let smallest = smallest(trials);
-        return match transient {
-            0 => format!("{} agree in {number}{smallest}", sides(trials)),
-            _ => {
-                format!("the steady states agree in {number}{smallest}; the transients differ in {transient} of {all}")
-            }
+        let short = trials.iter().filter(|trial| is_known(trial) && !trial.judges_transients()).count();
+        let steady = format!("the steady states agree in {number}{smallest}");
+        return match (transient, short) {
+            (0, 0) => format!("{} agree in {number}{smallest}", sides(trials)),
+            (0, _) => format!("{steady}; the run is too short to judge the transients in {short} of {all}"),
+            _ => format!("{steady}; the transients differ in {transient} of {all}"),
         };
     }
     let mut text = format!("{steady} of {all} differ by more than the measured ±");
@@ -119,6 +120,7 @@ mod tests {
         let angle = |angle: &'static str| AngleComparison {
             angle,
             uncertainty: Some(Uncertainty { total_deg, ..Uncertainty::default() }),
+            transient: Some(Transient::default()),
             ..AngleComparison::default()
         };
         Comparison { yaw: angle("yaw"), pitch: angle("pitch"), roll: angle("roll"), ..Comparison::default() }
@@ -142,7 +144,12 @@ mod tests {
         let model = Comparison { sides: Sides::Models, ..trial(0.0) };
         assert_eq!(said(&[model.clone(), model.clone()]), "The two models agree in all of 2 trials");
         assert!(said(&[model, trial(0.0)]).starts_with("Both sides agree"));
-        assert!(said(&[known, unknown]).ends_with("; the uncertainty is unknown in 1 of 2 trials"));
+        assert!(said(&[known.clone(), unknown]).ends_with("; the uncertainty is unknown in 1 of 2 trials"));
+        let mut short = trial(0.5);
+        (short.yaw.transient, short.pitch.transient, short.roll.transient) = (None, None, None);
+        let short = said(&[known, short]);
+        assert!(short.starts_with("The steady states agree in all of 2 trials"), "{short}");
+        assert!(short.ends_with("; the run is too short to judge the transients in 1 of 2 trials"), "{short}");
     }
 
     #[test]

@@ -1,0 +1,187 @@
+//! What a log shows of the rest before its run: whether there was one, and whether the robot was still.
+
+use super::data::Data;
+use super::finding::{Finding, FindingKind};
+use super::tilt_zero::{blocks, end_of};
+use crate::attitude::{Drift, Rest, Series};
+use protocol::units::CentiRpm;
+use std::ops::Range;
+
+/// The zero of the yaw is its mean over this duration at the end of the still phase, s. A shorter one is none.
+pub(super) const START_S: f64 = 1.0;
+
+/// Largest change of the tilt at the end of a still phase, degrees.
+const STILL_DEG: f64 = 0.5;
+
+/// Change of the rates that the board's filter holds back, relative to that which alone would change the tilt, from which on
+/// the filter settles. A robot that moves does not change them.
+const SETTLING: f64 = 0.1;
+
+/// Time at the end of a still phase over which its rate is compared with the calibration, s.
+const COMPARED_S: f64 = 5.0;
+
+/// Largest rate at rest after a calibration, °/s: the bias drifts by hundredths in so short a time.
+const CALIBRATED_DPS: f64 = 0.1;
+
+/// Largest rate at the start of the run, °/s, up to which the fit of the return to rest is trusted.
+const RETURN_DPS: f64 = 0.2;
+
+/// Returns what is found. `has_still`: whether there is a still phase.
+pub(super) fn findings(
+    data: &Data,
+    series: &Series,
+    rest: &Rest,
+    has_still: bool,
+    drift: Option<&Drift>,
+) -> Vec<Finding> {
+    // A sensor that is turned by hand needs no rest.
+    let is_of_robot = data.speeds() != [CentiRpm(0); 2];
+    let unknown = if data.times.has_run() { unknown(data, rest, has_still, drift) } else { None };
+    let moved = if has_still { tilt_changed(series, rest) } else { None };
+    let turned = yaw_turned(series, rest, drift);
+    unknown.filter(|_| is_of_robot).into_iter().chain(moved).chain(turned.filter(|_| is_of_robot)).collect()
+}
+
+/// Says which uncertainties are unknown, and why.
+fn unknown(data: &Data, rest: &Rest, has_still: bool, drift: Option<&Drift>) -> Option<Finding> {
+    let slight = |text: String, cure: &str| Some(Finding::slight(FindingKind::Rest, text, cure));
+    let long_preroll = "give the plan a pre-roll of 20 s";
+    if !has_still {
+        let text = "there is no still phase before the run: the zero is the attitude at its start, and the uncertainty of the \
+                    yaw is unknown";
+        return slight(text.to_owned(), long_preroll);
+    }
+    let Some(drift) = drift else {
+        let text = format!(
+            "the still phase of {:.1} s before the run is too short to show drift and noise: the drift is not removed, and the \
+             uncertainties are unknown",
+            rest.before.end - rest.before.start
+        );
+        return slight(text, long_preroll);
+    };
+    if drift.variance(data.times.run.end).is_none() {
+        let text = "the gyroscope was not calibrated, and the still phases are too short to show its bias about the body's x \
+                    and y: the uncertainty of the yaw is unknown";
+        return slight(text.to_owned(), "give the plan a calibration of 5 s");
+    }
+    None
+}
+
+/// Says whether the tilt changed at the end of the still phase: the robot's, or that which a settling filter states.
+fn tilt_changed(series: &Series, rest: &Rest) -> Option<Finding> {
+    let over = end_of(&rest.before);
+    let range = |values: Vec<f64>| {
+        let low = values.iter().copied().reduce(f64::min)?;
+        values.into_iter().reduce(f64::max).map(|high| high - low)
+    };
+    let [pitch, roll] = [series.pitch(), series.roll()].map(|tilt| range(blocks(tilt, &over)));
+    let changed_deg = pitch?.max(roll?);
+    if changed_deg <= STILL_DEG {
+        return None;
+    }
+    let (text, cure) = if filter_settles(series, &over, changed_deg / rest.filter_s) {
+        (
+            format!(
+                "the board's filter had not settled before the run: the tilt that it states changed by {changed_deg:.1} degrees"
+            ),
+            "give the plan a calibration of 5 s, or a pre-roll of 20 s",
+        )
+    } else {
+        (
+            format!("the robot was not still before the run: its tilt changed by {changed_deg:.1} degrees"),
+            "let it hang for longer before the trial",
+        )
+    };
+    Some(Finding::grave(FindingKind::Rest, text, cure))
+}
+
+/// Returns whether the board's filter settles in a still phase. `rate_dps`: the change of its correction that changes the tilt
+/// as much as it was seen to change.
+fn filter_settles(series: &Series, still: &Range<f64>, rate_dps: f64) -> bool {
+    let middle = 0.5 * (still.start + still.end);
+    let halves = [still.start..middle, middle..still.end].map(|half| series.held_back_dps(half));
+    let [Some(one), Some(other)] = halves else { return false };
+    (one[0] - other[0]).hypot(one[1] - other[1]) > SETTLING * rate_dps
+}
+
+/// Says whether the robot moved in the calibration, or still turned when the run began.
+fn yaw_turned(series: &Series, rest: &Rest, drift: Option<&Drift>) -> Option<Finding> {
+    let cure = "let the robot come to rest before the trial: see rest_at_most in the plan";
+    let grave = |text: String| Some(Finding::grave(FindingKind::Rest, text, cure));
+    let still = &rest.before;
+    if rest.calibrate_s > 0.0 && still.end - still.start >= START_S {
+        let end = (still.end - COMPARED_S).max(still.start)..still.end;
+        let dps = series.yaw().rate(end).unwrap_or_default().abs();
+        if dps > CALIBRATED_DPS {
+            return grave(format!(
+                "the robot was not still during the calibration or after it: the yaw turned at {dps:.2} °/s at rest"
+            ));
+        }
+    }
+    let [dps, u] = drift.map_or([0.0; 2], |drift| drift.residual_dps);
+    if dps.abs() - 2.0 * u > RETURN_DPS {
+        return grave(format!("the yaw still turned at {:.2} °/s when the run began", dps.abs()));
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trial::{Collector, Records, Want, Zeroed};
+    use biflag_log::schema::biflag::event::Kind;
+    use biflag_log::schema::biflag::{Quaternion, Telemetry, Vector};
+    use biflag_log::{End, FORMAT, Summary, TrialMeta};
+    use nalgebra::{UnitQuaternion, Vector3};
+
+    const TICK_S: f64 = 0.005;
+
+    /// Returns the findings about a trial without a calibration, with a run of 10 s after a still phase. The gyroscope has a
+    /// bias about x; the filter begins without it. `pitch_deg`: of the robot.
+    fn found(preroll_s: f64, bias_dps: f64, pitch_deg: impl Fn(f64) -> f64) -> Vec<Finding> {
+        let truth = |t: f64| UnitQuaternion::from_euler_angles(0.0, pitch_deg(t).to_radians(), 0.0);
+        let mut collector = Collector::new(Want::default(), FORMAT);
+        let mut estimate = truth(0.0);
+        collector.event(0.0, Kind::Phase, "preroll");
+        for i in 0..((preroll_s + 10.0) / TICK_S) as u32 {
+            let t = f64::from(i) * TICK_S;
+            if (t - preroll_s).abs() < 0.5 * TICK_S {
+                collector.event(t, Kind::Phase, "run");
+            }
+            let bias = Vector3::x() * bias_dps.to_radians();
+            let rates = (truth(t).inverse() * truth(t + TICK_S)).scaled_axis() / TICK_S + bias;
+            let [x, y, z] = rates.map(f64::to_degrees).into();
+            collector.telemetry(&Telemetry {
+                time_s: t,
+                imu_fresh: true,
+                attitude: Some(Quaternion { w: estimate.w, x: estimate.i, y: estimate.j, z: estimate.k }),
+                angular_velocity_dps: Some(Vector { x, y, z }),
+                ..Telemetry::default()
+            });
+            let up = |attitude: UnitQuaternion<f64>| attitude.inverse() * Vector3::z();
+            estimate *= UnitQuaternion::from_scaled_axis((rates + up(truth(t)).cross(&up(estimate))) * TICK_S);
+        }
+        let trial = TrialMeta { w1_rpm: 37.3, w2_rpm: -61.9, ..TrialMeta::default() };
+        let summary = Summary { end: End::Complete, ..Summary::default() };
+        let records = Records { trial: Some(trial), summary: Some(summary), ..Records::default() };
+        Zeroed::new(&collector.finish("log".as_ref(), records)).rest
+    }
+
+    #[test]
+    fn settling_filter_is_told_from_a_robot_that_moves() {
+        for preroll_s in [4.3, 6.5, 9.0] {
+            let said = found(preroll_s, -4.7, |_| 1.3).iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
+            assert!(said.contains("filter had not settled") && !said.contains("robot was not still"), "{said}");
+            let said = found(preroll_s, 0.0, |t| 7.9 * (-t / 10.8).exp());
+            let said = said.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
+            assert!(said.contains("the robot was not still before the run"), "{said}");
+        }
+    }
+
+    #[test]
+    fn short_still_phase_is_named() {
+        let [short] = found(4.3, 0.0, |_| 1.3).try_into().unwrap();
+        assert!(short.text.starts_with("the still phase of 4.3 s before the run is too short") && !short.grave);
+        assert_eq!(found(25.0, 0.0, |_| 1.3), []);
+    }
+}

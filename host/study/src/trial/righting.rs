@@ -1,0 +1,68 @@
+//! What a tilt that returns to rest leaves in the zero of the trial: an exponential with the time constant of the robot.
+
+use super::data::Data;
+use biflag_log::RestMeta;
+use sim::params::Robot;
+use sim::return_to_rest::TimeConstants;
+use std::ops::Range;
+
+/// Longest time constant, s: a tilt that hardly anything brings back changes no faster over a rest of a minute.
+const LONGEST_S: f64 = 600.0;
+
+/// The return of the tilt to rest before a run.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Righting {
+    /// Its time constant, s.
+    pub time_constant_s: f64,
+    /// When the recorder's wait for a still robot ended, s, and the bound on the rate of the tilt then, °/s; `None` if it did
+    /// not wait, or for too short a time to tell.
+    pub waited: Option<[f64; 2]>,
+}
+
+impl Righting {
+    /// Returns that of the robot in the log, or of the robot `physical` if the log has no valid one.
+    pub fn of(data: &Data) -> Self {
+        let of = |robot: &Robot| TimeConstants::of(robot).ok().map(|constants| constants.tilt_s);
+        let tilt_s = data.robot().ok().and_then(|robot| of(&robot)).or_else(|| of(&Robot::default()));
+        let waited = |rest: &RestMeta| Some([rest.waited_s, rest.tilt_dps?]);
+        let waited = data.records.rest.as_ref().and_then(waited);
+        Self { time_constant_s: tilt_s.unwrap_or(LONGEST_S).min(LONGEST_S), waited }
+    }
+
+    /// Returns the standard deviation of the tilt that the wait may have left in the mean over `zero`, degrees; 0 without a
+    /// wait.
+    pub fn left_deg(self, zero: &Range<f64>) -> f64 {
+        let tau = self.time_constant_s;
+        // The bound is two standard deviations.
+        self.waited.map_or(0.0, |[waited_s, tilt_dps]| {
+            0.5 * tilt_dps * tau * (-(middle(zero) - waited_s).max(0.0) / tau).exp()
+        })
+    }
+
+    /// Returns the standard deviation of the tilt that is left in the mean over `zero`, relative to its change from time
+    /// `first_s` to `last_s`.
+    pub fn left_of_change(self, [first_s, last_s]: [f64; 2], zero: &Range<f64>) -> f64 {
+        let passed = |until_s: f64| (-(until_s - first_s) / self.time_constant_s).exp();
+        let left = passed(middle(zero)) / (1.0 - passed(last_s));
+        // As much as this if the change is all of the return to rest, nothing if it is of a faster motion: equally likely in
+        // between (GUM, 4.3.7). But a motion may go on by about as much as it has come.
+        (left / 3f64.sqrt()).max(1.0)
+    }
+}
+
+fn middle(range: &Range<f64>) -> f64 {
+    0.5 * (range.start + range.end)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slow_robot_has_more_left_after_its_wait() {
+        let left =
+            |time_constant_s: f64| Righting { time_constant_s, waited: Some([10.0, 0.01]) }.left_deg(&(25.0..35.0));
+        assert!((left(12.0) - 0.06 * (-20.0f64 / 12.0).exp()).abs() < 1e-12);
+        assert!((left(45.0) - 0.225 * (-20.0f64 / 45.0).exp()).abs() < 1e-12);
+    }
+}
