@@ -60,11 +60,11 @@ demo: build-demo
 	@echo "\n4. The default robot disagrees with these trials:"
 	@$(BIN)/biflag compare $(DEMO)/robot --robot physical || [ $$? = 3 ]
 	@mv $(DEMO)/robot/compare.html $(DEMO)/robot/compare-before.html
-	@echo "\n5. A fit that starts from the default robot finds what was hidden:"
+	@echo "\n5. A fit that starts from the default robot looks for what was hidden:"
 	@$(BIN)/biflag calibrate $(DEMO)/robot --robot physical --fit viscosity,tether -o $(DEMO)/fitted.toml || [ $$? = 3 ]
 	@echo "The hidden values were:"
 	@grep = host/plans/robot-hidden.toml
-	@echo "\n6. The fitted robot agrees:"
+	@echo "\n6. What is left of the disagreement with the fitted robot:"
 	@$(BIN)/biflag compare $(DEMO)/robot --robot $(DEMO)/fitted.toml || [ $$? = 3 ]
 	@echo "\n7. Soft flagella wrap round each other, and unwrap when motor 2 reverses after 35 s:"
 	@$(BIN)/biflag simulate host/plans/bundling.toml --shapes --out $(DEMO)/bundling || [ $$? = 3 ]

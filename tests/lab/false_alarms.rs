@@ -2,15 +2,16 @@
 //! often repeats scatter as their budget says.
 //!
 //! `cargo run --release -p tests --example false_alarms -- 100`: trials per point; `model`, `viscosity`, `recordings` or
-//! `repeats` after it prints one of the tables. Every trial has another sensor with errors within the data sheet, measured as
-//! well as three measurements by hand measure it at best.
+//! `repeats` after it prints one of the tables. Every trial has another sensor with errors within the data sheet, measured by
+//! the three commands `biflag sensor`.
 
+use biflag_log::BoardMeta;
 use host::plan::Phases;
 use host::trial::{Judgement, Repeat, Zeroed, scatter_of_repeats};
 use host::twin::{Comparison, OnMismatch, compare};
 use sim::params::Robot;
 use std::time::Instant;
-use tests::synthetic_rig::{Motion, Part, Random, Rig, each};
+use tests::synthetic_rig::{Lot, Motion, Part, Random, Rig, Start, each};
 
 /// The published points, and speeds as motors and fits have them.
 const POINTS: [[f64; 2]; 6] = [[50.0, 10.0], [-90.0, 90.0], [90.0, 90.0], [0.0, 45.0], [37.3, 52.9], [-45.96, 63.73]];
@@ -24,36 +25,36 @@ const REPEATS: usize = 3;
 fn motion(rpm: [f64; 2], viscosity: f64) -> Motion {
     let mut robot = Robot::default();
     robot.fluid.viscosity_pa_s *= 1.0 + viscosity;
-    Motion::of(&robot, rpm, Phases::default())
+    Motion::of(&robot, rpm, Phases::default().run_s)
 }
 
-/// Draws a rig whose sensor was measured, and the random numbers that are left.
-fn rig(seed: usize) -> (Rig, Random) {
+/// Draws and measures a sensor.
+fn rig(seed: usize) -> Rig {
     let mut random = Random(7000 + seed as u64);
-    let part = Part::typical(&mut random);
+    let part = Part::of(Lot::Typical, &mut random);
     let measured = Some(part.measured(&mut random));
-    (Rig { part, measured, late_s: f64::INFINITY }, random)
+    Rig { part, measured, phases: Phases::default(), start: Start::AtRest }
 }
 
-fn against_model(seeds: usize, truth: &Motion, model: &Motion) -> Vec<Comparison> {
-    let model = model.model();
-    each(seeds, |seed| {
-        let (rig, mut random) = rig(seed);
-        let recording = rig.record(truth, &mut random);
+fn against_model(rigs: &[Rig], truth: &Motion, model: &Motion) -> Vec<Comparison> {
+    let model = model.model(&Phases::default());
+    each(rigs.len(), |i| {
+        let recording = rigs[i].record(truth, &mut Random(17_000 + i as u64));
         compare(&recording.data, &model, OnMismatch::Warn).expect("comparable trials").comparison
     })
 }
 
-fn against_each_other(seeds: usize, truth: &Motion, is_one_sensor: bool) -> Vec<Comparison> {
-    each(seeds, |seed| {
-        let (mut one, mut random) = rig(seed);
-        one.measured = None;
-        let other = if is_one_sensor { one.clone() } else { Rig { measured: None, ..rig(seed + 50_000).0 } };
-        let mut logs = [&one, &other].map(|rig| rig.record(truth, &mut random).data);
-        for (log, rig) in logs.iter_mut().zip([1, if is_one_sensor { 1 } else { 2 }]) {
-            log.records.board = Some(biflag_log::BoardMeta { board_id: rig, ..Default::default() });
-        }
-        compare(&logs[0], &logs[1], OnMismatch::Warn).expect("comparable trials").comparison
+/// Compares two recordings by one sensor, or by each sensor and the next one, none of which was measured.
+fn against_each_other(rigs: &[Rig], truth: &Motion, is_one_sensor: bool) -> Vec<Comparison> {
+    each(rigs.len(), |i| {
+        let mut random = Random(27_000 + i as u64);
+        let other = if is_one_sensor { i } else { (i + 1) % rigs.len() };
+        let [one, other] = [i, other].map(|rig| {
+            let mut log = Rig { measured: None, ..rigs[rig].clone() }.record(truth, &mut random).data;
+            log.records.board = Some(BoardMeta { board_id: rig as u16 + 1, ..BoardMeta::default() });
+            log
+        });
+        compare(&one, &other, OnMismatch::Warn).expect("comparable trials").comparison
     })
 }
 
@@ -61,18 +62,19 @@ fn percent(all: &[Comparison], of: impl Fn(&Comparison) -> bool) -> f64 {
     100.0 * all.iter().filter(|one| of(one)).count() as f64 / all.len() as f64
 }
 
-/// Shares of trials whose steady yaw, pitch and roll differ, and mean ±.
+/// Shares of trials whose steady yaw, pitch and roll differ, mean ±, and the share of trials with an angle without ±.
 fn steady(all: &[Comparison]) -> String {
     let cell = |k: usize| {
         let differs = |one: &Comparison| {
             let name = one.angles()[k].angle;
             one.differences.iter().any(|difference| difference.angle == name)
         };
-        let mean =
-            all.iter().filter_map(|one| Some(one.angles()[k].uncertainty?.total_deg)).sum::<f64>() / all.len() as f64;
+        let known: Vec<f64> = all.iter().filter_map(|one| Some(one.angles()[k].uncertainty?.total_deg)).collect();
+        let mean = known.iter().sum::<f64>() / known.len() as f64;
         format!("{:.0} %, ±{mean:.2}°", percent(all, differs))
     };
-    format!("{} | {} | {}", cell(0), cell(1), cell(2))
+    let empty = percent(all, |one| one.angles().iter().any(|angle| angle.uncertainty.is_none()));
+    format!("{} | {} | {} | {empty:.0} %", cell(0), cell(1), cell(2))
 }
 
 /// Shares of trials whose transients differ.
@@ -91,11 +93,11 @@ fn transients(all: &[Comparison]) -> String {
 }
 
 /// Shares of sets of repeats whose yaw, pitch and roll scatter as their budget says.
-fn scatter(sets: usize, truth: &Motion) -> String {
-    let judged = each(sets, |seed| {
-        let (rig, mut random) = rig(seed);
+fn scatter(rigs: &[Rig], truth: &Motion) -> String {
+    let judged = each(rigs.len(), |i| {
+        let mut random = Random(37_000 + i as u64);
         let repeat = |_| {
-            let data = rig.record(truth, &mut random).data;
+            let data = rigs[i].record(truth, &mut random).data;
             Repeat::new(&data, &Zeroed::new(&data)).expect("a measured trial")
         };
         let trials: Vec<Repeat> = (0..REPEATS).map(repeat).collect();
@@ -113,17 +115,20 @@ fn scatter(sets: usize, truth: &Motion) -> String {
 
 fn main() {
     let argument = |i: usize| std::env::args().nth(i);
-    let seeds: usize = argument(1).and_then(|count| count.parse().ok()).unwrap_or(20);
+    let trials: usize = argument(1).and_then(|count| count.parse().ok()).unwrap_or(20);
     let only = argument(2);
     let is_wanted = |part: &str| only.as_deref().is_none_or(|only| only == part);
     let begun = Instant::now();
+    let rigs = each(trials, rig);
     let motions = POINTS.map(|rpm| (format!("({}, {})", rpm[0], rpm[1]), motion(rpm, 0.0)));
     if is_wanted("model") {
-        println!("{seeds} trials a point, each with another measured sensor; share that differs, mean ± of an angle\n");
-        println!("| compared with | rpm | yaw | pitch | roll |\n| --- | --- | --- | --- | --- |");
+        println!(
+            "{trials} trials a point, each with another measured sensor; share that differs, mean ± of an angle\n"
+        );
+        println!("| compared with | rpm | yaw | pitch | roll | without ± |\n| --- | --- | --- | --- | --- | --- |");
         let mut rows = Vec::new();
         for (point, truth) in &motions {
-            let same = against_model(seeds, truth, truth);
+            let same = against_model(&rigs, truth, truth);
             println!("| its own model | {point} | {} |", steady(&same));
             rows.push(format!("| {point} | {} |", transients(&same)));
         }
@@ -133,10 +138,12 @@ fn main() {
     }
     if is_wanted("viscosity") {
         println!("\nShare that differs where the model has less viscosity, in any angle; mean ± of an angle\n");
-        println!("| less viscosity | rpm | yaw | pitch | roll | any |\n| --- | --- | --- | --- | --- | --- |");
+        println!(
+            "| less viscosity | rpm | yaw | pitch | roll | without ± | any |\n| --- | --- | --- | --- | --- | --- | --- |"
+        );
         for ((point, model), rpm) in motions.iter().zip(POINTS) {
             for change in CHANGES {
-                let all = against_model(seeds, &motion(rpm, change), model);
+                let all = against_model(&rigs, &motion(rpm, change), model);
                 let any = percent(&all, |one| !one.differences.is_empty());
                 println!("| {:.0} % | {point} | {} | {any:.0} % |", 100.0 * change, steady(&all));
             }
@@ -144,10 +151,10 @@ fn main() {
     }
     if is_wanted("recordings") {
         println!("\nTwo recordings of one motion; the sensors were not measured\n");
-        println!("| recorded by | rpm | yaw | pitch | roll |\n| --- | --- | --- | --- | --- |");
+        println!("| recorded by | rpm | yaw | pitch | roll | without ± |\n| --- | --- | --- | --- | --- | --- |");
         for (point, truth) in &motions {
             for (name, is_one_sensor) in [("one sensor", true), ("two sensors", false)] {
-                println!("| {name} | {point} | {} |", steady(&against_each_other(seeds, truth, is_one_sensor)));
+                println!("| {name} | {point} | {} |", steady(&against_each_other(&rigs, truth, is_one_sensor)));
             }
         }
     }
@@ -155,7 +162,7 @@ fn main() {
         println!("\nScatter of {REPEATS} repeats: share beyond the interval of the budget\n");
         println!("| rpm | yaw | pitch | roll |\n| --- | --- | --- | --- |");
         for (point, truth) in &motions {
-            println!("| {point} | {} |", scatter(seeds, truth));
+            println!("| {point} | {} |", scatter(&rigs, truth));
         }
     }
     println!("\n{:.0} s", begun.elapsed().as_secs_f64());

@@ -3,7 +3,7 @@
 use host::plan::Phases;
 use host::twin::{Comparison, OnMismatch, compare};
 use sim::params::Robot;
-use tests::synthetic_rig::{Motion, Part, Random, Rig, each};
+use tests::synthetic_rig::{Lot, Motion, Part, Random, Rig, Start, each};
 use tests::whole_computer;
 
 const TRIALS: usize = 100;
@@ -18,13 +18,13 @@ fn same_robot_differs_by_chance_alone() {
     let points = [[50.0, 10.0], [-90.0, 90.0], [90.0, 90.0], [0.0, 45.0], [37.3, 52.9], [-45.96, 63.73]];
     let mut all = Vec::new();
     for (i, rpm) in points.into_iter().enumerate() {
-        let motion = Motion::of(&Robot::default(), rpm, phases);
-        let model = motion.model();
+        let motion = Motion::of(&Robot::default(), rpm, phases.run_s);
+        let model = motion.model(&phases);
         let of_point = each(TRIALS, |seed| {
             let mut random = Random((31_000 + 1_000 * i + seed) as u64);
-            let part = Part::typical(&mut random);
+            let part = Part::of(Lot::Typical, &mut random);
             let measured = Some(part.measured(&mut random));
-            let recording = Rig { part, measured, late_s: f64::INFINITY }.record(&motion, &mut random);
+            let recording = Rig { part, measured, phases, start: Start::AtRest }.record(&motion, &mut random);
             compare(&recording.data, &model, OnMismatch::Warn).unwrap().comparison
         });
         println!("{rpm:?} rpm: {:?} % of yaw, pitch, roll", alarms(&of_point));

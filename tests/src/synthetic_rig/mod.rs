@@ -1,20 +1,21 @@
-//! Trials of a rig that is computed: the motion of the model, a sensor drawn from its data sheet, and the filter of the
-//! firmware. Nothing of the sensor is taken from what reads the logs.
+//! Trials of a rig that is computed: the motion of the model, a sensor drawn from its data sheet, what a bench measures of it,
+//! and the filter of the firmware. No error of the sensor is taken from what reads the logs or emulates the board.
 
+mod bench;
 mod motion;
 mod part;
 mod random;
 mod recording;
 
 pub use motion::Motion;
-pub use part::Part;
+pub use part::{Lot, Part};
 pub use random::Random;
-pub use recording::{Recording, Rig};
+pub use recording::{Recording, Rig, Start};
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Interval of the board's frames, s.
+/// Interval of the board's frames by its own clock, s.
 const TICK_S: f64 = 0.005;
 
 /// Calls a function with the numbers from 0 to `count`, on both cores, and returns its results in their order.

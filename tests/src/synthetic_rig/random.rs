@@ -22,13 +22,18 @@ impl Random {
         radius * angle.cos()
     }
 
+    /// Returns three normal deviates of a standard deviation.
+    pub fn normals(&mut self, deviation: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| deviation * self.normal())
+    }
+
     /// Returns a number within ±`limit`.
     pub fn within(&mut self, limit: f64) -> f64 {
         limit * (2.0 * self.uniform() - 1.0)
     }
 
-    /// Returns three numbers within ±`limit`.
-    pub fn three(&mut self, limit: f64) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| self.within(limit))
+    /// Returns `limit` or `-limit`.
+    pub fn at(&mut self, limit: f64) -> f64 {
+        if self.uniform() < 0.5 { limit } else { -limit }
     }
 }

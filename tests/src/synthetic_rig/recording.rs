@@ -2,20 +2,23 @@
 
 use super::TICK_S;
 use super::motion::Motion;
-use super::part::Part;
+use super::part::{Part, Powered, Reading};
 use super::random::Random;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::schema::biflag::{Quaternion, Telemetry, Vector};
-use biflag_log::{CalibrationMeta, ClockMeta, End, Identity, LevelMeta, MeasuredSensorMeta, Origin, Summary};
+use biflag_log::{CalibrationMeta, ClockMeta, End, Identity, LevelMeta, MeasuredSensorMeta, Origin, RestMeta, Summary};
 use firmware::attitude::{Attitude, Gains};
+use host::attitude::Still;
 use host::plan::Phases;
 use host::trial::{Collector, Data, Records, Want};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::ops::Range;
 
-/// Noise of the gyroscope and of the accelerometer in a reading: 0.005 °/s/√Hz and 400 µg/√Hz, one-sided, up to 100 Hz.
-const GYRO_DPS: f64 = 0.05;
-const ACCEL_G: f64 = 0.004;
+/// Number of readings after which `record` judges again whether the robot is still: half a second.
+const CHECK: usize = 100;
+
+/// How well pings tell the rate of the board's clock, relative.
+pub(super) const CLOCK_U: f64 = 1e-5;
 
 /// A rig with its sensor.
 #[derive(Clone, Debug)]
@@ -24,8 +27,24 @@ pub struct Rig {
     pub part: Part,
     /// What was measured of it.
     pub measured: Option<MeasuredSensorMeta>,
-    /// Time since the end of an earlier run at which the calibration begins, s; infinite for a robot at rest.
-    pub late_s: f64,
+    /// The phases of its trials.
+    pub phases: Phases,
+    /// How its trials begin.
+    pub start: Start,
+}
+
+/// How a trial begins.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Start {
+    /// The robot is at rest.
+    AtRest,
+    /// An earlier run like this one ended shortly before.
+    Late {
+        /// Time since that end, s.
+        late_s: f64,
+        /// Whether the trial begins with a wait until the robot is still.
+        waits: bool,
+    },
 }
 
 /// A recorded trial.
@@ -33,7 +52,7 @@ pub struct Rig {
 pub struct Recording {
     /// The log.
     pub data: Data,
-    /// Time on the board's clock, and true yaw, pitch and roll in degrees, over the run.
+    /// Time of the log, and true yaw, pitch and roll in degrees, over the run.
     truth: Vec<(f64, [f64; 3])>,
 }
 
@@ -45,47 +64,43 @@ impl Recording {
     }
 }
 
+/// Returns the attitude at yaw, pitch and roll, radians.
+fn body([yaw, pitch, roll]: [f64; 3]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_euler_angles(roll, pitch, yaw)
+}
+
 impl Rig {
     /// Records a motion.
     pub fn record(&self, motion: &Motion, random: &mut Random) -> Recording {
-        let part = &self.part;
-        let Phases { calibrate_s, run_s, decay_s, .. } = motion.phases;
-        let mut noise = |sd: f64| Vector3::from_fn(|_, _| sd * random.normal());
+        let Phases { calibrate_s, preroll_s, run_s, decay_s, .. } = self.phases;
+        let clock = self.part.clock + CLOCK_U * random.normal();
+        let mut powered = Powered::new(&self.part, random);
         let (mut attitude, mut collector) = (Attitude::default(), Collector::new(Want::default(), 2));
         let gains = Gains { kp: 1.0, ki: 0.0 };
-        let (mut bias, mut calibrated) = (noise(2.0), Vector3::zeros());
-        let start_s = motion.start_s();
+        let start_s = -calibrate_s - preroll_s;
         let ticks = ((run_s + decay_s - start_s) / TICK_S) as usize;
         let calibration = (calibrate_s / TICK_S) as usize;
-        let body = |time: f64| {
-            let [yaw, pitch, roll] = motion.at(time, self.late_s);
-            UnitQuaternion::from_euler_angles(roll, pitch, yaw)
+        let rest = self.wait(motion, &mut powered);
+        let late_s = match self.start {
+            Start::AtRest => f64::INFINITY,
+            Start::Late { late_s, .. } => late_s + powered.time_s(),
         };
+        // What is left of the earlier motion is added.
+        let body = |time_s: f64| {
+            let (own, left) = (motion.at(time_s), motion.left(late_s + time_s - start_s));
+            body([0, 1, 2].map(|k| own[k] + left[k]))
+        };
+        let begun_s = powered.time_s();
         let (mut before, mut sums, mut forces) = (body(start_s), Vector3::zeros(), Vec::new());
-        let mut flicker = [0.0; 4];
-        let mut truth = Vec::new();
+        let (mut calibrated, mut truth) = (Vector3::zeros(), Vec::new());
         collector.event(0.0, Kind::Phase, "calibrate");
         for tick in 0..ticks {
-            // The motors follow the board's clock, and so does the motion; the sensor sees it in true time.
+            // The motion is in true time, the log in the board's.
+            let before_s = start_s + powered.time_s() - begun_s;
+            let time_s = before_s + powered.tick_s();
             let clock_s = (tick + 1) as f64 * TICK_S;
-            let time_s = start_s + clock_s;
             let now = body(time_s);
-            let warm = |t: f64| part.warming_c * (1.0 - (-(t - start_s) / 150.0).exp());
-            bias += noise(1e-4 * TICK_S.sqrt());
-            // Flicker: walks of several correlation times about one axis.
-            for (k, walk) in flicker.iter_mut().enumerate() {
-                let share = TICK_S / 4f64.powi(k as i32 + 1);
-                *walk += -share * *walk + part.flicker_dps * (2.0 * share).sqrt() * noise(1.0).x;
-            }
-            let up = now.inverse() * Vector3::z();
-            let rate = (before.inverse() * now).scaled_axis() / (TICK_S / (1.0 + part.clock));
-            let to_sensor = part.mounting.inverse();
-            let drift = part.bias_dps_per_c * warm(time_s) + part.flicker * flicker.iter().sum::<f64>();
-            let seen_up = to_sensor * up;
-            let rate_dps =
-                part.gyro * (to_sensor * rate).map(f64::to_degrees) + part.gyro_g_dps * seen_up + bias + drift;
-            let rate_dps = (rate_dps + noise(GYRO_DPS)).map(|rate| (rate * 131.0).round() / 131.0);
-            let force_g = part.accel * seen_up + part.accel_offset_g + noise(ACCEL_G);
+            let Reading { rate_dps, force_g, temperature_c } = powered.read(before, now);
             before = now;
             if tick < calibration {
                 sums += rate_dps;
@@ -106,12 +121,12 @@ impl Rig {
                 forces.push(force_g);
             }
             for (name, from) in [("run", 0.0), ("decay", run_s)] {
-                if time_s >= from && time_s - TICK_S < from {
+                if before_s < from && from <= time_s {
                     collector.event(clock_s, Kind::Phase, name);
                 }
             }
             if (0.0..run_s).contains(&time_s) {
-                truth.push((clock_s, motion.at(time_s, f64::INFINITY).map(f64::to_degrees)));
+                truth.push((clock_s / (1.0 + clock), motion.at(time_s).map(f64::to_degrees)));
             }
             let [w, x, y, z] = attitude.quaternion().0.map(|part| f64::from(part.0) / 32768.0);
             let rate = rate_dps - calibrated;
@@ -121,7 +136,7 @@ impl Rig {
                 imu_fresh: true,
                 attitude: Some(Quaternion { w, x, y, z }),
                 angular_velocity_dps: Some(Vector { x: rate.x, y: rate.y, z: rate.z }),
-                temperature_c: 25.0 + warm(time_s - 3.0) + 0.08 * noise(1.0).x,
+                temperature_c,
                 motor1,
                 motor2,
                 ..Telemetry::default()
@@ -133,19 +148,38 @@ impl Rig {
         let tilt_deg = up.xy().norm().atan2(up.z).to_degrees();
         let records = Records {
             identity: Some(Identity { format: 2, origin: Origin::Rig, ..Identity::default() }),
-            trial: Some(motion.trial()),
+            trial: Some(motion.trial(&self.phases)),
+            rest,
             level: Some(LevelMeta { up: up.into(), force_g: force.norm(), tilt_deg, used: true }),
-            clock: Some(ClockMeta {
-                pings: 300,
-                drift_ppm: part.clock * 1e6,
-                residual_us: 300.0,
-                ..ClockMeta::default()
-            }),
+            clock: Some(ClockMeta { pings: 300, drift_ppm: clock * 1e6, residual_us: 300.0, ..ClockMeta::default() }),
             summary: Some(Summary { end: End::Complete, ..Summary::default() }),
             calibration: Some(CalibrationMeta { still: true, ..CalibrationMeta::default() }),
             measured_sensor: self.measured.clone(),
             ..Records::default()
         };
         Recording { data: collector.finish("recording".as_ref(), records), truth }
+    }
+
+    /// Waits until the robot is still. Returns what `record` writes into the log; `None` without a wait, or if the robot was
+    /// not still.
+    fn wait(&self, motion: &Motion, powered: &mut Powered) -> Option<RestMeta> {
+        let Start::Late { late_s, waits: true } = self.start else { return None };
+        let (mut still, mut before) = (Still::default(), body(motion.left(late_s)));
+        for tick in 1.. {
+            let passed_s = powered.time_s() + powered.tick_s();
+            if passed_s > self.phases.rest_at_most_s {
+                break;
+            }
+            let now = body(motion.left(late_s + passed_s));
+            let Reading { rate_dps, force_g, .. } = powered.read(before, now);
+            before = now;
+            still.push(tick as f64 * TICK_S, rate_dps.z, force_g.into());
+            let motion = if tick % CHECK == 0 { still.motion() } else { None };
+            if let Some(motion) = motion.filter(|motion| motion.is_still()) {
+                let (yaw_dps, tilt_dps) = (Some(motion.yaw_dps), Some(motion.tilt_dps));
+                return Some(RestMeta { still: true, yaw_dps, tilt_dps, ..RestMeta::default() });
+            }
+        }
+        None
     }
 }

@@ -1,6 +1,9 @@
 //! The three commands of `biflag sensor` on a bench: what they find of a part that a hand poses and turns.
 
-use crate::part::{Part, Powered, Random, TICK_S};
+use super::TICK_S;
+use super::part::{Lot, Part, Powered};
+use super::random::Random;
+use super::recording::CLOCK_U;
 use biflag_log::MeasuredSensorMeta;
 use host::sensor::{
     AXES, Estimate, MeasuredSensor, PoseStep, PosesWatch, RawReading, StillWatch, TurnPlan, TurnStep, TurnWatch,
@@ -14,19 +17,24 @@ const PLACED_DEG: f64 = 1.0;
 /// Standard deviation of the stops of a hand at a mark, °.
 const STOPS_DEG: f64 = 0.5;
 
-/// Measures a part with `sensor poses`, `sensor turn` about each axis and `sensor still 600`.
-pub fn measured(part: &Part, random: &mut Random) -> MeasuredSensorMeta {
-    let mut file = MeasuredSensor::new(&Settings::DEFAULT);
-    poses(part, random, &mut file);
-    (0..3).for_each(|axis| turns(part, random, axis, &mut file));
-    still(part, random, &mut file);
-    "2026-11-24".clone_into(&mut file.date);
-    MeasuredSensorMeta { name: "sensor.toml".to_owned(), text: file.to_toml() }
+impl Part {
+    /// Returns what is known of a part from `sensor poses`, `sensor turn` about each axis and `sensor still 600`; of an ideal
+    /// one, that it has no errors, and its noise from `sensor still 600`.
+    pub fn measured(&self, random: &mut Random) -> MeasuredSensorMeta {
+        let mut file = MeasuredSensor::new(&Settings::DEFAULT);
+        if self.lot == Lot::Ideal {
+            no_errors(&mut file);
+        } else {
+            poses(self, random, &mut file);
+            (0..3).for_each(|axis| turns(self, random, axis, &mut file));
+        }
+        still(self, random, &mut file);
+        "2026-11-24".clone_into(&mut file.date);
+        MeasuredSensorMeta { name: "sensor.toml".to_owned(), text: file.to_toml() }
+    }
 }
 
-/// Returns the file of a part that is known to have no errors, and whose noise is measured with `sensor still 600`.
-pub fn without_errors(part: &Part, random: &mut Random) -> MeasuredSensorMeta {
-    let mut file = MeasuredSensor::new(&Settings::DEFAULT);
+fn no_errors(file: &mut MeasuredSensor) {
     for i in AXES {
         for table in ["gyro_scale", "accel_scale", "mounting_deg"] {
             file.set(table, i, Estimate::default());
@@ -40,8 +48,6 @@ pub fn without_errors(part: &Part, random: &mut Random) -> MeasuredSensorMeta {
             }
         }
     }
-    still(part, random, &mut file);
-    MeasuredSensorMeta { name: "sensor.toml".to_owned(), text: file.to_toml() }
 }
 
 /// A sensor in a hand.
@@ -131,7 +137,7 @@ fn turns(part: &Part, random: &mut Random, axis: usize, file: &mut MeasuredSenso
         goes_on = goes_on && hand.rest(5.0, &mut take);
     }
     // Pings tell the rate of the board's clock.
-    let clock = part.clock + 1e-5 * random.normal();
+    let clock = part.clock + CLOCK_U * random.normal();
     watch.result(PLACED_DEG, file, clock).expect("turns").enter(axis, file);
 }
 
