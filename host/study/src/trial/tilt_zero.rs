@@ -13,6 +13,11 @@ pub const BLOCK_S: f64 = 2.0;
 /// is its scatter over the whole duration.
 const TILT_ZERO_S: f64 = 10.0;
 
+/// Variance of a mean over blocks, relative to that of as many independent ones. The board's filter gives the noise a
+/// correlation time of 1 s, so that a mean over many blocks has 1.76 times the variance that their own suggests, and five
+/// blocks in a row scatter by 0.85 of theirs.
+const CORRELATED: f64 = 2.06;
+
 /// The zero of the tilt at rest.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct TiltZero {
@@ -59,7 +64,8 @@ impl TiltZero {
     pub fn terms(&self, gradient: [f64; 2], window_s: f64) -> [Term; 2] {
         let [seen, in_zero] = self.blocks;
         let of = |deg: [f64; 2]| (gradient[0] * deg[0]).hypot(gradient[1] * deg[1]);
-        let u_deg = of(self.scatter_deg) * (BLOCK_S / window_s.max(BLOCK_S) + 1.0 / in_zero.min(seen)).sqrt();
+        let blocks = BLOCK_S / window_s.max(BLOCK_S) + 1.0 / in_zero.min(seen);
+        let u_deg = of(self.scatter_deg) * (CORRELATED * blocks).sqrt();
         [
             Term::of_trial("noise", u_deg, seen - 1.0),
             Term::of_trial("motion at rest", of(self.moved_deg), f64::INFINITY),
@@ -74,9 +80,7 @@ impl TiltZero {
     /// Returns the variance of the zero of pitch (0) or roll (1), degrees².
     pub fn variance(&self, tilt: usize) -> f64 {
         let [seen, in_zero] = self.blocks;
-        // The filter's noise has a correlation time of about a second, so that neighbouring blocks are slightly
-        // correlated.
-        self.scatter_deg[tilt].powi(2) / (0.5 * in_zero.min(seen)) + self.moved_deg[tilt].powi(2)
+        self.scatter_deg[tilt].powi(2) * CORRELATED / in_zero.min(seen) + self.moved_deg[tilt].powi(2)
     }
 }
 

@@ -12,10 +12,10 @@
 //! that of the operator's hand at the marks; its degrees of freedom are the rests less three. The term b is left out of the
 //! fit of fewer than three turns.
 
-use super::Estimate;
 use super::file::{AXES, MeasuredSensor, pair};
 use super::least_squares::{Fit, expanded};
 use super::reading::{Mean, Motion, RawReading, Rests};
+use super::{Estimate, Sensor};
 use miette::Diagnostic;
 use thiserror::Error;
 
@@ -432,7 +432,7 @@ fn evaluate(
     let cross = std::array::from_fn(|i| {
         (i != axis && is_consistent).then(|| {
             let value = (share(i) - up[i]) / up[axis];
-            combined(Estimate { value, u: statistical(i).hypot(up_u[i]) }, sheet.gyro_cross[i][axis])
+            combined(Estimate { value, u: statistical(i).hypot(up_u[i]) }, before_turns(&sheet, i, axis))
         })
     });
     Some(TurnResult {
@@ -445,6 +445,13 @@ fn evaluate(
         turned_deg: turns.iter().map(|turn| turn.angle_deg[axis]).collect(),
         is_consistent,
     })
+}
+
+/// Returns what the data sheet says of the share of the rate about axis j that axis i reads, relative to the axes of the
+/// accelerometer: these are turned by half the difference of two of its own cross-axis terms ([`super::poses`]).
+fn before_turns(sheet: &Sensor, i: usize, j: usize) -> Estimate {
+    let turned_u = 0.5 * sheet.accel_cross[i][j].u.hypot(sheet.accel_cross[j][i].u);
+    Estimate { u: sheet.gyro_cross[i][j].u.hypot(turned_u), ..sheet.gyro_cross[i][j] }
 }
 
 /// Fits the angle about axis i at the rests, see the module's documentation. The slope is the last coefficient.
