@@ -148,8 +148,7 @@ mod tests {
     #[test]
     fn thick_rods_have_the_larger_error_and_a_small_angle_of_the_model_may_be_a_large_one() {
         let error = |rod_radius_m: f64| {
-            let mut robot = Robot::default();
-            robot.tank = Some(Tank::published());
+            let mut robot = Robot { tank: Some(Tank::published()), ..Robot::default() };
             robot.flagellum.rod_radius_m = rod_radius_m;
             ModelError::of(&robot)
         };
