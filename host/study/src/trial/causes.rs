@@ -2,9 +2,17 @@
 //! has neither twice what both have in common.
 
 use super::budget::{Budget, Term};
-use super::errors::SENSOR_ERRORS;
 use crate::sensor::{GROUPS, PARAMETERS};
 use nalgebra::DMatrix;
+
+/// Number of errors that all trials of a sensor share: those of [`crate::sensor::Sensor::parameters`], and the rate of the
+/// board's clock.
+pub const SENSOR_ERRORS: usize = PARAMETERS + 1;
+
+/// Returns the name of one of them, as budgets have it.
+pub fn sensor_error(index: usize) -> &'static str {
+    GROUPS.iter().find(|group| group.range.contains(&index)).map_or("clock", |group| group.name)
+}
 
 /// The causes of uncertainty of an angle.
 #[derive(Clone, PartialEq, Debug, Default)]

@@ -1,7 +1,7 @@
 //! What is known about the errors of a trial's angles: drift and noise from its still phases, and the sensor's errors.
 
 use super::budget::{Budget, CommonTo, Term};
-use super::causes::{Causes, OverTime};
+use super::causes::{Causes, OverTime, SENSOR_ERRORS};
 use super::clock::{self, ClockRate};
 use super::data::Data;
 use super::sensitivity::Stated;
@@ -18,15 +18,6 @@ const AROUND_S: f64 = 2.0;
 /// The derivatives of pitch and of roll by pitch and roll.
 const PITCH: [f64; 2] = [1.0, 0.0];
 const ROLL: [f64; 2] = [0.0, 1.0];
-
-/// Number of errors that all trials of a sensor share: those of [`crate::sensor::Sensor::parameters`], and the rate of the
-/// board's clock.
-pub const SENSOR_ERRORS: usize = PARAMETERS + 1;
-
-/// Returns the name of one of them, as budgets have it.
-pub fn sensor_error(index: usize) -> &'static str {
-    GROUPS.iter().find(|group| group.range.contains(&index)).map_or("clock", |group| group.name)
-}
 
 /// The errors of a measured trial.
 #[derive(Clone, Debug)]

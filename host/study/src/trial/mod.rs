@@ -30,12 +30,12 @@ mod zero;
 pub use angles::{Angles, Steady};
 pub use bounds::Times;
 pub use budget::{AngleTerm, Budget, CommonTo, Evaluation, Term};
+#[cfg(test)]
+pub(crate) use causes::SENSOR_ERRORS;
+pub(crate) use causes::sensor_error;
 pub(crate) use causes::{Causes, OverTime};
 pub use collect::Collector;
 pub use data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
-#[cfg(test)]
-pub(crate) use errors::SENSOR_ERRORS;
-pub(crate) use errors::sensor_error;
 pub use finding::{Finding, FindingKind, LogFinding};
 pub use findings::{DAMAGED_FRAME, findings};
 pub use repeats::{AtSpeeds, mean_of_repeats};

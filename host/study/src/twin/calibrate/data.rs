@@ -3,7 +3,7 @@
 use super::super::{TwinError, speeds};
 use super::Blocks;
 use super::errors::{SensorId, TrialErrors};
-use super::fluid::FluidRatio;
+use super::fluid_ratio::FluidRatio;
 use crate::session::Attempt;
 use crate::trial::{Data, Finding, OverTime, Unusable, Want, Zeroed, findings};
 use biflag_log::Origin;

@@ -1,35 +1,13 @@
 //! The fluid of each trial: a mixture of glycerol has the viscosity of the temperature at which a trial was run.
 
 use super::data::FitTrial;
+use super::fluid_ratio::FluidRatio;
 use crate::text::count;
-use sim::params::{Fluid, Glycerol, Robot};
+use sim::params::{Fluid, Glycerol};
 
 /// Difference of the sensor's temperature between trials above which the viscosity of glycerol has changed by more than a
 /// tenth, °C.
 const SAME_C: f64 = 1.5;
-
-/// Viscosity and density of the fluid of a trial, over those of the fitted robot.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct FluidRatio {
-    viscosity: f64,
-    density: f64,
-}
-
-impl Default for FluidRatio {
-    fn default() -> Self {
-        Self { viscosity: 1.0, density: 1.0 }
-    }
-}
-
-impl FluidRatio {
-    /// Returns the robot in the fluid of the trial.
-    pub fn of(&self, robot: &Robot) -> Robot {
-        let mut robot = robot.clone();
-        robot.fluid.viscosity_pa_s *= self.viscosity;
-        robot.fluid.density_kg_m3 *= self.density;
-        robot
-    }
-}
 
 /// Returns the mean temperature of the sensor in all trials, °C.
 pub(super) fn mean_c(trials: &[FitTrial]) -> f64 {

@@ -25,6 +25,7 @@ mod data;
 mod errors;
 mod file;
 mod fluid;
+mod fluid_ratio;
 mod judge;
 mod parameter;
 mod phase;
