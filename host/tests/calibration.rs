@@ -442,52 +442,46 @@ fn a_sensor_that_looks_backwards_is_found() {
 /// A phase is an angle, so the fit has to find it from anywhere.
 #[test]
 fn calibration_finds_the_phases_of_the_flagella() {
-    find_phases(&[([-100.0, 50.0], vec![[0.0, 90.0]])]);
+    find_phases([-100.0, 50.0], &[[0.0, 90.0]]);
 }
 
 #[test]
 #[ignore = "half a minute: part of `make proof`"]
 fn calibration_finds_the_phases_in_two_trials() {
-    find_phases(&[([70.0, -130.0], vec![[60.0, 60.0], [90.0, 0.0]])]);
+    find_phases([70.0, -130.0], &[[60.0, 60.0], [90.0, 0.0]]);
 }
 
-fn find_phases(cases: &[([f64; 2], Vec<[f64; 2]>)]) {
-    for (phase_deg, speeds) in cases {
-        let phase_deg = *phase_deg;
-        let mut draw = Draw(7);
-        let mut robot = Robot::published();
-        robot.flagellum.phase_deg = phase_deg;
-        let hidden = Hidden { robot, ..Hidden::default() };
-        let trials: Vec<_> = speeds.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
-        let calibration = fitted(&Robot::published(), &[Parameter::Phase], &trials).unwrap();
-        assert_eq!(
-            calibration.parameters.iter().map(|estimate| estimate.name).collect::<Vec<_>>(),
-            ["phase", "phase-both"]
+fn find_phases(phase_deg: [f64; 2], speeds: &[[f64; 2]]) {
+    let mut draw = Draw(7);
+    let mut robot = Robot::published();
+    robot.flagellum.phase_deg = phase_deg;
+    let hidden = Hidden { robot, ..Hidden::default() };
+    let trials: Vec<_> = speeds.iter().map(|speeds| hidden.trial(*speeds, &mut draw)).collect();
+    let calibration = fitted(&Robot::published(), &[Parameter::Phase], &trials).unwrap();
+    assert_eq!(
+        calibration.parameters.iter().map(|estimate| estimate.name).collect::<Vec<_>>(),
+        ["phase", "phase-both"]
+    );
+    for estimate in &calibration.parameters {
+        let [one, two] = phase_deg;
+        let truth = if estimate.name == "phase" { two - one } else { one };
+        let turns = ((estimate.value - truth) / 360.0).round();
+        let error = estimate.value - truth - 360.0 * turns;
+        let (value, std_error, [low, high]) = (estimate.value, estimate.std_error, estimate.interval_95);
+        println!(
+            "{speeds:?} {}: {value:.1} deg (truth {truth}), standard error {std_error:.1}, 95 % {low:.1} to {high:.1}, \
+             {} simulations",
+            estimate.name, calibration.simulations
         );
-        for estimate in &calibration.parameters {
-            let [one, two] = phase_deg;
-            let truth = if estimate.name == "phase" { two - one } else { one };
-            let turns = ((estimate.value - truth) / 360.0).round();
-            let error = estimate.value - truth - 360.0 * turns;
-            let (value, std_error, [low, high]) = (estimate.value, estimate.std_error, estimate.interval_95);
-            println!(
-                "{speeds:?} {}: {value:.1} deg (truth {truth}), standard error {std_error:.1}, 95 % {low:.1} to {high:.1}, \
-                 {} simulations",
-                estimate.name, calibration.simulations
-            );
-            assert!(error.abs() < 4.0 * std_error && std_error < 20.0, "{estimate:?}");
-            assert!((-180.0..=180.0).contains(&value) && low < value && value < high);
-        }
-        let found = calibration.robot.flagellum.phase_deg;
-        assert!(
-            found
-                .iter()
-                .zip(phase_deg)
-                .all(|(found, truth)| (found - truth).abs() < 15.0 || (found - truth).abs() > 345.0),
-            "{found:?}"
-        );
-        assert!(calibration.rmse_after_deg < 0.5 * calibration.rmse_before_deg, "{calibration:?}");
+        assert!(error.abs() < 4.0 * std_error && std_error < 20.0, "{estimate:?}");
+        assert!((-180.0..=180.0).contains(&value) && low < value && value < high);
     }
+    let found = calibration.robot.flagellum.phase_deg;
+    assert!(
+        found.iter().zip(phase_deg).all(|(found, truth)| (found - truth).abs() < 15.0 || (found - truth).abs() > 345.0),
+        "{found:?}"
+    );
+    assert!(calibration.rmse_after_deg < 0.5 * calibration.rmse_before_deg, "{calibration:?}");
 }
 
 #[test]

@@ -162,15 +162,16 @@ fn conduct(data: &Data) -> Vec<Finding> {
         let turns = data.encoders().unwrap_or_else(|error| vec![error.reason]);
         found.extend(turns.into_iter().map(|text| grave(text, "check the motor and its encoder")));
     }
-    let warnings = || data.events.iter().filter(|event| event.kind == Kind::Warning);
-    let damaged = warnings().filter(|event| event.text.starts_with(DAMAGED_FRAME)).count();
-    if damaged > 0 {
+    let warnings = data.events.iter().filter(|event| event.kind == Kind::Warning);
+    let (damaged, others): (Vec<_>, Vec<_>) = warnings.partition(|event| event.text.starts_with(DAMAGED_FRAME));
+    if !damaged.is_empty() {
         // A damaged frame of telemetry is a lost one.
-        let text = format!("{damaged} {} damaged on the line", if damaged == 1 { "frame was" } else { "frames were" });
+        let were = if damaged.len() == 1 { "frame was" } else { "frames were" };
+        let text = format!("{} {were} damaged on the line", damaged.len());
         found.push(Finding::loss(FindingKind::Conduct, text, "check the cable"));
     }
     // What the recorder saw is in the log: a cure follows the colon.
-    for event in warnings().filter(|event| !event.text.starts_with(DAMAGED_FRAME)) {
+    for event in others {
         let (text, cure) = event.text.split_once(": ").unwrap_or((&event.text, ""));
         found.push(grave(text.to_owned(), cure));
     }
