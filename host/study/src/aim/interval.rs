@@ -181,6 +181,7 @@ mod tests {
             closure: Closure::Full,
             fitted_to: FittedTo::Simulation,
             is_described: true,
+            short_of_minimum: Vec::new(),
             temperature_c: Some(20.0),
             degrees_of_freedom: 1.0,
             // The trials have determined the ratio alone.

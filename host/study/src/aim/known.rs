@@ -71,6 +71,12 @@ fn doubts(robot: &Robot, fit: &Fit) -> Vec<Doubt> {
     if !fit.is_described {
         reasons.push("the model did not describe the trials of the fit within their noise".to_owned());
     }
+    if !fit.short_of_minimum.is_empty() {
+        let names = fit.short_of_minimum.join(", ");
+        reasons.push(format!(
+            "the fit has not reached its minimum in {names}: fit again with `biflag calibrate --robot` from this file"
+        ));
+    }
     // An angle of the flagella is not needed: the intervals hold for all of them.
     let is_unknown = |parameter: &&FittedParameter| {
         let [low, high] = parameter.interval_95;
@@ -103,6 +109,7 @@ mod tests {
             closure: Closure::Full,
             fitted_to: FittedTo::Simulation,
             is_described: true,
+            short_of_minimum: Vec::new(),
             temperature_c: Some(20.0),
             degrees_of_freedom: 10.0,
             covariance: vec![vec![4e-4]],
@@ -124,6 +131,7 @@ mod tests {
             ((|fit| fit.closure = Closure::Lumped) as fn(&mut Fit), "closure lumped"),
             (|fit| fit.parameters[0].value = 1.01, "other values than its fit: viscosity"),
             (|fit| fit.is_described = false, "did not describe"),
+            (|fit| fit.short_of_minimum = vec!["viscosity".to_owned()], "not reached its minimum in viscosity"),
             (|fit| fit.parameters[0].interval_95 = [0.35, 2.8], "not determined viscosity"),
             (|fit| fit.lacks_correlations = true, "earlier version"),
         ] {

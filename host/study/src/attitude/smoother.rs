@@ -42,19 +42,24 @@ const MOST_TIME_CONSTANTS: usize = 60;
 const ROBOT_WITHIN: f64 = 0.5;
 const OTHER_ROBOT: f64 = 0.2;
 
-/// Standard deviations of the rate of a return to rest that are tried, °/s: at the start of the run, and after it.
-const MOTIONS_DPS: [f64; 4] = [0.0, 0.01, 0.1, 1.0];
+/// Standard deviations of the rate of a return to rest that are tried, °/s: at the start of the run, where the recorder has
+/// waited, and after it.
+const BEFORE_DPS: [f64; 4] = [0.0, 0.01, 0.1, 1.0];
+const AFTER_DPS: [f64; 5] = [0.0, 0.01, 0.1, 1.0, 10.0];
 
-/// The faster motion after a run: its time constant, relative to that of the return to rest, and the standard deviation of its
-/// rate when the motors stop, °/s. Soft flagella spring back before they follow the tether: in the model, a run at 90 and 90
-/// rpm ends with 64 °/s, of which three quarters are gone every two seconds, until the slow return of 6.3 s remains. A fit of
-/// one exponential takes what is left of it for a bias.
-const FAST: f64 = 0.25;
+/// The faster motion after a run: its time constant, s, and the standard deviation of its rate when the motors stop, °/s. Soft
+/// flagella spring back before they follow the tether: in the model, a run at 90 and 90 rpm ends with 64 °/s, of which three
+/// quarters are gone every two seconds, until the slow return of 6.3 s remains. A fit of one exponential takes what is left of
+/// it for a bias.
+const FAST_S: f64 = 1.6;
 const FAST_DPS: f64 = 60.0;
 
 /// Prior weight of no motion, before the run and after it. Before it, the recorder has waited until the robot was still.
 const STILL_BEFORE: f64 = 0.99;
 const STILL_AFTER: f64 = 0.5;
+
+/// Prior weight of a faster motion after the run: flagella are soft.
+const HAS_FAST: f64 = 0.95;
 
 /// Standard deviation of the share of the tilt's rates that the rate about an axis has at rest. The robot's yaw follows its
 /// returning tilt by some hundredths of its rate (`cargo test --release -p sim --test all returning_tilt -- --nocapture`), and the data sheet allows
@@ -261,7 +266,8 @@ fn motions_tried(stretches: &[Stretch], motions: &Motions, tau: f64) -> Vec<Trie
     let is_after = |stretch: &Stretch| stretch.range.start >= motions.run_s;
     let sizes = |after: bool| {
         let is_seen = stretches.iter().any(|stretch| is_after(stretch) == after);
-        &MOTIONS_DPS[..if is_seen { MOTIONS_DPS.len() } else { 1 }]
+        let all = if after { &AFTER_DPS[..] } else { &BEFORE_DPS };
+        if is_seen { all } else { &all[..1] }
     };
     let rate = |dps: f64, tau: f64, zero_s: f64, after: bool| {
         let mean = |stretch: &Stretch| {
@@ -271,12 +277,19 @@ fn motions_tried(stretches: &[Stretch], motions: &Motions, tau: f64) -> Vec<Trie
         };
         stretches.iter().map(mean).collect::<Vec<_>>()
     };
-    let weight = |dps: f64, still: f64| if dps == 0.0 { still } else { (1.0 - still) / (MOTIONS_DPS.len() - 1) as f64 };
-    let fast = rate(FAST_DPS, FAST * tau, motions.stop_s, true);
+    let weight =
+        |dps: f64, still: f64, sizes: usize| if dps == 0.0 { still } else { (1.0 - still) / (sizes - 1) as f64 };
+    let fast = [(FAST_DPS, HAS_FAST), (0.0, 1.0 - HAS_FAST)]
+        .map(|(dps, weight)| (rate(dps, FAST_S, motions.stop_s, true), weight));
+    let fast = &fast[..sizes(true).len().min(2)];
     let pairs = sizes(false).iter().flat_map(|before| sizes(true).iter().map(move |after| (*before, *after)));
     pairs
-        .map(|(before_dps, after_dps)| Tried {
-            log_prior: (weight(before_dps, STILL_BEFORE) * weight(after_dps, STILL_AFTER)).ln(),
+        .flat_map(|pair| fast.iter().map(move |fast| (pair, fast)))
+        .map(|((before_dps, after_dps), (fast, has_fast))| Tried {
+            log_prior: (weight(before_dps, STILL_BEFORE, BEFORE_DPS.len())
+                * weight(after_dps, STILL_AFTER, AFTER_DPS.len())
+                * has_fast)
+                .ln(),
             before: rate(before_dps, tau, motions.run_s, false),
             after: rate(after_dps, tau, motions.after_s, true),
             fast: fast.clone(),

@@ -19,6 +19,9 @@ pub struct Fit {
     pub fitted_to: FittedTo,
     /// Whether the model describes the trials within their noise.
     pub is_described: bool,
+    /// Names of the parameters in which the fit has not reached its minimum, so that their intervals do not hold.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub short_of_minimum: Vec<String>,
     /// Mean temperature of the sensor in the trials, °C.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature_c: Option<f64>,
@@ -97,6 +100,7 @@ impl Fit {
             closure: if closure("lumped") { Closure::Lumped } else { Closure::Full },
             fitted_to: if has_model_error { FittedTo::Robot } else { FittedTo::Simulation },
             is_described: true,
+            short_of_minimum: Vec::new(),
             temperature_c: None,
             degrees_of_freedom: f64::INFINITY,
             covariance: (0..count).map(|i| (0..count).map(|j| diagonal(i, j)).collect()).collect(),
@@ -218,6 +222,7 @@ mod tests {
             closure: Closure::Full,
             fitted_to: FittedTo::Robot,
             is_described: true,
+            short_of_minimum: Vec::new(),
             temperature_c: Some(21.37),
             degrees_of_freedom: 7.25,
             covariance: vec![vec![4e-4, -1.7e-3], vec![-1.7e-3, 0.09]],

@@ -139,7 +139,13 @@ fn fit(
     let robot = problem.robot(problem.start, problem.moved());
     let model_error = ModelError::of(&robot);
     let spread = Spread::of(&problem, &errors, &model_error)?;
-    warnings.extend(spread.left_to_go(&parameters));
+    let short_of_minimum = spread.short_of_minimum(&parameters);
+    if !short_of_minimum.is_empty() {
+        warnings.push(format!(
+            "the fit has not reached its minimum in {}: fit again with --robot from the robot file that it writes",
+            short_of_minimum.join(", ")
+        ));
+    }
     let estimates = estimates(&problem, &start, &spread);
     let correlations = correlations(&spread.covariance);
     let eigenvalues = correlations.clone().symmetric_eigenvalues();
@@ -175,6 +181,7 @@ fn fit(
         findings,
         warnings,
         notes: phase::unknown(&trials, &start, &parameters).into_iter().chain(wide).collect(),
+        short_of_minimum,
         robot,
     })
 }
@@ -227,16 +234,10 @@ impl Spread {
         self.covariance[(i, i)].max(0.0).sqrt()
     }
 
-    /// Returns a warning about parameters that have not reached the minimum.
-    fn left_to_go(&self, parameters: &[Parameter]) -> Option<String> {
+    /// Returns the names of the parameters that have not reached the minimum.
+    fn short_of_minimum(&self, parameters: &[Parameter]) -> Vec<&'static str> {
         let is_short = |i: &usize| self.next_step[*i].abs() > LEFT_TO_GO * self.deviation(*i);
-        let short: Vec<_> = (0..parameters.len()).filter(is_short).map(|i| parameters[i].name()).collect();
-        (!short.is_empty()).then(|| {
-            format!(
-                "the fit has not reached its minimum in {}: fit again with --robot from the robot file that it writes",
-                short.join(", ")
-            )
-        })
+        (0..parameters.len()).filter(is_short).map(|i| parameters[i].name()).collect()
     }
 }
 

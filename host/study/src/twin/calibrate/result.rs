@@ -95,6 +95,9 @@ pub struct Calibration {
     pub warnings: Vec<String>,
     /// Notes for the user.
     pub notes: Vec<String>,
+    /// Names of the parameters in which the fit has not reached its minimum.
+    #[serde(skip)]
+    pub short_of_minimum: Vec<&'static str>,
     /// The fitted robot.
     #[serde(skip)]
     pub robot: Robot,
@@ -118,6 +121,7 @@ impl Calibration {
             closure: self.closure,
             fitted_to: if is_real { FittedTo::Robot } else { FittedTo::Simulation },
             is_described: self.misfits.is_empty(),
+            short_of_minimum: self.short_of_minimum.iter().map(|name| (*name).to_owned()).collect(),
             temperature_c: Some(self.temperature_c),
             degrees_of_freedom: self.degrees_of_freedom,
             covariance: self.covariance.clone(),
