@@ -25,18 +25,11 @@ pub(super) struct ErrorCauses {
 }
 
 impl SteadyPair {
-    /// Returns the steady angles of each trial; for runs of different lengths, means over the end of the shorter one.
+    /// Returns the steady angles of each trial: means over the end of the run, of the shorter one if they differ. The means of
+    /// a model over both motor angles would differ from those of a measurement by a part of a beat.
     pub fn new(pair: &Pair, aligned: &Aligned) -> Self {
         let Pair { measured, modelled } = pair;
         let Range { start, end } = measured.steady.window;
-        if aligned.lengths_s.is_none() {
-            let from_s = measured.zeroed.run.start;
-            return Self {
-                window: start - from_s..end - from_s,
-                measured_deg: measured.steady.angles_deg,
-                modelled_deg: modelled.steady.angles_deg,
-            };
-        }
         let common_s = aligned.common_s;
         let window = common_s - (end - start).min(common_s)..common_s;
         let mean = |side: &Side, shift_s: f64| {
