@@ -6,22 +6,11 @@ use sim::contact::bundling::Bundling;
 use sim::contact::history::BundlingChange;
 use sim::params::Robot;
 use sim::periodic::Kind;
+use sim::periodic::phases::Method;
 use sim::rod::spin::LEAST_SPIN_DRAG;
 use sim::steady::Level;
 use sim::trial::Summary;
 use std::borrow::Cow;
-
-/// How the model computes the steady state of a trial.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
-#[serde(rename_all = "lowercase")]
-pub enum Method {
-    /// By the trial itself.
-    #[default]
-    Trial,
-    /// By [`sim::periodic`]: the log has one period of the motion that repeats or, where none was found, the last window that was
-    /// simulated.
-    Steady,
-}
 
 /// The model that computed a trial.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
@@ -29,7 +18,8 @@ pub enum Method {
 pub struct ModelMeta {
     /// The closure: how the flagella act on the base.
     pub closure: Closure,
-    /// Method.
+    /// Method. With [`Method::Steady`] the log has one period of the motion that repeats or, where none was found, the last
+    /// window that was simulated.
     pub method: Method,
     /// Samples per second.
     pub rate_hz: f64,
@@ -136,13 +126,10 @@ pub struct SteadyMeta {
     /// Mean roll.
     pub roll_deg: f64,
     /// Standard error of the mean yaw; `None` if it is unknown: in a run shorter than 24 s, and in logs of older versions.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub yaw_se_deg: Option<f64>,
     /// The same for the mean pitch.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub pitch_se_deg: Option<f64>,
     /// The same for the mean roll.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub roll_se_deg: Option<f64>,
     /// Length of the end of the run from which the means are taken.
     pub window_s: f64,
@@ -155,15 +142,12 @@ pub struct SteadyMeta {
     /// The same for flagellum 2.
     pub force2_n: [f64; 3],
     /// Standard errors of `force1_n`; as `yaw_se_deg`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub force1_se_n: Option<[f64; 3]>,
     /// The same of `force2_n`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub force2_se_n: Option<[f64; 3]>,
     /// Mean reaction torques on the base about the shafts.
     pub axial_torque_nm: [f64; 2],
     /// Their standard errors.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub axial_torque_se_nm: Option<[f64; 2]>,
     /// Smallest distance between the flagella's surfaces in the log; negative if they overlap.
     pub min_gap_m: f64,

@@ -33,6 +33,8 @@
 
 mod modes;
 mod period;
+pub mod phases;
+pub mod quantities;
 mod shooting;
 mod slow;
 
