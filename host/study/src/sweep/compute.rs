@@ -29,7 +29,7 @@ pub struct Steady {
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
 pub enum Outcome {
     /// It was computed.
-    Ok(Steady),
+    Ok(Box<Steady>),
     /// It cannot be computed, for this reason.
     Failed(String),
 }
@@ -63,7 +63,7 @@ impl Outcome {
     pub fn of(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Option<Self> {
         let caught = catch_unwind(AssertUnwindSafe(|| compute(point, plan, goes_on)));
         match caught {
-            Ok(Ok(steady)) => steady.map(Self::Ok),
+            Ok(Ok(steady)) => steady.map(|steady| Self::Ok(Box::new(steady))),
             Ok(Err(reason)) => Some(Self::failed(&reason)),
             Err(panic) => {
                 let text = panic.downcast_ref::<String>().map(String::as_str);
