@@ -85,7 +85,7 @@ pub struct Summary {
     /// Steps taken.
     pub steps: u64,
     /// Sweeps of all accepted steps.
-    pub newton_iterations: u64,
+    pub sweeps: u64,
     /// Largest estimated error of a step, m.
     pub step_error_m: f64,
 }
@@ -322,7 +322,7 @@ impl Trial {
             first_contact_s: totals.first_contact,
             bundling: totals.bundling,
             steps: totals.steps,
-            newton_iterations: totals.sweeps,
+            sweeps: totals.sweeps,
             step_error_m: totals.error,
         }
     }
@@ -495,7 +495,7 @@ impl Trial {
             max_penetration_m: overlap(progress.gap),
             bundling,
             winding_turns,
-            newton_iterations: progress.sweeps,
+            sweeps: progress.sweeps,
             shapes_m: self.options.shapes.then(|| lines.map(|line| line.into_iter().map(plain).collect())),
         };
         // Several samples may fall into one step: each has at least that step's gap.

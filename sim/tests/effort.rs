@@ -37,7 +37,7 @@ fn counts(robot: &Robot, rpm: [f64; 2]) -> Counts {
     let profile = SpeedProfile::constant(rpm, RUN_S).expect("a profile");
     let mut trial = Trial::new(robot, Closure::Full, profile, Options::default()).expect("parameters");
     let summary = trial.finish().expect("a run");
-    [summary.steps as f64, summary.newton_iterations as f64, trial.solver().inverses_used() as f64]
+    [summary.steps as f64, summary.sweeps as f64, trial.solver().inverses_used() as f64]
 }
 
 fn parse(line: &str) -> (String, Counts) {

@@ -159,7 +159,7 @@ pub struct SteadyMeta {
     pub bundling_changes: Vec<BundlingChange>,
     /// Fraction of the run with contact.
     pub contact_share: f64,
-    /// Number of solver iterations for the log.
+    /// Number of sweeps of the solver for the log.
     pub newton_iterations: u64,
     /// Simulated time, that of the search included.
     pub simulated_s: f64,
@@ -198,7 +198,7 @@ impl SteadyMeta {
             bundling: summary.bundling,
             bundling_changes,
             contact_share: summary.contact_share,
-            newton_iterations: summary.newton_iterations,
+            newton_iterations: summary.sweeps,
             simulated_s: summary.simulated_s,
             kind: None,
         }

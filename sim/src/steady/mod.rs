@@ -20,14 +20,14 @@
 //! The slow mode of a pair of flagella decays in 10 to 18 s; some modes of two flagella that do not touch need minutes.
 
 pub mod series;
+mod window;
+
+pub use window::{WINDOW, whole_turns};
 
 use serde::{Deserialize, Serialize};
 use series::Cell;
 use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
-
-/// Longest window, s.
-pub const WINDOW: f64 = 12.0;
 
 /// Longest stretch that means over both motor angles are taken from, s.
 pub const STRETCH: f64 = 300.0;
@@ -47,6 +47,9 @@ pub const FREE: Limits = Limits { angle: 0.1 * PI / 180.0, thrust: 0.01 };
 /// Limits of one in which they do.
 pub const TOUCHING: Limits = Limits { angle: 0.3 * PI / 180.0, thrust: 0.03 };
 
+/// Share of a run's length that is rounding.
+const ROUNDING: f64 = 1e-6;
+
 /// Thrusts below this, N, are none.
 const NO_THRUST: f64 = 1e-5;
 
@@ -59,15 +62,9 @@ const LONGEST_CELL: f64 = 0.25;
 /// Length of the blocks that time the settling, s, about.
 const BLOCK: f64 = 2.0;
 
-/// Shortest window, as a share of the longest: a shorter window would average over too few values.
-const SHORTEST: f64 = 0.6;
-
 /// An angle is near its final value within this, degrees, or within this share of the value.
 const NEAR_DEG: f64 = 1.0;
 const NEAR_SHARE: f64 = 0.05;
-
-/// Fraction of a revolution of the slower motor by which the window may miss a whole number.
-const WHOLE: f64 = 1e-6;
 
 /// Number of quantities: yaw, pitch, roll (rad), force of flagellum 1 and 2 on the base (N,
 /// body axes), reaction torques about the shafts (N m).
@@ -111,32 +108,6 @@ pub fn settled_within_deg(final_deg: f64) -> f64 {
 /// Returns whether an angle is near its final value, both rad.
 fn is_near(angle: f64, last: f64) -> bool {
     (angle - last).to_degrees().abs() <= settled_within_deg(last.to_degrees())
-}
-
-/// Returns the length of the steady window, s, for motors at these speeds in a run of `run_s`.
-///
-/// The length is a whole number of revolutions of the faster motor, between 60 % and 100 % of [`WINDOW`], or of the run
-/// if that is shorter. Among these lengths it is the one at which the slower motor is nearest to a whole number of
-/// revolutions; among equally good ones, the longest. A motor that makes no full revolution in that time is ignored. If
-/// both are ignored, the length is [`WINDOW`] or the run.
-pub fn whole_turns(speeds_rad_s: [f64; 2], run_s: f64) -> f64 {
-    let longest = WINDOW.min(run_s);
-    let mut periods: Vec<f64> = speeds_rad_s.iter().filter(|s| s.abs() > 1e-6).map(|s| TAU / s.abs()).collect();
-    periods.sort_by(f64::total_cmp);
-    let Some(&fast) = periods.first().filter(|p| **p <= longest) else {
-        return longest;
-    };
-    let Some(&slow) = periods.get(1).filter(|p| **p <= longest) else {
-        return fast * (longest / fast + 1e-9).floor();
-    };
-    let mismatch = |length: f64| (length / slow - (length / slow).round()).abs();
-    let most = (longest / fast + 1e-9).floor() as usize;
-    let least = ((SHORTEST * longest / fast).ceil() as usize).clamp(1, most);
-    (least..=most)
-        .rev()
-        .map(|turns| turns as f64 * fast)
-        .min_by(|a, b| (mismatch(*a) - WHOLE).max(0.0).total_cmp(&(mismatch(*b) - WHOLE).max(0.0)))
-        .unwrap_or(longest)
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -283,7 +254,7 @@ impl SteadyCollector {
         let first = self.cells.partition_point(|cell| cell.time < from);
         let cells: Vec<Cell> = self.cells.range(first..).copied().collect();
         // Two windows, but for the rounding of their length.
-        let is_long = end - self.from >= 2.0 * WINDOW * (1.0 - WHOLE);
+        let is_long = end - self.from >= 2.0 * WINDOW * (1.0 - ROUNDING);
         let Some(means) = is_long.then(|| series::means(&cells, self.cell, self.speeds)).flatten() else {
             return Steady { settled: false, ..self.window() };
         };
@@ -356,17 +327,6 @@ impl Steady {
 mod tests {
     use super::*;
     use std::f64::consts::PI;
-
-    #[test]
-    fn windows_hold_whole_revolutions_of_both_motors() {
-        let rad = |rpm: f64| rpm * PI / 30.0;
-        for (rpm, window) in [([90.0, 90.0], 12.0), ([50.0, 10.0], 12.0), ([0.0, 45.0], 12.0), ([-70.0, 30.0], 12.0)] {
-            assert!((whole_turns(rpm.map(rad), 120.0) - window).abs() < 1e-6, "{rpm:?}");
-        }
-        let odd = whole_turns([rad(37.0), rad(53.0)], 120.0);
-        assert!(odd > 7.0 && odd <= 12.0);
-        assert_eq!(whole_turns([0.0, 0.0], 5.0), 5.0);
-    }
 
     #[test]
     fn a_run_without_a_duration_ends() {
