@@ -7,6 +7,9 @@ use crate::attitude::student_95;
 use crate::trial::{Budget, Causes};
 use std::ops::Range;
 
+/// Largest difference of the lengths of two windows that are the same, s.
+const SAME_WINDOW_S: f64 = 1.0;
+
 /// Steady yaw, pitch and roll of both trials: means over the same time.
 pub(super) struct SteadyPair {
     /// That time, from the start of the run, s.
@@ -25,18 +28,31 @@ pub(super) struct ErrorCauses {
 }
 
 impl SteadyPair {
-    /// Returns the steady angles of each trial: means over the end of the run, of the shorter one if they differ. The means of
-    /// a model over both motor angles would differ from those of a measurement by a part of a beat.
+    /// Returns the steady angles of each trial, as every command states them. For runs of different lengths they are means over
+    /// the end of the shorter one. The angles of a model beside a measurement are means over the same window: its means over
+    /// both motor angles would differ by a part of a beat.
     pub fn new(pair: &Pair, aligned: &Aligned) -> Self {
         let Pair { measured, modelled } = pair;
         let Range { start, end } = measured.steady.window;
         let common_s = aligned.common_s;
-        let window = common_s - (end - start).min(common_s)..common_s;
-        let mean = |side: &Side, shift_s: f64| {
+        let is_same_run = aligned.lengths_s.is_none();
+        let window = if is_same_run {
+            start - measured.zeroed.run.start..end - measured.zeroed.run.start
+        } else {
+            common_s - (end - start).min(common_s)..common_s
+        };
+        let other = &modelled.steady.window;
+        let is_same_window = is_same_run && ((other.end - other.start) - (end - start)).abs() < SAME_WINDOW_S;
+        let of = |side: &Side, is_own: bool, shift_s: f64| {
+            if is_own {
+                return side.steady.angles_deg;
+            }
             let over = side.on_clock(&(window.start - shift_s..window.end - shift_s));
             side.zeroed.angles_deg.tracks().map(|track| track.mean(over.clone()).unwrap_or_default())
         };
-        Self { measured_deg: mean(measured, 0.0), modelled_deg: mean(modelled, aligned.shift_s), window }
+        let measured_deg = of(measured, is_same_run, 0.0);
+        let modelled_deg = of(modelled, is_same_window, aligned.shift_s);
+        Self { measured_deg, modelled_deg, window }
     }
 
     /// Returns the modelled minus the measured angles.
