@@ -1,10 +1,12 @@
 //! The application, seen from the host.
 
+mod bridge;
 mod calibration;
 mod link;
 #[path = "../robot/mod.rs"]
 mod robot;
 mod trial;
+mod unequal;
 
 use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
 use firmware::app::Start;
