@@ -2,8 +2,9 @@
 //!
 //! The watchdog interrupts at its first time-out, which stops the motors, records where the program hung, and restarts it by
 //! a jump. If the program hangs with interrupts off, the second time-out resets the chip, which makes all pins inputs: the
-//! motors are off in any case after two time-outs. After that reset the old bootloader of some Nanos hangs; the board then
-//! needs its button or its plug, with the motors off.
+//! motors are off in any case after two time-outs. That reset leaves the watchdog on, and the old bootloader of some Nanos
+//! does not turn it off: it is reset again and again, with the motors off, until the board has no power. The button does not
+//! help, because the flag that keeps the watchdog on survives it.
 
 use core::arch::global_asm;
 use core::mem::MaybeUninit;
