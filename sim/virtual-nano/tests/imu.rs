@@ -1,7 +1,7 @@
 //! The sensor as the real program reads it: recordings arrive unchanged, clones are named, and every fault at every byte
 //! of every transaction is noticed, reported, and got over or latched.
 
-use crate::common::{Host, TICK_BUDGET};
+use crate::common::{Host, TICK, TICK_BUDGET};
 use protocol::units::{AccelRange, SensorCounts};
 use protocol::{Command, Fault, Settings};
 use std::path::Path;
@@ -208,9 +208,17 @@ fn bus_errors_in_a_row_halve_the_speed_until_the_next_start() {
     const KHZ_400: u8 = 12;
     const KHZ_200: u8 = 32;
     let mut host = Host::ready(BoardOptions::default());
+    // Each tick's frame is there before the next tick reads the sensor.
+    let next_frame = |host: &mut Host| {
+        let frames = host.telemetry.len();
+        while host.telemetry.len() == frames {
+            host.run_until(host.board.cycle() + TICK / 50);
+        }
+    };
+    next_frame(&mut host);
     for (errors, twbr) in [(1, KHZ_400), (2, KHZ_400), (3, KHZ_400), (4, KHZ_200), (5, KHZ_200)] {
         host.board.change_imu(|imu| imu.inject(ImuFault::Stuck { at: At::byte(5), clocks: Some(3) }));
-        host.run_ms(5);
+        next_frame(&mut host);
         assert_eq!((host.last().imu_errors.0, host.board.peek(TWBR)), (errors, twbr));
     }
     host.telemetry.clear();
