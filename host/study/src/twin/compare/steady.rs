@@ -7,9 +7,6 @@ use crate::attitude::student_95;
 use crate::trial::{Budget, Causes};
 use std::ops::Range;
 
-/// Largest difference of the lengths of two windows that are the same, s.
-const SAME_WINDOW_S: f64 = 1.0;
-
 /// Steady yaw, pitch and roll of both trials: means over the same time.
 pub(super) struct SteadyPair {
     /// That time, from the start of the run, s.
@@ -41,8 +38,7 @@ impl SteadyPair {
         } else {
             common_s - (end - start).min(common_s)..common_s
         };
-        let other = &modelled.steady.window;
-        let is_same_window = is_same_run && ((other.end - other.start) - (end - start)).abs() < SAME_WINDOW_S;
+        let is_same_kind = measured.data.is_model() == modelled.data.is_model();
         let of = |side: &Side, is_own: bool, shift_s: f64| {
             if is_own {
                 return side.steady.angles_deg;
@@ -51,7 +47,7 @@ impl SteadyPair {
             side.zeroed.angles_deg.tracks().map(|track| track.mean(over.clone()).unwrap_or_default())
         };
         let measured_deg = of(measured, is_same_run, 0.0);
-        let modelled_deg = of(modelled, is_same_window, aligned.shift_s);
+        let modelled_deg = of(modelled, is_same_run && is_same_kind, aligned.shift_s);
         Self { measured_deg, modelled_deg, window }
     }
 
