@@ -91,13 +91,13 @@ impl Rig {
             body([0, 1, 2].map(|k| own[k] + left[k]))
         };
         let begun_s = powered.time_s();
+        let mut before_s = start_s;
         let (mut before, mut sums, mut forces) = (body(start_s), Vector3::zeros(), Vec::new());
         let (mut calibrated, mut truth) = (Vector3::zeros(), Vec::new());
         collector.event(0.0, Kind::Phase, "calibrate");
         for tick in 0..ticks {
             // The motion is in true time, the log in the board's.
-            let before_s = start_s + powered.time_s() - begun_s;
-            let time_s = before_s + powered.tick_s();
+            let time_s = start_s + (powered.time_s() + powered.tick_s() - begun_s);
             let clock_s = (tick + 1) as f64 * TICK_S;
             let now = body(time_s);
             let Reading { rate_dps, force_g, temperature_c } = powered.read(before, now);
@@ -120,8 +120,9 @@ impl Rig {
             if (-5.0..0.0).contains(&time_s) {
                 forces.push(force_g);
             }
+            let ended_s = std::mem::replace(&mut before_s, time_s);
             for (name, from) in [("run", 0.0), ("decay", run_s)] {
-                if before_s < from && from <= time_s {
+                if ended_s < from && from <= time_s {
                     collector.event(clock_s, Kind::Phase, name);
                 }
             }

@@ -6,7 +6,6 @@
 mod drift;
 mod level;
 mod rest;
-mod rotations;
 mod series;
 mod smoother;
 mod still;
@@ -15,7 +14,6 @@ mod track;
 
 pub use drift::{Drift, Rest};
 pub use level::{Level, Leveller, RestForce};
-pub use rotations::ROTATIONS;
 pub use series::Series;
 pub use sim::body::attitude::tilt_deg;
 pub use smoother::WARMING_DPS_PER_C;

@@ -1,7 +1,6 @@
 //! The attitude over a trial, with the data for estimating the drift of its yaw.
 
-use super::rotations::Rotations;
-use super::{Columns, Euler, ROTATIONS, Reading, Track, Unwrap, rotation};
+use super::{Columns, Euler, Reading, Track, Unwrap, rotation};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::ops::Range;
 
@@ -25,7 +24,6 @@ pub struct Series {
     unwrap: Unwrap,
     last: Option<UnitQuaternion<f64>>,
     turned: Vector3<f64>,
-    rotations: Rotations,
 }
 
 impl Series {
@@ -38,7 +36,6 @@ impl Series {
     pub fn push(&mut self, time_s: f64, reading: &Reading) {
         let attitude = rotation(reading.attitude);
         let passed_s = self.angles_deg.time_s.last().map_or(0.0, |before| (time_s - before).max(0.0));
-        self.rotations.push(time_s, attitude);
         let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&attitude);
         self.angles_deg.push(time_s, [self.unwrap.next(yaw_deg), pitch_deg, roll_deg]);
         self.temperature_c.push(time_s, [reading.temperature_c]);
@@ -74,11 +71,6 @@ impl Series {
     /// Returns the temperature of the sensor, °C.
     pub fn temperature(&self) -> Track<'_> {
         self.temperature_c.track(0)
-    }
-
-    /// Returns the integrals by which errors of the gyroscope become errors of the yaw: see [`ROTATIONS`].
-    pub fn rotations(&self) -> &Columns<ROTATIONS> {
-        &self.rotations.columns
     }
 
     /// Returns whether the board's filter estimates the gyroscope's bias.

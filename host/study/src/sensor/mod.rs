@@ -28,6 +28,7 @@ pub use reading::RawReading;
 pub use still::{AxisNoise, StillError, StillResult, StillWatch};
 pub use turn::{TurnError, TurnPlan, TurnResult, TurnStep, TurnWatch};
 
+use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// A quantity and its standard uncertainty.
@@ -111,5 +112,10 @@ impl Sensor {
             mounting_deg: [Estimate::within(MOUNTING_DEG); 3],
             bias_walk_dps_per_root_s: [BIAS_WALK; 3],
         }
+    }
+
+    /// Returns the known rotation from the body's to the sensor's axes.
+    pub fn mounting(&self) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_scaled_axis(Vector3::from(self.mounting_deg.map(|angle| angle.value.to_radians())))
     }
 }

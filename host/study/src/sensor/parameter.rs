@@ -1,6 +1,7 @@
 //! The errors of a sensor as one list, in the order of all sensitivities.
 
 use super::{Estimate, Sensor};
+use nalgebra::{Matrix3, Vector3};
 use std::ops::Range;
 
 /// Errors of one kind.
@@ -44,6 +45,32 @@ impl Sensor {
         .concat();
         std::array::from_fn(|i| all[i])
     }
+
+    /// Returns, in the same order, what the known values add to readings, as shares of what is read: of a scale of 1 + s that
+    /// is s/(1 + s). The mounting is left out: attitudes are turned by it as a whole.
+    pub fn shares_of_readings(&self) -> [f64; PARAMETERS] {
+        let matrix = |rows: &[[Estimate; 3]; 3]| Matrix3::from_fn(|i, j| rows[i][j].value);
+        let inverse = |scale: &[Estimate; 3], cross: &[[Estimate; 3]; 3]| {
+            let errors = Matrix3::from_diagonal(&scale.map(|scale| scale.value).into()) + matrix(cross);
+            // A working sensor reads about what there is.
+            (Matrix3::identity() + errors).try_inverse().unwrap_or_else(Matrix3::identity)
+        };
+        let (gyro, accel) =
+            (inverse(&self.gyro_scale, &self.gyro_cross), inverse(&self.accel_scale, &self.accel_cross));
+        let gravity = gyro * matrix(&self.gyro_g_dps);
+        let drift = accel * Vector3::from(self.accel_drift_g_per_c.map(|drift| drift.value));
+        let mut shares = [0.0; PARAMETERS];
+        for i in 0..3 {
+            (shares[i], shares[21 + i], shares[33 + i]) = (1.0 - gyro[(i, i)], 1.0 - accel[(i, i)], drift[i]);
+            for j in 0..3 {
+                shares[12 + 3 * i + j] = gravity[(i, j)];
+                if i != j {
+                    (shares[3 + 3 * i + j], shares[24 + 3 * i + j]) = (-gyro[(i, j)], -accel[(i, j)]);
+                }
+            }
+        }
+        shares
+    }
 }
 
 #[cfg(test)]
@@ -58,5 +85,32 @@ mod tests {
         let parameters = Sensor::of_data_sheet().parameters();
         let known: Vec<usize> = (0..PARAMETERS).filter(|i| parameters[*i].u == 0.0).collect();
         assert_eq!(known, [3, 7, 11, 24, 28, 32], "the diagonals of the cross-axis matrices");
+    }
+
+    /// A part at the limits of its data sheet that was measured exactly: what is read, less its shares, is what there is.
+    #[test]
+    fn shares_of_readings_are_what_the_errors_add() {
+        let exactly = |value: f64| Estimate { value, u: 0.0 };
+        let cross = |sign: f64| {
+            std::array::from_fn(|i| std::array::from_fn(|j| exactly(if i == j { 0.0 } else { sign * 0.02 })))
+        };
+        let sensor = Sensor {
+            gyro_scale: [0.03, -0.03, 0.03].map(exactly),
+            gyro_cross: cross(1.0),
+            gyro_g_dps: [[exactly(0.1); 3]; 3],
+            accel_scale: [0.03, 0.03, -0.03].map(exactly),
+            accel_cross: cross(-1.0),
+            ..Sensor::of_data_sheet()
+        };
+        let (rate, force) = (Vector3::new(5.0, -20.0, 60.0), Vector3::new(0.3, -0.2, 0.9));
+        let matrix = |values: [f64; PARAMETERS], diagonal: usize, others: usize| {
+            Matrix3::from_fn(|i, j| if i == j { values[diagonal + i] } else { values[others + 3 * i + j] })
+        };
+        let (errors, shares) = (sensor.parameters().map(|error| error.value), sensor.shares_of_readings());
+        let read = rate + matrix(errors, 0, 3) * rate + Matrix3::from_row_slice(&errors[12..21]) * force;
+        let of_gravity = Matrix3::from_row_slice(&shares[12..21]) * force;
+        assert!((read - matrix(shares, 0, 3) * read - of_gravity - rate).amax() < 1e-12);
+        let read = force + matrix(errors, 21, 24) * force;
+        assert!((read - matrix(shares, 21, 24) * read - force).amax() < 1e-12);
     }
 }

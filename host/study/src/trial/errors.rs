@@ -4,10 +4,10 @@ use super::budget::{Budget, CommonTo, Term};
 use super::causes::{Causes, OverTime, SENSOR_ERRORS};
 use super::clock::{self, ClockRate};
 use super::data::Data;
-use super::sensitivity::Stated;
+use super::sensitivity::{Sensitivities, Sensitivity, tilts_by_bias};
 use super::tilt_zero::TiltZero;
-use crate::attitude::{Columns, Drift, ROTATIONS, Series, WARMING_DPS_PER_C};
-use crate::sensor::{Estimate, GROUPS, PARAMETERS};
+use crate::attitude::{Columns, Drift, Track, WARMING_DPS_PER_C};
+use crate::sensor::{GROUPS, PARAMETERS};
 use nalgebra::DMatrix;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
@@ -26,12 +26,14 @@ pub(super) struct Errors {
     pub drift: Option<Drift>,
     /// `None` without a still phase.
     pub tilt_zero: Option<TiltZero>,
-    rotations: Columns<ROTATIONS>,
-    at_zero: [f64; ROTATIONS],
+    sensitivities: Sensitivities,
     temperature_c: Columns<1>,
     zero_c: f64,
     filter_s: f64,
-    parameters: [Estimate; PARAMETERS],
+    /// Standard uncertainty of each error of the sensor.
+    parameters_u: [f64; PARAMETERS],
+    /// See [`crate::sensor::Sensor::shares_of_readings`].
+    shares: [f64; PARAMETERS],
     /// Random walk of the gyroscope's bias, °/s/√s.
     bias_walk: [f64; 3],
     from_s: f64,
@@ -48,63 +50,49 @@ struct Effects {
 }
 
 impl Errors {
-    /// Collects what is known. The angles are zero around `from_s`.
+    /// Collects what is known. The angles are zero at `from_s`.
     pub fn new(
         data: &Data,
-        series: &Series,
+        sensitivities: Sensitivities,
+        temperature_c: Track,
         from_s: f64,
         filter_s: f64,
         drift: Option<Drift>,
         tilt_zero: Option<TiltZero>,
     ) -> Self {
-        let (temperature_c, sensor) = (series.temperature(), data.sensor());
+        let sensor = data.sensor();
         Self {
             drift,
             tilt_zero,
-            rotations: series.rotations().clone(),
-            at_zero: series.rotations().at(from_s),
+            sensitivities: sensitivities.with_zero_at(from_s),
             temperature_c: Columns { time_s: temperature_c.time_s.to_vec(), values: [temperature_c.value.to_vec()] },
-            zero_c: temperature_c.mean(from_s - AROUND_S..from_s + AROUND_S).unwrap_or_default(),
+            zero_c: zero_c(temperature_c, from_s),
             filter_s,
-            parameters: sensor.parameters(),
+            parameters_u: sensor.parameters().map(|parameter| parameter.u),
+            shares: sensor.shares_of_readings(),
             bias_walk: sensor.bias_walk_dps_per_root_s,
             from_s,
             clock: clock::rate(data.records.clock.as_ref(), data.duration_s),
         }
     }
 
-    fn stated(&self, angles: &Columns<3>, over: &Range<f64>) -> Stated {
-        let middle = self.rotations.at(0.5 * (over.start + over.end));
-        let (first, last) = (self.rotations.at(over.start), self.rotations.at(over.end));
-        let length = (over.end - over.start).max(f64::MIN_POSITIVE);
-        Stated {
-            rotations: std::array::from_fn(|i| middle[i] - self.at_zero[i]),
-            tilt_deg: [1, 2].map(|k| angles.track(k).mean(over.clone()).unwrap_or_default()),
-            rates_dps: [18, 19, 20].map(|i| (last[i] - first[i]) / length),
-            warming_c: self.temperature_c.track(0).mean(over.clone()).unwrap_or_default() - self.zero_c,
-            filter_s: self.filter_s,
-        }
-    }
-
     /// Returns the times around a moment, within the trial.
     fn around(&self, time_s: f64) -> Range<f64> {
-        let span = self.rotations.span();
+        let span = self.sensitivities.span();
         (time_s - AROUND_S).max(span.start)..(time_s + AROUND_S).min(span.end)
     }
 
     /// Subtracts the known errors of the sensor and of the clock from yaw, pitch and roll.
     pub fn correct(&self, angles: &mut Columns<3>) {
-        let known = self.parameters.map(|parameter| parameter.value);
-        if self.clock.error.value == 0.0 && known.iter().all(|value| *value == 0.0) {
+        let clock = self.clock.error.value;
+        if clock == 0.0 && self.shares.iter().all(|share| *share == 0.0) {
             return;
         }
         let mut wrong = Columns::<3>::default();
-        for time in &self.rotations.time_s {
-            // The effect of the rates on the tilt is an upper bound: it is not corrected.
-            let stated = Stated { rates_dps: [0.0; 3], ..self.stated(angles, &self.around(*time)) };
-            let mut row = stated.sensitivity().map(|of| of.iter().zip(known).map(|(s, value)| s * value).sum::<f64>());
-            row[0] += stated.rotation_deg() * self.clock.error.value;
-            wrong.push(*time, row);
+        for (row, time) in self.sensitivities.times_s().iter().enumerate() {
+            let sum = |of: [f64; SENSOR_ERRORS]| of.iter().zip(&self.shares).map(|(of, share)| of * share).sum::<f64>();
+            let [yaw, pitch, roll] = self.sensitivities.at(row);
+            wrong.push(*time, [sum(yaw) + yaw[PARAMETERS] * clock, sum(pitch), sum(roll)]);
         }
         for (k, column) in angles.values.iter_mut().enumerate() {
             let track = wrong.track(k);
@@ -115,35 +103,33 @@ impl Errors {
     }
 
     /// Returns the causes of uncertainty of the yaw at a time; `None` if the drift is unknown.
-    pub fn yaw(&self, angles: &Columns<3>, time_s: f64) -> Option<Budget> {
+    pub fn yaw(&self, time_s: f64) -> Option<Budget> {
         let own = self.drift_terms(time_s)?;
-        let stated = self.stated(angles, &self.around(time_s));
-        let clock = self.clock_term(stated.rotation_deg() * self.clock.error.u);
-        let clock = Term { sensitivity: Some(stated.rotation_deg().abs()), ..clock };
-        let [of_yaw, ..] = stated.sensitivity();
+        let [of_yaw, ..] = self.sensitivities.mean(&self.around(time_s));
+        let rotation_deg = of_yaw[PARAMETERS].abs();
+        let clock = Term { sensitivity: Some(rotation_deg), ..self.clock_term(rotation_deg * self.clock.error.u) };
         Some(Budget::new(own.into_iter().chain(self.of_sensor(&of_yaw)).chain([clock])))
     }
 
     /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time; `None` if their zero is unknown.
     pub fn tilts(&self, angles: &Columns<3>, over: &Range<f64>) -> Option<[Budget; 3]> {
         let zero = self.tilt_zero.as_ref()?;
-        let stated = self.stated(angles, over);
-        let [_, of_pitch, of_roll] = stated.sensitivity();
-        let middle_s = 0.5 * (over.start + over.end);
-        Some([PITCH, ROLL, tilt_gradient(stated.tilt_deg)].map(|gradient| {
+        let [_, of_pitch, of_roll] = self.sensitivities.mean(over);
+        Some([PITCH, ROLL, tilt_gradient(mean_tilt_deg(angles, over))].map(|gradient| {
             let own = zero.terms(gradient, over.end - over.start);
             let sensitivity = std::array::from_fn(|i| gradient[0] * of_pitch[i] + gradient[1] * of_roll[i]);
-            let bias = self.bias_term(&stated, middle_s, gradient);
+            let bias = self.bias_term(angles, over, gradient);
             Budget::new(own.into_iter().chain([bias]).chain(self.of_sensor(&sensitivity)))
         }))
     }
 
     /// Returns the uncertainty of pitch, roll or tilt due to the bias's change since the zero. `gradient`: the derivatives
     /// of the angle by pitch and roll.
-    fn bias_term(&self, stated: &Stated, time_s: f64, gradient: [f64; 2]) -> Term {
-        let walked = (time_s - self.from_s).abs().sqrt();
-        let bias_dps = self.bias_walk.map(|walk| (walk * walked).hypot(WARMING_DPS_PER_C * stated.warming_c));
-        let [of_pitch, of_roll] = stated.tilts_by_bias();
+    fn bias_term(&self, angles: &Columns<3>, over: &Range<f64>, gradient: [f64; 2]) -> Term {
+        let walked = (0.5 * (over.start + over.end) - self.from_s).abs().sqrt();
+        let warming_c = self.temperature_c.track(0).mean(over.clone()).unwrap_or_default() - self.zero_c;
+        let bias_dps = self.bias_walk.map(|walk| (walk * walked).hypot(WARMING_DPS_PER_C * warming_c));
+        let [of_pitch, of_roll] = tilts_by_bias(mean_tilt_deg(angles, over), self.filter_s);
         let by_axis = |i: usize| (gradient[0] * of_pitch[i] + gradient[1] * of_roll[i]) * bias_dps[i];
         Term::of_trial("gyroscope bias", [0, 1, 2].map(by_axis).into_iter().fold(0.0, f64::hypot), f64::INFINITY)
     }
@@ -151,32 +137,33 @@ impl Errors {
     /// Returns the causes of uncertainty of mean yaw, pitch and roll over a time, with the sign of each error of the sensor.
     pub fn causes(&self, angles: &Columns<3>, over: &Range<f64>) -> [Option<Causes>; 3] {
         let middle_s = 0.5 * (over.start + over.end);
-        let Effects { common: [of_yaw, ..], measured_clock } = self.effects(angles, &self.around(middle_s));
-        let Effects { common: [_, of_pitch, of_roll], .. } = self.effects(angles, over);
+        let Effects { common: [of_yaw, ..], measured_clock } = self.effects(&self.around(middle_s));
+        let Effects { common: [_, of_pitch, of_roll], .. } = self.effects(over);
         let yaw = self.drift_terms(middle_s).map(|own| {
             let clock = (measured_clock != 0.0).then(|| self.clock_term(measured_clock));
             Causes { own: own.into_iter().chain(clock).collect(), effects_deg: of_yaw }
         });
         let tilt = |gradient: [f64; 2], effects_deg: Vec<f64>| {
             let own = self.tilt_zero.as_ref()?.terms(gradient, over.end - over.start);
-            let bias = self.bias_term(&self.stated(angles, over), middle_s, gradient);
+            let bias = self.bias_term(angles, over, gradient);
             Some(Causes { own: own.into_iter().chain([bias]).collect(), effects_deg })
         };
         [yaw, tilt(PITCH, of_pitch), tilt(ROLL, of_roll)]
     }
 
-    /// Returns the uncertainty of yaw, pitch and roll over times; `None` without a still phase or a known bias.
-    pub fn over_time(&self, angles: &Columns<3>, times: &[f64]) -> Option<[OverTime; 3]> {
+    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of a length around times; `None` without a still phase
+    /// or a known bias.
+    pub fn over_time(&self, angles: &Columns<3>, times: &[f64], block_s: f64) -> Option<[OverTime; 3]> {
         let (drift, zero) = (self.drift.as_ref()?.covariance(times)?, self.tilt_zero.as_ref()?);
         let constant = |tilt: usize| DMatrix::from_element(times.len(), times.len(), zero.variance(tilt));
         let mut own = [drift, constant(0), constant(1)];
-        let effects: Vec<_> = times.iter().map(|time| self.effects(angles, &self.around(*time))).collect();
-        let of_trial = |time: &f64, effects: &Effects| {
-            let stated = self.stated(angles, &self.around(*time));
-            let [pitch, roll] = [PITCH, ROLL].map(|gradient| self.bias_term(&stated, *time, gradient).u_deg);
+        let blocks: Vec<_> = times.iter().map(|time| time - 0.5 * block_s..time + 0.5 * block_s).collect();
+        let effects: Vec<_> = blocks.iter().map(|block| self.effects(block)).collect();
+        let of_trial = |(block, effects): (&Range<f64>, &Effects)| {
+            let [pitch, roll] = [PITCH, ROLL].map(|gradient| self.bias_term(angles, block, gradient).u_deg);
             [effects.measured_clock, pitch, roll]
         };
-        let wholly: Vec<_> = times.iter().zip(&effects).map(|(time, effects)| of_trial(time, effects)).collect();
+        let wholly: Vec<_> = blocks.iter().zip(&effects).map(of_trial).collect();
         for (angle, own) in own.iter_mut().enumerate() {
             for i in 0..times.len() {
                 for j in 0..times.len() {
@@ -193,15 +180,14 @@ impl Errors {
         Some([each.next()?, each.next()?, each.next()?])
     }
 
-    fn effects(&self, angles: &Columns<3>, over: &Range<f64>) -> Effects {
-        let stated = self.stated(angles, over);
-        let clock = stated.rotation_deg() * self.clock.error.u;
-        let [common_clock, measured_clock] = if self.clock.is_measured { [0.0, clock] } else { [clock, 0.0] };
-        let sensitivity = stated.sensitivity();
-        let common = std::array::from_fn(|angle| {
-            let each = sensitivity[angle].iter().zip(&self.parameters).map(|(s, parameter)| s * parameter.u);
-            each.chain([if angle == 0 { common_clock } else { 0.0 }]).collect()
+    fn effects(&self, over: &Range<f64>) -> Effects {
+        let of: Sensitivity = self.sensitivities.mean(over);
+        let clock_u = if self.clock.is_measured { 0.0 } else { self.clock.error.u };
+        let common = [0, 1, 2].map(|angle| {
+            let each = of[angle].iter().zip(&self.parameters_u).map(|(of, u)| of * u);
+            each.chain([of[angle][PARAMETERS] * clock_u]).collect()
         });
+        let measured_clock = if self.clock.is_measured { of[0][PARAMETERS] * self.clock.error.u } else { 0.0 };
         Effects { common, measured_clock }
     }
 
@@ -218,12 +204,22 @@ impl Errors {
     }
 
     /// Returns the causes in the sensor; `sensitivity`: the derivative of the angle by each of its errors.
-    fn of_sensor(&self, sensitivity: &[f64; PARAMETERS]) -> impl Iterator<Item = Term> {
+    fn of_sensor(&self, sensitivity: &[f64; SENSOR_ERRORS]) -> impl Iterator<Item = Term> {
         GROUPS.iter().map(move |group| {
-            let each = group.range.clone().map(|i| (sensitivity[i], self.parameters[i].u));
+            let each = group.range.clone().map(|i| (sensitivity[i], self.parameters_u[i]));
             Term::of_sensor(group.name, each)
         })
     }
+}
+
+/// Returns the temperature at which the angles are zero, °C.
+pub(super) fn zero_c(temperature_c: Track, from_s: f64) -> f64 {
+    temperature_c.mean(from_s - AROUND_S..from_s + AROUND_S).unwrap_or_default()
+}
+
+/// Returns mean pitch and roll over a time, degrees.
+fn mean_tilt_deg(angles: &Columns<3>, over: &Range<f64>) -> [f64; 2] {
+    [1, 2].map(|k| angles.track(k).mean(over.clone()).unwrap_or_default())
 }
 
 /// Returns the derivatives of the tilt ([`crate::attitude::tilt_deg`]) by pitch and roll.

@@ -10,10 +10,11 @@ use super::angles::{Angles, Steady};
 use super::budget::Budget;
 use super::causes::{Causes, OverTime};
 use super::data::Data;
-use super::errors::Errors;
+use super::errors::{self, Errors};
 use super::finding::Finding;
 use super::rest::{self, START_S};
 use super::righting::Righting;
+use super::sensitivity::Sensitivities;
 use super::tilt_zero::{TiltZero, end_of};
 use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, rotation, tilt_deg};
 use biflag_log::SteadyMeta;
@@ -138,7 +139,13 @@ impl Zeroed {
         let rest = rest::findings(data, &series, &phases, has_still, drift.as_ref());
         let levelled_away = level_of(data).map_or([0.0; 2], |level| level.angles_deg());
         let turned_deg = series.turned_deg();
-        let errors = Errors::new(data, &series, from_s, filter_s, drift, tilt_zero);
+        let mut sensitivities = Sensitivities::new(filter_s, data.sensor().mounting());
+        let zero_c = errors::zero_c(series.temperature(), from_s);
+        for (time, reading) in &readings {
+            let attitude = rotation(reading.attitude) * askew.inverse();
+            sensitivities.push(*time, attitude, reading.temperature_c - zero_c);
+        }
+        let errors = Errors::new(data, sensitivities, series.temperature(), from_s, filter_s, drift, tilt_zero);
         let mut angles_deg = series.angles_deg;
         let [yaw, ..] = &mut angles_deg.values;
         for (time, yaw) in angles_deg.time_s.iter().zip(yaw) {
@@ -252,7 +259,7 @@ impl Zeroed {
     /// Returns the causes of uncertainty of the yaw at a time; empty for a model, `None` without a still phase or a known
     /// bias, and where a finding takes it away.
     pub fn yaw_budget(&self, time_s: f64) -> Option<Budget> {
-        self.budget(|errors| errors.yaw(&self.angles_deg, time_s))
+        self.budget(|errors| errors.yaw(time_s))
     }
 
     /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time; as [`Self::yaw_budget`].
@@ -290,11 +297,12 @@ impl Zeroed {
         }
     }
 
-    /// Returns the uncertainty of yaw, pitch and roll over times; exact for a model, `None` as for [`Self::yaw_budget`].
-    pub(crate) fn over_time(&self, times: &[f64]) -> Option<[OverTime; 3]> {
+    /// Returns the uncertainty of mean yaw, pitch and roll over blocks of a length around times; exact for a model, `None` as
+    /// for [`Self::yaw_budget`].
+    pub(crate) fn over_time(&self, times: &[f64], block_s: f64) -> Option<[OverTime; 3]> {
         match &self.errors {
             _ if self.is_unsure => None,
-            Some(errors) => errors.over_time(&self.angles_deg, times),
+            Some(errors) => errors.over_time(&self.angles_deg, times, block_s),
             None => Some(std::array::from_fn(|_| OverTime::exact(times.len()))),
         }
     }
@@ -316,17 +324,22 @@ fn levelled(data: &Data) -> Vec<(f64, Reading)> {
     let settings = data.settings();
     let delay_s = settings.map_or(0.0, |settings| LOW_PASS[usize::from(settings.low_pass).min(LOW_PASS.len() - 1)].1);
     let mut readings = data.readings[data.calibrated..].to_vec();
-    if let Some(level) = level_of(data) {
-        let begun = data.phases.iter().find(|(name, _)| name == "run").map(|(_, start)| *start);
-        let run_s = begun.or(data.times.has_run().then_some(data.times.run.start)).unwrap_or(f64::INFINITY);
-        let mut leveller = Leveller::new(&level, settings.unwrap_or_default().attitude_kp.into());
-        for (time, reading) in &mut readings {
-            let attitude = rotation(reading.attitude);
-            // At rest the bias has passed the filter.
-            let is_moving = *time > run_s - 1e-6;
-            let q = if is_moving { leveller.levelled(attitude, *time) } else { level.levelled(attitude) };
-            reading.attitude = [q.w, q.i, q.j, q.k];
-        }
+    // What is known of the mounting turns as the body does; the filter follows none of it.
+    let mounting = data.sensor().mounting();
+    let level = level_of(data).map(|level| level.turned(mounting));
+    let begun = data.phases.iter().find(|(name, _)| name == "run").map(|(_, start)| *start);
+    let run_s = begun.or(data.times.has_run().then_some(data.times.run.start)).unwrap_or(f64::INFINITY);
+    let mut leveller = level.map(|level| Leveller::new(&level, settings.unwrap_or_default().attitude_kp.into()));
+    for (time, reading) in &mut readings {
+        let attitude = rotation(reading.attitude) * mounting.inverse();
+        // At rest the bias has passed the filter.
+        let is_moving = *time > run_s - 1e-6;
+        let q = match (&mut leveller, &level) {
+            (Some(leveller), _) if is_moving => leveller.levelled(attitude, *time),
+            (_, Some(level)) => level.levelled(attitude),
+            _ => attitude,
+        };
+        reading.attitude = [q.w, q.i, q.j, q.k];
     }
     // The sensor's filter delays the attitude; the encoders have no delay.
     readings.iter_mut().for_each(|(time, _)| *time -= delay_s);

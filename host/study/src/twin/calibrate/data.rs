@@ -84,7 +84,7 @@ impl FitTrial {
         };
         let findings = findings(data, &zeroed);
         let centres: Vec<f64> = (0..count).map(middle).collect();
-        let errors = match zeroed.over_time(&centres) {
+        let errors = match zeroed.over_time(&centres, BLOCK_S) {
             Some(errors) => errors,
             // The fit leaves the trial out, and says why: see [`super::select`].
             None if findings.iter().any(Finding::empties_uncertainty) => {

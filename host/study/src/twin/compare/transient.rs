@@ -85,8 +85,8 @@ impl Blocks {
         };
         let (one, other) = (&pair.measured.zeroed, &pair.modelled.zeroed);
         let over_time = |shift_s: f64| {
-            let one = one.over_time(&times(one.run.start, 0.0))?;
-            Some((one, other.over_time(&times(other.run.start, shift_s))?))
+            let one = one.over_time(&times(one.run.start, 0.0), length_s)?;
+            Some((one, other.over_time(&times(other.run.start, shift_s), length_s)?))
         };
         let is_same = pair.is_of_one_sensor();
         let shorter = BLOCK_S / length_s;
