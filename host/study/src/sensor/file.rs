@@ -4,7 +4,7 @@
 //! Uncertainties are standard uncertainties; those from few repeats are enlarged, so that 1.96 of them contain 95 %
 //! ([`expanded`](super::least_squares::expanded)).
 
-use super::{Estimate, Sensor};
+use super::{AxesError, Estimate, Sensor};
 use crate::plan::PlanError;
 use crate::plan::source::{Exactly, FileKind, Source, number};
 use biflag_log::atomic_file;
@@ -283,7 +283,27 @@ impl MeasuredSensor {
                 put("accel_cross", &pair, &mut prior.accel_cross[i][j]);
             }
         }
+        prior.axes = self.axes_error();
         prior
+    }
+
+    fn axes_error(&self) -> AxesError {
+        let mut error = AxesError::default();
+        let sheet = self.prior();
+        for (k, u) in error.u.iter_mut().enumerate() {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            let [one, other] = [(i, j), (j, i)].map(|(i, j)| self.get("accel_cross", &pair(i, j)));
+            // Only poses measure both as one.
+            let Some(one) = one.filter(|one| Some(*one) == other) else { continue };
+            *u = one.u;
+            for (i, j) in [(i, j), (j, i)] {
+                // A turn weighs what it measures with the data sheet, which takes this part of the uncertainty away.
+                let measured = self.get("gyro_cross", &pair(i, j));
+                error.of_gyro[i][j] =
+                    measured.map_or(0.0, |measured| (1.0 - (measured.u / sheet.gyro_cross[i][j].u).powi(2)).max(0.0));
+            }
+        }
+        error
     }
 
     /// Returns the data sheet in the axes of this sensor. Poses say that the sensor is mounted so that the cross-axis terms of

@@ -69,6 +69,18 @@ pub struct Sensor {
     pub mounting_deg: [Estimate; 3],
     /// Random walk of the gyroscope's bias about each axis that stands for its flicker, too.
     pub bias_walk_dps_per_root_s: [f64; 3],
+    /// What poses do not tell of the accelerometer's axes.
+    pub axes: AxesError,
+}
+
+/// The error of what poses tell of the accelerometer's axes. `accel_cross[i][j]` and `accel_cross[j][i]` are one measured
+/// value ([`poses`]), and turns measure the axes of the gyroscope relative to these: all of them have this error in common.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct AxesError {
+    /// Standard uncertainty of the pair y and z, z and x, x and y; zero where it was not measured.
+    pub u: [f64; 3],
+    /// `[i][j]`: error of `gyro_cross[i][j]` for an error of one of the pair. Zero for i = j.
+    pub of_gyro: [[f64; 3]; 3],
 }
 
 /// Limits of the MPU-6000/6050's data sheet (PS-MPU-6000A, revision 3.4).
@@ -111,6 +123,7 @@ impl Sensor {
             accel_drift_g_per_c: data_sheet::ACCEL_DRIFT_G_PER_C.map(Estimate::within),
             mounting_deg: [Estimate::within(MOUNTING_DEG); 3],
             bias_walk_dps_per_root_s: [BIAS_WALK; 3],
+            axes: AxesError::default(),
         }
     }
 

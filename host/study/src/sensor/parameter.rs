@@ -1,7 +1,7 @@
 //! The errors of a sensor as one list, in the order of all sensitivities.
 
 use super::{Estimate, Sensor};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::ops::Range;
 
 /// Errors of one kind.
@@ -46,7 +46,25 @@ impl Sensor {
         std::array::from_fn(|i| all[i])
     }
 
-    /// Returns, in the same order, what the known values add to readings, as shares of what is read: of a scale of 1 + s that
+    /// Returns a matrix R of which R Rᵀ is the covariance of all errors: its columns are independent errors of variance 1, its
+    /// rows what they give each of [`Self::parameters`].
+    pub fn independent_errors(&self) -> DMatrix<f64> {
+        let mut root = DMatrix::from_diagonal(&DVector::from_iterator(PARAMETERS, self.parameters().map(|one| one.u)));
+        for (k, u) in self.axes.u.into_iter().enumerate().filter(|(_, u)| *u > 0.0) {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            let [gyro, accel] = [3, 24].map(|first| [first + 3 * i + j, first + 3 * j + i]);
+            let common = accel[0];
+            root[(accel[1], accel[1])] = 0.0;
+            root[(accel[1], common)] = u;
+            for (row, share) in gyro.into_iter().zip([self.axes.of_gyro[i][j], self.axes.of_gyro[j][i]]) {
+                root[(row, common)] = share * u;
+                root[(row, row)] = (root[(row, row)].powi(2) - (share * u).powi(2)).max(0.0).sqrt();
+            }
+        }
+        root
+    }
+
+    /// Returns, in the order of [`GROUPS`], what the known values add to readings, as shares of what is read: of a scale of 1 + s that
     /// is s/(1 + s). The mounting is left out: attitudes are turned by it as a whole.
     pub fn shares_of_readings(&self) -> [f64; PARAMETERS] {
         let matrix = |rows: &[[Estimate; 3]; 3]| Matrix3::from_fn(|i, j| rows[i][j].value);
@@ -75,6 +93,7 @@ impl Sensor {
 
 #[cfg(test)]
 mod tests {
+    use super::super::AxesError;
     use super::*;
 
     #[test]
@@ -85,6 +104,27 @@ mod tests {
         let parameters = Sensor::of_data_sheet().parameters();
         let known: Vec<usize> = (0..PARAMETERS).filter(|i| parameters[*i].u == 0.0).collect();
         assert_eq!(known, [3, 7, 11, 24, 28, 32], "the diagonals of the cross-axis matrices");
+    }
+
+    #[test]
+    fn errors_that_are_one_are_not_added_in_squares() {
+        let sheet = Sensor::of_data_sheet();
+        let u = sheet.parameters().map(|one| one.u);
+        assert_eq!(sheet.independent_errors().diagonal().as_slice(), u);
+        let mut of_gyro = [[0.0; 3]; 3];
+        (of_gyro[0][1], of_gyro[1][0]) = (0.9, 0.8);
+        let mut measured = Sensor { axes: AxesError { u: [0.0, 0.0, 0.005], of_gyro }, ..sheet };
+        (measured.accel_cross[0][1].u, measured.accel_cross[1][0].u) = (0.005, 0.005);
+        let root = measured.independent_errors();
+        let covariance = &root * root.transpose();
+        for (i, one) in measured.parameters().into_iter().enumerate() {
+            assert!((covariance[(i, i)].sqrt() - one.u).abs() < 1e-15, "{i}");
+        }
+        // What x reads of y, and y of x, in both sensors.
+        let expected = [(25, 27, 1.0), (25, 4, 0.9), (27, 6, 0.8), (4, 6, 0.72), (25, 26, 0.0)];
+        for (i, j, share) in expected {
+            assert!((covariance[(i, j)] - share * 0.005f64.powi(2)).abs() < 1e-15, "{i}, {j}");
+        }
     }
 
     /// A part at the limits of its data sheet that was measured exactly: what is read, less its shares, is what there is.

@@ -8,7 +8,7 @@ use super::sensitivity::{Sensitivities, Sensitivity, tilts_by_bias};
 use super::tilt_zero::TiltZero;
 use crate::attitude::{Columns, Drift, Track, WARMING_DPS_PER_C};
 use crate::sensor::{GROUPS, PARAMETERS};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, RowDVector};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
@@ -30,8 +30,8 @@ pub(super) struct Errors {
     temperature_c: Columns<1>,
     zero_c: f64,
     filter_s: f64,
-    /// Standard uncertainty of each error of the sensor.
-    parameters_u: [f64; PARAMETERS],
+    /// See [`crate::sensor::Sensor::independent_errors`].
+    independent: DMatrix<f64>,
     /// See [`crate::sensor::Sensor::shares_of_readings`].
     shares: [f64; PARAMETERS],
     /// Random walk of the gyroscope's bias, °/s/√s.
@@ -68,7 +68,7 @@ impl Errors {
             temperature_c: Columns { time_s: temperature_c.time_s.to_vec(), values: [temperature_c.value.to_vec()] },
             zero_c: zero_c(temperature_c, from_s),
             filter_s,
-            parameters_u: sensor.parameters().map(|parameter| parameter.u),
+            independent: sensor.independent_errors(),
             shares: sensor.shares_of_readings(),
             bias_walk: sensor.bias_walk_dps_per_root_s,
             from_s,
@@ -183,10 +183,8 @@ impl Errors {
     fn effects(&self, over: &Range<f64>) -> Effects {
         let of: Sensitivity = self.sensitivities.mean(over);
         let clock_u = if self.clock.is_measured { 0.0 } else { self.clock.error.u };
-        let common = [0, 1, 2].map(|angle| {
-            let each = of[angle].iter().zip(&self.parameters_u).map(|(of, u)| of * u);
-            each.chain([of[angle][PARAMETERS] * clock_u]).collect()
-        });
+        let common = [0, 1, 2]
+            .map(|angle| self.of_each(&of[angle]).iter().copied().chain([of[angle][PARAMETERS] * clock_u]).collect());
         let measured_clock = if self.clock.is_measured { of[0][PARAMETERS] * self.clock.error.u } else { 0.0 };
         Effects { common, measured_clock }
     }
@@ -203,11 +201,18 @@ impl Errors {
         Term { common_to, ..Term::of_sensor("clock", std::iter::once((u_deg, 1.0))) }
     }
 
+    /// Returns what each independent error of the sensor gives an angle, degrees.
+    fn of_each(&self, sensitivity: &[f64; SENSOR_ERRORS]) -> RowDVector<f64> {
+        RowDVector::from_row_slice(&sensitivity[..PARAMETERS]) * &self.independent
+    }
+
     /// Returns the causes in the sensor; `sensitivity`: the derivative of the angle by each of its errors.
     fn of_sensor(&self, sensitivity: &[f64; SENSOR_ERRORS]) -> impl Iterator<Item = Term> {
+        let each = self.of_each(sensitivity);
         GROUPS.iter().map(move |group| {
-            let each = group.range.clone().map(|i| (sensitivity[i], self.parameters_u[i]));
-            Term::of_sensor(group.name, each)
+            let of_group = group.range.clone().map(|i| (each[i], 1.0));
+            let sensitivity = sensitivity[group.range.clone()].iter().copied().fold(0.0, f64::hypot);
+            Term { sensitivity: Some(sensitivity), ..Term::of_sensor(group.name, of_group) }
         })
     }
 }
