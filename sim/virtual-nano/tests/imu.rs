@@ -3,7 +3,7 @@
 
 use crate::common::{Host, TICK, TICK_BUDGET};
 use protocol::units::{AccelRange, SensorCounts};
-use protocol::{Command, Fault, Settings};
+use protocol::{Command, Fault, Settings, Telemetry};
 use std::path::Path;
 use virtual_nano::BoardOptions;
 use virtual_nano::imu::fault::{At, Fault as ImuFault};
@@ -182,7 +182,7 @@ fn another_id_in_mid_run_changes_nothing_until_the_next_start() {
 fn the_angle_does_not_depend_on_the_sensors_oscillator() {
     const DPS: f64 = 30.0;
     for error in [-0.01, 0.0, 0.01] {
-        let source = Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: DPS, start_s: 0.5 }, 3);
+        let source = Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: DPS, swing_hz: 0.0, start_s: 0.5 }, 3);
         let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
         host.board.change_imu(|imu| imu.set_oscillator_error(error));
         host.run_linked_ms(1000);
@@ -198,6 +198,34 @@ fn the_angle_does_not_depend_on_the_sensors_oscillator() {
         println!("oscillator {:+} %: {turned:.3} of {expected:.3} deg", 100.0 * error);
         assert!((turned - expected).abs() < 0.1, "{error}: {turned} of {expected}");
         assert_eq!((host.last().imu_errors.0, host.fault()), (0, Fault::None));
+    }
+}
+
+/// As often as samples would be read twice, or never, if the sensor took 200 in a second.
+#[test]
+fn a_swing_of_the_sensor_is_no_turn() {
+    let frame_deg = |frame: &Telemetry| {
+        let [w, x, y, z] = frame.attitude.to_f64();
+        (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)).to_degrees()
+    };
+    // The last is the worst that the age of a sample, up to 1 ms, can do.
+    for (error, swing_hz, most_deg) in
+        [(-0.0075, 1.5, 0.05), (0.0075, 1.5, 0.05), (-0.01, 2.0, 0.05), (-0.0015, 1.5, 0.2)]
+    {
+        let table = Turntable { up: [0.0, 0.0, 1.0], dps: 30.0, swing_hz, start_s: 0.5 };
+        let mut host = Host::ready(BoardOptions { source: Source::turntable(table, 3), ..BoardOptions::default() });
+        host.board.change_imu(|imu| imu.set_oscillator_error(error));
+        host.run_linked_ms(1000);
+        host.telemetry.clear();
+        host.run_linked_ms(12_000);
+        let whole = host.telemetry.len() / 2400 * 2400;
+        let half = whole / 2;
+        let mean = |frames: &[(u64, Telemetry)]| {
+            frames.iter().map(|(_, frame)| frame_deg(frame)).sum::<f64>() / frames.len() as f64
+        };
+        let turned = mean(&host.telemetry[half..whole]) - mean(&host.telemetry[..half]);
+        println!("oscillator {:+} %, swing of {swing_hz} Hz: {turned:.3} deg in 6 s", 100.0 * error);
+        assert!(turned.abs() < most_deg, "{error}: {turned} deg");
     }
 }
 
