@@ -6,6 +6,7 @@
 //! the phase in which this holds is the longest one whose residuals are as small as the noise.
 
 use super::Track;
+use crate::statistics::variance_ratio;
 use nalgebra::{Matrix2, Vector2};
 use std::ops::Range;
 
@@ -59,10 +60,19 @@ impl Noise {
 
     /// Returns the angle random walk, °/√s, and its degrees of freedom. It is at least that of the data sheet.
     pub fn angle_walk(&self) -> (f64, f64) {
-        let each = self.0.iter().filter(|(_, freedom)| *freedom > 0.0);
-        let all = each.map(|(squares, freedom)| ((squares / freedom).sqrt(), *freedom));
-        let (walk, freedom) = all.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 1.0));
+        let (walk, freedom) = self.each().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 1.0));
         (walk.max(ANGLE_WALK), freedom)
+    }
+
+    /// Returns whether the rates scatter by more than an angle random walk explains in 99 of 100 phases.
+    pub fn exceeds(&self, (known, known_with): (f64, f64)) -> bool {
+        self.each().any(|(walk, freedom)| (walk / known).powi(2) > variance_ratio(0.99, freedom, known_with))
+    }
+
+    /// Returns the angle random walk by the scatter over each length of blocks, and its degrees of freedom.
+    fn each(&self) -> impl Iterator<Item = (f64, f64)> {
+        let known = self.0.iter().filter(|(_, freedom)| *freedom > 0.0);
+        known.map(|(squares, freedom)| ((squares / freedom).sqrt(), *freedom))
     }
 }
 
@@ -85,10 +95,9 @@ fn blocks(yaw: Track, range: &Range<f64>, shortest_s: f64, least: usize) -> Opti
 }
 
 /// Returns the longest part at the end of `range` in which the robot is still, or in which one exponential describes its
-/// return to rest.
-pub(super) fn after_run(yaw: Track, range: Range<f64>, noise: &Noise) -> Option<Range<f64>> {
+/// return to rest. `walk`: angle random walk, °/√s.
+pub(super) fn after_run(yaw: Track, range: Range<f64>, walk: f64) -> Option<Range<f64>> {
     let end = range.end.min(yaw.span().end);
-    let (walk, _) = noise.angle_walk();
     let is_quiet = |part: &Range<f64>| {
         let (squares, freedom) = scatter(yaw, part, BLOCK_S)?;
         Some((squares / freedom).sqrt() < QUIET * walk)

@@ -5,19 +5,21 @@
 //! - a constant bias;
 //! - its change with the sensor's temperature, proportional to the warming in the log;
 //! - a random walk, as increments between knots of time;
-//! - the robot's return to rest before the run, and the one after it: A exp(-t/τ) each;
+//! - the robot's return to rest before the run, and the one after it: A exp(-t/τ) each, and a faster one after the run;
 //! - a share of the rates at which the tilt returns to rest, which takes the yaw along and which the axis reads besides;
 //! - white noise, of variance N²/L over a stretch of length L, where N is the angle random walk.
 //!
 //! The result is linear in the observed rates (Gaussian process regression: Rasmussen and Williams, Gaussian Processes for
 //! Machine Learning, 2006, eq. 2.25 and 2.26). The time constant τ and the sizes of both motions are not known: every
-//! combination of a list is weighted by the evidence that the rates give for it (eq. 2.30), and the results are mixed.
+//! combination of a list is weighted by the evidence that the rates give for it (eq. 2.30) and by what the robot's parameters
+//! say of τ, and the results are mixed.
 //! So a return to rest that hides in the noise adds to the uncertainty what it may hide, and ten seconds of rest help by
 //! ten seconds' worth.
 
 use super::Track;
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector};
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// Standard deviation of the constant bias after the calibration, °/s.
@@ -35,8 +37,20 @@ const MOST_KNOTS: f64 = 100.0;
 const TIME_CONSTANTS_S: [f64; 7] = [1.5, 2.7, 5.0, 9.0, 16.0, 28.0, 50.0];
 const MOST_TIME_CONSTANTS: usize = 60;
 
+/// Standard deviation of the logarithm of a robot's time constant about that of its parameters, which are not fitted yet, and
+/// the probability that the parameters are those of another robot.
+const ROBOT_WITHIN: f64 = 0.5;
+const OTHER_ROBOT: f64 = 0.2;
+
 /// Standard deviations of the rate of a return to rest that are tried, °/s: at the start of the run, and after it.
 const MOTIONS_DPS: [f64; 4] = [0.0, 0.01, 0.1, 1.0];
+
+/// The faster motion after a run: its time constant, relative to that of the return to rest, and the standard deviation of its
+/// rate when the motors stop, °/s. Soft flagella spring back before they follow the tether: in the model, a run at 90 and 90
+/// rpm ends with 64 °/s, of which three quarters are gone every two seconds, until the slow return of 6.3 s remains. A fit of
+/// one exponential takes what is left of it for a bias.
+const FAST: f64 = 0.25;
+const FAST_DPS: f64 = 60.0;
 
 /// Prior weight of no motion, before the run and after it. Before it, the recorder has waited until the robot was still.
 const STILL_BEFORE: f64 = 0.99;
@@ -68,8 +82,24 @@ pub(super) struct Stretch {
 pub(super) struct Motions {
     /// Start of the run: the end of the first return to rest, s.
     pub run_s: f64,
+    /// End of the run, s.
+    pub stop_s: f64,
     /// Start of the rest after the run, s.
     pub after_s: f64,
+    /// Their time constant by the robot's parameters, s; `None` if it is not known.
+    pub time_constant_s: Option<f64>,
+}
+
+impl Motions {
+    /// Returns the prior density of the logarithm of a time constant, not normalised: even, or about that of the robot.
+    fn density(&self, tau: f64) -> f64 {
+        let even = 1.0 / (TIME_CONSTANTS_S[TIME_CONSTANTS_S.len() - 1] / TIME_CONSTANTS_S[0]).ln();
+        let near = |robot_s: f64| {
+            let off = (tau / robot_s).ln() / ROBOT_WITHIN;
+            (-0.5 * off * off).exp() / (ROBOT_WITHIN * TAU.sqrt())
+        };
+        self.time_constant_s.map_or(even, |robot_s| OTHER_ROBOT * even + (1.0 - OTHER_ROBOT) * near(robot_s))
+    }
 }
 
 /// The rotation due to the bias, and its covariance, at each time of a grid. Zero at the reference time.
@@ -222,6 +252,8 @@ struct Tried {
     before_dps: f64,
     run_s: f64,
     after: Vec<f64>,
+    /// Rate of the faster motion after the run.
+    fast: Vec<f64>,
 }
 
 /// Returns the combinations of sizes for one time constant.
@@ -231,7 +263,7 @@ fn motions_tried(stretches: &[Stretch], motions: &Motions, tau: f64) -> Vec<Trie
         let is_seen = stretches.iter().any(|stretch| is_after(stretch) == after);
         &MOTIONS_DPS[..if is_seen { MOTIONS_DPS.len() } else { 1 }]
     };
-    let rate = |dps: f64, zero_s: f64, after: bool| {
+    let rate = |dps: f64, tau: f64, zero_s: f64, after: bool| {
         let mean = |stretch: &Stretch| {
             let Range { start, end } = stretch.range;
             let part = |t: f64| (-(t - zero_s) / tau).exp();
@@ -240,12 +272,14 @@ fn motions_tried(stretches: &[Stretch], motions: &Motions, tau: f64) -> Vec<Trie
         stretches.iter().map(mean).collect::<Vec<_>>()
     };
     let weight = |dps: f64, still: f64| if dps == 0.0 { still } else { (1.0 - still) / (MOTIONS_DPS.len() - 1) as f64 };
+    let fast = rate(FAST_DPS, FAST * tau, motions.stop_s, true);
     let pairs = sizes(false).iter().flat_map(|before| sizes(true).iter().map(move |after| (*before, *after)));
     pairs
         .map(|(before_dps, after_dps)| Tried {
             log_prior: (weight(before_dps, STILL_BEFORE) * weight(after_dps, STILL_AFTER)).ln(),
-            before: rate(before_dps, motions.run_s, false),
-            after: rate(after_dps, motions.after_s, true),
+            before: rate(before_dps, tau, motions.run_s, false),
+            after: rate(after_dps, tau, motions.after_s, true),
+            fast: fast.clone(),
             time_constant_s: tau,
             before_dps,
             run_s: motions.run_s,
@@ -306,11 +340,10 @@ impl Given<'_> {
             all.extend(middles.into_iter().map(|tau| (tau, weigh(tau))));
             all.sort_by(|a, b| a.0.total_cmp(&b.0));
         }
-        // The prior is even in the logarithm of the time constant.
         let taus: Vec<f64> = all.iter().map(|(tau, _)| tau.ln()).collect();
         let width = |i: usize| 0.5 * (taus[(i + 1).min(taus.len() - 1)] - taus[i.saturating_sub(1)]);
         let widened = |(i, (_, weighed)): (usize, (f64, Weighed))| {
-            let more = width(i).ln();
+            let more = (width(i) * motions.density(taus[i].exp())).ln();
             weighed.into_iter().map(move |(weight, solved)| (weight + more, solved))
         };
         all.into_iter().enumerate().flat_map(widened).collect()
@@ -324,8 +357,8 @@ impl Given<'_> {
             column.iter_mut().zip(values).for_each(|(entry, value)| *entry = *value);
             column
         };
-        let (before, after) = (column(&tried.before), column(&tried.after));
-        own += &before * before.transpose() + &after * after.transpose();
+        let [before, after, fast] = [&tried.before, &tried.after, &tried.fast].map(column);
+        own += &before * before.transpose() + &after * after.transpose() + &fast * fast.transpose();
         let factored = Cholesky::new(own)?;
         let solved = factored.solve(&self.rates);
         let determinant: f64 = factored.l_dirty().diagonal().iter().map(|value| value.ln()).sum();

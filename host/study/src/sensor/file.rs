@@ -284,6 +284,7 @@ impl MeasuredSensor {
             }
         }
         prior.axes = self.axes_error();
+        prior.angle_walk_z_deg_per_root_s = self.get("angle_random_walk_deg_per_root_s", AXES[2]);
         prior
     }
 

@@ -69,6 +69,8 @@ pub struct Sensor {
     pub mounting_deg: [Estimate; 3],
     /// Random walk of the gyroscope's bias about each axis that stands for its flicker, too.
     pub bias_walk_dps_per_root_s: [f64; 3],
+    /// Angle random walk of the gyroscope about z, where it was measured.
+    pub angle_walk_z_deg_per_root_s: Option<Estimate>,
     /// What poses do not tell of the accelerometer's axes.
     pub axes: AxesError,
 }
@@ -123,8 +125,16 @@ impl Sensor {
             accel_drift_g_per_c: data_sheet::ACCEL_DRIFT_G_PER_C.map(Estimate::within),
             mounting_deg: [Estimate::within(MOUNTING_DEG); 3],
             bias_walk_dps_per_root_s: [BIAS_WALK; 3],
+            angle_walk_z_deg_per_root_s: None,
             axes: AxesError::default(),
         }
+    }
+
+    /// Returns the measured angle random walk about z, °/√s, and its degrees of freedom.
+    pub fn angle_walk(&self) -> Option<(f64, f64)> {
+        let Estimate { value, u } = self.angle_walk_z_deg_per_root_s.filter(|walk| walk.value > 0.0)?;
+        // A standard deviation with n degrees of freedom is known to 1/√(2 n) of itself.
+        Some((value, 0.5 * (value / u).powi(2)))
     }
 
     /// Returns the known rotation from the body's to the sensor's axes.

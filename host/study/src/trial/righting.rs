@@ -20,13 +20,12 @@ pub(super) struct Righting {
 }
 
 impl Righting {
-    /// Returns that of the robot in the log, or of the robot `physical` if the log has no valid one.
-    pub fn of(data: &Data) -> Self {
-        let of = |robot: &Robot| TimeConstants::of(robot).ok().map(|constants| constants.tilt_s);
-        let tilt_s = data.robot().ok().and_then(|robot| of(&robot)).or_else(|| of(&Robot::default()));
+    /// Returns that of a trial whose robot has these time constants.
+    pub fn of(data: &Data, constants: Option<TimeConstants>) -> Self {
         let waited = |rest: &RestMeta| Some([rest.waited_s, rest.tilt_dps?]);
         let waited = data.records.rest.as_ref().and_then(waited);
-        Self { time_constant_s: tilt_s.unwrap_or(LONGEST_S).min(LONGEST_S), waited }
+        let tilt_s = constants.map_or(LONGEST_S, |constants| constants.tilt_s);
+        Self { time_constant_s: tilt_s.min(LONGEST_S), waited }
     }
 
     /// Returns the standard deviation of the tilt that the wait may have left in the mean over `zero`, degrees; 0 without a
@@ -48,6 +47,12 @@ impl Righting {
         // between (GUM, 4.3.7). But a motion may go on by about as much as it has come.
         (left / 3f64.sqrt()).max(1.0)
     }
+}
+
+/// Returns the time constants of the robot in the log, or of the robot `physical` if the log has no valid one.
+pub(super) fn time_constants(data: &Data) -> Option<TimeConstants> {
+    let of = |robot: &Robot| TimeConstants::of(robot).ok();
+    data.robot().ok().and_then(|robot| of(&robot)).or_else(|| of(&Robot::default()))
 }
 
 fn middle(range: &Range<f64>) -> f64 {

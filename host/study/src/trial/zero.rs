@@ -13,7 +13,7 @@ use super::data::Data;
 use super::errors::{self, Errors};
 use super::finding::Finding;
 use super::rest::{self, START_S};
-use super::righting::Righting;
+use super::righting::{Righting, time_constants};
 use super::sensitivity::Sensitivities;
 use super::tilt_zero::{TiltZero, end_of};
 use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, rotation, tilt_deg};
@@ -130,16 +130,26 @@ impl Zeroed {
         let start = (mean_over.end - START_S).max(mean_over.start)..mean_over.end;
         let from_s = 0.5 * (start.start + start.end);
         let filter_s = data.settings().map_or(1.0, |settings| 1.0 / f64::from(settings.attitude_kp).max(MIN_GAIN));
-        let bias_walk_dps_per_root_s = data.sensor().bias_walk_dps_per_root_s;
-        let phases = Rest { before: still, after, calibrate_s, filter_s, bias_walk_dps_per_root_s };
+        let sensor = data.sensor();
+        let constants = time_constants(data);
+        let phases = Rest {
+            before: still,
+            after,
+            calibrate_s,
+            filter_s,
+            bias_walk_dps_per_root_s: sensor.bias_walk_dps_per_root_s,
+            angle_walk: sensor.angle_walk(),
+            time_constant_s: constants.map(|constants| constants.yaw_s).filter(|yaw_s| yaw_s.is_finite()),
+        };
         let drift = if data.times.has_run() { Drift::estimate(&series, &phases, from_s) } else { None };
         let yaw_zero = if data.times.has_run() { series.yaw().mean(start).unwrap_or(0.0) } else { 0.0 };
         let tilts = [series.pitch(), series.roll()];
-        let tilt_zero = if has_still { TiltZero::of(tilts, &settled, &tilt_over, Righting::of(data)) } else { None };
+        let tilt_zero =
+            if has_still { TiltZero::of(tilts, &settled, &tilt_over, Righting::of(data, constants)) } else { None };
         let rest = rest::findings(data, &series, &phases, has_still, drift.as_ref());
         let levelled_away = level_of(data).map_or([0.0; 2], |level| level.angles_deg());
         let turned_deg = series.turned_deg();
-        let mut sensitivities = Sensitivities::new(filter_s, data.sensor().mounting());
+        let mut sensitivities = Sensitivities::new(filter_s, sensor.mounting());
         let zero_c = errors::zero_c(series.temperature(), from_s);
         for (time, reading) in &readings {
             let attitude = rotation(reading.attitude) * askew.inverse();
