@@ -18,6 +18,9 @@
 //!   autocovariances (Geyer 1992, Stat. Sci. 7, 473), times the first diagonal entry of the inverse normal matrix; the
 //!   variance of the mean over the choices; half of what the approach has still to come, since nothing says that it ends as
 //!   it went on.
+//! - A slow beat, of which the stretch holds a part alone, looks like an approach: the mean is off by what is not seen of it.
+//!   A fit with the beat as a term gives the constant of the whole beat; its difference from the mean, and its own standard
+//!   error, are two more parts. It is not the mean itself, since it extrapolates.
 
 use super::CHANNELS;
 use nalgebra::{DMatrix, DVector};
@@ -28,6 +31,8 @@ use std::f64::consts::{PI, TAU};
 const ORDER: i32 = 3;
 /// Lines of the spectrum nearer than this, in turns over the stretch, are one.
 const RESOLVED: f64 = 0.8;
+/// A beat of fewer turns over the stretch is none: the motion is that of one starting phase.
+const SLOWEST_BEAT: f64 = 0.08;
 /// Data per fitted term, at least.
 const DATA_PER_TERM: f64 = 1.0;
 /// Time constants of an approach over the stretch, ...
@@ -72,11 +77,24 @@ pub struct Mean {
 pub fn means(cells: &[Cell], cell: f64, speeds: [f64; 2]) -> Option<[Mean; CHANNELS]> {
     let (first, last) = (cells.first()?, cells.last().filter(|_| cells.len() > 1)?);
     let length = last.time - first.time + cell;
-    let problem = Problem::new(cells, cell, speeds, first.time, length);
     let fastest = speeds[0].abs().max(speeds[1].abs());
     // A robot whose motors stand has no turns; its cells then count by themselves.
     let data = if fastest * length > TAU { fastest * length / PI } else { cells.len() as f64 };
-    Some(problem.mean_of(&problem.choices(data)))
+    let of = |slowest: f64| {
+        let problem = Problem::new(cells, cell, frequencies(speeds, cell, length, slowest), first.time, length);
+        problem.mean_of(&problem.choices(data))
+    };
+    let means = of(RESOLVED);
+    let has_slow_beat = frequencies(speeds, cell, length, SLOWEST_BEAT) != frequencies(speeds, cell, length, RESOLVED);
+    if !has_slow_beat {
+        return Some(means);
+    }
+    let others = of(SLOWEST_BEAT);
+    Some(std::array::from_fn(|k| {
+        let (mean, other) = (means[k], others[k]);
+        let squares = mean.standard_error.powi(2) + other.standard_error.powi(2) + (other.mean - mean.mean).powi(2);
+        Mean { standard_error: squares.sqrt(), ..mean }
+    }))
 }
 
 /// Which terms and which approaches a fit has.
@@ -155,8 +173,9 @@ impl Order {
 }
 
 impl Problem {
-    fn new(cells: &[Cell], cell: f64, speeds: [f64; 2], start: f64, length: f64) -> Self {
-        let (frequencies, orders) = frequencies(speeds, cell, length);
+    /// `terms`: as of [`frequencies`].
+    fn new(cells: &[Cell], cell: f64, terms: (Vec<f64>, Vec<usize>), start: f64, length: f64) -> Self {
+        let (frequencies, orders) = terms;
         let harmonics = 1 + 2 * frequencies.len();
         let taus: [f64; APPROACHES] = std::array::from_fn(|j| length * FASTEST * RATIO.powi(j as i32));
         let mut columns = DMatrix::zeros(cells.len(), harmonics + APPROACHES);
@@ -271,9 +290,9 @@ impl Problem {
 }
 
 /// Returns the frequencies of the terms, rad/s, by their order, and the number of columns up to each order. `cell` and
-/// `length`: of a cell and of the stretch, s.
-fn frequencies(speeds: [f64; 2], cell: f64, length: f64) -> (Vec<f64>, Vec<usize>) {
-    let apart = RESOLVED * TAU / length;
+/// `length`: of a cell and of the stretch, s; `slowest`: least frequency of a term, in turns over the stretch.
+fn frequencies(speeds: [f64; 2], cell: f64, length: f64, slowest: f64) -> (Vec<f64>, Vec<usize>) {
+    let (apart, slowest) = (RESOLVED * TAU / length, slowest * TAU / length);
     let mut found: Vec<f64> = Vec::new();
     let mut orders = vec![1];
     for order in 1..=ORDER {
@@ -285,7 +304,7 @@ fn frequencies(speeds: [f64; 2], cell: f64, length: f64) -> (Vec<f64>, Vec<usize
                 let frequency = (f64::from(m) * speeds[0] + f64::from(n) * speeds[1]).abs();
                 let is_new = found.iter().all(|other| (other - frequency).abs() > apart);
                 // Above half a turn in a cell little of a term is left in its means.
-                if frequency > apart && is_new && frequency * cell < 1.01 * PI {
+                if frequency > slowest && is_new && frequency * cell < 1.01 * PI {
                     found.push(frequency);
                 }
             }
@@ -370,6 +389,18 @@ mod tests {
             assert!((fitted.mean - 1.0).abs() < 2.0 * fitted.standard_error + 1e-6, "{tau}: {fitted:?}");
             assert!(fitted.standard_error < 0.6 * left + 1e-6, "{tau}: {fitted:?}");
             assert!((fitted.to_come - left).abs() < 2.0 * fitted.standard_error + 1e-6, "{tau}: {fitted:?}");
+        }
+    }
+
+    /// Beats of 300 s, of which the stretch has a fifth.
+    #[test]
+    fn the_standard_error_has_the_part_of_a_slow_beat_that_is_not_seen() {
+        let speeds = [-60.1, 60.3].map(|rpm| rpm * PI / 30.0);
+        for phase in [0.0, 0.8, 1.6, 2.4, 3.2] {
+            let slow = |t: f64| 0.01 * ((speeds[0] + speeds[1]) * t + phase).cos();
+            let cells = cells(60.0, |t| 0.7 + slow(t) + 0.1 * (speeds[0] * t).cos());
+            let fitted = means(&cells, CELL, speeds).expect("a mean")[0];
+            assert!((fitted.mean - 0.7).abs() < 2.0 * fitted.standard_error, "{phase}: {fitted:?}");
         }
     }
 
