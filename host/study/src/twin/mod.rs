@@ -10,6 +10,7 @@ mod compare;
 mod error;
 mod replay;
 mod replay_folder;
+mod sensor_key;
 mod session;
 mod source;
 mod speeds;

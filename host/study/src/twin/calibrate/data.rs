@@ -1,8 +1,9 @@
 //! A trial prepared for a fit: means of yaw, pitch and roll over short blocks, and the speeds that drive the model.
 
+use super::super::sensor_key::SensorKey;
 use super::super::{TwinError, speeds};
 use super::Blocks;
-use super::errors::{SensorId, TrialErrors};
+use super::errors::TrialErrors;
 use super::fluid_ratio::FluidRatio;
 use crate::session::Attempt;
 use crate::trial::{Data, Finding, OverTime, Unusable, Want, Zeroed, findings};
@@ -116,7 +117,7 @@ impl FitTrial {
             is_of_rig: data.origin() == Origin::Rig,
             board_start: (data.records.board.as_ref().filter(|_| !data.is_model()))
                 .map(|board| [board.board_id, board.boot_count]),
-            errors: TrialErrors::new(SensorId::of(data), errors, &measured, BLOCK_S),
+            errors: TrialErrors::new(SensorKey::of(data), errors, &measured, BLOCK_S),
             measured,
             fluid: FluidRatio::default(),
             profile: speeds::profile_of_run(data, BLOCK_S / SAMPLES as f64)?,

@@ -3,7 +3,7 @@
 use super::Blocks;
 use crate::sensor::MOUNTING_YAW;
 use crate::trial::OverTime;
-use biflag_log::Origin;
+use crate::twin::sensor_key::SensorKey;
 use nalgebra::DMatrix;
 
 /// Standard deviation of the difference between the clocks of attitude and motors, s: about the error of the delay of
@@ -14,34 +14,11 @@ const TIMING_S: f64 = 0.002;
 /// cent from tolerance and steps.
 const SOLVER_ERROR: f64 = 0.005;
 
-/// Which sensor measured a trial. Trials of one sensor have its errors in common.
-#[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub(super) struct SensorId {
-    /// The board's number; 0 for all boards that were not given one.
-    pub board_id: u16,
-    /// An emulated board has another sensor for each seed.
-    pub seed: Option<u64>,
-    /// The text of the sensor's file. What a measurement has left of the errors is independent of what they were.
-    pub measured: String,
-}
-
-impl SensorId {
-    /// Returns the sensor of a trial; `None` for a model.
-    pub fn of(data: &crate::trial::Data) -> Option<Self> {
-        let records = &data.records;
-        (data.origin() != Origin::Model).then(|| Self {
-            board_id: records.board.as_ref().map_or(0, |board| board.board_id),
-            seed: records.sensor.as_ref().map(|sensor| sensor.seed),
-            measured: records.measured_sensor.as_ref().map(|file| file.text.clone()).unwrap_or_default(),
-        })
-    }
-}
-
 /// The stated errors of yaw, pitch and roll of a trial's blocks.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct TrialErrors {
     /// The sensor; `None` for a model.
-    pub sensor: Option<SensorId>,
+    pub sensor: Option<SensorKey>,
     /// Covariance of the trial's own errors, degrees².
     pub own: [DMatrix<f64>; 3],
     /// Effects of the sensor's errors, see [`OverTime::effects`].
@@ -50,7 +27,7 @@ pub(super) struct TrialErrors {
 
 impl TrialErrors {
     /// Adds the errors of solver and clocks to those of the sensor. `block_s`: length of a block.
-    pub fn new(sensor: Option<SensorId>, errors: [OverTime; 3], measured: &Blocks, block_s: f64) -> Self {
+    pub fn new(sensor: Option<SensorKey>, errors: [OverTime; 3], measured: &Blocks, block_s: f64) -> Self {
         // A model counts as a quiet sensor.
         let quiet_deg2 = if sensor.is_none() { 1e-8 } else { 0.0 };
         let own = [0, 1, 2].map(|k| {

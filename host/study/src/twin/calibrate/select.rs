@@ -4,6 +4,7 @@ use super::data::FitTrial;
 use super::{Parameter, Request, TwinError, failed, phase};
 use crate::text::count;
 use crate::trial::{Finding, LogFinding};
+use crate::twin::sensor_key::SensorKey;
 use sim::body::closure::Closure;
 use sim::params::Robot;
 
@@ -111,11 +112,10 @@ pub(super) fn parameters(
 
 /// Returns the number of boards that recorded the trials.
 fn boards(trials: &[FitTrial]) -> usize {
-    let mut boards: Vec<_> = Vec::new();
+    let mut boards: Vec<&SensorKey> = Vec::new();
     for sensor in trials.iter().filter_map(|trial| trial.errors.sensor.as_ref()) {
-        let board = (sensor.board_id, sensor.seed);
-        if !boards.contains(&board) {
-            boards.push(board);
+        if !boards.iter().any(|board| sensor.is_of_board(board)) {
+            boards.push(sensor);
         }
     }
     boards.len()

@@ -12,9 +12,10 @@
 //! (Woodbury; δ̂ are the most probable errors of the sensors, with their data sheet or measurement as the prior). K has a
 //! block for each sensor, because different sensors are independent.
 
-use super::errors::{SensorId, TrialErrors};
+use super::errors::TrialErrors;
 use super::{Blocks, TwinError, failed};
 use crate::trial::sensor_error;
+use crate::twin::sensor_key::SensorKey;
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -73,13 +74,13 @@ impl Weights {
             Ok(OfTrial { own, common, effects })
         };
         let all: Vec<OfTrial> = trials.par_iter().map(one).collect::<Result<_, _>>()?;
-        let mut ids: Vec<&Option<SensorId>> = Vec::new();
+        let mut ids: Vec<&Option<SensorKey>> = Vec::new();
         for trial in trials {
             if !ids.contains(&&trial.sensor) {
                 ids.push(&trial.sensor);
             }
         }
-        let of = |id: &Option<SensorId>| {
+        let of = |id: &Option<SensorKey>| {
             let trials: Vec<usize> = (0..trials.len()).filter(|i| trials[*i].sensor == *id).collect();
             let columns = trials.first().map_or(0, |first| all[*first].common[0].ncols());
             let mut product = DMatrix::identity(columns, columns);
@@ -232,7 +233,7 @@ mod tests {
     fn trials() -> Vec<TrialErrors> {
         let number = |i: usize, j: usize, k: usize| ((7 * i + 3 * j + 5 * k) as f64).sin();
         let one = |t: usize| TrialErrors {
-            sensor: Some(SensorId { board_id: [0, 1, 0, 2][t], ..SensorId::default() }),
+            sensor: Some(SensorKey::of_board([0, 1, 0, 2][t])),
             own: [0, 1, 2].map(|angle| {
                 let root = DMatrix::from_fn(3, 3, |i, j| 0.3 * number(i, j, t + angle));
                 &root * root.transpose()

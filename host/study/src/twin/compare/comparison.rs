@@ -1,9 +1,9 @@
 //! The result of a comparison.
 
-use super::sensor_key::SensorKey;
 use super::sides::Sides;
 use crate::statistics;
 use crate::trial::{AngleTerm, LogFinding};
+use crate::twin::sensor_key::SensorKey;
 use serde::Serialize;
 use std::path::PathBuf;
 

@@ -8,7 +8,6 @@ mod comparison;
 mod compatibility;
 mod json;
 mod pair;
-mod sensor_key;
 mod shift;
 mod sides;
 mod steady;

@@ -1,8 +1,8 @@
 //! The two trials of a comparison.
 
-use super::sensor_key::SensorKey;
 use crate::trial::{Data, Steady, Unusable, Zeroed};
 use crate::twin::TwinError;
+use crate::twin::sensor_key::SensorKey;
 use std::ops::Range;
 
 /// One of two compared trials.

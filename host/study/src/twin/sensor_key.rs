@@ -1,11 +1,11 @@
-//! Whether two recordings are of one sensor, so that its errors are the same in both.
+//! Whether recordings are of one sensor, so that its errors are the same in all of them: for comparisons and for fits.
 
 use crate::trial::Data;
 use protocol::units::AxisMap;
 
 /// What the errors of a sensor depend on: the part, its axes in the body, and what was measured of it.
-#[derive(Clone, PartialEq, Debug)]
-pub struct SensorKey {
+#[derive(Clone, PartialEq, Debug, Default)]
+pub(super) struct SensorKey {
     /// 0 for a board that was never numbered.
     board_id: u16,
     /// Axes of gyroscope and accelerometer in the board's settings.
@@ -40,6 +40,17 @@ impl SensorKey {
         })
     }
 
+    /// Returns that of a board with a number.
+    #[cfg(test)]
+    pub fn of_board(board_id: u16) -> Self {
+        Self { board_id, ..Self::default() }
+    }
+
+    /// Returns whether both are of one part, whatever was measured of it, as far as the boards are numbered.
+    pub fn is_of_board(&self, other: &Self) -> bool {
+        self.board_id == other.board_id && self.emulated == other.emulated
+    }
+
     /// Returns whether a recording of another session is of the same sensor for certain. Boards that were never numbered may
     /// be two.
     pub fn is_certainly(&self, other: &Self) -> bool {
@@ -50,16 +61,30 @@ impl SensorKey {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trial::{Collector, Records, Want};
+    use biflag_log::{FORMAT, Identity, Origin, SensorMeta};
 
     #[test]
     fn boards_without_a_number_may_be_two() {
-        let key =
-            |board_id: u16, emulated: Option<Vec<f64>>| SensorKey { board_id, axes: None, measured: None, emulated };
+        let key = |board_id: u16, emulated: Option<Vec<f64>>| SensorKey { emulated, ..SensorKey::of_board(board_id) };
         assert!(key(3, None).is_certainly(&key(3, None)));
         assert!(!key(3, None).is_certainly(&key(4, None)) && !key(0, None).is_certainly(&key(0, None)));
         assert!(key(0, Some(vec![0.02])).is_certainly(&key(0, Some(vec![0.02]))));
         assert!(!key(0, Some(vec![0.02])).is_certainly(&key(0, Some(vec![0.01]))));
         let measured = SensorKey { measured: Some("a".to_owned()), ..key(3, None) };
         assert!(!measured.is_certainly(&key(3, None)), "what is left of the errors differs");
+    }
+
+    /// Two files of an emulated sensor may be used with one seed.
+    #[test]
+    fn emulated_sensors_are_told_apart_by_their_errors() {
+        let of = |gyro_scale: [f64; 3], seed: u64| {
+            let sensor = SensorMeta { seed, kind: "file".to_owned(), gyro_scale, ..SensorMeta::default() };
+            let identity = Some(Identity { origin: Origin::VirtualRig, ..Identity::default() });
+            let records = Records { identity, sensor: Some(sensor), ..Records::default() };
+            SensorKey::of(&Collector::new(Want::default(), FORMAT).finish("log".as_ref(), records))
+        };
+        assert_ne!(of([0.01, 0.0, 0.0], 1), of([0.02, 0.0, 0.0], 1));
+        assert_eq!(of([0.01, 0.0, 0.0], 1), of([0.01, 0.0, 0.0], 2));
     }
 }
