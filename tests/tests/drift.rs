@@ -49,6 +49,8 @@ fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
             calibrate_s: 5.0,
             filter_s: 1.0,
             bias_walk_dps_per_root_s: sensor.bias_walk_dps_per_root_s,
+            angle_walk: None,
+            time_constant_s: None,
         };
         let drift = Drift::estimate(&series, &rest, from).unwrap();
         let moved = yaw.at(to).unwrap() - yaw.at(from).unwrap();
