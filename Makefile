@@ -85,7 +85,7 @@ published: build
 
 test: build
 	@sh firmware/setup.sh test
-	$(CARGO) test --release --workspace --locked --no-fail-fast --lib --bins --tests
+	$(CARGO) test --release --workspace --locked --no-fail-fast --tests
 	$(CARGO) test --release --workspace --locked --doc
 
 proof: build

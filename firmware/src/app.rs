@@ -16,7 +16,7 @@ use crate::TICK_S;
 use crate::attitude::{self, Attitude};
 use crate::calibration::GyroAverage;
 use crate::encoder::{Edges, Encoder, centi_rpm_scale};
-use crate::fault::{Crash, Latch, reset_cause};
+use crate::fault::{Latch, reset_cause};
 use crate::guard::Guard;
 use crate::imu::{Config, Imu};
 use crate::link::{Answer, Link, Outbox};
@@ -38,10 +38,8 @@ pub struct Build {
 /// Findings of the start-up code.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Start {
-    /// The record of a crash.
-    pub crash: Option<Crash>,
-    /// [`FaultRecord::program_counter`] of a hang.
-    pub program_counter: u16,
+    /// [`FaultRecord::program_counter`] of the hang that led to this start.
+    pub hang: Option<u16>,
     /// The hardware's reset flags.
     pub mcusr: u8,
 }
@@ -156,12 +154,14 @@ where
     pub fn start(&mut self, start: Start) {
         self.boot_count = self.store.count_start();
         self.settings_stored = self.store.load(self.link.accumulator(), &mut self.settings);
-        self.reset_cause = reset_cause(start.crash, start.mcusr);
+        self.reset_cause = reset_cause(start.hang.is_some(), start.mcusr);
         self.rescale();
         self.imu.configure(Config::from(&self.settings));
         // The handshake names the sensor.
         self.imu.poll();
-        self.log_and_latch(start.crash.map(Crash::fault).unwrap_or_default(), start.program_counter);
+        if let Some(program_counter) = start.hang {
+            self.log_and_latch(Fault::Hang, program_counter);
+        }
     }
 
     /// One tick of the control loop.

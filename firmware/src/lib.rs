@@ -17,7 +17,7 @@
 //! | [`link`] | requests in, answers and telemetry out, the deadline |
 //! | [`storage`], [`settings`], [`fault_log`] | the EEPROM: its bytes, settings and the number of starts, the last faults |
 //! | [`supply`] | the board's supply voltage |
-//! | [`fault`] | the fault latch, and the crash record that survives a restart |
+//! | [`fault`] | the fault latch, and the cause of a start |
 //!
 //! # Tests
 //!

@@ -53,14 +53,14 @@ mod nano {
         reset_registers(&peripherals);
         // Without a use, the linker drops it.
         core::hint::black_box(&raw const MARKER);
-        let crash = crash::take_record(&peripherals.CPU);
+        let hang = crash::take_hang(&peripherals.CPU);
         // SAFETY: this runs once, and interrupts are off.
         let (inbox, outbox) = unsafe { serial::start(&peripherals.USART0) };
         encoders::pull_up(&peripherals.PORTD);
         make_app();
         // SAFETY: `make_app` has made it, and only this function uses it.
         let app = unsafe { (*(&raw mut APP)).assume_init_mut() };
-        app.start(Start { crash, program_counter: crash::program_counter(crash), mcusr });
+        app.start(Start { hang, mcusr });
         encoders::start(&peripherals.EXINT);
         clock::start(&peripherals.TC1);
         clock::enable_sleep(&peripherals.CPU);

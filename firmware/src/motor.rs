@@ -30,10 +30,11 @@ impl<PIN: OutputPin, PWM: SetDutyCycle> Bridge<PIN, PWM> {
     /// Applies a duty of -255 to 255; 0 is off.
     #[inline(never)]
     fn apply(&mut self, duty: i16) {
-        // The pins of a microcontroller cannot fail.
-        let [in1, in2] = &mut self.inputs;
-        in1.set_state(PinState::from(duty > 0)).ok();
-        in2.set_state(PinState::from(duty < 0)).ok();
+        // The low one first: both high would brake. The pins of a microcontroller cannot fail.
+        let ([in1, in2], forwards) = (&mut self.inputs, duty > 0);
+        let (first, second) = if forwards { (in2, in1) } else { (in1, in2) };
+        first.set_low().ok();
+        second.set_state(PinState::from(duty != 0)).ok();
         self.pwm.set_duty_cycle(duty.unsigned_abs()).ok();
     }
 }

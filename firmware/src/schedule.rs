@@ -68,7 +68,13 @@ impl Schedule {
 
     /// Returns whether a motor will turn after this set-point.
     pub fn will_move(&self) -> bool {
-        self.is_active() && self.points[usize::from(self.begun)..usize::from(self.count)].iter().any(is_motion)
+        self.is_active() && self.remaining().iter().any(is_motion)
+    }
+
+    /// Returns the set-points that have not begun. Without a panic in the image, which does not link with one.
+    #[inline(never)]
+    fn remaining(&self) -> &[SetPoint] {
+        self.points.get(usize::from(self.begun)..usize::from(self.count)).unwrap_or(&[])
     }
 
     /// Advances by the `ticks` that have passed, at the time `now`; returns the set-point that begins, if one does.
@@ -80,15 +86,10 @@ impl Schedule {
             Progress::Running(next) => next + u32::from(ticks) - 1,
         };
         self.progress = Progress::Running(tick + 1);
-        let mut due = None;
         // More than one if ticks were missed.
-        for point in &self.points[usize::from(self.begun)..usize::from(self.count)] {
-            if point.tick > tick {
-                break;
-            }
-            due = Some(*point);
-            self.begun += 1;
-        }
+        let due = self.remaining().iter().take_while(|point| point.tick <= tick);
+        let (begun, due) = due.fold((self.begun, None), |(begun, _), point| (begun + 1, Some(*point)));
+        self.begun = begun;
         if self.begun == self.count {
             self.progress = Progress::Idle;
         }

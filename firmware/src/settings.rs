@@ -2,48 +2,61 @@
 //!
 //! | address | content |
 //! | --- | --- |
-//! | 0 | the settings, as a frame: the number of their layout, a 7, the [`Settings`] |
+//! | 0 | settings of older firmware, as a frame: the number of their layout, a 7, the [`Settings`] |
 //! | 128 | eight counters of starts of two bytes, little-endian |
-//! | 160 | the fault log ([`fault_log`]) |
+//! | 160 | the fault log ([`fault_log`](crate::fault_log)) |
+//! | 320, 384 | two slots of the settings: save n is in slot n modulo 2; n wraps at 256 |
 //!
-//! The frame has a CRC. A new field of the settings is added at their end, with a new number of the layout; settings of an
-//! older layout get the default for the fields that they lack. Without a valid frame (a blank memory, a save cut off by
-//! loss of power) the defaults apply.
+//! | byte of a slot | content |
+//! | --- | --- |
+//! | 0 | n |
+//! | 1 | number of the layout |
+//! | 2 to 61 | the [`Settings`] and ones |
+//! | 62, 63 | CRC-16 of the bytes before it, little-endian |
 //!
-//! A byte of EEPROM endures 100,000 writes (ATmega328P, section 8.4). Saving writes only the bytes that differ. The count
-//! of starts rotates over eight places; a write cut off by loss of power at worst makes it wrong.
+//! The newest slot with a valid CRC is in force. A save writes the other one, so that a loss of power at any time leaves the
+//! old settings or the new ones. The first save also makes those of older firmware invalid. A new field of the settings is
+//! added at their end, with a new number of the layout; settings of an older layout get the default for the fields that they
+//! lack. Without valid settings (a blank memory) the defaults apply.
+//!
+//! A byte of EEPROM endures 100,000 writes (ATmega328P, section 8.4). Saving writes only the bytes that differ. The count of
+//! starts rotates over eight places. A counter that is not one more than the one in the place before it is that of a write
+//! cut off by loss of power, and does not count.
 
-use protocol::frame::{self, Accumulator, MAX_FRAME};
+use protocol::frame::Accumulator;
 use protocol::{FaultRecord, Settings};
 
-use crate::fault_log::{self, Entry};
-use crate::storage::{Storage, write_first_difference};
+use crate::fault_log::FaultLog;
+use crate::storage::{Storage, add_crc, first_difference, read_checked, write_first_difference};
 
-const SETTINGS_ADDRESS: u16 = 0;
+const OLD_ADDRESS: u16 = 0;
 const COUNTS_ADDRESS: u16 = 128;
 const COUNTS: u16 = 8;
-/// A counter that was never written.
+const SLOTS_ADDRESS: u16 = 320;
+const SLOT: usize = 64;
+/// A counter, or a byte, that was never written.
 const BLANK: u16 = u16::MAX;
+const BLANK_BYTE: u8 = u8::MAX;
 
 /// The layout of the settings, identified by the number in the memory.
 const LAYOUT: u8 = 2;
-/// The second byte of every stored frame. Firmware of protocol version 1 stored the settings as it received them, with the
-/// number of the request and this number of the command.
-const TAG: u8 = 7;
-/// Length of the settings in layouts 1, 2.
-const LENGTHS: [usize; LAYOUT as usize] = [49, 53];
-const LENGTH: usize = LENGTHS[LAYOUT as usize - 1];
+/// Length of the settings in this layout.
+const LENGTH: usize = 53;
+/// The second byte of a frame of older firmware. That of protocol version 1 stored the settings as it received them, with
+/// the number of the request and this number of the command.
+const OLD_TAG: u8 = 7;
 
-/// Writes of a save after which the memory counts as broken: every byte of a frame twice.
-const MAX_WRITES: u8 = 2 * MAX_FRAME as u8;
+/// Writes of a save after which the memory counts as broken: every byte twice.
+const MAX_WRITES: u8 = 2 * SLOT as u8;
 
 /// The settings, the count of starts and the fault log in a storage.
 pub struct Store<S> {
     storage: S,
-    /// Writes of the save in progress.
-    writes: Option<u8>,
-    /// The entry of the fault log that is being written.
-    entry: Option<Entry>,
+    /// The number of the last save.
+    saved: Option<u8>,
+    /// Steps of the save in progress.
+    steps: Option<u8>,
+    fault_log: FaultLog,
 }
 
 /// The state of a save.
@@ -60,18 +73,40 @@ pub enum Saving {
 }
 
 impl<S: Storage> Store<S> {
-    /// Returns a store on `storage`.
+    /// Returns a store on `storage`; call [`Store::load`] next.
     pub fn new(storage: S) -> Self {
-        Self { storage, writes: None, entry: None }
+        Self { storage, saved: None, steps: None, fault_log: FaultLog::default() }
     }
 
     /// Replaces `settings`, which are the defaults, by the saved ones; returns false if there are no valid ones.
-    /// `accumulator` has room for the frame.
+    /// `accumulator` has room for a frame.
     #[inline(never)]
     pub fn load(&mut self, accumulator: &mut Accumulator, settings: &mut Settings) -> bool {
-        for address in SETTINGS_ADDRESS..SETTINGS_ADDRESS + MAX_FRAME as u16 {
+        self.fault_log.open(&mut self.storage);
+        let mut slot = [0; SLOT];
+        let mut is_stored = false;
+        for number in 0..2 {
+            let is_valid = read_checked(&mut self.storage, slot_address(number), &mut slot);
+            let [number, layout, stored @ ..] = &slot;
+            if is_valid && self.saved.is_none_or(|saved| number.wrapping_sub(saved) == 1) {
+                self.saved = Some(*number);
+                is_stored = unpack(*layout, stored, settings);
+            }
+        }
+        if self.saved.is_none() {
+            is_stored = self.load_old(accumulator, settings);
+        }
+        is_stored
+    }
+
+    /// Loads the settings of older firmware.
+    fn load_old(&mut self, accumulator: &mut Accumulator, settings: &mut Settings) -> bool {
+        for address in OLD_ADDRESS..COUNTS_ADDRESS {
             if let Some(payload) = accumulator.push_for_payload(self.storage.read(address)) {
-                return payload.ok().and_then(|payload| unpack(payload, settings)).is_some();
+                return match payload {
+                    Ok([layout, OLD_TAG, stored @ ..]) => unpack(*layout, stored, settings),
+                    _ => false,
+                };
             }
         }
         // A blank memory has no end of a frame, and the accumulator is to be empty for the next user.
@@ -81,67 +116,78 @@ impl<S: Storage> Store<S> {
 
     /// Begins a save. A save in progress continues: the host repeats its request more often than a failing save takes.
     pub fn begin_save(&mut self) {
-        self.writes.get_or_insert(0);
+        self.steps.get_or_insert(0);
     }
 
-    /// Adds a record to the fault log. A record that comes while one is being written is dropped.
+    /// Adds a record to the fault log.
     pub fn log_fault(&mut self, record: &FaultRecord) {
-        if self.entry.is_none() {
-            self.entry = Some(Entry::new(&mut self.storage, record));
-        }
+        self.fault_log.add(record);
     }
 
     /// Returns an entry of the fault log; index 0 is the latest one.
     pub fn read_fault(&mut self, index: u8) -> Option<FaultRecord> {
-        fault_log::read(&mut self.storage, index)
+        self.fault_log.read(&mut self.storage, index)
     }
 
-    /// Advances by one tick, which writes at most one byte: of the fault log first, then of a save. A save finds the first
+    /// Advances by one tick, which writes at most one byte: of the fault log first, then of a save. A save writes the first
     /// byte that differs from `settings`, so it is complete only when all of it has been read back, and follows settings
     /// that change meanwhile.
     #[inline(never)]
     pub fn step(&mut self, settings: &Settings) -> Saving {
-        if let Some(entry) = &mut self.entry {
-            if entry.step(&mut self.storage) {
-                return Saving::Busy;
-            }
-            self.entry = None;
-        }
-        let Some(writes) = self.writes else { return Saving::Idle };
-        let mut buffer = [0; MAX_FRAME];
-        let is_different = match frame::encode(&(LAYOUT, TAG, settings), &mut buffer) {
-            Ok(wanted) => write_first_difference(&mut self.storage, SETTINGS_ADDRESS, wanted),
-            Err(_) => true,
-        };
-        if is_different && writes < MAX_WRITES {
-            self.writes = Some(writes + 1);
+        if self.fault_log.step(&mut self.storage) {
             return Saving::Busy;
         }
-        self.writes = None;
-        if is_different { Saving::Failed } else { Saving::Done }
+        let Some(steps) = self.steps else { return Saving::Idle };
+        // The first step looks whether these settings are saved already.
+        let writes = steps.checked_sub(1);
+        let number = match self.saved {
+            Some(saved) => saved.wrapping_add(u8::from(writes.is_some())),
+            None => 0,
+        };
+        let slot = pack(number, settings);
+        let address = slot_address(number);
+        let is_different = match writes {
+            Some(MAX_WRITES..) | None => first_difference(&mut self.storage, address, &slot).is_some(),
+            Some(_) => write_first_difference(&mut self.storage, address, &slot),
+        };
+        if is_different && writes.is_none_or(|writes| writes < MAX_WRITES) {
+            self.steps = Some(steps + 1);
+            return Saving::Busy;
+        }
+        self.steps = None;
+        if is_different {
+            return Saving::Failed;
+        }
+        self.saved = Some(number);
+        self.change(OLD_ADDRESS, BLANK_BYTE);
+        Saving::Done
     }
 
     /// Counts a start and returns the number of starts; stays at 65534.
+    #[inline(never)]
     pub fn count_start(&mut self) -> u16 {
         let mut count = 0;
+        let mut before = self.read_count(COUNTS - 1);
         for place in 0..COUNTS {
             let found = self.read_count(place);
-            if found != BLANK && found % COUNTS == place {
+            let follows = found == 1 || found.wrapping_sub(1) == before;
+            if found != BLANK && found % COUNTS == place && follows {
                 count = count.max(found);
             }
+            before = found;
         }
         if count < BLANK - 1 {
             count += 1;
         }
         let [low, high] = count.to_le_bytes();
-        let address = address_of(count % COUNTS);
+        let address = count_address(count % COUNTS);
         self.change(address, low);
         self.change(address + 1, high);
         count
     }
 
     fn read_count(&mut self, place: u16) -> u16 {
-        let address = address_of(place);
+        let address = count_address(place);
         u16::from_le_bytes([self.storage.read(address), self.storage.read(address + 1)])
     }
 
@@ -152,209 +198,50 @@ impl<S: Storage> Store<S> {
     }
 }
 
-/// Replaces `settings` by those in a stored frame's payload, or by the defaults if they are not valid.
+/// Returns the slot of a save.
 #[inline(never)]
-fn unpack(payload: &[u8], settings: &mut Settings) -> Option<()> {
-    let (&[layout, TAG], stored) = payload.split_first_chunk()? else { return None };
-    let length = *LENGTHS.get(usize::from(layout).checked_sub(1)?)?;
-    let mut bytes = [0; LENGTH];
-    postcard::to_slice(&Settings::DEFAULT, &mut bytes).ok()?;
-    if stored.len() != length {
-        return None;
-    }
-    bytes[..length].copy_from_slice(stored);
-    *settings = postcard::from_bytes(&bytes).ok()?;
-    if !settings.is_valid() {
-        *settings = Settings::DEFAULT;
-        return None;
-    }
-    Some(())
+fn pack(number: u8, settings: &Settings) -> [u8; SLOT] {
+    let mut slot = [BLANK_BYTE; SLOT];
+    let [first, layout, stored @ .., _, _] = &mut slot;
+    *first = number;
+    *layout = LAYOUT;
+    // They have a fixed length, for which there is room.
+    postcard::to_slice(settings, stored).ok();
+    add_crc(&mut slot);
+    slot
 }
 
-fn address_of(place: u16) -> u16 {
+/// Replaces `settings` by stored ones, or by the defaults if they are not valid; returns whether they are.
+#[inline(never)]
+fn unpack(layout: u8, stored: &[u8], settings: &mut Settings) -> bool {
+    *settings = Settings::DEFAULT;
+    let length = match layout {
+        1 => 49,
+        LAYOUT => LENGTH,
+        _ => return false,
+    };
+    let mut bytes = [0; LENGTH];
+    // The fields that a layout lacks are at the end.
+    postcard::to_slice(settings, &mut bytes).ok();
+    let mut found = 0;
+    for (byte, stored) in bytes.iter_mut().zip(stored).take(length) {
+        *byte = *stored;
+        found += 1;
+    }
+    match postcard::from_bytes::<Settings>(&bytes) {
+        Ok(read) if found == length && read.is_valid() => *settings = read,
+        _ => return false,
+    }
+    true
+}
+
+fn slot_address(number: u8) -> u16 {
+    SLOTS_ADDRESS + u16::from(number % 2) * SLOT as u16
+}
+
+fn count_address(place: u16) -> u16 {
     COUNTS_ADDRESS + 2 * place
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::storage::tests::Memory;
-    use protocol::Fault;
-    use protocol::units::{Micros, Millivolts};
-
-    fn load(memory: &Memory) -> Option<Settings> {
-        let mut settings = Settings::DEFAULT;
-        Store::new(memory.clone()).load(&mut Accumulator::new(), &mut settings).then_some(settings)
-    }
-
-    fn save(memory: &Memory, settings: &Settings) -> (Saving, u32) {
-        let mut store = Store::new(memory.clone());
-        store.begin_save();
-        (1..1000).map(|tick| (store.step(settings), tick)).find(|(saving, _)| *saving != Saving::Busy).unwrap()
-    }
-
-    fn other() -> Settings {
-        Settings {
-            board_id: 7,
-            gyro_bias: [594.1, 6.2, 147.0],
-            deadline_ms: 400,
-            bandgap: Millivolts(1080),
-            ..Settings::DEFAULT
-        }
-    }
-
-    #[test]
-    fn a_blank_memory_gives_no_settings() {
-        assert_eq!(load(&Memory::blank()), None);
-        let zero = Memory::blank();
-        zero.bytes.borrow_mut().fill(0);
-        assert_eq!(load(&zero), None);
-    }
-
-    #[test]
-    fn a_save_writes_one_byte_per_tick_and_none_twice() {
-        let memory = Memory::blank();
-        let (saving, ticks) = save(&memory, &other());
-        assert_eq!(saving, Saving::Done);
-        assert!(ticks <= 64, "{ticks}");
-        assert_eq!(load(&memory), Some(other()));
-        assert!(memory.writes.borrow().iter().all(|writes| *writes <= 1));
-        assert_eq!(save(&memory, &other()), (Saving::Done, 1), "nothing differs, so nothing is written");
-        assert_eq!(Store::new(memory).step(&other()), Saving::Idle);
-    }
-
-    #[test]
-    fn every_damaged_bit_gives_the_defaults() {
-        let memory = Memory::blank();
-        save(&memory, &other());
-        let length = memory.bytes.borrow().iter().position(|byte| *byte == 0).unwrap();
-        for bit in 0..8 * length {
-            memory.bytes.borrow_mut()[bit / 8] ^= 1 << (bit % 8);
-            assert_eq!(load(&memory), None, "bit {bit}");
-            memory.bytes.borrow_mut()[bit / 8] ^= 1 << (bit % 8);
-        }
-    }
-
-    #[test]
-    fn a_save_cut_off_anywhere_leaves_valid_settings_or_none() {
-        for cut in 0..64 {
-            let memory = Memory::blank();
-            save(&memory, &other());
-            let mut store = Store::new(memory.clone());
-            store.begin_save();
-            for _ in 0..cut {
-                store.step(&Settings::DEFAULT);
-            }
-            let loaded = load(&memory);
-            assert!([None, Some(other()), Some(Settings::DEFAULT)].contains(&loaded), "{loaded:?}");
-        }
-    }
-
-    /// A frame of protocol version 1 with the settings of a robot, numbered 200 (the golden file of that version).
-    const VERSION_1: &str = "05c807341201020303020403020404e014c40103c840010313430103803f010101010103803f0107a040148e16440101\
-                             0105f401f3c100";
-
-    #[test]
-    fn settings_that_protocol_version_1_saved_are_read_and_saved_in_the_new_layout() {
-        let mut accumulator = Accumulator::new();
-        let bytes = (0..VERSION_1.len()).step_by(2).map(|at| u8::from_str_radix(&VERSION_1[at..at + 2], 16).unwrap());
-        let frame =
-            bytes.into_iter().find_map(|byte| accumulator.push_for_payload(byte).map(|frame| frame.unwrap().to_vec()));
-        let mut payload = frame.unwrap();
-        payload[0] = 1;
-        let memory = with_frame(&payload);
-        let stored = Settings { board_id: 0x1234, gyro_bias: [-595.5, 6.25, 147.0], ..Settings::DEFAULT };
-        assert_eq!(load(&memory), Some(stored));
-        save(&memory, &stored);
-        assert_eq!(load(&memory), Some(stored));
-        assert_eq!(memory.bytes.borrow()[1..3], [LAYOUT, TAG]);
-    }
-
-    fn with_frame(payload: &[u8]) -> Memory {
-        let memory = Memory::blank();
-        let mut buffer = [0; MAX_FRAME];
-        buffer[1..=payload.len()].copy_from_slice(payload);
-        let bytes = frame::seal(&mut buffer, payload.len()).unwrap();
-        memory.bytes.borrow_mut()[..bytes.len()].copy_from_slice(bytes);
-        memory
-    }
-
-    #[test]
-    fn another_layout_and_values_out_of_range_are_not_loaded() {
-        let payload = |layout: u8, tag: u8, settings: Settings| {
-            postcard::to_slice(&(layout, tag, settings), &mut [0; 80]).unwrap().to_vec()
-        };
-        let unfit = Settings { deadline_ms: 1, ..Settings::DEFAULT };
-        assert_eq!(load(&with_frame(&payload(LAYOUT, TAG, other()))), Some(other()));
-        for payload in [
-            payload(LAYOUT + 1, TAG, other()),
-            payload(0, TAG, other()),
-            payload(1, TAG, other()),
-            payload(LAYOUT, TAG + 1, other()),
-            payload(LAYOUT, TAG, unfit),
-            vec![LAYOUT],
-        ] {
-            assert_eq!(load(&with_frame(&payload)), None, "{payload:?}");
-        }
-    }
-
-    #[test]
-    fn a_fault_is_logged_beside_a_save() {
-        let memory = Memory::blank();
-        let mut store = Store::new(memory.clone());
-        let record = FaultRecord { boot: 3, time: Micros(4), fault: Fault::LinkLost, ..FaultRecord::default() };
-        store.begin_save();
-        store.step(&other());
-        store.log_fault(&record);
-        assert_eq!((1..1000).map(|_| store.step(&other())).find(|saving| *saving != Saving::Busy), Some(Saving::Done));
-        assert_eq!(store.read_fault(0), Some(record));
-        assert_eq!(store.read_fault(1), None);
-        assert_eq!(load(&memory), Some(other()));
-    }
-
-    #[test]
-    fn a_broken_byte_fails_the_save() {
-        let memory = Memory { stuck: Some(11), ..Memory::blank() };
-        let (saving, ticks) = save(&memory, &other());
-        // Two writes for each byte of the longest frame.
-        assert_eq!((saving, ticks), (Saving::Failed, 161));
-    }
-
-    #[test]
-    fn a_broken_byte_fails_the_save_also_if_the_host_asks_again_and_again() {
-        let memory = Memory { stuck: Some(11), ..Memory::blank() };
-        let mut store = Store::new(memory);
-        let outcome = (0..200).find_map(|tick| {
-            if tick % 10 == 0 {
-                store.begin_save();
-            }
-            Some(store.step(&other())).filter(|saving| *saving != Saving::Busy)
-        });
-        assert_eq!(outcome, Some(Saving::Failed));
-    }
-
-    #[test]
-    fn starts_are_counted_with_the_wear_spread_and_stop_at_the_top() {
-        let memory = Memory::blank();
-        for start in 1..=2000 {
-            assert_eq!(Store::new(memory.clone()).count_start(), start);
-        }
-        assert!(memory.writes.borrow()[128..144].iter().all(|writes| *writes <= 250));
-        assert!(memory.writes.borrow()[..128].iter().all(|writes| *writes == 0));
-        memory.bytes.borrow_mut()[128..144].fill(0xFF);
-        memory.bytes.borrow_mut()[140..142].copy_from_slice(&0xFFFEu16.to_le_bytes());
-        assert_eq!(Store::new(memory.clone()).count_start(), 0xFFFE);
-        assert_eq!(Store::new(memory).count_start(), 0xFFFE);
-    }
-
-    #[test]
-    fn a_counter_cut_off_by_loss_of_power_is_ignored() {
-        let memory = Memory::blank();
-        for _ in 0..20 {
-            Store::new(memory.clone()).count_start();
-        }
-        // The write of count 20 (place 4) was cut off.
-        memory.bytes.borrow_mut()[136..138].copy_from_slice(&[0xFF, 0xFF]);
-        assert_eq!(Store::new(memory).count_start(), 20);
-    }
-}
+mod tests;

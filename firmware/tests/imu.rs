@@ -16,8 +16,8 @@ const SET_UP_TICKS: usize = 32;
 /// Readings between two checks of the configuration.
 const CHECK_INTERVAL: usize = 4;
 
-/// What the registers 0x19 to 0x1C hold: 200 samples per second, a filter of 44 Hz, 500 °/s, 8 g.
-const REGISTERS: [u8; 4] = [4, 3, 0b0000_1000, 0b0001_0000];
+/// What the registers 0x19 to 0x1C hold: 1000 samples per second, a filter of 44 Hz, 500 °/s, 8 g.
+const REGISTERS: [u8; 4] = [0, 3, 0b0000_1000, 0b0001_0000];
 
 fn write(register: u8, values: &[u8]) -> Transaction {
     Transaction::write(ADDRESS, [&[register], values].concat())
@@ -385,7 +385,7 @@ fn a_configuration_that_is_lost_again_and_again_is_a_fault() {
 #[test]
 fn another_configuration_is_applied_and_the_same_one_is_not() {
     let narrow = Config { gyro_range: GyroRange::Dps250, accel_range: AccelRange::G2, low_pass: 6 };
-    let again = [set_up_with(0x68, &[4, 6, 0, 0]), vec![sample(2)]].concat();
+    let again = [set_up_with(0x68, &[0, 6, 0, 0]), vec![sample(2)]].concat();
     let (mut imu, mut bus) = settled(&[checked([sample(1)]), again].concat());
     imu.configure(CONFIG);
     assert_eq!(poll(&mut imu), Some(reading(1)));

@@ -369,3 +369,39 @@ fn slurm_script_is_a_valid_shell_script() {
         assert!(script.contains(part), "{part} is not in {script}");
     }
 }
+
+/// Every command states the same value of a quantity, to the last digit, for one starting phase and for several.
+#[test]
+fn a_sweep_states_what_simulate_states() {
+    let speeds = "[speeds]\npairs = [[90, 90], [37.3, -52.91]]\n";
+    let bench = bench(&format!("[trial]\nrun = 25\nmethod = \"trial\"\nphases = 2\n{speeds}"));
+    let folder = bench.path();
+    let trials = format!("[trial]\ncalibrate = 0\npreroll = 0\nrun = 25\ndecay = 0\nphases = 2\n{speeds}");
+    std::fs::write(folder.join("trials.toml"), trials).unwrap();
+    expect(&biflag(folder, &["sweep", "plan.toml", "--out", "swept"]), 0);
+    let output = biflag(folder, &["simulate", "trials.toml", "--out", "simulated", "--json"]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&output.stderr));
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let swept = rows(&folder.join("swept"));
+    for trial in answer["trials"].as_array().unwrap() {
+        let is_same = |row: &&BTreeMap<String, String>| number(row, "w1_rpm") == trial["w1_rpm"].as_f64().unwrap();
+        let row = swept.iter().find(is_same).unwrap();
+        // Phases that differ matter at a simple ratio only: elsewhere a sweep has one.
+        let (trial, spreads) = match row["phases"].as_str() {
+            "1" => (&trial["starts"][0], None),
+            _ => (trial, Some(&trial["phase_spread_deg"])),
+        };
+        let named = ["yaw_deg", "pitch_deg", "roll_deg", "tilt_deg", "yaw_se_deg", "contact_share", "min_gap_m"];
+        for (column, value) in named.iter().map(|name| (*name, &trial[name])).chain([
+            ("force1_z_n", &trial["force1_n"][2]),
+            ("force2_x_n", &trial["force2_n"][0]),
+            ("axial_torque2_nm", &trial["axial_torque_nm"][1]),
+        ]) {
+            assert_eq!(number(row, column), value.as_f64().unwrap(), "{column} of {trial}");
+        }
+        for (i, column) in ["yaw_spread_deg", "pitch_spread_deg", "roll_spread_deg"].into_iter().enumerate() {
+            let spread = spreads.map_or(0.0, |spreads| spreads[i].as_f64().unwrap());
+            assert_eq!(number(row, column), spread, "{column} of {trial}");
+        }
+    }
+}

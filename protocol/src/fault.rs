@@ -15,7 +15,7 @@ pub enum Fault {
     LinkLost,
     /// The program hung and was restarted.
     Hang,
-    /// The program panicked and was restarted.
+    /// The program panicked and was restarted. In the log of older firmware: nothing in the present image can panic.
     Panic,
     /// The IMU does not acknowledge.
     ImuSilent,

@@ -94,7 +94,7 @@ pub enum ResetCause {
     Watchdog,
     /// The program hung; its watchdog interrupt stopped the motors and restarted it.
     Hang,
-    /// The program panicked, stopped the motors and restarted itself.
+    /// The program panicked, stopped the motors and restarted itself. As [`Fault::Panic`](crate::Fault::Panic).
     Panic,
 }
 

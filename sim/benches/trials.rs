@@ -79,7 +79,7 @@ fn speed_and_error() {
             60.0 / used,
             100.0 * error,
             summary.contact_share,
-            summary.newton_iterations as f64 / summary.steps as f64,
+            summary.sweeps as f64 / summary.steps as f64,
         );
     }
 }
@@ -134,7 +134,7 @@ fn soft() {
             robot.flagellum.axial_length_m,
             10.0 / used,
             summary.steps,
-            summary.newton_iterations as f64 / summary.steps as f64,
+            summary.sweeps as f64 / summary.steps as f64,
             summary.contact_share,
             100.0 * thrust_error(&summary, &tight),
             pitch.max(roll),

@@ -67,7 +67,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "{:.0} times real time: {} steps, {:.2} sweeps a step, {} inverses; contact {:.0} % of the run, gap {:.3} mm at least, {:.1} mN at most",
         summary.simulated_s / wall_s,
         summary.steps,
-        summary.newton_iterations as f64 / summary.steps as f64,
+        summary.sweeps as f64 / summary.steps as f64,
         trial.solver().inverses_used(),
         100.0 * summary.contact_share,
         summary.min_gap_m * 1e3,

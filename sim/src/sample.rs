@@ -48,7 +48,7 @@ pub struct Sample {
     /// Number of times that the helix axes wind round each other, right-handed positive.
     pub winding_turns: f64,
     /// Sweeps of the iteration since the last sample.
-    pub newton_iterations: u32,
+    pub sweeps: u32,
     /// Centre lines of both flagella in the body frame in m, when asked for.
     pub shapes_m: Option<[Vec<[f64; 3]>; 2]>,
 }

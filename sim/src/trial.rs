@@ -13,7 +13,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A trial keeps only a window of its past. Its memory grows with its length by one pair of numbers every two seconds.
+//! A trial keeps the states of a window and twelve means in a turn of the faster motor, of at most
+//! [`crate::steady::STRETCH`].
 //!
 //! If the motors are outside of the simulator, for instance those of an emulated board, their speeds are not known in
 //! advance. Such a trial is open: it is extended by the speeds of a short window, runs to the end of the window, and
@@ -84,7 +85,7 @@ pub struct Summary {
     /// Steps taken.
     pub steps: u64,
     /// Sweeps of all accepted steps.
-    pub newton_iterations: u64,
+    pub sweeps: u64,
     /// Largest estimated error of a step, m.
     pub step_error_m: f64,
 }
@@ -197,6 +198,17 @@ impl Trial {
         trial
     }
 
+    /// Returns the trial whose steady state is that of values collected before it, too.
+    pub(crate) fn with_collected(mut self, collected: SteadyCollector) -> Self {
+        self.progress.steady = collected;
+        self
+    }
+
+    /// Returns what the steady state is computed from.
+    pub(crate) fn collected(&self) -> &SteadyCollector {
+        &self.progress.steady
+    }
+
     fn from(
         mut solver: Solver,
         profile: SpeedProfile,
@@ -283,11 +295,25 @@ impl Trial {
 
     /// Returns the results so far.
     pub fn summary(&self) -> Summary {
+        self.summary_with(self.progress.steady.steady())
+    }
+
+    /// Returns the results so far, with means over the window.
+    pub(crate) fn window_summary(&self) -> Summary {
+        self.summary_with(self.progress.steady.window())
+    }
+
+    /// Returns the time of the first contact, s; `None` if there was none.
+    pub fn first_contact_s(&self) -> Option<f64> {
+        self.progress.summary.first_contact
+    }
+
+    fn summary_with(&self, steady: Steady) -> Summary {
         let totals = &self.progress.summary;
         let [start, stop] = self.profile.run();
         let run = (self.progress.state.time.min(stop) - start).max(0.0);
         Summary {
-            steady: self.progress.steady.steady(),
+            steady,
             simulated_s: self.progress.state.time - self.start,
             min_gap_m: totals.min_gap,
             max_penetration_m: overlap(totals.min_gap),
@@ -296,7 +322,7 @@ impl Trial {
             first_contact_s: totals.first_contact,
             bundling: totals.bundling,
             steps: totals.steps,
-            newton_iterations: totals.sweeps,
+            sweeps: totals.sweeps,
             step_error_m: totals.error,
         }
     }
@@ -418,6 +444,7 @@ impl Trial {
             progress.steady.push(
                 state.time,
                 [state.body.yaw, pitch, roll, f1.x, f1.y, f1.z, f2.x, f2.y, f2.z, torque(0), torque(1)],
+                contact,
             );
         }
     }
@@ -468,7 +495,7 @@ impl Trial {
             max_penetration_m: overlap(progress.gap),
             bundling,
             winding_turns,
-            newton_iterations: progress.sweeps,
+            sweeps: progress.sweeps,
             shapes_m: self.options.shapes.then(|| lines.map(|line| line.into_iter().map(plain).collect())),
         };
         // Several samples may fall into one step: each has at least that step's gap.

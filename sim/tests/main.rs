@@ -5,6 +5,7 @@
 mod bundling;
 mod common;
 mod contact;
+mod effort;
 mod elastic;
 mod fluid;
 mod groups;

@@ -5,6 +5,7 @@ use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::periodic::{self, Kind, Periodic, Problem, SolveError};
 use sim::profile::SpeedProfile;
+use sim::steady::WINDOW;
 use sim::trial::{Options, Summary, Trial};
 
 const LONGEST_S: f64 = 120.0;
@@ -36,7 +37,7 @@ fn solved_states_are_those_that_trials_end_in() {
         // The phase decides to which side a flagellum that stands leans the robot.
         ([0.0, 30.0], [180.0, 0.0], Kind::Steady, 0.1),
         ([0.0, 0.0], [0.0, 0.0], Kind::Steady, 0.1),
-        // A common period of 11.3 s, too long for the search.
+        // No common period: means over both motor angles.
         ([37.0, 53.0], [0.0, 0.0], Kind::Beating, 0.1),
         // The flagella touch in each turn.
         ([80.0, 40.0], [0.0, 0.0], Kind::Steady, 0.1),
@@ -68,8 +69,8 @@ fn samples_are_those_of_the_results() {
     for (rpm, longest_s) in [
         // A motion that repeats.
         ([0.0, 45.0], LONGEST_S),
-        // Searches in vain that end before the trial and after it.
-        ([37.0, 53.0], 80.0),
+        // No common period, and runs that end when the means are known, and before.
+        ([37.0, 53.0], 120.0),
         ([37.0, 53.0], 15.0),
         // No common period, and runs of some windows and of less than one and a half.
         ([1.0, 90.0], 40.0),
@@ -87,7 +88,9 @@ fn samples_are_those_of_the_results() {
             plain.kind, plain.simulated_s, plain.duration_s
         );
         let window_s = plain.summary.steady.window_s;
-        assert!((plain.duration_s - window_s).abs() < 1e-6, "{rpm:?}: the means are over {window_s} s");
+        // Means over both motor angles are from more than the last window.
+        let is_longer = plain.kind != Kind::Steady && plain.simulated_s >= 2.0 * WINDOW;
+        assert_eq!(plain.duration_s < window_s - 1e-6, is_longer, "{rpm:?}: the means are over {window_s} s");
         assert!(plain.summary.first_contact_s.is_none_or(|time| (0.0..=plain.duration_s).contains(&time)));
         let samples = &solved.samples;
         assert_eq!(samples.len(), (solved.duration_s * 50.0 + 1e-6) as usize + 1, "{rpm:?}");
@@ -96,8 +99,11 @@ fn samples_are_those_of_the_results() {
             assert!(sample.shapes_m.is_some());
         }
         let yaw: f64 = samples.windows(2).map(|pair| 0.5 * (pair[0].yaw_rad + pair[1].yaw_rad)).sum();
-        let off = yaw / (samples.len() - 1) as f64 - plain.summary.steady.attitude[0].mean;
-        prove(&format!("samples at {rpm:?}: mean yaw off the result, deg"), off.to_degrees().abs(), 0.05);
+        let level = plain.summary.steady.attitude[0];
+        let off = yaw / (samples.len() - 1) as f64 - level.mean;
+        // A window of a motion that does not repeat cuts off a part of a beat.
+        let allowed_deg = if is_longer { level.amplitude.to_degrees() } else { 0.05 };
+        prove(&format!("samples at {rpm:?}: mean yaw off the result, deg"), off.to_degrees().abs(), allowed_deg);
     }
 }
 

@@ -229,7 +229,7 @@ fn inverses_follow_flagella_that_buckle() {
     let profile = SpeedProfile::constant([-90.0; 2], 5.0).expect("a profile");
     let mut trial = Trial::new(&soft(), Closure::Full, profile, Options::default()).expect("parameters");
     let summary = trial.finish().expect("a run");
-    let sweeps = summary.newton_iterations as f64 / summary.steps as f64;
+    let sweeps = summary.sweeps as f64 / summary.steps as f64;
     println!("{sweeps:.2} sweeps a step, {} inverses", trial.solver().inverses_used());
     // With the inverses of the shape at rest they are 10.
     prove("soft flagella: sweeps a step", sweeps, 6.5);

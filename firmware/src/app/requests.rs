@@ -38,10 +38,8 @@ where
             Command::Hello => return Answer::Info,
             Command::Ping => return Answer::Pong(arrived),
             Command::ReadSettings => return Answer::Settings,
-            Command::ReadCalibration => match self.refuse_if_calibrating() {
-                Ok(()) => return Answer::Calibration,
-                refused => refused,
-            },
+            Command::ReadCalibration if self.calibrating.is_some() => Err(Refusal::Calibrating),
+            Command::ReadCalibration => return Answer::Calibration,
             Command::SaveSettings => {
                 self.save_request = request.seq;
                 self.store.begin_save();
@@ -87,9 +85,15 @@ where
         if target.iter().any(|speed| speed.0.unsigned_abs() > CentiRpm::LIMIT.0.unsigned_abs()) {
             return Err(Refusal::OutOfRange);
         }
-        self.refuse_if_faulted()?;
-        self.refuse_if_calibrating()?;
-        self.refuse_if_scheduled()?;
+        if self.latch.is_set() {
+            return Err(Refusal::Faulted);
+        }
+        if self.calibrating.is_some() {
+            return Err(Refusal::Calibrating);
+        }
+        if self.schedule.is_active() {
+            return Err(Refusal::Running);
+        }
         self.telemetry.phase = 0;
         self.drive_ticks = 0;
         self.telemetry.target = target;
@@ -100,9 +104,7 @@ where
     }
 
     fn start_schedule(&mut self, count: u8, at: Micros, now: Micros) -> Result<(), Refusal> {
-        self.refuse_if_faulted()?;
-        self.refuse_if_running()?;
-        self.refuse_if_calibrating()?;
+        self.refuse_unless_ready()?;
         if !self.schedule.start(count, at, now) {
             return Err(Refusal::NotASchedule);
         }
@@ -115,9 +117,7 @@ where
         if !duty.iter().all(in_range) || !(1..=MAX_DRIVE_MS).contains(&duration_ms) {
             return Err(Refusal::OutOfRange);
         }
-        self.refuse_if_faulted()?;
-        self.refuse_if_running()?;
-        self.refuse_if_calibrating()?;
+        self.refuse_unless_ready()?;
         self.telemetry.phase = 0;
         self.telemetry.duty = duty;
         self.drive_ticks = duration_ms.div_ceil(TICK_MS) + 1;
@@ -129,9 +129,7 @@ where
         if !(100..=60_000).contains(&duration_ms) {
             return Err(Refusal::OutOfRange);
         }
-        self.refuse_if_faulted()?;
-        self.refuse_if_running()?;
-        self.refuse_if_calibrating()?;
+        self.refuse_unless_ready()?;
         self.calibrating = Some(GyroAverage::new(duration_ms / TICK_MS));
         Ok(())
     }
@@ -140,8 +138,7 @@ where
         if !settings.is_valid() {
             return Err(Refusal::OutOfRange);
         }
-        self.refuse_if_running()?;
-        self.refuse_if_calibrating()?;
+        self.refuse_if_busy()?;
         self.settings = *settings;
         self.rescale();
         self.imu.configure(Config::from(settings));
@@ -186,20 +183,22 @@ where
         }
     }
 
-    fn refuse_if_faulted(&self) -> Result<(), Refusal> {
-        if self.latch.is_set() { Err(Refusal::Faulted) } else { Ok(()) }
+    /// Refuses what needs the motors off, no calibration and no fault.
+    #[inline(never)]
+    fn refuse_unless_ready(&self) -> Result<(), Refusal> {
+        if self.latch.is_set() { Err(Refusal::Faulted) } else { self.refuse_if_busy() }
     }
 
-    fn refuse_if_running(&self) -> Result<(), Refusal> {
-        if self.is_driven() { Err(Refusal::Running) } else { self.refuse_if_scheduled() }
-    }
-
-    fn refuse_if_scheduled(&self) -> Result<(), Refusal> {
-        if self.schedule.is_active() { Err(Refusal::Running) } else { Ok(()) }
-    }
-
-    fn refuse_if_calibrating(&self) -> Result<(), Refusal> {
+    /// Refuses what needs the motors off and no calibration.
+    #[inline(never)]
+    fn refuse_if_busy(&self) -> Result<(), Refusal> {
+        self.refuse_if_running()?;
         if self.calibrating.is_some() { Err(Refusal::Calibrating) } else { Ok(()) }
+    }
+
+    #[inline(never)]
+    fn refuse_if_running(&self) -> Result<(), Refusal> {
+        if self.is_driven() || self.schedule.is_active() { Err(Refusal::Running) } else { Ok(()) }
     }
 }
 

@@ -1,9 +1,10 @@
-//! The reaction to a hang or a panic: motors off, a record that survives, and a restart.
+//! The reaction to a hang: motors off, a record that survives, and a restart.
 //!
 //! The watchdog interrupts at its first time-out, which stops the motors, records where the program hung, and restarts it by
 //! a jump. If the program hangs with interrupts off, the second time-out resets the chip, which makes all pins inputs: the
-//! motors are off in any case after two time-outs. After that reset the old bootloader of some Nanos hangs; the board then
-//! needs its button or its plug, with the motors off.
+//! motors are off in any case after two time-outs. That reset leaves the watchdog on, and the old bootloader of some Nanos
+//! does not turn it off: it is reset again and again, with the motors off, until the board has no power. The button does not
+//! help, because the flag that keeps the watchdog on survives it.
 
 use core::arch::global_asm;
 use core::mem::MaybeUninit;
@@ -11,7 +12,6 @@ use core::panic::PanicInfo;
 
 use avr_device::atmega328p::{CPU, WDT};
 use avr_device::{asm, interrupt};
-use firmware::fault::Crash;
 
 use super::outputs;
 
@@ -22,25 +22,19 @@ const CHANGE: u8 = 1 << 4 | 1 << 3;
 /// The flag of an interrupt that has not been served; writing a one clears it.
 const PENDING: u8 = 1 << 7;
 
+/// In GPIOR1 after a hang. No start-up code touches this register, and every reset clears it.
+const HUNG: u8 = 0xB1;
+
 /// Where the program hung, words. The start-up code leaves it unchanged; only a record of a hang makes it valid.
 #[unsafe(link_section = ".noinit")]
 static mut PROGRAM_COUNTER: MaybeUninit<u16> = MaybeUninit::uninit();
 
-/// Returns the crash that led to this start, if any, and clears the record. It is in GPIOR1, which no start-up code
-/// touches and every reset clears.
-pub fn take_record(cpu: &CPU) -> Option<Crash> {
-    let crash = Crash::from_record(cpu.gpior1.read().bits());
+/// Returns the address in flash at which the program hung, bytes, if a hang led to this start. Clears the record.
+pub fn take_hang(cpu: &CPU) -> Option<u16> {
+    let has_hung = cpu.gpior1.read().bits() == HUNG;
     cpu.gpior1.reset();
-    crash
-}
-
-/// Returns the address in flash at which the program hung, bytes. `crash` is the record.
-pub fn program_counter(crash: Option<Crash>) -> u16 {
-    match crash {
-        // SAFETY: the interrupt that left this record has written it; nothing else uses it.
-        Some(Crash::Hang) => unsafe { (*(&raw const PROGRAM_COUNTER)).assume_init() << 1 },
-        _ => 0,
-    }
+    // SAFETY: the interrupt that left this record has written it; nothing else uses it.
+    has_hung.then(|| unsafe { (*(&raw const PROGRAM_COUNTER)).assume_init() << 1 })
 }
 
 /// Returns and clears the hardware's reset flags. The watchdog cannot be stopped before its flag is cleared.
@@ -76,17 +70,6 @@ fn change(watchdog: &WDT, bits: u8) {
     });
 }
 
-fn restart(crash: Crash) -> ! {
-    interrupt::disable();
-    outputs::all_off();
-    // SAFETY: interrupts are off, and nothing runs after this but the start-up code, which sets up stack, data and
-    // registers; main sets up the peripherals.
-    unsafe {
-        (*CPU::ptr()).gpior1.write(|write| write.bits(crash as u8));
-        core::arch::asm!("jmp 0", options(noreturn));
-    }
-}
-
 // The interrupt of the watchdog: passes the address to which it would return, which is on top of the stack, high byte
 // first.
 global_asm!(
@@ -100,12 +83,22 @@ global_asm!(
 );
 
 extern "C" fn hang(program_counter: u16) -> ! {
-    // SAFETY: interrupts are off in an interrupt, and this one does not return.
-    unsafe { (*(&raw mut PROGRAM_COUNTER)).write(program_counter) };
-    restart(Crash::Hang)
+    outputs::all_off();
+    // SAFETY: interrupts are off in an interrupt, and this one does not return: nothing runs after this but the start-up
+    // code, which sets up stack, data and registers; main sets up the peripherals.
+    unsafe {
+        (*(&raw mut PROGRAM_COUNTER)).write(program_counter);
+        (*CPU::ptr()).gpior1.write(|write| write.bits(HUNG));
+        core::arch::asm!("jmp 0", options(noreturn));
+    }
+}
+
+unsafe extern "C" {
+    /// Is nowhere: an image in which something can panic does not link.
+    safe fn this_image_can_panic() -> !;
 }
 
 #[panic_handler]
 fn panic(_: &PanicInfo) -> ! {
-    restart(Crash::Panic)
+    this_image_can_panic()
 }

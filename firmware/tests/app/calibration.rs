@@ -57,7 +57,7 @@ fn settings_are_applied_but_not_while_the_motors_turn() {
     assert_eq!(bench.ask(Command::ReadSettings), Reply::Settings(settings));
     bench.ticks(40);
     bench.world.change(|state| {
-        assert_eq!((state.registers[0x1B], state.registers[0x1A], state.registers[0x19]), (0b1_0000, 5, 4));
+        assert_eq!((state.registers[0x1B], state.registers[0x1A], state.registers[0x19]), (0b1_0000, 5, 0));
     });
     let Reply::Info(info) = bench.ask(Command::Hello) else { panic!() };
     assert_eq!((info.board_id, info.gyro_range), (4711, GyroRange::Dps1000));

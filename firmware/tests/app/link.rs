@@ -116,6 +116,23 @@ fn a_request_without_room_for_its_answer_is_dropped_and_feeds_the_deadline() {
     assert_eq!((frame.fault, frame.target), (Fault::None, TURN), "dropped requests have no effect");
 }
 
+#[test]
+fn a_late_answer_does_not_take_the_place_of_a_newer_one() {
+    let mut bench = streaming();
+    bench.speed = [3, -1];
+    assert_eq!(bench.send(50, Command::SaveSettings), []);
+    bench.ticks(10);
+    assert_eq!(bench.send(51, Command::SetSpeeds(TURN)), [Reply::Done]);
+    let before = bench.replies.len();
+    bench.ticks(90);
+    assert_eq!(bench.replies[before..], [(50, Reply::Done)]);
+    // The motors have stopped meanwhile; the answer to the repeated order is that to the order.
+    bench.ticks(100);
+    assert_eq!(bench.look().fault, Fault::LinkLost);
+    assert_eq!(bench.send(51, Command::SetSpeeds(TURN)), [Reply::Done]);
+    assert!(bench.world.is_off());
+}
+
 /// An outbox with room for so many bytes.
 struct Room(u8);
 

@@ -119,3 +119,78 @@ fn an_open_loop_drive_ends_by_itself_and_needs_the_host() {
     assert!(bench.world.is_off());
     assert_eq!(bench.look().fault, Fault::LinkLost);
 }
+
+#[test]
+fn speeds_in_a_drive_outlast_it() {
+    let mut bench = streaming();
+    assert_eq!(bench.ask(Command::Drive { duty: [Duty(60), Duty(60)], duration_ms: 200 }), Reply::Done);
+    bench.ticks_alive(10);
+    assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
+    bench.speed = [3, -1];
+    bench.ticks_alive(100);
+    assert_eq!((bench.look().state, bench.look().target), (State::Running, TURN));
+}
+
+#[test]
+fn a_stall_does_not_add_up_over_drives() {
+    let mut bench = streaming();
+    for _ in 0..4 {
+        bench.speed = [0, 0];
+        assert_eq!(bench.ask(Command::SetSpeeds([CentiRpm(9000), CentiRpm(0)])), Reply::Done);
+        bench.ticks_alive(150);
+        bench.ask(Command::Stop);
+        bench.ticks_alive(2);
+    }
+    assert_eq!(bench.look().fault, Fault::None);
+}
+
+#[test]
+fn ticks_that_were_missed_before_a_schedule_do_not_shift_it() {
+    let mut bench = streaming();
+    start_trial(&mut bench);
+    bench.ask(Command::Ping);
+    // The twentieth tick would have been tick 0.
+    bench.ticks(17);
+    bench.tick_after(5);
+    assert_eq!(bench.telemetry.last().map(|frame| frame.phase), Some(1));
+    bench.telemetry.clear();
+    bench.ticks_alive(41);
+    let begun = bench.telemetry.iter().position(|frame| frame.phase == 2);
+    assert_eq!(begun, Some(39), "tick 40, which is counted from tick 0");
+}
+
+#[test]
+fn a_set_point_reaches_the_bridge_in_its_tick() {
+    let mut bench = streaming();
+    start_trial(&mut bench);
+    for tick in 1..=60 {
+        bench.ask(Command::Ping);
+        bench.tick();
+        let duty = bench.world.change(|state| state.duty);
+        assert_eq!(duty != [0, 0], tick >= 60, "{duty:?} in tick {tick}");
+        assert_eq!(bench.telemetry.last().unwrap().duty != [Duty(0); 2], tick >= 60);
+    }
+    assert_eq!(bench.world.change(|state| state.pins), [true, false, false, true, true]);
+}
+
+#[test]
+fn a_schedule_does_not_start_while_calibrating() {
+    let mut bench = streaming();
+    bench.ask(Command::SetPoint { index: 0, point: SetPoint { tick: 0, speeds: OFF, phase: 1 } });
+    bench.ask(Command::CalibrateGyro { duration_ms: 500 });
+    let start = Command::StartSchedule { count: 1, at: Micros(bench.now.wrapping_add(10_000)) };
+    assert_eq!(bench.ask(start), Reply::Refused(Refusal::Calibrating));
+}
+
+#[test]
+fn a_schedule_that_waits_for_its_start_watches_the_link() {
+    let mut bench = streaming();
+    let points = [(0, TURN, 1), (400, OFF, 2)];
+    for (index, (tick, speeds, phase)) in points.into_iter().enumerate() {
+        bench.ask(Command::SetPoint { index: index as u8, point: SetPoint { tick, speeds, phase } });
+    }
+    let at = Micros(bench.now.wrapping_add(5_000_000));
+    assert_eq!(bench.ask(Command::StartSchedule { count: 2, at }), Reply::Done);
+    bench.ticks(103);
+    assert_eq!((bench.look().fault, bench.look().phase), (Fault::LinkLost, 0));
+}

@@ -33,6 +33,14 @@ pub struct State {
     /// AIN1, AIN2, BIN1, BIN2, STBY.
     pub pins: [bool; 5],
     pub duty: [u16; 2],
+    /// Pins and duties after each call, in the order of the calls.
+    pub port: Vec<([bool; 5], [u16; 2])>,
+}
+
+impl State {
+    fn note_port(&mut self) {
+        self.port.push((self.pins, self.duty));
+    }
 }
 
 impl World {
@@ -47,6 +55,7 @@ impl World {
             eeprom: [0xFF; 1024],
             pins: [true; 5],
             duty: [99; 2],
+            port: Vec::new(),
         })));
         world.set_sample([0, 0, 16384], [0, 0, 0]);
         world
@@ -121,13 +130,22 @@ impl digital::ErrorType for Pin {
 
 impl OutputPin for Pin {
     fn set_low(&mut self) -> Result<(), Infallible> {
-        self.0.change(|state| state.pins[self.1] = false);
+        self.set(false);
         Ok(())
     }
 
     fn set_high(&mut self) -> Result<(), Infallible> {
-        self.0.change(|state| state.pins[self.1] = true);
+        self.set(true);
         Ok(())
+    }
+}
+
+impl Pin {
+    fn set(&self, high: bool) {
+        self.0.change(|state| {
+            state.pins[self.1] = high;
+            state.note_port();
+        });
     }
 }
 
@@ -144,7 +162,10 @@ impl SetDutyCycle for Pwm {
 
     fn set_duty_cycle(&mut self, duty: u16) -> Result<(), Infallible> {
         assert!(duty <= 255);
-        self.0.change(|state| state.duty[self.1] = duty);
+        self.0.change(|state| {
+            state.duty[self.1] = duty;
+            state.note_port();
+        });
         Ok(())
     }
 }

@@ -78,13 +78,14 @@ pub use meta::{
     BoardMeta, CalibrationMeta, ClockMeta, End, FORMAT, FaultMeta, Identity, LevelMeta, MeasuredSensorMeta, Origin,
     PlanMeta, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, Summary, TrialMeta,
 };
-pub use model_meta::{Method, ModelMeta, SensorMeta, SteadyMeta};
+pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, TrialClock, check, last_meta, summary};
 pub use recover::{Recovery, recover};
 /// The kind of an event: a phase begins (the text is its name), the board's state changed, a fault was latched or
 /// cleared, a request was sent again, the gyroscope was calibrated, the clocks were compared, a warning for the user,
 /// or a note on anything else.
 pub use schema::biflag::event::Kind as EventKind;
+pub use sim::periodic::phases::Method;
 pub use stats::LinkStats;
 pub use table::{Meta, Table};
 pub use writer::{Start, Tap, Writer};

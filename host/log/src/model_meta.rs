@@ -6,21 +6,11 @@ use sim::contact::bundling::Bundling;
 use sim::contact::history::BundlingChange;
 use sim::params::Robot;
 use sim::periodic::Kind;
+use sim::periodic::phases::Method;
 use sim::rod::spin::LEAST_SPIN_DRAG;
+use sim::steady::Level;
 use sim::trial::Summary;
 use std::borrow::Cow;
-
-/// How the model computes the steady state of a trial.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
-#[serde(rename_all = "lowercase")]
-pub enum Method {
-    /// By the trial itself.
-    #[default]
-    Trial,
-    /// By [`sim::periodic`]: the log has one period of the motion that repeats or, where none was found, the last window that was
-    /// simulated.
-    Steady,
-}
 
 /// The model that computed a trial.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
@@ -28,7 +18,8 @@ pub enum Method {
 pub struct ModelMeta {
     /// The closure: how the flagella act on the base.
     pub closure: Closure,
-    /// Method.
+    /// Method. With [`Method::Steady`] the log has one period of the motion that repeats or, where none was found, the last
+    /// window that was simulated.
     pub method: Method,
     /// Samples per second.
     pub rate_hz: f64,
@@ -134,9 +125,15 @@ pub struct SteadyMeta {
     pub pitch_deg: f64,
     /// Mean roll.
     pub roll_deg: f64,
-    /// Length of the averaging window.
+    /// Standard error of the mean yaw; `None` if it is unknown: in a run shorter than 24 s, and in logs of older versions.
+    pub yaw_se_deg: Option<f64>,
+    /// The same for the mean pitch.
+    pub pitch_se_deg: Option<f64>,
+    /// The same for the mean roll.
+    pub roll_se_deg: Option<f64>,
+    /// Length of the end of the run from which the means are taken.
     pub window_s: f64,
-    /// Whether the mean attitude agrees with that of the previous window.
+    /// Whether the means are known, and reached, within the limits of [`sim::steady`].
     pub settled: bool,
     /// Time from the start of the run after which yaw and pitch stay near their means; 0 with [`Method::Steady`].
     pub settle_s: f64,
@@ -144,8 +141,14 @@ pub struct SteadyMeta {
     pub force1_n: [f64; 3],
     /// The same for flagellum 2.
     pub force2_n: [f64; 3],
+    /// Standard errors of `force1_n`; as `yaw_se_deg`.
+    pub force1_se_n: Option<[f64; 3]>,
+    /// The same of `force2_n`.
+    pub force2_se_n: Option<[f64; 3]>,
     /// Mean reaction torques on the base about the shafts.
     pub axial_torque_nm: [f64; 2],
+    /// Their standard errors.
+    pub axial_torque_se_nm: Option<[f64; 2]>,
     /// Smallest distance between the flagella's surfaces in the log; negative if they overlap.
     pub min_gap_m: f64,
     /// Largest overlap.
@@ -156,7 +159,7 @@ pub struct SteadyMeta {
     pub bundling_changes: Vec<BundlingChange>,
     /// Fraction of the run with contact.
     pub contact_share: f64,
-    /// Number of solver iterations for the log.
+    /// Number of sweeps of the solver for the log.
     pub newton_iterations: u64,
     /// Simulated time, that of the search included.
     pub simulated_s: f64,
@@ -170,27 +173,42 @@ impl SteadyMeta {
     pub fn new(summary: &Summary, bundling_changes: Vec<BundlingChange>) -> Self {
         let steady = &summary.steady;
         let [yaw_deg, pitch_deg, roll_deg] = steady.attitude.map(|level| level.mean.to_degrees());
+        let [yaw_se_deg, pitch_se_deg, roll_se_deg] =
+            steady.attitude.map(|level| level.standard_error.map(f64::to_degrees));
         let [force1_n, force2_n] = steady.force.map(|force| force.map(|level| level.mean));
+        let [force1_se_n, force2_se_n] = steady.force.map(|force| errors(&force));
         Self {
             yaw_deg,
             pitch_deg,
             roll_deg,
+            yaw_se_deg,
+            pitch_se_deg,
+            roll_se_deg,
             window_s: steady.window_s,
             settled: steady.settled,
             settle_s: steady.settle_s,
             force1_n,
             force2_n,
+            force1_se_n,
+            force2_se_n,
             axial_torque_nm: steady.axial_torque.map(|level| level.mean),
+            axial_torque_se_nm: errors(&steady.axial_torque),
             min_gap_m: summary.min_gap_m,
             max_penetration_m: summary.max_penetration_m,
             bundling: summary.bundling,
             bundling_changes,
             contact_share: summary.contact_share,
-            newton_iterations: summary.newton_iterations,
+            newton_iterations: summary.sweeps,
             simulated_s: summary.simulated_s,
             kind: None,
         }
     }
+}
+
+/// Returns the standard errors of some levels; `None` unless all are known.
+fn errors<const N: usize>(levels: &[Level; N]) -> Option<[f64; N]> {
+    let known: Vec<f64> = levels.iter().filter_map(|level| level.standard_error).collect();
+    known.try_into().ok()
 }
 
 #[cfg(test)]

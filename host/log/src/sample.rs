@@ -46,7 +46,7 @@ pub fn forces(sample: &Sample) -> Forces {
         max_penetration_m: sample.max_penetration_m,
         bundling: bundling.into(),
         winding_turns: sample.winding_turns,
-        newton_iterations: sample.newton_iterations,
+        newton_iterations: sample.sweeps,
     }
 }
 

@@ -55,7 +55,6 @@ def aimed(robot: Path) -> biflag.Aimed:
     return biflag.aim(biflag.Robot.load(robot), yaw=-100, tilt=5)
 
 
-@pytest.mark.slow
 def test_solutions_and_plan_are_those_of_the_command_line(robot: Path, aimed: biflag.Aimed) -> None:
     plan = robot.with_name("there.toml")
     theirs = biflag_json("aim", "--yaw=-100", "--tilt=5", "--robot", str(robot), "-o", str(plan))
@@ -82,7 +81,6 @@ def test_an_answer_shows_itself(aimed: biflag.Aimed) -> None:
     assert table.rows == len(aimed.solutions) and table["yaw_low_deg"][0] == best.yaw_ci_deg[0]
 
 
-@pytest.mark.slow
 def test_a_robot_keeps_its_fit(robot: Path, aimed: biflag.Aimed, tmp_path: Path) -> None:
     changed = biflag.Robot.load(robot).replace({"base.mass_kg": 0.095})
     for kept in (changed, pickle.loads(pickle.dumps(changed)), biflag.Robot.from_toml(changed.to_toml())):
@@ -100,7 +98,6 @@ def test_a_robot_keeps_its_fit(robot: Path, aimed: biflag.Aimed, tmp_path: Path)
     assert 'robot = "plan-robot.toml"' in (tmp_path / "plan.toml").read_text()
 
 
-@pytest.mark.slow
 def test_an_attitude_out_of_reach_has_a_nearest_one(tmp_path: Path) -> None:
     aimed = biflag.aim(biflag.Robot.physical(), pitch=30, roll=30)
     assert not aimed.reachable and not aimed.solutions and aimed.nearest is not None

@@ -32,7 +32,6 @@ def test_another_robot_disagrees(recorded: Path) -> None:
     assert "yaw" in {difference["angle"] for difference in other.trials[0].record["differences"]}
 
 
-@pytest.mark.slow
 def test_a_fit_finds_the_hidden_robot(recorded: Path) -> None:
     fit = biflag.calibrate(recorded, ["viscosity", "tether"], robot=biflag.Robot.physical())
     hidden = {"viscosity": 0.8, "tether": 6e-4}

@@ -20,6 +20,11 @@ pub fn euler_zyx(q: &UnitQuaternion<f64>) -> [f64; 3] {
     ]
 }
 
+/// Returns the tilt: the angle between the body's z axis and the vertical, degrees.
+pub fn tilt_deg(pitch_deg: f64, roll_deg: f64) -> f64 {
+    (pitch_deg.to_radians().cos() * roll_deg.to_radians().cos()).acos().to_degrees()
+}
+
 /// Returns `angle` (rad) shifted by whole revolutions to be nearest to `near` (rad).
 pub fn unwrap(angle: f64, near: f64) -> f64 {
     angle + TAU * ((near - angle) / TAU).round()

@@ -27,11 +27,14 @@
 //!
 //! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration. The results are means
 //! over the last period, by the ordinary solver and the ordinary steady window. If no motion is found, or if the motors
-//! have no common period of 12 s or less, the ordinary simulation continues until the means over two windows agree.
+//! have no common period of 12 s or less, the ordinary simulation continues until its means over both motor angles are known
+//! ([`crate::steady`]).
 //! `sim/docs/steady.md` has the comparison with trials.
 
 mod modes;
 mod period;
+pub mod phases;
+pub mod quantities;
 mod shooting;
 mod slow;
 
@@ -39,7 +42,7 @@ use crate::body::closure::Closure;
 use crate::params::{ParamError, Robot};
 use crate::profile::{ProfileError, SpeedProfile};
 use crate::sample::Sample;
-use crate::steady::{Level, Steady, whole_turns};
+use crate::steady::{Level, Steady, SteadyCollector, WINDOW, whole_turns};
 use crate::step::StepError;
 use crate::trial::{Options, Summary, Trial};
 use serde::{Deserialize, Serialize};
@@ -49,8 +52,9 @@ use std::f64::consts::PI;
 /// Largest difference of yaw, pitch and roll from those of the repeating motion, estimated from the last period, rad.
 pub const TOLERANCE: f64 = 0.05 * PI / 180.0;
 
-/// Largest difference of yaw, pitch and roll between the means of two windows that agree, rad.
-const AGREEMENT: f64 = 0.1 * PI / 180.0;
+/// Windows at whose ends the means are known before a simulation ends early: means that are looked at again and again seem
+/// known too soon.
+const AGREEING: u32 = 2;
 
 /// Part of a window that counts as none.
 const ROUNDING: f64 = 1e-6;
@@ -61,9 +65,9 @@ const ROUNDING: f64 = 1e-6;
 pub enum Kind {
     /// It repeats with the common period of the motors.
     Steady,
-    /// No repeating motion was found, but the means over the last two windows agree.
+    /// No repeating motion was found, but the means over both motor angles are known.
     Beating,
-    /// No repeating motion was found, and the means do not agree.
+    /// No repeating motion was found, and the means are not known well enough.
     NotFound,
 }
 
@@ -94,8 +98,8 @@ pub struct Problem<'a> {
     pub rpm: [f64; 2],
     /// Angles of the motors at the start, rad. They select one of several steady states ([`crate::phase`]).
     pub start_rad: [f64; 2],
-    /// Duration of the simulation if no repeating motion is found, s. A search that ends late in it is followed by at least two
-    /// windows; after a search that ends later, the trial is run again from its start.
+    /// Duration of the simulation if no repeating motion is found, s. A search that ends late in it is followed by at least three
+    /// times [`WINDOW`]; after a search that ends later, the trial is run again from its start.
     pub longest_s: f64,
     /// Output of the samples; `None` for no samples.
     pub output: Option<Options>,
@@ -106,8 +110,8 @@ pub struct Problem<'a> {
 pub struct Periodic {
     /// Kind of the motion.
     pub kind: Kind,
-    /// Results of the period, or of the last window if no repeating motion was found. They do not include the
-    /// transient: the settling time is 0 s.
+    /// Results of the period, or of the last window if no repeating motion was found; steady values are then means over
+    /// both motor angles. They do not include the transient: the settling time is 0 s.
     pub summary: Summary,
     /// Samples of the period or of the last window, with times from 0.
     pub samples: Vec<Sample>,
@@ -146,14 +150,15 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
     let Problem { robot, closure, rpm, start_rad, longest_s, output } = *problem;
     let whole = SpeedProfile::constant(rpm, longest_s)?.from_angles(start_rad);
     match shoot(problem, watch)? {
-        Outcome::Found { trial, samples } => {
+        Outcome::Found { trial, before, samples } => {
             let simulated_s = trial.state().time;
-            Ok(periodic(Kind::Steady, &trial, samples, simulated_s))
+            let mut summary = trial.window_summary();
+            set_errors(&mut summary.steady, &before);
+            Ok(periodic(Kind::Steady, summary, &trial, samples, simulated_s))
         }
         Outcome::Lost { trial, simulated_s } if simulated_s < longest_s => {
-            // At least two windows: it takes as many to see whether their means agree.
-            let window = whole_turns(whole.target(), longest_s);
-            let end = longest_s.max(simulated_s + 2.0 * window);
+            // It takes two windows to see a slow approach.
+            let end = longest_s.max(simulated_s + f64::from(1 + AGREEING) * WINDOW);
             let whole = SpeedProfile::constant(rpm, end)?.from_angles(start_rad);
             follow(*trial, &whole, simulated_s, output.is_some(), watch)
         }
@@ -164,12 +169,23 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
     }
 }
 
-/// Returns whether the mean yaw, pitch and roll of two windows differ by less than 0.1 degrees: the motion has settled.
-pub fn agree(one: &Steady, other: &Steady) -> bool {
-    one.attitude.iter().zip(&other.attitude).all(|(a, b)| (a.mean - b.mean).abs() <= AGREEMENT)
+/// Sets the standard errors of the means over a period from those over the period before: half of the difference, and of the
+/// search's tolerance.
+fn set_errors(steady: &mut Steady, before: &Steady) {
+    let set = |now: &mut Level, before: &Level, least: f64| {
+        now.standard_error = Some(least.max(0.5 * (now.mean - before.mean).abs()));
+    };
+    for (now, before) in steady.attitude.iter_mut().zip(&before.attitude) {
+        set(now, before, 0.5 * TOLERANCE);
+    }
+    let forces = steady.force.as_flattened_mut().iter_mut().zip(before.force.as_flattened());
+    for (now, before) in forces.chain(steady.axial_torque.iter_mut().zip(&before.axial_torque)) {
+        set(now, before, 0.0);
+    }
 }
 
-/// Simulates on to the end of a profile or until the means of two windows agree. `searched_s`: simulated time of the search.
+/// Simulates on to the end of a profile or until the means are known in [`AGREEING`] windows one after the other.
+/// `searched_s`: simulated time of the search.
 fn follow(
     mut trial: Trial,
     whole: &SpeedProfile,
@@ -180,29 +196,29 @@ fn follow(
     let window = whole_turns(whole.target(), whole.end());
     let before_s = searched_s - trial.state().time;
     let watch = |time: f64| watch(before_s + time);
+    // A search has moved the state: the means begin after it.
+    let mut collected = SteadyCollector::new(trial.state().time, whole.end(), whole.target());
     let left = whole.end() - trial.state().time;
     let mut windows = (left / window + ROUNDING).floor();
     if left - windows * window > ROUNDING * window {
         // What is left over comes first, so that the last window is a whole one.
-        trial = continued(trial, whole, windows * window)?;
+        trial = continued(trial, whole, windows * window)?.with_collected(collected);
         run(&mut trial, f64::INFINITY, None, &watch)??;
+        collected = trial.collected().clone();
     }
-    let mut last: Option<Steady> = None;
+    let mut known = 0;
     loop {
         windows -= 1.0;
-        trial = continued(trial, whole, windows * window)?;
+        trial = continued(trial, whole, windows * window)?.with_collected(collected);
         let mut samples = Vec::new();
         run(&mut trial, f64::INFINITY, has_output.then_some(&mut samples), &watch)??;
         let summary = trial.summary();
-        let has_settled = last.as_ref().is_some_and(|last| agree(last, &summary.steady));
-        if has_settled || windows < 0.5 {
-            // As for a trial: half a degree or 1 %.
-            let near = |a: Level, b: Level| (a.mean - b.mean).abs() <= 0.5f64.to_radians().max(0.01 * a.mean.abs());
-            let levels = |last: &Steady| (0..3).all(|i| near(summary.steady.attitude[i], last.attitude[i]));
-            let kind = Kind::of_trial(last.as_ref().is_some_and(levels));
-            return Ok(periodic(kind, &trial, samples, before_s + trial.state().time));
+        known = if summary.steady.settled { known + 1 } else { 0 };
+        if known == AGREEING || windows < 0.5 {
+            let kind = Kind::of_trial(summary.steady.settled);
+            return Ok(periodic(kind, summary, &trial, samples, before_s + trial.state().time));
         }
-        last = Some(summary.steady);
+        collected = trial.collected().clone();
     }
 }
 
@@ -213,8 +229,7 @@ fn continued(trial: Trial, whole: &SpeedProfile, left_s: f64) -> Result<Trial, P
 }
 
 /// Returns the result whose last period or window is this trial.
-fn periodic(kind: Kind, trial: &Trial, mut samples: Vec<Sample>, simulated_s: f64) -> Periodic {
-    let mut summary = trial.summary();
+fn periodic(kind: Kind, mut summary: Summary, trial: &Trial, mut samples: Vec<Sample>, simulated_s: f64) -> Periodic {
     let duration_s = std::mem::replace(&mut summary.simulated_s, simulated_s);
     (summary.steady.settled, summary.steady.settle_s) = (kind != Kind::NotFound, 0.0);
     let start_s = trial.state().time - duration_s;
@@ -267,13 +282,15 @@ mod tests {
         };
         let outcome = shoot(&problem, &|_| true).expect("no failure");
         let Outcome::Found { trial, .. } = outcome else { panic!("no motion that repeats") };
-        let before = trial.summary().steady.attitude;
+        let before = trial.window_summary().steady.attitude;
         assert!((before[0].mean.to_degrees() + 85.05).abs() > 0.5, "{before:?}");
         // A difference from what is not stable would have grown by a factor of 50 after ten periods.
         let (from_s, state) = (trial.state().time, trial.state().clone());
         let whole = SpeedProfile::constant(rpm, from_s + 60.0).expect("a profile");
         let rest = whole.between(from_s, from_s + 60.0).expect("a profile");
-        let after = trial.followed_by(rest, state).finish().expect("a run").steady.attitude;
+        let mut rest = trial.followed_by(rest, state);
+        rest.finish().expect("a run");
+        let after = rest.window_summary().steady.attitude;
         for (before, after) in before.iter().zip(&after) {
             assert!((after.mean - before.mean).to_degrees().abs() < 0.1, "{before:?} {after:?}");
         }

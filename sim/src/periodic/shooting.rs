@@ -8,6 +8,7 @@ use crate::params::SolverSettings;
 use crate::profile::{ProfileError, SpeedProfile};
 use crate::sample::Sample;
 use crate::state::State;
+use crate::steady::Steady;
 use crate::step::Solver;
 use crate::trial::Trial;
 use std::f64::consts::PI;
@@ -47,8 +48,8 @@ const CLOSE: f64 = 1.0 * PI / 180.0;
 
 /// How a search ends.
 pub enum Outcome {
-    /// With a motion that repeats: the trial is its last period.
-    Found { trial: Box<Trial>, samples: Vec<Sample> },
+    /// With a motion that repeats: the trial is its last period, `before` the means over the one before.
+    Found { trial: Box<Trial>, before: Box<Steady>, samples: Vec<Sample> },
     /// Without one, at the end of a trial.
     Lost { trial: Box<Trial>, simulated_s: f64 },
     /// Where there is nothing to search for, or a step failed.
@@ -84,6 +85,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
     let mut paths: Vec<Vec<Slow>> = Vec::new();
     let patience_s = PATIENCE_S.max(PATIENCE * longest_s);
     let (mut is_coarse, mut may_be_coarse, mut resting_s) = (true, true, 0.0);
+    let mut last: Option<Steady> = None;
     loop {
         trial.set_accuracy(if is_coarse { &coarse } else { &ordinary });
         // Coarse periods are never the result.
@@ -98,7 +100,9 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
         }
         paths.push(path);
         let mut state = trial.state().clone();
-        let mut next_is_coarse = may_be_coarse && trial.summary().contact_share > 0.0;
+        let summary = trial.window_summary();
+        let mut next_is_coarse = may_be_coarse && summary.contact_share > 0.0;
+        let before = last.replace(summary.steady);
         if simulated_s >= DECAY_S.max(1.5 * period) {
             let [newton, step] = steps(&paths, modes.newton(intervals));
             let distance = attitude(&newton).max(attitude(&step));
@@ -107,8 +111,12 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             let assumed = attitude(&(end - from)) / (1.0 - (-period / ASSUMED_S).exp());
             let is_found = distance < TOLERANCE && assumed < TOLERANCE && !is_coarse && paths.len() > 1;
             resting_s = if is_found { resting_s + period } else { 0.0 };
-            if resting_s > 0.0 && (is_stable || resting_s > RESTING_S) {
-                return Ok(Outcome::Found { trial: Box::new(trial), samples: output.unwrap_or_default() });
+            if resting_s > 0.0
+                && (is_stable || resting_s > RESTING_S)
+                && let Some(before) = before
+            {
+                let (trial, before) = (Box::new(trial), Box::new(before));
+                return Ok(Outcome::Found { trial, before, samples: output.unwrap_or_default() });
             }
             if simulated_s + period > patience_s {
                 trial.set_accuracy(&ordinary);

@@ -38,8 +38,10 @@ static void start_write(nano_t *nano, uint8_t mode)
 	avr_t *avr = nano->avr;
 	uint8_t data = avr->data[REG_EEDR];
 	eeprom->busy = 1;
+	eeprom->since = now(nano);
 	eeprom->address = address(nano);
 	uint8_t *byte = &eeprom->bytes[eeprom->address];
+	eeprom->before = *byte;
 	// Erasing makes ones, writing makes zeros.
 	eeprom->value = mode == EEPM_ERASE ? 0xFF : mode == EEPM_WRITE ? *byte & data : data;
 	if (mode != EEPM_WRITE)
@@ -87,11 +89,20 @@ void eeprom_attach(nano_t *nano)
 	replace_io(nano, REG_EEARH, 0, 0);
 }
 
-// A write that a reset interrupts is completed, unless there is no supply: then the byte stays erased.
+// What a write leaves that loses its supply in its first half, which erases: ones, here in every other bit. In its second
+// half: some of the zeros not yet written.
+static uint8_t cut_off(const nano_t *nano)
+{
+	const struct eeprom *eeprom = &nano->eeprom;
+	int is_erasing = now(nano) - eeprom->since < BOTH_US / 2 * CYCLES_PER_US;
+	return is_erasing ? eeprom->before | 0xAA : eeprom->value | 0x0F;
+}
+
+// A write that a reset interrupts is completed, unless there is no supply.
 void eeprom_reset(nano_t *nano)
 {
 	struct eeprom *eeprom = &nano->eeprom;
-	if (eeprom->busy && !nano->supply.off)
-		eeprom->bytes[eeprom->address] = eeprom->value;
+	if (eeprom->busy)
+		eeprom->bytes[eeprom->address] = nano->supply.off ? cut_off(nano) : eeprom->value;
 	eeprom->busy = 0;
 }

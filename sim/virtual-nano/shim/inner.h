@@ -59,8 +59,9 @@ struct eeprom {
 	uint8_t *bytes;
 	uint32_t length;
 	int busy;
-	uint16_t address; // of the byte that is being written
-	uint8_t value;    // that it will have
+	uint64_t since;        // the write's begin
+	uint16_t address;      // of the byte that is being written
+	uint8_t before, value; // that it had, that it will have
 };
 
 struct supply {

@@ -40,7 +40,8 @@ fn saved_settings_survive_a_reset_and_unsaved_ones_do_not() {
 
 #[test]
 fn damaged_settings_give_the_defaults() {
-    for damage in [0, 5, 30] {
+    // In the slot of the first save.
+    for damage in [320, 325, 350] {
         let (mut host, _) = saved();
         host.board.eeprom_mut()[damage] ^= 0x04;
         host.reset();

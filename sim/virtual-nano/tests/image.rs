@@ -5,9 +5,9 @@ use protocol::{Command, Fault, Settings};
 use virtual_nano::BoardOptions;
 
 /// Of 30,720 bytes beside the bootloader.
-const FLASH: u64 = 28_000;
+const FLASH: u64 = 29_200;
 /// Of 2,048 bytes.
-const RAM: u64 = 1_400;
+const RAM: u64 = 1_450;
 /// Of 80,000 cycles.
 const WORST_TICK: u64 = 60_000;
 

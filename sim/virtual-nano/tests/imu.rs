@@ -1,9 +1,9 @@
 //! The sensor as the real program reads it: recordings arrive unchanged, clones are named, and every fault at every byte
 //! of every transaction is noticed, reported, and got over or latched.
 
-use crate::common::{Host, TICK_BUDGET};
+use crate::common::{Host, TICK, TICK_BUDGET};
 use protocol::units::{AccelRange, SensorCounts};
-use protocol::{Command, Fault, Settings};
+use protocol::{Command, Fault, Settings, Telemetry};
 use std::path::Path;
 use virtual_nano::BoardOptions;
 use virtual_nano::imu::fault::{At, Fault as ImuFault};
@@ -182,7 +182,7 @@ fn another_id_in_mid_run_changes_nothing_until_the_next_start() {
 fn the_angle_does_not_depend_on_the_sensors_oscillator() {
     const DPS: f64 = 30.0;
     for error in [-0.01, 0.0, 0.01] {
-        let source = Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: DPS, start_s: 0.5 }, 3);
+        let source = Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: DPS, swing_hz: 0.0, start_s: 0.5 }, 3);
         let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
         host.board.change_imu(|imu| imu.set_oscillator_error(error));
         host.run_linked_ms(1000);
@@ -201,6 +201,34 @@ fn the_angle_does_not_depend_on_the_sensors_oscillator() {
     }
 }
 
+/// As often as samples would be read twice, or never, if the sensor took 200 in a second.
+#[test]
+fn a_swing_of_the_sensor_is_no_turn() {
+    let frame_deg = |frame: &Telemetry| {
+        let [w, x, y, z] = frame.attitude.to_f64();
+        (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)).to_degrees()
+    };
+    // The last is the worst that the age of a sample, up to 1 ms, can do.
+    for (error, swing_hz, most_deg) in
+        [(-0.0075, 1.5, 0.05), (0.0075, 1.5, 0.05), (-0.01, 2.0, 0.05), (-0.0015, 1.5, 0.2)]
+    {
+        let table = Turntable { up: [0.0, 0.0, 1.0], dps: 30.0, swing_hz, start_s: 0.5 };
+        let mut host = Host::ready(BoardOptions { source: Source::turntable(table, 3), ..BoardOptions::default() });
+        host.board.change_imu(|imu| imu.set_oscillator_error(error));
+        host.run_linked_ms(1000);
+        host.telemetry.clear();
+        host.run_linked_ms(12_000);
+        let whole = host.telemetry.len() / 2400 * 2400;
+        let half = whole / 2;
+        let mean = |frames: &[(u64, Telemetry)]| {
+            frames.iter().map(|(_, frame)| frame_deg(frame)).sum::<f64>() / frames.len() as f64
+        };
+        let turned = mean(&host.telemetry[half..whole]) - mean(&host.telemetry[..half]);
+        println!("oscillator {:+} %, swing of {swing_hz} Hz: {turned:.3} deg in 6 s", 100.0 * error);
+        assert!(turned.abs() < most_deg, "{error}: {turned} deg");
+    }
+}
+
 #[test]
 fn bus_errors_in_a_row_halve_the_speed_until_the_next_start() {
     /// The register TWBR; SCL runs at 16 MHz / (16 + 2 TWBR).
@@ -208,9 +236,17 @@ fn bus_errors_in_a_row_halve_the_speed_until_the_next_start() {
     const KHZ_400: u8 = 12;
     const KHZ_200: u8 = 32;
     let mut host = Host::ready(BoardOptions::default());
+    // Each tick's frame is there before the next tick reads the sensor.
+    let next_frame = |host: &mut Host| {
+        let frames = host.telemetry.len();
+        while host.telemetry.len() == frames {
+            host.run_until(host.board.cycle() + TICK / 50);
+        }
+    };
+    next_frame(&mut host);
     for (errors, twbr) in [(1, KHZ_400), (2, KHZ_400), (3, KHZ_400), (4, KHZ_200), (5, KHZ_200)] {
         host.board.change_imu(|imu| imu.inject(ImuFault::Stuck { at: At::byte(5), clocks: Some(3) }));
-        host.run_ms(5);
+        next_frame(&mut host);
         assert_eq!((host.last().imu_errors.0, host.board.peek(TWBR)), (errors, twbr));
     }
     host.telemetry.clear();

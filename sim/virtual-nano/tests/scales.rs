@@ -22,7 +22,7 @@ fn attitude(telemetry: &Telemetry) -> UnitQuaternion<f64> {
 
 /// A table that turns at `dps`, seen through a sensor at these ranges for `run_ms` after its start.
 fn turned(dps: f64, gyro_range: GyroRange, accel_range: AccelRange, run_ms: u64) -> Vec<Telemetry> {
-    let source = Source::turntable(Turntable { up: UP, dps, start_s: START_S }, 7);
+    let source = Source::turntable(Turntable { up: UP, dps, swing_hz: 0.0, start_s: START_S }, 7);
     let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
     host.order(Command::WriteSettings(Settings { gyro_range, accel_range, ..Settings::DEFAULT }));
     // Past the start and the delay of the filter.

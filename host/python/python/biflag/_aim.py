@@ -39,8 +39,8 @@ class Solution:
     thrust_n: float
     """Thrust of both flagella along the robot's axis."""
     kind: str
-    """"steady" if the motion repeats, "beating" if it was not found to but its means do not change, and "not_found" if they
-    still do."""
+    """"steady" if the motion repeats, "beating" if it was not found to but its means are known, and "not_found" if they
+    are not."""
     yaw_ci_deg: tuple[float, float]
     """Interval from the covariance of the robot's fit, the starting phase, the error of the model and the solver;
     :attr:`Aimed.confidence` says whether it is a 95 % interval."""

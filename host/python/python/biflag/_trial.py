@@ -29,9 +29,10 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True, eq=False)
 class Steady:
-    """Steady state of a simulated trial: means over whole turns of the flagella at the end of the run, about 12 s.
+    """Steady state of a simulated trial: means over the angles of both flagella, from the second half of the run.
 
-    With the method "steady" everything is of one period of the motion or, if it does not repeat, of the last window.
+    With the method "steady" everything is of one period of the motion. If it does not repeat, all but the means is of the
+    last window.
 
     Forces and torques are those of the flagella on the base, in body axes; the thrust is the z component.
     """
@@ -40,9 +41,10 @@ class Steady:
     pitch_deg: float
     roll_deg: float
     window_s: float
-    """Length of the averaging window."""
+    """Length of the end of the run from which the means are taken."""
     settled: bool
-    """Whether the mean attitude agrees with that of the window before."""
+    """Whether twice the standard errors are within 0.1 degrees and 1 % of the larger thrust, 0.3 degrees and 3 % if the
+    flagella touch."""
     settle_s: float
     """Time from which on yaw and pitch stay near their means; 0 with the method "steady"."""
     force1_n: Floats
@@ -59,8 +61,15 @@ class Steady:
     newton_iterations: int
     simulated_s: float
     kind: str | None = None
-    """With the method "steady": "steady" if the motion repeats, "beating" if it was not found to but its means do not change,
-    and "not_found" if they still do."""
+    """With the method "steady": "steady" if the motion repeats, "beating" if it was not found to but its means are known,
+    and "not_found" if they are not."""
+    yaw_se_deg: float | None = None
+    """Standard error of the mean; ``None`` where it is unknown: in a run shorter than 24 s."""
+    pitch_se_deg: float | None = None
+    roll_se_deg: float | None = None
+    force1_se_n: Floats | None = None
+    force2_se_n: Floats | None = None
+    axial_torque_se_nm: Floats | None = None
 
     @classmethod
     def _of(cls, record: dict[str, Any]) -> Steady:

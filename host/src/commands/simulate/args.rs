@@ -41,9 +41,9 @@ pub struct Args {
     /// repeats.
     ///
     /// The default is the plan's method, or `trial`. With `steady` the log contains one period of the motion and no
-    /// other phases. If no repeating motion is found, the simulation continues until the means over two steady windows
-    /// agree or the run ends, and the log contains the last window. `kind` in the output is `steady`,
-    /// `beating` (the means agree) or `not_found`.
+    /// other phases. If no repeating motion is found, the simulation continues until the means over both motor angles
+    /// are known or the run ends, and the log contains the last window. `kind` in the output is `steady`,
+    /// `beating` (the means are known) or `not_found`.
     #[arg(long, value_enum, conflicts_with = "from")]
     pub method: Option<MethodName>,
     /// Coupling of the flagella to the base: `full`, with forces in both directions; `lumped`, the published couples

@@ -42,7 +42,7 @@ pub enum Row {
 pub struct MeanTrial {
     #[serde(flatten)]
     pub means: PhaseMeans,
-    /// The angle between the vertical and the robot's axis at the mean pitch and roll.
+    /// Mean over the phases of the angle between the vertical and the robot's axis.
     pub tilt_deg: f64,
     /// `null` if a trial was computed by an earlier run.
     pub wall_s: Option<f64>,
@@ -69,7 +69,7 @@ impl Row {
             if all > 1 && steady.len() == all {
                 let wall_s = starts.iter().map(|start| start.wall_s).sum();
                 let means = PhaseMeans::new(trial, &steady);
-                let tilt_deg = tilt(&means.steady);
+                let tilt_deg = steady.iter().map(tilt).sum::<f64>() / steady.len() as f64;
                 rows.push(Self::Mean(MeanTrial { means, tilt_deg, wall_s, starts }));
             } else {
                 rows.extend(starts.into_iter().map(Self::One));
@@ -139,8 +139,15 @@ impl fmt::Display for SimulatedTrial {
         write!(f, "{}", self.name)?;
         let Some(steady) = &self.steady else { return Ok(()) };
         let SteadyMeta { yaw_deg, pitch_deg, roll_deg, settle_s, .. } = steady;
-        let [yaw, pitch, roll] = [yaw_deg, pitch_deg, roll_deg].map(|deg| text::decimal(*deg, 2));
-        write!(f, ": yaw {yaw}°, pitch {pitch}°, roll {roll}°")?;
+        let angles = [
+            ("yaw", yaw_deg, steady.yaw_se_deg),
+            ("pitch", pitch_deg, steady.pitch_se_deg),
+            ("roll", roll_deg, steady.roll_se_deg),
+        ];
+        for (i, (name, deg, error)) in angles.into_iter().enumerate() {
+            let uncertainty = error.map_or(String::new(), |error| format!(" ± {}°", text::decimal(2.0 * error, 2)));
+            write!(f, "{} {name} {}°{uncertainty}", if i == 0 { ":" } else { "," }, text::decimal(*deg, 2))?;
+        }
         match steady.kind {
             Some(Kind::Steady) => {}
             Some(Kind::Beating) => write!(f, ", beating")?,

@@ -34,7 +34,7 @@ pub struct Interval {
     pub pitch_ci_deg: [f64; 2],
     /// Of the roll.
     pub roll_ci_deg: [f64; 2],
-    /// Largest minus smallest yaw, pitch and roll over the starting phases.
+    /// Largest minus smallest yaw, pitch and roll of the starting phases; extremes between them are in the intervals alone.
     pub phase_spread_deg: [f64; 3],
     /// Standard errors of yaw, pitch and roll from those of the parameters.
     pub std_error_deg: [f64; 3],
@@ -83,7 +83,10 @@ impl Interval {
             yaw_ci_deg,
             pitch_ci_deg,
             roll_ci_deg,
-            phase_spread_deg: ranges.map(|[low, high]| high - low),
+            phase_spread_deg: [0, 1, 2].map(|i| {
+                let of = || all.iter().map(|angles| angles[i]);
+                of().fold(f64::NEG_INFINITY, f64::max) - of().fold(f64::INFINITY, f64::min)
+            }),
             std_error_deg: spread.map(|[std_error, _]| std_error),
             model_error_deg,
             contact_by_phase,

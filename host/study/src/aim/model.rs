@@ -9,6 +9,7 @@ use sim::params::Robot;
 use sim::periodic::{self, Kind, Periodic, Problem, SolveError};
 use sim::phase::{self, Ratio};
 use sim::profile::SpeedProfile;
+use sim::steady::WINDOW;
 use sim::trial::{Options, Summary, Trial};
 
 /// Duration of the trial if no repeating motion is found, s: the default run of a plan.
@@ -105,24 +106,21 @@ impl Model<'_> {
     }
 
     /// Returns whether the flagella touch at some time of a trial at these speeds. The trial ends at their first contact,
-    /// whose steps take most of the time, or when the means of two steady windows agree.
+    /// whose steps take most of the time, or when its means are known.
     ///
     /// # Errors
     /// [`AimError::Model`] and [`AimError::Interrupted`].
     pub fn touches(&self, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<bool, AimError> {
-        let mut before: Option<Summary> = None;
+        let mut next_s = WINDOW;
         let goes_on = |trial: &Trial| {
-            let now = trial.summary();
-            if now.first_contact_s.is_some() {
+            if trial.first_contact_s().is_some() {
                 return false;
             }
-            let passed = now.simulated_s - before.as_ref().map_or(0.0, |before| before.simulated_s);
-            if passed < now.steady.window_s {
+            if trial.state().time < next_s {
                 return true;
             }
-            let agrees = before.as_ref().is_some_and(|before| periodic::agree(&before.steady, &now.steady));
-            before = Some(now);
-            !agrees
+            next_s += WINDOW;
+            !trial.summary().steady.settled
         };
         let summary = self.run(rpm, start_deg, goes_on).map_err(|error| AimError::at(rpm, error))?;
         Ok(summary.first_contact_s.is_some())

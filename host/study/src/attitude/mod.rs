@@ -15,6 +15,7 @@ mod track;
 pub use drift::{Drift, Rest};
 pub use level::{Level, Leveller, RestForce};
 pub use series::Series;
+pub use sim::body::attitude::tilt_deg;
 pub use smoother::WARMING_DPS_PER_C;
 pub use still::{Motion, STILL_TILT_DPS, STILL_YAW_DPS, Still};
 pub use student::student_95;
@@ -57,11 +58,6 @@ impl Euler {
         let (roll, pitch, yaw) = attitude.euler_angles();
         Self { yaw_deg: yaw.to_degrees(), pitch_deg: pitch.to_degrees(), roll_deg: roll.to_degrees() }
     }
-}
-
-/// Returns the tilt: the angle between the body's z axis and the vertical, degrees.
-pub fn tilt_deg(pitch_deg: f64, roll_deg: f64) -> f64 {
-    (pitch_deg.to_radians().cos() * roll_deg.to_radians().cos()).acos().to_degrees()
 }
 
 /// Returns the rotation of a quaternion `[w, x, y, z]`, which need not be normalised.

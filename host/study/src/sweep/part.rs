@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The first bytes of a part.
-const MAGIC: [u8; 8] = *b"BIFLAGS1";
+const MAGIC: [u8; 8] = *b"BIFLAGS2";
 
 /// Longest content of a frame, bytes.
 const LONGEST: usize = 4096;

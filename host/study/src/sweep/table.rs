@@ -8,6 +8,7 @@ use crate::export::table::{Column, Table, Values};
 use crate::text::word;
 use sim::groups::Groups;
 use sim::params::Robot;
+use sim::periodic::quantities::{QUANTITIES, STANDARD_ERRORS};
 use std::borrow::Cow;
 
 /// The description of the columns of the keys that vary.
@@ -60,36 +61,12 @@ pub const ROBOT: [Real<Robot>; 11] = [
     ("tether_nm_per_rad", "N m/rad", "stiffness of the tether", |robot| robot.joint.tether_full_nm_per_rad),
 ];
 
-const STEADY: [Real<Steady>; 18] = [
-    ("yaw_deg", "deg", "steady yaw about the vertical, unwrapped; mean over the phases, as all that follows", |s| {
-        s.angles_deg[0]
-    }),
-    ("pitch_deg", "deg", "steady pitch about the y axis after the yaw", |s| s.angles_deg[1]),
-    ("roll_deg", "deg", "steady roll about the x axis after yaw and pitch", |s| s.angles_deg[2]),
-    ("tilt_deg", "deg", "angle of the robot's axis to the vertical, from the steady pitch and roll", |s| {
-        s.angles_deg[3]
-    }),
-    ("yaw_spread_deg", "deg", "largest less smallest yaw of the starting phases; 0 for one phase", |s| s.spread_deg[0]),
-    ("pitch_spread_deg", "deg", "the same of the pitch", |s| s.spread_deg[1]),
-    ("roll_spread_deg", "deg", "the same of the roll", |s| s.spread_deg[2]),
-    ("tilt_spread_deg", "deg", "the same of the tilt", |s| s.spread_deg[3]),
-    ("force1_x_n", "N", "lateral force of flagellum 1 on the base along x, body axes", |s| s.force_n[0][0]),
-    ("force1_y_n", "N", "lateral force of flagellum 1 along y", |s| s.force_n[0][1]),
-    ("force1_z_n", "N", "thrust of flagellum 1: its force on the base along z", |s| s.force_n[0][2]),
-    ("force2_x_n", "N", "lateral force of flagellum 2 along x", |s| s.force_n[1][0]),
-    ("force2_y_n", "N", "lateral force of flagellum 2 along y", |s| s.force_n[1][1]),
-    ("force2_z_n", "N", "thrust of flagellum 2", |s| s.force_n[1][2]),
-    ("axial_torque1_nm", "N m", "reaction torque of flagellum 1 on the base about its shaft", |s| s.torque_nm[0]),
-    ("axial_torque2_nm", "N m", "reaction torque of flagellum 2 on the base about its shaft", |s| s.torque_nm[1]),
-    (
-        "contact_share",
-        "1",
-        "share of the time in which the flagella touch: of the period, or of the time that was averaged last, or of a trial",
-        |s| s.contact_share,
-    ),
-    ("min_gap_m", "m", "least gap between the flagella's surfaces over all phases, negative if they overlap", |s| {
-        s.min_gap_m
-    }),
+/// Columns of the spreads over the starting phases: name, description, and the quantity.
+const SPREADS: [(&str, &str, &str); 4] = [
+    ("yaw_spread_deg", "largest less smallest yaw of the starting phases; 0 for one phase", "yaw_deg"),
+    ("pitch_spread_deg", "the same of the pitch", "pitch_deg"),
+    ("roll_spread_deg", "the same of the roll", "roll_deg"),
+    ("tilt_spread_deg", "the same of the tilt", "tilt_deg"),
 ];
 
 impl Row {
@@ -133,15 +110,25 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     for (at, (name, unit, about, _)) in ROBOT.into_iter().enumerate() {
         columns.push(real(name, unit, about, &|row| row.robot[at]));
     }
-    for (name, unit, about, value) in STEADY {
-        columns.push(real(name, unit, about, &|row| row.outcome.steady().map_or(f64::NAN, value)));
+    let steady = |name, unit, about, value: &dyn Fn(&Steady) -> f64| {
+        real(name, unit, about, &|row| row.outcome.steady().map_or(f64::NAN, value))
+    };
+    for (at, quantity) in QUANTITIES.iter().enumerate() {
+        columns.push(steady(quantity.name, quantity.unit, quantity.about, &|s| s.values[at]));
+    }
+    for (name, about, of) in SPREADS {
+        let at = QUANTITIES.iter().position(|quantity| quantity.name == of);
+        columns.push(steady(name, "deg", about, &|s| at.map_or(f64::NAN, |at| s.spreads[at])));
+    }
+    for (at, (name, unit, about, _)) in STANDARD_ERRORS.iter().enumerate() {
+        columns.push(steady(name, unit, about, &|s| s.standard_errors[at].unwrap_or(f64::NAN)));
     }
     let phases = rows.iter().map(|row| row.outcome.steady().map_or(0, |steady| steady.phases.into())).collect();
     columns.push(column("phases", "1", "number of starting phases; 0 if the point failed", Values::Int(phases)));
     let kind = |row: &Row| row.outcome.steady().map_or("", |steady| steady.kind.name()).to_owned();
     columns.push(text(
         "kind",
-        "`steady`: the motion repeats; `beating`: it was not found to, but its means do not change; `not_found`: they still do",
+        "`steady`: the motion repeats; `beating`: it was not found to, but its means are known; `not_found`: they are not",
         &kind,
     ));
     let status = |row: &Row| if row.outcome.is_failed() { "failed" } else { "ok" }.to_owned();

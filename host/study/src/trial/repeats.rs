@@ -9,6 +9,8 @@ pub struct AtSpeeds<T> {
     pub speeds_rpm: [f64; 2],
     /// Means of yaw, pitch and roll, with their signs.
     pub angles_deg: [f64; 3],
+    /// Mean of the tilts: that of the mean attitude would hide tilts to different sides, as of other starting phases.
+    pub tilt_deg: f64,
     /// Number of trials.
     pub trials: usize,
     /// What belongs to the first of them.
@@ -16,10 +18,10 @@ pub struct AtSpeeds<T> {
 }
 
 impl<T> AtSpeeds<T> {
-    /// Returns the magnitudes of the mean yaw, pitch and roll, and the tilt of the mean attitude, degrees.
+    /// Returns the magnitudes of the mean yaw, pitch and roll, and the mean tilt, degrees.
     pub fn magnitudes_deg(&self) -> [f64; 4] {
         let [yaw, pitch, roll] = self.angles_deg;
-        [yaw.abs(), pitch.abs(), roll.abs(), tilt_deg(pitch, roll)]
+        [yaw.abs(), pitch.abs(), roll.abs(), self.tilt_deg]
     }
 }
 
@@ -28,14 +30,16 @@ impl<T> AtSpeeds<T> {
 pub fn mean_of_repeats<T>(trials: impl Iterator<Item = ([f64; 2], [f64; 3], T)>) -> Vec<AtSpeeds<T>> {
     let mut means: Vec<AtSpeeds<T>> = Vec::new();
     for (speeds_rpm, angles_deg, first) in trials {
+        let tilt_deg = tilt_deg(angles_deg[1], angles_deg[2]);
         match means.iter_mut().find(|mean| mean.speeds_rpm == speeds_rpm) {
             Some(mean) => {
                 mean.trials += 1;
+                mean.tilt_deg += (tilt_deg - mean.tilt_deg) / mean.trials as f64;
                 for (mean_deg, deg) in mean.angles_deg.iter_mut().zip(angles_deg) {
                     *mean_deg += (deg - *mean_deg) / mean.trials as f64;
                 }
             }
-            None => means.push(AtSpeeds { speeds_rpm, angles_deg, trials: 1, first }),
+            None => means.push(AtSpeeds { speeds_rpm, angles_deg, tilt_deg, trials: 1, first }),
         }
     }
     means
@@ -46,12 +50,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn repeats_have_one_mean_whose_magnitude_is_taken_last() {
+    fn repeats_have_one_mean_whose_magnitude_is_taken_last_and_a_mean_of_tilts() {
         let trial = |w1: f64, pitch: f64, name| ([w1, 0.0], [-90.0, pitch, 0.0], name);
         let trials = [trial(1.0, 2.0, "a"), trial(2.0, 9.0, "b"), trial(1.0, -4.0, "c"), trial(1.0, 2.0, "d")];
         let means = mean_of_repeats(trials.into_iter());
         assert_eq!(means.iter().map(|mean| (mean.first, mean.trials)).collect::<Vec<_>>(), [("a", 3), ("b", 1)]);
-        assert_eq!(means[0].magnitudes_deg(), [90.0, 0.0, 0.0, 0.0]);
+        let [yaw, pitch, roll, tilt] = means[0].magnitudes_deg();
+        assert_eq!([yaw, pitch, roll], [90.0, 0.0, 0.0]);
+        assert!((tilt - 8.0 / 3.0).abs() < 1e-9, "{tilt}");
         assert!((means[1].magnitudes_deg()[3] - 9.0).abs() < 1e-9);
     }
 }

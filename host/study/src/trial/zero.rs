@@ -237,15 +237,16 @@ impl Zeroed {
         for (time, angles) in std::iter::once(ends[0]).chain(rows).chain(std::iter::once(ends[1])) {
             let mut values = [0.0; CHANNELS];
             values[..3].copy_from_slice(&angles.map(f64::to_radians));
-            collector.push(time, values);
+            collector.push(time, values, false);
         }
-        let steady = collector.steady();
+        let steady = collector.window();
         let window = run.end - steady.window_s..run.end;
         let middle = 0.5 * (window.start + window.end);
         let own = data.records.steady.as_ref().filter(|_| self.is_model());
         let (angles_deg, settled, settle_s, window) = match own {
             Some(SteadyMeta { yaw_deg, pitch_deg, roll_deg, settled, settle_s, window_s, kind, .. }) => {
-                let window = self.run.end - window_s..self.run.end;
+                // With the method `steady` the log has the last part of the stretch.
+                let window = (self.run.end - window_s).max(self.run.start)..self.run.end;
                 let settle_s = (*settled && kind.is_none()).then_some(*settle_s);
                 ([*yaw_deg, *pitch_deg, *roll_deg], *settled, settle_s, window)
             }

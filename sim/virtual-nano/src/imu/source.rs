@@ -7,6 +7,7 @@ use super::part::{Part, ROOM_C, Signal};
 use super::recording::{Recording, Sample};
 use super::scale::{LowPass, Range, celsius, counts, temperature_counts};
 use crate::plant::{Movement, Plant};
+use std::f64::consts::TAU;
 
 /// One sample in counts, as the data registers have it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -40,20 +41,23 @@ pub struct Source {
     spin_dps: f64,
 }
 
-/// A table that turns about the vertical at a constant speed, with the sensor fixed to it.
+/// A table that turns about the vertical, with the sensor fixed to it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Turntable {
     /// The vertical in the sensor's axes, of length 1.
     pub up: [f64; 3],
     /// Speed, counter-clockwise seen from above, °/s.
     pub dps: f64,
+    /// How often it turns there and back, Hz: its speed is then `dps` at most. At 0 it turns at that speed.
+    pub swing_hz: f64,
     /// The board's time from which on it turns, s.
     pub start_s: f64,
 }
 
 impl Turntable {
     fn movement(&self, time_s: f64) -> Movement {
-        let dps = if time_s >= self.start_s { self.dps } else { 0.0 };
+        let swing = (TAU * self.swing_hz * (time_s - self.start_s)).cos();
+        let dps = if time_s >= self.start_s { self.dps * swing } else { 0.0 };
         Movement { rate_dps: self.up.map(|part| part * dps), specific_force_g: self.up, temperature_c: ROOM_C }
     }
 }
@@ -236,7 +240,8 @@ mod tests {
     fn the_integrated_rate_walks_as_the_data_sheets_density_says() {
         const RATE_HZ: usize = 200;
         for low_pass in [2, 3, 4] {
-            let mut source = Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: 0.0, start_s: 0.0 }, 5);
+            let mut source =
+                Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: 0.0, swing_hz: 0.0, start_s: 0.0 }, 5);
             let (mut rate_squares, mut force_squares, mut seconds) = (0.0, 0.0, 0.0);
             let mut sample = 0;
             let mut turned_in_a_second = || {
@@ -279,7 +284,7 @@ mod tests {
 
     #[test]
     fn a_turntable_turns_about_the_vertical() {
-        let table = Turntable { up: [0.6, 0.0, 0.8], dps: 100.0, start_s: 1.0 };
+        let table = Turntable { up: [0.6, 0.0, 0.8], dps: 100.0, swing_hz: 0.0, start_s: 1.0 };
         let mut source = Source::turntable(table, 1);
         let mut read = |time_s| source.read(time_s, GYRO[0], ACCEL[0], LOW_PASS[6]);
         assert!(read(0.9).gyro.iter().all(|x| x.abs() < 10));
@@ -292,7 +297,8 @@ mod tests {
 
     #[test]
     fn scale_axes_and_range_of_a_bad_part_show() {
-        let mut source = Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: 100.0, start_s: 0.0 }, 1);
+        let mut source =
+            Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps: 100.0, swing_hz: 0.0, start_s: 0.0 }, 1);
         let mut read = |change: &dyn Fn(&mut Source)| {
             change(&mut source);
             source.read(0.0, GYRO[0], ACCEL[0], LOW_PASS[6]).gyro.map(f64::from)

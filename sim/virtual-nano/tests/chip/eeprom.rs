@@ -64,18 +64,21 @@ fn a_late_write_is_none() {
 }
 
 #[test]
-fn a_reset_completes_a_write_and_a_brown_out_leaves_it_erased() {
+fn a_reset_completes_a_write_and_a_brown_out_leaves_some_of_its_bits() {
     let source = "int main(void) { if (MCUSR == 1) { EEAR = 5; EEDR = 0x55; EECR |= 1 << EEMPE; EECR |= 1 << EEPE; } for (;;); }";
-    for (brown_out, byte) in [(false, 0x55), (true, 0xFF)] {
+    for (brown_out, ms, bytes) in [(false, 1, 0x55..=0x55), (true, 1, 0x13..=0xFE), (true, 2, 0x56..=0xFE)] {
         let mut board = board(source);
         board.eeprom_mut()[5] = 0x12;
-        board.run_for(MS);
+        board.run_for(ms * MS);
         if brown_out {
             board.set_supply_mv(2000)
         } else {
             board.reset()
         }
         run_ms(&mut board, 10);
-        assert_eq!(board.eeprom_mut()[5], byte);
+        let byte = board.eeprom_mut()[5];
+        // Erasing makes ones of what was there, writing makes zeros of what was not asked to stay.
+        let from = if ms == 1 && brown_out { 0x12 } else { 0x55 };
+        assert!(bytes.contains(&byte) && byte & from == from, "{byte:#04x} after {ms} ms");
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Host, off_after, row, stops, turning, until};
 use crate::common::{MS, TICK};
-use protocol::{Command, Fault, Reply, ResetCause, Settings};
+use protocol::{Command, Fault, Reply, ResetCause};
 use virtual_nano::BoardOptions;
 
 #[test]
@@ -90,36 +90,6 @@ fn a_brown_out_stops_the_motors_at_once_and_is_told() {
     let info = host.hello();
     row("brown-out", format!("off after {:.4} s, then {:?}", off_s.unwrap(), info.reset_cause), "at once, BrownOut");
     assert_eq!((off_s, info.reset_cause), (Some(0.0), ResetCause::BrownOut));
-}
-
-#[test]
-fn settings_survive_a_brown_out_at_any_time_of_saving() {
-    let (old, new) = (Settings { board_id: 7, ..Settings::DEFAULT }, Settings { board_id: 9, ..Settings::DEFAULT });
-    let [mut kept, mut saved] = [0; 2];
-    for ms in (0..400).step_by(25) {
-        let mut host = Host::ready(BoardOptions::default());
-        host.order(Command::WriteSettings(old));
-        host.order(Command::SaveSettings);
-        host.run_linked_ms(500);
-        host.order(Command::WriteSettings(new));
-        host.send(Command::SaveSettings);
-        host.run_ms(ms);
-        host.cut();
-        host.inject("brown-out=20");
-        host.run_ms(40);
-        let info = host.hello();
-        match host.ask(Command::ReadSettings) {
-            Reply::Settings(settings) if info.settings_stored && settings == old => kept += 1,
-            Reply::Settings(settings) if info.settings_stored && settings == new => saved += 1,
-            other => panic!("{ms} ms after the order: {other:?}, stored: {}", info.settings_stored),
-        }
-    }
-    row(
-        "brown-out while settings are saved, 16 times",
-        format!("{kept} times the old, {saved} the new"),
-        "one of them",
-    );
-    assert!(kept > 0 && saved > 0);
 }
 
 #[test]

@@ -5,6 +5,7 @@
 mod chip;
 mod encoders;
 mod motors;
+mod power_cut;
 mod sensor;
 
 use crate::common::{Host, MS};

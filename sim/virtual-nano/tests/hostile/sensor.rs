@@ -16,7 +16,7 @@ fn fresh(frames: &[(u64, Telemetry)]) -> f64 {
 
 #[test]
 fn a_register_that_changes_is_put_right_within_a_second() {
-    for (address, value) in [(0x19, 0x00), (0x1A, 0x06), (0x1B, 0x18), (0x1C, 0x18), (0x6B, 0x40)] {
+    for (address, value) in [(0x19, 0x04), (0x1A, 0x06), (0x1B, 0x18), (0x1C, 0x18), (0x6B, 0x40)] {
         let mut host = Host::ready(BoardOptions::default());
         host.run_linked_ms(1000);
         let right = host.board.imu().register(address);
@@ -122,7 +122,7 @@ fn a_bus_that_turns_slow_is_read_more_slowly() {
 fn scale_and_axes_within_the_data_sheet_show_as_far_as_they_must() {
     let up = [0.0, 0.0, 1.0];
     for (fault, expected) in [("scale=0", 100.0), ("scale=3", 103.0), ("askew=2", 100.0)] {
-        let source = Source::turntable(Turntable { up, dps: 100.0, start_s: 0.5 }, 3);
+        let source = Source::turntable(Turntable { up, dps: 100.0, swing_hz: 0.0, start_s: 0.5 }, 3);
         let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
         host.inject(fault);
         host.run_linked_ms(500);

@@ -25,25 +25,30 @@ pub(super) struct ErrorCauses {
 }
 
 impl SteadyPair {
-    /// Returns the steady angles of each trial; for runs of different lengths, means over the end of the shorter one.
+    /// Returns the steady angles of each trial, as every command states them. For runs of different lengths they are means over
+    /// the end of the shorter one. The angles of a model beside a measurement are means over the same window: its means over
+    /// both motor angles would differ by a part of a beat.
     pub fn new(pair: &Pair, aligned: &Aligned) -> Self {
         let Pair { measured, modelled } = pair;
         let Range { start, end } = measured.steady.window;
-        if aligned.lengths_s.is_none() {
-            let from_s = measured.zeroed.run.start;
-            return Self {
-                window: start - from_s..end - from_s,
-                measured_deg: measured.steady.angles_deg,
-                modelled_deg: modelled.steady.angles_deg,
-            };
-        }
         let common_s = aligned.common_s;
-        let window = common_s - (end - start).min(common_s)..common_s;
-        let mean = |side: &Side, shift_s: f64| {
+        let is_same_run = aligned.lengths_s.is_none();
+        let window = if is_same_run {
+            start - measured.zeroed.run.start..end - measured.zeroed.run.start
+        } else {
+            common_s - (end - start).min(common_s)..common_s
+        };
+        let is_same_kind = measured.data.is_model() == modelled.data.is_model();
+        let of = |side: &Side, is_own: bool, shift_s: f64| {
+            if is_own {
+                return side.steady.angles_deg;
+            }
             let over = side.on_clock(&(window.start - shift_s..window.end - shift_s));
             side.zeroed.angles_deg.tracks().map(|track| track.mean(over.clone()).unwrap_or_default())
         };
-        Self { measured_deg: mean(measured, 0.0), modelled_deg: mean(modelled, aligned.shift_s), window }
+        let measured_deg = of(measured, is_same_run, 0.0);
+        let modelled_deg = of(modelled, is_same_run && is_same_kind, aligned.shift_s);
+        Self { measured_deg, modelled_deg, window }
     }
 
     /// Returns the modelled minus the measured angles.

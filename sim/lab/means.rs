@@ -1,0 +1,168 @@
+//! Steady values of trials of 120 s against the means of the 600 s after them.
+//!
+//! `cargo run --release -p sim --example means -- physical 2 1/4` (robot, threads, part): 40 random speeds with decimals, 16
+//! with one sense positive, 12 both negative, 12 on simple ratios. `45.96,-63.73` instead of a part selects other speeds.
+//!
+//! Of values of a settled run, 95 of 100 are within their ± (twice the standard error) and that of the long mean.
+
+use sim::body::closure::Closure;
+use sim::params::Robot;
+use sim::profile::SpeedProfile;
+use sim::steady::{FREE, Steady, TOUCHING};
+use sim::trial::{Options, Trial};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Duration of a trial, s.
+const TRIAL_S: f64 = 120.0;
+/// Duration after it, s.
+const AFTER_S: f64 = 600.0;
+/// Blocks of that time: their scatter gives the error of its mean.
+const BLOCKS: usize = 20;
+/// Yaw, pitch, roll (deg), thrusts (mN).
+const VALUES: usize = 5;
+
+struct Row {
+    rpm: [f64; 2],
+    touches: bool,
+    stated: Steady,
+    /// Mean after the trial, and its standard error.
+    after: [[f64; 2]; VALUES],
+}
+
+/// Returns numbers between 0 and 1 (splitmix64).
+fn random(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+fn speeds() -> Vec<[f64; 2]> {
+    let mut state = 20_240_517;
+    let mut between = |low: f64, high: f64| ((low + (high - low) * random(&mut state)) * 100.0).round() / 100.0;
+    let mut out = Vec::new();
+    for i in 0..16 {
+        let (a, b) = (between(5.0, 90.0), between(-90.0, 90.0));
+        out.push(if i % 2 == 0 { [a, b] } else { [b, a] });
+    }
+    for _ in 0..12 {
+        out.push([between(-90.0, -5.0), between(-90.0, -5.0)]);
+    }
+    let ratios = [[1.0, 1.0], [1.0, -1.0], [1.0, 2.0], [2.0, -1.0], [1.0, 0.0], [0.0, 1.0], [3.0, 2.0], [3.0, -1.0]];
+    for i in 0..12 {
+        let [p, q]: [f64; 2] = ratios[i % ratios.len()];
+        let fastest = p.abs().max(q.abs());
+        let base = between(15.0 / fastest, 90.0 / fastest);
+        out.push([p * base, q * base]);
+    }
+    out
+}
+
+fn row(robot: &Robot, rpm: [f64; 2]) -> Row {
+    let profile = SpeedProfile::constant(rpm, TRIAL_S + AFTER_S).expect("a profile");
+    let options = Options { rate_hz: 50.0, ..Options::default() };
+    let mut trial = Trial::new(robot, Closure::Full, profile, options).expect("parameters");
+    let mut stated = None;
+    let mut sums = [[0.0; VALUES]; BLOCKS];
+    let mut counts = [0.0; BLOCKS];
+    while let Some(sample) = trial.next() {
+        let sample = sample.expect("a step");
+        if sample.time_s < TRIAL_S {
+            continue;
+        }
+        // What a trial that ends here states.
+        stated.get_or_insert_with(|| trial.summary());
+        let block = (((sample.time_s - TRIAL_S) / AFTER_S * BLOCKS as f64) as usize).min(BLOCKS - 1);
+        let angles = [sample.yaw_rad, sample.pitch_rad, sample.roll_rad].map(f64::to_degrees);
+        let thrusts = sample.force_n.map(|force| force[2] * 1e3);
+        for (sum, value) in sums[block].iter_mut().zip(angles.into_iter().chain(thrusts)) {
+            *sum += value;
+        }
+        counts[block] += 1.0;
+    }
+    let blocks: Vec<[f64; VALUES]> = sums.iter().zip(counts).map(|(s, n)| s.map(|v| v / n)).collect();
+    let after = std::array::from_fn(|i| {
+        let mean = blocks.iter().map(|b| b[i]).sum::<f64>() / BLOCKS as f64;
+        let variance = blocks.iter().map(|b| (b[i] - mean).powi(2)).sum::<f64>() / (BLOCKS - 1) as f64;
+        [mean, (variance / BLOCKS as f64).sqrt()]
+    });
+    let stated = stated.expect("the end of the trial");
+    Row { rpm, touches: stated.contact_share > 0.0, stated: stated.steady, after }
+}
+
+/// Returns values with their ±.
+fn stated(steady: &Steady) -> [[f64; 2]; VALUES] {
+    let [yaw, pitch, roll] = steady.attitude;
+    let [one, two] = steady.force.map(|force| force[2]);
+    let levels = [yaw, pitch, roll, one, two];
+    std::array::from_fn(|i| {
+        let unit = if i < 3 { 1f64.to_degrees() } else { 1e3 };
+        [levels[i].mean * unit, levels[i].uncertainty() * unit]
+    })
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let robot = Robot::built_in(arguments.first().map_or("physical", String::as_str)).expect("physical or published");
+    let threads: usize = arguments.get(1).map_or(2, |count| count.parse().expect("a number of threads"));
+    let named: Vec<[f64; 2]> =
+        arguments.iter().skip(2).filter(|text| text.contains(',')).map(|text| point(text)).collect();
+    let [part, parts] = arguments.get(2).and_then(|text| text.split_once('/')).map_or([1, 1], |(part, parts)| {
+        [part, parts].map(|number| number.parse::<usize>().expect("a part, such as 1/4"))
+    });
+    let points: Vec<[f64; 2]> =
+        if named.is_empty() { speeds().into_iter().skip(part - 1).step_by(parts).collect() } else { named };
+    let next = AtomicUsize::new(0);
+    let rows = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(rpm) = points.get(index) else { return };
+                    let row = row(&robot, *rpm);
+                    rows.lock().expect("no panic").push((index, row));
+                }
+            });
+        }
+    });
+    let mut rows = rows.into_inner().expect("no panic");
+    rows.sort_by_key(|(index, _)| *index);
+    println!(
+        "| w1, w2 rpm | touch | settled | yaw, pitch, roll: stated ± (off), deg | thrusts: stated ± (off), mN | off over ± |"
+    );
+    println!("| --- | --- | --- | --- | --- | --- |");
+    let (mut settled, mut outside, mut wide) = (0, 0, 0);
+    for (_, row) in &rows {
+        let mut worst = 0f64;
+        let texts: [String; VALUES] = std::array::from_fn(|i| {
+            let ([value, uncertainty], [mean, error]) = (stated(&row.stated)[i], row.after[i]);
+            let off = value - mean;
+            let ratio = off.abs() / uncertainty.hypot(2.0 * error);
+            worst = worst.max(ratio);
+            outside += usize::from(row.stated.settled && ratio > 1.0);
+            format!("{value:.3} ± {uncertainty:.3} ({off:.3})")
+        });
+        settled += usize::from(row.stated.settled);
+        let limits = if row.touches { TOUCHING } else { FREE };
+        wide += usize::from(row.stated.settled && !row.stated.is_known_within(&limits));
+        let [yaw, pitch, roll, one, two] = &texts;
+        println!(
+            "| {}, {} | {} | {} | {yaw}, {pitch}, {roll} | {one}, {two} | {worst:.2} |",
+            row.rpm[0], row.rpm[1], row.touches, row.stated.settled
+        );
+    }
+    println!(
+        "{settled} of {} settled; of their {} values {outside} outside; {wide} wider than allowed",
+        rows.len(),
+        settled * VALUES
+    );
+}
+
+/// Returns the speeds of `50,10`, rpm.
+fn point(text: &str) -> [f64; 2] {
+    let speed = |text: &str| text.parse().expect("a speed in rpm");
+    text.split_once(',').map(|(w1, w2)| [speed(w1), speed(w2)]).expect("two speeds in rpm, such as 50,10")
+}

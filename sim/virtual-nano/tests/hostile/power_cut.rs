@@ -1,0 +1,208 @@
+//! Loss of power at every byte that the program writes to its EEPROM, between two bytes and within the write of one.
+
+use super::row;
+use crate::common::{Host, MS, TICK};
+use protocol::frame::{Accumulator, MAX_FRAME, encode};
+use protocol::units::{AccelRange, Axis, AxisMap, CentiRpm, GyroRange, Millivolts};
+use protocol::{Command, FAULT_RECORDS, Fault, FaultRecord, Info, Reply, Settings};
+use virtual_nano::BoardOptions;
+
+/// A third of a tick. A byte is written in each tick and takes 3.4 ms, so that one of three cuts is in the half that erases
+/// it, one in the half that writes it, and one between two bytes.
+const STEP: u64 = TICK / 3;
+
+fn old() -> Settings {
+    Settings {
+        board_id: 7,
+        gyro_bias: [594.1, 6.2, 147.0],
+        deadline_ms: 400,
+        bandgap: Millivolts(1010),
+        ..Settings::DEFAULT
+    }
+}
+
+/// Settings of which every byte differs from those of `old`, which a test below checks.
+fn new() -> Settings {
+    let axes = |axes: [&str; 3]| AxisMap(axes.map(|name| Axis::from_name(name).unwrap()));
+    Settings {
+        board_id: 0x4711,
+        gyro_range: GyroRange::Dps1000,
+        accel_range: AccelRange::G8,
+        low_pass: 5,
+        gyro_axes: axes(["-y", "+x", "-z"]),
+        accel_axes: axes(["+y", "-x", "-z"]),
+        gyro_bias: [0xC107_0203, 0x4122_2324, 0xC233_3435].map(f32::from_bits),
+        attitude_kp: f32::from_bits(0x4001_0203),
+        attitude_ki: f32::from_bits(0x3E01_0203),
+        speed_kp: f32::from_bits(0x4101_0203),
+        speed_ki: f32::from_bits(0x4131_3233),
+        counts_per_turn: f32::from_bits(0x4532_3334),
+        motor_reversed: [true; 2],
+        encoder_reversed: [true; 2],
+        deadline_ms: 0x0203,
+        moving_duty: [31, 32],
+        bandgap: Millivolts(0x0401),
+    }
+}
+
+#[test]
+fn all_bytes_of_the_two_settings_differ() {
+    let bytes = |settings: Settings| {
+        let (mut buffer, mut accumulator) = ([0; MAX_FRAME], Accumulator::new());
+        let frame = encode(&settings, &mut buffer).unwrap();
+        frame.iter().find_map(|byte| Some(accumulator.push_for_payload(*byte)?.unwrap().to_vec())).unwrap()
+    };
+    let (old, new) = (bytes(old()), bytes(new()));
+    let same: Vec<_> = (0..old.len()).filter(|at| old[*at] == new[*at]).collect();
+    assert!(same.is_empty() && self::new().is_valid(), "{same:?}");
+}
+
+/// A board with this content of its EEPROM that has just got power.
+fn with(eeprom: &[u8]) -> Host {
+    let mut host = Host::new(BoardOptions::default());
+    host.board.eeprom_mut().copy_from_slice(eeprom);
+    host
+}
+
+fn settings(host: &mut Host) -> (Info, Settings) {
+    let info = host.hello();
+    let Reply::Settings(settings) = host.ask(Command::ReadSettings) else { panic!("no settings") };
+    (info, settings)
+}
+
+fn save(host: &mut Host, settings: Settings) {
+    host.hello();
+    host.order(Command::WriteSettings(settings));
+    host.order(Command::SaveSettings);
+}
+
+/// Cuts the power so many cycles from now, and gives it back.
+fn cut(host: &mut Host, cycles: u64) {
+    host.run_until(host.board.cycle() + cycles);
+    host.cut();
+    host.inject("brown-out=1");
+    host.run_ms(2);
+}
+
+#[test]
+fn settings_survive_a_cut_at_any_time_of_a_save_that_changes_all_bytes() {
+    let mut host = Host::new(BoardOptions::default());
+    save(&mut host, old());
+    // Twice, so that no byte to write is blank.
+    for board_id in [8, 7] {
+        save(&mut host, Settings { board_id, ..old() });
+    }
+    let eeprom = host.board.eeprom_mut().to_vec();
+    let [mut kept, mut saved, mut cuts] = [0; 3];
+    while saved < 3 {
+        let mut host = with(&eeprom);
+        host.hello();
+        host.order(Command::WriteSettings(new()));
+        host.send(Command::SaveSettings);
+        cut(&mut host, cuts * STEP);
+        match settings(&mut host) {
+            (Info { settings_stored: true, .. }, found) if found == old() => kept += 1,
+            (Info { settings_stored: true, .. }, found) if found == new() => saved += 1,
+            other => panic!("cut {:.1} ms after the order: {other:?}", (cuts * STEP) as f64 / MS as f64),
+        }
+        // The board can save after that.
+        if cuts % 16 == 0 {
+            save(&mut host, Settings { board_id: 99, ..new() });
+            host.reset();
+            assert_eq!(settings(&mut host).1.board_id, 99);
+        }
+        cuts += 1;
+        assert!(cuts < 400, "never saved");
+    }
+    row(
+        format!("power cut while settings are saved, {cuts} times"),
+        format!("{kept} times the old, {saved} the new"),
+        "one of them",
+    );
+    assert!(kept > 150, "{kept}");
+}
+
+#[test]
+fn a_cut_in_the_count_of_a_start_makes_it_count_or_not() {
+    // The last byte of the second counter changes at 256.
+    for starts in [1u16, 7, 255, 256, 40_000] {
+        let mut eeprom = [0xFF; 1024];
+        for count in starts.max(8) - 7..=starts {
+            let place = 128 + 2 * usize::from(count % 8);
+            eeprom[place..place + 2].copy_from_slice(&count.to_le_bytes());
+        }
+        let mut counts = vec![];
+        // Two bytes, before which the program does not wait.
+        for step in 0..12 {
+            let mut host = with(&eeprom);
+            cut(&mut host, step * MS);
+            let count = host.hello().boot_count;
+            assert!([starts + 1, starts + 2].contains(&count), "{count} after {starts} and a cut at {step} ms");
+            host.reset();
+            assert_eq!(host.hello().boot_count, count + 1);
+            counts.push(count);
+        }
+        counts.dedup();
+        assert_eq!(counts, [starts + 1, starts + 2]);
+        row(
+            format!("power cut in the first 12 ms after {starts} starts, 12 times"),
+            format!("then {counts:?}"),
+            "one of them",
+        );
+    }
+}
+
+/// Turns the motors and is silent for longer than the board allows; it then begins to log the fault.
+fn lose_link(host: &mut Host) {
+    host.order(Command::WriteSettings(Settings { deadline_ms: 50, ..Settings::DEFAULT }));
+    host.order(Command::SetSpeeds([CentiRpm(3000); 2]));
+    while !host.board.bridge().pwm.iter().all(|duty| *duty == 0) {
+        host.run_ms(1);
+    }
+}
+
+fn fault_log(host: &mut Host) -> Vec<FaultRecord> {
+    let record = |index| match host.ask(Command::ReadFault { index }) {
+        Reply::FaultRecord(record) => record,
+        other => panic!("{other:?}"),
+    };
+    (0..FAULT_RECORDS).map(record).collect()
+}
+
+#[test]
+fn a_cut_in_the_writing_of_a_fault_leaves_the_log_of_the_others() {
+    let mut host = Host::new(BoardOptions::default());
+    host.hello();
+    // More than the log has room for.
+    for _ in 0..FAULT_RECORDS + 3 {
+        lose_link(&mut host);
+        host.run_ms(150);
+        host.order(Command::ClearFault);
+    }
+    let before = fault_log(&mut host);
+    assert!(before.iter().all(|record| record.fault == Fault::LinkLost), "{before:?}");
+    let eeprom = host.board.eeprom_mut().to_vec();
+    let [mut lost, mut logged, mut cuts] = [0; 3];
+    while logged < 3 {
+        let mut host = with(&eeprom);
+        host.hello();
+        lose_link(&mut host);
+        cut(&mut host, cuts * STEP);
+        host.hello();
+        let after = fault_log(&mut host);
+        if after[0] == before[0] {
+            lost += 1;
+            assert_eq!(after[..7], before[..7], "cut {cuts}");
+        } else {
+            logged += 1;
+            assert_eq!((after[0].fault, after[0].boot, &after[1..]), (Fault::LinkLost, 2, &before[..7]), "cut {cuts}");
+        }
+        cuts += 1;
+        assert!(cuts < 150, "never logged");
+    }
+    row(
+        format!("power cut while a fault is logged, {cuts} times"),
+        format!("{logged} times with it, {lost} without, the seven before it kept"),
+        "one of them, all seven",
+    );
+}
