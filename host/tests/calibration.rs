@@ -339,7 +339,8 @@ fn wrong_model_is_named() {
     let fit = |start: &Robot| fitted(start, &[Parameter::Viscosity, Parameter::Tether], &trials).unwrap();
     let wrong = fit(&Robot::default());
     println!("{:#?}", wrong.misfits);
-    // The fit takes the wrong tilt for an error of the sensor that no part has.
+    assert!(wrong.misfits.iter().any(|text| text.contains("residual of the yaw")), "{wrong:?}");
+    // The fit takes what is wrong for an error of the sensor that no part has.
     assert!(wrong.misfits.iter().any(|text| text.contains("takes an error of the sensor")), "{wrong:?}");
     assert!(wrong.misfits.last().unwrap().contains("the model does not describe these trials"), "{wrong:?}");
     assert!(!wrong.fit().is_described);

@@ -8,6 +8,7 @@
 use sim::body::closure::Closure;
 use sim::params::Robot;
 use sim::profile::SpeedProfile;
+use sim::split_mix;
 use sim::steady::{FREE, Steady, TOUCHING};
 use sim::trial::{Options, Trial};
 use std::sync::Mutex;
@@ -30,18 +31,10 @@ struct Row {
     after: [[f64; 2]; VALUES],
 }
 
-/// Returns numbers between 0 and 1 (splitmix64).
-fn random(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-}
-
 fn speeds() -> Vec<[f64; 2]> {
-    let mut state = 20_240_517;
-    let mut between = |low: f64, high: f64| ((low + (high - low) * random(&mut state)) * 100.0).round() / 100.0;
+    let mut places = 1..;
+    let mut random = || split_mix::uniform(20_240_517, places.next().expect("a place"));
+    let mut between = |low: f64, high: f64| ((low + (high - low) * random()) * 100.0).round() / 100.0;
     let mut out = Vec::new();
     for i in 0..16 {
         let (a, b) = (between(5.0, 90.0), between(-90.0, 90.0));

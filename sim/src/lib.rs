@@ -43,6 +43,7 @@ pub mod resistance;
 pub mod return_to_rest;
 pub mod rod;
 pub mod sample;
+pub mod split_mix;
 pub mod state;
 pub mod steady;
 pub mod step;

@@ -99,11 +99,8 @@ fn samples_are_those_of_the_results() {
             assert!(sample.shapes_m.is_some());
         }
         let yaw: f64 = samples.windows(2).map(|pair| 0.5 * (pair[0].yaw_rad + pair[1].yaw_rad)).sum();
-        let level = plain.summary.steady.attitude[0];
-        let off = yaw / (samples.len() - 1) as f64 - level.mean;
-        // A window of a motion that does not repeat cuts off a part of a beat.
-        let allowed_deg = if is_longer { level.amplitude.to_degrees() } else { 0.05 };
-        prove(&format!("samples at {rpm:?}: mean yaw off the result, deg"), off.to_degrees().abs(), allowed_deg);
+        let off = yaw / (samples.len() - 1) as f64 - plain.summary.steady.attitude[0].mean;
+        prove(&format!("samples at {rpm:?}: mean yaw off the result, deg"), off.to_degrees().abs(), 0.05);
     }
 }
 

@@ -1,8 +1,11 @@
+mod two;
+
 use super::*;
 use crate::storage::tests::{End, Memory};
 use protocol::Fault;
 use protocol::frame::{self, MAX_FRAME};
-use protocol::units::{AccelRange, Axis, AxisMap, GyroRange, Micros, Millivolts};
+use protocol::units::Micros;
+use two::{new, old};
 
 fn load(memory: &Memory) -> Option<Settings> {
     let mut settings = Settings::DEFAULT;
@@ -22,45 +25,6 @@ fn save(memory: &Memory, settings: &Settings) -> (Saving, u32) {
     let mut store = open(memory);
     store.begin_save();
     (1..1000).map(|tick| (store.step(settings), tick)).find(|(saving, _)| *saving != Saving::Busy).unwrap()
-}
-
-fn old() -> Settings {
-    Settings {
-        board_id: 7,
-        gyro_bias: [594.1, 6.2, 147.0],
-        deadline_ms: 400,
-        bandgap: Millivolts(1010),
-        ..Settings::DEFAULT
-    }
-}
-
-/// Settings of which every byte differs from those of `old`.
-fn new() -> Settings {
-    let settings = Settings {
-        board_id: 0x4711,
-        gyro_range: GyroRange::Dps1000,
-        accel_range: AccelRange::G8,
-        low_pass: 5,
-        gyro_axes: AxisMap([Axis::MinusY, Axis::PlusX, Axis::MinusZ]),
-        accel_axes: AxisMap([Axis::PlusY, Axis::MinusX, Axis::MinusZ]),
-        gyro_bias: [0xC107_0203, 0x4122_2324, 0xC233_3435].map(f32::from_bits),
-        attitude_kp: f32::from_bits(0x4001_0203),
-        attitude_ki: f32::from_bits(0x3E01_0203),
-        speed_kp: f32::from_bits(0x4101_0203),
-        speed_ki: f32::from_bits(0x4131_3233),
-        counts_per_turn: f32::from_bits(0x4532_3334),
-        motor_reversed: [true; 2],
-        encoder_reversed: [true; 2],
-        deadline_ms: 0x0203,
-        moving_duty: [31, 32],
-        bandgap: Millivolts(0x0401),
-    };
-    let mut bytes = [[0; LENGTH]; 2];
-    postcard::to_slice(&old(), &mut bytes[0]).unwrap();
-    postcard::to_slice(&settings, &mut bytes[1]).unwrap();
-    let same: Vec<_> = (0..LENGTH).filter(|at| bytes[0][*at] == bytes[1][*at]).collect();
-    assert!(same.is_empty() && settings.is_valid(), "bytes that do not change: {same:?}");
-    settings
 }
 
 #[test]

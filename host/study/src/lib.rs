@@ -33,7 +33,6 @@ pub mod progress;
 pub mod run;
 pub mod sensor;
 pub mod session;
-mod split_mix;
 pub mod statistics;
 pub mod sweep;
 pub mod text;

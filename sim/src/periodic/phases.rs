@@ -94,13 +94,18 @@ impl Phases {
 
     /// Returns the standard errors of the means over the phases, which are independent; `None` where one is unknown.
     pub fn standard_errors(&self) -> [Option<f64>; STANDARD_ERRORS.len()] {
-        STANDARD_ERRORS.map(|(.., error): StandardError| {
-            let squares: Option<f64> = self.0.iter().map(|state| error(&state.summary).map(|e| e * e)).sum();
-            squares.map(|squares| squares.sqrt() / self.0.len() as f64)
-        })
+        let of = |(.., error): StandardError| error_of_mean(self.0.iter().map(|state| error(&state.summary)));
+        STANDARD_ERRORS.map(of)
     }
 
     fn values<'a>(&'a self, quantity: &'a Quantity) -> impl Iterator<Item = f64> + 'a {
         self.0.iter().map(|state| (quantity.value)(&state.summary))
     }
+}
+
+/// Returns the standard error of the mean of independent values from their standard errors; `None` where one is unknown.
+pub fn error_of_mean(errors: impl ExactSizeIterator<Item = Option<f64>>) -> Option<f64> {
+    let count = errors.len() as f64;
+    let squares: Option<f64> = errors.map(|error| error.map(|error| error * error)).sum();
+    squares.map(|squares| squares.sqrt() / count)
 }

@@ -80,21 +80,30 @@ pub fn means(cells: &[Cell], cell: f64, speeds: [f64; 2]) -> Option<[Mean; CHANN
     let fastest = speeds[0].abs().max(speeds[1].abs());
     // A robot whose motors stand has no turns; its cells then count by themselves.
     let data = if fastest * length > TAU { fastest * length / PI } else { cells.len() as f64 };
-    let of = |slowest: f64| {
-        let problem = Problem::new(cells, cell, frequencies(speeds, cell, length, slowest), first.time, length);
+    let of = |terms: &Terms| {
+        let problem = Problem::new(cells, cell, terms, first.time, length);
         problem.mean_of(&problem.choices(data))
     };
-    let means = of(RESOLVED);
-    let has_slow_beat = frequencies(speeds, cell, length, SLOWEST_BEAT) != frequencies(speeds, cell, length, RESOLVED);
-    if !has_slow_beat {
+    let [resolved, with_beat] = [RESOLVED, SLOWEST_BEAT].map(|slowest| terms(speeds, cell, length, slowest));
+    let means = of(&resolved);
+    if with_beat == resolved {
         return Some(means);
     }
-    let others = of(SLOWEST_BEAT);
+    let others = of(&with_beat);
     Some(std::array::from_fn(|k| {
         let (mean, other) = (means[k], others[k]);
         let squares = mean.standard_error.powi(2) + other.standard_error.powi(2) + (other.mean - mean.mean).powi(2);
         Mean { standard_error: squares.sqrt(), ..mean }
     }))
+}
+
+/// The terms of the series.
+#[derive(PartialEq)]
+struct Terms {
+    /// By their order, rad/s.
+    frequencies: Vec<f64>,
+    /// Number of columns up to each order.
+    columns: Vec<usize>,
 }
 
 /// Which terms and which approaches a fit has.
@@ -173,9 +182,8 @@ impl Order {
 }
 
 impl Problem {
-    /// `terms`: as of [`frequencies`].
-    fn new(cells: &[Cell], cell: f64, terms: (Vec<f64>, Vec<usize>), start: f64, length: f64) -> Self {
-        let (frequencies, orders) = terms;
+    fn new(cells: &[Cell], cell: f64, terms: &Terms, start: f64, length: f64) -> Self {
+        let Terms { frequencies, columns: orders } = terms;
         let harmonics = 1 + 2 * frequencies.len();
         let taus: [f64; APPROACHES] = std::array::from_fn(|j| length * FASTEST * RATIO.powi(j as i32));
         let mut columns = DMatrix::zeros(cells.len(), harmonics + APPROACHES);
@@ -289,9 +297,9 @@ impl Problem {
     }
 }
 
-/// Returns the frequencies of the terms, rad/s, by their order, and the number of columns up to each order. `cell` and
-/// `length`: of a cell and of the stretch, s; `slowest`: least frequency of a term, in turns over the stretch.
-fn frequencies(speeds: [f64; 2], cell: f64, length: f64, slowest: f64) -> (Vec<f64>, Vec<usize>) {
+/// Returns the terms. `cell` and `length`: of a cell and of the stretch, s; `slowest`: least frequency of a term, in turns over
+/// the stretch.
+fn terms(speeds: [f64; 2], cell: f64, length: f64, slowest: f64) -> Terms {
     let (apart, slowest) = (RESOLVED * TAU / length, slowest * TAU / length);
     let mut found: Vec<f64> = Vec::new();
     let mut orders = vec![1];
@@ -311,7 +319,7 @@ fn frequencies(speeds: [f64; 2], cell: f64, length: f64, slowest: f64) -> (Vec<f
         }
         orders.push(1 + 2 * found.len());
     }
-    (found, orders)
+    Terms { frequencies: found, columns: orders }
 }
 
 /// Returns the variance of the mean of a sequence times its length: the sum of all autocovariances, up to the first pair of
@@ -333,6 +341,7 @@ fn long_run_variance(values: &DVector<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::split_mix::uniform;
 
     const CELL: f64 = 0.05;
 
@@ -349,19 +358,10 @@ mod tests {
         (0..count).map(of).collect()
     }
 
-    /// Numbers about 0 with the variance 1 (sums of twelve, splitmix64).
+    /// Numbers about 0 with the variance 1: sums of twelve.
     fn noise(seed: u64) -> impl FnMut() -> f64 {
-        let mut state = seed;
-        move || {
-            let mut one = || {
-                state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-                let mut z = state;
-                z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-                z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-                ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-            };
-            (0..12).map(|_| one()).sum::<f64>() - 6.0
-        }
+        let mut places = 1..;
+        move || places.by_ref().take(12).map(|place| uniform(seed, place)).sum::<f64>() - 6.0
     }
 
     /// Beats that the stretch does not hold a whole number of: a mean over it is off by a thirtieth of their amplitude.

@@ -1,7 +1,7 @@
 //! The sensor as the real program reads it: recordings arrive unchanged, clones are named, and every fault at every byte
 //! of every transaction is noticed, reported, and got over or latched.
 
-use crate::common::{Host, TICK, TICK_BUDGET};
+use crate::common::{Host, TICK, TICK_BUDGET, yaw_deg};
 use protocol::units::{AccelRange, SensorCounts};
 use protocol::{Command, Fault, Settings, Telemetry};
 use std::path::Path;
@@ -189,10 +189,7 @@ fn the_angle_does_not_depend_on_the_sensors_oscillator() {
         host.telemetry.clear();
         host.run_linked_ms(6000);
         let ends = [host.telemetry[0].1, host.last()];
-        let [from, to] = ends.map(|frame| {
-            let [w, x, y, z] = frame.attitude.to_f64();
-            (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)).to_degrees()
-        });
+        let [from, to] = ends.map(|frame| yaw_deg(&frame));
         let turned = (to - from).rem_euclid(360.0);
         let expected = DPS * f64::from(ends[1].time.since(ends[0].time)) * 1e-6;
         println!("oscillator {:+} %: {turned:.3} of {expected:.3} deg", 100.0 * error);
@@ -204,10 +201,6 @@ fn the_angle_does_not_depend_on_the_sensors_oscillator() {
 /// As often as samples would be read twice, or never, if the sensor took 200 in a second.
 #[test]
 fn a_swing_of_the_sensor_is_no_turn() {
-    let frame_deg = |frame: &Telemetry| {
-        let [w, x, y, z] = frame.attitude.to_f64();
-        (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)).to_degrees()
-    };
     // The last is the worst that the age of a sample, up to 1 ms, can do.
     for (error, swing_hz, most_deg) in
         [(-0.0075, 1.5, 0.05), (0.0075, 1.5, 0.05), (-0.01, 2.0, 0.05), (-0.0015, 1.5, 0.2)]
@@ -221,7 +214,7 @@ fn a_swing_of_the_sensor_is_no_turn() {
         let whole = host.telemetry.len() / 2400 * 2400;
         let half = whole / 2;
         let mean = |frames: &[(u64, Telemetry)]| {
-            frames.iter().map(|(_, frame)| frame_deg(frame)).sum::<f64>() / frames.len() as f64
+            frames.iter().map(|(_, frame)| yaw_deg(frame)).sum::<f64>() / frames.len() as f64
         };
         let turned = mean(&host.telemetry[half..whole]) - mean(&host.telemetry[..half]);
         println!("oscillator {:+} %, swing of {swing_hz} Hz: {turned:.3} deg in 6 s", 100.0 * error);

@@ -1,6 +1,6 @@
 //! What the real program makes of a sensor with errors: turns by hand, gravity in the gyroscope, and noise.
 
-use crate::common::Host;
+use crate::common::{Host, yaw_deg};
 use protocol::units::SensorCounts;
 use virtual_nano::BoardOptions;
 use virtual_nano::imu::errors::Errors;
@@ -30,12 +30,8 @@ fn sum_deg(readings: &[[f64; 3]], axis: usize) -> f64 {
 }
 
 /// Returns the angle about the vertical, °, added up over all frames.
-fn yaw_deg(host: &Host) -> f64 {
-    let yaws = host.telemetry.iter().map(|(_, frame)| {
-        let [w, x, y, z] = frame.attitude.to_f64();
-        (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)).to_degrees()
-    });
-    let yaws: Vec<f64> = yaws.collect();
+fn turned_deg(host: &Host) -> f64 {
+    let yaws: Vec<f64> = host.telemetry.iter().map(|(_, frame)| yaw_deg(frame)).collect();
     yaws.windows(2).map(|pair| (pair[1] - pair[0] + 540.0).rem_euclid(360.0) - 180.0).sum()
 }
 
@@ -48,7 +44,7 @@ fn a_turn_by_hand_is_its_angle_times_scale_and_clock() {
         let z = nalgebra::Vector3::z_axis();
         host.board.change_imu(|imu| imu.source_mut().hand_mut().unwrap().turn(begin_s, z, angle_deg, 10.3));
         let sum = sum_deg(&readings(&mut host, 11), 2);
-        let yaw = yaw_deg(&host);
+        let yaw = turned_deg(&host);
         let expected = angle_deg * (1.0 + scale_z) * (1.0 + clock);
         println!("scale {scale_z}, clock {clock}: readings {sum:.3}, attitude {yaw:.3}, expected {expected:.3} deg");
         assert!((sum - expected).abs() < 0.1, "{sum} of {expected}");

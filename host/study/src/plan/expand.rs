@@ -2,9 +2,9 @@
 
 use super::source::{Exactly, Source, number};
 use super::{MAX_TRIALS, Phases, PlanError, Reverse, Trial};
-use crate::split_mix::split_mix;
 use protocol::units::CentiRpm;
 use serde::Deserialize;
+use sim::split_mix::split_mix;
 use std::collections::HashSet;
 use std::ops::Range;
 use toml::Spanned;

@@ -76,7 +76,8 @@ pub struct Sensor {
 }
 
 /// The error of what poses tell of the accelerometer's axes. `accel_cross[i][j]` and `accel_cross[j][i]` are one measured
-/// value (`biflag sensor poses`), and turns measure the axes of the gyroscope relative to these: all of them have this error in common.
+/// value (`biflag sensor poses`), and turns measure the axes of the gyroscope relative to these: all of them have this error
+/// in common.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct AxesError {
     /// Standard uncertainty of the pair y and z, z and x, x and y; zero where it was not measured.

@@ -64,8 +64,8 @@ impl Sensor {
         root
     }
 
-    /// Returns, in the order of [`GROUPS`], what the known values add to readings, as shares of what is read: of a scale of 1 + s that
-    /// is s/(1 + s). The mounting is left out: attitudes are turned by it as a whole.
+    /// Returns, in the order of [`GROUPS`], what the known values add to readings, as shares of what is read: of a scale of
+    /// 1 + s that is s/(1 + s). The mounting is left out: attitudes are turned by it as a whole.
     pub fn shares_of_readings(&self) -> [f64; PARAMETERS] {
         let matrix = |rows: &[[Estimate; 3]; 3]| Matrix3::from_fn(|i, j| rows[i][j].value);
         let inverse = |scale: &[Estimate; 3], cross: &[[Estimate; 3]; 3]| {

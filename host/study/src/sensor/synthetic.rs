@@ -1,8 +1,8 @@
 //! A synthetic sensor in a hand, with known errors, for tests.
 
 use super::RawReading;
-use crate::split_mix::split_mix;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use sim::split_mix;
 
 const DT: f64 = 0.005;
 
@@ -39,7 +39,7 @@ impl Random {
     /// Returns a number between 0 and 1.
     pub fn uniform(&mut self) -> f64 {
         self.1 += 1;
-        (split_mix(self.0, self.1) >> 11) as f64 / (1u64 << 53) as f64
+        split_mix::uniform(self.0, self.1)
     }
 
     /// Returns a number of the normal distribution (Box and Muller).

@@ -3,7 +3,7 @@
 //! Direction numbers: Joe and Kuo 2008, SIAM J. Sci. Comput. 30, 2635 (`new-joe-kuo-6`), in the order of the Gray code
 //! (Antonov and Saleev 1979). A seed shifts all points by exclusive or, which keeps their even distribution.
 
-use crate::split_mix::split_mix;
+use sim::split_mix::split_mix;
 
 /// Largest number of dimensions.
 pub const DIMENSIONS: usize = 20;

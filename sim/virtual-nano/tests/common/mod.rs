@@ -28,6 +28,12 @@ pub fn firmware() -> Image {
     Image::from_elf(&firmware_path()).unwrap()
 }
 
+/// Returns the yaw of a frame, °, from -180 to 180.
+pub fn yaw_deg(frame: &Telemetry) -> f64 {
+    let [w, x, y, z] = frame.attitude.to_f64();
+    (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)).to_degrees()
+}
+
 /// A board and the frames that it has sent.
 pub struct Host {
     /// The board.

@@ -1,61 +1,18 @@
 //! Loss of power at every byte that the program writes to its EEPROM, between two bytes and within the write of one.
 
+#[path = "../../../../firmware/src/settings/tests/two.rs"]
+mod two;
+
 use super::row;
 use crate::common::{Host, MS, TICK};
-use protocol::frame::{Accumulator, MAX_FRAME, encode};
-use protocol::units::{AccelRange, Axis, AxisMap, CentiRpm, GyroRange, Millivolts};
+use protocol::units::CentiRpm;
 use protocol::{Command, FAULT_RECORDS, Fault, FaultRecord, Info, Reply, Settings};
+use two::{new, old};
 use virtual_nano::BoardOptions;
 
 /// A third of a tick. A byte is written in each tick and takes 3.4 ms, so that one of three cuts is in the half that erases
 /// it, one in the half that writes it, and one between two bytes.
 const STEP: u64 = TICK / 3;
-
-fn old() -> Settings {
-    Settings {
-        board_id: 7,
-        gyro_bias: [594.1, 6.2, 147.0],
-        deadline_ms: 400,
-        bandgap: Millivolts(1010),
-        ..Settings::DEFAULT
-    }
-}
-
-/// Settings of which every byte differs from those of `old`, which a test below checks.
-fn new() -> Settings {
-    let axes = |axes: [&str; 3]| AxisMap(axes.map(|name| Axis::from_name(name).unwrap()));
-    Settings {
-        board_id: 0x4711,
-        gyro_range: GyroRange::Dps1000,
-        accel_range: AccelRange::G8,
-        low_pass: 5,
-        gyro_axes: axes(["-y", "+x", "-z"]),
-        accel_axes: axes(["+y", "-x", "-z"]),
-        gyro_bias: [0xC107_0203, 0x4122_2324, 0xC233_3435].map(f32::from_bits),
-        attitude_kp: f32::from_bits(0x4001_0203),
-        attitude_ki: f32::from_bits(0x3E01_0203),
-        speed_kp: f32::from_bits(0x4101_0203),
-        speed_ki: f32::from_bits(0x4131_3233),
-        counts_per_turn: f32::from_bits(0x4532_3334),
-        motor_reversed: [true; 2],
-        encoder_reversed: [true; 2],
-        deadline_ms: 0x0203,
-        moving_duty: [31, 32],
-        bandgap: Millivolts(0x0401),
-    }
-}
-
-#[test]
-fn all_bytes_of_the_two_settings_differ() {
-    let bytes = |settings: Settings| {
-        let (mut buffer, mut accumulator) = ([0; MAX_FRAME], Accumulator::new());
-        let frame = encode(&settings, &mut buffer).unwrap();
-        frame.iter().find_map(|byte| Some(accumulator.push_for_payload(*byte)?.unwrap().to_vec())).unwrap()
-    };
-    let (old, new) = (bytes(old()), bytes(new()));
-    let same: Vec<_> = (0..old.len()).filter(|at| old[*at] == new[*at]).collect();
-    assert!(same.is_empty() && self::new().is_valid(), "{same:?}");
-}
 
 /// A board with this content of its EEPROM that has just got power.
 fn with(eeprom: &[u8]) -> Host {

@@ -1,6 +1,7 @@
 //! A sensor that is not what it says.
 
 use super::{Host, off_after, row, turning, until};
+use crate::common::yaw_deg;
 use protocol::{Fault, Telemetry};
 use virtual_nano::BoardOptions;
 use virtual_nano::imu::source::{Source, Turntable};
@@ -126,13 +127,9 @@ fn scale_and_axes_within_the_data_sheet_show_as_far_as_they_must() {
         let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
         host.inject(fault);
         host.run_linked_ms(500);
-        let yaw = |host: &Host| {
-            let [w, x, y, z] = host.last().attitude.to_f64();
-            (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)).to_degrees()
-        };
-        let before = yaw(&host);
+        let before = yaw_deg(&host.last());
         host.run_linked_ms(1000);
-        let turned = (yaw(&host) - before).rem_euclid(360.0);
+        let turned = (yaw_deg(&host.last()) - before).rem_euclid(360.0);
         row(format!("{fault} at 100 deg/s"), format!("{turned:.2} deg in a second"), format!("{expected} +- 0.6"));
         assert!((turned - expected).abs() < 0.6, "{fault}: {turned}");
     }

@@ -5,6 +5,7 @@ use crate::text::{count, decimal};
 use biflag_log::SteadyMeta;
 use protocol::units::CentiRpm;
 use serde::Serialize;
+use sim::periodic::phases::error_of_mean;
 use sim::phase::Ratio;
 use std::fmt;
 
@@ -38,34 +39,24 @@ impl PhaseMeans {
         let mean = |value: &dyn Fn(&SteadyMeta) -> f64| of(value).iter().sum::<f64>() / phases.len() as f64;
         let largest = |value: &dyn Fn(&SteadyMeta) -> f64| of(value).into_iter().fold(f64::NEG_INFINITY, f64::max);
         let least = |value: &dyn Fn(&SteadyMeta) -> f64| of(value).into_iter().fold(f64::INFINITY, f64::min);
-        // Of means that are independent; `None` unless all are known.
-        let error = |value: &dyn Fn(&SteadyMeta) -> Option<f64>| {
-            let squares: Option<Vec<f64>> = phases.iter().map(|s| value(s).map(|error| error * error)).collect();
-            squares.map(|squares| squares.iter().sum::<f64>().sqrt() / phases.len() as f64)
-        };
-        let errors = |value: &dyn Fn(&SteadyMeta) -> Option<[f64; 3]>| {
-            let [x, y, z] = [0, 1, 2].map(|i| error(&|s| value(s).map(|errors| errors[i])));
-            Some([x?, y?, z?])
-        };
         let angles: [fn(&SteadyMeta) -> f64; 3] = [|s| s.yaw_deg, |s| s.pitch_deg, |s| s.roll_deg];
         let [yaw_deg, pitch_deg, roll_deg] = angles.map(|angle| mean(&angle));
         let steady = SteadyMeta {
             yaw_deg,
             pitch_deg,
             roll_deg,
-            yaw_se_deg: error(&|s| s.yaw_se_deg),
-            pitch_se_deg: error(&|s| s.pitch_se_deg),
-            roll_se_deg: error(&|s| s.roll_se_deg),
+            yaw_se_deg: error_of_mean(phases.iter().map(|s| s.yaw_se_deg)),
+            pitch_se_deg: error_of_mean(phases.iter().map(|s| s.pitch_se_deg)),
+            roll_se_deg: error_of_mean(phases.iter().map(|s| s.roll_se_deg)),
             window_s: mean(&|s| s.window_s),
             settled: phases.iter().all(|s| s.settled),
             settle_s: largest(&|s| s.settle_s),
             force1_n: [0, 1, 2].map(|i| mean(&|s| s.force1_n[i])),
             force2_n: [0, 1, 2].map(|i| mean(&|s| s.force2_n[i])),
-            force1_se_n: errors(&|s| s.force1_se_n),
-            force2_se_n: errors(&|s| s.force2_se_n),
+            force1_se_n: errors_of_means(phases, |s| s.force1_se_n),
+            force2_se_n: errors_of_means(phases, |s| s.force2_se_n),
             axial_torque_nm: [0, 1].map(|k| mean(&|s| s.axial_torque_nm[k])),
-            axial_torque_se_nm: errors(&|s| s.axial_torque_se_nm.map(|[one, two]| [one, two, 0.0]))
-                .map(|[one, two, _]| [one, two]),
+            axial_torque_se_nm: errors_of_means(phases, |s| s.axial_torque_se_nm),
             min_gap_m: least(&|s| s.min_gap_m),
             max_penetration_m: largest(&|s| s.max_penetration_m),
             bundling: phases.iter().map(|s| s.bundling).max_by_key(|state| *state as u8).unwrap_or_default(),
@@ -78,6 +69,15 @@ impl PhaseMeans {
         let phase_spread_deg = angles.map(|angle| largest(&angle) - least(&angle));
         Self { name, w1_rpm, w2_rpm, phases: phases.len(), steady, phase_spread_deg }
     }
+}
+
+/// Returns the standard errors of some means; `None` unless all are known.
+fn errors_of_means<const N: usize>(
+    phases: &[SteadyMeta],
+    errors: impl Fn(&SteadyMeta) -> Option<[f64; N]>,
+) -> Option<[f64; N]> {
+    let of = |i: usize| error_of_mean(phases.iter().map(|s| errors(s).map(|errors| errors[i])));
+    (0..N).map(of).collect::<Option<Vec<f64>>>()?.try_into().ok()
 }
 
 impl fmt::Display for PhaseMeans {

@@ -1,12 +1,12 @@
 //! A trial prepared for a fit: means of yaw, pitch and roll over short blocks, and the speeds that drive the model.
 
-use super::super::sensor_key::SensorKey;
 use super::super::{TwinError, speeds};
 use super::Blocks;
 use super::errors::TrialErrors;
 use super::fluid_ratio::FluidRatio;
 use crate::session::Attempt;
 use crate::trial::{Data, Finding, OverTime, Unusable, Want, Zeroed, findings};
+use crate::twin::sensor_key::SensorKey;
 use biflag_log::Origin;
 use protocol::units::CentiRpm;
 use sim::body::closure::Closure;

@@ -85,9 +85,9 @@ impl<'a, 'b> Response<'a, 'b> {
     /// Returns by how much the model's own errors may have changed each parameter, in the fit's variables.
     ///
     /// They are the same in all trials, because the same effects are left out: the response to an error of the yaw in
-    /// proportion to the yaw, and to one of the tilt in proportion to the tilt, added up as squares. The
-    /// shares are of the measured angles, which the fitted model has; of the angles of a model that is not fitted, `compare`
-    /// states the same error as a larger share ([`ModelError::of_modelled_deg`]).
+    /// proportion to the yaw, and to one of the tilt in proportion to the tilt, added up as squares. The shares
+    /// are of the measured angles, which the fitted model has; of the angles of a model that is not fitted, `compare` states
+    /// the same error as a larger share ([`ModelError::of_modelled_deg`]).
     pub fn model_errors(&self, error: &ModelError) -> Vec<f64> {
         let share = |shares: [f64; 3]| {
             let of_trial =

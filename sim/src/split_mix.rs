@@ -7,3 +7,8 @@ pub fn split_mix(seed: u64, place: u64) -> u64 {
     let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     z ^ (z >> 31)
 }
+
+/// Returns the same as a number that is equally likely in [0, 1).
+pub fn uniform(seed: u64, place: u64) -> f64 {
+    (split_mix(seed, place) >> 11) as f64 / (1u64 << 53) as f64
+}
