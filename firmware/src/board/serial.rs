@@ -1,7 +1,10 @@
 //! The serial port: its interrupts fill a queue of received bytes and empty a queue of bytes to send.
 //!
-//! At a full line a byte comes and another goes every 320 cycles, so the queues are our own: their indices are bytes, which
-//! need no critical sections, and the interrupts take half the time of those with `heapless::spsc`.
+//! At a full line a byte comes and another goes every 320 cycles, 300 of them in a tick's work. So the queues are our own:
+//! their indices are bytes, which need no critical sections. And their interrupts are written by hand, because the compiler
+//! saves registers that they do not need: they take 57 and 48 cycles, where the compiler's took 89 and 64.
+
+use core::arch::global_asm;
 
 use avr_device::atmega328p::USART0;
 use avr_device::interrupt;
@@ -18,13 +21,21 @@ const INBOX: u8 = 64;
 const DIVIDER: u16 = (CPU_HZ / 8 / BAUD) as u16 - 1;
 const _: () = assert!(CPU_HZ == 8 * BAUD * (DIVIDER as u32 + 1), "the rate is not exact");
 
+/// The interrupts' registers, in the memory (section 31); SREG is also in the space of input and output, where it is 0x20 less.
+const SREG: u8 = 0x3F;
+const UDR0: u8 = 0xC6;
+const UCSR0B: u8 = 0xC1;
+const TCNT1L: u8 = 0x84;
+const UDRIE: u8 = 1 << 5;
+
 static mut RECEIVED: [u8; INBOX as usize] = [0; INBOX as usize];
 /// Where the next received byte goes; only the interrupt writes it.
 static mut HEAD: u8 = 0;
 /// Where the next byte for main is; only main writes it.
 static mut TAIL: u8 = 0;
-/// Whether the rest of a frame is dropped, because a byte of it found no room; only the interrupt uses it.
-static mut DROPPING: bool = false;
+/// Free places that a byte other than a delimiter leaves: one, or all, because a byte of its frame found no room; only the
+/// interrupt uses it.
+static mut RESERVE: u8 = 1;
 /// The clock's counter at the end of the last frame; the interrupt writes it.
 static mut FRAME_END: u16 = 0;
 
@@ -117,47 +128,120 @@ pub fn send() {
 /// Returns the time at which the last frame from the host ended, if that was less than 32 ms ago.
 pub fn frame_end() -> Micros {
     // SAFETY: interrupts are off, so that the interrupt does not write meanwhile.
-    interrupt::free(|cs| clock::time_of(cs, unsafe { FRAME_END }))
+    interrupt::free(|cs| clock::time_of(cs, unsafe { (&raw const FRAME_END).read_volatile() }))
 }
 
-#[avr_device::interrupt(atmega328p)]
-fn USART_RX() {
-    // SAFETY: interrupts are off in an interrupt; see the variables for who writes them.
-    unsafe {
-        let byte = (*USART0::ptr()).udr0.read().bits();
-        if byte == 0 {
-            FRAME_END = clock::counter();
-            DROPPING = false;
-        }
-        if DROPPING {
-            return;
-        }
-        let head = HEAD;
-        // One place stays empty.
-        let room = (&raw const TAIL).read_volatile().wrapping_sub(head).wrapping_sub(1) % INBOX;
-        // A frame without room is dropped to its end, which leaves the frames before and after it whole. What of it is in
-        // the inbox is damaged, which its CRC reveals. The last place is for its delimiter: otherwise that of the next frame
-        // would complete an order whose time has passed.
-        if room < 1 + u8::from(byte != 0) {
-            DROPPING = byte != 0;
-            return;
-        }
-        (&raw mut RECEIVED).cast::<u8>().add(usize::from(head)).write_volatile(byte);
-        (&raw mut HEAD).write_volatile((head + 1) % INBOX);
-    }
-}
+// The interrupt of a received byte. The frame whose byte finds too little room is dropped to its end, which leaves the frames
+// before and after it whole. What of it is in the inbox is damaged, which its CRC reveals. The last place is for its
+// delimiter: otherwise that of the next frame would complete an order whose time has passed.
+global_asm!(
+    ".global __vector_18",
+    "__vector_18:",
+    "push r24",
+    "in r24, {sreg}",
+    "push r24",
+    "push r25",
+    "push r30",
+    "push r31",
+    "lds r25, {udr0}",
+    "lds r30, {head}",
+    // The free places, of which one stays empty.
+    "lds r24, {tail}",
+    "sub r24, r30",
+    "dec r24",
+    "andi r24, {mask}",
+    "tst r25",
+    "breq 2f",
+    "lds r31, {reserve}",
+    "cp r31, r24",
+    "brcc 3f",
+    "1:",
+    "ldi r31, 0",
+    "subi r30, lo8(-({received}))",
+    "sbci r31, hi8(-({received}))",
+    "st Z, r25",
+    "subi r30, lo8({received} - 1)",
+    "andi r30, {mask}",
+    "sts {head}, r30",
+    "4:",
+    "pop r31",
+    "pop r30",
+    "pop r25",
+    "pop r24",
+    "out {sreg}, r24",
+    "pop r24",
+    "reti",
+    // The end of a frame.
+    "2:",
+    "ldi r31, 1",
+    "sts {reserve}, r31",
+    "lds r31, {tcnt1l}",
+    "sts {frame_end}, r31",
+    "lds r31, {tcnt1h}",
+    "sts {frame_end} + 1, r31",
+    "tst r24",
+    "brne 1b",
+    "rjmp 4b",
+    // Too little room.
+    "3:",
+    "ldi r31, 0xFF",
+    "sts {reserve}, r31",
+    "rjmp 4b",
+    sreg = const SREG,
+    udr0 = const UDR0,
+    tcnt1l = const TCNT1L,
+    tcnt1h = const TCNT1L + 1,
+    mask = const INBOX - 1,
+    received = sym RECEIVED,
+    head = sym HEAD,
+    tail = sym TAIL,
+    reserve = sym RESERVE,
+    frame_end = sym FRAME_END,
+);
 
-#[avr_device::interrupt(atmega328p)]
-fn USART_UDRE() {
-    // SAFETY: interrupts are off in an interrupt; see the variables for who writes them.
-    unsafe {
-        let (usart, tail) = (&*USART0::ptr(), SEND_TAIL);
-        if tail == (&raw const SEND_HEAD).read_volatile() {
-            usart.ucsr0b.modify(|_, write| write.udrie0().clear_bit());
-            return;
-        }
-        let byte = (&raw const TO_SEND).cast::<u8>().add(usize::from(tail)).read_volatile();
-        usart.udr0.write(|write| write.bits(byte));
-        (&raw mut SEND_TAIL).write_volatile(after(tail));
-    }
-}
+// The interrupt of room for a byte to send.
+global_asm!(
+    ".global __vector_19",
+    "__vector_19:",
+    "push r24",
+    "in r24, {sreg}",
+    "push r24",
+    "push r30",
+    "push r31",
+    "lds r30, {tail}",
+    "lds r24, {head}",
+    "cp r30, r24",
+    "breq 2f",
+    "ldi r31, 0",
+    "subi r30, lo8(-({to_send}))",
+    "sbci r31, hi8(-({to_send}))",
+    "ld r24, Z",
+    "sts {udr0}, r24",
+    "subi r30, lo8({to_send} - 1)",
+    "cpi r30, {size}",
+    "brne 1f",
+    "ldi r30, 0",
+    "1:",
+    "sts {tail}, r30",
+    "3:",
+    "pop r31",
+    "pop r30",
+    "pop r24",
+    "out {sreg}, r24",
+    "pop r24",
+    "reti",
+    // Nothing is left: off.
+    "2:",
+    "lds r24, {ucsr0b}",
+    "andi r24, {without_udrie}",
+    "sts {ucsr0b}, r24",
+    "rjmp 3b",
+    sreg = const SREG,
+    udr0 = const UDR0,
+    ucsr0b = const UCSR0B,
+    without_udrie = const !UDRIE & 0xFF,
+    size = const OUTBOX,
+    to_send = sym TO_SEND,
+    head = sym SEND_HEAD,
+    tail = sym SEND_TAIL,
+);
