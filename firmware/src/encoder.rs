@@ -2,14 +2,15 @@
 //! the edges.
 //!
 //! Every edge of channel 1 interrupts, and channel 2 gives its direction. A spike on the line causes two edges within
-//! [`SPIKE_US`], which cancel each other: the second edge undoes the count and the time of the first. If the spike
-//! follows a true edge, its beginning undoes that edge, and its end takes the place of the edge. Longer pulses count in
-//! both directions.
+//! [`SPIKE_US`], which cancel each other, so an edge counts when no other one has followed for as long. Longer pulses count
+//! in both directions. A spike just after a true edge cancels that edge, and its end is a new one to the same level: of the
+//! three edges the closer two are those of the spike, and the third is dated.
 //!
 //! With 602 counts per revolution, one count in a tick of 5 ms is 20 rpm: counting edges per tick would resolve 20 rpm.
 //! The time between edges resolves a thousandth. It is measured between edges to the same level of channel 1, because the
-//! poles of the encoder's magnet differ in length. While no edge comes, the speed is at most one count in the time since
-//! the last one, so that it falls towards zero when edges stop, and is zero after [`STANDSTILL_US`].
+//! poles of the encoder's magnet differ in length; over one pole, if the motion has begun with it. While no edge comes, the
+//! speed is at most one count in the time since the last one, so that it falls towards zero when edges stop, and is zero
+//! after [`STANDSTILL_US`].
 //!
 //! Units: positions in counts, times in µs, speeds in hundredths of rpm.
 
@@ -20,17 +21,15 @@ use crate::round_to_i16;
 /// Time without an edge after which the speed is zero, µs: below 0.1 rpm with the published encoders.
 pub const STANDSTILL_US: u32 = 1_000_000;
 
-/// Time within which two edges are a spike, µs. The interrupt sees the end of a spike when it has handled its beginning
-/// and, at worst, an edge of the other encoder, 25 µs each; at full voltage the published motor's edges are 770 µs apart. Not longer than necessary, because an
-/// edge with a spike close to it may be timed that late.
-pub const SPIKE_US: u32 = 60;
+/// Time within which two edges are a spike, µs: at full voltage the published motor's edges are 770 µs apart.
+pub const SPIKE_US: u16 = 60;
 
-/// Age below which an edge may be the beginning of a spike, µs, as the tick reads the clock after the edges. The next tick
-/// takes it.
-const SETTLED_US: u32 = 2 * SPIKE_US;
+/// Number of edges of an encoder between two ticks that are none by motion above which its interrupt is off until the next
+/// tick.
+pub const MAX_GLITCHES: u8 = 24;
 
-/// Number of interrupts of an encoder between two ticks above which they are noise: the motor at full voltage causes 7.
-pub const MAX_INTERRUPTS: u8 = 24;
+/// [`SPIKE_US`] in counts of the clock.
+const SPIKE: u16 = 2 * SPIKE_US;
 
 /// Largest relative difference of a magnet pole's length from the mean.
 const LONG_POLE: f32 = 1.25;
@@ -44,26 +43,64 @@ pub struct Edge {
     pub time: Micros,
 }
 
-/// The edges of an encoder, as its interrupt feeds them.
-#[derive(Clone, Copy, Debug, Default)]
+/// The edges of an encoder that are motion, up to a tick.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Edges {
-    /// The last edge, and the one before it, which has the other level.
-    last: Edge,
-    before: Edge,
-    /// Level of channel 1.
-    level: bool,
-    /// Edges that are motion, and edges that are not. Both wrap.
-    accepted: u8,
-    rejected: u8,
-    /// Since the last tick.
-    interrupts: u8,
+    /// Their number since the tick before.
+    pub number: u8,
+    /// The last of them, if there is one.
+    pub last: Edge,
+    /// The one before it, to the other level, if there are two.
+    pub before: Edge,
+    /// Number of edges since the tick before that are noise.
+    pub glitches: u8,
 }
 
 impl Edges {
-    /// Returns the edges of an encoder that has had none.
+    /// Returns whether the encoder is noisy: its interrupt must then be off until the next tick.
+    pub fn is_noisy(&self) -> bool {
+        self.glitches > MAX_GLITCHES
+    }
+}
+
+/// Separates edges by motion from noise, as the interrupt of an encoder feeds them. Its times are those of a clock of 16 bits
+/// that counts half µs, because the interrupt is as fast as it is short.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Filter {
+    /// The newest edge, which may be the beginning of a spike: its time, and the change of the position; 0 if there is none.
+    time: u16,
+    step: i8,
+    /// Level of channel 1.
+    level: bool,
+    /// Time of the last edge that has cancelled another one, and its distance from that one.
+    cancelled: u16,
+    distance: u8,
+    glitches: u8,
+    /// The edges by motion: their number since the tick before, the position after them, the times of the last two, and the
+    /// change of the position at the last one.
+    number: u8,
+    count: i16,
+    last: u16,
+    before: u16,
+    last_step: i8,
+}
+
+impl Filter {
+    /// Returns the filter of an encoder that has had no edges.
     pub const fn new() -> Self {
-        const NONE: Edge = Edge { count: 0, time: Micros(0) };
-        Self { last: NONE, before: NONE, level: false, accepted: 0, rejected: 0, interrupts: 0 }
+        Self {
+            time: 0,
+            step: 0,
+            level: false,
+            cancelled: 0,
+            distance: 0,
+            glitches: 0,
+            number: 0,
+            count: 0,
+            last: 0,
+            before: 0,
+            last_step: 0,
+        }
     }
 
     /// Sets the level of channel 1 from which edges count.
@@ -71,37 +108,75 @@ impl Edges {
         self.level = channel_1;
     }
 
-    /// Takes the levels of both channels after an edge of channel 1. Returns whether the encoder is noisy: its interrupt
-    /// must then be off until the next tick.
+    /// Takes the level of channel 1 after an edge of it. `channel_2` returns that of channel 2; it is called last, if it is.
+    /// Returns whether the encoder is noisy, as [`Edges::is_noisy`].
     #[inline(always)]
-    pub fn feed(&mut self, channel_1: bool, channel_2: bool, time: Micros) -> bool {
-        if channel_1 == self.level {
-            self.rejected = self.rejected.wrapping_add(1);
-        } else {
+    pub fn feed(&mut self, channel_1: bool, time: u16, channel_2: impl FnOnce() -> bool) -> bool {
+        let mut glitches = 1;
+        if channel_1 != self.level {
             self.level = channel_1;
-            if time.since(self.last.time) < SPIKE_US {
-                self.last = self.before;
-                self.accepted = self.accepted.wrapping_sub(1);
-                self.rejected = self.rejected.wrapping_add(2);
+            let mut began = time;
+            if self.step == 0 {
+                // The clock wraps in 33 ms: a spike that an edge follows so late may misdate it by a thousandth of that.
+                let distance = time.wrapping_sub(self.cancelled);
+                if distance < u16::from(self.distance) {
+                    began = began.wrapping_sub(distance).wrapping_sub(u16::from(self.distance));
+                }
+                self.distance = 0;
+                glitches = 0;
             } else {
-                self.before = self.last;
-                self.last.time = time;
-                self.last.count = self.last.count.wrapping_add(if channel_1 != channel_2 { 1 } else { -1 });
-                self.accepted = self.accepted.wrapping_add(1);
+                let distance = time.wrapping_sub(self.time);
+                if distance < SPIKE {
+                    self.cancelled = time;
+                    self.distance = distance as u8;
+                    glitches = 2;
+                } else {
+                    self.settle();
+                    glitches = 0;
+                }
+            }
+            self.step = 0;
+            if glitches == 0 {
+                self.time = began;
+                self.step = if channel_1 != channel_2() { 1 } else { -1 };
             }
         }
-        self.interrupts = self.interrupts.wrapping_add(1);
-        self.is_noisy()
+        self.reject(glitches)
     }
 
-    /// Begins the next tick.
-    pub fn begin_tick(&mut self) {
-        self.interrupts = 0;
+    /// Counts edges that are no motion. Returns whether the encoder is noisy.
+    #[inline(always)]
+    pub fn reject(&mut self, glitches: u8) -> bool {
+        self.glitches = self.glitches.wrapping_add(glitches);
+        self.glitches > MAX_GLITCHES
     }
 
-    /// Returns whether there were more interrupts in the tick than motion makes.
-    pub fn is_noisy(&self) -> bool {
-        self.interrupts > MAX_INTERRUPTS
+    #[inline(always)]
+    fn settle(&mut self) {
+        self.before = self.last;
+        self.last = self.time;
+        self.last_step = self.step;
+        self.count = self.count.wrapping_add(i16::from(self.step));
+        self.number = self.number.wrapping_add(1);
+    }
+
+    /// Returns the edges up to `now`, when the clock is at `clock`, and begins the next tick.
+    #[inline(never)]
+    pub fn take(&mut self, now: Micros, clock: u16) -> Edges {
+        if self.step != 0 && clock.wrapping_sub(self.time) >= SPIKE {
+            self.settle();
+            self.step = 0;
+        }
+        let at = |time: u16| Micros(now.0.wrapping_sub(u32::from(clock.wrapping_sub(time) >> 1)));
+        let edges = Edges {
+            number: self.number,
+            last: Edge { count: self.count, time: at(self.last) },
+            before: Edge { count: self.count.wrapping_sub(i16::from(self.last_step)), time: at(self.before) },
+            glitches: self.glitches,
+        };
+        self.number = 0;
+        self.glitches = 0;
+        edges
     }
 }
 
@@ -112,8 +187,8 @@ pub struct Motion {
     pub speed: CentiRpm,
     /// Change of the position, counts.
     pub counts: i8,
-    /// Edges that are motion, in either direction; -1 if one of an earlier tick was none.
-    pub edges: i8,
+    /// Edges that are motion, in either direction.
+    pub edges: u8,
     /// Edges that are not.
     pub glitches: u8,
 }
@@ -121,21 +196,18 @@ pub struct Motion {
 /// One encoder, updated once per tick.
 #[derive(Debug)]
 pub struct Encoder {
-    /// The edges up to the last tick.
-    seen: Edges,
+    /// The last edge of earlier ticks, and the one before it.
+    last: Edge,
+    before: Edge,
     /// Whether no edge has come for [`STANDSTILL_US`].
     still: bool,
     /// At the last edge, in hundredths of rpm.
     speed: f32,
-    /// The motion in the last tick.
-    told: CentiRpm,
-    /// Whether the edges of the last tick are counted in this one.
-    deferred: bool,
 }
 
 impl Default for Encoder {
     fn default() -> Self {
-        Self { seen: Edges::new(), still: true, speed: 0.0, told: CentiRpm(0), deferred: false }
+        Self { last: Edge::default(), before: Edge::default(), still: true, speed: 0.0 }
     }
 }
 
@@ -143,43 +215,34 @@ impl Encoder {
     /// Updates the speed with the edges up to `now`. `scale` is [`centi_rpm_scale`] of the encoder.
     #[inline(never)]
     pub fn update(&mut self, edges: &Edges, now: Micros, scale: f32) -> Motion {
-        let last = edges.last;
-        // Not twice in a row: an edge before each tick is motion, and its counts would pile up.
-        if now.since(last.time) < SETTLED_US && !self.deferred {
-            self.deferred = true;
-            return Motion { speed: self.told, ..Motion::default() };
+        let mut motion = Motion { edges: edges.number, glitches: edges.glitches, ..Motion::default() };
+        let moved = edges.number != 0;
+        let (mut counts, mut since) = (1, now.since(self.last.time));
+        if moved {
+            let Edges { last, mut before, .. } = *edges;
+            if edges.number == 1 {
+                before = self.last;
+            }
+            motion.counts = last.count.wrapping_sub(self.last.count) as i8;
+            // The last edge of earlier ticks to the same level.
+            let reference = if edges.number.is_multiple_of(2) { self.last } else { self.before };
+            (counts, since) = (last.count.wrapping_sub(reference.count), last.time.since(reference.time));
+            // No two poles differ so much: if the last one took less than half the mean, the motion has begun with it.
+            let pole = last.time.since(before.time);
+            if counts != 0 && since >> 1 > pole.wrapping_mul(u32::from(counts.unsigned_abs())) {
+                (counts, since) = (last.count.wrapping_sub(before.count), pole);
+            }
+            self.last = last;
+            self.before = if self.still { last } else { before };
         }
-        self.deferred = false;
-        // The last edge of earlier ticks to the same level.
-        let reference = if edges.level == self.seen.level { self.seen.last } else { self.seen.before };
-        let mut motion = Motion {
-            counts: last.count.wrapping_sub(self.seen.last.count) as i8,
-            edges: edges.accepted.wrapping_sub(self.seen.accepted) as i8,
-            glitches: edges.rejected.wrapping_sub(self.seen.rejected),
-            ..Motion::default()
-        };
-        self.seen = *edges;
-        if self.still {
-            self.seen.before = last;
-        }
-
-        // Equal times are those of an edge that was there before the last tick, and is the last one again.
-        let moved = motion.edges != 0 && last.time != reference.time;
-        let (counts, since) = if moved {
-            (last.count.wrapping_sub(reference.count), last.time.since(reference.time))
-        } else {
-            (1, now.since(last.time))
-        };
         if self.still {
             // The first edge begins the measurement.
             self.speed = 0.0;
-            self.told = CentiRpm(0);
             self.still = !moved;
             return motion;
         }
         if !moved && since >= STANDSTILL_US {
             self.still = true;
-            self.told = CentiRpm(0);
             return motion;
         }
         let mut speed = f32::from(counts) * scale / since.max(1) as f32;
@@ -190,8 +253,7 @@ impl Encoder {
         } else {
             speed = self.speed;
         }
-        self.told = CentiRpm(round_to_i16(speed, 0));
-        motion.speed = self.told;
+        motion.speed = CentiRpm(round_to_i16(speed, 0));
         motion
     }
 }

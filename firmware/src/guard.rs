@@ -5,7 +5,7 @@
 //! | stalled | for a second, a duty that turns it freely, and less than a quarter of the target speed or 0.2 rpm |
 //! | runaway | for 150 ms, 3 rpm or more against its duty, and not braked by it |
 //! | overloaded | the heat of its winding, estimated from duty and speed |
-//! | encoder failed | edges that cancel each other, twice in a row |
+//! | encoder failed | 16 edges in a row of which each goes back on the one before |
 //!
 //! A speed far above its target needs no rule of its own: the speed control lowers the duty until it points against the
 //! motion.
@@ -27,8 +27,8 @@ const RUNAWAY_TICKS: u8 = 30;
 /// The least speed that counts as motion against the duty, hundredths of rpm.
 const AGAINST: i16 = 300;
 
-/// Edges after which their directions are compared.
-const EDGES_COMPARED: i8 = 8;
+/// Edges in a row that cancel each other after which an encoder has failed. A motor that turns round makes some too.
+const CANCELLED_EDGES: u8 = 16;
 
 /// The largest current that may last, in steps of the duty: a third of that of the blocked motor at full voltage.
 const LASTING: u32 = 85;
@@ -50,11 +50,9 @@ pub struct Guard {
     against_ticks: u8,
     /// The speed in the first of them.
     against_from: i16,
-    /// Edges, and the change of the position, since the last comparison.
-    edges: i8,
+    /// Edges in a row that cancel each other but for one, and the change of the position by them.
+    edges: u8,
     counts: i8,
-    /// Whether the edges before the last comparison cancelled each other.
-    cancelled: bool,
 }
 
 impl Guard {
@@ -91,18 +89,15 @@ impl Guard {
     }
 
     fn has_cancelled(&mut self, motion: &Motion) -> bool {
-        self.edges += motion.edges;
+        self.edges = self.edges.saturating_add(motion.edges);
         self.counts += motion.counts;
-        if self.edges < EDGES_COMPARED {
-            return false;
+        let has_moved = self.counts.unsigned_abs() > 1;
+        let has_failed = self.edges >= CANCELLED_EDGES && !has_moved;
+        if has_failed || has_moved {
+            self.edges = 0;
+            self.counts = 0;
         }
-        // Turning round at just this place makes such edges too, but not twice.
-        let cancel = self.counts.unsigned_abs() <= 1;
-        let twice = cancel && self.cancelled;
-        self.cancelled = cancel;
-        self.edges = 0;
-        self.counts = 0;
-        twice
+        has_failed
     }
 
     fn is_runaway(&mut self, duty: u8, speed: i16) -> bool {

@@ -74,7 +74,7 @@ fn tick(bench: &mut Bench, motors: &mut [Motor; 2]) {
             if channel_1 != encoder.level {
                 encoder.level = channel_1;
                 let time = bench.now.wrapping_add(step * STEP_US - 1);
-                encoder.edges.feed(channel_1, channel_2, protocol::units::Micros(time));
+                encoder.filter.feed(channel_1, robot::clock(time), || channel_2);
             }
         }
     }
@@ -261,8 +261,8 @@ fn a_noisy_encoder_stops_the_motors_and_is_told_at_rest_too() {
             command.map(|command| bench.ask(command));
             bench.ticks(3);
             for count in 0..40 {
-                let edges = &mut bench.encoders[encoder].edges;
-                edges.feed(count % 2 == 0, false, protocol::units::Micros(bench.now + 10 * count));
+                let filter = &mut bench.encoders[encoder].filter;
+                filter.feed(count % 2 == 0, robot::clock(bench.now + 10 * count), || false);
             }
             bench.tick();
             assert!(bench.world.is_off());
@@ -277,7 +277,7 @@ fn a_noisy_encoder_stops_the_motors_and_is_told_at_rest_too() {
 
 /// Returns the first tick, from 1, in which a motor with a duty of 50 and a target of 80 rpm is at fault, and the fault. A
 /// tick is its speed in hundredths of rpm, its edges, and the change of its position.
-fn first_fault(moving_duty: u8, ticks: impl IntoIterator<Item = (i16, i8, i8)>) -> Option<(usize, Fault)> {
+fn first_fault(moving_duty: u8, ticks: impl IntoIterator<Item = (i16, u8, i8)>) -> Option<(usize, Fault)> {
     let mut guard = Guard::default();
     let faults = ticks.into_iter().map(|(speed, edges, counts)| {
         let motion = Motion { speed: CentiRpm(speed), edges, counts, glitches: 0 };
@@ -308,14 +308,18 @@ fn a_stall_is_a_second_of_less_than_a_quarter_of_the_target_beyond_that_of_more(
 }
 
 #[test]
-fn eight_edges_that_cancel_each_other_are_a_failed_encoder_the_second_time() {
+fn sixteen_edges_that_cancel_each_other_are_a_failed_encoder_and_turning_round_is_not() {
     let edges = |from: usize, to: usize| (from..to).map(|edge| (4000, 1, if edge % 2 == 0 { 1 } else { -1 }));
     let forwards = |edges| std::iter::repeat_n((4000, 1, 1), edges);
     assert_eq!(first_fault(100, edges(0, 20)), Some((16, Fault::Encoder1Failed)));
-    assert_eq!(first_fault(100, edges(0, 8).chain(forwards(8)).chain(edges(0, 8)).chain(forwards(80))), None);
-    // Five edges of eight in one direction are more than chance.
-    let nearly = (0..80).map(|edge| (4000, 1, if edge % 8 < 5 { 1 } else { -1 }));
-    assert_eq!(first_fault(100, nearly), None);
+    assert_eq!(first_fault(100, edges(0, 15).chain(forwards(2)).chain(edges(0, 15)).chain(forwards(80))), None);
+    let (mut guard, still) = (Guard::default(), Motion::default());
+    let mut check = |motion| guard.check(Duty(50), CentiRpm(8000), &motion, 100)[0];
+    assert_eq!(check(Motion { speed: CentiRpm(4000), edges: 16, ..still }), Fault::Encoder1Failed);
+    assert_eq!(check(still), Fault::None, "a fault that was cleared does not come back by itself");
+    // Back and forth by two edges.
+    let round = (0..80).map(|edge| (4000, 1, if edge % 4 < 2 { 1 } else { -1 }));
+    assert_eq!(first_fault(100, round), None);
 }
 
 const DRIVE: Command = Command::Drive { duty: [Duty(100); 2], duration_ms: 1000 };

@@ -13,8 +13,10 @@ use super::CPU_HZ;
 const DIV_8: u8 = 0b010;
 const COUNTS_PER_TICK: u16 = (CPU_HZ / 8 / TICK_HZ as u32) as u16;
 
-/// Overflows of the counter: 32.768 ms each.
-static OVERFLOWS: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
+/// The time at which the counter was last zero, µs.
+static BASE: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
+/// The counter wraps after so many µs.
+const WRAP_US: u32 = 0x8000;
 /// Ticks that are due and not yet taken.
 static DUE: Mutex<Cell<u8>> = Mutex::new(Cell::new(0));
 
@@ -55,12 +57,12 @@ pub fn now_within(cs: CriticalSection) -> Micros {
     // the compare register.
     let timer = unsafe { &*TC1::ptr() };
     let counter = timer.tcnt1.read().bits();
-    let mut overflows = OVERFLOWS.borrow(cs).get();
+    let mut base = BASE.borrow(cs).get();
     // An overflow whose interrupt has not run yet, unless it came after the counter was read.
-    if timer.tifr1.read().tov1().bit_is_set() && counter < 0x8000 {
-        overflows = overflows.wrapping_add(1);
+    if counter < 0x8000 && timer.tifr1.read().tov1().bit_is_set() {
+        base = base.wrapping_add(WRAP_US);
     }
-    Micros((overflows << 15) | u32::from(counter >> 1))
+    Micros(base | u32::from(counter >> 1))
 }
 
 /// Returns the counter, which wraps every 32.768 ms, for [`time_of`]. Interrupts are off.
@@ -100,8 +102,8 @@ pub fn sleep_unless(is_awake: impl FnOnce() -> bool) {
 fn TIMER1_OVF() {
     // SAFETY: interrupts are off in an interrupt.
     let cs = unsafe { CriticalSection::new() };
-    let overflows = OVERFLOWS.borrow(cs);
-    overflows.set(overflows.get().wrapping_add(1));
+    let base = BASE.borrow(cs);
+    base.set(base.get().wrapping_add(WRAP_US));
 }
 
 #[avr_device::interrupt(atmega328p)]

@@ -5,8 +5,7 @@ use core::cell::Cell;
 use avr_device::asm::delay_cycles;
 use avr_device::atmega328p::{EXINT, PORTD};
 use avr_device::interrupt::{self, CriticalSection, Mutex};
-use firmware::encoder::Edges;
-use protocol::units::Micros;
+use firmware::encoder::{Edges, Filter};
 
 use super::clock;
 
@@ -14,18 +13,24 @@ use super::clock;
 const ANY_EDGE: u8 = 0b0101;
 const INT0_INT1: u8 = 0b11;
 
-/// Channels 1 and 2 on port D.
-const ENCODER_1: (u8, u8) = (1 << 3, 1 << 5);
-const ENCODER_2: (u8, u8) = (1 << 2, 1 << 4);
+/// An encoder's bits: its channels 1 and 2 on port D, and its interrupt in the registers of INT0 and INT1.
+struct Bits {
+    channel_1: u8,
+    channel_2: u8,
+    interrupt: u8,
+}
+
+const ENCODER_1: Bits = Bits { channel_1: 1 << 3, channel_2: 1 << 5, interrupt: 1 << 1 };
+const ENCODER_2: Bits = Bits { channel_1: 1 << 2, channel_2: 1 << 4, interrupt: 1 << 0 };
 
 /// Longer than a spike.
 const SPIKE_CYCLES: u32 = 64;
 
-static EDGES: Mutex<Cell<[Edges; 2]>> = Mutex::new(Cell::new([Edges::new(); 2]));
+static FILTERS: Mutex<Cell<[Filter; 2]>> = Mutex::new(Cell::new([Filter::new(); 2]));
 
 /// Turns the pull-ups on. With them, a disconnected encoder reads as still, which is found as a stall.
 pub fn pull_up(port: &PORTD) {
-    const CHANNELS: u8 = ENCODER_1.0 | ENCODER_1.1 | ENCODER_2.0 | ENCODER_2.1;
+    const CHANNELS: u8 = ENCODER_1.channel_1 | ENCODER_1.channel_2 | ENCODER_2.channel_1 | ENCODER_2.channel_2;
     // SAFETY: any value is valid in this register.
     port.portd.modify(|read, write| unsafe { write.bits(read.bits() | CHANNELS) });
 }
@@ -35,8 +40,8 @@ pub fn start(interrupts: &EXINT) {
     let levels = levels();
     interrupt::free(|cs| {
         let [first, second] = within(cs);
-        first.start(levels & ENCODER_1.0 != 0);
-        second.start(levels & ENCODER_2.0 != 0);
+        first.start(levels & ENCODER_1.channel_1 != 0);
+        second.start(levels & ENCODER_2.channel_1 != 0);
     });
     // SAFETY: any value is valid in these registers.
     unsafe {
@@ -53,31 +58,42 @@ pub fn disable(interrupts: &EXINT) {
 
 /// Returns the edges up to now, and turns the interrupts of noisy encoders on again.
 pub fn take() -> [Edges; 2] {
-    interrupt::free(|cs| {
-        // SAFETY: only here and in the interrupts, which are off, is the register written; any value is valid in it.
-        unsafe { (*EXINT::ptr()).eimsk.write(|write| write.bits(INT0_INT1)) };
-        let edges = within(cs);
-        let taken = *edges;
-        edges.iter_mut().for_each(Edges::begin_tick);
-        taken
+    // One after the other, because an interrupt that waits dates its edge late.
+    let edges = [
+        interrupt::free(|cs| within(cs)[0].take(clock::now_within(cs), clock::counter())),
+        interrupt::free(|cs| within(cs)[1].take(clock::now_within(cs), clock::counter())),
+    ];
+    // SAFETY: any value is valid in the register. An interrupt that turns itself off meanwhile will do so again.
+    unsafe { (*EXINT::ptr()).eimsk.write(|write| write.bits(INT0_INT1)) };
+    edges
+}
+
+/// Takes an edge of an encoder at whose interrupt these were the levels of the port and the clock's counter. Returns whether
+/// the encoder is noisy.
+#[inline(never)]
+fn edge(filter: &mut Filter, mut port: u8, counter: u16, bits: Bits) -> bool {
+    // SAFETY: a one clears the flag of this interrupt only.
+    let flags = unsafe { &(*EXINT::ptr()).eifr };
+    if flags.read().bits() & bits.interrupt != 0 {
+        flags.write(|write| unsafe { write.bits(bits.interrupt) });
+        // Another edge has come since the interrupt, so that one of the two is that of a spike.
+        filter.reject(1);
+        port = levels();
+    }
+    filter.feed(port & bits.channel_1 != 0, counter, || {
+        // Channel 2 changes half-way between edges of channel 1, so that a change since then is a spike.
+        if (levels() ^ port) & bits.channel_2 != 0 {
+            delay_cycles(SPIKE_CYCLES);
+            port = levels();
+        }
+        port & bits.channel_2 != 0
     })
 }
 
-/// Takes an edge of an encoder at whose interrupt these were the levels of the port.
-#[inline(never)]
-fn edge(edges: &mut Edges, mut port: u8, time: Micros, (channel_1, channel_2): (u8, u8)) -> bool {
-    // Channel 2 changes half-way between edges of channel 1, so that a change here is a spike.
-    if (levels() ^ port) & channel_2 != 0 {
-        delay_cycles(SPIKE_CYCLES);
-        port = port & !channel_2 | levels() & channel_2;
-    }
-    edges.feed(port & channel_1 != 0, port & channel_2 != 0, time)
-}
-
-/// Returns the edges of both encoders. No caller may keep them when it calls this again.
-fn within(cs: CriticalSection<'_>) -> &mut [Edges; 2] {
+/// Returns the filters of both encoders. No caller may keep them when it calls this again.
+fn within(cs: CriticalSection<'_>) -> &mut [Filter; 2] {
     // SAFETY: interrupts are off, so that nothing else uses them.
-    unsafe { &mut *EDGES.borrow(cs).as_ptr() }
+    unsafe { &mut *FILTERS.borrow(cs).as_ptr() }
 }
 
 #[inline(always)]
@@ -88,11 +104,10 @@ fn levels() -> u8 {
 
 #[avr_device::interrupt(atmega328p)]
 fn INT1() {
-    let port = levels();
     // SAFETY: interrupts are off in an interrupt; any value is valid in the register.
     unsafe {
-        let cs = CriticalSection::new();
-        if edge(&mut within(cs)[0], port, clock::now_within(cs), ENCODER_1) {
+        let (port, counter) = (levels(), clock::counter());
+        if edge(&mut within(CriticalSection::new())[0], port, counter, ENCODER_1) {
             (*EXINT::ptr()).eimsk.modify(|_, write| write.int1().clear_bit());
         }
     }
@@ -100,11 +115,10 @@ fn INT1() {
 
 #[avr_device::interrupt(atmega328p)]
 fn INT0() {
-    let port = levels();
     // SAFETY: as above.
     unsafe {
-        let cs = CriticalSection::new();
-        if edge(&mut within(cs)[1], port, clock::now_within(cs), ENCODER_2) {
+        let (port, counter) = (levels(), clock::counter());
+        if edge(&mut within(CriticalSection::new())[1], port, counter, ENCODER_2) {
             (*EXINT::ptr()).eimsk.modify(|_, write| write.int0().clear_bit());
         }
     }

@@ -8,7 +8,7 @@ use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::pwm::{self, SetDutyCycle};
 use firmware::app::{App, Build, Start, Tick};
-use firmware::encoder::Edges;
+use firmware::encoder::Filter;
 use firmware::link::{OUTBOX, Outbox};
 use firmware::motor::{Bridge, Motors};
 use firmware::storage::Storage;
@@ -17,6 +17,11 @@ use protocol::units::Micros;
 use protocol::{Command, Message, Reply, Request, Telemetry};
 
 pub const TICK_US: u32 = 5000;
+
+/// Returns the encoders' clock at a time in µs.
+pub fn clock(us: u32) -> u16 {
+    us.wrapping_mul(2) as u16
+}
 
 /// The state of the hardware, shared between the application and the test.
 #[derive(Clone)]
@@ -185,7 +190,7 @@ impl Storage for Memory {
 /// An encoder.
 #[derive(Clone, Copy, Default)]
 pub struct Encoder {
-    pub edges: Edges,
+    pub filter: Filter,
     /// Level of channel 1.
     pub level: bool,
 }
@@ -273,19 +278,18 @@ impl Bench {
                 // Evenly spaced, the last one shortly before the tick.
                 let time = self.now.wrapping_sub(200 + TICK_US * edge / speed.unsigned_abs());
                 encoder.level = !encoder.level;
-                encoder.edges.feed(encoder.level, encoder.level != (speed > 0), Micros(time));
+                encoder.filter.feed(encoder.level, clock(time), || encoder.level != (speed > 0));
             }
         }
         self.app.watch_link(Micros(self.now));
         let tick = Tick {
             time: Micros(self.now),
             missed,
-            edges: self.encoders.map(|encoder| encoder.edges),
+            edges: self.encoders.each_mut().map(|encoder| encoder.filter.take(Micros(self.now), clock(self.now))),
             bandgap_counts: self.bandgap_counts,
         };
         self.app.tick(&tick, &mut self.outbox, |_| {});
         self.app.after_tick(&mut self.outbox);
-        self.encoders.iter_mut().for_each(|encoder| encoder.edges.begin_tick());
         self.app.watch_link(Micros(self.now.wrapping_add(2500)));
     }
 

@@ -51,6 +51,16 @@ static void mark_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *p
 	nano->out.mark(nano->out.context, now(nano), value);
 }
 
+// A one clears the flag of an external interrupt (section 13.2.3). To simavr the register is plain memory.
+static void eifr_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
+{
+	for (int i = 0; i < avr->interrupts.vector_count; i++) {
+		avr_int_vector_t *vector = avr->interrupts.vector[i];
+		if (vector->raised.reg == REG_EIFR && value >> vector->raised.bit & 1)
+			avr_clear_interrupt(avr, vector);
+	}
+}
+
 // A function that makes room on the stack writes SPH, then SPL. What it does not use of that room keeps its paint.
 // Calls, pushes and pops come here too, before their SPH is written: where they cross a page the pair is not the stack
 // pointer. What they reach loses its paint, so only an OUT counts.
@@ -160,6 +170,7 @@ nano_t *nano_new(const struct nano_devices *devices, uint32_t flash_bytes)
 	chain(nano, REG_PORTC, write_then_bus);
 	avr_register_io_write(avr, REG_GPIOR0, mark_write, nano);
 	avr_register_io_write(avr, R_SPL, spl_write, nano);
+	avr_register_io_write(avr, REG_EIFR, eifr_write, nano);
 	nano->module = (avr_io_t){ .kind = "nano", .reset = on_reset, .ioctl = on_ioctl };
 	avr_register_io(avr, &nano->module);
 	return nano;

@@ -62,12 +62,8 @@ struct Load {
 
 const SETTINGS: Settings = Settings { board_id: 5, ..Settings::DEFAULT };
 const OTHERS: Settings = Settings { board_id: 6, counts_per_turn: 1204.0, gyro_bias: [3.25, -7.5, 1.125], ..SETTINGS };
-const WRITES: &[Command] = &[
-    Command::WriteSettings(SETTINGS),
-    Command::SaveSettings,
-    Command::WriteSettings(OTHERS),
-    Command::SaveSettings,
-];
+const WRITES: &[Command] =
+    &[Command::WriteSettings(SETTINGS), Command::SaveSettings, Command::WriteSettings(OTHERS), Command::SaveSettings];
 
 impl Load {
     const fn new(name: &'static str, requests: &'static [Command], share: f64) -> Self {

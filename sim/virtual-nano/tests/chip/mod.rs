@@ -2,6 +2,7 @@
 
 mod bus;
 mod eeprom;
+mod external_interrupts;
 mod sleep;
 mod supply;
 mod watchdog;
