@@ -294,7 +294,8 @@ where
         let mut faults = self.guards[motor].check(duty, target, &motion, self.settings.moving_duty[motor]);
         if edges.is_noisy() {
             faults = [Fault::Encoder1Noisy, Fault::Encoder2Noisy];
-        } else if !self.is_running() {
+        } else if !self.is_running() && faults[0] != Fault::Motor1Overloaded {
+            // The rest judges how a speed is kept.
             return;
         }
         self.raise(if motor == 0 { faults[0] } else { faults[1] });

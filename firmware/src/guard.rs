@@ -1,10 +1,10 @@
-//! Faults of a motor under speed control: stall, runaway, overload, and a failed encoder.
+//! Faults of a motor: stall, runaway, overload, and a failed encoder.
 //!
 //! | finding | rule |
 //! | --- | --- |
 //! | stalled | for a second, a duty that turns it freely, and less than a quarter of the target speed or 0.2 rpm |
 //! | runaway | for 150 ms, 3 rpm or more against its duty, and not braked by it |
-//! | overloaded | the heat of its winding, estimated from duty and speed |
+//! | overloaded | the heat of its winding, estimated from duty and speed; in an open-loop drive too |
 //! | encoder failed | 16 edges in a row of which each goes back on the one before |
 //!
 //! A speed far above its target needs no rule of its own: the speed control lowers the duty until it points against the
@@ -62,7 +62,9 @@ impl Guard {
         // In the direction of the duty.
         let speed = if duty.0.is_negative() { -motion.speed.0 } else { motion.speed.0 };
         let duty = duty.0.unsigned_abs() as u8;
-        if self.is_overloaded(duty, speed) {
+        // In an open-loop drive the wiring is under test, and with it the sign of the speed.
+        let turning = if target.0 == 0 { speed.abs() } else { speed };
+        if self.is_overloaded(duty, turning) {
             [Fault::Motor1Overloaded, Fault::Motor2Overloaded]
         } else if self.has_cancelled(motion) {
             [Fault::Encoder1Failed, Fault::Encoder2Failed]
@@ -85,6 +87,11 @@ impl Guard {
             let current = (i16::from(duty) - own).unsigned_abs().min(255);
             self.heat += u32::from(current * current);
         }
+        self.is_hot()
+    }
+
+    /// Returns whether the winding is as hot as it may be.
+    pub fn is_hot(&self) -> bool {
         self.heat >= (LASTING * LASTING) << COOLING
     }
 

@@ -6,7 +6,7 @@ mod robot;
 use firmware::encoder::Motion;
 use firmware::guard::Guard;
 use protocol::units::{CentiRpm, Duty};
-use protocol::{Command, Fault, Reply, Settings, State};
+use protocol::{Command, Fault, Refusal, Reply, Settings, State};
 use robot::{Bench, TICK_US};
 
 const STEP_US: u32 = 50;
@@ -224,18 +224,37 @@ fn an_overloaded_motor_stays_hot_while_it_is_off() {
     let mut motors = pair(Motor { load: 0.3, ..Motor::new() }, false);
     order(&mut bench, [90.0, 0.0]);
     let (_, first) = run(&mut bench, &mut motors, 20.0);
-    assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
-    bench.look();
+    assert_eq!(bench.ask(Command::ClearFault), Reply::Refused(Refusal::Faulted), "as hot as it may be");
     for _ in 0..1000 {
         tick(&mut bench, &mut motors);
     }
+    assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
+    bench.look();
     order(&mut bench, [90.0, 0.0]);
     let (fault, again) = run(&mut bench, &mut motors, 20.0);
     assert!(fault == Fault::Motor1Overloaded && again < 0.5 * first, "{again} s after {first} s");
 }
 
 #[test]
-fn an_open_loop_drive_is_watched_for_noise_only() {
+fn drives_heat_the_winding_that_they_drive() {
+    for (motor, fault) in [Fault::Motor1Overloaded, Fault::Motor2Overloaded].into_iter().enumerate() {
+        let mut bench = bench();
+        let mut motors = [(); 2].map(|()| Motor { load: 1e-9, ..Motor::new() });
+        let mut duty = [Duty(0); 2];
+        duty[motor] = Duty(-255);
+        let drive = Command::Drive { duty, duration_ms: 2000 };
+        assert_eq!(bench.ask(drive), Reply::Done);
+        assert_eq!(run(&mut bench, &mut motors, 1.99).0, Fault::None);
+        (0..4).for_each(|_| tick(&mut bench, &mut motors));
+        assert_eq!(bench.ask(drive), Reply::Done);
+        // 2.4 s at full voltage.
+        let (found, after) = run(&mut bench, &mut motors, 2.0);
+        assert!(found == fault && (0.3..0.6).contains(&after), "{found:?} after {after} s of the second drive");
+    }
+}
+
+#[test]
+fn one_open_loop_drive_is_watched_for_noise_only() {
     let wrong = || Motor { swapped: true, ..Motor::new() };
     for motor in [wrong(), Motor { cut: true, ..Motor::new() }, Motor { load: 1e-9, ..Motor::new() }] {
         let mut bench = bench();

@@ -61,7 +61,7 @@ pub enum Command {
         at: Micros,
     },
     /// Drive the motors open-loop, for the self-test of the wiring; then turn them off. Motors must be off. During the
-    /// drive the board checks the deadline, but not the encoders.
+    /// drive the board checks the deadline and the heat of the windings, but not what the encoders tell.
     Drive {
         /// Duties of motors 1 and 2.
         duty: [Duty; 2],

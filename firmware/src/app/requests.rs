@@ -11,6 +11,7 @@ use protocol::{
 use super::App;
 use crate::TICK_MS;
 use crate::calibration::GyroAverage;
+use crate::guard::Guard;
 use crate::imu::Config;
 use crate::link::{Answer, Link, Outbox};
 use crate::storage::Storage;
@@ -149,13 +150,16 @@ where
     }
 
     fn clear_fault(&mut self) -> Result<(), Refusal> {
-        // Only a cause in the sensor or the supply can last: the motors are off, the host is heard, the program runs.
+        // The causes that can last: the motors are off, the host is heard, the program runs.
         let lasts = match self.latch.get() {
-            Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen | Fault::ImuLostConfig => self.imu.fault(),
-            Fault::SupplyLow => self.supply.fault(),
-            _ => Fault::None,
+            Fault::ImuSilent | Fault::ImuBusStuck | Fault::ImuFrozen | Fault::ImuLostConfig => {
+                self.imu.fault() != Fault::None
+            }
+            Fault::SupplyLow => self.supply.fault() != Fault::None,
+            Fault::Motor1Overloaded | Fault::Motor2Overloaded => self.guards.iter().any(Guard::is_hot),
+            _ => false,
         };
-        if lasts != Fault::None {
+        if lasts {
             return Err(Refusal::Faulted);
         }
         self.latch.clear();

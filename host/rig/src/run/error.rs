@@ -103,7 +103,8 @@ pub fn fault_cure(fault: Fault) -> &'static str {
             "the leads of a motor or an encoder are swapped: `biflag doctor --motors` finds which"
         }
         Fault::Motor1Overloaded | Fault::Motor2Overloaded => {
-            "check that nothing holds the flagellum, and that the motors' 6 V supply is strong enough"
+            "check that nothing holds the flagellum and that the motors' 6 V supply is strong enough, and let the winding \
+             cool for half a minute"
         }
         Fault::Encoder1Failed | Fault::Encoder2Failed => {
             "one of the encoder's channels is disconnected: `biflag doctor --motors` finds which"

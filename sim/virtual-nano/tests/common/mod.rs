@@ -148,6 +148,8 @@ impl Host {
 
     /// The same; `None` without a reply within this many milliseconds.
     pub fn try_ask(&mut self, command: Command, limit_ms: u32) -> Option<Reply> {
+        // The numbers repeat: a reply that nobody took may have that of this request.
+        self.replies.clear();
         let seq = self.send(command);
         for _ in 0..limit_ms {
             self.run_ms(1);

@@ -1,7 +1,8 @@
 //! Motors that must not run away, burn, or turn where nobody looks.
 
 use super::{Host, off_after, row, stops, turning, watch};
-use protocol::Fault;
+use protocol::units::Duty;
+use protocol::{Command, Fault};
 use virtual_nano::BoardOptions;
 
 const RUNAWAY: [[Fault; 1]; 2] = [[Fault::Motor1Runaway], [Fault::Motor2Runaway]];
@@ -69,6 +70,34 @@ fn a_rotor_that_is_blocked_below_that_duty_does_not_burn() {
     row("blocked, 2 rpm asked", format!("{:?} after {:.1} s", host.fault(), off_s.unwrap_or(f64::NAN)), "within 12 s");
     assert!(off_s.is_some_and(|off_s| off_s < 12.0));
     assert!([Fault::Motor1Stalled, Fault::Motor1Overloaded].contains(&host.fault()), "{:?}", host.fault());
+}
+
+/// The current of a blocked motor heats as its duty squared: a third of it may last, and the guard allows 2.4 s of all.
+#[test]
+fn a_blocked_motor_that_is_driven_again_and_again_does_not_burn() {
+    const SECONDS: u64 = 60;
+    let mut host = Host::ready(BoardOptions::default());
+    host.inject("blocked=2");
+    let (mut on_ms, mut named) = (0, false);
+    for ms in 0..1000 * SECONDS {
+        if ms % 5 == 0 {
+            // A host that clears what stops it and does not look. Both are refused while the motor is on or hot.
+            host.send(Command::ClearFault);
+            host.send(Command::Drive { duty: [Duty(0), Duty(-255)], duration_ms: 2000 });
+        }
+        host.run_ms(1);
+        on_ms += u64::from(host.board.bridge().pwm[1] > 0);
+        named |= host.fault() == Fault::Motor2Overloaded;
+    }
+    // A third of the current is a ninth of the heat.
+    let allowed_s = 2.4 + SECONDS as f64 / 9.0;
+    let on_s = on_ms as f64 * 1e-3;
+    row(
+        format!("blocked, driven at full duty again and again for {SECONDS} s"),
+        format!("on for {on_s:.1} s, overload told: {named}"),
+        format!("{:.1} s, told", 1.1 * allowed_s),
+    );
+    assert!(on_s < 1.1 * allowed_s && named, "on for {on_s} s");
 }
 
 #[test]

@@ -133,17 +133,24 @@ pub fn motor_of(fault: Fault) -> Option<usize> {
 fn test_motor(board: &mut impl Drive, motor: usize, settings: &Settings) -> Result<MotorTest, RecordError> {
     let mut result = MotorTest::of(Finding::Still);
     let mut full = [Response::default(); 2];
+    let mut ramp = RAMP.as_slice();
     for (way, sign) in [1, -1].into_iter().enumerate() {
-        for duty in RAMP {
-            let response = respond(board, motor, sign * duty, STEP_MS)?;
+        let mut response = Response::default();
+        for duty in ramp {
+            response = respond(board, motor, sign * duty, STEP_MS)?;
             result.glitches += u32::from(response.glitches);
             if response.encoders.iter().any(Travel::is_alive) {
                 result.moving_duty[way] = response.encoders[motor].is_steady.then_some(duty.unsigned_abs() as u8);
                 break;
             }
         }
-        let response = respond(board, motor, sign * Duty::FULL.0, FULL_MS)?;
-        result.glitches += u32::from(response.glitches);
+        if response.encoders.iter().any(Travel::is_alive) {
+            response = respond(board, motor, sign * Duty::FULL.0, FULL_MS)?;
+            result.glitches += u32::from(response.glitches);
+        } else {
+            // The ramp ended with full duty. More would heat a blocked winding beyond what the board allows.
+            ramp = &RAMP[RAMP.len() - 1..];
+        }
         full[way] = response;
         let rpm = response.encoders[motor].rate / f64::from(settings.counts_per_turn) * 60.0;
         result.full_rpm[way] = rpm.abs();

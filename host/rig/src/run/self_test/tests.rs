@@ -22,6 +22,8 @@ struct Robot {
     ways: [bool; 2],
     position: [f64; 2],
     glitches: u16,
+    /// Heat of a motor that does not turn, as the board adds it up without cooling: seconds at full duty.
+    heat_s: [f64; 2],
 }
 
 impl Robot {
@@ -38,6 +40,7 @@ impl Robot {
             ways: [true; 2],
             position: [0.0; 2],
             glitches: 0,
+            heat_s: [0.0; 2],
         }
     }
 
@@ -72,6 +75,11 @@ impl Drive for Robot {
         let before = vec![self.frame(State::Idle, 0); 20];
         let flagellum = self.turns[motor];
         let turns = self.powered && duty.abs() > self.dead_zone[flagellum] && self.ways[usize::from(duty < 0)];
+        if !turns {
+            self.heat_s[motor] += f64::from(duty).powi(2) / 255.0_f64.powi(2) * f64::from(duration_ms) * 1e-3;
+            // The board stops a blocked motor after 2.4 s at full duty.
+            assert!(self.heat_s[motor] < 2.0, "the board may refuse the self-test");
+        }
         let duty = if self.forwards(motor) { duty } else { -duty };
         // 1305 counts a second at full duty are 130 rpm.
         let rate = if turns { 1305.0 * f64::from(duty) / 255.0 } else { 0.0 };
