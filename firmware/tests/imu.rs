@@ -2,7 +2,7 @@
 
 use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
 use embedded_hal_mock::eh1::i2c::{Mock, Transaction};
-use firmware::imu::{Config, FAULT_AFTER_TICKS, FROZEN_TICKS, Imu, Reading};
+use firmware::imu::{Config, FAULT_AFTER_TICKS, FROZEN_TICKS, Imu, LIFELESS_READINGS, Reading};
 use protocol::units::{AccelRange, GyroRange, SensorCounts, TemperatureCounts};
 use protocol::{Fault, Settings};
 
@@ -249,12 +249,44 @@ fn a_slower_sensor_has_no_new_sample_now_and_then_and_that_is_no_error() {
     bus.done();
 }
 
-/// A sensor at rest may repeat a sample exactly; what counts is that it says so.
+/// Returns a new sample whose gyroscope reads zero.
+fn sample_without_rate(number: u8) -> Transaction {
+    let mut bytes = bytes(number);
+    bytes[9..15].fill(0);
+    read(0x3A, &bytes)
+}
+
+/// A sensor at rest may repeat a sample exactly, or read a rate of zero, but not for a quarter of a second.
 #[test]
-fn equal_samples_are_readings() {
-    let (mut imu, mut bus) = settled(&checked(vec![sample(5); 100]));
-    assert_eq!(polls(&mut imu, 100), 100);
-    assert_eq!((imu.errors(), imu.fault()), (0, Fault::None));
+fn samples_that_no_sensor_makes_are_readings_for_a_quarter_of_a_second() {
+    let limit = usize::from(LIFELESS_READINGS);
+    // The first of equal ones differs from that before.
+    for (lifeless, readings) in [
+        ((0..60).map(|_| sample(5)).collect::<Vec<_>>(), limit),
+        ((0..60).map(sample_without_rate).collect(), limit - 1),
+    ] {
+        let once = [lifeless[..readings].to_vec(), vec![sample(7)]].concat();
+        let then = lifeless[..=readings].to_vec();
+        let (mut imu, mut bus) = settled(&checked([once, then].concat()));
+        assert_eq!(polls(&mut imu, readings + 1 + readings), readings + 1 + readings);
+        assert_eq!((imu.errors(), imu.fault()), (0, Fault::None));
+        assert_eq!(poll(&mut imu), None);
+        assert_eq!((imu.errors(), imu.fault()), (1, Fault::ImuFrozen));
+        bus.done();
+    }
+}
+
+#[test]
+fn a_new_set_up_that_changes_nothing_keeps_the_fault() {
+    let frozen = vec![sample(5); usize::from(LIFELESS_READINGS) + 1];
+    let again = [set_up(0x68), vec![sample(5)], set_up(0x68), vec![sample(6), check()]].concat();
+    let (mut imu, mut bus) = settled(&[checked(frozen), again].concat());
+    let frozen = usize::from(LIFELESS_READINGS);
+    assert_eq!(polls(&mut imu, frozen + 1), frozen);
+    assert_eq!(polls(&mut imu, SET_UP_TICKS + 1), 0);
+    assert_eq!((imu.errors(), imu.fault()), (2, Fault::ImuFrozen));
+    assert_eq!(polls(&mut imu, SET_UP_TICKS + 1), 1);
+    assert_eq!((imu.errors(), imu.fault()), (2, Fault::None));
     bus.done();
 }
 
@@ -361,7 +393,8 @@ fn a_configuration_that_is_lost_twice_is_no_fault() {
 /// than a multiple of the check's interval.
 fn losses_to_fault(readings: usize) -> Option<usize> {
     let lost = [vec![sample(1); CHECK_INTERVAL], vec![read(0x19, &[0; 4])], set_up(0x68)].concat();
-    let round = [checked(vec![sample(1); readings]), lost].concat();
+    let samples = (0..readings).map(|number| sample(2 + number as u8 % 2));
+    let round = [checked(samples), lost].concat();
     let (mut imu, mut bus) = settled(&vec![round; 6].concat());
     let faults = [(); 6].map(|()| {
         assert_eq!(polls(&mut imu, readings + CHECK_INTERVAL), readings + CHECK_INTERVAL - 1);

@@ -21,7 +21,7 @@ pub enum Fault {
     ImuSilent,
     /// The IMU's bus is stuck, and clock pulses did not free it.
     ImuBusStuck,
-    /// The IMU has no new data.
+    /// The IMU has no new data, or calls new what is not: the same data again and again, or a gyroscope of zero.
     ImuFrozen,
     /// The IMU loses its configuration repeatedly.
     ImuLostConfig,

@@ -156,6 +156,18 @@ const KINDS: &[Kind] = &[
         make: |_| Ok(Fault::Imu(ImuFault::Frozen)),
     },
     Kind {
+        name: "repeats",
+        values: &[],
+        meaning: "the sensor's data do not change, though it says that they are new",
+        make: |_| Ok(Fault::Imu(ImuFault::Repeats)),
+    },
+    Kind {
+        name: "gyro-zero",
+        values: &[],
+        meaning: "the gyroscope reads zero",
+        make: |_| Ok(Fault::Imu(ImuFault::GyroZero)),
+    },
+    Kind {
         name: "glitch",
         values: &[],
         meaning: "the sensor loses its supply for a moment",

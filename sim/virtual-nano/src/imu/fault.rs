@@ -51,6 +51,10 @@ pub enum Fault {
     },
     /// The data registers keep their values.
     Frozen,
+    /// The same, though DATA_RDY says with each sample that they are new.
+    Repeats,
+    /// The gyroscope reads zero.
+    GyroZero,
     /// Power fails for a moment: all registers have their reset values, and the part sleeps.
     Glitch,
     /// The same in the middle of a transaction.
@@ -58,6 +62,20 @@ pub enum Fault {
         /// When.
         At,
     ),
+}
+
+/// How the data registers follow the motion.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Data {
+    /// As they should.
+    #[default]
+    Good,
+    /// As [`Fault::Frozen`].
+    Frozen,
+    /// As [`Fault::Repeats`].
+    Repeated,
+    /// As [`Fault::GyroZero`].
+    GyroZero,
 }
 
 /// The faults in force.
@@ -69,7 +87,7 @@ pub struct Faults {
     gone: bool,
     /// SDA is held; pulses left, `None` for ever.
     held: Option<Option<u8>>,
-    frozen: bool,
+    data: Data,
     glitch: bool,
     struck: u64,
 }
@@ -77,13 +95,13 @@ pub struct Faults {
 impl Faults {
     /// Adds one.
     pub fn add(&mut self, fault: Fault) {
-        match fault {
-            Fault::Frozen => {
-                self.frozen = true;
-                self.struck += 1;
-            }
-            other => self.waiting.push(other),
-        }
+        self.data = match fault {
+            Fault::Frozen => Data::Frozen,
+            Fault::Repeats => Data::Repeated,
+            Fault::GyroZero => Data::GyroZero,
+            other => return self.waiting.push(other),
+        };
+        self.struck += 1;
     }
 
     /// A START after a STOP.
@@ -96,9 +114,9 @@ impl Faults {
         self.struck
     }
 
-    /// Whether the data registers keep their values.
-    pub fn frozen(&self) -> bool {
-        self.frozen
+    /// How the data registers follow the motion.
+    pub fn data(&self) -> Data {
+        self.data
     }
 
     /// Whether SDA is held low.

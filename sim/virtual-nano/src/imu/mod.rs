@@ -16,7 +16,7 @@ pub mod source;
 pub mod spectrum;
 
 use crate::mcu::BusAnswer;
-use fault::{Fault, Faults};
+use fault::{Data, Fault, Faults};
 use source::{Readout, Source};
 
 /// WHO_AM_I of the genuine part.
@@ -308,7 +308,8 @@ impl Mpu6050 {
 
     /// Puts the newest sample into the data registers.
     fn take_sample(&mut self, time_s: f64) {
-        if self.register(register::PWR_MGMT_1) & (SLEEP | DEVICE_RESET) != 0 || self.faults.frozen() {
+        let is_asleep = self.register(register::PWR_MGMT_1) & (SLEEP | DEVICE_RESET) != 0;
+        if is_asleep || self.faults.data() == Data::Frozen {
             return;
         }
         let rate_hz = self.sample_rate_hz();
@@ -317,18 +318,25 @@ impl Mpu6050 {
             return;
         }
         self.sample = Some(number);
+        if self.faults.data() != Data::Repeated {
+            self.set_data(number as f64 / rate_hz);
+        }
+        // Only an interrupt that is enabled is generated, and the bit says that it was (section 4.21).
+        self.registers[usize::from(register::INT_STATUS)] |= self.register(register::INT_ENABLE) & DATA_RDY;
+    }
+
+    /// Puts the sample of this time into the data registers.
+    fn set_data(&mut self, time_s: f64) {
         let gyro_range = scale::GYRO[usize::from(self.register(register::GYRO_CONFIG) >> 3 & 3)];
         let accel_range = scale::ACCEL[usize::from(self.register(register::ACCEL_CONFIG) >> 3 & 3)];
         let low_pass = scale::LOW_PASS[usize::from(self.register(register::CONFIG) & 7)];
-        let Readout { accel, gyro, temperature } =
-            self.source.read(number as f64 / rate_hz, gyro_range, accel_range, low_pass);
+        let Readout { accel, gyro, temperature } = self.source.read(time_s, gyro_range, accel_range, low_pass);
+        let gyro = if self.faults.data() == Data::GyroZero { [0; 3] } else { gyro };
         let words = accel.into_iter().chain([temperature]).chain(gyro);
         let first = usize::from(register::ACCEL_XOUT_H);
         for (slot, byte) in self.registers[first..].iter_mut().zip(words.flat_map(i16::to_be_bytes)) {
             *slot = byte;
         }
-        // Only an interrupt that is enabled is generated, and the bit says that it was (section 4.21).
-        self.registers[usize::from(register::INT_STATUS)] |= self.register(register::INT_ENABLE) & DATA_RDY;
     }
 }
 
@@ -382,6 +390,14 @@ mod tests {
         assert_eq!(read(&mut part, 0.02, 0x3A), [0]);
         part.inject(Fault::Frozen);
         assert_eq!(read(&mut part, 0.03, 0x3A), [0]);
+        let data = read::<14>(&mut part, 0.04, 0x3B);
+        part.inject(Fault::Repeats);
+        assert_eq!(read(&mut part, 0.05, 0x3A), [1]);
+        assert_eq!(read(&mut part, 0.05, 0x3B), data);
+        part.inject(Fault::GyroZero);
+        assert_eq!(read(&mut part, 0.06, 0x3A), [1]);
+        let changed = read::<14>(&mut part, 0.06, 0x3B);
+        assert!(changed[..8] != data[..8] && changed[8..] == [0; 6], "{changed:?}");
     }
 
     #[test]

@@ -2,7 +2,8 @@
 
 use super::{Host, off_after, row, turning, until};
 use crate::common::yaw_deg;
-use protocol::{Fault, Telemetry};
+use protocol::units::{AccelRange, GyroRange};
+use protocol::{Command, Fault, Refusal, Reply, Settings, Telemetry};
 use virtual_nano::BoardOptions;
 use virtual_nano::imu::source::{Source, Turntable};
 
@@ -58,6 +59,53 @@ fn frozen_data_stop_the_motors_within_a_fifth_of_a_second() {
     host.run_linked_ms(20);
     row("frozen data", format!("{:?} after {:.3} s", host.fault(), off_s.unwrap_or(f64::NAN)), "0.2 s");
     assert!(off_s.is_some_and(|off_s| off_s <= 0.2) && is_of_imu(host.fault()), "{off_s:?}, {:?}", host.fault());
+}
+
+/// `tests/data/mpu6050/still-655s.csv`, 65,067 samples of a sensor that lies still, has no two in a row whose accelerometer
+/// or gyroscope are equal, and none whose gyroscope is zero.
+#[test]
+fn data_that_no_sensor_reads_stop_the_motors_though_they_are_said_to_be_new() {
+    for (fault, what) in [("repeats", "data repeated as new"), ("gyro-zero", "gyroscope zero")] {
+        let mut host = turning([40.0, -40.0]);
+        host.inject(fault);
+        let off_s = off_after(&mut host, 2.0);
+        host.run_linked_ms(20);
+        row(what, format!("{:?} after {:.3} s", host.fault(), off_s.unwrap_or(f64::NAN)), "0.3 s");
+        assert!(off_s.is_some_and(|off_s| off_s <= 0.3), "{fault}: {off_s:?}");
+        // A new set-up does not help, and until it does the fault cannot be cleared.
+        for _ in 0..20 {
+            assert_eq!(
+                (host.fault(), host.ask(Command::ClearFault)),
+                (Fault::ImuFrozen, Reply::Refused(Refusal::Faulted))
+            );
+            host.run_linked_ms(33);
+        }
+        host.board.clear_faults();
+        host.run_linked_ms(400);
+        host.order(Command::ClearFault);
+        host.run_linked_ms(400);
+        assert!(host.last().imu_fresh && host.fault() == Fault::None, "{fault}: {:?}", host.last());
+    }
+}
+
+/// The ranges and the filter with the least noise in counts.
+#[test]
+fn the_quietest_sensor_at_rest_is_no_fault() {
+    let mut host = Host::ready(BoardOptions { source: Source::still(1), ..BoardOptions::default() });
+    host.order(Command::WriteSettings(Settings {
+        gyro_range: GyroRange::Dps2000,
+        accel_range: AccelRange::G16,
+        low_pass: 6,
+        ..Settings::DEFAULT
+    }));
+    host.run_linked_ms(30_000);
+    let share = fresh(&host.telemetry);
+    row(
+        "at rest for 30 s, 2000 deg/s, 16 g, 5 Hz",
+        format!("{:?}, {:.1} % fresh", host.fault(), 100.0 * share),
+        "no fault",
+    );
+    assert!(host.fault() == Fault::None && share >= 0.98, "{share}");
 }
 
 #[test]
