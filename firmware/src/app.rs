@@ -102,8 +102,9 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     settings_stored: bool,
     /// The next frame of telemetry; also the app's record of target, speed and duty.
     telemetry: Telemetry,
-    /// Ticks since the last update of the attitude.
+    /// Ticks since the last update of the attitude, and the gyroscope's reading then.
     ticks_behind: u8,
+    gyro_before: [SensorCounts; 3],
     calibrating: Option<GyroAverage>,
     calibration: Calibration,
     /// The number of the request that a save answers.
@@ -143,6 +144,7 @@ where
             settings_stored: false,
             telemetry: Telemetry::default(),
             ticks_behind: 0,
+            gyro_before: Default::default(),
             calibrating: None,
             calibration: Calibration::default(),
             save_request: 0,
@@ -227,6 +229,7 @@ where
         self.telemetry.imu_fresh = self.imu.poll();
         if self.telemetry.imu_fresh {
             let reading = self.imu.reading();
+            self.gyro_before = self.telemetry.gyro;
             self.telemetry.gyro = reading.gyro;
             self.telemetry.accel = reading.accel;
             self.telemetry.temperature = reading.temperature;
@@ -264,11 +267,19 @@ where
         if !self.telemetry.imu_fresh {
             return;
         }
-        let dt = f32::from(core::mem::take(&mut self.ticks_behind)) * TICK_S;
+        let ticks = core::mem::take(&mut self.ticks_behind);
+        let dt = f32::from(ticks) * TICK_S;
         let scale = self.half_rate_scale * dt;
         let mut half_turn = numbers(&self.telemetry.gyro);
+        let is_gap = ticks > 1 && self.attitude.has_started();
+        if is_gap {
+            attitude::mean(&mut half_turn, numbers(&self.gyro_before));
+        }
         for (half_angle, bias) in half_turn.iter_mut().zip(&self.settings.gyro_bias) {
             *half_angle = (*half_angle - bias) * scale;
+        }
+        if is_gap {
+            attitude::lengthen(&mut half_turn);
         }
         let half_turn = in_body_axes(self.settings.gyro_axes, half_turn);
         let acceleration = in_body_axes(self.settings.accel_axes, numbers(&self.telemetry.accel));

@@ -102,6 +102,11 @@ impl Attitude {
         }
     }
 
+    /// Returns whether it has an attitude to advance from.
+    pub fn has_started(&self) -> bool {
+        self.started
+    }
+
     /// Resets the filter.
     pub fn restart(&mut self) {
         *self = Self::default();
@@ -117,6 +122,25 @@ impl Attitude {
     fn half_up(&self) -> [f32; 3] {
         let [q0, q1, q2, q3] = self.quaternion;
         [q1 * q3 - q0 * q2, q0 * q1 + q2 * q3, q0 * q0 + q3 * q3 - 0.5]
+    }
+}
+
+/// Replaces the rate after a gap in the readings by its mean with the one before.
+#[inline(never)]
+pub fn mean(rate: &mut [f32; 3], before: [f32; 3]) {
+    for (rate, before) in rate.iter_mut().zip(before) {
+        *rate = 0.5 * (*rate + before);
+    }
+}
+
+/// Replaces half the turn in a gap of the readings, which may be large, by its tangent, for which [`Attitude::update`] takes
+/// small ones. To the third order: 0.02 degrees off for a turn of 30.
+#[inline(never)]
+pub fn lengthen(half_turn: &mut [f32; 3]) {
+    let [x, y, z] = *half_turn;
+    let factor = 1.0 + (x * x + y * y + z * z) * (1.0 / 3.0);
+    for half_angle in half_turn {
+        *half_angle *= factor;
     }
 }
 

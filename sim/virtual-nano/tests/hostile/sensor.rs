@@ -182,3 +182,33 @@ fn scale_and_axes_within_the_data_sheet_show_as_far_as_they_must() {
         assert!((turned - expected).abs() < 0.6, "{fault}: {turned}");
     }
 }
+
+/// A sensor that turns, and is gone for a while: the yaw is that of one that was there all the time, or the fault is named.
+#[test]
+fn a_gap_in_the_readings_is_bridged_or_named() {
+    for (dps, swing_hz) in [(100.0, 0.0), (20.0, 0.4)] {
+        let turning = |gap_ms: u64| {
+            let source = Source::turntable(Turntable { up: [0.0, 0.0, 1.0], dps, swing_hz, start_s: 0.5 }, 3);
+            let mut host = Host::ready(BoardOptions { source, ..BoardOptions::default() });
+            host.run_linked_ms(813);
+            if gap_ms > 0 {
+                host.inject("gone");
+                host.run_linked_ms(gap_ms);
+                host.board.clear_faults();
+            }
+            host.run_linked_ms(900 - gap_ms);
+            host
+        };
+        let whole = yaw_deg(&turning(0).last());
+        for gap_ms in [5, 11, 20, 50, 120, 190, 210, 400] {
+            let host = turning(gap_ms);
+            let error = (yaw_deg(&host.last()) - whole + 540.0).rem_euclid(360.0) - 180.0;
+            row(
+                format!("sensor gone for {gap_ms} ms at {dps} deg/s, {swing_hz} Hz"),
+                format!("yaw {error:+.3} deg off, {:?}", host.fault()),
+                "0.05 deg, or a fault",
+            );
+            assert!(error.abs() <= 0.05 || is_of_imu(host.fault()), "{gap_ms} ms: {error} deg, {:?}", host.fault());
+        }
+    }
+}
