@@ -40,7 +40,7 @@ const COOLING: u32 = 12;
 ///
 /// The heat of the winding grows with the square of its current, and decays by cooling. The current is estimated as the
 /// duty minus the duty that the speed corresponds to, in steps of the duty: 255 for a motor that is blocked at full
-/// voltage. A current of 128 (half the speed without load, at full voltage) reaches the limit after 12 s, 178 after 5
+/// voltage, and at most; none for one that is faster than its duty. A current of 128 (half the speed without load, at full voltage) reaches the limit after 12 s, 178 after 5
 /// s, 255 after 2.4 s. At 90 rpm even full voltage gives a current of at most 80, which may last: a motor that keeps
 /// this speed cannot be overloaded.
 #[derive(Debug, Default)]
@@ -84,7 +84,8 @@ impl Guard {
         if duty != 0 {
             // 5 for every 256 hundredths of rpm: 255 at 130.6 rpm, the speed of the published motor without load.
             let own = i16::from((speed >> 8) as i8) * 5;
-            let current = (i16::from(duty) - own).unsigned_abs().min(255);
+            // One that is faster than its duty would make the published one is another motor, or coasts.
+            let current = (i16::from(duty) - own).clamp(0, 255).unsigned_abs();
             self.heat += u32::from(current * current);
         }
         self.is_hot()

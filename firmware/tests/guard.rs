@@ -218,6 +218,21 @@ fn a_motor_held_at_a_fraction_of_its_speed_is_overloaded_and_one_that_keeps_90_r
     assert!(duty > Duty(250) && (motors[0].rpm - 90.0).abs() < 0.5, "{duty:?}, {} rpm", motors[0].rpm);
 }
 
+/// The estimate of the current knows the published motor only, which has 130 rpm without load.
+#[test]
+fn a_free_motor_of_any_speed_is_not_overloaded() {
+    for free_rpm in [130.0, 260.0, 320.0, 500.0] {
+        for rpm in [[90.0, -2.0], [31.7, -61.3]] {
+            let mut bench = bench();
+            order(&mut bench, rpm);
+            let mut motors = [(); 2].map(|()| Motor { free_rpm, ..Motor::new() });
+            // Five times the time in which a winding cools.
+            let (fault, after) = run(&mut bench, &mut motors, 100.0);
+            assert_eq!(fault, Fault::None, "{free_rpm} rpm without load, {rpm:?} rpm, after {after} s");
+        }
+    }
+}
+
 #[test]
 fn an_overloaded_motor_stays_hot_while_it_is_off() {
     let mut bench = bench();

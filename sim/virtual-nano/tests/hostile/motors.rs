@@ -4,6 +4,7 @@ use super::{Host, off_after, row, stops, turning, watch};
 use protocol::units::Duty;
 use protocol::{Command, Fault};
 use virtual_nano::BoardOptions;
+use virtual_nano::motor::MotorParameters;
 
 const RUNAWAY: [[Fault; 1]; 2] = [[Fault::Motor1Runaway], [Fault::Motor2Runaway]];
 const STALLED: [[Fault; 1]; 2] = [[Fault::Motor1Stalled], [Fault::Motor2Stalled]];
@@ -98,6 +99,16 @@ fn a_blocked_motor_that_is_driven_again_and_again_does_not_burn() {
         format!("{:.1} s, told", 1.1 * allowed_s),
     );
     assert!(on_s < 1.1 * allowed_s && named, "on for {on_s} s");
+}
+
+#[test]
+fn a_motor_faster_than_the_published_one_is_not_overloaded() {
+    let motors = MotorParameters { no_load_rpm: 320.0, ..MotorParameters::default() };
+    let mut host = Host::ready(BoardOptions { motors, ..BoardOptions::default() });
+    host.set_speeds([90.0, -61.3]);
+    host.run_linked_ms(40_000);
+    row("320 rpm without load, 90 and -61.3 rpm for 40 s", format!("{:?}", host.fault()), "no fault");
+    assert_eq!(host.fault(), Fault::None);
 }
 
 #[test]
