@@ -152,7 +152,8 @@ fn every_mistake_is_named_with_its_cure() {
         ("[trial]\nphases = 0\n[speeds]\npairs = [[1, 2]]\n", "phases cannot be 0", "from 1 to 360"),
         ("[trial]\nrun = 0\n[speeds]\npairs = [[1, 2]]\n", "run cannot be 0", "plain number"),
         ("[trial]\nmethod = \"fast\"\n[speeds]\npairs = [[1, 2]]\n", "method cannot be \"fast\"", "\"trial\""),
-        ("[trial]\npreroll = 5\n[speeds]\npairs = [[1, 2]]\n", "unknown key `preroll`", "`run`"),
+        ("[trial]\nrolls = 5\n[speeds]\npairs = [[1, 2]]\n", "unknown key `rolls`", "`run`"),
+        ("[trial]\nphase_deg = [0, 90]\n[speeds]\npairs = [[1, 2]]\n", "a sweep has no phase_deg", "phases = 4"),
         ("vary = 3\n[speeds]\npairs = [[1, 2]]\n", "vary cannot be 3", "[vary]"),
         ("[speeds]\npairs = [[1, 2, 3]]\n", "pairs cannot be [[1, 2, 3]]", "pairs = [[50, 10]]"),
     ] {
@@ -168,6 +169,31 @@ fn every_mistake_is_named_with_its_cure() {
     let robot_is = format!("[session]\nrobot = \"mine.toml\"\n{mixture}");
     let error = SweepPlan::parse(&robot_is, "plan.toml", &robot).unwrap_err().to_string();
     assert!(error.ends_with("fluid.viscosity_pa_s has no effect"), "{error}");
+}
+
+/// A plan for trials is a sweep over its speeds, unless they change in the run.
+#[test]
+fn plans_for_trials_are_sweeps() {
+    for (name, wanted) in [
+        ("published-map", Ok(190)),
+        ("published-points", Ok(4)),
+        ("demo", Ok(2)),
+        ("bundling", Err("a sweep has no reverse")),
+        ("hand-turn-z", Err("a sweep has no hand_turn")),
+    ] {
+        let found = SweepPlan::load(Path::new(name)).map(|plan| plan.points());
+        match (found, wanted) {
+            (Ok(points), Ok(wanted)) => assert_eq!(points, wanted, "{name}"),
+            (Err(error), Err(wanted)) => assert!(error.to_string().ends_with(wanted), "{error}"),
+            (found, wanted) => panic!("{name}: {found:?}, not {wanted:?}"),
+        }
+    }
+    let trials = "[session]\nseed = 7\nrepeats = 3\nsensor = \"s.toml\"\n[trial]\nrest_at_most = 9\nrun = 60\n\
+                  [board]\ngyro_range_dps = 250\n[speeds]\npairs = [[50, 10], [37.3, -52.91]]\n";
+    let plan = parse(trials).unwrap();
+    assert_eq!((plan.points(), plan.method, plan.run_s), (2, Method::Steady, 60.0), "a repeat has the same state");
+    let error = parse(&trials.replace("rest_at_most = 9", "preroll = \"9\"")).unwrap_err().to_string();
+    assert!(error.contains("preroll cannot be \"9\""), "{error}");
 }
 
 #[test]
@@ -283,7 +309,13 @@ fn a_sweep_goes_on_where_it_ended_and_only_when_asked() {
     let (done, missing) = (status["done"].as_u64().unwrap(), status["missing"].as_u64().unwrap());
     assert!(done > 0 && missing > 0 && done + missing == 24, "{status}");
     assert_eq!((&status["table"], &status["time_left_s"]), (&Value::Null, &Value::Null));
-    let merged = expect(&biflag(folder, &["sweep", "merge", "short", "--json"]), 3);
+    // A table that lacks points is written only when that is asked for.
+    let refused = biflag(folder, &["sweep", "merge", "short"]);
+    assert_eq!(refused.status.code(), Some(1));
+    let wanted = format!("short: {missing} of 24 points are missing, no table is written");
+    assert!(String::from_utf8_lossy(&refused.stderr).contains(&wanted), "{refused:?}");
+    assert!(!folder.join("short/table.csv").exists() && !folder.join("short/table.parquet").exists());
+    let merged = expect(&biflag(folder, &["sweep", "merge", "short", "--partial", "--json"]), 3);
     assert_eq!(merged["missing"], missing);
     assert_eq!(rows(&folder.join("short")).len() as u64, done, "a table of what is there");
 
@@ -301,9 +333,10 @@ fn a_sweep_goes_on_where_it_ended_and_only_when_asked() {
 /// A part that was cut off, changed, or copied from another sweep costs its points and nothing else.
 #[test]
 fn damaged_and_foreign_parts_are_noticed() {
-    let bench = bench(PLAN);
+    let plan = PLAN.replace("0.4, 1, 1.5", "1, 1.5");
+    let bench = bench(&plan);
     let folder = bench.path();
-    expect(&biflag(folder, &["sweep", "plan.toml"]), 3);
+    expect(&biflag(folder, &["sweep", "plan.toml"]), 0);
     let wanted = tables(&folder.join("short"));
     let part = |sweep: &str| {
         let entries = std::fs::read_dir(folder.join(sweep)).unwrap().map(|entry| entry.unwrap().path());
@@ -312,16 +345,20 @@ fn damaged_and_foreign_parts_are_noticed() {
     let whole = part("short");
     let bytes = std::fs::read(&whole).unwrap();
     std::fs::write(&whole, &bytes[..bytes.len() / 2]).unwrap();
-    let merged = expect(&biflag(folder, &["sweep", "merge", "short", "--json"]), 3);
-    assert!(merged["missing"].as_u64().unwrap() >= 10, "{merged}");
+    let merged = expect(&biflag(folder, &["sweep", "merge", "short", "--partial", "--json"]), 3);
+    assert!(merged["missing"].as_u64().unwrap() >= 7, "{merged}");
     assert!(merged["warnings"][0].as_str().unwrap().contains("cut off or damaged"), "{merged}");
+    let refused = biflag(folder, &["sweep", "merge", "short"]);
+    let error = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(1) && error.contains("(cut off or damaged: part-"), "{error}");
 
-    std::fs::write(folder.join("other.toml"), PLAN.replace("run = 0.4", "run = 0.5").replace("short", "other"))
+    std::fs::write(folder.join("other.toml"), plan.replace("run = 0.4", "run = 0.5").replace("short", "other"))
         .unwrap();
-    expect(&biflag(folder, &["sweep", "other.toml"]), 3);
+    expect(&biflag(folder, &["sweep", "other.toml"]), 0);
     std::fs::copy(part("other"), folder.join("short/part-0000000000000000.part")).unwrap();
-    let whole = expect(&biflag(folder, &["sweep", "plan.toml", "--resume", "--json"]), 3);
-    assert_eq!((&whole["done"], &whole["missing"]), (&24.into(), &0.into()));
+    let whole = expect(&biflag(folder, &["sweep", "plan.toml", "--resume", "--json"]), 0);
+    assert_eq!((&whole["done"], &whole["missing"]), (&16.into(), &0.into()));
+    assert_eq!(whole["warnings"], serde_json::json!([]), "the damaged part is still there, and nothing is lost");
     assert!(tables(&folder.join("short")) == wanted);
 }
 
@@ -364,10 +401,13 @@ fn slurm_script_is_a_valid_shell_script() {
     let checked = Command::new("bash").args(["-n", "sweep.sh"]).current_dir(bench.path()).output().unwrap();
     assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
     let script = String::from_utf8(output.stdout).unwrap();
-    for part in ["--requeue", "--signal=B:USR1@120", "--array=", "afterany", "MaxArraySize", "it-s-short", "SHARDS=12"]
+    for part in ["--requeue", "--signal=B:USR1@120", "--array=", "afterany", "MaxArraySize", "it-s-short", "$shard/12"]
     {
         assert!(script.contains(part), "{part} is not in {script}");
     }
+    // The submission has written the manifest.
+    let status = expect(&biflag(bench.path(), &["sweep", "status", "it-s-short", "--json"]), 0);
+    assert_eq!(status["points"], 24);
 }
 
 /// Every command states the same value of a quantity, to the last digit, for one starting phase and for several.

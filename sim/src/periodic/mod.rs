@@ -162,9 +162,13 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
             let whole = SpeedProfile::constant(rpm, end)?.from_angles(start_rad);
             follow(*trial, &whole, simulated_s, output.is_some(), watch)
         }
-        Outcome::Lost { simulated_s, .. } | Outcome::Failed { simulated_s } => {
+        Outcome::Lost { trial: searched, simulated_s } | Outcome::Failed { trial: searched, simulated_s } => {
             let trial = Trial::new(robot, closure, whole.clone(), output.unwrap_or_default())?;
-            follow(trial, &whole, simulated_s, output.is_some(), watch)
+            follow(trial.with_spent(searched.totals()), &whole, simulated_s, output.is_some(), watch)
+        }
+        Outcome::None => {
+            let trial = Trial::new(robot, closure, whole.clone(), output.unwrap_or_default())?;
+            follow(trial, &whole, 0.0, output.is_some(), watch)
         }
     }
 }

@@ -40,11 +40,14 @@ pub struct Args {
 
 #[derive(clap::Subcommand, Debug)]
 pub enum Action {
-    /// Write the table of a sweep whose shards are done.
+    /// Write the table of a sweep whose shards are done. Points that are missing are an error.
     Merge {
         /// The folder of the sweep.
         #[arg(value_name = "DIR")]
         folder: PathBuf,
+        /// Write the table without the points that are missing.
+        #[arg(long)]
+        partial: bool,
     },
     /// Print the progress of a sweep: points done, missing and failed, and the time left.
     Status {

@@ -10,7 +10,7 @@ use super::options::cores;
 use super::{Answer, Outcome};
 use crate::session;
 use crate::signals::interruption;
-use crate::sweep::{self, Folder, Shard, SweepError, SweepPlan};
+use crate::sweep::{self, Folder, Missing, Shard, SweepError, SweepPlan};
 use crate::text::count;
 use args::{Action, SlurmArgs};
 use miette::{IntoDiagnostic, WrapErr};
@@ -21,7 +21,9 @@ use std::sync::atomic::Ordering;
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     match (&args.action, &args.plan) {
-        (Some(Action::Merge { folder }), _) => merge(folder),
+        (Some(Action::Merge { folder, partial }), _) => {
+            merge(folder, if *partial { Missing::LeftOut } else { Missing::Refused })
+        }
         (Some(Action::Status { folder }), _) => status(folder),
         (Some(Action::Slurm(args)), _) => slurm(args),
         (None, Some(plan)) => compute(args, plan),
@@ -58,15 +60,17 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
     }
     match args.shard {
         Some(_) => swept.answer(&path),
-        None => merge(&path),
+        None => merge(&path, Missing::Refused),
     }
 }
 
-fn merge(path: &Path) -> miette::Result<Answer> {
+fn merge(path: &Path, missing: Missing) -> miette::Result<Answer> {
     let folder = Folder::open(path)?;
-    let merged = folder.merge()?;
+    let merged = folder.merge(missing)?;
     let points = folder.sweep.plan.points();
-    let mut warnings: Vec<_> = merged.damaged.iter().map(|part| damaged(part)).collect();
+    // What was lost with a part may have been computed again.
+    let is_whole = merged.done == points;
+    let mut warnings: Vec<_> = merged.damaged.iter().filter(|_| !is_whole).map(|part| damaged(part)).collect();
     if merged.different > 0 {
         let points = count(merged.different as usize, "point");
         warnings
@@ -90,10 +94,10 @@ fn status(path: &Path) -> miette::Result<Answer> {
     let (points, done) = (folder.sweep.plan.points(), counts.done.count());
     let [table, csv] =
         [sweep::parquet_path(path), sweep::csv_path(path)].map(|file| file.exists().then(|| shown(&file)));
-    let warnings = counts.damaged.iter().map(|part| damaged(part)).collect();
     let missing = points - done;
-    let swept = Swept { table, csv, points, done, missing, failed: counts.failed, warnings };
-    let time_left_s = if missing == 0 { Some(0.0) } else { counts.rate.map(|rate| missing as f64 / rate) };
+    let warnings = counts.parts.damaged.iter().filter(|_| missing > 0).map(|part| damaged(part)).collect();
+    let swept = Swept { table, csv, points, done, missing, failed: counts.failed.count(), warnings };
+    let time_left_s = if missing == 0 { Some(0.0) } else { counts.parts.rate.map(|rate| missing as f64 / rate) };
     let status = Status { swept, time_left_s };
     Answer::new(Outcome::Done, &status, status.text(path))
 }
@@ -113,6 +117,9 @@ fn slurm(args: &SlurmArgs) -> miette::Result<Answer> {
     let program: PathBuf = std::env::current_exe().into_diagnostic().wrap_err("the path of this program")?;
     // A plan that is no file is inside the program.
     let file = if args.plan.exists() { absolute(&args.plan)? } else { args.plan.clone() };
-    let script = sweep::script(&program, &file, &absolute(&folder)?, args.shards.into(), &plan.name);
+    let folder = absolute(&folder)?;
+    let script = sweep::script(&program, &file, &folder, args.shards.into(), &plan.name);
+    // The shards find their manifest, and a folder of another sweep is refused before anything is submitted.
+    Folder::of_plan(&folder, plan)?;
     Answer::new(Outcome::Done, &serde_json::json!({ "script": script }), script)
 }

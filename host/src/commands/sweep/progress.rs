@@ -29,7 +29,7 @@ struct Counted {
 impl Counter {
     /// Starts with the points that were done `before`.
     pub fn new(name: &str, points: u64, before: &Counts) -> Self {
-        let (done, failed) = (before.done.count(), before.failed);
+        let (done, failed) = (before.done.count(), before.failed.count());
         let progress = Progress::new((points - done) as f64);
         let counted = Mutex::new(Counted { done, failed, before: done, shown: Instant::now() });
         let counter = Self { name: name.to_owned(), points, progress, counted };

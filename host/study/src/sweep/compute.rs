@@ -57,24 +57,26 @@ impl Outcome {
         Self::Failed(reason[..end].replace(['\n', '\r', '\t'], " "))
     }
 
-    /// Computes a point as a plan says. Returns `None` as soon as `goes_on` returns `false`.
+    /// Computes a point as a plan says, and returns its result with the sweeps of the solver. Returns `None` as soon as
+    /// `goes_on` returns `false`.
     ///
     /// A panic of the solver is caught, so that other points are still computed; the reason names it.
-    pub fn of(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Option<Self> {
+    pub fn of(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Option<(Self, u64)> {
         let caught = catch_unwind(AssertUnwindSafe(|| compute(point, plan, goes_on)));
+        let failed = |reason: &str| Some((Self::failed(reason), 0));
         match caught {
-            Ok(Ok(steady)) => steady.map(|steady| Self::Ok(Box::new(steady))),
-            Ok(Err(reason)) => Some(Self::failed(&reason)),
+            Ok(Ok(steady)) => steady.map(|(steady, sweeps)| (Self::Ok(Box::new(steady)), sweeps)),
+            Ok(Err(reason)) => failed(&reason),
             Err(panic) => {
                 let text = panic.downcast_ref::<String>().map(String::as_str);
                 let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
-                Some(Self::failed(&format!("the solver panicked, which is a fault of the program: {text}")))
+                failed(&format!("the solver panicked, which is a fault of the program: {text}"))
             }
         }
     }
 }
 
-fn compute(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Result<Option<Steady>, String> {
+fn compute(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Result<Option<(Steady, u64)>, String> {
     let robot = point.robot.as_ref().map_err(String::clone)?;
     robot.validate().map_err(|error| error.to_string())?;
     let rpm = point.speeds_rpm;
@@ -91,7 +93,8 @@ fn compute(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Resul
             Err(error) => return Err(format!("starting at {} and {} degrees: {error}", start[0], start[1])),
         }
     }
-    let steady = Phases::new(states).map(|phases| Steady::of(&phases)).filter(Steady::is_finite);
+    let phases = Phases::new(states);
+    let steady = phases.map(|phases| (Steady::of(&phases), phases.sweeps())).filter(|(steady, _)| steady.is_finite());
     steady.map(Some).ok_or_else(|| "the steady state is not a finite number".to_owned())
 }
 
@@ -124,11 +127,12 @@ mod tests {
         let point = crate::sweep::Sweep::new(plan.clone(), String::new()).unwrap().point(0);
         for method in [Method::Steady, Method::Trial] {
             let plan = SweepPlan { method, ..plan.clone() };
-            let outcome = Outcome::of(&point, &plan, &|| panic!("index {}", 7)).unwrap();
+            let (outcome, _) = Outcome::of(&point, &plan, &|| panic!("index {}", 7)).unwrap();
             let wanted = "the solver panicked, which is a fault of the program: index 7";
             assert_eq!(outcome, Outcome::Failed(wanted.to_owned()));
             assert_eq!(Outcome::of(&point, &plan, &|| false), None, "interrupted");
-            assert!(matches!(Outcome::of(&point, &plan, &|| true), Some(Outcome::Ok(steady)) if steady.is_finite()));
+            let (outcome, sweeps) = Outcome::of(&point, &plan, &|| true).unwrap();
+            assert!(outcome.steady().is_some_and(Steady::is_finite) && sweeps > 10, "{outcome:?}, {sweeps} sweeps");
         }
     }
 

@@ -42,6 +42,22 @@ pub enum SweepError {
         /// The folder.
         folder: PathBuf,
     },
+    /// Points have no result.
+    #[error("{}: {missing} of {points} points are missing{}, no table is written", folder.display(), of_damaged(damaged))]
+    #[diagnostic(help(
+        "compute them with --resume; `biflag sweep status --shards N` shows whose they are, `biflag sweep merge --partial` \
+         writes a table without them"
+    ))]
+    Missing {
+        /// The folder.
+        folder: PathBuf,
+        /// How many.
+        missing: u64,
+        /// Number of points of the plan.
+        points: u64,
+        /// Parts that are cut off or damaged.
+        damaged: Vec<PathBuf>,
+    },
     /// The manifest cannot be read.
     #[error("{}: {reason}", path.display())]
     #[diagnostic(help("copy the file from another shard's folder, or begin again in another folder with --out"))]
@@ -68,6 +84,11 @@ pub enum SweepError {
     #[error("cannot start the threads: {0}")]
     #[diagnostic(help("use fewer threads with --jobs"))]
     Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+fn of_damaged(parts: &[PathBuf]) -> String {
+    let names: Vec<_> = parts.iter().filter_map(|part| part.file_name()).map(|name| name.to_string_lossy()).collect();
+    if names.is_empty() { String::new() } else { format!(" (cut off or damaged: {})", names.join(", ")) }
 }
 
 impl SweepError {

@@ -6,16 +6,21 @@
 //! `host/book/src/sweep.md` describes the columns, and how to run the shards on a cluster.
 
 mod axis;
+mod buckets;
+mod clock;
 mod compute;
 mod design;
 mod error;
 mod folder;
 mod key;
+mod manifest;
 mod merge;
 mod part;
 mod plan;
 mod point;
+mod points;
 mod read;
+mod record;
 mod slurm;
 mod sobol;
 mod table;
@@ -26,13 +31,14 @@ pub use axis::{Axis, Range, Scale, Values};
 pub use compute::{Outcome, Steady};
 pub use design::{Design, MAX_POINTS};
 pub use error::SweepError;
-pub use folder::{Counts, Folder, Points, model};
+pub use folder::{Counts, Folder, Parts, model};
 pub use key::{Group, Key};
-pub use merge::Merged;
-pub use part::Record;
+pub use merge::{Merged, Missing};
 pub use plan::{EXAMPLE, SweepPlan};
 pub use point::{Name, Point, Shard, Sweep};
+pub use points::Points;
 pub use read::{columns_of, of_csv, read_table};
+pub use record::{Cost, Origin, Record};
 pub use slurm::script;
 pub use table::ROBOT;
 pub use table::VARIES;
@@ -47,4 +53,9 @@ pub fn parquet_path(folder: &Path) -> PathBuf {
 /// Returns the path of the same table as CSV.
 pub fn csv_path(folder: &Path) -> PathBuf {
     folder.join("table.csv")
+}
+
+/// Returns the path of the table of what each point cost, as CSV.
+pub fn cost_path(folder: &Path) -> PathBuf {
+    folder.join("cost.csv")
 }

@@ -1,9 +1,9 @@
-//! The table of a sweep: one row a point.
+//! The tables of a sweep: one row a point.
 
 use super::compute::{Outcome, Steady};
 use super::key::{Group, Key};
-use super::part::Record;
 use super::point::{Point, Sweep};
+use super::record::{Origin, Record};
 use crate::export::table::{Column, Table, Values};
 use crate::text::word;
 use sim::groups::Groups;
@@ -144,6 +144,31 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
         "angles rotate body axes into world axes: yaw about z, then pitch about y, then roll about x".to_owned(),
     ];
     Table { header, columns }
+}
+
+/// Returns the table of what these results cost, each with the number of its origin.
+pub fn cost_table(records: &[(u32, Record)], origins: &[Origin]) -> Table {
+    let text = |name: &'static str, about, value: &dyn Fn(&Record, &Origin) -> String| {
+        let cells = records.iter().map(|(origin, record)| value(record, &origins[*origin as usize]));
+        column(name, "", about, Values::Text(cells.collect()))
+    };
+    let processor = records.iter().map(|(_, record)| record.cost.processor_s).collect();
+    let sweeps = records.iter().map(|(_, record)| record.cost.sweeps as i64).collect();
+    let kind = |record: &Record, _: &Origin| record.outcome.steady().map_or("", |steady| steady.kind.name()).to_owned();
+    let columns = vec![
+        text("point", "name of the point, as in the table of the sweep", &|record, _| record.name.to_string()),
+        column("processor_s", "s", "processor time", Values::Exact(processor)),
+        column(
+            "sweeps",
+            "1",
+            "sweeps of the solver over all starting phases; 0 if the point failed",
+            Values::Int(sweeps),
+        ),
+        text("kind", "kind of the steady state; empty if the point failed", &kind),
+        text("host", "computer on which the point was computed", &|_, origin| origin.host.clone()),
+        text("program", "version and commit of the program", &|_, origin| origin.program.clone()),
+    ];
+    Table { header: vec!["what the points of a sweep cost, and where they were computed".to_owned()], columns }
 }
 
 fn column(name: impl Into<Cow<'static, str>>, unit: &'static str, about: &'static str, values: Values) -> Column {

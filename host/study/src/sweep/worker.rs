@@ -2,9 +2,11 @@
 
 use super::SweepError;
 use super::compute::Outcome;
-use super::folder::{Folder, Points};
-use super::part::{PartWriter, Record};
+use super::folder::Folder;
+use super::part::PartWriter;
 use super::point::Shard;
+use super::points::Points;
+use super::record::{Cost, Record, processor_s};
 use crate::lock::lock;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -38,9 +40,11 @@ impl Folder {
         let broken = Mutex::new(None);
         let goes_on = || !interrupted.load(Ordering::Relaxed) && lock(&broken).is_none();
         let one = |index: u64| {
+            let started_s = processor_s();
             let point = self.sweep.point(index);
-            let Some(outcome) = Outcome::of(&point, plan, &goes_on) else { return };
-            let record = Record { index, name: point.name, outcome };
+            let Some((outcome, sweeps)) = Outcome::of(&point, plan, &goes_on) else { return };
+            let cost = Cost { processor_s: micros(processor_s() - started_s), sweeps };
+            let record = Record { index, name: point.name, outcome, cost };
             each(&record);
             if let Err(error) = lock(&part).push(record) {
                 lock(&broken).get_or_insert(error);
@@ -55,4 +59,9 @@ impl Folder {
         let part = part.into_inner().unwrap_or_else(PoisonError::into_inner);
         broken.map_or_else(|| part.close(), Err).map_err(SweepError::at(&self.path))
     }
+}
+
+/// Rounds to microseconds: the rest would be noise that fills a table.
+fn micros(seconds: f64) -> f64 {
+    (1e6 * seconds).round() / 1e6
 }
