@@ -298,7 +298,7 @@ fn table_does_not_depend_on_jobs_shards_or_order() {
 fn a_sweep_goes_on_where_it_ended_and_only_when_asked() {
     let bench = bench(PLAN);
     let folder = bench.path();
-    // Points belong to a shard by their names, which depend on the commit; so may its failing points.
+    // Points belong to a shard by their names, which depend on the version of the results; so may its failing points.
     let half = biflag(folder, &["sweep", "plan.toml", "--shard", "1/2"]);
     assert!(matches!(half.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&half.stderr));
     let again = biflag(folder, &["sweep", "plan.toml", "--shard", "1/2"]);
@@ -328,6 +328,54 @@ fn a_sweep_goes_on_where_it_ended_and_only_when_asked() {
     let other = biflag(folder, &["sweep", "plan.toml", "--resume"]);
     assert_eq!(other.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&other.stderr).contains("a sweep of another plan"));
+}
+
+/// Returns the points that a command has computed itself, from its progress: those of all, less those of its first line.
+fn begun_with(output: &Output) -> String {
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    text.lines().next().unwrap_or_default().to_owned()
+}
+
+/// A plan that grows in an axis, by an axis, and in its speeds takes over all that it had. Another plan's index, the number
+/// of phases where none matter, and the commit of the program are no part of a point.
+#[test]
+fn a_plan_that_grows_reuses_what_it_had() {
+    let bench = bench(PLAN);
+    let folder = bench.path();
+    expect(&biflag(folder, &["sweep", "plan.toml", "--shard", "1/2", "--out", "old"]), 3);
+    expect(&biflag(folder, &["sweep", "plan.toml", "--shard", "2/2", "--resume", "--out", "old"]), 3);
+    // A commit does not change results.
+    let parts = std::fs::read_dir(folder.join("old")).unwrap().map(|entry| entry.unwrap().path());
+    assert_eq!(parts.filter(|path| path.extension().is_some_and(|end| end == "part")).count(), 2);
+    let grown = PLAN
+        .replace("[0.4, 1, 1.5]", "[0.4, 0.9, 1, 1.5]")
+        .replace("[vary]", "[vary]\n\"joint.coulomb_nm\" = [2e-6, OWN]")
+        .replace("OWN", &sim::params::Robot::default().joint.coulomb_nm.to_string())
+        .replace("pairs = [", "pairs = [[37.3, -52.91], ")
+        .replace("short", "grown");
+    std::fs::write(folder.join("grown.toml"), &grown).unwrap();
+    let swept = biflag(folder, &["sweep", "grown.toml", "--reuse", "old", "--jobs", "1"]);
+    expect(&swept, 3);
+    assert!(begun_with(&swept).contains("24 of 80 points"), "{}", begun_with(&swept));
+    // The same bytes as without.
+    expect(&biflag(folder, &["sweep", "grown.toml", "--out", "anew"]), 3);
+    assert!(tables(&folder.join("grown")) == tables(&folder.join("anew")));
+
+    // At submission, and for more phases: those of (50, 10) rpm do not matter.
+    std::fs::write(folder.join("phases.toml"), PLAN.replace("phases = 2", "phases = 3").replace("short", "phases"))
+        .unwrap();
+    expect(&biflag(folder, &["sweep", "slurm", "phases.toml", "--shards", "2", "--reuse", "old", "--json"]), 0);
+    let status = expect(&biflag(folder, &["sweep", "status", "phases", "--json"]), 0);
+    assert_eq!((&status["done"], &status["points"]), (&6.into(), &24.into()));
+
+    // Results of another version of the model are not taken over.
+    let manifest = folder.join("old/sweep.toml");
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    let version = format!("results = {}", host::sweep::RESULTS);
+    std::fs::write(&manifest, text.replace(&version, "results = 0")).unwrap();
+    let refused = biflag(folder, &["sweep", "grown.toml", "--reuse", "old", "--out", "new"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("has results of version 0"), "{refused:?}");
 }
 
 /// A part that was cut off, changed, or copied from another sweep costs its points and nothing else.

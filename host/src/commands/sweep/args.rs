@@ -36,6 +36,9 @@ pub struct Args {
     /// Continue a sweep, skipping the points that are done.
     #[arg(long)]
     pub resume: bool,
+    /// Take over the points that another sweep has, such as that of a smaller plan.
+    #[arg(long, value_name = "DIR")]
+    pub reuse: Option<PathBuf>,
 }
 
 #[derive(clap::Subcommand, Debug)]
@@ -70,4 +73,7 @@ pub struct SlurmArgs {
     /// The folder of the sweep, which all nodes share; by default named after the plan.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Take over the points that another sweep has, such as that of a smaller plan.
+    #[arg(long, value_name = "DIR")]
+    pub reuse: Option<PathBuf>,
 }

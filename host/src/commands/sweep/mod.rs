@@ -39,9 +39,13 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
     let path = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let folder = Folder::of_plan(&path, plan)?;
     let shard = args.shard.unwrap_or(Shard::ALL);
-    let before = folder.counts(shard)?;
+    let mut before = folder.counts(shard)?;
     if before.done.count() > 0 && !args.resume {
         return Err(SweepError::Exists { folder: path }.into());
+    }
+    if let Some(other) = &args.reuse {
+        folder.reuse(other, shard, &before.done)?;
+        before = folder.counts(shard)?;
     }
     let points = folder.points(shard);
     let counter = Counter::new(&folder.sweep.plan.name, points, &before);
@@ -120,6 +124,9 @@ fn slurm(args: &SlurmArgs) -> miette::Result<Answer> {
     let folder = absolute(&folder)?;
     let script = sweep::script(&program, &file, &folder, args.shards.into(), &plan.name);
     // The shards find their manifest, and a folder of another sweep is refused before anything is submitted.
-    Folder::of_plan(&folder, plan)?;
+    let folder = Folder::of_plan(&folder, plan)?;
+    if let Some(other) = &args.reuse {
+        folder.reuse(other, Shard::ALL, &folder.counts(Shard::ALL)?.done)?;
+    }
     Answer::new(Outcome::Done, &serde_json::json!({ "script": script }), script)
 }

@@ -1,13 +1,13 @@
 //! Computes one point: its steady state, averaged over the starting phases, or the reason of its failure.
 
 use super::SweepPlan;
-use super::point::Point;
+use super::point::{Point, phases};
 use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
 use sim::periodic::phases::{Phases, SteadyState};
 use sim::periodic::quantities::{QUANTITIES, STANDARD_ERRORS};
 use sim::periodic::{Kind, Problem, SolveError};
-use sim::phase::{self, Ratio};
+use sim::phase;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The steady state of a point over its starting phases.
@@ -34,6 +34,9 @@ pub enum Outcome {
     Failed(String),
 }
 
+/// The start of the reason of a panic.
+const PANIC: &str = "the solver panicked, which is a fault of the program";
+
 /// Longest reason that is kept, bytes.
 const LONGEST_REASON: usize = 400;
 
@@ -49,6 +52,11 @@ impl Outcome {
     /// Returns whether the point cannot be computed.
     pub fn is_failed(&self) -> bool {
         self.steady().is_none()
+    }
+
+    /// Returns whether the solver panicked.
+    pub fn is_panic(&self) -> bool {
+        matches!(self, Self::Failed(reason) if reason.starts_with(PANIC))
     }
 
     /// Returns the outcome of a failure.
@@ -70,7 +78,7 @@ impl Outcome {
             Err(panic) => {
                 let text = panic.downcast_ref::<String>().map(String::as_str);
                 let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
-                failed(&format!("the solver panicked, which is a fault of the program: {text}"))
+                failed(&format!("{PANIC}: {text}"))
             }
         }
     }
@@ -80,7 +88,7 @@ fn compute(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Resul
     let robot = point.robot.as_ref().map_err(String::clone)?;
     robot.validate().map_err(|error| error.to_string())?;
     let rpm = point.speeds_rpm;
-    let starts = phase::starts(rpm, if Ratio::of(rpm).is_some() { plan.phases } else { 1 });
+    let starts = phase::starts(rpm, phases(plan, rpm));
     let mut states = Vec::new();
     for start in &starts {
         let start_rad = start.map(f64::to_radians);
@@ -124,11 +132,12 @@ mod tests {
     fn a_panic_is_the_reason_of_its_point_alone() {
         let text = "[trial]\nrun = 1\n[speeds]\npairs = [[50, 10]]";
         let plan = SweepPlan::parse(text, "plan.toml", &|name| Ok(crate::plan::RobotFile::built_in(name))).unwrap();
-        let point = crate::sweep::Sweep::new(plan.clone(), String::new()).unwrap().point(0);
+        let point = crate::sweep::Sweep::new(plan.clone(), 1).unwrap().point(0);
         for method in [Method::Steady, Method::Trial] {
             let plan = SweepPlan { method, ..plan.clone() };
             let (outcome, _) = Outcome::of(&point, &plan, &|| panic!("index {}", 7)).unwrap();
             let wanted = "the solver panicked, which is a fault of the program: index 7";
+            assert!(outcome.is_panic());
             assert_eq!(outcome, Outcome::Failed(wanted.to_owned()));
             assert_eq!(Outcome::of(&point, &plan, &|| false), None, "interrupted");
             let (outcome, sweeps) = Outcome::of(&point, &plan, &|| true).unwrap();

@@ -1,5 +1,6 @@
 //! Errors of sweeps.
 
+use super::RESULTS;
 use crate::plan::PlanError;
 use miette::Diagnostic;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,10 @@ pub enum SweepError {
     },
     /// The folder has the sweep of another plan.
     #[error("{}: is a sweep of another {difference}", folder.display())]
-    #[diagnostic(code(wrong_use), help("name another folder with --out"))]
+    #[diagnostic(
+        code(wrong_use),
+        help("name another folder with --out; --reuse DIR takes over the points that both sweeps have")
+    )]
     Other {
         /// The folder.
         folder: PathBuf,
@@ -57,6 +61,17 @@ pub enum SweepError {
         points: u64,
         /// Parts that are cut off or damaged.
         damaged: Vec<PathBuf>,
+    },
+    /// A sweep whose results should be reused has those of another version.
+    #[error(
+        "{}: has results of version {results} of the model, and this program computes version {RESULTS}", folder.display()
+    )]
+    #[diagnostic(code(wrong_use), help("leave --reuse out, or use the program of that time"))]
+    Results {
+        /// The folder.
+        folder: PathBuf,
+        /// Its version.
+        results: u32,
     },
     /// The manifest cannot be read.
     #[error("{}: {reason}", path.display())]

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! softer/
-//!   sweep.toml       the plan, the robot, and the version of the model, see [`super::manifest`]
+//!   sweep.toml       the plan, the robot, and the version of the results, see [`super::manifest`]
 //!   part-*           results of the workers, see [`super::part`]
 //!   table.parquet    all points, once merged
 //!   table.csv        the same
@@ -18,9 +18,8 @@ use super::part::{self, PartReader};
 use super::point::{Shard, Sweep};
 use super::points::Points;
 use super::record::{Origin, Record};
-use super::{SweepError, SweepPlan};
+use super::{RESULTS, SweepError, SweepPlan};
 use crate::plan::RobotFile;
-use crate::program;
 use std::path::{Path, PathBuf};
 
 /// The folder of a sweep.
@@ -52,37 +51,32 @@ pub struct Parts {
     pub damaged: Vec<PathBuf>,
 }
 
-/// Returns the version of the model in this program.
-pub fn model() -> String {
-    format!("{} {}", program::VERSION, program::GIT_HASH)
-}
-
 impl Folder {
     /// Opens the folder of a plan, or makes it.
     ///
     /// # Errors
-    /// [`SweepError::Other`] if it has the sweep of another plan or program.
+    /// [`SweepError::Other`] if it has the sweep of another plan, or of another version of the results.
     pub fn of_plan(path: &Path, plan: SweepPlan) -> Result<Self, SweepError> {
         let manifest = Manifest {
-            model: model(),
+            results: RESULTS,
             robot_name: plan.robot.name.clone(),
             robot: plan.robot.text.clone(),
             plan: plan.text.clone(),
         };
         manifest.put_into(path)?;
-        Ok(Self { path: path.to_owned(), sweep: Sweep::new(plan, manifest.model)? })
+        Ok(Self { path: path.to_owned(), sweep: Sweep::new(plan, RESULTS)? })
     }
 
-    /// Opens the folder of a sweep, perhaps of another version of the program.
+    /// Opens the folder of a sweep, perhaps of another version of the results.
     ///
     /// # Errors
     /// [`SweepError::NotASweep`], [`SweepError::Manifest`].
     pub fn open(path: &Path) -> Result<Self, SweepError> {
-        let Manifest { model, robot_name, robot, plan } = Manifest::read(path)?;
+        let Manifest { results, robot_name, robot, plan } = Manifest::read(path)?;
         let robot = RobotFile { name: robot_name, text: robot };
         let name = manifest::path(path).display().to_string();
         let plan = SweepPlan::parse(&plan, &name, &|_| Ok(robot.clone()))?;
-        Ok(Self { path: path.to_owned(), sweep: Sweep::new(plan, model)? })
+        Ok(Self { path: path.to_owned(), sweep: Sweep::new(plan, results)? })
     }
 
     /// Calls `with` for every result of this sweep, in no particular order; a point may occur several times.

@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 #[derive(Serialize, Deserialize, PartialEq, Debug)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
-    /// Version of the program that computes the points.
-    pub model: String,
+    /// Version of the model's results, [`super::RESULTS`].
+    pub results: u32,
     /// Name of the robot or of its file.
     pub robot_name: String,
     /// Text of the robot's file; empty for a built-in robot.
@@ -51,8 +51,8 @@ impl Manifest {
             differs("plan")
         } else if (&found.robot_name, &found.robot) != (&self.robot_name, &self.robot) {
             differs("robot")
-        } else if found.model != self.model {
-            differs("version of biflag")
+        } else if found.results != self.results {
+            differs("version of the model's results")
         } else {
             Ok(())
         }

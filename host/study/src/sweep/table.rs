@@ -97,7 +97,9 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     let real = |name: &'static str, unit, about, value: &dyn Fn(&Row) -> f64| column(name, unit, about, exact(value));
 
     let mut columns = vec![
-        text("point", "name of the point: hash of its inputs and of the model's version", &|row| row.name.clone()),
+        text("point", "name of the point: hash of its inputs and of the version of the model's results", &|row| {
+            row.name.clone()
+        }),
         real("w1_rpm", "rpm", "speed of flagellum 1, counter-clockwise seen from above", &|row| row.speeds_rpm[0]),
         real("w2_rpm", "rpm", "speed of flagellum 2", &|row| row.speeds_rpm[1]),
     ];
@@ -139,7 +141,7 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     }));
     let plan = &sweep.plan;
     let header = vec![
-        format!("biflag {}: sweep {}", sweep.model, plan.name),
+        format!("biflag sweep {}, version {} of the model's results", plan.name, sweep.results),
         format!("robot {}, method {}, at most {} s", plan.robot.name, word(&plan.method), plan.run_s),
         "angles rotate body axes into world axes: yaw about z, then pitch about y, then roll about x".to_owned(),
     ];
