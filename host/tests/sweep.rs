@@ -222,6 +222,19 @@ fn every_point_is_a_row() {
     let rows = rows(&folder.join("short"));
     assert_eq!(rows.len(), 24);
     assert!(rows.windows(2).all(|pair| pair[0]["point"] < pair[1]["point"]), "sorted by name");
+    let failed = expect(&biflag(folder, &["sweep", "status", "short", "--failed", "--json"]), 0)["reasons"].clone();
+    assert_eq!((failed.as_array().unwrap().len(), &failed[0]["points"]), (1, &8.into()), "{failed}");
+    assert_eq!(failed[0]["values"]["group.spacing"], 0.4);
+    assert!(failed[0]["reason"].as_str().unwrap().starts_with("base.motor_distance_m = "), "{failed}");
+    let mut costs = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(folder.join("short/cost.csv")).unwrap();
+    let costs: Vec<BTreeMap<String, String>> = costs.deserialize().map(Result::unwrap).collect();
+    for (cost, row) in costs.iter().zip(&rows) {
+        assert_eq!((&cost["point"], &cost["kind"]), (&row["point"], &row["kind"]));
+        assert!((0.0..60.0).contains(&number(cost, "processor_s")) && !cost["host"].is_empty(), "{cost:?}");
+        assert!((number(cost, "sweeps") > 10.0) == (row["status"] == "ok"), "{cost:?}");
+        assert!(cost["program"].starts_with(env!("CARGO_PKG_VERSION")));
+    }
+    assert_eq!(costs.len(), 24);
     for row in &rows {
         let is_ok = row["group_spacing_relative"] != "0.4";
         assert_eq!(row["status"], if is_ok { "ok" } else { "failed" });
@@ -309,6 +322,13 @@ fn a_sweep_goes_on_where_it_ended_and_only_when_asked() {
     let (done, missing) = (status["done"].as_u64().unwrap(), status["missing"].as_u64().unwrap());
     assert!(done > 0 && missing > 0 && done + missing == 24, "{status}");
     assert_eq!((&status["table"], &status["time_left_s"]), (&Value::Null, &Value::Null));
+    let shards = expect(&biflag(folder, &["sweep", "status", "short", "--shards", "2", "--json"]), 0)["shards"].clone();
+    let of = |key: &str| [0, 1].map(|shard| shards[shard][key].as_u64().unwrap());
+    assert_eq!((of("shard"), of("done"), of("missing")), ([1, 2], [done, 0], [0, missing]));
+    let text = biflag(folder, &["sweep", "status", "short", "--shards", "2"]).stdout;
+    let wanted = format!("1 of 2 shards done\nshard 2/2: 0 of {missing} points, 0 failed\n");
+    assert!(String::from_utf8_lossy(&text).ends_with(&wanted), "{}", String::from_utf8_lossy(&text));
+
     // A table that lacks points is written only when that is asked for.
     let refused = biflag(folder, &["sweep", "merge", "short"]);
     assert_eq!(refused.status.code(), Some(1));

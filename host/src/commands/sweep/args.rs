@@ -57,6 +57,12 @@ pub enum Action {
         /// The folder of the sweep.
         #[arg(value_name = "DIR")]
         folder: PathBuf,
+        /// Print why points failed: how many for each reason, and one of them.
+        #[arg(long)]
+        failed: bool,
+        /// Print the progress of each of N shards.
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+        shards: Option<u32>,
     },
     /// Print a script that runs a sweep on a cluster with Slurm: a job array over the shards, then the merge.
     Slurm(SlurmArgs),

@@ -14,7 +14,7 @@ use crate::sweep::{self, Folder, Missing, Shard, SweepError, SweepPlan};
 use crate::text::count;
 use args::{Action, SlurmArgs};
 use miette::{IntoDiagnostic, WrapErr};
-use output::{Status, Swept};
+use output::{Failed, ShardStatus, Status, Swept};
 use progress::Counter;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -24,7 +24,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         (Some(Action::Merge { folder, partial }), _) => {
             merge(folder, if *partial { Missing::LeftOut } else { Missing::Refused })
         }
-        (Some(Action::Status { folder }), _) => status(folder),
+        (Some(Action::Status { folder, failed, shards }), _) => status(folder, *failed, *shards),
         (Some(Action::Slurm(args)), _) => slurm(args),
         (None, Some(plan)) => compute(args, plan),
         (None, None) => {
@@ -53,7 +53,16 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
     let worked = folder.work(shard, &before.done, jobs, &interrupted, &|record| counter.count(record));
     let (done, failed) = counter.finish();
     worked?;
-    let swept = Swept { table: None, csv: None, points, done, missing: points - done, failed, warnings: Vec::new() };
+    let swept = Swept {
+        table: None,
+        csv: None,
+        cost: None,
+        points,
+        done,
+        missing: points - done,
+        failed,
+        warnings: Vec::new(),
+    };
     if interrupted.load(Ordering::Relaxed) && done < points {
         let text = format!(
             "{}: interrupted after {done} of {}, go on with --resume",
@@ -83,6 +92,7 @@ fn merge(path: &Path, missing: Missing) -> miette::Result<Answer> {
     let swept = Swept {
         table: Some(shown(&sweep::parquet_path(path))),
         csv: Some(shown(&sweep::csv_path(path))),
+        cost: Some(shown(&sweep::cost_path(path))),
         points,
         done: merged.done,
         missing: points - merged.done,
@@ -92,17 +102,28 @@ fn merge(path: &Path, missing: Missing) -> miette::Result<Answer> {
     swept.answer(path)
 }
 
-fn status(path: &Path) -> miette::Result<Answer> {
+fn status(path: &Path, failed: bool, shards: Option<u32>) -> miette::Result<Answer> {
     let folder = Folder::open(path)?;
     let counts = folder.counts(Shard::ALL)?;
     let (points, done) = (folder.sweep.plan.points(), counts.done.count());
-    let [table, csv] =
-        [sweep::parquet_path(path), sweep::csv_path(path)].map(|file| file.exists().then(|| shown(&file)));
+    let written = |file: PathBuf| file.exists().then(|| shown(&file));
     let missing = points - done;
-    let warnings = counts.parts.damaged.iter().filter(|_| missing > 0).map(|part| damaged(part)).collect();
-    let swept = Swept { table, csv, points, done, missing, failed: counts.failed.count(), warnings };
+    let swept = Swept {
+        table: written(sweep::parquet_path(path)),
+        csv: written(sweep::csv_path(path)),
+        cost: written(sweep::cost_path(path)),
+        points,
+        done,
+        missing,
+        failed: counts.failed.count(),
+        warnings: counts.parts.damaged.iter().filter(|_| missing > 0).map(|part| damaged(part)).collect(),
+    };
     let time_left_s = if missing == 0 { Some(0.0) } else { counts.parts.rate.map(|rate| missing as f64 / rate) };
-    let status = Status { swept, time_left_s };
+    let reasons = if failed { Some(folder.reasons()?) } else { None };
+    let reasons = reasons.map(|all| all.into_iter().map(|reason| Failed::new(reason, &folder.sweep)).collect());
+    let shards =
+        shards.map(|of| folder.shards(of.into(), &counts).into_iter().zip(1..).map(ShardStatus::from).collect());
+    let status = Status { swept, time_left_s, reasons, shards };
     Answer::new(Outcome::Done, &status, status.text(path))
 }
 

@@ -49,6 +49,14 @@ impl Outcome {
         }
     }
 
+    /// Returns why the point cannot be computed; `None` if it was.
+    pub fn reason(&self) -> Option<&str> {
+        match self {
+            Self::Ok(_) => None,
+            Self::Failed(reason) => Some(reason),
+        }
+    }
+
     /// Returns whether the point cannot be computed.
     pub fn is_failed(&self) -> bool {
         self.steady().is_none()
@@ -56,7 +64,7 @@ impl Outcome {
 
     /// Returns whether the solver panicked.
     pub fn is_panic(&self) -> bool {
-        matches!(self, Self::Failed(reason) if reason.starts_with(PANIC))
+        self.reason().is_some_and(|reason| reason.starts_with(PANIC))
     }
 
     /// Returns the outcome of a failure.

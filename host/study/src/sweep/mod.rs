@@ -25,6 +25,7 @@ mod results;
 mod reuse;
 mod slurm;
 mod sobol;
+mod status;
 mod table;
 mod vary;
 mod worker;
@@ -43,6 +44,7 @@ pub use read::{columns_of, of_csv, read_table};
 pub use record::{Cost, Origin, Record};
 pub use results::RESULTS;
 pub use slurm::script;
+pub use status::{Reason, ShardCounts};
 pub use table::ROBOT;
 pub use table::VARIES;
 

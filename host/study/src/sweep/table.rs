@@ -135,10 +135,8 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     ));
     let status = |row: &Row| if row.outcome.is_failed() { "failed" } else { "ok" }.to_owned();
     columns.push(text("status", "`ok`, or `failed`: then all results are empty", &status));
-    columns.push(text("reason", "why the point failed", &|row| match &row.outcome {
-        Outcome::Ok(_) => String::new(),
-        Outcome::Failed(reason) => reason.clone(),
-    }));
+    let reason = |row: &Row| row.outcome.reason().unwrap_or_default().to_owned();
+    columns.push(text("reason", "why the point failed", &reason));
     let plan = &sweep.plan;
     let header = vec![
         format!("biflag sweep {}, version {} of the model's results", plan.name, sweep.results),
