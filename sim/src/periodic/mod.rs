@@ -31,6 +31,7 @@
 //! ([`crate::steady`]).
 //! `sim/docs/steady.md` has the comparison with trials.
 
+pub mod effort;
 mod modes;
 mod period;
 pub mod phases;

@@ -48,11 +48,14 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
         before = folder.counts(shard)?;
     }
     let points = folder.points(shard);
-    let counter = Counter::new(&folder.sweep.plan.name, points, &before);
+    let counter = Counter::new(&folder.sweep.plan.name, shard, points, &before);
     let jobs = args.jobs.map_or_else(cores, usize::from);
     let worked = folder.work(shard, &before.done, jobs, &interrupted, &|record| counter.count(record));
-    let (done, failed) = counter.finish();
+    counter.finish();
     worked?;
+    // Other workers may have helped.
+    let after = folder.counts(shard)?;
+    let (done, failed) = (after.done.count(), after.failed.count());
     let swept = Swept {
         table: None,
         csv: None,

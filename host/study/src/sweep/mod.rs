@@ -7,6 +7,7 @@
 
 mod axis;
 mod buckets;
+mod claims;
 mod clock;
 mod compute;
 mod design;
@@ -15,6 +16,7 @@ mod folder;
 mod key;
 mod manifest;
 mod merge;
+mod order;
 mod part;
 mod plan;
 mod point;
