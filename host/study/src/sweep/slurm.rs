@@ -25,14 +25,14 @@ mkdir -p "$folder"
 
 # Two minutes before the time limit Slurm sends USR1: the points that are done are kept, and the job queues again.
 # A job whose node fails queues again by itself.
-array=$({{ printf '#!/bin/bash\njobs=%s\n' "$jobs"; cat <<'JOB'
+array=$({{ printf '#!/bin/bash\njobs=%s scontrol=%q\n' "$jobs" "$(command -v scontrol)"; cat <<'JOB'
 program={program}
 plan={plan}
 folder={folder}
 again() {{
     kill -TERM "$worker"
     wait "$worker"
-    scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}"
+    "$scontrol" requeue "${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}"
     exit
 }}
 trap again USR1
