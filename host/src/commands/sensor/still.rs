@@ -73,9 +73,8 @@ fn described(result: &StillResult) -> Measured {
     let mut allan = Map::new();
     for (name, noise) in AXES.iter().zip(&result.axes) {
         let [walk, instability, drift] = [noise.walk_of_angle, noise.instability_dps, noise.walk_of_bias];
-        let at_most = if noise.has_minimum { "" } else { "at most " };
         text += &format!(
-            "{name}: angle random walk {:.5} ± {:.5} °/√s, bias instability {at_most}{:.5} ± {:.5} °/s, walk of the bias \
+            "{name}: angle random walk {:.5} ± {:.5} °/√s, bias instability {:.5} ± {:.5} °/s, walk of the bias \
              {:.6} ± {:.6} °/s/√s (95 %)\n",
             walk.value,
             1.96 * walk.u,

@@ -18,7 +18,7 @@
 
 use super::rest::{Noise, SHORTEST_REST_S, after_run, blocks_of};
 use super::smoother::{Motions, Rotation, Stretch, Target, rotation};
-use super::{Columns, Series, Track};
+use super::{Columns, Flicker, Series, Track};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
@@ -70,6 +70,8 @@ pub struct Rest {
     pub filter_s: f64,
     /// Random walk of the gyroscope's bias about each axis.
     pub bias_walk_dps_per_root_s: [f64; 3],
+    /// Flicker of the gyroscope's bias about each axis.
+    pub bias_flicker: [Flicker; 3],
     /// Measured angle random walk about z, °/√s, and its degrees of freedom.
     pub angle_walk: Option<(f64, f64)>,
     /// Time constant of the yaw's return to rest by the robot's parameters, s.
@@ -115,8 +117,13 @@ impl Drift {
         let step = (span.end - span.start) / count.max(1) as f64;
         let times: Vec<f64> = (0..=count).map(|i| span.start + i as f64 * step).collect();
         let weights = verticals(series, &times, step.max(GRID_S));
-        let walk = rest.bias_walk_dps_per_root_s;
-        let target = |axis: usize| Target { times: &times, weights: &weights[axis], from_s, walk: walk[axis] };
+        let target = |axis: usize| Target {
+            times: &times,
+            weights: &weights[axis],
+            from_s,
+            walk: rest.bias_walk_dps_per_root_s[axis],
+            flicker: rest.bias_flicker[axis],
+        };
         let variance = angle_walk.powi(2);
         let stretches: Vec<Stretch> = (still.iter())
             .filter_map(|range| blocks_of(yaw, range))
@@ -258,6 +265,7 @@ mod tests {
             calibrate_s,
             filter_s: 1.0,
             bias_walk_dps_per_root_s: [5e-4; 3],
+            bias_flicker: [Flicker::default(); 3],
             angle_walk: None,
             time_constant_s: None,
         }

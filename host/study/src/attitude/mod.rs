@@ -4,6 +4,7 @@
 //! pitch about the new y, then roll about the new x (MATLAB's `quat2eul`).
 
 mod drift;
+mod flicker;
 mod level;
 mod rest;
 mod series;
@@ -13,6 +14,7 @@ mod student;
 mod track;
 
 pub use drift::{Drift, Rest};
+pub use flicker::Flicker;
 pub use level::{Level, Leveller, RestForce};
 pub use series::Series;
 pub use sim::body::attitude::tilt_deg;

@@ -4,7 +4,7 @@
 //!
 //! - a constant bias;
 //! - its change with the sensor's temperature, proportional to the warming in the log;
-//! - a random walk, as increments between knots of time;
+//! - a random walk, as increments between knots of time, and flicker;
 //! - the robot's return to rest before the run, and the one after it: A exp(-t/τ) each, and a faster one after the run;
 //! - a share of the rates at which the tilt returns to rest, which takes the yaw along and which the axis reads besides;
 //! - white noise, of variance N²/L over a stretch of length L, where N is the angle random walk.
@@ -16,7 +16,7 @@
 //! So a return to rest that hides in the noise adds to the uncertainty what it may hide, and ten seconds of rest help by
 //! ten seconds' worth.
 
-use super::Track;
+use super::{Flicker, Track};
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
@@ -182,6 +182,8 @@ pub(super) struct Target<'a> {
     pub from_s: f64,
     /// Random walk of the bias about the axis, °/s/√s.
     pub walk: f64,
+    /// Flicker of the bias about the axis.
+    pub flicker: Flicker,
 }
 
 /// Estimates the rotation that the bias about one axis causes. `motions` is `None` for an axis whose rates at rest have no
@@ -204,12 +206,13 @@ pub(super) fn rotation(
         let range = &stretches[i].range;
         terms.mean(k, range, if k == 1 { temperature(range) } else { 0.0 })
     });
-    let wanted = integrals(&terms, target, temperature_c);
+    let wanted = integrals(instants(&terms, target, temperature_c), target);
+    let flicker = flicker(stretches, target);
     let noise = DMatrix::from_diagonal(&DVector::from_iterator(n, stretches.iter().map(|stretch| stretch.variance)));
     let tilts = DMatrix::from_fn(n, 2, |i, k| TILT_SHARE * stretches[i].tilt_dps[k]);
-    let own = &seen * seen.transpose() + &tilts * tilts.transpose() + noise;
-    let cross = &wanted * seen.transpose();
-    let prior = &wanted * wanted.transpose();
+    let own = &seen * seen.transpose() + &tilts * tilts.transpose() + noise + flicker.own;
+    let cross = &wanted * seen.transpose() + flicker.cross;
+    let prior = &wanted * wanted.transpose() + flicker.prior;
     let constant = DVector::from_fn(target.times.len(), |i, _| offset * wanted[(i, 0)] / BIAS_DPS);
     let given = Given { stretches, rates, own, cross, prior, from_s: target.from_s };
     let mut found = match motions {
@@ -224,26 +227,54 @@ pub(super) fn rotation(
     Some(Rotation { mean: mixed.mean + constant, ..mixed })
 }
 
-/// Integrates each term, times the weight, from the reference time to each time of the target.
-fn integrals(terms: &Terms, target: &Target, temperature_c: Track) -> DMatrix<f64> {
-    let (times, rows, count) = (target.times, target.times.len(), terms.count());
-    let mut sums = DMatrix::zeros(rows, count);
-    let instant = |i: usize, k: usize| {
-        let warm = || temperature_c.at(times[i]).unwrap_or_default();
-        target.weights[i] * terms.mean(k, &(times[i]..times[i]), if k == 1 { warm() } else { 0.0 })
-    };
-    for k in 0..count {
-        let mut last = instant(0, k);
-        for i in 1..rows {
-            let next = instant(i, k);
-            sums[(i, k)] = sums[(i - 1, k)] + 0.5 * (last + next) * (times[i] - times[i - 1]);
+/// Returns each term, times the weight, at each time of the target.
+fn instants(terms: &Terms, target: &Target, temperature_c: Track) -> DMatrix<f64> {
+    DMatrix::from_fn(target.times.len(), terms.count(), |i, k| {
+        let time = target.times[i];
+        let warm = || temperature_c.at(time).unwrap_or_default();
+        target.weights[i] * terms.mean(k, &(time..time), if k == 1 { warm() } else { 0.0 })
+    })
+}
+
+/// Integrates columns of values at the times of the target from the reference time to each of them.
+fn integrals(instants: DMatrix<f64>, target: &Target) -> DMatrix<f64> {
+    let mut sums = instants;
+    for mut column in sums.column_iter_mut() {
+        let mut last = std::mem::take(&mut column[0]);
+        for i in 1..column.len() {
+            let next = column[i];
+            column[i] = column[i - 1] + 0.5 * (last + next) * (target.times[i] - target.times[i - 1]);
             last = next;
         }
-        let column: Vec<f64> = sums.column(k).iter().copied().collect();
-        let zero = Track { time_s: times, value: &column }.at(target.from_s).unwrap_or_default();
-        sums.column_mut(k).add_scalar_mut(-zero);
+        let values: Vec<f64> = column.iter().copied().collect();
+        column.add_scalar_mut(-Track { time_s: target.times, value: &values }.at(target.from_s).unwrap_or_default());
     }
     sums
+}
+
+/// The part of flicker in the covariance of the rates, of the wanted rotation with them, and of the rotation.
+struct FlickerPart {
+    own: DMatrix<f64>,
+    cross: DMatrix<f64>,
+    prior: DMatrix<f64>,
+}
+
+fn flicker(stretches: &[Stretch], target: &Target) -> FlickerPart {
+    let (times, n) = (target.times, stretches.len());
+    // The bias at a time of the grid is its mean over the interval around it.
+    let half = times.get(1).map_or(0.5, |next| 0.5 * (next - times[0]));
+    let around = |i: usize| times[i] - half..times[i] + half;
+    let between = |one: &Range<f64>, other: &Range<f64>| target.flicker.covariance(one, other);
+    let cross = DMatrix::from_fn(times.len(), n, |i, j| target.weights[i] * between(&around(i), &stretches[j].range));
+    let lagged: Vec<f64> = (0..times.len()).map(|lag| between(&around(0), &around(lag))).collect();
+    let instants = DMatrix::from_fn(times.len(), times.len(), |i, j| {
+        target.weights[i] * target.weights[j] * lagged[i.abs_diff(j)]
+    });
+    FlickerPart {
+        own: DMatrix::from_fn(n, n, |i, j| between(&stretches[i].range, &stretches[j].range)),
+        cross: integrals(cross, target),
+        prior: integrals(integrals(instants, target).transpose(), target),
+    }
 }
 
 /// A combination of time constant and sizes of the motions.

@@ -5,6 +5,7 @@
 //! ([`expanded`](super::least_squares::expanded)).
 
 use super::{AxesError, Estimate, Sensor};
+use crate::attitude::Flicker;
 use crate::plan::PlanError;
 use crate::plan::source::{Exactly, FileKind, Source, number};
 use biflag_log::atomic_file;
@@ -70,7 +71,12 @@ const KINDS: [Kind; 11] = [
     kind("accel_offset_g", Keys::Axes, 1.0, "in standard gravity"),
     kind("mounting_deg", Keys::Axes, 30.0, "rotation of the sensor in the body"),
     kind("angle_random_walk_deg_per_root_s", Keys::Axes, 10.0, "white noise of the gyroscope"),
-    kind("bias_instability_dps", Keys::Axes, 10.0, "least Allan deviation of the gyroscope, divided by 0.664"),
+    kind(
+        "bias_instability_dps",
+        Keys::Axes,
+        10.0,
+        "instability of the gyroscope's bias: flicker, whose Allan deviation is 0.664 of it",
+    ),
     kind("bias_walk_dps_per_root_s", Keys::Axes, 10.0, "random walk of the gyroscope's bias"),
     kind("bias_dps_per_kelvin", Keys::Axes, 10.0, "change of the gyroscope's bias with temperature"),
 ];
@@ -272,9 +278,11 @@ impl MeasuredSensor {
             put("gyro_scale", axis, &mut prior.gyro_scale[i]);
             put("accel_scale", axis, &mut prior.accel_scale[i]);
             put("mounting_deg", axis, &mut prior.mounting_deg[i]);
-            // It has the Allan deviation of the longest averaging time, and so that of flicker. A short rest hardly tells it.
+            // The mean squares of what they may be: a short rest hardly tells them.
             if let Some(walk) = self.get("bias_walk_dps_per_root_s", axis) {
                 prior.bias_walk_dps_per_root_s[i] = walk.value.hypot(walk.u);
+                let flicker = self.get("bias_instability_dps", axis).unwrap_or_default();
+                prior.bias_flicker[i] = Flicker { instability_dps: flicker.value.hypot(flicker.u) };
             }
             for j in 0..3 {
                 let pair = pair(i, j);

@@ -7,10 +7,11 @@
 //! force_read[i] = (1 + scale[i]) force[i] + Σ cross[i][j] force[j] + offset[i] + noise
 //! ```
 //!
-//! with j ≠ i in the sums over `cross`, and the specific force in units of standard gravity. Biases and offsets are no part
+//! with j ≠ i in the sums over `cross`, and the specific force in units of the local gravity. Biases and offsets are no part
 //! of it: every trial measures them again at rest. The sensor's axes are turned from the body's by small angles, the
 //! mounting: attitude_read = attitude · rotation(mounting).
 
+mod bias_noise;
 mod file;
 mod least_squares;
 mod parameter;
@@ -28,6 +29,7 @@ pub use reading::RawReading;
 pub use still::{AxisNoise, StillError, StillResult, StillWatch};
 pub use turn::{TurnError, TurnPlan, TurnResult, TurnStep, TurnWatch};
 
+use crate::attitude::Flicker;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -67,8 +69,10 @@ pub struct Sensor {
     pub accel_drift_g_per_c: [Estimate; 3],
     /// Rotation from the body's to the sensor's axes about x, y and z, degrees.
     pub mounting_deg: [Estimate; 3],
-    /// Random walk of the gyroscope's bias about each axis that stands for its flicker, too.
+    /// Random walk of the gyroscope's bias about each axis. One that nobody has measured stands for its flicker, too.
     pub bias_walk_dps_per_root_s: [f64; 3],
+    /// Flicker of the gyroscope's bias about each axis.
+    pub bias_flicker: [Flicker; 3],
     /// Angle random walk of the gyroscope about z, where it was measured.
     pub angle_walk_z_deg_per_root_s: Option<Estimate>,
     /// What poses do not tell of the accelerometer's axes.
@@ -126,6 +130,7 @@ impl Sensor {
             accel_drift_g_per_c: data_sheet::ACCEL_DRIFT_G_PER_C.map(Estimate::within),
             mounting_deg: [Estimate::within(MOUNTING_DEG); 3],
             bias_walk_dps_per_root_s: [BIAS_WALK; 3],
+            bias_flicker: [Flicker::default(); 3],
             angle_walk_z_deg_per_root_s: None,
             axes: AxesError::default(),
         }

@@ -24,9 +24,6 @@ const UPRIGHT: f64 = 0.95;
 /// Longest time without a new pose, s.
 const PATIENCE_S: f64 = 120.0;
 
-/// The local gravity differs from the standard one by less than this, relative (9.780 to 9.833 m/s²).
-const LOCAL_GRAVITY: Estimate = Estimate::within(0.0028);
-
 /// The poses are not complete.
 #[derive(Error, Diagnostic, Clone, PartialEq, Debug)]
 #[error("{} missing: {}", if missing.len() == 1 { "a pose is" } else { "poses are" }, missing.join(", "))]
@@ -144,7 +141,7 @@ fn pose_of(rest: &Mean) -> Option<usize> {
 /// What six poses tell.
 #[derive(Clone, PartialEq, Debug)]
 pub struct PosesResult {
-    /// Relative scale error of the accelerometer.
+    /// Relative scale error of the accelerometer, which reads in units of the local gravity: attitudes need no other.
     pub accel_scale: [Estimate; 3],
     /// Its offset, standard gravity.
     pub accel_offset_g: [Estimate; 3],
@@ -170,7 +167,7 @@ fn evaluate(poses: &[Mean; 6], placement_deg: f64) -> Option<PosesResult> {
     let lean = |i: usize| (0..3).filter(|j| *j != i).map(|j| half_difference(j, i)).fold(0.0, f64::hypot);
     let accel_scale = std::array::from_fn(|i| {
         let value = half_difference(i, i) / (1.0 - cosine) - 1.0;
-        Estimate { value, u: LOCAL_GRAVITY.u.hypot(cosine).hypot(lean(i) * lean(i)) }
+        Estimate { value, u: cosine.hypot(lean(i) * lean(i)) }
     });
     // Each of both forces has the cosine of its own placement, on top of a lean that both have, and noise far below it.
     let accel_offset_g: [Estimate; 3] = std::array::from_fn(|i| {

@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector, Dyn, Rotation3, Vector3};
 use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::Robot;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Step of the finite differences, a logarithm or radians: small enough for the model to be linear, and large compared
 /// with the solver's error.
@@ -19,6 +20,10 @@ const FD_STEP: f64 = 0.01;
 /// robot: the solver's error is systematic (0.6 % of a tilt at 0.02), and the trial may have been computed by the same
 /// solver.
 const TOLERANCE: f64 = 1e-3;
+
+/// Largest change of a parameter with which slopes are used again: their own relative change is of its order, and a
+/// simulation with slopes costs as much as three or more without.
+const SAME_SLOPES: f64 = 0.03;
 
 /// Largest change of the logarithm of a parameter from its start: a factor of ten.
 const MAX_LOG_CHANGE: f64 = 2.3;
@@ -50,11 +55,16 @@ pub(super) struct Problem<'a> {
     moved: Vec<f64>,
     /// The model's blocks of the trials; `None` if the solver failed.
     modelled: Option<Vec<Blocks>>,
+    /// The last slopes, and the parameters where they were found.
+    slopes: Mutex<Option<(Vec<f64>, Arc<Slopes>)>>,
 }
+
+/// The derivatives of the errors with respect to each parameter: of each parameter, of each trial.
+pub(super) type Slopes = Vec<Vec<Blocks>>;
 
 impl<'a> Problem<'a> {
     pub fn new(given: Given<'a>, start: &'a Robot) -> Self {
-        let mut problem = Self { moved: vec![0.0; given.parameters.len()], given, start, modelled: None };
+        let mut problem = Self { moved: vec![0.0; given.parameters.len()], given, start, modelled: None, slopes: Mutex::default() };
         problem.modelled = problem.model(problem.start, &problem.moved);
         problem
     }
@@ -109,8 +119,17 @@ impl<'a> Problem<'a> {
         self.given.weights.square(trial, &difference(&modelled, &self.given.trials[trial].measured))
     }
 
-    /// Returns the derivatives of the errors with respect to each parameter; `None` if the solver fails.
-    pub fn slopes(&self) -> Option<Vec<Vec<Blocks>>> {
+    /// Returns the derivatives of the errors with respect to each parameter, here or nearby; `None` if the solver fails.
+    pub fn slopes(&self) -> Option<Arc<Slopes>> {
+        let mut last = self.slopes.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_near = |at: &[f64]| at.iter().zip(&self.moved).all(|(at, now)| (at - now).abs() < SAME_SLOPES);
+        if !last.as_ref().is_some_and(|(at, _)| is_near(at)) {
+            *last = Some((self.moved.clone(), Arc::new(self.slopes_here()?)));
+        }
+        last.as_ref().map(|(_, slopes)| slopes.clone())
+    }
+
+    fn slopes_here(&self) -> Option<Slopes> {
         let mut tight = self.start.clone();
         tight.solver.tolerance = tight.solver.tolerance.min(TOLERANCE);
         let modelled = self.model(&tight, &self.moved)?;
