@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 pub const BLOCKS: usize = 32;
 
 /// The claims to one shard, since its worker began.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Claims {
     folder: PathBuf,
     shard: Shard,

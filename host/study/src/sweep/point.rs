@@ -44,10 +44,15 @@ impl Shard {
     /// All points.
     pub const ALL: Self = Self { index: 0, of: 1 };
 
-    /// Returns whether a point belongs to this part. Neighbours in a plan often take equally long; selecting by name
-    /// distributes them over the shards.
+    /// Returns the index of the part of `of` parts that a point belongs to. Neighbours in a plan often take equally long;
+    /// selecting by name distributes them over the shards.
+    pub fn index_of(name: &Name, of: u64) -> u64 {
+        name.number() % of
+    }
+
+    /// Returns whether a point belongs to this part.
     pub fn has(&self, name: &Name) -> bool {
-        name.number() % self.of == self.index
+        Self::index_of(name, self.of) == self.index
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::SweepError;
 use super::folder::{Counts, Folder};
+use super::point::Shard;
 use super::points::Points;
 use std::collections::BTreeMap;
 
@@ -32,7 +33,7 @@ impl Folder {
     pub fn shards(&self, of: u64, counts: &Counts) -> Vec<ShardCounts> {
         let mut shards = vec![ShardCounts::default(); of as usize];
         for index in 0..self.sweep.plan.points() {
-            let shard = &mut shards[(self.sweep.name(index).number() % of) as usize];
+            let shard = &mut shards[Shard::index_of(&self.sweep.name(index), of) as usize];
             shard.points += 1;
             shard.done += u64::from(counts.done.has(index));
             shard.failed += u64::from(counts.failed.has(index));

@@ -97,9 +97,8 @@ impl<'a> Work<'a> {
             if self.shard != Shard::ALL {
                 self.claims = Some(Claims::begin(&self.folder.path, self.shard)?);
             }
-            let claims = self.claims.as_ref().and_then(|claims| claims.of_other(self.shard.index));
             let order = self.folder.dearest_first(self.shard);
-            self.stage = Stage::Blocks { behind, claims, order, block: 0 };
+            self.stage = Stage::Blocks { behind, claims: self.claims.clone(), order, block: 0 };
         } else if behind == self.shard.of {
             self.stage = if self.claims.is_some() { Stage::Rest } else { Stage::Ended };
         } else {
