@@ -100,6 +100,7 @@ proof: build
 hostile: build
 	KILLS=$(KILLS) $(CARGO) test --release --locked -p tests --test all interruption::killed -- --nocapture
 	KILLS=50 $(CARGO) test --release --locked -p tests --test all sweep::killed -- --nocapture
+	ROUNDS=20 $(CARGO) test --release --locked -p tests --test all sweep_together -- --nocapture
 	EVERY_BYTE=1 $(CARGO) test --release --locked -p tests --test every_byte -- --nocapture
 	LINES=100 $(CARGO) test --release --locked -p tests --test all spoilt_line::only -- --nocapture
 	FRAMES=1000000 $(CARGO) test --release --locked -p tests --test all link::frames_dropped_at_random -- --nocapture

@@ -170,7 +170,7 @@ fn intervals_are_those_of_the_fit_or_have_no_confidence() {
 }
 
 #[test]
-fn an_attitude_out_of_reach_is_said_to_be_so() {
+fn an_attitude_out_of_reach_is_not_found() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("plan.toml");
     let (output, json) = biflag(&["--yaw", "0", "--pitch", "60", "-o", path(&out)]);

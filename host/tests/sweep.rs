@@ -152,7 +152,8 @@ fn every_mistake_is_named_with_its_cure() {
         ("[trial]\nphases = 0\n[speeds]\npairs = [[1, 2]]\n", "phases cannot be 0", "from 1 to 360"),
         ("[trial]\nrun = 0\n[speeds]\npairs = [[1, 2]]\n", "run cannot be 0", "plain number"),
         ("[trial]\nmethod = \"fast\"\n[speeds]\npairs = [[1, 2]]\n", "method cannot be \"fast\"", "\"trial\""),
-        ("[trial]\npreroll = 5\n[speeds]\npairs = [[1, 2]]\n", "unknown key `preroll`", "`run`"),
+        ("[trial]\nrolls = 5\n[speeds]\npairs = [[1, 2]]\n", "unknown key `rolls`", "`run`"),
+        ("[trial]\nphase_deg = [0, 90]\n[speeds]\npairs = [[1, 2]]\n", "a sweep has no phase_deg", "phases = 4"),
         ("vary = 3\n[speeds]\npairs = [[1, 2]]\n", "vary cannot be 3", "[vary]"),
         ("[speeds]\npairs = [[1, 2, 3]]\n", "pairs cannot be [[1, 2, 3]]", "pairs = [[50, 10]]"),
     ] {
@@ -168,6 +169,31 @@ fn every_mistake_is_named_with_its_cure() {
     let robot_is = format!("[session]\nrobot = \"mine.toml\"\n{mixture}");
     let error = SweepPlan::parse(&robot_is, "plan.toml", &robot).unwrap_err().to_string();
     assert!(error.ends_with("fluid.viscosity_pa_s has no effect"), "{error}");
+}
+
+/// A plan for trials is a sweep over its speeds, unless they change in the run.
+#[test]
+fn plans_for_trials_are_sweeps() {
+    for (name, wanted) in [
+        ("published-map", Ok(190)),
+        ("published-points", Ok(4)),
+        ("demo", Ok(2)),
+        ("bundling", Err("a sweep has no reverse")),
+        ("hand-turn-z", Err("a sweep has no hand_turn")),
+    ] {
+        let found = SweepPlan::load(Path::new(name)).map(|plan| plan.points());
+        match (found, wanted) {
+            (Ok(points), Ok(wanted)) => assert_eq!(points, wanted, "{name}"),
+            (Err(error), Err(wanted)) => assert!(error.to_string().ends_with(wanted), "{error}"),
+            (found, wanted) => panic!("{name}: {found:?}, not {wanted:?}"),
+        }
+    }
+    let trials = "[session]\nseed = 7\nrepeats = 3\nsensor = \"s.toml\"\n[trial]\nrest_at_most = 9\nrun = 60\n\
+                  [board]\ngyro_range_dps = 250\n[speeds]\npairs = [[50, 10], [37.3, -52.91]]\n";
+    let plan = parse(trials).unwrap();
+    assert_eq!((plan.points(), plan.method, plan.run_s), (2, Method::Steady, 60.0), "a repeat has the same state");
+    let error = parse(&trials.replace("rest_at_most = 9", "preroll = \"9\"")).unwrap_err().to_string();
+    assert!(error.contains("preroll cannot be \"9\""), "{error}");
 }
 
 #[test]
@@ -196,6 +222,19 @@ fn every_point_is_a_row() {
     let rows = rows(&folder.join("short"));
     assert_eq!(rows.len(), 24);
     assert!(rows.windows(2).all(|pair| pair[0]["point"] < pair[1]["point"]), "sorted by name");
+    let failed = expect(&biflag(folder, &["sweep", "status", "short", "--failed", "--json"]), 0)["reasons"].clone();
+    assert_eq!((failed.as_array().unwrap().len(), &failed[0]["points"]), (1, &8.into()), "{failed}");
+    assert_eq!(failed[0]["values"]["group.spacing"], 0.4);
+    assert!(failed[0]["reason"].as_str().unwrap().starts_with("base.motor_distance_m = "), "{failed}");
+    let mut costs = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(folder.join("short/cost.csv")).unwrap();
+    let costs: Vec<BTreeMap<String, String>> = costs.deserialize().map(Result::unwrap).collect();
+    for (cost, row) in costs.iter().zip(&rows) {
+        assert_eq!((&cost["point"], &cost["kind"]), (&row["point"], &row["kind"]));
+        assert!((0.0..60.0).contains(&number(cost, "processor_s")) && !cost["host"].is_empty(), "{cost:?}");
+        assert!((number(cost, "sweeps") > 10.0) == (row["status"] == "ok"), "{cost:?}");
+        assert!(cost["program"].starts_with(env!("CARGO_PKG_VERSION")));
+    }
+    assert_eq!(costs.len(), 24);
     for row in &rows {
         let is_ok = row["group_spacing_relative"] != "0.4";
         assert_eq!(row["status"], if is_ok { "ok" } else { "failed" });
@@ -272,7 +311,7 @@ fn table_does_not_depend_on_jobs_shards_or_order() {
 fn a_sweep_goes_on_where_it_ended_and_only_when_asked() {
     let bench = bench(PLAN);
     let folder = bench.path();
-    // Points belong to a shard by their names, which depend on the commit; so may its failing points.
+    // Points belong to a shard by their names, which depend on the version of the results; so may its failing points.
     let half = biflag(folder, &["sweep", "plan.toml", "--shard", "1/2"]);
     assert!(matches!(half.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&half.stderr));
     let again = biflag(folder, &["sweep", "plan.toml", "--shard", "1/2"]);
@@ -283,7 +322,20 @@ fn a_sweep_goes_on_where_it_ended_and_only_when_asked() {
     let (done, missing) = (status["done"].as_u64().unwrap(), status["missing"].as_u64().unwrap());
     assert!(done > 0 && missing > 0 && done + missing == 24, "{status}");
     assert_eq!((&status["table"], &status["time_left_s"]), (&Value::Null, &Value::Null));
-    let merged = expect(&biflag(folder, &["sweep", "merge", "short", "--json"]), 3);
+    let shards = expect(&biflag(folder, &["sweep", "status", "short", "--shards", "2", "--json"]), 0)["shards"].clone();
+    let of = |key: &str| [0, 1].map(|shard| shards[shard][key].as_u64().unwrap());
+    assert_eq!((of("shard"), of("done"), of("missing")), ([1, 2], [done, 0], [0, missing]));
+    let text = biflag(folder, &["sweep", "status", "short", "--shards", "2"]).stdout;
+    let wanted = format!("1 of 2 shards done\nshard 2/2: 0 of {missing} points, 0 failed\n");
+    assert!(String::from_utf8_lossy(&text).ends_with(&wanted), "{}", String::from_utf8_lossy(&text));
+
+    // A table that lacks points is written only when that is asked for.
+    let refused = biflag(folder, &["sweep", "merge", "short"]);
+    assert_eq!(refused.status.code(), Some(1));
+    let wanted = format!("short: {missing} of 24 points are missing, no table is written");
+    assert!(String::from_utf8_lossy(&refused.stderr).contains(&wanted), "{refused:?}");
+    assert!(!folder.join("short/table.csv").exists() && !folder.join("short/table.parquet").exists());
+    let merged = expect(&biflag(folder, &["sweep", "merge", "short", "--partial", "--json"]), 3);
     assert_eq!(merged["missing"], missing);
     assert_eq!(rows(&folder.join("short")).len() as u64, done, "a table of what is there");
 
@@ -298,12 +350,61 @@ fn a_sweep_goes_on_where_it_ended_and_only_when_asked() {
     assert!(String::from_utf8_lossy(&other.stderr).contains("a sweep of another plan"));
 }
 
+/// Returns the points that a command has computed itself, from its progress: those of all, less those of its first line.
+fn begun_with(output: &Output) -> String {
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    text.lines().next().unwrap_or_default().to_owned()
+}
+
+/// A plan that grows in an axis, by an axis, and in its speeds takes over all that it had. Another plan's index, the number
+/// of phases where none matter, and the commit of the program are no part of a point.
+#[test]
+fn a_plan_that_grows_reuses_what_it_had() {
+    let bench = bench(PLAN);
+    let folder = bench.path();
+    expect(&biflag(folder, &["sweep", "plan.toml", "--shard", "1/2", "--out", "old"]), 3);
+    expect(&biflag(folder, &["sweep", "plan.toml", "--shard", "2/2", "--resume", "--out", "old"]), 3);
+    // A commit does not change results.
+    let parts = std::fs::read_dir(folder.join("old")).unwrap().map(|entry| entry.unwrap().path());
+    assert_eq!(parts.filter(|path| path.extension().is_some_and(|end| end == "part")).count(), 2);
+    let grown = PLAN
+        .replace("[0.4, 1, 1.5]", "[0.4, 0.9, 1, 1.5]")
+        .replace("[vary]", "[vary]\n\"joint.coulomb_nm\" = [2e-6, OWN]")
+        .replace("OWN", &sim::params::Robot::default().joint.coulomb_nm.to_string())
+        .replace("pairs = [", "pairs = [[37.3, -52.91], ")
+        .replace("short", "grown");
+    std::fs::write(folder.join("grown.toml"), &grown).unwrap();
+    let swept = biflag(folder, &["sweep", "grown.toml", "--reuse", "old", "--jobs", "1"]);
+    expect(&swept, 3);
+    assert!(begun_with(&swept).contains("24 of 80 points"), "{}", begun_with(&swept));
+    // The same bytes as without.
+    expect(&biflag(folder, &["sweep", "grown.toml", "--out", "anew"]), 3);
+    assert!(tables(&folder.join("grown")) == tables(&folder.join("anew")));
+
+    // At submission, and for more phases: those of (50, 10) rpm do not matter.
+    std::fs::write(folder.join("phases.toml"), PLAN.replace("phases = 2", "phases = 3").replace("short", "phases"))
+        .unwrap();
+    expect(&biflag(folder, &["sweep", "slurm", "phases.toml", "--shards", "2", "--reuse", "old", "--json"]), 0);
+    let status = expect(&biflag(folder, &["sweep", "status", "phases", "--json"]), 0);
+    assert_eq!((&status["done"], &status["points"]), (&6.into(), &24.into()));
+
+    // Results of another version of the model are not taken over.
+    let manifest = folder.join("old/sweep.toml");
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    let version = format!("results = {}", host::sweep::RESULTS);
+    std::fs::write(&manifest, text.replace(&version, "results = 0")).unwrap();
+    let refused = biflag(folder, &["sweep", "grown.toml", "--reuse", "old", "--out", "new"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("has results of version 0"), "{refused:?}");
+}
+
 /// A part that was cut off, changed, or copied from another sweep costs its points and nothing else.
 #[test]
 fn damaged_and_foreign_parts_are_noticed() {
-    let bench = bench(PLAN);
+    let plan = PLAN.replace("0.4, 1, 1.5", "1, 1.5");
+    let bench = bench(&plan);
     let folder = bench.path();
-    expect(&biflag(folder, &["sweep", "plan.toml"]), 3);
+    expect(&biflag(folder, &["sweep", "plan.toml"]), 0);
     let wanted = tables(&folder.join("short"));
     let part = |sweep: &str| {
         let entries = std::fs::read_dir(folder.join(sweep)).unwrap().map(|entry| entry.unwrap().path());
@@ -312,16 +413,20 @@ fn damaged_and_foreign_parts_are_noticed() {
     let whole = part("short");
     let bytes = std::fs::read(&whole).unwrap();
     std::fs::write(&whole, &bytes[..bytes.len() / 2]).unwrap();
-    let merged = expect(&biflag(folder, &["sweep", "merge", "short", "--json"]), 3);
-    assert!(merged["missing"].as_u64().unwrap() >= 10, "{merged}");
+    let merged = expect(&biflag(folder, &["sweep", "merge", "short", "--partial", "--json"]), 3);
+    assert!(merged["missing"].as_u64().unwrap() >= 7, "{merged}");
     assert!(merged["warnings"][0].as_str().unwrap().contains("cut off or damaged"), "{merged}");
+    let refused = biflag(folder, &["sweep", "merge", "short"]);
+    let error = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(1) && error.contains("(cut off or damaged: part-"), "{error}");
 
-    std::fs::write(folder.join("other.toml"), PLAN.replace("run = 0.4", "run = 0.5").replace("short", "other"))
+    std::fs::write(folder.join("other.toml"), plan.replace("run = 0.4", "run = 0.5").replace("short", "other"))
         .unwrap();
-    expect(&biflag(folder, &["sweep", "other.toml"]), 3);
+    expect(&biflag(folder, &["sweep", "other.toml"]), 0);
     std::fs::copy(part("other"), folder.join("short/part-0000000000000000.part")).unwrap();
-    let whole = expect(&biflag(folder, &["sweep", "plan.toml", "--resume", "--json"]), 3);
-    assert_eq!((&whole["done"], &whole["missing"]), (&24.into(), &0.into()));
+    let whole = expect(&biflag(folder, &["sweep", "plan.toml", "--resume", "--json"]), 0);
+    assert_eq!((&whole["done"], &whole["missing"]), (&16.into(), &0.into()));
+    assert_eq!(whole["warnings"], serde_json::json!([]), "the damaged part is still there, and nothing is lost");
     assert!(tables(&folder.join("short")) == wanted);
 }
 
@@ -364,10 +469,13 @@ fn slurm_script_is_a_valid_shell_script() {
     let checked = Command::new("bash").args(["-n", "sweep.sh"]).current_dir(bench.path()).output().unwrap();
     assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
     let script = String::from_utf8(output.stdout).unwrap();
-    for part in ["--requeue", "--signal=B:USR1@120", "--array=", "afterany", "MaxArraySize", "it-s-short", "SHARDS=12"]
+    for part in ["--requeue", "--signal=B:USR1@120", "--array=", "afterany", "MaxArraySize", "it-s-short", "$shard/12"]
     {
         assert!(script.contains(part), "{part} is not in {script}");
     }
+    // The submission has written the manifest.
+    let status = expect(&biflag(bench.path(), &["sweep", "status", "it-s-short", "--json"]), 0);
+    assert_eq!(status["points"], 24);
 }
 
 /// Every command states the same value of a quantity, to the last digit, for one starting phase and for several.

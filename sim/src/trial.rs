@@ -82,9 +82,9 @@ pub struct Summary {
     pub first_contact_s: Option<f64>,
     /// The closest state that the flagella reached.
     pub bundling: Bundling,
-    /// Steps taken.
+    /// Steps taken; for a steady state that is solved for, with those of the search.
     pub steps: u64,
-    /// Sweeps of all accepted steps.
+    /// Sweeps of all accepted steps, likewise.
     pub sweeps: u64,
     /// Largest estimated error of a step, m.
     pub step_error_m: f64,
@@ -109,7 +109,7 @@ pub struct Checkpoint {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Totals {
+pub(crate) struct Totals {
     min_gap: f64,
     largest_contact: f64,
     first_contact: Option<f64>,
@@ -191,7 +191,9 @@ impl Trial {
         let profile = profile.from_angles(phase(&self.solver));
         let last = self.progress.dense.newest().copied();
         let control = self.progress.control;
+        let spent = self.progress.summary;
         let mut trial = Self::from(self.solver, profile, self.options, DenseOutput::default(), (state, control));
+        trial = trial.with_spent(&spent);
         if let Some(StepRecord { forces, contact, .. }) = last {
             trial.keep(forces, contact);
         }
@@ -202,6 +204,18 @@ impl Trial {
     pub(crate) fn with_collected(mut self, collected: SteadyCollector) -> Self {
         self.progress.steady = collected;
         self
+    }
+
+    /// Returns the trial whose steps and sweeps include these, which were taken before it.
+    pub(crate) fn with_spent(mut self, before: &Totals) -> Self {
+        self.progress.summary.steps += before.steps;
+        self.progress.summary.sweeps += before.sweeps;
+        self
+    }
+
+    /// Returns the totals, for [`Self::with_spent`].
+    pub(crate) fn totals(&self) -> &Totals {
+        &self.progress.summary
     }
 
     /// Returns what the steady state is computed from.

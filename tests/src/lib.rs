@@ -97,10 +97,16 @@ impl Bench {
 
     /// Starts `biflag` in the folder; [`Run::of`] waits for its end.
     pub fn start<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(&self, arguments: I) -> Child {
+        self.command(arguments).spawn().expect("biflag starts")
+    }
+
+    /// Returns the command that [`Self::start`] starts.
+    pub fn command<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(&self, arguments: I) -> Command {
         let mut command = Command::new(program("biflag"));
         command.args(arguments).current_dir(self.path()).stdin(Stdio::null());
         command.env("XDG_CONFIG_HOME", self.path().join("config"));
-        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("biflag starts")
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
     }
 }
 

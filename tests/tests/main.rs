@@ -34,6 +34,7 @@ mod slurm;
 mod spoilt_line;
 mod standalone;
 mod sweep;
+mod sweep_together;
 mod truth;
 mod twin;
 

@@ -129,6 +129,22 @@ fn memory_does_not_grow_with_the_points() {
     assert!(peaks[1] < 1.5 * peaks[0], "{peaks:?}");
 }
 
+/// A million impossible points are merged in one pass over the parts. Prints its time and memory.
+#[test]
+#[ignore = "a minute, and a gigabyte on the disk; make proof"]
+fn a_million_points_are_merged_in_one_pass() {
+    let bench = Bench::new();
+    bench.file(
+        "plan.toml",
+        "[vary]\n\"group.spacing\" = { from = 0.1, to = 0.4, count = 1000000 }\n[speeds]\npairs = [[50, 10]]\n",
+    );
+    bench.run(["sweep", "plan.toml", "--shard", "1/1", "--out", "million"]).expect_code(3);
+    let begun = Instant::now();
+    let peak = peak_mb(bench.start(["sweep", "merge", "million"]));
+    println!("a million points: merged in {:.1} s, peak memory {peak:.1} MB", begun.elapsed().as_secs_f64());
+    assert!(peak < 200.0);
+}
+
 /// Robots and speeds all over: every point is a row, without a panic or a number that is none. Prints the cost of speeds
 /// alone and of robots that all differ.
 #[test]

@@ -1,10 +1,12 @@
 //! Atomic creation and replacement of files: a reader sees the old file, the new one or none, never a partial file.
 //!
-//! A file is written as a draft beside it, `NAME.PROCESS.partial`. A program that is killed leaves its draft behind.
-//! Drafts are locked while they are written, so that [`sweep`] can tell one that is left from one in use.
+//! A file is written as a draft beside it, `NAME.RANDOM.partial`. Programs on several computers, or in containers with
+//! equal process numbers, may write the same file at once: none of them touches the draft of another. A program that is
+//! killed leaves its draft behind. [`sweep`] removes such drafts from a folder that one program has for itself.
 
 use std::ffi::OsStr;
 use std::fs::File;
+use std::hash::{BuildHasher, RandomState};
 use std::io::{BufWriter, Error, ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
 
@@ -44,22 +46,14 @@ pub struct Draft {
 }
 
 impl Draft {
-    /// Creates the draft of the file at `path`, after removing the drafts of it that killed programs left.
+    /// Creates a draft of the file at `path`.
     ///
     /// # Errors
     /// The draft cannot be created.
     pub fn create(path: &Path) -> Result<Self> {
-        if let Some(name) = path.file_name() {
-            sweep_those(folder_of(path), |of| of == name);
-        }
-        let draft = path.with_added_extension(format!("{}.partial", std::process::id()));
-        // A link is removed, not its target.
-        match std::fs::remove_file(&draft) {
-            Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
-            _ => {}
-        }
+        let draft = path.with_added_extension(format!("{}.partial", random_name()));
         let file = File::options().read(true).write(true).create_new(true).open(&draft)?;
-        // Not every file system supports locks. Without them, drafts that are left stay.
+        // For `sweep`. Not every file system supports locks. Without them, it may not be called.
         let _ = file.try_lock();
         Ok(Self { file, path: draft })
     }
@@ -89,13 +83,9 @@ impl Drop for Draft {
     }
 }
 
-/// Removes the drafts in a folder that killed programs left.
+/// Removes the drafts in a folder that killed programs left. The caller has locked the folder's content for itself. What
+/// cannot be removed stays: a draft is not worth an error.
 pub fn sweep(folder: &Path) {
-    sweep_those(folder, |_| true);
-}
-
-/// Removes the drafts of the files whose name is `wanted`. What cannot be removed stays: the sweep is not worth an error.
-fn sweep_those(folder: &Path, wanted: impl Fn(&OsStr) -> bool) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let path = entry.path();
@@ -103,20 +93,22 @@ fn sweep_those(folder: &Path, wanted: impl Fn(&OsStr) -> bool) {
             let file = File::options().read(true).write(true).open(&path).ok()?;
             file.try_lock().ok()
         };
-        if drafted(&path).is_some_and(&wanted)
-            && entry.file_type().is_ok_and(|kind| kind.is_file())
-            && is_left().is_some()
-        {
+        if is_draft(&path) && entry.file_type().is_ok_and(|kind| kind.is_file()) && is_left().is_some() {
             let _ = std::fs::remove_file(&path);
         }
     }
 }
 
-/// Returns the name of the file that this is a draft of.
-fn drafted(path: &Path) -> Option<&OsStr> {
-    let process = Path::new(path.file_stem().filter(|_| path.extension() == Some("partial".as_ref()))?);
-    process.extension()?.to_str()?.parse::<u32>().ok()?;
-    process.file_stem()
+/// Returns whether this is the name of a draft.
+fn is_draft(path: &Path) -> bool {
+    let random = path.file_stem().map(Path::new).and_then(Path::extension).and_then(OsStr::to_str);
+    path.extension() == Some("partial".as_ref()) && random.is_some_and(|text| u64::from_str_radix(text, 16).is_ok())
+}
+
+/// Returns a name that no other program has, on this computer or another one: 16 random digits.
+pub fn random_name() -> String {
+    // Its keys come from the system's source of random numbers.
+    format!("{:016x}", RandomState::new().hash_one(()))
 }
 
 /// Syncs the folder of a file, so that its name is on the disk. Not every file system can sync a folder.
@@ -140,10 +132,7 @@ mod tests {
         std::fs::create_dir(&inside).unwrap();
         std::fs::write(&outside, "precious").unwrap();
         let page = inside.join("page");
-        let draft = page.with_added_extension(format!("{}.partial", std::process::id()));
-        for link in [page.clone(), draft] {
-            std::os::unix::fs::symlink(&outside, link).unwrap();
-        }
+        std::os::unix::fs::symlink(&outside, &page).unwrap();
         replace(&page, |file| file.write_all(b"new")).unwrap();
         assert_eq!(std::fs::read_to_string(&outside).unwrap(), "precious");
         assert_eq!(std::fs::read_to_string(&page).unwrap(), "new");
@@ -183,19 +172,34 @@ mod tests {
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
+    /// Without locks, and with the same process number, as those of two containers.
+    #[test]
+    fn drafts_of_one_file_do_not_touch_each_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let page = folder.path().join("page");
+        let mut drafts = [(); 9].map(|()| Draft::create(&page).unwrap());
+        for (number, draft) in drafts.iter_mut().enumerate() {
+            draft.file.unlock().unwrap();
+            write!(draft.file, "{number}").unwrap();
+        }
+        replace(&page, |file| file.write_all(b"whole")).unwrap();
+        for (number, draft) in drafts.iter().enumerate() {
+            assert_eq!(std::fs::read_to_string(&draft.path).unwrap(), number.to_string());
+        }
+        drop(drafts);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
     #[test]
     fn drafts_of_killed_programs_are_swept() {
         let folder = tempfile::tempdir().unwrap();
-        let [left, of_another, log] =
-            ["page.1.partial", "other.2.partial", "a.mcap"].map(|name| folder.path().join(name));
-        for file in [&left, &of_another, &log] {
+        let [left, log, other] = ["page.1f.partial", "a.mcap", "not.partial"].map(|name| folder.path().join(name));
+        for file in [&left, &log, &other] {
             std::fs::write(file, "half").unwrap();
         }
         let in_use = Draft::create(&folder.path().join("page")).unwrap();
-        assert!(!left.exists() && of_another.exists());
-        std::fs::write(folder.path().join("not.a.partial"), "").unwrap();
+        assert!(left.exists(), "a draft of another program");
         sweep(folder.path());
-        assert!(!of_another.exists() && log.exists() && in_use.path.exists());
-        assert!(folder.path().join("not.a.partial").exists());
+        assert!(!left.exists() && log.exists() && in_use.path.exists() && other.exists());
     }
 }

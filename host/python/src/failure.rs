@@ -138,7 +138,10 @@ impl From<SweepError> for Failure {
                 "check that the folder is readable and writable, and that the disk has space; then go on",
                 Self::of_file(path, &error),
             ),
-            SweepError::NotASweep { ref folder } => Self::of_file(folder, &error),
+            SweepError::Missing { ref folder, .. } => help("go on with the same plan", Self::of_file(folder, &error)),
+            SweepError::NotASweep { ref folder } | SweepError::Results { ref folder, .. } => {
+                Self::of_file(folder, &error)
+            }
             SweepError::Table { ref path, .. } => Self::of_file(path, &error),
             SweepError::Threads(_) => Self { key: "threads".to_owned(), ..Self::of(&error) },
         }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use study::export::table::Table;
 use study::plan::{PlanError, robot};
-use study::sweep::{Folder, Merged, Points, Record, Shard, SweepPlan, read_table};
+use study::sweep::{Folder, Merged, Missing, Points, Record, Shard, SweepPlan, read_table};
 
 /// The columns of a table, what they hold, and warnings for the user.
 type Answer<'py> = (Bound<'py, PyDict>, About, Vec<String>);
@@ -90,7 +90,7 @@ fn compute(
     if stop.load(Ordering::Relaxed) {
         return Err(Failure::interrupted());
     }
-    folder.merge()?;
+    folder.merge(Missing::Refused)?;
     of_folder(folder)
 }
 

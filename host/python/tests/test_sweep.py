@@ -36,16 +36,15 @@ pairs = [[50, 10]]
 
 
 def same(ours: biflag.Table, theirs: biflag.Table) -> None:
-    """Asserts that two tables have the same rows, but for the names of points, which the version of the program is in."""
+    """Asserts that two tables have the same rows."""
     assert list(ours) == list(theirs) and ours.about == theirs.about
 
     def order(table: biflag.Table) -> list[int]:
         return [int(row) for row in np.lexsort([table["w1_rpm"], table["viscosity_pa_s"]])]
 
     for name in ours:
-        if name != "point":
-            one, other = ours[name][order(ours)], theirs[name][order(theirs)]
-            assert one.astype(str).tolist() == other.astype(str).tolist(), name
+        one, other = ours[name][order(ours)], theirs[name][order(theirs)]
+        assert one.astype(str).tolist() == other.astype(str).tolist(), name
 
 
 def test_the_table_is_that_of_the_command_line(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
     biflag aim --yaw=-67 --pitch=-4\n  \
     biflag aim --yaw=-100 --tilt 5 --robot fitted.toml -o plan.toml && biflag record plan.toml\n\
     Two speeds determine two quantities: give two, or more if they are consistent. Yaw is matched modulo 360 degrees.\n\
-    If the attitude is not reachable, the nearest one is printed, with exit code 3.")]
+    If no speeds are found, the nearest attitude is printed, with exit code 3; other speeds may still reach it.")]
 pub struct Args {
     /// Steady yaw, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
@@ -124,7 +124,7 @@ fn describe(robot: &str, target: &Target, aimed: &Aimed) -> String {
     let mut text = match &aimed.nearest {
         None => format!("{target}: {}, robot {robot}\n", count(aimed.solutions.len(), "solution")),
         Some(_) => {
-            format!("{target}: not reachable with the robot {robot} within ±90 rpm; the nearest attitude found\n")
+            format!("{target}: not found with the robot {robot} within ±90 rpm; the nearest attitude found\n")
         }
     };
     for solution in aimed.solutions.iter().chain(&aimed.nearest) {

@@ -31,6 +31,7 @@
 //! ([`crate::steady`]).
 //! `sim/docs/steady.md` has the comparison with trials.
 
+pub mod effort;
 mod modes;
 mod period;
 pub mod phases;
@@ -162,9 +163,13 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
             let whole = SpeedProfile::constant(rpm, end)?.from_angles(start_rad);
             follow(*trial, &whole, simulated_s, output.is_some(), watch)
         }
-        Outcome::Lost { simulated_s, .. } | Outcome::Failed { simulated_s } => {
+        Outcome::Lost { trial: searched, simulated_s } | Outcome::Failed { trial: searched, simulated_s } => {
             let trial = Trial::new(robot, closure, whole.clone(), output.unwrap_or_default())?;
-            follow(trial, &whole, simulated_s, output.is_some(), watch)
+            follow(trial.with_spent(searched.totals()), &whole, simulated_s, output.is_some(), watch)
+        }
+        Outcome::None => {
+            let trial = Trial::new(robot, closure, whole.clone(), output.unwrap_or_default())?;
+            follow(trial, &whole, 0.0, output.is_some(), watch)
         }
     }
 }

@@ -98,6 +98,11 @@ impl Phases {
         STANDARD_ERRORS.map(of)
     }
 
+    /// Returns the sweeps of the solver for all phases.
+    pub fn sweeps(&self) -> u64 {
+        self.0.iter().map(|state| state.summary.sweeps).sum()
+    }
+
     fn values<'a>(&'a self, quantity: &'a Quantity) -> impl Iterator<Item = f64> + 'a {
         self.0.iter().map(|state| (quantity.value)(&state.summary))
     }

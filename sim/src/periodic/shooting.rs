@@ -52,8 +52,10 @@ pub enum Outcome {
     Found { trial: Box<Trial>, before: Box<Steady>, samples: Vec<Sample> },
     /// Without one, at the end of a trial.
     Lost { trial: Box<Trial>, simulated_s: f64 },
-    /// Where there is nothing to search for, or a step failed.
-    Failed { simulated_s: f64 },
+    /// Where a step failed.
+    Failed { trial: Box<Trial>, simulated_s: f64 },
+    /// There is nothing to search for.
+    None,
 }
 
 /// Searches for the motion that repeats.
@@ -70,7 +72,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
         // What is impossible is an error here, too.
         SpeedProfile::constant(rpm, 1.0)?;
         robot.validate()?;
-        return Ok(Outcome::Failed { simulated_s: 0.0 });
+        return Ok(Outcome::None);
     };
     let intervals = (period / SAMPLE_S).round() as usize;
     let interval = period / intervals as f64;
@@ -91,7 +93,8 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
         // Coarse periods are never the result.
         let mut output = (output.is_some() && !is_coarse).then(Vec::new);
         let Some(path) = path(&mut trial, intervals, interval, output.as_mut(), watch)? else {
-            return Ok(Outcome::Failed { simulated_s: trial.state().time });
+            let simulated_s = trial.state().time;
+            return Ok(Outcome::Failed { trial: Box::new(trial), simulated_s });
         };
         let simulated_s = trial.state().time;
         let (from, end) = (path[0], path[intervals]);

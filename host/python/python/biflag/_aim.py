@@ -94,7 +94,7 @@ class Aimed:
     """Speeds at which a robot takes an attitude. In a notebook it shows itself as a table."""
 
     reachable: bool
-    """Whether there are solutions."""
+    """Whether solutions were found; others may exist."""
     solutions: list[Solution]
     """Speeds at which the target is met, the nearest first."""
     nearest: Solution | None
@@ -135,7 +135,7 @@ class Aimed:
 
     def _title(self) -> str:
         count = len(self.solutions)
-        found = f"{count} solution{'s' if count > 1 else ''}" if self.reachable else "not reachable, the nearest attitude"
+        found = f"{count} solution{'s' if count > 1 else ''}" if self.reachable else "not found, the nearest attitude"
         return f"{self.target}: {found}, robot {self.robot.name}"
 
     def __repr__(self) -> str:

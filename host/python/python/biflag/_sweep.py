@@ -31,7 +31,8 @@ def sweep(
         progress: Called now and then with the number of points that are done and of all; its exceptions end the sweep.
 
     Raises:
-        ParameterError: The plan is wrong, or the folder has the sweep of another plan, robot or version of biflag.
+        ParameterError: The plan is wrong, or the folder has the sweep of another plan, robot or version of the
+            model's results.
         Error: The folder cannot be used.
     """
     return _table(*_biflag.sweep(plan, out, threads, progress))

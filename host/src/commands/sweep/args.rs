@@ -36,21 +36,33 @@ pub struct Args {
     /// Continue a sweep, skipping the points that are done.
     #[arg(long)]
     pub resume: bool,
+    /// Take over the points that another sweep has, such as that of a smaller plan.
+    #[arg(long, value_name = "DIR")]
+    pub reuse: Option<PathBuf>,
 }
 
 #[derive(clap::Subcommand, Debug)]
 pub enum Action {
-    /// Write the table of a sweep whose shards are done.
+    /// Write the table of a sweep whose shards are done. Points that are missing are an error.
     Merge {
         /// The folder of the sweep.
         #[arg(value_name = "DIR")]
         folder: PathBuf,
+        /// Write the table without the points that are missing.
+        #[arg(long)]
+        partial: bool,
     },
     /// Print the progress of a sweep: points done, missing and failed, and the time left.
     Status {
         /// The folder of the sweep.
         #[arg(value_name = "DIR")]
         folder: PathBuf,
+        /// Print why points failed: how many for each reason, and one of them.
+        #[arg(long)]
+        failed: bool,
+        /// Print the progress of each of N shards.
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+        shards: Option<u32>,
     },
     /// Print a script that runs a sweep on a cluster with Slurm: a job array over the shards, then the merge.
     Slurm(SlurmArgs),
@@ -67,4 +79,7 @@ pub struct SlurmArgs {
     /// The folder of the sweep, which all nodes share; by default named after the plan.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Take over the points that another sweep has, such as that of a smaller plan.
+    #[arg(long, value_name = "DIR")]
+    pub reuse: Option<PathBuf>,
 }

@@ -1,8 +1,11 @@
 //! The result of `biflag sweep`.
 
 use super::super::{Answer, Outcome};
+use crate::sweep::{Reason, ShardCounts, Sweep};
 use crate::text::count;
 use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::Path;
 
 #[derive(Debug, Serialize)]
@@ -11,6 +14,8 @@ pub struct Swept {
     pub table: Option<String>,
     /// The table as CSV.
     pub csv: Option<String>,
+    /// What each point cost, as CSV.
+    pub cost: Option<String>,
     /// Number of points of the plan, or of the shard.
     pub points: u64,
     /// How many of them have a result, failed ones too.
@@ -26,6 +31,48 @@ pub struct Status {
     pub swept: Swept,
     /// Time that the workers at work need for the missing points; `null` if none is at work.
     pub time_left_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reasons: Option<Vec<Failed>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shards: Option<Vec<ShardStatus>>,
+}
+
+/// Why points failed, with one of them.
+#[derive(Debug, Serialize)]
+pub struct Failed {
+    pub points: u64,
+    pub reason: String,
+    pub w1_rpm: f64,
+    pub w2_rpm: f64,
+    /// The keys that vary.
+    pub values: BTreeMap<String, f64>,
+}
+
+#[derive(Debug, Serialize)]
+pub struct ShardStatus {
+    /// From 1, as in `--shard`.
+    pub shard: u64,
+    pub points: u64,
+    pub done: u64,
+    pub missing: u64,
+    pub failed: u64,
+}
+
+impl Failed {
+    pub fn new(reason: Reason, sweep: &Sweep) -> Self {
+        let point = sweep.point(reason.index);
+        let keys = sweep.plan.axes.iter().map(|axis| axis.key.name().to_owned());
+        let [w1_rpm, w2_rpm] = point.speeds_rpm;
+        let values = keys.zip(point.values).collect();
+        Self { points: reason.points, reason: reason.text, w1_rpm, w2_rpm, values }
+    }
+}
+
+impl From<(ShardCounts, u64)> for ShardStatus {
+    fn from((counts, shard): (ShardCounts, u64)) -> Self {
+        let ShardCounts { points, done, failed } = counts;
+        Self { shard, points, done, missing: points - done, failed }
+    }
 }
 
 impl Swept {
@@ -57,7 +104,21 @@ impl Status {
             Some(seconds) => format!("\ntime left: {}", duration(seconds)),
             None => "\ntime left: unknown, no worker is at work".to_owned(),
         };
-        self.swept.text(folder) + &left
+        let mut text = self.swept.text(folder) + &left;
+        // Writing to a string cannot fail.
+        for Failed { points, reason, w1_rpm, w2_rpm, values } in self.reasons.iter().flatten() {
+            let _ = write!(text, "\n{}: {reason}\n    as at {w1_rpm}, {w2_rpm} rpm", count(*points as usize, "point"));
+            values.iter().for_each(|(key, value)| text += &format!(", {key} {value}"));
+        }
+        if let Some(shards) = &self.shards {
+            let whole = shards.iter().filter(|shard| shard.missing == 0).count();
+            let _ = write!(text, "\n{whole} of {} done", count(shards.len(), "shard"));
+            for ShardStatus { shard, points, done, failed, .. } in shards.iter().filter(|shard| shard.missing > 0) {
+                let points = count(*points as usize, "point");
+                let _ = write!(text, "\nshard {shard}/{}: {done} of {points}, {failed} failed", shards.len());
+            }
+        }
+        text
     }
 }
 

@@ -81,7 +81,7 @@ pub struct Solution {
 /// Result of [`aim()`].
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Aimed {
-    /// Whether there are solutions.
+    /// Whether solutions were found. A search from a table may miss some.
     pub reachable: bool,
     /// Confidence of the intervals; `None` where it cannot be stated.
     pub confidence: Option<f64>,

@@ -405,8 +405,7 @@ impl Given<'_> {
         own += &before * before.transpose() + &after * after.transpose() + &fast * fast.transpose();
         let factored = Cholesky::new(own)?;
         let solved = factored.solve(&self.rates);
-        let determinant: f64 = factored.l_dirty().diagonal().iter().map(|value| value.ln()).sum();
-        let weight = tried.log_prior - 0.5 * self.rates.dot(&solved) - determinant;
+        let weight = tried.log_prior - 0.5 * (self.rates.dot(&solved) + factored.ln_determinant());
         let dps = tried.before_dps;
         let tau = tried.time_constant_s;
         let turns_back_deg = if dps > 0.0 { dps * tau * (-(self.from_s - tried.run_s) / tau).exp() } else { 0.0 };

@@ -34,7 +34,7 @@ pub fn is_in_use(folder: &Path) -> bool {
 }
 
 impl Session {
-    /// Locks the session for writing, and removes the drafts that killed programs left in it.
+    /// Locks the session for writing. Alone, removes what killed programs left in it.
     ///
     /// # Errors
     /// [`SessionError::InUse`] if another program holds the lock.
@@ -60,8 +60,8 @@ impl Session {
             Err(TryLockError::WouldBlock) => Err(SessionError::InUse { folder: self.folder().to_owned() }),
             // Not every file system supports locks. Without them, logs are still protected: they are never overwritten.
             Ok(()) | Err(TryLockError::Error(_)) => {
-                atomic_file::sweep(self.folder());
                 if sharing == Sharing::Alone {
+                    atomic_file::sweep(self.folder());
                     self.remove_unfinished();
                 }
                 Ok(Lock { _manifest: manifest })

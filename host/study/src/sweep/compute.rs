@@ -1,13 +1,13 @@
 //! Computes one point: its steady state, averaged over the starting phases, or the reason of its failure.
 
 use super::SweepPlan;
-use super::point::Point;
+use super::point::{Point, phases};
 use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
 use sim::periodic::phases::{Phases, SteadyState};
 use sim::periodic::quantities::{QUANTITIES, STANDARD_ERRORS};
 use sim::periodic::{Kind, Problem, SolveError};
-use sim::phase::{self, Ratio};
+use sim::phase;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The steady state of a point over its starting phases.
@@ -34,6 +34,9 @@ pub enum Outcome {
     Failed(String),
 }
 
+/// The start of the reason of a panic.
+const PANIC: &str = "the solver panicked, which is a fault of the program";
+
 /// Longest reason that is kept, bytes.
 const LONGEST_REASON: usize = 400;
 
@@ -46,9 +49,22 @@ impl Outcome {
         }
     }
 
+    /// Returns why the point cannot be computed; `None` if it was.
+    pub fn reason(&self) -> Option<&str> {
+        match self {
+            Self::Ok(_) => None,
+            Self::Failed(reason) => Some(reason),
+        }
+    }
+
     /// Returns whether the point cannot be computed.
     pub fn is_failed(&self) -> bool {
         self.steady().is_none()
+    }
+
+    /// Returns whether the solver panicked.
+    pub fn is_panic(&self) -> bool {
+        self.reason().is_some_and(|reason| reason.starts_with(PANIC))
     }
 
     /// Returns the outcome of a failure.
@@ -57,28 +73,30 @@ impl Outcome {
         Self::Failed(reason[..end].replace(['\n', '\r', '\t'], " "))
     }
 
-    /// Computes a point as a plan says. Returns `None` as soon as `goes_on` returns `false`.
+    /// Computes a point as a plan says, and returns its result with the sweeps of the solver. Returns `None` as soon as
+    /// `goes_on` returns `false`.
     ///
     /// A panic of the solver is caught, so that other points are still computed; the reason names it.
-    pub fn of(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Option<Self> {
+    pub fn of(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Option<(Self, u64)> {
         let caught = catch_unwind(AssertUnwindSafe(|| compute(point, plan, goes_on)));
+        let failed = |reason: &str| Some((Self::failed(reason), 0));
         match caught {
-            Ok(Ok(steady)) => steady.map(|steady| Self::Ok(Box::new(steady))),
-            Ok(Err(reason)) => Some(Self::failed(&reason)),
+            Ok(Ok(steady)) => steady.map(|(steady, sweeps)| (Self::Ok(Box::new(steady)), sweeps)),
+            Ok(Err(reason)) => failed(&reason),
             Err(panic) => {
                 let text = panic.downcast_ref::<String>().map(String::as_str);
                 let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
-                Some(Self::failed(&format!("the solver panicked, which is a fault of the program: {text}")))
+                failed(&format!("{PANIC}: {text}"))
             }
         }
     }
 }
 
-fn compute(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Result<Option<Steady>, String> {
+fn compute(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Result<Option<(Steady, u64)>, String> {
     let robot = point.robot.as_ref().map_err(String::clone)?;
     robot.validate().map_err(|error| error.to_string())?;
     let rpm = point.speeds_rpm;
-    let starts = phase::starts(rpm, if Ratio::of(rpm).is_some() { plan.phases } else { 1 });
+    let starts = phase::starts(rpm, phases(plan, rpm));
     let mut states = Vec::new();
     for start in &starts {
         let start_rad = start.map(f64::to_radians);
@@ -91,7 +109,8 @@ fn compute(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Resul
             Err(error) => return Err(format!("starting at {} and {} degrees: {error}", start[0], start[1])),
         }
     }
-    let steady = Phases::new(states).map(|phases| Steady::of(&phases)).filter(Steady::is_finite);
+    let phases = Phases::new(states);
+    let steady = phases.map(|phases| (Steady::of(&phases), phases.sweeps())).filter(|(steady, _)| steady.is_finite());
     steady.map(Some).ok_or_else(|| "the steady state is not a finite number".to_owned())
 }
 
@@ -121,14 +140,16 @@ mod tests {
     fn a_panic_is_the_reason_of_its_point_alone() {
         let text = "[trial]\nrun = 1\n[speeds]\npairs = [[50, 10]]";
         let plan = SweepPlan::parse(text, "plan.toml", &|name| Ok(crate::plan::RobotFile::built_in(name))).unwrap();
-        let point = crate::sweep::Sweep::new(plan.clone(), String::new()).unwrap().point(0);
+        let point = crate::sweep::Sweep::new(plan.clone(), 1).unwrap().point(0);
         for method in [Method::Steady, Method::Trial] {
             let plan = SweepPlan { method, ..plan.clone() };
-            let outcome = Outcome::of(&point, &plan, &|| panic!("index {}", 7)).unwrap();
+            let (outcome, _) = Outcome::of(&point, &plan, &|| panic!("index {}", 7)).unwrap();
             let wanted = "the solver panicked, which is a fault of the program: index 7";
+            assert!(outcome.is_panic());
             assert_eq!(outcome, Outcome::Failed(wanted.to_owned()));
             assert_eq!(Outcome::of(&point, &plan, &|| false), None, "interrupted");
-            assert!(matches!(Outcome::of(&point, &plan, &|| true), Some(Outcome::Ok(steady)) if steady.is_finite()));
+            let (outcome, sweeps) = Outcome::of(&point, &plan, &|| true).unwrap();
+            assert!(outcome.steady().is_some_and(Steady::is_finite) && sweeps > 10, "{outcome:?}, {sweeps} sweeps");
         }
     }
 

@@ -1,5 +1,6 @@
 //! Errors of sweeps.
 
+use super::RESULTS;
 use crate::plan::PlanError;
 use miette::Diagnostic;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,10 @@ pub enum SweepError {
     },
     /// The folder has the sweep of another plan.
     #[error("{}: is a sweep of another {difference}", folder.display())]
-    #[diagnostic(code(wrong_use), help("name another folder with --out"))]
+    #[diagnostic(
+        code(wrong_use),
+        help("name another folder with --out; --reuse DIR takes over the points that both sweeps have")
+    )]
     Other {
         /// The folder.
         folder: PathBuf,
@@ -41,6 +45,33 @@ pub enum SweepError {
     NotASweep {
         /// The folder.
         folder: PathBuf,
+    },
+    /// Points have no result.
+    #[error("{}: {missing} of {points} points are missing{}, no table is written", folder.display(), of_damaged(damaged))]
+    #[diagnostic(help(
+        "compute them with --resume; `biflag sweep status --shards N` shows whose they are, `biflag sweep merge --partial` \
+         writes a table without them"
+    ))]
+    Missing {
+        /// The folder.
+        folder: PathBuf,
+        /// How many.
+        missing: u64,
+        /// Number of points of the plan.
+        points: u64,
+        /// Parts that are cut off or damaged.
+        damaged: Vec<PathBuf>,
+    },
+    /// A sweep whose results should be reused has those of another version.
+    #[error(
+        "{}: has results of version {results} of the model, and this program computes version {RESULTS}", folder.display()
+    )]
+    #[diagnostic(code(wrong_use), help("leave --reuse out, or use the program of that time"))]
+    Results {
+        /// The folder.
+        folder: PathBuf,
+        /// Its version.
+        results: u32,
     },
     /// The manifest cannot be read.
     #[error("{}: {reason}", path.display())]
@@ -68,6 +99,11 @@ pub enum SweepError {
     #[error("cannot start the threads: {0}")]
     #[diagnostic(help("use fewer threads with --jobs"))]
     Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+fn of_damaged(parts: &[PathBuf]) -> String {
+    let names: Vec<_> = parts.iter().filter_map(|part| part.file_name()).map(|name| name.to_string_lossy()).collect();
+    if names.is_empty() { String::new() } else { format!(" (cut off or damaged: {})", names.join(", ")) }
 }
 
 impl SweepError {

@@ -1,24 +1,35 @@
 //! Merges the parts of a sweep into one table, sorted by the names of the points.
 //!
 //! The bytes of the table depend only on the plan and the results, not on the number of workers, the order of their
-//! results, or interruptions. Names are hashes and therefore evenly distributed. The table is written in blocks of
-//! neighbouring names, one row group each, and each block is collected in a pass over the parts, so memory does not
-//! grow with the number of points.
+//! results, or interruptions. Names are hashes and therefore evenly distributed: one pass over the parts sorts the results
+//! into buckets of neighbouring names, and each bucket is sorted in memory and becomes a row group of the table. So
+//! memory grows little with the number of points.
 
-use super::SweepError;
-use super::folder::{Folder, Points};
-use super::part::Record;
+use super::buckets::Buckets;
+use super::folder::{Folder, Parts};
 use super::point::Name;
-use super::table::table;
-use super::{csv_path, parquet_path};
+use super::points::Points;
+use super::record::{Origin, Record};
+use super::table::{cost_table, table};
+use super::{SweepError, cost_path, csv_path, parquet_path};
 use crate::export::table::Table;
 use crate::export::{csv, parquet};
 use biflag_log::atomic_file;
+use std::collections::HashMap;
 use std::io::{Error, Write};
 use std::path::PathBuf;
 
-/// Rows of a block, about.
-const BLOCK: u64 = 16_384;
+/// Rows of a bucket, about.
+const BUCKET: u64 = 16_384;
+
+/// What becomes of points without a result.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Missing {
+    /// They are an error, and no table is written.
+    Refused,
+    /// The table has no rows for them.
+    LeftOut,
+}
 
 /// What was merged.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -34,18 +45,36 @@ pub struct Merged {
     pub damaged: Vec<PathBuf>,
 }
 
+/// The results of a sweep in buckets.
+struct Collected {
+    buckets: Buckets,
+    count: usize,
+    /// The origins that the items of the buckets name.
+    origins: Vec<Origin>,
+    done: Points,
+    parts: Parts,
+}
+
 impl Folder {
-    /// Writes the table of all points that are done.
+    /// Writes the table, and that of the costs.
     ///
     /// # Errors
-    /// A part cannot be read, or a file cannot be written.
-    pub fn merge(&self) -> Result<Merged, SweepError> {
-        let (table, text) = (parquet_path(&self.path), csv_path(&self.path));
+    /// [`SweepError::Missing`], a part cannot be read, or a file cannot be written.
+    pub fn merge(&self, missing: Missing) -> Result<Merged, SweepError> {
+        let mut collected = self.collect()?;
+        let (points, done) = (self.sweep.plan.points(), collected.done.count());
+        if done < points && missing == Missing::Refused {
+            let (folder, damaged) = (self.path.clone(), collected.parts.damaged);
+            return Err(SweepError::Missing { folder, missing: points - done, points, damaged });
+        }
+        let [table, text, cost] = [parquet_path, csv_path, cost_path].map(|path| path(&self.path));
         let mut merged = Merged::default();
         let written = atomic_file::replace(&table, |parquet| {
             atomic_file::replace(&text, |csv| {
-                merged = self.write(parquet, csv)?;
-                Ok(())
+                atomic_file::replace(&cost, |cost| {
+                    merged = self.write(&mut collected, parquet, csv, cost)?;
+                    Ok(())
+                })
             })
         });
         written.map_err(SweepError::at(&table))?;
@@ -58,55 +87,82 @@ impl Folder {
     /// A part cannot be read.
     pub fn table(&self) -> Result<(Table, Merged), SweepError> {
         let mut records = Vec::new();
-        let damaged = self.read(|_| true, |record| records.push(record))?;
+        let parts = self.read(|_, record| {
+            records.push((0, record));
+            Ok(())
+        })?;
         let different = sort(&mut records).map_err(SweepError::at(&self.path))?;
+        let records: Vec<_> = records.into_iter().map(|(_, record)| record).collect();
         let failed = records.iter().filter(|record| record.outcome.is_failed()).count();
-        let merged = Merged { done: records.len() as u64, failed: failed as u64, different, damaged };
+        let (done, failed) = (records.len() as u64, failed as u64);
+        let merged = Merged { done, failed, different, damaged: parts.damaged };
         Ok((table(&self.sweep, records), merged))
     }
 
-    fn write(&self, parquet: impl Write + Send, csv: impl Write) -> Result<Merged, Error> {
+    /// Sorts the results into buckets.
+    fn collect(&self) -> Result<Collected, SweepError> {
         let points = self.sweep.plan.points();
-        let empty = table(&self.sweep, Vec::new());
-        let (mut parquet, mut csv) = (parquet::Writer::new(&empty, parquet)?, csv::Writer::new(&empty, csv)?);
-        let mut merged = Merged::default();
+        let count = points.div_ceil(BUCKET);
+        let at = |error| SweepError::at(&self.path)(error);
+        let mut buckets = Buckets::new(count as usize, &self.path).map_err(at)?;
         let mut done = Points::none(points);
-        let blocks = points.div_ceil(BLOCK);
-        for block in 0..blocks {
-            let mut records = Vec::new();
-            merged.damaged = self
-                .read(|name| block_of(name, blocks) == block, |record| records.push(record))
-                .map_err(Error::other)?;
+        let (mut origins, mut numbers) = (Vec::new(), HashMap::new());
+        let parts = self.read(|origin, record| {
+            let number: u32 = *numbers.entry(origin.clone()).or_insert_with(|| {
+                origins.push(origin.clone());
+                origins.len() as u32 - 1
+            });
+            done.add(record.index);
+            buckets.push(bucket_of(&record.name, count), &(number, record)).map_err(at)
+        })?;
+        Ok(Collected { buckets, count: count as usize, origins, done, parts })
+    }
+
+    fn write(
+        &self,
+        collected: &mut Collected,
+        parquet: impl Write + Send,
+        csv: impl Write,
+        cost: impl Write,
+    ) -> Result<Merged, Error> {
+        let Collected { buckets, count, origins, done, parts } = collected;
+        let (empty, of_cost) = (table(&self.sweep, Vec::new()), cost_table(&[], origins));
+        let (mut parquet, mut csv) = (parquet::Writer::new(&empty, parquet)?, csv::Writer::new(&empty, csv)?);
+        let mut cost = csv::Writer::new(&of_cost, cost)?;
+        let mut merged = Merged { done: done.count(), damaged: parts.damaged.clone(), ..Merged::default() };
+        for bucket in 0..*count {
+            let mut records = buckets.read(bucket)?;
             merged.different += sort(&mut records)?;
-            for record in &records {
-                done.add(record.index);
-                merged.failed += u64::from(record.outcome.is_failed());
+            if records.is_empty() {
+                continue;
             }
-            if !records.is_empty() {
-                let rows = table(&self.sweep, records);
-                parquet.rows(&rows)?;
-                csv.rows(&rows)?;
-            }
+            cost.rows(&cost_table(&records, origins))?;
+            let records: Vec<Record> = records.into_iter().map(|(_, record)| record).collect();
+            merged.failed += records.iter().filter(|record| record.outcome.is_failed()).count() as u64;
+            let rows = table(&self.sweep, records);
+            parquet.rows(&rows)?;
+            csv.rows(&rows)?;
         }
-        merged.done = done.count();
         parquet.close()?;
         csv.close()?;
+        cost.close()?;
         Ok(merged)
     }
 }
 
-/// Returns the block of a name: `blocks` equal intervals of all names.
-fn block_of(name: &Name, blocks: u64) -> u64 {
-    ((u128::from(name.number()) * u128::from(blocks)) >> 64) as u64
+/// Returns the bucket of a name: `count` equal intervals of all names.
+fn bucket_of(name: &Name, count: u64) -> usize {
+    ((u128::from(name.number()) * u128::from(count)) >> 64) as usize
 }
 
-/// Sorts results by name and leaves one of each point. Returns how many points had different results.
-fn sort(records: &mut Vec<Record>) -> Result<u64, Error> {
+/// Sorts results, each with the number of its origin, by name and leaves one of each point. Returns how many points had
+/// different results.
+fn sort(records: &mut Vec<(u32, Record)>) -> Result<u64, Error> {
     let mut keyed = Vec::with_capacity(records.len());
-    for record in records.drain(..) {
+    for item in records.drain(..) {
         let mut bytes = [0; 2048];
-        let length = postcard::to_slice(&record.outcome, &mut bytes).map_err(Error::other)?.len();
-        keyed.push((record.name, record.index, bytes[..length].to_vec(), record));
+        let length = postcard::to_slice(&item.1.outcome, &mut bytes).map_err(Error::other)?.len();
+        keyed.push((item.1.name, item.1.index, bytes[..length].to_vec(), item));
     }
     keyed.sort_by(|a, b| (a.0, a.1, &a.2).cmp(&(b.0, b.1, &b.2)));
     let mut different = 0;
@@ -115,6 +171,6 @@ fn sort(records: &mut Vec<Record>) -> Result<u64, Error> {
         different += u64::from(same_point && a.2 != b.2);
         same_point
     });
-    records.extend(keyed.into_iter().map(|(.., record)| record));
+    records.extend(keyed.into_iter().map(|(.., item)| item));
     Ok(different)
 }

@@ -6,18 +6,28 @@
 //! `host/book/src/sweep.md` describes the columns, and how to run the shards on a cluster.
 
 mod axis;
+mod buckets;
+mod claims;
+mod clock;
 mod compute;
 mod design;
 mod error;
 mod folder;
 mod key;
+mod manifest;
 mod merge;
+mod order;
 mod part;
 mod plan;
 mod point;
+mod points;
 mod read;
+mod record;
+mod results;
+mod reuse;
 mod slurm;
 mod sobol;
+mod status;
 mod table;
 mod vary;
 mod worker;
@@ -26,14 +36,17 @@ pub use axis::{Axis, Range, Scale, Values};
 pub use compute::{Outcome, Steady};
 pub use design::{Design, MAX_POINTS};
 pub use error::SweepError;
-pub use folder::{Counts, Folder, Points, model};
+pub use folder::{Counts, Folder, Parts};
 pub use key::{Group, Key};
-pub use merge::Merged;
-pub use part::Record;
+pub use merge::{Merged, Missing};
 pub use plan::{EXAMPLE, SweepPlan};
 pub use point::{Name, Point, Shard, Sweep};
+pub use points::Points;
 pub use read::{columns_of, of_csv, read_table};
+pub use record::{Cost, Origin, Record};
+pub use results::RESULTS;
 pub use slurm::script;
+pub use status::{Reason, ShardCounts};
 pub use table::ROBOT;
 pub use table::VARIES;
 
@@ -47,4 +60,9 @@ pub fn parquet_path(folder: &Path) -> PathBuf {
 /// Returns the path of the same table as CSV.
 pub fn csv_path(folder: &Path) -> PathBuf {
     folder.join("table.csv")
+}
+
+/// Returns the path of the table of what each point cost, as CSV.
+pub fn cost_path(folder: &Path) -> PathBuf {
+    folder.join("cost.csv")
 }

@@ -6,25 +6,28 @@
 //! ```
 //!
 //! A part begins with [`MAGIC`]; then come frames: length and CRC-32 of the content (4 bytes each, little-endian), and
-//! the content, an [`Entry`] in postcard's format. A frame is written in one call, so a killed worker loses only the
+//! the content, an [`Entry`] in postcard's format. All times are those of the computer that stores the folder, because the
+//! clocks of workers differ. A frame is written in one call, so a killed worker loses only the
 //! points that it was computing. A frame torn by a crash of the computer or a full disk ends the part. The last frame
 //! of a closed part has the number of its points, so that a part that was cut off during copying is detected.
 
-use super::compute::Outcome;
-use super::point::Name;
+use super::clock::seconds;
+use super::record::{Origin, Record};
+use biflag_log::atomic_file::random_name;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsStr;
 use std::fs::{File, TryLockError};
-use std::hash::{BuildHasher, RandomState};
 use std::io::{BufReader, Error, ErrorKind, Read, Result, Write};
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The first bytes of a part.
-const MAGIC: [u8; 8] = *b"BIFLAGS2";
+const MAGIC: [u8; 8] = *b"BIFLAGS3";
 
 /// Longest content of a frame, bytes.
 const LONGEST: usize = 4096;
+
+/// Time after which a worker that writes nothing counts as gone where locks do not tell, s.
+const SILENCE_S: f64 = 600.0;
 
 /// Names of parts while they are written, and after.
 const OPEN: &str = "open";
@@ -34,22 +37,13 @@ const CLOSED: &str = "part";
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
 enum Entry {
     /// The worker has started, this many seconds after 1970.
-    Started(u64),
+    Started(f64),
+    /// The origin of the points that follow.
+    Origin(Origin),
     /// A point is done.
     Point(Record),
     /// The worker has ended after this many points.
     Ended(u64),
-}
-
-/// The result of a point.
-#[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
-pub struct Record {
-    /// Its place in the plan.
-    pub index: u64,
-    /// Its name.
-    pub name: Name,
-    /// Its result.
-    pub outcome: Outcome,
 }
 
 /// A part that is being written.
@@ -58,25 +52,38 @@ pub struct PartWriter {
     file: File,
     path: PathBuf,
     points: u64,
+    origin: Origin,
 }
 
 impl PartWriter {
-    /// Creates a part with a new name in a folder.
+    /// Creates a part with a new name in a folder. Its points are computed here unless [`Self::push_from`] says otherwise.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn create(folder: &Path) -> Result<Self> {
-        // Workers on many computers share a folder: their clocks and process numbers may be equal.
-        let unique = RandomState::new().hash_one((SystemTime::now(), std::process::id()));
-        let path = folder.join(format!("part-{unique:016x}.{OPEN}"));
+        let path = folder.join(format!("part-{}.{OPEN}", random_name()));
         let mut file = File::options().append(true).create_new(true).open(&path)?;
         // For `is_active`. Not every file system supports locks.
         let _ = file.try_lock();
         file.write_all(&MAGIC)?;
-        let mut part = Self { file, path, points: 0 };
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        part.write(&Entry::Started(now.as_secs()))?;
+        file.sync_all()?;
+        let started = seconds(file.metadata()?.modified()?);
+        let mut part = Self { file, path, points: 0, origin: Origin::here() };
+        part.write(&Entry::Started(started))?;
+        part.write(&Entry::Origin(part.origin.clone()))?;
         Ok(part)
+    }
+
+    /// Appends a point that was computed elsewhere.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn push_from(&mut self, origin: &Origin, record: Record) -> Result<()> {
+        if self.origin != *origin {
+            self.write(&Entry::Origin(origin.clone()))?;
+            self.origin = origin.clone();
+        }
+        self.push(record)
     }
 
     /// Appends a point.
@@ -117,7 +124,9 @@ impl PartWriter {
 pub struct PartReader {
     file: BufReader<File>,
     /// When the worker started, seconds after 1970.
-    pub started_s: u64,
+    started_s: f64,
+    /// The origin of the last point.
+    origin: Origin,
     points: u64,
     /// Whether there are no more frames to read.
     at_end: bool,
@@ -137,11 +146,27 @@ impl PartReader {
         let mut magic = [0; MAGIC.len()];
         let is_part = read_whole(&mut file, &mut magic)? && magic == MAGIC;
         let closed = path.extension() == Some(OsStr::new(CLOSED));
-        let mut reader = Self { file, started_s: 0, points: 0, at_end: !is_part, closed, whole: false };
+        let origin = Origin::default();
+        let mut reader = Self { file, started_s: 0.0, origin, points: 0, at_end: !is_part, closed, whole: false };
         if let Some(Entry::Started(seconds)) = reader.entry()? {
             reader.started_s = seconds;
         }
         Ok(reader)
+    }
+
+    /// Opens a part that a listing of the folder has. Its worker may have closed it since; `None` if it had no points and
+    /// was removed.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn of_listed(path: &Path) -> Result<Option<Self>> {
+        for path in [path, &path.with_extension(CLOSED)] {
+            match Self::open(path) {
+                Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::StaleNetworkFileHandle) => {}
+                other => return other.map(Some),
+            }
+        }
+        Ok(None)
     }
 
     /// Returns the next point; `None` at the end, and at a torn frame.
@@ -149,22 +174,56 @@ impl PartReader {
     /// # Errors
     /// The file cannot be read.
     pub fn next(&mut self) -> Result<Option<Record>> {
-        match self.entry()? {
-            Some(Entry::Point(record)) => {
-                self.points += 1;
-                Ok(Some(record))
+        loop {
+            match self.entry()? {
+                Some(Entry::Origin(origin)) => self.origin = origin,
+                Some(Entry::Point(record)) => {
+                    self.points += 1;
+                    return Ok(Some(record));
+                }
+                Some(Entry::Ended(points)) => {
+                    self.whole = points == self.points;
+                    return Ok(None);
+                }
+                Some(Entry::Started(_)) | None => return Ok(None),
             }
-            Some(Entry::Ended(points)) => {
-                self.whole = points == self.points;
-                Ok(None)
-            }
-            _ => Ok(None),
         }
+    }
+
+    /// Returns the origin of the last point.
+    pub fn origin(&self) -> &Origin {
+        &self.origin
     }
 
     /// Returns whether a part that its worker has closed is cut off or damaged, after its last point was read.
     pub fn is_damaged(&self) -> bool {
         self.closed && !self.whole
+    }
+
+    /// Returns the points a second of its worker, after its last point was read; `None` if no worker is at work on it.
+    ///
+    /// `now_s`: the time in the folder, [`super::clock::now_s`]. A lock shows that a worker is at work, but on some file systems only
+    /// on its own computer: elsewhere a worker that has written within the last minutes counts as at work.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn rate(&self, now_s: f64) -> Result<Option<f64>> {
+        let file = self.file.get_ref();
+        if self.closed || self.points == 0 {
+            return Ok(None);
+        }
+        let is_locked = match file.try_lock_shared() {
+            Err(TryLockError::WouldBlock) => Some(true),
+            Ok(()) => {
+                file.unlock()?;
+                (self.origin.host == Origin::here().host).then_some(false)
+            }
+            Err(TryLockError::Error(_)) => None,
+        };
+        let last_s = seconds(file.metadata()?.modified()?);
+        let is_active = is_locked.unwrap_or(now_s - last_s < SILENCE_S);
+        // Time stamps may have a resolution of a second.
+        Ok(is_active.then_some(self.points as f64 / (last_s - self.started_s).max(1.0)))
     }
 
     fn entry(&mut self) -> Result<Option<Entry>> {
@@ -212,29 +271,19 @@ pub fn parts(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(parts)
 }
 
-/// Returns whether a worker is at work on a part. On a file system without locks, a worker that has written within the
-/// last minutes counts as at work.
-pub fn is_active(part: &Path) -> bool {
-    if part.extension() != Some(OsStr::new(OPEN)) {
-        return false;
-    }
-    match File::options().read(true).append(true).open(part).map(|file| file.try_lock()) {
-        Ok(Ok(())) | Err(_) => false,
-        Ok(Err(TryLockError::WouldBlock)) => true,
-        Ok(Err(TryLockError::Error(_))) => {
-            let age = part.metadata().and_then(|meta| meta.modified()).ok().and_then(|time| time.elapsed().ok());
-            age.is_some_and(|age| age.as_secs() < 600)
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::clock::now_s;
+    use super::super::compute::Outcome;
+    use super::super::point::Name;
+    use super::super::record::Cost;
     use super::*;
+    use std::time::{Duration, UNIX_EPOCH};
 
     fn record(index: u64) -> Record {
         let name = Name([index as u8; 16]);
-        Record { index, name, outcome: Outcome::failed(&format!("reason {index}")) }
+        let cost = Cost { processor_s: 0.25, sweeps: index };
+        Record { index, name, outcome: Outcome::failed(&format!("reason {index}")), cost }
     }
 
     fn read(path: &Path) -> (Vec<Record>, bool) {
@@ -261,13 +310,47 @@ mod tests {
         for close in [false, true] {
             let path = part(folder.path(), 3, close);
             assert_eq!(read(&path), (wanted.clone(), false));
-            assert!(!is_active(&path), "its worker is gone");
         }
         let writer = PartWriter::create(folder.path()).unwrap();
         let path = writer.path.clone();
-        assert!(is_active(&path));
+        assert!(PartReader::of_listed(&path).unwrap().is_some());
         writer.close().unwrap();
         assert_eq!(parts(folder.path()).unwrap().len(), 2, "a part without points is removed");
+        assert!(PartReader::of_listed(&path).unwrap().is_none(), "listed before it was removed");
+        for closed in parts(folder.path()).unwrap() {
+            let listed = PartReader::of_listed(&closed.with_extension(OPEN)).unwrap();
+            assert!(listed.is_some(), "listed before it was closed");
+        }
+    }
+
+    /// Returns the rate of a part after all its points.
+    fn rate(path: &Path, now_s: f64) -> Option<f64> {
+        let mut reader = PartReader::open(path).unwrap();
+        while reader.next().unwrap().is_some() {}
+        reader.rate(now_s).unwrap()
+    }
+
+    /// The clock of this worker is a day behind that of the folder: nothing follows from it.
+    #[test]
+    fn only_workers_at_work_have_a_rate() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = PartWriter::create(folder.path()).unwrap();
+        let path = writer.path.clone();
+        let now_s = now_s(folder.path()) + 86_400.0;
+        assert_eq!(rate(&path, now_s), None, "no point");
+        (0..30).for_each(|index| writer.push(record(index)).unwrap());
+        let started = PartReader::open(&path).unwrap().started_s;
+        let at = |seconds: f64| UNIX_EPOCH + Duration::from_secs_f64(started + seconds);
+        writer.file.set_modified(at(60.0)).unwrap();
+        assert_eq!(rate(&path, now_s), Some(0.5), "locked");
+        writer.file.unlock().unwrap();
+        assert_eq!(rate(&path, started + 61.0), None, "killed");
+        // On another computer a lock may not tell.
+        writer.push_from(&Origin { host: "elsewhere".to_owned(), ..Origin::default() }, record(30)).unwrap();
+        writer.file.set_modified(at(62.0)).unwrap();
+        assert_eq!(rate(&path, started + 63.0), Some(0.5));
+        assert_eq!(rate(&path, started + 62.0 + SILENCE_S), None);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "asking the time leaves nothing");
     }
 
     /// Cut off after any byte, a part has all points before, and a closed one is known to be damaged.

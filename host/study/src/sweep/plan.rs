@@ -1,5 +1,8 @@
 //! A sweep's plan: the TOML file that says what varies, and how each point is computed.
 //!
+//! A plan for trials is a sweep over its speeds. What it says of a trial but its run does not change the steady state, and
+//! has no effect.
+//!
 //! ```
 //! let plan = study::sweep::SweepPlan::parse(
 //!     "[vary]\n\"group.stiffness\" = [0.5, 1, 2]\n[speeds]\npairs = [[50, 10], [0, 45]]",
@@ -17,7 +20,7 @@ use super::vary::{DESIGN, VALUES, vary};
 use crate::plan::expand::{SpeedsTable, pairs};
 use crate::plan::file::{self, count_of_phases};
 use crate::plan::source::{FileKind, Source, number};
-use crate::plan::{MAX_PHASE_S, MIN_RUN_S, PHYSICAL, PlanError, RobotFile, robot};
+use crate::plan::{BoardSettings, MAX_PHASE_S, MIN_RUN_S, PHYSICAL, PlanError, RobotFile, robot};
 use biflag_log::Method;
 use protocol::units::CentiRpm;
 use serde::Deserialize;
@@ -70,7 +73,7 @@ pub struct SweepPlan {
 const KIND: FileKind = FileKind {
     noun: "plan",
     example: "`biflag sweep --help` shows one",
-    tables: &["session", "trial", "speeds", "vary", "grid"],
+    tables: &["session", "trial", "speeds", "board", "vary", "grid"],
     help,
 };
 
@@ -97,6 +100,8 @@ struct SweepFile {
     speeds: Option<Spanned<SpeedsTable>>,
     #[serde(default)]
     vary: BTreeMap<String, Spanned<Value>>,
+    #[serde(default, rename = "board")]
+    _board: BoardSettings,
 }
 
 #[derive(Deserialize, Default)]
@@ -108,6 +113,12 @@ struct SessionTable {
     _note: String,
     #[serde(rename = "operator")]
     _operator: String,
+    #[serde(rename = "sensor")]
+    _sensor: Option<String>,
+    #[serde(rename = "seed")]
+    _seed: Option<i64>,
+    #[serde(rename = "repeats")]
+    _repeats: Option<i64>,
 }
 
 #[derive(Deserialize, Default)]
@@ -116,6 +127,17 @@ struct TrialTable {
     run: Option<Spanned<f64>>,
     method: Option<Spanned<Method>>,
     phases: Option<Spanned<i64>>,
+    reverse: Option<Spanned<Value>>,
+    hand_turn: Option<Spanned<Value>>,
+    phase_deg: Option<Spanned<Value>>,
+    #[serde(rename = "calibrate")]
+    _calibrate: Option<f64>,
+    #[serde(rename = "preroll")]
+    _preroll: Option<f64>,
+    #[serde(rename = "decay")]
+    _decay: Option<f64>,
+    #[serde(rename = "rest_at_most")]
+    _rest_at_most: Option<f64>,
 }
 
 impl SweepPlan {
@@ -142,6 +164,7 @@ impl SweepPlan {
         let session = file.session;
         let session_name = source.session_name(session.name, "sweep")?;
         let robot_file = robot(session.robot.as_ref().map_or(PHYSICAL, |robot| robot.get_ref()))?;
+        check_constant(&file.trial, &source)?;
         let run_s = run_s(&file.trial, &source)?;
         let phases = count_of_phases(&file.trial.phases, &source)?.unwrap_or(1);
         let (design, axes) = vary(&file.vary, &robot_file, &source)?;
@@ -182,6 +205,20 @@ impl SweepPlan {
         // At most MAX_POINTS.
         self.design.count(&self.axes) as u64 * self.speeds_rpm.len().max(1) as u64
     }
+}
+
+/// Refuses what would change the steady state of a trial, and is not a part of a sweep.
+fn check_constant(table: &TrialTable, source: &Source) -> Result<(), PlanError> {
+    for (key, value, cure) in [
+        ("reverse", &table.reverse, "leave it out: a point has constant speeds"),
+        ("hand_turn", &table.hand_turn, "leave it out: a point has no hand"),
+        ("phase_deg", &table.phase_deg, "give the number of starting phases instead, such as phases = 4"),
+    ] {
+        if let Some(value) = value {
+            return Err(source.error(value.span(), format!("a sweep has no {key}"), cure));
+        }
+    }
+    Ok(())
 }
 
 fn run_s(table: &TrialTable, source: &Source) -> Result<f64, PlanError> {

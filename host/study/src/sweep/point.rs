@@ -1,4 +1,5 @@
-//! The points of a sweep. Each is computed from its index, and named by a hash of everything that it depends on.
+//! The points of a sweep. Each is computed from its index, and named by a hash of everything that its result depends on:
+//! the same point of another plan has the same name.
 
 use super::SweepPlan;
 use super::key::{self, Group, Key};
@@ -8,10 +9,11 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use sim::groups::Groups;
 use sim::params::Robot;
+use sim::phase::Ratio;
 use std::fmt;
 use toml::Value;
 
-/// A point's name: the first half of the SHA-256 of its inputs and of the model's version.
+/// A point's name: the first half of the SHA-256 of its inputs and of the version of the results.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct Name(pub [u8; 16]);
 
@@ -42,20 +44,25 @@ impl Shard {
     /// All points.
     pub const ALL: Self = Self { index: 0, of: 1 };
 
-    /// Returns whether a point belongs to this part. Neighbours in a plan often take equally long; selecting by name
-    /// distributes them over the shards.
+    /// Returns the index of the part of `of` parts that a point belongs to. Neighbours in a plan often take equally long;
+    /// selecting by name distributes them over the shards.
+    pub fn index_of(name: &Name, of: u64) -> u64 {
+        name.number() % of
+    }
+
+    /// Returns whether a point belongs to this part.
     pub fn has(&self, name: &Name) -> bool {
-        name.number() % self.of == self.index
+        Self::index_of(name, self.of) == self.index
     }
 }
 
-/// A plan with its robot and the version of the model: all that its points depend on.
+/// A plan with its robot and the version of the results: all that its points depend on.
 #[derive(Clone, Debug)]
 pub struct Sweep {
     /// The plan.
     pub plan: SweepPlan,
-    /// Version of the program that computes the points.
-    pub model: String,
+    /// Version of the model's results.
+    pub results: u32,
     /// The robot that varies, with all its keys.
     robot: Value,
     /// Hash of all that the points have in common.
@@ -79,31 +86,40 @@ pub struct Point {
     pub robot: Result<Robot, String>,
 }
 
+/// Returns the number of starting phases at these speeds: those that matter.
+pub fn phases(plan: &SweepPlan, speeds_rpm: [f64; 2]) -> usize {
+    if Ratio::of(speeds_rpm).is_some() { plan.phases } else { 1 }
+}
+
 impl Sweep {
-    /// Creates the sweep of a plan with the model of this version.
+    /// Creates the sweep of a plan with the results of this version.
     ///
     /// # Errors
     /// [`PlanError::Invalid`] if the robot's file is wrong.
-    pub fn new(plan: SweepPlan, model: String) -> Result<Self, PlanError> {
+    pub fn new(plan: SweepPlan, results: u32) -> Result<Self, PlanError> {
         // Numbers, flags, names and short lists all have a form in TOML.
         let robot = Value::try_from(plan.robot.parse()?).unwrap_or(Value::Table(toml::Table::new()));
         let mut common = Sha256::new();
-        for text in ["biflag sweep 1", &model, &robot.to_string(), &word(&plan.method)] {
+        for text in ["biflag sweep 2", &results.to_string(), &robot.to_string(), &word(&plan.method)] {
             common.update((text.len() as u64).to_le_bytes());
             common.update(text);
         }
         common.update(plan.run_s.to_le_bytes());
-        common.update((plan.phases as u64).to_le_bytes());
-        Ok(Self { plan, model, robot, common })
+        Ok(Self { plan, results, robot, common })
     }
 
     /// Returns the name of a point, without the cost of its robot.
     pub fn name(&self, index: u64) -> Name {
         let (speeds_rpm, values) = self.inputs(index);
         let mut hash = self.common.clone();
+        hash.update((phases(&self.plan, speeds_rpm) as u64).to_le_bytes());
         speeds_rpm.iter().for_each(|rpm| hash.update(rpm.to_le_bytes()));
         for (axis, value) in self.plan.axes.iter().zip(values) {
-            if let (Key::Robot(_) | Key::Group(_), Some(value)) = (&axis.key, value) {
+            let is_own =
+                |value: f64| matches!(&axis.key, Key::Robot(key) if key::number(&self.robot, key) == Some(value));
+            if let (Key::Robot(_) | Key::Group(_), Some(value)) = (&axis.key, value)
+                && !is_own(value)
+            {
                 hash.update(axis.key.name());
                 hash.update([0]);
                 hash.update(value.to_le_bytes());

@@ -1,9 +1,9 @@
-//! The table of a sweep: one row a point.
+//! The tables of a sweep: one row a point.
 
 use super::compute::{Outcome, Steady};
 use super::key::{Group, Key};
-use super::part::Record;
 use super::point::{Point, Sweep};
+use super::record::{Origin, Record};
 use crate::export::table::{Column, Table, Values};
 use crate::text::word;
 use sim::groups::Groups;
@@ -97,7 +97,9 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     let real = |name: &'static str, unit, about, value: &dyn Fn(&Row) -> f64| column(name, unit, about, exact(value));
 
     let mut columns = vec![
-        text("point", "name of the point: hash of its inputs and of the model's version", &|row| row.name.clone()),
+        text("point", "name of the point: hash of its inputs and of the version of the model's results", &|row| {
+            row.name.clone()
+        }),
         real("w1_rpm", "rpm", "speed of flagellum 1, counter-clockwise seen from above", &|row| row.speeds_rpm[0]),
         real("w2_rpm", "rpm", "speed of flagellum 2", &|row| row.speeds_rpm[1]),
     ];
@@ -133,17 +135,40 @@ pub fn table(sweep: &Sweep, records: Vec<Record>) -> Table {
     ));
     let status = |row: &Row| if row.outcome.is_failed() { "failed" } else { "ok" }.to_owned();
     columns.push(text("status", "`ok`, or `failed`: then all results are empty", &status));
-    columns.push(text("reason", "why the point failed", &|row| match &row.outcome {
-        Outcome::Ok(_) => String::new(),
-        Outcome::Failed(reason) => reason.clone(),
-    }));
+    let reason = |row: &Row| row.outcome.reason().unwrap_or_default().to_owned();
+    columns.push(text("reason", "why the point failed", &reason));
     let plan = &sweep.plan;
     let header = vec![
-        format!("biflag {}: sweep {}", sweep.model, plan.name),
+        format!("biflag sweep {}, version {} of the model's results", plan.name, sweep.results),
         format!("robot {}, method {}, at most {} s", plan.robot.name, word(&plan.method), plan.run_s),
         "angles rotate body axes into world axes: yaw about z, then pitch about y, then roll about x".to_owned(),
     ];
     Table { header, columns }
+}
+
+/// Returns the table of what these results cost, each with the number of its origin.
+pub fn cost_table(records: &[(u32, Record)], origins: &[Origin]) -> Table {
+    let text = |name: &'static str, about, value: &dyn Fn(&Record, &Origin) -> String| {
+        let cells = records.iter().map(|(origin, record)| value(record, &origins[*origin as usize]));
+        column(name, "", about, Values::Text(cells.collect()))
+    };
+    let processor = records.iter().map(|(_, record)| record.cost.processor_s).collect();
+    let sweeps = records.iter().map(|(_, record)| record.cost.sweeps as i64).collect();
+    let kind = |record: &Record, _: &Origin| record.outcome.steady().map_or("", |steady| steady.kind.name()).to_owned();
+    let columns = vec![
+        text("point", "name of the point, as in the table of the sweep", &|record, _| record.name.to_string()),
+        column("processor_s", "s", "processor time", Values::Exact(processor)),
+        column(
+            "sweeps",
+            "1",
+            "sweeps of the solver over all starting phases; 0 if the point failed",
+            Values::Int(sweeps),
+        ),
+        text("kind", "kind of the steady state; empty if the point failed", &kind),
+        text("host", "computer on which the point was computed", &|_, origin| origin.host.clone()),
+        text("program", "version and commit of the program", &|_, origin| origin.program.clone()),
+    ];
+    Table { header: vec!["what the points of a sweep cost, and where they were computed".to_owned()], columns }
 }
 
 fn column(name: impl Into<Cow<'static, str>>, unit: &'static str, about: &'static str, values: Values) -> Column {

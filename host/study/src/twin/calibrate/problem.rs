@@ -64,7 +64,8 @@ pub(super) type Slopes = Vec<Vec<Blocks>>;
 
 impl<'a> Problem<'a> {
     pub fn new(given: Given<'a>, start: &'a Robot) -> Self {
-        let mut problem = Self { moved: vec![0.0; given.parameters.len()], given, start, modelled: None, slopes: Mutex::default() };
+        let mut problem =
+            Self { moved: vec![0.0; given.parameters.len()], given, start, modelled: None, slopes: Mutex::default() };
         problem.modelled = problem.model(problem.start, &problem.moved);
         problem
     }

@@ -1,0 +1,75 @@
+//! The manifest of a sweep's folder: all that its points depend on.
+//!
+//! It is written once and never changed. Workers that start together may all write it: they write the same bytes, one of
+//! them gives the file its name, and each reads it back.
+
+use super::SweepError;
+use biflag_log::atomic_file;
+use serde::{Deserialize, Serialize};
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+/// The manifest.
+#[derive(Serialize, Deserialize, PartialEq, Debug)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// Version of the model's results, [`super::RESULTS`].
+    pub results: u32,
+    /// Name of the robot or of its file.
+    pub robot_name: String,
+    /// Text of the robot's file; empty for a built-in robot.
+    pub robot: String,
+    /// Text of the plan's file.
+    pub plan: String,
+}
+
+/// Returns the path of the manifest of a folder.
+pub fn path(folder: &Path) -> PathBuf {
+    folder.join("sweep.toml")
+}
+
+impl Manifest {
+    /// Makes the folder with this manifest, unless it is there.
+    ///
+    /// # Errors
+    /// [`SweepError::Other`] if the folder has another one.
+    pub fn put_into(&self, folder: &Path) -> Result<(), SweepError> {
+        std::fs::create_dir_all(folder).map_err(SweepError::at(folder))?;
+        let file = path(folder);
+        if !file.exists() {
+            let text = toml::to_string(self)
+                .map_err(|error| SweepError::Manifest { path: file.clone(), reason: error.to_string() })?;
+            match atomic_file::create(&file, &text) {
+                // Another worker has just made it.
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                other => other.map_err(SweepError::at(&file))?,
+            }
+        }
+        let found = Self::read(folder)?;
+        let differs = |difference| Err(SweepError::Other { folder: folder.to_owned(), difference });
+        if found.plan != self.plan {
+            differs("plan")
+        } else if (&found.robot_name, &found.robot) != (&self.robot_name, &self.robot) {
+            differs("robot")
+        } else if found.results != self.results {
+            differs("version of the model's results")
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Reads the manifest of a folder.
+    ///
+    /// # Errors
+    /// [`SweepError::NotASweep`], [`SweepError::Manifest`].
+    pub fn read(folder: &Path) -> Result<Self, SweepError> {
+        let path = path(folder);
+        let text = match std::fs::read_to_string(&path) {
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+                return Err(SweepError::NotASweep { folder: folder.to_owned() });
+            }
+            other => other.map_err(SweepError::at(&path))?,
+        };
+        toml::from_str(&text).map_err(|error| SweepError::Manifest { path, reason: error.message().replace('\n', " ") })
+    }
+}

@@ -1,0 +1,52 @@
+//! The result of a point with its cost and its origin.
+
+use super::compute::Outcome;
+use super::point::Name;
+use crate::program;
+use rustix::time::{ClockId, clock_gettime};
+use serde::{Deserialize, Serialize};
+
+/// The result of a point.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug)]
+pub struct Record {
+    /// Its place in the plan.
+    pub index: u64,
+    /// Its name.
+    pub name: Name,
+    /// Its result.
+    pub outcome: Outcome,
+    /// What it cost.
+    pub cost: Cost,
+}
+
+/// What a point cost, which does not belong to its result.
+#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+pub struct Cost {
+    /// Processor time, s.
+    pub processor_s: f64,
+    /// Sweeps of the solver over all starting phases, with those of searches that found nothing; 0 for a failed point.
+    pub sweeps: u64,
+}
+
+/// Where points were computed.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Eq, Hash, Debug, Default)]
+pub struct Origin {
+    /// Name of the computer.
+    pub host: String,
+    /// Version and commit of the program.
+    pub program: String,
+}
+
+impl Origin {
+    /// Returns that of points which are computed here.
+    pub fn here() -> Self {
+        let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
+        Self { host, program: format!("{} {}", program::VERSION, program::GIT_HASH) }
+    }
+}
+
+/// Returns the processor time of this thread, s.
+pub fn processor_s() -> f64 {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+}

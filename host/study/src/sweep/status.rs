@@ -1,0 +1,87 @@
+//! The progress of a sweep: of each shard, and why points failed.
+
+use super::SweepError;
+use super::folder::{Counts, Folder};
+use super::point::Shard;
+use super::points::Points;
+use std::collections::BTreeMap;
+
+/// The progress of a shard.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct ShardCounts {
+    /// Number of its points.
+    pub points: u64,
+    /// How many are done, failed ones too.
+    pub done: u64,
+    /// How many of these failed.
+    pub failed: u64,
+}
+
+/// Why points failed.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Reason {
+    /// How many points failed for this reason, whatever numbers are in it.
+    pub points: u64,
+    /// One of them: its place in the plan.
+    pub index: u64,
+    /// Its reason.
+    pub text: String,
+}
+
+impl Folder {
+    /// Returns the progress of each of this many shards.
+    pub fn shards(&self, of: u64, counts: &Counts) -> Vec<ShardCounts> {
+        let mut shards = vec![ShardCounts::default(); of as usize];
+        for index in 0..self.sweep.plan.points() {
+            let shard = &mut shards[Shard::index_of(&self.sweep.name(index), of) as usize];
+            shard.points += 1;
+            shard.done += u64::from(counts.done.has(index));
+            shard.failed += u64::from(counts.failed.has(index));
+        }
+        shards
+    }
+
+    /// Returns the reasons of all points that failed, the most frequent first.
+    ///
+    /// # Errors
+    /// A part cannot be read.
+    pub fn reasons(&self) -> Result<Vec<Reason>, SweepError> {
+        let mut reasons = BTreeMap::<String, Reason>::new();
+        let mut counted = Points::none(self.sweep.plan.points());
+        self.read(|_, record| {
+            let index = record.index;
+            if let Some(text) = record.outcome.reason().filter(|_| counted.add(index)) {
+                let new = || Reason { points: 0, index, text: text.to_owned() };
+                let reason = reasons.entry(without_numbers(text)).or_insert_with(new);
+                reason.points += 1;
+                if index < reason.index {
+                    (reason.index, reason.text) = (index, text.to_owned());
+                }
+            }
+            Ok(())
+        })?;
+        let mut reasons: Vec<_> = reasons.into_values().collect();
+        reasons.sort_by_key(|reason| std::cmp::Reverse(reason.points));
+        Ok(reasons)
+    }
+}
+
+/// Returns a reason with a mark in place of each number.
+fn without_numbers(reason: &str) -> String {
+    let is_number = |word: &str| word.trim_matches([',', ':', ';', '(', ')']).parse::<f64>().is_ok();
+    let words = reason.split(' ').map(|word| if is_number(word) { "#" } else { word });
+    words.collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_differ_in_their_words() {
+        let [one, two, other] =
+            ["a_m = 0.0135: needs more than 2.38e-2 m", "a_m = 7: needs more than 3 m", "b_m = 7: needs"];
+        assert_eq!(without_numbers(one), "a_m = # needs more than # m");
+        assert!(without_numbers(one) == without_numbers(two) && without_numbers(one) != without_numbers(other));
+    }
+}
