@@ -90,6 +90,7 @@ test: build
 
 proof: build
 	@sh firmware/setup.sh test
+	$(CARGO) test --release --locked -p biflag-log --features generate --lib schema
 	SIM_HARD_CASES=10000 $(CARGO) test --release --locked -p sim --test all hard_cases -- --nocapture
 	$(CARGO) test --release --locked -p host --test all calibration -- --ignored --nocapture
 	AIM_CASES=200 $(CARGO) test --release --locked -p host --test all aim -- --ignored --nocapture

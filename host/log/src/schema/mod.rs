@@ -1,8 +1,9 @@
 //! The message types of the log, and their channels.
 //!
 //! The types are generated from the files in `proto`, and checked in, because their generator takes longer to compile than
-//! the rest of this crate. A test compares them with the files; after a change of a file,
-//! `BIFLAG_WRITE_GOLDEN=1 cargo test --release -p biflag-log schema` writes them again.
+//! the rest of this crate. A test knows when a file has changed; then
+//! `BIFLAG_WRITE_GOLDEN=1 cargo test --release -p biflag-log --features generate schema` writes them again. Without that
+//! variable the same test compares them with what the generator writes, as `make proof` does.
 
 #[cfg(test)]
 mod current;
