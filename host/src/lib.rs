@@ -11,7 +11,8 @@ pub mod signals;
 pub use page::{figure, report};
 pub use rig::{link, live};
 pub use study::{
-    aim, attitude, colour, export, lock, output, plan, program, progress, sensor, session, sweep, text, trial, twin,
+    aim, attitude, colour, export, lock, output, plan, preview, program, progress, sensor, session, sweep, text, trial,
+    twin,
 };
 
 /// Runs trials on the rig or in the model, which write the same kind of log.

@@ -11,6 +11,7 @@ mod format1;
 mod hostile_logs;
 mod plan;
 mod plans;
+mod preview;
 mod resistance;
 mod simulate;
 mod still;

@@ -37,6 +37,7 @@ fn ctrl_c_stops_the_motors_and_resume_continues() {
     signal(&recording, Signal::INT);
     let run = Run::of(recording).expect_code(130);
     assert!(!is_driven(&mut nano));
+    assert!(run.stderr.contains("continue with: biflag record") && run.stderr.contains("--json --resume"), "{run:?}");
     let trials = run.json()["trials"].clone();
     assert_eq!((&trials[0]["complete"], &trials[1]["complete"]), (&true.into(), &false.into()), "{trials}");
     for log in logs(&session) {
@@ -50,6 +51,8 @@ fn ctrl_c_stops_the_motors_and_resume_continues() {
     let complete = trials.as_array().unwrap().iter().all(|trial| trial["complete"] == true);
     assert!(complete && trials.as_array().unwrap().len() == 2, "{trials}");
     assert_eq!(logs(&session).len(), 3, "the aborted attempt is kept, and the complete trial not repeated");
+    let run = bench.run(["record", plan, "--port", &port, "--out", "session", "--resume"]).expect_code(0);
+    assert!(run.stdout.contains("nothing left to do: 2 trials complete"), "{run:?}");
 
     let other = bench.file("other.toml", &PLAN.replace("-30, 30", "-40, 40"));
     let run = bench.run(["record", other.to_str().unwrap(), "--port", &port, "--out", "session", "--resume"]);

@@ -13,7 +13,9 @@ mod flash;
 mod info;
 mod live;
 mod man;
+mod new;
 mod options;
+mod plan;
 mod plans;
 mod record;
 mod recover;
@@ -61,6 +63,8 @@ enum Command {
     Flash(flash::Args),
     Settings(settings::Args),
     Sensor(sensor::Args),
+    New(new::Args),
+    Plan(plan::Args),
     Plans(plans::Args),
     Record(record::Args),
     Live(live::Args),
@@ -91,6 +95,8 @@ pub fn run() -> ExitCode {
         Command::Flash(args) => flash::run(&args),
         Command::Settings(args) => settings::run(&args),
         Command::Sensor(args) => sensor::run(&args),
+        Command::New(args) => new::run(&args),
+        Command::Plan(args) => plan::run(&args),
         Command::Plans(args) => plans::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Resistance(args) => resistance::run(&args),

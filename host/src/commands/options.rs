@@ -1,7 +1,9 @@
 //! Options shared by several commands.
 
+use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
 use crate::sweep::Shard;
 use biflag_log::Method;
+use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
@@ -44,6 +46,25 @@ pub fn pair<T, E: From<&'static str>>(
 ) -> Result<[T; 2], E> {
     let (first, second) = text.split_once(',').ok_or(form)?;
     Ok([one(first.trim())?, one(second.trim())?])
+}
+
+/// Reads the speeds of both flagella in rpm.
+pub fn speeds(text: &str) -> Result<[CentiRpm; 2], String> {
+    let one = |text: &str| {
+        let rpm: f64 = text.parse().map_err(|_| format!("{text:?} is not a speed"))?;
+        plan::board_speed(rpm).map_err(|(what, cure)| format!("{what}; {cure}"))
+    };
+    pair(text, "give two speeds in rpm, such as 50,10", one)
+}
+
+/// Reads the duration of a run in seconds.
+pub fn duration(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "give seconds")?;
+    if (MIN_RUN_S..=MAX_PHASE_S).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err(format!("give {MIN_RUN_S} to {MAX_PHASE_S} s"))
+    }
 }
 
 /// Reads a shard, which is counted from 1.

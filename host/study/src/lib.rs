@@ -11,7 +11,7 @@
 //!
 //! | module | answers |
 //! | --- | --- |
-//! | [`plan`] | which trials, of which robot, in which order |
+//! | [`plan`], [`preview`] | which trials, of which robot, in which order; how long they take |
 //! | [`run`] | what a trial's log begins with; a trial in the model |
 //! | [`session`] | which trials of a folder are done |
 //! | [`sensor`] | the errors of a sensor, from its data sheet or measured |
@@ -28,6 +28,7 @@ pub mod export;
 pub mod lock;
 pub mod output;
 pub mod plan;
+pub mod preview;
 pub mod program;
 pub mod progress;
 pub mod run;

@@ -7,15 +7,19 @@
 use crate::colour;
 use crate::lock::lock;
 use crate::text::{line, printable};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::collections::VecDeque;
-use std::io::IsTerminal;
+use std::fmt;
+use std::io::{self, IsTerminal, Write};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 /// Time between two drawings of the bar.
 const INTERVAL: Duration = Duration::from_millis(200);
+
+/// Time after which the pace of the work is known well enough to tell what is left.
+const PACE_KNOWN_AFTER: Duration = Duration::from_secs(3);
 
 /// Longest wait at the end for a line to be printed. It is long enough for a busy computer, and short enough for a user who
 /// has pressed Ctrl-C.
@@ -50,6 +54,8 @@ struct State {
     /// Counts what was drawn.
     drawings: u64,
     ends: bool,
+    /// The bell rings at the end.
+    rings: bool,
     /// The terminal hangs, and the others have stopped waiting for it.
     given_up: bool,
     /// Everything was drawn.
@@ -67,7 +73,7 @@ struct Bar {
 impl Progress {
     /// Starts the progress of trials of `total_s` seconds in total.
     pub fn new(total_s: f64) -> Self {
-        match std::io::stderr().is_terminal() {
+        match io::stderr().is_terminal() {
             true => Self::on(Terminal::new(total_s), false, total_s),
             false => Self::on(Plain, true, total_s),
         }
@@ -119,6 +125,11 @@ impl Progress {
     /// Prints a line above the bar.
     pub fn line(&self, text: &str) {
         self.change(true, |state| state.lines.push_back(printable(text)));
+    }
+
+    /// Rings the bell of a terminal at the end.
+    pub fn ring(&self) {
+        self.change(false, |state| state.rings = true);
     }
 
     /// Prints the lines that are left and removes the bar. Nothing is shown afterwards.
@@ -179,6 +190,9 @@ fn draw(shared: &Shared, mut screen: impl Screen) {
         }
     }
     screen.clear();
+    if lock(&shared.state).rings {
+        screen.ring();
+    }
     drop(screen);
     lock(&shared.state).over = true;
     shared.drawn.notify_all();
@@ -194,6 +208,9 @@ trait Screen: Send + 'static {
 
     /// Removes the bar.
     fn clear(&mut self);
+
+    /// Rings the bell.
+    fn ring(&mut self) {}
 
     /// Leaves the bar as it is: other text may follow it now, which a drawing would remove.
     fn leave(&mut self);
@@ -223,8 +240,9 @@ struct Terminal {
 impl Terminal {
     fn new(total_s: f64) -> Self {
         let bar = ProgressBar::new(milliseconds(total_s));
-        let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}, {eta} left{prefix}");
-        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        let style = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg}{left}{prefix}");
+        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar()).with_key("left", left);
+        bar.set_style(style);
         Self { bar, shown: Bar::default() }
     }
 }
@@ -251,8 +269,21 @@ impl Screen for Terminal {
         self.bar.finish_and_clear();
     }
 
+    fn ring(&mut self) {
+        // A terminal that has closed hears nothing.
+        let _ = io::stderr().write_all(b"\x07");
+    }
+
     fn leave(&mut self) {
         self.bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
+}
+
+/// Writes the time that is left, once there is a pace to tell it from.
+fn left(state: &ProgressState, text: &mut dyn fmt::Write) {
+    if state.pos() > 0 && state.elapsed() > PACE_KNOWN_AFTER {
+        // Writing to a string cannot fail.
+        let _ = write!(text, ", {} left", HumanDuration(state.eta()));
     }
 }
 

@@ -38,6 +38,26 @@ pub fn signed(value: f64, decimals: usize) -> String {
     if is_positive { format!("+{text}") } else { text }
 }
 
+/// Formats a duration of at least some seconds: `45 s`, `8 min 40 s`, `9 h 3 min`.
+pub fn duration(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match (whole / 3600, whole / 60 % 60, whole % 60) {
+        (0, 0, s) => format!("{s} s"),
+        (0, min, 0) => format!("{min} min"),
+        (0, min, s) => format!("{min} min {s} s"),
+        (h, min, _) => format!("{h} h {min} min"),
+    }
+}
+
+/// Quotes text for a shell, unless it is a plain word.
+pub fn quoted(text: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_=+,./:@%".contains(c);
+    if !text.is_empty() && text.chars().all(is_plain) {
+        return text.to_owned();
+    }
+    format!("'{}'", text.replace('\'', r"'\''"))
+}
+
 /// Describes the clock of the board relative to that of the computer. An emulated board may run several times as fast as
 /// real time.
 pub fn clock(clock: &ClockMeta) -> String {
@@ -117,6 +137,22 @@ pub fn capitalised(sentence: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn durations_have_two_units_at_most() {
+        let texts = [0.4, 45.0, 60.0, 520.0, 3599.6, 32_610.0].map(duration);
+        assert_eq!(texts, ["0 s", "45 s", "1 min", "8 min 40 s", "1 h 0 min", "9 h 3 min"]);
+    }
+
+    /// A shell gets the same text back, whatever is in it.
+    #[test]
+    fn text_is_quoted_for_a_shell() {
+        for text in ["plain", "two words", "it's $HOME `date` \"x\" \\ *", "line\nend"] {
+            let output =
+                std::process::Command::new("sh").args(["-c", &format!("printf %s {}", quoted(text))]).output().unwrap();
+            assert_eq!(String::from_utf8_lossy(&output.stdout), text);
+        }
+    }
 
     #[test]
     fn foreign_text_cannot_control_a_terminal() {

@@ -1,7 +1,6 @@
 //! The arguments of `biflag simulate`.
 
-use super::super::options::{ClosureName, MethodName, pair, shard};
-use crate::plan::{self, MAX_PHASE_S, MIN_RUN_S};
+use super::super::options::{ClosureName, MethodName, duration, pair, shard, speeds};
 use crate::sweep::Shard;
 use protocol::units::CentiRpm;
 use std::path::PathBuf;
@@ -75,14 +74,6 @@ pub struct Args {
     pub resume: bool,
 }
 
-fn speeds(text: &str) -> Result<[CentiRpm; 2], String> {
-    let one = |text: &str| {
-        let rpm: f64 = text.parse().map_err(|_| format!("{text:?} is not a speed"))?;
-        plan::board_speed(rpm).map_err(|(what, cure)| format!("{what}; {cure}"))
-    };
-    pair(text, "give two speeds in rpm, such as 50,10", one)
-}
-
 fn phase(text: &str) -> Result<[f64; 2], String> {
     let form = "give two angles from -360 to 360 degrees, such as 0,90";
     let one = |text: &str| match text.parse() {
@@ -90,15 +81,6 @@ fn phase(text: &str) -> Result<[f64; 2], String> {
         _ => Err(form.to_owned()),
     };
     pair(text, form, one)
-}
-
-fn duration(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "give seconds")?;
-    if (MIN_RUN_S..=MAX_PHASE_S).contains(&seconds) {
-        Ok(seconds)
-    } else {
-        Err(format!("give {MIN_RUN_S} to {MAX_PHASE_S} s"))
-    }
 }
 
 fn rate(text: &str) -> Result<f64, String> {

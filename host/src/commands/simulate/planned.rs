@@ -14,7 +14,6 @@ use crate::signals::interruption;
 use crate::sweep::Shard;
 use crate::text;
 use biflag_log::{Identity, Method, ModelMeta, Origin, last_meta};
-use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
 use sim::trial::Options;
 use std::path::Path;
@@ -88,15 +87,11 @@ fn plan(args: &Args) -> miette::Result<Plan> {
     let mut plan = match (&args.plan, args.speeds, args.duration) {
         (Some(path), ..) => Plan::load(path)?,
         (None, Some(speeds), Some(run)) => {
-            let [w1, w2] = speeds.map(CentiRpm::rpm);
             let (phase, suffix) = args.phase.map_or_else(Default::default, |[one, two]| {
-                (format!("phase_deg = [{one}, {two}]\n"), format!("_p{one}_{two}"))
+                (format!("\nphase_deg = [{one}, {two}]"), format!("_p{one}_{two}"))
             });
-            let text = format!(
-                "[session]\nname = \"w1{w1:+}_w2{w2:+}{suffix}\"\n\n[trial]\ncalibrate = 0\npreroll = 0\nrun = {run}\n\
-                 decay = 0\n{phase}\n[speeds]\npairs = [[{w1}, {w2}]]\n"
-            );
-            Plan::parse(&text, "--speeds")?
+            let trial = format!("calibrate = 0\npreroll = 0\nrun = {run}\ndecay = 0{phase}");
+            Plan::of_speeds(speeds, &trial, &suffix)?
         }
         _ => return Err(miette::miette!(code = WRONG_USE, "give a plan or --speeds")),
     };

@@ -1,4 +1,4 @@
-//! Whether a plan leaves its robot time to come to rest between two runs.
+//! Whether a plan leaves its robot time to reach a steady attitude, and to come to rest between two runs.
 
 use super::{Phases, Plan};
 use crate::text::decimal;
@@ -33,5 +33,19 @@ impl Plan {
             decimal(needed_s, 0),
             decimal(slowest_s, 1)
         ))
+    }
+
+    /// Returns a note for the user if a run ends before the robot has reached a steady attitude: within five time
+    /// constants.
+    pub fn note_on_run(&self) -> Option<String> {
+        let turning = self.trials.iter().filter(|trial| trial.speeds != [CentiRpm(0); 2]);
+        let run_s = turning.map(|trial| trial.phases.run_s).reduce(f64::min)?;
+        let needed_s = ENOUGH * TimeConstants::of(&self.robot.parse().ok()?).ok()?.slowest_s();
+        (run_s < needed_s).then(|| {
+            let [run_s, needed_s] = [run_s, needed_s].map(|seconds| decimal(seconds, 0));
+            format!(
+                "a run has {run_s} s, and the robot takes {needed_s} s to reach a steady attitude (five time constants)"
+            )
+        })
     }
 }

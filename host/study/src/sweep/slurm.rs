@@ -1,5 +1,6 @@
 //! The script that runs a sweep's shards on a cluster with Slurm.
 
+use crate::text::quoted;
 use std::path::Path;
 
 /// Returns a shell script that submits a job array over the shards and, after it, the merge.
@@ -64,24 +65,10 @@ echo "jobs $array (shards) and ${{merge%%;*}} (merge); see how far they are with
     )
 }
 
-/// Quotes text for a shell.
-fn quoted(text: &str) -> String {
-    format!("'{}'", text.replace('\'', r"'\''"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::process::Command;
-
-    /// A shell gets the same text back, whatever is in it.
-    #[test]
-    fn text_is_quoted_for_a_shell() {
-        for text in ["plain", "two words", "it's $HOME `date` \"x\" \\ *", "line\nend"] {
-            let output = Command::new("sh").args(["-c", &format!("printf %s {}", quoted(text))]).output().unwrap();
-            assert_eq!(String::from_utf8_lossy(&output.stdout), text);
-        }
-    }
 
     /// Runs the script with commands in place of those of Slurm. `sbatch` starts each job without any variable but its own,
     /// as with `SBATCH_EXPORT=NONE`; six shards are two jobs of an array that may have three numbers.

@@ -1,26 +1,29 @@
 //! `biflag record`: records the trials of a plan on the rig.
 
+mod row;
+
 use super::findings::finding_line;
+use super::options::{duration, speeds};
 use super::virtual_board::SensorArgs;
-use super::{Answer, Outcome, WRONG_USE, settings, virtual_board};
+use super::{Answer, Outcome, WRONG_USE, plan, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
-use crate::plan::board;
-use crate::plan::{EXAMPLE, Plan, Trial, robot};
+use crate::plan::{EXAMPLE, Plan, Trial, board, robot};
+use crate::preview::Preview;
 use crate::progress::Progress;
 use crate::run;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, preflight};
 use crate::session::{self, Session, Sharing};
 use crate::signals::interruption;
-use crate::text::decimal;
-use crate::trial::{AngleTerm, Angles, Finding, LogFinding, Want, Zeroed, findings};
-use biflag_log::{BoardMeta, End, LinkStats, Origin, Summary};
+use crate::text;
+use crate::trial::{LogFinding, Want, Zeroed, findings};
+use biflag_log::{BoardMeta, Origin};
 use miette::{IntoDiagnostic, Report, WrapErr};
 use protocol::Command;
-use serde::ser::Error as _;
-use serde::{Serialize, Serializer};
-use std::fmt;
+use protocol::units::CentiRpm;
+use row::RecordedTrial;
+use serde::Serialize;
 use std::io::Write;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -32,14 +35,31 @@ use tempfile::{NamedTempFile, TempPath};
 /// The most attempts to calibrate the gyroscope for a trial. After them, a robot that still moves ends the session.
 const CALIBRATIONS: usize = 3;
 
-/// Run the trials of a plan on the rig and write a log of each.
+/// Run the trials of a plan, or one pair of speeds, on the rig and write a log of each.
 #[derive(clap::Args, Debug)]
-#[command(after_help = format!(
-    "Example: biflag record plan.toml --port /dev/ttyUSB0 --out glycerin-day-1\n\nA plan:\n\n{EXAMPLE}"
-))]
+#[command(
+    override_usage = "biflag record [OPTIONS] <PLAN>\n       biflag record [OPTIONS] --speeds <W1,W2> [--run <S>]",
+    after_help = format!(
+        "Examples:\n  \
+        biflag record plan.toml --port /dev/ttyUSB0 --out glycerin-day-1\n  \
+        biflag record plan.toml --dry-run\n  \
+        biflag record --speeds 50,10 --run 60\n\nA plan, which `biflag new` writes:\n\n{EXAMPLE}"
+    )
+)]
 pub struct Args {
     /// The plan: a TOML file like the one below, or the name of one inside biflag (`biflag plans`).
-    plan: PathBuf,
+    #[arg(required_unless_present = "speeds", conflicts_with_all = ["speeds", "run"])]
+    plan: Option<PathBuf>,
+    /// Speeds of flagella 1 and 2 in rpm instead of a plan, for one trial with the usual phases; write `--speeds=-90,90` if
+    /// the first is negative.
+    #[arg(long, value_name = "W1,W2", value_parser = speeds, allow_hyphen_values = true)]
+    speeds: Option<[CentiRpm; 2]>,
+    /// Duration of the run at these speeds, in seconds.
+    #[arg(long, value_name = "S", value_parser = duration, default_value = "120", requires = "speeds")]
+    run: f64,
+    /// Print the trials that would run, their duration and what may be wrong, and stop before the board is used.
+    #[arg(long)]
+    dry_run: bool,
     /// The serial port of the board; not needed if only one board is plugged in.
     #[arg(long, conflicts_with = "virtual")]
     port: Option<String>,
@@ -77,37 +97,6 @@ struct Recorded {
     left_out: Vec<LogFinding>,
 }
 
-#[derive(Debug, Serialize)]
-struct RecordedTrial {
-    name: String,
-    w1_rpm: f64,
-    w2_rpm: f64,
-    #[serde(serialize_with = "crate::text::path")]
-    log: PathBuf,
-    #[serde(flatten)]
-    link: LinkStats,
-    /// Start of the run on the log's clock, which depends on how long the robot took to come to rest; `None` if the motors
-    /// never ran.
-    run_start_s: Option<f64>,
-    /// End of the run.
-    run_end_s: Option<f64>,
-    /// Its steady angles; `None` if there is no attitude in the run.
-    #[serde(flatten, serialize_with = "angles_or_nulls")]
-    angles: Option<Angles>,
-    /// The causes of their uncertainties.
-    budget: Vec<AngleTerm>,
-    /// The turn by hand in the plan, compared with the measured one; only for trials of this run.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    hand_turn: Option<String>,
-    /// Findings about the trial.
-    findings: Vec<Finding>,
-    /// The grave ones as text.
-    warnings: Vec<String>,
-    /// The others as text, and what did not affect the data.
-    notes: Vec<String>,
-    complete: bool,
-}
-
 pub fn run(args: &Args) -> miette::Result<Answer> {
     if args.faults.iter().any(|fault| fault == "help") {
         return virtual_board::list_faults();
@@ -116,8 +105,15 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         return virtual_board::show_sensor();
     }
     let interrupted = interruption()?;
-    let plan = Plan::load(&args.plan)?;
-    plan.check_for_rig(&args.plan.display().to_string())?;
+    let (plan, source) = match (&args.plan, args.speeds) {
+        (Some(path), _) => (Plan::load(path)?, path.display().to_string()),
+        (None, Some(speeds)) => (Plan::of_speeds(speeds, &format!("run = {}", args.run), "")?, "--speeds".to_owned()),
+        (None, None) => return Err(miette::miette!(code = WRONG_USE, "give a plan or --speeds")),
+    };
+    plan.check_for_rig(&source)?;
+    if args.dry_run {
+        return plan::preview(&plan);
+    }
     // This comes first, so that a busy address is reported before the board is used.
     let live = args.live.map(Live::listen).transpose()?;
     let nano = match &args.r#virtual {
@@ -141,7 +137,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         None => check_settings(&link)?,
     };
     prepare(&link, &plan)?;
-    let note_of_sensor = check_sensor(&link, &plan)?;
+    check_sensor(&link, &plan)?;
     // This comes last, so that no folder is created if the board does not respond.
     let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let session = match args.resume {
@@ -175,9 +171,13 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         recorded.trials.push(row);
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    for note in note.into_iter().chain(note_of_copy).chain(note_of_sensor).chain(plan.note_on_rest()) {
+    if let Some(begin) = begin(&plan, &todo, origin) {
+        progress.line(&begin);
+    }
+    for note in note.into_iter().chain(note_of_copy) {
         progress.line(&format!("note: {note}"));
     }
+    Preview::of(&plan).findings.iter().for_each(|finding| progress.line(&finding_line(None, finding)));
     for LogFinding { finding, .. } in &recorded.left_out {
         progress.line(&finding_line(None, finding));
         outcome = Outcome::WithLoss;
@@ -235,11 +235,49 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Some(RecordError::Interrupted) => outcome = Outcome::Interrupted,
         Some(error) => failure = Some(Report::from(error)),
     }
+    if failure.is_some() || outcome == Outcome::Interrupted {
+        progress.line(&format!("continue with: {}", continuation()));
+    }
+    progress.ring();
     progress.finish();
     recorded.trials.sort_by(|a, b| a.name.cmp(&b.name));
     match failure {
         Some(report) => Answer::failed(&recorded, &report),
-        None => Answer::new(outcome, &recorded, format!("session {}", recorded.session.display())),
+        None => Answer::new(outcome, &recorded, recorded.end(outcome, todo.len())),
+    }
+}
+
+/// Returns what a session that begins, or continues, has before it; `None` if nothing is left to do.
+fn begin(plan: &Plan, todo: &[Trial], origin: Origin) -> Option<String> {
+    let left = Preview::of(&Plan { trials: todo.to_vec(), ..plan.clone() });
+    let end = match origin {
+        // Its clock does not keep the time of day.
+        Origin::VirtualRig => "by the clock of the emulated board".to_owned(),
+        _ => format!("ends at {} if the robot comes to rest as planned", left.end()),
+    };
+    (!todo.is_empty()).then(|| format!("{}, {end}", left.amount()))
+}
+
+/// Returns the command that continues this one.
+fn continuation() -> String {
+    let mut words: Vec<_> = std::env::args_os().skip(1).map(|word| text::quoted(&word.to_string_lossy())).collect();
+    if !words.iter().any(|word| word == "--resume") {
+        words.push("--resume".to_owned());
+    }
+    format!("biflag {}", words.join(" "))
+}
+
+impl Recorded {
+    /// Returns the end of a command that had `todo` trials to record.
+    fn end(&self, outcome: Outcome, todo: usize) -> String {
+        let session = text::quoted(&self.session.to_string_lossy());
+        let table = if self.trials.len() > 1 { row::table(&self.trials) } else { String::new() };
+        let then = match outcome {
+            Outcome::Interrupted => "interrupted, the motors are stopped".to_owned(),
+            _ if todo == 0 => format!("nothing left to do: {} complete", text::count(self.trials.len(), "trial")),
+            _ => format!("next: biflag compare {session}"),
+        };
+        format!("{table}session {}\n{then}", self.session.display())
     }
 }
 
@@ -315,12 +353,9 @@ fn prepare(link: &Link, plan: &Plan) -> miette::Result<()> {
     Ok(())
 }
 
-/// Refuses a sensor file of another board. Returns a note for the user if the plan names none.
-fn check_sensor(link: &Link, plan: &Plan) -> miette::Result<Option<String>> {
-    let Some(file) = &plan.sensor else {
-        let note = "the plan names no sensor file: the sensor's errors are those of the data sheet";
-        return Ok(Some(note.to_owned()));
-    };
+/// Refuses a sensor file of another board.
+fn check_sensor(link: &Link, plan: &Plan) -> miette::Result<()> {
+    let Some(file) = &plan.sensor else { return Ok(()) };
     match MeasuredSensor::parse(&file.text, &file.name)?.mismatch(&settings::read(link)?) {
         Some(why) => Err(miette::miette!(
             code = WRONG_USE,
@@ -328,17 +363,8 @@ fn check_sensor(link: &Link, plan: &Plan) -> miette::Result<Option<String>> {
             "{} is of another sensor: {why}",
             file.name
         )),
-        None => Ok(None),
+        None => Ok(()),
     }
-}
-
-/// Serialises the angles into the row of their trial; `null` for each where there are none.
-fn angles_or_nulls<S: Serializer>(angles: &Option<Angles>, serializer: S) -> Result<S::Ok, S::Error> {
-    let Some(angles) = angles else {
-        let keys = serde_json::to_value(Angles::default()).map_err(S::Error::custom)?;
-        return serializer.collect_map(keys.as_object().into_iter().flat_map(|keys| keys.keys().map(|key| (key, ()))));
-    };
-    angles.serialize(serializer)
 }
 
 /// Starts the emulated board, with a recording for its sensor or with the plan's robot.
@@ -355,7 +381,7 @@ fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Res
         None => {
             let path = match plan.robot.text.as_str() {
                 "" => PathBuf::from(&plan.robot.name),
-                _ => robot::named_by(&args.plan, &plan.robot.name),
+                _ => robot::named_by(args.plan.as_deref().unwrap_or(Path::new("")), &plan.robot.name),
             };
             let is_inside = !plan.robot.text.is_empty() && !path.exists();
             robot_file = is_inside.then(|| temporary(&plan.robot.text)).transpose()?;
@@ -372,66 +398,4 @@ fn temporary(text: &str) -> miette::Result<TempPath> {
         Ok(file.into_temp_path())
     });
     written.into_diagnostic().wrap_err("the robot cannot be written to a temporary file")
-}
-
-impl RecordedTrial {
-    /// Returns the row of a trial of this run.
-    fn of_run(trial: &Trial, log: PathBuf, run: &RigRun) -> Self {
-        let row = Self::new(trial, log, &run.summary, run.angles.clone());
-        Self { notes: run.notes.clone(), ..row }.ran(run.run_s).with(run.findings.clone())
-    }
-
-    /// Sets start and end of the run.
-    fn ran(self, run_s: Option<[f64; 2]>) -> Self {
-        Self { run_start_s: run_s.map(|[start, _]| start), run_end_s: run_s.map(|[_, end]| end), ..self }
-    }
-
-    /// Adds the findings about the trial.
-    fn with(mut self, findings: Vec<Finding>) -> Self {
-        let (grave, slight): (Vec<_>, Vec<_>) = findings.iter().partition(|finding| finding.grave);
-        self.warnings.extend(grave.into_iter().map(ToString::to_string));
-        self.notes.extend(slight.into_iter().map(ToString::to_string));
-        Self { findings, ..self }
-    }
-
-    fn new(trial: &Trial, log: PathBuf, summary: &Summary, angles: Option<Angles>) -> Self {
-        let [w1_rpm, w2_rpm] = trial.speeds.map(|speed| speed.rpm());
-        Self {
-            name: trial.name.clone(),
-            w1_rpm,
-            w2_rpm,
-            log,
-            link: summary.link,
-            run_start_s: None,
-            run_end_s: None,
-            budget: angles.as_ref().map(|angles| angles.budget.clone()).unwrap_or_default(),
-            angles,
-            hand_turn: None,
-            findings: Vec::new(),
-            warnings: Vec::new(),
-            notes: Vec::new(),
-            complete: summary.end == End::Complete,
-        }
-    }
-}
-
-impl fmt::Display for RecordedTrial {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.name, self.link)?;
-        let is_still = self.w1_rpm == 0.0 && self.w2_rpm == 0.0;
-        match (&self.hand_turn, &self.angles) {
-            (Some(verdict), _) => write!(f, "; {verdict}")?,
-            (None, Some(angles)) if is_still => {
-                let [x, y, z] = angles.turned_deg.map(|deg| decimal(deg, 1));
-                write!(f, "; turned {x}°, {y}°, {z}° about x, y, z")?;
-            }
-            (None, Some(angles)) => write!(f, "; {angles}")?,
-            (None, None) => {}
-        }
-        if !self.complete {
-            write!(f, "; not complete")?;
-        }
-        self.warnings.iter().try_for_each(|warning| write!(f, "\n  warning: {warning}"))?;
-        self.notes.iter().try_for_each(|note| write!(f, "\n  note: {note}"))
-    }
 }

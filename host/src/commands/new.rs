@@ -1,0 +1,44 @@
+//! `biflag new`: a plan to begin with.
+
+use super::{Answer, Outcome, WRONG_USE};
+use crate::plan::EXAMPLE;
+use crate::preview::Preview;
+use miette::{IntoDiagnostic, WrapErr};
+use serde_json::json;
+use std::fs::File;
+use std::io::{ErrorKind, Write};
+use std::path::PathBuf;
+use study::plan::Plan;
+
+/// Write a commented plan to begin with.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Example: biflag new glycerin.toml\nAn existing file is never replaced.")]
+pub struct Args {
+    /// The file to write.
+    #[arg(default_value = "plan.toml")]
+    file: PathBuf,
+}
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    let path = args.file.display();
+    let mut file = match File::create_new(&args.file) {
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+            return Err(miette::miette!(
+                code = WRONG_USE,
+                help = format!(
+                    "name another file, such as `biflag new my-plan.toml`; `biflag plan check {path}` reads this one"
+                ),
+                "{path} exists already"
+            ));
+        }
+        file => file.into_diagnostic().wrap_err_with(|| format!("{path} cannot be written"))?,
+    };
+    file.write_all(EXAMPLE.as_bytes()).into_diagnostic().wrap_err_with(|| format!("{path} cannot be written"))?;
+    let preview = Preview::of(&Plan::load(&args.file)?);
+    let mut body = serde_json::to_value(&preview).into_diagnostic()?;
+    if let Some(body) = body.as_object_mut() {
+        body.insert("file".to_owned(), json!(args.file.to_string_lossy()));
+    }
+    let text = format!("{path}: {}\nchange it, then: biflag plan check {path}; biflag record {path}", preview.amount());
+    Answer::new(Outcome::Done, &body, text)
+}

@@ -1,0 +1,102 @@
+//! What a plan will do on the rig, before anything runs: its trials, its duration, and what may be wrong with them.
+
+use crate::plan::Plan;
+use crate::text;
+use crate::trial::{Finding, FindingKind};
+use jiff::{SignedDuration, Zoned};
+use protocol::units::CentiRpm;
+use serde::Serialize;
+use std::fmt;
+
+/// What a plan will do.
+#[derive(Serialize, Clone, PartialEq, Debug)]
+pub struct Preview {
+    /// Name of the plan.
+    pub name: String,
+    /// The trials, in the order in which they run.
+    pub trials: Vec<PlannedTrial>,
+    /// Duration of all phases, s.
+    pub duration_s: f64,
+    /// The same with the longest wait for a still robot before each trial.
+    pub at_most_s: f64,
+    /// What the user should know before the first trial.
+    pub findings: Vec<Finding>,
+}
+
+/// A trial of a plan.
+#[derive(Serialize, Clone, PartialEq, Debug)]
+pub struct PlannedTrial {
+    /// Its name.
+    pub name: String,
+    /// Speed of flagellum 1, rpm.
+    pub w1_rpm: f64,
+    /// Speed of flagellum 2, rpm.
+    pub w2_rpm: f64,
+    /// Duration of its phases, s.
+    pub duration_s: f64,
+}
+
+impl Preview {
+    /// Returns what a plan will do.
+    pub fn of(plan: &Plan) -> Self {
+        let trials = plan.trials.iter().map(|trial| {
+            let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
+            PlannedTrial { name: trial.name.clone(), w1_rpm, w2_rpm, duration_s: trial.phases.total_s() }
+        });
+        let duration_s = plan.trials.iter().map(|trial| trial.phases.total_s()).sum();
+        let waits_s: f64 = plan.trials.iter().map(|trial| trial.phases.rest_at_most_s).sum();
+        Self {
+            name: plan.name.clone(),
+            trials: trials.collect(),
+            duration_s,
+            at_most_s: duration_s + waits_s,
+            findings: findings(plan),
+        }
+    }
+
+    /// Returns the number of trials and their duration, in words.
+    pub fn amount(&self) -> String {
+        format!("{}, {}", text::count(self.trials.len(), "trial"), text::duration(self.duration_s))
+    }
+
+    /// Returns when the plan would end if it began now: local time, with the day if that is another.
+    pub fn end(&self) -> String {
+        let now = Zoned::now();
+        let Ok(end) = now.checked_add(SignedDuration::from_secs_f64(self.duration_s)) else { return String::new() };
+        let format = if end.date() == now.date() { "%H:%M" } else { "%Y-%m-%d %H:%M" };
+        end.strftime(format).to_string()
+    }
+}
+
+/// One line for the plan, and one for each trial.
+impl fmt::Display for Preview {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", text::line(&self.name), self.amount())?;
+        if self.at_most_s > self.duration_s {
+            write!(f, "; at most {} if the robot takes long to come to rest", text::duration(self.at_most_s))?;
+        }
+        let width = self.trials.iter().map(|trial| trial.name.len()).max().unwrap_or_default();
+        for trial in &self.trials {
+            write!(f, "\n  {:width$}  {}", trial.name, text::duration(trial.duration_s))?;
+        }
+        Ok(())
+    }
+}
+
+fn findings(plan: &Plan) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    if plan.sensor.is_none() {
+        let text = "the plan names no sensor file, so the sensor's errors are those of the data sheet";
+        let cure = "`biflag sensor` measures them, which makes the ± smaller";
+        findings.push(Finding::slight(FindingKind::Conduct, text, cure));
+    }
+    if let Err(error) = plan.check_for_rig(&plan.name) {
+        let cure = "only `biflag simulate` runs this plan";
+        findings.push(Finding::slight(FindingKind::Conduct, error.to_string(), cure));
+    }
+    let run =
+        plan.note_on_run().map(|text| Finding::slight(FindingKind::Window, text, "set a longer run under [trial]"));
+    let rest = plan.note_on_rest().map(|text| Finding::slight(FindingKind::Rest, text, ""));
+    findings.extend(run.into_iter().chain(rest));
+    findings
+}
