@@ -6,6 +6,8 @@
 
 pub mod commands;
 mod image;
+#[cfg(feature = "archives")]
+pub mod pack;
 pub mod signals;
 
 pub use page::{figure, report};

@@ -9,6 +9,7 @@ mod drift;
 mod figure;
 mod format1;
 mod hostile_logs;
+mod pack;
 mod plan;
 mod plans;
 mod preview;

@@ -55,6 +55,24 @@ with open(source, "rb") as old, open(target, "wb") as new:
     writer.finish()
 "#;
 
+/// Script that opens an archive of `biflag pack` as an RO-Crate, and checks size and sum of each file in it.
+const CRATE: &str = r##"
+import hashlib, json, sys
+from rocrate.model import File
+from rocrate.rocrate import ROCrate
+
+crate = ROCrate(sys.argv[1])
+files = [entity for entity in crate.get_entities() if isinstance(entity, File) and entity.get("contentSize")]
+for file in files:
+    data = open(f"{sys.argv[1]}/{file['name']}", "rb").read()
+    assert (str(len(data)), hashlib.sha256(data).hexdigest()) == (file["contentSize"], file["sha256"]), file.id
+action = crate.dereference("#recording")
+print(json.dumps({
+    "name": crate.name, "licence": crate.license.id, "author": crate.root_dataset["author"]["name"], "files": len(files),
+    "parts": len(crate.root_dataset["hasPart"]), "logs": [log["name"] for log in action["result"]],
+}))
+"##;
+
 /// Script that prints Rerun's conversion of a log: its archetypes, and channels that it reads by their schema.
 const RERUN: &str = r#"
 import json, sys
@@ -271,4 +289,27 @@ fn assert_near(theirs: &Value, ours: &[f64]) {
     let theirs: Vec<f64> = theirs.as_array().unwrap().iter().map(|part| part.as_f64().unwrap()).collect();
     let near = theirs.len() == ours.len() && theirs.iter().zip(ours).all(|(a, b)| (a - b).abs() <= 1e-6);
     assert!(near, "{theirs:?} is not {ours:?}");
+}
+
+/// Unpacked by Python, an archive is an RO-Crate whose files have the sums and sizes that it states.
+#[test]
+fn rocrate_reads_an_archive() {
+    let bench = Bench::new();
+    let simulated = bench.run(["simulate", "--speeds=-37.3,12.9", "--duration", "1.5", "--out", "session"]);
+    assert_eq!(simulated.code, Some(3), "not settled");
+    let pack = ["pack", "session", "-o", "odd.zip", "--author", "A. Writer", "--license", "CC0-1.0"];
+    assert_eq!(bench.run(pack).code, Some(3));
+    let python = newest_python();
+    let run = |arguments: &[&str]| {
+        let output = command(&python).current_dir(bench.path()).args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        output.stdout
+    };
+    run(&["-m", "zipfile", "-e", "odd.zip", "crate"]);
+    let found: Value = serde_json::from_slice(&run(&["-c", CRATE, "crate"])).unwrap();
+    let expected = serde_json::json!({
+        "name": "Biflag session w1-37.3_w2+12.9", "licence": "https://spdx.org/licenses/CC0-1.0", "author": "A. Writer",
+        "files": 10, "parts": 10, "logs": ["session/001_w1-37.3_w2+12.9.mcap"],
+    });
+    assert_eq!(found, expected);
 }

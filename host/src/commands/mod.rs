@@ -15,6 +15,11 @@ mod live;
 mod man;
 mod new;
 mod options;
+#[cfg(feature = "archives")]
+mod pack;
+#[cfg(not(feature = "archives"))]
+#[path = "no_pack.rs"]
+mod pack;
 mod plan;
 mod plans;
 mod record;
@@ -78,6 +83,7 @@ enum Command {
     Report(report::Args),
     Figure(figure::Args),
     Export(export::Args),
+    Pack(pack::Args),
     Recover(recover::Args),
     Completions(completions::Args),
     Man(man::Args),
@@ -107,6 +113,7 @@ pub fn run() -> ExitCode {
         Command::Aim(args) => aim::run(&args),
         Command::Live(args) => live::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Pack(args) => pack::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Figure(args) => figure::run(&args),

@@ -75,6 +75,7 @@ impl Manifest {
         let wrong = |reason| SessionError::Manifest { path: path.clone(), reason };
         let text = std::fs::read_to_string(&path).map_err(|source| match source.kind() {
             ErrorKind::NotFound if folder.is_dir() => SessionError::NotASession { folder: folder.to_owned() },
+            ErrorKind::NotADirectory => SessionError::NotASession { folder: folder.to_owned() },
             ErrorKind::InvalidData => wrong("is not text in UTF-8".to_owned()),
             _ => SessionError::Io { path: path.clone(), source },
         })?;

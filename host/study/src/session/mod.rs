@@ -188,6 +188,11 @@ impl Session {
         &self.folder
     }
 
+    /// Returns when it was started; empty if its manifest does not say so.
+    pub fn created(&self) -> &str {
+        &self.created
+    }
+
     /// Returns the plan.
     pub fn plan(&self) -> &Plan {
         &self.plan

@@ -1,0 +1,77 @@
+//! `biflag pack`: a session as one archive.
+
+use super::findings::lines_of_logs;
+use super::{Answer, Outcome, WRONG_USE};
+use crate::pack::{About, pack};
+use crate::progress::Progress;
+use crate::session::Session;
+use crate::text;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Pack a session into one archive for a data repository: logs, page, figures, tables, checksums, RO-Crate metadata.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Example: biflag pack glycerin -o glycerin.zip --author \"Ada Lovelace\" --license CC-BY-4.0\n\
+    The archive has a readme. Check its files with `sha256sum --check manifest-sha256.txt`.")]
+pub struct Args {
+    /// The session folder.
+    session: PathBuf,
+    /// The archive to write [default: SESSION.zip].
+    #[arg(short, long, value_name = "FILE.zip")]
+    output: Option<PathBuf>,
+    /// Who made the recording [default: the operator in the plan].
+    #[arg(long, value_name = "NAME")]
+    author: Option<String>,
+    /// The data's licence, as an SPDX identifier such as CC-BY-4.0.
+    #[arg(long, value_name = "SPDX", value_parser = license)]
+    license: Option<String>,
+}
+
+fn license(text: &str) -> Result<String, String> {
+    let is_possible = |c: char| c.is_ascii_alphanumeric() || "-.+".contains(c);
+    if !text.is_empty() && text.chars().all(is_possible) {
+        return Ok(text.to_owned());
+    }
+    Err("give the identifier of spdx.org/licenses, such as CC-BY-4.0 or CC0-1.0".to_owned())
+}
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    let session = Session::open(&args.session)?;
+    let folder = args.session.canonicalize().unwrap_or_else(|_| args.session.clone());
+    let out = match &args.output {
+        Some(out) => out.clone(),
+        None => folder.with_added_extension("zip"),
+    };
+    if out.parent().and_then(|parent| parent.canonicalize().ok()).is_some_and(|parent| parent == folder) {
+        return Err(miette::miette!(
+            code = WRONG_USE,
+            help = "name a file in another folder with -o",
+            "{}: is in the folder that is packed",
+            out.display()
+        ));
+    }
+    let about = About {
+        author: args.author.clone().unwrap_or_else(|| session.plan().operator.clone()),
+        license: args.license.clone().unwrap_or_default(),
+    };
+    let progress = Progress::new(0.0);
+    let packed = pack(&args.session, &out, &about, &progress);
+    progress.finish();
+    let packed = packed?;
+    let mut text = format!(
+        "{}: {}, {:.1} MB",
+        out.display(),
+        text::count(packed.entries.len(), "file"),
+        packed.bytes as f64 * 1e-6
+    );
+    packed.notes.iter().for_each(|note| text += &format!("\nnote: {note}"));
+    text += &lines_of_logs(&packed.findings);
+    let body = json!({
+        "file": out.to_string_lossy(),
+        "entries": packed.entries,
+        "bytes": packed.bytes,
+        "findings": packed.findings,
+        "notes": packed.notes,
+    });
+    Answer::new(if packed.is_sound { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+}

@@ -1,0 +1,195 @@
+//! The files that go into an archive: those of the session, and those made of it.
+
+use super::{About, PackError, readme};
+use crate::export::{Format, export_session};
+use crate::figure::{self, COLUMN_MM, FigureError, Subject};
+use crate::plan::Plan;
+use crate::progress::Progress;
+use crate::report::{self, Kind};
+use crate::session::{MANIFEST, Session};
+use crate::text;
+use crate::trial::LogFinding;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A file in the archive.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(super) struct Entry {
+    /// Its name there, with `/` between folders.
+    pub name: String,
+    /// Where its content is.
+    pub file: PathBuf,
+    /// What it is.
+    pub about: String,
+}
+
+impl Entry {
+    /// Returns its media type.
+    pub fn media_type(&self) -> &'static str {
+        match self.extension() {
+            "mcap" => "application/x-mcap",
+            "toml" => "application/toml",
+            "csv" => "text/csv",
+            "svg" => "image/svg+xml",
+            "html" => "text/html",
+            "md" => "text/markdown",
+            "txt" => "text/plain",
+            "json" => "application/json",
+            "jpg" | "jpeg" => "image/jpeg",
+            "png" => "image/png",
+            "pdf" => "application/pdf",
+            _ => "application/octet-stream",
+        }
+    }
+
+    /// Returns whether it does not become smaller by compression.
+    pub fn is_compressed(&self) -> bool {
+        matches!(self.extension(), "mcap" | "jpg" | "jpeg" | "png" | "pdf" | "mp4" | "webm" | "gif" | "zip")
+    }
+
+    fn extension(&self) -> &str {
+        self.name.rsplit_once('.').map_or("", |(_, extension)| extension)
+    }
+}
+
+/// The files, and what is to be said about them.
+#[derive(Debug)]
+pub(super) struct Content {
+    /// Folder of the files that are made.
+    pub made: PathBuf,
+    pub entries: Vec<Entry>,
+    pub findings: Vec<LogFinding>,
+    pub notes: Vec<String>,
+    pub is_sound: bool,
+}
+
+impl Content {
+    /// Makes the page, tables and figures of a session in the folder `made`, and lists all files.
+    pub fn of(session: &Session, made: &Path, about: &About, progress: &Progress) -> Result<Self, PackError> {
+        let mut content = Self {
+            made: made.to_owned(),
+            entries: Vec::new(),
+            findings: Vec::new(),
+            notes: Vec::new(),
+            is_sound: true,
+        };
+        content.add_inputs(session.plan())?;
+        content.add_session(session.folder())?;
+        progress.phase("pack", "page");
+        content.add_page(session.folder())?;
+        progress.phase("pack", "tables");
+        content.add_tables(session.folder())?;
+        progress.phase("pack", "figures");
+        content.add_figures(session)?;
+        let readme = readme::text(session, about, &content)?;
+        content.add_text("README.md", &readme, "What this archive contains, and the results")?;
+        if about.license.is_empty() {
+            content
+                .notes
+                .push("no licence is stated: repositories ask for one, such as --license CC-BY-4.0".to_owned());
+        }
+        Ok(content)
+    }
+
+    /// Adds a file of this text.
+    pub fn add_text(&mut self, name: &str, text: &str, about: &str) -> Result<(), PackError> {
+        let file = self.made.join(name);
+        fs::write(&file, text).map_err(PackError::reading(&file))?;
+        self.add(name, file, about);
+        Ok(())
+    }
+
+    fn add(&mut self, name: impl Into<String>, file: PathBuf, about: impl Into<String>) {
+        self.entries.push(Entry { name: name.into(), file, about: about.into() });
+    }
+
+    fn add_inputs(&mut self, plan: &Plan) -> Result<(), PackError> {
+        self.add_text("plan.toml", &plan.text, "The plan of the trials")?;
+        let (robot, which) = (&plan.robot, text::line(&plan.robot.name));
+        let text = match robot.text.as_str() {
+            "" => toml::to_string(&robot.parse()?).unwrap_or_default(),
+            text => text.to_owned(),
+        };
+        self.add_text("robot.toml", &text, &format!("Parameters of the robot: {which}"))?;
+        match &plan.sensor {
+            Some(sensor) => self.add_text("sensor.toml", &sensor.text, "What was measured of the sensor"),
+            None => Ok(()),
+        }
+    }
+
+    /// Adds the files in the session's folder. Folders are left out, and links, which may lead to any file.
+    fn add_session(&mut self, folder: &Path) -> Result<(), PackError> {
+        let mut left_out = Vec::new();
+        let mut files = BTreeMap::new();
+        for file in fs::read_dir(folder).map_err(PackError::reading(folder))? {
+            let file = file.map_err(PackError::reading(folder))?;
+            let name = file.file_name().to_string_lossy().into_owned();
+            let is_file = file.file_type().map_err(PackError::reading(&file.path()))?.is_file();
+            if is_file { _ = files.insert(name, file.path()) } else { left_out.push(name) }
+        }
+        for (name, path) in files {
+            let about = match name.as_str() {
+                MANIFEST => "The session: its plan, and the program that started it",
+                name if name.ends_with(".mcap") => "The log of a trial",
+                _ => "A file in the session's folder",
+            };
+            self.add(format!("session/{name}"), path, about);
+        }
+        if !left_out.is_empty() {
+            left_out.sort();
+            self.notes.push(format!("left out, as no files: {}", text::listed(&left_out)));
+        }
+        Ok(())
+    }
+
+    fn add_page(&mut self, folder: &Path) -> Result<(), PackError> {
+        let file = self.made.join("report.html");
+        let written = report::write(folder, Kind::Report, None, Vec::new(), Some(&file))?;
+        self.is_sound &= written.is_sound && !written.findings.iter().any(|of_log| of_log.finding.grave);
+        self.findings = written.findings;
+        self.add("report.html", file, "The session as a page to open in a browser");
+        Ok(())
+    }
+
+    fn add_tables(&mut self, folder: &Path) -> Result<(), PackError> {
+        let tables = export_session(folder, &self.made.join("tables"), Format::Csv, false)?;
+        for log in &tables.damaged {
+            self.notes.push(format!("{log}: cut off or damaged; the table has what can be read"));
+        }
+        for file in tables.files {
+            let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let about = match name.as_str() {
+                "trials.csv" => "The steady angles of all trials with their uncertainties",
+                "budget.csv" => "The causes of these uncertainties",
+                _ => "A trial over time",
+            };
+            self.add(format!("tables/{name}"), file, about);
+        }
+        Ok(())
+    }
+
+    fn add_figures(&mut self, session: &Session) -> Result<(), PackError> {
+        let folder = self.made.join("figures");
+        fs::create_dir(&folder).map_err(PackError::reading(&folder))?;
+        for (index, state) in session.states()?.iter().enumerate().filter(|(_, state)| state.complete().is_some()) {
+            let name = format!("{}.svg", state.trial.name);
+            let subject = Subject { path: session.folder(), number: Some(index + 1) };
+            match figure::trial(subject, None, false, None, COLUMN_MM, &folder.join(&name)) {
+                Ok(_) => {
+                    self.add(format!("figures/{name}"), folder.join(&name), "Yaw, pitch and roll of a trial over time")
+                }
+                Err(FigureError::Nothing { .. }) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let map = folder.join("map.svg");
+        match figure::map(session.folder(), None, COLUMN_MM, &map) {
+            Ok(_) => self.add("figures/map.svg", map, "The steady angles over both speeds"),
+            // Most sessions have too few speeds.
+            Err(FigureError::NoMap { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,109 @@
+//! The archive's description for programs: RO-Crate 1.1 metadata, and the manifest of the sums.
+
+use super::archive::Sum;
+use super::content::Content;
+use super::{About, PackError};
+use crate::program::{GIT_HASH, VERSION, timestamp};
+use crate::session::Session;
+use crate::text;
+use serde_json::{Value, json};
+use std::time::SystemTime;
+
+const NAME: &str = "ro-crate-metadata.json";
+
+/// Adds both files. `sums`: of the files that are there.
+pub(super) fn add(content: &mut Content, session: &Session, about: &About, sums: &[Sum]) -> Result<(), PackError> {
+    let metadata = format!("{:#}\n", crate_of(content, session, about, sums));
+    let manifest: String =
+        content.entries.iter().zip(sums).map(|(entry, sum)| format!("{}  {}\n", sum.sha256, entry.name)).collect();
+    content.add_text("manifest-sha256.txt", &manifest, "SHA-256 of each file")?;
+    content.add_text(NAME, &metadata, "This archive for programs")
+}
+
+fn crate_of(content: &Content, session: &Session, about: &About, sums: &[Sum]) -> Value {
+    let plan = session.plan();
+    let license = match about.license.as_str() {
+        "" => json!("The authors state no licence."),
+        id => json!({ "@id": format!("https://spdx.org/licenses/{id}") }),
+    };
+    let author = (!about.author.trim().is_empty()).then(|| json!({ "@id": "#author" }));
+    let files: Vec<_> = content.entries.iter().map(|entry| json!({ "@id": address(&entry.name) })).collect();
+    let is_log = |name: &str| name.starts_with("session/") && name.ends_with(".mcap");
+    let logs = content.entries.iter().filter(|entry| is_log(&entry.name));
+    let logs: Vec<_> = logs.map(|entry| json!({ "@id": address(&entry.name) })).collect();
+    let trials = text::count(plan.trials.len(), "trial");
+    let description = format!(
+        "{trials} of a robot with two soft helical flagella in glycerin: attitude, speeds of both motors, and steady angles with \
+         their uncertainties. {}",
+        text::line(plan.note.trim())
+    );
+    let mut root = json!({
+        "@id": "./",
+        "@type": "Dataset",
+        "name": format!("Biflag session {}", text::line(&plan.name)),
+        "description": description.trim_end(),
+        "datePublished": timestamp(SystemTime::now()),
+        "license": license,
+        "hasPart": files,
+        "mentions": [{ "@id": "#recording" }],
+    });
+    if let (Some(root), Some(author)) = (root.as_object_mut(), &author) {
+        root.insert("author".to_owned(), author.clone());
+    }
+    let mut graph = vec![
+        json!({
+            "@id": NAME,
+            "@type": "CreativeWork",
+            "about": { "@id": "./" },
+            "conformsTo": { "@id": "https://w3id.org/ro/crate/1.1" },
+        }),
+        root,
+        json!({
+            "@id": "#biflag",
+            "@type": "SoftwareApplication",
+            "name": "biflag",
+            "version": VERSION,
+            "softwareVersion": format!("{VERSION} ({GIT_HASH})"),
+        }),
+        json!({
+            "@id": "#recording",
+            "@type": "CreateAction",
+            "name": "The recording of the session",
+            "instrument": { "@id": "#biflag" },
+            "object": [{ "@id": "plan.toml" }, { "@id": "robot.toml" }],
+            "result": logs,
+            "startTime": session.created(),
+        }),
+    ];
+    if author.is_some() {
+        graph.push(json!({ "@id": "#author", "@type": "Person", "name": text::line(about.author.trim()) }));
+    }
+    if !about.license.is_empty() {
+        graph.push(json!({
+            "@id": format!("https://spdx.org/licenses/{}", about.license),
+            "@type": "CreativeWork",
+            "name": about.license,
+        }));
+    }
+    graph.extend(content.entries.iter().zip(sums).map(|(entry, sum)| {
+        json!({
+            "@id": address(&entry.name),
+            "@type": "File",
+            "name": entry.name,
+            "description": entry.about,
+            "encodingFormat": entry.media_type(),
+            "contentSize": sum.size.to_string(),
+            "sha256": sum.sha256,
+        })
+    }));
+    json!({
+        "@context": ["https://w3id.org/ro/crate/1.1/context", { "sha256": "https://schema.org/sha256" }],
+        "@graph": graph,
+    })
+}
+
+/// Returns the name of a file as a relative address: with `%` before the codes of characters that an address has not.
+fn address(name: &str) -> String {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~/+=,@".contains(&byte);
+    name.bytes().map(|byte| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") }).collect()
+}

@@ -1,0 +1,128 @@
+//! A session as one archive for a repository of research data: logs, page, figures and tables, with a readme, SHA-256 sums
+//! and [RO-Crate](https://www.researchobject.org/ro-crate/) 1.1 metadata.
+//!
+//! ```text
+//! README.md                the trials and their results, the folders, how to check and read the files
+//! ro-crate-metadata.json   the same for programs
+//! manifest-sha256.txt      for `sha256sum --check`
+//! plan.toml, robot.toml, sensor.toml
+//! session/                 the session's folder as it is
+//! tables/                  `biflag export`
+//! figures/                 `biflag figure trial` of each trial, `biflag figure map`
+//! report.html              `biflag report`
+//! ```
+
+mod archive;
+mod content;
+mod metadata;
+mod readme;
+
+use crate::export::ExportError;
+use crate::figure::FigureError;
+use crate::plan::PlanError;
+use crate::progress::Progress;
+use crate::report::ReportError;
+use crate::session::{Session, SessionError, is_in_use};
+use crate::trial::LogFinding;
+use content::Content;
+use miette::Diagnostic;
+use std::io;
+use std::path::{Path, PathBuf};
+use study::output::{self, OutputError};
+use thiserror::Error;
+
+/// What the session's files do not say.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct About {
+    /// Who made the recording; empty if nobody is named.
+    pub author: String,
+    /// SPDX identifier of the data's licence, such as `CC-BY-4.0`; empty if none is named.
+    pub license: String,
+}
+
+/// A written archive.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Packed {
+    /// Names of the files in the archive.
+    pub entries: Vec<String>,
+    /// Its size.
+    pub bytes: u64,
+    /// Findings about the trials.
+    pub findings: Vec<LogFinding>,
+    /// What is missing in the archive, or should be added.
+    pub notes: Vec<String>,
+    /// Whether nothing in it may be wrong.
+    pub is_sound: bool,
+}
+
+/// Why a session was not packed.
+#[derive(Error, Diagnostic, Debug)]
+pub enum PackError {
+    /// A file of the session cannot be read.
+    #[error("{}: cannot be read", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A file of the session has changed meanwhile.
+    #[error("{}: has changed while it was packed", path.display())]
+    #[diagnostic(help("pack the session again once no program writes into it"))]
+    Changed {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The archive cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Output(#[from] OutputError),
+    /// The session cannot be read, or is being recorded.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Session(#[from] SessionError),
+    /// Its robot is wrong.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Plan(#[from] PlanError),
+    /// The page cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Report(#[from] ReportError),
+    /// A table cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Export(#[from] ExportError),
+    /// A figure cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Figure(#[from] FigureError),
+}
+
+impl PackError {
+    fn reading(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Read { path, source }
+    }
+}
+
+/// Packs the session in `folder` into the new file `out`.
+///
+/// # Errors
+/// [`PackError`]; nothing is left of an unfinished archive.
+pub fn pack(folder: &Path, out: &Path, about: &About, progress: &Progress) -> Result<Packed, PackError> {
+    let session = Session::open(folder)?;
+    if is_in_use(folder) {
+        return Err(SessionError::InUse { folder: folder.to_owned() }.into());
+    }
+    output::check_new(out)?;
+    let made = tempfile::tempdir().map_err(PackError::reading(Path::new("a temporary folder")))?;
+    let mut content = Content::of(&session, made.path(), about, progress)?;
+    progress.phase("pack", "checksums");
+    let sums = archive::sums(&content.entries)?;
+    metadata::add(&mut content, &session, about, &sums)?;
+    progress.phase("pack", "archive");
+    let bytes = archive::write(&content.entries, &sums, out)?;
+    let entries = content.entries.into_iter().map(|entry| entry.name).collect();
+    Ok(Packed { entries, bytes, findings: content.findings, notes: content.notes, is_sound: content.is_sound })
+}

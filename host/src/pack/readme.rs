@@ -1,0 +1,90 @@
+//! The archive's readme.
+
+use super::content::Content;
+use super::{About, PackError};
+use crate::program::FULL_VERSION;
+use crate::session::Session;
+use crate::text;
+use crate::trial::{Angles, Want, Zeroed, findings};
+use std::fmt::Write;
+
+/// Returns the text of the readme.
+pub(super) fn text(session: &Session, about: &About, content: &Content) -> Result<String, PackError> {
+    let plan = session.plan();
+    let mut text = format!("# {}\n\n", text::line(&plan.name));
+    // Writing to a string cannot fail.
+    let mut line = |line: String| _ = writeln!(text, "{line}");
+    line(
+        "Trials of a robot with two soft helical flagella, turned by two DC motors under a base that hangs on a ball joint in \
+         glycerin.\n"
+            .to_owned(),
+    );
+    for (name, value) in [("Author", &about.author), ("Licence", &about.license), ("Note", &plan.note)] {
+        if !value.trim().is_empty() {
+            line(format!("- {name}: {}", text::line(value.trim())));
+        }
+    }
+    line(format!("- Session started: {}", session.created()));
+    line(format!("- Packed by biflag {FULL_VERSION}"));
+    line("\n## Results\n".to_owned());
+    line("| trial | yaw, deg | pitch, deg | roll, deg | |\n| --- | --- | --- | --- | --- |".to_owned());
+    for state in session.intact_states()? {
+        let Some(attempt) = state.complete() else {
+            line(format!("| {} | | | | not complete |", state.trial.name));
+            continue;
+        };
+        let Ok(data) = attempt.read(Want::default()) else {
+            line(format!("| {} | | | | cannot be read |", state.trial.name));
+            continue;
+        };
+        let zeroed = Zeroed::new(&data);
+        let grave = findings(&data, &zeroed).iter().filter(|finding| finding.grave).count();
+        let angles = zeroed.angles().unwrap_or_default();
+        let remark = match grave {
+            0 if angles.settled => String::new(),
+            0 => "not settled".to_owned(),
+            grave => text::count(grave, "warning"),
+        };
+        let [yaw, pitch, roll] = cells(&angles);
+        line(format!("| {} | {yaw} | {pitch} | {roll} | {remark} |", state.trial.name));
+    }
+    line(
+        "\nThe name of a trial has the speeds of flagella 1 and 2 in rpm, positive counter-clockwise seen from above. Yaw, pitch \
+         and roll are rotations about z, then y, then x that turn body axes into world axes; x points from motor 2 to motor 1, \
+         z upwards along the robot. Yaw is zero at the end of the still phase before the run. The values are means over about \
+         the last 12 s of the run. The ± is the 95 % uncertainty; \"?\": unknown, because of a warning in `report.html`.\n"
+            .to_owned(),
+    );
+    line("## Files\n".to_owned());
+    for (name, about) in [
+        ("report.html", "the session as a page to open in a browser"),
+        ("tables/", "the trials as CSV; `trials.csv` has the results, `budget.csv` the causes of their uncertainties"),
+        ("figures/", "the trials as SVG"),
+        ("plan.toml, robot.toml", "what was planned, and the robot's parameters"),
+        (
+            "session/",
+            "the logs (MCAP with protobuf; Foxglove and PlotJuggler open them) and the manifest of the session",
+        ),
+        ("manifest-sha256.txt", "SHA-256 of each file; check with `sha256sum --check manifest-sha256.txt`"),
+        ("ro-crate-metadata.json", "this description for programs (RO-Crate 1.1)"),
+    ] {
+        line(format!("- `{name}`: {about}"));
+    }
+    if !content.notes.is_empty() {
+        line("\n## Notes\n".to_owned());
+        content.notes.iter().for_each(|note| line(format!("- {}", text::line(note))));
+    }
+    Ok(text)
+}
+
+fn cells(angles: &Angles) -> [String; 3] {
+    [
+        (angles.yaw_deg, angles.yaw_uncertainty_deg),
+        (angles.pitch_deg, angles.pitch_uncertainty_deg),
+        (angles.roll_deg, angles.roll_uncertainty_deg),
+    ]
+    .map(|(angle, uncertainty)| {
+        let uncertainty = uncertainty.map_or_else(|| "?".to_owned(), |u| text::decimal(u, 2));
+        format!("{} ± {uncertainty}", text::decimal(angle, 2))
+    })
+}
