@@ -10,7 +10,7 @@ mod image;
 pub mod pack;
 pub mod signals;
 
-pub use page::{figure, report};
+pub use page::{figure, film, report};
 pub use rig::{link, live};
 pub use study::{
     aim, attitude, colour, export, lock, output, plan, preview, program, progress, sensor, session, sweep, text, trial,

@@ -7,6 +7,7 @@ mod calibration;
 mod commands;
 mod drift;
 mod figure;
+mod film;
 mod format1;
 mod hostile_logs;
 mod pack;

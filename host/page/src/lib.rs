@@ -1,10 +1,11 @@
-//! What people look at: pages ([`report`]) and figures for print ([`figure`]).
+//! What people look at: pages ([`report`]), figures for print ([`figure`]) and films ([`film`]).
 //!
 //! It is a crate of its own because words and colours change more often than numbers: a change here compiles no fit and
 //! no sweep again. Its seam is one way: it takes trials, comparisons and tables from the crate `study` and computes no
 //! result of its own, so that a page cannot say another number than a command.
 
 pub mod figure;
+pub mod film;
 pub mod report;
 mod ticks;
 mod viridis;

@@ -1,7 +1,7 @@
 //! `biflag figure`: writes figures for a paper.
 
 use super::findings::{are_slight, lines_of_logs};
-use super::options::pair;
+use super::options::span;
 use super::{Answer, Outcome};
 use crate::colour;
 use crate::figure::{self, COLUMN_MM};
@@ -96,12 +96,6 @@ struct Paper {
     /// Printed width.
     #[arg(long, value_name = "MM", default_value_t = COLUMN_MM, value_parser = width)]
     width_mm: f64,
-}
-
-fn span(text: &str) -> Result<[f64; 2], String> {
-    let form = "give two times in seconds, the earlier one first, such as 50,56";
-    let one = |text: &str| text.parse::<f64>().ok().filter(|time| time.is_finite()).ok_or_else(|| form.to_owned());
-    pair(text, form, one).and_then(|[from, to]| if from < to { Ok([from, to]) } else { Err(form.to_owned()) })
 }
 
 fn width(text: &str) -> Result<f64, String> {

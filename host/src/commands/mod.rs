@@ -8,6 +8,7 @@ mod completions;
 mod doctor;
 mod export;
 mod figure;
+mod film;
 mod findings;
 mod flash;
 mod info;
@@ -82,6 +83,7 @@ enum Command {
     Aim(aim::Args),
     Report(report::Args),
     Figure(figure::Args),
+    Film(film::Args),
     Export(export::Args),
     Pack(pack::Args),
     Recover(recover::Args),
@@ -116,6 +118,7 @@ pub fn run() -> ExitCode {
         Command::Pack(args) => pack::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Film(args) => film::run(&args),
         Command::Figure(args) => figure::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Completions(args) => completions::run(&args, Cli::command()),

@@ -67,6 +67,13 @@ pub fn duration(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Reads a range of time in seconds.
+pub fn span(text: &str) -> Result<[f64; 2], String> {
+    let form = "give two times in seconds, the earlier one first, such as 50,56";
+    let one = |text: &str| text.parse::<f64>().ok().filter(|time| time.is_finite()).ok_or_else(|| form.to_owned());
+    pair(text, form, one).and_then(|[from, to]| if from < to { Ok([from, to]) } else { Err(form.to_owned()) })
+}
+
 /// Reads a shard, which is counted from 1.
 pub fn shard(text: &str) -> Result<Shard, String> {
     let form = "give the number of the shard and the number of shards, such as 1/8";

@@ -14,7 +14,7 @@ mod heat_map;
 mod parameters;
 mod repeats;
 mod session_page;
-mod shapes;
+pub(crate) mod shapes;
 mod sweep_page;
 mod table;
 mod text;

@@ -64,7 +64,7 @@ fn rate_hz(times: &[f64]) -> f64 {
 }
 
 /// Both helices at rest with the shafts at zero, body axes.
-fn at_rest(robot: &Robot) -> [Vec<[f64; 3]>; 2] {
+pub(crate) fn at_rest(robot: &Robot) -> [Vec<[f64; 3]>; 2] {
     let feet = robot.shaft_feet();
     [0, 1].map(|k| {
         let nodes = robot.flagellum.helix(k).nodes(robot.flagellum.edges());
