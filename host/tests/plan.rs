@@ -140,6 +140,7 @@ fn expect(error: PlanError, message: &str, help: &str) {
     assert_eq!(error.code().unwrap().to_string(), "wrong_use");
 }
 
+const PLAN_FORM: &str = "a plan is a TOML file in UTF-8; `biflag record --help` shows one";
 const SECONDS: &str = "give seconds as a plain number, such as run = 60";
 const PAIRS: &str = "give a list of pairs in rpm, such as pairs = [[50, 10]]";
 const AXIS: &str = "give [first, last, step] in rpm, such as [-90, 90, 10]";
@@ -388,6 +389,19 @@ fn settings_file_is_checked_like_a_plan() {
     std::fs::remove_file(&path).unwrap();
     let missing = board::load(&path).unwrap_err();
     assert_eq!(missing.to_string(), format!("{}: the settings file cannot be read", path.display()));
+}
+
+#[test]
+fn file_of_another_kind_is_called_what_it_is() {
+    let robot = "[fluid]\nviscosity_pa_s = 1.1";
+    let plan = "[session]\nname = \"a\"\n[speeds]\npairs = [[50, 10]]";
+    expect(parse(robot).unwrap_err(), "plan.toml: this is a robot file, not a plan", PLAN_FORM);
+    let error = host::plan::robot::parse(plan, "robot.toml").unwrap_err();
+    let form = "a robot file is a TOML file in UTF-8; `biflag plans robot-published` prints one with every key";
+    expect(error, "robot.toml: this is a plan, not a robot file", form);
+    // A mistake in a file of the right kind is a mistake.
+    let error = parse(&format!("{plan}\n[fluid]\nviscosity_pa_s = 1.1")).unwrap_err().to_string();
+    assert!(error.starts_with("plan.toml:5:2: unknown key `fluid`"), "{error}");
 }
 
 #[test]

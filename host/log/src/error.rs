@@ -1,5 +1,6 @@
 //! Errors of reading and writing logs.
 
+use crate::similar::did_you_mean;
 use miette::Diagnostic;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -55,7 +56,7 @@ pub enum LogError {
     },
     /// The file does not exist.
     #[error("{}: no such log", path.display())]
-    #[diagnostic(code(wrong_use), help("check the path"))]
+    #[diagnostic(code(wrong_use), help("{}", did_you_mean(path, "check the path")))]
     Missing {
         /// The path.
         path: PathBuf,

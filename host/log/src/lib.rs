@@ -64,6 +64,7 @@ mod recover;
 pub mod sample;
 mod scan;
 pub mod schema;
+pub mod similar;
 mod source;
 mod stats;
 mod table;

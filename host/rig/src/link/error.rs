@@ -10,7 +10,7 @@ use thiserror::Error;
 pub enum LinkError {
     /// No such port.
     #[error("there is no port {path}")]
-    #[diagnostic(code(wrong_use), help("{}", present(.available)))]
+    #[diagnostic(code(wrong_use), help("{}{}", names(path), present(.available)))]
     NotFound {
         /// The port.
         path: String,
@@ -180,6 +180,12 @@ fn refusal_cure(refusal: Refusal) -> &'static str {
             "this computer was too busy to start the trial in time: close other programs and try again"
         }
     }
+}
+
+/// Says how ports are called here, to who gives the name of a port of Windows.
+fn names(port: &str) -> &'static str {
+    let is_of_windows = port.get(..3).is_some_and(|start| start.eq_ignore_ascii_case("COM"));
+    if is_of_windows { "ports are called like /dev/ttyUSB0 here; " } else { "" }
 }
 
 fn present(available: &[String]) -> String {

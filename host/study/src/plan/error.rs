@@ -1,5 +1,6 @@
 //! What can be wrong with a plan, a robot file, or a file of board settings. All of it is wrong use.
 
+use biflag_log::similar::did_you_mean;
 use miette::Diagnostic;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -12,7 +13,11 @@ pub enum PlanError {
     #[diagnostic(
         code(wrong_use),
         help(
-            "check the path; a path in a plan is relative to the plan's folder; `biflag plans` lists those inside biflag"
+            "{}",
+            did_you_mean(
+                path,
+                "check the path; a path in a plan is relative to the plan's folder; `biflag plans` lists those inside biflag"
+            )
         )
     )]
     Read {

@@ -14,6 +14,14 @@ use toml::de::{DeTable, DeValue};
 /// Longest file that is read, bytes. Longer files and endless devices are refused as another kind of file.
 const LONGEST_FILE: u64 = 4 << 20;
 
+/// What each kind of file is called, with tables that only it has.
+const KINDS: [(&str, &[&str]); 4] = [
+    ("the plan of a sweep", &["vary"]),
+    ("a plan", &["speeds", "trial", "session"]),
+    ("a robot file", &["flagellum", "fluid", "joint", "base", "tank", "head", "contact", "solver"]),
+    ("a sensor file", &["gyro_scale", "gyro_axes"]),
+];
+
 /// A kind of file, and the meaning of its keys.
 pub(crate) struct FileKind {
     /// The word for the file in messages.
@@ -79,7 +87,21 @@ impl Source<'_> {
     pub fn read<T: DeserializeOwned>(&self) -> Result<T, PlanError> {
         let table = DeTable::parse(self.text).map_err(|error| self.wrong_syntax(&error))?;
         self.check_tables(table.get_ref())?;
-        toml::from_str(self.text).map_err(|error| self.wrong_value(table.get_ref(), &error))
+        toml::from_str(self.text).map_err(|error| match self.other_kind(table.get_ref()) {
+            Some(other) => PlanError::Invalid {
+                place: self.name.to_owned(),
+                what: format!("this is {other}, not a {}", self.kind.noun),
+                cure: self.kind.format(),
+            },
+            None => self.wrong_value(table.get_ref(), &error),
+        })
+    }
+
+    /// Returns what a file is that has a table of another kind of file, and none of its own kind's.
+    fn other_kind(&self, table: &DeTable) -> Option<&'static str> {
+        let has = |names: &[&str]| table.iter().any(|(key, _)| names.contains(&key.get_ref().as_ref()));
+        let other = KINDS.iter().find(|(_, names)| has(names))?;
+        (!has(self.kind.tables)).then_some(other.0)
     }
 
     /// Refuses other values where a table belongs.

@@ -1,0 +1,51 @@
+//! The file that a mistyped path may mean.
+
+use std::path::{Path, PathBuf};
+
+/// Least similarity of two names, 0 to 1: at 0.8, one wrong letter in five.
+const LEAST: f64 = 0.8;
+
+/// Returns the file or folder that is there and has the most similar name to a path where there is none.
+pub fn similar(path: &Path) -> Option<PathBuf> {
+    let name = path.file_name()?.to_str()?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let likeness = |entry: std::fs::DirEntry| {
+        let found = entry.file_name().into_string().ok()?;
+        let likeness = strsim::normalized_damerau_levenshtein(name, &found);
+        (likeness >= LEAST && found != name).then_some((likeness, found))
+    };
+    let entries = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
+    let likely = entries.flatten().filter_map(likeness);
+    let (_, found) = likely.max_by(|(a, one), (b, other)| a.total_cmp(b).then_with(|| other.cmp(one)))?;
+    Some(path.with_file_name(found))
+}
+
+/// Returns a question about that file, for a help text, or `otherwise`.
+pub fn did_you_mean(path: &Path, otherwise: &str) -> String {
+    similar(path).map_or_else(|| otherwise.to_owned(), |found| format!("did you mean {}?", found.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wrong_letter_finds_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["first.toml", "first.html", "002_w1-90_w2+90.mcap", "002_w1-90_w2+91.mcap", "glycerin-1"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        let found = |name: &str| similar(&folder.path().join(name));
+        for (typed, meant) in [
+            ("frist.toml", Some("first.toml")),
+            ("first.tom", Some("first.toml")),
+            ("glycerin-11", Some("glycerin-1")),
+            ("002_w1-90_w2+9.mcap", Some("002_w1-90_w2+90.mcap")),
+            ("second.toml", None),
+            ("", None),
+            ("missing/first.toml", None),
+        ] {
+            assert_eq!(found(typed), meant.map(|name| folder.path().join(name)), "{typed}");
+        }
+    }
+}
