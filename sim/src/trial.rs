@@ -201,7 +201,9 @@ impl Trial {
     }
 
     /// Returns the trial whose steady state is that of values collected before it, too.
-    pub(crate) fn with_collected(mut self, collected: SteadyCollector) -> Self {
+    pub(crate) fn with_collected(mut self, mut collected: SteadyCollector) -> Self {
+        // The first step of a collector that begins here is from this state.
+        collected.begin_with(&self.progress.steady);
         self.progress.steady = collected;
         self
     }
