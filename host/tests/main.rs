@@ -18,4 +18,5 @@ mod resistance;
 mod simulate;
 mod still;
 mod sweep;
+mod sweep_plan;
 mod twin;

@@ -1,4 +1,4 @@
-//! Steady values of trials of 120 s against the means of the 600 s after them.
+//! Steady values, of trials of 120 s and solved for, against the means of the 600 s after the trials.
 //!
 //! `cargo run --release -p sim --example means -- physical 2 1/4` (robot, threads, part): 40 random speeds with decimals, 16
 //! with one sense positive, 12 both negative, 12 on simple ratios. `45.96,-63.73` instead of a part selects other speeds.
@@ -7,6 +7,7 @@
 
 use sim::body::closure::Closure;
 use sim::params::Robot;
+use sim::periodic::{self, Problem};
 use sim::profile::SpeedProfile;
 use sim::split_mix;
 use sim::steady::{FREE, Steady, TOUCHING};
@@ -25,10 +26,17 @@ const VALUES: usize = 5;
 
 struct Row {
     rpm: [f64; 2],
-    touches: bool,
-    stated: Steady,
+    /// What the trial states, and the solution.
+    stated: [Stated; 2],
     /// Mean after the trial, and its standard error.
     after: [[f64; 2]; VALUES],
+}
+
+struct Stated {
+    /// The method, or the kind of the solution.
+    method: &'static str,
+    touches: bool,
+    steady: Steady,
 }
 
 fn speeds() -> Vec<[f64; 2]> {
@@ -82,7 +90,12 @@ fn row(robot: &Robot, rpm: [f64; 2]) -> Row {
         [mean, (variance / BLOCKS as f64).sqrt()]
     });
     let stated = stated.expect("the end of the trial");
-    Row { rpm, touches: stated.contact_share > 0.0, stated: stated.steady, after }
+    let problem = Problem { robot, closure: Closure::Full, rpm, start_rad: [0.0; 2], longest_s: TRIAL_S, output: None };
+    let solved = periodic::solve(&problem, &|_| true).expect("a steady state");
+    let both = [("trial", stated), (solved.kind.name(), solved.summary)];
+    let stated =
+        both.map(|(method, summary)| Stated { method, touches: summary.contact_share > 0.0, steady: summary.steady });
+    Row { rpm, stated, after }
 }
 
 /// Returns values with their ±.
@@ -124,33 +137,53 @@ fn main() {
     let mut rows = rows.into_inner().expect("no panic");
     rows.sort_by_key(|(index, _)| *index);
     println!(
-        "| w1, w2 rpm | touch | settled | yaw, pitch, roll: stated ± (off), deg | thrusts: stated ± (off), mN | off over ± |"
+        "| w1, w2 rpm | by | touch | settled | yaw, pitch, roll: stated ± (off), deg | thrusts: stated ± (off), mN | off over ± |"
     );
-    println!("| --- | --- | --- | --- | --- | --- |");
-    let (mut settled, mut outside, mut wide) = (0, 0, 0);
+    println!("| --- | --- | --- | --- | --- | --- | --- |");
+    let mut totals = [Total::default(); 2];
     for (_, row) in &rows {
-        let mut worst = 0f64;
-        let texts: [String; VALUES] = std::array::from_fn(|i| {
-            let ([value, uncertainty], [mean, error]) = (stated(&row.stated)[i], row.after[i]);
-            let off = value - mean;
-            let ratio = off.abs() / uncertainty.hypot(2.0 * error);
-            worst = worst.max(ratio);
-            outside += usize::from(row.stated.settled && ratio > 1.0);
-            format!("{value:.3} ± {uncertainty:.3} ({off:.3})")
-        });
-        settled += usize::from(row.stated.settled);
-        let limits = if row.touches { TOUCHING } else { FREE };
-        wide += usize::from(row.stated.settled && !row.stated.is_known_within(&limits));
-        let [yaw, pitch, roll, one, two] = &texts;
+        for (stated, total) in row.stated.iter().zip(&mut totals) {
+            print(row, stated, total);
+        }
+    }
+    for (total, name) in totals.iter().zip(["trials", "solutions"]) {
         println!(
-            "| {}, {} | {} | {} | {yaw}, {pitch}, {roll} | {one}, {two} | {worst:.2} |",
-            row.rpm[0], row.rpm[1], row.touches, row.stated.settled
+            "{} of {} {name} settled; of their {} values {} outside; {} wider than allowed",
+            total.settled,
+            rows.len(),
+            total.settled * VALUES,
+            total.outside,
+            total.wide
         );
     }
+}
+
+#[derive(Clone, Copy, Default)]
+struct Total {
+    settled: usize,
+    /// Values of settled ones that are outside of their ±.
+    outside: usize,
+    /// Settled ones whose ± is wider than allowed.
+    wide: usize,
+}
+
+fn print(row: &Row, of: &Stated, total: &mut Total) {
+    let mut worst = 0f64;
+    let texts: [String; VALUES] = std::array::from_fn(|i| {
+        let ([value, uncertainty], [mean, error]) = (stated(&of.steady)[i], row.after[i]);
+        let off = value - mean;
+        let ratio = off.abs() / uncertainty.hypot(2.0 * error);
+        worst = worst.max(ratio);
+        total.outside += usize::from(of.steady.settled && ratio > 1.0);
+        format!("{value:.3} ± {uncertainty:.3} ({off:.3})")
+    });
+    total.settled += usize::from(of.steady.settled);
+    let limits = if of.touches { TOUCHING } else { FREE };
+    total.wide += usize::from(of.steady.settled && !of.steady.is_known_within(&limits));
+    let [yaw, pitch, roll, one, two] = &texts;
     println!(
-        "{settled} of {} settled; of their {} values {outside} outside; {wide} wider than allowed",
-        rows.len(),
-        settled * VALUES
+        "| {}, {} | {} | {} | {} | {yaw}, {pitch}, {roll} | {one}, {two} | {worst:.2} |",
+        row.rpm[0], row.rpm[1], of.method, of.touches, of.steady.settled
     );
 }
 

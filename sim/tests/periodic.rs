@@ -57,6 +57,25 @@ fn solved_states_are_those_that_trials_end_in() {
     }
 }
 
+/// Speeds without a common period, and runs that are shorter than two windows: their means are over the whole run, or its end.
+#[test]
+fn a_run_without_a_search_has_the_values_of_a_trial() {
+    for (rpm, longest_s) in [([1.0, 90.0], 6.0), ([37.0, 53.0], 8.0)] {
+        let mut robot = Robot::default();
+        // The solution ends a step where its window begins, which a trial does not: with short steps that is no difference.
+        robot.solver.step_error *= 0.1;
+        robot.solver.tolerance *= 0.1;
+        let solved = periodic::solve(&Problem { longest_s, ..problem(&robot, rpm) }, &|_| true).expect("a run");
+        let profile = SpeedProfile::constant(rpm, longest_s).expect("a profile");
+        let mut trial = Trial::new(&robot, Closure::Full, profile, Options::default()).expect("parameters");
+        let trial = trial.finish().expect("a run");
+        assert_eq!(solved.summary.steady.window_s, trial.steady.window_s, "{rpm:?}");
+        for (solved, trial) in solved.summary.steady.attitude.iter().zip(&trial.steady.attitude) {
+            prove(&format!("mean at {rpm:?}, deg"), (solved.mean - trial.mean).to_degrees().abs(), 3e-4);
+        }
+    }
+}
+
 #[test]
 fn a_motion_that_repeats_costs_less_than_half_of_a_trial() {
     for rpm in [[50.0, 10.0], [90.0, 90.0], [0.0, 30.0]] {

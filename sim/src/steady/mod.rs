@@ -169,6 +169,13 @@ impl SteadyCollector {
         }
     }
 
+    /// Begins with the values that another collector begins with, unless it has its own.
+    pub(crate) fn begin_with(&mut self, other: &Self) {
+        if self.recent.is_empty() {
+            self.recent.extend(other.recent.front().filter(|first| first.time >= self.from));
+        }
+    }
+
     /// Adds values at a time of the run (s), and whether the flagella touch. Times must not decrease; values before the start,
     /// or the last reversal, are ignored.
     pub fn push(&mut self, time: f64, values: [f64; CHANNELS], touching: bool) {

@@ -44,8 +44,7 @@ fn compute(args: &Args, plan: &Path) -> miette::Result<Answer> {
         return Err(SweepError::Exists { folder: path }.into());
     }
     if let Some(other) = &args.reuse {
-        folder.reuse(other, shard, &before.done)?;
-        before = folder.counts(shard)?;
+        folder.reuse(other, shard, &mut before)?;
     }
     let points = folder.points(shard);
     let counter = Counter::new(&folder.sweep.plan.name, shard, points, &before);
@@ -150,7 +149,7 @@ fn slurm(args: &SlurmArgs) -> miette::Result<Answer> {
     // The shards find their manifest, and a folder of another sweep is refused before anything is submitted.
     let folder = Folder::of_plan(&folder, plan)?;
     if let Some(other) = &args.reuse {
-        folder.reuse(other, Shard::ALL, &folder.counts(Shard::ALL)?.done)?;
+        folder.reuse(other, Shard::ALL, &mut folder.counts(Shard::ALL)?)?;
     }
     Answer::new(Outcome::Done, &serde_json::json!({ "script": script }), script)
 }

@@ -13,6 +13,7 @@
 //! written into separate folders and copied into one.
 
 use super::clock::now_s;
+use super::compute::Outcome;
 use super::manifest::{self, Manifest};
 use super::part::{self, PartReader};
 use super::point::{Shard, Sweep};
@@ -49,6 +50,17 @@ pub struct Parts {
     pub rate: Option<f64>,
     /// Closed parts that are cut off or damaged.
     pub damaged: Vec<PathBuf>,
+}
+
+impl Counts {
+    /// Adds the result of a point; returns whether the point is new.
+    pub fn add(&mut self, index: u64, outcome: &Outcome) -> bool {
+        let is_new = self.done.add(index);
+        if is_new && outcome.is_failed() {
+            self.failed.add(index);
+        }
+        is_new
+    }
 }
 
 impl Folder {
@@ -114,13 +126,13 @@ impl Folder {
     /// A part cannot be read.
     pub fn counts(&self, shard: Shard) -> Result<Counts, SweepError> {
         let none = Points::none(self.sweep.plan.points());
-        let (mut done, mut failed) = (none.clone(), none);
-        let parts = self.read(|_, record| {
-            if shard.has(&record.name) && done.add(record.index) && record.outcome.is_failed() {
-                failed.add(record.index);
+        let mut counts = Counts { done: none.clone(), failed: none, parts: Parts::default() };
+        counts.parts = self.read(|_, record| {
+            if shard.has(&record.name) {
+                counts.add(record.index, &record.outcome);
             }
             Ok(())
         })?;
-        Ok(Counts { done, failed, parts })
+        Ok(counts)
     }
 }

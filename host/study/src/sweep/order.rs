@@ -3,20 +3,18 @@
 
 use super::folder::Folder;
 use super::point::{Shard, phases};
+use super::points::Points;
 use biflag_log::Method;
 use rayon::prelude::*;
 use sim::periodic::effort;
 
 impl Folder {
-    /// Returns the points of a shard, the dearest first by the model's own estimate; equally dear ones in the order of the
-    /// plan.
-    pub fn dearest_first(&self, shard: Shard) -> Vec<u32> {
-        let points = (0..self.sweep.plan.points()).into_par_iter();
+    /// Returns the points of a shard that are not known, the dearest first by the model's own estimate; equally dear ones in
+    /// the order of the plan.
+    pub fn dearest_first(&self, shard: Shard, known: &Points) -> Vec<u32> {
+        let points = self.sweep.points_of(shard, known);
         // A plan has fewer points than an index of 32 bits.
-        let mut costs: Vec<(f32, u32)> = points
-            .filter(|index| shard.has(&self.sweep.name(*index)))
-            .map(|index| (self.estimate(index), index as u32))
-            .collect();
+        let mut costs: Vec<(f32, u32)> = points.map(|(index, _)| (self.estimate(index), index as u32)).collect();
         costs.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         costs.into_iter().map(|(_, index)| index).collect()
     }

@@ -3,8 +3,10 @@
 
 use super::SweepPlan;
 use super::key::{self, Group, Key};
+use super::points::Points;
 use crate::plan::PlanError;
 use crate::text::word;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use sim::groups::Groups;
@@ -128,6 +130,12 @@ impl Sweep {
         let mut name = [0; 16];
         name.copy_from_slice(&hash.finalize()[..16]);
         Name(name)
+    }
+
+    /// Returns the points of a shard that are not known, with their names.
+    pub fn points_of(&self, shard: Shard, known: &Points) -> impl ParallelIterator<Item = (u64, Name)> {
+        let points = (0..self.plan.points()).into_par_iter().filter(|index| !known.has(*index));
+        points.map(|index| (index, self.name(index))).filter(move |(_, name)| shard.has(name))
     }
 
     /// Returns a point. Keys of the robot's file are set first, then the groups.

@@ -1,27 +1,27 @@
 //! Takes over results of another sweep: those of the points that both have, wherever they are in its plan.
 
-use super::folder::Folder;
+use super::folder::{Counts, Folder};
 use super::manifest::Manifest;
 use super::part::{self, PartReader, PartWriter};
 use super::point::Shard;
 use super::points::Points;
 use super::{RESULTS, SweepError};
+use rayon::prelude::*;
 use std::path::Path;
 
 impl Folder {
-    /// Copies the results of a shard that are not done and that another sweep's folder has into a part; returns how many.
+    /// Copies the results of a shard that are not counted and that another sweep's folder has into a part, and counts them.
     ///
     /// Points whose solver panicked are not copied: that was a fault of the program.
     ///
     /// # Errors
     /// [`SweepError::NotASweep`], [`SweepError::Results`], a part cannot be read, or the new one cannot be written.
-    pub fn reuse(&self, from: &Path, shard: Shard, done: &Points) -> Result<u64, SweepError> {
+    pub fn reuse(&self, from: &Path, shard: Shard, counts: &mut Counts) -> Result<(), SweepError> {
         let results = Manifest::read(from)?.results;
         if results != RESULTS {
             return Err(SweepError::Results { folder: from.to_owned(), results });
         }
-        let wanted = self.by_number(shard, done);
-        let mut copied = Points::none(self.sweep.plan.points());
+        let wanted = self.by_number(shard, &counts.done);
         let mut part = PartWriter::create(&self.path).map_err(SweepError::at(&self.path))?;
         for path in part::parts(from).map_err(SweepError::at(from))? {
             let Some(mut reader) = PartReader::of_listed(&path).map_err(SweepError::at(&path))? else { continue };
@@ -31,28 +31,25 @@ impl Folder {
                 let same = wanted[begin..].iter().take_while(|(other, _)| *other == number);
                 for (_, index) in same {
                     let index = u64::from(*index);
-                    if record.name == self.sweep.name(index) && !record.outcome.is_panic() && copied.add(index) {
+                    if record.name == self.sweep.name(index)
+                        && !record.outcome.is_panic()
+                        && counts.add(index, &record.outcome)
+                    {
                         record.index = index;
                         part.push_from(reader.origin(), record.clone()).map_err(SweepError::at(&self.path))?;
                     }
                 }
             }
         }
-        part.close().map_err(SweepError::at(&self.path))?;
-        Ok(copied.count())
+        part.close().map_err(SweepError::at(&self.path))
     }
 
     /// Returns the points of a shard that are not done, with the numbers of their names, in the order of these.
     fn by_number(&self, shard: Shard, done: &Points) -> Vec<(u64, u32)> {
-        let mut numbers = Vec::new();
-        for index in (0..self.sweep.plan.points()).filter(|index| !done.has(*index)) {
-            let name = self.sweep.name(index);
-            if shard.has(&name) {
-                // A plan has fewer points than that.
-                numbers.push((name.number(), index as u32));
-            }
-        }
-        numbers.sort_unstable();
+        let missing = self.sweep.points_of(shard, done);
+        // A plan has fewer points than an index of 32 bits.
+        let mut numbers: Vec<(u64, u32)> = missing.map(|(index, name)| (name.number(), index as u32)).collect();
+        numbers.par_sort_unstable();
         numbers
     }
 }

@@ -10,6 +10,7 @@ use super::point::Shard;
 use super::points::Points;
 use super::record::{Cost, Record, processor_s};
 use crate::lock::lock;
+use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -79,9 +80,7 @@ impl<'a> Work<'a> {
                 }
                 Stage::Rest => {
                     self.look_again()?;
-                    let mut points = self.folder.dearest_first(self.shard);
-                    points.retain(|index| !self.known.has((*index).into()));
-                    points
+                    self.folder.dearest_first(self.shard, &self.known)
                 }
             };
             for index in &points {
@@ -97,7 +96,7 @@ impl<'a> Work<'a> {
             if self.shard != Shard::ALL {
                 self.claims = Some(Claims::begin(&self.folder.path, self.shard)?);
             }
-            let order = self.folder.dearest_first(self.shard);
+            let order = self.order(self.shard);
             self.stage = Stage::Blocks { behind, claims: self.claims.clone(), order, block: 0 };
         } else if behind == self.shard.of {
             self.stage = if self.claims.is_some() { Stage::Rest } else { Stage::Ended };
@@ -109,13 +108,18 @@ impl<'a> Work<'a> {
             let shard = Shard { index: other, of: self.shard.of };
             self.stage = match self.claims.as_ref().and_then(|claims| claims.of_other(other)) {
                 Some(claims) if self.folder.lacks(shard, &self.known) => {
-                    let order = self.folder.dearest_first(shard);
+                    let order = self.order(shard);
                     Stage::Blocks { behind, claims: Some(claims), order, block: 0 }
                 }
                 _ => Stage::Begin(behind + 1),
             };
         }
         Ok(())
+    }
+
+    /// Returns all points of a shard, known ones too: every worker finds the same ones in a block.
+    fn order(&self, shard: Shard) -> Vec<u32> {
+        self.folder.dearest_first(shard, &Points::none(self.folder.sweep.plan.points()))
     }
 
     /// Adds the points that are done by now.
@@ -135,12 +139,12 @@ impl Folder {
         if shard == Shard::ALL {
             return points;
         }
-        (0..points).filter(|index| shard.has(&self.sweep.name(*index))).count() as u64
+        self.sweep.points_of(shard, &Points::none(points)).count() as u64
     }
 
     /// Returns whether a shard has points that are not known.
     fn lacks(&self, shard: Shard, known: &Points) -> bool {
-        (0..self.sweep.plan.points()).any(|index| !known.has(index) && shard.has(&self.sweep.name(index)))
+        self.sweep.points_of(shard, known).any(|_| true)
     }
 
     /// Computes the points of a shard that are not done, then some of other shards whose workers have begun and not ended,
