@@ -29,6 +29,26 @@ const HUNG: u8 = 0xB1;
 #[unsafe(link_section = ".noinit")]
 static mut PROGRAM_COUNTER: MaybeUninit<u16> = MaybeUninit::uninit();
 
+/// [`DRIVEN`] if a motor was on at the end of the last tick. A bootloader that a reset runs uses both ends of the memory, and
+/// leaves this unchanged.
+#[unsafe(link_section = ".noinit")]
+static mut MOTORS: MaybeUninit<u16> = MaybeUninit::uninit();
+
+/// The memory has it by chance once in 65536 times that power comes on.
+const DRIVEN: u16 = 0xB1F1;
+
+/// Keeps over a reset whether a motor is on.
+pub fn keep(is_driven: bool) {
+    // SAFETY: nothing else uses it. Volatile, because nobody reads it before a reset.
+    unsafe { (&raw mut MOTORS).cast::<u16>().write_volatile(if is_driven { DRIVEN } else { 0 }) };
+}
+
+/// Returns whether a reset came while a motor was on. Whatever its cause: most bootloaders clear the reset flags.
+pub fn was_driven() -> bool {
+    // SAFETY: as in `keep`; the memory has some content, and any is a valid integer.
+    unsafe { (&raw const MOTORS).cast::<u16>().read_volatile() == DRIVEN }
+}
+
 /// Returns the address in flash at which the program hung, bytes, if a hang led to this start. Clears the record.
 pub fn take_hang(cpu: &CPU) -> Option<u16> {
     let has_hung = cpu.gpior1.read().bits() == HUNG;
