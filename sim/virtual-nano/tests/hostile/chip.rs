@@ -183,7 +183,8 @@ fn wait_for_program(host: &mut Host) {
             break;
         }
     }
-    host.board.run_for(100 * MS);
+    // An entry of the fault log takes 20 ticks to write.
+    host.board.run_for(300 * MS);
     host.board.take_serial();
 }
 
