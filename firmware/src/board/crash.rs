@@ -5,6 +5,8 @@
 //! motors are off in any case after two time-outs. That reset leaves the watchdog on, and the old bootloader of some Nanos
 //! does not turn it off: it is reset again and again, with the motors off, until the board has no power. The button does not
 //! help, because the flag that keeps the watchdog on survives it.
+//!
+//! A reset while a motor was on, whatever its cause, is logged as a hang without an address.
 
 use core::arch::global_asm;
 use core::mem::MaybeUninit;
