@@ -42,6 +42,8 @@ pub struct Start {
     pub hang: Option<u16>,
     /// The hardware's reset flags.
     pub mcusr: u8,
+    /// Whether this start came while a motor was on.
+    pub cut_off: bool,
 }
 
 /// Inputs of a tick.
@@ -161,8 +163,8 @@ where
         self.imu.configure(Config::from(&self.settings));
         // The handshake names the sensor.
         self.imu.poll();
-        if let Some(program_counter) = start.hang {
-            self.log_and_latch(Fault::Hang, program_counter);
+        if start.hang.is_some() || start.cut_off {
+            self.log_and_latch(Fault::Hang, start.hang.unwrap_or_default());
         }
     }
 
@@ -386,7 +388,7 @@ where
     }
 
     /// Returns whether a motor is on.
-    fn is_driven(&self) -> bool {
+    pub fn is_driven(&self) -> bool {
         self.is_running() || self.drive_ticks > 0
     }
 

@@ -60,7 +60,7 @@ mod nano {
         make_app();
         // SAFETY: `make_app` has made it, and only this function uses it.
         let app = unsafe { (*(&raw mut APP)).assume_init_mut() };
-        app.start(Start { hang, mcusr });
+        app.start(Start { hang, mcusr, cut_off: crash::was_driven() });
         encoders::start(&peripherals.EXINT);
         clock::start(&peripherals.TC1);
         clock::enable_sleep(&peripherals.CPU);
@@ -91,6 +91,7 @@ mod nano {
                 let tick = Tick { time: clock::now(), missed: due - 1, edges, bandgap_counts: supply.poll() };
                 app.tick(&tick, &mut outbox, test_point::mark);
                 app.after_tick(&mut outbox);
+                crash::keep(app.is_driven());
                 crash::feed_watchdog();
                 serial::send();
             } else if inbox.ready() {

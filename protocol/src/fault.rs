@@ -13,7 +13,7 @@ pub enum Fault {
     None,
     /// No frame came from the host within the motors' deadline.
     LinkLost,
-    /// The program hung and was restarted.
+    /// The program hung, or a reset cut it off while a motor was on, and was restarted.
     Hang,
     /// The program panicked and was restarted. In the log of older firmware: nothing in the present image can panic.
     Panic,

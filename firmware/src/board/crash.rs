@@ -5,6 +5,8 @@
 //! motors are off in any case after two time-outs. That reset leaves the watchdog on, and the old bootloader of some Nanos
 //! does not turn it off: it is reset again and again, with the motors off, until the board has no power. The button does not
 //! help, because the flag that keeps the watchdog on survives it.
+//!
+//! A reset while a motor was on, whatever its cause, is logged as a hang without an address.
 
 use core::arch::global_asm;
 use core::mem::MaybeUninit;
@@ -28,6 +30,26 @@ const HUNG: u8 = 0xB1;
 /// Where the program hung, words. The start-up code leaves it unchanged; only a record of a hang makes it valid.
 #[unsafe(link_section = ".noinit")]
 static mut PROGRAM_COUNTER: MaybeUninit<u16> = MaybeUninit::uninit();
+
+/// [`DRIVEN`] if a motor was on at the end of the last tick. A bootloader that a reset runs uses both ends of the memory, and
+/// leaves this unchanged.
+#[unsafe(link_section = ".noinit")]
+static mut MOTORS: MaybeUninit<u16> = MaybeUninit::uninit();
+
+/// The memory has it by chance once in 65536 times that power comes on.
+const DRIVEN: u16 = 0xB1F1;
+
+/// Keeps over a reset whether a motor is on.
+pub fn keep(is_driven: bool) {
+    // SAFETY: nothing else uses it. Volatile, because nobody reads it before a reset.
+    unsafe { (&raw mut MOTORS).cast::<u16>().write_volatile(if is_driven { DRIVEN } else { 0 }) };
+}
+
+/// Returns whether a reset came while a motor was on. Whatever its cause: most bootloaders clear the reset flags.
+pub fn was_driven() -> bool {
+    // SAFETY: as in `keep`; the memory has some content, and any is a valid integer.
+    unsafe { (&raw const MOTORS).cast::<u16>().read_volatile() == DRIVEN }
+}
 
 /// Returns the address in flash at which the program hung, bytes, if a hang led to this start. Clears the record.
 pub fn take_hang(cpu: &CPU) -> Option<u16> {

@@ -342,3 +342,12 @@ fn a_reading_at_the_end_of_its_range_is_counted() {
     bench.world.set_sample([0, i16::MAX - 1, 16384], [0, 0, 0]);
     assert_eq!(bench.look().clipped.0 - before, 10);
 }
+
+#[test]
+fn a_start_that_cut_a_run_off_refuses_the_motors_until_the_fault_is_cleared() {
+    let mut bench = Bench::start(World::new(), Start { cut_off: true, ..Start::default() });
+    let speeds = Command::SetSpeeds([CentiRpm(6130), CentiRpm(-3780)]);
+    assert_eq!(bench.ask(speeds), Reply::Refused(Refusal::Faulted));
+    assert_eq!(bench.ask(Command::ClearFault), Reply::Done);
+    assert_eq!(bench.ask(speeds), Reply::Done);
+}

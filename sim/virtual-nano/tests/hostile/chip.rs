@@ -1,9 +1,10 @@
 //! Supply, clock and a program that hangs.
 
 use super::{Host, off_after, row, stops, turning, until};
-use crate::common::{MS, TICK};
+use crate::common::{MS, TICK, firmware};
 use protocol::{Command, Fault, Reply, ResetCause};
-use virtual_nano::BoardOptions;
+use virtual_nano::bootloader::Bootloader;
+use virtual_nano::{Board, BoardOptions};
 
 #[test]
 fn a_hang_stops_the_motors_with_interrupts_on_and_off() {
@@ -23,8 +24,7 @@ fn a_hang_stops_the_motors_with_interrupts_on_and_off() {
         assert!(matches!(info.reset_cause, ResetCause::Hang | ResetCause::Watchdog), "{:?}", info.reset_cause);
         host.stream();
         host.run_ms(200);
-        // A reset by the watchdog itself is told by its cause alone.
-        assert!(host.fault() == Fault::Hang || !interrupts, "{:?}", host.fault());
+        assert_eq!(host.fault(), Fault::Hang);
         host.order(Command::ClearFault);
         host.set_speeds([30.0, 30.0]);
         host.run_linked_ms(500);
@@ -158,4 +158,92 @@ fn a_packet_of_the_usb_bridge_loses_nothing() {
         "all",
     );
     assert_eq!(got, usize::from(host.last().seq.0.wrapping_sub(first)));
+}
+
+/// Returns a board behind a bootloader that turns its flagella at these speeds.
+fn turning_behind(bootloader: Bootloader, rpm: [f64; 2]) -> Host {
+    let (loader, program) = (bootloader.load().unwrap(), firmware());
+    let mut host = Host::with(Board::behind_bootloader(&loader, &program, BoardOptions::default()).unwrap());
+    wait_for_program(&mut host);
+    host.hello();
+    host.stream();
+    host.run_ms(200);
+    host.set_speeds(rpm);
+    host.run_linked_ms(1500);
+    assert_eq!(host.fault(), Fault::None, "before anything fails");
+    host
+}
+
+/// Runs until the bootloader has given up waiting for a host; the old one takes seconds.
+fn wait_for_program(host: &mut Host) {
+    for _ in 0..80 {
+        host.board.run_for(100 * MS);
+        if host.board.pc() < 0x7000 {
+            break;
+        }
+    }
+    // An entry of the fault log takes 20 ticks to write.
+    host.board.run_for(300 * MS);
+    host.board.take_serial();
+}
+
+#[test]
+fn a_reset_in_a_run_is_told_behind_a_bootloader_that_hides_its_cause() {
+    let resets: [(&str, fn(&mut Host)); 4] = [
+        ("hang with interrupts on", |host| host.hang(true)),
+        ("hang with interrupts off", |host| host.hang(false)),
+        ("brown-out", |host| {
+            host.cut();
+            host.inject("brown-out=50");
+        }),
+        ("reset by button or port", Host::reset),
+    ];
+    for bootloader in [Bootloader::Optiboot, Bootloader::Old] {
+        for (what, reset) in resets {
+            if bootloader == Bootloader::Old && what == "hang with interrupts off" {
+                continue;
+            }
+            let mut host = turning_behind(bootloader, [61.3, -37.8]);
+            host.cut();
+            reset(&mut host);
+            let off_s = off_after(&mut host, 0.1).expect("off within 100 ms");
+            wait_for_program(&mut host);
+            let info = host.hello();
+            let Reply::FaultRecord(record) = host.ask(Command::ReadFault { index: 0 }) else { panic!("no record") };
+            row(
+                format!("{what} behind {bootloader:?}"),
+                format!("off after {:.1} ms, then {:?}, {:?} logged", off_s * 1e3, info.reset_cause, record.fault),
+                "100 ms, logged",
+            );
+            assert_eq!(record.fault, Fault::Hang);
+            host.stream();
+            host.run_ms(200);
+            assert_eq!(host.fault(), Fault::Hang, "the motors wait for the user");
+            // Without a run nothing is told.
+            host.order(Command::ClearFault);
+            host.reset();
+            wait_for_program(&mut host);
+            host.hello();
+            host.stream();
+            host.run_ms(200);
+            assert_eq!(host.fault(), Fault::None);
+        }
+    }
+}
+
+/// The watchdog stays on after its reset, and the old bootloader, which does not turn it off, takes longer than its time.
+#[test]
+fn a_hang_with_interrupts_off_behind_the_old_bootloader_leaves_the_motors_off() {
+    let mut host = turning_behind(Bootloader::Old, [61.3, -37.8]);
+    host.hang(false);
+    let off_s = off_after(&mut host, 0.1).expect("off within 100 ms");
+    row(
+        "hang with interrupts off behind Old",
+        format!("off after {:.1} ms, no answer until it is unplugged", off_s * 1e3),
+        "100 ms, off for good",
+    );
+    for _ in 0..300 {
+        host.board.run_for(10 * MS);
+        assert_eq!(host.board.bridge().pwm, [0, 0]);
+    }
 }
