@@ -62,7 +62,7 @@ pub fn fault_text(fault: Fault) -> &'static str {
     match fault {
         Fault::None => "no fault",
         Fault::LinkLost => "it received nothing from the host for longer than the motors' deadline",
-        Fault::Hang => "its firmware hung and was restarted",
+        Fault::Hang => "its firmware hung, or a reset cut it off with a motor on, and it was restarted",
         Fault::Panic => "its firmware failed an internal check and was restarted",
         Fault::ImuSilent => "the IMU does not respond",
         Fault::ImuBusStuck => "the IMU's bus is stuck",
@@ -87,7 +87,11 @@ pub fn fault_cure(fault: Fault) -> &'static str {
     match fault {
         Fault::None => "nothing is wrong",
         Fault::LinkLost => "close programs that load this computer, or increase the board's deadline_ms",
-        Fault::Hang | Fault::Panic => "please report this and attach the log",
+        Fault::Hang => {
+            "check its supply and the USB cable, and leave its button and port alone during a run; otherwise please report this \
+             and attach the log"
+        }
+        Fault::Panic => "please report this and attach the log",
         Fault::ImuSilent | Fault::ImuBusStuck => {
             "check the MPU6050's wiring (SCL on A5, SDA on A4), and keep it away from the motors' leads"
         }

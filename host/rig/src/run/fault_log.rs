@@ -38,6 +38,7 @@ pub fn to_log(record: &FaultRecord) -> FaultMeta {
 pub fn line(record: &FaultRecord) -> String {
     let ([d1, d2], [w1, w2]) = (record.duty.map(|duty| duty.0), record.speed.map(|speed| speed.rpm()));
     let place = match record.program_counter {
+        0 if record.fault == Fault::Hang => ", without an address, so a reset is likely".to_owned(),
         0 => String::new(),
         address => format!(" at {address:#06x} in flash"),
     };
@@ -74,6 +75,8 @@ mod tests {
         );
         let hang = FaultRecord { fault: Fault::Hang, program_counter: 0x1a2c, ..FaultRecord::default() };
         assert!(line(&hang).contains("restarted at 0x1a2c in flash;"), "{}", line(&hang));
+        let reset = FaultRecord { fault: Fault::Hang, ..FaultRecord::default() };
+        assert!(line(&reset).contains("restarted, without an address, so a reset is likely;"), "{}", line(&reset));
         assert_eq!(to_log(&stall).fault, "Motor2Stalled");
         assert_eq!(to_log(&stall).speed_rpm, [0.0, -12.1]);
     }
