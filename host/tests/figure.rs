@@ -2,6 +2,7 @@
 
 use resvg::usvg::{self, Node, Rect};
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::Arc;
@@ -45,6 +46,55 @@ fn texts(group: &usvg::Group) -> Vec<(String, f32, Rect)> {
         Node::Path(_) | Node::Image(_) => Vec::new(),
     };
     group.children().iter().flat_map(one).collect()
+}
+
+/// Returns the text of a PDF's entry that is written as UTF-16 in hexadecimal digits.
+fn entry(pdf: &[u8], key: &str) -> String {
+    let text = String::from_utf8_lossy(pdf);
+    let (_, rest) = text.rsplit_once(&format!("{key} <FEFF")).unwrap();
+    let digits = rest.split_once('>').unwrap().0.as_bytes();
+    let unit = |digits: &[u8]| u16::from_str_radix(std::str::from_utf8(digits).unwrap(), 16).unwrap();
+    String::from_utf16(&digits.chunks(4).map(unit).collect::<Vec<_>>()).unwrap()
+}
+
+/// A figure that is found in a year says how it was made, and of what.
+#[test]
+fn figure_says_where_it_comes_from() {
+    let bench = tempfile::tempdir().unwrap();
+    let folder = bench.path();
+    let simulate = ["simulate", "--speeds=-37.3,12.9", "--duration", "1.5", "--out", "a & <b>"];
+    assert_eq!(biflag(folder, &simulate).status.code(), Some(3), "not settled");
+    let log = "a & <b>/001_w1-37.3_w2+12.9.mcap";
+    let digest = Sha256::digest(std::fs::read(folder.join(log)).unwrap());
+    let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    let program = String::from_utf8(biflag(folder, &["--version"]).stdout).unwrap();
+    for (number, file) in ["f.svg", "f.png", "f.pdf"].into_iter().enumerate() {
+        let bytes = figure(folder, &["forces", log], file);
+        let text = String::from_utf8_lossy(&bytes);
+        let (title, description) = match number {
+            0 => {
+                let between = |a: &str, b: &str| text.split_once(a).unwrap().1.split_once(b).unwrap().0.to_owned();
+                let plain = |text: String| text.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+                (plain(between("<title>", "</title>")), plain(between("<desc>", "</desc>")))
+            }
+            1 => {
+                resvg::tiny_skia::Pixmap::decode_png(&bytes).unwrap();
+                let after = |key: &str| text.split_once(&format!("iTXt{key}\0\0\0\0\0")).unwrap().1.to_owned();
+                (after("Title"), after("Description"))
+            }
+            _ => {
+                // The last table of the file begins where the file says.
+                let start: usize = text.rsplit_once("startxref\n").unwrap().1.lines().next().unwrap().parse().unwrap();
+                assert!(bytes[start..].starts_with(b"xref\n"), "{start}");
+                (entry(&bytes, "/Title"), entry(&bytes, "/Subject"))
+            }
+        };
+        assert!(title.starts_with("Forces of both flagella in trial 001_w1-37.3_w2+12.9"), "{title}");
+        let command =
+            format!("biflag figure forces 'a & <b>/001_w1-37.3_w2+12.9.mcap' -o {file} --json\n{}", program.trim());
+        assert!(description.starts_with(&command), "{description}");
+        assert!(description.contains(&format!("log {log}, SHA-256 {digest}")), "{description}");
+    }
 }
 
 #[test]

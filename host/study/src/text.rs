@@ -58,6 +58,14 @@ pub fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', r"'\''"))
 }
 
+/// Returns the command that started this program, for a shell.
+pub fn command_line() -> String {
+    let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+    let program = words.next().unwrap_or_default();
+    let program = program.rsplit_once('/').map_or(program.as_str(), |(_, name)| name).to_owned();
+    std::iter::once(program).chain(words).map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")
+}
+
 /// Describes the clock of the board relative to that of the computer. An emulated board may run several times as fast as
 /// real time.
 pub fn clock(clock: &ClockMeta) -> String {

@@ -19,6 +19,7 @@ mod print {
         Err(FigureError::NotBuilt)
     }
 }
+mod provenance;
 mod scatter;
 mod sheet;
 mod trial;
@@ -29,6 +30,7 @@ use biflag_log::LogError;
 use map::{Map, Point};
 use miette::Diagnostic;
 use protocol::units::CentiRpm;
+use provenance::Provenance;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use study::output::OutputError;
@@ -183,10 +185,12 @@ pub fn trial(
 ) -> Result<Remarks, FigureError> {
     Format::of(out)?;
     let data = subject.log()?.read(Want { hash: true, ..Want::default() })?;
+    let mut logs = vec![Provenance::log(&data)];
     let compared = match against {
         Some(path) => {
             let other = Subject { path, number: subject.number.filter(|_| path.is_dir()) };
-            let other = other.log()?.read(Want::default())?;
+            let other = other.log()?.read(Want { hash: true, ..Want::default() })?;
+            logs.push(Provenance::log(&other));
             // The user may have replayed the trial with another robot.
             let on_mismatch = if twin::is_replay_of(&other, &data) { OnMismatch::Accept } else { on_mismatch(anyway) };
             Some(twin::compare(&data, &other, on_mismatch)?)
@@ -199,7 +203,8 @@ pub fn trial(
         }
         None => Remarks { findings: of_data(&data), warnings: Vec::new() },
     };
-    output::write(&trial::draw(&data, compared.as_ref(), time_s, width_mm)?, out)?;
+    let provenance = Provenance::new(format!("Yaw, pitch and roll of trial {}", data.trial().name), logs);
+    output::write(&trial::draw(&data, compared.as_ref(), time_s, width_mm)?, &provenance, out)?;
     Ok(remarks)
 }
 
@@ -213,8 +218,10 @@ fn of_data(data: &Data) -> Vec<LogFinding> {
 /// [`FigureError`].
 pub fn forces(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
     Format::of(out)?;
-    let data = subject.log()?.read(Want { forces: true, ..Want::default() })?;
-    output::write(&forces::draw(&data, time_s, width_mm)?, out)?;
+    let data = subject.log()?.read(Want { forces: true, hash: true, ..Want::default() })?;
+    let title = format!("Forces of both flagella in trial {}", data.trial().name);
+    let provenance = Provenance::new(title, [Provenance::log(&data)]);
+    output::write(&forces::draw(&data, time_s, width_mm)?, &provenance, out)?;
     Ok(Remarks { findings: of_data(&data), warnings: Vec::new() })
 }
 
@@ -225,10 +232,10 @@ pub fn forces(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64, out: &P
 /// [`FigureError`].
 pub fn map(session: &Path, surface: Option<&Path>, width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
     Format::of(out)?;
-    let mut remarks = Remarks::default();
+    let (mut remarks, mut logs) = (Remarks::default(), Vec::new());
     let (surface, points) = match surface {
-        Some(surface) => (steady(surface, &mut remarks)?, steady(session, &mut remarks)?),
-        None => (steady(session, &mut remarks)?, Vec::new()),
+        Some(surface) => (steady(surface, &mut remarks, &mut logs)?, steady(session, &mut remarks, &mut logs)?),
+        None => (steady(session, &mut remarks, &mut logs)?, Vec::new()),
     };
     let differs = |k: usize| surface.iter().chain(&points).any(|trial| trial.speeds_rpm[k] != surface[0].speeds_rpm[k]);
     if surface.is_empty() || !differs(0) || !differs(1) {
@@ -243,7 +250,8 @@ pub fn map(session: &Path, surface: Option<&Path>, width_mm: f64, out: &Path) ->
     let maps: Vec<_> = (0..titles.len()).map(|k| (values(&surface, k), values(&points, k))).collect();
     let maps: Vec<Map> =
         titles.iter().zip(&maps).map(|(title, (surface, points))| Map { title, surface, points }).collect();
-    output::write(&map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], width_mm), out)?;
+    let provenance = Provenance::new("Maps of |yaw|, |pitch|, |roll| and tilt over both speeds", logs);
+    output::write(&map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], width_mm), &provenance, out)?;
     Ok(remarks)
 }
 
@@ -264,8 +272,11 @@ pub fn scatter(
     // Replays with another robot were asked for.
     let are_replays = predicted == Source::open(measured)?.replay_folder();
     let on_mismatch = if are_replays { OnMismatch::Accept } else { on_mismatch(anyway) };
-    let (comparison, _) = twin::compare_pairs(&pairs, Want::default(), on_mismatch, jobs, &|_, _, _| ())?;
-    output::write(&scatter::draw(&comparison.trials, width_mm), out)?;
+    let want = Want { hash: true, ..Want::default() };
+    let (comparison, logs) =
+        twin::compare_pairs(&pairs, want, on_mismatch, jobs, &|a, b, _| [a, b].map(Provenance::log))?;
+    let provenance = Provenance::new("Predicted against measured steady angles", logs.into_iter().flatten());
+    output::write(&scatter::draw(&comparison.trials, width_mm), &provenance, out)?;
     let warned = comparison.trials.iter().flat_map(|trial| trial.warnings.iter().map(move |text| (&trial.name, text)));
     let skipped = comparison.skipped.iter().map(|skipped| (&skipped.name, &skipped.reason));
     let warnings = warned.chain(skipped).map(|(name, text)| format!("{name}: {text}")).collect();
@@ -273,15 +284,15 @@ pub fn scatter(
 }
 
 /// Returns the steady angles of the trials of a session that ended as planned, by their speeds. Adds what is to be said
-/// about its logs.
-fn steady(session: &Path, remarks: &mut Remarks) -> Result<Vec<AtSpeeds<()>>, FigureError> {
+/// about its logs, and the logs.
+fn steady(session: &Path, remarks: &mut Remarks, logs: &mut Vec<String>) -> Result<Vec<AtSpeeds<()>>, FigureError> {
     let states = Session::open(session)?.intact_states()?;
     remarks.findings.extend(states.iter().flat_map(|state| &state.left_out).cloned());
-    let logs: Vec<_> = states.iter().filter_map(|state| Some((state, state.best()?))).collect();
+    let attempts: Vec<_> = states.iter().filter_map(|state| Some((state, state.best()?))).collect();
     let one = |(state, log): &(&TrialState, &Attempt)| -> Result<_, FigureError> {
-        let data = match log.read(Want::default()) {
+        let data = match log.read(Want { hash: true, ..Want::default() }) {
             // What is no log is no point of the map either.
-            Err(error) if state.complete().is_none() && !error.is_of_reading() => return Ok((None, Vec::new())),
+            Err(error) if state.complete().is_none() && !error.is_of_reading() => return Ok((None, Vec::new(), None)),
             data => data?,
         };
         let zeroed = Zeroed::new(&data);
@@ -290,10 +301,14 @@ fn steady(session: &Path, remarks: &mut Remarks) -> Result<Vec<AtSpeeds<()>>, Fi
         // A trial that did not end as planned has no steady angles; its findings say so.
         let angles = zeroed.angles().filter(|_| state.complete().is_some());
         let angles = angles.map(|a| (speeds_rpm, [a.yaw_deg, a.pitch_deg, a.roll_deg], ()));
-        Ok((angles, found))
+        let log = angles.is_some().then(|| Provenance::log(&data));
+        Ok((angles, found, log))
     };
-    let read: Result<Vec<_>, _> = logs.par_iter().map(one).collect();
-    let (trials, found): (Vec<_>, Vec<_>) = read?.into_iter().unzip();
-    remarks.findings.extend(found.into_iter().flatten());
-    Ok(mean_of_repeats(trials.into_iter().flatten()))
+    let mut trials = Vec::new();
+    for (angles, found, log) in attempts.par_iter().map(one).collect::<Result<Vec<_>, _>>()? {
+        trials.extend(angles);
+        remarks.findings.extend(found);
+        logs.extend(log);
+    }
+    Ok(mean_of_repeats(trials.into_iter()))
 }

@@ -2,6 +2,7 @@
 //!
 //! An SVG names its font; what shows it without that font takes Arial or Helvetica, whose letters are as wide.
 
+use super::provenance::Provenance;
 use super::{FigureError, print};
 use std::io::Write;
 use std::path::Path;
@@ -45,11 +46,12 @@ pub(super) fn encode(svg: &str, format: Format) -> Result<Vec<u8>, FigureError> 
     }
 }
 
-/// Writes a figure.
+/// Writes a figure with where it comes from.
 ///
 /// # Errors
 /// [`FigureError`].
-pub(super) fn write(svg: &str, path: &Path) -> Result<(), FigureError> {
-    let content = encode(svg, Format::of(path)?)?;
+pub(super) fn write(svg: &str, provenance: &Provenance, path: &Path) -> Result<(), FigureError> {
+    let format = Format::of(path)?;
+    let content = provenance.add(encode(svg, format)?, format)?;
     Ok(output::replace(path, |file| file.write_all(&content))?)
 }

@@ -260,11 +260,8 @@ fn begin(plan: &Plan, todo: &[Trial], origin: Origin) -> Option<String> {
 
 /// Returns the command that continues this one.
 fn continuation() -> String {
-    let mut words: Vec<_> = std::env::args_os().skip(1).map(|word| text::quoted(&word.to_string_lossy())).collect();
-    if !words.iter().any(|word| word == "--resume") {
-        words.push("--resume".to_owned());
-    }
-    format!("biflag {}", words.join(" "))
+    let command = text::command_line();
+    if command.split(' ').any(|word| word == "--resume") { command } else { format!("{command} --resume") }
 }
 
 impl Recorded {

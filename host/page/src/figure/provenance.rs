@@ -1,0 +1,106 @@
+//! Where a figure comes from, inside its file: title, command, program, and the logs with their SHA-256.
+//!
+//! An SVG has it as `<title>` and `<desc>`, a PNG as text of the keywords `Title` and `Description`, a PDF as title and
+//! subject of its information dictionary.
+
+use super::{FigureError, Format};
+use maud::html;
+use study::program::FULL_VERSION;
+use study::text::{command_line, printable};
+use study::trial::Data;
+
+/// Logs that are listed at most; a map may have ten thousand.
+const MAX_LOGS: usize = 500;
+
+/// Where a figure comes from.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub(super) struct Provenance {
+    title: String,
+    logs: Vec<String>,
+}
+
+impl Provenance {
+    pub fn new(title: impl Into<String>, logs: impl IntoIterator<Item = String>) -> Self {
+        Self { title: title.into(), logs: logs.into_iter().collect() }
+    }
+
+    /// Returns a log as a line; its hash is known if it was wanted.
+    pub fn log(data: &Data) -> String {
+        let sum = data.sha256.as_ref().map_or_else(String::new, |sum| format!(", SHA-256 {sum}"));
+        format!("log {}{sum}", data.path.display())
+    }
+
+    fn text(&self) -> String {
+        let mut lines = vec![command_line(), format!("biflag {FULL_VERSION}")];
+        lines.extend(self.logs.iter().take(MAX_LOGS).cloned());
+        if let Some(more) = self.logs.len().checked_sub(MAX_LOGS).filter(|more| *more > 0) {
+            lines.push(format!("and {more} more logs"));
+        }
+        printable(&lines.join("\n"))
+    }
+
+    /// Returns the file with its provenance.
+    ///
+    /// # Errors
+    /// [`FigureError::Convert`] if the file has another form than its format.
+    pub fn add(&self, file: Vec<u8>, format: Format) -> Result<Vec<u8>, FigureError> {
+        let title = printable(&self.title);
+        let added = match format {
+            Format::Svg => svg(&file, &title, &self.text()),
+            Format::Png => png(&file, &title, &self.text()),
+            Format::Pdf => pdf(&file, &title, &self.text()),
+        };
+        added.ok_or_else(|| FigureError::Convert { reason: "its metadata have no place".to_owned() })
+    }
+}
+
+fn svg(file: &[u8], title: &str, text: &str) -> Option<Vec<u8>> {
+    let start = file.iter().position(|byte| *byte == b'>')? + 1;
+    let added = html! { title { (title) } desc { (text) } };
+    Some([&file[..start], added.0.as_bytes(), &file[start..]].concat())
+}
+
+/// Adds two chunks `iTXt` after the header, which is the first chunk (PNG specification, 11.3.3.4).
+fn png(file: &[u8], title: &str, text: &str) -> Option<Vec<u8>> {
+    let chunk = |keyword: &str, text: &str| {
+        // No compression, no language, no translated keyword.
+        let data = [keyword.as_bytes(), &[0; 5], text.as_bytes()].concat();
+        let body = [b"iTXt", data.as_slice()].concat();
+        let length = u32::try_from(data.len()).ok()?;
+        Some([&length.to_be_bytes(), body.as_slice(), &crc32fast::hash(&body).to_be_bytes()].concat())
+    };
+    let (head, rest) = file.split_at_checked(8 + 4 + 4 + 13 + 4)?;
+    Some([head, &chunk("Title", title)?, &chunk("Description", text)?, rest].concat())
+}
+
+/// Appends an information dictionary as an incremental update (ISO 32000-1, 7.5.6 and 14.3.3).
+fn pdf(file: &[u8], title: &str, text: &str) -> Option<Vec<u8>> {
+    let end = String::from_utf8_lossy(&file[file.len().saturating_sub(400)..]).into_owned();
+    let after = |key: &str| end.rsplit_once(key).map(|(_, rest)| rest.trim_start());
+    let number = |text: &str| text.split(|c: char| !c.is_ascii_digit()).next()?.parse::<usize>().ok();
+    let (size, root, before) = (number(after("/Size")?)?, number(after("/Root")?)?, number(after("startxref")?)?);
+    let string = |text: &str| -> String {
+        let units = text.encode_utf16().map(|unit| format!("{unit:04X}"));
+        format!("<FEFF{}>", units.collect::<String>())
+    };
+    let mut file = file.to_vec();
+    if file.last() != Some(&b'\n') {
+        file.push(b'\n');
+    }
+    let object = file.len();
+    let producer = string(&format!("biflag {FULL_VERSION}"));
+    let (title, subject) = (string(title), string(text));
+    file.extend(
+        format!("{size} 0 obj\n<< /Title {title} /Subject {subject} /Creator {producer} >>\nendobj\n").into_bytes(),
+    );
+    let table = file.len();
+    file.extend(
+        format!(
+            "xref\n0 1\n0000000000 65535 f \n{size} 1\n{object:010} 00000 n \ntrailer\n<< /Size {} /Root {root} 0 R /Info {size} 0 R /Prev {before} >>\n\
+             startxref\n{table}\n%%EOF\n",
+            size + 1
+        )
+        .into_bytes(),
+    );
+    Some(file)
+}
