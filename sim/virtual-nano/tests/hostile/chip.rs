@@ -189,7 +189,8 @@ fn wait_for_program(host: &mut Host) {
 
 #[test]
 fn a_reset_in_a_run_is_told_behind_a_bootloader_that_hides_its_cause() {
-    let resets: [(&str, fn(&mut Host)); 4] = [
+    type Reset = fn(&mut Host);
+    let resets: [(&str, Reset); 4] = [
         ("hang with interrupts on", |host| host.hang(true)),
         ("hang with interrupts off", |host| host.hang(false)),
         ("brown-out", |host| {
