@@ -272,6 +272,10 @@ impl Recorded {
         let then = match outcome {
             Outcome::Interrupted => "interrupted, the motors are stopped".to_owned(),
             _ if todo == 0 => format!("nothing left to do: {} complete", text::count(self.trials.len(), "trial")),
+            // A model has nothing to say about a robot at rest, or one that is turned by hand.
+            _ if self.trials.iter().all(|trial| trial.w1_rpm == 0.0 && trial.w2_rpm == 0.0) => {
+                format!("next: biflag info {session}")
+            }
             _ => format!("next: biflag compare {session}"),
         };
         format!("{table}session {}\n{then}", self.session.display())
