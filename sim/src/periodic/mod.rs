@@ -39,6 +39,7 @@ pub mod quantities;
 mod shooting;
 mod slow;
 
+use crate::V3;
 use crate::body::closure::Closure;
 use crate::params::{ParamError, Robot};
 use crate::profile::{ProfileError, SpeedProfile};
@@ -47,7 +48,7 @@ use crate::steady::{Level, Steady, SteadyCollector, WINDOW, whole_turns};
 use crate::step::StepError;
 use crate::trial::{Options, Summary, Trial};
 use serde::{Deserialize, Serialize};
-use shooting::{Outcome, shoot};
+use shooting::{Outcome, SLOWEST_S, shoot};
 use std::f64::consts::PI;
 
 /// Largest difference of yaw, pitch and roll from those of the repeating motion, estimated from the last period, rad.
@@ -151,10 +152,10 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
     let Problem { robot, closure, rpm, start_rad, longest_s, output } = *problem;
     let whole = SpeedProfile::constant(rpm, longest_s)?.from_angles(start_rad);
     match shoot(problem, watch)? {
-        Outcome::Found { trial, before, samples } => {
+        Outcome::Found { trial, before, distance, samples } => {
             let simulated_s = trial.state().time;
             let mut summary = trial.window_summary();
-            set_errors(&mut summary.steady, &before);
+            set_errors(&mut summary.steady, &before, distance);
             Ok(periodic(Kind::Steady, summary, &trial, samples, simulated_s))
         }
         Outcome::Lost { trial, simulated_s } if simulated_s < longest_s => {
@@ -176,16 +177,30 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
 
 /// Sets the standard errors of the means over a period from those over the period before: half of the difference, and of the
 /// search's tolerance.
-fn set_errors(steady: &mut Steady, before: &Steady) {
+///
+/// After a period without a step the difference is only the part of a slow approach that one period takes. So all differences
+/// are scaled to what is left of the way, `distance` (rad), where the attitude's are smaller than that. A quantity may
+/// stand still for a period between two modes. So the least error of a force is that of the larger force turned by the
+/// tolerance, and that of a torque likewise.
+fn set_errors(steady: &mut Steady, before: &Steady, distance: f64) {
+    let changes = steady.attitude.iter().zip(&before.attitude).map(|(now, before)| (now.mean - before.mean).abs());
+    let slowest = 1.0 / (1.0 - (-steady.window_s / SLOWEST_S).exp());
+    // The means of a motion that has come to its end differ by rounding alone: that is not scaled beyond the slowest approach.
+    let scale = (distance / changes.fold(0.0, f64::max)).min(slowest).max(1.0);
     let set = |now: &mut Level, before: &Level, least: f64| {
-        now.standard_error = Some(least.max(0.5 * (now.mean - before.mean).abs()));
+        now.standard_error = Some(least.max(0.5 * scale * (now.mean - before.mean).abs()));
     };
     for (now, before) in steady.attitude.iter_mut().zip(&before.attitude) {
         set(now, before, 0.5 * TOLERANCE);
     }
-    let forces = steady.force.as_flattened_mut().iter_mut().zip(before.force.as_flattened());
-    for (now, before) in forces.chain(steady.axial_torque.iter_mut().zip(&before.axial_torque)) {
-        set(now, before, 0.0);
+    let turned = |sizes: [f64; 2]| 0.5 * TOLERANCE * sizes[0].max(sizes[1]);
+    let force = turned(steady.force.map(|force| V3::from(force.map(|level| level.mean)).norm()));
+    for (now, before) in steady.force.as_flattened_mut().iter_mut().zip(before.force.as_flattened()) {
+        set(now, before, force);
+    }
+    let torque = turned(steady.axial_torque.map(|level| level.mean.abs()));
+    for (now, before) in steady.axial_torque.iter_mut().zip(&before.axial_torque) {
+        set(now, before, torque);
     }
 }
 
@@ -298,6 +313,42 @@ mod tests {
         let after = rest.window_summary().steady.attitude;
         for (before, after) in before.iter().zip(&after) {
             assert!((after.mean - before.mean).to_degrees().abs() < 0.1, "{before:?} {after:?}");
+        }
+    }
+
+    /// At (0, 80) rpm the last period takes a seventh of what is left of the approach.
+    #[test]
+    fn stated_errors_hold_what_is_left_of_an_approach() {
+        for rpm in [[0.0, 80.0], [0.0, 76.45], [51.66, -51.66]] {
+            let problem = Problem {
+                robot: &Robot::default(),
+                closure: Closure::Full,
+                rpm,
+                start_rad: [0.0; 2],
+                longest_s: 120.0,
+                output: None,
+            };
+            let outcome = shoot(&problem, &|_| true).expect("no failure");
+            let Outcome::Found { trial, before, distance, .. } = outcome else { panic!("no motion that repeats") };
+            let mut stated = trial.window_summary().steady;
+            set_errors(&mut stated, &before, distance);
+            // With the same steps, so that the approach is the only difference.
+            let (from_s, state) = (trial.state().time, trial.state().clone());
+            let periods = (120.0 / stated.window_s).round();
+            let whole = SpeedProfile::constant(rpm, from_s + periods * stated.window_s).expect("a profile");
+            let rest = whole.between(from_s, whole.end()).expect("a profile");
+            let mut rest = trial.followed_by(rest, state);
+            rest.finish().expect("a run");
+            let after = rest.window_summary().steady;
+            let levels = |steady: &Steady| {
+                let forces = steady.force.as_flattened().to_vec();
+                [steady.attitude.to_vec(), forces, steady.axial_torque.to_vec()].concat()
+            };
+            for (i, (stated, after)) in levels(&stated).iter().zip(&levels(&after)).enumerate() {
+                let off = (after.mean - stated.mean).abs();
+                println!("{rpm:?}: quantity {i} off by {:.2} of its ±", off / stated.uncertainty());
+                assert!(off < stated.uncertainty(), "{rpm:?}: quantity {i} off by {off}: {stated:?}");
+            }
         }
     }
 }

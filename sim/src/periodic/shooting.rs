@@ -36,7 +36,7 @@ const SKIPPED: usize = 2;
 /// Periods that a step is made from.
 const COMBINED: usize = 5;
 /// Longest time constant that is believed, s: it bounds the steps.
-const SLOWEST_S: f64 = 60.0;
+pub const SLOWEST_S: f64 = 60.0;
 /// Longest step, rad: where a longer one seems right, the motion is not yet near enough to be linear.
 const LONGEST: f64 = 20.0 * PI / 180.0;
 /// Largest difference of the two estimates of a step, over the longer one, for a move by the whole step ...
@@ -48,8 +48,9 @@ const CLOSE: f64 = 1.0 * PI / 180.0;
 
 /// How a search ends.
 pub enum Outcome {
-    /// With a motion that repeats: the trial is its last period, `before` the means over the one before.
-    Found { trial: Box<Trial>, before: Box<Steady>, samples: Vec<Sample> },
+    /// With a motion that repeats: the trial is its last period, `before` the means over the one before, `distance` what is
+    /// left of the attitude's way to it, rad.
+    Found { trial: Box<Trial>, before: Box<Steady>, distance: f64, samples: Vec<Sample> },
     /// Without one, at the end of a trial.
     Lost { trial: Box<Trial>, simulated_s: f64 },
     /// Where a step failed.
@@ -119,7 +120,8 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
                 && let Some(before) = before
             {
                 let (trial, before) = (Box::new(trial), Box::new(before));
-                return Ok(Outcome::Found { trial, before, samples: output.unwrap_or_default() });
+                let distance = distance.max(assumed);
+                return Ok(Outcome::Found { trial, before, distance, samples: output.unwrap_or_default() });
             }
             if simulated_s + period > patience_s {
                 trial.set_accuracy(&ordinary);
