@@ -300,7 +300,7 @@ fn robot_of_a_plan_is_a_robot_file() {
     let cases = [
         ("notes.txt", "is not a robot file"),
         ("/dev/zero", "is not a robot file"),
-        ("plan.toml", "unknown key `session`"),
+        ("plan.toml", "this is a plan, not a robot file"),
         ("wrong.toml", "unknown key `mass_kgs`"),
     ];
     for (robot, what) in cases {

@@ -100,8 +100,9 @@ impl Source<'_> {
     /// Returns what a file is that has a table of another kind of file, and none of its own kind's.
     fn other_kind(&self, table: &DeTable) -> Option<&'static str> {
         let has = |names: &[&str]| table.iter().any(|(key, _)| names.contains(&key.get_ref().as_ref()));
-        let other = KINDS.iter().find(|(_, names)| has(names))?;
-        (!has(self.kind.tables)).then_some(other.0)
+        let (other, _) = KINDS.iter().find(|(_, names)| has(names))?;
+        let is_own = other.ends_with(self.kind.noun) || has(self.kind.tables);
+        (!is_own).then_some(other)
     }
 
     /// Refuses other values where a table belongs.
