@@ -6,8 +6,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use tests::{Bench, Run, logs, nano, pass, program, signal, stalling_library, wait_for_line};
 
-/// Slow, so that the reversed motor reaches its speed within the run.
-const PLAN: &str = "[session]\nname = \"bench\"\n[trial]\ncalibrate = 0\npreroll = 1\nrest_at_most = 0\nrun = 3\ndecay = 1\n\
+/// Slow, so that the reversed motor reaches its speed within the run. The board has its gyroscope's bias, as after an earlier
+/// calibration.
+const PLAN: &str = "[session]\nname = \"bench\"\n[board]\ngyro_bias_counts = [-9, -655, 23]\n[trial]\ncalibrate = 0\npreroll = 1\nrest_at_most = 0\nrun = 3\ndecay = 1\n\
                     reverse = { motor = 1, after = 1 }\n[speeds]\npairs = [[20, 10]]\n";
 
 /// The same in ticks: the number of each phase, and the speeds from then on.

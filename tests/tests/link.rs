@@ -132,11 +132,12 @@ fn real_time_has_no_losses() {
     assert_eq!((&trial["samples"], &trial["lost"]), (&800.into(), &0.into()), "{trial}");
 }
 
-/// A motor reverses at the planned time of the board's clock, and its flagellum follows.
+/// A motor reverses at the planned time of the board's clock, and its flagellum follows. The board has its gyroscope's bias, as
+/// after an earlier calibration.
 #[test]
 fn motor_reverses_during_the_run() {
     let bench = Bench::new();
-    let plan = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = 0\npreroll = 1\nrest_at_most = 0\nrun = 6\ndecay = 1\n\
+    let plan = "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\ngyro_bias_counts = [-9, -655, 23]\n[trial]\ncalibrate = 0\npreroll = 1\nrest_at_most = 0\nrun = 6\ndecay = 1\n\
                 reverse = { motor = 2, after = 2.5 }\n[speeds]\npairs = [[50, 60]]\n";
     let plan = bench.file("plan.toml", plan);
     let nano = nano(["--speed", "max"]);

@@ -74,7 +74,7 @@ impl Series {
     }
 
     /// Returns whether the board's filter estimates the gyroscope's bias.
-    pub(super) fn learns_bias(&self) -> bool {
+    pub(crate) fn learns_bias(&self) -> bool {
         self.learns_bias
     }
 

@@ -23,6 +23,10 @@ const COMPARED_S: f64 = 5.0;
 /// Largest rate at rest after a calibration, °/s: the bias drifts by hundredths in so short a time.
 const CALIBRATED_DPS: f64 = 0.1;
 
+/// Shortest time at rest that tells a bias from noise, s: a mean rate over it has a noise of some hundredths of a degree a
+/// second.
+const LEAST_RATE_S: f64 = 0.2;
+
 /// Largest rate at the start of the run, °/s, up to which the fit of the return to rest is trusted.
 const RETURN_DPS: f64 = 0.2;
 
@@ -36,35 +40,78 @@ pub(super) fn findings(
 ) -> Vec<Finding> {
     // A sensor that is turned by hand needs no rest.
     let is_of_robot = data.speeds() != [CentiRpm(0); 2];
-    let unknown = if data.times.has_run() { unknown(data, rest, has_still, drift) } else { None };
+    let unknown = if data.times.has_run() { unknown(data, series, rest, has_still, drift) } else { None };
     let moved = if has_still { tilt_changed(series, rest) } else { None };
     let turned = yaw_turned(series, rest, drift);
     unknown.filter(|_| is_of_robot).into_iter().chain(moved).chain(turned.filter(|_| is_of_robot)).collect()
 }
 
-/// Says which uncertainties are unknown, and why.
-fn unknown(data: &Data, rest: &Rest, has_still: bool, drift: Option<&Drift>) -> Option<Finding> {
+/// Says which uncertainties are unknown, and why. Grave if what is unknown turns the yaw.
+fn unknown(data: &Data, series: &Series, rest: &Rest, has_still: bool, drift: Option<&Drift>) -> Option<Finding> {
     let slight = |text: String, cure: &str| Some(Finding::slight(FindingKind::Rest, text, cure));
     let long_preroll = "give the plan a pre-roll of 20 s";
-    if !has_still {
-        let text = "there is no still phase before the run: the zero is the attitude at its start, and the uncertainty of the \
-                    yaw is unknown";
-        return slight(text.to_owned(), long_preroll);
-    }
-    let Some(drift) = drift else {
+    let still_s = rest.before.end - rest.before.start;
+    let dps = bias_in_yaw(series, rest, &data.times.run, drift.is_some());
+    let is_known = drift.is_some_and(|drift| drift.variance(data.times.run.end).is_some());
+    // After a calibration, a rate at rest is a motion: see `yaw_turned`.
+    if let Some(dps) = dps.filter(|dps| rest.calibrate_s == 0.0 && !is_known && *dps > CALIBRATED_DPS) {
         let text = format!(
-            "the still phase of {:.1} s before the run is too short to show drift and noise: the drift is not removed, and the \
-             uncertainties are unknown",
-            rest.before.end - rest.before.start
+            "the gyroscope turns the yaw by {dps:.2} °/s of its own: it was not calibrated, and the still phase of {still_s:.1} s \
+             before the run is too short to remove its bias"
+        );
+        return Some(Finding::grave(
+            FindingKind::Rest,
+            text,
+            "give the plan a calibration of 5 s, or a pre-roll of 20 s",
+        ));
+    }
+    if !has_still {
+        // The plan asks for no zero, and nothing in such a log shows the bias.
+        let is_new = data.settings().is_some_and(|settings| settings.gyro_bias == [0.0; 3]);
+        let bias = match rest.calibrate_s == 0.0 && is_new {
+            true => "; the gyroscope was never calibrated, and its bias is in the yaw",
+            false => "",
+        };
+        let text = format!(
+            "there is no still phase before the run: the zero is the attitude at its start, and the uncertainty of the yaw is \
+             unknown{bias}"
         );
         return slight(text, long_preroll);
-    };
-    if drift.variance(data.times.run.end).is_none() {
+    }
+    if drift.is_none() {
+        let rate = dps.map_or_else(String::new, |dps| format!(" of about {dps:.2} °/s"));
+        let text = format!(
+            "the still phase of {still_s:.1} s before the run is too short to show drift and noise: the drift{rate} is not \
+             removed, and the uncertainties are unknown"
+        );
+        return slight(text, long_preroll);
+    }
+    if !is_known {
         let text = "the gyroscope was not calibrated, and the still phases are too short to show its bias about the body's x \
                     and y: the uncertainty of the yaw is unknown";
         return slight(text.to_owned(), "give the plan a calibration of 5 s");
     }
     None
+}
+
+/// Returns the rate at which the bias that is not removed turns the yaw in the run, °/s, by the rates at rest; `None` without
+/// a rest. They tell a board that was calibrated earlier, and kept its bias, from one that never was. `knows_z`: whether the
+/// drift at rest is removed; the biases about x and y then turn the yaw of a robot that leans.
+fn bias_in_yaw(series: &Series, rest: &Rest, run: &Range<f64>, knows_z: bool) -> Option<f64> {
+    let still = &rest.before;
+    if still.end - still.start < LEAST_RATE_S {
+        return None;
+    }
+    let z = if knows_z { 0.0 } else { series.yaw().rate(still.clone())? };
+    let tilts = [series.roll(), series.pitch()];
+    // While its filter settles, the board's attitude turns with the bias.
+    let [x, y] = match series.held_back_dps(still.clone()).filter(|_| !series.learns_bias()) {
+        Some([x, y]) => [x + tilts[0].slope(still.clone())?, y + tilts[1].slope(still.clone())?],
+        None => [0.0; 2],
+    };
+    let seen = run.start..run.end.min(series.yaw().span().end);
+    let [roll, pitch] = tilts.map(|tilt| tilt.mean(seen.clone()).unwrap_or_default().to_radians());
+    Some((pitch.cos() * (y * roll.sin() + z * roll.cos()) - x * pitch.sin()).abs())
 }
 
 /// Says whether the tilt changed at the end of the still phase: the robot's, or that which a settling filter states.
@@ -136,9 +183,9 @@ mod tests {
 
     const TICK_S: f64 = 0.005;
 
-    /// Returns the findings about a trial without a calibration, with a run of 10 s after a still phase. The gyroscope has a
-    /// bias about x; the filter begins without it. `pitch_deg`: of the robot.
-    fn found(preroll_s: f64, bias_dps: f64, pitch_deg: impl Fn(f64) -> f64) -> Vec<Finding> {
+    /// Returns the findings about a trial without a calibration, with a run of 10 s after a still phase. The gyroscope has
+    /// biases; the filter begins without them. `pitch_deg`: of the robot.
+    fn found(preroll_s: f64, bias_dps: [f64; 3], pitch_deg: impl Fn(f64) -> f64) -> Vec<Finding> {
         let truth = |t: f64| UnitQuaternion::from_euler_angles(0.0, pitch_deg(t).to_radians(), 0.0);
         let mut collector = Collector::new(Want::default(), FORMAT);
         let mut estimate = truth(0.0);
@@ -148,7 +195,7 @@ mod tests {
             if (t - preroll_s).abs() < 0.5 * TICK_S {
                 collector.event(t, Kind::Phase, "run");
             }
-            let bias = Vector3::x() * bias_dps.to_radians();
+            let bias = Vector3::from(bias_dps.map(f64::to_radians));
             let rates = (truth(t).inverse() * truth(t + TICK_S)).scaled_axis() / TICK_S + bias;
             let [x, y, z] = rates.map(f64::to_degrees).into();
             collector.telemetry(&Telemetry {
@@ -170,9 +217,13 @@ mod tests {
     #[test]
     fn settling_filter_is_told_from_a_robot_that_moves() {
         for preroll_s in [4.3, 6.5, 9.0] {
-            let said = found(preroll_s, -4.7, |_| 1.3).iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
+            let said = found(preroll_s, [-4.7, 0.0, 0.0], |_| 1.3)
+                .iter()
+                .map(ToString::to_string)
+                .collect::<Vec<_>>()
+                .join("; ");
             assert!(said.contains("filter had not settled") && !said.contains("robot was not still"), "{said}");
-            let said = found(preroll_s, 0.0, |t| 7.9 * (-t / 10.8).exp());
+            let said = found(preroll_s, [0.0; 3], |t| 7.9 * (-t / 10.8).exp());
             let said = said.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
             assert!(said.contains("the robot was not still before the run"), "{said}");
         }
@@ -180,8 +231,34 @@ mod tests {
 
     #[test]
     fn short_still_phase_is_named() {
-        let [short] = found(4.3, 0.0, |_| 1.3).try_into().unwrap();
+        let [short] = found(4.3, [0.0; 3], |_| 1.3).try_into().unwrap();
         assert!(short.text.starts_with("the still phase of 4.3 s before the run is too short") && !short.grave);
-        assert_eq!(found(25.0, 0.0, |_| 1.3), []);
+        assert_eq!(found(25.0, [0.0; 3], |_| 1.3), []);
+    }
+
+    #[test]
+    fn bias_that_stays_in_the_yaw_is_grave() {
+        let bias = |dps: &str| format!("the gyroscope turns the yaw by {dps} °/s of its own");
+        for preroll_s in [0.3, 2.9, 5.6] {
+            let [short] = found(preroll_s, [0.0, 0.0, -3.52], |_| 1.3).try_into().unwrap();
+            assert!(short.text.starts_with(&bias("3.52")) && short.grave, "{short}");
+        }
+        // The board was calibrated before, and kept its bias.
+        let [kept] = found(2.9, [0.0, 0.0, 0.06], |_| 1.3).try_into().unwrap();
+        assert!(kept.text.contains("the drift of about 0.06 °/s is not removed") && !kept.grave, "{kept}");
+        assert_eq!(found(25.0, [0.0, 0.0, -3.52], |_| 1.3), []);
+    }
+
+    /// A robot that leans by 8 degrees in its run turns by a share of the bias about x.
+    #[test]
+    fn bias_about_x_turns_the_yaw_of_a_leaning_robot() {
+        for preroll_s in [2.9, 6.7] {
+            for (x_dps, grave) in [(4.0, true), (0.3, false)] {
+                let leaning = found(preroll_s, [x_dps, 0.0, 0.0], |t| if t < preroll_s { 0.0 } else { 8.0 });
+                // 4.0 °/s sin 8° are 0.56 °/s; while the filter settles, its path turns the yaw too.
+                let said = |one: &Finding| one.grave && one.text.starts_with("the gyroscope turns the yaw by 0.");
+                assert_eq!(leaning.iter().any(said), grave, "{preroll_s} s: {leaning:?}");
+            }
+        }
     }
 }
