@@ -15,7 +15,7 @@ use tests::{
 /// The motors' deadline is the longest one, because other programs may delay the pings.
 fn plan(calibrate: f64, run: f64) -> String {
     format!(
-        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\n[trial]\ncalibrate = {calibrate}\npreroll = 1\nrest_at_most = 0\nrun = {run}\ndecay = 0\n\
+        "[session]\nname = \"bench\"\n[board]\ndeadline_ms = 5000\ngyro_bias_counts = [-9, -655, 23]\n[trial]\ncalibrate = {calibrate}\npreroll = 1\nrest_at_most = 0\nrun = {run}\ndecay = 0\n\
          [speeds]\npairs = [[50, 10], [-30, 30]]\n"
     )
 }
