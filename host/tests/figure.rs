@@ -1,20 +1,16 @@
 //! End-to-end tests of `figure`: files, formats, sizes on paper, and errors.
 
+use crate::program::biflag;
 use resvg::usvg::{self, Node, Rect};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::path::Path;
-use std::process::{Command, Output};
 use std::sync::Arc;
 
 const PLAN: &str = "[session]\nname = \"short\"\n[trial]\ncalibrate = 0\npreroll = 0.5\nrun = 2\ndecay = 0.5\n\
                     [speeds]\ngrid = { w1 = [-90, 90, 90], w2 = [0, 90, 45] }\n";
 
 const WIDTH_PT: f32 = 88.0 * 72.0 / 25.4;
-
-fn biflag(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_biflag")).current_dir(folder).args(args).output().unwrap()
-}
 
 /// Runs `biflag figure`, which must succeed; returns the file.
 fn figure(folder: &Path, args: &[&str], file: &str) -> Vec<u8> {

@@ -1,18 +1,10 @@
 //! `biflag film`: an animated GIF of the moving robot.
 
+use crate::program::{biflag, code};
 use gif::{ColorOutput, DecodeOptions};
 use serde_json::Value;
 use std::fs::File;
 use std::path::Path;
-use std::process::{Command, Output};
-
-fn biflag(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_biflag")).current_dir(folder).args(args).output().unwrap()
-}
-
-fn code(output: &Output) -> Option<i32> {
-    output.status.code()
-}
 
 /// Returns width and height, and the images of all frames, as red, green, blue and opacity of each pixel.
 fn decode(path: &Path) -> (usize, usize, Vec<Vec<[u8; 4]>>) {

@@ -14,6 +14,7 @@ mod pack;
 mod plan;
 mod plans;
 mod preview;
+mod program;
 mod resistance;
 mod simulate;
 mod still;

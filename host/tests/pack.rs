@@ -1,24 +1,16 @@
 //! `biflag pack`: one archive with everything of a session, whose sums are right.
 
+use crate::program::{biflag, code};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
-use std::process::{Command, Output};
 use zip::ZipArchive;
 
 const PLAN: &str = "[session]\nname = \"odd speeds\"\noperator = \"A. Operator\"\nnote = \"first | second\"\n[trial]\n\
                     calibrate = 0\npreroll = 0\nrun = 1.3\ndecay = 0\n[speeds]\npairs = [[-37.3, 12.9], [0.5, 0]]\n";
-
-fn biflag(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_biflag")).current_dir(folder).args(args).output().unwrap()
-}
-
-fn code(output: &Output) -> Option<i32> {
-    output.status.code()
-}
 
 /// Simulates the plan into the folder `session`.
 fn simulate(folder: &Path) {

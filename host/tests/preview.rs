@@ -1,20 +1,7 @@
 //! `biflag new`, `biflag plan check` and `biflag record --dry-run`: what a plan will do, without a board.
 
+use crate::program::{biflag, code, json};
 use serde_json::Value;
-use std::path::Path;
-use std::process::{Command, Output};
-
-fn biflag(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_biflag")).current_dir(folder).args(args).output().unwrap()
-}
-
-fn code(output: &Output) -> Option<i32> {
-    output.status.code()
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap()
-}
 
 fn texts(findings: &Value) -> Vec<&str> {
     findings.as_array().unwrap().iter().map(|finding| finding["text"].as_str().unwrap()).collect()

@@ -1,26 +1,19 @@
 //! End-to-end tests of `simulate`: output, files and exit codes.
 
+use crate::program::{biflag, json};
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Body, Condition, ModelMeta, Origin, Reader};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 /// Four short trials, whose runs are too short to settle.
 const PLAN: &str = "[session]\nname = \"short\"\n[trial]\ncalibrate = 0.5\npreroll = 0.5\nrun = 2\ndecay = 0.5\n\
                     [speeds]\npairs = [[50, 10], [0, 45], [-90, 90], [60, 60]]\n";
 
-fn biflag(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_biflag")).current_dir(folder).args(args).output().unwrap()
-}
-
 fn expect(output: &Output, code: i32) {
     assert_eq!(output.status.code(), Some(code), "{}", String::from_utf8_lossy(&output.stderr));
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap()
 }
 
 fn bench() -> tempfile::TempDir {

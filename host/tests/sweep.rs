@@ -1,5 +1,6 @@
 //! End-to-end tests of `sweep`: the table, shards, exit codes.
 
+use crate::program::biflag;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,10 +10,6 @@ use std::process::{Command, Output};
 const PLAN: &str = "[session]\nname = \"short\"\n[trial]\nrun = 0.4\nmethod = \"trial\"\nphases = 2\n[vary]\n\"group.spacing\" = [0.4, 1, 1.5]\n\
                     \"fluid.viscosity_pa_s\" = { from = 0.5, to = 2, count = 2, scale = \"log\" }\n\
                     [speeds]\npairs = [[50, 10], [0, 45], [-90, 90], [60, 60]]\n";
-
-fn biflag(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_biflag")).current_dir(folder).args(args).output().unwrap()
-}
 
 #[track_caller]
 fn expect(output: &Output, code: i32) -> Value {

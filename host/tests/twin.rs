@@ -1,6 +1,7 @@
 //! End-to-end tests of `simulate --from`, `compare` and `calibrate`, on logs of the model and on logs of a rig that are
 //! made from them by adding the noise of a sensor, gaps, faults and cuts.
 
+use crate::program::biflag;
 use biflag_log::schema::biflag::{Fault, Quaternion, Telemetry, event::Kind};
 use biflag_log::{Body, EventKind, FORMAT, Identity, Origin, Reader, ReplayMeta, Summary, Writer};
 use host::plan::{Plan, board};
@@ -9,16 +10,12 @@ use nalgebra::UnitQuaternion;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 use std::time::SystemTime;
 
 /// The flagella of a modelled robot need 40 s to sag to their equilibrium.
 const PLAN: &str = "[session]\nname = \"short\"\n[trial]\ncalibrate = 40\npreroll = 12\nrun = 24\ndecay = 4\n\
                     [speeds]\npairs = [[50, 10], [-90, 90]]\n";
-
-fn biflag(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_biflag")).current_dir(folder).args(args).output().unwrap()
-}
 
 #[track_caller]
 fn expect(output: &Output, code: i32) -> String {

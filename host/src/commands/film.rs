@@ -1,6 +1,6 @@
 //! `biflag film`: the moving robot as an animated image.
 
-use super::findings::lines_of_logs;
+use super::findings::{are_slight, lines_of_logs};
 use super::options::span;
 use super::{Answer, Outcome};
 use crate::film::{self, Options};
@@ -47,7 +47,6 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     progress.finish();
     let film = film?;
     let file = args.output.to_string_lossy();
-    let is_sound = !film.findings.iter().any(|of_log| of_log.finding.grave);
     let shapes = if film.has_shapes { "" } else { "; the log has no shapes, so the helices are rigid" };
     let text =
         format!("{file}: {} frames, {:.1} s{shapes}{}", film.frames, film.duration_s, lines_of_logs(&film.findings));
@@ -58,5 +57,5 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         "shapes": film.has_shapes,
         "findings": film.findings,
     });
-    Answer::new(if is_sound { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+    Answer::new(if are_slight(&film.findings) { Outcome::Done } else { Outcome::WithLoss }, &body, text)
 }

@@ -1,14 +1,12 @@
 //! `biflag new`: a plan to begin with.
 
 use super::{Answer, Outcome, WRONG_USE};
-use crate::plan::EXAMPLE;
+use crate::output::{self, OutputError};
+use crate::plan::{EXAMPLE, Plan};
 use crate::preview::Preview;
-use miette::{IntoDiagnostic, WrapErr};
+use miette::IntoDiagnostic;
 use serde_json::json;
-use std::fs::File;
-use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
-use study::plan::Plan;
 
 /// Write a commented plan to begin with.
 #[derive(clap::Args, Debug)]
@@ -21,8 +19,8 @@ pub struct Args {
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let path = args.file.display();
-    let mut file = match File::create_new(&args.file) {
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+    match output::write_new(&args.file, EXAMPLE) {
+        Err(OutputError::Exists { .. }) => {
             return Err(miette::miette!(
                 code = WRONG_USE,
                 help = format!(
@@ -31,9 +29,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
                 "{path} exists already"
             ));
         }
-        file => file.into_diagnostic().wrap_err_with(|| format!("{path} cannot be written"))?,
-    };
-    file.write_all(EXAMPLE.as_bytes()).into_diagnostic().wrap_err_with(|| format!("{path} cannot be written"))?;
+        written => written?,
+    }
     let preview = Preview::of(&Plan::load(&args.file)?);
     let mut body = serde_json::to_value(&preview).into_diagnostic()?;
     if let Some(body) = body.as_object_mut() {

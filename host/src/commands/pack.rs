@@ -1,6 +1,6 @@
 //! `biflag pack`: a session as one archive.
 
-use super::findings::lines_of_logs;
+use super::findings::{are_slight, lines_of_logs};
 use super::{Answer, Outcome, WRONG_USE};
 use crate::pack::{About, pack};
 use crate::progress::Progress;
@@ -73,5 +73,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         "findings": packed.findings,
         "notes": packed.notes,
     });
-    Answer::new(if packed.is_sound { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+    Answer::new(
+        if packed.is_sound && are_slight(&packed.findings) { Outcome::Done } else { Outcome::WithLoss },
+        &body,
+        text,
+    )
 }

@@ -3,7 +3,7 @@
 use super::findings::finding_line;
 use super::{Answer, Outcome};
 use crate::plan::Plan;
-use crate::preview::Preview;
+use crate::preview::{Preview, end_after};
 use clap::Subcommand;
 use std::path::PathBuf;
 
@@ -35,7 +35,7 @@ pub(super) fn preview(plan: &Plan) -> miette::Result<Answer> {
     let preview = Preview::of(plan);
     let mut text = preview.to_string();
     if preview.duration_s > 0.0 {
-        text += &format!("\nwould end at {} if it began now", preview.end());
+        text += &format!("\nwould end at {} if it began now", end_after(preview.duration_s));
     }
     preview.findings.iter().for_each(|finding| text += &format!("\n{}", finding_line(None, finding)));
     let is_sound = !preview.findings.iter().any(|finding| finding.grave);

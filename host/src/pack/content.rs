@@ -6,7 +6,7 @@ use crate::figure::{self, COLUMN_MM, FigureError, Subject};
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::report::{self, Kind};
-use crate::session::{MANIFEST, Session};
+use crate::session::{MANIFEST, Session, TrialState};
 use crate::text;
 use crate::trial::LogFinding;
 use std::collections::BTreeMap;
@@ -81,8 +81,9 @@ impl Content {
         progress.phase("pack", "tables");
         content.add_tables(session.folder())?;
         progress.phase("pack", "figures");
-        content.add_figures(session)?;
-        let readme = readme::text(session, about, &content)?;
+        let states = session.intact_states()?;
+        content.add_figures(session.folder(), &states)?;
+        let readme = readme::text(session, &states, about, &content.notes);
         content.add_text("README.md", &readme, "What this archive contains, and the results")?;
         if about.license.is_empty() {
             content
@@ -146,7 +147,7 @@ impl Content {
     fn add_page(&mut self, folder: &Path) -> Result<(), PackError> {
         let file = self.made.join("report.html");
         let written = report::write(folder, Kind::Report, None, Vec::new(), Some(&file))?;
-        self.is_sound &= written.is_sound && !written.findings.iter().any(|of_log| of_log.finding.grave);
+        self.is_sound = written.is_sound;
         self.findings = written.findings;
         self.add("report.html", file, "The session as a page to open in a browser");
         Ok(())
@@ -169,12 +170,12 @@ impl Content {
         Ok(())
     }
 
-    fn add_figures(&mut self, session: &Session) -> Result<(), PackError> {
+    fn add_figures(&mut self, session: &Path, states: &[TrialState]) -> Result<(), PackError> {
         let folder = self.made.join("figures");
         fs::create_dir(&folder).map_err(PackError::reading(&folder))?;
-        for (index, state) in session.states()?.iter().enumerate().filter(|(_, state)| state.complete().is_some()) {
+        for (state, log) in states.iter().filter_map(|state| Some((state, state.complete()?))) {
             let name = format!("{}.svg", state.trial.name);
-            let subject = Subject { path: session.folder(), number: Some(index + 1) };
+            let subject = Subject { path: &log.path, number: None };
             match figure::trial(subject, None, false, None, COLUMN_MM, &folder.join(&name)) {
                 Ok(_) => {
                     self.add(format!("figures/{name}"), folder.join(&name), "Yaw, pitch and roll of a trial over time")
@@ -184,7 +185,7 @@ impl Content {
             }
         }
         let map = folder.join("map.svg");
-        match figure::map(session.folder(), None, COLUMN_MM, &map) {
+        match figure::map(session, None, COLUMN_MM, &map) {
             Ok(_) => self.add("figures/map.svg", map, "The steady angles over both speeds"),
             // Most sessions have too few speeds.
             Err(FigureError::NoMap { .. }) => {}

@@ -100,9 +100,9 @@ pub enum PackError {
 }
 
 impl PackError {
-    fn reading(path: &Path) -> impl FnOnce(io::Error) -> Self {
+    fn reading(path: &Path) -> impl Fn(io::Error) -> Self {
         let path = path.to_owned();
-        move |source| Self::Read { path, source }
+        move |source| Self::Read { path: path.clone(), source }
     }
 }
 

@@ -1,15 +1,14 @@
 //! The archive's readme.
 
-use super::content::Content;
-use super::{About, PackError};
+use super::About;
 use crate::program::FULL_VERSION;
-use crate::session::Session;
+use crate::session::{Session, TrialState};
 use crate::text;
-use crate::trial::{Angles, Want, Zeroed, findings};
+use crate::trial::{Want, Zeroed, findings};
 use std::fmt::Write;
 
-/// Returns the text of the readme.
-pub(super) fn text(session: &Session, about: &About, content: &Content) -> Result<String, PackError> {
+/// Returns the text of the readme. `notes`: about the archive.
+pub(super) fn text(session: &Session, states: &[TrialState], about: &About, notes: &[String]) -> String {
     let plan = session.plan();
     let mut text = format!("# {}\n\n", text::line(&plan.name));
     // Writing to a string cannot fail.
@@ -28,7 +27,7 @@ pub(super) fn text(session: &Session, about: &About, content: &Content) -> Resul
     line(format!("- Packed by biflag {FULL_VERSION}"));
     line("\n## Results\n".to_owned());
     line("| trial | yaw, deg | pitch, deg | roll, deg | |\n| --- | --- | --- | --- | --- |".to_owned());
-    for state in session.intact_states()? {
+    for state in states {
         let Some(attempt) = state.complete() else {
             line(format!("| {} | | | | not complete |", state.trial.name));
             continue;
@@ -45,7 +44,7 @@ pub(super) fn text(session: &Session, about: &About, content: &Content) -> Resul
             0 => "not settled".to_owned(),
             grave => text::count(grave, "warning"),
         };
-        let [yaw, pitch, roll] = cells(&angles);
+        let [yaw, pitch, roll] = angles.cells();
         line(format!("| {} | {yaw} | {pitch} | {roll} | {remark} |", state.trial.name));
     }
     line(
@@ -70,21 +69,9 @@ pub(super) fn text(session: &Session, about: &About, content: &Content) -> Resul
     ] {
         line(format!("- `{name}`: {about}"));
     }
-    if !content.notes.is_empty() {
+    if !notes.is_empty() {
         line("\n## Notes\n".to_owned());
-        content.notes.iter().for_each(|note| line(format!("- {}", text::line(note))));
+        notes.iter().for_each(|note| line(format!("- {}", text::line(note))));
     }
-    Ok(text)
-}
-
-fn cells(angles: &Angles) -> [String; 3] {
-    [
-        (angles.yaw_deg, angles.yaw_uncertainty_deg),
-        (angles.pitch_deg, angles.pitch_uncertainty_deg),
-        (angles.roll_deg, angles.roll_uncertainty_deg),
-    ]
-    .map(|(angle, uncertainty)| {
-        let uncertainty = uncertainty.map_or_else(|| "?".to_owned(), |u| text::decimal(u, 2));
-        format!("{} ± {uncertainty}", text::decimal(angle, 2))
-    })
+    text
 }

@@ -6,16 +6,16 @@ use biflag_log::schema::foxglove::{
 };
 use nalgebra::UnitQuaternion;
 use prost_types::Timestamp;
-use sim::params::Robot;
+use sim::params::{Head, Robot};
 
 /// Name of the body's frame in `/attitude`.
 const FRAME: &str = "body";
 
-/// Colours of flagellum 1 and 2.
-const COLOURS: [Color; 2] = [Color { r: 0.9, g: 0.45, b: 0.1, a: 1.0 }, Color { r: 0.15, g: 0.45, b: 0.85, a: 1.0 }];
+/// Colours of flagellum 1 and 2: red, green and blue, 0 to 1.
+pub const FLAGELLA: [[f64; 3]; 2] = [[0.9, 0.45, 0.1], [0.15, 0.45, 0.85]];
 
 /// Colour of the base.
-const BASE_COLOUR: Color = Color { r: 0.55, g: 0.57, b: 0.6, a: 1.0 };
+pub const BASE: [f64; 3] = [0.55, 0.57, 0.6];
 
 /// Fields of a point, each with its length in bytes: coordinates in m, the flagellum's number, and its colour.
 const FIELDS: [(&str, u32, NumericType); 8] = [
@@ -54,6 +54,15 @@ pub fn attitude(attitude: &UnitQuaternion<f64>, log_time_ns: u64) -> FrameTransf
     }
 }
 
+/// Returns the head with which a robot is drawn: its own, or that of the robot `physical` if it has none in the flow.
+pub fn head(robot: &Robot) -> Head {
+    if robot.head.is_resolved() { robot.head.clone() } else { Robot::default().head }
+}
+
+fn opaque([r, g, b]: [f64; 3]) -> Color {
+    Color { r, g, b, a: 1.0 }
+}
+
 /// Draws a robot: its base as a cylinder, and its flagella as lines as thick as their rods.
 pub struct Drawing {
     rod_radius_m: f64,
@@ -65,13 +74,12 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// Draws this robot. A base without a body in the flow is drawn with the size of that of the robot `physical`.
+    /// Draws this robot.
     pub fn new(robot: &Robot) -> Self {
         let flagellum = &robot.flagellum;
         let rest =
             [0, 1].map(|which| flagellum.helix(which).nodes(flagellum.edges()).into_iter().map(Into::into).collect());
-        let fallback = Robot::default().head;
-        let head = if robot.head.is_resolved() { &robot.head } else { &fallback };
+        let head = head(robot);
         let [x, y, z] = head.centre_m;
         let width = 2.0 * head.radius_m;
         let base = CylinderPrimitive {
@@ -79,7 +87,7 @@ impl Drawing {
             size: Some(Vector3 { x: width, y: width, z: 2.0 * head.half_length() }),
             bottom_scale: 1.0,
             top_scale: 1.0,
-            color: Some(BASE_COLOUR),
+            color: Some(opaque(BASE)),
         };
         let feet = robot.shaft_feet().map(|foot| Vector3 { x: foot.x, y: foot.y, z: foot.z });
         Self { rod_radius_m: flagellum.rod_radius_m, rest, feet, base }
@@ -115,7 +123,7 @@ impl Drawing {
             frame_locked: true,
             ..SceneEntity::default()
         };
-        let flagella = lines.iter().zip(poses).zip(COLOURS).map(line).collect();
+        let flagella = lines.iter().zip(poses).zip(FLAGELLA.map(opaque)).map(line).collect();
         SceneUpdate {
             entities: vec![
                 SceneEntity { lines: flagella, ..entity("flagella") },
@@ -129,7 +137,7 @@ impl Drawing {
 /// Returns the message for `/flagella_points`: the nodes.
 pub fn points(log_time_ns: u64, lines: &Lines) -> PointCloud {
     let mut data = Vec::new();
-    for ((number, line), colour) in [1.0, 2.0].into_iter().zip(lines).zip(COLOURS) {
+    for ((number, line), colour) in [1.0, 2.0].into_iter().zip(lines).zip(FLAGELLA.map(opaque)) {
         let colour = [colour.r, colour.g, colour.b, colour.a].map(|part| (part * 255.0).round() as u8);
         for &[x, y, z] in line {
             data.extend([x, y, z, number].into_iter().flat_map(|value| (value as f32).to_le_bytes()));

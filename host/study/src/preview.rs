@@ -56,16 +56,21 @@ impl Preview {
 
     /// Returns the number of trials and their duration, in words.
     pub fn amount(&self) -> String {
-        format!("{}, {}", text::count(self.trials.len(), "trial"), text::duration(self.duration_s))
+        amount(self.trials.len(), self.duration_s)
     }
+}
 
-    /// Returns when the plan would end if it began now: local time, with the day if that is another.
-    pub fn end(&self) -> String {
-        let now = Zoned::now();
-        let Ok(end) = now.checked_add(SignedDuration::from_secs_f64(self.duration_s)) else { return String::new() };
-        let format = if end.date() == now.date() { "%H:%M" } else { "%Y-%m-%d %H:%M" };
-        end.strftime(format).to_string()
-    }
+/// Returns a number of trials and their duration, in words.
+pub fn amount(trials: usize, duration_s: f64) -> String {
+    format!("{}, {}", text::count(trials, "trial"), text::duration(duration_s))
+}
+
+/// Returns when what begins now and takes so long ends: local time, with the day if that is another.
+pub fn end_after(duration_s: f64) -> String {
+    let now = Zoned::now();
+    let Ok(end) = now.checked_add(SignedDuration::from_secs_f64(duration_s)) else { return String::new() };
+    let format = if end.date() == now.date() { "%H:%M" } else { "%Y-%m-%d %H:%M" };
+    end.strftime(format).to_string()
 }
 
 /// One line for the plan, and one for each trial.

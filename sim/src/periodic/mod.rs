@@ -288,10 +288,7 @@ fn run(
 mod tests {
     use super::*;
 
-    /// Near (70, 10) rpm there are two stable motions and one between them that is not stable, with a yaw of -85.05 degrees.
-    #[test]
-    fn a_motion_that_is_steady_is_stable() {
-        let rpm = [70.0, 10.0];
+    fn searched(rpm: [f64; 2]) -> Outcome {
         let problem = Problem {
             robot: &Robot::default(),
             closure: Closure::Full,
@@ -300,7 +297,14 @@ mod tests {
             longest_s: 120.0,
             output: None,
         };
-        let outcome = shoot(&problem, &|_| true).expect("no failure");
+        shoot(&problem, &|_| true).expect("no failure")
+    }
+
+    /// Near (70, 10) rpm there are two stable motions and one between them that is not stable, with a yaw of -85.05 degrees.
+    #[test]
+    fn a_motion_that_is_steady_is_stable() {
+        let rpm = [70.0, 10.0];
+        let outcome = searched(rpm);
         let Outcome::Found { trial, .. } = outcome else { panic!("no motion that repeats") };
         let before = trial.window_summary().steady.attitude;
         assert!((before[0].mean.to_degrees() + 85.05).abs() > 0.5, "{before:?}");
@@ -320,15 +324,7 @@ mod tests {
     #[test]
     fn stated_errors_hold_what_is_left_of_an_approach() {
         for rpm in [[0.0, 80.0], [0.0, 76.45], [51.66, -51.66]] {
-            let problem = Problem {
-                robot: &Robot::default(),
-                closure: Closure::Full,
-                rpm,
-                start_rad: [0.0; 2],
-                longest_s: 120.0,
-                output: None,
-            };
-            let outcome = shoot(&problem, &|_| true).expect("no failure");
+            let outcome = searched(rpm);
             let Outcome::Found { trial, before, distance, .. } = outcome else { panic!("no motion that repeats") };
             let mut stated = trial.window_summary().steady;
             set_errors(&mut stated, &before, distance);

@@ -1,6 +1,7 @@
 //! Draws solids by their intersections with the rays of a camera.
 
 use nalgebra::Vector3;
+use study::draw;
 
 pub(super) type V3 = Vector3<f64>;
 
@@ -8,10 +9,14 @@ pub(super) type V3 = Vector3<f64>;
 pub(super) type Rgb = [f32; 3];
 
 pub(super) const BACKGROUND: Rgb = [0.98, 0.98, 0.97];
-pub(super) const FLAGELLA: [Rgb; 2] = [[0.9, 0.45, 0.1], [0.15, 0.45, 0.85]];
-pub(super) const BASE: Rgb = [0.55, 0.57, 0.6];
+pub(super) const FLAGELLA: [Rgb; 2] = [single(draw::FLAGELLA[0]), single(draw::FLAGELLA[1])];
+pub(super) const BASE: Rgb = single(draw::BASE);
 pub(super) const DIAL: Rgb = [0.7, 0.72, 0.75];
 pub(super) const CHART: Rgb = [0.2, 0.2, 0.22];
+
+const fn single([red, green, blue]: [f64; 3]) -> Rgb {
+    [red as f32, green as f32, blue as f32]
+}
 
 /// Samples of a pixel along each side.
 const SAMPLES: usize = 2;

@@ -9,6 +9,7 @@ use sim::params::{Head, Robot};
 use std::f64::consts::TAU;
 use std::ops::Range;
 use study::attitude::Columns;
+use study::draw::head;
 use study::trial::{Data, Shape, Zeroed};
 
 /// Pieces of the dial's circle.
@@ -18,8 +19,8 @@ const DIAL_PIECES: usize = 60;
 pub(super) struct Scene {
     robot: Robot,
     head: Head,
-    /// In the frames that turn with the shafts, where a flagellum changes slowly at any speed.
-    shapes: Vec<Shape>,
+    /// Times, and both centre lines in the frames that turn with the shafts.
+    shapes: Vec<(f64, [Vec<V3>; 2])>,
     turns: Columns<2>,
     angles_deg: Columns<3>,
     camera: Camera,
@@ -34,16 +35,7 @@ pub(super) struct Scene {
 impl Scene {
     pub(super) fn new(data: &Data, zeroed: &Zeroed, shown: Range<f64>, width: u16) -> Result<Self, FilmError> {
         let robot = data.robot()?;
-        let fallback = Robot::default().head;
-        let head = if robot.head.is_resolved() { robot.head.clone() } else { fallback };
         let feet = robot.shaft_feet();
-        let to_shafts = |shape: &Shape| Shape {
-            lines: [0, 1].map(|k| {
-                let shaft = Shaft::new(feet[k], shape.turns[k] * TAU);
-                shape.lines[k].iter().map(|&point| shaft.point_to_shaft(point.into()).into()).collect()
-            }),
-            ..shape.clone()
-        };
         let rest = [Shape { time_s: 0.0, turns: [0.0; 2], lines: at_rest(&robot) }];
         let shapes = if data.shapes.is_empty() { &rest[..] } else { data.shapes.all() };
         let width = usize::from(width);
@@ -55,13 +47,13 @@ impl Scene {
         let columns = (0..width).map(|x| shown.start + (shown.end - shown.start) * x as f64 / (width - 1) as f64);
         let yaws: Vec<f64> = columns.map(|time| yaw.at(time).unwrap_or(0.0)).collect();
         Ok(Self {
-            shapes: shapes.iter().map(to_shafts).collect(),
+            shapes: shapes.iter().map(|shape| (shape.time_s, shape.in_shafts(&feet))).collect(),
             turns: data.turns(),
             angles_deg: zeroed.angles_deg.clone(),
             camera: Camera::new(eye, target, 1.2 * reach, [width, heights[0]]),
             curve: curve(&yaws, heights[1]),
+            head: head(&robot),
             robot,
-            head,
             width,
             heights,
             shown,
@@ -123,16 +115,16 @@ impl Scene {
 
     /// Returns both centre lines, body axes, m: between two shapes of the log, in the frames of the shafts.
     fn lines(&self, time_s: f64) -> [Vec<[f64; 3]>; 2] {
-        let after = self.shapes.partition_point(|shape| shape.time_s <= time_s).min(self.shapes.len() - 1);
-        let (one, two) = (&self.shapes[after.saturating_sub(1)], &self.shapes[after]);
-        let length_s = two.time_s - one.time_s;
-        let share = if length_s > 0.0 { ((time_s - one.time_s) / length_s).clamp(0.0, 1.0) } else { 1.0 };
+        let after = self.shapes.partition_point(|(time, _)| *time <= time_s).min(self.shapes.len() - 1);
+        let [(begin_s, one), (end_s, two)] = [&self.shapes[after.saturating_sub(1)], &self.shapes[after]];
+        let length_s = end_s - begin_s;
+        let share = if length_s > 0.0 { ((time_s - begin_s) / length_s).clamp(0.0, 1.0) } else { 1.0 };
         let turns = self.turns.at(time_s).map(|turns| if turns.is_finite() { turns } else { 0.0 });
         let feet = self.robot.shaft_feet();
         [0, 1].map(|k| {
             let shaft = Shaft::new(feet[k], turns[k] * TAU);
-            let between = |(one, two): (&[f64; 3], &[f64; 3])| V3::from(*one) * (1.0 - share) + V3::from(*two) * share;
-            one.lines[k].iter().zip(&two.lines[k]).map(|pair| shaft.point_to_body(between(pair)).into()).collect()
+            let between = |(one, two): (&V3, &V3)| shaft.point_to_body(one * (1.0 - share) + two * share).into();
+            one[k].iter().zip(&two[k]).map(between).collect()
         })
     }
 

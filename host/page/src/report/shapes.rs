@@ -7,7 +7,6 @@ use super::table::{bytes, single};
 use serde_json::{Value, json};
 use sim::body::shaft::Shaft;
 use sim::params::Robot;
-use std::f64::consts::TAU;
 use study::trial::{Shape, Shapes};
 
 /// Resolution of the coordinates, m.
@@ -36,11 +35,9 @@ pub(super) fn page(shapes: &Shapes, robot: &Robot, text_bytes: usize) -> Value {
     let chosen: Vec<&Shape> = (0..count).map(|i| &frames[i * last / (count - 1).max(1)]).collect();
     let mut coordinates = Vec::with_capacity(chosen.len() * kept.len() * 6);
     for frame in &chosen {
-        for (k, line) in frame.lines.iter().enumerate() {
-            let shaft = Shaft::new(feet[k], frame.turns[k] * TAU);
+        for line in frame.in_shafts(&feet) {
             for &i in &kept {
-                let seen = shaft.point_to_shaft(line[i].into());
-                coordinates.extend(seen.iter().map(|part| ((part / UNIT_M).round() as i16).to_le_bytes()));
+                coordinates.extend(line[i].iter().map(|part| ((part / UNIT_M).round() as i16).to_le_bytes()));
             }
         }
     }
@@ -78,6 +75,7 @@ mod tests {
     use super::*;
     use base64::Engine;
     use base64::prelude::BASE64_STANDARD;
+    use std::f64::consts::TAU;
 
     /// Rigid helices turned by `turns`.
     fn lines(robot: &Robot, turns: [f64; 2]) -> [Vec<[f64; 3]>; 2] {

@@ -4,6 +4,7 @@ use miette::Diagnostic;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use study::text::hex;
 use tempfile::TempPath;
 use thiserror::Error;
 
@@ -109,8 +110,7 @@ fn repository() -> &'static Path {
 
 /// Formats a commit: `c0ffee12`, or `c0ffee12+` if the working tree had changes. Zeros are an unknown commit.
 pub fn commit_text(git_hash: [u8; 4], git_dirty: bool) -> String {
-    let digits: String = git_hash.iter().map(|byte| format!("{byte:02x}")).collect();
-    digits + if git_dirty { "+" } else { "" }
+    hex(&git_hash) + if git_dirty { "+" } else { "" }
 }
 
 /// Returns whether this program is in the repository that it was built in, and not a copy elsewhere.

@@ -9,7 +9,7 @@ use super::{Answer, Outcome, WRONG_USE, plan, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::live::{self, Live};
 use crate::plan::{EXAMPLE, Plan, Trial, board, robot};
-use crate::preview::Preview;
+use crate::preview::{Preview, amount, end_after};
 use crate::progress::Progress;
 use crate::run;
 use crate::run::rig::board_copy::BoardCopies;
@@ -171,7 +171,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         recorded.trials.push(row);
     }
     let mut progress = Progress::new(todo.iter().map(|trial| trial.phases.total_s()).sum());
-    if let Some(begin) = begin(&plan, &todo, origin) {
+    if let Some(begin) = begin(&todo, origin) {
         progress.line(&begin);
     }
     for note in note.into_iter().chain(note_of_copy) {
@@ -248,14 +248,14 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
 }
 
 /// Returns what a session that begins, or continues, has before it; `None` if nothing is left to do.
-fn begin(plan: &Plan, todo: &[Trial], origin: Origin) -> Option<String> {
-    let left = Preview::of(&Plan { trials: todo.to_vec(), ..plan.clone() });
+fn begin(todo: &[Trial], origin: Origin) -> Option<String> {
+    let duration_s = todo.iter().map(|trial| trial.phases.total_s()).sum();
     let end = match origin {
         // Its clock does not keep the time of day.
         Origin::VirtualRig => "by the clock of the emulated board".to_owned(),
-        _ => format!("ends at {} if the robot comes to rest as planned", left.end()),
+        _ => format!("ends at {} if the robot comes to rest as planned", end_after(duration_s)),
     };
-    (!todo.is_empty()).then(|| format!("{}, {end}", left.amount()))
+    (!todo.is_empty()).then(|| format!("{}, {end}", amount(todo.len(), duration_s)))
 }
 
 /// Returns the command that continues this one.

@@ -105,26 +105,15 @@ impl fmt::Display for RecordedTrial {
 
 /// Returns the trials as a table, a line each.
 pub(super) fn table(trials: &[RecordedTrial]) -> String {
-    let value = |angle: Option<f64>, uncertainty: Option<f64>| match (angle, uncertainty) {
-        (Some(angle), Some(uncertainty)) => format!("{} ± {}", decimal(angle, 2), decimal(uncertainty, 2)),
-        (Some(angle), None) => format!("{} ± ?", decimal(angle, 2)),
-        (None, _) => "-".to_owned(),
-    };
     let rows = trials.iter().map(|trial| {
-        let angles = trial.angles.as_ref();
+        let none = || std::array::from_fn(|_| "-".to_owned());
+        let [yaw, pitch, roll] = trial.angles.as_ref().map_or_else(none, Angles::cells);
         let remarks = match (trial.complete, trial.warnings.len()) {
             (false, _) => "not complete".to_owned(),
             (true, 0) => String::new(),
             (true, number) => count(number, "warning"),
         };
-        [
-            trial.name.clone(),
-            value(angles.map(|it| it.yaw_deg), angles.and_then(|it| it.yaw_uncertainty_deg)),
-            value(angles.map(|it| it.pitch_deg), angles.and_then(|it| it.pitch_uncertainty_deg)),
-            value(angles.map(|it| it.roll_deg), angles.and_then(|it| it.roll_uncertainty_deg)),
-            trial.link.lost.to_string(),
-            remarks,
-        ]
+        [trial.name.clone(), yaw, pitch, roll, trial.link.lost.to_string(), remarks]
     });
     let head = ["trial", "yaw, deg", "pitch, deg", "roll, deg", "lost", ""].map(str::to_owned);
     let rows: Vec<_> = std::iter::once(head).chain(rows).collect();

@@ -2,6 +2,7 @@
 
 use super::PlanError;
 use super::source::{FileKind, Source, number, optional_array};
+use crate::text::hex;
 use biflag_log::BoardMeta;
 use miette::Diagnostic;
 use protocol::units::{AccelRange, Axis, AxisMap, GyroRange};
@@ -225,7 +226,7 @@ fn axis_map(names: &[String; 3]) -> Option<AxisMap> {
 /// The record of a board with these settings in force, without its fault log.
 pub fn to_log(info: &Info, settings: &Settings) -> BoardMeta {
     let [major, minor, patch] = info.firmware;
-    let hash: String = info.git_hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    let hash = hex(&info.git_hash);
     BoardMeta {
         protocol: info.protocol,
         firmware: format!("{major}.{minor}.{patch}"),

@@ -9,6 +9,11 @@ use sim::return_to_rest::TimeConstants;
 const ENOUGH: f64 = 5.0;
 
 impl Plan {
+    /// Returns the largest time constant of the robot, s, if it has any.
+    fn slowest_s(&self) -> Option<f64> {
+        Some(TimeConstants::of(&self.robot.parse().ok()?).ok()?.slowest_s())
+    }
+
     /// Returns a note for the user if the rest between two runs is shorter than five time constants of the robot.
     pub fn note_on_rest(&self) -> Option<String> {
         let runs = self.trials.iter().filter(|trial| trial.speeds != [CentiRpm(0); 2]);
@@ -17,7 +22,7 @@ impl Plan {
         if runs.count() < 2 || calibrate_s + preroll_s == 0.0 {
             return None;
         }
-        let slowest_s = TimeConstants::of(&self.robot.parse().ok()?).ok()?.slowest_s();
+        let slowest_s = self.slowest_s()?;
         let (planned_s, needed_s) = (calibrate_s + preroll_s + decay_s, ENOUGH * slowest_s);
         if planned_s >= needed_s {
             return None;
@@ -40,7 +45,7 @@ impl Plan {
     pub fn note_on_run(&self) -> Option<String> {
         let turning = self.trials.iter().filter(|trial| trial.speeds != [CentiRpm(0); 2]);
         let run_s = turning.map(|trial| trial.phases.run_s).reduce(f64::min)?;
-        let needed_s = ENOUGH * TimeConstants::of(&self.robot.parse().ok()?).ok()?.slowest_s();
+        let needed_s = ENOUGH * self.slowest_s()?;
         (run_s < needed_s).then(|| {
             let [run_s, needed_s] = [run_s, needed_s].map(|seconds| decimal(seconds, 0));
             format!(

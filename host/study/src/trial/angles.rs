@@ -78,17 +78,28 @@ impl Angles {
         summary.pitch_deg = Some(self.pitch_deg);
         summary.roll_deg = Some(self.roll_deg);
     }
+
+    /// Returns yaw, pitch and roll as cells of a table, degrees: `-48.35 ± 1.87`, with `?` for an unknown uncertainty.
+    pub fn cells(&self) -> [String; 3] {
+        self.named().map(|(_, angle, uncertainty)| {
+            let uncertainty = uncertainty.map_or_else(|| "?".to_owned(), |uncertainty| decimal(uncertainty, 2));
+            format!("{} ± {uncertainty}", decimal(angle, 2))
+        })
+    }
+
+    fn named(&self) -> [(&'static str, f64, Option<f64>); 3] {
+        [
+            ("yaw", self.yaw_deg, self.yaw_uncertainty_deg),
+            ("pitch", self.pitch_deg, self.pitch_uncertainty_deg),
+            ("roll", self.roll_deg, self.roll_uncertainty_deg),
+        ]
+    }
 }
 
 /// Yaw, pitch and roll, each with its uncertainty where it is known.
 impl fmt::Display for Angles {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let of = [
-            ("yaw", self.yaw_deg, self.yaw_uncertainty_deg),
-            ("pitch", self.pitch_deg, self.pitch_uncertainty_deg),
-            ("roll", self.roll_deg, self.roll_uncertainty_deg),
-        ];
-        for (i, (name, angle, uncertainty)) in of.into_iter().enumerate() {
+        for (i, (name, angle, uncertainty)) in self.named().into_iter().enumerate() {
             write!(f, "{}{name} {}°", if i == 0 { "" } else { ", " }, decimal(angle, 2))?;
             if let Some(uncertainty) = uncertainty {
                 write!(f, " ± {uncertainty:.2}°")?;

@@ -1,5 +1,9 @@
 //! Shapes of the flagella over a trial, limited in number.
 
+use nalgebra::Vector3;
+use sim::body::shaft::Shaft;
+use std::f64::consts::TAU;
+
 /// Maximum number of shapes per second: ten per turn at 90 rpm.
 const PER_S: f64 = 15.0;
 
@@ -12,6 +16,17 @@ pub struct Shape {
     pub turns: [f64; 2],
     /// Nodes from the shaft to the tip, body axes, m.
     pub lines: [Vec<[f64; 3]>; 2],
+}
+
+impl Shape {
+    /// Returns the nodes in the frames that turn with the shafts, where a flagellum changes slowly at any speed. `feet`: of the
+    /// shafts, body axes, m.
+    pub fn in_shafts(&self, feet: &[Vector3<f64>; 2]) -> [Vec<Vector3<f64>>; 2] {
+        [0, 1].map(|k| {
+            let shaft = Shaft::new(feet[k], self.turns[k] * TAU);
+            self.lines[k].iter().map(|&node| shaft.point_to_shaft(node.into())).collect()
+        })
+    }
 }
 
 /// A series of at most `most` shapes, by default none. When it is full, every other shape is removed.
