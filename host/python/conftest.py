@@ -59,6 +59,12 @@ def pytest_sessionfinish() -> None:
         shutil.rmtree(folder)
 
 
+@pytest.fixture(autouse=True)
+def names_of_examples(doctest_namespace: dict[str, Any], tmp_path: Path) -> None:
+    """What the examples in docstrings take for given: the package, a recorded session, and an empty folder."""
+    doctest_namespace.update(biflag=biflag, recorded=Path(os.environ["BIFLAG_SESSION"]), folder=tmp_path)
+
+
 @pytest.fixture(scope="session")
 def recorded() -> Path:
     """The folder of the recorded session."""

@@ -13,8 +13,8 @@ pub mod signals;
 pub use page::{figure, film, report};
 pub use rig::{link, live};
 pub use study::{
-    aim, attitude, colour, export, lock, output, plan, preview, program, progress, sensor, session, sweep, text, trial,
-    twin,
+    aim, attitude, colour, export, import, lock, output, plan, preview, program, progress, sensor, session, sweep,
+    text, trial, twin,
 };
 
 /// Runs trials on the rig or in the model, which write the same kind of log.

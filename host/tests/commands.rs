@@ -209,8 +209,18 @@ fn export_has_the_angles_of_the_other_commands() {
     assert_eq!(code(&output), 3, "{}", stderr(&output));
     assert_eq!(json(&output)["rows"], 4401);
     let csv = std::fs::read_to_string(log.with_extension("csv")).unwrap();
-    assert!(csv.starts_with("# biflag 0.1.0: trial 001_w1+50_w2+10 at 50 and 10 rpm\n"), "{}", &csv[..200]);
-    for line in ["# offset removed: yaw ", "# steady, from 11.990 to 23.990 s: yaw ", "# yaw_uncertainty_deg: 95 %"] {
+    let first = csv.lines().next().unwrap();
+    assert!(
+        first.starts_with("# biflag 0.1.0 (") && first.ends_with("): trial 001_w1+50_w2+10 at 50 and 10 rpm"),
+        "{first}"
+    );
+    for line in [
+        "# SHA-256 of the log: ",
+        "# robot physical\n",
+        "# offset removed: yaw ",
+        "# steady, from 11.990 to 23.990 s: yaw ",
+        "# yaw_uncertainty_deg: 95 %",
+    ] {
         assert!(csv.contains(line), "{line} is not in\n{}", &csv[..2000]);
     }
     let (times, yaw, board) = (numbers(&csv, "time_s"), numbers(&csv, "yaw_deg"), numbers(&csv, "board_yaw_deg"));

@@ -10,6 +10,7 @@ mod figure;
 mod film;
 mod format1;
 mod hostile_logs;
+mod import;
 mod pack;
 mod plan;
 mod plans;

@@ -71,3 +71,22 @@ fn record_takes_speeds_or_a_plan() {
         assert_eq!(code(&run(wrong)), Some(2), "{wrong:?}");
     }
 }
+
+/// The reference of the book has every key that a plan may have: errors list them.
+#[test]
+fn the_book_has_every_key() {
+    let page = include_str!("../book/src/plan.md");
+    let folder = tempfile::tempdir().unwrap();
+    let mut keys = Vec::new();
+    for table in ["session", "trial", "trial.reverse", "trial.hand_turn", "speeds", "speeds.grid", "board"] {
+        std::fs::write(folder.path().join("p.toml"), format!("[{table}]\nunknown = 1\n")).unwrap();
+        let said = String::from_utf8(biflag(folder.path(), &["plan", "check", "p.toml"]).stderr).unwrap();
+        let list = said.split("help: write ").nth(1).unwrap_or_else(|| panic!("{table}: {said}"));
+        keys.extend(list.split('`').skip(1).step_by(2).map(str::to_owned));
+    }
+    assert!(keys.len() > 35, "{keys:?}");
+    for key in keys {
+        let is_there = [format!("`{key}`"), format!("{key} = ")].iter().any(|form| page.contains(form));
+        assert!(is_there, "{key} is not in plan.md");
+    }
+}

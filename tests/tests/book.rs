@@ -184,6 +184,8 @@ impl Reader {
 fn commands_of_the_introduction_and_the_log() {
     assert!(Reader::new().follow("introduction.md") >= 2);
     assert!(Reader::new().follow("log.md") >= 5);
+    assert!(Reader::new().follow("import.md") >= 3);
+    assert!(Reader::new().follow("plan.md") >= 1);
 }
 
 #[test]

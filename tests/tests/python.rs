@@ -51,7 +51,7 @@ fn package_builds_and_works_on_the_newest_python() {
     let bench = Bench::new();
     let python = newest_python();
     install(&python, &wheel(&bench, &python));
-    pytest(&bench, &python, &["tests"]);
+    pytest(&bench, &python, &["tests", "--doctest-modules", "--pyargs", "biflag"]);
     pytest(&bench, &python, &["--nbmake", "--nbmake-timeout=300", "notebooks"]);
     // What it knows of numpy and pandas serves all three.
     let types = bench.path().join("types");

@@ -34,7 +34,7 @@
 //! | `/command` | `biflag.Command` | each request, its number of attempts, and its reply |
 //! | `/dropout` | `biflag.Dropout` | telemetry frames that were lost |
 //! | `/event` | `biflag.Event` | phases, states, faults, warnings |
-//! | `/truth` | `biflag.Truth` | models only: attitude and shafts, unrounded |
+//! | `/truth` | `biflag.Truth` | models: attitude and shafts, unrounded; imported trials: as other instruments measured them |
 //! | `/forces` | `biflag.Forces` | models only: forces and torques of the flagella, gaps, contact |
 //! | `/nodes` | `biflag.Nodes` | models only, if requested: the centre lines of the flagella |
 //! | `/flagella` | `foxglove.SceneUpdate` | base and flagella for viewers; without a model, undeformed flagella at the measured angles |
@@ -76,8 +76,8 @@ pub use condition::{Condition, Loss};
 pub use convert::{CommandRecord, Converter, event};
 pub use error::LogError;
 pub use meta::{
-    BoardMeta, CalibrationMeta, ClockMeta, End, FORMAT, FaultMeta, Identity, LevelMeta, MeasuredSensorMeta, Origin,
-    PlanMeta, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, Summary, TrialMeta,
+    BoardMeta, CalibrationMeta, ClockMeta, End, FORMAT, FaultMeta, Identity, ImportMeta, LevelMeta, MeasuredSensorMeta,
+    Origin, PlanMeta, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, Summary, TrialMeta,
 };
 pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, TrialClock, check, last_meta, summary};

@@ -22,6 +22,15 @@ pub enum Origin {
     VirtualRig,
     /// In the simulator.
     Model,
+    /// On another rig, measured by other instruments.
+    Imported,
+}
+
+impl Origin {
+    /// Returns whether a board recorded the trial: real or emulated, with its sensor.
+    pub fn is_recorded(self) -> bool {
+        matches!(self, Self::Rig | Self::VirtualRig)
+    }
 }
 
 /// The program that wrote the log: the first record.
@@ -262,6 +271,30 @@ pub struct RecoveryMeta {
     pub lost: String,
 }
 
+/// The table that an imported trial was made from.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct ImportMeta {
+    /// Name of the file; empty if the values came from a program.
+    pub source: String,
+    /// SHA-256 of that file, in hexadecimal.
+    pub source_sha256: String,
+    /// Which column gave which quantity, in words.
+    pub columns: String,
+    /// Time in the table at which the log begins, s.
+    pub start_s: f64,
+    /// Rows that were left out because a value was missing.
+    pub left_out: u64,
+    /// Quantities that were not measured: a constant was given for them.
+    pub constant: Vec<String>,
+    /// 95 % uncertainty of the instrument's yaw, degrees.
+    pub yaw_uncertainty_deg: Option<f64>,
+    /// The same of its pitch and roll.
+    pub tilt_uncertainty_deg: Option<f64>,
+    /// Temperature of the fluid, °C.
+    pub temperature_c: Option<f64>,
+}
+
 /// The recording that a replay was made from.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Eq, Debug, Default)]
 #[serde(default)]
@@ -287,6 +320,7 @@ names! {
     Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
     CalibrationMeta: "calibration", RestMeta: "rest", LevelMeta: "level", ClockMeta: "clock", Summary: "summary", RecoveryMeta: "recovery",
     MeasuredSensorMeta: "measured_sensor", ModelMeta: "model", SensorMeta: "sensor", SteadyMeta: "steady", ReplayMeta: "replay",
+    ImportMeta: "import",
 }
 
 #[cfg(test)]

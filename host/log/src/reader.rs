@@ -38,13 +38,17 @@ pub struct TrialClock {
 impl TrialClock {
     /// Observes a message; to be called with each one, in order.
     pub fn see(&mut self, message: &Message) {
-        if let Body::Telemetry(telemetry) = &message.body {
-            let since_ns = (telemetry.time_s * 1e9).round() as u64;
-            self.zero_ns.get_or_insert(message.log_time_ns.saturating_sub(since_ns));
-        }
+        let time_s = match &message.body {
+            Body::Telemetry(telemetry) => telemetry.time_s,
+            // The log of an imported trial has no telemetry.
+            Body::Truth(truth) => truth.time_s,
+            _ => return,
+        };
+        let since_ns = (time_s * 1e9).round() as u64;
+        self.zero_ns.get_or_insert(message.log_time_ns.saturating_sub(since_ns));
     }
 
-    /// Returns the time of a message, s; 0 before the first telemetry frame.
+    /// Returns the time of a message, s; 0 before the first one that holds its time.
     pub fn time_s(&self, message: &Message) -> f64 {
         seconds(message.log_time_ns.saturating_sub(self.zero_ns.unwrap_or(message.log_time_ns)))
     }

@@ -2,9 +2,7 @@
 
 use super::convert::{self, CommandRecord};
 use super::disk::{self, Disk, create_file};
-use super::meta::{
-    BoardMeta, CalibrationMeta, Identity, MeasuredSensorMeta, Origin, PlanMeta, RobotMeta, Summary, TrialMeta,
-};
+use super::meta::{BoardMeta, CalibrationMeta, Identity, MeasuredSensorMeta, PlanMeta, RobotMeta, Summary, TrialMeta};
 use super::schema::{self, ChannelSpec, LogMessage, biflag, biflag::event::Kind};
 use super::table::{Meta, to_table};
 use super::{LONGEST_TRIAL_S, LogError, PROFILE, seconds};
@@ -40,8 +38,8 @@ pub struct Start {
 ///
 /// Every quarter of a second the current chunk is closed, written and synced on a thread of its own, so that a killed program loses at
 /// most half a second; [`Writer::tick`] closes it when no message arrives. A slow disk delays nothing for minutes: what
-/// waits for it is kept in memory. A modelled trial can be computed again, and its log must not depend on the computing
-/// time: its chunks are closed by size alone.
+/// waits for it is kept in memory. A modelled or imported trial can be written again, and its log must not depend on the
+/// computing time: its chunks are closed by size alone.
 pub struct Writer {
     path: PathBuf,
     mcap: mcap::Writer<BufWriter<Disk>>,
@@ -74,7 +72,7 @@ impl Writer {
     /// [`LogError::Exists`], [`LogError::Create`], [`LogError::Write`].
     pub fn create(path: &Path, start: &Start, time: SystemTime) -> Result<Self, LogError> {
         let mut writer = Self::on(create_file(path)?, path, time)?;
-        if start.identity.origin == Origin::Model {
+        if !start.identity.origin.is_recorded() {
             writer.flushed = None;
         }
         writer.meta(&start.identity)?;

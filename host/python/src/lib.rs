@@ -6,6 +6,7 @@
 mod aim;
 mod batch;
 mod failure;
+mod imported;
 mod interrupt;
 mod json;
 mod log;
@@ -29,6 +30,8 @@ mod _biflag {
     use crate::aim::{Answer, aim};
     #[pymodule_export]
     use crate::batch::simulate_batch;
+    #[pymodule_export]
+    use crate::imported::write_states;
     #[pymodule_export]
     use crate::log::{html, read_log, read_session, session_repeats, session_table};
     #[pymodule_export]

@@ -4,10 +4,10 @@ use crate::failure::Failure;
 use crate::json;
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyFloat, PyInt, PyMapping, PySequence, PyString, PyTuple, PyType};
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyMapping, PySequence, PyString, PyTuple, PyType};
 use sim::params;
 use std::path::PathBuf;
-use study::plan::{PHYSICAL, PUBLISHED, RobotFile, robot, with_fit};
+use study::plan::{PHYSICAL, PUBLISHED, RobotFile, robot, robot_keys, with_fit};
 use toml::{Table, Value};
 
 /// Parameters of a robot, its fluid and the solver. It never changes.
@@ -99,6 +99,14 @@ impl Robot {
     /// Returns every parameter as a dictionary of tables.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         json::record(py, &self.params)
+    }
+
+    /// Returns the keys of all parameters, each with its meaning, unit and source.
+    #[staticmethod]
+    fn keys(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let keys = PyDict::new(py);
+        robot_keys().into_iter().try_for_each(|(key, about)| keys.set_item(key, about))?;
+        Ok(keys)
     }
 
     /// Name of the built-in robot or of its file.

@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(short, long, value_parser = formats(), default_value = "csv")]
     format: Format,
     /// The file to write, or for a session the folder [default: LOG with the format's extension, or SESSION-export].
-    #[arg(short, long)]
+    #[arg(short, long = "out", alias = "output")]
     output: Option<PathBuf>,
     /// Replace existing files.
     #[arg(long)]

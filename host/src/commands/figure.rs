@@ -91,7 +91,7 @@ enum Subject {
 #[derive(clap::Args, Debug)]
 struct Paper {
     /// The file to write; its extension selects the format: .svg, .pdf or .png.
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long = "out", alias = "output", value_name = "FILE")]
     output: PathBuf,
     /// Printed width.
     #[arg(long, value_name = "MM", default_value_t = COLUMN_MM, value_parser = width)]

@@ -19,7 +19,7 @@ pub struct Args {
     /// The log.
     log: PathBuf,
     /// The film to write (.gif).
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long = "out", alias = "output", value_name = "FILE")]
     output: PathBuf,
     /// The time to show, in seconds from the start of the run; by default the run.
     #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]

@@ -11,6 +11,7 @@ mod figure;
 mod film;
 mod findings;
 mod flash;
+mod import;
 mod info;
 mod live;
 mod man;
@@ -73,6 +74,7 @@ enum Command {
     Plan(plan::Args),
     Plans(plans::Args),
     Record(record::Args),
+    Import(import::Args),
     Live(live::Args),
     Info(info::Args),
     Resistance(resistance::Args),
@@ -113,6 +115,7 @@ pub fn run() -> ExitCode {
         Command::Compare(args) => compare::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Aim(args) => aim::run(&args),
+        Command::Import(args) => import::run(&args),
         Command::Live(args) => live::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Pack(args) => pack::run(&args),

@@ -17,7 +17,7 @@ pub struct Args {
     /// The session folder.
     session: PathBuf,
     /// The archive to write [default: SESSION.zip].
-    #[arg(short, long, value_name = "FILE.zip")]
+    #[arg(short, long = "out", alias = "output", value_name = "FILE.zip")]
     output: Option<PathBuf>,
     /// Who made the recording [default: the operator in the plan].
     #[arg(long, value_name = "NAME")]

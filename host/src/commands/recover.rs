@@ -21,7 +21,7 @@ pub struct Args {
     #[arg(value_name = "LOG|SESSION")]
     path: PathBuf,
     /// The log to write, which must not exist yet [default: LOG with .recovered.mcap].
-    #[arg(short, long)]
+    #[arg(short, long = "out", alias = "output")]
     output: Option<PathBuf>,
 }
 

@@ -25,7 +25,7 @@ pub struct Args {
     against: Option<PathBuf>,
     /// The page to write; by default LOG.html or SESSION/report.html, with --against LOG.compare.html or
     /// SESSION/compare.html.
-    #[arg(long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
 

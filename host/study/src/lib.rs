@@ -19,12 +19,14 @@
 //! | [`twin`] | whether experiment and model agree; which parameters make them agree |
 //! | [`sweep`], [`aim`] | steady states over many speeds and robots; speeds for an attitude |
 //! | [`export`], [`output`] | tables and files for other programs |
+//! | [`import`] | trials that other instruments measured |
 
 pub mod aim;
 pub mod attitude;
 pub mod colour;
 pub mod draw;
 pub mod export;
+pub mod import;
 pub mod lock;
 pub mod output;
 pub mod plan;

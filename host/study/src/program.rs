@@ -12,13 +12,10 @@ pub const GIT_HASH: &str = env!("BIFLAG_GIT_HASH");
 /// Version and commit, as `biflag --version` prints them.
 pub const FULL_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("BIFLAG_GIT_HASH"), ")");
 
-/// Returns the identity record for logs of this program. That of a modelled trial has no date, because its log does not
-/// depend on it.
+/// Returns the identity record for logs of this program. That of a modelled or imported trial has no date, because its log
+/// does not depend on it.
 pub fn identity(origin: Origin, time: SystemTime) -> Identity {
-    let created = match origin {
-        Origin::Model => String::new(),
-        Origin::Rig | Origin::VirtualRig => timestamp(time),
-    };
+    let created = if origin.is_recorded() { timestamp(time) } else { String::new() };
     Identity {
         format: FORMAT,
         protocol: protocol::VERSION,

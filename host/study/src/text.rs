@@ -104,6 +104,7 @@ pub fn origin(origin: Origin) -> &'static str {
         Origin::Rig => "measured on the rig",
         Origin::VirtualRig => "measured on the emulated board",
         Origin::Model => "computed by the model",
+        Origin::Imported => "measured by other instruments",
     }
 }
 

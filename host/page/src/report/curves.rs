@@ -124,7 +124,7 @@ impl Curves {
             "attitude": attitude.page(&ATTITUDE),
             "motors": motors.page(&MOTORS),
             "forces": forces.as_ref().map(|forces| forces.page(&FORCES)),
-            "link": if data.is_model() { Value::Null } else { link(&data.link_seconds) },
+            "link": if data.is_recorded() { link(&data.link_seconds) } else { Value::Null },
         });
         let rest =
             budget.0.saturating_sub(page.to_string().len() + budget.series() / 10).max(budget.0 - budget.series());

@@ -3,7 +3,7 @@
 use super::parameters;
 use super::text::{clip, degrees, number, plain};
 use super::view::{ModelRobot, View};
-use biflag_log::Identity;
+use biflag_log::{Identity, ImportMeta};
 use maud::{Markup, html};
 use study::text::{rest as rest_text, word};
 use study::trial::AngleTerm;
@@ -146,8 +146,13 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
     if let (Some(clock), false) = (&records.clock, view.is_model()) {
         facts.push(("Clock of the board", study::text::clock(clock)));
     }
-    if !view.is_model() {
+    if view.is_recorded() {
         facts.push(("Link", view.link.to_string()));
+    }
+    if let Some(import) = &records.import {
+        let ImportMeta { source, source_sha256, columns, .. } = import;
+        facts.push(("Imported from", format!("{source}, SHA-256 {source_sha256}")));
+        facts.push(("Columns", columns.clone()));
     }
     let counts: Vec<_> = view.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
     facts.push(("Messages", counts.join(", ")));

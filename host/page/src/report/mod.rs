@@ -258,6 +258,8 @@ fn footer(view: &View) -> Markup {
         &format!("Both attitudes are relative to the still phase before the run. Errors are {other} minus {own}.")
     } else if view.is_model() {
         "The robot of the model starts upright with a yaw of zero."
+    } else if !view.is_recorded() {
+        "Angles are relative to the last second before the run. Without a rest, the yaw is zero where the run starts."
     } else {
         "Yaw is zero at the end of the phase before the run. The drift of the gyroscope is removed if still \
          phases allow its estimation."

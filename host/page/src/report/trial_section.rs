@@ -283,7 +283,7 @@ fn charts(view: &View) -> Markup {
         }
         (chart(&["motors"], "Speed of the flagella, rpm", &motor_entries(view)))
         @if view.curves.has_forces { (force_charts(view)) }
-        @if !view.is_model() { (link_chart(view)) }
+        @if view.is_recorded() { (link_chart(view)) }
         p.meta.small {
             @if view.curves.attitude_range_s.is_some() || view.curves.motors_range_s.is_some() {
                 "A shaded band is the range of the values in each interval of the length in the legend; the line is \

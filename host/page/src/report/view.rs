@@ -132,6 +132,11 @@ impl View {
         self.records.origin() == Origin::Model
     }
 
+    /// Whether a board recorded the trial.
+    pub(super) fn is_recorded(&self) -> bool {
+        self.records.origin().is_recorded()
+    }
+
     /// What the trial's own angles are called.
     pub(super) fn own_name(&self) -> &'static str {
         let alone = if self.is_model() { "model" } else { "measured" };

@@ -2,7 +2,8 @@
 
 >>> import biflag
 >>> trial = biflag.simulate(biflag.Robot.published(), (50, 10), 120)
->>> trial.steady.yaw_deg
+>>> round(trial.steady.yaw_deg)
+-63
 
 Angles are in degrees, speeds in rpm, all else is SI. `biflag.gym` has environments for gymnasium.
 """
@@ -10,6 +11,7 @@ Angles are in degrees, speeds in rpm, all else is SI. `biflag.gym` has environme
 from ._aim import Aimed, ContactChange, Doubt, Solution, aim
 from ._biflag import Robot, __commit__, __version__
 from ._errors import Error, ParameterError
+from ._import import from_arrays
 from ._recording import Angles, Event, Recording, Session, read_log, read_session
 from ._simulator import Simulator, State
 from ._sweep import read_sweep, sweep
@@ -43,6 +45,7 @@ __all__ = [
     "aim",
     "calibrate",
     "compare",
+    "from_arrays",
     "read_log",
     "read_session",
     "read_sweep",

@@ -16,7 +16,11 @@ from ._twin import Path
 
 @dataclass(frozen=True)
 class ContactChange:
-    """The nearest speeds at which the flagella begin or cease to touch."""
+    """The nearest speeds at which the flagella begin or cease to touch.
+
+    >>> biflag.ContactChange(rpm=4.5, at_rpm=(52.5, 14.0)).at_rpm
+    (52.5, 14.0)
+    """
 
     rpm: float
     """Distance in the plane of both speeds, to within 2 rpm."""
@@ -26,7 +30,12 @@ class ContactChange:
 
 @dataclass(frozen=True)
 class Solution:
-    """Speeds, and the steady state of the model at them."""
+    """Speeds, and the steady state of the model at them.
+
+    >>> solution = biflag.aim(biflag.Robot.physical(), yaw=-67, pitch=-4).solutions[0]
+    >>> [round(float(rpm)) for rpm in solution.speeds], solution.error_deg < 0.2, solution.contact
+    ([49, 9], True, 'apart')
+    """
 
     w1_rpm: float
     w2_rpm: float
@@ -82,7 +91,11 @@ class Solution:
 
 @dataclass(frozen=True)
 class Doubt:
-    """Why the intervals have no stated confidence."""
+    """Why the intervals have no stated confidence.
+
+    >>> biflag.Doubt(reason="the robot was never fitted", is_grave=False).reason
+    'the robot was never fitted'
+    """
 
     reason: str
     is_grave: bool
@@ -91,7 +104,12 @@ class Doubt:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Aimed:
-    """Speeds at which a robot takes an attitude. In a notebook it shows itself as a table."""
+    """Speeds at which a robot takes an attitude. In a notebook it shows itself as a table.
+
+    >>> aimed = biflag.aim(biflag.Robot.physical(), yaw=-67, pitch=-4)
+    >>> aimed.target, aimed.reachable, aimed.table().rows == len(aimed.solutions)
+    ('yaw -67°, pitch -4°', True, True)
+    """
 
     reachable: bool
     """Whether solutions were found; others may exist."""

@@ -6,6 +6,12 @@ from __future__ import annotations
 class Error(Exception):
     """A trial that cannot be computed, or a file that cannot be read.
 
+    >>> try:
+    ...     biflag.read_log("missing.mcap")
+    ... except biflag.Error as error:
+    ...     print(error.key)
+    missing.mcap
+
     Attributes:
         key: What is concerned: a parameter, an argument or a file; may be empty.
         reason: Why.
@@ -24,4 +30,11 @@ class Error(Exception):
 
 
 class ParameterError(Error, ValueError):
-    """An argument or a parameter of a robot with an impossible value."""
+    """An argument or a parameter of a robot with an impossible value.
+
+    >>> try:
+    ...     biflag.Robot.physical().replace({"flagellum.young_pa": -1})
+    ... except biflag.ParameterError as error:
+    ...     print(error.key)
+    flagellum.young_pa
+    """

@@ -19,7 +19,12 @@ if TYPE_CHECKING:
 
 
 class Event(NamedTuple):
-    """An event of a trial."""
+    """An event of a trial.
+
+    >>> event = biflag.read_session(recorded)["001_w1+50_w2+10"].events[0]
+    >>> event.kind in ("phase", "state", "note", "calibration", "clock", "warning", "retry", "fault")
+    True
+    """
 
     time: float
     """Time from the start of the run, s."""
@@ -30,7 +35,13 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Angles:
-    """Steady attitude of a recorded trial, as every command and page states it."""
+    """Steady attitude of a recorded trial, as every command and page states it.
+
+    >>> angles = biflag.read_session(recorded)["001_w1+50_w2+10"].steady
+    >>> largest = max((term for term in angles.budget if term["angle"] == "yaw"), key=lambda term: term["share"])
+    >>> angles.yaw_uncertainty_deg > largest["u_deg"]
+    True
+    """
 
     yaw_deg: float
     """Relative to the rest before the run, corrected for drift."""
@@ -66,6 +77,10 @@ class Recording:
     """A trial that was read from its log, corrected as in all commands and pages. Times count from the start of the run.
 
     In a notebook it shows itself as the page that ``biflag report`` writes.
+
+    >>> recording = biflag.read_session(recorded)["001_w1+50_w2+10"]
+    >>> recording.speeds_rpm, recording.origin, recording.time.shape == recording.yaw.shape
+    ((50.0, 10.0), 'virtual_rig', True)
     """
 
     path: Path
@@ -73,7 +88,7 @@ class Recording:
     speeds_rpm: tuple[float, float]
     """Target speeds of flagella 1 and 2."""
     origin: str
-    """rig, virtual_rig or model."""
+    """rig, virtual_rig, model or imported."""
     complete: bool
     """Whether the trial ended as planned and its log is intact."""
     steady: Angles | None
@@ -135,6 +150,10 @@ class Recording:
 def read_log(path: str | PathLike[str]) -> Recording:
     """Reads the log of a trial, even a damaged one.
 
+    >>> recording = biflag.read_log(recorded / "001_w1+50_w2+10.mcap")
+    >>> round(recording.phases["run"][1])
+    24
+
     Raises:
         Error: The file cannot be read, or is not a log.
     """
@@ -158,6 +177,10 @@ class Session(Mapping[str, Recording]):
     """The trials of a session folder by their names. A log is read when its trial is asked for.
 
     A trial has several logs if it was repeated after an interruption; the last complete one counts.
+
+    >>> session = biflag.read_session(recorded)
+    >>> list(session), session.missing
+    (['001_w1+50_w2+10'], [])
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:
@@ -201,6 +224,9 @@ class Session(Mapping[str, Recording]):
 
 def read_session(path: str | PathLike[str]) -> Session:
     """Reads a session folder.
+
+    >>> biflag.read_session(recorded).table()["w1_rpm"].tolist()
+    [50.0]
 
     Raises:
         Error: The folder holds no session, or cannot be read.

@@ -15,7 +15,12 @@ from ._trial import Closure, Floats
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """State of a robot at one time. Units and axes are those of :class:`Trial`."""
+    """State of a robot at one time. Units and axes are those of :class:`Trial`.
+
+    >>> state = biflag.Simulator(biflag.Robot.physical()).state
+    >>> state.time, state.yaw, state.attitude.tolist()
+    (0.0, 0.0, [1.0, 0.0, 0.0, 0.0])
+    """
 
     time: float
     yaw: float
@@ -40,7 +45,16 @@ class State:
 
 
 class Simulator:
-    """A robot in its fluid that is advanced step by step, with speeds that are not known in advance."""
+    """A robot in its fluid that is advanced step by step, with speeds that are not known in advance.
+
+    >>> simulator = biflag.Simulator(biflag.Robot.physical())
+    >>> saved = simulator.save()
+    >>> state = simulator.step((50, 10), 0.5)
+    >>> state.time, state.yaw < 0
+    (0.5, True)
+    >>> simulator.restore(saved).time
+    0.0
+    """
 
     def __init__(self, robot: Robot, *, closure: Closure = "full") -> None:
         self._simulators = _biflag.Simulators(robot, 1, closure, 1)

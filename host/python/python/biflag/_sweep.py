@@ -23,6 +23,20 @@ def sweep(
     A folder that has points of this plan is continued. Ctrl-C keeps what is done. A point that cannot be computed is a row
     with NaN, and its reason in the column ``reason``.
 
+    >>> plan = """
+    ... [session]
+    ... name = "viscosities"
+    ... [vary]
+    ... "fluid.viscosity_pa_s" = [0.8, 1.2]
+    ... [trial]
+    ... method = "steady"
+    ... [speeds]
+    ... pairs = [[50, 15]]
+    ... """
+    >>> table = biflag.sweep(plan, folder / "viscosities")
+    >>> table.rows
+    2
+
     Args:
         plan: The path of a plan, or the name of one inside biflag, such as "groups"; a text of several lines is the plan
             itself, in TOML, which names robot files relative to the current folder.
@@ -39,7 +53,7 @@ def sweep(
 
 
 def read_sweep(path: Path) -> Table:
-    """Returns the table of a sweep.
+    """Returns the table of a sweep, as :func:`sweep` does: ``biflag.read_sweep("viscosities")``.
 
     Args:
         path: The folder of a sweep, also of one that is not finished, whose rows are the points that are done; or its

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+import os
 from collections.abc import Iterator, Mapping
 from html import escape
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ._errors import ParameterError
+
 if TYPE_CHECKING:
     import pandas
+    import xarray
 
 ROWS_SHOWN = 10
 
@@ -19,6 +25,15 @@ class Table(Mapping[str, NDArray[Any]]):
     """Columns of equal length by their names, which end with their units.
 
     Libraries for tables take it as it is: ``polars.DataFrame(dict(table))``.
+
+    >>> table = biflag.Table({"w1_rpm": [50.0, 37.5], "kind": ["steady", "beating"]})
+    >>> table.rows, float(table["w1_rpm"].mean())
+    (2, 43.75)
+    >>> table.save(folder / "table.csv")
+    >>> print((folder / "table.csv").read_text(), end="")
+    w1_rpm,kind
+    50.0,steady
+    37.5,beating
     """
 
     def __init__(self, columns: Mapping[str, Any], about: Mapping[str, str] | None = None) -> None:
@@ -45,6 +60,30 @@ class Table(Mapping[str, NDArray[Any]]):
         import pandas
 
         return pandas.DataFrame(self._columns)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Returns an xarray data set with the dimension ``row``, and what each column holds as ``long_name``."""
+        import xarray
+
+        about = {name: {"long_name": self.about[name]} if name in self.about else {} for name in self}
+        return xarray.Dataset({name: ("row", column, about[name]) for name, column in self.items()})
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Writes a CSV file with all digits, or a Parquet file by pandas and pyarrow; the suffix decides.
+
+        Raises:
+            ParameterError: The suffix is another one.
+        """
+        suffix = os.path.splitext(os.fspath(path))[1]
+        if suffix == ".parquet":
+            self.to_pandas().to_parquet(path)
+        elif suffix == ".csv":
+            with open(path, "w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file, lineterminator="\n")
+                writer.writerow(self)
+                writer.writerows(zip(*(column.tolist() for column in self._columns.values()), strict=True))
+        else:
+            raise ParameterError(f"{os.fspath(path)}: a table is saved as .csv or .parquet", "path")
 
     def __repr__(self) -> str:
         return f"<biflag.Table of {self.rows} rows: {', '.join(self)}>"

@@ -31,6 +31,10 @@ AXES = ("x", "y", "z")
 class Steady:
     """Steady state of a simulated trial: means over the angles of both flagella, from the second half of the run.
 
+    >>> steady = biflag.simulate(biflag.Robot.physical(), (37.5, 12.5), 60).steady
+    >>> bool(steady.force1_n[2] > steady.force2_n[2]), steady.bundling
+    (True, 'apart')
+
     With the method "steady" everything is of one period of the motion. If it does not repeat, all but the means is of the
     last window.
 
@@ -82,6 +86,10 @@ class Steady:
 @dataclass(frozen=True, eq=False, repr=False)
 class Trial:
     """A simulated trial. ``n`` is the number of samples; body axes: x from motor 2 to motor 1, z up along the robot.
+
+    >>> trial = biflag.simulate(biflag.Robot.physical(), (37.5, 12.5), 5, shapes=True)
+    >>> trial.forces.shape, trial.shapes.shape[:2], trial.to_xarray().yaw.attrs["units"]
+    ((101, 2, 3), (101, 2), 'degree')
 
     In a notebook it shows itself as the page that ``biflag report`` writes.
     """
@@ -206,6 +214,10 @@ def simulate(
 ) -> Trial:
     """Simulates a trial that starts upright and at rest.
 
+    >>> trial = biflag.simulate(biflag.Robot.physical(), lambda time: (30 + 2 * time, 10), 5, rate_hz=10)
+    >>> trial.time.size, bool(trial.yaw[-1] < 0)
+    (51, True)
+
     Args:
         robot: The robot and its fluid.
         speeds: Speeds of motors 1 and 2 in rpm, positive counter-clockwise seen from above: two numbers, reached within
@@ -246,6 +258,10 @@ def simulate_batch(
 
     The values are those of ``biflag simulate``. A trial that the solver cannot end has NaN in its row, and the reason in
     the column ``error``.
+
+    >>> table = biflag.simulate_batch(biflag.Robot.physical(), [(50, 10), (10, 50)], method="steady")
+    >>> [round(float(yaw)) for yaw in table["yaw_deg"]], [round(float(pitch)) for pitch in table["pitch_deg"]]
+    ([-68, -68], [-4, 4])
 
     Args:
         robot: The robot and its fluid.

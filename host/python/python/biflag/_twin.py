@@ -20,7 +20,12 @@ Path: TypeAlias = str | PathLike[str]
 
 @dataclass(frozen=True, eq=False)
 class ComparedTrial:
-    """A trial beside its model, or beside another trial at the same speeds. Errors are model minus measured."""
+    """A trial beside its model, or beside another trial at the same speeds. Errors are model minus measured.
+
+    >>> trial = biflag.compare(recorded).trials[0]
+    >>> trial.name, trial.measured.shape == trial.modelled.shape, trial.agrees
+    ('001_w1+50_w2+10', True, False)
+    """
 
     name: str
     time: Floats
@@ -51,7 +56,12 @@ class ComparedTrial:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Trials beside their models."""
+    """Trials beside their models.
+
+    >>> comparison = biflag.compare(recorded)
+    >>> float(abs(comparison.table()["steady_yaw_error_deg"][0])) > 1
+    True
+    """
 
     trials: list[ComparedTrial]
     record: dict[str, Any]
@@ -81,7 +91,12 @@ class Comparison:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """A fitted parameter."""
+    """A fitted parameter.
+
+    >>> estimate = biflag.calibrate(recorded, ["viscosity"]).parameters["viscosity"]
+    >>> estimate.key, estimate.unit, estimate.interval_95[0] < estimate.value < estimate.interval_95[1]
+    ('fluid.viscosity_pa_s', 'Pa s', True)
+    """
 
     name: str
     key: str | None
@@ -99,7 +114,13 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Parameters of a robot that were fitted to its trials."""
+    """Parameters of a robot that were fitted to its trials.
+
+    >>> fitted = biflag.calibrate(recorded, ["viscosity", "tether"])
+    >>> fitted.rmse_after_deg < fitted.rmse_before_deg
+    True
+    >>> robot_file = (folder / "fitted.toml").write_text(fitted.text)
+    """
 
     robot: Robot
     """The fitted robot."""
@@ -128,6 +149,10 @@ def compare(
 
     Replays are kept in a folder beside the session, where ``biflag compare`` finds them.
 
+    >>> comparison = biflag.compare(recorded)
+    >>> sorted(comparison.trials[0].record["angles"][0])[:3]
+    ['angle', 'error_deg', 'measured_deg']
+
     Args:
         measured: The log or the session folder.
         modelled: The other one; its replay if left out.
@@ -154,6 +179,10 @@ def calibrate(
     threads: int | None = None,
 ) -> Calibration:
     """Fits parameters of a robot to recorded trials by least squares.
+
+    >>> fitted = biflag.calibrate(recorded, ["viscosity"])
+    >>> 0.4 < fitted.robot["fluid.viscosity_pa_s"] < 1.6
+    True
 
     Args:
         logs: Logs or session folders.

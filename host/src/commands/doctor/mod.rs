@@ -1,5 +1,6 @@
 //! `biflag doctor`: checks the tools, ports and boards that a trial needs, the wiring of the motors, or a session.
 
+mod meddlers;
 mod motors;
 mod session;
 
@@ -13,7 +14,7 @@ use miette::Diagnostic;
 use serde::Serialize;
 use serde_json::json;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Check toolchain, avrdude, ports, permissions and boards, the wiring of the motors, or a session; suggest fixes.
@@ -77,6 +78,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     ];
     let mut checks: Vec<Check> = tools.into_iter().map(|(name, finding)| check(name.into(), finding)).collect();
     let on_problem = if checks.iter().all(|check| check.ok) { Outcome::WithLoss } else { Outcome::Failed };
+    checks
+        .extend(meddlers::check(Path::new("/proc")).into_iter().map(|finding| check("other programs".into(), finding)));
     let ports = args.port.clone().map_or_else(link::robot_ports, |port| vec![port]);
     if ports.is_empty() {
         let cure = "plug in the board's USB cable; charge-only cables do not work";

@@ -81,7 +81,7 @@ pub struct Args {
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = live::ADDRESS)]
     live: Option<SocketAddr>,
     /// The session folder; by default named after the plan.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Continue a session, skipping the trials that are complete.
     #[arg(long)]

@@ -44,7 +44,7 @@ struct Common {
     #[command(flatten)]
     sensor: SensorArgs,
     /// The sensor's file. What is in it already stays, unless it is measured again.
-    #[arg(short, long, value_name = "FILE", default_value = FILE_NAME)]
+    #[arg(short, long = "out", alias = "output", value_name = "FILE", default_value = FILE_NAME)]
     output: PathBuf,
 }
 

@@ -67,7 +67,7 @@ pub struct Args {
     #[arg(long)]
     pub shapes: bool,
     /// The session folder; by default named after the plan, the speeds, or the replayed session.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Continue a session, skipping the trials that are complete.
     #[arg(long)]

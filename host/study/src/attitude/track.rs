@@ -73,7 +73,7 @@ impl<const N: usize> Columns<N> {
     }
 
     /// Returns the longest interval between rows that is no gap.
-    fn longest_step_s(&self) -> Option<f64> {
+    pub(crate) fn longest_step_s(&self) -> Option<f64> {
         Some(GAP_S.max(GAP_INTERVALS * self.interval_s()?))
     }
 

@@ -101,7 +101,7 @@ pub struct Exported {
     pub findings: Vec<LogFinding>,
 }
 
-const FORCES: Want = Want { forces: true, shapes: 0, hash: false };
+const FORCES: Want = Want { forces: true, shapes: 0, hash: true };
 
 /// Exports a log to a file.
 ///

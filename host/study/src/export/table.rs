@@ -1,9 +1,10 @@
 //! Tables of trials and sessions: columns with names, units and values.
 
 use crate::attitude::{Euler, Reading, rotation};
-use crate::plan::Trial;
+use crate::plan::{RobotFile, Trial};
 use crate::text::{origin, word};
 use crate::trial::{AngleTerm, Angles, Data, FORCES, Finding, Term, Zeroed, findings};
+use biflag_log::ImportMeta;
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -147,7 +148,7 @@ pub fn trial(data: &Data, zeroed: &Zeroed) -> Table {
             index_at(&data.motors.time_s, row.frame_s).map_or(f64::NAN, |i| data.motors.values[k][i])
         }));
     }
-    if !data.is_model() {
+    if data.is_recorded() {
         columns.push(real(("temperature_c", "temperature of the sensor"), &|row| row.temperature_c));
     }
     if !data.forces.is_empty() {
@@ -219,7 +220,7 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
     let mut lines = vec![
         format!(
             "biflag {}: trial {} at {} and {} rpm",
-            crate::program::VERSION,
+            crate::program::FULL_VERSION,
             trial.name,
             trial.w1_rpm,
             trial.w2_rpm
@@ -227,14 +228,26 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
         format!("log {}, {}", data.path.display(), origin(data.origin())),
         "angles rotate body axes into world axes: yaw about z, then pitch about y, then roll about x".to_owned(),
     ];
+    lines.extend(data.sha256.as_ref().map(|sum| format!("SHA-256 of the log: {sum}")));
+    let robot = RobotFile::of_log(data.records.robot.clone()).name;
+    lines.push(match &data.records.model {
+        Some(model) => format!("robot {robot}, closure {}", word(&model.closure)),
+        None => format!("robot {robot}"),
+    });
+    lines.extend(data.records.import.as_ref().map(|import| {
+        let ImportMeta { source, source_sha256, columns, .. } = import;
+        format!("imported from {source}, SHA-256 {source_sha256}: {columns}")
+    }));
     if data.is_model() {
         lines.push(
             "modelled angles are exact: the robot starts upright with a yaw of zero, and no correction was applied"
                 .to_owned(),
         );
-    } else {
-        let [yaw, pitch, roll] = zeroed.zero_deg;
-        lines.push(format!("offset removed: yaw {yaw:.4}, pitch {pitch:.4}, roll {roll:.4} deg"));
+        return with_steady(lines, zeroed);
+    }
+    let [yaw, pitch, roll] = zeroed.zero_deg;
+    lines.push(format!("offset removed: yaw {yaw:.4}, pitch {pitch:.4}, roll {roll:.4} deg"));
+    if data.is_recorded() {
         let delay_s = data.readings.get(data.calibrated).zip(zeroed.angles_deg.time_s.first());
         let delay_s = delay_s.map_or(0.0, |((frame_s, _), time_s)| frame_s - time_s);
         lines.push(format!(
@@ -246,6 +259,11 @@ fn header(data: &Data, zeroed: &Zeroed) -> Vec<String> {
             None => "no drift removed: there is no still phase to estimate it from".to_owned(),
         });
     }
+    with_steady(lines, zeroed)
+}
+
+/// Adds the steady angles to the lines of a header.
+fn with_steady(mut lines: Vec<String>, zeroed: &Zeroed) -> Vec<String> {
     if let (Some(angles), Some(steady)) = (zeroed.angles(), &zeroed.steady) {
         let Range { start, end } = steady.window;
         let [from, to] = [start, end].map(|time| time - zeroed.run.start);

@@ -29,7 +29,7 @@ pub use fit::{Fit, FittedParameter, FittedTo, with_fit};
 pub use hand_turn::{Axis, HandTurn};
 pub use robot::{PHYSICAL, PUBLISHED, RobotFile};
 pub use schedule::{Change, Phase, Schedule, ScheduledEvent, Setpoint, TICK_US, WAIT};
-pub use shipped::Shipped;
+pub use shipped::{Shipped, robot_keys};
 
 use crate::sensor::{self, MeasuredSensor};
 use biflag_log::{MeasuredSensorMeta, Method};

@@ -41,10 +41,51 @@ impl Shipped {
     }
 }
 
+/// Returns the keys of a robot file, as `flagellum.young_pa`, each with its meaning, unit and source: the comments of the file
+/// `robot-published`, which has every key.
+pub fn robot_keys() -> Vec<(String, String)> {
+    let text = Shipped::find(Path::new("robot-published")).map_or("", |file| file.text);
+    let (mut table, mut comment, mut keys) = ("", Vec::new(), Vec::new());
+    for line in text.lines() {
+        let (is_comment, content) = line.strip_prefix("# ").map_or((false, line), |content| (true, content));
+        let key = content.split_once(" = ").map(|(key, _)| key);
+        let key = key.filter(|key| key.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_'));
+        if let Some(key) = key {
+            // Keys without a blank line or a comment between them share one.
+            let about = if comment.is_empty() {
+                keys.last().map_or_else(String::new, |(_, about): &(_, String)| about.clone())
+            } else {
+                comment.join(" ")
+            };
+            keys.push((format!("{table}.{key}"), about));
+            comment.clear();
+        } else if is_comment {
+            comment.push(content);
+        } else {
+            comment.clear();
+            table = line.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(table);
+        }
+    }
+    keys
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::plan::{Plan, robot};
+
+    #[test]
+    fn every_key_of_a_robot_has_a_meaning() {
+        let keys = robot_keys();
+        let robot = toml::Table::try_from(sim::params::Robot::published()).unwrap();
+        let tables = robot.iter().filter_map(|(table, value)| Some((table, value.as_table()?)));
+        let known = tables.flat_map(|(table, keys)| keys.keys().map(move |key| format!("{table}.{key}")));
+        for key in known {
+            let about = keys.iter().find(|(name, _)| *name == key).map(|(_, about)| about.as_str());
+            assert!(about.is_some_and(|about| about.ends_with(['.', ':']) && about.len() > 10), "{key}: {about:?}");
+        }
+        assert!(keys.iter().any(|(key, about)| key == "fluid.glycerol" && about.contains("Cheng 2008")), "{keys:?}");
+    }
 
     #[test]
     fn each_says_what_it_is() {

@@ -49,8 +49,8 @@ impl Known {
             let trial = reader.read_until::<TrialMeta>()?;
             let robot = reader.read_until::<RobotMeta>()?;
             let identity: Option<Identity> = reader.meta();
-            let is_model = identity.as_ref().is_some_and(|identity| identity.origin == Origin::Model);
-            let board = if is_model { None } else { reader.read_until()? };
+            let is_recorded = identity.as_ref().is_none_or(|identity| identity.origin.is_recorded());
+            let board = if is_recorded { reader.read_until()? } else { None };
             let is_recovered = biflag_log::last_meta::<RecoveryMeta>(log)?.is_some();
             Ok(Self { plan: reader.meta(), identity, trial, robot, board, is_recovered, is_none: false })
         };

@@ -61,6 +61,7 @@ fn place(origin: Origin) -> &'static str {
         Origin::Rig => "on the rig",
         Origin::VirtualRig => "on the emulated board",
         Origin::Model => "in the model",
+        Origin::Imported => "on another rig",
     }
 }
 

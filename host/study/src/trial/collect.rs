@@ -3,6 +3,7 @@
 use super::bounds;
 use super::clock;
 use super::data::{Data, Event, FORCES, LinkSecond, MOTORS, Records, Want};
+use super::imported;
 use super::shapes::Shapes;
 use crate::attitude::{Columns, Reading};
 use biflag_log::schema::biflag::event::Kind;
@@ -150,7 +151,10 @@ impl Collector {
     }
 
     /// Returns the trial with its metadata. The log is assumed to be intact.
-    pub fn finish(self, path: &Path, records: Records) -> Data {
+    pub fn finish(mut self, path: &Path, records: Records) -> Data {
+        if records.origin() == Origin::Imported {
+            self.take_import(&records);
+        }
         let mut warnings = Vec::new();
         let marks = bounds::Marks {
             phases: &self.phases,
@@ -194,6 +198,19 @@ impl Collector {
             warnings,
             identity: Vec::new(),
         })
+    }
+
+    /// Makes the readings of an imported trial of the states that other instruments have measured.
+    fn take_import(&mut self, records: &Records) {
+        let states = std::mem::take(&mut self.truth);
+        let celsius = records.import.as_ref().and_then(|import| import.temperature_c).unwrap_or(f64::NAN);
+        let trial = records.trial.clone().unwrap_or_default();
+        let [run, after] = ["run", "decay"].map(|name| self.phases.iter().find(|(phase, _)| phase == name));
+        let run = run.map_or(f64::INFINITY, |(_, start)| *start)..after.map_or(f64::INFINITY, |(_, start)| *start);
+        (self.readings, self.motors) = imported::readings(&states, celsius, &run, [trial.w1_rpm, trial.w2_rpm]);
+        self.last_s = states.time_s.last().copied();
+        (self.frames, self.temperature_sum) = (1, celsius);
+        self.link.samples = states.len() as u64;
     }
 
     /// Returns the sensor's reading in a frame, with the attitude as sent by the board; `None` if it has no attitude.

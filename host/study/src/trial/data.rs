@@ -8,9 +8,9 @@ use crate::plan::{PlanError, RobotFile, board, robot};
 use crate::sensor::{MeasuredSensor, Sensor};
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
-    BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, LevelMeta, LinkStats, Loss, MeasuredSensorMeta,
-    ModelMeta, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, SensorMeta, Start, SteadyMeta,
-    Summary, TrialMeta,
+    BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, ImportMeta, LevelMeta, LinkStats, Loss,
+    MeasuredSensorMeta, ModelMeta, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, SensorMeta,
+    Start, SteadyMeta, Summary, TrialMeta,
 };
 use protocol::Settings;
 use protocol::units::CentiRpm;
@@ -71,6 +71,8 @@ pub struct Records {
     pub recovery: Option<RecoveryMeta>,
     /// The recording that drove the model.
     pub replay: Option<ReplayMeta>,
+    /// The table that an imported trial was made from.
+    pub import: Option<ImportMeta>,
     /// How the trial ended; `None` if the log has no summary.
     pub summary: Option<Summary>,
 }
@@ -94,6 +96,7 @@ impl Records {
             clock: reader.meta(),
             recovery: reader.meta(),
             replay: reader.meta(),
+            import: reader.meta(),
             summary: reader.meta(),
         }
     }
@@ -151,7 +154,7 @@ pub struct Data {
     pub path: PathBuf,
     /// Its metadata.
     pub records: Records,
-    /// Readings of the sensor, without failed ones.
+    /// Readings of the sensor, without failed ones; of an imported trial, those of the other instruments.
     pub readings: Vec<(f64, Reading)>,
     /// Index of the first reading after the gyroscope's calibration; the rates before it have another bias.
     pub calibrated: usize,
@@ -175,7 +178,7 @@ pub struct Data {
     pub link: LinkStats,
     /// Link statistics second by second.
     pub link_seconds: Vec<LinkSecond>,
-    /// Mean temperature of the sensor, °C.
+    /// Mean temperature of the sensor, °C; NaN if it is unknown.
     pub temperature_c: f64,
     /// Time of the last frame.
     pub duration_s: f64,
@@ -210,6 +213,11 @@ impl Data {
     /// Returns whether the trial was computed by a model.
     pub fn is_model(&self) -> bool {
         self.origin() == Origin::Model
+    }
+
+    /// Returns whether a board recorded the trial, with its sensor.
+    pub fn is_recorded(&self) -> bool {
+        self.origin().is_recorded()
     }
 
     /// Returns whether the trial measured a real robot: no model computed it, and none was behind its board.

@@ -5,8 +5,9 @@ use super::data::Data;
 use super::finding::{Finding, FindingKind};
 use super::zero::Zeroed;
 use crate::attitude::Motion;
+use crate::text::count;
 use biflag_log::schema::biflag::event::Kind;
-use biflag_log::{Condition, End};
+use biflag_log::{Condition, End, Origin};
 use protocol::units::CentiRpm;
 
 const REPEAT: &str = "repeat the trial";
@@ -35,9 +36,29 @@ pub fn findings(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     let mut found = data.identity.clone();
     found.extend(conduct(data));
     found.extend(sensor(data));
+    found.extend(import(data));
     found.extend(wait(data));
     found.extend(zeroed.rest.iter().cloned());
     found.extend(window(data, zeroed));
+    found
+}
+
+/// What an import could not take from its table.
+fn import(data: &Data) -> Vec<Finding> {
+    let mut found = Vec::new();
+    let Some(import) = &data.records.import else { return found };
+    let mut slight = |text: String, cure: &str| found.push(Finding::slight(FindingKind::Conduct, text, cure));
+    if import.left_out > 0 {
+        let rows = count(import.left_out as usize, "row");
+        slight(format!("{rows} of the table without a value, left out"), "");
+    }
+    if !import.constant.is_empty() {
+        let (names, were) = (import.constant.join(", "), if import.constant.len() == 1 { "was" } else { "were" });
+        slight(format!("{names} {were} not measured: a constant was given"), "");
+    }
+    if import.yaw_uncertainty_deg.is_none() || import.tilt_uncertainty_deg.is_none() {
+        slight("the import states no uncertainty of its instrument".to_owned(), "state it with --uncertainty");
+    }
     found
 }
 
@@ -72,9 +93,13 @@ fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     }
     if !data.is_model() && window_s > 0.0 {
         let times = &zeroed.angles_deg.time_s;
+        let gap_s = match data.is_recorded() {
+            true => GAP_S,
+            false => zeroed.angles_deg.longest_step_s().unwrap_or_default(),
+        };
         let inside = times.iter().filter(|time| steady.window.contains(time)).copied();
         let ends = std::iter::once(steady.window.start).chain(inside).chain([steady.window.end]);
-        let missing_s: f64 = ends.clone().zip(ends.skip(1)).map(|(from, to)| to - from).filter(|s| *s > GAP_S).sum();
+        let missing_s: f64 = ends.clone().zip(ends.skip(1)).map(|(from, to)| to - from).filter(|s| *s > gap_s).sum();
         let share = 1.0 - missing_s / window_s;
         if share < LEAST_SHARE {
             let text = format!("only {:.0} % of the last {window_s:.1} s have telemetry", 100.0 * share);
@@ -87,7 +112,7 @@ fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
 /// What the trial says about the sensor's mounting and filter.
 fn sensor(data: &Data) -> Vec<Finding> {
     let mut found = Vec::new();
-    if data.is_model() || data.speeds() == HAND_TURN || !data.times.has_run() {
+    if !data.is_recorded() || data.speeds() == HAND_TURN || !data.times.has_run() {
         return found;
     }
     if let Some(level) = data.records.level.as_ref().filter(|level| !level.used) {
@@ -148,8 +173,11 @@ fn conduct(data: &Data) -> Vec<Finding> {
         found.push(slight(gaps, ""));
     }
     if data.has_long_gap() {
-        let text = "the yaw may lack a full turn: telemetry is missing for more than a second";
-        found.push(grave(text.to_owned(), REPEAT));
+        let (text, cure) = match data.origin() {
+            Origin::Imported => ("the table has no row for more than a second", "import a table with more rows"),
+            _ => ("telemetry is missing for more than a second", REPEAT),
+        };
+        found.push(grave(format!("the yaw may lack a full turn: {text}"), cure));
     }
     let protocols = records.identity.as_ref().map(|identity| identity.protocol);
     // Logs of older protocols hold the same messages.

@@ -15,6 +15,7 @@ mod data;
 mod errors;
 mod finding;
 mod findings;
+mod imported;
 mod judged;
 mod read;
 mod repeats;

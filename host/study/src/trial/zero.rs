@@ -4,20 +4,22 @@
 //! A measured attitude is levelled by the accelerometer's vertical at rest ([`crate::attitude::Level`]), referred to
 //! the mean attitude of the still phase, and corrected for the gyroscope's drift ([`Drift`]). The sensor's filter
 //! delays the attitude, so its times are moved back by that delay. A modelled attitude is exact: the robot starts
-//! upright with a yaw of zero, and there is no gyroscope to drift.
+//! upright with a yaw of zero, and there is no gyroscope to drift. An imported attitude is referred to its rest, too; its
+//! errors are those that the import states.
 
 use super::angles::{Angles, Steady};
 use super::budget::Budget;
 use super::causes::{Causes, OverTime};
 use super::data::Data;
 use super::errors::{self, Errors};
-use super::finding::Finding;
+use super::finding::{Finding, FindingKind};
+use super::imported::{self, Stated};
 use super::rest::{self, START_S};
 use super::righting::{Righting, time_constants};
 use super::sensitivity::Sensitivities;
 use super::tilt_zero::{TiltZero, end_of};
 use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Series, rotation, tilt_deg};
-use biflag_log::SteadyMeta;
+use biflag_log::{Origin, SteadyMeta};
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::units::LOW_PASS;
 use sim::steady::{CHANNELS, SteadyCollector};
@@ -50,18 +52,32 @@ pub struct Zeroed {
     pub steady: Option<Steady>,
     /// Findings about the still phases.
     pub rest: Vec<Finding>,
-    /// `None` for a model, which has none.
-    errors: Option<Errors>,
+    known: Known,
     /// Whether a finding takes all uncertainties away.
     is_unsure: bool,
     /// Uncertainty of the yaw at every second; empty if it is unknown.
     yaw_uncertainty_deg: Columns<1>,
 }
 
+/// What is known about the errors of the angles.
+#[derive(Clone, Debug)]
+enum Known {
+    /// A model has none.
+    Exact,
+    /// Those of the board's sensor.
+    Sensor(Box<Errors>),
+    /// Those that an import states; `None` if it states none.
+    Stated(Option<Stated>),
+}
+
 impl Zeroed {
     /// Computes the attitude of a trial. `after` is the time in which the robot may be still again.
     pub(super) fn with_end(data: &Data, after: Range<f64>) -> Self {
-        let mut zeroed = if data.is_model() { Self::modelled(data) } else { Self::measured(data, after) };
+        let mut zeroed = match data.origin() {
+            Origin::Model => Self::modelled(data),
+            Origin::Imported => Self::imported(data),
+            Origin::Rig | Origin::VirtualRig => Self::measured(data, after),
+        };
         zeroed.steady = zeroed.steady(data);
         zeroed
     }
@@ -94,7 +110,7 @@ impl Zeroed {
             turned_deg: series.turned_deg(),
             steady: None,
             rest: Vec::new(),
-            errors: None,
+            known: Known::Exact,
             is_unsure: false,
             yaw_uncertainty_deg: Columns::default(),
         }
@@ -171,14 +187,59 @@ impl Zeroed {
             turned_deg,
             steady: None,
             rest,
-            errors: Some(errors),
+            known: Known::Sensor(Box::new(errors)),
+            is_unsure: false,
+            yaw_uncertainty_deg: Columns::default(),
+        }
+    }
+
+    /// The zero is the mean attitude of the last second before the run. Without it, the yaw is zero where the run starts,
+    /// and pitch and roll are those of the table.
+    fn imported(data: &Data) -> Self {
+        let run = data.times.run.clone();
+        let still = data.times.preroll.start.max(run.start - START_S)..run.start;
+        let has_still = still.end - still.start > 0.5 * START_S;
+        let zero = mean(&data.readings, &still).filter(|_| has_still && data.times.has_run());
+        let mut rest = Vec::new();
+        if zero.is_none() && data.times.has_run() {
+            let text = "no rest before the run: pitch and roll are those of the table, not relative to the rest";
+            let cure = "import a table that begins a second before the motors start, or name the run with --run";
+            rest.push(Finding::slight(FindingKind::Rest, text, cure));
+        }
+        let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&zero.unwrap_or_default());
+        let askew = UnitQuaternion::from_euler_angles(roll_deg.to_radians(), pitch_deg.to_radians(), 0.0);
+        let mut series = Series::default();
+        for (time, reading) in &data.readings {
+            let q = (rotation(reading.attitude) * askew.inverse()).into_inner();
+            series.push(*time, &Reading { attitude: [q.w, q.i, q.j, q.k], ..*reading });
+        }
+        let from_s = if zero.is_some() { 0.5 * (still.start + still.end) } else { run.start };
+        let yaw_zero = if zero.is_some() { series.yaw().mean(still) } else { series.yaw().at(run.start) };
+        let yaw_zero = yaw_zero.unwrap_or(yaw_deg);
+        let turned_deg = series.turned_deg();
+        let mut angles_deg = series.angles_deg;
+        rest.extend(imported::moved(angles_deg.tracks(), &data.times.preroll));
+        angles_deg.values[0].iter_mut().for_each(|yaw| *yaw -= yaw_zero);
+        Self {
+            angles_deg,
+            zero_deg: [yaw_zero, pitch_deg, roll_deg],
+            run,
+            from_s,
+            turned_deg,
+            steady: None,
+            rest,
+            known: Known::Stated(Stated::of(data.records.import.as_ref())),
             is_unsure: false,
             yaw_uncertainty_deg: Columns::default(),
         }
     }
 
     fn is_model(&self) -> bool {
-        self.errors.is_none()
+        matches!(self.known, Known::Exact)
+    }
+
+    fn is_recorded(&self) -> bool {
+        matches!(self.known, Known::Sensor(_))
     }
 
     /// Returns the time range of the angles.
@@ -214,7 +275,7 @@ impl Zeroed {
             tilt_deg: tilt_deg(pitch_deg, roll_deg),
             tilt_uncertainty_deg: tilt(2),
             drift_deg: steady.drift_deg,
-            still_after_s: (!self.is_model()).then(|| after.map_or(0.0, |still| still.end - still.start)),
+            still_after_s: self.is_recorded().then(|| after.map_or(0.0, |still| still.end - still.start)),
             steady_s: steady.window.end - steady.window.start,
             settled: steady.settled,
             turned_deg: self.turned_deg,
@@ -260,7 +321,7 @@ impl Zeroed {
             angles_deg,
             yaw: self.yaw_budget(middle),
             tilt: self.tilt_budgets(&window),
-            drift_deg: (!self.is_model()).then(|| self.yaw_drift(middle)),
+            drift_deg: self.is_recorded().then(|| self.yaw_drift(middle)),
             window,
             settled,
             settle_s,
@@ -270,20 +331,23 @@ impl Zeroed {
     /// Returns the causes of uncertainty of the yaw at a time; empty for a model, `None` without a still phase or a known
     /// bias, and where a finding takes it away.
     pub fn yaw_budget(&self, time_s: f64) -> Option<Budget> {
-        self.budget(|errors| errors.yaw(time_s))
+        match &self.known {
+            _ if self.is_unsure => None,
+            Known::Exact => Some(Budget::default()),
+            Known::Sensor(errors) => errors.yaw(time_s),
+            Known::Stated(stated) => stated.map(|stated| stated.yaw()),
+        }
     }
 
     /// Returns the causes of uncertainty of mean pitch, roll and tilt over a time; as [`Self::yaw_budget`].
     pub fn tilt_budgets(&self, over: &Range<f64>) -> Option<[Budget; 3]> {
-        self.budget(|errors| errors.tilts(&self.angles_deg, over))
-    }
-
-    fn budget<T: Default>(&self, of: impl FnOnce(&Errors) -> Option<T>) -> Option<T> {
-        // A zero that is no rest, for one, has no uncertainty that could be stated.
-        if self.is_unsure {
-            return None;
+        match &self.known {
+            // A zero that is no rest, for one, has no uncertainty that could be stated.
+            _ if self.is_unsure => None,
+            Known::Exact => Some(Default::default()),
+            Known::Sensor(errors) => errors.tilts(&self.angles_deg, over),
+            Known::Stated(stated) => stated.map(|stated| stated.tilts()),
         }
-        self.errors.as_ref().map_or_else(|| Some(T::default()), of)
     }
 
     /// Returns the 95 % uncertainty of the yaw at a time, degrees, for curves: interpolated between seconds. 0 for a model,
@@ -301,20 +365,22 @@ impl Zeroed {
     /// Returns the causes of uncertainty of mean yaw, pitch and roll over a time; none for a model, `None` as for
     /// [`Self::yaw_budget`].
     pub(crate) fn causes(&self, over: &Range<f64>) -> [Option<Causes>; 3] {
-        match &self.errors {
+        match &self.known {
             _ if self.is_unsure => [None, None, None],
-            Some(errors) => errors.causes(&self.angles_deg, over),
-            None => std::array::from_fn(|_| Some(Causes::default())),
+            Known::Exact => std::array::from_fn(|_| Some(Causes::default())),
+            Known::Sensor(errors) => errors.causes(&self.angles_deg, over),
+            Known::Stated(stated) => stated.map_or([None, None, None], |stated| stated.causes()),
         }
     }
 
     /// Returns the uncertainty of mean yaw, pitch and roll over blocks of a length around times; exact for a model, `None` as
     /// for [`Self::yaw_budget`].
     pub(crate) fn over_time(&self, times: &[f64], block_s: f64) -> Option<[OverTime; 3]> {
-        match &self.errors {
+        match &self.known {
             _ if self.is_unsure => None,
-            Some(errors) => errors.over_time(&self.angles_deg, times, block_s),
-            None => Some(std::array::from_fn(|_| OverTime::exact(times.len()))),
+            Known::Exact => Some(std::array::from_fn(|_| OverTime::exact(times.len()))),
+            Known::Sensor(errors) => errors.over_time(&self.angles_deg, times, block_s),
+            Known::Stated(stated) => stated.map(|stated| stated.over_time(times.len())),
         }
     }
 
@@ -325,7 +391,10 @@ impl Zeroed {
 
     /// Returns the drift of the yaw; `None` without a still phase, and for a model.
     pub fn drift(&self) -> Option<&Drift> {
-        self.errors.as_ref()?.drift.as_ref()
+        match &self.known {
+            Known::Sensor(errors) => errors.drift.as_ref(),
+            _ => None,
+        }
     }
 }
 

@@ -17,7 +17,7 @@ pub(super) struct SensorKey {
 }
 
 impl SensorKey {
-    /// Returns that of a recording; `None` for a model.
+    /// Returns that of a recording; `None` for a model and for an imported trial.
     pub fn of(data: &Data) -> Option<Self> {
         let errors = data.records.sensor.as_ref().map(|sensor| {
             [
@@ -32,7 +32,7 @@ impl SensorKey {
             ]
             .concat()
         });
-        (!data.is_model()).then(|| Self {
+        data.is_recorded().then(|| Self {
             board_id: data.records.board.as_ref().map_or(0, |board| board.board_id),
             axes: data.settings().map(|settings| [settings.gyro_axes, settings.accel_axes]),
             measured: data.records.measured_sensor.as_ref().map(|file| file.text.clone()),

@@ -231,7 +231,8 @@ pub mod event {
         }
     }
 }
-/// Channel /truth, of modelled and simulated robots: the exact state, without sensor errors or rounding.
+/// Channel /truth, of modelled and simulated robots: the exact state, without sensor errors or rounding. Of imported trials: the
+/// state as other instruments measured it.
 #[allow(missing_docs)]
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct Truth {

@@ -91,6 +91,11 @@ impl FitTrial {
             None if findings.iter().any(Finding::empties_uncertainty) => {
                 std::array::from_fn(|_| OverTime::exact(count))
             }
+            None if data.origin() == Origin::Imported => {
+                let reason = "was imported without an uncertainty, so that no fit can weigh it".to_owned();
+                let help = "import it with --uncertainty";
+                return Err(TwinError::unusable(data, Unusable { reason, help }));
+            }
             None => return Err(match zeroed.drift().map(|drift| drift.variance(run.end)) {
                 None => unusable("has no still phase before the run, so the drift of its yaw is unknown"),
                 Some(Some(_)) => unusable("has a still phase before the run that is too short"),
@@ -114,7 +119,7 @@ impl FitTrial {
             robot: data.robot().map_err(|source| TwinError::robot(data, source)),
             closure: data.records.model.as_ref().map(|model| model.closure),
             ratio: Ratio::of(data.speeds().map(CentiRpm::rpm)),
-            is_of_rig: data.origin() == Origin::Rig,
+            is_of_rig: [Origin::Rig, Origin::Imported].contains(&data.origin()),
             board_start: (data.records.board.as_ref().filter(|_| !data.is_model()))
                 .map(|board| [board.board_id, board.boot_count]),
             errors: TrialErrors::new(SensorKey::of(data), errors, &measured, BLOCK_S),

@@ -3,6 +3,7 @@
 use super::data::FitTrial;
 use super::fluid_ratio::FluidRatio;
 use crate::text::count;
+use crate::twin::TwinError;
 use sim::params::{Fluid, Glycerol};
 
 /// Difference of the sensor's temperature between trials above which the viscosity of glycerol has changed by more than a
@@ -16,18 +17,28 @@ pub(super) fn mean_c(trials: &[FitTrial]) -> f64 {
 
 /// Replaces a mixture by its viscosity and density at the mean temperature of all trials, and gives each trial its own over
 /// these. Returns a warning about the temperatures.
-pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Option<String> {
+///
+/// # Errors
+/// [`TwinError::Unusable`] if the temperature of a trial in a mixture is unknown.
+pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Result<Option<String>, TwinError> {
+    if let (Some(unknown), Some(_)) = (trials.iter().find(|trial| trial.temperature_c.is_nan()), &fluid.glycerol) {
+        return Err(TwinError::Unusable {
+            path: unknown.path.clone(),
+            reason: "has no temperature, which the viscosity of the robot's glycerol depends on".to_owned(),
+            help: "import it with --temperature",
+        });
+    }
     let mean_c = mean_c(trials);
     let celsius = trials.iter().map(|trial| trial.temperature_c);
     let (least, most) = celsius.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), c| (a.min(c), b.max(c)));
     let Some(mixture) = fluid.glycerol.take() else {
         let real = trials.iter().any(|trial| trial.is_real);
-        return (real && most - least > SAME_C).then(|| {
+        return Ok((real && most - least > SAME_C).then(|| {
             format!(
                 "the sensor had {least:.1} °C to {most:.1} °C, and the viscosity of glycerol changes by some 8 % per °C: \
                  all trials are fitted with one viscosity, unless the robot has a mixture under [fluid.glycerol]"
             )
-        });
+        }));
     };
     let at = |temperature_c: f64| Glycerol { temperature_c, ..mixture };
     fluid.viscosity_pa_s = at(mean_c).viscosity_pa_s();
@@ -41,7 +52,7 @@ pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Opt
     }
     let share = 100.0 * mixture.mass_fraction;
     let viscosity = fluid.viscosity_pa_s;
-    Some(if most - least > 0.1 {
+    Ok(Some(if most - least > 0.1 {
         format!(
             "the initial viscosity is that of {share:.1} % glycerol at the sensor's mean {mean_c:.1} °C: {viscosity:.3} Pa s; \
              each of {} has that of its own temperature, {least:.1} °C to {most:.1} °C",
@@ -51,5 +62,5 @@ pub(super) fn at_temperatures(trials: &mut [FitTrial], fluid: &mut Fluid) -> Opt
         format!(
             "the initial viscosity is that of {share:.1} % glycerol at the sensor's {mean_c:.1} °C: {viscosity:.3} Pa s"
         )
-    })
+    }))
 }

@@ -112,7 +112,7 @@ fn fit(
     let mut warnings = Vec::new();
     let mut trials = select::usable(trials, &findings, &mut warnings)?;
     let (mut start, closure) = select::start(&mut trials, request, &mut warnings)?;
-    warnings.extend(fluid::at_temperatures(&mut trials, &mut start.fluid));
+    warnings.extend(fluid::at_temperatures(&mut trials, &mut start.fluid)?);
     let parameters = select::parameters(&mut trials, &start, &request.parameters, &mut warnings)?;
 
     let simulations = AtomicUsize::new(0);

@@ -83,7 +83,7 @@ pub struct Calibration {
     pub mounting: Mounting,
     /// The trials.
     pub trials: Vec<Fitted>,
-    /// Mean temperature of the sensor.
+    /// Mean temperature of the sensor; NaN if that of an imported trial is unknown.
     pub temperature_c: f64,
     /// The closure of the fit.
     pub closure: Closure,
@@ -122,7 +122,7 @@ impl Calibration {
             fitted_to: if is_real { FittedTo::Robot } else { FittedTo::Simulation },
             is_described: self.misfits.is_empty(),
             short_of_minimum: self.short_of_minimum.iter().map(|name| (*name).to_owned()).collect(),
-            temperature_c: Some(self.temperature_c),
+            temperature_c: Some(self.temperature_c).filter(|celsius| celsius.is_finite()),
             degrees_of_freedom: self.degrees_of_freedom,
             covariance: self.covariance.clone(),
             scatter_covariance: self.scatter_covariance.clone(),

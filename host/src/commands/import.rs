@@ -1,0 +1,114 @@
+//! `biflag import`: a trial that other instruments measured, as a log.
+
+use super::findings::{are_slight, lines_of_logs};
+use super::options::{pair, span, speeds};
+use super::{Answer, Outcome};
+use crate::import::{Conditions, Imported, Mapping, Table, write};
+use crate::plan::robot;
+use crate::text::{count, decimal, printable, quoted};
+use crate::trial::{Data, LogFinding, Want, Zeroed, findings};
+use protocol::units::CentiRpm;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Make a log of a trial that other instruments measured: a camera, another laboratory's rig, a published table.
+///
+/// The log holds the attitude and the turns of the motors. `biflag compare`, `calibrate`, `figure`, `report` and `export`
+/// read it as they read a recording. The frames are those of Biflag: yaw, pitch and roll turn the body about z (up), then
+/// about the new y, then about the new x. A minus before a column reverses its sign.
+///
+/// Angles are relative to the last second before the run. Without a rest in the table, the yaw starts at zero, and pitch and
+/// roll are those of the table.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:\n  \
+    biflag import camera.csv --columns time=t,yaw=-psi:rad,pitch=theta:rad,roll=phi:rad --speeds 50,10 --run 20,140 \
+    --uncertainty 0.5,0.2 -o camera.mcap\n  \
+    biflag import other-rig.csv --columns time=#1:ms,qw=#2,qx=#3,qy=#4,qz=#5,w1=#6,w2=#7 -o other-rig.mcap\n\
+    Quantities: time (s, ms, us, min); yaw, pitch, roll (deg, rad) or qw, qx, qy, qz, the quaternion from body to world axes; w1, \
+    w2 (rpm, rps, deg/s, rad/s) or turns1, turns2 (turns, deg, rad). The unit follows a colon; without it, the first one is \
+    meant. `#3` is the third column. A number is a value that was not measured: roll=0.")]
+pub struct Args {
+    /// The table, with a comma, semicolon or tab between the cells.
+    csv: PathBuf,
+    /// Which column holds which quantity.
+    #[arg(long, value_name = "QUANTITY=COLUMN,...", allow_hyphen_values = true)]
+    columns: String,
+    /// The log to write, which must not exist yet.
+    #[arg(short, long = "out", alias = "output", value_name = "LOG")]
+    output: PathBuf,
+    /// Speeds of flagella 1 and 2 in rpm; by default those of the columns w1, w2, or of turns1, turns2.
+    #[arg(long, value_name = "W1,W2", value_parser = speeds, allow_hyphen_values = true)]
+    speeds: Option<[CentiRpm; 2]>,
+    /// The run, in seconds by the table's clock; by default the time in which the table's motors turn, or the whole table.
+    #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]
+    run: Option<[f64; 2]>,
+    /// The robot file, `physical` or `published`.
+    #[arg(long, value_name = "FILE", default_value = "physical")]
+    robot: PathBuf,
+    /// 95 % uncertainty of the instrument's yaw, and of its pitch and roll, in degrees.
+    #[arg(long, value_name = "YAW,TILT", value_parser = uncertainty)]
+    uncertainty: Option<[f64; 2]>,
+    /// Temperature of the fluid in °C.
+    #[arg(long, value_name = "C", value_parser = temperature, allow_hyphen_values = true)]
+    temperature: Option<f64>,
+    /// Anything worth knowing later.
+    #[arg(long, default_value = "")]
+    note: String,
+}
+
+fn uncertainty(text: &str) -> Result<[f64; 2], String> {
+    let form = "give two uncertainties in degrees, of the yaw and of pitch and roll, such as 0.5,0.2";
+    let one = |text: &str| text.parse().ok().filter(|deg| (1e-6..=180.0).contains(deg)).ok_or_else(|| form.to_owned());
+    pair(text, form, one)
+}
+
+fn temperature(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|celsius| (-20.0..=100.0).contains(celsius)).ok_or_else(|| "give -20 to 100 °C".to_owned())
+}
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    let mapping: Mapping = args.columns.parse()?;
+    let conditions = Conditions {
+        speeds: args.speeds,
+        run_s: args.run.map(|[from, to]| from..to),
+        robot: robot::load(&args.robot)?,
+        uncertainty_deg: args.uncertainty,
+        temperature_c: args.temperature,
+        note: args.note.clone(),
+    };
+    let states = Table::read(&args.csv)?.states(&mapping)?;
+    let Imported { speeds, run_s, samples } =
+        write(&states, &conditions, &args.csv.display().to_string(), &args.output)?;
+    let data = Data::read(&args.output, Want::default())?;
+    let zeroed = Zeroed::new(&data);
+    let angles = zeroed.angles();
+    let findings = LogFinding::all_of(&args.output, findings(&data, &zeroed));
+    let [w1_rpm, w2_rpm] = speeds.map(CentiRpm::rpm);
+    let log = args.output.to_string_lossy();
+    let mut body = json!({
+        "log": log,
+        "samples": samples,
+        "left_out": states.left_out,
+        "columns": mapping.to_string(),
+        "duration_s": data.duration_s,
+        "run_start_s": data.times.run.start,
+        "run_end_s": data.times.run.end,
+        "w1_rpm": w1_rpm,
+        "w2_rpm": w2_rpm,
+        "findings": findings,
+    });
+    if let (Value::Object(body), Ok(Value::Object(angles))) = (&mut body, serde_json::to_value(&angles)) {
+        body.extend(angles);
+    }
+    let [from, to] = [run_s.start, run_s.end].map(|time| decimal(time, 2));
+    let steady = angles.map_or_else(String::new, |angles| format!("\nsteady: {angles}"));
+    let text = printable(&format!(
+        "{log}: {}, {} s; the motors turn from {from} to {to} s at {w1_rpm} and {w2_rpm} rpm\nread as: {mapping}{steady}{}\n\
+         next: biflag compare {}",
+        count(samples, "sample"),
+        decimal(data.duration_s, 2),
+        lines_of_logs(&findings),
+        quoted(&log)
+    ));
+    Answer::new(if are_slight(&findings) { Outcome::Done } else { Outcome::WithLoss }, &body, text)
+}

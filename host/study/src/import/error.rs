@@ -1,0 +1,72 @@
+//! Why a table cannot be imported.
+
+use crate::output::OutputError;
+use crate::plan::PlanError;
+use biflag_log::LogError;
+use miette::Diagnostic;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Why a table cannot be imported.
+#[derive(Error, Diagnostic, Debug)]
+pub enum ImportError {
+    /// The list of columns is wrong.
+    #[error("--columns: {reason}")]
+    #[diagnostic(code(wrong_use))]
+    Columns {
+        /// Why.
+        reason: String,
+        /// What to write instead.
+        #[help]
+        help: String,
+    },
+    /// The file cannot be read.
+    #[error("{}: cannot be read", path.display())]
+    #[diagnostic(code(wrong_use), help("name a table in the format CSV"))]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The content of the table is wrong.
+    #[error("{table}: {reason}")]
+    #[diagnostic(code(wrong_use))]
+    Table {
+        /// What the table is called.
+        table: String,
+        /// What is wrong, and where.
+        reason: String,
+        /// What to do.
+        #[help]
+        help: &'static str,
+    },
+    /// No trial can have these conditions.
+    #[error("the table is of no trial")]
+    #[diagnostic(code(wrong_use))]
+    Conditions(#[from] PlanError),
+    /// The log cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Output(#[from] OutputError),
+    /// The log cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Log(#[from] LogError),
+}
+
+impl ImportError {
+    pub(super) fn columns(reason: impl Into<String>, help: impl Into<String>) -> Self {
+        Self::Columns { reason: reason.into(), help: help.into() }
+    }
+
+    pub(super) fn table(table: &str, reason: impl Into<String>, help: &'static str) -> Self {
+        Self::Table { table: table.to_owned(), reason: reason.into(), help }
+    }
+
+    /// Returns the diagnostic code of all but the errors of the disk.
+    #[cfg(test)]
+    pub(super) fn is_wrong_use(&self) -> bool {
+        self.code().is_some_and(|code| code.to_string() == crate::WRONG_USE)
+    }
+}

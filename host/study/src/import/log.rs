@@ -1,0 +1,104 @@
+//! Writes the log of an imported trial.
+
+use super::run::Run;
+use super::{ImportError, States};
+use crate::output;
+use crate::plan::{Phase, Plan, RobotFile};
+use crate::run;
+use biflag_log::schema::biflag::{Quaternion, Truth};
+use biflag_log::{End, EventKind, ImportMeta, LinkStats, Origin, Summary, Writer};
+use nalgebra::UnitQuaternion;
+use protocol::units::CentiRpm;
+use std::ops::Range;
+use std::path::Path;
+use std::time::SystemTime;
+
+/// What a table does not say about its trial.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Conditions {
+    /// Speeds of flagella 1 and 2; `None`: those in the table.
+    pub speeds: Option<[CentiRpm; 2]>,
+    /// When the motors turn, by the clock of the table, s; `None`: when the table's motors do, or all the time.
+    pub run_s: Option<Range<f64>>,
+    /// The robot.
+    pub robot: RobotFile,
+    /// 95 % uncertainty of the instrument's yaw, and of its pitch and roll, degrees.
+    pub uncertainty_deg: Option<[f64; 2]>,
+    /// Temperature of the fluid, °C.
+    pub temperature_c: Option<f64>,
+    /// Anything worth knowing later.
+    pub note: String,
+}
+
+/// An imported trial.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Imported {
+    /// Speeds of flagella 1 and 2.
+    pub speeds: [CentiRpm; 2],
+    /// The run, by the clock of the table, s.
+    pub run_s: Range<f64>,
+    /// Number of states.
+    pub samples: usize,
+}
+
+/// Writes the log of a trial with these states to `path`, which must not exist. `table` is what errors call the table.
+///
+/// # Errors
+/// [`ImportError`]; nothing is written then.
+pub fn write(states: &States, conditions: &Conditions, table: &str, path: &Path) -> Result<Imported, ImportError> {
+    let Run { run, speeds, turns } = Run::of(states, conditions.speeds, conditions.run_s.clone(), table)?;
+    let rows = &states.rows;
+    let (start, end) = (rows[0].time_s, rows[rows.len() - 1].time_s);
+    let (preroll, decay) = (run.start - start, end - run.end);
+    let lines = format!("calibrate = 0\npreroll = {preroll}\nrun = {}\ndecay = {decay}", run.end - run.start);
+    let plan = Plan::of_speeds(speeds, &lines, "")?;
+    let plan = Plan { robot: conditions.robot.clone(), note: conditions.note.clone(), ..plan };
+    output::check_new(path)?;
+    let epoch = SystemTime::UNIX_EPOCH;
+    let first = run::start(&plan, &plan.trials[0], 1, Origin::Imported, None, epoch);
+    let mut log = Writer::create(path, &first, epoch)?;
+    log.meta(&ImportMeta {
+        source: states.source.clone(),
+        source_sha256: states.source_sha256.clone(),
+        columns: states.columns.clone(),
+        start_s: start,
+        left_out: states.left_out,
+        constant: states.constant.clone(),
+        yaw_uncertainty_deg: conditions.uncertainty_deg.map(|[yaw, _]| yaw),
+        tilt_uncertainty_deg: conditions.uncertainty_deg.map(|[_, tilt]| tilt),
+        temperature_c: conditions.temperature_c,
+    })?;
+    let phases = [(Phase::Preroll, start), (Phase::Run, run.start), (Phase::Decay, run.end), (Phase::End, end)];
+    let mut phases = phases.into_iter().peekable();
+    for (i, (state, turns)) in rows.iter().zip(&turns).enumerate() {
+        while let Some((phase, time_s)) = phases.next_if(|(_, time_s)| *time_s <= state.time_s) {
+            log.at(time_s - start);
+            log.event(EventKind::Phase, phase.name(), epoch)?;
+        }
+        log.at(state.time_s - start);
+        log.message(&truth(states, i, *turns, start), epoch)?;
+    }
+    let link = LinkStats { samples: rows.len() as u64, ..LinkStats::default() };
+    log.finish(&Summary { end: End::Complete, link, ..Summary::default() })?;
+    Ok(Imported { speeds, run_s: run, samples: rows.len() })
+}
+
+fn truth(states: &States, i: usize, [motor1_turns, motor2_turns]: [f64; 2], start_s: f64) -> Truth {
+    let state = &states.rows[i];
+    let [yaw_deg, pitch_deg, roll_deg] = state.angles_deg;
+    let [yaw, pitch, roll] = state.angles_deg.map(f64::to_radians);
+    let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+    let [motor1_rpm, motor2_rpm] = state.speed_rpm.unwrap_or_default();
+    Truth {
+        time_s: state.time_s - start_s,
+        attitude: Some(Quaternion { w: q.w, x: q.i, y: q.j, z: q.k }),
+        yaw_deg,
+        pitch_deg,
+        roll_deg,
+        angular_velocity_dps: None,
+        motor1_turns,
+        motor2_turns,
+        motor1_rpm,
+        motor2_rpm,
+    }
+}

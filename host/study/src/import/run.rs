@@ -1,0 +1,103 @@
+//! When the motors turn in a table, how fast, and how far.
+
+use super::{ImportError, State, States};
+use protocol::units::CentiRpm;
+use std::ops::Range;
+
+/// Smallest speed of a motor that turns, rpm.
+const MOVING_RPM: f64 = 0.5;
+
+/// The run in a table, and the motion of the shafts.
+pub(super) struct Run {
+    /// When the motors turn, by the clock of the table, s.
+    pub run: Range<f64>,
+    /// Speeds, as far as they are known.
+    pub speeds: [CentiRpm; 2],
+    /// Turns of both shafts at each state, from zero at the first one.
+    pub turns: Vec<[f64; 2]>,
+}
+
+impl Run {
+    /// Finds the run in the states of a table, unless it is given; then the speeds, unless they are given, too.
+    pub(super) fn of(
+        states: &States,
+        speeds: Option<[CentiRpm; 2]>,
+        run: Option<Range<f64>>,
+        table: &str,
+    ) -> Result<Self, ImportError> {
+        let rows = &states.rows;
+        let (first, last) = (rows[0].time_s, rows[rows.len() - 1].time_s);
+        if let Some(run) = &run
+            && (run.start < first || run.end > last || run.end <= run.start)
+        {
+            let reason =
+                format!("the table lasts from {first} to {last} s, and the run from {} to {} s", run.start, run.end);
+            return Err(ImportError::table(table, reason, "name a run within the table with --run"));
+        }
+        let is_measured = rows[0].turns.is_some() || rows[0].speed_rpm.is_some();
+        let (run, turns) = if is_measured {
+            let turns = measured_turns(rows);
+            let run = match run {
+                Some(run) => run,
+                None => moving(rows, &turns).ok_or_else(|| {
+                    ImportError::table(table, "its motors never turn", "name the columns of their speeds, w1 and w2")
+                })?,
+            };
+            (run, turns)
+        } else {
+            let Some(speeds) = speeds else {
+                let help = "name the speeds with --speeds, or the columns w1 and w2, or turns1 and turns2";
+                return Err(ImportError::table(table, "the speeds of the motors are not known", help));
+            };
+            let run = run.unwrap_or(first..last);
+            let turns =
+                |state: &State| speeds.map(|w| w.rpm() / 60.0 * (state.time_s.clamp(run.start, run.end) - run.start));
+            let turns = rows.iter().map(turns).collect();
+            (run, turns)
+        };
+        let speeds = speeds.unwrap_or_else(|| mean_speeds(rows, &turns, &run));
+        Ok(Self { run, speeds, turns })
+    }
+}
+
+/// Returns the turns, or the integral of the speeds.
+fn measured_turns(rows: &[State]) -> Vec<[f64; 2]> {
+    let mut sum = [0.0; 2];
+    let mut all = vec![sum];
+    for pair in rows.windows(2) {
+        for (k, sum) in sum.iter_mut().enumerate() {
+            *sum += match (pair[0].turns, pair[1].turns, pair[0].speed_rpm, pair[1].speed_rpm) {
+                (Some(before), Some(now), ..) => now[k] - before[k],
+                (_, _, Some(before), Some(now)) => {
+                    0.5 * (before[k] + now[k]) / 60.0 * (pair[1].time_s - pair[0].time_s)
+                }
+                _ => 0.0,
+            };
+        }
+        all.push(sum);
+    }
+    all
+}
+
+/// Returns the time from the last row at rest to the last row in which a motor turns.
+fn moving(rows: &[State], turns: &[[f64; 2]]) -> Option<Range<f64>> {
+    let is_moving = |i: &usize| {
+        let passed_s = rows[i + 1].time_s - rows[*i].time_s;
+        [0, 1].into_iter().any(|k| ((turns[i + 1][k] - turns[*i][k]) * 60.0 / passed_s).abs() > MOVING_RPM)
+    };
+    let mut intervals = (0..rows.len() - 1).filter(is_moving);
+    let first = intervals.next()?;
+    let last = intervals.next_back().unwrap_or(first);
+    Some(rows[first].time_s..rows[last + 1].time_s)
+}
+
+/// Returns the mean speeds in the middle half of the run.
+fn mean_speeds(rows: &[State], turns: &[[f64; 2]], run: &Range<f64>) -> [CentiRpm; 2] {
+    let quarter_s = 0.25 * (run.end - run.start);
+    let at = |time_s: f64| rows.partition_point(|state| state.time_s < time_s).min(rows.len() - 1);
+    let (from, to) = (at(run.start + quarter_s), at(run.end - quarter_s));
+    let passed_s = rows[to].time_s - rows[from].time_s;
+    [0, 1].map(|k| {
+        CentiRpm::from_rpm(if passed_s > 0.0 { 60.0 * (turns[to][k] - turns[from][k]) / passed_s } else { 0.0 })
+    })
+}

@@ -1,0 +1,259 @@
+//! A table of numbers, and the states of the robot in its rows.
+
+use super::mapping::{Place, Value};
+use super::{ImportError, Mapping, Quantity};
+use crate::attitude::{Euler, Unwrap, rotation};
+use crate::text::hex;
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// What a row without a value may hold.
+const EMPTY: [&str; 5] = ["", "nan", "na", "null", "none"];
+
+/// Largest deviation of a quaternion's length from one.
+const QUATERNION: f64 = 0.05;
+
+/// Fastest shaft, rpm. A faster one is an angle that begins again after a turn.
+const FASTEST_RPM: f64 = 200.0;
+
+/// The state of the robot at a time.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct State {
+    /// Time, s.
+    pub time_s: f64,
+    /// Yaw (unwrapped), pitch and roll.
+    pub angles_deg: [f64; 3],
+    /// Speeds of the flagella, if they were measured.
+    pub speed_rpm: Option<[f64; 2]>,
+    /// Turns of the shafts, if they were measured.
+    pub turns: Option<[f64; 2]>,
+}
+
+/// The states in the rows of a table, in the order of time.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct States {
+    /// The states.
+    pub rows: Vec<State>,
+    /// Number of rows that were left out because a value was missing.
+    pub left_out: u64,
+    /// The quantities for which a constant was given.
+    pub constant: Vec<String>,
+    /// Which column held which quantity.
+    pub columns: String,
+    /// Name of the file.
+    pub source: String,
+    /// SHA-256 of the file, in hexadecimal.
+    pub source_sha256: String,
+}
+
+impl States {
+    /// Checks states that are in the order of time and unwraps their yaw. `place` names the row of an index, and `table` the
+    /// table.
+    ///
+    /// # Errors
+    /// [`ImportError::Table`] if values are impossible.
+    pub fn new(mut rows: Vec<State>, table: &str, place: impl Fn(usize) -> String) -> Result<Self, ImportError> {
+        let wrong = |row: usize, reason: String, help| {
+            Err(ImportError::table(&format!("{table}, {}", place(row)), reason, help))
+        };
+        let mut unwrap = Unwrap::default();
+        for i in 0..rows.len() {
+            let State { time_s, angles_deg: [yaw, pitch, roll], turns, speed_rpm } = rows[i];
+            let motors = [turns, speed_rpm].into_iter().flatten().flatten();
+            if ![time_s, yaw, pitch, roll].into_iter().chain(motors).all(f64::is_finite) {
+                return wrong(i, "a value is not finite".to_owned(), "leave a missing value empty");
+            }
+            if pitch.abs() > 90.0 || roll.abs() > 180.0 {
+                let reason = format!("pitch {pitch}° and roll {roll}° are no z-y'-x'' angles");
+                return wrong(
+                    i,
+                    reason,
+                    "check the units; for another order of angles, give a quaternion: qw, qx, qy, qz",
+                );
+            }
+            rows[i].angles_deg[0] = unwrap.next(yaw);
+            let Some(before) = i.checked_sub(1).map(|before| rows[before]) else { continue };
+            if time_s <= before.time_s {
+                let reason = format!("the time {time_s} s follows {} s", before.time_s);
+                return wrong(i, reason, "sort the rows by time, each time once");
+            }
+            if let (Some(turns), Some(last)) = (turns, before.turns)
+                && let Some(k) = [0, 1]
+                    .into_iter()
+                    .find(|k| (turns[*k] - last[*k]).abs() / (time_s - before.time_s) > FASTEST_RPM / 60.0)
+            {
+                let reason = format!("turns{} goes from {:.3} to {:.3} turns", k + 1, last[k], turns[k]);
+                return wrong(i, reason, "check the unit; angles of shafts must go on after a full turn");
+            }
+        }
+        if rows.len() < 2 {
+            return Err(ImportError::table(
+                table,
+                format!("has {} rows with all values", rows.len()),
+                "name another table",
+            ));
+        }
+        Ok(Self { rows, ..Self::default() })
+    }
+}
+
+/// A table of numbers as text.
+#[derive(Clone, Debug)]
+pub struct Table {
+    name: String,
+    header: Vec<String>,
+    /// Line and cells of each row.
+    rows: Vec<(u64, Vec<String>)>,
+    sha256: String,
+}
+
+impl Table {
+    /// Reads a file with a comma, semicolon or tab between the cells. Lines that begin with `#` are comments. The first
+    /// line holds the names of the columns, unless all its cells are numbers.
+    ///
+    /// # Errors
+    /// [`ImportError::Read`], [`ImportError::Table`].
+    pub fn read(path: &Path) -> Result<Self, ImportError> {
+        let bytes = std::fs::read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
+        let name = path.display().to_string();
+        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
+        let mut rows = Vec::new();
+        let mut format = csv::ReaderBuilder::new();
+        let mut reader = format.delimiter(delimiter(text)).comment(Some(b'#')).has_headers(false).from_reader(text);
+        for record in reader.records() {
+            let record = record
+                .map_err(|error| ImportError::table(&name, error.to_string(), "name a table in the format CSV"))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            rows.push((line, record.iter().map(|cell| cell.trim().to_owned()).collect::<Vec<_>>()));
+        }
+        let is_header = |cells: &[String]| !cells.iter().all(|cell| is_empty(cell) || cell.parse::<f64>().is_ok());
+        let header = match rows.first() {
+            Some((_, cells)) if is_header(cells) => rows.remove(0).1,
+            _ => Vec::new(),
+        };
+        Ok(Self { name, header, rows, sha256: hex(&Sha256::digest(&bytes)) })
+    }
+
+    /// Returns the states of the rows. A row without a value is left out.
+    ///
+    /// # Errors
+    /// [`ImportError::Columns`] if the table has no such column, [`ImportError::Table`] if a cell is no number or a value is
+    /// impossible.
+    pub fn states(&self, mapping: &Mapping) -> Result<States, ImportError> {
+        let columns = mapping.values.iter().map(|value| self.column(value)).collect::<Result<Vec<_>, _>>()?;
+        let (mut states, mut lines) = (Vec::new(), Vec::new());
+        for (line, cells) in &self.rows {
+            let mut values = Vec::with_capacity(columns.len());
+            for (value, column) in mapping.values.iter().zip(&columns) {
+                values.push(self.value(value, *column, *line, cells)?);
+            }
+            let of = |quantity: Quantity| {
+                let at = mapping.values.iter().position(|value| value.quantity == quantity);
+                at.and_then(|at| values[at])
+            };
+            if values.iter().all(Option::is_some) {
+                states.push(self.state(*line, of)?);
+                lines.push(*line);
+            }
+        }
+        let left_out = (self.rows.len() - states.len()) as u64;
+        let checked = States::new(states, &self.name, |row| format!("line {}", lines[row]))?;
+        let source = Path::new(&self.name).file_name().map_or_else(String::new, |name| name.to_string_lossy().into());
+        let (columns, constant) = (mapping.to_string(), mapping.constants());
+        Ok(States { left_out, constant, columns, source, source_sha256: self.sha256.clone(), ..checked })
+    }
+
+    fn state(&self, line: u64, of: impl Fn(Quantity) -> Option<f64>) -> Result<State, ImportError> {
+        let both = |of: [Option<f64>; 2]| of[0].zip(of[1]).map(|(one, two)| [one, two]);
+        let angles_deg = match [0, 1, 2, 3].map(|part| of(Quantity::Quaternion(part))) {
+            [Some(w), Some(x), Some(y), Some(z)] => {
+                let length = [w, x, y, z].into_iter().map(|part| part * part).sum::<f64>().sqrt();
+                if (length - 1.0).abs() > QUATERNION {
+                    let reason = format!("a quaternion of length {length:.3} is no attitude");
+                    let help = "check the columns qw, qx, qy, qz";
+                    return Err(ImportError::table(&format!("{}, line {line}", self.name), reason, help));
+                }
+                let Euler { yaw_deg, pitch_deg, roll_deg } = Euler::of(&rotation([w, x, y, z]));
+                [yaw_deg, pitch_deg, roll_deg]
+            }
+            _ => [0, 1, 2].map(|angle| of(Quantity::Angle(angle)).unwrap_or(f64::NAN)),
+        };
+        Ok(State {
+            time_s: of(Quantity::Time).unwrap_or(f64::NAN),
+            angles_deg,
+            speed_rpm: both([0, 1].map(|k| of(Quantity::Speed(k)))),
+            turns: both([0, 1].map(|k| of(Quantity::Turns(k)))),
+        })
+    }
+
+    /// Returns the number of a value's column; `None` for a constant.
+    fn column(&self, value: &Value) -> Result<Option<usize>, ImportError> {
+        match &value.from {
+            Place::Constant(_) => Ok(None),
+            Place::Number(number) => Ok(Some(*number)),
+            Place::Named(name) => {
+                let named: Vec<usize> = (0..self.header.len()).filter(|i| self.header[*i] == *name).collect();
+                match named.as_slice() {
+                    [one] => Ok(Some(*one)),
+                    [] if self.header.is_empty() => {
+                        let help = "name the columns by their numbers: time=#1";
+                        Err(ImportError::columns(format!("{} has no names of columns", self.name), help))
+                    }
+                    [] => {
+                        let help = format!("its columns are {}", self.header.join(", "));
+                        Err(ImportError::columns(format!("{} has no column {name}", self.name), help))
+                    }
+                    _ => {
+                        let reason = format!("{} has {} columns {name}", self.name, named.len());
+                        Err(ImportError::columns(reason, "name the column by its number: time=#1"))
+                    }
+                }
+            }
+        }
+    }
+
+    /// Returns a value in the quantity's first unit; `None` if the cell is empty.
+    fn value(
+        &self,
+        value: &Value,
+        column: Option<usize>,
+        line: u64,
+        cells: &[String],
+    ) -> Result<Option<f64>, ImportError> {
+        let Some(column) = column else {
+            let Place::Constant(constant) = value.from else { return Ok(None) };
+            return Ok(Some(constant * value.factor));
+        };
+        let table = || format!("{}, line {line}", self.name);
+        let Some(cell) = cells.get(column) else {
+            let reason = format!("has {} columns, so no column {} for {}", cells.len(), column + 1, value.name);
+            return Err(ImportError::table(&table(), reason, "check the numbers of the columns"));
+        };
+        if is_empty(cell) {
+            return Ok(None);
+        }
+        match cell.parse::<f64>() {
+            Ok(number) => Ok(Some(number * value.factor)),
+            Err(_) => {
+                let reason = format!("{cell:?} for {} is not a number", value.name);
+                Err(ImportError::table(
+                    &table(),
+                    reason,
+                    "write numbers with a decimal point; leave a missing value empty",
+                ))
+            }
+        }
+    }
+}
+
+fn is_empty(cell: &str) -> bool {
+    EMPTY.contains(&cell.to_lowercase().as_str())
+}
+
+/// Returns the most frequent separator of the first line that is no comment.
+fn delimiter(text: &[u8]) -> u8 {
+    let line = text.split(|byte| *byte == b'\n').find(|line| !line.is_empty() && line[0] != b'#').unwrap_or_default();
+    let times = |separator: &u8| line.iter().filter(|byte| *byte == separator).count();
+    // Of equally many, the last one: the comma.
+    [b'\t', b';', b','].into_iter().max_by_key(times).unwrap_or(b',')
+}

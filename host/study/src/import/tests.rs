@@ -1,0 +1,133 @@
+use super::*;
+use crate::plan::{PHYSICAL, RobotFile, robot};
+use crate::trial::{Data, Want, Zeroed, findings};
+use std::path::{Path, PathBuf};
+
+const COLUMNS: &str = "time=t:ms,yaw=-psi:rad,pitch=#3,roll=0,w1=w1,w2=w2:rps";
+
+fn conditions() -> Conditions {
+    let robot = robot::load(Path::new(PHYSICAL)).unwrap();
+    Conditions { speeds: None, run_s: None, robot, uncertainty_deg: None, temperature_c: None, note: String::new() }
+}
+
+/// Returns a table of 6 s at 20 Hz: a rest of 2 s with a yaw of 2.9 rad, then a turn of 12 °/s at 41.7 and -6 rpm, in
+/// which the sensor's angle passes half a turn.
+fn table(folder: &Path) -> PathBuf {
+    let mut text = "# a camera\nt,psi,\"pitch, measured\",w1,w2\n".to_owned();
+    for i in 0..=120 {
+        let run_s = (f64::from(i) * 0.05 - 2.0).max(0.0);
+        let psi = 2.9 - (12.0 * run_s).to_radians();
+        let psi = (psi + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+        let (w1, w2) = if i >= 40 { (41.7, -0.1) } else { (0.0, 0.0) };
+        let pitch = if i == 77 { String::new() } else { format!("{}", 1.5 + 0.25 * run_s) };
+        text += &format!("{},{psi},{pitch},{w1},{w2}\n", 5000 + 50 * i);
+    }
+    let path = folder.join("camera.csv");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+fn imported(columns: &str, conditions: &Conditions) -> (Imported, Data) {
+    let folder = tempfile::tempdir().unwrap();
+    let (csv, log) = (table(folder.path()), folder.path().join("camera.mcap"));
+    let states = Table::read(&csv).unwrap().states(&columns.parse().unwrap()).unwrap();
+    let imported = write(&states, conditions, "camera.csv", &log).unwrap();
+    (imported, Data::read(&log, Want::default()).unwrap())
+}
+
+#[test]
+fn units_signs_and_rest_of_a_table_are_those_of_the_log() {
+    let (imported, data) = imported(COLUMNS, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() });
+    assert_eq!((imported.samples, imported.speeds.map(|w| w.rpm())), (120, [41.7, -6.0]));
+    assert!((imported.run_s.start - 6.95).abs() < 1e-9 && (imported.run_s.end - 11.0).abs() < 1e-9, "{imported:?}");
+    assert!((data.duration_s - 6.0).abs() < 1e-9 && (data.times.run.start - 1.95).abs() < 1e-9, "{:?}", data.times);
+    let zeroed = Zeroed::new(&data);
+    // Half a second of the ramp of the speeds' integral is 0.05 s.
+    for (time_s, angles) in [(1.0, [0.0, 0.0, 0.0]), (4.0, [24.0, 0.5, 0.0]), (6.0, [48.0, 1.0, 0.0])] {
+        for (found, expected) in zeroed.at(time_s).into_iter().zip(angles) {
+            assert!((found - expected).abs() < 0.02, "at {time_s}: {:?} for {angles:?}", zeroed.at(time_s));
+        }
+    }
+    let [.., one, two] = data.motors.values.clone();
+    assert!(
+        (one[119] - 41.7 / 60.0 * 4.025).abs() < 1e-3 && (two[119] + 0.1 * 4.025).abs() < 1e-3,
+        "{} {}",
+        one[119],
+        two[119]
+    );
+    let angles = zeroed.angles().unwrap();
+    assert_eq!((angles.yaw_uncertainty_deg, angles.drift_deg), (Some(0.5), None));
+    assert!((angles.pitch_uncertainty_deg.unwrap() - 0.2).abs() < 1e-12);
+    let texts: Vec<_> = findings(&data, &zeroed).into_iter().map(|finding| (finding.grave, finding.text)).collect();
+    let has = |part: &str| texts.iter().any(|(grave, text)| !grave && text.contains(part));
+    assert!(has("1 row of the table without a value") && has("roll was not measured"), "{texts:?}");
+    assert!(!texts.iter().any(|(_, text)| text.contains("uncertainty")), "{texts:?}");
+}
+
+#[test]
+fn quaternion_is_the_attitude_that_its_angles_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let q = nalgebra::UnitQuaternion::from_euler_angles(0.1, -0.2, 2.3);
+    let row = |t: u32| format!("{t};{};{};{};{}\n", q.w, q.i, q.j, q.k);
+    let csv = folder.path().join("a.csv");
+    std::fs::write(&csv, [0, 1, 2].map(row).concat()).unwrap();
+    let mapping: Mapping = "time=#1,qw=#2,qx=#3,qy=#4,qz=#5".parse().unwrap();
+    let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+    let expected = [2.3f64, -0.2, 0.1].map(f64::to_degrees);
+    assert!(states.rows[2].angles_deg.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{states:?}");
+}
+
+#[test]
+fn an_import_without_an_uncertainty_says_so_and_has_none() {
+    let (_, data) = imported(COLUMNS, &conditions());
+    let zeroed = Zeroed::new(&data);
+    assert_eq!(zeroed.angles().unwrap().yaw_uncertainty_deg, None);
+    assert!(findings(&data, &zeroed).iter().any(|finding| finding.text.contains("states no uncertainty")));
+    assert_eq!(data.robot().unwrap(), RobotFile::of_log(data.records.robot.clone()).parse().unwrap());
+}
+
+#[test]
+fn what_cannot_be_imported_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    for (columns, why) in [
+        ("yaw=a,pitch=b,roll=c", "time is missing"),
+        ("time=t,yaw=a,pitch=b", "roll is missing"),
+        ("time=t,yaw=a,pitch=b,roll=c,qw=d", "the attitude is given twice"),
+        ("time=t,qw=d,qx=e,qy=f", "qz is missing"),
+        ("time=t,yaw=a,yaw=b,pitch=b,roll=c", "yaw is named twice"),
+        ("time=t,yaw=a,pitch=b,roll=c,w1=d", "w1 is given without w2"),
+        ("time=t,yaw=a:grad,pitch=b,roll=c", "\"grad\" is no unit of yaw"),
+        ("time=t,jaw=a", "\"jaw\" is no quantity"),
+        ("time=t,yaw=#0,pitch=b,roll=c", "\"#0\" is no column"),
+        ("time=1,yaw=a,pitch=b,roll=c", "time cannot be 1"),
+        ("time", "\"time\" names no column"),
+    ] {
+        let error = columns.parse::<Mapping>().unwrap_err();
+        assert!(error.to_string().contains(why) && error.is_wrong_use(), "{columns}: {error}");
+    }
+    let rows = |rows: &[&str]| format!("t,y,p,r,n\n{}\n", rows.join("\n"));
+    for (columns, text, why) in [
+        ("time=t,yaw=y,pitch=p,roll=x", rows(&["0,0,0,0,0"]), "has no column x"),
+        ("time=t,yaw=y,pitch=p,roll=#9", rows(&["0,0,0,0,0"]), "line 2: has 5 columns, so no column 9 for roll"),
+        (
+            "time=t,yaw=y,pitch=p,roll=r",
+            rows(&["0,0,0,0,0", "1,fast,0,0,0"]),
+            "line 3: \"fast\" for yaw is not a number",
+        ),
+        ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,0,0,0", "0,0,0,0,0"]), "line 3: the time 0 s follows 0 s"),
+        ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,170,0,0", "1,0,0,0,0"]), "are no z-y'-x'' angles"),
+        ("time=t,yaw=y,pitch=p,roll=r,turns1=n,turns2=0", rows(&["0,0,0,0,9.9", "0.1,0,0,0,0.1"]), "turns1 goes from"),
+        ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,0,0,0", "1,,0,0,0"]), "has 1 rows"),
+        ("time=t,yaw=y,pitch=p,roll=r", rows(&["0,0,0,0,0", "9,0,0,0,0"]), "speeds of the motors are not known"),
+        ("time=t,yaw=y,pitch=p,roll=r,w1=n,w2=n", rows(&["0,0,0,0,0", "9,0,0,0,0"]), "its motors never turn"),
+        ("time=t,qw=y,qx=p,qy=r,qz=n", rows(&["0,0.5,0,0,0", "9,1,0,0,0"]), "a quaternion of length 0.500"),
+    ] {
+        let csv = folder.path().join("a.csv");
+        std::fs::write(&csv, &text).unwrap();
+        let log = folder.path().join("a.mcap");
+        let states = Table::read(&csv).unwrap().states(&columns.parse().unwrap());
+        let error = states.and_then(|states| write(&states, &conditions(), "a.csv", &log)).unwrap_err();
+        assert!(error.to_string().contains(why) && error.is_wrong_use(), "{why}: {error}");
+        assert!(!log.exists());
+    }
+}

@@ -1,0 +1,116 @@
+//! `biflag import`: a table of another instrument becomes a trial that every command reads.
+
+use crate::program::{biflag, code, json};
+use serde_json::Value;
+use std::path::Path;
+
+const COLUMNS: &str = "time=time_s,yaw=-turned:rad,pitch=pitch_deg,roll=roll_deg,turns1=turns1,turns2=turns2";
+const PLAN: &str = "[trial]\npreroll = 40\nrun = 31\ndecay = 4\n[speeds]\npairs = [[-37.3, -12.9]]\n";
+
+/// Returns a table with the yaw of a modelled trial as a camera would give it: clockwise, in radians, from another zero,
+/// with noise of 0.1 degrees, and lost at some times.
+fn camera(export: &str) -> String {
+    let mut rows = export.lines().filter(|line| !line.starts_with('#'));
+    let header: Vec<&str> = rows.next().unwrap().split(',').collect();
+    let at = |name: &str| header.iter().position(|column| *column == name).unwrap();
+    let mut state = 7u64;
+    let mut noise = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / (1u64 << 31) as f64 - 0.5
+    };
+    let row = |(i, row): (usize, &str)| {
+        let cells: Vec<&str> = row.split(',').collect();
+        let yaw: f64 = cells[at("yaw_deg")].parse().unwrap();
+        let turned =
+            if i % 50 == 49 { String::new() } else { (-(yaw + 75.5 + 0.35 * noise()).to_radians()).to_string() };
+        let others = ["time_s", "pitch_deg", "roll_deg", "turns1", "turns2"].map(|name| cells[at(name)]).join(",");
+        format!("{others},{turned}\n")
+    };
+    let rows: String = rows.enumerate().map(row).collect();
+    format!("time_s,pitch_deg,roll_deg,turns1,turns2,turned\n{rows}")
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+#[test]
+fn a_camera_agrees_with_the_trial_that_it_saw() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("p.toml"), PLAN).unwrap();
+    assert!(matches!(code(&biflag(folder, &["simulate", "p.toml", "--rate", "20", "--out", "s"])), Some(0 | 3)));
+    let own = "s/001_w1-37.3_w2-12.9.mcap";
+    let export = biflag(folder, &["export", own, "--format", "csv", "-o", "own.csv"]);
+    assert!(matches!(code(&export), Some(0 | 3)), "{export:?}");
+    let export = std::fs::read_to_string(folder.join("own.csv")).unwrap();
+    for line in ["# SHA-256 of the log: ", "# robot physical, closure full\n"] {
+        assert!(export.contains(line), "{line} is not in {}", &export[..600]);
+    }
+    std::fs::write(folder.join("camera.csv"), camera(&export)).unwrap();
+    let args =
+        ["import", "camera.csv", "--columns", COLUMNS, "--uncertainty", "0.3,0.1", "-o", "camera.mcap", "--json"];
+    let import = biflag(folder, &args);
+    let said = json(&import);
+    assert_eq!(code(&import), Some(0), "{said}");
+    assert_eq!(
+        (&said["log"], &said["samples"], &said["left_out"]),
+        (&"camera.mcap".into(), &1569.into(), &32.into()),
+        "{said}"
+    );
+    let (start, end) = (number(&said["run_start_s"]), number(&said["run_end_s"]));
+    assert!((start - 45.0).abs() < 0.11 && (end - 76.0).abs() < 0.4, "{said}");
+    assert!((number(&said["w1_rpm"]) + 37.3).abs() < 0.02 && (number(&said["w2_rpm"]) + 12.9).abs() < 0.02, "{said}");
+    assert_eq!(said["yaw_uncertainty_deg"], 0.3, "{said}");
+    // The log is a trial: what every command says of it is the same.
+    let info = json(&biflag(folder, &["info", "camera.mcap", "--json"]));
+    assert_eq!((&info["origin"], &info["angles"]["yaw_deg"]), (&"imported".into(), &said["yaw_deg"]), "{info}");
+    let both = |args: &[&str]| {
+        let output = biflag(folder, &[args, &["--anyway", "--json"]].concat());
+        assert!(matches!(code(&output), Some(0 | 3)), "{output:?}");
+        json(&output)["trials"][0].clone()
+    };
+    for compared in [both(&["compare", "camera.mcap", own]), both(&["compare", "camera.mcap"])] {
+        for (key, most) in [("yaw_rmse_deg", 0.3), ("pitch_rmse_deg", 0.15), ("steady_yaw_error_deg", 0.15)] {
+            assert!(number(&compared[key]).abs() < most, "{key}: {compared}");
+        }
+    }
+    for args in [&["report", "camera.mcap", "-o", "page.html"][..], &["figure", "trial", "camera.mcap", "-o", "f.svg"]]
+    {
+        let output = biflag(folder, args);
+        assert!(matches!(code(&output), Some(0 | 3)), "{output:?}");
+    }
+    let page = std::fs::read_to_string(folder.join("page.html")).unwrap();
+    assert!(page.contains("Imported from") && page.contains("yaw=-turned:rad"));
+    let again = biflag(folder, &args);
+    assert_eq!(code(&again), Some(2), "the log exists: {again:?}");
+}
+
+/// What a table lacks is wrong use, and no log is begun.
+#[test]
+fn what_is_missing_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("t.csv"), "t,psi\n0,1.5\n1,1.5\n2,7.25\n3,9\n").unwrap();
+    let run = |columns: &str, more: &[&str]| {
+        let args = [&["import", "t.csv", "--columns", columns, "-o", "t.mcap"][..], more].concat();
+        let output = biflag(folder, &args);
+        (code(&output), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let columns = "time=t,yaw=psi,pitch=0,roll=0";
+    for (columns, more, why) in [
+        ("time=t,yaw=psi,pitch=0", &[][..], "roll is missing"),
+        (columns, &[], "the speeds of the motors are not known"),
+        (columns, &["--speeds", "50,10", "--run", "1,9"], "the table lasts from 0 to 3 s"),
+        (columns, &["--speeds", "50,10", "--uncertainty", "0.5"], "give two uncertainties in degrees"),
+        (columns, &["--speeds", "50,10", "--robot", "none.toml"], "none.toml"),
+    ] {
+        let (code, said) = run(columns, more);
+        assert!(code == Some(2) && said.contains(why), "{why}: {said}");
+    }
+    assert!(!Path::new(&folder.join("t.mcap")).exists());
+    let (code, said) = run(columns, &["--speeds", "50,10", "--run", "1,3"]);
+    assert_eq!(code, Some(0), "{said}");
+    let calibrate = biflag(folder, &["calibrate", "t.mcap", "-o", "fitted.toml"]);
+    assert!(String::from_utf8_lossy(&calibrate.stderr).contains("imported without an uncertainty"), "{calibrate:?}");
+}
