@@ -12,6 +12,7 @@ mod json;
 mod log;
 mod names;
 mod page;
+mod picture;
 mod robot;
 mod simulate;
 mod simulator;
@@ -35,6 +36,8 @@ mod _biflag {
     #[pymodule_export]
     use crate::log::{html, read_log, read_session, session_repeats, session_table};
     #[pymodule_export]
+    use crate::picture::picture;
+    #[pymodule_export]
     use crate::robot::Robot;
     #[pymodule_export]
     use crate::simulate::{Simulated, simulate};
@@ -51,6 +54,7 @@ mod _biflag {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", VERSION)?;
-        module.add("__commit__", GIT_HASH)
+        module.add("__commit__", GIT_HASH)?;
+        module.add("STEADY_MAP", study::aim::MAP)
     }
 }

@@ -6,6 +6,7 @@ use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyMapping, PySequence, PyString, PyTuple, PyType};
 use sim::params;
+use sim::return_to_rest::TimeConstants;
 use std::path::PathBuf;
 use study::plan::{PHYSICAL, PUBLISHED, RobotFile, robot, robot_keys, with_fit};
 use toml::{Table, Value};
@@ -107,6 +108,12 @@ impl Robot {
         let keys = PyDict::new(py);
         robot_keys().into_iter().try_for_each(|(key, about)| keys.set_item(key, about))?;
         Ok(keys)
+    }
+
+    /// Returns the time constants of the return to rest of yaw and tilt, s; infinite if nothing brings the robot back.
+    fn time_constants(&self) -> Result<(f64, f64), Failure> {
+        let constants = TimeConstants::of(&self.params).map_err(Failure::from)?;
+        Ok((constants.yaw_s, constants.tilt_s))
     }
 
     /// Name of the built-in robot or of its file.

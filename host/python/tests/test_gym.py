@@ -91,3 +91,37 @@ def test_integral_control_holds_an_attitude() -> None:
     worst = np.abs(means - wanted).max(axis=0)
     print(f"from 60 s on, means over 12 s are within {worst[0]:.2f} deg of the yaw and {worst[1]:.2f} deg of the pitch")
     assert worst.max() < 1.0
+
+
+def test_fast_environment_is_near_the_model() -> None:
+    environment = gymnasium.make("biflag/AttitudeFast-v0")
+    check_env(environment.unwrapped)
+    full = gymnasium.make(NAME)
+    random = np.random.default_rng(5)
+    differences = []
+    for episode in range(4):
+        for one in (environment, full):
+            one.reset(seed=episode)
+        for _ in range(3):
+            action = random.uniform(-1, 1, 2)
+            for _ in range(40):
+                fast, slow = environment.step(action)[0], full.step(action)[0]
+                differences.append(fast[:3] - slow[:3])
+    rms = np.sqrt((np.array(differences) ** 2).mean(axis=0))
+    print("fast against full, RMS yaw, pitch, roll:", rms)
+    # The swing with each turn, which it leaves out, has some degrees of tilt.
+    assert rms[0] < 20 and rms[1] < 6 and rms[2] < 8, rms
+    with pytest.raises(biflag.ParameterError, match="fast"):
+        gymnasium.make("biflag/AttitudeFast-v0", robot=biflag.Robot.published())
+
+
+def test_a_rendered_robot_turns() -> None:
+    environment = gymnasium.make(NAME, render_mode="rgb_array")
+    environment.reset(seed=1)
+    upright = environment.render()
+    for _ in range(20):
+        environment.step(np.array([0.8, 0.8]))
+    turned = environment.render()
+    assert isinstance(upright, np.ndarray) and isinstance(turned, np.ndarray)
+    assert upright.shape == (480, 360, 3) and upright.dtype == np.uint8
+    assert (np.abs(upright.astype(int) - turned.astype(int)) > 60).sum() > 1000

@@ -1,8 +1,11 @@
 //! A film of a trial as an animated GIF: the moving robot over its yaw, drawn without a browser or a graphics card.
 
 mod palette;
+mod picture;
 mod render;
 mod scene;
+
+pub use picture::Picture;
 
 use biflag_log::LogError;
 use gif::{DisposalMethod, Encoder, Frame, Repeat};

@@ -72,6 +72,7 @@ fn mixed(colour: Rgb, background: f32) -> Rgb {
     std::array::from_fn(|k| colour[k] * (1.0 - background) + BACKGROUND[k] * background)
 }
 
-fn bytes(colour: Rgb) -> [u8; 3] {
+/// Returns red, green and blue of a colour, 0 to 255.
+pub(super) fn bytes(colour: Rgb) -> [u8; 3] {
     colour.map(|part| (part * 255.0).round().clamp(0.0, 255.0) as u8)
 }

@@ -34,7 +34,7 @@ class Solution:
 
     >>> solution = biflag.aim(biflag.Robot.physical(), yaw=-67, pitch=-4).solutions[0]
     >>> [round(float(rpm)) for rpm in solution.speeds], solution.error_deg < 0.2, solution.contact
-    ([49, 9], True, 'apart')
+    ([48, 11], True, 'apart')
     """
 
     w1_rpm: float

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "STEADY_MAP",
     "Answer",
     "Robot",
     "Simulated",
@@ -18,6 +19,7 @@ __all__ = [
     "calibrate",
     "compare",
     "html",
+    "picture",
     "read_log",
     "read_session",
     "read_sweep",
@@ -31,6 +33,7 @@ __all__ = [
 
 __version__: str
 __commit__: str
+STEADY_MAP: str
 
 @final
 class Robot:
@@ -49,6 +52,7 @@ class Robot:
     def to_dict(self) -> dict[str, Any]: ...
     @staticmethod
     def keys() -> dict[str, str]: ...
+    def time_constants(self) -> tuple[float, float]: ...
     @property
     def name(self) -> str: ...
     def __getitem__(self, key: str, /) -> Any: ...
@@ -107,6 +111,12 @@ def read_session(path: str | PathLike[str]) -> dict[str, Any]: ...
 def session_repeats(path: str | PathLike[str]) -> list[dict[str, Any]]: ...
 def session_table(path: str | PathLike[str]) -> tuple[dict[str, Any], list[tuple[str, str]]]: ...
 def html(path: str | PathLike[str]) -> str: ...
+def picture(
+    robot: Robot,
+    angles_deg: Sequence[float],
+    shapes: NDArray[np.float64] | None,
+    width: int,
+) -> NDArray[np.uint8]: ...
 def compare(
     measured: str | PathLike[str],
     modelled: str | PathLike[str] | None,

@@ -36,8 +36,8 @@ def from_arrays(
     >>> trial = biflag.from_arrays(
     ...     folder / "camera.mcap", time, attitude, speeds=(50, 10), run=(10, 50), uncertainty=(0.5, 0.2)
     ... )
-    >>> round(trial.steady.yaw_deg), trial.steady.yaw_uncertainty_deg
-    (-48, 0.5)
+    >>> round(trial.steady.yaw_deg), trial.steady.yaw_uncertainty_deg, trial.steady.settled
+    (-41, 0.5, False)
 
     Args:
         path: The log to write, which must not exist.

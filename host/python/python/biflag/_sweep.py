@@ -23,7 +23,7 @@ def sweep(
     A folder that has points of this plan is continued. Ctrl-C keeps what is done. A point that cannot be computed is a row
     with NaN, and its reason in the column ``reason``.
 
-    >>> plan = """
+    >>> plan = '''
     ... [session]
     ... name = "viscosities"
     ... [vary]
@@ -32,7 +32,7 @@ def sweep(
     ... method = "steady"
     ... [speeds]
     ... pairs = [[50, 15]]
-    ... """
+    ... '''
     >>> table = biflag.sweep(plan, folder / "viscosities")
     >>> table.rows
     2

@@ -5,7 +5,9 @@
 >>> environment = gymnasium.make("biflag/Attitude-v0")
 >>> many = gymnasium.make_vec("biflag/Attitude-v0", num_envs=16, vectorization_mode="vector_entry_point")
 
-The second one computes its robots side by side on all cores.
+The second one computes its robots side by side on all cores. ``biflag/AttitudeFast-v0`` has the same spaces and a fast
+stand-in for the model, the map of steady states with the way there (``biflag/_fast.py``): for what a policy learns first.
+With ``render_mode="rgb_array"``, ``render()`` returns a picture of the robot.
 
 A step lasts half a second. The action has the speeds of motors 1 and 2, from -1 to 1 times 90 rpm. The observation has yaw, pitch and roll in degrees,
 the angular velocity in body axes in degrees/s, and the wanted yaw and pitch. The reward is the negative error in degrees,
@@ -27,10 +29,12 @@ from gymnasium.envs.registration import register
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
 
 from . import _biflag
 from ._biflag import Robot
 from ._errors import ParameterError
+from ._fast import FastRobots
 from ._trial import Closure, Floats
 
 __all__ = ["AttitudeEnv", "AttitudeVectorEnv"]
@@ -56,13 +60,26 @@ FAILED_REWARD = -180.0
 class AttitudeEnv(gymnasium.Env[Floats, Floats]):
     """One robot that is to reach an attitude and to hold it."""
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2}
 
-    def __init__(self, robot: Robot | None = None, *, closure: Closure = "full", dt: float = 0.5) -> None:
+    def __init__(
+        self,
+        robot: Robot | None = None,
+        *,
+        closure: Closure = "full",
+        dt: float = 0.5,
+        fast: bool = False,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            reason = f'{render_mode!r} is not "rgb_array"'
+            raise ParameterError(f"render_mode: {reason}", "render_mode", reason)
+        self.render_mode = render_mode
         self.observation_space = observation_space()
         self.action_space = action_space()
         self.dt = dt
-        self._simulators = _biflag.Simulators(robot or Robot.physical(), 1, closure, 1)
+        self._simulators = simulators(robot, 1, closure, 1, fast)
+        self._robot = robot or Robot.physical()
         self._wanted = np.zeros(2)
 
     def reset(
@@ -83,6 +100,14 @@ class AttitudeEnv(gymnasium.Env[Floats, Floats]):
             return observation, FAILED_REWARD, True, False, info
         return observation, -error, False, False, info
 
+    def render(self) -> NDArray[np.uint8] | None:
+        """Returns a picture of the robot, shape (480, 360, 3); ``None`` unless ``render_mode`` is "rgb_array"."""
+        if self.render_mode is None:
+            return None
+        yaw, pitch, roll = self._simulators.poses()[0, :3].tolist()
+        shapes = None if isinstance(self._simulators, FastRobots) else self._simulators.state(0)["shapes"]
+        return _biflag.picture(self._robot, (yaw, pitch, roll), shapes, 360)
+
     def _observed(self) -> Floats:
         observed: Floats = observations(self._simulators.poses(), self._wanted[np.newaxis])[0]
         return observed
@@ -102,6 +127,7 @@ class AttitudeVectorEnv(VectorEnv[Floats, Floats, Floats]):
         closure: Closure = "full",
         dt: float = 0.5,
         threads: int | None = None,
+        fast: bool = False,
     ) -> None:
         self.num_envs = num_envs
         self.single_observation_space = observation_space()
@@ -110,7 +136,7 @@ class AttitudeVectorEnv(VectorEnv[Floats, Floats, Floats]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.dt = dt
         self.max_episode_steps = max_episode_steps
-        self._simulators = _biflag.Simulators(robot or Robot.physical(), num_envs, closure, threads)
+        self._simulators = simulators(robot, num_envs, closure, threads, fast)
         self._wanted = np.zeros((num_envs, 2))
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._ended = np.zeros(num_envs, dtype=np.bool_)
@@ -158,6 +184,17 @@ class AttitudeVectorEnv(VectorEnv[Floats, Floats, Floats]):
         return observations(self._simulators.poses(), self._wanted)
 
 
+def simulators(
+    robot: Robot | None, count: int, closure: Closure, threads: int | None, fast: bool
+) -> _biflag.Simulators | FastRobots:
+    if not fast:
+        return _biflag.Simulators(robot or Robot.physical(), count, closure, threads)
+    if closure != "full" or (robot is not None and robot != Robot.physical()):
+        reason = "the fast environment has the robot `physical` with the closure `full` only"
+        raise ParameterError(f"fast: {reason}", "fast", reason)
+    return FastRobots(count)
+
+
 def observation_space() -> Space[Floats]:
     return cast("Space[Floats]", Box(-LIMITS, LIMITS, dtype=np.float64))
 
@@ -171,7 +208,8 @@ def speeds_rpm(actions: Floats) -> Floats:
 
 
 def observations(poses: Floats, wanted: Floats) -> Floats:
-    return np.clip(np.hstack([poses, wanted]), -LIMITS, LIMITS)
+    observed: Floats = np.minimum(np.maximum(np.concatenate([poses, wanted], axis=1), -LIMITS), LIMITS)
+    return observed
 
 
 def errors(observation: Floats) -> Floats:
@@ -205,4 +243,11 @@ register(
     entry_point="biflag.gym:AttitudeEnv",
     vector_entry_point="biflag.gym:AttitudeVectorEnv",
     max_episode_steps=MAX_STEPS,
+)
+register(
+    id="biflag/AttitudeFast-v0",
+    entry_point="biflag.gym:AttitudeEnv",
+    vector_entry_point="biflag.gym:AttitudeVectorEnv",
+    max_episode_steps=MAX_STEPS,
+    kwargs={"fast": True},
 )

@@ -27,7 +27,7 @@ pub use known::{Doubt, Known};
 pub use model::{Model, State};
 pub use plan::plan;
 pub use quantity::{Attitude, Quantity};
-pub use read::{Columns, load, of_columns, shipped};
+pub use read::{Columns, MAP, load, of_columns, shipped};
 pub use table::Table;
 pub use target::Target;
 

@@ -7,8 +7,8 @@ use crate::{export, sweep};
 use sim::params::Robot;
 use std::path::Path;
 
-/// The map of the robot `physical`; its first lines say which command wrote it.
-const SHIPPED: &str = include_str!("map.csv");
+/// The map of the robot `physical` as CSV; its first lines say which command wrote it.
+pub const MAP: &str = include_str!("map.csv");
 
 /// Columns of a sweep's robots that follow from other columns. They do not count in the distance of two robots.
 const DERIVED: [&str; 2] = ["contour_length_m", "bend_nm2"];
@@ -21,7 +21,7 @@ const SAME: f64 = 1e-6;
 /// # Errors
 /// None in a release: a test reads the map.
 pub fn shipped() -> Result<Table, AimError> {
-    let rows = sweep::of_csv(SHIPPED).and_then(|map| rows(&numbers(&map), &Robot::default()));
+    let rows = sweep::of_csv(MAP).and_then(|map| rows(&numbers(&map), &Robot::default()));
     of_rows(rows, Path::new("map.csv"))
 }
 

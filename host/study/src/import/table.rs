@@ -126,6 +126,9 @@ impl Table {
             let line = record.position().map_or(0, csv::Position::line);
             rows.push((line, record.iter().map(|cell| cell.trim().to_owned()).collect::<Vec<_>>()));
         }
+        if rows.is_empty() {
+            return Err(ImportError::table(&name, "is empty", "name a table in the format CSV"));
+        }
         let is_header = |cells: &[String]| !cells.iter().all(|cell| is_empty(cell) || cell.parse::<f64>().is_ok());
         let header = match rows.first() {
             Some((_, cells)) if is_header(cells) => rows.remove(0).1,

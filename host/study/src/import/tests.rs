@@ -64,6 +64,27 @@ fn units_signs_and_rest_of_a_table_are_those_of_the_log() {
     assert!(!texts.iter().any(|(_, text)| text.contains("uncertainty")), "{texts:?}");
 }
 
+/// The motors stop, and motor 2 turns back, before the angles are averaged.
+#[test]
+fn a_speed_that_changes_in_the_run_is_grave() {
+    let folder = tempfile::tempdir().unwrap();
+    let (csv, log) = (folder.path().join("a.csv"), folder.path().join("a.mcap"));
+    for (w2, is_found) in [("-12.3", false), ("if", true)] {
+        let row = |i: u32| {
+            format!("{},0,0,0,37.7,{}\n", 0.1 * f64::from(i), if w2 == "if" && i > 200 { "12.3" } else { "-12.3" })
+        };
+        std::fs::write(&csv, (0..400).map(row).collect::<String>()).unwrap();
+        let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=#6".parse().unwrap();
+        let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+        write(&states, &conditions(), "a.csv", &log).unwrap();
+        let data = Data::read(&log, Want::default()).unwrap();
+        let found = findings(&data, &Zeroed::new(&data));
+        let other = found.iter().any(|finding| finding.grave && finding.text.contains("motor 2 turned at 12.3 rpm"));
+        assert_eq!(other, is_found, "{found:?}");
+        std::fs::remove_file(&log).unwrap();
+    }
+}
+
 #[test]
 fn quaternion_is_the_attitude_that_its_angles_are() {
     let folder = tempfile::tempdir().unwrap();

@@ -83,13 +83,14 @@ impl Budget {
 
     /// Returns the standard uncertainty of the angle, degrees.
     pub fn u_deg(&self) -> f64 {
-        self.terms.iter().map(|term| term.u_deg.powi(2)).sum::<f64>().sqrt()
+        self.terms.iter().map(|term| term.u_deg.powi(2)).fold(0.0, |sum, square| sum + square).sqrt()
     }
 
     /// Returns the part of the standard uncertainty that is common to all trials of a sensor, degrees.
     pub fn sensor_u_deg(&self) -> f64 {
         let common = self.terms.iter().filter(|term| term.common_to == CommonTo::Sensor);
-        common.map(|term| term.u_deg.powi(2)).sum::<f64>().sqrt()
+        // The sum of nothing would be -0.
+        common.map(|term| term.u_deg.powi(2)).fold(0.0, |sum, square| sum + square).sqrt()
     }
 
     /// Returns the causes that other trials of the sensor do not have.

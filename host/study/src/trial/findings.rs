@@ -3,6 +3,7 @@
 use super::axes;
 use super::data::Data;
 use super::finding::{Finding, FindingKind};
+use super::imported;
 use super::zero::Zeroed;
 use crate::attitude::Motion;
 use crate::text::count;
@@ -36,7 +37,7 @@ pub fn findings(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     let mut found = data.identity.clone();
     found.extend(conduct(data));
     found.extend(sensor(data));
-    found.extend(import(data));
+    found.extend(import(data, zeroed));
     found.extend(wait(data));
     found.extend(zeroed.rest.iter().cloned());
     found.extend(window(data, zeroed));
@@ -44,9 +45,10 @@ pub fn findings(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
 }
 
 /// What an import could not take from its table.
-fn import(data: &Data) -> Vec<Finding> {
+fn import(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     let mut found = Vec::new();
     let Some(import) = &data.records.import else { return found };
+    found.extend(zeroed.steady.as_ref().and_then(|steady| imported::other_speed(data, &steady.window)));
     let mut slight = |text: String, cure: &str| found.push(Finding::slight(FindingKind::Conduct, text, cure));
     if import.left_out > 0 {
         let rows = count(import.left_out as usize, "row");

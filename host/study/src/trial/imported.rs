@@ -2,7 +2,7 @@
 
 use super::budget::{Budget, Evaluation, Term};
 use super::causes::{Causes, OverTime};
-use super::data::MOTORS;
+use super::data::{Data, MOTORS};
 use super::finding::{Finding, FindingKind};
 use crate::attitude::{Columns, Motion, Reading, Track, student_95};
 use biflag_log::ImportMeta;
@@ -11,6 +11,10 @@ use std::ops::Range;
 
 /// Name of the term that an import states.
 const INSTRUMENT: &str = "imported instrument";
+
+/// Largest difference of two speeds that are the same, rpm, and as a share.
+const SAME_RPM: f64 = 0.3;
+const SAME_SHARE: f64 = 0.03;
 
 /// Time before the run in which the robot must be still, and the shortest that tells, s.
 const REST_S: f64 = 5.0;
@@ -50,6 +54,23 @@ fn certain_rate(angle: Track, over: &Range<f64>) -> f64 {
     });
     let variance = if count > 2.0 && along > 0.0 { residuals / (count - 2.0) / along } else { return 0.0 };
     (slope.abs() - 2.0 * variance.sqrt()).max(0.0)
+}
+
+/// Returns a finding if a motor turned at another speed while the angles were averaged than the trial's.
+pub(super) fn other_speed(data: &Data, window: &Range<f64>) -> Option<Finding> {
+    let wanted = data.speeds().map(|speed| speed.rpm());
+    [0, 1].into_iter().find_map(|k| {
+        let rpm = 60.0 * data.motors.track(4 + k).rate(window.clone())?;
+        let is_other = (rpm - wanted[k]).abs() > SAME_RPM + SAME_SHARE * wanted[k].abs();
+        is_other.then(|| {
+            let text = format!(
+                "motor {} turned at {rpm:.1} rpm while the angles were averaged, and the trial's speed is {} rpm",
+                k + 1,
+                wanted[k]
+            );
+            Finding::grave(FindingKind::Conduct, text, "import one run at constant speeds: name it with --run")
+        })
+    })
 }
 
 /// Returns readings, and speeds and turns, of states with yaw, pitch, roll and turns of both shafts. The speeds are those of
