@@ -6,7 +6,7 @@ DEMO := target/demo
 PUBLISHED := target/published
 KILLS ?= 1000
 
-.PHONY: help setup build build-demo firmware demo published test proof hostile mutants lint doc book dist dist-test clean
+.PHONY: help setup build build-demo firmware demo published test proof hostile mutants lint doc book dist wheel dist-test clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
@@ -18,6 +18,7 @@ help:
 	@echo "make build     biflag, the emulated board and the firmware image, in $(BIN) and target"
 	@echo "make book      the book as HTML, in target/book"
 	@echo "make dist      a Debian package and an archive that need no compiler, in target/dist"
+	@echo "make wheel     the Python package as a wheel for any Linux; some minutes"
 	@echo "make dist-test both in a plain Debian 12, as root; some minutes"
 	@echo "make lint      format and lint checks"
 	@echo "make doc       the documentation for contributors"
@@ -131,6 +132,14 @@ dist: export CARGO_INCREMENTAL := 0
 dist: build
 	@sh firmware/setup.sh dist
 	@sh host/dist/package.sh
+
+# One wheel for every Python from 3.10 on, on any Linux with glibc 2.17: zig links it. Into target/dist.
+wheel: export CARGO_INCREMENTAL := 0
+wheel: setup
+	python3 -m venv target/wheel
+	target/wheel/bin/pip install -q 'maturin>=1.9,<2' ziglang
+	cd host/python && PATH="$$PWD/../../target/wheel/bin:$$PATH" CARGO_TARGET_DIR="$$PWD/../../target/wheel/target" maturin build --release --zig \
+		--compatibility manylinux2014 --out ../../target/dist
 
 dist-test: dist
 	@sh host/dist/test.sh

@@ -39,6 +39,8 @@ impl Browser {
             .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh", "chromium", "--headless"])
             .args(["--no-sandbox", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-sync"])
             .args(["--disable-background-networking", "--disable-component-update", "--remote-debugging-pipe"])
+            // Pages stand still unless a test lets them move.
+            .arg("--force-prefers-reduced-motion")
             .arg(format!("--user-data-dir={}", profile.path().display()))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -217,6 +219,12 @@ impl Browser {
     pub fn dark(&mut self, dark: bool) {
         let value = if dark { "dark" } else { "light" };
         let features = json!([{ "name": "prefers-color-scheme", "value": value }]);
+        self.call("Emulation.setEmulatedMedia", json!({ "features": features }));
+    }
+
+    /// Lets pages move by themselves.
+    pub fn moving(&mut self) {
+        let features = json!([{ "name": "prefers-reduced-motion", "value": "no-preference" }]);
         self.call("Emulation.setEmulatedMedia", json!({ "features": features }));
     }
 

@@ -212,19 +212,29 @@ fn of_session(
     };
     let rows: Vec<Row> = states.par_iter().map(row).collect();
     let shown = || rows.iter().enumerate().filter_map(|(i, row)| Some((session_page::anchor(i), row.view()?)));
+    let of_session = session_page::Session {
+        folder: session.folder(),
+        plan: session.plan(),
+        rows: &rows,
+        comparison,
+        has_charts: budget.is_enough(),
+    };
     let body = html! {
         header {
-            (session_page::overview(session.folder(), session.plan(), &rows, comparison, budget.is_enough()))
+            (of_session.header())
             @if shown().count() > MAX_PRINTED {
                 p.meta.paper-only { "Only the trial that is open on the screen is printed below." }
             }
         }
         main { @if budget.is_enough() { @for (id, view) in shown() { (trial_section::section(view, &id, true)) } } }
+        aside { (of_session.rest()) }
         @if let Some((_, view)) = shown().next() { (footer(view)) }
     };
     let all_data = html! { @for (id, view) in shown() { (data(view, &id)) } };
-    let kind = if shown().count() <= MAX_PRINTED { "session print-all" } else { "session" };
-    let page = document::page(&text::clip(&session.plan().name, 200), kind, &body, &all_data);
+    let prints_all = if shown().count() <= MAX_PRINTED { " print-all" } else { "" };
+    let opens_first = if of_session.opens_first() { " opens-first" } else { "" };
+    let kind = format!("session{prints_all}{opens_first}");
+    let page = document::page(&text::clip(&session.plan().name, 200), &kind, &body, &all_data);
     let unreadable = rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count();
     let left_out = states.iter().flat_map(|state| &state.left_out).cloned();
     let mut findings: Vec<LogFinding> = shown().flat_map(|(_, view)| view.findings.clone()).chain(left_out).collect();

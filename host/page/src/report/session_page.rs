@@ -4,7 +4,7 @@ use super::facts::files;
 use super::heat_map::{self, Map, Point};
 use super::repeats;
 use super::text::{clip, count, number, plain};
-use super::trial_section::{answer, tile, warnings};
+use super::trial_section::{answer, notices, tile, warnings};
 use super::view::{ModelRobot, View};
 use biflag_log::LinkStats;
 use maud::{Markup, html};
@@ -48,38 +48,72 @@ pub(super) fn anchor(i: usize) -> String {
     format!("trial-{}", i + 1)
 }
 
-/// Everything above the trials.
-pub(super) fn overview(
-    folder: &Path,
-    plan: &Plan,
-    rows: &[Row],
-    comparison: Option<&SessionComparison>,
-    has_charts: bool,
-) -> Markup {
-    let views: Vec<&View> = rows.iter().filter_map(Row::view).collect();
-    let first = views.first();
-    html! {
-        h1 { (clip(&plan.name, 200)) }
-        p.meta {
-            span { "session of " (count(rows.len(), "trial", "trials")) }
-            @if !plan.operator.is_empty() { span { (clip(&plan.operator, 200)) } }
-            span { "robot " (clip(&plan.robot.name, 200)) }
-            @if let Some(ModelRobot { robot, model, .. }) = first.and_then(|view| view.model_robot.as_ref()) {
-                span { "compared with the model of robot " (clip(&robot.name, 200)) ", closure " (word(&model.closure)) }
+/// Most trials of a session whose page opens the first of them.
+pub(super) const OPENS_FIRST: usize = 8;
+
+/// The session as a whole: in a session of few trials below the trial that is open, otherwise above it.
+#[derive(Clone, Copy)]
+pub(super) struct Session<'a> {
+    pub folder: &'a Path,
+    pub plan: &'a Plan,
+    pub rows: &'a [Row],
+    pub comparison: Option<&'a SessionComparison>,
+    pub has_charts: bool,
+}
+
+impl Session<'_> {
+    fn views(&self) -> Vec<&View> {
+        self.rows.iter().filter_map(Row::view).collect()
+    }
+
+    /// Returns whether the page opens the first trial.
+    pub fn opens_first(&self) -> bool {
+        self.has_charts && self.views().len() <= OPENS_FIRST
+    }
+
+    /// Returns title, answer and table; between both, the results of a session of many trials.
+    pub fn header(&self) -> Markup {
+        let Self { folder, plan, rows, comparison, has_charts } = *self;
+        let first = self.views().first().copied();
+        html! {
+            h1 { (clip(&plan.name, 200)) }
+            p.meta {
+                span { "session of " (count(rows.len(), "trial", "trials")) }
+                @if !plan.operator.is_empty() { span { (clip(&plan.operator, 200)) } }
+                span { "robot " (clip(&plan.robot.name, 200)) }
+                @if let Some(ModelRobot { robot, model, .. }) = first.and_then(|view| view.model_robot.as_ref()) {
+                    span { "compared with the model of robot " (clip(&robot.name, 200)) ", closure " (word(&model.closure)) }
+                }
+                span { (folder.display()) }
             }
-            span { (folder.display()) }
+            @if !plan.note.is_empty() { p.note { (clip(&plan.note, 4_000)) } }
+            @if let Some(comparison) = comparison {
+                (answer(&comparison.verdict, comparison.agrees()))
+            }
+            @if !self.opens_first() { (self.results()) }
+            h2 #trials { "Trials" }
+            (table(rows, comparison, has_charts))
         }
-        @if !plan.note.is_empty() { p.note { (clip(&plan.note, 4_000)) } }
-        @if let Some(comparison) = comparison {
-            (answer(&comparison.verdict, comparison.agrees()))
+    }
+
+    /// Returns what is below the open trial: the results of a session of few trials, and files and parameters.
+    pub fn rest(&self) -> Markup {
+        html! {
+            @if self.opens_first() { h2 { "The session" } (self.results()) }
+            @if let Some(view) = self.views().first() { (files(view)) }
         }
-        (tiles(&views, rows.len(), comparison))
-        (warnings(notes(rows, comparison, has_charts).iter().map(String::as_str)))
-        (maps(rows))
-        (repeats::section(&scatter_of_repeats(views.iter().filter_map(|view| view.repeat.as_ref()))))
-        h2 #trials { "Trials" }
-        (table(rows, comparison, has_charts))
-        @if let Some(view) = first { (files(view)) }
+    }
+
+    fn results(&self) -> Markup {
+        let views = self.views();
+        let (problems, remarks) = notes(self.rows, self.comparison, self.has_charts);
+        html! {
+            (tiles(&views, self.rows.len(), self.comparison))
+            (warnings(problems.iter().map(String::as_str)))
+            (notices(remarks.iter().map(String::as_str)))
+            (maps(self.rows))
+            (repeats::section(&scatter_of_repeats(views.iter().filter_map(|view| view.repeat.as_ref()))))
+        }
     }
 }
 
@@ -107,30 +141,26 @@ fn tiles(views: &[&View], trials: usize, comparison: Option<&SessionComparison>)
     }
 }
 
-/// Warnings about the session as a whole.
-fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool) -> Vec<String> {
-    let mut notes = Vec::new();
+/// Problems of the session as a whole, and remarks.
+fn notes(rows: &[Row], comparison: Option<&SessionComparison>, has_charts: bool) -> (Vec<String>, Vec<String>) {
     let all = count(rows.len(), "trial", "trials");
-    let mut note = |what: &str, n: usize, more: &str| {
-        if n > 0 {
-            notes.push(format!("{what}: {n} of {all}.{more}"));
-        }
-    };
+    let note = |what: &str, n: usize, more: &str| (n > 0).then(|| format!("{what}: {n} of {all}.{more}"));
     let views = || rows.iter().filter_map(Row::view);
-    note("No log yet", rows.iter().filter(|row| matches!(row.state, RowState::Missing)).count(), "");
-    note("Unreadable log", rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count(), "");
-    note("Not complete", views().filter(|view| !view.is_complete).count(), "");
+    let skipped = comparison.map_or(0, |comparison| comparison.skipped.len());
+    let problems = [
+        note("No log yet", rows.iter().filter(|row| matches!(row.state, RowState::Missing)).count(), ""),
+        note("Unreadable log", rows.iter().filter(|row| matches!(row.state, RowState::Unreadable(_))).count(), ""),
+        note("Not complete", views().filter(|view| !view.is_complete).count(), ""),
+        note("Not compared", skipped, " The reasons are in the table."),
+    ];
     let more = " Their angles are averages, not steady values.";
-    note("Not settled", views().filter(|view| !view.is_settled()).count(), more);
-    if let Some(comparison) = comparison {
-        note("Not compared", comparison.skipped.len(), " The reasons are in the table.");
-    }
-    if !has_charts {
-        let text =
-            "The session has too many trials for charts on a page. `biflag report LOG` draws the charts of one trial.";
-        notes.push(text.to_owned());
-    }
-    notes
+    let charts =
+        "The session has too many trials for charts on a page. `biflag report LOG` draws the charts of one trial.";
+    let remarks = [
+        note("Not settled", views().filter(|view| !view.is_settled()).count(), more),
+        (!has_charts).then(|| charts.to_owned()),
+    ];
+    (problems.into_iter().flatten().collect(), remarks.into_iter().flatten().collect())
 }
 
 /// The maps of a session: the index in [`AtSpeeds::magnitudes_deg`], its name and its symbol.

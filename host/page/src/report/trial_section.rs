@@ -35,8 +35,8 @@ pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
             }
             (about(view, shared))
             @if let Some(comparison) = &view.comparison { (answer(&comparison.verdict, comparison.agrees())) }
-            (tiles(view))
-            (warnings(view.warnings.iter().map(|warning| warning.text.as_str())))
+            @let texts = |is_grave: bool| view.warnings.iter().filter(move |warning| warning.is_grave == is_grave).map(|warning| warning.text.as_str());
+            (warnings(texts(true)))
             @if has_data {
                 div.bench {
                     div.stage { (scene(view)) (player(view)) (readout(view)) }
@@ -47,6 +47,8 @@ pub(super) fn section(view: &View, id: &str, shared: bool) -> Markup {
                     }
                 }
             }
+            (tiles(view))
+            (notices(texts(false)))
             @if let Some(comparison) = &view.comparison { (errors::table(comparison)) }
             (events(view))
             (facts(view, shared))
@@ -154,6 +156,17 @@ fn steady_tile(name: &str, steady: &Steady, i: usize) -> Markup {
 }
 
 /// A list of warnings, if there are any.
+/// Remarks that are no problems.
+pub(super) fn notices<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
+    let mut texts = texts.into_iter().peekable();
+    html! {
+        @if texts.peek().is_some() {
+            ul.warnings.notices aria-label="Notes" { @for text in texts { li { (text) } } }
+        }
+    }
+}
+
+/// Problems.
 pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
     let mut texts = texts.into_iter().peekable();
     html! {

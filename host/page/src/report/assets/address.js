@@ -13,7 +13,9 @@ biflag.Address = class {
     if (trial.playing || !trial.charts) return;
     clearTimeout(this.timer);
     this.timer = setTimeout(() => {
-      if (trial.section.hidden) return;
+      // The address may name another trial that is about to open.
+      const next = document.getElementById(this.section());
+      if (trial.section.hidden || (next !== trial.section && next?.matches("section.trial"))) return;
       const { view, shown } = trial.scene;
       const short = (numbers) => numbers.map((number) => Number(number.toFixed(3))).join(",");
       const parts = { t: short([trial.time]) };

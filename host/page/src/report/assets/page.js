@@ -27,7 +27,7 @@
 
   const follow = () => {
     const section = sections.find((other) => other.id === biflag.Address.section());
-    open(section);
+    open(section ?? (document.body.classList.contains("opens-first") ? sections[0] : undefined));
     section?.scrollIntoView();
   };
   if (isSession) {
@@ -40,17 +40,14 @@
   const repaint = () => trials.forEach((trial) => trial.repaint());
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
   const printsAll = document.body.classList.contains("print-all");
-  /** What to restore after printing: hidden sections and closed details. */
+  /** What to restore after printing: hidden sections. */
   let restore = [];
   const paper = (on) => {
     document.documentElement.classList.toggle("paper", on);
     restore.forEach((undo) => undo());
     restore = [];
     if (on) {
-      for (const details of document.querySelectorAll("details:not([open])")) {
-        details.open = true;
-        restore.push(() => (details.open = false));
-      }
+      for (const trial of trials.values()) if (trial.playing) trial.toggle();
       for (const section of printsAll ? sections.filter((section) => section.hidden) : []) {
         section.hidden = false;
         restore.push(() => (section.hidden = true));
@@ -76,5 +73,8 @@
       rows.append(...[...rows.rows].sort((a, b) => compare(key(a), key(b))));
     });
   }
+  // The robot moves, unless the address names a moment or the reader wants no motion.
+  const shown = trials.get(sections.find((section) => !section.hidden));
+  if (shown && !location.hash && !matchMedia("(prefers-reduced-motion: reduce)").matches) shown.begin();
   document.documentElement.dataset.ready = "yes";
 }

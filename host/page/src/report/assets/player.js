@@ -84,6 +84,14 @@ biflag.Trial = class {
     biflag.Address.keep(this);
   }
 
+  /** Plays from a second before the run. */
+  begin() {
+    const run = this.data.phases.find(([name]) => name === "run");
+    this.time = run ? Math.max(0, run[1] - 1) : 0;
+    this.fresh = false;
+    this.toggle();
+  }
+
   toggle() {
     this.playing = !this.playing;
     if (this.playing) {
