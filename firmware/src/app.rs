@@ -8,7 +8,6 @@ mod requests;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
-use protocol::frame;
 use protocol::units::{AxisMap, CentiRpm, Count, Duty, Micros, SensorCounts};
 use protocol::{Calibration, Fault, FaultRecord, Refusal, Request, ResetCause, Settings, State, Telemetry};
 
@@ -198,7 +197,7 @@ where
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, arrived: Micros, outbox: &mut impl Outbox) {
         if let Some(payload) = self.link.receive(byte, arrived)
-            && let Ok(request) = &frame::read::<Request>(payload)
+            && let Some(request) = &Request::read(payload)
             && self.link.has_room(&request.command, outbox)
         {
             self.respond(request, arrived, outbox);

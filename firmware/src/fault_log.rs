@@ -84,7 +84,7 @@ impl FaultLog {
     #[inline(never)]
     pub fn read(&self, storage: &mut impl Storage, index: u8) -> Option<FaultRecord> {
         let slot = valid_slot(storage, self.latest?.wrapping_sub(index))?;
-        postcard::from_bytes(&slot[1..SLOT - 2]).ok()
+        FaultRecord::read(&slot[1..SLOT - 2])
     }
 }
 

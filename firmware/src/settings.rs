@@ -228,8 +228,8 @@ fn unpack(layout: u8, stored: &[u8], settings: &mut Settings) -> bool {
         *byte = *stored;
         found += 1;
     }
-    match postcard::from_bytes::<Settings>(&bytes) {
-        Ok(read) if found == length && read.is_valid() => *settings = read,
+    match Settings::read(&bytes) {
+        Some(read) if found == length && read.is_valid() => *settings = read,
         _ => return false,
     }
     true

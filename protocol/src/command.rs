@@ -3,9 +3,13 @@
 use crate::settings::Settings;
 use crate::units::{CentiRpm, Duty, Micros};
 use serde::{Deserialize, Serialize};
+#[cfg(target_arch = "avr")]
+use zerocopy::{Immutable, IntoBytes, KnownLayout, TryFromBytes};
 
 /// A command with a sequence number, which the answer repeats.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+#[cfg_attr(not(target_arch = "avr"), derive(Deserialize))]
+#[derive(Serialize, Clone, Copy, PartialEq, Debug)]
+#[cfg_attr(target_arch = "avr", derive(TryFromBytes, KnownLayout, Immutable), repr(C))]
 pub struct Request {
     /// Sequence number: differs from that of the previous request, unless this request repeats it.
     pub seq: u8,
@@ -14,7 +18,9 @@ pub struct Request {
 }
 
 /// The requests of the host.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+#[cfg_attr(not(target_arch = "avr"), derive(Deserialize))]
+#[derive(Serialize, Clone, Copy, PartialEq, Debug)]
+#[cfg_attr(target_arch = "avr", derive(TryFromBytes, KnownLayout, Immutable), repr(u8))]
 pub enum Command {
     /// Handshake: asks for [`Info`](crate::Info). Always the first variant, encoded as the byte 0.
     Hello,
@@ -84,6 +90,12 @@ pub const MAX_DRIVE_MS: u16 = 2000;
 
 /// A set-point: speeds and phase from a tick of the schedule on.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(
+    target_arch = "avr",
+    derive(IntoBytes, TryFromBytes, KnownLayout, Immutable),
+    repr(C),
+    serde(remote = "Self")
+)]
 pub struct SetPoint {
     /// Ticks from the start of the schedule.
     #[serde(with = "crate::fixed::u32")]

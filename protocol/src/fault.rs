@@ -3,9 +3,12 @@
 use crate::units::{CentiRpm, Duty, Micros};
 use serde::{Deserialize, Serialize};
 use serde_repr::{Deserialize_repr, Serialize_repr};
+#[cfg(target_arch = "avr")]
+use zerocopy::{Immutable, IntoBytes, KnownLayout, TryFromBytes};
 
 /// A fault. The first fault stays latched until it is cleared.
 #[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
 #[repr(u8)]
 pub enum Fault {
     /// No fault.
@@ -80,6 +83,12 @@ pub const MIN_SUPPLY_MV: u16 = 4300;
 
 /// An entry of the fault log, which survives resets and loss of power.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(
+    target_arch = "avr",
+    derive(IntoBytes, TryFromBytes, KnownLayout, Immutable),
+    repr(C),
+    serde(remote = "Self")
+)]
 pub struct FaultRecord {
     /// [`Info::boot_count`](crate::Info::boot_count) of the start after which it occurred.
     #[serde(with = "crate::fixed::u16")]

@@ -1,17 +1,14 @@
-//! Numbers as their bytes, little-endian, for `#[serde(with)]`. None of these is inlined more than once: on the board they are
-//! called for each of sixty numbers, and copies of them would fill a tenth of its flash.
+//! Numbers as their bytes, little-endian, for `#[serde(with)]`.
 
 macro_rules! unsigned {
     ($name:ident) => {
         pub mod $name {
             use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-            #[inline(never)]
             pub fn serialize<S: Serializer>(number: &$name, serializer: S) -> Result<S::Ok, S::Error> {
                 number.to_le_bytes().serialize(serializer)
             }
 
-            #[inline(never)]
             pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<$name, D::Error> {
                 Deserialize::deserialize(deserializer).map($name::from_le_bytes)
             }

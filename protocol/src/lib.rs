@@ -67,6 +67,7 @@ mod command;
 mod fault;
 mod fixed;
 pub mod frame;
+mod memory;
 mod reply;
 mod settings;
 mod telemetry;
@@ -97,7 +98,8 @@ pub const TICK_HZ: u8 = 200;
 ///
 /// An answer to [`Command::Hello`] begins, in every version of this protocol, with the bytes 0 (an answer), the number
 /// of the request, 0 (an [`Info`]) and the version.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+#[cfg_attr(not(target_arch = "avr"), derive(Deserialize))]
+#[derive(Serialize, Clone, Copy, PartialEq, Debug)]
 pub enum Message {
     /// The answer to the request numbered `to`.
     Reply {

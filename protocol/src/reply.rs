@@ -5,9 +5,12 @@ use crate::settings::Settings;
 use crate::units::{AccelRange, GyroRange, Micros};
 use serde::{Deserialize, Serialize};
 use serde_repr::{Deserialize_repr, Serialize_repr};
+#[cfg(target_arch = "avr")]
+use zerocopy::{Immutable, IntoBytes, KnownLayout, TryFromBytes};
 
 /// The board's answers.
-#[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug)]
+#[cfg_attr(not(target_arch = "avr"), derive(Deserialize))]
+#[derive(Serialize, Clone, Copy, PartialEq, Debug)]
 pub enum Reply {
     /// To [`Command::Hello`](crate::Command::Hello).
     Info(Info),
@@ -45,6 +48,12 @@ pub enum Refusal {
 
 /// Identity of the board.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(
+    target_arch = "avr",
+    derive(IntoBytes, TryFromBytes, KnownLayout, Immutable),
+    repr(C),
+    serde(remote = "Self")
+)]
 pub struct Info {
     /// [`VERSION`](crate::VERSION) of the firmware. Always the first field.
     pub protocol: u8,
@@ -79,6 +88,7 @@ pub const GENUINE_IMU_ID: u8 = 0x68;
 
 /// Why the program started.
 #[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
 #[repr(u8)]
 pub enum ResetCause {
     /// Not known: the bootloader cleared the flags.
@@ -100,6 +110,12 @@ pub enum ResetCause {
 
 /// Result of a calibration of the gyroscope.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Debug, Default)]
+#[cfg_attr(
+    target_arch = "avr",
+    derive(IntoBytes, TryFromBytes, KnownLayout, Immutable),
+    repr(C),
+    serde(remote = "Self")
+)]
 pub struct Calibration {
     /// Whether the sensor was still throughout; if not, the bias in force is unchanged.
     pub still: bool,

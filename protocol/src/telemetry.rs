@@ -6,9 +6,12 @@ use crate::units::{
 };
 use serde::{Deserialize, Serialize};
 use serde_repr::{Deserialize_repr, Serialize_repr};
+#[cfg(target_arch = "avr")]
+use zerocopy::{Immutable, IntoBytes, KnownLayout, TryFromBytes};
 
 /// The board's state.
 #[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
 #[repr(u8)]
 pub enum State {
     /// Motors off.
@@ -26,6 +29,12 @@ pub enum State {
 
 /// State of the robot at one tick of the control loop.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[cfg_attr(
+    target_arch = "avr",
+    derive(IntoBytes, TryFromBytes, KnownLayout, Immutable),
+    repr(C),
+    serde(remote = "Self")
+)]
 pub struct Telemetry {
     /// One more than in the frame before, so that lost frames can be counted.
     pub seq: Count,

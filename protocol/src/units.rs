@@ -6,6 +6,8 @@
 use core::fmt;
 use serde::{Deserialize, Serialize};
 use serde_repr::{Deserialize_repr, Serialize_repr};
+#[cfg(target_arch = "avr")]
+use zerocopy::{Immutable, IntoBytes, KnownLayout, TryFromBytes};
 
 /// Standard gravity, m/s².
 pub const STANDARD_GRAVITY_MPS2: f64 = 9.80665;
@@ -14,6 +16,7 @@ macro_rules! wire_number {
     ($(#[$doc:meta])* $name:ident($inner:ty), $with:literal) => {
         $(#[$doc])*
         #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Hash)]
+        #[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable), repr(transparent))]
         pub struct $name(#[serde(with = $with)] pub $inner);
     };
 }
@@ -138,6 +141,7 @@ impl Micros {
 
 /// Attitude as a unit quaternion `[w, x, y, z]` (Hamilton, body to world, scalar first), with 16 bits per component.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable), repr(transparent))]
 pub struct Quaternion(pub [Q15; 4]);
 
 impl Quaternion {
@@ -169,6 +173,7 @@ impl Default for Quaternion {
 
 /// Full scale of the gyroscope (register GYRO_CONFIG).
 #[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
 #[repr(u8)]
 pub enum GyroRange {
     /// ±250 °/s, 131 counts per °/s.
@@ -209,6 +214,7 @@ impl GyroRange {
 
 /// Full scale of the accelerometer (register ACCEL_CONFIG).
 #[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Default, Hash)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
 #[repr(u8)]
 pub enum AccelRange {
     /// ±2 g, 16384 counts per g.
@@ -244,6 +250,7 @@ impl AccelRange {
 
 /// A signed axis of the sensor.
 #[derive(Serialize_repr, Deserialize_repr, Clone, Copy, PartialEq, Eq, Debug, Hash)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable))]
 #[repr(u8)]
 pub enum Axis {
     /// +x
@@ -300,6 +307,7 @@ impl fmt::Display for Axis {
 ///
 /// The two sensors of one chip have a map each, because some boards have a gyroscope with a flipped axis.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(target_arch = "avr", derive(IntoBytes, TryFromBytes, KnownLayout, Immutable), repr(transparent))]
 pub struct AxisMap(pub [Axis; 3]);
 
 impl AxisMap {
