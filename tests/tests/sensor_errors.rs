@@ -31,7 +31,7 @@ fn errors() -> Vec<(&'static str, String, f64)> {
 /// Returns yaw, pitch and roll of a trial with a part of which something is known, and what the sensor is to them by the
 /// budget.
 fn angles(motion: &Motion, part: &Part, known: MeasuredSensorMeta, phases: &Phases) -> ([f64; 3], [f64; 3]) {
-    let rig = Rig { part: part.clone(), measured: Some(known), phases: phases.clone(), start: Start::AtRest };
+    let rig = Rig { part: part.clone(), measured: Some(known), phases: *phases, start: Start::AtRest };
     let zeroed = Zeroed::new(&rig.record(motion, &mut Random(77)).data);
     let steady = zeroed.steady.expect("a run");
     let [pitch, roll, _] = steady.tilt.expect("a rest");
