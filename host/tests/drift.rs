@@ -68,8 +68,7 @@ fn over_all_windows(Recorded { yaw, temperature_c }: &Recorded, motion: impl Fn(
             after: stop..end,
             calibrate_s: CALIBRATE_S,
             filter_s: 1.0,
-            bias_walk_dps_per_root_s: Sensor::of_data_sheet().bias_walk_dps_per_root_s,
-            bias_flicker: Sensor::of_data_sheet().bias_flicker,
+            bias_noise: Sensor::of_data_sheet().bias_noise,
             angle_walk: None,
             time_constant_s: None,
         };

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p sim --example means -- physical 2 1/4` (robot, threads, part): 40 random speeds with decimals, 16
 //! with one sense positive, 12 both negative, 12 on simple ratios. `45.96,-63.73` instead of a part selects other speeds.
-//! `physical:0.25` has a quarter of the solver's tolerance, in trials and solutions: no ± has the solver's own error in it.
+//! `physical:0.25` has a quarter of the solver's tolerance in the trials: their own error, which no ± has in it, is then less.
 //!
 //! Of values of a settled run, 95 of 100 are within their ± (twice the standard error) and that of the long mean.
 
@@ -62,10 +62,13 @@ fn speeds() -> Vec<[f64; 2]> {
     out
 }
 
-fn row(robot: &Robot, rpm: [f64; 2]) -> Row {
+/// `share`: the tolerance of the trial, as a share of the robot's.
+fn row(robot: &Robot, rpm: [f64; 2], share: f64) -> Row {
     let profile = SpeedProfile::constant(rpm, TRIAL_S + AFTER_S).expect("a profile");
     let options = Options { rate_hz: 50.0, ..Options::default() };
-    let mut trial = Trial::new(robot, Closure::Full, profile, options).expect("parameters");
+    let mut finer = robot.clone();
+    finer.solver.tolerance *= share;
+    let mut trial = Trial::new(&finer, Closure::Full, profile, options).expect("parameters");
     let mut stated = None;
     let mut sums = [[0.0; VALUES]; BLOCKS];
     let mut counts = [0.0; BLOCKS];
@@ -114,8 +117,8 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let named = arguments.first().map_or("physical", String::as_str);
     let (name, share) = named.split_once(':').unwrap_or((named, "1"));
-    let mut robot = Robot::built_in(name).expect("physical or published");
-    robot.solver.tolerance *= share.parse::<f64>().expect("a share of the tolerance, such as 0.25");
+    let robot = Robot::built_in(name).expect("physical or published");
+    let share = share.parse().expect("a share of the tolerance, such as 0.25");
     let threads: usize = arguments.get(1).map_or(2, |count| count.parse().expect("a number of threads"));
     let named: Vec<[f64; 2]> =
         arguments.iter().skip(2).filter(|text| text.contains(',')).map(|text| point(text)).collect();
@@ -132,7 +135,7 @@ fn main() {
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(rpm) = points.get(index) else { return };
-                    let row = row(&robot, *rpm);
+                    let row = row(&robot, *rpm, share);
                     rows.lock().expect("no panic").push((index, row));
                 }
             });

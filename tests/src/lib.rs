@@ -75,7 +75,8 @@ impl Bench {
         path
     }
 
-    /// Writes a plan of one trial without calibration, pre-roll and decay. The motors' deadline is the longest one, because
+    /// Writes a plan of one trial without calibration, pre-roll and decay: if the motors turn, all commands exit with 3, because
+    /// nothing shows the gyroscope's bias. The motors' deadline is the longest one, because
     /// other programs may delay the pings.
     pub fn short_plan(&self, run_s: f64, speeds: [f64; 2]) -> PathBuf {
         let [w1, w2] = speeds;

@@ -130,7 +130,7 @@ fn new_board_is_set_up_by_the_self_test() {
     let report = bench.run(["doctor", "--motors", "--port", &port, "--json"]).expect_code(0).json();
     assert!(!check(&report, "motor 2").to_string().contains("against"), "{report}");
     assert!(report["checks"].as_array().unwrap().iter().all(|check| check["detail"] != "not saved"));
-    bench.run(["record", plan, "--port", &port]).expect_code(0);
+    bench.run(["record", plan, "--port", &port]).expect_code(3);
 }
 
 /// A board whose EEPROM is blank again is not driven until it has its settings back.
@@ -273,7 +273,7 @@ fn fault_log_reaches_doctor_and_later_trials() {
     nano.control("reset").unwrap();
     let report = bench.run(["doctor", "--port", &port, "--json"]).json();
     expect(&report, "fault log", true, &["motor 2 is stalled", "speeds 0.0 and 0.0 rpm"]);
-    bench.run(["record", plan, "--resume", "--port", &port]).expect_code(0);
+    bench.run(["record", plan, "--resume", "--port", &port]).expect_code(3);
     let board = |log: &Path| biflag_log::last_meta::<BoardMeta>(log).unwrap().unwrap();
     let logs = logs(&bench.path().join("bench"));
     let [later, first] = logs.as_slice() else { panic!("{logs:?}") };

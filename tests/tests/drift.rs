@@ -48,8 +48,7 @@ fn yaw_of_a_sensor_at_rest_stays_within_its_stated_uncertainty() {
             after: to..to + 30.0,
             calibrate_s: 5.0,
             filter_s: 1.0,
-            bias_walk_dps_per_root_s: sensor.bias_walk_dps_per_root_s,
-            bias_flicker: sensor.bias_flicker,
+            bias_noise: sensor.bias_noise,
             angle_walk: None,
             time_constant_s: None,
         };

@@ -28,7 +28,7 @@ fn trial(run: &Run) -> Value {
 fn usb_packets_and_a_resonator_that_is_off_lose_nothing() {
     let bench = Bench::new();
     for fault in ["usb=16,32", "resonator=0.5", "resonator=-0.5", "uneven-poles=20,1"] {
-        let run = record(&bench, fault).expect_code(0);
+        let run = record(&bench, fault).expect_code(3);
         let trial = trial(&run);
         println!("{fault}: {trial}");
         assert_eq!((&trial["samples"], &trial["complete"]), (&800.into(), &true.into()), "{fault}: {trial}");

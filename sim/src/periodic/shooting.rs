@@ -29,6 +29,9 @@ const COARSE_ERROR: f64 = 10.0;
 const COARSE_TOLERANCE: f64 = 5.0;
 /// ... and at most: with more, steps fail.
 const LARGEST_TOLERANCE: f64 = 0.1;
+/// Tolerance of a step's iteration in the last periods, over the ordinary one: what every step of a period misses by adds up
+/// over the time in which a slow mode decays.
+const FINE_TOLERANCE: f64 = 0.25;
 /// Time between samples of the slow coordinates, s, about.
 const SAMPLE_S: f64 = 0.5;
 /// Samples that are left out after a start from rest or a move: fast modes are still in them.
@@ -43,7 +46,7 @@ const LONGEST: f64 = 20.0 * PI / 180.0;
 const DIFFERENCE: f64 = 0.7;
 /// ... and by half of it.
 const LARGEST_DIFFERENCE: f64 = 0.85;
-/// A step shorter than this, rad, ends the coarse periods: their own error is of this size.
+/// A step shorter than this, rad, ends the coarse periods, whose own error is of this size, and the ordinary ones.
 const CLOSE: f64 = 1.0 * PI / 180.0;
 
 /// How a search ends.
@@ -62,7 +65,7 @@ pub enum Outcome {
 /// Searches for the motion that repeats.
 ///
 /// Most of the search needs no great accuracy. Periods in which the flagella touch have coarse steps, at about half the
-/// cost, until the motion is close.
+/// cost, until the motion is close; from there on all periods are more accurate than those of a trial.
 ///
 /// # Errors
 /// Impossible parameters or speeds, and [`SolveError::Interrupted`].
@@ -84,13 +87,18 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
     let mut trial = Trial::with_solver(Solver::new(robot, closure)?, profile(0.0)?, output.unwrap_or_default())?;
     let ordinary = with_even_steps(&robot.solver, speeds, interval);
     let coarse = with_coarse_steps(&ordinary);
+    let fine = SolverSettings { tolerance: ordinary.tolerance * FINE_TOLERANCE, ..ordinary.clone() };
     let mut modes = Modes::new(interval, period);
     let mut paths: Vec<Vec<Slow>> = Vec::new();
     let patience_s = PATIENCE_S.max(PATIENCE * longest_s);
-    let (mut is_coarse, mut may_be_coarse, mut resting_s) = (true, true, 0.0);
+    let (mut is_coarse, mut may_be_coarse, mut is_fine, mut resting_s) = (true, true, false, 0.0);
     let mut last: Option<Steady> = None;
     loop {
-        trial.set_accuracy(if is_coarse { &coarse } else { &ordinary });
+        trial.set_accuracy(match (is_coarse, is_fine) {
+            (true, _) => &coarse,
+            (false, true) => &fine,
+            (false, false) => &ordinary,
+        });
         // Coarse periods are never the result.
         let mut output = (output.is_some() && !is_coarse).then(Vec::new);
         let Some(path) = path(&mut trial, intervals, interval, output.as_mut(), watch)? else {
@@ -113,7 +121,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             let is_stable = !modes.grow();
             // With the assumed decay, too: small differences tell little of the true one.
             let assumed = attitude(&(end - from)) / (1.0 - (-period / ASSUMED_S).exp());
-            let is_found = distance < TOLERANCE && assumed < TOLERANCE && !is_coarse && paths.len() > 1;
+            let is_found = distance < TOLERANCE && assumed < TOLERANCE && is_fine && !is_coarse && paths.len() > 1;
             resting_s = if is_found { resting_s + period } else { 0.0 };
             if resting_s > 0.0
                 && (is_stable || resting_s > RESTING_S)
@@ -128,6 +136,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
                 return Ok(Outcome::Lost { trial: Box::new(trial), simulated_s });
             }
             let is_close = distance < CLOSE;
+            is_fine |= is_close;
             // Where no step is to be trusted, a period passes without one: the motion decays by itself, or leaves what is not
             // stable.
             let longest = LONGEST.min((end - from).amax() / (1.0 - (-period / SLOWEST_S).exp()));

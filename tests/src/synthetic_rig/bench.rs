@@ -34,6 +34,14 @@ impl Part {
     }
 }
 
+/// Returns what is known of a sensor that has no errors but one, which is known with a standard uncertainty.
+pub fn known_but_for(table: &str, key: &str, value: f64, u: f64) -> MeasuredSensorMeta {
+    let mut file = MeasuredSensor::new(&Settings::DEFAULT);
+    no_errors(&mut file);
+    file.set(table, key, Estimate { value, u });
+    MeasuredSensorMeta { name: "sensor.toml".to_owned(), text: file.to_toml() }
+}
+
 fn no_errors(file: &mut MeasuredSensor) {
     for i in AXES {
         for table in ["gyro_scale", "accel_scale", "mounting_deg"] {

@@ -7,6 +7,7 @@ mod part;
 mod random;
 mod recording;
 
+pub use bench::known_but_for;
 pub use motion::Motion;
 pub use part::{Lot, Part};
 pub use random::Random;

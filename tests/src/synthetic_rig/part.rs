@@ -39,6 +39,21 @@ pub struct Part {
 }
 
 impl Part {
+    /// Returns an ideal part but for one error: its table and key in the file of a sensor, and its value.
+    pub fn with(table: &str, key: &str, value: f64) -> Self {
+        let mut part = Self::of(Lot::Ideal, &mut Random(1));
+        let axes: Vec<usize> = key.bytes().map(|axis| usize::from(axis - b'x')).collect();
+        let (i, j) = (axes[0], *axes.last().expect("an axis"));
+        match table {
+            "gyro_scale" | "gyro_cross" => part.gyro[(i, j)] += value,
+            "gyro_g_dps" => part.gyro_g_dps[(i, j)] += value,
+            "accel_scale" | "accel_cross" => part.accel[(i, j)] += value,
+            "mounting_deg" => part.mounting = UnitQuaternion::from_scaled_axis(Vector3::ith(i, value.to_radians())),
+            other => panic!("no error of a part: {other}"),
+        }
+        part
+    }
+
     /// Draws a part.
     pub fn of(lot: Lot, random: &mut Random) -> Self {
         let mut draw = |limit: f64| match lot {

@@ -18,7 +18,7 @@
 
 use super::rest::{Noise, SHORTEST_REST_S, after_run, blocks_of};
 use super::smoother::{Motions, Rotation, Stretch, Target, rotation};
-use super::{Columns, Flicker, Series, Track};
+use super::{BiasNoise, Columns, Series, Track};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
@@ -68,10 +68,8 @@ pub struct Rest {
     pub calibrate_s: f64,
     /// Time constant of the board's filter, s.
     pub filter_s: f64,
-    /// Random walk of the gyroscope's bias about each axis.
-    pub bias_walk_dps_per_root_s: [f64; 3],
-    /// Flicker of the gyroscope's bias about each axis.
-    pub bias_flicker: [Flicker; 3],
+    /// Noise of the gyroscope's bias about each axis.
+    pub bias_noise: [BiasNoise; 3],
     /// Measured angle random walk about z, °/√s, and its degrees of freedom.
     pub angle_walk: Option<(f64, f64)>,
     /// Time constant of the yaw's return to rest by the robot's parameters, s.
@@ -117,13 +115,8 @@ impl Drift {
         let step = (span.end - span.start) / count.max(1) as f64;
         let times: Vec<f64> = (0..=count).map(|i| span.start + i as f64 * step).collect();
         let weights = verticals(series, &times, step.max(GRID_S));
-        let target = |axis: usize| Target {
-            times: &times,
-            weights: &weights[axis],
-            from_s,
-            walk: rest.bias_walk_dps_per_root_s[axis],
-            flicker: rest.bias_flicker[axis],
-        };
+        let target =
+            |axis: usize| Target { times: &times, weights: &weights[axis], from_s, bias_noise: rest.bias_noise[axis] };
         let variance = angle_walk.powi(2);
         let stretches: Vec<Stretch> = (still.iter())
             .filter_map(|range| blocks_of(yaw, range))
@@ -264,8 +257,7 @@ mod tests {
             after,
             calibrate_s,
             filter_s: 1.0,
-            bias_walk_dps_per_root_s: [5e-4; 3],
-            bias_flicker: [Flicker::default(); 3],
+            bias_noise: [BiasNoise { walk_dps_per_root_s: 5e-4, instability_dps: 0.0 }; 3],
             angle_walk: None,
             time_constant_s: None,
         }

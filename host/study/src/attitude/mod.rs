@@ -3,8 +3,8 @@
 //! Quaternions rotate body axes into world axes (Hamilton convention, scalar first). Euler angles are yaw about z, then
 //! pitch about the new y, then roll about the new x (MATLAB's `quat2eul`).
 
+mod bias_noise;
 mod drift;
-mod flicker;
 mod level;
 mod rest;
 mod series;
@@ -13,8 +13,8 @@ mod still;
 mod student;
 mod track;
 
+pub use bias_noise::BiasNoise;
 pub use drift::{Drift, Rest};
-pub use flicker::Flicker;
 pub use level::{Level, Leveller, RestForce};
 pub use series::Series;
 pub use sim::body::attitude::tilt_deg;

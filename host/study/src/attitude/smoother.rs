@@ -4,7 +4,7 @@
 //!
 //! - a constant bias;
 //! - its change with the sensor's temperature, proportional to the warming in the log;
-//! - a random walk, as increments between knots of time, and flicker;
+//! - a random walk and flicker;
 //! - the robot's return to rest before the run, and the one after it: A exp(-t/τ) each, and a faster one after the run;
 //! - a share of the rates at which the tilt returns to rest, which takes the yaw along and which the axis reads besides;
 //! - white noise, of variance N²/L over a stretch of length L, where N is the angle random walk.
@@ -16,7 +16,7 @@
 //! So a return to rest that hides in the noise adds to the uncertainty what it may hide, and ten seconds of rest help by
 //! ten seconds' worth.
 
-use super::{Flicker, Track};
+use super::{BiasNoise, Track};
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
@@ -28,10 +28,6 @@ const BIAS_DPS: f64 = 1.0;
 /// Standard deviation of the change of the bias with temperature, °/s/°C: a tenth of what the data sheet's ±20 °/s over -40
 /// to 85 °C (PS-MPU-6000A, section 6.1) amounts to.
 pub const WARMING_DPS_PER_C: f64 = 0.03;
-
-/// Shortest interval between the knots of the random walk, s, and the largest number of intervals.
-const KNOT_S: f64 = 2.0;
-const MOST_KNOTS: f64 = 100.0;
 
 /// Time constants of a return to rest that are tried first, s. More are tried between those of which the weights differ.
 const TIME_CONSTANTS_S: [f64; 7] = [1.5, 2.7, 5.0, 9.0, 16.0, 28.0, 50.0];
@@ -118,60 +114,6 @@ pub(super) struct Rotation {
     pub residual_dps: [f64; 2],
 }
 
-/// The terms of the rate: constant, warming, and increments of the random walk.
-struct Terms {
-    knots: Vec<f64>,
-    step_s: f64,
-    reference_c: f64,
-    /// Random walk of the bias, °/s/√s.
-    walk: f64,
-}
-
-impl Terms {
-    fn new(span: &Range<f64>, reference_c: f64, walk: f64) -> Self {
-        let length = span.end - span.start;
-        let step_s = KNOT_S.max(length / MOST_KNOTS);
-        let knots = (0..(length / step_s).ceil() as usize).map(|i| span.start + i as f64 * step_s).collect();
-        Self { knots, step_s, reference_c, walk }
-    }
-
-    fn count(&self) -> usize {
-        2 + self.knots.len()
-    }
-
-    /// Returns the prior standard deviation of each term.
-    fn deviation(&self, term: usize) -> f64 {
-        match term {
-            0 => BIAS_DPS,
-            1 => WARMING_DPS_PER_C,
-            _ => self.walk * self.step_s.sqrt(),
-        }
-    }
-
-    /// Returns the mean of a term over a stretch of time, scaled to unit variance.
-    fn mean(&self, term: usize, range: &Range<f64>, temperature_c: f64) -> f64 {
-        let value = match term {
-            0 => 1.0,
-            1 => temperature_c - self.reference_c,
-            _ => {
-                // The increment is spread over its interval, so that the walk has no steps.
-                let (from, to) = (self.knots[term - 2], self.knots[term - 2] + self.step_s);
-                let ramp = |t: f64| {
-                    let inside = t.clamp(from, to) - from;
-                    0.5 * inside * inside / self.step_s + (t - to).max(0.0)
-                };
-                let length = range.end - range.start;
-                if length > 0.0 {
-                    (ramp(range.end) - ramp(range.start)) / length
-                } else {
-                    ((range.start.clamp(from, to) - from) / self.step_s).min(1.0)
-                }
-            }
-        };
-        value * self.deviation(term)
-    }
-}
-
 /// The times at which a rotation is wanted.
 pub(super) struct Target<'a> {
     /// Times, ascending, s.
@@ -180,10 +122,8 @@ pub(super) struct Target<'a> {
     pub weights: &'a [f64],
     /// The rotation is zero at this time, s.
     pub from_s: f64,
-    /// Random walk of the bias about the axis, °/s/√s.
-    pub walk: f64,
-    /// Flicker of the bias about the axis.
-    pub flicker: Flicker,
+    /// Noise of the bias about the axis.
+    pub bias_noise: BiasNoise,
 }
 
 /// Estimates the rotation that the bias about one axis causes. `motions` is `None` for an axis whose rates at rest have no
@@ -196,23 +136,24 @@ pub(super) fn rotation(
 ) -> Option<Rotation> {
     let first = stretches.first()?;
     let temperature = |range: &Range<f64>| temperature_c.mean(range.clone()).unwrap_or_default();
-    let span = first.range.start.min(*target.times.first()?)..stretches.last()?.range.end.max(*target.times.last()?);
-    let terms = Terms::new(&span, temperature(&first.range), target.walk);
-    let (n, count) = (stretches.len(), terms.count());
+    let reference_c = temperature(&first.range);
+    // Each scaled to unit variance.
+    let constant_and_warming = |k: usize, celsius: f64| [BIAS_DPS, WARMING_DPS_PER_C * (celsius - reference_c)][k];
+    let n = stretches.len();
     // Rates about their mean, so that the prior of the constant is about what is seen.
     let offset = stretches.iter().map(|stretch| stretch.rate).sum::<f64>() / n as f64;
     let rates = DVector::from_iterator(n, stretches.iter().map(|stretch| stretch.rate - offset));
-    let seen = DMatrix::from_fn(n, count, |i, k| {
-        let range = &stretches[i].range;
-        terms.mean(k, range, if k == 1 { temperature(range) } else { 0.0 })
+    let seen = DMatrix::from_fn(n, 2, |i, k| constant_and_warming(k, temperature(&stretches[i].range)));
+    let instants = DMatrix::from_fn(target.times.len(), 2, |i, k| {
+        target.weights[i] * constant_and_warming(k, temperature_c.at(target.times[i]).unwrap_or_default())
     });
-    let wanted = integrals(instants(&terms, target, temperature_c), target);
-    let flicker = flicker(stretches, target);
+    let wanted = integrals(instants, target);
+    let changes = changes(stretches, target);
     let noise = DMatrix::from_diagonal(&DVector::from_iterator(n, stretches.iter().map(|stretch| stretch.variance)));
     let tilts = DMatrix::from_fn(n, 2, |i, k| TILT_SHARE * stretches[i].tilt_dps[k]);
-    let own = &seen * seen.transpose() + &tilts * tilts.transpose() + noise + flicker.own;
-    let cross = &wanted * seen.transpose() + flicker.cross;
-    let prior = &wanted * wanted.transpose() + flicker.prior;
+    let own = &seen * seen.transpose() + &tilts * tilts.transpose() + noise + changes.own;
+    let cross = &wanted * seen.transpose() + changes.cross;
+    let prior = &wanted * wanted.transpose() + changes.prior;
     let constant = DVector::from_fn(target.times.len(), |i, _| offset * wanted[(i, 0)] / BIAS_DPS);
     let given = Given { stretches, rates, own, cross, prior, from_s: target.from_s };
     let mut found = match motions {
@@ -225,15 +166,6 @@ pub(super) fn rotation(
     let shares = found.iter().map(|(weight, solved)| ((weight - best).exp() / total, solved));
     let mixed = given.mix(shares);
     Some(Rotation { mean: mixed.mean + constant, ..mixed })
-}
-
-/// Returns each term, times the weight, at each time of the target.
-fn instants(terms: &Terms, target: &Target, temperature_c: Track) -> DMatrix<f64> {
-    DMatrix::from_fn(target.times.len(), terms.count(), |i, k| {
-        let time = target.times[i];
-        let warm = || temperature_c.at(time).unwrap_or_default();
-        target.weights[i] * terms.mean(k, &(time..time), if k == 1 { warm() } else { 0.0 })
-    })
 }
 
 /// Integrates columns of values at the times of the target from the reference time to each of them.
@@ -252,25 +184,27 @@ fn integrals(instants: DMatrix<f64>, target: &Target) -> DMatrix<f64> {
     sums
 }
 
-/// The part of flicker in the covariance of the rates, of the wanted rotation with them, and of the rotation.
-struct FlickerPart {
+/// The part of the bias's noise in the covariance of the rates, of the wanted rotation with them, and of the rotation.
+struct Changes {
     own: DMatrix<f64>,
     cross: DMatrix<f64>,
     prior: DMatrix<f64>,
 }
 
-fn flicker(stretches: &[Stretch], target: &Target) -> FlickerPart {
-    let (times, n) = (target.times, stretches.len());
+fn changes(stretches: &[Stretch], target: &Target) -> Changes {
+    let Target { times, weights, bias_noise, .. } = *target;
+    let n = stretches.len();
     // The bias at a time of the grid is its mean over the interval around it.
     let half = times.get(1).map_or(0.5, |next| 0.5 * (next - times[0]));
     let around = |i: usize| times[i] - half..times[i] + half;
-    let between = |one: &Range<f64>, other: &Range<f64>| target.flicker.covariance(one, other);
-    let cross = DMatrix::from_fn(times.len(), n, |i, j| target.weights[i] * between(&around(i), &stretches[j].range));
-    let lagged: Vec<f64> = (0..times.len()).map(|lag| between(&around(0), &around(lag))).collect();
+    let from_s = stretches.first().map_or(f64::INFINITY, |first| first.range.start).min(around(0).start);
+    let between = |one: &Range<f64>, other: &Range<f64>| bias_noise.covariance(one, other, from_s);
+    let cross = DMatrix::from_fn(times.len(), n, |i, j| weights[i] * between(&around(i), &stretches[j].range));
+    let lagged: Vec<f64> = (0..times.len()).map(|lag| bias_noise.of_flicker(&around(0), &around(lag))).collect();
     let instants = DMatrix::from_fn(times.len(), times.len(), |i, j| {
-        target.weights[i] * target.weights[j] * lagged[i.abs_diff(j)]
+        weights[i] * weights[j] * (lagged[i.abs_diff(j)] + bias_noise.of_walk(&around(i), &around(j), from_s))
     });
-    FlickerPart {
+    Changes {
         own: DMatrix::from_fn(n, n, |i, j| between(&stretches[i].range, &stretches[j].range)),
         cross: integrals(cross, target),
         prior: integrals(integrals(instants, target).transpose(), target),

@@ -6,7 +6,7 @@
 //! Machine Learning, 2006, eq. 2.30). So what hides in the noise has a mean and a standard deviation, too.
 
 use super::{BIAS_WALK, Estimate};
-use crate::attitude::{Flicker, WARMING_DPS_PER_C};
+use crate::attitude::{BiasNoise, WARMING_DPS_PER_C};
 use nalgebra::{DMatrix, DVector};
 
 /// Most groups, and the fewest bins of a group: longer than the delay of every filter.
@@ -26,9 +26,9 @@ const TRIED: usize = 18;
 const USUAL_WALK: f64 = BIAS_WALK / 5.0;
 const USUAL_INSTABILITY_DPS: f64 = 0.006;
 
-/// The noise of the bias about an axis.
+/// What a rest tells of the noise of the bias about an axis.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(super) struct BiasNoise {
+pub(super) struct BiasEstimate {
     /// Random walk K, °/s/√s.
     pub walk: Estimate,
     /// Bias instability B, °/s.
@@ -36,7 +36,7 @@ pub(super) struct BiasNoise {
 }
 
 /// Returns the noise. `rates_dps` and `temperature_c`: means over bins of `bin_s`; `angle_walk`: N, °/√s.
-pub(super) fn of_rest(rates_dps: &[f64], temperature_c: &[f64], bin_s: f64, angle_walk: f64) -> BiasNoise {
+pub(super) fn of_rest(rates_dps: &[f64], temperature_c: &[f64], bin_s: f64, angle_walk: f64) -> BiasEstimate {
     let size = rates_dps.len().div_ceil(MOST_GROUPS).max(LEAST_BINS);
     let length_s = size as f64 * bin_s;
     let means = |of: &[f64]| {
@@ -47,16 +47,11 @@ pub(super) fn of_rest(rates_dps: &[f64], temperature_c: &[f64], bin_s: f64, angl
     let count = rates.len();
     let apart = DMatrix::identity(count, count) * (angle_walk.powi(2) / length_s);
     let own = apart.add_scalar(CONSTANT_DPS.powi(2)) + &warmth * warmth.transpose();
-    // The covariance of a Wiener process at two times is the earlier one.
-    let walk = DMatrix::from_fn(count, count, |i, j| {
-        let within = if i == j { 1.0 / 3.0 } else { 0.5 };
-        (i.min(j) as f64 + within) * length_s
-    });
-    // It depends on the distance of two groups alone.
-    let unit = Flicker { instability_dps: 1.0 };
     let group = |k: usize| k as f64 * length_s..(k + 1) as f64 * length_s;
-    let lagged: Vec<f64> = (0..count).map(|lag| unit.covariance(&group(0), &group(lag))).collect();
-    let flicker = DMatrix::from_fn(count, count, |i, j| lagged[i.abs_diff(j)]);
+    let [walk, flicker] = [(1.0, 0.0), (0.0, 1.0)].map(|(walk_dps_per_root_s, instability_dps)| {
+        let unit = BiasNoise { walk_dps_per_root_s, instability_dps };
+        DMatrix::from_fn(count, count, |i, j| unit.covariance(&group(i), &group(j), 0.0))
+    });
     let list = |usual: f64| (0..TRIED).map(move |k| usual * LEAST * (MOST / LEAST).powf(k as f64 / (TRIED - 1) as f64));
     let mut tried = Vec::new();
     for instability in list(USUAL_INSTABILITY_DPS) {
@@ -75,7 +70,7 @@ pub(super) fn of_rest(rates_dps: &[f64], temperature_c: &[f64], bin_s: f64, angl
         let mean = |power: i32| sum(&|at| at[which].powi(power)) / sum(&|_| 1.0);
         Estimate { value: mean(1), u: (mean(2) - mean(1).powi(2)).max(0.0).sqrt() }
     };
-    BiasNoise { walk: estimate(0), instability_dps: estimate(1) }
+    BiasEstimate { walk: estimate(0), instability_dps: estimate(1) }
 }
 
 /// Returns the logarithm of the prior probability of a place in a list, which has steps in proportion to the value: half a
@@ -95,7 +90,7 @@ mod tests {
 
     /// Returns what is found in a rest of so many seconds with a walk, and with flicker: walks that reach back to times in a
     /// ratio of 5.
-    fn found(seed: u64, seconds: f64, walk: f64, instability: f64) -> BiasNoise {
+    fn found(seed: u64, seconds: f64, walk: f64, instability: f64) -> BiasEstimate {
         let mut random = Random::new(seed);
         let mut bias = 3.0;
         let mut parts = [0.5, 2.5, 12.5, 62.5, 312.5, 1562.5].map(|tau| (tau, random.normal()));
@@ -120,14 +115,14 @@ mod tests {
     /// Returns the standard deviation of the change of the bias over 120 s, between means over 20 s.
     fn change_dps(walk: f64, instability_dps: f64) -> f64 {
         let (length_s, apart_s) = (20.0, 120.0);
-        let flicker = Flicker { instability_dps }.change_dps(&(0.0..length_s), &(apart_s..apart_s + length_s));
-        flicker.hypot(walk * f64::sqrt(apart_s - length_s / 3.0))
+        let noise = BiasNoise { walk_dps_per_root_s: walk, instability_dps };
+        noise.change_dps(&(0.0..length_s), &(apart_s..apart_s + length_s))
     }
 
     /// Returns the root of the mean square of the walk and of the instability over some rests.
     fn sizes(seconds: f64, walk: f64, instability: f64) -> [f64; 2] {
-        let all: Vec<BiasNoise> = (0..SEEDS).map(|seed| found(seed, seconds, walk, instability)).collect();
-        let mean = |of: fn(&BiasNoise) -> Estimate| {
+        let all: Vec<BiasEstimate> = (0..SEEDS).map(|seed| found(seed, seconds, walk, instability)).collect();
+        let mean = |of: fn(&BiasEstimate) -> Estimate| {
             let squares = all.iter().map(|noise| of(noise).value.powi(2) + of(noise).u.powi(2));
             (squares.sum::<f64>() / all.len() as f64).sqrt()
         };

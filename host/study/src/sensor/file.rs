@@ -5,7 +5,7 @@
 //! ([`expanded`](super::least_squares::expanded)).
 
 use super::{AxesError, Estimate, Sensor};
-use crate::attitude::Flicker;
+use crate::attitude::BiasNoise;
 use crate::plan::PlanError;
 use crate::plan::source::{Exactly, FileKind, Source, number};
 use biflag_log::atomic_file;
@@ -280,9 +280,11 @@ impl MeasuredSensor {
             put("mounting_deg", axis, &mut prior.mounting_deg[i]);
             // The mean squares of what they may be: a short rest hardly tells them.
             if let Some(walk) = self.get("bias_walk_dps_per_root_s", axis) {
-                prior.bias_walk_dps_per_root_s[i] = walk.value.hypot(walk.u);
                 let flicker = self.get("bias_instability_dps", axis).unwrap_or_default();
-                prior.bias_flicker[i] = Flicker { instability_dps: flicker.value.hypot(flicker.u) };
+                prior.bias_noise[i] = BiasNoise {
+                    walk_dps_per_root_s: walk.value.hypot(walk.u),
+                    instability_dps: flicker.value.hypot(flicker.u),
+                };
             }
             for j in 0..3 {
                 let pair = pair(i, j);

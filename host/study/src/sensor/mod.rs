@@ -29,7 +29,7 @@ pub use reading::RawReading;
 pub use still::{AxisNoise, StillError, StillResult, StillWatch};
 pub use turn::{TurnError, TurnPlan, TurnResult, TurnStep, TurnWatch};
 
-use crate::attitude::Flicker;
+use crate::attitude::BiasNoise;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -69,10 +69,8 @@ pub struct Sensor {
     pub accel_drift_g_per_c: [Estimate; 3],
     /// Rotation from the body's to the sensor's axes about x, y and z, degrees.
     pub mounting_deg: [Estimate; 3],
-    /// Random walk of the gyroscope's bias about each axis. One that nobody has measured stands for its flicker, too.
-    pub bias_walk_dps_per_root_s: [f64; 3],
-    /// Flicker of the gyroscope's bias about each axis.
-    pub bias_flicker: [Flicker; 3],
+    /// Noise of the gyroscope's bias about each axis. A walk that nobody has measured stands for the flicker, too.
+    pub bias_noise: [BiasNoise; 3],
     /// Angle random walk of the gyroscope about z, where it was measured.
     pub angle_walk_z_deg_per_root_s: Option<Estimate>,
     /// What poses do not tell of the accelerometer's axes.
@@ -129,8 +127,7 @@ impl Sensor {
             accel_cross: cross(data_sheet::ACCEL_CROSS),
             accel_drift_g_per_c: data_sheet::ACCEL_DRIFT_G_PER_C.map(Estimate::within),
             mounting_deg: [Estimate::within(MOUNTING_DEG); 3],
-            bias_walk_dps_per_root_s: [BIAS_WALK; 3],
-            bias_flicker: [Flicker::default(); 3],
+            bias_noise: [BiasNoise { walk_dps_per_root_s: BIAS_WALK, instability_dps: 0.0 }; 3],
             angle_walk_z_deg_per_root_s: None,
             axes: AxesError::default(),
         }

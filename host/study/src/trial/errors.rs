@@ -6,7 +6,7 @@ use super::clock::{self, ClockRate};
 use super::data::Data;
 use super::sensitivity::{Sensitivities, Sensitivity, tilts_by_bias};
 use super::tilt_zero::TiltZero;
-use crate::attitude::{Columns, Drift, Flicker, Track, WARMING_DPS_PER_C};
+use crate::attitude::{BiasNoise, Columns, Drift, Track, WARMING_DPS_PER_C};
 use crate::sensor::{GROUPS, PARAMETERS};
 use nalgebra::{DMatrix, RowDVector};
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -34,9 +34,7 @@ pub(super) struct Errors {
     independent: DMatrix<f64>,
     /// See [`crate::sensor::Sensor::shares_of_readings`].
     shares: [f64; PARAMETERS],
-    /// Random walk of the gyroscope's bias, °/s/√s.
-    bias_walk: [f64; 3],
-    bias_flicker: [Flicker; 3],
+    bias_noise: [BiasNoise; 3],
     from_s: f64,
     clock: ClockRate,
 }
@@ -71,8 +69,7 @@ impl Errors {
             filter_s,
             independent: sensor.independent_errors(),
             shares: sensor.shares_of_readings(),
-            bias_walk: sensor.bias_walk_dps_per_root_s,
-            bias_flicker: sensor.bias_flicker,
+            bias_noise: sensor.bias_noise,
             from_s,
             clock: clock::rate(data.records.clock.as_ref(), data.duration_s),
         }
@@ -128,13 +125,9 @@ impl Errors {
     /// Returns the uncertainty of pitch, roll or tilt due to the bias's change since the zero. `gradient`: the derivatives
     /// of the angle by pitch and roll.
     fn bias_term(&self, angles: &Columns<3>, over: &Range<f64>, gradient: [f64; 2]) -> Term {
-        let walked = (0.5 * (over.start + over.end) - self.from_s).abs().sqrt();
         let warming_c = self.temperature_c.track(0).mean(over.clone()).unwrap_or_default() - self.zero_c;
         let zero = self.from_s - AROUND_S..self.from_s + AROUND_S;
-        let bias_dps: [f64; 3] = std::array::from_fn(|i| {
-            let flicker = self.bias_flicker[i].change_dps(&zero, over);
-            (self.bias_walk[i] * walked).hypot(WARMING_DPS_PER_C * warming_c).hypot(flicker)
-        });
+        let bias_dps = self.bias_noise.map(|noise| noise.change_dps(&zero, over).hypot(WARMING_DPS_PER_C * warming_c));
         let [of_pitch, of_roll] = tilts_by_bias(mean_tilt_deg(angles, over), self.filter_s);
         let by_axis = |i: usize| (gradient[0] * of_pitch[i] + gradient[1] * of_roll[i]) * bias_dps[i];
         Term::of_trial("gyroscope bias", [0, 1, 2].map(by_axis).into_iter().fold(0.0, f64::hypot), f64::INFINITY)

@@ -50,6 +50,7 @@ pub(super) fn findings(
 fn unknown(data: &Data, series: &Series, rest: &Rest, has_still: bool, drift: Option<&Drift>) -> Option<Finding> {
     let slight = |text: String, cure: &str| Some(Finding::slight(FindingKind::Rest, text, cure));
     let long_preroll = "give the plan a pre-roll of 20 s";
+    let long_rest = "give the plan a calibration of 5 s, or a pre-roll of 20 s";
     let still_s = rest.before.end - rest.before.start;
     let dps = bias_in_yaw(series, rest, &data.times.run, drift.is_some());
     let is_known = drift.is_some_and(|drift| drift.variance(data.times.run.end).is_some());
@@ -59,24 +60,18 @@ fn unknown(data: &Data, series: &Series, rest: &Rest, has_still: bool, drift: Op
             "the gyroscope turns the yaw by {dps:.2} °/s of its own: it was not calibrated, and the still phase of {still_s:.1} s \
              before the run is too short to remove its bias"
         );
-        return Some(Finding::grave(
-            FindingKind::Rest,
-            text,
-            "give the plan a calibration of 5 s, or a pre-roll of 20 s",
-        ));
+        return Some(Finding::grave(FindingKind::Rest, text, long_rest));
+    }
+    // The board may have kept the bias of another day, or never had one: nothing in such a log shows it.
+    if rest.calibrate_s == 0.0 && still_s < LEAST_RATE_S {
+        let text = "there is neither a calibration nor a still phase before the run: the gyroscope's bias is in the yaw, and \
+                    nothing shows how large it is";
+        return Some(Finding::grave(FindingKind::Rest, text, long_rest));
     }
     if !has_still {
-        // The plan asks for no zero, and nothing in such a log shows the bias.
-        let is_new = data.settings().is_some_and(|settings| settings.gyro_bias == [0.0; 3]);
-        let bias = match rest.calibrate_s == 0.0 && is_new {
-            true => "; the gyroscope was never calibrated, and its bias is in the yaw",
-            false => "",
-        };
-        let text = format!(
-            "there is no still phase before the run: the zero is the attitude at its start, and the uncertainty of the yaw is \
-             unknown{bias}"
-        );
-        return slight(text, long_preroll);
+        let text = "there is no still phase before the run: the zero is the attitude at its start, and the uncertainty of the \
+                    yaw is unknown";
+        return slight(text.to_owned(), long_preroll);
     }
     if drift.is_none() {
         let rate = dps.map_or_else(String::new, |dps| format!(" of about {dps:.2} °/s"));
@@ -234,6 +229,15 @@ mod tests {
         let [short] = found(4.3, [0.0; 3], |_| 1.3).try_into().unwrap();
         assert!(short.text.starts_with("the still phase of 4.3 s before the run is too short") && !short.grave);
         assert_eq!(found(25.0, [0.0; 3], |_| 1.3), []);
+    }
+
+    /// With a bias or without one, whether the plan asks for no rest or for less than shows a rate.
+    #[test]
+    fn run_without_a_rest_or_a_calibration_is_grave() {
+        for (preroll_s, z_dps) in [(0.0, 0.0), (0.0, -3.52), (0.13, 1.7), (0.19, 0.0)] {
+            let [none] = found(preroll_s, [0.0, 0.0, z_dps], |_| 1.3).try_into().unwrap();
+            assert!(none.text.starts_with("there is neither a calibration nor a still phase") && none.grave, "{none}");
+        }
     }
 
     #[test]

@@ -153,8 +153,7 @@ impl Zeroed {
             after,
             calibrate_s,
             filter_s,
-            bias_walk_dps_per_root_s: sensor.bias_walk_dps_per_root_s,
-            bias_flicker: sensor.bias_flicker,
+            bias_noise: sensor.bias_noise,
             angle_walk: sensor.angle_walk(),
             time_constant_s: constants.map(|constants| constants.yaw_s).filter(|yaw_s| yaw_s.is_finite()),
         };

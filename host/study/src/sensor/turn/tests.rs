@@ -1,6 +1,7 @@
 use super::*;
-use crate::sensor::Sensor;
+use crate::sensor::file::pair;
 use crate::sensor::synthetic::Hand;
+use crate::sensor::{Estimate, Sensor};
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::Settings;
 
