@@ -30,6 +30,7 @@ mod resistance;
 mod sensor;
 mod settings;
 mod simulate;
+mod steer;
 mod sweep;
 mod virtual_board;
 
@@ -81,6 +82,7 @@ enum Command {
     Compare(compare::Args),
     Calibrate(calibrate::Args),
     Aim(aim::Args),
+    Steer(steer::Args),
     Report(report::Args),
     Figure(figure::Args),
     Film(film::Args),
@@ -113,6 +115,7 @@ pub fn run() -> ExitCode {
         Command::Compare(args) => compare::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Aim(args) => aim::run(&args),
+        Command::Steer(args) => steer::run(&args),
         Command::Live(args) => live::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Pack(args) => pack::run(&args),
