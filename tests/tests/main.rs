@@ -33,6 +33,7 @@ mod simulate;
 mod slurm;
 mod spoilt_line;
 mod standalone;
+mod steer;
 mod sweep;
 mod sweep_together;
 mod truth;

@@ -2,7 +2,7 @@
 
 use super::super::options::duration;
 use super::super::virtual_board::SensorArgs;
-use crate::plan::robot;
+use crate::plan::{MAX_PHASE_S, robot};
 use std::path::PathBuf;
 
 /// Reach an attitude and hold it, on the rig, on the emulated board or in the model, and write a log.
@@ -34,6 +34,10 @@ pub struct Args {
     /// Longest time of the run, seconds; then the motors stop.
     #[arg(long = "for", value_name = "S", value_parser = duration, default_value = "120")]
     pub run_s: f64,
+    /// Duration of the rest before the run, seconds, which shows the drift of the yaw. With 0 the run begins at once, without
+    /// a calibration of the gyroscope, and no angle has a ±. The model needs no rest.
+    #[arg(long, value_name = "S", value_parser = rest, default_value = "20", conflicts_with = "model")]
+    pub rest: f64,
     /// A command that gives the speeds instead of the built-in controller.
     #[arg(long, value_name = "COMMAND")]
     pub policy: Option<String>,
@@ -60,4 +64,10 @@ pub struct Args {
     /// The session folder; by default named after the attitude.
     #[arg(short, long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+/// Reads the duration of a rest in seconds.
+fn rest(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "give seconds")?;
+    if (0.0..=MAX_PHASE_S).contains(&seconds) { Ok(seconds) } else { Err(format!("give 0 to {MAX_PHASE_S} s")) }
 }

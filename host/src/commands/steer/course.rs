@@ -51,13 +51,17 @@ impl Course {
     }
 }
 
-/// Returns a plan with one trial. The model needs no rest.
+/// Returns a plan with one trial.
 fn plan(args: &Args, rpm: [f64; 2]) -> miette::Result<Plan> {
     let [w1, w2] = rpm.map(|rpm| CentiRpm::from_rpm(rpm).rpm());
-    let still = if args.model { "calibrate = 0\npreroll = 0\ndecay = 0\n" } else { "" };
+    let still = match args.rest {
+        _ if args.model => "calibrate = 0\npreroll = 0\ndecay = 0".to_owned(),
+        0.0 => "calibrate = 0\npreroll = 0\ndecay = 0\nrest_at_most = 0".to_owned(),
+        rest_s => format!("preroll = {rest_s}"),
+    };
     let (yaw, pitch, run_s) = (args.yaw, args.pitch, args.run_s);
     let text = format!(
-        "[session]\nname = \"steer_yaw{yaw:+}_pitch{pitch:+}\"\n\n[trial]\n{still}run = {run_s}\n\n[speeds]\npairs = [[{w1}, {w2}]]\n"
+        "[session]\nname = \"steer_yaw{yaw:+}_pitch{pitch:+}\"\n\n[trial]\n{still}\nrun = {run_s}\n\n[speeds]\npairs = [[{w1}, {w2}]]\n"
     );
     Ok(Plan::parse(&text, "steer")?)
 }
