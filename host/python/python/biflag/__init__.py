@@ -11,6 +11,7 @@ from ._aim import Aimed, ContactChange, Doubt, Solution, aim
 from ._biflag import Robot, __commit__, __version__
 from ._errors import Error, ParameterError
 from ._recording import Angles, Event, Recording, Session, read_log, read_session
+from ._rig import Rig
 from ._simulator import Simulator, State
 from ._sweep import read_sweep, sweep
 from ._table import Table
@@ -30,6 +31,7 @@ __all__ = [
     "Event",
     "ParameterError",
     "Recording",
+    "Rig",
     "Robot",
     "Session",
     "Simulator",

@@ -41,7 +41,7 @@ enum Line {
         _claim: Claim,
     },
     /// To an emulated board that waits for this program.
-    LockStep(RefCell<LockStep>),
+    LockStep(Box<RefCell<LockStep>>),
 }
 
 /// A request whose answer is awaited.
@@ -91,7 +91,7 @@ impl Link {
     /// As [`Link::open`].
     pub fn lock_step(path: &str, advance: Advance) -> Result<Self, LinkError> {
         let opened = SystemTime::now();
-        let line = Line::LockStep(RefCell::new(LockStep::new(advance, opened)));
+        let line = Line::LockStep(Box::new(RefCell::new(LockStep::new(advance, opened))));
         let mut link = Self { path: path.to_owned(), opened, info: Info::default(), line };
         link.info = link.handshake(&AtomicBool::new(false))?;
         Ok(link)

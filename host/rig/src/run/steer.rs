@@ -18,7 +18,7 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 use study::attitude::Columns;
 use study::plan::{Phase, TICK_US, Trial};
-use study::steer::{Measured, PERIOD_US, SetPoint, Steering, Tally, Times};
+use study::steer::{Measured, PERIOD_US, SetPoint, SteerError, Steering, Tally, Times};
 
 /// Longest wait for a pilot before the next frame is recorded: less than a tick.
 const ANSWER_WAIT: Duration = Duration::from_millis(4);
@@ -71,7 +71,10 @@ pub fn steer(
             asked: times,
             sent: None,
         };
-        course.run(context, trial)?;
+        match course.run(context, trial) {
+            Ok(()) | Err(RecordError::Steer(SteerError::Over)) => {}
+            Err(error) => return Err(error),
+        }
         decay(recorder, context, trial)
     })?;
     Ok(SteeredRun { run, tally })

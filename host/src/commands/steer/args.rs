@@ -38,7 +38,9 @@ pub struct Args {
     /// a calibration of the gyroscope, and no angle has a ±. The model needs no rest.
     #[arg(long, value_name = "S", value_parser = rest, default_value = "20", conflicts_with = "model")]
     pub rest: f64,
-    /// A command that gives the speeds instead of the built-in controller.
+    /// A command that gives the speeds instead of the built-in controller; `-` is the program that started biflag, which
+    /// reads the observations from its standard output and writes the speeds to its standard input. The answer of --json is
+    /// then the last line.
     #[arg(long, value_name = "COMMAND")]
     pub policy: Option<String>,
     /// The robot that is steered: a robot file, `physical` or `published`.

@@ -42,7 +42,8 @@ impl Course {
                 let nearest = aim::nearest(&table, &target)?;
                 let patience = if args.model || args.lock_step { Patience::OF_MODEL } else { Patience::OF_RIG };
                 let wanted = Wanted { yaw_deg: args.yaw, pitch_deg: args.pitch };
-                let pilot = Pilot::Policy(Policy::start(command, patience)?);
+                let own = command == "-";
+                let pilot = Pilot::Policy(if own { Policy::own(patience) } else { Policy::start(command, patience)? });
                 (wanted, pilot, nearest.rpm, nearest.attitude.tilt_deg())
             }
         };

@@ -27,6 +27,9 @@ pub enum SteerError {
         /// How, if it is known.
         status: Option<String>,
     },
+    /// The policy has ended the run: no failure.
+    #[error("the policy ended the run")]
+    Over,
     /// The policy does not answer.
     #[error("the policy gave no speeds within {waited_s} s")]
     #[diagnostic(help("{REPLY}"))]

@@ -6,17 +6,20 @@
 //! {"speeds_rpm":[50,10]}
 //! ```
 //!
-//! Each is a single line; the first is broken here for reading. The program starts before the trial and gets its first
+//! The line `{"end":true}` ends the run before its time. Each is a single line; the first is broken here for reading. The program starts before the trial and gets its first
 //! observation when the run begins. Its standard input ends with the run. What it writes on its standard error is shown.
+//!
+//! A program that starts `biflag` itself can be its policy ([`Policy::own`]): it reads the observations from the standard
+//! output of `biflag` and writes the speeds to its standard input.
 
 use super::{Observation, SteerError};
 use crate::text::printable;
 use protocol::units::CentiRpm;
 use rustix::process::{Pid, Signal, kill_process_group};
 use serde::Deserialize;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Read, Stdout, Write, stdin, stdout};
 use std::os::unix::process::CommandExt;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
@@ -43,21 +46,32 @@ impl Patience {
     pub const OF_RIG: Self = Self { first: Duration::from_secs(60), each: Duration::from_millis(400) };
 
     /// In the model, whose time stands still meanwhile.
-    pub const OF_MODEL: Self = Self { first: Duration::from_secs(60), each: Duration::from_secs(10) };
+    pub const OF_MODEL: Self = Self { first: Duration::from_secs(60), each: Duration::from_secs(60) };
+}
+
+/// Where the observations go.
+#[derive(Debug)]
+enum Input {
+    Child(ChildStdin),
+    Own(Stdout),
 }
 
 /// The line of a policy.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Reply {
-    speeds_rpm: [f64; 2],
+    #[serde(default)]
+    speeds_rpm: Option<[f64; 2]>,
+    #[serde(default)]
+    end: bool,
 }
 
 /// A program that gives the speeds. Dropping it ends the program.
 #[derive(Debug)]
 pub struct Policy {
-    child: Child,
-    input: Option<ChildStdin>,
+    /// `None` for the program that started this one.
+    child: Option<Child>,
+    input: Option<Input>,
     /// Its lines, from a thread of their own: a program that hangs must not stop this one.
     lines: Receiver<String>,
     patience: Patience,
@@ -80,19 +94,16 @@ impl Policy {
             .process_group(0)
             .spawn()
             .map_err(|source| SteerError::NotStarted { command: command.to_owned(), source })?;
-        let input = child.stdin.take();
-        let (sender, lines) = channel();
-        if let Some(output) = child.stdout.take() {
-            std::thread::spawn(move || {
-                let mut output = BufReader::new(output);
-                while let Some(line) = next_line(&mut output) {
-                    if sender.send(line).is_err() {
-                        return;
-                    }
-                }
-            });
-        }
-        Ok(Self { child, input, lines, patience, asked: None, has_answered: false })
+        let input = child.stdin.take().map(Input::Child);
+        let lines = child.stdout.take().map_or_else(|| channel().1, lines);
+        Ok(Self { child: Some(child), input, lines, patience, asked: None, has_answered: false })
+    }
+
+    /// Returns the program that started this one as a policy: it gets the observations from the standard output of this
+    /// program and writes the speeds to its standard input.
+    pub fn own(patience: Patience) -> Self {
+        let input = Some(Input::Own(stdout()));
+        Self { child: None, input, lines: lines(stdin()), patience, asked: None, has_answered: false }
     }
 
     /// Sends an observation.
@@ -104,7 +115,10 @@ impl Policy {
             return Err(SteerError::Unasked { line: beginning(&line) });
         }
         let line = serde_json::to_string(observation).unwrap_or_default();
-        let sent = self.input.as_mut().map(|input| writeln!(input, "{line}").and_then(|()| input.flush()));
+        let sent = self.input.as_mut().map(|input| match input {
+            Input::Child(input) => writeln!(input, "{line}").and_then(|()| input.flush()),
+            Input::Own(output) => writeln!(output, "{line}").and_then(|()| output.flush()),
+        });
         if !matches!(sent, Some(Ok(()))) {
             return Err(self.ended());
         }
@@ -136,17 +150,18 @@ impl Policy {
     /// Returns the error for a program that has ended, or has closed its output.
     fn ended(&mut self) -> SteerError {
         self.input = None;
-        SteerError::Ended { status: wait(&mut self.child, END_TIMEOUT) }
+        SteerError::Ended { status: self.child.as_mut().and_then(|child| wait(child, END_TIMEOUT)) }
     }
 }
 
 impl Drop for Policy {
     fn drop(&mut self) {
         self.input = None;
-        if wait(&mut self.child, END_TIMEOUT).is_none() {
+        let Some(child) = &mut self.child else { return };
+        if wait(child, END_TIMEOUT).is_none() {
             // With its children: the shell alone would leave them running.
-            let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
-            let _ = self.child.wait();
+            let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
+            let _ = child.wait();
         }
     }
 }
@@ -165,8 +180,22 @@ fn wait(child: &mut Child, longest: Duration) -> Option<String> {
     }
 }
 
+/// Reads lines on a thread, which ends with them.
+fn lines(output: impl Read + Send + 'static) -> Receiver<String> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        let mut output = BufReader::new(output);
+        while let Some(line) = next_line(&mut output) {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    lines
+}
+
 /// Reads a line, of which no more than [`LONGEST_LINE`] bytes; `None` at the end.
-fn next_line(output: &mut BufReader<ChildStdout>) -> Option<String> {
+fn next_line(output: &mut BufReader<impl Read>) -> Option<String> {
     let mut line = Vec::new();
     match output.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line) {
         Ok(1..) => Some(String::from_utf8_lossy(&line).trim_end().to_owned()),
@@ -176,7 +205,11 @@ fn next_line(output: &mut BufReader<ChildStdout>) -> Option<String> {
 
 fn parse(line: &str) -> Result<[f64; 2], SteerError> {
     let nonsense = |reason: String| SteerError::Nonsense { line: beginning(line), reason };
-    let Reply { speeds_rpm: rpm } = serde_json::from_str(line).map_err(|error| nonsense(error.to_string()))?;
+    let Reply { speeds_rpm, end } = serde_json::from_str(line).map_err(|error| nonsense(error.to_string()))?;
+    if end {
+        return Err(SteerError::Over);
+    }
+    let Some(rpm) = speeds_rpm else { return Err(nonsense("it has no speeds_rpm".to_owned())) };
     if rpm.iter().any(|rpm| !rpm.is_finite()) {
         return Err(nonsense("a speed is not finite".to_owned()));
     }
@@ -244,6 +277,8 @@ mod tests {
         assert_eq!(failed(&once("{\"speeds_rpm\": [5, 5]}"), 2), "the policy gave no speeds within 0.2 s");
         for (line, word) in [
             ("hello", "hello"),
+            ("{}", "no speeds_rpm"),
+            ("{\"end\": true}", "ended the run"),
             ("{\"speeds_rpm\": [NaN, 1]}", "NaN"),
             ("{\"speeds_rpm\": [1e999, 1]}", "1e999"),
             ("{\"speeds_rpm\": [1]}", "length"),
@@ -269,7 +304,7 @@ mod tests {
     fn program_ends_with_its_children() {
         let begun = Instant::now();
         let policy = Policy::start("sleep 1000 & wait", PATIENCE).unwrap();
-        let group = Pid::from_child(&policy.child);
+        let group = Pid::from_child(policy.child.as_ref().unwrap());
         drop(policy);
         assert!(begun.elapsed() < Duration::from_secs(10));
         // Whoever has become their parent takes a moment.

@@ -49,6 +49,12 @@ pub struct Held {
     pub mean_pitch_uncertainty_deg: Option<f64>,
     /// The time of the means.
     pub mean_over_s: f64,
+    /// Mean yaw of the simulated robot behind an emulated board, without the errors of its sensor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub true_mean_yaw_deg: Option<f64>,
+    /// Its mean pitch.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub true_mean_pitch_deg: Option<f64>,
 }
 
 impl Held {
@@ -62,7 +68,11 @@ impl Held {
         let known = !data.is_model();
         let yaw_budget = zeroed.yaw_budget(middle_s).filter(|_| known);
         let tilt = zeroed.tilt_uncertainty(&over).filter(|_| known);
+        let [true_yaw, true_pitch, ..] = data.truth.tracks();
+        let true_zero_deg = true_yaw.at(zeroed.from_s).filter(|_| known);
         Some(Self {
+            true_mean_yaw_deg: true_zero_deg.and_then(|zero_deg| Some(true_yaw.mean(over.clone())? - zero_deg)),
+            true_mean_pitch_deg: true_pitch.mean(over.clone()).filter(|_| true_zero_deg.is_some()),
             mean_yaw_deg: yaw.mean(over.clone()).filter(|_| over.end > over.start)?,
             mean_yaw_uncertainty_deg: yaw_budget.map(|budget| budget.uncertainty_deg()),
             mean_pitch_deg: pitch.mean(over.clone())?,

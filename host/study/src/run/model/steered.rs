@@ -66,6 +66,7 @@ pub fn steer(
     let mut run = Run::start(model, plan, trial, meta, (attempt, path))?;
     let steps = (trial.phases.run_s / PERIOD_S).round().max(1.0) as u64;
     let error = (0..steps).find_map(|step| run.step(step, steering, goes_on).err());
+    let error = error.filter(|error| !matches!(error, SteeredError::Steer(SteerError::Over)));
     let mut summary = Summary {
         end: match &error {
             None => End::Complete,
