@@ -5,7 +5,8 @@
 >>> environment = gymnasium.make("biflag/Attitude-v0")
 >>> many = gymnasium.make_vec("biflag/Attitude-v0", num_envs=16, vectorization_mode="vector_entry_point")
 
-The second one computes its robots side by side on all cores.
+The second one computes its robots side by side on all cores. With ``on="virtual"`` or ``on="rig"`` the first one runs on the
+emulated board or on the rig (:class:`biflag.Rig`), whose flagella start wherever they are.
 
 A step lasts half a second. The action has the speeds of motors 1 and 2, from -1 to 1 times 90 rpm. The observation has yaw, pitch and roll in degrees,
 the angular velocity in body axes in degrees/s, and the wanted yaw and pitch. The reward is the negative error in degrees,
@@ -18,7 +19,7 @@ The robot swings by some degrees with each turn of its flagella, at any speeds. 
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import gymnasium
 import numpy as np
@@ -30,7 +31,9 @@ from gymnasium.vector.utils import batch_space
 
 from . import _biflag
 from ._biflag import Robot
-from ._errors import ParameterError
+from ._errors import Error, ParameterError
+from ._rig import Rig
+from ._simulator import State
 from ._trial import Closure, Floats
 
 __all__ = ["AttitudeEnv", "AttitudeVectorEnv"]
@@ -58,11 +61,24 @@ class AttitudeEnv(gymnasium.Env[Floats, Floats]):
 
     metadata: dict[str, Any] = {"render_modes": []}
 
-    def __init__(self, robot: Robot | None = None, *, closure: Closure = "full", dt: float = 0.5) -> None:
+    def __init__(
+        self,
+        robot: Robot | None = None,
+        *,
+        closure: Closure = "full",
+        dt: float = 0.5,
+        on: Literal["simulator", "virtual", "rig"] = "simulator",
+        **rig: Any,
+    ) -> None:
+        """Without arguments the robot is computed; ``rig`` has those of :class:`biflag.Rig`, such as its port."""
         self.observation_space = observation_space()
         self.action_space = action_space()
         self.dt = dt
-        self._simulators = _biflag.Simulators(robot or Robot.physical(), 1, closure, 1)
+        self._body: Simulated | Rigged
+        if on == "simulator":
+            self._body = Simulated(_biflag.Simulators(robot or Robot.physical(), 1, closure, 1))
+        else:
+            self._body = Rigged(Rig(virtual=on == "virtual", **rig))
         self._wanted = np.zeros(2)
 
     def reset(
@@ -70,22 +86,77 @@ class AttitudeEnv(gymnasium.Env[Floats, Floats]):
     ) -> tuple[Floats, dict[str, Any]]:
         super().reset(seed=seed)
         self._wanted = wanted(self.np_random, options)
-        self._simulators.reset(0, random_phase(self.np_random))
+        self._body.reset(random_phase(self.np_random))
         return self._observed(), {}
 
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        _, failures = self._simulators.step(speeds_rpm(action)[np.newaxis], self.dt)
+        failure = self._body.step(speeds_rpm(action), self.dt)
         observation = self._observed()
         error = float(errors(observation))
         info: dict[str, Any] = {"error_deg": error}
-        if failures[0]:
-            info["failure"] = failures[0]
+        if failure:
+            info["failure"] = failure
             return observation, FAILED_REWARD, True, False, info
         return observation, -error, False, False, info
 
+    def close(self) -> None:
+        self._body.close()
+
     def _observed(self) -> Floats:
-        observed: Floats = observations(self._simulators.poses(), self._wanted[np.newaxis])[0]
+        observed: Floats = observations(self._body.pose(), self._wanted[np.newaxis])[0]
         return observed
+
+
+class Simulated:
+    """A robot that is computed."""
+
+    def __init__(self, simulators: _biflag.Simulators) -> None:
+        self._simulators = simulators
+
+    def reset(self, phase: tuple[float, float]) -> None:
+        self._simulators.reset(0, phase)
+
+    def step(self, speeds: Floats, dt: float) -> str:
+        """Returns why the solver failed; empty where it did not."""
+        _, failures = self._simulators.step(speeds[np.newaxis], dt)
+        return failures[0]
+
+    def pose(self) -> Floats:
+        poses: Floats = self._simulators.poses()
+        return poses
+
+    def close(self) -> None:
+        pass
+
+
+class Rigged:
+    """The robot on the rig, or on the emulated board."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._pose: Floats = np.zeros((1, 6))
+
+    def reset(self, phase: tuple[float, float]) -> None:
+        # A rig cannot choose the angles of its flagella.
+        del phase
+        self._see(self._rig.reset())
+
+    def step(self, speeds: Floats, dt: float) -> str:
+        """Returns why the run has ended; empty while it goes on."""
+        try:
+            self._see(self._rig.step(speeds, dt))
+        except Error as error:
+            return error.reason or str(error)
+        return ""
+
+    def pose(self) -> Floats:
+        return self._pose
+
+    def close(self) -> None:
+        self._rig.close()
+
+    def _see(self, state: State) -> None:
+        self._pose = np.array([[state.yaw, state.pitch, state.roll, *state.rates]])
 
 
 class AttitudeVectorEnv(VectorEnv[Floats, Floats, Floats]):

@@ -3,10 +3,7 @@
 use super::Args;
 use crate::aim::{self, Quantity, Target};
 use crate::plan::{Plan, RobotFile};
-use crate::run::model::ModelError;
 use protocol::units::CentiRpm;
-use sim::params::Robot;
-use sim::return_to_rest::TimeConstants;
 use study::steer::{Controller, Map, Patience, Pilot, Policy, Wanted};
 
 /// What is to be done.
@@ -31,9 +28,7 @@ impl Course {
         let table = args.table.as_deref().map_or_else(aim::shipped, |path| aim::load(path, &of_robot))?;
         let (wanted, pilot, rpm, tilt_deg) = match &args.policy {
             None => {
-                let known = if args.table.is_some() { of_robot } else { Robot::default() };
-                let constants = TimeConstants::of(&known).map_err(ModelError::from)?;
-                let map = Map::of_table(&table, args.yaw, args.pitch, constants)?;
+                let map = Map::of_table(&table, args.yaw, args.pitch)?;
                 let (wanted, rpm, tilt_deg) = (map.wanted, map.rpm, map.tilt_deg);
                 (wanted, Pilot::of(Controller::new(map)), rpm, tilt_deg)
             }

@@ -1,7 +1,7 @@
 //! The built-in controller: a feed-forward from the map of the robot, and an integral of what the means still lack.
 //!
 //! Near the speeds w₀ at which the map has the wanted attitude y*, the mean attitude y of the robot follows its speeds w as
-//! τ y' = y* + J (w - w₀) - y: J are the derivatives of the map, and τ the time constants of yaw and tilt, diagonal. Without
+//! τ y' = y* + J (w - w₀) - y: J are the derivatives of the map, and τ the lags [`LAGS_S`], diagonal. Without
 //! an error of the map, y goes the way r of τ r' = s y* - r, where s rises from 0 to 1 while the motors start. The
 //! controller corrects only what differs from it. With the error of the means e = r̄ - ȳ, both over the same turns,
 //!
@@ -26,7 +26,6 @@ use super::{Means, Observation, SteerError, Wanted};
 use crate::aim::{Nearest, Quantity, Table, Target, nearest};
 use nalgebra::{DMatrix, Matrix2, Vector2};
 use protocol::units::CentiRpm;
-use sim::return_to_rest::TimeConstants;
 
 /// Time in which an error falls by e, s.
 const RESPONSE_S: f64 = 8.0;
@@ -40,8 +39,9 @@ const STEEPEST_RPM: f64 = 40.0;
 /// Largest error of the table with which an attitude is within reach, degrees.
 const WITHIN_REACH_DEG: f64 = 3.0;
 
-/// Longest time constant that the controller cancels, s: without a tether the yaw has none.
-const LONGEST_S: f64 = 60.0;
+/// Lags τ of mean yaw and pitch behind the speeds, s: those of the robot `physical` from rest to 48.8 and 10.46 rpm. The base
+/// follows its motors faster than it returns to rest without them, when flagella at rest hold it back.
+const LAGS_S: [f64; 2] = [2.5, 5.0];
 
 /// What the controller knows about the robot: the speeds of an attitude, and what a change of them does.
 #[derive(Clone, PartialEq, Debug)]
@@ -54,17 +54,14 @@ pub struct Map {
     pub tilt_deg: f64,
     /// Change of the speeds for a degree of yaw and of pitch, rpm.
     inverse: Matrix2<f64>,
-    /// Time constants of yaw and tilt, s.
-    constants_s: [f64; 2],
 }
 
 impl Map {
-    /// Returns what a table says about an attitude. Its yaw is taken modulo 360 degrees. `constants`: those of the robot of
-    /// the table.
+    /// Returns what a table says about an attitude. Its yaw is taken modulo 360 degrees.
     ///
     /// # Errors
     /// [`SteerError::OutOfReach`], and [`SteerError::Aim`] for a yaw or pitch that no robot can have.
-    pub fn of_table(table: &Table, yaw_deg: f64, pitch_deg: f64, constants: TimeConstants) -> Result<Self, SteerError> {
+    pub fn of_table(table: &Table, yaw_deg: f64, pitch_deg: f64) -> Result<Self, SteerError> {
         let target = Target::new([(Quantity::Yaw, Some(yaw_deg)), (Quantity::Pitch, Some(pitch_deg))])?;
         let Nearest { rpm, attitude, error_deg, derivatives } = nearest(table, &target)?;
         if error_deg > WITHIN_REACH_DEG {
@@ -76,7 +73,6 @@ impl Map {
             rpm,
             tilt_deg: attitude.tilt_deg(),
             inverse: inverse(&derivatives),
-            constants_s: [constants.yaw_s, constants.tilt_s].map(|constant_s| constant_s.min(LONGEST_S)),
         })
     }
 }
@@ -117,8 +113,8 @@ impl Controller {
     /// Returns the speeds (rpm) until the next observation. `period_s`: time since the last one, 0 at the first.
     pub fn speeds(&mut self, observation: &Observation, period_s: f64) -> [f64; 2] {
         let wanted = Vector2::new(self.map.wanted.yaw_deg, self.map.wanted.pitch_deg);
-        let constants_s = Vector2::from(self.map.constants_s);
-        let lag = (wanted * self.begun - self.expected_deg).component_div(&constants_s);
+        let lags_s = Vector2::from(LAGS_S);
+        let lag = (wanted * self.begun - self.expected_deg).component_div(&lags_s);
         self.expected_deg += lag * period_s;
         self.expectations.push(observation.time_s, self.expected_deg.into());
         let expected = self.expectations.over_turns(self.rpm);
@@ -126,7 +122,7 @@ impl Controller {
         let fastest = self.map.rpm.iter().fold(f64::MIN_POSITIVE, |fastest, rpm| rpm.abs().max(fastest));
         self.begun = (self.begun + SLEW_RPM_S * period_s / fastest).min(1.0);
         let integral_deg = self.integral_deg + error * (period_s / RESPONSE_S);
-        let correction = self.map.inverse * (constants_s.component_mul(&error) / RESPONSE_S + integral_deg);
+        let correction = self.map.inverse * (lags_s.component_mul(&error) / RESPONSE_S + integral_deg);
         let asked = Vector2::from(self.map.rpm) * self.begun + correction;
         let given = [0, 1].map(|k| {
             let (limit, change) = (CentiRpm::LIMIT.rpm(), SLEW_RPM_S * period_s);
@@ -146,12 +142,13 @@ mod tests {
     use super::*;
 
     const WANTED: Wanted = Wanted { yaw_deg: -60.0, pitch_deg: -4.0 };
-    const CONSTANTS_S: [f64; 2] = [11.0, 8.0];
+    /// Unlike those that the controller assumes.
+    const OWN_LAGS_S: [f64; 2] = [4.0, 4.0];
 
     fn map() -> Map {
         let derivatives = DMatrix::from_row_slice(2, 2, &[-1.0, -1.0, -0.1, 0.1]);
         let inverse = inverse(&derivatives);
-        Map { wanted: WANTED, rpm: [50.0, 10.0], tilt_deg: 6.0, inverse, constants_s: CONSTANTS_S }
+        Map { wanted: WANTED, rpm: [50.0, 10.0], tilt_deg: 6.0, inverse }
     }
 
     /// Steers a robot of first order whose map is `gain` of the expected one. Returns mean yaw and pitch over time.
@@ -174,7 +171,7 @@ mod tests {
             rpm = next;
             let steady = [-gain * (rpm[0] + rpm[1]), -0.1 * gain * (rpm[0] - rpm[1])];
             for k in 0..2 {
-                attitude[k] += (steady[k] - attitude[k]) / (CONSTANTS_S[k] * RATE_HZ);
+                attitude[k] += (steady[k] - attitude[k]) / (OWN_LAGS_S[k] * RATE_HZ);
             }
             attitude[0] += push_deg(time_s);
             all.push([mean_yaw_deg, mean_pitch_deg]);

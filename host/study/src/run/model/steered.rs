@@ -227,7 +227,6 @@ mod tests {
     use protocol::Settings;
     use sim::body::closure::Closure;
     use sim::params::Robot;
-    use sim::return_to_rest::TimeConstants;
     use sim::trial::Options;
 
     /// Steers a robot that is not that of the controller's map. Returns the log's folder and what was held.
@@ -235,11 +234,10 @@ mod tests {
     fn robot_of_another_viscosity_holds_the_attitude_and_its_log_says_how() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("steered.mcap");
-        let known = Robot::default();
-        let map = Map::of_table(&shipped().unwrap(), -40.0, 3.0, TimeConstants::of(&known).unwrap()).unwrap();
+        let map = Map::of_table(&shipped().unwrap(), -40.0, 3.0).unwrap();
         let (wanted, rpm) = (map.wanted, map.rpm.map(CentiRpm::from_rpm));
         let plan = Plan::of_speeds(rpm, "calibrate = 0\npreroll = 0\nrun = 100\ndecay = 0", "").unwrap();
-        let mut robot = known;
+        let mut robot = Robot::default();
         robot.fluid.viscosity_pa_s *= 0.85;
         let options = Options { rate_hz: RATE_HZ, shapes: false };
         let model = Model::new(robot, Settings::DEFAULT, Closure::Full, Method::Trial, options);
