@@ -26,7 +26,8 @@ def test_rig_and_simulator_have_one_interface_and_agree(tmp_path: Path) -> None:
         # Without a rest the bias of the gyroscope, some degrees per second, is in the yaw.
         assert measured.yaw == pytest.approx(modelled.yaw, abs=8.0)
         assert measured.pitch == pytest.approx(modelled.pitch, abs=1.0)
-        assert measured.turns == pytest.approx(modelled.turns, abs=0.1)
+        # Its motors start more slowly than those of the simulator, by a third of a second.
+        assert measured.turns == pytest.approx(modelled.turns, abs=0.35)
         assert measured.attitude == pytest.approx(modelled.attitude, abs=0.02)
         assert np.isnan(measured.forces).all()
     assert board.log is not None and biflag.read_log(board.log).speeds_rpm is not None

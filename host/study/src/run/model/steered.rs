@@ -20,8 +20,8 @@ use thiserror::Error;
 /// request on the line (1.6 ms), and USB with its default timer of 16 ms, on average half of it.
 pub const DELAY_S: f64 = 0.020;
 
-/// Time constant of the motors under speed control, s.
-pub const MOTOR_S: f64 = 0.080;
+/// Time constant of the motors under speed control, s: on the emulated board, flagella that start to 50 rpm lag by as much.
+pub const MOTOR_S: f64 = 0.40;
 
 const PERIOD_S: f64 = PERIOD_US as f64 * 1e-6;
 
