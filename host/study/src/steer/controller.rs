@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     const WANTED: Wanted = Wanted { yaw_deg: -60.0, pitch_deg: -4.0 };
-    /// Unlike those that the controller assumes.
+    /// Lags of a robot, unlike those that the controller assumes.
     const OWN_LAGS_S: [f64; 2] = [4.0, 4.0];
 
     fn map() -> Map {
@@ -152,7 +152,7 @@ mod tests {
     }
 
     /// Steers a robot of first order whose map is `gain` of the expected one. Returns mean yaw and pitch over time.
-    fn steered(gain: f64, seconds: f64, mut push_deg: impl FnMut(f64) -> f64) -> Vec<[f64; 2]> {
+    fn steered(gain: f64, lags_s: [f64; 2], seconds: f64, mut push_deg: impl FnMut(f64) -> f64) -> Vec<[f64; 2]> {
         let mut controller = Controller::new(map());
         let (mut attitude, mut means) = ([0.0; 2], Means::default());
         let mut rpm = [0.0; 2];
@@ -171,7 +171,7 @@ mod tests {
             rpm = next;
             let steady = [-gain * (rpm[0] + rpm[1]), -0.1 * gain * (rpm[0] - rpm[1])];
             for k in 0..2 {
-                attitude[k] += (steady[k] - attitude[k]) / (OWN_LAGS_S[k] * RATE_HZ);
+                attitude[k] += (steady[k] - attitude[k]) / (lags_s[k] * RATE_HZ);
             }
             attitude[0] += push_deg(time_s);
             all.push([mean_yaw_deg, mean_pitch_deg]);
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn robot_of_the_map_goes_the_expected_way() {
-        let means = steered(1.0, 120.0, |_| 0.0);
+        let means = steered(1.0, LAGS_S, 120.0, |_| 0.0);
         assert!(means.iter().all(|[yaw, _]| *yaw > -60.5), "no overshoot");
         assert!(error(&means[90 * 20..]) < 0.1, "{}", error(&means[90 * 20..]));
     }
@@ -194,14 +194,14 @@ mod tests {
     #[test]
     fn robot_of_another_map_is_brought_to_the_same_attitude() {
         for gain in [0.6, 0.7, 1.4, 2.0] {
-            let means = steered(gain, 150.0, |_| 0.0);
+            let means = steered(gain, OWN_LAGS_S, 150.0, |_| 0.0);
             assert!(error(&means[120 * 20..]) < 0.2, "gain {gain}: {}", error(&means[120 * 20..]));
         }
     }
 
     #[test]
     fn push_of_twenty_degrees_is_forgotten() {
-        let means = steered(0.8, 180.0, |time_s| if (time_s - 90.0).abs() < 0.01 { 20.0 } else { 0.0 });
+        let means = steered(0.8, OWN_LAGS_S, 180.0, |time_s| if (time_s - 90.0).abs() < 0.01 { 20.0 } else { 0.0 });
         let [pushed, later] = [90 * 20..95 * 20, 150 * 20..means.len()].map(|over| error(&means[over]));
         assert!(pushed > 5.0 && later < 0.5, "{pushed} {later}");
     }
