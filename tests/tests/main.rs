@@ -34,6 +34,7 @@ mod simulate;
 mod slurm;
 mod spoilt_line;
 mod standalone;
+mod steer;
 mod sweep;
 mod sweep_together;
 mod truth;

@@ -37,6 +37,7 @@
 //! | `/truth` | `biflag.Truth` | models: attitude and shafts, unrounded; imported trials: as other instruments measured them |
 //! | `/forces` | `biflag.Forces` | models only: forces and torques of the flagella, gaps, contact |
 //! | `/nodes` | `biflag.Nodes` | models only, if requested: the centre lines of the flagella |
+//! | `/steering` | `biflag.Steering` | steered trials only: each set-point, and the observation that it was made from |
 //! | `/flagella` | `foxglove.SceneUpdate` | base and flagella for viewers; without a model, undeformed flagella at the measured angles |
 //! | `/flagella_points` | `foxglove.PointCloud` | the centre lines as points, for viewers that cannot draw lines |
 //!
@@ -77,7 +78,7 @@ pub use convert::{CommandRecord, Converter, event};
 pub use error::LogError;
 pub use meta::{
     BoardMeta, CalibrationMeta, ClockMeta, End, FORMAT, FaultMeta, Identity, ImportMeta, LevelMeta, MeasuredSensorMeta,
-    Origin, PlanMeta, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, Summary, TrialMeta,
+    Origin, PlanMeta, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, SteerMeta, Summary, TrialMeta,
 };
 pub use model_meta::{ModelMeta, SensorMeta, SteadyMeta};
 pub use reader::{Body, Message, Reader, TrialClock, check, last_meta, summary};

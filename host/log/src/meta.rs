@@ -99,6 +99,21 @@ pub struct TrialMeta {
     pub phase_deg: Option<[f64; 2]>,
 }
 
+/// The attitude that a steered trial is to reach and hold. Its speeds follow from what is observed; those of its
+/// [`TrialMeta`] are the feed-forward.
+#[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
+#[serde(default)]
+pub struct SteerMeta {
+    /// Wanted yaw.
+    pub yaw_deg: f64,
+    /// Wanted pitch.
+    pub pitch_deg: f64,
+    /// Observations and set-points a second.
+    pub rate_hz: f64,
+    /// The command of the policy; empty for the built-in controller.
+    pub policy: String,
+}
+
 /// The robot's parameters.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
@@ -319,7 +334,7 @@ macro_rules! names {
 names! {
     Identity: "biflag", PlanMeta: "plan", TrialMeta: "trial", RobotMeta: "robot", BoardMeta: "board",
     CalibrationMeta: "calibration", RestMeta: "rest", LevelMeta: "level", ClockMeta: "clock", Summary: "summary", RecoveryMeta: "recovery",
-    MeasuredSensorMeta: "measured_sensor", ModelMeta: "model", SensorMeta: "sensor", SteadyMeta: "steady", ReplayMeta: "replay",
+    MeasuredSensorMeta: "measured_sensor", ModelMeta: "model", SteerMeta: "steer", SensorMeta: "sensor", SteadyMeta: "steady", ReplayMeta: "replay",
     ImportMeta: "import",
 }
 

@@ -75,6 +75,8 @@ pub enum Body {
     Forces(biflag::Forces),
     /// `/nodes`.
     Nodes(biflag::Nodes),
+    /// `/steering`.
+    Steering(Box<biflag::Steering>),
     /// `/flagella`.
     Flagella(foxglove::SceneUpdate),
     /// `/flagella_points`.
@@ -332,6 +334,7 @@ impl Body {
             Self::Truth(message) => message.encode_to_vec(),
             Self::Forces(message) => message.encode_to_vec(),
             Self::Nodes(message) => message.encode_to_vec(),
+            Self::Steering(message) => message.encode_to_vec(),
             Self::Flagella(message) => message.encode_to_vec(),
             Self::FlagellaPoints(message) => message.encode_to_vec(),
             Self::Other(bytes) => bytes.clone(),
@@ -352,6 +355,7 @@ impl Body {
             Some("/truth") => read(&data, Self::Truth),
             Some("/forces") => read(&data, Self::Forces),
             Some("/nodes") => read(&data, Self::Nodes),
+            Some("/steering") => read(&data, |steering| Self::Steering(Box::new(steering))),
             Some("/flagella") => read(&data, Self::Flagella),
             Some("/flagella_points") => read(&data, Self::FlagellaPoints),
             _ => None,

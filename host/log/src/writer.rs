@@ -144,6 +144,11 @@ impl Writer {
         self.clock.first.map_or(0.0, |(_, first_ns)| seconds(self.clock.log_ns.saturating_sub(first_ns)))
     }
 
+    /// Returns the trial's time at a time of the board's clock, s since its first frame.
+    pub fn time_of_board_s(&self, board_time_us: u64) -> f64 {
+        self.clock.first.map_or(0.0, |(first_us, _)| board_time_us.saturating_sub(first_us) as f64 * 1e-6)
+    }
+
     /// Returns the `log_time` that corresponds to `time_s` after the trial's first frame, ns since 1970. For messages
     /// whose type contains an absolute time.
     pub fn time_ns(&self, time_s: f64) -> u64 {

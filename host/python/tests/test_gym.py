@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ gymnasium = pytest.importorskip("gymnasium")
 
 import biflag  # noqa: E402
 import biflag.gym  # noqa: E402
+from conftest import PROGRAM  # noqa: E402
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 NAME = "biflag/Attitude-v0"
@@ -125,3 +127,13 @@ def test_a_rendered_robot_turns() -> None:
     assert isinstance(upright, np.ndarray) and isinstance(turned, np.ndarray)
     assert upright.shape == (480, 360, 3) and upright.dtype == np.uint8
     assert (np.abs(upright.astype(int) - turned.astype(int)) > 60).sum() > 1000
+
+
+def test_environment_runs_on_the_emulated_board(tmp_path: Path) -> None:
+    environment = gymnasium.make(NAME, on="virtual", rest=0.0, out=tmp_path, program=PROGRAM)
+    observation, _ = environment.reset(options={"attitude": (-40.0, -2.0)})
+    assert observation[6:].tolist() == [-40.0, -2.0]
+    observation, reward, terminated, _, info = environment.step(np.array([0.5, 0.2]))
+    assert observation[0] < -1.0 and reward == -info["error_deg"] and not terminated
+    environment.close()
+    assert list(tmp_path.glob("run-001/*.mcap"))

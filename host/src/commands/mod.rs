@@ -31,6 +31,7 @@ mod resistance;
 mod sensor;
 mod settings;
 mod simulate;
+mod steer;
 mod sweep;
 mod virtual_board;
 
@@ -83,6 +84,7 @@ enum Command {
     Compare(compare::Args),
     Calibrate(calibrate::Args),
     Aim(aim::Args),
+    Steer(steer::Args),
     Report(report::Args),
     Figure(figure::Args),
     Film(film::Args),
@@ -116,6 +118,7 @@ pub fn run() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Aim(args) => aim::run(&args),
         Command::Import(args) => import::run(&args),
+        Command::Steer(args) => steer::run(&args),
         Command::Live(args) => live::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Pack(args) => pack::run(&args),

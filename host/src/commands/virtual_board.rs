@@ -3,8 +3,12 @@
 use super::answer::WRONG_USE;
 use super::{Answer, Outcome};
 use crate::image;
+use crate::plan::RobotFile;
 use crate::run::rig::{VirtualError, VirtualNano};
+use miette::{IntoDiagnostic, WrapErr};
 use std::ffi::OsString;
+use std::io::Write;
+use tempfile::{NamedTempFile, TempPath};
 
 /// Options of the emulated sensor, for commands with an option `--virtual`.
 #[derive(clap::Args, Debug)]
@@ -62,6 +66,24 @@ pub(super) fn start(mut arguments: Vec<OsString>, faults: &[String]) -> miette::
         }
         other => other.into(),
     })
+}
+
+/// Returns the argument for the robot behind the board, and the file that it names until it is dropped.
+pub(super) fn robot(robot: &RobotFile) -> miette::Result<(OsString, Option<TempPath>)> {
+    if robot.text.is_empty() {
+        return Ok((robot.name.clone().into(), None));
+    }
+    let file = temporary(&robot.text)?;
+    Ok((file.as_os_str().to_owned(), Some(file)))
+}
+
+/// Writes the text of a robot file inside this program to a file, for the emulated board to read.
+pub(super) fn temporary(text: &str) -> miette::Result<TempPath> {
+    let written = NamedTempFile::with_suffix(".toml").and_then(|mut file| {
+        file.write_all(text.as_bytes())?;
+        Ok(file.into_temp_path())
+    });
+    written.into_diagnostic().wrap_err("the robot cannot be written to a temporary file")
 }
 
 /// Lists the faults that the emulated board knows.

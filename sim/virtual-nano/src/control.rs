@@ -7,6 +7,7 @@
 //! | `turn AXIS DEGREES SECONDS` | a hand turns the sensor about its body axis `x`, `y` or `z` |
 //! | `pose UP SECONDS` | a hand turns the sensor, by the shortest way, until the body axis `UP` (`+x`, `-z`, ...) points up; an attitude `W,X,Y,Z` also does: the quaternion from body axes to the world's, whose z is up |
 //! | `hand STOP SWAY` | sets the errors of the hand: standard deviation of its stops, and amplitude of its sway, degrees about each axis |
+//! | `exchange US [HEX]` | sends these bytes to the board, lets so many µs of its time pass, and returns what it sent; for `--speed exchange`, with which no other time passes |
 //! | `truth` | returns the robot's states since the last `truth`, fifty for each second of the board's time |
 //! | `status` | returns the state of chip, bridge, motors, bus and line |
 //! | `drop N` | drops the next N frames of the stream |
@@ -27,7 +28,7 @@ use crate::fault::Timed;
 use crate::imu::hand::{Grip, Pose, Span, parse_axis};
 use crate::imu::sensor::Sensor;
 use crate::imu::sensor_file;
-use crate::mcu::RunState;
+use crate::mcu::{FREQUENCY_HZ, RunState};
 use crate::motor::Motor;
 use crate::port::PortCount;
 use nalgebra::{Unit, Vector3};
@@ -35,7 +36,7 @@ use serde_json::{Value, json};
 use std::str::FromStr;
 
 /// A command.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub enum Command {
     /// `play`
     Play,
@@ -47,6 +48,8 @@ pub enum Command {
     Pose(Pose, f64),
     /// `hand STOP SWAY`
     Hand(Grip),
+    /// `exchange US [HEX]`
+    Exchange(u64, Vec<u8>),
     /// `truth`
     Truth,
     /// `status`
@@ -81,6 +84,8 @@ impl FromStr for Command {
                 stop_deg: within("STOP", stop, 0.0, 20.0)?,
                 sway_deg: within("SWAY", sway, 0.0, 20.0)?,
             }),
+            ["exchange", time_us] => Self::Exchange(exchange_us(time_us)?, Vec::new()),
+            ["exchange", time_us, hex] => Self::Exchange(exchange_us(time_us)?, bytes(hex)?),
             ["truth"] => Self::Truth,
             ["status"] => Self::Status,
             ["drop", n] => Self::Drop(number(n)?),
@@ -109,6 +114,30 @@ fn within(what: &str, word: &str, low: f64, high: f64) -> Result<f64, String> {
 /// The duration of a movement.
 fn length_s(word: &str) -> Result<f64, String> {
     within("SECONDS", word, 0.1, 3600.0)
+}
+
+/// The time of an exchange.
+fn exchange_us(word: &str) -> Result<u64, String> {
+    within("US", word, 1.0, 1e6).map(|time_us| time_us as u64)
+}
+
+/// Bytes in hexadecimal.
+fn bytes(hex: &str) -> Result<Vec<u8>, String> {
+    let digits = hex.as_bytes();
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+    let parsed: Option<Vec<u8>> = digits.chunks(2).map(byte).collect();
+    parsed.filter(|_| digits.len().is_multiple_of(2)).ok_or_else(|| format!("{hex:?} is not hexadecimal"))
+}
+
+/// Lets time pass for the board. Returns the reply to `exchange`: the bytes that the board sent.
+pub fn exchange(line: &str, board: &mut Board, time_us: u64, bytes: &[u8]) -> Value {
+    board.send(bytes);
+    let end = board.cycle() + time_us * (FREQUENCY_HZ / 1_000_000);
+    if board.run_until(end) != RunState::Running {
+        return error(line, "the chip has crashed");
+    }
+    let hex: String = board.take_serial().iter().map(|byte| format!("{byte:02x}")).collect();
+    json!({ "event": "exchange", "hex": hex })
 }
 
 /// Returns the reply to a command that asks for nothing.
@@ -221,7 +250,14 @@ mod tests {
         assert_eq!("  status ".parse(), Ok(Command::Status));
         assert_eq!("drop 12".parse(), Ok(Command::Drop(12)));
         assert!(matches!("fault blocked=2@1.5".parse(), Ok(Command::Fault(Timed { at_s: Some(1.5), .. }))));
-        for right in ["turn z 720 24", "turn x -12.5 0.5", "pose +x 3", "pose 0.7,0,-0.7,0 2.5", "hand 0 0"] {
+        for right in [
+            "turn z 720 24",
+            "turn x -12.5 0.5",
+            "pose +x 3",
+            "pose 0.7,0,-0.7,0 2.5",
+            "hand 0 0",
+            "exchange 1000 00fF",
+        ] {
             assert!(right.parse::<Command>().is_ok(), "{right}");
         }
         for wrong in [
@@ -233,6 +269,10 @@ mod tests {
             "pose +x -1",
             "hand 1",
             "hand -1 0",
+            "exchange",
+            "exchange 0",
+            "exchange 1000 0",
+            "exchange 1000 gg",
         ] {
             assert!(wrong.parse::<Command>().is_err(), "{wrong}");
         }

@@ -47,8 +47,9 @@ struct Arguments {
     /// The simulated robot behind the board: a robot file, `physical` or `published`
     #[arg(long, value_name = "FILE.toml|NAME", conflicts_with = "imu")]
     robot: Option<PathBuf>,
-    /// Speed relative to real time: a factor, or `max`
-    #[arg(long, default_value = "1", value_name = "1|FACTOR|max")]
+    /// Speed relative to real time: a factor, or `max`; with `exchange` the board's time passes only in the command of that
+    /// name, so that a run does not depend on the load of the machine
+    #[arg(long, default_value = "1", value_name = "1|FACTOR|max|exchange")]
     speed: Speed,
     /// Errors of the sensor and of the board's clock: `typical` draws all that the data sheet allows; `ideal` has exact
     /// scales, axes and clocks, and biases that drift; a file gives each of them. `help` prints such a file

@@ -10,6 +10,8 @@ pub enum Speed {
     Factor(f64),
     /// As many as the machine can.
     Max,
+    /// As many as the host asks for, one `exchange` after the other.
+    Exchange,
 }
 
 impl FromStr for Speed {
@@ -18,8 +20,9 @@ impl FromStr for Speed {
     fn from_str(text: &str) -> Result<Self, String> {
         match text.parse::<f64>() {
             _ if text == "max" => Ok(Self::Max),
+            _ if text == "exchange" => Ok(Self::Exchange),
             Ok(factor) if (0.01..=100.0).contains(&factor) => Ok(Self::Factor(factor)),
-            _ => Err("give `max`, or a factor from 0.01 to 100".into()),
+            _ => Err("give `max`, `exchange`, or a factor from 0.01 to 100".into()),
         }
     }
 }
@@ -58,6 +61,11 @@ impl Pace {
         self.speed == Speed::Max
     }
 
+    /// Whether time stands still but for exchanges.
+    pub fn stands_still(&self) -> bool {
+        self.speed == Speed::Exchange
+    }
+
     /// Sleeps until `board_s` is due.
     pub fn wait_for(&mut self, board_s: f64) {
         let Speed::Factor(factor) = self.speed else { return };
@@ -81,6 +89,7 @@ impl Pace {
         let faster = match self.speed {
             Speed::Factor(factor) => factor > 1.0,
             Speed::Max => true,
+            Speed::Exchange => false,
         };
         faster
             && self.heard.is_some_and(|(at, then_s)| {
@@ -123,8 +132,9 @@ mod tests {
     }
 
     #[test]
-    fn a_speed_is_max_or_a_factor() {
+    fn a_speed_is_max_exchange_or_a_factor() {
         assert_eq!("max".parse(), Ok(Speed::Max));
+        assert_eq!("exchange".parse(), Ok(Speed::Exchange));
         assert_eq!("2.5".parse(), Ok(Speed::Factor(2.5)));
         for wrong in ["", "0", "-1", "nan", "inf", "fast"] {
             assert!(wrong.parse::<Speed>().is_err(), "{wrong}");

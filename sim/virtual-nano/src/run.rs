@@ -38,7 +38,14 @@ impl Runner {
     /// Runs until `quit` or the end of the commands.
     pub fn run(&mut self, commands: &Receiver<String>, answers: &mut impl Write) -> io::Result<()> {
         loop {
-            match commands.try_recv() {
+            // A board whose time stands still waits for its host.
+            let stands_still = self.pace.stands_still();
+            let next = if stands_still {
+                commands.recv().map_err(|_| TryRecvError::Disconnected)
+            } else {
+                commands.try_recv()
+            };
+            match next {
                 Ok(line) => {
                     let (answer, goes_on) = self.follow(&line);
                     writeln!(answers, "{answer}")?;
@@ -92,6 +99,7 @@ impl Runner {
             Command::Turn(..) | Command::Pose(..) | Command::Hand(_) => {
                 return (control::by_hand(line, board, command), true);
             }
+            Command::Exchange(time_us, bytes) => return (control::exchange(line, board, time_us, &bytes), true),
             Command::Truth => return (control::truth(line, board), true),
             Command::Status => return (control::status(board, &self.count), true),
             Command::Drop(frames) => board.serial_mut().drop_frames(frames),

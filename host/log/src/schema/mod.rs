@@ -71,6 +71,7 @@ channels! {
     9, "/flagella", foxglove::SceneUpdate, "foxglove.SceneUpdate", SCENE_UPDATE;
     10, "/flagella_points", foxglove::PointCloud, "foxglove.PointCloud", POINT_CLOUD;
     11, "/nodes", biflag::Nodes, "biflag.Nodes", BIFLAG;
+    12, "/steering", biflag::Steering, "biflag.Steering", BIFLAG;
 }
 
 /// Returns the channel called `topic`, if this program knows it.

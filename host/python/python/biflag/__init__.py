@@ -13,6 +13,7 @@ from ._biflag import Robot, __commit__, __version__
 from ._errors import Error, ParameterError
 from ._import import from_arrays
 from ._recording import Angles, Event, Recording, Session, read_log, read_session
+from ._rig import Rig
 from ._simulator import Simulator, State
 from ._sweep import read_sweep, sweep
 from ._table import Table
@@ -32,6 +33,7 @@ __all__ = [
     "Event",
     "ParameterError",
     "Recording",
+    "Rig",
     "Robot",
     "Session",
     "Simulator",

@@ -7,7 +7,8 @@
 
 The second one computes its robots side by side on all cores. ``biflag/AttitudeFast-v0`` has the same spaces and a fast
 stand-in for the model, the map of steady states with the way there (``biflag/_fast.py``): for what a policy learns first.
-With ``render_mode="rgb_array"``, ``render()`` returns a picture of the robot.
+With ``on="virtual"`` or ``on="rig"`` the first one runs on the emulated board or on the rig (:class:`biflag.Rig`), whose
+flagella start wherever they are. With ``render_mode="rgb_array"``, ``render()`` returns a picture of the robot.
 
 A step lasts half a second. The action has the speeds of motors 1 and 2, from -1 to 1 times 90 rpm. The observation has yaw, pitch and roll in degrees,
 the angular velocity in body axes in degrees/s, and the wanted yaw and pitch. The reward is the negative error in degrees,
@@ -20,7 +21,7 @@ The robot swings by some degrees with each turn of its flagella, at any speeds. 
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import gymnasium
 import numpy as np
@@ -33,8 +34,10 @@ from numpy.typing import NDArray
 
 from . import _biflag
 from ._biflag import Robot
-from ._errors import ParameterError
+from ._errors import Error, ParameterError
 from ._fast import FastRobots
+from ._rig import Rig
+from ._simulator import State
 from ._trial import Closure, Floats
 
 __all__ = ["AttitudeEnv", "AttitudeVectorEnv"]
@@ -69,8 +72,11 @@ class AttitudeEnv(gymnasium.Env[Floats, Floats]):
         closure: Closure = "full",
         dt: float = 0.5,
         fast: bool = False,
+        on: Literal["simulator", "virtual", "rig"] = "simulator",
         render_mode: str | None = None,
+        **rig: Any,
     ) -> None:
+        """Without arguments the robot is computed; ``rig`` has those of :class:`biflag.Rig`, such as its port."""
         if render_mode not in (None, "rgb_array"):
             reason = f'{render_mode!r} is not "rgb_array"'
             raise ParameterError(f"render_mode: {reason}", "render_mode", reason)
@@ -78,8 +84,12 @@ class AttitudeEnv(gymnasium.Env[Floats, Floats]):
         self.observation_space = observation_space()
         self.action_space = action_space()
         self.dt = dt
-        self._simulators = simulators(robot, 1, closure, 1, fast)
         self._robot = robot or Robot.physical()
+        self._body: Simulated | Rigged
+        if on == "simulator":
+            self._body = Simulated(simulators(robot, 1, closure, 1, fast))
+        else:
+            self._body = Rigged(Rig(virtual=on == "virtual", **rig))
         self._wanted = np.zeros(2)
 
     def reset(
@@ -87,16 +97,16 @@ class AttitudeEnv(gymnasium.Env[Floats, Floats]):
     ) -> tuple[Floats, dict[str, Any]]:
         super().reset(seed=seed)
         self._wanted = wanted(self.np_random, options)
-        self._simulators.reset(0, random_phase(self.np_random))
+        self._body.reset(random_phase(self.np_random))
         return self._observed(), {}
 
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        _, failures = self._simulators.step(speeds_rpm(action)[np.newaxis], self.dt)
+        failure = self._body.step(speeds_rpm(action), self.dt)
         observation = self._observed()
         error = float(errors(observation))
         info: dict[str, Any] = {"error_deg": error}
-        if failures[0]:
-            info["failure"] = failures[0]
+        if failure:
+            info["failure"] = failure
             return observation, FAILED_REWARD, True, False, info
         return observation, -error, False, False, info
 
@@ -104,13 +114,75 @@ class AttitudeEnv(gymnasium.Env[Floats, Floats]):
         """Returns a picture of the robot, shape (480, 360, 3); ``None`` unless ``render_mode`` is "rgb_array"."""
         if self.render_mode is None:
             return None
-        yaw, pitch, roll = self._simulators.poses()[0, :3].tolist()
-        shapes = None if isinstance(self._simulators, FastRobots) else self._simulators.state(0)["shapes"]
-        return _biflag.picture(self._robot, (yaw, pitch, roll), shapes, 360)
+        yaw, pitch, roll = self._body.pose()[0, :3].tolist()
+        return _biflag.picture(self._robot, (yaw, pitch, roll), self._body.shapes(), 360)
+
+    def close(self) -> None:
+        self._body.close()
 
     def _observed(self) -> Floats:
-        observed: Floats = observations(self._simulators.poses(), self._wanted[np.newaxis])[0]
+        observed: Floats = observations(self._body.pose(), self._wanted[np.newaxis])[0]
         return observed
+
+
+class Simulated:
+    """A robot that is computed."""
+
+    def __init__(self, simulators: _biflag.Simulators | FastRobots) -> None:
+        self._simulators = simulators
+
+    def reset(self, phase: tuple[float, float]) -> None:
+        self._simulators.reset(0, phase)
+
+    def step(self, speeds: Floats, dt: float) -> str:
+        """Returns why the solver failed; empty where it did not."""
+        _, failures = self._simulators.step(speeds[np.newaxis], dt)
+        return failures[0]
+
+    def pose(self) -> Floats:
+        poses: Floats = self._simulators.poses()
+        return poses
+
+    def shapes(self) -> Floats | None:
+        """Returns the centre lines of the flagella; ``None`` where they are not computed."""
+        return None if isinstance(self._simulators, FastRobots) else self._simulators.state(0)["shapes"]
+
+    def close(self) -> None:
+        pass
+
+
+class Rigged:
+    """The robot on the rig, or on the emulated board."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._pose: Floats = np.zeros((1, 6))
+
+    def reset(self, phase: tuple[float, float]) -> None:
+        # A rig cannot choose the angles of its flagella.
+        del phase
+        self._see(self._rig.reset())
+
+    def step(self, speeds: Floats, dt: float) -> str:
+        """Returns why the run has ended; empty while it goes on."""
+        try:
+            self._see(self._rig.step(speeds, dt))
+        except Error as error:
+            return error.reason or str(error)
+        return ""
+
+    def pose(self) -> Floats:
+        return self._pose
+
+    def shapes(self) -> Floats | None:
+        """A rig does not know the shapes."""
+        return None
+
+    def close(self) -> None:
+        self._rig.close()
+
+    def _see(self, state: State) -> None:
+        self._pose = np.array([[state.yaw, state.pitch, state.roll, *state.rates]])
 
 
 class AttitudeVectorEnv(VectorEnv[Floats, Floats, Floats]):

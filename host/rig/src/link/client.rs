@@ -1,10 +1,13 @@
 //! The link as the program uses it: open it, send requests, receive events.
 
+use super::lock_step::{Advance, LockStep};
 use super::port;
 use super::worker::{Event, Exchange, PendingRequest, Received, Worker};
 use super::{Claim, LinkError};
 use protocol::frame::FrameError;
 use protocol::{Command, Info, Reply, SCHEMA, VERSION};
+use std::cell::RefCell;
+use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex};
@@ -13,17 +16,32 @@ use std::time::{Duration, Instant, SystemTime};
 use study::lock::lock;
 
 /// An open link to a board that speaks this protocol. Closing it stops the motors.
-#[derive(Debug)]
 pub struct Link {
     path: String,
     opened: SystemTime,
-    /// Time of the last heartbeat.
-    alive: Arc<Mutex<Instant>>,
     info: Info,
-    requests: Sender<PendingRequest>,
-    events: Receiver<Received>,
-    thread: Option<JoinHandle<()>>,
-    _claim: Claim,
+    line: Line,
+}
+
+impl fmt::Debug for Link {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Link").field("path", &self.path).field("info", &self.info).finish_non_exhaustive()
+    }
+}
+
+/// How the bytes reach the board.
+enum Line {
+    /// Through a port, which a thread serves.
+    Port {
+        /// Time of the last heartbeat.
+        alive: Arc<Mutex<Instant>>,
+        requests: Sender<PendingRequest>,
+        events: Receiver<Received>,
+        thread: Option<JoinHandle<()>>,
+        _claim: Claim,
+    },
+    /// To an emulated board that waits for this program.
+    LockStep(Box<RefCell<LockStep>>),
 }
 
 /// A request whose answer is awaited.
@@ -61,18 +79,27 @@ impl Link {
             .name("link".into())
             .spawn(move || worker.run())
             .map_err(|source| LinkError::Port { path: path.to_owned(), source })?;
-        let mut link = Self {
-            path: path.to_owned(),
-            opened,
-            alive,
-            info: Info::default(),
-            requests,
-            events,
-            thread: Some(thread),
-            _claim: claim,
-        };
+        let line = Line::Port { alive, requests, events, thread: Some(thread), _claim: claim };
+        let mut link = Self { path: path.to_owned(), opened, info: Info::default(), line };
         link.info = link.handshake(interrupted)?;
         Ok(link)
+    }
+
+    /// Performs the handshake with an emulated board that waits for this program. `path`: its port, which is not used.
+    ///
+    /// # Errors
+    /// As [`Link::open`].
+    pub fn lock_step(path: &str, advance: Advance) -> Result<Self, LinkError> {
+        let opened = SystemTime::now();
+        let line = Line::LockStep(Box::new(RefCell::new(LockStep::new(advance, opened))));
+        let mut link = Self { path: path.to_owned(), opened, info: Info::default(), line };
+        link.info = link.handshake(&AtomicBool::new(false))?;
+        Ok(link)
+    }
+
+    /// Returns whether the board waits for this program.
+    pub fn is_lock_step(&self) -> bool {
+        matches!(self.line, Line::LockStep(_))
     }
 
     /// Returns the port.
@@ -96,7 +123,16 @@ impl Link {
     /// [`LinkError::NoAnswer`], [`LinkError::Refused`] or [`LinkError::Closed`].
     pub fn ask(&self, command: Command) -> Result<Reply, LinkError> {
         let asked = self.send(command)?;
-        self.outcome(asked.answer.recv().ok())
+        let exchange = match &self.line {
+            Line::Port { .. } => asked.answer.recv().ok(),
+            Line::LockStep(line) => loop {
+                match asked.answer.try_recv() {
+                    Err(TryRecvError::Empty) if line.borrow_mut().step() => {}
+                    exchange => break exchange.ok(),
+                }
+            },
+        };
+        self.outcome(exchange)
     }
 
     /// Sends a request without waiting for the answer, which [`Link::answer`] returns.
@@ -106,8 +142,11 @@ impl Link {
     pub fn send(&self, command: Command) -> Result<Asked, LinkError> {
         self.heartbeat();
         let (sender, answer) = channel();
-        let sent = self.requests.send(PendingRequest { command, answer: sender });
-        sent.map_err(|_| self.closed())?;
+        let request = PendingRequest { command, answer: sender };
+        match &self.line {
+            Line::Port { requests, .. } => requests.send(request).map_err(|_| self.closed())?,
+            Line::LockStep(line) => line.borrow_mut().send(request),
+        }
         Ok(Asked { answer })
     }
 
@@ -147,7 +186,9 @@ impl Link {
     }
 
     fn heartbeat(&self) {
-        *lock(&self.alive) = Instant::now();
+        if let Line::Port { alive, .. } = &self.line {
+            *lock(alive) = Instant::now();
+        }
     }
 
     /// Returns the error for an answer that does not fit the request.
@@ -155,14 +196,26 @@ impl Link {
         LinkError::WrongAnswer { command: name(command), answer: format!("{answer:?}") }
     }
 
-    /// Returns the next event, or `None` if none comes within `timeout`.
+    /// Returns the next event, or `None` if none comes within `timeout`. A board that waits goes on for a moment, unless the
+    /// timeout is zero.
     pub fn next(&self, timeout: Duration) -> Option<Received> {
         self.heartbeat();
-        match self.events.recv_timeout(timeout) {
-            Ok(received) => Some(received),
-            Err(RecvTimeoutError::Timeout) => None,
-            Err(RecvTimeoutError::Disconnected) => {
-                Some(Received { wall: SystemTime::now(), at: Duration::ZERO, event: Event::Closed })
+        match &self.line {
+            Line::Port { events, .. } => match events.recv_timeout(timeout) {
+                Ok(received) => Some(received),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => {
+                    Some(Received { wall: SystemTime::now(), at: Duration::ZERO, event: Event::Closed })
+                }
+            },
+            Line::LockStep(line) => {
+                let mut line = line.borrow_mut();
+                line.event().or_else(|| {
+                    if !timeout.is_zero() {
+                        line.step();
+                    }
+                    line.event()
+                })
             }
         }
     }
@@ -178,8 +231,9 @@ impl Link {
                 return Err(LinkError::Interrupted);
             }
             let answer = self.ask(Command::Hello);
-            while let Ok(received) = self.events.try_recv() {
+            while let Some(received) = self.next(Duration::ZERO) {
                 match received.event {
+                    Event::Closed => break,
                     Event::Raw(raw) => bytes += raw.len(),
                     Event::Telemetry(_) => frames += 1,
                     Event::Damaged(FrameError::UnknownMessage(Some(version))) => other_version = Some(version),
@@ -216,10 +270,12 @@ impl Link {
 impl Drop for Link {
     fn drop(&mut self) {
         // The thread stops the motors when the channel of requests closes.
-        let (requests, _) = channel();
-        self.requests = requests;
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
+        if let Line::Port { requests, thread, .. } = &mut self.line {
+            let (closed, _) = channel();
+            *requests = closed;
+            if let Some(thread) = thread.take() {
+                let _ = thread.join();
+            }
         }
     }
 }

@@ -64,7 +64,7 @@ pub(super) struct PendingRequest {
 }
 
 /// Time after each attempt before the next.
-const BACK_OFF: [Duration; 5] = [
+pub(super) const BACK_OFF: [Duration; 5] = [
     Duration::from_millis(50),
     Duration::from_millis(100),
     Duration::from_millis(200),

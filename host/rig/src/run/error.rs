@@ -6,6 +6,7 @@ use crate::link::LinkError;
 use biflag_log::LogError;
 use miette::Diagnostic;
 use protocol::{Fault, ResetCause};
+use study::steer::SteerError;
 use thiserror::Error;
 
 /// Why a trial did not complete.
@@ -51,6 +52,10 @@ pub enum RecordError {
     #[error("{0}")]
     #[diagnostic(help("{}; then continue with --resume", preflight_cure(.0)))]
     Preflight(#[from] PreflightError),
+    /// Steering ended early.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Steer(#[from] SteerError),
     /// The emulated board, or the simulated robot behind it, failed.
     #[error(transparent)]
     #[diagnostic(transparent)]

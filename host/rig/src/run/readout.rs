@@ -25,6 +25,12 @@ impl Readout {
         self.lost = lost;
     }
 
+    /// Returns the latest yaw since its zero, pitch and roll, degrees.
+    pub(super) fn angles_deg(&self) -> [f64; 3] {
+        let angles = self.latest.map_or_else(Euler::default, |(angles, _)| angles);
+        [angles.yaw_deg - self.zero_deg, angles.pitch_deg, angles.roll_deg]
+    }
+
     /// Makes the latest yaw the zero of those that follow.
     pub(super) fn zero_yaw(&mut self) {
         self.zero_deg = self.latest.map_or(0.0, |(angles, _)| angles.yaw_deg);
@@ -34,9 +40,8 @@ impl Readout {
 /// Without a frame the text is empty.
 impl fmt::Display for Readout {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let Some((angles, telemetry)) = &self.latest else { return Ok(()) };
-        let yaw_deg = angles.yaw_deg - self.zero_deg;
-        for (name, angle) in [("yaw", yaw_deg), ("pitch", angles.pitch_deg), ("roll", angles.roll_deg)] {
+        let Some((_, telemetry)) = &self.latest else { return Ok(()) };
+        for (name, angle) in ["yaw", "pitch", "roll"].into_iter().zip(self.angles_deg()) {
             write!(f, "{name} {:>6}°  ", decimal(angle, 1))?;
         }
         for (measured, target) in telemetry.speed.iter().zip(telemetry.target) {

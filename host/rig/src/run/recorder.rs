@@ -175,6 +175,34 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// Records the next frame and returns it.
+    pub(super) fn keep_next(&mut self) -> Result<Frame, RecordError> {
+        let frame = self.pending_or_next()?;
+        self.keep(frame)?;
+        Ok(frame)
+    }
+
+    /// Returns whether a frame has arrived that is not recorded yet.
+    pub(super) fn has_frame(&mut self) -> Result<bool, RecordError> {
+        while self.pending.is_none() && self.waiting.is_empty() {
+            match self.link.next(Duration::ZERO) {
+                Some(received) => self.take_frame(received)?,
+                None => return Ok(false),
+            }
+        }
+        Ok(true)
+    }
+
+    /// Returns whether the user has interrupted the program.
+    pub(super) fn is_interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+
+    /// Returns the figures of the frames recorded so far.
+    pub(super) fn readout(&self) -> &Readout {
+        &self.readout
+    }
+
     /// Counts the frames that are missing between the last one and the tick at `end_us`, which ends the trial. The frame
     /// after them is not of the trial.
     pub(super) fn end_at(&mut self, end_us: u64) -> Result<(), RecordError> {
@@ -387,7 +415,7 @@ impl<'a> Recorder<'a> {
 
     fn next_frame(&mut self) -> Result<Frame, RecordError> {
         loop {
-            if self.interrupted.load(Ordering::Relaxed) {
+            if self.is_interrupted() {
                 return Err(RecordError::Interrupted);
             }
             self.trial.log.tick()?;

@@ -2,11 +2,13 @@
 
 use super::RecordError;
 use super::virtual_nano::{TruthSample, VirtualError, VirtualNano};
+use crate::link::{Link, LinkError, SLICE_US};
 use biflag_log::{Method, ModelMeta, SensorMeta};
 use miette::{IntoDiagnostic, WrapErr};
 use sim::body::closure::Closure;
 use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::rc::Rc;
 use std::time::{Duration, Instant, SystemTime};
 use study::plan::{Plan, TICK_US};
 use study::run::Recorder;
@@ -20,7 +22,7 @@ const INTERVAL: Duration = Duration::from_millis(50);
 /// An emulated board with a simulated robot behind it.
 #[derive(Debug)]
 pub struct SimulatedRobot {
-    nano: RefCell<VirtualNano>,
+    nano: Rc<RefCell<VirtualNano>>,
     /// The model's metadata, for the logs.
     pub model: ModelMeta,
     /// The sensor's errors, for the logs.
@@ -38,7 +40,19 @@ impl SimulatedRobot {
         let sensor = SensorMeta { seed, ..nano.sensor().clone() };
         let model =
             ModelMeta { closure: Closure::Full, method: Method::Trial, rate_hz: RATE_HZ, shapes: true, parameters };
-        Ok(Self { nano: RefCell::new(nano), model, sensor })
+        Ok(Self { nano: Rc::new(RefCell::new(nano)), model, sensor })
+    }
+
+    /// Opens the link to its board, which was started with `--speed exchange` and waits for this program.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn lock_step(&self) -> Result<Link, LinkError> {
+        let nano = Rc::clone(&self.nano);
+        let port = nano.borrow().port().to_owned();
+        // How it failed is in the ground truth, which is fetched next.
+        let advance = move |bytes: &[u8]| nano.borrow_mut().exchange(bytes, SLICE_US).ok();
+        Link::lock_step(&port, Box::new(advance))
     }
 }
 

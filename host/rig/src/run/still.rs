@@ -51,16 +51,16 @@ pub(super) fn wait(recorder: &mut Recorder, progress: &Progress, trial: &Trial) 
 }
 
 /// Records the decay, which lasted from `begun_us` to `end_us` by the schedule, until the robot is still. Returns when it
-/// was; `None` if it was not before the end.
+/// was; `None` if it was not before the end, or before a phase of the board that `is_over`.
 pub(super) fn decay(
     recorder: &mut Recorder,
     progress: &Progress,
     [begun_us, end_us]: [u64; 2],
+    is_over: impl Fn(u8) -> bool,
 ) -> Result<Option<u64>, RecordError> {
     let mut check_us = begun_us + CHECK_US;
     while check_us < end_us {
-        let is_over = |phase: u8| phase != Phase::Decay.number();
-        if is_over(record_until(recorder, check_us, is_over)?) {
+        if is_over(record_until(recorder, check_us, &is_over)?) {
             return Ok(None);
         }
         progress.within((check_us - recorder.rested_us()) as f64 * 1e-6);

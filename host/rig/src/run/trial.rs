@@ -61,6 +61,19 @@ pub fn run(
     settings: Settings,
 ) -> Result<RigRun, LogError> {
     let schedule = Schedule::planned(trial);
+    record(context, path, start, settings, |recorder, context, said| {
+        phases(recorder, context, trial, &schedule, &settings, said)
+    })
+}
+
+/// Records what `phases` does into a log at `path`. Whatever its outcome, the motors are stopped and the log is closed.
+pub(super) fn record(
+    context: &mut RunContext,
+    path: &Path,
+    start: &Start,
+    settings: Settings,
+    phases: impl FnOnce(&mut Recorder, &mut RunContext, &mut Said) -> Result<(), RecordError>,
+) -> Result<RigRun, LogError> {
     let mut kept = run::Recorder::create(path, start, settings, SystemTime::now())?;
     if let Some(tap) = context.tap.take() {
         kept.tap(tap);
@@ -72,7 +85,7 @@ pub fn run(
     let truth = context.robot.map(TruthRecorder::new);
     let mut recorder = Recorder::new(context.link, kept, context.interrupted, truth);
     let mut said = Said::default();
-    let phases = phases(&mut recorder, context, trial, &schedule, &settings, &mut said);
+    let phases = phases(&mut recorder, context, &mut said);
     // After a failed write, further writes to the log fail as well.
     let writable = !matches!(phases, Err(RecordError::Log(_)));
     let mut error = stop(&mut recorder, phases, writable).err();
@@ -111,8 +124,8 @@ pub fn run(
 
 /// What the user is told at the end of a trial.
 #[derive(Default)]
-struct Said {
-    notes: Vec<String>,
+pub(super) struct Said {
+    pub notes: Vec<String>,
 }
 
 /// Largest difference of a flagellum's speed from its target at the end of the run before a warning.
@@ -122,10 +135,10 @@ const SPEED_TOLERANCE_RPM: f64 = 3.0;
 const SLOW_DISK: Duration = Duration::from_millis(500);
 
 /// The gyroscope's calibration ends this much before its phase, for the requests that start the schedule.
-const CALIBRATION_MARGIN_S: f64 = 0.2;
+pub(super) const CALIBRATION_MARGIN_S: f64 = 0.2;
 
 /// Shortest calibration that the board can do, s.
-const SHORTEST_CALIBRATION_S: f64 = 0.1;
+pub(super) const SHORTEST_CALIBRATION_S: f64 = 0.1;
 
 /// Tilt of the attitude, degrees, at which the board's filter has settled after a calibration, and the longest time that it
 /// gets, s: what one with a usual gain needs for a bias of 20 °/s.
@@ -202,7 +215,7 @@ fn phases(
         let tick_us = start_us + u64::from(tick) * TICK_US;
         if phase == Phase::Decay
             && trial.phases.rest_at_most_s > 0.0
-            && let Some(still_us) = still::decay(recorder, context.progress, [phase_us, tick_us])?
+            && let Some(still_us) = still::decay(recorder, context.progress, [phase_us, tick_us], is_after_decay)?
         {
             recorder.end_at(still_us)?;
             return recorder.change(EventKind::Phase, Phase::End.name(), still_us);
@@ -246,6 +259,10 @@ fn phases(
     Ok(())
 }
 
+fn is_after_decay(phase: u8) -> bool {
+    phase != Phase::Decay.number()
+}
+
 /// Interval at which the figures of a trial are shown anew, on the board's clock, µs.
 const FIGURES_US: u64 = 200_000;
 
@@ -279,7 +296,12 @@ fn check_speeds(recorder: &mut Recorder, target: [CentiRpm; 2]) -> Result<(), Re
 }
 
 /// Calibrates the gyroscope for `duration_s`; returns when the board has the result.
-fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial, duration_s: f64) -> Result<(), RecordError> {
+pub(super) fn calibrate(
+    recorder: &mut Recorder,
+    context: &RunContext,
+    trial: &Trial,
+    duration_s: f64,
+) -> Result<(), RecordError> {
     context.progress.phase(&trial.name, Phase::Calibrate.name());
     recorder.change(EventKind::Phase, Phase::Calibrate.name(), recorder.rested_us())?;
     recorder.record_meanwhile(Some(Phase::Calibrate.number()));
@@ -292,7 +314,7 @@ fn calibrate(recorder: &mut Recorder, context: &RunContext, trial: &Trial, durat
 
 /// Returns the time in which the board's filter forgets the bias that it had before a calibration, whole tenths of a second:
 /// until then the attitude is tilted by the change of the bias over the filter's gain.
-fn settling_s(settings: &Settings, calibration: &Calibration) -> f64 {
+pub(super) fn settling_s(settings: &Settings, calibration: &Calibration) -> f64 {
     let changes = calibration.bias.iter().zip(settings.gyro_bias).map(|(now, before)| (now - before).powi(2));
     let change_dps = changes.sum::<f32>().sqrt() / settings.gyro_range.counts_per_dps();
     let tilt_deg = f64::from(change_dps / settings.attitude_kp);
@@ -302,7 +324,7 @@ fn settling_s(settings: &Settings, calibration: &Calibration) -> f64 {
     (settles_s * 10.0).ceil() / 10.0
 }
 
-fn end_calibration(recorder: &mut Recorder, turns: bool) -> Result<Calibration, RecordError> {
+pub(super) fn end_calibration(recorder: &mut Recorder, turns: bool) -> Result<Calibration, RecordError> {
     let calibration = recorder.calibration()?;
     recorder.trial.calibration(&calibration, SystemTime::now())?;
     let (mut rest, clock) = (recorder.trial.at_rest(), recorder.clock());

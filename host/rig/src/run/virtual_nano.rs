@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
-use study::text::printable;
+use study::text::{hex, printable};
 use thiserror::Error;
 
 /// Name of the board's program.
@@ -187,6 +187,19 @@ impl VirtualNano {
         })?;
         serde_json::from_value(answer["samples"].take())
             .map_err(|error| VirtualError::Robot(format!("the simulated robot's state cannot be read: {error}")))
+    }
+
+    /// Sends bytes to a board that was started with `--speed exchange`, lets so many µs of its time pass, and returns what it
+    /// sent.
+    ///
+    /// # Errors
+    /// As [`VirtualNano::control`].
+    pub fn exchange(&mut self, bytes: &[u8], time_us: u64) -> Result<Vec<u8>, VirtualError> {
+        let command = format!("exchange {time_us} {}", hex(bytes));
+        let answer = self.control(command.trim_end())?;
+        let digits = answer["hex"].as_str().unwrap_or_default().as_bytes();
+        let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+        digits.chunks(2).map(byte).collect::<Option<_>>().ok_or(VirtualError::Gone(command))
     }
 
     /// Sends one control command and returns the program's response.

@@ -19,18 +19,16 @@ use crate::signals::interruption;
 use crate::text;
 use crate::trial::{LogFinding, Want, Zeroed, findings};
 use biflag_log::{BoardMeta, Origin};
-use miette::{IntoDiagnostic, Report, WrapErr};
+use miette::Report;
 use protocol::Command;
 use protocol::units::CentiRpm;
 use row::RecordedTrial;
 use serde::Serialize;
-use std::io::Write;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::SystemTime;
 use study::sensor::MeasuredSensor;
-use tempfile::{NamedTempFile, TempPath};
 
 /// The most attempts to calibrate the gyroscope for a trial. After them, a robot that still moves ends the session.
 const CALIBRATIONS: usize = 3;
@@ -332,14 +330,14 @@ fn run_attempt(
 }
 
 /// Refuses a board that has forgotten its settings; keeps a copy of those of another. Returns a note for the user.
-fn check_settings(link: &Link) -> miette::Result<Option<String>> {
+pub(super) fn check_settings(link: &Link) -> miette::Result<Option<String>> {
     let copies = BoardCopies::of_user();
     preflight::settings(link, copies.as_ref())?;
     Ok(settings::keep(copies.as_ref(), &settings::read(link)?))
 }
 
 /// Checks disk and board before a trial. `rest_s` is the duration of the trials that are left.
-fn check_trial(context: &RunContext, folder: &Path, rest_s: f64) -> Result<(), RecordError> {
+pub(super) fn check_trial(context: &RunContext, folder: &Path, rest_s: f64) -> Result<(), RecordError> {
     preflight::room(folder, rest_s, context.robot.is_some())?;
     preflight::supply(context.link, context.interrupted)
 }
@@ -385,18 +383,9 @@ fn start_virtual(args: &Args, imu: Option<&PathBuf>, plan: &Plan) -> miette::Res
                 _ => robot::named_by(args.plan.as_deref().unwrap_or(Path::new("")), &plan.robot.name),
             };
             let is_inside = !plan.robot.text.is_empty() && !path.exists();
-            robot_file = is_inside.then(|| temporary(&plan.robot.text)).transpose()?;
+            robot_file = is_inside.then(|| virtual_board::temporary(&plan.robot.text)).transpose()?;
             arguments.extend(["--robot".into(), robot_file.as_deref().unwrap_or(&path).as_os_str().to_owned()]);
         }
     }
     virtual_board::start(arguments, &args.faults)
-}
-
-/// Writes the text of a robot file inside this program to a file, for the emulated board to read.
-fn temporary(text: &str) -> miette::Result<TempPath> {
-    let written = NamedTempFile::with_suffix(".toml").and_then(|mut file| {
-        file.write_all(text.as_bytes())?;
-        Ok(file.into_temp_path())
-    });
-    written.into_diagnostic().wrap_err("the robot cannot be written to a temporary file")
 }

@@ -16,6 +16,7 @@ mod track;
 pub use bias_noise::BiasNoise;
 pub use drift::{Drift, Rest};
 pub use level::{Level, Leveller, RestForce};
+pub(crate) use rest::ANGLE_WALK;
 pub use series::Series;
 pub use sim::body::attitude::tilt_deg;
 pub use smoother::WARMING_DPS_PER_C;

@@ -28,7 +28,7 @@ const MOST_BLOCKS: f64 = 30.0;
 
 /// Angle random walk, °/√s: the MPU-6000/6050's noise density of 0.005 °/s/√Hz (data sheet PS-MPU-6000A, section 6.1),
 /// one-sided, over √2.
-const ANGLE_WALK: f64 = 0.005 / std::f64::consts::SQRT_2;
+pub(crate) const ANGLE_WALK: f64 = 0.005 / std::f64::consts::SQRT_2;
 
 /// Share of a phase that is skipped if it began with a motion, because faster motions may remain in the noise.
 const MARGIN: f64 = 0.25;

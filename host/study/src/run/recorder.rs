@@ -3,11 +3,12 @@
 use crate::attitude::{Leveller, Motion, RestForce, Still, rotation};
 use crate::draw::{self, Drawing};
 use crate::plan::RobotFile;
+use crate::steer::{SetPoint, Times, message};
 use crate::trial::{Angles, Collector, Finding, Records, Want, Zeroed, findings};
-use biflag_log::schema::biflag::Quaternion;
+use biflag_log::schema::biflag::{Quaternion, Vector};
 use biflag_log::{
     ClockMeta, CommandRecord, Converter, EventKind, FORMAT, LevelMeta, LogError, ModelMeta, Origin, RestMeta, Start,
-    Summary, Tap, Writer, sample,
+    SteerMeta, Summary, Tap, Writer, sample,
 };
 use nalgebra::UnitQuaternion;
 use protocol::units::{Count, STANDARD_GRAVITY_MPS2};
@@ -38,6 +39,8 @@ pub struct Recorder {
     drawing: Option<Drawing>,
     /// Frames of the board so far.
     frames: u32,
+    /// Angular velocity in the last frame.
+    rates_dps: [f64; 3],
 }
 
 /// What was recorded while the robot was at rest.
@@ -74,6 +77,7 @@ impl Recorder {
             filter_gain: settings.attitude_kp.into(),
             drawing: RobotFile::of_log(Some(start.robot.clone())).parse().ok().map(|robot| Drawing::new(&robot)),
             frames: 0,
+            rates_dps: [0.0; 3],
         })
     }
 
@@ -94,6 +98,7 @@ impl Recorder {
     ) -> Result<UnitQuaternion<f64>, LogError> {
         let time_s = self.log.board_time(board_time_us, host) as f64 * 1e-6;
         let message = self.converter.telemetry(frame, board_time_us, time_s);
+        self.rates_dps = message.angular_velocity_dps.map_or(self.rates_dps, |Vector { x, y, z }| [x, y, z]);
         if frame.state == State::Running {
             self.rest.clear();
             self.still.clear();
@@ -117,6 +122,11 @@ impl Recorder {
         }
         self.frames = self.frames.wrapping_add(1);
         Ok(attitude)
+    }
+
+    /// Returns the angular velocity in the last frame with the calibrated bias removed, body axes.
+    pub fn rates_dps(&self) -> [f64; 3] {
+        self.rates_dps
     }
 
     fn collect(&mut self, add: impl FnOnce(&mut Collector)) {
@@ -259,6 +269,24 @@ impl Recorder {
     pub fn model(&mut self, model: &ModelMeta) -> Result<(), LogError> {
         self.records.model = Some(model.clone());
         self.log.meta(model)
+    }
+
+    /// Records what a steered trial is to reach.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn steer(&mut self, steer: &SteerMeta) -> Result<(), LogError> {
+        self.records.steer = Some(steer.clone());
+        self.log.meta(steer)
+    }
+
+    /// Records a set-point of a steered trial, observed when the board's clock was as it says.
+    ///
+    /// # Errors
+    /// [`LogError::Write`].
+    pub fn set_point(&mut self, times: &Times, set_point: &SetPoint, host: SystemTime) -> Result<(), LogError> {
+        let time_s = self.log.time_of_board_s(times.observed_us);
+        self.log.message_at(time_s, &message(time_s, times, set_point), host)
     }
 
     /// Ends the log with `summary`, after adding the angles of a trial of the rig to it. Returns the results.

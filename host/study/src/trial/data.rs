@@ -10,12 +10,14 @@ use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{
     BoardMeta, CalibrationMeta, ClockMeta, Condition, End, Identity, ImportMeta, LevelMeta, LinkStats, Loss,
     MeasuredSensorMeta, ModelMeta, Origin, PlanMeta, Reader, RecoveryMeta, ReplayMeta, RestMeta, RobotMeta, SensorMeta,
-    Start, SteadyMeta, Summary, TrialMeta,
+    Start, SteadyMeta, SteerMeta, Summary, TrialMeta,
 };
 use protocol::Settings;
 use protocol::units::CentiRpm;
 use sim::params::Robot;
+use sim::steady::WINDOW;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// Columns of [`Data::motors`]: target and measured speed of motor 1, then of motor 2 (rpm); turns of both by their
@@ -53,6 +55,8 @@ pub struct Records {
     pub board: Option<BoardMeta>,
     /// What was measured of the sensor before the trial.
     pub measured_sensor: Option<MeasuredSensorMeta>,
+    /// The attitude that a steered trial was to reach.
+    pub steer: Option<SteerMeta>,
     /// The model that computed the trial, or the robot behind an emulated board.
     pub model: Option<ModelMeta>,
     /// Errors of an emulated sensor.
@@ -87,6 +91,7 @@ impl Records {
             robot: reader.meta(),
             board: reader.meta(),
             measured_sensor: reader.meta(),
+            steer: reader.meta(),
             model: reader.meta(),
             sensor: reader.meta(),
             steady: reader.meta(),
@@ -230,10 +235,24 @@ impl Data {
         self.records.trial.clone().unwrap_or_default()
     }
 
-    /// Returns the target speeds of flagella 1 and 2 at the start of the run.
+    /// Returns the target speeds of flagella 1 and 2 at the start of the run; of a steered trial their means at its end, to
+    /// which its steady angles belong.
     pub fn speeds(&self) -> [CentiRpm; 2] {
+        let run = &self.times.run;
+        self.steered_speeds((run.end - WINDOW).max(run.start)..run.end).unwrap_or_else(|| self.planned_speeds())
+    }
+
+    /// Returns the speeds of the plan; of a steered trial the feed-forward.
+    pub fn planned_speeds(&self) -> [CentiRpm; 2] {
         let trial = self.records.trial.as_ref();
         trial.map_or([CentiRpm(0); 2], |trial| [trial.w1_rpm, trial.w2_rpm].map(CentiRpm::from_rpm))
+    }
+
+    /// Returns the mean target speeds of a steered trial over a time; `None` for a trial that was not steered.
+    pub(super) fn steered_speeds(&self, over: Range<f64>) -> Option<[CentiRpm; 2]> {
+        self.records.steer.as_ref().filter(|_| self.times.has_run())?;
+        let [one, _, two, ..] = self.motors.tracks();
+        Some([one.mean(over.clone())?, two.mean(over)?].map(CentiRpm::from_rpm))
     }
 
     /// Returns the motor that reverses, and the time of the reversal, s from the start of the run.

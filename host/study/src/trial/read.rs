@@ -61,7 +61,7 @@ fn take(collector: &mut Collector, message: &Message, time_s: f64) {
         Body::Dropout(dropout) => collector.dropout(time_s, dropout.count),
         Body::Command(command) => collector.command(time_s, command.attempts),
         Body::Event(event) => collector.event(time_s, event.kind(), &event.text),
-        Body::Raw(_) | Body::Attitude(_) | Body::FlagellaPoints(_) | Body::Other(_) => {}
+        Body::Raw(_) | Body::Attitude(_) | Body::FlagellaPoints(_) | Body::Steering(_) | Body::Other(_) => {}
     }
 }
 

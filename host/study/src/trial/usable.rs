@@ -75,7 +75,8 @@ impl Data {
         let row = |time: f64| self.motors.time_s.partition_point(|t| *t < time).min(self.motors.len() - 1);
         let (first, last) = (row(run.start), row(run.end));
         let mut warnings = Vec::new();
-        for (k, speed) in self.speeds().into_iter().enumerate() {
+        let speeds = self.steered_speeds(run.clone()).unwrap_or_else(|| self.planned_speeds());
+        for (k, speed) in speeds.into_iter().enumerate() {
             let backwards_s = match self.reverse() {
                 Some((motor, after_s)) if usize::from(motor) == k + 1 => (run.end - run.start - after_s).max(0.0),
                 _ => 0.0,

@@ -348,6 +348,57 @@ pub struct Nodes {
     #[prost(double, repeated, tag = "3")]
     pub flagellum2_m: ::prost::alloc::vec::Vec<f64>,
 }
+/// Channel /steering, of steered trials: each set-point of the motors, and what it was made from.
+#[allow(missing_docs)]
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct Steering {
+    /// The trial's clock at the observation, seconds since its first frame.
+    #[prost(double, tag = "1")]
+    pub time_s: f64,
+    /// The board's clock, unwrapped: when the set-point was due, at the observation, and in the first frame in which it was in
+    /// force. The last is 0 if the next set-point came first.
+    #[prost(uint64, tag = "2")]
+    pub due_us: u64,
+    #[prost(uint64, tag = "3")]
+    pub observed_us: u64,
+    #[prost(uint64, tag = "4")]
+    pub in_force_us: u64,
+    /// Whether it was in force more than one period after it was due.
+    #[prost(bool, tag = "5")]
+    pub late: bool,
+    /// The wanted attitude.
+    #[prost(double, tag = "6")]
+    pub wanted_yaw_deg: f64,
+    #[prost(double, tag = "7")]
+    pub wanted_pitch_deg: f64,
+    /// The observation: yaw since the start of the run, pitch and roll; the mean yaw and pitch over the last turns of the
+    /// flagella; angular velocity, body axes; measured speeds and angles of the flagella.
+    #[prost(double, tag = "8")]
+    pub yaw_deg: f64,
+    #[prost(double, tag = "9")]
+    pub pitch_deg: f64,
+    #[prost(double, tag = "10")]
+    pub roll_deg: f64,
+    #[prost(double, tag = "11")]
+    pub mean_yaw_deg: f64,
+    #[prost(double, tag = "12")]
+    pub mean_pitch_deg: f64,
+    #[prost(message, optional, tag = "13")]
+    pub angular_velocity_dps: ::core::option::Option<Vector>,
+    #[prost(double, tag = "14")]
+    pub speed1_rpm: f64,
+    #[prost(double, tag = "15")]
+    pub speed2_rpm: f64,
+    #[prost(double, tag = "16")]
+    pub turns1: f64,
+    #[prost(double, tag = "17")]
+    pub turns2: f64,
+    /// The set-point.
+    #[prost(double, tag = "18")]
+    pub target1_rpm: f64,
+    #[prost(double, tag = "19")]
+    pub target2_rpm: f64,
+}
 #[allow(missing_docs)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
 #[repr(i32)]

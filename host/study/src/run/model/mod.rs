@@ -10,12 +10,14 @@ mod board;
 mod error;
 mod motion;
 mod phases;
+mod steered;
 mod trial;
 
 pub use batch::{Batch, Job, ModelRun};
 pub use error::ModelError;
 pub use motion::Motion;
 pub use phases::{PhaseMeans, note_on_phases};
+pub use steered::{DELAY_S, MOTOR_S, Steered, SteeredError, steer};
 pub use trial::{Course, write_log};
 
 use crate::plan::Plan;

@@ -6,8 +6,8 @@ use sim::params::Robot;
 
 /// Returns the reason why two trials should not be compared, if there is one.
 pub(super) fn difference(a: &Data, b: &Data) -> Result<Option<String>, TwinError> {
-    if a.speeds() != b.speeds() {
-        let speeds = |data: &Data| data.speeds().map(|speed| speed.rpm().to_string()).join(", ");
+    if a.planned_speeds() != b.planned_speeds() {
+        let speeds = |data: &Data| data.planned_speeds().map(|speed| speed.rpm().to_string()).join(", ");
         return Ok(Some(format!("the speeds differ: {} and {} rpm", speeds(a), speeds(b))));
     }
     if a.reverse() != b.reverse() {

@@ -1,0 +1,63 @@
+//! What is to be done: the wanted attitude, who gives the speeds, and the plan of the one trial.
+
+use super::Args;
+use crate::aim::{self, Quantity, Target};
+use crate::plan::{Plan, RobotFile};
+use protocol::units::CentiRpm;
+use study::steer::{Controller, Map, Patience, Pilot, Policy, Wanted};
+
+/// What is to be done.
+pub struct Course {
+    /// The attitude.
+    pub wanted: Wanted,
+    /// Who gives the speeds.
+    pub pilot: Pilot,
+    /// The plan, with one trial. Its speeds are the feed-forward.
+    pub plan: Plan,
+    /// Tilt at these speeds by the table.
+    pub tilt_deg: f64,
+}
+
+impl Course {
+    /// Returns the course of the arguments, and starts the policy. `robot`: the one that is steered.
+    ///
+    /// # Errors
+    /// [`study::steer::SteerError`] for an attitude out of reach or a policy that does not start; those of files.
+    pub fn new(args: &Args, robot: RobotFile) -> miette::Result<Self> {
+        let of_robot = robot.parse()?;
+        let table = args.table.as_deref().map_or_else(aim::shipped, |path| aim::load(path, &of_robot))?;
+        let (wanted, pilot, rpm, tilt_deg) = match &args.policy {
+            None => {
+                let map = Map::of_table(&table, args.yaw, args.pitch)?;
+                let (wanted, rpm, tilt_deg) = (map.wanted, map.rpm, map.tilt_deg);
+                (wanted, Pilot::of(Controller::new(map)), rpm, tilt_deg)
+            }
+            Some(command) => {
+                let target = Target::new([(Quantity::Yaw, Some(args.yaw)), (Quantity::Pitch, Some(args.pitch))])?;
+                let nearest = aim::nearest(&table, &target)?;
+                let patience = if args.model || args.lock_step { Patience::OF_MODEL } else { Patience::OF_RIG };
+                let wanted = Wanted { yaw_deg: args.yaw, pitch_deg: args.pitch };
+                let own = command == "-";
+                let pilot = Pilot::Policy(if own { Policy::own(patience) } else { Policy::start(command, patience)? });
+                (wanted, pilot, nearest.rpm, nearest.attitude.tilt_deg())
+            }
+        };
+        let plan = Plan { robot, ..plan(args, rpm)? };
+        Ok(Self { wanted, pilot, plan, tilt_deg })
+    }
+}
+
+/// Returns a plan with one trial.
+fn plan(args: &Args, rpm: [f64; 2]) -> miette::Result<Plan> {
+    let [w1, w2] = rpm.map(|rpm| CentiRpm::from_rpm(rpm).rpm());
+    let still = match args.rest {
+        _ if args.model => "calibrate = 0\npreroll = 0\ndecay = 0".to_owned(),
+        0.0 => "calibrate = 0\npreroll = 0\ndecay = 0\nrest_at_most = 0".to_owned(),
+        rest_s => format!("preroll = {rest_s}"),
+    };
+    let (yaw, pitch, run_s) = (args.yaw, args.pitch, args.run_s);
+    let text = format!(
+        "[session]\nname = \"steer_yaw{yaw:+}_pitch{pitch:+}\"\n\n[trial]\n{still}\nrun = {run_s}\n\n[speeds]\npairs = [[{w1}, {w2}]]\n"
+    );
+    Ok(Plan::parse(&text, "steer")?)
+}

@@ -1,0 +1,81 @@
+//! `biflag steer`: reaches an attitude and holds it.
+
+mod args;
+mod course;
+mod in_model;
+mod output;
+mod rig;
+
+pub use args::Args;
+
+use super::{Answer, Outcome, virtual_board};
+use crate::link::LinkError;
+use crate::plan::robot;
+use crate::session;
+use crate::signals::interruption;
+use crate::trial::{Data, Want, Zeroed, findings};
+use biflag_log::SteerMeta;
+use course::Course;
+use miette::Report;
+use output::Steered;
+use study::steer::{Held, RATE_HZ, Steering, Tally};
+
+/// What a run came to, wherever it ran.
+struct Ran {
+    tally: Tally,
+    notes: Vec<String>,
+    error: Option<Report>,
+    interrupted: bool,
+}
+
+pub fn run(args: &Args) -> miette::Result<Answer> {
+    if args.faults.iter().any(|fault| fault == "help") {
+        return virtual_board::list_faults();
+    }
+    if args.sensor.asks_for_help() {
+        return virtual_board::show_sensor();
+    }
+    let interrupted = interruption()?;
+    let Course { wanted, pilot, plan, tilt_deg } = Course::new(args, robot::load(&args.robot)?)?;
+    let policy = args.policy.clone().unwrap_or_default();
+    let meta = SteerMeta { yaw_deg: wanted.yaw_deg, pitch_deg: wanted.pitch_deg, rate_hz: RATE_HZ, policy };
+    let mut steering = Steering::new(wanted, pilot);
+    let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
+    let to_steer = (&mut steering, &meta);
+    let ran = if args.model {
+        in_model::steer(&plan, &folder, to_steer, &interrupted)
+    } else {
+        rig::steer(args, &plan, &folder, to_steer, tilt_deg, &interrupted)
+    };
+    let (log, ran) = match ran {
+        Err(report) if matches!(report.downcast_ref(), Some(LinkError::Interrupted)) => {
+            return Answer::new(Outcome::Interrupted, &serde_json::json!({ "log": null }), "interrupted");
+        }
+        ran => ran?,
+    };
+    let data = Data::read(&log, Want::default())?;
+    let zeroed = Zeroed::new(&data);
+    let steered = Steered {
+        log,
+        wanted,
+        held: Held::of(&data, &zeroed),
+        reached_s: steering.reached_s(),
+        steps: ran.tally.steps,
+        late_steps: ran.tally.late,
+        latency_p50_s: ran.tally.latency_s(0.5),
+        latency_p99_s: ran.tally.latency_s(0.99),
+        budget: zeroed.angles().map(|angles| angles.budget).unwrap_or_default(),
+        findings: findings(&data, &zeroed),
+        notes: ran.notes,
+    };
+    if let Some(report) = &ran.error {
+        return Answer::failed(&steered, report);
+    }
+    let is_sound = steered.reached_s.is_some() && !steered.findings.iter().any(|finding| finding.grave);
+    let outcome = match is_sound {
+        _ if ran.interrupted => Outcome::Interrupted,
+        true => Outcome::Done,
+        false => Outcome::WithLoss,
+    };
+    Answer::new(outcome, &steered, steered.to_string())
+}

@@ -1,0 +1,260 @@
+//! A steered trial in the model, with the delay of a rig and the ramp of its motors.
+
+use super::board::IdealBoard;
+use super::{Model, ModelError};
+use crate::plan::{Phase, Plan, Setpoint, Trial, board};
+use crate::run;
+use crate::steer::{Measured, PERIOD_US, SteerError, Steering, Tally, Times};
+use biflag_log::{End, EventKind, Origin, SteerMeta, Summary};
+use miette::Diagnostic;
+use nalgebra::Vector3;
+use protocol::State;
+use protocol::units::CentiRpm;
+use sim::sample::Sample;
+use std::f64::consts::{PI, TAU};
+use std::path::Path;
+use std::time::{Duration, SystemTime};
+use thiserror::Error;
+
+/// Time from an observation to the set-point in force: half a tick and the next one (2.5 + 5 ms), the frame and the
+/// request on the line (1.6 ms), and USB with its default timer of 16 ms, on average half of it.
+pub const DELAY_S: f64 = 0.020;
+
+/// Time constant of the motors under speed control, s: on the emulated board, flagella that start to 50 rpm lag by as much.
+pub const MOTOR_S: f64 = 0.40;
+
+const PERIOD_S: f64 = PERIOD_US as f64 * 1e-6;
+
+/// How far behind the last step forces and attitude are kept, s.
+const REACH_S: f64 = 0.1;
+
+/// Why a steered trial in the model ends early.
+#[derive(Error, Diagnostic, Debug)]
+pub enum SteeredError {
+    /// The model.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Model(#[from] ModelError),
+    /// The pilot.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Steer(#[from] SteerError),
+}
+
+/// A steered trial in the model.
+#[derive(Debug)]
+pub struct Steered {
+    /// Its steps.
+    pub tally: Tally,
+    /// Why it ended early.
+    pub error: Option<SteeredError>,
+}
+
+/// Steers the model from rest for the run of the trial and writes its log to `path`, which must not exist. A run that ends
+/// early has its log up to there. The model waits for its pilot.
+///
+/// # Errors
+/// [`ModelError`] if the log cannot be written or the model cannot begin.
+pub fn steer(
+    model: &Model,
+    plan: &Plan,
+    trial: &Trial,
+    (steering, meta): (&mut Steering, &SteerMeta),
+    (attempt, path): (u32, &Path),
+    goes_on: &dyn Fn(f64) -> bool,
+) -> Result<Steered, ModelError> {
+    let mut run = Run::start(model, plan, trial, meta, (attempt, path))?;
+    let steps = (trial.phases.run_s / PERIOD_S).round().max(1.0) as u64;
+    let error = (0..steps).find_map(|step| run.step(step, steering, goes_on).err());
+    let error = error.filter(|error| !matches!(error, SteeredError::Steer(SteerError::Over)));
+    let mut summary = Summary {
+        end: match &error {
+            None => End::Complete,
+            Some(SteeredError::Model(ModelError::Interrupted)) => End::Aborted,
+            Some(_) => End::Failed,
+        },
+        reason: error.as_ref().map(ToString::to_string).unwrap_or_default(),
+        ..Summary::default()
+    };
+    summary.link.samples = run.index;
+    run.event(EventKind::Phase, Phase::End.name())?;
+    run.kept.finish(&mut summary)?;
+    Ok(Steered { tally: run.tally, error })
+}
+
+struct Run<'a> {
+    name: &'a str,
+    robot: sim::trial::Trial,
+    board: IdealBoard,
+    kept: run::Recorder,
+    tally: Tally,
+    /// Speeds of the shafts, rad/s.
+    speeds: [f64; 2],
+    /// The set-point in force.
+    target: [CentiRpm; 2],
+    /// Time and rate of the last sample.
+    last: Option<(f64, Vector3<f64>)>,
+    /// Number of samples.
+    index: u64,
+}
+
+impl<'a> Run<'a> {
+    fn start(
+        model: &Model,
+        plan: &Plan,
+        trial: &'a Trial,
+        meta: &SteerMeta,
+        (attempt, path): (u32, &Path),
+    ) -> Result<Self, ModelError> {
+        let robot = sim::trial::Trial::open(&model.robot, model.closure, model.options, REACH_S)?;
+        let board = IdealBoard::new(&model.robot, model.settings);
+        let board_meta = board::to_log(&board.info(), &model.settings);
+        let start = run::start(plan, trial, attempt, Origin::Model, Some(board_meta), instant(0.0));
+        let mut kept = run::Recorder::create(path, &start, model.settings, instant(0.0))?;
+        kept.model(model.meta())?;
+        kept.steer(meta)?;
+        let mut run = Self {
+            name: &trial.name,
+            robot,
+            board,
+            kept,
+            tally: Tally::default(),
+            speeds: [0.0; 2],
+            target: [CentiRpm(0); 2],
+            last: None,
+            index: 0,
+        };
+        run.kept.log.at(0.0);
+        run.event(EventKind::Phase, Phase::Run.name())?;
+        Ok(run)
+    }
+
+    /// Asks the pilot, and advances by a period.
+    fn step(&mut self, step: u64, steering: &mut Steering, goes_on: &dyn Fn(f64) -> bool) -> Result<(), SteeredError> {
+        let time_us = step * PERIOD_US;
+        let time_s = time_us as f64 * 1e-6;
+        steering.ask(time_s, self.measured())?;
+        let set_point = loop {
+            if !goes_on(time_s) {
+                return Err(ModelError::Interrupted.into());
+            }
+            if let Some(set_point) = steering.answer(Duration::from_millis(20))? {
+                break set_point;
+            }
+        };
+        self.turn(time_s + DELAY_S, DELAY_S)?;
+        self.target = set_point.speeds;
+        let end_s = (time_us + PERIOD_US) as f64 * 1e-6;
+        self.turn(end_s, PERIOD_S - DELAY_S)?;
+        let in_force_us = Some(time_us + (DELAY_S * 1e6) as u64);
+        let times = Times { due_us: time_us, observed_us: time_us, in_force_us };
+        self.record()?;
+        self.kept.set_point(&times, &set_point, instant(time_s)).map_err(ModelError::from)?;
+        self.tally.add(&times);
+        Ok(())
+    }
+
+    /// Extends the motion to a time. The speeds approach their targets exponentially.
+    fn turn(&mut self, until_s: f64, passed_s: f64) -> Result<(), ModelError> {
+        let left = (-passed_s / MOTOR_S).exp();
+        self.speeds = [0, 1].map(|k| {
+            let target = self.target[k].rad_per_s();
+            target + (self.speeds[k] - target) * left
+        });
+        let failed = |error| ModelError::Profile { trial: self.name.to_owned(), error };
+        self.robot.extend(until_s, self.speeds).map_err(failed)
+    }
+
+    /// Records the samples up to the end of the motion.
+    fn record(&mut self) -> Result<(), ModelError> {
+        while let Some(sample) = self.robot.next() {
+            let sample = sample.map_err(|error| ModelError::Step { trial: self.name.to_owned(), error })?;
+            self.keep(&sample)?;
+        }
+        let finished = self.robot.finish();
+        finished.map(drop).map_err(|error| ModelError::Step { trial: self.name.to_owned(), error })
+    }
+
+    fn keep(&mut self, sample: &Sample) -> Result<(), ModelError> {
+        let rate = Vector3::from(sample.rate_rad_s);
+        let (before_s, before) = self.last.replace((sample.time_s, rate)).unwrap_or((sample.time_s, rate));
+        let passed_s = sample.time_s - before_s;
+        let acceleration = if passed_s > 0.0 { (rate - before) / passed_s } else { Vector3::zeros() };
+        let state = if self.target == [CentiRpm(0); 2] { State::Idle } else { State::Running };
+        let setpoint = Setpoint { state, target: self.target };
+        let frame = self.board.telemetry(self.index, sample, acceleration, setpoint);
+        let host = instant(sample.time_s);
+        self.kept.frame(&frame, IdealBoard::clock_us(sample.time_s), host)?;
+        self.kept.sample(sample, host)?;
+        self.index += 1;
+        Ok(())
+    }
+
+    /// Returns the state of the robot now.
+    fn measured(&self) -> Measured {
+        let state = self.robot.state();
+        let body = &state.body;
+        let [_, pitch, roll] = sim::body::attitude::euler_zyx(&body.attitude);
+        let motors = self.robot.motors(state.time);
+        Measured {
+            yaw_deg: body.yaw.to_degrees(),
+            pitch_deg: pitch.to_degrees(),
+            roll_deg: roll.to_degrees(),
+            rates_dps: body.rate.map(f64::to_degrees).into(),
+            speeds_rpm: motors.map(|motor| motor.speed * 30.0 / PI),
+            turns: motors.map(|motor| motor.angle / TAU),
+        }
+    }
+
+    fn event(&mut self, kind: EventKind, text: &str) -> Result<(), ModelError> {
+        let time_s = self.kept.log.time_s();
+        Ok(self.kept.event(kind, text, instant(time_s))?)
+    }
+}
+
+/// Returns the host time of a modelled trial, which begins at the epoch.
+fn instant(time_s: f64) -> SystemTime {
+    SystemTime::UNIX_EPOCH + Duration::from_secs_f64(time_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aim::shipped;
+    use crate::steer::{Controller, Held, Map, Pilot, RATE_HZ};
+    use crate::trial::{Data, Want, Zeroed};
+    use biflag_log::{Body, Method, Reader};
+    use protocol::Settings;
+    use sim::body::closure::Closure;
+    use sim::params::Robot;
+    use sim::trial::Options;
+
+    /// Steers a robot that is not that of the controller's map. Returns the log's folder and what was held.
+    #[test]
+    fn robot_of_another_viscosity_holds_the_attitude_and_its_log_says_how() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("steered.mcap");
+        let map = Map::of_table(&shipped().unwrap(), -40.0, 3.0).unwrap();
+        let (wanted, rpm) = (map.wanted, map.rpm.map(CentiRpm::from_rpm));
+        let plan = Plan::of_speeds(rpm, "calibrate = 0\npreroll = 0\nrun = 100\ndecay = 0", "").unwrap();
+        let mut robot = Robot::default();
+        robot.fluid.viscosity_pa_s *= 0.85;
+        let options = Options { rate_hz: RATE_HZ, shapes: false };
+        let model = Model::new(robot, Settings::DEFAULT, Closure::Full, Method::Trial, options);
+        let meta = SteerMeta { yaw_deg: wanted.yaw_deg, pitch_deg: wanted.pitch_deg, ..SteerMeta::default() };
+        let mut steering = Steering::new(wanted, Pilot::of(Controller::new(map)));
+        let run = steer(&model, &plan, &plan.trials[0], (&mut steering, &meta), (1, &path), &|_| true).unwrap();
+        assert!(run.error.is_none() && run.tally.late == 0 && run.tally.steps == 2000, "{run:?}");
+        assert!(steering.reached_s().is_some_and(|reached_s| reached_s < 60.0), "{:?}", steering.reached_s());
+
+        let data = Data::read(&path, Want::default()).unwrap();
+        let held = Held::of(&data, &Zeroed::new(&data)).unwrap();
+        assert!((held.mean_yaw_deg + 40.0).abs() < 0.5 && (held.mean_pitch_deg - 3.0).abs() < 0.5, "{held:?}");
+        // The map of the controller is wrong for this robot, and the speeds made up for it.
+        assert!(data.is_complete() && data.speeds() != data.planned_speeds());
+        let set_points = Reader::open(&path)
+            .unwrap()
+            .filter(|message| matches!(message, Ok(of) if matches!(of.body, Body::Steering(_))));
+        assert_eq!(set_points.count(), 2000);
+    }
+}

@@ -1,0 +1,74 @@
+//! How far the yaw that is held may be off, before the trial: only a gyroscope tells it, and only rest tells its drift.
+//!
+//! The terms are those of a trial's budget ([`crate::trial::Budget`]) that matter here, for a robot that leans by its mean
+//! tilt from the start:
+//!
+//! | term | standard uncertainty after the time t |
+//! | --- | --- |
+//! | scale | u(scale) of the yaw |
+//! | gravity | u(sensitivity to gravity) sin(tilt) t |
+//! | bias | N t √(6/5) / √rest, the error of a slope of the yaw over the rest, and of the bias's walk b t √(t/3) |
+//! | noise | N √t, the angle random walk |
+
+use crate::attitude::ANGLE_WALK;
+use crate::sensor::Sensor;
+use crate::text::decimal;
+use std::fmt;
+
+/// Half width of a 95 % interval in standard deviations.
+const COVERAGE: f64 = 1.96;
+
+/// Error of the yaw by its causes, standard uncertainties in degrees.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct YawError {
+    scale: f64,
+    gravity: f64,
+    bias: f64,
+    noise: f64,
+}
+
+/// Returns how far a yaw may be off that is held for `time_s` after a rest of `rest_s`, by a robot with this tilt.
+pub fn yaw_error(sensor: &Sensor, [yaw_deg, tilt_deg]: [f64; 2], rest_s: f64, time_s: f64) -> YawError {
+    let walk = sensor.angle_walk().map_or(ANGLE_WALK, |(walk, _)| walk);
+    let gravity_dps = sensor.gyro_g_dps[2][0].u.max(sensor.gyro_g_dps[2][1].u) * tilt_deg.to_radians().sin();
+    let slope = walk * (1.2 / rest_s).sqrt() * time_s;
+    YawError {
+        scale: sensor.gyro_scale[2].u * yaw_deg.abs(),
+        gravity: gravity_dps.abs() * time_s,
+        // The mean bias while the yaw is held, against that of the rest.
+        bias: slope.hypot(sensor.bias_noise[2].change_dps(&(0.0..rest_s), &(rest_s..rest_s + time_s)) * time_s),
+        noise: walk * time_s.sqrt(),
+    }
+}
+
+impl YawError {
+    /// Returns the half width of the 95 % interval, degrees.
+    pub fn uncertainty_deg(&self) -> f64 {
+        COVERAGE * [self.scale, self.gravity, self.bias, self.noise].into_iter().fold(0.0, f64::hypot)
+    }
+}
+
+impl fmt::Display for YawError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let terms = [("scale", self.scale), ("gravity", self.gravity), ("bias", self.bias), ("noise", self.noise)];
+        let terms = terms.map(|(name, u_deg)| format!("{name} {}°", decimal(COVERAGE * u_deg, 1)));
+        write!(f, "± {}° ({})", decimal(self.uncertainty_deg(), 1), terms.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn error_grows_with_time_and_with_the_yaw() {
+        let sensor = Sensor::of_data_sheet();
+        let error = |yaw_deg, time_s| yaw_error(&sensor, [yaw_deg, 6.0], 15.0, time_s);
+        let after = |time_s| error(-67.0, time_s).uncertainty_deg();
+        assert!(after(60.0) < after(120.0) && after(120.0) < after(600.0));
+        assert!(error(0.0, 120.0).uncertainty_deg() < after(120.0));
+        // 3 % / √3 of 67 degrees, twice.
+        assert!((after(1.0) - 2.27).abs() < 0.05, "{}", after(1.0));
+        assert_eq!(error(-67.0, 120.0).to_string(), "± 2.8° (scale 2.3°, gravity 1.4°, bias 0.8°, noise 0.1°)");
+    }
+}

@@ -1,0 +1,55 @@
+//! What a pilot is told.
+
+use serde::Serialize;
+
+/// The attitude that is to be reached and held.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug)]
+pub struct Wanted {
+    /// Mean yaw since the start of the run.
+    #[serde(rename = "wanted_yaw_deg")]
+    pub yaw_deg: f64,
+    /// Mean pitch.
+    #[serde(rename = "wanted_pitch_deg")]
+    pub pitch_deg: f64,
+}
+
+/// What is measured of the robot at a moment: in the model the truth, on a rig what the board says.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug, Default)]
+pub struct Measured {
+    /// Yaw since the start of the run, unwrapped.
+    pub yaw_deg: f64,
+    /// Pitch.
+    pub pitch_deg: f64,
+    /// Roll.
+    pub roll_deg: f64,
+    /// Angular velocity, body axes.
+    pub rates_dps: [f64; 3],
+    /// Speeds of flagella 1 and 2.
+    pub speeds_rpm: [f64; 2],
+    /// Turns of flagella 1 and 2 by their encoders.
+    pub turns: [f64; 2],
+}
+
+/// What a pilot is told: the line that a policy reads.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug)]
+pub struct Observation {
+    /// Time since the start of the run by the board's clock.
+    pub time_s: f64,
+    /// What is wanted.
+    #[serde(flatten)]
+    pub wanted: Wanted,
+    /// What is measured.
+    #[serde(flatten)]
+    pub measured: Measured,
+    /// Mean yaw over the last turns of the flagella.
+    pub mean_yaw_deg: f64,
+    /// Mean pitch over the same time.
+    pub mean_pitch_deg: f64,
+}
+
+impl Observation {
+    /// Returns what the means lack of the wanted yaw and pitch, degrees.
+    pub fn misses_deg(&self) -> [f64; 2] {
+        [self.wanted.yaw_deg - self.mean_yaw_deg, self.wanted.pitch_deg - self.mean_pitch_deg]
+    }
+}

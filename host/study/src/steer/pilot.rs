@@ -1,0 +1,50 @@
+//! Who gives the speeds.
+
+use super::{Controller, Observation, Policy, SteerError};
+use std::time::Duration;
+
+/// Who gives the speeds.
+#[derive(Debug)]
+pub enum Pilot {
+    /// The built-in controller, which answers at once.
+    Controller {
+        /// The controller.
+        controller: Box<Controller>,
+        /// Its answer to the last observation.
+        answer: Option<[f64; 2]>,
+    },
+    /// Another program.
+    Policy(Policy),
+}
+
+impl Pilot {
+    /// Returns the built-in controller as a pilot.
+    pub fn of(controller: Controller) -> Self {
+        Self::Controller { controller: Box::new(controller), answer: None }
+    }
+
+    /// Passes on an observation. `period_s`: time since the one before.
+    ///
+    /// # Errors
+    /// Those of a policy.
+    pub(super) fn ask(&mut self, observation: &Observation, period_s: f64) -> Result<(), SteerError> {
+        match self {
+            Self::Controller { controller, answer } => {
+                *answer = Some(controller.speeds(observation, period_s));
+                Ok(())
+            }
+            Self::Policy(policy) => policy.ask(observation),
+        }
+    }
+
+    /// Returns the speeds (rpm) for the last observation; `None` if they do not come within this time.
+    ///
+    /// # Errors
+    /// Those of a policy.
+    pub(super) fn answer(&mut self, within: Duration) -> Result<Option<[f64; 2]>, SteerError> {
+        match self {
+            Self::Controller { answer, .. } => Ok(answer.take()),
+            Self::Policy(policy) => policy.answer(within),
+        }
+    }
+}

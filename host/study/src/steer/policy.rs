@@ -1,0 +1,316 @@
+//! A pilot that is another program: a line of JSON with the observation on its standard input, a line with two speeds back.
+//!
+//! ```text
+//! {"time_s":12.35,"wanted_yaw_deg":-67.0,"wanted_pitch_deg":-4.0,"yaw_deg":-61.2,"pitch_deg":-3.1,"roll_deg":-4.0,
+//!  "rates_dps":[0.1,-2.0,-3.4],"speeds_rpm":[49.8,10.1],"turns":[10.2,2.0],"mean_yaw_deg":-60.8,"mean_pitch_deg":-3.9}
+//! {"speeds_rpm":[50,10]}
+//! ```
+//!
+//! The line `{"end":true}` ends the run before its time. Each is a single line; the first is broken here for reading. The program starts before the trial and gets its first
+//! observation when the run begins. Its standard input ends with the run. What it writes on its standard error is shown.
+//!
+//! A program that starts `biflag` itself can be its policy ([`Policy::own`]): it reads the observations from the standard
+//! output of `biflag` and writes the speeds to its standard input.
+
+use super::{Observation, SteerError};
+use crate::text::printable;
+use protocol::units::CentiRpm;
+use rustix::process::{Pid, Signal, kill_process_group};
+use serde::Deserialize;
+use std::io::{BufRead, BufReader, Read, Stdout, Write, stdin, stdout};
+use std::os::unix::process::CommandExt;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
+
+/// Longest line that is read; a longer one is nonsense.
+const LONGEST_LINE: u64 = 4096;
+
+/// Characters of a wrong line that an error shows.
+const SHOWN: usize = 80;
+
+/// Time for a policy to end by itself after its standard input has.
+const END_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// How long a policy may take.
+#[derive(Clone, Copy, Debug)]
+pub struct Patience {
+    /// For its first line: it may have to load a network.
+    pub first: Duration,
+    /// For each further line.
+    pub each: Duration,
+}
+
+impl Patience {
+    /// On a rig, where the motors turn meanwhile: less than the board's own deadline.
+    pub const OF_RIG: Self = Self { first: Duration::from_secs(60), each: Duration::from_millis(400) };
+
+    /// In the model, whose time stands still meanwhile.
+    pub const OF_MODEL: Self = Self { first: Duration::from_secs(60), each: Duration::from_secs(60) };
+}
+
+/// Where the observations go.
+#[derive(Debug)]
+enum Input {
+    Child(ChildStdin),
+    Own(Stdout),
+}
+
+/// The line of a policy.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Reply {
+    #[serde(default)]
+    speeds_rpm: Option<[f64; 2]>,
+    #[serde(default)]
+    end: bool,
+}
+
+/// A program that gives the speeds. Dropping it ends the program.
+#[derive(Debug)]
+pub struct Policy {
+    /// `None` for the program that started this one.
+    child: Option<Child>,
+    input: Option<Input>,
+    /// Its lines, from a thread of their own: a program that hangs must not stop this one.
+    lines: Receiver<String>,
+    patience: Patience,
+    /// When the observation that waits for an answer was sent.
+    asked: Option<Instant>,
+    has_answered: bool,
+}
+
+impl Policy {
+    /// Starts the command in a shell.
+    ///
+    /// # Errors
+    /// [`SteerError::NotStarted`].
+    pub fn start(command: &str, patience: Patience) -> Result<Self, SteerError> {
+        let mut child = Command::new("sh")
+            .args(["-c", command])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            // A Ctrl-C is for this program, which then stops the motors.
+            .process_group(0)
+            .spawn()
+            .map_err(|source| SteerError::NotStarted { command: command.to_owned(), source })?;
+        let input = child.stdin.take().map(Input::Child);
+        let lines = child.stdout.take().map_or_else(|| channel().1, lines);
+        Ok(Self { child: Some(child), input, lines, patience, asked: None, has_answered: false })
+    }
+
+    /// Returns the program that started this one as a policy: it gets the observations from the standard output of this
+    /// program and writes the speeds to its standard input.
+    pub fn own(patience: Patience) -> Self {
+        let input = Some(Input::Own(stdout()));
+        Self { child: None, input, lines: lines(stdin()), patience, asked: None, has_answered: false }
+    }
+
+    /// Sends an observation.
+    ///
+    /// # Errors
+    /// [`SteerError::Unasked`] if a line is there already, [`SteerError::Ended`].
+    pub fn ask(&mut self, observation: &Observation) -> Result<(), SteerError> {
+        if let Ok(line) = self.lines.try_recv() {
+            return Err(SteerError::Unasked { line: beginning(&line) });
+        }
+        let line = serde_json::to_string(observation).unwrap_or_default();
+        let sent = self.input.as_mut().map(|input| match input {
+            Input::Child(input) => writeln!(input, "{line}").and_then(|()| input.flush()),
+            Input::Own(output) => writeln!(output, "{line}").and_then(|()| output.flush()),
+        });
+        if !matches!(sent, Some(Ok(()))) {
+            return Err(self.ended());
+        }
+        self.asked = Some(Instant::now());
+        Ok(())
+    }
+
+    /// Returns the speeds (rpm) for the last observation; `None` if they do not come within this time.
+    ///
+    /// # Errors
+    /// [`SteerError::Silent`] if the program has had enough time, and those of its line.
+    pub fn answer(&mut self, within: Duration) -> Result<Option<[f64; 2]>, SteerError> {
+        let Some(asked) = self.asked else { return Ok(None) };
+        let allowed = if self.has_answered { self.patience.each } else { self.patience.first };
+        let left = allowed.saturating_sub(asked.elapsed());
+        match self.lines.recv_timeout(within.min(left)) {
+            Ok(line) => {
+                (self.asked, self.has_answered) = (None, true);
+                parse(&line).map(Some)
+            }
+            Err(RecvTimeoutError::Timeout) if asked.elapsed() >= allowed => {
+                Err(SteerError::Silent { waited_s: allowed.as_secs_f64() })
+            }
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
+        }
+    }
+
+    /// Returns the error for a program that has ended, or has closed its output.
+    fn ended(&mut self) -> SteerError {
+        self.input = None;
+        SteerError::Ended { status: self.child.as_mut().and_then(|child| wait(child, END_TIMEOUT)) }
+    }
+}
+
+impl Drop for Policy {
+    fn drop(&mut self) {
+        self.input = None;
+        let Some(child) = &mut self.child else { return };
+        if wait(child, END_TIMEOUT).is_none() {
+            // With its children: the shell alone would leave them running.
+            let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
+            let _ = child.wait();
+        }
+    }
+}
+
+/// Waits for the end of a program; returns how it ended.
+fn wait(child: &mut Child, longest: Duration) -> Option<String> {
+    let begun = Instant::now();
+    loop {
+        if let Ok(Some(status)) = child.try_wait() {
+            return Some(status.to_string());
+        }
+        if begun.elapsed() >= longest {
+            return None;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Reads lines on a thread, which ends with them.
+fn lines(output: impl Read + Send + 'static) -> Receiver<String> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        let mut output = BufReader::new(output);
+        while let Some(line) = next_line(&mut output) {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    lines
+}
+
+/// Reads a line, of which no more than [`LONGEST_LINE`] bytes; `None` at the end.
+fn next_line(output: &mut BufReader<impl Read>) -> Option<String> {
+    let mut line = Vec::new();
+    match output.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line) {
+        Ok(1..) => Some(String::from_utf8_lossy(&line).trim_end().to_owned()),
+        _ => None,
+    }
+}
+
+fn parse(line: &str) -> Result<[f64; 2], SteerError> {
+    let nonsense = |reason: String| SteerError::Nonsense { line: beginning(line), reason };
+    let Reply { speeds_rpm, end } = serde_json::from_str(line).map_err(|error| nonsense(error.to_string()))?;
+    if end {
+        return Err(SteerError::Over);
+    }
+    let Some(rpm) = speeds_rpm else { return Err(nonsense("it has no speeds_rpm".to_owned())) };
+    if rpm.iter().any(|rpm| !rpm.is_finite()) {
+        return Err(nonsense("a speed is not finite".to_owned()));
+    }
+    if rpm.iter().any(|rpm| rpm.abs() > CentiRpm::LIMIT.rpm()) {
+        return Err(SteerError::TooFast { rpm });
+    }
+    Ok(rpm)
+}
+
+/// Returns the beginning of a line, without characters that control a terminal.
+fn beginning(line: &str) -> String {
+    printable(&line.chars().take(SHOWN).collect::<String>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Measured, Wanted};
+    use super::*;
+
+    const PATIENCE: Patience = Patience { first: Duration::from_secs(20), each: Duration::from_millis(200) };
+
+    fn observation(time_s: f64) -> Observation {
+        let wanted = Wanted { yaw_deg: -67.0, pitch_deg: -4.0 };
+        let measured = Measured { yaw_deg: -1.5, rates_dps: [0.0, 0.0, -3.0], ..Measured::default() };
+        Observation { time_s, wanted, measured, mean_yaw_deg: -0.5, mean_pitch_deg: 0.0 }
+    }
+
+    /// Asks a policy `count` times, and returns the answer to the last observation.
+    fn answer(command: &str, count: u32) -> Result<[f64; 2], SteerError> {
+        let mut policy = Policy::start(command, PATIENCE)?;
+        let mut last = [f64::NAN; 2];
+        for i in 0..count {
+            policy.ask(&observation(f64::from(i)))?;
+            last = loop {
+                if let Some(rpm) = policy.answer(Duration::from_millis(50))? {
+                    break rpm;
+                }
+            };
+        }
+        Ok(last)
+    }
+
+    #[test]
+    fn keys_of_an_observation_have_units() {
+        let line = serde_json::to_string(&observation(2.0)).unwrap();
+        assert_eq!(
+            line,
+            "{\"time_s\":2.0,\"wanted_yaw_deg\":-67.0,\"wanted_pitch_deg\":-4.0,\"yaw_deg\":-1.5,\"pitch_deg\":0.0,\
+             \"roll_deg\":0.0,\"rates_dps\":[0.0,0.0,-3.0],\"speeds_rpm\":[0.0,0.0],\"turns\":[0.0,0.0],\
+             \"mean_yaw_deg\":-0.5,\"mean_pitch_deg\":0.0}"
+        );
+    }
+
+    #[test]
+    fn shell_script_can_steer() {
+        assert_eq!(answer("while read line; do echo '{\"speeds_rpm\": [50, -10.5]}'; done", 3).unwrap(), [50.0, -10.5]);
+    }
+
+    #[test]
+    fn each_wrong_answer_is_an_error_that_names_it() {
+        let once = |line: &str| format!("read line; echo '{line}'; sleep 60");
+        let failed = |command: &str, count| answer(command, count).unwrap_err().to_string();
+        assert!(failed("exit 3", 1).contains("exit status: 3"));
+        assert!(failed("read line; kill -9 $$", 1).contains("signal: 9"));
+        assert_eq!(failed(&once("{\"speeds_rpm\": [5, 5]}"), 2), "the policy gave no speeds within 0.2 s");
+        for (line, word) in [
+            ("hello", "hello"),
+            ("{}", "no speeds_rpm"),
+            ("{\"end\": true}", "ended the run"),
+            ("{\"speeds_rpm\": [NaN, 1]}", "NaN"),
+            ("{\"speeds_rpm\": [1e999, 1]}", "1e999"),
+            ("{\"speeds_rpm\": [1]}", "length"),
+            ("{\"speeds_rpm\": [1, 2, 3]}", "trailing"),
+            ("{\"speed\": [1, 2]}", "unknown field"),
+            ("{\"speeds_rpm\": [90.1, 0]}", "at most at 90 rpm"),
+        ] {
+            let error = failed(&once(line), 1);
+            assert!(error.contains(word), "{line}: {error}");
+        }
+        let twice =
+            "while read line; do echo '{\"speeds_rpm\": [1, 1]}'; echo '{\"speeds_rpm\": [2, 2]}'; sleep 0.1; done";
+        assert!(failed(twice, 9).contains("more than one line"));
+    }
+
+    #[test]
+    fn endless_output_without_a_line_is_nonsense() {
+        let error = answer("read line; yes | tr -d '\\n'", 1).unwrap_err();
+        assert!(matches!(error, SteerError::Nonsense { .. }), "{error}");
+    }
+
+    #[test]
+    fn program_ends_with_its_children() {
+        let begun = Instant::now();
+        let policy = Policy::start("sleep 1000 & wait", PATIENCE).unwrap();
+        let group = Pid::from_child(policy.child.as_ref().unwrap());
+        drop(policy);
+        assert!(begun.elapsed() < Duration::from_secs(10));
+        // Whoever has become their parent takes a moment.
+        while rustix::process::test_kill_process_group(group).is_ok() {
+            assert!(begun.elapsed() < Duration::from_secs(10), "somebody is left");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
