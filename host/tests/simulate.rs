@@ -437,7 +437,8 @@ fn the_log_of_a_motion_that_does_not_repeat_holds_its_last_window() {
     let trial = biflag_log::last_meta::<biflag_log::TrialMeta>(&folder.join(log)).unwrap().unwrap();
     // The means are from more than the window.
     assert!(trial.run_s <= 12.0 && solved["window_s"].as_f64().unwrap() > 2.0 * trial.run_s, "{solved}");
-    assert!((0.0..0.05).contains(&solved["yaw_se_deg"].as_f64().unwrap()), "{solved}");
+    // Half of what the solver's own error allows where the flagella touch.
+    assert!((0.0..0.08).contains(&solved["yaw_se_deg"].as_f64().unwrap()), "{solved}");
     let info = biflag(folder, &["info", log]);
     expect(&info, 0);
     let info = String::from_utf8_lossy(&info.stdout).into_owned();

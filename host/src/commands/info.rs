@@ -49,7 +49,7 @@ fn log(path: &Path) -> miette::Result<Answer> {
         "losses": data.losses.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "origin": records.identity.as_ref().map(|identity| identity.origin),
         "created": records.identity.as_ref().map(|identity| &identity.created),
-        "trial": records.trial,
+        "trial": records.trial.as_ref().map(|_| data.trial()),
         "end": records.summary.as_ref().map(|summary| summary.end),
         "run_start_s": data.times.run_s().map(|[start, _]| start),
         "run_end_s": data.times.run_s().map(|[_, end]| end),
@@ -97,7 +97,7 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed) -> String {
         lines.add("operator", &plan.operator);
         lines.add("note", &plan.note);
     }
-    if let Some(t) = &records.trial {
+    if let Some(t) = records.trial.as_ref().map(|_| data.trial()) {
         let speeds = format!("{} and {} rpm", t.w1_rpm, t.w2_rpm);
         lines.add("trial", format!("{}, {speeds}, repeat {}, attempt {}", t.name, t.repeat, t.attempt));
         let (calibrate, preroll, run, decay) = (t.calibrate_s, t.preroll_s, t.run_s, t.decay_s);

@@ -62,7 +62,8 @@ impl Held {
     /// it.
     pub fn of(data: &Data, zeroed: &Zeroed) -> Option<Self> {
         let run = zeroed.seen_run();
-        let over = (run.end - HELD_S).max(run.start)..run.end;
+        // The first half of a short run is the way there.
+        let over = (run.end - HELD_S).max(0.5 * (run.start + run.end))..run.end;
         let [yaw, pitch, _] = zeroed.angles_deg.tracks();
         let middle_s = 0.5 * (over.start + over.end);
         let known = !data.is_model();

@@ -232,7 +232,12 @@ impl Data {
 
     /// Returns the record of the trial, or an empty one if the log has none.
     pub fn trial(&self) -> TrialMeta {
-        self.records.trial.clone().unwrap_or_default()
+        let trial = self.records.trial.clone().unwrap_or_default();
+        if self.records.steer.is_none() {
+            return trial;
+        }
+        let [w1_rpm, w2_rpm] = self.speeds().map(CentiRpm::rpm);
+        TrialMeta { w1_rpm, w2_rpm, ..trial }
     }
 
     /// Returns the target speeds of flagella 1 and 2 at the start of the run; of a steered trial their means at its end, to

@@ -49,6 +49,7 @@ fn import(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     let mut found = Vec::new();
     let Some(import) = &data.records.import else { return found };
     found.extend(zeroed.steady.as_ref().and_then(|steady| imported::other_speed(data, &steady.window)));
+    found.extend(imported::doubts(data));
     let mut slight = |text: String, cure: &str| found.push(Finding::slight(FindingKind::Conduct, text, cure));
     if import.left_out > 0 {
         let rows = count(import.left_out as usize, "row");

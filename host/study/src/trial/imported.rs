@@ -4,7 +4,7 @@ use super::budget::{Budget, Evaluation, Term};
 use super::causes::{Causes, OverTime};
 use super::data::{Data, MOTORS};
 use super::finding::{Finding, FindingKind};
-use crate::attitude::{Columns, Motion, Reading, Track, student_95};
+use crate::attitude::{Columns, Motion, Reading, Track, rotation, student_95};
 use biflag_log::ImportMeta;
 use nalgebra::{DMatrix, UnitQuaternion};
 use std::ops::Range;
@@ -15,6 +15,17 @@ const INSTRUMENT: &str = "imported instrument";
 /// Largest difference of two speeds that are the same, rpm, and as a share.
 const SAME_RPM: f64 = 0.3;
 const SAME_SHARE: f64 = 0.03;
+
+/// Least number of rows for a turn of the faster flagellum.
+const LEAST_ROWS_A_TURN: f64 = 4.0;
+
+/// A change of the attitude between two rows that is no motion, degrees and °/s. The fastest full turn takes 3 s.
+const JUMP_DEG: f64 = 5.0;
+const JUMP_DPS: f64 = 300.0;
+
+/// Rows, and the time, with one attitude in a run, that are no measurement.
+const STOOD_ROWS: usize = 10;
+const STOOD_S: f64 = 3.0;
 
 /// Time before the run in which the robot must be still, and the shortest that tells, s.
 const REST_S: f64 = 5.0;
@@ -73,6 +84,60 @@ pub(super) fn other_speed(data: &Data, window: &Range<f64>) -> Option<Finding> {
     })
 }
 
+/// Returns findings about the table itself: too few rows, a motor that turned before the run, angles that jump or stand.
+pub(super) fn doubts(data: &Data) -> Vec<Finding> {
+    let grave = |text: String, cure: &str| Finding::grave(FindingKind::Conduct, text, cure);
+    let mut found = Vec::new();
+    let run = &data.times.run;
+    let fastest_rpm = data.speeds().iter().fold(0.0, |fastest: f64, speed| fastest.max(speed.rpm().abs()));
+    let step_s = data.motors.interval_s().unwrap_or_default();
+    let rows_a_turn = 60.0 / (fastest_rpm * step_s);
+    if rows_a_turn < LEAST_ROWS_A_TURN {
+        let text = format!(
+            "the table has {rows_a_turn:.1} rows for a turn of the faster flagellum: the robot swings with each turn, so that \
+             means of so few may be off by degrees"
+        );
+        found.push(grave(text, "import a table with four rows or more for a turn"));
+    }
+    let before = (run.start - REST_S).max(data.times.preroll.start)..run.start - 2.0 * step_s;
+    let turned = |k: &usize| {
+        let rate = data.motors.track(4 + k).rate(before.clone()).unwrap_or_default();
+        60.0 * rate.abs() > SAME_RPM
+    };
+    if let Some(k) = [0, 1].iter().find(|k| before.end > before.start && turned(k)) {
+        let text =
+            format!("motor {} turned before the run, so that the zero of the angles is not that of a rest", k + 1);
+        found.push(grave(text, "let the run begin where the motors start"));
+    }
+    let attitude = |i: usize| rotation(data.readings[i].1.attitude);
+    let mut stood_from = 0;
+    for i in 1..data.readings.len() {
+        let (passed_s, angle_deg) =
+            (data.readings[i].0 - data.readings[i - 1].0, attitude(i - 1).angle_to(&attitude(i)).to_degrees());
+        if angle_deg > JUMP_DEG && angle_deg / passed_s > JUMP_DPS {
+            let text = format!(
+                "the attitude jumps by {angle_deg:.0}° at {:.2} s, faster than the robot turns",
+                data.readings[i].0
+            );
+            found.push(grave(text, "leave lost readings empty in the table, and check the units of the angles"));
+            break;
+        }
+        if data.readings[i].1.attitude != data.readings[i - 1].1.attitude {
+            stood_from = i;
+        }
+        let stood_s = data.readings[i].0 - data.readings[stood_from].0.max(run.start);
+        if i - stood_from >= STOOD_ROWS && stood_s > STOOD_S && run.contains(&data.readings[i].0) {
+            let text = format!(
+                "the attitude does not change for more than {STOOD_S} s from {:.1} s on",
+                data.readings[stood_from].0
+            );
+            found.push(grave(text, "leave lost readings empty in the table"));
+            break;
+        }
+    }
+    found
+}
+
 /// Returns readings, and speeds and turns, of states with yaw, pitch, roll and turns of both shafts. The speeds are those of
 /// the turns.
 pub(super) fn readings(
@@ -105,8 +170,8 @@ pub(super) fn readings(
 /// What an import states about the errors of its angles: one error of each angle, the same over the whole trial.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stated {
-    /// Standard uncertainty of yaw, pitch and roll, degrees.
-    u_deg: [f64; 3],
+    /// Standard uncertainty of yaw, pitch and roll, degrees; `None` for an angle that was not measured.
+    u_deg: [Option<f64>; 3],
 }
 
 impl Stated {
@@ -114,37 +179,42 @@ impl Stated {
     pub fn of(import: Option<&ImportMeta>) -> Option<Self> {
         let import = import?;
         let [yaw, tilt] = [import.yaw_uncertainty_deg?, import.tilt_uncertainty_deg?];
-        Some(Self { u_deg: [yaw, tilt, tilt].map(|uncertainty| uncertainty / student_95(f64::INFINITY)) })
+        let is_measured = |name: &str| !import.constant.iter().any(|constant| constant == name);
+        let u_deg = |name, uncertainty: f64| is_measured(name).then_some(uncertainty / student_95(f64::INFINITY));
+        Some(Self { u_deg: [u_deg("yaw", yaw), u_deg("pitch", tilt), u_deg("roll", tilt)] })
     }
 
-    fn term(&self, angle: usize) -> Term {
-        let of_trial = Term::of_trial(INSTRUMENT, self.u_deg[angle], f64::INFINITY);
-        Term { evaluation: Evaluation::B, ..of_trial }
+    fn term(&self, angle: usize) -> Option<Term> {
+        let of_trial = Term::of_trial(INSTRUMENT, self.u_deg[angle]?, f64::INFINITY);
+        Some(Term { evaluation: Evaluation::B, ..of_trial })
     }
 
-    /// Returns the causes of uncertainty of the yaw.
-    pub fn yaw(&self) -> Budget {
-        Budget::new([self.term(0)])
+    /// Returns the causes of uncertainty of the yaw; `None` if it was not measured.
+    pub fn yaw(&self) -> Option<Budget> {
+        Some(Budget::new([self.term(0)?]))
     }
 
-    /// Returns the causes of uncertainty of pitch, roll and tilt.
-    pub fn tilts(&self) -> [Budget; 3] {
-        [1, 2, 1].map(|angle| Budget::new([self.term(angle)]))
+    /// Returns the causes of uncertainty of pitch, roll and tilt; `None` if pitch or roll was not measured.
+    pub fn tilts(&self) -> Option<[Budget; 3]> {
+        let (pitch, roll) = (self.term(1)?, self.term(2)?);
+        Some([pitch.clone(), roll, pitch].map(|term| Budget::new([term])))
     }
 
-    /// Returns the causes of uncertainty of yaw, pitch and roll.
+    /// Returns the causes of uncertainty of yaw, pitch and roll; `None` for an angle that was not measured.
     pub fn causes(&self) -> [Option<Causes>; 3] {
-        [0, 1, 2].map(|angle| Some(Causes { own: vec![self.term(angle)], effects_deg: Vec::new() }))
+        [0, 1, 2].map(|angle| Some(Causes { own: vec![self.term(angle)?], effects_deg: Vec::new() }))
     }
 
-    /// Returns the uncertainty at a number of times. Whether the error is the same at all of them or another at each is not
-    /// stated, so that both are allowed for.
-    pub fn over_time(&self, times: usize) -> [OverTime; 3] {
-        self.u_deg.map(|u_deg| {
+    /// Returns the uncertainty at a number of times; `None` if an angle was not measured. Whether the error is the same at
+    /// all of them or another at each is not stated, so that both are allowed for.
+    pub fn over_time(&self, times: usize) -> Option<[OverTime; 3]> {
+        let of = |u_deg: f64| {
             let own = DMatrix::from_element(times, times, u_deg.powi(2))
                 + DMatrix::from_diagonal_element(times, times, u_deg.powi(2));
             OverTime { own, ..OverTime::exact(times) }
-        })
+        };
+        let [yaw, pitch, roll] = self.u_deg;
+        Some([of(yaw?), of(pitch?), of(roll?)])
     }
 }
 

@@ -334,7 +334,7 @@ impl Zeroed {
             _ if self.is_unsure => None,
             Known::Exact => Some(Budget::default()),
             Known::Sensor(errors) => errors.yaw(time_s),
-            Known::Stated(stated) => stated.map(|stated| stated.yaw()),
+            Known::Stated(stated) => stated.and_then(|stated| stated.yaw()),
         }
     }
 
@@ -345,7 +345,7 @@ impl Zeroed {
             _ if self.is_unsure => None,
             Known::Exact => Some(Default::default()),
             Known::Sensor(errors) => errors.tilts(&self.angles_deg, over),
-            Known::Stated(stated) => stated.map(|stated| stated.tilts()),
+            Known::Stated(stated) => stated.and_then(|stated| stated.tilts()),
         }
     }
 
@@ -379,7 +379,7 @@ impl Zeroed {
             _ if self.is_unsure => None,
             Known::Exact => Some(std::array::from_fn(|_| OverTime::exact(times.len()))),
             Known::Sensor(errors) => errors.over_time(&self.angles_deg, times, block_s),
-            Known::Stated(stated) => stated.map(|stated| stated.over_time(times.len())),
+            Known::Stated(stated) => stated.and_then(|stated| stated.over_time(times.len())),
         }
     }
 

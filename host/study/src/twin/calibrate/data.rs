@@ -92,8 +92,8 @@ impl FitTrial {
                 std::array::from_fn(|_| OverTime::exact(count))
             }
             None if data.origin() == Origin::Imported => {
-                let reason = "was imported without an uncertainty, so that no fit can weigh it".to_owned();
-                let help = "import it with --uncertainty";
+                let reason = "was imported without an uncertainty, or without one of its angles, so that no fit can weigh it".to_owned();
+                let help = "import it with --uncertainty, and with yaw, pitch and roll";
                 return Err(TwinError::unusable(data, Unusable { reason, help }));
             }
             None => return Err(match zeroed.drift().map(|drift| drift.variance(run.end)) {

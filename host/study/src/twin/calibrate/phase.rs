@@ -15,7 +15,7 @@ use sim::phase::Ratio;
 use std::collections::BTreeSet;
 
 /// Phases of a turn at which each trial is simulated.
-const STEPS: i32 = 12;
+const STEPS: i32 = 24;
 
 /// Returns the parameters with both phases in place of [`Parameter::Phase`].
 ///
