@@ -57,7 +57,6 @@ fn comparison_is_printed_with_the_robot_of_its_model() {
     browser.call("Emulation.setEmulatedMedia", json!({ "media": "print" }));
     browser.window(688, 900, false);
     let fits = "document.documentElement.scrollWidth <= innerWidth && innerWidth";
-    println!("{}", browser.evaluate("[...document.querySelectorAll('*')].filter((e) => e.getBoundingClientRect().right > innerWidth + 1).map((e) => e.tagName + '.' + e.className + ' ' + e.getBoundingClientRect().right).slice(0, 12).join('; ')"));
     assert_eq!(browser.evaluate(fits), json!(688), "the page fits the paper");
     is_quiet(&browser, &page);
 }
