@@ -37,9 +37,9 @@ fn imported(columns: &str, conditions: &Conditions) -> (Imported, Data) {
 
 #[test]
 fn units_signs_and_rest_of_a_table_are_those_of_the_log() {
-    let (imported, data) = imported(COLUMNS, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() });
-    assert_eq!((imported.samples, imported.speeds.map(|w| w.rpm())), (120, [41.7, -6.0]));
-    assert!((imported.run_s.start - 6.95).abs() < 1e-9 && (imported.run_s.end - 11.0).abs() < 1e-9, "{imported:?}");
+    let (camera, data) = imported(COLUMNS, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() });
+    assert_eq!((camera.samples, camera.speeds.map(|w| w.rpm())), (120, [41.7, -6.0]));
+    assert!((camera.run_s.start - 6.95).abs() < 1e-9 && (camera.run_s.end - 11.0).abs() < 1e-9, "{camera:?}");
     assert!((data.duration_s - 6.0).abs() < 1e-9 && (data.times.run.start - 1.95).abs() < 1e-9, "{:?}", data.times);
     let zeroed = Zeroed::new(&data);
     // Half a second of the ramp of the speeds' integral is 0.05 s.
@@ -57,7 +57,9 @@ fn units_signs_and_rest_of_a_table_are_those_of_the_log() {
     );
     let angles = zeroed.angles().unwrap();
     assert_eq!((angles.yaw_uncertainty_deg, angles.drift_deg), (Some(0.5), None));
-    assert!((angles.pitch_uncertainty_deg.unwrap() - 0.2).abs() < 1e-12);
+    let measured = COLUMNS.replace("roll=0", "roll=#3");
+    let (_, whole) = imported(&measured, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() });
+    assert!((Zeroed::new(&whole).angles().unwrap().roll_uncertainty_deg.unwrap() - 0.2).abs() < 1e-12);
     let texts: Vec<_> = findings(&data, &zeroed).into_iter().map(|finding| (finding.grave, finding.text)).collect();
     let has = |part: &str| texts.iter().any(|(grave, text)| !grave && text.contains(part));
     assert!(has("1 row of the table without a value") && has("roll was not measured"), "{texts:?}");
@@ -83,6 +85,57 @@ fn a_speed_that_changes_in_the_run_is_grave() {
         assert_eq!(other, is_found, "{found:?}");
         std::fs::remove_file(&log).unwrap();
     }
+}
+
+/// Returns the grave findings about a table of 40 s with these rows of yaw and turns at times `step_s` apart.
+fn grave(step_s: f64, row: impl Fn(f64) -> (f64, f64), run_s: Option<std::ops::Range<f64>>) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let (csv, log) = (folder.path().join("a.csv"), folder.path().join("a.mcap"));
+    let line = |i: u32| {
+        let time_s = f64::from(i) * step_s;
+        let (yaw_deg, turns) = row(time_s);
+        format!("{time_s},{yaw_deg},0,0,{turns}\n")
+    };
+    std::fs::write(&csv, (0..(40.0 / step_s) as u32).map(line).collect::<String>()).unwrap();
+    let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,turns1=#5,turns2=0".parse().unwrap();
+    let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+    write(&states, &Conditions { run_s, ..conditions() }, "a.csv", &log).unwrap();
+    let data = Data::read(&log, Want::default()).unwrap();
+    let found = findings(&data, &Zeroed::new(&data));
+    found.into_iter().filter(|finding| finding.grave).map(|finding| finding.text + "\n").collect()
+}
+
+/// A motor that turns at 52.9 rpm after 10.3 s, and a robot that then swings about -40 degrees.
+fn swinging(time_s: f64) -> (f64, f64) {
+    let run_s = (time_s - 10.3).max(0.0);
+    (-40.0 * (1.0 - (-run_s).exp()) + 2.0 * (5.5 * run_s).sin(), 52.9 / 60.0 * run_s)
+}
+
+#[test]
+fn doubtful_tables_are_grave() {
+    assert_eq!(grave(0.05, swinging, None), "");
+    let text = grave(0.9, swinging, None);
+    assert!(text.contains("1.3 rows for a turn of the faster flagellum"), "{text}");
+    let text = grave(0.05, swinging, Some(20.0..39.0));
+    assert!(text.contains("motor 1 turned before the run"), "{text}");
+    let lost =
+        |time_s: f64| if (30.0..30.05).contains(&time_s) { (-999.0, swinging(time_s).1) } else { swinging(time_s) };
+    let text = grave(0.05, lost, None);
+    assert!(text.contains("the attitude jumps by"), "{text}");
+    let stood = |time_s: f64| (swinging(time_s.min(25.0)).0, swinging(time_s).1);
+    let text = grave(0.05, stood, None);
+    assert!(text.contains("does not change for more than 3 s from 25.0 s on"), "{text}");
+}
+
+#[test]
+fn an_angle_that_was_not_measured_has_no_uncertainty() {
+    let (_, data) = imported(COLUMNS, &Conditions { uncertainty_deg: Some([0.5, 0.2]), ..conditions() });
+    let zeroed = Zeroed::new(&data);
+    let angles = zeroed.angles().unwrap();
+    assert_eq!((angles.yaw_uncertainty_deg, angles.roll_uncertainty_deg), (Some(0.5), None));
+    let known = zeroed.causes(&data.times.run).map(|causes| causes.is_some());
+    assert_eq!(known, [true, true, false]);
+    assert!(zeroed.over_time(&[3.0], 1.0).is_none(), "no fit may weigh it");
 }
 
 #[test]
