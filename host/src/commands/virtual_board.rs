@@ -86,6 +86,14 @@ pub(super) fn temporary(text: &str) -> miette::Result<TempPath> {
     written.into_diagnostic().wrap_err("the robot cannot be written to a temporary file")
 }
 
+/// Returns the answer to `--fault help` or `--sensor help`, if one of them was asked for.
+pub(super) fn help(faults: &[String], sensor: &SensorArgs) -> Option<miette::Result<Answer>> {
+    if faults.iter().any(|fault| fault == "help") {
+        return Some(list_faults());
+    }
+    sensor.asks_for_help().then(show_sensor)
+}
+
 /// Lists the faults that the emulated board knows.
 pub(super) fn list_faults() -> miette::Result<Answer> {
     help_of("--fault", "faults")

@@ -29,11 +29,8 @@ struct Ran {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    if args.faults.iter().any(|fault| fault == "help") {
-        return virtual_board::list_faults();
-    }
-    if args.sensor.asks_for_help() {
-        return virtual_board::show_sensor();
+    if let Some(answer) = virtual_board::help(&args.faults, &args.sensor) {
+        return answer;
     }
     let interrupted = interruption()?;
     let Course { wanted, pilot, plan, tilt_deg } = Course::new(args, robot::load(&args.robot)?)?;

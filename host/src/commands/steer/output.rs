@@ -1,5 +1,6 @@
 //! What `biflag steer` prints.
 
+use super::super::findings::finding_line;
 use crate::text::{count, decimal};
 use crate::trial::{AngleTerm, Finding};
 use serde::Serialize;
@@ -57,8 +58,7 @@ impl fmt::Display for Steered {
             write!(f, "; in force {p50} ms after the observation, {p99} ms at most in 99 of 100")?;
         }
         for finding in &self.findings {
-            let label = if finding.grave { "warning" } else { "note" };
-            write!(f, "\n{label}: {finding}")?;
+            write!(f, "\n{}", finding_line(None, finding))?;
         }
         self.notes.iter().try_for_each(|note| write!(f, "\nnote: {note}"))
     }

@@ -309,10 +309,7 @@ impl Summary {
     pub fn new(trial: &Trial, data: &Data, zeroed: &Zeroed, file: String) -> Self {
         Self {
             name: trial.name.clone(),
-            speeds_rpm: match data.records.steer {
-                Some(_) => data.speeds().map(|speed| speed.rpm()),
-                None => trial.speeds.map(|speed| speed.rpm()),
-            },
+            speeds_rpm: data.records.trial.as_ref().map_or(trial.speeds, |_| data.speeds()).map(|speed| speed.rpm()),
             repeat: trial.repeat,
             complete: data.is_complete(),
             angles: zeroed.angles(),

@@ -3,10 +3,9 @@
 use super::axes;
 use super::data::Data;
 use super::finding::{Finding, FindingKind};
-use super::imported;
+use super::import_findings;
 use super::zero::Zeroed;
 use crate::attitude::Motion;
-use crate::text::count;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End, Origin};
 use protocol::units::CentiRpm;
@@ -37,31 +36,10 @@ pub fn findings(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
     let mut found = data.identity.clone();
     found.extend(conduct(data));
     found.extend(sensor(data));
-    found.extend(import(data, zeroed));
+    found.extend(import_findings::all(data, zeroed));
     found.extend(wait(data));
     found.extend(zeroed.rest.iter().cloned());
     found.extend(window(data, zeroed));
-    found
-}
-
-/// What an import could not take from its table.
-fn import(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
-    let mut found = Vec::new();
-    let Some(import) = &data.records.import else { return found };
-    found.extend(zeroed.steady.as_ref().and_then(|steady| imported::other_speed(data, &steady.window)));
-    found.extend(imported::doubts(data));
-    let mut slight = |text: String, cure: &str| found.push(Finding::slight(FindingKind::Conduct, text, cure));
-    if import.left_out > 0 {
-        let rows = count(import.left_out as usize, "row");
-        slight(format!("{rows} of the table without a value, left out"), "");
-    }
-    if !import.constant.is_empty() {
-        let (names, were) = (import.constant.join(", "), if import.constant.len() == 1 { "was" } else { "were" });
-        slight(format!("{names} {were} not measured: a constant was given"), "");
-    }
-    if import.yaw_uncertainty_deg.is_none() || import.tilt_uncertainty_deg.is_none() {
-        slight("the import states no uncertainty of its instrument".to_owned(), "state it with --uncertainty");
-    }
     found
 }
 

@@ -2,141 +2,14 @@
 
 use super::budget::{Budget, Evaluation, Term};
 use super::causes::{Causes, OverTime};
-use super::data::{Data, MOTORS};
-use super::finding::{Finding, FindingKind};
-use crate::attitude::{Columns, Motion, Reading, Track, rotation, student_95};
+use super::data::MOTORS;
+use crate::attitude::{Columns, Reading, student_95};
 use biflag_log::ImportMeta;
 use nalgebra::{DMatrix, UnitQuaternion};
 use std::ops::Range;
 
 /// Name of the term that an import states.
 const INSTRUMENT: &str = "imported instrument";
-
-/// Largest difference of two speeds that are the same, rpm, and as a share.
-const SAME_RPM: f64 = 0.3;
-const SAME_SHARE: f64 = 0.03;
-
-/// Least number of rows for a turn of the faster flagellum.
-const LEAST_ROWS_A_TURN: f64 = 4.0;
-
-/// A change of the attitude between two rows that is no motion, degrees and °/s. The fastest full turn takes 3 s.
-const JUMP_DEG: f64 = 5.0;
-const JUMP_DPS: f64 = 300.0;
-
-/// Rows, and the time, with one attitude in a run, that are no measurement.
-const STOOD_ROWS: usize = 10;
-const STOOD_S: f64 = 3.0;
-
-/// Time before the run in which the robot must be still, and the shortest that tells, s.
-const REST_S: f64 = 5.0;
-const LEAST_REST_S: f64 = 2.0;
-
-/// Motion before the run, relative to the limits of a still robot, from which on the zero is wrong by degrees.
-const GRAVE: f64 = 4.0;
-
-/// Returns a finding if yaw, pitch or roll still changed in the rest before the run, beyond what their scatter explains.
-pub(super) fn moved(angles: [Track; 3], rest: &Range<f64>) -> Option<Finding> {
-    let last = rest.start.max(rest.end - REST_S)..rest.end;
-    if last.end - last.start < LEAST_REST_S {
-        return None;
-    }
-    let [yaw_dps, pitch_dps, roll_dps] = angles.map(|angle| certain_rate(angle, &last));
-    let motion = Motion { yaw_dps, tilt_dps: pitch_dps.hypot(roll_dps) };
-    let text = format!(
-        "the robot was not still before the run: its yaw turned at {:.2} °/s or more, its tilt at {:.2} °/s or more",
-        motion.yaw_dps, motion.tilt_dps
-    );
-    let cure = "let the robot rest longer before the run";
-    match motion.relative() {
-        still if still <= 1.0 => None,
-        some if some <= GRAVE => Some(Finding::slight(FindingKind::Rest, text, cure)),
-        _ => Some(Finding::grave(FindingKind::Rest, text, cure)),
-    }
-}
-
-/// Returns the least rate of change that the readings show: their slope less twice its standard error.
-fn certain_rate(angle: Track, over: &Range<f64>) -> f64 {
-    let (Some(slope), Some(mean)) = (angle.slope(over.clone()), angle.mean(over.clone())) else { return 0.0 };
-    let inside = angle.time_s.iter().zip(angle.value).filter(|(time, _)| over.contains(time));
-    let middle = 0.5 * (over.start + over.end);
-    let (count, residuals, along) = inside.fold((0.0, 0.0, 0.0), |(count, residuals, along), (time, value)| {
-        let from_middle = time - middle;
-        (count + 1.0, residuals + (value - mean - slope * from_middle).powi(2), along + from_middle.powi(2))
-    });
-    let variance = if count > 2.0 && along > 0.0 { residuals / (count - 2.0) / along } else { return 0.0 };
-    (slope.abs() - 2.0 * variance.sqrt()).max(0.0)
-}
-
-/// Returns a finding if a motor turned at another speed while the angles were averaged than the trial's.
-pub(super) fn other_speed(data: &Data, window: &Range<f64>) -> Option<Finding> {
-    let wanted = data.speeds().map(|speed| speed.rpm());
-    [0, 1].into_iter().find_map(|k| {
-        let rpm = 60.0 * data.motors.track(4 + k).rate(window.clone())?;
-        let is_other = (rpm - wanted[k]).abs() > SAME_RPM + SAME_SHARE * wanted[k].abs();
-        is_other.then(|| {
-            let text = format!(
-                "motor {} turned at {rpm:.1} rpm while the angles were averaged, and the trial's speed is {} rpm",
-                k + 1,
-                wanted[k]
-            );
-            Finding::grave(FindingKind::Conduct, text, "import one run at constant speeds: name it with --run")
-        })
-    })
-}
-
-/// Returns findings about the table itself: too few rows, a motor that turned before the run, angles that jump or stand.
-pub(super) fn doubts(data: &Data) -> Vec<Finding> {
-    let grave = |text: String, cure: &str| Finding::grave(FindingKind::Conduct, text, cure);
-    let mut found = Vec::new();
-    let run = &data.times.run;
-    let fastest_rpm = data.speeds().iter().fold(0.0, |fastest: f64, speed| fastest.max(speed.rpm().abs()));
-    let step_s = data.motors.interval_s().unwrap_or_default();
-    let rows_a_turn = 60.0 / (fastest_rpm * step_s);
-    if rows_a_turn < LEAST_ROWS_A_TURN {
-        let text = format!(
-            "the table has {rows_a_turn:.1} rows for a turn of the faster flagellum: the robot swings with each turn, so that \
-             means of so few may be off by degrees"
-        );
-        found.push(grave(text, "import a table with four rows or more for a turn"));
-    }
-    let before = (run.start - REST_S).max(data.times.preroll.start)..run.start - 2.0 * step_s;
-    let turned = |k: &usize| {
-        let rate = data.motors.track(4 + k).rate(before.clone()).unwrap_or_default();
-        60.0 * rate.abs() > SAME_RPM
-    };
-    if let Some(k) = [0, 1].iter().find(|k| before.end > before.start && turned(k)) {
-        let text =
-            format!("motor {} turned before the run, so that the zero of the angles is not that of a rest", k + 1);
-        found.push(grave(text, "let the run begin where the motors start"));
-    }
-    let attitude = |i: usize| rotation(data.readings[i].1.attitude);
-    let mut stood_from = 0;
-    for i in 1..data.readings.len() {
-        let (passed_s, angle_deg) =
-            (data.readings[i].0 - data.readings[i - 1].0, attitude(i - 1).angle_to(&attitude(i)).to_degrees());
-        if angle_deg > JUMP_DEG && angle_deg / passed_s > JUMP_DPS {
-            let text = format!(
-                "the attitude jumps by {angle_deg:.0}° at {:.2} s, faster than the robot turns",
-                data.readings[i].0
-            );
-            found.push(grave(text, "leave lost readings empty in the table, and check the units of the angles"));
-            break;
-        }
-        if data.readings[i].1.attitude != data.readings[i - 1].1.attitude {
-            stood_from = i;
-        }
-        let stood_s = data.readings[i].0 - data.readings[stood_from].0.max(run.start);
-        if i - stood_from >= STOOD_ROWS && stood_s > STOOD_S && run.contains(&data.readings[i].0) {
-            let text = format!(
-                "the attitude does not change for more than {STOOD_S} s from {:.1} s on",
-                data.readings[stood_from].0
-            );
-            found.push(grave(text, "leave lost readings empty in the table"));
-            break;
-        }
-    }
-    found
-}
 
 /// Returns readings, and speeds and turns, of states with yaw, pitch, roll and turns of both shafts. The speeds are those of
 /// the turns.
@@ -215,26 +88,5 @@ impl Stated {
         };
         let [yaw, pitch, roll] = self.u_deg;
         Some([of(yaw?), of(pitch?), of(roll?)])
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Returns angles over 6 s at 10 Hz of which the first moves at a rate, with a scatter of 0.1 degrees that alternates.
-    fn angles(rate_dps: f64) -> Columns<3> {
-        let mut angles = Columns::default();
-        for i in 0..60 {
-            let time_s = 0.1 * f64::from(i);
-            angles.push(time_s, [rate_dps * time_s + if i % 2 == 0 { 0.1 } else { -0.1 }, 1.0, 2.0]);
-        }
-        angles
-    }
-
-    #[test]
-    fn a_robot_that_still_turns_is_found_and_scatter_is_not() {
-        let moved = |rate_dps: f64| moved(angles(rate_dps).tracks(), &(0.0..6.0)).map(|finding| finding.grave);
-        assert_eq!([0.0, 0.04, 0.12, 0.4].map(moved), [None, None, Some(false), Some(true)]);
     }
 }

@@ -15,6 +15,7 @@ mod data;
 mod errors;
 mod finding;
 mod findings;
+mod import_findings;
 mod imported;
 mod judged;
 mod read;
