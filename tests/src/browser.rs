@@ -114,7 +114,12 @@ impl Browser {
 
     /// Opens a file from disk; returns how long it took to load, run and draw.
     pub fn open(&mut self, file: &Path) -> Duration {
-        self.load("Page.navigate", json!({ "url": format!("file://{}", file.display()) }))
+        self.visit(&format!("file://{}", file.display()))
+    }
+
+    /// Opens an address; returns how long it took to load, run and draw.
+    pub fn visit(&mut self, url: &str) -> Duration {
+        self.load("Page.navigate", json!({ "url": url }))
     }
 
     /// Opens the same address once more.

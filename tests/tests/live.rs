@@ -11,17 +11,23 @@ use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::Child;
 use std::time::{Duration, Instant};
-use tests::{Bench, Run, Seen, Viewer, nano, signal};
+use tests::browser::Browser;
+use tests::{Bench, Run, Seen, Viewer, nano, signal, wait_until};
 
 /// Every channel but `/raw`.
 const SHOWN: usize = CHANNELS.len() - 1;
 
 /// Returns the address that a program prints on its standard error, which is read to its end in the background.
 fn url(child: &mut Child) -> String {
+    said(child, |line| line.strip_prefix("live at ").and_then(|rest| rest.split(": ").next()))
+}
+
+/// Returns the part of the first line on a program's standard error that has one. The rest is read in the background.
+fn said(child: &mut Child, part: impl Fn(&str) -> Option<&str>) -> String {
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
     let mut said = Vec::new();
     let url = lines.by_ref().find_map(|line| {
-        let url = line.strip_prefix("live at ").and_then(|rest| rest.split(": ").next()).map(str::to_owned);
+        let url = part(&line).map(str::to_owned);
         said.push(line);
         url
     });
@@ -323,4 +329,38 @@ fn layouts_name_fields_that_exist() {
             message = field.type_name().rsplit('.').next().unwrap().to_owned();
         }
     }
+}
+
+/// The robot moves, the first trial is in the table once it is done, and the button stops the second one.
+#[test]
+fn the_page_in_the_browser_follows_the_robot_and_stops_it() {
+    let bench = Bench::new();
+    let trial = "calibrate = 0\npreroll = 2\nrest_at_most = 0\nrun = 6\ndecay = 1";
+    let plan = format!("[session]\nname = \"bench\"\n[trial]\n{trial}\n[speeds]\npairs = [[50, 10], [20.5, 0]]\n");
+    let plan = bench.file("plan.toml", &plan);
+    let nano = nano(["--speed", "4"]);
+    let mut recording =
+        bench.start(["record", plan.to_str().unwrap(), "--port", nano.port(), "--out", "session", "--open"]);
+    let url = said(&mut recording, |line| line.find("http://").map(|at| &line[at..]));
+    let mut browser = Browser::start();
+    browser.visit(&url);
+    let done = "#trials tbody tr:first-child td:nth-child(4)";
+    wait_until("the first trial is in the table", || {
+        browser.evaluate(&format!("(document.querySelector('{done}')?.textContent ?? '').includes('±')")) == true
+    });
+    wait_until("the second trial runs", || {
+        browser.text("h1").starts_with("002")
+            && browser.text("[data-out=phase]") == "run"
+            && browser.number("[data-out='motors speed1 1']") > Some(15.0)
+    });
+    let before = browser.evaluate("document.querySelector('.scene canvas').toDataURL()");
+    wait_until("the robot moves", || browser.evaluate("document.querySelector('.scene canvas').toDataURL()") != before);
+    let pictures = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("target").join("report-pictures");
+    browser.picture(&pictures.join("recording.png"));
+    browser.click(".stop");
+    wait_until("the page says so", || browser.text(".now") == "Stopped, the motors are off.");
+    Run::of(recording).expect_code(130);
+    assert_eq!(browser.inaccessible(), [""; 0]);
+    assert!(browser.problems.is_empty(), "{:?}", browser.problems);
+    assert!(browser.requests.iter().all(|request| request.starts_with(&url)), "{:?}", browser.requests);
 }

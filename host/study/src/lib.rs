@@ -35,6 +35,7 @@ pub mod preview;
 pub mod program;
 pub mod progress;
 pub mod run;
+pub mod secret;
 pub mod sensor;
 pub mod session;
 pub mod statistics;

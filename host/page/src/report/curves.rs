@@ -9,9 +9,10 @@ use super::table::{Column, fitted, single, times};
 use super::text::clip;
 use biflag_log::schema::biflag::event::Kind;
 use serde_json::{Value, json};
+use sim::params::Robot;
 use std::ops::Range;
 use study::attitude::Columns;
-use study::trial::{Data, Event, LinkSecond, Zeroed};
+use study::trial::{Data, Event, LinkSecond, Shapes, Zeroed};
 use study::twin::Compared;
 
 /// The most bars of the link's chart.
@@ -150,12 +151,22 @@ impl Curves {
 
 /// Returns a robot of the view: its measures, the turns of its shafts, and the shapes of its flagella.
 fn robot(of: &Data, shift_s: f64, turns_bytes: usize, shapes_bytes: usize) -> Value {
-    let robot = of.robot().unwrap_or_default();
     let turns = of.turns().sampled((turns_bytes / TURNS_ROW_BYTES).min(MAX_TURNS));
+    drawn(&of.robot().unwrap_or_default(), shift_s, &turns, &of.shapes, shapes_bytes)
+}
+
+/// Returns a robot of the view from the turns of its shafts and the shapes of its flagella.
+pub(super) fn drawn(
+    robot: &Robot,
+    shift_s: f64,
+    turns: &Columns<2>,
+    of_flagella: &Shapes,
+    shapes_bytes: usize,
+) -> Value {
     json!({
         "shift_s": shift_s,
         "turns": { "time": times(&turns.time_s), "one": single(&turns.values[0]), "two": single(&turns.values[1]) },
-        "shapes": shapes::page(&of.shapes, &robot, shapes_bytes),
+        "shapes": shapes::page(of_flagella, robot, shapes_bytes),
         "body": {
             "radius_m": robot.base.radius_m,
             "height_m": robot.base.height_m,

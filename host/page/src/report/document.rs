@@ -1,14 +1,15 @@
 //! The HTML document of a page: its head, styles and scripts. All of it is in the file; nothing is fetched.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use std::hash::{BuildHasher, Hasher, RandomState};
+use study::secret::secret;
 
 /// The generator named in the head of every page, by which a page is recognised.
 pub(super) const GENERATOR: &str = concat!("biflag ", env!("CARGO_PKG_VERSION"));
 
 const STYLE: [&str; 2] = [include_str!("assets/uPlot.min.css"), include_str!("assets/page.css")];
 
-const SCRIPTS: [&str; 14] = [
+/// What draws a trial: charts and the robot.
+const DRAWING: [&str; 9] = [
     include_str!("assets/sharp.js"),
     include_str!("assets/uPlot.iife.min.js"),
     include_str!("assets/data.js"),
@@ -18,6 +19,10 @@ const SCRIPTS: [&str; 14] = [
     include_str!("assets/mesh.js"),
     include_str!("assets/robot.js"),
     include_str!("assets/scene.js"),
+];
+
+/// What is only on pages of what is over.
+const REPORT: [&str; 5] = [
     include_str!("assets/address.js"),
     include_str!("assets/save.js"),
     include_str!("assets/player.js"),
@@ -25,16 +30,28 @@ const SCRIPTS: [&str; 14] = [
     include_str!("assets/page.js"),
 ];
 
+/// What is only on the page of a recording that runs.
+const LIVE: [&str; 1] = [include_str!("assets/live.js")];
+
 /// Returns a page. `kind` is the class of its body, `data` the elements that the scripts read.
 ///
 /// maud escapes every text. As a second defence, the content security policy only runs scripts with a nonce that the
 /// author of a log cannot know, and blocks all network access. It allows images from `blob:`, which the page needs to
 /// save a chart as PNG.
 pub(super) fn page(title: &str, kind: &str, body: &Markup, data: &Markup) -> Markup {
-    let nonce = nonce();
+    document(title, kind, body, data, &REPORT, "")
+}
+
+/// Returns the page of a recording that runs, which may ask the program that serves it.
+pub(super) fn live(title: &str, body: &Markup, data: &Markup) -> Markup {
+    document(title, "one live", body, data, &LIVE, " connect-src 'self';")
+}
+
+fn document(title: &str, kind: &str, body: &Markup, data: &Markup, scripts: &[&str], more: &str) -> Markup {
+    let nonce = secret();
     let policy = format!(
-        "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; img-src blob:; base-uri 'none'; \
-         form-action 'none'"
+        "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; img-src blob:;{more} \
+         base-uri 'none'; form-action 'none'"
     );
     html! {
         (DOCTYPE)
@@ -50,16 +67,10 @@ pub(super) fn page(title: &str, kind: &str, body: &Markup, data: &Markup) -> Mar
             body class=(kind) {
                 (body)
                 (data)
-                @for script in SCRIPTS { script nonce=(nonce) { (PreEscaped(script)) } }
+                @for script in DRAWING.iter().chain(scripts) { script nonce=(nonce) { (PreEscaped(script)) } }
             }
         }
     }
-}
-
-/// A number that cannot be guessed: the keys of a hasher come from the system's random numbers.
-fn nonce() -> String {
-    let part = || RandomState::new().build_hasher().finish();
-    format!("{:016x}{:016x}", part(), part())
 }
 
 #[cfg(test)]
@@ -68,11 +79,12 @@ mod tests {
 
     #[test]
     fn nothing_of_the_page_ends_its_own_script_or_style_or_names_a_server() {
-        for script in SCRIPTS {
+        for script in DRAWING.iter().chain(&REPORT).chain(&LIVE) {
             assert!(!script.contains("</script") && !script.contains("<!--"));
+        }
+        for script in DRAWING.iter().chain(&REPORT) {
             assert!(!script.contains("fetch(") && !script.contains("XMLHttpRequest") && !script.contains("import("));
         }
         assert!(STYLE.iter().all(|style| !style.contains("</style") && !style.contains("url(")));
-        assert_ne!(nonce(), nonce());
     }
 }

@@ -11,6 +11,7 @@ mod document;
 mod errors;
 mod facts;
 mod heat_map;
+mod live_page;
 mod parameters;
 mod repeats;
 mod session_page;
@@ -23,6 +24,7 @@ mod view;
 mod warnings;
 
 pub use budget::ByteBudget;
+pub use live_page::{live_maps, live_page};
 pub use view::View;
 
 use biflag_log::LogError;

@@ -176,6 +176,10 @@ pub(super) fn warnings<'a>(texts: impl IntoIterator<Item = &'a str>) -> Markup {
     }
 }
 
+/// Where the robot can be seen from, and what the buttons are called.
+pub(super) const LOOKS: [(&str, &str); 4] =
+    [("perspective", "3-D"), ("top", "Top"), ("front", "Front"), ("side", "Side")];
+
 fn scene(view: &View) -> Markup {
     let whose = if view.borrowed_shapes { "the model’s log" } else { "the log" };
     let compared = view.comparison.is_some();
@@ -185,13 +189,12 @@ fn scene(view: &View) -> Markup {
         (false, _) => "",
     };
     let forces = if view.borrowed_forces { "the model’s forces" } else { "the forces" };
-    let looks = [("perspective", "3-D"), ("top", "Top"), ("front", "Front"), ("side", "Side")];
     html! {
         figure.scene {
             canvas.view3d tabindex="0" role="img"
                 aria-label="The robot: base, motors and both flagella at the selected time. Arrow keys rotate the view, plus and minus zoom, Home resets it, space plays." {}
             div.tools role="group" aria-label="View" {
-                @for (look, name) in looks { button type="button" data-look=(look) { (name) } }
+                @for (look, name) in LOOKS { button type="button" data-look=(look) { (name) } }
                 @if let Some(other) = view.other_name() { button type="button" aria-pressed="true" data-show="ghost" { (study::text::capitalised(other)) } }
                 @if view.curves.has_forces { button type="button" aria-pressed="true" data-show="forces" { "Forces" } }
                 button.view-in type="button" aria-label="Zoom in" { "+" }
@@ -267,10 +270,10 @@ fn readout(view: &View) -> Markup {
 }
 
 /// An entry of a legend: the classes of its key, its text, and the curve that it shows and hides.
-struct Entry(&'static str, String, &'static str);
+pub(super) struct Entry(&'static str, String, &'static str);
 
 impl Entry {
-    fn new(look: &'static str, text: &str, curve: &'static str) -> Self {
+    pub fn new(look: &'static str, text: &str, curve: &'static str) -> Self {
         Self(look, text.to_owned(), curve)
     }
 
@@ -332,13 +335,16 @@ fn angle_entries(view: &View, is_yaw: bool) -> Vec<Entry> {
 }
 
 fn motor_entries(view: &View) -> Vec<Entry> {
-    let curves = [
+    speed_entries().into_iter().chain(Entry::range(view.curves.motors_range_s)).collect()
+}
+
+pub(super) fn speed_entries() -> [Entry; 4] {
+    [
         Entry::new("c-flagellum1", "flagellum 1", "speed1"),
         Entry::new("c-flagellum2", "flagellum 2", "speed2"),
         Entry::new("dash c-ink", "target 1", "target1"),
         Entry::new("dots c-ink", "target 2", "target2"),
-    ];
-    curves.into_iter().chain(Entry::range(view.curves.motors_range_s)).collect()
+    ]
 }
 
 fn force_charts(view: &View) -> Markup {
@@ -368,7 +374,7 @@ fn link_chart(view: &View) -> Markup {
     chart(&["link"], &format!("Link, count per {per}"), &entries)
 }
 
-fn chart(names: &[&str], title: &str, entries: &[Entry]) -> Markup {
+pub(super) fn chart(names: &[&str], title: &str, entries: &[Entry]) -> Markup {
     html! {
         figure role="group" aria-label={ (title) ". The values at the selected time are in the table beside the robot." } {
             figcaption {

@@ -1,11 +1,16 @@
 //! Serves trials to viewers: the messages of a log, unchanged, over Foxglove's WebSocket protocol.
 //!
+//! [`Browser`] serves a page of our own to a browser on this computer, which needs no other program.
+//!
 //! The messages come from a trial that is being recorded ([`Live::tap`]), from a log ([`play`]), or from a board
 //! without recording ([`watch`]). Each viewer has its own queue, so that a slow or dead viewer loses messages but does
 //! not affect the trial or other viewers. Web pages other than Foxglove's and this computer's are refused.
 
 mod board;
+#[cfg(feature = "viewers")]
+mod browser;
 mod error;
+mod feed;
 #[cfg(feature = "viewers")]
 mod origin;
 mod playback;
@@ -14,9 +19,13 @@ mod server;
 #[cfg(not(feature = "viewers"))]
 #[path = "no_server.rs"]
 mod server;
+#[cfg(not(feature = "viewers"))]
+use server as browser;
 
 pub use board::{WatchError, watch};
+pub use browser::Browser;
 pub use error::LiveError;
+pub use feed::{COLUMNS, Feed};
 pub use playback::{Played, play, wait_for_viewer};
 pub use server::Live;
 

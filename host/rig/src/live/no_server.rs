@@ -1,9 +1,11 @@
 //! Stands for the server in a program that was built without it: it never starts.
 
-use super::LiveError;
+use super::{Feed, LiveError};
 use biflag_log::Tap;
 use biflag_log::schema::{ChannelSpec, LogMessage};
 use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// A server that does not exist.
 #[derive(Clone, Debug)]
@@ -43,6 +45,28 @@ impl Live {
 
     /// Returns a tap that sends every message of a log.
     pub fn tap(&self) -> Tap {
+        match *self {}
+    }
+}
+
+/// A server for browsers that does not exist.
+#[derive(Debug)]
+pub enum Browser {}
+
+impl Browser {
+    /// # Errors
+    /// [`LiveError::NotBuilt`].
+    pub fn serve(_page: String, _feed: Feed, _stop: Arc<AtomicBool>) -> Result<Self, LiveError> {
+        Err(LiveError::NotBuilt)
+    }
+
+    /// Returns the address of the page.
+    pub fn url(&self) -> String {
+        match *self {}
+    }
+
+    /// Ends the recording for the page.
+    pub fn end(&self, _words: &str) {
         match *self {}
     }
 }

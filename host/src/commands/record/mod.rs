@@ -1,6 +1,7 @@
 //! `biflag record`: records the trials of a plan on the rig.
 
 mod row;
+mod viewers;
 
 use super::findings::finding_line;
 use super::options::{duration, speeds};
@@ -29,6 +30,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::SystemTime;
 use study::sensor::MeasuredSensor;
+use viewers::Viewers;
 
 /// The most attempts to calibrate the gyroscope for a trial. After them, a robot that still moves ends the session.
 const CALIBRATIONS: usize = 3;
@@ -78,6 +80,10 @@ pub struct Args {
     /// Serve the recording to Foxglove at this address, by default 127.0.0.1:8765.
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = live::ADDRESS)]
     live: Option<SocketAddr>,
+    /// Show the recording in the browser: the robot, its curves, the trials done, and a button that stops the motors. Only
+    /// this computer can reach the page, at an address that is printed.
+    #[arg(long)]
+    open: bool,
     /// The session folder; by default named after the plan.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -149,6 +155,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let mut recorded = Recorded { session: folder, trials: Vec::new(), left_out: Vec::new() };
     let mut todo = Vec::new();
     let mut outcome = Outcome::Done;
+    let trials = states.iter().map(|state| state.trial.clone()).collect();
+    let viewers = Viewers::new(live, args.open, &plan, trials, &interrupted)?;
     for state in states {
         recorded.left_out.extend(state.left_out.iter().cloned());
         let Some(attempt) = state.complete() else {
@@ -177,9 +185,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         progress.line(&finding_line(None, finding));
         outcome = Outcome::WithLoss;
     }
-    if let Some(live) = &live {
-        progress.line(&live.invitation());
-    }
+    viewers.session(&recorded.trials, todo.first());
+    viewers.open().iter().for_each(|line| progress.line(line));
     let (mut stopped, mut failure) = (None, None);
     for (done, trial) in todo.iter().enumerate() {
         if interrupted.load(Ordering::Relaxed) {
@@ -199,7 +206,8 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             stopped = Some(error);
             break;
         }
-        let (path, run) = match run_trial(&mut context, &session, trial, &plan, origin, live.as_ref()) {
+        viewers.session(&recorded.trials, Some(trial));
+        let (path, run) = match run_trial(&mut context, &session, trial, &plan, origin, &viewers) {
             Ok(run) => run,
             Err(report) => {
                 failure = Some(report);
@@ -220,6 +228,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             outcome = Outcome::WithLoss;
         }
         recorded.trials.push(row);
+        viewers.session(&recorded.trials, None);
         if run.error.is_some() {
             stopped = run.error;
             break;
@@ -233,6 +242,11 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if failure.is_some() || outcome == Outcome::Interrupted {
         progress.line(&format!("continue with: {}", continuation()));
     }
+    viewers.end(match (&failure, outcome) {
+        (Some(_), _) => "Ended by an error, the motors are stopped. The terminal says more.",
+        (None, Outcome::Interrupted) => "Stopped, the motors are off.",
+        _ => "Recorded.",
+    });
     progress.ring();
     progress.finish();
     recorded.trials.sort_by(|a, b| a.name.cmp(&b.name));
@@ -285,11 +299,11 @@ fn run_trial(
     trial: &Trial,
     plan: &Plan,
     origin: Origin,
-    live: Option<&Live>,
+    viewers: &Viewers,
 ) -> miette::Result<(PathBuf, RigRun)> {
     let mut calibrations = 1;
     loop {
-        context.tap = live.map(Live::tap);
+        context.tap = viewers.tap(trial);
         let (path, mut run) = run_attempt(context, session, trial, plan, origin)?;
         let refused = match &run.error {
             Some(RecordError::Preflight(refused)) if refused.may_pass_at_rest() => refused.to_string(),

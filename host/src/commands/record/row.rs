@@ -103,17 +103,21 @@ impl fmt::Display for RecordedTrial {
     }
 }
 
+/// Returns whether a trial is complete and without warnings, in a word or two.
+pub(super) fn remarks(trial: &RecordedTrial) -> String {
+    match (trial.complete, trial.warnings.len()) {
+        (false, _) => "not complete".to_owned(),
+        (true, 0) => String::new(),
+        (true, number) => count(number, "warning"),
+    }
+}
+
 /// Returns the trials as a table, a line each.
 pub(super) fn table(trials: &[RecordedTrial]) -> String {
     let rows = trials.iter().map(|trial| {
         let none = || std::array::from_fn(|_| "-".to_owned());
         let [yaw, pitch, roll] = trial.angles.as_ref().map_or_else(none, Angles::cells);
-        let remarks = match (trial.complete, trial.warnings.len()) {
-            (false, _) => "not complete".to_owned(),
-            (true, 0) => String::new(),
-            (true, number) => count(number, "warning"),
-        };
-        [trial.name.clone(), yaw, pitch, roll, trial.link.lost.to_string(), remarks]
+        [trial.name.clone(), yaw, pitch, roll, trial.link.lost.to_string(), remarks(trial)]
     });
     let head = ["trial", "yaw, deg", "pitch, deg", "roll, deg", "lost", ""].map(str::to_owned);
     let rows: Vec<_> = std::iter::once(head).chain(rows).collect();

@@ -30,7 +30,7 @@ biflag.Chart = class {
     this.plot?.destroy();
     this.element.replaceChildren();
     const { spec, table } = this;
-    const data = [table.time, ...this.lines.map((line) => table[line.name])];
+    const data = this.columns();
     const series = [{}, ...this.lines.map((line) => this.series(line))];
     const bands = [];
     const edge = { points: { show: false } };
@@ -92,6 +92,17 @@ biflag.Chart = class {
     this.plot.over.append(this.needle, this.tooltip);
     this.zoom(range && range.min !== null ? [range.min, range.max] : null);
     this.point(this.trial.time);
+  }
+
+  /** The values of the curves over their times. */
+  columns() {
+    return [this.table.time, ...this.lines.map((line) => this.table[line.name])];
+  }
+
+  /** Draws what was added to the table of a running trial. */
+  grow() {
+    this.plot.setData(this.columns());
+    this.zoom(null);
   }
 
   /** A low chart below another one repeats neither the phases nor the marks. */

@@ -173,6 +173,9 @@ impl Plot {
 /// A point as a cell or a dot, which links to its trial.
 fn mark(point: &Point, scale_deg: f64, plot: &Plot) -> Markup {
     let [w1, w2] = point.speeds_rpm;
+    if !point.value_deg.is_finite() {
+        return html! {};
+    }
     let text = format!("w1 {}, w2 {} rpm: {}", plain(w1), plain(w2), degrees(point.value_deg, 2));
     let at = format!("{w1},{w2},{:.6}", point.value_deg);
     let (x, y, fill) = (plot.x(w1), plot.y(w2), colour(point.value_deg / scale_deg));

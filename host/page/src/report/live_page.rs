@@ -1,0 +1,149 @@
+//! The page of a recording that runs: the robot, its curves so far, and the trials of the session.
+//!
+//! The page is served by the program that records, and asks it for what is new. Its parts are those of the report.
+
+use super::curves;
+use super::document;
+use super::heat_map::{self, Map, Point};
+use super::text::{clip, count, json_for_script};
+use super::trial_section::{Entry, LOOKS, chart, speed_entries};
+use maud::{Markup, PreEscaped, html};
+use serde_json::json;
+use study::attitude::Columns;
+use study::plan::Plan;
+use study::text::printable;
+use study::trial::{Shapes, mean_of_repeats};
+
+/// Returns the page of a session of so many trials.
+pub fn live_page(plan: &Plan, trials: usize) -> String {
+    let robot = plan.robot.parse().unwrap_or_default();
+    let robot = curves::drawn(&robot, 0.0, &Columns::default(), &Shapes::new(1), 0);
+    let data = json!({ "robots": [robot], "own": "measured", "phases": [], "marks": [] });
+    let name = clip(&plan.name, 200);
+    let body = html! {
+        main {
+            section.trial #trial data-data="trial-data" data-waiting="Waiting for the board" {
+                nav.tools aria-label="Recording" {
+                    span.now role="status" { "Recording" }
+                    button.stop type="button" { "Stop" }
+                }
+                h1 { "Waiting for the board" }
+                p.meta { span { "session " (name) } span { (count(trials, "trial", "trials")) } span { "robot " (clip(&plan.robot.name, 200)) } }
+                div.bench {
+                    div.stage { (scene()) (readout()) }
+                    div.charts {
+                        h2.unseen { "Over time" }
+                        @for (name, title) in [("yaw", "Yaw ψ from the start of the run, °"), ("pitch", "Pitch θ, °"), ("roll", "Roll φ, °")] {
+                            (chart(&[name], title, &[Entry::new("c-measured", "measured", "own")]))
+                        }
+                        (chart(&["motors"], "Speed of the flagella, rpm", &speed_entries()))
+                        p.meta.small { "Twenty values a second, as the board says them. The drift of the gyroscope is removed when a trial ends." }
+                    }
+                }
+                h2 { "Trials" }
+                div.scroll tabindex="0" role="region" aria-label="Table of the trials" {
+                    table.trials #trials {
+                        thead { tr {
+                            @for head in ["Trial", "w1, rpm", "w2, rpm", "ψ, °", "θ, °", "φ, °", "lost"] { th scope="col" { (head) } }
+                            th.text scope="col" { "Notes" }
+                        } }
+                        tbody {}
+                    }
+                }
+                div.maps {}
+            }
+        }
+    };
+    let data = html! { script type="application/json" id="trial-data" { (PreEscaped(json_for_script(&data))) } };
+    printable(&document::live(&format!("Recording {name}"), &body, &data).0)
+}
+
+fn scene() -> Markup {
+    html! {
+        figure.scene {
+            canvas.view3d tabindex="0" role="img"
+                aria-label="The robot now: base, motors and both flagella. Arrow keys rotate the view, plus and minus zoom, Home resets it." {}
+            div.tools role="group" aria-label="View" {
+                @for (look, name) in LOOKS { button type="button" data-look=(look) { (name) } }
+                button.view-in type="button" aria-label="Zoom in" { "+" }
+                button.view-out type="button" aria-label="Zoom out" { "−" }
+            }
+            figcaption { "The measured attitude, from the start of the run on without the tilt at rest. The flagella are drawn as rigid helices that turn with their shafts." }
+        }
+    }
+}
+
+fn readout() -> Markup {
+    let rows = [
+        ("Yaw ψ, °", "", "attitude yaw 1"),
+        ("Pitch θ, °", "", "attitude pitch 2"),
+        ("Roll φ, °", "", "attitude roll 2"),
+        ("Flagellum 1, rpm", "key c-flagellum1", "motors speed1 1"),
+        ("Flagellum 2, rpm", "key c-flagellum2", "motors speed2 1"),
+    ];
+    html! {
+        table.readout {
+            thead { tr { th scope="col" { span data-out="time" {} " " span.meta data-out="phase" {} } th scope="col" { "measured" } } }
+            tbody {
+                @for (name, key, out) in rows {
+                    tr { th scope="row" { @if !key.is_empty() { span class=(key) {} } (name) } td data-out=(out) { "–" } }
+                }
+            }
+        }
+    }
+}
+
+/// Returns the maps of yaw and pitch over both speeds, from each trial's speeds (rpm) and angles (degrees) where it has
+/// them. The other pairs have empty cells. Few pairs make no map.
+pub fn live_maps(trials: &[([f64; 2], Option<[f64; 3]>)]) -> String {
+    let means = mean_of_repeats(trials.iter().filter_map(|(speeds_rpm, angles)| Some((*speeds_rpm, (*angles)?, ()))));
+    let maps = [("Steady yaw", "|ψ|"), ("Steady pitch", "|θ|")].into_iter().enumerate().map(|(i, (name, symbol))| {
+        let point = |(speeds_rpm, _): &([f64; 2], Option<[f64; 3]>)| {
+            let mean = means.iter().find(|mean| mean.speeds_rpm == *speeds_rpm);
+            let value_deg = mean.map_or(f64::NAN, |mean| mean.magnitudes_deg()[i]);
+            Point { speeds_rpm: *speeds_rpm, value_deg, anchor: None }
+        };
+        let points: Vec<Point> = trials.iter().map(point).collect();
+        let title = format!("{name} {symbol}");
+        let map = Map { title: &title, symbol, points: &points, scale_deg: heat_map::largest(&points) };
+        html! { @if heat_map::is_map(&points) { figure { div.head { h3 { (title) } } (map.svg()) } } }
+    });
+    maps.map(|map| map.0).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_may_ask_its_own_program_only_and_escapes_the_plan() {
+        let plan = Plan::of_speeds([protocol::units::CentiRpm(5000); 2], "run = 10", "").unwrap();
+        let plan = Plan { name: "<script>alert(1)</script>".into(), ..plan };
+        let page = live_page(&plan, 3);
+        assert!(page.contains("connect-src 'self'; base-uri 'none'") && page.contains("new biflag.LiveTrial"));
+        assert!(!page.contains("<script>alert") && page.contains("&lt;script&gt;alert") && page.contains("3 trials"));
+        // The scene needs both helices at rest.
+        assert!(page.contains(r#""rigid":true"#) && page.contains(r#""nodes":50"#));
+    }
+
+    #[test]
+    fn maps_fill_cell_by_cell() {
+        let grid = |measured: usize| -> Vec<_> {
+            let speeds = (0..6).map(|i| [f64::from(i % 3) * 10.0, f64::from(i / 3) * 10.0]);
+            speeds
+                .enumerate()
+                .map(|(i, speeds)| (speeds, (i < measured).then_some([-3.0 * i as f64, 1.0, 0.0])))
+                .collect()
+        };
+        let cells = |measured: usize| live_maps(&grid(measured)).matches("data-at").count();
+        assert_eq!([cells(0), cells(4), cells(6)], [0, 8, 12]);
+        assert!(live_maps(&grid(6)).contains("w1 20, w2 10 rpm: 15.00°"));
+        assert_eq!(live_maps(&grid(6)[..4]), "");
+        // A repeat counts with its sign.
+        let repeated: Vec<_> = grid(6).into_iter().chain([([20.0, 10.0], Some([45.0, 1.0, 0.0]))]).collect();
+        assert!(
+            live_maps(&repeated).contains("w1 20, w2 10 rpm: 15.00°")
+                && live_maps(&repeated).contains("w1 10, w2 10 rpm: 12.00°")
+        );
+    }
+}
