@@ -110,9 +110,9 @@ impl Progress {
         self.change(false, |state| state.bar.figures = figures);
     }
 
-    /// Shows the progress in the current trial.
+    /// Shows the progress in the current trial. A trial may take longer than planned: until the robot is still.
     pub fn within(&self, trial_s: f64) {
-        self.change(false, |state| state.bar.position_ms = milliseconds(self.done_s + trial_s));
+        self.change(false, |state| state.bar.position_ms = milliseconds((self.done_s + trial_s).min(self.total_s)));
     }
 
     /// Counts a trial of `trial_s` seconds as done.

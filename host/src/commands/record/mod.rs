@@ -113,7 +113,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     };
     plan.check_for_rig(&source)?;
     if args.dry_run {
-        return plan::preview(&plan);
+        return plan::preview(&plan, &source);
     }
     // This comes first, so that a busy address is reported before the board is used.
     let live = args.live.map(Live::listen).transpose()?;
@@ -180,7 +180,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     for note in note.into_iter().chain(note_of_copy) {
         progress.line(&format!("note: {note}"));
     }
-    Preview::of(&plan).findings.iter().for_each(|finding| progress.line(&finding_line(None, finding)));
+    Preview::of(&plan, &source).findings.iter().for_each(|finding| progress.line(&finding_line(None, finding)));
     for LogFinding { finding, .. } in &recorded.left_out {
         progress.line(&finding_line(None, finding));
         outcome = Outcome::WithLoss;

@@ -7,6 +7,13 @@ use std::ops::Range;
 /// Smallest speed of a motor that turns, rpm.
 const MOVING_RPM: f64 = 0.5;
 
+/// Deviation from the speed of the run, in rpm and as a share, from which on a motor slows down.
+const SLOWER_RPM: f64 = 0.5;
+const SLOWER_SHARE: f64 = 0.05;
+
+/// The longest that motors take to stop, s.
+const SLOWING_S: f64 = 5.0;
+
 /// The run in a table, and the motion of the shafts.
 pub(super) struct Run {
     /// When the motors turn, by the clock of the table, s.
@@ -39,9 +46,16 @@ impl Run {
             let turns = measured_turns(rows);
             let run = match run {
                 Some(run) => run,
-                None => moving(rows, &turns).ok_or_else(|| {
-                    ImportError::table(table, "its motors never turn", "name the columns of their speeds, w1 and w2")
-                })?,
+                None => {
+                    let moving = moving(rows, &turns).ok_or_else(|| {
+                        ImportError::table(
+                            table,
+                            "its motors never turn",
+                            "name the columns of their speeds, w1 and w2",
+                        )
+                    })?;
+                    without_end(rows, &turns, moving)
+                }
             };
             (run, turns)
         } else {
@@ -89,6 +103,22 @@ fn moving(rows: &[State], turns: &[[f64; 2]]) -> Option<Range<f64>> {
     let first = intervals.next()?;
     let last = intervals.next_back().unwrap_or(first);
     Some(rows[first].time_s..rows[last + 1].time_s)
+}
+
+/// Returns the run without the time in which the motors slow down: until the last row at the speeds of its middle half. What
+/// takes longer to slow down is another speed, and stays in the run.
+fn without_end(rows: &[State], turns: &[[f64; 2]], run: Range<f64>) -> Range<f64> {
+    let middle = mean_speeds(rows, turns, &run).map(CentiRpm::rpm);
+    let is_at_speed = |i: &usize| {
+        let passed_s = rows[*i].time_s - rows[i - 1].time_s;
+        let rpm = |k: usize| 60.0 * (turns[*i][k] - turns[i - 1][k]) / passed_s;
+        [0, 1].into_iter().all(|k| (rpm(k) - middle[k]).abs() <= SLOWER_RPM + SLOWER_SHARE * middle[k].abs())
+    };
+    let within = |i: &usize| (run.start.max(run.end - SLOWING_S)..=run.end).contains(&rows[i - 1].time_s);
+    match (1..rows.len()).rev().filter(within).find(is_at_speed) {
+        Some(last) => run.start..rows[last].time_s,
+        None => run,
+    }
 }
 
 /// Returns the mean speeds in the middle half of the run.

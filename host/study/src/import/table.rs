@@ -109,7 +109,8 @@ pub struct Table {
 
 impl Table {
     /// Reads a file with a comma, semicolon or tab between the cells. Lines that begin with `#` are comments. The first
-    /// line holds the names of the columns, unless all its cells are numbers.
+    /// line holds the names of the columns, unless all its cells are numbers. The numbers of the columns, which programs write
+    /// for want of names, are names too.
     ///
     /// # Errors
     /// [`ImportError::Read`], [`ImportError::Table`].
@@ -129,9 +130,9 @@ impl Table {
         if rows.is_empty() {
             return Err(ImportError::table(&name, "is empty", "name a table in the format CSV"));
         }
-        let is_header = |cells: &[String]| !cells.iter().all(|cell| is_empty(cell) || cell.parse::<f64>().is_ok());
+        let is_number = |cell: &String| is_empty(cell) || cell.parse::<f64>().is_ok();
         let header = match rows.first() {
-            Some((_, cells)) if is_header(cells) => rows.remove(0).1,
+            Some((_, cells)) if !cells.iter().all(is_number) || is_numbering(cells) => rows.remove(0).1,
             _ => Vec::new(),
         };
         Ok(Self { name, header, rows, sha256: hex(&Sha256::digest(&bytes)) })
@@ -247,6 +248,12 @@ impl Table {
             }
         }
     }
+}
+
+/// Returns whether the cells count the columns, from 0 or 1.
+fn is_numbering(cells: &[String]) -> bool {
+    let counts = |from: usize| cells.iter().enumerate().all(|(i, cell)| *cell == (i + from).to_string());
+    cells.len() > 1 && (counts(0) || counts(1))
 }
 
 fn is_empty(cell: &str) -> bool {

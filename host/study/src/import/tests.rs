@@ -205,3 +205,47 @@ fn what_cannot_be_imported_is_said() {
         assert!(!log.exists());
     }
 }
+
+/// Motors that need 3 s to stop are not in the run, and the numbers of the columns are names.
+#[test]
+fn the_run_ends_where_the_motors_slow_down() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("numbered.csv");
+    let row = |i: u32| {
+        let time_s = 0.1 * f64::from(i) + 0.013;
+        let share = ((time_s - 5.0) / 0.5).clamp(0.0, 1.0) * ((28.0 - time_s) / 3.0).clamp(0.0, 1.0);
+        let noise = 1.0 + 0.02 * f64::from(i % 3) - 0.02;
+        format!("{time_s},3.5,1,-0.5,{},{}\n", 43.3 * share * noise, -17.9 * share * noise)
+    };
+    std::fs::write(&csv, format!("0,1,2,3,4,5\n{}", (0..350).map(row).collect::<String>())).unwrap();
+    let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=#6".parse().unwrap();
+    let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+    assert_eq!((states.rows.len(), states.rows[0].time_s), (350, 0.013));
+    let imported = write(&states, &conditions(), "numbered.csv", &folder.path().join("numbered.mcap")).unwrap();
+    let [start, end] = [imported.run_s.start, imported.run_s.end];
+    assert!((start - 5.0).abs() < 0.11 && (24.9..25.4).contains(&end), "{imported:?}");
+    let [w1, w2] = imported.speeds.map(|speed| speed.rpm());
+    assert!((w1 - 43.3).abs() < 0.1 && (w2 + 17.9).abs() < 0.1, "{imported:?}");
+}
+
+/// An instrument that loses the robot for a moment and then writes zeros; angles that are near zero are none of these.
+#[test]
+fn rows_of_zeros_beside_an_attitude_are_grave() {
+    for (yaw_deg, lost, is_found) in [(2.0, 5, true), (2.0, 2, false), (0.2, 5, false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let (csv, log) = (folder.path().join("a.csv"), folder.path().join("a.mcap"));
+        let row = |i: u32| {
+            let is_lost = i >= 150 && i < 150 + lost;
+            let yaw = if is_lost { 0.0 } else { yaw_deg + 0.001 * f64::from(i % 7) };
+            format!("{},{yaw},0,0,37.7,-12.3\n", 0.1 * f64::from(i))
+        };
+        std::fs::write(&csv, (0..300).map(row).collect::<String>()).unwrap();
+        let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=#6".parse().unwrap();
+        let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+        write(&states, &conditions(), "a.csv", &log).unwrap();
+        let data = Data::read(&log, Want::default()).unwrap();
+        let found = findings(&data, &Zeroed::new(&data));
+        let says = |text: &str| found.iter().any(|finding| finding.grave && finding.text.contains(text));
+        assert_eq!(says("exactly zero"), is_found, "yaw {yaw_deg}, {lost} lost: {found:?}");
+    }
+}

@@ -22,6 +22,10 @@ const JUMP_DPS: f64 = 300.0;
 const STOOD_ROWS: usize = 10;
 const STOOD_S: f64 = 3.0;
 
+/// Rows of zeros in a run, and how far from zero the attitude beside them is, that are no measurement.
+const LEAST_ZEROS: usize = 3;
+const ZERO_DEG: f64 = 0.5;
+
 /// Time before the run in which the robot must be still, and the shortest that tells, s.
 const REST_S: f64 = 5.0;
 const LEAST_REST_S: f64 = 2.0;
@@ -38,6 +42,7 @@ pub(super) fn all(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
         .chain(sparse(data))
         .chain(turned_before(data))
         .chain(lost(data))
+        .chain(zeros(data))
         .collect();
     let mut slight = |text: String, cure: &str| found.push(Finding::slight(FindingKind::Conduct, text, cure));
     if import.left_out > 0 {
@@ -150,6 +155,23 @@ fn lost(data: &Data) -> Option<Finding> {
         }
     }
     None
+}
+
+/// Returns a finding if rows of the run hold zeros beside an attitude that is another: what many instruments write when they
+/// lose the robot.
+fn zeros(data: &Data) -> Option<Finding> {
+    let run = data.readings.iter().filter(|(time_s, _)| data.times.run.contains(time_s));
+    let (zeros, others): (Vec<_>, Vec<_>) = run.partition(|(_, reading)| reading.attitude == [1.0, 0.0, 0.0, 0.0]);
+    let upright = rotation([1.0, 0.0, 0.0, 0.0]);
+    // The next reading that is none tells where the robot was.
+    let is_lost = |time_s: f64| {
+        let next = others.iter().find(|(later_s, _)| *later_s > time_s).or(others.last());
+        next.is_some_and(|(_, reading)| rotation(reading.attitude).angle_to(&upright).to_degrees() > ZERO_DEG)
+    };
+    let lost = zeros.iter().filter(|(time_s, _)| is_lost(*time_s)).count();
+    let text =
+        format!("{} of the run with yaw, pitch and roll of exactly zero, unlike those beside them", count(lost, "row"));
+    (lost >= LEAST_ZEROS).then(|| grave(text, "leave lost readings empty in the table"))
 }
 
 #[cfg(test)]
