@@ -114,3 +114,57 @@ fn what_is_missing_is_asked_for() {
     let calibrate = biflag(folder, &["calibrate", "t.mcap", "-o", "fitted.toml"]);
     assert!(String::from_utf8_lossy(&calibrate.stderr).contains("imported without an uncertainty"), "{calibrate:?}");
 }
+
+/// A camera whose clock shows 986.5 s at the start of the run and runs 0.12 % slow, and that saw the yaw only.
+#[test]
+fn a_second_source_of_the_yaw_is_put_on_the_clock_of_the_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("p.toml"), PLAN).unwrap();
+    assert!(matches!(code(&biflag(folder, &["simulate", "p.toml", "--rate", "200", "--out", "s"])), Some(0 | 3)));
+    let own = "s/001_w1-37.3_w2-12.9.mcap";
+    assert!(matches!(code(&biflag(folder, &["export", own, "--format", "csv", "-o", "own.csv"])), Some(0 | 3)));
+    let export = std::fs::read_to_string(folder.join("own.csv")).unwrap();
+    let whole = camera(&export);
+    let mut lines = whole.lines();
+    let header = lines.next().unwrap();
+    // Every seventh state from 10 s before the run on, on a clock that runs slow. The times of a table are from the run on.
+    let late = |line: &str| {
+        let (time, rest) = line.split_once(',').unwrap();
+        let time: f64 = time.parse().unwrap();
+        (time > -10.0).then(|| format!("{},{rest}\n", (time + 987.65) / 1.0012))
+    };
+    let rows: String = lines.step_by(7).filter_map(late).collect();
+    std::fs::write(folder.join("camera.csv"), format!("{header}\n{rows}")).unwrap();
+    let columns = "time=time_s,yaw=-turned:rad,pitch=0,roll=0";
+    let args =
+        ["import", "camera.csv", "--columns", columns, "--trial", own, "--uncertainty", "0.3,0.1", "-o", "c.mcap"];
+    let import = biflag(folder, &[&args[..], &["--json"]].concat());
+    let said = json(&import);
+    assert_eq!(code(&import), Some(0), "{said}");
+    let clock = &said["clock"];
+    // Time and rate at the middle of the table, since the zero of its clock is far away.
+    let middle_s = 1030.0;
+    let at = |offset_s: f64, rate_ppm: f64| offset_s + (1.0 + rate_ppm * 1e-6) * middle_s;
+    let found = at(number(&clock["offset_s"]), number(&clock["rate_ppm"]));
+    assert!((found - at(45.0 - 987.65, 1200.0)).abs() < 0.01, "{clock}");
+    assert!((number(&clock["rate_ppm"]) - 1200.0).abs() < 3.0 * number(&clock["rate_u_ppm"]), "{clock}");
+    assert_eq!((&said["w1_rpm"], &said["w2_rpm"]), (&(-37.3).into(), &(-12.9).into()), "{said}");
+
+    let compare = biflag(folder, &["compare", own, "c.mcap", "--json"]);
+    let trial = &json(&compare)["trials"][0];
+    assert!(number(&trial["yaw_rmse_deg"]) < 0.12, "{trial}");
+    let other = biflag(
+        folder,
+        &["import", "camera.csv", "--columns", columns, "--trial", own, "--speeds", "1,2", "-o", "d.mcap"],
+    );
+    assert_eq!(code(&other), Some(2));
+    std::fs::write(
+        folder.join("short.csv"),
+        format!("{header}\n{}", rows.lines().take(40).map(|line| format!("{line}\n")).collect::<String>()),
+    )
+    .unwrap();
+    let refused = biflag(folder, &["import", "short.csv", "--columns", columns, "--trial", own, "-o", "d.mcap"]);
+    assert_eq!(code(&refused), Some(2), "{refused:?}");
+    assert!(!folder.join("d.mcap").exists());
+}

@@ -296,7 +296,7 @@ pub struct ImportMeta {
     pub source_sha256: String,
     /// Which column gave which quantity, in words.
     pub columns: String,
-    /// Time in the table at which the log begins, s.
+    /// Time at which the log begins, s: in the table, or in the recording whose clock it has.
     pub start_s: f64,
     /// Rows that were left out because a value was missing.
     pub left_out: u64,
@@ -308,6 +308,14 @@ pub struct ImportMeta {
     pub tilt_uncertainty_deg: Option<f64>,
     /// Temperature of the fluid, °C.
     pub temperature_c: Option<f64>,
+    /// File name of the recording of the same trial whose clock and motors the log has; empty without one.
+    pub trial: String,
+    /// SHA-256 of that file, in hexadecimal.
+    pub trial_sha256: String,
+    /// Time of that recording at the zero of the table, s.
+    pub clock_offset_s: Option<f64>,
+    /// How much faster the time of that recording passes than the table's, 10⁻⁶.
+    pub clock_rate_ppm: Option<f64>,
 }
 
 /// The recording that a replay was made from.

@@ -56,6 +56,7 @@ pub fn write_states(
         uncertainty_deg: known.uncertainty,
         temperature_c: known.temperature,
         note: known.note,
+        beside: None,
     };
     let left_out = (all.nrows() - kept.len()) as u64;
     drop(rows);

@@ -3,7 +3,7 @@
 use super::findings::{are_slight, lines_of_logs};
 use super::options::{pair, span, speeds};
 use super::{Answer, Outcome};
-use crate::import::{Conditions, Imported, Mapping, Table, write};
+use crate::import::{Beside, Conditions, Imported, Mapping, Table, write};
 use crate::plan::robot;
 use crate::text::{count, decimal, printable, quoted};
 use crate::trial::{Data, LogFinding, Want, Zeroed, findings};
@@ -23,6 +23,7 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     biflag import camera.csv --columns time=t,yaw=-psi:rad,pitch=theta:rad,roll=phi:rad --speeds 50,10 --run 20,140 \
     --uncertainty 0.5,0.2 -o camera.mcap\n  \
+    biflag import camera.csv --columns time=t,yaw=psi,pitch=0,roll=0 --trial glycerin/001_w1+50_w2+10.mcap -o camera-001.mcap\n  \
     biflag import other-rig.csv --columns time=#1:ms,qw=#2,qx=#3,qy=#4,qz=#5,w1=#6,w2=#7 -o other-rig.mcap\n\
     Quantities: time (s, ms, us, min); yaw, pitch, roll (deg, rad) or qw, qx, qy, qz, the quaternion from body to world axes; w1, \
     w2 (rpm, rps, deg/s, rad/s) or turns1, turns2 (turns, deg, rad). The unit follows a colon; without it, the first one is \
@@ -36,6 +37,10 @@ pub struct Args {
     /// The log to write, which must not exist yet.
     #[arg(short, long = "out", alias = "output", value_name = "LOG")]
     output: PathBuf,
+    /// The log of a recording of the same trial. The clock of the table is then found by the yaw that both have measured, and
+    /// robot, speeds and run are those of the recording: the table is a second source of its angles.
+    #[arg(long, value_name = "LOG", conflicts_with_all = ["speeds", "run", "robot"])]
+    trial: Option<PathBuf>,
     /// Speeds of flagella 1 and 2 in rpm; by default those of the columns w1, w2, or of turns1, turns2.
     #[arg(long, value_name = "W1,W2", value_parser = speeds, allow_hyphen_values = true)]
     speeds: Option<[CentiRpm; 2]>,
@@ -68,6 +73,8 @@ fn temperature(text: &str) -> Result<f64, String> {
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let mapping: Mapping = args.columns.parse()?;
+    let table = args.csv.display().to_string();
+    let states = Table::read(&args.csv)?.states(&mapping)?;
     let conditions = Conditions {
         speeds: args.speeds,
         run_s: args.run.map(|[from, to]| from..to),
@@ -75,10 +82,17 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         uncertainty_deg: args.uncertainty,
         temperature_c: args.temperature,
         note: args.note.clone(),
+        beside: None,
     };
-    let states = Table::read(&args.csv)?.states(&mapping)?;
-    let Imported { speeds, run_s, samples } =
-        write(&states, &conditions, &args.csv.display().to_string(), &args.output)?;
+    let (states, conditions) = match &args.trial {
+        None => (states, conditions),
+        Some(log) => {
+            let recording = Data::read(log, Want { hash: true, ..Want::default() })?;
+            let (states, beside) = Beside::put(states, &recording, &table)?;
+            (states, Conditions { beside: Some(beside), ..conditions }.of_recording(&recording))
+        }
+    };
+    let Imported { speeds, run_s, samples } = write(&states, &conditions, &table, &args.output)?;
     let data = Data::read(&args.output, Want::default())?;
     let zeroed = Zeroed::new(&data);
     let angles = zeroed.angles();
@@ -100,14 +114,21 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     if let (Value::Object(body), Ok(Value::Object(angles))) = (&mut body, serde_json::to_value(&angles)) {
         body.extend(angles);
     }
+    let mut found = String::new();
+    if let (Value::Object(body), Some(beside)) = (&mut body, &conditions.beside) {
+        body.insert("trial".to_owned(), beside.trial.clone().into());
+        body.insert("clock".to_owned(), serde_json::to_value(beside.clock).unwrap_or_default());
+        found = format!("\n{beside}");
+    }
     let [from, to] = [run_s.start, run_s.end].map(|time| decimal(time, 2));
     let steady = angles.map_or_else(String::new, |angles| format!("\nsteady: {angles}"));
     let text = printable(&format!(
-        "{log}: {}, {} s; the motors turn from {from} to {to} s at {w1_rpm} and {w2_rpm} rpm\nread as: {mapping}{steady}{}\n\
-         next: biflag compare {}",
+        "{log}: {}, {} s; the motors turn from {from} to {to} s at {w1_rpm} and {w2_rpm} rpm\nread as: {mapping}{found}{steady}{}\n\
+         next: biflag compare {}{}",
         count(samples, "sample"),
         decimal(data.duration_s, 2),
         lines_of_logs(&findings),
+        args.trial.as_ref().map_or_else(String::new, |trial| format!("{} ", quoted(&trial.to_string_lossy()))),
         quoted(&log)
     ));
     Answer::new(if are_slight(&findings) { Outcome::Done } else { Outcome::WithLoss }, &body, text)

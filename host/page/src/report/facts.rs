@@ -153,6 +153,13 @@ fn provenance(view: &View) -> Vec<(&'static str, String)> {
         let ImportMeta { source, source_sha256, columns, .. } = import;
         facts.push(("Imported from", format!("{source}, SHA-256 {source_sha256}")));
         facts.push(("Columns", columns.clone()));
+        if let (Some(offset_s), Some(rate_ppm)) = (import.clock_offset_s, import.clock_rate_ppm) {
+            let (offset, rate) = (number(offset_s, 3), number(rate_ppm, 0));
+            facts.push((
+                "Clock and motors",
+                format!("of {}: {offset} s at the table’s zero, {rate} ppm faster", import.trial),
+            ));
+        }
     }
     let counts: Vec<_> = view.channels.iter().map(|(topic, count)| format!("{topic} {count}")).collect();
     facts.push(("Messages", counts.join(", ")));

@@ -1,10 +1,11 @@
 //! Writes the log of an imported trial.
 
 use super::run::Run;
-use super::{ImportError, States};
+use super::{Beside, ImportError, States};
 use crate::output;
 use crate::plan::{Phase, Plan, RobotFile};
 use crate::run;
+use crate::trial::Data;
 use biflag_log::schema::biflag::{Quaternion, Truth};
 use biflag_log::{End, EventKind, ImportMeta, LinkStats, Origin, Summary, Writer};
 use nalgebra::UnitQuaternion;
@@ -28,6 +29,21 @@ pub struct Conditions {
     pub temperature_c: Option<f64>,
     /// Anything worth knowing later.
     pub note: String,
+    /// The recording of the same trial, if the states were put on its clock ([`Beside::put`]).
+    pub beside: Option<Beside>,
+}
+
+impl Conditions {
+    /// Returns the conditions with speeds, run and robot of a recording of the same trial.
+    #[must_use]
+    pub fn of_recording(self, recording: &Data) -> Self {
+        Self {
+            speeds: Some(recording.speeds()),
+            run_s: Some(recording.times.run.clone()),
+            robot: RobotFile::of_log(recording.records.robot.clone()),
+            ..self
+        }
+    }
 }
 
 /// An imported trial.
@@ -57,6 +73,7 @@ pub fn write(states: &States, conditions: &Conditions, table: &str, path: &Path)
     let epoch = SystemTime::UNIX_EPOCH;
     let first = run::start(&plan, &plan.trials[0], 1, Origin::Imported, None, epoch);
     let mut log = Writer::create(path, &first, epoch)?;
+    let beside = conditions.beside.as_ref();
     log.meta(&ImportMeta {
         source: states.source.clone(),
         source_sha256: states.source_sha256.clone(),
@@ -67,6 +84,10 @@ pub fn write(states: &States, conditions: &Conditions, table: &str, path: &Path)
         yaw_uncertainty_deg: conditions.uncertainty_deg.map(|[yaw, _]| yaw),
         tilt_uncertainty_deg: conditions.uncertainty_deg.map(|[_, tilt]| tilt),
         temperature_c: conditions.temperature_c,
+        trial: beside.map_or_else(String::new, |beside| beside.trial.clone()),
+        trial_sha256: beside.map_or_else(String::new, |beside| beside.trial_sha256.clone()),
+        clock_offset_s: beside.map(|beside| beside.clock.offset_s),
+        clock_rate_ppm: beside.map(|beside| beside.clock.rate_ppm),
     })?;
     let phases = [(Phase::Preroll, start), (Phase::Run, run.start), (Phase::Decay, run.end), (Phase::End, end)];
     let mut phases = phases.into_iter().peekable();

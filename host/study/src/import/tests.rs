@@ -7,7 +7,15 @@ const COLUMNS: &str = "time=t:ms,yaw=-psi:rad,pitch=#3,roll=0,w1=w1,w2=w2:rps";
 
 fn conditions() -> Conditions {
     let robot = robot::load(Path::new(PHYSICAL)).unwrap();
-    Conditions { speeds: None, run_s: None, robot, uncertainty_deg: None, temperature_c: None, note: String::new() }
+    Conditions {
+        speeds: None,
+        run_s: None,
+        robot,
+        uncertainty_deg: None,
+        temperature_c: None,
+        note: String::new(),
+        beside: None,
+    }
 }
 
 /// Returns a table of 6 s at 20 Hz: a rest of 2 s with a yaw of 2.9 rad, then a turn of 12 °/s at 41.7 and -6 rpm, in

@@ -1,0 +1,355 @@
+//! The clock of a table beside a recording of the same trial, found by the yaw that both have measured.
+//!
+//! The yaws are ψ(t) of the recording and ψ'(t') of the table. With the time t' from the table's middle, the clock is
+//! t = d + (1 + r) t', and ψ'(t') = ψ(t) + c + e t': the instruments have another zero c, and the gyroscope drifts by e. A
+//! search over d and r finds where the residuals are smallest; a fit by least squares from there gives all four numbers and
+//! their uncertainties.
+
+use super::{ImportError, State, States};
+use crate::attitude::{Columns, Track};
+use crate::text::decimal;
+use crate::trial::{Data, Zeroed};
+use nalgebra::{Matrix4, Vector4};
+use serde::Serialize;
+use std::fmt;
+
+/// Interval of the search, s.
+const STEP_S: f64 = 0.1;
+
+/// Largest deviation of the rates of two clocks, and the interval of the search: over two minutes, 0.1 s.
+const MOST_RATE: f64 = 0.01;
+const RATE_STEP: f64 = 0.001;
+
+/// Least time that both have measured, s, and as a share of the shorter one.
+const LEAST_S: f64 = 20.0;
+const LEAST_SHARE: f64 = 0.5;
+
+/// Least motion of the yaw that tells the time: its standard deviation, degrees.
+const LEAST_MOTION_DEG: f64 = 1.0;
+
+/// Residuals beyond this share of the motion are not of the same trial.
+const MOST_RESIDUAL: f64 = 0.2;
+
+/// Another time than the best is possible if its residuals are at most this many times as large, or larger by less than
+/// this, degrees.
+const AMBIGUOUS: f64 = 1.5;
+const AMBIGUOUS_DEG: f64 = 0.05;
+/// Times closer than this are the same, s.
+const SAME_S: f64 = 0.5;
+
+/// How the clock of a table runs beside that of a recording. Uncertainties are standard ones.
+#[derive(Serialize, Clone, Copy, PartialEq, Debug)]
+pub struct Clock {
+    /// Time of the recording at the table's zero, s.
+    pub offset_s: f64,
+    /// Its uncertainty.
+    pub offset_u_s: f64,
+    /// How much faster the time of the recording passes than the table's, 10⁻⁶.
+    pub rate_ppm: f64,
+    /// Its uncertainty.
+    pub rate_u_ppm: f64,
+    /// Drift of the table's yaw against the recorded one, degrees per second of the table.
+    pub drift_dps: f64,
+    /// Its uncertainty.
+    pub drift_u_dps: f64,
+    /// What is left of the difference between both yaws, RMS.
+    pub rms_deg: f64,
+    /// Rows of the table within the recording.
+    pub rows: usize,
+}
+
+impl Clock {
+    /// Converts a time of the table to the recording's.
+    fn time_s(&self, table_s: f64) -> f64 {
+        self.offset_s + (1.0 + self.rate_ppm * 1e-6) * table_s
+    }
+}
+
+/// A recording of the same trial as a table's.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Beside {
+    /// File name of the recording.
+    pub trial: String,
+    /// SHA-256 of the recording, in hexadecimal.
+    pub trial_sha256: String,
+    /// The clock of the table.
+    pub clock: Clock,
+}
+
+impl Beside {
+    /// Puts the states of a table on the clock of a recording, with the motion of its motors. States before and after the
+    /// recording are left out. `table` is what errors call the table.
+    ///
+    /// # Errors
+    /// [`ImportError::Table`] if the yaws do not tell the time.
+    pub fn put(states: States, recording: &Data, table: &str) -> Result<(States, Self), ImportError> {
+        let mut yaw = Columns::<1>::default();
+        states.rows.iter().for_each(|state| yaw.push(state.time_s, [state.angles_deg[0]]));
+        let clock = find(yaw.track(0), Zeroed::new(recording).angles_deg.track(0), table)?;
+        let span = recording.motors.span();
+        let on_clock = |state: &State| {
+            let time_s = clock.time_s(state.time_s);
+            let turns = [4, 5].map(|k| recording.motors.track(k).at(time_s).unwrap_or_default());
+            State { time_s, turns: Some(turns), speed_rpm: None, ..*state }
+        };
+        let rows = states.rows.iter().map(on_clock).filter(|state| (span.start..=span.end).contains(&state.time_s));
+        let name = recording.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let trial_sha256 = recording.sha256.clone().unwrap_or_default();
+        Ok((States { rows: rows.collect(), ..states }, Self { trial: name, trial_sha256, clock }))
+    }
+}
+
+impl fmt::Display for Beside {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            trial,
+            clock: Clock { offset_s, offset_u_s, rate_ppm, rate_u_ppm, drift_dps, drift_u_dps, rms_deg, rows },
+            ..
+        } = self;
+        let with = |value: f64, u: f64, decimals: usize| {
+            format!("{} ± {}", decimal(value, decimals), decimal(2.0 * u, decimals))
+        };
+        write!(
+            f,
+            "clock by the yaw: 0 s of the table is {} s of {trial}, whose time passes {} ppm faster\n\
+             yaw: drifts by {} °/s against the recorded one; without it {} rows differ by {} RMS",
+            with(*offset_s, *offset_u_s, 3),
+            with(*rate_ppm, *rate_u_ppm, 0),
+            with(*drift_dps, *drift_u_dps, 4),
+            rows,
+            format!("{}°", decimal(*rms_deg, 2)),
+        )
+    }
+}
+
+/// Finds the clock of a table's yaw beside a recorded one.
+fn find(table: Track, log: Track, name: &str) -> Result<Clock, ImportError> {
+    let fails = |reason: String, help| ImportError::table(name, reason, help);
+    let of_other = "name a table with the yaw of this trial, from before the run until after it";
+    let (grid, inside) = (Grid::of(log), Grid::of(table));
+    let motion_deg = deviation(&grid.yaw);
+    if motion_deg < LEAST_MOTION_DEG || deviation(&inside.yaw) < LEAST_MOTION_DEG {
+        let reason = "its yaw, or the recorded one, hardly changes: that does not tell its clock".to_owned();
+        return Err(fails(reason, "name the speeds and the run with --speeds and --run, without --trial"));
+    }
+    let shorter = grid.yaw.len().min(inside.yaw.len());
+    let least = ((LEAST_S / STEP_S) as usize).max((LEAST_SHARE * shorter as f64) as usize);
+    let lags = -(inside.yaw.len() as i64)..grid.yaw.len() as i64;
+    let rates = (MOST_RATE / RATE_STEP).round() as i32;
+    let mut best_at: Vec<(f64, f64, f64)> = Vec::new();
+    for lag in lags {
+        let of_rate = |k: i32| {
+            let rate = f64::from(k) * RATE_STEP;
+            let residual = grid.residual(&inside, lag as f64, rate, least, 0.5 * motion_deg)?;
+            Some((residual, lag as f64, rate))
+        };
+        best_at.extend((-rates..=rates).filter_map(of_rate).min_by(|a, b| a.0.total_cmp(&b.0)));
+    }
+    let Some(best) = best_at.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)) else {
+        return Err(fails(format!("has less than {LEAST_S} s in common with the recording"), of_other));
+    };
+    if best.0 > MOST_RESIDUAL * motion_deg {
+        let reason = format!("its yaw is at no time that of the recording: {:.1}° RMS are left", best.0);
+        return Err(fails(reason, of_other));
+    }
+    let limit = (AMBIGUOUS * best.0).max(best.0 + AMBIGUOUS_DEG);
+    let is_minimum = |i: usize| {
+        let around = &best_at[i.saturating_sub(1)..(i + 2).min(best_at.len())];
+        around.iter().all(|near| near.0 >= best_at[i].0)
+    };
+    let other = (0..best_at.len()).find(|i| {
+        let (residual, lag, _) = best_at[*i];
+        residual < limit && (lag - best.1).abs() * STEP_S > SAME_S && is_minimum(*i)
+    });
+    if let Some(other) = other {
+        let between_s = (best_at[other].1 - best.1).abs() * STEP_S;
+        let reason = format!("its yaw is that of the recording at times {between_s:.1} s apart");
+        return Err(fails(reason, "name a table that begins before the run: its start tells the time"));
+    }
+    let middle_s = 0.5 * (table.span().start + table.span().end);
+    // The lag of the search is that of the table's first row.
+    let start_s = log.span().start + best.1 * STEP_S;
+    let shift_s = start_s + (1.0 + best.2) * (middle_s - table.span().start);
+    fit(table, log, middle_s, [shift_s, best.2])
+        .ok_or_else(|| fails("its yaw does not tell its clock".to_owned(), of_other))
+}
+
+/// A yaw at even times.
+struct Grid {
+    yaw: Vec<f64>,
+}
+
+impl Grid {
+    fn of(track: Track) -> Self {
+        let span = track.span();
+        let count = ((span.end - span.start) / STEP_S).floor() as usize + 1;
+        let yaw = (0..count).filter_map(|i| track.at(span.start + i as f64 * STEP_S)).collect();
+        Self { yaw }
+    }
+
+    /// Returns the standard deviation of `table` less this yaw about their straight line, with the table's first value at the
+    /// index `lag` and later ones `1 + rate` apart; `None` with less than `least` values in common, or if this yaw changes too
+    /// little there.
+    fn residual(&self, table: &Self, lag: f64, rate: f64, least: usize, least_motion_deg: f64) -> Option<f64> {
+        let [mut n, mut t, mut tt] = [0.0; 3];
+        let [mut e, mut te, mut ee, mut y, mut ty, mut yy] = [0.0; 6];
+        for (i, value) in table.yaw.iter().enumerate() {
+            let time = i as f64;
+            let at = lag + (1.0 + rate) * time;
+            if at < 0.0 {
+                continue;
+            }
+            let (before, share) = (at as usize, at.fract());
+            let Some([a, b]) = self.yaw.get(before..before + 2).and_then(|pair| pair.first_chunk()) else { break };
+            let yaw = a + share * (b - a);
+            let error = value - yaw;
+            (n, t, tt) = (n + 1.0, t + time, tt + time * time);
+            (e, te, ee) = (e + error, te + time * error, ee + error * error);
+            (y, ty, yy) = (y + yaw, ty + time * yaw, yy + yaw * yaw);
+        }
+        if n < least.max(3) as f64 {
+            return None;
+        }
+        let spread = tt - t * t / n;
+        let about_line =
+            |s: f64, ts: f64, ss: f64| ((ss - s * s / n - (ts - t * s / n).powi(2) / spread).max(0.0) / n).sqrt();
+        (about_line(y, ty, yy) >= least_motion_deg).then(|| about_line(e, te, ee))
+    }
+}
+
+/// Returns the standard deviation of values about their straight line.
+fn deviation(values: &[f64]) -> f64 {
+    let grid = Grid { yaw: vec![0.0; values.len() + 1] };
+    grid.residual(&Grid { yaw: values.to_vec() }, 0.0, 0.0, 3, 0.0).unwrap_or(0.0)
+}
+
+/// Fits time and rate of the table's middle from a start, together with zero and drift.
+fn fit(table: Track, log: Track, middle_s: f64, [mut shift_s, mut rate]: [f64; 2]) -> Option<Clock> {
+    /// Half the interval of a difference quotient, s.
+    const H_S: f64 = 0.05;
+    const MOST_STEPS: usize = 50;
+    let span = log.span();
+    let [mut zero_deg, mut drift_dps] = [0.0; 2];
+    let mut residuals = Vec::new();
+    let mut normal = Matrix4::zeros();
+    for _ in 0..MOST_STEPS {
+        residuals.clear();
+        normal = Matrix4::zeros();
+        let mut right = Vector4::zeros();
+        for (time, value) in table.time_s.iter().zip(table.value) {
+            let passed_s = time - middle_s;
+            let at = shift_s + (1.0 + rate) * passed_s;
+            if at < span.start + H_S || at > span.end - H_S {
+                continue;
+            }
+            let slope = (log.at(at + H_S)? - log.at(at - H_S)?) / (2.0 * H_S);
+            let residual = value - log.at(at)? - zero_deg - drift_dps * passed_s;
+            let row = Vector4::new(slope, slope * passed_s, 1.0, passed_s);
+            normal += row * row.transpose();
+            right += row * residual;
+            residuals.push(residual);
+        }
+        let step = normal.cholesky()?.solve(&right);
+        shift_s += step[0];
+        rate += step[1];
+        zero_deg += step[2];
+        drift_dps += step[3];
+        if step[0].abs() < 1e-7 && step[1].abs() < 1e-10 {
+            break;
+        }
+    }
+    let count = residuals.len() as f64;
+    let square: f64 = residuals.iter().map(|residual| residual * residual).sum();
+    // Neighbours have common errors: so many rows stand for one that is independent.
+    let products: f64 = residuals.windows(2).map(|pair| pair[0] * pair[1]).sum();
+    let correlation = (products / square.max(f64::MIN_POSITIVE)).clamp(0.0, 0.99);
+    let variance = square / (count - 4.0).max(1.0) * (1.0 + correlation) / (1.0 - correlation);
+    let covariance = normal.try_inverse()? * variance;
+    // The offset is that of the table's zero, not of its middle.
+    let to_zero = Vector4::new(1.0, -middle_s, 0.0, 0.0);
+    Some(Clock {
+        offset_s: shift_s - (1.0 + rate) * middle_s,
+        offset_u_s: to_zero.dot(&(covariance * to_zero)).sqrt(),
+        rate_ppm: rate * 1e6,
+        rate_u_ppm: covariance[(1, 1)].sqrt() * 1e6,
+        drift_dps,
+        drift_u_dps: covariance[(3, 3)].sqrt(),
+        rms_deg: (square / count).sqrt(),
+        rows: residuals.len(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The yaw of a robot that starts at 20 s, turns to -67 degrees within some 11 s, wobbles at 41.7 rpm, and returns from 80 s
+    /// on.
+    fn yaw(time_s: f64) -> f64 {
+        let towards = |since_s: f64| if since_s > 0.0 { 1.0 - (-since_s / 11.0).exp() } else { 0.0 };
+        let run = if (20.0..80.0).contains(&time_s) { 1.0 } else { 0.0 };
+        let wobble = 0.9 * run * (std::f64::consts::TAU * 41.7 / 60.0 * (time_s - 20.0)).sin();
+        -67.3 * towards(time_s - 20.0) + 67.0 * towards(time_s - 80.0) + wobble
+    }
+
+    fn track(from_s: f64, to_s: f64, step_s: f64, of: impl Fn(f64, usize) -> f64) -> Columns<1> {
+        let mut columns = Columns::default();
+        for i in 0..((to_s - from_s) / step_s) as usize {
+            let time_s = from_s + i as f64 * step_s;
+            columns.push(time_s, [of(time_s, i)]);
+        }
+        columns
+    }
+
+    /// Numbers of no pattern from -0.5 to 0.5, by the golden ratio.
+    fn noise(i: usize) -> f64 {
+        (i as f64 * 0.618_033_988_75).fract() - 0.5
+    }
+
+    #[test]
+    fn offset_rate_and_drift_are_found_within_their_uncertainties() {
+        let log = track(0.0, 110.0, 0.005, |time, _| yaw(time));
+        for (offset_s, rate_ppm, drift_dps, from_s, to_s, step_s) in [
+            (-1234.56, 180.0, 0.02, 1237.3, 1331.1, 1.0 / 23.7),
+            (3.217, -4321.0, -0.004, 0.0, 104.0, 0.05),
+            (0.0, 8000.0, 0.0, 11.0, 99.0, 0.11),
+            (7.77, 0.0, 0.001, -30.0, 150.0, 0.031),
+        ] {
+            let of = |time: f64, i: usize| {
+                yaw(offset_s + (1.0 + rate_ppm * 1e-6) * time) + 33.0 + drift_dps * time + 0.4 * noise(i)
+            };
+            let table = track(from_s, to_s, step_s, of);
+            let clock = find(table.track(0), log.track(0), "table").unwrap();
+            let off = [
+                (clock.offset_s - offset_s) / clock.offset_u_s,
+                (clock.rate_ppm - rate_ppm) / clock.rate_u_ppm,
+                (clock.drift_dps - drift_dps) / clock.drift_u_dps,
+            ];
+            assert!(off.iter().all(|off| off.abs() < 3.0), "{off:?}: {clock:?}");
+            let at_start = clock.time_s(from_s) - (offset_s + (1.0 + rate_ppm * 1e-6) * from_s);
+            assert!(at_start.abs() < 0.01 && (0.1..0.14).contains(&clock.rms_deg), "{at_start} s off: {clock:?}");
+        }
+    }
+
+    #[test]
+    fn a_yaw_that_does_not_tell_the_time_is_refused() {
+        let log = track(0.0, 110.0, 0.005, |time, _| yaw(time));
+        let refused = |of: &dyn Fn(f64) -> f64, to_s: f64| {
+            let table = track(0.0, to_s, 0.05, |time, i| of(time) + 0.1 * noise(i));
+            find(table.track(0), log.track(0), "camera.csv").unwrap_err().to_string()
+        };
+        assert!(refused(&|_| 3.0, 100.0).contains("hardly changes"));
+        assert!(refused(&|time| yaw(time + 21.0), 9.0).contains("less than 20 s in common"));
+        // The other sense, and another trial.
+        assert!(refused(&|time| -yaw(time), 100.0).contains("at no time"));
+        assert!(refused(&|time| 2.0 * yaw(0.5 * time), 100.0).contains("at no time"));
+        // A recording that only wobbles.
+        let wobble = |time: f64| 5.0 * (std::f64::consts::TAU * 0.7 * time).sin();
+        let (long, short) = (
+            track(0.0, 110.0, 0.005, |time, _| wobble(time)),
+            track(0.0, 60.0, 0.05, |time, i| wobble(time + 9.3) + 0.1 * noise(i)),
+        );
+        let error = find(short.track(0), long.track(0), "camera.csv").unwrap_err().to_string();
+        assert!(error.contains("s apart"), "{error}");
+    }
+}
