@@ -40,6 +40,7 @@ fn killed_shards_give_the_same_table() {
     bench.file("plan.toml", PLAN);
     let begun = Instant::now();
     bench.run(["sweep", "plan.toml", "--out", "serial", "--jobs", "1"]).expect_code(3);
+    bench.run(["report", "serial", "--json"]).expect_code(0);
     let whole = begun.elapsed();
     let wanted = tables(&bench.path().join("serial"));
     let mut random = Random(0x5EED_0000_0000_0007);

@@ -17,8 +17,8 @@ use std::path::PathBuf;
     The page is a single self-contained file. An existing page is replaced, any other file is not.\n\
     `biflag compare` writes a page that compares a trial with its replay in the model.")]
 pub struct Args {
-    /// A log, a session folder, or the table of a sweep (.parquet, .csv).
-    #[arg(value_name = "LOG|SESSION|TABLE")]
+    /// A log, a session folder, the folder of a sweep, or its table (.parquet, .csv).
+    #[arg(value_name = "LOG|SESSION|SWEEP")]
     path: PathBuf,
     /// A log or session to show for comparison: a model, or other trials at the same speeds.
     #[arg(long, value_name = "LOG|SESSION")]

@@ -10,7 +10,7 @@ fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
     let bench = Bench::new();
     let mut table =
         String::from("# a sweep\npoint,w1_rpm,w2_rpm,viscosity_pa_s,young_pa,stiffness,yaw_deg,tilt_deg,status\n");
-    for (i, w1) in [-90.0, 0.0, 90.0].into_iter().enumerate() {
+    for (i, w1) in [-90.0, 0.0, 45.0, 90.0].into_iter().enumerate() {
         for w2 in [10.0, 20.0, 50.0, 90.0] {
             for viscosity in [0.5, 1.0, 2.0] {
                 for young in [1e6, 2e6] {
@@ -30,23 +30,31 @@ fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
     let sliders = "[...document.querySelectorAll('.sliders label')].map((label) => label.textContent)";
     let marks = "[...document.querySelectorAll('.sweep [data-at]')].map((mark) => mark.dataset.at)";
     // The stiffness follows from the viscosity and Young's modulus.
-    assert_eq!(browser.evaluate(sliders), json!(["viscosity_pa_s 1", "young_pa 2000000"]));
+    assert_eq!(browser.evaluate(sliders), json!(["viscosity 1", "young 2000000"]));
     let shown = browser.evaluate(marks);
-    assert_eq!(shown.as_array().unwrap().len(), 11, "one point has no yaw: {shown}");
-    assert_eq!(shown[10], "90,90,-90");
+    assert_eq!(shown.as_array().unwrap().len(), 15, "one point has no yaw: {shown}");
+    assert_eq!(shown[14], "90,90,-90");
+    // The yaw has both signs: contours at round values, and a thicker one of zero.
+    assert_eq!(browser.evaluate("document.querySelectorAll('.contour.zero').length"), 1);
+    assert!(browser.evaluate("document.querySelectorAll('.contour').length").as_u64() > Some(3));
     browser.picture(&picture("sweep.png"));
     // The first step of the slider is half the viscosity.
     browser.evaluate("document.querySelector('.sliders input').focus()");
     browser.key("Home", 36);
-    assert_eq!(browser.evaluate(marks)[10], "90,90,-135");
+    assert_eq!(browser.evaluate(marks)[14], "90,90,-135");
     // Another axis, and another result.
     browser.evaluate(
         "for (const [name, value] of [['x', 'viscosity_pa_s'], ['value', 'tilt_deg']]) { \
          const select = document.querySelector(`[name=${name}]`); select.value = value; select.dispatchEvent(new Event('change')); }",
     );
-    assert_eq!(browser.evaluate(sliders), json!(["w1_rpm 0", "young_pa 2000000"]));
+    assert_eq!(browser.evaluate(sliders), json!(["speed of flagellum 1 (w1) 45", "young 2000000"]));
     assert_eq!(browser.evaluate(marks).as_array().unwrap().len(), 12);
-    assert_eq!(browser.text(".sweep figure h3"), "tilt_deg over viscosity_pa_s and w2_rpm");
+    assert_eq!(browser.text(".sweep figure h3"), "tilt over viscosity and speed of flagellum 2 (w2)");
+    // The same as lines: one for each speed.
+    browser.evaluate("(() => { const s = document.querySelector('[name=view]'); s.value = 'lines'; s.dispatchEvent(new Event('change')); })()");
+    assert_eq!(browser.text(".sweep figure h3"), "tilt over viscosity, for each speed of flagellum 2 (w2)");
+    assert_eq!(browser.evaluate("document.querySelectorAll('.sweep svg path[stroke][d*=L]').length"), 4);
+    assert_eq!(browser.evaluate(marks).as_array().unwrap().len(), 12);
     assert_eq!(browser.inaccessible(), [""; 0]);
     browser.dark(true);
     assert_eq!(browser.inaccessible(), [""; 0]);
@@ -65,9 +73,9 @@ fn swept_table_has_a_map_over_any_two_inputs_and_sliders_for_the_others() {
     bench.file("single.csv", &table);
     browser.open(&report(&bench, "single.csv", 0));
     for (slider, key, expected) in [
-        (0, ("Home", 36), ["viscosity_pa_s 0.5", "young_pa 1000000"]),
-        (1, ("End", 35), ["viscosity_pa_s 1", "young_pa 2000000"]),
-        (0, ("End", 35), ["viscosity_pa_s 2", "young_pa 1000000"]),
+        (0, ("Home", 36), ["viscosity 0.5", "young 1000000"]),
+        (1, ("End", 35), ["viscosity 1", "young 2000000"]),
+        (0, ("End", 35), ["viscosity 2", "young 1000000"]),
     ] {
         browser.evaluate(&format!("document.querySelectorAll('.sliders input')[{slider}].focus()"));
         browser.key(key.0, key.1);

@@ -150,8 +150,8 @@ pub fn write(
 ) -> Result<Written, ReportError> {
     let out = out.map_or_else(|| kind.place(path), Path::to_owned);
     check(&out)?;
-    if sweep_page::is_table(path) {
-        return sweep_page::write(path, &out);
+    if let Some(table) = sweep_page::table_of(path) {
+        return sweep_page::write(&table, &out);
     }
     if path.is_dir() { of_session(&Session::open(path)?, comparison, views, &out) } else { of_log(path, views, &out) }
 }

@@ -12,8 +12,8 @@ use super::{Counts, Written, document, put};
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 use std::collections::HashSet;
-use std::path::Path;
-use study::export::table::{self, Table};
+use std::path::{Path, PathBuf};
+use study::export::table::{self, Table, Values};
 use study::sweep;
 
 /// The first column of results; all numbers before it may be inputs.
@@ -23,9 +23,37 @@ const FIRST_RESULT: &str = "yaw_deg";
 #[derive(Clone, PartialEq, Debug)]
 struct Column {
     name: String,
+    unit: String,
+    about: String,
     kind: Kind,
     values: Vec<f64>,
 }
+
+impl Column {
+    /// Returns the quantity in words, with its unit: `speed of flagellum 1 (w1), rpm`.
+    fn label(&self) -> String {
+        let words = match self.name.as_str() {
+            "w1_rpm" => "speed of flagellum 1 (w1)".to_owned(),
+            "w2_rpm" => "speed of flagellum 2 (w2)".to_owned(),
+            name => without_unit(name).replace('_', " "),
+        };
+        let unit = match self.unit.as_str() {
+            "deg" => "°",
+            "N m" => "N·m",
+            unit => unit,
+        };
+        if unit.is_empty() || unit == "1" { words } else { format!("{words}, {unit}") }
+    }
+}
+
+/// Returns the name of a column without the unit at its end.
+fn without_unit(name: &str) -> &str {
+    let units = ["_deg", "_rpm", "_nm_per_rad", "_nm2", "_nm", "_pa_s", "_pa", "_n", "_m", "_s"];
+    units.iter().find_map(|unit| name.strip_suffix(unit)).unwrap_or(name)
+}
+
+/// What is known about the steady state of a point, as the page's script reads it: the index.
+const STATES: [&str; 5] = ["steady", "beating", "unstable", "two_motions", "not_found"];
 
 /// What a column before the results is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -53,9 +81,13 @@ impl Kind {
     }
 }
 
-/// Returns whether the extension of a path is that of a table.
-pub(super) fn is_table(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == "parquet" || extension == "csv")
+/// Returns the table of a sweep: the file itself, or that in the folder of a sweep; `None` for anything else.
+pub(super) fn table_of(path: &Path) -> Option<PathBuf> {
+    let is_table = path.extension().is_some_and(|extension| extension == "parquet" || extension == "csv");
+    match path.is_dir() {
+        true => sweep::is_folder(path).then(|| sweep::parquet_path(path)),
+        false => is_table.then(|| path.to_owned()),
+    }
 }
 
 /// Writes the page of a table.
@@ -64,7 +96,9 @@ pub(super) fn is_table(path: &Path) -> bool {
 /// [`ReportError::Table`] if the file is not a table with two inputs and a result.
 pub(super) fn write(path: &Path, out: &Path) -> Result<Written, ReportError> {
     let wrong = |reason: String| ReportError::Table { path: path.to_owned(), reason };
-    let columns = numeric(sweep::columns_of(path).map_err(wrong)?);
+    let table = sweep::columns_of(path).map_err(wrong)?;
+    let (header, states) = (table.header.clone(), states(&table));
+    let columns = numeric(table);
     let at = columns.iter().position(|column| column.name == FIRST_RESULT);
     let at = at.ok_or_else(|| wrong(format!("it has no column {FIRST_RESULT}")))?;
     let (before, results) = columns.split_at(at);
@@ -76,48 +110,86 @@ pub(super) fn write(path: &Path, out: &Path) -> Result<Written, ReportError> {
     // Four bytes a number are five and a third of text.
     let most = DATA_BYTES * 3 / 16 / (inputs.len() + results.len());
     let every = rows.div_ceil(most).max(1);
-    let title = path.file_stem().unwrap_or_default().to_string_lossy();
-    let names = |columns: &[&Column]| columns.iter().map(|column| column.name.clone()).collect::<Vec<_>>();
     let results: Vec<&Column> = results.iter().collect();
-    let body = body(&title, rows, every, &names(&inputs), &names(&results));
+    let about = About { path, header: &header, rows, every };
     let page = |columns: &[&Column]| -> Vec<Value> {
         let one = |column: &&Column| {
             let values: Vec<f64> = column.values.iter().step_by(every).copied().collect();
-            json!({ "name": column.name, "values": single(&values) })
+            json!({ "name": column.name, "label": column.label(), "about": column.about, "values": single(&values) })
         };
         columns.iter().map(one).collect()
     };
-    let data = json!({ "inputs": page(&inputs), "results": page(&results) });
+    let states: Vec<i64> = states.into_iter().step_by(every).collect();
+    let data = json!({ "inputs": page(&inputs), "results": page(&results), "states": states });
     let data = html! { script type="application/json" id="sweep-data" { (PreEscaped(json_for_script(&data))) } };
     put(
         out,
-        &document::page(&clip(&title, 200), "one", &body, &data),
+        &document::page(&clip(&about.title(), 200), "one", &body(&about, &inputs, &results), &data),
         Counts { trials: rows, warnings: 0, is_sound: true },
         Vec::new(),
     )
 }
 
-fn body(title: &str, rows: usize, every: usize, inputs: &[String], results: &[String]) -> Markup {
-    let choice = |name: &str, label: &str, columns: &[String], first: usize| {
+/// Returns the index in [`STATES`] of each row's steady state; -1 where the point failed or the table does not say.
+fn states(table: &Table) -> Vec<i64> {
+    let kinds = table.columns.iter().find(|column| column.name == "kind").map(|column| &column.values);
+    let index = |kind: &String| STATES.iter().position(|state| state == kind).map_or(-1, |i| i as i64);
+    match kinds {
+        Some(Values::Text(kinds)) => kinds.iter().map(index).collect(),
+        _ => vec![-1; table.rows()],
+    }
+}
+
+/// Where the table comes from.
+struct About<'a> {
+    path: &'a Path,
+    header: &'a [String],
+    rows: usize,
+    /// The page shows one of so many points.
+    every: usize,
+}
+
+impl About<'_> {
+    /// Returns the name of the sweep if the table says it, otherwise that of the file.
+    fn title(&self) -> String {
+        let named = self.header.iter().find_map(|line| line.strip_prefix("biflag sweep ")?.split(", version").next());
+        let file = || self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        named.map_or_else(file, str::to_owned)
+    }
+
+    /// Returns the other lines of the table's header: robot, method, frames, version of the results.
+    fn lines(&self) -> impl Iterator<Item = String> + '_ {
+        let line = |line: &String| match line.strip_prefix("biflag sweep ") {
+            Some(rest) => rest.split_once(", ").map(|(_, version)| version.to_owned()),
+            None => Some(line.clone()),
+        };
+        self.header.iter().filter_map(line)
+    }
+}
+
+fn body(about: &About, inputs: &[&Column], results: &[&Column]) -> Markup {
+    let choice = |name: &str, label: &str, columns: &[&Column], first: usize| {
         html! {
             label { (label) " " select name=(name) {
-                @for (i, column) in columns.iter().enumerate() { option value=(column) selected[i == first] { (column) } }
+                @for (i, column) in columns.iter().enumerate() { option value=(column.name) selected[i == first] { (column.label()) } }
             } }
         }
     };
     html! {
         main {
-            h1 { (clip(title, 200)) }
+            h1 { (clip(&about.title(), 200)) }
             p.meta {
-                span { "table of a sweep with " (count(rows, "point", "points")) }
-                span { (count(inputs.len(), "input", "inputs")) ": " (inputs.join(", ")) }
-                @if every > 1 { span { "the page shows one of every " (every) " points" } }
+                span { "sweep with " (count(about.rows, "point", "points")) }
+                @for line in about.lines() { span { (clip(&line, 300)) } }
+                span { (about.path.display()) }
+                @if about.every > 1 { span { "the page shows one of every " (about.every) " points" } }
             }
             section.sweep data-data="sweep-data" {
                 div.choices {
                     (choice("value", "Result", results, 0))
                     (choice("x", "Horizontal axis", inputs, 0))
                     (choice("y", "Vertical axis", inputs, 1))
+                    label { "Drawn as " select name="view" { option value="map" selected { "map" } option value="lines" { "lines" } } }
                 }
                 div.sliders {}
                 h2.unseen { "Map" }
@@ -160,6 +232,8 @@ fn numeric(table: Table) -> Vec<Column> {
         kind: Kind::of(&column),
         values: column.values.numbers().into_iter().map(finite).collect(),
         name: column.name.into_owned(),
+        unit: column.unit.into_owned(),
+        about: column.about.into_owned(),
     });
     columns.filter(|column| column.values.iter().any(|value| value.is_finite())).collect()
 }
@@ -189,14 +263,31 @@ mod tests {
         let written = write(&path, &page).unwrap();
         assert_eq!((written.trials, written.html.as_path()), (8, page.as_path()));
         let text = std::fs::read_to_string(&page).unwrap();
-        assert!(text.contains("3 inputs: w1_rpm, w2_rpm, length_m") && text.contains("<option value=\"tilt_deg\">"));
+        let options = [
+            "value=\"w1_rpm\" selected>speed of flagellum 1 (w1)<",
+            "value=\"length_m\">length<",
+            "value=\"tilt_deg\">tilt<",
+        ];
+        assert!(options.iter().all(|option| text.contains(&format!("<option {option}"))), "{text}");
         // Each value of a Sobol design distinguishes all points; its columns say which of them vary by themselves.
         let varies = |name: &str| format!("# {name} [1]: {}\n", sweep::VARIES);
         let sobol =
             "w1_rpm,w2_rpm,mu,tether,derived,yaw_deg\n50,10,0.8,1,1.6,1\n50,10,0.9,3,1.8,2\n50,10,1.1,2,2.2,3\n";
         std::fs::write(&path, varies("mu") + &varies("tether") + sobol).unwrap();
         write(&path, &page).unwrap();
-        assert!(std::fs::read_to_string(&page).unwrap().contains("2 inputs: mu, tether"));
+        let text = std::fs::read_to_string(&page).unwrap();
+        let inputs: Vec<&str> = text
+            .split("name=\"x\"")
+            .nth(1)
+            .unwrap()
+            .split("</select>")
+            .next()
+            .unwrap()
+            .split("value=\"")
+            .skip(1)
+            .map(|option| option.split('"').next().unwrap())
+            .collect();
+        assert_eq!(inputs, ["mu", "tether"]);
         for (broken, reason) in
             [("x,y\n1,2\n", "no column yaw_deg"), ("a,yaw_deg\n1,2\n2,3\n", "fewer than two inputs")]
         {

@@ -52,6 +52,11 @@ pub use table::VARIES;
 
 use std::path::{Path, PathBuf};
 
+/// Returns whether a folder is that of a sweep.
+pub fn is_folder(path: &Path) -> bool {
+    manifest::path(path).is_file()
+}
+
 /// Returns the path of the table in a sweep's folder, as Parquet.
 pub fn parquet_path(folder: &Path) -> PathBuf {
     folder.join("table.parquet")

@@ -1,21 +1,31 @@
-// The page of a swept table: a map of one result over two inputs, and a slider for each other input.
+// The page of a swept table: one result over two inputs as a map with contours or as lines, and a slider for each other
+// input.
 "use strict";
 
 biflag.SweepMap = class {
   static VIRIDIS = ["440154", "482475", "414487", "355f8d", "2a788e", "21918c", "22a884", "44bf70", "7ad151", "bddf26", "fde725"];
+  /** From blue through white to red (ColorBrewer's RdBu), for values of both signs. */
+  static DIVERGING = ["2166ac", "4393c3", "92c5de", "d1e5f0", "f7f7f7", "fddbc7", "f4a582", "d6604d", "b2182b"];
+  /** Curves of Okabe and Ito, which can be told apart with any colour vision; later ones are dashed. */
+  static CURVES = ["0072b2", "d55e00", "009e73", "cc79a7", "8a6d00", "5a6570"];
   /** More distinct values than this make no cells, and no steps of a slider: these become tenths of the points. */
   static MOST_STEPS = 60;
+  /** More curves than this cannot be told apart. */
+  static MOST_CURVES = 12;
+  static STATES = ["steady", "beating", "unstable", "two motions", "not found"];
 
   constructor(element) {
     this.element = element;
-    const { inputs, results } = JSON.parse(document.getElementById(element.dataset.data).textContent);
+    const { inputs, results, states } = JSON.parse(document.getElementById(element.dataset.data).textContent);
     // Numbers of 32 bits have seven digits.
     const value = (v) => (Number.isNaN(v) ? null : Number(v.toPrecision(7)));
-    const column = ({ name, values }) => ({ name, values: biflag.numbers(values).map(value) });
+    const column = (packed) => ({ ...packed, values: biflag.numbers(packed.values).map(value) });
     this.inputs = inputs.map(column).map((input) => ({ ...input, steps: biflag.SweepMap.steps(input.values) }));
     this.results = results.map(column);
-    this.choices = Object.fromEntries(["x", "y", "value"].map((name) => [name, element.querySelector(`[name=${name}]`)]));
+    this.states = states;
+    this.choices = Object.fromEntries(["x", "y", "value", "view"].map((name) => [name, element.querySelector(`[name=${name}]`)]));
     for (const select of Object.values(this.choices)) select.addEventListener("change", () => this.rebuild());
+    new ResizeObserver(() => this.draw()).observe(element.querySelector("figure"));
     this.rebuild();
   }
 
@@ -37,6 +47,29 @@ biflag.SweepMap = class {
 
   static text(value) {
     return String(Number(value.toPrecision(4))).replace("-", "−");
+  }
+
+  static escaped(text) {
+    return text.replace(/[&<>"]/g, (sign) => `&#${sign.charCodeAt(0)};`);
+  }
+
+  /** The colour at a share of a scale. */
+  static mix(colours, share) {
+    const place = share * (colours.length - 1);
+    const i = Math.min(Math.max(Math.floor(place), 0), colours.length - 2);
+    const part = (hex, k) => parseInt(hex.slice(2 * k, 2 * k + 2), 16);
+    return `rgb(${[0, 1, 2].map((k) => Math.round(part(colours[i], k) + (part(colours[i + 1], k) - part(colours[i], k)) * (place - i))).join(" ")})`;
+  }
+
+  static range(values) {
+    return values.reduce(([a, b], v) => (v === null ? [a, b] : [Math.min(a, v), Math.max(b, v)]), [Infinity, -Infinity]);
+  }
+
+  /** Round values within a range, about so many. */
+  static round(low, high, count) {
+    const step = biflag.roundBelow(Math.max((high - low) / count, 1e-12));
+    const first = Math.ceil(low / step - 1e-9);
+    return Array.from({ length: Math.max(Math.floor(high / step + 1e-9) - first + 1, 0) }, (_, i) => Number(((first + i) * step).toPrecision(7)));
   }
 
   chosen(name) {
@@ -70,14 +103,14 @@ biflag.SweepMap = class {
         output.textContent = !step ? "all" : step.from === step.to ? text(step.from) : `${text(step.from)} to ${text(step.to)}`;
       };
       input.show();
-      label.append(`${input.name} `, slider, output);
+      label.append(`${input.label} `, slider, output);
       return label;
     }));
     this.others = others;
     this.draw();
   }
 
-  /** The rows that the sliders choose. */
+  /** The rows that the sliders choose: both inputs, the result, and the number of the row. */
   rows() {
     const [x, y, value] = ["x", "y", "value"].map((name) => this.chosen(name).values);
     const isChosen = (i) => this.others.every(({ values, steps, step }) => step < 0 || (values[i] >= steps[step].from && values[i] <= steps[step].to));
@@ -85,64 +118,168 @@ biflag.SweepMap = class {
   }
 
   draw() {
+    const figure = this.element.querySelector("figure");
     const [x, y, value] = ["x", "y", "value"].map((name) => this.chosen(name));
     const rows = this.rows();
-    const figure = this.element.querySelector("figure");
-    const title = `${value.name} over ${x.name} and ${y.name}`;
+    const isLines = this.choices.view.value === "lines";
+    const [of, over, and] = [value, x, y].map(({ label }) => label.split(", ")[0]);
+    const title = isLines ? `${of} over ${over}, for each ${and}` : `${of} over ${over} and ${and}`;
     figure.querySelector("h3").textContent = title;
-    const [width, height, left, top, right, bottom] = [760, 520, 70, 14, 110, 52];
-    const axis = (column, from, to) => {
-      const isGrid = column.steps[0].from === column.steps[0].to;
-      const finite = column.values.filter((v) => v !== null);
-      const [low, high] = finite.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
-      // Cells are even, whatever the spacing of the values; dots are where their values are.
-      const place = isGrid
-        ? (v) => from + ((column.steps.findIndex((step) => step.from === v) + 0.5) / column.steps.length) * (to - from)
-        : (v) => from + (0.03 + (0.94 * (v - low)) / (high - low || 1)) * (to - from);
-      const all = isGrid ? column.steps.map((step) => step.from) : Array.from({ length: 6 }, (_, i) => low + (i / 5) * (high - low));
-      const every = Math.ceil(all.length / 10);
-      return { place, ticks: all.filter((_, i) => i % every === 0), cell: isGrid ? Math.abs(to - from) / column.steps.length : 0 };
-    };
-    const [across, up] = [axis(x, left, width - right), axis(y, height - bottom, top)];
+    // On a phone the drawing is as wide as the page, so that its words stay legible.
+    const width = Math.min(Math.max(figure.clientWidth - 30, 320), 760);
+    const svg = figure.querySelector("svg");
+    const box = { width, height: Math.round(0.55 * width) + 110, left: 62, top: 14, bottom: 48, right: isLines ? 16 : 84 };
+    svg.setAttribute("viewBox", `0 0 ${box.width} ${box.height}`);
+    svg.innerHTML = isLines ? this.lines(box, x, y, value, rows) : this.map(box, x, y, value, rows);
+    svg.setAttribute("aria-label", title);
+    Object.assign(svg.dataset, { x: x.name, y: y.name, value: value.name });
+    const { text, escaped, STATES } = biflag.SweepMap;
+    const missing = this.inputs[0].values.length - value.values.filter((v) => v !== null).length;
+    const kinds = STATES.map((state, k) => [state, rows.filter(([, , , i]) => this.states[i] === k).length]).filter(([state, count]) => count && state !== "steady");
+    const words = [
+      value.about && `${value.label}: ${value.about}.`,
+      `${rows.length} of ${this.inputs[0].values.length} points; ${missing} of the table without a value.`,
+      kinds.length && `Not steady, with a mark: ${kinds.map(([state, count]) => `${count} ${state}`).join(", ")}.`,
+      !isLines && "The colours span the whole table.",
+      this.contoured && `Contours every ${text(this.contoured)}, that of zero thicker; straight between neighbours.`,
+    ];
+    figure.querySelector("figcaption").innerHTML = words.filter(Boolean).map((sentence) => escaped(sentence)).join(" ");
+  }
+
+  /** An axis: where a value lies, its ticks, and the size of its cells. */
+  static axis(column, from, to, spacing) {
+    const isGrid = column.steps[0].from === column.steps[0].to;
+    const [low, high] = biflag.SweepMap.range(column.values);
+    // Cells are even, whatever the spacing of the values; dots are where their values are.
+    const cell = isGrid ? (to - from) / column.steps.length : 0;
+    const place = isGrid
+      ? (v) => from + (column.steps.findIndex((step) => step.from === v) + 0.5) * cell
+      : (v) => from + (0.03 + (0.94 * (v - low)) / (high - low || 1)) * (to - from);
+    const all = isGrid ? column.steps.map((step) => step.from) : biflag.SweepMap.round(low, high, Math.abs(to - from) / (1.6 * spacing));
+    const every = isGrid ? Math.ceil((all.length * spacing) / Math.abs(to - from)) : 1;
+    // Zero is among the ticks if it is on the axis.
+    const zero = Math.max(all.indexOf(0), 0);
+    return { place, ticks: all.filter((_, i) => i % every === zero % every), cell: Math.abs(cell) };
+  }
+
+  map(box, x, y, value, rows) {
+    const { text, escaped, mix, VIRIDIS, DIVERGING, axis } = biflag.SweepMap;
+    const { width, height, left, top, right, bottom } = box;
+    const [across, up] = [axis(x, left, width - right, 40), axis(y, height - bottom, top, 16)];
     // The scale is that of the whole table, so that the sliders do not change it.
-    const finite = value.values.filter((v) => v !== null);
-    const [low, high] = finite.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
-    const colour = (v) => {
-      const place = (10 * (v - low)) / (high - low || 1);
-      const i = Math.min(Math.max(Math.floor(place), 0), 9);
-      const part = (hex, k) => parseInt(hex.slice(2 * k, 2 * k + 2), 16);
-      const [a, b] = biflag.SweepMap.VIRIDIS.slice(i, i + 2);
-      return `rgb(${[0, 1, 2].map((k) => Math.round(part(a, k) + (part(b, k) - part(a, k)) * (place - i))).join(" ")})`;
-    };
-    const { text } = biflag.SweepMap;
+    const [least, most] = biflag.SweepMap.range(value.values);
+    const isSigned = least < 0 && most > 0;
+    const end = Math.max(-least, most);
+    const [low, high] = isSigned ? [-end, end] : [least, most];
+    const colour = (v) => mix(isSigned ? DIVERGING : VIRIDIS, (v - low) / (high - low || 1));
     const isCells = across.cell > 0 && up.cell > 0;
-    const marks = rows.map(([a, b, v]) => {
+    const marks = rows.map(([a, b, v, i]) => {
       const [cx, cy] = [across.place(a), up.place(b)];
-      const words = `<title>${x.name} ${text(a)}, ${y.name} ${text(b)}: ${text(v)}</title>`;
+      const state = this.states[i] > 0 ? `, ${biflag.SweepMap.STATES[this.states[i]]}` : "";
+      const words = `<title>${escaped(`${x.label} ${text(a)}; ${y.label} ${text(b)}: ${text(v)}${state}`)}</title>`;
       const shape = isCells
         ? `rect x="${(cx - across.cell / 2).toFixed(1)}" y="${(cy - up.cell / 2).toFixed(1)}" width="${across.cell.toFixed(1)}" height="${up.cell.toFixed(1)}"`
         : `circle cx="${cx.toFixed(1)}" cy="${cy.toFixed(1)}" r="4"`;
       return `<${shape} data-at="${a},${b},${v}" fill="${colour(v)}">${words}</${isCells ? "rect" : "circle"}>`;
     });
-    const frame = `<path class="empty" d="M${left} ${top}H${width - right}V${height - bottom}H${left}Z"></path>`;
-    const labels = [
-      ...across.ticks.map((v) => `<text x="${across.place(v).toFixed(1)}" y="${height - bottom + 16}" text-anchor="middle">${text(v)}</text>`),
-      ...up.ticks.map((v) => `<text x="${left - 6}" y="${(up.place(v) + 4).toFixed(1)}" text-anchor="end">${text(v)}</text>`),
-      `<text x="${(left + width - right) / 2}" y="${height - 10}" text-anchor="middle">${x.name}</text>`,
-      `<text transform="translate(14 ${(top + height - bottom) / 2}) rotate(-90)" text-anchor="middle">${y.name}</text>`,
-    ];
+    const odd = rows.filter(([, , , i]) => this.states[i] > 0).map(([a, b]) => `<circle class="odd" cx="${across.place(a).toFixed(1)}" cy="${up.place(b).toFixed(1)}" r="2.2"></circle>`);
+    this.contoured = 0;
+    const contours = isCells ? this.contours(x, y, rows, across, up, box) : "";
     const scale = Array.from({ length: 50 }, (_, i) => {
       const step = (height - bottom - top) / 50;
       const v = low + ((i + 0.5) / 50) * (high - low);
-      return `<rect x="${width - right + 24}" y="${(height - bottom - (i + 1) * step).toFixed(1)}" width="14" height="${(step + 0.5).toFixed(1)}" fill="${colour(v)}"></rect>`;
+      return `<rect x="${width - right + 18}" y="${(height - bottom - (i + 1) * step).toFixed(1)}" width="12" height="${(step + 0.5).toFixed(1)}" fill="${colour(v)}"></rect>`;
     });
-    const ends = [0, 0.5, 1].map((share) => `<text x="${width - right + 43}" y="${height - bottom - share * (height - bottom - top - 9)}">${text(low + share * (high - low))}</text>`);
-    const svg = figure.querySelector("svg");
-    svg.innerHTML = [frame, ...marks, ...labels, ...scale, ...ends].join("");
-    svg.setAttribute("aria-label", title);
-    Object.assign(svg.dataset, { x: x.name, y: y.name, value: value.name });
-    const failed = this.inputs[0].values.length - finite.length;
-    figure.querySelector("figcaption").textContent = `${rows.length} of ${this.inputs[0].values.length} points; ${failed} have no ${value.name}. The colours span the whole table.`;
+    const ends = [0, 0.5, 1].map((share) => `<text x="${width - right + 34}" y="${height - bottom - share * (height - bottom - top - 9)}">${text(low + share * (high - low))}</text>`);
+    return [...marks, contours, ...odd, this.frame(box, x.label, y.label, across, up), ...scale, ...ends].join("");
+  }
+
+  /** Contours at round values over the nodes of a grid, straight between neighbours; the one of zero is thicker. */
+  contours(x, y, rows, across, up, { width, left, right }) {
+    const { text, range, round } = biflag.SweepMap;
+    const [columns, lines] = [x.steps.length, y.steps.length];
+    if (columns < 4 || lines < 4) return "";
+    const at = new Map(rows.map(([a, b, v]) => [`${a},${b}`, v]));
+    const node = (i, k) => at.get(`${x.steps[i].from},${y.steps[k].from}`);
+    const [low, high] = range(rows.map(([, , v]) => v));
+    const levels = round(low, high, 8).filter((level) => level > low && level < high);
+    if (levels.length < 2) return "";
+    this.contoured = levels[1] - levels[0];
+    /** Places of the labels so far, which may not cover each other. */
+    const labels = [];
+    const isFree = ([x0, y0]) => x0 > left + 30 && x0 < width - right - 30 && labels.every(([x1, y1]) => Math.abs(x1 - x0) > 34 || Math.abs(y1 - y0) > 13);
+    const point = (i, k) => [across.place(x.steps[i].from), up.place(y.steps[k].from)];
+    const drawn = levels.map((level) => {
+      const segments = [];
+      for (let i = 0; i + 1 < columns; i++) {
+        for (let k = 0; k + 1 < lines; k++) {
+          const corners = [[i, k], [i + 1, k], [i + 1, k + 1], [i, k + 1]];
+          const values = corners.map(([a, b]) => node(a, b));
+          if (values.includes(undefined)) continue;
+          const crossings = [];
+          corners.forEach((corner, n) => {
+            const [a, b] = [values[n], values[(n + 1) % 4]];
+            if (a < level === b < level) return;
+            const share = (level - a) / (b - a);
+            const [p, q] = [point(...corner), point(...corners[(n + 1) % 4])];
+            crossings.push([p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1])]);
+          });
+          // A saddle has four: its mean tells which pairs belong together.
+          if (crossings.length === 4 && values[0] < level === values.reduce((sum, v) => sum + v / 4, 0) < level) crossings.push(crossings.shift());
+          for (let n = 0; n + 1 < crossings.length; n += 2) segments.push([crossings[n], crossings[n + 1]]);
+        }
+      }
+      const path = segments.map(([[x0, y0], [x1, y1]]) => `M${x0.toFixed(1)} ${y0.toFixed(1)}L${x1.toFixed(1)} ${y1.toFixed(1)}`).join("");
+      const label = segments.map(([start]) => start).find(isFree);
+      if (label) labels.push(label);
+      const words = label ? `<text class="level" x="${label[0].toFixed(1)}" y="${(label[1] - 3).toFixed(1)}" text-anchor="middle">${text(level)}</text>` : "";
+      return path ? `<path class="contour${level === 0 ? " zero" : ""}" d="${path}"></path>${words}` : "";
+    });
+    return drawn.join("");
+  }
+
+  /** The result over the first input, a curve for each value of the second. */
+  lines(box, x, y, value, rows) {
+    const { text, escaped, range, round, CURVES, MOST_CURVES, STATES } = biflag.SweepMap;
+    const { width, height, left, top, right, bottom } = box;
+    this.contoured = 0;
+    const isGrid = y.steps[0].from === y.steps[0].to;
+    const every = Math.ceil(y.steps.length / MOST_CURVES);
+    const groups = y.steps.filter((_, i) => i % every === 0).map(({ from, to }) => ({ from, to, rows: rows.filter(([, b]) => b >= from && b <= to).sort((p, q) => p[0] - q[0]) })).filter((group) => group.rows.length);
+    const room = 15 * Math.ceil(groups.length / Math.max(Math.floor((width - left) / 90), 1));
+    const [xs, ys] = [range(rows.map(([a]) => a)), range(groups.flatMap((group) => group.rows.map(([, , v]) => v)))];
+    const scale = ([low, high], from, to, spacing) => ({
+      place: (v) => from + (0.03 + (0.94 * (v - low)) / (high - low || 1)) * (to - from),
+      ticks: round(low, high, Math.abs(to - from) / spacing),
+    });
+    const [across, up] = [scale(xs, left, width - right, 60), scale(ys, height - bottom, top + room, 34)];
+    const grid = up.ticks.map((v) => `<path class="empty" d="M${left} ${up.place(v).toFixed(1)}H${width - right}"></path>`);
+    const curves = groups.map((group, n) => {
+      const stroke = `#${CURVES[n % CURVES.length]}`;
+      const dash = n < CURVES.length ? "" : ' stroke-dasharray="5 3"';
+      const d = group.rows.map(([a, , v], i) => `${i ? "L" : "M"}${across.place(a).toFixed(1)} ${up.place(v).toFixed(1)}`).join("");
+      const dots = group.rows.map(([a, b, v, i]) => {
+        const state = this.states[i] > 0 ? `, ${STATES[this.states[i]]}` : "";
+        return `<circle data-at="${a},${b},${v}" cx="${across.place(a).toFixed(1)}" cy="${up.place(v).toFixed(1)}" r="3" fill="${state ? "none" : stroke}" style="stroke:${stroke};stroke-width:1.5"><title>${escaped(`${x.label} ${text(a)}; ${y.label} ${text(b)}: ${text(v)}${state}`)}</title></circle>`;
+      });
+      const [column, line] = [n % Math.floor((width - left) / 90), Math.floor(n / Math.floor((width - left) / 90))];
+      const [kx, ky] = [left + 90 * column, top + 15 * line];
+      const name = isGrid ? text(group.from) : `${text(group.from)} to ${text(group.to)}`;
+      return `${isGrid ? `<path d="${d}" fill="none" stroke="${stroke}" stroke-width="1.8"${dash}></path>` : ""}${dots.join("")}<path d="M${kx} ${ky}h20" stroke="${stroke}" stroke-width="2.5"${dash}></path><text x="${kx + 25}" y="${ky + 4}">${name}</text>`;
+    });
+    return [...grid, ...curves, this.frame({ ...box, top: top + room }, x.label, value.label, across, up)].join("");
+  }
+
+  /** The frame, the ticks and the words of both axes. */
+  frame({ width, height, left, top, right, bottom }, xLabel, yLabel, across, up) {
+    const { text, escaped } = biflag.SweepMap;
+    return [
+      `<path class="empty" d="M${left} ${top}H${width - right}V${height - bottom}H${left}Z"></path>`,
+      ...across.ticks.map((v) => `<text x="${across.place(v).toFixed(1)}" y="${height - bottom + 16}" text-anchor="middle">${text(v)}</text>`),
+      ...up.ticks.map((v) => `<text x="${left - 6}" y="${(up.place(v) + 4).toFixed(1)}" text-anchor="end">${text(v)}</text>`),
+      `<text x="${(left + width - right) / 2}" y="${height - 10}" text-anchor="middle">${escaped(xLabel)}</text>`,
+      `<text transform="translate(13 ${(top + height - bottom) / 2}) rotate(-90)" text-anchor="middle">${escaped(yLabel)}</text>`,
+    ].join("");
   }
 };
 
