@@ -53,6 +53,24 @@ fn entry(pdf: &[u8], key: &str) -> String {
     String::from_utf16(&digits.chunks(4).map(unit).collect::<Vec<_>>()).unwrap()
 }
 
+/// A swept table over both speeds and the viscosity, with standard errors and one point that is not steady.
+fn swept() -> String {
+    let mut table = "# biflag sweep test, version 2 of the model's results\n# w1_rpm [rpm]: speed of flagellum 1\n\
+                     # w2_rpm [rpm]: speed of flagellum 2\n# fluid_viscosity_pa_s [Pa s]: key of the robot's file, which varies\n\
+                     # yaw_deg [deg]: steady yaw\nw1_rpm,w2_rpm,fluid_viscosity_pa_s,yaw_deg,pitch_deg,roll_deg,tilt_deg,yaw_se_deg,kind\n"
+        .to_owned();
+    for (i, w1) in [-37.5, 0.0, 12.25, 90.0].into_iter().enumerate() {
+        for w2 in [0.0, 33.3, 90.0] {
+            for viscosity in [0.8, 1.0, 1.25] {
+                let yaw = -w1 * viscosity - w2;
+                let kind = if i == 1 { "beating" } else { "steady" };
+                table += &format!("{w1},{w2},{viscosity},{yaw},1,2,2.2,0.8,{kind}\n");
+            }
+        }
+    }
+    table
+}
+
 /// A figure that is found in a year says how it was made, and of what.
 #[test]
 fn figure_says_where_it_comes_from() {
@@ -103,6 +121,7 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         let code = biflag(folder, &["simulate", "plan.toml", "--robot", robot, "--out", out]).status.code();
         assert!(matches!(code, Some(0 | 3)), "{code:?}");
     }
+    std::fs::write(folder.join("sweep.csv"), swept()).unwrap();
     let (a, b) = ("a/005_w1+0_w2+45.mcap", "b/005_w1+0_w2+45.mcap");
     for (args, words) in [
         (&["trial", a][..], &["Yaw ψ (°)", "Roll φ (°)", "model", "Time from the start of the run (s)"][..]),
@@ -111,6 +130,23 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         (&["forces", a], &["Force x (mN)", "Force z (mN)", "flagellum 2"]),
         (&["map", "a"], &["|ψ| (°)", "|θ| (°)", "|φ| (°)", "tilt (°)", "ω₁ (rpm)", "ω₂ (rpm)"]),
         (&["map", "a", "--against", "b"], &["tilt (°)"]),
+        (&["map", "sweep.csv", "--at", "fluid_viscosity_pa_s=0.8"], &["tilt (°)"]),
+        (&["map", "a", "--against", "sweep.csv"], &["tilt (°)"]),
+        (&["contact", a], &["Smallest gap (mm)", "Winding (turns)", "apart", "touching", "bundled"]),
+        (
+            &["lines", "sweep.csv", "--by", "fluid_viscosity_pa_s", "--at", "w2_rpm=33.3"],
+            &[
+                "yaw, °",
+                "speed of flagellum 1 (w1), rpm",
+                "fluid viscosity, Pa s",
+                "1.25",
+                "speed of flagellum 2 (w2) 33.3 rpm",
+            ],
+        ),
+        (
+            &["lines", "sweep.csv", "--value", "tilt_deg", "--over", "fluid_viscosity_pa_s"],
+            &["tilt", "fluid viscosity, Pa s"],
+        ),
         (&["scatter", "a", "--against", "b", "--anyway"], &["First model yaw ψ (°)", "Second model roll φ (°)"]),
     ] {
         let svg = figure(folder, args, "figure.svg");
@@ -142,6 +178,12 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         assert!(png.starts_with(b"\x89PNG"));
         assert_eq!(u32::from_be_bytes(png[16..20].try_into().unwrap()), 2079, "600 dpi");
     }
+    // Three curves with their bands, four points each, those that are not steady empty.
+    let lines = figure(folder, &["lines", "sweep.csv", "--by", "fluid_viscosity_pa_s"], "lines.svg");
+    let lines = String::from_utf8(lines).unwrap();
+    let count = |part: &str| lines.matches(part).count();
+    assert_eq!([count("<circle"), count("fill=\"#ffffff\" stroke"), count("fill-opacity")], [12, 3, 3]);
+    assert!(lines.contains("table sweep.csv, SHA-256 "), "{lines}");
     let wide = tree(&figure(folder, &["map", "a", "--width-mm", "180"], "wide.svg"));
     assert!((wide.size().width() - WIDTH_PT * 180.0 / 88.0).abs() < 0.01);
 
@@ -151,6 +193,11 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         (&["trial", a, "--width-mm", "5", "-o", "x.svg"], "between 60 and 400 mm"),
         (&["trial", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),
         (&["forces", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),
+        (&["contact", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),
+        (&["lines", "sweep.csv", "--at", "w1_rpm=0", "-o", "x.svg"], "w1_rpm has no single value"),
+        (&["lines", "sweep.csv", "--at", "w2_rpm=34", "-o", "x.svg"], "the sweep has w2_rpm: 0, 33.3, 90"),
+        (&["lines", "sweep.csv", "--over", "yaw_deg", "-o", "x.svg"], "yaw_deg is no input of the sweep"),
+        (&["lines", "a", "-o", "x.svg"], "is no sweep"),
     ] {
         let output = biflag(folder, &[&["figure"], args].concat());
         let text = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -7,5 +7,6 @@
 pub mod figure;
 pub mod film;
 pub mod report;
+mod swept;
 mod ticks;
 mod viridis;

@@ -10,13 +10,15 @@ use clap::Subcommand;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Write a figure for a paper as SVG, PDF or PNG: a trial, its forces, a map, or predictions against measurements.
+/// Write a figure for a paper as SVG, PDF or PNG: a trial, its forces, a map, a sweep, or predictions against measurements.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag figure trial glycerin/001_w1+50_w2+10.mcap --against glycerin-replay/001_w1+50_w2+10.mcap -o trial.pdf\n  \
     biflag figure trial glycerin 1 --against glycerin-replay -o trial.pdf\n  \
     biflag figure forces glycerin-replay/001_w1+50_w2+10.mcap --time 50,56 -o forces.pdf\n  \
+    biflag figure contact bundling 1 -o bundling.pdf\n  \
     biflag figure map glycerin --against map -o map.pdf\n  \
+    biflag figure lines softer --value tilt_deg --over group_stiffness_relative --by w1_rpm -o softer.pdf\n  \
     biflag figure scatter glycerin --against glycerin-replay -o scatter.svg\n\
     Text is 7 pt at the printed width. A PNG has 600 pixels per inch.")]
 pub struct Args {
@@ -60,14 +62,52 @@ enum Subject {
         #[command(flatten)]
         paper: Paper,
     },
+    /// Draw gap and winding of the flagella over a trial of the model, and when they touch.
+    Contact {
+        /// The log, or a session folder with the number of the trial.
+        #[arg(value_name = "LOG|SESSION")]
+        log: PathBuf,
+        /// The number of the trial in the session, from 1.
+        #[arg(value_name = "N")]
+        number: Option<usize>,
+        /// The time range to show, in seconds from the start of the run; by default the whole trial.
+        #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]
+        time: Option<[f64; 2]>,
+        #[command(flatten)]
+        paper: Paper,
+    },
+    /// Draw a result of a sweep over an input, a curve for each value of another.
+    Lines {
+        /// The folder of the sweep, or its table.
+        #[arg(value_name = "SWEEP")]
+        sweep: PathBuf,
+        /// The result, such as yaw_deg, tilt_deg or force1_z_n.
+        #[arg(long, value_name = "COLUMN", default_value = "yaw_deg")]
+        value: String,
+        /// The input along the axis.
+        #[arg(long, value_name = "COLUMN", default_value = "w1_rpm")]
+        over: String,
+        /// The input that tells the curves apart.
+        #[arg(long, value_name = "COLUMN")]
+        by: Option<String>,
+        /// The value of another input, such as w2_rpm=10; may be repeated. By default the one that most points have.
+        #[arg(long, value_name = "COLUMN=VALUE", value_parser = fixed)]
+        at: Vec<(String, f64)>,
+        #[command(flatten)]
+        paper: Paper,
+    },
     /// Draw maps of |yaw|, |pitch|, |roll| and tilt over both speeds.
     Map {
-        /// The session.
-        #[arg(value_name = "SESSION")]
+        /// The session or the sweep.
+        #[arg(value_name = "SESSION|SWEEP")]
         session: PathBuf,
-        /// A session whose map is drawn behind the points of the first.
-        #[arg(long, value_name = "SESSION")]
+        /// A session or sweep whose map is drawn behind the points of the first.
+        #[arg(long, value_name = "SESSION|SWEEP")]
         against: Option<PathBuf>,
+        /// The value of another input of a sweep, such as fluid_viscosity_pa_s=0.8; may be repeated. By default the one that
+        /// most points have.
+        #[arg(long, value_name = "COLUMN=VALUE", value_parser = fixed)]
+        at: Vec<(String, f64)>,
         #[command(flatten)]
         paper: Paper,
     },
@@ -98,6 +138,12 @@ struct Paper {
     width_mm: f64,
 }
 
+fn fixed(text: &str) -> Result<(String, f64), String> {
+    let form = || "give a column and its value, such as w2_rpm=10".to_owned();
+    let (name, value) = text.split_once('=').ok_or_else(form)?;
+    Ok((name.to_owned(), value.parse().map_err(|_| form())?))
+}
+
 fn width(text: &str) -> Result<f64, String> {
     let width: f64 = text.parse().map_err(|_| "give millimetres as a number, such as 88".to_owned())?;
     if (60.0..=400.0).contains(&width) { Ok(width) } else { Err("must be between 60 and 400 mm".to_owned()) }
@@ -113,8 +159,15 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Subject::Forces { log, number, time, paper } => {
             (paper, figure::forces(subject(log, number), *time, paper.width_mm, &paper.output)?)
         }
-        Subject::Map { session, against, paper } => {
-            (paper, figure::map(session, against.as_deref(), paper.width_mm, &paper.output)?)
+        Subject::Contact { log, number, time, paper } => {
+            (paper, figure::contact(subject(log, number), *time, paper.width_mm, &paper.output)?)
+        }
+        Subject::Lines { sweep, value, over, by, at, paper } => {
+            let lines = figure::Lines { value, over, by: by.as_deref(), at };
+            (paper, figure::lines(sweep, lines, paper.width_mm, &paper.output)?)
+        }
+        Subject::Map { session, against, at, paper } => {
+            (paper, figure::map(session, against.as_deref(), at, paper.width_mm, &paper.output)?)
         }
         Subject::Scatter { session, against, anyway, paper } => {
             (paper, figure::scatter(session, against, *anyway, paper.width_mm, &paper.output)?)

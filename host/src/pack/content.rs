@@ -185,7 +185,7 @@ impl Content {
             }
         }
         let map = folder.join("map.svg");
-        match figure::map(session, None, COLUMN_MM, &map) {
+        match figure::map(session, None, &[], COLUMN_MM, &map) {
             Ok(_) => self.add("figures/map.svg", map, "The steady angles over both speeds"),
             // Most sessions have too few speeds.
             Err(FigureError::NoMap { .. }) => {}

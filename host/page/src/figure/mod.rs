@@ -3,7 +3,9 @@
 //! Figures are drawn by own functions. They need two linear axes, curves, bands, dots and cells, and exact sizes on
 //! paper, which the plotting libraries for Rust do not offer (they place text by pixels).
 
+mod contact;
 mod forces;
+mod lines;
 mod map;
 mod output;
 mod panel;
@@ -26,15 +28,18 @@ mod trial;
 
 pub use output::Format;
 
+use crate::swept::{self, Swept};
 use biflag_log::LogError;
 use map::{Map, Point};
 use miette::Diagnostic;
 use protocol::units::CentiRpm;
 use provenance::Provenance;
 use rayon::prelude::*;
+use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use study::output::OutputError;
 use study::session::{Attempt, Session, SessionError, TrialState};
+use study::text::hex;
 use study::trial::{AtSpeeds, Data, LogFinding, Want, Zeroed, findings, mean_of_repeats};
 use study::twin::{self, Compared, OnMismatch, Pairs, Source, TwinError};
 use thiserror::Error;
@@ -74,6 +79,17 @@ pub enum FigureError {
         path: PathBuf,
         /// What was found about its trials, if it is grave.
         found: String,
+    },
+    /// The table of a sweep cannot be drawn so.
+    #[error("{}: {reason}", path.display())]
+    #[diagnostic(code(wrong_use), help("{help}"))]
+    Swept {
+        /// The table.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+        /// What to do.
+        help: String,
     },
     /// A session has several trials.
     #[error("{}: is a session, and the figure shows one trial", path.display())]
@@ -225,17 +241,165 @@ pub fn forces(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64, out: &P
     Ok(Remarks { findings: of_data(&data), warnings: Vec::new() })
 }
 
-/// Writes maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, or its points over the map of
-/// `surface`. A pair of speeds has the mean of its trials; trials that did not end as planned are left out.
+/// Writes gap and winding of the flagella of a modelled trial, and when they touch; `time_s` as in [`trial`].
 ///
 /// # Errors
 /// [`FigureError`].
-pub fn map(session: &Path, surface: Option<&Path>, width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
+pub fn contact(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
+    Format::of(out)?;
+    let data = subject.log()?.read(Want { forces: true, hash: true, ..Want::default() })?;
+    let title = format!("Gap and winding of the flagella in trial {}", data.trial().name);
+    let provenance = Provenance::new(title, [Provenance::log(&data)]);
+    output::write(&contact::draw(&data, time_s, width_mm)?, &provenance, out)?;
+    Ok(Remarks { findings: of_data(&data), warnings: Vec::new() })
+}
+
+/// Which result of a sweep is drawn over which inputs.
+#[derive(Clone, Copy, Debug)]
+pub struct Lines<'a> {
+    /// The result, such as `yaw_deg`.
+    pub value: &'a str,
+    /// The input along the axis.
+    pub over: &'a str,
+    /// The input that tells the curves apart; `None` for one curve.
+    pub by: Option<&'a str>,
+    /// Values of the other inputs; by default those that most points have.
+    pub at: &'a [(String, f64)],
+}
+
+/// Writes a result of a sweep over an input, a curve for each value of another. Bands are 95 % intervals of the mean where the
+/// table has its standard error.
+///
+/// # Errors
+/// [`FigureError`].
+pub fn lines(sweep: &Path, lines: Lines, width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
+    Format::of(out)?;
+    let (table, swept) = read_sweep(sweep)?;
+    let wrong = |reason: String| wrong_lines(&table, reason, &swept);
+    let missing = |name: &str, what: &str| wrong(format!("{name} is no {what} of the sweep"));
+    let input =
+        |name: &str| swept.inputs.iter().find(|column| column.name == name).ok_or_else(|| missing(name, "input"));
+    let (over, by) = (input(lines.over)?, lines.by.map(input).transpose()?);
+    let value = swept.results.iter().find(|column| column.name == lines.value);
+    let value = value.ok_or_else(|| missing(lines.value, "result"))?;
+    let free: Vec<&str> = std::iter::once(lines.over).chain(lines.by).collect();
+    let (mut rows, fixed) = swept.slice(&free, lines.at).map_err(wrong)?;
+    rows.retain(|i| value.values[*i].is_finite());
+    let key = |i: usize| by.map_or(0.0, |by| by.values[i]);
+    rows.sort_by(|a, b| key(*a).total_cmp(&key(*b)).then(over.values[*a].total_cmp(&over.values[*b])));
+    // The standard error of a result has the result's name and unit: yaw_se_deg of yaw_deg.
+    let error = lines.value.rsplit_once('_').and_then(|(name, unit)| swept.column(&format!("{name}_se_{unit}")));
+    let point = |i: &usize| lines::Point {
+        x: over.values[*i],
+        y: value.values[*i],
+        half: error.map_or(f64::NAN, |error| NORMAL_95 * error.values[*i]),
+        is_steady: swept.states[*i] <= 0,
+    };
+    let curves: Vec<lines::Curve> = rows
+        .chunk_by(|a, b| swept::is_same(key(*a), key(*b)))
+        .map(|rows| lines::Curve { name: short_number(key(rows[0])), points: rows.iter().map(point).collect() })
+        .collect();
+    if curves.is_empty() {
+        return Err(wrong(format!("no point has a value of {}", lines.value)));
+    }
+    if curves.len() > lines::MOST {
+        return Err(wrong(format!(
+            "{} has {} values, and at most {} curves can be told apart",
+            lines.by.unwrap_or_default(),
+            curves.len(),
+            lines::MOST
+        )));
+    }
+    let said = |(name, value): &(String, f64)| {
+        let label = swept.column(name).map_or_else(|| name.clone(), swept::Column::label);
+        let (words, unit) = label.split_once(", ").unwrap_or((&label, ""));
+        format!("{words} {} {unit}", short_number(*value)).trim_end().to_owned()
+    };
+    let under: Vec<String> = fixed.iter().map(said).collect();
+    let by = by.map_or_else(String::new, swept::Column::label);
+    let svg = lines::draw(&curves, [&over.label(), &value.label()], &by, &under, width_mm);
+    let provenance = Provenance::new(format!("{} over {}", value.label(), over.label()), [of_table(&table)]);
+    output::write(&svg, &provenance, out)?;
+    Ok(Remarks::default())
+}
+
+/// Half the width of the 95 % interval of a normal distribution, standard deviations.
+const NORMAL_95: f64 = 1.96;
+
+/// A number with four digits.
+fn short_number(value: f64) -> String {
+    let digits = if value == 0.0 { 0 } else { (3 - value.abs().log10().floor() as i32).max(0) };
+    let scale = 10_f64.powi(digits);
+    format!("{}", (value * scale).round() / scale).replace('-', "−")
+}
+
+fn read_sweep(path: &Path) -> Result<(PathBuf, Swept), FigureError> {
+    let wrong = |reason: String| FigureError::Swept {
+        path: path.to_owned(),
+        reason,
+        help: "name the folder of a sweep, or its table.parquet or table.csv".to_owned(),
+    };
+    let table = swept::table_of(path).ok_or_else(|| wrong("is no sweep".to_owned()))?;
+    let swept = Swept::read(&table).map_err(wrong)?;
+    Ok((table, swept))
+}
+
+fn wrong_lines(table: &Path, reason: String, swept: &Swept) -> FigureError {
+    let names =
+        |columns: &[swept::Column]| columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ");
+    let help = format!("inputs: {}; results: {}", names(&swept.inputs), names(&swept.results));
+    FigureError::Swept { path: table.to_owned(), reason, help }
+}
+
+/// Returns a table as a line of a figure's provenance.
+fn of_table(path: &Path) -> String {
+    let sum = std::fs::read(path)
+        .map_or_else(|_| String::new(), |bytes| format!(", SHA-256 {}", hex(&Sha256::digest(bytes))));
+    format!("table {}{sum}", path.display())
+}
+
+/// Returns the steady angles at the speeds of a sweep, for the other inputs that `at` names or that most points have.
+fn of_sweep(path: &Path, at: &[(String, f64)], logs: &mut Vec<String>) -> Result<Vec<AtSpeeds<()>>, FigureError> {
+    let (table, swept) = read_sweep(path)?;
+    let wrong = |reason: String| wrong_lines(&table, reason, &swept);
+    let column =
+        |name: &str| swept.column(name).ok_or_else(|| wrong(format!("has no column {name}, or it does not vary")));
+    let [w1, w2] = [column("w1_rpm")?, column("w2_rpm")?];
+    let [yaw, pitch, roll, tilt] = [column("yaw_deg")?, column("pitch_deg")?, column("roll_deg")?, column("tilt_deg")?];
+    let (rows, _) = swept.slice(&["w1_rpm", "w2_rpm"], at).map_err(wrong)?;
+    logs.push(of_table(&table));
+    let point = |i: usize| AtSpeeds {
+        speeds_rpm: [w1.values[i], w2.values[i]],
+        angles_deg: [yaw, pitch, roll].map(|angle| angle.values[i]),
+        tilt_deg: tilt.values[i],
+        trials: 1,
+        first: (),
+    };
+    Ok(rows.into_iter().filter(|i| yaw.values[*i].is_finite()).map(point).collect())
+}
+
+/// Writes maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, which may be a sweep, or its points over the
+/// map of `surface`. A pair of speeds has the mean of its trials; trials that did not end as planned are left out. `at` as in
+/// [`Lines`].
+///
+/// # Errors
+/// [`FigureError`].
+pub fn map(
+    session: &Path,
+    surface: Option<&Path>,
+    at: &[(String, f64)],
+    width_mm: f64,
+    out: &Path,
+) -> Result<Remarks, FigureError> {
     Format::of(out)?;
     let (mut remarks, mut logs) = (Remarks::default(), Vec::new());
+    let mut read = |path: &Path| match swept::table_of(path) {
+        Some(_) => of_sweep(path, at, &mut logs),
+        None => steady(path, &mut remarks, &mut logs),
+    };
     let (surface, points) = match surface {
-        Some(surface) => (steady(surface, &mut remarks, &mut logs)?, steady(session, &mut remarks, &mut logs)?),
-        None => (steady(session, &mut remarks, &mut logs)?, Vec::new()),
+        Some(surface) => (read(surface)?, read(session)?),
+        None => (read(session)?, Vec::new()),
     };
     let differs = |k: usize| surface.iter().chain(&points).any(|trial| trial.speeds_rpm[k] != surface[0].speeds_rpm[k]);
     if surface.is_empty() || !differs(0) || !differs(1) {

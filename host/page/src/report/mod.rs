@@ -27,6 +27,7 @@ pub use budget::ByteBudget;
 pub use live_page::{live_maps, live_page};
 pub use view::View;
 
+use crate::swept;
 use biflag_log::LogError;
 use maud::{Markup, PreEscaped, html};
 use miette::Diagnostic;
@@ -150,7 +151,7 @@ pub fn write(
 ) -> Result<Written, ReportError> {
     let out = out.map_or_else(|| kind.place(path), Path::to_owned);
     check(&out)?;
-    if let Some(table) = sweep_page::table_of(path) {
+    if let Some(table) = swept::table_of(path) {
         return sweep_page::write(&table, &out);
     }
     if path.is_dir() { of_session(&Session::open(path)?, comparison, views, &out) } else { of_log(path, views, &out) }

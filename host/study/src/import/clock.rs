@@ -112,12 +112,11 @@ impl fmt::Display for Beside {
         write!(
             f,
             "clock by the yaw: 0 s of the table is {} s of {trial}, whose time passes {} ppm faster\n\
-             yaw: drifts by {} °/s against the recorded one; without it {} rows differ by {} RMS",
+             yaw: drifts by {} °/s against the recorded one; without it {rows} rows differ by {}° RMS",
             with(*offset_s, *offset_u_s, 3),
             with(*rate_ppm, *rate_u_ppm, 0),
             with(*drift_dps, *drift_u_dps, 4),
-            rows,
-            format!("{}°", decimal(*rms_deg, 2)),
+            decimal(*rms_deg, 2),
         )
     }
 }

@@ -1,0 +1,85 @@
+//! How the flagella of a modelled trial come together: their gap, how they wind around each other, and a ribbon that says when
+//! they are apart, in touch and bundled.
+
+use super::FigureError;
+use super::panel::{Axis, Panel};
+use super::sheet::{Anchor, FONT_PT, INK, MEASURED, MM, Sheet, Stroke};
+use sim::contact::bundling::Bundling;
+use study::trial::Data;
+
+const LEFT_MM: f64 = 13.0;
+const RIGHT_MM: f64 = 3.0;
+const PANEL_MM: f64 = 24.0;
+const RIBBON_MM: f64 = 3.0;
+
+/// The colours of the ribbon, from apart to bundled.
+const RIBBON: [(Bundling, &str, &str); 3] = [
+    (Bundling::Apart, "apart", "#e7eaec"),
+    (Bundling::Touching, "touching", "#f0b870"),
+    (Bundling::Bundled, "bundled", "#b3261e"),
+];
+
+/// Columns of the forces.
+const GAP: usize = 14;
+const WINDING: usize = 16;
+
+/// Draws gap, winding and ribbon of a trial.
+///
+/// # Errors
+/// [`FigureError::NoForces`] if the log has none: only a model knows them; [`FigureError::Nothing`] if no sample lies in the
+/// time.
+pub(super) fn draw(data: &Data, time_s: Option<[f64; 2]>, width_mm: f64) -> Result<String, FigureError> {
+    if data.forces.is_empty() {
+        return Err(FigureError::NoForces { path: data.path.clone() });
+    }
+    let start = data.times.run.start;
+    let times = &data.forces.time_s;
+    let [from, to] = time_s.unwrap_or([times[0] - start, times[times.len() - 1] - start]);
+    let shown = |time: &f64| (from..=to).contains(&(time - start));
+    if !times.iter().any(shown) {
+        return Err(FigureError::Nothing { path: data.path.clone() });
+    }
+    let mut sheet = Sheet::new(width_mm);
+    let x = Axis::new(from, to.max(from + 1e-3), "Time from the start of the run (s)");
+    let mut top = 3.0 * MM;
+    for (column, scale, least, label) in [(GAP, 1e3, 1.0, "Smallest gap (mm)"), (WINDING, 1.0, 0.1, "Winding (turns)")]
+    {
+        let values = times.iter().zip(&data.forces.values[column]).filter(|(time, _)| shown(time));
+        let curve: Vec<[f64; 2]> = values.map(|(time, value)| [time - start, value * scale]).collect();
+        let panel = Panel {
+            x: x.clone(),
+            y: Axis::about(curve.iter().map(|[_, value]| *value), least, label),
+            left: LEFT_MM * MM,
+            top,
+            width: sheet.width - (LEFT_MM + RIGHT_MM) * MM,
+            height: PANEL_MM * MM,
+        };
+        panel.frame(&mut sheet, column == WINDING);
+        sheet.upright(3.2 * MM, top + 0.5 * panel.height, label);
+        panel.curve(&mut sheet, &curve, Stroke(MEASURED, 0.8, ""));
+        top += panel.height + if column == WINDING { 8.5 * MM } else { 2.5 * MM };
+    }
+    ribbon(&mut sheet, data, [from, to], top);
+    Ok(sheet.svg(top + RIBBON_MM * MM + 2.4 * FONT_PT))
+}
+
+/// Draws the ribbon and its legend.
+fn ribbon(sheet: &mut Sheet, data: &Data, [from, to]: [f64; 2], top: f64) {
+    let changes = data.records.steady.as_ref().map(|steady| steady.bundling_changes.as_slice()).unwrap_or_default();
+    let (left, width) = (LEFT_MM * MM, sheet.width - (LEFT_MM + RIGHT_MM) * MM);
+    let at = |time_s: f64| left + ((time_s - from) / (to - from)).clamp(0.0, 1.0) * width;
+    let starts = || changes.iter().map(|change| change.time_s - data.times.run.start);
+    let colour = |state| RIBBON.iter().find(|(of, ..)| *of == state).map_or(INK, |(.., colour)| colour);
+    for ((change, begin), end) in changes.iter().zip(starts()).zip(starts().skip(1).chain([f64::INFINITY])) {
+        let [x0, x1] = [at(begin), at(end)];
+        if x1 > x0 {
+            sheet.rect([x0, top], [x1 - x0, RIBBON_MM * MM], colour(change.bundling));
+        }
+    }
+    let mut x = left;
+    for (_, name, colour) in RIBBON {
+        sheet.rect([x, top + RIBBON_MM * MM + 0.8 * FONT_PT], [7.0, 0.8 * FONT_PT], colour);
+        sheet.text(x + 10.0, top + RIBBON_MM * MM + 1.5 * FONT_PT, Anchor::Start, name);
+        x += 24.0 + 0.56 * FONT_PT * name.len() as f64;
+    }
+}
