@@ -6,11 +6,12 @@ DEMO := target/demo
 PUBLISHED := target/published
 KILLS ?= 1000
 
-.PHONY: help setup build build-demo firmware demo published test proof hostile mutants lint doc book dist wheel dist-test clean
+.PHONY: help setup build build-demo firmware demo gallery published test proof hostile mutants lint doc book dist wheel dist-test clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
 	@echo "make published the figures of the publication by the model, and its printed numbers beside ours"
+	@echo "make gallery   six pages of different kinds, each with the commands that made it; some minutes"
 	@echo "make test      all tests"
 	@echo "make proof     long checks: fits to robots with unknown parameters, 10000 random cases, speed; two hours"
 	@echo "make hostile   $(KILLS) kills of a recording, a log changed at every byte, spoilt lines, lost frames; an hour"
@@ -74,6 +75,9 @@ demo: build-demo
 	@$(BIN)/biflag report $(DEMO)/bundling || [ $$? = 3 ]
 	@echo "\nOpen in a browser: $(DEMO)/robot/compare-before.html, $(DEMO)/robot/compare.html, $(DEMO)/bundling/report.html."
 	@echo "Foxglove, Rerun and PlotJuggler open the logs (*.mcap) beside them."
+
+gallery: build
+	@sh host/gallery.sh
 
 # With the publication's own model, the closure `lumped`.
 published: build

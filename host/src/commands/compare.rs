@@ -39,6 +39,9 @@ pub struct Args {
     /// Replay with this closure; by default the closure of the log's model, or `full`.
     #[arg(long, value_enum, conflicts_with = "b")]
     closure: Option<ClosureName>,
+    /// The page to write; by default compare.html in the session folder, or LOG.compare.html.
+    #[arg(short, long, value_name = "FILE")]
+    out: Option<PathBuf>,
     /// Number of parallel trials; by default the number of cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
@@ -93,7 +96,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     }
     let is_whole = comparison.is_sound();
     // The results are printed even if the page cannot be written.
-    let (report, page) = match report::write(&args.a, Kind::Comparison, Some(&comparison), views, None) {
+    let (report, page) = match report::write(&args.a, Kind::Comparison, Some(&comparison), views, args.out.as_deref()) {
         Ok(written) => {
             (Some(written.html.to_string_lossy().into_owned()), format!("report: {}\n", written.html.display()))
         }

@@ -211,7 +211,12 @@ fn of_session(
             }
             Some(Err(error)) => RowState::Unreadable(error.to_string()),
         };
-        Row { name: trial.name.clone(), speeds_rpm: trial.speeds.map(|speed| speed.rpm()), state }
+        let speeds_rpm = match &state {
+            // The plan has the speeds that it began with.
+            RowState::Shown(view) if view.records.steer.is_some() => view.speeds_rpm,
+            _ => trial.speeds.map(|speed| speed.rpm()),
+        };
+        Row { name: trial.name.clone(), speeds_rpm, state }
     };
     let rows: Vec<Row> = states.par_iter().map(row).collect();
     let shown = || rows.iter().enumerate().filter_map(|(i, row)| Some((session_page::anchor(i), row.view()?)));
