@@ -6,8 +6,8 @@
 
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::periodic::{self, Kind, Periodic, Problem};
-use sim::profile::SpeedProfile;
+use sim::steady::{self, Kind, Periodic, Problem};
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -42,8 +42,16 @@ fn processor_s() -> f64 {
 
 fn row(robot: &Robot, rpm: [f64; 2]) -> Row {
     let start = processor_s();
-    let problem = Problem { robot, closure: Closure::Full, rpm, start_rad: [0.0; 2], longest_s: TRIAL_S, output: None };
-    let solved = periodic::solve(&problem, &|_| true).expect("a steady state");
+    let problem = Problem {
+        robot,
+        closure: Closure::Full,
+        rpm,
+        start_rad: [0.0; 2],
+        longest_s: TRIAL_S,
+        output: None,
+        at_rest: None,
+    };
+    let solved = steady::solve(&problem, &|_| true).expect("a steady state");
     let middle = processor_s();
     let profile = SpeedProfile::constant(rpm, TRIAL_S).expect("a profile");
     let mut trial = Trial::new(robot, Closure::Full, profile, Options::default()).expect("parameters");

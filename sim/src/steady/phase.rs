@@ -6,7 +6,7 @@
 //! beside a turning one tilts the robot in a direction that depends on its angle. If no small p and q approximate the
 //! ratio of the speeds, all phases occur in turn, and the means do not depend on the starting phase.
 
-use crate::steady::WINDOW;
+use crate::trial::means::WINDOW;
 use std::fmt;
 
 /// Largest p + q of a simple ratio. Over six phases the yaw of the published robot, whose flagella touch there, spreads

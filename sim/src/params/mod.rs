@@ -9,19 +9,20 @@
 //! states: Stokes flow is an approximation there.
 
 mod built_in;
+mod closure;
 mod head;
 mod tank;
 mod validate;
 
 pub use built_in::BUILT_IN;
+pub use closure::Closure;
 pub use head::{Head, HeadShape};
 pub use tank::{Face, Tank};
 
-use crate::body::closure::Closure;
-use crate::fluid::far::Precision;
 use crate::rod::{
     Stiffness,
     helix::{Handedness, Helix},
+    spin::SpinDrag,
 };
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -306,6 +307,17 @@ impl Default for Contact {
     }
 }
 
+/// Precision of the sum over far segments.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// 32 bits: good to about 1e-6 of the flow.
+    #[default]
+    Single,
+    /// 64 bits: for results that must not depend on rounding, at twice the cost.
+    Double,
+}
+
 /// Settings of the implicit steps, see [`crate::step`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -376,6 +388,11 @@ impl Robot {
     /// 4 pi mu a^2.
     pub fn round_spin_drag(&self) -> f64 {
         4.0 * PI * self.fluid.viscosity() * self.flagellum.rod_radius_m.powi(2)
+    }
+
+    /// Returns the drag on the spin of the flagella.
+    pub fn spin_drag(&self) -> SpinDrag {
+        SpinDrag::new(self.round_spin_drag(), self.fluid.spin_drag)
     }
 
     /// Returns the weight less buoyancy of the rod in N/m, downwards.
