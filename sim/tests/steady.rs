@@ -3,7 +3,7 @@
 use crate::common::prove;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::steady::{self, Kind, Periodic, Problem, SolveError};
+use sim::steady::{self, Kind, Method, Periodic, Problem, SolveError, SteadyState};
 use sim::trial::means::WINDOW;
 use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
@@ -143,6 +143,17 @@ fn a_closure_that_never_settles_is_not_found() {
     let solved = steady::solve(&never, &|_| true).expect("a run");
     assert_eq!((solved.kind, solved.summary.steady.settled), (Kind::NotFound, false));
     prove("never settled: simulated time beyond the longest, s", (solved.simulated_s - 60.0).max(0.0), 60.0);
+}
+
+/// A beat of 33 minutes: after two of them the means are those of the phases that have passed.
+#[test]
+fn the_means_of_a_phase_that_slips_are_not_known() {
+    let robot = Robot::default();
+    let slips = problem(&robot, [45.5, -45.53]);
+    for method in [Method::Steady, Method::Trial] {
+        let state = SteadyState::by(method, &slips, &|_| true).expect("a run");
+        assert_eq!((state.kind, state.summary.steady.settled), (Kind::NotFound, false), "{method:?}");
+    }
 }
 
 #[test]

@@ -89,9 +89,9 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Returns the kind of a motion that does not repeat, from whether its trial has settled.
-    pub fn of_trial(settled: bool) -> Self {
-        if settled { Self::Beating } else { Self::NotFound }
+    /// Returns the kind of a motion that is not found to repeat, from the means of its trial at these speeds.
+    pub fn of_trial(steady: &Steady, rpm: [f64; 2]) -> Self {
+        if steady.settled && !phase::slips(rpm, steady.window_s) { Self::Beating } else { Self::NotFound }
     }
 
     /// Returns its name, as in JSON.
@@ -186,11 +186,11 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
         // A search has moved the state, maybe to where another motion begins: the trial's own is that from rest.
         Outcome::Lost { trial: searched, simulated_s } => {
             let trial = Trial::with_solver(problem.solver()?, whole.clone(), output.unwrap_or_default())?;
-            follow(trial.with_spent(searched.totals()), &whole, simulated_s, output.is_some(), watch)
+            follow(trial.with_spent(searched.totals()), &whole, problem, simulated_s, watch)
         }
         Outcome::None => {
             let trial = Trial::with_solver(problem.solver()?, whole.clone(), output.unwrap_or_default())?;
-            follow(trial, &whole, 0.0, output.is_some(), watch)
+            follow(trial, &whole, problem, 0.0, watch)
         }
     }
 }
@@ -232,8 +232,8 @@ fn raise_errors(steady: &mut Steady, touches: bool) {
 fn follow(
     mut trial: Trial,
     whole: &SpeedProfile,
+    problem: &Problem,
     searched_s: f64,
-    has_output: bool,
     watch: Watch,
 ) -> Result<Periodic, SolveError> {
     let window = whole_turns(whole.target(), whole.end());
@@ -253,11 +253,11 @@ fn follow(
         windows -= 1.0;
         trial = continued(trial, whole, windows * window)?.with_collected(collected);
         let mut samples = Vec::new();
-        run(&mut trial, f64::INFINITY, has_output.then_some(&mut samples), &watch)??;
+        run(&mut trial, f64::INFINITY, problem.output.is_some().then_some(&mut samples), &watch)??;
         let summary = trial.summary();
-        known = if summary.steady.settled { known + 1 } else { 0 };
+        let kind = Kind::of_trial(&summary.steady, problem.rpm);
+        known = if kind == Kind::Beating { known + 1 } else { 0 };
         if known == AGREEING || windows < 0.5 {
-            let kind = Kind::of_trial(summary.steady.settled);
             return Ok(periodic(kind, summary, &trial, samples, before_s + trial.state().time));
         }
         collected = trial.collected().clone();
