@@ -28,9 +28,8 @@
 //!
 //! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration. The results are means
 //! over the last period, by the ordinary solver and the ordinary steady window. If no motion is found, or if the motors
-//! have no common period of 12 s or less, the ordinary simulation continues until its means over both motor angles are known
-//! ([`crate::trial::means`]).
-//! `sim/docs/steady.md` has the comparison with trials.
+//! have no common period of 12 s or less, the trial is simulated from rest until its means over both motor angles are known
+//! ([`crate::trial::means`]). `sim/docs/steady.md` has the comparison with trials.
 
 pub mod effort;
 mod modes;
@@ -184,7 +183,8 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
             Ok(periodic(Kind::Steady, summary, &trial, samples, simulated_s))
         }
         // A search has moved the state, maybe to where another motion begins: the trial's own is that from rest.
-        Outcome::Lost { trial: searched, simulated_s } => {
+        Outcome::Lost(searched) => {
+            let simulated_s = searched.state().time;
             let trial = Trial::with_solver(problem.solver()?, whole.clone(), output.unwrap_or_default())?;
             follow(trial.with_spent(searched.totals()), &whole, problem, simulated_s, watch)
         }

@@ -53,7 +53,7 @@ pub enum Outcome {
     /// left of the attitude's way to it, rad.
     Found { trial: Box<Trial>, before: Box<Steady>, distance: f64, samples: Vec<Sample> },
     /// Without one, after this trial, for lack of time or because a step failed.
-    Lost { trial: Box<Trial>, simulated_s: f64 },
+    Lost(Box<Trial>),
     /// There is nothing to search for.
     None,
 }
@@ -98,8 +98,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
         // Coarse periods are never the result.
         let mut output = (output.is_some() && !is_coarse).then(Vec::new);
         let Some(path) = path(&mut trial, intervals, interval, output.as_mut(), watch)? else {
-            let simulated_s = trial.state().time;
-            return Ok(Outcome::Lost { trial: Box::new(trial), simulated_s });
+            return Ok(Outcome::Lost(Box::new(trial)));
         };
         let simulated_s = trial.state().time;
         let (from, end) = (path[0], path[intervals]);
@@ -127,7 +126,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
                 return Ok(Outcome::Found { trial, before, distance, samples: output.unwrap_or_default() });
             }
             if simulated_s + period > patience_s {
-                return Ok(Outcome::Lost { trial: Box::new(trial), simulated_s });
+                return Ok(Outcome::Lost(Box::new(trial)));
             }
             let is_close = distance < CLOSE;
             is_fine |= is_close;
