@@ -10,7 +10,8 @@ use host::aim::{self, Aimed, Attitude, Known, Model, Quantity, Target};
 use serde_json::Value;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::profile::SpeedProfile;
+use sim::step::InversesAtRest;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::path::Path;
 use std::process::{Command, Output};
@@ -32,7 +33,7 @@ fn yaw_and_pitch(attitude: &Attitude) -> Target {
 
 fn aimed(target: &Target) -> Aimed {
     let robot = Robot::default();
-    let model = Model { robot: &robot, goes_on: &|| true, solved: &|| {} };
+    let model = Model { robot: &robot, at_rest: &InversesAtRest::default(), goes_on: &|| true, solved: &|| {} };
     aim::aim(&model, &Known::new(&robot, None), &aim::shipped().unwrap(), target).unwrap()
 }
 

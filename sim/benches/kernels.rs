@@ -4,10 +4,10 @@
 
 use divan::{Bencher, black_box};
 use sim::V3;
-use sim::fluid::far::{Precision, Sources, Targets, gauss_rule};
+use sim::fluid::far::{Sources, Targets, gauss_rule};
 use sim::fluid::mobility::mobility;
 use sim::fluid::near::NearBand;
-use sim::params::Robot;
+use sim::params::{Precision, Robot};
 use sim::rod::{Rod, frames::Frames};
 
 fn main() {

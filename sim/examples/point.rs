@@ -5,7 +5,7 @@
 
 use sim::body::closure::Closure;
 use sim::params::{HeadShape, Robot, Tank};
-use sim::profile::SpeedProfile;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::error::Error;
 use std::time::Instant;

@@ -6,8 +6,8 @@
 
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::periodic::{self, Problem};
-use sim::phase::{self, Ratio};
+use sim::steady::phase::{self, Ratio};
+use sim::steady::{self, Problem};
 use sim::trial::Summary;
 use std::error::Error;
 use std::sync::Mutex;
@@ -20,13 +20,14 @@ const TRIAL_S: f64 = 120.0;
 
 /// Returns yaw, pitch, roll (deg), both thrusts (N), and the share of the time with contact, means over the starting phases,
 /// and the least gap (m).
-fn row(robot: &Robot, rpm: [f64; 2], phases: usize) -> Result<[f64; 7], periodic::SolveError> {
+fn row(robot: &Robot, rpm: [f64; 2], phases: usize) -> Result<[f64; 7], steady::SolveError> {
     let starts = if Ratio::of(rpm).is_some() { phase::starts(rpm, phases) } else { vec![[0.0; 2]] };
     let mut found: Vec<Summary> = Vec::new();
     for start in starts {
         let start_rad = start.map(f64::to_radians);
-        let problem = Problem { robot, closure: Closure::Full, rpm, start_rad, longest_s: TRIAL_S, output: None };
-        found.push(periodic::solve(&problem, &|_| true)?.summary);
+        let problem =
+            Problem { robot, closure: Closure::Full, rpm, start_rad, longest_s: TRIAL_S, output: None, at_rest: None };
+        found.push(steady::solve(&problem, &|_| true)?.summary);
     }
     let mean = |value: &dyn Fn(&Summary) -> f64| found.iter().map(value).sum::<f64>() / found.len() as f64;
     let angle = |k: usize| mean(&|s| s.steady.attitude[k].mean.to_degrees());

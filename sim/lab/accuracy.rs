@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::{HeadShape, Robot, Tank};
-use sim::profile::SpeedProfile;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 
 /// The points of the publication, rpm.

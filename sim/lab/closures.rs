@@ -7,8 +7,8 @@
 
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::profile::SpeedProfile;
-use sim::sample::Sample;
+use sim::trial::profile::SpeedProfile;
+use sim::trial::sample::Sample;
 use sim::trial::{Options, Trial};
 
 fn main() {

@@ -5,7 +5,7 @@
 
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::profile::SpeedProfile;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;

@@ -2,16 +2,18 @@
 //!
 //! `cargo run --release -p sim --example means -- physical 2 1/4` (robot, threads, part): 40 random speeds with decimals, 16
 //! with one sense positive, 12 both negative, 12 on simple ratios. `45.96,-63.73` instead of a part selects other speeds.
-//! `physical:0.25` has a quarter of the solver's tolerance in the trials: their own error, which no ± has in it, is then less.
+//! `1/4@7` draws the speeds from another seed. `physical:0.25` has a quarter of the solver's tolerance in the trials: their own
+//! error, which no ± has in it, is then less. `physical+soft`, `+thick` and `+thin` are other robots: flagella of a half of the
+//! stiffness, rods of 1.2 times the radius, and half of the viscosity.
 //!
 //! Of values of a settled run, 95 of 100 are within their ± (twice the standard error) and that of the long mean.
 
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::periodic::{self, Problem};
-use sim::profile::SpeedProfile;
 use sim::split_mix;
-use sim::steady::{FREE, Steady, TOUCHING};
+use sim::steady::{self, Problem};
+use sim::trial::means::{FREE, Steady, TOUCHING};
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -40,9 +42,12 @@ struct Stated {
     steady: Steady,
 }
 
-fn speeds() -> Vec<[f64; 2]> {
+/// Seed of the speeds in `sim/docs/steady.md`.
+const SEED: u64 = 20_240_517;
+
+fn speeds(seed: u64) -> Vec<[f64; 2]> {
     let mut places = 1..;
-    let mut random = || split_mix::uniform(20_240_517, places.next().expect("a place"));
+    let mut random = || split_mix::uniform(seed, places.next().expect("a place"));
     let mut between = |low: f64, high: f64| ((low + (high - low) * random()) * 100.0).round() / 100.0;
     let mut out = Vec::new();
     for i in 0..16 {
@@ -94,8 +99,16 @@ fn row(robot: &Robot, rpm: [f64; 2], share: f64) -> Row {
         [mean, (variance / BLOCKS as f64).sqrt()]
     });
     let stated = stated.expect("the end of the trial");
-    let problem = Problem { robot, closure: Closure::Full, rpm, start_rad: [0.0; 2], longest_s: TRIAL_S, output: None };
-    let solved = periodic::solve(&problem, &|_| true).expect("a steady state");
+    let problem = Problem {
+        robot,
+        closure: Closure::Full,
+        rpm,
+        start_rad: [0.0; 2],
+        longest_s: TRIAL_S,
+        output: None,
+        at_rest: None,
+    };
+    let solved = steady::solve(&problem, &|_| true).expect("a steady state");
     let both = [("trial", stated), (solved.kind.name(), solved.summary)];
     let stated =
         both.map(|(method, summary)| Stated { method, touches: summary.contact_share > 0.0, steady: summary.steady });
@@ -117,16 +130,23 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let named = arguments.first().map_or("physical", String::as_str);
     let (name, share) = named.split_once(':').unwrap_or((named, "1"));
-    let robot = Robot::built_in(name).expect("physical or published");
+    let robot = robot(name);
     let share = share.parse().expect("a share of the tolerance, such as 0.25");
     let threads: usize = arguments.get(1).map_or(2, |count| count.parse().expect("a number of threads"));
     let named: Vec<[f64; 2]> =
         arguments.iter().skip(2).filter(|text| text.contains(',')).map(|text| point(text)).collect();
-    let [part, parts] = arguments.get(2).and_then(|text| text.split_once('/')).map_or([1, 1], |(part, parts)| {
+    let (part, seed) = arguments.get(2).map_or(("1/1", None), |text| match text.split_once('@') {
+        Some((part, seed)) => (part, Some(seed.parse().expect("a seed, such as 1/4@7"))),
+        None => (text.as_str(), None),
+    });
+    let [part, parts] = part.split_once('/').map_or([1, 1], |(part, parts)| {
         [part, parts].map(|number| number.parse::<usize>().expect("a part, such as 1/4"))
     });
-    let points: Vec<[f64; 2]> =
-        if named.is_empty() { speeds().into_iter().skip(part - 1).step_by(parts).collect() } else { named };
+    let points: Vec<[f64; 2]> = if named.is_empty() {
+        speeds(seed.unwrap_or(SEED)).into_iter().skip(part - 1).step_by(parts).collect()
+    } else {
+        named
+    };
     let next = AtomicUsize::new(0);
     let rows = Mutex::new(Vec::new());
     std::thread::scope(|scope| {
@@ -192,6 +212,21 @@ fn print(row: &Row, of: &Stated, total: &mut Total) {
         "| {}, {} | {} | {} | {} | {yaw}, {pitch}, {roll} | {one}, {two} | {worst:.2} |",
         row.rpm[0], row.rpm[1], of.method, of.touches, of.steady.settled
     );
+}
+
+/// Returns the robot of `physical+soft`.
+fn robot(name: &str) -> Robot {
+    let mut parts = name.split('+');
+    let mut robot = parts.next().and_then(Robot::built_in).expect("physical or published");
+    for part in parts {
+        match part {
+            "soft" => robot.flagellum.young_pa *= 0.5,
+            "thick" => robot.flagellum.rod_radius_m *= 1.2,
+            "thin" => robot.fluid.viscosity_pa_s *= 0.5,
+            _ => panic!("{part}: soft, thick or thin"),
+        }
+    }
+    robot
 }
 
 /// Returns the speeds of `50,10`, rpm.

@@ -1,14 +1,14 @@
 //! How much the starting phase of the flagella changes: the four printed points, or the points that are named.
 //!
 //! `cargo run --release -p sim --example phases -- published 8 [W1,W2 ...]` (robot, starting phases): for each point mean,
-//! least and largest over its starting phases ([`sim::phase`]) of the steady values of 120 s, closure full.
+//! least and largest over its starting phases ([`sim::steady::phase`]) of the steady values of 120 s, closure full.
 
 use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::phase::{Ratio, starts};
-use sim::profile::SpeedProfile;
-use sim::steady::Level;
+use sim::steady::phase::{Ratio, starts};
+use sim::trial::means::Level;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 
 /// The points of the publication, rpm.

@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::{Robot, Tank};
-use sim::profile::SpeedProfile;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 
 /// Speeds in rpm; the printed |yaw| and |pitch| in degrees, of the published simulation and of the experiment.

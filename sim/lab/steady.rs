@@ -1,13 +1,17 @@
 //! Steady states that are solved for, against trials of 120 s.
 //!
 //! `cargo run --release -p sim --example steady -- physical 2` (robot, threads): all points of the published map, w1 in
-//! -90..90 rpm, w2 in 0..90 rpm, step 10. Pairs of speeds after it select others. Times are those of the processor, of both
-//! in one run, so that other load does not count.
+//! -90..90 rpm, w2 in 0..90 rpm, step 10. Pairs of speeds after it select others, `sobol` 100 points of a Sobol sequence over the
+//! square of -90..90 rpm, and `generic` 100 random speeds with decimals at which the flagella do not touch in the trial. Times
+//! are those of the processor, of both in one run, so that other load does not count.
 
 use sim::body::closure::Closure;
+use sim::contact::bundling::Bundling;
 use sim::params::Robot;
-use sim::periodic::{self, Kind, Periodic, Problem};
-use sim::profile::SpeedProfile;
+use sim::split_mix;
+use sim::steady::{self, Kind, Periodic, Problem};
+use sim::trial::profile::SpeedProfile;
+use sim::trial::sample::Sample;
 use sim::trial::{Options, Summary, Trial};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -42,8 +46,16 @@ fn processor_s() -> f64 {
 
 fn row(robot: &Robot, rpm: [f64; 2]) -> Row {
     let start = processor_s();
-    let problem = Problem { robot, closure: Closure::Full, rpm, start_rad: [0.0; 2], longest_s: TRIAL_S, output: None };
-    let solved = periodic::solve(&problem, &|_| true).expect("a steady state");
+    let problem = Problem {
+        robot,
+        closure: Closure::Full,
+        rpm,
+        start_rad: [0.0; 2],
+        longest_s: TRIAL_S,
+        output: None,
+        at_rest: None,
+    };
+    let solved = steady::solve(&problem, &|_| true).expect("a steady state");
     let middle = processor_s();
     let profile = SpeedProfile::constant(rpm, TRIAL_S).expect("a profile");
     let mut trial = Trial::new(robot, Closure::Full, profile, Options::default()).expect("parameters");
@@ -55,9 +67,12 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let robot = Robot::built_in(arguments.first().map_or("physical", String::as_str)).expect("physical or published");
     let threads: usize = arguments.get(1).map_or(2, |count| count.parse().expect("a number of threads"));
-    let named: Vec<[f64; 2]> = arguments.iter().skip(2).map(|text| point(text)).collect();
-    let map = (-9..=9).flat_map(|i| (0..=9).map(move |j| [10.0 * f64::from(i), 10.0 * f64::from(j)])).collect();
-    let points: Vec<[f64; 2]> = if named.is_empty() { map } else { named };
+    let points: Vec<[f64; 2]> = match arguments.get(2).map(String::as_str) {
+        None => (-9..=9).flat_map(|i| (0..=9).map(move |j| [10.0 * f64::from(i), 10.0 * f64::from(j)])).collect(),
+        Some("sobol") => (1..=COUNT).map(|i| sobol(i).map(speed)).collect(),
+        Some("generic") => generic(&robot),
+        Some(_) => arguments.iter().skip(2).map(|text| point(text)).collect(),
+    };
     let next = AtomicUsize::new(0);
     let rows = Mutex::new(Vec::new());
     println!(
@@ -103,6 +118,21 @@ fn summarise(rows: &[Row]) {
         used(1),
         used(1) / used(0)
     );
+    for (name, touches, found) in [
+        ("steady, no contact", false, true),
+        ("steady, contact", true, true),
+        ("others, no contact", false, false),
+        ("others, contact", true, false),
+    ] {
+        let of: Vec<&Row> = (rows.iter())
+            .filter(|row| (row.trial.contact_share > 0.0) == touches && (row.solved.kind == Kind::Steady) == found)
+            .collect();
+        let [solve, trial] = [0, 1].map(|which| of.iter().map(|row| row.used_s[which]).sum::<f64>());
+        eprintln!("  {name}: {} points, {solve:.1} s, {trial:.1} s, {:.2} times", of.len(), trial / solve);
+    }
+    let slower = rows.iter().filter(|row| row.used_s[0] > row.used_s[1]).count();
+    let worst = rows.iter().map(|row| row.used_s[0] / row.used_s[1]).fold(0.0, f64::max);
+    eprintln!("  {slower} of them slower than their trial, by {worst:.2} at most");
     let settled = rows.iter().filter(|row| row.trial.steady.settled).count();
     let off: Vec<&Row> = rows.iter().filter(|row| row.differences().into_iter().any(|d| d > ALLOWED_DEG)).collect();
     eprintln!("{settled} trials settled; {} points differ by more than {ALLOWED_DEG} deg:", off.len());
@@ -113,6 +143,42 @@ fn summarise(rows: &[Row]) {
             row.rpm, row.solved.kind, row.trial.steady.settled
         );
     }
+}
+
+/// Points of the sets that are drawn.
+const COUNT: u32 = 100;
+
+/// Returns the speed at a place in 0..1 of its range, in hundredths of a rpm.
+fn speed(place: f64) -> f64 {
+    ((180.0 * place - 90.0) * 100.0).round() / 100.0
+}
+
+/// Returns a point of the Sobol sequence in two dimensions (Bratley and Fox 1988, ACM Trans. Math. Softw. 14, 88).
+fn sobol(index: u32) -> [f64; 2] {
+    let bits = (0..32u32).filter(|bit| index >> bit & 1 == 1);
+    // The direction numbers of the second dimension: m, each from the one before.
+    let second = |bit: u32| (0..bit).fold(1u64, |m, _| (m << 1) ^ m) << (31 - bit);
+    let [x, y] = bits.fold([0, 0], |[x, y], bit| [x ^ 1u64 << (31 - bit), y ^ second(bit)]);
+    [x, y].map(|value| value as f64 / f64::from(2u32).powi(32))
+}
+
+/// Returns random speeds at which the flagella do not touch in a trial.
+fn generic(robot: &Robot) -> Vec<[f64; 2]> {
+    let mut places = 1..;
+    let mut random = || split_mix::uniform(20_261_125, places.next().expect("a place"));
+    std::iter::from_fn(|| Some([speed(random()), speed(random())]))
+        .filter(|rpm| {
+            let profile = SpeedProfile::constant(*rpm, TRIAL_S).expect("a profile");
+            let mut trial = Trial::new(robot, Closure::Full, profile, Options::default()).expect("parameters");
+            let has_ended = trial.by_ref().take_while(|sample| sample.as_ref().is_ok_and(is_apart)).count();
+            has_ended > 0 && trial.done() == 1.0
+        })
+        .take(COUNT as usize)
+        .collect()
+}
+
+fn is_apart(sample: &Sample) -> bool {
+    sample.bundling == Bundling::Apart
 }
 
 /// Returns the speeds of `50,10`, rpm.

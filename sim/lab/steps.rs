@@ -10,8 +10,7 @@
 use sim::body::attitude::euler_zyx;
 use sim::body::closure::Closure;
 use sim::body::shaft::MotorState;
-use sim::fluid::far::Precision;
-use sim::params::Robot;
+use sim::params::{Precision, Robot};
 use sim::step::{Solver, StepControl};
 use std::error::Error;
 use std::f64::consts::PI;

@@ -6,8 +6,8 @@
 use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::phase::starts;
-use sim::profile::SpeedProfile;
+use sim::steady::phase::starts;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 
 const RPM: [f64; 2] = [90.0, 90.0];

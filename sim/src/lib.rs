@@ -3,8 +3,8 @@
 //! A rigid base hangs on a ball joint in glycerin and turns two soft helices with its motors. The model
 //! computes its attitude over time: elastic rods ([`rod`]), Stokes flow about them ([`fluid`]), contact
 //! between them ([`contact`]), the base ([`body`]), and implicit steps that solve all of it together
-//! ([`step`]). Start at [`trial`]: a robot ([`params`]) and a profile of speeds ([`profile`]) give
-//! samples ([`sample`]) and a steady state ([`steady`]).
+//! ([`step`]). Start at [`trial`]: a robot ([`params`]) and a profile of speeds ([`trial::profile`]) give
+//! samples ([`trial::sample`]) and the means at their end ([`trial::means`]); [`steady`] finds these means sooner.
 //!
 //! SI throughout. World: z up. Body frame B at the ball joint: x_B from motor 2 to motor 1, z_B up along
 //! the robot's axis. Positive speed is counter-clockwise seen from above; a right-handed helix then
@@ -18,10 +18,11 @@
 //! `sim/docs/accuracy.md` lists the sources of error and their sizes.
 //!
 //! `sim/docs/proof.md` lists how each part is verified, `sim/docs/valleys.md` where the valleys of the published
-//! map lie and why, and what the starting [`phase`] changes, `sim/docs/cost.md` the cost per edge and per case,
-//! `sim/docs/steady.md` how steady states are solved for ([`periodic`]). `sim/lab` has the programs that make their tables.
+//! map lie and why, and what the starting phase ([`steady::phase`]) changes, `sim/docs/cost.md` the cost per edge and per case,
+//! `sim/docs/steady.md` how steady states are solved for ([`steady`]). `sim/lab` has the programs that make their tables.
 //!
-//! No files, no printing, no threads: trials are independent and may run side by side.
+//! No files, no printing, no threads, nothing global: trials are independent and may run side by side. Those of one robot are
+//! faster if they share [`step::InversesAtRest`].
 #![forbid(unsafe_code)]
 // Formulas run over the same index of several short arrays; iterators would hide which.
 #![allow(clippy::needless_range_loop)]
@@ -36,15 +37,10 @@ pub mod groups;
 mod lanes;
 mod linear;
 pub mod params;
-pub mod periodic;
-pub mod phase;
-pub mod profile;
 pub mod resistance;
 pub mod return_to_rest;
 pub mod rod;
-pub mod sample;
 pub mod split_mix;
-pub mod state;
 pub mod steady;
 pub mod step;
 pub mod trial;

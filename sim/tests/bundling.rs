@@ -4,8 +4,8 @@ use crate::common::prove;
 use sim::body::closure::Closure;
 use sim::contact::bundling::{BUNDLED_TURNS, Bundling};
 use sim::params::Robot;
-use sim::profile::SpeedProfile;
-use sim::sample::Sample;
+use sim::trial::profile::SpeedProfile;
+use sim::trial::sample::Sample;
 use sim::trial::{Options, Summary, Trial};
 
 /// Softer, longer and closer flagella than the published ones.

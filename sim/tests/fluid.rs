@@ -5,12 +5,13 @@ use crate::common::{prove, static_solve};
 use nalgebra::{DMatrix, DVector, Matrix3};
 use sim::V3;
 use sim::fluid::{
-    far::{Precision, Sources, Targets, gauss_rule},
+    far::{Sources, Targets, gauss_rule},
     mobility::{mobility, rigid_resistance},
     near::NearBand,
     segment::segment_flow,
     stokeslet_factor,
 };
+use sim::params::Precision;
 use sim::rod::helix::{Handedness, Helix};
 use std::f64::consts::{PI, TAU};
 

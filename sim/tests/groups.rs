@@ -3,7 +3,7 @@
 use sim::body::closure::Closure;
 use sim::groups::Groups;
 use sim::params::{Robot, Tank};
-use sim::profile::{Phases, SpeedProfile};
+use sim::trial::profile::{Phases, SpeedProfile};
 use sim::trial::{Options, Summary, Trial};
 
 fn run(robot: &Robot, rpm: [f64; 2]) -> Summary {

@@ -6,8 +6,8 @@ use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::profile::SpeedProfile;
 use sim::rod::helix::Handedness;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 
 #[derive(Clone, Debug)]

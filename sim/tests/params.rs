@@ -2,6 +2,7 @@
 
 use sim::V3;
 use sim::body::closure::Closure;
+use sim::fluid::walls::Walls;
 use sim::params::{BUILT_IN, Face, Glycerol, HeadShape, Robot, Tank};
 use sim::step::Solver;
 
@@ -98,7 +99,7 @@ fn tanks_hold_the_robot() {
 
 #[test]
 fn tanks_stand_about_the_joint() {
-    let walls = tank().boundaries();
+    let walls = Walls::of(&tank());
     for (x, clearance) in [
         (V3::zeros(), 0.14),
         (V3::new(0.0, 0.1, 0.0), 0.125),
@@ -110,7 +111,7 @@ fn tanks_stand_about_the_joint() {
     ] {
         assert!((walls.clearance(x) - clearance).abs() < 1e-12, "{x}: {}", walls.clearance(x));
     }
-    let open = Tank { walls: vec![Face::MinusY], free_surface: false, ..tank() }.boundaries();
+    let open = Walls::of(&Tank { walls: vec![Face::MinusY], free_surface: false, ..tank() });
     assert!((open.clearance(V3::new(5.0, 0.0, 5.0)) - 0.225).abs() < 1e-12);
 }
 

@@ -6,10 +6,10 @@ use crate::common::{Series, first_nodes, prove, to_body};
 use sim::V3;
 use sim::body::{closure::Closure, shaft::MotorState};
 use sim::params::Robot;
-use sim::profile::SpeedProfile;
 use sim::rod::Rod;
-use sim::sample::Sample;
 use sim::step::{Solver, StepControl};
+use sim::trial::profile::SpeedProfile;
+use sim::trial::sample::Sample;
 use sim::trial::{Options, Trial};
 
 /// The reference's robot: its regularisation, and no weight unless wanted.

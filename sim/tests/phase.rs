@@ -3,7 +3,7 @@
 use crate::common::prove;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::profile::SpeedProfile;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 
 /// Steady state of 60 s of the published robot whose motors start at these angles, deg.

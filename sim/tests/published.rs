@@ -3,8 +3,8 @@
 use crate::common::prove;
 use sim::body::closure::Closure;
 use sim::params::{Robot, Tank};
-use sim::profile::SpeedProfile;
-use sim::sample::Sample;
+use sim::trial::profile::SpeedProfile;
+use sim::trial::sample::Sample;
 use sim::trial::{Options, Summary, Trial};
 
 const POINTS: [[f64; 2]; 4] = [[50.0, 10.0], [0.0, 45.0], [90.0, 90.0], [-90.0, 90.0]];

@@ -3,8 +3,8 @@
 use crate::common::prove;
 use sim::body::closure::Closure;
 use sim::params::{Flagellum, Fluid, Glycerol, Robot};
-use sim::profile::SpeedProfile;
 use sim::return_to_rest::TimeConstants;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 
 /// Duration of the run before the decay, s.

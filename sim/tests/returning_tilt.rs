@@ -2,7 +2,7 @@
 
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::profile::SpeedProfile;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 
 const RUN_S: f64 = 60.0;

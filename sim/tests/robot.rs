@@ -7,12 +7,12 @@ use nalgebra::UnitQuaternion;
 use sim::V3;
 use sim::body::{closure::Closure, shaft::MotorState, shaft::Shaft};
 use sim::contact::distance::segment_distance;
-use sim::fluid::{far::Precision, mobility::mobility};
-use sim::params::{BUILT_IN, Robot};
-use sim::profile::{Phases, SpeedProfile};
-use sim::rod::{Rod, helix::Handedness, spin::SpinDrag};
-use sim::state::State;
+use sim::fluid::mobility::mobility;
+use sim::params::{BUILT_IN, Precision, Robot};
+use sim::rod::{Rod, helix::Handedness};
+use sim::step::state::State;
 use sim::step::{Solver, StepControl, StepReport};
+use sim::trial::profile::{Phases, SpeedProfile};
 use sim::trial::{Checkpoint, Options, Trial};
 use std::f64::consts::PI;
 
@@ -87,7 +87,7 @@ fn balance(name: &str, robot: &Robot) {
             let tangent = frames.tangent.at(0);
             // The clamped edge also takes the couple of the fluid on its own spin.
             let rotation = shaft.to_shaft(state.body.rate) + V3::z() * state.motors[k].speed;
-            let spin = SpinDrag::new(robot).torque(rod.rest_length[0], 0.0, rotation.dot(&tangent));
+            let spin = robot.spin_drag().torque(rod.rest_length[0], 0.0, rotation.dot(&tangent));
             let (mut force, mut moment) = (V3::zeros(), tangent * (spin - gradient[3]));
             for i in 0..2 {
                 let elastic = V3::new(gradient[4 * i], gradient[4 * i + 1], gradient[4 * i + 2]);

@@ -3,8 +3,8 @@
 use crate::common::prove;
 use sim::body::{closure::Closure, shaft::MotorState};
 use sim::params::Robot;
-use sim::profile::SpeedProfile;
 use sim::step::{Solver, StepControl};
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::f64::consts::PI;
 

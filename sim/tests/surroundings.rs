@@ -7,8 +7,8 @@ use sim::body::{closure::Closure, shaft::Shaft};
 use sim::fluid::{head::RigidSurface, segment::segment_flow, stokeslet_factor};
 use sim::params::Robot;
 use sim::resistance::resistance;
-use sim::state::State;
 use sim::step::Solver;
+use sim::step::state::State;
 
 /// Nodes and force densities on the fluid of a flagellum without contact in the body frame, from its elastic forces.
 fn line(solver: &Solver, state: &State, k: usize) -> (Vec<V3>, Vec<V3>) {

@@ -5,10 +5,10 @@ use nalgebra::DVector;
 use sim::V3;
 use sim::body::{closure::Closure, shaft::MotorState, shaft::Shaft};
 use sim::params::{Head, Robot, Tank};
-use sim::profile::{Phases, SpeedProfile};
 use sim::resistance::resistance;
-use sim::state::State;
+use sim::step::state::State;
 use sim::step::{Solver, StepControl, StepFailure, StepReport};
+use sim::trial::profile::{Phases, SpeedProfile};
 use sim::trial::{Checkpoint, Options, Trial};
 use std::f64::consts::PI;
 

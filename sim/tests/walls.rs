@@ -261,7 +261,7 @@ fn coarse_points_keep_the_flow_of_a_tank() {
     // Two flagella that turn rigidly, against the images of Gauss points at every node. Nearest node: so far from a wall.
     let robot = Robot::default();
     let (n, feet, epsilon) = (robot.flagellum.edges() + 1, robot.shaft_feet(), robot.epsilon());
-    let walls = Tank::published().boundaries();
+    let walls = Walls::of(&Tank::published());
     for (place, shift, strides) in [
         ("in the middle", V3::zeros(), &[(1, 1e-3), (4, 1e-3)][..]),
         ("60 mm from a wall", V3::y() * (0.225 - 0.06889), &[(1, 3e-3), (3, 3e-3)]),
@@ -324,7 +324,7 @@ fn tank_flow_is_that_of_all_images() {
         [("in the middle", [0.61, 0.225], 0.14), ("near a wall and the surface", [0.7, 0.1], 0.03)]
     {
         let tank = Tank { joint_m, joint_depth_m, ..Tank::published() };
-        let walls = tank.boundaries();
+        let walls = Walls::of(&tank);
         let lines = robot.shaft_feet().map(|foot| {
             let nodes: Vec<V3> = robot.flagellum.helix(0).nodes(49).iter().map(|x| x + foot).collect();
             let shift = noise(&mut seed);

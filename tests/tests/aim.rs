@@ -4,7 +4,7 @@ use host::aim::Attitude;
 use serde_json::Value;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::profile::SpeedProfile;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use tests::Bench;
 

@@ -87,7 +87,7 @@ pub use recover::{Recovery, recover};
 /// cleared, a request was sent again, the gyroscope was calibrated, the clocks were compared, a warning for the user,
 /// or a note on anything else.
 pub use schema::biflag::event::Kind as EventKind;
-pub use sim::periodic::phases::Method;
+pub use sim::steady::Method;
 pub use stats::LinkStats;
 pub use table::{Meta, Table};
 pub use writer::{Start, Tap, Writer};

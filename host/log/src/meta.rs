@@ -350,7 +350,7 @@ names! {
 mod tests {
     use super::*;
     use crate::table::{from_table, is_intact, to_table};
-    use sim::periodic::Kind;
+    use sim::steady::Kind;
 
     #[test]
     fn metadata_record_round_trips_as_text() {

@@ -5,11 +5,11 @@ use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::contact::history::BundlingChange;
 use sim::params::Robot;
-use sim::periodic::Kind;
-use sim::periodic::phases::Method;
 use sim::rod::spin::LEAST_SPIN_DRAG;
-use sim::steady::Level;
+use sim::steady::Kind;
+use sim::steady::Method;
 use sim::trial::Summary;
+use sim::trial::means::Level;
 use std::borrow::Cow;
 
 /// The model that computed a trial.
@@ -115,7 +115,7 @@ pub struct SensorMeta {
 }
 
 /// Steady state of a modelled trial, from the solver's unrounded values. Means are taken over the end of the run
-/// ([`sim::steady`]). With [`Method::Steady`] the run is the period or window in the log.
+/// ([`sim::trial::means`]). With [`Method::Steady`] the run is the period or window in the log.
 #[derive(Serialize, Deserialize, Clone, PartialEq, Debug, Default)]
 #[serde(default)]
 pub struct SteadyMeta {
@@ -133,7 +133,7 @@ pub struct SteadyMeta {
     pub roll_se_deg: Option<f64>,
     /// Length of the end of the run from which the means are taken.
     pub window_s: f64,
-    /// Whether the means are known, and reached, within the limits of [`sim::steady`].
+    /// Whether the means are known, and reached, within the limits of [`sim::trial::means`].
     pub settled: bool,
     /// Time from the start of the run after which yaw and pitch stay near their means; 0 with [`Method::Steady`].
     pub settle_s: f64,

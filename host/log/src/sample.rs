@@ -2,7 +2,7 @@
 
 use super::schema::biflag::{Forces, Nodes, Quaternion, Truth, Vector, forces};
 use sim::contact::bundling::Bundling;
-use sim::sample::Sample;
+use sim::trial::sample::Sample;
 use std::f64::consts::{PI, TAU};
 
 /// Returns the message for `/truth`.

@@ -6,6 +6,7 @@ use crate::json;
 use crate::robot::Robot;
 use crate::threads;
 use pyo3::prelude::*;
+use sim::step::InversesAtRest;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use study::aim::{Aimed, Columns, Known, Model, Quantity, Table, Target, load, of_columns, plan, shipped};
@@ -58,7 +59,7 @@ pub fn aim(
             Some(Proposals::Columns(columns)) => of_columns(columns, params)?,
         };
         let goes_on = || !stop.load(Ordering::Relaxed);
-        let model = Model { robot: params, goes_on: &goes_on, solved: &|| {} };
+        let model = Model { robot: params, at_rest: &InversesAtRest::default(), goes_on: &goes_on, solved: &|| {} };
         let known = Known::new(params, file.fit()?);
         Ok(pool.install(|| study::aim::aim(&model, &known, &table, &target))?)
     })?;

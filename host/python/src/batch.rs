@@ -13,7 +13,7 @@ use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
-use sim::periodic::Kind;
+use sim::steady::Kind;
 use sim::trial::Options;
 use std::sync::atomic::{AtomicBool, Ordering};
 use study::run::model::Motion;

@@ -3,9 +3,9 @@
 use miette::Diagnostic;
 use pyo3::prelude::*;
 use sim::params::ParamError;
-use sim::periodic::SolveError;
-use sim::profile::ProfileError;
+use sim::steady::SolveError;
 use sim::step::StepError;
+use sim::trial::profile::ProfileError;
 use std::path::Path;
 use study::aim::AimError;
 use study::output::OutputError;

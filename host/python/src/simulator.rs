@@ -13,9 +13,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::body::attitude::euler_zyx;
 use sim::body::closure::Closure;
-use sim::profile::{Phases, SpeedProfile};
-use sim::sample::shapes_at;
 use sim::step::Solver;
+use sim::trial::profile::{Phases, SpeedProfile};
+use sim::trial::sample::shapes_at;
 use sim::trial::{Checkpoint, Options, Trial};
 use std::f64::consts::{PI, TAU};
 

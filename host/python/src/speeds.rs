@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use numpy::{PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use sim::profile::{Phases, SpeedProfile};
+use sim::trial::profile::{Phases, SpeedProfile};
 
 /// Interval at which a function of time is evaluated, s.
 const INTERVAL_S: f64 = 0.01;

@@ -8,6 +8,7 @@ use crate::progress::Progress;
 use crate::signals::interruption;
 use crate::text::{count, decimal, word};
 use serde::Serialize;
+use sim::step::InversesAtRest;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -85,7 +86,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         let count = done.fetch_add(1, Ordering::Relaxed) + 1;
         progress.within(count.min(USUAL_STATES - 1) as f64);
     };
-    let model = Model { robot: &robot, goes_on: &goes_on, solved: &solved };
+    let model = Model { robot: &robot, at_rest: &InversesAtRest::default(), goes_on: &goes_on, solved: &solved };
     let aimed = aim::aim(&model, &known, &table, &target);
     progress.finish();
     let aimed = match aimed {

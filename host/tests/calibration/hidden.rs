@@ -7,8 +7,8 @@ use host::twin::calibrate::Estimate;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::profile::{Phases, SpeedProfile};
-use sim::sample::Sample;
+use sim::trial::profile::{Phases, SpeedProfile};
+use sim::trial::sample::Sample;
 use sim::trial::{Options, Trial};
 use std::f64::consts::TAU;
 

@@ -50,46 +50,9 @@
 //! The two couples also assume the flagella on opposite sides from where they are: with flagellum 1 at +d/2 along x_B the
 //! moment of its thrust about y_B is -F1z d/2. `lumped` has the true sign.
 
+use super::load::Load;
 use crate::V3;
-use serde::{Deserialize, Serialize};
-
-/// The three closures of the base's equation of motion, and a base that is held.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Closure {
-    /// Two-way: the clamps move with the body, and the moment is that of all forces of the fluid on
-    /// both flagella about the joint, with righting moment, tether, base drag and joint friction.
-    #[default]
-    Full,
-    /// One-way: forces of flagella on a base held still, of them the couples (F1z - F2z) d/2 and
-    /// (F1y - F2y) d/2 with their true signs and the reaction torques about the shafts; the flagella's
-    /// own rotational resistance about the joint is a constant matrix.
-    Lumped,
-    /// The printed equations to the letter: M_y = (F1z - F2z) d/2, M_z = (F1y - F2y) d/2, a righting
-    /// moment about y alone and the base's drag. They assume the two flagella on opposite sides from
-    /// where they are, leave out the reaction torques, and nothing in them stops a constant yaw torque.
-    Paper,
-    /// The base is held still at its attitude; for studies of the flagella alone.
-    Held,
-}
-
-impl Closure {
-    /// Returns whether the clamps of the elastic rods move with the body.
-    pub fn two_way(self) -> bool {
-        self == Closure::Full
-    }
-}
-
-/// Loads of one flagellum on its clamp in body axes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Load {
-    /// Force in N.
-    pub force: V3,
-    /// Moment about the joint in N m.
-    pub moment: V3,
-    /// Moment about its own shaft in N m.
-    pub axial_torque: f64,
-}
+pub use crate::params::Closure;
 
 /// Returns the moment of the flagella on the base, body axes, N m.
 ///

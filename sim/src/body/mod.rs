@@ -8,6 +8,7 @@ pub mod attitude;
 pub mod closure;
 pub mod imu;
 pub mod joint;
+pub mod load;
 pub mod shaft;
 
 use crate::V3;

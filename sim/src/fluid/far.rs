@@ -5,8 +5,8 @@
 
 use crate::V3;
 use crate::lanes::{PADDING, Vectors, Wide};
+use crate::params::Precision;
 use pulp::{Simd, WithSimd};
-use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// Points are padded to a multiple of this, so that every vector width divides them.
@@ -28,17 +28,6 @@ pub fn gauss_rule(points: usize) -> &'static [(f64, f64)] {
         3 => &THREE,
         _ => &FOUR,
     }
-}
-
-/// Precision of the sum over far segments.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    /// 32 bits: good to about 1e-6 of the flow.
-    #[default]
-    Single,
-    /// 64 bits: for results that must not depend on rounding, at twice the cost.
-    Double,
 }
 
 /// Point forces, coordinates in m and strengths in N.

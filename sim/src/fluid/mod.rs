@@ -6,7 +6,7 @@
 //!
 //! [`segment`] has the exact integrals, [`mobility`] the dense matrix, and [`near`] with [`far`] the
 //! fast product: exact segments within a few edges on the same rod, Gauss points for all others. [`head`] is a rigid body in
-//! the same flow, and [`surroundings`] couples it to the flagella. [`walls`] has the
+//! the same flow. [`walls`] has the
 //! images of forces in the walls of a tank, [`tank`] their flow about the robot between few points ([`coarse`]).
 
 pub mod coarse;
@@ -16,7 +16,6 @@ pub mod mobility;
 pub mod near;
 pub mod reflections;
 pub mod segment;
-pub mod surroundings;
 pub mod tank;
 pub mod walls;
 

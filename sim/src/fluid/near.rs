@@ -10,9 +10,6 @@ use crate::V3;
 use crate::lanes::{PADDING, Wide};
 use pulp::{Simd, WithSimd};
 
-/// Shortest regularisation, in segment lengths, for which the series is good to 1e-11.
-pub const LEAST_EPSILON: f64 = 0.15;
-
 /// Half-angle steps leave an argument below 0.31; eleven terms are then good to 1e-12.
 #[inline(always)]
 fn atanh_small<S: Simd>(simd: S, q: Wide<S>) -> Wide<S> {

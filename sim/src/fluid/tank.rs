@@ -77,7 +77,7 @@ struct CoarseSurface {
 impl TankFlow {
     /// `at_rest`: nodes of the flagella in the body frame; `head`: points of the head's surface, none without a head; m.
     pub fn new(robot: &Robot, tank: &Tank, at_rest: &[Vec<V3>], head: &[V3]) -> Self {
-        let (walls, space) = (tank.boundaries(), tank.space_of(robot));
+        let (walls, space) = (Walls::of(tank), tank.space_of(robot));
         let near = walls.near(space);
         let reflections = Reflections::new(&walls, &near, space);
         let helix = robot.flagellum.helix(0);

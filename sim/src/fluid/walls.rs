@@ -23,6 +23,7 @@
 
 use crate::V3;
 use crate::lanes::{PADDING, Wide};
+use crate::params::{Face, Tank};
 use nalgebra::{DMatrix, Matrix3};
 use pulp::{Simd, WithSimd};
 
@@ -68,6 +69,15 @@ impl Walls {
         }
         let of_mirrored = if surface.is_some() { planes.clone() } else { Vec::new() };
         Self { planes, of_mirrored, surface }
+    }
+
+    /// Returns the walls and the free surface of a tank, world axes from the joint.
+    pub fn of(tank: &Tank) -> Self {
+        let plane = |face: &Face| {
+            let (axis, side) = face.normal();
+            Plane { axis, at: tank.place(*face), side: -side }
+        };
+        Self::new(tank.walls.iter().map(plane).collect(), tank.free_surface.then_some(tank.joint_depth_m))
     }
 
     /// Returns the same without the images in walls that are far from all places of a robot between two corners (m): their flow

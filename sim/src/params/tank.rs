@@ -3,7 +3,6 @@
 use super::validate::{refuse, within};
 use super::{ParamError, Robot};
 use crate::V3;
-use crate::fluid::walls::{Plane, Walls};
 use serde::{Deserialize, Serialize};
 
 /// A face of the tank, named by its outward normal in world axes.
@@ -34,7 +33,7 @@ impl Face {
     pub const ALL: [Self; 6] = [Self::MinusX, Self::PlusX, Self::MinusY, Self::PlusY, Self::MinusZ, Self::PlusZ];
 
     /// Returns the axis that the face is across, and its side along it: -1 or 1.
-    fn normal(self) -> (usize, f64) {
+    pub fn normal(self) -> (usize, f64) {
         match self {
             Self::MinusX => (0, -1.0),
             Self::PlusX => (0, 1.0),
@@ -92,7 +91,7 @@ impl Tank {
     }
 
     /// Returns where the plane of a face cuts its axis, in m from the joint.
-    fn place(&self, face: Face) -> f64 {
+    pub fn place(&self, face: Face) -> f64 {
         match face {
             Face::MinusX => -self.joint_m[0],
             Face::PlusX => self.length_m - self.joint_m[0],
@@ -101,15 +100,6 @@ impl Tank {
             Face::MinusZ => self.joint_depth_m - self.height_m,
             Face::PlusZ => self.joint_depth_m,
         }
-    }
-
-    /// Returns the walls and the free surface, world axes from the joint.
-    pub fn boundaries(&self) -> Walls {
-        let plane = |face: &Face| {
-            let (axis, side) = face.normal();
-            Plane { axis, at: self.place(*face), side: -side }
-        };
-        Walls::new(self.walls.iter().map(plane).collect(), self.free_surface.then_some(self.joint_depth_m))
     }
 
     /// Returns the corners of the tank with the least and the largest coordinates, world axes from the joint, m.

@@ -7,8 +7,6 @@
 //! and with it the twist; what acts on the clamped edge goes to the clamp. It moves no fluid: the rotlets' own flow is of
 //! the same order as other terms that slender-body theory leaves out.
 
-use crate::params::Robot;
-
 /// Smallest drag on changes of the spin in the shaft's frame, as a share of a round rod's. Without drag, twist has no
 /// time constant, and no solution exists where it snaps (soft flagella driven against their winding).
 pub const LEAST_SPIN_DRAG: f64 = 0.02;
@@ -23,10 +21,8 @@ pub struct SpinDrag {
 }
 
 impl SpinDrag {
-    /// Returns the drag on the spin of a robot's flagella.
-    pub fn new(robot: &Robot) -> Self {
-        let round = robot.round_spin_drag();
-        let share = robot.fluid.spin_drag;
+    /// Returns a share of the drag of a round rod (N m s a metre and radian).
+    pub fn new(round: f64, share: f64) -> Self {
         Self { frame: share * round, change: share.max(LEAST_SPIN_DRAG) * round }
     }
 

@@ -1,379 +1,355 @@
-//! The steady state of a run: means over both motor angles, amplitudes at its end, and when the attitude settled.
+//! Solves for the final motion of a trial at constant speeds, without simulating its transient.
 //!
-//! Two rules give the means:
+//! ```
+//! use sim::{body::closure::Closure, params::Robot, steady::{self, Problem}};
 //!
-//! - [`SteadyCollector::steady`], for a model: the constant term of the double Fourier series over both motor angles, with its
-//!   standard error ([`series`]), from the second half of the run, at most [`STRETCH`]. The run is settled when twice the
-//!   standard errors of yaw, pitch, roll and thrusts are within [`Limits`]; of a run that is not, the means are what a slow
-//!   approach has reached, and their standard errors those of its end. A run shorter than two windows of [`WINDOW`] shows
-//!   no slow approach; it has the means of the other rule, without a standard error.
-//! - [`SteadyCollector::window`], for a measured trial, whose sensor drifts, and for a motion that repeats: the mean over time
-//!   in the window, by trapezia. The run is settled when yaw, pitch and roll of the window agree with those of the window
-//!   before.
+//! let problem = Problem {
+//!     robot: &Robot::default(),
+//!     closure: Closure::Full,
+//!     rpm: [50.0, 10.0],
+//!     start_rad: [0.0; 2],
+//!     longest_s: 120.0,
+//!     output: None,
+//!     at_rest: None,
+//! };
+//! let found = steady::solve(&problem, &|_| true)?;
+//! println!("{:?} after {:.0} s: {:?}", found.kind, found.simulated_s, found.summary.steady.attitude);
+//! # Ok::<(), steady::SolveError>(())
+//! ```
 //!
-//! The window is the end of the run. Its length is at most [`WINDOW`], and such that it holds whole revolutions of both
-//! motors as nearly as possible ([`whole_turns`]): the attitude swings with both, and a part of a revolution would bias
-//! its mean. Window and stretch begin after the last reversal of a motor: a mean over both senses is no state. An
-//! amplitude is half the range over the window. The settling time is the end of the last block of about 2 s whose mean yaw
-//! or pitch is not yet near the final one.
+//! The unknown is the state at the start of a common period of both motors. The motion repeats if the state is the same
+//! after the period: this is shooting, as for any periodic orbit. Only the attitude and the bend of each flagellum
+//! decay in more than a second (`slow`); the rest of the state follows them within the period. So a period maps seven
+//! coordinates y. With its derivative M and the change F(y) over a period, a Newton step is (I - M)⁻¹ F. M is estimated
+//! from the periods themselves (`modes`), and Anderson acceleration over the last periods corrects its error. A step
+//! moves the state and its past in the slow coordinates; the ordinary solver continues from there. Where the two
+//! estimates of a step differ, half a step is made; where they differ much, or M has a direction that grows, a period passes
+//! without a step.
 //!
-//! The slow mode of a pair of flagella decays in 10 to 18 s; some modes of two flagella that do not touch need minutes.
+//! The motion is found when the step is below [`TOLERANCE`], with and without the acceleration. The results are means
+//! over the last period, by the ordinary solver and the ordinary steady window. If no motion is found, or if the motors
+//! have no common period of 12 s or less, the trial is simulated from rest until its means over both motor angles are known
+//! ([`crate::trial::means`]). `sim/docs/steady.md` has the comparison with trials.
 
-pub mod series;
-mod window;
+pub mod effort;
+mod modes;
+mod over_phases;
+mod period;
+pub mod phase;
+pub mod quantities;
+mod shooting;
+mod slow;
 
-pub use window::{WINDOW, whole_turns};
-
+use crate::V3;
+use crate::params::Closure;
+use crate::params::{ParamError, Robot};
+use crate::step::{InversesAtRest, Solver, StepError};
+use crate::trial::means::{Level, Steady, SteadyCollector, whole_turns};
+use crate::trial::profile::{ProfileError, SpeedProfile};
+use crate::trial::sample::Sample;
+use crate::trial::{Options, Summary, Trial};
+pub use over_phases::{Method, Phases, SteadyState, error_of_mean};
 use serde::{Deserialize, Serialize};
-use series::Cell;
-use std::collections::VecDeque;
-use std::f64::consts::{PI, TAU};
+use shooting::{Outcome, SLOWEST_S, shoot};
+use std::f64::consts::PI;
 
-/// Longest stretch that means over both motor angles are taken from, s.
-pub const STRETCH: f64 = 300.0;
+/// Largest difference of yaw, pitch and roll from those of the repeating motion, estimated from the last period, rad.
+pub const TOLERANCE: f64 = 0.05 * PI / 180.0;
 
-/// Largest uncertainties (95 %) of the means of a settled run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
+/// Least standard errors: those of the solver, which adds up in the slow modes what every step misses (`sim/docs/steady.md`).
+struct LeastErrors {
     /// Of yaw, pitch and roll, rad.
-    pub angle: f64,
-    /// Of both thrusts, as a share of the larger one.
-    pub thrust: f64,
+    angle: f64,
+    /// Of forces and torques, as a share of the larger one of both flagella.
+    force: f64,
 }
 
-/// Limits of a run in whose stretch the flagella do not touch.
-pub const FREE: Limits = Limits { angle: 0.1 * PI / 180.0, thrust: 0.01 };
+/// Those of a motion in which the flagella do not touch, and of one in which they do.
+const LEAST_FREE: LeastErrors = LeastErrors { angle: 0.045 * PI / 180.0, force: 1e-3 };
+const LEAST_TOUCHING: LeastErrors = LeastErrors { angle: 0.075 * PI / 180.0, force: 2.5e-3 };
 
-/// Limits of one in which they do.
-pub const TOUCHING: Limits = Limits { angle: 0.3 * PI / 180.0, thrust: 0.03 };
+/// Windows at whose ends the means are known before a simulation ends early: means that are looked at again and again seem
+/// known too soon.
+const AGREEING: u32 = 2;
 
-/// Share of a run's length that is rounding.
+/// Part of a window that counts as none.
 const ROUNDING: f64 = 1e-6;
 
-/// Thrusts below this, N, are none.
-const NO_THRUST: f64 = 1e-5;
-
-/// Cells in a revolution of the faster motor.
-const CELLS: f64 = 12.0;
-
-/// Longest cell, s.
-const LONGEST_CELL: f64 = 0.25;
-
-/// Length of the blocks that time the settling, s, about.
-const BLOCK: f64 = 2.0;
-
-/// An angle is near its final value within this, degrees, or within this share of the value.
-const NEAR_DEG: f64 = 1.0;
-const NEAR_SHARE: f64 = 0.05;
-
-/// Number of quantities: yaw, pitch, roll (rad), force of flagellum 1 and 2 on the base (N,
-/// body axes), reaction torques about the shafts (N m).
-pub const CHANNELS: usize = 11;
-
-/// Mean of a quantity, and half its range over the window.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Level {
-    /// Mean.
-    pub mean: f64,
-    /// Half the range: (largest - smallest)/2.
-    pub amplitude: f64,
-    /// Standard error of the mean; `None` where it is unknown.
-    #[serde(default)]
-    pub standard_error: Option<f64>,
+/// Kind of a motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// It repeats with the common period of the motors.
+    Steady,
+    /// No repeating motion was found, but the means over both motor angles are known.
+    Beating,
+    /// No repeating motion was found, and the means are not known well enough.
+    NotFound,
 }
 
-/// The steady state of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Steady {
-    /// Length of the stretch that the means are taken from, s.
-    pub window_s: f64,
-    /// Yaw (unwrapped), pitch, roll in rad.
-    pub attitude: [Level; 3],
-    /// Force of flagellum 1 and 2 on the base, body axes, N.
-    pub force: [[Level; 3]; 2],
-    /// Reaction torques about the shafts, N m.
-    pub axial_torque: [Level; 2],
-    /// Whether the means are known, and reached, by the rule of the module.
-    pub settled: bool,
-    /// Time from the start of the run after which the means of all blocks have yaw and pitch within the larger of one
-    /// degree and 5 % of the final ones, s.
-    pub settle_s: f64,
-}
-
-/// Returns the distance from its final value, degrees, within which a yaw or pitch counts as settled.
-pub fn settled_within_deg(final_deg: f64) -> f64 {
-    NEAR_DEG.max(NEAR_SHARE * final_deg.abs())
-}
-
-/// Returns whether an angle is near its final value, both rad.
-fn is_near(angle: f64, last: f64) -> bool {
-    (angle - last).to_degrees().abs() <= settled_within_deg(last.to_degrees())
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Entry {
-    time: f64,
-    values: [f64; CHANNELS],
-}
-
-/// Computes the steady state of a run value by value. It keeps two windows of values, the means of all cells of at most two
-/// stretches, and one mean of yaw and pitch for each block.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SteadyCollector {
-    start: f64,
-    /// From here on no motor reverses.
-    from: f64,
-    speeds: [f64; 2],
-    window: f64,
-    recent: VecDeque<Entry>,
-    block: f64,
-    block_end: f64,
-    blocks: Vec<(f64, [f64; 2])>,
-    cell: f64,
-    cell_end: f64,
-    /// Integral of the values over the present cell so far.
-    sums: [f64; CHANNELS],
-    /// Whether the flagella have touched in it.
-    touched: bool,
-    cells: VecDeque<Cell>,
-}
-
-impl SteadyCollector {
-    /// For a run from `start` to `end` (s) whose motors have these speeds (rad/s) at its end.
-    pub fn new(start: f64, end: f64, speeds_rad_s: [f64; 2]) -> Self {
-        Self::after_reversal(start, start, end, speeds_rad_s)
+impl Kind {
+    /// Returns the kind of a motion that is not found to repeat, from the means of its trial at these speeds.
+    pub fn of_trial(steady: &Steady, rpm: [f64; 2]) -> Self {
+        if steady.settled && !phase::slips(rpm, steady.window_s) { Self::Beating } else { Self::NotFound }
     }
 
-    /// The same for a run in which a motor reverses; `from` is the time (s) after which none does.
-    pub fn after_reversal(start: f64, from: f64, end: f64, speeds_rad_s: [f64; 2]) -> Self {
-        let from = from.clamp(start, end.max(start));
-        let window = whole_turns(speeds_rad_s, end - from);
-        // Whole blocks make a window.
-        let block = window / (window / BLOCK).round().max(1.0);
-        let fastest = speeds_rad_s[0].abs().max(speeds_rad_s[1].abs());
-        let cell = LONGEST_CELL.min(TAU / fastest / CELLS);
-        Self {
-            start,
-            from,
-            speeds: speeds_rad_s,
-            window,
-            recent: VecDeque::new(),
-            block,
-            block_end: from + block,
-            blocks: Vec::new(),
-            cell,
-            cell_end: from + cell,
-            sums: [0.0; CHANNELS],
-            touched: false,
-            cells: VecDeque::new(),
+    /// Returns its name, as in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Steady => "steady",
+            Self::Beating => "beating",
+            Self::NotFound => "not_found",
         }
-    }
-
-    /// Begins with the values that another collector begins with, unless it has its own.
-    pub(crate) fn begin_with(&mut self, other: &Self) {
-        if self.recent.is_empty() {
-            self.recent.extend(other.recent.front().filter(|first| first.time >= self.from));
-        }
-    }
-
-    /// Adds values at a time of the run (s), and whether the flagella touch. Times must not decrease; values before the start,
-    /// or the last reversal, are ignored.
-    pub fn push(&mut self, time: f64, values: [f64; CHANNELS], touching: bool) {
-        if time < self.from {
-            return;
-        }
-        let entry = Entry { time, values };
-        if let Some(before) = self.recent.back().copied() {
-            self.add_to_cells(before, entry, touching);
-        }
-        self.recent.push_back(entry);
-        while self.recent.get(1).is_some_and(|e| e.time < time - 2.0 * self.window) {
-            self.recent.pop_front();
-        }
-        // A run without a duration has no blocks.
-        while self.block > 0.0 && time >= self.block_end {
-            let levels = self.levels(self.block_end - self.block, self.block_end);
-            self.blocks.push((self.block_end, [levels[0].mean, levels[1].mean]));
-            self.block_end += self.block;
-        }
-    }
-
-    /// Adds the values between two times to the means of cells.
-    fn add_to_cells(&mut self, a: Entry, b: Entry, touching: bool) {
-        let mut left = a;
-        while left.time < b.time {
-            let time = b.time.min(self.cell_end);
-            let share = (time - a.time) / (b.time - a.time);
-            let right =
-                Entry { time, values: std::array::from_fn(|c| a.values[c] + (b.values[c] - a.values[c]) * share) };
-            self.touched |= touching;
-            for c in 0..CHANNELS {
-                self.sums[c] += 0.5 * (left.values[c] + right.values[c]) * (right.time - left.time);
-            }
-            if time == self.cell_end {
-                let values = self.sums.map(|sum| sum / self.cell);
-                self.cells.push_back(Cell { time: self.cell_end - 0.5 * self.cell, values, touched: self.touched });
-                if self.cells.len() as f64 * self.cell > STRETCH {
-                    self.cells.pop_front();
-                }
-                (self.sums, self.touched) = ([0.0; CHANNELS], false);
-                self.cell_end += self.cell;
-            }
-            left = right;
-        }
-    }
-
-    /// Returns means and amplitudes between two times (s), by trapezia with values interpolated at the ends.
-    fn levels(&self, from: f64, to: f64) -> [Level; CHANNELS] {
-        let mut sums = [0.0; CHANNELS];
-        let mut low = [f64::INFINITY; CHANNELS];
-        let mut high = [f64::NEG_INFINITY; CHANNELS];
-        let mut length = 0.0;
-        for (a, b) in self.recent.iter().zip(self.recent.iter().skip(1)) {
-            let (left, right) = (a.time.max(from), b.time.min(to));
-            if right <= left {
-                continue;
-            }
-            length += right - left;
-            let share = |t: f64| (t - a.time) / (b.time - a.time);
-            for c in 0..CHANNELS {
-                let at = |t: f64| a.values[c] + (b.values[c] - a.values[c]) * share(t);
-                let (x, y) = (at(left), at(right));
-                sums[c] += 0.5 * (x + y) * (right - left);
-                low[c] = low[c].min(x).min(y);
-                high[c] = high[c].max(x).max(y);
-            }
-        }
-        std::array::from_fn(|c| {
-            if length > 0.0 {
-                Level { mean: sums[c] / length, amplitude: 0.5 * (high[c] - low[c]), standard_error: None }
-            } else {
-                Level { mean: self.recent.back().map_or(0.0, |e| e.values[c]), ..Level::default() }
-            }
-        })
-    }
-
-    /// Returns the steady state of the run so far: means over both motor angles, from its second half.
-    pub fn steady(&self) -> Steady {
-        let end = self.end();
-        let mut levels = self.levels(end - self.window, end);
-        let from = (0.5 * (self.from + end)).max(end - STRETCH);
-        let first = self.cells.partition_point(|cell| cell.time < from);
-        let cells: Vec<Cell> = self.cells.range(first..).copied().collect();
-        // Two windows, but for the rounding of their length.
-        let is_long = end - self.from >= 2.0 * WINDOW * (1.0 - ROUNDING);
-        let Some(means) = is_long.then(|| series::means(&cells, self.cell, self.speeds)).flatten() else {
-            return Steady { settled: false, ..self.window() };
-        };
-        for (level, mean) in levels.iter_mut().zip(&means) {
-            (level.mean, level.standard_error) = (mean.mean, Some(mean.standard_error));
-        }
-        let limits = if cells.iter().any(|cell| cell.touched) { TOUCHING } else { FREE };
-        let stretch_s = cells.len() as f64 * self.cell;
-        let steady = self.state(stretch_s, levels, |steady| steady.is_known_within(&limits));
-        if steady.settled {
-            return steady;
-        }
-        // Where an approach leads is not known: the means are what it has reached.
-        for (level, mean) in levels.iter_mut().zip(&means) {
-            level.mean = mean.mean - mean.to_come;
-        }
-        self.state(stretch_s, levels, |_| false)
-    }
-
-    /// Returns the steady state of the run so far: means over time in the window.
-    pub fn window(&self) -> Steady {
-        let end = self.end();
-        let last = self.levels(end - self.window, end);
-        let before = self.levels(end - 2.0 * self.window, end - self.window);
-        let enough = end - self.from >= 1.999 * self.window;
-        let agree = |a: f64, b: f64| (a - b).abs() <= 0.5f64.to_radians().max(0.01 * b.abs());
-        let settled = enough && (0..3).all(|c| agree(before[c].mean, last[c].mean));
-        self.state(self.window, last, |_| settled)
-    }
-
-    fn end(&self) -> f64 {
-        self.recent.back().map_or(self.from, |e| e.time)
-    }
-
-    fn state(&self, window_s: f64, levels: [Level; CHANNELS], settled: impl Fn(&Steady) -> bool) -> Steady {
-        let unsettled =
-            (self.blocks.iter()).rev().find(|(_, means)| !(0..2).all(|c| is_near(means[c], levels[c].mean)));
-        let vector = |c: usize| [levels[c], levels[c + 1], levels[c + 2]];
-        let mut steady = Steady {
-            window_s,
-            attitude: vector(0),
-            force: [vector(3), vector(6)],
-            axial_torque: [levels[9], levels[10]],
-            settled: false,
-            settle_s: unsettled.map_or(self.from, |(time, _)| *time) - self.start,
-        };
-        steady.settled = settled(&steady);
-        steady
     }
 }
 
-impl Level {
-    /// Returns the 95 % uncertainty of the mean; infinite where it is unknown.
-    pub fn uncertainty(&self) -> f64 {
-        2.0 * self.standard_error.unwrap_or(f64::INFINITY)
+/// A robot whose motors turn at constant speeds.
+#[derive(Clone, Debug)]
+pub struct Problem<'a> {
+    /// The robot.
+    pub robot: &'a Robot,
+    /// How the flagella act on the base.
+    pub closure: Closure,
+    /// Speeds of the motors, rpm.
+    pub rpm: [f64; 2],
+    /// Angles of the motors at the start, rad. They select one of several steady states ([`crate::steady::phase`]).
+    pub start_rad: [f64; 2],
+    /// Duration of the simulation from rest if no repeating motion is found, s.
+    pub longest_s: f64,
+    /// Output of the samples; `None` for no samples.
+    pub output: Option<Options>,
+    /// Inverses that trials of this robot share; `None` for its own.
+    pub at_rest: Option<&'a InversesAtRest>,
+}
+
+impl Problem<'_> {
+    fn solver(&self) -> Result<Solver, ParamError> {
+        match self.at_rest {
+            Some(at_rest) => Solver::sharing(self.robot, self.closure, at_rest),
+            None => Solver::new(self.robot, self.closure),
+        }
     }
 }
 
-impl Steady {
-    /// Returns whether the uncertainties of yaw, pitch, roll and both thrusts are within limits.
-    pub fn is_known_within(&self, limits: &Limits) -> bool {
-        let thrusts = self.force.map(|force| force[2]);
-        let larger = thrusts[0].mean.abs().max(thrusts[1].mean.abs()).max(NO_THRUST);
-        self.attitude.iter().all(|angle| angle.uncertainty() <= limits.angle)
-            && thrusts.iter().all(|thrust| thrust.uncertainty() <= limits.thrust * larger)
+/// The result of [`solve`].
+#[derive(Clone, Debug)]
+pub struct Periodic {
+    /// Kind of the motion.
+    pub kind: Kind,
+    /// Results of the period, or of the last window if no repeating motion was found; steady values are then means over
+    /// both motor angles. They do not include the transient: the settling time is 0 s.
+    pub summary: Summary,
+    /// Samples of the period or of the last window, with times from 0.
+    pub samples: Vec<Sample>,
+    /// Duration of the period or of the last window, s.
+    pub duration_s: f64,
+    /// Everything that was simulated, s.
+    pub simulated_s: f64,
+}
+
+/// Why there is no steady state.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// An impossible parameter.
+    #[error(transparent)]
+    Parameter(#[from] ParamError),
+    /// Impossible speeds or duration.
+    #[error(transparent)]
+    Profile(#[from] ProfileError),
+    /// A step of the trial that fails.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// `watch` has ended it.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// Called with the simulated time (s) as it goes on; `false` ends it.
+pub type Watch<'a> = &'a dyn Fn(f64) -> bool;
+
+/// Solves for the steady state.
+///
+/// # Errors
+/// Impossible parameters, speeds or duration, a trial that fails, and [`SolveError::Interrupted`]. A failing step of the
+/// search is not an error: the trial is run from its start.
+pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
+    let Problem { rpm, start_rad, longest_s, output, .. } = *problem;
+    let whole = SpeedProfile::constant(rpm, longest_s)?.from_angles(start_rad);
+    match shoot(problem, watch)? {
+        Outcome::Found { trial, before, distance, samples } => {
+            let simulated_s = trial.state().time;
+            let mut summary = trial.window_summary();
+            set_errors(&mut summary.steady, &before, distance);
+            Ok(periodic(Kind::Steady, summary, &trial, samples, simulated_s))
+        }
+        // A search has moved the state, maybe to where another motion begins: the trial's own is that from rest.
+        Outcome::Lost(searched) => {
+            let simulated_s = searched.state().time;
+            let trial = Trial::with_solver(problem.solver()?, whole.clone(), output.unwrap_or_default())?;
+            follow(trial.with_spent(searched.totals()), &whole, problem, simulated_s, watch)
+        }
+        Outcome::None => {
+            let trial = Trial::with_solver(problem.solver()?, whole.clone(), output.unwrap_or_default())?;
+            follow(trial, &whole, problem, 0.0, watch)
+        }
+    }
+}
+
+/// Sets the standard errors of the means over a period to half of their differences from those over the period before.
+///
+/// After a period without a step a difference is only the part of a slow approach that one period takes; after a step it is all
+/// of the way that the step took. So all of them are scaled to what is left of the way, `distance` (rad).
+fn set_errors(steady: &mut Steady, before: &Steady, distance: f64) {
+    let changes = steady.attitude.iter().zip(&before.attitude).map(|(now, before)| (now.mean - before.mean).abs());
+    let slowest = 1.0 / (1.0 - (-steady.window_s / SLOWEST_S).exp());
+    // The means of a motion that has come to its end differ by rounding alone: that is not scaled beyond the slowest approach.
+    let scale = (distance / changes.fold(0.0, f64::max)).min(slowest);
+    let set = |(now, before): (&mut Level, &Level)| {
+        now.standard_error = Some(0.5 * scale * (now.mean - before.mean).abs());
+    };
+    steady.attitude.iter_mut().zip(&before.attitude).for_each(set);
+    steady.force.as_flattened_mut().iter_mut().zip(before.force.as_flattened()).for_each(set);
+    steady.axial_torque.iter_mut().zip(&before.axial_torque).for_each(set);
+}
+
+/// Raises the standard errors that are known to those of the solver. A difference of two periods may be small by chance, too:
+/// a quantity may stand still between two modes.
+fn raise_errors(steady: &mut Steady, touches: bool) {
+    let LeastErrors { angle, force } = if touches { LEAST_TOUCHING } else { LEAST_FREE };
+    let raise = |levels: &mut [Level], least: f64| {
+        levels.iter_mut().filter_map(|level| level.standard_error.as_mut()).for_each(|error| *error = error.max(least));
+    };
+    let larger = |[one, two]: [f64; 2]| force * one.max(two);
+    let of_force = larger(steady.force.map(|force| V3::from(force.map(|level| level.mean)).norm()));
+    let of_torque = larger(steady.axial_torque.map(|level| level.mean.abs()));
+    raise(&mut steady.attitude, angle);
+    raise(steady.force.as_flattened_mut(), of_force);
+    raise(&mut steady.axial_torque, of_torque);
+}
+
+/// Simulates on to the end of a profile or until the means are known in [`AGREEING`] windows one after the other.
+/// `searched_s`: simulated time of the search.
+fn follow(
+    mut trial: Trial,
+    whole: &SpeedProfile,
+    problem: &Problem,
+    searched_s: f64,
+    watch: Watch,
+) -> Result<Periodic, SolveError> {
+    let window = whole_turns(whole.target(), whole.end());
+    let before_s = searched_s - trial.state().time;
+    let watch = |time: f64| watch(before_s + time);
+    let mut collected = SteadyCollector::new(trial.state().time, whole.end(), whole.target());
+    let left = whole.end() - trial.state().time;
+    let mut windows = (left / window + ROUNDING).floor();
+    if left - windows * window > ROUNDING * window {
+        // What is left over comes first, so that the last window is a whole one.
+        trial = continued(trial, whole, windows * window)?.with_collected(collected);
+        run(&mut trial, f64::INFINITY, None, &watch)??;
+        collected = trial.collected().clone();
+    }
+    let mut known = 0;
+    loop {
+        windows -= 1.0;
+        trial = continued(trial, whole, windows * window)?.with_collected(collected);
+        let mut samples = Vec::new();
+        run(&mut trial, f64::INFINITY, problem.output.is_some().then_some(&mut samples), &watch)??;
+        let summary = trial.summary();
+        let kind = Kind::of_trial(&summary.steady, problem.rpm);
+        known = if kind == Kind::Beating { known + 1 } else { 0 };
+        if known == AGREEING || windows < 0.5 {
+            return Ok(periodic(kind, summary, &trial, samples, before_s + trial.state().time));
+        }
+        collected = trial.collected().clone();
+    }
+}
+
+/// Returns the trial that goes on up to this time before the end of a profile, s.
+fn continued(trial: Trial, whole: &SpeedProfile, left_s: f64) -> Result<Trial, ProfileError> {
+    let state = trial.state().clone();
+    Ok(trial.followed_by(whole.between(state.time, whole.end() - left_s)?, state))
+}
+
+/// Returns the result whose last period or window is this trial.
+fn periodic(kind: Kind, mut summary: Summary, trial: &Trial, mut samples: Vec<Sample>, simulated_s: f64) -> Periodic {
+    let duration_s = std::mem::replace(&mut summary.simulated_s, simulated_s);
+    (summary.steady.settled, summary.steady.settle_s) = (kind != Kind::NotFound, 0.0);
+    raise_errors(&mut summary.steady, summary.contact_share > 0.0);
+    let start_s = trial.state().time - duration_s;
+    summary.first_contact_s = summary.first_contact_s.map(|time| time - start_s);
+    for sample in &mut samples {
+        sample.time_s -= start_s;
+    }
+    Periodic { kind, summary, samples, duration_s, simulated_s }
+}
+
+/// Runs a trial up to a time (s), with its samples if they are wanted.
+fn run(
+    trial: &mut Trial,
+    until: f64,
+    mut samples: Option<&mut Vec<Sample>>,
+    watch: Watch,
+) -> Result<Result<(), StepError>, SolveError> {
+    let until = until.min(trial.profile().end());
+    loop {
+        if let Some(samples) = &mut samples {
+            samples.extend(std::iter::from_fn(|| trial.passed()));
+        }
+        if trial.state().time >= until {
+            return Ok(Ok(()));
+        }
+        if !watch(trial.state().time) {
+            return Err(SolveError::Interrupted);
+        }
+        if let Err(error) = trial.advance_towards(until) {
+            return Ok(Err(error));
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::PI;
 
-    #[test]
-    fn a_run_without_a_duration_ends() {
-        let mut collector = SteadyCollector::new(3.0, 3.0, [0.0; 2]);
-        collector.push(3.0, [0.5; CHANNELS], false);
-        assert_eq!(collector.steady().attitude[0], Level { mean: 0.5, amplitude: 0.0, standard_error: None });
+    fn searched(rpm: [f64; 2]) -> Outcome {
+        let problem = Problem {
+            robot: &Robot::default(),
+            closure: Closure::Full,
+            rpm,
+            start_rad: [0.0; 2],
+            longest_s: 120.0,
+            output: None,
+            at_rest: None,
+        };
+        shoot(&problem, &|_| true).expect("no failure")
     }
 
-    /// The attitude of a motor that turned the other way until 3 s before the end is in no mean.
+    /// At (0, 80) rpm the last period takes a seventh of what is left of the approach.
     #[test]
-    fn a_window_begins_after_a_reversal() {
-        let mut collector = SteadyCollector::after_reversal(5.0, 42.0, 45.0, [5.3, -7.1]);
-        for i in 0..=4000 {
-            let time = 5.0 + 0.01 * f64::from(i);
-            collector.push(time, [if time < 42.0 { -1.0 } else { 2.0 }; CHANNELS], false);
+    fn stated_errors_hold_what_is_left_of_an_approach() {
+        for rpm in [[0.0, 80.0], [0.0, 76.45], [51.66, -51.66]] {
+            let outcome = searched(rpm);
+            let Outcome::Found { trial, before, distance, .. } = outcome else { panic!("no motion that repeats") };
+            let mut stated = trial.window_summary().steady;
+            set_errors(&mut stated, &before, distance);
+            raise_errors(&mut stated, false);
+            // With the same steps, so that the approach is the only difference.
+            let (from_s, state) = (trial.state().time, trial.state().clone());
+            let periods = (120.0 / stated.window_s).round();
+            let whole = SpeedProfile::constant(rpm, from_s + periods * stated.window_s).expect("a profile");
+            let rest = whole.between(from_s, whole.end()).expect("a profile");
+            let mut rest = trial.followed_by(rest, state);
+            rest.finish().expect("a run");
+            let after = rest.window_summary().steady;
+            let levels = |steady: &Steady| {
+                let forces = steady.force.as_flattened().to_vec();
+                [steady.attitude.to_vec(), forces, steady.axial_torque.to_vec()].concat()
+            };
+            for (i, (stated, after)) in levels(&stated).iter().zip(&levels(&after)).enumerate() {
+                let off = (after.mean - stated.mean).abs();
+                println!("{rpm:?}: quantity {i} off by {:.2} of its ±", off / stated.uncertainty());
+                assert!(off < stated.uncertainty(), "{rpm:?}: quantity {i} off by {off}: {stated:?}");
+            }
         }
-        let steady = collector.steady();
-        assert_eq!(steady.attitude[0], Level { mean: 2.0, amplitude: 0.0, standard_error: None });
-        assert!(steady.window_s <= 3.0 && !steady.settled, "{steady:?}");
-        assert_eq!(steady.settle_s, 37.0);
-    }
-
-    #[test]
-    fn a_decaying_turn_settles_when_it_should() {
-        let mut collector = SteadyCollector::new(0.0, 120.0, [3.0 * PI, 3.0 * PI]);
-        for i in 0..=3000 {
-            let t = i as f64 * 0.04;
-            let mut values = [0.0; CHANNELS];
-            values[0] = 1.0 - (-t / 10.0).exp() + 0.1 * (3.0 * PI * t).cos();
-            collector.push(t, values, false);
-        }
-        let steady = collector.steady();
-        assert!((steady.attitude[0].mean - 1.0).abs() < 1e-4);
-        assert!((steady.attitude[0].amplitude - 0.1).abs() < 2e-3);
-        assert!(steady.settled);
-        // The mean over the window is behind by what is left there.
-        let [left, first] = [120.0, 108.0].map(|t: f64| (-t / 10.0).exp() * 10.0);
-        let behind = 1.0 - collector.window().attitude[0].mean;
-        assert!((behind - (first - left) / 12.0).abs() < 1e-6, "{behind}");
-        // 5 % of the final mean is reached after 3 time constants.
-        assert!((steady.settle_s - 30.0).abs() < 3.0, "{}", steady.settle_s);
     }
 }

@@ -6,14 +6,16 @@ use super::formula::POINTS;
 use super::model::Model;
 use super::problem::StepProblem;
 use super::report::{StepFailure, StepReport};
+use super::state::{Past, State};
 use super::sweep::{Converged, Sweeps};
 use super::time_step::TimeStep;
 use crate::V3;
 use crate::body::Body;
-use crate::body::closure::{Closure, Load, flagella_moment};
+use crate::body::closure::flagella_moment;
+use crate::body::load::Load;
 use crate::body::shaft::Shaft;
 use crate::contact::pairs::Lines;
-use crate::state::{Past, State};
+use crate::params::Closure;
 
 /// Checks a solved step.
 ///

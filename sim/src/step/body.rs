@@ -3,13 +3,13 @@
 //! The time formula acts on rotation vectors in axes of the attitude at the step's start; their rate for an angular
 //! velocity w is the inverse right Jacobian of the rotation group times w.
 
+use super::state::State;
 use super::time_step::TimeStep;
 use crate::V3;
 use crate::body::Body;
 use crate::body::attitude::{euler_zyx, rotated, rotation_between, rotation_vector_rate, unwrap};
 use crate::body::joint::RigidBase;
 use crate::body::shaft::Shaft;
-use crate::state::State;
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector6};
 
 /// Newton iterations for a given moment.

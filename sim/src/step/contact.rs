@@ -7,14 +7,14 @@ use super::flagellum::{Flagellum, Kinematics};
 use super::model::Model;
 use super::problem::StepProblem;
 use super::report::StepFailure;
+use super::state::State;
 use crate::V3;
-use crate::body::closure::Load;
+use crate::body::load::Load;
 use crate::body::shaft::Shaft;
 use crate::contact::broad_phase::BroadPhase;
 use crate::contact::pairs::{self, Lines, Pair};
 use crate::contact::{complementarity, friction};
-use crate::rod::{CLAMPED, spin::SpinDrag};
-use crate::state::State;
+use crate::rod::CLAMPED;
 
 /// Sweeps after which closest points and normals are held, as they may alternate.
 const GEOMETRY_SWEEPS: u32 = 4;
@@ -343,7 +343,7 @@ fn shapes(flagella: &[Flagellum; 2]) -> [&[V3]; 2] {
 /// Returns the displacement of the surfaces of a pair by the twist that the friction of it and of its neighbours makes, m/N.
 fn twist_compliance<'a>(pair: &Pair, pressing: impl Iterator<Item = &'a Pair> + Clone, problem: &StepProblem) -> f64 {
     let model = problem.model;
-    let drag = SpinDrag::new(&model.robot);
+    let drag = model.robot.spin_drag();
     let twist = |side: usize| {
         let (rod, kappa) = (&model.rods[pair.rods[side]], problem.step.kappa(pair.rods[side]));
         let edge = pair.edges[side];

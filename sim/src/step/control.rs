@@ -3,9 +3,9 @@
 use super::formula::POINTS;
 use super::report::{StepFailure, StepReport};
 use super::solver::Solver;
+use super::state::State;
 use super::time_step::Attempt;
 use crate::body::shaft::MotorState;
-use crate::state::State;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 

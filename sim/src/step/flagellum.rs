@@ -8,8 +8,9 @@
 use super::corotated::{from_reference, to_reference};
 use super::panels::Panels;
 use super::preconditioner::{Preconditioner, torque_scale};
+use super::state::{RodState, Shape};
 use crate::V3;
-use crate::body::closure::Load;
+use crate::body::load::Load;
 use crate::body::shaft::Shaft;
 use crate::fluid::Line;
 use crate::fluid::far::{Sources, Targets, gauss_rule};
@@ -17,7 +18,6 @@ use crate::fluid::near::NearBand;
 use crate::fluid::stokeslet_factor;
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, frames::Frames, spin::SpinDrag};
-use crate::state::{RodState, Shape};
 
 /// Motion of a shaft frame and the time formula of its rod.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +41,7 @@ pub struct Flagellum {
     pub density: Vec<V3>,
     /// Contact forces on the nodes, shaft frame, N.
     pub contact: Vec<V3>,
-    /// Flow of all but the flagella at the nodes, shaft axes, m/s; see [`crate::fluid::surroundings`].
+    /// Flow of all but the flagella at the nodes, shaft axes, m/s; see [`crate::step::surroundings`].
     pub surrounding_flow: Vec<V3>,
     /// Torques of contact on the edges about their tangents, N m.
     pub contact_torque: Vec<f64>,
@@ -79,7 +79,7 @@ impl Flagellum {
             contact_torque: vec![0.0; n - 1],
             history: vec![V3::zeros(); n],
             angle_history: vec![0.0; n - 1],
-            spin_drag: SpinDrag::new(robot),
+            spin_drag: robot.spin_drag(),
             residual: vec![0.0; 4 * n - 2],
             correction: vec![0.0; 4 * n - 2],
             gradient: vec![0.0; 4 * n],

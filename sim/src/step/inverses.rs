@@ -2,12 +2,12 @@
 //!
 //! An inverse in the frames of [`super::corotated`] stays useful for a rod that has turned and bent since, within
 //! limits: the equations of a buckled soft flagellum differ from those of its helix at rest. So
-//! [`State`](crate::state::State) has the shapes about which the equations are linearised. They are those at rest until
+//! [`State`](crate::step::state::State) has the shapes about which the equations are linearised. They are those at rest until
 //! the sweeps of a step without contact become many, and then those of that step; a step that fails is tried again with
 //! those that are predicted for its end. An inverse depends on these shapes and its [`Key`] only, and a restored state
 //! goes on bit for bit.
 //!
-//! Inverses at rest serve for hundreds of steps and are dense; all solvers of equal flagella share them (`rest`). Free
+//! Inverses at rest serve for hundreds of steps and are dense; solvers of equal flagella may share them ([`InversesAtRest`]). Free
 //! motion whose steps have needed one sweep too many for a long time also changes to dense inverses, at its present
 //! shapes: drag on the spin bends and twists the flagella far from rest, and they keep that shape. Inverses at other
 //! shapes are used for few steps, so their construction must be cheap: they stay factors in single precision, of
@@ -19,10 +19,10 @@
 use super::key::Key;
 use super::model::Model;
 use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
-use super::rest::Rest;
+use super::rest::{InversesAtRest, Rest};
+use super::state::RodState;
 use super::time_step::TimeStep;
 use crate::rod::Rod;
-use crate::state::RodState;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -93,9 +93,9 @@ enum Source {
 }
 
 impl Source {
-    fn new(rod: &Rod, at: &RodState, fluid: FluidParams, lasting: bool) -> Self {
+    fn new(rod: &Rod, at: &RodState, fluid: FluidParams, lasting: bool, at_rest: &InversesAtRest) -> Self {
         if at.shape.nodes == rod.shape {
-            return Self::Rest(Rest::of(rod, at, fluid));
+            return Self::Rest(at_rest.of(rod, at, fluid));
         }
         let wanted = if lasting { Use::Lasting } else { Use::Passing };
         Self::Own(Box::new(Equations::new(rod, at, fluid, wanted)))
@@ -110,14 +110,20 @@ impl Source {
 }
 
 /// Inverses of both rods for the present shapes.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Cache {
+    at_rest: InversesAtRest,
     rods: [Option<Kept>; 2],
     /// Inverses used so far.
     pub used: usize,
 }
 
 impl Cache {
+    /// Without inverses of its own.
+    pub fn new(at_rest: InversesAtRest) -> Self {
+        Self { at_rest, rods: [None, None], used: 0 }
+    }
+
     /// Returns the inverses of both rods for a step; `None` when a matrix is singular.
     pub fn find(&mut self, about: &Linearisation, model: &Model, step: &TimeStep) -> Option<[Arc<Preconditioner>; 2]> {
         let hands = model.robot.flagellum.handedness;
@@ -141,7 +147,7 @@ impl Cache {
         fluid: FluidParams,
     ) -> Option<Arc<Preconditioner>> {
         if self.rods[slot].as_ref().is_none_or(|kept| kept.at != *at) {
-            let source = Source::new(rod, at, fluid, lasting);
+            let source = Source::new(rod, at, fluid, lasting, &self.at_rest);
             self.rods[slot] = Some(Kept { at: at.clone(), source, inverses: Vec::new() });
         }
         let kept = self.rods[slot].as_mut()?;
@@ -162,7 +168,7 @@ impl Cache {
 mod tests {
     use super::*;
     use crate::params::Robot;
-    use crate::state::State;
+    use crate::step::state::State;
 
     fn at_rest() -> State {
         let robot = Robot::default();

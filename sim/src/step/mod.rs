@@ -19,7 +19,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`StepControl`] chooses the length of a step and [`Solver`] takes it, from one [`State`](crate::state::State) to the
+//! [`StepControl`] chooses the length of a step and [`Solver`] takes it, from one [`State`](crate::step::state::State) to the
 //! next. A step goes through these parts:
 //!
 //! | part | what it does |
@@ -79,6 +79,8 @@ mod problem;
 mod report;
 mod rest;
 mod solver;
+pub mod state;
+pub mod surroundings;
 mod sweep;
 mod time_step;
 mod truncation;
@@ -89,5 +91,6 @@ pub use inverses::Linearisation;
 pub use limits::Limits;
 pub use model::Model;
 pub use report::{StepFailure, StepReport};
+pub use rest::InversesAtRest;
 pub use solver::Solver;
 pub use time_step::Attempt;

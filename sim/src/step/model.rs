@@ -1,16 +1,16 @@
 //! The constant data of a robot: its parameters, its rods at rest, its base and the limits of contact.
 
 use super::limits::Limits;
+use super::surroundings::Surroundings;
 use crate::V3;
 use crate::body::Body;
-use crate::body::closure::{Closure, Load};
 use crate::body::joint::RigidBase;
+use crate::body::load::Load;
 use crate::body::shaft::Shaft;
 use crate::fluid::head::RigidSurface;
 use crate::fluid::mobility::rigid_resistance;
-use crate::fluid::surroundings::Surroundings;
-use crate::params::{ParamError, Robot};
-use crate::rod::{Rod, spin::SpinDrag};
+use crate::params::{Closure, ParamError, Robot};
+use crate::rod::Rod;
 use nalgebra::Matrix3;
 use std::f64::consts::PI;
 
@@ -112,7 +112,7 @@ fn pair_resistance(robot: &Robot, rods: &[Rod; 2], feet: &[V3; 2]) -> Option<Mat
         });
         let views = [lines[0].as_slice(), lines[1].as_slice()];
         let (epsilon, viscosity) = (robot.epsilon(), robot.fluid.viscosity());
-        let spin_drag = SpinDrag::new(robot).frame;
+        let spin_drag = robot.spin_drag().frame;
         let resistance = rigid_resistance(&views, V3::zeros(), epsilon, viscosity, spin_drag)?;
         mean += resistance.fixed_view::<3, 3>(3, 3).into_owned() / angles.len() as f64;
     }

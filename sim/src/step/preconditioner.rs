@@ -10,12 +10,12 @@
 
 use super::factors::Factors;
 use super::panels::Panels;
+use super::state::RodState;
 use crate::V3;
 use crate::fluid::{mobility::mobility, segment::segment_flow, stokeslet_factor};
 use crate::linear::invert;
 use crate::params::Robot;
 use crate::rod::{CLAMPED, Rod, band::Band, frames::Frames, spin::SpinDrag};
-use crate::state::RodState;
 use nalgebra::{DMatrix, Matrix6};
 
 /// Parameters of the fluid about one rod.
@@ -32,7 +32,7 @@ pub struct FluidParams {
 impl FluidParams {
     /// Those of a robot.
     pub fn new(robot: &Robot) -> Self {
-        Self { epsilon: robot.epsilon(), viscosity: robot.fluid.viscosity(), spin_drag: SpinDrag::new(robot) }
+        Self { epsilon: robot.epsilon(), viscosity: robot.fluid.viscosity(), spin_drag: robot.spin_drag() }
     }
 }
 

@@ -1,10 +1,10 @@
 //! The trial shapes that an iteration starts from.
 
 use super::flagellum::Flagellum;
+use super::state::{Shape, State};
 use super::time_step::TimeStep;
 use crate::V3;
 use crate::rod::{CLAMPED, Rod};
-use crate::state::{Shape, State};
 
 /// A predicted edge is between half and twice its length at rest: extrapolation must not collapse or tear it.
 const LENGTH_RANGE: [f64; 2] = [0.5, 2.0];

@@ -3,10 +3,10 @@
 use super::flagellum::{Flagellum, Kinematics};
 use super::model::Model;
 use super::preconditioner::Preconditioner;
+use super::state::State;
 use super::time_step::TimeStep;
 use crate::V3;
 use crate::body::Body;
-use crate::state::State;
 
 /// What stays the same in all sweeps of a step.
 #[derive(Clone, Copy)]

@@ -1,6 +1,6 @@
 //! The report of a step, or why it failed.
 
-use crate::body::closure::Load;
+use crate::body::load::Load;
 
 /// Why a step failed; a shorter one may succeed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

@@ -1,13 +1,13 @@
-//! Inverses at rest, which all solvers of equal flagella share.
+//! Inverses at rest, which solvers of equal flagella may share.
 //!
 //! The trials of a map are trials of one robot, and a short trial or a search for a steady state spends a tenth of its
 //! time on inverses at rest. They depend on the flagellum, the fluid and their [`Key`] alone, so it does not matter to a
-//! result which trial has built them.
+//! result which trial has built them. Whoever runs many trials has one [`InversesAtRest`] for all of them.
 
 use super::key::Key;
 use super::preconditioner::{Equations, FluidParams, Preconditioner, Use};
+use super::state::RodState;
 use crate::rod::Rod;
-use crate::state::RodState;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Flagella whose inverses are kept after their last solver: two for each of two robots.
@@ -17,8 +17,9 @@ const KEPT: usize = 64;
 /// Most nodes of a flagellum that is shared. With more the inverses take too much memory (0.4 MB each for 80 nodes).
 const LARGEST: usize = 80;
 
-/// The last flagella, the latest one first.
-static FLAGELLA_AT_REST: Mutex<Vec<Arc<Rest>>> = Mutex::new(Vec::new());
+/// The last flagella, the latest one first. A clone is the same list, also on another thread.
+#[derive(Clone, Debug, Default)]
+pub struct InversesAtRest(Arc<Mutex<Vec<Arc<Rest>>>>);
 
 /// A flagellum at rest, with its inverses.
 #[derive(Debug)]
@@ -30,32 +31,34 @@ pub struct Rest {
     inverses: Mutex<Vec<(Key, Arc<Preconditioner>)>>,
 }
 
-impl Rest {
+impl InversesAtRest {
     /// Returns the inverses of a rod in this state, at rest: those of an equal one, if there is one.
-    pub fn of(rod: &Rod, at: &RodState, fluid: FluidParams) -> Arc<Self> {
-        let same = |rest: &Arc<Self>| rest.rod == *rod && rest.fluid == fluid && rest.at == *at;
-        let known = |all: &mut Vec<Arc<Self>>| {
+    pub(super) fn of(&self, rod: &Rod, at: &RodState, fluid: FluidParams) -> Arc<Rest> {
+        let same = |rest: &Arc<Rest>| rest.rod == *rod && rest.fluid == fluid && rest.at == *at;
+        let known = |all: &mut Vec<Arc<Rest>>| {
             let rest = all.remove(all.iter().position(same)?);
             all.insert(0, rest.clone());
             Some(rest)
         };
-        if let Some(rest) = known(&mut lock(&FLAGELLA_AT_REST)) {
+        if let Some(rest) = known(&mut lock(&self.0)) {
             return rest;
         }
         // Not under the lock, so another thread may be faster.
         let equations = Equations::new(rod, at, fluid, Use::Lasting);
-        let rest = Arc::new(Self { rod: rod.clone(), fluid, at: at.clone(), equations, inverses: Mutex::default() });
+        let rest = Arc::new(Rest { rod: rod.clone(), fluid, at: at.clone(), equations, inverses: Mutex::default() });
         if rod.nodes() > LARGEST {
             return rest;
         }
-        let mut all = lock(&FLAGELLA_AT_REST);
+        let mut all = lock(&self.0);
         known(&mut all).unwrap_or_else(|| {
             all.insert(0, rest.clone());
             all.truncate(FLAGELLA);
             rest
         })
     }
+}
 
+impl Rest {
     /// Returns an inverse; `None` if its matrix is singular.
     pub fn inverse(&self, key: Key) -> Option<Arc<Preconditioner>> {
         type Inverses = [(Key, Arc<Preconditioner>)];
@@ -88,29 +91,28 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 mod tests {
     use super::*;
     use crate::params::Robot;
-    use crate::state::State;
+    use crate::step::state::State;
 
-    fn rest(robot: &Robot) -> Arc<Rest> {
+    fn rest(shared: &InversesAtRest, robot: &Robot) -> Arc<Rest> {
         let rods = [0, 1].map(|k| {
             let nodes = robot.flagellum.helix(k).nodes(robot.flagellum.edges());
             Rod::stress_free(nodes, robot.flagellum.stiffness()).clamped_at_foot()
         });
         let state = State::at_rest(&rods, 1.0);
-        Rest::of(&rods[0], &state.rods[0], FluidParams::new(robot))
+        shared.of(&rods[0], &state.rods[0], FluidParams::new(robot))
     }
 
     #[test]
     fn equal_robots_share_their_inverses_and_others_do_not() {
-        // Of this test alone: others run at the same time.
-        let mut robot = Robot::default();
-        robot.fluid.viscosity_pa_s = 0.7531;
+        let robot = Robot::default();
+        let shared = InversesAtRest::default();
+        let rest = |robot: &Robot| rest(&shared.clone(), robot);
         let one = rest(&robot);
         let key = Key::new(10.0, 3.0);
         let inverse = one.inverse(key).expect("regular");
         assert!(Arc::ptr_eq(&inverse, &one.inverse(key).expect("regular")));
         assert!(!Arc::ptr_eq(&inverse, &one.inverse(Key::new(10.0, 9.0)).expect("regular")));
-        // Other tests use the same list, so it may be lost once, but not always.
-        assert!((0..100).any(|_| Arc::ptr_eq(&rest(&robot), &rest(&robot))));
+        assert!(Arc::ptr_eq(&one, &rest(&robot)));
         let mut other = robot.clone();
         other.flagellum.pitch_m *= 1.001;
         assert!(!Arc::ptr_eq(&one, &rest(&other)));
@@ -125,6 +127,6 @@ mod tests {
             other.fluid.viscosity_pa_s = 0.8 + 1e-3 * i as f64;
             rest(&other);
         }
-        assert!(lock(&FLAGELLA_AT_REST).len() <= FLAGELLA);
+        assert!(lock(&shared.0).len() <= FLAGELLA);
     }
 }

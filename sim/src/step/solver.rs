@@ -7,14 +7,15 @@ use super::model::Model;
 use super::predict::predict;
 use super::problem::StepProblem;
 use super::report::{StepFailure, StepReport};
+use super::rest::InversesAtRest;
+use super::state::{RodState, State};
 use super::sweep::Sweeps;
 use super::time_step::{Attempt, TimeStep};
 use super::truncation;
-use crate::body::closure::Closure;
 use crate::contact::pairs::Lines;
+use crate::params::Closure;
 use crate::params::{ParamError, Robot, SolverSettings};
 use crate::rod::Rod;
-use crate::state::{RodState, State};
 
 /// Solves steps of one robot with one closure. It remembers nothing that changes a result: all of that is in [`State`].
 #[derive(Clone, Debug)]
@@ -30,12 +31,20 @@ impl Solver {
     /// # Errors
     /// A parameter that is impossible.
     pub fn new(robot: &Robot, closure: Closure) -> Result<Self, ParamError> {
+        Self::sharing(robot, closure, &InversesAtRest::default())
+    }
+
+    /// The same with inverses at rest that other solvers use, too.
+    ///
+    /// # Errors
+    /// A parameter that is impossible.
+    pub fn sharing(robot: &Robot, closure: Closure, at_rest: &InversesAtRest) -> Result<Self, ParamError> {
         robot.validate()?;
         let edges = robot.flagellum.edges();
         let stiffness = robot.flagellum.stiffness();
         let helix = |k: usize| robot.flagellum.helix(k).nodes(edges);
         let rods = [0, 1].map(|k| Rod::stress_free(helix(k), stiffness).clamped_at_foot());
-        Self::with_rods(robot, closure, rods)
+        Ok(Self::from_model(Model::new(robot, closure, rods)?, at_rest.clone()))
     }
 
     /// The same with flagella of other shapes than the parameters' helices, in their shaft frames; rods of one
@@ -44,8 +53,11 @@ impl Solver {
     /// # Errors
     /// A parameter that is impossible.
     pub fn with_rods(robot: &Robot, closure: Closure, rods: [Rod; 2]) -> Result<Self, ParamError> {
-        let model = Model::new(robot, closure, rods)?;
-        Ok(Self { sweeps: Sweeps::new(&model), cache: Cache::default(), model })
+        Ok(Self::from_model(Model::new(robot, closure, rods)?, InversesAtRest::default()))
+    }
+
+    fn from_model(model: Model, at_rest: InversesAtRest) -> Self {
+        Self { sweeps: Sweeps::new(&model), cache: Cache::new(at_rest), model }
     }
 
     /// Returns the state at rest.

@@ -7,12 +7,12 @@ use super::flagellum::{Flagellum, Kinematics};
 use super::model::Model;
 use super::problem::StepProblem;
 use super::report::StepFailure;
+use super::surroundings::Surroundings;
 use super::unknowns;
 use crate::anderson::Anderson;
 use crate::body::Body;
 use crate::fluid::Line;
 use crate::fluid::far::Sources;
-use crate::fluid::surroundings::Surroundings;
 
 /// The sweep that looks for new pairs: after the first one the shapes are nearly right.
 const SEARCH_SWEEP: u32 = 1;

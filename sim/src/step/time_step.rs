@@ -1,9 +1,9 @@
 //! What is known of a step before it is solved: times, time formulas, motor angles and shafts.
 
 use super::formula::{POINTS, derivative, error_share, value_at};
+use super::state::State;
 use crate::V3;
 use crate::body::shaft::{MotorState, Shaft};
-use crate::state::State;
 
 /// A step that is tried.
 #[derive(Clone, Copy, Debug)]

@@ -1,10 +1,10 @@
 //! The samples of a trial, between the steps of its solver.
 
+use super::sample::{Sample, shapes_at};
 use super::{Trial, overlap};
 use crate::V3;
 use crate::contact::bundling::{Bundling, winding};
 use crate::contact::pairs::Lines;
-use crate::sample::{Sample, shapes_at};
 use crate::step::StepError;
 
 /// A sample at most this much after the end, s, is still the last sample: times of samples are rounded.

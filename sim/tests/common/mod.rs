@@ -7,7 +7,7 @@ use sim::V3;
 use sim::body::{closure::Closure, shaft::MotorState};
 use sim::params::Robot;
 use sim::rod::frames::Frames;
-use sim::state::State;
+use sim::step::state::State;
 use sim::step::{Solver, StepControl, StepError, StepReport};
 use std::collections::HashMap;
 use std::f64::consts::PI;

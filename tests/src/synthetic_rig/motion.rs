@@ -8,7 +8,7 @@ use host::plan::Phases;
 use host::trial::{Collector, Data, Records, Want};
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::profile::SpeedProfile;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 
 /// Frames of the board for each sample of a model's log.

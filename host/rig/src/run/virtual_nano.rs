@@ -4,7 +4,7 @@ use biflag_log::SensorMeta;
 use miette::Diagnostic;
 use serde::Deserialize;
 use serde_json::Value;
-use sim::sample::Sample;
+use sim::trial::sample::Sample;
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::process::CommandExt;

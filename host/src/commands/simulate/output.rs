@@ -8,7 +8,7 @@ use biflag_log::SteadyMeta;
 use protocol::units::CentiRpm;
 use serde::Serialize;
 use sim::contact::bundling::Bundling;
-use sim::periodic::Kind;
+use sim::steady::Kind;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -3,7 +3,7 @@
 use super::quantity::Quantity;
 use crate::text::word;
 use miette::Diagnostic;
-use sim::periodic::SolveError;
+use sim::steady::SolveError;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use thiserror::Error;

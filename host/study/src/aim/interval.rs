@@ -1,7 +1,7 @@
 //! Intervals of a predicted attitude, from the starting phase of the flagella, the covariance of the fitted parameters, and
 //! the errors of the model and of the solver.
 //!
-//! Phases: at speeds where the phase matters ([`sim::phase`]), the model is evaluated at several phases. A steady angle
+//! Phases: at speeds where the phase matters ([`sim::steady::phase`]), the model is evaluated at several phases. A steady angle
 //! changes with the phase nearly as a sine, whose extremes may lie between these phases.
 //!
 //! Parameters: linear propagation of their covariance, with Student's quantile for the effective degrees of freedom (GUM,

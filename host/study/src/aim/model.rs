@@ -6,10 +6,11 @@ use serde::Serialize;
 use sim::body::closure::Closure;
 use sim::contact::bundling::Bundling;
 use sim::params::Robot;
-use sim::periodic::{self, Kind, Periodic, Problem, SolveError};
-use sim::phase::{self, Ratio};
-use sim::profile::SpeedProfile;
-use sim::steady::WINDOW;
+use sim::steady::phase::{self, Ratio};
+use sim::steady::{self, Kind, Periodic, Problem, SolveError};
+use sim::step::{InversesAtRest, Solver};
+use sim::trial::means::WINDOW;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 
 /// Duration of the trial if no repeating motion is found, s: the default run of a plan.
@@ -26,6 +27,8 @@ const CHECK_HZ: f64 = 0.5;
 pub struct Model<'a> {
     /// The robot, checked.
     pub robot: &'a Robot,
+    /// Inverses that its trials share.
+    pub at_rest: &'a InversesAtRest,
     /// Returns whether to go on.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
     /// Is called after each steady state.
@@ -88,8 +91,16 @@ impl Model<'_> {
     /// The same for another robot.
     pub fn of(&self, robot: &Robot, rpm: [f64; 2], start_deg: [f64; 2]) -> Result<State, AimError> {
         let start_rad = start_deg.map(f64::to_radians);
-        let problem = Problem { robot, closure: Closure::Full, rpm, start_rad, longest_s: TRIAL_S, output: None };
-        let found = periodic::solve(&problem, &|_| (self.goes_on)());
+        let problem = Problem {
+            robot,
+            closure: Closure::Full,
+            rpm,
+            start_rad,
+            longest_s: TRIAL_S,
+            output: None,
+            at_rest: Some(self.at_rest),
+        };
+        let found = steady::solve(&problem, &|_| (self.goes_on)());
         (self.solved)();
         let Periodic { kind, summary, .. } = found.map_err(|error| AimError::at(rpm, error))?;
         Ok(State::of(rpm, kind, &summary))
@@ -102,7 +113,7 @@ impl Model<'_> {
     /// [`AimError::Model`] and [`AimError::Interrupted`].
     pub fn trial(&self, rpm: [f64; 2]) -> Result<State, AimError> {
         let summary = self.run(rpm, [0.0; 2], |_| true).map_err(|error| AimError::at(rpm, error))?;
-        Ok(State::of(rpm, Kind::of_trial(summary.steady.settled), &summary))
+        Ok(State::of(rpm, Kind::of_trial(&summary.steady, rpm), &summary))
     }
 
     /// Returns whether the flagella touch at some time of a trial at these speeds. The trial ends at their first contact,
@@ -135,7 +146,8 @@ impl Model<'_> {
     ) -> Result<Summary, SolveError> {
         let profile = SpeedProfile::constant(rpm, TRIAL_S)?.from_angles(start_deg.map(f64::to_radians));
         let options = Options { rate_hz: CHECK_HZ, shapes: false };
-        let mut trial = Trial::new(self.robot, Closure::Full, profile, options)?;
+        let mut trial =
+            Trial::with_solver(Solver::sharing(self.robot, Closure::Full, self.at_rest)?, profile, options)?;
         while let Some(sample) = trial.next() {
             sample?;
             if !(self.goes_on)() {

@@ -52,7 +52,9 @@ impl Start {
         match self {
             Self::Unset => vec![None],
             Self::At(angles) => vec![Some(angles)],
-            Self::Phases(count) => sim::phase::starts(speeds.map(CentiRpm::rpm), count).into_iter().map(Some).collect(),
+            Self::Phases(count) => {
+                sim::steady::phase::starts(speeds.map(CentiRpm::rpm), count).into_iter().map(Some).collect()
+            }
         }
     }
 

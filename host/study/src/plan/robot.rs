@@ -196,6 +196,8 @@ mod tests {
                 "my.toml:2:15: handedness cannot hold \"up\"",
                 "give `right` or `left`",
             ),
+            // A key of older versions, of which one value is left.
+            ("[solver]\nfar_field = \"double\"\n", "my.toml:2:13: far_field cannot be \"double\"", "give `single`"),
         ] {
             let PlanError::Invalid { place, what, cure: found } = parse(text, "my.toml").unwrap_err() else { panic!() };
             assert_eq!((format!("{place}: {what}").as_str(), found.as_str()), (message, cure));

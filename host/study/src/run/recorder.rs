@@ -13,7 +13,7 @@ use biflag_log::{
 use nalgebra::UnitQuaternion;
 use protocol::units::{Count, STANDARD_GRAVITY_MPS2};
 use protocol::{Calibration, Settings, State, TICK_HZ, Telemetry};
-use sim::sample::Sample;
+use sim::trial::sample::Sample;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;

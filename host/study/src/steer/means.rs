@@ -1,7 +1,7 @@
 //! Means of yaw and pitch over whole turns of the flagella, while they turn.
 
 use crate::attitude::Columns;
-use sim::steady::whole_turns;
+use sim::trial::means::whole_turns;
 use std::f64::consts::PI;
 
 /// Longest time of a mean, s: a turn at 10 rpm. A longer one delays the controller, a shorter one leaves more of the swing.

@@ -4,10 +4,11 @@ use super::SweepPlan;
 use super::point::{Point, phases};
 use serde::{Deserialize, Serialize};
 use sim::body::closure::Closure;
-use sim::periodic::phases::{Phases, SteadyState};
-use sim::periodic::quantities::{QUANTITIES, STANDARD_ERRORS};
-use sim::periodic::{Kind, Problem, SolveError};
-use sim::phase;
+use sim::steady::phase;
+use sim::steady::quantities::{QUANTITIES, STANDARD_ERRORS};
+use sim::steady::{Kind, Problem, SolveError};
+use sim::steady::{Phases, SteadyState};
+use sim::step::InversesAtRest;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The steady state of a point over its starting phases.
@@ -74,11 +75,16 @@ impl Outcome {
     }
 
     /// Computes a point as a plan says, and returns its result with the sweeps of the solver. Returns `None` as soon as
-    /// `goes_on` returns `false`.
+    /// `goes_on` returns `false`. `at_rest`: inverses that the points of a table share.
     ///
     /// A panic of the solver is caught, so that other points are still computed; the reason names it.
-    pub fn of(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Option<(Self, u64)> {
-        let caught = catch_unwind(AssertUnwindSafe(|| compute(point, plan, goes_on)));
+    pub fn of(
+        point: &Point,
+        plan: &SweepPlan,
+        at_rest: &InversesAtRest,
+        goes_on: &dyn Fn() -> bool,
+    ) -> Option<(Self, u64)> {
+        let caught = catch_unwind(AssertUnwindSafe(|| compute(point, plan, at_rest, goes_on)));
         let failed = |reason: &str| Some((Self::failed(reason), 0));
         match caught {
             Ok(Ok(steady)) => steady.map(|(steady, sweeps)| (Self::Ok(Box::new(steady)), sweeps)),
@@ -92,7 +98,12 @@ impl Outcome {
     }
 }
 
-fn compute(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Result<Option<(Steady, u64)>, String> {
+fn compute(
+    point: &Point,
+    plan: &SweepPlan,
+    at_rest: &InversesAtRest,
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Option<(Steady, u64)>, String> {
     let robot = point.robot.as_ref().map_err(String::clone)?;
     robot.validate().map_err(|error| error.to_string())?;
     let rpm = point.speeds_rpm;
@@ -100,7 +111,9 @@ fn compute(point: &Point, plan: &SweepPlan, goes_on: &dyn Fn() -> bool) -> Resul
     let mut states = Vec::new();
     for start in &starts {
         let start_rad = start.map(f64::to_radians);
-        let problem = Problem { robot, closure: Closure::Full, rpm, start_rad, longest_s: plan.run_s, output: None };
+        let at_rest = Some(at_rest);
+        let problem =
+            Problem { robot, closure: Closure::Full, rpm, start_rad, longest_s: plan.run_s, output: None, at_rest };
         let state = SteadyState::by(plan.method, &problem, &|_| goes_on());
         match state {
             Ok(state) => states.push(state),
@@ -141,14 +154,15 @@ mod tests {
         let text = "[trial]\nrun = 1\n[speeds]\npairs = [[50, 10]]";
         let plan = SweepPlan::parse(text, "plan.toml", &|name| Ok(crate::plan::RobotFile::built_in(name))).unwrap();
         let point = crate::sweep::Sweep::new(plan.clone(), 1).unwrap().point(0);
+        let at_rest = InversesAtRest::default();
         for method in [Method::Steady, Method::Trial] {
             let plan = SweepPlan { method, ..plan.clone() };
-            let (outcome, _) = Outcome::of(&point, &plan, &|| panic!("index {}", 7)).unwrap();
+            let (outcome, _) = Outcome::of(&point, &plan, &at_rest, &|| panic!("index {}", 7)).unwrap();
             let wanted = "the solver panicked, which is a fault of the program: index 7";
             assert!(outcome.is_panic());
             assert_eq!(outcome, Outcome::Failed(wanted.to_owned()));
-            assert_eq!(Outcome::of(&point, &plan, &|| false), None, "interrupted");
-            let (outcome, sweeps) = Outcome::of(&point, &plan, &|| true).unwrap();
+            assert_eq!(Outcome::of(&point, &plan, &at_rest, &|| false), None, "interrupted");
+            let (outcome, sweeps) = Outcome::of(&point, &plan, &at_rest, &|| true).unwrap();
             assert!(outcome.steady().is_some_and(Steady::is_finite) && sweeps > 10, "{outcome:?}, {sweeps} sweeps");
         }
     }

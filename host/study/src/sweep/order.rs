@@ -6,7 +6,7 @@ use super::point::{Shard, phases};
 use super::points::Points;
 use biflag_log::Method;
 use rayon::prelude::*;
-use sim::periodic::effort;
+use sim::steady::effort;
 
 impl Folder {
     /// Returns the points of a shard that are not known, the dearest first by the model's own estimate; equally dear ones in

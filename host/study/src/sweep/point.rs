@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use sim::groups::Groups;
 use sim::params::Robot;
-use sim::phase::Ratio;
+use sim::steady::phase::Ratio;
 use std::fmt;
 use toml::Value;
 

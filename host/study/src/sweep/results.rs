@@ -4,7 +4,7 @@
 //! version: the test below asks for it.
 
 /// Version of the model's results.
-pub const RESULTS: u32 = 2;
+pub const RESULTS: u32 = 3;
 
 #[cfg(test)]
 mod tests {
@@ -12,7 +12,8 @@ mod tests {
     use super::super::{Sweep, SweepPlan};
     use super::*;
     use crate::plan::robot;
-    use sim::periodic::quantities::QUANTITIES;
+    use sim::steady::quantities::QUANTITIES;
+    use sim::step::InversesAtRest;
     use std::path::Path;
 
     /// Points of every kind of result: robots, methods, speeds with and without a common period, phases, contact, groups and
@@ -48,7 +49,7 @@ mod tests {
             let sweep = Sweep::new(plan.clone(), RESULTS).unwrap();
             for index in 0..plan.points() {
                 let point = sweep.point(index);
-                let (outcome, _) = Outcome::of(&point, &plan, &|| true).unwrap();
+                let (outcome, _) = Outcome::of(&point, &plan, &InversesAtRest::default(), &|| true).unwrap();
                 let [w1, w2] = point.speeds_rpm;
                 lines.push(match outcome {
                     Outcome::Failed(reason) => format!("{w1},{w2},{reason}"),

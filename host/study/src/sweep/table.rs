@@ -8,7 +8,7 @@ use crate::export::table::{Column, Table, Values};
 use crate::text::word;
 use sim::groups::Groups;
 use sim::params::Robot;
-use sim::periodic::quantities::{QUANTITIES, STANDARD_ERRORS};
+use sim::steady::quantities::{QUANTITIES, STANDARD_ERRORS};
 use std::borrow::Cow;
 
 /// The description of the columns of the keys that vary.

@@ -11,6 +11,7 @@ use super::points::Points;
 use super::record::{Cost, Record, processor_s};
 use crate::lock::lock;
 use rayon::prelude::*;
+use sim::step::InversesAtRest;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -168,10 +169,11 @@ impl Folder {
         let breaks = |error| {
             lock(&broken).get_or_insert(error);
         };
+        let at_rest = InversesAtRest::default();
         let one = |index: u32| {
             let started_s = processor_s();
             let point = self.sweep.point(index.into());
-            let Some((outcome, sweeps)) = Outcome::of(&point, plan, &goes_on) else { return };
+            let Some((outcome, sweeps)) = Outcome::of(&point, plan, &at_rest, &goes_on) else { return };
             let cost = Cost { processor_s: micros(processor_s() - started_s), sweeps };
             let record = Record { index: point.index, name: point.name, outcome, cost };
             each(&record);

@@ -18,7 +18,7 @@ pub struct Steady {
     pub tilt: Option<[Budget; 3]>,
     /// The drift that was removed from the yaw; `None` for a model.
     pub drift_deg: Option<f64>,
-    /// The time over which the angles are averaged: see [`sim::steady`].
+    /// The time over which the angles are averaged: see [`sim::trial::means`].
     pub window: Range<f64>,
     /// Whether yaw and pitch had settled.
     pub settled: bool,

@@ -15,7 +15,7 @@ use biflag_log::{
 use protocol::Settings;
 use protocol::units::CentiRpm;
 use sim::params::Robot;
-use sim::steady::WINDOW;
+use sim::trial::means::WINDOW;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;

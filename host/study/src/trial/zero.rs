@@ -23,7 +23,7 @@ use crate::attitude::{Columns, Drift, Euler, Level, Leveller, Reading, Rest, Ser
 use biflag_log::{Origin, SteadyMeta};
 use nalgebra::{UnitQuaternion, Vector3};
 use protocol::units::LOW_PASS;
-use sim::steady::{CHANNELS, SteadyCollector};
+use sim::trial::means::{CHANNELS, SteadyCollector};
 use std::f64::consts::PI;
 use std::ops::Range;
 

@@ -16,7 +16,7 @@ use protocol::units::CentiRpm;
 use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::phase::Ratio;
+use sim::steady::phase::Ratio;
 use sim::trial::Options;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;

@@ -7,7 +7,7 @@
 
 use super::TwinError;
 use crate::trial::Data;
-use sim::profile::SpeedProfile;
+use sim::trial::profile::SpeedProfile;
 use std::f64::consts::TAU;
 use std::ops::Range;
 

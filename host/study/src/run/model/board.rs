@@ -9,7 +9,7 @@ use protocol::units::{CentiRpm, Count, EncoderCounts, Micros, Quaternion, Sensor
 use protocol::{Info, Settings, Telemetry};
 use sim::body::imu::specific_force;
 use sim::params::Robot;
-use sim::sample::Sample;
+use sim::trial::sample::Sample;
 use std::f64::consts::{PI, TAU};
 
 /// Temperature of a fluid that is specified by its viscosity, °C.
@@ -94,7 +94,7 @@ mod tests {
     use protocol::State;
     use protocol::units::{AccelRange, GyroRange};
     use sim::body::closure::Closure;
-    use sim::profile::SpeedProfile;
+    use sim::trial::profile::SpeedProfile;
     use sim::trial::{Options, Trial};
 
     fn sample() -> Sample {

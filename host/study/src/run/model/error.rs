@@ -4,9 +4,9 @@ use crate::session::SessionError;
 use biflag_log::LogError;
 use miette::Diagnostic;
 use sim::params::ParamError;
-use sim::periodic::SolveError;
-use sim::profile::ProfileError;
+use sim::steady::SolveError;
 use sim::step::StepError;
+use sim::trial::profile::ProfileError;
 use std::path::PathBuf;
 use thiserror::Error;
 

@@ -26,6 +26,7 @@ use protocol::Settings;
 use protocol::units::AxisMap;
 use sim::body::closure::Closure;
 use sim::params::Robot;
+use sim::step::InversesAtRest;
 use sim::trial::Options;
 
 /// The robot, the closure and the board of modelled trials.
@@ -40,6 +41,8 @@ pub struct Model {
     /// Settings of the robot's board.
     settings: Settings,
     meta: ModelMeta,
+    /// Inverses that its trials share.
+    at_rest: InversesAtRest,
 }
 
 impl Model {
@@ -62,7 +65,7 @@ impl Model {
         let ideal = AxisMap::IDENTITY;
         let settings = Settings { gyro_axes: ideal, accel_axes: ideal, gyro_bias: [0.0; 3], ..board };
         let meta = ModelMeta { closure, method, rate_hz: options.rate_hz, shapes: options.shapes, parameters };
-        Self { robot, closure, options, settings, meta }
+        Self { robot, closure, options, settings, meta, at_rest: InversesAtRest::default() }
     }
 
     /// Returns the model's metadata record.

@@ -4,11 +4,12 @@
 use super::Model;
 use biflag_log::{Method, SteadyMeta};
 use sim::contact::history::BundlingChange;
-use sim::periodic::{self, Periodic, Problem, SolveError, Watch};
-use sim::profile::SpeedProfile;
-use sim::sample::Sample;
+use sim::steady::{self, Periodic, Problem, SolveError, Watch};
+use sim::step::Solver;
 use sim::step::StepError;
 use sim::trial::Trial;
+use sim::trial::profile::SpeedProfile;
+use sim::trial::sample::Sample;
 use std::vec;
 
 /// A motion, as an iterator over its samples. Their times are those of the record.
@@ -26,7 +27,7 @@ impl Motion {
     /// `start_rad` on.
     ///
     /// # Errors
-    /// Those of [`periodic::solve`], and [`SolveError::Parameter`] for an impossible rate.
+    /// Those of [`steady::solve`], and [`SolveError::Parameter`] for an impossible rate.
     pub fn new(
         model: &Model,
         profile: &SpeedProfile,
@@ -34,14 +35,19 @@ impl Motion {
         start_rad: [f64; 2],
         watch: Watch,
     ) -> Result<Self, SolveError> {
-        let &Model { ref robot, closure, options, .. } = model;
+        let &Model { ref robot, closure, options, ref at_rest, .. } = model;
         Ok(Self(match model.meta().method {
-            Method::Trial => Source::Trial(Box::new(Trial::new(robot, closure, profile.clone(), options)?)),
+            Method::Trial => {
+                let solver = Solver::sharing(robot, closure, at_rest)?;
+                Source::Trial(Box::new(Trial::with_solver(solver, profile.clone(), options)?))
+            }
             Method::Steady => {
                 let [start_s, stop_s] = profile.run();
                 let longest_s = stop_s - start_s;
-                let problem = Problem { robot, closure, rpm, start_rad, longest_s, output: Some(options) };
-                let mut solved = periodic::solve(&problem, watch)?;
+                let output = Some(options);
+                let at_rest = Some(at_rest);
+                let problem = Problem { robot, closure, rpm, start_rad, longest_s, output, at_rest };
+                let mut solved = steady::solve(&problem, watch)?;
                 let samples = std::mem::take(&mut solved.samples).into_iter();
                 Source::Steady { solved: Box::new(solved), samples }
             }

@@ -5,8 +5,8 @@ use crate::text::{count, decimal};
 use biflag_log::SteadyMeta;
 use protocol::units::CentiRpm;
 use serde::Serialize;
-use sim::periodic::phases::error_of_mean;
-use sim::phase::Ratio;
+use sim::steady::error_of_mean;
+use sim::steady::phase::Ratio;
 use std::fmt;
 
 /// The steady state of a pair of speeds over its starting phases.

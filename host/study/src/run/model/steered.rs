@@ -10,7 +10,7 @@ use miette::Diagnostic;
 use nalgebra::Vector3;
 use protocol::State;
 use protocol::units::CentiRpm;
-use sim::sample::Sample;
+use sim::trial::sample::Sample;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 use std::time::{Duration, SystemTime};

@@ -10,10 +10,10 @@ use nalgebra::Vector3;
 use protocol::units::CentiRpm;
 use protocol::{Calibration, State, TICK_HZ};
 use sim::contact::history::{BundlingChange, BundlingHistory};
-use sim::periodic::{SolveError, Watch};
-use sim::profile::{self, SpeedProfile};
-use sim::sample::Sample;
+use sim::steady::{SolveError, Watch};
 use sim::step::StepError;
+use sim::trial::profile::{self, SpeedProfile};
+use sim::trial::sample::Sample;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 

@@ -11,8 +11,9 @@ use biflag_log::Origin;
 use protocol::units::CentiRpm;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::phase::Ratio;
-use sim::profile::SpeedProfile;
+use sim::steady::phase::Ratio;
+use sim::step::{InversesAtRest, Solver};
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Trial};
 use std::path::PathBuf;
 
@@ -143,7 +144,7 @@ impl FitTrial {
     }
 
     /// Returns the model's blocks of the trial; `None` if the solver fails.
-    pub(super) fn modelled(&self, robot: &Robot, closure: Closure) -> Option<Blocks> {
+    pub(super) fn modelled(&self, robot: &Robot, closure: Closure, at_rest: &InversesAtRest) -> Option<Blocks> {
         let robot = &self.fluid.of(robot);
         let rate_hz = SAMPLES as f64 / BLOCK_S;
         let options = Options { rate_hz, shapes: false };
@@ -151,7 +152,8 @@ impl FitTrial {
         let mut sums = [0.0; 3];
         // Samples are in the middle of the steps of the run, so that their mean is that of the block.
         let first = ((self.profile.run()[0] - self.profile.start()) * rate_hz).ceil() as usize;
-        let trial = Trial::new(robot, closure, self.profile.clone(), options).ok()?;
+        let trial =
+            Trial::with_solver(Solver::sharing(robot, closure, at_rest).ok()?, self.profile.clone(), options).ok()?;
         for (i, sample) in trial.enumerate().skip(first).take(self.blocks() * SAMPLES) {
             let sample = sample.ok()?;
             let angles = [sample.yaw_rad, sample.pitch_rad, sample.roll_rad];

@@ -53,6 +53,7 @@ use problem::{Given, Problem};
 use sim::accuracy::ModelError;
 use sim::body::closure::Closure;
 use sim::params::Robot;
+use sim::step::InversesAtRest;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use uncertainty::{Causes, Response};
 use weights::Weights;
@@ -121,7 +122,14 @@ fn fit(
         progress()
     };
     let weights = Weights::new(&trials.iter().map(|trial| &trial.errors).collect::<Vec<_>>(), ASSUMED_REST_DEG)?;
-    let given = Given { trials: &trials, closure, parameters: &parameters, weights: &weights, simulated: &simulated };
+    let given = Given {
+        trials: &trials,
+        closure,
+        parameters: &parameters,
+        weights: &weights,
+        at_rest: &InversesAtRest::default(),
+        simulated: &simulated,
+    };
     let problem = Problem::new(given, &start);
     let Some(errors_before) = problem.errors() else {
         return Err(failed("the solver fails with the initial parameters", "start from another robot with --robot"));

@@ -2,7 +2,7 @@
 //!
 //! The encoders count from the angles at which the board started, so each helix angle is known up to a constant. The
 //! steady state of a trial at a simple ratio of speeds depends periodically on one combination of these constants
-//! ([`sim::phase`]), so least squares could end in a local minimum. Therefore each trial is first simulated at phases
+//! ([`sim::steady::phase`]), so least squares could end in a local minimum. Therefore each trial is first simulated at phases
 //! around the turn. Trials of one ratio determine the phase of that ratio; the other combination affects only the start
 //! of the motion.
 
@@ -11,7 +11,7 @@ use super::problem::Problem;
 use super::{Parameter, TwinError, failed};
 use rayon::prelude::*;
 use sim::params::Robot;
-use sim::phase::Ratio;
+use sim::steady::phase::Ratio;
 use std::collections::BTreeSet;
 
 /// Phases of a turn at which each trial is simulated.

@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector, Dyn, Rotation3, Vector3};
 use rayon::prelude::*;
 use sim::body::closure::Closure;
 use sim::params::Robot;
+use sim::step::InversesAtRest;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Step of the finite differences, a logarithm or radians: small enough for the model to be linear, and large compared
@@ -44,6 +45,8 @@ pub(super) struct Given<'a> {
     pub closure: Closure,
     pub parameters: &'a [Parameter],
     pub weights: &'a Weights,
+    /// Inverses that all simulations share.
+    pub at_rest: &'a InversesAtRest,
     /// Called after each simulation of a trial; with `false`, no more are made.
     pub simulated: &'a (dyn Fn() -> bool + Sync),
 }
@@ -166,7 +169,7 @@ impl<'a> Problem<'a> {
     }
 
     fn simulate(&self, trial: &FitTrial, robot: &Robot) -> Option<Blocks> {
-        let blocks = trial.modelled(robot, self.given.closure);
+        let blocks = trial.modelled(robot, self.given.closure, self.given.at_rest);
         let goes_on = (self.given.simulated)();
         blocks.filter(|_| goes_on)
     }

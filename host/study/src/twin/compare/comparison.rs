@@ -98,7 +98,7 @@ impl Comparison {
 pub struct AngleComparison {
     /// `yaw`, `pitch` or `roll`.
     pub angle: &'static str,
-    /// Measured steady angle: the mean over the end of the run ([`sim::steady`]), relative to the zero before it.
+    /// Measured steady angle: the mean over the end of the run ([`sim::trial::means`]), relative to the zero before it.
     pub measured_deg: f64,
     /// The same for the model.
     pub modelled_deg: f64,

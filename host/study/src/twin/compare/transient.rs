@@ -15,7 +15,7 @@ use crate::statistics::ExpectedRms;
 use crate::trial::{BLOCK_S, OverTime};
 use nalgebra::{DMatrix, DVector};
 use sim::accuracy::ModelError;
-use sim::steady::settled_within_deg;
+use sim::trial::means::settled_within_deg;
 use std::ops::Range;
 
 /// The most blocks; a longer run has longer ones.

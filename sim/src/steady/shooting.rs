@@ -5,12 +5,11 @@ use super::slow::{self, ANGLES, COORDINATES, Slow};
 use super::{Problem, SolveError, TOLERANCE, Watch, period, run};
 use crate::anderson::Anderson;
 use crate::params::SolverSettings;
-use crate::profile::{ProfileError, SpeedProfile};
-use crate::sample::Sample;
-use crate::state::State;
-use crate::steady::Steady;
-use crate::step::Solver;
+use crate::step::state::State;
 use crate::trial::Trial;
+use crate::trial::means::Steady;
+use crate::trial::profile::{ProfileError, SpeedProfile};
+use crate::trial::sample::Sample;
 use std::f64::consts::PI;
 
 /// Simulated time in which the motion decays by itself before the first step, s, at least.
@@ -21,8 +20,6 @@ const PATIENCE_S: f64 = 54.0;
 const PATIENCE: f64 = 0.8;
 /// Share of the search after which all periods have the ordinary accuracy.
 const COARSE: f64 = 0.8;
-/// Time without a move after which a motion that stays as it is counts as stable, s.
-const RESTING_S: f64 = 8.0;
 /// Bound of a step's error in coarse periods, over the ordinary one.
 const COARSE_ERROR: f64 = 10.0;
 /// Tolerance of a step's iteration in coarse periods, over the ordinary one ...
@@ -40,8 +37,9 @@ const SKIPPED: usize = 2;
 const COMBINED: usize = 5;
 /// Longest time constant that is believed, s: it bounds the steps.
 pub const SLOWEST_S: f64 = 60.0;
-/// Longest step, rad: where a longer one seems right, the motion is not yet near enough to be linear.
-const LONGEST: f64 = 20.0 * PI / 180.0;
+/// Longest step, rad: where a longer one seems right, the motion is not yet near enough to be linear, and the step may lead
+/// to where another motion begins than the trial's.
+const LONGEST: f64 = 5.0 * PI / 180.0;
 /// Largest difference of the two estimates of a step, over the longer one, for a move by the whole step ...
 const DIFFERENCE: f64 = 0.7;
 /// ... and by half of it.
@@ -54,10 +52,8 @@ pub enum Outcome {
     /// With a motion that repeats: the trial is its last period, `before` the means over the one before, `distance` what is
     /// left of the attitude's way to it, rad.
     Found { trial: Box<Trial>, before: Box<Steady>, distance: f64, samples: Vec<Sample> },
-    /// Without one, at the end of a trial.
-    Lost { trial: Box<Trial>, simulated_s: f64 },
-    /// Where a step failed.
-    Failed { trial: Box<Trial>, simulated_s: f64 },
+    /// Without one, after this trial, for lack of time or because a step failed.
+    Lost(Box<Trial>),
     /// There is nothing to search for.
     None,
 }
@@ -70,7 +66,7 @@ pub enum Outcome {
 /// # Errors
 /// Impossible parameters or speeds, and [`SolveError::Interrupted`].
 pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
-    let Problem { robot, closure, rpm, start_rad, longest_s, output } = *problem;
+    let Problem { robot, rpm, start_rad, longest_s, output, .. } = *problem;
     let speeds = rpm.map(|rpm| rpm * PI / 30.0);
     let Some(period) = period::common(speeds) else {
         // What is impossible is an error here, too.
@@ -84,14 +80,14 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
         let angles = [0, 1].map(|k| start_rad[k] + speeds[k] * time);
         Ok(SpeedProfile::from_points(&[(time, rpm), (time + period, rpm)])?.from_angles(angles))
     };
-    let mut trial = Trial::with_solver(Solver::new(robot, closure)?, profile(0.0)?, output.unwrap_or_default())?;
+    let mut trial = Trial::with_solver(problem.solver()?, profile(0.0)?, output.unwrap_or_default())?;
     let ordinary = with_even_steps(&robot.solver, speeds, interval);
     let coarse = with_coarse_steps(&ordinary);
     let fine = SolverSettings { tolerance: ordinary.tolerance * FINE_TOLERANCE, ..ordinary.clone() };
     let mut modes = Modes::new(interval, period);
     let mut paths: Vec<Vec<Slow>> = Vec::new();
     let patience_s = PATIENCE_S.max(PATIENCE * longest_s);
-    let (mut is_coarse, mut may_be_coarse, mut is_fine, mut resting_s) = (true, true, false, 0.0);
+    let (mut is_coarse, mut may_be_coarse, mut is_fine) = (true, true, false);
     let mut last: Option<Steady> = None;
     loop {
         trial.set_accuracy(match (is_coarse, is_fine) {
@@ -102,8 +98,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
         // Coarse periods are never the result.
         let mut output = (output.is_some() && !is_coarse).then(Vec::new);
         let Some(path) = path(&mut trial, intervals, interval, output.as_mut(), watch)? else {
-            let simulated_s = trial.state().time;
-            return Ok(Outcome::Failed { trial: Box::new(trial), simulated_s });
+            return Ok(Outcome::Lost(Box::new(trial)));
         };
         let simulated_s = trial.state().time;
         let (from, end) = (path[0], path[intervals]);
@@ -122,9 +117,8 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
             // With the assumed decay, too: small differences tell little of the true one.
             let assumed = attitude(&(end - from)) / (1.0 - (-period / ASSUMED_S).exp());
             let is_found = distance < TOLERANCE && assumed < TOLERANCE && is_fine && !is_coarse && paths.len() > 1;
-            resting_s = if is_found { resting_s + period } else { 0.0 };
-            if resting_s > 0.0
-                && (is_stable || resting_s > RESTING_S)
+            if is_found
+                && is_stable
                 && let Some(before) = before
             {
                 let (trial, before) = (Box::new(trial), Box::new(before));
@@ -132,8 +126,7 @@ pub fn shoot(problem: &Problem, watch: Watch) -> Result<Outcome, SolveError> {
                 return Ok(Outcome::Found { trial, before, distance, samples: output.unwrap_or_default() });
             }
             if simulated_s + period > patience_s {
-                trial.set_accuracy(&ordinary);
-                return Ok(Outcome::Lost { trial: Box::new(trial), simulated_s });
+                return Ok(Outcome::Lost(Box::new(trial)));
             }
             let is_close = distance < CLOSE;
             is_fine |= is_close;

@@ -4,20 +4,19 @@
 //! of the rigid body at its points and the flow u of the flagella there. Their own flow acts on the flagella's nodes, and
 //! their sum on the base. All of it belongs to the iteration of a step, which updates it once a sweep.
 //!
-//! A tank adds the flow of the images of all these forces ([`super::tank`]), at the flagella and at the head.
+//! A tank adds the flow of the images of all these forces ([`crate::fluid::tank`]), at the flagella and at the head.
 //!
 //! Units SI, body frame, where the head is constant. The flow between a flagellum and the head is smooth: groups of
 //! edges act on it as one point force each, the longer the farther away. In both directions it has the regularisation
 //! of the flagella, with which a line represents a round rod, so the coupling is reciprocal.
 
-use super::Line;
-use super::far::{Sources, Targets, gauss_rule};
-use super::head::RigidSurface;
-use super::stokeslet_factor;
-use super::tank::TankFlow;
 use crate::V3;
 use crate::body::Body;
-use crate::body::closure::Load;
+use crate::body::load::Load;
+use crate::fluid::far::{Sources, Targets, gauss_rule};
+use crate::fluid::head::RigidSurface;
+use crate::fluid::tank::TankFlow;
+use crate::fluid::{Line, stokeslet_factor};
 use crate::linear::multiply;
 use crate::params::Robot;
 use nalgebra::Matrix3;

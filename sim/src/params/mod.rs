@@ -9,19 +9,22 @@
 //! states: Stokes flow is an approximation there.
 
 mod built_in;
+mod closure;
 mod head;
+mod solver;
 mod tank;
 mod validate;
 
 pub use built_in::BUILT_IN;
+pub use closure::Closure;
 pub use head::{Head, HeadShape};
+pub use solver::{Precision, SolverSettings};
 pub use tank::{Face, Tank};
 
-use crate::body::closure::Closure;
-use crate::fluid::far::Precision;
 use crate::rod::{
     Stiffness,
     helix::{Handedness, Helix},
+    spin::SpinDrag,
 };
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -306,51 +309,6 @@ impl Default for Contact {
     }
 }
 
-/// Settings of the implicit steps, see [`crate::step`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SolverSettings {
-    /// Estimated error of a step, over the radius of the helix, above which steps become shorter (7e-4):
-    /// displacement of the flagella against the fluid, root mean square. [`crate::step::StepControl`] has the errors of
-    /// means that it gives.
-    pub step_error: f64,
-    /// Longest step in rad (0.3): angle of the faster motor, or between the motors where that is more. Steps in free
-    /// fluid have this length; longer ones need a third sweep and save nothing, above 1.1 they fail.
-    pub step_rad: f64,
-    /// Longest step in s (0.1).
-    pub longest_step_s: f64,
-    /// Velocity residual at which an iteration stops, before its last update, relative to the largest
-    /// speed of the helix (0.02). Mean forces have about a tenth of it as their error. In steps below
-    /// 0.13 rad, it is relative to what moves the helix as far in such a step.
-    pub tolerance: f64,
-    /// Largest number of times that the longest step is halved before the trial stops with an error (10).
-    pub halvings: u32,
-    /// Largest number of sweeps of a step (25).
-    pub sweeps: u32,
-    /// Segments of the same rod up to this many edges away are integrated exactly (2).
-    pub near_edges: u32,
-    /// Gauss points of all other segments, 2 to 4 (2).
-    pub gauss_points: u32,
-    /// Precision of the sum over far segments (single). Mean forces do not change to six digits.
-    pub far_field: Precision,
-}
-
-impl Default for SolverSettings {
-    fn default() -> Self {
-        Self {
-            step_error: 7e-4,
-            step_rad: 0.3,
-            longest_step_s: 0.1,
-            tolerance: 0.02,
-            halvings: 10,
-            sweeps: 25,
-            near_edges: 2,
-            gauss_points: 2,
-            far_field: Precision::Single,
-        }
-    }
-}
-
 impl Robot {
     /// Returns the regularisation of the Stokeslets in m.
     pub fn epsilon(&self) -> f64 {
@@ -376,6 +334,11 @@ impl Robot {
     /// 4 pi mu a^2.
     pub fn round_spin_drag(&self) -> f64 {
         4.0 * PI * self.fluid.viscosity() * self.flagellum.rod_radius_m.powi(2)
+    }
+
+    /// Returns the drag on the spin of the flagella.
+    pub fn spin_drag(&self) -> SpinDrag {
+        SpinDrag::new(self.round_spin_drag(), self.fluid.spin_drag)
     }
 
     /// Returns the weight less buoyancy of the rod in N/m, downwards.

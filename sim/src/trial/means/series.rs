@@ -32,7 +32,7 @@ const ORDER: i32 = 3;
 /// Lines of the spectrum nearer than this, in turns over the stretch, are one.
 const RESOLVED: f64 = 0.8;
 /// A beat of fewer turns over the stretch is none: the motion is that of one starting phase.
-const SLOWEST_BEAT: f64 = 0.08;
+pub const SLOWEST_BEAT: f64 = 0.08;
 /// Data per fitted term, at least.
 const DATA_PER_TERM: f64 = 1.0;
 /// Time constants of an approach over the stretch, ...

@@ -3,9 +3,9 @@
 use crate::common::prove;
 use sim::body::closure::Closure;
 use sim::params::Robot;
-use sim::periodic::{self, Kind, Periodic, Problem, SolveError};
-use sim::profile::SpeedProfile;
-use sim::steady::WINDOW;
+use sim::steady::{self, Kind, Method, Periodic, Problem, SolveError, SteadyState};
+use sim::trial::means::WINDOW;
+use sim::trial::profile::SpeedProfile;
 use sim::trial::{Options, Summary, Trial};
 
 const LONGEST_S: f64 = 120.0;
@@ -21,13 +21,21 @@ fn trial(rpm: [f64; 2], start_deg: [f64; 2]) -> Summary {
 }
 
 fn problem(robot: &Robot, rpm: [f64; 2]) -> Problem<'_> {
-    Problem { robot, closure: Closure::Full, rpm, start_rad: [0.0; 2], longest_s: LONGEST_S, output: None }
+    Problem {
+        robot,
+        closure: Closure::Full,
+        rpm,
+        start_rad: [0.0; 2],
+        longest_s: LONGEST_S,
+        output: None,
+        at_rest: None,
+    }
 }
 
 fn solve(rpm: [f64; 2], start_deg: [f64; 2]) -> Periodic {
     let robot = Robot::default();
     let problem = Problem { start_rad: start_deg.map(f64::to_radians), ..problem(&robot, rpm) };
-    periodic::solve(&problem, &|_| true).expect("a steady state")
+    steady::solve(&problem, &|_| true).expect("a steady state")
 }
 
 #[test]
@@ -42,6 +50,8 @@ fn solved_states_are_those_that_trials_end_in() {
         ([0.0, 0.0], [0.0, 0.0], Kind::Steady, 0.1),
         // No common period: means over both motor angles.
         ([37.0, 53.0], [0.0, 0.0], Kind::Beating, 0.1),
+        // There are two stable motions, with yaws of -82.65 and -80.02 degrees; a trial ends in the second one.
+        ([80.66, 0.0], [0.0, 0.0], Kind::Beating, 0.1),
         // The flagella touch in each turn.
         ([80.0, 40.0], [0.0, 0.0], Kind::Steady, 0.1),
         ([-60.0, -60.0], [0.0, 0.0], Kind::Steady, 0.1),
@@ -68,7 +78,7 @@ fn a_run_without_a_search_has_the_values_of_a_trial() {
         // The solution ends a step where its window begins, which a trial does not: with short steps that is no difference.
         robot.solver.step_error *= 0.1;
         robot.solver.tolerance *= 0.1;
-        let solved = periodic::solve(&Problem { longest_s, ..problem(&robot, rpm) }, &|_| true).expect("a run");
+        let solved = steady::solve(&Problem { longest_s, ..problem(&robot, rpm) }, &|_| true).expect("a run");
         let profile = SpeedProfile::constant(rpm, longest_s).expect("a profile");
         let mut trial = Trial::new(&robot, Closure::Full, profile, Options::default()).expect("parameters");
         let trial = trial.finish().expect("a run");
@@ -101,8 +111,8 @@ fn samples_are_those_of_the_results() {
         let robot = Robot::default();
         let output = Some(Options { rate_hz: 50.0, shapes: true });
         let problem = Problem { longest_s, ..problem(&robot, rpm) };
-        let plain = periodic::solve(&problem, &|_| true).expect("a steady state");
-        let solved = periodic::solve(&Problem { output, ..problem }, &|_| true).expect("a steady state");
+        let plain = steady::solve(&problem, &|_| true).expect("a steady state");
+        let solved = steady::solve(&Problem { output, ..problem }, &|_| true).expect("a steady state");
         assert_eq!((solved.kind, solved.summary), (plain.kind, plain.summary.clone()), "samples change no result");
         assert!(plain.samples.is_empty());
         println!(
@@ -130,22 +140,33 @@ fn samples_are_those_of_the_results() {
 fn a_closure_that_never_settles_is_not_found() {
     let robot = Robot::published();
     let never = Problem { closure: Closure::Paper, longest_s: 60.0, ..problem(&robot, [50.0, 10.0]) };
-    let solved = periodic::solve(&never, &|_| true).expect("a run");
+    let solved = steady::solve(&never, &|_| true).expect("a run");
     assert_eq!((solved.kind, solved.summary.steady.settled), (Kind::NotFound, false));
     prove("never settled: simulated time beyond the longest, s", (solved.simulated_s - 60.0).max(0.0), 60.0);
+}
+
+/// A beat of 33 minutes: after two of them the means are those of the phases that have passed.
+#[test]
+fn the_means_of_a_phase_that_slips_are_not_known() {
+    let robot = Robot::default();
+    let slips = problem(&robot, [45.5, -45.53]);
+    for method in [Method::Steady, Method::Trial] {
+        let state = SteadyState::by(method, &slips, &|_| true).expect("a run");
+        assert_eq!((state.kind, state.summary.steady.settled), (Kind::NotFound, false), "{method:?}");
+    }
 }
 
 #[test]
 fn impossible_input_and_an_interruption_are_errors() {
     let robot = Robot::default();
     let solve = |rpm, longest_s, go_on: bool| {
-        periodic::solve(&Problem { longest_s, ..problem(&robot, rpm) }, &|_| go_on).map(|found| found.kind)
+        steady::solve(&Problem { longest_s, ..problem(&robot, rpm) }, &|_| go_on).map(|found| found.kind)
     };
     assert!(matches!(solve([f64::NAN, 0.0], 120.0, true), Err(SolveError::Profile(_))));
     assert!(matches!(solve([50.0, 10.0], 0.0, true), Err(SolveError::Profile(_))));
     assert_eq!(solve([50.0, 10.0], 120.0, false), Err(SolveError::Interrupted));
     let mut heavy = robot.clone();
     heavy.base.mass_kg = -1.0;
-    let wrong = periodic::solve(&problem(&heavy, [1.0, 90.0]), &|_| true);
+    let wrong = steady::solve(&problem(&heavy, [1.0, 90.0]), &|_| true);
     assert!(matches!(wrong, Err(SolveError::Parameter(_))));
 }

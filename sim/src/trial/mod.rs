@@ -1,7 +1,8 @@
 //! A trial: a speed profile in, samples out.
 //!
 //! ```
-//! use sim::{params::Robot, profile::{Phases, SpeedProfile}, body::closure::Closure, trial::{Options, Trial}};
+//! use sim::{params::Robot, body::closure::Closure, trial::{Options, Trial}};
+//! use sim::trial::profile::{Phases, SpeedProfile};
 //!
 //! let profile = SpeedProfile::phases(&Phases { run: 0.5, ..Phases::default() }, [50.0, 10.0])?;
 //! let mut trial = Trial::new(&Robot::default(), Closure::Full, profile, Options::default())?;
@@ -14,7 +15,7 @@
 //! ```
 //!
 //! A trial keeps the states of a window and twelve means in a turn of the faster motor, of at most
-//! [`crate::steady::STRETCH`].
+//! [`crate::trial::means::STRETCH`].
 //!
 //! If the motors are outside of the simulator, for instance those of an emulated board, their speeds are not known in
 //! advance. Such a trial is open: it is extended by the speeds of a short window, runs to the end of the window, and
@@ -34,18 +35,21 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod means;
+pub mod profile;
+pub mod sample;
 mod samples;
 
+use self::means::{Steady, SteadyCollector};
+use self::profile::{ProfileError, SpeedProfile};
+use self::sample::{DenseOutput, ForceRecord, Interpolated, StepRecord, shapes_at};
 use crate::V3;
 use crate::body::attitude::euler_zyx;
-use crate::body::closure::Closure;
 use crate::body::shaft::MotorState;
 use crate::contact::bundling::Bundling;
+use crate::params::Closure;
 use crate::params::{ParamError, Robot, SolverSettings};
-use crate::profile::{ProfileError, SpeedProfile};
-use crate::sample::{DenseOutput, ForceRecord, Interpolated, StepRecord, shapes_at};
-use crate::state::State;
-use crate::steady::{Steady, SteadyCollector};
+use crate::step::state::State;
 use crate::step::{Solver, StepControl, StepError, StepReport};
 use serde::{Deserialize, Serialize};
 

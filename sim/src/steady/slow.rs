@@ -9,10 +9,10 @@
 use crate::V3;
 use crate::body::attitude::euler_zyx;
 use crate::body::shaft::{MotorState, Shaft};
-use crate::profile::SpeedProfile;
 use crate::rod::Rod;
-use crate::state::{Shape, State};
 use crate::step::Solver;
+use crate::step::state::{Shape, State};
+use crate::trial::profile::SpeedProfile;
 use nalgebra::{Rotation3, SVector, UnitQuaternion};
 
 /// Number of coordinates.

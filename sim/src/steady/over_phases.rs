@@ -2,7 +2,7 @@
 
 use super::quantities::{OverPhases, Quantity, STANDARD_ERRORS, StandardError};
 use super::{Kind, Problem, SolveError, Watch, solve};
-use crate::profile::{Phases as Run, SpeedProfile};
+use crate::trial::profile::{Phases as Run, SpeedProfile};
 use crate::trial::{Options, Summary, Trial};
 use serde::{Deserialize, Serialize};
 
@@ -51,15 +51,17 @@ impl SteadyState {
         let profile = SpeedProfile::phases(&run, problem.rpm)?.from_angles(problem.start_rad);
         // No samples are needed; a few a second are enough to ask whether to go on.
         let options = Options { rate_hz: 2.0, shapes: false };
-        let mut trial = Trial::new(problem.robot, problem.closure, profile, options)?;
+        let mut trial = Trial::with_solver(problem.solver()?, profile, options)?;
         for sample in trial.by_ref() {
             if !watch(sample?.time_s) {
                 return Err(SolveError::Interrupted);
             }
         }
         // The last sample may be before the end.
-        let summary = trial.finish()?;
-        Ok(Self { kind: Kind::of_trial(summary.steady.settled), summary })
+        let mut summary = trial.finish()?;
+        let kind = Kind::of_trial(&summary.steady, problem.rpm);
+        summary.steady.settled = kind != Kind::NotFound;
+        Ok(Self { kind, summary })
     }
 }
 

@@ -1,8 +1,8 @@
 //! The quantities of a steady state: the only list of their names, units and values.
 
 use crate::body::attitude::tilt_deg;
-use crate::steady::Level;
 use crate::trial::Summary;
+use crate::trial::means::Level;
 
 /// A quantity of a steady state.
 #[derive(Clone, Copy, Debug)]

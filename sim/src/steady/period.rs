@@ -1,6 +1,6 @@
 //! The common period of both motors.
 
-use crate::steady::WINDOW;
+use crate::trial::means::WINDOW;
 use std::f64::consts::TAU;
 
 /// Speeds below this, rad/s, are those of a motor that stands.

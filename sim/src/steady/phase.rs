@@ -6,13 +6,16 @@
 //! beside a turning one tilts the robot in a direction that depends on its angle. If no small p and q approximate the
 //! ratio of the speeds, all phases occur in turn, and the means do not depend on the starting phase.
 
-use crate::steady::WINDOW;
+use crate::trial::means::{WINDOW, series::SLOWEST_BEAT};
 use std::fmt;
 
 /// Largest p + q of a simple ratio. Over six phases the yaw of the published robot, whose flagella touch there, spreads
 /// over 0.8 degrees at (60, 90) rpm and over 0.1 at (60, 80)
 /// (`cargo run --release -p sim --example phases -- published 6 60,90 60,80`).
 const SIMPLE: i32 = 5;
+
+/// Part of a turn that is rounding: the phase of an exact ratio does not slip.
+const ROUNDING: f64 = 1e-6;
 
 /// A simple ratio of speeds: the flagella make these numbers of turns in the same time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,9 +30,7 @@ impl Ratio {
     pub fn of(rpm: [f64; 2]) -> Option<Self> {
         let slip = |[p, q]: [i32; 2]| (f64::from(q) * rpm[0] - f64::from(p) * rpm[1]).abs() * WINDOW / 60.0;
         let turning = |rpm: f64| rpm.abs() * WINDOW / 60.0 >= 1.0;
-        (0..=SIMPLE)
-            .flat_map(|p| (p - SIMPLE..=SIMPLE - p).map(move |q| [p, q]))
-            .filter(|[p, q]| gcd(p.unsigned_abs(), q.unsigned_abs()) == 1 && [*p, *q] != [0, -1])
+        ratios()
             .filter(|turns| slip(*turns) < 1.0 && rpm.into_iter().any(turning))
             .min_by_key(|[p, q]| p + q.abs())
             .map(|turns| Self { turns })
@@ -46,6 +47,22 @@ impl fmt::Display for Ratio {
         let [p, q] = self.turns;
         write!(f, "{p}:{q}")
     }
+}
+
+/// Returns whether speeds (rpm) have a simple ratio but for a difference by which the phase slips so little over a stretch (s)
+/// that the means over it are those of the phases that have passed, with nothing in them that shows the others.
+pub fn slips(rpm: [f64; 2], stretch_s: f64) -> bool {
+    ratios().any(|[p, q]| {
+        let turns = (f64::from(q) * rpm[0] - f64::from(p) * rpm[1]).abs() * stretch_s / 60.0;
+        (ROUNDING..SLOWEST_BEAT).contains(&turns)
+    })
+}
+
+/// Returns the turns of flagellum 1 and 2 in all simple ratios.
+fn ratios() -> impl Iterator<Item = [i32; 2]> {
+    (0..=SIMPLE)
+        .flat_map(|p| (p - SIMPLE..=SIMPLE - p).map(move |q| [p, q]))
+        .filter(|[p, q]| gcd(p.unsigned_abs(), q.unsigned_abs()) == 1 && [*p, *q] != [0, -1])
 }
 
 /// Returns the starting angles of both motors (deg) of `count` runs at these speeds (rpm), evenly over all phases that
@@ -102,6 +119,17 @@ mod tests {
         let standing = |w1, w2| Ratio::of([w1, w2]).and_then(Ratio::standing);
         assert_eq!((standing(0.0, 45.0), standing(45.0, 0.0), standing(45.0, 45.0)), (Some(1), Some(2), None));
         assert_eq!(Ratio::of([-60.0, 90.0]).map(|ratio| ratio.to_string()).as_deref(), Some("2:-3"));
+    }
+
+    #[test]
+    fn a_phase_slips_where_a_ratio_is_nearly_simple() {
+        for rpm in [[45.5, -45.53], [60.0, 60.03], [30.01, 60.0], [50.0, 0.01]] {
+            assert!(slips(rpm, 60.0), "{rpm:?}");
+        }
+        // Exact ratios, and beats of which the stretch shows enough.
+        for rpm in [[45.5, -45.5], [20.1, 60.3], [50.0, 0.0], [0.0, 0.0], [45.5, -45.9], [53.3, 37.1]] {
+            assert!(!slips(rpm, 60.0), "{rpm:?}");
+        }
     }
 
     #[test]

@@ -185,7 +185,7 @@ impl SpeedProfile {
     }
 
     /// Returns the same speeds with these angles (rad) added to those of the motors. Flagella of a rig start a trial where
-    /// the last one left them, and [`crate::phase`] says when it matters.
+    /// the last one left them, and [`crate::steady::phase`] says when it matters.
     pub fn from_angles(mut self, start_rad: [f64; 2]) -> Self {
         for point in &mut self.points {
             point.angle = [0, 1].map(|k| point.angle[k] + start_rad[k]);

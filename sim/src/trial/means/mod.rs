@@ -1,0 +1,379 @@
+//! The steady state of a run: means over both motor angles, amplitudes at its end, and when the attitude settled.
+//!
+//! Two rules give the means:
+//!
+//! - [`SteadyCollector::steady`], for a model: the constant term of the double Fourier series over both motor angles, with its
+//!   standard error ([`series`]), from the second half of the run, at most [`STRETCH`]. The run is settled when twice the
+//!   standard errors of yaw, pitch, roll and thrusts are within [`Limits`]; of a run that is not, the means are what a slow
+//!   approach has reached, and their standard errors those of its end. A run shorter than two windows of [`WINDOW`] shows
+//!   no slow approach; it has the means of the other rule, without a standard error.
+//! - [`SteadyCollector::window`], for a measured trial, whose sensor drifts, and for a motion that repeats: the mean over time
+//!   in the window, by trapezia. The run is settled when yaw, pitch and roll of the window agree with those of the window
+//!   before.
+//!
+//! The window is the end of the run. Its length is at most [`WINDOW`], and such that it holds whole revolutions of both
+//! motors as nearly as possible ([`whole_turns`]): the attitude swings with both, and a part of a revolution would bias
+//! its mean. Window and stretch begin after the last reversal of a motor: a mean over both senses is no state. An
+//! amplitude is half the range over the window. The settling time is the end of the last block of about 2 s whose mean yaw
+//! or pitch is not yet near the final one.
+//!
+//! The slow mode of a pair of flagella decays in 10 to 18 s; some modes of two flagella that do not touch need minutes.
+
+pub mod series;
+mod window;
+
+pub use window::{WINDOW, whole_turns};
+
+use serde::{Deserialize, Serialize};
+use series::Cell;
+use std::collections::VecDeque;
+use std::f64::consts::{PI, TAU};
+
+/// Longest stretch that means over both motor angles are taken from, s.
+pub const STRETCH: f64 = 300.0;
+
+/// Largest uncertainties (95 %) of the means of a settled run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Of yaw, pitch and roll, rad.
+    pub angle: f64,
+    /// Of both thrusts, as a share of the larger one.
+    pub thrust: f64,
+}
+
+/// Limits of a run in whose stretch the flagella do not touch.
+pub const FREE: Limits = Limits { angle: 0.1 * PI / 180.0, thrust: 0.01 };
+
+/// Limits of one in which they do.
+pub const TOUCHING: Limits = Limits { angle: 0.3 * PI / 180.0, thrust: 0.03 };
+
+/// Share of a run's length that is rounding.
+const ROUNDING: f64 = 1e-6;
+
+/// Thrusts below this, N, are none.
+const NO_THRUST: f64 = 1e-5;
+
+/// Cells in a revolution of the faster motor.
+const CELLS: f64 = 12.0;
+
+/// Longest cell, s.
+const LONGEST_CELL: f64 = 0.25;
+
+/// Length of the blocks that time the settling, s, about.
+const BLOCK: f64 = 2.0;
+
+/// An angle is near its final value within this, degrees, or within this share of the value.
+const NEAR_DEG: f64 = 1.0;
+const NEAR_SHARE: f64 = 0.05;
+
+/// Number of quantities: yaw, pitch, roll (rad), force of flagellum 1 and 2 on the base (N,
+/// body axes), reaction torques about the shafts (N m).
+pub const CHANNELS: usize = 11;
+
+/// Mean of a quantity, and half its range over the window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Level {
+    /// Mean.
+    pub mean: f64,
+    /// Half the range: (largest - smallest)/2.
+    pub amplitude: f64,
+    /// Standard error of the mean; `None` where it is unknown.
+    #[serde(default)]
+    pub standard_error: Option<f64>,
+}
+
+/// The steady state of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Steady {
+    /// Length of the stretch that the means are taken from, s.
+    pub window_s: f64,
+    /// Yaw (unwrapped), pitch, roll in rad.
+    pub attitude: [Level; 3],
+    /// Force of flagellum 1 and 2 on the base, body axes, N.
+    pub force: [[Level; 3]; 2],
+    /// Reaction torques about the shafts, N m.
+    pub axial_torque: [Level; 2],
+    /// Whether the means are known, and reached, by the rule of the module.
+    pub settled: bool,
+    /// Time from the start of the run after which the means of all blocks have yaw and pitch within the larger of one
+    /// degree and 5 % of the final ones, s.
+    pub settle_s: f64,
+}
+
+/// Returns the distance from its final value, degrees, within which a yaw or pitch counts as settled.
+pub fn settled_within_deg(final_deg: f64) -> f64 {
+    NEAR_DEG.max(NEAR_SHARE * final_deg.abs())
+}
+
+/// Returns whether an angle is near its final value, both rad.
+fn is_near(angle: f64, last: f64) -> bool {
+    (angle - last).to_degrees().abs() <= settled_within_deg(last.to_degrees())
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Entry {
+    time: f64,
+    values: [f64; CHANNELS],
+}
+
+/// Computes the steady state of a run value by value. It keeps two windows of values, the means of all cells of at most two
+/// stretches, and one mean of yaw and pitch for each block.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SteadyCollector {
+    start: f64,
+    /// From here on no motor reverses.
+    from: f64,
+    speeds: [f64; 2],
+    window: f64,
+    recent: VecDeque<Entry>,
+    block: f64,
+    block_end: f64,
+    blocks: Vec<(f64, [f64; 2])>,
+    cell: f64,
+    cell_end: f64,
+    /// Integral of the values over the present cell so far.
+    sums: [f64; CHANNELS],
+    /// Whether the flagella have touched in it.
+    touched: bool,
+    cells: VecDeque<Cell>,
+}
+
+impl SteadyCollector {
+    /// For a run from `start` to `end` (s) whose motors have these speeds (rad/s) at its end.
+    pub fn new(start: f64, end: f64, speeds_rad_s: [f64; 2]) -> Self {
+        Self::after_reversal(start, start, end, speeds_rad_s)
+    }
+
+    /// The same for a run in which a motor reverses; `from` is the time (s) after which none does.
+    pub fn after_reversal(start: f64, from: f64, end: f64, speeds_rad_s: [f64; 2]) -> Self {
+        let from = from.clamp(start, end.max(start));
+        let window = whole_turns(speeds_rad_s, end - from);
+        // Whole blocks make a window.
+        let block = window / (window / BLOCK).round().max(1.0);
+        let fastest = speeds_rad_s[0].abs().max(speeds_rad_s[1].abs());
+        let cell = LONGEST_CELL.min(TAU / fastest / CELLS);
+        Self {
+            start,
+            from,
+            speeds: speeds_rad_s,
+            window,
+            recent: VecDeque::new(),
+            block,
+            block_end: from + block,
+            blocks: Vec::new(),
+            cell,
+            cell_end: from + cell,
+            sums: [0.0; CHANNELS],
+            touched: false,
+            cells: VecDeque::new(),
+        }
+    }
+
+    /// Begins with the values that another collector begins with, unless it has its own.
+    pub(crate) fn begin_with(&mut self, other: &Self) {
+        if self.recent.is_empty() {
+            self.recent.extend(other.recent.front().filter(|first| first.time >= self.from));
+        }
+    }
+
+    /// Adds values at a time of the run (s), and whether the flagella touch. Times must not decrease; values before the start,
+    /// or the last reversal, are ignored.
+    pub fn push(&mut self, time: f64, values: [f64; CHANNELS], touching: bool) {
+        if time < self.from {
+            return;
+        }
+        let entry = Entry { time, values };
+        if let Some(before) = self.recent.back().copied() {
+            self.add_to_cells(before, entry, touching);
+        }
+        self.recent.push_back(entry);
+        while self.recent.get(1).is_some_and(|e| e.time < time - 2.0 * self.window) {
+            self.recent.pop_front();
+        }
+        // A run without a duration has no blocks.
+        while self.block > 0.0 && time >= self.block_end {
+            let levels = self.levels(self.block_end - self.block, self.block_end);
+            self.blocks.push((self.block_end, [levels[0].mean, levels[1].mean]));
+            self.block_end += self.block;
+        }
+    }
+
+    /// Adds the values between two times to the means of cells.
+    fn add_to_cells(&mut self, a: Entry, b: Entry, touching: bool) {
+        let mut left = a;
+        while left.time < b.time {
+            let time = b.time.min(self.cell_end);
+            let share = (time - a.time) / (b.time - a.time);
+            let right =
+                Entry { time, values: std::array::from_fn(|c| a.values[c] + (b.values[c] - a.values[c]) * share) };
+            self.touched |= touching;
+            for c in 0..CHANNELS {
+                self.sums[c] += 0.5 * (left.values[c] + right.values[c]) * (right.time - left.time);
+            }
+            if time == self.cell_end {
+                let values = self.sums.map(|sum| sum / self.cell);
+                self.cells.push_back(Cell { time: self.cell_end - 0.5 * self.cell, values, touched: self.touched });
+                if self.cells.len() as f64 * self.cell > STRETCH {
+                    self.cells.pop_front();
+                }
+                (self.sums, self.touched) = ([0.0; CHANNELS], false);
+                self.cell_end += self.cell;
+            }
+            left = right;
+        }
+    }
+
+    /// Returns means and amplitudes between two times (s), by trapezia with values interpolated at the ends.
+    fn levels(&self, from: f64, to: f64) -> [Level; CHANNELS] {
+        let mut sums = [0.0; CHANNELS];
+        let mut low = [f64::INFINITY; CHANNELS];
+        let mut high = [f64::NEG_INFINITY; CHANNELS];
+        let mut length = 0.0;
+        for (a, b) in self.recent.iter().zip(self.recent.iter().skip(1)) {
+            let (left, right) = (a.time.max(from), b.time.min(to));
+            if right <= left {
+                continue;
+            }
+            length += right - left;
+            let share = |t: f64| (t - a.time) / (b.time - a.time);
+            for c in 0..CHANNELS {
+                let at = |t: f64| a.values[c] + (b.values[c] - a.values[c]) * share(t);
+                let (x, y) = (at(left), at(right));
+                sums[c] += 0.5 * (x + y) * (right - left);
+                low[c] = low[c].min(x).min(y);
+                high[c] = high[c].max(x).max(y);
+            }
+        }
+        std::array::from_fn(|c| {
+            if length > 0.0 {
+                Level { mean: sums[c] / length, amplitude: 0.5 * (high[c] - low[c]), standard_error: None }
+            } else {
+                Level { mean: self.recent.back().map_or(0.0, |e| e.values[c]), ..Level::default() }
+            }
+        })
+    }
+
+    /// Returns the steady state of the run so far: means over both motor angles, from its second half.
+    pub fn steady(&self) -> Steady {
+        let end = self.end();
+        let mut levels = self.levels(end - self.window, end);
+        let from = (0.5 * (self.from + end)).max(end - STRETCH);
+        let first = self.cells.partition_point(|cell| cell.time < from);
+        let cells: Vec<Cell> = self.cells.range(first..).copied().collect();
+        // Two windows, but for the rounding of their length.
+        let is_long = end - self.from >= 2.0 * WINDOW * (1.0 - ROUNDING);
+        let Some(means) = is_long.then(|| series::means(&cells, self.cell, self.speeds)).flatten() else {
+            return Steady { settled: false, ..self.window() };
+        };
+        for (level, mean) in levels.iter_mut().zip(&means) {
+            (level.mean, level.standard_error) = (mean.mean, Some(mean.standard_error));
+        }
+        let limits = if cells.iter().any(|cell| cell.touched) { TOUCHING } else { FREE };
+        let stretch_s = cells.len() as f64 * self.cell;
+        let steady = self.state(stretch_s, levels, |steady| steady.is_known_within(&limits));
+        if steady.settled {
+            return steady;
+        }
+        // Where an approach leads is not known: the means are what it has reached.
+        for (level, mean) in levels.iter_mut().zip(&means) {
+            level.mean = mean.mean - mean.to_come;
+        }
+        self.state(stretch_s, levels, |_| false)
+    }
+
+    /// Returns the steady state of the run so far: means over time in the window.
+    pub fn window(&self) -> Steady {
+        let end = self.end();
+        let last = self.levels(end - self.window, end);
+        let before = self.levels(end - 2.0 * self.window, end - self.window);
+        let enough = end - self.from >= 1.999 * self.window;
+        let agree = |a: f64, b: f64| (a - b).abs() <= 0.5f64.to_radians().max(0.01 * b.abs());
+        let settled = enough && (0..3).all(|c| agree(before[c].mean, last[c].mean));
+        self.state(self.window, last, |_| settled)
+    }
+
+    fn end(&self) -> f64 {
+        self.recent.back().map_or(self.from, |e| e.time)
+    }
+
+    fn state(&self, window_s: f64, levels: [Level; CHANNELS], settled: impl Fn(&Steady) -> bool) -> Steady {
+        let unsettled =
+            (self.blocks.iter()).rev().find(|(_, means)| !(0..2).all(|c| is_near(means[c], levels[c].mean)));
+        let vector = |c: usize| [levels[c], levels[c + 1], levels[c + 2]];
+        let mut steady = Steady {
+            window_s,
+            attitude: vector(0),
+            force: [vector(3), vector(6)],
+            axial_torque: [levels[9], levels[10]],
+            settled: false,
+            settle_s: unsettled.map_or(self.from, |(time, _)| *time) - self.start,
+        };
+        steady.settled = settled(&steady);
+        steady
+    }
+}
+
+impl Level {
+    /// Returns the 95 % uncertainty of the mean; infinite where it is unknown.
+    pub fn uncertainty(&self) -> f64 {
+        2.0 * self.standard_error.unwrap_or(f64::INFINITY)
+    }
+}
+
+impl Steady {
+    /// Returns whether the uncertainties of yaw, pitch, roll and both thrusts are within limits.
+    pub fn is_known_within(&self, limits: &Limits) -> bool {
+        let thrusts = self.force.map(|force| force[2]);
+        let larger = thrusts[0].mean.abs().max(thrusts[1].mean.abs()).max(NO_THRUST);
+        self.attitude.iter().all(|angle| angle.uncertainty() <= limits.angle)
+            && thrusts.iter().all(|thrust| thrust.uncertainty() <= limits.thrust * larger)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn a_run_without_a_duration_ends() {
+        let mut collector = SteadyCollector::new(3.0, 3.0, [0.0; 2]);
+        collector.push(3.0, [0.5; CHANNELS], false);
+        assert_eq!(collector.steady().attitude[0], Level { mean: 0.5, amplitude: 0.0, standard_error: None });
+    }
+
+    /// The attitude of a motor that turned the other way until 3 s before the end is in no mean.
+    #[test]
+    fn a_window_begins_after_a_reversal() {
+        let mut collector = SteadyCollector::after_reversal(5.0, 42.0, 45.0, [5.3, -7.1]);
+        for i in 0..=4000 {
+            let time = 5.0 + 0.01 * f64::from(i);
+            collector.push(time, [if time < 42.0 { -1.0 } else { 2.0 }; CHANNELS], false);
+        }
+        let steady = collector.steady();
+        assert_eq!(steady.attitude[0], Level { mean: 2.0, amplitude: 0.0, standard_error: None });
+        assert!(steady.window_s <= 3.0 && !steady.settled, "{steady:?}");
+        assert_eq!(steady.settle_s, 37.0);
+    }
+
+    #[test]
+    fn a_decaying_turn_settles_when_it_should() {
+        let mut collector = SteadyCollector::new(0.0, 120.0, [3.0 * PI, 3.0 * PI]);
+        for i in 0..=3000 {
+            let t = i as f64 * 0.04;
+            let mut values = [0.0; CHANNELS];
+            values[0] = 1.0 - (-t / 10.0).exp() + 0.1 * (3.0 * PI * t).cos();
+            collector.push(t, values, false);
+        }
+        let steady = collector.steady();
+        assert!((steady.attitude[0].mean - 1.0).abs() < 1e-4);
+        assert!((steady.attitude[0].amplitude - 0.1).abs() < 2e-3);
+        assert!(steady.settled);
+        // The mean over the window is behind by what is left there.
+        let [left, first] = [120.0, 108.0].map(|t: f64| (-t / 10.0).exp() * 10.0);
+        let behind = 1.0 - collector.window().attitude[0].mean;
+        assert!((behind - (first - left) / 12.0).abs() < 1e-6, "{behind}");
+        // 5 % of the final mean is reached after 3 time constants.
+        assert!((steady.settle_s - 30.0).abs() < 3.0, "{}", steady.settle_s);
+    }
+}
