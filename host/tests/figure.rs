@@ -130,7 +130,7 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         (&["forces", a], &["Force x (mN)", "Force z (mN)", "flagellum 2"]),
         (&["map", "a"], &["|ψ| (°)", "|θ| (°)", "|φ| (°)", "tilt (°)", "ω₁ (rpm)", "ω₂ (rpm)"]),
         (&["map", "a", "--against", "b"], &["tilt (°)"]),
-        (&["map", "sweep.csv", "--at", "fluid_viscosity_pa_s=0.8"], &["tilt (°)"]),
+        (&["map", "sweep.csv", "--at", "fluid_viscosity_pa_s=0.8"], &["tilt (°)", "fluid viscosity 0.8 Pa s"]),
         (&["map", "a", "--against", "sweep.csv"], &["tilt (°)"]),
         (&["contact", a], &["Smallest gap (mm)", "Winding (turns)", "apart", "touching", "bundled"]),
         (
@@ -195,7 +195,12 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         (&["forces", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),
         (&["contact", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),
         (&["lines", "sweep.csv", "--at", "w1_rpm=0", "-o", "x.svg"], "w1_rpm has no single value"),
-        (&["lines", "sweep.csv", "--at", "w2_rpm=34", "-o", "x.svg"], "the sweep has w2_rpm: 0, 33.3, 90"),
+        (
+            &["lines", "sweep.csv", "--at", "w2_rpm=34", "-o", "x.svg"],
+            "no point has w2_rpm = 34; the sweep has 0, 33.3, 90",
+        ),
+        (&["lines", "sweep.csv", "--by", "w1_rpm", "-o", "x.svg"], "cannot be the axis and tell the curves apart"),
+        (&["lines", "sweep.csv", "--at", "w2_rpm=0", "--at", "w2_rpm=90", "-o", "x.svg"], "w2_rpm is given twice"),
         (&["lines", "sweep.csv", "--over", "yaw_deg", "-o", "x.svg"], "yaw_deg is no input of the sweep"),
         (&["lines", "a", "-o", "x.svg"], "is no sweep"),
     ] {

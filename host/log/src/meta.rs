@@ -316,6 +316,8 @@ pub struct ImportMeta {
     pub clock_offset_s: Option<f64>,
     /// How much faster the time of that recording passes than the table's, 10⁻⁶.
     pub clock_rate_ppm: Option<f64>,
+    /// Difference between the yaw of the table and the recorded one without clock, zero and drift, degrees RMS.
+    pub clock_rms_deg: Option<f64>,
 }
 
 /// The recording that a replay was made from.

@@ -117,6 +117,11 @@ impl Swept {
         Ok(Self { header, inputs, results, states })
     }
 
+    /// Returns whether not even the means of a point are known.
+    pub fn is_unknown(&self, row: usize) -> bool {
+        self.states[row] == (STATES.len() - 1) as i64
+    }
+
     /// Returns the number of points.
     pub fn rows(&self) -> usize {
         self.states.len()
@@ -127,8 +132,8 @@ impl Swept {
         self.inputs.iter().chain(&self.results).find(|column| column.name == name)
     }
 
-    /// Returns the rows in which every input but those of `free` has the value that `fixed` names, or the one that most points
-    /// have; and these values.
+    /// Returns the rows in which every input but those of `free` has the value that `fixed` names, or the one that most of the
+    /// points with these have; and the values.
     ///
     /// # Errors
     /// Why there are none.
@@ -140,20 +145,41 @@ impl Swept {
         if let Some((name, _)) = fixed.iter().find(|(name, _)| free.contains(&name.as_str())) {
             return Err(format!("{name} has no single value: it is drawn"));
         }
-        let others = self.inputs.iter().filter(|input| !free.contains(&input.name.as_str()));
-        let value = |input: &Column| {
-            let given = fixed.iter().find(|(name, _)| *name == input.name).map(|(_, value)| *value);
-            given.unwrap_or_else(|| commonest(&input.values))
-        };
-        let values: Vec<(&Column, f64)> = others.map(|input| (input, value(input))).collect();
-        let is_at = |i: &usize| values.iter().all(|(input, value)| is_same(input.values[*i], *value));
-        let rows: Vec<usize> = (0..self.rows()).filter(is_at).collect();
-        let said: Vec<At> = values.iter().map(|(input, value)| (input.name.clone(), *value)).collect();
-        if rows.is_empty() {
-            let at: Vec<String> = said.iter().map(|(name, value)| format!("{name} = {value}")).collect();
-            let has = |(input, _): &(&Column, f64)| format!("{}: {}", input.name, few(&input.values));
-            let has: Vec<String> = values.iter().map(has).collect();
-            return Err(format!("no point has {}; the sweep has {}", at.join(", "), has.join("; ")));
+        if let Some((name, _)) =
+            fixed.iter().enumerate().find_map(|(i, at)| fixed[..i].iter().any(|other| other.0 == at.0).then_some(at))
+        {
+            return Err(format!("{name} is given twice"));
+        }
+        let others: Vec<&Column> = self.inputs.iter().filter(|input| !free.contains(&input.name.as_str())).collect();
+        let given = |input: &Column| fixed.iter().find(|(name, _)| *name == input.name).map(|(_, value)| *value);
+        let mut rows: Vec<usize> = (0..self.rows()).collect();
+        let mut said = Vec::new();
+        for input in &others {
+            let Some(value) = given(input) else { continue };
+            let before = std::mem::take(&mut rows);
+            rows = before.iter().copied().filter(|i| is_same(input.values[*i], value)).collect();
+            if rows.is_empty() {
+                let has: Vec<f64> = before.iter().map(|i| input.values[*i]).collect();
+                return Err(format!("no point has {} = {value}; the sweep has {}", input.name, few(&has)));
+            }
+        }
+        // The others have the value that most of these points have.
+        for input in &others {
+            let value = match given(input) {
+                Some(value) => value,
+                None => {
+                    let (value, count) = commonest(rows.iter().map(|i| input.values[*i]));
+                    if count == 1 && rows.len() > MOST_SCATTERED {
+                        return Err(format!(
+                            "{} has another value at each point, so that none can be drawn alone",
+                            input.name
+                        ));
+                    }
+                    rows.retain(|i| is_same(input.values[*i], value));
+                    value
+                }
+            };
+            said.push((input.name.clone(), value));
         }
         Ok((rows, said))
     }
@@ -176,14 +202,18 @@ pub(crate) fn is_same(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-6 * a.abs().max(b.abs())
 }
 
-/// Returns the value that most points have, the middle one of equals: in a sweep of one input at a time, that of the robot.
-fn commonest(values: &[f64]) -> f64 {
-    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+/// More points than this without a common value are scattered.
+const MOST_SCATTERED: usize = 6;
+
+/// Returns the value that most points have and how many have it, the middle one of equals: in a sweep of one input at a time,
+/// that of the robot.
+fn commonest(values: impl Iterator<Item = f64>) -> (f64, usize) {
+    let mut sorted: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let groups: Vec<&[f64]> = sorted.chunk_by(|a, b| is_same(*a, *b)).collect();
     let most = groups.iter().map(|group| group.len()).max().unwrap_or(0);
     let best: Vec<f64> = groups.iter().filter(|group| group.len() == most).map(|group| group[0]).collect();
-    best.get(best.len() / 2).copied().unwrap_or(f64::NAN)
+    (best.get(best.len() / 2).copied().unwrap_or(f64::NAN), most)
 }
 
 /// Returns the state of each row.
@@ -261,10 +291,7 @@ mod tests {
         assert_eq!(rows, [2, 3]);
         let refused = |name: &str, value| swept.slice(&["w1_rpm"], &[(name.to_owned(), value)]).unwrap_err();
         assert_eq!(refused("width", 1.0), "width is no input of the sweep: w1_rpm, w2_rpm, length_m");
-        assert_eq!(
-            refused("length_m", 3.0),
-            "no point has w2_rpm = 20, length_m = 3; the sweep has w2_rpm: 10, 20; length_m: 0.1, 0.2"
-        );
+        assert_eq!(refused("length_m", 3.0), "no point has length_m = 3; the sweep has 0.1, 0.2");
         assert_eq!(refused("w1_rpm", 0.0), "w1_rpm has no single value: it is drawn");
     }
 }

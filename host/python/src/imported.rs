@@ -52,6 +52,7 @@ pub fn write_states(
     let conditions = Conditions {
         speeds,
         run_s: known.run.map(|[from, to]| from..to),
+        reverse: None,
         robot: robot.file.clone(),
         uncertainty_deg: known.uncertainty,
         temperature_c: known.temperature,

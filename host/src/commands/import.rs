@@ -78,6 +78,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let conditions = Conditions {
         speeds: args.speeds,
         run_s: args.run.map(|[from, to]| from..to),
+        reverse: None,
         robot: robot::load(&args.robot)?,
         uncertainty_deg: args.uncertainty,
         temperature_c: args.temperature,
@@ -89,7 +90,9 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Some(log) => {
             let recording = Data::read(log, Want { hash: true, ..Want::default() })?;
             let (states, beside) = Beside::put(states, &recording, &table)?;
-            (states, Conditions { beside: Some(beside), ..conditions }.of_recording(&recording))
+            let conditions =
+                Conditions { beside: Some(beside), ..conditions }.of_recording(&recording, &states, &table)?;
+            (states, conditions)
         }
     };
     let Imported { speeds, run_s, samples } = write(&states, &conditions, &table, &args.output)?;

@@ -82,7 +82,7 @@ fn stroke(k: usize) -> Stroke {
 
 /// Draws what the curves are, in as many rows as it takes; returns how many.
 fn legend(sheet: &mut Sheet, curves: &[Curve], by: &str) -> f64 {
-    if curves.len() < 2 {
+    if by.is_empty() {
         return 0.0;
     }
     let longest = curves.iter().map(|curve| curve.name.chars().count()).max().unwrap_or(1) as f64;

@@ -30,8 +30,8 @@ struct Grid {
     values: Vec<Vec<f64>>,
 }
 
-/// Draws maps over the same axes, two in a row.
-pub(super) fn draw(maps: &[Map], labels: [&str; 2], width_mm: f64) -> String {
+/// Draws maps over the same axes, two in a row, with the lines of `under` below them.
+pub(super) fn draw(maps: &[Map], labels: [&str; 2], under_all: &[String], width_mm: f64) -> String {
     let mut sheet = Sheet::new(width_mm);
     let (left, right, top, under) = (8.5 * MM, 8.5 * MM, 5.0 * MM, 8.0 * MM);
     let column = 0.5 * sheet.width;
@@ -51,7 +51,12 @@ pub(super) fn draw(maps: &[Map], labels: [&str; 2], width_mm: f64) -> String {
         one(&mut sheet, map, &panel);
     }
     let rows = maps.len().div_ceil(2) as f64;
-    sheet.svg(rows * (top + height + under) + 1.0 * MM)
+    let mut bottom = rows * (top + height + under);
+    for line in under_all {
+        bottom += 1.2 * FONT_PT;
+        sheet.text(left, bottom, Anchor::Start, line);
+    }
+    sheet.svg(bottom + 1.0 * MM)
 }
 
 /// Returns an axis over values: half a cell beyond the outermost.

@@ -280,6 +280,9 @@ pub fn lines(sweep: &Path, lines: Lines, width_mm: f64, out: &Path) -> Result<Re
     let input =
         |name: &str| swept.inputs.iter().find(|column| column.name == name).ok_or_else(|| missing(name, "input"));
     let (over, by) = (input(lines.over)?, lines.by.map(input).transpose()?);
+    if lines.by == Some(lines.over) {
+        return Err(wrong(format!("{} cannot be the axis and tell the curves apart", lines.over)));
+    }
     let value = swept.results.iter().find(|column| column.name == lines.value);
     let value = value.ok_or_else(|| missing(lines.value, "result"))?;
     let free: Vec<&str> = std::iter::once(lines.over).chain(lines.by).collect();
@@ -310,17 +313,33 @@ pub fn lines(sweep: &Path, lines: Lines, width_mm: f64, out: &Path) -> Result<Re
             lines::MOST
         )));
     }
-    let said = |(name, value): &(String, f64)| {
-        let label = swept.column(name).map_or_else(|| name.clone(), swept::Column::label);
-        let (words, unit) = label.split_once(", ").unwrap_or((&label, ""));
-        format!("{words} {} {unit}", short_number(*value)).trim_end().to_owned()
-    };
-    let under: Vec<String> = fixed.iter().map(said).collect();
+    let under = in_words(&swept, &fixed);
     let by = by.map_or_else(String::new, swept::Column::label);
     let svg = lines::draw(&curves, [&over.label(), &value.label()], &by, &under, width_mm);
     let provenance = Provenance::new(format!("{} over {}", value.label(), over.label()), [of_table(&table)]);
     output::write(&svg, &provenance, out)?;
-    Ok(Remarks::default())
+    let mut warnings = Vec::new();
+    if let Some(by) = lines.by.and_then(|name| swept.column(name)) {
+        let is_drawn = |value: f64| curves.iter().any(|curve| curve.name == short_number(value));
+        let mut missing: Vec<String> =
+            by.values.iter().filter(|value| !is_drawn(**value)).map(|value| short_number(*value)).collect();
+        missing.sort();
+        missing.dedup();
+        if !missing.is_empty() {
+            warnings.push(format!("no curve for {} = {}: no point there has a value", by.name, missing.join(", ")));
+        }
+    }
+    Ok(Remarks { findings: Vec::new(), warnings })
+}
+
+/// Returns the values of inputs in words, one line each.
+fn in_words(swept: &Swept, fixed: &[swept::At]) -> Vec<String> {
+    let said = |(name, value): &swept::At| {
+        let label = swept.column(name).map_or_else(|| name.clone(), swept::Column::label);
+        let (words, unit) = label.split_once(", ").unwrap_or((&label, ""));
+        format!("{words} {} {unit}", short_number(*value)).trim_end().to_owned()
+    };
+    fixed.iter().map(said).collect()
 }
 
 /// Half the width of the 95 % interval of a normal distribution, standard deviations.
@@ -359,15 +378,30 @@ fn of_table(path: &Path) -> String {
 }
 
 /// Returns the steady angles at the speeds of a sweep, for the other inputs that `at` names or that most points have.
-fn of_sweep(path: &Path, at: &[(String, f64)], logs: &mut Vec<String>) -> Result<Vec<AtSpeeds<()>>, FigureError> {
+fn of_sweep(
+    path: &Path,
+    at: &[(String, f64)],
+    (remarks, logs, under): (&mut Remarks, &mut Vec<String>, &mut Vec<String>),
+) -> Result<Vec<AtSpeeds<()>>, FigureError> {
     let (table, swept) = read_sweep(path)?;
     let wrong = |reason: String| wrong_lines(&table, reason, &swept);
     let column =
         |name: &str| swept.column(name).ok_or_else(|| wrong(format!("has no column {name}, or it does not vary")));
     let [w1, w2] = [column("w1_rpm")?, column("w2_rpm")?];
     let [yaw, pitch, roll, tilt] = [column("yaw_deg")?, column("pitch_deg")?, column("roll_deg")?, column("tilt_deg")?];
-    let (rows, _) = swept.slice(&["w1_rpm", "w2_rpm"], at).map_err(wrong)?;
+    let (mut rows, fixed) = swept.slice(&["w1_rpm", "w2_rpm"], at).map_err(wrong)?;
     logs.push(of_table(&table));
+    for line in in_words(&swept, &fixed) {
+        if !under.contains(&line) {
+            under.push(line);
+        }
+    }
+    let all = rows.len();
+    rows.retain(|i| yaw.values[*i].is_finite() && !swept.is_unknown(*i));
+    if rows.len() < all {
+        let left_out = all - rows.len();
+        remarks.warnings.push(format!("{left_out} of {all} points are left out: their means are not known"));
+    }
     let point = |i: usize| AtSpeeds {
         speeds_rpm: [w1.values[i], w2.values[i]],
         angles_deg: [yaw, pitch, roll].map(|angle| angle.values[i]),
@@ -375,7 +409,7 @@ fn of_sweep(path: &Path, at: &[(String, f64)], logs: &mut Vec<String>) -> Result
         trials: 1,
         first: (),
     };
-    Ok(rows.into_iter().filter(|i| yaw.values[*i].is_finite()).map(point).collect())
+    Ok(rows.into_iter().map(point).collect())
 }
 
 /// Writes maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, which may be a sweep, or its points over the
@@ -392,9 +426,9 @@ pub fn map(
     out: &Path,
 ) -> Result<Remarks, FigureError> {
     Format::of(out)?;
-    let (mut remarks, mut logs) = (Remarks::default(), Vec::new());
+    let (mut remarks, mut logs, mut under) = (Remarks::default(), Vec::new(), Vec::new());
     let mut read = |path: &Path| match swept::table_of(path) {
-        Some(_) => of_sweep(path, at, &mut logs),
+        Some(_) => of_sweep(path, at, (&mut remarks, &mut logs, &mut under)),
         None => steady(path, &mut remarks, &mut logs),
     };
     let (surface, points) = match surface {
@@ -415,7 +449,7 @@ pub fn map(
     let maps: Vec<Map> =
         titles.iter().zip(&maps).map(|(title, (surface, points))| Map { title, surface, points }).collect();
     let provenance = Provenance::new("Maps of |yaw|, |pitch|, |roll| and tilt over both speeds", logs);
-    output::write(&map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], width_mm), &provenance, out)?;
+    output::write(&map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], &under, width_mm), &provenance, out)?;
     Ok(remarks)
 }
 

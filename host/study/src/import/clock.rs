@@ -44,6 +44,12 @@ pub struct Clock {
     pub offset_s: f64,
     /// Its uncertainty.
     pub offset_u_s: f64,
+    /// The middle of the table by its own clock, s, where the recording's time is known best.
+    pub middle_s: f64,
+    /// The recording's time there, s.
+    pub at_middle_s: f64,
+    /// Its uncertainty.
+    pub at_middle_u_s: f64,
     /// How much faster the time of the recording passes than the table's, 10⁻⁶.
     pub rate_ppm: f64,
     /// Its uncertainty.
@@ -103,7 +109,19 @@ impl fmt::Display for Beside {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             trial,
-            clock: Clock { offset_s, offset_u_s, rate_ppm, rate_u_ppm, drift_dps, drift_u_dps, rms_deg, rows },
+            clock:
+                Clock {
+                    middle_s,
+                    at_middle_s,
+                    at_middle_u_s,
+                    rate_ppm,
+                    rate_u_ppm,
+                    drift_dps,
+                    drift_u_dps,
+                    rms_deg,
+                    rows,
+                    ..
+                },
             ..
         } = self;
         let with = |value: f64, u: f64, decimals: usize| {
@@ -111,9 +129,10 @@ impl fmt::Display for Beside {
         };
         write!(
             f,
-            "clock by the yaw: 0 s of the table is {} s of {trial}, whose time passes {} ppm faster\n\
+            "clock by the yaw: {} s of the table is {} s of {trial}, whose time passes {} ppm faster\n\
              yaw: drifts by {} °/s against the recorded one; without it {rows} rows differ by {}° RMS",
-            with(*offset_s, *offset_u_s, 3),
+            decimal(*middle_s, 3),
+            with(*at_middle_s, *at_middle_u_s, 3),
             with(*rate_ppm, *rate_u_ppm, 0),
             with(*drift_dps, *drift_u_dps, 4),
             decimal(*rms_deg, 2),
@@ -126,8 +145,9 @@ fn find(table: Track, log: Track, name: &str) -> Result<Clock, ImportError> {
     let fails = |reason: String, help| ImportError::table(name, reason, help);
     let of_other = "name a table with the yaw of this trial, from before the run until after it";
     let (grid, inside) = (Grid::of(log), Grid::of(table));
-    let motion_deg = deviation(&grid.yaw);
-    if motion_deg < LEAST_MOTION_DEG || deviation(&inside.yaw) < LEAST_MOTION_DEG {
+    // A table may be of a part of the recording, which then moves less, and the reverse.
+    let motion_deg = deviation(&grid.yaw).min(deviation(&inside.yaw));
+    if motion_deg < LEAST_MOTION_DEG {
         let reason = "its yaw, or the recorded one, hardly changes: that does not tell its clock".to_owned();
         return Err(fails(reason, "name the speeds and the run with --speeds and --run, without --trial"));
     }
@@ -169,8 +189,15 @@ fn find(table: Track, log: Track, name: &str) -> Result<Clock, ImportError> {
     // The lag of the search is that of the table's first row.
     let start_s = log.span().start + best.1 * STEP_S;
     let shift_s = start_s + (1.0 + best.2) * (middle_s - table.span().start);
-    fit(table, log, middle_s, [shift_s, best.2])
-        .ok_or_else(|| fails("its yaw does not tell its clock".to_owned(), of_other))
+    let clock = fit(table, log, middle_s, [shift_s, best.2]);
+    let holds = |clock: &Clock| {
+        let rate = clock.rate_ppm * 1e-6;
+        rate.abs() <= MOST_RATE + RATE_STEP && (rate - best.2).abs() <= 2.0 * RATE_STEP
+    };
+    clock.filter(holds).ok_or_else(|| {
+        let reason = format!("its yaw does not tell its clock, whose rate may differ by {} %", MOST_RATE * 100.0);
+        fails(reason, of_other)
+    })
 }
 
 /// A yaw at even times.
@@ -259,16 +286,16 @@ fn fit(table: Track, log: Track, middle_s: f64, [mut shift_s, mut rate]: [f64; 2
     }
     let count = residuals.len() as f64;
     let square: f64 = residuals.iter().map(|residual| residual * residual).sum();
-    // Neighbours have common errors: so many rows stand for one that is independent.
-    let products: f64 = residuals.windows(2).map(|pair| pair[0] * pair[1]).sum();
-    let correlation = (products / square.max(f64::MIN_POSITIVE)).clamp(0.0, 0.99);
-    let variance = square / (count - 4.0).max(1.0) * (1.0 + correlation) / (1.0 - correlation);
+    let variance = square / (count - 4.0).max(1.0) * rows_for_one(&residuals);
     let covariance = normal.try_inverse()? * variance;
     // The offset is that of the table's zero, not of its middle.
     let to_zero = Vector4::new(1.0, -middle_s, 0.0, 0.0);
     Some(Clock {
         offset_s: shift_s - (1.0 + rate) * middle_s,
         offset_u_s: to_zero.dot(&(covariance * to_zero)).sqrt(),
+        middle_s,
+        at_middle_s: shift_s,
+        at_middle_u_s: covariance[(0, 0)].sqrt(),
         rate_ppm: rate * 1e6,
         rate_u_ppm: covariance[(1, 1)].sqrt() * 1e6,
         drift_dps,
@@ -276,6 +303,15 @@ fn fit(table: Track, log: Track, middle_s: f64, [mut shift_s, mut rate]: [f64; 2
         rms_deg: (square / count).sqrt(),
         rows: residuals.len(),
     })
+}
+
+/// Returns how many rows stand for one with an error of its own: the sum of the autocorrelations of the residuals, up to the
+/// first that is not positive.
+fn rows_for_one(residuals: &[f64]) -> f64 {
+    let product = |lag: usize| residuals.iter().zip(&residuals[lag..]).map(|(a, b)| a * b).sum::<f64>();
+    let square = product(0).max(f64::MIN_POSITIVE);
+    let correlations = (1..residuals.len() / 4).map(|lag| product(lag) / square);
+    1.0 + 2.0 * correlations.take_while(|correlation| *correlation > 0.0).sum::<f64>()
 }
 
 #[cfg(test)]
@@ -313,6 +349,9 @@ mod tests {
             (3.217, -4321.0, -0.004, 0.0, 104.0, 0.05),
             (0.0, 8000.0, 0.0, 11.0, 99.0, 0.11),
             (7.77, 0.0, 0.001, -30.0, 150.0, 0.031),
+            // From a second before the run to its end, and its first 21 s.
+            (0.0, 40.0, 0.003, 19.0, 80.3, 0.04),
+            (-7.5, -300.0, 0.0, 26.5, 48.5, 0.04),
         ] {
             let of = |time: f64, i: usize| {
                 yaw(offset_s + (1.0 + rate_ppm * 1e-6) * time) + 33.0 + drift_dps * time + 0.4 * noise(i)
@@ -328,6 +367,23 @@ mod tests {
             let at_start = clock.time_s(from_s) - (offset_s + (1.0 + rate_ppm * 1e-6) * from_s);
             assert!(at_start.abs() < 0.01 && (0.1..0.14).contains(&clock.rms_deg), "{at_start} s off: {clock:?}");
         }
+    }
+
+    /// Errors that last for seconds leave fewer independent rows: the uncertainties grow by three.
+    #[test]
+    fn errors_that_last_make_the_uncertainties_larger() {
+        let log = track(0.0, 110.0, 0.005, |time, _| yaw(time));
+        let of_steps = |rows: usize| {
+            let table = track(2.0, 108.0, 0.04, |time, i| yaw(time) + 0.7 * noise(i / rows));
+            find(table.track(0), log.track(0), "table").unwrap()
+        };
+        let [single, lasting] = [1, 50].map(of_steps);
+        let larger = [lasting.at_middle_u_s / single.at_middle_u_s, lasting.drift_u_dps / single.drift_u_dps];
+        assert!(larger.iter().all(|larger| *larger > 3.0), "{larger:?}: {lasting:?}");
+        assert!(
+            lasting.at_middle_s.abs() - 55.0 < 0.05 && lasting.drift_dps.abs() < 3.0 * lasting.drift_u_dps,
+            "{lasting:?}"
+        );
     }
 
     #[test]

@@ -21,6 +21,8 @@ pub struct Conditions {
     pub speeds: Option<[CentiRpm; 2]>,
     /// When the motors turn, by the clock of the table, s; `None`: when the table's motors do, or all the time.
     pub run_s: Option<Range<f64>>,
+    /// The motor that reverses, and the time from the start of the run after which it does, s.
+    pub reverse: Option<(u8, f64)>,
     /// The robot.
     pub robot: RobotFile,
     /// 95 % uncertainty of the instrument's yaw, and of its pitch and roll, degrees.
@@ -34,15 +36,31 @@ pub struct Conditions {
 }
 
 impl Conditions {
-    /// Returns the conditions with speeds, run and robot of a recording of the same trial.
-    #[must_use]
-    pub fn of_recording(self, recording: &Data) -> Self {
-        Self {
+    /// Returns the conditions with speeds, run, reversal and robot of a recording, on whose clock the states are. A table that
+    /// ends before the run has its part of the run.
+    ///
+    /// # Errors
+    /// [`ImportError::Table`] if the states begin in the run.
+    pub fn of_recording(self, recording: &Data, states: &States, table: &str) -> Result<Self, ImportError> {
+        let run = recording.times.run.clone();
+        let (first, last) =
+            states.rows.first().zip(states.rows.last()).map_or((0.0, 0.0), |(a, b)| (a.time_s, b.time_s));
+        if first > run.start {
+            let reason = format!("begins {:.2} s after the start of the run", first - run.start);
+            return Err(ImportError::table(
+                table,
+                reason,
+                "name a table that begins before the run: its zero is the rest",
+            ));
+        }
+        let trial = recording.records.trial.as_ref();
+        Ok(Self {
             speeds: Some(recording.speeds()),
-            run_s: Some(recording.times.run.clone()),
+            run_s: Some(run.start..run.end.min(last)),
+            reverse: trial.and_then(|trial| trial.reverse_motor.zip(trial.reverse_after_s)),
             robot: RobotFile::of_log(recording.records.robot.clone()),
             ..self
-        }
+        })
     }
 }
 
@@ -66,7 +84,10 @@ pub fn write(states: &States, conditions: &Conditions, table: &str, path: &Path)
     let rows = &states.rows;
     let (start, end) = (rows[0].time_s, rows[rows.len() - 1].time_s);
     let (preroll, decay) = (run.start - start, end - run.end);
-    let lines = format!("calibrate = 0\npreroll = {preroll}\nrun = {}\ndecay = {decay}", run.end - run.start);
+    let reverse = conditions.reverse.filter(|(_, after_s)| *after_s < run.end - run.start);
+    let reverse = reverse
+        .map_or_else(String::new, |(motor, after_s)| format!("\nreverse = {{ motor = {motor}, after = {after_s} }}"));
+    let lines = format!("calibrate = 0\npreroll = {preroll}\nrun = {}\ndecay = {decay}{reverse}", run.end - run.start);
     let plan = Plan::of_speeds(speeds, &lines, "")?;
     let plan = Plan { robot: conditions.robot.clone(), note: conditions.note.clone(), ..plan };
     output::check_new(path)?;
@@ -88,6 +109,7 @@ pub fn write(states: &States, conditions: &Conditions, table: &str, path: &Path)
         trial_sha256: beside.map_or_else(String::new, |beside| beside.trial_sha256.clone()),
         clock_offset_s: beside.map(|beside| beside.clock.offset_s),
         clock_rate_ppm: beside.map(|beside| beside.clock.rate_ppm),
+        clock_rms_deg: beside.map(|beside| beside.clock.rms_deg),
     })?;
     let phases = [(Phase::Preroll, start), (Phase::Run, run.start), (Phase::Decay, run.end), (Phase::End, end)];
     let mut phases = phases.into_iter().peekable();

@@ -4,8 +4,15 @@ use super::{ImportError, State, States};
 use protocol::units::CentiRpm;
 use std::ops::Range;
 
-/// Smallest speed of a motor that turns, rpm.
+/// Smallest speed of a motor that turns, rpm, and as a share of the fastest one.
 const MOVING_RPM: f64 = 0.5;
+const MOVING_SHARE: f64 = 0.05;
+
+/// Time over which speeds are taken, s.
+const SMOOTH_S: f64 = 0.3;
+
+/// Fastest motor that a table may have, rpm: that of the board.
+const FASTEST_RPM: f64 = 90.0;
 
 /// Deviation from the speed of the run, in rpm and as a share, from which on a motor slows down.
 const SLOWER_RPM: f64 = 0.5;
@@ -70,6 +77,10 @@ impl Run {
             (run, turns)
         };
         let speeds = speeds.unwrap_or_else(|| mean_speeds(rows, &turns, &run));
+        if let Some(k) = [0, 1].into_iter().find(|k| speeds[*k].rpm().abs() > FASTEST_RPM) {
+            let reason = format!("motor {} turns faster than {FASTEST_RPM} rpm", k + 1);
+            return Err(ImportError::table(table, reason, "check the units of w1 and w2, or of turns1 and turns2"));
+        }
         Ok(Self { run, speeds, turns })
     }
 }
@@ -93,16 +104,30 @@ fn measured_turns(rows: &[State]) -> Vec<[f64; 2]> {
     all
 }
 
+/// Returns the speed of each motor over the time before a row, rpm: single rows have the noise of their instrument.
+fn speeds_before(rows: &[State], turns: &[[f64; 2]], i: usize) -> [f64; 2] {
+    let from = rows.partition_point(|state| state.time_s <= rows[i].time_s - SMOOTH_S).min(i - 1);
+    let passed_s = rows[i].time_s - rows[from].time_s;
+    [0, 1].map(|k| 60.0 * (turns[i][k] - turns[from][k]) / passed_s)
+}
+
 /// Returns the time from the last row at rest to the last row in which a motor turns.
 fn moving(rows: &[State], turns: &[[f64; 2]]) -> Option<Range<f64>> {
-    let is_moving = |i: &usize| {
+    let fastest =
+        |i: usize| speeds_before(rows, turns, i).into_iter().fold(0.0, |fastest: f64, rpm| fastest.max(rpm.abs()));
+    let speeds: Vec<f64> = (1..rows.len()).map(fastest).collect();
+    let least = MOVING_RPM.max(MOVING_SHARE * speeds.iter().copied().fold(0.0, f64::max));
+    let is_moving = |i: &usize| speeds[*i] > least;
+    let mut moving = (0..speeds.len()).filter(is_moving);
+    let first = moving.next()?;
+    let last = moving.next_back().unwrap_or(first);
+    // The motors start within the time over which the first speed is taken.
+    let at_rest = |i: &usize| {
         let passed_s = rows[i + 1].time_s - rows[*i].time_s;
-        [0, 1].into_iter().any(|k| ((turns[i + 1][k] - turns[*i][k]) * 60.0 / passed_s).abs() > MOVING_RPM)
+        [0, 1].into_iter().all(|k| (60.0 * (turns[i + 1][k] - turns[*i][k]) / passed_s).abs() <= least)
     };
-    let mut intervals = (0..rows.len() - 1).filter(is_moving);
-    let first = intervals.next()?;
-    let last = intervals.next_back().unwrap_or(first);
-    Some(rows[first].time_s..rows[last + 1].time_s)
+    let start = (0..=first).rev().find(|i| at_rest(i)).map_or(first, |i| i + 1).min(first);
+    Some(rows[start].time_s..rows[last + 1].time_s)
 }
 
 /// Returns the run without the time in which the motors slow down: until the last row at the speeds of its middle half. What
@@ -110,9 +135,8 @@ fn moving(rows: &[State], turns: &[[f64; 2]]) -> Option<Range<f64>> {
 fn without_end(rows: &[State], turns: &[[f64; 2]], run: Range<f64>) -> Range<f64> {
     let middle = mean_speeds(rows, turns, &run).map(CentiRpm::rpm);
     let is_at_speed = |i: &usize| {
-        let passed_s = rows[*i].time_s - rows[i - 1].time_s;
-        let rpm = |k: usize| 60.0 * (turns[*i][k] - turns[i - 1][k]) / passed_s;
-        [0, 1].into_iter().all(|k| (rpm(k) - middle[k]).abs() <= SLOWER_RPM + SLOWER_SHARE * middle[k].abs())
+        let rpm = speeds_before(rows, turns, *i);
+        [0, 1].into_iter().all(|k| (rpm[k] - middle[k]).abs() <= SLOWER_RPM + SLOWER_SHARE * middle[k].abs())
     };
     let within = |i: &usize| (run.start.max(run.end - SLOWING_S)..=run.end).contains(&rows[i - 1].time_s);
     match (1..rows.len()).rev().filter(within).find(is_at_speed) {

@@ -10,6 +10,7 @@ fn conditions() -> Conditions {
     Conditions {
         speeds: None,
         run_s: None,
+        reverse: None,
         robot,
         uncertainty_deg: None,
         temperature_c: None,
@@ -256,4 +257,26 @@ fn rows_of_zeros_beside_an_attitude_are_grave() {
         let says = |text: &str| found.iter().any(|finding| finding.grave && finding.text.contains(text));
         assert_eq!(says("exactly zero"), is_found, "yaw {yaw_deg}, {lost} lost: {found:?}");
     }
+}
+
+/// Noise of the speeds is no motion, and a unit of turns a second is not believed.
+#[test]
+fn noisy_speeds_leave_the_rest_at_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("a.csv");
+    let row = |i: u32| {
+        let time_s = 0.04 * f64::from(i);
+        let rpm = if (10.0..40.0).contains(&time_s) { 50.0 } else { 0.0 };
+        let noise = 4.0 * ((f64::from(i) * 0.618_034).fract() - 0.5);
+        format!("{time_s},{},1,2,{},{}\n", time_s.sin(), rpm + noise, 0.2 * rpm - noise)
+    };
+    std::fs::write(&csv, (0..1500).map(row).collect::<String>()).unwrap();
+    let mapping: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5,w2=#6".parse().unwrap();
+    let states = Table::read(&csv).unwrap().states(&mapping).unwrap();
+    let imported = write(&states, &conditions(), "a.csv", &folder.path().join("a.mcap")).unwrap();
+    assert!((imported.run_s.start - 10.0).abs() < 0.3 && (imported.run_s.end - 40.0).abs() < 0.3, "{imported:?}");
+    let rps: Mapping = "time=#1,yaw=#2,pitch=#3,roll=#4,w1=#5:rps,w2=#6:rps".parse().unwrap();
+    let states = Table::read(&csv).unwrap().states(&rps).unwrap();
+    let error = write(&states, &conditions(), "a.csv", &folder.path().join("b.mcap")).unwrap_err();
+    assert_eq!(error.to_string(), "a.csv: motor 1 turns faster than 90 rpm");
 }

@@ -16,6 +16,7 @@ mod errors;
 mod finding;
 mod findings;
 mod import_findings;
+mod import_rest;
 mod imported;
 mod judged;
 mod read;

@@ -13,7 +13,7 @@ use super::causes::{Causes, OverTime};
 use super::data::Data;
 use super::errors::{self, Errors};
 use super::finding::{Finding, FindingKind};
-use super::import_findings;
+use super::import_rest;
 use super::imported::Stated;
 use super::rest::{self, START_S};
 use super::righting::{Righting, time_constants};
@@ -218,7 +218,7 @@ impl Zeroed {
         let yaw_zero = yaw_zero.unwrap_or(yaw_deg);
         let turned_deg = series.turned_deg();
         let mut angles_deg = series.angles_deg;
-        rest.extend(import_findings::moved(angles_deg.tracks(), &data.times.preroll));
+        rest.extend(import_rest::moved(angles_deg.tracks(), &data.times.preroll));
         angles_deg.values[0].iter_mut().for_each(|yaw| *yaw -= yaw_zero);
         Self {
             angles_deg,

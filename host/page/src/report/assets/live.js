@@ -127,13 +127,18 @@ biflag.LiveTrial = class {
   };
 
   let shown = "";
+  /** Answers that failed, one after the other: a computer that was asleep loses some. */
+  let failed = 0;
   const ask = async () => {
     let news;
     try {
       const answer = await fetch(`news?trial=${trial.number}&have=${trial.tables.attitude.time.length}`);
       news = await answer.json();
+      failed = 0;
     } catch {
-      return say("The program has ended.", true);
+      failed += 1;
+      if (failed < 8) return setTimeout(ask, ASKS_EVERY);
+      return say("The program does not answer: it has ended, or this computer is busy. Reload to ask again.", true);
     }
     trial.take(news);
     one("h1").textContent = news.trial.name || section.dataset.waiting;
@@ -149,7 +154,12 @@ biflag.LiveTrial = class {
   one(".stop").addEventListener("click", async () => {
     say("Stopping the motors …");
     one(".stop").disabled = true;
-    await fetch("stop", { method: "POST" }).catch(() => {});
+    try {
+      await fetch("stop", { method: "POST" });
+    } catch {
+      say("The program did not hear it: press Ctrl-C in the terminal, or unplug the motors.");
+      one(".stop").disabled = false;
+    }
   });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
     trial.scene.paint();

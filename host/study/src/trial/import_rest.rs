@@ -1,0 +1,67 @@
+//! Whether the robot of an imported trial was still before its run.
+
+use super::finding::{Finding, FindingKind};
+use crate::attitude::{Motion, Track};
+use std::ops::Range;
+
+/// Time before the run in which the robot must be still, and the shortest that tells, s.
+pub(super) const REST_S: f64 = 5.0;
+const LEAST_REST_S: f64 = 2.0;
+
+/// Motion before the run, relative to the limits of a still robot, from which on the zero is wrong by degrees.
+const GRAVE: f64 = 4.0;
+
+/// Returns a finding if yaw, pitch or roll still changed in the rest before the run, beyond what their scatter explains.
+pub(super) fn moved(angles: [Track; 3], rest: &Range<f64>) -> Option<Finding> {
+    let last = rest.start.max(rest.end - REST_S)..rest.end;
+    if last.end - last.start < LEAST_REST_S {
+        return None;
+    }
+    let [yaw_dps, pitch_dps, roll_dps] = angles.map(|angle| certain_rate(angle, &last));
+    let motion = Motion { yaw_dps, tilt_dps: pitch_dps.hypot(roll_dps) };
+    let text = format!(
+        "the robot was not still before the run: its yaw turned at {:.2} °/s or more, its tilt at {:.2} °/s or more",
+        motion.yaw_dps, motion.tilt_dps
+    );
+    let cure = "let the robot rest longer before the run";
+    match motion.relative() {
+        still if still <= 1.0 => None,
+        some if some <= GRAVE => Some(Finding::slight(FindingKind::Rest, text, cure)),
+        _ => Some(Finding::grave(FindingKind::Rest, text, cure)),
+    }
+}
+
+/// Returns the least rate of change that the readings show: their slope less twice its standard error.
+fn certain_rate(angle: Track, over: &Range<f64>) -> f64 {
+    let (Some(slope), Some(mean)) = (angle.slope(over.clone()), angle.mean(over.clone())) else { return 0.0 };
+    let inside = angle.time_s.iter().zip(angle.value).filter(|(time, _)| over.contains(time));
+    let middle = 0.5 * (over.start + over.end);
+    let (count, residuals, along) = inside.fold((0.0, 0.0, 0.0), |(count, residuals, along), (time, value)| {
+        let from_middle = time - middle;
+        (count + 1.0, residuals + (value - mean - slope * from_middle).powi(2), along + from_middle.powi(2))
+    });
+    let variance = if count > 2.0 && along > 0.0 { residuals / (count - 2.0) / along } else { return 0.0 };
+    (slope.abs() - 2.0 * variance.sqrt()).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude::Columns;
+
+    /// Returns angles over 6 s at 10 Hz of which the first moves at a rate, with a scatter of 0.1 degrees that alternates.
+    fn angles(rate_dps: f64) -> Columns<3> {
+        let mut angles = Columns::default();
+        for i in 0..60 {
+            let time_s = 0.1 * f64::from(i);
+            angles.push(time_s, [rate_dps * time_s + if i % 2 == 0 { 0.1 } else { -0.1 }, 1.0, 2.0]);
+        }
+        angles
+    }
+
+    #[test]
+    fn a_robot_that_still_turns_is_found_and_scatter_is_not() {
+        let moved = |rate_dps: f64| moved(angles(rate_dps).tracks(), &(0.0..6.0)).map(|finding| finding.grave);
+        assert_eq!([0.0, 0.04, 0.12, 0.4].map(moved), [None, None, Some(false), Some(true)]);
+    }
+}
