@@ -95,10 +95,6 @@ fn findings(plan: &Plan) -> Vec<Finding> {
         let cure = "`biflag sensor` measures them, which makes the ± smaller";
         findings.push(Finding::slight(FindingKind::Conduct, text, cure));
     }
-    if let Err(error) = plan.check_for_rig(&plan.name) {
-        let cure = "only `biflag simulate` runs this plan";
-        findings.push(Finding::slight(FindingKind::Conduct, error.to_string(), cure));
-    }
     let run =
         plan.note_on_run().map(|text| Finding::slight(FindingKind::Window, text, "set a longer run under [trial]"));
     let rest = plan.note_on_rest().map(|text| Finding::slight(FindingKind::Rest, text, ""));

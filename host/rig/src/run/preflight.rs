@@ -4,7 +4,7 @@
 //! | when | what |
 //! | --- | --- |
 //! | before the first trial | the settings are in the board's EEPROM ([`settings`]) |
-//! | before each trial | room on the disk for the rest of the plan ([`room`]), the board's supply ([`supply`]) |
+//! | before each trial | room on the disk for the rest of the plan ([`room`]), the board's supply ([`supply`]), the starting angles ([`park`](super::park)) |
 //! | at the end of each calibration | gyroscope still, 1 g, upright, no clipping, the board's clock ([`at_rest`]) |
 
 use super::board_copy::BoardCopies;
@@ -107,6 +107,24 @@ pub enum PreflightError {
     Clipped {
         /// The number of readings.
         count: u16,
+    },
+    /// The plan sets starting angles, which the board cannot turn to.
+    #[error(
+        "the board on {port} does not know the angles of its flagella, and the plan sets the angles at which they start"
+    )]
+    #[diagnostic(help("bring both flagella to their marks with `biflag align --port {port}`"))]
+    AnglesUnknown {
+        /// The port.
+        port: String,
+    },
+    /// A flagellum did not come to its starting angle.
+    #[error("flagellum {flagellum} stopped {off_deg:+.1} degrees from its starting angle")]
+    #[diagnostic(help("check that it turns freely and that its motor's 6 V supply is on"))]
+    NotParked {
+        /// Number of the flagellum.
+        flagellum: usize,
+        /// Where it stopped.
+        off_deg: f64,
     },
     /// The board's clock or this computer's is wrong.
     #[error("the board's clock runs {:+.1} % against this computer's", *.drift_ppm * 1e-4)]
