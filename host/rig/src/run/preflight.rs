@@ -74,7 +74,7 @@ pub enum PreflightError {
     #[error("the board's supply is {:.2} V, and at least {:.1} V are needed", .0.volts(), LEAST_SUPPLY.volts())]
     #[diagnostic(help(
         "use a shorter USB cable or another port, and check that the motors have a supply of their own; if a meter at the \
-         board's 5V pin reads more, set bandgap_mv in the settings to its value times the meter's volts divided by these"
+         board's 5V pin reads more, `biflag settings --supply VOLTS` with its reading makes the board measure right"
     ))]
     SupplyLow(Millivolts),
     /// The board moved during the calibration.
@@ -184,11 +184,19 @@ pub fn room(folder: &Path, seconds: f64, is_simulated: bool) -> Result<(), Prefl
 /// # Errors
 /// [`PreflightError::SupplyLow`], also if the board has not measured it; or as [`Link::command`].
 pub fn supply(link: &Link, interrupted: &AtomicBool) -> Result<(), RecordError> {
+    let supply = measured_supply(link, interrupted)?;
+    if supply < LEAST_SUPPLY { Err(PreflightError::SupplyLow(supply).into()) } else { Ok(()) }
+}
+
+/// Returns the board's supply as the board measures it; 0 if it has not. The stream is off after it.
+///
+/// # Errors
+/// As [`Link::command`].
+pub fn measured_supply(link: &Link, interrupted: &AtomicBool) -> Result<Millivolts, RecordError> {
     link.command(Command::Stream { rate_hz: TICK_HZ })?;
     let supply = first_supply(link, interrupted);
     stream::end(link)?;
-    let supply = supply?;
-    if supply < LEAST_SUPPLY { Err(PreflightError::SupplyLow(supply).into()) } else { Ok(()) }
+    supply
 }
 
 fn first_supply(link: &Link, interrupted: &AtomicBool) -> Result<Millivolts, RecordError> {
