@@ -113,6 +113,7 @@ hostile: build
 	LINES=100 $(CARGO) test --release --locked -p tests --test all spoilt_line::only -- --nocapture
 	FRAMES=1000000 $(CARGO) test --release --locked -p tests --test all link::frames_dropped_at_random -- --nocapture
 	PHASES=1000 $(CARGO) test --release --locked -p virtual-nano --test all silent_host -- --nocapture
+	CUTS=1000 $(CARGO) test --release --locked -p virtual-nano --test all hostile::positions -- --nocapture
 	BIFLAG_DAMAGE=100000000 $(CARGO) test --release --locked -p protocol --test wire damage -- --nocapture
 
 # What is left out, and why: .cargo/mutants.toml. In the development profile, which compiles a change in a tenth of the time.

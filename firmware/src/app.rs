@@ -19,7 +19,7 @@ use crate::fault::{Latch, reset_cause};
 use crate::guard::Guard;
 use crate::imu::{Config, Imu};
 use crate::link::{Answer, Link, Outbox};
-use crate::motor::{self, Motors, SpeedControl};
+use crate::motor::{self, Motors, SpeedControl, Turn, count_in_ticks};
 use crate::schedule::Schedule;
 use crate::settings::{Saving, Store};
 use crate::storage::Storage;
@@ -88,10 +88,14 @@ pub struct App<I2C, PIN, PWM, STORAGE> {
     schedule: Schedule,
     /// Ticks left of the open-loop drive.
     drive_ticks: u16,
+    /// The turn to positions.
+    turn: Option<Turn>,
     supply: Supply,
     settings: Settings,
-    /// Hundredths of rpm per count per µs. Stored, like the next two, because a division costs 500 cycles.
+    /// Hundredths of rpm per count per µs. Stored, like the next three, because a division costs 500 cycles.
     speed_scale: f32,
+    /// [`count_in_ticks`] of the encoders.
+    count_in_ticks: i32,
     /// Half the rad/s per count of the gyroscope.
     half_rate_scale: f32,
     speed_gains: motor::Gains,
@@ -133,8 +137,10 @@ where
             latch: Latch::default(),
             schedule: Schedule::default(),
             drive_ticks: 0,
+            turn: None,
             supply: Supply::default(),
             speed_scale: 0.0,
+            count_in_ticks: 0,
             half_rate_scale: 0.0,
             speed_gains: motor::Gains::default(),
             deadline_us: 0,
@@ -152,11 +158,14 @@ where
         }
     }
 
-    /// Counts the start, loads the settings, sets up the sensor.
+    /// Counts the start, loads settings and positions, sets up the sensor.
     #[inline(never)]
     pub fn start(&mut self, start: Start) {
         self.boot_count = self.store.count_start();
         self.settings_stored = self.store.load(self.link.accumulator(), &mut self.settings);
+        if let Some(positions) = self.store.open_positions(self.boot_count as u8) {
+            self.telemetry.encoder = positions;
+        }
         self.reset_cause = reset_cause(start.hang.is_some(), start.mcusr);
         self.rescale();
         self.imu.configure(Config::from(&self.settings));
@@ -181,6 +190,7 @@ where
         self.measure_speed(0, tick);
         self.measure_speed(1, tick);
         self.follow_schedule(tick);
+        self.follow_turn();
         self.drive_motors();
         mark(Stage::Motors);
         self.report(outbox);
@@ -190,7 +200,9 @@ where
     /// Does what can wait until after a tick: ends a calibration, writes to the EEPROM.
     pub fn after_tick(&mut self, outbox: &mut impl Outbox) {
         self.finish_calibration();
-        self.save_settings(outbox);
+        if !self.record_positions() {
+            self.save_settings(outbox);
+        }
     }
 
     /// Takes a byte from the host and answers the request that it ends. `arrived` is the time of a byte that ends a frame.
@@ -304,6 +316,12 @@ where
         telemetry.glitches.0 = telemetry.glitches.0.wrapping_add(u16::from(motion.glitches));
         let (duty, target) = (telemetry.duty[motor], telemetry.target[motor]);
         let mut faults = self.guards[motor].check(duty, target, &motion, self.settings.moving_duty[motor]);
+        if edges.is_noisy() || faults[0] == Fault::Encoder1Failed {
+            self.store.positions.lose();
+        }
+        if self.is_running() {
+            self.control[motor].follow(target, tick.missed, &motion, self.count_in_ticks);
+        }
         if edges.is_noisy() {
             faults = [Fault::Encoder1Noisy, Fault::Encoder2Noisy];
         } else if !self.is_running() && faults[0] != Fault::Motor1Overloaded {
@@ -324,9 +342,25 @@ where
         }
     }
 
+    /// Sets the speeds of a turn to positions, and ends it.
+    #[inline(never)]
+    fn follow_turn(&mut self) {
+        let Some(turn) = &self.turn else { return };
+        self.telemetry.target = turn.speeds(self.telemetry.encoder);
+        let [first, second] = self.telemetry.target;
+        if first.0 | second.0 == 0 && self.encoders.iter().all(Encoder::is_still) {
+            self.turn_off();
+        }
+    }
+
+    /// The motors wait until a loss of power can no longer find the positions at rest in the memory.
     #[inline(never)]
     fn drive_motors(&mut self) {
+        if !self.store.positions.may_change() {
+            return;
+        }
         if self.drive_ticks > 0 {
+            self.motors.drive(&self.telemetry.duty, &self.settings.motor_reversed);
             self.drive_ticks -= 1;
             if self.drive_ticks == 0 {
                 self.turn_off();
@@ -340,7 +374,19 @@ where
 
     #[inline(never)]
     fn next_duty(&mut self, motor: usize) -> Duty {
-        self.control[motor].duty(self.telemetry.target[motor], self.telemetry.speed[motor], self.speed_gains)
+        let (target, speed) = (self.telemetry.target[motor], self.telemetry.speed[motor]);
+        let control = &mut self.control[motor];
+        match self.turn {
+            None => control.duty(target, speed, self.speed_gains),
+            Some(_) => control.approach(target, speed, self.speed_gains),
+        }
+    }
+
+    #[inline(never)]
+    fn record_positions(&mut self) -> bool {
+        let moves = self.is_driven() || self.schedule.will_move();
+        let at_rest = !moves && self.encoders.iter().all(Encoder::is_still);
+        self.store.step_positions(&self.telemetry.encoder, at_rest)
     }
 
     #[inline(never)]
@@ -383,7 +429,7 @@ where
     #[inline(never)]
     fn is_running(&self) -> bool {
         let [first, second] = self.telemetry.target;
-        first.0 | second.0 != 0
+        first.0 | second.0 != 0 || self.turn.is_some()
     }
 
     /// Returns whether a motor is on.
@@ -404,6 +450,7 @@ where
     fn turn_off(&mut self) {
         self.motors.stop();
         self.drive_ticks = 0;
+        self.turn = None;
         self.telemetry.target = [CentiRpm(0); 2];
         self.telemetry.duty = [Duty(0); 2];
         self.control = Default::default();
@@ -411,6 +458,7 @@ where
 
     fn rescale(&mut self) {
         self.speed_scale = centi_rpm_scale(self.settings.counts_per_turn);
+        self.count_in_ticks = count_in_ticks(self.settings.counts_per_turn);
         self.half_rate_scale = core::f32::consts::PI / 360.0 / self.settings.gyro_range.counts_per_dps();
         self.deadline_us = u32::from(self.settings.deadline_ms) * 1000;
         self.speed_gains = motor::Gains::new(self.settings.speed_kp, self.settings.speed_ki);

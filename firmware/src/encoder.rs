@@ -212,6 +212,11 @@ impl Default for Encoder {
 }
 
 impl Encoder {
+    /// Returns whether no edge has come for [`STANDSTILL_US`].
+    pub fn is_still(&self) -> bool {
+        self.still
+    }
+
     /// Updates the speed with the edges up to `now`. `scale` is [`centi_rpm_scale`] of the encoder.
     #[inline(never)]
     pub fn update(&mut self, edges: &Edges, now: Micros, scale: f32) -> Motion {

@@ -11,8 +11,9 @@
 //! | [`calibration`] | the gyroscope's bias, averaged at rest |
 //! | [`attitude`] | the filter that turns rates and gravity into a quaternion |
 //! | [`encoder`] | the edges of an encoder that are motion, and the speed of its flagellum |
-//! | [`motor`] | the bridges, speed control |
+//! | [`motor`] | the bridges, control of speed and angle |
 //! | [`guard`] | stall, runaway, overload, failed encoder |
+//! | [`positions`] | the shafts' positions over a loss of power |
 //! | [`schedule`] | the speeds of a trial over its ticks |
 //! | [`link`] | requests in, answers and telemetry out, the deadline |
 //! | [`storage`], [`settings`], [`fault_log`] | the EEPROM: its bytes, settings and the number of starts, the last faults |
@@ -41,6 +42,7 @@ pub mod guard;
 pub mod imu;
 pub mod link;
 pub mod motor;
+pub mod positions;
 pub mod schedule;
 pub mod settings;
 pub mod storage;

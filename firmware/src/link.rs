@@ -6,11 +6,11 @@ use protocol::units::{Count, Micros};
 use protocol::{Command, MessageRef, Refusal, Request, TICK_HZ, Telemetry};
 
 /// Size of the outbox: a frame of telemetry and the longest answer, or two frames.
-pub const OUTBOX: u8 = 160;
+pub const OUTBOX: u8 = 144;
 
 /// Lengths of the longest answer to some requests.
 const SETTINGS: u8 = 60;
-const INFO: u8 = 29;
+const INFO: u8 = 38;
 const PONG: u8 = 11;
 
 /// Bytes to send, up to [`OUTBOX`] - 1; the serial port takes them.

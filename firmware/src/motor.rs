@@ -1,4 +1,4 @@
-//! Two motors on a TB6612 bridge: direction pins, PWM, speed control.
+//! Two motors on a TB6612 bridge: direction pins, PWM, control of speed and angle.
 //!
 //! | IN1 | IN2 | PWM | motor |
 //! | --- | --- | --- | --- |
@@ -6,12 +6,16 @@
 //! | low | high | duty | turns backwards |
 //! | low | low | 0 | off, free to turn |
 //!
+//! A motor follows an angle that advances by its target exactly, in integers, so that two motors keep the ratio of their
+//! targets for any time: how far it is behind is added to the set-point of its speed.
+//!
 //! STBY is low whenever both motors are off, so that a motor then turns only if two pins fail.
 
 use embedded_hal::digital::{OutputPin, PinState};
 use embedded_hal::pwm::SetDutyCycle;
-use protocol::units::{CentiRpm, Duty};
+use protocol::units::{CentiRpm, Duty, EncoderCounts};
 
+use crate::encoder::Motion;
 use crate::{TICK_S, round_to_i16};
 
 /// One channel of the bridge.
@@ -55,22 +59,92 @@ impl Gains {
     }
 }
 
-/// Speed control of one motor: PI; a target of zero turns the motor off.
+/// Parts of the unit of an angle, a tick at a hundredth of rpm: a count of the published encoder is 510,113 of them.
+const PARTS: i32 = 1 << 8;
+
+/// The farthest that a motor is behind or ahead of its target's angle, a third of a turn: one that was held does not catch up
+/// with more.
+const MAX_LAG: i32 = 400_000 * PARTS;
+
+/// The speed that is added per lag: 12.2 rpm for each rpm·s, as a shift.
+const CATCH_UP: u8 = 12;
+
+/// The least limit of that speed, hundredths of rpm; half of the target is added. A motor that is ahead stands
+/// still at most.
+const SLOWEST_CATCH_UP: i32 = 1000;
+
+/// Returns `x`, at most `limit` either way. Unlike `clamp`, it cannot panic.
+#[inline(never)]
+fn within(x: i32, limit: i32) -> i32 {
+    x.min(limit).max(-limit)
+}
+
+/// Returns a count of the encoder in the unit of [`SpeedControl::follow`].
+pub fn count_in_ticks(counts_per_turn: f32) -> i32 {
+    // Hundredths of rpm times ticks of one turn.
+    const TURN: f32 = 100.0 * 60.0 / TICK_S;
+    (TURN * PARTS as f32 / counts_per_turn + 0.5) as i32
+}
+
+/// Control of one motor: PI of the speed, with the angle as a part of its set-point. A target of zero turns the motor off.
 #[derive(Debug, Default)]
 pub struct SpeedControl {
     /// Integral term, duty steps.
     integral: f32,
+    /// The integral of the target less the counted angle, in hundredths of rpm times ticks, in [`PARTS`].
+    lag: i32,
+    /// The angle since it was counted, from half a count behind the middle between two edges to half a count ahead of it.
+    since: i32,
 }
 
 impl SpeedControl {
+    /// Takes the motion of a tick, and the `missed` ones before it, in which the target was in force. `count` is
+    /// [`count_in_ticks`] of the encoder.
+    #[inline(never)]
+    pub fn follow(&mut self, target: CentiRpm, missed: u8, motion: &Motion, count: i32) {
+        let turned = i32::from(motion.counts).wrapping_mul(count);
+        let asked = i32::from(target.0).wrapping_mul(i32::from(missed) * PARTS);
+        self.lag = within(self.lag.wrapping_add(asked).wrapping_sub(turned), MAX_LAG);
+        let (half, step) = (count >> 1, i32::from(motion.speed.0) * PARTS);
+        self.since = match motion.counts {
+            0 => within(self.since + step, half),
+            // On average, the last edge came half-way between two edges or two ticks.
+            counts => within(step >> 1, half) + if counts > 0 { -half } else { half },
+        };
+    }
+
+    /// Returns the duty for the next tick of a turn to a position, whose target is a speed that brings it there; 0 brakes.
+    pub fn approach(&mut self, target: CentiRpm, speed: CentiRpm, gains: Gains) -> Duty {
+        self.lag = 0;
+        self.since = 0;
+        if target.0 == 0 {
+            self.integral = 0.0;
+            return Duty(round_to_i16(-gains.kp * f32::from(speed.0), 0).clamp(-Duty::FULL.0, Duty::FULL.0));
+        }
+        // What tore a gear loose that sticks would take it far.
+        if speed.0.unsigned_abs() > target.0.unsigned_abs() {
+            self.integral *= 0.5;
+        }
+        self.duty(target, speed, gains)
+    }
+
     /// Returns the duty for the next tick.
     #[inline(never)]
     pub fn duty(&mut self, target: CentiRpm, speed: CentiRpm, gains: Gains) -> Duty {
         if target.0 == 0 {
-            self.integral = 0.0;
+            *self = Self::default();
             return Duty(0);
         }
-        let error = (i32::from(target.0) - i32::from(speed.0)) as f32;
+        let target = i32::from(target.0);
+        let is_behind = (self.lag ^ target) >= 0;
+        let limit = if is_behind { SLOWEST_CATCH_UP + (target.abs() >> 1) } else { target.abs() };
+        let catch_up = within((self.lag - self.since) >> CATCH_UP, limit);
+        self.lag = within(self.lag + target * PARTS, MAX_LAG);
+        let error = (target + catch_up - i32::from(speed.0)) as f32;
+        // No duty against the target lasts: what is left from before a reversal goes at once.
+        if self.integral.is_sign_negative() != (target < 0) {
+            self.integral = 0.0;
+        }
         let integral = self.integral + gains.ki * error;
         let duty = gains.kp * error + integral;
         let limited = round_to_i16(duty, 0).clamp(-Duty::FULL.0, Duty::FULL.0);
@@ -79,6 +153,39 @@ impl SpeedControl {
             self.integral = integral;
         }
         Duty(limited)
+    }
+}
+
+/// A turn of both motors to positions of their encoders.
+#[derive(Clone, Copy, Debug)]
+pub struct Turn {
+    /// Where they turn to.
+    pub position: [EncoderCounts; 2],
+    /// Their speed far from there.
+    pub speed: CentiRpm,
+}
+
+/// The distance at which a motor has arrived, counts: what it turns on when it brakes from the slowest speed.
+const ARRIVED: u32 = 2;
+
+/// The speed of an approach, hundredths of rpm for each count of the distance.
+const APPROACH: i32 = 50;
+
+impl Turn {
+    /// Returns the speeds of motors at these positions.
+    pub fn speeds(&self, [first, second]: [EncoderCounts; 2]) -> [CentiRpm; 2] {
+        let [to_first, to_second] = self.position;
+        [self.speed(to_first, first), self.speed(to_second, second)]
+    }
+
+    #[inline(never)]
+    fn speed(&self, to: EncoderCounts, from: EncoderCounts) -> CentiRpm {
+        let distance = to.0.wrapping_sub(from.0);
+        if distance.unsigned_abs() <= ARRIVED {
+            return CentiRpm(0);
+        }
+        let fastest = i32::from(self.speed.0);
+        CentiRpm(within(within(distance, fastest) * APPROACH, fastest) as i16)
     }
 }
 
@@ -151,12 +258,21 @@ mod tests {
         pwm2.clone().done();
     }
 
-    /// A motor that reaches `rpm_per_step * duty` with a time constant of 80 ms.
+    /// A motor that reaches `rpm_per_step * duty` with a time constant of 80 ms, and its encoder.
     fn simulate(control: &mut SpeedControl, speed: &mut f64, target: CentiRpm, rpm_per_step: f64, ticks: u32) -> i16 {
-        let mut duty = Duty(0);
+        let (mut duty, mut position, count) = (Duty(0), 0.0f64, count_in_ticks(602.22));
         for _ in 0..ticks {
             duty = control.duty(target, CentiRpm::from_rpm(*speed), GAINS);
             *speed += (f64::from(duty.0) * rpm_per_step - *speed) * 0.005 / 0.08;
+            let before = position;
+            position += *speed / 60.0 * 602.22 * 0.005;
+            let counts = (position.floor() - before.floor()) as i8;
+            control.follow(
+                target,
+                0,
+                &Motion { counts, speed: CentiRpm::from_rpm(*speed), ..Motion::default() },
+                count,
+            );
         }
         duty.0
     }
@@ -177,11 +293,11 @@ mod tests {
         let (mut control, mut speed) = (SpeedControl::default(), 0.0);
         // The supply is too weak for the target: the duty stays at its limit.
         assert_eq!(simulate(&mut control, &mut speed, CentiRpm(9000), 0.2, 4000), 255);
-        // Back at full supply the duty leaves its limit within half a second.
-        assert!(simulate(&mut control, &mut speed, CentiRpm(9000), 0.5, 100) < 255);
+        // Back at full supply the duty leaves its limit within a second: a third of a turn at 37 rpm more than the target's.
+        assert!(simulate(&mut control, &mut speed, CentiRpm(9000), 0.5, 200) < 255);
         let (mut control, mut speed) = (SpeedControl::default(), 0.0);
         assert_eq!(simulate(&mut control, &mut speed, CentiRpm(-9000), 0.2, 4000), -255);
-        assert!(simulate(&mut control, &mut speed, CentiRpm(-9000), 0.5, 100) > -255);
+        assert!(simulate(&mut control, &mut speed, CentiRpm(-9000), 0.5, 200) > -255);
     }
 
     #[test]

@@ -183,7 +183,7 @@ mod tests {
         let now = Micros(1000);
         let refused = |points: &[SetPoint], count, at| !trial(points).start(count, at, now);
         assert!(!refused(&TRIAL, 4, now));
-        assert!(refused(&TRIAL, 0, now) && refused(&TRIAL, 17, now) && refused(&TRIAL, 255, now));
+        assert!(refused(&TRIAL, 0, now) && refused(&TRIAL, MAX_SET_POINTS + 1, now) && refused(&TRIAL, 255, now));
         assert!(refused(&TRIAL, 2, now), "it ends with a motor on");
         let both = SetPoint { speeds: [CentiRpm(100); 2], ..point(0, 0, 1) };
         assert!(refused(&[both], 1, now), "it ends with both motors on");
@@ -193,7 +193,7 @@ mod tests {
         assert!(refused(&TRIAL, 4, Micros(1001 + MAX_DELAY_US)), "more than ten minutes ahead");
         let mut schedule = Schedule::default();
         assert!(
-            !schedule.set(16, &point(0, 0, 1))
+            !schedule.set(MAX_SET_POINTS, &point(0, 0, 1))
                 && !schedule.set(0, &point(0, 91, 1))
                 && !schedule.set(0, &point(0, 0, 0))
         );
@@ -202,10 +202,12 @@ mod tests {
 
     #[test]
     fn the_longest_schedule_uses_every_place() {
-        let points: Vec<_> = (0..16u8).map(|i| point(u32::from(i) * 2, if i < 15 { 9 } else { 0 }, i + 1)).collect();
+        let points: Vec<_> = (0..MAX_SET_POINTS)
+            .map(|i| point(u32::from(i) * 2, if i < MAX_SET_POINTS - 1 { 9 } else { 0 }, i + 1))
+            .collect();
         let mut schedule = trial(&points);
-        assert!(schedule.start(16, Micros(0), Micros(0)));
+        assert!(schedule.start(MAX_SET_POINTS, Micros(0), Micros(0)));
         let begun = (0..40).filter_map(|tick| schedule.advance(1, Micros(tick * TICK_US))).map(|point| point.phase);
-        assert_eq!(begun.collect::<Vec<_>>(), (1..=16).collect::<Vec<_>>());
+        assert_eq!(begun.collect::<Vec<_>>(), (1..=MAX_SET_POINTS).collect::<Vec<_>>());
     }
 }

@@ -1,4 +1,4 @@
-//! The content of the EEPROM: the settings, the number of starts, and the fault log.
+//! The content of the EEPROM: the settings, the number of starts, the fault log, and the shafts' positions.
 //!
 //! | address | content |
 //! | --- | --- |
@@ -6,6 +6,7 @@
 //! | 128 | eight counters of starts of two bytes, little-endian |
 //! | 160 | the fault log ([`fault_log`](crate::fault_log)) |
 //! | 320, 384 | two slots of the settings: save n is in slot n modulo 2; n wraps at 256 |
+//! | 448 | the shafts' positions ([`positions`](crate::positions)) |
 //!
 //! | byte of a slot | content |
 //! | --- | --- |
@@ -24,9 +25,11 @@
 //! cut off by loss of power, and does not count.
 
 use protocol::frame::Accumulator;
+use protocol::units::EncoderCounts;
 use protocol::{FaultRecord, Settings};
 
 use crate::fault_log::FaultLog;
+use crate::positions::Positions;
 use crate::storage::{Storage, add_crc, first_difference, read_checked, write_first_difference};
 
 const OLD_ADDRESS: u16 = 0;
@@ -49,7 +52,7 @@ const OLD_TAG: u8 = 7;
 /// Writes of a save after which the memory counts as broken: every byte twice.
 const MAX_WRITES: u8 = 2 * SLOT as u8;
 
-/// The settings, the count of starts and the fault log in a storage.
+/// The settings, the count of starts, the fault log and the shafts' positions in a storage.
 pub struct Store<S> {
     storage: S,
     /// The number of the last save.
@@ -57,6 +60,8 @@ pub struct Store<S> {
     /// Steps of the save in progress.
     steps: Option<u8>,
     fault_log: FaultLog,
+    /// Whether the shafts' positions are known.
+    pub positions: Positions,
 }
 
 /// The state of a save.
@@ -75,7 +80,7 @@ pub enum Saving {
 impl<S: Storage> Store<S> {
     /// Returns a store on `storage`; call [`Store::load`] next.
     pub fn new(storage: S) -> Self {
-        Self { storage, saved: None, steps: None, fault_log: FaultLog::default() }
+        Self { storage, saved: None, steps: None, fault_log: FaultLog::default(), positions: Positions::default() }
     }
 
     /// Replaces `settings`, which are the defaults, by the saved ones; returns false if there are no valid ones.
@@ -114,6 +119,11 @@ impl<S: Storage> Store<S> {
         false
     }
 
+    /// Returns the shafts' positions, if they are known. Their next record is in the slot after theirs, or after `slot`.
+    pub fn open_positions(&mut self, slot: u8) -> Option<[EncoderCounts; 2]> {
+        self.positions.open(&mut self.storage, slot)
+    }
+
     /// Begins a save. A save in progress continues: the host repeats its request more often than a failing save takes.
     pub fn begin_save(&mut self) {
         self.steps.get_or_insert(0);
@@ -127,6 +137,12 @@ impl<S: Storage> Store<S> {
     /// Returns an entry of the fault log; index 0 is the latest one.
     pub fn read_fault(&mut self, index: u8) -> Option<FaultRecord> {
         self.fault_log.read(&mut self.storage, index)
+    }
+
+    /// Advances the record of the shafts' positions by one tick, which writes at most one byte; returns whether it did.
+    /// The others then wait, because the motors may wait for this one.
+    pub fn step_positions(&mut self, positions: &[EncoderCounts; 2], at_rest: bool) -> bool {
+        self.positions.step(&mut self.storage, positions, at_rest)
     }
 
     /// Advances by one tick, which writes at most one byte: of the fault log first, then of a save. A save writes the first

@@ -178,9 +178,12 @@ fn a_motor_that_hardly_moves_at_a_duty_that_turns_it_is_stalled_in_a_second() {
                 let (found, after) = run(&mut bench, &mut motors, 5.0);
                 let moves = bench.telemetry[0].time;
                 assert_eq!(found, fault, "{load} {rpm} {moves:?}");
-                // 5 duty steps a second for each rpm.
+                // 5 duty steps a second for each rpm at least: the lag adds to them.
                 let ramp = (100.0 - f64::abs(rpm)).max(0.0) / (5.0 * f64::abs(rpm));
-                assert!((after - ramp - 1.0).abs() < 0.1, "{after} s, {ramp} s of them below the duty that turns it");
+                assert!(
+                    after > 1.0 && after < ramp + 1.1,
+                    "{after} s, at most {ramp} s of them below the duty that turns it"
+                );
             }
         }
     }

@@ -115,7 +115,6 @@ fn a_plan_has_the_speeds_and_the_robot() {
     assert_eq!(plan.trials.len(), json["solutions"].as_array().unwrap().len());
     assert_eq!(plan.trials[0].speeds[0].rpm(), first["w1_rpm"].as_f64().unwrap());
     assert_eq!(plan.robot.parse().unwrap().fluid.viscosity_pa_s, 1.1);
-    plan.check_for_rig("plan.toml").unwrap();
 
     let (output, json) = biflag(&args);
     assert_eq!(output.status.code(), Some(2), "{json}");

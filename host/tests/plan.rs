@@ -118,20 +118,6 @@ fn starting_phases_are_trials_of_their_own() {
     assert_eq!(plan.trials.chunks(4).filter(|trials| trials[0].is_at_the_phases_of(&plan.trials[0])).count(), 1);
 }
 
-#[test]
-fn a_rig_does_not_take_starting_phases() {
-    let refused = |line: &str| {
-        let plan = parse(&format!("[trial]\n{line}\n[speeds]\npairs = [[90, 90]]")).unwrap();
-        plan.check_for_rig("plan.toml").unwrap_err()
-    };
-    let help = "leave it out, or run the plan with `biflag simulate`; a replay of the recording starts at the angles of the \
-                encoders";
-    let cannot = "cannot be set on a rig, where the flagella start as they stand";
-    expect(refused("phase_deg = [0, 90]"), &format!("plan.toml:2:13: phase_deg {cannot}"), help);
-    expect(refused("phases = 8"), &format!("plan.toml:2:10: phases {cannot}"), help);
-    parse("[speeds]\npairs = [[90, 90]]").unwrap().check_for_rig("plan.toml").unwrap();
-}
-
 /// Asserts the message and the help of an error.
 #[track_caller]
 fn expect(error: PlanError, message: &str, help: &str) {

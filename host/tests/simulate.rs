@@ -261,11 +261,6 @@ fn phases_give_means_and_spreads() {
     let names: Vec<_> = half["trials"].as_array().unwrap().iter().map(|row| row["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["001_w1+90_w2+90_p1", "003_w1+90_w2+90_p3", "005_w1+50_w2+10_p2"]);
     assert_eq!(half["notes"], serde_json::json!([]));
-
-    // A rig has no starting phases.
-    let refused = biflag(folder, &["record", "around.toml", "--virtual"]);
-    expect(&refused, 2);
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("around.toml:8:10: phases cannot be set on a rig"));
 }
 
 /// The run is a single phase; the log states when the speeds change and their new values.

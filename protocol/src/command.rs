@@ -1,7 +1,7 @@
 //! Requests from the host to the board.
 
 use crate::settings::Settings;
-use crate::units::{CentiRpm, Duty, Micros};
+use crate::units::{CentiRpm, Duty, EncoderCounts, Micros};
 use serde::{Deserialize, Serialize};
 #[cfg(target_arch = "avr")]
 use zerocopy::{Immutable, IntoBytes, KnownLayout, TryFromBytes};
@@ -80,13 +80,25 @@ pub enum Command {
         /// 0 is the latest one; up to [`FAULT_RECORDS`](crate::FAULT_RECORDS) - 1.
         index: u8,
     },
+    /// Turn both flagella to these positions of their encoders, then turn the motors off. Motors must be off.
+    TurnTo {
+        /// Positions of encoders 1 and 2, less than 2^31 counts away.
+        position: [EncoderCounts; 2],
+        /// The speed of a flagellum that is far from its position, 0.01 rpm to [`MAX_TURN_SPEED`].
+        speed: CentiRpm,
+    },
+    /// Both flagella are at their marks: their positions are zero, and known from now on. Motors must be off.
+    Align,
 }
 
 /// Largest number of set-points in a schedule.
-pub const MAX_SET_POINTS: u8 = 16;
+pub const MAX_SET_POINTS: u8 = 8;
 
 /// Longest open-loop drive, ms.
 pub const MAX_DRIVE_MS: u16 = 2000;
+
+/// Fastest turn to a position.
+pub const MAX_TURN_SPEED: CentiRpm = CentiRpm(1500);
 
 /// A set-point: speeds and phase from a tick of the schedule on.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq, Debug, Default)]

@@ -80,7 +80,8 @@ mod board {
             | Command::ReadSettings
             | Command::SaveSettings
             | Command::Ping
-            | Command::ClearFault => 0,
+            | Command::ClearFault
+            | Command::Align => 0,
             Command::SetSpeeds(speeds) => size(speeds),
             Command::Stream { rate_hz } => size(rate_hz),
             Command::CalibrateGyro { duration_ms } => size(duration_ms),
@@ -89,6 +90,7 @@ mod board {
             Command::StartSchedule { count, at } => size(count) + size(at),
             Command::Drive { duty, duration_ms } => size(duty) + size(duration_ms),
             Command::ReadFault { index } => size(index),
+            Command::TurnTo { position, speed } => size(position) + size(speed),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::fault::FaultRecord;
 use crate::settings::Settings;
-use crate::units::{AccelRange, GyroRange, Micros};
+use crate::units::{AccelRange, EncoderCounts, GyroRange, Micros};
 use serde::{Deserialize, Serialize};
 use serde_repr::{Deserialize_repr, Serialize_repr};
 #[cfg(target_arch = "avr")]
@@ -81,6 +81,11 @@ pub struct Info {
     /// Number of starts of the program since the EEPROM was blank.
     #[serde(with = "crate::fixed::u16")]
     pub boot_count: u16,
+    /// Whether the flagella's positions count from their marks: since [`Command::Align`](crate::Command::Align) every
+    /// motion was counted, over resets and loss of power.
+    pub angles_known: bool,
+    /// [`Telemetry::encoder`](crate::Telemetry::encoder).
+    pub encoder: [EncoderCounts; 2],
 }
 
 /// WHO_AM_I of a genuine MPU6050.

@@ -55,7 +55,8 @@ pub struct Telemetry {
     /// Duties of the bridges.
     pub duty: [Duty; 2],
     /// Positions of the encoders; [`Settings::counts_per_turn`](crate::Settings::counts_per_turn) counts are one
-    /// revolution of a flagellum.
+    /// revolution of a flagellum. They count from the flagella's marks if
+    /// [`Info::angles_known`](crate::Info::angles_known), otherwise from the board's start.
     pub encoder: [EncoderCounts; 2],
     /// The board's state.
     pub state: State,

@@ -120,7 +120,8 @@ impl Reader {
                 if command.starts_with("biflag ") {
                     let codes: &[i32] = match comment.trim() {
                         "exit code 1" => &[1],
-                        _ if command.starts_with("biflag live") => &[130],
+                        // Nobody presses a key.
+                        _ if command.starts_with("biflag live") || command.starts_with("biflag align") => &[130],
                         _ => &[0, 3],
                     };
                     self.run(command, codes);
@@ -140,7 +141,7 @@ impl Reader {
         let words: Vec<&str> = line.split(' ').collect();
         let has = |word: &str| words.iter().any(|other| other.starts_with(word));
         let needs_board = match words[1] {
-            "flash" | "settings" => true,
+            "flash" | "settings" | "align" => true,
             "record" => !has("--virtual"),
             "doctor" => has("--motors"),
             _ => false,
@@ -196,6 +197,7 @@ fn commands_of_the_tutorial() {
 #[test]
 fn commands_at_the_bench() {
     assert!(Reader::new().follow("bench.md") >= 12);
+    assert!(Reader::new().follow("phase.md") >= 5);
 }
 
 #[test]

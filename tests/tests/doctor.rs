@@ -304,3 +304,16 @@ fn a_session_with_a_damaged_log_is_reported() {
     expect(&report, "trial 002_w1+0_w2+0_r2", true, &["whole"]);
     expect_error(&bench.run(["doctor", "config"]), 2, &["not a session folder"]);
 }
+
+#[test]
+fn a_meter_at_the_5_v_pin_makes_the_board_measure_its_supply_right() {
+    let bench = Bench::new();
+    // With its default of 1100 mV the board tells 4.78 V.
+    let nano = nano(["--speed", "max", "--fault", "bandgap=1150"]);
+    let settings = |volts: &str| bench.run(["settings", "--supply", volts, "--port", nano.port(), "--json"]);
+    expect_error(&settings("50"), 2, &["4 to 6"]);
+    expect_error(&settings("5.9"), 1, &["the board tells 4.7", "pins 5V and GND"]);
+    let saved = settings("5.0").expect_code(0).json();
+    let reference = saved["bandgap_mv"].as_f64().unwrap();
+    assert!((reference - 1150.0).abs() < 8.0, "{saved}");
+}

@@ -117,7 +117,8 @@ fn firmware_of_version_1_is_reported_with_both_versions_and_the_command_that_hel
     let begun = Instant::now();
     let error = error(|port| answer_all(port, |_| INFO_OF_VERSION_1.to_vec()));
     assert!(matches!(error, LinkError::OtherVersion { theirs: 1, .. }), "{error}");
-    assert!(error.to_string().ends_with("speaks protocol version 1, this biflag version 2"), "{error}");
+    let versions = format!("speaks protocol version 1, this biflag version {VERSION}");
+    assert!(error.to_string().ends_with(&versions), "{error}");
     assert!(help(&error).contains("`biflag flash --port /dev/pts/"), "{}", help(&error));
     assert!(begun.elapsed() < Duration::from_secs(2));
 }

@@ -24,6 +24,7 @@ mod live;
 mod matrix;
 mod one_number;
 mod other_readers;
+mod phase;
 mod python;
 mod report;
 mod rest;

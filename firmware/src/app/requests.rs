@@ -3,9 +3,10 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal::i2c::I2c;
 use embedded_hal::pwm::SetDutyCycle;
-use protocol::units::{CentiRpm, Duty, Micros, Quaternion};
+use protocol::units::{CentiRpm, Duty, EncoderCounts, Micros, Quaternion};
 use protocol::{
-    Command, FAULT_RECORDS, Fault, Info, MAX_DRIVE_MS, MessageRef, Refusal, Reply, Request, SCHEMA, Settings, VERSION,
+    Command, FAULT_RECORDS, Fault, Info, MAX_DRIVE_MS, MAX_TURN_SPEED, MessageRef, Refusal, Reply, Request, SCHEMA,
+    Settings, VERSION,
 };
 
 use super::App;
@@ -14,6 +15,7 @@ use crate::calibration::GyroAverage;
 use crate::guard::Guard;
 use crate::imu::Config;
 use crate::link::{Answer, Link, Outbox};
+use crate::motor::Turn;
 use crate::storage::Storage;
 
 impl<I2C, PIN, PWM, STORAGE> App<I2C, PIN, PWM, STORAGE>
@@ -63,6 +65,8 @@ where
             Command::Drive { duty, duration_ms } => self.drive(*duty, *duration_ms),
             Command::ReadFault { index } if *index < FAULT_RECORDS => return Answer::FaultRecord(*index),
             Command::ReadFault { .. } => Err(Refusal::OutOfRange),
+            Command::TurnTo { position, speed } => self.turn_to(*position, *speed),
+            Command::Align => self.align(),
         };
         Answer::from(outcome)
     }
@@ -97,6 +101,7 @@ where
         }
         self.telemetry.phase = 0;
         self.drive_ticks = 0;
+        self.turn = None;
         self.telemetry.target = target;
         if !self.is_running() {
             self.turn_off();
@@ -122,7 +127,26 @@ where
         self.telemetry.phase = 0;
         self.telemetry.duty = duty;
         self.drive_ticks = duration_ms.div_ceil(TICK_MS) + 1;
-        self.motors.drive(&duty, &self.settings.motor_reversed);
+        if self.store.positions.may_change() {
+            self.motors.drive(&duty, &self.settings.motor_reversed);
+        }
+        Ok(())
+    }
+
+    fn turn_to(&mut self, position: [EncoderCounts; 2], speed: CentiRpm) -> Result<(), Refusal> {
+        if !(1..=MAX_TURN_SPEED.0).contains(&speed.0) {
+            return Err(Refusal::OutOfRange);
+        }
+        self.refuse_unless_ready()?;
+        self.telemetry.phase = 0;
+        self.turn = Some(Turn { position, speed });
+        Ok(())
+    }
+
+    fn align(&mut self) -> Result<(), Refusal> {
+        self.refuse_if_running()?;
+        self.telemetry.encoder = [EncoderCounts(0); 2];
+        self.store.positions.align();
         Ok(())
     }
 
@@ -140,6 +164,9 @@ where
             return Err(Refusal::OutOfRange);
         }
         self.refuse_if_busy()?;
+        if self.settings.encoder_reversed != settings.encoder_reversed {
+            self.store.positions.lose();
+        }
         self.settings = *settings;
         self.rescale();
         self.imu.configure(Config::from(settings));
@@ -184,6 +211,8 @@ where
             settings_stored: self.settings_stored,
             reset_cause: self.reset_cause,
             boot_count: self.boot_count,
+            angles_known: self.store.positions.are_known(),
+            encoder: self.telemetry.encoder,
         }
     }
 

@@ -119,7 +119,7 @@ fn a_request_without_room_for_its_answer_is_dropped_and_feeds_the_deadline() {
 #[test]
 fn a_late_answer_does_not_take_the_place_of_a_newer_one() {
     let mut bench = streaming();
-    bench.speed = [3, -1];
+    bench.speed = [2, -1];
     assert_eq!(bench.send(50, Command::SaveSettings), []);
     bench.ticks(10);
     assert_eq!(bench.send(51, Command::SetSpeeds(TURN)), [Reply::Done]);
@@ -149,10 +149,10 @@ impl Outbox for Room {
 fn a_request_needs_room_for_its_answer() {
     let link = Link::new();
     for (command, length) in [
-        (Command::Hello, 29),
+        (Command::Hello, 38),
         (Command::ReadSettings, 60),
-        (Command::ReadCalibration, 29),
-        (Command::ReadFault { index: 0 }, 29),
+        (Command::ReadCalibration, 38),
+        (Command::ReadFault { index: 0 }, 38),
         (Command::Ping, 11),
         (Command::Stop, 11),
     ] {

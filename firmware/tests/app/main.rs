@@ -33,7 +33,7 @@ fn streaming() -> Bench {
 fn running() -> Bench {
     let mut bench = streaming();
     assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
-    bench.speed = [3, -1];
+    bench.speed = [2, -1];
     bench.ticks(2);
     assert!(!bench.world.is_off());
     bench
@@ -282,11 +282,11 @@ fn the_clock_may_wrap_while_the_motors_turn() {
     bench.now = u32::MAX - 50 * TICK_US;
     bench.ticks(1);
     bench.ask(Command::SetSpeeds(TURN));
-    bench.speed = [3, -1];
+    bench.speed = [2, -1];
     bench.ticks_alive(200);
     let frame = bench.look();
     assert_eq!(frame.fault, Fault::None);
-    assert!((frame.speed[0].rpm() - 59.8).abs() < 0.1 && frame.time.0 < 2_000_000);
+    assert!((frame.speed[0].rpm() - 39.9).abs() < 0.1 && frame.time.0 < 2_000_000);
     bench.ticks(120);
     assert_eq!(bench.look().fault, Fault::LinkLost);
 }

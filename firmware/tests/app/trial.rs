@@ -126,7 +126,7 @@ fn speeds_in_a_drive_outlast_it() {
     assert_eq!(bench.ask(Command::Drive { duty: [Duty(60), Duty(60)], duration_ms: 200 }), Reply::Done);
     bench.ticks_alive(10);
     assert_eq!(bench.ask(Command::SetSpeeds(TURN)), Reply::Done);
-    bench.speed = [3, -1];
+    bench.speed = [2, -1];
     bench.ticks_alive(100);
     assert_eq!((bench.look().state, bench.look().target), (State::Running, TURN));
 }
@@ -136,7 +136,7 @@ fn a_stall_does_not_add_up_over_drives() {
     let mut bench = streaming();
     for _ in 0..4 {
         bench.speed = [0, 0];
-        assert_eq!(bench.ask(Command::SetSpeeds([CentiRpm(9000), CentiRpm(0)])), Reply::Done);
+        assert_eq!(bench.ask(Command::SetSpeeds([CentiRpm(3000), CentiRpm(0)])), Reply::Done);
         bench.ticks_alive(150);
         bench.ask(Command::Stop);
         bench.ticks_alive(2);

@@ -95,7 +95,7 @@ pub struct TrialMeta {
     pub reverse_motor: Option<u8>,
     /// Time of the reversal, from the start of the run.
     pub reverse_after_s: Option<f64>,
-    /// Angles of motors 1 and 2 at the start of a modelled trial, if the plan sets them.
+    /// Angles of flagella 1 and 2 from their marks at the start of the trial, if the plan sets them.
     pub phase_deg: Option<[f64; 2]>,
 }
 
@@ -154,6 +154,8 @@ pub struct BoardMeta {
     pub boot_count: u16,
     /// The settings in use, in the format of `biflag settings`.
     pub settings: String,
+    /// Angles of flagella 1 and 2 from their marks before the trial, 0 to 360; `None` if the board does not know them.
+    pub angle_deg: Option<[f64; 2]>,
     /// The board's fault log before the trial, the latest entry first.
     pub faults: Vec<FaultMeta>,
 }

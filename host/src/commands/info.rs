@@ -112,6 +112,8 @@ fn describe(path: &Path, data: &Data, zeroed: &Zeroed) -> String {
         let (id, imu) = (board.board_id, board.imu_id);
         let firmware = format!("firmware {} ({})", board.firmware, board.firmware_git_hash);
         lines.add("board", format!("{id}, {firmware}, IMU {imu:#04x}, start {}", board.boot_count));
+        let angles = board.angle_deg.map(|[one, two]| format!("{one:.1}° and {two:.1}° from their marks"));
+        lines.add("flagella at", angles.unwrap_or_default());
     }
     if let Some(clock) = &records.clock {
         lines.add("clock", text::clock(clock));

@@ -1,7 +1,9 @@
 //! The command line. Each command has a file with a function from its arguments to an [`Answer`].
 
 mod aim;
+mod align;
 mod answer;
+mod ask;
 mod calibrate;
 mod compare;
 mod completions;
@@ -70,6 +72,7 @@ enum Command {
     Doctor(doctor::Args),
     Flash(flash::Args),
     Settings(settings::Args),
+    Align(align::Args),
     Sensor(sensor::Args),
     New(new::Args),
     Plan(plan::Args),
@@ -106,6 +109,7 @@ pub fn run() -> ExitCode {
         Command::Doctor(args) => doctor::run(&args),
         Command::Flash(args) => flash::run(&args),
         Command::Settings(args) => settings::run(&args),
+        Command::Align(args) => align::run(&args),
         Command::Sensor(args) => sensor::run(&args),
         Command::New(args) => new::run(&args),
         Command::Plan(args) => plan::run(&args),

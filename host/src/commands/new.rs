@@ -31,7 +31,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
         written => written?,
     }
-    let preview = Preview::of(&Plan::load(&args.file)?, &args.file.to_string_lossy());
+    let preview = Preview::of(&Plan::load(&args.file)?);
     let mut body = serde_json::to_value(&preview).into_diagnostic()?;
     if let Some(body) = body.as_object_mut() {
         body.insert("file".to_owned(), json!(args.file.to_string_lossy()));

@@ -67,6 +67,14 @@ pub fn duration(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Reads a supply voltage.
+pub fn volts(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(volts) if (4.0..=6.0).contains(&volts) => Ok(volts),
+        _ => Err("give the reading of a meter in volts, 4 to 6, such as 4.93".to_owned()),
+    }
+}
+
 /// Reads a range of time in seconds.
 pub fn span(text: &str) -> Result<[f64; 2], String> {
     let form = "give two times in seconds, the earlier one first, such as 50,56";

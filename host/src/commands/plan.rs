@@ -27,12 +27,12 @@ enum Action {
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
     let Action::Check { plan } = &args.action;
-    preview(&Plan::load(plan)?, &plan.to_string_lossy())
+    preview(&Plan::load(plan)?)
 }
 
-/// Returns what a plan will do as an answer. `source` is where it comes from, for errors.
-pub(super) fn preview(plan: &Plan, source: &str) -> miette::Result<Answer> {
-    let preview = Preview::of(plan, source);
+/// Returns what a plan will do as an answer.
+pub(super) fn preview(plan: &Plan) -> miette::Result<Answer> {
+    let preview = Preview::of(plan);
     let mut text = preview.to_string();
     if preview.duration_s > 0.0 {
         text += &format!("\nwould end at {} if it began now", end_after(preview.duration_s));

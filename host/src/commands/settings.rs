@@ -1,13 +1,20 @@
 //! `biflag settings`: reads and writes the settings in the board's EEPROM.
 
-use super::{Answer, Outcome};
+use super::ask::ask;
+use super::options::volts;
+use super::{Answer, Outcome, WRONG_USE};
 use crate::colour;
 use crate::link::{self, Link, LinkError};
 use crate::plan::board::{self, BoardSettings};
 use crate::run::rig::board_copy::BoardCopies;
+use crate::run::rig::preflight;
+use crate::signals::interruption;
 use miette::{IntoDiagnostic, WrapErr};
+use protocol::units::Millivolts;
 use protocol::{Command, Reply, Settings};
+use std::io::IsTerminal;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 
 /// Print the board's settings as TOML, or save new ones in its EEPROM.
 #[derive(clap::Args, Debug)]
@@ -22,9 +29,12 @@ pub struct Args {
     /// Restore the settings of the board with this board_id from the copy on this computer.
     #[arg(long, value_name = "ID", group = "change")]
     restore: Option<u16>,
-    /// Give a new board an unused board_id, and save its present settings.
+    /// Give a new board an unused board_id, and save its present settings. On a terminal it asks once for --supply.
     #[arg(long, group = "change")]
     new: bool,
+    /// What a meter reads between the board's pins 5V and GND: saves the reference with which the board measures its supply.
+    #[arg(long, value_name = "VOLTS", value_parser = volts)]
+    supply: Option<f64>,
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
@@ -33,13 +43,19 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         (Some(file), _) => Some(board::load(file)?),
         (None, Some(id)) => Some(restored(copies.as_ref(), id)?),
         (None, None) if args.new => Some(BoardSettings { board_id: Some(0), ..BoardSettings::default() }),
+        (None, None) if args.supply.is_some() => Some(BoardSettings::default()),
         (None, None) => None,
     };
+    let interrupted = interruption()?;
     let link = Link::open(&link::choose_port(args.port.as_deref())?)?;
     let mut settings = read(&link)?;
     let mut notes = Vec::new();
     if let Some(change) = change {
-        (settings, notes) = save(&link, change.apply(settings)?, copies.as_ref())?;
+        let mut wanted = change.apply(settings)?;
+        if let Some(volts) = meter(args, &interrupted)? {
+            wanted.bandgap = reference(&link, settings.bandgap, volts, &interrupted)?;
+        }
+        (settings, notes) = save(&link, wanted, copies.as_ref())?;
     } else if link.info().settings_stored {
         notes.extend(keep(copies.as_ref(), &settings));
     } else {
@@ -49,6 +65,32 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     let file = BoardSettings::all(&settings);
     let text = toml::to_string(&file).into_diagnostic().wrap_err("settings of the board")?;
     Answer::new(Outcome::Done, &file, text)
+}
+
+/// Returns the reading of a meter at the board's 5V pin, if the user has one.
+fn meter(args: &Args, interrupted: &AtomicBool) -> miette::Result<Option<f64>> {
+    if args.supply.is_some() || !args.new || !std::io::stdin().is_terminal() {
+        return Ok(args.supply);
+    }
+    let question = "volts that a meter reads between the board's pins 5V and GND, or Enter without a meter";
+    match ask(question, interrupted)?.trim_end_matches(['v', ' ']) {
+        "" => Ok(None),
+        answer => volts(answer).map(Some).map_err(|error| miette::miette!(code = WRONG_USE, "{error}")),
+    }
+}
+
+/// Returns the voltage of the chip's reference with which the board tells the supply that a meter reads.
+fn reference(link: &Link, present: Millivolts, volts: f64, interrupted: &AtomicBool) -> miette::Result<Millivolts> {
+    let told = preflight::measured_supply(link, interrupted)?.volts();
+    let reference = f64::from(present.0) * volts / told;
+    // The limits of its data sheet, which the settings have too.
+    if !(1000.0..=1200.0).contains(&reference) {
+        return Err(miette::miette!(
+            help = "measure at the board's pins 5V and GND while it is connected as in a trial",
+            "the board tells {told:.2} V and the meter {volts:.2} V, which is more than the board's reference may be off"
+        ));
+    }
+    Ok(Millivolts(reference.round() as u16))
 }
 
 fn restored(copies: Option<&BoardCopies>, id: u16) -> miette::Result<BoardSettings> {

@@ -37,8 +37,8 @@ pub struct PlannedTrial {
 }
 
 impl Preview {
-    /// Returns what a plan will do. `source` is where it comes from, for errors.
-    pub fn of(plan: &Plan, source: &str) -> Self {
+    /// Returns what a plan will do.
+    pub fn of(plan: &Plan) -> Self {
         let trials = plan.trials.iter().map(|trial| {
             let [w1_rpm, w2_rpm] = trial.speeds.map(CentiRpm::rpm);
             PlannedTrial { name: trial.name.clone(), w1_rpm, w2_rpm, duration_s: trial.phases.total_s() }
@@ -50,7 +50,7 @@ impl Preview {
             trials: trials.collect(),
             duration_s,
             at_most_s: duration_s + waits_s,
-            findings: findings(plan, source),
+            findings: findings(plan),
         }
     }
 
@@ -88,16 +88,12 @@ impl fmt::Display for Preview {
     }
 }
 
-fn findings(plan: &Plan, source: &str) -> Vec<Finding> {
+fn findings(plan: &Plan) -> Vec<Finding> {
     let mut findings = Vec::new();
     if plan.sensor.is_none() {
         let text = "the plan names no sensor file, so the sensor's errors are those of the data sheet";
         let cure = "`biflag sensor` measures them, which makes the ± smaller";
         findings.push(Finding::slight(FindingKind::Conduct, text, cure));
-    }
-    if let Err(error) = plan.check_for_rig(source) {
-        let cure = "only `biflag simulate` runs this plan";
-        findings.push(Finding::slight(FindingKind::Conduct, error.to_string(), cure));
     }
     let run =
         plan.note_on_run().map(|text| Finding::slight(FindingKind::Window, text, "set a longer run under [trial]"));

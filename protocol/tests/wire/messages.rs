@@ -30,6 +30,8 @@ pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
         settings_stored: true,
         reset_cause: ResetCause::External,
         boot_count: 300,
+        angles_known: true,
+        encoder: [EncoderCounts(-1), EncoderCounts(602)],
     };
     let telemetry = Telemetry {
         seq: Count(513),
@@ -69,13 +71,18 @@ pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
         (
             "Command::SetPoint",
             Command::SetPoint {
-                index: 15,
+                index: 7,
                 point: SetPoint { tick: 24_000, speeds: [CentiRpm(5000), CentiRpm(-9000)], phase: 2 },
             },
         ),
         ("Command::StartSchedule", Command::StartSchedule { count: 4, at: Micros(123_456_789) }),
         ("Command::Drive", Command::Drive { duty: [Duty(60), Duty(-60)], duration_ms: 1000 }),
         ("Command::ReadFault", Command::ReadFault { index: 7 }),
+        (
+            "Command::TurnTo",
+            Command::TurnTo { position: [EncoderCounts(-301), EncoderCounts(90_333)], speed: MAX_TURN_SPEED },
+        ),
+        ("Command::Align", Command::Align),
     ];
     let replies = [
         ("Reply::Info", Reply::Info(info)),
@@ -186,6 +193,11 @@ pub fn any_request() -> impl Strategy<Value = Request> {
         (any::<u8>(), any::<u32>()).prop_map(|(count, at)| Command::StartSchedule { count, at: Micros(at) }),
         (duties(), any::<u16>()).prop_map(|(duty, duration_ms)| Command::Drive { duty, duration_ms }),
         any::<u8>().prop_map(|index| Command::ReadFault { index }),
+        (any::<[i32; 2]>(), any::<i16>()).prop_map(|(counts, speed)| Command::TurnTo {
+            position: counts.map(EncoderCounts),
+            speed: CentiRpm(speed),
+        }),
+        Just(Command::Align),
     ];
     (any::<u8>(), command).prop_map(|(seq, command)| Request { seq, command })
 }

@@ -8,6 +8,7 @@ mod image;
 mod imu;
 mod link;
 mod motors;
+mod phase;
 mod program;
 mod scales;
 mod sensor;

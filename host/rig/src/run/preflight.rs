@@ -4,7 +4,7 @@
 //! | when | what |
 //! | --- | --- |
 //! | before the first trial | the settings are in the board's EEPROM ([`settings`]) |
-//! | before each trial | room on the disk for the rest of the plan ([`room`]), the board's supply ([`supply`]) |
+//! | before each trial | room on the disk for the rest of the plan ([`room`]), the board's supply ([`supply`]), the starting angles ([`park`](super::park)) |
 //! | at the end of each calibration | gyroscope still, 1 g, upright, no clipping, the board's clock ([`at_rest`]) |
 
 use super::board_copy::BoardCopies;
@@ -74,7 +74,7 @@ pub enum PreflightError {
     #[error("the board's supply is {:.2} V, and at least {:.1} V are needed", .0.volts(), LEAST_SUPPLY.volts())]
     #[diagnostic(help(
         "use a shorter USB cable or another port, and check that the motors have a supply of their own; if a meter at the \
-         board's 5V pin reads more, set bandgap_mv in the settings to its value times the meter's volts divided by these"
+         board's 5V pin reads more, `biflag settings --supply VOLTS` with its reading makes the board measure right"
     ))]
     SupplyLow(Millivolts),
     /// The board moved during the calibration.
@@ -107,6 +107,24 @@ pub enum PreflightError {
     Clipped {
         /// The number of readings.
         count: u16,
+    },
+    /// The plan sets starting angles, which the board cannot turn to.
+    #[error(
+        "the board on {port} does not know the angles of its flagella, and the plan sets the angles at which they start"
+    )]
+    #[diagnostic(help("bring both flagella to their marks with `biflag align --port {port}`"))]
+    AnglesUnknown {
+        /// The port.
+        port: String,
+    },
+    /// A flagellum did not come to its starting angle.
+    #[error("flagellum {flagellum} stopped {off_deg:+.1} degrees from its starting angle")]
+    #[diagnostic(help("check that it turns freely and that its motor's 6 V supply is on"))]
+    NotParked {
+        /// Number of the flagellum.
+        flagellum: usize,
+        /// Where it stopped.
+        off_deg: f64,
     },
     /// The board's clock or this computer's is wrong.
     #[error("the board's clock runs {:+.1} % against this computer's", *.drift_ppm * 1e-4)]
@@ -166,11 +184,19 @@ pub fn room(folder: &Path, seconds: f64, is_simulated: bool) -> Result<(), Prefl
 /// # Errors
 /// [`PreflightError::SupplyLow`], also if the board has not measured it; or as [`Link::command`].
 pub fn supply(link: &Link, interrupted: &AtomicBool) -> Result<(), RecordError> {
+    let supply = measured_supply(link, interrupted)?;
+    if supply < LEAST_SUPPLY { Err(PreflightError::SupplyLow(supply).into()) } else { Ok(()) }
+}
+
+/// Returns the board's supply as the board measures it; 0 if it has not. The stream is off after it.
+///
+/// # Errors
+/// As [`Link::command`].
+pub fn measured_supply(link: &Link, interrupted: &AtomicBool) -> Result<Millivolts, RecordError> {
     link.command(Command::Stream { rate_hz: TICK_HZ })?;
     let supply = first_supply(link, interrupted);
     stream::end(link)?;
-    let supply = supply?;
-    if supply < LEAST_SUPPLY { Err(PreflightError::SupplyLow(supply).into()) } else { Ok(()) }
+    supply
 }
 
 fn first_supply(link: &Link, interrupted: &AtomicBool) -> Result<Millivolts, RecordError> {

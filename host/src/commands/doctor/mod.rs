@@ -7,6 +7,7 @@ mod session;
 use super::{Answer, Outcome, settings};
 use crate::image;
 use crate::link::{self, Link, LinkError};
+use crate::plan::board;
 use crate::program::FULL_VERSION;
 use crate::run::rig::board_copy::BoardCopies;
 use crate::run::rig::{VirtualNano, commit_text, fault_log, in_repository, preflight, source_folder};
@@ -87,7 +88,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     }
     for port in &ports {
         match Link::open(port) {
-            Ok(link) => checks.extend(board(&link, BoardCopies::of_user().as_ref())),
+            Ok(link) => checks.extend(checks_of_board(&link, BoardCopies::of_user().as_ref())),
             Err(error) => checks.push(check(format!("board on {port}"), Err(problem(error)))),
         }
     }
@@ -147,12 +148,13 @@ fn emulated_board() -> Finding {
     VirtualNano::program().map(|path| path.display().to_string()).map_err(problem)
 }
 
-/// Checks a board: firmware and sensor, settings, fault log.
-fn board(link: &Link, copies: Option<&BoardCopies>) -> [Check; 3] {
+/// Checks a board: firmware and sensor, settings, angles of the flagella, fault log.
+fn checks_of_board(link: &Link, copies: Option<&BoardCopies>) -> [Check; 4] {
     let port = link.path();
     [
         check(format!("board on {port}"), firmware(link)),
         check(format!("settings on {port}"), stored_settings(link, copies)),
+        check(format!("angles on {port}"), angles(link)),
         check(format!("fault log on {port}"), faults(link)),
     ]
 }
@@ -193,6 +195,15 @@ fn stored_settings(link: &Link, copies: Option<&BoardCopies>) -> Finding {
             None => "in its EEPROM".to_owned(),
         }),
     }
+}
+
+/// Says whether the board knows the angles of its flagella, which only plans with phases need.
+fn angles(link: &Link) -> Finding {
+    let settings = settings::read(link).map_err(problem)?;
+    Ok(match board::angles_deg(link.info(), &settings) {
+        Some([one, two]) => format!("flagella at {one:.1}° and {two:.1}° from their marks"),
+        None => format!("not known; `biflag align --port {}` makes them known, for plans with phases", link.path()),
+    })
 }
 
 fn faults(link: &Link) -> Finding {

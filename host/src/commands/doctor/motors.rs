@@ -1,7 +1,8 @@
 //! `biflag doctor --motors`: the self-test of motors and encoders, and the settings that follow from it.
 
-use super::{Args, Check, answer, board, check};
+use super::{Args, Check, answer, check, checks_of_board};
 use crate::colour;
+use crate::commands::ask::ask;
 use crate::commands::{Answer, Outcome, settings, virtual_board};
 use crate::link::{self, Link, LinkError};
 use crate::plan::{BoardSettings, PUBLISHED};
@@ -12,9 +13,7 @@ use crate::signals::interruption;
 use protocol::{Command, MAX_DRIVE_MS, Settings};
 use serde_json::json;
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::Duration;
+use std::sync::atomic::AtomicBool;
 
 /// Speed at full duty below which a motor cannot be relied on for the fastest trials, rpm.
 const FASTEST_TRIAL_RPM: f64 = 90.0;
@@ -76,7 +75,7 @@ fn test(
     if is_new && copies.is_some_and(|copies| !copies.ids().is_empty()) {
         preflight::settings(&link, copies)?;
     }
-    let mut checks: Vec<Check> = board(&link, copies).into();
+    let mut checks: Vec<Check> = checks_of_board(&link, copies).into();
     if is_new {
         // This test is what the board's check asks for.
         checks.remove(1);
@@ -267,28 +266,6 @@ fn changes(before: &Settings, wanted: &Settings) -> Vec<String> {
 
 fn is_interactive() -> bool {
     std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
-}
-
-/// Asks the user and returns the answer in small letters. Motors are off.
-fn ask(question: &str, interrupted: &AtomicBool) -> Result<String, RecordError> {
-    colour::eprint(&format!("{question}: "));
-    let (sender, answers) = channel();
-    // A signal does not end the reading of a line, so another thread waits for it.
-    std::thread::spawn(move || {
-        let mut line = String::new();
-        let _ = std::io::stdin().read_line(&mut line).map(|read| sender.send((read, line)));
-    });
-    loop {
-        match answers.recv_timeout(Duration::from_millis(50)) {
-            Ok((1.., line)) => return Ok(line.trim().to_lowercase()),
-            // The terminal is closed.
-            Ok((0, _)) | Err(RecvTimeoutError::Disconnected) => return Err(RecordError::Interrupted),
-            Err(RecvTimeoutError::Timeout) if interrupted.load(Ordering::Relaxed) => {
-                return Err(RecordError::Interrupted);
-            }
-            Err(RecvTimeoutError::Timeout) => {}
-        }
-    }
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use crate::preview::{Preview, amount, end_after};
 use crate::progress::Progress;
 use crate::run;
 use crate::run::rig::board_copy::BoardCopies;
-use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, preflight};
+use crate::run::rig::{self, RecordError, RigRun, RunContext, SimulatedRobot, VirtualNano, fault_log, park, preflight};
 use crate::session::{self, Session, Sharing};
 use crate::signals::interruption;
 use crate::text;
@@ -106,14 +106,13 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         return answer;
     }
     let interrupted = interruption()?;
-    let (plan, source) = match (&args.plan, args.speeds) {
-        (Some(path), _) => (Plan::load(path)?, path.display().to_string()),
-        (None, Some(speeds)) => (Plan::of_speeds(speeds, &format!("run = {}", args.run), "")?, "--speeds".to_owned()),
+    let plan = match (&args.plan, args.speeds) {
+        (Some(path), _) => Plan::load(path)?,
+        (None, Some(speeds)) => Plan::of_speeds(speeds, &format!("run = {}", args.run), "")?,
         (None, None) => return Err(miette::miette!(code = WRONG_USE, "give a plan or --speeds")),
     };
-    plan.check_for_rig(&source)?;
     if args.dry_run {
-        return plan::preview(&plan, &source);
+        return plan::preview(&plan);
     }
     // This comes first, so that a busy address is reported before the board is used.
     let live = args.live.map(Live::listen).transpose()?;
@@ -139,6 +138,13 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     };
     prepare(&link, &plan)?;
     check_sensor(&link, &plan)?;
+    if args.r#virtual.is_some() {
+        // Its flagella stand at their marks when it gets power.
+        link.command(Command::Align)?;
+    }
+    if plan.has_phases() {
+        park::known(&link)?;
+    }
     // This comes last, so that no folder is created if the board does not respond.
     let folder = args.out.clone().unwrap_or_else(|| session::folder_named(&plan.name));
     let session = match args.resume {
@@ -180,7 +186,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     for note in note.into_iter().chain(note_of_copy) {
         progress.line(&format!("note: {note}"));
     }
-    Preview::of(&plan, &source).findings.iter().for_each(|finding| progress.line(&finding_line(None, finding)));
+    Preview::of(&plan).findings.iter().for_each(|finding| progress.line(&finding_line(None, finding)));
     for LogFinding { finding, .. } in &recorded.left_out {
         progress.line(&finding_line(None, finding));
         outcome = Outcome::WithLoss;
@@ -202,7 +208,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
             robot: robot.as_ref(),
         };
         let rest_s = todo[done..].iter().map(|trial| trial.phases.total_s()).sum();
-        if let Err(error) = check_trial(&context, &recorded.session, rest_s) {
+        if let Err(error) = check_trial(&context, &recorded.session, rest_s).and_then(|()| park_for(&context, trial)) {
             stopped = Some(error);
             break;
         }
@@ -334,7 +340,8 @@ fn run_attempt(
     // A calibration changes the board's settings, so each log contains those at its start.
     let settings = settings::read(context.link)?;
     let faults = fault_log::read(context.link)?.iter().map(fault_log::to_log).collect();
-    let board = BoardMeta { faults, ..board::to_log(context.link.info(), &settings) };
+    // The positions of the shafts are those of now.
+    let board = BoardMeta { faults, ..board::to_log(&park::info(context.link)?, &settings) };
     let start = run::start(plan, trial, attempt, origin, Some(board), SystemTime::now());
     let run = rig::run(context, &path, &start, trial, settings)?;
     Ok((path, run))
@@ -351,6 +358,13 @@ pub(super) fn check_settings(link: &Link) -> miette::Result<Option<String>> {
 pub(super) fn check_trial(context: &RunContext, folder: &Path, rest_s: f64) -> Result<(), RecordError> {
     preflight::room(folder, rest_s, context.robot.is_some())?;
     preflight::supply(context.link, context.interrupted)
+}
+
+/// Turns the flagella to the starting angles of a trial, if it has some.
+fn park_for(context: &RunContext, trial: &Trial) -> Result<(), RecordError> {
+    let Some(angles_deg) = trial.phase_deg else { return Ok(()) };
+    context.progress.phase(&trial.name, "to its starting angles");
+    park::park(context.link, angles_deg, trial.speeds, &settings::read(context.link)?, context.interrupted)
 }
 
 /// Sends the plan's settings to the board.

@@ -5,7 +5,7 @@ use super::source::{FileKind, Source, number, optional_array};
 use crate::text::hex;
 use biflag_log::BoardMeta;
 use miette::Diagnostic;
-use protocol::units::{AccelRange, Axis, AxisMap, GyroRange};
+use protocol::units::{AccelRange, Axis, AxisMap, EncoderCounts, GyroRange};
 use protocol::{Info, Settings};
 use serde::{Deserialize, Serialize};
 use std::fmt::{Display, LowerExp};
@@ -236,8 +236,16 @@ pub fn to_log(info: &Info, settings: &Settings) -> BoardMeta {
         reset_cause: format!("{:?}", info.reset_cause),
         boot_count: info.boot_count,
         settings: BoardSettings::all(settings).to_toml(),
+        angle_deg: angles_deg(info, settings),
         faults: Vec::new(),
     }
+}
+
+/// Returns the angles of flagella 1 and 2 from their marks, 0 to 360°; `None` if the board does not know them.
+pub fn angles_deg(info: &Info, settings: &Settings) -> Option<[f64; 2]> {
+    let per_turn = f64::from(settings.counts_per_turn);
+    let angle = |position: EncoderCounts| (f64::from(position.0) / per_turn).rem_euclid(1.0) * 360.0;
+    info.angles_known.then(|| info.encoder.map(angle))
 }
 
 /// The settings that a log has of its board; `None` where they do not read.

@@ -151,22 +151,9 @@ impl Plan {
         })
     }
 
-    /// Checks that a rig can run the plan, which is the file `name`: it cannot set the angles at which flagella start.
-    ///
-    /// # Errors
-    /// [`PlanError::Invalid`].
-    pub fn check_for_rig(&self, name: &str) -> Result<(), PlanError> {
-        if self.trials.iter().all(|trial| trial.phase_deg.is_none()) {
-            return Ok(());
-        }
-        let source = Source { kind: &KIND, text: &self.text, name };
-        let table = self.text.parse::<toml::Table>().ok();
-        let has_phases = table.and_then(|table| table.get("trial")?.get("phases").map(|_| ())).is_some();
-        let key = if has_phases { "phases" } else { "phase_deg" };
-        let what = format!("{key} cannot be set on a rig, where the flagella start as they stand");
-        let cure = "leave it out, or run the plan with `biflag simulate`; a replay of the recording starts at the angles \
-                    of the encoders";
-        Err(source.error_at(["trial", key], what, cure))
+    /// Returns whether the plan sets the angles at which flagella start.
+    pub fn has_phases(&self) -> bool {
+        self.trials.iter().any(|trial| trial.phase_deg.is_some())
     }
 }
 

@@ -106,8 +106,8 @@ pub struct Trial {
     pub phases: Phases,
     /// A motor that reverses during the run.
     pub reverse: Option<Reverse>,
-    /// Angles of motors 1 and 2 at the start of a modelled trial, degrees; `None` where the plan does not say, and models
-    /// start at zero.
+    /// Angles of flagella 1 and 2 from their marks at the start, degrees; `None` where the plan does not say: models then start
+    /// at zero, and a rig as its flagella stand.
     pub phase_deg: Option<[f64; 2]>,
 }
 

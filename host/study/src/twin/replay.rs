@@ -198,8 +198,11 @@ fn prepare(trial: &Trial, data: &Data, robot: &Option<Robot>, settings: &Setting
         None => data.robot().map_err(|source| TwinError::robot(data, source))?,
     };
     let simple = Ratio::of(data.speeds().map(CentiRpm::rpm)).is_some();
-    let needs_phase =
-        simple && [Origin::Rig, Origin::Imported].contains(&data.origin()) && robot.flagellum.phase_deg == [0.0; 2];
+    let is_known = data.records.board.as_ref().is_some_and(|board| board.angle_deg.is_some());
+    let needs_phase = simple
+        && !is_known
+        && [Origin::Rig, Origin::Imported].contains(&data.origin())
+        && robot.flagellum.phase_deg == [0.0; 2];
     let own = data.records.model.as_ref().map(|model| model.closure);
     let closure = settings.closure.or(own).unwrap_or(Closure::Full);
     let model = Model::new(robot, data.settings().unwrap_or_default(), closure, Method::Trial, settings.options);

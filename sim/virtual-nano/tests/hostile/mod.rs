@@ -5,6 +5,7 @@
 mod chip;
 mod encoders;
 mod motors;
+mod positions;
 mod power_cut;
 mod sensor;
 
