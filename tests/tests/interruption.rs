@@ -220,8 +220,7 @@ fn kill_sessions(kills: usize, seed: u64) -> Killed {
                 seen.insert(log);
             }
         }
-        // A trial may fail while other programs load the computer: the motors stop half a second after the last ping. A
-        // run this short may also end before they have their speeds, which is a warning.
+        // A trial may fail while other programs load the computer: the motors stop half a second after the last ping.
         let resumed = (0..5).map(|_| bench.run(record)).find(|run| matches!(run.code, Some(0 | 3)));
         let json = resumed.expect("a session that can be resumed").json();
         let is_complete = |trial: &Value| trial["complete"] == true && trial["lost"] == 0;

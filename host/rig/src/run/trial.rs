@@ -131,6 +131,9 @@ pub(super) struct Said {
 /// Largest difference of a flagellum's speed from its target at the end of the run before a warning.
 const SPEED_TOLERANCE_RPM: f64 = 3.0;
 
+/// Time after which the mean speed of a second is judged: the motors first make up the angle that their start cost.
+const SETTLING_US: u64 = 3_000_000;
+
 /// A write or sync that takes longer is worth a note: if the power failed meanwhile, this much would be lost.
 const SLOW_DISK: Duration = Duration::from_millis(500);
 
@@ -232,7 +235,8 @@ fn phases(
         if !begins(&first) {
             return Err(RecordError::OffSchedule);
         }
-        if phase == Phase::Run && matches!(event.change, Change::Phase(_)) {
+        let is_settled = tick_us - phase_us >= SETTLING_US;
+        if phase == Phase::Run && is_settled && matches!(event.change, Change::Phase(_)) {
             check_speeds(recorder, target)?;
         }
         match event.change {
