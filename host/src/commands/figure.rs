@@ -18,7 +18,7 @@ use std::path::PathBuf;
     biflag figure forces glycerin-replay/001_w1+50_w2+10.mcap --time 50,56 -o forces.pdf\n  \
     biflag figure contact bundling 1 -o bundling.pdf\n  \
     biflag figure map glycerin --against map -o map.pdf\n  \
-    biflag figure lines softer --value tilt_deg --over group_stiffness_relative --by w1_rpm -o softer.pdf\n  \
+    biflag figure lines softer --value tilt_deg --over group_stiffness_relative --by w2_rpm -o softer.pdf\n  \
     biflag figure scatter glycerin --against glycerin-replay -o scatter.svg\n\
     Text is 7 pt at the printed width. A PNG has 600 pixels per inch.")]
 pub struct Args {
