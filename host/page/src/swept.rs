@@ -265,11 +265,11 @@ fn numeric(table: Table) -> Vec<Column> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
     /// Two speeds, a length, and a group that follows from the length.
-    const TABLE: &str = "# biflag: sweep\npoint,w1_rpm,w2_rpm,length_m,group,same,yaw_deg,tilt_deg,status\n\
+    pub(crate) const TABLE: &str = "# biflag: sweep\npoint,w1_rpm,w2_rpm,length_m,group,same,yaw_deg,tilt_deg,status\n\
                          a,0,10,0.1,1,3,5,1,ok\nb,10,10,0.1,1,3,6,2,ok\nc,0,20,0.1,1,3,7,3,ok\nd,10,20,0.1,1,3,,,failed\n\
                          e,0,10,0.2,2,3,8,1,ok\nf,10,10,0.2,2,3,9,2,ok\ng,0,20,0.2,2,3,7,3,ok\nh,10,20,0.2,2,3,<i>,4,ok\n";
 

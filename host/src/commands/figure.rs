@@ -30,49 +30,28 @@ pub struct Args {
 enum Subject {
     /// Draw yaw, pitch and roll over a trial, with the 95 % band and the residuals of a model.
     Trial {
-        /// The log, or a session folder with the number of the trial.
-        #[arg(value_name = "LOG|SESSION")]
-        log: PathBuf,
-        /// The number of the trial in the session, from 1.
-        #[arg(value_name = "N")]
-        number: Option<usize>,
+        #[command(flatten)]
+        trial: OneTrial,
         /// A log of the same trial, usually its replay in the model.
         #[arg(long, value_name = "LOG|SESSION")]
         against: Option<PathBuf>,
         /// Draw trials of different robots, closures or speeds together.
         #[arg(long)]
         anyway: bool,
-        /// The time range to show, in seconds from the start of the run; by default the whole trial.
-        #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]
-        time: Option<[f64; 2]>,
         #[command(flatten)]
         paper: Paper,
     },
     /// Draw the forces of both flagella on the base over a trial of the model.
     Forces {
-        /// The log, or a session folder with the number of the trial.
-        #[arg(value_name = "LOG|SESSION")]
-        log: PathBuf,
-        /// The number of the trial in the session, from 1.
-        #[arg(value_name = "N")]
-        number: Option<usize>,
-        /// The time range to show, in seconds from the start of the run; by default the whole trial.
-        #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]
-        time: Option<[f64; 2]>,
+        #[command(flatten)]
+        trial: OneTrial,
         #[command(flatten)]
         paper: Paper,
     },
     /// Draw gap and winding of the flagella over a trial of the model, and when they touch.
     Contact {
-        /// The log, or a session folder with the number of the trial.
-        #[arg(value_name = "LOG|SESSION")]
-        log: PathBuf,
-        /// The number of the trial in the session, from 1.
-        #[arg(value_name = "N")]
-        number: Option<usize>,
-        /// The time range to show, in seconds from the start of the run; by default the whole trial.
-        #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]
-        time: Option<[f64; 2]>,
+        #[command(flatten)]
+        trial: OneTrial,
         #[command(flatten)]
         paper: Paper,
     },
@@ -127,6 +106,26 @@ enum Subject {
     },
 }
 
+/// A trial, and the part of it that is drawn.
+#[derive(clap::Args, Debug)]
+struct OneTrial {
+    /// The log, or a session folder with the number of the trial.
+    #[arg(value_name = "LOG|SESSION")]
+    log: PathBuf,
+    /// The number of the trial in the session, from 1.
+    #[arg(value_name = "N")]
+    number: Option<usize>,
+    /// The time range to show, in seconds from the start of the run; by default the whole trial.
+    #[arg(long, value_name = "FROM,TO", value_parser = span, allow_hyphen_values = true)]
+    time: Option<[f64; 2]>,
+}
+
+impl OneTrial {
+    fn subject(&self) -> figure::Subject<'_> {
+        figure::Subject { path: &self.log, number: self.number }
+    }
+}
+
 /// The paper that a figure is for.
 #[derive(clap::Args, Debug)]
 struct Paper {
@@ -150,17 +149,16 @@ fn width(text: &str) -> Result<f64, String> {
 }
 
 pub fn run(args: &Args) -> miette::Result<Answer> {
-    let subject = |path, number: &Option<usize>| figure::Subject { path, number: *number };
     let (paper, remarks) = match &args.subject {
-        Subject::Trial { log, number, against, anyway, time, paper } => {
-            let (subject, against) = (subject(log, number), against.as_deref());
-            (paper, figure::trial(subject, against, *anyway, *time, paper.width_mm, &paper.output)?)
+        Subject::Trial { trial, against, anyway, paper } => {
+            let (subject, against) = (trial.subject(), against.as_deref());
+            (paper, figure::trial(subject, against, *anyway, trial.time, paper.width_mm, &paper.output)?)
         }
-        Subject::Forces { log, number, time, paper } => {
-            (paper, figure::forces(subject(log, number), *time, paper.width_mm, &paper.output)?)
+        Subject::Forces { trial, paper } => {
+            (paper, figure::forces(trial.subject(), trial.time, paper.width_mm, &paper.output)?)
         }
-        Subject::Contact { log, number, time, paper } => {
-            (paper, figure::contact(subject(log, number), *time, paper.width_mm, &paper.output)?)
+        Subject::Contact { trial, paper } => {
+            (paper, figure::contact(trial.subject(), trial.time, paper.width_mm, &paper.output)?)
         }
         Subject::Lines { sweep, value, over, by, at, paper } => {
             let lines = figure::Lines { value, over, by: by.as_deref(), at };

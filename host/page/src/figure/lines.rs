@@ -11,7 +11,7 @@ const PANEL_MM: f64 = 52.0;
 const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#5a6570"];
 const DASHES: [&str; 3] = ["", "3 1.5", "1 1.2"];
 
-/// The most curves that can be told apart.
+/// The largest number of curves with a colour and dashes of their own.
 pub(super) const MOST: usize = COLOURS.len() * DASHES.len();
 
 /// A curve: its points in the order of x.

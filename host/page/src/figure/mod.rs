@@ -24,22 +24,22 @@ mod print {
 mod provenance;
 mod scatter;
 mod sheet;
+mod sweep;
 mod trial;
 
 pub use output::Format;
+pub use sweep::{Lines, lines};
 
-use crate::swept::{self, Swept};
+use crate::swept;
 use biflag_log::LogError;
 use map::{Map, Point};
 use miette::Diagnostic;
 use protocol::units::CentiRpm;
 use provenance::Provenance;
 use rayon::prelude::*;
-use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use study::output::OutputError;
 use study::session::{Attempt, Session, SessionError, TrialState};
-use study::text::hex;
 use study::trial::{AtSpeeds, Data, LogFinding, Want, Zeroed, findings, mean_of_repeats};
 use study::twin::{self, Compared, OnMismatch, Pairs, Source, TwinError};
 use thiserror::Error;
@@ -254,164 +254,6 @@ pub fn contact(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64, out: &
     Ok(Remarks { findings: of_data(&data), warnings: Vec::new() })
 }
 
-/// Which result of a sweep is drawn over which inputs.
-#[derive(Clone, Copy, Debug)]
-pub struct Lines<'a> {
-    /// The result, such as `yaw_deg`.
-    pub value: &'a str,
-    /// The input along the axis.
-    pub over: &'a str,
-    /// The input that tells the curves apart; `None` for one curve.
-    pub by: Option<&'a str>,
-    /// Values of the other inputs; by default those that most points have.
-    pub at: &'a [(String, f64)],
-}
-
-/// Writes a result of a sweep over an input, a curve for each value of another. Bands are 95 % intervals of the mean where the
-/// table has its standard error.
-///
-/// # Errors
-/// [`FigureError`].
-pub fn lines(sweep: &Path, lines: Lines, width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
-    Format::of(out)?;
-    let (table, swept) = read_sweep(sweep)?;
-    let wrong = |reason: String| wrong_lines(&table, reason, &swept);
-    let missing = |name: &str, what: &str| wrong(format!("{name} is no {what} of the sweep"));
-    let input =
-        |name: &str| swept.inputs.iter().find(|column| column.name == name).ok_or_else(|| missing(name, "input"));
-    let (over, by) = (input(lines.over)?, lines.by.map(input).transpose()?);
-    if lines.by == Some(lines.over) {
-        return Err(wrong(format!("{} cannot be the axis and tell the curves apart", lines.over)));
-    }
-    let value = swept.results.iter().find(|column| column.name == lines.value);
-    let value = value.ok_or_else(|| missing(lines.value, "result"))?;
-    let free: Vec<&str> = std::iter::once(lines.over).chain(lines.by).collect();
-    let (mut rows, fixed) = swept.slice(&free, lines.at).map_err(wrong)?;
-    rows.retain(|i| value.values[*i].is_finite());
-    let key = |i: usize| by.map_or(0.0, |by| by.values[i]);
-    rows.sort_by(|a, b| key(*a).total_cmp(&key(*b)).then(over.values[*a].total_cmp(&over.values[*b])));
-    // The standard error of a result has the result's name and unit: yaw_se_deg of yaw_deg.
-    let error = lines.value.rsplit_once('_').and_then(|(name, unit)| swept.column(&format!("{name}_se_{unit}")));
-    let point = |i: &usize| lines::Point {
-        x: over.values[*i],
-        y: value.values[*i],
-        half: error.map_or(f64::NAN, |error| NORMAL_95 * error.values[*i]),
-        is_steady: swept.states[*i] <= 0,
-    };
-    let curves: Vec<lines::Curve> = rows
-        .chunk_by(|a, b| swept::is_same(key(*a), key(*b)))
-        .map(|rows| lines::Curve { name: short_number(key(rows[0])), points: rows.iter().map(point).collect() })
-        .collect();
-    if curves.is_empty() {
-        return Err(wrong(format!("no point has a value of {}", lines.value)));
-    }
-    if curves.len() > lines::MOST {
-        return Err(wrong(format!(
-            "{} has {} values, and at most {} curves can be told apart",
-            lines.by.unwrap_or_default(),
-            curves.len(),
-            lines::MOST
-        )));
-    }
-    let under = in_words(&swept, &fixed);
-    let by = by.map_or_else(String::new, swept::Column::label);
-    let svg = lines::draw(&curves, [&over.label(), &value.label()], &by, &under, width_mm);
-    let provenance = Provenance::new(format!("{} over {}", value.label(), over.label()), [of_table(&table)]);
-    output::write(&svg, &provenance, out)?;
-    let mut warnings = Vec::new();
-    if let Some(by) = lines.by.and_then(|name| swept.column(name)) {
-        let is_drawn = |value: f64| curves.iter().any(|curve| curve.name == short_number(value));
-        let mut missing: Vec<String> =
-            by.values.iter().filter(|value| !is_drawn(**value)).map(|value| short_number(*value)).collect();
-        missing.sort();
-        missing.dedup();
-        if !missing.is_empty() {
-            warnings.push(format!("no curve for {} = {}: no point there has a value", by.name, missing.join(", ")));
-        }
-    }
-    Ok(Remarks { findings: Vec::new(), warnings })
-}
-
-/// Returns the values of inputs in words, one line each.
-fn in_words(swept: &Swept, fixed: &[swept::At]) -> Vec<String> {
-    let said = |(name, value): &swept::At| {
-        let label = swept.column(name).map_or_else(|| name.clone(), swept::Column::label);
-        let (words, unit) = label.split_once(", ").unwrap_or((&label, ""));
-        format!("{words} {} {unit}", short_number(*value)).trim_end().to_owned()
-    };
-    fixed.iter().map(said).collect()
-}
-
-/// Half the width of the 95 % interval of a normal distribution, standard deviations.
-const NORMAL_95: f64 = 1.96;
-
-/// A number with four digits.
-fn short_number(value: f64) -> String {
-    let digits = if value == 0.0 { 0 } else { (3 - value.abs().log10().floor() as i32).max(0) };
-    let scale = 10_f64.powi(digits);
-    format!("{}", (value * scale).round() / scale).replace('-', "−")
-}
-
-fn read_sweep(path: &Path) -> Result<(PathBuf, Swept), FigureError> {
-    let wrong = |reason: String| FigureError::Swept {
-        path: path.to_owned(),
-        reason,
-        help: "name the folder of a sweep, or its table.parquet or table.csv".to_owned(),
-    };
-    let table = swept::table_of(path).ok_or_else(|| wrong("is no sweep".to_owned()))?;
-    let swept = Swept::read(&table).map_err(wrong)?;
-    Ok((table, swept))
-}
-
-fn wrong_lines(table: &Path, reason: String, swept: &Swept) -> FigureError {
-    let names =
-        |columns: &[swept::Column]| columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ");
-    let help = format!("inputs: {}; results: {}", names(&swept.inputs), names(&swept.results));
-    FigureError::Swept { path: table.to_owned(), reason, help }
-}
-
-/// Returns a table as a line of a figure's provenance.
-fn of_table(path: &Path) -> String {
-    let sum = std::fs::read(path)
-        .map_or_else(|_| String::new(), |bytes| format!(", SHA-256 {}", hex(&Sha256::digest(bytes))));
-    format!("table {}{sum}", path.display())
-}
-
-/// Returns the steady angles at the speeds of a sweep, for the other inputs that `at` names or that most points have.
-fn of_sweep(
-    path: &Path,
-    at: &[(String, f64)],
-    (remarks, logs, under): (&mut Remarks, &mut Vec<String>, &mut Vec<String>),
-) -> Result<Vec<AtSpeeds<()>>, FigureError> {
-    let (table, swept) = read_sweep(path)?;
-    let wrong = |reason: String| wrong_lines(&table, reason, &swept);
-    let column =
-        |name: &str| swept.column(name).ok_or_else(|| wrong(format!("has no column {name}, or it does not vary")));
-    let [w1, w2] = [column("w1_rpm")?, column("w2_rpm")?];
-    let [yaw, pitch, roll, tilt] = [column("yaw_deg")?, column("pitch_deg")?, column("roll_deg")?, column("tilt_deg")?];
-    let (mut rows, fixed) = swept.slice(&["w1_rpm", "w2_rpm"], at).map_err(wrong)?;
-    logs.push(of_table(&table));
-    for line in in_words(&swept, &fixed) {
-        if !under.contains(&line) {
-            under.push(line);
-        }
-    }
-    let all = rows.len();
-    rows.retain(|i| yaw.values[*i].is_finite() && !swept.is_unknown(*i));
-    if rows.len() < all {
-        let left_out = all - rows.len();
-        remarks.warnings.push(format!("{left_out} of {all} points are left out: their means are not known"));
-    }
-    let point = |i: usize| AtSpeeds {
-        speeds_rpm: [w1.values[i], w2.values[i]],
-        angles_deg: [yaw, pitch, roll].map(|angle| angle.values[i]),
-        tilt_deg: tilt.values[i],
-        trials: 1,
-        first: (),
-    };
-    Ok(rows.into_iter().map(point).collect())
-}
-
 /// Writes maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, which may be a sweep, or its points over the
 /// map of `surface`. A pair of speeds has the mean of its trials; trials that did not end as planned are left out. `at` as in
 /// [`Lines`].
@@ -428,7 +270,7 @@ pub fn map(
     Format::of(out)?;
     let (mut remarks, mut logs, mut under) = (Remarks::default(), Vec::new(), Vec::new());
     let mut read = |path: &Path| match swept::table_of(path) {
-        Some(_) => of_sweep(path, at, (&mut remarks, &mut logs, &mut under)),
+        Some(_) => sweep::steady(path, at, (&mut remarks, &mut logs, &mut under)),
         None => steady(path, &mut remarks, &mut logs),
     };
     let (surface, points) = match surface {

@@ -103,12 +103,8 @@ fn body(about: &About, inputs: &[Column], results: &[Column]) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::swept::tests::TABLE;
     use study::sweep;
-
-    /// Two speeds, a length, and a group that follows from the length.
-    const TABLE: &str = "# biflag: sweep\npoint,w1_rpm,w2_rpm,length_m,group,same,yaw_deg,tilt_deg,status\n\
-                         a,0,10,0.1,1,3,5,1,ok\nb,10,10,0.1,1,3,6,2,ok\nc,0,20,0.1,1,3,7,3,ok\nd,10,20,0.1,1,3,,,failed\n\
-                         e,0,10,0.2,2,3,8,1,ok\nf,10,10,0.2,2,3,9,2,ok\ng,0,20,0.2,2,3,7,3,ok\nh,10,20,0.2,2,3,<i>,4,ok\n";
 
     #[test]
     fn the_page_names_its_inputs_in_words() {

@@ -14,9 +14,8 @@ use study::lock::lock;
 /// Frames of the board for each row.
 const FRAMES_A_ROW: u32 = TICK_HZ as u32 / 20;
 
-/// The names of a row's values, in their order.
-pub const COLUMNS: [&str; 10] =
-    ["time_s", "yaw_deg", "pitch_deg", "roll_deg", "speed1", "speed2", "target1", "target2", "turns1", "turns2"];
+/// Values of a row: time (s), yaw, pitch, roll (degrees), speeds, their targets (rpm), and turns of both motors.
+const COLUMNS: usize = 10;
 
 /// What the page shows. Clones share it.
 #[derive(Clone, Default)]
@@ -26,7 +25,7 @@ pub struct Feed(Arc<Mutex<State>>);
 struct State {
     trial: Trial,
     /// Rows of the running trial.
-    rows: Vec<[f64; COLUMNS.len()]>,
+    rows: Vec<[f64; COLUMNS]>,
     /// The trials of the session as the program shows them.
     session: Value,
     /// The last words of the program.
@@ -119,7 +118,7 @@ impl State {
         let [one, two] = [frame.motor1, frame.motor2].map(Option::unwrap_or_default);
         let angles = [frame.time_s, yaw_deg, *pitch_deg, *roll_deg];
         let motors = [one.speed_rpm, two.speed_rpm, one.target_rpm, two.target_rpm, one.turns, two.turns];
-        let mut row = [0.0; COLUMNS.len()];
+        let mut row = [0.0; COLUMNS];
         row[..4].copy_from_slice(&angles);
         row[4..].copy_from_slice(&motors);
         self.rows.push(row.map(|value| (value * 1e4).round() / 1e4));

@@ -25,7 +25,7 @@ use server as browser;
 pub use board::{WatchError, watch};
 pub use browser::Browser;
 pub use error::LiveError;
-pub use feed::{COLUMNS, Feed};
+pub use feed::Feed;
 pub use playback::{Played, play, wait_for_viewer};
 pub use server::Live;
 

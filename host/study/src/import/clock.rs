@@ -219,7 +219,9 @@ impl Grid {
     fn residual(&self, table: &Self, lag: f64, rate: f64, least: usize, least_motion_deg: f64) -> Option<f64> {
         let [mut n, mut t, mut tt] = [0.0; 3];
         let [mut e, mut te, mut ee, mut y, mut ty, mut yy] = [0.0; 6];
-        for (i, value) in table.yaw.iter().enumerate() {
+        // A film of an hour has few values within the recording.
+        let first = (-lag / (1.0 + rate)).max(0.0) as usize;
+        for (i, value) in table.yaw.iter().enumerate().skip(first) {
             let time = i as f64;
             let at = lag + (1.0 + rate) * time;
             if at < 0.0 {

@@ -6,11 +6,11 @@ biflag.SweepMap = class {
   static VIRIDIS = ["440154", "482475", "414487", "355f8d", "2a788e", "21918c", "22a884", "44bf70", "7ad151", "bddf26", "fde725"];
   /** From blue through white to red (ColorBrewer's RdBu), for values of both signs. */
   static DIVERGING = ["2166ac", "4393c3", "92c5de", "d1e5f0", "f7f7f7", "fddbc7", "f4a582", "d6604d", "b2182b"];
-  /** Curves of Okabe and Ito, which can be told apart with any colour vision; later ones are dashed. */
+  /** Curves: the colours of Okabe and Ito, for any colour vision; later ones are dashed. */
   static CURVES = ["0072b2", "d55e00", "009e73", "cc79a7", "8a6d00", "5a6570"];
   /** More distinct values than this make no cells, and no steps of a slider: these become tenths of the points. */
   static MOST_STEPS = 60;
-  /** More curves than this cannot be told apart. */
+  /** The largest number of curves in a drawing. */
   static MOST_CURVES = 12;
   static STATES = ["steady", "beating", "unstable", "two motions", "not found"];
 
