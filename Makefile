@@ -42,9 +42,9 @@ endef
 build: setup
 	$(call BUILD,$(CARGO) build --release --locked -p host -p virtual-nano --bins)
 
-# Without the libraries for PDF and for viewers, which take a quarter of the build; commands, pages and link are not
-# optimised, which saves an eighth of the demo.
-UNOPTIMISED := $(foreach crate,host page rig,--config profile.release.package.$(crate).opt-level=0)
+# Without the libraries for PDF and for viewers, which take a quarter of the build. Only the model is optimised: what the others
+# compute in the demo takes less time than their optimisation.
+UNOPTIMISED := $(foreach crate,host page rig study,--config profile.release.package.$(crate).opt-level=0)
 build-demo: setup
 	$(call BUILD,$(CARGO) build --release --locked -p host -p virtual-nano --bins --no-default-features $(UNOPTIMISED))
 
@@ -90,6 +90,8 @@ published: build
 	$(BIN)/biflag figure forces $(PUBLISHED)/points/001_w1+50_w2+10.mcap --time 100,112 -o $(PUBLISHED)/forces.pdf
 	$(BIN)/biflag figure map $(PUBLISHED)/map -o $(PUBLISHED)/map.pdf
 
+# Most tests wait for a board, a program or a browser half of their time.
+test: export RUST_TEST_THREADS ?= $(shell echo $$((2 * $$(nproc))))
 test: build
 	@sh firmware/setup.sh test
 	$(CARGO) test --release --workspace --locked --no-fail-fast --tests
