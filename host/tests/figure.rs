@@ -121,6 +121,8 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         let code = biflag(folder, &["simulate", "plan.toml", "--robot", robot, "--out", out]).status.code();
         assert!(matches!(code, Some(0 | 3)), "{code:?}");
     }
+    let shapes = ["simulate", "--speeds=50,10", "--duration", "3", "--shapes", "--out", "shapes"];
+    assert_eq!(biflag(folder, &shapes).status.code(), Some(3), "not settled");
     std::fs::write(folder.join("sweep.csv"), swept()).unwrap();
     let (a, b) = ("a/005_w1+0_w2+45.mcap", "b/005_w1+0_w2+45.mcap");
     for (args, words) in [
@@ -132,6 +134,7 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         (&["map", "a", "--against", "b"], &["tilt (°)"]),
         (&["map", "sweep.csv", "--at", "fluid_viscosity_pa_s=0.8"], &["tilt (°)", "fluid viscosity 0.8 Pa s"]),
         (&["map", "a", "--against", "sweep.csv"], &["tilt (°)"]),
+        (&["strip", "shapes/001_w1+50_w2+10.mcap", "--moments", "3"], &["0.0 s", "1.5 s", "3.0 s", "ψ 0.0°"]),
         (&["contact", a], &["Smallest gap (mm)", "Winding (turns)", "apart", "touching", "bundled"]),
         (
             &["lines", "sweep.csv", "--by", "fluid_viscosity_pa_s", "--at", "w2_rpm=33.3"],

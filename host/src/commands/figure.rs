@@ -17,6 +17,7 @@ use std::path::PathBuf;
     biflag figure trial glycerin 1 --against glycerin-replay -o trial.pdf\n  \
     biflag figure forces glycerin-replay/001_w1+50_w2+10.mcap --time 50,56 -o forces.pdf\n  \
     biflag figure contact bundling 1 -o bundling.pdf\n  \
+    biflag figure strip bundling 1 --moments 8 --width-mm 180 -o strip.pdf\n  \
     biflag figure map glycerin --against map -o map.pdf\n  \
     biflag figure lines softer --value tilt_deg --over group_stiffness_relative --by w2_rpm -o softer.pdf\n  \
     biflag figure scatter glycerin --against glycerin-replay -o scatter.svg\n\
@@ -52,6 +53,16 @@ enum Subject {
     Contact {
         #[command(flatten)]
         trial: OneTrial,
+        #[command(flatten)]
+        paper: Paper,
+    },
+    /// Draw the robot at some moments of a trial, side by side.
+    Strip {
+        #[command(flatten)]
+        trial: OneTrial,
+        /// How many moments, from the first to the last of the time.
+        #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(2..=12))]
+        moments: u16,
         #[command(flatten)]
         paper: Paper,
     },
@@ -159,6 +170,10 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         }
         Subject::Contact { trial, paper } => {
             (paper, figure::contact(trial.subject(), trial.time, paper.width_mm, &paper.output)?)
+        }
+        Subject::Strip { trial, moments, paper } => {
+            let moments = usize::from(*moments);
+            (paper, figure::strip(trial.subject(), trial.time, moments, paper.width_mm, &paper.output)?)
         }
         Subject::Lines { sweep, value, over, by, at, paper } => {
             let lines = figure::Lines { value, over, by: by.as_deref(), at };

@@ -24,12 +24,14 @@ mod print {
 mod provenance;
 mod scatter;
 mod sheet;
+mod strip;
 mod sweep;
 mod trial;
 
 pub use output::Format;
 pub use sweep::{Lines, lines};
 
+use crate::film::FilmError;
 use crate::swept;
 use biflag_log::LogError;
 use map::{Map, Point};
@@ -117,6 +119,10 @@ pub enum FigureError {
         /// Number of the trial.
         number: usize,
     },
+    /// The robot of a trial cannot be drawn.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Film(#[from] FilmError),
     /// It could not be converted.
     #[error("the figure cannot be converted: {reason}")]
     #[diagnostic(help("write it as .svg, or narrower"))]
@@ -252,6 +258,32 @@ pub fn contact(subject: Subject, time_s: Option<[f64; 2]>, width_mm: f64, out: &
     let provenance = Provenance::new(title, [Provenance::log(&data)]);
     output::write(&contact::draw(&data, time_s, width_mm)?, &provenance, out)?;
     Ok(Remarks { findings: of_data(&data), warnings: Vec::new() })
+}
+
+/// Writes the robot at `moments` times of a trial, side by side; `time_s` as in [`trial`], by default the run.
+///
+/// # Errors
+/// [`FigureError`].
+pub fn strip(
+    subject: Subject,
+    time_s: Option<[f64; 2]>,
+    moments: usize,
+    width_mm: f64,
+    out: &Path,
+) -> Result<Remarks, FigureError> {
+    Format::of(out)?;
+    let data = subject.log()?.read(Want { shapes: usize::MAX, hash: true, ..Want::default() })?;
+    let title = format!("The robot at {moments} moments of trial {}", data.trial().name);
+    let provenance = Provenance::new(title, [Provenance::log(&data)]);
+    output::write(&strip::draw(&data, time_s, moments, width_mm)?, &provenance, out)?;
+    let mut remarks = Remarks { findings: of_data(&data), warnings: Vec::new() };
+    if data.shapes.is_empty() {
+        remarks.warnings.push(
+            "the log has no shapes of the flagella: rigid helices turn with the motors; `biflag simulate --shapes` writes shapes"
+                .to_owned(),
+        );
+    }
+    Ok(remarks)
 }
 
 /// Writes maps of |yaw|, |pitch|, |roll| and tilt over both speeds: of `session`, which may be a sweep, or its points over the

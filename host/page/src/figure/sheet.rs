@@ -76,6 +76,18 @@ impl Sheet {
         });
     }
 
+    /// Draws a straight rod with a dark rim along its sides.
+    pub fn rod(&mut self, [[x1, y1], [x2, y2]]: [[f64; 2]; 2], width: f64, is_round: bool, [r, g, b]: [u8; 3]) {
+        let d = format!("M{} {}L{} {}", short(x1), short(y1), short(x2), short(y2));
+        let cap = if is_round { "round" } else { "butt" };
+        let rim = format!("#{:02x}{:02x}{:02x}", r / 3, g / 3, b / 3);
+        let colour = format!("#{r:02x}{g:02x}{b:02x}");
+        self.add(&html! {
+            path d=(d) stroke=(rim) stroke-width=(short(width + 0.3)) {}
+            path d=(d) stroke=(colour) stroke-width=(short(width)) stroke-linecap=(cap) {}
+        });
+    }
+
     /// Fills a path.
     pub fn fill(&mut self, d: &str, colour: &str, opacity: f64) {
         let opacity = Some(opacity).filter(|opacity| *opacity < 1.0);

@@ -1,11 +1,14 @@
 //! A film of a trial as an animated GIF: the moving robot over its yaw, drawn without a browser or a graphics card.
 
+mod moving;
 mod palette;
 mod picture;
 mod render;
 mod scene;
 
+pub(crate) use moving::Moving;
 pub use picture::Picture;
+pub(crate) use picture::Seen;
 
 use biflag_log::LogError;
 use gif::{DisposalMethod, Encoder, Frame, Repeat};
@@ -143,7 +146,7 @@ pub fn write(log: &Path, out: &Path, options: &Options, drawn: &dyn Fn(usize, us
 }
 
 /// Returns the time to show on the trial's clock, within its attitude; `None` if there is none.
-fn shown(zeroed: &Zeroed, time_s: Option<[f64; 2]>) -> Option<Range<f64>> {
+pub(crate) fn shown(zeroed: &Zeroed, time_s: Option<[f64; 2]>) -> Option<Range<f64>> {
     let all = zeroed.angles_deg.span();
     let wanted = match time_s {
         Some([from, to]) => zeroed.run.start + from..zeroed.run.start + to,

@@ -14,6 +14,22 @@ const DIAL_PIECES: usize = 60;
 /// Both centre lines of the flagella, body axes, m.
 type Lines = [Vec<[f64; 3]>; 2];
 
+/// A solid as the camera sees it: a line with a width.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Seen {
+    /// Its ends, pixels from the upper left.
+    pub from: [f64; 2],
+    pub to: [f64; 2],
+    /// Pixels.
+    pub radius: f64,
+    /// Round ends, or flat ones.
+    pub is_round: bool,
+    /// Red, green and blue.
+    pub colour: [u8; 3],
+    /// Distance from the camera, m.
+    pub away_m: f64,
+}
+
 /// A robot in front of a camera.
 #[derive(Debug)]
 pub struct Picture {
@@ -43,15 +59,35 @@ impl Picture {
     /// centre lines of both flagella, body axes, m; `None`: those at rest.
     pub fn rgb(&self, angles_deg: [f64; 3], lines: Option<Lines>) -> Vec<u8> {
         let lines = lines.unwrap_or_else(|| at_rest(&self.robot));
-        self.draw(angles_deg, lines).into_iter().flat_map(bytes).collect()
+        self.draw(&self.solids(angles_deg, lines)).into_iter().flat_map(bytes).collect()
     }
 
-    pub(super) fn draw(&self, angles_deg: [f64; 3], lines: Lines) -> Vec<Rgb> {
-        self.camera.draw(&self.solids(angles_deg, lines))
+    pub(super) fn draw(&self, solids: &[Solid]) -> Vec<Rgb> {
+        self.camera.draw(solids)
+    }
+
+    /// Returns how the camera sees solids, from the farthest to the nearest.
+    pub(super) fn seen(&self, solids: &[Solid]) -> Vec<Seen> {
+        let one = |solid: &Solid| {
+            let (from, near, scale) = self.camera.project(solid.from);
+            let (to, far, _) = self.camera.project(solid.to);
+            let away = 0.5 * (near + far);
+            Seen {
+                from,
+                to,
+                radius: solid.radius * scale,
+                is_round: solid.is_round,
+                colour: bytes(solid.colour),
+                away_m: away,
+            }
+        };
+        let mut seen: Vec<Seen> = solids.iter().map(one).collect();
+        seen.sort_by(|a, b| b.away_m.total_cmp(&a.away_m));
+        seen
     }
 
     /// Returns what is seen of the robot, world axes.
-    fn solids(&self, angles_deg: [f64; 3], lines: Lines) -> Vec<Solid> {
+    pub(super) fn solids(&self, angles_deg: [f64; 3], lines: Lines) -> Vec<Solid> {
         let [yaw, pitch, roll] = angles_deg.map(f64::to_radians);
         let attitude = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
         let world = |[x, y, z]: [f64; 3]| attitude * V3::new(x, y, z);

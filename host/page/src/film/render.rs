@@ -112,21 +112,26 @@ impl Camera {
         (self.forward + self.right * right + self.up * up).normalize()
     }
 
+    /// Returns where a point is on the image, pixels, its distance along the view, m, and the pixels of a metre there.
+    pub(super) fn project(&self, point: V3) -> ([f64; 2], f64, f64) {
+        let from = point - self.eye;
+        let depth = from.dot(&self.forward);
+        let scale = self.scale / depth;
+        let [width, height] = self.size.map(|pixels| pixels as f64);
+        ([0.5 * width + from.dot(&self.right) * scale, 0.5 * height - from.dot(&self.up) * scale], depth, scale)
+    }
+
     /// Returns the pixels, first and last of each axis, in which a solid may be seen.
     fn bounds(&self, solid: &Solid) -> Option<[[usize; 2]; 2]> {
         let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
         for point in [solid.from, solid.to] {
-            let from = point - self.eye;
-            let depth = from.dot(&self.forward);
+            let (centre, depth, _) = self.project(point);
             if depth <= solid.radius {
                 return None;
             }
             // A sphere off the middle is seen as an ellipse, which is longer than its radius.
             let reach = 1.3 * solid.radius * self.scale / (depth - solid.radius) + 1.0;
-            let [width, height] = self.size.map(|pixels| pixels as f64);
-            let x = 0.5 * width + from.dot(&self.right) / depth * self.scale;
-            let y = 0.5 * height - from.dot(&self.up) / depth * self.scale;
-            for (bound, centre) in bounds.iter_mut().zip([x, y]) {
+            for (bound, centre) in bounds.iter_mut().zip(centre) {
                 *bound = [bound[0].min(centre - reach), bound[1].max(centre + reach)];
             }
         }

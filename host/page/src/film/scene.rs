@@ -1,22 +1,14 @@
 //! The robot at a time of its trial, in front of the camera, over a chart of its yaw.
 
 use super::FilmError;
-use super::picture::Picture;
-use super::render::{BACKGROUND, CHART, DIAL, Rgb, V3};
-use crate::report::shapes::at_rest;
-use sim::body::shaft::Shaft;
-use std::f64::consts::TAU;
+use super::moving::Moving;
+use super::render::{BACKGROUND, CHART, DIAL, Rgb};
 use std::ops::Range;
-use study::attitude::Columns;
-use study::trial::{Data, Shape, Zeroed};
+use study::trial::{Data, Zeroed};
 
-/// The robot over a trial.
+/// The robot over a trial, and the chart.
 pub(super) struct Scene {
-    picture: Picture,
-    /// Times, and both centre lines in the frames that turn with the shafts.
-    shapes: Vec<(f64, [Vec<V3>; 2])>,
-    turns: Columns<2>,
-    angles_deg: Columns<3>,
+    moving: Moving,
     /// Height of the chart below the robot, pixels.
     chart_height: usize,
     /// The yaw in each column of the chart, pixels from its upper edge.
@@ -26,58 +18,31 @@ pub(super) struct Scene {
 
 impl Scene {
     pub(super) fn new(data: &Data, zeroed: &Zeroed, shown: Range<f64>, width: u16) -> Result<Self, FilmError> {
-        let robot = data.robot()?;
-        let feet = robot.shaft_feet();
-        let rest = [Shape { time_s: 0.0, turns: [0.0; 2], lines: at_rest(&robot) }];
-        let shapes = if data.shapes.is_empty() { &rest[..] } else { data.shapes.all() };
-        let picture = Picture::new(robot, width);
-        let [width, _] = picture.size();
+        let moving = Moving::new(data, zeroed, width)?;
+        let [width, _] = moving.picture.size();
         let chart_height = width / 6;
         let yaw = zeroed.angles_deg.track(0);
         let columns = (0..width).map(|x| shown.start + (shown.end - shown.start) * x as f64 / (width - 1) as f64);
         let yaws: Vec<f64> = columns.map(|time| yaw.at(time).unwrap_or(0.0)).collect();
-        Ok(Self {
-            shapes: shapes.iter().map(|shape| (shape.time_s, shape.in_shafts(&feet))).collect(),
-            turns: data.turns(),
-            angles_deg: zeroed.angles_deg.clone(),
-            curve: curve(&yaws, chart_height),
-            picture,
-            chart_height,
-            shown,
-        })
+        Ok(Self { moving, curve: curve(&yaws, chart_height), chart_height, shown })
     }
 
     /// Returns width and height of the film, pixels.
     pub(super) fn size(&self) -> [u16; 2] {
-        let [width, height] = self.picture.size();
+        let [width, height] = self.moving.picture.size();
         [width as u16, (height + self.chart_height) as u16]
     }
 
     /// Draws the scene at a time of the trial.
     pub(super) fn draw(&self, time_s: f64) -> Vec<Rgb> {
-        let mut image = self.picture.draw(self.angles_deg.at(time_s), self.lines(time_s));
+        let mut image = self.moving.draw(time_s);
         image.extend(self.chart(time_s));
         image
     }
 
-    /// Returns both centre lines, body axes, m: between two shapes of the log, in the frames of the shafts.
-    fn lines(&self, time_s: f64) -> [Vec<[f64; 3]>; 2] {
-        let after = self.shapes.partition_point(|(time, _)| *time <= time_s).min(self.shapes.len() - 1);
-        let [(begin_s, one), (end_s, two)] = [&self.shapes[after.saturating_sub(1)], &self.shapes[after]];
-        let length_s = end_s - begin_s;
-        let share = if length_s > 0.0 { ((time_s - begin_s) / length_s).clamp(0.0, 1.0) } else { 1.0 };
-        let turns = self.turns.at(time_s).map(|turns| if turns.is_finite() { turns } else { 0.0 });
-        let feet = self.picture.robot.shaft_feet();
-        [0, 1].map(|k| {
-            let shaft = Shaft::new(feet[k], turns[k] * TAU);
-            let between = |(one, two): (&V3, &V3)| shaft.point_to_body(one * (1.0 - share) + two * share).into();
-            one[k].iter().zip(&two[k]).map(between).collect()
-        })
-    }
-
     /// Draws the yaw over the film's time: dark up to now, light after it, and a point at it.
     fn chart(&self, time_s: f64) -> Vec<Rgb> {
-        let [width, _] = self.picture.size();
+        let [width, _] = self.moving.picture.size();
         let now =
             ((time_s - self.shown.start) / (self.shown.end - self.shown.start)).clamp(0.0, 1.0) * (width - 1) as f64;
         let here = self.curve[now as usize];
