@@ -4,8 +4,11 @@ use crate::program::biflag;
 use resvg::usvg::{self, Node, Rect};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
+use sim::body::closure::Closure;
+use sim::params::Robot;
 use std::path::Path;
 use std::sync::Arc;
+use study::plan::{Fit, FittedParameter, FittedTo, with_fit};
 
 const PLAN: &str = "[session]\nname = \"short\"\n[trial]\ncalibrate = 0\npreroll = 0.5\nrun = 2\ndecay = 0.5\n\
                     [speeds]\ngrid = { w1 = [-90, 90, 90], w2 = [0, 90, 45] }\n";
@@ -71,6 +74,35 @@ fn swept() -> String {
     table
 }
 
+/// A fit of two parameters to a model.
+fn fit() -> Fit {
+    let parameter = |name: &str, unit: &str, start, value, interval_95| FittedParameter {
+        name: name.to_owned(),
+        key: None,
+        unit: unit.to_owned(),
+        start,
+        value,
+        std_error: 0.0,
+        interval_95,
+        model_error: None,
+    };
+    Fit {
+        closure: Closure::default(),
+        fitted_to: FittedTo::Simulation,
+        is_described: true,
+        short_of_minimum: Vec::new(),
+        temperature_c: None,
+        degrees_of_freedom: 10.0,
+        covariance: vec![vec![0.0; 2]; 2],
+        scatter_covariance: vec![vec![0.0; 2]; 2],
+        lacks_correlations: false,
+        parameters: vec![
+            parameter("viscosity", "Pa s", 1.0, 0.851, [0.84, 0.86]),
+            parameter("tether", "N m/rad", 5e-4, 6e-4, [5.9e-4, 6.1e-4]),
+        ],
+    }
+}
+
 /// A figure that is found in a year says how it was made, and of what.
 #[test]
 fn figure_says_where_it_comes_from() {
@@ -124,6 +156,9 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
     let shapes = ["simulate", "--speeds=50,10", "--duration", "3", "--shapes", "--out", "shapes"];
     assert_eq!(biflag(folder, &shapes).status.code(), Some(3), "not settled");
     std::fs::write(folder.join("sweep.csv"), swept()).unwrap();
+    std::fs::write(folder.join("fitted.toml"), with_fit(&Robot::default(), Some(&fit()))).unwrap();
+    let unfit = Fit { is_described: false, ..fit() };
+    std::fs::write(folder.join("unfit.toml"), with_fit(&Robot::default(), Some(&unfit))).unwrap();
     let (a, b) = ("a/005_w1+0_w2+45.mcap", "b/005_w1+0_w2+45.mcap");
     for (args, words) in [
         (&["trial", a][..], &["Yaw ψ (°)", "Roll φ (°)", "model", "Time from the start of the run (s)"][..]),
@@ -135,6 +170,11 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
         (&["map", "sweep.csv", "--at", "fluid_viscosity_pa_s=0.8"], &["tilt (°)", "fluid viscosity 0.8 Pa s"]),
         (&["map", "a", "--against", "sweep.csv"], &["tilt (°)"]),
         (&["strip", "shapes/001_w1+50_w2+10.mcap", "--moments", "3"], &["0.0 s", "1.5 s", "3.0 s", "ψ 0.0°"]),
+        (&["fit", "fitted.toml"], &["viscosity (Pa s)", "0.8510 (0.8400 to 0.8600)", "0.90", "tether (N m/rad)"]),
+        (
+            &["fit", "fitted.toml", "fitted.toml"],
+            &["fitted.toml", "0.90", "Bars: 95 % intervals; open: start of the fit"],
+        ),
         (&["contact", a], &["Smallest gap (mm)", "Winding (turns)", "apart", "touching", "bundled"]),
         (
             &["lines", "sweep.csv", "--by", "fluid_viscosity_pa_s", "--at", "w2_rpm=33.3"],
@@ -190,8 +230,17 @@ fn every_figure_has_its_width_its_letters_and_three_formats() {
     let wide = tree(&figure(folder, &["map", "a", "--width-mm", "180"], "wide.svg"));
     assert!((wide.size().width() - WIDTH_PT * 180.0 / 88.0).abs() < 0.01);
 
+    let doubtful = biflag(folder, &["figure", "fit", "fitted.toml", "unfit.toml", "-o", "fits.svg"]);
+    assert_eq!(doubtful.status.code(), Some(3));
+    let said = String::from_utf8(doubtful.stderr).unwrap();
+    assert!(said.contains("unfit.toml: tether: the model does not describe the trials"), "{said}");
+    assert!(!said.contains(" fitted.toml"), "{said}");
+    let fits = std::fs::read_to_string(folder.join("fits.svg")).unwrap();
+    assert_eq!(fits.matches("stroke-dasharray").count(), 2, "the intervals of the second fit");
+
     for (args, message) in [
-        (&["trial", a, "-o", "figure.jpg"][..], "no format ends like this"),
+        (&["fit", "thick.toml", "-o", "x.svg"][..], "has no fit"),
+        (&["trial", a, "-o", "figure.jpg"], "no format ends like this"),
         (&["trial", a, "--time", "3,1", "-o", "x.svg"], "the earlier one first"),
         (&["trial", a, "--width-mm", "5", "-o", "x.svg"], "between 60 and 400 mm"),
         (&["trial", a, "--time", "100,110", "-o", "x.svg"], "nothing to draw"),

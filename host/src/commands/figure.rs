@@ -10,7 +10,8 @@ use clap::Subcommand;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Write a figure for a paper as SVG, PDF or PNG: a trial, its forces, a map, a sweep, or predictions against measurements.
+/// Write a figure for a paper as SVG, PDF or PNG: a trial, its forces, a film strip, a map, a sweep, a
+/// fit, or predictions against measurements.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     biflag figure trial glycerin/001_w1+50_w2+10.mcap --against glycerin-replay/001_w1+50_w2+10.mcap -o trial.pdf\n  \
@@ -20,6 +21,7 @@ use std::path::PathBuf;
     biflag figure strip bundling 1 --moments 8 --width-mm 180 -o strip.pdf\n  \
     biflag figure map glycerin --against map -o map.pdf\n  \
     biflag figure lines softer --value tilt_deg --over group_stiffness_relative --by w2_rpm -o softer.pdf\n  \
+    biflag figure fit fitted.toml -o fit.pdf\n  \
     biflag figure scatter glycerin --against glycerin-replay -o scatter.svg\n\
     Text is 7 pt at the printed width. A PNG has 600 pixels per inch.")]
 pub struct Args {
@@ -98,6 +100,14 @@ enum Subject {
         /// most points have.
         #[arg(long, value_name = "COLUMN=VALUE", value_parser = fixed)]
         at: Vec<(String, f64)>,
+        #[command(flatten)]
+        paper: Paper,
+    },
+    /// Draw the 95 % intervals of fitted parameters, of one robot file or of several.
+    Fit {
+        /// The robot files that `biflag calibrate` wrote.
+        #[arg(value_name = "ROBOT", required = true)]
+        robots: Vec<PathBuf>,
         #[command(flatten)]
         paper: Paper,
     },
@@ -182,6 +192,7 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
         Subject::Map { session, against, at, paper } => {
             (paper, figure::map(session, against.as_deref(), at, paper.width_mm, &paper.output)?)
         }
+        Subject::Fit { robots, paper } => (paper, figure::fit(robots, paper.width_mm, &paper.output)?),
         Subject::Scatter { session, against, anyway, paper } => {
             (paper, figure::scatter(session, against, *anyway, paper.width_mm, &paper.output)?)
         }

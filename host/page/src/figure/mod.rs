@@ -4,6 +4,7 @@
 //! paper, which the plotting libraries for Rust do not offer (they place text by pixels).
 
 mod contact;
+mod fit;
 mod forces;
 mod lines;
 mod map;
@@ -39,9 +40,12 @@ use miette::Diagnostic;
 use protocol::units::CentiRpm;
 use provenance::Provenance;
 use rayon::prelude::*;
+use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use study::output::OutputError;
+use study::plan::{PlanError, robot};
 use study::session::{Attempt, Session, SessionError, TrialState};
+use study::text::hex;
 use study::trial::{AtSpeeds, Data, LogFinding, Want, Zeroed, findings, mean_of_repeats};
 use study::twin::{self, Compared, OnMismatch, Pairs, Source, TwinError};
 use thiserror::Error;
@@ -119,6 +123,24 @@ pub enum FigureError {
         /// Number of the trial.
         number: usize,
     },
+    /// A robot file has no fit.
+    #[error("{}: has no fit", path.display())]
+    #[diagnostic(code(wrong_use), help("name a robot file of `biflag calibrate`"))]
+    NoFit {
+        /// The robot file.
+        path: PathBuf,
+    },
+    /// There are too many fits.
+    #[error("{count} fits: a figure tells at most {} apart", fit::MOST_FITS)]
+    #[diagnostic(code(wrong_use), help("draw fewer"))]
+    ManyFits {
+        /// How many.
+        count: usize,
+    },
+    /// A robot file cannot be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Plan(#[from] PlanError),
     /// The robot of a trial cannot be drawn.
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -324,6 +346,34 @@ pub fn map(
         titles.iter().zip(&maps).map(|(title, (surface, points))| Map { title, surface, points }).collect();
     let provenance = Provenance::new("Maps of |yaw|, |pitch|, |roll| and tilt over both speeds", logs);
     output::write(&map::draw(&maps, ["ω₁ (rpm)", "ω₂ (rpm)"], &under, width_mm), &provenance, out)?;
+    Ok(remarks)
+}
+
+/// Writes the 95 % intervals of the parameters of fitted robots.
+///
+/// # Errors
+/// [`FigureError`].
+pub fn fit(robots: &[PathBuf], width_mm: f64, out: &Path) -> Result<Remarks, FigureError> {
+    Format::of(out)?;
+    if robots.len() > fit::MOST_FITS {
+        return Err(FigureError::ManyFits { count: robots.len() });
+    }
+    let (mut fits, mut files, mut remarks) = (Vec::new(), Vec::new(), Remarks::default());
+    for path in robots {
+        let file = robot::load(path)?;
+        let fit = file.fit()?.ok_or_else(|| FigureError::NoFit { path: path.clone() })?;
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let named = fit::Named { name, fit };
+        let doubts = named.fit.parameters.iter().filter_map(|p| Some((&p.name, named.doubt(p)?)));
+        remarks.warnings.extend(doubts.map(|(parameter, doubt)| format!("{}: {parameter}: {doubt}", path.display())));
+        files.push(format!("robot file {}, SHA-256 {}", path.display(), hex(&Sha256::digest(&file.text))));
+        fits.push(named);
+    }
+    if fits.windows(2).any(|pair| pair[0].fit.closure != pair[1].fit.closure) {
+        remarks.warnings.push("the fits are of different closures".to_owned());
+    }
+    let provenance = Provenance::new("95 % intervals of fitted parameters", files);
+    output::write(&fit::draw(&fits, width_mm), &provenance, out)?;
     Ok(remarks)
 }
 
