@@ -195,6 +195,11 @@ fn commands_of_the_tutorial() {
 }
 
 #[test]
+fn commands_of_a_robot_of_your_own() {
+    assert_eq!(Reader::new().follow("own-robot.md"), 8);
+}
+
+#[test]
 fn commands_at_the_bench() {
     assert!(Reader::new().follow("bench.md") >= 12);
     assert!(Reader::new().follow("phase.md") >= 5);
