@@ -6,12 +6,13 @@ DEMO := target/demo
 PUBLISHED := target/published
 KILLS ?= 1000
 
-.PHONY: help setup build build-demo firmware demo gallery published test proof hostile mutants lint doc book dist wheel dist-test clean
+.PHONY: help setup build build-demo firmware demo gallery notebooks published test proof hostile mutants lint doc book dist wheel dist-test clean
 
 help:
 	@echo "make demo      record trials on the emulated board, fit and run the model, write the report"
 	@echo "make published the figures of the publication by the model, and its printed numbers beside ours"
 	@echo "make gallery   six pages of different kinds, each with the commands that made it; some minutes"
+	@echo "make notebooks run the notebooks on the session of make demo, and keep their outputs in them; some minutes"
 	@echo "make test      all tests"
 	@echo "make proof     long checks: fits to robots with unknown parameters, 10000 random cases, speed; two hours"
 	@echo "make hostile   $(KILLS) kills of a recording, a log changed at every byte, spoilt lines, lost frames; an hour"
@@ -78,6 +79,13 @@ demo: build-demo
 
 gallery: build
 	@sh host/gallery.sh
+
+notebooks: demo
+	python3 -m venv target/notebooks
+	target/notebooks/bin/pip install -q -r host/python/tests/requirements.txt -r host/python/tests/requirements-newest.txt ./host/python
+	cd host/python && BIFLAG_SESSION=../../../target/demo/robot ../../target/notebooks/bin/python -m pytest -q \
+		--nbmake --overwrite --nbmake-timeout=300 notebooks
+	target/notebooks/bin/python host/python/store_outputs.py host/python/notebooks/*.ipynb
 
 # With the publication's own model, the closure `lumped`.
 published: build

@@ -1,6 +1,6 @@
 """Records a session for tests and notebooks on the emulated board. `make build` builds what this needs.
 
-A folder that BIFLAG_TEST_FOLDER names is kept, and its session used again.
+A folder that BIFLAG_TEST_FOLDER names is kept, and its session used again. BIFLAG_SESSION names a session to use in its place.
 """
 
 from __future__ import annotations
@@ -45,6 +45,8 @@ def biflag_json(*arguments: str) -> Any:
 
 
 def pytest_sessionstart() -> None:
+    if "BIFLAG_SESSION" in os.environ:
+        return
     os.environ["BIFLAG_SESSION"] = str(folder / "tank")
     if (folder / "tank").exists():
         return
