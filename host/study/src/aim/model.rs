@@ -113,7 +113,7 @@ impl Model<'_> {
     /// [`AimError::Model`] and [`AimError::Interrupted`].
     pub fn trial(&self, rpm: [f64; 2]) -> Result<State, AimError> {
         let summary = self.run(rpm, [0.0; 2], |_| true).map_err(|error| AimError::at(rpm, error))?;
-        Ok(State::of(rpm, Kind::of_trial(&summary.steady, rpm), &summary))
+        Ok(State::of(rpm, Kind::of_trial(&summary.steady), &summary))
     }
 
     /// Returns whether the flagella touch at some time of a trial at these speeds. The trial ends at their first contact,
