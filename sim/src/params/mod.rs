@@ -166,6 +166,15 @@ impl Flagellum {
         }
     }
 
+    /// Returns whether motors at these speeds make both flagella push towards the base: they then mesh over all of their
+    /// length.
+    pub fn mesh(&self, speeds: [f64; 2]) -> bool {
+        (0..2).all(|k| match self.handedness[k] {
+            Handedness::Right => speeds[k] < 0.0,
+            Handedness::Left => speeds[k] > 0.0,
+        })
+    }
+
     /// Returns the number of edges: the contour length over the wanted edge length, rounded.
     pub fn edges(&self) -> usize {
         (self.helix(0).contour_length() / self.edge_length_m).round() as usize

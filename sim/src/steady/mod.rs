@@ -40,7 +40,6 @@ pub mod quantities;
 mod shooting;
 mod slow;
 
-use crate::V3;
 use crate::params::Closure;
 use crate::params::{ParamError, Robot};
 use crate::step::{InversesAtRest, Solver, StepError};
@@ -55,18 +54,6 @@ use std::f64::consts::PI;
 
 /// Largest difference of yaw, pitch and roll from those of the repeating motion, estimated from the last period, rad.
 pub const TOLERANCE: f64 = 0.05 * PI / 180.0;
-
-/// Least standard errors: those of the solver, which adds up in the slow modes what every step misses (`sim/docs/steady.md`).
-struct LeastErrors {
-    /// Of yaw, pitch and roll, rad.
-    angle: f64,
-    /// Of forces and torques, as a share of the larger one of both flagella.
-    force: f64,
-}
-
-/// Those of a motion in which the flagella do not touch, and of one in which they do.
-const LEAST_FREE: LeastErrors = LeastErrors { angle: 0.045 * PI / 180.0, force: 1e-3 };
-const LEAST_TOUCHING: LeastErrors = LeastErrors { angle: 0.075 * PI / 180.0, force: 2.5e-3 };
 
 /// Windows at whose ends the means are known before a simulation ends early: means that are looked at again and again seem
 /// known too soon.
@@ -88,9 +75,9 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Returns the kind of a motion that is not found to repeat, from the means of its trial at these speeds.
-    pub fn of_trial(steady: &Steady, rpm: [f64; 2]) -> Self {
-        if steady.settled && !phase::slips(rpm, steady.window_s) { Self::Beating } else { Self::NotFound }
+    /// Returns the kind of a motion that is not found to repeat, from the means of its trial.
+    pub fn of_trial(steady: &Steady) -> Self {
+        if steady.settled { Self::Beating } else { Self::NotFound }
     }
 
     /// Returns its name, as in JSON.
@@ -180,6 +167,7 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
             let simulated_s = trial.state().time;
             let mut summary = trial.window_summary();
             set_errors(&mut summary.steady, &before, distance);
+            summary.steady.raise_errors(summary.contact_share > 0.0);
             Ok(periodic(Kind::Steady, summary, &trial, samples, simulated_s))
         }
         // A search has moved the state, maybe to where another motion begins: the trial's own is that from rest.
@@ -198,7 +186,8 @@ pub fn solve(problem: &Problem, watch: Watch) -> Result<Periodic, SolveError> {
 /// Sets the standard errors of the means over a period to half of their differences from those over the period before.
 ///
 /// After a period without a step a difference is only the part of a slow approach that one period takes; after a step it is all
-/// of the way that the step took. So all of them are scaled to what is left of the way, `distance` (rad).
+/// of the way that the step took. So all of them are scaled to what is left of the way, `distance` (rad). A difference may be small
+/// by chance, too: a quantity may stand still between two modes. None is below the solver's own.
 fn set_errors(steady: &mut Steady, before: &Steady, distance: f64) {
     let changes = steady.attitude.iter().zip(&before.attitude).map(|(now, before)| (now.mean - before.mean).abs());
     let slowest = 1.0 / (1.0 - (-steady.window_s / SLOWEST_S).exp());
@@ -210,21 +199,6 @@ fn set_errors(steady: &mut Steady, before: &Steady, distance: f64) {
     steady.attitude.iter_mut().zip(&before.attitude).for_each(set);
     steady.force.as_flattened_mut().iter_mut().zip(before.force.as_flattened()).for_each(set);
     steady.axial_torque.iter_mut().zip(&before.axial_torque).for_each(set);
-}
-
-/// Raises the standard errors that are known to those of the solver. A difference of two periods may be small by chance, too:
-/// a quantity may stand still between two modes.
-fn raise_errors(steady: &mut Steady, touches: bool) {
-    let LeastErrors { angle, force } = if touches { LEAST_TOUCHING } else { LEAST_FREE };
-    let raise = |levels: &mut [Level], least: f64| {
-        levels.iter_mut().filter_map(|level| level.standard_error.as_mut()).for_each(|error| *error = error.max(least));
-    };
-    let larger = |[one, two]: [f64; 2]| force * one.max(two);
-    let of_force = larger(steady.force.map(|force| V3::from(force.map(|level| level.mean)).norm()));
-    let of_torque = larger(steady.axial_torque.map(|level| level.mean.abs()));
-    raise(&mut steady.attitude, angle);
-    raise(steady.force.as_flattened_mut(), of_force);
-    raise(&mut steady.axial_torque, of_torque);
 }
 
 /// Simulates on to the end of a profile or until the means are known in [`AGREEING`] windows one after the other.
@@ -239,7 +213,8 @@ fn follow(
     let window = whole_turns(whole.target(), whole.end());
     let before_s = searched_s - trial.state().time;
     let watch = |time: f64| watch(before_s + time);
-    let mut collected = SteadyCollector::new(trial.state().time, whole.end(), whole.target());
+    let mut collected = SteadyCollector::new(trial.state().time, whole.end(), whole.target())
+        .meshing(problem.robot.flagellum.mesh(whole.target()));
     let left = whole.end() - trial.state().time;
     let mut windows = (left / window + ROUNDING).floor();
     if left - windows * window > ROUNDING * window {
@@ -255,7 +230,7 @@ fn follow(
         let mut samples = Vec::new();
         run(&mut trial, f64::INFINITY, problem.output.is_some().then_some(&mut samples), &watch)??;
         let summary = trial.summary();
-        let kind = Kind::of_trial(&summary.steady, problem.rpm);
+        let kind = Kind::of_trial(&summary.steady);
         known = if kind == Kind::Beating { known + 1 } else { 0 };
         if known == AGREEING || windows < 0.5 {
             return Ok(periodic(kind, summary, &trial, samples, before_s + trial.state().time));
@@ -274,7 +249,6 @@ fn continued(trial: Trial, whole: &SpeedProfile, left_s: f64) -> Result<Trial, P
 fn periodic(kind: Kind, mut summary: Summary, trial: &Trial, mut samples: Vec<Sample>, simulated_s: f64) -> Periodic {
     let duration_s = std::mem::replace(&mut summary.simulated_s, simulated_s);
     (summary.steady.settled, summary.steady.settle_s) = (kind != Kind::NotFound, 0.0);
-    raise_errors(&mut summary.steady, summary.contact_share > 0.0);
     let start_s = trial.state().time - duration_s;
     summary.first_contact_s = summary.first_contact_s.map(|time| time - start_s);
     for sample in &mut samples {
@@ -332,7 +306,7 @@ mod tests {
             let Outcome::Found { trial, before, distance, .. } = outcome else { panic!("no motion that repeats") };
             let mut stated = trial.window_summary().steady;
             set_errors(&mut stated, &before, distance);
-            raise_errors(&mut stated, false);
+            stated.raise_errors(false);
             // With the same steps, so that the approach is the only difference.
             let (from_s, state) = (trial.state().time, trial.state().clone());
             let periods = (120.0 / stated.window_s).round();

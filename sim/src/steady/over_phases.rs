@@ -58,10 +58,8 @@ impl SteadyState {
             }
         }
         // The last sample may be before the end.
-        let mut summary = trial.finish()?;
-        let kind = Kind::of_trial(&summary.steady, problem.rpm);
-        summary.steady.settled = kind != Kind::NotFound;
-        Ok(Self { kind, summary })
+        let summary = trial.finish()?;
+        Ok(Self { kind: Kind::of_trial(&summary.steady), summary })
     }
 }
 

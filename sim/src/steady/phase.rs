@@ -6,16 +6,9 @@
 //! beside a turning one tilts the robot in a direction that depends on its angle. If no small p and q approximate the
 //! ratio of the speeds, all phases occur in turn, and the means do not depend on the starting phase.
 
-use crate::trial::means::{WINDOW, series::SLOWEST_BEAT};
+use crate::trial::means::WINDOW;
+use crate::trial::means::ratio::{gcd, ratios};
 use std::fmt;
-
-/// Largest p + q of a simple ratio. Over six phases the yaw of the published robot, whose flagella touch there, spreads
-/// over 0.8 degrees at (60, 90) rpm and over 0.1 at (60, 80)
-/// (`cargo run --release -p sim --example phases -- published 6 60,90 60,80`).
-const SIMPLE: i32 = 5;
-
-/// Part of a turn that is rounding: the phase of an exact ratio does not slip.
-const ROUNDING: f64 = 1e-6;
 
 /// A simple ratio of speeds: the flagella make these numbers of turns in the same time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,22 +42,6 @@ impl fmt::Display for Ratio {
     }
 }
 
-/// Returns whether speeds (rpm) have a simple ratio but for a difference by which the phase slips so little over a stretch (s)
-/// that the means over it are those of the phases that have passed, with nothing in them that shows the others.
-pub fn slips(rpm: [f64; 2], stretch_s: f64) -> bool {
-    ratios().any(|[p, q]| {
-        let turns = (f64::from(q) * rpm[0] - f64::from(p) * rpm[1]).abs() * stretch_s / 60.0;
-        (ROUNDING..SLOWEST_BEAT).contains(&turns)
-    })
-}
-
-/// Returns the turns of flagellum 1 and 2 in all simple ratios.
-fn ratios() -> impl Iterator<Item = [i32; 2]> {
-    (0..=SIMPLE)
-        .flat_map(|p| (p - SIMPLE..=SIMPLE - p).map(move |q| [p, q]))
-        .filter(|[p, q]| gcd(p.unsigned_abs(), q.unsigned_abs()) == 1 && [*p, *q] != [0, -1])
-}
-
 /// Returns the starting angles of both motors (deg) of `count` runs at these speeds (rpm), evenly over all phases that
 /// differ. The starting angle of flagellum 2 varies over the part of a turn after which the phases repeat; if flagellum
 /// 1 stands still, its own angle varies instead.
@@ -82,10 +59,6 @@ pub fn starts(rpm: [f64; 2], count: usize) -> Vec<[f64; 2]> {
             start
         })
         .collect()
-}
-
-fn gcd(a: u32, b: u32) -> u32 {
-    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 #[cfg(test)]
@@ -119,17 +92,6 @@ mod tests {
         let standing = |w1, w2| Ratio::of([w1, w2]).and_then(Ratio::standing);
         assert_eq!((standing(0.0, 45.0), standing(45.0, 0.0), standing(45.0, 45.0)), (Some(1), Some(2), None));
         assert_eq!(Ratio::of([-60.0, 90.0]).map(|ratio| ratio.to_string()).as_deref(), Some("2:-3"));
-    }
-
-    #[test]
-    fn a_phase_slips_where_a_ratio_is_nearly_simple() {
-        for rpm in [[45.5, -45.53], [60.0, 60.03], [30.01, 60.0], [50.0, 0.01]] {
-            assert!(slips(rpm, 60.0), "{rpm:?}");
-        }
-        // Exact ratios, and beats of which the stretch shows enough.
-        for rpm in [[45.5, -45.5], [20.1, 60.3], [50.0, 0.0], [0.0, 0.0], [45.5, -45.9], [53.3, 37.1]] {
-            assert!(!slips(rpm, 60.0), "{rpm:?}");
-        }
     }
 
     #[test]

@@ -236,8 +236,9 @@ impl Trial {
     ) -> Self {
         let gap = solver.least_distance(&state) - 2.0 * solver.model().robot.flagellum.rod_radius_m;
         let [start, stop] = profile.run();
+        let collector = SteadyCollector::after_reversal(start, profile.last_reversal(), stop, profile.target());
         let progress = Checkpoint {
-            steady: SteadyCollector::after_reversal(start, profile.last_reversal(), stop, profile.target()),
+            steady: collector.meshing(solver.model().robot.flagellum.mesh(profile.target())),
             dense,
             next: 0,
             gap,

@@ -4,7 +4,7 @@
 //! version: the test below asks for it.
 
 /// Version of the model's results.
-pub const RESULTS: u32 = 3;
+pub const RESULTS: u32 = 4;
 
 #[cfg(test)]
 mod tests {
@@ -16,12 +16,12 @@ mod tests {
     use sim::step::InversesAtRest;
     use std::path::Path;
 
-    /// Points of every kind of result: robots, methods, speeds with and without a common period, phases, contact, groups and
+    /// Points of every kind of result: robots, methods, speeds with and without a common period, phases, contact, mesh, groups and
     /// keys that vary, and a point that fails.
     const PLANS: [&str; 4] = [
         "[session]\nrobot = \"published\"\n[trial]\nrun = 24\nphases = 2\n[speeds]\n\
          pairs = [[50, 10], [0, 45], [37.3, -52.91], [90, 60]]\n",
-        "[trial]\nrun = 24\n[speeds]\npairs = [[-90, 90], [12.5, -8.75], [70.38, 48.79]]\n",
+        "[trial]\nrun = 24\n[speeds]\npairs = [[-90, 90], [12.5, -8.75], [70.38, 48.79], [-31.4, -22.6]]\n",
         "[trial]\nrun = 25\nmethod = \"trial\"\n[vary]\n\"group.stiffness\" = [1.9]\n\"group.spacing\" = [0.3, 1.1]\n\
          \"fluid.viscosity_pa_s\" = [1.37]\n[speeds]\npairs = [[61.4, 23.7]]\n",
         "[session]\nrobot = \"robot-tank\"\n[trial]\nrun = 24\n[speeds]\npairs = [[50, 10]]\n",

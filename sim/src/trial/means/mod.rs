@@ -5,7 +5,9 @@
 //! - [`SteadyCollector::steady`], for a model: the constant term of the double Fourier series over both motor angles, with its
 //!   standard error ([`series`]), from the second half of the run, at most [`STRETCH`]. The run is settled when twice the
 //!   standard errors of yaw, pitch, roll and thrusts are within [`Limits`]; of a run that is not, the means are what a slow
-//!   approach has reached, and their standard errors those of its end. A run shorter than two windows of [`WINDOW`] shows
+//!   approach has reached, and their standard errors those of its end. No standard error is below that of the solver, and
+//!   flagella that mesh have one for what they do over minutes. Speeds whose ratio is nearly simple ([`ratio::slips`])
+//!   have neither: the means are those of the phases that have passed, and nothing shows the others. A run shorter than two windows of [`WINDOW`] shows
 //!   no slow approach; it has the means of the other rule, without a standard error.
 //! - [`SteadyCollector::window`], for a measured trial, whose sensor drifts, and for a motion that repeats: the mean over time
 //!   in the window, by trapezia. The run is settled when yaw, pitch and roll of the window agree with those of the window
@@ -19,6 +21,8 @@
 //!
 //! The slow mode of a pair of flagella decays in 10 to 18 s; some modes of two flagella that do not touch need minutes.
 
+mod least;
+pub mod ratio;
 pub mod series;
 mod window;
 
@@ -136,6 +140,9 @@ pub struct SteadyCollector {
     /// Whether the flagella have touched in it.
     touched: bool,
     cells: VecDeque<Cell>,
+    /// Whether flagella that touch mesh.
+    #[serde(default)]
+    mesh: bool,
 }
 
 impl SteadyCollector {
@@ -166,7 +173,13 @@ impl SteadyCollector {
             sums: [0.0; CHANNELS],
             touched: false,
             cells: VecDeque::new(),
+            mesh: false,
         }
+    }
+
+    /// The same for flagella that mesh where they touch.
+    pub fn meshing(self, mesh: bool) -> Self {
+        Self { mesh, ..self }
     }
 
     /// Begins with the values that another collector begins with, unless it has its own.
@@ -268,9 +281,24 @@ impl SteadyCollector {
         for (level, mean) in levels.iter_mut().zip(&means) {
             (level.mean, level.standard_error) = (mean.mean, Some(mean.standard_error));
         }
-        let limits = if cells.iter().any(|cell| cell.touched) { TOUCHING } else { FREE };
+        let touches = cells.iter().any(|cell| cell.touched);
+        let limits = if touches { TOUCHING } else { FREE };
         let stretch_s = cells.len() as f64 * self.cell;
-        let steady = self.state(stretch_s, levels, |steady| steady.is_known_within(&limits));
+        if ratio::slips(self.speeds, stretch_s) {
+            // Nothing tells how far from the mean the phases that have passed are.
+            levels.iter_mut().for_each(|level| level.standard_error = None);
+            return self.state(stretch_s, levels, |_| false);
+        }
+        let with_errors = |levels| {
+            let mut steady = self.state(stretch_s, levels, |_| false);
+            steady.raise_errors(touches);
+            if touches && self.mesh {
+                steady.add_errors_of_meshing();
+            }
+            steady
+        };
+        let mut steady = with_errors(levels);
+        steady.settled = steady.is_known_within(&limits);
         if steady.settled {
             return steady;
         }
@@ -278,7 +306,7 @@ impl SteadyCollector {
         for (level, mean) in levels.iter_mut().zip(&means) {
             level.mean = mean.mean - mean.to_come;
         }
-        self.state(stretch_s, levels, |_| false)
+        with_errors(levels)
     }
 
     /// Returns the steady state of the run so far: means over time in the window.
@@ -354,6 +382,32 @@ mod tests {
         assert_eq!(steady.attitude[0], Level { mean: 2.0, amplitude: 0.0, standard_error: None });
         assert!(steady.window_s <= 3.0 && !steady.settled, "{steady:?}");
         assert_eq!(steady.settle_s, 37.0);
+    }
+
+    /// Two motors whose phase slips by a turn in 33 minutes.
+    #[test]
+    fn a_phase_that_slips_slowly_has_no_known_mean() {
+        let settled = |rpm: [f64; 2]| {
+            let mut collector = SteadyCollector::new(0.0, 120.0, rpm.map(|rpm| rpm * PI / 30.0));
+            (0..=3000).for_each(|i| collector.push(f64::from(i) * 0.04, [0.5; CHANNELS], false));
+            let steady = collector.steady();
+            (steady.settled, steady.attitude[0].standard_error.is_some())
+        };
+        assert_eq!(settled([45.5, -45.53]), (false, false));
+        assert_eq!(settled([45.5, -45.5]), (true, true));
+    }
+
+    /// What flagella that mesh do over minutes is in no shorter run.
+    #[test]
+    fn flagella_that_mesh_are_known_after_a_longer_run() {
+        let settled = |mesh: bool, touching: bool, end: i32| {
+            let speeds = [-4.1, -5.3];
+            let mut collector = SteadyCollector::new(0.0, f64::from(end), speeds).meshing(mesh);
+            (0..=25 * end).for_each(|i| collector.push(f64::from(i) * 0.04, [0.5; CHANNELS], touching));
+            collector.steady().settled
+        };
+        assert!(!settled(true, true, 120) && settled(true, true, 300));
+        assert!(settled(true, false, 120) && settled(false, true, 120));
     }
 
     #[test]

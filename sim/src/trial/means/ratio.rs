@@ -1,0 +1,51 @@
+//! Simple ratios of the motors' speeds, and phases that slip because a ratio is only nearly simple.
+
+use super::series::SLOWEST_BEAT;
+use std::f64::consts::TAU;
+
+/// Largest p + q of a simple ratio. Over six phases the yaw of the published robot, whose flagella touch there, spreads
+/// over 0.8 degrees at (60, 90) rpm and over 0.1 at (60, 80)
+/// (`cargo run --release -p sim --example phases -- published 6 60,90 60,80`).
+const SIMPLE: i32 = 5;
+
+/// Part of a turn that is rounding: the phase of an exact ratio does not slip.
+const ROUNDING: f64 = 1e-6;
+
+/// Returns the turns of flagellum 1 and 2 in all simple ratios, without a common divisor; the first is not negative.
+pub fn ratios() -> impl Iterator<Item = [i32; 2]> {
+    (0..=SIMPLE)
+        .flat_map(|p| (p - SIMPLE..=SIMPLE - p).map(move |q| [p, q]))
+        .filter(|[p, q]| gcd(p.unsigned_abs(), q.unsigned_abs()) == 1 && [*p, *q] != [0, -1])
+}
+
+/// Returns whether speeds (rad/s) have a simple ratio but for a difference by which the phase slips so little over a stretch (s)
+/// that the means over it are those of the phases that have passed, with nothing in them that shows the others.
+pub fn slips(speeds: [f64; 2], stretch_s: f64) -> bool {
+    ratios().any(|[p, q]| {
+        let turns = (f64::from(q) * speeds[0] - f64::from(p) * speeds[1]).abs() * stretch_s / TAU;
+        (ROUNDING..SLOWEST_BEAT).contains(&turns)
+    })
+}
+
+/// Returns the greatest common divisor.
+pub fn gcd(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn a_phase_slips_where_a_ratio_is_nearly_simple() {
+        let slips = |rpm: [f64; 2]| slips(rpm.map(|rpm| rpm * PI / 30.0), 60.0);
+        for rpm in [[45.5, -45.53], [60.0, 60.03], [30.01, 60.0], [50.0, 0.01]] {
+            assert!(slips(rpm), "{rpm:?}");
+        }
+        // Exact ratios, and beats of which the stretch shows enough.
+        for rpm in [[45.5, -45.5], [20.1, 60.3], [50.0, 0.0], [0.0, 0.0], [45.5, -45.9], [53.3, 37.1]] {
+            assert!(!slips(rpm), "{rpm:?}");
+        }
+    }
+}
