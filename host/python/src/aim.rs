@@ -85,7 +85,7 @@ impl Answer {
 
     /// Writes a plan of the solutions, which must not exist. A robot that is in no file gets one beside it.
     fn save_plan(&self, path: PathBuf) -> Result<(), Failure> {
-        if !self.aimed.is_found() {
+        if !self.aimed.reachable {
             return Err(Failure::new("plan", format!("no speeds were found for {}", self.target)));
         }
         output::check_new(&path)?;

@@ -117,14 +117,14 @@ pub fn run(args: &Args) -> miette::Result<Answer> {
     };
     let mut text = describe(&file.name, &target, &aimed, args.longest_s);
     let plan = match &args.out {
-        Some(out) if aimed.is_found() => {
+        Some(out) if aimed.reachable => {
             output::write_new(out, &aim::plan(out, &args.robot, &target, &aimed.solutions))?;
             let _ = write!(text, "\nplan {}", out.display());
             Some(out.display().to_string())
         }
         _ => None,
     };
-    let is_sound = aimed.is_found() && aimed.is_complete() && !aimed.doubts.iter().any(|doubt| doubt.is_grave);
+    let is_sound = aimed.reachable && aimed.is_complete() && !aimed.doubts.iter().any(|doubt| doubt.is_grave);
     let outcome = if is_sound { Outcome::Done } else { Outcome::WithLoss };
     let wanted = target.wanted.iter().map(|&(quantity, value)| Wanted { quantity, value }).collect();
     Answer::new(outcome, &Printed { robot: &file.name, wanted, aimed: &aimed, plan }, text)
@@ -144,7 +144,7 @@ fn target(args: &Args) -> Result<Target, AimError> {
 fn describe(robot: &str, target: &Target, aimed: &Aimed, longest_s: f64) -> String {
     let time = format!("{} s", decimal(longest_s, 0));
     let mut text = match &aimed.nearest {
-        _ if aimed.is_found() => format!("{target}: {}, robot {robot}\n", count(aimed.solutions.len(), "solution")),
+        _ if aimed.reachable => format!("{target}: {}, robot {robot}\n", count(aimed.solutions.len(), "solution")),
         Some(_) => {
             let time = if aimed.unfinished.is_empty() { String::new() } else { format!(" in {time}") };
             format!("{target}: not found with the robot {robot} within ±90 rpm{time}; the nearest attitude found\n")

@@ -113,8 +113,8 @@ class Aimed:
     ('yaw -67°, pitch -4°', True, True)
     """
 
-    reachable: bool | None
-    """``True`` if solutions were found. ``None`` if not: other speeds may still reach the attitude."""
+    reachable: bool
+    """Whether solutions were found. If not, other speeds may still reach the attitude."""
     solutions: list[Solution]
     """Speeds at which the target is met, the nearest first."""
     nearest: Solution | None

@@ -111,8 +111,8 @@ pub struct Proposal {
 /// Result of [`aim()`].
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct Aimed {
-    /// `Some(true)` if solutions were found. `None` if not: a search from a table may miss some, so never `Some(false)`.
-    pub reachable: Option<bool>,
+    /// Whether solutions were found. A search from a table may miss some: other speeds may still reach the attitude.
+    pub reachable: bool,
     /// Confidence of the intervals; `None` where it cannot be stated.
     pub confidence: Option<f64>,
     /// Why it cannot.
@@ -127,11 +127,6 @@ pub struct Aimed {
 }
 
 impl Aimed {
-    /// Returns whether solutions were found.
-    pub fn is_found(&self) -> bool {
-        !self.solutions.is_empty()
-    }
-
     /// Returns whether everything was computed in time.
     pub fn is_complete(&self) -> bool {
         let described = self.solutions.iter().chain(&self.nearest);
@@ -219,7 +214,7 @@ pub fn aim(model: &Model, known: &Known, table: &Table, target: &Target, longest
         }
         _ => None,
     };
-    let reachable = (!solutions.is_empty()).then_some(true);
+    let reachable = !solutions.is_empty();
     let (confidence, doubts) = (known.confidence(), known.doubts.clone());
     Ok(Aimed { reachable, confidence, doubts, solutions, nearest, unfinished })
 }
