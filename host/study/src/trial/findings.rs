@@ -9,6 +9,7 @@ use crate::attitude::Motion;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End, Origin};
 use protocol::units::CentiRpm;
+use std::ops::Range;
 
 const REPEAT: &str = "repeat the trial";
 
@@ -153,12 +154,13 @@ fn conduct(data: &Data) -> Vec<Finding> {
     if let Some(gaps) = data.gaps() {
         found.push(slight(gaps, ""));
     }
-    if data.has_long_gap() {
-        let (text, cure) = match data.origin() {
-            Origin::Imported => ("the table has no row for more than a second", "import a table with more rows"),
-            _ => ("telemetry is missing for more than a second", REPEAT),
+    if let Some(Range { start, end }) = data.longest_gap().filter(|_| data.has_long_gap()) {
+        let (what, cure) = match data.origin() {
+            Origin::Imported => ("the table has no row", "import a table with more rows"),
+            _ => ("telemetry is missing", REPEAT),
         };
-        found.push(grave(format!("the yaw may lack a full turn: {text}"), cure));
+        let text = format!("the yaw may lack a full turn: {what} from {start:.1} s to {end:.1} s");
+        found.push(grave(text, cure));
     }
     let protocols = records.identity.as_ref().map(|identity| identity.protocol);
     // Logs of older protocols hold the same messages.
