@@ -84,7 +84,8 @@ fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
         let missing_s: f64 = ends.clone().zip(ends.skip(1)).map(|(from, to)| to - from).filter(|s| *s > gap_s).sum();
         let share = 1.0 - missing_s / window_s;
         if share < LEAST_SHARE {
-            let text = format!("only {:.0} % of the last {window_s:.1} s have telemetry", 100.0 * share);
+            let what = if data.is_recorded() { "telemetry" } else { "rows of the table" };
+            let text = format!("only {:.0} % of the last {window_s:.1} s have {what}", 100.0 * share);
             found.push(Finding::grave(FindingKind::Window, text, REPEAT));
         }
     }

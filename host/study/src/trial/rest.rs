@@ -243,7 +243,8 @@ mod tests {
             let lossy = zeroed(20.0, [0.0; 3], from_s..to_s, truth);
             let [yaw, expected] = [&lossy, &whole].map(|trial| trial.at(28.0)[0]);
             assert!((yaw - expected).abs() < 0.01, "{from_s} to {to_s} s lost: {yaw}, of {expected}");
-            let said = format!("telemetry is missing from {:.2} s to {to_s:.2} s, where the run starts", from_s - TICK_S);
+            let said =
+                format!("telemetry is missing from {:.2} s to {to_s:.2} s, where the run starts", from_s - TICK_S);
             let named = |one: &Finding| one.text.starts_with(&said);
             assert!(lossy.rest.iter().any(named), "{said}: {:?}", lossy.rest);
         }
