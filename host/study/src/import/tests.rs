@@ -1,6 +1,7 @@
 use super::*;
 use crate::plan::{PHYSICAL, RobotFile, robot};
 use crate::trial::{Data, Want, Zeroed, findings};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 const COLUMNS: &str = "time=t:ms,yaw=-psi:rad,pitch=#3,roll=0,w1=w1,w2=w2:rps";
@@ -37,11 +38,30 @@ fn table(folder: &Path) -> PathBuf {
 }
 
 fn imported(columns: &str, conditions: &Conditions) -> (Imported, Data) {
+    imported_without(0..0, columns, conditions)
+}
+
+/// As [`imported`], without these rows of the table.
+fn imported_without(lost: Range<usize>, columns: &str, conditions: &Conditions) -> (Imported, Data) {
     let folder = tempfile::tempdir().unwrap();
     let (csv, log) = (table(folder.path()), folder.path().join("camera.mcap"));
+    let text = std::fs::read_to_string(&csv).unwrap();
+    let kept = text.lines().enumerate().filter(|(line, _)| *line < 2 || !lost.contains(&(line - 2)));
+    let kept: Vec<&str> = kept.map(|(_, line)| line).collect();
+    std::fs::write(&csv, kept.join("\n")).unwrap();
     let states = Table::read(&csv).unwrap().states(&columns.parse().unwrap()).unwrap();
     let imported = write(&states, conditions, "camera.csv", &log).unwrap();
     (imported, Data::read(&log, Want::default()).unwrap())
+}
+
+/// A camera has no telemetry.
+#[test]
+fn rows_that_a_camera_lost_are_rows_of_the_table() {
+    let (_, data) = imported_without(82..109, COLUMNS, &conditions());
+    let texts: Vec<String> = findings(&data, &Zeroed::new(&data)).into_iter().map(|finding| finding.text).collect();
+    let has = |part: &str| texts.iter().any(|text| text.contains(part));
+    assert!(has("the table has no row from ") && has("rows of the table are missing in 1 place, 1.4"), "{texts:?}");
+    assert!(has("of the last ") && has("have rows of the table") && !has("telemetry"), "{texts:?}");
 }
 
 #[test]

@@ -29,6 +29,9 @@ pub const MOTORS: usize = 6;
 /// (m), and number of turns by which the flagella are wound around each other.
 pub const FORCES: usize = 17;
 
+/// Longest time without frames in which no robot makes a full turn, s: the fastest takes 3 s.
+const LONG_GAP_S: f64 = 1.0;
+
 /// What is read of a log besides what every reader needs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Want {
@@ -302,10 +305,18 @@ impl Data {
         Columns { time_s: time_s.clone(), values: [one.clone(), two.clone()] }
     }
 
-    /// Returns whether a gap in the frames is so long that the robot may have made a full turn in it: the fastest takes
-    /// 3 s. The yaw of a model has its full turns in every sample.
+    /// Returns whether a gap in the frames is so long that the robot may have made a full turn in it.
     pub fn has_long_gap(&self) -> bool {
-        !self.is_model() && self.readings[self.calibrated..].windows(2).any(|pair| pair[1].0 - pair[0].0 > 1.0)
+        self.longest_gap().is_some_and(|gap| gap.end - gap.start > LONG_GAP_S)
+    }
+
+    /// Returns the longest gap in the frames. The yaw of a model has its full turns in every sample.
+    pub(super) fn longest_gap(&self) -> Option<Range<f64>> {
+        if self.is_model() {
+            return None;
+        }
+        let gaps = self.readings[self.calibrated..].windows(2).map(|pair| pair[0].0..pair[1].0);
+        gaps.max_by(|a, b| (a.end - a.start).total_cmp(&(b.end - b.start)))
     }
 }
 

@@ -9,6 +9,7 @@ use crate::attitude::Motion;
 use biflag_log::schema::biflag::event::Kind;
 use biflag_log::{Condition, End, Origin};
 use protocol::units::CentiRpm;
+use std::ops::Range;
 
 const REPEAT: &str = "repeat the trial";
 
@@ -83,7 +84,8 @@ fn window(data: &Data, zeroed: &Zeroed) -> Vec<Finding> {
         let missing_s: f64 = ends.clone().zip(ends.skip(1)).map(|(from, to)| to - from).filter(|s| *s > gap_s).sum();
         let share = 1.0 - missing_s / window_s;
         if share < LEAST_SHARE {
-            let text = format!("only {:.0} % of the last {window_s:.1} s have telemetry", 100.0 * share);
+            let what = if data.is_recorded() { "telemetry" } else { "rows of the table" };
+            let text = format!("only {:.0} % of the last {window_s:.1} s have {what}", 100.0 * share);
             found.push(Finding::grave(FindingKind::Window, text, REPEAT));
         }
     }
@@ -153,12 +155,13 @@ fn conduct(data: &Data) -> Vec<Finding> {
     if let Some(gaps) = data.gaps() {
         found.push(slight(gaps, ""));
     }
-    if data.has_long_gap() {
-        let (text, cure) = match data.origin() {
-            Origin::Imported => ("the table has no row for more than a second", "import a table with more rows"),
-            _ => ("telemetry is missing for more than a second", REPEAT),
+    if let Some(Range { start, end }) = data.longest_gap().filter(|_| data.has_long_gap()) {
+        let (what, cure) = match data.origin() {
+            Origin::Imported => ("the table has no row", "import a table with more rows"),
+            _ => ("telemetry is missing", REPEAT),
         };
-        found.push(grave(format!("the yaw may lack a full turn: {text}"), cure));
+        let text = format!("the yaw may lack a full turn: {what} from {start:.1} s to {end:.1} s");
+        found.push(grave(text, cure));
     }
     let protocols = records.identity.as_ref().map(|identity| identity.protocol);
     // Logs of older protocols hold the same messages.

@@ -46,6 +46,16 @@ pub(super) fn findings(
     unknown.filter(|_| is_of_robot).into_iter().chain(moved).chain(turned.filter(|_| is_of_robot)).collect()
 }
 
+/// Says that readings are missing where the run starts.
+pub(super) fn start_is_missing(gap: &Range<f64>) -> Finding {
+    let Range { start, end } = gap;
+    let text = format!(
+        "telemetry is missing from {start:.2} s to {end:.2} s, where the run starts: yaw, pitch and roll are relative to the \
+         rest before {start:.2} s"
+    );
+    Finding::slight(FindingKind::Rest, text, "")
+}
+
 /// Says which uncertainties are unknown, and why. Grave if what is unknown turns the yaw.
 fn unknown(data: &Data, series: &Series, rest: &Rest, has_still: bool, drift: Option<&Drift>) -> Option<Finding> {
     let slight = |text: String, cure: &str| Some(Finding::slight(FindingKind::Rest, text, cure));
@@ -178,10 +188,20 @@ mod tests {
 
     const TICK_S: f64 = 0.005;
 
-    /// Returns the findings about a trial without a calibration, with a run of 10 s after a still phase. The gyroscope has
-    /// biases; the filter begins without them. `pitch_deg`: of the robot.
+    /// Returns the findings about a trial as [`zeroed`] makes it. `pitch_deg`: of the robot.
     fn found(preroll_s: f64, bias_dps: [f64; 3], pitch_deg: impl Fn(f64) -> f64) -> Vec<Finding> {
         let truth = |t: f64| UnitQuaternion::from_euler_angles(0.0, pitch_deg(t).to_radians(), 0.0);
+        zeroed(preroll_s, bias_dps, 0.0..0.0, truth).rest
+    }
+
+    /// Returns a trial without a calibration, with a run of 10 s after a still phase. The gyroscope has biases; the filter
+    /// begins without them. The frames of the time `lost` are missing.
+    fn zeroed(
+        preroll_s: f64,
+        bias_dps: [f64; 3],
+        lost: Range<f64>,
+        truth: impl Fn(f64) -> UnitQuaternion<f64>,
+    ) -> Zeroed {
         let mut collector = Collector::new(Want::default(), FORMAT);
         let mut estimate = truth(0.0);
         collector.event(0.0, Kind::Phase, "preroll");
@@ -193,20 +213,41 @@ mod tests {
             let bias = Vector3::from(bias_dps.map(f64::to_radians));
             let rates = (truth(t).inverse() * truth(t + TICK_S)).scaled_axis() / TICK_S + bias;
             let [x, y, z] = rates.map(f64::to_degrees).into();
-            collector.telemetry(&Telemetry {
+            let frame = Telemetry {
                 time_s: t,
                 imu_fresh: true,
                 attitude: Some(Quaternion { w: estimate.w, x: estimate.i, y: estimate.j, z: estimate.k }),
                 angular_velocity_dps: Some(Vector { x, y, z }),
                 ..Telemetry::default()
-            });
+            };
+            if !lost.contains(&t) {
+                collector.telemetry(&frame);
+            }
             let up = |attitude: UnitQuaternion<f64>| attitude.inverse() * Vector3::z();
             estimate *= UnitQuaternion::from_scaled_axis((rates + up(truth(t)).cross(&up(estimate))) * TICK_S);
         }
         let trial = TrialMeta { w1_rpm: 37.3, w2_rpm: -61.9, ..TrialMeta::default() };
         let summary = Summary { end: End::Complete, ..Summary::default() };
         let records = Records { trial: Some(trial), summary: Some(summary), ..Records::default() };
-        Zeroed::new(&collector.finish("log".as_ref(), records)).rest
+        Zeroed::new(&collector.finish("log".as_ref(), records))
+    }
+
+    /// A robot that turns by 20 °/s from the start of its run on. Between a reading at rest and one in the turn the yaw is not
+    /// known, and the zero has nothing of it.
+    #[test]
+    fn readings_lost_where_the_run_starts_do_not_move_the_zero() {
+        let truth = |t: f64| UnitQuaternion::from_euler_angles(0.0, 0.0, 20f64.to_radians() * (t - 20.0).max(0.0));
+        let whole = zeroed(20.0, [0.0; 3], 0.0..0.0, truth);
+        assert_eq!(whole.rest, []);
+        for (from_s, to_s) in [(19.97, 20.1), (19.8, 20.9), (19.8, 24.3), (14.3, 21.0)] {
+            let lossy = zeroed(20.0, [0.0; 3], from_s..to_s, truth);
+            let [yaw, expected] = [&lossy, &whole].map(|trial| trial.at(28.0)[0]);
+            assert!((yaw - expected).abs() < 0.01, "{from_s} to {to_s} s lost: {yaw}, of {expected}");
+            let said =
+                format!("telemetry is missing from {:.2} s to {to_s:.2} s, where the run starts", from_s - TICK_S);
+            let named = |one: &Finding| one.text.starts_with(&said);
+            assert!(lossy.rest.iter().any(named), "{said}: {:?}", lossy.rest);
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Checks whether a trial can be compared with a model.
 
 use super::data::Data;
+use biflag_log::Origin;
 
 /// Shortest interval between frames that counts as a gap, s: twenty frames of a board, or four of a model.
 const GAP_S: f64 = 0.21;
@@ -62,9 +63,13 @@ impl Data {
         (to - from > 3.0 * usual).then(|| {
             let total = gaps.iter().map(|(from, to)| to - from).sum::<f64>();
             let places = if gaps.len() == 1 { "1 place".to_owned() } else { format!("{} places", gaps.len()) };
+            let (what, bridged) = match self.origin() {
+                // A camera, for instance, has lost some of its frames.
+                Origin::Imported => ("rows of the table are", "the angles are interpolated over the gaps"),
+                _ => ("telemetry is", "the encoders' angles bridge the gaps"),
+            };
             format!(
-                "telemetry is missing in {places}, {total:.1} s in total, the longest from {from:.1} s to {to:.1} s; \
-                 the encoders' angles bridge the gaps"
+                "{what} missing in {places}, {total:.1} s in total, the longest from {from:.1} s to {to:.1} s; {bridged}"
             )
         })
     }

@@ -30,8 +30,8 @@ use std::ops::Range;
 /// Smallest gain of the board's filter that is told from none, 1/s.
 const MIN_GAIN: f64 = 0.01;
 
-/// Longest gap between the last reading of the still phase and the start of the run, s.
-const MAX_GAP_S: f64 = 0.25;
+/// Longest time without readings around the start of the run that hides none of its motion, s.
+const MAX_GAP_S: f64 = 0.05;
 
 /// Time in which a motor stops and turns the other way, s.
 const REVERSAL_S: f64 = 1.0;
@@ -121,9 +121,10 @@ impl Zeroed {
         let run = data.times.run.clone();
         let readings = levelled(data);
         let first = readings.first().map_or(0.0, |(time, _)| *time);
-        // If readings are lost before the run, the still phase ends with the last one.
-        let last = readings.iter().rev().find(|(time, _)| *time <= run.start).map_or(run.start, |(time, _)| *time);
-        let rest_end = if run.start - last > MAX_GAP_S { last } else { run.start };
+        // If readings are lost around the start of the run, the still phase ends with the last one: between that and the next
+        // one lies a motion, of which the zero must contain nothing.
+        let started = gap_at(&readings, run.start).filter(|gap| gap.end - gap.start > MAX_GAP_S);
+        let rest_end = started.as_ref().map_or(run.start, |gap| gap.start);
         let still = data.times.preroll.start.max(first).min(rest_end)..rest_end;
         let has_still = still.end - still.start >= START_S;
         let settled = end_of(&still);
@@ -163,7 +164,8 @@ impl Zeroed {
         let tilts = [series.pitch(), series.roll()];
         let tilt_zero =
             if has_still { TiltZero::of(tilts, &settled, &tilt_over, Righting::of(data, constants)) } else { None };
-        let rest = rest::findings(data, &series, &phases, has_still, drift.as_ref());
+        let mut rest = rest::findings(data, &series, &phases, has_still, drift.as_ref());
+        rest.extend(started.filter(|_| data.times.has_run()).map(|gap| rest::start_is_missing(&gap)));
         let levelled_away = level_of(data).map_or([0.0; 2], |level| level.angles_deg());
         let turned_deg = series.turned_deg();
         let mut sensitivities = Sensitivities::new(filter_s, sensor.mounting());
@@ -430,6 +432,13 @@ fn levelled(data: &Data) -> Vec<(f64, Reading)> {
 fn level_of(data: &Data) -> Option<Level> {
     let level = data.records.level.as_ref().filter(|level| level.used)?;
     Some(Level { up: Vector3::from(level.up), force_g: level.force_g })
+}
+
+/// Returns the interval of the readings that contains a time; from the last one to it if none follows.
+fn gap_at(readings: &[(f64, Reading)], time_s: f64) -> Option<Range<f64>> {
+    let after = readings.partition_point(|(time, _)| *time <= time_s);
+    let last = readings[..after].last()?.0;
+    Some(last..readings.get(after).map_or(time_s, |(time, _)| *time))
 }
 
 /// Returns the mean attitude over a range of time. The attitudes must be within a few degrees of each other.

@@ -84,7 +84,7 @@ pub fn compare(a: &Data, b: &Data, on_mismatch: OnMismatch) -> Result<Compared, 
     let mut steady = SteadyPair::new(&pair, &aligned);
     let turns = steady.missing_turns(&pair);
     if turns != 0.0 {
-        warnings.push(format!("the yaw is assumed to have made {turns} full turns while telemetry was missing"));
+        warnings.push(format!("the yaw is assumed to have made {turns} full turns in a gap of the log"));
         steady.modelled_deg[0] -= 360.0 * turns;
         aligned.turn_back(turns);
     }

@@ -56,7 +56,7 @@ impl SteadyPair {
         [0, 1, 2].map(|k| self.modelled_deg[k] - self.measured_deg[k])
     }
 
-    /// Returns the turns by which the yaws differ because telemetry is missing; 0 without long gaps.
+    /// Returns the turns by which the yaws differ because a log has a gap; 0 without long gaps.
     pub fn missing_turns(&self, pair: &Pair) -> f64 {
         let has_long_gap = pair.measured.data.has_long_gap() || pair.modelled.data.has_long_gap();
         if has_long_gap { (self.error_deg()[0] / 360.0).round() } else { 0.0 }
